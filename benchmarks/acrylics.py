@@ -1,11 +1,13 @@
-"""The catalogue's acrylics: k and s for Kubelka-Munk's K and S of nineteen Golden paints, and how closely they agree.
+"""The catalogue's acrylics: k and s for Kubelka-Munk's K and S of nineteen Golden paints, and how
+closely they agree.
 
     python -m benchmarks.acrylics [--out FOLDER] [--table FILE]
 
-K and S say what masstones and tints reflect under the source's Saunderson constants. Here each paint gets the k and s
-with which this program's opaque film reflects the same, as masstone and as one part in ten of titanium white: two
-equations a band, which leave nothing open but the unit of length. Writes `acrylics.csv` of the catalogue, and the table
-of how closely these and other mixtures agree. Needs the folder golden of measured data.
+K and S say what masstones and tints reflect under the source's Saunderson constants. Here each
+paint gets the k and s with which this program's opaque film reflects the same, as masstone and as
+one part in ten of titanium white: two equations a band, which leave nothing open but the unit of
+length. Writes `acrylics.csv` of the catalogue, and the table of how closely these and other
+mixtures agree. Needs the folder golden of measured data.
 """
 
 import argparse
@@ -32,7 +34,8 @@ from glazejax.spectra import Numbers
 NEEDS = ("data/golden",)
 
 TABLE = Path(glazejax.__file__).parent / "catalogue" / "acrylics.csv"
-# Saunderson's constants of the source: the surface's part in a reading, and its reflectance from inside.
+# Saunderson's constants of the source: the surface's part in a reading, and its reflectance from
+# inside.
 K1, K2 = 0.03, 0.65
 WHITE = "TitaniumWhite"
 PARTS_OF_WHITE = 10.0
@@ -40,8 +43,8 @@ PARTS_OF_WHITE = 10.0
 WHITE_SCATTERING = 5e5
 INDEX = 1.5
 COSINE = float(np.cos(np.deg2rad(8.0)))
-# What decides which bands count as identifiable: noise of a reading, base and share, as the first catalogue's; and how
-# well k1 is known, of an instrument that takes the specular part "partly".
+# What decides which bands count as identifiable: noise of a reading, base and share, as the first
+# catalogue's; and how well k1 is known, of an instrument that takes the specular part "partly".
 NOISE = (0.0005, 0.002)
 SURFACE_ERROR = 0.005
 THIN = 25e-6
@@ -71,7 +74,8 @@ class Paints(NamedTuple):
     scattering: Bands
     """s in 1/m."""
     errors: Float[np.ndarray, "2 paints bands"]
-    """Relative standard deviations of k and s that readings with `NOISE` and `SURFACE_ERROR` leave."""
+    """Relative standard deviations of k and s that readings with `NOISE` and `SURFACE_ERROR` leave.
+    """
 
 
 def read_source(path: Path) -> Source:
@@ -79,18 +83,24 @@ def read_source(path: Path) -> Source:
     rows: dict[str, list[list[float]]] = {}
     with path.open(encoding="utf-8", newline="") as file:
         for row in csv.DictReader(file, delimiter="\t"):
-            rows.setdefault(row["paint"], []).append([float(row[title]) for title in ("wavelength_nm", "K", "S")])
+            rows.setdefault(row["paint"], []).append(
+                [float(row[title]) for title in ("wavelength_nm", "K", "S")]
+            )
     values = np.array(list(rows.values()))
     return Source(tuple(rows), values[0, :, 0], values[..., 1], values[..., 2])
 
 
 def entering(reading: Float[Array, "*batch"]) -> Float[Array, "*batch"]:
-    """Share of the light that enters the paint which comes out again, from a reading of the source's instrument."""
+    """Share of the light that enters the paint which comes out again, from a reading of the
+    source's instrument.
+    """
     return (reading - K1) / (1.0 - K1)
 
 
 def kubelka_munk_reading(absorption: Bands, scattering: Bands) -> Bands:
-    """Reading of an opaque film by K and S: Kubelka-Munk's infinite thickness under Saunderson's surface."""
+    """Reading of an opaque film by K and S: Kubelka-Munk's infinite thickness under Saunderson's
+    surface.
+    """
     ratio = absorption / scattering
     inside = 1.0 / (1.0 + ratio + np.sqrt(ratio * (ratio + 2.0)))
     return K1 + np.asarray(saunderson(inside, K1, K2))
@@ -101,11 +111,16 @@ def radiative_reading(
 ) -> Float[Array, "*batch"]:
     """Reading of a film by k and s, opaque without a thickness.
 
-    The source lets 1 - k1 of the light into the paint, a smooth surface 1 - F. The reading is k1 + (1 - k1) R/(1 - F)
-    with R the hemispherical reflectance at 8 degrees without the specular part, and F Fresnel's at that angle.
+    The source lets 1 - k1 of the light into the paint, a smooth surface 1 - F. The reading is k1 +
+    (1 - k1) R/(1 - F) with R the hemispherical reflectance at 8 degrees without the specular part,
+    and F Fresnel's at that angle.
     """
     extinction = jnp.asarray(absorption + scattering)
-    depth = jnp.full_like(extinction, _OPAQUE) if thickness is None else extinction * jnp.asarray(thickness)
+    depth = (
+        jnp.full_like(extinction, _OPAQUE)
+        if thickness is None
+        else extinction * jnp.asarray(thickness)
+    )
     body = stack_hemispherical_reflectance(
         (scattering / extinction)[..., None],
         depth[..., None],
@@ -126,7 +141,9 @@ def _of_ratio(log_ratio: Float[Array, "*batch"]) -> Float[Array, "*batch"]:
 @jax.jit
 @jax.vmap
 def log_ratio_of(reading: Float[Array, ""]) -> Float[Array, ""]:
-    """ln(k/s) of opaque films with these readings: the inverse of `_of_ratio`, all bands at once."""
+    """ln(k/s) of opaque films with these readings: the inverse of `_of_ratio`, all bands
+    at once.
+    """
     return optx.root_find(
         lambda x, _: _of_ratio(x) - reading,
         optx.Bisection(rtol=1e-12, atol=1e-12),
@@ -139,8 +156,9 @@ def log_ratio_of(reading: Float[Array, ""]) -> Float[Array, ""]:
 def convert(source: Source) -> Paints:
     """k and s of all paints.
 
-    With q = k/s of the white, the masstone and the tint (found from their readings one by one), the mixing law
-    k_p + 10 k_w = q_t (s_p + 10 s_w) with k_p = q_p s_p gives s_p = 10 s_w (q_t - q_w)/(q_p - q_t).
+    With q = k/s of the white, the masstone and the tint (found from their readings one by one), the
+    mixing law k_p + 10 k_w = q_t (s_p + 10 s_w) with k_p = q_p s_p gives s_p = 10 s_w (q_t -
+    q_w)/(q_p - q_t).
     """
     white = source.names.index(WHITE)
     masstone = kubelka_munk_reading(source.absorption, source.scattering)
@@ -155,19 +173,28 @@ def convert(source: Source) -> Paints:
         return jnp.stack([pure * scattering, scattering])
 
     absorption, scattering = np.asarray(solve(logs))
-    # Readings -> ln(k/s) -> ln k, ln s: each entry depends on the readings of its own paint and band only.
+    # Readings -> ln(k/s) -> ln k, ln s: each entry depends on the readings of its own paint and
+    # band only.
     slopes = jax.jvp(_of_ratio, (logs,), (jnp.ones_like(logs),))[1]
     noise = (NOISE[0] + NOISE[1] * readings) / slopes
     steps = [jnp.zeros_like(logs).at[i].set(noise[i]) for i in range(3)]
     steps.append(SURFACE_ERROR * (1.0 - entering(readings)) / slopes)
-    errors = jnp.sqrt(sum(jax.jvp(lambda x: jnp.log(solve(x)), (logs,), (step,))[1] ** 2 for step in steps))
+    errors = jnp.sqrt(
+        sum(jax.jvp(lambda x: jnp.log(solve(x)), (logs,), (step,))[1] ** 2 for step in steps)
+    )
     # The white is its own tint: its s is the scale and has no error, its k that of k/s.
     own = jnp.hypot(noise[1, white], steps[3][1, white])
-    return Paints(absorption, scattering, np.asarray(errors.at[:, white].set(jnp.stack([own, jnp.zeros_like(own)]))))
+    return Paints(
+        absorption,
+        scattering,
+        np.asarray(errors.at[:, white].set(jnp.stack([own, jnp.zeros_like(own)]))),
+    )
 
 
 def _tint(absorption: Bands, scattering: Bands, white: int, parts: float) -> tuple[Bands, Bands]:
-    """Coefficients of one part of each paint in so many of white, by weight; the law is linear in both theories."""
+    """Coefficients of one part of each paint in so many of white, by weight; the law is linear in
+    both theories.
+    """
     return (
         (absorption + parts * absorption[white]) / (1.0 + parts),
         (scattering + parts * scattering[white]) / (1.0 + parts),
@@ -175,11 +202,21 @@ def _tint(absorption: Bands, scattering: Bands, white: int, parts: float) -> tup
 
 
 def write_table(path: Path, source: Source, paints: Paints) -> None:
-    """Write the catalogue's file: six digits, and no standard deviations, because the source's are not known."""
+    """Write the catalogue's file: six digits, and no standard deviations, because the source's are
+    not known.
+    """
     with path.open("w", encoding="utf-8", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(
-            ["pigment", "wavelength_nm", "absorption", "scattering", "absorption_sd", "scattering_sd", "identifiable"]
+            [
+                "pigment",
+                "wavelength_nm",
+                "absorption",
+                "scattering",
+                "absorption_sd",
+                "scattering_sd",
+                "identifiable",
+            ]
         )
         known = identifiable(paints)
         for i, name in enumerate(source.names):
@@ -189,18 +226,24 @@ def write_table(path: Path, source: Source, paints: Paints) -> None:
 
 
 def identifiable(paints: Paints) -> Bool[np.ndarray, "paints bands"]:
-    """Where k and s both would follow within 50 % from readings of masstone and tint with `NOISE`, (paints, bands)."""
+    """Where k and s both would follow within 50 % from readings of masstone and tint with `NOISE`,
+    (paints, bands).
+    """
     return np.all(paints.errors < 0.5, axis=0)
 
 
 def closeness(source: Source, paints: Paints) -> dict[str, Float[np.ndarray, "paints"]]:
-    """Delta E00 (D65, 2 degrees) between the two theories for each paint: masstone, tints, a thin film on two cards."""
+    """Delta E00 (D65, 2 degrees) between the two theories for each paint: masstone, tints, a thin
+    film on two cards.
+    """
     white = source.names.index(WHITE)
     given = (source.absorption, source.scattering)
     ours = (paints.absorption, paints.scattering)
 
     def apart(left: Values, right: Values) -> Float[np.ndarray, "paints"]:
-        return colour.delta_e_2000(*(colour.lab(source.wavelengths, jnp.asarray(x)) for x in (left, right)))
+        return colour.delta_e_2000(
+            *(colour.lab(source.wavelengths, jnp.asarray(x)) for x in (left, right))
+        )
 
     found = {}
     for title, parts in (("masstone", 0.0), ("1:1", 1.0), ("1:10", 10.0), ("1:100", 100.0)):
@@ -208,16 +251,21 @@ def closeness(source: Source, paints: Paints) -> dict[str, Float[np.ndarray, "pa
         mine = radiative_reading(*_tint(*ours, white, parts))
         found[title] = apart(theirs, mine)
         if title in ("masstone", "1:10"):
-            # The same by the plain instrument: sphere at 8 degrees without the specular part, plus k1.
+            # The same by the plain instrument: sphere at 8 degrees without the specular part, plus
+            #     k1.
             surface = dielectric_reflectance(jnp.asarray(COSINE), jnp.asarray(INDEX))
             found[f"{title}, plain"] = apart(theirs, K1 + entering(mine) * (1.0 - surface))
     for title, card in (("on black", 0.0), ("on white", CARD)):
-        found[title] = apart(_thin_kubelka_munk(source, card), radiative_reading(*ours, THIN, ground_of(card)))
+        found[title] = apart(
+            _thin_kubelka_munk(source, card), radiative_reading(*ours, THIN, ground_of(card))
+        )
     return found
 
 
 def _thin_kubelka_munk(source: Source, card: float) -> Float[Array, "paints bands"]:
-    """Reading of a thin film by Kubelka and Munk's hyperbolic solution; S d of the white is 3/4 of its s d."""
+    """Reading of a thin film by Kubelka and Munk's hyperbolic solution; S d of the white is 3/4 of
+    its s d.
+    """
     depth = 0.75 * WHITE_SCATTERING * THIN
     body = entering(jnp.asarray(card)) if card else jnp.asarray(0.0)
     ground = body / (1.0 - K2 + K2 * body)
@@ -234,25 +282,37 @@ def ground_of(card: float) -> float:
         return radiative_reading(jnp.zeros(()), jnp.ones(()), 0.0, ground) - card
 
     bisection = optx.Bisection(rtol=1e-10, atol=1e-10)
-    return float(optx.root_find(off, bisection, jnp.asarray(0.5), options={"lower": 0.0, "upper": 1.0}).value)
+    return float(
+        optx.root_find(off, bisection, jnp.asarray(0.5), options={"lower": 0.0, "upper": 1.0}).value
+    )
 
 
 def hiding_thickness(source: Source, paints: Paints, contrast: float) -> float:
-    """Thickness in m at which titanium white reads over black that share of what it reads over the card (Y, D65)."""
+    """Thickness in m at which titanium white reads over black that share of what it reads over the
+    card (Y, D65).
+    """
     white = source.names.index(WHITE)
     thickness = np.geomspace(1e-5, 3e-4, 40)
     bands = (paints.absorption[white], paints.scattering[white])
     light = [
-        np.asarray(colour.xyz(source.wavelengths, radiative_reading(*bands, thickness[:, None], ground_of(card))))[:, 1]
+        np.asarray(
+            colour.xyz(
+                source.wavelengths, radiative_reading(*bands, thickness[:, None], ground_of(card))
+            )
+        )[:, 1]
         for card in (0.0, CARD)
     ]
     return float(np.interp(contrast, light[0] / light[1], thickness))
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     add_option(parser)
-    parser.add_argument("--table", type=Path, default=TABLE, help="file of the catalogue (default: %(default)s)")
+    parser.add_argument(
+        "--table", type=Path, default=TABLE, help="file of the catalogue (default: %(default)s)"
+    )
     options = parser.parse_args()
     if options.quick and options.table == TABLE:
         options.table = options.out / TABLE.name
@@ -294,16 +354,23 @@ def _report(results: Results, source: Source, paints: Paints) -> None:
     results(f"{'':26}" + "".join(f"{title:>16}" for title in apart) + f"{'sure':>7}")
     sure = identifiable(paints).sum(axis=1)
     for i, name in enumerate(source.names):
-        results(f"{name:26}" + "".join(f"{values[i]:16.3f}" for values in apart.values()) + f"{sure[i]:7d}")
+        results(
+            f"{name:26}"
+            + "".join(f"{values[i]:16.3f}" for values in apart.values())
+            + f"{sure[i]:7d}"
+        )
     for title, summary in (("mean", np.mean), ("max", np.max)):
         results(f"{title:26}" + "".join(f"{summary(values):16.3f}" for values in apart.values()))
     results()
     ratio = paints.scattering / WHITE_SCATTERING / source.scattering
     low, middle, high = np.percentile(ratio, [0, 50, 100])
     results(f"s over S, both relative to the white: {low:.2f} to {high:.2f}, median {middle:.2f}")
-    hides = ", ".join(f"{100 * c:g} % at {1e6 * hiding_thickness(source, paints, c):.0f} um" for c in (0.95, 0.98))
+    hides = ", ".join(
+        f"{100 * c:g} % at {1e6 * hiding_thickness(source, paints, c):.0f} um" for c in (0.95, 0.98)
+    )
     results(
-        f"Assumed: titanium white's s is {WHITE_SCATTERING:g} 1/m at every wavelength. Then it hides (Y over black as a"
+        f"Assumed: titanium white's s is {WHITE_SCATTERING:g} 1/m at every wavelength. Then it "
+        "hides (Y over black as a"
     )
     results(f"share of Y over the card) {hides}.")
 

@@ -4,14 +4,16 @@
     python -m benchmarks.all --list
     python -m benchmarks.all --older
 
-Each runs in a process of its own, with `--quick`, and writes its results and NAME.log to FOLDER; the committed results
-stay as they are. What needs a package, a program, data or a GPU that is not here is left out and said, and so are parts
-of a benchmark, such as one of several programs it compares. The table at the end is written to all.txt as it grows, so
-that nothing is lost when the run is stopped; `--resume` goes on from there and runs again what failed. The exit status
-is 0 if nothing failed, 1 if something did, 130 if the run was stopped. Figures are those of `benchmarks.figures` that
-the small run has too; one that differs from the committed one by more than `--factor` is told. That is a hint and no
-fault: sizes are small, and other machines have other times. `--older` runs nothing: it lists the results that are older
-than the code they measure, by how often that has changed since (`benchmarks/older.py`).
+Each runs in a process of its own, with `--quick`, and writes its results and NAME.log to FOLDER;
+the committed results stay as they are. What needs a package, a program, data or a GPU that is not
+here is left out and said, and so are parts of a benchmark, such as one of several programs it
+compares. The table at the end is written to all.txt as it grows, so that nothing is lost when the
+run is stopped; `--resume` goes on from there and runs again what failed. The exit status is 0 if
+nothing failed, 1 if something did, 130 if the run was stopped. Figures are those of
+`benchmarks.figures` that the small run has too; one that differs from the committed one by more
+than `--factor` is told. That is a hint and no fault: sizes are small, and other machines have other
+times. `--older` runs nothing: it lists the results that are older than the code they measure, by
+how often that has changed since (`benchmarks/older.py`).
 """
 
 import argparse
@@ -55,7 +57,8 @@ def lacks(need: str) -> str:
     """Why a benchmark that needs this cannot run here; empty if it can.
 
     Args:
-        need: `data/NAME`, measured films; `program/NAME`; `gpu`; `long`; or a package by the name it is imported by.
+        need: `data/NAME`, measured films; `program/NAME`; `gpu`; `long`; or a package by the name
+            it is imported by.
     """
     kind, _, name = need.rpartition("/")
     if kind == "data":
@@ -99,7 +102,9 @@ def run(module: Path, folder: Path, limit: float) -> str:
 
 
 def compared(result: str, folder: Path, factor: float) -> tuple[int, tuple[str, ...]]:
-    """How many figures of a result the small run has too, and those that differ by more than a factor."""
+    """How many figures of a result the small run has too, and those that differ by more than a
+    factor.
+    """
     count, apart = 0, []
     for name in figures.names(result):
         try:
@@ -107,7 +112,9 @@ def compared(result: str, folder: Path, factor: float) -> tuple[int, tuple[str, 
         except ValueError:
             continue
         count += 1
-        same = now == before or (now * before > 0 and abs(math.log(now / before)) <= math.log(factor))
+        same = now == before or (
+            now * before > 0 and abs(math.log(now / before)) <= math.log(factor)
+        )
         if not same:
             apart.append(f"{name} {figures.of(name).said(before)} -> {figures.of(name).said(now)}")
     return count, tuple(apart)
@@ -121,21 +128,32 @@ def summary(outcomes: list[Outcome], unreached: Sequence[str] = ()) -> str:
         if names := [one.name for one in outcomes if one.kind == kind]:
             words.append(f"{len(names)} {kind}: {', '.join(names)}")
     if unreached:
-        words.append(f"{len(unreached)} not reached: {', '.join(unreached)} (--resume goes on from there)")
+        words.append(
+            f"{len(unreached)} not reached: {', '.join(unreached)} (--resume goes on from there)"
+        )
     return "; ".join(words)
 
 
 def table(outcomes: list[Outcome], factor: float, unreached: Sequence[str] = ()) -> str:
     """One line a benchmark, a sentence, then the figures that are apart."""
-    lines = [f"{'benchmark':<24}{'seconds':>9}{'cpu':>9}{'figures':>9}{'apart':>7}  exit status, or why not"]
+    lines = [
+        f"{'benchmark':<24}{'seconds':>9}{'cpu':>9}{'figures':>9}{'apart':>7}  exit status, or "
+        "why not"
+    ]
     for one in outcomes:
         counts = f"{one.figures:>9}{len(one.apart):>7}" if one.figures else " " * 16
         seconds = f"{one.seconds:9.1f}{one.processor:9.1f}" if one.kind != "left out" else " " * 18
         lines.append(f"{one.name:<24}{seconds}{counts}  {one.ended}")
-    lines.append(f"{'all':<24}{sum(one.seconds for one in outcomes):9.1f}{sum(one.processor for one in outcomes):9.1f}")
+    lines.append(
+        f"{'all':<24}{sum(one.seconds for one in outcomes):9.1f}{sum(one.processor for one in outcomes):9.1f}"
+    )
     lines += ["", summary(outcomes, unreached)]
     if apart := [words for one in outcomes for words in one.apart]:
-        lines += ["", f"figures of small size that differ from the committed ones by more than a factor of {factor:g}:"]
+        lines += [
+            "",
+            "figures of small size that differ from the committed ones by more than a factor of "
+            f"{factor:g}:",
+        ]
         lines += [f"  {words}" for words in apart]
     return "\n".join(lines) + "\n"
 
@@ -143,7 +161,11 @@ def table(outcomes: list[Outcome], factor: float, unreached: Sequence[str] = ())
 def listed() -> str:
     """Every module that is run by itself: what it asks, and what it lacks here."""
     ours = {module.stem: module for module in modules()}
-    others = [p for p in sorted(HERE.glob("*.py")) if "\ndef main(" in p.read_text() and p.stem not in ours]
+    others = [
+        p
+        for p in sorted(HERE.glob("*.py"))
+        if "\ndef main(" in p.read_text() and p.stem not in ours
+    ]
     lines = [f"{name:<24}{first_words(module)}{_brackets(module)}" for name, module in ours.items()]
     lines += ["", "not run by this: they make files that ship or show, or ask the results"]
     lines += [f"{path.stem:<24}{first_words(path)}" for path in others]
@@ -170,7 +192,10 @@ def chosen(only: list[str] | None) -> list[Path]:
     for name in only or ():
         if name not in ours:
             near = difflib.get_close_matches(name, ours, n=3)
-            raise SystemExit(f"--only {name}: no such benchmark; " + (f"{', '.join(near)}?" if near else "see --list"))
+            raise SystemExit(
+                f"--only {name}: no such benchmark; "
+                + (f"{', '.join(near)}?" if near else "see --list")
+            )
     return [ours[name] for name in only or ours]
 
 
@@ -186,15 +211,33 @@ def done_before(module: Path, folder: Path) -> tuple[float, float] | None:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--quick", action="store_true", help="run them; full sizes are run one by one, by hand")
-    parser.add_argument("--list", action="store_true", help="name every benchmark and what it lacks here")
-    parser.add_argument("--older", action="store_true", help="list results that are older than the code they measure")
-    parser.add_argument("--out", type=Path, default=QUICK_FOLDER, help="folder for results (default: %(default)s)")
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument(
+        "--quick", action="store_true", help="run them; full sizes are run one by one, by hand"
+    )
+    parser.add_argument(
+        "--list", action="store_true", help="name every benchmark and what it lacks here"
+    )
+    parser.add_argument(
+        "--older",
+        action="store_true",
+        help="list results that are older than the code they measure",
+    )
+    parser.add_argument(
+        "--out", type=Path, default=QUICK_FOLDER, help="folder for results (default: %(default)s)"
+    )
     parser.add_argument("--only", nargs="+", metavar="NAME", help="these benchmarks")
-    parser.add_argument("--limit", type=float, default=SECONDS, help="seconds for each (default: %(default)s)")
-    parser.add_argument("--factor", type=float, default=2.0, help="of figures that are told (default: %(default)s)")
-    parser.add_argument("--resume", action="store_true", help="leave out what the folder holds already")
+    parser.add_argument(
+        "--limit", type=float, default=SECONDS, help="seconds for each (default: %(default)s)"
+    )
+    parser.add_argument(
+        "--factor", type=float, default=2.0, help="of figures that are told (default: %(default)s)"
+    )
+    parser.add_argument(
+        "--resume", action="store_true", help="leave out what the folder holds already"
+    )
     options = parser.parse_args()
     if options.list:
         print(listed())
@@ -204,10 +247,13 @@ def main() -> None:
         return
     if not options.quick:
         parser.error(
-            "say --quick, --list or --older; a benchmark of full size is run by itself: python -m benchmarks.NAME"
+            "say --quick, --list or --older; a benchmark of full size is run by itself: python "
+            "-m benchmarks.NAME"
         )
     if options.out.resolve() == FOLDER.resolve():
-        raise SystemExit(f"--out {options.out}: the committed results are of full size; choose another folder")
+        raise SystemExit(
+            f"--out {options.out}: the committed results are of full size; choose another folder"
+        )
     sys.exit(run_all(chosen(options.only), options))
 
 
@@ -249,7 +295,9 @@ def outcome(module: Path, folder: Path, options: argparse.Namespace) -> Outcome:
     lack = missing(module, "PARTS_NEED")
     parts = f"; without parts: {lack}" if lack else ""
     if options.resume and (took := done_before(module, folder)):
-        return Outcome(name, *took, "ran", f"0, done before{parts}", *compared(name, folder, options.factor))
+        return Outcome(
+            name, *took, "ran", f"0, done before{parts}", *compared(name, folder, options.factor)
+        )
     print(f"{name} ...", end="", flush=True)
     try:
         ended = run(module, folder, options.limit)
@@ -262,7 +310,9 @@ def outcome(module: Path, folder: Path, options: argparse.Namespace) -> Outcome:
         return Outcome(name, seconds, processor, kind, f"{ended}; see {name}.log")
     with (folder / f"{name}.log").open("a") as log:
         log.write(f"\nended well after {seconds:.1f} s, processor {processor:.1f} s\n")
-    return Outcome(name, seconds, processor, "ran", f"0{parts}", *compared(name, folder, options.factor))
+    return Outcome(
+        name, seconds, processor, "ran", f"0{parts}", *compared(name, folder, options.factor)
+    )
 
 
 if __name__ == "__main__":

@@ -1,10 +1,12 @@
-"""Order of convergence of the auxiliary function method on stacks that no step fits, as printed and corrected.
+"""Order of convergence of the auxiliary function method on stacks that no step fits, as printed and
+corrected.
 
     python -m benchmarks.auxiliary_order [--out FOLDER] [--stacks 24]
 
-Random stacks of two and three layers under a surface of n = 1.5, so that interfaces lie anywhere inside a segment and
-h is no multiple of a step. Error: root mean square and largest over the stacks, against the default solver at a
-tolerance of 1e-10, which rests on other numerics altogether. Writes a table and a log-log plot.
+Random stacks of two and three layers under a surface of n = 1.5, so that interfaces lie anywhere
+inside a segment and h is no multiple of a step. Error: root mean square and largest over the
+stacks, against the default solver at a tolerance of 1e-10, which rests on other numerics
+altogether. Writes a table and a log-log plot.
 """
 
 import argparse
@@ -28,11 +30,19 @@ METHODS = {
 
 
 def stacks(count: int) -> tuple[np.ndarray, ...]:
-    """Albedo and optical thickness (count, 3), ground and two cosines; every other stack has two layers only."""
+    """Albedo and optical thickness (count, 3), ground and two cosines; every other stack has two
+    layers only.
+    """
     rng = np.random.default_rng(20)
     albedo, thickness = rng.uniform(0, 1, (count, 3)), rng.uniform(0.05, 1, (count, 3))
     thickness[::2, 2] = 0.0
-    return albedo, thickness, rng.uniform(0, 1, count), rng.uniform(0.1, 1, count), rng.uniform(0.1, 1, count)
+    return (
+        albedo,
+        thickness,
+        rng.uniform(0, 1, count),
+        rng.uniform(0.1, 1, count),
+        rng.uniform(0.1, 1, count),
+    )
 
 
 def main() -> None:
@@ -46,14 +56,16 @@ def main() -> None:
     truth = np.asarray(stack_reflectance_factor(*given, **angles, tolerance=1e-10))
     results = Results("auxiliary_order", options.out)
     results(
-        f"{options.stacks} random stacks of 2 and 3 layers, h = {given[1].sum(axis=1).min():.2f} to "
+        f"{options.stacks} random stacks of 2 and 3 layers, h = {given[1].sum(axis=1).min():.2f} "
+        "to "
         f"{given[1].sum(axis=1).max():.2f}, n = 1.5: error of the reflectance factor"
     )
     results("order: slope of the root mean square against the step, from row to row and over all")
     square: dict[str, np.ndarray] = {}
     for name, settings in METHODS.items():
         errors = [
-            np.abs(np.asarray(reflectance_factor(*given, **angles, step=step, **settings)) - truth) for step in STEPS
+            np.abs(np.asarray(reflectance_factor(*given, **angles, step=step, **settings)) - truth)
+            for step in STEPS
         ]
         rms = square[name] = np.sqrt(np.mean(np.square(errors), axis=1))
         overall = np.polyfit(np.log(STEPS), np.log(rms), 1)[0]

@@ -1,10 +1,12 @@
-"""Worst error of the directions of each tolerance over random stacks, against a run with far more directions.
+"""Worst error of the directions of each tolerance over random stacks, against a run with far more
+directions.
 
     python -m benchmarks.calibrate_directions [--stacks 1000] [--arrays] [--out FOLDER]
 
-For tolerances from 1e-2 to 1e-10 and a range of refractive indices: how many directions `resolve_known` takes, and the
-largest error of both reflectances as a fraction of the tolerance. `--arrays` adds the directions that an index gets
-which is an array or traced, good for a span of indices; that takes longer.
+For tolerances from 1e-2 to 1e-10 and a range of refractive indices: how many directions
+`resolve_known` takes, and the largest error of both reflectances as a fraction of the tolerance.
+`--arrays` adds the directions that an index gets which is an array or traced, good for a span of
+indices; that takes longer.
 """
 
 import argparse
@@ -52,8 +54,8 @@ def both(
 ):
     """Reflectance factor and hemispherical reflectance, (2, stacks).
 
-    One program serves all indices, and with given directions all of as many; only an index of exactly one, with no
-    total reflection, needs its own.
+    One program serves all indices, and with given directions all of as many; only an index of
+    exactly one, with no total reflection, needs its own.
     """
 
     def chunk(piece):
@@ -82,7 +84,9 @@ def spanned(stacks: ordinates.Stack, index: float, tolerance: float) -> tuple[ja
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--stacks", type=int, default=1000, help="a multiple of 50")
     parser.add_argument("--arrays", action="store_true", help="also directions for a traced index")
     add_option(parser, stacks=50)
@@ -95,9 +99,14 @@ def main() -> None:
     reference = {n: both(stacks, n, FINEST) for n in INDICES[1:]}
     # At an index of exactly one the finest run, too, must have no totally reflected part.
     reference[1.0] = both(stacks, 1.0, FINEST._replace(total=0), 1.0)
-    kinds = [("a known index", known)] + [("a traced index, for all of 1 to 2.5", spanned)] * options.arrays
+    kinds = [("a known index", known)] + [
+        ("a traced index, for all of 1 to 2.5", spanned)
+    ] * options.arrays
     for words, solve in kinds:
-        say(f"\ndirections of {words}: number, worst error / tolerance over {options.stacks} stacks of the")
+        say(
+            f"\ndirections of {words}: number, worst error / tolerance over {options.stacks} "
+            "stacks of the"
+        )
         say("reflectance factor and of the hemispherical reflectance")
         say("tolerance  " + "".join(f"{n:>16}" for n in INDICES))
         for tolerance in TOLERANCES:

@@ -54,8 +54,12 @@ def rows() -> dict[str, Iterator[list[str]]]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--out", type=Path, default=FOLDER, help="folder for the tables (default: %(default)s)")
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument(
+        "--out", type=Path, default=FOLDER, help="folder for the tables (default: %(default)s)"
+    )
     options = parser.parse_args()
     for name, lines in rows().items():
         with (options.out / name).open("w", encoding="utf-8", newline="") as file:

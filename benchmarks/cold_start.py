@@ -1,12 +1,15 @@
-"""What a user waits for: seconds from the start of a process to its answer, with an empty compilation cache and again.
+"""What a user waits for: seconds from the start of a process to its answer, with an empty
+compilation cache and again.
 
-    python -m benchmarks.cold_start [--out FOLDER] [--only NAME ...] [--repetitions N] [--before CHECKOUT]
+    python -m benchmarks.cold_start [--out FOLDER] [--only NAME ...] [--repetitions N] [--before
+    CHECKOUT]
 
-Each command runs in processes of its own: once with an empty cache of compiled programs, and again with what that run
-left there. JAX's own monitoring tells how many programs were compiled and where the time went: tracing Python, lowering
-to XLA, compiling (or taking from the cache); the rest is imports and work. Beside them stand Python and `import jax`
-alone, which nobody who uses JAX can go below. Seconds of the processor, over all threads, stand beside the seconds that
-pass: other programs on the machine change these much less.
+Each command runs in processes of its own: once with an empty cache of compiled programs, and again
+with what that run left there. JAX's own monitoring tells how many programs were compiled and where
+the time went: tracing Python, lowering to XLA, compiling (or taking from the cache); the rest is
+imports and work. Beside them stand Python and `import jax` alone, which nobody who uses JAX can go
+below. Seconds of the processor, over all threads, stand beside the seconds that pass: other
+programs on the machine change these much less.
 
 With ``--before`` each command is run from another checkout too, in turn with this one.
 """
@@ -68,8 +71,22 @@ def commands(folder: Path) -> dict[str, list[str]]:
         "import jax": ["-c", "import jax"],
         "import glazejax": ["-c", "import glazejax"],
         "import glazefit": ["-c", "import glazefit"],
-        "render": ["render", "--layers", "CobaltBlue:5um,ZincWhite:20um", "--ground", "0.6", *picture],
-        "recover": ["recover", str(folder / "films.csv"), "--no-plots", "--out", str(folder / "found"), "--overwrite"],
+        "render": [
+            "render",
+            "--layers",
+            "CobaltBlue:5um,ZincWhite:20um",
+            "--ground",
+            "0.6",
+            *picture,
+        ],
+        "recover": [
+            "recover",
+            str(folder / "films.csv"),
+            "--no-plots",
+            "--out",
+            str(folder / "found"),
+            "--overwrite",
+        ],
         "recover --into": [
             *("recover", str(folder / "blue.csv"), "--white", "ZincWhite"),
             *("--into", str(folder / "mine.csv"), "--overwrite"),
@@ -101,7 +118,9 @@ def prepare(folder: Path) -> None:
     from glazefit.recover.joint import UNIT
 
     paints = list(catalogue.load().values())[:12]
-    (folder / "films.csv").write_text(written(simulate_paints(paints, UNIT, instrument=Instrument(), noise=Noise())))
+    (folder / "films.csv").write_text(
+        written(simulate_paints(paints, UNIT, instrument=Instrument(), noise=Noise()))
+    )
     (folder / "scene.toml").write_text(example())
     made = tube(catalogue.pigment("CobaltBlue"), catalogue.pigment(WHITE), CASES[0], 1)
     (folder / "blue.csv").write_text(written(made.films.take([0, 1])))
@@ -153,15 +172,26 @@ def commit(checkout: Path) -> str:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     add_option(parser, repetitions=1, only=["import jax", "import glazejax", "render"], save=True)
-    parser.add_argument("--only", nargs="+", help="commands of these names, whose file is not written")
+    parser.add_argument(
+        "--only", nargs="+", help="commands of these names, whose file is not written"
+    )
     parser.add_argument("--save", action="store_true", help="write the file all the same")
-    parser.add_argument("--repetitions", type=int, default=3, help="runs with a full cache (default: %(default)s)")
-    parser.add_argument("--before", type=Path, help="another checkout, whose commands are run in turn with these")
+    parser.add_argument(
+        "--repetitions", type=int, default=3, help="runs with a full cache (default: %(default)s)"
+    )
+    parser.add_argument(
+        "--before", type=Path, help="another checkout, whose commands are run in turn with these"
+    )
     options = parser.parse_args()
     say = Results("cold_start", options.out)
-    say("Seconds from the start of the process to its end, and seconds of the processor (cpu), with an empty cache and")
+    say(
+        "Seconds from the start of the process to its end, and seconds of the processor (cpu), "
+        "with an empty cache and"
+    )
     say("warm; of the warm runs the medians.")
     if options.before is not None:
         say(f"Before: commit {commit(options.before)}. Each command of both in turn.")
@@ -170,7 +200,9 @@ def main() -> None:
         f"{'':<32}{'empty':>8}{'warm':>8}{'cpu':>9}{'cpu':>8}{'programs':>10}"
         "   empty: trace   lower  compile   warm: trace   lower    load"
     )
-    checkouts = {"": ROOT} if options.before is None else {", before": options.before.resolve(), "": ROOT}
+    checkouts = (
+        {"": ROOT} if options.before is None else {", before": options.before.resolve(), "": ROOT}
+    )
     with tempfile.TemporaryDirectory() as temporary:
         folder = Path(temporary)
         prepare(folder)
@@ -190,7 +222,10 @@ def main() -> None:
     say()
     say("Trace, lower, compile: sums over all programs; programs compiled side by side count each.")
     busy = ", ".join(f"{load:.1f}" for load in os.getloadavg())
-    say(f"Processes that wanted the processor at the end, mean of the last 1, 5 and 15 minutes: {busy}.")
+    say(
+        "Processes that wanted the processor at the end, mean of the last 1, 5 and 15 minutes: "
+        f"{busy}."
+    )
     if options.save or not options.only:
         say.save()
 

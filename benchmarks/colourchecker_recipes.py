@@ -1,8 +1,9 @@
 """Recipes for the 24 measured patches of a ColorChecker chart, from the catalogue's paints.
 
-For each patch the best recipe: its colour difference (and again from the glaze by colour-science's own integration of
-a finely solved spectrum), layers, paints and seconds alone; then how near fewer paints and coats come, with the time
-for all 24. Run with ``python -m benchmarks.colourchecker_recipes``.
+For each patch the best recipe: its colour difference (and again from the glaze by colour-science's
+own integration of a finely solved spectrum), layers, paints and seconds alone; then how near fewer
+paints and coats come, with the time for all 24. Run with ``python -m
+benchmarks.colourchecker_recipes``.
 """
 
 import argparse
@@ -35,13 +36,15 @@ def main() -> None:
     catalogue = gj.catalogue.load()
     targets = colourchecker_targets()[: 4 if options.quick else None]
     results(
-        f"{len(catalogue)} paints of the catalogue, {len(targets)} patches of colour-science's 'BabelColor Average' "
+        f"{len(catalogue)} paints of the catalogue, {len(targets)} patches of colour-science's "
+        "'BabelColor Average' "
         "chart, D65, 2°"
     )
 
     first = seconds_for(lambda: find_recipes(targets))
     results(
-        f"all {len(targets)}, three paints and two coats at most: {first:.1f} s the first time, with what was not "
+        f"all {len(targets)}, three paints and two coats at most: {first:.1f} s the first time, "
+        "with what was not "
         "compiled before;"
     )
     began = time.perf_counter()
@@ -54,10 +57,14 @@ def main() -> None:
         best = recipes[0]
         alone = seconds_for(lambda target=target: find_recipes(target))
         results(
-            f"{target.name:14} {best.distance:5.2f} {independent(best):6.2f} {best.metamerism:5.2f} {best.rmse:6.3f} "
+            f"{target.name:14} {best.distance:5.2f} {independent(best):6.2f} "
+            f"{best.metamerism:5.2f} {best.rmse:6.3f} "
             f"{len(best.coats):6d} {len(best.paints):6d} {alone:5.1f}  {best.layers}"
         )
-    results("check: Delta E 2000 of the glaze solved to 1e-8, both spectra integrated by colour-science's sd_to_XYZ")
+    results(
+        "check: Delta E 2000 of the glaze solved to 1e-8, both spectra integrated by "
+        "colour-science's sd_to_XYZ"
+    )
     results()
     compare(targets, results)
     shown = [recipes[0] for recipes in found]
@@ -65,7 +72,10 @@ def main() -> None:
         shown,
         titles=[recipe.target.name for recipe in shown],
         heading="The ColorChecker in glazes: target left, recipe right",
-        subtitle=f"{len(catalogue)} oil paints; D65; curves: grey the target, black the recipe; coats top first",
+        subtitle=(
+            f"{len(catalogue)} oil paints; D65; curves: grey the target, black the recipe; coats "
+            "top first"
+        ),
     )
     results.save(figure)
 
@@ -79,7 +89,10 @@ def seconds_for(work) -> float:
 def compare(targets: list[Target], results: Results) -> None:
     """How near the best recipe comes with fewer paints and coats."""
     results("at most            dE00 of the nearest of five recipes")
-    results(f"{'paints':>6} {'coats':>6} {'median':>7} {'largest':>8} {'below 1':>8} {f's, all {len(targets)}':>10}")
+    results(
+        f"{'paints':>6} {'coats':>6} {'median':>7} {'largest':>8} {'below 1':>8} "
+        f"{f's, all {len(targets)}':>10}"
+    )
     for paints, coats in LIMITS:
         find_recipes(targets, max_paints=paints, max_layers=coats)
         began = time.perf_counter()
@@ -87,13 +100,16 @@ def compare(targets: list[Target], results: Results) -> None:
         seconds = time.perf_counter() - began
         nearest = np.array([min(recipe.distance for recipe in recipes) for recipes in found])
         results(
-            f"{paints:6d} {coats:6d} {np.median(nearest):7.2f} {nearest.max():8.2f} {(nearest < 1).sum():8d} "
+            f"{paints:6d} {coats:6d} {np.median(nearest):7.2f} {nearest.max():8.2f} "
+            f"{(nearest < 1).sum():8d} "
             f"{seconds:10.1f}"
         )
 
 
 def independent(recipe: Recipe) -> float:
-    """Delta E 2000 of a recipe by another way: solved finely, integrated by colour-science from 1 nm tables."""
+    """Delta E 2000 of a recipe by another way: solved finely, integrated by colour-science from 1
+    nm tables.
+    """
     science = colour.colour_science()
     target = recipe.target
     spectrum = np.asarray(gj.reflectance(recipe.glaze, SEEN, tolerance=1e-8))

@@ -1,17 +1,20 @@
-"""Do 90 % intervals hold the truth nine times in ten? Simulated films, by Laplace's approximation and by emcee.
+"""Do 90 % intervals hold the truth nine times in ten? Simulated films, by Laplace's approximation
+and by emcee.
 
     python -m benchmarks.coverage [--films 500] [--seed 0] [--out FOLDER]
 
-Paints: films of one to three paints of the catalogue. Fractions, thickness, gloss and model error are drawn from
-`glazefit.FilmPrior`; k and s of the mixture are then really off by a smooth random factor of that size. Bands: k d and
-s d of films of such mixtures at every third wavelength, gloss 1, no model error. All readings come from the solver, not
-from the table that the posterior uses, over both cards, with the noise of `glazefit.Noise` on the cards too.
+Paints: films of one to three paints of the catalogue. Fractions, thickness, gloss and model error
+are drawn from
+`glazefit.FilmPrior`; k and s of the mixture are then really off by a smooth random factor of that
+size. Bands: k d and s d of films of such mixtures at every third wavelength, gloss 1, no model
+error. All readings come from the solver, not from the table that the posterior uses, over both
+cards, with the noise of `glazefit.Noise` on the cards too.
 
-A quantity's 90 % interval lies between its 5 and 95 % quantiles. Laplace's approximation is judged where its own test
-trusts it (Pareto tail index below 0.7), where not, and where its interval and the chain's agree (their ends, within
-15 % of the width), with emcee's coverage of the same cases; a row says what share of the cases each is. "Hides cards":
-films, or bands, that read alike over both. The binomial error of 500 films is 1.3 %. Writes a table and a plot of
-coverage against level.
+A quantity's 90 % interval lies between its 5 and 95 % quantiles. Laplace's approximation is judged
+where its own test trusts it (Pareto tail index below 0.7), where not, and where its interval and
+the chain's agree (their ends, within 15 % of the width), with emcee's coverage of the same cases; a
+row says what share of the cases each is. "Hides cards": films, or bands, that read alike over both.
+The binomial error of 500 films is 1.3 %. Writes a table and a plot of coverage against level.
 """
 
 import argparse
@@ -44,7 +47,9 @@ class Truth:
 
 @dataclass(frozen=True)
 class Ranks:
-    """Share of a posterior below the truth, for both methods, (cases,), and of what kind the cases are."""
+    """Share of a posterior below the truth, for both methods, (cases,), and of what kind the cases
+    are.
+    """
 
     laplace: np.ndarray
     emcee: np.ndarray
@@ -66,7 +71,9 @@ def simulate(
     prior, instrument, noise = FilmPrior(), Instrument(), Noise()
     known = list(catalogue.load().values())
     grid = known[0].wavelengths
-    chosen = [[known[i] for i in rng.choice(len(known), paints, replace=False)] for _ in range(count)]
+    chosen = [
+        [known[i] for i in rng.choice(len(known), paints, replace=False)] for _ in range(count)
+    ]
     fractions = rng.dirichlet(np.full(paints, prior.concentration), count)
     thickness = prior.thickness * np.exp(prior.thickness_spread * rng.standard_normal(count))
     shine = rng.uniform(size=count) if gloss else np.ones(count)
@@ -77,7 +84,10 @@ def simulate(
     optical = (
         np.stack(
             [
-                [sum(f * np.asarray(getattr(p, what)) for f, p in zip(fs, ps, strict=True)) for what in COEFFICIENTS]
+                [
+                    sum(f * np.asarray(getattr(p, what)) for f, p in zip(fs, ps, strict=True))
+                    for what in COEFFICIENTS
+                ]
                 for fs, ps in zip(fractions, chosen, strict=True)
             ]
         )
@@ -88,28 +98,44 @@ def simulate(
     ground = np.broadcast_to(np.stack([black, white], axis=-1), (count, grid.size, 2))
 
     def read(k: np.ndarray, s: np.ndarray, shine: np.ndarray) -> np.ndarray:
-        body = body_reflectance(jnp.asarray(k)[..., None], jnp.asarray(s)[..., None], jnp.asarray(ground), instrument)
+        body = body_reflectance(
+            jnp.asarray(k)[..., None], jnp.asarray(s)[..., None], jnp.asarray(ground), instrument
+        )
         exact = np.asarray(body) + shine[:, None, None] * instrument.seen_surface
         return np.maximum(exact + noise.sd(exact) * rng.standard_normal(exact.shape), 0.0)
 
     empty = np.full((count, grid.size), 1e-12)
     bare, over = read(empty, empty, np.ones(count)), read(optical[:, 0], optical[:, 1], shine)
     names = tuple(f"film {i}" for i in range(count))
-    films = readings(Films(names, grid, bare[..., 0], bare[..., 1], over[..., 0], over[..., 1]), instrument, noise)
-    truth: dict[str, np.ndarray] = {f"fraction {i + 1}": fractions[:, i] for i in range(paints if paints > 1 else 0)}
+    films = readings(
+        Films(names, grid, bare[..., 0], bare[..., 1], over[..., 0], over[..., 1]),
+        instrument,
+        noise,
+    )
+    truth: dict[str, np.ndarray] = {
+        f"fraction {i + 1}": fractions[:, i] for i in range(paints if paints > 1 else 0)
+    }
     truth |= {"thickness": thickness, "gloss": shine, "model error": error}
-    truth |= {"absorption": optical[:, 0], "scattering": optical[:, 1], "ratio": optical[:, 0] / optical[:, 1]}
+    truth |= {
+        "absorption": optical[:, 0],
+        "scattering": optical[:, 1],
+        "ratio": optical[:, 0] / optical[:, 1],
+    }
     return films, Truth(chosen, truth)
 
 
 def hidden(films: Sequence[Any]) -> np.ndarray:
-    """Whether films hide their cards: they read alike within five standard deviations, (films, bands)."""
+    """Whether films hide their cards: they read alike within five standard deviations, (films,
+    bands).
+    """
     over, sd = np.stack([f.reflectance for f in films]), np.stack([f.sd for f in films])
     return over[..., 1] - over[..., 0] < 5.0 * np.sqrt((sd**2).sum(axis=-1))
 
 
 def shares(posterior: Any, truth: dict[str, np.ndarray], opaque: np.ndarray) -> dict[str, Ranks]:
-    """Where the truth lies in each quantity's posterior; a level of convergence is not asked for."""
+    """Where the truth lies in each quantity's posterior; a level of convergence is not
+    asked for.
+    """
     from glazefit.posterior.summary import AGREES
 
     blocks = len(posterior.problem.blocks)
@@ -136,9 +162,13 @@ def of_paints(films: Sequence[Any], truth: Truth, seed: int) -> tuple[dict[str, 
 
     problem = pose_films(films, truth.paints, Instrument(), FilmPrior())
     problem, modes = pose_errors(problem, films, Instrument(), FilmPrior())
-    posterior = sample(problem, tuple(films), modes, steps=STEPS, walkers=WALKERS, thin=THIN, seed=seed)
+    posterior = sample(
+        problem, tuple(films), modes, steps=STEPS, walkers=WALKERS, thin=THIN, seed=seed
+    )
     assert posterior.convergence is not None
-    return shares(posterior, truth.quantities, np.all(hidden(films), axis=1)), posterior.convergence.times
+    return shares(
+        posterior, truth.quantities, np.all(hidden(films), axis=1)
+    ), posterior.convergence.times
 
 
 def of_bands(films: Sequence[Any], truth: Truth, seed: int) -> tuple[dict[str, Ranks], np.ndarray]:
@@ -150,7 +180,13 @@ def of_bands(films: Sequence[Any], truth: Truth, seed: int) -> tuple[dict[str, R
     thinned = [every_third(film) for film in films]
     problem = join_bands([pose_bands(film, 1.0, Instrument()) for film in thinned])
     posterior = sample(
-        problem, tuple(thinned), find_modes(problem), steps=BAND_STEPS, walkers=WALKERS, thin=THIN, seed=seed
+        problem,
+        tuple(thinned),
+        find_modes(problem),
+        steps=BAND_STEPS,
+        walkers=WALKERS,
+        thin=THIN,
+        seed=seed,
     )
     assert posterior.convergence is not None
     bands = {name: truth.quantities[name][:, ::3] for name in ("absorption", "scattering", "ratio")}
@@ -160,7 +196,10 @@ def of_bands(films: Sequence[Any], truth: Truth, seed: int) -> tuple[dict[str, R
 def every_third(film: Any) -> Any:
     from dataclasses import replace
 
-    parts = {n: getattr(film, n)[::3] for n in ("wavelengths", "reflectance", "ground", "sd", "ground_sd")}
+    parts = {
+        n: getattr(film, n)[::3]
+        for n in ("wavelengths", "reflectance", "ground", "sd", "ground_sd")
+    }
     return replace(film, **parts)
 
 
@@ -171,7 +210,10 @@ def join(parts: Sequence[dict[str, Ranks]]) -> dict[str, Ranks]:
         for name, ranks in part.items():
             found.setdefault("fraction" if name.startswith("fraction ") else name, []).append(ranks)
     fields = ("laplace", "emcee", "trusted", "opaque", "agrees")
-    return {n: Ranks(*(np.concatenate([getattr(r, f) for r in many]) for f in fields)) for n, many in found.items()}
+    return {
+        n: Ranks(*(np.concatenate([getattr(r, f) for r in many]) for f in fields))
+        for n, many in found.items()
+    }
 
 
 def coverage(ranks: np.ndarray, level: float = 0.9) -> float:
@@ -189,7 +231,12 @@ def shown(where: np.ndarray, *ranks: np.ndarray) -> str:
 def table(say: Results, title: str, found: dict[str, Ranks]) -> None:
     say(f"\n{title}")
     say(f"{'':<12}{'':>6}{'':>8}{'':>8}  {'Laplace where':<30}{'emcee, Laplace where':<44}")
-    titles = ("trusted".rjust(16), "not trusted".rjust(16), "agree".rjust(22), "hides cards".rjust(22))
+    titles = (
+        "trusted".rjust(16),
+        "not trusted".rjust(16),
+        "agree".rjust(22),
+        "hides cards".rjust(22),
+    )
     say(f"{'':<12}{'cases':>6}{'emcee':>8}{'Laplace':>8}" + "".join(titles))
     for name, r in found.items():
         cells = [f"{r.emcee.size:>6}", f"{coverage(r.emcee):>8.1%}", f"{coverage(r.laplace):>8.1%}"]
@@ -211,15 +258,32 @@ def draw(found: dict[str, dict[str, Ranks]]) -> Any:
             panel.plot([0, 1], [0, 1], color="0.5", lw=1)
             for name, ranks in quantities.items():
                 values = getattr(ranks, method)
-                panel.plot(LEVELS, [coverage(values, level) for level in LEVELS], "o-", ms=3, lw=1.2, label=name)
-            panel.set(xlabel="level of the interval", ylabel="share that holds the truth", xlim=(0, 1), ylim=(0, 1))
-            panel.set_title(f"{kind}: {'emcee' if method == 'emcee' else 'Laplace, trusted or not'}", fontsize=10)
+                panel.plot(
+                    LEVELS,
+                    [coverage(values, level) for level in LEVELS],
+                    "o-",
+                    ms=3,
+                    lw=1.2,
+                    label=name,
+                )
+            panel.set(
+                xlabel="level of the interval",
+                ylabel="share that holds the truth",
+                xlim=(0, 1),
+                ylim=(0, 1),
+            )
+            panel.set_title(
+                f"{kind}: {'emcee' if method == 'emcee' else 'Laplace, trusted or not'}",
+                fontsize=10,
+            )
             panel.legend(frameon=False, fontsize=8, loc="upper left")
     return figure
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--films", type=int, default=500)
     parser.add_argument("--seed", type=int, default=0)
     add_option(parser, films=8)
@@ -228,7 +292,10 @@ def main() -> None:
         globals().update(STEPS=200, BAND_STEPS=200)
     jax.config.update("jax_enable_x64", True)
     say = Results("coverage", options.out, "emcee")
-    say(f"Coverage of 90 % intervals on {options.films} simulated films of each kind (seed {options.seed})")
+    say(
+        f"Coverage of 90 % intervals on {options.films} simulated films of each kind (seed "
+        f"{options.seed})"
+    )
     rng = np.random.default_rng(options.seed)
     groups = -(-options.films // GROUP)
     found: dict[str, dict[str, Ranks]] = {}
@@ -237,15 +304,23 @@ def main() -> None:
         parts, times = [], []
         for group in range(groups):
             size = min(GROUP, options.films - group * GROUP)
-            films, truth = simulate(size, 1 + group % 3, rng, model_error=kind == "paints", gloss=kind == "paints")
+            films, truth = simulate(
+                size, 1 + group % 3, rng, model_error=kind == "paints", gloss=kind == "paints"
+            )
             part, tau = solve(films, truth, options.seed + group)
             parts.append(part)
             times.append(tau)
-            print(f"  {kind}: {group * GROUP + size} films, {time.perf_counter() - began:.0f} s", flush=True)
+            print(
+                f"  {kind}: {group * GROUP + size} films, {time.perf_counter() - began:.0f} s",
+                flush=True,
+            )
         found[kind] = join(parts)
         tau = np.concatenate(times)
         table(say, f"{kind}: {options.films} films, {WALKERS} walkers, {steps} steps", found[kind])
-        say(f"autocorrelation times: median {np.median(tau):.0f}, 95 % below {np.quantile(tau, 0.95):.0f} steps")
+        say(
+            f"autocorrelation times: median {np.median(tau):.0f}, 95 % below "
+            f"{np.quantile(tau, 0.95):.0f} steps"
+        )
         say(f"{time.perf_counter() - began:.0f} s")
     say.save(draw(found))
 

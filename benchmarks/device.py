@@ -1,7 +1,7 @@
 """Which device a benchmark computes on: `--device cpu`, the default, or `--device gpu`.
 
-On a GPU the results go to a file of their own, NAME_gpu.txt, which names the device. `python -m benchmarks.on_gpu`
-fills all of them.
+On a GPU the results go to a file of their own, NAME_gpu.txt, which names the device. `python -m
+benchmarks.on_gpu` fills all of them.
 """
 
 import argparse
@@ -14,13 +14,17 @@ CHOICES = ("cpu", "gpu")
 
 def add_option(parser: argparse.ArgumentParser) -> None:
     """`--device {cpu,gpu}`."""
-    parser.add_argument("--device", choices=CHOICES, default="cpu", help="where to compute (default: %(default)s)")
+    parser.add_argument(
+        "--device", choices=CHOICES, default="cpu", help="where to compute (default: %(default)s)"
+    )
 
 
 def start(device: str) -> Any:
-    """Let JAX compute on this device by default, and nowhere else unless asked to; the device (of JAX).
+    """Let JAX compute on this device by default, and nowhere else unless asked to; the device (of
+    JAX).
 
-    Before anything is computed. With a GPU the processor stays at hand for what is compared with it.
+    Before anything is computed. With a GPU the processor stays at hand for what is compared with
+    it.
 
     Raises:
         SystemExit: there is no GPU, or JAX for it is not installed; says so in one sentence.
@@ -33,7 +37,8 @@ def start(device: str) -> Any:
     # Of several platforms JAX passes over, without a word, one that is not there.
     if found is None or (device == "gpu" and found.platform == "cpu"):
         raise SystemExit(
-            "--device gpu: JAX finds no NVIDIA GPU in this machine; install '.[cuda]' on one that has it, "
+            "--device gpu: JAX finds no NVIDIA GPU in this machine; install '.[cuda]' on one "
+            "that has it, "
             "or leave the option out"
         )
     return found
@@ -46,4 +51,7 @@ def file_name(benchmark: str, device: str) -> str:
 
 def words(device: Any) -> str:
     """One line for the results."""
-    return f"Device: {device.device_kind if device.platform != 'cpu' else 'the processor'} ({device.platform})"
+    return (
+        f"Device: {device.device_kind if device.platform != 'cpu' else 'the processor'} "
+        f"({device.platform})"
+    )

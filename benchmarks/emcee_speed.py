@@ -5,13 +5,15 @@
 The same sampler, moves and model each time; what differs is how the log-probability is called.
 
 - vectorised: all walkers of all blocks in one compiled call (`glazefit.posterior.problem`).
-- one walker at a time: the same compiled program for one walker with all its blocks, called by emcee in turn.
-- one walker and block at a time: the compiled program of a single film or band, as sampling each by itself would.
+- one walker at a time: the same compiled program for one walker with all its blocks, called by
+emcee in turn.
+- one walker and block at a time: the compiled program of a single film or band, as sampling each by
+itself would.
 - one walker at a time, not compiled: the same formulas, operation by operation.
 
-Problems: a film of two paints (4 unknowns), k d and s d of its 31 bands (2 unknowns each), and 30 films of two paints
-side by side. Milliseconds a step of the ensemble, warm medians of runs in turn; the backend is memory. Writes a table
-and a plot.
+Problems: a film of two paints (4 unknowns), k d and s d of its 31 bands (2 unknowns each), and 30
+films of two paints side by side. Milliseconds a step of the ensemble, warm medians of runs in turn;
+the backend is memory. Writes a table and a plot.
 """
 
 import argparse
@@ -44,7 +46,9 @@ def problems() -> dict[str, Any]:
 
     films, truth = simulate(30, 2, np.random.default_rng(0), model_error=True, gloss=True)
     instrument, prior = Instrument(), FilmPrior()
-    many, _ = pose_errors(pose_films(films, truth.paints, instrument, prior), films, instrument, prior)
+    many, _ = pose_errors(
+        pose_films(films, truth.paints, instrument, prior), films, instrument, prior
+    )
     return {
         "a film of two paints": pick(many, 0),
         "31 bands of a film": pose_bands(films[0], 1.0, instrument),
@@ -65,7 +69,11 @@ def vectorised(problem: Any) -> Callable[[np.ndarray], np.ndarray]:
 
     def log_prob(points: np.ndarray) -> np.ndarray:
         parts = problem.log_probability(points.reshape(len(points), blocks, problem.dims))
-        return parts[:, 0] if blocks == 1 else np.concatenate([parts.sum(axis=1, keepdims=True), parts], axis=1)
+        return (
+            parts[:, 0]
+            if blocks == 1
+            else np.concatenate([parts.sum(axis=1, keepdims=True), parts], axis=1)
+        )
 
     return log_prob
 
@@ -96,7 +104,9 @@ def uncompiled(problem: Any) -> Callable[[np.ndarray], np.ndarray]:
     return log_prob
 
 
-def stepper(problem: Any, log_prob: Callable, walkers: int, vectorize: bool) -> Callable[[int], None]:
+def stepper(
+    problem: Any, log_prob: Callable, walkers: int, vectorize: bool
+) -> Callable[[int], None]:
     """A function that takes some steps of an ensemble that starts at random draws of the prior."""
     from glazefit.posterior.chain import BlockDifference, BlockStretch
 
@@ -143,7 +153,9 @@ def draw(results: dict[str, dict[int, dict[str, float]]]) -> Any:
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(12, 4.2), layout="constrained")
-    for panel, (problem, rows) in zip(figure.subplots(1, len(results), squeeze=False)[0], results.items(), strict=True):
+    for panel, (problem, rows) in zip(
+        figure.subplots(1, len(results), squeeze=False)[0], results.items(), strict=True
+    ):
         for name in next(iter(rows.values())):
             walkers = [w for w in rows if name in rows[w]]
             panel.loglog(walkers, [1e3 * rows[w][name] for w in walkers], "o-", ms=4, label=name)
@@ -154,32 +166,46 @@ def draw(results: dict[str, dict[int, dict[str, float]]]) -> Any:
     figure.axes[0].set_ylabel("ms a step")
     # The last problem knows all ways of calling.
     handles, names = figure.axes[-1].get_legend_handles_labels()
-    figure.legend(handles, names, loc="outside lower center", ncols=len(names), frameon=False, fontsize=9)
+    figure.legend(
+        handles, names, loc="outside lower center", ncols=len(names), frameon=False, fontsize=9
+    )
     return figure
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     add_option(parser)
     options = parser.parse_args()
     if options.quick:
         globals().update(WALKERS=(32,), ROUNDS=2, PATIENCE=0.2)
     jax.config.update("jax_enable_x64", True)
     say = Results("emcee_speed", options.out, "emcee")
-    say("Milliseconds a step of emcee, by how the log-probability is called (in brackets: over vectorised)")
+    say(
+        "Milliseconds a step of emcee, by how the log-probability is called (in brackets: over "
+        "vectorised)"
+    )
     results: dict[str, dict[int, dict[str, float]]] = {}
     for title, problem in list(problems().items())[: 1 if options.quick else None]:
         say(f"\n{title}")
         results[title] = {}
         for walkers in WALKERS:
-            ways = {"vectorised": (vectorised(problem), True), "one walker at a time": (by_walker(problem), False)}
+            ways = {
+                "vectorised": (vectorised(problem), True),
+                "one walker at a time": (by_walker(problem), False),
+            }
             if walkers == WALKERS[0]:
                 ways[UNCOMPILED] = (uncompiled(problem), False)
             if len(problem.blocks) > 1 and walkers < WALKERS[-1]:
                 ways["one walker and block"] = (by_block(problem), False)
-            found = seconds_a_step({n: stepper(problem, f, walkers, v) for n, (f, v) in ways.items()})
+            found = seconds_a_step(
+                {n: stepper(problem, f, walkers, v) for n, (f, v) in ways.items()}
+            )
             results[title][walkers] = found
-            cells = [f"{name} {1e3 * t:.3g} ({t / found['vectorised']:.0f})" for name, t in found.items()]
+            cells = [
+                f"{name} {1e3 * t:.3g} ({t / found['vectorised']:.0f})" for name, t in found.items()
+            ]
             say(f"{walkers:>5} walkers: " + ", ".join(cells))
     say.save(draw(results))
 

@@ -1,9 +1,11 @@
-"""Figures by name: each number that README and docs take from `benchmarks/results`, read from its file.
+"""Figures by name: each number that README and docs take from `benchmarks/results`, read from its
+file.
 
     python -m benchmarks.figures [NAME ...]
 
-prints them; `python -m benchmarks.fill` writes them into the texts. `figure("scaling.million_seconds")` is the text
-that the docs say, `value` the number before rounding. What stands before the dot is the file of results. The lists are
+prints them; `python -m benchmarks.fill` writes them into the texts.
+`figure("scaling.million_seconds")` is the text that the docs say, `value` the number before
+rounding. What stands before the dot is the file of results. The lists are
 `benchmarks/figures_optics.py`, `figures_paints.py` and `figures_render.py`.
 """
 
@@ -28,8 +30,8 @@ class Figure:
     """How a figure is read and said.
 
     read: from the text of its result file, the number.
-    style: of `format`, such as `.2f`; `2s` is two significant digits of a whole number: 546.4 is 550.
-    unit: that follows it, such as `%` or `times`; empty if it has none.
+    style: of `format`, such as `.2f`; `2s` is two significant digits of a whole number: 546.4 is
+    550. unit: that follows it, such as `%` or `times`; empty if it has none.
     """
 
     read: Reader
@@ -37,21 +39,26 @@ class Figure:
     unit: str = ""
 
     def said(self, number: float, style: str | None = None) -> str:
-        """The number as text, in another style if one is given. A half goes up, as people round: 3.55 is 3.6.
+        """The number as text, in another style if one is given. A half goes up, as people round:
+        3.55 is 3.6.
 
         Raises:
             ValueError: there is no such style.
         """
         style = style or self.style
         if not re.fullmatch(r",?\.\d+[fge]|\ds", style):
-            raise ValueError(f"no style is called {style!r}; there are such as .1f, ,.0f, .2e, .3g and 2s")
+            raise ValueError(
+                f"no style is called {style!r}; there are such as .1f, ,.0f, .2e, .3g and 2s"
+            )
         # Twelve digits, so that a half is a half after a division too.
         exact = Decimal(f"{number:.12g}")
         if style.endswith("s"):
             places = Decimal(1).scaleb(exact.adjusted() - int(style[:-1]) + 1)
             return f"{exact.quantize(places, ROUND_HALF_UP):.0f}"
         if style.endswith("f"):
-            exact = exact.quantize(Decimal(1).scaleb(-int(style.rstrip("f").partition(".")[2])), ROUND_HALF_UP)
+            exact = exact.quantize(
+                Decimal(1).scaleb(-int(style.rstrip("f").partition(".")[2])), ROUND_HALF_UP
+            )
         return re.sub(r"e\+?(-?)0*(?=\d)", r"e\1", format(exact, style))
 
 
@@ -76,7 +83,8 @@ def found(pattern: str, scale: float = 1.0, after: str = "") -> Reader:
 
 
 def cell(row: str, column: int, scale: float = 1.0, after: str = "") -> Reader:
-    """A table's number: of the first line that begins with the words `row`, piece `column` of what follows, from 0.
+    """A table's number: of the first line that begins with the words `row`, piece `column` of what
+    follows, from 0.
 
     Pieces are parted by spaces; a negative column counts from the line's end.
     """
@@ -139,7 +147,8 @@ def value(name: str, folder: Path = FOLDER) -> float:
 
 
 def figure(name: str, folder: Path = FOLDER, style: str | None = None) -> str:
-    """A figure as text, for instance `figure("calibrate_directions.worst")` is `0.82`; in another style if given.
+    """A figure as text, for instance `figure("calibrate_directions.worst")` is `0.82`; in another
+    style if given.
 
     Raises:
         ValueError: as `value`.
@@ -156,7 +165,9 @@ def of(name: str) -> Figure:
     listed = _all()
     if name not in listed:
         near = difflib.get_close_matches(name, listed, n=3)
-        raise ValueError(f"no figure is called {name!r}" + (f"; did you mean {', '.join(near)}?" if near else ""))
+        raise ValueError(
+            f"no figure is called {name!r}" + (f"; did you mean {', '.join(near)}?" if near else "")
+        )
     return listed[name]
 
 
@@ -192,9 +203,15 @@ def _all() -> dict[str, Figure]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("names", nargs="*", metavar="NAME", help="of figures or of results (default: all)")
-    parser.add_argument("--from", dest="folder", type=Path, default=FOLDER, help="folder of results")
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument(
+        "names", nargs="*", metavar="NAME", help="of figures or of results (default: all)"
+    )
+    parser.add_argument(
+        "--from", dest="folder", type=Path, default=FOLDER, help="folder of results"
+    )
     options = parser.parse_args()
     wanted = [n for given in options.names for n in (names(given) or [given])] or names()
     width = max(map(len, wanted))

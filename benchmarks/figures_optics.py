@@ -1,6 +1,8 @@
-"""Figures of the solver, the three papers and the studio: where each stands in its result file, and how it is said.
+"""Figures of the solver, the three papers and the studio: where each stands in its result file, and
+how it is said.
 
-See `benchmarks.figures`. Numbers are said as the first sentence that quotes them says them; others may round further.
+See `benchmarks.figures`. Numbers are said as the first sentence that quotes them says them; others
+may round further.
 """
 
 import re
@@ -30,7 +32,14 @@ for _key, _words in (
     ("sasktran2", "sasktran2, one mode"),
     ("sasktran2_all_modes", "sasktran2, all modes"),
 ):
-    add("frontier", "2s", **{f"{_key}_1e4": _times_ours(_words, "1e-04"), f"{_key}_1e8": _times_ours(_words, "1e-08")})
+    add(
+        "frontier",
+        "2s",
+        **{
+            f"{_key}_1e4": _times_ours(_words, "1e-04"),
+            f"{_key}_1e8": _times_ours(_words, "1e-08"),
+        },
+    )
 add(
     "frontier",
     ".1f times",
@@ -44,19 +53,37 @@ add(
     conventional_errors=ratio(found(r"errors \S+ (\S+)$"), found(r"errors (\S+), \S+$")),
 )
 
-for _key, _row in (("1e2", "0.01"), ("1e4", "0.0001"), ("1e6", "1e-06"), ("1e8", "1e-08"), ("1e10", "1e-10")):
-    add("frontier", ".0e", **{f"error_{_key}": cell(f"glazejax n = 1.5                     {_row}", 0)})
-    for _what, _name in (("value", "glazejax n = 1.5          "), ("slopes", "glazejax n = 1.5, gradient")):
+for _key, _row in (
+    ("1e2", "0.01"),
+    ("1e4", "0.0001"),
+    ("1e6", "1e-06"),
+    ("1e8", "1e-08"),
+    ("1e10", "1e-10"),
+):
+    add(
+        "frontier",
+        ".0e",
+        **{f"error_{_key}": cell(f"glazejax n = 1.5                     {_row}", 0)},
+    )
+    for _what, _name in (
+        ("value", "glazejax n = 1.5          "),
+        ("slopes", "glazejax n = 1.5, gradient"),
+    ):
         add("frontier", ".2f ms", **{f"{_what}_{_key}": cell(f"{_name}           {_row}", 1)})
 add("frontier", ".2f ms", value_1e3=cell("glazejax n = 1.5                     0.001", 1))
 
 
 def _times_of(program: str, choose: Callable[[list[float]], float]) -> Reader:
     """Of a program's settings, the times over ours at equal error, the last column."""
-    return lambda text: choose([number(x) for x in re.findall(rf"^(?:{program}) .* (\S+)$", text, re.MULTILINE)])
+    return lambda text: choose(
+        [number(x) for x in re.findall(rf"^(?:{program}) .* (\S+)$", text, re.MULTILINE)]
+    )
 
 
-for _key, _program in (("auxiliary", 'method="auxiliary"'), ("paper", "paper A,|fixed step, corrected")):
+for _key, _program in (
+    ("auxiliary", 'method="auxiliary"'),
+    ("paper", "paper A,|fixed step, corrected"),
+):
     add(
         "frontier",
         "1s times",
@@ -73,14 +100,24 @@ for _key, _range in (
 add("scaling", ".2f ms", layers_40=cell("40", 0))
 add("scaling", ".0f ms", layers_40_cdisort=cell("40", 2))
 add("scaling", ".2f s", million_single=cell("1000000", 3, 1e-3))
-add("scaling", ".1f s", million_seconds=cell("1000000", 0, 1e-3), million_slopes=cell("1000000", 2, 1e-3))
+add(
+    "scaling",
+    ".1f s",
+    million_seconds=cell("1000000", 0, 1e-3),
+    million_slopes=cell("1000000", 2, 1e-3),
+)
 add(
     "scaling",
     ".1f GiB",
     million_memory=cell("1000000", 1, 1 / 1024),
     one_memory=cell("1", 1, 1 / 1024, "stacks of 2 l"),
 )
-add("scaling", ".2f GiB", pixels_memory=cell("1048576", 1, 1 / 1024), pixels_few_memory=cell("4096", 1, 1 / 1024))
+add(
+    "scaling",
+    ".2f GiB",
+    pixels_memory=cell("1048576", 1, 1 / 1024),
+    pixels_few_memory=cell("4096", 1, 1 / 1024),
+)
 add("profile_solver", ".0f µs", call=cell("41     1e-03", 1))
 add("profile_solver", ".1f µs", kernel=cell("41     1e-03", 3))
 add("profile_solver", ".0f", kernels=cell("41     1e-03", 2))
@@ -100,7 +137,11 @@ for _key, _words in (
     ("chart", "recipe --colourchecker"),
 ):
     for _when, _row in ((_key, _words), (f"{_key}_before", f"{_words}, before")):
-        add("cold_start", ".1f s", **{f"{_when}_empty": cell(_row, 0), f"{_when}_again": cell(_row, 1)})
+        add(
+            "cold_start",
+            ".1f s",
+            **{f"{_when}_empty": cell(_row, 0), f"{_when}_again": cell(_row, 1)},
+        )
         add("cold_start", ".0f", **{f"{_when}_programs": cell(_row, 4)})
     if _key not in ("recover_into", "chart"):
         for _k, _step in ((5, "trace"), (7, "compile"), (8, "again_trace"), (10, "again_load")):
@@ -112,7 +153,9 @@ _PAIRS = ("a/b", "a/c", "a/d", "b/c", "b/d", "c/d")
 
 
 def _of_pair(row: str, pair: str, after: str = "") -> Reader:
-    """The number in a pair's column: the nearest line of pairs' names above the row says which it is."""
+    """The number in a pair's column: the nearest line of pairs' names above the row says which it
+    is.
+    """
 
     def read(text: str) -> float:
         names: list[str] = []
@@ -121,7 +164,9 @@ def _of_pair(row: str, pair: str, after: str = "") -> Reader:
                 names = [word for word in line.split() if word in _PAIRS]
             # Means may have a variance in brackets beside them.
             if line.strip().startswith(row):
-                pieces = [piece for piece in line.strip()[len(row) :].split() if not piece.startswith("(")]
+                pieces = [
+                    piece for piece in line.strip()[len(row) :].split() if not piece.startswith("(")
+                ]
                 return number(pieces[names.index(pair)])
         raise ValueError(f"no line begins with {row!r}" + f" below {after!r}" * bool(after))
 
@@ -157,7 +202,11 @@ add(
 )
 _shares = {k: (cell("0.01", k), cell("0.04", k)) for k in (1, 3, 4)}
 for _k, _key in ((1, "assembly"), (3, "fixed"), (4, "without")):
-    add("paper_shares", ".0f %", **{f"{_key}_least": least(*_shares[_k]), f"{_key}_most": most(*_shares[_k])})
+    add(
+        "paper_shares",
+        ".0f %",
+        **{f"{_key}_least": least(*_shares[_k]), f"{_key}_most": most(*_shares[_k])},
+    )
 add(
     "paper_shares",
     ".0f %",
@@ -166,7 +215,11 @@ add(
     paper=found(r"assembly takes at least (\d+)%"),
 )
 for _key, _row in (("q120_401", "Q  120, 401 x  1 stacks"), ("q500", "Q  500,  41 x  1 stacks")):
-    add("auxiliary_products", ".0f ms", **{f"{_key}_one": cell(_row, 3), f"{_key}_fft": cell(_row, 9)})
+    add(
+        "auxiliary_products",
+        ".0f ms",
+        **{f"{_key}_one": cell(_row, 3), f"{_key}_fft": cell(_row, 9)},
+    )
 _SLOPES = "The same with derivatives"
 add(
     "auxiliary_products",
@@ -177,7 +230,10 @@ add(
 add(
     "auxiliary_products",
     ".1f MB",
-    **{f"q500_mb_{_key}": cell("Q  500,  41 x  1 stacks", k) for k, _key in ((12, "one"), (13, "all"), (14, "fft"))},
+    **{
+        f"q500_mb_{_key}": cell("Q  500,  41 x  1 stacks", k)
+        for k, _key in ((12, "one"), (13, "all"), (14, "fft"))
+    },
 )
 add("auxiliary_products", ".0e", apart=cell("Q  120,  41 x  1 stacks", 13, after=_SLOPES))
 for _key, _words in (("printed", "fixed step, as printed"), ("corrected", "fixed step, corrected")):
@@ -188,18 +244,25 @@ for _k, _key in ((0, "rms"), (1, "largest")):
         "1s times",
         **{
             f"times_smaller_{_key}": ratio(
-                cell("0.01", _k, after="fixed step, as printed"), cell("0.01", _k, after="fixed step, corrected")
+                cell("0.01", _k, after="fixed step, as printed"),
+                cell("0.01", _k, after="fixed step, corrected"),
             )
         },
     )
 
 
 def _ends(what: str, pair: str, after: str = "") -> tuple[Reader, Reader]:
-    """Least and most of a pair's draws, of cells such as 0.0018-0.1976 in the row below that of the medians."""
+    """Least and most of a pair's draws, of cells such as 0.0018-0.1976 in the row below that of the
+    medians.
+    """
 
     def read(text: str, end: int) -> float:
         table = below(text, after)
-        heads = (line.split() for line in table.splitlines() if "/" in line and set(line.split()) <= set(_PAIRS))
+        heads = (
+            line.split()
+            for line in table.splitlines()
+            if "/" in line and set(line.split()) <= set(_PAIRS)
+        )
         names = next(heads, [])
         row = below(table, f"here: {what}, median").splitlines()[1]
         return number(row.partition("draws")[2].split()[names.index(pair)].split("-")[end])
@@ -222,21 +285,36 @@ add(
     ac_nearer=cell("fixed step nearer, of the draws", 3),
 )
 add("paper_rounding", ".0f %", all_nearer=found(r"fixed step nearer in (\d+)% of all draws"))
-add("paper_rounding", ".3f", rounded_apart=_of_pair("fixed step .01 from the default solver with both", "b/c"))
+add(
+    "paper_rounding",
+    ".3f",
+    rounded_apart=_of_pair("fixed step .01 from the default solver with both", "b/c"),
+)
 for _key, _paint in (("b", "vermilion"), ("a", "lead_tin")):
     add(
         "paper_rounding",
         ".1f times",
-        **{f"{_paint}_thickness": ratio(found(rf"^ .*\b{_key} ([\d.]+)"), found(rf"here: .*\b{_key} ([\d.]+)"))},
+        **{
+            f"{_paint}_thickness": ratio(
+                found(rf"^ .*\b{_key} ([\d.]+)"), found(rf"here: .*\b{_key} ([\d.]+)")
+            )
+        },
     )
 
 # Paper B.
-for _key, _words in (("spheres", "Figure 10: a line"), ("copper", "Figure 14: copper"), ("planes", "Figure 16, 42")):
+for _key, _words in (
+    ("spheres", "Figure 10: a line"),
+    ("copper", "Figure 14: copper"),
+    ("planes", "Figure 16, 42"),
+):
     _row = "two tables, monitor as read, black of 0.05 cd/m2"
     add(
         "object_colour_figures",
         ".4f",
-        **{f"{_key}_mean": cell(_row, 0, after=_words), f"{_key}_most": cell(_row, 2, after=_words)},
+        **{
+            f"{_key}_mean": cell(_row, 0, after=_words),
+            f"{_key}_most": cell(_row, 2, after=_words),
+        },
     )
 add(
     "object_colour_figures",
@@ -257,7 +335,12 @@ add(
     chips_luminance=found(r"two tables, monitor as read.*Y off (\S+)% mean"),
     chips_luminance_most=found(r"two tables, monitor as read.*Y off \S+% mean, (\S+)% at"),
 )
-add("scene_speed", ".1f s", first=found(r"first, with compilation: (\S+) s"), again=found(r"again: (\S+) s"))
+add(
+    "scene_speed",
+    ".1f s",
+    first=found(r"first, with compilation: (\S+) s"),
+    again=found(r"again: (\S+) s"),
+)
 add("scene_speed", ".0f %", left_out=found(r"left out: (\d+)%"))
 
 # Paper C.
@@ -302,13 +385,21 @@ add("many_flux_claims", ".1f", paper_ratio=found(r"paper: .* ratio (\S+) \("))
 add("many_flux_claims", ".2f %", paper_order_0=found(r"paper: (\S+) and \S+, ratio"))
 add("many_flux_claims", ".3f %", paper_order_1=found(r"paper: \S+ and (\S+), ratio"))
 add("many_flux_claims", ".0f s", paper_path_seconds=found(r"\(paper: (\d+) s\)"))
-add("many_flux_claims", ".1f s", paper_matrix_seconds=found(r"no symmetry at all: \S+ s \(paper: (\S+) s\)"))
+add(
+    "many_flux_claims",
+    ".1f s",
+    paper_matrix_seconds=found(r"no symmetry at all: \S+ s \(paper: (\S+) s\)"),
+)
 add("many_flux_claims", ".0f", paper_times=found(r"paper: (\S+) and more"))
 add("many_flux_claims", ".3f %", plane_order_0=cell("34 directions on the half circle:", 0))
 add("many_flux_claims", ".4f %", plane_order_1=cell("34 directions on the half circle:", 2))
 add("many_flux_figures", ".2f %", order_0=found(r"order 0: \(a\) (\S+) %"))
 add("many_flux_figures", ".3f %", order_1=found(r"order 1: \(a\) (\S+) %"))
-add("many_flux_figures", ".1f", orders=ratio(found(r"order 0: \(a\) (\S+) %"), found(r"order 1: \(a\) (\S+) %")))
+add(
+    "many_flux_figures",
+    ".1f",
+    orders=ratio(found(r"order 0: \(a\) (\S+) %"), found(r"order 1: \(a\) (\S+) %")),
+)
 
 # The studio.
 for _key, _row in (

@@ -1,4 +1,6 @@
-"""Figures of paints: recipes, identification, maps, recovery and posteriors. See `benchmarks.figures`."""
+"""Figures of paints: recipes, identification, maps, recovery and posteriors. See
+`benchmarks.figures`.
+"""
 
 import re
 from collections.abc import Callable
@@ -6,8 +8,18 @@ from collections.abc import Callable
 from benchmarks.figures import Reader, add, below, cell, found, least, most
 
 # Recipes.
-add("colourchecker_recipes", ".1f s", first=found(r"at most: (\S+) s the first"), again=found(r"^(\S+) s again"))
-add("colourchecker_recipes", ".1f", magenta=cell("magenta", 0), largest=cell("3      2", 1, after="at most  "))
+add(
+    "colourchecker_recipes",
+    ".1f s",
+    first=found(r"at most: (\S+) s the first"),
+    again=found(r"^(\S+) s again"),
+)
+add(
+    "colourchecker_recipes",
+    ".1f",
+    magenta=cell("magenta", 0),
+    largest=cell("3      2", 1, after="at most  "),
+)
 add("colourchecker_recipes", ".2f", median=cell("3      2", 0, after="at most  "))
 add("colourchecker_recipes", ".0f", within_one=cell("3      2", 2, after="at most  "))
 
@@ -28,7 +40,9 @@ add(
     mixtures=found(rf"{_FIRST} \(\d+; (\d+) of several"),
     films=found(rf"{_FIRST} \((\d+);"),
     held_of=found(r"INTERVALS of fractions, [^:]*: \d+% of (\d+)"),
-    not_none=lambda text: len(re.findall(r"^ +without: (?!.*nothing in the catalogue)", text, re.MULTILINE)),
+    not_none=lambda text: len(
+        re.findall(r"^ +without: (?!.*nothing in the catalogue)", text, re.MULTILINE)
+    ),
 )
 add(
     "truth",
@@ -72,7 +86,11 @@ for _n in range(1, 5):
         add("truth", ".0f %", **{f"true_{_n}": _bin(_n, 1, 100)})
 
 for _key, _row in (("noise", "noise only"), ("errors", "and errors of 5 %")):
-    add("identification", ".0f", **{f"{_key}_rate": cell(_row, 1), f"{_key}_thorough_rate": cell(_row, 2)})
+    add(
+        "identification",
+        ".0f",
+        **{f"{_key}_rate": cell(_row, 1), f"{_key}_thorough_rate": cell(_row, 2)},
+    )
     add("identification", ".1f %", **{f"{_key}_same": cell(_row, 3), f"{_key}_off": cell(_row, 4)})
     add("identification", ".1f %", **{f"{_key}_right": cell("both paints right:", 0, after=_row)})
 add("identification", ".0f", triples_rate=found(r"Sets of three too.*: (\d+) a second"))
@@ -108,7 +126,9 @@ add(
 add(
     "painting",
     ".1f times",
-    averaged=lambda text: found(r"and (\S+) ms at every second")(text) / found(r"took (\S+) ms a pixel")(text),
+    averaged=lambda text: (
+        found(r"and (\S+) ms at every second")(text) / found(r"took (\S+) ms a pixel")(text)
+    ),
 )
 add(
     "painting",
@@ -127,12 +147,23 @@ for _key, _row in (
     ("map", "map_cube"),
 ):
     _cells = {"right": 0, "main": 5, "false": 8, "found": 9}
-    add("painting", ".1f %", **{f"{_key}_{_what}": cell(_row, _column) for _what, _column in _cells.items()})
+    add(
+        "painting",
+        ".1f %",
+        **{f"{_key}_{_what}": cell(_row, _column) for _what, _column in _cells.items()},
+    )
     add("painting", ".3f", **{f"{_key}_shares": cell(_row, 6)})
 add("painting", ".0f %", map_two_coats=cell("map_cube", 2))
 
 # Catalogue and recovery.
-add("acrylics", ".1f", tints_1=cell("mean", 2), tints_100=cell("mean", 5), black=cell("mean", 6), white=cell("mean", 7))
+add(
+    "acrylics",
+    ".1f",
+    tints_1=cell("mean", 2),
+    tints_100=cell("mean", 5),
+    black=cell("mean", 6),
+    white=cell("mean", 7),
+)
 add("acrylics", ".1f", most=most(*(cell("max", k) for k in range(8))))
 add(
     "prediction",
@@ -163,7 +194,12 @@ add(
     in_band=cell("readings within the 90 % band", 0),
     reading_in_band=found(r"with it .*, (\S+)%;"),
 )
-add("prediction", ".0f", films=found(r"^all +(\d+) films"), reading_off=found(r"; (\d+) of \d+ above 3"))
+add(
+    "prediction",
+    ".0f",
+    films=found(r"^all +(\d+) films"),
+    reading_off=found(r"; (\d+) of \d+ above 3"),
+)
 add(
     "prediction",
     ".1f s",
@@ -213,14 +249,19 @@ add(
 )
 
 # Posteriors.
-_FILM, _BANDS = ("thickness", "gloss", "model error", "fraction"), ("absorption", "scattering", "ratio")
+_FILM, _BANDS = (
+    ("thickness", "gloss", "model error", "fraction"),
+    ("absorption", "scattering", "ratio"),
+)
 for _key, _rows in (("", _FILM), ("bands_", _BANDS)):
     _held = [cell(row, 1) for row in _rows]
     add("coverage", ".0f %", **{f"{_key}least": least(*_held), f"{_key}most": most(*_held)})
 _trusted = [cell(row, 3) for row in _FILM]
 add("coverage", ".0f", films=found(r"on (\d+) simulated"))
 add("coverage", ".0f %", trusted_least=least(*_trusted), trusted_most=most(*_trusted))
-_COATS = [cell(row, 2) for row in ("thickness of coat 1", "fraction 1 of coat 2", "thickness of coat 2")]
+_COATS = [
+    cell(row, 2) for row in ("thickness of coat 1", "fraction 1 of coat 2", "thickness of coat 2")
+]
 add(
     "layers_inverted",
     ".0f %",
@@ -255,4 +296,8 @@ def _walkers(pattern: str, choose: Callable[[list[float]], float]) -> Reader:
 
 
 for _key, _words in (("uncompiled", "not compiled"), ("one", "one walker at a time")):
-    add("emcee_speed", ".0f times", **{f"{_key}_least": _walkers(_words, min), f"{_key}_most": _walkers(_words, max)})
+    add(
+        "emcee_speed",
+        ".0f times",
+        **{f"{_key}_least": _walkers(_words, min), f"{_key}_most": _walkers(_words, max)},
+    )

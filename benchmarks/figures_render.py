@@ -1,6 +1,8 @@
-"""Figures of renderers: Mitsuba, OpenPBR, rough surfaces, layered truth. Where each stands, and how it is said.
+"""Figures of renderers: Mitsuba, OpenPBR, rough surfaces, layered truth. Where each stands, and how
+it is said.
 
-See `benchmarks.figures`. Numbers are said as the first sentence that quotes them says them; others may round further.
+See `benchmarks.figures`. Numbers are said as the first sentence that quotes them says them; others
+may round further.
 """
 
 import re
@@ -12,7 +14,9 @@ from benchmarks.figures import Reader, add, below, cell, found, least, most, num
 _SCENES = ("diffuse", "copper", "glaze", "map", "gloss")
 for _key, _k in (("", 0), ("things_", 1), ("noise_", 3)):
     _cells = [cell(scene, _k) for scene in _SCENES]
-    add("mitsuba_compare", ".2f %", **{f"{_key}least": least(*_cells), f"{_key}most": most(*_cells)})
+    add(
+        "mitsuba_compare", ".2f %", **{f"{_key}least": least(*_cells), f"{_key}most": most(*_cells)}
+    )
 
 # The plugin.
 _MATERIALS = {
@@ -39,7 +43,12 @@ for _key, _row in _MATERIALS.items():
             **{f"{_key}_error": cell(_row, -1)},
         )
 _slower = [ratio(cell("roughplastic", 0), cell(row, 0)) for row in list(_MATERIALS.values())[:4]]
-add("mitsuba_plugin", ".0f times", eval_slower_least=least(*_slower), eval_slower_most=most(*_slower))
+add(
+    "mitsuba_plugin",
+    ".0f times",
+    eval_slower_least=least(*_slower),
+    eval_slower_most=most(*_slower),
+)
 
 # Thickness from pictures.
 add(
@@ -60,17 +69,30 @@ add(
 )
 
 # A rough surface.
-add("rough_surface", ".1e", worst_1e3=cell("worst", 0), worst_1e4=cell("worst", 2), worst_1e5=cell("worst", 4))
+add(
+    "rough_surface",
+    ".1e",
+    worst_1e3=cell("worst", 0),
+    worst_1e4=cell("worst", 2),
+    worst_1e5=cell("worst", 4),
+)
 add("rough_surface", ".1f times", times_1e3=cell("1e-03", 0))
 add("rough_surface", ".0f times", times_1e4=cell("1e-04", 0), times_1e5=cell("1e-05", 0))
 add("rough_surface", ".1f s", operators=cell("1e-05", 2))
-add("rough_surface", ".0f", random=found(r"over (\d+) random stacks"), timed=found(r"Time of (\d+) stacks"))
+add(
+    "rough_surface",
+    ".0f",
+    random=found(r"over (\d+) random stacks"),
+    timed=found(r"Time of (\d+) stacks"),
+)
 
 Choice = Callable[[str], bool]
 
 
 def _pieces(after: str) -> Callable[[str], list[list[str]]]:
-    """Rows of the table below some words, up to an empty line: name and pieces that two spaces part."""
+    """Rows of the table below some words, up to an empty line: name and pieces that two spaces
+    part.
+    """
 
     def read(text: str) -> list[list[str]]:
         table = re.split(r"\n[ \t]*\n", below(text, after), maxsplit=1)[0]
@@ -80,11 +102,17 @@ def _pieces(after: str) -> Callable[[str], list[list[str]]]:
     return read
 
 
-def _column(after: str, column: int, chosen: Choice = lambda _: True) -> Callable[[str], list[float]]:
+def _column(
+    after: str, column: int, chosen: Choice = lambda _: True
+) -> Callable[[str], list[float]]:
     """A column's absolute values, in rows whose name is chosen; 1 is the first after the name."""
 
     def read(text: str) -> list[float]:
-        rows = [row for row in _pieces(after)(text) if not row[0].startswith(("median", "stack")) and chosen(row[0])]
+        rows = [
+            row
+            for row in _pieces(after)(text)
+            if not row[0].startswith(("median", "stack")) and chosen(row[0])
+        ]
         return [abs(number(row[column])) for row in rows]
 
     return read
@@ -102,10 +130,14 @@ def _max(*reads: Callable[[str], list[float]]) -> Reader:
 _STACK = re.compile(r"^(\S.*?) {2,}(?:yes |no |[\d.]+ )")
 
 
-def _openpbr(after: str, column: int, chosen: Choice = lambda _: True) -> Callable[[str], list[float]]:
+def _openpbr(
+    after: str, column: int, chosen: Choice = lambda _: True
+) -> Callable[[str], list[float]]:
     def read(text: str) -> list[float]:
         table = re.split(r"\n(?:[ \t]*\n|naive over)", below(text, after), maxsplit=1)[0]
-        lines = [line for line in table.splitlines() if (name := _STACK.match(line)) and chosen(name[1])]
+        lines = [
+            line for line in table.splitlines() if (name := _STACK.match(line)) and chosen(name[1])
+        ]
         return [number(line.split()[column]) for line in lines]
 
     return read
@@ -135,7 +167,11 @@ add("openpbr_fit", ".1f times", reciprocal_least=found(rf"{_RECIPROCAL}(\S+) to"
 add("openpbr_fit", "1s times", reciprocal_most=found(rf"{_RECIPROCAL}\S+ to (\S+),"))
 add("openpbr_fit", ".0f times", reciprocal=found(rf"{_RECIPROCAL}.* median (\S+)"))
 _GLAZES = ("ultramarine 1 um on white", "eosin 2 um on white")
-add("openpbr_fit", ".4f", reciprocal_glaze=_max(_openpbr("other ways to put layers", -1, lambda name: name in _GLAZES)))
+add(
+    "openpbr_fit",
+    ".4f",
+    reciprocal_glaze=_max(_openpbr("other ways to put layers", -1, lambda name: name in _GLAZES)),
+)
 for _key, _what, _back in (
     ("rough", "sky", -7),
     ("rough", "lamp", -6),
@@ -143,10 +179,18 @@ for _key, _what, _back in (
     ("rough_reciprocal", "lamp", -2),
 ):
     _read = _openpbr(_ROUGH, _back)
-    add("openpbr_fit", ".1f", **{f"{_key}_{_what}_least": _min(_read), f"{_key}_{_what}_most": _max(_read)})
+    add(
+        "openpbr_fit",
+        ".1f",
+        **{f"{_key}_{_what}_least": _min(_read), f"{_key}_{_what}_most": _max(_read)},
+    )
 
 # Layered truth: agreement.
-_AGREEMENT, _RULES, _TIMES = "glazejax against Monte Carlo", "Errors of the layer rules", "Processor time on one core"
+_AGREEMENT, _RULES, _TIMES = (
+    "glazejax against Monte Carlo",
+    "Errors of the layer rules",
+    "Processor time on one core",
+)
 
 
 def _values(text: str) -> float:
@@ -167,14 +211,28 @@ for _key, _row in {**_SHARES, "independent": _INDEPENDENT, "normal": "a normal l
         add("layered_truth", ".0f", **{f"{_key}_values": cell(_row, 4)})
 add("layered_truth", ".0f", values=_values)
 add("layered_truth", ".1f", squares=found(r"sum of squares of the last line (\S+);"))
-add("layered_truth", ".0f", squares_expected=found(r"expected (\d+)"), squares_spread=found(r"expected \d+ \+- (\S+)"))
+add(
+    "layered_truth",
+    ".0f",
+    squares_expected=found(r"expected (\d+)"),
+    squares_spread=found(r"expected \d+ \+- (\S+)"),
+)
 add(
     "layered_truth",
     ".0f",
     million_paths=lambda text: 1e-6 * sum(sum(_column(_AGREEMENT, k)(text)) for k in (1, 5)),
 )
-add("layered_truth", ".1e", albedo_error=_max(_column(_AGREEMENT, 2)), factor_error=_max(_column(_AGREEMENT, 6)))
-add("layered_truth", ".0e", apart=_max(_column(_AGREEMENT, 9, lambda name: name.endswith(", smooth") and _one(name))))
+add(
+    "layered_truth",
+    ".1e",
+    albedo_error=_max(_column(_AGREEMENT, 2)),
+    factor_error=_max(_column(_AGREEMENT, 6)),
+)
+add(
+    "layered_truth",
+    ".0e",
+    apart=_max(_column(_AGREEMENT, 9, lambda name: name.endswith(", smooth") and _one(name))),
+)
 add("layered_truth", ".1e", surface_albedo=found(r"(?s)difference of an albedo\s+(\S+),"))
 add("layered_truth", ".2f %", surface_factor=found(r"difference of a reflection factor (\S+)", 100))
 
@@ -217,14 +275,29 @@ for _key, _rule in (("openpbr", _OPENPBR), ("belcour", _BELCOUR)):
     add("layered_truth", ".2f", **{f"{_key}_two_indices_tint": _max(_read)})
 _read = _column(_RULES, _OPENPBR, _called("varnish 1.5 on white 1.4"))
 add("layered_truth", ".2f", openpbr_two_indices_varnish=_max(_read))
-_FACTOR, _PER_CENT = "Root mean square error of the reflectance factor", "Root mean square error relative to it"
+_FACTOR, _PER_CENT = (
+    "Root mean square error of the reflectance factor",
+    "Root mean square error relative to it",
+)
 for _k, _key in enumerate(("scaling", "reciprocal", "openpbr", "belcour")):
     _style = ".2f" if _k < 2 else ".3f"
-    add("layered_truth", _style, **{f"{_key}_albedo": cell("median of the absolute values", _k, after=_RULES)})
+    add(
+        "layered_truth",
+        _style,
+        **{f"{_key}_albedo": cell("median of the absolute values", _k, after=_RULES)},
+    )
     # A slash parts in the plane and out of it.
     for _side, _where in enumerate(("in", "out")):
-        add("layered_truth", ".3f", **{f"{_key}_{_where}": cell("median", 3 * _k + 2 * _side, after=_FACTOR)})
-        add("layered_truth", ".0f %", **{f"{_key}_{_where}_share": cell("median", 3 * _k + 2 * _side, after=_PER_CENT)})
+        add(
+            "layered_truth",
+            ".3f",
+            **{f"{_key}_{_where}": cell("median", 3 * _k + 2 * _side, after=_FACTOR)},
+        )
+        add(
+            "layered_truth",
+            ".0f %",
+            **{f"{_key}_{_where}_share": cell("median", 3 * _k + 2 * _side, after=_PER_CENT)},
+        )
 
 # Their times.
 _KINDS: dict[str, Choice] = {
@@ -236,11 +309,23 @@ for _key, _which in _KINDS.items():
     for _what, _k in (("albedo", 1), ("factor", 5)):
         _read = _column(_TIMES, _k, _which)
         _style = ".1f ms" if _key == "smooth" or (_key, _what) == ("rough", "albedo") else ".0f ms"
-        add("layered_truth", _style, **{f"{_what}_{_key}_least": _min(_read), f"{_what}_{_key}_most": _max(_read)})
-    add("layered_truth", ".1e", **{f"{_key}_error": _max(_column(_TIMES, 2, _which), _column(_TIMES, 6, _which))})
+        add(
+            "layered_truth",
+            _style,
+            **{f"{_what}_{_key}_least": _min(_read), f"{_what}_{_key}_most": _max(_read)},
+        )
+    add(
+        "layered_truth",
+        ".1e",
+        **{f"{_key}_error": _max(_column(_TIMES, 2, _which), _column(_TIMES, 6, _which))},
+    )
 for _what, _k in (("albedo", 3), ("factor", 7)):
     _read = _column(_TIMES, _k)
-    add("layered_truth", ".0f s", **{f"{_what}_paths_least": _min(_read), f"{_what}_paths_most": _max(_read)})
+    add(
+        "layered_truth",
+        ".0f s",
+        **{f"{_what}_paths_least": _min(_read), f"{_what}_paths_most": _max(_read)},
+    )
     add(
         "layered_truth",
         ".1e",

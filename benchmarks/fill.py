@@ -1,13 +1,17 @@
-"""Write the numbers of `benchmarks/results` into README and docs, wherever a mark stands behind a number.
+"""Write the numbers of `benchmarks/results` into README and docs, wherever a mark stands behind a
+number.
 
     python -m benchmarks.fill [--check]
 
-A mark is a comment that no reader sees, with the name of a figure (`python -m benchmarks.figures` prints them all):
+A mark is a comment that no reader sees, with the name of a figure (`python -m benchmarks.figures`
+prints them all):
 
-    It takes 0.6<!--scaling.million_seconds--> s, more exactly 0.62<!--scaling.million_seconds .2f--> s.
+    It takes 0.6<!--scaling.million_seconds--> s, more exactly 0.62<!--scaling.million_seconds
+    .2f--> s.
 
-The words after the name are another style than the figure's own. A number that is written .62 keeps its missing 0.
-Code is left alone. Each number that changes is told; `--check` changes nothing, and its exit status is 1 if one would.
+The words after the name are another style than the figure's own. A number that is written .62 keeps
+its missing 0. Code is left alone. Each number that changes is told; `--check` changes nothing, and
+its exit status is 1 if one would.
 """
 
 import argparse
@@ -31,7 +35,10 @@ _CODE_OR_MARK = re.compile(f"{_FENCE}|{_QUOTED}|{_MARK}", re.MULTILINE | re.DOTA
 def documents(root: Path = HERE.parent) -> list[Path]:
     """README and the pages of docs."""
     pages = sorted((root / "docs").rglob("*.md"))
-    return [root / "README.md", *(page for page in pages if not MADE & set(page.relative_to(root / "docs").parts))]
+    return [
+        root / "README.md",
+        *(page for page in pages if not MADE & set(page.relative_to(root / "docs").parts)),
+    ]
 
 
 def with_marks(text: str, put: Callable[[re.Match[str]], str]) -> str:
@@ -59,10 +66,12 @@ def line_of(match: re.Match[str]) -> int:
 
 
 def filled(text: str, folder: Path = FOLDER) -> tuple[str, list[str]]:
-    """A text with its numbers as the results have them, and for each that changed: name, before -> now.
+    """A text with its numbers as the results have them, and for each that changed: name, before ->
+    now.
 
     Raises:
-        ValueError: a mark names no figure or has no number before it, or a result does not hold the figure.
+        ValueError: a mark names no figure or has no number before it, or a result does not hold the
+            figure.
     """
     changes = []
 
@@ -105,8 +114,12 @@ def fill(root: Path = HERE.parent, folder: Path = FOLDER, *, write: bool = True)
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--check", action="store_true", help="write nothing; exit status 1 if a number is stale")
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument(
+        "--check", action="store_true", help="write nothing; exit status 1 if a number is stale"
+    )
     options = parser.parse_args()
     try:
         stale = fill(write=not options.check)

@@ -1,9 +1,11 @@
-"""The tables of one film for the instruments that `glazefit` takes when it is told none: `glazefit/film/tables.npz`.
+"""The tables of one film for the instruments that `glazefit` takes when it is told none:
+`glazefit/film/tables.npz`.
 
     python -m benchmarks.film_tables [--out FILE]
 
-Black, gain and back of a film at all nodes, by the solver, which takes some seconds an instrument. To be run again when
-the solver's own numbers change by more than `tests/fitting/test_response.py` allows.
+Black, gain and back of a film at all nodes, by the solver, which takes some seconds an instrument.
+To be run again when the solver's own numbers change by more than `tests/fitting/test_response.py`
+allows.
 """
 
 import argparse
@@ -19,11 +21,18 @@ FILE = Path(response.__file__).with_name("tables.npz")
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--out", type=Path, default=FILE, help="file for the tables (default: %(default)s)")
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument(
+        "--out", type=Path, default=FILE, help="file for the tables (default: %(default)s)"
+    )
     options = parser.parse_args()
     start_jax()
-    tables = {name: response.solved_table(Optics.of(*instrument)) for name, instrument in response.SHIPPED.items()}
+    tables = {
+        name: response.solved_table(Optics.of(*instrument))
+        for name, instrument in response.SHIPPED.items()
+    }
     np.savez_compressed(options.out, **tables)  # pyright: ignore[reportArgumentType]
     print(f"written: {options.out} ({options.out.stat().st_size / 1e3:.0f} kB)")
 

@@ -1,4 +1,6 @@
-"""The picture of run time against error: curves named at their ends, colours that colour-blind readers can tell."""
+"""The picture of run time against error: curves named at their ends, colours that colour-blind
+readers can tell.
+"""
 
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, NamedTuple
@@ -63,15 +65,22 @@ def _draw(axes, curves: dict) -> None:
 
 
 def _name(axes, curves: dict) -> None:
-    """Write each name near its curve's last point, or else its first, where it covers no curve and no other name."""
+    """Write each name near its curve's last point, or else its first, where it covers no curve and
+    no other name.
+    """
     scale = axes.figure.dpi / 72  # everything below in points
     paths = {
-        name: axes.transData.transform([(error, 1e3 * seconds) for error, seconds in points]) / scale
+        name: axes.transData.transform([(error, 1e3 * seconds) for error, seconds in points])
+        / scale
         for name, (_, points) in curves.items()
     }
     between = np.linspace(0, 1, 20)[:, None, None]
     lines = np.concatenate(
-        [(path[:-1] + between * np.diff(path, axis=0)).reshape(-1, 2) for path in paths.values() if len(path) > 1]
+        [
+            (path[:-1] + between * np.diff(path, axis=0)).reshape(-1, 2)
+            for path in paths.values()
+            if len(path) > 1
+        ]
     )
     boxes: list[tuple[float, float, float, float]] = []
 
@@ -84,17 +93,27 @@ def _name(axes, curves: dict) -> None:
     for name, (style, points) in sorted(curves.items(), key=lambda item: item[1][1][-1][1]):
         width = (5.6 if style.thick else 5.1) * len(name)
         places = [
-            (points[-1], paths[name][-1], aside, shift) for aside in (8.0, 16.0) for shift in (0, 4, -4, 8, -8, -12)
+            (points[-1], paths[name][-1], aside, shift)
+            for aside in (8.0, 16.0)
+            for shift in (0, 4, -4, 8, -8, -12)
         ]
-        places += [(points[-1], paths[name][-1], -0.5 * width, shift) for shift in (12, -12, 16, -16)]
-        places += [(points[0], paths[name][0], aside, shift) for aside in (-4.0, -18.0) for shift in (12, -12)]
+        places += [
+            (points[-1], paths[name][-1], -0.5 * width, shift) for shift in (12, -12, 16, -16)
+        ]
+        places += [
+            (points[0], paths[name][0], aside, shift)
+            for aside in (-4.0, -18.0)
+            for shift in (12, -12)
+        ]
         places += [(points[-1], paths[name][-1], 8.0, shift) for shift in range(12, 60, 4)]
 
         def box(place: tuple, width: float = width) -> tuple[float, float, float, float]:
             _, (x, y), right, up = place
             return x + right - 3.0, x + right + width, y + up - 6.0, y + up + 6.0
 
-        (error, seconds), _, right, up = best = min(places, key=lambda place: covered(box(place)) + 0.1 * abs(place[3]))
+        (error, seconds), _, right, up = best = min(
+            places, key=lambda place: covered(box(place)) + 0.1 * abs(place[3])
+        )
         boxes.append(box(best))
         axes.annotate(
             name,

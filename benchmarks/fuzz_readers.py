@@ -2,11 +2,12 @@
 
 python -m benchmarks.fuzz_readers [--cases N] [--seed S] [--seconds T] [--only WORDS]
 
-Bytes are flipped, cut, inserted and swapped, numbers of headers changed, pieces repeated up to a megabyte and files
-spliced. Each case is read in a process of its own kind with a limit of memory and time. Legal is a result whose counts
-are those that the file declares, or a ValueError or OSError of one line that names the file. Anything else is a fault,
-and so are 10 s of processor time and 200 MB more than the file's size. A fault is printed with the seed that makes it
-again: --seed, --only and --case.
+Bytes are flipped, cut, inserted and swapped, numbers of headers changed, pieces repeated up to a
+megabyte and files spliced. Each case is read in a process of its own kind with a limit of memory
+and time. Legal is a result whose counts are those that the file declares, or a ValueError or
+OSError of one line that names the file. Anything else is a fault, and so are 10 s of processor time
+and 200 MB more than the file's size. A fault is printed with the seed that makes it again: --seed,
+--only and --case.
 """
 
 import argparse
@@ -51,7 +52,9 @@ def make(kind: str, seed: int, case: int) -> bytes:
 
     everything = subjects()
     chance = random.Random(f"{seed} {kind} {case}")
-    return damaged(everything[kind].content, [subject.content for subject in everything.values()], chance)
+    return damaged(
+        everything[kind].content, [subject.content for subject in everything.values()], chance
+    )
 
 
 def serve(pipe: Any) -> None:
@@ -78,7 +81,9 @@ def serve(pipe: Any) -> None:
                 (folder / title).write_bytes(content)
             content = damaged(subject.content, contents, random.Random(f"{seed} {kind} {case}"))
             rest = _reset_peak()
-            room = _status("VmSize") + MEMORY + len(content) + (64 << 20)  # of addresses; threads take some
+            room = (
+                _status("VmSize") + MEMORY + len(content) + (64 << 20)
+            )  # of addresses; threads take some
             resource.setrlimit(resource.RLIMIT_AS, (room, resource.RLIM_INFINITY))
             start = time.process_time()
             said, fault = "refused", ""
@@ -93,7 +98,9 @@ def serve(pipe: Any) -> None:
                 fault = f"more than {SECONDS:g} s"
             finally:
                 signal.setitimer(signal.ITIMER_PROF, 0.0)
-                resource.setrlimit(resource.RLIMIT_AS, (resource.RLIM_INFINITY, resource.RLIM_INFINITY))
+                resource.setrlimit(
+                    resource.RLIMIT_AS, (resource.RLIM_INFINITY, resource.RLIM_INFINITY)
+                )
             above = _status("VmHWM") - rest
             if not fault and above > MEMORY + len(content):
                 fault = f"{above >> 20} MB above the {len(content)} bytes of the file"
@@ -142,12 +149,16 @@ class Worker:
 
 def main() -> None:
     """Run cases and write what became of them."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--cases", type=int, default=22_000, help="in all (default: %(default)s)")
     parser.add_argument("--seed", type=int, default=0, help="of the damage (default: %(default)s)")
     parser.add_argument("--seconds", type=float, default=float("inf"), help="stop after so many")
     parser.add_argument("--only", default="", help="kinds whose name holds these words")
-    parser.add_argument("--case", type=int, help="this case alone; its file is written to ./fuzz.CASE")
+    parser.add_argument(
+        "--case", type=int, help="this case alone; its file is written to ./fuzz.CASE"
+    )
     add_option(parser, cases=220)
     options = parser.parse_args()
     from tests.io.hostile import subjects
@@ -158,7 +169,9 @@ def main() -> None:
             Path(f"fuzz.{options.case}").write_bytes(make(kind, options.seed, options.case))
             print(kind, Worker().run(kind, options.seed, options.case))
         return
-    results = Results("fuzz_readers", options.out if not options.only else FOLDER.parent / ".scratch", "numpy")
+    results = Results(
+        "fuzz_readers", options.out if not options.only else FOLDER.parent / ".scratch", "numpy"
+    )
     each = -(-options.cases // len(kinds))
     tallies = {kind: Tally() for kind in kinds}
     faults: Counter[tuple[str, str]] = Counter()
@@ -187,16 +200,29 @@ def main() -> None:
 def report(results: Results, tallies: dict[str, Tally], seed: int) -> None:
     """Table of what became of the cases."""
     cases = sum(tally.accepted + tally.refused + tally.faults for tally in tallies.values())
-    results(f"{cases} damaged files, seed {seed}: accepted with the counts that they declare, refused in one sentence")
-    results("that names the file, or faults (anything else, above 200 MB beside the file's size, above 10 s)")
+    results(
+        f"{cases} damaged files, seed {seed}: accepted with the counts that they declare, "
+        "refused in one sentence"
+    )
+    results(
+        "that names the file, or faults (anything else, above 200 MB beside the file's size, "
+        "above 10 s)"
+    )
     results()
-    results(f"{'kind of file':26} {'accepted':>9} {'refused':>9} {'faults':>7} {'MB above':>9} {'slowest, s':>11}")
+    results(
+        f"{'kind of file':26} {'accepted':>9} {'refused':>9} {'faults':>7} {'MB above':>9} "
+        f"{'slowest, s':>11}"
+    )
     for kind, tally in tallies.items():
         results(
-            f"{kind:26} {tally.accepted:9} {tally.refused:9} {tally.faults:7} {tally.memory / 2**20:9.0f} "
+            f"{kind:26} {tally.accepted:9} {tally.refused:9} {tally.faults:7} "
+            f"{tally.memory / 2**20:9.0f} "
             f"{tally.seconds:11.2f}"
         )
-    sums = [sum(getattr(tally, title) for tally in tallies.values()) for title in ("accepted", "refused", "faults")]
+    sums = [
+        sum(getattr(tally, title) for tally in tallies.values())
+        for title in ("accepted", "refused", "faults")
+    ]
     results(f"{'all':26} {sums[0]:9} {sums[1]:9} {sums[2]:7}")
     results.save()
 

@@ -1,12 +1,14 @@
-"""The gallery picture of the README: glazes on thick paint, on a table by a window, and in the evening by a lamp.
+"""The gallery picture of the README: glazes on thick paint, on a table by a window, and in the
+evening by a lamp.
 
-    python -m benchmarks.gallery [--out FOLDER] [--size WIDTHxHEIGHT] [--samples N] [--only day|evening]
+    python -m benchmarks.gallery [--out FOLDER] [--size WIDTHxHEIGHT] [--samples N] [--only
+    day|evening]
 
-Three panels of white impasto stand against a wall, glazed in ultramarine, cochineal and chrome yellow; the glazes
-gather in the furrows of the brush and leave the ridges thin. The ball has a viridian glaze under varnish, the table a
-brown stain. Mitsuba follows the light (extra `render`), wavelength by wavelength, through this program's material. Each
-picture is shown as an eye sees it that is half adapted to its light and half to daylight. Writes docs/gallery.png by
-default.
+Three panels of white impasto stand against a wall, glazed in ultramarine, cochineal and chrome
+yellow; the glazes gather in the furrows of the brush and leave the ridges thin. The ball has a
+viridian glaze under varnish, the table a brown stain. Mitsuba follows the light (extra `render`),
+wavelength by wavelength, through this program's material. Each picture is shown as an eye sees it
+that is half adapted to its light and half to daylight. Writes docs/gallery.png by default.
 """
 
 import argparse
@@ -24,7 +26,10 @@ from glazejax.appearance.scene.scene import Camera, Scene
 from glazejax.appearance.scene.shapes import Plane, Shape, Sphere
 
 FOLDER = Path(__file__).parents[1] / "docs"
-LAMPS = {"day": ("D65", "by the window: daylight (D65)"), "evening": ("A", "in the evening: tungsten lamp (A)")}
+LAMPS = {
+    "day": ("D65", "by the window: daylight (D65)"),
+    "evening": ("A", "in the evening: tungsten lamp (A)"),
+}
 WHITE = ("ZincWhite", 60e-6)
 # Heights of the strokes in the unit of the scene, some 10 cm.
 _THICK = 0.045
@@ -52,17 +57,48 @@ def scene(time: str, width: int, height: int, fine: float = 1.0) -> Scene:
         "wall": Lambert(0.6),
         "gesso": Lambert(0.78),
         "table": wood(0.2, dark=3e-6),
-        "blue": glazed([("UltramarineBlue", 2e-6), WHITE], 0.9, wiped_glaze(blue, 2.2e-6, uneven=0.5, seed=1), 0.1),
+        "blue": glazed(
+            [("UltramarineBlue", 2e-6), WHITE],
+            0.9,
+            wiped_glaze(blue, 2.2e-6, uneven=0.5, seed=1),
+            0.1,
+        ),
         "red": glazed([("Cochineal", 2e-6), WHITE], 0.9, wiped_glaze(red, 2.6e-6, seed=2), 0.1),
-        "yellow": glazed([("ChromeYellow", 2e-6), WHITE], 0.9, wiped_glaze(yellow, 1.6e-6, seed=3), 0.1),
+        "yellow": glazed(
+            [("ChromeYellow", 2e-6), WHITE], 0.9, wiped_glaze(yellow, 1.6e-6, seed=3), 0.1
+        ),
         "ball": glazed([("ViridianGreen", 4e-6), WHITE], 0.9),
     }
     shapes: list[Shape] = [
         table("table", (15.0, 7.4), (0.0, -2.9, 0.0)),
         Plane("wall", (0.0, 0.85, 4.0), (0.0, -1.0, 0.0), (30.0, 16.0)),
-        *panel("gesso", "blue", (-1.15, 0.0, 0.0), (3.35, 2.6), lean=9.0, turn=2.0, relief=_THICK * blue),
-        *panel("gesso", "red", (1.65, -0.45, 0.0), (1.75, 2.3), lean=10.0, turn=-7.0, relief=_THICK * red),
-        *panel("gesso", "yellow", (-2.14, -1.05, 0.0), (1.3, 1.14), lean=13.0, turn=14.0, relief=0.8 * _THICK * yellow),
+        *panel(
+            "gesso",
+            "blue",
+            (-1.15, 0.0, 0.0),
+            (3.35, 2.6),
+            lean=9.0,
+            turn=2.0,
+            relief=_THICK * blue,
+        ),
+        *panel(
+            "gesso",
+            "red",
+            (1.65, -0.45, 0.0),
+            (1.75, 2.3),
+            lean=10.0,
+            turn=-7.0,
+            relief=_THICK * red,
+        ),
+        *panel(
+            "gesso",
+            "yellow",
+            (-2.14, -1.05, 0.0),
+            (1.3, 1.14),
+            lean=13.0,
+            turn=14.0,
+            relief=0.8 * _THICK * yellow,
+        ),
         Sphere("ball", (0.45, -1.35, 0.46), 0.46),
     ]
     camera = Camera((0.25, -9.4, 2.6), (-0.2, -0.2, 1.2), field_of_view=37.0)
@@ -71,10 +107,20 @@ def scene(time: str, width: int, height: int, fine: float = 1.0) -> Scene:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--out", type=Path, default=FOLDER, help="folder for gallery.png (default: %(default)s)")
-    parser.add_argument("--size", default="760x532", help="pixels of each of the two pictures (default: %(default)s)")
-    parser.add_argument("--samples", type=int, default=256, help="rays of a pixel (default: %(default)s)")
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument(
+        "--out", type=Path, default=FOLDER, help="folder for gallery.png (default: %(default)s)"
+    )
+    parser.add_argument(
+        "--size",
+        default="760x532",
+        help="pixels of each of the two pictures (default: %(default)s)",
+    )
+    parser.add_argument(
+        "--samples", type=int, default=256, help="rays of a pixel (default: %(default)s)"
+    )
     parser.add_argument("--only", choices=tuple(LAMPS), help="one of the two pictures")
     options = parser.parse_args()
     import jax
@@ -96,7 +142,9 @@ def shown(made: Scene, time: str, samples: int) -> np.ndarray:
     rendered = path_trace(made, samples=samples, tolerance=TOLERANCE)
     print(f"{LAMPS[time][1]}\n{rendered.report.describe()}")
     whites = [light_white(lamp(name, WAVELENGTHS), WAVELENGTHS) for name in (LAMPS[time][0], "D65")]
-    screen = screen_picture(picture_xyz(rendered, WAVELENGTHS), np.mean(whites, axis=0), exposure=_EXPOSURE[time])
+    screen = screen_picture(
+        picture_xyz(rendered, WAVELENGTHS), np.mean(whites, axis=0), exposure=_EXPOSURE[time]
+    )
     print(f"too bright {screen.bright:.1%}, too colourful {screen.colourful:.1%}")
     return screen.rgb
 
@@ -114,7 +162,9 @@ def side_by_side(pictures: dict[str, np.ndarray]):
         axis = figure.add_axes((left / size[0], foot / size[1], width / size[0], height / size[1]))
         axis.imshow(picture, interpolation="nearest")
         axis.set_axis_off()
-        figure.text((left + width / 2) / size[0], 0.35 * foot / size[1], words, ha="center", fontsize=11)
+        figure.text(
+            (left + width / 2) / size[0], 0.35 * foot / size[1], words, ha="center", fontsize=11
+        )
     return figure
 
 

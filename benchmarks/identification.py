@@ -2,9 +2,10 @@
 
     python -m benchmarks.identification [--device gpu] [--out FOLDER]
 
-Films left out of a fit, with known truth, are in `benchmarks.truth`. Kimera masstones and the RRT panel are
-other paints, measured with other instruments. HypPigments: three shades of each of 398 patches are known, the fourth is
-sought; and the same pigment on another card. The bar is the nearest spectral angle.
+Films left out of a fit, with known truth, are in `benchmarks.truth`. Kimera masstones and the RRT
+panel are other paints, measured with other instruments. HypPigments: three shades of each of 398
+patches are known, the fourth is sought; and the same pigment on another card. The bar is the
+nearest spectral angle.
 """
 
 import argparse
@@ -42,13 +43,19 @@ def family(recipe: dict[str, float]) -> dict[str, float]:
     return out
 
 
-def simulated(paints: list[Pigment], count: int, seed: int, rough: bool) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def simulated(
+    paints: list[Pigment], count: int, seed: int, rough: bool
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Films of two paints over a black and a white card, their grounds, and the paints.
 
-    Noise as instruments have it; rough ones also have smooth errors of some percent, as films of real paint.
+    Noise as instruments have it; rough ones also have smooth errors of some percent, as films of
+    real paint.
     """
     rng = np.random.default_rng(seed)
-    k, s = (np.stack([np.asarray(getattr(p, what)) for p in paints]) * UNIT for what in ("absorption", "scattering"))
+    k, s = (
+        np.stack([np.asarray(getattr(p, what)) for p in paints]) * UNIT
+        for what in ("absorption", "scattering")
+    )
     weights = rng.dirichlet(np.ones(2), count)
     pair = np.array([rng.choice(len(paints), 2, replace=False) for _ in range(count)])
     kd, sd = (np.einsum("nm,nmb->nb", weights, a[pair]) for a in (k, s))
@@ -70,9 +77,18 @@ def speed(results: Results, count: int = 1000, compared: int = 400, triples: int
     """The usual search beside the thorough one: run time, and how often they agree."""
     paints = list(catalogue.load().values())
     grid = paints[0].wavelengths
-    results(f"ALL SINGLES AND PAIRS OF {len(paints)} PAINTS, over two cards, 31 bands; the second run of two")
-    results(f"{'':<26}{'spectra':>8} {'usual':>10} {'thorough':>10}  first set  probability off by > .02:")
-    results(f"{'':<26}{'':>8} {'a second':>10} {'a second':>10}  the same   of a paint, of none; 99 % of them")
+    results(
+        f"ALL SINGLES AND PAIRS OF {len(paints)} PAINTS, over two cards, 31 bands; the second "
+        "run of two"
+    )
+    results(
+        f"{'':<26}{'spectra':>8} {'usual':>10} {'thorough':>10}  first set  probability off by > "
+        ".02:"
+    )
+    results(
+        f"{'':<26}{'':>8} {'a second':>10} {'a second':>10}  the same   of a paint, of none; 99 "
+        "% of them"
+    )
     for words, rough in (("noise only", False), ("and errors of 5 %", True)):
         spectra, grounds, pair = simulated(paints, count, 1, rough)
         rate, found = {}, {}
@@ -90,16 +106,23 @@ def speed(results: Results, count: int = 1000, compared: int = 400, triples: int
         none = np.abs(usual.none[:compared] - full.none)
         results(
             f"{words:<26}{count:>8} {rate[False]:>10.0f} {rate[True]:>10.0f}  {same:6.1%}     "
-            f"{np.mean(paint > 0.02):.1%}, {np.mean(none > 0.02):.1%}; {np.quantile(paint, 0.99):.3f}, "
+            f"{np.mean(paint > 0.02):.1%}, {np.mean(none > 0.02):.1%}; "
+            f"{np.quantile(paint, 0.99):.3f}, "
             f"{np.quantile(none, 0.99):.3f}"
         )
-        right = [set(m[m >= 0].tolist()) == set(p.tolist()) for m, p in zip(usual.members[:, 0], pair, strict=True)]
+        right = [
+            set(m[m >= 0].tolist()) == set(p.tolist())
+            for m, p in zip(usual.members[:, 0], pair, strict=True)
+        ]
         results(f"  both paints right: {np.mean(right):.1%} (fractions down to 0)")
     spectra, grounds, _ = simulated(paints, triples, 2, False)
     identify(spectra, grid, paints, grounds=grounds, max_paints=3)
     began = time.perf_counter()
     identify(spectra, grid, paints, grounds=grounds, max_paints=3)
-    results(f"Sets of three too, noise only, {triples} spectra: {triples / (time.perf_counter() - began):.0f} a second")
+    results(
+        f"Sets of three too, noise only, {triples} spectra: "
+        f"{triples / (time.perf_counter() - began):.0f} a second"
+    )
 
 
 STAGES = {
@@ -117,7 +140,10 @@ STAGES = {
 
 def profile(results: Results, count: int = 256) -> None:
     """Processor time of each stage, on one core, noise only."""
-    modules = {name: importlib.import_module(f"glazefit.identify.{name}") for name in {m for m, _ in STAGES.values()}}
+    modules = {
+        name: importlib.import_module(f"glazefit.identify.{name}")
+        for name in {m for m, _ in STAGES.values()}
+    }
     modules["identify"] = importlib.import_module("glazefit.identify.identify")
     spent = dict.fromkeys(STAGES, 0.0)
 
@@ -125,7 +151,11 @@ def profile(results: Results, count: int = 256) -> None:
         @functools.wraps(work)
         def measured(*args: Any, **options: Any) -> Any:
             began = time.process_time()
-            answer = jax.tree.map(np.asarray, work(*args, **options)) if "ranked" in words else work(*args, **options)
+            answer = (
+                jax.tree.map(np.asarray, work(*args, **options))
+                if "ranked" in words
+                else work(*args, **options)
+            )
             spent[words] += time.process_time() - began
             return answer
 
@@ -146,7 +176,10 @@ def profile(results: Results, count: int = 256) -> None:
         began = time.process_time()
         identify(spectra, paints[0].wavelengths, paints, grounds=grounds, max_paints=2)
         whole = time.process_time() - began
-    results(f"WHERE THE TIME GOES: {count} spectra, noise only, one core; ms of processor time for each spectrum")
+    results(
+        f"WHERE THE TIME GOES: {count} spectra, noise only, one core; ms of processor time for "
+        "each spectrum"
+    )
     for words, seconds in spent.items():
         results(f"  {words:<38}{1e3 * seconds / count:6.2f}")
     results(f"  {'all':<38}{1e3 * whole / count:6.2f}")
@@ -159,7 +192,9 @@ def _first(found: Identification, row: int) -> tuple[frozenset[int], int]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     add_option(parser)
     device.add_option(parser)
     options = parser.parse_args()
@@ -172,7 +207,9 @@ def main() -> None:
         speed(results, 60, 20, 20)
         results()
     for part in (
-        (kimera, rrt) if options.quick else (speed, profile, kimera, rrt, hyppigments, hyppigments_across_cards)
+        (kimera, rrt)
+        if options.quick
+        else (speed, profile, kimera, rrt, hyppigments, hyppigments_across_cards)
     ):
         part(results)
         results()

@@ -2,11 +2,12 @@
 
     python -m benchmarks.interpolated [--out FOLDER] [--pixels N]
 
-A coat of viridian and zinc white under a thin coat of ultramarine, 31 bands at 45:0. One, two and three numbers differ
-from pixel to pixel: the thickness of the upper coat, that of the lower one, and the share of viridian in it.
-`glazejax.interpolated` makes a table of XYZ of them; pixels then go from it to sRGB. Errors are the largest at 4096
-points of their own, against the solver in the same run. Times are the best of several runs in turn; a core's time is
-that of all threads together.
+A coat of viridian and zinc white under a thin coat of ultramarine, 31 bands at 45:0. One, two and
+three numbers differ from pixel to pixel: the thickness of the upper coat, that of the lower one,
+and the share of viridian in it.
+`glazejax.interpolated` makes a table of XYZ of them; pixels then go from it to sRGB. Errors are the
+largest at 4096 points of their own, against the solver in the same run. Times are the best of
+several runs in turn; a core's time is that of all threads together.
 """
 
 import argparse
@@ -36,13 +37,21 @@ PAINTS = gj.catalogue.load()
 
 def xyz(**given) -> jax.Array:
     """XYZ, (points, 3), of glazes of which some numbers are given, each (points,)."""
-    blue, green, white = (PAINTS[name].resample(GRID) for name in ("UltramarineBlue", "ViridianGreen", "ZincWhite"))
+    blue, green, white = (
+        PAINTS[name].resample(GRID) for name in ("UltramarineBlue", "ViridianGreen", "ZincWhite")
+    )
     numbers = {name: jnp.asarray(given.get(name, FIXED[name])) for name in RANGES}
     weights = jnp.stack([numbers["share"], 1.0 - numbers["share"]], axis=-1)
     glaze = gj.Glaze(
-        [gj.Layer(blue, numbers["upper"]), gj.Layer(gj.Mixture([green, white], weights), numbers["lower"])], 0.5
+        [
+            gj.Layer(blue, numbers["upper"]),
+            gj.Layer(gj.Mixture([green, white], weights), numbers["lower"]),
+        ],
+        0.5,
     )
-    return gj.reflectance(glaze, gj.Bidirectional(45.0, 0.0), tolerance=SOLVER) @ jnp.asarray(WEIGHTS)
+    return gj.reflectance(glaze, gj.Bidirectional(45.0, 0.0), tolerance=SOLVER) @ jnp.asarray(
+        WEIGHTS
+    )
 
 
 def best(programs: dict[str, Callable[[], object]]) -> dict[str, tuple[float, float]]:
@@ -59,11 +68,15 @@ def best(programs: dict[str, Callable[[], object]]) -> dict[str, tuple[float, fl
 
 
 def errors(table, names: tuple[str, ...], direct: Callable) -> tuple[float, float, float]:
-    """Largest error of XYZ, largest Delta E00, and root mean square error of the slopes as a share of the slopes'."""
+    """Largest error of XYZ, largest Delta E00, and root mean square error of the slopes as a share
+    of the slopes'.
+    """
     rng = np.random.default_rng(5)
     points = {name: rng.uniform(*RANGES[name], CHECKS) for name in names}
     exact, found = np.asarray(direct(**points)), np.asarray(table(**points))
-    difference = colour.delta_e_2000(*(colour.xyz_to_lab(np.maximum(v, 0.0), WHITE) for v in (exact, found)))
+    difference = colour.delta_e_2000(
+        *(colour.xyz_to_lab(np.maximum(v, 0.0), WHITE) for v in (exact, found))
+    )
     few = {name: jnp.asarray(values[: DIRECT // 16]) for name, values in points.items()}
     worst = 0.0
     for name in names:
@@ -72,17 +85,25 @@ def errors(table, names: tuple[str, ...], direct: Callable) -> tuple[float, floa
         for program in (lambda **given: xyz(**given), lambda **given: table(**given)):
 
             def along(x, program=program, name=name, scale=scale):
-                return jax.jvp(lambda y: program(**(few | {name: y})), (x,), (jnp.full_like(x, scale),))[1]
+                return jax.jvp(
+                    lambda y: program(**(few | {name: y})), (x,), (jnp.full_like(x, scale),)
+                )[1]
 
             slopes.append(jax.jit(along)(few[name]))
-        worst = max(worst, float(jnp.linalg.norm(slopes[0] - slopes[1]) / jnp.linalg.norm(slopes[0])))
+        worst = max(
+            worst, float(jnp.linalg.norm(slopes[0] - slopes[1]) / jnp.linalg.norm(slopes[0]))
+        )
     return float(np.max(np.abs(exact - found))), float(np.max(difference)), worst
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     add_option(parser, pixels=2**14)
-    parser.add_argument("--pixels", type=int, default=2**21, help="pixels of a timed run (default: %(default)s)")
+    parser.add_argument(
+        "--pixels", type=int, default=2**21, help="pixels of a timed run (default: %(default)s)"
+    )
     options = parser.parse_args()
     if options.quick:
         globals().update(TOLERANCES=TOLERANCES[:1], CHECKS=256, DIRECT=256, ROUNDS=2)
@@ -100,7 +121,9 @@ def main() -> None:
     def slopes(table, points):
         return jax.grad(lambda moved: jnp.sum(colour.xyz_to_srgb(table(**moved), WHITE)))(points)
 
-    for names in (("upper",), ("upper", "share"), ("upper", "lower", "share"))[: 1 if options.quick else None]:
+    for names in (("upper",), ("upper", "share"), ("upper", "lower", "share"))[
+        : 1 if options.quick else None
+    ]:
         pixels = {name: jnp.asarray(rng.uniform(*RANGES[name], options.pixels)) for name in names}
         few = {name: values[:DIRECT] for name, values in pixels.items()}
         solver = jax.jit(lambda points: colour.xyz_to_srgb(xyz(**points), WHITE))
@@ -110,7 +133,9 @@ def main() -> None:
             f"{'type':>9}{'million/s':>11}{'core ns':>9}{'solver/s':>10}{'ratio':>7}{'with slopes/s':>15}"
         )
         for tolerance in TOLERANCES:
-            table = gj.interpolated(lambda **given: direct(**given), {n: RANGES[n] for n in names}, tolerance=tolerance)
+            table = gj.interpolated(
+                lambda **given: direct(**given), {n: RANGES[n] for n in names}, tolerance=tolerance
+            )
             found, difference, slope = errors(table, names, direct)
             terms = " x ".join(map(str, table.coefficients.shape[:-1]))
             run_slopes = jax.jit(slopes)
@@ -132,9 +157,15 @@ def main() -> None:
                     f"{options.pixels / measured['slopes'][0] / 1e6:15.1f}"
                 )
     say()
-    say("asked, estimate, found: largest error of X, Y, Z. Slopes: their error by each number, root mean square")
+    say(
+        "asked, estimate, found: largest error of X, Y, Z. Slopes: their error by each number, "
+        "root mean square"
+    )
     say("over that of the slopes themselves.")
-    say("solved: points the solver computed for the table. With slopes: sRGB and its gradient, by all that differ.")
+    say(
+        "solved: points the solver computed for the table. With slopes: sRGB and its gradient, "
+        "by all that differ."
+    )
     say.save()
 
 

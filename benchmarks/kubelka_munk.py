@@ -1,4 +1,6 @@
-"""The usual way, for comparison: Kubelka-Munk's two constants under Saunderson's surface, in the same joint fit."""
+"""The usual way, for comparison: Kubelka-Munk's two constants under Saunderson's surface, in the
+same joint fit.
+"""
 
 from jaxtyping import Array, ArrayLike, Float
 
@@ -17,6 +19,10 @@ class KubelkaMunk(Response):
         self.outer = instrument.surface
         self.inner = diffuse_internal_reflectance(instrument)
 
-    def body(self, absorption: ArrayLike, scattering: ArrayLike, ground: ArrayLike) -> Float[Array, "*batch"]:
+    def body(
+        self, absorption: ArrayLike, scattering: ArrayLike, ground: ArrayLike
+    ) -> Float[Array, "*batch"]:
         """Reflectance without the outer surface's part; see `Response.body`."""
-        return saunderson(two_flux_reflectance(absorption, scattering, ground), self.outer, self.inner)
+        return saunderson(
+            two_flux_reflectance(absorption, scattering, ground), self.outer, self.inner
+        )

@@ -2,9 +2,9 @@
 
     python -m benchmarks.layer_cake [--out FOLDER] [--size WIDTHxHEIGHT] [--samples N]
 
-Each step is as high as one coat, some thousand times enlarged, and its top shows all coats up to there: chalk ground;
-underpaint of white in thick strokes; a yellow glaze; a blue one over it, which makes green; varnish. The front shows
-each coat's own paint. Writes docs/layer-cake.png by default.
+Each step is as high as one coat, some thousand times enlarged, and its top shows all coats up to
+there: chalk ground; underpaint of white in thick strokes; a yellow glaze; a blue one over it, which
+makes green; varnish. The front shows each coat's own paint. Writes docs/layer-cake.png by default.
 """
 
 import argparse
@@ -36,7 +36,9 @@ def scene(width: int, height: int, fine: float = 1.0) -> Scene:
     count = len(STEPS)
     columns, rows = int(330 * fine), int(600 * fine)
     # One relief from end to end, so that the strokes go on over the steps.
-    relief = impasto(rows, columns * (count - 1), swirl=(1.4, -0.6), brush=0.07, strokes=230, seed=4)
+    relief = impasto(
+        rows, columns * (count - 1), swirl=(1.4, -0.6), brush=0.07, strokes=230, seed=4
+    )
     first = wiped_glaze(relief, FIRST[1], uneven=0.35, seed=1)
     second = wiped_glaze(relief, SECOND[1], uneven=0.35, seed=2)
 
@@ -79,27 +81,44 @@ def _across(point: tuple[float, float, float]) -> float:
     """Where a point is seen across the picture, from 0 on the left to 1 on the right."""
     right, _, forward = CAMERA.axes()
     away = np.asarray(point) - np.asarray(CAMERA.position)
-    return float(0.5 + 0.5 * (away @ right) / (away @ forward) / np.tan(np.deg2rad(CAMERA.field_of_view) / 2))
+    return float(
+        0.5 + 0.5 * (away @ right) / (away @ forward) / np.tan(np.deg2rad(CAMERA.field_of_view) / 2)
+    )
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--out", type=Path, default=FOLDER, help="folder for layer-cake.png (default: %(default)s)")
-    parser.add_argument("--size", default="900x480", help="pixels of the picture (default: %(default)s)")
-    parser.add_argument("--samples", type=int, default=256, help="rays of a pixel (default: %(default)s)")
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument(
+        "--out", type=Path, default=FOLDER, help="folder for layer-cake.png (default: %(default)s)"
+    )
+    parser.add_argument(
+        "--size", default="900x480", help="pixels of the picture (default: %(default)s)"
+    )
+    parser.add_argument(
+        "--samples", type=int, default=256, help="rays of a pixel (default: %(default)s)"
+    )
     options = parser.parse_args()
     import jax
 
     jax.config.update("jax_enable_x64", True)
     width, height = (int(part) for part in options.size.split("x"))
-    rendered = path_trace(scene(width, height, min(1.0, width / 900)), samples=options.samples, tolerance=TOLERANCE)
+    rendered = path_trace(
+        scene(width, height, min(1.0, width / 900)), samples=options.samples, tolerance=TOLERANCE
+    )
     print(rendered.report.describe())
     white = light_white(lamp("D65", WAVELENGTHS), WAVELENGTHS)
     screen = screen_picture(picture_xyz(rendered, WAVELENGTHS), white)
     print(f"too bright {screen.bright:.1%}, too colourful {screen.colourful:.1%}")
     figure = side_by_side({"": screen.rgb})
     for k, words in enumerate(STEPS):
-        figure.text(_across(((k + 0.5 - len(STEPS) / 2) * _WIDE, -0.5 * _DEEP, 0.0)), 0.016, words, ha="center")
+        figure.text(
+            _across(((k + 0.5 - len(STEPS) / 2) * _WIDE, -0.5 * _DEEP, 0.0)),
+            0.016,
+            words,
+            ha="center",
+        )
     options.out.mkdir(parents=True, exist_ok=True)
     figure.savefig(options.out / "layer-cake.png", dpi=100)
     print(f"written to {options.out / 'layer-cake.png'}")

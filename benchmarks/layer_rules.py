@@ -1,25 +1,31 @@
-r"""The layer rules of renderers: what a coat over a base looks like without following light through the layers.
+r"""The layer rules of renderers: what a coat over a base looks like without following light through
+the layers.
 
-Each rule gets what a careful artist could give it: the base's true reflectance b under even light without a surface,
-the coat's transmittance t at normal incidence (absorption only: none of these coats scatters), its index n, and the
-surface's own exact reflection and albedo E(mu), compensated for what a rough surface's facets lose. Left to the rule is
-the body: what comes from below the surface. With C = t^2, the coat's colour, and mu' the cosine refracted into it,
-pi f of the body for light from i, seen from o:
+Each rule gets what a careful artist could give it: the base's true reflectance b under even light
+without a surface, the coat's transmittance t at normal incidence (absorption only: none of these
+coats scatters), its index n, and the surface's own exact reflection and albedo E(mu), compensated
+for what a rough surface's facets lose. Left to the rule is the body: what comes from below the
+surface. With C = t^2, the coat's colour, and mu' the cosine refracted into it, pi f of the body for
+light from i, seen from o:
 
     scaling     (1 - E(o)) C b                                            not reciprocal; Autodesk Standard Surface
     reciprocal  (1 - E(i)) (1 - E(o)) / (1 - <E>) C b                     Kelemen and Szirmay-Kalos 2001
     OpenPBR     (1 - E(o)) t^(1/mu'_i + 1/mu'_o) b (1 - K)/(1 - b K)      OpenPBR 1.1, 'Darkening' (K of a rough base)
-                                                                          and 'View-dependent absorption'
+                                                                          and 'View-dependent
+                                                                          absorption'
     Belcour     (1 - E(o)) t^(1/mu'_o) b t' (1 - K)/(1 - b K t'^2)        adding of Belcour 2018, t' = t^(3/2)
 
-<E> is the mean of E over even light, K = 1 - (1 - <E>)/n^2 the surface's reflectance for even light from below. (In the
-darkening's denominator the reference viewer of OpenPBR has b K C, the specification b K.) The last rule is our reading:
-Belcour's operators carry energy, mean direction and variance of lobes that stay narrow. A diffuse base has no such
-lobe, so only his adding of energies is left: the coat's reflectance seen from below and its transmittance, averaged
-over the base's even light, whose mean cosine 2/3 is its direction in the coat. What leaves is taken as a Lambertian
-lobe. Scattering inside a coat is forward in his medium and turns no light back: it does not change energies.
+<E> is the mean of E over even light, K = 1 - (1 - <E>)/n^2 the surface's reflectance for even light
+from below. (In the darkening's denominator the reference viewer of OpenPBR has b K C, the
+specification b K.) The last rule is our reading: Belcour's operators carry energy, mean direction
+and variance of lobes that stay narrow. A diffuse base has no such lobe, so only his adding of
+energies is left: the coat's reflectance seen from below and its transmittance, averaged over the
+base's even light, whose mean cosine 2/3 is its direction in the coat. What leaves is taken as a
+Lambertian lobe. Scattering inside a coat is forward in his medium and turns no light back: it does
+not change energies.
 
-The albedo is that seen from o under even light (a white furnace); by reciprocity the truth's is that of a beam.
+The albedo is that seen from o under even light (a white furnace); by reciprocity the truth's is
+that of a beam.
 """
 
 from typing import Literal, NamedTuple
@@ -73,7 +79,13 @@ def factor(
     elif rule == "openpbr":
         way = (1.0 / _refracted(cos_in, coat))[:, None] + (1.0 / _refracted(cos_out, coat))
         k = internal(coat)
-        found = out * coat.transmittance ** way[:, :, None] * coat.base * (1.0 - k) / (1.0 - coat.base * k)
+        found = (
+            out
+            * coat.transmittance ** way[:, :, None]
+            * coat.base
+            * (1.0 - k)
+            / (1.0 - coat.base * k)
+        )
     else:
         found = _belcour(coat, seen)[None]
     return np.broadcast_to(found, (len(cos_in), len(cos_out), len(coat.base)))
@@ -89,7 +101,9 @@ def albedo(rule: Rule, coat: Coat, seen: tuple[np.ndarray, np.ndarray]) -> np.nd
         return _belcour(coat, seen)
     y, w = np.polynomial.legendre.leggauss(64)
     mu = 0.5 * (1.0 + y)
-    entering = np.sum((w * mu)[:, None] * coat.transmittance ** (1.0 / _refracted(mu, coat))[:, None], axis=0)
+    entering = np.sum(
+        (w * mu)[:, None] * coat.transmittance ** (1.0 / _refracted(mu, coat))[:, None], axis=0
+    )
     k = internal(coat)
     leaving = coat.transmittance ** (1.0 / _refracted(cosines, coat))[:, None]
     return out * leaving * entering * coat.base * (1.0 - k) / (1.0 - coat.base * k)
@@ -99,7 +113,14 @@ def _belcour(coat: Coat, seen: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
     cosines, albedos = seen
     k, even = internal(coat), coat.transmittance**1.5
     way = coat.transmittance ** (1.0 / _refracted(cosines, coat))[:, None]
-    return (1.0 - albedos)[:, None] * way * coat.base * even * (1.0 - k) / (1.0 - coat.base * k * even**2)
+    return (
+        (1.0 - albedos)[:, None]
+        * way
+        * coat.base
+        * even
+        * (1.0 - k)
+        / (1.0 - coat.base * k * even**2)
+    )
 
 
 def _refracted(cosine: np.ndarray, coat: Coat) -> np.ndarray:

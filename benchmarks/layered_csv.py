@@ -47,7 +47,18 @@ def write_table(path: Path, all_found: Sequence) -> None:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(
             [
-                *("number", "name", "stack", "ground", "alpha", "kind", "incidence", "viewing", "azimuth", "band"),
+                *(
+                    "number",
+                    "name",
+                    "stack",
+                    "ground",
+                    "alpha",
+                    "kind",
+                    "incidence",
+                    "viewing",
+                    "azimuth",
+                    "band",
+                ),
                 *("body", "surface", "monte_carlo", "standard_error", "paths", *RULES),
             ]
         )
@@ -65,7 +76,13 @@ def layers_in_words(stack: LayeredStack) -> str:
 
 def _lines(number: int, found: Row) -> Iterator[list]:
     stack = found.stack
-    start = [number, stack.name, layers_in_words(stack), f"{stack.ground:g}", f"{stack.roughness:g}"]
+    start = [
+        number,
+        stack.name,
+        layers_in_words(stack),
+        f"{stack.ground:g}",
+        f"{stack.roughness:g}",
+    ]
     for i, incidence in enumerate(INCIDENCES):
         for kind, places in (("albedo", [("", "")]), ("factor", list(VIEWS))):
             tally = found.paths[kind][i]
@@ -75,7 +92,9 @@ def _lines(number: int, found: Row) -> Iterator[list]:
                 surface = found.surface.lit[i] if kind == "albedo" else found.surface.factor[i, v]
                 place = [f"{a:g}" if isinstance(a, float) else a for a in place]
                 for band, body in enumerate(getattr(found.truth, kind)[pick]):
-                    rules = [f"{getattr(found.rules[rule], kind)[pick][band]:.6f}" for rule in RULES]
+                    rules = [
+                        f"{getattr(found.rules[rule], kind)[pick][band]:.6f}" for rule in RULES
+                    ]
                     yield [
                         *start,
                         kind,
@@ -99,5 +118,9 @@ def read_table(path: Path) -> list[dict[str, str]]:
 
 def albedo_of(rows: Sequence[dict[str, str]], number: int) -> np.ndarray:
     """Body's albedo of one stack, (incidences, bands)."""
-    found = [float(row["body"]) for row in rows if row["number"] == str(number) and row["kind"] == "albedo"]
+    found = [
+        float(row["body"])
+        for row in rows
+        if row["number"] == str(number) and row["kind"] == "albedo"
+    ]
     return np.array(found).reshape(len(INCIDENCES), -1)

@@ -1,4 +1,6 @@
-"""Paths by chance for the stacks of `layered_stacks`, added up in a file round by round: a run may be stopped."""
+"""Paths by chance for the stacks of `layered_stacks`, added up in a file round by round: a run may
+be stopped.
+"""
 
 import json
 import time
@@ -20,10 +22,19 @@ GOAL = {"albedo": 1.0, "factor": 4.0}
 
 def oracle_stack(stack: LayeredStack) -> Stack:
     """The stack as `tests.oracles.position_free` takes it."""
-    return Stack(stack.scattering, stack.absorption, stack.g, np.array(stack.indices), stack.ground, stack.roughness)
+    return Stack(
+        stack.scattering,
+        stack.absorption,
+        stack.g,
+        np.array(stack.indices),
+        stack.ground,
+        stack.roughness,
+    )
 
 
-def chunk(stack: LayeredStack, kind: str, incidence: float, paths: int, rng: np.random.Generator) -> Tally:
+def chunk(
+    stack: LayeredStack, kind: str, incidence: float, paths: int, rng: np.random.Generator
+) -> Tally:
     """Sums over some paths: albedo (bands,), or reflectance factor (views, bands)."""
     cosine = float(np.cos(np.deg2rad(incidence)))
     if kind == "albedo":
@@ -39,7 +50,8 @@ def read(path: Path) -> dict[str, Tally]:
         return {}
     kept = json.loads(path.read_text())
     return {
-        key: Tally(one["paths"], *(np.array(one[name]) for name in ("total", "squares"))) for key, one in kept.items()
+        key: Tally(one["paths"], *(np.array(one[name]) for name in ("total", "squares")))
+        for key, one in kept.items()
     }
 
 
@@ -55,7 +67,9 @@ def write(path: Path, tallies: dict[str, Tally]) -> None:
         for key, one in tallies.items()
     }
     fresh = path.with_suffix(".part")
-    fresh.write_text("{\n" + ",\n".join(f"{json.dumps(k)}: {json.dumps(v)}" for k, v in plain.items()) + "\n}\n")
+    fresh.write_text(
+        "{\n" + ",\n".join(f"{json.dumps(k)}: {json.dumps(v)}" for k, v in plain.items()) + "\n}\n"
+    )
     fresh.replace(path)
 
 
@@ -66,7 +80,8 @@ def run(
     paths: int = CHUNK,
     say: Callable[[str], None] = print,
 ) -> dict[str, Tally]:
-    """Add paths for so long, and until each stack has some, always where the error is largest; the file grows.
+    """Add paths for so long, and until each stack has some, always where the error is largest; the
+    file grows.
 
     Args:
         path: file of the sums.
@@ -77,10 +92,15 @@ def run(
     """
     tallies, end = read(path), time.monotonic() + 60.0 * minutes
     jobs = {
-        key_of(s, k, i): (n, s, k, i) for n, s in enumerate(STACKS) if s in stacks for k in KINDS for i in INCIDENCES
+        key_of(s, k, i): (n, s, k, i)
+        for n, s in enumerate(STACKS)
+        if s in stacks
+        for k in KINDS
+        for i in INCIDENCES
     }
     left = {
-        key: float(tallies[key].error.max()) / GOAL[job[2]] if key in tallies else np.inf for key, job in jobs.items()
+        key: float(tallies[key].error.max()) / GOAL[job[2]] if key in tallies else np.inf
+        for key, job in jobs.items()
     }
     kept = told = time.monotonic()
     while time.monotonic() < end or max(left.values()) == np.inf:
@@ -104,4 +124,6 @@ def run(
 
 
 def _digits(values: np.ndarray) -> list:
-    return json.loads(json.dumps(values.tolist()), parse_float=lambda text: float(f"{float(text):.12g}"))
+    return json.loads(
+        json.dumps(values.tolist()), parse_float=lambda text: float(f"{float(text):.12g}")
+    )

@@ -1,4 +1,6 @@
-"""What `layered_truth` says: agreement of glazejax and Monte Carlo, errors of the layer rules, times of both."""
+"""What `layered_truth` says: agreement of glazejax and Monte Carlo, errors of the layer rules,
+times of both.
+"""
 
 import time
 from collections.abc import Callable
@@ -34,13 +36,24 @@ class Found(NamedTuple):
 def deviations(found: Found, kind: str) -> np.ndarray:
     """(glazejax - Monte Carlo) over the standard error, (incidences, ...)."""
     ours = getattr(found.truth, kind)
-    return np.stack([(ours[i] - one.mean) / np.maximum(one.error, 1e-12) for i, one in enumerate(found.paths[kind])])
+    return np.stack(
+        [
+            (ours[i] - one.mean) / np.maximum(one.error, 1e-12)
+            for i, one in enumerate(found.paths[kind])
+        ]
+    )
 
 
 def agreement(all_found: list[Found], say: Results) -> None:
     """How glazejax and Monte Carlo agree."""
-    say("\nglazejax against Monte Carlo: (glazejax - mean)/standard error, rms and largest; 'error': largest standard")
-    say("error; 'apart': largest difference of glazejax's second method, many-flux, where the first is ordinates")
+    say(
+        "\nglazejax against Monte Carlo: (glazejax - mean)/standard error, rms and largest; "
+        "'error': largest standard"
+    )
+    say(
+        "error; 'apart': largest difference of glazejax's second method, many-flux, where the "
+        "first is ordinates"
+    )
     say(f"{'':<36}{'albedo':>31}{'reflectance factor':>31}")
     columns = f"{'paths':>9}{'error':>9}{'rms':>6}{'max':>6} "
     say(f"{'stack':<36}{columns}{columns}{'apart':>8}")
@@ -50,7 +63,9 @@ def agreement(all_found: list[Found], say: Results) -> None:
             z, runs = deviations(found, kind), found.paths[kind]
             largest = max(float(one.error.max()) for one in runs)
             paths = sum(one.paths for one in runs)
-            line += f"{paths:9.1e}{largest:9.1e}{np.sqrt(np.mean(z**2)):6.2f}{np.abs(z).max():6.2f} "
+            line += (
+                f"{paths:9.1e}{largest:9.1e}{np.sqrt(np.mean(z**2)):6.2f}{np.abs(z).max():6.2f} "
+            )
         say(line + (f"{found.apart:8.0e}" if found.apart is not None else f"{'':>8}"))
     say(f"\n{'share of deviations within':<52}{'1':>7}{'2':>7}{'3':>7}{'max':>7}{'values':>8}")
     say(f"{'a normal law has':<52}{0.6827:7.3f}{0.9545:7.3f}{0.9973:7.3f}")
@@ -64,7 +79,9 @@ def agreement(all_found: list[Found], say: Results) -> None:
     independent = np.concatenate(once)
     _shares(say, "one band and view of each run: these are independent", independent)
     total, count = np.sum(independent**2), independent.size
-    say(f"sum of squares of the last line {total:.1f}; expected {count} +- {np.sqrt(2 * count):.1f}")
+    say(
+        f"sum of squares of the last line {total:.1f}; expected {count} +- {np.sqrt(2 * count):.1f}"
+    )
     _surfaces(all_found, say)
 
 
@@ -74,12 +91,19 @@ def _surfaces(all_found: list[Found], say: Results) -> None:
     albedos, factors = [0.0], [0.0]
     for found in all_found:
         alpha, n = found.stack.roughness, found.stack.indices[0]
-        albedos.append(np.max(np.abs(rough_surface.surface_albedo(lit, alpha, n) - found.surface.lit)))
+        albedos.append(
+            np.max(np.abs(rough_surface.surface_albedo(lit, alpha, n) - found.surface.lit))
+        )
         if alpha:
             other = rough_surface.surface_factor(lit[:, None], seen, azimuth, alpha, n)
             factors.append(np.max(np.abs(other / found.surface.factor - 1.0)))
-    say("the surfaces' own reflection, glazejax against the oracle's quadrature: largest difference of an albedo")
-    say(f"{max(albedos):.1e}, largest relative difference of a reflection factor {max(factors):.1e}")
+    say(
+        "the surfaces' own reflection, glazejax against the oracle's quadrature: largest "
+        "difference of an albedo"
+    )
+    say(
+        f"{max(albedos):.1e}, largest relative difference of a reflection factor {max(factors):.1e}"
+    )
 
 
 def _shares(say: Results, name: str, z: np.ndarray) -> None:
@@ -90,8 +114,14 @@ def _shares(say: Results, name: str, z: np.ndarray) -> None:
 def rule_errors(all_found: list[Found], say: Results) -> None:
     """Tables of what each rule misses."""
     names = "".join(f"{TITLES[rule]:>20}" for rule in RULES)
-    say("\nErrors of the layer rules. Each gets the base's true reflectance, the coat's true transmittance and the")
-    say("surface's exact reflection: what is left is the rule. Worst albedo (rule - truth, sign kept) of 3 angles x 3")
+    say(
+        "\nErrors of the layer rules. Each gets the base's true reflectance, the coat's true "
+        "transmittance and the"
+    )
+    say(
+        "surface's exact reflection: what is left is the rule. Worst albedo (rule - truth, sign "
+        "kept) of 3 angles x 3"
+    )
     say("bands, as seen under even light")
     say(f"{'stack':<36}{names}")
     worst = np.empty((len(all_found), len(RULES)))
@@ -100,7 +130,10 @@ def rule_errors(all_found: list[Found], say: Results) -> None:
             difference = (found.rules[rule].albedo - found.truth.albedo).ravel()
             worst[row, column] = difference[np.argmax(np.abs(difference))]
         say(f"{found.stack.name:<36}" + "".join(f"{value:20.4f}" for value in worst[row]))
-    say(f"{'median of the absolute values':<36}" + "".join(f"{v:20.4f}" for v in np.median(np.abs(worst), axis=0)))
+    say(
+        f"{'median of the absolute values':<36}"
+        + "".join(f"{v:20.4f}" for v in np.median(np.abs(worst), axis=0))
+    )
     _factor_errors(all_found, say, names)
     _by_angle(all_found, say, names)
 
@@ -141,26 +174,49 @@ def _by_angle(all_found: list[Found], say: Results, names: str) -> None:
     say(f"{'':<36}{names}")
     for name, some in groups.items():
         for i, angle in enumerate(INCIDENCES):
-            mean = [np.mean([f.rules[rule].albedo[i] - f.truth.albedo[i] for f in some]) for rule in RULES]
-            say(f"{f'{name} ({len(some)}), {angle:g} degrees':<36}" + "".join(f"{value:20.4f}" for value in mean))
-    say("\nMean error of the reflectance factor, light and view both at 70 degrees or more, or both at 45 or less")
+            mean = [
+                np.mean([f.rules[rule].albedo[i] - f.truth.albedo[i] for f in some])
+                for rule in RULES
+            ]
+            say(
+                f"{f'{name} ({len(some)}), {angle:g} degrees':<36}"
+                + "".join(f"{value:20.4f}" for value in mean)
+            )
+    say(
+        "\nMean error of the reflectance factor, light and view both at 70 degrees or more, or "
+        "both at 45 or less"
+    )
     say(f"{'':<36}{names}")
     angle = np.array([a for a, _ in VIEWS])
     for name, some in groups.items():
-        for words, lit, seen in (("both grazing", [2], angle >= 70), ("both steep", [0, 1], angle <= 45)):
-            mean = [np.mean([(f.rules[r].factor - f.truth.factor)[lit][:, seen] for f in some]) for r in RULES]
-            say(f"{f'{name} ({len(some)}), {words}':<36}" + "".join(f"{value:20.4f}" for value in mean))
+        for words, lit, seen in (
+            ("both grazing", [2], angle >= 70),
+            ("both steep", [0, 1], angle <= 45),
+        ):
+            mean = [
+                np.mean([(f.rules[r].factor - f.truth.factor)[lit][:, seen] for f in some])
+                for r in RULES
+            ]
+            say(
+                f"{f'{name} ({len(some)}), {words}':<36}"
+                + "".join(f"{value:20.4f}" for value in mean)
+            )
 
 
 def times(all_found: list[Found], say: Results) -> None:
     """Processor time of both, for the same values at the same error."""
     albedos, factors = len(INCIDENCES) * BANDS, len(INCIDENCES) * len(VIEWS) * BANDS
     say(
-        f"\nProcessor time on one core. glazejax: all {albedos} albedos and all {factors} factors of a stack, tolerance"
+        f"\nProcessor time on one core. glazejax: all {albedos} albedos and all {factors} "
+        "factors of a stack, tolerance"
     )
-    say(f"{WANTED:g}, compiled and with a rough surface's operators made (best of 5), and the largest error. Monte")
     say(
-        f"Carlo: paths timed here (best of 2), for a largest standard error of {WANTED:g} by 1/sqrt(paths); bands share"
+        f"{WANTED:g}, compiled and with a rough surface's operators made (best of 5), and the "
+        "largest error. Monte"
+    )
+    say(
+        f"Carlo: paths timed here (best of 2), for a largest standard error of {WANTED:g} by "
+        "1/sqrt(paths); bands share"
     )
     say("paths, and so do the views of an incidence.")
     columns = f"{'ms':>9}{'error':>9}{'MC s':>9}{'ratio':>9} "
@@ -188,9 +244,17 @@ def _seconds_of_paths(found: Found, kind: str) -> float:
     """For the standard error wanted, at all incidences."""
     rng, size, total = np.random.default_rng(7), 8_000, 0.0
     for angle in INCIDENCES:
-        runs = [_timed(lambda a=angle: layered_paths.chunk(found.stack, kind, a, size, rng)) for _ in range(2)]
+        runs = [
+            _timed(lambda a=angle: layered_paths.chunk(found.stack, kind, a, size, rng))
+            for _ in range(2)
+        ]
         tally = runs[0][1].plus(runs[1][1])
-        total += min(run[0] for run in runs) / size * tally.paths * (float(tally.error.max()) / WANTED) ** 2
+        total += (
+            min(run[0] for run in runs)
+            / size
+            * tally.paths
+            * (float(tally.error.max()) / WANTED) ** 2
+        )
     return total
 
 

@@ -1,8 +1,10 @@
-"""The 24 stacks of `python -m benchmarks.layered_truth`, and the angles at which they are seen: data, nothing else.
+"""The 24 stacks of `python -m benchmarks.layered_truth`, and the angles at which they are seen:
+data, nothing else.
 
-A layer is scattering s d, absorption k d in three bands (as of three wavelengths: one grey scatterer, one coloured
-absorber), and the mean cosine g of Henyey and Greenstein's phase function. `coats` layers are what a renderer's rule
-takes as its coat; all below is its base. 0 coats: the rule sees a clear surface of the paint itself.
+A layer is scattering s d, absorption k d in three bands (as of three wavelengths: one grey
+scatterer, one coloured absorber), and the mean cosine g of Henyey and Greenstein's phase function.
+`coats` layers are what a renderer's rule takes as its coat; all below is its base. 0 coats: the
+rule sees a clear surface of the paint itself.
 """
 
 from typing import NamedTuple
@@ -80,7 +82,9 @@ VIEWS = (
     *((angle, 90.0) for angle in (20.0, 45.0, 70.0)),
     (60.0, 45.0),
 )
-"""Degrees from the normal, and of azimuth: 0 the mirror side, 180 back towards the light, others out of the plane."""
+"""Degrees from the normal, and of azimuth: 0 the mirror side, 180 back towards the light, others
+out of the plane.
+"""
 IN_PLANE = np.array([azimuth in (0.0, 180.0) for _, azimuth in VIEWS])
 
 CLEAR = Layer(0.0, (0.0, 0.0, 0.0))
@@ -117,8 +121,15 @@ STACKS = (
     LayeredStack("hazy varnish on black, .05", 1.5, 0.05, (HAZE,), 0.02, 1),
     LayeredStack("varnish 1.5 on white 1.4, smooth", (1.5, 1.4), 0.0, (CLEAR, WHITE), 0.8, 1),
     LayeredStack("tint 1.4 on dark 1.7, smooth", (1.4, 1.7), 0.0, (TINT, DARK), 0.3, 1),
-    LayeredStack("forward glaze g .7 on white, smooth", 1.5, 0.0, (RED_GLAZE._replace(g=0.7), WHITE), 0.8, 1),
     LayeredStack(
-        "milk g .5 on paint g -.3, smooth", 1.5, 0.0, (HAZE._replace(g=0.5), RED_PAINT._replace(g=-0.3)), 0.2, 1
+        "forward glaze g .7 on white, smooth", 1.5, 0.0, (RED_GLAZE._replace(g=0.7), WHITE), 0.8, 1
+    ),
+    LayeredStack(
+        "milk g .5 on paint g -.3, smooth",
+        1.5,
+        0.0,
+        (HAZE._replace(g=0.5), RED_PAINT._replace(g=-0.3)),
+        0.2,
+        1,
     ),
 )

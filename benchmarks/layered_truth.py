@@ -2,9 +2,10 @@
 
     python -m benchmarks.layered_truth [--paths-minutes 10] [--out FOLDER]
 
-24 stacks (`benchmarks/layered_stacks.py`) by glazejax, by position-free Monte Carlo (`tests/oracles/position_free.py`)
-and by four rules (`benchmarks/layer_rules.py`). Writes layered_truth.txt, the summary; layered_truth.csv, every value
-with Monte Carlo's and its standard error; and layered_truth_paths.json, the sums of all paths so far, to which
+24 stacks (`benchmarks/layered_stacks.py`) by glazejax, by position-free Monte Carlo
+(`tests/oracles/position_free.py`) and by four rules (`benchmarks/layer_rules.py`). Writes
+layered_truth.txt, the summary; layered_truth.csv, every value with Monte Carlo's and its standard
+error; and layered_truth_paths.json, the sums of all paths so far, to which
 --paths-minutes adds (it may be stopped at any time). docs/layered-truth.md explains.
 """
 
@@ -25,19 +26,28 @@ from benchmarks.results import Results, add_option
 
 FINE = {"rough": 1e-5, "ordinates": 1e-8, "manyflux": 1e-6}
 """Tolerance of the table, by method."""
-FEW = ("clear varnish on white, smooth", "tint on a bare ground, .1", "varnish 1.5 on white 1.4, smooth")
+FEW = (
+    "clear varnish on white, smooth",
+    "tint on a bare ground, .1",
+    "varnish 1.5 on white 1.4, smooth",
+)
 """Stacks of a quick run: one for each method."""
 
 
 def evaluate(stack: LayeredStack, tallies: dict[str, Tally], fine: dict[str, float]) -> Found:
     """Truth, second method and rules; `fine` is the tolerance of each method."""
-    both = [layered_values.values(stack, method, fine[method]) for method in layered_values.methods(stack)]
+    both = [
+        layered_values.values(stack, method, fine[method])
+        for method in layered_values.methods(stack)
+    ]
     apart = None
     if len(both) == 2:
         apart = max(float(np.max(np.abs(one - two))) for one, two in zip(*both, strict=True))
     surface = layered_values.surface(stack)
     absorbed = np.sum(stack.absorption[: stack.coats], axis=0)
-    coat = Coat(layered_values.base_reflectance(stack), np.exp(-absorbed), stack.indices[0], surface.even)
+    coat = Coat(
+        layered_values.base_reflectance(stack), np.exp(-absorbed), stack.indices[0], surface.even
+    )
     lit, seen, _ = layered_values.cosines()
     rules = {
         rule: Values(
@@ -52,9 +62,13 @@ def evaluate(stack: LayeredStack, tallies: dict[str, Tally], fine: dict[str, flo
 
 def main() -> None:
     """See the module."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     add_option(parser, paths_minutes=0.05)
-    parser.add_argument("--paths-minutes", type=float, default=0.0, help="follow paths for so long first")
+    parser.add_argument(
+        "--paths-minutes", type=float, default=0.0, help="follow paths for so long first"
+    )
     parser.add_argument("--no-times", action="store_true", help="leave the times out")
     options = parser.parse_args()
     if hasattr(os, "sched_setaffinity"):
@@ -69,17 +83,30 @@ def main() -> None:
         tallies = layered_paths.run(sums, options.paths_minutes, stacks, paths)
     else:
         tallies = layered_paths.read(sums)
-    missing = [s.name for s in stacks for k in KINDS for i in INCIDENCES if key_of(s, k, i) not in tallies]
+    missing = [
+        s.name for s in stacks for k in KINDS for i in INCIDENCES if key_of(s, k, i) not in tallies
+    ]
     if missing:
-        raise SystemExit(f"{sums} has no paths of {missing[0]!r}; run again with --paths-minutes 10")
+        raise SystemExit(
+            f"{sums} has no paths of {missing[0]!r}; run again with --paths-minutes 10"
+        )
 
     import jax
 
     jax.config.update("jax_enable_x64", True)
     say = Results("layered_truth", options.out)
-    lights, angles = ", ".join(f"{a:g}" for a in INCIDENCES), ", ".join(f"{a:g}/{z:g}" for a, z in VIEWS)
-    say(f"{len(stacks)} stacks x {BANDS} bands; light at {lights} degrees, views (angle/azimuth) {angles}.")
-    say("Body only: the light that comes from below the surface. docs/layered-truth.md says what everything means.")
+    lights, angles = (
+        ", ".join(f"{a:g}" for a in INCIDENCES),
+        ", ".join(f"{a:g}/{z:g}" for a, z in VIEWS),
+    )
+    say(
+        f"{len(stacks)} stacks x {BANDS} bands; light at {lights} degrees, views (angle/azimuth) "
+        f"{angles}."
+    )
+    say(
+        "Body only: the light that comes from below the surface. docs/layered-truth.md says what "
+        "everything means."
+    )
     all_found = [evaluate(stack, tallies, fine) for stack in stacks]
     agreement(all_found, say)
     rule_errors(all_found, say)

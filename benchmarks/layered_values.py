@@ -30,8 +30,12 @@ def methods(stack: LayeredStack) -> list[str]:
     return ["manyflux"]
 
 
-def programs(stack: LayeredStack, method: str, tolerance: float) -> tuple[Callable[[], Any], Callable[[], Any]]:
-    """Functions of nothing that give the albedo (bands, incidences) and the factor (bands, incidences, views)."""
+def programs(
+    stack: LayeredStack, method: str, tolerance: float
+) -> tuple[Callable[[], Any], Callable[[], Any]]:
+    """Functions of nothing that give the albedo (bands, incidences) and the factor (bands,
+    incidences, views).
+    """
     from glazejax.radiative import manyflux, phase
     from glazejax.radiative.stack import stack_hemispherical_reflectance, stack_reflectance_factor
 
@@ -44,7 +48,10 @@ def programs(stack: LayeredStack, method: str, tolerance: float) -> tuple[Callab
         from glazejax.radiative import rough
 
         given["roughness"] = stack.roughness
-        hemispherical, factor = rough.rough_hemispherical_reflectance, rough.rough_reflectance_factor
+        hemispherical, factor = (
+            rough.rough_hemispherical_reflectance,
+            rough.rough_reflectance_factor,
+        )
     elif method == "ordinates" or (method == "manyflux" and stack.isotropic and stack.uniform):
         given["method"] = method
         hemispherical, factor = stack_hemispherical_reflectance, stack_reflectance_factor
@@ -58,7 +65,9 @@ def programs(stack: LayeredStack, method: str, tolerance: float) -> tuple[Callab
 
         def table() -> np.ndarray:
             axes = {"cos_incidence": lit, "cos_viewing": cosine, "azimuth": turned}
-            found = manyflux.brdf_table(a, t, stack.ground, **axes, **given)  # (bands, views, incidences, azimuths)
+            found = manyflux.brdf_table(
+                a, t, stack.ground, **axes, **given
+            )  # (bands, views, incidences, azimuths)
             return np.pi * np.asarray(found)[:, v, :, z].transpose(1, 2, 0)
 
         return lambda: manyflux.manyflux_hemispherical_reflectance(
@@ -72,12 +81,16 @@ def programs(stack: LayeredStack, method: str, tolerance: float) -> tuple[Callab
 
 def values(stack: LayeredStack, method: str, tolerance: float) -> Values:
     """Both at once."""
-    albedo, factor = (np.asarray(program(), float) for program in programs(stack, method, tolerance))
+    albedo, factor = (
+        np.asarray(program(), float) for program in programs(stack, method, tolerance)
+    )
     return Values(albedo.T, np.moveaxis(factor, 0, -1))
 
 
 def base_reflectance(stack: LayeredStack) -> np.ndarray:
-    """What all below the coats reflects of even light, without any surface, (bands,): the base colour of a rule."""
+    """What all below the coats reflects of even light, without any surface, (bands,): the base
+    colour of a rule.
+    """
     from glazejax.radiative import manyflux, phase
 
     below = slice(stack.coats, None)
@@ -93,12 +106,16 @@ def base_reflectance(stack: LayeredStack) -> np.ndarray:
 
 
 class Surface(NamedTuple):
-    """The outer surface itself; rough ones with the lobe that brings back what their facets lose."""
+    """The outer surface itself; rough ones with the lobe that brings back what their
+    facets lose.
+    """
 
     lit: np.ndarray  # albedo E at the incidences
     seen: np.ndarray  # and at the views
     even: float  # its mean over even light
-    factor: np.ndarray  # (incidences, views), pi f; zero if smooth, whose mirror image is in no view
+    factor: (
+        np.ndarray
+    )  # (incidences, views), pi f; zero if smooth, whose mirror image is in no view
 
 
 def surface(stack: LayeredStack) -> Surface:
@@ -116,7 +133,9 @@ def surface(stack: LayeredStack) -> Surface:
         given = {"refractive_index": n, "roughness": stack.roughness}
         at, albedos = np.unique(np.concatenate([lit, seen, nodes])), None
         albedos = dict(zip(at, np.asarray(rough.surface_albedo(at, **given), float), strict=True))
-        factor = np.asarray(rough.surface_reflectance_factor(lit[:, None], seen, azimuth, **given), float)
+        factor = np.asarray(
+            rough.surface_reflectance_factor(lit[:, None], seen, azimuth, **given), float
+        )
         of = np.vectorize(albedos.__getitem__)
     else:
         factor = np.zeros((len(lit), len(seen)))

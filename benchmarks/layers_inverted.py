@@ -1,17 +1,19 @@
-"""Stacks of coats found again: do 90 % intervals hold the truth nine times in ten, and what is not told?
+"""Stacks of coats found again: do 90 % intervals hold the truth nine times in ten, and what is not
+told?
 
     python -m benchmarks.layers_inverted [--stacks 40] [--unknown 8] [--seed 0] [--out FOLDER]
 
-Known paints: a glaze of one paint of the catalogue over a body of two, thicknesses, fractions, gloss and the paints'
-error drawn from what `glazefit.posterior_of_coats` takes for likely (thicknesses about 8 and 30 um); k and s of each
-coat are then really off by smooth random factors of that size. Unknown paint: a coat whose k d and s d are drawn from
-`glazefit.SpectraPrior`, over 30 um of a known paint, read over two grounds or over one; and, in their place, paints of
-the catalogue, which no prior drew. Readings come from the public solver at an error of 1e-6, over a black and a white
-ground, every 50 nm, with the noise of `glazefit.Noise`.
+Known paints: a glaze of one paint of the catalogue over a body of two, thicknesses, fractions,
+gloss and the paints' error drawn from what `glazefit.posterior_of_coats` takes for likely
+(thicknesses about 8 and 30 um); k and s of each coat are then really off by smooth random factors
+of that size. Unknown paint: a coat whose k d and s d are drawn from
+`glazefit.SpectraPrior`, over 30 um of a known paint, read over two grounds or over one; and, in
+their place, paints of the catalogue, which no prior drew. Readings come from the public solver at
+an error of 1e-6, over a black and a white ground, every 50 nm, with the noise of `glazefit.Noise`.
 
-A quantity counts as told if its interval is less than .9 as wide as before the measurement. The error behind a share
-is by counting stacks, whose quantities hang together: the standard deviation of their shares over the root of their
-number.
+A quantity counts as told if its interval is less than .9 as wide as before the measurement. The
+error behind a share is by counting stacks, whose quantities hang together: the standard deviation
+of their shares over the root of their number.
 """
 
 import argparse
@@ -43,7 +45,9 @@ class Simulated(NamedTuple):
 
 
 class Found(NamedTuple):
-    """Where the truth lies in a quantity's posterior, and how wide that is over the prior's, each (stacks,)."""
+    """Where the truth lies in a quantity's posterior, and how wide that is over the prior's, each
+    (stacks,).
+    """
 
     emcee: np.ndarray
     laplace: np.ndarray
@@ -56,16 +60,24 @@ def spectra_of(paints: Sequence[Any]) -> np.ndarray:
     return np.array([[np.asarray(getattr(p, what)) for what in COEFFICIENTS] for p in paints])
 
 
-def smooth_errors(rng: np.random.Generator, size: np.ndarray, coats: int, length: float) -> np.ndarray:
+def smooth_errors(
+    rng: np.random.Generator, size: np.ndarray, coats: int, length: float
+) -> np.ndarray:
     """Factors of k and s, (films, coats, 2, bands), off by these shares."""
     from glazefit.film.errors import smooth_kernel
 
     root = np.linalg.cholesky(smooth_kernel(GRID, length) + 1e-9 * np.eye(GRID.size))
-    return np.exp(size[:, None, None, None] * (rng.standard_normal((size.size, coats, 2, GRID.size)) @ root.T))
+    return np.exp(
+        size[:, None, None, None] * (rng.standard_normal((size.size, coats, 2, GRID.size)) @ root.T)
+    )
 
 
-def read(rng: np.random.Generator, optical: np.ndarray, gloss: np.ndarray, grounds: np.ndarray, tag: str) -> list[Any]:
-    """Readings of films with these k d and s d, (films, coats, 2, bands), each over so many grounds."""
+def read(
+    rng: np.random.Generator, optical: np.ndarray, gloss: np.ndarray, grounds: np.ndarray, tag: str
+) -> list[Any]:
+    """Readings of films with these k d and s d, (films, coats, 2, bands), each over so many
+    grounds.
+    """
     from glazefit import Instrument, Noise, Reading
     from glazejax import stack_hemispherical_reflectance
 
@@ -98,7 +110,9 @@ def known_paints(count: int, rng: np.random.Generator) -> Simulated:
     prior = FilmPrior()
     shelf = [p.resample(GRID) for p in catalogue.load().values()]
     chosen = [[shelf[i] for i in rng.choice(len(shelf), 3, replace=False)] for _ in range(count)]
-    thick = np.array([GLAZE, BODY]) * np.exp(prior.thickness_spread * rng.standard_normal((count, 2)))
+    thick = np.array([GLAZE, BODY]) * np.exp(
+        prior.thickness_spread * rng.standard_normal((count, 2))
+    )
     share, gloss = rng.dirichlet(np.full(2, prior.concentration), count), rng.uniform(size=count)
     error = prior.error * np.exp(prior.error_spread * rng.standard_normal(count))
     paints = np.array([spectra_of(p) for p in chosen])
@@ -113,7 +127,9 @@ def known_paints(count: int, rng: np.random.Generator) -> Simulated:
 
 
 def unknown_paint(count: int, rng: np.random.Generator) -> Simulated:
-    """A coat of unknown paint over a known one: over two grounds, over one, and with real paints over two."""
+    """A coat of unknown paint over a known one: over two grounds, over one, and with real paints
+    over two.
+    """
     from glazefit import CoatPrior, FilmPrior, SpectraPrior
     from glazejax import catalogue
 
@@ -131,7 +147,9 @@ def unknown_paint(count: int, rng: np.random.Generator) -> Simulated:
         drawn.append(median * np.exp(rng.standard_normal((films, GRID.size)) @ root.T))
     top = np.stack(drawn, axis=1)
     real = spectra_of([shelf[i] for i in rng.choice(len(shelf), count, replace=count > len(shelf))])
-    top[2 * count :] = np.maximum(real, 1.0) * 25e-6 * np.exp(rng.standard_normal((count, 1, 1)) - 1.0)
+    top[2 * count :] = (
+        np.maximum(real, 1.0) * 25e-6 * np.exp(rng.standard_normal((count, 1, 1)) - 1.0)
+    )
     below = [shelf[i] for i in rng.choice(len(shelf), films)]
     error = prior.error * np.exp(prior.error_spread * rng.standard_normal(films))
     optical = np.stack([top, spectra_of(below) * BODY], axis=1)
@@ -141,7 +159,10 @@ def unknown_paint(count: int, rng: np.random.Generator) -> Simulated:
     truth = {"gloss": gloss, "model error": error}
     for b, wavelength in enumerate(GRID):
         k, s = optical[:, 0, :, b].T
-        truth |= {f"{n} at {wavelength:g} nm": v for n, v in (("absorption", k), ("scattering", s), ("ratio", k / s))}
+        truth |= {
+            f"{n} at {wavelength:g} nm": v
+            for n, v in (("absorption", k), ("scattering", s), ("ratio", k / s))
+        }
     return Simulated(read(rng, optical, gloss, np.repeat([2, 1, 2], count), "coat"), coats, truth)
 
 
@@ -156,7 +177,9 @@ def find(simulated: Simulated, steps: int, seed: int) -> tuple[dict[str, Found],
     problem = pose_stack(films, simulated.coats, Instrument(), prior, SpectraPrior())
     problem, modes = pose_stack_errors(problem, films, prior)
     walkers = max(WALKERS, 2 * problem.dims + 2)
-    posterior = sample(problem, tuple(films), modes, steps=steps, walkers=walkers, thin=THIN, seed=seed)
+    posterior = sample(
+        problem, tuple(films), modes, steps=steps, walkers=walkers, thin=THIN, seed=seed
+    )
     before = problem.draws(problem.prior_draws(np.random.default_rng(seed), 4000)[:, None])
     found = {}
     for quantity in problem.quantities:
@@ -177,7 +200,9 @@ def find(simulated: Simulated, steps: int, seed: int) -> tuple[dict[str, Found],
 
 
 def held(ranks: np.ndarray, where: np.ndarray | None = None) -> str:
-    """Share of cases, (stacks, quantities), in the 90 % interval, with its error by counting stacks."""
+    """Share of cases, (stacks, quantities), in the 90 % interval, with its error by counting
+    stacks.
+    """
     hits = np.abs(ranks - 0.5) <= 0.45
     chosen = np.ones(hits.shape, bool) if where is None else where
     stacks = chosen.any(axis=1)
@@ -190,10 +215,14 @@ def held(ranks: np.ndarray, where: np.ndarray | None = None) -> str:
     return f"{share:.0%} +- {max(off, 1.0 / (stacks.sum() + 1)):.0%}"
 
 
-def table(say: Results, title: str, found: dict[str, list[Found]], rows: np.ndarray | slice = slice(None)) -> None:
+def table(
+    say: Results, title: str, found: dict[str, list[Found]], rows: np.ndarray | slice = slice(None)
+) -> None:
     """A line for each quantity, with all of its bands, and one for all of them."""
     say(f"\n{title}")
-    say(f"{'':<22}{'cases':>6}{'told':>6}{'emcee':>13}{'where told':>13}{'Laplace':>13}{'where trusted':>20}")
+    say(
+        f"{'':<22}{'cases':>6}{'told':>6}{'emcee':>13}{'where told':>13}{'Laplace':>13}{'where trusted':>20}"
+    )
     whole = [one for many in found.values() for one in many]
     for name, many in (found | {"all": whole}).items():
         emcee, laplace, width, trusted = (
@@ -218,9 +247,13 @@ def by_name(found: dict[str, Found]) -> dict[str, list[Found]]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--stacks", type=int, default=40, help="of known paints")
-    parser.add_argument("--unknown", type=int, default=8, help="of an unknown paint, of each of three kinds")
+    parser.add_argument(
+        "--unknown", type=int, default=8, help="of an unknown paint, of each of three kinds"
+    )
     parser.add_argument("--seed", type=int, default=0)
     add_option(parser, stacks=2)
     options = parser.parse_args()
@@ -228,7 +261,10 @@ def main() -> None:
         globals().update(STEPS=100)
     jax.config.update("jax_enable_x64", True)
     say = Results("layers_inverted", options.out, "emcee")
-    say(f"Stacks of coats found again: how often 90 % intervals hold the truth (seed {options.seed})")
+    say(
+        "Stacks of coats found again: how often 90 % intervals hold the truth (seed "
+        f"{options.seed})"
+    )
     rng = np.random.default_rng(options.seed)
     for simulate, count, steps in (
         (known_paints, options.stacks, STEPS),
@@ -237,13 +273,22 @@ def main() -> None:
         began = time.perf_counter()
         found, state = find(simulate(count, rng), steps, options.seed)
         if simulate is known_paints:
-            table(say, f"Known paints: a glaze over a body of two, {count} stacks, {steps} steps", by_name(found))
+            table(
+                say,
+                f"Known paints: a glaze over a body of two, {count} stacks, {steps} steps",
+                by_name(found),
+            )
         else:
-            for n, kind in enumerate(("two grounds", "one ground", "a paint of the catalogue, two grounds")):
+            for n, kind in enumerate(
+                ("two grounds", "one ground", "a paint of the catalogue, two grounds")
+            ):
                 title = f"Unknown paint over a known one, {kind}: {count} stacks, {steps} steps"
                 table(say, title, by_name(found), slice(n * count, (n + 1) * count))
         times = state.length / state.times
-        say(f"length in autocorrelation times: median {np.median(times):.0f}, least {times.min():.0f}")
+        say(
+            f"length in autocorrelation times: median {np.median(times):.0f}, least "
+            f"{times.min():.0f}"
+        )
         say(f"{time.perf_counter() - began:.0f} s, compilation included")
         say.save()
 

@@ -1,4 +1,6 @@
-"""Paper C's joined example, figures 8 to 10: paint of index 1.3 on a white ground, and the joining as a series."""
+"""Paper C's joined example, figures 8 to 10: paint of index 1.3 on a white ground, and the joining
+as a series.
+"""
 
 from typing import NamedTuple
 
@@ -55,7 +57,12 @@ def compute() -> Example:
     layer = [ALBEDO], [THICKNESS]
     lobes = [
         free_factor(
-            *layer, transmitted=t, refractive_index=1.0, cos_incidence=inside, cos_viewing=cosines, azimuth=azimuth
+            *layer,
+            transmitted=t,
+            refractive_index=1.0,
+            cos_incidence=inside,
+            cos_viewing=cosines,
+            azimuth=azimuth,
         )
         for t in (False, True)
     ]
@@ -81,8 +88,8 @@ def compute() -> Example:
 def series(angles: np.ndarray, orders: tuple[int, ...]) -> list[Order]:
     """Surface joined to the layer, over more of the medium: exactly, then by the series.
 
-    Intensities are over n^2, for light of intensity one in one of 303 directions: what is scattered is spread over all
-    of them, what goes straight or is mirrored stays in one.
+    Intensities are over n^2, for light of intensity one in one of 303 directions: what is scattered
+    is spread over all of them, what goes straight or is mirrored stays in one.
     """
     import jax
     import jax.numpy as jnp
@@ -103,7 +110,9 @@ def series(angles: np.ndarray, orders: tuple[int, ...]) -> list[Order]:
     solid = 2.0 * np.pi / DIRECTIONS
 
     def parts(downward: bool):
-        return joined_stack(layers, Media((INDEX,), INDEX), seen, jnp.array([lit]), effort, 1, downward=downward)
+        return joined_stack(
+            layers, Media((INDEX,), INDEX), seen, jnp.array([lit]), effort, 1, downward=downward
+        )
 
     mirrored = float(dielectric_reflectance(lit, INDEX))
 

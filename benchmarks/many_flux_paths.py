@@ -1,4 +1,6 @@
-"""Paper C, figure 5: the lobe of light that comes back, beside paths by chance; the time of both at equal error."""
+"""Paper C, figure 5: the lobe of light that comes back, beside paths by chance; the time of both at
+equal error.
+"""
 
 import time
 from typing import NamedTuple
@@ -46,13 +48,19 @@ def compare() -> Comparison:
     weight = np.concatenate([w for w, _ in exits])
     direction = np.concatenate([d for _, d in exits])
     band = np.minimum((-direction[:, 2] * BANDS).astype(int), BANDS - 1)
-    sector = np.floor(np.rad2deg(np.arctan2(direction[:, 1], direction[:, 0])) % 360.0 * SECTORS / 360.0).astype(int)
+    sector = np.floor(
+        np.rad2deg(np.arctan2(direction[:, 1], direction[:, 0])) % 360.0 * SECTORS / 360.0
+    ).astype(int)
     cell = (BANDS - 1 - band) * SECTORS + sector % SECTORS
     # pi L/E of a cell: its share of the flux over that of a white Lambertian ground.
     white = np.repeat(2.0 * cosines / BANDS / SECTORS, SECTORS)
     shape, size = (BANDS, SECTORS), BANDS * SECTORS
     factor = np.bincount(cell, weight, size) / PATHS / white
-    spread = np.sqrt(np.bincount(cell, weight**2, size) / PATHS - (factor * white) ** 2) / np.sqrt(PATHS) / white
+    spread = (
+        np.sqrt(np.bincount(cell, weight**2, size) / PATHS - (factor * white) ** 2)
+        / np.sqrt(PATHS)
+        / white
+    )
 
     def table(tolerance: float, lit: np.ndarray) -> np.ndarray:
         found = brdf_table(
@@ -72,8 +80,8 @@ def compare() -> Comparison:
     fine = table(1e-7, lit)[:, 0]
     level = float(np.sqrt(np.mean(fine**2)))
     paths_error = float(np.sqrt(np.mean(spread**2))) / level
-    # The coarsest that is no worse than the paths. All directions of incidence are the bands' cosines: turning the
-    # plane of incidence changes nothing.
+    # The coarsest that is no worse than the paths. All directions of incidence are the bands'
+    # cosines: turning the plane of incidence changes nothing.
     tolerance, error = 0.3, np.inf
     while error > paths_error:
         tolerance /= 2
@@ -84,4 +92,14 @@ def compare() -> Comparison:
         start = time.perf_counter()
         table(tolerance, cosines)
         runs.append(time.perf_counter() - start)
-    return Comparison(cosines, azimuth, factor.reshape(shape), paths_error, fine, error, seconds, min(runs), tolerance)
+    return Comparison(
+        cosines,
+        azimuth,
+        factor.reshape(shape),
+        paths_error,
+        fine,
+        error,
+        seconds,
+        min(runs),
+        tolerance,
+    )

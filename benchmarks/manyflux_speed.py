@@ -2,10 +2,11 @@
 
     python -m benchmarks.manyflux_speed
 
-31 wavelengths, two layers that scatter forward (Henyey and Greenstein, g = .8) on a grey ground, 19 x 19 angles from 0
-to 85 degrees, in the plane of incidence (azimuth 0 and 180 degrees). Without a refracting surface, which PythonicDISORT
-does not have. It solves each wavelength and each incidence alone and interpolates between its directions of viewing;
-this program solves each wavelength once, every angle exact. What is printed last is its time with the surface.
+31 wavelengths, two layers that scatter forward (Henyey and Greenstein, g = .8) on a grey ground, 19
+x 19 angles from 0 to 85 degrees, in the plane of incidence (azimuth 0 and 180 degrees). Without a
+refracting surface, which PythonicDISORT does not have. It solves each wavelength and each incidence
+alone and interpolates between its directions of viewing; this program solves each wavelength once,
+every angle exact. What is printed last is its time with the surface.
 """
 
 import argparse
@@ -76,7 +77,9 @@ def ours(work: Work, tolerance: float, index: float = 1.0) -> np.ndarray:
 
 
 def theirs(work: Work, streams: int) -> np.ndarray:
-    """The same, with its delta-M scaling and its correction of single scattering at the angles asked for."""
+    """The same, with its delta-M scaling and its correction of single scattering at the angles
+    asked for.
+    """
     from PythonicDISORT import pydisort  # pyright: ignore[reportMissingImports]
     from PythonicDISORT.subroutines import interpolate  # pyright: ignore[reportMissingImports]
 
@@ -103,7 +106,9 @@ def theirs(work: Work, streams: int) -> np.ndarray:
         return seen(work.cosines, 0.0, turned) / cosine
 
     stacks = zip(work.albedo, work.optical_thickness, strict=True)
-    return np.array([np.stack([one(*stack, float(c)) for c in work.cosines], axis=1) for stack in stacks])
+    return np.array(
+        [np.stack([one(*stack, float(c)) for c in work.cosines], axis=1) for stack in stacks]
+    )
 
 
 def timed(name: str, function: Callable[[], np.ndarray], expected: np.ndarray, runs: int) -> Point:
@@ -120,13 +125,21 @@ def seconds_at(points: list[Point], error: float) -> float:
     """Time at an error between the points', by straight lines in the logarithms."""
     ordered = sorted(points, key=lambda p: p.error)
     return float(
-        np.exp(np.interp(np.log(error), np.log([p.error for p in ordered]), np.log([p.seconds for p in ordered])))
+        np.exp(
+            np.interp(
+                np.log(error),
+                np.log([p.error for p in ordered]),
+                np.log([p.seconds for p in ordered]),
+            )
+        )
     )
 
 
 def main() -> None:
     """Command line."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     add_option(parser)
     options = parser.parse_args()
     if options.quick:
@@ -137,14 +150,31 @@ def main() -> None:
     scene = work()
     out(f"{WAVELENGTHS} wavelengths, 2 layers, g = {G}, {ANGLES} x {ANGLES} angles x 2 azimuths")
     expected = ours(scene, FINE)
-    out(f"Errors are the largest of the table, against this program at {FINE:g}; factors reach {expected.max():.1f}.")
+    out(
+        f"Errors are the largest of the table, against this program at {FINE:g}; factors reach "
+        f"{expected.max():.1f}."
+    )
     out(f"{'program':36}{'error':>10}{'seconds':>10}")
     mine, other = [], []
     # In turn, so that a busy machine is fair to both.
     for tolerance, streams in zip(TOLERANCES, STREAMS, strict=True):
         ours(scene, tolerance)
-        mine.append(timed(f"glazejax, tolerance {tolerance:g}", lambda t=tolerance: ours(scene, t), expected, 3))
-        other.append(timed(f"PythonicDISORT, {streams} streams", lambda n=streams: theirs(scene, n), expected, 1))
+        mine.append(
+            timed(
+                f"glazejax, tolerance {tolerance:g}",
+                lambda t=tolerance: ours(scene, t),
+                expected,
+                3,
+            )
+        )
+        other.append(
+            timed(
+                f"PythonicDISORT, {streams} streams",
+                lambda n=streams: theirs(scene, n),
+                expected,
+                1,
+            )
+        )
         for point in (mine[-1], other[-1]):
             out(f"{point.name:36}{point.error:10.1e}{point.seconds:10.2f}")
     least = max(min(p.error for p in points) for points in (mine, other))

@@ -19,7 +19,9 @@ def measured_data(name: str) -> Path:
     """
     base = Path(os.environ.get("GLAZEJAX_DATA") or Path(__file__).parents[2] / "shared" / "data")
     if not (base / name).is_dir():
-        raise SystemExit(f"no folder {name} in {base}; set GLAZEJAX_DATA to the folder that holds it")
+        raise SystemExit(
+            f"no folder {name} in {base}; set GLAZEJAX_DATA to the folder that holds it"
+        )
     return base / name
 
 
@@ -32,6 +34,9 @@ def measured_films(paints: Collection[str] = ()) -> tuple[Films, dict[str, dict[
     folder = measured_data("revigo")
     films, recipes = read_films(folder / "reflectance.tsv"), read_names(folder / "mixtures.tsv")
     if paints:
-        parts = {name: {paint for paint, weight in recipes[name].items() if weight > 0} for name in films.names}
+        parts = {
+            name: {paint for paint, weight in recipes[name].items() if weight > 0}
+            for name in films.names
+        }
         films = films.select([name for name in films.names if parts[name] <= set(paints)])
     return films, recipes

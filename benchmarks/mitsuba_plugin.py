@@ -1,11 +1,13 @@
-"""The plugin beside Mitsuba's own `roughplastic` and the exported measured BSDF: speed and error, in one run.
+"""The plugin beside Mitsuba's own `roughplastic` and the exported measured BSDF: speed and error,
+in one run.
 
     python -m benchmarks.mitsuba_plugin [--out FOLDER] [--count N]
 
-For each material in LLVM: millions of `eval`, of `sample`, and of paths of a whole picture a second, best of several
-turns that go round by round; and the largest error of the reflectance factor of the body against the solver, at random
-pairs of angles. `roughplastic` is no model of these glazes: its diffuse part has the glaze's colour at 45:0, and what
-it misses is told the same way.
+For each material in LLVM: millions of `eval`, of `sample`, and of paths of a whole picture a
+second, best of several turns that go round by round; and the largest error of the reflectance
+factor of the body against the solver, at random pairs of angles. `roughplastic` is no model of
+these glazes: its diffuse part has the glaze's colour at 45:0, and what it misses is told the same
+way.
 """
 
 import argparse
@@ -32,18 +34,28 @@ _ROUGHNESS = 0.2
 def glaze() -> gj.Glaze:
     """Ultramarine over zinc white."""
     paints = gj.catalogue.load()
-    return gj.Glaze([gj.Layer(paints["UltramarineBlue"], 3e-6), gj.Layer(paints["ZincWhite"], 20e-6)], 0.8)
+    return gj.Glaze(
+        [gj.Layer(paints["UltramarineBlue"], 3e-6), gj.Layer(paints["ZincWhite"], 20e-6)], 0.8
+    )
 
 
 def materials(folder: Path) -> dict[str, tuple[dict[str, Any], dict[str, Any] | None]]:
-    """By name: as it is timed, and the same without gloss as its body's error is measured (None: see `main`)."""
+    """By name: as it is timed, and the same without gloss as its body's error is measured (None:
+    see `main`).
+    """
     from glazejax.appearance.glaze.mitsuba import export_glaze
     from glazejax.appearance.mitsuba import glaze_bsdf
     from glazejax.appearance.scene.mitsuba import spectrum
 
     made = glaze()
     colour = np.asarray(gj.reflectance(made, gj.Bidirectional(45, 0)))
-    plastic = {"type": "roughplastic", "alpha": _ROUGHNESS, "distribution": "ggx", "int_ior": 1.5, "ext_ior": 1.0}
+    plastic = {
+        "type": "roughplastic",
+        "alpha": _ROUGHNESS,
+        "distribution": "ggx",
+        "int_ior": 1.5,
+        "ext_ior": 1.0,
+    }
     plastic |= {"diffuse_reflectance": spectrum(colour, WAVELENGTHS), "nonlinear": True}
     flat = {"type": "diffuse", "reflectance": spectrum(colour, WAVELENGTHS)}
     textured: dict[str, Any] = {"thickness": brush_strokes(64, 3e-6)}
@@ -55,7 +67,10 @@ def materials(folder: Path) -> dict[str, tuple[dict[str, Any], dict[str, Any] | 
             export_glaze(made, folder / "matt.bsdf", WAVELENGTHS, gloss=False),
         ),
         "glaze, smooth": (glaze_bsdf(made), glaze_bsdf(made, gloss=False)),
-        "glaze, rough": (glaze_bsdf(made, roughness=_ROUGHNESS), glaze_bsdf(made, roughness=_ROUGHNESS, gloss=False)),
+        "glaze, rough": (
+            glaze_bsdf(made, roughness=_ROUGHNESS),
+            glaze_bsdf(made, roughness=_ROUGHNESS, gloss=False),
+        ),
         "+ thickness map": (glaze_bsdf(made, **textured), None),
         "+ ground map": (glaze_bsdf(made, **ground), None),
     }
@@ -70,14 +85,20 @@ def worst(mi: Any, bsdf: Any, roughness: float) -> float:
     made, rng = glaze(), np.random.default_rng(5)
     a, b = rng.uniform(0.02, 1.0, (2, _PAIRS, 1))
     stack = made.albedo, made.optical_thickness, 0.8
-    exact = np.asarray(rough_reflectance_factor(*stack, roughness=roughness, cos_incidence=a, cos_viewing=b))
+    exact = np.asarray(
+        rough_reflectance_factor(*stack, roughness=roughness, cos_incidence=a, cos_viewing=b)
+    )
     rows = [np.repeat(x, WAVELENGTHS.size, axis=1).ravel() for x in (a, b)]
     si = dr.zeros(mi.SurfaceInteraction3f, rows[0].size)
     azimuth = np.repeat(rng.uniform(0, 2 * np.pi, _PAIRS), WAVELENGTHS.size)
     sines = [np.sqrt(1 - x**2) for x in rows]
     si.wi = mi.Vector3f(mi.Float(sines[0]), 0.0, mi.Float(rows[0]))
     si.wavelengths = mi.UnpolarizedSpectrum(mi.Float(np.tile(WAVELENGTHS, _PAIRS)))
-    wo = mi.Vector3f(mi.Float(sines[1] * np.cos(azimuth)), mi.Float(sines[1] * np.sin(azimuth)), mi.Float(rows[1]))
+    wo = mi.Vector3f(
+        mi.Float(sines[1] * np.cos(azimuth)),
+        mi.Float(sines[1] * np.sin(azimuth)),
+        mi.Float(rows[1]),
+    )
     value = np.array(bsdf.eval(mi.BSDFContext(), si, wo)[0]) * np.pi / rows[1]
     return float(np.max(np.abs(value.reshape(exact.shape) - exact)))
 
@@ -105,7 +126,13 @@ def calls(mi: Any, bsdf: dict[str, Any], count: int) -> list[tuple[Callable[[], 
         dr.sync_thread()
 
     view = mi.ScalarTransform4f().look_at([0, 0, 3.4], [0, 0, 0], [0, 1, 0])
-    film = {"type": "hdrfilm", "width": 128, "height": 128, "pixel_format": "xyz", "rfilter": {"type": "box"}}
+    film = {
+        "type": "hdrfilm",
+        "width": 128,
+        "height": 128,
+        "pixel_format": "xyz",
+        "rfilter": {"type": "box"},
+    }
     scene = mi.load_dict(
         {
             "type": "scene",
@@ -129,9 +156,13 @@ def calls(mi: Any, bsdf: dict[str, Any], count: int) -> list[tuple[Callable[[], 
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     add_option(parser, count=20_000)
-    parser.add_argument("--count", type=int, default=1_000_000, help="of a call (default: %(default)s)")
+    parser.add_argument(
+        "--count", type=int, default=1_000_000, help="of a call (default: %(default)s)"
+    )
     options = parser.parse_args()
     import jax
 
@@ -160,17 +191,35 @@ def main() -> None:
                     work()
                     taken = time.perf_counter() - start
                     best[name, k] = min(best.get((name, k), np.inf), taken)
-        head = ("eval M/s", "sample M/s", "paths M/s", "of plastic's", "load s", "table kB", "stated error", "error")
+        head = (
+            "eval M/s",
+            "sample M/s",
+            "paths M/s",
+            "of plastic's",
+            "load s",
+            "table kB",
+            "stated error",
+            "error",
+        )
         results(f"{'':18}" + "".join(f"{title:>14}" for title in head))
         plain = best["roughplastic", 2]
         for name, (bsdf, body) in named.items():
             rates = [works[1] / best[name, k] / 1e6 for k, works in enumerate(made[name])]
             table = getattr(mi.load_dict(bsdf), "table", None)
-            size, stated = ("", "") if table is None else (f"{table.bytes / 1e3:.0f}", f"{table.error:.1e}")
-            error = "" if body is None else f"{worst(mi, mi.load_dict(body), bsdf.get('roughness', 0.0)):.1e}"
+            size, stated = (
+                ("", "") if table is None else (f"{table.bytes / 1e3:.0f}", f"{table.error:.1e}")
+            )
+            error = (
+                ""
+                if body is None
+                else f"{worst(mi, mi.load_dict(body), bsdf.get('roughness', 0.0)):.1e}"
+            )
             row = "".join(f"{rate:14.2f}" for rate in rates) + f"{plain / best[name, 2]:14.2f}"
             results(f"{name:18}{row}{load[name]:14.1f}{size:>14}{stated:>14}{error:>14}")
-    results("paths: camera paths of up to 4 bounces, a ball over a floor under an even sky; load: with its first table")
+    results(
+        "paths: camera paths of up to 4 bounces, a ball over a floor under an even sky; load: "
+        "with its first table"
+    )
     results.save()
 
 

@@ -1,17 +1,19 @@
-"""How many small faults the tests find: mutants of cosmic-ray, each tried in a copy of the repository.
+"""How many small faults the tests find: mutants of cosmic-ray, each tried in a copy of the
+repository.
 
-python -m benchmarks.mutation [MODULE...] [--count N] [--seed S] [--seconds T] [--budget T] [--again] [--confirm]
+python -m benchmarks.mutation [MODULE...] [--count N] [--seed S] [--seconds T] [--budget T]
+[--again] [--confirm]
 
-MODULE is a folder or file of glazejax or glazefit: io, colour, film/errors. A random sample of sites, evenly over the
-modules, gets one change each. Tests whose lines reach the changed line run first, those of the files that are nearest
-(whose lines lie most in the changed file) before others; other tests of these files that use the changed file follow.
-The first failure kills; so do a crash and a test that does not end. What lives after --budget seconds of processor
-time has survived.
+MODULE is a folder or file of glazejax or glazefit: io, colour, film/errors. A random sample of
+sites, evenly over the modules, gets one change each. Tests whose lines reach the changed line run
+first, those of the files that are nearest (whose lines lie most in the changed file) before others;
+other tests of these files that use the changed file follow. The first failure kills; so do a crash
+and a test that does not end. What lives after --budget seconds of processor time has survived.
 
-Results are added to a file of --scratch as they come: a run goes on where one stopped. --again tries survivors once
-more, with the tests of today, --confirm those that were killed, by the same test; --slow lets the slow tests of the
-nearest files run instead; --table runs nothing. mutation_equivalent.tsv names mutants that change nothing that a user
-could see, with the reason.
+Results are added to a file of --scratch as they come: a run goes on where one stopped. --again
+tries survivors once more, with the tests of today, --confirm those that were killed, by the same
+test; --slow lets the slow tests of the nearest files run instead; --table runs nothing.
+mutation_equivalent.tsv names mutants that change nothing that a user could see, with the reason.
 """
 
 import argparse
@@ -37,17 +39,28 @@ NEEDS = ("long", "cosmic_ray", "coverage", "pytest", "hypothesis")
 ROOT = Path(__file__).parents[1]
 ROOMS = ("radiative", "paint", "colour", "io", "film", "recover", "identify", "recipe", "posterior")
 JUDGED = Path(__file__).with_name("mutation_equivalent.tsv")
-LEFT_OUT = ("test_architecture", "test_readme", "test_plots", "test_extras", "test_samples", "appearance/")
+LEFT_OUT = (
+    "test_architecture",
+    "test_readme",
+    "test_plots",
+    "test_extras",
+    "test_samples",
+    "appearance/",
+)
 """Tests that read the source itself, draw, start programs, or lie in a room of their own."""
 
 KILLED = ("killed", "timeout")
 NEAREST = 2
-"""Test files of which all tests that use a changed file are tried before others, and the slow ones if asked."""
+"""Test files of which all tests that use a changed file are tried before others, and the slow ones
+if asked.
+"""
 
 
 @dataclass
 class Tests:
-    """What each test file runs, kept in the scratch folder; files that have changed are run again."""
+    """What each test file runs, kept in the scratch folder; files that have changed are
+    run again.
+    """
 
     scratch: Path
     files: dict[str, Any]
@@ -73,15 +86,22 @@ class Tests:
             entry = map_file(self.scratch, file)
             self.files[file] = {**entry, "text": text}
             self.scratch.with_suffix(".map.json").write_text(json.dumps(self.files))
-            print(f"{file}: {len(entry['seconds'])} tests, {entry['took']:.0f} s, failed {entry['failed']}", flush=True)
+            print(
+                f"{file}: {len(entry['seconds'])} tests, {entry['took']:.0f} s, failed "
+                f"{entry['failed']}",
+                flush=True,
+            )
 
     @property
     def usual(self) -> dict[str, float]:
         """Seconds of each test that passes."""
-        return {test: took for entry in self.files.values() for test, took in entry["seconds"].items()}
+        return {
+            test: took for entry in self.files.values() for test, took in entry["seconds"].items()
+        }
 
     def of(self, mutant: Mutant, budget: float, slow: bool = False) -> list[list[str]]:
-        """Tests to try, by file: those that reach the line, then others that use the file; few that are long.
+        """Tests to try, by file: those that reach the line, then others that use the file; few that
+        are long.
 
         If slow, the nearest files, for their slow tests.
         """
@@ -91,7 +111,11 @@ class Tests:
         use: dict[str, set[str]] = {}
         for file, entry in self.files.items():
             # What runs on import tells nothing of a test.
-            lines = {int(at): tests for at, tests in entry["lines"].get(mutant.file, {}).items() if int(at) in inside}
+            lines = {
+                int(at): tests
+                for at, tests in entry["lines"].get(mutant.file, {}).items()
+                if int(at) in inside
+            }
             if lines:
                 near[file] = len(lines) / sum(map(len, entry["lines"].values()))
                 reach[file] = set(lines.get(mutant.line, ()))
@@ -102,24 +126,39 @@ class Tests:
         if slow:
             return [[file] for file in order[:NEAREST]]
         # A test that takes half the budget leaves too little for others, unless it is all there is.
-        most = max(budget / 2, min((usual[test] for file in order for test in reach[file]), default=0.0))
+        most = max(
+            budget / 2, min((usual[test] for file in order for test in reach[file]), default=0.0)
+        )
         # A tracer sees a line for the first test only; others of the file may depend on it.
         rest = {file: use[file] - reach[file] for file in order}
         both = [tests for file in order[:NEAREST] for tests in (reach[file], rest[file])]
-        chosen = [*both, *(reach[file] for file in order[NEAREST:]), *(rest[file] for file in order[NEAREST:])]
-        short = [sorted((t for t in tests if usual[t] <= most), key=lambda t: usual[t]) for tests in chosen]
+        chosen = [
+            *both,
+            *(reach[file] for file in order[NEAREST:]),
+            *(rest[file] for file in order[NEAREST:]),
+        ]
+        short = [
+            sorted((t for t in tests if usual[t] <= most), key=lambda t: usual[t])
+            for tests in chosen
+        ]
         return [tests for tests in short if tests]
 
 
 def in_functions(source: str) -> set[int]:
     """Lines that run when a function is called."""
     functions = (node for node in ast.walk(ast.parse(source)) if isinstance(node, ast.FunctionDef))
-    return {line for each in functions for line in range(each.body[0].lineno, (each.end_lineno or 0) + 1)}
+    return {
+        line
+        for each in functions
+        for line in range(each.body[0].lineno, (each.end_lineno or 0) + 1)
+    }
 
 
 def copy_tree(scratch: Path) -> None:
     """Bring the scratch copy up to date; files keep their times, and compiled ones stay."""
-    skip = shutil.ignore_patterns("*.egg-info", "__pycache__", ".pytest_cache", "shared", ".hypothesis", "results")
+    skip = shutil.ignore_patterns(
+        "*.egg-info", "__pycache__", ".pytest_cache", "shared", ".hypothesis", "results"
+    )
     for name in ("src", "fitting", "tests", "benchmarks", "docs"):
         shutil.copytree(ROOT / name, scratch / name, ignore=skip, dirs_exist_ok=True)
         for old in (scratch / name).rglob("*.py"):
@@ -142,16 +181,27 @@ def tried(scratch: Path) -> dict[str, list[dict[str, Any]]]:
 
 def judged() -> dict[str, str]:
     """Reason by mutant, of those that no test can tell from the program."""
-    rows = (line.split("\t") for line in JUDGED.read_text().splitlines() if line and not line.startswith("#"))
+    rows = (
+        line.split("\t")
+        for line in JUDGED.read_text().splitlines()
+        if line and not line.startswith("#")
+    )
     return {"\t".join(row[:3]): row[3] for row in rows}
 
 
 def attempt(
-    scratch: Path, tests: Tests, mutant: Mutant, budget: float, stamp: int, slow: bool, before: list[dict[str, Any]]
+    scratch: Path,
+    tests: Tests,
+    mutant: Mutant,
+    budget: float,
+    stamp: int,
+    slow: bool,
+    before: list[dict[str, Any]],
 ) -> dict[str, Any]:
     """Write the mutant into the scratch copy, run its tests, and take it out again.
 
-    Tests that it has passed before are left out; one that is dead has to fail the test that killed it once more.
+    Tests that it has passed before are left out; one that is dead has to fail the test that killed
+    it once more.
     """
     from benchmarks.mutation_run import run_tests
 
@@ -164,14 +214,23 @@ def attempt(
     groups, usual = tests.of(mutant, budget, slow), None if slow else tests.usual
     passed = {test for trial in before for test in trial.get("passed", ())}
     if confirm := dead(before):
-        groups, passed = [[next(trial["by"] for trial in before if trial["outcome"] in KILLED)]], set()
-    groups = [left for tests_of_one in groups if (left := [test for test in tests_of_one if test not in passed])]
+        groups, passed = (
+            [[next(trial["by"] for trial in before if trial["outcome"] in KILLED)]],
+            set(),
+        )
+    groups = [
+        left
+        for tests_of_one in groups
+        if (left := [test for test in tests_of_one if test not in passed])
+    ]
     begun = time.monotonic()
     try:
         path.write_text(text)
         # Byte code of an earlier mutant of the same length must not pass for this one's.
         os.utime(path, (stamp, stamp))
-        outcome, by, ended = run_tests(scratch, groups, usual, budget, slow) if groups else ("passed", "", [])
+        outcome, by, ended = (
+            run_tests(scratch, groups, usual, budget, slow) if groups else ("passed", "", [])
+        )
     finally:
         path.write_text(source)
         os.utime(path, ns=(kept.st_atime_ns, kept.st_mtime_ns))
@@ -201,17 +260,26 @@ def interval(killed: int, of: int) -> tuple[float, float]:
     if of == 0:
         return 0.0, 1.0
     z, share = 1.96, killed / of
-    middle, half = share + z * z / (2 * of), z * math.sqrt(share * (1 - share) / of + z * z / (4 * of * of))
+    middle, half = (
+        share + z * z / (2 * of),
+        z * math.sqrt(share * (1 - share) / of + z * z / (4 * of * of)),
+    )
     return (middle - half) / (1 + z * z / of), (middle + half) / (1 + z * z / of)
 
 
 def _room(mutant: Mutant, rooms: list[str]) -> str:
-    inside = mutant.file.removeprefix("src/glazejax/").removeprefix("fitting/glazefit/").removesuffix(".py")
+    inside = (
+        mutant.file.removeprefix("src/glazejax/")
+        .removeprefix("fitting/glazefit/")
+        .removesuffix(".py")
+    )
     return next((room for room in rooms if inside == room or inside.startswith(f"{room}/")), "")
 
 
 def table(results: Results, scratch: Path, rooms: list[str], seed: int, budget: float) -> None:
-    """Counts by module, before and after survivors were tried again, then each survivor and each equivalent."""
+    """Counts by module, before and after survivors were tried again, then each survivor and each
+    equivalent.
+    """
     equivalent = judged()
     rows: dict[str, list[int]] = {room: [0, 0, 0, 0] for room in rooms}
     living: list[str] = []
@@ -224,40 +292,79 @@ def table(results: Results, scratch: Path, rooms: list[str], seed: int, budget: 
         row[0] += 1
         if key in equivalent:
             row[1] += 1
-            same.append(f"{mutant.file}:{mutant.line}\n    {mutant.code}\n    {mutant.change}\n    = {equivalent[key]}")
+            same.append(
+                f"{mutant.file}:{mutant.line}\n    {mutant.code}\n    {mutant.change}\n    = "
+                f"{equivalent[key]}"
+            )
             continue
         row[2] += dead(
-            [trial for n, trial in enumerate(trials) if n == 0 or (dead(trials[:1]) and trial.get("confirm"))]
+            [
+                trial
+                for n, trial in enumerate(trials)
+                if n == 0 or (dead(trials[:1]) and trial.get("confirm"))
+            ]
         )
         if dead(trials):
             row[3] += 1
         else:
             last = trials[-1]
-            ran = f"{last['tests']} of {last['of']} tests ran in {last['seconds']:.0f} s" if last["of"] else "no test"
-            living.append(f"{mutant.file}:{mutant.line} ({ran})\n    {mutant.code}\n    {mutant.change}")
+            ran = (
+                f"{last['tests']} of {last['of']} tests ran in {last['seconds']:.0f} s"
+                if last["of"]
+                else "no test"
+            )
+            living.append(
+                f"{mutant.file}:{mutant.line} ({ran})\n    {mutant.code}\n    {mutant.change}"
+            )
     results(
-        f"Mutants of cosmic-ray, seed {seed}, one change at each of a random sample of places, evenly over the modules."
+        f"Mutants of cosmic-ray, seed {seed}, one change at each of a random sample of places, "
+        "evenly over the modules."
     )
-    results("Fast tests only: those that reach the line, nearest file first, then others of these files that use the")
-    results(f"changed file, for at most {budget:.0f} s of processor time. Left out: files that draw and word (plots,")
-    results("page, report), words of errors, annotations, decorators. Share: killed of those that are not equivalent,")
-    results("with its 95 % interval. Survivors were tried again, with longer tests and with tests written since: the")
+    results(
+        "Fast tests only: those that reach the line, nearest file first, then others of these "
+        "files that use the"
+    )
+    results(
+        f"changed file, for at most {budget:.0f} s of processor time. Left out: files that draw "
+        "and word (plots,"
+    )
+    results(
+        "page, report), words of errors, annotations, decorators. Share: killed of those that "
+        "are not equivalent,"
+    )
+    results(
+        "with its 95 % interval. Survivors were tried again, with longer tests and with tests "
+        "written since: the"
+    )
     results("second share is of the very sample that these were written for.")
     results("")
-    results(f"{'':12s} mutants  equivalent  killed at first  share  killed now  survive  share  interval")
+    results(
+        f"{'':12s} mutants  equivalent  killed at first  share  killed now  survive  share  "
+        "interval"
+    )
     total = [sum(column) for column in zip(*rows.values(), strict=True)]
     for room, (count, no, first, now) in [*rows.items(), ("all", total)]:
         real = count - no
         low, high = interval(now, real)
         results(
-            f"{room:12s} {count:7d}  {no:10d}  {first:15d}  {first / max(real, 1):5.0%}  {now:10d}  {real - now:7d}"
+            f"{room:12s} {count:7d}  {no:10d}  {first:15d}  {first / max(real, 1):5.0%}  "
+            f"{now:10d}  {real - now:7d}"
             f"  {now / max(real, 1):5.0%}  {low:.0%} to {high:.0%}"
         )
-    again = [trials for trials in tried(scratch).values() if any(trial.get("confirm") for trial in trials)]
+    again = [
+        trials
+        for trials in tried(scratch).values()
+        if any(trial.get("confirm") for trial in trials)
+    ]
     if again:
         results("")
-        twice = sum(any(t.get("confirm") and t["outcome"] in KILLED for t in trials) for trials in again)
-        results(f"Killed ones tried again, each with the test that killed it: {len(again)}, killed again: {twice}.")
+        twice = sum(
+            any(t.get("confirm") and t["outcome"] in KILLED for t in trials) for trials in again
+        )
+        results(
+            f"Killed ones tried again, each with the test that killed it: {len(again)}, killed "
+            f"again: {twice}."
+        )
     for title, texts in (("Survivors", living), ("Judged equivalent", same)):
         results("")
         results(f"{title}: {len(texts)}")
@@ -268,7 +375,9 @@ def table(results: Results, scratch: Path, rooms: list[str], seed: int, budget: 
 
 
 def waiting(options: argparse.Namespace, scratch: Path) -> Iterator[Mutant]:
-    """Mutants to try: of the sample those not tried yet, or with --again survivors, with --confirm the others."""
+    """Mutants to try: of the sample those not tried yet, or with --again survivors, with --confirm
+    the others.
+    """
     done = tried(scratch)
     if not (options.again or options.confirm):
         drawn = itertools.islice(sample(scratch, options.modules, options.seed), options.count)
@@ -280,26 +389,49 @@ def waiting(options: argparse.Namespace, scratch: Path) -> Iterator[Mutant]:
         if key in equivalent or not _room(mutant, options.modules):
             continue
         tried_twice = any(trial.get("confirm") for trial in trials)
-        if (options.again and not dead(trials)) or (options.confirm and dead(trials) and not tried_twice):
+        if (options.again and not dead(trials)) or (
+            options.confirm and dead(trials) and not tried_twice
+        ):
             yield mutant
 
 
 def main() -> None:
     """Parse the command line, run, and write the table."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("modules", nargs="*", default=list(ROOMS), metavar="MODULE")
-    parser.add_argument("--count", type=int, default=300, help="size of the sample (default: %(default)s)")
+    parser.add_argument(
+        "--count", type=int, default=300, help="size of the sample (default: %(default)s)"
+    )
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--seconds", type=float, default=math.inf, help="stop after these, with what there is")
-    parser.add_argument("--budget", type=float, default=60.0, help="processor seconds a mutant (default: %(default)s)")
+    parser.add_argument(
+        "--seconds", type=float, default=math.inf, help="stop after these, with what there is"
+    )
+    parser.add_argument(
+        "--budget",
+        type=float,
+        default=60.0,
+        help="processor seconds a mutant (default: %(default)s)",
+    )
     parser.add_argument("--core", type=int, help="run on this core alone")
     parser.add_argument("--again", action="store_true", help="try survivors once more")
-    parser.add_argument("--confirm", action="store_true", help="try those that were killed once more, by the same test")
+    parser.add_argument(
+        "--confirm",
+        action="store_true",
+        help="try those that were killed once more, by the same test",
+    )
     parser.add_argument("--slow", action="store_true", help="with slow tests")
-    parser.add_argument("--table", action="store_true", help="run nothing, write the table of what was run")
+    parser.add_argument(
+        "--table", action="store_true", help="run nothing, write the table of what was run"
+    )
     parser.add_argument("--map", action="store_true", help="only see which tests run which lines")
-    parser.add_argument("--mapped", action="store_true", help="use the map of tests as far as it is made")
-    parser.add_argument("--scratch", type=Path, default=Path(tempfile.gettempdir()) / "glazejax-mutation" / "tree")
+    parser.add_argument(
+        "--mapped", action="store_true", help="use the map of tests as far as it is made"
+    )
+    parser.add_argument(
+        "--scratch", type=Path, default=Path(tempfile.gettempdir()) / "glazejax-mutation" / "tree"
+    )
     add_option(parser)
     options = parser.parse_args()
     scratch = options.scratch.resolve()
@@ -320,12 +452,19 @@ def main() -> None:
             if time.time() > until:
                 break
             trial = attempt(
-                scratch, tests, mutant, options.budget, stamp + number, options.slow, done.get(mutant.key, [])
+                scratch,
+                tests,
+                mutant,
+                options.budget,
+                stamp + number,
+                options.slow,
+                done.get(mutant.key, []),
             )
             with scratch.with_suffix(".jsonl").open("a") as log:
                 log.write(json.dumps(trial) + "\n")
             print(
-                f"{trial['outcome']:8s} {trial['seconds']:5.1f} s  {mutant.file}:{mutant.line}  {mutant.change}",
+                f"{trial['outcome']:8s} {trial['seconds']:5.1f} s  {mutant.file}:{mutant.line}  "
+                f"{mutant.change}",
                 flush=True,
             )
     # The first sample is that which tests were written for; others are named by their seed.

@@ -1,7 +1,8 @@
-"""Runs tests in forked children of one process that has imported what others wrote, and nothing of ours.
+"""Runs tests in forked children of one process that has imported what others wrote, and nothing of
+ours.
 
-Most of a short test run is importing JAX, SciPy and pytest. A fork has them at once. JAX starts its threads with the
-first computation; the parent therefore computes nothing.
+Most of a short test run is importing JAX, SciPy and pytest. A fork has them at once. JAX starts its
+threads with the first computation; the parent therefore computes nothing.
 """
 
 import contextlib
@@ -64,7 +65,9 @@ PATIENCE = (25.0, 8.0)
 
 
 def prepare(core: int | None) -> None:
-    """Import packages of others, on one core. XLA reads its flags when it starts, after conftest.py has set them."""
+    """Import packages of others, on one core. XLA reads its flags when it starts, after conftest.py
+    has set them.
+    """
     if core is not None:
         os.sched_setaffinity(0, {core})
     os.environ.update(OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1", MPLBACKEND="Agg")
@@ -76,12 +79,16 @@ def prepare(core: int | None) -> None:
 
     jax.config.update("jax_enable_x64", True)
     if xla_bridge.backends_are_initialized():
-        raise RuntimeError("a package starts JAX's backend when it is imported; leave it out of IMPORTED")
+        raise RuntimeError(
+            "a package starts JAX's backend when it is imported; leave it out of IMPORTED"
+        )
 
 
 @dataclass(eq=False)
 class Plugin:
-    """Tells the parent what happens to each test, as lines of JSON; with `coverage` also which lines it ran."""
+    """Tells the parent what happens to each test, as lines of JSON; with `coverage` also which
+    lines it ran.
+    """
 
     pipe: int
     coverage: Any = None
@@ -93,11 +100,15 @@ class Plugin:
         os.write(self.pipe, (json.dumps(words) + "\n").encode())
 
     def pytest_collection(self) -> None:
-        """No example of an earlier run comes back, and a failure is not made simpler: failing is enough."""
+        """No example of an earlier run comes back, and a failure is not made simpler: failing is
+        enough.
+        """
         import hypothesis
 
         quick = [hypothesis.Phase.explicit, hypothesis.Phase.generate]
-        hypothesis.settings.register_profile("mutation", deadline=None, max_examples=50, database=None, phases=quick)
+        hypothesis.settings.register_profile(
+            "mutation", deadline=None, max_examples=50, database=None, phases=quick
+        )
         hypothesis.settings.load_profile("mutation")
 
     def pytest_runtest_logstart(self, nodeid: str) -> None:
@@ -147,11 +158,12 @@ def in_child(
     Args:
         scratch: copy of the repository.
         work: what the child does; it writes lines as `Plugin.say` does.
-        usual: seconds of each test, which then has an end; without, a test has as much time as it takes.
-        seconds: of processor time, after which the child is stopped.
+        usual: seconds of each test, which then has an end; without, a test has as much time as it
+        takes. seconds: of processor time, after which the child is stopped.
 
     Returns:
-        Outcome ("killed", "timeout", "passed", "budget"), the test concerned, and the tests that ended with seconds.
+        Outcome ("killed", "timeout", "passed", "budget"), the test concerned, and the tests that
+        ended with seconds.
     """
     read, write = os.pipe()
     if (child := os.fork()) == 0:
@@ -181,7 +193,9 @@ def in_child(
 
 
 def _spent(process: int) -> float:
-    """Seconds of processor time of a process and of those it has waited for; other programs do not count."""
+    """Seconds of processor time of a process and of those it has waited for; other programs do not
+    count.
+    """
     try:
         words = Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()
     except OSError:
@@ -230,7 +244,9 @@ def run_tests(
     seconds: float,
     slow: bool = False,
 ) -> tuple[str, str, list[tuple[str, float]]]:
-    """Run groups of tests (each of one file; if slow, files), one after the other, until one fails; see `in_child`."""
+    """Run groups of tests (each of one file; if slow, files), one after the other, until one fails;
+    see `in_child`.
+    """
 
     def work(pipe: int) -> None:
         plugin = Plugin(pipe)
@@ -244,9 +260,11 @@ def run_tests(
 
 
 def map_file(scratch: Path, file: str) -> dict[str, Any]:
-    """Run one test file and see which tests run which lines: {"seconds": {test: s}, "lines": {source: {line: tests}}}.
+    """Run one test file and see which tests run which lines: {"seconds": {test: s}, "lines":
+    {source: {line: tests}}}.
 
-    A line of a traced function counts for the test that has it traced first; other tests of the file may depend on it.
+    A line of a traced function counts for the test that has it traced first; other tests of the
+    file may depend on it.
     """
     target = scratch.with_suffix(".lines.json")
     target.unlink(missing_ok=True)
@@ -263,11 +281,22 @@ def map_file(scratch: Path, file: str) -> dict[str, Any]:
         import pytest
 
         folder = f"--basetemp={scratch.with_suffix('.tmp')}"
-        options = ["-q", "--tb=short", "--no-header", folder, "-p", "no:cacheprovider", "-m", "not slow"]
+        options = [
+            "-q",
+            "--tb=short",
+            "--no-header",
+            folder,
+            "-p",
+            "no:cacheprovider",
+            "-m",
+            "not slow",
+        ]
         plugin_failures: list[str] = []
         say = plugin.say
         # Failing tests are noted here and do not end the file.
-        plugin.say = lambda *words: plugin_failures.append(str(words[1])) if words[0] == "fail" else say(*words)
+        plugin.say = lambda *words: (
+            plugin_failures.append(str(words[1])) if words[0] == "fail" else say(*words)
+        )
         if pytest.main([*options, file], plugins=[plugin]) not in ENDED:
             raise RuntimeError(f"pytest does not run {file}")
         cover.stop()
@@ -275,7 +304,10 @@ def map_file(scratch: Path, file: str) -> dict[str, Any]:
         lines: dict[str, dict[int, list[str]]] = {}
         for path in data.measured_files():
             name = str(Path(path).relative_to(scratch))
-            by_line = {line: [t for t in tests if t] for line, tests in data.contexts_by_lineno(path).items()}
+            by_line = {
+                line: [t for t in tests if t]
+                for line, tests in data.contexts_by_lineno(path).items()
+            }
             lines[name] = {line: tests for line, tests in by_line.items() if tests}
         target.write_text(json.dumps({"failed": plugin_failures, "lines": lines}))
         say("done")

@@ -1,7 +1,9 @@
 """Which small faults a source file can get: sites and their changes, from cosmic-ray's operators.
 
-Left out is what no test should hold: docstrings, annotations, `raise` and `warnings.warn` with their words, f-strings,
-`TYPE_CHECKING`, `__all__`, decorators, and operators that make no sense for the operands (`<<` for `+`, `is` for `==`).
+Left out is what no test should hold: docstrings, annotations, `raise` and `warnings.warn` with
+their words, f-strings,
+`TYPE_CHECKING`, `__all__`, decorators, and operators that make no sense for the operands (`<<` for
+`+`, `is` for `==`).
 """
 
 import ast
@@ -58,7 +60,12 @@ def names() -> list[str]:
     """Operators of cosmic-ray that are used."""
     pairs = [
         f"Replace{kind}Operator_{one}_{other}"
-        for kind, group in (("Binary", ARITHMETIC), ("Binary", LOGIC), ("Comparison", ORDER), ("Comparison", SAME))
+        for kind, group in (
+            ("Binary", ARITHMETIC),
+            ("Binary", LOGIC),
+            ("Comparison", ORDER),
+            ("Comparison", SAME),
+        )
         for one in group
         for other in group
         if one != other
@@ -67,14 +74,19 @@ def names() -> list[str]:
 
 
 def files(root: Path, room: str) -> list[Path]:
-    """Source files of a room (`io`, `radiative`, `colour`, ...), or of one file in it (`film/errors`)."""
+    """Source files of a room (`io`, `radiative`, `colour`, ...), or of one file in it
+    (`film/errors`).
+    """
     found: list[Path] = []
     for package in ("src/glazejax", "fitting/glazefit"):
         folder = root / package / room
         found += sorted(folder.rglob("*.py")) if folder.is_dir() else []
         found += [path] if (path := folder.with_suffix(".py")).is_file() else []
     if not found:
-        raise ValueError(f"{room} is neither a folder nor a file of glazejax or glazefit; write e.g. io or film/errors")
+        raise ValueError(
+            f"{room} is neither a folder nor a file of glazejax or glazefit; write e.g. io or "
+            "film/errors"
+        )
     return [path for path in found if not POOR.search(path.stem)]
 
 
@@ -122,7 +134,9 @@ def _nodes(node: Any) -> Iterator[Any]:
 
 
 def sites(path: Path) -> dict[tuple[Position, str], list[tuple[str, int]]]:
-    """Places where a file can be changed, each with its changes (operator, which occurrence of it)."""
+    """Places where a file can be changed, each with its changes (operator, which
+    occurrence of it).
+    """
     import cosmic_ray.plugins  # pyright: ignore[reportMissingImports]
     from cosmic_ray.ast import get_ast  # pyright: ignore[reportMissingImports]
 
@@ -154,7 +168,9 @@ def mutated(source: str, operator: str, occurrence: int) -> str | None:
                 node.value, node.prefix = node.value[1:], prefix
             return node
 
-    text = Visitor.mutate_code(source, cosmic_ray.plugins.get_operator(f"core/{operator}")(), occurrence)
+    text = Visitor.mutate_code(
+        source, cosmic_ray.plugins.get_operator(f"core/{operator}")(), occurrence
+    )
     try:
         same = text is None or ast.dump(ast.parse(text)) == ast.dump(ast.parse(source))
     except SyntaxError:
@@ -163,7 +179,9 @@ def mutated(source: str, operator: str, occurrence: int) -> str | None:
 
 
 def sample(root: Path, rooms: list[str], seed: int) -> Iterator[Mutant]:
-    """Mutants without end of any room before the other: each room's sites in random order, one change a site."""
+    """Mutants without end of any room before the other: each room's sites in random order, one
+    change a site.
+    """
 
     def of(room: str) -> Iterator[Mutant]:
         chance = random.Random(f"{seed} {room}")

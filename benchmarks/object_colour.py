@@ -1,7 +1,8 @@
 """What paper B's figures share: grid, lights, bodies, metals, and colours of spectra.
 
-Everything is spectral, 400-700 nm step 5 as in the paper. Its measured spectra are figures only: colour-science's
-ColorChecker patches, illuminant A (its slide projector) and D55 (its sunlight) stand for them.
+Everything is spectral, 400-700 nm step 5 as in the paper. Its measured spectra are figures only:
+colour-science's ColorChecker patches, illuminant A (its slide projector) and D55 (its sunlight)
+stand for them.
 """
 
 from typing import NamedTuple
@@ -12,7 +13,11 @@ from scipy.interpolate import PchipInterpolator
 from glazejax import colour
 from glazejax.appearance.display.display import Display
 from glazejax.appearance.metals import metal
-from glazejax.radiative.common.fresnel import cook_torrance_reflectance, hall_extinction, hall_reflectance
+from glazejax.radiative.common.fresnel import (
+    cook_torrance_reflectance,
+    hall_extinction,
+    hall_reflectance,
+)
 
 GRID = np.arange(400.0, 701.0, 5.0)
 FORMS = ("exact Fresnel", "Cook-Torrance", "Hall")
@@ -44,8 +49,9 @@ COPPER_MEASURED = np.array(
         (701, 0.869),
     ]
 )
-"""Copper in an integrating sphere: nm, reflectance. E. W. Spisz, A. J. Weigand, R. L. Bowman, J. R. Jack, Solar
-absorptances and spectral reflectances of 12 metals, NASA TN D-5353 (1969), table II (a)."""
+"""Copper in an integrating sphere: nm, reflectance. E. W. Spisz, A. J. Weigand, R. L. Bowman, J. R.
+Jack, Solar absorptances and spectral reflectances of 12 metals, NASA TN D-5353 (1969), table II
+(a)."""
 
 
 class Locus(NamedTuple):
@@ -84,7 +90,10 @@ def chart() -> dict[str, np.ndarray]:
     """Reflectances of all ColorChecker patches on the grid."""
     science = colour.colour_science()
     patches = science.SDS_COLOURCHECKERS["BabelColor Average"]
-    return {name: s.copy().align(science.SpectralShape(400, 700, 5)).values for name, s in patches.items()}
+    return {
+        name: s.copy().align(science.SpectralShape(400, 700, 5)).values
+        for name, s in patches.items()
+    }
 
 
 def patches(*names: str) -> list[np.ndarray]:
@@ -94,7 +103,9 @@ def patches(*names: str) -> list[np.ndarray]:
 
 
 def reflectances(name: str, cosine: np.ndarray) -> dict[str, np.ndarray]:
-    """Reflectance of a metal, (..., bands), by each form; Hall's also with the mean n and k instead of n = 1."""
+    """Reflectance of a metal, (..., bands), by each form; Hall's also with the mean n and k instead
+    of n = 1.
+    """
     bare = metal(name, GRID)
     normal, c = np.asarray(bare.reflectance(1.0)), cosine[..., None]
     found = {
@@ -107,7 +118,9 @@ def reflectances(name: str, cosine: np.ndarray) -> dict[str, np.ndarray]:
 
 
 def measured_copper(cosine: np.ndarray) -> np.ndarray:
-    """Reflectance of copper, (..., bands), by Hall from what was measured of it near normal incidence."""
+    """Reflectance of copper, (..., bands), by Hall from what was measured of it near normal
+    incidence.
+    """
     normal = PchipInterpolator(*COPPER_MEASURED.T)(GRID)
     return np.asarray(hall_reflectance(cosine[..., None], normal, hall_extinction(normal.mean())))
 

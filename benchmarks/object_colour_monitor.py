@@ -1,9 +1,11 @@
 """Paper B's monitor in the loop: figures 2, 3, 4, 10, 14 and 16, and the brightness of the chips.
 
-As in the paper, section 6: spectra become XYZ, XYZ become digital levels by the matrix T and the two tables, the
-levels light a monitor, and a colorimeter reads it. The monitor is simulated: primaries within the rounding of the
-printed ones, so that T is as printed, a gamma a channel, levels that are whole numbers, and some light left at level
-0. What the program knows of it is what the colorimeter reads: x and y to .001, Y to three digits, 18 levels a primary.
+As in the paper, section 6: spectra become XYZ, XYZ become digital levels by the matrix T and the
+two tables, the levels light a monitor, and a colorimeter reads it. The monitor is simulated:
+primaries within the rounding of the printed ones, so that T is as printed, a gamma a channel,
+levels that are whole numbers, and some light left at level
+0. What the program knows of it is what the colorimeter reads: x and y to .001, Y to three digits,
+18 levels a primary.
 """
 
 from typing import Any, NamedTuple
@@ -11,7 +13,15 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.optimize import least_squares
 
-from benchmarks.object_colour import COPPER, chart, chromaticity_of, lamp, measured_copper, reflectances, xyz
+from benchmarks.object_colour import (
+    COPPER,
+    chart,
+    chromaticity_of,
+    lamp,
+    measured_copper,
+    reflectances,
+    xyz,
+)
 from benchmarks.results import Results
 from glazejax.appearance.display.display import Display
 from glazejax.appearance.display.tone import ToneCurve, look_up
@@ -26,7 +36,9 @@ READ = np.arange(0, 256, 15)
 TOP = np.array([255.0])
 VALUES = np.concatenate([np.arange(0.0, 30.0, 0.1), np.arange(30.0, 256.0)])
 SHOWABLE = 2e-3
-"""Distance in xy, at most, between a colour and the nearest that the primaries make: two last digits of a reading."""
+"""Distance in xy, at most, between a colour and the nearest that the primaries make: two last
+digits of a reading.
+"""
 PLATES = np.arange(0.0, 87.6, 2.5)
 
 
@@ -46,7 +58,9 @@ class Monitor(NamedTuple):
         xy, light = np.round(chromaticity_of(seen), 3), seen[..., 1:2]
         digit = 10.0 ** (np.floor(np.log10(light)) - 2)
         light = np.round(light / digit) * digit
-        return light / xy[..., 1:] * np.concatenate([xy, 1 - xy.sum(axis=-1, keepdims=True)], axis=-1)
+        return (
+            light / xy[..., 1:] * np.concatenate([xy, 1 - xy.sum(axis=-1, keepdims=True)], axis=-1)
+        )
 
     def known(self) -> Display:
         """The display as its readings tell."""
@@ -70,7 +84,9 @@ class Loop(NamedTuple):
 
 
 def nearest_display(green_y: float) -> tuple[Display, float]:
-    """The display within the rounding of all printed primaries whose T is nearest to the printed, and how near."""
+    """The display within the rounding of all printed primaries whose T is nearest to the printed,
+    and how near.
+    """
     printed = Display.paper_monitor()
     start = np.concatenate([printed.chromaticities.ravel(), printed.luminances])
     start[3] = green_y
@@ -81,7 +97,9 @@ def nearest_display(green_y: float) -> tuple[Display, float]:
         moved = start + shares * half
         return Display(moved[:6].reshape(3, 2), moved[6:], tones, name="simulated monitor")
 
-    found = made(least_squares(lambda s: (made(s).matrix - PRINTED).ravel(), np.zeros(9), bounds=(-1, 1)).x)
+    found = made(
+        least_squares(lambda s: (made(s).matrix - PRINTED).ravel(), np.zeros(9), bounds=(-1, 1)).x
+    )
     return found, float(np.abs(found.matrix - PRINTED).max())
 
 
@@ -107,19 +125,34 @@ def tables(results: Results) -> dict[str, Any]:
     display = Display.paper_monitor()
     results("        T, printed                  T, eq (3) with second row 1")
     for one, two in zip(PRINTED, display.matrix, strict=True):
-        results("  " + " ".join(f"{v:7.3f}" for v in one) + "     " + " ".join(f"{v:7.3f}" for v in two))
+        results(
+            "  " + " ".join(f"{v:7.3f}" for v in one) + "     " + " ".join(f"{v:7.3f}" for v in two)
+        )
     largest = np.abs(PRINTED).max()
-    results(f"  largest difference {np.abs(display.matrix - PRINTED).max() / largest:.1%} of the largest number")
+    results(
+        f"  largest difference {np.abs(display.matrix - PRINTED).max() / largest:.1%} of the "
+        "largest number"
+    )
     for green in (MISPRINT, GREEN_Y):
         off = nearest_display(green)[1]
-        results(f"  nearest T within the rounding of the primaries, y of green {green}: {off:.4f} off")
+        results(
+            f"  nearest T within the rounding of the primaries, y of green {green}: {off:.4f} off"
+        )
     results("  printed T has three decimals, so y = .607 of green is a misprint for .597")
     tone = ToneCurve.from_gamma(2.2)
     coarse, fine = tone.tables()
     light = np.linspace(0.0, 14.0, 14001)
-    for words, table in (("one table of 256", None), ("a second one, ten times finer below 14", fine)):
-        wrong = np.abs(255 * np.asarray(tone.light(look_up(light, coarse, table).astype(float))) - light)
-        results(f"  gamma 2.2, light 0-14 of 255 by {words}: error {wrong.max():.2f} at most, {wrong.mean():.3f} mean")
+    for words, table in (
+        ("one table of 256", None),
+        ("a second one, ten times finer below 14", fine),
+    ):
+        wrong = np.abs(
+            255 * np.asarray(tone.light(look_up(light, coarse, table).astype(float))) - light
+        )
+        results(
+            f"  gamma 2.2, light 0-14 of 255 by {words}: error {wrong.max():.2f} at most, "
+            f"{wrong.mean():.3f} mean"
+        )
     *_, whole, _ = loops()
     curves = [tone.tables() for tone in whole.known.tones]
     results("  Figure 4: light of each primary alone for RGB values, off a straight line, of 255:")
@@ -133,14 +166,20 @@ def tables(results: Results) -> dict[str, Any]:
             f"below 14: {off[:, low].max():.2f} at most, {off[:, low].mean():.2f} mean"
         )
         lines[words] = found
-    return {"tables": curves, "lines": lines, "values": VALUES, "luminances": whole.known.luminances}
+    return {
+        "tables": curves,
+        "lines": lines,
+        "values": VALUES,
+        "luminances": whole.known.luminances,
+    }
 
 
 def straight(loop: Loop, channel: int, values: np.ndarray, fine: bool) -> np.ndarray:
     """Light that a primary alone gives for RGB values, less that of level 0, of 255."""
     ends = loop.known.to_xyz(np.eye(3)[channel] * loop.known.levels)
     shown = [
-        loop.monitor.read(np.asarray(loop.known.look_up(v[:, None] / 255 * ends, fine=fine).rgb)) for v in (values, TOP)
+        loop.monitor.read(np.asarray(loop.known.look_up(v[:, None] / 255 * ends, fine=fine).rgb))
+        for v in (values, TOP)
     ]
     dark = loop.monitor.read(np.zeros(3))[1]
     return 255 * (shown[0][:, 1] - dark) / (shown[1][0, 1] - dark)
@@ -162,7 +201,10 @@ def showable(values: np.ndarray) -> np.ndarray:
 def chips(results: Results) -> dict[str, Any]:
     """Section 6: the brightness of standard colours on the monitor."""
     results()
-    results("Chips (section 6): the 24 patches of a ColorChecker under D55, what is read over what is wanted")
+    results(
+        "Chips (section 6): the 24 patches of a ColorChecker under D55, what is read over what "
+        "is wanted"
+    )
     known = chart()
     wanted = exposed(xyz(np.stack(list(known.values())) * lamp("D55")), loops()[0].known)
     inside = showable(wanted)
@@ -191,23 +233,33 @@ def measured(results: Results, title: str, wanted: np.ndarray) -> np.ndarray:
         out.append(read)
     if not inside.all():
         results(
-            f"    {np.sum(~inside)} of them lie outside the monitor's gamut: clipped, and left out of these numbers"
+            f"    {np.sum(~inside)} of them lie outside the monitor's gamut: clipped, and left "
+            "out of these numbers"
         )
     return out[3]
 
 
 def copper_plates(results: Results) -> dict[str, Any]:
-    """Figure 14: copper plates by Hall's form from measured reflectance, each exposed for itself."""
+    """Figure 14: copper plates by Hall's form from measured reflectance, each exposed for
+    itself.
+    """
     light = lamp("D55")
     values = xyz(measured_copper(np.cos(np.deg2rad(PLATES))) * light)
-    normal, palik = measured_copper(np.array(1.0)), reflectances(COPPER, np.array(1.0))["exact Fresnel"]
+    normal, palik = (
+        measured_copper(np.array(1.0)),
+        reflectances(COPPER, np.array(1.0))["exact Fresnel"],
+    )
     results(
         "  normal reflectance of copper, measured (of Palik's n and k), at 400, 500, 600, 700 nm: "
         + ", ".join(f"{normal[k]:.2f} ({palik[k]:.2f})" for k in (0, 20, 40, 60))
     )
     known = loops()[0].known
     wanted = np.stack([exposed(value, known, 0.9) for value in values])
-    read = measured(results, "Figure 14: copper at 0 to 87.5 degrees step 2.5, normal reflectance measured", wanted)
+    read = measured(
+        results,
+        "Figure 14: copper at 0 to 87.5 degrees step 2.5, normal reflectance measured",
+        wanted,
+    )
     exact = chromaticity_of(wanted)
     ends = np.stack([exact[0], chromaticity_of(xyz(light))])
     along = ends[1] - ends[0]
@@ -215,7 +267,10 @@ def copper_plates(results: Results) -> dict[str, Any]:
     off = np.linalg.norm(read - ends[0] - share[:, None] * along, axis=1)
     wrong = np.linalg.norm(read - exact, axis=1)
     steep, grazing = wrong[PLATES <= 45].mean(), wrong[PLATES > 45].mean()
-    results(f"    what is read lies within {off.max():.4f} of the line from normal incidence to the light;")
+    results(
+        f"    what is read lies within {off.max():.4f} of the line from normal incidence to the "
+        "light;"
+    )
     results(f"    up to 45 degrees it is {steep:.4f} off on average, beyond {grazing:.4f}")
     results("    paper: the locus is straight, with an error near 0 degrees")
     return {"copper": (exact, read, ends)}

@@ -1,7 +1,8 @@
 """Two joined planes that light each other, ray-traced: paper B's figures 15 and 16.
 
-The scene's own renderer finds which point each ray meets. The planes' material answers there with the direct light
-and what comes from the other plane, eq (9), as the paper builds it into its ray tracer.
+The scene's own renderer finds which point each ray meets. The planes' material answers there with
+the direct light and what comes from the other plane, eq (9), as the paper builds it into its ray
+tracer.
 """
 
 from typing import Any
@@ -29,7 +30,8 @@ DISTANCE = 62.0
 
 
 class Side(Material):
-    """One of two joined planes: a spectrum for each distance from the joint, 0 to 1 of the width along v.
+    """One of two joined planes: a spectrum for each distance from the joint, 0 to 1 of the width
+    along v.
 
     Args:
         leaving: (places, bands), light that leaves it over that of a white which faces the light.
@@ -60,8 +62,12 @@ class Side(Material):
         return (1 - part) * self.leaving[low] + part * self.leaving[low + 1]
 
 
-def sides(way: str, above: np.ndarray, below: np.ndarray, place: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Light that leaves both planes, (places, bands) each, for light of spectrum 1 along the bisector."""
+def sides(
+    way: str, above: np.ndarray, below: np.ndarray, place: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Light that leaves both planes, (places, bands) each, for light of spectrum 1 along the
+    bisector.
+    """
     lit = np.sin(np.deg2rad(OPENING / 2))
     if way == "no bounce":
         return np.tile(lit * above, (place.size, 1)), np.tile(lit * below, (place.size, 1))
@@ -77,7 +83,10 @@ def scene(way: str, above: np.ndarray, below: np.ndarray, light: np.ndarray) -> 
     distance = 1.0 - (np.arange(rows) + 0.5) / rows
     shapes, materials = [], {}
     for name, leaving, sign in zip(
-        ("above", "below"), sides(way, above, below, np.linspace(0, 1, PLACES)), (1, -1), strict=True
+        ("above", "below"),
+        sides(way, above, below, np.linspace(0, 1, PLACES)),
+        (1, -1),
+        strict=True,
     ):
         along = np.array([0.0, -np.cos(half), sign * np.sin(half)])
         normal = np.array([0.0, -np.sin(half), -sign * np.cos(half)])
@@ -98,7 +107,10 @@ def scene(way: str, above: np.ndarray, below: np.ndarray, light: np.ndarray) -> 
 def planes(results: Results) -> dict[str, Any]:
     """Figures 15 and 16, blue-green above and yellow below."""
     results()
-    results(f"Joined planes (section 6.3): gamma {OPENING:g} degrees, w {WIDTH:g}, sunlight D55 along the bisector")
+    results(
+        f"Joined planes (section 6.3): gamma {OPENING:g} degrees, w {WIDTH:g}, sunlight D55 "
+        "along the bisector"
+    )
     light = lamp("D55")
     above, below = patches("bluish green", "yellow")
     place = np.linspace(0.0, 1.0, 101)
@@ -111,17 +123,24 @@ def planes(results: Results) -> dict[str, Any]:
             along = product - own
             share = (seen - own) @ along / (along @ along)
             off = np.linalg.norm(seen - own - share[:, None] * along, axis=1).max()
-            nearer = "nearer at every step" if np.all(np.diff(distance) > 0) else "not nearer at every step"
+            nearer = (
+                "nearer at every step"
+                if np.all(np.diff(distance) > 0)
+                else "not nearer at every step"
+            )
             results(
-                f"  {way:11} {label}: {share[-1]:.3f} of the way to the product of both at the outer edge, "
+                f"  {way:11} {label}: {share[-1]:.3f} of the way to the product of both at the "
+                "outer edge, "
                 f"{share[0]:.3f} at the joint, {nearer}; off the segment {off:.0e}"
             )
     results(
-        "  paper: colours lie about on the segment and move to the product towards the joint; ours: so, with one bounce"
+        "  paper: colours lie about on the segment and move to the product towards the joint; "
+        "ours: so, with one bounce"
     )
     joint = [xyz(found[way][0][0])[1] for way in WAYS]
     results(
-        f"  light at the joint of the upper plane: {joint[1] / joint[0]:.2f} times its own with one bounce, "
+        f"  light at the joint of the upper plane: {joint[1] / joint[0]:.2f} times its own with "
+        "one bounce, "
         f"{joint[2] / joint[0]:.2f} with all: one bounce misses {1 - joint[1] / joint[2]:.0%}"
     )
     pictures = {way: xyz(render(scene(way, above, below, light)).radiance) for way in WAYS}
@@ -133,7 +152,10 @@ def planes(results: Results) -> dict[str, Any]:
     straight = [chromaticity(side) for side in found["one bounce"]]
     near = np.concatenate(straight)
     away = np.linalg.norm(chromaticity_of(column)[:, None] - near, axis=-1).min(axis=1)
-    results(f"    distance in xy from the colours of eq (9) at 101 places: {np.sort(away)[:-2].max():.4f} at most,")
+    results(
+        "    distance in xy from the colours of eq (9) at 101 places: "
+        f"{np.sort(away)[:-2].max():.4f} at most,"
+    )
     results(f"    but for the two pixels that show the joint and both planes: {away.max():.4f}")
     chosen = column[:: max(len(column) // 40, 1)]
     read = measured(results, "Figure 16", exposed(chosen, loops()[0].known))

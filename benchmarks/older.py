@@ -1,10 +1,12 @@
-"""Which results are older than what they measure: a list from the history, as a hint where to measure again.
+"""Which results are older than what they measure: a list from the history, as a hint where to
+measure again.
 
     python -m benchmarks.all --older
 
-A room is a folder, as in ARCHITECTURE.md; a file on top of a package is a room of its own. Of each result this counts
-the commits since its own that changed the benchmark's module, or a room that it or its helpers here import by name.
-What those rooms import in turn is not looked at, and a change need not change a number.
+A room is a folder, as in ARCHITECTURE.md; a file on top of a package is a room of its own. Of each
+result this counts the commits since its own that changed the benchmark's module, or a room that it
+or its helpers here import by name. What those rooms import in turn is not looked at, and a change
+need not change a number.
 """
 
 import ast
@@ -39,7 +41,9 @@ def room(path: str) -> str:
 
 
 def home(module: str, names: list[str]) -> str:
-    """The module in which `module.name...` is written; a lazy package's `__init__.pyi` says where its names are."""
+    """The module in which `module.name...` is written; a lazy package's `__init__.pyi` says where
+    its names are.
+    """
     if not names:
         return module
     inner = f"{module}.{names[0]}"
@@ -48,14 +52,18 @@ def home(module: str, names: list[str]) -> str:
     file = place(module)
     stub = file.with_suffix(".pyi") if file else None
     for node in ast.parse(stub.read_text("utf-8")).body if stub and stub.is_file() else ():
-        if isinstance(node, ast.ImportFrom) and names[0] in [alias.asname or alias.name for alias in node.names]:
+        if isinstance(node, ast.ImportFrom) and names[0] in [
+            alias.asname or alias.name for alias in node.names
+        ]:
             above = module.split(".")[: len(module.split(".")) - node.level + 1]
             return home(".".join(above + ([node.module] if node.module else [])), names[:1])
     return module
 
 
 def imported(path: Path) -> Iterator[tuple[str, list[str]]]:
-    """Modules that a file imports, each with the names that it takes from them or looks up in them."""
+    """Modules that a file imports, each with the names that it takes from them or looks
+    up in them.
+    """
     tree = ast.parse(path.read_text("utf-8"))
     called = {}
     for node in ast.walk(tree):
@@ -101,7 +109,9 @@ def changes(commit: str) -> list[set[str]] | None:
 def table() -> str:
     """One line a result, those with most changes first; then those without any."""
     if not git("ls-files", "benchmarks/results.py"):
-        return "this copy of the code has no history (git), so it cannot tell which results are older"
+        return (
+            "this copy of the code has no history (git), so it cannot tell which results are older"
+        )
     rows, same, unknown = [], [], []
     for name in sorted(path.stem for path in FOLDER.glob("*.txt")):
         its, module = head(name, FOLDER), module_of(name)
@@ -122,13 +132,19 @@ def table() -> str:
         else:
             same.append(name)
     lines = [
-        "Commits since each result that changed its benchmark or a room it imports: a hint where to measure again.",
+        "Commits since each result that changed its benchmark or a room it imports: a hint where "
+        "to measure again.",
         "",
     ]
     lines.append(f"{'result':<23}{'commit':<9}{'date':<10}{'commits':>9}  of these by room")
     for _, begin, told in sorted(rows, key=lambda row: (-row[0], row[1])):
-        lines += textwrap.wrap(begin + told, 120, subsequent_indent=" " * len(begin), break_on_hyphens=False)
-    for words, names in (("nothing changed since", same), ("no commit of this history made", unknown)):
+        lines += textwrap.wrap(
+            begin + told, 120, subsequent_indent=" " * len(begin), break_on_hyphens=False
+        )
+    for words, names in (
+        ("nothing changed since", same),
+        ("no commit of this history made", unknown),
+    ):
         if names:
             lines += ["", *textwrap.wrap(f"{words}: {', '.join(names)}", 120)]
     return "\n".join(lines).replace("\N{NO-BREAK SPACE}", " ")

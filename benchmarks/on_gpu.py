@@ -2,13 +2,14 @@
 
     python -m benchmarks.on_gpu [--device cpu] [--small] [--only-goals] [--out FOLDER]
 
-Goals: a million stacks of two layers at a tolerance of 1e-4, in double precision and single, with and without the
-gradient, inputs and results in the device's memory; a picture of 4096 x 4096 pixels with two maps of thickness; 50,000
-spectra identified among all pairs of twenty paints. Times are warm medians, the first call is given beside; errors of
-the million are those of 1000 of its stacks against a tolerance of 1e-8 in double precision. Then, one after the other,
-`benchmarks.frontier`, `scaling`, `savings` and `identification` with `--device gpu`, and the tests with
-JAX_PLATFORMS=cuda. What fails is said, and the rest goes on. `--small` tries the command itself: every size a
-hundredth, and the goals only.
+Goals: a million stacks of two layers at a tolerance of 1e-4, in double precision and single, with
+and without the gradient, inputs and results in the device's memory; a picture of 4096 x 4096 pixels
+with two maps of thickness; 50,000 spectra identified among all pairs of twenty paints. Times are
+warm medians, the first call is given beside; errors of the million are those of 1000 of its stacks
+against a tolerance of 1e-8 in double precision. Then, one after the other,
+`benchmarks.frontier`, `scaling`, `savings` and `identification` with `--device gpu`, and the tests
+with JAX_PLATFORMS=cuda. What fails is said, and the rest goes on. `--small` tries the command
+itself: every size a hundredth, and the goals only.
 """
 
 import argparse
@@ -65,7 +66,9 @@ def million(say: Results, count: int) -> None:
     few = [jnp.asarray(a[:CHECKED]) for a in given]
     exact = np.asarray(factor(*few, tolerance=1e-8))
     slopes = jax.grad(lambda *a: factor(*a, tolerance=1e-8).sum(), argnums=(0, 1, 2))(*few)
-    slopes = [np.asarray(slope) for slope in slopes]  # of double precision where JAX's own would no longer be
+    slopes = [
+        np.asarray(slope) for slope in slopes
+    ]  # of double precision where JAX's own would no longer be
     gradient = jax.value_and_grad(value_and_sum, argnums=(0, 1, 2), has_aux=True)
     for single in (False, True):
         with jax.enable_x64(not single):
@@ -105,16 +108,22 @@ def goals(say: Results, small: bool) -> None:
     for name, part in parts:
         try:
             part()
-        except Exception as trouble:  # one failure is a result; the machine is there for a short time only
+        except (
+            Exception
+        ) as trouble:  # one failure is a result; the machine is there for a short time only
             say(f"{name} failed: {type(trouble).__name__}: {str(trouble).splitlines()[0]}")
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     add_option(parser, small=True)
     device.add_option(parser)
     parser.set_defaults(device="gpu")
-    parser.add_argument("--small", action="store_true", help="a hundredth of each size, and the goals only")
+    parser.add_argument(
+        "--small", action="store_true", help="a hundredth of each size, and the goals only"
+    )
     parser.add_argument("--only-goals", action="store_true", help="no tables and no tests")
     options = parser.parse_args()
     jax.config.update("jax_enable_x64", True)
@@ -127,12 +136,18 @@ def main() -> None:
         return
     # JAX takes most of a GPU's memory for itself; here it is only asked on.
     shared = {**os.environ, "XLA_PYTHON_CLIENT_PREALLOCATE": "false"}
-    commands = [["-m", f"benchmarks.{name}", "--device", options.device, "--out", str(options.out)] for name in TABLES]
+    commands = [
+        ["-m", f"benchmarks.{name}", "--device", options.device, "--out", str(options.out)]
+        for name in TABLES
+    ]
     tests = ["-m", "pytest", "-q", str(Path(__file__).parents[1] / "tests")]
     for command in [*commands, tests]:
         platform = {"JAX_PLATFORMS": "cuda"} if command is tests and options.device == "gpu" else {}
         done = subprocess.run([sys.executable, *command], env={**shared, **platform})
-        say(f"python {' '.join(command)}: {'done' if done.returncode == 0 else f'failed ({done.returncode})'}")
+        say(
+            f"python {' '.join(command)}: "
+            f"{'done' if done.returncode == 0 else f'failed ({done.returncode})'}"
+        )
     say.save()
 
 

@@ -1,9 +1,11 @@
-"""What OpenPBR keeps of a glaze: parameters fitted to ten stacks, beside parameters written without a fit.
+"""What OpenPBR keeps of a glaze: parameters fitted to ten stacks, beside parameters written without
+a fit.
 
     python -m benchmarks.openpbr_fit
 
-The truth is the solver at all pairs of angles, in linear RGB. Errors are those of `glazejax.appearance.exports`:
-albedo under an even sky, CIEDE2000 under the sky and under a lamp at 45 degrees, and the RMS of the reflectance factor.
+The truth is the solver at all pairs of angles, in linear RGB. Errors are those of
+`glazejax.appearance.exports`: albedo under an even sky, CIEDE2000 under the sky and under a lamp at
+45 degrees, and the RMS of the reflectance factor.
 """
 
 import argparse
@@ -47,8 +49,12 @@ def glaze(coats: str, ground: float, index: float) -> gj.Glaze:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     results.add_option(parser, stacks=2)
-    parser.add_argument("--stacks", type=int, default=len(STACKS), help="so many of them (default: all)")
-    parser.add_argument("--picture", action="store_true", help="also draw openpbr_fit.png: angle curves")
+    parser.add_argument(
+        "--stacks", type=int, default=len(STACKS), help="so many of them (default: all)"
+    )
+    parser.add_argument(
+        "--picture", action="store_true", help="also draw openpbr_fit.png: angle curves"
+    )
     options = parser.parse_args()
     jax.config.update("jax_enable_x64", True)
     out = results.Results("openpbr_fit", options.out)
@@ -67,11 +73,15 @@ def _table(out: results.Results, count: int) -> None:
             seconds.append(time.perf_counter() - began)
         rows.append((name, fits))
     out("OpenPBR beside the solver, smooth surface, ACEScg, D65")
-    out("naive: base_color as seen straight on, index as it is; fit: least squares over all pairs of angles")
+    out(
+        "naive: base_color as seen straight on, index as it is; fit: least squares over all "
+        "pairs of angles"
+    )
     out("albedo: largest error of what an even sky shows; dE: CIEDE2000, mean over 0 to 75 degrees")
     out()
     out(
-        "fit for MaterialX's node graph (without a coat, the same in any program that takes albedo from the eye's side)"
+        "fit for MaterialX's node graph (without a coat, the same in any program that takes "
+        "albedo from the eye's side)"
     )
     out(f"{'':37}{'albedo':>15}{'dE, sky':>15}{'dE, lamp at 45':>17}{'RMS of R':>17}")
     out(f"{'stack':37}" + f"{'naive':>8}{'fit':>7}" * 2 + f"{'naive':>10}{'fit':>7}" * 2)
@@ -96,14 +106,23 @@ def _table(out: results.Results, count: int) -> None:
     out()
     for layering in LAYERINGS[1:]:
         ratio = [fits["materialx"].errors.rms / fits[layering].errors.rms for _, fits in rows]
-        out(f"RMS of materialx over {layering}: {min(ratio):.2f} to {max(ratio):.2f}, median {np.median(ratio):.2f}")
+        out(
+            f"RMS of materialx over {layering}: {min(ratio):.2f} to {max(ratio):.2f}, median "
+            f"{np.median(ratio):.2f}"
+        )
     _rough(out, count)
-    out(f"a fit takes {np.median(seconds):.2f} s (median), {max(seconds):.2f} s (most), angles computed")
+    out(
+        f"a fit takes {np.median(seconds):.2f} s (median), {max(seconds):.2f} s (most), angles "
+        "computed"
+    )
 
 
 def _rough(out: results.Results, count: int) -> None:
     out()
-    out("a rough surface (alpha of GGX), the body by glazejax.radiative.rough: fits for materialx and for reciprocal")
+    out(
+        "a rough surface (alpha of GGX), the body by glazejax.radiative.rough: fits for "
+        "materialx and for reciprocal"
+    )
     out(f"{'stack':37}{'alpha':>6}" + f"{'albedo':>9}{'dE, sky':>8}{'lamp':>6}{'RMS':>8}" * 2)
     for number in filter(lambda number: number < count, DRAWN):
         name, stack = STACKS[number]
@@ -120,10 +139,14 @@ def _rough(out: results.Results, count: int) -> None:
 def _gains(out: results.Results, rows: list) -> None:
     for what in ("albedo", "sky", "lamp", "rms"):
         pairs = [
-            (getattr(fits["materialx"].naive_errors, what), getattr(fits["materialx"].errors, what)) for _, fits in rows
+            (getattr(fits["materialx"].naive_errors, what), getattr(fits["materialx"].errors, what))
+            for _, fits in rows
         ]
         ratio = [plain / one for plain, one in pairs]
-        out(f"naive over fit, {what}: {min(ratio):.2f} to {max(ratio):.2f}, median {np.median(ratio):.2f}")
+        out(
+            f"naive over fit, {what}: {min(ratio):.2f} to {max(ratio):.2f}, median "
+            f"{np.median(ratio):.2f}"
+        )
 
 
 DRAWN = (1, 5)
@@ -139,7 +162,10 @@ def _figure():
 
     figure = Figure(figsize=(11.0, 5.6), layout="constrained")
     axes = figure.subplots(2, 4, width_ratios=(1, 1, 1, 1.6))
-    words = "Left half of each sphere: computed. Right half: OpenPBR. A lamp 50° above the eye, without the gloss."
+    words = (
+        "Left half of each sphere: computed. Right half: OpenPBR. A lamp 50° above the eye, "
+        "without the gloss."
+    )
     figure.suptitle(words, fontsize=10)
     for row, number in zip(axes, DRAWN, strict=True):
         name, stack = STACKS[number]
@@ -153,7 +179,8 @@ def _figure():
 
         colour = angular_colour(made)
         fits = {
-            layering: fit_openpbr(colour, layering=layering, coat=layering == "reciprocal") for layering in LAYERINGS
+            layering: fit_openpbr(colour, layering=layering, coat=layering == "reciprocal")
+            for layering in LAYERINGS
         }
         shown = {
             "not fitted": (fits["materialx"].naive, "materialx"),
@@ -164,13 +191,24 @@ def _figure():
             axis.imshow(_sphere(truth, material, layering))
             axis.set_title(title, fontsize=9)
             axis.set_axis_off()
-        row[0].text(-0.02, 0.5, name, transform=row[0].transAxes, rotation=90, va="center", ha="right", fontsize=9)
+        row[0].text(
+            -0.02,
+            0.5,
+            name,
+            transform=row[0].transAxes,
+            rotation=90,
+            va="center",
+            ha="right",
+            fontsize=9,
+        )
         _curves(row[3], truth, shown)
     return figure
 
 
 def _sphere(truth, material, layering):
-    """Encoded sRGB of a sphere under a lamp 50 degrees above the eye; right of the middle it is OpenPBR."""
+    """Encoded sRGB of a sphere under a lamp 50 degrees above the eye; right of the middle it is
+    OpenPBR.
+    """
     y, x = np.mgrid[1 : -1 : _SIDE * 1j, -1 : 1 : _SIDE * 1j]
     z = np.sqrt(np.maximum(0.0, 1.0 - x**2 - y**2))
     cos_in, cos_out = _LAMP[1] * y + _LAMP[2] * z, z
@@ -178,11 +216,16 @@ def _sphere(truth, material, layering):
     inside = x**2 + y**2 < 1
     picture[inside] = 0.02
     lit = inside & (cos_in > 0.01) & (cos_out > 0.01)
-    between = (_LAMP[2] - cos_in * cos_out) / np.sqrt(np.maximum((1 - cos_in**2) * (1 - cos_out**2), 1e-12))
+    between = (_LAMP[2] - cos_in * cos_out) / np.sqrt(
+        np.maximum((1 - cos_in**2) * (1 - cos_out**2), 1e-12)
+    )
     azimuth = 180.0 - np.rad2deg(np.arccos(np.clip(between, -1, 1)))
     for half, function in (
         (lit & (x < 0), lambda a, b, t: truth(a, b)),
-        (lit & (x >= 0), lambda a, b, t: reflectance_factor(material, a, b, t, layering=layering, gloss=False)),
+        (
+            lit & (x >= 0),
+            lambda a, b, t: reflectance_factor(material, a, b, t, layering=layering, gloss=False),
+        ),
     ):
         seen = function(cos_in[half], cos_out[half], azimuth[half])
         picture[half] = np.clip(seen * cos_in[half][:, None], 0, 1)
@@ -196,9 +239,16 @@ def _curves(axis, truth, shown):
     for lamp, style in ((0.0, "-"), (75.0, "--")):
         cos_in = np.full(angles.shape, np.cos(np.deg2rad(lamp)))
         words = "computed, lamp straight above" if lamp == 0 else "computed, lamp at 75°"
-        axis.plot(angles, truth(cos_in, cosines) @ _LUMINANCE, style, color="0.6", lw=3.5, label=words)
-        for (title, (material, layering)), colour in zip(shown.items(), ("C3", "C0", "C2"), strict=True):
-            seen = reflectance_factor(material, cos_in, cosines, layering=layering, gloss=False) @ _LUMINANCE
+        axis.plot(
+            angles, truth(cos_in, cosines) @ _LUMINANCE, style, color="0.6", lw=3.5, label=words
+        )
+        for (title, (material, layering)), colour in zip(
+            shown.items(), ("C3", "C0", "C2"), strict=True
+        ):
+            seen = (
+                reflectance_factor(material, cos_in, cosines, layering=layering, gloss=False)
+                @ _LUMINANCE
+            )
             axis.plot(angles, seen, style, color=colour, lw=1.2, label=title if lamp == 0 else None)
     axis.set_xlabel("eye, degrees from the normal", fontsize=8)
     axis.set_ylabel("luminance factor of the body", fontsize=8)

@@ -1,10 +1,12 @@
-"""Maps of paintings whose truth is known: seconds and memory by size, agreement with the full search, and rivals.
+"""Maps of paintings whose truth is known: seconds and memory by size, agreement with the full
+search, and rivals.
 
-    python -m benchmarks.painting [--megapixels 0.1 1 10] [--bands 200] [--folder FOLDER] [--checked 2000] [--no-dask]
+    python -m benchmarks.painting [--megapixels 0.1 1 10] [--bands 200] [--folder FOLDER] [--checked
+    2000] [--no-dask]
 
-Each painting is written to disk first (10 megapixels of 200 bands take 4 GB as 16-bit integers), then mapped by a
-process of its own, as `glazejax map` does, whose time and peak memory are taken. Cubes stay in the folder and are used
-again.
+Each painting is written to disk first (10 megapixels of 200 bands take 4 GB as 16-bit integers),
+then mapped by a process of its own, as `glazejax map` does, whose time and peak memory are taken.
+Cubes stay in the folder and are used again.
 """
 
 import argparse
@@ -30,12 +32,18 @@ _SEED, _OTHER = 3, 4
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     add_option(parser, megapixels=[0.01], bands=40, checked=50, no_dask=True)
     parser.add_argument("--megapixels", type=float, nargs="+", default=[0.1, 1.0, 10.0])
     parser.add_argument("--bands", type=int, default=200)
-    parser.add_argument("--folder", type=Path, default=None, help="for the cubes (default: a temporary one)")
-    parser.add_argument("--checked", type=int, default=2000, help="pixels that are searched in full")
+    parser.add_argument(
+        "--folder", type=Path, default=None, help="for the cubes (default: a temporary one)"
+    )
+    parser.add_argument(
+        "--checked", type=int, default=2000, help="pixels that are searched in full"
+    )
     parser.add_argument("--no-dask", action="store_true")
     parser.add_argument("--child", type=Path, help=argparse.SUPPRESS)
     parser.add_argument("--workers", type=int, default=0, help=argparse.SUPPRESS)
@@ -47,11 +55,18 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as temporary:
         folder = options.folder or Path(temporary)
         sides = [round((1e6 * size) ** 0.5) for size in sorted(options.megapixels)]
-        runs = [_size(results, folder, side, options.bands, first=side == sides[0]) for side in sides]
+        runs = [
+            _size(results, folder, side, options.bands, first=side == sides[0]) for side in sides
+        ]
         _exponents(results, runs)
         middle = folder / _name(sides[min(1, len(sides) - 1)], options.bands)
         _truth(
-            results, middle, sides[min(1, len(sides) - 1)], options.bands, options.checked, runs[min(1, len(sides) - 1)]
+            results,
+            middle,
+            sides[min(1, len(sides) - 1)],
+            options.bands,
+            options.checked,
+            runs[min(1, len(sides) - 1)],
         )
         if not options.no_dask:
             _dask(results, folder / _name(sides[0], options.bands))
@@ -62,7 +77,9 @@ def _name(side: int, bands: int) -> str:
     return f"painting-{side}x{side}x{bands}"
 
 
-def _size(results: Results, folder: Path, side: int, bands: int, *, first: bool) -> tuple[int, float]:
+def _size(
+    results: Results, folder: Path, side: int, bands: int, *, first: bool
+) -> tuple[int, float]:
     """Write and map one painting; pixels and seconds."""
     where = folder / _name(side, bands)
     scene = painting((side, side), bands, _SEED)
@@ -74,7 +91,10 @@ def _size(results: Results, folder: Path, side: int, bands: int, *, first: bool)
     if first:
         # Programs are compiled once and kept, as on a second call of the command.
         _run(where, 0)
-        results("Seconds by stage, and peak memory of the process; programs were compiled by a run before.")
+        results(
+            "Seconds by stage, and peak memory of the process; programs were compiled by a run "
+            "before."
+        )
         results(
             f"{'pixels':>12}{'bands':>7}{'survey':>9}{'search':>9}{'check':>9}{'map':>9}{'all':>9}{'pixels/s':>10}"
             f"{'GiB':>7}{'closed form':>13}{'own search':>12}{'saved':>8}"
@@ -82,7 +102,8 @@ def _size(results: Results, folder: Path, side: int, bands: int, *, first: bool)
     said = _run(where, 0)
     stages, tallies = said["stages"], said["tallies"]
     mapped = tallies["mapped"]
-    # What a search of every pixel would take at the pace at which the representatives were searched.
+    # What a search of every pixel would take at the pace at which the representatives were
+    # searched.
     whole = mapped * stages["search"] / said["representatives"]
     results(
         f"{side * side:>12,}{bands:>7}"
@@ -101,12 +122,23 @@ def _exponents(results: Results, runs: list[tuple[int, float]]) -> None:
     for (pixels, seconds), (more, longer) in itertools.pairwise(runs):
         power = np.log(longer / seconds) / np.log(more / pixels)
         results(f"from {pixels:,} to {more:,} pixels time grows with the power {power:.2f}")
-    results("'saved': a search of every pixel, at the pace of the representatives, over the time that the map took")
+    results(
+        "'saved': a search of every pixel, at the pace of the representatives, over the time "
+        "that the map took"
+    )
 
 
 def _run(where: Path, workers: int) -> dict:
     """Map a painting in a process of its own."""
-    words = [sys.executable, "-m", "benchmarks.painting", "--child", str(where), "--workers", str(workers)]
+    words = [
+        sys.executable,
+        "-m",
+        "benchmarks.painting",
+        "--child",
+        str(where),
+        "--workers",
+        str(workers),
+    ]
     done = subprocess.run(words, capture_output=True, text=True, check=False)
     if done.returncode:
         raise RuntimeError(done.stderr[-2000:])
@@ -143,23 +175,39 @@ def _child(where: Path, workers: int) -> None:
             import distributed
 
             cluster = stack.enter_context(
-                distributed.LocalCluster(n_workers=workers, threads_per_worker=1, dashboard_address=":0")
+                distributed.LocalCluster(
+                    n_workers=workers, threads_per_worker=1, dashboard_address=":0"
+                )
             )
             client = stack.enter_context(distributed.Client(cluster, set_as_default=False))
         start = time.perf_counter()
         out = where / ("dask.zarr" if workers else "map.zarr")
         found = map_cube(
-            where / "painting.hdr", paints, grounds=ground, out=out, client=client, overwrite=True, told=told
+            where / "painting.hdr",
+            paints,
+            grounds=ground,
+            out=out,
+            client=client,
+            overwrite=True,
+            told=told,
         )
         end = time.perf_counter()
     ends = [*(at for _, at in begun[1:]), end]
     stages = {name: after - at for (name, at), after in zip(begun, ends, strict=True)}
-    names = {"survey": ("reading", "surveying"), "search": ("searching",), "check": ("checking",), "map": ("mapping",)}
+    names = {
+        "survey": ("reading", "surveying"),
+        "search": ("searching",),
+        "check": ("checking",),
+        "map": ("mapping",),
+    }
     print(
         json.dumps(
             {
                 "seconds": end - start,
-                "stages": {name: sum(stages.get(part, 0.0) for part in parts) for name, parts in names.items()},
+                "stages": {
+                    name: sum(stages.get(part, 0.0) for part in parts)
+                    for name, parts in names.items()
+                },
                 "gib": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20,
                 "tallies": found.attrs["tallies"],
                 "representatives": found.attrs["representatives"],
@@ -168,8 +216,12 @@ def _child(where: Path, workers: int) -> None:
     )
 
 
-def _truth(results: Results, where: Path, side: int, bands: int, pixels: int, run: tuple[int, float]) -> None:
-    """The map beside the full search, beside `identify` as it is called, and beside the truth with its rivals."""
+def _truth(
+    results: Results, where: Path, side: int, bands: int, pixels: int, run: tuple[int, float]
+) -> None:
+    """The map beside the full search, beside `identify` as it is called, and beside the truth with
+    its rivals.
+    """
     import jax
 
     jax.config.update("jax_enable_x64", True)
@@ -185,29 +237,50 @@ def _truth(results: Results, where: Path, side: int, bands: int, pixels: int, ru
     from glazefit.mapping.task import map_task
 
     results()
-    results(f"{len(places)} pixels of {side} x {side}, each searched in full at the map's bands and noise:")
+    results(
+        f"{len(places)} pixels of {side} x {side}, each searched in full at the map's bands and "
+        "noise:"
+    )
     paints = [paint for name, paint in catalogue.load().items() if name not in FOREIGN]
     start = time.perf_counter()
-    task = map_task(where / "painting.hdr", paints, grounds=scene.ground).with_noise(Noise(*found.attrs["noise"]))
+    task = map_task(where / "painting.hdr", paints, grounds=scene.ground).with_noise(
+        Noise(*found.attrs["noise"])
+    )
     same = agreement(task, _readings(task.image, places), arrays)
     seconds = (time.perf_counter() - start) / len(places)
-    results(f"  same first set {float(same.first):.1%}, same answer to 'none' {float(same.explained):.1%}")
     results(
-        f"  a paint's probability differs by {float(same.probability):.3f} in the median of the largest difference,"
+        f"  same first set {float(same.first):.1%}, same answer to 'none' "
+        f"{float(same.explained):.1%}"
     )
     results(
-        f"  by {float(same.probability_90):.3f} in nine of ten; thickness by {float(same.amount):.3f} and "
+        f"  a paint's probability differs by {float(same.probability):.3f} in the median of the "
+        "largest difference,"
+    )
+    results(
+        f"  by {float(same.probability_90):.3f} in nine of ten; thickness by "
+        f"{float(same.amount):.3f} and "
         f"{float(same.amount_90):.3f} of its standard deviation"
     )
     results(f"  the full search took {seconds * 1e3:.1f} ms a pixel")
     fine = _at_image_bands(scene, paints)
     bands = task.image.bands.count.size
-    results(f"  and {fine * 1e3:.0f} ms at every second band of the image, not averaged to {bands} (16 pixels)")
+    results(
+        f"  and {fine * 1e3:.0f} ms at every second band of the image, not averaged to {bands} "
+        "(16 pixels)"
+    )
     results()
-    results(f"Against the truth, {len(places)} pixels; rivals choose cut and threshold on another painting:")
+    results(
+        f"Against the truth, {len(places)} pixels; rivals choose cut and threshold on another "
+        "painting:"
+    )
     rows = compared(scene, other, pixels)
     answer = answer_of_map(arrays)
-    own = Row("map_cube", score(truth, answer, scene.names), run[1] / run[0], by_coats(truth, answer, scene.names))
+    own = Row(
+        "map_cube",
+        score(truth, answer, scene.names),
+        run[1] / run[0],
+        by_coats(truth, answer, scene.names),
+    )
     for line in table([*rows, own]):
         results(line)
 
@@ -246,11 +319,16 @@ def _dask(results: Results, where: Path) -> None:
         if one.dtype.kind == "f":
             both = np.isfinite(one) & np.isfinite(other)
             differ += int(np.sum(np.isfinite(one) != np.isfinite(other)))
-            worst = max(worst, float(np.abs(one[both].astype(float) - other[both].astype(float)).max(initial=0.0)))
+            worst = max(
+                worst,
+                float(np.abs(one[both].astype(float) - other[both].astype(float)).max(initial=0.0)),
+            )
         else:
             differ += int(np.sum(one != other))
     results()
-    results(f"dask with two workers: {differ} integers (or gaps) differ, floats by {worst:.1e} at most")
+    results(
+        f"dask with two workers: {differ} integers (or gaps) differ, floats by {worst:.1e} at most"
+    )
 
 
 if __name__ == "__main__":

@@ -1,9 +1,11 @@
-"""What people map paints with: spectral angle, linear unmixing, Kubelka-Munk unmixing; and scores against a truth.
+"""What people map paints with: spectral angle, linear unmixing, Kubelka-Munk unmixing; and scores
+against a truth.
 
     python -m benchmarks.painting_rivals [--pixels 2000] [--bands 200]
 
-All get the same paints as the map, and the choice that each method leaves to its user, from which share on a paint is
-named and from which misfit on nothing is, is made for it on another painting whose truth it is shown.
+All get the same paints as the map, and the choice that each method leaves to its user, from which
+share on a paint is named and from which misfit on nothing is, is made for it on another painting
+whose truth it is shown.
 """
 
 import argparse
@@ -67,18 +69,19 @@ class Answer:
 
 
 class Score(NamedTuple):
-    """How an answer compares with the truth; all but the last over pixels of the catalogue's paints.
+    """How an answer compares with the truth; all but the last over pixels of the catalogue's
+    paints.
 
-    The paints that are named count even where the answer is none, so that a threshold that says none too often does
-    not hide what a method can do.
+    The paints that are named count even where the answer is none, so that a threshold that says
+    none too often does not hide what a method can do.
 
     Attributes:
         right_set: share of pixels with exactly the right paints.
         right_pigments: the same, where paints of one pigment count as one (medium and maker aside).
         right_main: share in which the paint of the largest share is the right one.
         share_error: mean of half the sum of absolute differences of shares, 0 to 1.
-        amount_error: median of the sum of absolute differences of amounts over all the paint there is; NaN without.
-        false_none: share called none.
+        amount_error: median of the sum of absolute differences of amounts over all the paint there
+        is; NaN without. false_none: share called none.
         none_found: share of pixels with foreign paint that are called none.
     """
 
@@ -108,10 +111,16 @@ class Unmixed(NamedTuple):
 Method = Callable[[Spectra], Unmixed]
 
 
-def sampled(scene: Painting, pixels: int, seed: int = 0) -> tuple[Spectra, Truth, Int[np.ndarray, "pixels 2"]]:
+def sampled(
+    scene: Painting, pixels: int, seed: int = 0
+) -> tuple[Spectra, Truth, Int[np.ndarray, "pixels 2"]]:
     """Readings and truth of pixels drawn at random, and where they are (y, x)."""
     height, width = scene.shape
-    drawn = np.sort(np.random.default_rng(seed).choice(height * width, min(pixels, height * width), replace=False))
+    drawn = np.sort(
+        np.random.default_rng(seed).choice(
+            height * width, min(pixels, height * width), replace=False
+        )
+    )
     ys, xs = np.divmod(drawn, width)
     spectra, parts = [], []
     for y in range(0, height, 64):
@@ -125,10 +134,17 @@ def sampled(scene: Painting, pixels: int, seed: int = 0) -> tuple[Spectra, Truth
 
 
 def truth_of(arrays: dict[str, np.ndarray]) -> Truth:
-    """Truth of pixels (..., places) by the names of `glazefit.mapping.example.TRUTH`, in one line."""
+    """Truth of pixels (..., places) by the names of `glazefit.mapping.example.TRUTH`, in
+    one line.
+    """
     members = arrays["members"].reshape(-1, PLACES).astype(int)
     coats = np.where(members >= 0, arrays["coats"].reshape(members.shape), 0).max(axis=1) + 1
-    return Truth(members, arrays["amounts"].reshape(members.shape).astype(float), arrays["foreign"].ravel(), coats)
+    return Truth(
+        members,
+        arrays["amounts"].reshape(members.shape).astype(float),
+        arrays["foreign"].ravel(),
+        coats,
+    )
 
 
 def score(truth: Truth, answer: Answer, names: Sequence[str]) -> Score:
@@ -170,7 +186,9 @@ def score(truth: Truth, answer: Answer, names: Sequence[str]) -> Score:
 
 
 def _by_paint(
-    members: Int[np.ndarray, "pixels places"], values: Float[np.ndarray, "pixels places"], count: int
+    members: Int[np.ndarray, "pixels places"],
+    values: Float[np.ndarray, "pixels places"],
+    count: int,
 ) -> Float[np.ndarray, "pixels paints"]:
     """Values of places as those of paints, 0 for paints that are not there."""
     found = np.zeros((len(members), count))
@@ -186,7 +204,9 @@ def _families(names: Sequence[str]) -> Float[np.ndarray, "paints pigments"]:
 
 
 class Choice(NamedTuple):
-    """What a user of a method chooses: the least share that is named, and the largest misfit that is believed."""
+    """What a user of a method chooses: the least share that is named, and the largest misfit that
+    is believed.
+    """
 
     cut: float
     threshold: float
@@ -195,8 +215,8 @@ class Choice(NamedTuple):
 def choose(truth: Truth, unmixed: Unmixed, names: Sequence[str]) -> Choice:
     """The best choice for pixels whose truth is known.
 
-    The threshold is the one by which most is right of foreign pixels and of the others, both counting alike; the cut
-    then the one with most right sets.
+    The threshold is the one by which most is right of foreign pixels and of the others, both
+    counting alike; the cut then the one with most right sets.
     """
     threshold = _threshold(unmixed.misfit, truth.foreign)
     scores = [score(truth, answered(unmixed, Choice(cut, np.inf)), names).right_set for cut in CUTS]
@@ -216,29 +236,41 @@ def _threshold(misfit: Float[np.ndarray, "pixels"], foreign: Bool[np.ndarray, "p
 
 
 def answered(unmixed: Unmixed, choice: Choice) -> Answer:
-    """The paints with the largest shares, as far as these are at least the cut, and none where the misfit is large."""
+    """The paints with the largest shares, as far as these are at least the cut, and none where the
+    misfit is large.
+    """
     order = np.argsort(-unmixed.shares, axis=1, kind="stable")[:, :PLACES]
     shares = np.take_along_axis(unmixed.shares, order, axis=1)
     kept = shares >= choice.cut
     kept[:, 0] = shares[:, 0] > 0
     total = np.where(kept, shares, 0.0).sum(axis=1, keepdims=True)
     part = np.where(kept, shares, 0.0) / np.where(total > 0, total, 1.0)
-    return Answer(np.where(kept, order, -1), part, unmixed.thickness, (unmixed.misfit > choice.threshold) | ~kept[:, 0])
+    return Answer(
+        np.where(kept, order, -1),
+        part,
+        unmixed.thickness,
+        (unmixed.misfit > choice.threshold) | ~kept[:, 0],
+    )
 
 
 def films(
-    paints: Sequence[Pigment], weights: Float[np.ndarray, "films paints"], thickness: float, ground: np.ndarray
+    paints: Sequence[Pigment],
+    weights: Float[np.ndarray, "films paints"],
+    thickness: float,
+    ground: np.ndarray,
 ) -> Float[np.ndarray, "films bands"]:
     """Spectra of films of one coat, by the solver: the library that other methods would measure."""
     layers = [Layer(Mixture(paints, weights), np.full(len(weights), thickness))]
     return np.asarray(reflectance(Glaze(layers, ground, 1.5), Hemispherical(8.0)), float)
 
 
-def spectral_angle(paints: Sequence[Pigment], ground: Float[np.ndarray, "bands"], *, pairs: bool = True) -> Method:
+def spectral_angle(
+    paints: Sequence[Pigment], ground: Float[np.ndarray, "bands"], *, pairs: bool = True
+) -> Method:
     """The nearest entry of a library by the angle between spectra.
 
-    The library has every paint, hiding its ground and 8 and 25 micrometres thick; with `pairs`, every mixture of two at
-    1:9, 1:3, 1:1, 3:1, 9:1 as well.
+    The library has every paint, hiding its ground and 8 and 25 micrometres thick; with `pairs`,
+    every mixture of two at 1:9, 1:3, 1:1, 3:1, 9:1 as well.
     """
     count = len(paints)
     weights = [np.eye(count)]
@@ -261,8 +293,12 @@ def spectral_angle(paints: Sequence[Pigment], ground: Float[np.ndarray, "bands"]
     return method
 
 
-def linear(paints: Sequence[Pigment], ground: Float[np.ndarray, "bands"], *, logarithm: bool = False) -> Method:
-    """Non-negative least squares in reflectance, or in -log reflectance, with masstones and the bare ground."""
+def linear(
+    paints: Sequence[Pigment], ground: Float[np.ndarray, "bands"], *, logarithm: bool = False
+) -> Method:
+    """Non-negative least squares in reflectance, or in -log reflectance, with masstones and the
+    bare ground.
+    """
     count = len(paints)
     masstones = films(paints, np.eye(count), _OPAQUE, ground)
     bare = films(paints, np.eye(count)[:1], 0.0, ground)
@@ -277,16 +313,20 @@ def linear(paints: Sequence[Pigment], ground: Float[np.ndarray, "bands"], *, log
         weights = np.array([each[0] for each in found])[:, :count]
         total = weights.sum(axis=1, keepdims=True)
         misfit = np.array([each[1] for each in found]) / np.sqrt(spectra.shape[1])
-        return Unmixed(weights / np.where(total > 0, total, 1.0), np.full(len(spectra), np.nan), misfit)
+        return Unmixed(
+            weights / np.where(total > 0, total, 1.0), np.full(len(spectra), np.nan), misfit
+        )
 
     return method
 
 
 class TwoFlux:
-    """Kubelka-Munk's film under Saunderson's surface, with K and S of each paint as films over cards would give them.
+    """Kubelka-Munk's film under Saunderson's surface, with K and S of each paint as films over
+    cards would give them.
 
-    K and S are fitted, band by band, to films of 8, 25 and 60 micrometres over black and over white: what those who use
-    the theory measure, and a better start for it than constants of radiative transfer.
+    K and S are fitted, band by band, to films of 8, 25 and 60 micrometres over black and over
+    white: what those who use the theory measure, and a better start for it than constants of
+    radiative transfer.
     """
 
     def __init__(self, paints: Sequence[Pigment], ground: Float[np.ndarray, "bands"]):
@@ -297,7 +337,9 @@ class TwoFlux:
         s = np.array([np.asarray(paint.scattering, float) for paint in paints])
         self.absorption, self.scattering = self._calibrated(paints, 2.0 * k, 0.75 * s)
 
-    def reading(self, absorption: np.ndarray, scattering: np.ndarray, ground: np.ndarray | float) -> np.ndarray:
+    def reading(
+        self, absorption: np.ndarray, scattering: np.ndarray, ground: np.ndarray | float
+    ) -> np.ndarray:
         """Reading of films of K d and S d on a ground."""
         x = np.sqrt(np.maximum(absorption * (absorption + 2.0 * scattering), _TINY**2))
         # sinh(x)/x and cosh(x) over exp(x), so that nothing overflows.
@@ -311,7 +353,9 @@ class TwoFlux:
     def inside(self, reading: np.ndarray) -> np.ndarray:
         """Reflectance inside the paint, Saunderson's correction undone."""
         body = np.maximum(reading - self.outer, 1e-4)
-        return np.clip(body / ((1 - self.outer) * (1 - self.inner) + self.inner * body), 1e-4, 0.999)
+        return np.clip(
+            body / ((1 - self.outer) * (1 - self.inner) + self.inner * body), 1e-4, 0.999
+        )
 
     def slopes(
         self, absorption: np.ndarray, scattering: np.ndarray, ground: np.ndarray | float
@@ -335,11 +379,22 @@ class TwoFlux:
         grounds, sizes = (0.03, 0.93), (8e-6, 25e-6, 60e-6)
         every = [(ground, size) for ground in grounds for size in sizes]
         bands = self.ground.size
-        exact = np.stack([films(paints, np.eye(len(paints)), size, np.full(bands, ground)) for ground, size in every])
-        logs, damping = np.log(np.stack([absorption + 1.0, scattering + 1.0])), np.full(absorption.shape, 1e-3)
+        exact = np.stack(
+            [
+                films(paints, np.eye(len(paints)), size, np.full(bands, ground))
+                for ground, size in every
+            ]
+        )
+        logs, damping = (
+            np.log(np.stack([absorption + 1.0, scattering + 1.0])),
+            np.full(absorption.shape, 1e-3),
+        )
 
         def computed(at: np.ndarray) -> tuple[np.ndarray, ...]:
-            parts = [self.slopes(np.exp(at[0]) * size, np.exp(at[1]) * size, ground) for ground, size in every]
+            parts = [
+                self.slopes(np.exp(at[0]) * size, np.exp(at[1]) * size, ground)
+                for ground, size in every
+            ]
             return tuple(np.stack(each) for each in zip(*parts, strict=True))
 
         value, by_k, by_s = computed(logs)
@@ -355,27 +410,40 @@ class TwoFlux:
             new_cost = ((exact - new[0]) ** 2).sum(axis=0)
             better = new_cost < cost
             logs, cost = np.where(better, trial, logs), np.where(better, new_cost, cost)
-            value, by_k, by_s = (np.where(better, n, o) for n, o in zip(new, (value, by_k, by_s), strict=True))
+            value, by_k, by_s = (
+                np.where(better, n, o) for n, o in zip(new, (value, by_k, by_s), strict=True)
+            )
             damping = np.where(better, damping * 0.3, np.minimum(damping * 5.0, 1e6))
         self.calibration_error = float(np.sqrt(cost.mean() / len(every)))
         return np.exp(logs[0]), np.exp(logs[1])
 
     def opaque(self, spectra: Spectra) -> Unmixed:
-        """Shares of films that hide their ground: sum of c K over sum of c S is K/S of the reading."""
+        """Shares of films that hide their ground: sum of c K over sum of c S is K/S of
+        the reading.
+        """
         inside = self.inside(spectra)
         ratio = (1.0 - inside) ** 2 / (2.0 * inside)
-        # Unknown is what each paint adds to the scattering, so that weak paints are no way to fit everything by
-        # nothing; one more row makes it sum to 1.
+        # Unknown is what each paint adds to the scattering, so that weak paints are no way to fit
+        # everything by nothing; one more row makes it sum to 1.
         heavy, mean = 1e3, self.scattering.mean(axis=1)
         absorption, scattering = self.absorption / mean[:, None], self.scattering / mean[:, None]
         found = np.zeros((len(spectra), len(mean)))
         for n, (q, r) in enumerate(zip(ratio, inside, strict=True)):
             # What a change of K/S does to the reading, so that each band counts by its noise.
-            slope = 2.0 * r**2 / (1.0 - r**2) * (1 - self.outer) * (1 - self.inner) / (1 - self.inner * r) ** 2
+            slope = (
+                2.0
+                * r**2
+                / (1.0 - r**2)
+                * (1 - self.outer)
+                * (1 - self.inner)
+                / (1 - self.inner * r) ** 2
+            )
             total, weights = np.ones(len(q)), np.ones(len(mean))
             for _ in range(3):
                 rows = (slope / total * (absorption - q * scattering)).T
-                weights = nnls(np.vstack([rows, np.full(len(mean), heavy)]), np.r_[np.zeros(len(q)), heavy])[0]
+                weights = nnls(
+                    np.vstack([rows, np.full(len(mean), heavy)]), np.r_[np.zeros(len(q)), heavy]
+                )[0]
                 total = np.maximum(weights @ scattering, 1e-3)
             found[n] = weights / mean / np.sum(weights / mean)
         mixed = (found @ self.absorption) / (found @ self.scattering)
@@ -384,9 +452,15 @@ class TwoFlux:
         misfit = np.sqrt(np.mean((reading - spectra) ** 2, axis=1))
         return Unmixed(found, np.full(len(spectra), np.nan), misfit)
 
-    def film(self, spectra: Spectra, starts: Sequence[float] = (8e-6, 30e-6), rounds: int = 60) -> Unmixed:
-        """Amounts of every paint in one coat over the ground, by least squares with none below zero."""
-        pieces = [self._film(spectra[n : n + 256], starts, rounds) for n in range(0, len(spectra), 256)]
+    def film(
+        self, spectra: Spectra, starts: Sequence[float] = (8e-6, 30e-6), rounds: int = 60
+    ) -> Unmixed:
+        """Amounts of every paint in one coat over the ground, by least squares with none below
+        zero.
+        """
+        pieces = [
+            self._film(spectra[n : n + 256], starts, rounds) for n in range(0, len(spectra), 256)
+        ]
         return Unmixed(*(np.concatenate(part) for part in zip(*pieces, strict=True)))
 
     def _film(self, spectra: Spectra, starts: Sequence[float], rounds: int) -> Unmixed:
@@ -412,7 +486,11 @@ class TwoFlux:
                 new, new_slopes = self._amount_slopes(trial, unit)
                 new_cost = ((spectra - new) ** 2).sum(axis=1)
                 better = new_cost < cost
-                amounts[better], value[better], slopes[better] = trial[better], new[better], new_slopes[better]
+                amounts[better], value[better], slopes[better] = (
+                    trial[better],
+                    new[better],
+                    new_slopes[better],
+                )
                 gain = np.where(better, cost - new_cost, 0.0)
                 cost = np.where(better, new_cost, cost)
                 damping = np.clip(np.where(better, 0.3 * damping, 4.0 * damping), 1e-9, 1e9)
@@ -421,11 +499,18 @@ class TwoFlux:
             won = cost < least
             best[won], least[won] = amounts[won], cost[won]
         total = best.sum(axis=1)
-        return Unmixed(best / np.where(total > 0, total, 1.0)[:, None], total * unit, np.sqrt(least / spectra.shape[1]))
+        return Unmixed(
+            best / np.where(total > 0, total, 1.0)[:, None],
+            total * unit,
+            np.sqrt(least / spectra.shape[1]),
+        )
 
     def _amount_slopes(self, amounts: np.ndarray, unit: float) -> tuple[np.ndarray, np.ndarray]:
         """Readings, and their derivatives by the amounts, (pixels, bands, paints)."""
-        k, s = np.maximum(amounts @ self.absorption * unit, 1e-9), np.maximum(amounts @ self.scattering * unit, 1e-9)
+        k, s = (
+            np.maximum(amounts @ self.absorption * unit, 1e-9),
+            np.maximum(amounts @ self.scattering * unit, 1e-9),
+        )
         value, by_k, by_s = self.slopes(k, s, self.ground)
         slopes = (by_k / k)[:, :, None] * (self.absorption.T * unit) + (by_s / s)[:, :, None] * (
             self.scattering.T * unit
@@ -457,7 +542,8 @@ class Row(NamedTuple):
 
 
 def compared(scene: Painting, other: Painting, pixels: int = 2000) -> list[Row]:
-    """Scores of all rivals on pixels of a painting; each chooses its cut and threshold on another painting.
+    """Scores of all rivals on pixels of a painting; each chooses its cut and threshold on another
+    painting.
 
     Raises:
         ValueError: the two paintings have other paints or wavelengths.
@@ -473,12 +559,22 @@ def compared(scene: Painting, other: Painting, pixels: int = 2000) -> list[Row]:
         found = method(spectra)
         seconds = (time.perf_counter() - start) / len(spectra)
         answer = answered(found, choice)
-        rows.append(Row(name, score(truth, answer, scene.names), seconds, by_coats(truth, answer, scene.names), choice))
+        rows.append(
+            Row(
+                name,
+                score(truth, answer, scene.names),
+                seconds,
+                by_coats(truth, answer, scene.names),
+                choice,
+            )
+        )
     return rows
 
 
 def by_coats(truth: Truth, answer: Answer, names: Sequence[str]) -> tuple[float, ...]:
-    """Share of pixels with the right set among those of one, two and three coats; NaN where there are none."""
+    """Share of pixels with the right set among those of one, two and three coats; NaN where there
+    are none.
+    """
     return tuple(score(*only(truth, answer, truth.coats == n), names).right_set for n in (1, 2, 3))
 
 
@@ -498,7 +594,10 @@ def table(rows: Sequence[Row]) -> list[str]:
         "pixels a_second",
     )
     words = [head.split() for head in heads]
-    lines = [" " * 30 + "".join(f"{each[line].replace('_', ' '):>10}" for each in words) for line in (0, -1)]
+    lines = [
+        " " * 30 + "".join(f"{each[line].replace('_', ' '):>10}" for each in words)
+        for line in (0, -1)
+    ]
     for row in rows:
         s = row.score
         amount = "-" if np.isnan(s.amount_error) else f"{s.amount_error:.3f}"
@@ -512,7 +611,9 @@ def table(rows: Sequence[Row]) -> list[str]:
 
 
 def answer_of_map(arrays: dict[str, np.ndarray]) -> Answer:
-    """A map's answer for pixels, from its variables `members`, `fraction`, `thickness` and `explained`, in one line."""
+    """A map's answer for pixels, from its variables `members`, `fraction`, `thickness` and
+    `explained`, in one line.
+    """
     members = np.asarray(arrays["members"]).reshape(-1, PLACES).astype(int)
     shares = np.nan_to_num(np.asarray(arrays["fraction"], float).reshape(members.shape))
     none = np.asarray(arrays["explained"]).ravel() == 0
@@ -522,12 +623,16 @@ def answer_of_map(arrays: dict[str, np.ndarray]) -> Answer:
 def only(truth: Truth, answer: Answer, rows: np.ndarray) -> tuple[Truth, Answer]:
     """Some of the pixels."""
     some = {name: getattr(truth, name)[rows] for name in ("members", "amounts", "foreign", "coats")}
-    part = {name: getattr(answer, name)[rows] for name in ("members", "shares", "thickness", "none")}
+    part = {
+        name: getattr(answer, name)[rows] for name in ("members", "shares", "thickness", "none")
+    }
     return replace(truth, **some), replace(answer, **part)
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     add_option(parser, pixels=100, bands=40)
     parser.add_argument("--pixels", type=int, default=2000)
     parser.add_argument("--bands", type=int, default=200)
@@ -536,7 +641,8 @@ def main() -> None:
     shape = (96, 128) if options.quick else (480, 640)
     scene, other = painting(shape, options.bands, seed=0), painting(shape, options.bands, seed=1)
     results(
-        f"{options.pixels} pixels drawn from a painting of {shape[0]} x {shape[1]} pixels and {options.bands} bands,"
+        f"{options.pixels} pixels drawn from a painting of {shape[0]} x {shape[1]} pixels and "
+        f"{options.bands} bands,"
     )
     results("noise .003; cuts and thresholds chosen on another painting of the same kind")
     results()
@@ -546,7 +652,10 @@ def main() -> None:
     results()
     for row in rows:
         assert row.choice is not None
-        results(f"{row.name:<30} names shares from {row.choice.cut:g}, believes misfits to {row.choice.threshold:.3g}")
+        results(
+            f"{row.name:<30} names shares from {row.choice.cut:g}, believes misfits to "
+            f"{row.choice.threshold:.3g}"
+        )
     results.save()
 
 

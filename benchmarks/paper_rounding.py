@@ -1,11 +1,13 @@
-"""Paper A's table 4 explained: what the rounding of h to the fixed step does to the colour. And its figure 2.
+"""Paper A's table 4 explained: what the rounding of h to the fixed step does to the colour. And its
+figure 2.
 
     python -m benchmarks.paper_rounding [--out FOLDER]
 
-The fixed step changes h to a multiple of dh, at each wavelength by another part of it, as chance has it. So table 4
-has one draw a pair. Here h is varied by some per cent, so that every wavelength is rounded anew, and the colours of
-each draw are compared as in the table. The exact solver on the rounded stack tells how much of the error is rounding.
-The paper's times tell how thick its glazes were, which its text does not: the last table uses that.
+The fixed step changes h to a multiple of dh, at each wavelength by another part of it, as chance
+has it. So table 4 has one draw a pair. Here h is varied by some per cent, so that every wavelength
+is rounded anew, and the colours of each draw are compared as in the table. The exact solver on the
+rounded stack tells how much of the error is rounding. The paper's times tell how thick its glazes
+were, which its text does not: the last table uses that.
 """
 
 import argparse
@@ -63,7 +65,10 @@ def away(found: np.ndarray, wanted: np.ndarray) -> float:
 
 def parts(say: Results, pairs: dict[str, Work]) -> None:
     """How much of the fixed step's error is rounding, by the exact solver on rounded stacks."""
-    say("\nMean absolute difference of 24-bit RGB over 19 x 19 angles, from the default solver on the stack as it is:")
+    say(
+        "\nMean absolute difference of 24-bit RGB over 19 x 19 angles, from the default solver "
+        "on the stack as it is:"
+    )
     say(f"{'':<58}" + "".join(f"{name:>8}" for name in pairs))
     exact = {name: rgb(pair, "exact", 0.0) for name, pair in pairs.items()}
     moved = {
@@ -72,12 +77,18 @@ def parts(say: Results, pairs: dict[str, Work]) -> None:
         "default solver, both": {"end": True, "interface": True},
     }
     for words, which in moved.items():
-        row = [away(rgb(rounded(pair, **which), "exact", 0.0), exact[name]) for name, pair in pairs.items()]
+        row = [
+            away(rgb(rounded(pair, **which), "exact", 0.0), exact[name])
+            for name, pair in pairs.items()
+        ]
         say(f"{words:<58}" + "".join(f"{value:8.4f}" for value in row))
     fixed = {name: rgb(pair, "fixed step", STEP) for name, pair in pairs.items()}
     row = [away(fixed[name], exact[name]) for name in pairs]
     say(f"{'fixed step .01':<58}" + "".join(f"{value:8.4f}" for value in row))
-    both = {name: rgb(rounded(pair, end=True, interface=True), "exact", 0.0) for name, pair in pairs.items()}
+    both = {
+        name: rgb(rounded(pair, end=True, interface=True), "exact", 0.0)
+        for name, pair in pairs.items()
+    }
     row = [away(fixed[name], both[name]) for name in pairs]
     words = "fixed step .01 from the default solver with both"
     say(f"{words:<58}" + "".join(f"{value:8.4f}" for value in row))
@@ -115,16 +126,23 @@ def draws(say: Results, pairs: dict[str, Work]) -> dict[str, np.ndarray]:
 def thickness_by_times(say: Results) -> dict[str, float]:
     """Mean optical thickness of each of the paper's paints, from how its times rise with 1/dh.
 
-    An own step costs an assembly a wavelength. Table 1 has the time of one against Q, table 2 against 1/dh = Q/h.
+    An own step costs an assembly a wavelength. Table 1 has the time of one against Q, table 2
+    against 1/dh = Q/h.
     """
     a_segment = np.polyfit(SIZES, PAPER_DECOMPOSED, 1)[0]
     inverse = 1 / np.array(STEPS)
-    glazes = {n: np.polyfit(inverse, t, 1)[0] / a_segment / WAVELENGTHS.size for n, t in PAPER_OWN_STEP.items()}
+    glazes = {
+        n: np.polyfit(inverse, t, 1)[0] / a_segment / WAVELENGTHS.size
+        for n, t in PAPER_OWN_STEP.items()
+    }
     letters = list(PAINTS)
     sums = np.array([[float(letter in pair) for letter in letters] for pair in PAIRS])
     found, *_ = np.linalg.lstsq(sums, np.array(list(glazes.values())), rcond=None)
     off = np.abs(sums @ found - np.array(list(glazes.values()))).max()
-    say("\nThe paper's mean h by its times: " + ", ".join(f"{name} {h:.2f}" for name, h in glazes.items()))
+    say(
+        "\nThe paper's mean h by its times: "
+        + ", ".join(f"{name} {h:.2f}" for name, h in glazes.items())
+    )
     say(f"  as sums of two paints (the sums hold within {off:.2f}):")
     own = {i: float(work_h) for i, work_h in zip(letters, found, strict=True)}
     say("  " + ", ".join(f"{letter} {h:.2f}" for letter, h in own.items()))
@@ -132,10 +150,14 @@ def thickness_by_times(say: Results) -> dict[str, float]:
 
 
 def as_thick(pairs: dict[str, Work], wanted: dict[str, float], *, swapped: bool) -> dict[str, Work]:
-    """The pairs with each paint as thick as the paper's, on average over the wavelengths; the second on top if so."""
+    """The pairs with each paint as thick as the paper's, on average over the wavelengths; the
+    second on top if so.
+    """
     found = {}
     for name, pair in pairs.items():
-        factor = np.array([wanted[letter] for letter in name.split("/")]) / pair.thickness.mean(axis=0)
+        factor = np.array([wanted[letter] for letter in name.split("/")]) / pair.thickness.mean(
+            axis=0
+        )
         order = [1, 0] if swapped else [0, 1]
         found[name] = Work(pair.albedo[:, order], (factor * pair.thickness)[:, order])
     return found
@@ -151,12 +173,22 @@ def figure(pairs: dict[str, Work], found: dict[str, np.ndarray]) -> Any:
     picture = Figure(figsize=(12, 6.4), layout="constrained")
     halves: Any = picture.subfigures(2, 1)
     top, bottom = halves
-    top.suptitle("k and s of the paints that stand for the paper's, as in its figure 2", fontsize=11)
-    bottom.suptitle("Table 4: mean difference of 24-bit RGB, h varied by 4 % (x: as the paper prints it)", fontsize=11)
+    top.suptitle(
+        "k and s of the paints that stand for the paper's, as in its figure 2", fontsize=11
+    )
+    bottom.suptitle(
+        "Table 4: mean difference of 24-bit RGB, h varied by 4 % (x: as the paper prints it)",
+        fontsize=11,
+    )
     for axes, (letter, name) in zip(top.subplots(1, 4, sharey=True), PAINTS.items(), strict=True):
         paint = paints[name]
-        for values, colour, word in ((paint.absorption, "#c0392b", "k"), (paint.scattering, "#3558a8", "s")):
-            axes.semilogy(paint.wavelengths, THINNING * np.asarray(values), color=colour, label=word)
+        for values, colour, word in (
+            (paint.absorption, "#c0392b", "k"),
+            (paint.scattering, "#3558a8", "s"),
+        ):
+            axes.semilogy(
+                paint.wavelengths, THINNING * np.asarray(values), color=colour, label=word
+            )
         stands = ", for lead-tin yellow" if letter == "a" else ""
         axes.set_title(f"({letter}) {name}{stands}", fontsize=10)
         axes.set_xlabel("wavelength (nm)")

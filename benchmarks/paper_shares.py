@@ -2,9 +2,10 @@
 
     python -m benchmarks.paper_shares [--out FOLDER] [--repetitions N]
 
-First the share of the assembly of H, U and M in the time of a spectrum: what an own step pays for every wavelength and
-the fixed step for none. Then many glazes, wavelengths and angles through one table of the fixed step. The paints,
-layers and methods are those of `benchmarks.paper_tables`; programs that are compared run in turn.
+First the share of the assembly of H, U and M in the time of a spectrum: what an own step pays for
+every wavelength and the fixed step for none. Then many glazes, wavelengths and angles through one
+table of the fixed step. The paints, layers and methods are those of `benchmarks.paper_tables`;
+programs that are compared run in turn.
 """
 
 import argparse
@@ -15,7 +16,16 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from benchmarks.paper_tables import GROUND, INDEX, METHODS, PAPER_SHORTENED, STEPS, Work, spectrum, work
+from benchmarks.paper_tables import (
+    GROUND,
+    INDEX,
+    METHODS,
+    PAPER_SHORTENED,
+    STEPS,
+    Work,
+    spectrum,
+    work,
+)
 from benchmarks.results import Results, add_option
 from benchmarks.timing import add_options, interleaved
 from glazejax.radiative.auxiliary import assembly, uniform
@@ -33,7 +43,9 @@ INCIDENCES = np.cos(np.radians(np.arange(0.0, 86.0, 5.0)))
 
 @functools.partial(jax.jit, static_argnums=(2, 3))
 def assembled(steps: jax.Array, counts: jax.Array, most: int, variant: str) -> jax.Array:
-    """The matrices of all stacks, one after the other as the solver makes them, each used for one product."""
+    """The matrices of all stacks, one after the other as the solver makes them, each used for one
+    product.
+    """
 
     def one(stack: tuple[jax.Array, jax.Array]) -> jax.Array:
         made = getattr(assembly, variant)(stack[0][None], stack[1][None], most, INDEX)
@@ -45,11 +57,15 @@ def assembled(steps: jax.Array, counts: jax.Array, most: int, variant: str) -> j
 @functools.partial(jax.jit, static_argnums=2)
 def looked_up(vectors: tuple[jax.Array, jax.Array], ones: jax.Array, most: int) -> jax.Array:
     """H + U of the fixed step from the table, used for one product with every wavelength."""
-    return assembly.toeplitz_plus_hankel(vectors[0][:most], vectors[1][: 2 * most - 1]) @ ones[:most]
+    return (
+        assembly.toeplitz_plus_hankel(vectors[0][:most], vectors[1][: 2 * most - 1]) @ ones[:most]
+    )
 
 
 def assembly_alone(pair: Work, step: float, method: str) -> Callable[[], object]:
-    """What of a spectrum's program makes the matrices: the same groups of wavelengths, padded alike."""
+    """What of a spectrum's program makes the matrices: the same groups of wavelengths, padded
+    alike.
+    """
     variant = METHODS[method]["variant"]
     depth = pair.thickness.sum(axis=1)
     count = np.asarray(uniform._segments(depth, GridSettings(variant, False, INDEX, step, 0)))
@@ -69,12 +85,20 @@ def assembly_alone(pair: Work, step: float, method: str) -> Callable[[], object]
 def shares(say: Results, pairs: dict[str, Work], repetitions: int, budget: float) -> None:
     """Assembly over the whole, before and after the step is fixed."""
     say(
-        f"Time of the assembly over that of a whole spectrum, 41 wavelengths, 0/0 degrees; mean of {', '.join(CHOSEN)}."
+        "Time of the assembly over that of a whole spectrum, 41 wavelengths, 0/0 degrees; mean "
+        f"of {', '.join(CHOSEN)}."
     )
-    say("Assembly: H, U, M and one product with the matrix, so that the compiler does not leave it out; a program of")
+    say(
+        "Assembly: H, U, M and one product with the matrix, so that the compiler does not leave "
+        "it out; a program of"
+    )
     say("its own, so that a share is good to some per cent.")
     methods = ("conventional", OWN, FIXED)
-    say(f"{'step':>6}" + "".join(f"{m:>24}" for m in methods) + f"{'fixed over own step':>24}{'without assembly':>20}")
+    say(
+        f"{'step':>6}"
+        + "".join(f"{m:>24}" for m in methods)
+        + f"{'fixed over own step':>24}{'without assembly':>20}"
+    )
     for step in ENDS:
         found: dict[str, list[float]] = {m: [] for m in (*methods, "ratio", "left")}
         for pair in (pairs[name] for name in CHOSEN):
@@ -89,14 +113,21 @@ def shares(say: Results, pairs: dict[str, Work], repetitions: int, budget: float
             found["left"].append(1 - found[OWN][-1])
         say(
             f"{step:6.2f}"
-            + "".join(f"{np.mean(v):{width}.1%}" for v, width in zip(found.values(), (24,) * 4 + (20,), strict=True))
+            + "".join(
+                f"{np.mean(v):{width}.1%}"
+                for v, width in zip(found.values(), (24,) * 4 + (20,), strict=True)
+            )
         )
     say("")
     printed = ", ".join(f"{v:.1%}" for v in PAPER_SHORTENED)
     say(
-        f"paper: fixed over own step {printed}: its assembly takes at least {1 - max(PAPER_SHORTENED):.0%} of the time,"
+        f"paper: fixed over own step {printed}: its assembly takes at least "
+        f"{1 - max(PAPER_SHORTENED):.0%} of the time,"
     )
-    say("for it computes each number of H and U by a quadrature. Last column: what an own step would take if its")
+    say(
+        "for it computes each number of H and U by a quadrature. Last column: what an own step "
+        "would take if its"
+    )
     say("assembly cost nothing.")
 
 
@@ -104,7 +135,10 @@ def many(say: Results, pairs: dict[str, Work], repetitions: int, budget: float) 
     """Many glazes, wavelengths and angles through one table."""
     rng = np.random.default_rng(3)
     names = list(pairs)
-    say("\nMany glazes at once through one table: random pairs, each layer .5 to 1.5 times as thick; 41 wavelengths")
+    say(
+        "\nMany glazes at once through one table: random pairs, each layer .5 to 1.5 times as "
+        "thick; 41 wavelengths"
+    )
     say(
         f"{'step':>6}{'glazes':>8}{'incidences':>12}{'own step':>14}"
         f"{'fixed step':>14}{'ratio':>9}{'fixed, corrected':>20}"
@@ -113,11 +147,17 @@ def many(say: Results, pairs: dict[str, Work], repetitions: int, budget: float) 
     for glazes in GLAZES:
         chosen = [pairs[name] for name in rng.choice(names, glazes)]
         factor = rng.uniform(0.5, 1.5, (glazes, 1, 2))
-        batch = Work(np.stack([p.albedo for p in chosen]), np.stack([p.thickness for p in chosen]) * factor)
+        batch = Work(
+            np.stack([p.albedo for p in chosen]), np.stack([p.thickness for p in chosen]) * factor
+        )
         for angles in (1, INCIDENCES.size) if glazes == 10 else (1,):
             given = {} if angles == 1 else {"cos_incidence": INCIDENCES}
             # Angles on an axis of their own, so that a matrix serves them all.
-            one = batch if angles == 1 else Work(batch.albedo[..., None, :], batch.thickness[..., None, :])
+            one = (
+                batch
+                if angles == 1
+                else Work(batch.albedo[..., None, :], batch.thickness[..., None, :])
+            )
             programs: dict[str, Callable[[], object]] = {
                 method: functools.partial(spectrum, one, step, method, **given)
                 for method in (OWN, FIXED, "fixed step, corrected")

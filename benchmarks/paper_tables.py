@@ -2,9 +2,9 @@
 
     python -m benchmarks.paper_tables [--out FOLDER] [--repetitions N]
 
-Both sides are compiled, in double precision, and share the solver of the linear systems, so that they differ by how
-the matrix comes about. Times: warm medians of programs run in turn; compilation left out. Paints stand for the
-paper's, see the output. Writes a table and a plot.
+Both sides are compiled, in double precision, and share the solver of the linear systems, so that
+they differ by how the matrix comes about. Times: warm medians of programs run in turn; compilation
+left out. Paints stand for the paper's, see the output. Writes a table and a plot.
 """
 
 import argparse
@@ -32,8 +32,8 @@ NEEDS = ("matplotlib",)
 WAVELENGTHS = np.arange(380.0, 781.0, 10.0)
 INDEX, GROUND, THICKNESS = 1.5, 1.0, 12e-6
 PAINTS = {"a": "ChromeYellow", "b": "Vermillion", "c": "ViridianGreen", "d": "UltramarineBlue"}
-# The paper's glazes hold 2.3 % of pigment by volume (section 2.2); the catalogue's films are masstones, of some ten
-# times that.
+# The paper's glazes hold 2.3 % of pigment by volume (section 2.2); the catalogue's films are
+# masstones, of some ten times that.
 THINNING = 0.1
 PAIRS = tuple(itertools.combinations(PAINTS, 2))
 STEPS = (0.01, 0.02, 0.03, 0.04)
@@ -64,7 +64,8 @@ PAPER_FIXED = (
 
 METHODS: dict[str, dict[str, Any]] = {
     "conventional": {"variant": "direct", "corrected": False},
-    # With the matrix made, as the paper has it; `benchmarks.auxiliary_products` has the faster way without.
+    # With the matrix made, as the paper has it; `benchmarks.auxiliary_products` has the faster way
+    # without.
     "own step, decomposed": {"variant": "decomposed", "corrected": False, "product": "matrix"},
     "fixed step": {"variant": "fixed_step", "corrected": False, "product": "matrix"},
     "fixed step, corrected": {"variant": "fixed_step", "corrected": True, "product": "matrix"},
@@ -91,7 +92,9 @@ def work() -> dict[str, Work]:
         )
         albedo[letter], thickness[letter] = s / (k + s), (k + s) * THICKNESS
     return {
-        f"{i}/{j}": Work(np.stack([albedo[i], albedo[j]], 1), np.stack([thickness[i], thickness[j]], 1))
+        f"{i}/{j}": Work(
+            np.stack([albedo[i], albedo[j]], 1), np.stack([thickness[i], thickness[j]], 1)
+        )
         for i, j in PAIRS
     }
 
@@ -109,7 +112,10 @@ def table_1(say: Results, repetitions: int) -> None:
     count = WAVELENGTHS.size
     say("\nTable 1. Assembly of A, n = 1.5, ground 1, dh = .02: decomposed over direct, time")
     say(f"a spectrum of {count} matrices a call, {repetitions} repetitions")
-    say(f"{'Q':>4} {'paper':>8} {'here':>8}   {'direct':>12} {'decomposed':>12}   largest difference of an entry")
+    say(
+        f"{'Q':>4} {'paper':>8} {'here':>8}   {'direct':>12} {'decomposed':>12}   largest "
+        "difference of an entry"
+    )
     # Every wavelength's own step, near .02.
     steps = jnp.asarray(0.02 * np.linspace(0.98, 1.02, count))
     for size, direct, decomposed in zip(SIZES, PAPER_DIRECT, PAPER_DECOMPOSED, strict=True):
@@ -122,27 +128,35 @@ def table_1(say: Results, repetitions: int) -> None:
         difference = float(jnp.max(jnp.abs(programs["direct"]() - programs["decomposed"]())))
         ratio = seconds["decomposed"] / seconds["direct"]
         say(
-            f"{size:4d} {decomposed / direct:8.2%} {ratio:8.2%}   {1e6 * seconds['direct'] / count:9.0f} us "
+            f"{size:4d} {decomposed / direct:8.2%} {ratio:8.2%}   "
+            f"{1e6 * seconds['direct'] / count:9.0f} us "
             f"{1e6 * seconds['decomposed'] / count:9.0f} us   {difference:.1e}"
         )
 
 
 def linear_systems(say: Results, repetitions: int) -> None:
     """What the solver shared by all variants saves over an elimination."""
-    say("\nSolving (1/2 A P - E) f = -b, a spectrum of 41 systems with one H + U, two right sides: conjugate gradients")
+    say(
+        "\nSolving (1/2 A P - E) f = -b, a spectrum of 41 systems with one H + U, two right "
+        "sides: conjugate gradients"
+    )
     say("over blocked elimination without pivoting, time")
     say(f"{'Q':>4} {'ratio':>8}   largest difference of a solution")
     rng = np.random.default_rng(0)
     for size in (8, 16, *SIZES, 240):
         table = KernelTable(INDEX, 0.02, size)
-        matrix = assembly.toeplitz_plus_hankel(jnp.asarray(table.toeplitz), jnp.asarray(table.hankel))
+        matrix = assembly.toeplitz_plus_hankel(
+            jnp.asarray(table.toeplitz), jnp.asarray(table.hankel)
+        )
         albedo = jnp.asarray(rng.uniform(0.5, 1.0, (size, WAVELENGTHS.size)))
         right = jnp.asarray(rng.uniform(0.0, 1.0, (size, WAVELENGTHS.size, 2)))
 
         @jax.jit
         def iterate(albedo, right, matrix=matrix):
             def apply(f):
-                return 0.5 * (matrix @ (albedo[..., None] * f).reshape(f.shape[0], -1)).reshape(f.shape)
+                return 0.5 * (matrix @ (albedo[..., None] * f).reshape(f.shape[0], -1)).reshape(
+                    f.shape
+                )
 
             return solve_contraction(apply, albedo[..., None], right)
 
@@ -150,33 +164,57 @@ def linear_systems(say: Results, repetitions: int) -> None:
         def eliminate(albedo, right, matrix=matrix):
             root = jnp.sqrt(albedo).T  # of P, which makes the system symmetric
             system = jnp.eye(matrix.shape[0]) - 0.5 * root[:, :, None] * matrix * root[:, None, :]
-            return jnp.moveaxis(solve_positive(system, root[..., None] * jnp.moveaxis(right, 1, 0)), 0, 1)
+            return jnp.moveaxis(
+                solve_positive(system, root[..., None] * jnp.moveaxis(right, 1, 0)), 0, 1
+            )
 
         programs: dict[str, Callable] = {
             "iterate": functools.partial(iterate, albedo, right),
             "eliminate": functools.partial(eliminate, albedo, right),
         }
         seconds = interleaved(programs, repetitions)
-        off = float(jnp.max(jnp.abs(jnp.sqrt(albedo)[..., None] * programs["iterate"]() - programs["eliminate"]())))
+        off = float(
+            jnp.max(
+                jnp.abs(
+                    jnp.sqrt(albedo)[..., None] * programs["iterate"]() - programs["eliminate"]()
+                )
+            )
+        )
         say(f"{size:4d} {seconds['iterate'] / seconds['eliminate']:8.1%}   {off:.1e}")
 
 
 def spectrum(pair: Work, step: float, method: str, **angles) -> jax.Array:
     return reflectance_factor(
-        pair.albedo, pair.thickness, GROUND, refractive_index=INDEX, step=step, **METHODS[method], **angles
+        pair.albedo,
+        pair.thickness,
+        GROUND,
+        refractive_index=INDEX,
+        step=step,
+        **METHODS[method],
+        **angles,
     )
 
 
 def reuse(pair: Work, table: KernelTable) -> float:
-    """Share of the numbers of H and U that are needed, 3Q - 1 a wavelength, and need not be computed."""
+    """Share of the numbers of H and U that are needed, 3Q - 1 a wavelength, and need not be
+    computed.
+    """
     counts = np.maximum(np.round(pair.thickness.sum(axis=1) / table.step).astype(int), 2)
     return 1.0 - table.grow(int(counts.max())) / int(np.sum(3 * counts - 1))
 
 
-def tables_2_and_3(say: Results, pairs: dict[str, Work], repetitions: int, budget: float) -> dict[tuple, float]:
+def tables_2_and_3(
+    say: Results, pairs: dict[str, Work], repetitions: int, budget: float
+) -> dict[tuple, float]:
     say("\nTables 2 and 3. Spectrum of two layers at 0/0 degrees, 41 wavelengths: time")
-    say("conventional: own step, A by quadrature (table 1's direct). The paper's table 2 has the decomposed A there.")
-    say(f"at most {repetitions} repetitions, at least 3; tables of the fixed step kept from call to call")
+    say(
+        "conventional: own step, A by quadrature (table 1's direct). The paper's table 2 has the "
+        "decomposed A there."
+    )
+    say(
+        f"at most {repetitions} repetitions, at least 3; tables of the fixed step kept from call "
+        "to call"
+    )
     seconds: dict[tuple, float] = {}
     for name, pair in pairs.items():
         for step in STEPS:
@@ -199,7 +237,10 @@ def tables_2_and_3(say: Results, pairs: dict[str, Work], repetitions: int, budge
         return "".join(f"{value:9.2%}" for value in row)
 
     say("\nratios, mean of the four steps" + " " * 19 + "".join(f"{name:>9}" for name in pairs))
-    say(f"{'paper: fixed step over own step, decomposed':<49}" + "".join(f"{v:9.2%}" for v in PAPER_SHORTENED))
+    say(
+        f"{'paper: fixed step over own step, decomposed':<49}"
+        + "".join(f"{v:9.2%}" for v in PAPER_SHORTENED)
+    )
     for method, base in (
         ("fixed step", "conventional"),
         ("fixed step, corrected", "conventional"),
@@ -209,11 +250,23 @@ def tables_2_and_3(say: Results, pairs: dict[str, Work], repetitions: int, budge
         say(f"{'here: ' + method + ' over ' + base:<49}" + ratios(method, base))
     say(f"{'paper: reuse rate':<49}" + "".join(f"{v:9.2%}" for v in PAPER_REUSED))
     kept = {step: KernelTable(INDEX, step) for step in STEPS}
-    fresh = [np.mean([reuse(pair, KernelTable(INDEX, step)) for step in STEPS]) for pair in pairs.values()]
+    fresh = [
+        np.mean([reuse(pair, KernelTable(INDEX, step)) for step in STEPS])
+        for pair in pairs.values()
+    ]
     onward = [np.mean([reuse(pair, kept[step]) for step in STEPS]) for pair in pairs.values()]
-    say(f"{'here: reuse rate, a fresh table for each pair':<49}" + "".join(f"{v:9.2%}" for v in fresh))
-    say(f"{'here: reuse rate, table kept from pair to pair':<49}" + "".join(f"{v:9.2%}" for v in onward))
-    say("(With a fresh table 41 wavelengths reuse 40/41 = 97.56 % at most, all of one thickness; the paper has more.)")
+    say(
+        f"{'here: reuse rate, a fresh table for each pair':<49}"
+        + "".join(f"{v:9.2%}" for v in fresh)
+    )
+    say(
+        f"{'here: reuse rate, table kept from pair to pair':<49}"
+        + "".join(f"{v:9.2%}" for v in onward)
+    )
+    say(
+        "(With a fresh table 41 wavelengths reuse 40/41 = 97.56 % at most, all of one thickness; "
+        "the paper has more.)"
+    )
     return seconds
 
 
@@ -226,13 +279,23 @@ def rgb(pair: Work, method: str, step: float) -> np.ndarray:
     if method == "exact":
         factor = stack_reflectance_factor(*given, refractive_index=INDEX, tolerance=1e-9, **angles)
     else:
-        factor = reflectance_factor(*given, refractive_index=INDEX, step=step, **METHODS[method], **angles)
-    return np.round(255 * np.asarray(colour.srgb(WAVELENGTHS, np.moveaxis(np.asarray(factor), 0, -1))))
+        factor = reflectance_factor(
+            *given, refractive_index=INDEX, step=step, **METHODS[method], **angles
+        )
+    return np.round(
+        255 * np.asarray(colour.srgb(WAVELENGTHS, np.moveaxis(np.asarray(factor), 0, -1)))
+    )
 
 
 def table_4(say: Results, pairs: dict[str, Work]) -> None:
-    say("\nTable 4. Absolute difference of 24-bit RGB over 19 x 19 angles, 0 to 90 degrees: mean (variance)")
-    say("90 degrees, where the surface is a mirror, counts as its limit: black. sRGB under D65, 0-255, rounded.")
+    say(
+        "\nTable 4. Absolute difference of 24-bit RGB over 19 x 19 angles, 0 to 90 degrees: mean "
+        "(variance)"
+    )
+    say(
+        "90 degrees, where the surface is a mirror, counts as its limit: black. sRGB under D65, "
+        "0-255, rounded."
+    )
     head = f"{'':<46}" + "".join(f"{name:>17}" for name in pairs)
     ours: dict[str, list[tuple[float, float]]] = {}
     for pair in pairs.values():
@@ -250,7 +313,9 @@ def table_4(say: Results, pairs: dict[str, Work]) -> None:
         compare("fixed step .01", fixed, exact)
         for step in (0.01, 0.04):
             compare(
-                f"fixed step {step:.2f}, corrected".replace("0.", "."), rgb(pair, "fixed step, corrected", step), exact
+                f"fixed step {step:.2f}, corrected".replace("0.", "."),
+                rgb(pair, "fixed step, corrected", step),
+                exact,
             )
 
     def row(name: str, values) -> None:
@@ -268,13 +333,18 @@ def table_4(say: Results, pairs: dict[str, Work]) -> None:
         row(name, ours[name])
 
 
-def default_solver(say: Results, pairs: dict[str, Work], seconds: dict[tuple, float], repetitions: int) -> dict:
+def default_solver(
+    say: Results, pairs: dict[str, Work], seconds: dict[tuple, float], repetitions: int
+) -> dict:
     """The default solver on tables 2 and 3's work beside the conventional method at dh = .01."""
     albedo, thickness = (np.stack([getattr(p, k) for p in pairs.values()]) for k in Work._fields)
 
     def solve(tolerance: float, **pair):
         return stack_reflectance_factor(
-            pair.get("albedo", albedo), pair.get("thickness", thickness), GROUND, tolerance=tolerance
+            pair.get("albedo", albedo),
+            pair.get("thickness", thickness),
+            GROUND,
+            tolerance=tolerance,
         )
 
     truth = np.asarray(solve(1e-10))
@@ -288,11 +358,14 @@ def default_solver(say: Results, pairs: dict[str, Work], seconds: dict[tuple, fl
     }
     wanted = 0.1 * errors[0.01, "conventional"]
     tolerance, error = next(
-        (t, e) for t in 10.0 ** -np.arange(2, 11) if (e := float(np.max(np.abs(solve(t) - truth)))) <= wanted
+        (t, e)
+        for t in 10.0 ** -np.arange(2, 11)
+        if (e := float(np.max(np.abs(solve(t) - truth)))) <= wanted
     )
     programs: dict[str, Callable] = {"all": functools.partial(solve, tolerance)}
     programs |= {
-        name: functools.partial(solve, tolerance, albedo=p.albedo, thickness=p.thickness) for name, p in pairs.items()
+        name: functools.partial(solve, tolerance, albedo=p.albedo, thickness=p.thickness)
+        for name, p in pairs.items()
     }
     measured = interleaved(programs, max(repetitions, 60))
     conventional = sum(seconds[name, 0.01, "conventional"] for name in pairs)
@@ -302,7 +375,10 @@ def default_solver(say: Results, pairs: dict[str, Work], seconds: dict[tuple, fl
     for step in STEPS:
         say(f"{step:6.2f}" + "".join(f"{errors[step, method]:24.1e}" for method in METHODS))
     one = sum(measured[name] for name in pairs)
-    say(f"\nDefault solver (tolerance {tolerance:.0e}) over the conventional method at dh = .01, the six pairs")
+    say(
+        f"\nDefault solver (tolerance {tolerance:.0e}) over the conventional method at dh = .01, "
+        "the six pairs"
+    )
     say(f"  error ratio {error / errors[0.01, 'conventional']:.3f} ({error:.1e})")
     say(
         f"  time ratio  {measured['all'] / conventional:.4%}, all pairs in one call; "
@@ -338,23 +414,48 @@ def main() -> None:
     add_option(parser, repetitions=3, budget=0.1)
     options = parser.parse_args()
     if options.quick:
-        globals().update(SIZES=SIZES[:1], PAPER_DIRECT=PAPER_DIRECT[:1], PAPER_DECOMPOSED=PAPER_DECOMPOSED[:1])
+        globals().update(
+            SIZES=SIZES[:1], PAPER_DIRECT=PAPER_DIRECT[:1], PAPER_DECOMPOSED=PAPER_DECOMPOSED[:1]
+        )
         globals().update(STEPS=(0.01, 0.04))
     jax.config.update("jax_enable_x64", True)
     # The last two are thin, and so quick.
     pairs = dict(list(work().items())[4 if options.quick else 0 :])
     say = Results("paper_tables", options.out)
-    say("Tables of paper A (Shinozawa, Kurumisawa, Takata, Joe 2013) and the same here, double precision")
-    say("paints: " + ", ".join(f"{letter} {name}" for letter, name in PAINTS.items()) + ", of the catalogue, stand for")
-    say("lead-tin yellow, vermilion, viridian and ultramarine; their k, s are not printed in the paper.")
     say(
-        f"k and s are multiplied by {THINNING:g}: the catalogue's are of masstones 25 um thick, the paper's glazes hold"
+        "Tables of paper A (Shinozawa, Kurumisawa, Takata, Joe 2013) and the same here, double "
+        "precision"
     )
-    say("2.3 % of pigment. Beyond 400-700 nm the end values go on. Two layers of 12 um, n = 1.5, ground 1, 380-780 nm:")
+    say(
+        "paints: "
+        + ", ".join(f"{letter} {name}" for letter, name in PAINTS.items())
+        + ", of the catalogue, stand for"
+    )
+    say(
+        "lead-tin yellow, vermilion, viridian and ultramarine; their k, s are not printed in the "
+        "paper."
+    )
+    say(
+        f"k and s are multiplied by {THINNING:g}: the catalogue's are of masstones 25 um thick, "
+        "the paper's glazes hold"
+    )
+    say(
+        "2.3 % of pigment. Beyond 400-700 nm the end values go on. Two layers of 12 um, n = 1.5, "
+        "ground 1, 380-780 nm:"
+    )
     depths = {name: pair.thickness.sum(axis=1) for name, pair in pairs.items()}
-    say("h, mean and largest: " + ", ".join(f"{n} {h.mean():.2f} {h.max():.2f}" for n, h in depths.items()))
-    say("\ndirect: every entry by its own quadrature, 4 Gauss nodes in the segment and 14 in ln mu (14 + 6 for U), the")
-    say("fewest that leave each entry within 1e-6, where MATLAB's dblquad stops by default; decomposed: exponential")
+    say(
+        "h, mean and largest: "
+        + ", ".join(f"{n} {h.mean():.2f} {h.max():.2f}" for n, h in depths.items())
+    )
+    say(
+        "\ndirect: every entry by its own quadrature, 4 Gauss nodes in the segment and 14 in ln "
+        "mu (14 + 6 for U), the"
+    )
+    say(
+        "fewest that leave each entry within 1e-6, where MATLAB's dblquad stops by default; "
+        "decomposed: exponential"
+    )
     say("integrals, exact. Both solve by conjugate gradients to 1e-11.")
     table_1(say, options.repetitions)
     linear_systems(say, options.repetitions)

@@ -1,12 +1,14 @@
-"""Films left out in turn, predicted from their weights with only the thickness free: this model and Kubelka-Munk's.
+"""Films left out in turn, predicted from their weights with only the thickness free: this model and
+Kubelka-Munk's.
 
     python -m benchmarks.prediction [--out FOLDER] [--scan]
 
-Every tint and shade of the measured films (revigo) is left out of a joint fit of all the others and then predicted,
-with a 90 % band as wide as the other films left out say. Both models go through the same fit, with the same instrument
-and expectations; only what one film reflects differs. Mixing laws are compared the same way. Films of the same recipes
-are simulated too, faultless and with scatter of strength, and each measured mixture is calibrated by its reading over
-white and predicted over black. With --scan, what is expected beforehand is varied instead; its lines are kept as they
+Every tint and shade of the measured films (revigo) is left out of a joint fit of all the others and
+then predicted, with a 90 % band as wide as the other films left out say. Both models go through the
+same fit, with the same instrument and expectations; only what one film reflects differs. Mixing
+laws are compared the same way. Films of the same recipes are simulated too, faultless and with
+scatter of strength, and each measured mixture is calibrated by its reading over white and predicted
+over black. With --scan, what is expected beforehand is varied instead; its lines are kept as they
 come, and a scan that was stopped goes on from there at the same commit.
 """
 
@@ -64,7 +66,9 @@ SCAN: tuple[dict[str, Any], ...] = (
 
 @dataclasses.dataclass(frozen=True)
 class Scores:
-    """Films left out, and the seconds that the fit of all films took, first and again (nan if it was fitted once)."""
+    """Films left out, and the seconds that the fit of all films took, first and again (nan if it
+    was fitted once).
+    """
 
     out: LeftOut
     seconds: float
@@ -76,7 +80,9 @@ def mixtures(names: Sequence[str], recipes: Recipes) -> list[str]:
     return [name for name in names if sum(weight > 0 for weight in recipes[name].values()) > 1]
 
 
-def leave_out(films: Films, recipes: Recipes, name: str, again: bool = True, **given: Any) -> Scores:
+def leave_out(
+    films: Films, recipes: Recipes, name: str, again: bool = True, **given: Any
+) -> Scores:
     """Fit all films, twice for the time if asked, and leave out every mixture in turn."""
     began = time.perf_counter()
     whole = recover_jointly(films, recipes, **given)
@@ -90,19 +96,33 @@ def leave_out(films: Films, recipes: Recipes, name: str, again: bool = True, **g
         progress(f"{name}: {film}")
 
     chosen = mixtures(films.names, recipes)[::EVERY]
-    out = leave_films_out(whole, films, recipes, only=lambda film: film in chosen, progress=tell, **given)
+    out = leave_films_out(
+        whole, films, recipes, only=lambda film: film in chosen, progress=tell, **given
+    )
     return Scores(out, seconds, warm)
 
 
 def kinds(films: tuple[str, ...], recipes: Recipes) -> dict[str, np.ndarray]:
     """Which films are of a kind."""
     eosin = np.array(["Eosin" in " ".join(recipes[name]) for name in films])
-    shade = np.array([min(recipes[name], key=lambda paint: recipes[name][paint]) == "BoneBlack" for name in films])
-    return {"all": np.ones(len(films), bool), "without eosins": ~eosin, "tints": ~shade, "shades": shade}
+    shade = np.array(
+        [
+            min(recipes[name], key=lambda paint: recipes[name][paint]) == "BoneBlack"
+            for name in films
+        ]
+    )
+    return {
+        "all": np.ones(len(films), bool),
+        "without eosins": ~eosin,
+        "tints": ~shade,
+        "shades": shade,
+    }
 
 
 def simulated(films: Films, recipes: Recipes, scatter: float, seed: int = 4) -> Films:
-    """Films of the same recipes from the catalogue's paints; their thickness and their paints' strength scatter."""
+    """Films of the same recipes from the catalogue's paints; their thickness and their paints'
+    strength scatter.
+    """
     shelf, grid, rng = catalogue.load(), films.wavelengths, np.random.default_rng(seed)
     k, s = np.zeros((2, len(films), grid.size))
     for row, name in enumerate(films.names):
@@ -121,7 +141,9 @@ def simulated_table(films: Films, recipes: Recipes) -> list[str]:
         "scatter of strength   mean  median  said  in band",
     ]
     for scatter in (0.0, 0.2):
-        out = leave_out(simulated(films, recipes, scatter), recipes, f"simulated, {scatter:.0%}").out
+        out = leave_out(
+            simulated(films, recipes, scatter), recipes, f"simulated, {scatter:.0%}"
+        ).out
         off = out.predicted.mean(axis=1)
         lines.append(
             f"{scatter:>19.0%}{off.mean():>7.2f}{np.median(off):>8.2f}{out.expected.mean():>6.2f}{out.inside.mean():>9.1%}"
@@ -130,7 +152,9 @@ def simulated_table(films: Films, recipes: Recipes) -> list[str]:
 
 
 def calibrated_table(films: Films, recipes: Recipes) -> list[str]:
-    """Each mixture read over white with paints that never saw it, and predicted over black, before and after."""
+    """Each mixture read over white with paints that never saw it, and predicted over black, before
+    and after.
+    """
     whole = recover_jointly(films, recipes)
     often = (whole.shares > 0).sum(axis=0)
     rows = [r for r, s in enumerate(whole.shares) if (s > 0).sum() > 1 and np.all(often[s > 0] > 1)]
@@ -140,7 +164,9 @@ def calibrated_table(films: Films, recipes: Recipes) -> list[str]:
         rest = without(whole, films, recipes, row)
         film, shelf = films.take([row]), {paint: rest.pigment(paint, UNIT) for paint in rest.paints}
         read = dataclasses.replace(film, seen=np.array([[False, True]]))
-        recipe = {paint: weight for paint, weight in recipes[films.names[row]].items() if weight > 0}
+        recipe = {
+            paint: weight for paint, weight in recipes[films.names[row]].items() if weight > 0
+        }
         found = calibrate_mixture(shelf, recipe, read)
         (first,) = predict_films(rest, film, recipes)
         (then,) = predict_mixture(
@@ -156,40 +182,70 @@ def calibrated_table(films: Films, recipes: Recipes) -> list[str]:
         after.append(then.delta_e(film.over_black[0], film.over_white[0])[0])
         inside.append(np.mean((low[0] <= film.over_black[0]) & (film.over_black[0] <= high[0])))
     return [
-        "ONE READING, over white: Delta E00 over black, mean (median), and readings in the 90 % band",
+        "ONE READING, over white: Delta E00 over black, mean (median), and readings in the 90 % "
+        "band",
         f"without it {np.mean(before):.2f} ({np.median(before):.2f}), with it {np.mean(after):.2f} "
-        f"({np.median(after):.2f}), {np.mean(inside):.1%}; {sum(np.array(after) > 3)} of {len(after)} above 3",
+        f"({np.median(after):.2f}), {np.mean(inside):.1%}; {sum(np.array(after) > 3)} of "
+        f"{len(after)} above 3",
     ]
 
 
 def table(scores: dict[str, Scores], recipes: Recipes) -> str:
     """Means over films of several kinds, and every film."""
     some = next(iter(scores.values())).out
-    lines = ["mean Delta E00 (D65, 10 deg), both cards      " + "".join(f"{name:>24}" for name in scores)]
+    lines = [
+        "mean Delta E00 (D65, 10 deg), both cards      " + "".join(f"{name:>24}" for name in scores)
+    ]
     lines.append(" " * 46 + f"{'fitted  left out':>24}" * len(scores))
     for kind, chosen in kinds(some.names, recipes).items():
         cells = (
-            f"{s.out.fitted[chosen].mean():.2f}      {s.out.predicted[chosen].mean():.2f}" for s in scores.values()
+            f"{s.out.fitted[chosen].mean():.2f}      {s.out.predicted[chosen].mean():.2f}"
+            for s in scores.values()
         )
-        lines.append(f"{kind:<16} {chosen.sum():>3} films{'':<19}" + "".join(f"{cell:>24}" for cell in cells))
-    cells = (f"{np.median(s.out.fitted):.2f}      {np.median(s.out.predicted):.2f}" for s in scores.values())
+        lines.append(
+            f"{kind:<16} {chosen.sum():>3} films{'':<19}" + "".join(f"{cell:>24}" for cell in cells)
+        )
+    cells = (
+        f"{np.median(s.out.fitted):.2f}      {np.median(s.out.predicted):.2f}"
+        for s in scores.values()
+    )
     lines.append(f"{'median, all':<45} " + "".join(f"{cell:>24}" for cell in cells))
     apart = [(s.out.predicted - some.predicted).mean(axis=1) for s in scores.values()]
     cells = (f"{d.mean():+.2f} +- {d.std(ddof=1) / np.sqrt(d.size):.2f}" for d in apart)
-    lines.append(f"{'difference to the first, left out, film by film':<46}" + "".join(f"{cell:>24}" for cell in cells))
     lines.append(
-        f"{'readings within the 90 % band':<46}" + "".join(f"{s.out.inside.mean():>24.1%}" for s in scores.values())
+        f"{'difference to the first, left out, film by film':<46}"
+        + "".join(f"{cell:>24}" for cell in cells)
     )
-    ranks = (f"{spearmanr(s.out.expected, s.out.predicted.mean(axis=1))[0]:.2f}" for s in scores.values())
-    lines.append(f"{'rank correlation of said and true errors':<46}" + "".join(f"{cell:>24}" for cell in ranks))
+    lines.append(
+        f"{'readings within the 90 % band':<46}"
+        + "".join(f"{s.out.inside.mean():>24.1%}" for s in scores.values())
+    )
+    ranks = (
+        f"{spearmanr(s.out.expected, s.out.predicted.mean(axis=1))[0]:.2f}" for s in scores.values()
+    )
+    lines.append(
+        f"{'rank correlation of said and true errors':<46}"
+        + "".join(f"{cell:>24}" for cell in ranks)
+    )
     said = (f"{s.out.expected.mean():.2f}" for s in scores.values())
-    lines.append(f"{'Delta E00 that the predictions say of themselves':<46}" + "".join(f"{cell:>22}" for cell in said))
+    lines.append(
+        f"{'Delta E00 that the predictions say of themselves':<46}"
+        + "".join(f"{cell:>22}" for cell in said)
+    )
     lines.append("")
     seconds = (f"{s.seconds:.1f}; {s.warm:.1f}" for s in scores.values())
-    lines.append(f"{'fit of all films, seconds (first; compiled)':<46}" + "".join(f"{cell:>24}" for cell in seconds))
-    lines.append("\neach film left out: Delta E00 over black and white, and (what the prediction says of itself)")
+    lines.append(
+        f"{'fit of all films, seconds (first; compiled)':<46}"
+        + "".join(f"{cell:>24}" for cell in seconds)
+    )
+    lines.append(
+        "\neach film left out: Delta E00 over black and white, and (what the prediction says of "
+        "itself)"
+    )
     for i, name in enumerate(some.names):
-        recipe = " + ".join(f"{weight:g} {paint}" for paint, weight in recipes[name].items() if weight > 0)
+        recipe = " + ".join(
+            f"{weight:g} {paint}" for paint, weight in recipes[name].items() if weight > 0
+        )
         cells = (
             f"{s.out.predicted[i, 0]:.2f}  {s.out.predicted[i, 1]:.2f} ({s.out.expected[i]:.1f})"
             for s in scores.values()
@@ -199,7 +255,8 @@ def table(scores: dict[str, Scores], recipes: Recipes) -> str:
 
 
 def scan(films: Films, recipes: Recipes, part: Path) -> str:
-    """Prediction errors as expectations vary, a line each; `part` holds the lines that are done, by commit and name.
+    """Prediction errors as expectations vary, a line each; `part` holds the lines that are done, by
+    commit and name.
 
     Raises:
         OSError: `part` cannot be written.
@@ -214,7 +271,9 @@ def scan(films: Films, recipes: Recipes, part: Path) -> str:
         name = ", ".join(f"{key} {value}" for key, value in changed.items()) or "as by default"
         key = f"{at}, each {EVERY}: {name}"
         if key not in done:
-            out = leave_out(films, recipes, name, again=False, expectations=Expectations(**changed)).out
+            out = leave_out(
+                films, recipes, name, again=False, expectations=Expectations(**changed)
+            ).out
             of = kinds(out.names, recipes)
             off = out.predicted.mean(axis=1)
             done[key] = (
@@ -227,7 +286,9 @@ def scan(films: Films, recipes: Recipes, part: Path) -> str:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     add_option(parser)
     parser.add_argument("--scan", action="store_true", help="vary what is expected beforehand")
     options = parser.parse_args()
@@ -244,7 +305,10 @@ def main() -> None:
             "Kubelka-Munk": {"response": KubelkaMunk(Instrument())},
             "glazejax, strength law": {"law": MixingLaw("strength")},
         }
-        text = table({name: leave_out(films, recipes, name, **given) for name, given in models.items()}, recipes)
+        text = table(
+            {name: leave_out(films, recipes, name, **given) for name, given in models.items()},
+            recipes,
+        )
         for more in (simulated_table(films, recipes), calibrated_table(films, recipes)):
             text += "\n\n" + "\n".join(more)
     progress()

@@ -2,9 +2,10 @@
 
     python -m benchmarks.profile_solver [--out FOLDER]
 
-For 41 and 4100 wavelengths of two layers: the time of one call, the kernels XLA runs for it and where their time goes
-(JAX's own profiler, kernels named by the part of the solver they belong to), and what the matrix arithmetic alone
-would take at the rate this machine reaches, in the same run, with large matrices of the same type on one core.
+For 41 and 4100 wavelengths of two layers: the time of one call, the kernels XLA runs for it and
+where their time goes (JAX's own profiler, kernels named by the part of the solver they belong to),
+and what the matrix arithmetic alone would take at the rate this machine reaches, in the same run,
+with large matrices of the same type on one core.
 """
 
 import argparse
@@ -49,12 +50,16 @@ def part_of(kernel_line: str) -> str:
     return found[-1] if found else "rest"
 
 
-def kernel_times(compiled, arguments, repetitions: int = REPETITIONS) -> dict[str, tuple[float, float]]:
+def kernel_times(
+    compiled, arguments, repetitions: int = REPETITIONS
+) -> dict[str, tuple[float, float]]:
     """Seconds in kernels and number of kernels of one call, by part of the solver."""
     parts = {}
     for line in compiled.as_text().splitlines():
         named = re.match(r"\s*(?:ROOT )?%([\w.-]+) = ", line)
-        if named and not re.search(r" (while|call|conditional)\(", line):  # these hold other kernels
+        if named and not re.search(
+            r" (while|call|conditional)\(", line
+        ):  # these hold other kernels
             parts[named.group(1)] = part_of(line)
     for _ in range(3):
         jax.block_until_ready(compiled(*arguments))
@@ -75,7 +80,9 @@ def kernel_times(compiled, arguments, repetitions: int = REPETITIONS) -> dict[st
 
 
 def multiplications(nodes: int, layers: int, batch: int) -> float:
-    """Multiply-adds of the dense algebra of one call: four products and an inverse a layer, one more at the join."""
+    """Multiply-adds of the dense algebra of one call: four products and an inverse a layer, one
+    more at the join.
+    """
     return batch * nodes**3 * (layers * 5.0 + 1.0)
 
 
@@ -89,7 +96,9 @@ def reachable_rate() -> float:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     add_option(parser)
     options = parser.parse_args()
     if options.quick:
@@ -102,30 +111,46 @@ def main() -> None:
     one = jnp.zeros(())
     dispatch = seconds(lambda: empty(one))
     say(f"an empty program: {1e6 * dispatch:.0f} us\n")
-    header = f"{'wavelengths':>11} {'tolerance':>9} {'directions':>10} {'call us':>8} {'kernels':>8} {'us each':>8}"
+    header = (
+        f"{'wavelengths':>11} {'tolerance':>9} {'directions':>10} {'call us':>8} {'kernels':>8} "
+        f"{'us each':>8}"
+    )
     say(f"{header} {'algebra at full rate':>20}   share of kernel time")
     work = two_layers()
     for copies in COPIES:
-        albedo, thickness = (jnp.asarray(np.tile(a, (copies, 1))) for a in (work.albedo, work.optical_thickness))
+        albedo, thickness = (
+            jnp.asarray(np.tile(a, (copies, 1))) for a in (work.albedo, work.optical_thickness)
+        )
         ground = jnp.full(albedo.shape[0], work.ground)
         for tolerance in (1e-3, 1e-7):
             arguments = (albedo, thickness, ground)
             compiled = jax.jit(ours.spectrum(work, INDEX, tolerance)).lower(*arguments).compile()
-            taken = seconds(lambda c=compiled, a=arguments: c(*a), REPETITIONS if copies == 1 else 20)
+            taken = seconds(
+                lambda c=compiled, a=arguments: c(*a), REPETITIONS if copies == 1 else 20
+            )
             parts = kernel_times(compiled, arguments, REPETITIONS if copies == 1 else 10)
             inside, number = (sum(value[i] for value in parts.values()) for i in (0, 1))
             resolution = resolve_known(tolerance, INDEX)
             nodes = resolution.cone + resolution.total
             algebra = multiplications(nodes, 2, albedo.shape[0]) / rate
             largest_first = sorted(parts.items(), key=lambda item: -item[1][0])
-            shares = ", ".join(f"{part} {100 * value[0] / inside:.0f} %" for part, value in largest_first)
+            shares = ", ".join(
+                f"{part} {100 * value[0] / inside:.0f} %" for part, value in largest_first
+            )
             say(
-                f"{albedo.shape[0]:11d} {tolerance:9.0e} {nodes:10d} {1e6 * taken:8.0f} {number:8.0f} "
+                f"{albedo.shape[0]:11d} {tolerance:9.0e} {nodes:10d} {1e6 * taken:8.0f} "
+                f"{number:8.0f} "
                 f"{1e6 * inside / number:8.1f} {100 * algebra / taken:18.0f} %   {shares}"
             )
     say()
-    say("'algebra at full rate': share of the call that the multiply-adds would take at the rate above. Kernels of a")
-    say("few microseconds are bound by their own start, long ones by memory and by vectors as short as a matrix row.")
+    say(
+        "'algebra at full rate': share of the call that the multiply-adds would take at the rate "
+        "above. Kernels of a"
+    )
+    say(
+        "few microseconds are bound by their own start, long ones by memory and by vectors as "
+        "short as a matrix row."
+    )
     say.save()
 
 

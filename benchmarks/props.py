@@ -1,4 +1,6 @@
-"""What the pictures of the README are put together from: a window, painted panels, a wooden table."""
+"""What the pictures of the README are put together from: a window, painted panels, a
+wooden table.
+"""
 
 from collections.abc import Sequence
 
@@ -49,7 +51,9 @@ def window(
     right = np.cross((0.0, 0.0, 1.0), out)
     right /= np.linalg.norm(right)
     up = np.cross(out, right)
-    width, height = ((side - (count - 1) * bar) / count for side, count in zip(size, panes, strict=True))
+    width, height = (
+        (side - (count - 1) * bar) / count for side, count in zip(size, panes, strict=True)
+    )
     lights = []
     for across in range(panes[0]):
         for high in range(panes[1]):
@@ -71,7 +75,8 @@ def panel(
     thick: float = 0.14,
     relief: Float[np.ndarray, "h w"] | None = None,
 ) -> list[Shape]:
-    """A panel that stands on its lower edge: a box of material `edge`, and on its front a plane of material `face`.
+    """A panel that stands on its lower edge: a box of material `edge`, and on its front a plane of
+    material `face`.
 
     Args:
         edge, face: materials.
@@ -94,7 +99,9 @@ def panel(
     ]
 
 
-def table(material: str, size: tuple[float, float], middle: Sequence[float] = (0.0, 0.0, 0.0)) -> Plane:
+def table(
+    material: str, size: tuple[float, float], middle: Sequence[float] = (0.0, 0.0, 0.0)
+) -> Plane:
     """A table top that lies flat, its boards along x."""
     return Plane(material, middle, (0.0, 0.0, 1.0), size, (0.0, 1.0, 0.0))
 

@@ -1,9 +1,10 @@
-"""What the solver's own last steps do for recipes, and how near unmixed coats come: the 24 patches of a ColorChecker.
+"""What the solver's own last steps do for recipes, and how near unmixed coats come: the 24 patches
+of a ColorChecker.
 
-For each patch the nearest of five recipes with paints mixed within up to two coats, before the solver's own least
-squares and after, both as Delta E 2000 of the solver's spectrum before amounts are rounded; then the nearest of five
-of up to six unmixed coats, and what mixing would gain. Nothing here is timed. Run with ``python -m
-benchmarks.recipe_coats``.
+For each patch the nearest of five recipes with paints mixed within up to two coats, before the
+solver's own least squares and after, both as Delta E 2000 of the solver's spectrum before amounts
+are rounded; then the nearest of five of up to six unmixed coats, and what mixing would gain.
+Nothing here is timed. Run with ``python -m benchmarks.recipe_coats``.
 """
 
 import argparse
@@ -32,14 +33,17 @@ def main() -> None:
     results("patch          coats   by the table  by the solver  steps settled")
     for one in mixed:
         results(
-            f"{one.target.name:14} {len(one.coats):5d} {one.before:14.3f} {one.unrounded:14.3f} {one.steps:6d} "
+            f"{one.target.name:14} {len(one.coats):5d} {one.before:14.3f} {one.unrounded:14.3f} "
+            f"{one.steps:6d} "
             f"{'yes' if one.converged else 'no':>7}"
         )
     several = [one for one in mixed if len(one.coats) > 1]
     before, after = (np.median([value(one) for one in several]) for value in (_before, _after))
     results(
-        f"median of the {len(several)} of several coats: {before:.3f} before, {after:.3f} after; settled: "
-        f"{sum(one.converged for one in mixed)} of {len(mixed)}; most steps: {max(one.steps for one in mixed)}"
+        f"median of the {len(several)} of several coats: {before:.3f} before, {after:.3f} after; "
+        "settled: "
+        f"{sum(one.converged for one in mixed)} of {len(mixed)}; most steps: "
+        f"{max(one.steps for one in mixed)}"
     )
     results()
     results("up to six unmixed coats         dE00, rounded")
@@ -51,7 +55,10 @@ def main() -> None:
         )
     for name, some in (("unmixed", unmixed), ("mixed", mixed)):
         distances = np.array([one.distance for one in some])
-        results(f"{name}: median {np.median(distances):.2f}, below 1: {(distances < 1).sum()} of {len(some)}")
+        results(
+            f"{name}: median {np.median(distances):.2f}, below 1: {(distances < 1).sum()} of "
+            f"{len(some)}"
+        )
     results.save()
 
 

@@ -1,14 +1,16 @@
-"""Where a benchmark's output goes: lines to the screen and to NAME.txt, a picture to NAME.png, in one folder.
+"""Where a benchmark's output goes: lines to the screen and to NAME.txt, a picture to NAME.png, in
+one folder.
 
 Every file begins with a head, two lines and an empty one:
 
     made 2026-11-23 at commit 1a2b3c4 by python -m benchmarks.tubes --paints 50; glazejax 0.1.0
     x86_64, AMD EPYC, 2 cores, load 0.3; Python 3.11.7, jax 0.9.2
 
-It says `commit 1a2b3c4 with changes` where code had changes that were not committed, and `no commit` outside of git.
-The load is how many processes wanted the processor in the minute before. Results from before heads told the commit say
-`kept at commit` instead, the one in which their numbers came into the repository. `head` reads all of these. A
-benchmark of which no result is kept says why: `NO_RESULT = "..."`.
+It says `commit 1a2b3c4 with changes` where code had changes that were not committed, and `no
+commit` outside of git. The load is how many processes wanted the processor in the minute before.
+Results from before heads told the commit say
+`kept at commit` instead, the one in which their numbers came into the repository. `head` reads all
+of these. A benchmark of which no result is kept says why: `NO_RESULT = "..."`.
 """
 
 import argparse
@@ -41,12 +43,17 @@ def add_option(parser: argparse.ArgumentParser, **quick: Any) -> None:
         parser: gets both.
         quick: what other options are with `--quick`, unless they are given: `stacks=50`.
     """
-    parser.add_argument("--out", type=Path, default=FOLDER, help="folder for the results (default: %(default)s)")
+    parser.add_argument(
+        "--out", type=Path, default=FOLDER, help="folder for the results (default: %(default)s)"
+    )
     parser.add_argument(
         "--quick",
         action=_Quick,
         small=quick,
-        help=f"try it at small size: another folder ({QUICK_FOLDER}), and numbers that are worth nothing",
+        help=(
+            f"try it at small size: another folder ({QUICK_FOLDER}), and numbers that are worth "
+            "nothing"
+        ),
     )
 
 
@@ -65,7 +72,9 @@ class _Quick(argparse.Action):
 
 
 def progress(text: str = "") -> None:
-    """Say on a terminal's last line what is being done, and nothing in a log; without text, clear it."""
+    """Say on a terminal's last line what is being done, and nothing in a log; without text, clear
+    it.
+    """
     if sys.stderr.isatty():
         print(f"\r{text:<40}" + "\r" * (not text), end="", file=sys.stderr, flush=True)
 
@@ -79,23 +88,31 @@ class Results:
     """
 
     def __init__(self, name: str, folder: Path = FOLDER, *packages: str):
-        """Name of the file, folder, and packages whose versions the head tells beside Python's and jax's.
+        """Name of the file, folder, and packages whose versions the head tells beside Python's and
+        jax's.
 
         Raises:
             SystemExit: small numbers would take the place of the committed ones.
         """
         if "--quick" in sys.argv and Path(folder).resolve() == FOLDER.resolve():
-            raise SystemExit(f"--quick does not write to {FOLDER}, whose results are of full size; give another --out")
+            raise SystemExit(
+                f"--quick does not write to {FOLDER}, whose results are of full size; give "
+                "another --out"
+            )
         self._name, self._stem, self._packages = name, Path(folder) / name, packages
         self._lines: list[str] = []
 
     def __call__(self, line: str = "") -> None:
         """Print a line, at once, and keep it."""
-        # The head comes with the first line: by then the benchmark has told JAX which device to take.
+        # The head comes with the first line: by then the benchmark has told JAX which device to
+        #     take.
         if not self._lines:
             self._lines = new_head(self._name, self._packages)
             if "--quick" in sys.argv:
-                self._lines += ["Small size (--quick): this shows that it runs; its numbers are worth nothing.", ""]
+                self._lines += [
+                    "Small size (--quick): this shows that it runs; its numbers are worth nothing.",
+                    "",
+                ]
             print("\n".join(self._lines), flush=True)
         print(line, flush=True)
         self._lines.append(line.rstrip())
@@ -129,14 +146,17 @@ class Head:
 
 _HEAD = re.compile(
     r"made (?P<date>\d{4}-\d\d-\d\d)(?: or before)?(?:, kept)? "
-    r"at (?:commit (?P<commit>[0-9a-f]+)(?: with changes)?|no commit),? by (?P<command>.+?)(?:; glazejax \S+)?"
+    r"at (?:commit (?P<commit>[0-9a-f]+)(?: with changes)?|no commit),? by (?P<command>.+?)(?:; "
+    r"glazejax \S+)?"
 )
 
 
 def git(*words: str) -> str:
     """What git says of this repository; empty where there is none, or git fails."""
     try:
-        done = subprocess.run(["git", *words], cwd=HERE.parent, capture_output=True, text=True, check=False)
+        done = subprocess.run(
+            ["git", *words], cwd=HERE.parent, capture_output=True, text=True, check=False
+        )
     except FileNotFoundError:
         return ""
     return done.stdout.strip() if done.returncode == 0 else ""
@@ -147,7 +167,9 @@ def commit() -> str:
     # A copy without git may lie in the folder of another repository.
     if not git("ls-files", "benchmarks/results.py"):
         return "no commit"
-    changes = git("status", "--porcelain", "--untracked-files=no", "--", "src", "fitting", "benchmarks/*.py")
+    changes = git(
+        "status", "--porcelain", "--untracked-files=no", "--", "src", "fitting", "benchmarks/*.py"
+    )
     return f"commit {git('rev-parse', '--short', 'HEAD')}" + " with changes" * bool(changes)
 
 
@@ -160,7 +182,9 @@ def new_head(name: str, packages: Sequence[str] = ()) -> list[str]:
 
 
 def _command(module: Path) -> str:
-    """The command of this process, but for where results go; of paths of this machine only the name."""
+    """The command of this process, but for where results go; of paths of this machine only the
+    name.
+    """
     words, given = ["python", "-m", f"benchmarks.{module.stem}"], iter(sys.argv[1:])
     for word in given:
         if word == "--out":
@@ -181,16 +205,23 @@ def head(name: str, folder: Path = FOLDER) -> Head:
         raise ValueError(f"there is no result {name}.txt in {folder}")
     if found := _HEAD.fullmatch(path.read_text().partition("\n")[0]):
         return Head(date=found["date"], commit=found["commit"] or "", command=found["command"])
-    raise ValueError(f"{path.name} has no head: run `python -m benchmarks.{module_of(name).stem}` again")
+    raise ValueError(
+        f"{path.name} has no head: run `python -m benchmarks.{module_of(name).stem}` again"
+    )
 
 
 def modules() -> list[Path]:
     """Benchmarks: the modules of this folder that write results."""
-    return [path for path in sorted(HERE.glob("*.py")) if "Results(" in path.read_text() and path != Path(__file__)]
+    return [
+        path
+        for path in sorted(HERE.glob("*.py"))
+        if "Results(" in path.read_text() and path != Path(__file__)
+    ]
 
 
 def module_of(name: str) -> Path:
-    """The benchmark that makes a result: that of its name, or of how its name begins (`scaling` makes `scaling_gpu`).
+    """The benchmark that makes a result: that of its name, or of how its name begins (`scaling`
+    makes `scaling_gpu`).
 
     Raises:
         ValueError: there is none.
@@ -202,8 +233,12 @@ def module_of(name: str) -> Path:
 
 
 def declared(module: Path, name: str, default: Any = None) -> Any:
-    """What a module says at its top, `NEEDS = ("gpu",)`, without importing it: it may need what is not installed."""
+    """What a module says at its top, `NEEDS = ("gpu",)`, without importing it: it may need what is
+    not installed.
+    """
     for node in ast.parse(module.read_text()).body:
-        if isinstance(node, ast.Assign) and any(isinstance(t, ast.Name) and t.id == name for t in node.targets):
+        if isinstance(node, ast.Assign) and any(
+            isinstance(t, ast.Name) and t.id == name for t in node.targets
+        ):
             return ast.literal_eval(node.value)
     return default

@@ -1,10 +1,12 @@
-"""Paint under a rough surface: error against time by the number of nodes, beside the smooth solver and beside paths.
+"""Paint under a rough surface: error against time by the number of nodes, beside the smooth solver
+and beside paths.
 
-Random stacks of one or two layers (optical thickness 0.003 to 30, albedo up to 1 - 1e-6, grounds 0 to 1, cosines 0.05
-to 1), surfaces of roughness 0.001 to 1 and index 1.05 to 2.5. The errors are those against a run with more of
-everything: nodes, facets, beams, angles. Times are of 41 stacks of two layers, compiled, the best of several, and
-given as ratios to the smooth solver's. Paths are the tests' own (`tests/oracles/rough_paths.py`), with next to no
-tricks: what they take for the same error of one number follows from their standard error.
+Random stacks of one or two layers (optical thickness 0.003 to 30, albedo up to 1 - 1e-6, grounds 0
+to 1, cosines 0.05 to 1), surfaces of roughness 0.001 to 1 and index 1.05 to 2.5. The errors are
+those against a run with more of everything: nodes, facets, beams, angles. Times are of 41 stacks of
+two layers, compiled, the best of several, and given as ratios to the smooth solver's. Paths are the
+tests' own (`tests/oracles/rough_paths.py`), with next to no tricks: what they take for the same
+error of one number follows from their standard error.
 
     python -m benchmarks.rough_surface [--stacks 60] [--out FOLDER]
 """
@@ -69,7 +71,8 @@ def errors(count: int, surfaces: int) -> Iterator[tuple[float, float, list[tuple
         row = []
         for tolerance in TOLERANCES:
             miss = [
-                np.max(np.abs(np.asarray(one(tolerance=tolerance)) - e)) for one, e in zip(both, exact, strict=True)
+                np.max(np.abs(np.asarray(one(tolerance=tolerance)) - e))
+                for one, e in zip(both, exact, strict=True)
             ]
             row.append((float(miss[0]), float(miss[1])))
         yield roughness, index, row
@@ -89,8 +92,12 @@ def seconds(function: Callable, *arguments: object) -> float:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("--stacks", type=int, default=60, help="random stacks (default: %(default)s)")
-    parser.add_argument("--surfaces", type=int, default=len(SURFACES), help="so many of them (default: all)")
+    parser.add_argument(
+        "--stacks", type=int, default=60, help="random stacks (default: %(default)s)"
+    )
+    parser.add_argument(
+        "--surfaces", type=int, default=len(SURFACES), help="so many of them (default: all)"
+    )
     results.add_option(parser, stacks=8, surfaces=1)
     options = parser.parse_args()
     if options.quick:
@@ -98,7 +105,8 @@ def main() -> None:
     jax.config.update("jax_enable_x64", True)
     say = results.Results("rough_surface", options.out)
     say(
-        f"Largest error of the reflectance factor and of the flux over {options.stacks} random stacks, by the tolerance"
+        f"Largest error of the reflectance factor and of the flux over {options.stacks} random "
+        "stacks, by the tolerance"
     )
     say("asked for, against a run with more nodes, facets, beams and angles")
     if flags := os.environ.get("XLA_FLAGS"):
@@ -116,7 +124,11 @@ def main() -> None:
 
 
 def _speed(say: results.Results) -> None:
-    q, d, g = jnp.linspace(0.5, 0.99, 82).reshape(41, 2), jnp.linspace(0.1, 4, 82).reshape(41, 2), jnp.full(41, 0.6)
+    q, d, g = (
+        jnp.linspace(0.5, 0.99, 82).reshape(41, 2),
+        jnp.linspace(0.1, 4, 82).reshape(41, 2),
+        jnp.full(41, 0.6),
+    )
     arguments = q, d, g
     cosines: dict[str, Any] = {"cos_incidence": 0.8, "cos_viewing": 0.6}
 
@@ -125,8 +137,14 @@ def _speed(say: results.Results) -> None:
         return stack_reflectance_factor(q, d, g, tolerance=1e-4, **cosines)
 
     base = seconds(smooth, *arguments)
-    say("Time of 41 stacks of two layers, compiled, over that of the smooth solver at tolerance 1e-4; with slopes by")
-    say("albedo, thickness and ground; and the seconds of once, for the operators of one surface (roughness 0.2)")
+    say(
+        "Time of 41 stacks of two layers, compiled, over that of the smooth solver at tolerance "
+        "1e-4; with slopes by"
+    )
+    say(
+        "albedo, thickness and ground; and the seconds of once, for the operators of one surface "
+        "(roughness 0.2)"
+    )
     say()
     say(f"{'tolerance':>9} {'value':>7} {'slopes':>7} {'operators':>10}")
     slopes = jax.jit(jax.grad(lambda *a: jnp.sum(smooth(*a)), argnums=(0, 1, 2)))
@@ -137,11 +155,16 @@ def _speed(say: results.Results) -> None:
         resolution.resolve(1.5, 0.2, tolerance).operators()
         once = time.process_time() - start
         value = jax.jit(
-            functools.partial(rough.rough_reflectance_factor, roughness=0.2, tolerance=tolerance, **cosines)
+            functools.partial(
+                rough.rough_reflectance_factor, roughness=0.2, tolerance=tolerance, **cosines
+            )
         )
         gradient = jax.jit(jax.grad(lambda *a, value=value: jnp.sum(value(*a)), argnums=(0, 1, 2)))
         times[tolerance] = seconds(value, *arguments)
-        say(f"{tolerance:9.0e} {times[tolerance] / base:7.2f} {seconds(gradient, *arguments) / base:7.2f} {once:10.2f}")
+        say(
+            f"{tolerance:9.0e} {times[tolerance] / base:7.2f} "
+            f"{seconds(gradient, *arguments) / base:7.2f} {once:10.2f}"
+        )
     say()
     paths, edges = 100_000, np.array([0.0, 0.58, 0.62, 1.0])
     surface = rough_paths.Rough(0.2, 1.5)
@@ -151,9 +174,15 @@ def _speed(say: results.Results) -> None:
     found = rough_paths.simulate(surface, *one, loss=loss)
     took = time.perf_counter() - start
     for tolerance in (1e-3, 1e-4):
-        for name, error in (("flux", found.flux_error), ("a bin of 0.04 of the cosine", found.bins_error[1] / 0.048)):
+        for name, error in (
+            ("flux", found.flux_error),
+            ("a bin of 0.04 of the cosine", found.bins_error[1] / 0.048),
+        ):
             ratio = took * (error / tolerance) ** 2 / (times[tolerance] / 41)
-            say(f"Paths to a standard error of {tolerance:.0e} of {name}: {ratio:.1e} times one stack's time")
+            say(
+                f"Paths to a standard error of {tolerance:.0e} of {name}: {ratio:.1e} times one "
+                "stack's time"
+            )
 
 
 if __name__ == "__main__":

@@ -1,13 +1,16 @@
-"""What is gained by leaving out what a scene does not need: each saving of the plan on and off, and glazed pictures.
+"""What is gained by leaving out what a scene does not need: each saving of the plan on and off, and
+glazed pictures.
 
     python -m benchmarks.savings [--device gpu] [--out FOLDER]
 
-Each saving gets a scene it is made for, and runs on it alone against none at all (reciprocity: with and without it,
-where equal stacks are computed once): time with the plan's own included, warm medians of programs run in turn, and
-the largest change of the result, as a share of the tolerance asked for.
-Then a picture of 512 x 512 pixels, two layers with a thickness map each, 31 wavelengths, to sRGB: seconds and peak
-memory in a process of its own, and the colour difference from computing pixels one by one. Writes a table and the
-picture. The plan itself is made on the processor, whatever the device.
+Each saving gets a scene it is made for, and runs on it alone against none at all (reciprocity: with
+and without it, where equal stacks are computed once): time with the plan's own included, warm
+medians of programs run in turn, and the largest change of the result, as a share of the tolerance
+asked for.
+Then a picture of 512 x 512 pixels, two layers with a thickness map each, 31 wavelengths, to sRGB:
+seconds and peak memory in a process of its own, and the colour difference from computing pixels one
+by one. Writes a table and the picture. The plan itself is made on the processor, whatever the
+device.
 """
 
 import argparse
@@ -66,15 +69,24 @@ def scenes() -> dict[str, tuple[str, dict[str, Any]]]:
     scene = {k: np.asarray(v)[repeated] if np.ndim(v) else v for k, v in scene.items()}
     found["equal"] = ("4096 pixels of 256 kinds, 2 layers", scene)
     cosines = np.cos(np.deg2rad(np.linspace(0, 85, 18)))
-    scene = {k: np.asarray(v)[:, None, None] if np.ndim(v) == 1 else v for k, v in stacks(31, 2).items()}
+    scene = {
+        k: np.asarray(v)[:, None, None] if np.ndim(v) == 1 else v for k, v in stacks(31, 2).items()
+    }
     scene |= {k: scene[k][:, None, None] for k in ("albedo", "optical_thickness")}
     scene |= {"cos_incidence": cosines[:, None], "cos_viewing": cosines}
     found["reciprocity"] = ("31 bands x 18 x 18 angles, 2 layers", scene)
     grid = np.arange(360.0, 781.0, 5.0)
     x = (grid - 360) / 420
-    scene = {"albedo": np.stack([0.3 + 0.6 * x, 0.9 - 0.5 * x], -1), "optical_thickness": np.array([1.0, 3.0])}
+    scene = {
+        "albedo": np.stack([0.3 + 0.6 * x, 0.9 - 0.5 * x], -1),
+        "optical_thickness": np.array([1.0, 3.0]),
+    }
     scene |= {"optical_thickness": rng.uniform(0.5, 1.5, (480, 1, 1)) * scene["optical_thickness"]}
-    scene |= {"substrate_reflectance": 0.8, "band_weights": colour.colour_weights(grid), "tolerance": 1e-3}
+    scene |= {
+        "substrate_reflectance": 0.8,
+        "band_weights": colour.colour_weights(grid),
+        "tolerance": 1e-3,
+    }
     found["bands"] = ("480 pixels, 360-780 nm step 5, for XYZ within 1e-3, 2 layers", scene)
     scene = stacks(2048, 2)
     found["unwanted"] = (
@@ -108,7 +120,10 @@ def savings_table(say: Results) -> None:
             change = np.max(np.abs((on - off) @ weights) / np.abs(weights).sum(axis=0))
         else:
             change = np.nanmax(np.abs(on - off))
-        times = f"{1e3 * seconds['off']:7.1f} {1e3 * seconds['on']:7.1f} {seconds['on'] / seconds['off']:6.2f}"
+        times = (
+            f"{1e3 * seconds['off']:7.1f} {1e3 * seconds['on']:7.1f} "
+            f"{seconds['on'] / seconds['off']:6.2f}"
+        )
         say(f"{name:<12} {words:<58} {times} {change / tolerance:10.2g}")
 
 
@@ -117,7 +132,9 @@ def maps(size: int) -> list[np.ndarray]:
 
 
 def measure_picture() -> dict[str, float]:
-    """Seconds of the first and of later pictures, and peak resident memory; to be run in a fresh process."""
+    """Seconds of the first and of later pictures, and peak resident memory; to be run in a fresh
+    process.
+    """
     import glazejax as gj
 
     paints = [gj.catalogue.load()[name] for name in PAINTS]
@@ -135,9 +152,18 @@ def picture_report(say: Results, options: argparse.Namespace) -> None:
     import glazejax as gj
     from glazejax import colour
 
-    command = [sys.executable, "-m", "benchmarks.savings", "--measure-picture", "--device", options.device]
+    command = [
+        sys.executable,
+        "-m",
+        "benchmarks.savings",
+        "--measure-picture",
+        "--device",
+        options.device,
+    ]
     command += ["--quick"] * options.quick
-    figures = json.loads(subprocess.run(command, check=True, capture_output=True, text=True).stdout.splitlines()[-1])
+    figures = json.loads(
+        subprocess.run(command, check=True, capture_output=True, text=True).stdout.splitlines()[-1]
+    )
     paints = [gj.catalogue.load()[name] for name in PAINTS]
     thickness = maps(PICTURE_SIZE)
     fast = gj.picture(paints, thickness, GROUND)
@@ -150,19 +176,32 @@ def picture_report(say: Results, options: argparse.Namespace) -> None:
     white = colour.white_point(paints[0].wavelengths)
     labs = [colour.xyz_to_lab(xyz, white) for xyz in (fast.xyz.reshape(-1, 3)[chosen], full.xyz[0])]
     error = colour.delta_e_2000(*labs)
-    say(f"\npicture of {PICTURE_SIZE} x {PICTURE_SIZE} pixels, {' over '.join(PAINTS)}, 31 wavelengths, to sRGB")
+    say(
+        f"\npicture of {PICTURE_SIZE} x {PICTURE_SIZE} pixels, {' over '.join(PAINTS)}, 31 "
+        "wavelengths, to sRGB"
+    )
     say(f"  {fast.report}")
-    say(f"  seconds: {figures['later']:.2f}, the first time {figures['first']:.1f} with compilation")
+    say(
+        f"  seconds: {figures['later']:.2f}, the first time {figures['first']:.1f} with compilation"
+    )
     say(f"  peak memory of the process: {figures['peak'] / 2**30:.2f} GiB")
     times = seconds / figures["later"]
-    say(f"  pixel by pixel it would take {seconds:.0f} s (from {CHECKED_PIXELS}), {times:.0f} times as long")
-    say(f"  Delta E00 from that, at {CHECKED_PIXELS} random pixels: mean {error.mean():.4f}, max {error.max():.4f}")
+    say(
+        f"  pixel by pixel it would take {seconds:.0f} s (from {CHECKED_PIXELS}), {times:.0f} "
+        "times as long"
+    )
+    say(
+        f"  Delta E00 from that, at {CHECKED_PIXELS} random pixels: mean {error.mean():.4f}, max "
+        f"{error.max():.4f}"
+    )
     options.out.mkdir(parents=True, exist_ok=True)
     fast.save(options.out / f"{device.file_name('glazed_picture', options.device)}.png")
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     add_option(parser)
     device.add_option(parser)
     parser.add_argument("--measure-picture", action="store_true", help=argparse.SUPPRESS)

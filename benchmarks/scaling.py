@@ -1,14 +1,17 @@
-"""Time and memory against the size of the work: layers, wavelengths, stacks, pixels of a glazed picture.
+"""Time and memory against the size of the work: layers, wavelengths, stacks, pixels of a glazed
+picture.
 
     python -m benchmarks.scaling [--device gpu] [--out FOLDER]
 
-Each series runs in a process of its own, from small to large, and notes the highest resident memory so far. Layers and
-wavelengths run beside CDISORT's threaded batch binding (extra `benchmark`; it has no refracting surface), each at the
-setting that is the cheapest with a relative error of 1e-4 on 41 wavelengths x 2 layers. Stacks have two layers and a
-tolerance of 1e-4: their value, value and slopes by every albedo and thickness, and the value in single precision. A
-picture has two layers with a thickness map each, 31 wavelengths, Delta E00 0.1. Warm medians, compilation left out.
-Exponents are slopes of a line through the logarithms over the range given. With `--device gpu` there is a column for
-it; what it holds in its own memory is not counted. Writes a table and a log-log plot.
+Each series runs in a process of its own, from small to large, and notes the highest resident memory
+so far. Layers and wavelengths run beside CDISORT's threaded batch binding (extra `benchmark`; it
+has no refracting surface), each at the setting that is the cheapest with a relative error of 1e-4
+on 41 wavelengths x 2 layers. Stacks have two layers and a tolerance of 1e-4: their value, value and
+slopes by every albedo and thickness, and the value in single precision. A picture has two layers
+with a thickness map each, 31 wavelengths, Delta E00 0.1. Warm medians, compilation left out.
+Exponents are slopes of a line through the logarithms over the range given. With `--device gpu`
+there is a column for it; what it holds in its own memory is not counted. Writes a table and a
+log-log plot.
 """
 
 import argparse
@@ -49,7 +52,12 @@ class Series(NamedTuple):
 
 SERIES = (
     Series("layers", "layers, 41 wavelengths", (1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 40), (2, 40)),
-    Series("wavelengths", "wavelengths, 2 layers", (31, 61, 121, 251, 501, 1001, 2001, 4001), (251, 4001)),
+    Series(
+        "wavelengths",
+        "wavelengths, 2 layers",
+        (31, 61, 121, 251, 501, 1001, 2001, 4001),
+        (251, 4001),
+    ),
     Series("stacks", "stacks of 2 layers", tuple(10**k for k in range(7)), (10**4, 10**6)),
     Series(
         "pixels",
@@ -76,7 +84,9 @@ def solver(work: Work, tolerance: float, index: float = 1.5) -> Callable[[], Any
 
 
 def cheapest(make: Callable[[Any], Callable[[], Any]], settings: tuple, truth: np.ndarray) -> Any:
-    """First setting, from coarse to fine, whose relative error on the reference work is small enough."""
+    """First setting, from coarse to fine, whose relative error on the reference work is small
+    enough.
+    """
     for setting in settings:
         if np.max(np.abs(np.asarray(make(setting)()) / truth - 1)) <= RELATIVE_ERROR:
             return setting
@@ -98,7 +108,11 @@ def many_stacks(count: int) -> dict[str, Callable[[], Any]]:
             return value(*numbers)
 
     slopes = jax.value_and_grad(lambda *given: jnp.sum(value(*given)), (0, 1))
-    return {"glazejax": lambda: value(*numbers), "with slopes": lambda: slopes(*numbers), "float32": single}
+    return {
+        "glazejax": lambda: value(*numbers),
+        "with slopes": lambda: slopes(*numbers),
+        "float32": single,
+    }
 
 
 def picture(pixels: int) -> Callable[[], Any]:
@@ -157,7 +171,15 @@ def measure(name: str, platform: str) -> None:
 
 def measured(name: str, platform: str, quick: bool) -> list[dict[str, Any]]:
     """The lines of `measure` from a fresh process."""
-    command = [sys.executable, "-m", "benchmarks.scaling", "--measure", name, "--platform", platform]
+    command = [
+        sys.executable,
+        "-m",
+        "benchmarks.scaling",
+        "--measure",
+        name,
+        "--platform",
+        platform,
+    ]
     command += ["--quick"] * quick
     done = subprocess.run(command, capture_output=True, text=True)
     if done.returncode:
@@ -185,12 +207,18 @@ def table(say: Results, series: Series, results: dict[str, list[dict[str, Any]]]
         ours = point["seconds"]["glazejax"]
         cells = [f"{1e3 * ours:.4g}", f"{point['peak'] / 2**20:.0f}"]
         if peer:
-            cells += [f"{1e3 * point['seconds']['CDISORT']:.4g}", f"{ours / point['seconds']['CDISORT']:.2f}"]
+            cells += [
+                f"{1e3 * point['seconds']['CDISORT']:.4g}",
+                f"{ours / point['seconds']['CDISORT']:.2f}",
+            ]
         cells += [f"{1e3 * point['seconds'][name]:.4g}" for name in others]
         cells += [f"{1e3 * results[p][k]['seconds'][name]:.4g}" for p, name in elsewhere]
         say(f"{point['size']:<36}" + "".join(f"{c:>12}" for c in cells))
     names = [(p, "glazejax") for p in results] + [("cpu", "CDISORT")] * peer
-    slopes = ", ".join(f"{n} {exponent(results[p], n, series.fitted):.2f}" + f" ({p})" * (p != "cpu") for p, n in names)
+    slopes = ", ".join(
+        f"{n} {exponent(results[p], n, series.fitted):.2f}" + f" ({p})" * (p != "cpu")
+        for p, n in names
+    )
     say(f"exponent from {series.fitted[0]} to {series.fitted[1]}: {slopes}")
 
 
@@ -211,13 +239,19 @@ def draw(results: dict[str, dict[str, list[dict[str, Any]]]]) -> Any:
                     continue
                 slope = exponent(points, name, series.fitted)
                 label = f"{name}{'' if platform == 'cpu' else ' on ' + platform}, slope {slope:.2f}"
-                colour = "0.45" if name == "CDISORT" else "#1f4e9c" if platform == "cpu" else "#2a9d5c"
+                colour = (
+                    "0.45" if name == "CDISORT" else "#1f4e9c" if platform == "cpu" else "#2a9d5c"
+                )
                 seconds = [p["seconds"][name] for p in points]
-                lines += panel.loglog(sizes, seconds, "s--" if name == "CDISORT" else "o-", color=colour, label=label)
+                lines += panel.loglog(
+                    sizes, seconds, "s--" if name == "CDISORT" else "o-", color=colour, label=label
+                )
         cpu = results[series.name]["cpu"]
         memory = panel.twinx()
         peak = [p["peak"] / 2**20 for p in cpu]
-        lines += memory.semilogy([p["size"] for p in cpu], peak, "^:", color="#c8641e", label="peak memory")
+        lines += memory.semilogy(
+            [p["size"] for p in cpu], peak, "^:", color="#c8641e", label="peak memory"
+        )
         memory.set_ylim(100, 10000)
         memory.set_ylabel("peak resident memory, MiB", color="#c8641e")
         panel.set(xlabel=series.what, ylabel="seconds", title=series.name)
@@ -227,7 +261,9 @@ def draw(results: dict[str, dict[str, list[dict[str, Any]]]]) -> Any:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     add_option(parser)
     device.add_option(parser)
     parser.add_argument("--measure", help=argparse.SUPPRESS)
@@ -235,7 +271,8 @@ def main() -> None:
     options = parser.parse_args()
     if options.quick:
         globals().update(
-            PATIENCE=0.1, SERIES=tuple(s._replace(sizes=s.sizes[:3], fitted=s.sizes[:3:2]) for s in SERIES)
+            PATIENCE=0.1,
+            SERIES=tuple(s._replace(sizes=s.sizes[:3], fitted=s.sizes[:3:2]) for s in SERIES),
         )
     jax.config.update("jax_enable_x64", True)
     if options.measure:
@@ -245,10 +282,15 @@ def main() -> None:
     chosen = device.start(options.device)
     say = Results(device.file_name("scaling", options.device), options.out, "nanodisort")
     if options.device == "gpu":
-        say(f"{device.words(chosen)}; stacks go there and back in each call, 40 bytes in and 8 out each")
+        say(
+            f"{device.words(chosen)}; stacks go there and back in each call, 40 bytes in and 8 "
+            "out each"
+        )
     results: dict[str, dict[str, list[dict[str, Any]]]] = {}
     for series in SERIES:
-        results[series.name] = {platform: measured(series.name, platform, options.quick) for platform in platforms}
+        results[series.name] = {
+            platform: measured(series.name, platform, options.quick) for platform in platforms
+        }
         table(say, series, results[series.name])
     say.save(draw(results))
 

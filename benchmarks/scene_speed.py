@@ -2,9 +2,10 @@
 
     python -m benchmarks.scene_speed [--out FOLDER]
 
-640 x 480 pixels, 31 bands: a glazed sphere, a glazed box and a canvas with a painted thickness map on a table, under
-daylight from a window and a tungsten lamp, with shadows and mirror reflections in the glossy surfaces. Runs in a fresh
-process: first with compilation, then again; the second run is the one that counts. Then the same with
+640 x 480 pixels, 31 bands: a glazed sphere, a glazed box and a canvas with a painted thickness map
+on a table, under daylight from a window and a tungsten lamp, with shadows and mirror reflections in
+the glossy surfaces. Runs in a fresh process: first with compilation, then again; the second run is
+the one that counts. Then the same with
 4 x 4 rays for every pixel, to say what the skipping saves and costs.
 """
 
@@ -39,7 +40,9 @@ def scene(width: int = 640, height: int = 480) -> Scene:
         "table": Lambert(0.45),
         "blue": Glazed(glaze(("UltramarineBlue", 4e-6), ("ZincWhite", 20e-6))),
         "red": Glazed(glaze(("Eosin", 2e-6), ("ChromeYellow", 20e-6))),
-        "canvas": Glazed(glaze(("UltramarineBlue", 1.4e-6), ("ChromeYellow", 12e-6)), strokes, gloss=False),
+        "canvas": Glazed(
+            glaze(("UltramarineBlue", 1.4e-6), ("ChromeYellow", 12e-6)), strokes, gloss=False
+        ),
     }
     shapes = [
         Plane("table"),
@@ -57,7 +60,9 @@ def scene(width: int = 640, height: int = 480) -> Scene:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     add_option(parser)
     options = parser.parse_args()
     import jax
@@ -81,9 +86,15 @@ def main() -> None:
     full = render(made, adaptive=False)
     seconds = time.perf_counter() - start
     error = np.abs(full.radiance - rendered.radiance).mean() / full.radiance.mean()
-    results(f"4 x 4 rays for every pixel: {seconds:.1f} s; mean difference of the two pictures {error:.2%} of the mean")
+    results(
+        f"4 x 4 rays for every pixel: {seconds:.1f} s; mean difference of the two pictures "
+        f"{error:.2%} of the mean"
+    )
     white = light_white(made.lights[0].spectrum, WAVELENGTHS)
-    save_png(options.out / "scene_speed.png", screen_picture(picture_xyz(rendered, WAVELENGTHS), white).rgb)
+    save_png(
+        options.out / "scene_speed.png",
+        screen_picture(picture_xyz(rendered, WAVELENGTHS), white).rgb,
+    )
     results.save()
 
 

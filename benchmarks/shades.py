@@ -1,14 +1,15 @@
-"""Paints whose strength is not known: charts of shades, prints and washes, where neither film nor ground is given.
+"""Paints whose strength is not known: charts of shades, prints and washes, where neither film nor
+ground is given.
 
-What is left of a paint when its strength varies is the shape of its absorbance. With a lighting that is not known
-either, and little paint,
+What is left of a paint when its strength varies is the shape of its absorbance. With a lighting
+that is not known either, and little paint,
 
     -log R(l) = offset + strength * absorbance(l) + error(l)
 
-so that two spectra of one paint are related by a straight line, band by band. The error, correlated over the bands, is
-what reference shades of one paint leave when they are fitted to each other; its covariance is learnt from them. An
-offset and a positive strength are fitted by generalised least squares; the size of what is left, compared between
-paints, gives their probabilities.
+so that two spectra of one paint are related by a straight line, band by band. The error, correlated
+over the bands, is what reference shades of one paint leave when they are fitted to each other; its
+covariance is learnt from them. An offset and a positive strength are fitted by generalised least
+squares; the size of what is left, compared between paints, gives their probabilities.
 """
 
 from dataclasses import dataclass
@@ -31,8 +32,8 @@ class ShadeMatch:
 
     Attributes:
         names: of the paints.
-        misfit: of the best reference shade of each paint, relative to the spectrum's own size, (spectra, paints).
-        probability: posterior of each paint, (spectra, paints).
+        misfit: of the best reference shade of each paint, relative to the spectrum's own size,
+        (spectra, paints). probability: posterior of each paint, (spectra, paints).
     """
 
     names: tuple[str, ...]
@@ -54,20 +55,25 @@ class ShadeLibrary:
         shades: reflectance, (paints, shades, bands), two shades of each paint at least.
 
     Raises:
-        ValueError: shapes that do not match, fewer than two shades, names that repeat, or values that are not
-            reflectances.
+        ValueError: shapes that do not match, fewer than two shades, names that repeat, or values
+            that are not reflectances.
     """
 
-    def __init__(self, names: list[str] | tuple[str, ...], wavelengths: ArrayLike, shades: ArrayLike):
+    def __init__(
+        self, names: list[str] | tuple[str, ...], wavelengths: ArrayLike, shades: ArrayLike
+    ):
         grid = validate_wavelengths(np.asarray(wavelengths, dtype=np.float64))
         values = np.asarray(shades, dtype=np.float64)
         if values.ndim != 3 or values.shape[0] != len(names) or values.shape[-1] != grid.size:
             raise ValueError(
-                f"shades of shape {values.shape} are not (paints, shades, bands) for {len(names)} paints and "
+                f"shades of shape {values.shape} are not (paints, shades, bands) for "
+                f"{len(names)} paints and "
                 f"{grid.size} bands"
             )
         if values.shape[1] < 2:
-            raise ValueError("a library needs two shades of each paint: from them it learns how shades differ")
+            raise ValueError(
+                "a library needs two shades of each paint: from them it learns how shades differ"
+            )
         if len(set(names)) < len(names):
             raise ValueError("two paints of the library have the same name")
         self.names = tuple(names)
@@ -87,14 +93,17 @@ class ShadeLibrary:
         """
         values = np.asarray(spectra, dtype=np.float64)
         if values.ndim != 2 or values.shape[1] != self.wavelengths.size:
-            raise ValueError(f"spectra of shape {values.shape} are not (spectra, {self.wavelengths.size} bands)")
+            raise ValueError(
+                f"spectra of shape {values.shape} are not (spectra, {self.wavelengths.size} bands)"
+            )
         misfit = _misfit(_absorbance(values), self._absorbance, self._white).min(axis=-1)
         return ShadeMatch(self.names, misfit, _probability(misfit, self._sharpness))
 
     def _learn_sharpness(self) -> float:
         """Exponent of the misfit in the likelihood under which reference shades are most probable.
 
-        Independent errors in n bands would give n/2; errors that the covariance does not describe leave fewer.
+        Independent errors in n bands would give n/2; errors that the covariance does not describe
+        leave fewer.
         """
         paints, shades, _ = self._absorbance.shape
         every = []
@@ -105,7 +114,10 @@ class ShadeLibrary:
         misfit = np.concatenate(every)
         own = np.tile(np.arange(paints), shades)
         exponents = np.geomspace(0.5, self.wavelengths.size, 60)
-        score = [np.log(_probability(misfit, n)[np.arange(own.size), own] + 1e-12).mean() for n in exponents]
+        score = [
+            np.log(_probability(misfit, n)[np.arange(own.size), own] + 1e-12).mean()
+            for n in exponents
+        ]
         return float(exponents[int(np.argmax(score))])
 
 
@@ -115,7 +127,9 @@ def _absorbance(reflectance: np.ndarray) -> np.ndarray:
     return -np.log(np.maximum(reflectance, _DARKEST))
 
 
-def _learn(absorbance: Float[np.ndarray, "paints shades bands"]) -> Float[np.ndarray, "bands bands"]:
+def _learn(
+    absorbance: Float[np.ndarray, "paints shades bands"],
+) -> Float[np.ndarray, "bands bands"]:
     """Whitening matrix of what lines between shades of one paint leave, as shares of its size."""
     _, shades, bands = absorbance.shape
     white = np.eye(bands)
@@ -123,7 +137,9 @@ def _learn(absorbance: Float[np.ndarray, "paints shades bands"]) -> Float[np.nda
     for _ in range(_ROUNDS):
         left = []
         for i, k in pairs:
-            offset, strength = _line(absorbance[:, k] @ white.T, absorbance[:, i] @ white.T, white.sum(axis=1))
+            offset, strength = _line(
+                absorbance[:, k] @ white.T, absorbance[:, i] @ white.T, white.sum(axis=1)
+            )
             off = absorbance[:, k] - offset[:, None] - strength[:, None] * absorbance[:, i]
             left.append(off / np.sqrt(np.mean(off**2, axis=1, keepdims=True) + 1e-6))
         stacked = np.concatenate(left)
@@ -146,7 +162,9 @@ def _misfit(
     shades: Float[np.ndarray, "paints shades bands"],
     white: Float[np.ndarray, "bands bands"],
 ) -> Float[np.ndarray, "spectra paints shades"]:
-    """Share of a spectrum's whitened variation that the line through a shade does not explain, in [0, 1]."""
+    """Share of a spectrum's whitened variation that the line through a shade does not explain, in
+    [0, 1].
+    """
     one = white.sum(axis=1)
     one = one / np.linalg.norm(one)
     y, x = spectra @ white.T, shades @ white.T
@@ -159,8 +177,12 @@ def _misfit(
     return np.clip(1.0 - explained / whole, 1e-9, 1.0)
 
 
-def _probability(misfit: Float[np.ndarray, "spectra paints"], exponent: float) -> Float[np.ndarray, "spectra paints"]:
-    """Equal paints beforehand, and Gaussian errors of a size that is not known: likelihood misfit^-exponent."""
+def _probability(
+    misfit: Float[np.ndarray, "spectra paints"], exponent: float
+) -> Float[np.ndarray, "spectra paints"]:
+    """Equal paints beforehand, and Gaussian errors of a size that is not known: likelihood
+    misfit^-exponent.
+    """
     height = -exponent * np.log(misfit)
     height -= height.max(axis=1, keepdims=True)
     weight = np.exp(height)

@@ -1,4 +1,5 @@
-"""Maps that look painted: brush strokes with the marks of bristles, thick and thin, a primed canvas, a wooden board.
+"""Maps that look painted: brush strokes with the marks of bristles, thick and thin, a primed
+canvas, a wooden board.
 
     python -m benchmarks.strokes FILE.npy [--size ROWSxCOLUMNS] [--seed N]
 
@@ -24,8 +25,12 @@ def _smooth(noise: np.ndarray, width: float) -> np.ndarray:
     return (out - out.mean()) / out.std()
 
 
-def brush_strokes(size: int, thickness: float = 1.4e-6, seed: int = 4) -> Float[np.ndarray, "size size"]:
-    """Thickness in m of a glaze laid on in curved strokes, each over what is left of those before; thin between."""
+def brush_strokes(
+    size: int, thickness: float = 1.4e-6, seed: int = 4
+) -> Float[np.ndarray, "size size"]:
+    """Thickness in m of a glaze laid on in curved strokes, each over what is left of those before;
+    thin between.
+    """
     rng = np.random.default_rng(seed)
     y, x = (np.mgrid[0:size, 0:size] + 0.5) / size
     paint = np.zeros((size, size))
@@ -38,7 +43,9 @@ def brush_strokes(size: int, thickness: float = 1.4e-6, seed: int = 4) -> Float[
         along = dx * np.cos(angle) + dy * np.sin(angle)
         across = dy * np.cos(angle) - dx * np.sin(angle) - rng.uniform(0.2, 0.8) * along**2
         # One track a bristle; the paint runs out towards the end of the stroke.
-        tracks = _smooth(rng.normal(size=512), 3.0) * 0.28 + _smooth(rng.normal(size=512), 14.0) * 0.2
+        tracks = (
+            _smooth(rng.normal(size=512), 3.0) * 0.28 + _smooth(rng.normal(size=512), 14.0) * 0.2
+        )
         bristle = np.interp(across / width, np.linspace(-1.3, 1.3, 512), tracks)
         left = np.clip(0.75 - 0.55 * along / length, 0.0, 1.3)
         ridge = 0.55 * np.exp(-(((np.abs(across) / width - 0.93) / 0.07) ** 2))
@@ -50,8 +57,12 @@ def brush_strokes(size: int, thickness: float = 1.4e-6, seed: int = 4) -> Float[
     return thickness * np.clip(paint * grain, 0.0, None)
 
 
-def primed_canvas(size: int, thickness: float = 12e-6, seed: int = 1) -> Float[np.ndarray, "size size"]:
-    """Thickness in m of a ground coat over a weave: thin on the threads, with slow variation of the hand."""
+def primed_canvas(
+    size: int, thickness: float = 12e-6, seed: int = 1
+) -> Float[np.ndarray, "size size"]:
+    """Thickness in m of a ground coat over a weave: thin on the threads, with slow variation of the
+    hand.
+    """
     rng = np.random.default_rng(seed)
     y, x = np.mgrid[0:size, 0:size] / size
     waver = 0.004 * _smooth(rng.normal(size=(size, size)), size / 40)
@@ -69,9 +80,10 @@ def impasto(
     strokes: int = 180,
     seed: int = 0,
 ) -> Float[np.ndarray, "rows columns"]:
-    """Heights of thick paint laid on with a stiff brush, 0 to about 1: furrows of bristles, ridges beside a stroke and
-    a lip where the brush was lifted. The shorter side is one unit long; `swirl` is the point that the strokes turn
-    around, in units, right and up from the lower left corner, and `brush` half the width of the brush.
+    """Heights of thick paint laid on with a stiff brush, 0 to about 1: furrows of bristles, ridges
+    beside a stroke and a lip where the brush was lifted. The shorter side is one unit long; `swirl`
+    is the point that the strokes turn around, in units, right and up from the lower left corner,
+    and `brush` half the width of the brush.
     """
     rng = np.random.default_rng(seed)
     short = min(rows, columns)
@@ -82,7 +94,12 @@ def impasto(
         fine = k / strokes
         centre = rng.uniform((-0.05, -0.05), (right + 0.05, high + 0.05))
         away = centre - np.asarray(swirl)
-        angle = np.arctan2(away[1], away[0]) + np.pi / 2 + 0.35 * np.sin(5.0 * np.hypot(*away)) + rng.normal(0, 0.2)
+        angle = (
+            np.arctan2(away[1], away[0])
+            + np.pi / 2
+            + 0.35 * np.sin(5.0 * np.hypot(*away))
+            + rng.normal(0, 0.2)
+        )
         length = brush * rng.uniform(2.2, 4.5) * (1.2 - 0.4 * fine)
         width = brush * rng.uniform(0.7, 1.2) * (1.2 - 0.5 * fine)
         # Only the part of the panel that the stroke can reach.
@@ -91,16 +108,30 @@ def impasto(
         top = np.clip(((centre + reach) * short).astype(int) + 1, 0, (columns, rows))
         if np.any(top <= low):
             continue
-        x, y = np.meshgrid((np.arange(low[0], top[0]) + 0.5) / short, (np.arange(low[1], top[1]) + 0.5) / short)
+        x, y = np.meshgrid(
+            (np.arange(low[0], top[0]) + 0.5) / short, (np.arange(low[1], top[1]) + 0.5) / short
+        )
         heights[low[1] : top[1], low[0] : top[0]] = _stroke(
-            heights[low[1] : top[1], low[0] : top[0]], x - centre[0], y - centre[1], angle, length, width, rng
+            heights[low[1] : top[1], low[0] : top[0]],
+            x - centre[0],
+            y - centre[1],
+            angle,
+            length,
+            width,
+            rng,
         )
     # Rows count from the top in a map.
     return heights[::-1]
 
 
 def _stroke(
-    before: np.ndarray, dx: np.ndarray, dy: np.ndarray, angle: float, length: float, width: float, rng
+    before: np.ndarray,
+    dx: np.ndarray,
+    dy: np.ndarray,
+    angle: float,
+    length: float,
+    width: float,
+    rng,
 ) -> np.ndarray:
     """One stroke over what was there before: it wipes some of it aside and leaves its own paint."""
     along = dx * np.cos(angle) + dy * np.sin(angle)
@@ -109,7 +140,9 @@ def _stroke(
     tracks = 0.1 * _smooth(rng.normal(size=256), 4.5) + 0.18 * _smooth(rng.normal(size=256), 14.0)
     bristle = np.interp(side, np.linspace(-1.3, 1.3, 256), tracks)
     ragged = end + 0.12 * bristle
-    cover = (0.5 - 0.5 * np.tanh((np.abs(side) - 1.0) * 10.0)) * (0.5 - 0.5 * np.tanh((np.abs(ragged) - 1.0) * 14.0))
+    cover = (0.5 - 0.5 * np.tanh((np.abs(side) - 1.0) * 10.0)) * (
+        0.5 - 0.5 * np.tanh((np.abs(ragged) - 1.0) * 14.0)
+    )
     load = rng.uniform(0.35, 0.8)
     body = load * np.clip(0.75 - 0.3 * end, 0.1, 1.2) * (1.0 + bristle)
     ridge = 0.3 * load * np.exp(-(((np.abs(side) - 0.98) / 0.14) ** 2)) * (np.abs(end) < 1.1)
@@ -118,9 +151,15 @@ def _stroke(
 
 
 def wiped_glaze(
-    relief: Float[np.ndarray, "h w"], thickness: float, *, pooling: float = 1.0, uneven: float = 0.3, seed: int = 0
+    relief: Float[np.ndarray, "h w"],
+    thickness: float,
+    *,
+    pooling: float = 1.0,
+    uneven: float = 0.3,
+    seed: int = 0,
 ) -> Float[np.ndarray, "h w"]:
-    """Thickness in m of a glaze brushed over a relief and wiped: it stays in the furrows and leaves the ridges thin.
+    """Thickness in m of a glaze brushed over a relief and wiped: it stays in the furrows and leaves
+    the ridges thin.
 
     Args:
         relief: heights, any unit.
@@ -137,8 +176,12 @@ def wiped_glaze(
     return thickness * np.clip(found / found.mean(), 0.0, 3.0)
 
 
-def wood_grain(rows: int, columns: int, *, boards: int = 4, seed: int = 0) -> Float[np.ndarray, "rows columns"]:
-    """How dark a table of boards is, 0 to 1: fibres along the rows, year rings, a gap between boards."""
+def wood_grain(
+    rows: int, columns: int, *, boards: int = 4, seed: int = 0
+) -> Float[np.ndarray, "rows columns"]:
+    """How dark a table of boards is, 0 to 1: fibres along the rows, year rings, a gap between
+    boards.
+    """
     rng = np.random.default_rng(seed)
     fibres = _stretched(rng, rows, columns, 1.0, 90.0)
     pores = np.clip(_stretched(rng, rows, columns, 0.8, 25.0) - 1.2, 0.0, None)
@@ -148,7 +191,9 @@ def wood_grain(rows: int, columns: int, *, boards: int = 4, seed: int = 0) -> Fl
     rings = np.sin(2 * np.pi * (5.0 * y + rng.uniform(0, 1, boards)[board] + 0.5 * waver))
     tone = rng.normal(0.0, 0.09, boards)[board]
     found = 0.42 + tone + 0.1 * rings + 0.05 * fibres + 0.1 * pores
-    gap = np.exp(-((np.abs(y - np.round(y)) / 0.006) ** 2)) * ((np.round(y) > 0) & (np.round(y) < boards))
+    gap = np.exp(-((np.abs(y - np.round(y)) / 0.006) ** 2)) * (
+        (np.round(y) > 0) & (np.round(y) < boards)
+    )
     return np.clip(found * (1.0 - gap) + gap, 0.0, 1.0)
 
 
@@ -163,10 +208,14 @@ def _stretched(rng, rows: int, columns: int, down: float, across: float) -> np.n
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("file", type=Path, help="array to write, .npy")
     parser.add_argument("--size", default="600x800", help="rows and columns (default: %(default)s)")
-    parser.add_argument("--seed", type=int, default=0, help="of the random strokes (default: %(default)s)")
+    parser.add_argument(
+        "--seed", type=int, default=0, help="of the random strokes (default: %(default)s)"
+    )
     options = parser.parse_args()
     rows, columns = (int(part) for part in options.size.split("x"))
     np.save(options.file, impasto(rows, columns, seed=options.seed).astype(np.float32))

@@ -1,12 +1,14 @@
-"""How quickly the glaze studio answers, in a Chromium: from a slider's event to new pixels, and what the solver takes.
+"""How quickly the glaze studio answers, in a Chromium: from a slider's event to new pixels, and
+what the solver takes.
 
     python -m benchmarks.studio [--out FOLDER]
 
-The server is a process of its own, as `glazejax studio` starts it; the page runs in a Chromium without a window
-(Debian: chromium, chromium-driver), driven by Selenium. The first start compiles everything into an empty cache, the
-second finds it there. A slider then moves a hundred times for one, three and eight coats of oils, 31 bands, four lamps,
-ladder and 90 % band included; a time ends when the swatch is drawn, and again with the screen's next frame. The canvas
-is 512 x 512 pixels, two coats brushed on a card.
+The server is a process of its own, as `glazejax studio` starts it; the page runs in a Chromium
+without a window (Debian: chromium, chromium-driver), driven by Selenium. The first start compiles
+everything into an empty cache, the second finds it there. A slider then moves a hundred times for
+one, three and eight coats of oils, 31 bands, four lamps, ladder and 90 % band included; a time ends
+when the swatch is drawn, and again with the screen's next frame. The canvas is 512 x 512 pixels,
+two coats brushed on a card.
 """
 
 import argparse
@@ -28,13 +30,26 @@ from benchmarks.results import Results, add_option
 
 NEEDS = ("selenium", "program/chromium", "program/chromedriver")
 
-COATS = ("CobaltBlue", "ZincWhite", "Vermillion", "ChromeYellow", "Eosin", "ViridianGreen", "LeadWhite", "Minium")
+COATS = (
+    "CobaltBlue",
+    "ZincWhite",
+    "Vermillion",
+    "ChromeYellow",
+    "Eosin",
+    "ViridianGreen",
+    "LeadWhite",
+    "Minium",
+)
 EVENTS = 100
 _READY = 900
 # The command itself, also where it has not been installed anew.
-_START = "import typer; from glazejax.studio.command import register; a = typer.Typer(); register(a); a(['--no-open'])"
+_START = (
+    "import typer; from glazejax.studio.command import register; a = typer.Typer(); register(a); "
+    "a(['--no-open'])"
+)
 
-# Moves the first slider up and down; each time ends when the swatch has been drawn, and with the next frame.
+# Moves the first slider up and down; each time ends when the swatch has been drawn, and with the
+# next frame.
 _SLIDE = """
 const [events, done] = arguments;
 const root = document.querySelector("#studio"), slider = document.querySelector("[data-at=slider]");
@@ -127,7 +142,9 @@ def start_browser() -> Any:
     from selenium import webdriver
 
     options = browser_options(shutil.which("chromium") or "")
-    found = webdriver.Chrome(options=options, service=webdriver.ChromeService(shutil.which("chromedriver") or ""))
+    found = webdriver.Chrome(
+        options=options, service=webdriver.ChromeService(shutil.which("chromedriver") or "")
+    )
     found.set_script_timeout(_READY)
     return found
 
@@ -146,11 +163,15 @@ def open_page(browser: Any, link: str, given: dict[str, Any]) -> float:
 
 
 def line(name: str, values: np.ndarray) -> str:
-    return f"{name:<34} {np.median(values):8.0f} {np.percentile(values, 95):8.0f} {values.min():8.0f}"
+    return (
+        f"{name:<34} {np.median(values):8.0f} {np.percentile(values, 95):8.0f} {values.min():8.0f}"
+    )
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     add_option(parser)
     options = parser.parse_args()
     if options.quick:
@@ -163,7 +184,9 @@ def main() -> None:
                 server = Server(Path(cache))
                 try:
                     page = open_page(browser, server.link, stack(2))
-                    out(f"{name}: link after {server.seconds:.1f} s, page usable {page:.1f} s later")
+                    out(
+                        f"{name}: link after {server.seconds:.1f} s, page usable {page:.1f} s later"
+                    )
                     if name.startswith("second"):
                         measure(browser, server.link, out)
                     else:
@@ -210,7 +233,13 @@ def measure(browser: Any, link: str, out: Results) -> None:
                 if time.perf_counter() - began > 60:
                     raise TimeoutError(browser.find_element("css selector", "#studio").text)
                 time.sleep(0.005)
-            whole.append(float(browser.execute_script("return document.querySelector('[data-at=easel]').dataset.took")))
+            whole.append(
+                float(
+                    browser.execute_script(
+                        "return document.querySelector('[data-at=easel]').dataset.took"
+                    )
+                )
+            )
     out(line("all 512 x 512 pixels anew", np.array(whole)))
 
 

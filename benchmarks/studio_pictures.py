@@ -2,8 +2,9 @@
 
     python -m benchmarks.studio_pictures [--out FOLDER]
 
-Writes studio.png (1440 pixels wide), studio-1024.png, studio-390.png, studio-canvas.png, studio-recipe.png and
-studio-identify.png into docs by default. The film that is identified is 08A of the package's samples.
+Writes studio.png (1440 pixels wide), studio-1024.png, studio-390.png, studio-canvas.png,
+studio-recipe.png and studio-identify.png into docs by default. The film that is identified is 08A
+of the package's samples.
 """
 
 import argparse
@@ -82,8 +83,12 @@ def paint(browser: Any) -> None:
 def main() -> None:
     import glazejax
 
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--out", type=Path, default=FOLDER, help="folder for the pictures (default: %(default)s)")
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument(
+        "--out", type=Path, default=FOLDER, help="folder for the pictures (default: %(default)s)"
+    )
     out = parser.parse_args().out
     browser = start_browser()
     with tempfile.TemporaryDirectory() as folder:
@@ -91,7 +96,11 @@ def main() -> None:
         try:
             open_page(browser, server.link, STACK)
             time.sleep(20)  # the shelf of acrylics, too
-            for width, height, name in ((1024, 1000, "studio-1024"), (390, 844, "studio-390"), (1440, 960, "studio")):
+            for width, height, name in (
+                (1024, 1000, "studio-1024"),
+                (390, 844, "studio-390"),
+                (1440, 960, "studio"),
+            ):
                 size(browser, width, height)
                 browser.save_screenshot(str(out / f"{name}.png"))
             paint(browser)
@@ -103,7 +112,9 @@ def main() -> None:
             browser.save_screenshot(str(out / "studio-recipe.png"))
             lines = glazejax.samples.path().read_text().splitlines()
             film = Path(folder) / f"film-{FILM}.csv"
-            film.write_text("\n".join([lines[0], *(line for line in lines if line.startswith(FILM))]) + "\n")
+            film.write_text(
+                "\n".join([lines[0], *(line for line in lines if line.startswith(FILM))]) + "\n"
+            )
             browser.execute_script("document.querySelector('[data-at=file]').hidden = false")
             browser.find_element("css selector", "[data-at=file]").send_keys(str(film))
             browser.execute_script("document.querySelector('[data-at=file]').hidden = true")

@@ -1,11 +1,13 @@
-"""A brush stroke's thickness map from three rendered views, by Mitsuba's derivatives through the plugin's table.
+"""A brush stroke's thickness map from three rendered views, by Mitsuba's derivatives through the
+plugin's table.
 
     python -m benchmarks.thickness_from_views [--out FOLDER] [--size N] [--steps N]
 
-A panel with a glaze of even ground and painted thickness (benchmarks.strokes) is rendered from three sides under one
-area light, with many samples. Then an even map is fitted to the three pictures by Adam: each step renders one view with
-few samples and other random numbers than the pictures had, and takes the derivative by every texel (integrator prb).
-The glaze keeps the mirror of its surface. Prints the error of the map on the way, and draws it.
+A panel with a glaze of even ground and painted thickness (benchmarks.strokes) is rendered from
+three sides under one area light, with many samples. Then an even map is fitted to the three
+pictures by Adam: each step renders one view with few samples and other random numbers than the
+pictures had, and takes the derivative by every texel (integrator prb). The glaze keeps the mirror
+of its surface. Prints the error of the map on the way, and draws it.
 """
 
 import argparse
@@ -53,12 +55,21 @@ def scene(mi: Any, thickness: Float[np.ndarray, "n n"], size: int) -> Any:
     from glazejax.appearance.mitsuba import glaze_bsdf
 
     place = mi.ScalarTransform4f().look_at
-    film = {"type": "hdrfilm", "width": size, "height": size, "pixel_format": "rgb", "rfilter": {"type": "box"}}
+    film = {
+        "type": "hdrfilm",
+        "width": size,
+        "height": size,
+        "pixel_format": "rgb",
+        "rfilter": {"type": "box"},
+    }
     glaze = gj.Glaze([gj.Layer(gj.catalogue.load()[PAINT], START)], GROUND)
     found: dict[str, Any] = {
         "type": "scene",
         "integrator": {"type": "prb", "max_depth": 2},
-        "panel": {"type": "rectangle", "bsdf": glaze_bsdf(glaze, thickness=thickness, thickness_max=MOST)},
+        "panel": {
+            "type": "rectangle",
+            "bsdf": glaze_bsdf(glaze, thickness=thickness, thickness_max=MOST),
+        },
         "light": {
             "type": "rectangle",
             "to_world": place([2.5, 4, 4], [0, 0, 0], [0, 0, 1]).scale(1.2),
@@ -122,15 +133,22 @@ def recover(
             reached.append(step + 1)
             errors.append(float(np.linalg.norm(now - truth) / np.linalg.norm(truth)))
             if told is not None:
-                told(f"step {step + 1:4}: error {errors[-1]:7.2%}, loss {float(np.array(loss).ravel()[0]):.2e}")
+                told(
+                    f"step {step + 1:4}: error {errors[-1]:7.2%}, loss "
+                    f"{float(np.array(loss).ravel()[0]):.2e}"
+                )
     now = np.array(params[key], float)[..., 0] * _MICROMETRE
     return Recovered(now, reached, errors, noise, time.perf_counter() - begun, pictures)
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     add_option(parser, size=12, steps=20)
-    parser.add_argument("--size", type=int, default=48, help="texels along a side (default: %(default)s)")
+    parser.add_argument(
+        "--size", type=int, default=48, help="texels along a side (default: %(default)s)"
+    )
     parser.add_argument("--steps", type=int, default=200, help="of the fit (default: %(default)s)")
     options = parser.parse_args()
     import mitsuba as mi  # pyright: ignore[reportMissingImports]
@@ -143,15 +161,18 @@ def main() -> None:
     truth = stroke(options.size)
     results(f"Mitsuba in {mi.variant()}; {PAINT} on a ground of {GROUND}, with its gloss")
     results(
-        f"{options.size} x {options.size} texels, mean {truth.mean() * 1e6:.2f}, most {truth.max() * 1e6:.2f} um; "
-        f"three views of 128 x 128 pixels, 1024 samples; {options.steps} steps of one view, 16 samples, other seeds"
+        f"{options.size} x {options.size} texels, mean {truth.mean() * 1e6:.2f}, most "
+        f"{truth.max() * 1e6:.2f} um; "
+        f"three views of 128 x 128 pixels, 1024 samples; {options.steps} steps of one view, 16 "
+        "samples, other seeds"
     )
     found = recover(mi, truth, steps=options.steps, told=results)
     results(f"noise of the pictures: {found.noise:.2%} of their values")
     off = found.thickness - truth
     rms, mean = np.linalg.norm(off) / np.linalg.norm(truth), np.abs(off).mean() / truth.mean()
     results(
-        f"thickness: root mean square error {rms:.2%} of the root mean square, mean absolute error {mean:.2%} of the "
+        f"thickness: root mean square error {rms:.2%} of the root mean square, mean absolute "
+        f"error {mean:.2%} of the "
         f"mean, bias {off.mean() / truth.mean():+.2%}"
     )
     results(f"{found.seconds:.0f} s in all, on a machine with other work to do")
@@ -166,7 +187,9 @@ def _figure(truth, found: Recovered):
     axes = figure.subplots(2, 3)
     for k, (axis, picture) in enumerate(zip(axes[0], found.pictures, strict=True)):
         bright = np.clip(picture / np.quantile(picture, 0.98), 0.0, 1.0)
-        axis.imshow(np.where(bright <= 0.0031308, 12.92 * bright, 1.055 * bright ** (1 / 2.4) - 0.055))
+        axis.imshow(
+            np.where(bright <= 0.0031308, 12.92 * bright, 1.055 * bright ** (1 / 2.4) - 0.055)
+        )
         axis.set_title(f"view {k + 1}")
     most = truth.max() * 1e6
     maps = ((truth, "true thickness"), (found.thickness, "found from the views"))
@@ -176,7 +199,9 @@ def _figure(truth, found: Recovered):
         axis.set_title(f"{title}, µm")
     assert drawn is not None
     figure.colorbar(drawn, ax=axes[1, :2], shrink=0.8)
-    drawn = axes[1, 2].imshow((found.thickness - truth) * 1e6, vmin=-0.1, vmax=0.1, cmap="RdBu", origin="lower")
+    drawn = axes[1, 2].imshow(
+        (found.thickness - truth) * 1e6, vmin=-0.1, vmax=0.1, cmap="RdBu", origin="lower"
+    )
     axes[1, 2].set_title("difference, µm")
     figure.colorbar(drawn, ax=axes[1, 2], shrink=0.8)
     for axis in axes.ravel():

@@ -1,4 +1,6 @@
-"""Warm timings of several programs on the same work, interleaved so that a noisy machine is fair to all."""
+"""Warm timings of several programs on the same work, interleaved so that a noisy machine is fair to
+all.
+"""
 
 import argparse
 import os
@@ -28,9 +30,10 @@ def interleaved(
         programs: what to run; results of JAX are waited for.
         repetitions: timed runs of each.
         budget: seconds after which a program, once run three times, drops out of further rounds.
-        rewarm: run each program once untimed before each timed run, so that among many programs none is charged
-            for caches and thread pools that the one before it left in another state. Programs that take longer than
-            a tenth of a second do not feel them and are not run twice.
+        rewarm: run each program once untimed before each timed run, so that among many programs
+            none is charged for caches and thread pools that the one before it left in another
+            state. Programs that take longer than a tenth of a second do not feel them and are not
+            run twice.
     """
     seconds: dict[str, list[float]] = {name: [] for name in programs}
     last: dict[str, float] = {}
@@ -59,9 +62,17 @@ def interleaved(
 
 def add_options(parser: argparse.ArgumentParser) -> None:
     """Options that say how often programs run."""
-    parser.add_argument("--repetitions", type=int, default=20, help="timed runs of each program (default: %(default)s)")
     parser.add_argument(
-        "--budget", type=float, default=1.0, help="seconds of timed runs a program (default: %(default)s)"
+        "--repetitions",
+        type=int,
+        default=20,
+        help="timed runs of each program (default: %(default)s)",
+    )
+    parser.add_argument(
+        "--budget",
+        type=float,
+        default=1.0,
+        help="seconds of timed runs a program (default: %(default)s)",
     )
 
 
@@ -76,11 +87,21 @@ def processor() -> str:
 
 
 def environment(*packages: str) -> str:
-    """One line: machine, load of the minute before, Python and the versions of those packages that are installed."""
+    """One line: machine, load of the minute before, Python and the versions of those packages that
+    are installed.
+    """
     versions = [f"{name} {version(name)}" for name in ("jax", *packages) if _installed(name)]
-    devices = ", ".join(sorted({device.device_kind for device in jax.local_devices() if device.platform != "cpu"}))
-    machine = f"{platform.machine()}, {processor()}, {os.cpu_count()} cores, load {os.getloadavg()[0]:.1f}"
-    return f"{machine}{f', {devices}' if devices else ''}; Python {platform.python_version()}, {', '.join(versions)}"
+    devices = ", ".join(
+        sorted({device.device_kind for device in jax.local_devices() if device.platform != "cpu"})
+    )
+    machine = (
+        f"{platform.machine()}, {processor()}, {os.cpu_count()} cores, load "
+        f"{os.getloadavg()[0]:.1f}"
+    )
+    return (
+        f"{machine}{f', {devices}' if devices else ''}; Python {platform.python_version()}, "
+        f"{', '.join(versions)}"
+    )
 
 
 def _installed(package: str) -> bool:

@@ -1,11 +1,13 @@
-"""Is it true? What identification says of films whose paints it has not seen in them, beside simpler methods.
+"""Is it true? What identification says of films whose paints it has not seen in them, beside
+simpler methods.
 
     python -m benchmarks.truth [--out FOLDER]
 
-Every film of the revigo set is left out of a joint fit of all others, unless a paint of it would be unknown without.
-It is then sought among that fit's paints: once with all of them, once without the family of its main paint, where the
-right answer is 'none'. The tints and shades are sought again as a conservator may meet them: noise and a varnish that
-nobody mentioned, another ground than told, another instrument. The curve of 'none' is refitted without each family.
+Every film of the revigo set is left out of a joint fit of all others, unless a paint of it would be
+unknown without. It is then sought among that fit's paints: once with all of them, once without the
+family of its main paint, where the right answer is 'none'. The tints and shades are sought again as
+a conservator may meet them: noise and a varnish that nobody mentioned, another ground than told,
+another instrument. The curve of 'none' is refitted without each family.
 """
 
 import argparse
@@ -47,7 +49,9 @@ class Answer(NamedTuple):
     words: str
     explained: bool
     misfit: float  # what `none` is judged by
-    held: tuple[bool, ...]  # whether each true fraction lies in its 90 % interval, where the first is right
+    held: tuple[
+        bool, ...
+    ]  # whether each true fraction lies in its 90 % interval, where the first is right
 
     @property
     def right(self) -> bool:
@@ -94,7 +98,14 @@ def cases(films: Films, recipes: dict[str, dict[str, float]]) -> list[Case]:
         if (count[whole.shares[row] > 0] < 2).any() or row % EVERY:
             continue
         rest = without(whole, films, recipes, row)
-        out.append(Case(row, name, by_family(recipes[name]), [rest.pigment(paint, UNIT) for paint in rest.paints]))
+        out.append(
+            Case(
+                row,
+                name,
+                by_family(recipes[name]),
+                [rest.pigment(paint, UNIT) for paint in rest.paints],
+            )
+        )
     return out
 
 
@@ -117,7 +128,9 @@ def answer(case: Case, found: Identification) -> Answer:
     held = ()
     if len(own) > 1 and own == frozenset(case.truth) and len(first.paints) == len(own):
         ends = zip(first.paints, first.fractions_90.tolist(), strict=True)
-        held = tuple(low <= case.truth[next(iter(family({p: 1.0})))] <= high for p, (low, high) in ends)
+        held = tuple(
+            low <= case.truth[next(iter(family({p: 1.0})))] <= high for p, (low, high) in ends
+        )
     ordered = sorted(chances, key=lambda pigments: (pigments != own, -chances[pigments]))
     return Answer(
         case.name,
@@ -138,15 +151,24 @@ def main_table(
 ) -> dict[str, tuple[list[Answer], list[Answer]]]:
     """All methods on all films, with and without the family of the main paint."""
     methods: dict[str, Callable[[Case, list[Pigment]], Answer]] = {
-        "glazejax": lambda case, paints: answer(case, identify_films(films.take([case.row]), paints)),
+        "glazejax": lambda case, paints: answer(
+            case, identify_films(films.take([case.row]), paints)
+        ),
         "errors band by band, as before": lambda case, paints: answer(
-            case, identify_films(films.take([case.row]), [_bare(p) for p in paints], discrepancy=Discrepancy())
+            case,
+            identify_films(
+                films.take([case.row]), [_bare(p) for p in paints], discrepancy=Discrepancy()
+            ),
         ),
         **{words: _peer(films, recipes, method) for words, method in PEERS.items()},
     }
-    results(f"FILMS LEFT OUT ({len(left)}; {sum(len(c.truth) > 1 for c in left)} of several paints)")
+    results(
+        f"FILMS LEFT OUT ({len(left)}; {sum(len(c.truth) > 1 for c in left)} of several paints)"
+    )
     results(f"{'':<36}right first            first three  weight fraction  none          AUC of")
-    results(f"{'':<36}all         mixtures   (mixtures)   mean (median)    false, found  the misfit")
+    results(
+        f"{'':<36}all         mixtures   (mixtures)   mean (median)    false, found  the misfit"
+    )
     scored = {}
     for words, method in methods.items():
         full = [method(case, case.pigments) for case in left]
@@ -156,7 +178,11 @@ def main_table(
         off = [abs(a.fractions.get(p, 0.0) - part) for a in mixed for p, part in a.truth.items()]
         three = np.mean([frozenset(a.truth) in a.ranked[:3] for a in mixed])
         false, seen = (np.mean([not a.accepted for a in some]) for some in (full, gone))
-        settings = f"{false:5.0%} {seen:5.0%}" if words.startswith(("glazejax", "errors")) else "    -     -"
+        settings = (
+            f"{false:5.0%} {seen:5.0%}"
+            if words.startswith(("glazejax", "errors"))
+            else "    -     -"
+        )
         results(
             f"{words:<34}  {_share(full)} {_share(mixed)}  {three:5.0%}        {np.mean(off):.3f} "
             f"({np.median(off):.3f})    {settings}   {_auc(full, gone):.2f}"
@@ -176,7 +202,9 @@ def _bare(pigment: Pigment) -> Pigment:
     )
 
 
-def _peer(films: Films, recipes: dict[str, dict[str, float]], method) -> Callable[[Case, list[Pigment]], Answer]:
+def _peer(
+    films: Films, recipes: dict[str, dict[str, float]], method
+) -> Callable[[Case, list[Pigment]], Answer]:
     known_as = {name: by_family(recipe) for name, recipe in recipes.items()}
 
     def look(case: Case, paints: list[Pigment]) -> Answer:
@@ -184,7 +212,9 @@ def _peer(films: Films, recipes: dict[str, dict[str, float]], method) -> Callabl
         names = [n for n in films.names if n != case.name]
         library = [n for n in names if all(frozenset({p}) in known for p in known_as[n])]
         ranked, fractions, misfit = method(films, case.row, library, known_as, paints)
-        return Answer(case.name, case.truth, ranked, fractions, 1.0, float("nan"), "", True, misfit, ())
+        return Answer(
+            case.name, case.truth, ranked, fractions, 1.0, float("nan"), "", True, misfit, ()
+        )
 
     return look
 
@@ -200,7 +230,9 @@ def _auc(full: list[Answer], gone: list[Answer]) -> float:
 
 
 def nested_none(results: Results, full: list[Answer], gone: list[Answer], left: list[Case]) -> None:
-    """'None' judged by a logistic curve that has not seen the film's family, and what is accepted wrongly."""
+    """'None' judged by a logistic curve that has not seen the film's family, and what is accepted
+    wrongly.
+    """
     misfit = np.log(np.maximum([[a.misfit for a in full], [a.misfit for a in gone]], 0.1))
     truth = np.array([[0.0], [1.0]]) * np.ones_like(misfit)
     mains = np.array([case.main for case in left])
@@ -213,22 +245,34 @@ def nested_none(results: Results, full: list[Answer], gone: list[Answer], left: 
     results()
     results("'NONE', by the misfit")
     results(f"logistic curve, all films: {intercept:.2f} {slope:+.2f} log misfit")
-    results(f"fitted without the film's family: {np.mean(share[1] > 0):.0%} found, {np.mean(share[0] > 0):.0%} false")
+    results(
+        f"fitted without the film's family: {np.mean(share[1] > 0):.0%} found, "
+        f"{np.mean(share[0] > 0):.0%} false"
+    )
     limit = np.quantile(misfit[0], 0.95)
-    results(f"at 5 % false on these films: {np.mean(misfit[1] > limit):.0%} found (the limit is chosen on them)")
+    results(
+        f"at 5 % false on these films: {np.mean(misfit[1] > limit):.0%} found (the limit is "
+        "chosen on them)"
+    )
     wrong = [a for a in [*(a for a in full if not a.right), *gone] if a.accepted]
     worst = max((a.delta_e for a in wrong), default=0.0)
-    results(f"wrong and accepted: {len(wrong)} of {2 * len(full)}, off by Delta E00 {worst:.1f} at most")
+    results(
+        f"wrong and accepted: {len(wrong)} of {2 * len(full)}, off by Delta E00 {worst:.1f} at most"
+    )
 
 
 def logistic(x: np.ndarray, truth: np.ndarray) -> np.ndarray:
     """Intercept and slope of a logistic regression."""
     sign = 2.0 * truth - 1.0
-    return minimize(lambda w: np.logaddexp(0.0, -sign * (w[0] + w[1] * x)).sum(), np.array([-1.0, 1.0])).x
+    return minimize(
+        lambda w: np.logaddexp(0.0, -sign * (w[0] + w[1] * x)).sum(), np.array([-1.0, 1.0])
+    ).x
 
 
 def reliability(answers: list[Answer]) -> list[tuple[float, float, int, float]]:
-    """Stated probability of the first pigments, share that is right, how many, and the share's counting error."""
+    """Stated probability of the first pigments, share that is right, how many, and the share's
+    counting error.
+    """
     out = []
     for low, high in itertools.pairwise(BINS):
         here = [a for a in answers if low <= a.probability < high]
@@ -244,7 +288,8 @@ def conditions(results: Results, films: Films, left: list[Case]) -> None:
     rng = np.random.default_rng(5)
     mixed = [case for case in left if len(case.truth) > 1]
     grid = films.wavelengths
-    # A varnish by its absorbance, of another form than the program's: a cubic that falls to 0 at 720 nm.
+    # A varnish by its absorbance, of another form than the program's: a cubic that falls to 0 at
+    # 720 nm.
     resin = 10 ** (-2 * 0.2 * ((720.0 - grid) / 320.0) ** 3)
     over = np.stack([films.over_black, films.over_white], axis=1)
     under = ground_from_air(np.stack([films.bare_black, films.bare_white], axis=1))
@@ -261,18 +306,22 @@ def conditions(results: Results, films: Films, left: list[Case]) -> None:
     results()
     results(f"AS THEY MAY BE MET ({len(mixed)} tints and shades, paints of fits without them)")
     results(
-        "                                                right first   first three   stated   wrong above .9   as none"
+        "                                                right first   first three   stated   "
+        "wrong above .9   as none"
     )
     for words, (spectra, grounds, geometry) in ways.items():
         answers = []
         for case in mixed:
             ground = grounds[case.row] if isinstance(grounds, np.ndarray) else grounds
-            found = identify(spectra[case.row][None], grid, case.pigments, grounds=ground, geometry=geometry)
+            found = identify(
+                spectra[case.row][None], grid, case.pigments, grounds=ground, geometry=geometry
+            )
             answers.append(answer(case, found))
         three = np.mean([frozenset(a.truth) in a.ranked[:3] for a in answers])
         sure = sum(a.probability > 0.9 and not a.right for a in answers)
         results(
-            f"{words:<46} {_share(answers)}      {three:5.0%}        {np.mean([a.probability for a in answers]):.2f}"
+            f"{words:<46} {_share(answers)}      {three:5.0%}        "
+            f"{np.mean([a.probability for a in answers]):.2f}"
             f"         {sure:>2}         {sum(not a.accepted for a in answers):>2}"
         )
 
@@ -284,21 +333,36 @@ def draw(before: list[Answer], after: list[Answer]):
     figure = Figure(figsize=(5.2, 5), layout="constrained")
     axis = figure.subplots()
     axis.plot([0, 1], [0, 1], ":", color="0.6")
-    for answers, colour, words, right in ((before, "0.55", "before", 5), (after, "#08519c", "now", -22)):
+    for answers, colour, words, right in (
+        (before, "0.55", "before", 5),
+        (after, "#08519c", "now", -22),
+    ):
         stated, seen, n, error = np.array(reliability(answers)).T
         axis.errorbar(stated, seen, error, fmt="o-", color=colour, capsize=3, label=words)
         for x, y, count in zip(stated, seen, n, strict=True):
             axis.annotate(
-                f"{count:.0f}", (x, y), xytext=(right, -12), textcoords="offset points", fontsize=8, color=colour
+                f"{count:.0f}",
+                (x, y),
+                xytext=(right, -12),
+                textcoords="offset points",
+                fontsize=8,
+                color=colour,
             )
-    axis.set(xlabel="stated probability of the first pigments", ylabel="share of films in which it is right")
-    axis.set(xlim=(-0.03, 1.03), ylim=(-0.03, 1.03), aspect="equal", title="films left out of the fit")
+    axis.set(
+        xlabel="stated probability of the first pigments",
+        ylabel="share of films in which it is right",
+    )
+    axis.set(
+        xlim=(-0.03, 1.03), ylim=(-0.03, 1.03), aspect="equal", title="films left out of the fit"
+    )
     axis.legend(loc="upper left", frameon=False)
     return figure
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     add_option(parser)
     options = parser.parse_args()
     if options.quick:
@@ -314,12 +378,16 @@ def main() -> None:
     results()
     results("STATED -> TRUE, the first pigments (count)")
     for words in ("glazejax", "errors band by band, as before"):
-        cells = [f"{stated:.2f} -> {seen:.2f} ({n})" for stated, seen, n, _ in reliability(scored[words][0])]
+        cells = [
+            f"{stated:.2f} -> {seen:.2f} ({n})"
+            for stated, seen, n, _ in reliability(scored[words][0])
+        ]
         results(f"{words:<34} {'   '.join(cells)}")
     held = [inside for a in full for inside in a.held]
     results()
     results(
-        f"90 % INTERVALS of fractions, where the first is right: {np.mean(held):.0%} of {len(held)} hold the true one"
+        f"90 % INTERVALS of fractions, where the first is right: {np.mean(held):.0%} of "
+        f"{len(held)} hold the true one"
     )
     conditions(results, films, left)
     results()

@@ -1,7 +1,9 @@
-"""What people use to name pigments: spectral angle, derivatives, unmixing of -log R, Kubelka-Munk. One film at a time.
+"""What people use to name pigments: spectral angle, derivatives, unmixing of -log R, Kubelka-Munk.
+One film at a time.
 
-Each method takes the films, the row that is sought, names of known films with their recipes by family, and paints with
-k and s of a fit without the film. It returns sets of families, best first; fractions of the best; and a misfit.
+Each method takes the films, the row that is sought, names of known films with their recipes by
+family, and paints with k and s of a fit without the film. It returns sets of families, best first;
+fractions of the best; and a misfit.
 """
 
 import itertools
@@ -28,7 +30,9 @@ def _ranked(score: np.ndarray, library: Sequence[str], recipes: Recipes) -> Foun
     return sets, recipes[library[int(order[0])]], float(score[order[0]])
 
 
-def spectral_angle(films: Films, row: int, library: Sequence[str], recipes: Recipes, paints: list[Pigment]) -> Found:
+def spectral_angle(
+    films: Films, row: int, library: Sequence[str], recipes: Recipes, paints: list[Pigment]
+) -> Found:
     """Least angle between spectra, both cards together."""
     spectra = np.concatenate([films.over_black, films.over_white], axis=1)
     unit = spectra / np.linalg.norm(spectra, axis=1, keepdims=True)
@@ -36,7 +40,9 @@ def spectral_angle(films: Films, row: int, library: Sequence[str], recipes: Reci
     return _ranked(np.degrees(np.arccos(np.clip(known @ unit[row], -1, 1))), library, recipes)
 
 
-def derivative(films: Films, row: int, library: Sequence[str], recipes: Recipes, paints: list[Pigment]) -> Found:
+def derivative(
+    films: Films, row: int, library: Sequence[str], recipes: Recipes, paints: list[Pigment]
+) -> Found:
     """Most alike slopes of -log R over white: correlation of first derivatives."""
     slopes = np.diff(-np.log(np.maximum(films.over_white, 1e-3)), axis=1)
     slopes = slopes - slopes.mean(axis=1, keepdims=True)
@@ -45,7 +51,9 @@ def derivative(films: Films, row: int, library: Sequence[str], recipes: Recipes,
     return _ranked(1.0 - known @ unit[row], library, recipes)
 
 
-def unmixing(films: Films, row: int, library: Sequence[str], recipes: Recipes, paints: list[Pigment]) -> Found:
+def unmixing(
+    films: Films, row: int, library: Sequence[str], recipes: Recipes, paints: list[Pigment]
+) -> Found:
     """Non-negative least squares of -log R over white from the known pure films."""
     absorbance = -np.log(np.maximum(films.over_white, 1e-3))
     pure = [name for name in library if len(recipes[name]) == 1]
@@ -64,18 +72,30 @@ def _of_shares(shares: dict[str, float], misfit: float) -> Found:
     return sets, there, misfit
 
 
-def kubelka_munk(films: Films, row: int, library: Sequence[str], recipes: Recipes, paints: list[Pigment]) -> Found:
-    """Two-constant Kubelka-Munk with the same paints: singles and pairs on a grid of amounts, over both cards.
+def kubelka_munk(
+    films: Films, row: int, library: Sequence[str], recipes: Recipes, paints: list[Pigment]
+) -> Found:
+    """Two-constant Kubelka-Munk with the same paints: singles and pairs on a grid of amounts, over
+    both cards.
 
-    K = 2 k and S = 3/4 s, Saunderson's correction; the least root mean square wins, a pair only where it halves it.
+    K = 2 k and S = 3/4 s, Saunderson's correction; the least root mean square wins, a pair only
+    where it halves it.
     """
-    k, s = (np.stack([np.asarray(getattr(p, what)) for p in paints]) * UNIT for what in ("absorption", "scattering"))
+    k, s = (
+        np.stack([np.asarray(getattr(p, what)) for p in paints]) * UNIT
+        for what in ("absorption", "scattering")
+    )
     cards = ground_from_air(np.stack([films.bare_black[row], films.bare_white[row]]))
     seen = np.stack([films.over_black[row], films.over_white[row]])
     totals = np.geomspace(0.1, 12.0, 25)
-    parts = np.array([0.002, 0.008, 0.02, 0.05, 0.1, 0.2, 0.35, 0.5, 0.65, 0.8, 0.9, 0.95, 0.98, 0.992, 0.998])
+    parts = np.array(
+        [0.002, 0.008, 0.02, 0.05, 0.1, 0.2, 0.35, 0.5, 0.65, 0.8, 0.9, 0.95, 0.98, 0.992, 0.998]
+    )
     best: dict[frozenset[str], tuple[float, dict[str, float]]] = {}
-    for members in [*((i, i) for i in range(len(paints))), *itertools.combinations(range(len(paints)), 2)]:
+    for members in [
+        *((i, i) for i in range(len(paints))),
+        *itertools.combinations(range(len(paints)), 2),
+    ]:
         single = members[0] == members[1]
         first = np.ones(1) if single else parts
         weights = totals[:, None, None] * np.stack([first, 1.0 - first], axis=-1)

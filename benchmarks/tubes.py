@@ -2,12 +2,14 @@
 
     python -m benchmarks.tubes [--out FOLDER] [--paints N]
 
-Noise untold: films of the catalogue's paints with a noise of .002, film by film; do 90 % intervals hold k and s where
-both are told apart? Tubes, simulated: a masstone and a 1:10 tint with a zinc white that is the catalogue's but for its
-own errors, thicknesses unknown, noise .002 untold; do the entry's 90 % intervals hold k and s, and how far off is a 1:3
-tint that was not fitted? Tubes, measured (revigo): the masstone and the white tint of one paint, with zinc white and
-bone black as a fit of all other paints' films knows them; the paint's other tints and shades are predicted, and by the
-joint fit of all films but that one. Times are those of this process, and of the command in processes of its own.
+Noise untold: films of the catalogue's paints with a noise of .002, film by film; do 90 % intervals
+hold k and s where both are told apart? Tubes, simulated: a masstone and a 1:10 tint with a zinc
+white that is the catalogue's but for its own errors, thicknesses unknown, noise .002 untold; do the
+entry's 90 % intervals hold k and s, and how far off is a 1:3 tint that was not fitted? Tubes,
+measured (revigo): the masstone and the white tint of one paint, with zinc white and bone black as a
+fit of all other paints' films knows them; the paint's other tints and shades are predicted, and by
+the joint fit of all films but that one. Times are those of this process, and of the command in
+processes of its own.
 """
 
 import argparse
@@ -43,7 +45,8 @@ NEEDS = ("data/revigo",)
 
 NOISE = Noise(0.002, 0.0)
 LEVEL = 1.645
-# Simulations of each paint, its instruments, measured paints at most, and how often the command is run.
+# Simulations of each paint, its instruments, measured paints at most, and how often the command is
+# run.
 SEEDS, INSTRUMENTS, MEASURED, RUNS = 3, ("d:8", "45:0"), 100, 3
 # Measured films are those of these paints, of all if none is named.
 SHELF: tuple[str, ...] = ()
@@ -53,16 +56,24 @@ WHITE, BLACK = "ZincWhite", "BoneBlack"
 def film_by_film(say: Results) -> None:
     """Coverage where noise is told, told wrongly, and not told."""
     times = {1: "once", 3: "three times"}[SEEDS]
-    say(f"\nFilm by film, all paints of the catalogue, {times}: 90 % intervals where the noise is {NOISE.floor}")
+    say(
+        f"\nFilm by film, all paints of the catalogue, {times}: 90 % intervals where the noise "
+        f"is {NOISE.floor}"
+    )
     say(f"{'':<32}{'bands told apart':>18}{'k held':>9}{'s held':>9}")
     paints = list(catalogue.load().values())
     truth = np.stack([np.stack([p.absorption, p.scattering], axis=-1) for p in paints]) * UNIT
     for words in INSTRUMENTS:
         instrument = Instrument.parse(words)
         measured = [
-            simulate_paints(paints, UNIT, instrument=instrument, noise=NOISE, seed=seed) for seed in range(SEEDS)
+            simulate_paints(paints, UNIT, instrument=instrument, noise=NOISE, seed=seed)
+            for seed in range(SEEDS)
         ]
-        for title, noise in (("told nothing", None), ("told .0005 + .002 R", Noise()), ("told .002", NOISE)):
+        for title, noise in (
+            ("told nothing", None),
+            ("told .0005 + .002 R", Noise()),
+            ("told .002", NOISE),
+        ):
             held = []
             for films in measured:
                 found = recover_films(films, instrument=instrument, noise=noise)
@@ -91,7 +102,9 @@ CASES = (
 
 
 class Tube(NamedTuple):
-    """One simulated tube: its films, the last of which is kept aside, and its true k d and s d for unit thickness."""
+    """One simulated tube: its films, the last of which is kept aside, and its true k d and s d for
+    unit thickness.
+    """
 
     films: Films
     recipes: dict[str, Any]
@@ -116,7 +129,13 @@ def tube(paint: Pigment, white: Pigment, case: Case, seed: int) -> Tube:
     less = np.minimum(1.0, np.minimum(250.0 / k, 900.0 / s))
     k, s = k * less, s * less
     films = simulate_films(
-        names, paint.wavelengths, k, s, instrument=Instrument.parse(case.instrument), noise=NOISE, seed=seed
+        names,
+        paint.wavelengths,
+        k,
+        s,
+        instrument=Instrument.parse(case.instrument),
+        noise=NOISE,
+        seed=seed,
     )
     seen, assumed, opaque = np.ones((3, 2), bool), np.zeros((3, 2), bool), np.zeros(3, bool)
     if not case.cards:
@@ -126,7 +145,10 @@ def tube(paint: Pigment, white: Pigment, case: Case, seed: int) -> Tube:
     if not case.cards:
         # The card that is assumed is not quite the one below the paint.
         odds = np.exp(0.4 * rng.standard_normal(2))
-        usual = [card * o / (1 - card + card * o) for card, o in zip(usual_cards(films.wavelengths), odds, strict=True)]
+        usual = [
+            card * o / (1 - card + card * o)
+            for card, o in zip(usual_cards(films.wavelengths), odds, strict=True)
+        ]
         bare = [np.where(assumed[:, i, None], usual[i], bare[i]) for i in range(2)]
     cards = {"bare_black": bare[0], "bare_white": bare[1]}
     films = replace(films, **cards, seen=seen, assumed=assumed, opaque=opaque)
@@ -141,13 +163,24 @@ def simulated(say: Results, count: int) -> None:
     grid = describe_grid(white.wavelengths)
     say(f"\nSimulated tubes: {len(paints)} paints, a masstone and a 1:10 tint with {WHITE}, {grid}")
     say(f"{'':<44}{'90 % intervals':>18}{'1:3 tint kept aside':>34}{'seconds':>9}")
-    say(f"{'':<44}{'k held':>9}{'s held':>9}{'dE00':>8}{'foretold':>10}{'in 90 % band':>16}{'a paint':>9}")
+    say(
+        f"{'':<44}{'k held':>9}{'s held':>9}{'dE00':>8}{'foretold':>10}{'in 90 % band':>16}{'a paint':>9}"
+    )
     for case in CASES:
-        instrument, held, off, said, inside, seconds = Instrument.parse(case.instrument), [], [], [], [], []
+        instrument, held, off, said, inside, seconds = (
+            Instrument.parse(case.instrument),
+            [],
+            [],
+            [],
+            [],
+            [],
+        )
         for seed, paint in enumerate(paints):
             made = tube(paint, white, case, seed)
             began = time.perf_counter()
-            found = recover_jointly(made.films.take([0, 1]), made.recipes, instrument=instrument, known={WHITE: white})
+            found = recover_jointly(
+                made.films.take([0, 1]), made.recipes, instrument=instrument, known={WHITE: white}
+            )
             entry = entries(found, PaintFile(Path("mine.csv"), {}))[0].pigment
             seconds.append(time.perf_counter() - began)
             held.append(within(entry, made.truth))
@@ -167,7 +200,9 @@ def simulated(say: Results, count: int) -> None:
 def within(entry: Pigment, truth: np.ndarray) -> np.ndarray:
     """Whether an entry's 90 % intervals hold k and s, (2, bands)."""
     values = np.stack([entry.absorption, entry.scattering]) * UNIT
-    sd = np.stack([np.asarray(entry.absorption_sd), np.asarray(entry.scattering_sd)]) * UNIT / values
+    sd = (
+        np.stack([np.asarray(entry.absorption_sd), np.asarray(entry.scattering_sd)]) * UNIT / values
+    )
     return np.abs(np.log(values / truth)) <= LEVEL * sd
 
 
@@ -177,28 +212,43 @@ def real(say: Results) -> None:
     whole = recover_jointly(films, recipes)
     tubes = dict(list(paints_with_a_tint(films, recipes).items())[:MEASURED])
     others = {name for rows in tubes.values() for name in rows[2:]}
-    full = leave_films_out(whole, films, recipes, only=lambda name: name in others, progress=progress)
+    full = leave_films_out(
+        whole, films, recipes, only=lambda name: name in others, progress=progress
+    )
     full_off = dict(zip(full.names, full.predicted.mean(axis=1), strict=True))
-    say(f"\nMeasured tubes (revigo): {len(tubes)} paints, masstone and white tint fitted, {len(others)} films foretold")
-    say(f"{'':<46}{'dE00 of the tube':>18}{'foretold':>10}{'in 90 % band':>14}{'joint fit of all others':>26}")
+    say(
+        f"\nMeasured tubes (revigo): {len(tubes)} paints, masstone and white tint fitted, "
+        f"{len(others)} films foretold"
+    )
+    say(
+        f"{'':<46}{'dE00 of the tube':>18}{'foretold':>10}{'in 90 % band':>14}{'joint fit of all others':>26}"
+    )
     rows, sums = [], []
     for paint, names in tubes.items():
         progress(paint)
         use = np.array([paint not in recipes[name] for name in films.names], dtype=float)
         rest = recover_jointly(films, recipes, use=use, start=whole.unknowns)
-        known = {name: rest.pigment(name, UNIT, "all other paints' films") for name in (WHITE, BLACK)}
+        known = {
+            name: rest.pigment(name, UNIT, "all other paints' films") for name in (WHITE, BLACK)
+        }
         own = films.select(names)
-        found = recover_jointly(own, recipes, known=known, use=np.array([1.0, 1.0] + [0.0] * (len(names) - 2)))
+        found = recover_jointly(
+            own, recipes, known=known, use=np.array([1.0, 1.0] + [0.0] * (len(names) - 2))
+        )
         for guess in predict_films(found, own.take(list(range(2, len(names)))), recipes):
             row = films.names.index(guess.name)
             measured = np.stack([films.over_black[row], films.over_white[row]])
             low, high = guess.interval()
             inside = np.mean((low <= measured) & (measured <= high))
             off = guess.delta_e(*measured).mean()
-            recipe = " + ".join(f"{weight:g} {part}" for part, weight in recipes[guess.name].items())
+            recipe = " + ".join(
+                f"{weight:g} {part}" for part, weight in recipes[guess.name].items()
+            )
             title = f"{guess.name} {recipe}"
             other = full_off[guess.name]
-            rows.append(f"{title:<46}{off:>18.2f}{guess.expected_error():>10.2f}{inside:>14.0%}{other:>26.2f}")
+            rows.append(
+                f"{title:<46}{off:>18.2f}{guess.expected_error():>10.2f}{inside:>14.0%}{other:>26.2f}"
+            )
             sums.append((off, guess.expected_error(), inside, full_off[guess.name]))
     progress()
     for row in rows:
@@ -209,10 +259,15 @@ def real(say: Results) -> None:
 
 
 def paints_with_a_tint(films: Films, recipes: dict[str, dict[str, float]]) -> dict[str, list[str]]:
-    """Paint -> its masstone, its tint with most white that is not above 92 %, and its other films, if there are any."""
+    """Paint -> its masstone, its tint with most white that is not above 92 %, and its other films,
+    if there are any.
+    """
     found: dict[str, list[str]] = {}
     for name in films.names:
-        if is_masstone(recipes[name]) and (paint := next(iter(recipes[name]))) not in (WHITE, BLACK):
+        if is_masstone(recipes[name]) and (paint := next(iter(recipes[name]))) not in (
+            WHITE,
+            BLACK,
+        ):
             mine = [other for other in films.names if paint in recipes[other] and other != name]
             mine = [other for other in mine if set(recipes[other]) <= {paint, WHITE, BLACK}]
             tints = [other for other in mine if 85 < recipes[other].get(WHITE, 0.0) < 95]
@@ -234,7 +289,10 @@ def seconds(say: Results) -> None:
     taught = lessons(found, "CobaltBlue", known=known)
     after = time.perf_counter() - began
     best = taught.films[0]
-    say(f"\nAn entry with its error modes, in a running process: {fit:.2f} s; what to measure next: {after:.2f} s")
+    say(
+        f"\nAn entry with its error modes, in a running process: {fit:.2f} s; what to measure "
+        f"next: {after:.2f} s"
+    )
     say(f"   ({best.film}: dE00 {taught.now:.2f} -> {best.expected:.2f})")
     with tempfile.TemporaryDirectory() as folder:
         table = Path(folder) / "blue.csv"
@@ -254,28 +312,45 @@ def seconds(say: Results) -> None:
         for title in ("first, all to be compiled", "again", "again")[:RUNS]:
             began = time.perf_counter()
             subprocess.run(
-                words, check=True, capture_output=True, env={**os.environ, "GLAZEJAX_CACHE": f"{folder}/cache"}
+                words,
+                check=True,
+                capture_output=True,
+                env={**os.environ, "GLAZEJAX_CACHE": f"{folder}/cache"},
             )
             took = time.perf_counter() - began
-            say(f"The command glazejax recover blue.csv --white {WHITE} --into mine.csv, {title}: {took:.1f} s")
+            say(
+                f"The command glazejax recover blue.csv --white {WHITE} --into mine.csv, "
+                f"{title}: {took:.1f} s"
+            )
 
 
 def written(films: Films) -> str:
     """Films as a table."""
     rows = [["Name", *(f"{w:g}" for w in films.wavelengths)]]
-    ends = {"b": films.bare_black, "w": films.bare_white, "ob": films.over_black, "ow": films.over_white}
+    ends = {
+        "b": films.bare_black,
+        "w": films.bare_white,
+        "ob": films.over_black,
+        "ow": films.over_white,
+    }
     for i, name in enumerate(films.names):
-        rows += [[f"{name}_{end}", *(f"{v:.5f}" for v in values[i])] for end, values in ends.items()]
+        rows += [
+            [f"{name}_{end}", *(f"{v:.5f}" for v in values[i])] for end, values in ends.items()
+        ]
     return "\n".join(",".join(row) for row in rows) + "\n"
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     add_option(parser, paints=2)
     parser.add_argument("--paints", type=int, default=100, help="simulated tubes, at most")
     options = parser.parse_args()
     if options.quick:
-        globals().update(SEEDS=1, INSTRUMENTS=("d:8",), MEASURED=1, RUNS=2, CASES=CASES[::3], SHELF=FEW)
+        globals().update(
+            SEEDS=1, INSTRUMENTS=("d:8",), MEASURED=1, RUNS=2, CASES=CASES[::3], SHELF=FEW
+        )
     start_jax()
     results = Results("tubes", options.out)
     results("Own tubes: a masstone and a tint with a known white")

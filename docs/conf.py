@@ -1,8 +1,8 @@
 """The site: `python -m sphinx -W -b html docs docs/_build/html`, with the extra `docs` installed.
 
-Everything comes from this repository: no font, script or style of another host is asked for (`_ext/offline.py` looks).
-Pages under reference/, results/ and project/ are made from the code, the result files and the texts of the repository
-when the site is built; they are not in git.
+Everything comes from this repository: no font, script or style of another host is asked for
+(`_ext/offline.py` looks). Pages under reference/, results/ and project/ are made from the code, the
+result files and the texts of the repository when the site is built; they are not in git.
 """
 
 import os
@@ -49,8 +49,9 @@ math_number_all = False
 # Curly quotes, but no dashes made of two hyphens: those are options.
 smartquotes_action = "qe"
 
-# Notebooks run while the site is built; an error in one ends the build. What has run is kept beside the site, and runs
-# again only if its cells have changed: delete the folder after a change of the code (.ci/run has none to begin with).
+# Notebooks run while the site is built; an error in one ends the build. What has run is kept beside
+# the site, and runs again only if its cells have changed: delete the folder after a change of the
+# code (.ci/run has none to begin with).
 nb_execution_mode = "cache"
 nb_execution_cache_path = os.environ.get("GLAZEJAX_DOCS_CACHE", str(HERE / "_build" / "notebooks"))
 nb_execution_raise_on_error = True
@@ -65,7 +66,12 @@ os.environ.setdefault("JAX_LOGGING_LEVEL", "CRITICAL")
 # The look of the program's own pictures, without a line in each notebook.
 look = HERE / "_build" / "matplotlibrc"
 look.parent.mkdir(exist_ok=True)
-ours = {**STYLE, "figure.figsize": "7.0, 3.6", "figure.constrained_layout.use": True, "figure.dpi": 110}
+ours = {
+    **STYLE,
+    "figure.figsize": "7.0, 3.6",
+    "figure.constrained_layout.use": True,
+    "figure.dpi": 110,
+}
 look.write_text("".join(f"{name}: {str(value).lstrip('#')}\n" for name, value in ours.items()))
 os.environ["MATPLOTLIBRC"] = str(look)
 # Commands in notebooks print without colours; TERM, which a kernel sets anew, is theirs to say.

@@ -1,6 +1,8 @@
-"""What the package does by itself, without any extra: the solver, its slopes, the catalogue, paints in a spectrum.
+"""What the package does by itself, without any extra: the solver, its slopes, the catalogue, paints
+in a spectrum.
 
-A program, not a test of pytest's: run it with the Python of an environment that has the wheel alone,
+A program, not a test of pytest's: run it with the Python of an environment that has the wheel
+alone,
 
     python tests/base_install.py
 
@@ -25,7 +27,9 @@ def is_installed(name: str) -> bool:
 
 
 def requirements(name: str, *, of_extras: bool) -> set[str]:
-    """Distributions that one asks for by itself, or with its extras; none where it is not installed."""
+    """Distributions that one asks for by itself, or with its extras; none where it is not
+    installed.
+    """
     lines = (requires(name) or []) if is_installed(name) else []
     chosen = [line for line in lines if bool(re.search(r"\bextra\s*==", line)) == of_extras]
     return {re.split(r"[^\w.-]", line)[0].lower().replace("_", "-") for line in chosen}
@@ -52,7 +56,10 @@ def check_environment() -> None:
     present = sorted(name for name in extras if is_installed(name))
     assert not present, f"packages of extras are installed: {present}"
     # By what is imported too: a folder on the path has no metadata.
-    assert not any(find_spec(name) for name in ("typer", "rich", "matplotlib", "xarray", "starlette", "mitsuba"))
+    assert not any(
+        find_spec(name)
+        for name in ("typer", "rich", "matplotlib", "xarray", "starlette", "mitsuba")
+    )
 
 
 def check_names() -> None:
@@ -61,7 +68,13 @@ def check_names() -> None:
     import glazejax
     import glazejax.appearance.mitsuba
 
-    for package in (glazejax, glazejax.appearance, glazejax.appearance.scene, glazejax.io, glazefit):
+    for package in (
+        glazejax,
+        glazejax.appearance,
+        glazejax.appearance.scene,
+        glazejax.io,
+        glazefit,
+    ):
         for name in package.__all__:
             getattr(package, name)
     assert glazejax.appearance.mitsuba.glaze_bsdf("Eosin:2um")["type"] == "glaze"
@@ -90,20 +103,28 @@ def check_colour_and_recovery() -> None:
     glaze = glazejax.Glaze([glazejax.Layer(blue, 2e-6), glazejax.Layer(white, 10e-6)], 0.6)
     spectrum = np.asarray(glazejax.reflectance(glaze, glazejax.Hemispherical(8.0)))
     assert glazejax.colour.lab(wavelengths, spectrum, illuminant="D65")[2] < -20
-    absorption, scattering = (25e-6 * np.asarray(values)[None] for values in (white.absorption, white.scattering))
-    found = glazefit.recover_films(glazefit.simulate_films(["white"], wavelengths, absorption, scattering))
+    absorption, scattering = (
+        25e-6 * np.asarray(values)[None] for values in (white.absorption, white.scattering)
+    )
+    found = glazefit.recover_films(
+        glazefit.simulate_films(["white"], wavelengths, absorption, scattering)
+    )
     told = found.identifiable[0]
     assert told.any()
     assert np.abs(found.scattering[0, told] / scattering[0, told] - 1).max() < 0.5
 
 
 def check_identification() -> None:
-    """Two paints of the catalogue, mixed and measured over two grounds: found by their names and shares."""
+    """Two paints of the catalogue, mixed and measured over two grounds: found by their names and
+    shares.
+    """
     import glazefit
     import glazejax
 
     known = glazejax.catalogue.load()
-    paints = {name: known[name] for name in ("ZincWhite", "PrussianBlue", "Vermillion", "ChromeYellow")}
+    paints = {
+        name: known[name] for name in ("ZincWhite", "PrussianBlue", "Vermillion", "ChromeYellow")
+    }
     white, blue = paints["ZincWhite"], paints["PrussianBlue"]
     wavelengths, grounds = np.asarray(white.wavelengths), np.array([0.025, 0.93])
     mixture = glazejax.Mixture([white, blue], [0.8, 0.2])
@@ -113,7 +134,9 @@ def check_identification() -> None:
         glaze = glazejax.Glaze([glazejax.Layer(mixture, 25e-6)], np.full(wavelengths.size, ground))
         spectra.append(glazejax.reflectance(glaze, instrument))
     under = grounds[:, None] * np.ones(wavelengths.size)
-    found = glazefit.identify(np.array(spectra)[None], wavelengths, paints, grounds=under, max_paints=2)
+    found = glazefit.identify(
+        np.array(spectra)[None], wavelengths, paints, grounds=under, max_paints=2
+    )
     best = found.ranked(0)[0]
     assert set(best.paints) == {"ZincWhite", "PrussianBlue"}, best
     share = dict(zip(best.paints, best.fractions, strict=True))["PrussianBlue"]

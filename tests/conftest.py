@@ -1,4 +1,6 @@
-"""What every test runs under: precision, quick compilation, limits of memory and time, measured data."""
+"""What every test runs under: precision, quick compilation, limits of memory and time, measured
+data.
+"""
 
 import ctypes
 import gc
@@ -7,15 +9,19 @@ import sys
 import time
 from pathlib import Path
 
-# Most of the suite's time and memory is compilation. Fast code is for users; here it is compiled quickly instead. The
-# slow tests take the usual optimisation level, but for the emitters of fused loops, a third of its time. What
-# users run is tested as they run it: `GLAZEJAX_TEST_OPTIMISED=1` (`.ci/slow` does all this).
+# Most of the suite's time and memory is compilation. Fast code is for users; here it is compiled
+# quickly instead. The slow tests take the usual optimisation level, but for the emitters of fused
+# loops, a third of its time. What users run is tested as they run it: `GLAZEJAX_TEST_OPTIMISED=1`
+# (`.ci/slow` does all this).
 ELSEWHERE = os.environ.get("JAX_PLATFORMS", "cpu").split(",")[0] not in ("", "cpu")
 """Whether the tests run on a GPU: JAX_PLATFORMS=cuda, docs/gpu.md."""
 
 _SIMPLE_LOOPS = "--xla_cpu_use_fusion_emitters=false"
 _FLAGS = {
-    "0": f"{_SIMPLE_LOOPS} --xla_backend_optimization_level=0 --xla_cpu_parallel_codegen_split_count=1",
+    "0": (
+        f"{_SIMPLE_LOOPS} --xla_backend_optimization_level=0 "
+        "--xla_cpu_parallel_codegen_split_count=1"
+    ),
     "level": _SIMPLE_LOOPS,
     "1": "",
 }
@@ -37,32 +43,44 @@ import pytest
 # GLAZEJAX_TEST_X64=0 runs the tests marked `single`, which hold in both precisions, without it.
 DOUBLE = os.environ.get("GLAZEJAX_TEST_X64") != "0"
 jax.config.update("jax_enable_x64", DOUBLE)
-jax.config.update("jax_logging_level", "CRITICAL")  # XLA calls a program taken from the cache an error
+jax.config.update(
+    "jax_logging_level", "CRITICAL"
+)  # XLA calls a program taken from the cache an error
 # Programs compiled by one worker or run serve the others.
-jax.config.update("jax_compilation_cache_dir", str(Path(__file__).parents[1] / ".pytest_cache" / "xla"))
+jax.config.update(
+    "jax_compilation_cache_dir", str(Path(__file__).parents[1] / ".pytest_cache" / "xla")
+)
 jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.1)
 
-# Annotations of the forward package, shapes too, are checked in a run of their own, which `.ci/run` makes.
+# Annotations of the forward package, shapes too, are checked in a run of their own, which `.ci/run`
+# makes.
 CHECKED = os.environ.get("GLAZEJAX_CHECK_TYPES") == "1"
 if CHECKED:
     # A whole number counts as a float, as for type checkers (PEP 484).
-    jaxtyping.install_import_hook("glazejax", "beartype.beartype(conf=beartype.BeartypeConf(is_pep484_tower=True))")
+    jaxtyping.install_import_hook(
+        "glazejax", "beartype.beartype(conf=beartype.BeartypeConf(is_pep484_tower=True))"
+    )
 
 hypothesis.settings.register_profile("glazejax", deadline=None, max_examples=50)
 hypothesis.settings.load_profile("glazejax")
 
 
-# Tracing makes a million small objects; looking for circles among them less often saves a fifth of its time.
+# Tracing makes a million small objects; looking for circles among them less often saves a fifth of
+# its time.
 gc.set_threshold(100_000, 20, 50)
 
 _MANY_MAPPINGS = 20_000
-"""Of memory by one process; Linux allows 65530, and LLVM, which takes some for each program, crashes beyond."""
+"""Of memory by one process; Linux allows 65530, and LLVM, which takes some for each program,
+crashes beyond.
+"""
 _MUCH_MEMORY = 1.2e9
 """Bytes held by one process between two modules; the heaviest tests take some .6e9 more."""
 _TOO_MUCH_MEMORY = 1.5e9
 """The same between two tests of a module, whose programs the next one may want again."""
 _GROWN = 0.25e9
-"""Bytes that must have come since programs were let go last: what stays then is no program, and would stay again."""
+"""Bytes that must have come since programs were let go last: what stays then is no program, and
+would stay again.
+"""
 _stayed = 0.0
 
 
@@ -95,14 +113,18 @@ def _let_programs_go() -> None:
     global _stayed
     jax.clear_caches()
     gc.collect()
-    if os.name == "posix" and hasattr(libc := ctypes.CDLL(None), "malloc_trim"):  # What glibc keeps goes back too.
+    if os.name == "posix" and hasattr(
+        libc := ctypes.CDLL(None), "malloc_trim"
+    ):  # What glibc keeps goes back too.
         libc.malloc_trim(0)
     _stayed = _memory()
 
 
 @pytest.fixture
 def unchecked():
-    """For calls that a type checker refuses: what the function itself says to those who use none."""
+    """For calls that a type checker refuses: what the function itself says to those who
+    use none.
+    """
     jaxtyping.config.update("jaxtyping_disable", True)
     yield
     jaxtyping.config.update("jaxtyping_disable", False)
@@ -128,7 +150,9 @@ def shared_reference() -> Path:
 
 
 # Files whose tests share the tables of one grid of wavelengths, which one worker makes then.
-_TOGETHER = {f"tests/mapping/test_{name}.py" for name in ("example", "page", "painting_rivals", "pictures")}
+_TOGETHER = {
+    f"tests/mapping/test_{name}.py" for name in ("example", "page", "painting_rivals", "pictures")
+}
 
 
 @pytest.hookimpl(optionalhook=True)
@@ -148,7 +172,9 @@ def pytest_xdist_make_scheduler(config, log):
 
 def pytest_collection_modifyitems(config, items):
     if not DOUBLE:
-        config.hook.pytest_deselected(items=[item for item in items if not item.get_closest_marker("single")])
+        config.hook.pytest_deselected(
+            items=[item for item in items if not item.get_closest_marker("single")]
+        )
         items[:] = [item for item in items if item.get_closest_marker("single")]
 
 
@@ -169,7 +195,11 @@ def _peak_memory() -> float:
     """Largest memory that this process has held, GB; 0 where nobody tells."""
     if resource is None:
         return 0.0
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * (1 if sys.platform == "darwin" else 1024) / 1e9
+    return (
+        resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+        * (1 if sys.platform == "darwin" else 1024)
+        / 1e9
+    )
 
 
 def pytest_sessionfinish(session):
@@ -188,8 +218,14 @@ def pytest_testnodedown(node, error):
 
 
 def pytest_terminal_summary(terminalreporter):
-    late = [test.nodeid for test in terminalreporter.stats.get("skipped", []) if _TOO_LATE in str(test.longrepr)]
+    late = [
+        test.nodeid
+        for test in terminalreporter.stats.get("skipped", [])
+        if _TOO_LATE in str(test.longrepr)
+    ]
     if late:
         terminalreporter.section(f"{len(late)} tests {_TOO_LATE}")
         terminalreporter.write_line("\n".join(sorted(late)))
-    terminalreporter.write_line(f"peak memory of a worker: {max(_PEAKS or [_peak_memory()]):.1f} GB")
+    terminalreporter.write_line(
+        f"peak memory of a worker: {max(_PEAKS or [_peak_memory()]):.1f} GB"
+    )

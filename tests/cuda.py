@@ -1,4 +1,5 @@
-"""What a program would be on an NVIDIA GPU, as far as a machine without one can tell: lowered for it, not compiled.
+"""What a program would be on an NVIDIA GPU, as far as a machine without one can tell: lowered for
+it, not compiled.
 
 Lowering fails for an operation that JAX has on the CPU only, such as Schur's form.
 """
@@ -34,7 +35,9 @@ def lowered(program: Any, *args: Any, **kwargs: Any) -> str:
         return lowered(plain, arrays)
     jitted = program if isinstance(program, _JITTED) else jax.jit(program)
     traced = jitted.trace(*args, **kwargs)
-    if hosts := {name for name in operations(traced.jaxpr) if "callback" in name or "debug" in name}:
+    if hosts := {
+        name for name in operations(traced.jaxpr) if "callback" in name or "debug" in name
+    }:
         raise RuntimeError(f"calls the host: {', '.join(sorted(hosts))}")
     return traced.lower(lowering_platforms=("cuda",)).as_text()
 
@@ -44,7 +47,9 @@ def operations(jaxpr: Any) -> set[str]:
     found = set()
     for equation in getattr(jaxpr, "jaxpr", jaxpr).eqns:
         found.add(equation.primitive.name)
-        inner = jax.tree.leaves(equation.params, is_leaf=lambda p: hasattr(p, "eqns") or hasattr(p, "jaxpr"))
+        inner = jax.tree.leaves(
+            equation.params, is_leaf=lambda p: hasattr(p, "eqns") or hasattr(p, "jaxpr")
+        )
         for part in inner:
             if hasattr(part, "eqns") or hasattr(part, "jaxpr"):
                 found |= operations(part)
@@ -53,9 +58,13 @@ def operations(jaxpr: Any) -> set[str]:
 
 def trouble(text: str) -> list[str]:
     """What a GPU could not run, or only by asking the host in the midst of it."""
-    targets = set(re.findall(r"custom_call @([\w.$]+)", text)) | set(re.findall(r'call_target_name = "([^"]+)"', text))
+    targets = set(re.findall(r"custom_call @([\w.$]+)", text)) | set(
+        re.findall(r'call_target_name = "([^"]+)"', text)
+    )
     hosts = [name for name in targets if "callback" in name.lower() or "lapack" in name.lower()]
-    return sorted(hosts) + sorted(set(re.findall(r"stablehlo\.(?:infeed|outfeed|send|recv)\b", text)))
+    return sorted(hosts) + sorted(
+        set(re.findall(r"stablehlo\.(?:infeed|outfeed|send|recv)\b", text))
+    )
 
 
 def assert_runs_there(program: Callable[..., Any], *args: Any) -> None:
@@ -89,11 +98,18 @@ class Programs:
 
 
 def watch(monkeypatch: pytest.MonkeyPatch, *packages: str) -> Programs:
-    """From here on, every function of these packages' loaded modules that is jitted is lowered when first called."""
+    """From here on, every function of these packages' loaded modules that is jitted is lowered when
+    first called.
+    """
     programs = Programs()
-    for module in [m for name, m in sys.modules.items() if name.split(".")[0] in packages and m is not None]:
+    for module in [
+        m for name, m in sys.modules.items() if name.split(".")[0] in packages and m is not None
+    ]:
         for name, value in list(vars(module).items()):
             if isinstance(value, (_JITTED, _FILTERED)):
-                found = getattr(value, "__module__", module.__name__), getattr(value, "__qualname__", name)
+                found = (
+                    getattr(value, "__module__", module.__name__),
+                    getattr(value, "__qualname__", name),
+                )
                 monkeypatch.setattr(module, name, programs.wrap(".".join(found), value))
     return programs

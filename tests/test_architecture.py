@@ -1,4 +1,6 @@
-"""Imports follow ARCHITECTURE.md: every arrow is on the page, every arrow there is used, no file is in a circle."""
+"""Imports follow ARCHITECTURE.md: every arrow is on the page, every arrow there is used, no file is
+in a circle.
+"""
 
 import ast
 import functools
@@ -77,7 +79,11 @@ def _arrows() -> dict[str, set[str]]:
             continue
         for other in map(_room, _imports(module)):
             # The inverse package may use all of the forward one.
-            seen = "glazejax" if room.startswith("glazefit") and other.startswith("glazejax") else other
+            seen = (
+                "glazejax"
+                if room.startswith("glazefit") and other.startswith("glazejax")
+                else other
+            )
             if seen != room:
                 arrows[room].add(seen)
     return arrows
@@ -95,8 +101,11 @@ def test_a_room_imports_what_the_page_says(room: str):
 
 def test_no_file_is_in_a_circle():
     graph = {module: {other for other in _imports(module) if other != module} for module in MODULES}
-    # A package's own __init__ names what is below it; importing a name from it is no arrow to the file itself.
-    graph = {m: {o for o in others if MODULES[o].name != "__init__.py"} for m, others in graph.items()}
+    # A package's own __init__ names what is below it; importing a name from it is no arrow to the
+    # file itself.
+    graph = {
+        m: {o for o in others if MODULES[o].name != "__init__.py"} for m, others in graph.items()
+    }
     try:
         TopologicalSorter(graph).prepare()
     except CycleError as error:
@@ -104,7 +113,11 @@ def test_no_file_is_in_a_circle():
 
 
 def test_forward_never_imports_inverse():
-    wrong = [m for m in MODULES if m.startswith("glazejax") and any(o.startswith("glazefit") for o in _imports(m))]
+    wrong = [
+        m
+        for m in MODULES
+        if m.startswith("glazejax") and any(o.startswith("glazefit") for o in _imports(m))
+    ]
     assert wrong == []
 
 
@@ -117,7 +130,9 @@ def test_ways_through_name_files_that_exist():
         for title, cell in zip(header[1:], row[1:], strict=True):
             room = rooms[title.strip(" `").split()[-1]]
             for name in re.findall(r"`([\w/]+\.py)`", cell):
-                places = [folder / part / name for folder in PACKAGES.values() for part in ("", room)]
+                places = [
+                    folder / part / name for folder in PACKAGES.values() for part in ("", room)
+                ]
                 assert any(place.is_file() for place in places), f"{title}: {name}"
 
 
@@ -125,7 +140,11 @@ def _positional_records(module: str) -> Iterator[str]:
     """Calls of classes with more than six positional arguments."""
     for node in ast.walk(ast.parse(MODULES[module].read_text(encoding="utf-8"))):
         if isinstance(node, ast.Call) and len(node.args) > 6:
-            name = node.func.attr if isinstance(node.func, ast.Attribute) else getattr(node.func, "id", "")
+            name = (
+                node.func.attr
+                if isinstance(node.func, ast.Attribute)
+                else getattr(node.func, "id", "")
+            )
             if name == "cls" or name.lstrip("_")[:1].isupper():
                 yield f"{module}:{node.lineno} {name}"
 

@@ -1,4 +1,6 @@
-"""`--device` of the benchmarks: one sentence where there is no GPU, and a file of its own where there is one."""
+"""`--device` of the benchmarks: one sentence where there is no GPU, and a file of its own where
+there is one.
+"""
 
 import subprocess
 import sys
@@ -12,18 +14,23 @@ TAKE_IT = ("frontier", "scaling", "savings", "identification", "on_gpu")
 
 
 def run(*command: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run([sys.executable, "-m", *command], cwd=ROOT, capture_output=True, text=True, timeout=300)
+    return subprocess.run(
+        [sys.executable, "-m", *command], cwd=ROOT, capture_output=True, text=True, timeout=300
+    )
 
 
 @pytest.mark.processor
-@pytest.mark.parametrize("benchmark", [TAKE_IT[-1], *(pytest.param(b, marks=pytest.mark.slow) for b in TAKE_IT[:-1])])
+@pytest.mark.parametrize(
+    "benchmark", [TAKE_IT[-1], *(pytest.param(b, marks=pytest.mark.slow) for b in TAKE_IT[:-1])]
+)
 def test_without_a_gpu_one_sentence_says_so(benchmark, tmp_path):
     done = run(f"benchmarks.{benchmark}", "--device", "gpu", "--out", str(tmp_path))
     if done.returncode == 0:
         pytest.skip("there is a GPU here")
     lines = [line for line in done.stderr.splitlines() if not line.startswith(("W", "E", "I"))]
     assert lines == [
-        "--device gpu: JAX finds no NVIDIA GPU in this machine; install '.[cuda]' on one that has it, "
+        "--device gpu: JAX finds no NVIDIA GPU in this machine; install '.[cuda]' on one that "
+        "has it, "
         "or leave the option out"
     ]
     assert "Traceback" not in done.stderr

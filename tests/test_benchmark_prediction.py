@@ -1,4 +1,6 @@
-"""`benchmarks.prediction`: which films are left out, and a scan that goes on where it was stopped."""
+"""`benchmarks.prediction`: which films are left out, and a scan that goes on where it was
+stopped.
+"""
 
 import json
 from types import SimpleNamespace
@@ -17,7 +19,9 @@ RECIPES = {
 
 @pytest.fixture
 def scanned(tmp_path, monkeypatch):
-    """Runs the scan with fits that only count; the names of what was fitted, and the file of lines that are done."""
+    """Runs the scan with fits that only count; the names of what was fitted, and the file of lines
+    that are done.
+    """
     fitted, part = [], tmp_path / "results" / "prediction_scan.part"
 
     def leave_out(films, recipes, name, **given):
@@ -25,7 +29,10 @@ def scanned(tmp_path, monkeypatch):
             raise KeyboardInterrupt
         fitted.append(name)
         found = SimpleNamespace(
-            names=("pale", "deep"), predicted=np.full((2, 2), len(fitted)), fitted=np.ones((2, 2)), inside=np.ones(2)
+            names=("pale", "deep"),
+            predicted=np.full((2, 2), len(fitted)),
+            fitted=np.ones((2, 2)),
+            inside=np.ones(2),
         )
         return SimpleNamespace(out=found)
 
@@ -52,7 +59,9 @@ def test_a_scan_goes_on_where_it_was_stopped(scanned):
     lines = run().splitlines()
     assert len(fitted) == len(set(fitted)) == len(prediction.SCAN)
     assert len(lines) == 1 + len(prediction.SCAN)
-    assert [float(line.split()[0]) for line in lines[1:]] == list(range(1, len(prediction.SCAN) + 1))
+    assert [float(line.split()[0]) for line in lines[1:]] == list(
+        range(1, len(prediction.SCAN) + 1)
+    )
 
 
 @pytest.mark.parametrize("before", ["commit 1a2b3c4", "commit 5d6e7f8 with changes", "no commit"])

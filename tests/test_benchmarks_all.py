@@ -1,4 +1,6 @@
-"""`python -m benchmarks.all`: names every benchmark, runs each by itself, and ends with a table whatever happens."""
+"""`python -m benchmarks.all`: names every benchmark, runs each by itself, and ends with a table
+whatever happens.
+"""
 
 import ast
 import os
@@ -35,13 +37,19 @@ BODIES = {
 
 def listed(*words):
     return subprocess.run(
-        [sys.executable, "-m", "benchmarks.all", *words], cwd=ROOT, capture_output=True, text=True, check=False
+        [sys.executable, "-m", "benchmarks.all", *words],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        check=False,
     )
 
 
 @pytest.fixture
 def made(tmp_path, monkeypatch):
-    """Folder of a package `benchmarks` with modules of these names, which the runner takes for its own."""
+    """Folder of a package `benchmarks` with modules of these names, which the runner takes for its
+    own.
+    """
     package = tmp_path / "benchmarks"
     package.mkdir()
     (package / "__init__.py").touch()
@@ -50,7 +58,9 @@ def made(tmp_path, monkeypatch):
         for name in names:
             given = {"body": BODIES.get(name, ""), "after": AFTER.get(name, "")}
             parts = ("json", "no_such_peer") if name == "parted" else ()
-            text = MADE.format(name=name, needs=needs if name == "needy" else (), parts=parts, **given)
+            text = MADE.format(
+                name=name, needs=needs if name == "needy" else (), parts=parts, **given
+            )
             (package / f"{name}.py").write_text(text)
         monkeypatch.setattr(runner, "HERE", package)
         monkeypatch.setattr(runner, "modules", lambda: [package / f"{name}.py" for name in names])
@@ -77,7 +87,11 @@ def ran(out, *words):
 def test_the_list_names_every_benchmark():
     done = listed("--list")
     assert done.returncode == 0, done.stderr
-    names = [line.split()[0] for line in done.stdout.splitlines() if line and not line.startswith("not run")]
+    names = [
+        line.split()[0]
+        for line in done.stdout.splitlines()
+        if line and not line.startswith("not run")
+    ]
     assert len(names) == len(set(names))
     with_a_command = {path.stem for path in HERE.glob("*.py") if "\ndef main(" in path.read_text()}
     assert with_a_command == set(names)
@@ -90,12 +104,28 @@ def test_the_list_names_every_benchmark():
 def test_what_a_benchmark_needs_is_understood():
     for module in modules():
         for need in (*declared(module, "NEEDS", ()), *declared(module, "PARTS_NEED", ())):
-            assert need in ("gpu", "long") or need.startswith(("data/", "program/")) or need.isidentifier(), module
+            assert (
+                need in ("gpu", "long")
+                or need.startswith(("data/", "program/"))
+                or need.isidentifier()
+            ), module
             assert isinstance(runner.lacks(need), str)
 
 
-# What is always there: this project, what pyproject.toml depends on, and what comes with another package.
-PLAIN = {"glazejax", "glazefit", "benchmarks", "tests", "jax", "numpy", "scipy", "equinox", "jaxtyping", "lineax"} | {
+# What is always there: this project, what pyproject.toml depends on, and what comes with another
+# package.
+PLAIN = {
+    "glazejax",
+    "glazefit",
+    "benchmarks",
+    "tests",
+    "jax",
+    "numpy",
+    "scipy",
+    "equinox",
+    "jaxtyping",
+    "lineax",
+} | {
     "optimistix",
     "colour",
     "emcee",
@@ -107,7 +137,10 @@ def imported(path):
     """Packages that a module imports anywhere but for types, of those that may be missing."""
     tree = ast.parse(path.read_text())
     typing = {
-        n for t in ast.walk(tree) if isinstance(t, ast.If) and "TYPE_CHECKING" in ast.dump(t) for n in ast.walk(t)
+        n
+        for t in ast.walk(tree)
+        if isinstance(t, ast.If) and "TYPE_CHECKING" in ast.dump(t)
+        for n in ast.walk(t)
     }
     names = set()
     for node in ast.walk(tree):
@@ -126,21 +159,36 @@ def test_benchmarks_say_which_packages_they_need():
 
 
 def test_every_benchmark_has_a_small_size():
-    """By its shared option; a benchmark without a smaller setting than `--quick`'s other folder is exempt by name."""
+    """By its shared option; a benchmark without a smaller setting than `--quick`'s other folder is
+    exempt by name.
+    """
     texts = {module.stem: module.read_text() for module in modules()}
-    without = {n for n, text in texts.items() if "options.quick" not in text and "add_option(parser, " not in text}
+    without = {
+        n
+        for n, text in texts.items()
+        if "options.quick" not in text and "add_option(parser, " not in text
+    }
     assert without <= {"object_colour_figures", "many_flux_figures", "mutation"}
 
 
 def test_each_runs_and_what_fails_does_not_stop_the_rest(made):
-    out = made("one", "broken", "needy", "two", needs=("no_such_package", "data/none", "program/no-such-program"))
+    out = made(
+        "one",
+        "broken",
+        "needy",
+        "two",
+        needs=("no_such_package", "data/none", "program/no-such-program"),
+    )
     code, table = ran(out)
     assert code == 1
     rows = {line.split()[0]: line for line in table.splitlines() if line}
     assert rows["one"].endswith("  0")
     assert rows["two"].endswith("  0")
     assert rows["broken"].endswith("  3; see broken.log")
-    missing = "no package no_such_package, no measured data none (GLAZEJAX_DATA), no program no-such-program"
+    missing = (
+        "no package no_such_package, no measured data none (GLAZEJAX_DATA), no program "
+        "no-such-program"
+    )
     assert rows["needy"].endswith(f"left out: {missing}")
     assert "\n2 of 4 ran to the end; 1 failed: broken; 1 left out: needy\n" in table
     assert sorted(path.name for path in out.iterdir()) == [
@@ -244,7 +292,10 @@ def test_stopped_by_a_signal_it_ends_its_child_and_says_what_is_done(made, tmp_p
     assert rows["one"].endswith("  0")
     assert "stopped; see endless.log" in rows["endless"]
     assert "two" not in rows
-    assert "1 of 3 ran to the end; 1 stopped: endless; 1 not reached: two (--resume goes on from there)" in table
+    assert (
+        "1 of 3 ran to the end; 1 stopped: endless; 1 not reached: two (--resume goes on from "
+        "there)" in table
+    )
     assert "stopped; see endless.log" in said
     with pytest.raises(ProcessLookupError):
         os.kill(int((out / "pid").read_text()), 0)
@@ -254,7 +305,10 @@ def test_stopped_by_a_signal_it_ends_its_child_and_says_what_is_done(made, tmp_p
     ("words", "sentence"),
     [
         ((), "say --quick, --list or --older"),
-        (("--quick", "--out", str(FOLDER)), "the committed results are of full size; choose another folder"),
+        (
+            ("--quick", "--out", str(FOLDER)),
+            "the committed results are of full size; choose another folder",
+        ),
         (("--quick", "--only", "frontire"), "--only frontire: no such benchmark; frontier?"),
     ],
 )

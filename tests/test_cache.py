@@ -1,4 +1,6 @@
-"""A home folder that is read-only, missing or full costs the cache of compiled programs, never the run."""
+"""A home folder that is read-only, missing or full costs the cache of compiled programs, never the
+run.
+"""
 
 import os
 import re
@@ -7,7 +9,9 @@ import sys
 
 import pytest
 
-_NOTE = re.compile(r"note: compiled programs are not kept \([^)]+\), so that .* names another folder\n")
+_NOTE = re.compile(
+    r"note: compiled programs are not kept \([^)]+\), so that .* names another folder\n"
+)
 _RUN = """
 import resource, sys
 from glazejax.commands.main import start_jax
@@ -23,10 +27,18 @@ print("done")
 
 
 def run(home, *words, **more):
-    environment = {k: v for k, v in os.environ.items() if k not in ("GLAZEJAX_CACHE", "JAX_COMPILATION_CACHE_DIR")}
+    environment = {
+        k: v
+        for k, v in os.environ.items()
+        if k not in ("GLAZEJAX_CACHE", "JAX_COMPILATION_CACHE_DIR")
+    }
     environment |= {"HOME": str(home), **more}
     done = subprocess.run(
-        [sys.executable, "-c", _RUN, *words], capture_output=True, text=True, check=False, env=environment
+        [sys.executable, "-c", _RUN, *words],
+        capture_output=True,
+        text=True,
+        check=False,
+        env=environment,
     )
     assert done.returncode == 0, done.stderr
     assert done.stdout == "done\n"
@@ -61,7 +73,9 @@ def test_a_folder_that_is_named_counts(tmp_path):
 
 @pytest.mark.slow
 def test_a_disk_that_fills_up_and_is_emptied(tmp_path):
-    """What could be written in part only is taken out again: the next run would stumble over it for ever."""
+    """What could be written in part only is taken out again: the next run would stumble over it for
+    ever.
+    """
     assert _NOTE.fullmatch(run(tmp_path, "600"))
     assert all(path.stat().st_size < 600 for path in programs(tmp_path))
     assert run(tmp_path) == ""

@@ -82,7 +82,8 @@ def test_known_name():
 
 def test_what_films_hide_is_flagged():
     paints = catalogue.load()
-    # Black never reflects enough to show how it scatters; chrome yellow's tints and shades show all.
+    # Black never reflects enough to show how it scatters; chrome yellow's tints and shades show
+    # all.
     assert np.mean(np.asarray(paints["BoneBlack"].identifiable)) < 0.5
     assert np.all(paints["ChromeYellow"].identifiable)
 
@@ -90,7 +91,9 @@ def test_what_films_hide_is_flagged():
 def test_every_paint_renders():
     for paint in catalogue.load().values():
         for thickness in (2e-6, 25e-6, 200e-6):
-            value = np.asarray(reflectance(Glaze([Layer(paint, thickness)], 0.9), Hemispherical(8.0)))
+            value = np.asarray(
+                reflectance(Glaze([Layer(paint, thickness)], 0.9), Hemispherical(8.0))
+            )
             assert np.all((value > 0.039) & (value < 1.0)), (paint.name, thickness)
 
 
@@ -98,18 +101,29 @@ def test_masstones_come_back_as_measured(shared_data):
     """At some thickness over its own cards, each paint gives the film that was measured."""
     table = read_spectra(shared_data / "revigo" / "reflectance.tsv")
     lines = (shared_data / "revigo" / "mixtures.tsv").read_text().splitlines()
-    samples = {rest.split("-")[0]: sample for sample, rest in (line.split("\t") for line in lines) if "|100" in rest}
+    samples = {
+        rest.split("-")[0]: sample
+        for sample, rest in (line.split("\t") for line in lines)
+        if "|100" in rest
+    }
     inner, outer = 0.59634, 0.04001
     thickness = catalogue.ASSUMED_THICKNESS * np.geomspace(0.2, 10.0, 60)[:, None]
     for name, paint in catalogue.load().items():
-        if name in ("UltramarineBlue", "Cochineal", "BoneBlack"):  # matte, matte, and no film of it alone
+        if name in (
+            "UltramarineBlue",
+            "Cochineal",
+            "BoneBlack",
+        ):  # matte, matte, and no film of it alone
             continue
         off = []
         for card, film in (("_b", "_ob"), ("_w", "_ow")):
             bare = (table[samples[name] + card] - outer) / (1 - outer)
             ground = np.clip(bare / (1 - inner + inner * bare), 0, 1)
             glaze = Glaze([Layer(paint, thickness[:, 0])], ground)
-            off.append(np.asarray(reflectance(glaze, Hemispherical(8.0), tolerance=1e-4)) - table[samples[name] + film])
+            off.append(
+                np.asarray(reflectance(glaze, Hemispherical(8.0), tolerance=1e-4))
+                - table[samples[name] + film]
+            )
         assert np.sqrt(np.mean(np.square(off), axis=(0, 2))).min() < 0.02, name
 
 
@@ -136,7 +150,8 @@ def test_acrylics_grid_errors_and_provenance():
         for word in ("MIT", "William Acton", "4bf3d8c", "500000 1/m"):
             assert word in paint.provenance
     np.testing.assert_array_equal(paints["TitaniumWhite"].scattering, 5e5)
-    # Where a paint is as clear as the white its tint does not show it; where it colours the white, it does.
+    # Where a paint is as clear as the white its tint does not show it; where it colours the white,
+    # it does.
     known = np.asarray(paints["BismuthVanadateYellow"].identifiable)
     assert known[:10].all()
     assert not known[20:].any()
@@ -144,7 +159,9 @@ def test_acrylics_grid_errors_and_provenance():
 
 def test_the_assumed_scale_is_said():
     assert "25 µm" in str(catalogue.assumed_scale(catalogue.pigment("ZincWhite")))
-    assert "76 µm of titanium white" in str(catalogue.assumed_scale(catalogue.pigment("BoneBlack", "acrylics")))
+    assert "76 µm of titanium white" in str(
+        catalogue.assumed_scale(catalogue.pigment("BoneBlack", "acrylics"))
+    )
     assert catalogue.assumed_scale(Pigment("mine", [400.0, 500.0], [1.0, 1.0], [1.0, 1.0])) is None
 
 
@@ -164,7 +181,9 @@ def golden(shared_data):
     [(0.0, 0.02, 0.25), (10 / 11, 0.02, 0.25), (0.5, 1.6, 1.8), (100 / 101, 1.1, 1.2)],
 )
 def test_acrylics_reflect_what_k_and_s_give(golden, white, shared_light, plainly):
-    """Kubelka and Munk's opaque films under Saunderson's surface, in numpy, against this program's."""
+    """Kubelka and Munk's opaque films under Saunderson's surface, in numpy, against this
+    program's.
+    """
     paints = list(catalogue.load("acrylics").values())
     absorption, scattering = (1 - white) * golden + white * golden[:, -1:]
     ratio = absorption / scattering
@@ -172,10 +191,15 @@ def test_acrylics_reflect_what_k_and_s_give(golden, white, shared_light, plainly
     theirs = 0.03 + 0.97 * (1 - 0.65) * inside / (1 - 0.65 * inside)
     tints = [Mixture([paint, paints[-1]], [1 - white, white]) for paint in paints]
     films = [Glaze([Layer(tint, 0.01)], 0.0) for tint in tints]
-    ours = np.stack([np.asarray(reflectance(film, Hemispherical(8.0, specular=False))) for film in films])
+    ours = np.stack(
+        [np.asarray(reflectance(film, Hemispherical(8.0, specular=False))) for film in films]
+    )
     fresnel = 0.0400  # of index 1.5 at 8 degrees
     grid = paints[0].wavelengths
-    for values, bound in ((0.03 + 0.97 * ours / (1 - fresnel), shared_light), (0.03 + ours, plainly)):
+    for values, bound in (
+        (0.03 + 0.97 * ours / (1 - fresnel), shared_light),
+        (0.03 + ours, plainly),
+    ):
         apart = colour.delta_e_2000(colour.lab(grid, theirs), colour.lab(grid, values))
         assert apart.max() < bound
 
@@ -186,7 +210,10 @@ def test_titanium_white_hides_as_assumed():
     entered = (0.8 - 0.03) / 0.97
     grounds = (0.0, entered / (1 - 0.59634 + 0.59634 * entered))
     black, card = (
-        0.03 + 0.97 / 0.96 * reflectance(Glaze([Layer(white, 76e-6)], ground), Hemispherical(8.0, specular=False))
+        0.03
+        + 0.97
+        / 0.96
+        * reflectance(Glaze([Layer(white, 76e-6)], ground), Hemispherical(8.0, specular=False))
         for ground in grounds
     )
     luminance = [float(colour.xyz(white.wavelengths, film)[1]) for film in (black, card)]
@@ -196,7 +223,9 @@ def test_titanium_white_hides_as_assumed():
 def test_own_paints_are_read_as_those_that_ship(tmp_path: Path) -> None:
     own = tmp_path / "mine.csv"
     lines = [f"Night,{nm},{1000 + nm},{2000 - nm}" for nm in (400, 500, 600, 700)]
-    own.write_text("pigment,wavelength_nm,absorption,scattering\n" + "\n".join(lines) + "\n", encoding="utf-8")
+    own.write_text(
+        "pigment,wavelength_nm,absorption,scattering\n" + "\n".join(lines) + "\n", encoding="utf-8"
+    )
     mine = catalogue.read(own)
     assert list(mine) == ["Night"]
     np.testing.assert_allclose(mine["Night"].absorption, [1400, 1500, 1600, 1700])

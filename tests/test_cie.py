@@ -51,8 +51,17 @@ def test_difference_is_that_of_colour_science():
     one, other = (rng.uniform((0, -120, -120), (100, 120, 120), (20000, 3)) for _ in range(2))
     near = one + rng.normal(0, 0.5, one.shape)
     grey = one * (1, 0, 0)
-    for a, b in ((one, other), (one, near), (one, grey), (grey, one), (grey, grey[::-1]), (one, one)):
-        np.testing.assert_allclose(ciede2000(a, b), colour.delta_E(a, b, method="CIE 2000"), atol=2e-12, rtol=0)
+    for a, b in (
+        (one, other),
+        (one, near),
+        (one, grey),
+        (grey, one),
+        (grey, grey[::-1]),
+        (one, one),
+    ):
+        np.testing.assert_allclose(
+            ciede2000(a, b), colour.delta_E(a, b, method="CIE 2000"), atol=2e-12, rtol=0
+        )
 
 
 @pytest.mark.parametrize(
@@ -80,7 +89,9 @@ def test_differences_broadcast():
 
 def test_bradford_is_that_of_colour_science():
     one, other = np.array([0.95, 1.0, 1.09]), np.array([1.1, 1.0, 0.35])
-    theirs = colour.adaptation.matrix_chromatic_adaptation_VonKries(one, other, transform="Bradford")
+    theirs = colour.adaptation.matrix_chromatic_adaptation_VonKries(
+        one, other, transform="Bradford"
+    )
     np.testing.assert_allclose(gc.bradford(one, other), theirs, atol=1e-14)
 
 
@@ -92,7 +103,9 @@ def test_back_from_srgb_and_lab():
     np.testing.assert_allclose(gc.xyz_to_srgb(there, white), encoded, atol=1e-12)
     lab = np.asarray(gc.xyz_to_lab(there, white))
     np.testing.assert_allclose(gc.lab_to_xyz(lab, white), there, atol=1e-13)
-    np.testing.assert_allclose(gc.lab_to_xyz(lab, white), colour.Lab_to_XYZ(lab, colour.XYZ_to_xy(white)), atol=1e-13)
+    np.testing.assert_allclose(
+        gc.lab_to_xyz(lab, white), colour.Lab_to_XYZ(lab, colour.XYZ_to_xy(white)), atol=1e-13
+    )
     np.testing.assert_allclose(white, colour.xy_to_XYZ(np.array(gc.SRGB_WHITE)), atol=1e-14)
 
 
@@ -109,10 +122,14 @@ def test_lab_of_srgb_is_that_of_colour_science():
 
 def test_lab_of_srgb_runs_under_jit_and_grad():
     encoded = np.random.default_rng(7).uniform(0.01, 0.99, (6, 3))
-    np.testing.assert_allclose(jax.jit(gc.srgb_to_lab)(encoded), gc.srgb_to_lab(encoded), atol=1e-11)
+    np.testing.assert_allclose(
+        jax.jit(gc.srgb_to_lab)(encoded), gc.srgb_to_lab(encoded), atol=1e-11
+    )
     slopes = jax.vmap(jax.jacfwd(gc.srgb_to_lab))(encoded)
     step = 1e-6 * np.eye(3)
-    differences = (gc.srgb_to_lab(encoded[:, None] + step) - gc.srgb_to_lab(encoded[:, None] - step)) / 2e-6
+    differences = (
+        gc.srgb_to_lab(encoded[:, None] + step) - gc.srgb_to_lab(encoded[:, None] - step)
+    ) / 2e-6
     np.testing.assert_allclose(slopes, np.swapaxes(differences, 1, 2), rtol=1e-6, atol=1e-6)
     assert np.isfinite(jax.jacfwd(gc.srgb_to_lab)(jnp.array([0.0, 1.0, 0.0]))).all()
     with pytest.raises(ValueError, match=r"shape \(2,\) does not end in the three numbers"):
@@ -142,11 +159,13 @@ def test_numpy_colours_compile_nothing():
         "import numpy as np, jax.monitoring\n"
         "compiled = []\n"
         "jax.monitoring.register_event_duration_secs_listener(\n"
-        "    lambda event, seconds, **_: compiled.append(event) if 'backend_compile' in event else None)\n"
+        "    lambda event, seconds, **_: compiled.append(event) if 'backend_compile' in event "
+        "else None)\n"
         "from glazejax import colour\n"
         "grid = np.arange(400.0, 701.0, 10.0)\n"
         "lab = np.asarray(colour.lab(grid, np.ones((3, 31))))\n"
-        "colour.srgb(grid, np.ones(31)), colour.xyz(grid, np.ones(31)), colour.delta_e_2000(lab, lab)\n"
+        "colour.srgb(grid, np.ones(31)), colour.xyz(grid, np.ones(31)), colour.delta_e_2000(lab, "
+        "lab)\n"
         "colour.xyz_to_lab(np.ones(3), np.ones(3)), colour.xyz_to_srgb(np.ones(3), np.ones(3))\n"
         "assert not compiled, compiled\n"
     )

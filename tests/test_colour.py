@@ -22,7 +22,11 @@ LIGHTS = list(itertools.product(LAMPS, OBSERVERS))
 def paints(wavelengths, rows=6):
     """Smooth spectra with edges from 10 to 60 nm wide, as paints have."""
     rng = np.random.default_rng(7)
-    centre, width, sign = rng.uniform(450, 650, rows), rng.uniform(10, 60, rows), rng.choice([-1, 1], rows)
+    centre, width, sign = (
+        rng.uniform(450, 650, rows),
+        rng.uniform(10, 60, rows),
+        rng.choice([-1, 1], rows),
+    )
     return 0.05 + 0.85 / (1 + np.exp(-sign * (wavelengths[:, None] - centre) / width)).T
 
 
@@ -47,7 +51,8 @@ def theirs(wavelengths, spectra, lamp, observer, method):
         (400, 700, 10, 5e-5),
         # colour interpolates to 10 nm first.
         (400, 700, 20, 2e-4),
-        # colour skips to 5 nm matching functions, which is what misses the truth here: see the next test.
+        # colour skips to 5 nm matching functions, which is what misses the truth here: see the next
+        #     test.
         (380, 780, 5, 2e-3),
     ],
 )
@@ -66,14 +71,17 @@ def test_xyz_is_that_of_astm_e308(start, end, step, error):
 
 
 @pytest.mark.parametrize(
-    ("start", "end", "step", "error"), [(380, 780, 5, 1e-5), (380, 780, 10, 2e-4), (400, 700, 20, 1e-3)]
+    ("start", "end", "step", "error"),
+    [(380, 780, 5, 1e-5), (380, 780, 10, 2e-4), (400, 700, 20, 1e-3)],
 )
 def test_coarse_grids_miss_the_integral_by_little(start, end, step, error):
     for lamp, observer in LIGHTS:
         fine, grid = np.arange(360, 781, 1.0), np.arange(start, end + 1, float(step))
         expected = theirs(fine, paints(fine), lamp, observer, "Integration")
         found = gc.xyz(grid, paints(grid), illuminant=lamp, observer=observer)
-        np.testing.assert_allclose(found, expected, atol=error, rtol=0, err_msg=f"{lamp}, {observer}")
+        np.testing.assert_allclose(
+            found, expected, atol=error, rtol=0, err_msg=f"{lamp}, {observer}"
+        )
 
 
 def test_uneven_grid_of_a_camera():
@@ -88,7 +96,9 @@ def test_white_point_is_the_tabulated_one():
         for grid in (np.arange(380, 781, 10), np.arange(400, 701, 20)):
             white = gc.white_point(grid, lamp, observer)
             assert white[1] == pytest.approx(1, abs=1e-12)
-            np.testing.assert_allclose(colour.XYZ_to_xy(white), colour.CCS_ILLUMINANTS[observer][lamp], atol=3e-4)
+            np.testing.assert_allclose(
+                colour.XYZ_to_xy(white), colour.CCS_ILLUMINANTS[observer][lamp], atol=3e-4
+            )
 
 
 def test_perfect_diffuser_is_white():
@@ -102,7 +112,8 @@ def test_perfect_diffuser_is_white():
 def test_lab_is_that_of_colour():
     for lamp, observer in LIGHTS:
         grid = np.arange(380, 781, 10.0)
-        # The curve turns into a line at 216/24389: greys below, between it and its neighbours, and above.
+        # The curve turns into a line at 216/24389: greys below, between it and its neighbours, and
+        # above.
         dark = [np.full(41, level) for level in (0.0, 1e-3, 7e-3, 8.8e-3, 8.9e-3, 1.5e-2)]
         spectra = np.concatenate([paints(grid), dark])
         kwargs = {"illuminant": lamp, "observer": observer}
@@ -116,7 +127,9 @@ def test_lab_is_that_of_colour():
         )
 
 
-@pytest.mark.parametrize(("lamp", "observer"), [("D65", OBSERVERS[0]), ("A", OBSERVERS[0]), ("FL2", OBSERVERS[1])])
+@pytest.mark.parametrize(
+    ("lamp", "observer"), [("D65", OBSERVERS[0]), ("A", OBSERVERS[0]), ("FL2", OBSERVERS[1])]
+)
 def test_srgb_is_that_of_colour(lamp, observer):
     grid = np.arange(380, 781, 10.0)
     spectra = paints(grid)
@@ -124,14 +137,23 @@ def test_srgb_is_that_of_colour(lamp, observer):
     white = colour.XYZ_to_xy(gc.white_point(grid, lamp, observer))
     expected = colour.XYZ_to_sRGB(values, white, chromatic_adaptation_transform="Bradford")
     found = gc.srgb(grid, spectra, illuminant=lamp, observer=observer, clip=False)
-    # colour keeps the matrix rounded to four digits that the standard prints; 2e-3 is half a step of 8 bits.
+    # colour keeps the matrix rounded to four digits that the standard prints; 2e-3 is half a step
+    # of 8 bits.
     np.testing.assert_allclose(found, expected, atol=2e-3)
     clipped = gc.srgb(grid, spectra, illuminant=lamp, observer=observer)
     np.testing.assert_allclose(clipped, np.clip(found, 0, 1), atol=1e-12)
-    assert np.min(found) < 0, "one of the paints should lie outside the gamut, or clipping goes untested"
+    assert np.min(found) < 0, (
+        "one of the paints should lie outside the gamut, or clipping goes untested"
+    )
 
 
-@given(st.lists(st.tuples(st.floats(0, 100), st.floats(-100, 100), st.floats(-100, 100)), min_size=2, max_size=2))
+@given(
+    st.lists(
+        st.tuples(st.floats(0, 100), st.floats(-100, 100), st.floats(-100, 100)),
+        min_size=2,
+        max_size=2,
+    )
+)
 def test_colour_difference_is_symmetric_and_that_of_colour(pair):
     one, two = np.array(pair)
     found = gc.delta_e_2000(one, two)
@@ -180,9 +202,18 @@ def test_dark_slope_of_lightness_is_the_straight_line():
 def test_names_in_short():
     grid = np.arange(400, 701, 10)
     base = gc.colour_weights(grid, "FL2", OBSERVERS[1])
-    for lamp, observer in (("fl2", 10), ("F2", "10"), ("FL2", "1964"), ("FL2", 1964), ("FL2", "cie_10_1964")):
+    for lamp, observer in (
+        ("fl2", 10),
+        ("F2", "10"),
+        ("FL2", "1964"),
+        ("FL2", 1964),
+        ("FL2", "cie_10_1964"),
+    ):
         assert gc.colour_weights(grid, lamp, observer) is base
-    assert gc.find_observer("cie 2015 2 degree standard observer") == "CIE 2015 2 Degree Standard Observer"
+    assert (
+        gc.find_observer("cie 2015 2 degree standard observer")
+        == "CIE 2015 2 Degree Standard Observer"
+    )
     assert not base.flags.writeable
 
 
@@ -237,7 +268,9 @@ def test_single_precision_without_x64():
         "assert lab.dtype == jnp.float32, lab.dtype\n"
         "assert abs(np.asarray(lab) - [100, 0, 0]).max() < 1e-3, lab\n"
     )
-    done = subprocess.run([sys.executable, "-W", "error", "-c", code], capture_output=True, text=True, timeout=120)
+    done = subprocess.run(
+        [sys.executable, "-W", "error", "-c", code], capture_output=True, text=True, timeout=120
+    )
     assert done.returncode == 0, done.stderr
 
 

@@ -16,7 +16,10 @@ def chart(tmp_path):
     """Table of percent."""
     path = tmp_path / "chart.csv"
     rows = [",".join(["Name", *(f"{w:g}" for w in GRID)])]
-    rows += [",".join([name, *(f"{100 * r:.4f}" for r in row)]) for name, row in zip("abc", spectra(), strict=True)]
+    rows += [
+        ",".join([name, *(f"{100 * r:.4f}" for r in row)])
+        for name, row in zip("abc", spectra(), strict=True)
+    ]
     path.write_text("\n".join(rows))
     return path
 
@@ -96,9 +99,17 @@ def test_one_spectrum_is_one(tmp_path):
 
 
 def test_instruments_columns(shared_data, tmp_path):
-    done = run(shared_data / "rrt" / "pigment_panel_reference.csv", tmp_path / "out.cxf", "--resample", "400:700:10")
+    done = run(
+        shared_data / "rrt" / "pigment_panel_reference.csv",
+        tmp_path / "out.cxf",
+        "--resample",
+        "400:700:10",
+    )
     assert done.exit_code == 0, done.output
-    assert "columns of numbers without a header, 13 spectra, 349.542-2196.58 nm uneven (1009 bands)" in done.output
+    assert (
+        "columns of numbers without a header, 13 spectra, 349.542-2196.58 nm uneven (1009 bands)"
+        in done.output
+    )
     table = read_spectra(tmp_path / "out.cxf")
     assert table.names[0] == "column 2"
     reference = np.loadtxt(shared_data / "rrt" / "pigment_panel_reference.csv")

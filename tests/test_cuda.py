@@ -1,6 +1,8 @@
-"""Programs for an NVIDIA GPU, on a machine that may have none: they lower for it, call no host and move no data.
+"""Programs for an NVIDIA GPU, on a machine that may have none: they lower for it, call no host and
+move no data.
 
-That they run there, and how fast, only a GPU tells: `JAX_PLATFORMS=cuda python -m pytest`, docs/gpu.md.
+That they run there, and how fast, only a GPU tells: `JAX_PLATFORMS=cuda python -m pytest`,
+docs/gpu.md.
 """
 
 import jax
@@ -28,7 +30,9 @@ def stacks(layers: int, count: int = 5):
 
 
 def factor(q, d, ground, **options):
-    return stack_reflectance_factor(q, d, ground, cos_incidence=0.8, cos_viewing=0.6, tolerance=1e-4, **options)
+    return stack_reflectance_factor(
+        q, d, ground, cos_incidence=0.8, cos_viewing=0.6, tolerance=1e-4, **options
+    )
 
 
 def flux(q, d, ground):
@@ -42,7 +46,9 @@ def test_stacks_and_their_gradients(layers):
     inputs = stacks(layers)
     for f in (factor, flux):
         assert_runs_there(f, *inputs)
-        assert_runs_there(jax.value_and_grad(lambda *a, f=f: f(*a).sum(), argnums=(0, 1, 2)), *inputs)
+        assert_runs_there(
+            jax.value_and_grad(lambda *a, f=f: f(*a).sum(), argnums=(0, 1, 2)), *inputs
+        )
 
 
 def test_the_index_and_the_cosines_too():
@@ -50,7 +56,13 @@ def test_the_index_and_the_cosines_too():
 
     def f(index, light, view):
         return stack_reflectance_factor(
-            q, d, ground, refractive_index=index, cos_incidence=light, cos_viewing=view, tolerance=1e-4
+            q,
+            d,
+            ground,
+            refractive_index=index,
+            cos_incidence=light,
+            cos_viewing=view,
+            tolerance=1e-4,
         ).sum()
 
     assert_runs_there(jax.value_and_grad(f, argnums=(0, 1, 2)), 1.5, 0.8, 0.6)
@@ -82,7 +94,9 @@ def test_single_precision_stays_single():
         for program in (factor, jax.value_and_grad(lambda *a: factor(*a).sum(), argnums=(0, 1, 2))):
             text = lowered(program, *inputs)
             assert trouble(text) == []
-            assert "f64" not in text, "some of it is computed in double precision, which most GPUs are slow at"
+            assert "f64" not in text, (
+                "some of it is computed in double precision, which most GPUs are slow at"
+            )
 
 
 def glaze(thickness):
@@ -118,7 +132,11 @@ def test_the_programs_of_a_picture(monkeypatch):
 
 @pytest.mark.parametrize("gradient", [False, True])
 def test_a_second_call_moves_nothing_between_host_and_device(gradient):
-    program = factor if not gradient else jax.value_and_grad(lambda *a: factor(*a).sum(), argnums=(0, 1, 2))
+    program = (
+        factor
+        if not gradient
+        else jax.value_and_grad(lambda *a: factor(*a).sum(), argnums=(0, 1, 2))
+    )
     program = jax.jit(program)
     inputs = jax.device_put(stacks(2))
     jax.block_until_ready(program(*inputs))
@@ -132,12 +150,17 @@ def test_what_is_looked_for_would_be_found():
     with pytest.raises(NotImplementedError):
         lowered(jax.scipy.linalg.schur, square)
     host = jax.ShapeDtypeStruct((3,), jnp.result_type(float))
-    inner = jax.jit(lambda x: jax.lax.cond(x[0] > 0, lambda: jax.pure_callback(np.sin, host, x), lambda: x))
+    inner = jax.jit(
+        lambda x: jax.lax.cond(x[0] > 0, lambda: jax.pure_callback(np.sin, host, x), lambda: x)
+    )
     with pytest.raises(RuntimeError, match="pure_callback"):
         lowered(inner, jnp.ones(3))
     with pytest.raises(RuntimeError, match="debug"):
         lowered(lambda x: jax.debug.print("{}", x), jnp.ones(3))
     assert trouble("stablehlo.custom_call @lapack_dgetrf_ffi(%0)") == ["lapack_dgetrf_ffi"]
     program = jax.jit(jnp.sin)
-    with jax.transfer_guard("disallow"), pytest.raises(Exception, match="Disallowed host-to-device transfer"):
+    with (
+        jax.transfer_guard("disallow"),
+        pytest.raises(Exception, match="Disallowed host-to-device transfer"),
+    ):
         program(np.ones(3))

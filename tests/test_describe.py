@@ -115,7 +115,14 @@ def test_media_are_made_from_the_shelf():
 
 @pytest.mark.parametrize(
     ("metres", "words"),
-    [(0, "0 µm"), (12e-6, "12 µm"), (5e-8, "50 nm"), (2e-3, "2 mm"), (1.25e-5, "12.5 µm"), (1e-7, "0.1 µm")],
+    [
+        (0, "0 µm"),
+        (12e-6, "12 µm"),
+        (5e-8, "50 nm"),
+        (2e-3, "2 mm"),
+        (1.25e-5, "12.5 µm"),
+        (1e-7, "0.1 µm"),
+    ],
 )
 def test_lengths_in_words(metres, words):
     assert format_length(metres) == words

@@ -1,4 +1,5 @@
-"""Documents hold together: links lead somewhere, commands have these options, examples run, pictures have words.
+"""Documents hold together: links lead somewhere, commands have these options, examples run,
+pictures have words.
 
 The site itself is built by `.ci/run`: it executes the notebooks, and a warning ends it.
 """
@@ -34,13 +35,21 @@ from reference import as_markdown  # noqa: E402
 from results import with_links  # noqa: E402
 
 PAGES = [*documents(), *(ROOT / text for text in TEXTS)]
-NOTEBOOKS = [path for path in PAGES if path.parent.name == "notebooks" and "code-cell" in path.read_text("utf-8")]
+NOTEBOOKS = [
+    path
+    for path in PAGES
+    if path.parent.name == "notebooks" and "code-cell" in path.read_text("utf-8")
+]
 _FENCE = re.compile(r"^ *(`{3,})([^\n]*)\n(.*?)^ *\1 *$", re.MULTILINE | re.DOTALL)
 
 
 def blocks(page: Path, kind: str) -> list[str]:
     """Fenced blocks of a language, or of a directive."""
-    return [found[3] for found in _FENCE.finditer(page.read_text("utf-8")) if found[2].strip().startswith(kind)]
+    return [
+        found[3]
+        for found in _FENCE.finditer(page.read_text("utf-8"))
+        if found[2].strip().startswith(kind)
+    ]
 
 
 def prose(page: Path) -> str:
@@ -64,9 +73,15 @@ def source_of(page: Path) -> Path | None:
     """What a page that the site makes is made of; None for one of the reference."""
     inside = page.relative_to(DOCS).with_suffix("")
     if inside.parts[0] == "results":
-        return ROOT / "benchmarks" / ("results" if inside.name == "index" else f"results/{inside.name}.txt")
+        return (
+            ROOT
+            / "benchmarks"
+            / ("results" if inside.name == "index" else f"results/{inside.name}.txt")
+        )
     if inside.parts[0] == "project":
-        return next((ROOT / text for text, made in TEXTS.items() if made == inside.as_posix()), page)
+        return next(
+            (ROOT / text for text, made in TEXTS.items() if made == inside.as_posix()), page
+        )
     return None
 
 
@@ -82,7 +97,9 @@ def test_links_lead_to_what_is_there():
                 there = source_of(there)
             if there is None:
                 continue  # Sphinx knows the reference's pages, and warns
-            if not there.exists() or (anchor and there.suffix == ".md" and anchor not in anchors(there)):
+            if not there.exists() or (
+                anchor and there.suffix == ".md" and anchor not in anchors(there)
+            ):
                 faults.append(f"{name(page)} links to {target}")
     assert not faults, "\n".join(faults)
 
@@ -95,29 +112,52 @@ def test_commands_have_these_options():
 
     commands = typer.main.get_command(make_app()).commands  # type: ignore[attr-defined]
     options = {
-        command: {flag for one in made.params for flag in (*one.opts, *one.secondary_opts)} | {"--help"}
+        command: {flag for one in made.params for flag in (*one.opts, *one.secondary_opts)}
+        | {"--help"}
         for command, made in commands.items()
     }
     faults = []
     for page in (page for page in PAGES if page.name != "CHANGELOG.md"):
-        shown = [line for kind in ("sh", "{code-cell}") for block in blocks(page, kind) for line in block.splitlines()]
-        shown += [" ".join(span.split()) for span in re.findall(r"(?<!`)`(glazejax [^`]+)`(?!`)", prose(page))]
+        shown = [
+            line
+            for kind in ("sh", "{code-cell}")
+            for block in blocks(page, kind)
+            for line in block.splitlines()
+        ]
+        shown += [
+            " ".join(span.split())
+            for span in re.findall(r"(?<!`)`(glazejax [^`]+)`(?!`)", prose(page))
+        ]
         for line in shown:
-            for command, rest in re.findall(r"(?:^!?|[\s/])glazejax ([a-z]+) (.*?)(?:&&|$)", line.replace("\\", "")):
-                given = set(re.findall(r"(?<![\w-])(--?[a-z][a-z-]*)", re.sub(r"'[^']*'|\"[^\"]*\"", "", rest)))
+            for command, rest in re.findall(
+                r"(?:^!?|[\s/])glazejax ([a-z]+) (.*?)(?:&&|$)", line.replace("\\", "")
+            ):
+                given = set(
+                    re.findall(
+                        r"(?<![\w-])(--?[a-z][a-z-]*)", re.sub(r"'[^']*'|\"[^\"]*\"", "", rest)
+                    )
+                )
                 if command in options and given - options[command]:
-                    faults.append(f"{name(page)}: glazejax {command} has no {given - options[command]}")
+                    faults.append(
+                        f"{name(page)}: glazejax {command} has no {given - options[command]}"
+                    )
     assert not faults, "\n".join(faults)
 
 
 def test_every_command_and_every_extra_is_told():
-    """In the lists of what there is; of extras, those for who changes the program are told to them."""
+    """In the lists of what there is; of extras, those for who changes the program are
+    told to them.
+    """
     told = (DOCS / "what-there-is.md").read_text("utf-8")
     project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
     commands = project["entry-points"]["glazejax.commands"]
     assert not [command for command in commands if f"| `glazejax {command}` |" not in told]
     extras = set(project["optional-dependencies"]) - {"release"}
-    assert not [extra for extra in extras if not re.search(rf"^\| (?:`\w+`, )?`{extra}`", told, re.MULTILINE)]
+    assert not [
+        extra
+        for extra in extras
+        if not re.search(rf"^\| (?:`\w+`, )?`{extra}`", told, re.MULTILINE)
+    ]
 
 
 def test_pictures_have_words():
@@ -126,9 +166,17 @@ def test_pictures_have_words():
     for page in NOTEBOOKS:
         cells = blocks(page, "{code-cell}")
         drawn = [cell for cell in cells if "plt.show()" in cell]
-        worded = [cell for cell in drawn if re.search(r"^ +alt: \"[^\"]{20,}\"$", cell, re.MULTILINE)]
-        if not drawn or worded != drawn or any("plt.subplots" in cell and cell not in drawn for cell in cells):
-            faults.append(f"{name(page)}: each notebook has a picture, each picture is shown and has an `alt`")
+        worded = [
+            cell for cell in drawn if re.search(r"^ +alt: \"[^\"]{20,}\"$", cell, re.MULTILINE)
+        ]
+        if (
+            not drawn
+            or worded != drawn
+            or any("plt.subplots" in cell and cell not in drawn for cell in cells)
+        ):
+            faults.append(
+                f"{name(page)}: each notebook has a picture, each picture is shown and has an `alt`"
+            )
     for page in PAGES:
         faults += [
             f"{name(page)}: a picture has no words but {words!r}"
@@ -139,10 +187,16 @@ def test_pictures_have_words():
 
 
 def test_notebooks_begin_in_double_precision_and_are_listed():
-    begun = [page for page in NOTEBOOKS if 'update("jax_enable_x64", True)' in blocks(page, "{code-cell}")[0]]
+    begun = [
+        page
+        for page in NOTEBOOKS
+        if 'update("jax_enable_x64", True)' in blocks(page, "{code-cell}")[0]
+    ]
     assert begun == NOTEBOOKS
     listed = (DOCS / "notebooks" / "index.md").read_text("utf-8").split()
-    assert {page.stem for page in NOTEBOOKS} == {name for name in listed if (DOCS / f"notebooks/{name}.md").is_file()}
+    assert {page.stem for page in NOTEBOOKS} == {
+        name for name in listed if (DOCS / f"notebooks/{name}.md").is_file()
+    }
 
 
 def test_python_is_python():
@@ -154,7 +208,9 @@ def test_python_is_python():
 @pytest.mark.slow
 @pytest.mark.parametrize("page", sorted((DOCS / "start").glob("*.md")), ids=lambda path: path.stem)
 def test_the_python_of_the_first_steps_runs(page, tmp_path):
-    """In a process of its own, block by block; those that read a file of the reader's are left out."""
+    """In a process of its own, block by block; those that read a file of the reader's are
+    left out.
+    """
     small = example().replace("width = 640", "width = 32").replace("height = 480", "height = 24")
     (tmp_path / "scene.toml").write_text(small)
     for code in blocks(page, "python"):
@@ -166,7 +222,9 @@ def test_the_python_of_the_first_steps_runs(page, tmp_path):
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["what-there-is", "exports", "studio"])
 def test_the_python_of_a_page_runs(name, tmp_path):
-    """All blocks of a page as one program. What docs/mitsuba.md shows takes minutes; tests/appearance has its like."""
+    """All blocks of a page as one program. What docs/mitsuba.md shows takes minutes;
+    tests/appearance has its like.
+    """
     code = "\n".join(blocks(DOCS / f"{name}.md", "python"))
     subprocess.run([sys.executable, "-c", code], cwd=tmp_path, check=True, timeout=600)
 
@@ -183,7 +241,9 @@ EXAMPLES = [
 def test_examples_of_docstrings_are_true(module):
     # colour-science, which another test may have imported, sets NumPy's printing of 2016.
     with np.printoptions(legacy=False):
-        done = doctest.testmod(importlib.import_module(module), optionflags=doctest.NORMALIZE_WHITESPACE)
+        done = doctest.testmod(
+            importlib.import_module(module), optionflags=doctest.NORMALIZE_WHITESPACE
+        )
     assert done.attempted
     assert not done.failed
 
@@ -210,14 +270,23 @@ def test_help_names_types_and_does_not_spell_them_out():
         thing = getattr(glazejax, name)
         if callable(thing):
             words = str(inspect.signature(thing))
-            assert "Union[" not in words, f"{name}: its module lacks `from __future__ import annotations`"
+            assert "Union[" not in words, (
+                f"{name}: its module lacks `from __future__ import annotations`"
+            )
 
 
 def test_the_site_asks_no_other_host():
-    page = '<link rel="canonical" href="https://a"><a href="https://b">b</a><img src="c.png" alt="A glaze">'
+    page = (
+        '<link rel="canonical" href="https://a"><a href="https://b">b</a><img src="c.png" alt="A '
+        'glaze">'
+    )
     assert faults_of(page) == []
-    assert faults_of('<script src="https://cdn/x.js"></script>') == ["<script> asks for https://cdn/x.js"]
-    assert faults_of('<link rel="stylesheet" href="//fonts/x.css">') == ["<link> asks for //fonts/x.css"]
+    assert faults_of('<script src="https://cdn/x.js"></script>') == [
+        "<script> asks for https://cdn/x.js"
+    ]
+    assert faults_of('<link rel="stylesheet" href="//fonts/x.css">') == [
+        "<link> asks for //fonts/x.css"
+    ]
     assert faults_of('<img src="c.png">') == ["the picture c.png has no words (alt)"]
 
 
@@ -241,18 +310,28 @@ def test_code_breaks_at_its_joints_and_options_never():
     assert code("split_reflectance_factor").count("<wbr/>") == 2
     assert "split_<wbr/>reflectance_<wbr/>factor" in code("split_reflectance_factor")
     assert "option" in code("--refractive-index")
-    assert "<wbr/>" not in code("--refractive-index") + code("glazejax") + code("&quot;&lt;&gt;&amp;&quot;")
+    assert "<wbr/>" not in code("--refractive-index") + code("glazejax") + code(
+        "&quot;&lt;&gt;&amp;&quot;"
+    )
 
 
 def test_names_of_modules_break_at_their_dots():
     assert modules_that_break("<h1>glazejax.radiative.rough<a>#</a></h1>").count("<wbr/>") == 2
-    assert modules_that_break("<p>see glazejax.io, or glazefit.</p>") == "<p>see glazejax.io, or glazefit.</p>"
+    assert (
+        modules_that_break("<p>see glazejax.io, or glazefit.</p>")
+        == "<p>see glazejax.io, or glazefit.</p>"
+    )
 
 
 def test_a_picture_opens_unless_it_is_a_link():
     picture = '<img alt="a glaze" src="_images/glaze.png" />'
-    assert pictures_that_open(picture) == f'<a class="picture" href="_images/glaze.png">{picture}</a>'
-    assert pictures_that_open(f'<a href="coats.html">{picture}</a>') == f'<a href="coats.html">{picture}</a>'
+    assert (
+        pictures_that_open(picture) == f'<a class="picture" href="_images/glaze.png">{picture}</a>'
+    )
+    assert (
+        pictures_that_open(f'<a href="coats.html">{picture}</a>')
+        == f'<a href="coats.html">{picture}</a>'
+    )
 
 
 def test_words_of_a_result_are_folded_and_tables_are_not():
@@ -263,8 +342,14 @@ def test_words_of_a_result_are_folded_and_tables_are_not():
 
 
 def test_help_of_a_command_keeps_its_asterisks_and_its_lines():
-    assert as_markdown("0.7*ZincWhite + 0.3*Eosin, --layers") == "0.7\\*ZincWhite + 0.3\\*Eosin, `--layers`"
-    assert as_markdown("Example: glazejax convert a b --long") == "Example: `glazejax convert a b --long`"
+    assert (
+        as_markdown("0.7*ZincWhite + 0.3*Eosin, --layers")
+        == "0.7\\*ZincWhite + 0.3\\*Eosin, `--layers`"
+    )
+    assert (
+        as_markdown("Example: glazejax convert a b --long")
+        == "Example: `glazejax convert a b --long`"
+    )
     told = as_markdown("Example: glazejax scene --example > a\n         glazejax scene a -o b")
     assert "```sh\nglazejax scene --example > a\nglazejax scene a -o b\n```" in told
 
@@ -276,23 +361,41 @@ def test_words_before_a_colon_are_no_type():
 
 
 def test_a_notebook_that_runs_too_long_is_told():
-    told = slow_notebooks({"notebooks/a": 61.0, "notebooks/b": 59.0, "notebooks/c": 125.0, "notebooks/d": None})
+    told = slow_notebooks(
+        {"notebooks/a": 61.0, "notebooks/b": 59.0, "notebooks/c": 125.0, "notebooks/d": None}
+    )
     assert told == ["notebooks/c ran for 125 s", "notebooks/a ran for 61 s"]
 
 
 def test_links_work_on_the_site_and_on_the_forge():
     here = DOCS
-    assert links_for_site("[a](../benchmarks/results/frontier.txt)", here) == "[a](/results/frontier.md)"
-    assert links_for_site("[a](../ARCHITECTURE.md#rules)", here) == "[a](/project/architecture.md#rules)"
-    assert links_for_site("![a](../benchmarks/results/truth.png)", here) == "![a](/../benchmarks/results/truth.png)"
+    assert (
+        links_for_site("[a](../benchmarks/results/frontier.txt)", here)
+        == "[a](/results/frontier.md)"
+    )
+    assert (
+        links_for_site("[a](../ARCHITECTURE.md#rules)", here)
+        == "[a](/project/architecture.md#rules)"
+    )
+    assert (
+        links_for_site("![a](../benchmarks/results/truth.png)", here)
+        == "![a](/../benchmarks/results/truth.png)"
+    )
     assert links_for_site("[a](https://b) [c](#d)", here) == "[a](https://b) [c](#d)"
     assert links_for_site("```\n[a](../README.md)\n```\n", here) == "```\n[a](../README.md)\n```\n"
-    assert with_links("| 0.6<!--scaling.million_seconds .0f--> s |") == "| [0.6](/results/scaling.md){.result} s |"
+    assert (
+        with_links("| 0.6<!--scaling.million_seconds .0f--> s |")
+        == "| [0.6](/results/scaling.md){.result} s |"
+    )
 
 
 def test_spelling():
-    """codespell, as pyproject sets it up; a word that is right goes to `ignore-words-list` there."""
-    program = shutil.which("codespell", path=str(Path(sys.executable).parent)) or shutil.which("codespell")
+    """codespell, as pyproject sets it up; a word that is right goes to
+    `ignore-words-list` there.
+    """
+    program = shutil.which("codespell", path=str(Path(sys.executable).parent)) or shutil.which(
+        "codespell"
+    )
     if program is None:
         pytest.skip("codespell is not installed (extra docs)")
     done = subprocess.run([program], cwd=ROOT, capture_output=True, text=True, check=False)

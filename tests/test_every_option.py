@@ -1,8 +1,10 @@
-"""Every option of every command changes what it should: a table with an entry for each, checked for gaps.
+"""Every option of every command changes what it should: a table with an entry for each, checked for
+gaps.
 
-An entry is a pair of command lines, without and with the option, and what the computation then gets (the computation
-itself does not run), or the name of a test that looks at what the whole command does. That what the computation gets
-changes what it finds is tested beside each computation; for `identify`, in tests/fitting/test_identify_options.py.
+An entry is a pair of command lines, without and with the option, and what the computation then gets
+(the computation itself does not run), or the name of a test that looks at what the whole command
+does. That what the computation gets changes what it finds is tested beside each computation; for
+`identify`, in tests/fitting/test_identify_options.py.
 """
 
 import functools
@@ -34,7 +36,10 @@ ENGINES = {
         "glazefit.recover.joint:recover_jointly",
         "glazefit.film.simulate:simulate_paints",
     ],
-    "predict": ["glazefit.recover.mixture:predict_mixture", "glazefit.recover.mixture:calibrate_mixture"],
+    "predict": [
+        "glazefit.recover.mixture:predict_mixture",
+        "glazefit.recover.mixture:calibrate_mixture",
+    ],
     "recipe": ["glazefit.recipe.task:make_task"],
     "posterior": [
         "glazefit.posterior.posterior:posterior_of_film",
@@ -81,7 +86,9 @@ def name_of(paint: Any) -> str:
 
 
 def grounds(given: dict[str, Any]) -> Any:
-    return None if given["grounds"] is None else round(float(np.asarray(given["grounds"]).flat[0]), 6)
+    return (
+        None if given["grounds"] is None else round(float(np.asarray(given["grounds"]).flat[0]), 6)
+    )
 
 
 def geometry(given: dict[str, Any]) -> Any:
@@ -103,7 +110,9 @@ USUAL = {
 }
 INSTRUMENT = {
     "--geometry": Reaches("--geometry d:0", geometry, Hemispherical(0.0)),
-    "--refractive-index": Reaches("--refractive-index 1.4", lambda g: g["instrument"].refractive_index, 1.4),
+    "--refractive-index": Reaches(
+        "--refractive-index 1.4", lambda g: g["instrument"].refractive_index, 1.4
+    ),
     "--noise": Reaches("--noise 0.01", lambda g: g["noise"].floor, 0.01),
     "--noise-share": Reaches("--noise-share 0.07", lambda g: g["noise"].share, 0.07),
 }
@@ -113,17 +122,27 @@ OLD_SPECULAR = {
 }
 OWN_PAINTS = "--pigments paints.csv"
 TEXTURES = "ZincWhite:5um,CobaltBlue:9um --to textures --thickness-map thick.npy"
-BARE_CUBE, WHITE = "cube.npy --wavelengths bands.txt", "cube.npy --wavelengths bands.txt --ground 0.5 --white white.txt"
+BARE_CUBE, WHITE = (
+    "cube.npy --wavelengths bands.txt",
+    "cube.npy --wavelengths bands.txt --ground 0.5 --white white.txt",
+)
 TABLE: dict[str, dict[str, Reaches | Looked]] = {
     "render": {
         "--layers": Reaches(
-            "--layers Eosin:7um", lambda g: [x.medium.name for x in g["glaze"].layers], ["Eosin"], base="--out x.png"
+            "--layers Eosin:7um",
+            lambda g: [x.medium.name for x in g["glaze"].layers],
+            ["Eosin"],
+            base="--out x.png",
         ),
         "--stack": Looked("test_render.py:test_a_stack_is_written_and_drawn"),
         "--write-stack": Looked("test_render.py:test_a_stack_is_written_and_drawn"),
         "--ground": Reaches("--ground 0.3", lambda g: float(np.mean(g["glaze"].substrate)), 0.3),
-        "--substrate": Reaches("--substrate 0.3", lambda g: float(np.mean(g["glaze"].substrate)), 0.3),
-        "--refractive-index": Reaches("--refractive-index 1.4", lambda g: g["glaze"].refractive_index, 1.4),
+        "--substrate": Reaches(
+            "--substrate 0.3", lambda g: float(np.mean(g["glaze"].substrate)), 0.3
+        ),
+        "--refractive-index": Reaches(
+            "--refractive-index 1.4", lambda g: g["glaze"].refractive_index, 1.4
+        ),
         "--geometry": Reaches("--geometry d:8", lambda g: g["geometry"], Hemispherical(8.0)),
         "--hemispherical": Reaches("--hemispherical", lambda g: type(g["geometry"]), Hemispherical),
         "--incidence": Reaches("--incidence 30", lambda g: g["geometry"].incidence, 30.0),
@@ -135,9 +154,13 @@ TABLE: dict[str, dict[str, Reaches | Looked]] = {
             base="--layers Eosin:7um --hemispherical",
         ),
         "--illuminant": Reaches("--illuminant A", lambda g: g["illuminant"], "A"),
-        "--observer": Reaches("--observer 10", lambda g: g["observer"].startswith("CIE 1964"), True),
+        "--observer": Reaches(
+            "--observer 10", lambda g: g["observer"].startswith("CIE 1964"), True
+        ),
         "--ladder": Reaches("--ladder CobaltBlue", lambda g: g["layer"], 1),
-        "--pigments": Reaches(OWN_PAINTS, lambda g: float(g["glaze"].layers[0].medium.absorption[0]), 1000.0),
+        "--pigments": Reaches(
+            OWN_PAINTS, lambda g: float(g["glaze"].layers[0].medium.absorption[0]), 1000.0
+        ),
         "--catalogue": Reaches(
             "--catalogue acrylics",
             lambda g: g["glaze"].layers[0].medium.wavelengths[0],
@@ -159,42 +182,70 @@ TABLE: dict[str, dict[str, Reaches | Looked]] = {
         "--overwrite": Looked("test_convert.py:test_existing_files_are_kept"),
     },
     "export": {
-        "stack": Reaches("Eosin:7um", lambda g: [x.medium.name for x in g["glaze"].layers], ["Eosin"], base=" "),
+        "stack": Reaches(
+            "Eosin:7um", lambda g: [x.medium.name for x in g["glaze"].layers], ["Eosin"], base=" "
+        ),
         "--to": Reaches("--to measured", bool, True, engine="write_measured"),
         "--out": Looked("appearance/test_exports_files.py:test_the_command_reads_a_stack_and_maps"),
         "--ground": Reaches("--ground 0.3", lambda g: float(np.mean(g["glaze"].substrate)), 0.3),
-        "--refractive-index": Reaches("--refractive-index 1.4", lambda g: g["glaze"].refractive_index, 1.4),
+        "--refractive-index": Reaches(
+            "--refractive-index 1.4", lambda g: g["glaze"].refractive_index, 1.4
+        ),
         "--roughness": Reaches("--roughness 0.2", lambda g: g["roughness"], 0.2),
         "--space": Reaches("--space acescg", lambda g: g["space"], "acescg"),
         "--illuminant": Reaches("--illuminant A", lambda g: g["illuminant"], "A"),
-        "--observer": Reaches("--observer 10", lambda g: g["observer"].startswith("CIE 1964"), True),
+        "--observer": Reaches(
+            "--observer 10", lambda g: g["observer"].startswith("CIE 1964"), True
+        ),
         "--layering": Reaches("--layering reciprocal", lambda g: g["layering"], "reciprocal"),
         "--coat": Reaches("--coat", lambda g: g["coat"], True),
-        "--thickness-map": Reaches("--thickness-map three.npy", lambda g: g["thickness"].shape, (1, 3), base=TEXTURES),
+        "--thickness-map": Reaches(
+            "--thickness-map three.npy", lambda g: g["thickness"].shape, (1, 3), base=TEXTURES
+        ),
         "--thickness-range": Reaches(
             "--thickness-range 0-20um",
             lambda g: float(g["thickness"].max()),
             pytest.approx(8e-6),
             base=TEXTURES.replace("thick.npy", "share.npy"),
         ),
-        "--fraction-map": Reaches("--fraction-map thick.npy", lambda g: g["fraction"] is not None, True, base=TEXTURES),
-        "--ground-map": Reaches("--ground-map thick.npy", lambda g: g["ground"] is not None, True, base=TEXTURES),
+        "--fraction-map": Reaches(
+            "--fraction-map thick.npy", lambda g: g["fraction"] is not None, True, base=TEXTURES
+        ),
+        "--ground-map": Reaches(
+            "--ground-map thick.npy", lambda g: g["ground"] is not None, True, base=TEXTURES
+        ),
         "--layer": Reaches("--layer 2", lambda g: g["layer"], 1, base=TEXTURES),
-        "--pixel": Reaches("--pixel 50um", lambda g: g["pixel"], pytest.approx(50e-6), base=TEXTURES),
+        "--pixel": Reaches(
+            "--pixel 50um", lambda g: g["pixel"], pytest.approx(50e-6), base=TEXTURES
+        ),
         "--format": Reaches("--format exr", lambda g: g["kind"], "exr", base=TEXTURES),
         "--delta-e": Reaches("--delta-e 0.7", lambda g: g["delta_e"], 0.7, base=TEXTURES),
-        "--pigments": Reaches(OWN_PAINTS, lambda g: float(g["glaze"].layers[0].medium.absorption[0]), 1000.0),
+        "--pigments": Reaches(
+            OWN_PAINTS, lambda g: float(g["glaze"].layers[0].medium.absorption[0]), 1000.0
+        ),
         "--tolerance": Reaches("--tolerance 0.001", lambda g: g["tolerance"], 0.001),
-        "--overwrite": Looked("appearance/test_exports_files.py:test_the_command_reads_a_stack_and_maps"),
+        "--overwrite": Looked(
+            "appearance/test_exports_files.py:test_the_command_reads_a_stack_and_maps"
+        ),
     },
     "scene": {
-        "file": Looked("appearance/test_scene_file.py:test_the_command_writes_a_picture_and_its_spectra"),
-        "--out": Looked("appearance/test_scene_file.py:test_the_command_writes_a_picture_and_its_spectra"),
-        "--spectral": Looked("appearance/test_scene_file.py:test_the_command_writes_a_picture_and_its_spectra"),
-        "--size": Looked("appearance/test_scene_file.py:test_the_command_writes_a_picture_and_its_spectra"),
+        "file": Looked(
+            "appearance/test_scene_file.py:test_the_command_writes_a_picture_and_its_spectra"
+        ),
+        "--out": Looked(
+            "appearance/test_scene_file.py:test_the_command_writes_a_picture_and_its_spectra"
+        ),
+        "--spectral": Looked(
+            "appearance/test_scene_file.py:test_the_command_writes_a_picture_and_its_spectra"
+        ),
+        "--size": Looked(
+            "appearance/test_scene_file.py:test_the_command_writes_a_picture_and_its_spectra"
+        ),
         "--renderer": Looked("appearance/test_scene_file.py:test_the_command_path_traces"),
         "--samples": Looked("appearance/test_scene_file.py:test_the_command_path_traces"),
-        "--overwrite": Looked("appearance/test_scene_file.py:test_the_command_writes_a_picture_and_its_spectra"),
+        "--overwrite": Looked(
+            "appearance/test_scene_file.py:test_the_command_writes_a_picture_and_its_spectra"
+        ),
         "--example": Looked("appearance/test_scene_file.py:test_the_example_is_printed"),
     },
     "identify": {
@@ -202,23 +253,39 @@ TABLE: dict[str, dict[str, Reaches | Looked]] = {
         "--ground": Reaches("--ground 0.3", grounds, 0.3),
         "--bare": Reaches("--bare", lambda g: 0.5 < grounds(g) < 0.8, True),
         "--opaque": Reaches(f"{SPECTRA} --opaque", grounds, None, base=" "),
-        "--pigments": Reaches(OWN_PAINTS, lambda g: [*map(name_of, g["pigments"])], ["ZincWhite", "Own"]),
-        "--catalogue": Reaches("--catalogue acrylics", lambda g: name_of(g["pigments"][-1]), "TitaniumWhite"),
-        "--only": Reaches("--only Eosin,ZincWhite", lambda g: {*map(name_of, g["pigments"])}, {"Eosin", "ZincWhite"}),
-        "--without": Reaches("--without Eosin", lambda g: "Eosin" in {*map(name_of, g["pigments"])}, False),
+        "--pigments": Reaches(
+            OWN_PAINTS, lambda g: [*map(name_of, g["pigments"])], ["ZincWhite", "Own"]
+        ),
+        "--catalogue": Reaches(
+            "--catalogue acrylics", lambda g: name_of(g["pigments"][-1]), "TitaniumWhite"
+        ),
+        "--only": Reaches(
+            "--only Eosin,ZincWhite",
+            lambda g: {*map(name_of, g["pigments"])},
+            {"Eosin", "ZincWhite"},
+        ),
+        "--without": Reaches(
+            "--without Eosin", lambda g: "Eosin" in {*map(name_of, g["pigments"])}, False
+        ),
         "--samples": Reaches("--samples two", lambda g: tuple(g["names"]), ("two",)),
         "--max-paints": Reaches("--max-paints 1", lambda g: g["max_paints"], 1),
         "--layers": Reaches("--layers 2", lambda g: g["layers"], 2),
         "--thorough": Reaches("--thorough", lambda g: g["thorough"], True),
         **INSTRUMENT,
         "--model-error": Reaches("--model-error 0.02", lambda g: g["discrepancy"].amplitude, 0.02),
-        "--thickness": Reaches("--thickness 40um", lambda g: g["prior"].thickness, pytest.approx(40e-6)),
+        "--thickness": Reaches(
+            "--thickness 40um", lambda g: g["prior"].thickness, pytest.approx(40e-6)
+        ),
         "--top": Reaches("--top 9", lambda g: g["keep"], 9),
         "--csv": Looked("fitting/test_cli_identify.py:test_films_are_identified_written_and_drawn"),
-        "--residuals": Looked("fitting/test_cli_identify.py:test_films_are_identified_written_and_drawn"),
+        "--residuals": Looked(
+            "fitting/test_cli_identify.py:test_films_are_identified_written_and_drawn"
+        ),
         "--out": Looked("fitting/test_cli_identify.py:test_films_are_identified_written_and_drawn"),
         "--report": Looked("fitting/test_cli_identify.py:test_a_report_is_filed"),
-        "--overwrite": Reaches("--overwrite", bool, True, base=f"{SPECTRA} --ground 0.5 --csv paints.csv"),
+        "--overwrite": Reaches(
+            "--overwrite", bool, True, base=f"{SPECTRA} --ground 0.5 --csv paints.csv"
+        ),
     },
     "recover": {
         "file": Looked("fitting/test_cli_recover.py:test_results_are_those_of_the_library"),
@@ -242,7 +309,11 @@ TABLE: dict[str, dict[str, Reaches | Looked]] = {
             engine="recover_jointly",
         ),
         "--white": Reaches(
-            "--white ZincWhite", lambda g: [*(g["known"] or ())], ["ZincWhite"], base=TUBE, engine="recover_jointly"
+            "--white ZincWhite",
+            lambda g: [*(g["known"] or ())],
+            ["ZincWhite"],
+            base=TUBE,
+            engine="recover_jointly",
         ),
         "--wet-film": Reaches(
             "--wet-film 80um±20%",
@@ -251,7 +322,10 @@ TABLE: dict[str, dict[str, Reaches | Looked]] = {
             engine="recover_jointly",
         ),
         "--excluded": Reaches(
-            "--excluded dull.csv", lambda g: g["gloss"], {"one": pytest.approx(0.8, abs=0.05)}, engine="recover_jointly"
+            "--excluded dull.csv",
+            lambda g: g["gloss"],
+            {"one": pytest.approx(0.8, abs=0.05)},
+            engine="recover_jointly",
         ),
         "--simulate": Reaches(
             "--out found --simulate --samples Eosin",
@@ -268,19 +342,28 @@ TABLE: dict[str, dict[str, Reaches | Looked]] = {
         "--overwrite": Looked("fitting/test_cli_recover.py:test_overwrite"),
     },
     "predict": {
-        "mixture": Reaches("1*Eosin+4*ZincWhite", lambda g: g["recipe"], {"Eosin": 1.0, "ZincWhite": 4.0}, base=" "),
-        "--reading": Reaches("--reading one.csv", lambda g: g["films"].names, ("one",), engine="calibrate_mixture"),
+        "mixture": Reaches(
+            "1*Eosin+4*ZincWhite", lambda g: g["recipe"], {"Eosin": 1.0, "ZincWhite": 4.0}, base=" "
+        ),
+        "--reading": Reaches(
+            "--reading one.csv", lambda g: g["films"].names, ("one",), engine="calibrate_mixture"
+        ),
         "--samples": Reaches(
             f"--reading {FILMS} --samples two",
             lambda g: g["films"].names,
             ("two",),
             base="1*ZincWhite --reading one.csv",
         ),
-        "--thickness": Reaches("--thickness 5um,40um", lambda g: g["thickness"], pytest.approx([5e-6, 40e-6])),
+        "--thickness": Reaches(
+            "--thickness 5um,40um", lambda g: g["thickness"], pytest.approx([5e-6, 40e-6])
+        ),
         "--csv": Looked("fitting/test_variation.py:test_command_says_how_sure_it_is"),
         "--pigments": Reaches(OWN_PAINTS, lambda g: [*g["pigments"]], ["ZincWhite", "Own"]),
         "--catalogue": Reaches(
-            "1*TitaniumWhite --catalogue acrylics", lambda g: [*g["recipe"]], ["TitaniumWhite"], base=" "
+            "1*TitaniumWhite --catalogue acrylics",
+            lambda g: [*g["recipe"]],
+            ["TitaniumWhite"],
+            base=" ",
         ),
         "--geometry": INSTRUMENT["--geometry"],
         "--refractive-index": INSTRUMENT["--refractive-index"],
@@ -290,27 +373,52 @@ TABLE: dict[str, dict[str, Reaches | Looked]] = {
     },
     "recipe": {
         "--lab": Reaches("--lab 60,10,5", lambda g: "60" in g["targets"][0].name, True, base=" "),
-        "--srgb": Reaches("--srgb #8a4b2d", lambda g: "8a4b2d" in g["targets"][0].name, True, base=" "),
+        "--srgb": Reaches(
+            "--srgb #8a4b2d", lambda g: "8a4b2d" in g["targets"][0].name, True, base=" "
+        ),
         "--spectrum": Reaches(f"--spectrum {SPECTRA}", lambda g: len(g["targets"]), 2, base=" "),
         "--samples": Reaches(
-            "--samples two", lambda g: [*map(name_of, g["targets"])], ["two"], base=f"--spectrum {SPECTRA}"
+            "--samples two",
+            lambda g: [*map(name_of, g["targets"])],
+            ["two"],
+            base=f"--spectrum {SPECTRA}",
         ),
         "--colourchecker": Reaches("--colourchecker", lambda g: len(g["targets"]), 24, base=" "),
         "--patch": Reaches("--patch white", lambda g: len(g["targets"]), 1, base="--colourchecker"),
-        "--illuminants": Reaches("--illuminants D65,A", lambda g: [*g["illuminants"]], ["D65", "A"]),
-        "--test-illuminant": Reaches("--test-illuminant FL11", lambda g: g["test_illuminant"], "FL11"),
+        "--illuminants": Reaches(
+            "--illuminants D65,A", lambda g: [*g["illuminants"]], ["D65", "A"]
+        ),
+        "--test-illuminant": Reaches(
+            "--test-illuminant FL11", lambda g: g["test_illuminant"], "FL11"
+        ),
         "--observer": Reaches("--observer 10", lambda g: g["observer"], "10"),
         "--max-paints": Reaches("--max-paints 2", lambda g: g["max_paints"], 2),
         "--glazes": Reaches("--glazes", lambda g: g["glazes"], True),
         "--max-layers": Reaches("--max-layers 1", lambda g: g["max_layers"], 1),
-        "--coat-thickness": Reaches("--coat-thickness 2-7", lambda g: g["thickness"], pytest.approx((2e-6, 7e-6))),
-        "--thickness": Reaches("--thickness 2-7", lambda g: g["thickness"], pytest.approx((2e-6, 7e-6))),
-        "--only": Reaches("--only Eosin,ZincWhite", lambda g: {*map(name_of, g["pigments"])}, {"Eosin", "ZincWhite"}),
-        "--without": Reaches("--without Eosin", lambda g: "Eosin" in [*map(name_of, g["pigments"])], False),
-        "--pigments": Reaches(OWN_PAINTS, lambda g: [*map(name_of, g["pigments"])], ["ZincWhite", "Own"]),
-        "--catalogue": Reaches("--catalogue acrylics", lambda g: name_of(g["pigments"][-1]), "TitaniumWhite"),
+        "--coat-thickness": Reaches(
+            "--coat-thickness 2-7", lambda g: g["thickness"], pytest.approx((2e-6, 7e-6))
+        ),
+        "--thickness": Reaches(
+            "--thickness 2-7", lambda g: g["thickness"], pytest.approx((2e-6, 7e-6))
+        ),
+        "--only": Reaches(
+            "--only Eosin,ZincWhite",
+            lambda g: {*map(name_of, g["pigments"])},
+            {"Eosin", "ZincWhite"},
+        ),
+        "--without": Reaches(
+            "--without Eosin", lambda g: "Eosin" in [*map(name_of, g["pigments"])], False
+        ),
+        "--pigments": Reaches(
+            OWN_PAINTS, lambda g: [*map(name_of, g["pigments"])], ["ZincWhite", "Own"]
+        ),
+        "--catalogue": Reaches(
+            "--catalogue acrylics", lambda g: name_of(g["pigments"][-1]), "TitaniumWhite"
+        ),
         "--ground": Reaches("--ground 0.3", lambda g: float(np.mean(g["ground"])), 0.3),
-        "--refractive-index": Reaches("--refractive-index 1.4", lambda g: g["refractive_index"], 1.4),
+        "--refractive-index": Reaches(
+            "--refractive-index 1.4", lambda g: g["refractive_index"], 1.4
+        ),
         "--geometry": Reaches("--geometry d:8", lambda g: g["geometry"], Hemispherical(8.0)),
         "--sphere": Reaches("--sphere", lambda g: type(g["geometry"]), Hemispherical),
         "--metamerism": Reaches("--metamerism 0.7", lambda g: g["metamerism"], 0.7),
@@ -358,7 +466,9 @@ TABLE: dict[str, dict[str, Reaches | Looked]] = {
             0.3,
             base=f"{SPECTRA} --sample one --paints ZincWhite --out found --ground 0.9",
         ),
-        "--thickness": Reaches("--thickness 40um", lambda g: g["prior"].thickness, pytest.approx(40e-6)),
+        "--thickness": Reaches(
+            "--thickness 40um", lambda g: g["prior"].thickness, pytest.approx(40e-6)
+        ),
         "--steps": Reaches("--steps 70", lambda g: g["steps"], 70),
         "--walkers": Reaches("--walkers 48", lambda g: g["walkers"], 48),
         "--thin": Reaches("--thin 3", lambda g: g["thin"], 3),
@@ -379,17 +489,28 @@ TABLE: dict[str, dict[str, Reaches | Looked]] = {
     },
     "map": {
         "cube": Reaches(
-            "other.npy", lambda g: g["cube"].path.name, "other.npy", base="--wavelengths bands.txt --opaque"
+            "other.npy",
+            lambda g: g["cube"].path.name,
+            "other.npy",
+            base="--wavelengths bands.txt --opaque",
         ),
         "--out": Reaches("--out other.zarr", lambda g: g["out"].name, "other.zarr"),
         "--wavelengths": Reaches(
-            "--wavelengths bands.txt", lambda g: g["cube"].wavelengths, Path("bands.txt"), base="cube.npy --ground 0.5"
+            "--wavelengths bands.txt",
+            lambda g: g["cube"].wavelengths,
+            Path("bands.txt"),
+            base="cube.npy --ground 0.5",
         ),
         "--dataset": Reaches(
-            "--dataset two", lambda g: g["cube"].dataset, "two", base="cubes.nc --wavelengths bands.txt --ground 0.5"
+            "--dataset two",
+            lambda g: g["cube"].dataset,
+            "two",
+            base="cubes.nc --wavelengths bands.txt --ground 0.5",
         ),
         "--white": Reaches("--white white.txt", lambda g: g["cube"].white, Path("white.txt")),
-        "--dark": Reaches("--dark dark.txt", lambda g: g["cube"].dark, Path("dark.txt"), base=WHITE),
+        "--dark": Reaches(
+            "--dark dark.txt", lambda g: g["cube"].dark, Path("dark.txt"), base=WHITE
+        ),
         "--white-reflectance": Reaches(
             "--white-reflectance 0.9", lambda g: g["cube"].white_reflectance, 0.9, base=WHITE
         ),
@@ -398,10 +519,20 @@ TABLE: dict[str, dict[str, Reaches | Looked]] = {
         "--mask": Reaches("--mask corner.csv", lambda g: g["mask"], Path("corner.csv")),
         "--bin": Reaches("--bin 2", lambda g: g["cube"].binning, (2, 2, 1)),
         "--bands": Reaches("--bands 420-650", lambda g: g["cube"].bands, (420.0, 650.0)),
-        "--pigments": Reaches(OWN_PAINTS, lambda g: [*map(name_of, g["pigments"])], ["ZincWhite", "Own"]),
-        "--catalogue": Reaches("--catalogue acrylics", lambda g: name_of(g["pigments"][-1]), "TitaniumWhite"),
-        "--only": Reaches("--only Eosin,ZincWhite", lambda g: {*map(name_of, g["pigments"])}, {"Eosin", "ZincWhite"}),
-        "--without": Reaches("--without Eosin", lambda g: "Eosin" in {*map(name_of, g["pigments"])}, False),
+        "--pigments": Reaches(
+            OWN_PAINTS, lambda g: [*map(name_of, g["pigments"])], ["ZincWhite", "Own"]
+        ),
+        "--catalogue": Reaches(
+            "--catalogue acrylics", lambda g: name_of(g["pigments"][-1]), "TitaniumWhite"
+        ),
+        "--only": Reaches(
+            "--only Eosin,ZincWhite",
+            lambda g: {*map(name_of, g["pigments"])},
+            {"Eosin", "ZincWhite"},
+        ),
+        "--without": Reaches(
+            "--without Eosin", lambda g: "Eosin" in {*map(name_of, g["pigments"])}, False
+        ),
         "--spot": Reaches("--spot Grey=1,1", lambda g: [*g["spots"]], ["Grey"]),
         "--ground": Reaches("--ground 0.3", grounds, 0.3),
         "--bare": Reaches("--bare", lambda g: 0.5 < grounds(g) < 0.8, True),
@@ -411,14 +542,24 @@ TABLE: dict[str, dict[str, Reaches | Looked]] = {
         "--geometry": INSTRUMENT["--geometry"],
         "--refractive-index": INSTRUMENT["--refractive-index"],
         "--noise": Reaches("--noise 0.01", lambda g: g["noise"] and g["noise"].floor, 0.01),
-        "--noise-share": Reaches("--noise-share 0.07", lambda g: g["noise"] and g["noise"].share, 0.07),
+        "--noise-share": Reaches(
+            "--noise-share 0.07", lambda g: g["noise"] and g["noise"].share, 0.07
+        ),
         "--model-error": Reaches("--model-error 0.02", lambda g: g["discrepancy"].amplitude, 0.02),
-        "--thickness": Reaches("--thickness 40um", lambda g: g["prior"].thickness, pytest.approx(40e-6)),
+        "--thickness": Reaches(
+            "--thickness 40um", lambda g: g["prior"].thickness, pytest.approx(40e-6)
+        ),
         "--memory": Reaches("--memory 3GiB", lambda g: g["memory"], 3 * 2**30),
         "--scheduler": Looked("mapping/test_command.py:test_a_dask_scheduler_is_asked"),
-        "--report": Looked("mapping/test_command.py:test_a_map_its_report_its_table_and_its_exports_are_written"),
-        "--csv": Looked("mapping/test_command.py:test_a_map_its_report_its_table_and_its_exports_are_written"),
-        "--export": Looked("mapping/test_command.py:test_a_map_its_report_its_table_and_its_exports_are_written"),
+        "--report": Looked(
+            "mapping/test_command.py:test_a_map_its_report_its_table_and_its_exports_are_written"
+        ),
+        "--csv": Looked(
+            "mapping/test_command.py:test_a_map_its_report_its_table_and_its_exports_are_written"
+        ),
+        "--export": Looked(
+            "mapping/test_command.py:test_a_map_its_report_its_table_and_its_exports_are_written"
+        ),
         "--overwrite": Reaches("--overwrite", lambda g: g["overwrite"], True),
         "--example": Looked("mapping/test_command.py:test_the_example_is_made_and_mapped"),
     },
@@ -427,7 +568,9 @@ TABLE: dict[str, dict[str, Reaches | Looked]] = {
 
 @pytest.fixture(scope="module")
 def reach(tmp_path_factory):
-    """Run a command line in a folder of small files; what its computation is called with. Each line runs once."""
+    """Run a command line in a folder of small files; what its computation is called with. Each line
+    runs once.
+    """
     with pytest.MonkeyPatch.context() as monkeypatch:
         monkeypatch.chdir(tmp_path_factory.mktemp("options"))
         yield functools.cache(_reach(monkeypatch))
@@ -452,14 +595,20 @@ def _reach(monkeypatch: pytest.MonkeyPatch) -> Callable[[str, str], Reached | No
 
     table(SPECTRA, {"one": 0.4, "two": 0.6})
     cards = {"b": 0.06, "w": 0.85, "ob": 0.3, "ow": 0.5}
-    table(FILMS, {f"{film}_{end}": value for film in ("one", "two") for end, value in cards.items()})
+    table(
+        FILMS, {f"{film}_{end}": value for film in ("one", "two") for end, value in cards.items()}
+    )
     table("dull.csv", {f"one_{end}": value - 0.032 for end, value in cards.items()})
     table("one.csv", {f"one_{end}": value for end, value in cards.items()})
     mixed = ("Blue", "Blue 1:3 ZincWhite", "Blue 1:3 Own")
     table("tube.csv", {f"{film}_{end}": value for film in mixed for end, value in cards.items()})
     Path("mixtures.tsv").write_text("one\tRed-White|100-0\ntwo\tRed-White|40-60\n")
     Path("other.tsv").write_text("one\tUmber|100\ntwo\tUmber-White|40-60\n")
-    paints = [f"{name},{w:g},1000,50000" for name in ("ZincWhite", "Own") for w in np.arange(380.0, 731.0, 10.0)]
+    paints = [
+        f"{name},{w:g},1000,50000"
+        for name in ("ZincWhite", "Own")
+        for w in np.arange(380.0, 731.0, 10.0)
+    ]
     np.save("cube.npy", np.full((4, 5, GRID.size), 0.4, np.float32))
     np.save("other.npy", np.full((4, 5, GRID.size), 0.6, np.float32))
     np.savetxt("bands.txt", GRID)
@@ -470,7 +619,9 @@ def _reach(monkeypatch: pytest.MonkeyPatch) -> Callable[[str, str], Reached | No
     np.savetxt("white.txt", np.full(GRID.size, 0.9))
     np.savetxt("dark.txt", np.full(GRID.size, 0.01))
     _two_cubes("cubes.nc")
-    Path("paints.csv").write_text("\n".join(["pigment,wavelength_nm,absorption,scattering", *paints]) + "\n")
+    Path("paints.csv").write_text(
+        "\n".join(["pigment,wavelength_nm,absorption,scattering", *paints]) + "\n"
+    )
 
     def records(name: str, signature: inspect.Signature) -> Callable[..., None]:
         def record(*arguments, **named):
@@ -496,12 +647,19 @@ def _reach(monkeypatch: pytest.MonkeyPatch) -> Callable[[str, str], Reached | No
 
 
 def entries(kind: type) -> list:
-    rows = [(c, o, entry) for c, group in TABLE.items() for o, entry in group.items() if isinstance(entry, kind)]
+    rows = [
+        (c, o, entry)
+        for c, group in TABLE.items()
+        for o, entry in group.items()
+        if isinstance(entry, kind)
+    ]
     return [pytest.param(*row, id=f"{row[0]} {row[1]}") for row in rows]
 
 
 @pytest.mark.parametrize(("command", "option", "entry"), entries(Reaches))
-def test_the_computation_gets_what_the_option_says(reach, command: str, option: str, entry: Reaches):
+def test_the_computation_gets_what_the_option_says(
+    reach, command: str, option: str, entry: Reaches
+):
     base = entry.base or USUAL[command]
     # A later word for the same option takes the earlier one's place.
     with_it = reach(command, f"{base} {entry.words}")
@@ -512,7 +670,9 @@ def test_the_computation_gets_what_the_option_says(reach, command: str, option: 
     if without is not None and without.name == with_it.name:
         assert entry.found(without.given) != entry.expected
     else:
-        assert entry.engine or base.strip() != USUAL[command], "without the option the command does not run"
+        assert entry.engine or base.strip() != USUAL[command], (
+            "without the option the command does not run"
+        )
 
 
 @pytest.mark.parametrize(
@@ -520,7 +680,11 @@ def test_the_computation_gets_what_the_option_says(reach, command: str, option: 
     [
         ("identify", glazefit.identify, {"max_paints", "layers", "thorough"}),
         ("map", glazefit.map_cube, {"max_paints", "layers", "memory", "overwrite", "noise"}),
-        ("posterior", glazefit.posterior_of_film, {"steps", "walkers", "thin", "seed", "resume", "overwrite"}),
+        (
+            "posterior",
+            glazefit.posterior_of_film,
+            {"steps", "walkers", "thin", "seed", "resume", "overwrite"},
+        ),
         (
             "recipe",
             glazefit.find_recipes,
@@ -537,11 +701,15 @@ def test_the_computation_gets_what_the_option_says(reach, command: str, option: 
         ),
     ],
 )
-def test_defaults_of_a_command_are_those_of_its_function(reach, command: str, function: Callable, names: set[str]):
+def test_defaults_of_a_command_are_those_of_its_function(
+    reach, command: str, function: Callable, names: set[str]
+):
     usual = inspect.signature(function).parameters
     reached = reach(command, USUAL[command])
     assert reached is not None
-    assert {name: reached.given[name] for name in names} == {name: usual[name].default for name in names}
+    assert {name: reached.given[name] for name in names} == {
+        name: usual[name].default for name in names
+    }
 
 
 @pytest.mark.parametrize(("command", "option", "entry"), entries(Looked))
@@ -551,11 +719,21 @@ def test_the_test_named_exists_and_uses_the_option(command: str, option: str, en
     _, found, after = text.partition(f"def {name}(")
     assert found, f"{file} has no {name}"
     body = after.partition("\ndef ")[0]
-    names = {option, "--no-plots"} if option == "--plots" else {option, "-o"} if option == "--out" else {option}
-    assert not option.startswith("--") or any(json.dumps(word) in body for word in names), f"{name} has no {option}"
+    names = (
+        {option, "--no-plots"}
+        if option == "--plots"
+        else {option, "-o"}
+        if option == "--out"
+        else {option}
+    )
+    assert not option.startswith("--") or any(json.dumps(word) in body for word in names), (
+        f"{name} has no {option}"
+    )
 
 
 def test_every_option_of_every_command_has_an_entry():
     commands = typer.main.get_command(make_app()).commands  # pyright: ignore[reportAttributeAccessIssue]
-    there = {name: {p.opts[0] for p in command.params} - {"--help"} for name, command in commands.items()}
+    there = {
+        name: {p.opts[0] for p in command.params} - {"--help"} for name, command in commands.items()
+    }
     assert there == {name: set(group) for name, group in TABLE.items()}

@@ -1,4 +1,6 @@
-"""Without the packages of the extras the solver and its inverse work, and what does not says which extra it needs."""
+"""Without the packages of the extras the solver and its inverse work, and what does not says which
+extra it needs.
+"""
 
 import os
 import subprocess
@@ -92,7 +94,11 @@ def run(code: str) -> subprocess.CompletedProcess[str]:
         "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS": "0.3",
     }
     return subprocess.run(
-        [sys.executable, "-c", _BLOCK + code], capture_output=True, text=True, check=False, env=environment
+        [sys.executable, "-c", _BLOCK + code],
+        capture_output=True,
+        text=True,
+        check=False,
+        env=environment,
     )
 
 
@@ -106,7 +112,9 @@ def test_the_extra_that_is_named_brings_the_package(package, extra):
     sentence = advice(f"{package}.part")
     assert sentence is not None
     assert f"glazejax[{extra}]" in sentence
-    assert any(entry.replace("-", "_").lower().startswith(package.lower()) for entry in EXTRAS[extra])
+    assert any(
+        entry.replace("-", "_").lower().startswith(package.lower()) for entry in EXTRAS[extra]
+    )
     other = ("all", "cuda", "test", "benchmark", "release", "mutation", "docs")
     assert f"[{','.join(e for e in EXTRAS if e not in other)}]" in EXTRAS["all"][0]
 
@@ -118,4 +126,7 @@ def test_what_no_extra_brings_has_no_advice():
 
 
 def test_version_is_that_of_the_project():
-    assert glazejax.__version__ == tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["version"]
+    assert (
+        glazejax.__version__
+        == tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["version"]
+    )

@@ -1,4 +1,5 @@
-"""What a user waits for before the first answer: packages that are imported, programs that are compiled, and no word.
+"""What a user waits for before the first answer: packages that are imported, programs that are
+compiled, and no word.
 
 Numbers of programs, not seconds: those are in benchmarks/results/cold_start.txt.
 """
@@ -28,12 +29,26 @@ print("programs", len(programs))
 print("modules", *sorted(sys.modules))
 """
 # Each takes longer than what it is imported for; `import colour` alone a second.
-_HEAVY = {"colour", "pandas", "scipy.optimize", "scipy.interpolate", "matplotlib.pyplot", "emcee", "xarray", "trimesh"}
+_HEAVY = {
+    "colour",
+    "pandas",
+    "scipy.optimize",
+    "scipy.interpolate",
+    "matplotlib.pyplot",
+    "emcee",
+    "xarray",
+    "trimesh",
+}
 
 
 def environment(cache):
     paths = os.pathsep.join([str(ROOT / "src"), str(ROOT / "fitting")])
-    return os.environ | {"PYTHONPATH": paths, "GLAZEJAX_CACHE": str(cache), "COLUMNS": "200", "TERM": "xterm"}
+    return os.environ | {
+        "PYTHONPATH": paths,
+        "GLAZEJAX_CACHE": str(cache),
+        "COLUMNS": "200",
+        "TERM": "xterm",
+    }
 
 
 def run(tmp_path, *words):
@@ -55,14 +70,22 @@ def run(tmp_path, *words):
 def test_import_loads_names_only():
     code = "import sys, glazejax, glazefit; print(*sorted(sys.modules))"
     done = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, check=True, env=environment("/nowhere")
+        [sys.executable, "-c", code],
+        capture_output=True,
+        text=True,
+        check=True,
+        env=environment("/nowhere"),
     )
     loaded = set(done.stdout.split())
-    assert not loaded & (_HEAVY | {"jax", "numpy", "scipy", "matplotlib", "equinox", "optimistix", "rich", "typer"})
+    assert not loaded & (
+        _HEAVY | {"jax", "numpy", "scipy", "matplotlib", "equinox", "optimistix", "rich", "typer"}
+    )
 
 
 def test_render_is_one_program_and_little_else(tmp_path):
-    programs, modules = run(tmp_path, "render", "--layers", "CobaltBlue:5um,0.5*ZincWhite+0.5*Vermillion:20um")
+    programs, modules = run(
+        tmp_path, "render", "--layers", "CobaltBlue:5um,0.5*ZincWhite+0.5*Vermillion:20um"
+    )
     # The solver, and one to give the answer its shape.
     assert programs <= 2
     assert not modules & _HEAVY
@@ -79,8 +102,15 @@ def test_a_recipe_is_sixteen_programs(tmp_path):
 @pytest.mark.parametrize(
     ("words", "told"),
     [
-        (("render", "--layers", "CobaltBlue:5um"), ("starting", "compiling, then solving", "drawing")),
-        pytest.param(("recipe", "--srgb", "#8a4b2d"), ("starting", "compiling, then looking"), marks=pytest.mark.slow),
+        (
+            ("render", "--layers", "CobaltBlue:5um"),
+            ("starting", "compiling, then solving", "drawing"),
+        ),
+        pytest.param(
+            ("recipe", "--srgb", "#8a4b2d"),
+            ("starting", "compiling, then looking"),
+            marks=pytest.mark.slow,
+        ),
     ],
 )
 def test_a_terminal_is_told_what_is_being_done(tmp_path, words, told):

@@ -13,7 +13,16 @@ from hypothesis import strategies as st
 from scipy.integrate import quad
 
 import glazejax
-from glazejax import Bidirectional, Glaze, Hemispherical, Layer, Mixture, Pigment, appearance, reflectance
+from glazejax import (
+    Bidirectional,
+    Glaze,
+    Hemispherical,
+    Layer,
+    Mixture,
+    Pigment,
+    appearance,
+    reflectance,
+)
 from tests.reference import isotropic_stacks
 
 GRID = np.array([400.0, 500.0, 600.0])
@@ -33,7 +42,9 @@ def fresnel(degrees, n):
 
 def inner_reflectance(n):
     """Reflectance of the surface from inside for diffuse light, by adaptive quadrature."""
-    outside = quad(lambda i: np.sin(2 * i) * fresnel(np.rad2deg(i), n), 0, np.pi / 2, epsabs=1e-12)[0]
+    outside = quad(lambda i: np.sin(2 * i) * fresnel(np.rad2deg(i), n), 0, np.pi / 2, epsabs=1e-12)[
+        0
+    ]
     return 1 - (1 - outside) / n**2
 
 
@@ -54,8 +65,12 @@ def test_angle_must_be_a_number():
 
 @given(st.floats(0, 89.99))
 def test_cosines(angle):
-    assert Bidirectional(viewing=angle).cos_viewing == pytest.approx(np.sin(np.deg2rad(90 - angle)), abs=1e-15)
-    assert Hemispherical(jnp.asarray(angle)).cos_incidence == pytest.approx(np.sin(np.deg2rad(90 - angle)))
+    assert Bidirectional(viewing=angle).cos_viewing == pytest.approx(
+        np.sin(np.deg2rad(90 - angle)), abs=1e-15
+    )
+    assert Hemispherical(jnp.asarray(angle)).cos_incidence == pytest.approx(
+        np.sin(np.deg2rad(90 - angle))
+    )
 
 
 def test_traced_angles_are_not_checked():
@@ -63,7 +78,11 @@ def test_traced_angles_are_not_checked():
 
 
 def test_defaults_are_those_of_the_instruments():
-    assert (Bidirectional().incidence, Bidirectional().viewing, Bidirectional().specular) == (0, 0, False)
+    assert (Bidirectional().incidence, Bidirectional().viewing, Bidirectional().specular) == (
+        0,
+        0,
+        False,
+    )
     assert (Hemispherical().incidence, Hemispherical().specular) == (8, True)
 
 
@@ -79,7 +98,9 @@ def test_bare_ground_in_closed_form(ground, n):
     np.testing.assert_allclose(found, surface + (1 - surface) * escape, atol=2e-6)
     through = (1 - fresnel(45, n)) * (1 - fresnel(10, n)) / n**2
     np.testing.assert_allclose(
-        reflectance(glaze, Bidirectional(45, 10)), through * ground / (1 - ground * inside), atol=2e-6
+        reflectance(glaze, Bidirectional(45, 10)),
+        through * ground / (1 - ground * inside),
+        atol=2e-6,
     )
 
 
@@ -93,7 +114,11 @@ def test_pure_absorber_without_surface_is_beer_lambert():
 
 @pytest.mark.parametrize("count", [1, 2])
 def test_stacks_of_the_reference(count):
-    cases = [case for case in isotropic_stacks() if case["refractive_index"] == 1.5 and len(case["albedo"]) == count]
+    cases = [
+        case
+        for case in isotropic_stacks()
+        if case["refractive_index"] == 1.5 and len(case["albedo"]) == count
+    ]
     assert len(cases) > 10
 
     def column(key):
@@ -111,23 +136,30 @@ def test_stacks_of_the_reference(count):
         (Bidirectional(i, v), "reflectance_factor"),
         (Hemispherical(i, specular=False), "hemispherical_reflectance"),
     ):
-        np.testing.assert_allclose(reflectance(glaze, geometry)[:, 0], column(key), atol=2e-6, rtol=0)
+        np.testing.assert_allclose(
+            reflectance(glaze, geometry)[:, 0], column(key), atol=2e-6, rtol=0
+        )
 
 
 @pytest.mark.parametrize("angle", [60.0, pytest.param(0.0, marks=pytest.mark.slow)])
 def test_specular_part_is_fresnel(angle):
     glaze = Glaze([Layer(RED, 2e-5)], 0.8, [1.4, 1.5, 1.6])
     expected = [fresnel(angle, n) for n in (1.4, 1.5, 1.6)]
-    added = reflectance(glaze, Hemispherical(angle)) - reflectance(glaze, Hemispherical(angle, specular=False))
+    added = reflectance(glaze, Hemispherical(angle)) - reflectance(
+        glaze, Hemispherical(angle, specular=False)
+    )
     np.testing.assert_allclose(added, expected, atol=1e-12)
     with_mirror = reflectance(glaze, Bidirectional(angle, angle, specular=True))
-    np.testing.assert_allclose(with_mirror - reflectance(glaze, Bidirectional(angle, angle)), expected, atol=1e-12)
+    np.testing.assert_allclose(
+        with_mirror - reflectance(glaze, Bidirectional(angle, angle)), expected, atol=1e-12
+    )
 
 
 def test_no_specular_part_away_from_the_mirror():
     glaze = Glaze([Layer(RED, 2e-5)], 0.8)
     np.testing.assert_array_equal(
-        reflectance(glaze, Bidirectional(45, 0, specular=True)), reflectance(glaze, Bidirectional(45, 0))
+        reflectance(glaze, Bidirectional(45, 0, specular=True)),
+        reflectance(glaze, Bidirectional(45, 0)),
     )
 
 
@@ -137,13 +169,17 @@ def test_goniometer_batch():
     sweep = reflectance(glaze, Bidirectional(45.0, views, specular=True))
     assert sweep.shape == (3, 3)
     for row, view in zip(sweep, views, strict=True):
-        np.testing.assert_allclose(row, reflectance(glaze, Bidirectional(45.0, view, specular=True)), atol=1e-9)
+        np.testing.assert_allclose(
+            row, reflectance(glaze, Bidirectional(45.0, view, specular=True)), atol=1e-9
+        )
 
 
 def test_reciprocity():
     glaze = Glaze([Layer(RED, 2e-5), Layer(BLUE, 1e-5)], 0.8)
     np.testing.assert_allclose(
-        reflectance(glaze, Bidirectional(60, 10)), reflectance(glaze, Bidirectional(10, 60)), atol=2e-6
+        reflectance(glaze, Bidirectional(60, 10)),
+        reflectance(glaze, Bidirectional(10, 60)),
+        atol=2e-6,
     )
 
 
@@ -154,7 +190,9 @@ def test_layer_of_no_thickness_is_no_layer(geometry):
     np.testing.assert_allclose(reflectance(two, geometry), reflectance(one, geometry), atol=1e-12)
     none = Glaze([Layer(BLUE, 0.0)], 0.7)
     np.testing.assert_allclose(
-        reflectance(none, geometry), np.broadcast_to(reflectance(Glaze([], 0.7), geometry), 3), atol=1e-12
+        reflectance(none, geometry),
+        np.broadcast_to(reflectance(Glaze([], 0.7), geometry), 3),
+        atol=1e-12,
     )
 
 
@@ -169,13 +207,17 @@ def test_transformations_agree(geometry):
     np.testing.assert_allclose(
         jax.vmap(lambda d: reflectance(build(d), geometry))(jnp.asarray(coats)), loop, atol=1e-10
     )
-    np.testing.assert_allclose(eqx.filter_jit(reflectance)(build(3e-5), geometry), loop[2], atol=1e-10)
+    np.testing.assert_allclose(
+        eqx.filter_jit(reflectance)(build(3e-5), geometry), loop[2], atol=1e-10
+    )
     # Plain jit traces the refractive index and the angles too, and may choose directions otherwise.
     np.testing.assert_allclose(jax.jit(reflectance)(build(3e-5), geometry), loop[2], atol=3e-6)
 
 
 @pytest.mark.parametrize(
-    "geometry", [pytest.param(Bidirectional(45, 0), marks=pytest.mark.slow), Hemispherical()], ids=repr
+    "geometry",
+    [pytest.param(Bidirectional(45, 0), marks=pytest.mark.slow), Hemispherical()],
+    ids=repr,
 )
 def test_slopes_are_those_of_finite_differences(geometry):
     def mean(thickness, k, s, weight, ground):
@@ -205,7 +247,9 @@ def test_slopes_are_finite_at_the_edges():
 @pytest.mark.usefixtures("unchecked")
 @pytest.mark.parametrize("geometry", [8.0, "45:0", Bidirectional])
 def test_other_geometry_is_refused(geometry):
-    with pytest.raises(TypeError, match=r"must be a Bidirectional or .* such as Bidirectional\(45, 0\), not "):
+    with pytest.raises(
+        TypeError, match=r"must be a Bidirectional or .* such as Bidirectional\(45, 0\), not "
+    ):
         reflectance(Glaze([], 0.5), geometry)
 
 
@@ -241,7 +285,8 @@ def test_import_is_light():
         "assert callable(glazejax.reflectance) and glazejax.colour and glazejax.io\n"
         "import glazejax.reflectance as again\n"
         "assert not jax.config.jax_enable_x64\n"
-        "print([m for m in ('colour', 'matplotlib', 'emcee', 'optimistix', 'scipy.optimize', 'typer')"
+        "print([m for m in ('colour', 'matplotlib', 'emcee', 'optimistix', 'scipy.optimize', "
+        "'typer')"
         " if m in sys.modules] + [m for m in sys.modules if 'manyflux' in m])"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=120)

@@ -14,26 +14,65 @@ from glazejax.geometry import parse_geometry, resolve_instrument
     [
         ("d:8", Hemispherical(8.0), "d:8", "an integrating sphere at 8°, specular included"),
         ("di:8", Hemispherical(8.0), "d:8", "an integrating sphere at 8°, specular included"),
-        ("de:8", Hemispherical(8.0, False), "de:8", "an integrating sphere at 8°, specular excluded"),
+        (
+            "de:8",
+            Hemispherical(8.0, False),
+            "de:8",
+            "an integrating sphere at 8°, specular excluded",
+        ),
         ("8:d", Hemispherical(8.0), "d:8", "an integrating sphere at 8°, specular included"),
-        ("8:de", Hemispherical(8.0, False), "de:8", "an integrating sphere at 8°, specular excluded"),
+        (
+            "8:de",
+            Hemispherical(8.0, False),
+            "de:8",
+            "an integrating sphere at 8°, specular excluded",
+        ),
         (" DI:0 ", Hemispherical(0.0), "d:0", "an integrating sphere at 0°, specular included"),
-        ("45:0", Bidirectional(45.0, 0.0), "45:0", "light at 45°, view at 0°, no mirror reflection"),
-        ("0:45", Bidirectional(0.0, 45.0), "0:45", "light at 0°, view at 45°, no mirror reflection"),
-        ("45°/0°", Bidirectional(45.0, 0.0), "45:0", "light at 45°, view at 0°, no mirror reflection"),
-        ("30:30", Bidirectional(30.0, 30.0), "30:30", "light at 30°, view at 30°, no mirror reflection"),
+        (
+            "45:0",
+            Bidirectional(45.0, 0.0),
+            "45:0",
+            "light at 45°, view at 0°, no mirror reflection",
+        ),
+        (
+            "0:45",
+            Bidirectional(0.0, 45.0),
+            "0:45",
+            "light at 0°, view at 45°, no mirror reflection",
+        ),
+        (
+            "45°/0°",
+            Bidirectional(45.0, 0.0),
+            "45:0",
+            "light at 45°, view at 0°, no mirror reflection",
+        ),
+        (
+            "30:30",
+            Bidirectional(30.0, 30.0),
+            "30:30",
+            "light at 30°, view at 30°, no mirror reflection",
+        ),
         (
             "30:30:specular",
             Bidirectional(30.0, 30.0, True),
             "30:30:specular",
             "light at 30°, view at 30°, mirror reflection included",
         ),
-        ("22.5:60", Bidirectional(22.5, 60.0), "22.5:60", "light at 22.5°, view at 60°, no mirror reflection"),
+        (
+            "22.5:60",
+            Bidirectional(22.5, 60.0),
+            "22.5:60",
+            "light at 22.5°, view at 60°, no mirror reflection",
+        ),
     ],
 )
 def test_words_for_a_geometry(text, geometry, notation, words):
     found = parse_geometry(text)
-    assert (type(found), found.incidence, found.specular) == (type(geometry), geometry.incidence, geometry.specular)
+    assert (type(found), found.incidence, found.specular) == (
+        type(geometry),
+        geometry.incidence,
+        geometry.specular,
+    )
     assert found == geometry
     assert found.notation == notation
     assert parse_geometry(notation) == geometry
@@ -90,11 +129,16 @@ def test_surface_is_seen_by_the_mirror_direction_only():
 
 def test_mirror_direction_keeps_batch_axes():
     angles = np.array([0.0, 30.0, 45.0])
-    seen = Bidirectional(angles, 30.0, specular=True, azimuth=np.array([10.0, 0.0, 0.0])).sees_surface
+    seen = Bidirectional(
+        angles, 30.0, specular=True, azimuth=np.array([10.0, 0.0, 0.0])
+    ).sees_surface
     np.testing.assert_array_equal(seen, [[False], [True], [False]])
     at_normal = Bidirectional(0.0, 0.0, specular=True, azimuth=np.array([0.0, 90.0])).sees_surface
     np.testing.assert_array_equal(at_normal, [[True], [True]])
-    assert Bidirectional(angles, 30.0).describe() == "light at 0° to 45°, view at 30°, no mirror reflection"
+    assert (
+        Bidirectional(angles, 30.0).describe()
+        == "light at 0° to 45°, view at 30°, no mirror reflection"
+    )
 
 
 def test_one_place_resolves_instrument_and_geometry():
@@ -107,15 +151,21 @@ def test_one_place_resolves_instrument_and_geometry():
 
 @pytest.mark.slow
 def test_films_over_cards_are_read_by_any_instrument():
-    """What 45:0 reads of a film, over cards that it read too, tells the same paint as a sphere does."""
+    """What 45:0 reads of a film, over cards that it read too, tells the same paint as a sphere
+    does.
+    """
     grid = np.arange(400.0, 701.0, 100.0)
     k, s = np.full((1, 4), 0.3), np.full((1, 4), 1.0)
     for words in ("d:8", "45:0"):
         seen_by = Instrument.parse(words)
-        films = glazefit.simulate_films(["a"], grid, k, s, instrument=seen_by, noise=glazefit.Noise(1e-4, 0.0))
+        films = glazefit.simulate_films(
+            ["a"], grid, k, s, instrument=seen_by, noise=glazefit.Noise(1e-4, 0.0)
+        )
         found = glazefit.recover_films(films, instrument=seen_by, noise=glazefit.Noise(1e-4, 0.0))
         np.testing.assert_allclose(found.absorption, 0.3, rtol=0.02)
         joint = glazefit.recover_jointly(films, {"a": {"Red": 1.0}}, instrument=seen_by)
         np.testing.assert_allclose(joint.absorption / joint.scattering, 0.3, rtol=0.05)
         posterior = glazefit.posterior_of_bands(films, instrument=seen_by, steps=0)
-        np.testing.assert_allclose(np.median(posterior.laplace_draws["absorption"], axis=0), 0.3, rtol=0.05)
+        np.testing.assert_allclose(
+            np.median(posterior.laplace_draws["absorption"], axis=0), 0.3, rtol=0.05
+        )

@@ -1,4 +1,6 @@
-"""Interpolation of smooth parameters: error as asked, slopes of the solver, few points, and errors that help."""
+"""Interpolation of smooth parameters: error as asked, slopes of the solver, few points, and errors
+that help.
+"""
 
 import jax
 import jax.numpy as jnp
@@ -21,7 +23,9 @@ WHITE = gj.Pigment("white", GRID, 3e2 * (GRID / 400) ** -3, 2e5 - 200 * GRID)
 def spectrum(thickness, share):
     """A coat of grey on a brown ground; weights that JAX traces are not checked."""
     weights = jnp.stack([jnp.asarray(share), 1 - jnp.asarray(share)], axis=-1)
-    glaze = gj.Glaze([gj.Layer(gj.Mixture([BLACK, WHITE], weights), thickness)], np.linspace(0.2, 0.7, GRID.size))
+    glaze = gj.Glaze(
+        [gj.Layer(gj.Mixture([BLACK, WHITE], weights), thickness)], np.linspace(0.2, 0.7, GRID.size)
+    )
     return gj.reflectance(glaze, gj.Bidirectional(45, 0), tolerance=1e-6)
 
 
@@ -35,7 +39,11 @@ def paint(**columns) -> np.ndarray:
     first, last = (1e6 * np.asarray(list(columns.values())[k]) for k in (0, -1))
     thin = np.where(first > 0, first * np.log(np.maximum(first, 1e-300)), 0.0)
     return np.stack(
-        [np.exp(-0.7 * first) / (1 + last), 0.3 + 0.05 * thin * np.exp(-first) - 0.2 * np.exp(-3 * last)], 1
+        [
+            np.exp(-0.7 * first) / (1 + last),
+            0.3 + 0.05 * thin * np.exp(-first) - 0.2 * np.exp(-3 * last),
+        ],
+        1,
     )
 
 
@@ -68,7 +76,9 @@ def test_slopes_are_the_solvers(table):
         np.testing.assert_allclose(found, exact, rtol=0, atol=100 * TOLERANCE)
         assert np.max(np.abs(exact)) > 0.1
     total = jax.grad(lambda x: jnp.sum(table(x, at[1])))(at[0])
-    np.testing.assert_allclose(total, jnp.sum(jax.jvp(table, at, (jnp.ones(64), jnp.zeros(64)))[1], axis=1))
+    np.testing.assert_allclose(
+        total, jnp.sum(jax.jvp(table, at, (jnp.ones(64), jnp.zeros(64)))[1], axis=1)
+    )
 
 
 def test_slopes_are_finite_at_the_ends_and_go_on_beyond_them(table):
@@ -85,7 +95,9 @@ def test_table_is_a_pytree_whose_coefficients_can_be_learned(table):
     slope = jax.grad(lambda t: jnp.sum(t(1e-5, 0.5)))(table).coefficients
     step = jnp.zeros_like(leaf).at[1, 2, 0].set(1.0)
     moved = jax.tree.map(lambda c: c + step, table)
-    np.testing.assert_allclose(jnp.sum(moved(1e-5, 0.5) - table(1e-5, 0.5)), slope[1, 2, 0], atol=1e-12)
+    np.testing.assert_allclose(
+        jnp.sum(moved(1e-5, 0.5) - table(1e-5, 0.5)), slope[1, 2, 0], atol=1e-12
+    )
 
 
 def test_jit_vmap_pieces_and_names_are_the_same(table):
@@ -144,7 +156,9 @@ def test_values_outside_are_named(table, values, words):
 
 def test_what_the_function_refuses_is_passed_on():
     with pytest.raises(ValueError, match="thickness"):
-        gj.interpolated(lambda thickness: spectrum(thickness, 0 * thickness), {"thickness": (-1e-6, 1e-5)})
+        gj.interpolated(
+            lambda thickness: spectrum(thickness, 0 * thickness), {"thickness": (-1e-6, 1e-5)}
+        )
     with pytest.raises(ValueError, match="not finite at x -1"):
         gj.interpolated(lambda x: np.sqrt(np.where(x < 0, np.nan, x)), {"x": (-1, 1)})
 
@@ -185,16 +199,22 @@ def test_a_table_is_built_outside_jit():
 
 
 def test_a_function_of_single_numbers_is_wrapped():
-    table = gj.interpolated(jax.jit(jax.vmap(lambda x: jnp.exp(-x))), {"x": (-1, 2)}, tolerance=1e-8)
+    table = gj.interpolated(
+        jax.jit(jax.vmap(lambda x: jnp.exp(-x))), {"x": (-1, 2)}, tolerance=1e-8
+    )
     assert table.shape == ()
-    np.testing.assert_allclose(table(np.linspace(-1, 2, 7)), np.exp(-np.linspace(-1, 2, 7)), rtol=0, atol=1e-8)
+    np.testing.assert_allclose(
+        table(np.linspace(-1, 2, 7)), np.exp(-np.linspace(-1, 2, 7)), rtol=0, atol=1e-8
+    )
 
 
 @pytest.mark.parametrize("axes", [1, 2, 3])
 @pytest.mark.parametrize("tolerance", [1e-3, 1e-5])
 def test_error_is_as_asked_and_points_are_few(axes: int, tolerance: float):
     high = dict(zip("xyz"[:axes], (40e-6, 5e-6, 30e-6), strict=False))
-    table = gj.interpolated(paint, {name: (0, top) for name, top in high.items()}, tolerance=tolerance)
+    table = gj.interpolated(
+        paint, {name: (0, top) for name, top in high.items()}, tolerance=tolerance
+    )
     assert table.error <= tolerance
     rng = np.random.default_rng(1)
     points = {name: rng.uniform(0, top, 5000) for name, top in high.items()}
@@ -214,7 +234,9 @@ def test_what_is_steep_at_the_upper_end_is_met_too():
 
 
 def test_check_points_come_from_the_samples_and_distance_counts():
-    """A kink where no sample lies does not matter; a distance that ignores a channel does not refine for it."""
+    """A kink where no sample lies does not matter; a distance that ignores a channel does not
+    refine for it.
+    """
     table = gj.interpolated(
         lambda x: np.stack([np.exp(-x), (x > 2.9).astype(float)], axis=1),
         {"x": (0.0, 3.0)},
@@ -235,7 +257,9 @@ def test_what_cannot_be_reached_is_said():
 
 def test_coordinates_and_back():
     x = np.linspace(1e-6, 3e-5, 7)
-    axes = [Axis(1e-6, 3e-5, curvature) for curvature in (0.0, 10.0, 1e4)] + [Mirrored(1e-6, 3e-5, 100.0)]
+    axes = [Axis(1e-6, 3e-5, curvature) for curvature in (0.0, 10.0, 1e4)] + [
+        Mirrored(1e-6, 3e-5, 100.0)
+    ]
     for axis in axes:
         u = axis.coordinate(x, np)
         assert u[0] == pytest.approx(-1)

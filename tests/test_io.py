@@ -67,7 +67,15 @@ def test_percent_is_said(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "title", ["Wellenlänge [nm]", "Wellenlaenge", "Longueur d'onde (nm)", "Lunghezza d’onda", "golflengte", "Våglängd"]
+    "title",
+    [
+        "Wellenlänge [nm]",
+        "Wellenlaenge",
+        "Longueur d'onde (nm)",
+        "Lunghezza d’onda",
+        "golflengte",
+        "Våglängd",
+    ],
 )
 def test_a_table_of_a_european_spreadsheet(tmp_path, title):
     text = f"{title};Mantel, links;Weiß\n400;12,5;80\n410;13,5;81,25\n"
@@ -102,17 +110,26 @@ def test_slightly_negative_readings_are_noise(tmp_path):
         ("wavelength,a\n400,.1\nx,.2\n", "line 3: column 'wavelength': 'x' is not a wavelength"),
         ("Name,400,410\nred,.1,.2\nblue,.1\n", "line 3: 2 cells where the header has 3"),
         ("Name,400,410\nred,.1,.2\nblue,.1,.2,.3\n", "line 3: 4 cells where the header has 3"),
-        ("Name,400,410\nred,.1,high\n", "line 2: sample 'red', column '410': 'high' is not a finite number"),
+        (
+            "Name,400,410\nred,.1,high\n",
+            "line 2: sample 'red', column '410': 'high' is not a finite number",
+        ),
         ("Name,400,410\nred,.1,nan\n", "sample 'red', column '410': 'nan' is not a finite number"),
         ("Name,400,410\nred,.1,inf\n", "'inf' is not a finite number"),
         ("Name,400,410\nred,,.1\n", "sample 'red', column '400': the cell is empty"),
         ("Name,400,410\nred,-.1,.1\n", "sample 'red', column '400': reflectance -.1 is negative"),
-        ("wavelength,a,b\n400,.1,-2\n", "line 2: sample 'b', column 'b': reflectance -2 is negative"),
+        (
+            "wavelength,a,b\n400,.1,-2\n",
+            "line 2: sample 'b', column 'b': reflectance -2 is negative",
+        ),
         ("Name,400,410\nred,.1,.1\nblue,10,20\n", "mixed: blue in percent .*, red in fractions"),
         ("Name,400,410\nred,.1,.1\n\nred,.1,.2\n", "line 4: sample 'red' is already on line 2"),
         ("wavelength,a,a\n400,.1,.2\n", "line 1: sample 'a' is already"),
         ("Name,400,410\n,.1,.1\n", "line 2: a sample has no name"),
-        ("nm,red\n400,12,34\n", "line 2: 3 cells where the header has 2; if commas are decimal points, separate"),
+        (
+            "nm,red\n400,12,34\n",
+            "line 2: 3 cells where the header has 2; if commas are decimal points, separate",
+        ),
         ("wavenumber,red\n25000,.1\n", "'wavenumber' are wavenumbers; write wavelengths in nm"),
         (b"\x89PNG\r\n\x1a\n\0\0", "a picture .PNG., which holds no spectra"),
         (b"\xff\xd8\xff\xe0\0", "a picture .JPEG."),
@@ -147,7 +164,9 @@ def read_or_complain(path):
 TRIPLES = "sample,wavelength,reflectance\nred,400,0.1\nblue,410,0.5\nred,410,0.2\nblue,400,0.4\n"
 
 
-@pytest.mark.parametrize("text", [TRIPLES, TRIPLES.replace("sample,w", "Paint,W").replace(",", "\t")])
+@pytest.mark.parametrize(
+    "text", [TRIPLES, TRIPLES.replace("sample,w", "Paint,W").replace(",", "\t")]
+)
 def test_a_value_a_row(tmp_path, text):
     table = read_spectra(put(tmp_path, text))
     assert table.names == ("red", "blue")
@@ -157,9 +176,18 @@ def test_a_value_a_row(tmp_path, text):
 @pytest.mark.parametrize(
     ("text", "complaint"),
     [
-        (TRIPLES.replace("blue,410,0.5\n", ""), "'blue' has no value at 410 nm, where others have one"),
-        (TRIPLES.replace("red,410", "red,400"), "line 4: sample 'red' has a value at 400 nm already"),
-        (TRIPLES.replace("red,410", "red,x"), "line 4: column 'wavelength': 'x' is not a wavelength"),
+        (
+            TRIPLES.replace("blue,410,0.5\n", ""),
+            "'blue' has no value at 410 nm, where others have one",
+        ),
+        (
+            TRIPLES.replace("red,410", "red,400"),
+            "line 4: sample 'red' has a value at 400 nm already",
+        ),
+        (
+            TRIPLES.replace("red,410", "red,x"),
+            "line 4: column 'wavelength': 'x' is not a wavelength",
+        ),
         (TRIPLES.replace("0.5", "nan"), "line 3: .* not a finite number"),
         (TRIPLES.replace("blue,410", ",410"), "line 3: a sample has no name"),
     ],
@@ -172,7 +200,9 @@ def test_errors_of_a_value_a_row(tmp_path, text, complaint):
 COLUMNS = "# spectrometer\n400.5 0.10 0.40\n410.7 0.20 0.50\n420.2 0.30 0.60\n"
 
 
-@pytest.mark.parametrize("text", [COLUMNS, COLUMNS.replace(" 0", "\t0"), "\n".join(COLUMNS.splitlines()[::-1])])
+@pytest.mark.parametrize(
+    "text", [COLUMNS, COLUMNS.replace(" 0", "\t0"), "\n".join(COLUMNS.splitlines()[::-1])]
+)
 def test_columns_without_a_header(tmp_path, text):
     table = read_spectra(put(tmp_path, text))
     assert table.names == ("column 2", "column 3")
@@ -207,13 +237,18 @@ def test_declared_unit(tmp_path):
 
 
 def test_workbooks_are_named(tmp_path):
-    with pytest.raises(ValueError, match="Excel workbook or another zip archive; export the table as UTF-8 CSV"):
+    with pytest.raises(
+        ValueError, match="Excel workbook or another zip archive; export the table as UTF-8 CSV"
+    ):
         read_spectra(put(tmp_path, b"PK\x03\x04rest", "t.xlsx"))
 
 
 def test_names_do_not_decide_the_format(tmp_path):
     assert read_spectra(put(tmp_path, WIDE, "t.cxf")).format == "CSV table, a sample a row"
-    assert read_spectra(put(tmp_path, WIDE.replace("Name", "ENVI"), "t.hdr")).names == ("red", "blue")
+    assert read_spectra(put(tmp_path, WIDE.replace("Name", "ENVI"), "t.hdr")).names == (
+        "red",
+        "blue",
+    )
 
 
 def test_blank_files_are_refused_at_once(tmp_path):
@@ -229,7 +264,10 @@ WORDS = """samples = 2\n|wavelength = {1|}|##XYDATA=(X++(Y..Y))\n|##END=\n|END_D
 |colorexchangeformat.com/CxF3-core|SPEC_400 SPEC_410\n|END_DATA_FORMAT\n|\0\0\0\0"""
 
 
-@given(st.sampled_from(START), st.lists(st.one_of(st.sampled_from(WORDS.split("|")), st.text(max_size=9)), max_size=9))
+@given(
+    st.sampled_from(START),
+    st.lists(st.one_of(st.sampled_from(WORDS.split("|")), st.text(max_size=9)), max_size=9),
+)
 def test_broken_files_of_every_format_never_surprise(tmp_path_factory, start, words):
     path = tmp_path_factory.mktemp("broken") / "t.bin"
     path.write_text(start + "".join(words), encoding="utf-8")
@@ -276,7 +314,11 @@ def test_tables_read_back(tmp_path_factory, rows):
 
 def test_array_cells_are_plain_numbers(tmp_path):
     path = tmp_path / "t.tsv"
-    write_table(path, ["a", "b", "c", "d"], [[np.float64(1e-7), jnp.asarray(1 / 3), np.float32(0.1), np.int64(3)]])
+    write_table(
+        path,
+        ["a", "b", "c", "d"],
+        [[np.float64(1e-7), jnp.asarray(1 / 3), np.float32(0.1), np.int64(3)]],
+    )
     cells = path.read_text().splitlines()[1].split("\t")
     assert cells == ["1e-07", repr(1 / 3), "0.1", "3"]
 

@@ -1,4 +1,6 @@
-"""Limits of the renderers' layer rules: no coat, nothing absorbed, reciprocity, what is exact; the table of truth."""
+"""Limits of the renderers' layer rules: no coat, nothing absorbed, reciprocity, what is exact; the
+table of truth.
+"""
 
 from pathlib import Path
 
@@ -17,7 +19,9 @@ BASE, CLEAR = np.array([0.05, 0.5, 1.0]), np.ones(3)
 TABLE = Path(__file__).parents[1] / "benchmarks" / "results" / "layered_truth.csv"
 
 
-def _smooth(index: float) -> tuple[float, tuple[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]:
+def _smooth(
+    index: float,
+) -> tuple[float, tuple[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]:
     """<E>, and cosines with E at them."""
     y, w = np.polynomial.legendre.leggauss(64)
     mu = 0.5 * (1.0 + y)
@@ -30,8 +34,12 @@ def _smooth(index: float) -> tuple[float, tuple[np.ndarray, np.ndarray], tuple[n
 def test_no_coat_is_the_base(rule):
     even, lit, seen = _smooth(1.0)
     coat = Coat(BASE, CLEAR, 1.0, even)
-    np.testing.assert_allclose(layer_rules.factor(rule, coat, lit, seen), np.broadcast_to(BASE, (3, 2, 3)), atol=1e-12)
-    np.testing.assert_allclose(layer_rules.albedo(rule, coat, seen), np.broadcast_to(BASE, (2, 3)), atol=1e-12)
+    np.testing.assert_allclose(
+        layer_rules.factor(rule, coat, lit, seen), np.broadcast_to(BASE, (3, 2, 3)), atol=1e-12
+    )
+    np.testing.assert_allclose(
+        layer_rules.albedo(rule, coat, seen), np.broadcast_to(BASE, (2, 3)), atol=1e-12
+    )
 
 
 @pytest.mark.parametrize("rule", RULES)
@@ -61,7 +69,9 @@ def test_only_one_is_reciprocal():
 
 
 def test_darkening_is_exact_on_a_diffuse_base():
-    """A clear smooth coat on a Lambertian ground: OpenPBR's and Belcour's albedo is the solver's."""
+    """A clear smooth coat on a Lambertian ground: OpenPBR's and Belcour's albedo is the
+    solver's.
+    """
     even, _, seen = _smooth(1.5)
     coat = Coat(BASE, CLEAR, 1.5, even)
     exact = stack_hemispherical_reflectance(
@@ -100,7 +110,9 @@ def test_the_table_is_of_these_stacks():
     for number, stack in enumerate(STACKS, 1):
         mine = [row for row in rows if row["number"] == str(number)]
         assert {row["stack"] for row in mine} == {layers_in_words(stack)}
-        assert {(float(row["ground"]), float(row["alpha"])) for row in mine} == {(stack.ground, stack.roughness)}
+        assert {(float(row["ground"]), float(row["alpha"])) for row in mine} == {
+            (stack.ground, stack.roughness)
+        }
     for number in (1, 11, 16):
         stack = STACKS[number - 1]
         cosines = np.cos(np.deg2rad([10.0, 45.0, 75.0]))[:, None]

@@ -74,7 +74,9 @@ def test_pigment_resampled_with_everything_it_carries():
 
 @given(
     st.lists(st.booleans(), min_size=2, max_size=7),
-    st.lists(st.floats(0.0, 1.0) | st.sampled_from([0.0, 0.5, 1.0]), min_size=1, max_size=9, unique=True),
+    st.lists(
+        st.floats(0.0, 1.0) | st.sampled_from([0.0, 0.5, 1.0]), min_size=1, max_size=9, unique=True
+    ),
 )
 def test_new_bands_are_identifiable_where_all_they_come_from_is(known, places):
     old = 400.0 + 10.0 * np.arange(len(known))
@@ -95,7 +97,9 @@ def test_new_bands_are_identifiable_where_all_they_come_from_is(known, places):
 def test_mixture_is_linear(weight):
     mixture = Mixture([RED, BLUE], [weight, 1 - weight])
     for law in ("absorption", "scattering"):
-        expected = weight * np.asarray(getattr(RED, law)) + (1 - weight) * np.asarray(getattr(BLUE, law))
+        expected = weight * np.asarray(getattr(RED, law)) + (1 - weight) * np.asarray(
+            getattr(BLUE, law)
+        )
         np.testing.assert_allclose(getattr(mixture, law), expected, rtol=1e-14, atol=1e-300)
 
 
@@ -139,7 +143,9 @@ def test_grids_must_agree():
         lambda: Mixture([RED, other], [0.5, 0.5]),
         lambda: Glaze([Layer(RED, 1e-5), Layer(other, 1e-5)], 0.5),
     ):
-        with pytest.raises(ValueError, match=r"'red' has 400-600 nm step 100.*'green' has .*\.resample"):
+        with pytest.raises(
+            ValueError, match=r"'red' has 400-600 nm step 100.*'green' has .*\.resample"
+        ):
             build()
 
 
@@ -188,13 +194,17 @@ def test_what_is_no_paint_or_number_is_said_in_words(build, complaint):
 
 def test_albedo_and_optical_thickness_by_hand():
     glaze = Glaze([Layer(RED, 2e-5), Layer(BLUE, 0.0)], 0.8)
-    np.testing.assert_allclose(glaze.albedo, [[0.1, 5 / 5.2], [0.25, 0.2], [9 / 9.1, 0]], rtol=1e-14)
+    np.testing.assert_allclose(
+        glaze.albedo, [[0.1, 5 / 5.2], [0.25, 0.2], [9 / 9.1, 0]], rtol=1e-14
+    )
     np.testing.assert_allclose(glaze.optical_thickness, [[2.0, 0], [1.6, 0], [1.82, 0]], rtol=1e-14)
 
 
 def test_batches_broadcast():
     weights = np.full((5, 2), 0.5)
-    glaze = Glaze([Layer(RED, np.full((4, 1), 1e-5)), Layer(Mixture([RED, BLUE], weights), 2e-5)], 0.5)
+    glaze = Glaze(
+        [Layer(RED, np.full((4, 1), 1e-5)), Layer(Mixture([RED, BLUE], weights), 2e-5)], 0.5
+    )
     assert glaze.optical_thickness.shape == (4, 5, 3, 2)
     assert glaze.albedo.shape == (5, 3, 2)
 
@@ -212,7 +222,9 @@ def test_clear_medium_has_finite_albedo_and_gradient():
         return glaze.albedo.sum() + glaze.optical_thickness.sum()
 
     for size in (0.0, 1e-300, 1e-30, 1e-11):
-        value, slopes = jax.value_and_grad(total, argnums=(0, 1))(jnp.full(3, size), jnp.full(3, size))
+        value, slopes = jax.value_and_grad(total, argnums=(0, 1))(
+            jnp.full(3, size), jnp.full(3, size)
+        )
         assert np.isfinite(value)
         assert np.isfinite(slopes).all()
     assert total(jnp.zeros(3), jnp.zeros(3)) == 0
@@ -236,7 +248,9 @@ def test_objects_pass_through_transformations():
     np.testing.assert_allclose(eqx.filter_jit(lambda g: g.optical_thickness)(glaze), plain)
     batch = jax.tree.map(lambda leaf: jnp.stack([leaf, 2 * leaf]), glaze)
     both = jax.vmap(lambda g: g.optical_thickness)(batch)
-    np.testing.assert_allclose(both[1], 2 * 2 * 2 * plain)  # weights, coefficients and thickness doubled
+    np.testing.assert_allclose(
+        both[1], 2 * 2 * 2 * plain
+    )  # weights, coefficients and thickness doubled
     slope = jax.grad(lambda g: g.optical_thickness.sum())(glaze)
     np.testing.assert_allclose(slope.layers[0].thickness, plain.sum() / 1e-5)
     # Unflattening must not look at values: transformations put placeholders there.
@@ -276,7 +290,13 @@ def test_representations_are_short():
 
 @pytest.mark.parametrize(
     "thing",
-    [RED, Mixture([RED, BLUE], [0.2, 0.8]), Layer(RED, 1e-5), Glaze([Layer(RED, 1e-5)], 0.5), Bidirectional(45, 0)],
+    [
+        RED,
+        Mixture([RED, BLUE], [0.2, 0.8]),
+        Layer(RED, 1e-5),
+        Glaze([Layer(RED, 1e-5)], 0.5),
+        Bidirectional(45, 0),
+    ],
     ids=lambda thing: type(thing).__name__,
 )
 def test_objects_can_be_pickled_and_copied(thing):

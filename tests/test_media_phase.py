@@ -12,7 +12,9 @@ from glazejax.radiative.manyflux.reflectance import manyflux_reflectance_factor
 GRID = [500.0, 600.0]
 FORWARD = gj.Pigment("forward", GRID, [1e4, 2e4], [2e5, 1e5], phase=henyey_greenstein(0.5, 6))
 PLAIN = gj.Pigment("plain", GRID, [1e4, 5e4], [1e5, 3e5])
-BACK = gj.Pigment("back", GRID, [1e4, 2e4], [1e5, 0.0], phase=henyey_greenstein(np.array([-0.2, -0.4]), 3))
+BACK = gj.Pigment(
+    "back", GRID, [1e4, 2e4], [1e5, 0.0], phase=henyey_greenstein(np.array([-0.2, -0.4]), 3)
+)
 
 
 def test_mixtures_weigh_by_scattering():
@@ -83,7 +85,9 @@ def test_slopes_under_jit():
 
     def spectrum(thickness):
         return jnp.sum(
-            gj.reflectance(gj.Glaze([gj.Layer(FORWARD, thickness)], 0.4), gj.Hemispherical(), tolerance=1e-3)
+            gj.reflectance(
+                gj.Glaze([gj.Layer(FORWARD, thickness)], 0.4), gj.Hemispherical(), tolerance=1e-3
+            )
         )
 
     outside = (spectrum(3.01e-6) - spectrum(2.99e-6)) / 0.02e-6
@@ -95,7 +99,9 @@ def test_mirror_side():
     with_mirror = gj.reflectance(glaze, gj.Bidirectional(30.0, 30.0, specular=True, azimuth=360.0))
     assert with_mirror > 0.04
     assert gj.reflectance(glaze, gj.Bidirectional(30.0, 30.0, specular=True, azimuth=180.0)) == 0.0
-    assert gj.reflectance(glaze, gj.Bidirectional(0.0, 0.0, specular=True, azimuth=90.0)) == pytest.approx(0.04)
+    assert gj.reflectance(
+        glaze, gj.Bidirectional(0.0, 0.0, specular=True, azimuth=90.0)
+    ) == pytest.approx(0.04)
 
 
 def test_errors_name_the_value():

@@ -1,4 +1,6 @@
-"""The vocabulary of the commands: readers of options, old spellings, the version, and packages that are missing."""
+"""The vocabulary of the commands: readers of options, old spellings, the version, and packages that
+are missing.
+"""
 
 import sys
 from importlib.metadata import PackageNotFoundError, version
@@ -56,14 +58,31 @@ def test_a_wrong_command_line_is_one_line(run, words, message):
 VOCABULARY = {
     "render": "geometry refractive-index ground pigments illuminant observer out csv overwrite",
     "recover": "geometry refractive-index thickness noise noise-share samples out overwrite seed",
-    "identify": "geometry refractive-index ground thickness noise noise-share model-error pigments only samples csv",
-    "posterior": "geometry refractive-index ground thickness noise noise-share pigments out overwrite seed paint-error",
-    "recipe": "geometry refractive-index ground coat-thickness pigments only samples observer out csv overwrite seed",
+    "identify": (
+        "geometry refractive-index ground thickness noise noise-share model-error pigments only "
+        "samples csv"
+    ),
+    "posterior": (
+        "geometry refractive-index ground thickness noise noise-share pigments out overwrite "
+        "seed paint-error"
+    ),
+    "recipe": (
+        "geometry refractive-index ground coat-thickness pigments only samples observer out csv "
+        "overwrite seed"
+    ),
     "scene": "out overwrite",
     "convert": "overwrite",
     "export": "refractive-index ground pigments illuminant observer out overwrite",
 }
-HIDDEN = ("--hemispherical", "--incidence", "--viewing", "--specular ", "--no-specular", "--substrate", "--sphere")
+HIDDEN = (
+    "--hemispherical",
+    "--incidence",
+    "--viewing",
+    "--specular ",
+    "--no-specular",
+    "--substrate",
+    "--sphere",
+)
 
 
 @pytest.mark.parametrize("command", VOCABULARY)
@@ -147,8 +166,18 @@ def test_bad_ranges_of_lengths(text, complaint):
         ("0:0", {}, Bidirectional(0, 0), ""),
         ("0:0", {"incidence": 45.0}, Bidirectional(45, 0), "--incidence 45 is now --geometry 45:0"),
         ("0:0", {"viewing": 0.0}, Bidirectional(0, 0), "--viewing 0 is now --geometry 0:0"),
-        ("0:0", {"specular": True}, Bidirectional(0, 0, True), "--specular is now --geometry 0:0:specular"),
-        ("0:0", {"sphere": "--hemispherical"}, Hemispherical(), "--hemispherical is now --geometry d:8"),
+        (
+            "0:0",
+            {"specular": True},
+            Bidirectional(0, 0, True),
+            "--specular is now --geometry 0:0:specular",
+        ),
+        (
+            "0:0",
+            {"sphere": "--hemispherical"},
+            Hemispherical(),
+            "--hemispherical is now --geometry d:8",
+        ),
         (
             "0:0",
             {"sphere": "--hemispherical", "incidence": 20.0, "specular": False},
@@ -156,7 +185,12 @@ def test_bad_ranges_of_lengths(text, complaint):
             "--hemispherical --incidence 20 --no-specular is now --geometry de:20",
         ),
         ("45:0", {"sphere": "--sphere"}, Hemispherical(), "--sphere is now --geometry d:8"),
-        ("d:8", {"specular": False}, Hemispherical(8, False), "--no-specular is now --geometry de:8"),
+        (
+            "d:8",
+            {"specular": False},
+            Hemispherical(8, False),
+            "--no-specular is now --geometry de:8",
+        ),
         ("d:8", {"incidence": 0.0}, Hemispherical(0), "--incidence 0 is now --geometry d:0"),
     ],
 )
@@ -165,13 +199,19 @@ def test_old_spellings_of_the_instrument_name_the_new(capsys, default, old, geom
     out, err = capsys.readouterr()
     assert (out, err) == ("", f"note: {note}\n" if note else "")
     if old:
-        with pytest.raises(ValueError, match="--geometry d:8 says all about the instrument: leave out --"):
+        with pytest.raises(
+            ValueError, match="--geometry d:8 says all about the instrument: leave out --"
+        ):
             options.read_geometry("d:8", default, **old)
 
 
 def test_ground_is_a_number_or_a_spectrum(tmp_path):
     ground = options.read_ground("0.5")
-    assert (ground.reflectance, ground.words, ground.on(np.arange(3.0))) == (0.5, "reflectance 0.5", 0.5)
+    assert (ground.reflectance, ground.words, ground.on(np.arange(3.0))) == (
+        0.5,
+        "reflectance 0.5",
+        0.5,
+    )
     path = tmp_path / "cards.csv"
     path.write_text("wavelength,white,bright\n400,0.8,1.1\n500,0.9,1.1\n600,1,1.1\n")
     ground = options.read_ground(f"{path}:white")
@@ -196,7 +236,9 @@ def test_ground_is_a_number_or_a_spectrum(tmp_path):
 
 def test_paints_of_a_shelf(tmp_path):
     path = tmp_path / "pigments.csv"
-    rows = [f"{name},{nm},1,1,0,0,True" for name in ("Red", "ZincWhite", "Blue") for nm in (400, 500)]
+    rows = [
+        f"{name},{nm},1,1,0,0,True" for name in ("Red", "ZincWhite", "Blue") for nm in (400, 500)
+    ]
     path.write_text("\n".join([HEADER, *rows]))
     shelf = options.read_shelf(path)
     assert list(shelf) == ["Red", "ZincWhite", "Blue"]
@@ -222,7 +264,9 @@ def test_no_two_options_write_one_file(tmp_path, monkeypatch):
 def test_folders(tmp_path):
     assert options.check_folder(tmp_path / "new", False) == tmp_path / "new"
     (tmp_path / "x").touch()
-    with pytest.raises(FileExistsError, match=r"not empty; choose another, or sing, or add --overwrite"):
+    with pytest.raises(
+        FileExistsError, match=r"not empty; choose another, or sing, or add --overwrite"
+    ):
         options.check_folder(tmp_path, False, instead=", or sing")
     assert options.check_folder(tmp_path, True) == tmp_path
     with pytest.raises(FileExistsError, match="is a file"):
@@ -271,7 +315,9 @@ def test_a_missing_package_is_one_sentence(monkeypatch, run, module, extra):
     status, out, err = run("--version")
     assert (status, out) == (2, "")
     package = module.partition(".")[0].lower().replace("_", "-")
-    assert err.lower().startswith(f"error: this needs the package {package}, which is not installed")
+    assert err.lower().startswith(
+        f"error: this needs the package {package}, which is not installed"
+    )
     assert err.endswith(f'pip install "glazejax[{extra}]"\n')
 
 
@@ -293,7 +339,9 @@ def test_a_slip_of_our_own_is_no_missing_extra(monkeypatch):
 
 
 def test_a_picture_is_refused_before_it_is_computed(monkeypatch, run, tmp_path):
-    """colour-science puts a stand-in where matplotlib is missing: drawing would fail late, or not at all."""
+    """colour-science puts a stand-in where matplotlib is missing: drawing would fail late, or not
+    at all.
+    """
 
     def without(name):
         raise PackageNotFoundError(name)

@@ -18,7 +18,9 @@ def test_what_is_wrong_is_said(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "old.csv").write_text("mine")
     (tmp_path / "folder").mkdir()
-    with pytest.raises(FileExistsError, match=r"^--csv old.csv exists; choose another name, or .* --overwrite$"):
+    with pytest.raises(
+        FileExistsError, match=r"^--csv old.csv exists; choose another name, or .* --overwrite$"
+    ):
         check_output("old.csv", argument="--csv")
     with pytest.raises(FileExistsError, match=r"^old.csv exists; .* with overwrite=True$"):
         check_output("old.csv", switch="overwrite=True")

@@ -1,4 +1,6 @@
-"""The equations of docs/physics.md, solved here as they are printed by textbook means, give what the program gives."""
+"""The equations of docs/physics.md, solved here as they are printed by textbook means, give what
+the program gives.
+"""
 
 import re
 from pathlib import Path
@@ -8,12 +10,19 @@ import pytest
 from numpy.polynomial.legendre import leggauss
 
 import glazefit
-from glazejax import Instrument, Mixture, Pigment, stack_hemispherical_reflectance, stack_reflectance_factor
+from glazejax import (
+    Instrument,
+    Mixture,
+    Pigment,
+    stack_hemispherical_reflectance,
+    stack_reflectance_factor,
+)
 from glazejax.radiative.twoflux import kubelka_munk_from_radiative
 
 PAGE = (Path(__file__).parents[1] / "docs" / "physics.md").read_text("utf-8")
 INDEX = 1.5
-# As printed. Who changes one on the page changes what `solved` and the tests below do, and then this list.
+# As printed. Who changes one on the page changes what `solved` and the tests below do, and then
+# this list.
 PRINTED = {
     "depth": r"D = (k + s)\, d, \qquad q = \frac{s}{k + s}.",
     "mixing": r"k = \sum_i c_i k_i, \qquad s = \sum_i c_i s_i.",
@@ -44,7 +53,9 @@ def fresnel(mu):
 
 
 def half_range(count: int):
-    """Cosines and weights on both sides of the critical angle; on the inner one even in the cosine outside."""
+    """Cosines and weights on both sides of the critical angle; on the inner one even in the cosine
+    outside.
+    """
     x, w = (values / 2 for values in leggauss(count))
     x = x + 0.5
     critical = np.sqrt(1 - 1 / INDEX**2)
@@ -53,7 +64,9 @@ def half_range(count: int):
 
 
 def solved(q: float, depth: float, ground: float, light: float, view: float) -> tuple[float, float]:
-    """Reflectance factor and hemispherical reflectance of one layer: equations transfer to readings, dense."""
+    """Reflectance factor and hemispherical reflectance of one layer: equations transfer to
+    readings, dense.
+    """
     mu, w = half_range(20)
     inside, seen = (np.sqrt(1 - (1 - cosine**2) / INDEX**2) for cosine in (light, view))
     mu, w = np.r_[mu, seen], np.r_[w, 0.0]  # the view is a direction of no weight
@@ -64,11 +77,15 @@ def solved(q: float, depth: float, ground: float, light: float, view: float) -> 
     matrix = (np.eye(2 * n) - q / 2 * weights) / both[:, None]
     own = np.linalg.solve(-np.eye(2 * n) / inside - matrix, -q * beam / (4 * np.pi * inside) / both)
     rates, vectors = (np.real(values) for values in np.linalg.eig(matrix))
-    above, below = (vectors * np.exp(rates * (t - np.where(rates > 0, depth, 0.0))) for t in (0.0, depth))
+    above, below = (
+        vectors * np.exp(rates * (t - np.where(rates > 0, depth, 0.0))) for t in (0.0, depth)
+    )
     left = np.exp(-depth / inside)
     # Top and ground.
     flux = 2 * np.pi * mu * w
-    rows = np.r_[above[n:] - reflected[:, None] * above[:n], below[:n] - ground / np.pi * (flux @ below[n:])]
+    rows = np.r_[
+        above[n:] - reflected[:, None] * above[:n], below[:n] - ground / np.pi * (flux @ below[n:])
+    ]
     known = np.r_[
         reflected * own[:n] - own[n:],
         ground / np.pi * (flux @ own[n:] * left + beam * left) - own[:n] * left,
@@ -78,17 +95,26 @@ def solved(q: float, depth: float, ground: float, light: float, view: float) -> 
     return np.pi * out[-1], float(flux @ ((1 - reflected) * up))
 
 
-@pytest.mark.parametrize("case", [(0.9, 1.3, 0.8, 0.7, 1.0), (0.5, 0.4, 0.2, 1.0, 0.5), (0.99, 5.0, 0.93, 0.9, 0.3)])
+@pytest.mark.parametrize(
+    "case", [(0.9, 1.3, 0.8, 0.7, 1.0), (0.5, 0.4, 0.2, 1.0, 0.5), (0.99, 5.0, 0.93, 0.9, 0.3)]
+)
 def test_the_program_solves_them(case):
     q, depth, ground, light, view = case
-    factor = stack_reflectance_factor([q], [depth], ground, cos_incidence=light, cos_viewing=view, tolerance=1e-9)
-    flux = stack_hemispherical_reflectance([q], [depth], ground, cos_incidence=light, tolerance=1e-9)
+    factor = stack_reflectance_factor(
+        [q], [depth], ground, cos_incidence=light, cos_viewing=view, tolerance=1e-9
+    )
+    flux = stack_hemispherical_reflectance(
+        [q], [depth], ground, cos_incidence=light, tolerance=1e-9
+    )
     assert (float(factor), float(flux)) == pytest.approx(solved(*case), abs=2e-9)
 
 
 def test_paint_is_the_sum_of_its_shares():
     grid = np.array([500.0, 600.0])
-    one, two = Pigment("a", grid, [1e3, 2e3], [5e4, 6e4]), Pigment("b", grid, [9e4, 1e3], [2e3, 1e4])
+    one, two = (
+        Pigment("a", grid, [1e3, 2e3], [5e4, 6e4]),
+        Pigment("b", grid, [9e4, 1e3], [2e3, 1e4]),
+    )
     mixed = Mixture([one, two], [0.25, 0.75])
     assert np.asarray(mixed.absorption) == pytest.approx([0.25e3 + 6.75e4, 0.5e3 + 0.75e3])
     assert np.asarray(mixed.scattering) == pytest.approx([1.25e4 + 1.5e3, 1.5e4 + 7.5e3])
@@ -109,13 +135,19 @@ def test_numbers_of_the_surface_and_the_card():
     assert "three quarters of all directions" in " ".join(PAGE.split())
     assert critical == pytest.approx(0.75, abs=0.01)
     assert said(r"(\d+) % of the flux of even light") == pytest.approx(100 * critical**2, abs=0.5)
-    assert said(r"within the critical angle, (\d+) % of even light") == pytest.approx(100 * back, abs=0.5)
+    assert said(r"within the critical angle, (\d+) % of even light") == pytest.approx(
+        100 * back, abs=0.5
+    )
     assert said(r"\$r\$ is ([\d.]+),") == pytest.approx(back, abs=5e-4)
     outer = Instrument.parse("d:8").seen_surface
     assert said(r"\$R_s\$ at 8° is ([\d.]+)\.") == pytest.approx(outer, abs=5e-4)
     inside = float(glazefit.ground_from_air(np.array(0.84)))
-    assert outer + (1 - outer) * (1 - back) * inside / (1 - back * inside) == pytest.approx(0.84, abs=1e-6)
-    assert said(r"as 84 % bare \(`d:8`\) is then about ([\d.]+) ") == pytest.approx(inside, abs=0.005)
+    assert outer + (1 - outer) * (1 - back) * inside / (1 - back * inside) == pytest.approx(
+        0.84, abs=1e-6
+    )
+    assert said(r"as 84 % bare \(`d:8`\) is then about ([\d.]+) ") == pytest.approx(
+        inside, abs=0.005
+    )
 
 
 def test_kubelka_munks_numbers():

@@ -23,7 +23,9 @@ def paints() -> tuple[gj.Pigment, gj.Pigment]:
 def maps() -> tuple[np.ndarray, np.ndarray]:
     rng = np.random.default_rng(0)
     y, x = np.mgrid[0 : SIZE[0], 0 : SIZE[1]] / 24
-    return 4e-6 * x * (1 + 0.2 * rng.random(SIZE)), 2e-6 + 20e-6 * np.sin(3 * y) ** 2 + 1e-6 * rng.random(SIZE)
+    return 4e-6 * x * (1 + 0.2 * rng.random(SIZE)), 2e-6 + 20e-6 * np.sin(
+        3 * y
+    ) ** 2 + 1e-6 * rng.random(SIZE)
 
 
 def difference(one, two, white) -> np.ndarray:
@@ -96,7 +98,10 @@ def test_picture_is_written(paints, maps, tmp_path):
     ("change", "words"),
     [
         ({"maps": (np.full(SIZE, 12.0), 1e-6)}, "thickness is in metres"),
-        ({"maps": (np.full(SIZE, np.nan), 1e-6)}, "thickness of 'blue' must be finite|thickness of 'blue' must be in"),
+        (
+            {"maps": (np.full(SIZE, np.nan), 1e-6)},
+            "thickness of 'blue' must be finite|thickness of 'blue' must be in",
+        ),
         ({"maps": (np.full(SIZE, -1e-6), 1e-6)}, "not -1e-06"),
         ({"maps": (np.full(SIZE, 1e-6), np.full((3, 3), 1e-6))}, "maps differ in shape"),
         ({"maps": (np.full(7, 1e-6), 1e-6)}, r"map \(h, w\) or one number"),
@@ -109,6 +114,13 @@ def test_picture_is_written(paints, maps, tmp_path):
     ],
 )
 def test_what_is_wrong_is_named(paints, change: dict, words: str):
-    asked = {"maps": (np.full(SIZE, 1e-6), 1e-6), "substrate": 0.5, "geometry": None, "delta_e": 0.1} | change
+    asked = {
+        "maps": (np.full(SIZE, 1e-6), 1e-6),
+        "substrate": 0.5,
+        "geometry": None,
+        "delta_e": 0.1,
+    } | change
     with pytest.raises(ValueError, match=words):
-        gj.picture(paints, asked["maps"], asked["substrate"], asked["geometry"], delta_e=asked["delta_e"])
+        gj.picture(
+            paints, asked["maps"], asked["substrate"], asked["geometry"], delta_e=asked["delta_e"]
+        )

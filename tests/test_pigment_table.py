@@ -4,7 +4,10 @@ import pytest
 from glazejax.paint.pigment_table import read_pigments
 
 HEADER = "pigment,wavelength_nm,absorption,scattering,absorption_sd,scattering_sd,identifiable\n"
-GOOD = HEADER + "A,400,10,20,1,2,True\nA,410,11,21,1,2,false\nB,400,1,2,0.1,inf,True\nB,410,3,4,0.1,0.2,True\n"
+GOOD = (
+    HEADER
+    + "A,400,10,20,1,2,True\nA,410,11,21,1,2,false\nB,400,1,2,0.1,inf,True\nB,410,3,4,0.1,0.2,True\n"
+)
 
 
 def put(tmp_path, text):
@@ -28,7 +31,10 @@ def test_pigments_are_read(tmp_path):
 
 
 def test_columns_in_any_order_comments_and_extras(tmp_path):
-    text = "# fitted, if each film is 20 um thick\nscattering,extra,pigment,absorption,wavelength_nm\n2,x,A,1,400\n"
+    text = (
+        "# fitted, if each film is 20 um "
+        "thick\nscattering,extra,pigment,absorption,wavelength_nm\n2,x,A,1,400\n"
+    )
     pigment = read_pigments(put(tmp_path, text))["A"]
     assert (float(pigment.absorption[0]), float(pigment.scattering[0])) == (1, 2)
     assert pigment.identifiable is None
@@ -41,7 +47,10 @@ def test_columns_in_any_order_comments_and_extras(tmp_path):
         ("", "the file is empty"),
         (HEADER, "no pigment below it"),
         (HEADER.replace("scattering,", "", 1), "line 1: no column scattering"),
-        (GOOD.replace("A,410,11", "A,410,much"), "line 3: absorption is 'much', not a finite number"),
+        (
+            GOOD.replace("A,410,11", "A,410,much"),
+            "line 3: absorption is 'much', not a finite number",
+        ),
         (GOOD.replace("A,410,11", "A,410,nan"), "line 3: absorption is 'nan'"),
         (GOOD.replace("A,410,11", "A,410,-11"), "pigment 'A': absorption of 'A' must be"),
         (GOOD.replace("A,410", "A,390"), "pigment 'A': wavelengths must ascend"),

@@ -20,7 +20,9 @@ def rendering():
 
 @pytest.fixture(scope="module")
 def figure(rendering):
-    return glaze_figure(rendering, ["Red", "Blue", "Nothing"], title="T" * 300, coat="Red 1 µm", marked=3)
+    return glaze_figure(
+        rendering, ["Red", "Blue", "Nothing"], title="T" * 300, coat="Red 1 µm", marked=3
+    )
 
 
 def test_spectra_drawn_are_those_computed(figure, rendering):
@@ -35,7 +37,9 @@ def test_swatches_have_the_colours_and_say_them(figure, rendering):
     shade = plots.hex_colour(srgb(W, rendering.glaze))
     ground, glaze = figure.axes[1].patches
     assert plots.hex_colour(glaze.get_facecolor()[:3]) == shade
-    assert plots.hex_colour(ground.get_facecolor()[:3]) == plots.hex_colour(srgb(W, rendering.ground))
+    assert plots.hex_colour(ground.get_facecolor()[:3]) == plots.hex_colour(
+        srgb(W, rendering.ground)
+    )
     words = " ".join(text.get_text() for text in figure.axes[1].texts)
     assert shade in words
     assert f"Lab {float(lab(W, rendering.glaze)[0]):.1f}," in words
@@ -51,7 +55,9 @@ def test_strips_show_the_three_ladders(figure, rendering):
 
 def test_curves_are_chroma_and_lightness(figure, rendering):
     colours = np.asarray(lab(W, rendering.ladder.multiply))
-    np.testing.assert_allclose(figure.axes[3].lines[1].get_ydata(), np.hypot(colours[:, 1], colours[:, 2]))
+    np.testing.assert_allclose(
+        figure.axes[3].lines[1].get_ydata(), np.hypot(colours[:, 1], colours[:, 2])
+    )
     np.testing.assert_allclose(figure.axes[4].lines[1].get_ydata(), colours[:, 0])
 
 
@@ -76,7 +82,9 @@ def test_long_titles_shrink_and_are_cut_to_fit(figure, rendering):
 
 def test_one_layer_shows_rungs_of_its_ladder():
     result = render(Glaze([Layer(RED, 1e-6)], 0.9), Bidirectional(), coats=12, tolerance=1e-4)
-    lines = {line.get_label(): line.get_ydata() for line in glaze_figure(result, ["Red"]).axes[0].lines}
+    lines = {
+        line.get_label(): line.get_ydata() for line in glaze_figure(result, ["Red"]).axes[0].lines
+    }
     assert set(lines) == {"bare ground", "the glaze", "5 coats", "10 coats"}
     np.testing.assert_array_equal(lines["10 coats"], result.ladder.glaze[10])
 
@@ -126,7 +134,9 @@ def test_a_layout_of_the_users_settings_moves_nothing(rendering, tmp_path):
     from matplotlib import rc_context
 
     with rc_context({"figure.constrained_layout.use": True}):
-        drawn = glaze_figure(rendering, ["Red", "Blue", "Nothing"], title="T", coat="Red 1 µm", marked=3)
+        drawn = glaze_figure(
+            rendering, ["Red", "Blue", "Nothing"], title="T", coat="Red 1 µm", marked=3
+        )
         assert drawn.get_layout_engine() is None
         with plots.picture(tmp_path / "plain.png", 2, 1, layout=None) as plain:
             assert plain.get_layout_engine() is None

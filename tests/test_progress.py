@@ -1,4 +1,6 @@
-"""Bars and wheels move on a terminal alone: elsewhere they would leave control sequences and empty lines."""
+"""Bars and wheels move on a terminal alone: elsewhere they would leave control sequences and empty
+lines.
+"""
 
 import os
 import pty
@@ -57,7 +59,9 @@ def test_nothing_moves_in_a_notebook_or_on_a_dumb_terminal(monkeypatch, named):
             os.read(seen, 65536)
 
 
-@pytest.mark.parametrize("named", [{}, {"FORCE_COLOR": "1"}, {"NO_COLOR": "1"}, {"TTY_COMPATIBLE": "1"}])
+@pytest.mark.parametrize(
+    "named", [{}, {"FORCE_COLOR": "1"}, {"NO_COLOR": "1"}, {"TTY_COMPATIBLE": "1"}]
+)
 def test_nothing_is_written_off_the_terminal(capfd, monkeypatch, named):
     for name, value in named.items():
         monkeypatch.setenv(name, value)

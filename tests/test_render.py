@@ -1,4 +1,6 @@
-"""The command `glazejax render`, called through `glazejax.commands.main.main` as a user calls it."""
+"""The command `glazejax render`, called through `glazejax.commands.main.main` as a user
+calls it.
+"""
 
 import os
 import re
@@ -27,7 +29,10 @@ def pigments_csv(tmp_path_factory):
     lines = [HEADER]
     for name, centre, s in (("Red", 520, 3e3), ("DeepBlue", 600, 1e4)):
         k = 2e5 * np.exp(-0.5 * ((W - centre) / 45) ** 2) + 500
-        lines += [f"{name},{w:g},{a},{s},1,1,{name != 'Red' or w <= 600}" for w, a in zip(W, k.tolist(), strict=True)]
+        lines += [
+            f"{name},{w:g},{a},{s},1,1,{name != 'Red' or w <= 600}"
+            for w, a in zip(W, k.tolist(), strict=True)
+        ]
     path.write_text("\n".join(lines) + "\n")
     return path
 
@@ -73,13 +78,21 @@ def test_numbers_picture_and_table(run, tmp_path, pigments_csv):
     assert (status, err) == (0, "")
     expected = spectrum(pigments_csv, Bidirectional(0.0, 0.0))
     table = read_spectra(tmp_path / "spectra.csv")
-    assert table.names == ("glaze", "ground", "layer 1: Red 1 µm alone", "layer 2: DeepBlue 2 µm alone")
+    assert table.names == (
+        "glaze",
+        "ground",
+        "layer 1: Red 1 µm alone",
+        "layer 2: DeepBlue 2 µm alone",
+    )
     np.testing.assert_allclose(table["glaze"], expected, atol=1e-6)
     np.testing.assert_array_equal(table.wavelengths, W)
     assert (tmp_path / "glaze.png").read_bytes().startswith(b"\x89PNG")
     printed = [float(r) for line in re.findall(r"^  R  (.*)$", out, re.M) for r in line.split()]
     np.testing.assert_allclose(printed, expected, atol=6e-5)
-    for title, values, places in (("XYZ", xyz(W, expected), 4), (r"L\*a\*b\*", lab(W, expected), 2)):
+    for title, values, places in (
+        ("XYZ", xyz(W, expected), 4),
+        (r"L\*a\*b\*", lab(W, expected), 2),
+    ):
         words = re.search(rf"^  {title} (.*?)  \(", out, re.M)
         assert words is not None
         np.testing.assert_allclose([float(v) for v in words[1].split()], values, atol=10.0**-places)
@@ -107,7 +120,9 @@ def test_numbers_picture_and_table(run, tmp_path, pigments_csv):
     ],
 )
 def test_geometries(run, tmp_path, pigments_csv, options, geometry, words):
-    status, out, err = run(*STACK, *options, "--csv", "s.csv", "--refractive-index", "1.4", "--ground", "0.5")
+    status, out, err = run(
+        *STACK, *options, "--csv", "s.csv", "--refractive-index", "1.4", "--ground", "0.5"
+    )
     assert status == 0
     assert words in out
     old = " ".join(options) if options[0] != "--geometry" else ""
@@ -124,7 +139,10 @@ def test_ground_from_a_file(run, tmp_path, pigments_csv):
     rows = [f"{w:g},{a},{b}" for w, a, b in zip(grid, white, black, strict=True)]
     (tmp_path / "cards.csv").write_text("\n".join(["wavelength,white card,black card", *rows]))
     status, out, err = run(*STACK, "--substrate", "cards.csv:white card", "--csv", "s.csv")
-    assert (status, err) == (0, "note: --substrate cards.csv:white card is now --ground cards.csv:white card\n")
+    assert (status, err) == (
+        0,
+        "note: --substrate cards.csv:white card is now --ground cards.csv:white card\n",
+    )
     assert "ground: white card" in out
     assert "percent" in out
     assert "inside the paint" in out
@@ -162,13 +180,22 @@ def test_a_stack_is_written_and_drawn(run, tmp_path):
     """The studio's file: what one run wrote the next one draws, own paints included."""
     options = ("--ground", "0.5", "--geometry", "d:8", "--refractive-index", "1.4")
     status, _, _ = run(
-        "--layers", "Red:3um x2, 0.7*ZincWhite+0.3*DeepBlue:1um", *options, "--write-stack", "stack.json"
+        "--layers",
+        "Red:3um x2, 0.7*ZincWhite+0.3*DeepBlue:1um",
+        *options,
+        "--write-stack",
+        "stack.json",
     )
     assert status == 2  # on other wavelengths than the catalogue's: no mixture of the two
-    status, first, _ = run("--layers", "Red:3um x2, DeepBlue:1um", *options, "--write-stack", "stack.json")
+    status, first, _ = run(
+        "--layers", "Red:3um x2, DeepBlue:1um", *options, "--write-stack", "stack.json"
+    )
     assert status == 0
     stack = glazejax.read_stack(tmp_path / "stack.json")
-    assert [(coat.name, coat.thickness) for coat in stack.coats] == [("Red", 6e-6), ("DeepBlue", 1e-6)]
+    assert [(coat.name, coat.thickness) for coat in stack.coats] == [
+        ("Red", 6e-6),
+        ("DeepBlue", 1e-6),
+    ]
     assert (stack.ground, stack.geometry, stack.refractive_index) == (0.5, "d:8", 1.4)
     status, second, _ = run("--stack", "stack.json", "--overwrite", pigments=None)
     assert status == 0
@@ -177,7 +204,9 @@ def test_a_stack_is_written_and_drawn(run, tmp_path):
     assert colours[0] == colours[1]
     status, third, _ = run("--stack", "stack.json", "--ground", "0.1", "--overwrite", pigments=None)
     assert re.findall(r"#[0-9a-f]{6}", third)[0] != colours[0]
-    assert run("--stack", "stack.json", "--layers", "Red:1um")[2].startswith("error: --stack stack.json says what")
+    assert run("--stack", "stack.json", "--layers", "Red:1um")[2].startswith(
+        "error: --stack stack.json says what"
+    )
     status, _, err = run("--stack", "stack.json", "--write-stack", "stack.json", "--overwrite")
     assert status == 2
     assert "a file that is read" in err
@@ -223,7 +252,10 @@ def test_lines_fit_the_terminal(run, monkeypatch, width):
         ),
         ((*STACK, "--geometry", "d"), "--geometry is 'd'; it must be d:8 or di:8"),
         ((*STACK, "--geometry", "45:0:specular"), "45:0 the mirror reflection is not in view"),
-        ((*STACK, "--geometry", "d:8", "--hemispherical"), "--geometry d:8 says all .* leave out --hemispherical"),
+        (
+            (*STACK, "--geometry", "d:8", "--hemispherical"),
+            "--geometry d:8 says all .* leave out --hemispherical",
+        ),
         ((*STACK, "--substrate", "90"), "--substrate is 90; .* looks like percent: write 0.9"),
         ((*STACK, "--substrate", "-0.1"), "--substrate is -0.1"),
         ((*STACK, "--substrate", "nan"), "--substrate is nan"),
@@ -233,9 +265,18 @@ def test_lines_fit_the_terminal(run, monkeypatch, width):
         ((*STACK, "--refractive-index", "3"), "refractive_index must be in"),
         ((*STACK, "--incidence", "90"), "incidence must lie in"),
         ((*STACK, "--specular", "--incidence", "45"), "45:0 the mirror reflection is not in view"),
-        ((*STACK, "--hemispherical", "--viewing", "5"), "--viewing has no meaning with --hemispherical"),
-        ((*STACK, "--ladder", "Green"), "'Green' is none of the layers: choose one of Red, DeepBlue"),
-        (("--layers", "Red:0um,DeepBlue:1um", "--ladder", "Red"), "0 thick, so there is nothing to repeat"),
+        (
+            (*STACK, "--hemispherical", "--viewing", "5"),
+            "--viewing has no meaning with --hemispherical",
+        ),
+        (
+            (*STACK, "--ladder", "Green"),
+            "'Green' is none of the layers: choose one of Red, DeepBlue",
+        ),
+        (
+            ("--layers", "Red:0um,DeepBlue:1um", "--ladder", "Red"),
+            "0 thick, so there is nothing to repeat",
+        ),
         ((*STACK, "--out", "a.txt"), "pictures end in .png"),
         ((*STACK, "--out", "none/a.png"), "the folder none does not exist"),
         ((*STACK, "--csv", "none/a.csv"), "the folder none does not exist"),
@@ -267,7 +308,9 @@ def test_files_are_not_overwritten_unasked(run, tmp_path):
 def test_own_pigments_come_before_the_catalogue(run, monkeypatch, tmp_path):
     grid = np.arange(400.0, 701.0, 10.0)
     shelf = {
-        name: Pigment(name, grid, np.full(31, k), np.full(31, 1e3), provenance=f"{name} of the shelf")
+        name: Pigment(
+            name, grid, np.full(31, k), np.full(31, 1e3), provenance=f"{name} of the shelf"
+        )
         for name, k in (("Red", 9e9), ("Ochre", 1e5))
     }
     monkeypatch.setattr("glazejax.catalogue.load", lambda _: shelf)
@@ -293,16 +336,30 @@ def test_help_fits_and_tells_defaults(run):
 
 @pytest.mark.slow
 def test_the_installed_command(tmp_path):
-    """End to end, with the catalogue, in another process; also that nothing but its own words reaches the screen."""
+    """End to end, with the catalogue, in another process; also that nothing but its own words
+    reaches the screen.
+    """
     environment = {**os.environ, "COLUMNS": "80", "GLAZEJAX_CACHE": str(tmp_path / "cache")}
     program = [sys.executable, "-c", "from glazejax.commands.main import main; main()", "render"]
 
     def call(*arguments):
         return subprocess.run(
-            [*program, *arguments], cwd=tmp_path, env=environment, capture_output=True, text=True, check=False
+            [*program, *arguments],
+            cwd=tmp_path,
+            env=environment,
+            capture_output=True,
+            text=True,
+            check=False,
         )
 
-    good = ("--layers", "PrussianBlue:12um,Vermillion:12um", "--ground", "0.9", "--tolerance", "1e-3")
+    good = (
+        "--layers",
+        "PrussianBlue:12um,Vermillion:12um",
+        "--ground",
+        "0.9",
+        "--tolerance",
+        "1e-3",
+    )
     for _ in range(2):  # The second run takes its programs from the cache.
         done = call(*good, "--overwrite")
         assert (done.returncode, done.stderr) == (0, "")
@@ -313,4 +370,6 @@ def test_the_installed_command(tmp_path):
     assert wrong.stdout == ""
     assert wrong.stderr.startswith("error: ")
     wrong = call("--layers", "Ultramarin:12um", "--out", "other.png")
-    assert wrong.stderr == "error: there is no pigment 'Ultramarin': the nearest is UltramarineBlue\n"
+    assert (
+        wrong.stderr == "error: there is no pigment 'Ultramarin': the nearest is UltramarineBlue\n"
+    )

@@ -1,4 +1,6 @@
-"""Rendering against glazes built one by one, and the ladder's two comparisons against their definitions."""
+"""Rendering against glazes built one by one, and the ladder's two comparisons against their
+definitions.
+"""
 
 import jax.numpy as jnp
 import numpy as np
@@ -70,7 +72,9 @@ def test_multiply_never_brightens():
     white = Pigment("White", W, np.full(W.size, 10.0), np.full(W.size, 2e5))
     ladder = render(Glaze([Layer(white, 5e-6)], 0.05), GEOMETRY, coats=3).ladder
     assert np.all(np.diff(ladder.glaze, axis=0) > 0)
-    np.testing.assert_allclose(ladder.multiply, np.broadcast_to(ladder.glaze[0], ladder.multiply.shape), atol=1e-9)
+    np.testing.assert_allclose(
+        ladder.multiply, np.broadcast_to(ladder.glaze[0], ladder.multiply.shape), atol=1e-9
+    )
 
 
 def test_multiply_leaves_the_surface_reflection_alone():
@@ -94,7 +98,9 @@ def test_mixing_starts_from_the_ground_and_near_the_first_coat(result):
 
 
 def test_mixing_is_opaque_paint_of_mixed_coefficients():
-    """Rebuilt from its definition: opaque white found by Newton-free search, mixed, and solved as a thick film."""
+    """Rebuilt from its definition: opaque white found by Newton-free search, mixed, and solved as a
+    thick film.
+    """
     red, ground, coat = RED, 0.8, 1e-6
     ratio = 0.0
     ladder = render(Glaze([Layer(red, coat)], ground), GEOMETRY, coats=4).ladder
@@ -108,7 +114,9 @@ def test_mixing_is_opaque_paint_of_mixed_coefficients():
     target = ladder.glaze[0][0]
     for _ in range(40):
         ratio = np.sqrt(low * high)
-        low, high = (ratio, high) if opaque(1e7 * ratio + 0 * W, 1e7 + 0 * W)[0] > target else (low, ratio)
+        low, high = (
+            (ratio, high) if opaque(1e7 * ratio + 0 * W, 1e7 + 0 * W)[0] > target else (low, ratio)
+        )
     k, s = np.asarray(red.absorption) * coat, np.asarray(red.scattering) * coat
 
     def mixed(n, amount):
@@ -120,7 +128,9 @@ def test_mixing_is_opaque_paint_of_mixed_coefficients():
     first = np.asarray(lab(W, ladder.glaze[1]))
     best = amounts[np.linalg.norm(seen - first, axis=-1).argmin()]
     for n in (1, 4):
-        apart = np.linalg.norm(np.asarray(lab(W, mixed(n, best))) - np.asarray(lab(W, ladder.mixing[n])))
+        apart = np.linalg.norm(
+            np.asarray(lab(W, mixed(n, best))) - np.asarray(lab(W, ladder.mixing[n]))
+        )
         assert apart < 2.5  # The search above has steps of a third.
     finer = np.linalg.norm(np.asarray(lab(W, ladder.mixing[1])) - first)
     assert finer <= np.linalg.norm(seen - first, axis=-1).min() + 0.05

@@ -1,4 +1,6 @@
-"""Every result says when, at which commit and by what it was made; small ones never take the place of these."""
+"""Every result says when, at which commit and by what it was made; small ones never take the place
+of these.
+"""
 
 import argparse
 import datetime
@@ -27,7 +29,9 @@ NAMES = sorted(path.stem for path in FOLDER.glob("*.txt"))
 def test_every_result_has_a_head():
     for name in NAMES:
         read = head(name)
-        assert datetime.date.fromisoformat(read.date) <= datetime.date.today() + datetime.timedelta(days=1), name
+        assert datetime.date.fromisoformat(read.date) <= datetime.date.today() + datetime.timedelta(
+            days=1
+        ), name
         assert read.command.split()[:3] == ["python", "-m", f"benchmarks.{module_of(name).stem}"]
         assert "--quick" not in read.command, f"{name}: a result of small size is not committed"
         assert read.commit, f"{name}: it was made outside of git"
@@ -48,7 +52,9 @@ def test_a_benchmark_has_a_result_or_an_excuse():
 
 def test_a_result_without_a_module_or_a_head_is_told(tmp_path):
     (tmp_path / "frontier.txt").write_text("Run time against error\n")
-    with pytest.raises(ValueError, match=r"frontier\.txt has no head: run `python -m benchmarks\.frontier` again"):
+    with pytest.raises(
+        ValueError, match=r"frontier\.txt has no head: run `python -m benchmarks\.frontier` again"
+    ):
         head("frontier", tmp_path)
     with pytest.raises(ValueError, match="no module of benchmarks makes the result 'nothing'"):
         module_of("nothing")
@@ -58,21 +64,35 @@ def test_a_result_without_a_module_or_a_head_is_told(tmp_path):
 
 @pytest.mark.parametrize(
     ("result", "module"),
-    [("scaling_gpu", "scaling"), ("painting_rivals", "painting_rivals"), ("mutation_77", "mutation")],
+    [
+        ("scaling_gpu", "scaling"),
+        ("painting_rivals", "painting_rivals"),
+        ("mutation_77", "mutation"),
+    ],
 )
 def test_a_result_belongs_to_the_longest_name_that_begins_it(result, module):
     assert module_of(result).stem == module
 
 
 def test_what_is_written_has_a_head_that_reads(tmp_path, monkeypatch, capsys):
-    given = ["tubes.py", "--paints", "5", "--before", "/home/somebody/checkout", "--out", str(tmp_path)]
+    given = [
+        "tubes.py",
+        "--paints",
+        "5",
+        "--before",
+        "/home/somebody/checkout",
+        "--out",
+        str(tmp_path),
+    ]
     monkeypatch.setattr("sys.argv", given)
     say = Results("tubes", tmp_path, "numpy", "not-installed-anywhere")
     say("a line")
     say.save()
     read = head("tubes", tmp_path)
     assert read.date == str(datetime.date.today())
-    assert read.commit == commit().removesuffix(" with changes").rpartition(" ")[2].replace("commit", "")
+    assert read.commit == commit().removesuffix(" with changes").rpartition(" ")[2].replace(
+        "commit", ""
+    )
     assert read.command == "python -m benchmarks.tubes --paints 5 --before checkout"
     text = (tmp_path / "tubes.txt").read_text()
     assert f" at {commit()} by python" in text
@@ -91,8 +111,15 @@ def options(*words):
 
 def test_quick_is_small_and_goes_elsewhere():
     assert (options().stacks, options().out, options().quick) == (1000, FOLDER, False)
-    assert (options("--quick").stacks, options("--quick").out, options("--quick").quick) == (50, QUICK_FOLDER, True)
-    for words in (("--quick", "--stacks", "7", "--out", "x"), ("--stacks", "7", "--out", "x", "--quick")):
+    assert (options("--quick").stacks, options("--quick").out, options("--quick").quick) == (
+        50,
+        QUICK_FOLDER,
+        True,
+    )
+    for words in (
+        ("--quick", "--stacks", "7", "--out", "x"),
+        ("--stacks", "7", "--out", "x", "--quick"),
+    ):
         assert (options(*words).stacks, options(*words).out) == (7, Path("x"))
 
 
@@ -156,7 +183,10 @@ def repository(tmp_path, monkeypatch):
 
 
 def test_results_older_than_what_they_measure_are_listed(repository):
-    assert older.table() == "this copy of the code has no history (git), so it cannot tell which results are older"
+    assert (
+        older.table()
+        == "this copy of the code has no history (git), so it cannot tell which results are older"
+    )
     measures = "import glazejax as gj\nfrom benchmarks import helper\ngj.solve()\nResults()"
     code = {
         "benchmarks/results.py": "",
@@ -171,17 +201,28 @@ def test_results_older_than_what_they_measure_are_listed(repository):
     }
     begin = repository(code)
     assert commit() == f"commit {begin}"
-    heads = {f"benchmarks/results/{name}.txt": f"made 2026-11-23 at commit {begin} by x" for name in ("speed", "still")}
-    repository(heads | {"benchmarks/results/speed_gpu.txt": "made 2026-11-23 at commit 0123456 by x"})
+    heads = {
+        f"benchmarks/results/{name}.txt": f"made 2026-11-23 at commit {begin} by x"
+        for name in ("speed", "still")
+    }
+    repository(
+        heads | {"benchmarks/results/speed_gpu.txt": "made 2026-11-23 at commit 0123456 by x"}
+    )
     repository({"src/glazejax/solver/stack.py": "1", "src/glazejax/paint/__init__.py": "1"})
     repository(
-        {"src/glazejax/solver/stack.py": "2", "benchmarks/speed.py": measures + "  # again", "README.md": "words"}
+        {
+            "src/glazejax/solver/stack.py": "2",
+            "benchmarks/speed.py": measures + "  # again",
+            "README.md": "words",
+        }
     )
     repository({"src/glazejax/other/part.py": "1", "src/glazejax/solver/deeper/part.py": "1"})
     told = older.table()
     rooms = "glazejax.solver 2, benchmarks.speed 1, glazejax.paint 1"
     assert re.search(rf"^speed +{begin}  2026-11-23 +2  {rooms}$", told, re.MULTILINE)
-    assert told.endswith("\n\nnothing changed since: still\n\nno commit of this history made: speed_gpu")
+    assert told.endswith(
+        "\n\nnothing changed since: still\n\nno commit of this history made: speed_gpu"
+    )
     (results.HERE / "speed.py").write_text("changed")
     assert commit().endswith(" with changes")
 

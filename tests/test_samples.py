@@ -31,7 +31,9 @@ def test_recipes_name_paints_of_the_catalogue():
         assert set(shares) <= set(oils)
         assert sum(shares.values()) == pytest.approx(1.0)
         total = sum(given[film].values())
-        assert shares == pytest.approx({paint: weight / total for paint, weight in given[film].items()})
+        assert shares == pytest.approx(
+            {paint: weight / total for paint, weight in given[film].items()}
+        )
 
 
 def test_they_show_a_range():
@@ -50,7 +52,9 @@ def test_they_are_the_readings_of_the_source(shared_data):
     for name in table.names:
         np.testing.assert_allclose(table[name], source[name], rtol=0, atol=1e-12)
     recipes = glazefit.read_names(shared_data / "revigo" / "mixtures.tsv")
-    assert glazefit.read_names(samples.path("recipes")) == {film: recipes[film] for film in samples.names()}
+    assert glazefit.read_names(samples.path("recipes")) == {
+        film: recipes[film] for film in samples.names()
+    }
 
 
 def test_unknown_files_are_refused():
@@ -71,11 +75,22 @@ def test_the_wheel_holds_what_ships(tmp_path):
     """Every table of both packages, with what says where it comes from."""
     wheel = pytest.importorskip("hatchling.builders.wheel")
     here = Path(__file__).parents[1]
-    built = next(wheel.WheelBuilder(str(here)).build(directory=str(tmp_path), versions=["standard"]))
+    built = next(
+        wheel.WheelBuilder(str(here)).build(directory=str(tmp_path), versions=["standard"])
+    )
     with zipfile.ZipFile(built) as archive:
         held = set(archive.namelist())
     for folder in (here / "src", here / "fitting"):
-        data = {str(p.relative_to(folder)) for kind in ("csv", "tsv", "md") for p in folder.rglob(f"*.{kind}")}
+        data = {
+            str(p.relative_to(folder))
+            for kind in ("csv", "tsv", "md")
+            for p in folder.rglob(f"*.{kind}")
+        }
         assert data <= held
-    for name in ("catalogue/acrylics.csv", "catalogue/ACRYLICS.md", "samples/films.csv", "samples/SOURCE.md"):
+    for name in (
+        "catalogue/acrylics.csv",
+        "catalogue/ACRYLICS.md",
+        "samples/films.csv",
+        "samples/SOURCE.md",
+    ):
         assert f"glazejax/{name}" in held

@@ -7,10 +7,28 @@ import pytest
 
 import glazejax as gj
 from glazejax.paint.describe import Coat
-from glazejax.stacks import BLACK, WHITE, Hiding, Spectrum, parse_stack, stack_from_dict, stack_to_dict
+from glazejax.stacks import (
+    BLACK,
+    WHITE,
+    Hiding,
+    Spectrum,
+    parse_stack,
+    stack_from_dict,
+    stack_to_dict,
+)
 
-COATS = [{"paint": {"CobaltBlue": 1}, "um": 2}, {"paint": {"ZincWhite": 9, "Eosin": 1}, "um": 20, "hidden": True}]
-GIVEN = {"glazejax": "stack", "version": 1, "coats": COATS, "ground": 0.6, "geometry": "d:8", "refractive_index": 1.4}
+COATS = [
+    {"paint": {"CobaltBlue": 1}, "um": 2},
+    {"paint": {"ZincWhite": 9, "Eosin": 1}, "um": 20, "hidden": True},
+]
+GIVEN = {
+    "glazejax": "stack",
+    "version": 1,
+    "coats": COATS,
+    "ground": 0.6,
+    "geometry": "d:8",
+    "refractive_index": 1.4,
+}
 GRID = [400.0, 500.0, 600.0, 700.0]
 MINE = {"wavelengths": GRID, "absorption": [1e4, 2e4, 3e4, 4e4], "scattering": [1e3, 1e3, 1e3, 1e3]}
 
@@ -36,7 +54,13 @@ def test_the_glaze_is_that_of_the_shown_coats():
 
 @pytest.mark.parametrize(
     ("ground", "level"),
-    [("white", WHITE), ("black", BLACK), ("card", WHITE), (0.25, 0.25), ({"paint": {"Eosin": 1}}, 0.5)],
+    [
+        ("white", WHITE),
+        ("black", BLACK),
+        ("card", WHITE),
+        (0.25, 0.25),
+        ({"paint": {"Eosin": 1}}, 0.5),
+    ],
 )
 def test_grounds(ground, level):
     stack = stack_from_dict({**GIVEN, "ground": ground})
@@ -66,12 +90,24 @@ def test_paints_of_two_catalogues_share_their_wavelengths():
         ({"glazejax": "scene"}, '"glazejax": "stack"'),
         ({"version": 2}, "version 2"),
         ({"coat": []}, "a stack has no 'coat'"),
-        ({"coats": [{"paint": {"CobaltBleu": 1}, "um": 1}]}, "coat 1: there is no pigment 'CobaltBleu'.*CobaltBlue"),
-        ({"coats": [{"paint": {"Eosin": 1}, "um": 1e9}]}, "coat 1 is .* micrometres thick; .* between 0 and 10000"),
+        (
+            {"coats": [{"paint": {"CobaltBleu": 1}, "um": 1}]},
+            "coat 1: there is no pigment 'CobaltBleu'.*CobaltBlue",
+        ),
+        (
+            {"coats": [{"paint": {"Eosin": 1}, "um": 1e9}]},
+            "coat 1 is .* micrometres thick; .* between 0 and 10000",
+        ),
         ({"coats": [{"paint": {"Eosin": 1}, "um": -1}]}, "between 0 and 10000"),
-        ({"coats": [{"paint": {"Eosin": 1}, "um": None}]}, 'coat 1: "um" is None; it must be a number of micro'),
+        (
+            {"coats": [{"paint": {"Eosin": 1}, "um": None}]},
+            'coat 1: "um" is None; it must be a number of micro',
+        ),
         ({"coats": [{"paint": {"Eosin": 1}, "um": "4um"}]}, "\"um\" is '4um'; .* without a unit"),
-        ({"coats": [{"paint": "Eosin", "um": 1}]}, 'parts by weight, such as "paint": {"Eosin": 1}'),
+        (
+            {"coats": [{"paint": "Eosin", "um": 1}]},
+            'parts by weight, such as "paint": {"Eosin": 1}',
+        ),
         ({"ground": 85}, "the ground is 85; .* between 0 and 1: 85 percent are 0.85"),
         ({"coats": [{"paint": {"Eosin": 0}, "um": 1}]}, "all parts are 0"),
         ({"coats": [{"paint": {"Eosin": -1}, "um": 1}]}, "the part of Eosin is -1"),

@@ -1,4 +1,6 @@
-"""Tolerances that several tests of the solver hold to, each named once, in the precision that the tests run in."""
+"""Tolerances that several tests of the solver hold to, each named once, in the precision that the
+tests run in.
+"""
 
 from typing import Any
 
@@ -27,5 +29,7 @@ BETWEEN_METHODS = 2e-4
 
 
 def within_reach(asked: float) -> float:
-    """A tolerance for the solver and for its result: in single precision no finer one than there is."""
+    """A tolerance for the solver and for its result: in single precision no finer one than there
+    is.
+    """
     return asked if DTYPE.name == "float64" else max(asked, FINEST_SINGLE)

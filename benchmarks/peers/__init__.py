@@ -1,9 +1,9 @@
 """Other programs on the same work, one adapter a module, and the work itself.
 
 Every adapter has a `PACKAGE` (its name on PyPI), `SETTINGS` from coarse to fine, and a function
-``reflectance(work, setting)`` that sets the program up once and returns a function without arguments: it solves the
-whole work and gives the reflectance factor pi L_out / E_in of each wavelength. Peers are imported when set up, not
-when the module is.
+``reflectance(work, setting)`` that sets the program up once and returns a function without
+arguments: it solves the whole work and gives the reflectance factor pi L_out / E_in of each
+wavelength. Peers are imported when set up, not when the module is.
 """
 
 import importlib.util
@@ -48,15 +48,19 @@ class Streams(NamedTuple):
 
 
 def one_or_all_cores(*streams: int) -> tuple[Streams, ...]:
-    """Each number of streams with one thread and with one a core: threads that wait for a busy core can cost more."""
+    """Each number of streams with one thread and with one a core: threads that wait for a busy core
+    can cost more.
+    """
     threads = sorted({1, os.cpu_count() or 1})
     return tuple(Streams(number, count) for number in streams for count in threads)
 
 
 def without_blas_threads() -> Any:
-    """Keep BLAS, which all peers call with small matrices, to one thread from now on; None if that cannot be done.
+    """Keep BLAS, which all peers call with small matrices, to one thread from now on; None if that
+    cannot be done.
 
-    On matrices of about 100 rows its threads cost the peers up to ten times the time. Call it when they are loaded.
+    On matrices of about 100 rows its threads cost the peers up to ten times the time. Call it when
+    they are loaded.
     """
     if not installed("threadpoolctl"):
         return None

@@ -1,10 +1,12 @@
-"""The adding-doubling blocks of iadpython (PyPI), the one peer whose refracting surface can lie on stacks of layers.
+"""The adding-doubling blocks of iadpython (PyPI), the one peer whose refracting surface can lie on
+stacks of layers.
 
-Its ready-made entry points take normal incidence and one layer; the blocks beneath them take any directions, so the
-stack is put together from those: doubling of each layer from a thin start, adding of layers, ground and surface.
-Its own directions (Gauss and Radau rules in the inside cosine) meet the square root in the interface's reflectance
-at the critical angle and converge with the third power of their number; here its rules are applied to the outside
-cosine, which removes the square root. Its Radau rule fails from 32 points.
+Its ready-made entry points take normal incidence and one layer; the blocks beneath them take any
+directions, so the stack is put together from those: doubling of each layer from a thin start,
+adding of layers, ground and surface. Its own directions (Gauss and Radau rules in the inside
+cosine) meet the square root in the interface's reflectance at the critical angle and converge with
+the third power of their number; here its rules are applied to the outside cosine, which removes the
+square root. Its Radau rule fails from 32 points.
 """
 
 import itertools
@@ -21,7 +23,9 @@ PACKAGE = "iadpython"
 class Setting(NamedTuple):
     """Numbers of directions, and halvings of the starting thickness beyond iadpython's own."""
 
-    cone: int  # in each of the three parts, ending at the two directions asked for and at the normal
+    cone: (
+        int  # in each of the three parts, ending at the two directions asked for and at the normal
+    )
     total: int  # totally reflected
     halvings: int
 
@@ -39,8 +43,12 @@ SETTINGS = (
 )
 
 
-def reflectance(work: Work, setting: Setting, refractive_index: float = 1.5) -> Callable[[], np.ndarray]:
-    """Directions and surface set up once; a call solves all wavelengths, one after the other. Index above one."""
+def reflectance(
+    work: Work, setting: Setting, refractive_index: float = 1.5
+) -> Callable[[], np.ndarray]:
+    """Directions and surface set up once; a call solves all wavelengths, one after the other. Index
+    above one.
+    """
     import iadpython as iad  # pyright: ignore[reportMissingImports]
     from iadpython.combine import add_slide_above, double_until  # pyright: ignore[reportMissingImports]
 
@@ -63,7 +71,9 @@ def reflectance(work: Work, setting: Setting, refractive_index: float = 1.5) -> 
         whole, _, _, _ = add_slide_above(sample, *surface, below, nothing, nothing, nothing)
         return whole[seen, lit] / refractive_index**2
 
-    return lambda: np.array([one(*stack) for stack in zip(work.albedo, work.optical_thickness, strict=True)])
+    return lambda: np.array(
+        [one(*stack) for stack in zip(work.albedo, work.optical_thickness, strict=True)]
+    )
 
 
 def _directions(iad: Any, work: Work, setting: Setting, index: float) -> tuple[Any, int, int]:

@@ -1,4 +1,5 @@
-"""CDISORT through its threaded batch binding (PyPI `nanodisort`): discrete ordinates, no refracting surface.
+"""CDISORT through its threaded batch binding (PyPI `nanodisort`): discrete ordinates, no refracting
+surface.
 
 Above about 100 streams its error grows again.
 """

@@ -1,4 +1,6 @@
-"""This program on the same work: its methods, and a converged run that errors are measured against."""
+"""This program on the same work: its methods, and a converged run that errors are
+measured against.
+"""
 
 import functools
 from collections.abc import Callable
@@ -22,7 +24,9 @@ CONVERGED = {1.0: Resolution(0, 32, crowding=7.5), 1.5: Resolution(2, 30, crowdi
 
 
 def spectrum(work: Work, index: float, tolerance: float) -> Callable[[Any, Any, Any], Any]:
-    """Reflectance factor in the work's geometry as a function of albedo, optical thickness and ground; not compiled."""
+    """Reflectance factor in the work's geometry as a function of albedo, optical thickness and
+    ground; not compiled.
+    """
     return functools.partial(
         stack_reflectance_factor,
         refractive_index=index,
@@ -47,8 +51,8 @@ def reflectance(
         work: what to solve.
         index: refractive index.
         tolerance: of `stack_reflectance_factor`, which picks the directions.
-        gradient: also the derivatives by albedo, optical thickness and ground, wavelength by wavelength: those of
-            the sum over the wavelengths.
+        gradient: also the derivatives by albedo, optical thickness and ground, wavelength by
+            wavelength: those of the sum over the wavelengths.
         single: in float32.
         device: where to compute; JAX's default if None.
     """
@@ -59,10 +63,15 @@ def reflectance(
         value = values(*inputs)
         return value.sum(), value
 
-    program = jax.jit(jax.value_and_grad(value_and_sum, argnums=(0, 1, 2), has_aux=True) if gradient else values)
+    program = jax.jit(
+        jax.value_and_grad(value_and_sum, argnums=(0, 1, 2), has_aux=True) if gradient else values
+    )
     with jax.enable_x64(not single):
         ground = np.full(len(work.albedo), work.ground)
-        inputs = [jax.device_put(jnp.asarray(a), device) for a in (work.albedo, work.optical_thickness, ground)]
+        inputs = [
+            jax.device_put(jnp.asarray(a), device)
+            for a in (work.albedo, work.optical_thickness, ground)
+        ]
 
     def run() -> object:
         with jax.enable_x64(not single):
@@ -75,16 +84,24 @@ def reflectance(
 def stepped(
     work: Work, step: float, *, variant: auxiliary.Variant, corrected: bool, device: Any = None
 ) -> Callable[[], object]:
-    """Paper A's method on a uniform grid at n = 1.5; the tables of a fixed step are made before, as in the paper."""
+    """Paper A's method on a uniform grid at n = 1.5; the tables of a fixed step are made before, as
+    in the paper.
+    """
     return _outside_jit(
-        functools.partial(auxiliary.reflectance_factor, step=step, variant=variant, corrected=corrected), work, device
+        functools.partial(
+            auxiliary.reflectance_factor, step=step, variant=variant, corrected=corrected
+        ),
+        work,
+        device,
     )
 
 
 def graded(work: Work, tolerance: float, *, device: Any = None) -> Callable[[], object]:
     """`stack_reflectance_factor` by the method "auxiliary" at n = 1.5."""
     return _outside_jit(
-        functools.partial(stack_reflectance_factor, tolerance=tolerance, method="auxiliary"), work, device
+        functools.partial(stack_reflectance_factor, tolerance=tolerance, method="auxiliary"),
+        work,
+        device,
     )
 
 
@@ -103,11 +120,21 @@ def _outside_jit(function: Callable[..., object], work: Work, device: Any) -> Ca
 
 
 def converged(work: Work, index: float) -> np.ndarray:
-    """Reflectance factors in float64, with half as many directions again as for the finest tolerance; n = 1 or 1.5."""
+    """Reflectance factors in float64, with half as many directions again as for the finest
+    tolerance; n = 1 or 1.5.
+    """
     with jax.enable_x64(True):
-        alike = [jnp.full(len(work.albedo), a) for a in (work.ground, work.cos_incidence, work.cos_viewing)]
+        alike = [
+            jnp.full(len(work.albedo), a)
+            for a in (work.ground, work.cos_incidence, work.cos_viewing)
+        ]
         ground, incidence, viewing = alike
         stack = ordinates.Stack(
-            jnp.asarray(work.albedo), jnp.asarray(work.optical_thickness), ground, index, incidence, viewing
+            jnp.asarray(work.albedo),
+            jnp.asarray(work.optical_thickness),
+            ground,
+            index,
+            incidence,
+            viewing,
         )
         return np.asarray(ordinates.reflectance(stack, CONVERGED[index]))

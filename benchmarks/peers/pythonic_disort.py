@@ -1,7 +1,8 @@
 """PythonicDISORT (PyPI): discrete ordinates in numpy, one stack a call, no refracting surface.
 
-An albedo of one and a layer of zero thickness raise. It gives the field in its own directions; the viewing direction
-is interpolated between them, with the package's own routine, and this decides its accuracy.
+An albedo of one and a layer of zero thickness raise. It gives the field in its own directions; the
+viewing direction is interpolated between them, with the package's own routine, and this decides its
+accuracy.
 """
 
 from collections.abc import Callable
@@ -16,7 +17,9 @@ SETTINGS = (8, 12, 16, 32, 40, 64, 96)
 
 
 def reflectance(work: Work, streams: int) -> Callable[[], np.ndarray]:
-    """A call solves all wavelengths, one after the other, for the azimuth mode that isotropic scattering has."""
+    """A call solves all wavelengths, one after the other, for the azimuth mode that isotropic
+    scattering has.
+    """
     from PythonicDISORT import pydisort  # pyright: ignore[reportMissingImports]
     from PythonicDISORT.subroutines import interpolate  # pyright: ignore[reportMissingImports]
 
@@ -42,4 +45,7 @@ def reflectance(work: Work, streams: int) -> Callable[[], np.ndarray]:
         seen: Any = interpolate(field)
         return float(np.squeeze(seen(work.cos_viewing, 0.0)))
 
-    return lambda: np.array([one(*stack) for stack in zip(depth, work.albedo, strict=True)]) / work.cos_incidence
+    return lambda: (
+        np.array([one(*stack) for stack in zip(depth, work.albedo, strict=True)])
+        / work.cos_incidence
+    )

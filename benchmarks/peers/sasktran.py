@@ -1,6 +1,7 @@
 """sasktran2 (PyPI): discrete ordinates with analytic derivatives, no refracting surface.
 
-Isotropic scattering needs one azimuth mode. sasktran2 solves all of them unless told otherwise, so both are offered:
+Isotropic scattering needs one azimuth mode. sasktran2 solves all of them unless told otherwise, so
+both are offered:
 `modes=1` is its best, `modes=0` its default. A layer of zero thickness ends the process;
 the derivative by an albedo of zero comes out as zero.
 """
@@ -47,7 +48,11 @@ def _set_up(work: Work, setting: Streams, derivatives: bool, modes: int) -> Call
     view.add_ray(sk.GroundViewingSolar(work.cos_incidence, 0.0, work.cos_viewing, 10.0 * layers))
     engine = sk.Engine(config, geometry, view)
     atmosphere = sk.Atmosphere(
-        geometry, config, numwavel=wavelengths, calculate_derivatives=derivatives, legendre_derivative=False
+        geometry,
+        config,
+        numwavel=wavelengths,
+        calculate_derivatives=derivatives,
+        legendre_derivative=False,
     )
     upwards = slice(None, None, -1)
     atmosphere.storage.total_extinction[:layers] = work.optical_thickness.T[upwards]
@@ -62,23 +67,32 @@ def _set_up(work: Work, setting: Streams, derivatives: bool, modes: int) -> Call
 
 
 def reflectance(work: Work, setting: Streams, modes: int = 1) -> Callable[[], np.ndarray]:
-    """Engine and atmosphere set up once, threads as the setting says; a call solves all wavelengths."""
+    """Engine and atmosphere set up once, threads as the setting says; a call solves all
+    wavelengths.
+    """
     solve = _set_up(work, setting, False, modes)
     return lambda: _factor(solve().radiance, work)
 
 
-def reflectance_and_gradient(work: Work, setting: Streams, modes: int = 1) -> Callable[[], tuple[np.ndarray, Gradient]]:
-    """The same with its analytic derivatives by albedo, optical thickness and ground, wavelength by wavelength."""
+def reflectance_and_gradient(
+    work: Work, setting: Streams, modes: int = 1
+) -> Callable[[], tuple[np.ndarray, Gradient]]:
+    """The same with its analytic derivatives by albedo, optical thickness and ground, wavelength by
+    wavelength.
+    """
     solve = _set_up(work, setting, True, modes)
     layers = work.albedo.shape[1]
 
     def run() -> tuple[np.ndarray, Gradient]:
         found = solve()
         by_layer = (
-            np.asarray(found[name])[:layers][::-1].reshape(layers, -1).T for name in ("wf_ssa", "wf_extinction")
+            np.asarray(found[name])[:layers][::-1].reshape(layers, -1).T
+            for name in ("wf_ssa", "wf_extinction")
         )
         albedo, thickness = (np.pi / work.cos_incidence * slope for slope in by_layer)
-        return _factor(found.radiance, work), Gradient(albedo, thickness, _factor(found["wf_albedo"], work))
+        return _factor(found.radiance, work), Gradient(
+            albedo, thickness, _factor(found["wf_albedo"], work)
+        )
 
     return run
 

@@ -1,4 +1,6 @@
-"""Docstrings with the types of the code: as they are written there, so `Float[Array, "*batch bands"]` and `Numbers`."""
+"""Docstrings with the types of the code: as they are written there, so `Float[Array, "*batch
+bands"]` and `Numbers`.
+"""
 
 import ast
 import inspect
@@ -15,7 +17,9 @@ _kept: dict[str, list[str]] = {}
 
 
 def written_types(thing: Any) -> dict[str, str]:
-    """Parameter, or attribute of a class -> its type as the source has it; "return" is what comes back."""
+    """Parameter, or attribute of a class -> its type as the source has it; "return" is what comes
+    back.
+    """
     try:
         tree = ast.parse(textwrap.dedent(inspect.getsource(inspect.unwrap(thing)))).body[0]
     except (OSError, TypeError, SyntaxError, IndexError):
@@ -35,25 +39,43 @@ def written_types(thing: Any) -> dict[str, str]:
 
 
 def _of_function(tree: ast.FunctionDef) -> dict[str, str]:
-    given = [*tree.args.posonlyargs, *tree.args.args, *tree.args.kwonlyargs, tree.args.vararg, tree.args.kwarg]
-    found = {one.arg: ast.unparse(one.annotation) for one in given if one is not None and one.annotation is not None}
+    given = [
+        *tree.args.posonlyargs,
+        *tree.args.args,
+        *tree.args.kwonlyargs,
+        tree.args.vararg,
+        tree.args.kwarg,
+    ]
+    found = {
+        one.arg: ast.unparse(one.annotation)
+        for one in given
+        if one is not None and one.annotation is not None
+    }
     if tree.returns is not None:
         found["return"] = ast.unparse(tree.returns)
     return found
 
 
 def as_links(kind: str) -> str:
-    """A type in reStructuredText: names alone, as in `Instrument | None`, are links where they are ours."""
+    """A type in reStructuredText: names alone, as in `Instrument | None`, are links where they are
+    ours.
+    """
     parts = kind.split(" | ")
     # Not inside of brackets: the bars there are of the type in them.
     if any(part.count("[") != part.count("]") for part in parts):
         parts = [kind]
     # The point before it: in whatever room it is.
-    return " | ".join(f"`~.{part}`" if re.fullmatch(r"(?!None$)[A-Z]\w*", part) else f"``{part}``" for part in parts)
+    return " | ".join(
+        f"`~.{part}`" if re.fullmatch(r"(?!None$)[A-Z]\w*", part) else f"``{part}``"
+        for part in parts
+    )
 
 
-def _list_attributes(app: "Sphinx", what: str, name: str, thing: Any, options: Any, lines: list[str]) -> None:
-    """A section `Attributes:` becomes a list; napoleon would make links of its names, to whatever is called so.
+def _list_attributes(
+    app: "Sphinx", what: str, name: str, thing: Any, options: Any, lines: list[str]
+) -> None:
+    """A section `Attributes:` becomes a list; napoleon would make links of its names, to whatever
+    is called so.
 
     Of a property it would take what stands before a colon as its type.
     """
@@ -71,15 +93,21 @@ def _list_attributes(app: "Sphinx", what: str, name: str, thing: Any, options: A
         line = lines[end]
         if found := re.match(r" {4}(\w+(?:, \w+)*): (.*)", line):
             kind = types.get(found[1].partition(",")[0])
-            made.append(f"* **{found[1]}**" + (f" ({as_links(kind)})" if kind else "") + f": {found[2]}")
+            made.append(
+                f"* **{found[1]}**" + (f" ({as_links(kind)})" if kind else "") + f": {found[2]}"
+            )
         else:
             made.append(f"  {line.strip()}" if line.strip() else "")
         end += 1
     lines[at:end] = [*made, ""]
 
 
-def _add_types(app: "Sphinx", what: str, name: str, thing: Any, options: Any, lines: list[str]) -> None:
-    """After napoleon: a type for each parameter that the docstring describes, and for what comes back."""
+def _add_types(
+    app: "Sphinx", what: str, name: str, thing: Any, options: Any, lines: list[str]
+) -> None:
+    """After napoleon: a type for each parameter that the docstring describes, and for what comes
+    back.
+    """
     if what in _SHORT:
         lines[:] = _kept.pop(name, lines)
     types = written_types(thing)
@@ -96,7 +124,9 @@ def _add_types(app: "Sphinx", what: str, name: str, thing: Any, options: Any, li
 
 
 def join_returns(lines: list[str]) -> None:
-    """Napoleon takes what stands before a colon in `Returns:` for the type; it is words, and goes back to them."""
+    """Napoleon takes what stands before a colon in `Returns:` for the type; it is words, and goes
+    back to them.
+    """
     before = [at for at, line in enumerate(lines) if line.startswith(":rtype: ")]
     after = [at for at, line in enumerate(lines) if line.startswith(":returns: ")]
     if before and after:
@@ -106,7 +136,9 @@ def join_returns(lines: list[str]) -> None:
 
 
 def _dashes(app: "Sphinx", doctree: "nodes.document", page: str) -> None:
-    """Sphinx parts a parameter from its text by two hyphens, and would make a dash of those in options too."""
+    """Sphinx parts a parameter from its text by two hyphens, and would make a dash of those in
+    options too.
+    """
     from docutils import nodes
 
     for field in doctree.findall(nodes.field_body):
@@ -116,7 +148,8 @@ def _dashes(app: "Sphinx", doctree: "nodes.document", page: str) -> None:
 
 
 def short_defaults(signature: str | None) -> str | None:
-    """A signature without what Python prints of a default that has no words: `<factory>`, `<function <lambda>>`.
+    """A signature without what Python prints of a default that has no words: `<factory>`,
+    `<function <lambda>>`.
 
     A class that is made by others, of nothing but private parts, has no signature.
     """
@@ -125,7 +158,15 @@ def short_defaults(signature: str | None) -> str | None:
     return re.sub(r"=<(?:[^<>]|<[^<>]*>)*>", "=...", signature)
 
 
-def _sign(app: "Sphinx", what: str, name: str, thing: Any, options: Any, args: str | None, back: str | None) -> Any:
+def _sign(
+    app: "Sphinx",
+    what: str,
+    name: str,
+    thing: Any,
+    options: Any,
+    args: str | None,
+    back: str | None,
+) -> Any:
     return short_defaults(args), back
 
 

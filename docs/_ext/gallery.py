@@ -1,4 +1,5 @@
-"""The directive `{gallery}`: pictures that the notebooks of this page's list drew, each a link to its notebook.
+"""The directive `{gallery}`: pictures that the notebooks of this page's list drew, each a link to
+its notebook.
 
 With the time that it ran for.
 """
@@ -29,18 +30,28 @@ def _fill(app: Sphinx, doctree: nodes.document, name: str) -> None:
         made = nodes.container(classes=["gallery"])
         for page in app.env.toctree_includes.get(name, []):
             # The last one shows most: earlier ones lead to it.
-            pictures = [image for image in app.env.get_doctree(page).findall(nodes.image) if image.get("alt")]
+            pictures = [
+                image
+                for image in app.env.get_doctree(page).findall(nodes.image)
+                if image.get("alt")
+            ]
             if not pictures:
                 continue
             picture = pictures[-1].deepcopy()
             for size in ("width", "height", "scale"):
                 picture.attributes.pop(size, None)
-            link = nodes.reference("", "", internal=True, refuri=app.builder.get_relative_uri(name, page))
+            link = nodes.reference(
+                "", "", internal=True, refuri=app.builder.get_relative_uri(name, page)
+            )
             link += picture
-            title = nodes.reference("", app.env.titles[page].astext(), internal=True, refuri=link["refuri"])
+            title = nodes.reference(
+                "", app.env.titles[page].astext(), internal=True, refuri=link["refuri"]
+            )
             long = took.get(page)
             ran = nodes.Text("" if long is None else f" {long:.0f} s")
-            made += nodes.container("", link, nodes.paragraph("", "", title, ran), classes=["of-gallery"])
+            made += nodes.container(
+                "", link, nodes.paragraph("", "", title, ran), classes=["of-gallery"]
+            )
         place.replace_self(made)
 
 

@@ -1,4 +1,6 @@
-"""Equations as MathML, which browsers draw by themselves: no script, no font and no LaTeX is needed."""
+"""Equations as MathML, which browsers draw by themselves: no script, no font and no LaTeX is
+needed.
+"""
 
 from typing import Any
 
@@ -30,5 +32,7 @@ def _block(translator: Any, node: nodes.math_block) -> None:
 def setup(app: Sphinx) -> dict[str, Any]:
     """Called by Sphinx."""
     app.add_html_math_renderer("mathml", (_inline, lambda *_: None), (_block, lambda *_: None))
-    app.connect("config-inited", lambda _, config: config.__setattr__("html_math_renderer", "mathml"))
+    app.connect(
+        "config-inited", lambda _, config: config.__setattr__("html_math_renderer", "mathml")
+    )
     return {"parallel_read_safe": True, "parallel_write_safe": True}

@@ -1,4 +1,6 @@
-"""The built pages ask no other host for anything, and every picture has words for those who do not see it."""
+"""The built pages ask no other host for anything, and every picture has words for those who do not
+see it.
+"""
 
 import re
 from html.parser import HTMLParser
@@ -8,7 +10,14 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from sphinx.application import Sphinx
 
-_ASKS = {"script": "src", "link": "href", "img": "src", "iframe": "src", "source": "src", "video": "src"}
+_ASKS = {
+    "script": "src",
+    "link": "href",
+    "img": "src",
+    "iframe": "src",
+    "source": "src",
+    "video": "src",
+}
 # Links that a browser does not follow by itself.
 _QUIET = {"canonical", "license", "next", "prev", "author"}
 
@@ -47,7 +56,9 @@ def _look(app: "Sphinx", error: Exception | None) -> None:
     faults += [
         f"{path.relative_to(folder)}: asks for {address}"
         for path in sorted(folder.rglob("*.css"))
-        for address in re.findall(r"(?:url\(|@import\s)\s*[\"']?((?:https?:)?//[^\"')\s]+)", path.read_text("utf-8"))
+        for address in re.findall(
+            r"(?:url\(|@import\s)\s*[\"']?((?:https?:)?//[^\"')\s]+)", path.read_text("utf-8")
+        )
     ]
     if faults:
         from sphinx.errors import ExtensionError

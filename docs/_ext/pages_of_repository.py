@@ -1,7 +1,8 @@
 """Texts of the repository as pages of the site, and links that work on the forge and here.
 
-On the forge a page links to files wherever they lie: `../benchmarks/results/frontier.txt`, `../ARCHITECTURE.md`. Here
-the first is a page of `results`, the second a copy of the text, made when the site is built.
+On the forge a page links to files wherever they lie: `../benchmarks/results/frontier.txt`,
+`../ARCHITECTURE.md`. Here the first is a page of `results`, the second a copy of the text, made
+when the site is built.
 """
 
 import os
@@ -33,7 +34,9 @@ _FENCE = re.compile(r"^( *)(`{3,}|~{3,}).*?^\1\2`*\s*$", re.MULTILINE | re.DOTAL
 
 
 def link_for_site(target: str, folder: Path) -> str:
-    """Where a relative link of a text in `folder` leads on the site; what is no relative link stays."""
+    """Where a relative link of a text in `folder` leads on the site; what is no relative link
+    stays.
+    """
     if re.match(r"[a-z]+:|/|<", target):
         return target
     path = Path(os.path.normpath(folder / target))
@@ -50,10 +53,14 @@ def link_for_site(target: str, folder: Path) -> str:
 
 
 def links_for_site(text: str, folder: Path) -> str:
-    """A Markdown text with all its relative links as they are on the site; blocks of code stay as they are."""
+    """A Markdown text with all its relative links as they are on the site; blocks of code stay as
+    they are.
+    """
 
     def mended(prose: str) -> str:
-        return _LINK.sub(lambda m: f"{m[1]}{link_for_site(m[2], folder)}{m[3] or ''}{m[4] or ''})", prose)
+        return _LINK.sub(
+            lambda m: f"{m[1]}{link_for_site(m[2], folder)}{m[3] or ''}{m[4] or ''})", prose
+        )
 
     parts, at = [], 0
     for fence in _FENCE.finditer(text):
@@ -72,7 +79,9 @@ def write_if_new(path: Path, text: str) -> None:
 def _copy(app: "Sphinx") -> None:
     for source, page in TEXTS.items():
         path = ROOT / source
-        write_if_new(DOCS / f"{page}.md", links_for_site(path.read_text(encoding="utf-8"), path.parent))
+        write_if_new(
+            DOCS / f"{page}.md", links_for_site(path.read_text(encoding="utf-8"), path.parent)
+        )
 
 
 def _mend(app: "Sphinx", name: str, content: list[str]) -> None:

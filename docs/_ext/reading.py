@@ -1,7 +1,8 @@
-"""Pages as they are read: where code may break, pictures that open, tables of results over the whole page.
+"""Pages as they are read: where code may break, pictures that open, tables of results over the
+whole page.
 
-A name such as `split_reflectance_factor` breaks after an underscore, a dot or a slash and nowhere else; an option stays
-in one piece. A picture is a link to itself, in all its pixels.
+A name such as `split_reflectance_factor` breaks after an underscore, a dot or a slash and nowhere
+else; an option stays in one piece. A picture is a link to itself, in all its pixels.
 """
 
 import re
@@ -21,12 +22,16 @@ _PICTURE = re.compile(r"(<a\b[^>]*>\s*)?(<img\b[^>]*\bsrc=\"([^\"]+)\"[^>]*/?>)"
 
 
 def folded(line: str) -> str:
-    """A long sentence in several lines; a row of a table, which has columns two spaces apart, as it is."""
+    """A long sentence in several lines; a row of a table, which has columns two spaces apart, as it
+    is.
+    """
     words = line.strip()
     if len(line) <= 130 or "  " in words:
         return line
     indent = line[: len(line) - len(line.lstrip())]
-    return textwrap.fill(words, 120, initial_indent=indent, subsequent_indent=indent, break_on_hyphens=False)
+    return textwrap.fill(
+        words, 120, initial_indent=indent, subsequent_indent=indent, break_on_hyphens=False
+    )
 
 
 def code_that_breaks(page: str) -> str:
@@ -58,7 +63,9 @@ def pictures_that_open(page: str) -> str:
     return _PICTURE.sub(mended, page)
 
 
-def _mend(app: "Sphinx", name: str, template: str, context: dict[str, Any], tree: "nodes.document | None") -> None:
+def _mend(
+    app: "Sphinx", name: str, template: str, context: dict[str, Any], tree: "nodes.document | None"
+) -> None:
     page = context.get("body")
     if not page:
         return
@@ -68,9 +75,13 @@ def _mend(app: "Sphinx", name: str, template: str, context: dict[str, Any], tree
             title = modules_that_break(f">{context[way]['title']}<")[1:-1]
             context[way] = {**context[way], "title": title}
     if name.startswith("results/"):
-        # Tables of fixed width: the style gives them the width of the list of headings, of which there is none.
+        # Tables of fixed width: the style gives them the width of the list of headings, of which
+        #     there is none.
         page = f'<div class="of-result">{page}</div>'
-        context["meta"] = {**(context.get("meta") or {}), "html_theme.sidebar_secondary.remove": "true"}
+        context["meta"] = {
+            **(context.get("meta") or {}),
+            "html_theme.sidebar_secondary.remove": "true",
+        }
     context["body"] = page
 
 

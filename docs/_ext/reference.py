@@ -1,4 +1,6 @@
-"""Pages of the reference: public names, from the packages' own lists, and commands with their options."""
+"""Pages of the reference: public names, from the packages' own lists, and commands with their
+options.
+"""
 
 import importlib
 import inspect
@@ -63,12 +65,16 @@ def public_names(room: ModuleType) -> list[str]:
     return [
         name
         for name, value in vars(room).items()
-        if not name.startswith("_") and getattr(value, "__module__", None) == room.__name__ and callable(value)
+        if not name.startswith("_")
+        and getattr(value, "__module__", None) == room.__name__
+        and callable(value)
     ]
 
 
 def first_sentence(value: Any) -> str:
-    """What a name is, in a line: the beginning of its docstring; of a union of types, which has none, their names."""
+    """What a name is, in a line: the beginning of its docstring; of a union of types, which has
+    none, their names.
+    """
     if get_origin(value) is Literal:
         return " or ".join(f"``{one!r}``" for one in get_args(value)) + "."
     if isinstance(value, UnionType):
@@ -89,12 +95,27 @@ def _directive(room: str, name: str, value: Any) -> list[str]:
 
 def _page(name: str, seen: dict[int, str]) -> str:
     room = room_of(name)
-    lines = [name, "=" * len(name), "", f".. currentmodule:: {name}", "", inspect.getdoc(room) or "", ""]
+    lines = [
+        name,
+        "=" * len(name),
+        "",
+        f".. currentmodule:: {name}",
+        "",
+        inspect.getdoc(room) or "",
+        "",
+    ]
     rows, bodies = [], []
     for public in sorted(public_names(room), key=str.lower):
         value = getattr(room, public)
         if isinstance(value, ModuleType):
-            rows.append((f":doc:`{public} <{name}.{public}>`" if f"{name}.{public}" in ALL else f"``{public}``", value))
+            rows.append(
+                (
+                    f":doc:`{public} <{name}.{public}>`"
+                    if f"{name}.{public}" in ALL
+                    else f"``{public}``",
+                    value,
+                )
+            )
             continue
         home = seen.setdefault(id(value), f"{name}.{public}")
         rows.append((f":py:obj:`{public} <{home}>`", value))
@@ -102,7 +123,9 @@ def _page(name: str, seen: dict[int, str]) -> str:
             bodies += _directive(name, public, value)
     lines += [".. list-table::", "   :widths: 38 62", "   :class: names", ""]
     for link, value in rows:
-        described = first_sentence(value) if inspect.isroutine(value) or not _is_plain(value) else ""
+        described = (
+            first_sentence(value) if inspect.isroutine(value) or not _is_plain(value) else ""
+        )
         lines += [f"   * - {link}", f"     - {described}"]
     return "\n".join([*lines, "", *bodies])
 
@@ -115,9 +138,23 @@ ALL = [name for names in ROOMS.values() for name in names]
 
 
 def _index() -> str:
-    lines = ["Reference", "=========", "", "Every public name, from the code itself. Everything else may change.", ""]
+    lines = [
+        "Reference",
+        "=========",
+        "",
+        "Every public name, from the code itself. Everything else may change.",
+        "",
+    ]
     for title, names in ROOMS.items():
-        lines += [title, "-" * len(title), "", ".. list-table::", "   :widths: 38 62", "   :class: names", ""]
+        lines += [
+            title,
+            "-" * len(title),
+            "",
+            ".. list-table::",
+            "   :widths: 38 62",
+            "   :class: names",
+            "",
+        ]
         for name in names:
             lines += [f"   * - :doc:`{name}`", f"     - {first_sentence(room_of(name))}"]
         lines += ["", ".. toctree::", "   :hidden:", ""]
@@ -131,12 +168,18 @@ def as_markdown(words: str) -> str:
 
     def command(found: re.Match[str]) -> str:
         lines = [line.strip() for line in found[1].splitlines()]
-        return f": `{lines[0]}`" if len(lines) == 1 else "\n".join([":", "", "```sh", *lines, "```"])
+        return (
+            f": `{lines[0]}`" if len(lines) == 1 else "\n".join([":", "", "```sh", *lines, "```"])
+        )
 
-    words = re.sub(r":\s+(glazejax [a-z][^\n`]*(?:\n +glazejax [^\n`]*)*)$", command, words, flags=re.MULTILINE)
+    words = re.sub(
+        r":\s+(glazejax [a-z][^\n`]*(?:\n +glazejax [^\n`]*)*)$", command, words, flags=re.MULTILINE
+    )
     parts = re.split(r"(```.*?```|`[^`]*`)", words, flags=re.DOTALL)
     return "".join(
-        part if part[:1] == "`" else re.sub(r"(?<![\w-])(--[a-z][a-z-]*)", r"`\1`", part.replace("*", "\\*"))
+        part
+        if part[:1] == "`"
+        else re.sub(r"(?<![\w-])(--[a-z][a-z-]*)", r"`\1`", part.replace("*", "\\*"))
         for part in parts
     )
 
@@ -149,7 +192,8 @@ def _commands() -> str:
     group = typer.main.get_command(make_app())
     lines = ["# The command `glazejax`", "", "As `--help` says it.", ""]
     for name, command in sorted(group.commands.items()):  # type: ignore[attr-defined]
-        # Words of a command's help are laid out by blank lines; single backquotes are code in Markdown, too.
+        # Words of a command's help are laid out by blank lines; single backquotes are code in
+        # Markdown, too.
         words = as_markdown(inspect.cleandoc(command.help or "").replace("\b\n", ""))
         lines += [f"## glazejax {name}", "", words, "", "| option | what it does |", "|---|---|"]
         for one in command.params:

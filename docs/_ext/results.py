@@ -1,7 +1,7 @@
 """Pages of the benchmarks' results, and links to them from numbers.
 
-On the forge a mark behind a number, `0.6<!--scaling.million_seconds-->`, is not seen (`benchmarks/fill.py`). Here the
-number is a link to the page of its result.
+On the forge a mark behind a number, `0.6<!--scaling.million_seconds-->`, is not seen
+(`benchmarks/fill.py`). Here the number is a link to the page of its result.
 """
 
 import ast
@@ -40,17 +40,27 @@ def _about(path: Path) -> str:
 def _page(path: Path) -> str:
     lines = [f"# {path.stem.replace('_', ' ')}", "", _about(path), ""]
     lines += [f"`{head(path.stem).command}` wrote this:", ""]
-    lines += ["```text", *map(folded, path.read_text(encoding="utf-8").rstrip().splitlines()), "```", ""]
+    lines += [
+        "```text",
+        *map(folded, path.read_text(encoding="utf-8").rstrip().splitlines()),
+        "```",
+        "",
+    ]
     if path.with_suffix(".png").is_file():
         words = re.sub(r"[\[\]`]", "", _about(path))
-        lines += [f"![Drawn from the numbers above. {words}](/../benchmarks/results/{path.stem}.png)", ""]
+        lines += [
+            f"![Drawn from the numbers above. {words}](/../benchmarks/results/{path.stem}.png)",
+            "",
+        ]
     return "\n".join(lines)
 
 
 def _without(files: list[Path]) -> list[str]:
     """Which benchmarks have no result, and why, as they say."""
     having = {module_of(path.stem) for path in files}
-    lines = [f"- `{one.stem}`: {declared(one, 'NO_RESULT')}." for one in modules() if one not in having]
+    lines = [
+        f"- `{one.stem}`: {declared(one, 'NO_RESULT')}." for one in modules() if one not in having
+    ]
     return ["## Not run yet", "", *lines, ""] if lines else []
 
 
@@ -68,7 +78,8 @@ def _write(app: "Sphinx") -> None:
         "| result | what it asks |",
         "|---|---|",
         *(
-            f"| [{path.stem.replace('_', ' ')}]({path.stem}.md) | {_about(path).replace('|', chr(92) + '|')} |"
+            f"| [{path.stem.replace('_', ' ')}]({path.stem}.md) | "
+            f"{_about(path).replace('|', chr(92) + '|')} |"
             for path in files
         ),
         "",

@@ -1,8 +1,10 @@
-"""Differentiable colour of stacked paint glazes: from pigments' absorption and scattering to reflectance.
+"""Differentiable colour of stacked paint glazes: from pigments' absorption and scattering to
+reflectance.
 
 Describe paint with `Pigment`, `Mixture`, `Layer` and `Glaze`, an instrument with `Bidirectional` or
-`Hemispherical`, and ask for `reflectance`; `colour` turns spectra into XYZ, Lab and sRGB. The solvers behind
-it work on plain arrays: `stack_reflectance_factor` and `stack_hemispherical_reflectance`.
+`Hemispherical`, and ask for `reflectance`; `colour` turns spectra into XYZ, Lab and sRGB. The
+solvers behind it work on plain arrays: `stack_reflectance_factor` and
+`stack_hemispherical_reflectance`.
 """
 
 from importlib.metadata import version

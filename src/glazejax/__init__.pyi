@@ -15,7 +15,9 @@ from .paint.media import Layer as Layer
 from .paint.media import Mixture as Mixture
 from .paint.media import Pigment as Pigment
 from .picture import picture as picture
-from .radiative.profile import profile_hemispherical_reflectance as profile_hemispherical_reflectance
+from .radiative.profile import (
+    profile_hemispherical_reflectance as profile_hemispherical_reflectance,
+)
 from .radiative.profile import profile_reflectance_factor as profile_reflectance_factor
 from .radiative.rough import rough_hemispherical_reflectance as rough_hemispherical_reflectance
 from .radiative.rough import rough_reflectance_factor as rough_reflectance_factor

@@ -1,9 +1,10 @@
-"""What Chebyshev tables are made of: nodes, polynomials, coordinates, and where more nodes are wanted.
+"""What Chebyshev tables are made of: nodes, polynomials, coordinates, and where more nodes are
+wanted.
 
-A reflectance is analytic in the thickness of each layer but for a logarithm at zero, and levels off where a layer
-becomes opaque. A coordinate that crowds where a layer is thin makes few points do; it is chosen by trial along each
-axis. `glazejax.interpolated` and the tables of `glazejax.appearance` stand on this; `xp` is numpy, jax.numpy, or (for
-coordinates) whatever has their functions.
+A reflectance is analytic in the thickness of each layer but for a logarithm at zero, and levels off
+where a layer becomes opaque. A coordinate that crowds where a layer is thin makes few points do; it
+is chosen by trial along each axis. `glazejax.interpolated` and the tables of `glazejax.appearance`
+stand on this; `xp` is numpy, jax.numpy, or (for coordinates) whatever has their functions.
 
 Source: L. N. Trefethen, Approximation Theory and Approximation Practice (2013), chapters 2 to 8.
 """
@@ -22,20 +23,23 @@ from numpy.polynomial import chebyshev
 # The worst of all points lies above the worst of the check points.
 SAFETY = 2.0
 _SCAN = 25
-# Largest curvatures of the coordinate that are tried: the axis, in units of the thickness where it turns logarithmic.
+# Largest curvatures of the coordinate that are tried: the axis, in units of the thickness where it
+# turns logarithmic.
 CURVATURES = (1.0, 10.0, 100.0, 1e3, 1e4)
 # Below this part of the axis the square root turns linear, so that slopes stay finite at zero.
 _SOFT = 1e-5
 
 
 class Axis(NamedTuple):
-    """One axis and the coordinate in which the function is close to a polynomial; numbers, or scalars of JAX."""
+    """One axis and the coordinate in which the function is close to a polynomial; numbers, or
+    scalars of JAX.
+    """
 
     low: Any
     high: Any
     curvature: Any = 0.0
-    """0 (a Python number) for the coordinate x itself; else log(1 + sqrt(curvature x/high)), its root softened at
-    zero."""
+    """0 (a Python number) for the coordinate x itself; else log(1 + sqrt(curvature x/high)), its
+    root softened at zero."""
 
     def coordinate(self, x: Any, xp: Any = jnp) -> Any:
         """From [low, high] to [-1, 1]."""
@@ -89,7 +93,9 @@ _Axis = TypeVar("_Axis", bound=Axis | Mirrored)
 
 
 def roots(count: int) -> Float[np.ndarray, "nodes"]:
-    """Nodes of the first kind in (-1, 1), ascending: for functions that the ends of the range would embarrass."""
+    """Nodes of the first kind in (-1, 1), ascending: for functions that the ends of the range would
+    embarrass.
+    """
     return -np.cos(np.pi * (np.arange(count) + 0.5) / count)
 
 
@@ -99,13 +105,17 @@ def extrema(count: int) -> Float[np.ndarray, "nodes"]:
 
 
 @functools.cache
-def coefficients_from_nodes(nodes: Callable[[int], np.ndarray], count: int) -> Float[np.ndarray, "coefficients nodes"]:
+def coefficients_from_nodes(
+    nodes: Callable[[int], np.ndarray], count: int
+) -> Float[np.ndarray, "coefficients nodes"]:
     """Matrix from values at the nodes, `roots` or `extrema`, to Chebyshev coefficients."""
     return np.linalg.inv(chebyshev.chebvander(nodes(count), count - 1))
 
 
 def polynomials(x: Any, count: int, xp: ModuleType = jnp, axis: int = -1) -> Any:
-    """Chebyshev polynomials T_0 to T_(count - 1) at x, (points,): (points, count), or (count, points) on axis 0."""
+    """Chebyshev polynomials T_0 to T_(count - 1) at x, (points,): (points, count), or (count,
+    points) on axis 0.
+    """
     rows = [xp.ones_like(x), x]
     while len(rows) < count:
         rows.append(2.0 * x * rows[-1] - rows[-2])
@@ -115,7 +125,9 @@ def polynomials(x: Any, count: int, xp: ModuleType = jnp, axis: int = -1) -> Any
 def trial_line(low: float, high: float, *, both_ends: bool = False) -> Float[np.ndarray, "points"]:
     """Points of an axis for `best_axis`, crowded near the low end, or near both."""
     u = np.linspace(0.0, 1.0, _SCAN)
-    return low + (high - low) * (np.where(u < 0.5, 4.0 * u**3, 1.0 - 4.0 * (1.0 - u) ** 3) if both_ends else u**3)
+    return low + (high - low) * (
+        np.where(u < 0.5, 4.0 * u**3, 1.0 - 4.0 * (1.0 - u) ** 3) if both_ends else u**3
+    )
 
 
 def best_axis(
@@ -132,7 +144,8 @@ def best_axis(
         line: see `trial_line`.
         values: at its points.
         degree: of the polynomials.
-        gain: a later candidate must bring the error below this share of that of the best one before it.
+        gain: a later candidate must bring the error below this share of that of the best one before
+            it.
     """
     best, least = axes[0], np.inf
     for axis in axes:

@@ -1,10 +1,12 @@
 """Spectrum -> XYZ, Lab, sRGB and colour differences.
 
-Colour matching functions and illuminants are colour-science's tables, which `glazejax.cie` carries. What depends
-only on the grid, the illuminant and the observer is folded into one matrix of weights, so that a spectrum, or a
-million of them, becomes XYZ by one matrix product, and every function but `delta_e_2000` can be differentiated.
+Colour matching functions and illuminants are colour-science's tables, which `glazejax.cie` carries.
+What depends only on the grid, the illuminant and the observer is folded into one matrix of weights,
+so that a spectrum, or a million of them, becomes XYZ by one matrix product, and every function but
+`delta_e_2000` can be differentiated.
 
-What is known and small is computed by NumPy (`glazejax.spectra.computed`), anything else is one compiled program.
+What is known and small is computed by NumPy (`glazejax.spectra.computed`), anything else is one
+compiled program.
 """
 
 from __future__ import annotations
@@ -54,21 +56,27 @@ _SHORT_OBSERVERS = {
 }
 # ASTM E308: the working range in nm.
 _START, _END = 360, 780
-# Beyond 20 nm ASTM E308 gives no tables; beyond this, cubic interpolation says nothing about a paint.
+# Beyond 20 nm ASTM E308 gives no tables; beyond this, cubic interpolation says nothing about a
+# paint.
 _MAX_STEP = 40.0
 # Share of a tristimulus value that may rest on repeating the end bands; 420-680 nm stays below .07.
 _MAX_GUESSED = 0.1
-# IEC 61966-2-1: chromaticities of the primaries and of white, and the light up to which the encoding is straight.
+# IEC 61966-2-1: chromaticities of the primaries and of white, and the light up to which the
+# encoding is straight.
 SRGB_PRIMARIES = ((0.64, 0.33), (0.30, 0.60), (0.15, 0.06))
 SRGB_WHITE = (0.3127, 0.3290)
 _STRAIGHT = 0.0031308
-_BRADFORD = np.array([[0.8951, 0.2664, -0.1614], [-0.7502, 1.7135, 0.0367], [0.0389, -0.0685, 1.0296]])
+_BRADFORD = np.array(
+    [[0.8951, 0.2664, -0.1614], [-0.7502, 1.7135, 0.0367], [0.0389, -0.0685, 1.0296]]
+)
 
 
 def colour_science() -> Any:
-    """The colour-science package (an object in place of its module), imported without warnings about what it lacks.
+    """The colour-science package (an object in place of its module), imported without warnings
+    about what it lacks.
 
-    It takes a second or two, for it brings matplotlib, pandas and SciPy: nothing that every command does asks for it.
+    It takes a second or two, for it brings matplotlib, pandas and SciPy: nothing that every command
+    does asks for it.
     """
     printing = np.get_printoptions()
     with warnings.catch_warnings():
@@ -88,7 +96,9 @@ def _find(what: str, asked: str, known: dict[str, str]) -> str:
     near = [name for k, name in known.items() if key and key in k][:4]
     near = near or [known[k] for k in difflib.get_close_matches(key, known, n=4, cutoff=0.3)]
     choices = near or list(known.values())
-    raise ValueError(f"unknown {what} {asked!r}; the nearest are {', '.join(dict.fromkeys(choices))}")
+    raise ValueError(
+        f"unknown {what} {asked!r}; the nearest are {', '.join(dict.fromkeys(choices))}"
+    )
 
 
 def find_illuminant(name: str) -> str:
@@ -108,7 +118,9 @@ def find_observer(name: str | int) -> str:
     Raises:
         ValueError: no such observer; the message lists the nearest names.
     """
-    return _find("observer", str(name), {full.lower(): full for full in OBSERVERS} | _SHORT_OBSERVERS)
+    return _find(
+        "observer", str(name), {full.lower(): full for full in OBSERVERS} | _SHORT_OBSERVERS
+    )
 
 
 def colour_weights(
@@ -116,11 +128,11 @@ def colour_weights(
 ) -> Float[np.ndarray, "bands 3"]:
     """Weights w such that ``reflectance @ w`` is XYZ, with Y = 1 for the perfect diffuser.
 
-    The reflectance is interpolated to 1 nm by Lagrange's cubic through the four nearest bands (a parabola
-    in the first and last step), and the end bands are repeated outwards to 360 and 780 nm; sums over the
-    product of illuminant and observer at 1 nm are the weights. On even grids of 10 or 20 nm these are the
-    weights of ASTM E2022, which ASTM E308 tabulates; any other grid is treated the same way. The columns
-    sum to the white point.
+    The reflectance is interpolated to 1 nm by Lagrange's cubic through the four nearest bands (a
+    parabola in the first and last step), and the end bands are repeated outwards to 360 and 780 nm;
+    sums over the product of illuminant and observer at 1 nm are the weights. On even grids of 10 or
+    20 nm these are the weights of ASTM E2022, which ASTM E308 tabulates; any other grid is treated
+    the same way. The columns sum to the white point.
 
     Args:
         wavelengths: (bands,), nm; even or not.
@@ -131,7 +143,8 @@ def colour_weights(
         (bands, 3), read-only; the same array for the same arguments.
 
     Raises:
-        ValueError: a grid that is too coarse or covers too little of the visible range, or an unknown name.
+        ValueError: a grid that is too coarse or covers too little of the visible range, or an
+            unknown name.
 
     Source: ASTM E308-15, ASTM E2022-11.
     """
@@ -140,7 +153,9 @@ def colour_weights(
 
 
 @lru_cache(maxsize=128)
-def _weights(grid: tuple[float, ...], illuminant: str, observer: str) -> Float[np.ndarray, "bands 3"]:
+def _weights(
+    grid: tuple[float, ...], illuminant: str, observer: str
+) -> Float[np.ndarray, "bands 3"]:
     """Weights for full names; see `colour_weights`."""
     return _on_bands(np.asarray(grid), *_illuminated_observer(illuminant, observer))
 
@@ -157,13 +172,19 @@ def lamp_weights(
         observer: full name, or 2, 10, 1931, 1964.
 
     Raises:
-        ValueError: as `colour_weights`, or a lamp that does not cover 420 to 680 nm or gives no light there.
+        ValueError: as `colour_weights`, or a lamp that does not cover 420 to 680 nm or gives no
+            light there.
     """
     lamp, values = validate_wavelengths(lamp_wavelengths), np.asarray(power, float)
     if values.shape != lamp.shape or not np.all(np.isfinite(values)) or values.min() < 0:
-        raise ValueError("a lamp needs one power for each wavelength, each a finite number from 0 on")
+        raise ValueError(
+            "a lamp needs one power for each wavelength, each a finite number from 0 on"
+        )
     if lamp[0] > 420 or lamp[-1] < 680:
-        raise ValueError(f"the lamp is known at {describe_grid(lamp)}; a colour needs 420 to 680 nm of it at least")
+        raise ValueError(
+            f"the lamp is known at {describe_grid(lamp)}; a colour needs 420 to 680 nm of it at "
+            "least"
+        )
     # What lies outside the visible lights nothing.
     if not values[(lamp >= 420) & (lamp <= 680)].max(initial=0.0) > 0:
         raise ValueError("the lamp gives no light between 420 and 680 nm")
@@ -172,21 +193,25 @@ def lamp_weights(
 
 
 def _on_bands(
-    bands: Float[np.ndarray, "bands"], fine: Float[np.ndarray, "fine"], products: Float[np.ndarray, "fine 3"]
+    bands: Float[np.ndarray, "bands"],
+    fine: Float[np.ndarray, "fine"],
+    products: Float[np.ndarray, "fine 3"],
 ) -> Float[np.ndarray, "bands 3"]:
     """Weights of bands, read-only."""
     beyond = (fine < bands[0]) | (fine > bands[-1])
     guessed = float((np.abs(products[beyond]).sum(axis=0) / np.abs(products).sum(axis=0)).max())
     if guessed > _MAX_GUESSED:
         raise ValueError(
-            f"{describe_grid(bands)} leaves {guessed:.0%} of a tristimulus value to guesswork: colour needs "
+            f"{describe_grid(bands)} leaves {guessed:.0%} of a tristimulus value to guesswork: "
+            "colour needs "
             "spectra from about 420 to 680 nm at least, better from 400 to 700 nm"
         )
     inside = bands[(bands > _START - _MAX_STEP) & (bands < _END + _MAX_STEP)]
     steps = np.diff(inside)
     if inside.size < 4 or steps.max() > _MAX_STEP:
         raise ValueError(
-            f"{describe_grid(bands)} is too coarse for colour: steps may be {_MAX_STEP:g} nm at most, "
+            f"{describe_grid(bands)} is too coarse for colour: steps may be {_MAX_STEP:g} nm at "
+            "most, "
             "better 10 or 20 nm"
         )
     weights = _lagrange_matrix(bands, fine).T @ products
@@ -219,7 +244,9 @@ def _lit_observer(
 def _lagrange_matrix(
     bands: Float[np.ndarray, "bands"], points: Float[np.ndarray, "points"]
 ) -> Float[np.ndarray, "points bands"]:
-    """Interpolation from the bands to the points: cubic inside, parabolic at the ends, constant beyond."""
+    """Interpolation from the bands to the points: cubic inside, parabolic at the ends, constant
+    beyond.
+    """
     x = np.clip(points, bands[0], bands[-1])
     last = bands.size - 1
     left = np.clip(np.searchsorted(bands, x, side="right") - 1, 0, last - 1)
@@ -240,8 +267,12 @@ def _lagrange_matrix(
     return matrix
 
 
-def white_point(wavelengths: Grid, illuminant: str = "D65", observer: str | int = CIE_1931) -> Float[np.ndarray, "3"]:
-    """XYZ of the perfect diffuser on this grid, (3,), Y = 1; the same on every grid up to rounding."""
+def white_point(
+    wavelengths: Grid, illuminant: str = "D65", observer: str | int = CIE_1931
+) -> Float[np.ndarray, "3"]:
+    """XYZ of the perfect diffuser on this grid, (3,), Y = 1; the same on every grid up to
+    rounding.
+    """
     return colour_weights(wavelengths, illuminant, observer).sum(axis=0)
 
 
@@ -279,7 +310,9 @@ def lab(
     Args and errors as `xyz`. Source: CIE 15:2018, section 8.2.1.
     """
     values, weights = _weighted(wavelengths, reflectance, illuminant, observer)
-    return _computed(_lab_of_spectra, values, weights, white_point(wavelengths, illuminant, observer))
+    return _computed(
+        _lab_of_spectra, values, weights, white_point(wavelengths, illuminant, observer)
+    )
 
 
 def xyz_to_lab(xyz: Numbers, white: Numbers) -> Float[Array, "*batch 3"]:
@@ -288,7 +321,9 @@ def xyz_to_lab(xyz: Numbers, white: Numbers) -> Float[Array, "*batch 3"]:
 
 
 def lab_to_xyz(lab: Numbers, white: Grid) -> Float[np.ndarray, "*batch 3"]:
-    """XYZ of CIE 1976 L*a*b*, (..., 3), on the scale of the white, (3,): `xyz_to_lab` backwards; NumPy only."""
+    """XYZ of CIE 1976 L*a*b*, (..., 3), on the scale of the white, (3,): `xyz_to_lab` backwards;
+    NumPy only.
+    """
     lightness, a, b = np.moveaxis(np.asarray(lab, float), -1, 0)
     fy = (lightness + 16) / 116
     f = np.stack([fy + a / 500, fy, fy - b / 200], axis=-1)
@@ -306,13 +341,13 @@ def srgb(
 ) -> Float[Array, "*batch 3"]:
     """Encoded sRGB of reflectance spectra, for a screen.
 
-    XYZ is adapted by the Bradford transform from the white of the illuminant to that of sRGB (D65), so
-    that the perfect diffuser is (1, 1, 1) under every illuminant.
+    XYZ is adapted by the Bradford transform from the white of the illuminant to that of sRGB (D65),
+    so that the perfect diffuser is (1, 1, 1) under every illuminant.
 
     Args:
         wavelengths, reflectance, illuminant, observer: as `xyz`.
-        clip: clip to [0, 1]. Unclipped values tell how far outside the gamut a colour lies; below zero
-            they follow the straight part of the encoding.
+        clip: clip to [0, 1]. Unclipped values tell how far outside the gamut a colour lies; below
+            zero they follow the straight part of the encoding.
 
     Raises:
         ValueError: as `xyz`.
@@ -325,7 +360,8 @@ def srgb(
 
 
 def xyz_to_srgb(xyz: Numbers, white: Grid, *, clip: bool = True) -> Float[Array, "*batch 3"]:
-    """Encoded sRGB of XYZ, (..., 3), seen under a white, (3,), on the same scale: white becomes (1, 1, 1).
+    """Encoded sRGB of XYZ, (..., 3), seen under a white, (3,), on the same scale: white becomes (1,
+    1, 1).
 
     Notes and source as `srgb`.
     """
@@ -334,7 +370,8 @@ def xyz_to_srgb(xyz: Numbers, white: Grid, *, clip: bool = True) -> Float[Array,
 
 
 def srgb_to_xyz(encoded: Numbers) -> Float[np.ndarray, "*batch 3"]:
-    """XYZ of encoded sRGB, (..., 3), in [0, 1], as a screen shows it, Y = 1 for its white; NumPy only.
+    """XYZ of encoded sRGB, (..., 3), in [0, 1], as a screen shows it, Y = 1 for its white; NumPy
+    only.
 
     Source: IEC 61966-2-1:1999; matrices from its primaries, not rounded.
     """
@@ -342,9 +379,11 @@ def srgb_to_xyz(encoded: Numbers) -> Float[np.ndarray, "*batch 3"]:
 
 
 def srgb_to_lab(encoded: Numbers) -> Float[Array, "*batch 3"]:
-    """CIE 1976 L*a*b* under D65 of encoded sRGB, (..., 3), in [0, 1], relative to the screen's white; 8 bits over 255.
+    """CIE 1976 L*a*b* under D65 of encoded sRGB, (..., 3), in [0, 1], relative to the screen's
+    white; 8 bits over 255.
 
-    What `srgb` gives under D65 comes back as the `lab` under D65 of the same spectrum. Runs under jit and grad.
+    What `srgb` gives under D65 comes back as the `lab` under D65 of the same spectrum. Runs under
+    jit and grad.
 
     Raises:
         ValueError: the last axis is not three long.
@@ -357,7 +396,9 @@ def srgb_to_lab(encoded: Numbers) -> Float[Array, "*batch 3"]:
     """
     values, screen = as_array(encoded), _screen()
     if values.shape[-1:] != (3,):
-        raise ValueError(f"sRGB of shape {values.shape} does not end in the three numbers red, green and blue")
+        raise ValueError(
+            f"sRGB of shape {values.shape} does not end in the three numbers red, green and blue"
+        )
     return _computed(_lab_of_srgb, values, screen.T, screen.sum(axis=1))
 
 
@@ -368,12 +409,19 @@ def _weighted(
     weights = colour_weights(wavelengths, illuminant, observer)
     values = as_array(reflectance)
     if values.shape[-1:] != weights.shape[:1]:
-        raise ValueError(f"reflectance of shape {values.shape} does not end in the {weights.shape[0]} bands given")
+        raise ValueError(
+            f"reflectance of shape {values.shape} does not end in the {weights.shape[0]} bands "
+            "given"
+        )
     return values, weights
 
 
-def _computed(core: Callable[..., Any], values: Numbers, *constants: Numbers) -> Float[Array, "*batch 3"]:
-    """``core(numpy or jax.numpy, values, ...)``: what is known and small by NumPy, else one compiled program."""
+def _computed(
+    core: Callable[..., Any], values: Numbers, *constants: Numbers
+) -> Float[Array, "*batch 3"]:
+    """``core(numpy or jax.numpy, values, ...)``: what is known and small by NumPy, else one
+    compiled program.
+    """
     arrays = [as_array(each) for each in (values, *constants)]
     # The type that JAX computes in: float32 unless the user has asked for more.
     kind = arrays[0].dtype if jnp.issubdtype(arrays[0].dtype, jnp.floating) else np.dtype(float)
@@ -408,7 +456,9 @@ def _lab_of_srgb(xp: ModuleType, values: Any, matrix: Any, white: Any) -> Any:
 def _linear_srgb(xp: ModuleType, values: Any) -> Any:
     """Linear values of encoded ones: `encoded_srgb` backwards."""
     # The end of the straight part, encoded.
-    return xp.where(values <= 12.92 * _STRAIGHT, values / 12.92, ((abs(values) + 0.055) / 1.055) ** 2.4)
+    return xp.where(
+        values <= 12.92 * _STRAIGHT, values / 12.92, ((abs(values) + 0.055) / 1.055) ** 2.4
+    )
 
 
 def _srgb_of_light(xp: ModuleType, values: Any, matrix: Any) -> Any:
@@ -421,7 +471,9 @@ def _clipped_srgb(xp: ModuleType, values: Any, matrix: Any) -> Any:
 
 
 def encoded_srgb(linear: Any, xp: ModuleType = np) -> Any:
-    """Encoded sRGB of linear values, of any shape (IEC 61966-2-1); `xp` is numpy or jax.numpy, as the values are."""
+    """Encoded sRGB of linear values, of any shape (IEC 61966-2-1); `xp` is numpy or jax.numpy, as
+    the values are.
+    """
     dark = linear <= _STRAIGHT
     above = xp.where(dark, 1.0, linear)
     power = 1.055 * (above ** (1 / 2.4) if xp is np else _root(above)) - 0.055
@@ -430,9 +482,11 @@ def encoded_srgb(linear: Any, xp: ModuleType = np) -> Any:
 
 @jax.custom_jvp
 def _root(x: Float[Array, "..."]) -> Float[Array, "..."]:
-    """x^(1/2.4) of positive x: in float64 four times faster than its power, to a few units in the last place.
+    """x^(1/2.4) of positive x: in float64 four times faster than its power, to a few units in the
+    last place.
 
-    The power in float32 and one step of Halley's iteration for y^12 = x^5, which leaves the cube of its error.
+    The power in float32 and one step of Halley's iteration for y^12 = x^5, which leaves the cube of
+    its error.
     """
     if x.dtype != jnp.float64:
         return x ** (1 / 2.4)
@@ -464,7 +518,9 @@ def _screen() -> Float[np.ndarray, "3 3"]:
     return primaries * np.linalg.solve(primaries, [x / y, 1.0, (1 - x - y) / y])
 
 
-def bradford(white: Float[np.ndarray, "3"], seen: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3 3"]:
+def bradford(
+    white: Float[np.ndarray, "3"], seen: Float[np.ndarray, "3"]
+) -> Float[np.ndarray, "3 3"]:
     """Matrix M such that ``M @ xyz`` looks under the white `seen` as the colour does under `white`.
 
     Source: K. M. Lam, thesis, University of Bradford (1985), linear as in ICC.1:2022, annex E.
@@ -494,5 +550,8 @@ def delta_e_of_spectra(
 
     Args and errors as `xyz`; NumPy only, as `delta_e_2000`.
     """
-    seen = (np.asarray(lab(wavelengths, s, illuminant=illuminant, observer=observer)) for s in (one, other))
+    seen = (
+        np.asarray(lab(wavelengths, s, illuminant=illuminant, observer=observer))
+        for s in (one, other)
+    )
     return delta_e_2000(*np.broadcast_arrays(*seen))

@@ -1,4 +1,6 @@
-"""Packages that only some tasks need, and the extra of glazejax that installs each: one place, one sentence."""
+"""Packages that only some tasks need, and the extra of glazejax that installs each: one place, one
+sentence.
+"""
 
 from importlib.metadata import PackageNotFoundError, distribution
 
@@ -36,19 +38,23 @@ def advice(module: str | None) -> str | None:
     """One sentence on how to install a package that was not found; None if no extra brings it.
 
     Args:
-        module: what could not be imported, such as `ModuleNotFoundError.name`; a submodule counts as its package.
+        module: what could not be imported, such as `ModuleNotFoundError.name`; a submodule counts
+            as its package.
     """
     if module is None or (found := _EXTRAS.get(module.partition(".")[0])) is None:
         return None
     package, extra = found
-    return f'this needs the package {package}, which is not installed; install it with: pip install "glazejax[{extra}]"'
+    return (
+        f"this needs the package {package}, which is not installed; install it with: pip install "
+        f'"glazejax[{extra}]"'
+    )
 
 
 def require(*modules: str) -> None:
     """Refuse a task before it starts, if a package that it needs is not installed.
 
-    The packages are looked up, not imported: colour-science puts empty stand-ins in the place of a missing matplotlib,
-    which would draw nothing and say nothing.
+    The packages are looked up, not imported: colour-science puts empty stand-ins in the place of a
+    missing matplotlib, which would draw nothing and say nothing.
 
     Args:
         modules: names to import, such as ``matplotlib``.

@@ -1,7 +1,7 @@
 """What the instrument does: where the light comes from and where it is measured.
 
-One `Instrument` is a geometry and a refractive index. `parse_geometry` reads the words for a geometry, the same on the
-command line and in Python: ``d:8``, ``de:8``, ``45:0`` and so on.
+One `Instrument` is a geometry and a refractive index. `parse_geometry` reads the words for a
+geometry, the same on the command line and in Python: ``d:8``, ``de:8``, ``45:0`` and so on.
 """
 
 from __future__ import annotations
@@ -19,7 +19,8 @@ from .radiative.common.inputs import INDEX_RANGE
 from .spectra import Numbers, as_float_array, concrete
 
 GEOMETRIES = (
-    "d:8 or di:8 (integrating sphere, mirror reflection included), de:8 (excluded), 45:0, 0:45, or another ANGLE:ANGLE "
+    "d:8 or di:8 (integrating sphere, mirror reflection included), de:8 (excluded), 45:0, 0:45, "
+    "or another ANGLE:ANGLE "
     "of light and view in degrees"
 )
 """The words for a geometry, as help and errors list them."""
@@ -28,15 +29,21 @@ _SPHERES = {"d": True, "di": True, "de": False}
 
 
 def _angle(name: str, degrees: Numbers) -> float | Float[Array, "..."]:
-    """Legal angle: Python numbers stay numbers, so that they remain constants of a traced program."""
+    """Legal angle: Python numbers stay numbers, so that they remain constants of a traced
+    program.
+    """
     values = concrete(degrees)
     if values is None:
         return as_float_array(degrees)
-    if not (jnp.issubdtype(values.dtype, jnp.floating) or jnp.issubdtype(values.dtype, jnp.integer)):
+    if not (
+        jnp.issubdtype(values.dtype, jnp.floating) or jnp.issubdtype(values.dtype, jnp.integer)
+    ):
         raise ValueError(f"{name} must be a number of degrees, not {degrees!r}")
     wrong = values[~((values >= 0) & (values < 90))]
     if wrong.size:
-        raise ValueError(f"{name} must lie in [0, 90) degrees from the normal, not {wrong.flat[0]:g}")
+        raise ValueError(
+            f"{name} must lie in [0, 90) degrees from the normal, not {wrong.flat[0]:g}"
+        )
     return as_float_array(degrees) if values.ndim or eqx.is_array(degrees) else float(values)
 
 
@@ -46,7 +53,10 @@ def _azimuth(degrees: Numbers) -> float | Float[Array, "..."]:
     if values is None:
         return as_float_array(degrees)
     if not np.all(np.isfinite(values)):
-        raise ValueError(f"azimuth must be a finite number of degrees, not {values[~np.isfinite(values)].flat[0]:g}")
+        raise ValueError(
+            "azimuth must be a finite number of degrees, not "
+            f"{values[~np.isfinite(values)].flat[0]:g}"
+        )
     return as_float_array(degrees) if values.ndim or eqx.is_array(degrees) else float(values)
 
 
@@ -67,16 +77,17 @@ def _cosine(degrees: ArrayLike) -> ArrayLike:
 class Bidirectional(eqx.Module):
     """A beam in one direction, radiance measured in another: a 0:0, 45:0 or gonio instrument.
 
-    Gives the reflectance factor pi L_out / E_in. The azimuth between the two directions matters only to paint with
-    a phase function, and only where neither of them is normal.
+    Gives the reflectance factor pi L_out / E_in. The azimuth between the two directions matters
+    only to paint with a phase function, and only where neither of them is normal.
 
     Args:
         incidence: angle of the beam from the normal, degrees in air, [0, 90), scalar or (...).
         viewing: angle of the view from the normal, degrees in air, [0, 90), scalar or (...).
-        specular: whether the view, where `viewing` equals `incidence`, is the mirror direction; then the
-            Fresnel reflectance of the outer surface is added (paper A, section 3.2, step 6).
-        azimuth: degrees between the horizontal directions of the light before and after, scalar or (...): 0 is the
-            side of the mirror direction, 180 back towards the light.
+        specular: whether the view, where `viewing` equals `incidence`, is the mirror direction;
+            then the Fresnel reflectance of the outer surface is added (paper A, section 3.2, step
+            6).
+        azimuth: degrees between the horizontal directions of the light before and after, scalar or
+            (...): 0 is the side of the mirror direction, 180 back towards the light.
 
     Raises:
         ValueError: an angle is outside [0, 90), or an azimuth is not finite.
@@ -88,7 +99,11 @@ class Bidirectional(eqx.Module):
     specular: bool = eqx.field(static=True)
 
     def __init__(
-        self, incidence: Numbers = 0.0, viewing: Numbers = 0.0, specular: bool = False, azimuth: Numbers = 0.0
+        self,
+        incidence: Numbers = 0.0,
+        viewing: Numbers = 0.0,
+        specular: bool = False,
+        azimuth: Numbers = 0.0,
     ):
         self.incidence = _angle("incidence", incidence)
         self.viewing = _angle("viewing", viewing)
@@ -107,10 +122,14 @@ class Bidirectional(eqx.Module):
 
     @property
     def sees_surface(self) -> bool | Bool[Array, "..."]:
-        """Whether readings contain the surface's mirror reflection: asked for, and in view; scalar or (..., 1)."""
+        """Whether readings contain the surface's mirror reflection: asked for, and in view; scalar
+        or (..., 1).
+        """
         if not self.specular:
             return False
-        incidence, viewing, azimuth = (jnp.asarray(a) for a in (self.incidence, self.viewing, self.azimuth))
+        incidence, viewing, azimuth = (
+            jnp.asarray(a) for a in (self.incidence, self.viewing, self.azimuth)
+        )
         # At normal incidence every azimuth is that of the mirror direction.
         mirror = (incidence == viewing) & ((jnp.remainder(azimuth, 360.0) == 0) | (incidence == 0))
         return mirror[..., None] if mirror.ndim else mirror
@@ -118,7 +137,8 @@ class Bidirectional(eqx.Module):
     @property
     def notation(self) -> str:
         """What `parse_geometry` reads, such as ``45:0``; single angles only, and no azimuth."""
-        return f"{float(self.incidence):g}:{float(self.viewing):g}{':specular' if self.specular else ''}"
+        mirror = ":specular" if self.specular else ""
+        return f"{float(self.incidence):g}:{float(self.viewing):g}{mirror}"
 
     def describe(self) -> str:
         """The geometry in words."""
@@ -129,8 +149,8 @@ class Bidirectional(eqx.Module):
 class Hemispherical(eqx.Module):
     """A beam in one direction, all reflected light collected: an integrating sphere.
 
-    By reciprocity also a sphere that lights the sample evenly while a detector views it at `incidence`,
-    the usual d:8 instrument.
+    By reciprocity also a sphere that lights the sample evenly while a detector views it at
+    `incidence`, the usual d:8 instrument.
 
     Args:
         incidence: angle of the beam from the normal, degrees in air, [0, 90), scalar or (...).
@@ -165,7 +185,10 @@ class Hemispherical(eqx.Module):
 
     def describe(self) -> str:
         """The geometry in words."""
-        return f"an integrating sphere at {_degrees(self.incidence)}, specular {'in' if self.specular else 'ex'}cluded"
+        return (
+            f"an integrating sphere at {_degrees(self.incidence)}, specular "
+            f"{'in' if self.specular else 'ex'}cluded"
+        )
 
 
 Geometry = Bidirectional | Hemispherical
@@ -175,9 +198,10 @@ def parse_geometry(text: str, *, argument: str = "geometry") -> Geometry:
     """Read the words for a geometry.
 
     Args:
-        text: ``d:8`` or ``di:8``, an integrating sphere with the mirror reflection, ``de:8`` without it, and by
-            reciprocity ``8:d``, ``8:di``, ``8:de``; or the angles of light and view, ``45:0``, ``0:45``, ``30:30``.
-            With equal angles, ``30:30:specular`` sees the mirror reflection. Any angle in [0, 90) degrees will do.
+        text: ``d:8`` or ``di:8``, an integrating sphere with the mirror reflection, ``de:8``
+            without it, and by reciprocity ``8:d``, ``8:di``, ``8:de``; or the angles of light and
+            view, ``45:0``, ``0:45``, ``30:30``. With equal angles, ``30:30:specular`` sees the
+            mirror reflection. Any angle in [0, 90) degrees will do.
         argument: what ``text`` was given as, such as ``--geometry``; errors begin with it.
 
     Raises:
@@ -194,12 +218,17 @@ def parse_geometry(text: str, *, argument: str = "geometry") -> Geometry:
     if len(pair) != 2 or len(spheres) + len(angles) != 2 or not angles or (spheres and specular):
         raise ValueError(f"{argument} is {text!r}; it must be {GEOMETRIES}")
     try:
-        found = Hemispherical(angles[0], spheres[0]) if spheres else Bidirectional(angles[0], angles[1], specular)
+        found = (
+            Hemispherical(angles[0], spheres[0])
+            if spheres
+            else Bidirectional(angles[0], angles[1], specular)
+        )
     except ValueError as error:
         raise ValueError(f"{argument} is {text!r}: {error}") from None
     if specular and angles[0] != angles[1]:
         raise ValueError(
-            f"{argument} is {text!r}: at {angles[0]:g}:{angles[1]:g} the mirror reflection is not in view; use equal "
+            f"{argument} is {text!r}: at {angles[0]:g}:{angles[1]:g} the mirror reflection is "
+            "not in view; use equal "
             "angles, or a sphere, d:8"
         )
     return found
@@ -210,8 +239,8 @@ class Instrument:
     """An instrument in front of paint with a smooth surface.
 
     Attributes:
-        geometry: what it does, single angles; by default d:8, an integrating sphere with the mirror reflection.
-        refractive_index: of paint and of the cards' surface, in [1, 2.5].
+        geometry: what it does, single angles; by default d:8, an integrating sphere with the mirror
+        reflection. refractive_index: of paint and of the cards' surface, in [1, 2.5].
 
     Raises:
         ValueError: an index out of range.
@@ -223,7 +252,9 @@ class Instrument:
     def __post_init__(self) -> None:
         low, high = INDEX_RANGE
         if not low <= self.refractive_index <= high:
-            raise ValueError(f"refractive index {self.refractive_index:g} is outside [{low:g}, {high:g}]")
+            raise ValueError(
+                f"refractive index {self.refractive_index:g} is outside [{low:g}, {high:g}]"
+            )
 
     @classmethod
     def parse(cls, text: str, refractive_index: float = 1.5) -> "Instrument":
@@ -245,23 +276,32 @@ class Instrument:
 
     @property
     def surface(self) -> float:
-        """Fresnel reflectance of the outer surface at the angle of incidence, R_s, whether it is measured or not."""
+        """Fresnel reflectance of the outer surface at the angle of incidence, R_s, whether it is
+        measured or not.
+        """
         return float(dielectric_reflectance(self.cos_incidence, self.refractive_index))
 
     @property
     def seen_surface(self) -> float:
-        """What the surface adds to a reading: R_s, or 0 if its mirror reflection is excluded or out of view."""
+        """What the surface adds to a reading: R_s, or 0 if its mirror reflection is excluded or out
+        of view.
+        """
         return self.surface if self.geometry.sees_surface else 0.0
 
     def describe(self) -> str:
-        """The geometry in words, as `Hemispherical.describe` and `Bidirectional.describe` give them."""
+        """The geometry in words, as `Hemispherical.describe` and `Bidirectional.describe` give
+        them.
+        """
         return self.geometry.describe()
 
 
 def resolve_instrument(
-    instrument: Instrument | None = None, geometry: Geometry | None = None, refractive_index: float = 1.5
+    instrument: Instrument | None = None,
+    geometry: Geometry | None = None,
+    refractive_index: float = 1.5,
 ) -> Instrument:
-    """The one instrument of a function that takes a whole one, a geometry instead of the instrument's, or neither.
+    """The one instrument of a function that takes a whole one, a geometry instead of the
+    instrument's, or neither.
 
     Args:
         instrument: by default d:8 with the mirror reflection.

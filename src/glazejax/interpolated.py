@@ -1,9 +1,11 @@
-"""Smooth parameters: a function of a few numbers, computed at few points and interpolated for millions.
+"""Smooth parameters: a function of a few numbers, computed at few points and interpolated for
+millions.
 
-`interpolated` makes a Chebyshev table of any smooth function of one to three parameters, such as the colour of a glaze
-against the thickness of a coat and the share of a paint. Nodes are added, axis by axis, until the error at points that
-had no part in the table is small enough; what was computed is used again. Terms that the error does not feel are
-dropped at the end. The pieces are in `chebyshev_table`.
+`interpolated` makes a Chebyshev table of any smooth function of one to three parameters, such as
+the colour of a glaze against the thickness of a coat and the share of a paint. Nodes are added,
+axis by axis, until the error at points that had no part in the table is small enough; what was
+computed is used again. Terms that the error does not feel are dropped at the end. The pieces are in
+`chebyshev_table`.
 
 Source: L. N. Trefethen, Approximation Theory and Approximation Practice (2013), chapters 2 to 8.
 """
@@ -50,12 +52,13 @@ _CHECKS = (32, 160)
 # Axes whose last coefficients are within this factor of the largest are refined together.
 _TOGETHER = 0.25
 _SCAN_DEGREE = 8
-# Numbers of one piece of points in the table's evaluation: what a core's second-level cache holds; on other devices
-# only the memory counts.
+# Numbers of one piece of points in the table's evaluation: what a core's second-level cache holds;
+# on other devices only the memory counts.
 _PIECE_NUMBERS, _PIECE_ELSEWHERE = 2**17, 2**26
 # So many known points go to all cores at once.
 _MANY = 2**16
-# Up to so many channels the axes are summed one after the other; with more the products of all polynomials are fewer.
+# Up to so many channels the axes are summed one after the other; with more the products of all
+# polynomials are fewer.
 _FEW_CHANNELS = 8
 
 
@@ -65,9 +68,10 @@ class Interpolated(eqx.Module):
     Attributes:
         coefficients: Chebyshev coefficients, (n_1, ..., channels), the only leaf.
         names: parameters, in the order of positional arguments.
-        error: estimated largest error within the ranges, in units of the distance asked for: twice the largest at
-            points that had no part in the table. An estimate, no bound: what is narrower than the gaps between some
-            200 points can hide. Errors of the function itself, such as a solver's tolerance, are not in it.
+        error: estimated largest error within the ranges, in units of the distance asked for: twice
+            the largest at points that had no part in the table. An estimate, no bound: what is
+            narrower than the gaps between some 200 points can hide. Errors of the function itself,
+            such as a solver's tolerance, are not in it.
         tolerance: what was asked for.
         evaluations: points at which the function was computed, trial and check points included.
         shape: shape of one value.
@@ -84,7 +88,9 @@ class Interpolated(eqx.Module):
     @property
     def ranges(self) -> dict[str, tuple[float, float]]:
         """(low, high) of each parameter."""
-        return {name: (axis.low, axis.high) for name, axis in zip(self.names, self.axes, strict=True)}
+        return {
+            name: (axis.low, axis.high) for name, axis in zip(self.names, self.axes, strict=True)
+        }
 
     @property
     def converged(self) -> bool:
@@ -92,35 +98,42 @@ class Interpolated(eqx.Module):
         return self.error <= self.tolerance
 
     def __call__(self, *values: Numbers, **named: Numbers) -> Float[Array, "..."]:
-        """Interpolated values for parameters in the order of `names`, or by name; any shapes that broadcast.
+        """Interpolated values for parameters in the order of `names`, or by name; any shapes that
+        broadcast.
 
-        Differentiable by the parameters and by the coefficients, under jit, vmap and grad. Work goes through the
-        processor in pieces, so that memory stays bounded. Computed in the type of the coefficients.
+        Differentiable by the parameters and by the coefficients, under jit, vmap and grad. Work
+        goes through the processor in pieces, so that memory stays bounded. Computed in the type of
+        the coefficients.
 
         Returns:
             (*batch, *shape).
 
         Raises:
-            ValueError: a parameter is missing, unknown or given twice, NaN or outside its range. While JAX traces it,
-                a value outside is moved to the nearest end of the range (and its slope is that at the end), and NaN
-                stays NaN.
+            ValueError: a parameter is missing, unknown or given twice, NaN or outside its range.
+                While JAX traces it, a value outside is moved to the nearest end of the range (and
+                its slope is that at the end), and NaN stays NaN.
         """
         given = dict(zip(self.names, values, strict=False)) | named
         if len(values) + len(named) != len(self.names) or set(given) != set(self.names):
             asked = ", ".join(self.names)
             raise ValueError(
-                f"give each parameter once ({asked}), not {len(values)} by place and {list(named)} by name"
+                f"give each parameter once ({asked}), not {len(values)} by place and "
+                f"{list(named)} by name"
             )
         for name, axis in zip(self.names, self.axes, strict=True):
             _check_range(name, given[name], axis)
-        columns = [as_float_array(given[name]).astype(self.coefficients.dtype) for name in self.names]
+        columns = [
+            as_float_array(given[name]).astype(self.coefficients.dtype) for name in self.names
+        ]
         batch = jnp.broadcast_shapes(*(column.shape for column in columns))
         flat = tuple(jnp.broadcast_to(column, batch).reshape(-1) for column in columns)
         found = on_all_cores(_of_columns, flat, self.axes, least=_MANY, shared=self.coefficients)
         return found.reshape(*batch, *self.shape)
 
     def astype(self, dtype: DTypeLike) -> "Interpolated":
-        """The same table in another type, such as float32; rounding of some 1e-6 of a value comes on top of `error`."""
+        """The same table in another type, such as float32; rounding of some 1e-6 of a value comes
+        on top of `error`.
+        """
         return eqx.tree_at(lambda table: table.coefficients, self, self.coefficients.astype(dtype))
 
     # By identity, so that `jax.jit(table)` takes it for a function as it is.
@@ -131,7 +144,9 @@ class Interpolated(eqx.Module):
         return self is other
 
     def __repr__(self) -> str:
-        ranges = ", ".join(f"{name} {low:g} to {high:g}" for name, (low, high) in self.ranges.items())
+        ranges = ", ".join(
+            f"{name} {low:g} to {high:g}" for name, (low, high) in self.ranges.items()
+        )
         terms = " x ".join(map(str, self.coefficients.shape[:-1]))
         missed = "" if self.converged else f", not the {self.tolerance:.2g} asked for"
         return f"Interpolated({ranges}: {terms} terms, estimated error {self.error:.2g}{missed})"
@@ -147,34 +162,42 @@ def interpolated(
     most_points: int = 20000,
     block: int | None = 64,
 ) -> Interpolated:
-    """Interpolate a smooth function of one to three parameters, with its error estimated at points of their own.
+    """Interpolate a smooth function of one to three parameters, with its error estimated at points
+    of their own.
 
     Args:
-        function: takes the parameters by name, each an array (points,) of NumPy, and returns (points, ...): a
-            spectrum, a colour or any numbers for each point. Wrap a function of single numbers in `jax.vmap`. It
-            must be smooth within the ranges: interpolate XYZ, and encode sRGB afterwards, since sRGB is clipped.
+        function: takes the parameters by name, each an array (points,) of NumPy, and returns
+            (points, ...): a spectrum, a colour or any numbers for each point. Wrap a function of
+            single numbers in `jax.vmap`. It must be smooth within the ranges: interpolate XYZ, and
+            encode sRGB afterwards, since sRGB is clipped.
         ranges: (low, high) of each parameter by name, in the order of later positional arguments.
         tolerance: largest error wanted, in units of `distance`.
-        distance: error of approximate values against exact ones, (points,); the largest absolute difference if left
-            out.
-        samples: values of each parameter that the table will be used at, each (samples,): check points are drawn from
-            them. From the whole ranges if left out.
-        most_points: stop refining beyond so many nodes; `Interpolated.error` then says what was reached.
-        block: points handed to the function at a time, always as many, so that it compiles once; all at once if None.
+        distance: error of approximate values against exact ones, (points,); the largest absolute
+            difference if left out.
+        samples: values of each parameter that the table will be used at, each (samples,): check
+            points are drawn from them. From the whole ranges if left out.
+        most_points: stop refining beyond so many nodes; `Interpolated.error` then says what was
+        reached. block: points handed to the function at a time, always as many, so that it compiles
+        once; all at once if None.
 
     Returns:
         `Interpolated`: call it with as many values of the parameters as you like.
 
     Raises:
-        ValueError: no parameter or more than three, a range that is empty or not finite, a tolerance that is not
-            positive, samples outside the ranges, or a function that returns NaN (the point is named), traced values or
-            another number of points. What the function itself refuses, such as a negative thickness, is passed on.
+        ValueError: no parameter or more than three, a range that is empty or not finite, a
+            tolerance that is not positive, samples outside the ranges, or a function that returns
+            NaN (the point is named), traced values or another number of points. What the function
+            itself refuses, such as a negative thickness, is passed on.
     """
     if not isinstance(ranges, Mapping):
-        raise ValueError(f"ranges is {ranges!r}; write them by name, such as {{'thickness': (0.0, 5e-6)}}")
+        raise ValueError(
+            f"ranges is {ranges!r}; write them by name, such as {{'thickness': (0.0, 5e-6)}}"
+        )
     names = tuple(ranges)
     if not 1 <= len(names) <= MOST_AXES:
-        raise ValueError(f"a table has 1 to {MOST_AXES} parameters, not {len(names)}: {', '.join(names)}")
+        raise ValueError(
+            f"a table has 1 to {MOST_AXES} parameters, not {len(names)}: {', '.join(names)}"
+        )
     if not 0 < tolerance < np.inf:
         raise ValueError(f"tolerance is {tolerance}; it must be positive, such as 1e-4")
     ends = np.array([_ends(name, ranges[name]) for name in names])
@@ -204,10 +227,14 @@ def _ends(name: str, pair: Numbers) -> tuple[float, float]:
     return low, high
 
 
-def _drawn_from(names: tuple[str, ...], ends: np.ndarray, samples: Mapping[str, Numbers]) -> np.ndarray:
+def _drawn_from(
+    names: tuple[str, ...], ends: np.ndarray, samples: Mapping[str, Numbers]
+) -> np.ndarray:
     """Samples as (samples, axes)."""
     if set(samples) != set(names):
-        raise ValueError(f"samples are of {', '.join(samples)}, but the parameters are {', '.join(names)}")
+        raise ValueError(
+            f"samples are of {', '.join(samples)}, but the parameters are {', '.join(names)}"
+        )
     columns = [np.asarray(samples[name], float).reshape(-1) for name in names]
     for name, column, (low, high) in zip(names, columns, ends, strict=True):
         _check_range(name, column, Axis(low, high))
@@ -227,14 +254,17 @@ def _check_range(name: str, values: Numbers, axis: Axis | Mirrored) -> None:
         return
     wrong = known[~((known >= axis.low - room) & (known <= axis.high + room))].flat[0]
     raise ValueError(
-        f"{name} is {wrong:g}, outside the table's range {axis.low:g} to {axis.high:g}; build one that covers it"
+        f"{name} is {wrong:g}, outside the table's range {axis.low:g} to {axis.high:g}; build "
+        "one that covers it"
     )
 
 
 @functools.partial(jax.custom_jvp, nondiff_argnums=(0,))
 def _interpolate(axes: tuple, coefficients: Array, columns: tuple[Array, ...]) -> Array:
     """Values (points, channels) at columns (points,)."""
-    return _in_pieces(lambda *some: (_values(axes, coefficients, some, jnp),), coefficients, columns)[0]
+    return _in_pieces(
+        lambda *some: (_values(axes, coefficients, some, jnp),), coefficients, columns
+    )[0]
 
 
 def _interpolate_jvp(axes: tuple, primals, tangents):
@@ -276,7 +306,9 @@ def _in_pieces(function: Callable, coefficients: Array, columns: tuple[Array, ..
     if count <= size:
         return [values.T for values in function(*columns)]
     pieces = -(-count // size)
-    padded = tuple(jnp.pad(c, (0, -count % pieces), mode="edge").reshape(pieces, -1) for c in columns)
+    padded = tuple(
+        jnp.pad(c, (0, -count % pieces), mode="edge").reshape(pieces, -1) for c in columns
+    )
     # Points last until the end: a row of three channels is shorter than the processor's vectors.
     out = jax.lax.map(lambda some: function(*some), padded)
     return [jnp.swapaxes(values, 1, 2).reshape(-1, values.shape[1])[:count] for values in out]
@@ -303,7 +335,9 @@ def _values(axes: tuple, coefficients: Any, columns: Any, xp: ModuleType) -> Any
     for basis in others:
         values = values.reshape(basis.shape[0], -1, values.shape[-1])
         # Term by term, not one sum over an axis: the compiler then vectorises along the points.
-        values = functools.reduce(lambda total, k: total + values[k] * basis[k], range(1, len(basis)), values[0])
+        values = functools.reduce(
+            lambda total, k: total + values[k] * basis[k], range(1, len(basis)), values[0]
+        )
     return values
 
 
@@ -321,35 +355,51 @@ class _Counted:
             return self._some(points)
         spare = -len(points) % self.block
         padded = np.concatenate([points, np.repeat(points[-1:], spare, axis=0)])
-        return np.concatenate([self._some(piece) for piece in np.split(padded, len(padded) // self.block)])[
-            : len(points)
-        ]
+        return np.concatenate(
+            [self._some(piece) for piece in np.split(padded, len(padded) // self.block)]
+        )[: len(points)]
 
     def _some(self, points: np.ndarray) -> np.ndarray:
         found = concrete(self.function(**dict(zip(self.names, points.T.copy(), strict=True))))
         if found is None:
-            raise ValueError("the function gave values that JAX traces: build the table outside jit, use it inside")
+            raise ValueError(
+                "the function gave values that JAX traces: build the table outside jit, use it "
+                "inside"
+            )
         if found.shape[:1] != points.shape[:1]:
             raise ValueError(
-                f"the function gave shape {found.shape} for {len(points)} points; its first axis must be the points: "
+                f"the function gave shape {found.shape} for {len(points)} points; its first axis "
+                "must be the points: "
                 "wrap a function of single numbers in jax.vmap"
             )
         self.shape = found.shape[1:]
         values = np.asarray(found, float).reshape(len(points), -1)
         wrong = np.flatnonzero(~np.isfinite(values).all(axis=1))
         if wrong.size:
-            there = ", ".join(f"{name} {x:g}" for name, x in zip(self.names, points[wrong[0]], strict=True))
-            raise ValueError(f"the function is not finite at {there}: keep the ranges to where it is")
+            there = ", ".join(
+                f"{name} {x:g}" for name, x in zip(self.names, points[wrong[0]], strict=True)
+            )
+            raise ValueError(
+                f"the function is not finite at {there}: keep the ranges to where it is"
+            )
         return values
 
 
 class _Builder:
     """A table in the making, in NumPy."""
 
-    def __init__(self, function: _Counted, ends: np.ndarray, samples: np.ndarray | None, distance: Distance | None):
+    def __init__(
+        self,
+        function: _Counted,
+        ends: np.ndarray,
+        samples: np.ndarray | None,
+        distance: Distance | None,
+    ):
         self.function, self.samples = function, samples
         self.low, self.high = ends.T
-        self.distance = distance or (lambda one, two: np.max(np.abs(one - two).reshape(len(one), -1), axis=-1))
+        self.distance = distance or (
+            lambda one, two: np.max(np.abs(one - two).reshape(len(one), -1), axis=-1)
+        )
         self.rng = np.random.default_rng(0)
         self.axes = tuple(self._best_axis(k) for k in range(len(ends)))
 
@@ -358,18 +408,30 @@ class _Builder:
         values = self._grid([extrema(_FIRST)] * len(self.axes))
         while True:
             coefficients = _coefficients(values)
-            points, truth, error = np.zeros((0, len(self.axes))), np.zeros((0, values.shape[-1])), 0.0
+            points, truth, error = (
+                np.zeros((0, len(self.axes))),
+                np.zeros((0, values.shape[-1])),
+                0.0,
+            )
             for count in _CHECKS:
                 new = self._random_points(count)
-                points, truth = np.concatenate([points, new]), np.concatenate([truth, self.function(new)])
+                points, truth = (
+                    np.concatenate([points, new]),
+                    np.concatenate([truth, self.function(new)]),
+                )
                 error = self._missed(coefficients, points, truth)
                 if error > tolerance:
                     break
             if error <= tolerance:
                 return self._shortened(coefficients, error, tolerance, points, truth)
-            tails = [float(np.max(np.abs(np.moveaxis(coefficients, k, 0)[-2:]))) for k in range(len(self.axes))]
+            tails = [
+                float(np.max(np.abs(np.moveaxis(coefficients, k, 0)[-2:])))
+                for k in range(len(self.axes))
+            ]
             grow = axes_to_refine(tails, [n < _LAST for n in coefficients.shape[:-1]], _TOGETHER)
-            after = math.prod(2 * n - 1 if g else n for n, g in zip(values.shape, grow, strict=False))
+            after = math.prod(
+                2 * n - 1 if g else n for n, g in zip(values.shape, grow, strict=False)
+            )
             if not any(grow) or after > most_points:
                 return coefficients, error
             for k, more in enumerate(grow):
@@ -377,13 +439,22 @@ class _Builder:
                     values = self._refined(values, k)
 
     def _shortened(
-        self, coefficients: np.ndarray, error: float, tolerance: float, points: np.ndarray, truth: np.ndarray
+        self,
+        coefficients: np.ndarray,
+        error: float,
+        tolerance: float,
+        points: np.ndarray,
+        truth: np.ndarray,
     ) -> tuple[np.ndarray, float]:
-        """Fewer terms, as long as the error stays below: nodes double, so that half of them may be needless."""
+        """Fewer terms, as long as the error stays below: nodes double, so that half of them may be
+        needless.
+        """
         shorter = [coefficients]
         while True:
             last = shorter[-1]
-            tried = [last.take(range(n - 1), axis=k) for k, n in enumerate(last.shape[:-1]) if n > 2]
+            tried = [
+                last.take(range(n - 1), axis=k) for k, n in enumerate(last.shape[:-1]) if n > 2
+            ]
             missed = [self._missed(short, points, truth) for short in tried]
             if not tried or min(missed) > tolerance:
                 break
@@ -392,7 +463,10 @@ class _Builder:
             return coefficients, error
         # Terms were dropped by the errors at these points, so others must judge.
         fresh = self._random_points(_CHECKS[-1])
-        points, truth = np.concatenate([points, fresh]), np.concatenate([truth, self.function(fresh)])
+        points, truth = (
+            np.concatenate([points, fresh]),
+            np.concatenate([truth, self.function(fresh)]),
+        )
         while True:
             last = shorter.pop()
             error = self._missed(last, points, truth)
@@ -405,12 +479,21 @@ class _Builder:
         return SAFETY * float(np.max(self.distance(guess.reshape(shape), truth.reshape(shape))))
 
     def _random_points(self, count: int) -> np.ndarray:
-        """Points not used before: of the samples, or half of them evenly and half as the nodes lie."""
+        """Points not used before: of the samples, or half of them evenly and half as the
+        nodes lie.
+        """
         if self.samples is not None:
             return self.samples[self.rng.integers(0, len(self.samples), count)]
-        even = self.low + self.rng.uniform(0.0, 1.0, (count // 2, self.low.size)) * (self.high - self.low)
+        even = self.low + self.rng.uniform(0.0, 1.0, (count // 2, self.low.size)) * (
+            self.high - self.low
+        )
         angles = self.rng.uniform(0.0, np.pi, (self.low.size, count // 2))
-        return np.concatenate([even, np.stack([a.point(np.cos(x)) for a, x in zip(self.axes, angles, strict=True)], 1)])
+        return np.concatenate(
+            [
+                even,
+                np.stack([a.point(np.cos(x)) for a, x in zip(self.axes, angles, strict=True)], 1),
+            ]
+        )
 
     def _grid(self, coordinates: list[np.ndarray]) -> np.ndarray:
         """Values on a tensor grid, (n_1, ..., channels)."""
@@ -419,16 +502,24 @@ class _Builder:
         return self.function(mesh.reshape(-1, len(self.axes))).reshape(*mesh.shape[:-1], -1)
 
     def _best_axis(self, k: int) -> Axis | Mirrored:
-        """The coordinate in which polynomials of a low degree come nearest, along two lines through the range."""
+        """The coordinate in which polynomials of a low degree come nearest, along two lines through
+        the range.
+        """
         low, high = float(self.low[k]), float(self.high[k])
         line = trial_line(low, high, both_ends=True)
-        points = np.repeat((self.low + np.array([[0.1], [0.6]]) * (self.high - self.low))[:, None], line.size, axis=1)
+        points = np.repeat(
+            (self.low + np.array([[0.1], [0.6]]) * (self.high - self.low))[:, None],
+            line.size,
+            axis=1,
+        )
         points[..., k] = line
         values = self.function(points.reshape(-1, self.low.size)).reshape(2, line.size, -1)
         values = values.transpose(1, 0, 2).reshape(line.size, -1)
         axes: list[Axis | Mirrored] = [Axis(low, high)]
         for curvature in CURVATURES[1:]:
-            axes += ([Axis(low, high, curvature)] if low >= 0 else []) + [Mirrored(low, high, curvature)]
+            axes += ([Axis(low, high, curvature)] if low >= 0 else []) + [
+                Mirrored(low, high, curvature)
+            ]
         return best_axis(axes, line, values, _SCAN_DEGREE, gain=0.8)
 
     def _refined(self, values: np.ndarray, k: int) -> np.ndarray:
@@ -445,5 +536,7 @@ class _Builder:
 def _coefficients(values: np.ndarray) -> np.ndarray:
     """Chebyshev coefficients of values at the extrema along all axes but the last."""
     for k, count in enumerate(values.shape[:-1]):
-        values = np.moveaxis(np.tensordot(coefficients_from_nodes(extrema, count), values, (1, k)), 0, k)
+        values = np.moveaxis(
+            np.tensordot(coefficients_from_nodes(extrema, count), values, (1, k)), 0, k
+        )
     return values

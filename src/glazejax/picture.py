@@ -1,8 +1,9 @@
 """Glazed pictures: layers whose thickness changes from pixel to pixel, to sRGB.
 
-Every pixel is a glaze of its own, but all are points of one function: colour against the few numbers that differ
-from pixel to pixel. That function is computed where it is needed to meet a colour difference asked for, and
-interpolated in XYZ for all pixels; `full` computes every distinct pixel.
+Every pixel is a glaze of its own, but all are points of one function: colour against the few
+numbers that differ from pixel to pixel. That function is computed where it is needed to meet a
+colour difference asked for, and interpolated in XYZ for all pixels; `full` computes every distinct
+pixel.
 """
 
 from __future__ import annotations
@@ -25,8 +26,9 @@ from .radiative.plan.plan import ALL, Savings, plan_stacks
 from .radiative.plan.reduction import distinct
 from .spectra import Numbers, as_array, concrete
 
-# Share of the colour difference left to the interpolation, and solver tolerance for one unit of it: near black, where
-# colour differences are most sensitive, an error of 1e-5 in one of X, Y, Z makes about 0.06.
+# Share of the colour difference left to the interpolation, and solver tolerance for one unit of it:
+# near black, where colour differences are most sensitive, an error of 1e-5 in one of X, Y, Z makes
+# about 0.06.
 _SHARE = 0.9
 _SOLVER = 1e-5
 # Stacks planned together where every pixel is computed.
@@ -43,8 +45,8 @@ class Picture:
         srgb: (h, w, 3), encoded sRGB in [0, 1].
         xyz: (h, w, 3), CIE XYZ, Y = 1 for the perfect diffuser.
         report: what was computed and what was not, in words.
-        delta_e: estimated largest CIEDE2000 difference from computing every pixel; 0 if every pixel was.
-        computed: number of glazes whose spectrum was computed.
+        delta_e: estimated largest CIEDE2000 difference from computing every pixel; 0 if every pixel
+        was. computed: number of glazes whose spectrum was computed.
     """
 
     srgb: Float[Array, "h w 3"]
@@ -86,8 +88,8 @@ def picture(
     Args:
         layers: paint of each layer, top first, all on the same wavelengths.
         thickness_maps: thickness of each layer in m, (h, w) or one number.
-        substrate: reflectance of the ground inside the medium, in [0, 1]: one number, a spectrum (bands,), or a
-            map (h, w) of grey.
+        substrate: reflectance of the ground inside the medium, in [0, 1]: one number, a spectrum
+            (bands,), or a map (h, w) of grey.
         geometry: where light comes from and from where one looks, one angle each; 45:0 if left out.
         refractive_index: of all layers, one number or (bands,), in [1, 2.5].
         illuminant, observer: see `glazejax.colour.colour_weights`.
@@ -99,13 +101,13 @@ def picture(
         `Picture`.
 
     Raises:
-        ValueError: maps of different shapes, none at all, a thickness that is NaN, negative or not in metres, another
-            number of maps than layers, an angle for each of many directions, or what `Glaze` and the colour
-            functions refuse.
+        ValueError: maps of different shapes, none at all, a thickness that is NaN, negative or not
+            in metres, another number of maps than layers, an angle for each of many directions, or
+            what `Glaze` and the colour functions refuse.
 
     Notes:
-        Up to three maps that are not constant are interpolated, with an error checked at pixels of the picture. More
-        than that, or few distinct pixels, and every distinct pixel is computed.
+        Up to three maps that are not constant are interpolated, with an error checked at pixels of
+        the picture. More than that, or few distinct pixels, and every distinct pixel is computed.
     """
     if not 0 < delta_e < 100:
         raise ValueError(f"delta_e is {delta_e}; it must be positive, such as 0.1")
@@ -120,8 +122,12 @@ def picture(
     )
     tolerance = min(1e-3, _SOLVER * delta_e)
     columns, varying = inputs.varying()
-    first, inverse = distinct(columns) if columns else (np.zeros(1, int), np.zeros(inputs.pixels, int))
-    points = np.stack([column[first] for column in columns], axis=1) if columns else np.zeros((1, 0))
+    first, inverse = (
+        distinct(columns) if columns else (np.zeros(1, int), np.zeros(inputs.pixels, int))
+    )
+    points = (
+        np.stack([column[first] for column in columns], axis=1) if columns else np.zeros((1, 0))
+    )
     counter = _Computed(inputs, varying, tolerance, savings)
     values, error, words = None, 0.0, ""
     if not full and len(first) > _FEW and 1 <= points.shape[1] <= MOST_AXES:
@@ -144,7 +150,11 @@ def picture(
     xyz = jnp.maximum(jnp.asarray(values), 0.0)[inverse].reshape(*inputs.shape, 3)
     report = f"{inputs.pixels} pixels, {len(first)} distinct, {counter.count} computed{words}"
     return Picture(
-        srgb=colour.xyz_to_srgb(xyz, inputs.white), xyz=xyz, report=report, delta_e=error, computed=counter.count
+        srgb=colour.xyz_to_srgb(xyz, inputs.white),
+        xyz=xyz,
+        report=report,
+        delta_e=error,
+        computed=counter.count,
     )
 
 
@@ -155,29 +165,50 @@ class _PictureInputs:
         layers = list(layers)
         maps = [as_array(m) for m in maps]
         if not layers or len(layers) != len(maps):
-            raise ValueError(f"{len(layers)} layers and {len(maps)} thickness maps: give each layer one map or number")
+            raise ValueError(
+                f"{len(layers)} layers and {len(maps)} thickness maps: give each layer one map "
+                "or number"
+            )
         coats = [Layer(medium, thickness) for medium, thickness in zip(layers, maps, strict=True)]
         ground = np.asarray(_known("substrate", substrate), float)
         thickness = [np.asarray(_known("thickness", m), float) for m in maps]
         names = [f"thickness of {medium.name!r}" for medium in layers] + ["substrate"]
         for name, array in zip(names, [*thickness, ground], strict=True):
             if array.ndim not in ((0, 2) if name != "substrate" else (0, 1, 2)):
-                raise ValueError(f"{name} has shape {array.shape}; it must be a map (h, w) or one number")
-        shapes = {name: a.shape for name, a in zip(names, [*thickness, ground], strict=True) if a.ndim == 2}
+                raise ValueError(
+                    f"{name} has shape {array.shape}; it must be a map (h, w) or one number"
+                )
+        shapes = {
+            name: a.shape
+            for name, a in zip(names, [*thickness, ground], strict=True)
+            if a.ndim == 2
+        }
         if len(set(shapes.values())) != 1:
             listing = ", ".join(f"{name} {shape}" for name, shape in shapes.items())
-            fix = f"maps differ in shape: {listing}" if shapes else "no map: for one glaze use glazejax.reflectance"
+            fix = (
+                f"maps differ in shape: {listing}"
+                if shapes
+                else "no map: for one glaze use glazejax.reflectance"
+            )
             raise ValueError(fix)
         self.shape = next(iter(shapes.values()))
         self.pixels = int(np.prod(self.shape))
         if self.pixels == 0:
             raise ValueError(f"maps of shape {self.shape} hold no pixel")
-        # One glaze of unit thickness (1 mm, so that it is legal) holds the coefficients, and checks the rest.
-        unit = Glaze([Layer(coat.medium, 1e-3) for coat in coats], ground if ground.ndim < 2 else 0.0, refractive_index)
+        # One glaze of unit thickness (1 mm, so that it is legal) holds the coefficients, and checks
+        # the rest.
+        unit = Glaze(
+            [Layer(coat.medium, 1e-3) for coat in coats],
+            ground if ground.ndim < 2 else 0.0,
+            refractive_index,
+        )
         if ground.ndim == 2:
             Glaze([], ground)
         if unit.phase is not None:
-            raise ValueError("a picture takes paint that scatters isotropically; glazejax.reflectance follows phase")
+            raise ValueError(
+                "a picture takes paint that scatters isotropically; glazejax.reflectance follows "
+                "phase"
+            )
         self.albedo = np.asarray(unit.albedo, float)  # (bands, layers)
         self.extinction = 1e3 * np.asarray(unit.optical_thickness, float)
         self.refractive_index = np.asarray(unit.refractive_index, float)
@@ -189,7 +220,9 @@ class _PictureInputs:
         self.white = colour.white_point(grid, illuminant, observer)
 
     def varying(self) -> tuple[list[np.ndarray], list[int]]:
-        """Maps that are not constant, flattened, and their number: that of a layer, or -1 for the ground."""
+        """Maps that are not constant, flattened, and their number: that of a layer, or -1 for the
+        ground.
+        """
         maps = [*enumerate(self.thickness), (-1, self.ground)]
         chosen = [(k, m.reshape(-1)) for k, m in maps if m.ndim == 2 and m.min() < m.max()]
         return [m for _, m in chosen], [k for k, _ in chosen]
@@ -202,38 +235,63 @@ class _PictureInputs:
 def _known(name: str, values: Numbers) -> np.ndarray:
     array = concrete(values)
     if array is None:
-        raise ValueError(f"{name} is traced by JAX, but a picture looks at its numbers: make it outside jit and grad")
+        raise ValueError(
+            f"{name} is traced by JAX, but a picture looks at its numbers: make it outside jit "
+            "and grad"
+        )
     return array
 
 
-def _directions(geometry: Geometry, index: np.ndarray) -> tuple[tuple[float, float | None], np.ndarray]:
-    """Cosines of incidence and viewing in air (None: hemispherical), and the surface's own reflectance, added."""
+def _directions(
+    geometry: Geometry, index: np.ndarray
+) -> tuple[tuple[float, float | None], np.ndarray]:
+    """Cosines of incidence and viewing in air (None: hemispherical), and the surface's own
+    reflectance, added.
+    """
     match geometry:
         case Bidirectional():
-            viewing, mirror = np.asarray(geometry.cos_viewing, float), geometry.incidence == geometry.viewing
+            viewing, mirror = (
+                np.asarray(geometry.cos_viewing, float),
+                geometry.incidence == geometry.viewing,
+            )
         case Hemispherical():
             viewing, mirror = None, True
         case _:
-            raise TypeError(f"geometry must be Bidirectional or Hemispherical, not {type(geometry).__name__}")
+            raise TypeError(
+                f"geometry must be Bidirectional or Hemispherical, not {type(geometry).__name__}"
+            )
     incidence = np.asarray(geometry.cos_incidence, float)
     if incidence.ndim or (viewing is not None and viewing.ndim):
-        raise ValueError("a picture has one angle of incidence and one of viewing, not an array of them")
+        raise ValueError(
+            "a picture has one angle of incidence and one of viewing, not an array of them"
+        )
     specular = geometry.specular and bool(mirror)
-    surface = np.asarray(dielectric_reflectance(float(incidence), index)) if specular else np.zeros(())
+    surface = (
+        np.asarray(dielectric_reflectance(float(incidence), index)) if specular else np.zeros(())
+    )
     return (float(incidence), None if viewing is None else float(viewing)), surface
 
 
 class _Computed:
     """XYZ by the solver, for points that hold the varying quantities; counts them."""
 
-    def __init__(self, inputs: _PictureInputs, varying: list[int], tolerance: float, savings: Savings):
-        self.inputs, self.varying, self.tolerance, self.savings = inputs, varying, tolerance, savings
+    def __init__(
+        self, inputs: _PictureInputs, varying: list[int], tolerance: float, savings: Savings
+    ):
+        self.inputs, self.varying, self.tolerance, self.savings = (
+            inputs,
+            varying,
+            tolerance,
+            savings,
+        )
         self.count = 0
 
     def __call__(self, points: np.ndarray) -> np.ndarray:
         self.count += len(points)
         size = max(1, _STACKS // len(self.inputs.weights))
-        return np.concatenate([self._some(points[i : i + size]) for i in range(0, len(points), size)])
+        return np.concatenate(
+            [self._some(points[i : i + size]) for i in range(0, len(points), size)]
+        )
 
     def _some(self, points: np.ndarray) -> np.ndarray:
         inputs = self.inputs

@@ -34,7 +34,8 @@ STYLE: dict[Any, Any] = {
     "ytick.color": FAINT,
     "legend.frameon": False,
     "legend.fontsize": 8,
-    # Pictures say their own layout: one of the user's settings would move what is placed by hand, and warn.
+    # Pictures say their own layout: one of the user's settings would move what is placed by hand,
+    # and warn.
     "figure.constrained_layout.use": False,
     "figure.autolayout": False,
 }
@@ -43,7 +44,9 @@ _DPI = 110
 
 @contextmanager
 def style(more: Mapping[Any, Any] | None = None) -> Generator[None]:
-    """Draw in the style of all pictures; `more` are settings of matplotlib's own that come on top."""
+    """Draw in the style of all pictures; `more` are settings of matplotlib's own that
+    come on top.
+    """
     require("matplotlib")
     from matplotlib import rc_context
 
@@ -52,8 +55,12 @@ def style(more: Mapping[Any, Any] | None = None) -> Generator[None]:
 
 
 @contextmanager
-def picture(path: str | Path, width: float, height: float, *, layout: Any = "constrained") -> "Generator[Figure]":
-    """An empty figure to draw on, inches; afterwards it is written in the format of the path's ending."""
+def picture(
+    path: str | Path, width: float, height: float, *, layout: Any = "constrained"
+) -> "Generator[Figure]":
+    """An empty figure to draw on, inches; afterwards it is written in the format of the path's
+    ending.
+    """
     with style():
         from matplotlib.figure import Figure
 
@@ -63,12 +70,15 @@ def picture(path: str | Path, width: float, height: float, *, layout: Any = "con
 
 
 def label_spectra(axes: "Axes", ylabel: str = "reflectance", **settings: Any) -> None:
-    """Labels of axes with the wavelength along x; further settings as of matplotlib's ``axes.set``."""
+    """Labels of axes with the wavelength along x; further settings as of matplotlib's
+    ``axes.set``.
+    """
     axes.set(xlabel="wavelength (nm)", ylabel=ylabel, **settings)
 
 
 def check_picture(path: str | Path, *, overwrite: bool = False, argument: str = "") -> Path:
-    """The path of a picture, if one can be written there; errors begin with ``argument``, such as ``--out``.
+    """The path of a picture, if one can be written there; errors begin with ``argument``, such as
+    ``--out``.
 
     Raises:
         FileExistsError: the file exists and `overwrite` is false.

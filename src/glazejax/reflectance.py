@@ -23,21 +23,22 @@ def reflectance(
     """Reflectance spectrum of a glaze as an instrument sees it.
 
     Args:
-        glaze: layers on a ground; thicknesses, weights and coefficients may carry leading batch axes.
-        geometry: `Bidirectional` gives the reflectance factor pi L_out / E_in, `Hemispherical` the reflected
-            share of the flux. With its `specular` flag, the Fresnel reflectance of the outer surface is
-            added (for `Bidirectional` only where viewing equals incidence).
+        glaze: layers on a ground; thicknesses, weights and coefficients may carry leading batch
+        axes. geometry: `Bidirectional` gives the reflectance factor pi L_out / E_in,
+        `Hemispherical` the reflected
+            share of the flux. With its `specular` flag, the Fresnel reflectance of the outer
+            surface is added (for `Bidirectional` only where viewing equals incidence).
         tolerance: absolute error wanted; static.
-        method: "ordinates", or "auxiliary" or "manyflux": the same quantity another way. By default the first, or
-            "manyflux" where a paint has a phase function: only it can follow that.
+        method: "ordinates", or "auxiliary" or "manyflux": the same quantity another way. By default
+            the first, or "manyflux" where a paint has a phase function: only it can follow that.
 
     Returns:
         (..., bands); one band if neither layers nor substrate have bands.
 
     Raises:
         TypeError: `geometry` is neither of the two, or `glaze` is no Glaze.
-        ValueError: the solver refuses `tolerance` or `method`, or a glaze with phase functions has an index that
-            varies or is traced.
+        ValueError: the solver refuses `tolerance` or `method`, or a glaze with phase functions has
+            an index that varies or is traced.
 
     Example:
         >>> from glazejax import Bidirectional, Layer, catalogue
@@ -51,14 +52,19 @@ def reflectance(
     check_glaze(glaze)
     phase = glaze.phase
     if phase is not None and method not in (None, "manyflux"):
-        raise ValueError(f"method {method!r} takes isotropic scattering only; a paint here has a phase function")
+        raise ValueError(
+            f"method {method!r} takes isotropic scattering only; a paint here has a phase function"
+        )
     n = glaze.refractive_index
     stack = glaze.albedo, glaze.optical_thickness, glaze.substrate
     given: dict[str, Any] = {"refractive_index": n, "tolerance": tolerance}
     given |= {"method": method or "ordinates"} if phase is None else {"phase": phase}
     match geometry:
         case Bidirectional():
-            directions: dict[str, Any] = {"cos_incidence": geometry.cos_incidence, "cos_viewing": geometry.cos_viewing}
+            directions: dict[str, Any] = {
+                "cos_incidence": geometry.cos_incidence,
+                "cos_viewing": geometry.cos_viewing,
+            }
             if phase is None:
                 diffuse = stack_reflectance_factor(*stack, **directions, **given)
             else:
@@ -66,16 +72,21 @@ def reflectance(
 
                 azimuth = jnp.asarray(geometry.azimuth)
                 azimuth = azimuth[..., None] if azimuth.ndim else azimuth
-                diffuse = manyflux_reflectance_factor(*stack, **directions, azimuth=azimuth, **given)
+                diffuse = manyflux_reflectance_factor(
+                    *stack, **directions, azimuth=azimuth, **given
+                )
         case Hemispherical():
             if phase is None:
                 solve = stack_hemispherical_reflectance
             else:
-                from .radiative.manyflux.reflectance import manyflux_hemispherical_reflectance as solve
+                from .radiative.manyflux.reflectance import (
+                    manyflux_hemispherical_reflectance as solve,
+                )
             diffuse = solve(*stack, cos_incidence=geometry.cos_incidence, **given)
         case _:
             raise TypeError(
-                f"geometry must be a Bidirectional or a Hemispherical, such as Bidirectional(45, 0), not {geometry!r}"
+                "geometry must be a Bidirectional or a Hemispherical, such as Bidirectional(45, "
+                f"0), not {geometry!r}"
             )
     if not geometry.specular:
         return diffuse

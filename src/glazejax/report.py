@@ -7,14 +7,16 @@ from rich.table import Table
 from rich.text import Text
 
 
-def plain_table(*columns: str, title: str | None = None, words: Collection[int] = (0,), **style: Any) -> Table:
+def plain_table(
+    *columns: str, title: str | None = None, words: Collection[int] = (0,), **style: Any
+) -> Table:
     """Table without lines.
 
     Args:
         columns: their titles; figures stand to the right and are never broken.
         title: of the table.
-        words: numbers of the columns that hold words: they stand to the left, and long ones go on in the next line.
-        style: further arguments of `rich.table.Table`.
+        words: numbers of the columns that hold words: they stand to the left, and long ones go on
+        in the next line. style: further arguments of `rich.table.Table`.
     """
     table = Table(title=title, title_justify="left", box=None, **style)
     for number, name in enumerate(columns):

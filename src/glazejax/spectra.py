@@ -10,8 +10,8 @@ from jax.core import Tracer
 from jax.typing import ArrayLike
 from jaxtyping import Array, Bool, Float
 
-# What callers may pass: arrays of either kind, numbers, or lists of them. What takes them checks the shape itself, in
-# words: a grid is (bands,), spectra are (..., bands).
+# What callers may pass: arrays of either kind, numbers, or lists of them. What takes them checks
+# the shape itself, in words: a grid is (bands,), spectra are (..., bands).
 Numbers: TypeAlias = ArrayLike | Sequence[Any]
 Grid: TypeAlias = Numbers
 Spectra: TypeAlias = Numbers
@@ -21,7 +21,8 @@ DEFAULT_WAVELENGTHS.setflags(write=False)
 
 # White paper under an ultraviolet-rich lamp and highlights on a calibrated camera both exceed 1.
 MAX_FRACTION = 1.7
-# A whole spectrum below 2 % is darker than any smooth varnished paint, whose surface alone gives 4 %.
+# A whole spectrum below 2 % is darker than any smooth varnished paint, whose surface alone gives 4
+# %.
 MIN_PERCENT = 2.0
 
 # Numbers up to which NumPy computes what is known.
@@ -29,7 +30,9 @@ _SMALL = 1 << 16
 
 
 def as_array(values: Numbers) -> Array | np.ndarray:
-    """Values as they are if an array, else as a NumPy array, or as a JAX one if JAX traces a part of them."""
+    """Values as they are if an array, else as a NumPy array, or as a JAX one if JAX traces a part
+    of them.
+    """
     if isinstance(values, jax.Array | np.ndarray):
         return values
     traced = any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(values))
@@ -45,20 +48,25 @@ def concrete(values: Numbers) -> np.ndarray | None:
 def as_float_array(values: Numbers) -> Float[Array, "..."]:
     """Values as a JAX floating-point array; integers become the default float type."""
     array = jnp.asarray(as_array(values))
-    return array if jnp.issubdtype(array.dtype, jnp.floating) else array.astype(jnp.result_type(float))
+    return (
+        array if jnp.issubdtype(array.dtype, jnp.floating) else array.astype(jnp.result_type(float))
+    )
 
 
 def small(*arrays: Any) -> bool:
-    """Whether all arrays are known real numbers, and so few that NumPy is done before JAX has compiled anything."""
+    """Whether all arrays are known real numbers, and so few that NumPy is done before JAX has
+    compiled anything.
+    """
     known = all(not isinstance(array, Tracer) and array.dtype.kind in "fiub" for array in arrays)
     return known and sum(array.size for array in arrays) <= _SMALL
 
 
 def computed(function: Callable[..., Any], *arrays: Any) -> Float[Array, "..."]:
-    """``function(numpy or jax.numpy, *arrays)`` as a JAX array: by NumPy where all arrays are known and small.
+    """``function(numpy or jax.numpy, *arrays)`` as a JAX array: by NumPy where all arrays are known
+    and small.
 
-    JAX compiles a program for each operation and each shape. That takes some 20 ms, and is what the first answer waits
-    for; NumPy takes microseconds.
+    JAX compiles a program for each operation and each shape. That takes some 20 ms, and is what the
+    first answer waits for; NumPy takes microseconds.
     """
     if not small(*arrays):
         return function(jnp, *arrays)
@@ -75,35 +83,47 @@ def validate_wavelengths(wavelengths: Grid) -> Float[np.ndarray, "bands"]:
     """Check a wavelength grid and return it as a read-only float64 array.
 
     Args:
-        wavelengths: (bands,), nm, strictly ascending, finite, positive. They must be concrete: the grid
-            of a spectrum is part of a program, not of its data.
+        wavelengths: (bands,), nm, strictly ascending, finite, positive. They must be concrete: the
+            grid of a spectrum is part of a program, not of its data.
 
     Raises:
-        ValueError: the grid is traced, empty, not one-dimensional, or holds a wrong value (which is named).
+        ValueError: the grid is traced, empty, not one-dimensional, or holds a wrong value (which is
+            named).
     """
     grid = concrete(wavelengths)
     if grid is None:
-        raise ValueError("wavelengths must be known when a function is traced: close over them, or pass NumPy")
+        raise ValueError(
+            "wavelengths must be known when a function is traced: close over them, or pass NumPy"
+        )
     try:
         grid = np.array(grid, dtype=np.float64)
     except (TypeError, ValueError):
         raise ValueError("wavelengths must be numbers, in nm") from None
     if grid.ndim != 1 or grid.size == 0:
-        raise ValueError(f"wavelengths must be a non-empty one-dimensional array, not of shape {grid.shape}")
+        raise ValueError(
+            f"wavelengths must be a non-empty one-dimensional array, not of shape {grid.shape}"
+        )
     wrong = np.flatnonzero(~np.isfinite(grid) | (grid <= 0))
     if wrong.size:
         i = int(wrong[0])
-        raise ValueError(f"wavelengths must be finite and positive: number {i + 1} is {grid[i]:g} nm")
+        raise ValueError(
+            f"wavelengths must be finite and positive: number {i + 1} is {grid[i]:g} nm"
+        )
     falls = np.flatnonzero(np.diff(grid) <= 0)
     if falls.size:
         i = int(falls[0]) + 1
         raise ValueError(
-            f"wavelengths must ascend: number {i + 1} is {grid[i]:g} nm after {grid[i - 1]:g} nm; sort them"
+            f"wavelengths must ascend: number {i + 1} is {grid[i]:g} nm after {grid[i - 1]:g} "
+            "nm; sort them"
         )
     if grid[-1] < 1e-4:
-        raise ValueError(f"wavelengths are in nm, and {grid[-1]:g} looks like metres: multiply them by 1e9")
+        raise ValueError(
+            f"wavelengths are in nm, and {grid[-1]:g} looks like metres: multiply them by 1e9"
+        )
     if grid[-1] < 10:
-        raise ValueError(f"wavelengths are in nm, and {grid[-1]:g} looks like micrometres: multiply them by 1000")
+        raise ValueError(
+            f"wavelengths are in nm, and {grid[-1]:g} looks like micrometres: multiply them by 1000"
+        )
     grid.setflags(write=False)
     return grid
 
@@ -120,7 +140,9 @@ def describe_grid(wavelengths: Float[np.ndarray, "bands"]) -> str:
 def ranges(wavelengths: Float[np.ndarray, "bands"], chosen: Bool[np.ndarray, "bands"]) -> str:
     """The chosen bands in words, such as ``400-470, 600 nm``."""
     edges = np.flatnonzero(np.diff(np.concatenate([[0], chosen.astype(int), [0]])))
-    runs = [(wavelengths[a], wavelengths[b - 1]) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+    runs = [
+        (wavelengths[a], wavelengths[b - 1]) for a, b in zip(edges[::2], edges[1::2], strict=True)
+    ]
     if not runs:
         return "none"
     return ", ".join(f"{a:g}" if a == b else f"{a:g}-{b:g}" for a, b in runs) + " nm"
@@ -144,14 +166,18 @@ def as_fraction(
         names: one name a row, for the errors; rows are numbered from 1 if left out.
 
     Returns:
-        Reflectance as a fraction, the same shape, and a sentence that says what was changed (or None).
+        Reflectance as a fraction, the same shape, and a sentence that says what was changed (or
+        None).
 
     Raises:
-        ValueError: a value is NaN, infinite, negative or too large, or units are mixed; the row is named.
+        ValueError: a value is NaN, infinite, negative or too large, or units are mixed; the row is
+            named.
     """
     values = np.array(reflectance, dtype=np.float64)
     if values.ndim not in (1, 2) or values.size == 0:
-        raise ValueError(f"reflectance must be of shape (bands,) or (rows, bands), not {values.shape}")
+        raise ValueError(
+            f"reflectance must be of shape (bands,) or (rows, bands), not {values.shape}"
+        )
     rows = np.atleast_2d(values)
     if names is None:
         names = [f"row {i + 1}" for i in range(len(rows))]
@@ -160,7 +186,9 @@ def as_fraction(
     for complaint, wrong in (("not finite", ~np.isfinite(rows)), ("negative", rows < 0)):
         if wrong.any():
             i, j = (int(k) for k in np.argwhere(wrong)[0])
-            raise ValueError(f"reflectance of {names[i]} is {complaint} at band {j + 1}: {rows[i, j]:g}")
+            raise ValueError(
+                f"reflectance of {names[i]} is {complaint} at band {j + 1}: {rows[i, j]:g}"
+            )
     peaks = rows.max(axis=1)
     percent = peaks > MIN_PERCENT
     fractions = peaks <= MAX_FRACTION
@@ -173,8 +201,10 @@ def as_fraction(
     largest = int(peaks.argmax())
     if peaks[largest] > MAX_FRACTION * scale:
         raise ValueError(
-            f"reflectance of {names[largest]} reaches {peaks[largest]:g}, too much for a fraction (at most "
-            f"{MAX_FRACTION:g}) and for percent (above {MIN_PERCENT:g}, at most {100 * MAX_FRACTION:g}); divide by "
+            f"reflectance of {names[largest]} reaches {peaks[largest]:g}, too much for a "
+            "fraction (at most "
+            f"{MAX_FRACTION:g}) and for percent (above {MIN_PERCENT:g}, at most "
+            f"{100 * MAX_FRACTION:g}); divide by "
             "what stands for a reflectance of 1"
         )
     if scale == 1.0:
@@ -189,7 +219,9 @@ def _listed(names: Sequence[str], chosen: Bool[np.ndarray, "rows"]) -> str:
     return ", ".join(picked[:3]) + more
 
 
-def interpolation_matrix(wavelengths: Grid, new_wavelengths: Grid) -> Float[np.ndarray, "bands new"]:
+def interpolation_matrix(
+    wavelengths: Grid, new_wavelengths: Grid
+) -> Float[np.ndarray, "bands new"]:
     """Matrix of linear interpolation: ``values @ matrix`` lies on the new grid.
 
     Raises:
@@ -200,8 +232,14 @@ def interpolation_matrix(wavelengths: Grid, new_wavelengths: Grid) -> Float[np.n
     slack = 1e-6
     if new[0] < old[0] - slack or new[-1] > old[-1] + slack:
         inside = new[(new >= old[0] - slack) & (new <= old[-1] + slack)]
-        fix = f"keep to {describe_grid(inside)}" if inside.size else "they do not meet; choose another spectrum"
-        raise ValueError(f"cannot resample {describe_grid(old)} to {describe_grid(new)} without guessing: {fix}")
+        fix = (
+            f"keep to {describe_grid(inside)}"
+            if inside.size
+            else "they do not meet; choose another spectrum"
+        )
+        raise ValueError(
+            f"cannot resample {describe_grid(old)} to {describe_grid(new)} without guessing: {fix}"
+        )
     return np.stack([np.interp(new, old, unit) for unit in np.eye(old.size)])
 
 
@@ -212,8 +250,9 @@ def resample(
 ) -> Float[Array, "*batch new"] | Float[np.ndarray, "*batch new"]:
     """Spectra on another grid, by linear interpolation, never extrapolated.
 
-    Linear interpolation keeps values between their neighbours (no negative coefficient can appear) and is
-    linear in the values, hence differentiable; its error is at most step^2 / 8 times the curvature.
+    Linear interpolation keeps values between their neighbours (no negative coefficient can appear)
+    and is linear in the values, hence differentiable; its error is at most step^2 / 8 times the
+    curvature.
     It samples and does not average: smooth a noisy fine spectrum first.
 
     Args:
@@ -222,7 +261,8 @@ def resample(
         new_wavelengths: (new,), nm, within the range of `wavelengths`.
 
     Raises:
-        ValueError: a grid is not legal, the new one reaches beyond the old one, or shapes do not match.
+        ValueError: a grid is not legal, the new one reaches beyond the old one, or shapes do not
+            match.
     """
     matrix = interpolation_matrix(wavelengths, new_wavelengths)
     values = as_array(values)

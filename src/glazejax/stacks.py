@@ -1,14 +1,17 @@
-"""A stack of coats as a small JSON file: what the studio, `glazejax render` and Python hand to one another.
+"""A stack of coats as a small JSON file: what the studio, `glazejax render` and Python hand to one
+another.
 
-    {"glazejax": "stack", "version": 1, "geometry": "45:0", "refractive_index": 1.5, "ground": "card",
-     "coats": [{"paint": {"CobaltBlue": 1}, "um": 2}, {"paint": {"ZincWhite": 9, "Eosin": 1}, "um": 20}]}
+    {"glazejax": "stack", "version": 1, "geometry": "45:0", "refractive_index": 1.5, "ground":
+     "card", "coats": [{"paint": {"CobaltBlue": 1}, "um": 2}, {"paint": {"ZincWhite": 9, "Eosin":
+     1}, "um": 20}]}
 
-Coats are top first. `paint` holds parts by weight, which need not sum to 1; `um` is the thickness in micrometres; a
-coat with `"hidden": true` is kept and not counted. The ground is a number (its reflectance as seen from inside the
-paint), "white", "black", "card" (half of it white, half black), ``{"wavelengths": [...], "reflectance": [...]}``, or
-``{"paint": {...}}``: a coat so thick that it hides whatever is below. Paints are the oils by their names and the
-acrylics as ``acrylics/NAME``; `pigments` brings own ones: ``{"Mine": {"wavelengths": [...], "absorption": [...],
-"scattering": [...]}}``, nm and 1/m.
+Coats are top first. `paint` holds parts by weight, which need not sum to 1; `um` is the thickness
+in micrometres; a coat with `"hidden": true` is kept and not counted. The ground is a number (its
+reflectance as seen from inside the paint), "white", "black", "card" (half of it white, half black),
+``{"wavelengths": [...], "reflectance": [...]}``, or
+``{"paint": {...}}``: a coat so thick that it hides whatever is below. Paints are the oils by their
+names and the acrylics as ``acrylics/NAME``; `pigments` brings own ones: ``{"Mine": {"wavelengths":
+[...], "absorption": [...], "scattering": [...]}}``, nm and 1/m.
 """
 
 import json
@@ -42,7 +45,9 @@ _KEYS = {"glazejax", "version", "coats", "ground", "refractive_index", "geometry
 
 
 class Spectrum(NamedTuple):
-    """A measured ground: (bands,), nm, and (bands,), its reflectance as seen from inside the paint."""
+    """A measured ground: (bands,), nm, and (bands,), its reflectance as seen from inside
+    the paint.
+    """
 
     wavelengths: Float[np.ndarray, "bands"]
     reflectance: Float[np.ndarray, "bands"]
@@ -84,8 +89,14 @@ class Stack:
     @property
     def shown(self) -> tuple[Coat, ...]:
         """Coats that count, top first; where the ground is a coat that hides, it is the last."""
-        coats = tuple(coat for coat, hidden in zip(self.coats, self.hidden, strict=True) if not hidden)
-        return (*coats, Coat(self.ground.parts, MAX_THICKNESS, 1)) if isinstance(self.ground, Hiding) else coats
+        coats = tuple(
+            coat for coat, hidden in zip(self.coats, self.hidden, strict=True) if not hidden
+        )
+        return (
+            (*coats, Coat(self.ground.parts, MAX_THICKNESS, 1))
+            if isinstance(self.ground, Hiding)
+            else coats
+        )
 
     @property
     def seen_by(self) -> Geometry:
@@ -125,7 +136,10 @@ class Stack:
         grid = common_grid(self, shelf)
         coats = name_paints(self.shown, shelf)
         used = {name: shelf[name] for coat in coats for _, name in coat.parts}
-        same = {name: p if same_grid(p.wavelengths, grid) else p.resample(grid) for name, p in used.items()}
+        same = {
+            name: p if same_grid(p.wavelengths, grid) else p.resample(grid)
+            for name, p in used.items()
+        }
         return make_media(coats, same)
 
     def glaze(self, side: str = "white") -> Glaze:
@@ -166,19 +180,25 @@ def paints(stack: Stack) -> Mapping[str, Pigment]:
 
 
 def common_grid(stack: Stack, shelf: Mapping[str, Pigment]) -> Float[np.ndarray, "bands"]:
-    """Wavelengths of the uppermost coat, nm, as far as all paints and the ground reach; of the oils without a coat.
+    """Wavelengths of the uppermost coat, nm, as far as all paints and the ground reach; of the oils
+    without a coat.
 
     Raises:
         ValueError: they share none, or a paint is not known.
     """
-    grids = [shelf[find_name(name, shelf)].wavelengths for coat in stack.shown for _, name in coat.parts]
+    grids = [
+        shelf[find_name(name, shelf)].wavelengths for coat in stack.shown for _, name in coat.parts
+    ]
     grids = grids or [next(iter(shelf.values())).wavelengths]
     if isinstance(stack.ground, Spectrum):
         grids.append(stack.ground.wavelengths)
     low, high = max(grid[0] for grid in grids), min(grid[-1] for grid in grids)
     grid = grids[0][(grids[0] >= low - 1e-6) & (grids[0] <= high + 1e-6)]
     if grid.size == 0:
-        raise ValueError("the paints and the ground share no wavelengths: " + "; ".join(map(describe_grid, grids)))
+        raise ValueError(
+            "the paints and the ground share no wavelengths: "
+            + "; ".join(map(describe_grid, grids))
+        )
     return grid
 
 
@@ -199,7 +219,9 @@ def read_stack(path: str | Path) -> Stack:
         try:
             return parse_stack(source.text(most=_MOST_BYTES, fallback=None))
         except ValueError as error:
-            raise error if str(error).startswith(str(path)) else ValueError(f"{path}: {error}") from None
+            raise (
+                error if str(error).startswith(str(path)) else ValueError(f"{path}: {error}")
+            ) from None
 
 
 def write_stack(path: str | Path, stack: Stack, *, overwrite: bool = False) -> Path:
@@ -214,10 +236,13 @@ def write_stack(path: str | Path, stack: Stack, *, overwrite: bool = False) -> P
         The path.
 
     Raises:
-        FileExistsError, FileNotFoundError, IsADirectoryError: see `glazejax.io.outputs.check_output`.
+        FileExistsError, FileNotFoundError, IsADirectoryError: see
+            `glazejax.io.outputs.check_output`.
     """
     path = check_output(path, overwrite=overwrite, switch="overwrite=True")
-    path.write_text(json.dumps(stack_to_dict(stack), indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+    path.write_text(
+        json.dumps(stack_to_dict(stack), indent=1, ensure_ascii=False) + "\n", encoding="utf-8"
+    )
     return path
 
 
@@ -230,14 +255,17 @@ def parse_stack(text: str) -> Stack:
     try:
         return stack_from_dict(json.loads(text))
     except (json.JSONDecodeError, RecursionError) as error:
-        raise ValueError(f"not the JSON of a stack ({error}); the studio writes such files") from None
+        raise ValueError(
+            f"not the JSON of a stack ({error}); the studio writes such files"
+        ) from None
 
 
 def stack_from_dict(given: Any) -> Stack:
     """The stack of what `json.loads` gives, checked whole.
 
     Raises:
-        ValueError: something is missing, unknown or out of range; the message names the value and the fix.
+        ValueError: something is missing, unknown or out of range; the message names the value and
+            the fix.
     """
     if not isinstance(given, dict) or given.get("glazejax") != "stack":
         raise ValueError(
@@ -245,9 +273,14 @@ def stack_from_dict(given: Any) -> Stack:
             '[{"paint": {"CobaltBlue": 1}, "um": 12}]}'
         )
     if given.get("version", 1) != 1:
-        raise ValueError(f"the stack is of version {given['version']!r}, and this glazejax reads version 1: update it")
+        raise ValueError(
+            f"the stack is of version {given['version']!r}, and this glazejax reads version 1: "
+            "update it"
+        )
     if unknown := set(given) - _KEYS:
-        raise ValueError(f"a stack has no {sorted(unknown)[0]!r}; it has {', '.join(sorted(_KEYS))}")
+        raise ValueError(
+            f"a stack has no {sorted(unknown)[0]!r}; it has {', '.join(sorted(_KEYS))}"
+        )
     listed = given.get("coats", [])
     if not isinstance(listed, list) or len(listed) > MOST_COATS:
         raise ValueError(f'"coats" must be a list of {MOST_COATS} coats at most')
@@ -273,12 +306,19 @@ def stack_from_dict(given: Any) -> Stack:
 def _coat(number: int, given: Any, shelf: Mapping[str, Pigment]) -> Coat:
     where = f"coat {number}"
     if not isinstance(given, dict) or not {"paint", "um"} <= set(given):
-        raise ValueError(f'{where} must have "paint" and "um", such as {{"paint": {{"CobaltBlue": 1}}, "um": 12}}')
+        raise ValueError(
+            f'{where} must have "paint" and "um", such as {{"paint": {{"CobaltBlue": 1}}, "um": '
+            f"12}}"
+        )
     thickest = MAX_THICKNESS * 1e6
     if (um := _real(given["um"])) is None:
-        raise ValueError(f'{where}: "um" is {given["um"]!r}; it must be a number of micrometres, without a unit')
+        raise ValueError(
+            f'{where}: "um" is {given["um"]!r}; it must be a number of micrometres, without a unit'
+        )
     if not 0 <= um <= thickest:
-        raise ValueError(f"{where} is {um:g} micrometres thick; it must be between 0 and {thickest:g}")
+        raise ValueError(
+            f"{where} is {um:g} micrometres thick; it must be between 0 and {thickest:g}"
+        )
     return Coat(_parts(where, given["paint"], shelf), um / 1e6, 1)
 
 
@@ -292,7 +332,9 @@ def _parts(where: str, given: Any, shelf: Mapping[str, Pigment]) -> tuple[tuple[
     weights = {}
     for name, value in given.items():
         if (weight := _real(value)) is None or not 0 <= weight <= 1e9:
-            raise ValueError(f"{where}: the part of {name} is {value}; it must be a number from 0 on")
+            raise ValueError(
+                f"{where}: the part of {name} is {value}; it must be a number from 0 on"
+            )
         try:
             weights[find_name(name, shelf)] = weight
         except ValueError as error:
@@ -309,16 +351,21 @@ def _ground(given: Any, shelf: Mapping[str, Pigment]) -> Ground:
     if isinstance(given, dict) and "paint" in given:
         return Hiding(_parts("the ground", given["paint"], shelf))
     if isinstance(given, dict):
-        grid, values = (_curve(f"{key} of the ground", given.get(key)) for key in ("wavelengths", "reflectance"))
+        grid, values = (
+            _curve(f"{key} of the ground", given.get(key)) for key in ("wavelengths", "reflectance")
+        )
         grid = validate_wavelengths(grid)
         if values.shape != grid.shape or values.min() < 0 or values.max() > 1:
             raise ValueError("the ground needs one reflectance from 0 to 1 for each wavelength")
         return Spectrum(grid, values)
     if isinstance(given, str):
-        raise ValueError(f"the ground is {given!r}; write a number from 0 to 1, white, black or card")
+        raise ValueError(
+            f"the ground is {given!r}; write a number from 0 to 1, white, black or card"
+        )
     if (value := _real(given)) is not None and 2 <= value <= 100:
         raise ValueError(
-            f"the ground is {given!r}; it must be a number between 0 and 1: {given!r} percent are {value / 100:g}"
+            f"the ground is {given!r}; it must be a number between 0 and 1: {given!r} percent "
+            f"are {value / 100:g}"
         )
     return _number("the ground", given, 0.0, 1.0)
 
@@ -336,9 +383,18 @@ def pigment_from_dict(name: str, given: Any) -> Pigment:
         ValueError: a column is missing or holds what is no coefficient.
     """
     if not isinstance(given, dict) or not {"wavelengths", "absorption", "scattering"} <= set(given):
-        raise ValueError(f"paint {name!r} must have wavelengths (nm), absorption and scattering (1/m)")
-    columns = [_curve(f"{key} of {name!r}", given[key]) for key in ("wavelengths", "absorption", "scattering")]
-    more = {key: _curve(f"{key} of {name!r}", given[key]) for key in ("absorption_sd", "scattering_sd") if key in given}
+        raise ValueError(
+            f"paint {name!r} must have wavelengths (nm), absorption and scattering (1/m)"
+        )
+    columns = [
+        _curve(f"{key} of {name!r}", given[key])
+        for key in ("wavelengths", "absorption", "scattering")
+    ]
+    more = {
+        key: _curve(f"{key} of {name!r}", given[key])
+        for key in ("absorption_sd", "scattering_sd")
+        if key in given
+    }
     known = given.get("identifiable")
     return Pigment(
         name,
@@ -365,7 +421,10 @@ def stack_to_dict(stack: Stack) -> dict[str, Any]:
     """What `json.dumps` takes; `stack_from_dict` reads it."""
     coats = []
     for coat, hidden in zip(stack.coats, stack.hidden, strict=True):
-        one: dict[str, Any] = {"paint": {name: weight for weight, name in coat.parts}, "um": _short(coat.total * 1e6)}
+        one: dict[str, Any] = {
+            "paint": {name: weight for weight, name in coat.parts},
+            "um": _short(coat.total * 1e6),
+        }
         coats.append(one | ({"hidden": True} if hidden else {}))
     ground: Any = stack.ground
     if isinstance(ground, Spectrum):
@@ -384,7 +443,11 @@ def _short(value: float) -> float:
 
 
 def _real(value: Any) -> float | None:
-    return float(value) if isinstance(value, int | float) and math.isfinite(value) and value is not True else None
+    return (
+        float(value)
+        if isinstance(value, int | float) and math.isfinite(value) and value is not True
+        else None
+    )
 
 
 def _number(what: str, given: Any, low: float, high: float) -> float:
@@ -394,6 +457,10 @@ def _number(what: str, given: Any, low: float, high: float) -> float:
 
 
 def _curve(what: str, given: Any) -> Float[np.ndarray, "bands"]:
-    if not isinstance(given, list) or not 1 <= len(given) <= _MOST_BANDS or None in map(_real, given):
+    if (
+        not isinstance(given, list)
+        or not 1 <= len(given) <= _MOST_BANDS
+        or None in map(_real, given)
+    ):
         raise ValueError(f"{what} must be a list of 1 to {_MOST_BANDS} numbers")
     return np.array(given, float)

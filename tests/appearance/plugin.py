@@ -1,4 +1,6 @@
-"""What the tests of Mitsuba's plugin share: variants, glazes, and the reflectance factor that the plugin gives."""
+"""What the tests of Mitsuba's plugin share: variants, glazes, and the reflectance factor that the
+plugin gives.
+"""
 
 import functools
 
@@ -13,7 +15,9 @@ BLUE = "UltramarineBlue:3um, ZincWhite:20um"
 
 @functools.cache
 def llvm() -> bool:
-    """Whether LLVM works here, asked of a process of its own: an LLVM that does not fit ends the process."""
+    """Whether LLVM works here, asked of a process of its own: an LLVM that does not fit ends the
+    process.
+    """
     return works("llvm_ad_spectral")
 
 
@@ -29,7 +33,9 @@ def mitsuba_in(variant: str):
     return mi
 
 
-def interaction(mi, cosine: float, azimuth: float = 0.0, wavelengths=(450.0, 500.0, 550.0, 600.0), uv=(0.5, 0.5)):
+def interaction(
+    mi, cosine: float, azimuth: float = 0.0, wavelengths=(450.0, 500.0, 550.0, 600.0), uv=(0.5, 0.5)
+):
     """A point seen from a direction, at four wavelengths."""
     import drjit as dr
 
@@ -46,7 +52,9 @@ def direction(mi, cosine: float, azimuth: float = 0.0):
     return mi.Vector3f(float(sine * np.cos(azimuth)), float(sine * np.sin(azimuth)), float(cosine))
 
 
-def factor(mi, bsdf, cos_in: float, cos_out: float, wavelengths=WAVELENGTHS, uv=(0.5, 0.5), azimuth=1.0):
+def factor(
+    mi, bsdf, cos_in: float, cos_out: float, wavelengths=WAVELENGTHS, uv=(0.5, 0.5), azimuth=1.0
+):
     """pi times the BSDF at the wavelengths."""
     found = []
     for some in np.array_split(wavelengths, -(-len(wavelengths) // 4)):

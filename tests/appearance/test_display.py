@@ -17,8 +17,12 @@ COLOURS = np.random.default_rng(0).integers(0, 256, (10_000, 3))
 def measured():
     """A display measured at few levels, each channel its own curve."""
     levels = np.array([0, 8, 16, 32, 48, 64, 96, 128, 160, 192, 224, 255])
-    tones = tuple(ToneCurve.from_readings(levels, 0.3 + (levels / 255.0) ** g) for g in (2.1, 2.25, 2.4))
-    return Display([[0.64, 0.33], [0.29, 0.61], [0.15, 0.06]], [60.0, 190.0, 20.0], tones, name="measured")
+    tones = tuple(
+        ToneCurve.from_readings(levels, 0.3 + (levels / 255.0) ** g) for g in (2.1, 2.25, 2.4)
+    )
+    return Display(
+        [[0.64, 0.33], [0.29, 0.61], [0.15, 0.06]], [60.0, 190.0, 20.0], tones, name="measured"
+    )
 
 
 @pytest.fixture(params=["sRGB", "Display P3", "Adobe RGB", "paper B", "measured"])
@@ -34,7 +38,9 @@ def test_round_trip_is_exact(display, colours):
     assert not np.any(found.outside)
     # Nothing is lost in either way of bringing colours in, either.
     for gamut in ("dim", "desaturate"):
-        np.testing.assert_array_equal(display.to_rgb(display.to_xyz(colours), gamut=gamut).rgb, colours)
+        np.testing.assert_array_equal(
+            display.to_rgb(display.to_xyz(colours), gamut=gamut).rgb, colours
+        )
 
 
 @pytest.mark.parametrize("dtype", [jnp.float64, jnp.float32])
@@ -49,7 +55,10 @@ def test_matrix_of_the_papers_monitor():
     """Printed T, to 2 % of its largest number; and eq (3), corrected, to rounding."""
     found = Display.paper_monitor().matrix
     assert np.abs(found - PRINTED).max() < 0.02 * np.abs(PRINTED).max()
-    xy, top = np.array([[0.614, 0.350], [0.306, 0.607], [0.149, 0.074]]), np.array([42.7, 138.7, 27.3])
+    xy, top = (
+        np.array([[0.614, 0.350], [0.306, 0.607], [0.149, 0.074]]),
+        np.array([42.7, 138.7, 27.3]),
+    )
     x, y = xy.T
     corrected = np.diag(255 / top) @ np.linalg.inv(np.array([x / y, [1, 1, 1], (1 - x - y) / y]))
     np.testing.assert_allclose(found, corrected, rtol=1e-12, atol=1e-12)
@@ -84,7 +93,9 @@ def test_gamut_is_named():
         np.testing.assert_array_equal(found.outside, [False, True, True])
         assert np.all((np.asarray(found.rgb) >= 0) & (np.asarray(found.rgb) <= 255))
         np.testing.assert_array_equal(found.rgb[0], display.to_rgb(np.array(inside)).rgb)
-    with pytest.raises(ValueError, match=r"2 of 3 colours lie outside sRGB, the first with XYZ \[0.1"):
+    with pytest.raises(
+        ValueError, match=r"2 of 3 colours lie outside sRGB, the first with XYZ \[0.1"
+    ):
         display.to_rgb(xyz, gamut="error")
     assert not np.any(display.to_rgb(np.array([inside]), gamut="error").outside)
     with pytest.raises(ValueError, match="gamut is 'squash'"):
@@ -99,7 +110,9 @@ def test_dimming_keeps_chromaticity_and_desaturating_luminance():
     saturated = np.array([0.1, 0.4, 0.02])
     paled = np.asarray(display.to_xyz(display.to_rgb(saturated, gamut="desaturate").rgb))
     assert paled[1] == pytest.approx(0.4, abs=3e-3)
-    assert np.asarray(display.to_xyz(display.to_rgb(saturated).rgb))[1] != pytest.approx(0.4, abs=2e-2)
+    assert np.asarray(display.to_xyz(display.to_rgb(saturated).rgb))[1] != pytest.approx(
+        0.4, abs=2e-2
+    )
 
 
 def test_adaptation_brings_white_to_white():
@@ -133,7 +146,9 @@ def test_readings_are_met():
     levels = np.array([0, 30, 90, 200, 255])
     readings = 0.4 + 50 * (levels / 255.0) ** 2.3
     tone = ToneCurve.from_readings(levels, readings)
-    np.testing.assert_allclose(tone.light(levels), (readings - readings[0]) / np.ptp(readings), atol=1e-12)
+    np.testing.assert_allclose(
+        tone.light(levels), (readings - readings[0]) / np.ptp(readings), atol=1e-12
+    )
     assert np.all(np.diff(tone.lights) > 0)
 
 
@@ -153,7 +168,9 @@ def test_display_from_readings_is_the_one_that_was_read():
 
 
 def test_looking_up_is_as_near_as_levels_allow():
-    """By two tables, light below 14 of 255 is met as by interpolation; by one it is not. Above, tables are coarse."""
+    """By two tables, light below 14 of 255 is met as by interpolation; by one it is not. Above,
+    tables are coarse.
+    """
     display = Display.paper_monitor()
     rng = np.random.default_rng(5)
     wanted = display.to_xyz(rng.uniform(5, 60, (2000, 3)))
@@ -162,7 +179,11 @@ def test_looking_up_is_as_near_as_levels_allow():
     def missed(found):
         return np.abs(255 * np.asarray(display.linear(display.to_xyz(found.rgb))) - light).max()
 
-    nearest, two, one = display.to_rgb(wanted), display.look_up(wanted), display.look_up(wanted, fine=False)
+    nearest, two, one = (
+        display.to_rgb(wanted),
+        display.look_up(wanted),
+        display.look_up(wanted, fine=False),
+    )
     assert missed(nearest) <= missed(two) < 0.5 * missed(one)
     for colours in (GREYS, COLOURS):
         # The table's step of 1 in light and the level's: two roundings.
@@ -171,13 +192,16 @@ def test_looking_up_is_as_near_as_levels_allow():
                 255
                 * np.asarray(
                     display.linear(
-                        display.to_xyz(display.look_up(display.to_xyz(colours)).rgb) - display.to_xyz(colours)
+                        display.to_xyz(display.look_up(display.to_xyz(colours)).rgb)
+                        - display.to_xyz(colours)
                     )
                 )
             ).max()
             < 0.5 + 1.2
         )
-    outside = display.look_up(np.array([[0.0, 80.0, 0.0], [60.0, 60.0, 60.0], [900.0, 900.0, 900.0]])).outside
+    outside = display.look_up(
+        np.array([[0.0, 80.0, 0.0], [60.0, 60.0, 60.0], [900.0, 900.0, 900.0]])
+    ).outside
     np.testing.assert_array_equal(outside, [True, False, True])
 
 
@@ -199,9 +223,15 @@ def test_colours_can_be_differentiated():
         (lambda: Display([[0.6, 0.3], [0.3, 0.6]], [1, 1]), r"chromaticities \(3, 2\)"),
         (lambda: Display([[0.6, 0.3], [0.3, 0.6], [0.1, 0.1]], [1, 0, 1]), "must be positive"),
         (lambda: Display([[0.6, 0.3], [0.3, 0.6], [0.1, 0.1]], [1, 1, 1], -2.2), "gamma is -2.2"),
-        (lambda: ToneCurve(np.array([0.0, 1, 2]), np.array([0.0, 0.5, 0.4])), "number 3 is 0.4 after 0.5"),
+        (
+            lambda: ToneCurve(np.array([0.0, 1, 2]), np.array([0.0, 0.5, 0.4])),
+            "number 3 is 0.4 after 0.5",
+        ),
         (lambda: ToneCurve.from_readings([10, 255], [0.0, 1.0]), "measure levels 0 and 255"),
-        (lambda: ToneCurve.from_tables(np.arange(256.0), np.linspace(0, 60, 141)), "does not meet the coarse one"),
+        (
+            lambda: ToneCurve.from_tables(np.arange(256.0), np.linspace(0, 60, 141)),
+            "does not meet the coarse one",
+        ),
     ],
 )
 def test_what_is_refused(make, message):

@@ -1,4 +1,6 @@
-"""What is exported: MaterialX files, textures, Mitsuba's table, and the command that writes them."""
+"""What is exported: MaterialX files, textures, Mitsuba's table, and the command that
+writes them.
+"""
 
 import io
 import json
@@ -32,7 +34,9 @@ def paint(name: str) -> gj.Pigment:
 
 
 def blue(thickness: float = 3e-6) -> gj.Glaze:
-    return gj.Glaze([gj.Layer(paint("UltramarineBlue"), thickness), gj.Layer(paint("ZincWhite"), 20e-6)], 0.9)
+    return gj.Glaze(
+        [gj.Layer(paint("UltramarineBlue"), thickness), gj.Layer(paint("ZincWhite"), 20e-6)], 0.9
+    )
 
 
 @pytest.fixture
@@ -49,7 +53,9 @@ def fit():
 
 
 def read_png(path) -> np.ndarray:
-    """Values of a PNG from 0 to 1, by matplotlib and Pillow, which keeps the upper 8 bits of each colour."""
+    """Values of a PNG from 0 to 1, by matplotlib and Pillow, which keeps the upper 8 bits of each
+    colour.
+    """
     from matplotlib.image import imread
 
     return np.asarray(imread(path), float)
@@ -64,7 +70,11 @@ def inputs(path, node: str) -> dict[str, dict[str, str]]:
 def test_a_materialx_file_holds_the_material(fit, tmp_path):
     path = write_materialx(fit, tmp_path / "blue.mtlx", name="blue")
     root = xml.parse(path).getroot()
-    assert (root.tag, root.attrib["version"], root.attrib["colorspace"]) == ("materialx", "1.39", "acescg")
+    assert (root.tag, root.attrib["version"], root.attrib["colorspace"]) == (
+        "materialx",
+        "1.39",
+        "acescg",
+    )
     assert f"albedo {fit.errors.albedo:.4f}" in root.attrib["doc"]
     given = inputs(path, "open_pbr_surface")
     for name, value in fit.material.parameters().items():
@@ -80,7 +90,9 @@ def test_materialx_takes_the_files(fit, tmp_path):
     images = {"base_color": Image("a.png", "srgb_texture"), "specular_roughness": Image("b.png")}
     files = [
         write_materialx(fit, tmp_path / "plain.mtlx"),
-        write_materialx(OpenPBR(), tmp_path / "pictures.mtlx", images=images, normal=Image("n.png")),
+        write_materialx(
+            OpenPBR(), tmp_path / "pictures.mtlx", images=images, normal=Image("n.png")
+        ),
     ]
     for path in files:
         document = mx.createDocument()
@@ -126,7 +138,9 @@ def test_png_has_sixteen_bits():
     found = np.asarray(pillow.open(io.BytesIO(png(grey))))
     np.testing.assert_array_equal(found, np.round(grey * 65535).astype(np.uint16))
     colour = np.random.default_rng(0).uniform(size=(4, 3, 3))
-    np.testing.assert_allclose(read_png(io.BytesIO(png(colour, encoded=True))), colour, atol=1.01 / 255)
+    np.testing.assert_allclose(
+        read_png(io.BytesIO(png(colour, encoded=True))), colour, atol=1.01 / 255
+    )
     assert pillow.open(io.BytesIO(png(colour, encoded=True))).info["srgb"] == 0
 
 
@@ -134,7 +148,9 @@ def test_normals_of_a_slope_point_down_it():
     rise = np.broadcast_to(np.arange(4.0) * 1e-6, (3, 4))
     n = 2 * normals(rise, 1e-6) - 1
     # A height that rises to the right by one pixel a pixel: 45 degrees, towards the left.
-    np.testing.assert_allclose(n, np.broadcast_to([-np.sqrt(0.5), 0, np.sqrt(0.5)], n.shape), atol=1e-12)
+    np.testing.assert_allclose(
+        n, np.broadcast_to([-np.sqrt(0.5), 0, np.sqrt(0.5)], n.shape), atol=1e-12
+    )
     # Rising downwards: green points up the picture.
     assert np.all((2 * normals(rise.T, 1e-6) - 1)[..., 1] > 0.7)
 
@@ -182,7 +198,10 @@ def test_textures_come_with_words_and_a_material(textures):
     mx = pytest.importorskip("MaterialX")
     document = mx.createDocument()
     mx.readFromXmlFile(document, str(found.files["materialx"]))
-    assert document.getNode("glaze_base_color").getInput("file").getValueString() == "glaze_base_color.png"
+    assert (
+        document.getNode("glaze_base_color").getInput("file").getValueString()
+        == "glaze_base_color.png"
+    )
     assert document.getNode("glaze_base_color").getInput("file").getColorSpace() == "srgb_texture"
 
 
@@ -207,7 +226,9 @@ def test_fractions_and_grounds(tmp_path):
     for k in range(3):
         parts = gj.Mixture(mixed.pigments, [1 - fraction[0, k], fraction[0, k]])
         alone = fit_openpbr(gj.Glaze([gj.Layer(parts, 20e-6)], ground[0, k]), coat=False)
-        np.testing.assert_allclose(picture[0, k], encoded_srgb(np.array(alone.material.base_color)), atol=1e-2)
+        np.testing.assert_allclose(
+            picture[0, k], encoded_srgb(np.array(alone.material.base_color)), atol=1e-2
+        )
 
 
 def test_a_coat_is_a_picture_of_its_own(tmp_path):
@@ -239,11 +260,17 @@ MAP = np.full((2, 2), 3e-6)
     ("given", "words"),
     [
         ({}, "textures need a map that says what changes"),
-        ({"thickness": MAP * 1e6}, r"goes from 3 to 3; it must lie in 0 to 0.01 m \(20 micrometres"),
+        (
+            {"thickness": MAP * 1e6},
+            r"goes from 3 to 3; it must lie in 0 to 0.01 m \(20 micrometres",
+        ),
         ({"thickness": -MAP}, "map of thickness goes from -3e-06"),
         ({"thickness": MAP * np.nan}, "map of thickness goes from nan"),
         ({"thickness": MAP[0]}, r"map of thickness must be a picture of numbers, \(h, w\)"),
-        ({"thickness": MAP, "ground": np.ones((3, 2))}, r"maps differ in shape: thickness \(2, 2\), ground \(3, 2\)"),
+        (
+            {"thickness": MAP, "ground": np.ones((3, 2))},
+            r"maps differ in shape: thickness \(2, 2\), ground \(3, 2\)",
+        ),
         ({"thickness": MAP, "layer": 2}, "layer is 2, but the glaze has 2 layers"),
         ({"fraction": MAP}, "a map of fractions needs a coat of two paints"),
         ({"ground": MAP, "pixel": 1e-5}, "height and normals are those of a thickness map"),
@@ -278,17 +305,28 @@ def test_the_command_fits_openpbr(run, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     done = run(COATS, "--space", "acescg")
     assert done.exit_code == 0, done.output
-    for words in ("UltramarineBlue 3 µm over ZincWhite 20 µm", "wrote    glaze.mtlx", "without the fit", "Delta E"):
+    for words in (
+        "UltramarineBlue 3 µm over ZincWhite 20 µm",
+        "wrote    glaze.mtlx",
+        "without the fit",
+        "Delta E",
+    ):
         assert words in done.output
     fit = fit_openpbr(
         gj.Glaze(
-            [gj.Layer(gj.catalogue.load()[n], d) for n, d in (("UltramarineBlue", 3e-6), ("ZincWhite", 20e-6))], 0.9
+            [
+                gj.Layer(gj.catalogue.load()[n], d)
+                for n, d in (("UltramarineBlue", 3e-6), ("ZincWhite", 20e-6))
+            ],
+            0.9,
         ),
         space="acescg",
     )
     assert f"RMS {fit.errors.rms:.3f}" in done.output
     given = inputs(tmp_path / "glaze.mtlx", "open_pbr_surface")["base_color"]["value"]
-    np.testing.assert_allclose([float(part) for part in given.split(",")], fit.material.base_color, rtol=1e-4)
+    np.testing.assert_allclose(
+        [float(part) for part in given.split(",")], fit.material.base_color, rtol=1e-4
+    )
     again = run(COATS)
     assert "--out glaze.mtlx exists" in str(again.exception)
 
@@ -320,7 +358,14 @@ def test_the_command_reads_a_stack_and_maps(run, tmp_path):
     again = run(*words, "--thickness-map", tmp_path / "thin.npy", "--out", tmp_path / "a")
     assert "exists" in str(again.exception)
     other = run(
-        *words, "--thickness-map", tmp_path / "thin.npy", "--out", tmp_path / "a", "--overwrite", "--ground", "0.1"
+        *words,
+        "--thickness-map",
+        tmp_path / "thin.npy",
+        "--out",
+        tmp_path / "a",
+        "--overwrite",
+        "--ground",
+        "0.1",
     )
     assert other.exit_code == 0
     assert np.all(read_png(tmp_path / "a" / "glaze_base_color.png")[0, 0] < pictures[0][0, 0])
@@ -340,7 +385,10 @@ def test_a_map_that_is_not_in_metres_is_told_so(run, tmp_path, low, high):
         (("--to", "unreal"), "--to 'unreal' is not known: choose openpbr, textures, measured"),
         (("--layering", "arnold"), "--layering 'arnold' is not known: choose materialx"),
         (("--format", "tga"), "--format 'tga' is not known: choose png or exr"),
-        (("--to", "textures"), "textures need a map that says what changes: add --thickness-map FILE"),
+        (
+            ("--to", "textures"),
+            "textures need a map that says what changes: add --thickness-map FILE",
+        ),
         (("--pixel", "5um"), "--pixel is for textures: add --to textures"),
         (("--thickness-map", "a.npy"), "--thickness-map is for textures"),
         (("--out", "nowhere/a.mtlx"), "the folder nowhere does not exist"),

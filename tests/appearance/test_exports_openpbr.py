@@ -1,4 +1,6 @@
-"""OpenPBR in numbers, and its fit to a glaze: energy, reciprocity, closed forms, and parameters found again."""
+"""OpenPBR in numbers, and its fit to a glaze: energy, reciprocity, closed forms, and parameters
+found again.
+"""
 
 from dataclasses import replace
 
@@ -26,7 +28,10 @@ WHITE = (1.0, 1.0, 1.0)
 
 def blue(thickness: float = 3e-6, ground: float = 0.9) -> gj.Glaze:
     paints = gj.catalogue.load()
-    return gj.Glaze([gj.Layer(paints["UltramarineBlue"], thickness), gj.Layer(paints["ZincWhite"], 20e-6)], ground)
+    return gj.Glaze(
+        [gj.Layer(paints["UltramarineBlue"], thickness), gj.Layer(paints["ZincWhite"], 20e-6)],
+        ground,
+    )
 
 
 @pytest.fixture(scope="module")
@@ -54,13 +59,17 @@ def test_a_white_rough_body_keeps_all_light(roughness):
 def test_the_albedo_of_a_rough_surface_is_that_of_its_lobe(alpha, index):
     for cos_out in (0.25, 0.9):
         brute = hemisphere(lambda i, o, turn: lobe_factor(i, o, turn, alpha, index), cos_out)
-        np.testing.assert_allclose(lobe_albedo(np.array([cos_out]), alpha, index)[0], brute, rtol=2e-3)
+        np.testing.assert_allclose(
+            lobe_albedo(np.array([cos_out]), alpha, index)[0], brute, rtol=2e-3
+        )
 
 
 def test_a_surface_that_gets_smooth_reflects_as_fresnel_says():
     # n = 1.5 straight on: ((n - 1)/(n + 1))^2.
     np.testing.assert_allclose(lobe_albedo(np.ones(1), 0.0, 1.5), 0.04, rtol=1e-12)
-    np.testing.assert_allclose(lobe_albedo(COSINES[1:], 1e-3, 1.5), lobe_albedo(COSINES[1:], 0.0, 1.5), rtol=2e-4)
+    np.testing.assert_allclose(
+        lobe_albedo(COSINES[1:], 1e-3, 1.5), lobe_albedo(COSINES[1:], 0.0, 1.5), rtol=2e-4
+    )
 
 
 @pytest.mark.parametrize("layering", LAYERINGS)
@@ -108,17 +117,24 @@ def test_layers_that_are_reciprocal_are():
     )
     np.testing.assert_allclose(there, back, rtol=1e-12)
     one, other = (
-        reflectance_factor(material, *pair, layering="materialx", gloss=False) for pair in ((0.3, 0.9), (0.9, 0.3))
+        reflectance_factor(material, *pair, layering="materialx", gloss=False)
+        for pair in ((0.3, 0.9), (0.9, 0.3))
     )
     assert np.all(np.abs(one - other) > 0.01 * one)
 
 
 @pytest.mark.parametrize("index", [1.3, 1.5, 1.7])
 def test_reciprocal_layers_of_a_clear_coat_are_what_the_solver_computes(index):
-    """A Lambertian ground under a smooth surface has a closed form, and the solver computes it without OpenPBR."""
+    """A Lambertian ground under a smooth surface has a closed form, and the solver computes it
+    without OpenPBR.
+    """
     ground = np.array([0.1, 0.5, 0.95])
     material = OpenPBR(
-        base_color=tuple(ground), specular_ior=index, specular_roughness=1.0, coat_weight=1.0, coat_ior=index
+        base_color=tuple(ground),
+        specular_ior=index,
+        specular_roughness=1.0,
+        coat_weight=1.0,
+        coat_ior=index,
     )
     for pair in ((1.0, 1.0), (0.2, 0.7)):
         solved = gj.stack_reflectance_factor(
@@ -136,7 +152,10 @@ def test_reciprocal_layers_of_a_clear_coat_are_what_the_solver_computes(index):
 
 def test_a_material_is_found_again(truth):
     """What OpenPBR can show is fitted to nothing left."""
-    flat = replace(truth, body=np.broadcast_to((1 - truth.surface)[:, None] * (0.1, 0.6, 0.3), truth.body.shape))
+    flat = replace(
+        truth,
+        body=np.broadcast_to((1 - truth.surface)[:, None] * (0.1, 0.6, 0.3), truth.body.shape),
+    )
     fit = fit_openpbr(flat)
     np.testing.assert_allclose(fit.material.base_color, (0.1, 0.6, 0.3), atol=2e-5)
     assert fit.material.base_diffuse_roughness < 1e-3
@@ -148,16 +167,24 @@ def test_a_material_is_found_again(truth):
 def test_a_coat_is_found_again(truth, layering):
     tint = (0.3, 0.6, 0.9)
     material = OpenPBR(
-        base_color=(0.9, 0.5, 0.7), specular_roughness=0.0, coat_weight=1.0, coat_color=tint, coat_ior=1.5
+        base_color=(0.9, 0.5, 0.7),
+        specular_roughness=0.0,
+        coat_weight=1.0,
+        coat_color=tint,
+        coat_ior=1.5,
     )
-    seen = reflectance_factor(material, truth.cosines[:, None], truth.cosines, layering=layering, gloss=False)
+    seen = reflectance_factor(
+        material, truth.cosines[:, None], truth.cosines, layering=layering, gloss=False
+    )
     fit = fit_openpbr(replace(truth, body=seen), layering=layering)
     np.testing.assert_allclose(fit.material.coat_color, tint, atol=5e-3)
     assert fit.errors.rms < 2e-4
 
 
 def test_the_fit_is_nearer_than_no_fit_and_reciprocal_layers_are_nearer_still(truth):
-    fit, better = (fit_openpbr(truth, layering=layering) for layering in ("materialx", "reciprocal"))
+    fit, better = (
+        fit_openpbr(truth, layering=layering) for layering in ("materialx", "reciprocal")
+    )
     assert fit.errors.albedo < 0.5 * fit.naive_errors.albedo
     assert fit.errors.sky < 0.5 * fit.naive_errors.sky
     assert fit.errors.rms < fit.naive_errors.rms
@@ -210,9 +237,13 @@ def test_colour_spaces():
     colour = gj.colour.colour_science()
     expected = colour.RGB_to_RGB(np.eye(3), "ACEScg", "sRGB", "Bradford")
     d65 = gj.colour.srgb_to_xyz(np.ones(3))
-    ours = np.linalg.inv(rgb_of_xyz(np.eye(3), d65, "acescg")) @ rgb_of_xyz(np.eye(3), d65, "lin_rec709")
+    ours = np.linalg.inv(rgb_of_xyz(np.eye(3), d65, "acescg")) @ rgb_of_xyz(
+        np.eye(3), d65, "lin_rec709"
+    )
     np.testing.assert_allclose(ours, expected, atol=2e-4)
-    np.testing.assert_array_equal(outside(np.array([[0.5, 0, 1], [-0.01, 0, 0], [0, 1.2, 0]])), [0, 1, 1])
+    np.testing.assert_array_equal(
+        outside(np.array([[0.5, 0, 1], [-0.01, 0, 0], [0, 1.2, 0]])), [0, 1, 1]
+    )
 
 
 @pytest.mark.slow
@@ -228,9 +259,18 @@ def test_a_fit_says_how_much_its_space_cannot_hold(truth):
         (lambda: OpenPBR(base_color=(0.5, 1.2, 0.1)), "base_color is .*; OpenPBR takes 0 to 1"),
         (lambda: OpenPBR(coat_ior=0.5), "coat_ior is 0.5; OpenPBR takes 1 to 3"),
         (lambda: OpenPBR(base_weight=(1.0, 1.0, 1.0)), "a colour has three numbers"),  # pyright: ignore[reportArgumentType]
-        (lambda: fit_openpbr(blue(), GRID, layering="arnold"), "layering is 'arnold'; choose materialx"),  # pyright: ignore[reportArgumentType]
-        (lambda: fit_openpbr(blue(), GRID, space="adobe"), "colour space 'adobe' is not known: choose srgb"),
-        (lambda: fit_openpbr(blue(), GRID, roughness=2.0), "roughness is 2.0; it is alpha of GGX, from 0"),
+        (
+            lambda: fit_openpbr(blue(), GRID, layering="arnold"),
+            "layering is 'arnold'; choose materialx",
+        ),  # pyright: ignore[reportArgumentType]
+        (
+            lambda: fit_openpbr(blue(), GRID, space="adobe"),
+            "colour space 'adobe' is not known: choose srgb",
+        ),
+        (
+            lambda: fit_openpbr(blue(), GRID, roughness=2.0),
+            "roughness is 2.0; it is alpha of GGX, from 0",
+        ),
     ],
 )
 @pytest.mark.usefixtures("unchecked")

@@ -1,4 +1,6 @@
-"""Light between surfaces: furnaces in which nothing is lost, bounces counted, and two joined planes."""
+"""Light between surfaces: furnaces in which nothing is lost, bounces counted, and two joined
+planes.
+"""
 
 from typing import Any
 
@@ -30,7 +32,9 @@ INSIDE = Camera((0.5, 0.0, 0.2), (1.0, 0.3, 0.1), field_of_view=60.0)
 
 def picture(shapes, materials, lights, camera, **options):
     small = {"width": 8, "height": 6, "antialias": 1, "gather_rays": 64}
-    return render(scene(shapes, materials, lights, camera, **(small | options)), tolerance=1e-4).radiance
+    return render(
+        scene(shapes, materials, lights, camera, **(small | options)), tolerance=1e-4
+    ).radiance
 
 
 @pytest.mark.parametrize("bounces", [0, 1, 2, 3])
@@ -42,11 +46,14 @@ def test_a_hollow_sphere_adds_a_power_of_its_albedo_with_each_bounce(bounces):
 
 
 def test_a_hollow_sphere_spreads_all_the_light_of_a_lamp_that_is_not_in_the_middle():
-    # Every point of a sphere sends every other the same share, so a bounce adds the mean of what the last one left.
+    # Every point of a sphere sends every other the same share, so a bounce adds the mean of what
+    # the last one left.
     lamp = PointLight((0, 0, 0.5), 1.0)
     options: dict = {"gather_rays": 4096, "width": 3, "height": 2}
     lit = picture([Sphere("m")], {"m": Lambert(BODY)}, [lamp], INSIDE, diffuse_bounces=0, **options)
-    made = picture([Sphere("m")], {"m": Lambert(BODY)}, [lamp], INSIDE, diffuse_bounces=2, **options)
+    made = picture(
+        [Sphere("m")], {"m": Lambert(BODY)}, [lamp], INSIDE, diffuse_bounces=2, **options
+    )
     # A point lamp of strength 1 sends 4 pi in all, over the sphere's 4 pi.
     added = BODY**2 + BODY**3
     found = (made - lit).reshape(-1, GRID.size)
@@ -60,7 +67,8 @@ def test_a_hollow_sphere_spreads_all_the_light_of_a_lamp_that_is_not_in_the_midd
     [
         (Lambert(1.0), 1e-5),
         (Phong(1.0, 0.0), 1e-5),
-        # White paint without loss on a white ground: what the surface does not mirror comes back diffusely.
+        # White paint without loss on a white ground: what the surface does not mirror comes back
+        #     diffusely.
         (Glazed(gj.Glaze([], 1.0)), 2e-3),
         (Conductor(1e-6, 50.0), 1e-5),
     ],
@@ -103,13 +111,18 @@ def test_a_white_bowl_and_its_ball_are_lost_only_in_the_last_bounce():
 def test_two_joined_planes_are_those_of_paper_b(bounces, truth):
     # A lies flat from the joint to x = 1; B rises at 60 degrees; both long enough to seem endless.
     angle, a, b = np.deg2rad(60.0), BODY, BODY[::-1]
-    rise, normal = np.array([np.cos(angle), 0, np.sin(angle)]), np.array([np.sin(angle), 0, -np.cos(angle)])
+    rise, normal = (
+        np.array([np.cos(angle), 0, np.sin(angle)]),
+        np.array([np.sin(angle), 0, -np.cos(angle)]),
+    )
     length = 200.0
     shapes = [
         Plane("a", (0.5, 0, 0), size=(length, 1.0), up=(1, 0, 0)),
         Plane("b", tuple(0.5 * rise), tuple(normal), size=(length, 1.0), up=tuple(rise)),
     ]
-    light = np.array([np.cos(np.deg2rad(30)), 0, np.sin(np.deg2rad(30))])  # halves the angle: neither shadows the other
+    light = np.array(
+        [np.cos(np.deg2rad(30)), 0, np.sin(np.deg2rad(30))]
+    )  # halves the angle: neither shadows the other
     found = []
     for x in (0.25, 0.75):
         eye = np.array([x, 0, 0]) + 0.2 * light
@@ -139,7 +152,9 @@ def test_interpolation_is_near_gathering_everywhere(monkeypatch):
     options: dict = {"width": 96, "height": 72, "diffuse_bounces": 1, "gather_rays": 512}
     shared = render(scene(*given, antialias=1, **options))
     assert shared.report.gathered < 0.1 * 96 * 72
-    assert f"1 diffuse bounce, 512 rays at {shared.report.gathered} points" in shared.report.describe()
+    assert (
+        f"1 diffuse bounce, 512 rays at {shared.report.gathered} points" in shared.report.describe()
+    )
     direct = render(scene(*given, antialias=1, **(options | {"diffuse_bounces": 0}))).radiance
     # The same with a point for every pixel.
     monkeypatch.setattr(gather, "_REACH", 1e-3)
@@ -182,6 +197,8 @@ def test_metals_reflect_as_the_estimate_says():
         np.testing.assert_allclose(metal.mirror(cosine), exact, rtol=1e-12)
         # Bands left out do not change the average metal.
         keep = np.arange(GRID.size) % 2 == 0
-        np.testing.assert_allclose(metal.only_bands(keep, GRID.size).mirror(cosine), exact[:, keep], rtol=1e-12)
+        np.testing.assert_allclose(
+            metal.only_bands(keep, GRID.size).mirror(cosine), exact[:, keep], rtol=1e-12
+        )
     with pytest.raises(ValueError, match="fresnel 'schlick' is unknown"):
         Conductor(n, k, fresnel="schlick")  # type: ignore[arg-type]

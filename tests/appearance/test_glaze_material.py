@@ -56,10 +56,14 @@ def deep():
 
 
 def test_a_map_of_one_thickness_may_be_the_thickest_there_is():
-    thick = glaze_table(glaze(), WAVELENGTHS, angles=((0, 0), (0, 0)), thickness=np.full((2, 2), MAX_THICKNESS))
+    thick = glaze_table(
+        glaze(), WAVELENGTHS, angles=((0, 0), (0, 0)), thickness=np.full((2, 2), MAX_THICKNESS)
+    )
     found = thick.reflectance_factor(1.0, 1.0, MAX_THICKNESS)
     np.testing.assert_allclose(
-        found, gj.reflectance(glaze(MAX_THICKNESS, wavelengths=WAVELENGTHS), gj.Bidirectional()), atol=1e-3
+        found,
+        gj.reflectance(glaze(MAX_THICKNESS, wavelengths=WAVELENGTHS), gj.Bidirectional()),
+        atol=1e-3,
     )
 
 
@@ -82,12 +86,17 @@ def test_thickness_is_an_axis(deep):
 def test_grazing_light_vanishes_and_directions_can_be_exchanged(table):
     assert np.all(np.asarray(table.reflectance_factor(0.0, 0.5)) == 0)
     assert np.all(np.asarray(table.reflectance_factor(-0.3, 0.5)) == 0)
-    forth, back = table.reflectance_factor(COS_IN, COS_OUT), table.reflectance_factor(COS_OUT, COS_IN)
+    forth, back = (
+        table.reflectance_factor(COS_IN, COS_OUT),
+        table.reflectance_factor(COS_OUT, COS_IN),
+    )
     np.testing.assert_allclose(forth, back, atol=1e-12)
 
 
 def test_mirror_is_the_outer_surface(table):
-    np.testing.assert_allclose(table.mirror(COS_IN)[:, 2], dielectric_reflectance(COS_IN, 1.5), rtol=1e-13)
+    np.testing.assert_allclose(
+        table.mirror(COS_IN)[:, 2], dielectric_reflectance(COS_IN, 1.5), rtol=1e-13
+    )
     assert np.all(np.asarray(table.mirror(-0.5)) == 1.0)
 
 
@@ -110,12 +119,16 @@ def test_other_indices(index):
     made = gj.Glaze([gj.Layer(blue, 15e-6), gj.Layer(white, 20e-6)], 0.6, index)
     found = glaze_table(made, WAVELENGTHS, tolerance=1e-3)
     assert found.error <= 1e-3
-    assert np.abs(found.reflectance_factor(COS_IN, COS_OUT) - solved(index=index)).max() < found.error
+    assert (
+        np.abs(found.reflectance_factor(COS_IN, COS_OUT) - solved(index=index)).max() < found.error
+    )
 
 
 def test_bare_ground():
     found = glaze_table(gj.Glaze([], 0.5), WAVELENGTHS, tolerance=1e-4)
-    expected = gj.stack_reflectance_factor([0.0], [0.0], 0.5, cos_incidence=COS_IN, cos_viewing=COS_OUT)
+    expected = gj.stack_reflectance_factor(
+        [0.0], [0.0], 0.5, cos_incidence=COS_IN, cos_viewing=COS_OUT
+    )
     np.testing.assert_allclose(found.reflectance_factor(COS_IN, COS_OUT)[:, 3], expected, atol=1e-4)
 
 
@@ -123,7 +136,9 @@ def test_through_jit_vmap_and_slopes(deep):
     depths = RNG.uniform(1e-6, 29e-6, 60)
     plain = deep.reflectance_factor(COS_IN, COS_OUT, depths)
     arrays = (jnp.asarray(COS_IN), jnp.asarray(COS_OUT), jnp.asarray(depths))
-    np.testing.assert_allclose(jax.jit(GlazeTable.reflectance_factor)(deep, *arrays), plain, atol=1e-12)
+    np.testing.assert_allclose(
+        jax.jit(GlazeTable.reflectance_factor)(deep, *arrays), plain, atol=1e-12
+    )
     one = jax.vmap(deep.reflectance_factor)(*arrays)
     np.testing.assert_allclose(one, plain, atol=1e-12)
 
@@ -138,14 +153,19 @@ def test_through_jit_vmap_and_slopes(deep):
 
 
 def test_slopes_at_the_ends(deep):
-    """Normal incidence and no coat at all are ends of the table, and common: their slopes are whole."""
+    """Normal incidence and no coat at all are ends of the table, and common: their slopes are
+    whole.
+    """
 
     def total(x):
         return jnp.sum(deep.reflectance_factor(x[0], 0.8, x[1] * 1e-6))
 
     slopes = jax.jit(jax.grad(total))
     for at in ([1.0, 12.0], [0.7, 0.0]):
-        end, inside = np.array(at), np.array(at) - np.array([1e-7 * (at[0] == 1), -1e-6 * (at[1] == 0)])
+        end, inside = (
+            np.array(at),
+            np.array(at) - np.array([1e-7 * (at[0] == 1), -1e-6 * (at[1] == 0)]),
+        )
         np.testing.assert_allclose(slopes(end), slopes(inside), rtol=1e-3)
 
 
@@ -171,14 +191,26 @@ def test_slopes_by_the_paint(table):
     [
         (lambda t: t.reflectance_factor(0.5, 0.5, 1e-6), "thickness is fixed"),
         (lambda t: glaze_table(glaze(), WAVELENGTHS, tolerance=0), "tolerance is 0"),
-        (lambda t: glaze_table(glaze(), WAVELENGTHS, angles=((0, 100), (0, 90))), "angles of incidence are 0 to 100"),
-        (lambda t: glaze_table(glaze(), WAVELENGTHS, thickness=[1e-6], layer=2), "layer is 2, but the glaze has 2"),
+        (
+            lambda t: glaze_table(glaze(), WAVELENGTHS, angles=((0, 100), (0, 90))),
+            "angles of incidence are 0 to 100",
+        ),
+        (
+            lambda t: glaze_table(glaze(), WAVELENGTHS, thickness=[1e-6], layer=2),
+            "layer is 2, but the glaze has 2",
+        ),
         (lambda t: glaze_table(glaze(), WAVELENGTHS, thickness=[12.0]), "thickness is in metres"),
-        (lambda t: glaze_table(glaze(top=np.full(3, 1e-6)), WAVELENGTHS), "one glaze, without batch axes"),
+        (
+            lambda t: glaze_table(glaze(top=np.full(3, 1e-6)), WAVELENGTHS),
+            "one glaze, without batch axes",
+        ),
         (lambda t: glaze_table(glaze(), [300.0, 500.0]), "without guessing"),
         (lambda t: glaze_table(forward(), WAVELENGTHS), "takes isotropic scattering only"),
         (lambda t: t.refilled(forward(), WAVELENGTHS), "takes isotropic scattering only"),
-        (lambda t: jax.grad(lambda d: glaze_table(glaze(d), WAVELENGTHS).table.sum())(1e-6), "JAX traces this glaze"),
+        (
+            lambda t: jax.grad(lambda d: glaze_table(glaze(d), WAVELENGTHS).table.sum())(1e-6),
+            "JAX traces this glaze",
+        ),
     ],
 )
 def test_what_is_refused(table, call, message):

@@ -27,10 +27,14 @@ def test_conductors_against_another_program():
     with (Path(__file__).parent / "fresnel_tmm.csv").open(encoding="utf-8", newline="") as lines:
         cases = list(csv.DictReader(lines))
     assert len(cases) == 20
-    n, k, degrees, expected = (np.array([float(c[key]) for c in cases]) for key in ("n", "k", "degrees", "reflectance"))
+    n, k, degrees, expected = (
+        np.array([float(c[key]) for c in cases]) for key in ("n", "k", "degrees", "reflectance")
+    )
     cosine = np.cos(np.deg2rad(degrees))
     np.testing.assert_allclose(conductor_reflectance(cosine, n, k), expected, rtol=0, atol=1e-12)
-    np.testing.assert_allclose(conductor_reflectance(*map(jnp.asarray, (cosine, n, k))), expected, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(
+        conductor_reflectance(*map(jnp.asarray, (cosine, n, k))), expected, rtol=0, atol=1e-12
+    )
 
 
 def test_conductors_against_complex_amplitudes():
@@ -41,20 +45,28 @@ def test_conductors_against_complex_amplitudes():
     inside = np.sqrt(1.0 - (1.0 - c**2) / index**2)
     s = (c - index * inside) / (c + index * inside)
     p = (index * c - inside) / (index * c + inside)
-    np.testing.assert_allclose(conductor_reflectance(c, n, k), 0.5 * (abs(s) ** 2 + abs(p) ** 2), rtol=0, atol=1e-13)
+    np.testing.assert_allclose(
+        conductor_reflectance(c, n, k), 0.5 * (abs(s) ** 2 + abs(p) ** 2), rtol=0, atol=1e-13
+    )
 
 
 def test_limits_of_conductors():
     cosine = np.linspace(0.0, 1.0, 11)
-    np.testing.assert_allclose(conductor_reflectance(cosine, 1.5, 0.0), dielectric_reflectance(cosine, 1.5), atol=1e-15)
+    np.testing.assert_allclose(
+        conductor_reflectance(cosine, 1.5, 0.0), dielectric_reflectance(cosine, 1.5), atol=1e-15
+    )
     assert conductor_reflectance(0.0, 0.2, 3.0) == pytest.approx(1.0, abs=1e-15)
     # An index below one without absorption reflects everything beyond the critical angle.
-    assert conductor_reflectance(np.cos(np.deg2rad(60.0)), 0.5, 0.0) == pytest.approx(1.0, abs=1e-15)
+    assert conductor_reflectance(np.cos(np.deg2rad(60.0)), 0.5, 0.0) == pytest.approx(
+        1.0, abs=1e-15
+    )
     normal = ((0.3 - 1) ** 2 + 3.0**2) / ((0.3 + 1) ** 2 + 3.0**2)
     assert conductor_reflectance(1.0, 0.3, 3.0) == pytest.approx(normal, abs=1e-15)
 
 
-@pytest.mark.parametrize(("c", "n", "k"), [(0.3, 0.3, 3.2), (0.9, 1.2, 0.0), (1.0, 0.2, 3.0), (0.0, 1.0, 2.0)])
+@pytest.mark.parametrize(
+    ("c", "n", "k"), [(0.3, 0.3, 3.2), (0.9, 1.2, 0.0), (1.0, 0.2, 3.0), (0.0, 1.0, 2.0)]
+)
 def test_slopes_of_conductors(c, n, k):
     @jax.jit
     def one(x):
@@ -67,7 +79,9 @@ def test_slopes_of_conductors(c, n, k):
         step = 1e-6
         low = np.array(x)
         high = low.copy()
-        low[i], high[i] = (low[i] - step, high[i] + step) if 0 < low[i] < 1 or i == 1 else (low[i], low[i])
+        low[i], high[i] = (
+            (low[i] - step, high[i] + step) if 0 < low[i] < 1 or i == 1 else (low[i], low[i])
+        )
         if low[i] != high[i]:
             difference = (one(jnp.array(high)) - one(jnp.array(low))) / (2 * step)
             assert slope[i] == pytest.approx(float(difference), rel=1e-5, abs=1e-8)
@@ -101,7 +115,8 @@ def test_hall_as_printed():
     np.testing.assert_allclose(hall_reflectance(c, f0, k), printed, atol=1e-14)
     np.testing.assert_allclose(hall_reflectance(1.0, f0, k, 0.5), f0, atol=1e-15)
     np.testing.assert_allclose(hall_reflectance(0.0, f0, k, 0.5), 1.0, atol=1e-15)
-    # Ditchburn's (20)-(22) neglect sin^2 beside n^2 + k^2, so a strong metal is met by its own mean n and k.
+    # Ditchburn's (20)-(22) neglect sin^2 beside n^2 + k^2, so a strong metal is met by its own mean
+    # n and k.
     exact = conductor_reflectance(c, 3.0, 60.0)
     np.testing.assert_allclose(hall_reflectance(c, exact[:1], 60.0, 3.0), exact, atol=1e-4)
 
@@ -155,7 +170,12 @@ def test_metals(name):
 
 def test_colours_of_metals():
     """Copper and gold reflect red light better than blue; silver and aluminium nearly all alike."""
-    for name, least, most in (("copper", 1.5, 3), ("gold", 1.8, 4), ("silver", 0.98, 1.05), ("aluminium", 0.9, 1.02)):
+    for name, least, most in (
+        ("copper", 1.5, 3),
+        ("gold", 1.8, 4),
+        ("silver", 0.98, 1.05),
+        ("aluminium", 0.9, 1.02),
+    ):
         blue, red = np.asarray(metal(name, [450.0, 650.0]).reflectance(1.0))
         assert least < red / blue < most, name
 

@@ -17,13 +17,16 @@ BELOW = 0.06 + 0.7 / (1 + np.exp((520 - GRID) / 10))
 
 @pytest.mark.parametrize("angle", [10.0, 30.0, 90.0, 150.0])
 def test_configuration_factor_is_what_a_point_sees(angle):
-    """Against a sum over the directions of a half circle: cosine-weighted, in a plane across the edge."""
+    """Against a sum over the directions of a half circle: cosine-weighted, in a plane across the
+    edge.
+    """
     gamma = np.deg2rad(angle)
     # An even angle phi in the plane across an infinitely long edge carries the weight cos(phi)/2.
     phi = (np.arange(200_000) + 0.5) / 200_000 * np.pi - np.pi / 2
     weight = np.cos(phi) / 2 * (np.pi / 200_000)
     for place in (0.05, 0.4, 1.0, 2.0):
-        # A ray from (p, 0), towards (-sin phi, cos phi), meets the line from the edge under gamma at distance t.
+        # A ray from (p, 0), towards (-sin phi, cos phi), meets the line from the edge under gamma
+        # at distance t.
         sine = np.sin(gamma) * np.sin(phi) + np.cos(gamma) * np.cos(phi)
         with np.errstate(divide="ignore"):
             meets = place * np.cos(phi) / sine  # law of sines
@@ -33,7 +36,9 @@ def test_configuration_factor_is_what_a_point_sees(angle):
 
 def test_configuration_factor_as_printed():
     gamma = np.deg2rad(30.0)
-    printed = 0.5 * (1 + (np.cos(gamma) - POSITIONS) / np.sqrt(POSITIONS**2 + 1 - 2 * POSITIONS * np.cos(gamma)))
+    printed = 0.5 * (
+        1 + (np.cos(gamma) - POSITIONS) / np.sqrt(POSITIONS**2 + 1 - 2 * POSITIONS * np.cos(gamma))
+    )
     np.testing.assert_allclose(configuration_factor(POSITIONS, 30.0), printed, atol=1e-14)
     assert configuration_factor(0.0, 30.0) == pytest.approx((1 + np.cos(gamma)) / 2, abs=1e-15)
     assert np.all(np.diff(configuration_factor(POSITIONS, 30.0)) < 0)
@@ -77,7 +82,9 @@ def test_one_bounce_as_printed():
 
 @pytest.mark.parametrize("angle", [30.0, 60.0, 120.0])
 def test_all_bounces_end_where_they_must(angle):
-    """At the joint the light is a geometric series; more strips change little; black walls send nothing back."""
+    """At the joint the light is a geometric series; more strips change little; black walls send
+    nothing back.
+    """
     a, b, lit_a, lit_b = 0.9, 0.8, 0.7, 0.4
     found = all_bounces([a], [b], lit_a, lit_b, 1.0, POSITIONS, angle)
     f = (1 + np.cos(np.deg2rad(angle))) / 2
@@ -92,7 +99,9 @@ def test_all_bounces_end_where_they_must(angle):
     np.testing.assert_allclose(black.b, 0.0, atol=1e-15)
     # For dark planes one bounce is enough.
     dim = all_bounces([0.01], [0.01], lit_a, lit_b, 1.0, POSITIONS, angle)
-    np.testing.assert_allclose(dim.a, one_bounce([0.01], [0.01], lit_a, lit_b, 1.0, POSITIONS, angle).a, rtol=2e-4)
+    np.testing.assert_allclose(
+        dim.a, one_bounce([0.01], [0.01], lit_a, lit_b, 1.0, POSITIONS, angle).a, rtol=2e-4
+    )
 
 
 def test_all_bounces_against_following_them_one_by_one():
@@ -100,7 +109,8 @@ def test_all_bounces_against_following_them_one_by_one():
     count, a, b, lit_a, lit_b = 600, 0.7, 0.6, 0.7, 0.4
     edges = np.linspace(0, 1, count + 1) ** 2
     places = 0.5 * (edges[1:] + edges[:-1])
-    # Share of a point's view that one strip fills: the factor of a plane that ends at q is that of P = p/q.
+    # Share of a point's view that one strip fills: the factor of a plane that ends at q is that of
+    # P = p/q.
     to_edge = np.asarray(configuration_factor(places[:, None] / edges[1:], 60.0))
     to_edge = np.concatenate([np.zeros((count, 1)), to_edge], axis=1)
     kernel = np.diff(to_edge, axis=1)
@@ -122,7 +132,9 @@ def test_slopes():
     slope = jax.grad(light)(x)
     for i in range(6):
         step = jnp.zeros(6).at[i].set(1e-6)
-        assert slope[i] == pytest.approx(float((light(x + step) - light(x - step)) / 2e-6), rel=1e-6)
+        assert slope[i] == pytest.approx(
+            float((light(x + step) - light(x - step)) / 2e-6), rel=1e-6
+        )
 
 
 def test_what_is_refused():

@@ -45,7 +45,10 @@ def mitsuba():
 
 
 def test_tensor_files_hold_what_was_written(tmp_path):
-    fields = {"a": np.arange(6, dtype=np.float32).reshape(2, 3), "name": np.frombuffer(b"xyz", np.uint8)}
+    fields = {
+        "a": np.arange(6, dtype=np.float32).reshape(2, 3),
+        "name": np.frombuffer(b"xyz", np.uint8),
+    }
     write_tensor_file(tmp_path / "t", fields)
     content = (tmp_path / "t").read_bytes()
     assert content[:18] == b"tensor_file\0" + bytes([1, 0]) + struct.pack("<I", 2)
@@ -53,7 +56,9 @@ def test_tensor_files_hold_what_was_written(tmp_path):
     ndim, kind, place = struct.unpack("<HBQ", content[21:32])
     assert (ndim, kind) == (2, 10)
     assert struct.unpack("<2Q", content[32:48]) == (2, 3)
-    np.testing.assert_array_equal(np.frombuffer(content[place : place + 24], np.float32).reshape(2, 3), fields["a"])
+    np.testing.assert_array_equal(
+        np.frombuffer(content[place : place + 24], np.float32).reshape(2, 3), fields["a"]
+    )
     assert content[place + 24 :] == b"xyz"
     with pytest.raises(ValueError, match="b holds float64"):
         write_tensor_file(tmp_path / "t", {"b": np.zeros(2)})
@@ -85,7 +90,9 @@ def test_what_cannot_be_exported(table, tmp_path):
     narrow = glaze_table(gj.Glaze([], 0.5), WAVELENGTHS, angles=((0, 90), (0, 45)))
     with pytest.raises(ValueError, match="0 to 45 degrees of viewing: export one of all angles"):
         export_glaze(narrow, tmp_path / "g.bsdf", WAVELENGTHS)
-    made = scene([Plane("m")], {"m": Lambert(0.5)}, [ParallelLight((0, 0, -1), 1.0)], Camera((0, -3, 2)))
+    made = scene(
+        [Plane("m")], {"m": Lambert(0.5)}, [ParallelLight((0, 0, -1), 1.0)], Camera((0, -3, 2))
+    )
     with pytest.raises(FileNotFoundError, match=r"the folder .*none for meshes does not exist"):
         mitsuba_scene(made, tmp_path / "none")
     assert list(tmp_path.iterdir()) == []
@@ -113,9 +120,13 @@ def test_gloss_adds_the_reflection_of_the_surface(table, tmp_path, mitsuba):
     where.wavelengths = mitsuba.UnpolarizedSpectrum(500.0)
     means, errors = [], []
     for gloss in (True, False):
-        loaded = mitsuba.load_dict(export_glaze(table, tmp_path / f"{gloss}.bsdf", WAVELENGTHS, gloss=gloss))
+        loaded = mitsuba.load_dict(
+            export_glaze(table, tmp_path / f"{gloss}.bsdf", WAVELENGTHS, gloss=gloss)
+        )
         draws = rng.random((count, 3)).tolist()
-        weights = [loaded.sample(mitsuba.BSDFContext(), where, one, two)[1][0] for one, *two in draws]
+        weights = [
+            loaded.sample(mitsuba.BSDFContext(), where, one, two)[1][0] for one, *two in draws
+        ]
         means.append(np.mean(weights))
         errors.append(np.std(weights) / np.sqrt(count))
     exact = float(dielectric_reflectance(cosine, 1.5))
@@ -126,9 +137,13 @@ def test_gloss_adds_the_reflection_of_the_surface(table, tmp_path, mitsuba):
 def test_what_mitsuba_has_no_counterpart_of(mitsuba, tmp_path):
     scene = cases(8, 6)["diffuse"].scene
     with pytest.raises(ValueError, match="'ball': Mitsuba has no counterpart of Phong"):
-        mitsuba_scene(replace(scene, materials=dict(scene.materials) | {"ball": Phong(0.5)}), tmp_path)
+        mitsuba_scene(
+            replace(scene, materials=dict(scene.materials) | {"ball": Phong(0.5)}), tmp_path
+        )
 
 
 def test_export_needs_no_mitsuba():
-    code = "import sys; import glazejax.appearance.glaze.mitsuba; assert 'mitsuba' not in sys.modules"
+    code = (
+        "import sys; import glazejax.appearance.glaze.mitsuba; assert 'mitsuba' not in sys.modules"
+    )
     subprocess.run([sys.executable, "-c", code], check=True, timeout=120)

@@ -1,4 +1,6 @@
-"""The names of `glazejax.appearance`: all there, loaded only when asked for, enough to make a picture."""
+"""The names of `glazejax.appearance`: all there, loaded only when asked for, enough to make a
+picture.
+"""
 
 import subprocess
 import sys
@@ -33,7 +35,9 @@ def test_a_picture_by_these_names_alone():
     light = appearance.ParallelLight((0, 0, -1), appearance.lamp("D65", grid))
     body = {"grey": appearance.Lambert(0.5)}
     camera = appearance.Camera((0, 0, 5), up=(0, 1, 0), field_of_view=1.0)
-    scene = appearance.Scene(grid, [appearance.Plane("grey")], body, [light], camera, width=2, height=2)
+    scene = appearance.Scene(
+        grid, [appearance.Plane("grey")], body, [light], camera, width=2, height=2
+    )
     rendered = appearance.render(scene)
     # A lamp of strength 1 makes a white that faces it Y = 1.
     np.testing.assert_allclose(appearance.picture_xyz(rendered, grid)[..., 1], 0.5, rtol=1e-5)

@@ -1,4 +1,6 @@
-"""The BSDF of Mitsuba 3 in its scalar variant: the solver's reflectance, textures, and what is refused."""
+"""The BSDF of Mitsuba 3 in its scalar variant: the solver's reflectance, textures, and what is
+refused.
+"""
 
 import json
 import subprocess
@@ -28,7 +30,11 @@ def paints():
 
 def exact(glaze, cos_in, cos_out):
     stack = glaze.albedo, glaze.optical_thickness, glaze.substrate
-    given = {"refractive_index": glaze.refractive_index, "cos_incidence": cos_in, "cos_viewing": cos_out}
+    given = {
+        "refractive_index": glaze.refractive_index,
+        "cos_incidence": cos_in,
+        "cos_viewing": cos_out,
+    }
     return np.asarray(gj.stack_reflectance_factor(*stack, **given))
 
 
@@ -39,7 +45,9 @@ def bitmap(mi, values):
     return texture | {"wrap_mode": "clamp", "filter_type": "nearest"}
 
 
-@pytest.mark.parametrize(("ground", "index"), [(0.8, 1.5), (0.1, 1.3), (np.linspace(0.2, 0.9, 31), 1.7)])
+@pytest.mark.parametrize(
+    ("ground", "index"), [(0.8, 1.5), (0.1, 1.3), (np.linspace(0.2, 0.9, 31), 1.7)]
+)
 def test_eval_is_the_solvers_reflectance(mitsuba, paints, ground, index):
     from glazejax.appearance.mitsuba import glaze_bsdf
 
@@ -48,7 +56,9 @@ def test_eval_is_the_solvers_reflectance(mitsuba, paints, ground, index):
     bsdf = mitsuba.load_dict(glaze_bsdf(glaze))
     assert 0 < bsdf.table.error < 1e-3
     for pair in PAIRS:
-        np.testing.assert_allclose(factor(mitsuba, bsdf, *pair), exact(glaze, *pair), rtol=0, atol=bsdf.table.error)
+        np.testing.assert_allclose(
+            factor(mitsuba, bsdf, *pair), exact(glaze, *pair), rtol=0, atol=bsdf.table.error
+        )
 
 
 def test_it_is_what_glazejax_reflectance_says(mitsuba, paints):
@@ -69,15 +79,21 @@ def test_a_rough_surface_is_that_of_the_solver(mitsuba, paints):
     from glazejax.radiative.rough import rough_reflectance_factor, surface_reflectance_factor
 
     glaze = gj.Glaze([gj.Layer(paints["Eosin"], 2e-6), gj.Layer(paints["ZincWhite"], 9e-6)], 0.7)
-    body, whole = (mitsuba.load_dict(glaze_bsdf(glaze, roughness=0.5, gloss=gloss)) for gloss in (False, True))
+    body, whole = (
+        mitsuba.load_dict(glaze_bsdf(glaze, roughness=0.5, gloss=gloss)) for gloss in (False, True)
+    )
     stack = glaze.albedo, glaze.optical_thickness, glaze.substrate
     for azimuth, (a, b) in zip((0.0, 50.0, 180.0), PAIRS[1:4], strict=True):
-        told = np.asarray(rough_reflectance_factor(*stack, roughness=0.5, cos_incidence=a, cos_viewing=b))
+        told = np.asarray(
+            rough_reflectance_factor(*stack, roughness=0.5, cos_incidence=a, cos_viewing=b)
+        )
         found = factor(mitsuba, body, a, b)
         np.testing.assert_allclose(found, told, rtol=0, atol=body.table.error)
         # In Mitsuba both directions point away, so that the mirror's side is opposite.
         added = factor(mitsuba, whole, a, b, azimuth=np.pi - np.deg2rad(azimuth)) - found
-        np.testing.assert_allclose(added, surface_reflectance_factor(a, b, azimuth, roughness=0.5), rtol=2e-3)
+        np.testing.assert_allclose(
+            added, surface_reflectance_factor(a, b, azimuth, roughness=0.5), rtol=2e-3
+        )
 
 
 def test_textures_of_thickness_fraction_and_ground(mitsuba, paints):
@@ -85,7 +101,9 @@ def test_textures_of_thickness_fraction_and_ground(mitsuba, paints):
 
     # Few bands: the table's work grows with them.
     bands = np.arange(400.0, 701.0, 60.0)
-    blue, red, white = (paints[name].resample(bands) for name in ("UltramarineBlue", "Eosin", "ZincWhite"))
+    blue, red, white = (
+        paints[name].resample(bands) for name in ("UltramarineBlue", "Eosin", "ZincWhite")
+    )
     mixture = gj.Mixture([blue, red], [0.5, 0.5])
     glaze = gj.Glaze([gj.Layer(mixture, 2e-6), gj.Layer(white, 10e-6)], 0.8)
     # Maps of different sizes: each is a texture of its own.
@@ -121,11 +139,19 @@ def test_a_ground_with_a_spectrum_at_each_place(mitsuba, paints):
 
 
 def test_numbers_count_for_the_coat_that_is_named(mitsuba, paints):
-    made = {"type": "glaze", "coats": "Eosin:1um, 0.5*ZincWhite+0.5*UltramarineBlue:9um", "layer": 1}
-    bsdf = mitsuba.load_dict(made | {"thickness": 4e-6, "fraction": 0.25, "ground": 0.6, "refractive_index": 1.4})
+    made = {
+        "type": "glaze",
+        "coats": "Eosin:1um, 0.5*ZincWhite+0.5*UltramarineBlue:9um",
+        "layer": 1,
+    }
+    bsdf = mitsuba.load_dict(
+        made | {"thickness": 4e-6, "fraction": 0.25, "ground": 0.6, "refractive_index": 1.4}
+    )
     mixture = gj.Mixture([paints["ZincWhite"], paints["UltramarineBlue"]], [0.75, 0.25])
     glaze = gj.Glaze([gj.Layer(paints["Eosin"], 1e-6), gj.Layer(mixture, 4e-6)], 0.6, 1.4)
-    np.testing.assert_allclose(factor(mitsuba, bsdf, 0.5, 0.9), exact(glaze, 0.5, 0.9), rtol=0, atol=bsdf.table.error)
+    np.testing.assert_allclose(
+        factor(mitsuba, bsdf, 0.5, 0.9), exact(glaze, 0.5, 0.9), rtol=0, atol=bsdf.table.error
+    )
 
 
 def test_what_glaze_bsdf_is_given(unchecked, tmp_path):
@@ -145,7 +171,9 @@ def test_a_file_of_the_studio(mitsuba, tmp_path, paints):
     path.write_text(json.dumps({"glazejax": "stack", "version": 1, "coats": coats, "ground": 0.7}))
     glaze = gj.Glaze([gj.Layer(paints["CobaltBlue"], 2e-6)], 0.7)
     bsdf = mitsuba.load_dict({"type": "glaze", "coats": str(path)})
-    np.testing.assert_allclose(factor(mitsuba, bsdf, 0.5, 0.9), exact(glaze, 0.5, 0.9), rtol=0, atol=1e-3)
+    np.testing.assert_allclose(
+        factor(mitsuba, bsdf, 0.5, 0.9), exact(glaze, 0.5, 0.9), rtol=0, atol=1e-3
+    )
     # The same name, another glaze.
     path.write_text(json.dumps({"glazejax": "stack", "version": 1, "coats": coats, "ground": 0.1}))
     dark = mitsuba.load_dict({"type": "glaze", "coats": str(path)})
@@ -190,7 +218,9 @@ def test_the_mirror_and_the_body_are_drawn_by_their_albedos(mitsuba):
         assert mitsuba.has_flag(mirror.sampled_type, flags.DeltaReflection)
         fresnel = float(dielectric_reflectance(cosine, 1.5))
         np.testing.assert_allclose(np.array(weight) * mirror.pdf, fresnel, rtol=1e-5)
-        assert mirror.pdf == pytest.approx(fresnel / (fresnel + albedo(mitsuba, bsdf, cosine)), rel=0.02)
+        assert mirror.pdf == pytest.approx(
+            fresnel / (fresnel + albedo(mitsuba, bsdf, cosine)), rel=0.02
+        )
         body, weight = bsdf.sample(mitsuba.BSDFContext(), si, 0.999, [0.3, 0.7])
         assert mitsuba.has_flag(body.sampled_type, flags.DiffuseReflection)
         value = np.array(bsdf.eval(mitsuba.BSDFContext(), si, body.wo))
@@ -234,9 +264,20 @@ def test_the_fused_calls_say_the_same(mitsuba):
 
 
 def test_all_light_comes_back_where_nothing_absorbs(mitsuba):
-    white = {"wavelengths": [400, 500, 600, 700], "absorption": [0] * 4, "scattering": [1e5, 2e5, 3e4, 1e6]}
-    stack = {"glazejax": "stack", "version": 1, "coats": [{"paint": {"W": 1}, "um": 10}], "ground": 1.0}
-    bsdf = mitsuba.load_dict({"type": "glaze", "coats": json.dumps(stack | {"pigments": {"W": white}})})
+    white = {
+        "wavelengths": [400, 500, 600, 700],
+        "absorption": [0] * 4,
+        "scattering": [1e5, 2e5, 3e4, 1e6],
+    }
+    stack = {
+        "glazejax": "stack",
+        "version": 1,
+        "coats": [{"paint": {"W": 1}, "um": 10}],
+        "ground": 1.0,
+    }
+    bsdf = mitsuba.load_dict(
+        {"type": "glaze", "coats": json.dumps(stack | {"pigments": {"W": white}})}
+    )
     for cosine in (1.0, 0.4, 0.1):
         whole = albedo(mitsuba, bsdf, cosine) + float(dielectric_reflectance(cosine, 1.5))
         assert whole == pytest.approx(1.0, abs=2e-3)
@@ -244,7 +285,10 @@ def test_all_light_comes_back_where_nothing_absorbs(mitsuba):
 
 def test_alike_glazes_share_a_table(mitsuba):
     before = _table.cache_info().misses
-    one, two = (mitsuba.load_dict({"type": "glaze", "coats": BLUE, "gloss": gloss}) for gloss in (True, False))
+    one, two = (
+        mitsuba.load_dict({"type": "glaze", "coats": BLUE, "gloss": gloss})
+        for gloss in (True, False)
+    )
     assert one.table is two.table
     assert _table.cache_info().misses <= before + 1
 
@@ -253,26 +297,50 @@ def test_alike_glazes_share_a_table(mitsuba):
     ("given", "sentence"),
     [
         ({}, 'a glaze needs "coats"'),
-        ({"coats": "Nonsense:3um"}, "there is no pigment 'Nonsense': `glazejax render --list` shows all names"),
+        (
+            {"coats": "Nonsense:3um"},
+            "there is no pigment 'Nonsense': `glazejax render --list` shows all names",
+        ),
         ({"coats": "ZincWhite"}, "has no thickness: write paint:thickness"),
         ({"coats": "no/such.json"}, "no/such.json"),
         ({"coats": BLUE, "thicknes": 2e-6}, "a glaze has no 'thicknes'; you may mean 'thickness'"),
-        ({"coats": BLUE, "thickness": 20.0}, "thickness has the value 20; it must be 0 to 0.01 metres"),
+        (
+            {"coats": BLUE, "thickness": 20.0},
+            "thickness has the value 20; it must be 0 to 0.01 metres",
+        ),
         ({"coats": BLUE, "thickness": [[1e-6, -1e-6]]}, "thickness has the value -1e-06"),
         ({"coats": BLUE, "thickness": [[1e-6, np.nan]]}, "thickness has the value nan"),
-        ({"coats": BLUE, "thickness": [[4e-6]], "thickness_max": 3e-6}, "beyond the thickness_max of 3e-06 m"),
-        ({"coats": BLUE, "thickness": 1e-6, "layer": 2}, "layer is 2, but there are 2 coats, the top one is number 0"),
-        ({"coats": BLUE, "fraction": 0.5}, "the share of the second paint of coat 0, but that is UltramarineBlue"),
-        ({"coats": "0.5*Eosin+0.5*ZincWhite:2um", "fraction": [[1.5]]}, "fraction has the value 1.5"),
+        (
+            {"coats": BLUE, "thickness": [[4e-6]], "thickness_max": 3e-6},
+            "beyond the thickness_max of 3e-06 m",
+        ),
+        (
+            {"coats": BLUE, "thickness": 1e-6, "layer": 2},
+            "layer is 2, but there are 2 coats, the top one is number 0",
+        ),
+        (
+            {"coats": BLUE, "fraction": 0.5},
+            "the share of the second paint of coat 0, but that is UltramarineBlue",
+        ),
+        (
+            {"coats": "0.5*Eosin+0.5*ZincWhite:2um", "fraction": [[1.5]]},
+            "fraction has the value 1.5",
+        ),
         ({"coats": BLUE, "ground": [[-0.5]]}, "ground has the value -0.5"),
         ({"coats": BLUE, "ground": "white"}, "ground is str; give a number or a texture"),
-        ({"coats": BLUE, "roughness": 2.0}, "roughness is 2.0; it must be a number between 0 and 1"),
+        (
+            {"coats": BLUE, "roughness": 2.0},
+            "roughness is 2.0; it must be a number between 0 and 1",
+        ),
         ({"coats": BLUE, "tolerance": 0.0}, "tolerance is 0.0"),
         ({"coats": BLUE, "gloss": 0.5}, "gloss is 0.5; it must be true or false"),
     ],
 )
 def test_what_is_refused(mitsuba, given, sentence):
-    given = {name: bitmap(mitsuba, value) if isinstance(value, list) else value for name, value in given.items()}
+    given = {
+        name: bitmap(mitsuba, value) if isinstance(value, list) else value
+        for name, value in given.items()
+    }
     with pytest.raises(RuntimeError) as told:
         mitsuba.load_dict({"type": "glaze", **given})
     assert sentence in str(told.value)
@@ -286,7 +354,10 @@ def test_maps_that_are_refused(mitsuba, paints):
         ({"thickness": np.zeros(3)}, r"thickness is an array of shape \(3,\)"),
         ({"thickness": np.zeros((3, 3, 1))}, r"thickness is an array of shape \(3, 3, 1\)"),
         ({"thickness": np.full((2, 2), 20.0)}, "thickness has the value 20"),
-        ({"thickness": np.full((2, 2), 2e-6), "thickness_max": 1e-6}, "beyond the thickness_max of 1e-06 m"),
+        (
+            {"thickness": np.full((2, 2), 2e-6), "thickness_max": 1e-6},
+            "beyond the thickness_max of 1e-06 m",
+        ),
         ({"fraction": np.full((2, 2), 0.5)}, "write it as a mixture of two paints"),
         ({"ground": np.full(5, 0.5)}, "the ground has 5 bands, but the table has 31"),
         ({"ground": np.full((2, 2, 31), 1.5)}, "ground has the value 1.5"),
@@ -327,5 +398,7 @@ assert "Eosin" in str(mitsuba.load_dict(made))
 
 
 def test_variants_without_spectra_are_refused(mitsuba):
-    done = subprocess.run([sys.executable, "-c", _VARIANTS], capture_output=True, text=True, timeout=300, check=False)
+    done = subprocess.run(
+        [sys.executable, "-c", _VARIANTS], capture_output=True, text=True, timeout=300, check=False
+    )
     assert done.returncode == 0, done.stderr

@@ -1,4 +1,6 @@
-"""The BSDF of Mitsuba 3 where Dr.Jit has LLVM: sampling by chi-square tests, energy, and derivatives."""
+"""The BSDF of Mitsuba 3 where Dr.Jit has LLVM: sampling by chi-square tests, energy, and
+derivatives.
+"""
 
 import json
 from typing import Any
@@ -72,9 +74,13 @@ def many(mi, cosine, count, wavelength=500.0):
 
 @pytest.mark.parametrize(("coats", "roughness"), BLUES)
 def test_what_is_drawn_has_the_albedo(mitsuba, coats, roughness):
-    """Mean weight of sampling: body and surface, by the integral of eval over even directions for the body."""
+    """Mean weight of sampling: body and surface, by the integral of eval over even directions for
+    the body.
+    """
     mi, count = mitsuba, 400_000
-    bsdf = mi.load_dict({"type": "glaze", "coats": coats, "roughness": roughness, "tolerance": COARSE})
+    bsdf = mi.load_dict(
+        {"type": "glaze", "coats": coats, "roughness": roughness, "tolerance": COARSE}
+    )
     rng = mi.PCG32(size=count)
     for cosine in (0.95, 0.3):
         si = many(mi, cosine, count)
@@ -82,7 +88,9 @@ def test_what_is_drawn_has_the_albedo(mitsuba, coats, roughness):
         _, weight = bsdf.sample(mi.BSDFContext(), si, one, two)
         drawn = np.array(weight[0])
         wo = mi.warp.square_to_cosine_hemisphere(mi.Point2f(rng.next_float32(), rng.next_float32()))
-        value = np.array(bsdf.eval(mi.BSDFContext(), si, wo)[0] / mi.warp.square_to_cosine_hemisphere_pdf(wo))
+        value = np.array(
+            bsdf.eval(mi.BSDFContext(), si, wo)[0] / mi.warp.square_to_cosine_hemisphere_pdf(wo)
+        )
         mirror = 0.0
         if roughness == 0:
             from glazejax.radiative.common.fresnel import dielectric_reflectance
@@ -103,7 +111,10 @@ def test_derivatives_by_textures_are_those_of_the_solver(mitsuba):
 
     # Few bands: the table's work grows with them, its lookup does not.
     bands = np.arange(400.0, 701.0, 100.0)
-    blue, red, white = (gj.catalogue.load()[name].resample(bands) for name in ("UltramarineBlue", "Eosin", "ZincWhite"))
+    blue, red, white = (
+        gj.catalogue.load()[name].resample(bands)
+        for name in ("UltramarineBlue", "Eosin", "ZincWhite")
+    )
     mixture = gj.Mixture([blue, red], [0.5, 0.5])
     glaze = gj.Glaze([gj.Layer(mixture, 2e-6), gj.Layer(white, 10e-6)], 0.8)
     given: dict[str, Any] = {
@@ -136,9 +147,17 @@ def test_derivatives_by_textures_are_those_of_the_solver(mitsuba):
 
 
 def furnace(mi, bsdf, size=16, samples=256):
-    """What a sphere of the material sends back of even light of one, in every pixel's middle, as a share of it."""
+    """What a sphere of the material sends back of even light of one, in every pixel's middle, as a
+    share of it.
+    """
     view = mi.ScalarTransform4f().look_at([0, 0, 3.0], [0, 0, 0], [0, 1, 0])
-    film = {"type": "hdrfilm", "width": size, "height": size, "pixel_format": "luminance", "rfilter": {"type": "box"}}
+    film = {
+        "type": "hdrfilm",
+        "width": size,
+        "height": size,
+        "pixel_format": "luminance",
+        "rfilter": {"type": "box"},
+    }
     scene = {
         "type": "scene",
         "integrator": {"type": "path", "max_depth": 3},
@@ -146,17 +165,30 @@ def furnace(mi, bsdf, size=16, samples=256):
         "light": {"type": "constant"},
     }
     ball = {"thing": {"type": "sphere", "bsdf": bsdf}}
-    lit, light = (np.array(mi.render(mi.load_dict(one), spp=samples))[..., 0] for one in (scene | ball, scene))
+    lit, light = (
+        np.array(mi.render(mi.load_dict(one), spp=samples))[..., 0] for one in (scene | ball, scene)
+    )
     return lit / light.mean()
 
 
 @pytest.mark.parametrize("roughness", [0.0, pytest.param(0.5, marks=pytest.mark.slow)])
 def test_all_light_comes_back_in_a_furnace(mitsuba, roughness):
-    white = {"wavelengths": [400, 500, 600, 700], "absorption": [0] * 4, "scattering": [1e5, 2e5, 3e4, 1e6]}
-    stack = {"glazejax": "stack", "version": 1, "coats": [{"paint": {"W": 1}, "um": 10}], "ground": 1.0}
+    white = {
+        "wavelengths": [400, 500, 600, 700],
+        "absorption": [0] * 4,
+        "scattering": [1e5, 2e5, 3e4, 1e6],
+    }
+    stack = {
+        "glazejax": "stack",
+        "version": 1,
+        "coats": [{"paint": {"W": 1}, "um": 10}],
+        "ground": 1.0,
+    }
     coats = json.dumps(stack | {"pigments": {"W": white}})
     tolerance = 1e-3 if roughness == 0 else 0.01
-    seen = furnace(mitsuba, {"type": "glaze", "coats": coats, "roughness": roughness, "tolerance": tolerance})
+    seen = furnace(
+        mitsuba, {"type": "glaze", "coats": coats, "roughness": roughness, "tolerance": tolerance}
+    )
     assert seen.mean() == pytest.approx(1.0, abs=4e-3)
 
 

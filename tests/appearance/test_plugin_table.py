@@ -16,12 +16,17 @@ def looked_up(body, a, b, points, ground):
     count = a.size
     waves = [np.full(count, w) for w in body.wavelengths]
     given = None if ground is None else [np.full(count, ground)] * body.bands
-    return np.stack(reflectance_factor(NUMPY, body, at_point(NUMPY, body, points, waves, given), a, b), axis=-1)
+    return np.stack(
+        reflectance_factor(NUMPY, body, at_point(NUMPY, body, points, waves, given), a, b), axis=-1
+    )
 
 
 @pytest.mark.parametrize(
     "coats",
-    [pytest.param("UltramarineBlue:3um, ZincWhite:20um", marks=pytest.mark.slow), "BoneBlack:3um, BoneBlack:2mm"],
+    [
+        pytest.param("UltramarineBlue:3um, ZincWhite:20um", marks=pytest.mark.slow),
+        "BoneBlack:3um, BoneBlack:2mm",
+    ],
 )
 def test_any_thickness_and_any_ground(coats):
     """Below 2 mm of black nothing of the ground is seen."""
@@ -29,15 +34,26 @@ def test_any_thickness_and_any_ground(coats):
     body = body_table(Smooth(1.5), glaze, 0, Axes(thickness=(0.0, 20e-6)))
     assert body.error <= body.tolerance == 1e-3
     rng = np.random.default_rng(7)
-    a, b, depth = rng.uniform(0.01, 1, 40), rng.uniform(0.01, 1, 40), rng.uniform(0, 20e-6, 40) * rng.uniform(0, 1, 40)
+    a, b, depth = (
+        rng.uniform(0.01, 1, 40),
+        rng.uniform(0.01, 1, 40),
+        rng.uniform(0, 20e-6, 40) * rng.uniform(0, 1, 40),
+    )
     for ground in (0.0, 0.4, 1.0):
         layers = [gj.Layer(glaze.layers[0].medium, depth[:, None]), glaze.layers[1]]
         there = gj.Glaze([gj.Layer(la.medium, la.thickness) for la in layers], 0.0)
-        stack = there.albedo[:, 0] if there.albedo.ndim > 3 else there.albedo, there.optical_thickness[:, 0]
-        exact = gj.stack_reflectance_factor(*stack, ground, cos_incidence=a[:, None], cos_viewing=b[:, None])
+        stack = (
+            there.albedo[:, 0] if there.albedo.ndim > 3 else there.albedo,
+            there.optical_thickness[:, 0],
+        )
+        exact = gj.stack_reflectance_factor(
+            *stack, ground, cos_incidence=a[:, None], cos_viewing=b[:, None]
+        )
         found = looked_up(body, a, b, {"thickness": depth}, ground)
         np.testing.assert_allclose(found, exact, rtol=0, atol=body.error)
-        np.testing.assert_allclose(looked_up(body, b, a, {"thickness": depth}, ground), found, rtol=1e-12, atol=1e-14)
+        np.testing.assert_allclose(
+            looked_up(body, b, a, {"thickness": depth}, ground), found, rtol=1e-12, atol=1e-14
+        )
 
 
 def test_the_mean_albedo_is_that_of_the_table():
@@ -46,7 +62,9 @@ def test_the_mean_albedo_is_that_of_the_table():
     nodes = 0.5 * (x + 1)
     for cosine in (0.1, 0.8):
         factor = looked_up(body, np.full(40, cosine), nodes, {}, None).mean(axis=1)
-        assert mean_albedo(NUMPY, body, cosine, {}) == pytest.approx(np.sum(w * nodes * factor), rel=1e-3)
+        assert mean_albedo(NUMPY, body, cosine, {}) == pytest.approx(
+            np.sum(w * nodes * factor), rel=1e-3
+        )
 
 
 def test_hermites_cubics_are_exact_for_cubics():
@@ -55,7 +73,9 @@ def test_hermites_cubics_are_exact_for_cubics():
     for coefficients in ([1.0, -2.0, 0.5, 3.0], [0.0, 1.0, 0.0, 0.0]):
         cubic = np.polynomial.Polynomial(coefficients)
         slope = cubic.deriv()
-        found = lower * cubic(0) + lower_slope * slope(0) + upper * cubic(1) + upper_slope * slope(1)
+        found = (
+            lower * cubic(0) + lower_slope * slope(0) + upper * cubic(1) + upper_slope * slope(1)
+        )
         np.testing.assert_allclose(found, cubic(t), atol=1e-14)
 
 
@@ -67,11 +87,18 @@ def test_a_rough_surfaces_matrix_is_its_ports():
     parts = surface.expanded(surface.parts(stack, cosines, tolerance), cosines, tolerance)
     for i, a in enumerate(cosines):
         ports = rough_ports(
-            albedo[:, None], depth[:, None], roughness=0.5, cos_incidence=a, cos_viewing=cosines, tolerance=tolerance
+            albedo[:, None],
+            depth[:, None],
+            roughness=0.5,
+            cos_incidence=a,
+            cos_viewing=cosines,
+            tolerance=tolerance,
         )
         np.testing.assert_allclose(parts.black[:, i], ports.dark, atol=1e-12)
         np.testing.assert_allclose(parts.through, ports.viewing, atol=1e-12)
-        np.testing.assert_allclose(np.broadcast_to(parts.back[:, None], (2, 3)), ports.back, atol=1e-12)
+        np.testing.assert_allclose(
+            np.broadcast_to(parts.back[:, None], (2, 3)), ports.back, atol=1e-12
+        )
 
 
 def test_wavelengths_come_at_even_distances():

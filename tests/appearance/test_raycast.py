@@ -1,4 +1,6 @@
-"""The ray caster against closed forms: single rays, a Lambert sphere, shadow edges, mirrors in mirrors, meshes."""
+"""The ray caster against closed forms: single rays, a Lambert sphere, shadow edges, mirrors in
+mirrors, meshes.
+"""
 
 import importlib.util
 import sys
@@ -35,9 +37,23 @@ def hit_of(shape, origin, direction):
         (Sphere("m", (0, 0, 5), 2.0), (0, 0, 0), (0, 0, 1), 3.0, (0, 0, -1), (0.5, 0.0)),
         (Sphere("m", (1, 0, 0), 1.0), (1, 0, 0), (1, 0, 0), 1.0, (-1, 0, 0), (0.5, 0.5)),
         (Plane("m", (0, 0, -1), (0, 0, 1)), (0, 0, 1), (0, 3, -4), 2.5, (0, 0, 1), (0.0, 1.5)),
-        (Plane("m", (0, 2, 0), (0, -1, 0), (4, 2)), (1, 0, 0.5), (0, 1, 0), 2.0, (0, -1, 0), (0.75, 0.75)),
+        (
+            Plane("m", (0, 2, 0), (0, -1, 0), (4, 2)),
+            (1, 0, 0.5),
+            (0, 1, 0),
+            2.0,
+            (0, -1, 0),
+            (0.75, 0.75),
+        ),
         (Box("m", (0, 0, 0), (2, 4, 6)), (5, 1, 0), (-1, 0, 0), 4.0, (1, 0, 0), (0.75, 0.5)),
-        (Box("m", (0, 0, 0), (2, 2, 2), (0, 0, 45)), (5, 0, 0), (-1, 0, 0), 5 - np.sqrt(2), None, None),
+        (
+            Box("m", (0, 0, 0), (2, 2, 2), (0, 0, 45)),
+            (5, 0, 0),
+            (-1, 0, 0),
+            5 - np.sqrt(2),
+            None,
+            None,
+        ),
         (Box("m", (0, 0, 0), (2, 4, 6)), (0, 0, 0), (0, 0, 1), 3.0, (0, 0, -1), (0.5, 0.5)),
     ],
 )
@@ -67,9 +83,13 @@ def bumpy(count=24):
     """A closed mesh of some thousand triangles."""
     u, v = np.meshgrid(np.linspace(0, 2 * np.pi, 2 * count), np.linspace(0, np.pi, count))
     r = 1 + 0.2 * np.sin(5 * u) * np.sin(v) ** 2
-    points = np.stack([r * np.cos(u) * np.sin(v), r * np.sin(u) * np.sin(v), r * np.cos(v)], -1).reshape(-1, 3)
+    points = np.stack(
+        [r * np.cos(u) * np.sin(v), r * np.sin(u) * np.sin(v), r * np.cos(v)], -1
+    ).reshape(-1, 3)
     index = np.arange(points.shape[0]).reshape(count, 2 * count)
-    a, b, c, d = (x.ravel() for x in (index[:-1, :-1], index[:-1, 1:], index[1:, :-1], index[1:, 1:]))
+    a, b, c, d = (
+        x.ravel() for x in (index[:-1, :-1], index[:-1, 1:], index[1:, :-1], index[1:, 1:])
+    )
     return Mesh("m", points, np.concatenate([np.stack([a, b, c], 1), np.stack([b, d, c], 1)]))
 
 
@@ -83,9 +103,13 @@ def test_rays_find_what_trying_all_triangles_finds():
     corners = mesh.vertices[mesh.faces]
     best = np.full(300, np.inf)
     for a, b, c in corners:
-        matrix = np.stack([np.broadcast_to(b - a, (300, 3)), np.broadcast_to(c - a, (300, 3)), -direction], axis=2)
+        matrix = np.stack(
+            [np.broadcast_to(b - a, (300, 3)), np.broadcast_to(c - a, (300, 3)), -direction], axis=2
+        )
         good = np.abs(np.linalg.det(matrix)) > 1e-12
-        u, v, t = np.linalg.solve(np.where(good[:, None, None], matrix, np.eye(3)), (origin - a)[..., None])[..., 0].T
+        u, v, t = np.linalg.solve(
+            np.where(good[:, None, None], matrix, np.eye(3)), (origin - a)[..., None]
+        )[..., 0].T
         best = np.where(good & (u >= 0) & (v >= 0) & (u + v <= 1) & (t > 0) & (t < best), t, best)
     assert np.isfinite(best).mean() > 0.5
     np.testing.assert_allclose(
@@ -106,10 +130,14 @@ def test_rays_from_a_mesh_do_not_meet_where_they_start():
         for slope in (1.0, 1e-2, 1e-4):
             away = across + slope * outward
             away /= np.linalg.norm(away, axis=1, keepdims=True)
-            leave = nearest(geometry, jnp.asarray(middle + geometry.clearance * outward), jnp.asarray(away))
+            leave = nearest(
+                geometry, jnp.asarray(middle + geometry.clearance * outward), jnp.asarray(away)
+            )
             assert np.all(leave.shape == -1)
         # Straight through, to the other side of the ball.
-        inward = nearest(geometry, jnp.asarray(middle - geometry.clearance * outward), jnp.asarray(-outward))
+        inward = nearest(
+            geometry, jnp.asarray(middle - geometry.clearance * outward), jnp.asarray(-outward)
+        )
         assert np.all(inward.shape == 0)
         np.testing.assert_allclose(inward.distance, 2 * size, rtol=0.02)
 
@@ -117,8 +145,11 @@ def test_rays_from_a_mesh_do_not_meet_where_they_start():
 def test_triangles_that_touch_leave_no_gap_and_edges_seen_end_on_do_no_harm():
     cube = trimesh.creation.box((2, 2, 2))
     geometry = make_geometry([Mesh("m", cube.vertices, cube.faces)], MATERIALS)
-    # Along the diagonal that two triangles share, through a corner, and past the cube in the plane of a face.
-    origin = jnp.asarray([[5.0, y, y] for y in np.linspace(-0.99, 0.99, 23)] + [[5.0, 1.0 + 1e-5, 0.0]])
+    # Along the diagonal that two triangles share, through a corner, and past the cube in the plane
+    # of a face.
+    origin = jnp.asarray(
+        [[5.0, y, y] for y in np.linspace(-0.99, 0.99, 23)] + [[5.0, 1.0 + 1e-5, 0.0]]
+    )
     hit = nearest(geometry, origin, jnp.broadcast_to(jnp.asarray([-1.0, 0.0, 0.0]), origin.shape))
     np.testing.assert_allclose(hit.distance, [4.0] * 23 + [np.inf], rtol=1e-12)
 
@@ -129,7 +160,9 @@ def test_a_mesh_without_trimesh_says_what_to_install(monkeypatch):
         make_geometry([bumpy(4)], MATERIALS)
 
 
-@pytest.mark.skipif(importlib.util.find_spec("rtree") is not None, reason="trimesh can cast rays without Embree")
+@pytest.mark.skipif(
+    importlib.util.find_spec("rtree") is not None, reason="trimesh can cast rays without Embree"
+)
 def test_a_mesh_without_an_engine_says_what_to_install(monkeypatch):
     monkeypatch.setattr(trimesh.ray, "has_embree", False)
     with pytest.raises(ValueError, match=r'embreex.*pip install "glazejax\[scene\]"'):
@@ -164,7 +197,8 @@ def test_lambert_sphere_is_the_cosine():
 
 
 def test_shadow_edge_of_a_rectangle_is_where_it_falls():
-    # A screen of 1 x 1 at height 1 under vertical light; a point light at height 2 doubles the shadow.
+    # A screen of 1 x 1 at height 1 under vertical light; a point light at height 2 doubles the
+    # shadow.
     camera = Camera((0, 0, 0.9), (0, 0, 0), up=(0, 1, 0), field_of_view=150)
     shapes = [Plane("m"), Plane("m", (0, 0, 1), size=(1, 1), up=(0, 1, 0))]
     for light, half in ((ParallelLight((0, 0, -1), 1.0), 0.5), (PointLight((0, 0, 2), 1.0), 1.0)):
@@ -178,7 +212,14 @@ def test_point_light_falls_with_the_square_of_the_distance():
     camera = Camera((0, 0, 1), (0, 0, 0), up=(0, 1, 0), field_of_view=1)
     values = [
         render(
-            scene([Plane("m")], {"m": Lambert(1.0)}, [PointLight((0, 3, 4), s)], camera, width=1, height=1)
+            scene(
+                [Plane("m")],
+                {"m": Lambert(1.0)},
+                [PointLight((0, 3, 4), s)],
+                camera,
+                width=1,
+                height=1,
+            )
         ).radiance[0, 0, 0]
         for s in (1.0, 2.0)
     ]
@@ -200,10 +241,22 @@ def test_mirror_of_mirror():
     camera = Camera((-3, 0, 0), (0, 0, 0), field_of_view=0.5)
     # Past the second metal, not through it.
     light = ParallelLight((-1, 1, 0), 1.0)
-    made = scene(shapes, {"metal": metal, "wall": Lambert(wall)}, [light], camera, width=1, height=1, antialias=1)
+    made = scene(
+        shapes,
+        {"metal": metal, "wall": Lambert(wall)},
+        [light],
+        camera,
+        width=1,
+        height=1,
+        antialias=1,
+    )
     once = conductor_reflectance(np.sqrt(0.5), n, k)
-    np.testing.assert_allclose(render(made).radiance[0, 0], once**2 * wall * np.sqrt(0.5), rtol=1e-6)
-    short = scene(shapes, made.materials, [light], camera, width=1, height=1, antialias=1, bounces=1)
+    np.testing.assert_allclose(
+        render(made).radiance[0, 0], once**2 * wall * np.sqrt(0.5), rtol=1e-6
+    )
+    short = scene(
+        shapes, made.materials, [light], camera, width=1, height=1, antialias=1, bounces=1
+    )
     np.testing.assert_allclose(render(short).radiance[0, 0], 0.0, atol=1e-12)
 
 
@@ -214,7 +267,9 @@ def test_phong_pixels_lie_between_body_and_light():
     made = scene([Sphere("m")], {"m": material}, [light], Camera((0, -4, 0.5)))
     colours = render(made).radiance.reshape(-1, GRID.size)
     colours = colours[colours.sum(axis=1) > 1e-3]
-    parts, _, rank, _ = np.linalg.lstsq(np.stack([body * lamp, lamp], axis=1), colours.T, rcond=None)
+    parts, _, rank, _ = np.linalg.lstsq(
+        np.stack([body * lamp, lamp], axis=1), colours.T, rcond=None
+    )
     assert rank == 2
     assert parts.min() > -1e-9
     assert parts[1].max() > 0.5
@@ -222,9 +277,13 @@ def test_phong_pixels_lie_between_body_and_light():
 
 
 def test_rays_that_carry_little_are_not_followed():
-    made = scene([Sphere("m")], {"m": Lambert(1.0)}, [ParallelLight((0, 1, 0), 1.0)], Camera((0, -4, 0)))
+    made = scene(
+        [Sphere("m")], {"m": Lambert(1.0)}, [ParallelLight((0, 1, 0), 1.0)], Camera((0, -4, 0))
+    )
     rays = made.rays(np.array([16.0]), np.array([12.0]))
     arguments = (made.geometry(), lamps(made.lights), *rays)
     follow = trace(*arguments, reflects=lambda number, cosines: 0.01 + 0 * cosines, bounces=3)
     assert len(follow) == 2
-    assert len(trace(*arguments, reflects=lambda number, cosines: 1e-4 + 0 * cosines, bounces=3)) == 1
+    assert (
+        len(trace(*arguments, reflects=lambda number, cosines: 1e-4 + 0 * cosines, bounces=3)) == 1
+    )

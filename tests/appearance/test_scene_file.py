@@ -1,4 +1,6 @@
-"""Scene files and the command: the example, every kind of value, and errors that name key and value."""
+"""Scene files and the command: the example, every kind of value, and errors that name key and
+value.
+"""
 
 import tomllib
 from pathlib import Path
@@ -76,7 +78,9 @@ def test_light_between_surfaces_and_the_reflectance_of_a_metal_are_in_the_file(w
         .replace("diffuse_bounces = 0", "diffuse_bounces = 2")
         .replace("gather_rays = 256", "gather_rays = 9")
     )
-    scene = scene_file.read_scene(write(text.replace('fresnel = "exact"', 'fresnel = "hall"'))).scene
+    scene = scene_file.read_scene(
+        write(text.replace('fresnel = "exact"', 'fresnel = "hall"'))
+    ).scene
     assert (scene.diffuse_bounces, scene.gather_rays) == (2, 9)
     metal = scene.materials["copper"]
     assert isinstance(metal, Conductor)
@@ -86,7 +90,10 @@ def test_light_between_surfaces_and_the_reflectance_of_a_metal_are_in_the_file(w
             text.replace("diffuse_bounces = 2", "diffuse_bounces = -1"),
             "diffuse_bounces must be a whole number from 0 to 20",
         ),
-        (text.replace("gather_rays = 9", "gather_rays = 0"), "gather_rays must be a whole number from 1 to 16384"),
+        (
+            text.replace("gather_rays = 9", "gather_rays = 0"),
+            "gather_rays must be a whole number from 1 to 16384",
+        ),
         (text.replace('fresnel = "exact"', 'fresnel = "hal"'), "did you mean 'hall'"),
     ):
         with pytest.raises(ValueError, match=words):
@@ -103,51 +110,125 @@ def test_a_small_scene_is_what_its_file_says(write):
     picture = render(scene).radiance
     assert np.isfinite(picture).all()
     # The floor in front of the ball, under light at 45 degrees.
-    np.testing.assert_allclose(picture[-1, 0], 0.5 * np.sqrt(0.5) * scene.lights[0].spectrum, rtol=1e-6)
+    np.testing.assert_allclose(
+        picture[-1, 0], 0.5 * np.sqrt(0.5) * scene.lights[0].spectrum, rtol=1e-6
+    )
 
 
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
-        ("width = 12", "width = -3", r"my.toml: width must be a whole number from 1 to 20000, not -3"),
+        (
+            "width = 12",
+            "width = -3",
+            r"my.toml: width must be a whole number from 1 to 20000, not -3",
+        ),
         ("width = 12", "width = 1.5", r"\[picture\] width: must be a whole number, not 1.5"),
         ("width = 12", "widht = 12", r"\[picture\]: unknown key 'widht'; did you mean 'width'\?"),
         ("[camera]", "[kamera]", r"my.toml: camera is missing"),
         ("position = [0, -4, 2]", "position = [0, -4]", r"\[camera\] position: must be 3 numbers"),
-        ("position = [0, -4, 2]", "position = [0, 0, 0]", r"\[camera\]: the camera's target .* is its position"),
-        ('illuminant = "D65"', 'illuminant = "D66"', r"\[lights.sun\] illuminant: unknown illuminant 'D66'"),
+        (
+            "position = [0, -4, 2]",
+            "position = [0, 0, 0]",
+            r"\[camera\]: the camera's target .* is its position",
+        ),
+        (
+            'illuminant = "D65"',
+            'illuminant = "D66"',
+            r"\[lights.sun\] illuminant: unknown illuminant 'D66'",
+        ),
         ('illuminant = "D65"', "", r"\[lights.sun\] illuminant: give either illuminant"),
-        ('illuminant = "D65"', 'spectrum = "lamp.csv"', r"\[lights.sun\] spectrum: there is no file .*lamp.csv"),
+        (
+            'illuminant = "D65"',
+            'spectrum = "lamp.csv"',
+            r"\[lights.sun\] spectrum: there is no file .*lamp.csv",
+        ),
         ("direction = [0, 1, -1]", "", r"\[lights.sun\] position: give either position"),
-        ("direction = [0, 1, -1]", 'shape = "disc"', r"\[lights.sun\] shape: 'disc' must be one of rectangle, sphere"),
+        (
+            "direction = [0, 1, -1]",
+            'shape = "disc"',
+            r"\[lights.sun\] shape: 'disc' must be one of rectangle, sphere",
+        ),
         (
             "direction = [0, 1, -1]",
             'shape = "rectangle"\ncentre = [0, 0, 9]\nnormal = [0, 0, -1]',
             r"\[lights.sun\] size: is missing: an area light has a width and a height",
         ),
-        ("direction = [0, 1, -1]", 'shape = "sphere"\ncentre = [0, 0, 9]', r"\[lights.sun\]: radius is missing"),
-        ('layers = "U', 'roughness = 2\nlayers = "U', r"\[materials.paint\] roughness: roughness must be 0 \(smooth\)"),
-        ("normal = [0, 0, 1]", 'normal = [0, 0, 1]\nrelief = "no.npy"', r"\[objects.floor\] relief: there is no file"),
-        ("normal = [0, 0, 1]", 'normal = [0, 0, 1]\nrelief = "no.png"', r"\[objects.floor\]: relief_height is missing"),
+        (
+            "direction = [0, 1, -1]",
+            'shape = "sphere"\ncentre = [0, 0, 9]',
+            r"\[lights.sun\]: radius is missing",
+        ),
+        (
+            'layers = "U',
+            'roughness = 2\nlayers = "U',
+            r"\[materials.paint\] roughness: roughness must be 0 \(smooth\)",
+        ),
+        (
+            "normal = [0, 0, 1]",
+            'normal = [0, 0, 1]\nrelief = "no.npy"',
+            r"\[objects.floor\] relief: there is no file",
+        ),
+        (
+            "normal = [0, 0, 1]",
+            'normal = [0, 0, 1]\nrelief = "no.png"',
+            r"\[objects.floor\]: relief_height is missing",
+        ),
         (
             "normal = [0, 0, 1]",
             "normal = [0, 0, 1]\nrelief_height = 1",
             r"relief_height: has no meaning without relief",
         ),
-        ("direction = [0, 1, -1]", "direction = [0, 0, 0]", r"\[lights.sun\]: direction is \(0, 0, 0\)"),
-        ("reflectance = 0.5", "reflectance = 50", r"reflectance: must lie between 0 and 1, not 50; 50 percent is 0.5"),
-        ("reflectance = 0.5", 'reflectance = "red.csv"', r"\[materials.grey\] reflectance: 'red.csv' is neither"),
-        ("reflectance = 0.5", "reflectance = true", r"\[materials.grey\] reflectance: must be a number from 0 to 1"),
-        ('kind = "lambert"', 'kind = "lambret"', r"\[materials.grey\] kind: 'lambret' .* did you mean 'lambert'"),
-        ('"UltramarineBlue:5um"', '"UltramarineBlue"', r"\[materials.paint\] layers: .* has no thickness"),
-        ('"UltramarineBlue:5um"', '"Ultramarin:5um"', r"\[materials.paint\] layers: .*UltramarineBlue"),
+        (
+            "direction = [0, 1, -1]",
+            "direction = [0, 0, 0]",
+            r"\[lights.sun\]: direction is \(0, 0, 0\)",
+        ),
+        (
+            "reflectance = 0.5",
+            "reflectance = 50",
+            r"reflectance: must lie between 0 and 1, not 50; 50 percent is 0.5",
+        ),
+        (
+            "reflectance = 0.5",
+            'reflectance = "red.csv"',
+            r"\[materials.grey\] reflectance: 'red.csv' is neither",
+        ),
+        (
+            "reflectance = 0.5",
+            "reflectance = true",
+            r"\[materials.grey\] reflectance: must be a number from 0 to 1",
+        ),
+        (
+            'kind = "lambert"',
+            'kind = "lambret"',
+            r"\[materials.grey\] kind: 'lambret' .* did you mean 'lambert'",
+        ),
+        (
+            '"UltramarineBlue:5um"',
+            '"UltramarineBlue"',
+            r"\[materials.paint\] layers: .* has no thickness",
+        ),
+        (
+            '"UltramarineBlue:5um"',
+            '"Ultramarin:5um"',
+            r"\[materials.paint\] layers: .*UltramarineBlue",
+        ),
         (
             'layers = "U',
             'refractive_index = 3\nlayers = "U',
             r"\[materials.paint\]: refractive_index must be in \[1, 2.5\]",
         ),
-        ('layers = "U', 'thickness_range = ["0um","1um"]\nlayers = "U', r"thickness_range: has no meaning without"),
-        ('layers = "U', 'thickness_map = "wedge"\nlayers = "U', r"thickness_range: must be the thickness of black"),
+        (
+            'layers = "U',
+            'thickness_range = ["0um","1um"]\nlayers = "U',
+            r"thickness_range: has no meaning without",
+        ),
+        (
+            'layers = "U',
+            'thickness_map = "wedge"\nlayers = "U',
+            r"thickness_range: must be the thickness of black",
+        ),
         (
             'layers = "U',
             'thickness_map = "m.png"\nthickness_range = ["0um","1um"]\nlayers = "U',
@@ -164,19 +245,35 @@ def test_a_small_scene_is_what_its_file_says(write):
             r"\[materials.grey\]: roughness must be 0 \(polished\) to 60 degrees, not 70",
         ),
         ("radius = 1", "radius = 0", r"\[objects.ball\] radius: must be above 0, not 0"),
-        ("radius = 1", "raduis = 1", r"\[objects.ball\]: radius is missing; is 'raduis' meant to be it\?"),
+        (
+            "radius = 1",
+            "raduis = 1",
+            r"\[objects.ball\]: radius is missing; is 'raduis' meant to be it\?",
+        ),
         ("radius = 1", "", r"\[objects.ball\]: radius is missing"),
         (
             'material = "grey"',
             'material = "gray"',
             r"\[objects.floor\] material: 'gray' must be .* did you mean 'grey'",
         ),
-        ('shape = "sphere"', 'shape = "mesh"\nfile = "v.obj"', r"\[objects.ball\].*(v.obj|unknown key)"),
+        (
+            'shape = "sphere"',
+            'shape = "mesh"\nfile = "v.obj"',
+            r"\[objects.ball\].*(v.obj|unknown key)",
+        ),
         ('"400:700:20"', '"400-700"', r"\[picture\] wavelengths: '400-700' is not FROM:TO:STEP"),
         ('"400:700:20"', '"400:700:70"', r"\[picture\] wavelengths: .*(meet|coarse)"),
         ('"400:700:20"', '"380:700:20"', r"380"),
-        ("width = 12", 'width = 12\ndisplay = "CRT9"', r"\[picture\] display: unknown display 'CRT9'"),
-        ("width = 12", 'width = 12\nwhite = "moon"', r"\[picture\] white: 'moon' is none of the lights \(sun\)"),
+        (
+            "width = 12",
+            'width = 12\ndisplay = "CRT9"',
+            r"\[picture\] display: unknown display 'CRT9'",
+        ),
+        (
+            "width = 12",
+            'width = 12\nwhite = "moon"',
+            r"\[picture\] white: 'moon' is none of the lights \(sun\)",
+        ),
         ("width = 12", "width = 12 12", r"my.toml: not a legal TOML file"),
     ],
 )
@@ -187,22 +284,29 @@ def test_errors_name_place_and_value(write, old, new, words):
 
 
 def test_measured_reflectances_and_maps(write, tmp_path):
-    table = "wavelength_nm,red,blue\n" + "\n".join(f"{w},{(w - 300) / 500:.4f},0.1" for w in range(380, 781, 10))
+    table = "wavelength_nm,red,blue\n" + "\n".join(
+        f"{w},{(w - 300) / 500:.4f},0.1" for w in range(380, 781, 10)
+    )
     (tmp_path / "paints.csv").write_text(table)
     np.save(tmp_path / "map.npy", np.linspace(0, 1, 12).reshape(3, 4))
     text = SMALL.replace("reflectance = 0.5", 'reflectance = "paints.csv:red"')
     text = text.replace(
-        'layers = "U', 'thickness_map = "map.npy"\nthickness_range = ["2um", "6um"]\nsubstrate = 0.7\nlayers = "U'
+        'layers = "U',
+        'thickness_map = "map.npy"\nthickness_range = ["2um", "6um"]\nsubstrate = 0.7\nlayers = "U',
     )
     scene = scene_file.read_scene(write(text)).scene
     np.testing.assert_allclose(
-        scene.materials["grey"].spectra()["reflectance"], (np.asarray(scene.wavelengths) - 300) / 500
+        scene.materials["grey"].spectra()["reflectance"],
+        (np.asarray(scene.wavelengths) - 300) / 500,
     )
     np.testing.assert_allclose(
-        np.asarray(scene.materials["paint"].thickness_map), 2e-6 + 4e-6 * np.linspace(0, 1, 12).reshape(3, 4)
+        np.asarray(scene.materials["paint"].thickness_map),
+        2e-6 + 4e-6 * np.linspace(0, 1, 12).reshape(3, 4),
     )
     with pytest.raises(ValueError, match=r"holds 2 spectra: choose one, as paints.csv:red"):
-        scene_file.read_scene(write(SMALL.replace("reflectance = 0.5", 'reflectance = "paints.csv"')))
+        scene_file.read_scene(
+            write(SMALL.replace("reflectance = 0.5", 'reflectance = "paints.csv"'))
+        )
 
 
 def test_a_white_above_one_is_noise_or_refused(write, tmp_path):
@@ -216,7 +320,9 @@ def test_a_white_above_one_is_noise_or_refused(write, tmp_path):
             (note,) = found.notes
             assert "[materials.grey] reflectance: white.csv reflects 1.02 at 500 nm" in note
         else:
-            with pytest.raises(ValueError, match=r"\[materials.grey\] reflectance: white.csv reflects 1.2 .*scale"):
+            with pytest.raises(
+                ValueError, match=r"\[materials.grey\] reflectance: white.csv reflects 1.2 .*scale"
+            ):
                 scene_file.read_scene(write(text))
     assert scene_file.read_scene(write(SMALL)).notes == ()
 
@@ -225,7 +331,8 @@ def test_meshes_are_read_and_placed(write, tmp_path):
     trimesh.creation.box((1, 2, 4)).export(tmp_path / "v.obj")
     text = SMALL.replace(
         'shape = "sphere"\ncentre = [0, 0, 1]\nradius = 1',
-        'shape = "mesh"\nfile = "v.obj"\nsize = 2\ncentre = [0, 0, 1]\nrotation = [0, 90, 0]\nsmooth = false',
+        'shape = "mesh"\nfile = "v.obj"\nsize = 2\ncentre = [0, 0, 1]\nrotation = [0, 90, '
+        "0]\nsmooth = false",
     )
     mesh = scene_file.read_scene(write(text)).scene.shapes[1]
     assert isinstance(mesh, Mesh)
@@ -233,17 +340,22 @@ def test_meshes_are_read_and_placed(write, tmp_path):
     np.testing.assert_allclose(mesh.vertices.min(axis=0), [-1, -0.5, 0.75], atol=1e-12)
     assert mesh.normals is None
     (tmp_path / "v.obj").write_text("not a mesh")
-    with pytest.raises(ValueError, match=r"\[objects.ball\].*v.obj: .*triangles|\[objects.ball\].*cannot read"):
+    with pytest.raises(
+        ValueError, match=r"\[objects.ball\].*v.obj: .*triangles|\[objects.ball\].*cannot read"
+    ):
         scene_file.read_scene(write(text))
 
 
 def test_area_lights_relief_and_roughness_are_read(write, tmp_path):
     heights = np.linspace(-1, 1, 12).reshape(3, 4)
     np.save(tmp_path / "strokes.npy", heights)
-    text = SMALL.replace("direction = [0, 1, -1]", 'shape = "sphere"\ncentre = [1, 2, 9]\nradius = 0.5\nstrength = 3')
+    text = SMALL.replace(
+        "direction = [0, 1, -1]", 'shape = "sphere"\ncentre = [1, 2, 9]\nradius = 0.5\nstrength = 3'
+    )
     text = text.replace(
         "[materials.grey]",
-        '[lights.window]\nilluminant = "A"\nshape = "rectangle"\ncentre = [-4, 0, 3]\nnormal = [1, 0, 0]\n'
+        '[lights.window]\nilluminant = "A"\nshape = "rectangle"\ncentre = [-4, 0, 3]\nnormal = '
+        "[1, 0, 0]\n"
         "size = [2, 3]\n[materials.grey]",
     )
     text = text.replace('layers = "U', 'roughness = 0.25\nlayers = "U')
@@ -272,8 +384,14 @@ def test_area_lights_relief_and_roughness_are_read(write, tmp_path):
 @pytest.mark.parametrize(
     ("values", "words"),
     [
-        (np.zeros(5), r"\[objects.floor\] relief: .*must hold finite numbers \(h, w\), not float64 \(5,\)"),
-        (np.zeros((1, 5)), r"\[objects.floor\]: a relief must be a map of heights \(h, w\), at least 2 x 2"),
+        (
+            np.zeros(5),
+            r"\[objects.floor\] relief: .*must hold finite numbers \(h, w\), not float64 \(5,\)",
+        ),
+        (
+            np.zeros((1, 5)),
+            r"\[objects.floor\]: a relief must be a map of heights \(h, w\), at least 2 x 2",
+        ),
         (np.full((3, 3), np.inf), r"\[objects.floor\] relief: .*finite"),
         (np.zeros((3, 3)), r"\[objects.floor\]: a plane with a relief needs a size"),
     ],
@@ -281,7 +399,9 @@ def test_area_lights_relief_and_roughness_are_read(write, tmp_path):
 def test_what_is_no_relief(write, tmp_path, values, words):
     np.save(tmp_path / "r.npy", values)
     with pytest.raises(ValueError, match=words):
-        scene_file.read_scene(write(SMALL.replace("normal = [0, 0, 1]", 'normal = [0, 0, 1]\nrelief = "r.npy"')))
+        scene_file.read_scene(
+            write(SMALL.replace("normal = [0, 0, 1]", 'normal = [0, 0, 1]\nrelief = "r.npy"'))
+        )
 
 
 def run(*arguments):
@@ -323,7 +443,10 @@ def test_the_command_writes_a_picture_and_its_spectra(write, tmp_path, quiet_sta
         (["none.toml", "-o", "a.jpg"], "written as .png"),
         (["none.toml", "--spectral", "a.txt"], "written as .npz or .exr"),
         (["none.toml", "-o", "none/a.png"], "does not exist"),
-        (["none.toml", "--renderer", "blender"], "--renderer 'blender' must be one of raycast, mitsuba"),
+        (
+            ["none.toml", "--renderer", "blender"],
+            "--renderer 'blender' must be one of raycast, mitsuba",
+        ),
         (["none.toml", "--samples", "9"], "--samples belongs to --renderer mitsuba"),
     ],
 )
@@ -333,7 +456,9 @@ def test_what_the_command_refuses(arguments, words, quiet_start, tmp_path, monke
     assert words in str(done.exception)
 
 
-LIT = SMALL.replace("direction = [0, 1, -1]", 'shape = "sphere"\ncentre = [2, -3, 4]\nradius = 0.5\nstrength = 40')
+LIT = SMALL.replace(
+    "direction = [0, 1, -1]", 'shape = "sphere"\ncentre = [2, -3, 4]\nradius = 0.5\nstrength = 40'
+)
 
 
 def test_the_command_path_traces(write, tmp_path, quiet_start):
@@ -359,7 +484,9 @@ def test_the_example_by_a_window_is_for_the_path_tracer():
 
 def test_the_ray_caster_names_the_other_renderer(write, tmp_path, quiet_start):
     done = run(write(LIT), "-o", tmp_path / "a.png")
-    assert "my.toml: the ray caster cannot draw area lights: add --renderer mitsuba" in str(done.exception)
+    assert "my.toml: the ray caster cannot draw area lights: add --renderer mitsuba" in str(
+        done.exception
+    )
     assert not (tmp_path / "a.png").exists()
 
 
@@ -376,7 +503,9 @@ def test_a_missing_mitsuba_is_named_with_its_extra(write, tmp_path, quiet_start,
     assert 'pip install "glazejax[render]"' in str(done.exception)
 
 
-def test_a_path_traced_picture_that_was_interrupted_says_so(write, tmp_path, quiet_start, monkeypatch):
+def test_a_path_traced_picture_that_was_interrupted_says_so(
+    write, tmp_path, quiet_start, monkeypatch
+):
     pytest.importorskip("mitsuba", reason="Mitsuba is not installed (extra render)")
     from glazejax.appearance.scene import path_trace as tracing
 
@@ -423,8 +552,12 @@ def test_the_example_is_printed():
 
 
 def test_a_picture_is_shown_as_its_file_says(write, unchecked):
-    """Exposure, the light the eye is adapted to, the display: of pixels that are half as bright as the white."""
-    text = SMALL.replace("background = 0.2", 'background = 0.2\nexposure = 2.0\nwhite = "A"\ndisplay = "Adobe RGB"')
+    """Exposure, the light the eye is adapted to, the display: of pixels that are half as bright as
+    the white.
+    """
+    text = SMALL.replace(
+        "background = 0.2", 'background = 0.2\nexposure = 2.0\nwhite = "A"\ndisplay = "Adobe RGB"'
+    )
     found = scene_file.read_scene(write(text))
     wavelengths = found.scene.wavelengths
     half = 0.25 * light_white(found.white, wavelengths)  # of the exposure of two

@@ -1,4 +1,6 @@
-"""Scenes in Mitsuba 3, where it is installed: lights that have a size, relief, noise, and which variant is used."""
+"""Scenes in Mitsuba 3, where it is installed: lights that have a size, relief, noise, and which
+variant is used.
+"""
 
 import subprocess
 import sys
@@ -33,7 +35,9 @@ def mi():
         found.set_variant(before)
 
 
-def made(shapes: list[Shape], materials: dict, lights: list, camera: Camera = ABOVE, **how) -> Scene:
+def made(
+    shapes: list[Shape], materials: dict, lights: list, camera: Camera = ABOVE, **how
+) -> Scene:
     """A small scene, dark around."""
     return Scene(WAVELENGTHS, shapes, materials, lights, camera, **{"width": 8, "height": 8} | how)
 
@@ -45,7 +49,14 @@ def luminance(scene: Scene, samples: int = 4096, **how) -> np.ndarray:
 
 @pytest.mark.optimised
 @pytest.mark.parametrize(
-    "name", ["diffuse", *(pytest.param(name, marks=pytest.mark.slow) for name in ("copper", "glaze", "map", "gloss"))]
+    "name",
+    [
+        "diffuse",
+        *(
+            pytest.param(name, marks=pytest.mark.slow)
+            for name in ("copper", "glaze", "map", "gloss")
+        ),
+    ],
 )
 def test_pictures_are_those_of_the_ray_caster(name, mi):
     case = cases(32, 24)[name]
@@ -60,18 +71,25 @@ def test_a_sphere_that_shines_lights_as_its_solid_angle_says(mi):
     # A small ball straight above: irradiance / pi = L sin^2 of its half angle.
     light = AreaLight(Sphere("", (0.0, 0.0, 3.0), 0.3), np.full(WAVELENGTHS.shape, 50.0))
     camera = Camera((3.0, 0.0, 3.0), (0.0, 0.0, 0.0), field_of_view=0.5)
-    found = luminance(made([Plane("m", size=(4.0, 4.0), up=UP)], {"m": Lambert(0.5)}, [light], camera))
+    found = luminance(
+        made([Plane("m", size=(4.0, 4.0), up=UP)], {"m": Lambert(0.5)}, [light], camera)
+    )
     expected = 0.5 * 50.0 * (0.3 / 3.0) ** 2
     # Y = 1 is light at all wavelengths that the eye sees; the bands end at 400 and 700 nm.
     np.testing.assert_allclose(found.mean(), expected, rtol=4e-3)
 
 
 def test_a_rectangle_that_shines_is_bright_in_front_and_black_behind(mi):
-    light = AreaLight(Plane("", (0.0, 0.0, 2.0), (0.0, 0.0, -1.0), (1.0, 2.0), UP), np.full(WAVELENGTHS.shape, 2.0))
+    light = AreaLight(
+        Plane("", (0.0, 0.0, 2.0), (0.0, 0.0, -1.0), (1.0, 2.0), UP),
+        np.full(WAVELENGTHS.shape, 2.0),
+    )
     below = Camera((0.0, 0.0, 0.0), (0.0, 0.0, 2.0), UP, field_of_view=2.0)
     # The ground is far away, and so as good as black.
     ground: list[Shape] = [Plane("m", (0.0, 0.0, -1000.0), size=(0.1, 0.1))]
-    np.testing.assert_allclose(luminance(made(ground, {"m": Lambert(0.5)}, [light], below), 64), 2.0, rtol=2e-2)
+    np.testing.assert_allclose(
+        luminance(made(ground, {"m": Lambert(0.5)}, [light], below), 64), 2.0, rtol=2e-2
+    )
     assert luminance(made(ground, {"m": Lambert(0.5)}, [light], ABOVE), 64).max() < 1e-6
 
 
@@ -86,7 +104,8 @@ def test_light_goes_from_surface_to_surface(mi):
 
 @pytest.mark.parametrize("tilt", [0.0, 0.5])
 def test_a_relief_tilts_what_the_lamp_lights(mi, tilt):
-    # Heights that rise evenly upwards in the picture: a tilted plane, whose cosine to the lamp is known.
+    # Heights that rise evenly upwards in the picture: a tilted plane, whose cosine to the lamp is
+    # known.
     rows = np.linspace(1.0, -1.0, 5)[:, None]
     relief = tilt * np.broadcast_to(rows, (5, 4))
     towards = np.array([0.0, 0.6, 0.8])
@@ -104,8 +123,12 @@ def test_a_relief_stands_out_by_its_heights(mi):
     relief[:, :20] = 0.2
     light = ParallelLight((1.0, 0.0, -0.5), np.ones(WAVELENGTHS.shape))
     plane = Plane("m", size=(2.0, 2.0), up=UP, relief=relief)
-    camera = Camera((0.0, 0.0, 20.0), (0.0, 0.0, 0.0), UP, field_of_view=float(np.rad2deg(2 * np.arctan(0.05))))
-    found = luminance(made([plane], {"m": Lambert(0.5)}, [light], camera, width=20, height=20), 64, max_depth=2)
+    camera = Camera(
+        (0.0, 0.0, 20.0), (0.0, 0.0, 0.0), UP, field_of_view=float(np.rad2deg(2 * np.arctan(0.05)))
+    )
+    found = luminance(
+        made([plane], {"m": Lambert(0.5)}, [light], camera, width=20, height=20), 64, max_depth=2
+    )
     row = found[10]
     lit = 0.5 * 0.5 / np.hypot(1.0, 0.5)
     np.testing.assert_allclose(row[:9], lit, rtol=1e-2)
@@ -152,7 +175,8 @@ def test_an_interrupted_picture_is_the_mean_of_its_passes(mi):
     found = path_trace(scene, samples=64, progress=told)
     assert found.done == 0.5
     off = found.values[..., 1] / 0.5 - 1.0
-    # Random numbers differ from variant to variant; the noise that it tells says how far pixels may be off.
+    # Random numbers differ from variant to variant; the noise that it tells says how far pixels may
+    # be off.
     assert found.report.pixel_noise < 5e-3
     assert np.abs(off).max() < 5.0 * found.report.pixel_noise
     assert abs(off.mean()) < 5.0 * found.report.pixel_noise / np.sqrt(off.size)
@@ -160,7 +184,9 @@ def test_an_interrupted_picture_is_the_mean_of_its_passes(mi):
 
 def test_a_users_own_variant_stays(mi):
     light = ParallelLight((0.0, 0.0, -1.0), np.ones(WAVELENGTHS.shape))
-    scene = made([Plane("m", size=(4.0, 4.0), up=UP)], {"m": Lambert(0.5)}, [light], width=2, height=2)
+    scene = made(
+        [Plane("m", size=(4.0, 4.0), up=UP)], {"m": Lambert(0.5)}, [light], width=2, height=2
+    )
     try:
         mi.set_variant("scalar_rgb")
         assert path_trace(scene, samples=4).report.variant == variants.usable_variant()
@@ -195,7 +221,9 @@ def test_materials_without_a_counterpart_become_the_nearest_and_that_is_said(mi)
     shapes: list[Shape] = [Sphere(name, (k, 0.0, 0.0), 0.4) for k, name in enumerate(materials)]
     found = path_trace(made(shapes, materials, [light]), samples=4)
     assert len(found.report.notes) == 3
-    assert all(words in " ".join(found.report.notes) for words in ("Phong", "rough metal", "'hall'"))
+    assert all(
+        words in " ".join(found.report.notes) for words in ("Phong", "rough metal", "'hall'")
+    )
 
 
 def test_the_ray_caster_says_what_it_cannot_draw():
@@ -203,7 +231,9 @@ def test_the_ray_caster_says_what_it_cannot_draw():
     sun = ParallelLight((0.0, 0.0, -1.0), 1.0)
     flat, raised = Plane("m", size=(1.0, 1.0)), Plane("m", size=(1.0, 1.0), relief=np.zeros((3, 3)))
     for shape, light, words in ((flat, shine, "draw area lights:"), (raised, sun, "draw relief:")):
-        with pytest.raises(ValueError, match=f"{words} use path_trace, or glazejax scene --renderer mitsuba"):
+        with pytest.raises(
+            ValueError, match=f"{words} use path_trace, or glazejax scene --renderer mitsuba"
+        ):
             render(made([shape], {"m": Lambert(0.5)}, [light]))
 
 
@@ -214,14 +244,19 @@ def test_a_rough_glaze_is_for_the_path_tracer():
     with pytest.raises(ValueError, match="cannot draw glazes with a rough surface: use path_trace"):
         render(made([Sphere("m")], {"m": rough}, [sun]))
     for value in (-0.1, 1.5, float("nan")):
-        with pytest.raises(ValueError, match=r"roughness must be 0 \(smooth\) to 1, GGX's alpha, not"):
+        with pytest.raises(
+            ValueError, match=r"roughness must be 0 \(smooth\) to 1, GGX's alpha, not"
+        ):
             Glazed(rough.glaze, roughness=value)
 
 
 @pytest.mark.parametrize(
     ("relief", "words"),
     [
-        (np.zeros(5), r"a relief must be a map of heights \(h, w\), at least 2 x 2, not of shape \(5,\)"),
+        (
+            np.zeros(5),
+            r"a relief must be a map of heights \(h, w\), at least 2 x 2, not of shape \(5,\)",
+        ),
         (np.zeros((1, 5)), r"at least 2 x 2, not of shape \(1, 5\)"),
         (np.full((3, 3), np.nan), "finite heights"),
         (np.zeros((5000, 5000), bool), "5000 x 5000 heights is too fine"),
@@ -244,7 +279,9 @@ def test_what_is_no_area_light():
 
 
 def test_samples_out_of_range_are_refused():
-    scene = made([Plane("m", size=(1.0, 1.0))], {"m": Lambert(0.5)}, [ParallelLight((0, 0, -1), 1.0)])
+    scene = made(
+        [Plane("m", size=(1.0, 1.0))], {"m": Lambert(0.5)}, [ParallelLight((0, 0, -1), 1.0)]
+    )
     for samples in (0, 2**21, True):
         with pytest.raises(ValueError, match="samples must be a whole number from 1 to"):
             path_trace(scene, samples=samples)

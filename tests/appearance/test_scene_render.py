@@ -1,4 +1,6 @@
-"""Pictures of scenes: glazes as materials, what is left out, gradients, lamps, and files of pictures."""
+"""Pictures of scenes: glazes as materials, what is left out, gradients, lamps, and files of
+pictures.
+"""
 
 from dataclasses import replace
 
@@ -9,7 +11,13 @@ import pytest
 
 import glazejax as gj
 from glazejax import colour
-from glazejax.appearance.scene.lights import ParallelLight, PointLight, lamp, lamp_on_bands, measured_lamp
+from glazejax.appearance.scene.lights import (
+    ParallelLight,
+    PointLight,
+    lamp,
+    lamp_on_bands,
+    measured_lamp,
+)
 from glazejax.appearance.scene.materials import Conductor, Glazed, Lambert, Phong
 from glazejax.appearance.scene.picture import (
     light_white,
@@ -35,7 +43,9 @@ def paint(name, grid=GRID):
 
 
 def blue_glaze(thickness: Numbers = 3e-6):
-    return gj.Glaze([gj.Layer(paint("UltramarineBlue"), thickness), gj.Layer(paint("ZincWhite"), 20e-6)], 0.8)
+    return gj.Glaze(
+        [gj.Layer(paint("UltramarineBlue"), thickness), gj.Layer(paint("ZincWhite"), 20e-6)], 0.8
+    )
 
 
 def forward():
@@ -44,7 +54,9 @@ def forward():
 
 
 def flat(material, light, camera, **options):
-    return scene([Plane("m")], {"m": material}, [light], camera, **({"width": 1, "height": 1} | options))
+    return scene(
+        [Plane("m")], {"m": material}, [light], camera, **({"width": 1, "height": 1} | options)
+    )
 
 
 @pytest.mark.parametrize(("incidence", "viewing"), [(0, 45), (45, 0), (60, 30)])
@@ -84,14 +96,18 @@ def test_gloss_adds_the_mirrored_surroundings():
     camera = Camera((-1, 0, 1), up=(0, 1, 0), field_of_view=0.01)
     light = ParallelLight((0, 0, -1), 1.0)
     pictures = [
-        render(flat(Glazed(blue_glaze(), gloss=g), light, camera, background=background)) for g in (True, False)
+        render(flat(Glazed(blue_glaze(), gloss=g), light, camera, background=background))
+        for g in (True, False)
     ]
     added = (pictures[0].radiance - pictures[1].radiance)[0, 0]
-    np.testing.assert_allclose(added, dielectric_reflectance(np.sqrt(0.5), 1.5) * background, rtol=1e-6)
+    np.testing.assert_allclose(
+        added, dielectric_reflectance(np.sqrt(0.5), 1.5) * background, rtol=1e-6
+    )
 
 
 def test_a_thickness_map_is_where_it_belongs():
-    # Four quarters, seen straight from above: the first row of the map is on top, its first column left.
+    # Four quarters, seen straight from above: the first row of the map is on top, its first column
+    # left.
     depths = np.array([[0.0, 1e-6], [3e-6, 8e-6]])
     glaze = gj.Glaze([gj.Layer(paint("UltramarineBlue"), 1e-6)], 0.8)
     camera = Camera((0, 0, 10), up=(0, 1, 0), field_of_view=np.rad2deg(2 * np.arctan(0.1)))
@@ -109,7 +125,9 @@ def test_a_thickness_map_is_where_it_belongs():
 
 def test_maps_are_bilinear_between_the_middles_of_pixels():
     values = jnp.array([[0.0, 1.0], [2.0, 4.0]])
-    uv = jnp.array([[0.25, 0.75], [0.75, 0.25], [0.5, 0.5], [0.0, 1.0], [1.0, 0.0], [1.25, 0.75], [0.5, 0.75]])
+    uv = jnp.array(
+        [[0.25, 0.75], [0.75, 0.25], [0.5, 0.5], [0.0, 1.0], [1.0, 0.0], [1.25, 0.75], [0.5, 0.75]]
+    )
     np.testing.assert_allclose(sample_map(values, uv), [0, 4, 1.75, 0, 4, 0, 0.5], atol=1e-12)
 
 
@@ -133,7 +151,9 @@ def still_life(**options):
     ]
     lights = [ParallelLight((0.5, 1, -1), light), PointLight((-2, -2, 3), 4 * light[::-1])]
     camera = Camera((0, -4, 2), (0, 0, 0.4))
-    return scene(shapes, materials, lights, camera, **({"width": 40, "height": 30, "antialias": 3} | options))
+    return scene(
+        shapes, materials, lights, camera, **({"width": 40, "height": 30, "antialias": 3} | options)
+    )
 
 
 @pytest.fixture(scope="module")
@@ -154,7 +174,8 @@ def test_adaptive_rays_are_close_to_many_rays_everywhere(rendered):
 @pytest.mark.slow
 def test_only_what_is_in_view_is_prepared(rendered):
     made, report = still_life(), rendered.report
-    # The sphere behind the camera is seen by no mirror either, being small; then its material is not prepared.
+    # The sphere behind the camera is seen by no mirror either, being small; then its material is
+    # not prepared.
     alone = render(replace(made, shapes=[made.shapes[0], made.shapes[5]])).report
     assert alone.materials == 1
     assert report.materials_full == 6
@@ -167,7 +188,9 @@ def test_bands_that_no_screen_can_show_are_left_out():
     grid = np.arange(380.0, 781.0, 10.0)
     light = ParallelLight((0, 0, -1), lamp("A", grid))
     material = Lambert(np.linspace(0.05, 0.6, grid.size))
-    made = Scene(grid, [Plane("m")], {"m": material}, [light], Camera((0, -3, 2)), width=4, height=4)
+    made = Scene(
+        grid, [Plane("m")], {"m": material}, [light], Camera((0, -3, 2)), width=4, height=4
+    )
     keep = needed_bands(made)
     assert 25 < keep.sum() < 38
     assert keep[5:30].all()
@@ -190,7 +213,9 @@ def test_lamps_without_some_or_all_colours_keep_their_bands():
         light = ParallelLight((0, 0, -1), spectrum)
         made = Scene(deep, [Plane("m")], {"m": Lambert(0.5)}, [light], camera, width=2, height=2)
         part = render(made, spectral=False)
-        np.testing.assert_allclose(picture_xyz(part, deep), picture_xyz(render(made), deep), rtol=1e-12)
+        np.testing.assert_allclose(
+            picture_xyz(part, deep), picture_xyz(render(made), deep), rtol=1e-12
+        )
         assert part.report.bands == 1 if bands is None else (part.bands == bands).all()
 
 
@@ -231,16 +256,27 @@ def test_gradient_of_a_pixel_by_the_spectrum_of_a_material():
         changed[0], changed[1], changed[5] = Lambert(body), None, None
         changed[3] = Conductor(index, 3.0)
         spectra = jnp.asarray(made.light_spectra()).at[0].set(light)
-        return jnp.sum(weights * radiance(levels, changed, spectra, jnp.asarray(made.background_spectrum())))
+        return jnp.sum(
+            weights * radiance(levels, changed, spectra, jnp.asarray(made.background_spectrum()))
+        )
 
-    point = (jnp.full(GRID.size, 0.5), jnp.full(GRID.size, 0.3), jnp.asarray(made.light_spectra()[0]))
+    point = (
+        jnp.full(GRID.size, 0.5),
+        jnp.full(GRID.size, 0.3),
+        jnp.asarray(made.light_spectra()[0]),
+    )
     slopes = jax.grad(total, argnums=(0, 1, 2))(*point)
     for argument, slope in enumerate(slopes):
         assert np.abs(slope).max() > 1e-3
         for band in (0, 5, 10):
             step = 1e-5 * jnp.eye(GRID.size)[band]
-            ends = [total(*(x + sign * step * float(k == argument) for k, x in enumerate(point))) for sign in (1, -1)]
-            np.testing.assert_allclose((ends[0] - ends[1]) / 2e-5, slope[band], rtol=1e-5, atol=1e-8)
+            ends = [
+                total(*(x + sign * step * float(k == argument) for k, x in enumerate(point)))
+                for sign in (1, -1)
+            ]
+            np.testing.assert_allclose(
+                (ends[0] - ends[1]) / 2e-5, slope[band], rtol=1e-5, atol=1e-8
+            )
 
 
 def test_lamps_have_luminance_one_and_keep_their_lines():
@@ -313,12 +349,24 @@ def test_spectra_in_openexr(tmp_path, rendered):
         ({"width": 0}, "width must be a whole number from 1 to 20000, not 0"),
         ({"background": np.ones(3)}, "background has shape"),
         ({"background": np.nan}, "background holds nan"),
-        ({"materials": {"m": Lambert(np.ones(3))}, "shapes": [Sphere("m")]}, "reflectance of material 'm' has shape"),
-        ({"materials": {"m": Lambert(-0.5)}, "shapes": [Sphere("m")]}, "holds -0.5"),
-        ({"materials": {"m": Phong(0.5, -1.0)}, "shapes": [Sphere("m")]}, "specular of material 'm' is -1"),
-        ({"materials": {"m": Glazed(forward())}, "shapes": [Sphere("m")]}, "material 'm': .* phase function"),
         (
-            {"materials": {"m": Glazed(blue_glaze(np.array([1e-6, 2e-6])))}, "shapes": [Sphere("m")]},
+            {"materials": {"m": Lambert(np.ones(3))}, "shapes": [Sphere("m")]},
+            "reflectance of material 'm' has shape",
+        ),
+        ({"materials": {"m": Lambert(-0.5)}, "shapes": [Sphere("m")]}, "holds -0.5"),
+        (
+            {"materials": {"m": Phong(0.5, -1.0)}, "shapes": [Sphere("m")]},
+            "specular of material 'm' is -1",
+        ),
+        (
+            {"materials": {"m": Glazed(forward())}, "shapes": [Sphere("m")]},
+            "material 'm': .* phase function",
+        ),
+        (
+            {
+                "materials": {"m": Glazed(blue_glaze(np.array([1e-6, 2e-6])))},
+                "shapes": [Sphere("m")],
+            },
             "'m': .* map of thicknesses",
         ),
     ],
@@ -336,13 +384,25 @@ def test_scenes_that_cannot_be(change, words):
         (lambda: Sphere("m", (1, 2)), "centre must be three finite numbers"),
         (lambda: Plane("m", normal=(0, 0, 0)), "no direction"),
         (lambda: Plane("m", size=(1, 0)), "size must be a number above 0"),
-        (lambda: Mesh("m", np.eye(3), np.array([[0, 1, -1]])), "a face names vertex -1, but they are 0 to 2"),
-        (lambda: Mesh("m", np.eye(3), np.array([[0, 1, 3]])), "a face names vertex 3, but they are 0 to 2"),
+        (
+            lambda: Mesh("m", np.eye(3), np.array([[0, 1, -1]])),
+            "a face names vertex -1, but they are 0 to 2",
+        ),
+        (
+            lambda: Mesh("m", np.eye(3), np.array([[0, 1, 3]])),
+            "a face names vertex 3, but they are 0 to 2",
+        ),
         (lambda: Mesh("m", np.eye(3), np.array([[0, 1, 1.5]])), "faces must be whole numbers"),
-        (lambda: Conductor(0.3, 3.0, -5.0), r"roughness must be 0 \(polished\) to 60 degrees, not -5"),
+        (
+            lambda: Conductor(0.3, 3.0, -5.0),
+            r"roughness must be 0 \(polished\) to 60 degrees, not -5",
+        ),
         (lambda: Camera((0, 0, 1), (0, 0, 0)), "looks along its up"),
         (lambda: Camera((0, 0, 0), (0, 0, 0)), "target"),
-        (lambda: Camera((0, -1, 0), field_of_view=200), "field_of_view must be between 0 and 170 degrees, not 200"),
+        (
+            lambda: Camera((0, -1, 0), field_of_view=200),
+            "field_of_view must be between 0 and 170 degrees, not 200",
+        ),
     ],
 )
 def test_things_that_cannot_be(make, words):

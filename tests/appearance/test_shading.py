@@ -49,7 +49,9 @@ def test_phong_chromaticities_lie_between_body_and_light(direction):
 def test_phong_as_printed_and_several_lights():
     body, lamp = np.array([0.2, 0.5]), np.array([2.0, 3.0])
     expected = body * 0.6 * lamp + 0.4 * 0.8**11 * lamp
-    np.testing.assert_allclose(shading.phong(body, lamp, 0.6, 0.8, specular=0.4), expected, rtol=1e-13)
+    np.testing.assert_allclose(
+        shading.phong(body, lamp, 0.6, 0.8, specular=0.4), expected, rtol=1e-13
+    )
     # Eq (24): lights add.
     two = sum(shading.phong(body, lamp, c, m, specular=0.4) for c, m in ((0.6, 0.8), (0.3, -0.1)))
     np.testing.assert_allclose(two, expected + body * 0.3 * lamp, rtol=1e-13)
@@ -61,7 +63,9 @@ def test_phong_as_printed_and_several_lights():
 def test_torrance_sparrow_as_printed():
     rng = np.random.default_rng(1)
     normal = np.array([0.0, 0.0, 1.0])
-    light, view = (v / np.linalg.norm(v, axis=1, keepdims=True) for v in rng.normal(size=(2, 300, 3)))
+    light, view = (
+        v / np.linalg.norm(v, axis=1, keepdims=True) for v in rng.normal(size=(2, 300, 3))
+    )
     light[:, 2], view[:, 2] = abs(light[:, 2]), abs(view[:, 2])
     half = (light + view) / np.linalg.norm(light + view, axis=1, keepdims=True)
     nl, nv, nh, vh = light @ normal, view @ normal, half @ normal, np.sum(view * half, axis=1)
@@ -71,7 +75,9 @@ def test_torrance_sparrow_as_printed():
     fresnel = conductor_reflectance(vh[:, None], np.array([0.3, 1.2]), np.array([3.2, 2.4]))
     body, lamp = np.array([0.1, 0.2]), np.array([1.0, 2.0])
     expected = (body * nl[:, None] + (d * g / nv)[:, None] * fresnel) * lamp
-    np.testing.assert_allclose(shading.half_vector(jnp.asarray(light), jnp.asarray(view)), half, atol=1e-14)
+    np.testing.assert_allclose(
+        shading.half_vector(jnp.asarray(light), jnp.asarray(view)), half, atol=1e-14
+    )
     found = jax.jit(shading.torrance_sparrow)(fresnel, lamp, nl, nv, nh, vh, width=width, body=body)
     np.testing.assert_allclose(found, expected, rtol=1e-11)
     # At half width D is one half.
@@ -94,13 +100,19 @@ def test_squared_angle_is_seamless():
     assert jax.jit(jax.grad(shading._squared_angle))(1.0) == pytest.approx(-2.0, rel=1e-12)
 
 
-@pytest.mark.parametrize("angles", [(0.7, 0.6, 0.95, 0.8), (1.0, 1.0, 1.0, 1.0), (0.2, 0.9, 0.8, 0.7)])
+@pytest.mark.parametrize(
+    "angles", [(0.7, 0.6, 0.95, 0.8), (1.0, 1.0, 1.0, 1.0), (0.2, 0.9, 0.8, 0.7)]
+)
 def test_slopes(angles):
-    """Forward and reverse, by spectra, cosines and width, against differences; finite where cosines are 1."""
+    """Forward and reverse, by spectra, cosines and width, against differences; finite where cosines
+    are 1.
+    """
 
     @jax.jit
     def picture(x):
-        metal = shading.torrance_sparrow(x[:2], x[2:4], x[4], x[5], x[6], x[7], width=x[8], body=x[9:11])
+        metal = shading.torrance_sparrow(
+            x[:2], x[2:4], x[4], x[5], x[6], x[7], width=x[8], body=x[9:11]
+        )
         plastic = shading.phong(x[9:11], x[2:4], x[4], x[7], specular=x[11], exponent=x[12])
         return jnp.sum(metal * jnp.array([1.0, 0.3])) + jnp.sum(plastic * jnp.array([0.2, 0.7]))
 
@@ -110,7 +122,9 @@ def test_slopes(angles):
     inside = np.array(x) != 1.0
     for i in np.flatnonzero(inside):
         step = jnp.zeros_like(x).at[i].set(1e-6)
-        assert slope[i] == pytest.approx(float((picture(x + step) - picture(x - step)) / 2e-6), rel=1e-5, abs=1e-7)
+        assert slope[i] == pytest.approx(
+            float((picture(x + step) - picture(x - step)) / 2e-6), rel=1e-5, abs=1e-7
+        )
 
 
 def test_dark_side_has_finite_slopes():
@@ -127,4 +141,7 @@ def test_dark_side_has_finite_slopes():
 
 def test_float32_stays_float32():
     x = jnp.float32(0.5)
-    assert shading.phong(jnp.ones(3, jnp.float32), jnp.float32(1), x, x, specular=x, exponent=x).dtype == jnp.float32
+    assert (
+        shading.phong(jnp.ones(3, jnp.float32), jnp.float32(1), x, x, specular=x, exponent=x).dtype
+        == jnp.float32
+    )

@@ -20,4 +20,7 @@ def palette() -> list[Pigment]:
         "Blue": 2e3 + 2e5 * blue,
     }
     scattering = {"White": 2e5, "Black": 2e4, "Red": 6e4, "Yellow": 9e4, "Blue": 3e4}
-    return [Pigment(name, GRID, values, np.full(GRID.size, scattering[name])) for name, values in absorption.items()]
+    return [
+        Pigment(name, GRID, values, np.full(GRID.size, scattering[name]))
+        for name, values in absorption.items()
+    ]

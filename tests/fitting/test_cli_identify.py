@@ -33,14 +33,24 @@ def table(tmp_path_factory):
     parts = [np.array([1.0, 0.0]), np.array([0.3, 0.7])]
     paints = known["Vermillion"], known["ZincWhite"]
     k, s = (
-        np.array([sum(w * np.asarray(getattr(p, what)) for w, p in zip(part, paints, strict=True)) for part in parts])
+        np.array(
+            [
+                sum(w * np.asarray(getattr(p, what)) for w, p in zip(part, paints, strict=True))
+                for part in parts
+            ]
+        )
         for what in ("absorption", "scattering")
     )
     films = simulate_films(["red", "tint"], GRID, k * 25e-6, s * 25e-6)
     path = tmp_path_factory.mktemp("films") / "films.csv"
     rows = []
     for i, name in enumerate(films.names):
-        ends = {"b": films.bare_black, "w": films.bare_white, "ob": films.over_black, "ow": films.over_white}
+        ends = {
+            "b": films.bare_black,
+            "w": films.bare_white,
+            "ob": films.over_black,
+            "ow": films.over_white,
+        }
         rows += [[f"{name}_{end}", *values[i]] for end, values in ends.items()]
     write_table(path, ["Name", *(f"{nm:g}" for nm in GRID)], rows)
     return path
@@ -59,9 +69,18 @@ def table(tmp_path_factory):
         (["films.csv", "--thickness", "20 furlongs"], "the unit 'furlongs' is unknown"),
         (["films.csv", "--csv", "same.csv", "--residuals", "same.csv"], "are both same.csv"),
         (["nowhere.csv"], "there is no such file"),
-        (["films.csv", "--report", "report.pdf"], "--report report.pdf: a report ends in .html, such as report.html"),
-        (["films.csv", "--report", "a.html", "--csv", "a.csv"], "the table of --report and --csv are both a.csv"),
-        (["films.csv", "--report", "films.html"], "the table of --report is films.csv, a file that is read"),
+        (
+            ["films.csv", "--report", "report.pdf"],
+            "--report report.pdf: a report ends in .html, such as report.html",
+        ),
+        (
+            ["films.csv", "--report", "a.html", "--csv", "a.csv"],
+            "the table of --report and --csv are both a.csv",
+        ),
+        (
+            ["films.csv", "--report", "films.html"],
+            "the table of --report is films.csv, a file that is read",
+        ),
         (["films.csv", "--out", "picture.txt"], "pictures end in"),
     ],
 )
@@ -85,16 +104,32 @@ def test_ground_must_be_a_reflectance_a_file_or_said(table, tmp_path):
     assert "holds no spectrum 'x'" in str(run(one, "--ground", "0.9", "--samples", "x").exception)
     assert "unknown sample 'read'" in str(run(table, "--samples", "read").exception)
     named = tmp_path / "named.csv"
-    write_table(named, ["Name", *(f"{nm:g}" for nm in GRID)], [["grey sky", *np.full(GRID.size, 0.4)]])
-    assert "'gray sky'; the nearest is grey sky" in str(run(named, "--opaque", "--samples", "gray sky").exception)
+    write_table(
+        named, ["Name", *(f"{nm:g}" for nm in GRID)], [["grey sky", *np.full(GRID.size, 0.4)]]
+    )
+    assert "'gray sky'; the nearest is grey sky" in str(
+        run(named, "--opaque", "--samples", "gray sky").exception
+    )
 
 
 @pytest.mark.slow
 def test_spectra_beyond_the_catalogue_are_cut_with_a_word(tmp_path):
     wide, red = np.arange(360.0, 1001.0, 2.0), tmp_path / "wide.csv"
     write_table(red, ["nm", "red"], [[nm, 0.05 if nm < 590 else 0.6] for nm in wide])
-    write_table(tmp_path / "ground.csv", ["nm", "chalk"], [[nm, 0.8] for nm in np.arange(390.0, 721.0, 10.0)])
-    result = run(red, "--ground", tmp_path / "ground.csv", "--only", "Vermillion", "--csv", tmp_path / "found.csv")
+    write_table(
+        tmp_path / "ground.csv",
+        ["nm", "chalk"],
+        [[nm, 0.8] for nm in np.arange(390.0, 721.0, 10.0)],
+    )
+    result = run(
+        red,
+        "--ground",
+        tmp_path / "ground.csv",
+        "--only",
+        "Vermillion",
+        "--csv",
+        tmp_path / "found.csv",
+    )
     assert result.exception is None
     said = " ".join(result.output.split())
     assert "cropped to 400-700 nm step 2 (151 bands): the paints are known there only" in said
@@ -102,15 +137,28 @@ def test_spectra_beyond_the_catalogue_are_cut_with_a_word(tmp_path):
     assert "Vermillion" in (tmp_path / "found.csv").read_text()
     infrared = tmp_path / "infrared.csv"
     write_table(infrared, ["nm", "red"], [[nm, 0.5] for nm in wide[wide > 720]])
-    assert "the paints are known from 400 to 700 nm: 0 bands" in str(run(infrared, "--opaque").exception)
+    assert "the paints are known from 400 to 700 nm: 0 bands" in str(
+        run(infrared, "--opaque").exception
+    )
 
 
 def test_help_names_the_options_and_starts_quickly():
-    program = "import sys, glazefit.identify.command; sys.exit('jax' in sys.modules or 'matplotlib' in sys.modules)"
+    program = (
+        "import sys, glazefit.identify.command; sys.exit('jax' in sys.modules or 'matplotlib' in "
+        "sys.modules)"
+    )
     assert subprocess.run([sys.executable, "-c", program], check=False).returncode == 0
     text = run("--help").output
     assert "nothing in the catalogue" in text
-    for option in ("--ground", "--opaque", "--max-paints", "--layers", "--csv", "--residuals", "--report"):
+    for option in (
+        "--ground",
+        "--opaque",
+        "--max-paints",
+        "--layers",
+        "--csv",
+        "--residuals",
+        "--report",
+    ):
         assert option in text
 
 
@@ -138,7 +186,16 @@ def test_films_are_identified_written_and_drawn(table, tmp_path):
 def test_a_report_is_filed(table, tmp_path):
     page, ground = tmp_path / "report.html", tmp_path / "ground.csv"
     write_table(ground, ["Name", *(f"{nm:g}" for nm in GRID)], [["card", *np.full(GRID.size, 0.8)]])
-    options = ["--ground", ground, "--only", "Vermillion,ZincWhite,CobaltBlue", "--max-paints", "2", "--report", page]
+    options = [
+        "--ground",
+        ground,
+        "--only",
+        "Vermillion,ZincWhite,CobaltBlue",
+        "--max-paints",
+        "2",
+        "--report",
+        page,
+    ]
     result = run(table, "--samples", "red_ow,tint_ow", *options)
     assert result.exit_code == 0, result.output
     assert f"Wrote the report to {page}" in " ".join(result.output.split()).replace("- ", "-")
@@ -150,12 +207,16 @@ def test_a_report_is_filed(table, tmp_path):
     assert "--top" not in filed["command"]
     sums = {each["role"]: each["sha256"] for each in filed["inputs"]}
     assert sums == {
-        role: hashlib.sha256(path.read_bytes()).hexdigest() for role, path in (("FILE", table), ("--ground", ground))
+        role: hashlib.sha256(path.read_bytes()).hexdigest()
+        for role, path in (("FILE", table), ("--ground", ground))
     }
     assert filed["catalogue"]["sha256"] == catalogue.checksum()[1]
     assert set(filed["catalogue"]["paints"]) == {"Vermillion", "ZincWhite", "CobaltBlue"}
     tint = filed["spots"][1]
-    assert [paint["name"] for paint in tint["explanations"][0]["paints"]] == ["ZincWhite", "Vermillion"]
+    assert [paint["name"] for paint in tint["explanations"][0]["paints"]] == [
+        "ZincWhite",
+        "Vermillion",
+    ]
     assert "CobaltBlue" in {paint["paint"] for paint in tint["ruled_out"]}
     assert "tint_ow" in page.read_text(encoding="utf-8")
     assert "exists; choose another name" in str(run(table, *options).exception)

@@ -26,7 +26,9 @@ def run(monkeypatch, tmp_path, capsys):
         rows = csv.writer(file)
         rows.writerow(["pigment", "wavelength_nm", "absorption", "scattering"])
         for paint in palette():
-            columns = zip(GRID, np.asarray(paint.absorption), np.asarray(paint.scattering), strict=True)
+            columns = zip(
+                GRID, np.asarray(paint.absorption), np.asarray(paint.scattering), strict=True
+            )
             rows.writerows([paint.name, *values] for values in columns)
 
     def call(*words):
@@ -42,7 +44,9 @@ def run(monkeypatch, tmp_path, capsys):
 
 @pytest.mark.slow
 def test_patches_of_a_chart(run, tmp_path):
-    """Two patches with two paints in one coat at most, to the screen, a picture, a table and a file of all."""
+    """Two patches with two paints in one coat at most, to the screen, a picture, a table and a file
+    of all.
+    """
     words = [
         "--patch",
         "dark skin,white",
@@ -92,7 +96,9 @@ def test_patches_of_a_chart(run, tmp_path):
     assert target.wavelengths is not None
     assert target.reflectance is not None
     np.testing.assert_array_equal(table.wavelengths, GRID)
-    np.testing.assert_allclose(table["dark skin"], np.interp(GRID, target.wavelengths, target.reflectance))
+    np.testing.assert_allclose(
+        table["dark skin"], np.interp(GRID, target.wavelengths, target.reflectance)
+    )
 
     status, _, err = run(*words)
     assert status == 2
@@ -129,9 +135,15 @@ def test_an_interrupt_keeps_what_is_finished(run, monkeypatch):
         (["--lab", "50,0,0", "--thickness", "thick"], "--thickness is 'thick'"),
         (["--lab", "50,0,0", "--thickness", "50-1"], "must ascend"),
         (["--lab", "50,0,0", "--coat-thickness", "thick"], "--coat-thickness is 'thick'"),
-        (["--lab", "50,0,0", "--coat-thickness", "1-5", "--thickness", "1-5"], "leave out --thickness"),
+        (
+            ["--lab", "50,0,0", "--coat-thickness", "1-5", "--thickness", "1-5"],
+            "leave out --thickness",
+        ),
         (["--lab", "50,0,0", "--geometry", "45"], "--geometry is '45'; it must be d:8 or di:8"),
-        (["--lab", "50,0,0", "--geometry", "d:8", "--sphere"], "--geometry d:8 says all about the instrument"),
+        (
+            ["--lab", "50,0,0", "--geometry", "d:8", "--sphere"],
+            "--geometry d:8 says all about the instrument",
+        ),
         (["--lab", "50,0,0", "--ground", "none.csv"], "'none.csv' is neither a number"),
         (["--lab", "50,0,0", "--only", "Mauve"], "no pigment 'Mauve'"),
         (["--lab", "50,0,0", "--only", "Red", "--without", "Red"], "leave no paint"),
@@ -144,8 +156,14 @@ def test_an_interrupt_keeps_what_is_finished(run, monkeypatch):
             ["--lab", "50,0,0", "--glazes", "--max-layers", "7"],
             "max_layers is 7; it must be a whole number from 1 to 6",
         ),
-        (["--lab", "50,0,0", "--max-layers", "6"], "max_layers is 6; it must be a whole number from 1 to 4"),
-        (["--lab", "50,0,0", "--ground", "90"], "reflectance lies between 0 and 1 (90 looks like percent: write 0.9)"),
+        (
+            ["--lab", "50,0,0", "--max-layers", "6"],
+            "max_layers is 6; it must be a whole number from 1 to 4",
+        ),
+        (
+            ["--lab", "50,0,0", "--ground", "90"],
+            "reflectance lies between 0 and 1 (90 looks like percent: write 0.9)",
+        ),
     ],
 )
 def test_mistakes_get_one_line(run, words, message):

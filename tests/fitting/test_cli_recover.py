@@ -35,7 +35,12 @@ def run(monkeypatch, tmp_path, capsys):
 def write(path, films: Films, scale=100.0, skip=()):
     rows = [["Name", *(f"{w:g}" for w in films.wavelengths)]]
     for i, name in enumerate(films.names):
-        parts = {"b": films.bare_black, "w": films.bare_white, "ob": films.over_black, "ow": films.over_white}
+        parts = {
+            "b": films.bare_black,
+            "w": films.bare_white,
+            "ob": films.over_black,
+            "ow": films.over_white,
+        }
         for end, values in parts.items():
             if end not in skip:
                 rows.append([f"{name}_{end}", *(f"{v * scale:.6f}" for v in values[i])])
@@ -46,12 +51,20 @@ def write(path, films: Films, scale=100.0, skip=()):
 @pytest.fixture
 def films():
     k = np.stack([np.geomspace(0.02, 2.0, GRID.size), np.geomspace(1.0, 0.05, GRID.size)])
-    return simulate_films(["01A", "02B"], GRID, k, np.stack([np.full(GRID.size, 1.0), np.full(GRID.size, 0.3)]))
+    return simulate_films(
+        ["01A", "02B"], GRID, k, np.stack([np.full(GRID.size, 1.0), np.full(GRID.size, 0.3)])
+    )
 
 
 def test_results_are_those_of_the_library(run, tmp_path, films):
     status, out, err = run(
-        write(tmp_path / "f.tsv", films), "--out", "res", "--thickness", "20um", "--geometry", "di:8"
+        write(tmp_path / "f.tsv", films),
+        "--out",
+        "res",
+        "--thickness",
+        "20um",
+        "--geometry",
+        "di:8",
     )
     assert (status, err) == (0, "")
     assert "20 µm is assumed" in out
@@ -91,7 +104,9 @@ def test_names_and_masstones(run, tmp_path, films):
 
 
 def test_simulate_says_that_nothing_was_measured(run, tmp_path):
-    status, out, _ = run("--simulate", "--samples", "ZincWhite,Minium", "--out", "res", "--no-plots")
+    status, out, _ = run(
+        "--simulate", "--samples", "ZincWhite,Minium", "--out", "res", "--no-plots"
+    )
     assert status == 0
     assert "Simulated" in out
     assert "Nothing here was measured" in out
@@ -141,15 +156,24 @@ def test_bad_input_is_one_line_and_status_2(run, tmp_path, films):
         ([good, "--out", "o", "--thickness", "0"], ["--thickness is 0", "above 0"]),
         ([good, "--out", "o", "--masstones"], ["--names"]),
         ([good, "--out", "o", "--noise", "-1"], ["noise", "-1"]),
-        (["nowhere.tsv", "--out", "o", "--check"], ["--check leaves mixtures out of a joint fit", "add --joint"]),
+        (
+            ["nowhere.tsv", "--out", "o", "--check"],
+            ["--check leaves mixtures out of a joint fit", "add --joint"],
+        ),
         (["nowhere.tsv", "--out", "o", "--joint", "--check"], ["nowhere.tsv", "no such file"]),
         (["nowhere.tsv", "--out", "o", "--law", "strength"], ["--law says how", "add --joint"]),
-        (["nowhere.tsv", "--out", "o", "--joint", "--law", "x"], ["--law is 'x'; it must be mass or strength"]),
+        (
+            ["nowhere.tsv", "--out", "o", "--joint", "--law", "x"],
+            ["--law is 'x'; it must be mass or strength"],
+        ),
         (["nowhere.tsv", "--out", "o", "--joint", "--masstones"], ["leave out --masstones"]),
         ([good, "--out", "o", "--refractive-index", "15"], ["refractive index 15", "[1, 2.5]"]),
         ([good, "--out", "o", "--incidence", "95"], ["incidence", "95"]),
         ([good, "--out", "o", "--geometry", "d:95"], ["--geometry is 'd:95'", "incidence"]),
-        ([good, "--out", "o", "--geometry", "45:0:specular"], ["the mirror reflection is not in view"]),
+        (
+            [good, "--out", "o", "--geometry", "45:0:specular"],
+            ["the mirror reflection is not in view"],
+        ),
         ([good, "--out", "o", "--white", "Chalk"], ["unknown pigment 'Chalk'"]),
         ([good, "--out", "o", "--white", "ZincWhite"], ["no film holds ZincWhite", "01A, 02B"]),
         ([good, "--out", "o", "--wet-film", "thick"], ["--wet-film is 'thick'"]),
@@ -163,7 +187,10 @@ def test_bad_input_is_one_line_and_status_2(run, tmp_path, films):
         ([good], ["--out"]),
         (["--out", "o"], ["--simulate"]),
         ([good, "--simulate", "--out", "o"], ["--simulate needs no data"]),
-        (["--simulate", "--out", "o", "--samples", "Vermilion"], ["unknown pigment 'Vermilion'", "'Vermillion'"]),
+        (
+            ["--simulate", "--out", "o", "--samples", "Vermilion"],
+            ["unknown pigment 'Vermilion'", "'Vermillion'"],
+        ),
     ]
     for words, parts in cases:
         status, _, err = run(*words)
@@ -240,16 +267,23 @@ def test_joint_fit_on_the_command_line(run, tmp_path, films):
 @pytest.mark.slow
 def test_mixtures_are_left_out_when_asked(run, tmp_path):
     grid = GRID[::3]
-    k = np.stack([np.geomspace(0.05, 3.0, grid.size), np.full(grid.size, 0.02), np.full(grid.size, 9.0)])
+    k = np.stack(
+        [np.geomspace(0.05, 3.0, grid.size), np.full(grid.size, 0.02), np.full(grid.size, 9.0)]
+    )
     s = np.stack([np.full(grid.size, 1.0), np.full(grid.size, 8.0), np.full(grid.size, 0.3)])
-    shares = np.array([[1, 0, 0], [0, 1, 0], [0.1, 0.9, 0], [0.5, 0.5, 0], [0, 0.95, 0.05], [0.95, 0, 0.05]])
+    shares = np.array(
+        [[1, 0, 0], [0, 1, 0], [0.1, 0.9, 0], [0.5, 0.5, 0], [0, 0.95, 0.05], [0.95, 0, 0.05]]
+    )
     names = [f"{i:02d}A" for i in range(1, 7)]
     file = write(tmp_path / "f.tsv", simulate_films(names, grid, shares @ k, shares @ s))
     recipes = (
-        f"{n}\tRed-White-Black|" + "-".join(f"{100 * w:g}" for w in row) for n, row in zip(names, shares, strict=True)
+        f"{n}\tRed-White-Black|" + "-".join(f"{100 * w:g}" for w in row)
+        for n, row in zip(names, shares, strict=True)
     )
     (tmp_path / "mixtures.tsv").write_text("\n".join(recipes) + "\n")
-    status, out, _ = run(file, "--out", "res", "--joint", "--check", "--no-plots", "--wet-film", "25um±50%")
+    status, out, _ = run(
+        file, "--out", "res", "--joint", "--check", "--no-plots", "--wet-film", "25um±50%"
+    )
     assert status == 0
     assert "4 mixtures: ΔE00" in out
     assert "From one mixing to the next expect ΔE00" in " ".join(out.split())
@@ -265,7 +299,9 @@ def test_mixtures_are_left_out_when_asked(run, tmp_path):
 
 @pytest.fixture
 def tubes(tmp_path):
-    """A masstone and a tint of two paints with the catalogue's zinc white, on a coarse grid, over white only."""
+    """A masstone and a tint of two paints with the catalogue's zinc white, on a coarse grid, over
+    white only.
+    """
     from glazejax import catalogue
 
     white = catalogue.pigment("ZincWhite")
@@ -276,7 +312,9 @@ def tubes(tmp_path):
         k, s = np.stack([blue, blue / 11 + pale * 10 / 11], axis=1)
         skip = {"b", "w", "ob", "ow"} - set(ends)
         return write(
-            tmp_path / f"{name}.tsv", simulate_films([name, f"{name} 1:10 ZincWhite"], GRID[::3], k, s), skip=skip
+            tmp_path / f"{name}.tsv",
+            simulate_films([name, f"{name} 1:10 ZincWhite"], GRID[::3], k, s),
+            skip=skip,
         )
 
     return table
@@ -285,7 +323,9 @@ def tubes(tmp_path):
 def test_own_tubes_go_into_one_file(run, tmp_path, tubes):
     from glazejax.paint.pigment_table import read_pigments
 
-    status, out, err = run(tubes("Blue", 590, ("b", "w", "ob", "ow")), "--white", "ZincWhite", "--into", "mine.csv")
+    status, out, err = run(
+        tubes("Blue", 590, ("b", "w", "ob", "ow")), "--white", "ZincWhite", "--into", "mine.csv"
+    )
     assert (status, err) == (0, "")
     assert "Scale: that of ZincWhite" in out
     assert "Added Blue, ZincWhite to mine.csv" in out
@@ -303,7 +343,9 @@ def test_own_tubes_go_into_one_file(run, tmp_path, tubes):
     assert status == 2
     assert "in mine.csv already: Red, ZincWhite; --overwrite" in err
     assert (tmp_path / "mine.csv").read_bytes() == before
-    status, out, _ = run(tmp_path / "Red.tsv", "--into", "mine.csv", "--white", "ZincWhite", "--overwrite")
+    status, out, _ = run(
+        tmp_path / "Red.tsv", "--into", "mine.csv", "--white", "ZincWhite", "--overwrite"
+    )
     assert status == 0
     assert "(replaced: Red)" in out
     assert list(read_pigments(tmp_path / "mine.csv")) == ["Blue", "ZincWhite", "Red"]
@@ -326,7 +368,9 @@ def test_gauged_films_have_a_scale_of_their_own(run, tmp_path, tubes):
     status, _, _ = run(file, "--out", "more", "--no-plots")
     with (tmp_path / "more" / "pigments.csv").open() as table:
         usual = [row for row in csv.DictReader(table) if row["pigment"] == "Blue"]
-    ratio = [float(a["absorption"]) / float(b["absorption"]) for a, b in zip(rows, usual, strict=True)]
+    ratio = [
+        float(a["absorption"]) / float(b["absorption"]) for a, b in zip(rows, usual, strict=True)
+    ]
     assert np.median(ratio) == pytest.approx(0.5, rel=0.2)
 
 

@@ -1,4 +1,6 @@
-"""Films of several coats: what is found of each, against films that the public solver makes, and limits."""
+"""Films of several coats: what is found of each, against films that the public solver makes, and
+limits.
+"""
 
 import jax
 import jax.numpy as jnp
@@ -36,12 +38,23 @@ WHITE = paint("white", np.geomspace(2e3, 1e2, GRID.size), 4e5)
 SHELF = {p.name: p for p in (RED, BLUE, WHITE)}
 
 
-def read(layers: list[Layer], grounds: tuple[float, ...] = (0.03, 0.93), seed: int = 0, gloss: float = 0.6) -> Reading:
-    """What a noisy instrument reads on the layers, by a method of the solver that the posterior does not use."""
+def read(
+    layers: list[Layer],
+    grounds: tuple[float, ...] = (0.03, 0.93),
+    seed: int = 0,
+    gloss: float = 0.6,
+) -> Reading:
+    """What a noisy instrument reads on the layers, by a method of the solver that the posterior
+    does not use.
+    """
     glazes = [Glaze(layers, g) for g in grounds]
     bare = np.stack(
         [
-            np.asarray(reflectance(g, Hemispherical(8.0, specular=False), tolerance=1e-5, method="manyflux"))
+            np.asarray(
+                reflectance(
+                    g, Hemispherical(8.0, specular=False), tolerance=1e-5, method="manyflux"
+                )
+            )
             for g in glazes
         ],
         axis=-1,
@@ -63,7 +76,9 @@ COATS = [CoatPrior([RED]), CoatPrior([BLUE, WHITE])]
 @pytest.fixture(scope="module")
 def sampled():
     """A glaze over a body of two paints, nothing known but the paints."""
-    return posterior_of_coats(read(glazed()), COATS, steps=900, thin=3)  # as long as the other chain: one program
+    return posterior_of_coats(
+        read(glazed()), COATS, steps=900, thin=3
+    )  # as long as the other chain: one program
 
 
 def rows(posterior) -> dict:
@@ -88,7 +103,9 @@ def test_every_coat_is_found(sampled):
     assert sampled.chain is not None
     assert np.isfinite(sampled.chain.log_probability).all()
     np.testing.assert_allclose(
-        sampled.draws["fraction blue of coat 2"] + sampled.draws["fraction white of coat 2"], 1.0, rtol=1e-12
+        sampled.draws["fraction blue of coat 2"] + sampled.draws["fraction white of coat 2"],
+        1.0,
+        rtol=1e-12,
     )
 
 
@@ -104,7 +121,9 @@ def test_chain_and_laplace_agree_where_laplace_is_trusted(sampled):
 @pytest.mark.slow
 def test_arviz_has_every_coat(sampled):
     data = sampled.inference_data
-    assert {"thickness_of_coat_1", "thickness_of_coat_2", "gloss", "fraction"} <= set(data.posterior)
+    assert {"thickness_of_coat_1", "thickness_of_coat_2", "gloss", "fraction"} <= set(
+        data.posterior
+    )
     assert list(data.posterior["paint"].values) == ["blue of coat 2", "white of coat 2"]
     spectra = data.posterior_predictive["reflectance"].values.reshape(-1, GRID.size, 2)
     np.testing.assert_allclose(np.median(spectra, axis=0), sampled.films[0].reflectance, atol=0.01)
@@ -112,7 +131,9 @@ def test_arviz_has_every_coat(sampled):
 
 @pytest.mark.slow
 def test_what_a_hiding_coat_hides_is_named():
-    """Under a coat that hides everything the lower coat's posterior is its prior, and the answer says so."""
+    """Under a coat that hides everything the lower coat's posterior is its prior, and the answer
+    says so.
+    """
     tar = paint("tar", 3e5, 5e5)
     film = read([Layer(tar, 60e-6), glazed()[1]])
     result = posterior_of_coats(film, [CoatPrior([tar], 60e-6, 0.3), COATS[1]], steps=900, thin=3)
@@ -152,7 +173,9 @@ def test_a_stack_of_one_coat_is_a_film(single):
     film, expected = single
     result = posterior_of_coats(film, COATS[1:], steps=0)
     same = {f"{n} of coat 1": n for n in ("fraction blue", "fraction white", "thickness")}
-    assert_same(rows(result), rows(expected), same | {"gloss": "gloss", "model error": "model error"})
+    assert_same(
+        rows(result), rows(expected), same | {"gloss": "gloss", "model error": "model error"}
+    )
     np.testing.assert_allclose(result.laplace.modes[0, 0], expected.laplace.modes[0, 0], atol=3e-3)
 
 
@@ -179,16 +202,27 @@ def test_readings_are_the_public_solvers():
     problem = problem_of(COATS)
     data = jax.tree.map(lambda a: a[0], problem.data)
     free = jnp.array([np.log(8e-6 / 25e-6), np.log(0.3 / 0.7), np.log(30e-6 / 25e-6), 0.4, 0.0])
-    over = [np.asarray(reflectance(Glaze(glazed(), g), Hemispherical(8.0, specular=False))) for g in (0.03, 0.93)]
+    over = [
+        np.asarray(reflectance(Glaze(glazed(), g), Hemispherical(8.0, specular=False)))
+        for g in (0.03, 0.93)
+    ]
     surface = INSTRUMENT.seen_surface / (1 + np.exp(-0.4))
-    np.testing.assert_allclose(problem.fitted(free, data, problem.shared), np.stack(over, axis=-1) + surface, atol=2e-4)
+    np.testing.assert_allclose(
+        problem.fitted(free, data, problem.shared), np.stack(over, axis=-1) + surface, atol=2e-4
+    )
     problem = problem_of(UNKNOWN)
     data = jax.tree.map(lambda a: a[0], problem.data)
     free = np.random.default_rng(0).standard_normal(problem.dims)
     named = {q.name: float(q.values(free)) for q in problem.quantities}
-    k, s = (np.array([named[f"{what} at {w:g} nm"] for w in GRID]) / 1e-5 for what in ("absorption", "scattering"))
+    k, s = (
+        np.array([named[f"{what} at {w:g} nm"] for w in GRID]) / 1e-5
+        for what in ("absorption", "scattering")
+    )
     layers = [Layer(paint("x", k, s), 1e-5), glazed()[1]]
-    over = [np.asarray(reflectance(Glaze(layers, g), Hemispherical(8.0, specular=False))) for g in (0.03, 0.93)]
+    over = [
+        np.asarray(reflectance(Glaze(layers, g), Hemispherical(8.0, specular=False)))
+        for g in (0.03, 0.93)
+    ]
     surface = INSTRUMENT.seen_surface * named["gloss"]
     fitted = problem.fitted(jnp.asarray(free), data, problem.shared)
     np.testing.assert_allclose(fitted, np.stack(over, axis=-1) + surface, atol=2e-4)
@@ -199,7 +233,9 @@ def test_readings_are_the_public_solvers():
 def test_prior_is_what_the_log_probability_says(coats):
     problem = problem_of(coats)
     free = problem.prior_draws(np.random.default_rng(0), 3000)
-    prior = problem.log_probability(free[:, None])[:, 0] - problem.log_likelihood(free[:, None])[:, 0]
+    prior = (
+        problem.log_probability(free[:, None])[:, 0] - problem.log_likelihood(free[:, None])[:, 0]
+    )
     names = problem.unknowns
     expected = np.zeros(len(free))
     for name, x in zip(names, free.T, strict=True):
@@ -226,17 +262,30 @@ def test_likelihood_holds_the_paints_errors():
     named = {q.name: float(q.values(point)) for q in problem.quantities}
     blue = named["fraction blue of coat 2"]
     off = np.exp(data.shift).reshape(2, 2, -1)
-    body = [blue * np.asarray(getattr(BLUE, w)) + (1 - blue) * np.asarray(getattr(WHITE, w)) for w in COEFFICIENTS]
+    body = [
+        blue * np.asarray(getattr(BLUE, w)) + (1 - blue) * np.asarray(getattr(WHITE, w))
+        for w in COEFFICIENTS
+    ]
     coats = [[np.asarray(RED.absorption), np.asarray(RED.scattering)], body]
     thick = [named["thickness of coat 1"], named["thickness of coat 2"]]
 
     def readings(errors: np.ndarray) -> np.ndarray:
         layers = [
-            Layer(paint(str(n), k * off[n, 0] * np.exp(errors[n, 0]), s * off[n, 1] * np.exp(errors[n, 1])), thick[n])
+            Layer(
+                paint(
+                    str(n),
+                    k * off[n, 0] * np.exp(errors[n, 0]),
+                    s * off[n, 1] * np.exp(errors[n, 1]),
+                ),
+                thick[n],
+            )
             for n, (k, s) in enumerate(coats)
         ]
         how = Hemispherical(8.0, specular=False)
-        return np.stack([np.asarray(reflectance(Glaze(layers, g), how, tolerance=1e-8)) for g in (0.03, 0.93)], axis=-1)
+        return np.stack(
+            [np.asarray(reflectance(Glaze(layers, g), how, tolerance=1e-8)) for g in (0.03, 0.93)],
+            axis=-1,
+        )
 
     smooth, size, rows_ = smooth_kernel(GRID, PRIOR.error_length), 1e-3, film.sd.size
     caused = np.zeros((rows_, rows_))
@@ -250,7 +299,9 @@ def test_likelihood_holds_the_paints_errors():
             caused += wide @ smooth @ wide.T
     back = np.linalg.inv(data.whiten)
     np.testing.assert_allclose(back @ back.T, np.diag(film.sd.ravel() ** 2), atol=1e-9)
-    np.testing.assert_allclose((back * data.spread**2) @ back.T, caused, atol=0.02 * np.abs(caused).max())
+    np.testing.assert_allclose(
+        (back * data.spread**2) @ back.T, caused, atol=0.02 * np.abs(caused).max()
+    )
 
 
 COEFFICIENTS = ("absorption", "scattering")
@@ -278,24 +329,36 @@ SMOOTH = paint("glaze", np.geomspace(2e4, 1e5, GRID.size), 3e4)
 @pytest.mark.slow
 @pytest.mark.parametrize("grounds", [(0.03, 0.93), (0.93,)], ids=["two grounds", "one ground"])
 def test_an_unknown_paint_over_a_known_body(grounds):
-    """k and s of the upper coat, with the solver's films; what one ground does not tell of s stays wide."""
+    """k and s of the upper coat, with the solver's films; what one ground does not tell of s stays
+    wide.
+    """
     film = read([Layer(SMOOTH, 10e-6), Layer(WHITE, 15e-6)], grounds, gloss=0.9)
     prior = FilmPrior(error=0.003, error_spread=0.5)
-    result = posterior_of_coats(film, [CoatPrior(), CoatPrior([WHITE], 15e-6)], prior=prior, steps=0)
+    result = posterior_of_coats(
+        film, [CoatPrior(), CoatPrior([WHITE], 15e-6)], prior=prior, steps=0
+    )
     found = rows(result)
     for band, wavelength in enumerate(GRID):
         k = 10e-6 * float(SMOOTH.absorption[band])
         row = found[f"absorption at {wavelength:g} nm"]
         assert row.lower / 1.3 < k < row.upper * 1.3
     spectra = result.spectra()
-    assert spectra["absorption"].shape == spectra["ratio"].shape == (len(result.laplace.sample), GRID.size)
+    assert (
+        spectra["absorption"].shape
+        == spectra["ratio"].shape
+        == (len(result.laplace.sample), GRID.size)
+    )
     assert result.inference_data.posterior["absorption"].dims[-1] == "wavelength"
     # One reading a band cannot tell two numbers.
-    assert any(s.startswith("unknown paint") for s in result.identifiability.sentences) == (len(grounds) == 1)
+    assert any(s.startswith("unknown paint") for s in result.identifiability.sentences) == (
+        len(grounds) == 1
+    )
 
 
 def test_modes_hold_the_spectra_of_the_prior():
-    """Their covariance is that of the process, but for a fiftieth of k or s at most; written out at two bands."""
+    """Their covariance is that of the process, but for a fiftieth of k or s at most; written out at
+    two bands.
+    """
     prior, grid = SpectraPrior(), np.arange(400.0, 701.0, 10.0)
     for modes, level, shape in zip(
         prior.modes(grid),
@@ -313,7 +376,11 @@ def test_modes_hold_the_spectra_of_the_prior():
 
 def test_words_for_coats():
     coats = parse_coats("red:~5um x2, 0.25*blue + 0.75*white:20um, Blue+white:?", SHELF, 0.4)
-    assert [[p.name for p in coat.paints] for coat in coats] == [["red"], ["blue", "white"], ["blue", "white"]]
+    assert [[p.name for p in coat.paints] for coat in coats] == [
+        ["red"],
+        ["blue", "white"],
+        ["blue", "white"],
+    ]
     assert [coat.thickness for coat in coats] == [pytest.approx(10e-6), pytest.approx(20e-6), None]
     assert [coat.spread for coat in coats] == [0.4, 0.0, 0.0]
     assert [coat.open_thickness for coat in coats] == [True, False, True]
@@ -362,7 +429,10 @@ def test_wrong_words_are_refused(text, message):
         (lambda: CoatPrior([RED, RED]), "listed twice"),
         (lambda: SpectraPrior(length=0.0), "length is 0"),
         (lambda: posterior_of_coats(read(glazed()), []), "0 coats"),
-        (lambda: posterior_of_coats(read(glazed()), [CoatPrior(), CoatPrior()]), "coats 1 and 2 are unknown"),
+        (
+            lambda: posterior_of_coats(read(glazed()), [CoatPrior(), CoatPrior()]),
+            "coats 1 and 2 are unknown",
+        ),
         (
             lambda: pose_stack(
                 [read(glazed())] * 2,

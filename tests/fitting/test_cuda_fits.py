@@ -1,4 +1,6 @@
-"""The compiled programs of the inverse commands, as they are called, lower for an NVIDIA GPU and call no host."""
+"""The compiled programs of the inverse commands, as they are called, lower for an NVIDIA GPU and
+call no host.
+"""
 
 import numpy as np
 import pytest

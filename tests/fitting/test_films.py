@@ -9,13 +9,21 @@ from glazefit.film.films import card_reflectance, cards, diffuse_internal_reflec
 from glazefit.film.readers import is_masstone, read_names, readable_names
 from glazejax import Hemispherical
 
-ROWS = {"b": [5.0, 5.0, 5.0], "w": [80.0, 84.0, 85.0], "ob": [10.0, 12.0, 14.0], "ow": [30.0, 35.0, 40.0]}
+ROWS = {
+    "b": [5.0, 5.0, 5.0],
+    "w": [80.0, 84.0, 85.0],
+    "ob": [10.0, 12.0, 14.0],
+    "ow": [30.0, 35.0, 40.0],
+}
 
 
 def table(rows=None, scale=1.0, separator=",", film="A1"):
     rows = ROWS if rows is None else rows
     lines = [separator.join(["Name", "400", "410", "420"])]
-    lines += [separator.join([f"{film}_{end}", *(f"{v * scale:g}" for v in row)]) for end, row in rows.items()]
+    lines += [
+        separator.join([f"{film}_{end}", *(f"{v * scale:g}" for v in row)])
+        for end, row in rows.items()
+    ]
     return "\n".join(lines) + "\n"
 
 
@@ -42,9 +50,15 @@ def test_percent_and_fraction_in_any_table_read_the_same(write, separator, scale
 BAD = {
     "missing row": (table({e: r for e, r in ROWS.items() if e != "ow"}), "'A1' has no row 'A1_ow'"),
     "odd name": (table() + "A1_x,1,2,3\n", "'A1_x' must end in _b"),
-    "negative": (table(ROWS | {"ob": [10.0, -2.0, 14.0]}), "line 4: sample 'A1_ob', column '410'.*negative"),
+    "negative": (
+        table(ROWS | {"ob": [10.0, -2.0, 14.0]}),
+        "line 4: sample 'A1_ob', column '410'.*negative",
+    ),
     "nan": (table().replace("14", "nan"), "'nan' is not a finite number"),
-    "mixed units": (table(ROWS | {"ow": [0.30, 0.35, 0.40]}), "percent and fraction are mixed.*A1_ow"),
+    "mixed units": (
+        table(ROWS | {"ow": [0.30, 0.35, 0.40]}),
+        "percent and fraction are mixed.*A1_ow",
+    ),
     "wavelengths": (table() + "B1_b,1,2\n", "line 6: 3 cells where the header has 4"),
     "swapped cards": (table(ROWS | {"b": ROWS["w"], "w": ROWS["b"]}), "are the rows swapped"),
 }
@@ -60,7 +74,9 @@ def test_bad_tables_are_refused_in_one_line(write, what):
 
 def test_recipes(tmp_path):
     path = tmp_path / "mixtures.tsv"
-    path.write_text("01A\tRed-White|100-0\n02A\tRed-White|100-0\n03\tRed-White|9.7-90.3\n04\tBlue|100\n")
+    path.write_text(
+        "01A\tRed-White|100-0\n02A\tRed-White|100-0\n03\tRed-White|9.7-90.3\n04\tBlue|100\n"
+    )
     recipes = read_names(path)
     assert recipes["01A"] == {"Red": 100.0}
     assert [is_masstone(recipes[s]) for s in recipes] == [True, True, False, True]
@@ -88,7 +104,9 @@ def test_internal_reflectance_is_the_integral_of_fresnel(n):
     # 1 - r_i = (1 - r_e)/n^2, by the conservation of radiance / n^2 (Duntley 1942).
     outside = quad(lambda c: 2 * c * fresnel(c, n), 0, 1)[0]
     expected = 1 - (1 - outside) / n**2
-    assert diffuse_internal_reflectance(Instrument(refractive_index=n)) == pytest.approx(expected, abs=1e-5)
+    assert diffuse_internal_reflectance(Instrument(refractive_index=n)) == pytest.approx(
+        expected, abs=1e-5
+    )
 
 
 @pytest.mark.parametrize("specular", [True, False])
@@ -101,13 +119,22 @@ def test_cards_obey_saunderson(specular):
     inside, slope = card_reflectance(bare, instrument)
     np.testing.assert_allclose(inside, ground, atol=3e-5)
     step = 1e-6
-    numeric = (card_reflectance(bare + step, instrument)[0] - card_reflectance(bare - step, instrument)[0]) / step / 2
+    numeric = (
+        (
+            card_reflectance(bare + step, instrument)[0]
+            - card_reflectance(bare - step, instrument)[0]
+        )
+        / step
+        / 2
+    )
     np.testing.assert_allclose(slope, numeric, rtol=1e-5)
 
 
 def test_card_without_specular_part_is_explained(write):
     films = read_films(write(table(ROWS | {"b": [1.0, 1.0, 1.0]}, scale=0.01)))
-    with pytest.raises(ValueError, match=r"bare black card of 'A1' reads 0.0100 at 400 nm.*specular"):
+    with pytest.raises(
+        ValueError, match=r"bare black card of 'A1' reads 0.0100 at 400 nm.*specular"
+    ):
         cards(films, Instrument(), Noise())
     assert cards(films, Instrument(Hemispherical(8.0, specular=False)), Noise())[0].max() < 0.05
 

@@ -20,7 +20,9 @@ RECIPES = {"blue": {"Blue": 1.0}, "white": {"White": 1.0}, "tint": {"Blue": 1.0,
 
 @pytest.fixture(scope="module")
 def films() -> tuple[Films, Films]:
-    """Films of gloss .75, with the specular part and without it. Their paints have no dark band that would tell."""
+    """Films of gloss .75, with the specular part and without it. Their paints have no dark band
+    that would tell.
+    """
     k = np.stack([np.linspace(1.5, 0.3, GRID.size), np.full(GRID.size, 0.02)])
     s = np.stack([np.full(GRID.size, 0.6), np.linspace(3.0, 2.0, GRID.size)])
     share = np.array([[1.0, 0.0], [0.0, 1.0], [0.1, 0.9]])
@@ -37,7 +39,9 @@ def _read(films: Films, readings: dict[str, Any]) -> Films:
 
 def test_the_difference_is_the_gloss(films):
     with_it, without = films
-    assert measure_gloss(with_it, without, Instrument()) == pytest.approx(dict.fromkeys(RECIPES, 0.75), abs=1e-3)
+    assert measure_gloss(with_it, without, Instrument()) == pytest.approx(
+        dict.fromkeys(RECIPES, 0.75), abs=1e-3
+    )
 
 
 def test_films_not_read_twice_are_left_out(films):
@@ -60,9 +64,13 @@ def test_measured_gloss_is_kept_and_the_paint_is_nearer_to_the_truth(films):
 
 
 def test_advice_keeps_the_measured_gloss(films):
-    """Without it the planned problem would read films of the paints' gloss, far from what the fit found."""
+    """Without it the planned problem would read films of the paints' gloss, far from what the fit
+    found.
+    """
     with_it, without = films
-    found = recover_jointly(with_it, RECIPES, gloss=measure_gloss(with_it, without, Instrument()), noise=Noise())
+    found = recover_jointly(
+        with_it, RECIPES, gloss=measure_gloss(with_it, without, Instrument()), noise=Noise()
+    )
     response = film_response(found.instrument.geometry, found.instrument.refractive_index)
     candidate = _Candidate("another", found.shares[0], 0.0)
     problem, solution = _pose(found, [candidate], list(found.paints), {}, None, UNIT, response)
@@ -75,7 +83,11 @@ def test_advice_keeps_the_measured_gloss(films):
     ("change", "specular", "words"),
     [
         (lambda a, b: (b, a), True, "are the files swapped"),
-        (lambda a, b: (a, dataclasses.replace(b, names=("x", "y", "z"))), True, "no film was read both ways"),
+        (
+            lambda a, b: (a, dataclasses.replace(b, names=("x", "y", "z"))),
+            True,
+            "no film was read both ways",
+        ),
         (lambda a, b: (a, dataclasses.replace(b, wavelengths=GRID + 1)), True, "on one grid"),
         (lambda a, b: (a, b), False, "leaves the specular part out"),
     ],

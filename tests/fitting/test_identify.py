@@ -28,7 +28,15 @@ from glazejax import (
 )
 
 GRID = np.arange(400.0, 701.0, 10.0)
-NAMES = ("ZincWhite", "PrussianBlue", "Vermillion", "CobaltBlue", "ChromeYellow", "ViridianGreen", "Cochineal")
+NAMES = (
+    "ZincWhite",
+    "PrussianBlue",
+    "Vermillion",
+    "CobaltBlue",
+    "ChromeYellow",
+    "ViridianGreen",
+    "Cochineal",
+)
 GROUNDS = np.array([[0.025], [0.93]]) * np.ones((2, GRID.size))
 UNIT = 25e-6
 
@@ -41,12 +49,18 @@ def paints():
 
 
 def films_of(paints, recipes, thickness, seed=0, model_error=0.0):
-    """Films over both cards, with noise and a smooth error of the model, in units of what is expected."""
+    """Films over both cards, with noise and a smooth error of the model, in units of what is
+    expected.
+    """
     rng = np.random.default_rng(seed)
     k = np.array([sum(w * np.asarray(paints[p].absorption) for p, w in r.items()) for r in recipes])
     s = np.array([sum(w * np.asarray(paints[p].scattering) for p, w in r.items()) for r in recipes])
     films = simulate_films(
-        [str(i) for i in range(len(recipes))], GRID, k * thickness[:, None], s * thickness[:, None], seed=seed
+        [str(i) for i in range(len(recipes))],
+        GRID,
+        k * thickness[:, None],
+        s * thickness[:, None],
+        seed=seed,
     )
     shape = np.linalg.cholesky(smooth_kernel(GRID, 40.0) + 1e-9 * np.eye(GRID.size))
     spectra = np.stack([films.over_black, films.over_white], axis=1)
@@ -74,10 +88,14 @@ def blind(paints):
     recipes = []
     for number in range(BLIND):
         chosen = rng.choice(len(paints), number % 2 + 1, replace=False)
-        recipes.append(dict(zip(chosen.tolist(), rng.dirichlet(np.full(len(chosen), 2.0)), strict=True)))
+        recipes.append(
+            dict(zip(chosen.tolist(), rng.dirichlet(np.full(len(chosen), 2.0)), strict=True))
+        )
     thickness = UNIT * np.exp(0.4 * rng.standard_normal(len(recipes)))
     spectra = films_of(paints, recipes, thickness, seed=6, model_error=1.0)
-    found = identify(np.concatenate([spectra, extremes(paints)]), GRID, paints, grounds=GROUNDS, keep=300)
+    found = identify(
+        np.concatenate([spectra, extremes(paints)]), GRID, paints, grounds=GROUNDS, keep=300
+    )
     return recipes, thickness, found
 
 
@@ -86,9 +104,11 @@ def test_paints_are_found_blind(blind):
     best = [set(members[members >= 0].tolist()) for members in found.members[: len(recipes), 0]]
     right = np.mean([b == set(r) for b, r in zip(best, recipes, strict=True)])
     assert right > 0.7
-    # It is not surer than it is right; less sure, because these films lack the errors of k and s that it counts with.
+    # It is not surer than it is right; less sure, because these films lack the errors of k and s
+    # that it counts with.
     assert found.probability[: len(recipes), 0].mean() < right + 0.1
-    # Near black three thousandths are a colour that a person would reject, and as much is expected of the model.
+    # Near black three thousandths are a colour that a person would reject, and as much is expected
+    # of the model.
     black = found.measured.readings[: len(recipes)].max(axis=(1, 2)) < 0.06
     assert black.sum() == 1
     assert found.explained[: len(recipes)][~black].all()
@@ -100,7 +120,10 @@ def test_fractions_and_thickness_are_found(blind):
     for row, recipe in enumerate(recipes):
         first = found.ranked(row, 1)[0]
         if {NAMES.index(p) for p in first.paints} == set(recipe):
-            off += [abs(recipe[NAMES.index(p)] - f) for p, f in zip(first.paints, first.fractions, strict=True)]
+            off += [
+                abs(recipe[NAMES.index(p)] - f)
+                for p, f in zip(first.paints, first.fractions, strict=True)
+            ]
             depth.append((first.thickness - thickness[row]) / first.thickness_sd)
     assert np.mean(off) < 0.05
     assert np.median(np.abs(depth)) < 1.5
@@ -115,7 +138,9 @@ def test_probabilities_and_none_sum_to_one(blind):
 
 def test_residuals_are_measured_minus_fitted_and_small(blind):
     found = blind[-1]
-    np.testing.assert_allclose(found.residual + found.fitted, found.measured.readings[:, None] + 0 * found.fitted)
+    np.testing.assert_allclose(
+        found.residual + found.fitted, found.measured.readings[:, None] + 0 * found.fitted
+    )
     assert np.median(found.rmse[:BLIND, 0]) < 0.01
     assert np.median(found.angle[:BLIND, 0]) < 2.0
     assert np.median(found.delta_e[:BLIND, 0]) < 1.5
@@ -140,7 +165,9 @@ def test_what_the_usual_search_saves_changes_little(paints, blind):
 def test_one_spectrum_alone_gives_what_it_gives_in_a_batch(paints, blind):
     found = blind[-1]
     alone = identify(found.measured.readings[7:8], GRID, paints, grounds=GROUNDS)
-    np.testing.assert_allclose(alone.probability[0, :5], found.probability[7, :5], rtol=1e-4, atol=1e-6)
+    np.testing.assert_allclose(
+        alone.probability[0, :5], found.probability[7, :5], rtol=1e-4, atol=1e-6
+    )
 
 
 @pytest.mark.slow
@@ -161,7 +188,14 @@ def test_what_no_paint_explains_is_said_so(blind):
 
 def test_black_white_clear_and_opaque_give_numbers(blind):
     found = blind[-1]
-    for values in (found.probability, found.none, found.amounts, found.rmse, found.paint_probability, found.gloss):
+    for values in (
+        found.probability,
+        found.none,
+        found.amounts,
+        found.rmse,
+        found.paint_probability,
+        found.gloss,
+    ):
         assert np.isfinite(values).all()
     for row in (-3, -2):
         assert "CobaltBlue" in found.ranked(len(found) + row)[0].paints
@@ -205,9 +239,15 @@ def test_cards_are_read_by_the_instrument_that_read_the_films(monkeypatch, text)
     """Told as an instrument or as a geometry."""
     inside, asked = np.array([0.03, 0.9]), []
     instrument = Instrument.parse(text)
-    air = np.repeat([reflectance(Glaze([], r), instrument.geometry) for r in inside], GRID.size, axis=1)
+    air = np.repeat(
+        [reflectance(Glaze([], r), instrument.geometry) for r in inside], GRID.size, axis=1
+    )
     films = Films(("a",), GRID, air[:1], air[1:], air[:1], air[1:])
-    monkeypatch.setattr(sys.modules[identify.__module__], "identify", lambda *given, **options: asked.append(options))
+    monkeypatch.setattr(
+        sys.modules[identify.__module__],
+        "identify",
+        lambda *given, **options: asked.append(options),
+    )
     identify_films(films, [], instrument=instrument)
     identify_films(films, [], geometry=instrument.geometry)
     assert len(asked) == 2
@@ -217,7 +257,9 @@ def test_cards_are_read_by_the_instrument_that_read_the_films(monkeypatch, text)
 
 @pytest.mark.slow
 def test_films_over_measured_cards(paints):
-    k, s = (np.asarray(getattr(paints[2], what))[None] * UNIT for what in ("absorption", "scattering"))
+    k, s = (
+        np.asarray(getattr(paints[2], what))[None] * UNIT for what in ("absorption", "scattering")
+    )
     found = identify_films(simulate_films(["red"], GRID, k, s), paints, max_paints=2)
     assert isinstance(found, Identification)
     assert found.ranked(0)[0].paints == ("Vermillion",)
@@ -229,9 +271,13 @@ def test_order_of_two_coats_is_found(paints):
     spectra = []
     for order in ((3, 4), (4, 3)):
         coats = [Layer(paints[order[0]], 8e-6), Layer(paints[order[1]], 25e-6)]
-        spectra.append([np.asarray(reflectance(Glaze(coats, g), Hemispherical())) for g in (0.025, 0.93)])
+        spectra.append(
+            [np.asarray(reflectance(Glaze(coats, g), Hemispherical())) for g in (0.025, 0.93)]
+        )
     found = identify(np.array(spectra), GRID, paints[2:5], grounds=GROUNDS, max_paints=2, layers=2)
-    for row, paints_down in enumerate((("CobaltBlue", "ChromeYellow"), ("ChromeYellow", "CobaltBlue"))):
+    for row, paints_down in enumerate(
+        (("CobaltBlue", "ChromeYellow"), ("ChromeYellow", "CobaltBlue"))
+    ):
         first = found.ranked(row)[0]
         assert first.paints == paints_down
         assert first.coats == (0, 1)
@@ -254,20 +300,36 @@ def test_bad_input_is_one_clear_error(paints):
         ({"wavelengths": GRID + 300}, "does not cover the spectra"),
         ({"names": ["a", "b"]}, "2 names were given for 1 spectra"),
     ):
-        given: dict[str, Any] = {"spectra": good, "wavelengths": GRID, "pigments": paints, "grounds": 0.9} | change
+        given: dict[str, Any] = {
+            "spectra": good,
+            "wavelengths": GRID,
+            "pigments": paints,
+            "grounds": 0.9,
+        } | change
         spectra, grid, known = (given.pop(what) for what in ("spectra", "wavelengths", "pigments"))
         with pytest.raises(ValueError, match=complaint):
             identify(spectra, grid, known, **given)
-    for make in (lambda: Discrepancy(amplitude=-1.0), lambda: Prior(unknown=0.0), lambda: Prior(thickness=25.0)):
+    for make in (
+        lambda: Discrepancy(amplitude=-1.0),
+        lambda: Prior(unknown=0.0),
+        lambda: Prior(thickness=25.0),
+    ):
         with pytest.raises(ValueError, match=r"must be|lie between|metres"):
             make()
 
 
 @pytest.mark.slow
 def test_what_is_shown_comes_near_the_reading():
-    """Greys that white and black mix to: errors of 40 % of the paints would excuse another lightness."""
-    known = [catalogue.pigment(name) for name in ("LeadWhite", "ZincWhite", "BoneBlack", "CalciumCarbonate")]
+    """Greys that white and black mix to: errors of 40 % of the paints would excuse another
+    lightness.
+    """
+    known = [
+        catalogue.pigment(name)
+        for name in ("LeadWhite", "ZincWhite", "BoneBlack", "CalciumCarbonate")
+    ]
     greys = np.array([0.2, 0.36, 0.59])[:, None, None] * np.ones((1, GRID.size))
-    found = identify(greys, GRID, known, grounds=None, geometry=Bidirectional(45.0, 0.0), max_paints=2)
+    found = identify(
+        greys, GRID, known, grounds=None, geometry=Bidirectional(45.0, 0.0), max_paints=2
+    )
     assert found.rmse[:, 0].max() < 0.03
     assert found.explained.all()

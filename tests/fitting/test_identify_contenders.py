@@ -1,4 +1,6 @@
-"""What a report adds to an identification: the nearest film with each paint, and the bands about a fit."""
+"""What a report adds to an identification: the nearest film with each paint, and the bands about a
+fit.
+"""
 
 import json
 from dataclasses import fields, replace
@@ -28,7 +30,15 @@ SPHERE = Hemispherical(8.0)
 INSTRUMENT = Instrument(SPHERE, 1.5)
 GROUNDS = np.array([0.05, 0.9])[:, None] * np.ones(GRID.size)
 # The surface's share known, so that films can be computed by the forward package alone.
-NEAT = Discrepancy(gloss_sd=0.0, coefficient=0.0, unstated=0.0, level=0.0, amplitude=0.0, scales=(1.0,), weights=(1.0,))
+NEAT = Discrepancy(
+    gloss_sd=0.0,
+    coefficient=0.0,
+    unstated=0.0,
+    level=0.0,
+    amplitude=0.0,
+    scales=(1.0,),
+    weights=(1.0,),
+)
 
 
 def film(parts: dict[str, float], thickness: float) -> np.ndarray:
@@ -37,7 +47,9 @@ def film(parts: dict[str, float], thickness: float) -> np.ndarray:
     return np.asarray(reflectance(Glaze([Layer(medium, thickness)], GROUNDS), SPHERE))
 
 
-def explained(readings: np.ndarray, members: list[str], fractions: list[float], thickness: float) -> Identification:
+def explained(
+    readings: np.ndarray, members: list[str], fractions: list[float], thickness: float
+) -> Identification:
     """An identification that gives every spectrum this one explanation."""
     count = len(readings)
     measured = check_spectra(readings, GRID, GROUNDS, None, Noise())
@@ -66,8 +78,12 @@ def explained(readings: np.ndarray, members: list[str], fractions: list[float], 
 
 @pytest.fixture(scope="module")
 def looked() -> tuple[Identification, Contenders]:
-    """A tint of red, a green of blue and yellow, and what is nearest to each; the first is explained."""
-    spectra = np.stack([film({"Red": 0.1, "White": 0.9}, 30e-6), film({"Blue": 0.3, "Yellow": 0.7}, 15e-6)])
+    """A tint of red, a green of blue and yellow, and what is nearest to each; the first is
+    explained.
+    """
+    spectra = np.stack(
+        [film({"Red": 0.1, "White": 0.9}, 30e-6), film({"Blue": 0.3, "Yellow": 0.7}, 15e-6)]
+    )
     found = explained(spectra, ["White", "Red"], [0.9, 0.1], 30e-6)
     return found, find_contenders(found, PAINTS, INSTRUMENT, prior=Prior(), discrepancy=NEAT)
 
@@ -84,7 +100,9 @@ def test_films_with_a_paint_read_what_is_said_of_them(looked):
         off = found.measured.readings[row] - again
         # The table of films is right to 1e-5.
         assert np.sqrt(np.mean(off**2)) == pytest.approx(near.rmse[row, paint], abs=5e-5)
-        seen = colour.delta_e_of_spectra(GRID, found.measured.readings[row], again, observer=10).max()
+        seen = colour.delta_e_of_spectra(
+            GRID, found.measured.readings[row], again, observer=10
+        ).max()
         assert seen == pytest.approx(near.delta_e[row, paint], abs=0.02)
 
 
@@ -106,7 +124,10 @@ def test_no_film_with_a_paint_comes_much_nearer(looked):
 
     def tabled_film(parts: dict[str, float], thickness: float) -> np.ndarray:
         thick = (
-            sum(share * thickness * getattr(PAINTS[NAMES.index(name)], what) for name, share in parts.items())
+            sum(
+                share * thickness * getattr(PAINTS[NAMES.index(name)], what)
+                for name, share in parts.items()
+            )
             for what in ("absorption", "scattering")
         )
         return np.asarray(tabled(*thick, GROUNDS)) + INSTRUMENT.seen_surface
@@ -115,10 +136,15 @@ def test_no_film_with_a_paint_comes_much_nearer(looked):
         blue = LEAST_SHARE + (1 - LEAST_SHARE) / (1 + np.exp(-unknowns[1]))
         white = (1 - blue) / (1 + np.exp(-unknowns[2]))
         parts = {"Blue": blue, "White": white, "Red": max(1 - blue - white, 1e-12)}
-        return float(np.sum(((readings - tabled_film(parts, 25e-6 * np.exp(unknowns[0]))) / sd) ** 2))
+        return float(
+            np.sum(((readings - tabled_film(parts, 25e-6 * np.exp(unknowns[0]))) / sd) ** 2)
+        )
 
     starts = [(0.0, -6.0, 2.0), (0.0, -6.0, 6.0), (-1.0, -4.0, 0.0)]
-    best = min(minimize(cost, start, method="Nelder-Mead", options={"maxiter": 400}).fun for start in starts)
+    best = min(
+        minimize(cost, start, method="Nelder-Mead", options={"maxiter": 400}).fun
+        for start in starts
+    )
     members, shares = near.members[0, 4], near.fractions[0, 4]
     there = {NAMES[m]: float(s) for m, s in zip(members, shares, strict=True) if m != NOBODY}
     mine = np.sum(((readings - film(there, float(near.thickness[0, 4]))) / sd) ** 2)
@@ -137,24 +163,43 @@ def test_a_film_of_one_paint_alone(looked):
 
 
 def test_partners_are_chosen_by_the_misfit_of_the_mixtures():
-    """The screening's least misfits, and where they are, against films mixed and compared one by one."""
+    """The screening's least misfits, and where they are, against films mixed and compared one by
+    one.
+    """
     response = film_response(SPHERE, 1.5)
-    k, s = (np.stack([25e-6 * np.asarray(getattr(p, what)) for p in PAINTS]) for what in ("absorption", "scattering"))
-    partners = np.array([[other for other in range(len(NAMES)) if other != paint] for paint in range(len(NAMES))])
+    k, s = (
+        np.stack([25e-6 * np.asarray(getattr(p, what)) for p in PAINTS])
+        for what in ("absorption", "scattering")
+    )
+    partners = np.array(
+        [[other for other in range(len(NAMES)) if other != paint] for paint in range(len(NAMES))]
+    )
     total, share = np.array([0.3, 1.0, 1.0, 3.0]), np.array([0.1, 0.1, 0.6, 0.9])
     rng = np.random.default_rng(5)
-    target = np.stack([film({"Red": 0.1, "White": 0.9}, 30e-6), film({"Blue": 0.3, "Yellow": 0.7}, 15e-6)])
+    target = np.stack(
+        [film({"Red": 0.1, "White": 0.9}, 30e-6), film({"Blue": 0.3, "Yellow": 0.7}, 15e-6)]
+    )
     target = target.reshape(2, -1) - 0.04
-    white = np.eye(target.shape[1]) + 0.1 * rng.standard_normal((2, target.shape[1], target.shape[1]))
+    white = np.eye(target.shape[1]) + 0.1 * rng.standard_normal(
+        (2, target.shape[1], target.shape[1])
+    )
     ground = np.stack([GROUNDS, 0.8 * GROUNDS])
     wanted = np.einsum("srt,st->sr", white, target)
-    tries, spectra = ([jnp.asarray(a) for a in some] for some in ((partners, total, share), (ground, wanted, white)))
+    tries, spectra = (
+        [jnp.asarray(a) for a in some]
+        for some in ((partners, total, share), (ground, wanted, white))
+    )
     least, where = _screen(response, Paints(jnp.asarray(k), jnp.asarray(s)), *tries, *spectra)
     for paint in range(len(NAMES)):
         for place, other in enumerate(partners[paint]):
-            mixed = [total[:, None] * (share[:, None] * v[paint] + (1 - share[:, None]) * v[other]) for v in (k, s)]
+            mixed = [
+                total[:, None] * (share[:, None] * v[paint] + (1 - share[:, None]) * v[other])
+                for v in (k, s)
+            ]
             for row in range(2):
-                body = np.asarray(response.body(mixed[0][:, None], mixed[1][:, None], ground[row])).reshape(4, -1)
+                body = np.asarray(
+                    response.body(mixed[0][:, None], mixed[1][:, None], ground[row])
+                ).reshape(4, -1)
                 cost = np.sum(((target[row] - body) @ white[row].T) ** 2, axis=-1)
                 assert float(least[paint, row, place]) == pytest.approx(cost.min(), rel=1e-6)
                 assert int(where[paint, row, place]) == cost.argmin()
@@ -165,11 +210,18 @@ def test_bands_lose_what_a_fit_takes_away():
     spectra = film({"Red": 0.1, "White": 0.9}, 30e-6)[None]
     found = explained(spectra, ["White", "Red"], [0.9, 0.1], 30e-6)
     gloss = Discrepancy(
-        gloss_sd=1e3, coefficient=0.0, unstated=0.0, level=0.0, amplitude=0.0, scales=(1.0,), weights=(1.0,)
+        gloss_sd=1e3,
+        coefficient=0.0,
+        unstated=0.0,
+        level=0.0,
+        amplitude=0.0,
+        scales=(1.0,),
+        weights=(1.0,),
     )
     noise = found.measured.noise_sd[0]
     half = {
-        name: expected_bands(found, PAINTS, INSTRUMENT, prior=Prior(), discrepancy=d)[0, 0] / 1.6448536
+        name: expected_bands(found, PAINTS, INSTRUMENT, prior=Prior(), discrepancy=d)[0, 0]
+        / 1.6448536
         for name, d in (("known", NEAT), ("free", gloss))
     }
     count = spectra.size
@@ -181,29 +233,44 @@ def test_bands_lose_what_a_fit_takes_away():
 
 @pytest.mark.parametrize("level", [0.0, 0.05])
 def test_bands_are_what_a_linear_fit_of_the_amounts_leaves(level: float):
-    """Covariance less what generalised least squares explains, with slopes by finite differences."""
+    """Covariance less what generalised least squares explains, with slopes by finite
+    differences.
+    """
     thickness, amounts = 30e-6, np.array([0.9, 0.1])
     spectra = film({"White": 0.9, "Red": 0.1}, thickness)[None]
     found = explained(spectra, ["White", "Red"], amounts.tolist(), thickness)
     k, s = (
-        np.stack([thickness * np.asarray(getattr(PAINTS[NAMES.index(name)], what)) for name in ("White", "Red")])
+        np.stack(
+            [
+                thickness * np.asarray(getattr(PAINTS[NAMES.index(name)], what))
+                for name in ("White", "Red")
+            ]
+        )
         for what in ("absorption", "scattering")
     )
     response = film_response(SPHERE, 1.5)
     body = jax.jit(lambda *film: response.body(*film))
 
     def read(log_k: np.ndarray, log_s: np.ndarray) -> np.ndarray:
-        return np.asarray(body((amounts * np.exp(log_k)) @ k, (amounts * np.exp(log_s)) @ s, GROUNDS)).ravel()
+        return np.asarray(
+            body((amounts * np.exp(log_k)) @ k, (amounts * np.exp(log_s)) @ s, GROUNDS)
+        ).ravel()
 
     steps, nothing = 1e-4 * np.eye(2), np.zeros(2)
     by_k = np.stack([read(step, nothing) - read(-step, nothing) for step in steps], axis=-1) / 2e-4
     by_s = np.stack([read(nothing, step) - read(nothing, -step) for step in steps], axis=-1) / 2e-4
-    covariance = np.diag(found.measured.noise_sd.ravel() ** 2) + level**2 * (by_k @ by_k.T + by_s @ by_s.T)
+    covariance = np.diag(found.measured.noise_sd.ravel() ** 2) + level**2 * (
+        by_k @ by_k.T + by_s @ by_s.T
+    )
     lever = by_k + by_s
     solved = np.linalg.solve(covariance, lever)
     left = covariance - lever @ np.linalg.solve(lever.T @ solved, lever.T)
-    band = expected_bands(found, PAINTS, INSTRUMENT, prior=Prior(), discrepancy=replace(NEAT, level=level))
-    np.testing.assert_allclose(band[0, 0].ravel(), 1.6448536 * np.sqrt(np.diagonal(left)), rtol=0.01)
+    band = expected_bands(
+        found, PAINTS, INSTRUMENT, prior=Prior(), discrepancy=replace(NEAT, level=level)
+    )
+    np.testing.assert_allclose(
+        band[0, 0].ravel(), 1.6448536 * np.sqrt(np.diagonal(left)), rtol=0.01
+    )
 
 
 def test_bands_hold_the_errors_that_are_stated():
@@ -239,5 +306,9 @@ def test_what_an_interrupt_left_over_is_not_filed(looked, tmp_path):
 def replace_rows(found: Identification, rows: list[int]) -> Identification:
     """Some of the spectra."""
     whole = ("measured", "paints", "opaque")
-    parts = {field.name: getattr(found, field.name)[rows] for field in fields(found) if field.name not in whole}
+    parts = {
+        field.name: getattr(found, field.name)[rows]
+        for field in fields(found)
+        if field.name not in whole
+    }
     return replace(found, measured=found.measured.take(np.array(rows)), **parts)

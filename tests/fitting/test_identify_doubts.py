@@ -1,4 +1,6 @@
-"""What an answer leaves open and what it rests on, on made-up answers whose right words are plain."""
+"""What an answer leaves open and what it rests on, on made-up answers whose right words
+are plain.
+"""
 
 import dataclasses
 
@@ -17,7 +19,9 @@ CURVE = np.linspace(0.3, 0.6, GRID.size)
 
 
 def answer(candidates, covariance=0.04) -> Identification:
-    """An identification of one spectrum from (paints, fractions, probability, condition, fitted)."""
+    """An identification of one spectrum from (paints, fractions, probability, condition,
+    fitted).
+    """
     count = len(candidates)
     members, amounts = np.full((1, count, 3), NOBODY), np.zeros((1, count, 3))
     for n, (paints, fractions, *_) in enumerate(candidates):
@@ -60,7 +64,9 @@ def test_what_the_film_may_hold_too_is_the_end_of_its_interval():
     found = answer([FIRST, (("CobaltBlue", "BariumSulphate"), [0.9, 0.1], 0.1, 0, CURVE)])
     # Log odds of .1 with independent errors of both logs, .2 each, and of both paints' strength.
     odds = np.log(0.1 / 0.9) + 1.6448536 * np.sqrt(2 * (0.04 + STRENGTH**2))
-    assert may_hold(found, 0) == pytest.approx({"BariumSulphate": 1 / (1 + np.exp(-odds))}, rel=1e-6)
+    assert may_hold(found, 0) == pytest.approx(
+        {"BariumSulphate": 1 / (1 + np.exp(-odds))}, rel=1e-6
+    )
     assert "It may also hold up to 22 % BariumSulphate." in doubts(found, 0)
 
 

@@ -7,7 +7,16 @@ from typing import Any
 import numpy as np
 import pytest
 
-from glazefit import Discrepancy, Films, Identification, Instrument, Noise, Prior, identify, identify_films
+from glazefit import (
+    Discrepancy,
+    Films,
+    Identification,
+    Instrument,
+    Noise,
+    Prior,
+    identify,
+    identify_films,
+)
 from glazefit.film.optics import Optics
 from glazefit.film.response import film_response
 from glazejax import Hemispherical, Pigment, catalogue
@@ -26,7 +35,9 @@ class Reached(Exception):
 
 def asked(function) -> list[str]:
     """Keyword arguments of a function."""
-    return [p.name for p in inspect.signature(function).parameters.values() if p.kind is p.KEYWORD_ONLY]
+    return [
+        p.name for p in inspect.signature(function).parameters.values() if p.kind is p.KEYWORD_ONLY
+    ]
 
 
 @pytest.mark.usefixtures("unchecked")  # objects stand for what is given
@@ -49,7 +60,9 @@ def test_identify_films_hands_on_all_that_it_is_given(monkeypatch):
     monkeypatch.setattr(MODULE, "identify", stop)
     half = np.full((1, GRID.size), 0.3)
     films = Films(("one",), GRID, 0.2 * half, 3.0 * half, half, 1.5 * half)
-    given: dict[str, Any] = {name: object() for name in asked(identify_films)} | {"noise": Noise(0.01)}
+    given: dict[str, Any] = {name: object() for name in asked(identify_films)} | {
+        "noise": Noise(0.01)
+    }
     given |= {"instrument": Instrument(Hemispherical(8.0), 1.4), "geometry": None}
     with pytest.raises(Reached) as reached:
         identify_films(films, [], **given)
@@ -66,7 +79,9 @@ def paints() -> list[Pigment]:
 
 @pytest.fixture(scope="module")
 def find(paints):
-    """Identify one film of two paints over two grounds; options as given. All calls share their programs."""
+    """Identify one film of two paints over two grounds; options as given. All calls share their
+    programs.
+    """
     k, s = (25e-6 * np.asarray(getattr(paints[1], what)) for what in ("absorption", "scattering"))
     spectrum = 0.04 + np.asarray(film_response(Hemispherical()).body(k, s, GROUNDS))
 
@@ -107,7 +122,9 @@ def test_each_option_changes_what_it_should(find):
 
 @pytest.mark.parametrize("told", [True, False])
 def test_all_that_is_asked_for_stands_in_the_task(paints, monkeypatch, told: bool):
-    """What the search works with, for films over a ground and for films that hide it: no default is left."""
+    """What the search works with, for films over a ground and for films that hide it: no default is
+    left.
+    """
 
     def stop(tasks, measured):
         raise Reached({"task": tasks, "measured": measured})
@@ -118,7 +135,8 @@ def test_all_that_is_asked_for_stands_in_the_task(paints, monkeypatch, told: boo
     errors = Discrepancy(unstated=0.11, most=0.2, amplitude=0.013)
     expected = Prior(thickness=40e-6, spread=0.6, unknown=0.2)
     plain = [Pigment(p.name, GRID, p.absorption, p.scattering) for p in paints]
-    # One that a film of 25 um hardly shows and one of 40 um does, with errors larger than what counts.
+    # One that a film of 25 um hardly shows and one of 40 um does, with errors larger than what
+    # counts.
     ones, modes = np.ones(GRID.size), np.ones((1, 2, GRID.size))
     plain.append(Pigment("Thin", GRID, 1e4 * ones, 2e4 * ones, error_modes=modes))
     with pytest.raises(Reached) as reached:
@@ -138,7 +156,9 @@ def test_all_that_is_asked_for_stands_in_the_task(paints, monkeypatch, told: boo
     task, measured = reached.value.given["task"], reached.value.given["measured"]
     assert task.response == (Hemispherical(30.0), 1.3)
     assert task.optics == Optics.of(Hemispherical(30.0), 1.3)
-    assert task.surface == pytest.approx(float(dielectric_reflectance(np.cos(np.deg2rad(30.0)), 1.3)))
+    assert task.surface == pytest.approx(
+        float(dielectric_reflectance(np.cos(np.deg2rad(30.0)), 1.3))
+    )
     assert task.noise == noise
     assert task.discrepancy == errors
     np.testing.assert_array_equal(task.errors[:2], 0.11)
@@ -149,7 +169,9 @@ def test_all_that_is_asked_for_stands_in_the_task(paints, monkeypatch, told: boo
     thickness = 40e-6 if told else task.prior.thickness
     assert task.prior.thickness == thickness
     assert told or thickness > 1e-4
-    np.testing.assert_allclose(task.paints.absorption[1], thickness * np.asarray(paints[1].absorption))
+    np.testing.assert_allclose(
+        task.paints.absorption[1], thickness * np.asarray(paints[1].absorption)
+    )
     assert task.extenders.tolist() == [False, False, False]
     assert measured.names == ("leaf",)
     np.testing.assert_allclose(measured.noise_sd, 0.07 + 0.03 * 0.4)
@@ -158,12 +180,16 @@ def test_all_that_is_asked_for_stands_in_the_task(paints, monkeypatch, told: boo
 
 @pytest.mark.slow  # a table for the instrument
 def test_a_film_is_computed_as_its_instrument_reads_it(paints):
-    """Index, geometry and surface of another instrument: the film is met, its thickness and gloss are right."""
+    """Index, geometry and surface of another instrument: the film is met, its thickness and gloss
+    are right.
+    """
     seen_by = Instrument(Hemispherical(30.0), 1.3)
     k, s = (25e-6 * np.asarray(getattr(paints[1], what)) for what in ("absorption", "scattering"))
     surface = float(dielectric_reflectance(np.cos(np.deg2rad(30.0)), 1.3))
     spectrum = surface + np.asarray(film_response(seen_by.geometry, 1.3).body(k, s, GROUNDS))
-    found = identify(spectrum[None], GRID, paints, grounds=GROUNDS, max_paints=1, instrument=seen_by)
+    found = identify(
+        spectrum[None], GRID, paints, grounds=GROUNDS, max_paints=1, instrument=seen_by
+    )
     assert found.ranked(0)[0].paints == ("Vermillion",)
     assert float(found.amounts[0, 0, 0]) == pytest.approx(25e-6, rel=0.01)
     assert float(found.gloss[0, 0]) == pytest.approx(1.0, abs=0.05)

@@ -1,4 +1,6 @@
-"""The report of an identification: page, table and JSON say what the result says, and nothing comes from elsewhere."""
+"""The report of an identification: page, table and JSON say what the result says, and nothing comes
+from elsewhere.
+"""
 
 import csv
 import importlib
@@ -45,9 +47,14 @@ ABOUT = About(
 def identification(names=("one", EVIL), grid=GRID, opaque=False) -> Identification:
     """Two candidates for each spectrum, one of them of two coats; spectra differ in one amount."""
     count, rng = len(names), np.random.default_rng(3)
-    readings = np.broadcast_to(0.3 + 0.4 * (grid > 560), (count, 2, grid.size)) * np.array([0.8, 1.0])[:, None]
+    readings = (
+        np.broadcast_to(0.3 + 0.4 * (grid > 560), (count, 2, grid.size))
+        * np.array([0.8, 1.0])[:, None]
+    )
     members = np.broadcast_to(np.array([[0, 1, NOBODY], [0, 2, NOBODY]]), (count, 2, 3))
-    amounts = np.broadcast_to(np.array([[2.0, 6.0, 0.0], [3.0, 3.0, 0.0]]) * 1e-6, (count, 2, 3)).copy()
+    amounts = np.broadcast_to(
+        np.array([[2.0, 6.0, 0.0], [3.0, 3.0, 0.0]]) * 1e-6, (count, 2, 3)
+    ).copy()
     amounts[:, 0, 0] += 1e-7 * np.arange(count)
     root = 0.2 * rng.standard_normal((count, 2, 3, 5))
     covariance = root @ np.swapaxes(root, -1, -2)
@@ -158,11 +165,19 @@ def test_every_spot_has_its_place_and_the_numbers_of_the_result():
         for n, candidate in enumerate(found.ranked(row, 2)):
             lead = next(cells for cells in spot if cells[0].startswith(f"{n + 1}: probability"))
             shown = numbers(lead[0].replace("ΔE00", ""))[1:]
-            given = [100 * candidate.probability, 1e6 * candidate.thickness, *(1e6 * candidate.thickness_90)]
-            assert shown == pytest.approx([*given, candidate.delta_e, candidate.rmse], rel=0.06, abs=0.01)
+            given = [
+                100 * candidate.probability,
+                1e6 * candidate.thickness,
+                *(1e6 * candidate.thickness_90),
+            ]
+            assert shown == pytest.approx(
+                [*given, candidate.delta_e, candidate.rmse], rel=0.06, abs=0.01
+            )
             following = spot[spot.index(lead) + 1 :][: len(candidate.paints)]
             for i, (cells, paint) in enumerate(zip(following, candidate.paints, strict=True)):
-                coat = f" ({'upper' if candidate.coats[i] == 0 else 'lower'} coat)" if n == 1 else ""
+                coat = (
+                    f" ({'upper' if candidate.coats[i] == 0 else 'lower'} coat)" if n == 1 else ""
+                )
                 assert cells[0] == paint + coat
                 assert numbers(cells[1]) == pytest.approx(
                     [100 * candidate.fractions[i], *(100 * candidate.fractions_90[i])], rel=0.06
@@ -180,12 +195,22 @@ def test_the_table_and_the_json_hold_the_numbers_exactly(tmp_path):
     assert filed == record(found)
     lines = list(csv.DictReader(table.open(encoding="utf-8")))
     assert len(lines) == 2 * 2 * 2
-    assert [[str(cell) for cell in row] for row in table_rows(filed)] == [list(line.values()) for line in lines]
+    assert [[str(cell) for cell in row] for row in table_rows(filed)] == [
+        list(line.values()) for line in lines
+    ]
     best = found.ranked(1, 1)[0]
-    line = next(line for line in lines if line["spot"] == EVIL and line["rank"] == "1" and line["paint"] == "White")
+    line = next(
+        line
+        for line in lines
+        if line["spot"] == EVIL and line["rank"] == "1" and line["paint"] == "White"
+    )
     n = best.paints.index("White")
-    shown = [float(line[name]) for name in ("fraction", "fraction_low", "fraction_high", "amount_low_um")]
-    assert shown == pytest.approx([best.fractions[n], *best.fractions_90[n], 1e6 * best.amounts_90[n, 0]], rel=1e-12)
+    shown = [
+        float(line[name]) for name in ("fraction", "fraction_low", "fraction_high", "amount_low_um")
+    ]
+    assert shown == pytest.approx(
+        [best.fractions[n], *best.fractions_90[n], 1e6 * best.amounts_90[n, 0]], rel=1e-12
+    )
     spot = filed["spots"][0]
     np.testing.assert_allclose(spot["explanations"][1]["fitted"], found.fitted[0, 1], atol=1e-6)
     assert spot["two_coats"] == 0.3
@@ -198,14 +223,24 @@ def test_names_are_text_and_nothing_comes_from_elsewhere():
     assert "://" not in text
     seen = Parsed(text)
     assert {"svg", "figure", "table"} <= {tag for tag, _ in seen.tags}
-    assert not {tag for tag, _ in seen.tags} & {"script", "link", "img", "iframe", "object", "image", "foreignobject"}
+    assert not {tag for tag, _ in seen.tags} & {
+        "script",
+        "link",
+        "img",
+        "iframe",
+        "object",
+        "image",
+        "foreignobject",
+    }
     for _, given in seen.tags:
         for name, value in given.items():
             assert not name.startswith("on")
             assert name not in ("href", "src") or (value or "").startswith("#")
             assert all(part.startswith("#") for part in re.findall(r"url\(([^)]*)\)", value or ""))
     assert not re.search(r"url\(|@import", text.partition("</style>")[0])
-    policy = next(given for _, given in seen.tags if given.get("http-equiv") == "Content-Security-Policy")
+    policy = next(
+        given for _, given in seen.tags if given.get("http-equiv") == "Content-Security-Policy"
+    )
     assert "default-src 'none'" in (policy["content"] or "")
     figures = [given for tag, given in seen.tags if tag == "figure"]
     assert len(figures) == 4
@@ -249,7 +284,12 @@ def test_what_has_no_number_has_none():
     filed = record(found)
     best = filed["spots"][0]["explanations"][0]
     assert best["delta_e_2000"] is best["thickness_um"] is best["thickness_90_um"] is None
-    assert best["paints"][0]["amount_um"] is best["paints"][0]["amount_90_um"] is filed["spots"][0]["colours"] is None
+    assert (
+        best["paints"][0]["amount_um"]
+        is best["paints"][0]["amount_90_um"]
+        is filed["spots"][0]["colours"]
+        is None
+    )
     assert json.loads(json.dumps(filed, allow_nan=False)) == filed
     words = parsed(filed).words
     assert "µm" not in words["spot-1"]
@@ -257,12 +297,19 @@ def test_what_has_no_number_has_none():
 
 
 def test_what_nothing_explains_is_said_first():
-    found = replace(identification(), none=np.array([0.95, 0.45]), probability=np.array([[0.03, 0.02], [0.4, 0.1]]))
+    found = replace(
+        identification(),
+        none=np.array([0.95, 0.45]),
+        probability=np.array([[0.03, 0.02], [0.4, 0.1]]),
+    )
     seen = parsed(record(found))
     assert "Nothing in the catalogue explains this" in seen.words["spot-1"]
     assert "Most probable" not in seen.words["spot-1"].partition("Amounts")[0]
     assert "Uncertain" in seen.words["spot-2"]
-    assert next(row for row in seen.rows if row[0] == "one")[2] == "Nothing in the catalogue explains it"
+    assert (
+        next(row for row in seen.rows if row[0] == "one")[2]
+        == "Nothing in the catalogue explains it"
+    )
 
 
 def test_existing_files_are_kept_and_other_endings_refused(tmp_path):
@@ -272,8 +319,14 @@ def test_existing_files_are_kept_and_other_endings_refused(tmp_path):
         write_page(record(identification()), path)
     assert [file.name for file in tmp_path.iterdir()] == ["report.json"]
     write_page(record(identification()), path, overwrite=True)
-    assert sorted(file.name for file in tmp_path.iterdir()) == ["report.csv", "report.html", "report.json"]
-    with pytest.raises(ValueError, match=r"report\.htm: a report ends in \.html, such as .*report\.html$"):
+    assert sorted(file.name for file in tmp_path.iterdir()) == [
+        "report.csv",
+        "report.html",
+        "report.json",
+    ]
+    with pytest.raises(
+        ValueError, match=r"report\.htm: a report ends in \.html, such as .*report\.html$"
+    ):
         write_page(record(identification()), tmp_path / "report.htm")
 
 
@@ -299,7 +352,11 @@ def test_an_interrupt_while_spectra_are_drawn_ends_the_drawing(monkeypatch):
 
     monkeypatch.setattr(MODULE, "draw_spectra", stops)
     monkeypatch.setattr(MODULE, "draw_residuals", lambda *_: "")
-    seen = parsed(record(identification(["one", "two", "three"]), replace(ABOUT, asked=("one", "two", "three"))))
+    seen = parsed(
+        record(
+            identification(["one", "two", "three"]), replace(ABOUT, asked=("one", "two", "three"))
+        )
+    )
     assert list(seen.spots) == ["spot-1", "spot-2", "spot-3"]
     assert [tag for tag, _ in seen.tags].count("figure") == 2
     assert "from here on spectra are not drawn" in "".join(seen.words.values())
@@ -310,7 +367,9 @@ def test_why_a_paint_is_ruled_out():
     given = contenders(found)
 
     def judged(chances=(0.9, 0.6, 0.3, 0.004, 0.002), **changed) -> dict:
-        one = replace(given, **{name: np.broadcast_to(value, (2, 5)) for name, value in changed.items()})
+        one = replace(
+            given, **{name: np.broadcast_to(value, (2, 5)) for name, value in changed.items()}
+        )
         held = replace(found, paint_probability=np.broadcast_to(chances, (2, 5)))
         return {paint.paint: paint for paint in ruled_out(held, one, 0)}
 
@@ -320,11 +379,16 @@ def test_why_a_paint_is_ruled_out():
     assert usual["Chalk"].kind == "unneeded"
     assert usual["Chalk"].film == "30 % Chalk + 70 % Red"
     assert judged(delta_e=[0, 0, 0, 2.5, 9.1])["Chalk"].reason == (
-        f"Chalk: the best film with it is off by Delta E00 2.5, the most probable film by {found.delta_e[0, 0]:.1f}."
+        "Chalk: the best film with it is off by Delta E00 2.5, the most probable film by "
+        f"{found.delta_e[0, 0]:.1f}."
     )
     assert judged(rmse=[0, 0, 0, 0.02, 0.08])["Chalk"].kind == "worse"
-    assert "spectrum less so: RMSE 0.0200 against 0.0020" in judged(rmse=[0, 0, 0, 0.02, 0.08])["Chalk"].reason
-    # What does not fit is ruled out but for a trace; what is there more likely than not is never ruled out.
+    assert (
+        "spectrum less so: RMSE 0.0200 against 0.0020"
+        in judged(rmse=[0, 0, 0, 0.02, 0.08])["Chalk"].reason
+    )
+    # What does not fit is ruled out but for a trace; what is there more likely than not is never
+    # ruled out.
     assert judged(delta_e=[9.0, 9.0, 9.0, 0.5, 9.1])["Blue"].kind == "trace"
     assert set(judged(delta_e=[9.0, 9.0, 9.0, 0.5, 9.1])) == {"Blue", "Chalk", "Black"}
     assert "0.080 in reflectance" in judged(delta_e=[np.nan] * 5)["Black"].reason
@@ -336,7 +400,9 @@ def test_intervals_are_those_of_the_log_normal_amounts():
     for n in range(2):
         size = (found.members[0, n] != NOBODY).sum()
         covariance = found.log_covariance[0, n, :size, :size] + STRENGTH**2 * np.eye(size)
-        logs = np.log(found.amounts[0, n, :size]) + rng.multivariate_normal(np.zeros(size), covariance, 400_000)
+        logs = np.log(found.amounts[0, n, :size]) + rng.multivariate_normal(
+            np.zeros(size), covariance, 400_000
+        )
         amounts = np.exp(logs)
         np.testing.assert_allclose(
             found.amounts_90[0, n, :size].T, np.quantile(amounts, [0.05, 0.95], axis=0), rtol=0.01
@@ -363,12 +429,16 @@ def test_a_dark_spectrum_fills_its_figure():
 def test_files_that_were_read_are_hashed_with_the_other_half_of_a_pair(tmp_path):
     for name in ("a.csv", "spectra.hdr", "spectra.sli"):
         (tmp_path / name).write_bytes(b"abc")
-    seen = input_files({"FILE": tmp_path / "spectra.hdr", "--ground": None, "--pigments": tmp_path / "a.csv"})
+    seen = input_files(
+        {"FILE": tmp_path / "spectra.hdr", "--ground": None, "--pigments": tmp_path / "a.csv"}
+    )
     assert [(each["role"], each["name"].rpartition("/")[2]) for each in seen] == [
         ("FILE", "spectra.hdr"),
         ("FILE", "spectra.sli"),
         ("--pigments", "a.csv"),
     ]
     # FIPS 180-4, the example of one block.
-    assert {each["sha256"] for each in seen} == {"ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad"}
+    assert {each["sha256"] for each in seen} == {
+        "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad"
+    }
     assert input_files({"FILE": tmp_path / "gone"})[0]["sha256"] is None

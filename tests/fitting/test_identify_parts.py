@@ -64,19 +64,27 @@ def test_errors_of_coefficients_are_the_pigments_own_and_some_more():
     known = rng.uniform(0.05, 0.4, (4, GRID.size))
     covariance = coefficient_covariance(slopes, known, GRID, d)
     errors = coefficient_errors(rng, (40_000, 4), GRID, d)
-    root = np.linalg.cholesky(model_covariance(GRID, 1, Discrepancy(length=d.coefficient_length), 1.0))
+    root = np.linalg.cholesky(
+        model_covariance(GRID, 1, Discrepancy(length=d.coefficient_length), 1.0)
+    )
     errors = errors + known * (rng.standard_normal(errors.shape) @ root.T)
     moved = np.einsum("nep,ep->np", np.concatenate([errors, errors], axis=-1), slopes)
     sd = np.sqrt(np.diagonal(covariance))
-    np.testing.assert_allclose(np.cov(moved.T) / np.outer(sd, sd), covariance / np.outer(sd, sd), atol=0.03)
+    np.testing.assert_allclose(
+        np.cov(moved.T) / np.outer(sd, sd), covariance / np.outer(sd, sd), atol=0.03
+    )
 
 
 def test_errors_at_two_wavelengths_go_together_as_materns():
-    """Order 3/2, by its definition with a Bessel function; one at no distance, and less the farther apart."""
+    """Order 3/2, by its definition with a Bessel function; one at no distance, and less the farther
+    apart.
+    """
     grid = np.array([400.0, 410.0, 450.0, 700.0])
     d = np.sqrt(3.0) * np.abs(grid[:, None] - grid)[np.triu_indices(4, 1)] / 80.0
     kernel = smooth_kernel(grid, 80.0)
-    np.testing.assert_allclose(kernel[np.triu_indices(4, 1)], 2.0**-0.5 / gamma(1.5) * d**1.5 * kv(1.5, d))
+    np.testing.assert_allclose(
+        kernel[np.triu_indices(4, 1)], 2.0**-0.5 / gamma(1.5) * d**1.5 * kv(1.5, d)
+    )
     np.testing.assert_array_equal(np.diagonal(kernel), 1.0)
     np.testing.assert_array_equal(kernel, kernel.T)
 
@@ -85,13 +93,17 @@ def test_random_errors_of_the_model_have_its_covariance():
     d = Discrepancy(scales=(1.0,), weights=(1.0,))
     errors = model_errors(np.random.default_rng(2), 40_000, 2, GRID, d).reshape(40_000, -1)
     np.testing.assert_allclose(
-        np.cov(errors.T) / d.amplitude**2, model_covariance(GRID, 2, d, d.amplitude) / d.amplitude**2, atol=0.03
+        np.cov(errors.T) / d.amplitude**2,
+        model_covariance(GRID, 2, d, d.amplitude) / d.amplitude**2,
+        atol=0.03,
     )
 
 
 def test_errors_of_pigments_count_as_far_as_they_mean_something():
     k, s = np.array([0.0, 100.0, 100.0]), np.full(3, 50.0)
-    stated = Pigment("a", GRID[:3], k, s, absorption_sd=np.array([1.0, 10.0, 1e4]), scattering_sd=np.full(3, 5.0))
+    stated = Pigment(
+        "a", GRID[:3], k, s, absorption_sd=np.array([1.0, 10.0, 1e4]), scattering_sd=np.full(3, 5.0)
+    )
     silent = Pigment("b", GRID[:3], k, s)
     d = Discrepancy()
     first, second = relative_errors([stated, silent], d)
@@ -99,7 +111,9 @@ def test_errors_of_pigments_count_as_far_as_they_mean_something():
     np.testing.assert_allclose(second, d.unstated)
 
 
-@pytest.mark.parametrize("wrong", [{"coefficient": -1}, {"most": float("nan")}, {"trust": 0}, {"length": 0.0}])
+@pytest.mark.parametrize(
+    "wrong", [{"coefficient": -1}, {"most": float("nan")}, {"trust": 0}, {"length": 0.0}]
+)
 def test_a_discrepancy_out_of_range_is_named(wrong):
     (name,) = wrong
     with pytest.raises(ValueError, match=f"the discrepancy's {name} is .*; it must be"):
@@ -143,28 +157,43 @@ def test_what_cannot_be_expected_is_named(wrong, words):
 def test_prior_of_fractions_and_thickness_integrates_to_one():
     u = np.linspace(-14.0, 6.0, 401)
     grid = np.stack(np.meshgrid(u, u, indexing="ij"), axis=-1).reshape(-1, 2)
-    density = jax.vmap(lambda logs: log_prior(logs, jnp.ones(2, bool), jnp.asarray(0.7), jnp.asarray(1.0)))(
-        jnp.asarray(grid)
-    )
+    density = jax.vmap(
+        lambda logs: log_prior(logs, jnp.ones(2, bool), jnp.asarray(0.7), jnp.asarray(1.0))
+    )(jnp.asarray(grid))
     assert float(np.exp(density).sum() * (u[1] - u[0]) ** 2) == pytest.approx(1.0, abs=2e-3)
 
 
 @pytest.fixture(scope="module")
 def problem():
     """One film of two paints, its errors, and the paints."""
-    k = np.array([0.02 + 2.0 * np.exp(-(((GRID - 450) / 60) ** 2)), 0.02 + 1.5 * np.exp(-(((GRID - 620) / 60) ** 2))])
+    k = np.array(
+        [
+            0.02 + 2.0 * np.exp(-(((GRID - 450) / 60) ** 2)),
+            0.02 + 1.5 * np.exp(-(((GRID - 620) / 60) ** 2)),
+        ]
+    )
     paints = Paints(jnp.asarray(k), jnp.full(k.shape, 1.5))
     response = film_response(Hemispherical())
     ground = np.array([[0.03], [0.9]]) * np.ones((2, GRID.size))
     body = np.asarray(
-        response.body(jnp.asarray(0.7 * k[0] + 0.5 * k[1]), jnp.full(GRID.size, 1.8), jnp.asarray(ground))
+        response.body(
+            jnp.asarray(0.7 * k[0] + 0.5 * k[1]), jnp.full(GRID.size, 1.8), jnp.asarray(ground)
+        )
     )
     d = Discrepancy(scales=(1.0,), weights=(1.0,))
     fixed = noise_covariance(np.full((1, 2, GRID.size), 0.004), 0.0, d)
     errors = whiten(fixed, model_covariance(GRID, 2, d, 0.005)[None], d)
     target = body.reshape(1, -1)
     # Log-normal total, uniform fractions, Gaussian errors.
-    parts = (target, errors.basis, errors.height, np.full(1, 0.7), np.full(1, 1.0), np.zeros(1), np.ones(1))
+    parts = (
+        target,
+        errors.basis,
+        errors.height,
+        np.full(1, 0.7),
+        np.full(1, 1.0),
+        np.zeros(1),
+        np.ones(1),
+    )
     return response, paints, jnp.asarray(ground)[None], Weights(*(jnp.asarray(p) for p in parts))
 
 
@@ -176,8 +205,12 @@ def test_evidence_is_the_integral_of_the_posterior(problem):
     sd = np.sqrt(np.diagonal(fitted.covariance[0, 0]))
     centre = np.asarray(fitted.logs[0, 0])
     offsets = np.linspace(-6.0, 6.0, 81)
-    points = centre + sd * np.stack(np.meshgrid(offsets, offsets, indexing="ij"), axis=-1).reshape(-1, 2)
-    total = np.asarray(jax.jit(jax.vmap(lambda logs: _log_joint(logs, problem)))(jnp.asarray(points)))
+    points = centre + sd * np.stack(np.meshgrid(offsets, offsets, indexing="ij"), axis=-1).reshape(
+        -1, 2
+    )
+    total = np.asarray(
+        jax.jit(jax.vmap(lambda logs: _log_joint(logs, problem)))(jnp.asarray(points))
+    )
     volume = np.log(np.prod(sd) * (offsets[1] - offsets[0]) ** 2)
     assert float(fitted.log_evidence[0, 0]) == pytest.approx(logsumexp(total) + volume, abs=0.05)
 
@@ -185,7 +218,10 @@ def test_evidence_is_the_integral_of_the_posterior(problem):
 def _log_joint(logs, problem):
     response, paints, ground, weights = problem
     amounts = jnp.exp(logs)
-    off = weights.target[0] - response.body(amounts @ paints.absorption, amounts @ paints.scattering, ground[0]).ravel()
+    off = (
+        weights.target[0]
+        - response.body(amounts @ paints.absorption, amounts @ paints.scattering, ground[0]).ravel()
+    )
     misfit = jnp.sum((weights.basis[0, 0] @ off) ** 2)
     total = jnp.log(jnp.sum(amounts))
     prior = -0.5 * (total / 0.7) ** 2 - np.log(0.7 * np.sqrt(2 * np.pi)) + jnp.sum(logs - total)
@@ -193,7 +229,9 @@ def _log_joint(logs, problem):
 
 
 def test_screening_finds_the_least_misfit_of_all_that_is_tried(problem):
-    """The table against films computed and compared one by one; errors that differ from reading to reading."""
+    """The table against films computed and compared one by one; errors that differ from reading to
+    reading.
+    """
     response, paints, ground, _ = problem
     ground = np.asarray(ground[0])
     rng = np.random.default_rng(4)
@@ -202,9 +240,13 @@ def test_screening_finds_the_least_misfit_of_all_that_is_tried(problem):
     table = film_table(response, paints, 2, 0.7, ground, white)
     for kind, (least, where) in zip(table.sizes, table.nearest(spectra), strict=True):
         for n, members in enumerate(kind.sets):
-            every = np.array([_misfits(problem, white, spectra, members, amounts) for amounts in kind.grid])
+            every = np.array(
+                [_misfits(problem, white, spectra, members, amounts) for amounts in kind.grid]
+            )
             np.testing.assert_allclose(least[:, n], every.min(axis=0), rtol=1e-4)
-            np.testing.assert_allclose(every[where[:, n], np.arange(3)], every.min(axis=0), rtol=1e-4)
+            np.testing.assert_allclose(
+                every[where[:, n], np.arange(3)], every.min(axis=0), rtol=1e-4
+            )
 
 
 def _misfits(problem, white, spectra, members, amounts):
@@ -229,22 +271,34 @@ def test_a_table_serves_grounds_that_hardly_differ(problem):
 
 
 def test_few_components_lose_only_what_films_have_in_common():
-    """A table of more readings than components: misfits differ by the same for all films, next to what tells them."""
+    """A table of more readings than components: misfits differ by the same for all films, next to
+    what tells them.
+    """
     grid = np.linspace(400.0, 700.0, 41)
-    k = np.array([2.0 * np.exp(-(((grid - peak) / 60) ** 2)) for peak in (430.0, 520.0, 640.0)]) + 0.02
+    k = (
+        np.array([2.0 * np.exp(-(((grid - peak) / 60) ** 2)) for peak in (430.0, 520.0, 640.0)])
+        + 0.02
+    )
     paints = Paints(jnp.asarray(k), jnp.full(k.shape, 1.5))
     ground = np.full((1, grid.size), 0.9)
     response = film_response(Hemispherical())
     table = film_table(response, paints, 2, 0.7, ground, np.eye(grid.size) / 0.01)
     assert len(table.project) < grid.size
-    spectrum = np.asarray(response.body(0.6 * k[0] + 0.3 * k[2], 1.4, ground)) + 0.003 * np.cos(grid)
+    spectrum = np.asarray(response.body(0.6 * k[0] + 0.3 * k[2], 1.4, ground)) + 0.003 * np.cos(
+        grid
+    )
     (_, _), (least, where) = table.nearest(spectrum)
     kind = table.sizes[1]
     found = int(np.argmin(least[0]))
     assert kind.sets[found].tolist() == [0, 2]
-    films = [kind.grid[place] @ k[members] for members, place in zip(kind.sets, where[0], strict=True)]
+    films = [
+        kind.grid[place] @ k[members] for members, place in zip(kind.sets, where[0], strict=True)
+    ]
     scattering = [1.5 * kind.grid[place].sum() for place in where[0]]
-    read = [np.asarray(response.body(a, s, ground)).ravel() for a, s in zip(films, scattering, strict=True)]
+    read = [
+        np.asarray(response.body(a, s, ground)).ravel()
+        for a, s in zip(films, scattering, strict=True)
+    ]
     exact = np.sum(((spectrum - np.array(read)) / 0.01) ** 2, axis=-1)
     np.testing.assert_allclose(np.diff(least[0]), np.diff(exact), rtol=0.02)
 
@@ -261,7 +315,10 @@ def test_triples_are_scored_by_the_least_misfit_of_what_is_tried(problem):
     given = (jnp.asarray(a) for a in (sets, tries, grounds, spectra @ white.T, white))
     least, where = score(response, paints, *given)
     for row, n in np.ndindex(2, 2):
-        every = [_misfits(problem, white, spectra, sets[row, n], amounts)[row] for amounts in tries[row, n]]
+        every = [
+            _misfits(problem, white, spectra, sets[row, n], amounts)[row]
+            for amounts in tries[row, n]
+        ]
         assert float(least[row, n]) == pytest.approx(min(every), rel=1e-9)
         assert int(where[row, n]) == int(np.argmin(every))
 
@@ -273,7 +330,9 @@ def test_what_grows_keeps_its_pair_and_tries_some_of_the_third():
     assert sets.shape == (2, 4, 3)
     for row in range(2):
         assert sets[row, :, :2].tolist() == np.repeat(pairs[row], 2, axis=0).tolist()
-        for members, tried, pair in zip(sets[row], tries[row], np.repeat(amounts[row], 2, axis=0), strict=True):
+        for members, tried, pair in zip(
+            sets[row], tries[row], np.repeat(amounts[row], 2, axis=0), strict=True
+        ):
             assert set(members.tolist()) < {0, 1, 2, 3}
             np.testing.assert_array_equal(tried[:, :2], np.broadcast_to(pair, (len(tried), 2)))
     # The same shares of what there is of the pair, whatever it is.
@@ -306,9 +365,13 @@ def _shades(paints=12, seed=0):
     grid = np.linspace(400.0, 900.0, 60)
     peaks = rng.uniform(420, 880, (paints, 2, 1))
     shape = np.exp(-(((grid - peaks) / 60.0) ** 2)).sum(axis=1) + 0.1
-    strength = np.array([2.0, 1.2, 0.7, 0.35])[:, None] * np.exp(0.1 * rng.standard_normal((paints, 4, 1)))
+    strength = np.array([2.0, 1.2, 0.7, 0.35])[:, None] * np.exp(
+        0.1 * rng.standard_normal((paints, 4, 1))
+    )
     light = np.exp(0.1 * rng.standard_normal((paints, 4, 1)))
-    return grid, light * np.exp(-strength * shape[:, None]) * np.exp(0.01 * rng.standard_normal((paints, 4, 60)))
+    return grid, light * np.exp(-strength * shape[:, None]) * np.exp(
+        0.01 * rng.standard_normal((paints, 4, 60))
+    )
 
 
 def test_paints_of_another_strength_are_found():

@@ -1,4 +1,6 @@
-"""Identification says what is so: simple answers, errors that go together, what nobody told, and none of these."""
+"""Identification says what is so: simple answers, errors that go together, what nobody told, and
+none of these.
+"""
 
 import re
 
@@ -25,10 +27,20 @@ from glazejax.paint.pigment_table import read_pigments
 GRID = np.arange(400.0, 701.0, 10.0)
 GROUNDS = np.array([[0.025], [0.93]]) * np.ones((2, GRID.size))
 UNIT = 25e-6
-NAMES = ("ZincWhite", "ZincWhiteLinseed", "PrussianBlue", "Vermillion", "CobaltBlue", "BoneBlack", "BariumSulphate")
+NAMES = (
+    "ZincWhite",
+    "ZincWhiteLinseed",
+    "PrussianBlue",
+    "Vermillion",
+    "CobaltBlue",
+    "BoneBlack",
+    "BariumSulphate",
+)
 
 
-def read_film(recipe: dict[str, float], units: float = 1.0, grounds=GROUNDS, geometry=None) -> np.ndarray:
+def read_film(
+    recipe: dict[str, float], units: float = 1.0, grounds=GROUNDS, geometry=None
+) -> np.ndarray:
     """What a film of the catalogue's paints reads, without error, (grounds, bands)."""
     known, geometry = catalogue.load(), geometry or Hemispherical()
     k = units * UNIT * sum(w * np.asarray(known[p].absorption) for p, w in recipe.items())
@@ -55,13 +67,22 @@ def shelf():
 
 @pytest.fixture(scope="module")
 def found(shelf) -> Identification:
-    """Four films, as told: a pure one, a tint, a tint under varnish, and one whose paint is taken off the shelf."""
+    """Four films, as told: a pure one, a tint, a tint under varnish, and one whose paint is taken
+    off the shelf.
+    """
     tint = read_film({"CobaltBlue": 0.2, "ZincWhite": 0.8})
     coat = film_response(Hemispherical())
     yellowed = varnished(coat, tint - 0.04, 0.45 * yellow(GRID)) + 0.04
     green = read_film({"EmeraldGreen": 0.5, "ZincWhite": 0.5}, 2.0)
     spectra = np.stack([read_film({"Vermillion": 1.0}), tint, yellowed, green])
-    return identify(spectra, GRID, shelf, grounds=GROUNDS, names=["pure", "tint", "yellowed", "stranger"], max_paints=2)
+    return identify(
+        spectra,
+        GRID,
+        shelf,
+        grounds=GROUNDS,
+        names=["pure", "tint", "yellowed", "stranger"],
+        max_paints=2,
+    )
 
 
 def test_a_pure_paint_is_called_pure(found):
@@ -99,7 +120,9 @@ def test_a_paint_that_is_missing_is_none_of_these(found):
 def test_batches_with_more_and_fewer_conditions_become_one(found, shelf):
     """A film in no doubt has fewer candidates than one that was sought again under a varnish."""
     spectra = found.measured.readings[[0, 3]]
-    alone = [identify(one[None], GRID, shelf, grounds=GROUNDS, max_paints=2, keep=300) for one in spectra]
+    alone = [
+        identify(one[None], GRID, shelf, grounds=GROUNDS, max_paints=2, keep=300) for one in spectra
+    ]
     few, many = (part.probability.shape[1] for part in alone)
     assert few < many
     both = Identification.join(alone)
@@ -152,7 +175,10 @@ def test_paints_of_one_source_are_wrong_together():
     """Errors of paints fitted together are correlated; of another source they are independent."""
     shape = np.ones(GRID.size)
     modes = np.array([[0.1 * shape, 0.2 * shape], [0.0 * shape, 0.1 * shape]])
-    one, two = (Pigment(n, GRID, 1e4 * shape, 1e4 * shape, error_modes=modes, provenance="lab") for n in "ab")
+    one, two = (
+        Pigment(n, GRID, 1e4 * shape, 1e4 * shape, error_modes=modes, provenance="lab")
+        for n in "ab"
+    )
     other = Pigment("c", GRID, 1e4 * shape, 1e4 * shape, error_modes=modes, provenance="elsewhere")
     all_modes = error_modes([one, two, other], BETWEEN_FILMS)
     slopes = np.zeros((3, 1, 2, GRID.size))
@@ -185,14 +211,22 @@ def test_what_the_modes_leave_out_is_in_the_standard_deviations():
     k, s, ones = np.full(GRID.size, 1e4), np.full(GRID.size, 2e4), np.ones((1, 2, GRID.size))
     stated = np.array([0.13, 0.9])
     blue = Pigment(
-        "Blue", GRID, k, s, absorption_sd=stated[0] * k, scattering_sd=stated[1] * s, error_modes=0.05 * ones
+        "Blue",
+        GRID,
+        k,
+        s,
+        absorption_sd=stated[0] * k,
+        scattering_sd=stated[1] * s,
+        error_modes=0.05 * ones,
     )
     rest = relative_errors([blue], BETWEEN_FILMS)[0]
     held = error_modes([blue], BETWEEN_FILMS)[0]
     np.testing.assert_allclose(rest[0], 0.12)
     np.testing.assert_allclose(np.sqrt(rest**2 + np.sum(held**2, axis=-1))[1], BETWEEN_FILMS.most)
     # Modes that are larger than what is stated leave nothing.
-    sure = Pigment("Blue", GRID, k, s, absorption_sd=0.01 * k, scattering_sd=0.01 * s, error_modes=0.05 * ones)
+    sure = Pigment(
+        "Blue", GRID, k, s, absorption_sd=0.01 * k, scattering_sd=0.01 * s, error_modes=0.05 * ones
+    )
     assert np.all(relative_errors([sure], BETWEEN_FILMS) == 0)
 
 
@@ -214,7 +248,9 @@ def test_error_modes_are_capped_and_read_back(tmp_path):
 
 
 def test_modes_of_the_catalogue_are_part_of_its_standard_deviations():
-    """The largest modes hold most of the variance that is counted, and of no coefficient more than is stated."""
+    """The largest modes hold most of the variance that is counted, and of no coefficient more than
+    is stated.
+    """
     held, stated = [], []
     for paint in catalogue.load().values():
         assert paint.error_modes is not None
@@ -229,8 +265,12 @@ def test_modes_of_the_catalogue_are_part_of_its_standard_deviations():
 
 
 def test_none_grows_with_the_misfit_as_films_left_out_say():
-    """The curve is not today's (see `log_odds_of_none`), but grows as that does, and lies lower by less than one."""
-    curve = re.search(r"logistic curve, all films: (\S+) \+(\S+)", (FOLDER / "truth.txt").read_text())
+    """The curve is not today's (see `log_odds_of_none`), but grows as that does, and lies lower by
+    less than one.
+    """
+    curve = re.search(
+        r"logistic curve, all films: (\S+) \+(\S+)", (FOLDER / "truth.txt").read_text()
+    )
     assert curve
     intercept, slope = map(float, curve.groups())
     assert MISFIT[1] == pytest.approx(slope, abs=0.3)

@@ -1,4 +1,6 @@
-"""Probabilities of candidates and of none: Bayes' rule, what is seen and what is not, and the simpler film first."""
+"""Probabilities of candidates and of none: Bayes' rule, what is seen and what is not, and the
+simpler film first.
+"""
 
 from collections.abc import Sequence
 
@@ -18,11 +20,16 @@ def film(noise: float = 0.0, spectra: int = 1) -> Measured:
     shape = spectra, 1, GRID.size
     half = np.full(shape, 0.5)
     names = tuple(map(str, range(spectra)))
-    return Measured(names, GRID, half, half, np.full(shape, noise), np.empty((spectra, 0, 1, GRID.size)))
+    return Measured(
+        names, GRID, half, half, np.full(shape, noise), np.empty((spectra, 0, 1, GRID.size))
+    )
 
 
 def pool(
-    sets: Sequence[Sequence[int]], misfit: Sequence[float], log_weight: Sequence[float], condition: Sequence[int] = ()
+    sets: Sequence[Sequence[int]],
+    misfit: Sequence[float],
+    log_weight: Sequence[float],
+    condition: Sequence[int] = (),
 ) -> Pool:
     """Candidates of one spectrum, off by so many Delta E00."""
     count = len(sets)
@@ -51,12 +58,17 @@ def none_to_one(misfit: float, unknown: float = 0.4, noise: float = 0.0) -> floa
 def test_none_by_bayes_rule():
     """Odds beforehand times what the misfit says; that does not depend on what was expected."""
     for misfit in (1.0, 2.0, 3.5):
-        said = [none_to_one(misfit, unknown) / (unknown / (1.0 - unknown)) for unknown in (0.1, 0.4, 0.8)]
+        said = [
+            none_to_one(misfit, unknown) / (unknown / (1.0 - unknown))
+            for unknown in (0.1, 0.4, 0.8)
+        ]
         np.testing.assert_allclose(said, said[0], rtol=1e-12)
 
 
 def test_a_fit_that_looks_the_same_speaks_for_its_paints_and_one_that_is_seen_to_be_off_against():
-    """Of two films in five beforehand: less than one in four where no difference is seen, three of four at 4."""
+    """Of two films in five beforehand: less than one in four where no difference is seen, three of
+    four at 4.
+    """
     chance = [1.0 / (1.0 + 1.0 / none_to_one(misfit)) for misfit in (0.25, 0.5, 1.0, 2.0, 3.999)]
     assert np.all(np.diff(chance) > 0)
     assert chance[2] < 0.25
@@ -67,7 +79,9 @@ def test_what_a_person_rejects_is_at_most_as_probable_as_none():
     rejected = odds_of(film(), pool([[0], [1]], [3.99, 4.01], [0.0, 0.0]), Prior()).rejected
     assert rejected.tolist() == [[False, True]]
     for unknown in (0.01, 0.4):
-        odds, none, *_ = odds_of(film(), pool([[0], [1]], [5.0, 6.0], [0.0, 1.0]), Prior(unknown=unknown))
+        odds, none, *_ = odds_of(
+            film(), pool([[0], [1]], [5.0, 6.0], [0.0, 1.0]), Prior(unknown=unknown)
+        )
         assert odds.sum() <= none[0]
 
 
@@ -101,7 +115,9 @@ def test_evidence_ranks_candidates_that_look_alike():
     ],
 )
 def test_a_paint_earns_its_place(earned: float, off: float, condition: tuple[int, int], first: int):
-    odds = odds_of(film(), pool([[0], [0, 1]], [off, 0.3], [0.0, earned], condition), Prior()).candidates
+    odds = odds_of(
+        film(), pool([[0], [0, 1]], [off, 0.3], [0.0, earned], condition), Prior()
+    ).candidates
     assert int(odds[0].argmax()) == first
 
 
@@ -144,7 +160,12 @@ def candidate(fractions: Sequence[float], coats: tuple[int, ...], condition: str
         ([0.955, 0.045], (0, 0), "", "95.5 % A + 4.5 % B"),
         ([0.9955, 0.0045], (0, 0), "", "99.55 % A + 0.45 % B"),
         ([0.3, 0.7], (0, 1), "", "30 % A over 70 % B"),
-        ([0.2, 0.3, 0.5], (0, 0, 1), "under a varnish", "(20 % A + 30 % B) over 50 % C, under a varnish"),
+        (
+            [0.2, 0.3, 0.5],
+            (0, 0, 1),
+            "under a varnish",
+            "(20 % A + 30 % B) over 50 % C, under a varnish",
+        ),
     ],
 )
 def test_words_of_an_explanation(fractions, coats, condition, words):
@@ -155,9 +176,13 @@ def test_words_of_an_explanation(fractions, coats, condition, words):
 
 def test_probabilities_of_paints_are_those_of_the_sets_they_are_in():
     candidates = pool([[0, 1], [1, 2], [2]], [1.0, 1.0, 1.0], [0.0, 0.0, 0.0])
-    found = weigh(film(), candidates, odds_of(film(), candidates, Prior()), ("a", "b", "c"), False, 2)
+    found = weigh(
+        film(), candidates, odds_of(film(), candidates, Prior()), ("a", "b", "c"), False, 2
+    )
     assert found.members.shape == (1, 2, 3)
     odds, none, *_ = odds_of(film(), candidates, Prior())
     share = odds[0] / (odds.sum() + none[0])
-    np.testing.assert_allclose(found.paint_probability[0], [share[0], share[0] + share[1], share[1] + share[2]])
+    np.testing.assert_allclose(
+        found.paint_probability[0], [share[0], share[0] + share[1], share[1] + share[2]]
+    )
     assert float(found.none[0]) == pytest.approx(1.0 - share.sum())

@@ -1,4 +1,6 @@
-"""Joint recovery against films whose paints are known, and its linear solver against dense matrices."""
+"""Joint recovery against films whose paints are known, and its linear solver against dense
+matrices.
+"""
 
 import dataclasses
 
@@ -43,9 +45,13 @@ GRID = np.arange(400.0, 701.0, 30.0)
 
 
 def truth() -> tuple[np.ndarray, np.ndarray]:
-    """k and s of the three paints for unit thickness, (paints, bands): a blue, a white and a black."""
+    """k and s of the three paints for unit thickness, (paints, bands): a blue, a white
+    and a black.
+    """
     hue = np.exp(-(((GRID - 590) / 70) ** 2))
-    k = np.stack([0.02 + 4.0 * hue, 0.01 + 0.05 * np.exp(-(GRID - 400) / 40), np.full(GRID.size, 12.0)])
+    k = np.stack(
+        [0.02 + 4.0 * hue, 0.01 + 0.05 * np.exp(-(GRID - 400) / 40), np.full(GRID.size, 12.0)]
+    )
     s = np.stack([np.full(GRID.size, 1.0), 12.0 - (GRID - 400) / 50, np.full(GRID.size, 0.3)])
     return k, s
 
@@ -63,7 +69,8 @@ def painted(thickness: np.ndarray, noise: Noise, seed: int = 1) -> Films:
 def small(request):
     """A problem of three paints, six films and seven bands, at a point that is not its solution.
 
-    Alone, and told the white, a thickness and that one card was not measured and one film is opaque.
+    Alone, and told the white, a thickness and that one card was not measured and one film is
+    opaque.
     """
     films = painted(np.array([1.0, 0.8, 1.2, 1.0, 0.9, 1.1]), Noise())
     paints, weights = weight_table(films.names, RECIPES)
@@ -73,8 +80,12 @@ def small(request):
         assumed, opaque = np.zeros((6, 2), bool), np.zeros(6, bool)
         assumed[2:4, 1], opaque[5] = True, True
         films = dataclasses.replace(films, assumed=assumed, opaque=opaque)
-        told = tell(films, paints, {"ZincWhite": known_white(rng)}, Gauge({"tint": 30e-6}), 25e-6, 0.3)
-    problem = pose(films, law.shares(weights, paints), law, Instrument(), Noise(), Expectations(), told)
+        told = tell(
+            films, paints, {"ZincWhite": known_white(rng)}, Gauge({"tint": 30e-6}), 25e-6, 0.3
+        )
+    problem = pose(
+        films, law.shares(weights, paints), law, Instrument(), Noise(), Expectations(), told
+    )
     # The blue's own film is nearly black at some bands.
     assert np.any(problem.steepness)
     point = Unknowns(
@@ -89,14 +100,18 @@ def small(request):
 def known_white(rng: np.random.Generator) -> Pigment:
     k, s = truth()
     modes = 0.1 * rng.standard_normal((3, 2, GRID.size))
-    return Pigment("ZincWhite", GRID, k[1] / 25e-6, s[1] / 25e-6, error_modes=modes, provenance="mine")
+    return Pigment(
+        "ZincWhite", GRID, k[1] / 25e-6, s[1] / 25e-6, error_modes=modes, provenance="mine"
+    )
 
 
 @pytest.fixture(scope="module")
 def dense_jacobian(small):
     problem, response, point = small
     flat, unravel = ravel_pytree(point)
-    jacobian = jax.jit(jax.jacfwd(lambda y: ravel_pytree(residuals(unravel(y), (problem, response)))[0]))
+    jacobian = jax.jit(
+        jax.jacfwd(lambda y: ravel_pytree(residuals(unravel(y), (problem, response)))[0])
+    )
     return np.asarray(jacobian(flat))
 
 
@@ -137,7 +152,9 @@ def test_covariance_equals_the_dense_inverse(small, dense_jacobian):
 
 
 def test_error_modes_are_the_largest_of_the_dense_inverse(small, dense_jacobian):
-    """All bands together, errors of what is known among them; and what is left where the others are known."""
+    """All bands together, errors of what is known among them; and what is left where the others are
+    known.
+    """
     problem, response, point = small
     factors = factorise(look(problem, response, point).normal)
     flat, unravel = ravel_pytree(point)
@@ -146,7 +163,9 @@ def test_error_modes_are_the_largest_of_the_dense_inverse(small, dense_jacobian)
     count, others = point.bands.size, len(problem.thickness_modes)
     first = len(whole) - others
     inner, across, own = whole[:count, :count], whole[first:, :count], whole[first:, first:]
-    left = LeftOpen(factors, np.asarray(problem.band_modes), spread(point, problem, factors, 1).with_others)
+    left = LeftOpen(
+        factors, np.asarray(problem.band_modes), spread(point, problem, factors, 1).with_others
+    )
 
     size = np.linspace(0.1, 1.0, count).reshape(point.bands.shape)
     for some, expected, given in (
@@ -186,48 +205,63 @@ def test_what_is_known_is_added_and_taken_away(small):
 
 
 def test_gloss_and_weights_of_a_film_reach_its_reading(small):
-    """Gloss scales the surface's part alone; an error of weight is another recipe; a prior counts in its own units."""
+    """Gloss scales the surface's part alone; an error of weight is another recipe; a prior counts
+    in its own units.
+    """
     problem, response, point = small
     read = jax.jit(readings)
     before = np.asarray(read(point, problem, response))
     film, more = 3, 0.4
-    glossy = np.asarray(read(point._replace(films=point.films.at[film, 1].add(more)), problem, response))
+    glossy = np.asarray(
+        read(point._replace(films=point.films.at[film, 1].add(more)), problem, response)
+    )
     one = problem.shares[film] @ point.paints[:, 0] + point.films[film, 1]
     added = float(problem.surface * (np.exp(one + more) - np.exp(one)))
     expected = np.zeros_like(before)
     expected[:, film] = added
     np.testing.assert_allclose(glossy - before, expected, atol=1e-12)
 
-    # The film's own errors of weight, all its minor parts: the same as weights that are so much larger.
+    # The film's own errors of weight, all its minor parts: the same as weights that are so much
+    # larger.
     wrong = read(point._replace(films=point.films.at[film, 2:].add(more)), problem, response)
     minor = problem.minor[film].sum(axis=0)
     assert float(minor.sum()) == float((problem.shares[film] > 0).sum() - 1)
     other = problem._replace(shares=problem.shares.at[film].multiply(jnp.exp(more * minor)))
     # The gloss of paints goes by the recipe as stated.
     stated = point._replace(
-        films=point.films.at[film, 1].add((problem.shares - other.shares)[film] @ point.paints[:, 0])
+        films=point.films.at[film, 1].add(
+            (problem.shares - other.shares)[film] @ point.paints[:, 0]
+        )
     )
     np.testing.assert_allclose(wrong, read(stated, other, response), atol=1e-12)
     assert np.abs(np.asarray(wrong) - before)[:, film].max() > 1e-3
 
-    at_scale = point._replace(films=problem.film_scale, paints=problem.paint_mean + problem.paint_scale)
+    at_scale = point._replace(
+        films=problem.film_scale, paints=problem.paint_mean + problem.paint_scale
+    )
     off = residuals(at_scale, (problem, response))
     np.testing.assert_allclose(off.films[:, :2], 1.0)
     np.testing.assert_allclose(off.paints, 1.0)
     freedom = float(problem.tail)
     used = np.asarray(problem.minor).any(axis=2)
-    np.testing.assert_allclose(np.asarray(off.films)[:, 2:][used] ** 2, (freedom + 1) * np.log1p(1 / freedom))
+    np.testing.assert_allclose(
+        np.asarray(off.films)[:, 2:][used] ** 2, (freedom + 1) * np.log1p(1 / freedom)
+    )
 
 
 def test_a_film_of_its_own_gloss_and_a_wrong_weight_are_found():
-    """A film is a tenth less glossy than its paint, a recipe is off by a tenth: the joint fit says which and how."""
+    """A film is a tenth less glossy than its paint, a recipe is off by a tenth: the joint fit says
+    which and how.
+    """
     films = painted(np.ones(6), Noise())
     dull, wrong = 1, 2
     less = 0.1 * Instrument().seen_surface
     over = {what: getattr(films, what).copy() for what in ("over_black", "over_white")}
     for values in over.values():
         values[dull] -= less
-    tight = Expectations(model_floor=0.0, model_share=0.0, gloss=0.1, weight_share=0.03, weight_floor=0.0)
+    tight = Expectations(
+        model_floor=0.0, model_share=0.0, gloss=0.1, weight_share=0.03, weight_floor=0.0
+    )
     said = RECIPES | {"tint": {"CobaltBlue": 10.0 / 1.1, "ZincWhite": 90.0}}
     result = recover_jointly(dataclasses.replace(films, **over), said, expectations=tight)
     gloss = result.unknowns.films[:, 1]
@@ -270,13 +304,19 @@ def test_bronzing_is_not_taken_for_scattering():
     _, weights = weight_table(tuple(recipes), recipes)
     shares = weights / weights.sum(axis=1, keepdims=True)
     order = [weight_table(tuple(recipes), recipes)[0].index(paint) for paint in PAINTS]
-    clean = simulate_films(tuple(recipes), GRID, shares[:, order] @ k, shares[:, order] @ s, noise=Noise())
+    clean = simulate_films(
+        tuple(recipes), GRID, shares[:, order] @ k, shares[:, order] @ s, noise=Noise()
+    )
     bronze = np.where(np.arange(6)[:, None] == 0, 0.01 * ((GRID - 400) / 300) ** 2, 0.0)
-    films = dataclasses.replace(clean, over_black=clean.over_black + bronze, over_white=clean.over_white + bronze)
+    films = dataclasses.replace(
+        clean, over_black=clean.over_black + bronze, over_white=clean.over_white + bronze
+    )
 
     def rise(expectations: Expectations) -> dict[str, float]:
         found = recover_jointly(films, recipes, expectations=expectations)
-        return {paint: float(np.ptp(np.log(found.scattering[found.row(paint)]))) for paint in PAINTS}
+        return {
+            paint: float(np.ptp(np.log(found.scattering[found.row(paint)]))) for paint in PAINTS
+        }
 
     steep, flat = rise(Expectations(slope_s=100.0)), rise(Expectations())
     assert steep["BoneBlack"] > 1.0
@@ -302,9 +342,13 @@ def test_draws_spread_as_laplace_says(small):
     middle = totals(point, problem)
     off = np.asarray(drawn.bands) - np.asarray(middle.bands)
     for band in (0, GRID.size - 1):
-        np.testing.assert_allclose(np.std(off[:, band], axis=0), np.sqrt(np.diagonal(local[band])), rtol=0.07)
+        np.testing.assert_allclose(
+            np.std(off[:, band], axis=0), np.sqrt(np.diagonal(local[band])), rtol=0.07
+        )
     films = np.asarray(drawn.films).reshape(3000, -1) - np.asarray(middle.films).ravel()
-    np.testing.assert_allclose(np.std(films, axis=0), np.sqrt(np.diagonal(shared))[: films.shape[1]], rtol=0.07)
+    np.testing.assert_allclose(
+        np.std(films, axis=0), np.sqrt(np.diagonal(shared))[: films.shape[1]], rtol=0.07
+    )
     # Errors of one band go with those of the next: the curvature ties them.
     assert np.corrcoef(off[:, 3, 0], off[:, 4, 0])[0, 1] > 0.5
 
@@ -317,7 +361,8 @@ def test_films_left_out_lie_within_their_bands():
     out = leave_films_out(whole, films, RECIPES, progress=seen.append)
     assert out.names == tuple(seen) == ("tint", "half", "grey", "shade")
     assert out.complete
-    # Nothing is wrong with the recipes of painted films: they are predicted better than real ones are.
+    # Nothing is wrong with the recipes of painted films: they are predicted better than real ones
+    # are.
     assert np.median(out.predicted) < 2.0
     assert out.inside.mean() > 0.9
     assert np.all(out.expected > 0.3)
@@ -352,7 +397,11 @@ def test_curvature_is_the_same_integral_on_any_grid():
     curve = lambda x: np.sin(x / 40)  # noqa: E731
     sums = [
         np.sum((curvature_matrix(grid) @ curve(grid)) ** 2)
-        for grid in (np.arange(400.0, 701, 10), np.arange(400.0, 701, 5), np.unique(np.r_[400:550:5, 550:701:10.0]))
+        for grid in (
+            np.arange(400.0, 701, 10),
+            np.arange(400.0, 701, 5),
+            np.unique(np.r_[400:550:5, 550:701:10.0]),
+        )
     ]
     assert max(sums) / min(sums) < 1.06
 
@@ -362,9 +411,15 @@ def test_heavy_tail_is_students_t():
 
     x = np.array([-30.0, -1.0, 0.0, 1e-5, 0.5, 8.0])
     np.testing.assert_allclose(
-        heavy_tail(jnp.asarray(x), jnp.asarray(3.0)) ** 2, 2 * (t.logpdf(0, 3) - t.logpdf(x, 3)), atol=1e-9
+        heavy_tail(jnp.asarray(x), jnp.asarray(3.0)) ** 2,
+        2 * (t.logpdf(0, 3) - t.logpdf(x, 3)),
+        atol=1e-9,
     )
-    assert np.all(np.isfinite(jax.jit(jax.vmap(jax.grad(lambda v: heavy_tail(v, jnp.asarray(3.0)))))(jnp.asarray(x))))
+    assert np.all(
+        np.isfinite(
+            jax.jit(jax.vmap(jax.grad(lambda v: heavy_tail(v, jnp.asarray(3.0)))))(jnp.asarray(x))
+        )
+    )
 
 
 def test_laws():
@@ -392,6 +447,8 @@ def test_bad_recipes():
     with pytest.raises(ValueError, match="film 'blue' is made of"):
         recover_jointly(films, {})
     with pytest.raises(ValueError, match="no density was given for 'ZincWhite'"):
-        MixingLaw("volume", densities={"CobaltBlue": 3.0}).shares(np.ones((1, 2)), ("CobaltBlue", "ZincWhite"))
+        MixingLaw("volume", densities={"CobaltBlue": 3.0}).shares(
+            np.ones((1, 2)), ("CobaltBlue", "ZincWhite")
+        )
     with pytest.raises(ValueError, match="must be 0 or more"):
         recover_jointly(films, RECIPES | {"half": {"CobaltBlue": -1.0, "ZincWhite": 2.0}})

@@ -10,16 +10,22 @@ from glazefit.film.least_squares import GramSchmidt, NormalEquations, back_subst
 
 
 def solve(matrix, vector):
-    return lx.linear_solve(lx.MatrixLinearOperator(jnp.asarray(matrix)), jnp.asarray(vector), GramSchmidt()).value
+    return lx.linear_solve(
+        lx.MatrixLinearOperator(jnp.asarray(matrix)), jnp.asarray(vector), GramSchmidt()
+    ).value
 
 
 @given(st.integers(0, 2**31), st.integers(1, 4), st.integers(0, 3), st.floats(0, 6))
 def test_agrees_with_numpy(seed, columns, spare, spread):
     rng = np.random.default_rng(seed)
-    matrix = rng.standard_normal((columns + spare, columns)) * 10 ** -np.linspace(0, spread, columns)
+    matrix = rng.standard_normal((columns + spare, columns)) * 10 ** -np.linspace(
+        0, spread, columns
+    )
     vector = rng.standard_normal(columns + spare)
     expected = np.linalg.lstsq(matrix, vector, rcond=None)[0]
-    np.testing.assert_allclose(solve(matrix, vector), expected, rtol=1e-6 * np.linalg.cond(matrix) ** 0.5)
+    np.testing.assert_allclose(
+        solve(matrix, vector), expected, rtol=1e-6 * np.linalg.cond(matrix) ** 0.5
+    )
 
 
 @pytest.mark.parametrize("columns", [1, 7, 30])
@@ -28,7 +34,9 @@ def test_normal_equations_agree_with_numpy(columns):
     matrix, vector = rng.standard_normal((columns + 10, columns)), rng.standard_normal(columns + 10)
     operator = lx.MatrixLinearOperator(jnp.asarray(matrix))
     value = lx.linear_solve(operator, jnp.asarray(vector), NormalEquations()).value
-    np.testing.assert_allclose(value, np.linalg.lstsq(matrix, vector, rcond=None)[0], rtol=1e-8, atol=1e-10)
+    np.testing.assert_allclose(
+        value, np.linalg.lstsq(matrix, vector, rcond=None)[0], rtol=1e-8, atol=1e-10
+    )
 
 
 def test_factors_stay_orthogonal_for_nearly_dependent_columns():
@@ -61,7 +69,9 @@ def test_pytrees_keep_their_structure():
 
     structure = jax.eval_shape(lambda: {"a": jnp.zeros(()), "b": jnp.zeros(1)})
     operator = lx.FunctionLinearOperator(scale, structure)
-    value = lx.linear_solve(operator, {"p": jnp.asarray(4.0), "q": jnp.asarray([9.0])}, GramSchmidt()).value
+    value = lx.linear_solve(
+        operator, {"p": jnp.asarray(4.0), "q": jnp.asarray([9.0])}, GramSchmidt()
+    ).value
     assert value["a"] == pytest.approx(2.0)
     np.testing.assert_allclose(value["b"], [3.0])
 

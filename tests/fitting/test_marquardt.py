@@ -13,10 +13,15 @@ RNG = np.random.default_rng(11)
 
 
 def decay(point, times, seen):
-    """Two exponentials, and a weak pull: curved, and badly conditioned where both rates are alike."""
+    """Two exponentials, and a weak pull: curved, and badly conditioned where both rates
+    are alike.
+    """
     first, second, share = point
     return jnp.concatenate(
-        [share * jnp.exp(-first * times) + (1 - share) * jnp.exp(-second * times) - seen, 1e-3 * point]
+        [
+            share * jnp.exp(-first * times) + (1 - share) * jnp.exp(-second * times) - seen,
+            1e-3 * point,
+        ]
     )
 
 
@@ -34,7 +39,11 @@ def test_steps_are_those_of_optimistix(max_steps):
 
     def one(start, times, seen):
         found = optx.least_squares(
-            lambda point, _: decay(point, times, seen), solver, start, max_steps=max_steps, throw=False
+            lambda point, _: decay(point, times, seen),
+            solver,
+            start,
+            max_steps=max_steps,
+            throw=False,
         )
         return found.value, found.result == optx.RESULTS.successful
 
@@ -51,11 +60,19 @@ def test_steps_are_those_of_optimistix(max_steps):
 def test_what_has_settled_stays():
     """A problem's answer does not depend on how long its neighbours take."""
     start, times, seen = problems(8)
-    together, _ = levenberg_marquardt(decay, jnp.asarray(start), times, seen, rtol=1e-4, atol=1e-5, max_steps=60)
+    together, _ = levenberg_marquardt(
+        decay, jnp.asarray(start), times, seen, rtol=1e-4, atol=1e-5, max_steps=60
+    )
     for row in range(8):
         here = slice(row, row + 1)
         alone, _ = levenberg_marquardt(
-            decay, jnp.asarray(start[here]), times[here], seen[here], rtol=1e-4, atol=1e-5, max_steps=60
+            decay,
+            jnp.asarray(start[here]),
+            times[here],
+            seen[here],
+            rtol=1e-4,
+            atol=1e-5,
+            max_steps=60,
         )
         np.testing.assert_allclose(alone[0], together[row], atol=1e-12)
 
@@ -63,7 +80,9 @@ def test_what_has_settled_stays():
 def test_a_start_without_a_number_never_settles():
     start, times, seen = problems(3)
     start[1] = np.nan
-    found, settled = levenberg_marquardt(decay, jnp.asarray(start), times, seen, rtol=1e-4, atol=1e-5, max_steps=60)
+    found, settled = levenberg_marquardt(
+        decay, jnp.asarray(start), times, seen, rtol=1e-4, atol=1e-5, max_steps=60
+    )
     assert settled.tolist() == [True, False, True]
     assert np.isfinite(np.asarray(found)[[0, 2]]).all()
 

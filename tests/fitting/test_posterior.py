@@ -42,14 +42,20 @@ WHITE = paint("white", np.geomspace(2e3, 1e2, GRID.size), 4e5)
 
 def film_of(fraction: float, thickness: float = 20e-6, seed: int = 1) -> Films:
     k, s = (
-        thickness * (fraction * np.asarray(getattr(BLUE, what)) + (1 - fraction) * np.asarray(getattr(WHITE, what)))
+        thickness
+        * (
+            fraction * np.asarray(getattr(BLUE, what))
+            + (1 - fraction) * np.asarray(getattr(WHITE, what))
+        )
         for what in ("absorption", "scattering")
     )
     return simulate_films(["film"], GRID, k[None], s[None], seed=seed)
 
 
 def uniform_film(k: float, s: float, seed: int = 2) -> Films:
-    return simulate_films(["film"], GRID, np.full((1, GRID.size), k), np.full((1, GRID.size), s), seed=seed)
+    return simulate_films(
+        ["film"], GRID, np.full((1, GRID.size), k), np.full((1, GRID.size), s), seed=seed
+    )
 
 
 @pytest.fixture(scope="module")
@@ -62,7 +68,9 @@ def mixed():
 def banded():
     """A film that is clear at one end and hides its card at the other, sampled band by band."""
     k, s = np.geomspace(0.05, 8.0, GRID.size), np.geomspace(1.0, 40.0, GRID.size)
-    return posterior_of_bands(simulate_films(["film"], GRID, k[None], s[None], seed=4), steps=3000, walkers=24)
+    return posterior_of_bands(
+        simulate_films(["film"], GRID, k[None], s[None], seed=4), steps=3000, walkers=24
+    )
 
 
 def rows(posterior) -> dict:
@@ -82,7 +90,9 @@ def test_truth_is_found_and_laplace_agrees(mixed):
 
 
 def test_fractions_sum_to_one(mixed):
-    np.testing.assert_allclose(mixed.draws["fraction blue"] + mixed.draws["fraction white"], 1.0, rtol=1e-12)
+    np.testing.assert_allclose(
+        mixed.draws["fraction blue"] + mixed.draws["fraction white"], 1.0, rtol=1e-12
+    )
 
 
 def test_bands_equal_a_sum_over_a_grid(banded):
@@ -94,7 +104,9 @@ def test_bands_equal_a_sum_over_a_grid(banded):
         axes = [np.linspace(c - 7 * d, c + 7 * d, 301) for c, d in zip(centre, spread, strict=True)]
         grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 1, 2)
         data = jax.tree.map(lambda a, b=band: a[b : b + 1], problem.data)
-        weight = np.asarray(log_probability(problem.residuals, data, problem.shared, grid, 10_000))[:, 0]
+        weight = np.asarray(log_probability(problem.residuals, data, problem.shared, grid, 10_000))[
+            :, 0
+        ]
         weight = np.exp(weight - weight.max())
         weight /= weight.sum()
         mean = weight @ grid[:, 0]
@@ -182,7 +194,10 @@ def test_a_summary_of_bands_has_a_line_for_each():
     titles, lines = Summary(rows, sampled=True).cells()
     assert titles == ["band", "k d", "s d", "k/s", "ESS", "Laplace"]
     number = "0.2 [0.17, 0.23]"
-    assert lines == [["400", *3 * [number], "812", "agrees"], ["410", *3 * [number], "812", "skewed"]]
+    assert lines == [
+        ["400", *3 * [number], "812", "agrees"],
+        ["410", *3 * [number], "812", "skewed"],
+    ]
     assert Summary(rows, sampled=False).cells()[1][0] == ["400", *3 * [number], "agrees"]
 
 
@@ -199,52 +214,80 @@ def test_how_laplace_fails_is_named():
     assert words(normal, 2 * normal) == "Laplace too wide"
     assert words(normal, 0.4 * normal) == "Laplace too narrow"
     assert words(np.exp(normal), 1 + normal) == "skewed"
-    assert words(np.where(normal > 0, 3 + normal, -3 + normal), 3 + normal, many=True) == "two modes"
+    assert (
+        words(np.where(normal > 0, 3 + normal, -3 + normal), 3 + normal, many=True) == "two modes"
+    )
     assert words(np.abs(0.01 * normal), 0.02 + 0.01 * normal, share=True) == "against a bound"
     # The fraction of a film's only paint.
     assert words(np.ones(100), np.ones(100), share=True) == "agrees"
 
 
 def test_prior_is_what_the_log_probability_says():
-    """Density of the prior's draws against the prior's residuals: means of a few functions, by a sum over a grid."""
+    """Density of the prior's draws against the prior's residuals: means of a few functions, by a
+    sum over a grid.
+    """
     reading = readings(uniform_film(1.0, 1.0), INSTRUMENT, NOISE)[0]
     problem = pose_bands(reading, 1.0, INSTRUMENT)
     logs = np.linspace(-25, 30, 700)
     grid = np.stack(np.meshgrid(logs, logs, indexing="ij"), axis=-1).reshape(-1, 2)
     one = jax.tree.map(lambda a: a[:1], problem.data)
-    rest = np.asarray(log_probability(problem.residuals, one, problem.shared, grid[:, None], 20_000))[:, 0]
-    data = np.asarray(log_probability(problem.residuals, one, problem.shared, grid[:, None], 20_000, -2))[:, 0]
+    rest = np.asarray(
+        log_probability(problem.residuals, one, problem.shared, grid[:, None], 20_000)
+    )[:, 0]
+    data = np.asarray(
+        log_probability(problem.residuals, one, problem.shared, grid[:, None], 20_000, -2)
+    )[:, 0]
     # Free unknowns are log k/s and log s.
     density = np.exp(rest - data)
     density /= density.sum()
     draws = prior_draws(np.random.default_rng(3), 100_000)
-    for function in (lambda f: f[:, 0], lambda f: f[:, 1], lambda f: f[:, 1] ** 2, lambda f: f[:, 0] * f[:, 1]):
+    for function in (
+        lambda f: f[:, 0],
+        lambda f: f[:, 1],
+        lambda f: f[:, 1] ** 2,
+        lambda f: f[:, 0] * f[:, 1],
+    ):
         values = function(draws)
         expected = density @ function(grid)
-        assert values.mean() == pytest.approx(expected, abs=5 * values.std() / np.sqrt(len(values)) + 0.02)
+        assert values.mean() == pytest.approx(
+            expected, abs=5 * values.std() / np.sqrt(len(values)) + 0.02
+        )
     np.testing.assert_allclose(np.cov(draws, rowvar=False), prior_covariance(), rtol=0.03, atol=0.2)
 
 
 def test_a_band_reads_what_its_film_does():
-    """Fitted readings and derived quantities at the truth, of a film made by the forward package."""
+    """Fitted readings and derived quantities at the truth, of a film made by the forward
+    package.
+    """
     k, s = 0.7, 2.5
     films = uniform_film(k, s)
     problem = pose_bands(readings(films, INSTRUMENT, NOISE)[0], 1.0, INSTRUMENT)
     free = jnp.log(jnp.asarray([k / s, s]))
     band = jax.tree.map(lambda a: a[3], problem.data)
     medium = paint("x", k / 2e-5, s / 2e-5)
-    exact = [reflectance(Glaze([Layer(medium, 2e-5)], g), Hemispherical(8.0))[3] for g in np.asarray(band.ground)]
+    exact = [
+        reflectance(Glaze([Layer(medium, 2e-5)], g), Hemispherical(8.0))[3]
+        for g in np.asarray(band.ground)
+    ]
     np.testing.assert_allclose(problem.fitted(free, band, problem.shared), exact, atol=1e-4)
-    found = {quantity.name: float(quantity.values(np.asarray(free))) for quantity in problem.quantities}
+    found = {
+        quantity.name: float(quantity.values(np.asarray(free))) for quantity in problem.quantities
+    }
     assert found == pytest.approx({"absorption": k, "scattering": s, "ratio": k / s})
 
 
 def test_prior_of_films_is_what_the_log_probability_says():
-    """Laplace's own test on the prior alone would fail; its importance weights of prior draws must not vary."""
+    """Laplace's own test on the prior alone would fail; its importance weights of prior draws must
+    not vary.
+    """
     prior = FilmPrior()
-    problem = pose_films(readings(film_of(0.3), INSTRUMENT, NOISE), [[BLUE, WHITE]], INSTRUMENT, prior)
+    problem = pose_films(
+        readings(film_of(0.3), INSTRUMENT, NOISE), [[BLUE, WHITE]], INSTRUMENT, prior
+    )
     free = problem.prior_draws(np.random.default_rng(0), 4000)
-    log_prior = problem.log_probability(free[:, None])[:, 0] - problem.log_likelihood(free[:, None])[:, 0]
+    log_prior = (
+        problem.log_probability(free[:, None])[:, 0] - problem.log_likelihood(free[:, None])[:, 0]
+    )
     fraction = 1.0 / (1.0 + np.exp(-free[:, 0]))
     gloss = 1.0 / (1.0 + np.exp(-free[:, 2]))
     expected = (
@@ -261,7 +304,9 @@ def test_likelihood_is_the_gaussian_it_is_said_to_be():
     """W, b and the offset against the covariance diag(v) + e^2 J K J^T written out."""
     prior = FilmPrior()
     films = readings(film_of(0.3), INSTRUMENT, NOISE)
-    problem, found = pose_errors(pose_films(films, [[BLUE, WHITE]], INSTRUMENT, prior), films, INSTRUMENT, prior)
+    problem, found = pose_errors(
+        pose_films(films, [[BLUE, WHITE]], INSTRUMENT, prior), films, INSTRUMENT, prior
+    )
     data = problem.data
     root = np.linalg.inv(np.asarray(data.whiten[0]))
     part = root * np.asarray(data.spread[0])
@@ -272,10 +317,16 @@ def test_likelihood_is_the_gaussian_it_is_said_to_be():
             absorption=data.absorption * np.exp(data.shift[:, 0])[..., None],
             scattering=data.scattering * np.exp(data.shift[:, 1])[..., None],
         )
-        mean = np.asarray(problem.fitted(jnp.asarray(point), jax.tree.map(lambda a: a[0], shifted), problem.shared))
+        mean = np.asarray(
+            problem.fitted(
+                jnp.asarray(point), jax.tree.map(lambda a: a[0], shifted), problem.shared
+            )
+        )
         off = (films[0].reflectance - mean - np.asarray(data.offset[0])).ravel()
         covariance = root @ root.T + np.exp(2 * point[-1]) * part @ part.T
-        expected.append(-0.5 * (off @ np.linalg.solve(covariance, off) + np.linalg.slogdet(covariance)[1]))
+        expected.append(
+            -0.5 * (off @ np.linalg.solve(covariance, off) + np.linalg.slogdet(covariance)[1])
+        )
     got = problem.log_likelihood(points[:, None])[:, 0]
     np.testing.assert_allclose(got - got[0], np.array(expected) - expected[0], rtol=1e-6, atol=1e-6)
 
@@ -290,7 +341,9 @@ def test_odd_films_stay_finite(k, s):
     assert np.isfinite(result.chain.log_probability).all()
     for row in result.summary():
         assert not row.converged  # so few steps say little
-        assert np.isfinite([row.mean, row.sd, row.lower, row.upper, row.laplace_mean, row.laplace_sd]).all()
+        assert np.isfinite(
+            [row.mean, row.sd, row.lower, row.upper, row.laplace_mean, row.laplace_sd]
+        ).all()
 
 
 @pytest.mark.slow
@@ -304,7 +357,9 @@ def test_odd_films_of_paints_stay_finite():
 def test_a_film_that_hides_its_ground_may_be_thicker():
     """Its posterior is narrow all the same: nobody expects so thick a film."""
     for thickness, hides in ((400e-6, True), (20e-6, False)):
-        sentences = posterior_of_film(film_of(1.0, thickness=thickness), [BLUE], steps=0).identifiability.sentences
+        sentences = posterior_of_film(
+            film_of(1.0, thickness=thickness), [BLUE], steps=0
+        ).identifiability.sentences
         assert any("thickness is open above" in sentence for sentence in sentences) == hides
 
 
@@ -330,26 +385,41 @@ def test_without_the_specular_part_there_is_no_gloss():
 
 
 def test_blocks_are_independent_of_each_other():
-    films = readings(film_of(0.3), INSTRUMENT, NOISE) + readings(film_of(0.8, seed=5), INSTRUMENT, NOISE)
+    films = readings(film_of(0.3), INSTRUMENT, NOISE) + readings(
+        film_of(0.8, seed=5), INSTRUMENT, NOISE
+    )
     problems = [pose_bands(film, 1.0, INSTRUMENT) for film in films]
     both = join_bands(problems)
     free = prior_draws(np.random.default_rng(0), len(both.blocks))[None]
-    apart = [p.log_probability(free[:, part]) for p, part in zip(problems, (slice(0, 16), slice(16, 32)), strict=True)]
-    np.testing.assert_allclose(both.log_probability(free), np.concatenate(apart, axis=1), rtol=1e-12)
+    apart = [
+        p.log_probability(free[:, part])
+        for p, part in zip(problems, (slice(0, 16), slice(16, 32)), strict=True)
+    ]
+    np.testing.assert_allclose(
+        both.log_probability(free), np.concatenate(apart, axis=1), rtol=1e-12
+    )
 
 
 def test_weighted_draws_of_laplace_equal_the_chain(mixed):
-    """Where its test trusts it, Laplace's approximation is more than a Gaussian: quantiles of skewed unknowns fit."""
+    """Where its test trusts it, Laplace's approximation is more than a Gaussian: quantiles of
+    skewed unknowns fit.
+    """
     assert mixed.laplace.trusted.all()
     for name in ("fraction blue", "thickness", "model error"):
         chain, weighted = mixed.draws[name].ravel(), mixed.laplace_draws[name].ravel()
         low, high = np.quantile(chain, (0.05, 0.95))
-        np.testing.assert_allclose(np.quantile(weighted, (0.05, 0.95)), (low, high), atol=0.15 * (high - low))
+        np.testing.assert_allclose(
+            np.quantile(weighted, (0.05, 0.95)), (low, high), atol=0.15 * (high - low)
+        )
 
 
 def test_two_solutions_are_two_modes():
     films = simulate_films(
-        ["x"], GRID, np.full((1, GRID.size), 2.3), np.full((1, GRID.size), 0.06), noise=Noise(1e-5, 0)
+        ["x"],
+        GRID,
+        np.full((1, GRID.size), 2.3),
+        np.full((1, GRID.size), 0.06),
+        noise=Noise(1e-5, 0),
     )
     problem = pose_bands(readings(films, INSTRUMENT, Noise(1e-5, 0))[0], 1.0, INSTRUMENT)
     result = laplace(problem, find_modes(problem))
@@ -370,7 +440,12 @@ def test_gaussians_of_laplace_have_the_density_of_their_mixture():
     covariances = roots @ np.swapaxes(roots, -1, -2) + 0.5 * np.eye(3)
     weights = np.array([[0.3, 0.7], [1.0, 0.0]])
     found = Laplace(
-        modes, covariances, weights, np.array([0.1, 0.9]), np.empty((0, 2, 3)), np.array([[True, True], [True, False]])
+        modes,
+        covariances,
+        weights,
+        np.array([0.1, 0.9]),
+        np.empty((0, 2, 3)),
+        np.array([[True, True], [True, False]]),
     )
     points = rng.standard_normal((5, 2, 3))
     for block in range(2):
@@ -394,7 +469,9 @@ def test_gaussians_of_laplace_have_the_density_of_their_mixture():
 
 
 def test_modes_are_apart_and_not_hopelessly_lower():
-    """Of starts that end at the same place the best counts; what is e^20 times less likely, or no number, does not."""
+    """Of starts that end at the same place the best counts; what is e^20 times less likely, or no
+    number, does not.
+    """
     found = np.array([[[0.0, 0.0], [0.0, 1e-3], [3.0, 0.0], [-3.0, 0.0], [0.0, 9.0], [9.0, 9.0]]])
     height = np.array([[0.0, -0.1, -5.0, -25.0, np.nan, -np.inf]])
     chosen, real = _distinct(found, np.broadcast_to(0.04 * np.eye(2), (1, 6, 2, 2)), height)
@@ -402,7 +479,9 @@ def test_modes_are_apart_and_not_hopelessly_lower():
 
 
 def test_least_squares_that_did_not_settle_is_said(banded):
-    problem = replace(banded.problem, residuals=far_away, data=jnp.ones((len(banded.problem.blocks), 1)))
+    problem = replace(
+        banded.problem, residuals=far_away, data=jnp.ones((len(banded.problem.blocks), 1))
+    )
     assert not climb(problem, np.zeros((len(problem.blocks), 1, problem.dims))).settled.any()
 
     assert banded.laplace.converged.all()
@@ -417,18 +496,24 @@ def test_least_squares_that_did_not_settle_is_said(banded):
 
 def test_residuals_of_densities():
     x = np.array([0.0, 1e-8, 1e-3, 0.5, 30.0])
-    np.testing.assert_allclose(np.asarray(root_of_log1p(jnp.asarray(x))) ** 2, np.log1p(x**2), rtol=1e-9)
+    np.testing.assert_allclose(
+        np.asarray(root_of_log1p(jnp.asarray(x))) ** 2, np.log1p(x**2), rtol=1e-9
+    )
     slope = jax.vmap(jax.grad(root_of_log1p))(x)
     assert np.isfinite(slope).all()
     assert slope[0] == pytest.approx(1.0)
     share = 1 / (1 + np.exp(-1.3))
-    assert float(uniform_residual(jnp.asarray(1.3))) ** 2 == pytest.approx(-2 * np.log(share * (1 - share)))
+    assert float(uniform_residual(jnp.asarray(1.3))) ** 2 == pytest.approx(
+        -2 * np.log(share * (1 - share))
+    )
 
 
 def test_compiled_program_calls_no_library_for_linear_algebra():
     problem = pose_bands(readings(film_of(0.3), INSTRUMENT, NOISE)[0], 1.0, INSTRUMENT)
     free = np.zeros((4, len(problem.blocks), 2))
-    text = log_probability.lower(problem.residuals, problem.data, problem.shared, free, 100).as_text("hlo")
+    text = log_probability.lower(
+        problem.residuals, problem.data, problem.shared, free, 100
+    ).as_text("hlo")
     assert "lapack_" not in text
     assert "gather" in text, "the table is missing: is this the program that runs?"
 

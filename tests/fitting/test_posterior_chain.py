@@ -56,16 +56,22 @@ def test_blocks_of_very_different_size_are_all_sampled_rightly():
     problem = Gaussians()
     chain = run_chain(problem, start(problem), steps=12000, thin=4, seed=3)  # pyright: ignore[reportArgumentType]
     free = chain.free[200:].reshape(-1, 3, 3)
-    tau = autocorrelation_times(chain.free[200:].reshape(*chain.free[200:].shape[:2], -1)).reshape(3, 3)
+    tau = autocorrelation_times(chain.free[200:].reshape(*chain.free[200:].shape[:2], -1)).reshape(
+        3, 3
+    )
     error = problem.scales[:, None] / np.sqrt(len(free) / tau)
     assert np.all(np.abs(free.mean(axis=0) - problem.means) < 5 * error)
-    np.testing.assert_allclose(free.std(axis=0), np.broadcast_to(problem.scales[:, None], (3, 3)), rtol=0.12)
+    np.testing.assert_allclose(
+        free.std(axis=0), np.broadcast_to(problem.scales[:, None], (3, 3)), rtol=0.12
+    )
     assert 0.2 < chain.accepted < 0.8
 
 
 @pytest.mark.parametrize("kind", [BlockStretch, BlockDifference])
 def test_each_move_alone_keeps_the_distribution(kind):
-    """One step of an ensemble that is distributed rightly leaves it so: means of squares over many ensembles."""
+    """One step of an ensemble that is distributed rightly leaves it so: means of squares over many
+    ensembles.
+    """
 
     class Model:
         random = np.random.RandomState(1)
@@ -121,7 +127,9 @@ def test_long_chain_has_converged_and_short_one_not():
     ("length", "samples", "enough"), [(500, 400.0, True), (499, 1e6, False), (10_000, 399.0, False)]
 )
 def test_a_chain_is_as_long_as_emcee_asks(length, samples, enough):
-    """Fifty autocorrelation times, the rule of emcee's manual, and as many samples as the words say; of every block."""
+    """Fifty autocorrelation times, the rule of emcee's manual, and as many samples as the words
+    say; of every block.
+    """
     one = Convergence(np.array([10.0, 1.0]), np.array([samples, 1e6]), length, 0)
     assert one.converged.tolist() == [enough, True]
     assert "50 times and 400 samples are needed" in one.words()
@@ -250,15 +258,30 @@ def test_command_writes_what_it_says(run, tmp_path):
         (("--simulate", "--paints", "CobaltBloo", "--out", "x"), "CobaltBlue"),
         (("none.tsv", "--out", "x"), "none.tsv"),
         (("none.tsv", "--bands", "--paints", "ZincWhite", "--out", "x"), "assumes no paint"),
-        (("none.tsv", "--coats", "Eosin:?", "--bands", "--out", "x"), "leave out --bands, or leave out --coats"),
-        (("none.tsv", "--coats", "Eosin:?", "--paints", "Eosin", "--out", "x"), "leave out --paints"),
+        (
+            ("none.tsv", "--coats", "Eosin:?", "--bands", "--out", "x"),
+            "leave out --bands, or leave out --coats",
+        ),
+        (
+            ("none.tsv", "--coats", "Eosin:?", "--paints", "Eosin", "--out", "x"),
+            "leave out --paints",
+        ),
         (("--simulate", "--coats", "Eosin", "--out", "x"), "write PAINT:THICKNESS"),
-        (("--simulate", "--coats", "?:?,ZincWhite:20um", "--out", "x"), "name a paint in its place"),
+        (
+            ("--simulate", "--coats", "?:?,ZincWhite:20um", "--out", "x"),
+            "name a paint in its place",
+        ),
         (("none.tsv", "--ground", "84", "--out", "x"), "between 0 and 1"),
         (("none.tsv", "--ground", "none.csv", "--out", "x"), "'none.csv' is neither a number"),
         (("none.tsv", "--geometry", "d", "--out", "x"), "--geometry is 'd'"),
-        (("none.tsv", "--geometry", "d:8", "--incidence", "8", "--out", "x"), "leave out --incidence 8"),
-        (("none.tsv", "--paint-error", "0.1", "--model-error", "0.1", "--out", "x"), "leave out --model-error"),
+        (
+            ("none.tsv", "--geometry", "d:8", "--incidence", "8", "--out", "x"),
+            "leave out --incidence 8",
+        ),
+        (
+            ("none.tsv", "--paint-error", "0.1", "--model-error", "0.1", "--out", "x"),
+            "leave out --model-error",
+        ),
         (("none.tsv", "--thickness", "0", "--out", "x"), "--thickness is 0"),
         (("none.tsv", "--out", "x", "--resume"), "no chain to resume"),
         (("none.tsv", "--out", "x", "--resume", "--overwrite"), "choose one"),

@@ -1,4 +1,6 @@
-"""What is foretold of a film: bands hold the share of the draws that they say, and errors enter as they are stated."""
+"""What is foretold of a film: bands hold the share of the draws that they say, and errors enter as
+they are stated.
+"""
 
 import dataclasses
 
@@ -31,7 +33,9 @@ def test_a_band_holds_its_share_of_the_draws():
         np.testing.assert_allclose(low, (1 - level) / 2)
         np.testing.assert_allclose(high, (1 + level) / 2)
     for wrong in (0.0, 1.0, 1.5):
-        with pytest.raises(ValueError, match=f"the level is {wrong:g}; give a share between 0 and 1"):
+        with pytest.raises(
+            ValueError, match=f"the level is {wrong:g}; give a share between 0 and 1"
+        ):
             found.interval(wrong)
 
 
@@ -65,7 +69,9 @@ def draws(recovered, name: str, **errors: float) -> np.ndarray:
 
 @pytest.mark.slow
 def test_errors_of_the_model_are_added_to_both_cards(recovered):
-    """What is added has the standard deviation that is stated, and goes together over black and white."""
+    """What is added has the standard deviation that is stated, and goes together over black and
+    white.
+    """
     added = draws(recovered, "white", amplitude=0.02, shared=0.8) - draws(recovered, "white")
     count = len(added)
     np.testing.assert_allclose(added.std(axis=0), 0.02, rtol=4 / np.sqrt(2 * count))
@@ -76,11 +82,17 @@ def test_errors_of_the_model_are_added_to_both_cards(recovered):
 
 @pytest.mark.slow
 def test_errors_of_paints_move_a_film_as_far_as_they_are_large(recovered):
-    """To first order twice the error is twice the spread; a level is the same at all wavelengths."""
-    few, many = (np.std(draws(recovered, "half", coefficient=c) - draws(recovered, "half")) for c in (0.01, 0.02))
+    """To first order twice the error is twice the spread; a level is the same at all
+    wavelengths.
+    """
+    few, many = (
+        np.std(draws(recovered, "half", coefficient=c) - draws(recovered, "half"))
+        for c in (0.01, 0.02)
+    )
     assert many == pytest.approx(2.0 * few, rel=0.1)
     assert few > 1e-4
     level = draws(recovered, "half", level=0.05) - draws(recovered, "half")
-    # One error of k and one of s for each paint: the moves of all bands span no more than these and the thickness.
+    # One error of k and one of s for each paint: the moves of all bands span no more than these and
+    # the thickness.
     size = np.linalg.svd((level - level.mean(axis=0)).reshape(len(level), -1), compute_uv=False)
     assert size[5] < 0.05 * size[0]

@@ -5,7 +5,17 @@ from typing import Any
 import numpy as np
 import pytest
 
-from glazefit import Films, Identification, Noise, Posterior, Prediction, Reading, Recovery, Variation, over_ground
+from glazefit import (
+    Films,
+    Identification,
+    Noise,
+    Posterior,
+    Prediction,
+    Reading,
+    Recovery,
+    Variation,
+    over_ground,
+)
 from glazefit.identify.task import Measured
 from glazefit.recover.crossvalidation import LeftOut
 from glazejax.appearance import Mesh
@@ -51,12 +61,26 @@ def identification() -> Identification:
 
 def recovery() -> Recovery:
     yes = np.arange(5 * GRID.size).reshape(5, -1) % 2 == 0
-    return Recovery(films(), LIGHT, LIGHT, np.ones((5, GRID.size, 2, 2)), yes, np.ones(5), DARK, LIGHT, DARK, yes, ~yes)
+    return Recovery(
+        films(),
+        LIGHT,
+        LIGHT,
+        np.ones((5, GRID.size, 2, 2)),
+        yes,
+        np.ones(5),
+        DARK,
+        LIGHT,
+        DARK,
+        yes,
+        ~yes,
+    )
 
 
 def prediction() -> Prediction:
     off = {"film": np.zeros((2, 2, GRID.size))}
-    return Prediction("a tint", GRID, 1.0, 1.0, DARK[0], LIGHT[0], ("Eosin", "ZincWhite"), off, Variation())
+    return Prediction(
+        "a tint", GRID, 1.0, 1.0, DARK[0], LIGHT[0], ("Eosin", "ZincWhite"), off, Variation()
+    )
 
 
 @pytest.mark.parametrize(
@@ -69,14 +93,21 @@ def prediction() -> Prediction:
             "Identification(5 spectra among 3 paints; '01A': Eosin + ZincWhite, '02A': Umber, "
             "'03A': Eosin + ZincWhite, and 2 more)",
         ),
-        (recovery(), f"Recovery(5 films, {ON}, k and s told apart in 50% of bands: 01A, 02A, 03A and 2 more)"),
+        (
+            recovery(),
+            f"Recovery(5 films, {ON}, k and s told apart in 50% of bands: 01A, 02A, 03A and 2 "
+            "more)",
+        ),
         (prediction(), f"Prediction('a tint' of Eosin, ZincWhite, {ON})"),
         (LeftOut((prediction(),), DARK, LIGHT, Variation(), True), "LeftOut(1 films: a tint)"),
         (
             Posterior(None, (reading(),), None, None),  # type: ignore[arg-type]
             "Posterior('spot': nothing was sampled: these are Laplace's standard errors)",
         ),
-        (Mesh("clay", np.eye(3), np.array([[0, 1, 2]])), "Mesh(material='clay', 3 vertices, 1 faces)"),
+        (
+            Mesh("clay", np.eye(3), np.array([[0, 1, 2]])),
+            "Mesh(material='clay', 3 vertices, 1 faces)",
+        ),
     ],
     ids=lambda each: type(each).__name__,
 )
@@ -86,4 +117,6 @@ def test_a_result_prints_as_a_line(result, line):
 
 
 def test_a_candidate_prints_as_its_words():
-    assert repr(identification().ranked(1, 1)[0]).startswith("Candidate('Umber', probability 1.00, Delta E ")
+    assert repr(identification().ranked(1, 1)[0]).startswith(
+        "Candidate('Umber', probability 1.00, Delta E "
+    )

@@ -26,7 +26,9 @@ def known() -> np.ndarray:
 
 @pytest.fixture(scope="module")
 def found(known):
-    """Recipes for a spectrum that the paints make, black, white, a screen's green and a colour under two lights."""
+    """Recipes for a spectrum that the paints make, black, white, a screen's green and a colour
+    under two lights.
+    """
     targets = [
         spectral_target("known", GRID, known),
         lab_target((0, 0, 0), "black"),
@@ -73,11 +75,18 @@ def test_the_glaze_is_what_was_described(found):
 
 def test_colour_differences_are_those_of_colour_science(found, known):
     best = found[0][0]
-    wanted = {light: np.asarray(colour.lab(GRID, known, illuminant=light)) for light in ("D65", "A")}
-    got = {light: np.asarray(colour.lab(GRID, best.reflectance, illuminant=light)) for light in ("D65", "A")}
+    wanted = {
+        light: np.asarray(colour.lab(GRID, known, illuminant=light)) for light in ("D65", "A")
+    }
+    got = {
+        light: np.asarray(colour.lab(GRID, best.reflectance, illuminant=light))
+        for light in ("D65", "A")
+    }
     assert best.delta_e["D65"] == pytest.approx(delta_e(got["D65"], wanted["D65"]), abs=1e-9)
     assert best.metamerism == pytest.approx(delta_e(got["A"], wanted["A"]), abs=1e-9)
-    assert best.rmse == pytest.approx(float(np.sqrt(np.mean((best.reflectance - known) ** 2))), abs=1e-12)
+    assert best.rmse == pytest.approx(
+        float(np.sqrt(np.mean((best.reflectance - known) ** 2))), abs=1e-12
+    )
 
 
 def test_numbers_are_round_and_within_the_limits(found):
@@ -94,7 +103,9 @@ def test_numbers_are_round_and_within_the_limits(found):
 
 def test_recipes_differ(found):
     for recipes in found:
-        kinds = [tuple(frozenset(name for _, name in coat.parts) for coat in r.coats) for r in recipes]
+        kinds = [
+            tuple(frozenset(name for _, name in coat.parts) for coat in r.coats) for r in recipes
+        ]
         assert len(set(kinds)) == len(kinds)
 
 
@@ -108,7 +119,9 @@ def test_sensitivity_is_what_a_tenth_more_or_less_does(found):
                 gj.Layer(la.medium, la.thickness * (factor if j == i else 1))
                 for j, la in enumerate(recipe.glaze.layers)
             ]
-            moved.append(delta_e(colour.lab(GRID, gj.reflectance(gj.Glaze(layers, 0.9), SEEN)), own))
+            moved.append(
+                delta_e(colour.lab(GRID, gj.reflectance(gj.Glaze(layers, 0.9), SEEN)), own)
+            )
         assert sensitivity == pytest.approx(np.mean(moved), abs=0.01)
 
 
@@ -140,7 +153,9 @@ def test_one_target_gets_what_it_gets_in_a_batch(found, known):
 
 @pytest.mark.slow
 def test_limits_are_kept():
-    recipes = find_recipes((50, 30, 30), palette(), max_paints=2, max_layers=1, thickness=(3e-6, 3e-6), count=3)
+    recipes = find_recipes(
+        (50, 30, 30), palette(), max_paints=2, max_layers=1, thickness=(3e-6, 3e-6), count=3
+    )
     assert all(len(r.paints) <= 2 and len(r.coats) == 1 for r in recipes)
     assert all(r.coats[0].thickness == pytest.approx(3e-6) for r in recipes)
 
@@ -156,7 +171,9 @@ def test_thickness_that_limits_is_named():
 @pytest.mark.slow
 def test_weighing_the_spectrum_brings_it_nearer():
     target = spectral_target("waves", GRID, 0.3 + 0.1 * np.sin(GRID / 20.0))
-    errors = [find_recipes(target, palette(), metamerism=weight, count=1)[0].rmse for weight in (0.0, 5.0)]
+    errors = [
+        find_recipes(target, palette(), metamerism=weight, count=1)[0].rmse for weight in (0.0, 5.0)
+    ]
     assert errors[0] is not None
     assert errors[1] is not None
     assert errors[1] < errors[0]
@@ -166,7 +183,9 @@ def test_weighing_the_spectrum_brings_it_nearer():
 def test_a_colour_under_two_lights():
     mixed = gj.Glaze([gj.Layer(gj.Mixture([BLUE, YELLOW, WHITE], [0.1, 0.2, 0.7]), 20e-6)], 0.9)
     spectrum = gj.reflectance(mixed, SEEN)
-    target = {light: np.asarray(colour.lab(GRID, spectrum, illuminant=light)) for light in ("D65", "A")}
+    target = {
+        light: np.asarray(colour.lab(GRID, spectrum, illuminant=light)) for light in ("D65", "A")
+    }
     best, *_ = find_recipes(target, palette(), max_layers=1)
     assert set(best.delta_e) == {"D65", "A"}
     assert best.distance < 0.5
@@ -180,7 +199,9 @@ def test_more_paints_and_more_coats_come_nearer():
     nearest = []
     for paints, layers in ((1, 1), (3, 2), (4, 3)):
         recipes = find_recipes(targets, palette(), max_paints=paints, max_layers=layers)
-        assert all(len(r.paints) <= paints and len(r.coats) <= layers for some in recipes for r in some)
+        assert all(
+            len(r.paints) <= paints and len(r.coats) <= layers for some in recipes for r in some
+        )
         nearest.append([min(r.unrounded for r in some) for some in recipes])
     steps = np.diff(nearest, axis=0)
     assert np.all(steps < 0.3)

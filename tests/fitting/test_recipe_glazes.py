@@ -28,7 +28,9 @@ def said(show, *what) -> str:
 
 
 def recipes_of_coats(**options):
-    """For what three unmixed coats reflect, and for a pink that only a mixture gives in one coat or two."""
+    """For what three unmixed coats reflect, and for a pink that only a mixture gives in one coat or
+    two.
+    """
     coats = [gj.Layer(YELLOW, 2e-6), gj.Layer(RED, 1.5e-6), gj.Layer(WHITE, 12e-6)]
     made = np.asarray(gj.reflectance(gj.Glaze(coats, 0.9), SEEN))
     targets = [spectral_target("made", GRID, made), lab_target((35, 5, -5), "plum")]
@@ -120,10 +122,17 @@ def test_a_coat_is_added_anywhere_and_never_mixed_in():
     stack = np.zeros((4, 5))
     stack[0, 0], stack[1, 1] = 5.0, 3.0
     children = _children(task().model(), stack, 5, 4, False)
-    assert all(((child > 0).sum(axis=1) <= 1).all() and (child > 0).sum() == 3 for child in children)
+    assert all(
+        ((child > 0).sum(axis=1) <= 1).all() and (child > 0).sum() == 3 for child in children
+    )
     orders = {tuple(np.argmax(child[:3], axis=1).tolist()) for child in children}
-    # Between two coats only what neither of them is; above and below, whatever the outer coat is not.
-    assert {order for order in orders if order[1] not in (0, 1)} == {(0, 2, 1), (0, 3, 1), (0, 4, 1)}
+    # Between two coats only what neither of them is; above and below, whatever the outer coat is
+    # not.
+    assert {order for order in orders if order[1] not in (0, 1)} == {
+        (0, 2, 1),
+        (0, 3, 1),
+        (0, 4, 1),
+    }
     assert all(a != b for order in orders for a, b in itertools.pairwise(order))
     assert len(orders) == 3 + 4 + 4
 

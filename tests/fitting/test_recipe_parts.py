@@ -49,7 +49,9 @@ def test_the_table_is_exact_for_one_coat_and_near_for_two(model):
 def test_an_empty_coat_is_no_coat(model):
     one = stacks(5, 1)
     for optics in (None, Optics.of(SEEN, 1.5)):
-        np.testing.assert_allclose(readings(model, one[:, ::-1], optics), readings(model, one, optics), atol=1e-6)
+        np.testing.assert_allclose(
+            readings(model, one[:, ::-1], optics), readings(model, one, optics), atol=1e-6
+        )
     np.testing.assert_array_equal(packed(one[:, ::-1]), one)
 
 
@@ -71,10 +73,13 @@ def test_slots_hold_a_stack(model):
 
 
 def test_least_squares_that_did_not_settle_is_said(model, monkeypatch):
-    targets = TargetArrays(jnp.full((1, 1, 3), 40.0), jnp.eye(3)[None, None], jnp.zeros((1, GRID.size)), jnp.zeros(1))
+    targets = TargetArrays(
+        jnp.full((1, 1, 3), 40.0), jnp.eye(3)[None, None], jnp.zeros((1, GRID.size)), jnp.zeros(1)
+    )
     start = Stacks.unrefined(stacks(4, 1), np.zeros(4, int), np.zeros(4))
     assert not start.settled.any()
-    # A number of slots of its own, so that the program with a single step is not taken for that of other tests.
+    # A number of slots of its own, so that the program with a single step is not taken for that of
+    # other tests.
     monkeypatch.setattr(refine_module, "_STEPS", 1)
     assert not refine(model, targets, start, 7).settled.any()
     monkeypatch.undo()
@@ -90,7 +95,9 @@ def test_a_recipe_that_did_not_settle_is_named(capsys):
         said = " ".join(capsys.readouterr().out.split())
         assert f"glazejax render --layers '{recipe.layers}' --geometry 45:0" in said
         assert ("stopped before it had settled for recipe 2:" in said) is not settled
-        assert (f"stopped before it had settled for the recipe of {recipe.target.name}:" in said) is not settled
+        assert (
+            f"stopped before it had settled for the recipe of {recipe.target.name}:" in said
+        ) is not settled
 
 
 def test_the_metric_is_the_colour_difference_of_small_steps():
@@ -130,7 +137,9 @@ def test_targets_of_a_screen():
     assert same.name == "#8a4b2d"
     np.testing.assert_allclose(same.lab(D65, colour.CIE_1931), expected, atol=0.02)
     for wrong in ("300,0,0", "1,2", "0.5,0.5,0.5"):
-        with pytest.raises(ValueError, match="write red, green and blue from 0 to 255, such as 138,75,45"):
+        with pytest.raises(
+            ValueError, match="write red, green and blue from 0 to 255, such as 138,75,45"
+        ):
             srgb_target(wrong)
 
 
@@ -148,7 +157,10 @@ def test_targets_of_a_chart():
     ("make", "match"),
     [
         (lambda: srgb_target("#12345"), "hexadecimal"),
-        (lambda: colourchecker_targets(["mauve"]), "unknown patch 'mauve': the chart has dark skin"),
+        (
+            lambda: colourchecker_targets(["mauve"]),
+            "unknown patch 'mauve': the chart has dark skin",
+        ),
         (lambda: colourchecker_targets(["blue s", "n"]), "unknown patch 'n'"),
         (lambda: colourchecker_targets(chart="none"), "unknown chart"),
         (lambda: lab_target({}), "at least one"),
@@ -164,7 +176,11 @@ def test_bad_targets_are_refused(make, match):
 
 def test_no_paint_lies_over_itself_and_no_more_paints_than_allowed():
     single, pair = np.array([[0], [1], [2]]), np.array([[0, 1], [0, 2]])
-    assert _sensible(single, single, 2).tolist() == [[False, True, True], [True, False, True], [True, True, False]]
+    assert _sensible(single, single, 2).tolist() == [
+        [False, True, True],
+        [True, False, True],
+        [True, True, False],
+    ]
     assert not _sensible(single, single, 1).any()
     assert _sensible(pair, single, 2).tolist() == [[True, True, False], [True, False, True]]
     assert _sensible(single, pair, 2).tolist() == [[True, True], [True, False], [False, True]]
@@ -183,7 +199,9 @@ def names(found: list[Scored]) -> list[tuple[set[int], float]]:
 
 
 def test_recipes_that_are_chosen_differ_and_add_nothing_in_vain():
-    """With one paint more a recipe must come nearer by what simplicity asks; else it waits behind the others."""
+    """With one paint more a recipe must come nearer by what simplicity asks; else it waits behind
+    the others.
+    """
     alone = scored({0: 5.0}, 2.0)
     again = scored({0: 7.0}, 2.1)
     nearer = scored({0: 5.0, 1: 1.0}, 1.2)
@@ -194,10 +212,12 @@ def test_recipes_that_are_chosen_differ_and_add_nothing_in_vain():
     assert names(select(pool, 4, 0.3)) == every
     assert names(select(pool, 3, 0.3)) == every[:3]
     assert names(select(pool, 1, 0.3)) == every[:1]
-    # Of another simplicity the trace earns its place, and with much of it the paint alone comes first.
+    # Of another simplicity the trace earns its place, and with much of it the paint alone comes
+    # first.
     assert names(select(pool, 4, 0.05))[1] == ({0, 2}, 1.9)
     assert names(select(pool, 4, 1.0))[0] == ({0}, 2.0)
-    # Two paints more that do bring it nearer are worth a place, though their price puts them behind.
+    # Two paints more that do bring it nearer are worth a place, though their price puts them
+    # behind.
     richer = scored({0: 5.0, 1: 1.0, 2: 1.0}, 1.65)
     assert names(select([alone, richer, other], 2, 0.3)) == [({0}, 2.0), ({0, 1, 2}, 1.65)]
     # What is in gamut comes first, whatever it takes; the order of coats is a difference.
@@ -208,7 +228,9 @@ def test_recipes_that_are_chosen_differ_and_add_nothing_in_vain():
 
 
 def test_stacks_differ_by_the_order_of_their_coats():
-    one, other = (Scored(s, np.zeros(3), np.ones(1), 1.0, True) for s in (np.eye(2), np.eye(2)[::-1]))
+    one, other = (
+        Scored(s, np.zeros(3), np.ones(1), 1.0, True) for s in (np.eye(2), np.eye(2)[::-1])
+    )
     assert one.signature != other.signature
     assert one.coats == other.coats == 2
     assert len(select([one, other], 5, 0.3)) == 2
@@ -240,7 +262,12 @@ def test_recipes_for_one_target_are_drawn_on_one_scale():
         )
 
     brown, white = (
-        SimpleNamespace(wavelengths=None, reflectance=None, spectral=False, labs={"D65": np.array([40.0, 0.0, 0.0])})
+        SimpleNamespace(
+            wavelengths=None,
+            reflectance=None,
+            spectral=False,
+            labs={"D65": np.array([40.0, 0.0, 0.0])},
+        )
         for _ in range(2)
     )
     recipes = [recipe(brown, 0.44), recipe(brown, 0.2), recipe(white, 0.3)]

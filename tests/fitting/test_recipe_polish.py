@@ -28,7 +28,9 @@ def model():
 
 
 def stacks(*some: list[dict[int, float]]) -> Stacks:
-    """Stacks of two coats, by the thickness that each paint takes, um; each for a target of its own."""
+    """Stacks of two coats, by the thickness that each paint takes, um; each for a target of its
+    own.
+    """
     sizes = np.zeros((len(some), 2, 5))
     for row, stack in enumerate(some):
         for coat, paints in enumerate(stack):
@@ -38,21 +40,29 @@ def stacks(*some: list[dict[int, float]]) -> Stacks:
 
 def spectrum(model, sizes: np.ndarray) -> np.ndarray:
     """What the public solver says of a stack, paint by paint through mixtures and layers."""
-    layers = [gj.Layer(gj.Mixture(palette(), coat / coat.sum()), coat.sum() * 1e-6) for coat in sizes if coat.sum() > 0]
+    layers = [
+        gj.Layer(gj.Mixture(palette(), coat / coat.sum()), coat.sum() * 1e-6)
+        for coat in sizes
+        if coat.sum() > 0
+    ]
     return np.asarray(gj.reflectance(gj.Glaze(layers, 0.9), SEEN, tolerance=1e-8))
 
 
 def aims_of(spectra: np.ndarray, spectral: float = 0.0) -> TargetArrays:
     labs = np.asarray(colour.lab(GRID, spectra))[:, None]
     weights = np.full(len(spectra), spectral)
-    return TargetArrays(*(jnp.asarray(values) for values in (labs, colour_metric(labs), spectra, weights)))
+    return TargetArrays(
+        *(jnp.asarray(values) for values in (labs, colour_metric(labs), spectra, weights))
+    )
 
 
 def test_slopes_are_those_of_the_solver(model):
     """Against differences of readings that the public solver gives for mixtures and layers."""
     some = stacks([{RED: 3.0, WHITE: 2.0}, {BLUE: 6.0}])
     slots, _ = fill_slots(model, some.sizes, 4)
-    amount = np.where(slots.used, some.sizes[0][np.asarray(slots.coat), np.asarray(slots.paint)], 1.0)
+    amount = np.where(
+        slots.used, some.sizes[0][np.asarray(slots.coat), np.asarray(slots.paint)], 1.0
+    )
     reading, slope, lab, _ = solve(model, slots, jnp.asarray(amount), OPTICS, coats=2)
     np.testing.assert_allclose(reading[0], spectrum(model, some.sizes[0]), atol=2e-6)
     np.testing.assert_allclose(lab[0, 0], colour.lab(GRID, reading[0]), atol=1e-9)
@@ -64,7 +74,9 @@ def test_slopes_are_those_of_the_solver(model):
             sizes[place] *= factor
             ends.append(spectrum(model, sizes))
         expected = (ends[0] - ends[1]) / (0.002 * some.sizes[0][place])
-        np.testing.assert_allclose(slope[0, slot], expected, atol=2e-3 * np.abs(expected).max() + 1e-6)
+        np.testing.assert_allclose(
+            slope[0, slot], expected, atol=2e-3 * np.abs(expected).max() + 1e-6
+        )
     assert not np.any(slope[0, 3])
 
 
@@ -75,7 +87,9 @@ def test_the_misfit_is_as_long_as_the_colour_difference():
     lab = aim + rng.normal(size=aim.shape) * rng.uniform(0.01, 20, (40, 1, 1))
     lab[0] = aim[0]
     vector, slope = colour_misfit(lab, aim)
-    np.testing.assert_allclose(np.linalg.norm(vector, axis=-1), colour.delta_e_2000(lab, aim), atol=1e-9)
+    np.testing.assert_allclose(
+        np.linalg.norm(vector, axis=-1), colour.delta_e_2000(lab, aim), atol=1e-9
+    )
     assert np.all(np.isfinite(slope))
     step = 1e-3 * rng.normal(size=aim.shape)
     moved = colour.delta_e_2000(lab + step, aim) ** 2
@@ -84,7 +98,9 @@ def test_the_misfit_is_as_long_as_the_colour_difference():
 
 
 def test_amounts_that_made_a_colour_are_found_again(model):
-    """Two coats, where the table is off: the solver's own steps end where it meets the target, and settle."""
+    """Two coats, where the table is off: the solver's own steps end where it meets the target, and
+    settle.
+    """
     made = stacks([{RED: 3.0, WHITE: 4.0}, {BLUE: 9.0}], [{YELLOW: 2.0}, {BLUE: 5.0, WHITE: 10.0}])
     spectra = np.stack([spectrum(model, sizes) for sizes in made.sizes])
     start = made._replace(sizes=made.sizes * np.array([1.3, 0.8])[:, None, None])

@@ -9,7 +9,14 @@ from glazefit import Instrument, Noise, read_films, recover_films, simulate_film
 from glazefit.film.gloss import estimate_gloss
 from glazefit.film.model import body_reflectance, tabulate
 from glazefit.film.readers import is_masstone, read_names, readable_names
-from glazefit.recover.film_by_film import CHUNK, ScatteringPrior, pose, recover_chunks, solve, starts
+from glazefit.recover.film_by_film import (
+    CHUNK,
+    ScatteringPrior,
+    pose,
+    recover_chunks,
+    solve,
+    starts,
+)
 from glazefit.recover.result import told_apart
 from glazejax import Glaze, Hemispherical, Layer, Pigment, reflectance
 
@@ -69,9 +76,16 @@ def test_exact_spectra_give_exact_values():
     cards = np.array([0.03, 0.92])
     over, bare = [], []
     for card in cards:
-        paints = [Glaze([Layer(Pigment("x", GRID, k[i] / 2e-5, s[i] / 2e-5), 2e-5)], card) for i in range(4)]
-        over.append(np.stack([reflectance(paint, Hemispherical(8.0), tolerance=1e-6) for paint in paints]))
-        bare.append(np.full((4, GRID.size), float(reflectance(Glaze([], card), Hemispherical(8.0))[0])))
+        paints = [
+            Glaze([Layer(Pigment("x", GRID, k[i] / 2e-5, s[i] / 2e-5), 2e-5)], card)
+            for i in range(4)
+        ]
+        over.append(
+            np.stack([reflectance(paint, Hemispherical(8.0), tolerance=1e-6) for paint in paints])
+        )
+        bare.append(
+            np.full((4, GRID.size), float(reflectance(Glaze([], card), Hemispherical(8.0))[0]))
+        )
     films = replace(
         simulate_films("abcd", GRID, k, s),
         bare_black=bare[0],
@@ -111,7 +125,9 @@ def test_opaque_film_is_flagged_and_keeps_its_ratio():
 
 
 def test_k_and_s_are_told_apart_as_the_rule_says():
-    """To half of their value or to .01, whichever is more, both of them, at five standard deviations of contrast."""
+    """To half of their value or to .01, whichever is more, both of them, at five standard
+    deviations of contrast.
+    """
     optical = np.array([[1.0, 4.0], [0.005, 4.0]])
 
     def told(sd_k: float, sd_s: float, contrast: float = 9.0) -> list[bool]:
@@ -159,7 +175,9 @@ def test_gloss_only_where_readings_demand_it():
 def test_two_solutions_are_both_starts():
     """The starts of a band hold each local minimum that a dense search finds."""
     table = jax.jit(tabulate, static_argnums=0)(INSTRUMENT)
-    films = simulate_films(["x"], GRID, np.full((1, 31), 2.3), np.full((1, 31), 0.06), noise=Noise(1e-6, 0))
+    films = simulate_films(
+        ["x"], GRID, np.full((1, 31), 2.3), np.full((1, 31), 0.06), noise=Noise(1e-6, 0)
+    )
     problem = pose(films, np.ones(1), INSTRUMENT, Noise())
     first = jax.tree.map(lambda a: a[0], problem)
     points = np.asarray(starts(first, table, ScatteringPrior(jnp.zeros(()), jnp.zeros(()))).logs)
@@ -184,11 +202,15 @@ def test_chunks_join_to_the_whole(known):
 def test_compiled_program_calls_no_library_for_linear_algebra():
     size = 2
     problem = jax.tree.map(
-        jnp.asarray, pose(simulate_films(["x"], GRID[:2], *[np.ones((1, 2))] * 2), np.ones(1), INSTRUMENT, Noise())
+        jnp.asarray,
+        pose(
+            simulate_films(["x"], GRID[:2], *[np.ones((1, 2))] * 2), np.ones(1), INSTRUMENT, Noise()
+        ),
     )
     table = jax.jit(tabulate, static_argnums=(0, 1))(INSTRUMENT, (20, 12))
     prior = ScatteringPrior(jnp.zeros(size), jnp.zeros(size))
-    # What the compiler is given; it adds no library calls of its own, and compiling again takes long.
+    # What the compiler is given; it adds no library calls of its own, and compiling again takes
+    # long.
     program = solve.lower(problem, table, prior, INSTRUMENT).as_text("hlo")
     assert "lapack_" not in program
     assert "while" in program, "the solver's loop is missing: is this the program that runs?"

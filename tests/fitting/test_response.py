@@ -4,7 +4,15 @@ import numpy as np
 import pytest
 
 from glazefit.film.optics import Optics
-from glazefit.film.response import _BEND, _NODES, HIGHEST, SHIPPED, FilmResponse, _shipped, film_response
+from glazefit.film.response import (
+    _BEND,
+    _NODES,
+    HIGHEST,
+    SHIPPED,
+    FilmResponse,
+    _shipped,
+    film_response,
+)
 from glazejax import Bidirectional, Hemispherical
 from glazejax.radiative.stack import stack_hemispherical_reflectance, stack_reflectance_factor
 
@@ -30,7 +38,11 @@ def solved(kd, sd, ground, tolerance=1e-7):
     albedo = sd / np.where(depth > 0, depth, 1.0)
     return np.asarray(
         stack_hemispherical_reflectance(
-            albedo[:, None], depth[:, None], ground, cos_incidence=SPHERE.cos_incidence, tolerance=tolerance
+            albedo[:, None],
+            depth[:, None],
+            ground,
+            cos_incidence=SPHERE.cos_incidence,
+            tolerance=tolerance,
         )
     )
 
@@ -45,7 +57,8 @@ def test_clear_and_opaque_ends(table):
     sd = np.array([0.0, 3.0, 0.0, 1e4, 1e5])
     ground = np.array([0.9, 0.9, 0.9, 0.0, 0.5])
     values = np.asarray(table.body(kd, sd, ground))
-    # Beyond the table its ends hold: an opaque film's own k/s is then the end's, so only the first three are exact.
+    # Beyond the table its ends hold: an opaque film's own k/s is then the end's, so only the first
+    # three are exact.
     np.testing.assert_allclose(values[:3], solved(kd, sd, ground)[:3], atol=5e-6)
     assert np.all(np.isfinite(values))
     # A spline through noughts is nought but for rounding.
@@ -53,12 +66,20 @@ def test_clear_and_opaque_ends(table):
 
 
 def test_slopes_equal_finite_differences_of_the_solver(table):
-    kd, sd, ground = np.array([1e-3, 0.3, 2.0]), np.array([4.0, 0.2, 9.0]), np.array([0.93, 0.5, 0.02])
+    kd, sd, ground = (
+        np.array([1e-3, 0.3, 2.0]),
+        np.array([4.0, 0.2, 9.0]),
+        np.array([0.93, 0.5, 0.02]),
+    )
     for which in (0, 1):
         films = [kd, sd]
         step = 1e-3 * films[which]
-        up, down = ([f + sign * step * (i == which) for i, f in enumerate(films)] for sign in (1, -1))
-        expected = (solved(up[0], up[1], ground, 1e-9) - solved(down[0], down[1], ground, 1e-9)) / (2 * step)
+        up, down = (
+            [f + sign * step * (i == which) for i, f in enumerate(films)] for sign in (1, -1)
+        )
+        expected = (solved(up[0], up[1], ground, 1e-9) - solved(down[0], down[1], ground, 1e-9)) / (
+            2 * step
+        )
         slope = jax.grad(lambda k, s: jnp.sum(table.body(k, s, ground)), argnums=which)(kd, sd)
         np.testing.assert_allclose(slope, expected, rtol=2e-3, atol=1e-5)
 
@@ -122,7 +143,9 @@ def test_numpy_and_jax_read_the_same_film(table):
     assert isinstance(known, jax.Array)
     np.testing.assert_allclose(known, traced, atol=1e-14)
     body = known[:5]
-    np.testing.assert_allclose(table.internal(body), jax.jit(lambda body: table.internal(body))(body), atol=1e-13)
+    np.testing.assert_allclose(
+        table.internal(body), jax.jit(lambda body: table.internal(body))(body), atol=1e-13
+    )
 
 
 def test_slopes_from_one_look_are_those_of_tangents(table):

@@ -1,4 +1,6 @@
-"""Spectra wider or finer than the paints are known: cut and averaged with a word, or refused with one."""
+"""Spectra wider or finer than the paints are known: cut and averaged with a word, or refused with
+one.
+"""
 
 import numpy as np
 import pytest
@@ -32,5 +34,7 @@ def test_bands_that_fit_stay_as_they_are():
 
 
 def test_paints_and_spectra_that_do_not_meet():
-    with pytest.raises(ValueError, match=r"720-1000 nm .* known from 400 to 700 nm: 0 bands lie there, at least 6"):
+    with pytest.raises(
+        ValueError, match=r"720-1000 nm .* known from 400 to 700 nm: 0 bands lie there, at least 6"
+    ):
         shared_bands(np.arange(720.0, 1001.0, 10.0), PAINTS)

@@ -1,4 +1,6 @@
-"""Paints from what a kitchen table gives: films that lack readings, tints by name, known whites, gauges, own files."""
+"""Paints from what a kitchen table gives: films that lack readings, tints by name, known whites,
+gauges, own files.
+"""
 
 import dataclasses
 
@@ -38,16 +40,27 @@ def white(provenance: str = "mine", size: float = 0.05) -> Pigment:
 
 def painted(instrument: Instrument, thickness=(1.3, 0.8), noise=Noise(), seed=1) -> Films:  # noqa: B008
     shares = np.array([1.0, 1 / 11])[:, None, None]
-    k, s = np.moveaxis((shares * BLUE + (1 - shares) * PALE) * np.array(thickness)[:, None, None], 1, 0)
+    k, s = np.moveaxis(
+        (shares * BLUE + (1 - shares) * PALE) * np.array(thickness)[:, None, None], 1, 0
+    )
     return simulate_films(NAMES, GRID, k, s, instrument=instrument, noise=noise, seed=seed)
 
 
 def written(path, films: Films, ends=("b", "w", "ob", "ow"), scale=1.0, names=NAMES):
-    arrays = {"b": films.bare_black, "w": films.bare_white, "ob": films.over_black, "ow": films.over_white}
+    arrays = {
+        "b": films.bare_black,
+        "w": films.bare_white,
+        "ob": films.over_black,
+        "ow": films.over_white,
+    }
     rows = [["Name", *(f"{w:g}" for w in films.wavelengths)]]
     for i, name in enumerate(names):
         rows += [
-            [f"{name}_{end}" if end else name, *(f"{v * scale:.6f}" for v in arrays[end or "ow"][i])] for end in ends
+            [
+                f"{name}_{end}" if end else name,
+                *(f"{v * scale:.6f}" for v in arrays[end or "ow"][i]),
+            ]
+            for end in ends
         ]
     path.write_text("\n".join(",".join(row) for row in rows) + "\n")
     return path
@@ -137,7 +150,9 @@ def test_fine_grids_are_averaged_and_cropped_with_a_word():
     assert less.notes == ("2151 bands averaged to steps of 5 nm",)
     near = crop(less, 400.0, 700.0, "the white is known there only")
     assert (near.wavelengths[0], near.wavelengths[-1]) == (400.0, 700.0)
-    assert near.notes[-1] == "cropped to 400-700 nm step 5 (61 bands): the white is known there only"
+    assert (
+        near.notes[-1] == "cropped to 400-700 nm step 5 (61 bands): the white is known there only"
+    )
     assert crop(near, 380.0, 780.0, "") is near
     assert average(films) is films
     with pytest.raises(ValueError, match="no three bands in common"):
@@ -147,7 +162,12 @@ def test_fine_grids_are_averaged_and_cropped_with_a_word():
 @pytest.mark.parametrize(("floor", "share"), [(0.002, 0.0), (0.0005, 0.004), (0.006, 0.0)])
 def test_noise_is_told_from_roughness(floor, share):
     grid = np.arange(400.0, 701.0, 10.0)
-    k = np.stack([0.05 + a * np.exp(-(((grid - b) / 30) ** 2)) for a, b in ((3, 590), (1, 450), (5, 520), (0.3, 640))])
+    k = np.stack(
+        [
+            0.05 + a * np.exp(-(((grid - b) / 30) ** 2))
+            for a, b in ((3, 590), (1, 450), (5, 520), (0.3, 640))
+        ]
+    )
     films = simulate_films("abcd", grid, k, np.ones_like(k), noise=Noise(floor, share), seed=2)
     found = estimate_noise(films)
     for end in (0.05, 0.9):
@@ -157,7 +177,9 @@ def test_noise_is_told_from_roughness(floor, share):
     assert float(estimate_noise(quiet).sd(np.asarray(0.9))) == pytest.approx(
         float(Noise().sd(np.asarray(0.9))), rel=0.1
     )
-    coarse = simulate_films("abcd", grid[::3], k[:, ::3], np.ones_like(k[:, ::3]), noise=Noise(floor, share))
+    coarse = simulate_films(
+        "abcd", grid[::3], k[:, ::3], np.ones_like(k[:, ::3]), noise=Noise(floor, share)
+    )
     assert estimate_noise(coarse) == Noise()
 
 
@@ -190,18 +212,24 @@ def test_bare_cards_read_as_the_films_model_says(geometry):
 @pytest.mark.slow
 def test_film_by_film_at_45_0():
     instrument = Instrument.parse("45:0")
-    films = simulate_films(["a"], GRID, BLUE[:1], BLUE[1:], instrument=instrument, noise=Noise(1e-4, 0.0))
+    films = simulate_films(
+        ["a"], GRID, BLUE[:1], BLUE[1:], instrument=instrument, noise=Noise(1e-4, 0.0)
+    )
     found = recover_films(films, instrument=instrument, noise=Noise(1e-4, 0.0))
     known = found.identifiable[0]
     assert known.mean() > 0.7
     np.testing.assert_allclose(found.absorption[0, known], BLUE[0, known], rtol=0.03)
     with pytest.raises(ValueError, match="fit jointly"):
-        recover_films(dataclasses.replace(films, seen=np.array([[True, False]])), instrument=instrument)
+        recover_films(
+            dataclasses.replace(films, seen=np.array([[True, False]])), instrument=instrument
+        )
 
 
 def fitted(films: Films, instrument: Instrument, **given):
     tight = Expectations(model_floor=0.001, model_share=0.001)
-    return recover_jointly(films, RECIPES, instrument=instrument, noise=Noise(), expectations=tight, **given)
+    return recover_jointly(
+        films, RECIPES, instrument=instrument, noise=Noise(), expectations=tight, **given
+    )
 
 
 @pytest.mark.parametrize("geometry", ["d:8", "45:0"])
@@ -229,12 +257,17 @@ def test_readings_that_are_not_there_do_not_matter():
     seen = np.array([[True, True], [False, True]])
     lost = dataclasses.replace(films, seen=seen, over_black=films.over_white)
     spoilt = dataclasses.replace(
-        films, seen=seen, over_black=np.where(seen[:, :1], films.over_white, 0.9), bare_black=films.bare_black * 0.9
+        films,
+        seen=seen,
+        over_black=np.where(seen[:, :1], films.over_white, 0.9),
+        bare_black=films.bare_black * 0.9,
     )
     first = fitted(lost, instrument, known={"White": white()})
     second = fitted(
         dataclasses.replace(
-            spoilt, over_black=np.where(seen[:, :1], lost.over_black, 0.9), bare_black=films.bare_black
+            spoilt,
+            over_black=np.where(seen[:, :1], lost.over_black, 0.9),
+            bare_black=films.bare_black,
         ),
         instrument,
         known={"White": white()},
@@ -267,7 +300,8 @@ def test_a_gauge_sets_the_scale():
     told = tell(films, ("Blue", "White"), {}, gauge, 100e-6, 0.3)
     np.testing.assert_allclose(told.thickness, np.log([1.3, 0.8]))
     np.testing.assert_allclose(told.thickness_sd, 0.1)
-    # On the scale of a known paint thicknesses are open by a common factor; on their own they have none.
+    # On the scale of a known paint thicknesses are open by a common factor; on their own they have
+    # none.
     on_white = tell(films, ("Blue", "White"), {"White": white()}, None, UNIT, 0.3)
     np.testing.assert_array_equal(on_white.thickness_modes[-1], 1.0)
     assert len(tell(films, ("Blue", "White"), {}, None, UNIT, 0.3).thickness_modes) == 0
@@ -295,7 +329,9 @@ def test_a_card_that_was_not_measured_is_fitted():
 
 def test_error_modes_of_a_pigment_without_them_have_its_size():
     sd = np.linspace(0.05, 0.2, GRID.size)
-    paint = Pigment("a", GRID, BLUE[0], BLUE[1], absorption_sd=sd * BLUE[0], scattering_sd=2 * sd * BLUE[1])
+    paint = Pigment(
+        "a", GRID, BLUE[0], BLUE[1], absorption_sd=sd * BLUE[0], scattering_sd=2 * sd * BLUE[1]
+    )
     size = np.sqrt(np.sum(error_modes(paint) ** 2, axis=0))
     np.testing.assert_allclose(size, [sd, 2 * sd], rtol=0.05)
 
@@ -341,15 +377,21 @@ def test_entries_keep_what_is_there_and_share_the_errors_of_the_white(tmp_path):
     assert np.median(np.asarray(again["Sky"].error_modes)[0]) > 0.02
 
     whole = path.read_text()
-    with pytest.raises(ValueError, match="has an entry 'Sky'; give another name, or replace it with overwrite=True"):
+    with pytest.raises(
+        ValueError, match="has an entry 'Sky'; give another name, or replace it with overwrite=True"
+    ):
         add_paints(sky, path)
     # Errors of mixtures would be wrong with two whites of one name.
     twice = Pigment("White", GRID, *(2 * PALE / UNIT), error_modes=mine["White"].error_modes)
     other = Pigment("White", GRID, *(PALE / UNIT), error_modes=2 * modes_of(mine["White"]))
     short = mine["White"].resample(GRID[2:])
     for paint in (twice, other, short):
-        with pytest.raises(ValueError, match="has another 'White' than the fit was told; tell it the file's own"):
-            add_paints(dataclasses.replace(sky, known_paints={"White": paint}), path, overwrite=True)
+        with pytest.raises(
+            ValueError, match="has another 'White' than the fit was told; tell it the file's own"
+        ):
+            add_paints(
+                dataclasses.replace(sky, known_paints={"White": paint}), path, overwrite=True
+            )
     assert path.read_text() == whole
     # A copy of the same paint is the same.
     copy = dataclasses.replace(sky, known_paints={"White": again["White"]})
@@ -366,7 +408,9 @@ def test_a_tint_teaches_most_where_there_is_none():
     found = lessons(alone, "Blue", white=white())
     assert "tint of Blue with White" in found.films[0].film
     assert found.films[0].expected < 0.6 * found.now
-    assert [lesson.expected for lesson in found.films] == sorted(lesson.expected for lesson in found.films)
+    assert [lesson.expected for lesson in found.films] == sorted(
+        lesson.expected for lesson in found.films
+    )
     both = fitted(painted(instrument), instrument, known={"White": white()})
     after = lessons(both, "Blue", known={"White": white()})
     assert after.now < found.now

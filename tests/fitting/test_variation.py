@@ -1,4 +1,6 @@
-"""How far films are from their recipes, what left-out films teach of it, and one reading of a mixture."""
+"""How far films are from their recipes, what left-out films teach of it, and one reading of a
+mixture.
+"""
 
 import csv
 import dataclasses
@@ -24,24 +26,34 @@ TINT = {"Vermillion": 10.0, "ZincWhite": 90.0}
 
 @pytest.fixture(scope="module")
 def paints() -> dict[str, Pigment]:
-    return {name: catalogue.pigment(name).resample(GRID) for name in ("Vermillion", "ZincWhite", "BoneBlack")}
+    return {
+        name: catalogue.pigment(name).resample(GRID)
+        for name in ("Vermillion", "ZincWhite", "BoneBlack")
+    }
 
 
 def painted(paints, recipe, strength, thickness, names=None, noise=None) -> Films:
     """Films of a mixture in which the first paint counts for more than its weight."""
     first = next(iter(recipe))
-    counted = {name: weight * (strength if name == first else 1.0) for name, weight in recipe.items()}
+    counted = {
+        name: weight * (strength if name == first else 1.0) for name, weight in recipe.items()
+    }
     total = sum(recipe.values())
     k, s = (
         sum(w / total * np.asarray(getattr(paints[n], what)) for n, w in counted.items())
         for what in ("absorption", "scattering")
     )
     d = np.asarray(thickness)[:, None]
-    return simulate_films(names or [f"f{i}" for i in range(len(d))], GRID, k * d, s * d, noise=noise or Noise(1e-5, 0))
+    return simulate_films(
+        names or [f"f{i}" for i in range(len(d))], GRID, k * d, s * d, noise=noise or Noise(1e-5, 0)
+    )
 
 
 def delta_e(one, other):
-    lab = [np.asarray(colour.lab(GRID, values, illuminant="D65", observer=10)) for values in (one, other)]
+    lab = [
+        np.asarray(colour.lab(GRID, values, illuminant="D65", observer=10))
+        for values in (one, other)
+    ]
     return np.asarray(colour.delta_e_2000(*lab))
 
 
@@ -51,9 +63,15 @@ def surprises(size: float, count: int, paint: str, rng) -> list[Surprise]:
     own = 0.05 * rng.standard_normal((200, 2, 1)) + 0.02 * rng.standard_normal((200, 2, GRID.size))
     out = []
     for i in range(count):
-        off = size * (0.05 * rng.standard_normal((2, 1)) + 0.02 * rng.standard_normal((2, GRID.size)))
+        off = size * (
+            0.05 * rng.standard_normal((2, 1)) + 0.02 * rng.standard_normal((2, GRID.size))
+        )
         off = off + 0.001 * rng.standard_normal(off.shape)
-        out.append(Surprise(f"{paint}{i}", frozenset({paint, "white"}), log_likelihood(off, known, own, GRID)))
+        out.append(
+            Surprise(
+                f"{paint}{i}", frozenset({paint, "white"}), log_likelihood(off, known, own, GRID)
+            )
+        )
     return out
 
 
@@ -78,7 +96,9 @@ def test_nothing_left_out_is_as_expected_beforehand():
 def test_a_paint_that_surprised_is_expected_to_again():
     rng = np.random.default_rng(3)
     found = learn(surprises(0.1, 12, "calm", rng) + surprises(3.0, 12, "wild", rng))
-    calm, both, wild = (found.size_of(paints) for paints in (["calm", "white"], ["other"], ["wild", "white"]))
+    calm, both, wild = (
+        found.size_of(paints) for paints in (["calm", "white"], ["other"], ["wild", "white"])
+    )
     assert calm < both < wild
     # Of several paints the one that varies most decides.
     assert found.size_of(["calm", "wild"]) == wild
@@ -93,7 +113,9 @@ def test_likelihood_is_that_of_a_gaussian():
     for place, size in enumerate(SIZES):
         covariance = np.einsum("di,dj->ij", known.reshape(50, 6), known.reshape(50, 6)) / 50
         covariance += size**2 * np.einsum("di,dj->ij", own.reshape(50, 6), own.reshape(50, 6)) / 50
-        exact = multivariate_normal(np.zeros(6), covariance + 0.003**2 * np.eye(6)).logpdf(off[0].ravel())
+        exact = multivariate_normal(np.zeros(6), covariance + 0.003**2 * np.eye(6)).logpdf(
+            off[0].ravel()
+        )
         assert found[place] - exact == pytest.approx(3 * np.log(2 * np.pi))
 
 
@@ -115,20 +137,30 @@ def test_modes_of_a_mixture_are_slopes_of_its_logs(paints):
         other = mixture_of(moved, TINT)
         pairs = ((other.absorption, found.absorption), (other.scattering, found.scattering))
         total += np.array([np.log(np.asarray(a) / np.asarray(b)) / step for a, b in pairs]) ** 2
-    # The film's own errors of size .03 add to it: .2 and .2 of each paint, as far as it counts in the mixture.
-    each = np.array([[p.absorption, p.scattering] for p in (paints["Vermillion"], paints["ZincWhite"])])
+    # The film's own errors of size .03 add to it: .2 and .2 of each paint, as far as it counts in
+    # the mixture.
+    each = np.array(
+        [[p.absorption, p.scattering] for p in (paints["Vermillion"], paints["ZincWhite"])]
+    )
     part = each * np.array([0.1, 0.9])[:, None, None]
     part = part / part.sum(axis=0)
     film = (0.03 * np.hypot(0.2, 0.2)) ** 2 * np.sum(part**2, axis=0)
     # And what the paints' standard deviations say beyond their modes.
-    film += np.sum((part * relative_errors([paints["Vermillion"], paints["ZincWhite"]], BETWEEN_FILMS)) ** 2, axis=0)
+    film += np.sum(
+        (part * relative_errors([paints["Vermillion"], paints["ZincWhite"]], BETWEEN_FILMS)) ** 2,
+        axis=0,
+    )
     # Eight shapes hold nearly all of the smooth error.
-    np.testing.assert_allclose(np.sum(np.asarray(found.error_modes) ** 2, axis=0), total + film, rtol=0.03)
+    np.testing.assert_allclose(
+        np.sum(np.asarray(found.error_modes) ** 2, axis=0), total + film, rtol=0.03
+    )
 
 
 def test_mixing_is_by_weight(paints):
     found = mixture_of(paints, {"Vermillion": 1.0, "BoneBlack": 3.0})
-    k = 0.25 * np.asarray(paints["Vermillion"].absorption) + 0.75 * np.asarray(paints["BoneBlack"].absorption)
+    k = 0.25 * np.asarray(paints["Vermillion"].absorption) + 0.75 * np.asarray(
+        paints["BoneBlack"].absorption
+    )
     np.testing.assert_allclose(found.absorption, k)
     assert found.name == "25 Vermillion + 75 BoneBlack"
 
@@ -171,16 +203,21 @@ def test_one_card_leaves_the_thickness_open(paints):
 def test_a_prediction_without_errors_is_the_film(paints):
     films = painted(paints, TINT, 1.0, [12e-6])
     (found,) = predict_mixture(paints, TINT, [12e-6], wavelengths=GRID)
-    np.testing.assert_allclose(found.reflectance, [films.over_black[0], films.over_white[0]], atol=2e-4)
+    np.testing.assert_allclose(
+        found.reflectance, [films.over_black[0], films.over_white[0]], atol=2e-4
+    )
 
 
 def test_more_variation_is_a_wider_band(paints):
     small, large = (
-        predict_mixture(paints, TINT, [12e-6], variation=Variation(np.eye(len(SIZES))[place]))[0] for place in (1, 5)
+        predict_mixture(paints, TINT, [12e-6], variation=Variation(np.eye(len(SIZES))[place]))[0]
+        for place in (1, 5)
     )
     ratio = large.expected_error(parts=("film",)) / small.expected_error(parts=("film",))
     assert ratio == pytest.approx(SIZES[5] / SIZES[1], rel=0.2)
-    assert large.expected_error(parts=("scale",)) == pytest.approx(small.expected_error(parts=("scale",)))
+    assert large.expected_error(parts=("scale",)) == pytest.approx(
+        small.expected_error(parts=("scale",))
+    )
     assert large.expected_error() > small.expected_error()
 
 
@@ -247,16 +284,25 @@ def run(monkeypatch, tmp_path, capsys):
 
 
 def write(path, films, rows=("b", "w", "ob", "ow")):
-    arrays = {"b": films.bare_black, "w": films.bare_white, "ob": films.over_black, "ow": films.over_white}
+    arrays = {
+        "b": films.bare_black,
+        "w": films.bare_white,
+        "ob": films.over_black,
+        "ow": films.over_white,
+    }
     lines = ["\t".join(["Name", *(f"{w:g}" for w in films.wavelengths)])]
     for i, name in enumerate(films.names):
-        lines += ["\t".join([f"{name}_{end}", *(f"{v:.6f}" for v in arrays[end][i])]) for end in rows]
+        lines += [
+            "\t".join([f"{name}_{end}", *(f"{v:.6f}" for v in arrays[end][i])]) for end in rows
+        ]
     path.write_text("\n".join(lines) + "\n")
     return path
 
 
 def test_command_says_how_sure_it_is(run, tmp_path):
-    status, out, err = run("10 vermillion + 90 zincwhite", "--thickness", "10um,30um", "--csv", "p.csv")
+    status, out, err = run(
+        "10 vermillion + 90 zincwhite", "--thickness", "10um,30um", "--csv", "p.csv"
+    )
     assert (status, err) == (0, "")
     assert "10 µm" in out
     assert "30 µm" in out
@@ -264,7 +310,9 @@ def test_command_says_how_sure_it_is(run, tmp_path):
     with (tmp_path / "p.csv").open() as file:
         rows = list(csv.DictReader(file))
     assert {row["film"] for row in rows} == {"10 µm", "30 µm"}
-    assert all(float(r["lower_90"]) <= float(r["reflectance"]) <= float(r["upper_90"]) for r in rows)
+    assert all(
+        float(r["lower_90"]) <= float(r["reflectance"]) <= float(r["upper_90"]) for r in rows
+    )
 
 
 def test_command_learns_from_a_reading(run, tmp_path, paints):
@@ -283,7 +331,10 @@ def test_command_refuses_in_one_line(run, tmp_path, paints):
     for words, said in (
         (["10 Vermillion + 90 ZincWhite", "--reading", two], "takes one film, and there are 2"),
         (["10 Vermillion + 90 ZincWhite", "--reading", tmp_path / "no.tsv"], "no.tsv"),
-        (["10 Vermilion + 90 ZincWite", "--samples", "a"], "--samples is for the film of --reading"),
+        (
+            ["10 Vermilion + 90 ZincWite", "--samples", "a"],
+            "--samples is for the film of --reading",
+        ),
         (["10 Vermillion + 90 Zinkweiss"], "Zinkweiss"),
         (["10 Vermillion + 90 ZincWhite", "--thickness", "0um"], "above 0"),
     ):
@@ -296,9 +347,15 @@ def test_command_refuses_in_one_line(run, tmp_path, paints):
 def test_light_and_eye_reach_the_colours(run):
     (paint,) = predict_mixture(catalogue.load(), {"Vermillion": 1.0}, [10e-6])
     for light, eye, degrees in (("D65", "10", 10), ("A", "2", 2)):
-        _, out, _ = run("Vermillion", "--thickness", "10um", "--illuminant", light, "--observer", eye)
-        lab = np.asarray(colour.lab(paint.wavelengths, paint.over_white, illuminant=light, observer=degrees))
-        assert [float(word) for word in out.split("white")[1].split()[:3]] == pytest.approx(lab, abs=0.051)
+        _, out, _ = run(
+            "Vermillion", "--thickness", "10um", "--illuminant", light, "--observer", eye
+        )
+        lab = np.asarray(
+            colour.lab(paint.wavelengths, paint.over_white, illuminant=light, observer=degrees)
+        )
+        assert [float(word) for word in out.split("white")[1].split()[:3]] == pytest.approx(
+            lab, abs=0.051
+        )
 
 
 def test_geometry_reaches_the_calculation(run, tmp_path):

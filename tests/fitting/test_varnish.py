@@ -18,7 +18,9 @@ WHITE = 0.9
 
 @pytest.mark.parametrize("geometry", [Hemispherical(), Bidirectional(45, 0)], ids=["d8", "45:0"])
 def test_varnish_on_a_diffuse_white_is_a_coat_that_only_absorbs(geometry):
-    """A Lambertian white under a clear coat: what the table says is what the solver says of the stack."""
+    """A Lambertian white under a clear coat: what the table says is what the solver says of the
+    stack.
+    """
     response, optics = film_response(geometry), Optics.of(geometry, 1.5)
     coat = 0.4 * yellow(GRID)
     bare = np.asarray(response.body(np.zeros_like(GRID), np.zeros_like(GRID), WHITE))
@@ -30,14 +32,18 @@ def test_varnish_on_a_diffuse_white_is_a_coat_that_only_absorbs(geometry):
 def test_varnish_comes_off_again():
     response, coat = film_response(Hemispherical()), 0.8 * yellow(GRID)
     body = np.linspace(0.02, 0.85, GRID.size)
-    np.testing.assert_allclose(without_varnish(response, varnished(response, body, coat), coat), body, atol=1e-9)
+    np.testing.assert_allclose(
+        without_varnish(response, varnished(response, body, coat), coat), body, atol=1e-9
+    )
     # The blue end loses more than the red.
     lost = varnished(response, body, coat) / body
     assert lost[0] < 0.5 * lost[-1]
 
 
 def test_a_film_taken_from_under_a_varnish_keeps_what_is_not_known():
-    """Readings as of the bare film; noise, doubt and volume by finite differences of taking the varnish off."""
+    """Readings as of the bare film; noise, doubt and volume by finite differences of taking the
+    varnish off.
+    """
     response, surface, noise = film_response(Hemispherical()), 0.04, 1e-3
     body = np.linspace(0.1, 0.8, GRID.size)
     spreads = {}
@@ -45,7 +51,9 @@ def test_a_film_taken_from_under_a_varnish_keeps_what_is_not_known():
         read = varnished(response, body, level * yellow(GRID))
         whole = np.array([[read + surface]])
         empty = np.empty((1, 0, 1, GRID.size))
-        film = Measured(("film",), GRID, whole, np.full_like(whole, 0.9), np.full_like(whole, noise), empty)
+        film = Measured(
+            ("film",), GRID, whole, np.full_like(whole, 0.9), np.full_like(whole, noise), empty
+        )
         found, change = bared(film, response, surface, level)
         np.testing.assert_allclose(found.readings[0, 0], body + surface, atol=1e-9)
 

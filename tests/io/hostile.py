@@ -23,15 +23,80 @@ from glazejax.paint.pigment_table import read_pigments
 from .samples import ASD_WHITE, CGATS, CXF, ENVI, GRID, asd_body, asd_header, jcamp_block, spectra
 
 WORDS = (
-    *("", "0", "-1", "1", "2", "3", "65536", "2147483648", "4294967297", "9223372036854775808", "400000000", "1e308"),
-    *("1e999", "-1e999", "nan", "inf", "0x10", "1_0", "1,5", "1e-320", "9" * 40, "9" * 1000, "9" * 5000, '"', "{", "}"),
-    *("[", "[" * 3000, "<", ">", "=", "##", "$$", "#", "\t", "\n", "\r", "\0", " ", ",", ";", "é", "\ud7ff", "\ufeff"),
-    *("\u2028", "'", "&lt;", "&a;", "<!DOCTYPE a>", "%", "J9", "s999999", "name", "true", "null", "-", "+", ".", "END"),
+    *(
+        "",
+        "0",
+        "-1",
+        "1",
+        "2",
+        "3",
+        "65536",
+        "2147483648",
+        "4294967297",
+        "9223372036854775808",
+        "400000000",
+        "1e308",
+    ),
+    *(
+        "1e999",
+        "-1e999",
+        "nan",
+        "inf",
+        "0x10",
+        "1_0",
+        "1,5",
+        "1e-320",
+        "9" * 40,
+        "9" * 1000,
+        "9" * 5000,
+        '"',
+        "{",
+        "}",
+    ),
+    *(
+        "[",
+        "[" * 3000,
+        "<",
+        ">",
+        "=",
+        "##",
+        "$$",
+        "#",
+        "\t",
+        "\n",
+        "\r",
+        "\0",
+        " ",
+        ",",
+        ";",
+        "é",
+        "\ud7ff",
+        "\ufeff",
+    ),
+    *(
+        "\u2028",
+        "'",
+        "&lt;",
+        "&a;",
+        "<!DOCTYPE a>",
+        "%",
+        "J9",
+        "s999999",
+        "name",
+        "true",
+        "null",
+        "-",
+        "+",
+        ".",
+        "END",
+    ),
 )
 # Words of Python and NumPy that are no answer to a user.
 _RIDDLES = re.compile(
-    r"out of range|axes don't|NoneType|to unpack|broadcast|object is not|codec can't|invalid literal|zero-size array"
-    r"|has no attribute|must be real number|Exceeds the limit|cannot reshape|division by zero|shapes? .* not aligned"
+    r"out of range|axes don't|NoneType|to unpack|broadcast|object is not|codec can't|invalid "
+    r"literal|zero-size array"
+    r"|has no attribute|must be real number|Exceeds the limit|cannot reshape|division by "
+    r"zero|shapes? .* not aligned"
 )
 
 
@@ -69,7 +134,8 @@ def outcome(subject: Subject, folder: Path, content: bytes) -> bool:
     """Whether the reader accepts this content of the subject's file.
 
     Raises:
-        Fault: it raises what it may not, says what is no answer, or gives another number of things than declared.
+        Fault: it raises what it may not, says what is no answer, or gives another number of things
+            than declared.
     """
     path = folder / subject.name
     path.write_bytes(content)
@@ -81,7 +147,9 @@ def outcome(subject: Subject, folder: Path, content: bytes) -> bool:
     except (ValueError, OSError) as error:
         words = str(error)
         if len(words.splitlines()) != 1 or len(words) > 2000:
-            raise Fault(f"{type(error).__name__} of {len(words.splitlines())} lines: {words[:300]!r}") from error
+            raise Fault(
+                f"{type(error).__name__} of {len(words.splitlines())} lines: {words[:300]!r}"
+            ) from error
         if path.stem not in words:
             raise Fault(f"does not name the file: {type(error).__name__}: {words[:300]}") from error
         if (riddle := _RIDDLES.search(words)) is not None:
@@ -98,9 +166,18 @@ def outcome(subject: Subject, folder: Path, content: bytes) -> bool:
 
 def _check_table(table: SpectraTable) -> None:
     values = table.reflectance
-    if values.shape != (len(table.names), table.wavelengths.size) or len(set(table.names)) != len(table.names):
-        raise Fault(f"{len(table.names)} names, {table.wavelengths.size} bands and values of shape {values.shape}")
-    if not (np.isfinite(values).all() and (np.diff(table.wavelengths) > 0).all() and values.min() >= -np.inf):
+    if values.shape != (len(table.names), table.wavelengths.size) or len(set(table.names)) != len(
+        table.names
+    ):
+        raise Fault(
+            f"{len(table.names)} names, {table.wavelengths.size} bands and values of shape "
+            f"{values.shape}"
+        )
+    if not (
+        np.isfinite(values).all()
+        and (np.diff(table.wavelengths) > 0).all()
+        and values.min() >= -np.inf
+    ):
         raise Fault("values that are not finite or wavelengths that do not ascend")
     if any(not text.isprintable() for note in table.notes for text in note.split("\n")):
         raise Fault(f"notes that cannot be printed: {table.notes!r}")
@@ -111,7 +188,11 @@ def _flip(content: bytes, others: list[bytes], chance: random.Random) -> bytes:
     for _ in range(chance.choice((1, 1, 2, 8))):
         if changed:
             at = chance.randrange(len(changed))
-            changed[at] = changed[at] ^ (1 << chance.randrange(8)) if chance.random() < 0.5 else chance.randrange(256)
+            changed[at] = (
+                changed[at] ^ (1 << chance.randrange(8))
+                if chance.random() < 0.5
+                else chance.randrange(256)
+            )
     return bytes(changed)
 
 
@@ -123,7 +204,9 @@ def _cut(content: bytes, others: list[bytes], chance: random.Random) -> bytes:
 def _insert(content: bytes, others: list[bytes], chance: random.Random) -> bytes:
     at = chance.randrange(len(content) + 1)
     start, end = sorted(chance.randrange(len(content) + 1) for _ in range(2))
-    piece = chance.choice((content[start:end], chance.randbytes(chance.randrange(20)), _word(chance)))
+    piece = chance.choice(
+        (content[start:end], chance.randbytes(chance.randrange(20)), _word(chance))
+    )
     return content[:at] + piece + content[at:]
 
 
@@ -188,7 +271,9 @@ def subjects() -> dict[str, Subject]:
     names = ["red", "green, light", "blue"]
     cells = [[f"{value:.4f}" for value in row] for row in values]
     wide = "Name," + ",".join(f"{w:g}" for w in GRID) + "\n"
-    wide += "".join(f'"{name}",' + ",".join(row) + "\n" for name, row in zip(names, cells, strict=True))
+    wide += "".join(
+        f'"{name}",' + ",".join(row) + "\n" for name, row in zip(names, cells, strict=True)
+    )
     long = "# unit: fraction\nwavelength (nm);red;green;blue\n"
     columns = "# µ spectrometer\n"
     for w, row in zip(GRID, values.T, strict=True):
@@ -198,16 +283,31 @@ def subjects() -> dict[str, Subject]:
     for name, row in zip(names, cells, strict=True):
         triples += "".join(f"{name}\t{w:g}\t{cell}\n" for w, cell in zip(GRID, row, strict=True))
     entries: list[dict[str, Any]] = [{"type": "wavelengths", "values": GRID.tolist()}]
-    entries += [{"name": n, "reflectance": (100 * v).tolist(), "grams": 2} for n, v in zip(names, values, strict=True)]
+    entries += [
+        {"name": n, "reflectance": (100 * v).tolist(), "grams": 2}
+        for n, v in zip(names, values, strict=True)
+    ]
     library = _envi(ENVI)
-    fields = {"samples": 4, "lines": 3, "bands": 31, "file type": "ENVI Standard", "data type": 12, "interleave": "bil"}
+    fields = {
+        "samples": 4,
+        "lines": 3,
+        "bands": 31,
+        "file type": "ENVI Standard",
+        "data type": 12,
+        "interleave": "bil",
+    }
     fields |= {"reflectance scale factor": 10000, "spectra names": None, "header offset": 0}
     image = _envi(ENVI | fields)
-    pixels = np.round(1e4 * spectra(12).reshape(3, 4, 31).transpose(0, 2, 1)).astype("<u2").tobytes()
+    pixels = (
+        np.round(1e4 * spectra(12).reshape(3, 4, 31).transpose(0, 2, 1)).astype("<u2").tobytes()
+    )
     numbers = values.astype("<f4").tobytes()
     films = "name\t400\t500\t600\n"
     for film in ("A", "B"):
-        films += "".join(f"{film}_{end}\t0.1\t0.{i}\t0.5\n" for i, end in enumerate(("b", "w", "ob", "ow"), start=2))
+        films += "".join(
+            f"{film}_{end}\t0.1\t0.{i}\t0.5\n"
+            for i, end in enumerate(("b", "w", "ob", "ow"), start=2)
+        )
     pigments = "# fitted\npigment,wavelength_nm,absorption,scattering,absorption_sd,scattering_sd,identifiable\n"
     for name in "AB":
         pigments += "".join(f"{name},{w},{10 + w},20.5,1,inf,true\n" for w in (400, 500, 600, 700))
@@ -221,23 +321,40 @@ def subjects() -> dict[str, Subject]:
         "CSV, a sample a row": Subject("wide.csv", wide.encode(), read_spectra, counts=_lines),
         "CSV, a sample a column": Subject("long.csv", long.encode(), read_spectra, counts=_lines),
         "TSV, a value a row": Subject("longest.tsv", triples.encode(), read_spectra, counts=_lines),
-        "columns without a header": Subject("columns.txt", columns.encode(), read_spectra, counts=_lines),
+        "columns without a header": Subject(
+            "columns.txt", columns.encode(), read_spectra, counts=_lines
+        ),
         "CGATS": Subject("chart.txt", CGATS.encode(), read_spectra, counts=_cgats),
         "CxF3": Subject("chart.cxf", CXF.encode(), read_spectra, counts=_cxf),
         "JCAMP-DX pairs": Subject("pairs.dx", jcamp_block().encode(), read_spectra, counts=_jcamp),
-        "JCAMP-DX steps": Subject("steps.dx", (steps + steps).encode(), read_spectra, counts=_jcamp),
+        "JCAMP-DX steps": Subject(
+            "steps.dx", (steps + steps).encode(), read_spectra, counts=_jcamp
+        ),
         "JCAMP-DX packed": Subject("packed.dx", packed.encode(), read_spectra, counts=_jcamp),
         "ASD": Subject("ochre.asd", asd, read_spectra, counts=_asd),
         "JSON": Subject("paints.json", json.dumps(entries).encode(), read_spectra, counts=_json),
-        "ENVI library, header": Subject("lib.hdr", library, read_spectra, {"lib.sli": numbers}, _envi_counts),
-        "ENVI library, data": Subject("lib.sli", numbers, read_spectra, {"lib.hdr": library}, _fixed(3, 31)),
-        "ENVI image, header": Subject("cube.hdr", image, read_cube, {"cube.img": pixels}, _envi_counts),
-        "ENVI image, data": Subject("cube.img", pixels, read_spectra, {"cube.hdr": image}, _fixed(12, 31)),
+        "ENVI library, header": Subject(
+            "lib.hdr", library, read_spectra, {"lib.sli": numbers}, _envi_counts
+        ),
+        "ENVI library, data": Subject(
+            "lib.sli", numbers, read_spectra, {"lib.hdr": library}, _fixed(3, 31)
+        ),
+        "ENVI image, header": Subject(
+            "cube.hdr", image, read_cube, {"cube.img": pixels}, _envi_counts
+        ),
+        "ENVI image, data": Subject(
+            "cube.img", pixels, read_spectra, {"cube.hdr": image}, _fixed(12, 31)
+        ),
         "pigments": Subject("pigments.csv", pigments.encode(), read_pigments, counts=_pigments),
         "films": Subject("films.tsv", films.encode(), read_films),
-        "names of films": Subject("mixtures.tsv", b"# paints\n01\tRed-White|100-0\n02\tBlue|100\n", read_names),
+        "names of films": Subject(
+            "mixtures.tsv", b"# paints\n01\tRed-White|100-0\n02\tBlue|100\n", read_names
+        ),
         "scene": Subject(
-            "scene.toml", SCENE.encode(), read_scene, {"map.npy": array.getvalue(), "wide.csv": wide.encode()}
+            "scene.toml",
+            SCENE.encode(),
+            read_scene,
+            {"map.npy": array.getvalue(), "wide.csv": wide.encode()},
         ),
         "thickness map": Subject("map.npy", array.getvalue(), read_grey),
         "picture of thickness": Subject("map.png", _png(), read_grey),
@@ -292,7 +409,9 @@ def _fixed(rows: int, bands: int) -> Callable[[bytes, Any], str]:
     """Data beside a header that was not damaged; pixels without data may be left out."""
 
     def counts(content: bytes, found: Any) -> str:
-        right = "ENVI" not in found.format or (found.wavelengths.size == bands and len(found) == rows)
+        right = "ENVI" not in found.format or (
+            found.wavelengths.size == bands and len(found) == rows
+        )
         return "" if right else f"{found!r} where the header declares {rows} of {bands} bands"
 
     return counts
@@ -300,19 +419,29 @@ def _fixed(rows: int, bands: int) -> Callable[[bytes, Any], str]:
 
 def _lines(content: bytes, found: Any) -> str:
     text = content.decode("utf-8-sig", "replace")
-    lines = [line for line in text.splitlines() if line.strip(" \t,;") and not line.lstrip().startswith("#")]
+    lines = [
+        line
+        for line in text.splitlines()
+        if line.strip(" \t,;") and not line.lstrip().startswith("#")
+    ]
     rows, bands = len(found), found.wavelengths.size
     wanted = {"row": rows, "column": bands}.get(found.format.rpartition(" ")[2], bands)
     if "a value a row" in found.format:
         wanted = rows * bands
     below = len(lines) - ("table" in found.format)
-    return "" if below == wanted or "table" not in found.format + "columns" else f"{below} lines, {found!r}"
+    return (
+        ""
+        if below == wanted or "table" not in found.format + "columns"
+        else f"{below} lines, {found!r}"
+    )
 
 
 def _cgats(content: bytes, found: Any) -> str:
     promised = re.findall(rb"^NUMBER_OF_SETS[ \t]+(\d+)[ \t]*$", content, re.MULTILINE)
     wrong = "CGATS" in found.format and len(promised) == 1 and int(promised[0][:18]) != len(found)
-    return f"{promised} sets, {found!r}" if wrong and content.count(b"BEGIN_DATA_FORMAT") == 1 else ""
+    return (
+        f"{promised} sets, {found!r}" if wrong and content.count(b"BEGIN_DATA_FORMAT") == 1 else ""
+    )
 
 
 def _cxf(content: bytes, found: Any) -> str:

@@ -32,9 +32,13 @@ def complains(error, path):
     return True
 
 
-# Letters of all kinds, but no blanks at the ends or in a row and no control characters: those are changed on purpose.
+# Letters of all kinds, but no blanks at the ends or in a row and no control characters: those are
+# changed on purpose.
 NAMES = st.text(
-    st.characters(exclude_categories=("Cs", "Cc", "Cn", "Zs", "Zl", "Zp"), exclude_characters="\ufeff"), min_size=1
+    st.characters(
+        exclude_categories=("Cs", "Cc", "Cn", "Zs", "Zl", "Zp"), exclude_characters="\ufeff"
+    ),
+    min_size=1,
 )
 
 
@@ -99,10 +103,21 @@ ENVI = {
 }
 
 
-def jcamp_block(name="red", values=None, *, grid=GRID, xunits="NANOMETERS", yunits="REFLECTANCE", form="XYPOINTS"):
+def jcamp_block(
+    name="red",
+    values=None,
+    *,
+    grid=GRID,
+    xunits="NANOMETERS",
+    yunits="REFLECTANCE",
+    form="XYPOINTS",
+):
     """One block of text: pairs, or rows of three values with a factor."""
     values = spectra(1, grid)[0] if values is None else values
-    head = f"##TITLE={name}\n##JCAMP-DX=4.24\n##DATA TYPE=UV/VIS SPECTRUM\n##XUNITS={xunits}\n##YUNITS={yunits}\n"
+    head = (
+        f"##TITLE={name}\n##JCAMP-DX=4.24\n##DATA TYPE=UV/VIS "
+        f"SPECTRUM\n##XUNITS={xunits}\n##YUNITS={yunits}\n"
+    )
     head += f"##FIRSTX={grid[0]}\n##LASTX={grid[-1]}\n##NPOINTS={len(grid)}\n"
     if form == "XYPOINTS":
         rows = "".join(f"{x:.9g} {y:.9g}\n" for x, y in zip(grid, values, strict=True))
@@ -149,8 +164,58 @@ def asd_header(*, magic=b"as5", kind=1, channels=ASD_GRID.size, start=350.0, com
     """First 484 bytes, as in ASD's document 600545 (file format version 8)."""
     layout = "<3s157s18sBBbblblffbbbbbH128s56sLhhHHffffhb4bHHHbLHHHHff27s5b"
     when = struct.pack("<9h", 0, 0, 12, 1, 0, 124, 1, 1, 0)
-    fields = [magic, comment, when, 0, 0, 1, 1, 0, kind, 0, start, 1.0, 2, 1, 1, 1, 1, channels, b"", b"", 17, 0, 0, 0]
-    fields += [1, 0.0, 1.0, 350.0, 2500.0, 16, 0, 0, 0, 0, 0, 1, 1, 1, 4, 0, 1, 1, 0, 0, 1000.0, 1800.0, b"", *[0] * 5]
+    fields = [
+        magic,
+        comment,
+        when,
+        0,
+        0,
+        1,
+        1,
+        0,
+        kind,
+        0,
+        start,
+        1.0,
+        2,
+        1,
+        1,
+        1,
+        1,
+        channels,
+        b"",
+        b"",
+        17,
+        0,
+        0,
+        0,
+    ]
+    fields += [
+        1,
+        0.0,
+        1.0,
+        350.0,
+        2500.0,
+        16,
+        0,
+        0,
+        0,
+        0,
+        0,
+        1,
+        1,
+        1,
+        4,
+        0,
+        1,
+        1,
+        0,
+        0,
+        1000.0,
+        1800.0,
+        b"",
+        *[0] * 5,
+    ]
     content = struct.pack(layout, *fields)
     assert len(content) == 484
     return content
@@ -160,6 +225,8 @@ def asd_body(values, white: np.ndarray | None = ASD_WHITE):
     """Counts of the sample and, after the reference's own header, of the white."""
     content = np.asarray(values, "<f8").tobytes()
     if white is not None:
-        content += b"\xff\xff" + struct.pack("<dd", 45000.0, 45000.0) + struct.pack("<h", 5) + b"white"
+        content += (
+            b"\xff\xff" + struct.pack("<dd", 45000.0, 45000.0) + struct.pack("<h", 5) + b"white"
+        )
         content += np.asarray(white, "<f8").tobytes()
     return content

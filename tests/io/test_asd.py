@@ -74,7 +74,9 @@ def test_no_log_file_and_no_root_logger(tmp_path):
         "except ValueError: pass\n"
         "assert not logging.getLogger().handlers"
     )
-    done = subprocess.run([sys.executable, "-c", code, path], cwd=tmp_path, capture_output=True, text=True, check=True)
+    done = subprocess.run(
+        [sys.executable, "-c", code, path], cwd=tmp_path, capture_output=True, text=True, check=True
+    )
     assert (done.stdout, done.stderr) == ("", "")
     assert [file.name for file in tmp_path.iterdir()] == ["ochre.asd"]
     assert logging.getLogger("pyASDReader").level in (logging.NOTSET, logging.CRITICAL + 1)

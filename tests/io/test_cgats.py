@@ -66,7 +66,10 @@ def test_names_that_repeat_are_numbered(tmp_path):
 
 
 def test_old_text_is_latin(tmp_path):
-    assert read_spectra(put(tmp_path, PLAIN.replace("blue", "grün").encode("latin-1"))).names[1] == "grün"
+    assert (
+        read_spectra(put(tmp_path, PLAIN.replace("blue", "grün").encode("latin-1"))).names[1]
+        == "grün"
+    )
 
 
 def test_second_table_has_the_spectra(tmp_path):
@@ -81,11 +84,20 @@ def test_second_table_has_the_spectra(tmp_path):
     [
         ("CGATS.17\n", "without fields"),
         (PLAIN.replace("END_DATA\n", ""), "cut short"),
-        (PLAIN.replace("2\tblue\t20.1\t0.40\t0.50\t0.60\n", ""), "promises 2 sets, and there are 1"),
+        (
+            PLAIN.replace("2\tblue\t20.1\t0.40\t0.50\t0.60\n", ""),
+            "promises 2 sets, and there are 1",
+        ),
         (PLAIN.replace("\t0.60", ""), "line 11: 5 values where there are 6 fields"),
-        (PLAIN.replace("0.60", "high"), "line 11: field SPECTRAL_NM420: 'high' is not a finite number"),
+        (
+            PLAIN.replace("0.60", "high"),
+            "line 11: field SPECTRAL_NM420: 'high' is not a finite number",
+        ),
         (PLAIN.replace("0.60", "nan"), "'nan' is not a finite number"),
-        (PLAIN.replace("SPECTRAL_NM", "CMYK_"), "without spectra: no field such as SPECTRAL_NM_400"),
+        (
+            PLAIN.replace("SPECTRAL_NM", "CMYK_"),
+            "without spectra: no field such as SPECTRAL_NM_400",
+        ),
         (PLAIN.replace("NM410", "NM400"), "must ascend"),
         (PLAIN.replace("0.10", "10").replace("0.20", "20"), "mixed"),
         (PLAIN.replace("0.10", "-0.3"), "'red, light' is negative"),

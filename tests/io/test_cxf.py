@@ -44,7 +44,9 @@ def test_what_is_written_follows_the_schema(tmp_path):
     assert b"UnknownGeometry" in (tmp_path / "t.cxf").read_bytes()
     things = document.resources.object_collection.object_value
     assert [thing.name for thing in things] == ["a", "b", "c"]
-    assert all(thing.color_values.choice[0].color_specification == specification.id for thing in things)
+    assert all(
+        thing.color_values.choice[0].color_specification == specification.id for thing in things
+    )
 
 
 @pytest.mark.parametrize(
@@ -58,7 +60,10 @@ def test_what_is_written_follows_the_schema(tmp_path):
         (SAMPLE.replace("0.4 0.5 0.6", "0.4 NaN 0.6"), "not finite at band 2"),
         (SAMPLE.replace("0.4 0.5 0.6", "40 50 60"), "mixed"),
         (SAMPLE.replace("ReflectanceSpectrum", "EmissiveSpectrum"), "without reflectance spectra"),
-        (SAMPLE.replace('<cc:WavelengthRange StartWL="380" Increment="10"/>', ""), "no wavelengths for 'red'"),
+        (
+            SAMPLE.replace('<cc:WavelengthRange StartWL="380" Increment="10"/>', ""),
+            "no wavelengths for 'red'",
+        ),
         (SAMPLE.replace('Increment="10"', 'Increment="ten"'), "no wavelengths for 'red'"),
     ],
 )

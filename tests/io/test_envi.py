@@ -24,7 +24,9 @@ def put(folder, values=None, *, name="lib", **changes):
 
 
 def test_library_written_by_spectral_python(tmp_path):
-    library: Any = spy.SpectralLibrary(spectra().astype("f4"), {"wavelength": GRID, "spectra names": ["a", "b", "c"]})
+    library: Any = spy.SpectralLibrary(
+        spectra().astype("f4"), {"wavelength": GRID, "spectra names": ["a", "b", "c"]}
+    )
     library.bands.band_unit = "Nanometers"
     library.save(str(tmp_path / "lib"))
     for name in ("lib.hdr", "lib.sli"):
@@ -63,7 +65,13 @@ def test_units_scale_bad_bands_order_and_missing_data(tmp_path):
     same(table, GRID[kept], spectra()[[0, 2]][:, kept], ["red", "blue"], atol=1e-6)
     assert table.unit == "scaled"
     told = " | ".join(table.notes)
-    for words in ("micrometres", "1 bands that the header marks as bad", "sorted", "1 bands without data", "red (2)"):
+    for words in (
+        "micrometres",
+        "1 bands that the header marks as bad",
+        "sorted",
+        "1 bands without data",
+        "red (2)",
+    ):
         assert words in told
 
 
@@ -106,7 +114,11 @@ def bad(values, where, value):
         (None, {"wavelength": "{" + ",".join(["x"] * 31) + "}"}, "could not convert"),
         (None, {"wavelength": "{" + ",".join(["500"] * 31) + "}"}, "must ascend"),
         (None, {"wavelength_units": "GHz"}, "wavelengths are in 'GHz'"),
-        (None, {"wavelength": "{" + ",".join(map(str, range(1, 32))) + "}", "wavelength_units": None}, "band numbers"),
+        (
+            None,
+            {"wavelength": "{" + ",".join(map(str, range(1, 32))) + "}", "wavelength_units": None},
+            "band numbers",
+        ),
         (None, {"wavelength_units": "Index"}, "wavelengths are in 'Index'"),
         (None, {"samples": None}, "lacks 'samples'"),
         (None, {"samples": "many"}, "not legal"),
@@ -116,7 +128,11 @@ def bad(values, where, value):
         (None, {"data_type": 6}, "complex"),
         (None, {"data_type": 5}, "the file was cut short"),
         (None, {"lines": 4}, "the file was cut short"),
-        (None, {"spectra_names": "{a, b, c, d}"}, "4 spectra names for 3 spectra; does a name hold a comma"),
+        (
+            None,
+            {"spectra_names": "{a, b, c, d}"},
+            "4 spectra names for 3 spectra; does a name hold a comma",
+        ),
         (None, {"bbl": "{0, 1}"}, "2 entries for 31 bands"),
         (None, {"bbl": "{" + ",".join("0" * 31) + "}"}, "every band as bad"),
         (None, {"reflectance_scale_factor": 0}, "must be positive"),
@@ -193,7 +209,13 @@ def test_image_as_a_table(tmp_path):
 
 
 def test_missing_pixels_and_bad_bands_of_an_image(tmp_path):
-    image = cube(tmp_path, scale=10_000, reflectance_scale_factor=10000, data_ignore_value=0, bbl=[0] + [1] * 30)
+    image = cube(
+        tmp_path,
+        scale=10_000,
+        reflectance_scale_factor=10000,
+        data_ignore_value=0,
+        bbl=[0] + [1] * 30,
+    )
     raw = np.memmap(tmp_path / "image.img", "<u2", "r+", shape=(4, 31, 5))
     raw[2, :, 3] = 0
     raw.flush()
@@ -220,7 +242,9 @@ def test_mark_of_missing_data_in_the_files_own_type(tmp_path, dtype, mark):
 
 def test_header_with_both_endings(tmp_path):
     put(tmp_path).rename(tmp_path / "lib.sli.hdr")
-    assert len(read_spectra(tmp_path / "lib.sli.hdr")) == len(read_spectra(tmp_path / "lib.sli")) == 3
+    assert (
+        len(read_spectra(tmp_path / "lib.sli.hdr")) == len(read_spectra(tmp_path / "lib.sli")) == 3
+    )
 
 
 def test_glare_does_not_decide_an_images_unit(tmp_path):
@@ -233,7 +257,14 @@ def test_glare_does_not_decide_an_images_unit(tmp_path):
 
 
 def test_large_images_stay_on_disk(tmp_path):
-    fields = {"lines": 1000, "samples": 1000, "bands": 2, "data type": 1, "interleave": "bsq", "wavelength": [500, 600]}
+    fields = {
+        "lines": 1000,
+        "samples": 1000,
+        "bands": 2,
+        "data type": 1,
+        "interleave": "bsq",
+        "wavelength": [500, 600],
+    }
     spy.create_image(str(tmp_path / "big.hdr"), fields, force=True)
     assert isinstance(read_cube(tmp_path / "big.hdr"), SpectraCube)
     with pytest.raises(ValueError, match="1000 x 1000 pixels are too many"):
@@ -242,7 +273,9 @@ def test_large_images_stay_on_disk(tmp_path):
 
 def test_images_without_a_scale(tmp_path):
     cube(tmp_path)
-    with pytest.raises(ValueError, match="neither fraction nor percent: add 'reflectance scale factor"):
+    with pytest.raises(
+        ValueError, match="neither fraction nor percent: add 'reflectance scale factor"
+    ):
         read_cube(tmp_path / "image.hdr")
 
 

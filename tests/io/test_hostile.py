@@ -1,4 +1,6 @@
-"""Files that mean harm or have come to it: each reader gives a table or one sentence, soon and in little room."""
+"""Files that mean harm or have come to it: each reader gives a table or one sentence, soon and in
+little room.
+"""
 
 import contextlib
 import errno
@@ -69,7 +71,13 @@ def test_damaged_files_of_every_kind_never_surprise(folder, kind, seed):
 @pytest.mark.parametrize("reader", READERS)
 def test_no_reader_takes_a_name_that_cannot_be_or_a_device(tmp_path, reader):
     start = time.perf_counter()
-    for path in (tmp_path / ("n" * 300), tmp_path / "a\0b", tmp_path / "none", Path("/dev/zero"), tmp_path):
+    for path in (
+        tmp_path / ("n" * 300),
+        tmp_path / "a\0b",
+        tmp_path / "none",
+        Path("/dev/zero"),
+        tmp_path,
+    ):
         with pytest.raises((ValueError, OSError)) as caught:
             reader(path)
         assert len(str(caught.value).splitlines()) == 1
@@ -95,7 +103,10 @@ def test_a_writer_that_says_nothing_is_given_up(tmp_path, monkeypatch):
     monkeypatch.setattr(source, "SILENCE", 0.1)
     pipe = tmp_path / "pipe.csv"
     os.mkfifo(pipe)
-    with pipe.open("r+b", buffering=0), pytest.raises(ValueError, match="nothing came through this pipe"):
+    with (
+        pipe.open("r+b", buffering=0),
+        pytest.raises(ValueError, match="nothing came through this pipe"),
+    ):
         read_spectra(pipe)
 
 
@@ -109,7 +120,9 @@ def fill(pipe, content):
 
 
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no named pipes here")
-@pytest.mark.parametrize("kind", [kind for kind in SUBJECTS if not SUBJECTS[kind].beside and "ickness" not in kind])
+@pytest.mark.parametrize(
+    "kind", [kind for kind in SUBJECTS if not SUBJECTS[kind].beside and "ickness" not in kind]
+)
 def test_pipes_read_as_files_do(tmp_path, kind):
     subject = SUBJECTS[kind]
     path, pipe = tmp_path / subject.name, tmp_path / f"pipe_{subject.name}"
@@ -129,9 +142,14 @@ def test_pipes_read_as_files_do(tmp_path, kind):
 @pytest.mark.parametrize("name", ["/dev/stdin", "<(cat -)"])
 def test_the_command_reads_what_is_piped(tmp_path, name):
     lines = "".join(f"s{i},0.1,0.25,0.3\n" for i in range(5000))  # more than a pipe holds
-    command = f'"{sys.executable}" -c "from glazejax.commands.main import main; main()" convert {name} out.csv'
+    command = (
+        f'"{sys.executable}" -c "from glazejax.commands.main import main; main()" convert {name} '
+        "out.csv"
+    )
     text = (WIDE + lines).encode()
-    done = subprocess.run(["bash", "-c", command], input=text, cwd=tmp_path, capture_output=True, timeout=300)
+    done = subprocess.run(
+        ["bash", "-c", command], input=text, cwd=tmp_path, capture_output=True, timeout=300
+    )
     assert done.returncode == 0, done.stderr
     assert len(read_spectra(tmp_path / "out.csv")) == 5002
 
@@ -167,7 +185,10 @@ def test_errors_of_the_system_are_one_line_of_the_command(tmp_path, monkeypatch,
     def refuse(*_):
         raise OSError(errno.EIO, "Input/output error", "disk")
 
-    for arguments in (["convert", "n" * 300, "out.csv"], ["convert", str(tmp_path / "t.csv"), "n" * 300 + ".csv"]):
+    for arguments in (
+        ["convert", "n" * 300, "out.csv"],
+        ["convert", str(tmp_path / "t.csv"), "n" * 300 + ".csv"],
+    ):
         (tmp_path / "t.csv").write_text(WIDE)
         monkeypatch.setattr(sys, "argv", ["glazejax", *arguments])
         with pytest.raises(SystemExit) as ended:
@@ -184,7 +205,10 @@ def test_errors_of_the_system_are_one_line_of_the_command(tmp_path, monkeypatch,
 
 
 def listing(value, reflectance="[0.1, 0.2]"):
-    return f'[{{"type": "wavelengths", "values": [400, {value}]}}, {{"name": "a", "reflectance": {reflectance}}}]'
+    return (
+        f'[{{"type": "wavelengths", "values": [400, {value}]}}, {{"name": "a", "reflectance": '
+        f"{reflectance}}}]"
+    )
 
 
 PACKED = jcamp_block(form="DIFDUP")
@@ -199,16 +223,44 @@ PACKED = jcamp_block(form="DIFDUP")
         ("t.json", "[" * 100_000, "nested too deeply"),
         ("t.json", "[[" + "1," * 2_000_000 + "1]]", "more than 1500000 words"),
         ("t.json", "[[" + " " * (17 << 20) + "]]", "larger than the 16 MB"),
-        ("t.dx", jcamp_block(form="XYDATA").replace("=31\n", "=400000000\n"), "promises 400000000 points and holds 31"),
-        ("t.dx", jcamp_block().replace("=31\n", "=400000000\n"), "promises 400000000 points and holds 31"),
+        (
+            "t.dx",
+            jcamp_block(form="XYDATA").replace("=31\n", "=400000000\n"),
+            "promises 400000000 points and holds 31",
+        ),
+        (
+            "t.dx",
+            jcamp_block().replace("=31\n", "=400000000\n"),
+            "promises 400000000 points and holds 31",
+        ),
         ("t.dx", jcamp_block().replace("=31\n", "=30\n"), "promises 30 points and holds 31"),
         ("t.dx", PACKED.replace("\n400", "\n400A%s99999999"), "are not an abscissa and ordinates"),
-        ("t.dx", jcamp_block(form="XYDATA").replace("\n520 ", "\n560 "), "line 16: 'red' is damaged: the line begins"),
-        ("t.dx", PACKED.replace("\n500", "\n500A1\n500"), "'red' is damaged: the line does not begin with"),
-        ("t.txt", CGATS.replace("FIELDS\t6", "FIELDS\t7"), "NUMBER_OF_FIELDS promises 7 fields, and there are 6"),
-        ("t.cxf", CXF.replace("<cc:CxF", '<!DOCTYPE a [<!ENTITY b "c">]><cc:CxF'), "it has a DOCTYPE"),
+        (
+            "t.dx",
+            jcamp_block(form="XYDATA").replace("\n520 ", "\n560 "),
+            "line 16: 'red' is damaged: the line begins",
+        ),
+        (
+            "t.dx",
+            PACKED.replace("\n500", "\n500A1\n500"),
+            "'red' is damaged: the line does not begin with",
+        ),
+        (
+            "t.txt",
+            CGATS.replace("FIELDS\t6", "FIELDS\t7"),
+            "NUMBER_OF_FIELDS promises 7 fields, and there are 6",
+        ),
+        (
+            "t.cxf",
+            CXF.replace("<cc:CxF", '<!DOCTYPE a [<!ENTITY b "c">]><cc:CxF'),
+            "it has a DOCTYPE",
+        ),
         ("t.csv", "Name,400\n" + "a" * (5 << 20), "line 2: longer than 4 MB"),
-        ("t.csv", 'Name,400\n"' + "a" * 200_000, "line 2: field larger than .*; is a quotation mark left open"),
+        (
+            "t.csv",
+            'Name,400\n"' + "a" * 200_000,
+            "line 2: field larger than .*; is a quotation mark left open",
+        ),
         ("t.csv", "Name,400\n" + "a\x1b[31m\n", "line 2: 1 cell where"),
         ("t.csv", WIDE + "x,0.1,0.2,0.3\n" * 2, "line 5: sample 'x' is already on line 4"),
     ],
@@ -233,11 +285,23 @@ def test_hostile_files_end_in_one_sentence(tmp_path, name, content, complaint):
             372,
             "372 bytes where the header .* promises 124000000000",
         ),
-        ({"lines": 10**9, "spectra names": None}, 4 * 31 * 10**9, "1000000000 spectra of 31 bands are too many"),
+        (
+            {"lines": 10**9, "spectra names": None},
+            4 * 31 * 10**9,
+            "1000000000 spectra of 31 bands are too many",
+        ),
         ({"lines": "9" * 1000}, 372, "promises"),
         ({"lines": "9" * 5000}, 372, "'lines' is '9+', not a whole number"),
-        ({"lines": 2, "spectra names": None}, 372, "372 bytes where the header t.hdr promises 248: are its samples"),
-        ({"samples": 31, "bands": 31, "lines": 3}, 31 * 372, "a library of 31 bands|library of 31 bands"),
+        (
+            {"lines": 2, "spectra names": None},
+            372,
+            "372 bytes where the header t.hdr promises 248: are its samples",
+        ),
+        (
+            {"samples": 31, "bands": 31, "lines": 3},
+            31 * 372,
+            "a library of 31 bands|library of 31 bands",
+        ),
         ({"file compression": 1}, 372, "'file compression', which is not understood"),
         ({"data type": 7}, 372, "data type 7, byte order 0; known are 1, 2"),
     ],
@@ -256,9 +320,18 @@ def test_headers_that_promise_what_is_not_there(tmp_path, fields, size, complain
 @pytest.mark.parametrize(
     ("content", "complaint"),
     [
-        (SCENE.replace("width = 12", "width = " + "9" * 1000), "width: holds a number of too many digits"),
-        (SCENE.replace("width = 12", "width = 0x" + "f" * 5000), "width: holds a number of too many digits"),
-        (SCENE.replace("[0, 0, 1]", "[0, 0, 1" + "0" * 999 + "]"), "centre: holds a number of too many digits"),
+        (
+            SCENE.replace("width = 12", "width = " + "9" * 1000),
+            "width: holds a number of too many digits",
+        ),
+        (
+            SCENE.replace("width = 12", "width = 0x" + "f" * 5000),
+            "width: holds a number of too many digits",
+        ),
+        (
+            SCENE.replace("[0, 0, 1]", "[0, 0, 1" + "0" * 999 + "]"),
+            "centre: holds a number of too many digits",
+        ),
         ("x = " + "9" * 5000, "not a legal TOML file"),
         ("x = " + "[" * 9000, "nested too deeply|not a legal TOML"),
         ("a." * 9000 + "b = 1", "line 1: more than 10000 characters"),
@@ -281,7 +354,11 @@ def test_hostile_maps(tmp_path):
     array = io.BytesIO()
     np.save(array, np.zeros((3, 4)))
     path = tmp_path / "t.npy"
-    path.write_bytes(array.getvalue().replace(b"(3, 4), ", b"(3000000000000, 4), "[:8]).replace(b"(3, 4)", b"(3, 9)"))
+    path.write_bytes(
+        array.getvalue()
+        .replace(b"(3, 4), ", b"(3000000000000, 4), "[:8])
+        .replace(b"(3, 4)", b"(3, 9)")
+    )
     with pytest.raises(ValueError, match="not an array that can be read"):
         read_grey(path)
     np.save(path, np.zeros((0, 4)))
@@ -312,10 +389,16 @@ def test_pieces_do_not_show(tmp_path, monkeypatch, layout, end):
     values, names = spectra(5), ["réd", "b", "c", "日本", "e"]
     if layout == "wide":
         lines = ["Name," + ",".join(f"{w:g}" for w in GRID)]
-        lines += [name + "," + ",".join(map(repr, row)) for name, row in zip(names, values.tolist(), strict=True)]
+        lines += [
+            name + "," + ",".join(map(repr, row))
+            for name, row in zip(names, values.tolist(), strict=True)
+        ]
     elif layout == "long":
         lines = ["nm," + ",".join(names)]
-        lines += [f"{w:g}," + ",".join(map(repr, row)) for w, row in zip(GRID, values.T.tolist(), strict=True)]
+        lines += [
+            f"{w:g}," + ",".join(map(repr, row))
+            for w, row in zip(GRID, values.T.tolist(), strict=True)
+        ]
     else:
         lines = ["name,wavelength,value"]
         for name, row in zip(names, values.tolist(), strict=True):
@@ -338,20 +421,30 @@ print(len(read_spectra(sys.argv[1])), resource.getrusage(resource.RUSAGE_SELF).r
 @pytest.mark.parametrize("megabytes", [6, pytest.param(60, marks=pytest.mark.slow)])
 def test_large_tables_take_their_size_and_little_more(tmp_path, megabytes):
     path, count = tmp_path / "big.csv", megabytes * 4000
-    row = "," + ",".join(f"{value:.4f}" for value in spectra(1, np.arange(380.0, 781.0, 10.0))[0]) + "\n"
+    row = (
+        ","
+        + ",".join(f"{value:.4f}" for value in spectra(1, np.arange(380.0, 781.0, 10.0))[0])
+        + "\n"
+    )
     with path.open("w") as file:
         file.write("Name," + ",".join(map(str, range(380, 781, 10))) + "\n")
         file.writelines(f"sample {i}{row}" for i in range(count))
-    done = subprocess.run([sys.executable, "-c", PEAK, path], capture_output=True, text=True, check=True, timeout=600)
+    done = subprocess.run(
+        [sys.executable, "-c", PEAK, path], capture_output=True, text=True, check=True, timeout=600
+    )
     rows, kilobytes = map(int, done.stdout.split())
     assert rows == count
     # 8 bytes a value and 80 a name, and some pieces at work.
-    assert kilobytes * 1024 < count * (41 * 8 + 120) + (24 << 20) < path.stat().st_size + (200 << 20)
+    assert (
+        kilobytes * 1024 < count * (41 * 8 + 120) + (24 << 20) < path.stat().st_size + (200 << 20)
+    )
 
 
 @pytest.mark.slow
 def test_tables_are_written_in_pieces(tmp_path):
-    table = SpectraTable(GRID, tuple(f"s{i}" for i in range(20_000)), np.tile(spectra(), (6667, 1))[:20_000])
+    table = SpectraTable(
+        GRID, tuple(f"s{i}" for i in range(20_000)), np.tile(spectra(), (6667, 1))[:20_000]
+    )
     for name in ("t.csv", "t.hdr"):
         write_spectra(table, tmp_path / name)
         np.testing.assert_array_equal(read_spectra(tmp_path / name).reflectance, table.reflectance)

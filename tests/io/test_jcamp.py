@@ -26,14 +26,28 @@ def test_one_spectrum(tmp_path, form):
 def test_written_by_the_package(tmp_path):
     import jcamp
 
-    data = {"title": "red", "jcamp-dx": 4.24, "xunits": "NANOMETERS", "yunits": "REFLECTANCE", "npoints": GRID.size}
-    data |= {"firstx": GRID[0], "lastx": GRID[-1], "xfactor": 1, "yfactor": 1e-6, "x": GRID, "y": spectra(1)[0]}
+    data = {
+        "title": "red",
+        "jcamp-dx": 4.24,
+        "xunits": "NANOMETERS",
+        "yunits": "REFLECTANCE",
+        "npoints": GRID.size,
+    }
+    data |= {
+        "firstx": GRID[0],
+        "lastx": GRID[-1],
+        "xfactor": 1,
+        "yfactor": 1e-6,
+        "x": GRID,
+        "y": spectra(1)[0],
+    }
     jcamp.writefile(str(tmp_path / "paint.dx"), data)
     same(read_spectra(tmp_path / "paint.dx"), GRID, spectra(1), ["red"], atol=2e-6)
 
 
 @pytest.mark.parametrize(
-    ("xunits", "grid"), [("MICROMETERS", GRID / 1000), ("1/CM", 1e7 / GRID), ("1/CM", 1e7 / GRID[::-1])]
+    ("xunits", "grid"),
+    [("MICROMETERS", GRID / 1000), ("1/CM", 1e7 / GRID), ("1/CM", 1e7 / GRID[::-1])],
 )
 def test_units_of_wavelength(tmp_path, xunits, grid):
     wanted = spectra(1)[0]
@@ -46,7 +60,9 @@ def test_units_of_wavelength(tmp_path, xunits, grid):
 
 @pytest.mark.parametrize("linked", [True, False])
 def test_many_blocks(tmp_path, linked):
-    blocks = "".join(block(name, values) for name, values in zip("aab", spectra() * 100, strict=True))
+    blocks = "".join(
+        block(name, values) for name, values in zip("aab", spectra() * 100, strict=True)
+    )
     blocks = blocks.replace("=REFLECTANCE", "=%REFLECTANCE")
     if linked:
         blocks = f"##TITLE=all\n##DATA TYPE=LINK\n##BLOCKS=3\n{blocks}##END=\n"
@@ -61,7 +77,10 @@ def test_many_blocks(tmp_path, linked):
         (block().replace("##END=\n", ""), "no ##END=; the file was cut short"),
         (block()[:-50], "cut short"),
         (block().replace("##XYPOINTS", "##PEAKS"), "without data"),
-        (block(form="XYDATA").replace("##NPOINTS=31", "##NPOINTS=40"), "promises 40 points and holds 31"),
+        (
+            block(form="XYDATA").replace("##NPOINTS=31", "##NPOINTS=40"),
+            "promises 40 points and holds 31",
+        ),
         (block(yunits="ABSORBANCE"), "is in 'ABSORBANCE'; only reflectance"),
         (block(xunits="SECONDS"), "wavelengths are in 'SECONDS'"),
         (block(values=np.where(GRID == 500, np.nan, 0.5)), "not finite|promises|damaged"),
@@ -69,7 +88,10 @@ def test_many_blocks(tmp_path, linked):
         (block(values=np.full(31, 4000.0)), "reaches 40 as a fraction"),
         (block("a") + block("b", grid=GRID + 1), "'b' is on other wavelengths than 'a'"),
         (block("a") + block("b", yunits="%REFLECTANCE"), "some blocks are in percent"),
-        (block("a").replace("##END=\n", "") + block("b"), "a block begins before the one above has its ##END="),
+        (
+            block("a").replace("##END=\n", "") + block("b"),
+            "a block begins before the one above has its ##END=",
+        ),
         (block().replace("##TITLE=red\n", "##TITLE=red\n##BROKEN\n"), "is damaged"),
         # Nothing to repeat, and nothing to differ from.
         (re.sub(r"(?m)^(400)[@A-I].*$", r"\1S5", block(form="DIFDUP")), "damaged"),

@@ -9,7 +9,12 @@ from .samples import complains, same
 
 GOOD = [
     {"type": "wavelengths", "values": [400, 410.5, 420]},
-    {"name": "white", "type": "tint", "reflectance": [70, 80, 90], "components": [{"name": "white", "grams": 2.5}]},
+    {
+        "name": "white",
+        "type": "tint",
+        "reflectance": [70, 80, 90],
+        "components": [{"name": "white", "grams": 2.5}],
+    },
     {"name": "white", "type": "tint", "reflectance": [71, 81, 91], "components": []},
 ]
 
@@ -28,7 +33,13 @@ def changed(index, **fields):
 
 def test_spectra_and_their_components(tmp_path):
     table = read_spectra(put(tmp_path, GOOD))
-    same(table, [400, 410.5, 420], [[0.7, 0.8, 0.9], [0.71, 0.81, 0.91]], ["white", "white (2)"], atol=1e-12)
+    same(
+        table,
+        [400, 410.5, 420],
+        [[0.7, 0.8, 0.9], [0.71, 0.81, 0.91]],
+        ["white", "white (2)"],
+        atol=1e-12,
+    )
     assert table.unit == "percent"
     assert table.attributes["type"] == ("tint", "tint")
     assert json.loads(table.attributes["components"][0]) == [{"name": "white", "grams": 2.5}]
@@ -66,7 +77,8 @@ def test_kimera_masstones(shared_data):
     table = read_spectra(shared_data / "kimera" / "masstone.json")
     assert table.reflectance.shape == (39, 170)
     assert table.unit == "percent"
-    # Three repeats of each paint, which differ by what its SOURCE.md says of the instrument's noise.
+    # Three repeats of each paint, which differ by what its SOURCE.md says of the instrument's
+    # noise.
     bands = (table.wavelengths > 410) & (table.wavelengths < 680)
     repeats = table.reflectance[:, bands].reshape(13, 3, -1)
     assert np.mean(repeats.std(axis=1)) == pytest.approx(0.0018, abs=1e-4)

@@ -20,14 +20,20 @@ def test_even_grids_as_colour_science_does_it():
     import colour
 
     finer = np.arange(400.0, 701.0, 5.0)
-    wanted = colour.SpectralDistribution(spectra()[1], GRID).interpolate(colour.SpectralShape(400, 700, 5))
-    np.testing.assert_allclose(resample(table(GRID), finer).reflectance[1], wanted.values, atol=1e-7)
+    wanted = colour.SpectralDistribution(spectra()[1], GRID).interpolate(
+        colour.SpectralShape(400, 700, 5)
+    )
+    np.testing.assert_allclose(
+        resample(table(GRID), finer).reflectance[1], wanted.values, atol=1e-7
+    )
 
 
 def test_uneven_grids_by_cubic_splines():
     grid = 400 + 300 * np.linspace(0, 1, 60) ** 1.3
     new = resample(table(grid), GRID)
-    np.testing.assert_allclose(new.reflectance[2], CubicSpline(grid, spectra(3, grid)[2])(GRID), atol=1e-12)
+    np.testing.assert_allclose(
+        new.reflectance[2], CubicSpline(grid, spectra(3, grid)[2])(GRID), atol=1e-12
+    )
     # The true curve, which linear interpolation misses by more.
     assert np.abs(new.reflectance - spectra()).max() < 1e-3
     assert "cubic splines" in new.notes[-1]
@@ -54,7 +60,10 @@ def test_picking_bands_is_said():
 @pytest.mark.parametrize(
     ("new", "complaint"),
     [
-        (np.arange(380, 701, 10), "cannot resample 400-700 nm step 10 .* to 380-700 nm .* keep to 400-700 nm"),
+        (
+            np.arange(380, 701, 10),
+            "cannot resample 400-700 nm step 10 .* to 380-700 nm .* keep to 400-700 nm",
+        ),
         (np.arange(400, 721, 10), "to 400-720 nm"),
         ([800, 900], "they do not meet"),
         ([500, 400], "must ascend"),

@@ -41,11 +41,20 @@ def test_a_single_spectrum_needs_no_name(tmp_path):
         (
             "cards.csv",
             ValueError,
-            r"^--ground \S*cards.csv holds 2 spectra: choose one, as cards.csv:white card \(there are white card, b",
+            r"^--ground \S*cards.csv holds 2 spectra: choose one, as cards.csv:white card "
+            r"\(there are white card, b",
         ),
         ("cards.csv:", ValueError, "choose one, as cards.csv:white card "),
-        ("cards.csv:grey", ValueError, r"^--ground .* holds no spectrum 'grey'; there are white card, black card$"),
-        ("cart.csv:grey", FileNotFoundError, "^--ground 'cart.csv:grey' is neither a number .* nor a file$"),
+        (
+            "cards.csv:grey",
+            ValueError,
+            r"^--ground .* holds no spectrum 'grey'; there are white card, black card$",
+        ),
+        (
+            "cart.csv:grey",
+            FileNotFoundError,
+            "^--ground 'cart.csv:grey' is neither a number .* nor a file$",
+        ),
     ],
 )
 def test_what_is_wrong_is_said(cards, tmp_path, text, kind, complaint):

@@ -10,7 +10,8 @@ from glazejax.io.finish import nanometres
 
 from . import test_envi, test_jcamp
 
-# Wavelengths in nm of Hg (green), Hg (yellow) and Na D2, and the same lines as tables print them in other units.
+# Wavelengths in nm of Hg (green), Hg (yellow) and Na D2, and the same lines as tables print them in
+# other units.
 LINES = np.array([546.07, 579.07, 589.00])
 IN_UNITS = {
     "nm": LINES,

@@ -135,4 +135,6 @@ def test_the_ends_of_what_is_legal_read_back(tmp_path):
 
 def test_what_is_left_behind_is_said(tmp_path):
     table = SpectraTable(GRID, ("a",), spectra(1), attributes={"grams": ("2.5",)})
-    assert write_spectra(table, tmp_path / "t.csv") == ["only names and spectra are written, not grams"]
+    assert write_spectra(table, tmp_path / "t.csv") == [
+        "only names and spectra are written, not grams"
+    ]

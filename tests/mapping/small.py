@@ -1,4 +1,6 @@
-"""A small image of known paints, for tests of the engine: few paints, so that little is searched."""
+"""A small image of known paints, for tests of the engine: few paints, so that little is
+searched.
+"""
 
 import dataclasses
 import functools
@@ -12,7 +14,15 @@ from glazefit.mapping.example import Painting, painting, spectra
 from glazefit.mapping.scene import REGIONS
 from glazejax import catalogue
 
-PAINTS = ("ZincWhite", "LeadWhite", "UltramarineBlue", "EmeraldGreen", "ChromeYellow", "BoneBlack", "CobaltBlue")
+PAINTS = (
+    "ZincWhite",
+    "LeadWhite",
+    "UltramarineBlue",
+    "EmeraldGreen",
+    "ChromeYellow",
+    "BoneBlack",
+    "CobaltBlue",
+)
 
 
 def paints():
@@ -34,7 +44,9 @@ def _solved(number, wavelengths, ground):
 
     def table(values):
         size = next(iter(values.values())).size
-        padded = {name: np.resize(column, -(-size // 128) * 128) for name, column in values.items()}  # of few shapes
+        padded = {
+            name: np.resize(column, -(-size // 128) * 128) for name, column in values.items()
+        }  # of few shapes
         return spectra(REGIONS[number], known, np.asarray(ground), padded)[:size]
 
     return table
@@ -49,4 +61,6 @@ def scene(seed: int = 5) -> Painting:
 
 def image(spectra: np.ndarray, wavelengths: np.ndarray) -> xarray.DataArray:
     """An image as `open_cube` gives them."""
-    return xarray.DataArray(spectra, dims=("y", "x", "wavelength"), coords={"wavelength": wavelengths})
+    return xarray.DataArray(
+        spectra, dims=("y", "x", "wavelength"), coords={"wavelength": wavelengths}
+    )

@@ -1,4 +1,6 @@
-"""The same work on a dask cluster: the same numbers, few pieces at a time, and dead workers survived."""
+"""The same work on a dask cluster: the same numbers, few pieces at a time, and dead workers
+survived.
+"""
 
 import os
 import signal
@@ -27,7 +29,11 @@ def client():
     """Two worker processes on this machine."""
     with (
         distributed.LocalCluster(
-            n_workers=2, threads_per_worker=1, dashboard_address=None, host="127.0.0.1", silence_logs=60
+            n_workers=2,
+            threads_per_worker=1,
+            dashboard_address=None,
+            host="127.0.0.1",
+            silence_logs=60,
         ) as cluster,
         distributed.Client(cluster, set_as_default=False) as client,
     ):
@@ -68,7 +74,9 @@ def test_a_cluster_finds_the_same_numbers(tmp_path, client, undisturbed):  # noq
     )
     deadline = time.monotonic() + 10
     while left and time.monotonic() < deadline:
-        left = client.run_on_scheduler(lambda dask_scheduler: [k for k in dask_scheduler.tasks if "glazejax" in str(k)])
+        left = client.run_on_scheduler(
+            lambda dask_scheduler: [k for k in dask_scheduler.tasks if "glazejax" in str(k)]
+        )
     assert not left
 
 
@@ -152,7 +160,9 @@ def test_a_piece_that_fails_is_tried_again_but_not_for_ever(tmp_path, client):
 def test_a_piece_that_kills_every_worker_ends_in_a_sentence(tmp_path, client):
     results = KeyedResults(tmp_path / "work")
     (tmp_path / "tries").mkdir()
-    with pytest.raises(RuntimeError, match="took on b died one after another: have they enough memory"):
+    with pytest.raises(
+        RuntimeError, match="took on b died one after another: have they enough memory"
+    ):
         finish(["a", "b"], Failing(str(tmp_path / "tries"), 99, kills=True), results, client)
 
 
@@ -175,7 +185,11 @@ def test_a_cluster_that_is_lost_ends_in_a_sentence(tmp_path, undisturbed):  # no
     store = store_at(tmp_path / "map.zarr")
     with (
         distributed.LocalCluster(
-            n_workers=1, threads_per_worker=1, processes=False, dashboard_address=None, silence_logs=60
+            n_workers=1,
+            threads_per_worker=1,
+            processes=False,
+            dashboard_address=None,
+            silence_logs=60,
         ) as cluster,
         connected(cluster.scheduler_address, seconds=1) as client,
     ):
@@ -199,7 +213,9 @@ def test_a_cluster_that_is_lost_ends_in_a_sentence(tmp_path, undisturbed):  # no
 def test_a_cluster_without_workers_ends_in_a_sentence(tmp_path, monkeypatch):
     monkeypatch.setattr("glazefit.mapping.cluster._PATIENCE", 0.2)
     with (
-        distributed.LocalCluster(n_workers=0, processes=False, dashboard_address=None, silence_logs=60) as cluster,
+        distributed.LocalCluster(
+            n_workers=0, processes=False, dashboard_address=None, silence_logs=60
+        ) as cluster,
         distributed.Client(cluster, set_as_default=False) as client,
         pytest.raises(RuntimeError, match="has no workers; start some"),
     ):
@@ -208,7 +224,9 @@ def test_a_cluster_without_workers_ends_in_a_sentence(tmp_path, monkeypatch):
 
 def test_no_scheduler_is_said_in_one_line():
     with (
-        pytest.raises(ValueError, match=r"--scheduler tcp://127\.0\.0\.1:1: no dask scheduler answers there") as found,
+        pytest.raises(
+            ValueError, match=r"--scheduler tcp://127\.0\.0\.1:1: no dask scheduler answers there"
+        ) as found,
         connected("tcp://127.0.0.1:1", seconds=0.5),
     ):
         pass

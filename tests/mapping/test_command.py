@@ -1,4 +1,6 @@
-"""The command `glazejax map`, with a solver that answers at once: what is asked for is written, and nothing is lost."""
+"""The command `glazejax map`, with a solver that answers at once: what is asked for is written, and
+nothing is lost.
+"""
 
 import csv
 import functools
@@ -44,7 +46,8 @@ def cube(tmp_path_factory) -> Path:
     values[0, 5, 3] = np.nan
     header.with_suffix(".dat").write_bytes(values.transpose(2, 0, 1).tobytes())
     header.write_text(
-        f"ENVI\nsamples = {SHAPE[1]}\nlines = {SHAPE[0]}\nbands = {GRID.size}\nheader offset = 0\ndata type = 4\n"
+        f"ENVI\nsamples = {SHAPE[1]}\nlines = {SHAPE[0]}\nbands = {GRID.size}\nheader offset = "
+        "0\ndata type = 4\n"
         "interleave = bsq\nbyte order = 0\nwavelength units = Nanometers\n"
         f"wavelength = {{ {', '.join(f'{nm:g}' for nm in GRID)} }}\n"
     )
@@ -61,7 +64,9 @@ class Halves:
         y, x = window.shape
         arrays = {}
         for variable in VARIABLES:
-            further = tuple({"place": 3, "paint": self.paints, "rgb": 3}[name] for name in variable.further)
+            further = tuple(
+                {"place": 3, "paint": self.paints, "rgb": 3}[name] for name in variable.further
+            )
             arrays[variable.name] = np.full((y, x, *further), variable.fill, variable.dtype)
         arrays["status"][:] = Status.MAPPED
         arrays["members"][..., 0] = 0
@@ -154,7 +159,10 @@ def mapped(monkeypatch) -> list[dict]:
         (["none.hdr", "--opaque", "--bands", "700-400"], "--bands is '700-400'"),
         (["none.hdr", "--opaque", "--wavelengths", "none.txt"], "--wavelengths is 'none.txt'"),
         (["none.hdr", "--opaque", "--white-reflectance", "99"], "--white-reflectance is 99"),
-        (["none.hdr", "--opaque", "--white-reflectance", "none.txt"], "neither a number nor a file"),
+        (
+            ["none.hdr", "--opaque", "--white-reflectance", "none.txt"],
+            "neither a number nor a file",
+        ),
         (["none.hdr", "--opaque", "--export", "map.tif"], "--export map.tif: maps are exported as"),
         (["none.hdr", "--opaque", "--out", "none.hdr"], "which is CUBE"),
         (["none.hdr", "--opaque", "--out", "none/map.zarr"], "does not exist"),
@@ -188,13 +196,20 @@ def test_options_are_read_as_they_are_written():
             read_spots(texts, ["C"])
 
 
-def test_a_map_its_report_its_table_and_its_exports_are_written(tmp_path, monkeypatch, cube, mapped):
+def test_a_map_its_report_its_table_and_its_exports_are_written(
+    tmp_path, monkeypatch, cube, mapped
+):
     monkeypatch.chdir(tmp_path)
     files = ["--report", "page", "--csv", "sets.csv", "--export", "map.nc", "--out", "panel.zarr"]
     done = run(cube, "--ground", "0.9", "--only", "ZincWhite,Eosin", *files)
     assert done.exception is None, done.output
     assert "10 x 12 pixels: 110 mapped; 10 left out by the mask." in done.output
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["map.nc", "page", "panel.zarr", "sets.csv"]
+    assert sorted(path.name for path in tmp_path.iterdir()) == [
+        "map.nc",
+        "page",
+        "panel.zarr",
+        "sets.csv",
+    ]
     rows = list(csv.DictReader((tmp_path / "sets.csv").open()))
     assert [(row["paints"], row["pixels"], float(row["share"])) for row in rows] == [
         ("ZincWhite", "55", 0.5),
@@ -208,7 +223,9 @@ def test_a_map_its_report_its_table_and_its_exports_are_written(tmp_path, monkey
     with xarray.open_dataset(tmp_path / "map.nc", engine="h5netcdf") as exported:
         assert int((exported.status == Status.MAPPED).sum()) == 110
     page = (tmp_path / "page" / "report.html").read_text()
-    command = f"glazejax map {cube} --out panel.zarr --only ZincWhite,Eosin --ground 0.9 --report page"
+    command = (
+        f"glazejax map {cube} --out panel.zarr --only ZincWhite,Eosin --ground 0.9 --report page"
+    )
     for words in (
         command,
         "7 spectra of the image were searched in full",
@@ -219,25 +236,33 @@ def test_a_map_its_report_its_table_and_its_exports_are_written(tmp_path, monkey
         assert words in page
     # What is there already is not replaced unasked, and a finished map is not made again.
     for kept in ("--csv", "--export", "--report"):
-        assert isinstance(run(cube, "--ground", "0.9", *files[: files.index(kept) + 2]).exception, FileExistsError)
+        assert isinstance(
+            run(cube, "--ground", "0.9", *files[: files.index(kept) + 2]).exception, FileExistsError
+        )
     again = run(cube, "--ground", "0.9", "--only", "ZincWhite,Eosin", "--out", "panel.zarr")
     assert again.exception is None, again.output
     other = run(cube, "--ground", "0.9", "--only", "ZincWhite", "--out", "panel.zarr")
     assert "was begun with other options (paints: " in str(other.exception)
     anew = run(cube, "--ground", "0.9", "--only", "ZincWhite,BoneBlack", *files, "--overwrite")
     assert anew.exception is None, anew.output
-    assert json.loads((tmp_path / "panel.zarr" / "zarr.json").read_text())["attributes"]["paints"] == [
+    assert json.loads((tmp_path / "panel.zarr" / "zarr.json").read_text())["attributes"][
+        "paints"
+    ] == [
         "ZincWhite",
         "BoneBlack",
     ]
 
 
-def test_an_interrupt_keeps_what_is_finished_and_says_how_to_go_on(tmp_path, monkeypatch, cube, mapped):
+def test_an_interrupt_keeps_what_is_finished_and_says_how_to_go_on(
+    tmp_path, monkeypatch, cube, mapped
+):
     monkeypatch.chdir(tmp_path)
     mapped.append({"stop": 2})
     done = run(cube, "--opaque", "--only", "ZincWhite,Eosin")
     assert done.exit_code == 130
-    assert "2 of 3 windows are finished and kept in map.zarr; the same command goes on" in " ".join(done.output.split())
+    assert "2 of 3 windows are finished and kept in map.zarr; the same command goes on" in " ".join(
+        done.output.split()
+    )
     mapped.clear()
     again = run(cube, "--opaque", "--only", "ZincWhite,Eosin")
     assert again.exception is None, again.output
@@ -258,7 +283,17 @@ def test_an_interrupt_before_there_is_a_map_is_only_that(tmp_path, monkeypatch, 
 
 def test_ground_and_spots_are_measured_in_the_cube(tmp_path, monkeypatch, cube, mapped):
     monkeypatch.chdir(tmp_path)
-    done = run(cube, "--ground", "cube:0:1,2:10", "--only", "ZincWhite", "--spot", "Grey=2:4,3:6", "--spot", "Bare=0,1")
+    done = run(
+        cube,
+        "--ground",
+        "cube:0:1,2:10",
+        "--only",
+        "ZincWhite",
+        "--spot",
+        "Grey=2:4,3:6",
+        "--spot",
+        "Bare=0,1",
+    )
     assert done.exception is None, done.output
     (call,) = mapped
     assert call["grounds"].shape == GRID.shape
@@ -281,8 +316,14 @@ def test_ground_and_spots_are_measured_in_the_cube(tmp_path, monkeypatch, cube, 
 
 def test_a_ground_needs_to_be_known_only_where_paints_are(tmp_path, monkeypatch, cube, mapped):
     monkeypatch.chdir(tmp_path)
-    paints = [f"{name},{nm:g},1000,50000" for name in ("Own", "Other") for nm in np.arange(450.0, 641.0, 10.0)]
-    Path("own.csv").write_text("\n".join(["pigment,wavelength_nm,absorption,scattering", *paints]) + "\n")
+    paints = [
+        f"{name},{nm:g},1000,50000"
+        for name in ("Own", "Other")
+        for nm in np.arange(450.0, 641.0, 10.0)
+    ]
+    Path("own.csv").write_text(
+        "\n".join(["pigment,wavelength_nm,absorption,scattering", *paints]) + "\n"
+    )
     Path("ground.csv").write_text("Name,450,550,650\ncard,0.5,0.6,0.7\n")
     done = run(cube, "--pigments", "own.csv", "--ground", "ground.csv")
     assert done.exception is None, done.output
@@ -294,8 +335,12 @@ def test_a_ground_needs_to_be_known_only_where_paints_are(tmp_path, monkeypatch,
 def test_a_dask_scheduler_is_asked(tmp_path, monkeypatch, cube, mapped):
     distributed = pytest.importorskip("distributed")
     monkeypatch.chdir(tmp_path)
-    with distributed.LocalCluster(n_workers=1, processes=False, dashboard_address=None, silence_logs=60) as cluster:
-        done = run(cube, "--opaque", "--only", "ZincWhite,Eosin", "--scheduler", cluster.scheduler_address)
+    with distributed.LocalCluster(
+        n_workers=1, processes=False, dashboard_address=None, silence_logs=60
+    ) as cluster:
+        done = run(
+            cube, "--opaque", "--only", "ZincWhite,Eosin", "--scheduler", cluster.scheduler_address
+        )
         assert done.exception is None, done.output
         assert mapped[0]["client"].status == "closed"
     assert int((open_map("map.zarr").status == Status.MAPPED).sum()) == 110
@@ -317,7 +362,15 @@ def test_the_example_is_made_and_mapped(tmp_path, monkeypatch, mapped):
     # A second run maps the same painting.
     before = (tmp_path / "small-example" / "painting.dat").stat().st_mtime_ns
     assert (
-        run("--example", "--out", "small.zarr", "--opaque", "--only", "ZincWhite,BoneBlack", "--overwrite").exception
+        run(
+            "--example",
+            "--out",
+            "small.zarr",
+            "--opaque",
+            "--only",
+            "ZincWhite,BoneBlack",
+            "--overwrite",
+        ).exception
         is None
     )
     assert (tmp_path / "small-example" / "painting.dat").stat().st_mtime_ns == before

@@ -1,4 +1,6 @@
-"""The example painting: its spectra are the solver's, its truth is told, and blocks of any size hold the same."""
+"""The example painting: its spectra are the solver's, its truth is told, and blocks of any size
+hold the same.
+"""
 
 import numpy as np
 import pytest
@@ -33,7 +35,9 @@ def test_pixels_are_what_the_solver_gives_for_their_truth(scene):
         for coat in range(coats[0].max() + 1):
             places = np.flatnonzero((coats[0] == coat) & (members[0] >= 0))
             thick = amounts[:, places].astype(float)
-            medium = Mixture([paints[members[0, i]] for i in places], thick / thick.sum(axis=1, keepdims=True))
+            medium = Mixture(
+                [paints[members[0, i]] for i in places], thick / thick.sum(axis=1, keepdims=True)
+            )
             layers.append(Layer(medium, thick.sum(axis=1)))
         exact = reflectance(Glaze(layers, scene.ground, 1.5), Hemispherical(8.0), tolerance=1e-7)
         worst[REGIONS[number].name] = float(np.abs(np.asarray(exact) - clear[ys, xs]).max())
@@ -69,7 +73,10 @@ def test_foreign_paints_have_no_relative_in_the_catalogue(scene):
     truth = scene.truth(0, 48)
     there = (truth["members"] >= len(scene.paints)).any(axis=-1)
     np.testing.assert_array_equal(there, truth["foreign"])
-    assert scene.names[truth["members"][truth["region"] == NUMBER["foreign stroke"]][0, 0]] == FOREIGN[0]
+    assert (
+        scene.names[truth["members"][truth["region"] == NUMBER["foreign stroke"]][0, 0]]
+        == FOREIGN[0]
+    )
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -85,10 +92,14 @@ def test_every_painting_has_all_regions_one_to_three_coats_and_some_foreign_pain
     assert 2e-6 < truth["amounts"].sum(axis=-1).min() < truth["amounts"].sum(axis=-1).max() < 1e-4
 
 
-@pytest.mark.parametrize(("dtype", "interleave", "off"), [("float32", "bil", 1e-6), ("uint16", "bip", 5.1e-5)])
+@pytest.mark.parametrize(
+    ("dtype", "interleave", "off"), [("float32", "bil", 1e-6), ("uint16", "bip", 5.1e-5)]
+)
 def test_a_written_painting_reads_as_it_was_made(scene, tmp_path, dtype, interleave, off):
     told = []
-    header = write_painting(tmp_path, scene, dtype, interleave=interleave, told=lambda *n: told.append(n))
+    header = write_painting(
+        tmp_path, scene, dtype, interleave=interleave, told=lambda *n: told.append(n)
+    )
     assert told[-1] == (48, 48)
     cube = read_cube(header)
     np.testing.assert_allclose(cube.wavelengths, GRID)
@@ -96,7 +107,9 @@ def test_a_written_painting_reads_as_it_was_made(scene, tmp_path, dtype, interle
     np.testing.assert_allclose(values, scene.rows(0, 48), rtol=0, atol=off)
     for name, written in read_truth(tmp_path).items():
         np.testing.assert_array_equal(written, scene.truth(0, 48)[name])
-    np.testing.assert_allclose(read_ground(str(tmp_path / "ground.csv")).on(GRID), scene.ground, atol=1e-6)
+    np.testing.assert_allclose(
+        read_ground(str(tmp_path / "ground.csv")).on(GRID), scene.ground, atol=1e-6
+    )
     with pytest.raises(FileExistsError, match="is there already"):
         write_painting(tmp_path, scene)
 

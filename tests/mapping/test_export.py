@@ -32,7 +32,9 @@ class Sparse(Toy):
         maps = super().solve(window)
         random = np.random.default_rng(list(window))
         maps.arrays["status"] = random.choice([1, 1, 1, 2, 5], window.shape).astype(np.uint8)
-        members = np.array([[-1, -1, -1], [0, -1, -1], [1, 2, -1], [0, 1, 2], [0, 1, -1], [2, -1, -1]], np.int16)
+        members = np.array(
+            [[-1, -1, -1], [0, -1, -1], [1, 2, -1], [0, 1, 2], [0, 1, -1], [2, -1, -1]], np.int16
+        )
         maps.arrays["members"] = members[random.integers(0, len(members), window.shape)]
         return maps
 
@@ -157,7 +159,9 @@ def test_envi_reads_back_in_another_program(store, tmp_path):
     assert image.shape == (*SHAPE, len(names))
     assert len(names) == 10 + 3 * len(PAINTS)
     for name, wanted in planes(store).items():
-        np.testing.assert_allclose(image.read_band(names.index(name)), wanted, rtol=1e-6, equal_nan=True)
+        np.testing.assert_allclose(
+            image.read_band(names.index(name)), wanted, rtol=1e-6, equal_nan=True
+        )
     assert float(image.metadata["data ignore value"]) != float(image.metadata["data ignore value"])
     info = image.metadata["map info"]
     assert info[0] == "UTM"

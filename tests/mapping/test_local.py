@@ -41,22 +41,36 @@ class Problem:
         return self.search(self.readings)
 
     def search(self, readings):
-        return list(self.searcher.search(as_measured(self.searcher, readings, self.sd, self.ground)))
+        return list(
+            self.searcher.search(as_measured(self.searcher, readings, self.sd, self.ground))
+        )
 
 
 def sd_of(readings):
     return np.hypot(0.001, Noise().sd(readings))
 
 
-@pytest.fixture(scope="module", params=["over a ground", pytest.param("hiding", marks=pytest.mark.slow)])
+@pytest.fixture(
+    scope="module", params=["over a ground", pytest.param("hiding", marks=pytest.mark.slow)]
+)
 def problem(request):
     scene = small.scene()
     bands = WorkingBands.of(scene.wavelengths, small.paints())
-    searcher = Searcher.of(bands.wavelengths, small.paints(), opaque=request.param == "hiding", max_paints=2)
+    searcher = Searcher.of(
+        bands.wavelengths, small.paints(), opaque=request.param == "hiding", max_paints=2
+    )
     ground = None if request.param == "hiding" else scene.ground @ bands.mean
     spectra = scene.rows(0, 24, noise=False).reshape(-1, scene.wavelengths.size)
-    readings = bands.means(spectra)[np.random.default_rng(0).choice(len(spectra), COUNT, replace=False)].astype(float)
-    return Problem(searcher, ground, readings, sd_of(readings), searched(searcher, readings, sd_of(readings), ground))
+    readings = bands.means(spectra)[
+        np.random.default_rng(0).choice(len(spectra), COUNT, replace=False)
+    ].astype(float)
+    return Problem(
+        searcher,
+        ground,
+        readings,
+        sd_of(readings),
+        searched(searcher, readings, sd_of(readings), ground),
+    )
 
 
 def probabilities(problem, found):
@@ -102,7 +116,12 @@ def test_near_a_representative_it_follows_the_search(problem):
             one, other = (int(np.argmax(s)) for s in same)
             gain = after[1].log_weight[row, other] - before[1].log_weight[row, one]
             changes.append((gain, _gain(local.take(np.array([n])), step[row])))
-            fits.append([after[1].readings[row, other] - before[1].readings[row, one], local.fitted_by[n] @ step[row]])
+            fits.append(
+                [
+                    after[1].readings[row, other] - before[1].readings[row, one],
+                    local.fitted_by[n] @ step[row],
+                ]
+            )
             there = local.members[n] >= 0
             amounts = after[1].logs[row, other][there] - before[1].logs[row, one][there]
             shift.append(np.max(np.abs(amounts - (local.amounts_by[n] @ step[row])[there])))
@@ -115,7 +134,9 @@ def test_near_a_representative_it_follows_the_search(problem):
     assert np.median(off) < 0.05
     assert np.median(off) < 0.1 * np.median(np.abs(moved))
     assert np.median(shift) < 0.01
-    assert np.median(np.abs(fits[:, 0] - fits[:, 1]).max(axis=1)) < 0.2 * np.median(np.abs(fits[:, 0]).max(axis=1))
+    assert np.median(np.abs(fits[:, 0] - fits[:, 1]).max(axis=1)) < 0.2 * np.median(
+        np.abs(fits[:, 0]).max(axis=1)
+    )
 
 
 def _gain(one, step):

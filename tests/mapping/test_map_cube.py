@@ -73,7 +73,9 @@ def test_every_pixel_is_answered_or_marked(made, cube):
     assert (total.values[mapped] <= 1 + 1e-5).all()
     # A set's paints are at least as probable as the set.
     members = found["members"].values
-    each = np.take_along_axis(found["paint_probability"].values, np.maximum(members, 0).astype(int), axis=-1)
+    each = np.take_along_axis(
+        found["paint_probability"].values, np.maximum(members, 0).astype(int), axis=-1
+    )
     there = (members >= 0) & mapped[..., None]
     assert (each >= found["probability"].values[..., None] - 1e-4)[there].all()
     sums = np.where(there, found["fraction"].values, 0.0).sum(axis=-1)
@@ -99,9 +101,13 @@ def test_pixels_are_answered_as_a_search_answers_them(made, cube, options):
     y, x = np.nonzero(found["status"].values == Status.MAPPED)
     some = np.random.default_rng(0).choice(len(y), 128, replace=False)
     y, x = y[some], x[some]
-    readings = np.concatenate([task.image.read(Window(b, b + 1, a, a + 1))[0] for b, a in zip(y, x, strict=True)])
+    readings = np.concatenate(
+        [task.image.read(Window(b, b + 1, a, a + 1))[0] for b, a in zip(y, x, strict=True)]
+    )
     measured = as_measured(task.searcher, readings, task.image.noise_sd(readings), task.ground)
-    whole = next(weigh(*one, task.searcher.paints, False, 3) for one in task.searcher.search(measured))
+    whole = next(
+        weigh(*one, task.searcher.paints, False, 3) for one in task.searcher.search(measured)
+    )
     members = found["members"].values[y, x]
     same = (np.sort(members, axis=1) == np.sort(whole.members[:, 0], axis=1)).all(axis=1)
     assert same.mean() >= 0.9
@@ -153,7 +159,9 @@ def test_an_interrupted_run_ends_as_an_undisturbed_one(made, cube, options, tmp_
 
     for stage, done in (("searching", 1), ("checking", 0), ("mapping", 0)):
         with pytest.raises(Stopped):
-            map_cube(cube, small.paints(), out=tmp_path / "map", told=stop_at(stage, done), **options)
+            map_cube(
+                cube, small.paints(), out=tmp_path / "map", told=stop_at(stage, done), **options
+            )
     found = map_cube(cube, small.paints(), out=tmp_path / "map", **options)
     for name in made[0].data_vars:
         np.testing.assert_array_equal(found[name].values, made[0][name].values)
@@ -164,7 +172,9 @@ def test_a_cluster_gives_the_same_map(made, cube, options, tmp_path):
     """In double precision, whose digits must arrive on the workers."""
     distributed = pytest.importorskip("distributed")
     with (
-        distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=":0") as cluster,
+        distributed.LocalCluster(
+            n_workers=2, threads_per_worker=1, dashboard_address=":0"
+        ) as cluster,
         distributed.Client(cluster, set_as_default=False) as client,
     ):
         found = map_cube(cube, small.paints(), out=tmp_path / "map", client=client, **options)
@@ -181,7 +191,10 @@ def test_spectra_far_from_all_others_are_searched(cube, options, tmp_path, monke
     spectra[10, 20:30] = cube.values[15, 30]
     grid = np.asarray(cube["wavelength"])
     found = map_cube(
-        small.image(spectra, grid), small.paints(), out=tmp_path / "map", **{**options, "mask": None, "max_paints": 1}
+        small.image(spectra, grid),
+        small.paints(),
+        out=tmp_path / "map",
+        **{**options, "mask": None, "max_paints": 1},
     )
     way = found["way"].values
     assert (way[10, 20:30] == Way.SEARCHED).any()
@@ -195,7 +208,9 @@ def test_a_window_that_the_mask_leaves_out_is_empty(cube, options, tmp_path, mon
     mask = np.zeros((24, 40), bool)
     mask[:12, :20] = True
     mask[14, 30] = True
-    found = map_cube(cube, small.paints()[:2], out=tmp_path / "map", **{**options, "mask": mask, "max_paints": 1})
+    found = map_cube(
+        cube, small.paints()[:2], out=tmp_path / "map", **{**options, "mask": mask, "max_paints": 1}
+    )
     status = found["status"].values
     assert (status[:12, 20:] == Status.MASKED).all()
     assert (status == Status.MAPPED).sum() == 240 - 6 + 1

@@ -135,7 +135,16 @@ def test_each_way_of_an_answer_has_its_words(made, tmp_path):
 
 def test_pictures_lie_beside_the_page(report):
     names = {path.stem for path in (report.parent / "pictures").iterdir()}
-    assert names >= {"true_colour", "sets", "probability", "none", "thickness", "thickness_sd", "misfit", "rmse"}
+    assert names >= {
+        "true_colour",
+        "sets",
+        "probability",
+        "none",
+        "thickness",
+        "thickness_sd",
+        "misfit",
+        "rmse",
+    }
     assert {"LeadWhite_probability", "LeadWhite_amount"} <= names
     assert "CalciumCarbonate_probability" not in names
     for path in (report.parent / "pictures").iterdir():
@@ -154,7 +163,9 @@ def test_a_map_that_is_not_finished_or_empty_says_so(made, tmp_path):
     dataset, tallies, sets = made
     part = dataset.copy(deep=True)
     part["status"][20:] = Status.UNDONE
-    page = write_report(part, tallies, sets, replace(ABOUT, notes=()), tmp_path / "part").read_text(encoding="utf-8")
+    page = write_report(part, tallies, sets, replace(ABOUT, notes=()), tmp_path / "part").read_text(
+        encoding="utf-8"
+    )
     assert "Not finished" in page
     assert "68.8 % of the map is not done yet" in words(page)
     part["status"][:] = Status.DARK

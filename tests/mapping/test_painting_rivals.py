@@ -1,4 +1,6 @@
-"""The methods that maps are compared with find what their own theory makes, and scores count what they say."""
+"""The methods that maps are compared with find what their own theory makes, and scores count what
+they say.
+"""
 
 import numpy as np
 import pytest
@@ -52,7 +54,11 @@ def truth(members, amounts, foreign=None):
 
 
 def test_a_right_answer_in_any_order_is_right_in_all():
-    known = truth([[0, 2, -1], [1, -1, -1], [0, 5, -1]], [[1e-5, 3e-5, 0], [2e-5, 0, 0], [1e-5, 1e-5, 0]], [0, 0, 1])
+    known = truth(
+        [[0, 2, -1], [1, -1, -1], [0, 5, -1]],
+        [[1e-5, 3e-5, 0], [2e-5, 0, 0], [1e-5, 1e-5, 0]],
+        [0, 0, 1],
+    )
     answer = Answer(
         np.array([[2, 0, -1], [1, -1, -1], [3, -1, -1]]),
         np.array([[0.75, 0.25, 0], [1, 0, 0], [1, 0, 0]]),
@@ -84,7 +90,12 @@ def test_what_is_wrong_counts_by_how_much():
 
 def test_paints_of_one_pigment_count_as_one_where_pigments_are_asked_for():
     known = truth([[0, 2, -1], [0, -1, -1]], [[1e-5, 1e-5, 0], [1e-5, 0, 0]])
-    answer = Answer(np.array([[1, 2, -1], [2, -1, -1]]), np.full((2, 3), 0.5), np.full(2, np.nan), np.zeros(2, bool))
+    answer = Answer(
+        np.array([[1, 2, -1], [2, -1, -1]]),
+        np.full((2, 3), 0.5),
+        np.full(2, np.nan),
+        np.zeros(2, bool),
+    )
     found = score(known, answer, ("ZincWhite", "ZincWhiteLinseed", "LeadWhite"))
     assert (found.right_set, found.right_pigments) == (0.0, 0.5)
 
@@ -127,7 +138,10 @@ def test_two_constants_are_fitted_to_films_over_black_and_white(flux, paints):
     # Constants of radiative transfer turned into two are a worse start.
     k = 2.0 * np.array([np.asarray(p.absorption) for p in paints])
     s = 0.75 * np.array([np.asarray(p.scattering) for p in paints])
-    assert np.abs(flux.reading(k * 25e-6, s * 25e-6, 0.93) - exact).mean() > np.abs(ours - exact).mean()
+    assert (
+        np.abs(flux.reading(k * 25e-6, s * 25e-6, 0.93) - exact).mean()
+        > np.abs(ours - exact).mean()
+    )
 
 
 def test_unmixing_by_two_fluxes_finds_what_two_fluxes_made(flux):
@@ -185,7 +199,9 @@ def test_pixels_are_drawn_with_their_truth_and_a_perfect_map_is_right():
     part = only(every, answer_of_map(arrays), every.coats == 3)
     assert set(part[0].coats) == {3}
     assert score(*part, scene.names).right_set == 1
-    mixed = dict(arrays, members=np.where((every.coats == 2).reshape(100, 40, 1), -1, arrays["members"]))
+    mixed = dict(
+        arrays, members=np.where((every.coats == 2).reshape(100, 40, 1), -1, arrays["members"])
+    )
     assert by_coats(every, answer_of_map(mixed), scene.names) == (1, 0, 1)
 
 

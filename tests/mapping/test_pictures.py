@@ -29,12 +29,25 @@ from glazefit.mapping.pictures import (
 from .truth_map import GRID, truth_map
 
 pytest.importorskip("xarray")
-# One or two kinds of cones missing, on linear sRGB: G. Machado, M. Oliveira, L. Fernandes, IEEE TVCG 15:1291 (2009).
+# One or two kinds of cones missing, on linear sRGB: G. Machado, M. Oliveira, L. Fernandes, IEEE
+# TVCG 15:1291 (2009).
 CONES = {
     "three": np.eye(3),
-    "no long": [[0.152286, 1.052583, -0.204868], [0.114503, 0.786281, 0.099216], [-0.003882, -0.048116, 1.051998]],
-    "no middle": [[0.367322, 0.860646, -0.227968], [0.280085, 0.672501, 0.047413], [-0.01182, 0.04294, 0.968881]],
-    "no short": [[1.255528, -0.076749, -0.178779], [-0.078411, 0.930809, 0.147602], [0.004733, 0.691367, 0.3039]],
+    "no long": [
+        [0.152286, 1.052583, -0.204868],
+        [0.114503, 0.786281, 0.099216],
+        [-0.003882, -0.048116, 1.051998],
+    ],
+    "no middle": [
+        [0.367322, 0.860646, -0.227968],
+        [0.280085, 0.672501, 0.047413],
+        [-0.01182, 0.04294, 0.968881],
+    ],
+    "no short": [
+        [1.255528, -0.076749, -0.178779],
+        [-0.078411, 0.930809, 0.147602],
+        [0.004733, 0.691367, 0.3039],
+    ],
 }
 
 
@@ -60,7 +73,11 @@ def rgb(colour):
 def test_every_pixel_is_counted_once(scene, dataset, look):
     truth = scene.truth(0, 96)
     mapped = dataset["status"].values == Status.MAPPED
-    assert look.status == {Status.MAPPED: mapped.sum(), Status.MASKED: 3 * 128, Status.SATURATED: 24}
+    assert look.status == {
+        Status.MAPPED: mapped.sum(),
+        Status.MASKED: 3 * 128,
+        Status.SATURATED: 24,
+    }
     assert sum(look.sets.values()) == look.mapped == sum(look.ways.values())
     assert look.sets[()] == np.sum(mapped & truth["foreign"])
     assert look.explained == look.mapped - look.sets[()]
@@ -116,7 +133,9 @@ def test_amounts_are_those_of_the_truth(scene, look):
     known = (look.examples["status"] == Status.MAPPED) & ~truth["foreign"]
     for paint in found_paints(look):
         amount = np.where(truth["members"] == paint, truth["amounts"], 0.0).sum(axis=-1)
-        np.testing.assert_allclose(look.paint_amount[known][:, paint], amount[known], rtol=1e-5, atol=1e-12)
+        np.testing.assert_allclose(
+            look.paint_amount[known][:, paint], amount[known], rtol=1e-5, atol=1e-12
+        )
     assert np.isnan(look.paint_amount[~known]).all()
 
 
@@ -144,7 +163,9 @@ def test_the_legend_map_has_the_colour_of_each_set_and_stripes_for_none(look):
     assert rest.any()
     assert (small[look.examples["status"] != Status.MAPPED] == rgb(BLANK)).all()
     none = image[look.where(()).repeat(times, axis=0).repeat(times, axis=1)]
-    assert {tuple(colour) for colour in np.unique(none, axis=0)} == {tuple(rgb(stripe)) for stripe in STRIPES}
+    assert {tuple(colour) for colour in np.unique(none, axis=0)} == {
+        tuple(rgb(stripe)) for stripe in STRIPES
+    }
 
 
 def test_numbers_of_sets_stand_within_them(look):
@@ -183,7 +204,9 @@ def test_a_number_is_its_colour_and_grey_where_it_is_not_known():
     side = image.shape[1] // 2
     corners = image[:: 2 * side - 1, :: 2 * side - 1]
     for at, level in (((0, 0), 0.0), ((0, 1), 0.5), ((1, 0), 1.0)):
-        np.testing.assert_allclose(corners[at], np.array(colormaps["viridis"](level)[:3]) * 255, atol=1)
+        np.testing.assert_allclose(
+            corners[at], np.array(colormaps["viridis"](level)[:3]) * 255, atol=1
+        )
     assert len(set(corners[1, 1])) == 1
 
 
@@ -193,12 +216,19 @@ def test_false_colour_takes_infrared_where_there_is_some(scene):
     grid = np.linspace(400.0, 1000.0, 61)
     values = np.zeros((4, 5, 61), np.float32)
     values[..., grid > 850] = np.linspace(0, 1, 20).reshape(4, 5, 1)
-    image, words = false_colour(xr.DataArray(values, dims=("y", "x", "wavelength"), coords={"wavelength": grid}))
+    image, words = false_colour(
+        xr.DataArray(values, dims=("y", "x", "wavelength"), coords={"wavelength": grid})
+    )
     assert words == "red 900 nm, green 650 nm, blue 550 nm"
     assert image[..., 0].max() == 255
     assert image[..., 1:].max() == 0
     assert "red 690 nm" in false_colour(
-        xr.DataArray(scene.rows(0, 9), dims=("y", "x", "wavelength"), coords={"wavelength": scene.wavelengths}), 3
+        xr.DataArray(
+            scene.rows(0, 9),
+            dims=("y", "x", "wavelength"),
+            coords={"wavelength": scene.wavelengths},
+        ),
+        3,
     )[1].replace("680", "690")
 
 

@@ -41,7 +41,9 @@ def same(one: MapStore, other: MapStore) -> None:
         assert ours[variable.name].dtype == variable.dtype
     (tallies, sets), (others, other_sets) = one.sums(), other.sums()
     assert tallies == others
-    assert pack(tallies, dict(sorted(sets.items()))) == pack(others, dict(sorted(other_sets.items())))
+    assert pack(tallies, dict(sorted(sets.items()))) == pack(
+        others, dict(sorted(other_sets.items()))
+    )
 
 
 def test_windows_cover_an_image_once():
@@ -53,7 +55,9 @@ def test_windows_cover_an_image_once():
     assert (seen == 1).all()
 
 
-@pytest.mark.parametrize("key", ["", "y0-1", "y0-1_x0", "y0-1_x0-1.npz", "y00-1_x0-1", "y0-1_x0-1-2", "a0-1_x0-1"])
+@pytest.mark.parametrize(
+    "key", ["", "y0-1", "y0-1_x0", "y0-1_x0-1.npz", "y00-1_x0-1", "y0-1_x0-1-2", "a0-1_x0-1"]
+)
 def test_what_is_no_key_of_a_window_is_refused(key: str):
     with pytest.raises(ValueError, match="names no window"):
         Window.from_key(key)
@@ -68,7 +72,9 @@ def test_windows_fit_the_memory_whatever_the_size(shape):
         assert 600 * 2**20 + rows * columns * 200 * 64 <= memory
         # No window is a thin strip beside large ones.
         assert (-shape[0]) % rows < shape[0] / 2 + 1
-    with pytest.raises(ValueError, match=r"memory bound is 300 MiB; with 200 bands it must be at least \d+ MiB"):
+    with pytest.raises(
+        ValueError, match=r"memory bound is 300 MiB; with 200 bands it must be at least \d+ MiB"
+    ):
         chunk_shape(shape, 200, 64, 300 * 2**20)
 
 
@@ -84,7 +90,9 @@ def test_what_is_written_reads_back(undisturbed: MapStore):
         maps = Toy().solve(window)
         for variable in VARIABLES:
             there = dataset[variable.name][window.slices].values
-            wanted = maps.arrays.get(variable.name, np.full(there.shape, variable.fill, variable.dtype))
+            wanted = maps.arrays.get(
+                variable.name, np.full(there.shape, variable.fill, variable.dtype)
+            )
             np.testing.assert_array_equal(there, wanted)
 
 
@@ -154,7 +162,9 @@ def test_a_run_goes_on_with_what_is_not_done(tmp_path, undisturbed):
         run_chunks(store, Counted())
     assert store.done() == set(Counted.asked)
     again: list[Window] = []
-    run_chunks(store_at(tmp_path / "map.zarr"), Toy(), told=lambda window, maps: again.append(window))
+    run_chunks(
+        store_at(tmp_path / "map.zarr"), Toy(), told=lambda window, maps: again.append(window)
+    )
     assert not set(again) & set(Counted.asked)
     same(store, undisturbed)
 
@@ -162,16 +172,27 @@ def test_a_run_goes_on_with_what_is_not_done(tmp_path, undisturbed):
 def test_a_map_begun_with_other_options_is_kept(tmp_path):
     store = store_at(tmp_path / "map.zarr")
     run_chunks(store, Toy())
-    with pytest.raises(ValueError, match=r"other options \(noise: 0.003 there, 0.01 now\).*--overwrite"):
+    with pytest.raises(
+        ValueError, match=r"other options \(noise: 0.003 there, 0.01 now\).*--overwrite"
+    ):
         MapStore.create(store.path, SHAPE, CHUNK, PAINTS, options={"noise": 0.01, "layers": 1})
     with pytest.raises(ValueError, match=r"shape: \[70, 90\] there, \[70, 91\] now; paints: "):
-        MapStore.create(store.path, (70, 91), CHUNK, PAINTS[:2], options={"noise": 0.003, "layers": 1})
+        MapStore.create(
+            store.path, (70, 91), CHUNK, PAINTS[:2], options={"noise": 0.003, "layers": 1}
+        )
     assert len(store_at(store.path).done()) == len(store.windows())
     # The windows of a map that is there stay, whatever a new memory bound would make of them.
-    goes_on = MapStore.create(store.path, SHAPE, (10, 10), PAINTS, options={"noise": 0.003, "layers": 1})
+    goes_on = MapStore.create(
+        store.path, SHAPE, (10, 10), PAINTS, options={"noise": 0.003, "layers": 1}
+    )
     assert goes_on.chunk == CHUNK
     fresh = MapStore.create(
-        store.path, SHAPE, (10, 10), PAINTS, options={"noise": 0.01, "path": Path("a"), "t": (1,)}, overwrite=True
+        store.path,
+        SHAPE,
+        (10, 10),
+        PAINTS,
+        options={"noise": 0.01, "path": Path("a"), "t": (1,)},
+        overwrite=True,
     )
     assert not fresh.done()
     assert fresh.chunk == (10, 10)
@@ -205,7 +226,10 @@ def test_a_map_of_another_format_is_refused(tmp_path):
 
 def test_what_a_killed_run_left_half_written_is_taken_away(tmp_path):
     store = store_at(tmp_path / "map.zarr")
-    left = [store.path / "misfit" / "c" / "0" / "0.1234.partial", store.path / ".glazejax" / "done" / "one.npz.part"]
+    left = [
+        store.path / "misfit" / "c" / "0" / "0.1234.partial",
+        store.path / ".glazejax" / "done" / "one.npz.part",
+    ]
     left[0].parent.mkdir(parents=True)
     for path in left:
         path.write_bytes(b"half")
@@ -236,9 +260,12 @@ def test_arrays_that_do_not_fit_are_refused(tmp_path):
     assert not store.done()
 
 
-@pytest.mark.parametrize("number", [errno.ENOSPC, pytest.param(errno.EDQUOT, marks=pytest.mark.slow)])
 @pytest.mark.parametrize(
-    "failing", [3, pytest.param(70, marks=pytest.mark.slow), pytest.param(150, marks=pytest.mark.slow), 160]
+    "number", [errno.ENOSPC, pytest.param(errno.EDQUOT, marks=pytest.mark.slow)]
+)
+@pytest.mark.parametrize(
+    "failing",
+    [3, pytest.param(70, marks=pytest.mark.slow), pytest.param(150, marks=pytest.mark.slow), 160],
 )
 def test_a_full_disk_keeps_what_is_finished(tmp_path, monkeypatch, undisturbed, number, failing):
     """Every n-th file that is put in place fails, whether of an array or of a mark."""
@@ -325,11 +352,14 @@ def test_a_run_killed_at_random_moments_ends_as_an_undisturbed_one(tmp_path, und
     marks, kept, kills = path / ".glazejax" / "done", 0, 0
     while kept < 25:
         run = subprocess.Popen(
-            [sys.executable, "-m", "tests.mapping.toy", str(path), "0.002"], env=environment, stdout=subprocess.PIPE
+            [sys.executable, "-m", "tests.mapping.toy", str(path), "0.002"],
+            env=environment,
+            stdout=subprocess.PIPE,
         )
         assert run.stdout is not None
         assert run.stdout.readline() == b"begun\n"
-        # A window is mostly written, not solved: some time after a mark the next one is being written.
+        # A window is mostly written, not solved: some time after a mark the next one is being
+        #     written.
         wanted = kept + chance.randint(0, 4)
         while len(list(marks.glob("*.npz"))) < wanted and run.poll() is None:
             time.sleep(0.002)

@@ -10,7 +10,10 @@ from glazefit.mapping.survey import Features, nearest, spread_out, survey
 @given(st.integers(2, 200), st.integers(1, 40), st.integers(0, 2**31))
 def test_the_nearest_centre_is_the_nearest(count, centres, seed):
     rng = np.random.default_rng(seed)
-    points, middles = rng.standard_normal((count, 5)).astype("f4"), rng.standard_normal((centres, 5)).astype("f4")
+    points, middles = (
+        rng.standard_normal((count, 5)).astype("f4"),
+        rng.standard_normal((centres, 5)).astype("f4"),
+    )
     apart = np.linalg.norm(points[:, None] - middles, axis=-1)
     which, far = nearest(points, middles)
     np.testing.assert_allclose(apart[np.arange(count), which], apart.min(axis=1), atol=1e-5)
@@ -24,7 +27,9 @@ def test_points_are_spread_out_to_a_reach(count, seed):
     apart = np.linalg.norm(points[:, None] - points[chosen], axis=-1)
     assert apart.min(axis=1).max() <= max(reach, 1e-12) <= 0.5 + 1e-12
     # All that are chosen are farther from each other than the reach.
-    between = np.linalg.norm(points[chosen][:, None] - points[chosen], axis=-1) + 10.0 * np.eye(len(chosen))
+    between = np.linalg.norm(points[chosen][:, None] - points[chosen], axis=-1) + 10.0 * np.eye(
+        len(chosen)
+    )
     assert between.min() > 0.5
     few, _ = spread_out(points, 2, 0.0)
     assert len(few) == 2
@@ -33,7 +38,9 @@ def test_points_are_spread_out_to_a_reach(count, seed):
 def test_representatives_stand_in_the_middle_of_what_they_stand_for():
     rng = np.random.default_rng(2)
     kinds = 0.2 + 0.6 * rng.random((4, 12))
-    spectra = (kinds[rng.integers(0, 4, 4000)] + 0.001 * rng.standard_normal((4000, 12))).astype("f4")
+    spectra = (kinds[rng.integers(0, 4, 4000)] + 0.001 * rng.standard_normal((4000, 12))).astype(
+        "f4"
+    )
     found = survey(spectra, 4, 0.1)
     assert len(found.readings) == 4
     apart = np.abs(found.readings[:, None] - kinds).max(axis=-1).min(axis=1)
@@ -45,6 +52,7 @@ def test_features_of_alike_spectra_differ_little():
     rng = np.random.default_rng(3)
     spectra = 0.05 + 0.9 * rng.random((300, 20))
     features = Features.of(spectra)
-    # One number more or less everywhere, of three per cent and of what is near black, is a difference of some units.
+    # One number more or less everywhere, of three per cent and of what is near black, is a
+    # difference of some units.
     brighter = features(spectra * 1.03) - features(spectra)
     assert 1.0 < np.median(np.linalg.norm(brighter, axis=1)) < np.sqrt(20)

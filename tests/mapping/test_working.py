@@ -19,7 +19,9 @@ def test_bands_are_means_of_what_the_paints_cover():
     assert bands.count.sum() == np.sum((FINE >= 400) & (FINE <= 700))
     assert np.median(np.diff(bands.wavelengths)) == pytest.approx(10.0, abs=0.1)
     # A mean of what is linear is what it is at the mean wavelength.
-    np.testing.assert_allclose(bands.means((0.001 * FINE)[None])[0], 0.001 * bands.wavelengths, rtol=1e-6)
+    np.testing.assert_allclose(
+        bands.means((0.001 * FINE)[None])[0], 0.001 * bands.wavelengths, rtol=1e-6
+    )
 
 
 def test_coarse_bands_stay_as_they_are():
@@ -42,7 +44,10 @@ def test_noise_of_means_is_what_it_is():
     assert float(told.sd(np.asarray(0.4))) == pytest.approx(0.004, rel=0.1)
     seen = bands.means(flat).std(axis=0)
     # What averaging does not take away is added.
-    rest = np.sqrt(bands.noise_sd(np.full(bands.count.shape, 0.4), told) ** 2 - Noise().sd(np.asarray(0.4)) ** 2)
+    rest = np.sqrt(
+        bands.noise_sd(np.full(bands.count.shape, 0.4), told) ** 2
+        - Noise().sd(np.asarray(0.4)) ** 2
+    )
     np.testing.assert_allclose(seen, rest, rtol=0.15)
 
 
@@ -61,10 +66,22 @@ def test_pixels_that_say_nothing_are_marked():
     use = np.ones(9, bool)
     use[8] = False
     status = classify(readings, bands.noise_sd(readings, Noise()), use)
-    wanted = [Status.MAPPED, Status.NO_DATA, Status.SATURATED, Status.NO_DATA, Status.DARK, Status.NEGATIVE]
+    wanted = [
+        Status.MAPPED,
+        Status.NO_DATA,
+        Status.SATURATED,
+        Status.NO_DATA,
+        Status.DARK,
+        Status.NEGATIVE,
+    ]
     wanted += [Status.SATURATED, Status.SATURATED, Status.MASKED]
     assert status.tolist() == wanted
     # Without a detector's end five times too bright is only that.
-    assert classify(bands.means(pixels[6:7]), np.full((1, bands.count.size), 1e-3)).tolist() == [Status.TOO_BRIGHT]
+    assert classify(bands.means(pixels[6:7]), np.full((1, bands.count.size), 1e-3)).tolist() == [
+        Status.TOO_BRIGHT
+    ]
     # Noise about zero is no negative reading.
-    assert classify(readings[:1] - readings[:1].min() - 0.005, np.full((1, bands.count.size), 1e-3))[0] == Status.MAPPED
+    assert (
+        classify(readings[:1] - readings[:1].min() - 0.005, np.full((1, bands.count.size), 1e-3))[0]
+        == Status.MAPPED
+    )

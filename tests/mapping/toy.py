@@ -1,4 +1,6 @@
-"""A solver that maps nothing real: numbers that depend on the window alone, to compare runs bit for bit."""
+"""A solver that maps nothing real: numbers that depend on the window alone, to compare runs bit for
+bit.
+"""
 
 import sys
 import time
@@ -30,9 +32,9 @@ class Toy:
         for variable in VARIABLES:
             shape = (*window.shape, *(sizes[dim] for dim in variable.further))
             whole = np.dtype(variable.dtype).kind != "f"
-            arrays[variable.name] = (random.integers(0, 3, shape) if whole else random.random(shape)).astype(
-                variable.dtype
-            )
+            arrays[variable.name] = (
+                random.integers(0, 3, shape) if whole else random.random(shape)
+            ).astype(variable.dtype)
         arrays["status"] = np.full(window.shape, Status.MAPPED, np.uint8)
         # Some windows are all fill in an array, of which zarr then writes no file.
         if window.x0 == 0:
@@ -52,7 +54,9 @@ class Toy:
 
 
 def store_at(path: str | Path, **more) -> MapStore:
-    return MapStore.create(path, SHAPE, CHUNK, PAINTS, options={"noise": 0.003, "layers": 1}, **more)
+    return MapStore.create(
+        path, SHAPE, CHUNK, PAINTS, options={"noise": 0.003, "layers": 1}, **more
+    )
 
 
 if __name__ == "__main__":

@@ -36,7 +36,10 @@ def truth_map(painting: Painting, *, unit: str | None = "mm"):
     readings, clear = painting.rows(0, height), painting.rows(0, height, noise=False)
     count = len(painting.paints)
     further = {"place": PLACES, "paint": count, "rgb": 3}
-    arrays = {v.name: np.full((height, width, *(further[d] for d in v.further)), v.fill, v.dtype) for v in VARIABLES}
+    arrays = {
+        v.name: np.full((height, width, *(further[d] for d in v.further)), v.fill, v.dtype)
+        for v in VARIABLES
+    }
     status = np.full((height, width), Status.MAPPED, np.uint8)
     status[:3] = Status.MASKED
     status[-4:, -6:] = Status.SATURATED
@@ -87,4 +90,8 @@ def truth_map(painting: Painting, *, unit: str | None = "mm"):
         coordinates,
         {"working_wavelengths": painting.wavelengths.tolist()},
     )
-    return dataset, {"readings": int(mapped.sum()) * painting.wavelengths.size, "way dark": 0, "searches": 812}, sets
+    return (
+        dataset,
+        {"readings": int(mapped.sum()) * painting.wavelengths.size, "way dark": 0, "searches": 812},
+        sets,
+    )

@@ -1,10 +1,12 @@
-"""Light followed path by path through layers under a smooth surface: slow, but it shares nothing with the solvers.
+"""Light followed path by path through layers under a smooth surface: slow, but it shares nothing
+with the solvers.
 
-Paths start as a collimated beam and carry a weight. In each layer they fly an exponential length; at a collision the
-weight loses the absorbed share and the direction turns by Henyey and Greenstein's law. The surface reflects or lets
-through by Fresnel's law (by chance), the ground reflects by Lambert's law (by weight). At every collision and ground
-reflection the light that goes straight out to the eye is added to the reflectance factor ("next event"), so that a
-single direction of viewing is estimated without bins; paths that leave are counted as flux.
+Paths start as a collimated beam and carry a weight. In each layer they fly an exponential length;
+at a collision the weight loses the absorbed share and the direction turns by Henyey and
+Greenstein's law. The surface reflects or lets through by Fresnel's law (by chance), the ground
+reflects by Lambert's law (by weight). At every collision and ground reflection the light that goes
+straight out to the eye is added to the reflectance factor ("next event"), so that a single
+direction of viewing is estimated without bins; paths that leave are counted as flux.
 """
 
 from typing import NamedTuple
@@ -34,9 +36,16 @@ class Paint(NamedTuple):
 
 
 def simulate(
-    paint: Paint, cos_incidence: float, cos_viewing: float, azimuth: np.ndarray, paths: int, seed: int = 0
+    paint: Paint,
+    cos_incidence: float,
+    cos_viewing: float,
+    azimuth: np.ndarray,
+    paths: int,
+    seed: int = 0,
 ) -> Estimate:
-    """Reflectance factor at each azimuth (degrees, 0 the mirror side) and flux that leaves, by ``paths`` paths."""
+    """Reflectance factor at each azimuth (degrees, 0 the mirror side) and flux that leaves, by
+    ``paths`` paths.
+    """
     rng = np.random.default_rng(seed)
     n = paint.refractive_index
     edges = np.concatenate([[0.0], np.cumsum(paint.optical_thickness)])
@@ -47,7 +56,9 @@ def simulate(
     eye = np.stack([sine * np.cos(np.deg2rad(azimuth)), sine * np.sin(np.deg2rad(azimuth))], axis=1)
 
     enter = float(cos_refracted(cos_incidence, n))
-    direction = np.tile([np.sqrt(1.0 - enter**2), 0.0, enter], (paths, 1))  # third component positive downwards
+    direction = np.tile(
+        [np.sqrt(1.0 - enter**2), 0.0, enter], (paths, 1)
+    )  # third component positive downwards
     depth = np.zeros(paths)
     weight = np.full(paths, 1.0 - float(dielectric_reflectance(cos_incidence, n)))
     index = np.arange(paths)
@@ -71,13 +82,17 @@ def simulate(
         direction[down] = -_lambert(rng, int(down.sum()))
         # In a layer: absorption, light straight to the eye, a new direction.
         hit = ~top & ~down
-        layer = np.clip(np.searchsorted(edges, target[hit], side="right") - 1, 0, len(paint.albedo) - 1)
+        layer = np.clip(
+            np.searchsorted(edges, target[hit], side="right") - 1, 0, len(paint.albedo) - 1
+        )
         weight[hit] *= paint.albedo[layer]
         g = paint.g[layer]
         cosine = direction[hit, :2] @ eye.T - (direction[hit, 2] * seen)[:, None]
         phase = (1 - g**2)[:, None] / (1 + g[:, None] ** 2 - 2 * g[:, None] * cosine) ** 1.5
         # pi L/E of light scattered into the eye's direction: phase/(4 mu) per unit of flux.
-        factor[index[hit]] += (weight[hit] * np.exp(-target[hit] / seen) * out / (4.0 * seen))[:, None] * phase
+        factor[index[hit]] += (weight[hit] * np.exp(-target[hit] / seen) * out / (4.0 * seen))[
+            :, None
+        ] * phase
         direction[hit] = _turned(rng, direction[hit], g)
         depth = np.clip(target, 0.0, bottom)
         # Weak paths end by chance, the others carry on for them.
@@ -88,7 +103,9 @@ def simulate(
         direction, depth, weight, index = direction[keep], depth[keep], weight[keep], index[keep]
 
     root = np.sqrt(paths)
-    return Estimate(factor.mean(axis=0), factor.std(axis=0) / root, float(flux.mean()), float(flux.std() / root))
+    return Estimate(
+        factor.mean(axis=0), factor.std(axis=0) / root, float(flux.mean()), float(flux.std() / root)
+    )
 
 
 def _lambert(rng: np.random.Generator, count: int) -> np.ndarray:
@@ -110,15 +127,21 @@ def _turned(rng: np.random.Generator, direction: np.ndarray, g: np.ndarray) -> n
     sign = np.where(direction[:, 2] >= 0, 1.0, -1.0)
     a = -1.0 / (sign + direction[:, 2])
     b = direction[:, 0] * direction[:, 1] * a
-    first = np.stack([1 + sign * direction[:, 0] ** 2 * a, sign * b, -sign * direction[:, 0]], axis=1)
+    first = np.stack(
+        [1 + sign * direction[:, 0] ** 2 * a, sign * b, -sign * direction[:, 0]], axis=1
+    )
     second = np.stack([b, sign + direction[:, 1] ** 2 * a, -direction[:, 1]], axis=1)
     return (
-        (sine * np.cos(turn))[:, None] * first + (sine * np.sin(turn))[:, None] * second + cosine[:, None] * direction
+        (sine * np.cos(turn))[:, None] * first
+        + (sine * np.sin(turn))[:, None] * second
+        + cosine[:, None] * direction
     )
 
 
 class Indexed(NamedTuple):
-    """Free-standing layers top first, each of its own refractive index, air above and another medium below."""
+    """Free-standing layers top first, each of its own refractive index, air above and another
+    medium below.
+    """
 
     albedo: np.ndarray
     optical_thickness: np.ndarray
@@ -132,7 +155,8 @@ def simulate_fluxes(
 ) -> np.ndarray:
     """Shares of a beam's flux that come back and that go through, with standard errors, (2, 2).
 
-    What the outer surface reflects at once is not in it. Surfaces between layers reflect and refract by chance. To
+    What the outer surface reflects at once is not in it. Surfaces between layers reflect and
+    refract by chance. To
     ``exits`` each step's paths that come back are added: weights and directions in the air.
     """
     rng = np.random.default_rng(seed)
@@ -140,7 +164,10 @@ def simulate_fluxes(
     last = len(paint.albedo)
     first, enter = _surface(np.array([cos_incidence]), n[:1], n[1:2])
     direction = np.tile([np.sqrt(1.0 - enter[0] ** 2), 0.0, enter[0]], (paths, 1))
-    medium, depth = np.ones(paths, int), np.zeros(paths)  # optical depth below the layer's upper face
+    medium, depth = (
+        np.ones(paths, int),
+        np.zeros(paths),
+    )  # optical depth below the layer's upper face
     weight, index = np.full(paths, 1.0 - first[0]), np.arange(paths)
     flux = np.zeros((2, paths))
     while index.size:
@@ -155,7 +182,9 @@ def simulate_fluxes(
         direction[turns, 2] *= -1.0
         ratio = np.sqrt((1 - cosine**2) / np.maximum(1 - direction[:, 2] ** 2, 1e-300))
         sign = np.where(direction[:, 2] > 0, 1.0, -1.0)
-        refracted = np.stack([direction[:, 0] * ratio, direction[:, 1] * ratio, sign * cosine], axis=1)
+        refracted = np.stack(
+            [direction[:, 0] * ratio, direction[:, 1] * ratio, sign * cosine], axis=1
+        )
         direction = np.where(crosses[:, None], refracted, direction)
         hit = ~at_face
         weight[hit] *= paint.albedo[medium[hit] - 1]
@@ -173,12 +202,18 @@ def simulate_fluxes(
         survives = ~weak | (rng.random(index.size) < 0.2)
         weight = np.where(weak, weight * 5.0, weight)
         keep = (medium > 0) & (medium <= last) & survives & (weight > 0)
-        direction, depth, medium, weight, index = (x[keep] for x in (direction, depth, medium, weight, index))
+        direction, depth, medium, weight, index = (
+            x[keep] for x in (direction, depth, medium, weight, index)
+        )
     return np.stack([flux.mean(axis=1), flux.std(axis=1) / np.sqrt(paths)], axis=1)
 
 
-def _surface(cosine: np.ndarray, here: np.ndarray, there: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Fresnel's reflectance between two media and the cosine beyond; all is reflected where there is none."""
+def _surface(
+    cosine: np.ndarray, here: np.ndarray, there: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Fresnel's reflectance between two media and the cosine beyond; all is reflected where there
+    is none.
+    """
     squared = 1.0 - (here / there) ** 2 * (1.0 - cosine**2)
     beyond = np.sqrt(np.maximum(squared, 0.0))
     s = (here * cosine - there * beyond) / (here * cosine + there * beyond)

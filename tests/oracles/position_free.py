@@ -1,21 +1,24 @@
-"""Position-free Monte Carlo of layers under a smooth or rough surface, after Guo, Hašan and Zhao (2018): an oracle.
+"""Position-free Monte Carlo of layers under a smooth or rough surface, after Guo, Hašan and Zhao
+(2018): an oracle.
 
-Layers have no sides, so a path is a list of depths and directions. It enters through the surface, flies between
-scatterings, passes or is mirrored by smooth surfaces between layers of different index, is thrown back by a Lambertian
-ground, and leaves. Each estimate is unbiased. Absorption is a weight for each band, exp(-k t) along the path; paths are
-drawn by scattering alone, so that all bands of a stack share them.
+Layers have no sides, so a path is a list of depths and directions. It enters through the surface,
+flies between scatterings, passes or is mirrored by smooth surfaces between layers of different
+index, is thrown back by a Lambertian ground, and leaves. Each estimate is unbiased. Absorption is a
+weight for each band, exp(-k t) along the path; paths are drawn by scattering alone, so that all
+bands of a stack share them.
 
     albedo    paths that leave are counted (analog)
     BRDF      at each scattering and ground reflection the light that goes straight to one of the views, drawn anew
-              each time, is added: through a smooth surface along the view's own beams, with all their mirror images
-              between layers; through a rough one along a facet or lobe direction drawn from the view ("next event
-              through the surface")
+              each time, is added: through a smooth surface along the view's own beams, with all
+              their mirror images between layers; through a rough one along a facet or lobe
+              direction drawn from the view ("next event through the surface")
 
-The surface's own reflection is not in it (`rough_surface.surface_factor` has it). Nothing is shared with glazejax.
-Azimuth is that of glazejax: degrees between the horizontal directions of travel, 0 the mirror side.
+The surface's own reflection is not in it (`rough_surface.surface_factor` has it). Nothing is shared
+with glazejax. Azimuth is that of glazejax: degrees between the horizontal directions of travel, 0
+the mirror side.
 
-Source: Guo, Hašan, Zhao, ACM Trans. Graph. 37(6), 2018, sections 4 and 5 (without their multiple importance sampling:
-nothing here but the surface is peaked).
+Source: Guo, Hašan, Zhao, ACM Trans. Graph. 37(6), 2018, sections 4 and 5 (without their multiple
+importance sampling: nothing here but the surface is peaked).
 """
 
 from typing import NamedTuple
@@ -53,7 +56,9 @@ class Tally(NamedTuple):
 
     def plus(self, other: "Tally") -> "Tally":
         """Both together."""
-        return Tally(self.paths + other.paths, self.total + other.total, self.squares + other.squares)
+        return Tally(
+            self.paths + other.paths, self.total + other.total, self.squares + other.squares
+        )
 
     @property
     def mean(self) -> np.ndarray:
@@ -71,25 +76,36 @@ def albedo(stack: Stack, cos_incidence: float, paths: int, rng: Generator) -> Ta
     return _walk(stack, cos_incidence, None, paths, rng)
 
 
-def reflectance_factor(stack: Stack, cos_incidence: float, views: Views, paths: int, rng: Generator) -> Tally:
+def reflectance_factor(
+    stack: Stack, cos_incidence: float, views: Views, paths: int, rng: Generator
+) -> Tally:
     """pi L/E, (views, bands), by next events."""
     return _walk(stack, cos_incidence, views, paths, rng)
 
 
-def _walk(stack: Stack, cos_incidence: float, views: Views | None, paths: int, rng: Generator) -> Tally:
+def _walk(
+    stack: Stack, cos_incidence: float, views: Views | None, paths: int, rng: Generator
+) -> Tally:
     s, k, n = stack.scattering, stack.absorption, stack.refractive_index
     layers, bands = k.shape
     if stack.roughness and np.ptp(n):
         raise ValueError("a rough surface over layers of different index is not followed here")
     lobe = Lobe(rng, stack.roughness, float(n[0]))
-    eye = None if views is None else (_RoughEye if stack.roughness else _SmoothEye)(stack, views, rng, lobe)
+    eye = (
+        None
+        if views is None
+        else (_RoughEye if stack.roughness else _SmoothEye)(stack, views, rng, lobe)
+    )
     score = np.zeros((paths, bands) if views is None else (paths, len(views.cosine), bands))
 
     (x, y, z), weight = _enter(stack, cos_incidence, paths, rng, lobe)  # z positive downwards
     index = np.flatnonzero(weight > 0)
     x, y, z = x[index], y[index], z[index]
     weight = np.repeat(weight[index, None], bands, axis=1)
-    layer, depth = np.zeros(len(index), int), np.zeros(len(index))  # depth: share of the layer above
+    layer, depth = (
+        np.zeros(len(index), int),
+        np.zeros(len(index)),
+    )  # depth: share of the layer above
     while index.size:
         with np.errstate(divide="ignore"):
             free = rng.exponential(size=index.size) / s[layer]
@@ -105,7 +121,9 @@ def _walk(stack: Stack, cos_incidence: float, views: Views | None, paths: int, r
             old = x[hit], y[hit], z[hit]
             if eye is not None:
                 view = rng.integers(len(eye.cosine), size=hit.size)
-                score[index[hit], view] += eye.scattered(view, layer[hit], depth[hit], old, weight[hit])
+                score[index[hit], view] += eye.scattered(
+                    view, layer[hit], depth[hit], old, weight[hit]
+                )
             x[hit], y[hit], z[hit] = _turned(rng, old, stack.g[layer[hit]])
 
         down = ~scatters & (z > 0)
@@ -148,11 +166,15 @@ def _walk(stack: Stack, cos_incidence: float, views: Views | None, paths: int, r
         survives = rng.random(index.size) < 0.3
         weight[weak] /= 0.3
         alive &= (~weak | survives) & (largest > 0)
-        x, y, z, weight, layer, depth, index = (a[alive] for a in (x, y, z, weight, layer, depth, index))
+        x, y, z, weight, layer, depth, index = (
+            a[alive] for a in (x, y, z, weight, layer, depth, index)
+        )
     return Tally(paths, score.sum(axis=0), (score**2).sum(axis=0))
 
 
-def _enter(stack: Stack, cos_incidence: float, paths: int, rng: Generator, lobe: Lobe) -> tuple[Vectors, np.ndarray]:
+def _enter(
+    stack: Stack, cos_incidence: float, paths: int, rng: Generator, lobe: Lobe
+) -> tuple[Vectors, np.ndarray]:
     """Directions of travel below the surface, downwards, and weights."""
     n = float(stack.refractive_index[0])
     ones, sine = np.ones(paths), np.sqrt(1.0 - cos_incidence**2)
@@ -164,13 +186,23 @@ def _enter(stack: Stack, cos_incidence: float, paths: int, rng: Generator, lobe:
     return _through_rough(stack, back, rng, lobe)
 
 
-def _through_rough(stack: Stack, seen: Vectors, rng: Generator, lobe: Lobe) -> tuple[Vectors, np.ndarray]:
-    """Directions below the surface, third component downwards, that light from ``seen`` in air takes, and weights.
+def _through_rough(
+    stack: Stack, seen: Vectors, rng: Generator, lobe: Lobe
+) -> tuple[Vectors, np.ndarray]:
+    """Directions below the surface, third component downwards, that light from ``seen`` in air
+    takes, and weights.
 
-    A facet's refraction and the lobe, drawn in proportion; lobe directions that stay in the air get no weight.
+    A facet's refraction and the lobe, drawn in proportion; lobe directions that stay in the air get
+    no weight.
     """
     count = len(seen[2])
-    found = facets(rng.random(count), rng.random(count), seen, stack.roughness, float(stack.refractive_index[0]))
+    found = facets(
+        rng.random(count),
+        rng.random(count),
+        seen,
+        stack.roughness,
+        float(stack.refractive_index[0]),
+    )
     lost = 1.0 - found.reflects - found.refracts
     weight = lost + found.refracts
     (x, y, z), weight = (a.copy() for a in found.refracted), weight.copy()
@@ -181,8 +213,11 @@ def _through_rough(stack: Stack, seen: Vectors, rng: Generator, lobe: Lobe) -> t
     return (x, y, z), weight
 
 
-def _under_surface(stack: Stack, seen: Vectors, rng: Generator, lobe: Lobe) -> tuple[np.ndarray, Vectors]:
-    """Which of the paths that meet the surface from below leave; directions of the others, downwards.
+def _under_surface(
+    stack: Stack, seen: Vectors, rng: Generator, lobe: Lobe
+) -> tuple[np.ndarray, Vectors]:
+    """Which of the paths that meet the surface from below leave; directions of the others,
+    downwards.
 
     Args:
         seen: directions of travel, third component upwards.
@@ -192,8 +227,8 @@ def _under_surface(stack: Stack, seen: Vectors, rng: Generator, lobe: Lobe) -> t
     if not stack.roughness:
         share, _ = fresnel(seen[2], 1.0 / n)
         return chance >= share, seen
-    # From the surface one looks back along the path: both horizontal components and the height change sign, and the
-    # side below is the one the direction is on.
+    # From the surface one looks back along the path: both horizontal components and the height
+    # change sign, and the side below is the one the direction is on.
     back = -seen[0], -seen[1], seen[2]
     found = facets(rng.random(count), rng.random(count), back, stack.roughness, 1.0 / n)
     left = (chance >= found.reflects) & (chance < found.reflects + found.refracts)
@@ -206,7 +241,9 @@ def _under_surface(stack: Stack, seen: Vectors, rng: Generator, lobe: Lobe) -> t
 
 
 class _SmoothEye:
-    """Beams from the eye, refracted and mirrored by all smooth surfaces, as an importance of each depth."""
+    """Beams from the eye, refracted and mirrored by all smooth surfaces, as an importance of each
+    depth.
+    """
 
     def __init__(self, stack: Stack, views: Views, rng: Generator, lobe: Lobe):
         n, extinction = stack.refractive_index, stack.scattering[:, None] + stack.absorption
@@ -217,11 +254,15 @@ class _SmoothEye:
         self._across = sine * np.cos(turn), sine * np.sin(turn)  # n sin is kept through all layers
         self._stack, self._extinction = stack, extinction
         count = len(sine)
-        # Unknown: flux of each beam where it starts in its layer, down at the top, up at the bottom.
+        # Unknown: flux of each beam where it starts in its layer, down at the top, up at the
+        #     bottom.
         down, up = np.zeros((count, layers, bands)), np.zeros((count, layers, bands))
         for v in range(count):
             first = 1.0 - fresnel(views.cosine[v : v + 1], n[0])[0][0]
-            r = [fresnel(self._cosine[v, i : i + 1], n[i + 1] / n[i])[0][0] for i in range(layers - 1)]
+            r = [
+                fresnel(self._cosine[v, i : i + 1], n[i + 1] / n[i])[0][0]
+                for i in range(layers - 1)
+            ]
             r = [0.0 if n[i + 1] == n[i] else share for i, share in enumerate(r)]
             for b in range(bands):
                 a = np.exp(-extinction[:, b] / self._cosine[v])
@@ -239,9 +280,16 @@ class _SmoothEye:
         self._ground = down[:, -1] * np.exp(-extinction[-1] / self._cosine[:, -1:]) / n[-1] ** 2
 
     def scattered(
-        self, view: np.ndarray, layer: np.ndarray, depth: np.ndarray, direction: Vectors, weight: np.ndarray
+        self,
+        view: np.ndarray,
+        layer: np.ndarray,
+        depth: np.ndarray,
+        direction: Vectors,
+        weight: np.ndarray,
     ) -> np.ndarray:
-        """Light that goes straight to each path's view from where it scatters, (paths, bands), times all views."""
+        """Light that goes straight to each path's view from where it scatters, (paths, bands),
+        times all views.
+        """
         n, g = self._stack.refractive_index[layer], self._stack.g[layer]
         cosine, extinction = self._cosine[view, layer], self._extinction[layer]
         flat = (direction[0] * self._across[0][view] + direction[1] * self._across[1][view]) / n
@@ -267,21 +315,36 @@ class _RoughEye:
         self._views = sine * np.cos(turn), sine * np.sin(turn), self.cosine
         self._stack, self._rng, self._lobe = stack, rng, lobe
         self._extinction = stack.scattering[:, None] + stack.absorption
-        self._above = np.concatenate([np.zeros((1, self._extinction.shape[1])), np.cumsum(self._extinction, axis=0)])
+        self._above = np.concatenate(
+            [np.zeros((1, self._extinction.shape[1])), np.cumsum(self._extinction, axis=0)]
+        )
 
     def _drawn(self, view: np.ndarray) -> tuple[Vectors, np.ndarray]:
-        """Directions of travel to the view, third component upwards, and weights, times all views."""
+        """Directions of travel to the view, third component upwards, and weights, times
+        all views.
+        """
         x, y, z = (component[view] for component in self._views)
         (x, y, z), weight = _through_rough(self._stack, (x, y, z), self._rng, self._lobe)
         # What goes down from the eye comes up to it.
-        return (-x, -y, np.maximum(z, 1e-12)), weight * len(self.cosine) / self._stack.refractive_index[0] ** 2
+        return (-x, -y, np.maximum(z, 1e-12)), weight * len(
+            self.cosine
+        ) / self._stack.refractive_index[0] ** 2
 
     def scattered(
-        self, view: np.ndarray, layer: np.ndarray, depth: np.ndarray, direction: Vectors, weight: np.ndarray
+        self,
+        view: np.ndarray,
+        layer: np.ndarray,
+        depth: np.ndarray,
+        direction: Vectors,
+        weight: np.ndarray,
     ) -> np.ndarray:
         """As `_SmoothEye.scattered`."""
         (x, y, z), reach = self._drawn(view)
-        reach = reach * _phase(direction[0] * x + direction[1] * y - direction[2] * z, self._stack.g[layer]) / (4.0 * z)
+        reach = (
+            reach
+            * _phase(direction[0] * x + direction[1] * y - direction[2] * z, self._stack.g[layer])
+            / (4.0 * z)
+        )
         above = self._above[layer] + self._extinction[layer] * depth[:, None]
         return weight * reach[:, None] * np.exp(-above / z[:, None])
 
@@ -308,7 +371,9 @@ def _turned(rng: Generator, old: Vectors, g: np.ndarray) -> Vectors:
         return sine * np.cos(turn), sine * np.sin(turn), cosine
     safe = np.where(even, 1.0, g)
     ratio = (1.0 - safe**2) / (1.0 - safe + 2.0 * safe * u)
-    cosine = np.clip(np.where(even, 2.0 * u - 1.0, (1.0 + safe**2 - ratio**2) / (2.0 * safe)), -1.0, 1.0)
+    cosine = np.clip(
+        np.where(even, 2.0 * u - 1.0, (1.0 + safe**2 - ratio**2) / (2.0 * safe)), -1.0, 1.0
+    )
     sine = np.sqrt(1.0 - cosine**2)
     x, y, z = old
     # Two directions across the old one (Duff et al. 2017), built so that nothing divides by zero.

@@ -1,9 +1,11 @@
-"""Paths through paint under a rough surface, facet by facet: slow, and nothing of `radiative.rough` is in it.
+"""Paths through paint under a rough surface, facet by facet: slow, and nothing of `radiative.rough`
+is in it.
 
-Facets are drawn as a direction sees them (E. Heitz, JCGT 7(4), 2018). A path that meets the surface is reflected or
-refracted by the facet, by chance. Where the new direction is hidden (1 - G1) it is the surface's loss, and goes on as
-the compensation says: to air or into the paint by the share of each in the whole loss, with the cosine's chance k dm.
-The loss k is what `Loss` finds by the same drawing. Paths carry no weight but that of albedo and ground.
+Facets are drawn as a direction sees them (E. Heitz, JCGT 7(4), 2018). A path that meets the surface
+is reflected or refracted by the facet, by chance. Where the new direction is hidden (1 - G1) it is
+the surface's loss, and goes on as the compensation says: to air or into the paint by the share of
+each in the whole loss, with the cosine's chance k dm. The loss k is what `Loss` finds by the same
+drawing. Paths carry no weight but that of albedo and ground.
 """
 
 from typing import NamedTuple
@@ -14,7 +16,9 @@ import numpy as np
 class Estimate(NamedTuple):
     """Means over paths, and their standard errors."""
 
-    bins: np.ndarray  # (bins,), share of the flux that leaves the paint in each bin of the cosine in air
+    bins: (
+        np.ndarray
+    )  # (bins,), share of the flux that leaves the paint in each bin of the cosine in air
     bins_error: np.ndarray
     flux: float
     flux_error: float
@@ -31,7 +35,9 @@ class Rough(NamedTuple):
 
 def _visible_normals(rng: np.random.Generator, cosine: np.ndarray, roughness: float) -> np.ndarray:
     """Normals (paths, 3) as directions (sin, 0, cos) see them; Heitz 2018, his listing."""
-    stretched = np.stack([roughness * np.sqrt(1 - cosine**2), np.zeros_like(cosine), cosine], axis=1)
+    stretched = np.stack(
+        [roughness * np.sqrt(1 - cosine**2), np.zeros_like(cosine), cosine], axis=1
+    )
     stretched /= np.linalg.norm(stretched, axis=1, keepdims=True)
     across = np.array([0.0, 1.0, 0.0])
     other = np.cross(stretched, across)
@@ -41,14 +47,18 @@ def _visible_normals(rng: np.random.Generator, cosine: np.ndarray, roughness: fl
     t2 = (1 - half) * np.sqrt(1 - t1**2) + half * t2
     up = np.sqrt(np.maximum(0.0, 1 - t1**2 - t2**2))
     normal = t1[:, None] * across + t2[:, None] * other + up[:, None] * stretched
-    normal = np.stack([roughness * normal[:, 0], roughness * normal[:, 1], np.maximum(normal[:, 2], 0.0)], axis=1)
+    normal = np.stack(
+        [roughness * normal[:, 0], roughness * normal[:, 1], np.maximum(normal[:, 2], 0.0)], axis=1
+    )
     return normal / np.linalg.norm(normal, axis=1, keepdims=True)
 
 
 def _meet(
     rng: np.random.Generator, surface: Rough, cosine: np.ndarray, inside: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """One facet for each path: the new cosine, whether it is inside, and whether the path was lost to other facets."""
+    """One facet for each path: the new cosine, whether it is inside, and whether the path was lost
+    to other facets.
+    """
     normal = _visible_normals(rng, cosine, surface.roughness)
     sine = np.sqrt(1 - cosine**2)
     met = np.clip(sine * normal[:, 0] + cosine * normal[:, 2], 0.0, 1.0)
@@ -69,9 +79,11 @@ def _meet(
 
 
 class Loss:
-    """The loss of single facets on each side, as what becomes of light that is lost: a side, and a cosine.
+    """The loss of single facets on each side, as what becomes of light that is lost: a side, and a
+    cosine.
 
-    Cosines of both sides are drawn with dm, one facet each; those that are lost are kept, and drawn from.
+    Cosines of both sides are drawn with dm, one facet each; those that are lost are kept, and drawn
+    from.
     """
 
     def __init__(self, surface: Rough, paths: int = 400_000, seed: int = 1):
@@ -113,7 +125,9 @@ def simulate(
     rng = np.random.default_rng(seed)
     loss = loss or Loss(surface)
     faces = np.concatenate([[0.0], np.cumsum(optical_thickness)])
-    cosine, inside = _scatter(rng, surface, loss, np.full(paths, cos_incidence), np.zeros(paths, bool))
+    cosine, inside = _scatter(
+        rng, surface, loss, np.full(paths, cos_incidence), np.zeros(paths, bool)
+    )
     direct = 1.0 - inside.mean()
     # Cosines of the way down are positive, of the way up negative.
     mu, weight, depth = cosine[inside], np.ones(int(inside.sum())), np.zeros(int(inside.sum()))
@@ -131,7 +145,9 @@ def simulate(
         weight[down] *= ground
         mu[down] = -np.sqrt(rng.random(int(down.sum())))
         hit = ~top & ~down
-        weight[hit] *= albedo[np.clip(np.searchsorted(faces, target[hit], side="right") - 1, 0, len(albedo) - 1)]
+        weight[hit] *= albedo[
+            np.clip(np.searchsorted(faces, target[hit], side="right") - 1, 0, len(albedo) - 1)
+        ]
         mu[hit] = 2 * rng.random(int(hit.sum())) - 1
         depth = np.clip(target, 0.0, faces[-1])
         weak = (weight > 0) & (weight < 0.05)

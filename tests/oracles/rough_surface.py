@@ -1,13 +1,15 @@
-"""A rough dielectric surface, facet by facet: for `position_free` to follow light through, and its own reflection.
+"""A rough dielectric surface, facet by facet: for `position_free` to follow light through, and its
+own reflection.
 
-Facets have the GGX distribution of width alpha and the separable Smith shadowing of Walter et al. (2007), reflecting by
-Fresnel's law for unpolarised light. A facet's light that shadowing takes away comes back in a lobe without azimuth, so
-that nothing is lost (after Kulla and Conty 2017, for both sides at once): with c(x) the share that direction x loses,
-and the measure dm = n^2 cos dω of each side, the kernel gains c(x) c(y)/C, C = integral of c dm over both sides.
+Facets have the GGX distribution of width alpha and the separable Smith shadowing of Walter et al.
+(2007), reflecting by Fresnel's law for unpolarised light. A facet's light that shadowing takes away
+comes back in a lobe without azimuth, so that nothing is lost (after Kulla and Conty 2017, for both
+sides at once): with c(x) the share that direction x loses, and the measure dm = n^2 cos dω of each
+side, the kernel gains c(x) c(y)/C, C = integral of c dm over both sides.
 
-No table is needed to follow light: facets are drawn from those a direction sees (Heitz 2018), the event is drawn with
-its exact chance, and a lost one draws a direction of the lobe by rejection (`Lobe`). The integrals here are for
-checks and for the surface's own reflection factor.
+No table is needed to follow light: facets are drawn from those a direction sees (Heitz 2018), the
+event is drawn with its exact chance, and a lost one draws a direction of the lobe by rejection
+(`Lobe`). The integrals here are for checks and for the surface's own reflection factor.
 
 Directions point away from the surface; the third component is positive on the side they are on.
 """
@@ -32,7 +34,9 @@ class Facets(NamedTuple):
 
 
 def fresnel(cosine: np.ndarray, ratio: float | np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Reflectance and the cosine beyond (0 where all is reflected); ratio: index beyond over index here."""
+    """Reflectance and the cosine beyond (0 where all is reflected); ratio: index beyond over index
+    here.
+    """
     squared = 1.0 - (1.0 - cosine**2) / ratio**2
     beyond = np.sqrt(np.maximum(squared, 0.0))
     s = (cosine - ratio * beyond) / (cosine + ratio * beyond)
@@ -99,7 +103,8 @@ def lambert(rng: Generator, count: int) -> Vectors:
 class Lobe:
     """Directions of the lobe of lost light, of both sides, in the order in which they were found.
 
-    A direction of the cosine law on either side, the paint's n^2 times as often, is taken if its own facet loses it.
+    A direction of the cosine law on either side, the paint's n^2 times as often, is taken if its
+    own facet loses it.
     """
 
     def __init__(self, rng: Generator, alpha: float, index: float):
@@ -116,7 +121,9 @@ class Lobe:
             lost = np.empty(tries, bool)
             for side, ratio in ((inside, 1.0 / n), (~inside, n)):
                 some = lambert(rng, int(side.sum()))
-                found = facets(rng.random(len(some[2])), rng.random(len(some[2])), some, self._alpha, ratio)
+                found = facets(
+                    rng.random(len(some[2])), rng.random(len(some[2])), some, self._alpha, ratio
+                )
                 cosines[side] = some[2]
                 lost[side] = rng.random(len(some[2])) >= found.reflects + found.refracts
             self._inside = np.concatenate([self._inside, inside[lost]])
@@ -128,14 +135,18 @@ class Lobe:
 
 
 def _grid(points: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Numbers u, v for `facets` and weights: sin^2 crowds u at both ends, v is even over half a turn (by symmetry)."""
+    """Numbers u, v for `facets` and weights: sin^2 crowds u at both ends, v is even over half a
+    turn (by symmetry).
+    """
     u, v = (np.arange(points) + 0.5) / points, (np.arange(points // 3) + 0.5) / (points // 3)
     first, second = np.meshgrid(np.sin(0.5 * np.pi * u) ** 2, 0.25 + 0.5 * v, indexing="ij")
     weight = np.repeat(0.5 * np.pi * np.sin(np.pi * u) / points, len(v)) / len(v)
     return first.ravel(), second.ravel(), weight
 
 
-def shares(cosine: np.ndarray, alpha: float, ratio: float, points: int = 150) -> tuple[np.ndarray, np.ndarray]:
+def shares(
+    cosine: np.ndarray, alpha: float, ratio: float, points: int = 150
+) -> tuple[np.ndarray, np.ndarray]:
     """Shares of a direction's light that one facet reflects and refracts, by quadrature."""
     u, v, weight = _grid(points)
     ones = np.ones(u.size)
@@ -184,8 +195,12 @@ def surface_albedo(cosine: np.ndarray, alpha: float, index: float) -> np.ndarray
 def surface_factor(
     cos_in: np.ndarray, cos_out: np.ndarray, azimuth: np.ndarray, alpha: float, index: float
 ) -> np.ndarray:
-    """pi times the BRDF of the surface itself, lobe included; azimuth in degrees, 0 the mirror side; alpha > 0."""
-    cos_in, cos_out, azimuth = np.broadcast_arrays(*(np.asarray(a, float) for a in (cos_in, cos_out, azimuth)))
+    """pi times the BRDF of the surface itself, lobe included; azimuth in degrees, 0 the mirror
+    side; alpha > 0.
+    """
+    cos_in, cos_out, azimuth = np.broadcast_arrays(
+        *(np.asarray(a, float) for a in (cos_in, cos_out, azimuth))
+    )
     turn = np.deg2rad(azimuth)
     # The source is opposite to where its light travels.
     ix, iz = -np.sqrt(1 - cos_in**2), cos_in
@@ -195,8 +210,17 @@ def surface_factor(
     hx, hz = hx / norm, hz / norm
     distribution = alpha**2 / (np.pi * (hz**2 * (alpha**2 - 1.0) + 1.0) ** 2)
     facet = fresnel(ix * hx + iz * hz, index)[0]
-    single = facet * distribution * shadowing(cos_in, alpha) * shadowing(cos_out, alpha) / (4.0 * cos_in * cos_out)
+    single = (
+        facet
+        * distribution
+        * shadowing(cos_in, alpha)
+        * shadowing(cos_out, alpha)
+        / (4.0 * cos_in * cos_out)
+    )
     lost = lost_light(alpha, index)
-    c_in, c_out = (loss(np.unique(c), alpha, index)[np.unique(c, return_inverse=True)[1]] for c in (cos_in, cos_out))
+    c_in, c_out = (
+        loss(np.unique(c), alpha, index)[np.unique(c, return_inverse=True)[1]]
+        for c in (cos_in, cos_out)
+    )
     lobe = c_in.reshape(cos_in.shape) * c_out.reshape(cos_in.shape) / lost.total
     return np.pi * (single + lobe)

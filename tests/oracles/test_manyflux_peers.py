@@ -1,4 +1,6 @@
-"""PythonicDISORT finds the same radiance at its own directions, where neither program interpolates."""
+"""PythonicDISORT finds the same radiance at its own directions, where neither program
+interpolates.
+"""
 
 import warnings
 from typing import Any
@@ -18,7 +20,9 @@ AZIMUTH = np.array([0.0, 45.0, 90.0, 180.0])
 
 
 def theirs(g: float, streams: int) -> tuple[np.ndarray, np.ndarray]:
-    """Cosines of their upward directions and the reflectance factor, (stacks, directions, azimuths)."""
+    """Cosines of their upward directions and the reflectance factor, (stacks, directions,
+    azimuths).
+    """
     pydisort = pytest.importorskip("PythonicDISORT").pydisort
     moments = g ** np.arange(2 * streams)
     found, mu = [], np.zeros(0)
@@ -54,7 +58,9 @@ def theirs(g: float, streams: int) -> tuple[np.ndarray, np.ndarray]:
     ],
 )
 def test_same_radiance(g, streams, tolerance):
-    """Albedo .5 to .9999, thickness .01 to 100, all azimuths. What is left are their grazing directions."""
+    """Albedo .5 to .9999, thickness .01 to 100, all azimuths. What is left are their grazing
+    directions.
+    """
     mu, expected = theirs(g, streams)
     seen = mu > 0.15
     table = brdf_table(

@@ -1,4 +1,6 @@
-"""Layers that scatter forward or back under a refracting surface, which no other program computes: paths by chance."""
+"""Layers that scatter forward or back under a refracting surface, which no other program computes:
+paths by chance.
+"""
 
 from typing import Any
 
@@ -20,7 +22,9 @@ FORWARD = Paint(np.array([0.97, 0.9]), np.array([0.5, 2.0]), np.array([0.7, 0.3]
 PAINTS = {
     "forward": FORWARD,
     "forward, no surface": FORWARD._replace(refractive_index=1.0),
-    "back over forward, thick": Paint(np.array([0.99, 0.995]), np.array([0.3, 8.0]), np.array([-0.5, 0.7]), 0.2, 1.33),
+    "back over forward, thick": Paint(
+        np.array([0.99, 0.995]), np.array([0.3, 8.0]), np.array([-0.5, 0.7]), 0.2, 1.33
+    ),
 }
 AZIMUTH = np.array([0.0, 60.0, 180.0])
 
@@ -55,7 +59,9 @@ def test_within_three_standard_errors(name, paths):
 
 @pytest.mark.slow
 def test_layers_of_different_index():
-    """Refraction and reflection between layers, in both senses, and a medium below: fluxes on both sides."""
+    """Refraction and reflection between layers, in both senses, and a medium below: fluxes on both
+    sides.
+    """
     paint = Indexed(
         np.array([0.95, 0.99, 0.9]),
         np.array([0.4, 1.5, 0.3]),

@@ -1,4 +1,6 @@
-"""Other programs give the same numbers on work that they can do; each is skipped where it is not installed."""
+"""Other programs give the same numbers on work that they can do; each is skipped where it is not
+installed.
+"""
 
 import functools
 from types import ModuleType
@@ -6,17 +8,29 @@ from typing import Any
 
 import numpy as np
 import pytest
-from benchmarks.peers import Streams, Work, adding_doubling, cdisort, installed, ours, pythonic_disort, sasktran
+from benchmarks.peers import (
+    Streams,
+    Work,
+    adding_doubling,
+    cdisort,
+    installed,
+    ours,
+    pythonic_disort,
+    sasktran,
+)
 
 import glazejax as gj
 
 pytestmark = pytest.mark.optimised
 
-# Pale and dark, thinner and thicker layers. What peers cannot do is left out: an albedo of one (PythonicDISORT), a
-# thickness of zero and the derivative by an albedo of zero (sasktran2), very thin layers (all converge slowly there).
+# Pale and dark, thinner and thicker layers. What peers cannot do is left out: an albedo of one
+# (PythonicDISORT), a thickness of zero and the derivative by an albedo of zero (sasktran2), very
+# thin layers (all converge slowly there).
 WORK = Work(
     albedo=np.array([[0.999, 0.3, 0.9], [0.02, 0.95, 0.5], [0.8, 0.9999, 0.1], [0.6, 0.6, 0.98]]),
-    optical_thickness=np.array([[0.15, 1.5, 4.0], [0.3, 0.2, 2.0], [6.0, 0.5, 0.7], [1.0, 12.0, 0.15]]),
+    optical_thickness=np.array(
+        [[0.15, 1.5, 4.0], [0.3, 0.2, 2.0], [6.0, 0.5, 0.7], [1.0, 12.0, 0.15]]
+    ),
     ground=0.35,
     cos_incidence=0.72,
     cos_viewing=0.44,

@@ -1,4 +1,6 @@
-"""The position-free paths on their own: closed forms, conservation, reciprocity, another program of paths."""
+"""The position-free paths on their own: closed forms, conservation, reciprocity, another program of
+paths.
+"""
 
 import functools
 from typing import Any
@@ -16,7 +18,9 @@ from .position_free import Stack, Views
 COS = np.cos(np.deg2rad([0.0, 20.0, 45.0, 70.0]))
 
 
-def _stack(scattering, absorption, *, g: Any = 0.0, index: Any = 1.5, ground=0.6, roughness=0.0) -> Stack:
+def _stack(
+    scattering, absorption, *, g: Any = 0.0, index: Any = 1.5, ground=0.6, roughness=0.0
+) -> Stack:
     count = len(scattering)
     return Stack(
         np.array(scattering, float),
@@ -41,19 +45,29 @@ def _close(tally: position_free.Tally, expected, least: float = 1e-4, sigmas: fl
     return bool(np.all(np.abs(tally.mean - expected) < sigmas * tally.error + least))
 
 
-def _flux_of_factors(stack: Stack, cosine: float, azimuth: float, rng) -> tuple[np.ndarray, np.ndarray]:
-    """Flux as the factor's mean over all views, by Gauss' rule, and its standard error from run to run."""
+def _flux_of_factors(
+    stack: Stack, cosine: float, azimuth: float, rng
+) -> tuple[np.ndarray, np.ndarray]:
+    """Flux as the factor's mean over all views, by Gauss' rule, and its standard error from run to
+    run.
+    """
     y, w = np.polynomial.legendre.leggauss(12)
     nodes = 0.5 * (1 + y)
     views = Views(nodes, azimuth + 0 * nodes)
-    runs = [position_free.reflectance_factor(stack, cosine, views, 5_000, rng).mean for _ in range(12)]
+    runs = [
+        position_free.reflectance_factor(stack, cosine, views, 5_000, rng).mean for _ in range(12)
+    ]
     sums = np.einsum("v,rvb->rb", w * nodes, np.array(runs))
     return sums.mean(axis=0), sums.std(axis=0, ddof=1) / np.sqrt(len(runs))
 
 
-@pytest.mark.parametrize(("alpha", "index"), [(0.0, 1.5), (0.1, 1.5), (0.5, 1.5), (0.4, 1.7), (0.3, 1.3)])
+@pytest.mark.parametrize(
+    ("alpha", "index"), [(0.0, 1.5), (0.1, 1.5), (0.5, 1.5), (0.4, 1.7), (0.3, 1.3)]
+)
 def test_a_ground_under_a_surface_has_a_closed_form(alpha, index):
-    """Light inside is even, so by reciprocity the surface's albedo says all: also of a rough one, lobe included."""
+    """Light inside is even, so by reciprocity the surface's albedo says all: also of a rough one,
+    lobe included.
+    """
     albedo, even = _surface(alpha, index)
     ground = 0.7
     stack = _stack([0.0], [[0.0]], index=index, ground=ground, roughness=alpha)
@@ -95,7 +109,9 @@ def test_a_thin_layer_scatters_once():
     s, k, g = 0.004, 0.3, 0.6
     stack = _stack([s], [[k]], g=g, index=1.0, ground=0.0)
     azimuth = np.array([0.0, 0.0, 90.0, 180.0])
-    found = position_free.reflectance_factor(stack, 0.5, Views(COS, azimuth), 400_000, np.random.default_rng(4))
+    found = position_free.reflectance_factor(
+        stack, 0.5, Views(COS, azimuth), 400_000, np.random.default_rng(4)
+    )
     turned = np.sqrt(0.75) * np.sqrt(1 - COS**2) * np.cos(np.deg2rad(azimuth)) - 0.5 * COS
     phase = (1 - g**2) / (1 + g**2 - 2 * g * turned) ** 1.5
     way = 1 / 0.5 + 1 / COS
@@ -104,13 +120,19 @@ def test_a_thin_layer_scatters_once():
 
 
 def test_same_as_the_other_paths():
-    """The older program follows absorption by collisions and knows no other band; smooth surface, phase functions."""
+    """The older program follows absorption by collisions and knows no other band; smooth surface,
+    phase functions.
+    """
     albedo, thickness, g = np.array([0.9, 0.8]), np.array([0.7, 2.0]), np.array([0.6, -0.4])
     azimuth = np.array([0.0, 60.0, 180.0])
-    other = simulate(Paint(albedo, thickness, g, 0.5, 1.5), float(COS[2]), float(COS[1]), azimuth, 40_000)
+    other = simulate(
+        Paint(albedo, thickness, g, 0.5, 1.5), float(COS[2]), float(COS[1]), azimuth, 40_000
+    )
     stack = _stack(albedo * thickness, ((1 - albedo) * thickness)[:, None], g=g, ground=0.5)
     rng = np.random.default_rng(5)
-    found = position_free.reflectance_factor(stack, float(COS[2]), Views(COS[[1, 1, 1]], azimuth), 20_000, rng)
+    found = position_free.reflectance_factor(
+        stack, float(COS[2]), Views(COS[[1, 1, 1]], azimuth), 20_000, rng
+    )
     flux = position_free.albedo(stack, float(COS[2]), 40_000, rng)
     spread = np.hypot(found.error[:, 0], other.factor_error)
     assert np.all(np.abs(found.mean[:, 0] - other.reflectance_factor) < 4 * spread)
@@ -119,18 +141,23 @@ def test_same_as_the_other_paths():
 
 @pytest.mark.parametrize("index", [(1.5, 1.4), (1.05, 2.4)])
 def test_surfaces_between_layers(index):
-    """Fluxes as by the older program; next events by way of all mirror images add up to the same flux."""
+    """Fluxes as by the older program; next events by way of all mirror images add up to the same
+    flux.
+    """
     albedo, thickness, g = np.array([0.95, 0.9]), np.array([0.7, 1.0]), np.array([0.0, 0.0])
     stack = _stack(albedo * thickness, ((1 - albedo) * thickness)[:, None], index=index, ground=0.0)
     rng = np.random.default_rng(6)
     flux = position_free.albedo(stack, 0.7, 100_000, rng)
-    other = simulate_fluxes(Indexed(albedo, thickness, g, np.array(index), index[-1]), 0.7, 100_000)[0]
+    other = simulate_fluxes(
+        Indexed(albedo, thickness, g, np.array(index), index[-1]), 0.7, 100_000
+    )[0]
     assert abs(flux.mean[0] - other[0]) < 4 * np.hypot(flux.error[0], other[1])
     for ground in (0.0, 0.8):
         both = stack._replace(ground=ground)
         flux = position_free.albedo(both, 0.7, 60_000, rng)
         total, spread = _flux_of_factors(both, 0.7, 0.0, rng)
-        # What the inner surface mirrors without any scattering goes in one direction: in the flux, in no factor.
+        # What the inner surface mirrors without any scattering goes in one direction: in the flux,
+        #     in no factor.
         dark = both._replace(scattering=0 * thickness, absorption=thickness[:, None], ground=0.0)
         mirrored = position_free.albedo(dark, 0.7, 60_000, rng)
         error = np.sqrt(flux.error[0] ** 2 + mirrored.error[0] ** 2 + spread[0] ** 2)
@@ -142,8 +169,12 @@ def test_reciprocal_and_of_one_flux(alpha):
     """Light and view exchanged; the factor over all views is the albedo."""
     stack = _stack([0.4, 2.0], [[0.3, 0.0], [0.1, 1.0]], roughness=alpha, ground=0.4)
     rng = np.random.default_rng(7)
-    one = position_free.reflectance_factor(stack, float(COS[1]), Views(COS[3:], np.zeros(1)), 20_000, rng)
-    two = position_free.reflectance_factor(stack, float(COS[3]), Views(COS[1:2], np.zeros(1)), 20_000, rng)
+    one = position_free.reflectance_factor(
+        stack, float(COS[1]), Views(COS[3:], np.zeros(1)), 20_000, rng
+    )
+    two = position_free.reflectance_factor(
+        stack, float(COS[3]), Views(COS[1:2], np.zeros(1)), 20_000, rng
+    )
     assert np.all(np.abs(one.mean - two.mean) < 4 * np.hypot(one.error, two.error))
     total, spread = _flux_of_factors(stack, 0.6, 45.0, rng)
     flux = position_free.albedo(stack, 0.6, 60_000, rng)
@@ -151,12 +182,16 @@ def test_reciprocal_and_of_one_flux(alpha):
 
 
 def test_facets_lose_what_the_integral_says():
-    """Drawn facets against the integral of the same share, from above and below, and the lobe's directions."""
+    """Drawn facets against the integral of the same share, from above and below, and the lobe's
+    directions.
+    """
     rng, alpha = np.random.default_rng(8), 0.5
     for cosine, ratio in ((0.3, 1.5), (0.8, 1.5), (0.3, 1 / 1.5), (0.8, 1 / 1.5)):
         ones = np.ones(50_000)
         seen = np.sqrt(1 - cosine**2) * ones, 0 * ones, cosine * ones
-        found = rough_surface.facets(rng.random(ones.size), rng.random(ones.size), seen, alpha, ratio)
+        found = rough_surface.facets(
+            rng.random(ones.size), rng.random(ones.size), seen, alpha, ratio
+        )
         lost = 1 - found.reflects - found.refracts
         expected = float(rough_surface.loss(np.array([cosine]), alpha, ratio)[0])
         assert abs(lost.mean() - expected) < 4 * lost.std() / ones.size**0.5 + 1e-4
@@ -173,7 +208,9 @@ def test_the_surface_reflects_what_its_factor_says(alpha):
     cosines, azimuth = 0.5 * (1 + y), 180.0 * (np.arange(160) + 0.5) / 160
     factor = rough_surface.surface_factor(np.array(0.6), cosines[:, None], azimuth, alpha, 1.5)
     albedo = np.sum(w * cosines * factor.mean(axis=1))
-    assert albedo == pytest.approx(float(rough_surface.surface_albedo(np.array(0.6), alpha, 1.5)), abs=2e-4)
+    assert albedo == pytest.approx(
+        float(rough_surface.surface_albedo(np.array(0.6), alpha, 1.5)), abs=2e-4
+    )
     one, two = (
         rough_surface.surface_factor(np.array(a), np.array(b), np.array(30.0), alpha, 1.5)
         for a, b in ((0.3, 0.8), (0.8, 0.3))
@@ -200,15 +237,20 @@ def test_closed_form_to_a_thousandth(alpha):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("alpha", "paths"), [(0.3, 40_000), *(pytest.param(a, 1_000_000, marks=pytest.mark.slow) for a in (0.05, 0.5))]
+    ("alpha", "paths"),
+    [(0.3, 40_000), *(pytest.param(a, 1_000_000, marks=pytest.mark.slow) for a in (0.05, 0.5))],
 )
 def test_paint_under_a_rough_surface(alpha, paths):
-    """The solver's albedo and reflection factors within the errors of paths; each makes the surface in its own way."""
+    """The solver's albedo and reflection factors within the errors of paths; each makes the surface
+    in its own way.
+    """
     stack = _stack([0.3, 2.0], [[0.2, 0.02], [0.4, 0.03]], ground=0.5, roughness=alpha)
     s, k = stack.scattering, stack.absorption.T
     rng, azimuth = np.random.default_rng(10), np.array([0.0, 0.0, 90.0, 180.0])
     flux = position_free.albedo(stack, float(COS[3]), paths, rng)
-    factor = position_free.reflectance_factor(stack, float(COS[3]), Views(COS, azimuth), paths // 4, rng)
+    factor = position_free.reflectance_factor(
+        stack, float(COS[3]), Views(COS, azimuth), paths // 4, rng
+    )
     given: dict[str, Any] = {"roughness": alpha, "cos_incidence": float(COS[3]), "tolerance": 1e-4}
     paint = s / (s + k), s + k, 0.5
     assert _close(flux, rough.rough_hemispherical_reflectance(*paint, **given))

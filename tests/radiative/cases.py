@@ -14,7 +14,9 @@ EDGE_COSINE = (1e-4, 1e-2, 0.5, 1.0)
 
 
 class Cases(NamedTuple):
-    """Stacks of one refractive index, empty layers below filling up to five (which changes nothing: tested)."""
+    """Stacks of one refractive index, empty layers below filling up to five (which changes nothing:
+    tested).
+    """
 
     albedo: np.ndarray
     optical_thickness: np.ndarray

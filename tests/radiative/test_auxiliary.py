@@ -1,4 +1,6 @@
-"""The auxiliary function method with a step: right, of the order it claims, its variants alike, and never a hang."""
+"""The auxiliary function method with a step: right, of the order it claims, its variants alike, and
+never a hang.
+"""
 
 import os
 import re
@@ -22,10 +24,22 @@ from tests.tolerances import ROUNDING
 
 from .cases import CENTRAL, reference_cases
 
-# Interfaces and thicknesses that no step used here fits; the last three are an absent glaze, no scattering at all
-# and no absorption at all.
-ALBEDO = np.array([[0.8, 0.4], [0.99, 0.2], [1.0, 0.5], [0.95, 0.3], [0.5, 0.9], [0.0, 0.0], [1.0, 1.0]])
-THICKNESS = np.array([[0.413, 0.777], [0.137, 0.91], [0.31, 0.4], [0.22, 0.5137], [0.0, 0.0], [0.5, 0.2], [0.3, 0.317]])
+# Interfaces and thicknesses that no step used here fits; the last three are an absent glaze, no
+# scattering at all and no absorption at all.
+ALBEDO = np.array(
+    [[0.8, 0.4], [0.99, 0.2], [1.0, 0.5], [0.95, 0.3], [0.5, 0.9], [0.0, 0.0], [1.0, 1.0]]
+)
+THICKNESS = np.array(
+    [
+        [0.413, 0.777],
+        [0.137, 0.91],
+        [0.31, 0.4],
+        [0.22, 0.5137],
+        [0.0, 0.0],
+        [0.5, 0.2],
+        [0.3, 0.317],
+    ]
+)
 GROUND = np.array([0.7, 1.0, 0.9, 0.5, 0.8, 0.8, 1.0])
 INCIDENCE = np.array([0.8, 1.0, 0.3, 0.5, 0.5, 0.5, 1.0])
 VIEWING = np.array([0.6, 1.0, 0.9, 0.2, 0.6, 0.6, 0.7])
@@ -41,7 +55,9 @@ def truth() -> np.ndarray:
 
 def errors(truth, **settings) -> np.ndarray:
     """Of every stack at every step, (steps, stacks)."""
-    return np.array([np.abs(reflectance_factor(*STACKS, **ANGLES, step=dh, **settings) - truth) for dh in STEPS])
+    return np.array(
+        [np.abs(reflectance_factor(*STACKS, **ANGLES, step=dh, **settings) - truth) for dh in STEPS]
+    )
 
 
 def order(errors: np.ndarray) -> float:
@@ -67,7 +83,10 @@ def test_references():
     step = 0.2
     for index, c in reference_cases().items():
         moderate = c.optical_thickness.sum(axis=1) < 12
-        kept = [a[moderate] for a in (c.albedo, c.optical_thickness, c.ground, c.cos_incidence, c.cos_viewing)]
+        kept = [
+            a[moderate]
+            for a in (c.albedo, c.optical_thickness, c.ground, c.cos_incidence, c.cos_viewing)
+        ]
         found = reflectance_factor(
             *kept[:3], refractive_index=index, cos_incidence=kept[3], cos_viewing=kept[4], step=step
         )
@@ -82,7 +101,8 @@ def test_direct_and_decomposed_agree(corrected, truth):
         reflectance_factor(*STACKS, **ANGLES, step=step, variant=variant, corrected=corrected)
         for variant in ("direct", "decomposed")
     )
-    # The quadrature leaves every entry of the matrix within 1e-6; with nothing absorbed they add up.
+    # The quadrature leaves every entry of the matrix within 1e-6; with nothing absorbed they add
+    # up.
     assert np.max(np.abs(direct - decomposed)) < 2e-5
     if corrected:
         assert np.max(np.abs(decomposed - truth)) < 0.2 * step**2
@@ -102,7 +122,9 @@ def test_parts_add_up_and_mean_what_they_say(truth):
     for corrected in (True, False):
         split = split_reflectance_factor(*STACKS, **ANGLES, step=0.04, corrected=corrected)
         whole = reflectance_factor(*STACKS, **ANGLES, step=0.04, corrected=corrected)
-        assert np.allclose(split.ground + split.single + split.multiple, whole, atol=ROUNDING, rtol=0)
+        assert np.allclose(
+            split.ground + split.single + split.multiple, whole, atol=ROUNDING, rtol=0
+        )
         assert all(np.all(part >= 0) for part in split)
         # Neither an absent glaze nor one without albedo scatters.
         assert np.all(split.single[4:6] == 0)
@@ -117,7 +139,9 @@ def test_parts_add_up_and_mean_what_they_say(truth):
 
 
 def test_no_scattering_is_a_closed_form(truth):
-    assert np.allclose(reflectance_factor(*STACKS, **ANGLES, step=0.04)[4:6], truth[4:6], atol=1e-9, rtol=0)
+    assert np.allclose(
+        reflectance_factor(*STACKS, **ANGLES, step=0.04)[4:6], truth[4:6], atol=1e-9, rtol=0
+    )
 
 
 def test_incidence_and_viewing_may_be_exchanged():
@@ -139,7 +163,9 @@ def test_batches_and_angles_broadcast():
     assert table.multiple.shape == (7, 3, 3)
     for i, ci in enumerate(angles):
         for j, cv in enumerate(angles):
-            one = split_reflectance_factor(ALBEDO, THICKNESS, 0.7, cos_incidence=ci, cos_viewing=cv, step=0.04)
+            one = split_reflectance_factor(
+                ALBEDO, THICKNESS, 0.7, cos_incidence=ci, cos_viewing=cv, step=0.04
+            )
             for part, whole in zip(one, table, strict=True):
                 assert np.allclose(part, whole[:, i, j], atol=1e-10, rtol=0)
     assert reflectance_factor(np.zeros((0, 2)), np.zeros((0, 2)), 0.5).shape == (0,)
@@ -151,13 +177,23 @@ def test_stacks_of_many_thicknesses_are_gathered_in_their_order(monkeypatch):
     together = reflectance_factor(*STACKS, **ANGLES, step=0.16)
     monkeypatch.setattr(auxiliary, "_WORTH_A_BUCKET", {"fixed_step": 0})
     monkeypatch.setattr(auxiliary, "_CHUNK_ELEMENTS", 24)
-    assert np.allclose(reflectance_factor(*STACKS, **ANGLES, step=0.16), together, atol=1e-10, rtol=0)
+    assert np.allclose(
+        reflectance_factor(*STACKS, **ANGLES, step=0.16), together, atol=1e-10, rtol=0
+    )
 
 
 def test_coarse_steps_at_grazing_angles_are_finite():
-    q, d = np.array([[0.9, 0.5], [1.0, 0.0], [0.3, 1.0]]), np.array([[0.7, 1.4], [1e-12, 3.0], [6.0, 1e-3]])
+    q, d = (
+        np.array([[0.9, 0.5], [1.0, 0.0], [0.3, 1.0]]),
+        np.array([[0.7, 1.4], [1e-12, 3.0], [6.0, 1e-3]]),
+    )
     cosines = np.array([1e-4, 0.5, 1.0])
-    for index, step, corrected in ((1.0, 0.5, True), (1.5, 1.0, True), (1.0, 1.0, False), (1.5, 0.5, False)):
+    for index, step, corrected in (
+        (1.0, 0.5, True),
+        (1.5, 1.0, True),
+        (1.0, 1.0, False),
+        (1.5, 0.5, False),
+    ):
         value = reflectance_factor(
             q[:, None, None],
             d[:, None, None],
@@ -173,7 +209,8 @@ def test_coarse_steps_at_grazing_angles_are_finite():
 
 
 def test_rows_without_weight_do_not_grow_while_others_are_solved():
-    # A slow system: each step is as long as its slowest part wants, far too long for rows that no product sees.
+    # A slow system: each step is as long as its slowest part wants, far too long for rows that no
+    # product sees.
     loss = np.geomspace(1e-7, 1.0, 80)[:, None, None]
     weight = jnp.asarray(np.r_[np.ones(80), np.zeros(3)])[:, None, None]
 
@@ -195,14 +232,18 @@ def test_a_thick_white_stack_is_no_nan_beside_unused_segments(settings):
     assert sum(parts) == pytest.approx(float(stack_reflectance_factor(q, d, 1.0)), abs=0.1)
 
 
-SLOPE_THICKNESS = np.array([[0.413, 0.777], [0.22, 0.5137], [0.31, 0.417], [0.137, 0.91], [0.22, 0.5137]])
+SLOPE_THICKNESS = np.array(
+    [[0.413, 0.777], [0.22, 0.5137], [0.31, 0.417], [0.137, 0.91], [0.22, 0.5137]]
+)
 SLOPE_ALBEDO = np.array([[0.8, 0.4], [0.3, 0.0], [0.0, 0.0], [1.0, 0.2], [1.0, 1.0]])
 
 
 @pytest.mark.slow
 def test_gradients():
     step = 0.08
-    arguments = tuple(map(jnp.asarray, (SLOPE_ALBEDO, SLOPE_THICKNESS, GROUND[:5], INCIDENCE[:5], VIEWING[:5])))
+    arguments = tuple(
+        map(jnp.asarray, (SLOPE_ALBEDO, SLOPE_THICKNESS, GROUND[:5], INCIDENCE[:5], VIEWING[:5]))
+    )
 
     def value(q, d, g, ci, cv):
         return reflectance_factor(q, d, g, cos_incidence=ci, cos_viewing=cv, step=step)
@@ -213,13 +254,16 @@ def test_gradients():
     found = jax.grad(total, argnums=tuple(range(5)))(*arguments)
 
     def exact(q, d, g, ci, cv):
-        return stack_reflectance_factor(q, d, g, cos_incidence=ci, cos_viewing=cv, tolerance=1e-8).sum()
+        return stack_reflectance_factor(
+            q, d, g, cos_incidence=ci, cos_viewing=cv, tolerance=1e-8
+        ).sum()
 
     right = jax.grad(exact, argnums=tuple(range(5)))(*arguments)
     for slope, wanted in zip(found, right, strict=True):
         assert np.all(np.isfinite(slope))
         assert np.max(np.abs(slope - wanted)) < 0.5 * step  # slopes lose one order
-    # Against differences of the same discrete problem; albedos at the ends of their range may not be moved.
+    # Against differences of the same discrete problem; albedos at the ends of their range may not
+    # be moved.
     offsets, weights = CENTRAL
     rng = np.random.default_rng(1)
     for k in range(5):
@@ -227,9 +271,12 @@ def test_gradients():
         direction = jnp.asarray(rng.uniform(0.3, 1, arguments[k].shape) * np.asarray(inside, float))
         h = 1e-4
         moved = [
-            total(*arguments[:k], arguments[k] + offset * h * direction, *arguments[k + 1 :]) for offset in offsets
+            total(*arguments[:k], arguments[k] + offset * h * direction, *arguments[k + 1 :])
+            for offset in offsets
         ]
-        assert np.isclose(np.dot(weights, moved) / h, jnp.vdot(found[k], direction), rtol=2e-7, atol=1e-8)
+        assert np.isclose(
+            np.dot(weights, moved) / h, jnp.vdot(found[k], direction), rtol=2e-7, atol=1e-8
+        )
 
 
 def test_gradients_of_own_steps():
@@ -259,7 +306,8 @@ def test_a_table_serves_jit_and_vmap():
     compiled = jax.jit(f)
     assert np.allclose(compiled(q, d), plain, atol=1e-10, rtol=0)
     assert np.allclose(jax.vmap(f)(q, d), plain, atol=1e-10, rtol=0)
-    # Too thick for the table: neither a wrong number nor a silent NaN, and the next call is unharmed.
+    # Too thick for the table: neither a wrong number nor a silent NaN, and the next call is
+    # unharmed.
     words = r"thicker than 1\.28, all that KernelTable.*make a table of more segments"
     for mapped in (compiled, jax.vmap(f)):
         with pytest.raises((RuntimeError, ValueError), match=words):  # whichever JAX makes of it
@@ -327,11 +375,16 @@ for settings in ({}, {"product": "fft"}, own | {"product": "fft"}, own | {"produ
 
 @pytest.mark.slow
 def test_fresh_processes_finish(tmp_path):
-    cache = {"JAX_COMPILATION_CACHE_DIR": str(tmp_path), "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS": "0"}
+    cache = {
+        "JAX_COMPILATION_CACHE_DIR": str(tmp_path),
+        "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS": "0",
+    }
 
     def run(_, limit=240):
         command = [sys.executable, "-c", _BULK]
-        done = subprocess.run(command, capture_output=True, text=True, timeout=limit, env=os.environ | cache)
+        done = subprocess.run(
+            command, capture_output=True, text=True, timeout=limit, env=os.environ | cache
+        )
         return done.returncode, done.stdout, done.stderr
 
     # The first process compiles for all; what may hang is running.
@@ -355,13 +408,20 @@ def test_fresh_processes_finish(tmp_path):
         ({"step": 0.0}, "step is 0.0"),
         ({"variant": "magic"}, "variant 'magic' is unknown"),
         ({"albedo": [0.5, 0.5, 0.5]}, "3 layers .* 2"),
-        ({"optical_thickness": [1e6, 1.0], "step": 0.01}, f"thickness of 1e\\+06 at step 0.01.*{MOST_SEGMENTS}"),
+        (
+            {"optical_thickness": [1e6, 1.0], "step": 0.01},
+            f"thickness of 1e\\+06 at step 0.01.*{MOST_SEGMENTS}",
+        ),
         ({"table": KernelTable(1.4, 0.01)}, "does not fit refractive_index 1.5"),
         ({"table": KernelTable(1.5, 0.01), "variant": "direct"}, "a table is for"),
     ],
 )
 def test_bad_input_says_what_and_how_to_mend(change, message):
-    given = {"albedo": [0.5, 0.5], "optical_thickness": [1.0, 1.0], "substrate_reflectance": 0.5} | change
+    given = {
+        "albedo": [0.5, 0.5],
+        "optical_thickness": [1.0, 1.0],
+        "substrate_reflectance": 0.5,
+    } | change
     with pytest.raises(ValueError, match=message) as error:
         reflectance_factor(**given)
     assert "\n" not in str(error.value)

@@ -1,4 +1,6 @@
-"""method="auxiliary": against shared values, the other method, conservation, edges, and its own differences."""
+"""method="auxiliary": against shared values, the other method, conservation, edges, and its own
+differences.
+"""
 
 import itertools
 import re
@@ -15,7 +17,15 @@ from glazejax import stack_hemispherical_reflectance, stack_reflectance_factor
 from glazejax.radiative.common.fresnel import dielectric_reflectance
 from tests.tolerances import BETWEEN_METHODS, ROUNDING
 
-from .cases import CENTRAL, EDGE_ALBEDO, EDGE_COSINE, EDGE_GROUND, EDGE_THICKNESS, random_cases, reference_cases
+from .cases import (
+    CENTRAL,
+    EDGE_ALBEDO,
+    EDGE_COSINE,
+    EDGE_GROUND,
+    EDGE_THICKNESS,
+    random_cases,
+    reference_cases,
+)
 
 pytestmark = pytest.mark.optimised
 
@@ -28,32 +38,49 @@ def auxiliary(q, d, ground, *, hemispherical=False, **given: Any):
 
 # Every index at one tolerance, every tolerance at one index: each pair is a program to compile.
 @pytest.mark.parametrize(
-    ("tolerance", "indices"), [(1e-3, (1.5,)), pytest.param(1e-4, (1.0, 1.5), marks=pytest.mark.slow)]
+    ("tolerance", "indices"),
+    [(1e-3, (1.5,)), pytest.param(1e-4, (1.0, 1.5), marks=pytest.mark.slow)],
 )
 def test_reference_values_within_the_tolerance(tolerance, indices):
     cases = reference_cases()
     for index in indices:
         c = cases[index]
-        given = {"refractive_index": index, "cos_incidence": c.cos_incidence, "tolerance": tolerance}
+        given = {
+            "refractive_index": index,
+            "cos_incidence": c.cos_incidence,
+            "tolerance": tolerance,
+        }
         stack = c.albedo[:, :3], c.optical_thickness[:, :3], c.ground
-        few = np.all(c.optical_thickness[:, 3:] == 0, axis=1)  # at most three layers; the others in the slow test
+        few = np.all(
+            c.optical_thickness[:, 3:] == 0, axis=1
+        )  # at most three layers; the others in the slow test
         factor = auxiliary(*stack, cos_viewing=c.cos_viewing, **given)
-        assert np.all((np.abs(factor - c.reflectance_factor) <= tolerance + c.uncertainty)[few]), index
+        assert np.all((np.abs(factor - c.reflectance_factor) <= tolerance + c.uncertainty)[few]), (
+            index
+        )
         if index == 1.5:
             flux = auxiliary(*stack, hemispherical=True, **given)
-            assert np.all((np.abs(flux - c.hemispherical_reflectance) <= tolerance + c.uncertainty)[few])
+            assert np.all(
+                (np.abs(flux - c.hemispherical_reflectance) <= tolerance + c.uncertainty)[few]
+            )
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("tolerance", [1e-3, 1e-4, 1e-6])
 def test_all_reference_values_within_the_tolerance(tolerance):
     for index, c in reference_cases().items():
-        given = {"refractive_index": index, "cos_incidence": c.cos_incidence, "tolerance": tolerance}
+        given = {
+            "refractive_index": index,
+            "cos_incidence": c.cos_incidence,
+            "tolerance": tolerance,
+        }
         stack = c.albedo, c.optical_thickness, c.ground
         factor = auxiliary(*stack, cos_viewing=c.cos_viewing, **given)
         flux = auxiliary(*stack, hemispherical=True, **given)
         assert np.all(np.abs(factor - c.reflectance_factor) <= tolerance + c.uncertainty), index
-        assert np.all(np.abs(flux - c.hemispherical_reflectance) <= tolerance + c.uncertainty), index
+        assert np.all(np.abs(flux - c.hemispherical_reflectance) <= tolerance + c.uncertainty), (
+            index
+        )
 
 
 @pytest.mark.slow
@@ -70,7 +97,9 @@ def test_agrees_with_discrete_ordinates_and_itself_reversed():
 def test_nothing_is_lost_without_absorption():
     d = np.array([[0.0, 1e-3], [0.1, 5.0], [3.0, 7.9], [1e-9, 2.5]])
     cosines = np.array([1.0, 0.3, 0.7, 0.05])
-    flux = auxiliary(np.ones_like(d), d, 1.0, cos_incidence=cosines, tolerance=1e-4, hemispherical=True)
+    flux = auxiliary(
+        np.ones_like(d), d, 1.0, cos_incidence=cosines, tolerance=1e-4, hemispherical=True
+    )
     assert np.max(np.abs(flux - (1 - dielectric_reflectance(cosines, 1.5)))) < ROUNDING
 
 
@@ -79,7 +108,10 @@ def test_edges_are_finite_and_right():
     edges = list(itertools.product(EDGE_ALBEDO, EDGE_THICKNESS, EDGE_GROUND, EDGE_COSINE[1:]))
     edges = np.array(edges)[np.random.default_rng(0).permutation(len(edges))[:80]]
     a, t, g, ci = map(jnp.asarray, edges.T)
-    q, d = jnp.stack([a, jnp.full_like(a, 0.6)], axis=1), jnp.stack([t, jnp.full_like(a, 0.2)], axis=1)
+    q, d = (
+        jnp.stack([a, jnp.full_like(a, 0.6)], axis=1),
+        jnp.stack([t, jnp.full_like(a, 0.2)], axis=1),
+    )
 
     def f(q, d, g, ci):
         return auxiliary(q, d, g, cos_incidence=ci, cos_viewing=0.5, tolerance=1e-3)
@@ -106,7 +138,11 @@ def test_gradient_against_differences_and_the_other_method():
     found = slopes(method="auxiliary", tolerance=1e-4)
     for one, two in zip(found, slopes(tolerance=1e-8), strict=True):
         assert np.allclose(one, two, atol=BETWEEN_METHODS)
-    for which, step in ((0, 1e-2), (2, 1e-2), (3, 1e-3)):  # the mesh's proportions depend on the thickness
+    for which, step in (
+        (0, 1e-2),
+        (2, 1e-2),
+        (3, 1e-3),
+    ):  # the mesh's proportions depend on the thickness
         arguments = [q, d, g, ci]
         moved = [arguments[which] + node * step for node in CENTRAL[0]]
         replaced = [[*arguments[:which], m, *arguments[which + 1 :]] for m in moved]
@@ -121,7 +157,14 @@ def test_no_depth_overflows():
     q, d, ground = jnp.array([[0.5], [1.0], [0.0]]), jnp.array([1e300, 1e300, 1e6])[:, None], 0.7
 
     def f(q, d):
-        return auxiliary(q, d, ground, cos_incidence=[1.0, 1e-4, 1e-12], cos_viewing=[1e-4, 1.0, 0.3], tolerance=1e-2)
+        return auxiliary(
+            q,
+            d,
+            ground,
+            cos_incidence=[1.0, 1e-4, 1e-12],
+            cos_viewing=[1e-4, 1.0, 0.3],
+            tolerance=1e-2,
+        )
 
     value, pull = jax.vjp(f, q, d)
     by_albedo, by_thickness = pull(jnp.ones(3))
@@ -135,7 +178,13 @@ def test_a_beam_that_does_not_enter_is_no_nan():
     # So grazing that the surface reflects all of it, to rounding.
     for index in (1.0000001, 1.5):
         flux = auxiliary(
-            [0.5], [0.7], 0.7, refractive_index=index, cos_incidence=1e-30, tolerance=1e-2, hemispherical=True
+            [0.5],
+            [0.7],
+            0.7,
+            refractive_index=index,
+            cos_incidence=1e-30,
+            tolerance=1e-2,
+            hemispherical=True,
         )
         assert flux == 0
 
@@ -143,7 +192,9 @@ def test_a_beam_that_does_not_enter_is_no_nan():
 def test_no_lapack_call():
     q, d, g, ci, cv = (jnp.asarray(a) for a in random_cases(40))
     q, d = q[:, :2], d[:, :2]
-    f = jax.grad(lambda q: auxiliary(q, d, g, cos_incidence=ci, cos_viewing=cv, tolerance=1e-2).sum())
+    f = jax.grad(
+        lambda q: auxiliary(q, d, g, cos_incidence=ci, cos_viewing=cv, tolerance=1e-2).sum()
+    )
     text = jax.jit(f).lower(q).compile().as_text()
     assert text is not None
     assert "lapack" not in "".join(re.findall(r"custom_call_target=\"[^\"]*\"", text)).lower()
@@ -162,6 +213,8 @@ print(float(stack_reflectance_factor(q, d, 0.8, tolerance=1e-2, method="auxiliar
 
 @pytest.mark.slow
 def test_bulk_work_ends():
-    done = subprocess.run([sys.executable, "-c", _BULK], capture_output=True, text=True, timeout=240)
+    done = subprocess.run(
+        [sys.executable, "-c", _BULK], capture_output=True, text=True, timeout=240
+    )
     assert done.returncode == 0, done.stderr
     assert np.isfinite(float(done.stdout))

@@ -1,4 +1,6 @@
-"""H + U by fast transforms: the matrix's product, its solutions and derivatives, in one program for all stacks."""
+"""H + U by fast transforms: the matrix's product, its solutions and derivatives, in one program for
+all stacks.
+"""
 
 import re
 
@@ -22,14 +24,23 @@ FFT: dict = {"product": "fft"}
 @pytest.mark.parametrize("n", [1, 2, 3, 12, 64])
 def test_a_product_is_the_matrix_times_the_vector(n):
     rng = np.random.default_rng(n)
-    toeplitz, hankel, x = rng.normal(size=(5, n)), rng.normal(size=(5, 2 * n + 2)), rng.normal(size=(n, 5, 3))
+    toeplitz, hankel, x = (
+        rng.normal(size=(5, n)),
+        rng.normal(size=(5, 2 * n + 2)),
+        rng.normal(size=(n, 5, 3)),
+    )
     i = np.arange(n)
     matrix = toeplitz[:, np.abs(i[:, None] - i)] + hankel[:, i[:, None] + i]
-    own = structured.times_all(structured.spectra(jnp.asarray(toeplitz), jnp.asarray(hankel)), jnp.asarray(x))
+    own = structured.times_all(
+        structured.spectra(jnp.asarray(toeplitz), jnp.asarray(hankel)), jnp.asarray(x)
+    )
     assert np.allclose(own, np.einsum("sij,jsc->isc", matrix, x), rtol=0, atol=1e-13 * n)
     shared = structured.spectra(jnp.asarray(toeplitz[0]), jnp.asarray(hankel[0]))
     assert np.allclose(
-        structured.times_all(shared, jnp.asarray(x)), np.einsum("ij,jsc->isc", matrix[0], x), rtol=0, atol=1e-13 * n
+        structured.times_all(shared, jnp.asarray(x)),
+        np.einsum("ij,jsc->isc", matrix[0], x),
+        rtol=0,
+        atol=1e-13 * n,
     )
 
 
@@ -47,7 +58,9 @@ def test_all_stacks_at_once_are_as_one_by_one(product, corrected):
 def test_a_shared_matrix_by_transforms_is_itself(corrected):
     settings: dict = {"step": 0.04, "corrected": corrected}
     matrix = reflectance_factor(*STACKS, **ANGLES, **settings, product="matrix")
-    assert np.allclose(reflectance_factor(*STACKS, **ANGLES, **settings, product="fft"), matrix, rtol=0, atol=1e-11)
+    assert np.allclose(
+        reflectance_factor(*STACKS, **ANGLES, **settings, product="fft"), matrix, rtol=0, atol=1e-11
+    )
 
 
 def test_one_program_serves_all_thicknesses_and_more_room_changes_nothing(monkeypatch):
@@ -71,13 +84,17 @@ def test_jit_vmap_and_derivatives_of_own_steps():
     q, d, g = jnp.asarray(ALBEDO[:4]), jnp.asarray(THICKNESS[:4]), jnp.asarray(GROUND[:4])
 
     def f(q, d, g):
-        return reflectance_factor(q, d, g, cos_incidence=0.8, variant="decomposed", step=0.16, segments=16, **FFT)
+        return reflectance_factor(
+            q, d, g, cos_incidence=0.8, variant="decomposed", step=0.16, segments=16, **FFT
+        )
 
     plain = f(q, d, g)
     compiled = jax.jit(f)
     assert np.allclose(compiled(q, d, g), plain, rtol=0, atol=ROUNDING)
     assert np.allclose(jax.vmap(f)(q, d, g), plain, rtol=0, atol=ROUNDING)
-    with pytest.raises((RuntimeError, ValueError), match=r"thicker than 2\.56, all that segments=16 reaches"):
+    with pytest.raises(
+        (RuntimeError, ValueError), match=r"thicker than 2\.56, all that segments=16 reaches"
+    ):
         jax.block_until_ready(compiled(q, d.at[0].multiply(4.0), g))
     text = compiled.lower(q, d, g).compile().as_text()
     assert text is not None

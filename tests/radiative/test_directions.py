@@ -41,7 +41,9 @@ def test_fine_sums_are_the_integrals(index):
     fine = fine_half_range(index, 6.0)
     for depth in (0.0, 0.01, 0.3, 2.0):
         terms = fine.weights * fine.cosines * np.exp(-depth / fine.cosines)
-        assert (terms.sum(), terms @ fine.reflectance) == pytest.approx(sums_by_quadrature(index, depth), abs=ROUNDING)
+        assert (terms.sum(), terms @ fine.reflectance) == pytest.approx(
+            sums_by_quadrature(index, depth), abs=ROUNDING
+        )
 
 
 @pytest.mark.parametrize("index", INDICES)
@@ -52,11 +54,14 @@ def test_chosen_directions_meet_their_share_of_the_tolerance(index, tolerance):
     assert np.sum(chosen.weights) == pytest.approx(1, abs=LAST_DIGITS)
     assert np.sum(chosen.weights * chosen.cosines) == pytest.approx(0.5, abs=LAST_DIGITS)
     assert np.all((chosen.cosines > 0) & (chosen.cosines < 1))
-    # What each direction reflects only has a meaning in sums; their first one is the flux that comes back.
+    # What each direction reflects only has a meaning in sums; their first one is the flux that
+    # comes back.
     for depth in (0.0, 0.02, 0.5, 3.0):
         terms = chosen.weights * chosen.cosines * np.exp(-depth / chosen.cosines)
         exact = sums_by_quadrature(index, depth)
-        assert (terms.sum(), terms @ chosen.reflectance) == pytest.approx(exact, abs=0.17 * tolerance + 1e-12)
+        assert (terms.sum(), terms @ chosen.reflectance) == pytest.approx(
+            exact, abs=0.17 * tolerance + 1e-12
+        )
 
 
 @pytest.mark.parametrize("range_of_indices", [(1.5, 1.5), (1.0, 1.5), (1.3, 2.4)])
@@ -77,12 +82,16 @@ def test_fewer_directions_than_a_rule_split_at_the_critical_angle():
 
 
 def test_degree_of_exactness():
-    # n + whole - 1 powers of y under dy and n + cone - 1 under (1 - R) dy, by which the rule is defined.
+    # n + whole - 1 powers of y under dy and n + cone - 1 under (1 - R) dy, by which the rule is
+    # defined.
     whole, cone, crowding = 4, 2, 2.5
     rule = simultaneous_rule(1.5, whole, cone, crowding)
     assert rule is not None
     fine = fine_half_range(1.5, crowding)
-    for which, degree in ((lambda r: 1.0, 2 * whole + cone), (lambda r: 1.0 - r.reflectance, whole + 2 * cone)):
+    for which, degree in (
+        (lambda r: 1.0, 2 * whole + cone),
+        (lambda r: 1.0 - r.reflectance, whole + 2 * cone),
+    ):
         for power in range(degree + 1):
             found, exact = (
                 np.sum(

@@ -1,4 +1,6 @@
-"""Exponential integrals and the interface's integrals against scipy and adaptive quadrature, values and slopes."""
+"""Exponential integrals and the interface's integrals against scipy and adaptive quadrature, values
+and slopes.
+"""
 
 import itertools
 import warnings
@@ -49,12 +51,20 @@ def reference(power, x, index):
 
     def cone(outside):
         mu = np.sqrt((index - 1) * (index + 1) + outside**2) / index
-        return dielectric_reflectance(outside, index) * mu ** (power - 2) * np.exp(-x / mu) * outside / index**2
+        return (
+            dielectric_reflectance(outside, index)
+            * mu ** (power - 2)
+            * np.exp(-x / mu)
+            * outside
+            / index**2
+        )
 
     edges = [0.0, *(critical * s for s in (1e-1, 1, 3, 10, 100) if critical * s < 1), 1.0]
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # quad at its rounding level
-        inside = sum(quad(cone, a, b, epsabs=1e-15, epsrel=1e-13)[0] for a, b in itertools.pairwise(edges))
+        inside = sum(
+            quad(cone, a, b, epsabs=1e-15, epsrel=1e-13)[0] for a, b in itertools.pairwise(edges)
+        )
     return inside + critical**power * special.expn(power + 1, x / critical)
 
 
@@ -65,7 +75,10 @@ def test_internal_reflection(power):
         expected = np.array([reference(power, v, index) for v in x])
         scale = 1.0 + np.abs(expected)
         for n in (index, jnp.asarray(index)):
-            assert np.max(np.abs(internal_reflection_integral(power, x, n) - expected) / scale) < LAST_DIGITS, index
+            assert (
+                np.max(np.abs(internal_reflection_integral(power, x, n) - expected) / scale)
+                < LAST_DIGITS
+            ), index
     assert np.all(internal_reflection_integral(power, x, 1.0) == 0)
     assert np.all(internal_reflection_integral(power, np.r_[0, x], jnp.ones(7)) == 0)
 
@@ -89,4 +102,6 @@ def test_cone_weights():
     # int dmu over the cone: 1 - mu_c.
     for n in (1.5, jnp.array([1.2, 1.5, 2.0])):
         _, weights, _ = cone_nodes(n)
-        assert np.allclose(np.sum(weights, -1), 1 - np.sqrt(1 - 1 / np.asarray(n) ** 2), rtol=LAST_DIGITS)
+        assert np.allclose(
+            np.sum(weights, -1), 1 - np.sqrt(1 - 1 / np.asarray(n) ** 2), rtol=LAST_DIGITS
+        )

@@ -1,4 +1,6 @@
-"""Derivatives against high-order finite differences, at interior points and at the ends of every range."""
+"""Derivatives against high-order finite differences, at interior points and at the ends of every
+range.
+"""
 
 import jax
 import jax.numpy as jnp
@@ -30,7 +32,9 @@ def directional(cosines, hemispherical, tolerance=1e-8):
 
 def gradient(f, q, d, g, n):
     """Each stack's own derivatives, by one reverse pass: stacks do not mix."""
-    return jax.grad(lambda *a: f(*a).sum(), argnums=(0, 1, 2, 3))(q, d, g, jnp.broadcast_to(n, g.shape))
+    return jax.grad(lambda *a: f(*a).sum(), argnums=(0, 1, 2, 3))(
+        q, d, g, jnp.broadcast_to(n, g.shape)
+    )
 
 
 def difference(f, arguments, which, step, rule, column=None):
@@ -72,7 +76,9 @@ def test_reference_stacks(index, hemispherical):
         step = np.where(present, 0.03 * c.optical_thickness[:, layer], 1e-3)
         moved = (c.albedo, np.where(present[:, None], c.optical_thickness, 0.1), *arguments[2:])
         expected = difference(f, moved, 1, step, CENTRAL, layer)
-        assert close(found[1][present, layer], expected[present], (NOISE / step)[present]), "thickness"
+        assert close(found[1][present, layer], expected[present], (NOISE / step)[present]), (
+            "thickness"
+        )
     inside = (c.ground > 0) & (c.ground < 1)
     expected = difference(f, (*arguments[:2], np.where(inside, c.ground, 0.5), n), 2, 1e-2, CENTRAL)
     assert close(np.asarray(found[2])[inside], expected[inside], NOISE / 1e-3), "ground"
@@ -87,7 +93,9 @@ def test_stored_slopes(tolerance):
     tolerance = within_reach(tolerance)
 
     def f(q, d, g, ci, cv):
-        return stack_reflectance_factor(q, d, g, cos_incidence=ci, cos_viewing=cv, tolerance=tolerance).sum()
+        return stack_reflectance_factor(
+            q, d, g, cos_incidence=ci, cos_viewing=cv, tolerance=tolerance
+        ).sum()
 
     found = jax.grad(f, (0, 1, 2, 3, 4))(*(jnp.asarray(a) for a in random_cases(20)))
     assert all(slope.dtype == DTYPE for slope in found)
@@ -97,12 +105,16 @@ def test_stored_slopes(tolerance):
 
 @pytest.mark.single
 def test_slopes_of_opaque_layers_that_absorb_nothing():
-    """By the albedo of all, they add up to that of one layer: no part of the size of the thickness cubed cancels."""
+    """By the albedo of all, they add up to that of one layer: no part of the size of the thickness
+    cubed cancels.
+    """
 
     def slope(layers):
         def f(q):
             albedo = jnp.broadcast_to(q[:, None], (4, layers))
-            return stack_reflectance_factor(albedo, thickness / layers, 0.5, cos_incidence=0.7, tolerance=1e-4).sum()
+            return stack_reflectance_factor(
+                albedo, thickness / layers, 0.5, cos_incidence=0.7, tolerance=1e-4
+            ).sum()
 
         thickness = np.repeat([[1.0], [10.0], [1e2], [1e3]], layers, axis=1)
         return jax.grad(f)(jnp.ones(4))
@@ -115,17 +127,22 @@ def test_slopes_of_opaque_layers_that_absorb_nothing():
 @pytest.mark.parametrize("hemispherical", [False, pytest.param(True, marks=pytest.mark.slow)])
 def test_ends_of_every_range(hemispherical):
     # Every combination of albedo 0, 1, thickness 0, ground 0, 1 in the upper of two layers.
-    q1, d1, g = (a.ravel() for a in np.meshgrid([0.0, 1.0], [0.0, 0.4, 4.0], [0.0, 1.0], indexing="ij"))
+    q1, d1, g = (
+        a.ravel() for a in np.meshgrid([0.0, 1.0], [0.0, 0.4, 4.0], [0.0, 1.0], indexing="ij")
+    )
     count = len(g)
     pad = np.zeros((count, LAYERS - 2))
     q = np.column_stack([q1, np.full(count, 0.7), pad])
     d = np.column_stack([d1, np.full(count, 0.5), pad])
-    # Near zero thickness the reflectance bends within the smallest cosine, so few directions and small steps.
+    # Near zero thickness the reflectance bends within the smallest cosine, so few directions and
+    # small steps.
     f = directional((np.full(count, 0.8), np.full(count, 0.6)), hemispherical, tolerance=1e-3)
     arguments = (q, d, g, np.full(count, 1.5))
     found = gradient(f, *arguments)
     step = np.where(q1 == 0, 5e-3, -5e-3 / (1 + d1**2))
-    assert close(found[0][:, 0], difference(f, arguments, 0, step, FORWARD, 0), NOISE / np.abs(step))
+    assert close(
+        found[0][:, 0], difference(f, arguments, 0, step, FORWARD, 0), NOISE / np.abs(step)
+    )
     step = np.where(d1 == 0, 2e-5, 1e-3)
     assert close(found[1][:, 0], difference(f, arguments, 1, step, FORWARD, 0), NOISE / step)
     step = np.where(g == 0, 1e-2, -1e-2)
@@ -141,13 +158,17 @@ FIRST_TRACE = 1e-6 if np.float64 == DTYPE else 1e-4
 
 @pytest.mark.single
 def test_first_trace_of_an_absorbing_layer():
-    # dR/dD at D = 0 over a white ground, in closed form: no scattering, R = T T rho e^(-aD)/(1 - rho K(D)) / n^2.
+    # dR/dD at D = 0 over a white ground, in closed form: no scattering, R = T T rho e^(-aD)/(1 -
+    # rho K(D)) / n^2.
     index, mu = 1.5, 1.0
     critical = np.sqrt(1 - 1 / index**2)
 
     def reflected(power):
         def cone(cos):
-            return dielectric_reflectance(np.sqrt(max(1 - index**2 * (1 - cos**2), 0.0)), index) * cos**power
+            return (
+                dielectric_reflectance(np.sqrt(max(1 - index**2 * (1 - cos**2), 0.0)), index)
+                * cos**power
+            )
 
         return quad(cone, critical, 1, epsabs=1e-13)[0] + critical ** (power + 1) / (power + 1)
 
@@ -155,18 +176,25 @@ def test_first_trace_of_an_absorbing_layer():
     enter = 1 - dielectric_reflectance(mu, index)
     value = enter**2 / index**2 / (1 - k)
     exact = value * (-2.0 + slope_k / (1 - k))
-    found = jax.grad(lambda d: stack_reflectance_factor([0.0], d, 1.0, tolerance=within_reach(1e-8)))(jnp.zeros(1))
+    found = jax.grad(
+        lambda d: stack_reflectance_factor([0.0], d, 1.0, tolerance=within_reach(1e-8))
+    )(jnp.zeros(1))
     assert found[0] == pytest.approx(exact, rel=FIRST_TRACE)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("tolerance", [pytest.param(1e-4, marks=pytest.mark.slow), 1e-8])
 def test_slope_by_an_index_of_one(tolerance):
-    # No neighbour on one side, and a critical angle of infinite slope: the limit from above, to a few percent.
+    # No neighbour on one side, and a critical angle of infinite slope: the limit from above, to a
+    # few percent.
     def f(n):
-        return stack_hemispherical_reflectance([0.5], [1.0], 0.3, refractive_index=n, tolerance=tolerance)
+        return stack_hemispherical_reflectance(
+            [0.5], [1.0], 0.3, refractive_index=n, tolerance=tolerance
+        )
 
-    secant = stack_hemispherical_reflectance([0.5], [1.0], 0.3, refractive_index=[1.0, 1.001], tolerance=1e-9)
+    secant = stack_hemispherical_reflectance(
+        [0.5], [1.0], 0.3, refractive_index=[1.0, 1.001], tolerance=1e-9
+    )
     assert float(jax.grad(f)(1.0)) == pytest.approx(float(secant[1] - secant[0]) / 1e-3, rel=0.05)
 
 
@@ -191,7 +219,9 @@ def test_forward_mode_reverse_mode_and_second_derivatives_agree():
     slope = jax.grad(lambda q: f(q, d, g, 1.5).sum())
     _, curvature = jax.jvp(slope, (jnp.asarray(q),), (jnp.asarray(direction),))
     h = 1e-4
-    expected = (slope(jnp.asarray(q + h * direction)) - slope(jnp.asarray(q - h * direction))) / (2 * h)
+    expected = (slope(jnp.asarray(q + h * direction)) - slope(jnp.asarray(q - h * direction))) / (
+        2 * h
+    )
     assert np.allclose(curvature, expected, rtol=1e-5, atol=1e-6)
 
 
@@ -200,7 +230,9 @@ def test_only_what_is_asked_for_is_differentiated():
     # A fixed index must not drag its own derivative into the program.
     q, d, g, _, _ = (a[:2] for a in random_cases(2))
     narrow = jax.jit(jax.grad(lambda g: stack_reflectance_factor(q, d, g).sum())).lower(g).compile()
-    wide = jax.jit(jax.grad(lambda g, q, d: stack_reflectance_factor(q, d, g).sum(), (0, 1, 2))).lower(g, q, d)
+    wide = jax.jit(
+        jax.grad(lambda g, q, d: stack_reflectance_factor(q, d, g).sum(), (0, 1, 2))
+    ).lower(g, q, d)
     costs = [program.cost_analysis() for program in (narrow, wide.compile())]
     assert costs[0] is not None
     assert costs[1] is not None

@@ -24,15 +24,22 @@ def test_kernels_are_the_integrals_of_the_paper(n):
 
     def over_mu(f):
         pieces = [0.0, critical, 1.0] if n > 1 else [0.0, 1.0]
-        return sum(quad(f, a, b, epsabs=1e-13, epsrel=1e-12)[0] for a, b in itertools.pairwise(pieces))
+        return sum(
+            quad(f, a, b, epsabs=1e-13, epsrel=1e-12)[0] for a, b in itertools.pairwise(pieces)
+        )
 
     # Integrated over a segment first, so that only the integral over mu is numerical.
     for k in range(1, 6):
         near, far = (k - 0.5) * step, (k + 0.5) * step
         assert np.isclose(
-            table.toeplitz[k], over_mu(lambda m, a=near, b=far: np.exp(-a / m) - np.exp(-b / m)), atol=ROUNDING, rtol=0
+            table.toeplitz[k],
+            over_mu(lambda m, a=near, b=far: np.exp(-a / m) - np.exp(-b / m)),
+            atol=ROUNDING,
+            rtol=0,
         )
-    assert np.isclose(table.toeplitz[0], over_mu(lambda m: 2 * (1 - np.exp(-step / 2 / m))), atol=ROUNDING, rtol=0)
+    assert np.isclose(
+        table.toeplitz[0], over_mu(lambda m: 2 * (1 - np.exp(-step / 2 / m))), atol=ROUNDING, rtol=0
+    )
     for k in range(11):
         near, far = (k + 0.5) * step, (k + 1.5) * step
 
@@ -40,7 +47,9 @@ def test_kernels_are_the_integrals_of_the_paper(n):
             return reflectance(m, n) * (np.exp(-a / m) - np.exp(-b / m))
 
         assert np.isclose(table.hankel[k], over_mu(reflected), atol=ROUNDING, rtol=0)
-    assert np.isclose(table.e3[2], over_mu(lambda m: m * np.exp(-2 * step / m)), atol=ROUNDING, rtol=0)
+    assert np.isclose(
+        table.e3[2], over_mu(lambda m: m * np.exp(-2 * step / m)), atol=ROUNDING, rtol=0
+    )
     back = over_mu(lambda m: reflectance(m, n) * m * np.exp(-3 * step / m))
     assert np.isclose(table.j2[3], back, atol=ROUNDING, rtol=0)
 
@@ -67,7 +76,9 @@ def test_kept_in_a_file(tmp_path):
     table.grow(20)
     table.save(path, overwrite=True)
     again = KernelTable.load(path)
-    assert repr(again) == repr(table) == "KernelTable(refractive_index=1.33, step=0.05, segments=20)"
+    assert (
+        repr(again) == repr(table) == "KernelTable(refractive_index=1.33, step=0.05, segments=20)"
+    )
     assert np.array_equal(again.hankel, table.hankel)
     assert again.grow(30) == 30
     assert np.array_equal(again.j2, KernelTable(1.33, 0.05, 30).j2)
@@ -78,7 +89,10 @@ def test_files_that_hold_no_table_are_refused(tmp_path):
         KernelTable.load(tmp_path / "absent.npz")
     (tmp_path / "text.npz").write_text("step,0.01\n")
     np.savez(tmp_path / "other.npz", a=np.ones(3))
-    held: dict = {name: np.zeros(0) for name in ("e2", "e3", "j1", "j2")} | {"refractive_index": 1.5, "step": 0.1}
+    held: dict = {name: np.zeros(0) for name in ("e2", "e3", "j1", "j2")} | {
+        "refractive_index": 1.5,
+        "step": 0.1,
+    }
     np.savez(tmp_path / "version.npz", format="glazejax kernel table 99", **held)
     held |= {"format": "glazejax kernel table 1", "e2": np.zeros(4)}
     np.savez(tmp_path / "short.npz", **held)

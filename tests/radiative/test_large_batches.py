@@ -1,4 +1,6 @@
-"""Large batches that are known go to all cores: the same numbers, slopes and precision as in one program."""
+"""Large batches that are known go to all cores: the same numbers, slopes and precision as in one
+program.
+"""
 
 import jax
 import jax.numpy as jnp
@@ -36,7 +38,9 @@ def hemispherical(albedo, thickness, ground):
 def parts(monkeypatch) -> list[int]:
     """Where the parts of batches begin that go to threads."""
     begun, in_threads = [], chunks.in_threads
-    monkeypatch.setattr(chunks, "in_threads", lambda work, starts: begun.extend(starts) or in_threads(work, starts))
+    monkeypatch.setattr(
+        chunks, "in_threads", lambda work, starts: begun.extend(starts) or in_threads(work, starts)
+    )
     return begun
 
 
@@ -61,7 +65,10 @@ def test_slopes_are_those_of_one_program(stacks, parts):
     for one, other in zip(found, exact, strict=True):
         np.testing.assert_allclose(one, other, rtol=0, atol=ROUNDING)
     along = jax.jvp(factor, stacks, stacks)[1]
-    total = sum(jnp.sum((a * b).reshape(COUNT, -1), axis=1) for a, b in zip(found, stacks, strict=True)) / weights
+    total = (
+        sum(jnp.sum((a * b).reshape(COUNT, -1), axis=1) for a, b in zip(found, stacks, strict=True))
+        / weights
+    )
     np.testing.assert_allclose(along, total, rtol=0, atol=ROUNDING)
 
 

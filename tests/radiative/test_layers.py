@@ -1,4 +1,6 @@
-"""One layer's two-port, and beams that meet one of its eigenvalues, against integrals and against beams beside it."""
+"""One layer's two-port, and beams that meet one of its eigenvalues, against integrals and against
+beams beside it.
+"""
 
 from typing import Any
 
@@ -20,13 +22,16 @@ from tests.tolerances import LAST_DIGITS, ROUNDING
 INDEX, TOLERANCE = 1.5, 1e-6
 NODES = gauss(60)
 # Both sides of the switch between slow and fast modes, and far from it.
-SQUARES = np.array([0.0, 1e-14, 1e-6, 0.01, 0.2, 0.2499999, 0.2500001, 0.3, 0.9, 1.0, 1.2, 2.25, 4.0, 30.0])
+SQUARES = np.array(
+    [0.0, 1e-14, 1e-6, 0.01, 0.2, 0.2499999, 0.2500001, 0.3, 0.9, 1.0, 1.2, 2.25, 4.0, 30.0]
+)
 STEPS = (0.0, 1e-12, 1e-8, -1e-5, 1e-2)
 DEPTHS = np.array([0.0, 1e-6, 0.05, 0.7, 4.0])
 
 
 def integrals(q, lam, zeta, depth, a, b, mirrored):
-    """near and far for the beam a, and twice scattered light of beams a and b: the module's integrals, by quadrature.
+    """near and far for the beam a, and twice scattered light of beams a and b: the module's
+    integrals, by quadrature.
 
     The two-port's own mode is Green's function of y'' = lambda y with y = 0 at both faces.
     """
@@ -59,7 +64,8 @@ def integrals(q, lam, zeta, depth, a, b, mirrored):
 def test_what_a_beam_excites_is_the_integral(mirrored: bool):
     """Value and slopes of every entry, beams at 1/mu = kappa and next to it included."""
     lam, depth, step, which = (
-        x.ravel() for x in np.meshgrid(SQUARES, DEPTHS, np.array(STEPS), np.array([0, 1]), indexing="ij")
+        x.ravel()
+        for x in np.meshgrid(SQUARES, DEPTHS, np.array(STEPS), np.array([0, 1]), indexing="ij")
     )
     # One beam at the mode's decay (or the nearest that a beam can have), the other elsewhere.
     resonant = np.maximum(np.sqrt(lam) + step, 1.0)
@@ -67,7 +73,9 @@ def test_what_a_beam_excites_is_the_integral(mirrored: bool):
 
     def ours(q, lam, depth, a, b):
         one = jnp.ones_like(a)
-        beams = Beams(jnp.stack([a, b])[:, None], jnp.stack([one, one])[:, None], jnp.ones((2, 1, 1)), one)
+        beams = Beams(
+            jnp.stack([a, b])[:, None], jnp.stack([one, one])[:, None], jnp.ones((2, 1, 1)), one
+        )
         ports = two_ports(
             q[None, None],
             lam[None, None, None],
@@ -85,7 +93,9 @@ def test_what_a_beam_excites_is_the_integral(mirrored: bool):
 
     def value_and_slopes(function):
         def both(*x):
-            return jnp.stack(function(*x)), jnp.stack(jax.jacfwd(lambda *y: jnp.stack(function(*y)), (1, 2, 3, 4))(*x))
+            return jnp.stack(function(*x)), jnp.stack(
+                jax.jacfwd(lambda *y: jnp.stack(function(*y)), (1, 2, 3, 4))(*x)
+            )
 
         return jax.jit(jax.vmap(both))(q, lam, depth, a, b)
 
@@ -98,7 +108,9 @@ def test_what_a_beam_excites_is_the_integral(mirrored: bool):
 
 
 def cosines_in_air_at_eigenvalues(albedo: float) -> np.ndarray:
-    """Cosines in air of beams whose 1/mu inside is a decay constant of the layer as the solver has it."""
+    """Cosines in air of beams whose 1/mu inside is a decay constant of the layer as the solver has
+    it.
+    """
     rule = whole_range(INDEX, resolve_known(TOLERANCE, INDEX))
     assert rule is not None
     mu, weights = np.asarray(rule[0]), np.asarray(rule[1])
@@ -111,7 +123,9 @@ def cosines_in_air_at_eigenvalues(albedo: float) -> np.ndarray:
 
 
 def test_a_beam_at_an_eigenvalue_is_like_those_beside_it():
-    """No beam is special: value and slopes at an eigenvalue are the interpolation between beams on both sides."""
+    """No beam is special: value and slopes at an eigenvalue are the interpolation between beams on
+    both sides.
+    """
     beams = [(q, cosine) for q in (0.2, 0.8, 0.97) for cosine in cosines_in_air_at_eigenvalues(q)]
     assert len(beams) >= 3
     albedo, air = np.array(beams).T
@@ -120,12 +134,22 @@ def test_a_beam_at_an_eigenvalue_is_like_those_beside_it():
     given: dict[str, Any] = {"refractive_index": INDEX, "cos_viewing": 0.55, "tolerance": TOLERANCE}
 
     def factor(q, d, cosine):
-        albedo, depth = jnp.stack([jnp.full_like(q, 0.4), q], -1), jnp.stack([jnp.full_like(d, 0.2), d], -1)
+        albedo, depth = (
+            jnp.stack([jnp.full_like(q, 0.4), q], -1),
+            jnp.stack([jnp.full_like(d, 0.2), d], -1),
+        )
         return stack_reflectance_factor(albedo, depth, 0.5, cos_incidence=cosine, **given)
 
     shape = cosines.ravel().shape
-    arguments = jnp.asarray(np.repeat(albedo, shifts.size)), jnp.full(shape, 0.9), jnp.asarray(cosines.ravel())
-    value, slope = jax.jit(lambda *x: jax.vjp(factor, *x)[0]), jax.jit(jax.grad(lambda *x: factor(*x).sum(), (0, 1, 2)))
+    arguments = (
+        jnp.asarray(np.repeat(albedo, shifts.size)),
+        jnp.full(shape, 0.9),
+        jnp.asarray(cosines.ravel()),
+    )
+    value, slope = (
+        jax.jit(lambda *x: jax.vjp(factor, *x)[0]),
+        jax.jit(jax.grad(lambda *x: factor(*x).sum(), (0, 1, 2))),
+    )
     for quantity in (value(*arguments), *slope(*arguments)):
         at = np.asarray(quantity).reshape(cosines.shape)
         # The cubic through four beams, a thousandth and two away.
@@ -134,13 +158,21 @@ def test_a_beam_at_an_eigenvalue_is_like_those_beside_it():
 
 
 def test_kernels_are_their_integrals_on_both_sides_of_every_switch():
-    """(1 - e^-x)/x, tanh, sech and two exponentials, with slopes, against Gauss quadrature of what they integrate."""
+    """(1 - e^-x)/x, tanh, sech and two exponentials, with slopes, against Gauss quadrature of what
+    they integrate.
+    """
     x = np.concatenate([[0.0], np.geomspace(1e-9, 8.0, 60), [0.0999, 0.1001, 0.4999, 0.5001]])
     nodes, weights = NODES
-    np.testing.assert_allclose(phi(jnp.asarray(x)), np.exp(-np.outer(x, nodes)) @ weights, rtol=1e-13)
+    np.testing.assert_allclose(
+        phi(jnp.asarray(x)), np.exp(-np.outer(x, nodes)) @ weights, rtol=1e-13
+    )
     slope = jax.vmap(jax.grad(phi))(jnp.asarray(x))
-    np.testing.assert_allclose(slope, np.exp(-np.outer(x, nodes)) @ (-nodes * weights), rtol=ROUNDING)
-    assert float(jax.grad(lambda a: decay_integral(a, jnp.asarray(2.0)))(jnp.asarray(0.0))) == pytest.approx(-2.0)
+    np.testing.assert_allclose(
+        slope, np.exp(-np.outer(x, nodes)) @ (-nodes * weights), rtol=ROUNDING
+    )
+    assert float(
+        jax.grad(lambda a: decay_integral(a, jnp.asarray(2.0)))(jnp.asarray(0.0))
+    ) == pytest.approx(-2.0)
 
     def pair(a, b, depth):
         return two_decays(a, b, depth, jnp.expm1(-a * depth), jnp.expm1(-b * depth))
@@ -150,15 +182,20 @@ def test_kernels_are_their_integrals_on_both_sides_of_every_switch():
         b = a + sign * np.minimum(x, 1.5) / depth
         t = depth * nodes
         terms = np.exp(-a * (depth - t)) * np.exp(-np.outer(b, t)) * depth * weights
-        found = jax.jit(jax.vmap(jax.value_and_grad(pair, (0, 1)), (None, 0, None)))(a, jnp.asarray(b), depth)
+        found = jax.jit(jax.vmap(jax.value_and_grad(pair, (0, 1)), (None, 0, None)))(
+            a, jnp.asarray(b), depth
+        )
         np.testing.assert_allclose(found[0], terms.sum(axis=1), rtol=2e-13)
         np.testing.assert_allclose(found[1][1], terms @ -t, rtol=2e-11)
         np.testing.assert_allclose(found[1][0], terms @ (t - depth), rtol=2e-11)
 
-    # By lambda: d tanh(kappa D)/kappa = -int (sinh kappa t/kappa)^2 /cosh^2 kappa D, as of y'' = lambda y.
+    # By lambda: d tanh(kappa D)/kappa = -int (sinh kappa t/kappa)^2 /cosh^2 kappa D, as of y'' =
+    # lambda y.
     lam = np.concatenate([np.geomspace(1e-12, 5.0, 40), [0.01999, 0.02001]])
     kappa = np.sqrt(lam)
-    tanh, by_lam = jax.vmap(jax.value_and_grad(lambda s: tanh_sech(s, jnp.asarray(1.0))[0]))(jnp.asarray(lam))
+    tanh, by_lam = jax.vmap(jax.value_and_grad(lambda s: tanh_sech(s, jnp.asarray(1.0))[0]))(
+        jnp.asarray(lam)
+    )
     np.testing.assert_allclose(tanh, np.tanh(kappa) / kappa, rtol=LAST_DIGITS)
     squares = (np.sinh(np.outer(kappa, nodes)) / kappa[:, None]) ** 2 @ weights
     np.testing.assert_allclose(by_lam, -squares / np.cosh(kappa) ** 2, rtol=ROUNDING)

@@ -1,4 +1,6 @@
-"""The many-flux solver: isotropic stacks as the default solver has them, conservation, reciprocity, limits, slopes."""
+"""The many-flux solver: isotropic stacks as the default solver has them, conservation, reciprocity,
+limits, slopes.
+"""
 
 from typing import Any
 
@@ -23,7 +25,9 @@ from tests.tolerances import CONSERVED, DTYPE, ROUNDING
 from .cases import CENTRAL, random_cases, reference_cases
 
 
-@pytest.mark.parametrize("index", [*(pytest.param(n, marks=pytest.mark.slow) for n in (1.0, 1.33)), 1.5])
+@pytest.mark.parametrize(
+    "index", [*(pytest.param(n, marks=pytest.mark.slow) for n in (1.0, 1.33)), 1.5]
+)
 def test_isotropic_is_the_reference(index):
     c = reference_cases()[index]
     given: dict[str, Any] = {
@@ -55,12 +59,17 @@ def test_nothing_is_lost_without_absorption(index):
     stack = np.ones(2), np.stack([thickness, np.full_like(thickness, 0.5)], axis=-1), 1.0
     flux = manyflux_hemispherical_reflectance(*stack, cos_incidence=cos, **given)
     assert flux.shape == (5, 3)
-    np.testing.assert_allclose(flux + dielectric_reflectance(cos, index), np.ones((5, 3)), atol=CONSERVED)
-    # Even light loses what the surface reflects of it, twice the mean of R mu; six directions see it to one per cent.
+    np.testing.assert_allclose(
+        flux + dielectric_reflectance(cos, index), np.ones((5, 3)), atol=CONSERVED
+    )
+    # Even light loses what the surface reflects of it, twice the mean of R mu; six directions see
+    # it to one per cent.
     nodes, weights = gauss(200)
     outer = 2.0 * weights @ (nodes * dielectric_reflectance(nodes, index))
     np.testing.assert_allclose(
-        manyflux_diffuse_reflectance(*stack, **given), 1.0 - outer, atol=0.015 if index > 1 else 1e-10
+        manyflux_diffuse_reflectance(*stack, **given),
+        1.0 - outer,
+        atol=0.015 if index > 1 else 1e-10,
     )
 
 
@@ -68,16 +77,24 @@ def test_reciprocity_and_table():
     """Light and eye change places; a table holds what single calls give."""
     cos, azimuth = np.array([1.0, 0.8, 0.3]), np.array([0.0, 70.0, 180.0])
     stack = [0.95, 0.6], [0.7, 2.0], 0.4
-    given: dict[str, Any] = {"phase": jnp.stack([PHASES["forward"][:30], PHASES["backward"][:30]]), "streams": 6}
-    table = np.pi * np.asarray(brdf_table(*stack, cos_incidence=cos, cos_viewing=cos, azimuth=azimuth, **given))
+    given: dict[str, Any] = {
+        "phase": jnp.stack([PHASES["forward"][:30], PHASES["backward"][:30]]),
+        "streams": 6,
+    }
+    table = np.pi * np.asarray(
+        brdf_table(*stack, cos_incidence=cos, cos_viewing=cos, azimuth=azimuth, **given)
+    )
     np.testing.assert_allclose(table, np.swapaxes(table, 0, 1), atol=ROUNDING)
-    one = manyflux_reflectance_factor(*stack, cos_incidence=0.8, cos_viewing=0.3, azimuth=70.0, **given)
+    one = manyflux_reflectance_factor(
+        *stack, cos_incidence=0.8, cos_viewing=0.3, azimuth=70.0, **given
+    )
     np.testing.assert_allclose(one, table[2, 1, 1], atol=ROUNDING)
 
 
 @pytest.mark.parametrize("index", [1.0, 1.5])
 def test_thin_layer_scatters_once(index):
-    """Over black, with the whole phase function: q p(T)/(4 mu mu') by the cosines inside, however thin.
+    """Over black, with the whole phase function: q p(T)/(4 mu mu') by the cosines inside, however
+    thin.
 
     The surface lets its shares pass, and radiance falls by the square of the index on the way out.
     """
@@ -85,7 +102,10 @@ def test_thin_layer_scatters_once(index):
     mu_i, mu_v = (float(cos_refracted(cosine, index)) for cosine in (lit, seen))
     cosine = np.sqrt((1 - mu_i**2) * (1 - mu_v**2)) * np.cos(np.deg2rad(turn)) - mu_i * mu_v
     p = (1 - g**2) / (1 - 2 * g * cosine + g**2) ** 1.5
-    passing = np.prod([1.0 - float(dielectric_reflectance(cosine, index)) for cosine in (lit, seen)]) / index**2
+    passing = (
+        np.prod([1.0 - float(dielectric_reflectance(cosine, index)) for cosine in (lit, seen)])
+        / index**2
+    )
     for thickness in (1e-6, 1e-12):
         found = manyflux_reflectance_factor(
             [0.7],
@@ -114,7 +134,13 @@ def test_agrees_with_ordinates():
 @pytest.mark.slow
 def test_layers_of_equal_paint_join():
     phase = PHASES["two lobes"]
-    given: dict[str, Any] = {"phase": phase, "cos_incidence": 0.7, "cos_viewing": 0.5, "azimuth": 30.0, "streams": 8}
+    given: dict[str, Any] = {
+        "phase": phase,
+        "cos_incidence": 0.7,
+        "cos_viewing": 0.5,
+        "azimuth": 30.0,
+        "streams": 8,
+    }
     whole = manyflux_reflectance_factor([0.9], [2.0], 0.3, **given)
     parts = manyflux_reflectance_factor([0.9, 0.4, 0.9], [0.3, 0.0, 1.7], 0.3, **given)
     np.testing.assert_allclose(parts, whole, atol=ROUNDING)
@@ -122,7 +148,9 @@ def test_layers_of_equal_paint_join():
 
 @pytest.mark.slow
 def test_slopes():
-    """By albedo, thickness, ground and g, against differences; finite where albedo is one and a layer is empty."""
+    """By albedo, thickness, ground and g, against differences; finite where albedo is one and a
+    layer is empty.
+    """
 
     def value(x):
         return manyflux_reflectance_factor(
@@ -139,7 +167,9 @@ def test_slopes():
     slope = jax.jit(jax.grad(value))
     x = np.array([0.9, 0.6, 0.4, 1.2, 0.5, 0.6])
     steps = 1e-3 * np.eye(6)
-    moved = jax.jit(jax.vmap(value))(jnp.asarray(x + CENTRAL[0][:, None, None] * steps).reshape(-1, 6)).reshape(8, 6)
+    moved = jax.jit(jax.vmap(value))(
+        jnp.asarray(x + CENTRAL[0][:, None, None] * steps).reshape(-1, 6)
+    ).reshape(8, 6)
     np.testing.assert_allclose(slope(x), CENTRAL[1] @ np.asarray(moved) / 1e-3, atol=1e-9)
     assert np.all(np.isfinite(slope(np.array([1.0, 0.0, 0.0, 5.0, 1.0, 0.0]))))
 

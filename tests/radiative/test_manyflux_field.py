@@ -21,33 +21,55 @@ PHASE = henyey_greenstein(np.array([0.6, -0.3]), 8)
 
 @pytest.mark.parametrize("solution", ["doubling", pytest.param("modes", marks=pytest.mark.slow)])
 def test_field_meets_the_outside(solution):
-    """Just below the surface the upward light is what is seen outside; on the ground it is the ground's."""
+    """Just below the surface the upward light is what is seen outside; on the ground it is the
+    ground's.
+    """
     stack = [0.9, 0.7], [0.4, 1.1], 0.5
     given: dict[str, Any] = {"phase": PHASE, "cos_incidence": 0.7, "streams": 8}
     seen = float(cos_refracted(0.6, 1.5))
     field = manyflux_field(
-        *stack, depth=[0.0, 0.4, 0.8, 1.5], cos_direction=[seen, 0.2], azimuth=[0.0, 130.0], solution=solution, **given
+        *stack,
+        depth=[0.0, 0.4, 0.8, 1.5],
+        cos_direction=[seen, 0.2],
+        azimuth=[0.0, 130.0],
+        solution=solution,
+        **given,
     )
-    outside = manyflux_reflectance_factor(*stack, cos_viewing=0.6, azimuth=np.array([0.0, 130.0]), **given)
+    outside = manyflux_reflectance_factor(
+        *stack, cos_viewing=0.6, azimuth=np.array([0.0, 130.0]), **given
+    )
     out = (1 - dielectric_reflectance(0.6, 1.5)) / 1.5**2
     np.testing.assert_allclose(out * field.up[0, 0], outside, atol=ROUNDING)
-    # What the surface sends back: Fresnel's share in a direction that leaves, all beyond the critical angle.
-    np.testing.assert_allclose(field.down[0, 0], dielectric_reflectance(0.6, 1.5) * field.up[0, 0], atol=ROUNDING)
+    # What the surface sends back: Fresnel's share in a direction that leaves, all beyond the
+    # critical angle.
+    np.testing.assert_allclose(
+        field.down[0, 0], dielectric_reflectance(0.6, 1.5) * field.up[0, 0], atol=ROUNDING
+    )
     np.testing.assert_allclose(field.down[0, 1], field.up[0, 1], atol=ROUNDING)
     np.testing.assert_allclose(field.up[-1], 0.5 * field.flux_down[-1], atol=ROUNDING)
     np.testing.assert_allclose(field.flux_up[-1], 0.5 * field.flux_down[-1], atol=ROUNDING)
     entered = 1 - dielectric_reflectance(0.7, 1.5)
-    np.testing.assert_allclose(field.beam, entered * np.exp(-np.array([0, 0.4, 0.8, 1.5]) / cos_refracted(0.7, 1.5)))
+    np.testing.assert_allclose(
+        field.beam, entered * np.exp(-np.array([0, 0.4, 0.8, 1.5]) / cos_refracted(0.7, 1.5))
+    )
     # What goes in and does not come back is what flows down at the top.
     reflected = manyflux_hemispherical_reflectance(*stack, **given)
-    np.testing.assert_allclose(field.flux_down[0] - field.flux_up[0], entered - reflected, atol=ROUNDING)
+    np.testing.assert_allclose(
+        field.flux_down[0] - field.flux_up[0], entered - reflected, atol=ROUNDING
+    )
     assert np.all(np.diff(field.flux_down - field.flux_up) < 0)
 
 
 @pytest.mark.slow
 def test_no_flux_is_lost_without_absorption():
     field = manyflux_field(
-        [1.0, 1.0], [0.4, 30.0], 0.3, depth=[0.0, 0.2, 5.0, 30.4], cos_direction=[0.5], phase=PHASE, streams=8
+        [1.0, 1.0],
+        [0.4, 30.0],
+        0.3,
+        depth=[0.0, 0.2, 5.0, 30.4],
+        cos_direction=[0.5],
+        phase=PHASE,
+        streams=8,
     )
     net = np.asarray(field.flux_down - field.flux_up)
     np.testing.assert_allclose(net, net[0], atol=1e-11)
@@ -70,29 +92,47 @@ MORE = henyey_greenstein(np.array([0.6, -0.3, 0.2]), 8)
 
 @pytest.mark.slow
 def test_field_through_layers_of_different_index():
-    """Outside it is what is seen there, on the ground the ground's, and at a surface inside Fresnel's law joins it."""
+    """Outside it is what is seen there, on the ground the ground's, and at a surface inside
+    Fresnel's law joins it.
+    """
     stack = [0.9, 0.7, 0.95], [0.4, 1.1, 0.3], 0.5
-    given: dict[str, Any] = {"phase": MORE, "cos_incidence": 0.7, "streams": 16, "refractive_index": INDICES}
+    given: dict[str, Any] = {
+        "phase": MORE,
+        "cos_incidence": 0.7,
+        "streams": 16,
+        "refractive_index": INDICES,
+    }
     turned = np.array([0.0, 130.0])
     seen = float(cos_refracted(0.6, 1.6))
-    # Just above the first surface inside, in a direction that crosses it and in one beyond the critical angle.
+    # Just above the first surface inside, in a direction that crosses it and in one beyond the
+    # critical angle.
     steep, flat, away = 0.8, 0.3, np.nextafter(0.4, 0.0)
     across = float(np.sqrt(1 - (1.6 / 1.35) ** 2 * (1 - steep**2)))
-    first = manyflux_field(*stack, depth=[0.0, away], cos_direction=[seen, steep, flat], azimuth=turned, **given)
+    first = manyflux_field(
+        *stack, depth=[0.0, away], cos_direction=[seen, steep, flat], azimuth=turned, **given
+    )
     second = manyflux_field(*stack, depth=[0.4], cos_direction=[across], azimuth=turned, **given)
     last = manyflux_field(*stack, depth=[1.8], cos_direction=[0.9, 0.1], azimuth=turned, **given)
     outside = manyflux_reflectance_factor(*stack, cos_viewing=0.6, azimuth=turned, **given)
-    np.testing.assert_allclose((1 - dielectric_reflectance(0.6, 1.6)) / 1.6**2 * first.up[0, 0], outside, atol=1e-10)
+    np.testing.assert_allclose(
+        (1 - dielectric_reflectance(0.6, 1.6)) / 1.6**2 * first.up[0, 0], outside, atol=1e-10
+    )
     reflected = manyflux_hemispherical_reflectance(*stack, **given)
     entered = 1 - dielectric_reflectance(0.7, 1.6)
-    np.testing.assert_allclose(first.flux_down[0] - first.flux_up[0], entered - reflected, atol=1e-10)
+    np.testing.assert_allclose(
+        first.flux_down[0] - first.flux_up[0], entered - reflected, atol=1e-10
+    )
     np.testing.assert_allclose(last.up[0], 0.5 * last.flux_down[0], atol=1e-10)
     net = first.flux_down - first.flux_up
     np.testing.assert_allclose(net[1], (second.flux_down - second.flux_up)[0], atol=1e-10)
     r = np.asarray(interface_reflectance(1.6, 1.35, np.array([steep]), np.array([across])))[0]
     down, up = first.down[1, 1], first.up[1, 1]
-    np.testing.assert_allclose(second.down[0, 0], (1 - r) * (1.35 / 1.6) ** 2 * down + r * second.up[0, 0], atol=1e-8)
-    np.testing.assert_allclose(up, r * down + (1 - r) * (1.6 / 1.35) ** 2 * second.up[0, 0], atol=1e-8)
+    np.testing.assert_allclose(
+        second.down[0, 0], (1 - r) * (1.35 / 1.6) ** 2 * down + r * second.up[0, 0], atol=1e-8
+    )
+    np.testing.assert_allclose(
+        up, r * down + (1 - r) * (1.6 / 1.35) ** 2 * second.up[0, 0], atol=1e-8
+    )
     np.testing.assert_allclose(first.up[1, 2], first.down[1, 2], atol=1e-8)
 
 

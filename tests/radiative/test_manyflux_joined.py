@@ -1,4 +1,6 @@
-"""Layers of different refractive index, free-standing layers, grounds by table, the series: limits and conservation."""
+"""Layers of different refractive index, free-standing layers, grounds by table, the series: limits
+and conservation.
+"""
 
 from typing import Any
 
@@ -48,25 +50,38 @@ def test_directions_of_all_media():
 @pytest.mark.parametrize("index", [(1.5, 1.3), pytest.param((1.3, 1.6), marks=pytest.mark.slow)])
 def test_nothing_is_lost_between_media(index):
     """Without absorption all light comes back from a white ground, whatever the indices."""
-    given: dict[str, Any] = {"phase": PHASE, "refractive_index": index, "cos_incidence": COS, "streams": 9}
+    given: dict[str, Any] = {
+        "phase": PHASE,
+        "refractive_index": index,
+        "cos_incidence": COS,
+        "streams": 9,
+    }
     outer = dielectric_reflectance(COS, index[0])
     flux = manyflux_hemispherical_reflectance([1.0, 1.0], THICKNESS, 1.0, **given)
     np.testing.assert_allclose(flux + outer, np.ones((3, 3)), atol=CONSERVED)
 
 
 def through_two_faces(cosines, upper: float, lower: float):
-    """Share of light from the air that gets below both faces, with all reflections between them, and slant below."""
+    """Share of light from the air that gets below both faces, with all reflections between them,
+    and slant below.
+    """
     below = np.sqrt(1.0 - (1.0 - cosines**2) / upper**2)
-    outer, inner = dielectric_reflectance(cosines, upper), dielectric_reflectance(below, lower / upper)
-    return (1.0 - outer) * (1.0 - inner) / (1.0 - outer * inner), np.sqrt(1.0 - (1.0 - cosines**2) / lower**2)
+    outer, inner = (
+        dielectric_reflectance(cosines, upper),
+        dielectric_reflectance(below, lower / upper),
+    )
+    return (1.0 - outer) * (1.0 - inner) / (1.0 - outer * inner), np.sqrt(
+        1.0 - (1.0 - cosines**2) / lower**2
+    )
 
 
 @pytest.mark.slow
 def test_ground_below_faces_alone_is_the_closed_form():
-    """Clear layers of two indices on grey: T T' r/(n^2 (1 - r) + r t), with t the T of even light, n of the lower.
+    """Clear layers of two indices on grey: T T' r/(n^2 (1 - r) + r t), with t the T of even light,
+    n of the lower.
 
-    Of what the ground sends out t/n^2 gets through the faces: the cone of refraction, whatever lies between. Nine
-    directions give t to one per cent.
+    Of what the ground sends out t/n^2 gets through the faces: the cone of refraction, whatever lies
+    between. Nine directions give t to one per cent.
     """
     ground, upper, lower = 0.6, 1.5, 1.3
     given: dict[str, Any] = {"phase": PHASE, "refractive_index": (upper, lower), "streams": 9}
@@ -85,7 +100,9 @@ def test_ground_below_faces_alone_is_the_closed_form():
 
 
 def test_thin_layer_below_a_face_scatters_once():
-    """Over black, with the whole phase function: T T' q p/(4 n^2 mu mu') times the depth, n and mu of that layer."""
+    """Over black, with the whole phase function: T T' q p/(4 n^2 mu mu') times the depth, n and mu
+    of that layer.
+    """
     g, upper, lower, turn, thin = 0.8, 1.5, 1.3, 40.0, 1e-7
     (lit, seen), cosines = through_two_faces(np.array([0.9, 0.5]), upper, lower)
     cosine = np.sqrt(np.prod(1 - cosines**2)) * np.cos(np.deg2rad(turn)) - np.prod(cosines)
@@ -101,28 +118,51 @@ def test_thin_layer_below_a_face_scatters_once():
         azimuth=turn,
         streams=9,
     )
-    # Light mirrored between the faces is followed with the moments that are kept, the rest with the whole function.
-    assert found == pytest.approx(lit * seen * 0.7 * p * thin / (4 * lower**2 * np.prod(cosines)), rel=1e-3)
+    # Light mirrored between the faces is followed with the moments that are kept, the rest with the
+    # whole function.
+    assert found == pytest.approx(
+        lit * seen * 0.7 * p * thin / (4 * lower**2 * np.prod(cosines)), rel=1e-3
+    )
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("index", [(1.5, 1.3), (1.3, 1.6), (1.5, 1.5)])
 def test_what_does_not_come_back_goes_through(index):
-    given: dict[str, Any] = {"phase": PHASE, "refractive_index": index, "cos_incidence": COS, "streams": 9}
+    given: dict[str, Any] = {
+        "phase": PHASE,
+        "refractive_index": index,
+        "cos_incidence": COS,
+        "streams": 9,
+    }
     outer = dielectric_reflectance(COS, index[0])
-    both = [free_hemispherical([1.0, 1.0], THICKNESS, transmitted=t, **given) for t in (False, True)]
+    both = [
+        free_hemispherical([1.0, 1.0], THICKNESS, transmitted=t, **given) for t in (False, True)
+    ]
     np.testing.assert_allclose(both[0] + both[1] + outer, np.ones((3, 3)), atol=CONSERVED)
 
 
 @pytest.mark.slow
 def test_reciprocity_between_media():
-    given: dict[str, Any] = {"phase": PHASE, "refractive_index": (1.5, 1.3), "azimuth": 50.0, "streams": 9}
-    one = free_factor([0.9, 0.8], [0.3, 2.0], transmitted=False, cos_incidence=0.8, cos_viewing=0.3, **given)
-    other = free_factor([0.9, 0.8], [0.3, 2.0], transmitted=False, cos_incidence=0.3, cos_viewing=0.8, **given)
+    given: dict[str, Any] = {
+        "phase": PHASE,
+        "refractive_index": (1.5, 1.3),
+        "azimuth": 50.0,
+        "streams": 9,
+    }
+    one = free_factor(
+        [0.9, 0.8], [0.3, 2.0], transmitted=False, cos_incidence=0.8, cos_viewing=0.3, **given
+    )
+    other = free_factor(
+        [0.9, 0.8], [0.3, 2.0], transmitted=False, cos_incidence=0.3, cos_viewing=0.8, **given
+    )
     assert float(one) == pytest.approx(float(other), abs=ROUNDING)
-    through = free_factor([0.9, 0.8], [0.3, 2.0], transmitted=True, cos_incidence=0.8, cos_viewing=0.3, **given)
+    through = free_factor(
+        [0.9, 0.8], [0.3, 2.0], transmitted=True, cos_incidence=0.8, cos_viewing=0.3, **given
+    )
     given |= {"phase": PHASE[::-1], "refractive_index": (1.3, 1.5)}
-    back = free_factor([0.8, 0.9], [2.0, 0.3], transmitted=True, cos_incidence=0.3, cos_viewing=0.8, **given)
+    back = free_factor(
+        [0.8, 0.9], [2.0, 0.3], transmitted=True, cos_incidence=0.3, cos_viewing=0.8, **given
+    )
     assert float(through) == pytest.approx(float(back), abs=ROUNDING)
 
 
@@ -135,7 +175,9 @@ def test_clear_slab_is_the_closed_form():
 
 @pytest.mark.slow
 def test_factor_sums_to_the_flux():
-    """Over all directions of viewing the factor makes the hemispherical flux; incidences make the diffuse one."""
+    """Over all directions of viewing the factor makes the hemispherical flux; incidences make the
+    diffuse one.
+    """
     cos, weights = gauss(40)
     given: dict[str, Any] = {"phase": PHASE, "refractive_index": 1.4, "streams": 16}
     stack = [0.9, 0.8], [0.3, 2.0]
@@ -149,15 +191,24 @@ def test_factor_sums_to_the_flux():
             **given,
         )
         flux = free_hemispherical(*stack, transmitted=transmitted, cos_incidence=0.7, **given)
-        straight = free_regular(*stack, refractive_index=1.4, cos_incidence=0.7) if transmitted else 0.0
+        straight = (
+            free_regular(*stack, refractive_index=1.4, cos_incidence=0.7) if transmitted else 0.0
+        )
         mirrored = (
             0.0
             if transmitted
             else free_hemispherical(
-                [0.0, 0.0], [0.3, 2.0], transmitted=False, cos_incidence=0.7, refractive_index=1.4, streams=4
+                [0.0, 0.0],
+                [0.3, 2.0],
+                transmitted=False,
+                cos_incidence=0.7,
+                refractive_index=1.4,
+                streams=4,
             )
         )
-        assert np.mean(each, axis=0) @ (2 * cos * weights) + straight + mirrored == pytest.approx(float(flux), abs=1e-5)
+        assert np.mean(each, axis=0) @ (2 * cos * weights) + straight + mirrored == pytest.approx(
+            float(flux), abs=1e-5
+        )
         fluxes = free_hemispherical(*stack, transmitted=transmitted, cos_incidence=cos, **given)
         whole = free_diffuse(*stack, transmitted=transmitted, **given)
         assert fluxes @ (2 * cos * weights) == pytest.approx(float(whole), abs=1e-4)
@@ -175,7 +226,9 @@ def test_white_table_is_a_lambertian_ground():
         "azimuth": [50.0],
         "tolerance": 1e-5,
     }
-    np.testing.assert_allclose(brdf_table(*stack, ground=table, **given), brdf_table(*stack, **given), atol=2e-6)
+    np.testing.assert_allclose(
+        brdf_table(*stack, ground=table, **given), brdf_table(*stack, **given), atol=2e-6
+    )
 
 
 def test_ground_seen_through_nothing():
@@ -231,7 +284,14 @@ def test_series_and_its_bound():
 def test_slopes_between_media():
     def value(x):
         return manyflux_reflectance_factor(
-            x[:2], x[2:4], x[4], phase=PHASE, refractive_index=(1.5, 1.3), cos_incidence=0.8, cos_viewing=0.6, streams=8
+            x[:2],
+            x[2:4],
+            x[4],
+            phase=PHASE,
+            refractive_index=(1.5, 1.3),
+            cos_incidence=0.8,
+            cos_viewing=0.6,
+            streams=8,
         )
 
     x = jnp.array([0.9, 0.6, 0.4, 1.2, 0.5])
@@ -250,7 +310,9 @@ def test_errors_name_the_value():
     with pytest.raises(ValueError, match=r"index_below is 1\.6"):
         free_diffuse([0.5], [1.0], transmitted=True, index_below=1.6)
     with pytest.raises(ValueError, match="need at least 6"):
-        manyflux_diffuse_reflectance([0.5, 0.5], [1.0, 1.0], 0.3, refractive_index=(1.5, 1.4), streams=4)
+        manyflux_diffuse_reflectance(
+            [0.5, 0.5], [1.0, 1.0], 0.3, refractive_index=(1.5, 1.4), streams=4
+        )
     with pytest.raises(ValueError, match="solution 'exact' is unknown"):
         manyflux_diffuse_reflectance([0.5], [1.0], 0.3, solution="exact")  # pyright: ignore[reportArgumentType]
     with pytest.raises(ValueError, match="is not reciprocal"):

@@ -1,4 +1,6 @@
-"""Eigenvectors by rotations, and layers by their eigenvectors: the same as by doubling, in value and slope."""
+"""Eigenvectors by rotations, and layers by their eigenvectors: the same as by doubling, in value
+and slope.
+"""
 
 import functools
 
@@ -20,7 +22,8 @@ from tests.tolerances import LAST_DIGITS, ROUNDING
 
 RULE = spread_directions(1.5, Spread(5, 5, 2.0))
 MU = jnp.asarray(RULE.cosines)
-# Equal directions of light and eye, one on a node, one at a right angle: where textbook forms divide by zero.
+# Equal directions of light and eye, one on a node, one at a right angle: where textbook forms
+# divide by zero.
 LIT, SEEN = jnp.array([0.75, float(MU[2]), 1.0]), jnp.array([0.75, 0.9])
 ALBEDO = jnp.array([1.0, 1.0, 1.0, 1 - 1e-6, 0.9, 0.0, 0.5, 1.0])
 THICKNESS = jnp.array([0.0, 1e-6, 1.0, 1e4, 1e6, 3.0, 1e-9, 100.0])
@@ -34,7 +37,9 @@ def test_eigenvectors(n):
     values, vectors = symmetric_eigen(jnp.asarray(a + np.swapaxes(a, -1, -2)))
     np.testing.assert_allclose(values, np.linalg.eigvalsh(a + np.swapaxes(a, -1, -2)), atol=1e-13)
     np.testing.assert_allclose(
-        (vectors * values[:, None, :]) @ np.swapaxes(vectors, -1, -2), a + a.swapaxes(-1, -2), atol=1e-13
+        (vectors * values[:, None, :]) @ np.swapaxes(vectors, -1, -2),
+        a + a.swapaxes(-1, -2),
+        atol=1e-13,
     )
 
 
@@ -46,13 +51,19 @@ def test_small_eigenvalues_keep_their_digits():
     a = scale[:, None] * (basis @ basis.T) * scale
     values, _ = symmetric_eigen(jnp.asarray(a))
     # The product of all of them, exact in relative terms.
-    np.testing.assert_allclose(np.prod(values / scale[::-1] ** 2), np.linalg.det(basis) ** 2, rtol=ROUNDING)
+    np.testing.assert_allclose(
+        np.prod(values / scale[::-1] ** 2), np.linalg.det(basis) ** 2, rtol=ROUNDING
+    )
 
 
 def operators(albedo, thickness, g, lit, seen):
     tables = [associated_legendre(c, 3, 10) for c in (MU, seen, lit)]
     even, odd = scattering(
-        henyey_greenstein(g, 10), tables[0], tables[1], tables[2], jnp.sqrt(jnp.asarray(RULE.weights))
+        henyey_greenstein(g, 10),
+        tables[0],
+        tables[1],
+        tables[2],
+        jnp.sqrt(jnp.asarray(RULE.weights)),
     )
     return *rates(albedo[:, None], even, odd, Diagonal(MU, seen, lit)), thickness[:, None]
 
@@ -76,18 +87,24 @@ def value_and_slope(solution):
 
 @pytest.mark.slow
 def test_modes_are_doubling():
-    """Albedo 0 to 1, thickness 0 to 1e6: values to 1e-10, slopes to 1e-8 of the largest, which is 1e4."""
+    """Albedo 0 to 1, thickness 0 to 1e6: values to 1e-10, slopes to 1e-8 of the largest, which is
+    1e4.
+    """
     value, slope = (jax.tree.leaves(x) for x in value_and_slope(layer_by_modes))
     expected, steep = (jax.tree.leaves(x) for x in value_and_slope(by_doubling))
     for one, other in zip(value, expected, strict=True):
         np.testing.assert_allclose(one, other, rtol=0, atol=1e-10)
     for one, other in zip(slope, steep, strict=True):
-        size = np.maximum(1.0, np.max(np.abs(other), axis=tuple(range(1, other.ndim)), keepdims=True))
+        size = np.maximum(
+            1.0, np.max(np.abs(other), axis=tuple(range(1, other.ndim)), keepdims=True)
+        )
         assert np.max(np.abs(one - other) / size) < 1e-8
 
 
 def test_the_slowest_mode():
-    """It does not fade without absorption; else 1 = q artanh(kappa)/kappa for isotropic scattering."""
+    """It does not fade without absorption; else 1 = q artanh(kappa)/kappa for isotropic
+    scattering.
+    """
 
     @jax.jit
     def slowest(albedo, g):
@@ -142,4 +159,7 @@ def test_nothing_is_left_that_can_hang(solution):
     def layers(albedo):
         return solution(*operators(albedo, albedo, albedo, LIT, SEEN))
 
-    assert "lapack" not in jax.jit(jax.grad(lambda q: jnp.sum(layers(q)[0].body))).lower(ALBEDO).as_text()
+    assert (
+        "lapack"
+        not in jax.jit(jax.grad(lambda q: jnp.sum(layers(q)[0].body))).lower(ALBEDO).as_text()
+    )

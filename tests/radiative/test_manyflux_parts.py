@@ -27,11 +27,17 @@ TINY = 2.0**-60
 def random_bordered(seed):
     rng = np.random.default_rng(seed)
     body = 0.2 * rng.normal(size=(7, 6))
-    return Bordered(jnp.asarray(body), jnp.asarray(rng.uniform(0.1, 0.5, 3)), jnp.asarray(rng.uniform(0.1, 0.5, 2)))
+    return Bordered(
+        jnp.asarray(body),
+        jnp.asarray(rng.uniform(0.1, 0.5, 3)),
+        jnp.asarray(rng.uniform(0.1, 0.5, 2)),
+    )
 
 
 def whole(a):
-    """The same operator as one square matrix over 4 nodes, 3 viewing and 2 incidence of tiny weight."""
+    """The same operator as one square matrix over 4 nodes, 3 viewing and 2 incidence of tiny
+    weight.
+    """
     root = np.sqrt(TINY)
     full = np.diag(np.concatenate([np.zeros(4), a.viewing, a.incidence]))
     full[:4, :4] += a.core
@@ -57,7 +63,9 @@ def test_bordered_matrices_are_the_limit_of_small_weights():
             (slice(4, 7), slice(7, 9)),
         ):
             size = np.outer(scale, scale)[rows, columns]
-            np.testing.assert_allclose(whole(found)[rows, columns] / size, expected[rows, columns] / size, rtol=1e-9)
+            np.testing.assert_allclose(
+                whole(found)[rows, columns] / size, expected[rows, columns] / size, rtol=1e-9
+            )
 
 
 def test_inverses_and_their_slopes():
@@ -77,7 +85,9 @@ def test_legendre_functions():
     for m in range(6):
         for degree in range(12):
             scale = np.sqrt(factorial(degree - m) / factorial(degree + m)) if degree >= m else 0.0
-            np.testing.assert_allclose(found[m, degree], (-1) ** m * scale * lpmv(m, degree, mu), atol=1e-13)
+            np.testing.assert_allclose(
+                found[m, degree], (-1) ** m * scale * lpmv(m, degree, mu), atol=1e-13
+            )
 
 
 @pytest.fixture(scope="module")
@@ -91,7 +101,9 @@ def layers():
     even, odd = scattering(moments, tables[0], tables[1], tables[2], jnp.sqrt(weights))
     cosines = Diagonal(mu, added, added)
     a, b = rates(jnp.array([[0.99], [0.5], [1.0]]), even, odd, cosines)
-    r, loss = layer_by_doubling(a, b, jnp.array([[0.3], [1.5], [0.6]]), doublings(1.5, float(mu.min())))
+    r, loss = layer_by_doubling(
+        a, b, jnp.array([[0.3], [1.5], [0.6]]), doublings(1.5, float(mu.min()))
+    )
     roots = Diagonal(jnp.sqrt(mu * weights), jnp.sqrt(added), jnp.sqrt(added))
     return r, loss, lambert(jnp.asarray(0.7), roots, 2, mu.dtype)
 
@@ -112,7 +124,9 @@ def test_reciprocity_of_joined_slabs(layers):
     r, loss, _ = layers
     slab = join_all(slab_of_layer(r, loss))
     np.testing.assert_allclose(slab.up.core, np.swapaxes(slab.down.core, -1, -2), atol=LAST_DIGITS)
-    np.testing.assert_allclose(slab.up.rows, np.swapaxes(slab.down.columns, -1, -2), atol=LAST_DIGITS)
+    np.testing.assert_allclose(
+        slab.up.rows, np.swapaxes(slab.down.columns, -1, -2), atol=LAST_DIGITS
+    )
 
 
 def test_laying_over_black_is_the_layer(layers):

@@ -1,4 +1,6 @@
-"""An index of almost one: errors at grazing angles, slopes by the index, and a tolerance finer than there is."""
+"""An index of almost one: errors at grazing angles, slopes by the index, and a tolerance finer than
+there is.
+"""
 
 import warnings
 
@@ -18,7 +20,9 @@ INDICES = (1.0, 1 + 1e-9, 1 + 1e-7, 1 + 1e-5, 1 + 1e-4)
 
 
 def grazing_stacks(count: int, least: float) -> ordinates.Stack:
-    """Two layers, thin to opaque, albedo up to 1 - 1e-6, cosines down to ``least``, evenly in the logarithm."""
+    """Two layers, thin to opaque, albedo up to 1 - 1e-6, cosines down to ``least``, evenly in the
+    logarithm.
+    """
     rng = np.random.default_rng(0)
     albedo = 1 - 10 ** rng.uniform(-6, 0, (count, 2))
     thickness = 10 ** rng.uniform(-3, 1.5, (count, 2))
@@ -36,14 +40,17 @@ def solved(stacks: ordinates.Stack, index, directions):
 
 
 def worst(stacks, index, directions, truth):
-    return float(jnp.max(jnp.abs(solved(stacks, index, jax.tree.map(jnp.asarray, directions)) - truth)))
+    return float(
+        jnp.max(jnp.abs(solved(stacks, index, jax.tree.map(jnp.asarray, directions)) - truth))
+    )
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("least", [pytest.param(0.05, marks=pytest.mark.slow), 4e-4])
 @pytest.mark.parametrize("tolerance", [1e-4, pytest.param(1e-6, marks=pytest.mark.slow)])
 def test_error_of_grazing_light_and_view_stays_below_the_tolerance(least, tolerance):
-    # Both of a cosine of 4e-4: the reflectance factor is some 150 then, and its error is still an absolute one.
+    # Both of a cosine of 4e-4: the reflectance factor is some 150 then, and its error is still an
+    # absolute one.
     stacks = grazing_stacks(100, least)
     for index in INDICES:
         fine = half_range(np.float64(index), FINE if index > 1 else FINE._replace(total=0))
@@ -91,18 +98,32 @@ def test_cosines_of_a_call_decide(index):
 
     def factor(light, view):
         return stack_reflectance_factor(
-            [0.9], [1.0], 0.5, refractive_index=index, cos_incidence=light, cos_viewing=view, tolerance=1e-4
+            [0.9],
+            [1.0],
+            0.5,
+            refractive_index=index,
+            cos_incidence=light,
+            cos_viewing=view,
+            tolerance=1e-4,
         )
 
     fine = stack_reflectance_factor(
-        [0.9], [1.0], 0.5, refractive_index=index, cos_incidence=4e-4, cos_viewing=4e-4, tolerance=1e-8
+        [0.9],
+        [1.0],
+        0.5,
+        refractive_index=index,
+        cos_incidence=4e-4,
+        cos_viewing=4e-4,
+        tolerance=1e-8,
     )
     for found in (factor(4e-4, 4e-4), jax.jit(factor)(4e-4, 4e-4)):
         assert float(found) == pytest.approx(float(fine), abs=1e-4)
 
 
 def of_index(hemispherical, tolerance):
-    """Reflectances of some stacks as a function of their index; bare ground, empty layers and a black one are there."""
+    """Reflectances of some stacks as a function of their index; bare ground, empty layers and a
+    black one are there.
+    """
     albedo = jnp.array([[0.5, 0.9], [0.99, 0.2], [0.3, 0.8], [0.6, 0.6], [0.0, 0.7]])
     thickness = jnp.array([[1.0, 2.0], [5.0, 0.4], [0.0, 3.0], [0.0, 0.0], [0.2, 0.9]])
     ground = jnp.array([0.3, 0.0, 0.8, 0.6, 1.0])
@@ -123,9 +144,12 @@ def test_slopes_by_an_index_of_one_and_just_above(hemispherical):
     f = jax.jit(of_index(hemispherical, 1e-8))
     slope = jax.jit(lambda n: jax.jvp(f, (n,), (jnp.ones_like(n),))[1])
     at = lambda excess: jnp.full(5, 1.0 + excess)  # noqa: E731
-    # R(n) = R(1) + a e + b e^(3/2) + ..., e = n^2 - 1: the secant goes to the slope as the root of the step.
+    # R(n) = R(1) + a e + b e^(3/2) + ..., e = n^2 - 1: the secant goes to the slope as the root of
+    # the step.
     values = [np.asarray(f(at(e))) for e in (0.0, 1e-6, 4e-6, 1.6e-5)]
-    secants = [(value - values[0]) / e for value, e in zip(values[1:], (1e-6, 4e-6, 1.6e-5), strict=True)]
+    secants = [
+        (value - values[0]) / e for value, e in zip(values[1:], (1e-6, 4e-6, 1.6e-5), strict=True)
+    ]
     once = [2 * secants[0] - secants[1], 2 * secants[1] - secants[2]]
     # What is left goes as e^(3/2) log e.
     np.testing.assert_allclose(slope(at(0.0)), once[0], rtol=2e-3, atol=2e-3)
@@ -139,13 +163,16 @@ def test_slopes_by_an_index_of_one_and_just_above(hemispherical):
 
 @pytest.mark.slow
 def test_slope_at_one_in_closed_form():
-    """A ground that absorbs nothing but a little, bare: R = T(n)^2 rho/(n^2 (1 - rho K)), by hand."""
+    """A ground that absorbs nothing but a little, bare: R = T(n)^2 rho/(n^2 (1 - rho K)),
+    by hand.
+    """
     rho = 0.6
 
     def f(n):
         return stack_reflectance_factor([0.0], [0.0], rho, refractive_index=n, tolerance=1e-8)
 
-    # K = 2 int R mu dmu = (7/6) (n - 1) * 2 to first order, T = 1 to second: d/dn = rho (7/3) rho - 2 rho.
+    # K = 2 int R mu dmu = (7/6) (n - 1) * 2 to first order, T = 1 to second: d/dn = rho (7/3) rho -
+    # 2 rho.
     expected = rho * (7 / 3 * rho - 2.0)
     assert float(jax.jit(jax.grad(f))(1.0)) == pytest.approx(expected, rel=1e-6)
 
@@ -155,7 +182,9 @@ def test_a_tolerance_finer_than_there_is_is_said(method, finest):
     def call(tolerance):
         return stack_reflectance_factor([0.5], [1.0], 0.3, tolerance=tolerance, method=method)
 
-    with pytest.warns(UserWarning, match=f"tolerance is 1e-14, but {finest:g} is the least there is with method"):
+    with pytest.warns(
+        UserWarning, match=f"tolerance is 1e-14, but {finest:g} is the least there is with method"
+    ):
         finer = call(1e-14)
     with warnings.catch_warnings():
         warnings.simplefilter("error")

@@ -24,7 +24,9 @@ def closed_form(g, cosine):
 
 @pytest.mark.parametrize("g", [-0.5, 0.0, 0.3, 0.9])
 def test_moments_make_henyey_and_greensteins_function(g):
-    np.testing.assert_allclose(evaluate(henyey_greenstein(g), COSINES), closed_form(g, COSINES), rtol=0, atol=1e-8)
+    np.testing.assert_allclose(
+        evaluate(henyey_greenstein(g), COSINES), closed_form(g, COSINES), rtol=0, atol=1e-8
+    )
 
 
 def test_two_lobes_and_batches():
@@ -35,10 +37,16 @@ def test_two_lobes_and_batches():
 
 
 def test_table_is_its_own_function():
-    """Linear pieces: 1 + x/2 has the moments 1, 1/6; a table of Henyey and Greenstein's comes near g^l."""
-    np.testing.assert_allclose(tabulated([-1, 0.3, 1], [1.0, 2.3, 3.0], 4), [1, 1 / 6, 0, 0], atol=1e-15)
+    """Linear pieces: 1 + x/2 has the moments 1, 1/6; a table of Henyey and Greenstein's comes near
+    g^l.
+    """
+    np.testing.assert_allclose(
+        tabulated([-1, 0.3, 1], [1.0, 2.3, 3.0], 4), [1, 1 / 6, 0, 0], atol=1e-15
+    )
     x = np.cos(np.linspace(0, np.pi, 2001))
-    np.testing.assert_allclose(tabulated(x, 7 * closed_form(0.6, x), 20), 0.6 ** np.arange(20), atol=1e-5)
+    np.testing.assert_allclose(
+        tabulated(x, 7 * closed_form(0.6, x), 20), 0.6 ** np.arange(20), atol=1e-5
+    )
 
 
 def test_isotropic_is_one_everywhere():

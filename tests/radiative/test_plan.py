@@ -1,4 +1,6 @@
-"""A plan leaves out what it says, and never changes a result by more than its share of the tolerance."""
+"""A plan leaves out what it says, and never changes a result by more than its share of the
+tolerance.
+"""
 
 from typing import Any
 
@@ -20,11 +22,15 @@ TOLERANCE = 1e-6
 
 
 def random_scene(seed: int, stacks: int = STACKS) -> dict[str, Any]:
-    """Stacks of which every saving finds some: empty, opaque, equal and almost absorbing layers, black grounds."""
+    """Stacks of which every saving finds some: empty, opaque, equal and almost absorbing layers,
+    black grounds.
+    """
     rng = np.random.default_rng(seed)
     shape = (stacks, LAYERS)
     kind = rng.integers(0, 3, (stacks, 1))
-    albedo = np.select([kind == 0, kind == 1], [10 ** rng.uniform(-9, -1, shape), rng.uniform(0, 1, shape)], 1.0)
+    albedo = np.select(
+        [kind == 0, kind == 1], [10 ** rng.uniform(-9, -1, shape), rng.uniform(0, 1, shape)], 1.0
+    )
     albedo = np.where(rng.random(shape) < 0.2, rng.choice([0.0, 0.5, 1 - 1e-4], shape), albedo)
     thickness = np.where(rng.random(shape) < 0.2, 0.0, 10 ** rng.uniform(-3, 2, shape))
     ground = np.where(rng.random(stacks) < 0.3, 0.0, rng.uniform(0, 1, stacks))
@@ -42,9 +48,15 @@ def random_scene(seed: int, stacks: int = STACKS) -> dict[str, Any]:
     }
 
 
-def direct(scene: dict[str, Any], hemispherical: bool = False, tolerance: float = TOLERANCE) -> np.ndarray:
+def direct(
+    scene: dict[str, Any], hemispherical: bool = False, tolerance: float = TOLERANCE
+) -> np.ndarray:
     solve = stack_hemispherical_reflectance if hemispherical else stack_reflectance_factor
-    scene = {name: value for name, value in scene.items() if not (hemispherical and name == "cos_viewing")}
+    scene = {
+        name: value
+        for name, value in scene.items()
+        if not (hemispherical and name == "cos_viewing")
+    }
     return np.asarray(solve(**scene, tolerance=tolerance))
 
 
@@ -55,7 +67,12 @@ def test_savings_stay_within_the_tolerance(hemispherical: bool, seed: int):
     scene = random_scene(seed)
     exact = direct(scene, hemispherical)
     asked: dict[str, Any] = {**scene, **({"cos_viewing": None} if hemispherical else {})}
-    for savings in (NONE, ALL, NONE._replace(hidden=True), NONE._replace(layers=True, scattering=True)):
+    for savings in (
+        NONE,
+        ALL,
+        NONE._replace(hidden=True),
+        NONE._replace(layers=True, scattering=True),
+    ):
         values = np.asarray(plan_stacks(**asked, tolerance=TOLERANCE, savings=savings).run())
         np.testing.assert_allclose(values, exact, rtol=0, atol=TOLERANCE)
 
@@ -79,7 +96,9 @@ def test_each_saving_alone(name: str, share: float):
 
 
 def test_bound_on_what_is_hidden_holds_and_is_not_idle():
-    """A white ground under everything, against black, for stacks of all kinds: the bound is above, and not far."""
+    """A white ground under everything, against black, for stacks of all kinds: the bound is above,
+    and not far.
+    """
     rng = np.random.default_rng(0)
     shape = (256, LAYERS)
     pale = rng.random((256, 1)) < 0.3
@@ -92,13 +111,18 @@ def test_bound_on_what_is_hidden_holds_and_is_not_idle():
         "cos_incidence": cosines[0],
         "cos_viewing": cosines[1],
     }
-    change = np.subtract(*(direct(scene | {"substrate_reflectance": g}, tolerance=TOLERANCE) for g in (1.0, 0.0)))
+    change = np.subtract(
+        *(direct(scene | {"substrate_reflectance": g}, tolerance=TOLERANCE) for g in (1.0, 0.0))
+    )
     ends = [closed_form.end(c, np.full(256, 1.5)) for c in cosines]
     prefixes = [
-        bounds.hidden_change(albedo[:, :m], thickness[:, :m], np.full(256, 1.5), *ends) for m in range(1, LAYERS + 1)
+        bounds.hidden_change(albedo[:, :m], thickness[:, :m], np.full(256, 1.5), *ends)
+        for m in range(1, LAYERS + 1)
     ]
     assert np.all(prefixes[-1] >= change)
-    bound = np.min(prefixes, axis=0)  # what lies below the first layers includes what lies below all
+    bound = np.min(
+        prefixes, axis=0
+    )  # what lies below the first layers includes what lies below all
     assert np.all(bound >= change)
     # Where it matters, the bound sees a good part of the optical depth that the light has passed.
     faint = ~pale[:, 0] & (change > 1e-9) & (change < 1e-4)
@@ -107,11 +131,20 @@ def test_bound_on_what_is_hidden_holds_and_is_not_idle():
 
 
 def test_bound_on_what_is_hidden_is_nearly_reached():
-    """White of endless depth below a clear layer adds more than half of the bound: half the bound would not hold."""
-    n, clear, depth = np.array([1.0, 1.5, 2.0]), np.array([[0.0], [1e-5], [0.0]]), np.array([[3.0], [3.5], [4.0]])
+    """White of endless depth below a clear layer adds more than half of the bound: half the bound
+    would not hold.
+    """
+    n, clear, depth = (
+        np.array([1.0, 1.5, 2.0]),
+        np.array([[0.0], [1e-5], [0.0]]),
+        np.array([[3.0], [3.5], [4.0]]),
+    )
     nothing = np.zeros((3, 1))
     given: dict[str, Any] = {"refractive_index": n, "tolerance": TOLERANCE}
-    white = np.concatenate([clear, nothing + 1.0], axis=1), np.concatenate([depth, nothing + 1e5], axis=1)
+    white = (
+        np.concatenate([clear, nothing + 1.0], axis=1),
+        np.concatenate([depth, nothing + 1e5], axis=1),
+    )
     change = stack_reflectance_factor(*white, 0.0, **given)
     ends = closed_form.end(np.ones(3), n)
     bound = bounds.hidden_change(clear, depth, n, ends, ends)
@@ -122,11 +155,14 @@ def test_bound_on_what_is_hidden_is_nearly_reached():
         for row in range(3):
             q, d, ground, index = (array[row : row + 1] for array in (clear, depth, np.ones(3), n))
             end = bounds.End(*(leaf[row : row + 1] for leaf in ends))
-            assert bounds.hidden_below(q, d, ground, index, end, end, float(tolerance[row]))[1] == [hidden]
+            assert bounds.hidden_below(q, d, ground, index, end, end, float(tolerance[row]))[1] == [
+                hidden
+            ]
 
 
 def test_bound_on_what_is_scattered_again_is_nearly_reached():
-    """A thin layer that scatters little over white: what the closed form leaves out is more than half of the bound.
+    """A thin layer that scatters little over white: what the closed form leaves out is more than
+    half of the bound.
 
     The ground lights the layer from below and, mirrored by the surface, from above.
     """
@@ -134,9 +170,13 @@ def test_bound_on_what_is_scattered_again_is_nearly_reached():
     rows = np.array([[albedo]]), np.array([[depth]])
     first = closed_form.without_multiple_scattering(*rows, np.ones(1), n, cosine, cosine)
     given: dict[str, Any] = {"refractive_index": n, "tolerance": 1e-9}
-    left_out = float(stack_reflectance_factor([albedo], [depth], 1.0, **given)) - float(first.reflectance[0])
+    left_out = float(stack_reflectance_factor([albedo], [depth], 1.0, **given)) - float(
+        first.reflectance[0]
+    )
     end = closed_form.end(cosine, np.full(1, n))
-    bound = float(bounds.scattered_beyond_first(*rows, first.ground_radiosity, np.full(1, n), end, end)[0])
+    bound = float(
+        bounds.scattered_beyond_first(*rows, first.ground_radiosity, np.full(1, n), end, end)[0]
+    )
     assert bound / 2.0 < left_out <= bound
 
 
@@ -150,7 +190,9 @@ def test_decay_rate_is_rounded_down():
     assert np.all(q[positive] * np.arctanh(rate[positive]) / rate[positive] <= 1 + 1e-12)
 
 
-@pytest.mark.parametrize(("index", "hemispherical"), [(1.0, False), (1.5, False), (1.02, True), (2.4, True)])
+@pytest.mark.parametrize(
+    ("index", "hemispherical"), [(1.0, False), (1.5, False), (1.02, True), (2.4, True)]
+)
 def test_closed_form_without_scattering_is_exact(index: float, hemispherical: bool):
     """Bare and absorbing stacks against the solver."""
     thickness = np.array([[0.0], [1e-3], [0.3], [2.0]])
@@ -219,7 +261,11 @@ def test_bands_left_out_do_not_move_the_sums(weights: np.ndarray, power: float):
 def test_bands_at_the_ends_of_the_visible_are_left_out():
     x = np.linspace(-3, 3, 32)
     plan = plan_stacks(
-        [0.8], [1.0], np.full(32, 0.5) + 0.01 * x, band_weights=np.exp(-2 * x[:, None] ** 2), tolerance=1e-3
+        [0.8],
+        [1.0],
+        np.full(32, 0.5) + 0.01 * x,
+        band_weights=np.exp(-2 * x[:, None] ** 2),
+        tolerance=1e-3,
     )
     assert plan.report().bands > 5
     assert np.all(np.isfinite(plan.run()))
@@ -229,7 +275,11 @@ def test_groups_by_depth_and_blocks():
     rng = np.random.default_rng(0)
     thickness = np.where(np.arange(8) < rng.integers(1, 9, (900, 1)), 0.3, 0.0)
     plan = plan_stacks(
-        rng.uniform(0.2, 0.9, (900, 8)), thickness, 0.5, savings=ALL._replace(hidden=False), tolerance=1e-3
+        rng.uniform(0.2, 0.9, (900, 8)),
+        thickness,
+        0.5,
+        savings=ALL._replace(hidden=False),
+        tolerance=1e-3,
     )
     report = plan.report()
     assert [layers for layers, _ in report.groups] == [3, 6, 8]
@@ -252,7 +302,9 @@ def test_groups_by_depth_and_blocks():
 )
 def test_what_is_wrong_is_named(change: dict[str, Any], words: str):
     with pytest.raises(ValueError, match=words):
-        plan_stacks(**({"albedo": [0.5], "optical_thickness": [1.0], "substrate_reflectance": 0.5} | change))
+        plan_stacks(
+            **({"albedo": [0.5], "optical_thickness": [1.0], "substrate_reflectance": 0.5} | change)
+        )
 
 
 def test_a_plan_needs_numbers():
@@ -264,5 +316,7 @@ def test_no_stacks_and_bare_ground():
     assert plan_stacks(np.zeros((0, 2)), np.zeros((0, 2)), 0.5).run().shape == (0,)
     bare = plan_stacks(np.zeros(0), np.zeros(0), 0.5)
     np.testing.assert_allclose(
-        bare.run(), direct({"albedo": [0.0], "optical_thickness": [0.0], "substrate_reflectance": 0.5}), atol=TOLERANCE
+        bare.run(),
+        direct({"albedo": [0.0], "optical_thickness": [0.0], "substrate_reflectance": 0.5}),
+        atol=TOLERANCE,
     )

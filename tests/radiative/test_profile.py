@@ -30,7 +30,9 @@ def test_a_constant_profile_is_a_homogeneous_layer(method):
     k, s = np.array([[2e4], [0.0], [1e4]]), np.array([[5e4], [9e4], [0.0]])
     given = {"cos_incidence": 0.7, "tolerance": 1e-4}
     found = profile_reflectance_factor(k, s, DEPTH, 0.6, method=method, **given)
-    expected = stack_reflectance_factor(s / (k + s), (k + s) * DEPTH, 0.6, cos_incidence=0.7, tolerance=1e-7)
+    expected = stack_reflectance_factor(
+        s / (k + s), (k + s) * DEPTH, 0.6, cos_incidence=0.7, tolerance=1e-7
+    )
     assert found.shape == (3,)
     assert np.max(np.abs(found - expected)) < 1e-4
 
@@ -41,7 +43,9 @@ def test_both_methods_and_many_slices_agree():
     k, s = absorption(z), np.asarray(scattering(z))
     slices = stack_reflectance_factor(s / (k + s), (k + s) * DEPTH / 200, 0.6, tolerance=1e-7)
     for method in METHODS:
-        found = profile_reflectance_factor(absorption, scattering, DEPTH, 0.6, method=method, tolerance=1e-5)
+        found = profile_reflectance_factor(
+            absorption, scattering, DEPTH, 0.6, method=method, tolerance=1e-5
+        )
         assert found == pytest.approx(float(slices), abs=2e-5), method
 
 
@@ -53,7 +57,9 @@ def test_samples_agree_and_tend_to_two_layers():
     two = stack_hemispherical_reflectance([0.9, 0.2], np.array([1e5, 5e4]) * DEPTH / 2, 0.3)
     assert found == pytest.approx(float(two), abs=2e-3)
     few = [
-        profile_reflectance_factor([1e4, 5e4, 2e4], [9e4, 1e4, 0.0], DEPTH, 0.3, method=m, tolerance=1e-4)
+        profile_reflectance_factor(
+            [1e4, 5e4, 2e4], [9e4, 1e4, 0.0], DEPTH, 0.3, method=m, tolerance=1e-4
+        )
         for m in METHODS
     ]
     assert few[0] == pytest.approx(float(few[1]), abs=2e-4)
@@ -61,17 +67,26 @@ def test_samples_agree_and_tend_to_two_layers():
 
 def test_samples_are_joined_by_straight_lines():
     """Values at three depths, for two films at once, against numpy's interpolation."""
-    samples, share = np.array([[1.0, 3.0, 2.0], [0.0, 4.0, 4.0]]), np.array([0.0, 0.2, 0.5, 0.75, 1.0])
+    samples, share = (
+        np.array([[1.0, 3.0, 2.0], [0.0, 4.0, 4.0]]),
+        np.array([0.0, 0.2, 0.5, 0.75, 1.0]),
+    )
     found = _piecewise_linear(jnp.asarray(samples))(jnp.asarray(share))
-    np.testing.assert_allclose(found, [np.interp(share, [0.0, 0.5, 1.0], row) for row in samples], atol=1e-15)
-    np.testing.assert_array_equal(_piecewise_linear(jnp.asarray([7.0]))(jnp.asarray(share)), np.full(5, 7.0))
+    np.testing.assert_allclose(
+        found, [np.interp(share, [0.0, 0.5, 1.0], row) for row in samples], atol=1e-15
+    )
+    np.testing.assert_array_equal(
+        _piecewise_linear(jnp.asarray([7.0]))(jnp.asarray(share)), np.full(5, 7.0)
+    )
 
 
 @pytest.mark.slow
 def test_no_thickness_is_a_bare_ground():
     bare = stack_reflectance_factor([0.0], [0.0], 0.6)
     for method in METHODS:
-        found = profile_reflectance_factor([1e4, 2e4], [0.0, 3e4], 0.0, 0.6, method=method, tolerance=1e-4)
+        found = profile_reflectance_factor(
+            [1e4, 2e4], [0.0, 3e4], 0.0, 0.6, method=method, tolerance=1e-4
+        )
         assert found == pytest.approx(float(bare), abs=1e-4)
 
 
@@ -107,7 +122,12 @@ def test_gradients_under_jit():
     ],
 )
 def test_bad_input_says_what_and_how_to_mend(change, message):
-    given = {"absorption": [1e4, 2e4], "scattering": [1e4, 2e4], "thickness": 1e-5, "substrate_reflectance": 0.5}
+    given = {
+        "absorption": [1e4, 2e4],
+        "scattering": [1e4, 2e4],
+        "thickness": 1e-5,
+        "substrate_reflectance": 0.5,
+    }
     with pytest.raises(ValueError, match=message) as error:
         profile_reflectance_factor(**(given | change))
     assert "\n" not in str(error.value)

@@ -1,4 +1,6 @@
-"""Paint under a rough surface: energy, reciprocity, limits, gradients, and paths followed one by one."""
+"""Paint under a rough surface: energy, reciprocity, limits, gradients, and paths followed one by
+one.
+"""
 
 import itertools
 
@@ -26,23 +28,30 @@ def grid() -> list:
     """Surfaces; those that are usual are quick."""
     quick = [(0.1, 1.5), (0.5, 2.5)]
     surfaces = itertools.product((0.02, 0.1, 0.5, 1.0), (1.05, 1.5, 2.5))
-    return [pytest.param(*each, marks=[] if each in quick else pytest.mark.slow) for each in surfaces]
+    return [
+        pytest.param(*each, marks=[] if each in quick else pytest.mark.slow) for each in surfaces
+    ]
 
 
 @pytest.mark.parametrize(("roughness", "index"), grid())
 def test_white_paint_on_white_ground_gives_all_light_back(roughness, index):
     cosines = np.linspace(0.05, 1, 5)
     given = {"roughness": roughness, "refractive_index": index, "cos_incidence": cosines}
-    body = rough.rough_hemispherical_reflectance([1.0, 1.0], [0.3, 2.0], 1.0, tolerance=1e-4, **given)
+    body = rough.rough_hemispherical_reflectance(
+        [1.0, 1.0], [0.3, 2.0], 1.0, tolerance=1e-4, **given
+    )
     assert np.max(np.abs(body + rough.surface_albedo(**given) - 1.0)) < 1e-4
 
 
 @pytest.mark.parametrize("roughness", [0.003, 0.05, 0.3, 1.0])
-@pytest.mark.parametrize("index", [1.5, *(pytest.param(n, marks=pytest.mark.slow) for n in (1.05, 2.5))])
+@pytest.mark.parametrize(
+    "index", [1.5, *(pytest.param(n, marks=pytest.mark.slow) for n in (1.05, 2.5))]
+)
 def test_surface_keeps_all_energy_on_both_sides(roughness, index):
     made = resolve(index, roughness, 1e-4).operators()
     mu, weights = made.basis.cosines, made.basis.weights
-    # From the paint: back, or out. Out is what enters, by reciprocity, integrated over air by another rule.
+    # From the paint: back, or out. Out is what enters, by reciprocity, integrated over air by
+    # another rule.
     y, w = np.polynomial.legendre.leggauss(200)
     air = (0.5 * (y + 1)) ** 2
     flux = 2 * air * 0.5 * w * 2 * np.sqrt(air)
@@ -70,7 +79,10 @@ def test_incidence_and_viewing_exchanged_give_the_same():
         ALBEDO, THICKNESS, GROUND, roughness=0.2, cos_incidence=COSINES, cos_viewing=0.3
     )
     assert np.allclose(there, back, rtol=ROUNDING, atol=0)
-    surface = [rough.surface_reflectance_factor(a, b, 40.0, roughness=0.2) for a, b in ((0.3, COSINES), (COSINES, 0.3))]
+    surface = [
+        rough.surface_reflectance_factor(a, b, 40.0, roughness=0.2)
+        for a, b in ((0.3, COSINES), (COSINES, 0.3))
+    ]
     assert np.allclose(*surface, rtol=ROUNDING, atol=0)
 
 
@@ -89,10 +101,13 @@ def test_a_little_roughness_changes_little():
     cosines = {"cos_incidence": COSINES[::-1], "cos_viewing": COSINES, "tolerance": 1e-4}
     smooth = gj.stack_reflectance_factor(*stack, **cosines)
     steps = [
-        float(np.max(np.abs(rough.rough_reflectance_factor(*stack, roughness=a, **cosines) - smooth)))
+        float(
+            np.max(np.abs(rough.rough_reflectance_factor(*stack, roughness=a, **cosines) - smooth))
+        )
         for a in (0.03, 0.003, 3e-4)
     ]
-    # At these angles it changes as the square of the roughness and, at the critical angle, faster; grazing, slower.
+    # At these angles it changes as the square of the roughness and, at the critical angle, faster;
+    # grazing, slower.
     assert steps[0] > 3 * steps[1]
     assert steps[1] < 3e-3
     assert steps[2] < 3e-4
@@ -104,9 +119,13 @@ def test_ports_are_the_reflectance_over_any_ground():
     given = {"roughness": 0.2, "cos_incidence": COSINES, "cos_viewing": 0.6}
     ports = rough.rough_ports(ALBEDO, THICKNESS, **given)
     assert np.allclose(
-        ports.reflectance(grounds), rough.rough_reflectance_factor(ALBEDO, THICKNESS, grounds, **given), atol=ROUNDING
+        ports.reflectance(grounds),
+        rough.rough_reflectance_factor(ALBEDO, THICKNESS, grounds, **given),
+        atol=ROUNDING,
     )
-    other = rough.rough_ports(ALBEDO, THICKNESS, roughness=0.2, cos_incidence=0.6, cos_viewing=COSINES)
+    other = rough.rough_ports(
+        ALBEDO, THICKNESS, roughness=0.2, cos_incidence=0.6, cos_viewing=COSINES
+    )
     assert np.allclose(ports.incidence, other.viewing, rtol=1e-10, atol=1e-300)
     assert np.allclose(ports.back, other.back, rtol=ROUNDING)
     assert np.all((ports.back >= 0) & (ports.back < 1))
@@ -139,7 +158,9 @@ def test_paths_followed_facet_by_facet_agree(case):
     roughness, index, albedo, thickness, ground, cosine = case
     edges = np.array([0.0, 0.2, 0.4, 0.6, 0.8, 0.95, 1.0])
     surface = rough_paths.Rough(roughness, index)
-    found = rough_paths.simulate(surface, np.array(albedo), np.array(thickness), ground, cosine, 200_000, edges)
+    found = rough_paths.simulate(
+        surface, np.array(albedo), np.array(thickness), ground, cosine, 200_000, edges
+    )
     y, w = np.polynomial.legendre.leggauss(6)
     low, width = edges[:-1, None], np.diff(edges)[:, None]
     views = low + 0.5 * (y + 1) * width
@@ -156,11 +177,23 @@ def test_paths_followed_facet_by_facet_agree(case):
 
 def _value(albedo, thickness, ground, light, view):
     return rough.rough_reflectance_factor(
-        albedo, thickness, ground, roughness=0.2, cos_incidence=light, cos_viewing=view, tolerance=1e-3
+        albedo,
+        thickness,
+        ground,
+        roughness=0.2,
+        cos_incidence=light,
+        cos_viewing=view,
+        tolerance=1e-3,
     )
 
 
-POINT = (jnp.array([0.9, 0.6]), jnp.array([0.4, 1.5]), jnp.array(0.7), jnp.array(0.8), jnp.array(0.35))
+POINT = (
+    jnp.array([0.9, 0.6]),
+    jnp.array([0.4, 1.5]),
+    jnp.array(0.7),
+    jnp.array(0.8),
+    jnp.array(0.35),
+)
 
 
 def test_gradients_are_those_of_differences():
@@ -184,15 +217,21 @@ def test_gradients_are_those_of_differences():
 @pytest.mark.slow
 def test_gradients_of_ports_are_those_of_differences():
     def total(q, d):
-        ports = rough.rough_ports(q, d, roughness=0.2, cos_incidence=0.8, cos_viewing=0.4, tolerance=1e-3)
+        ports = rough.rough_ports(
+            q, d, roughness=0.2, cos_incidence=0.8, cos_viewing=0.4, tolerance=1e-3
+        )
         return 2.0 * ports.dark + ports.incidence - 3.0 * ports.viewing + ports.back
 
     q, d = POINT[:2]
     slopes = jax.grad(total, argnums=(0, 1))(q, d)
     step = jnp.array([1e-5, 0.0])
     evaluate = jax.jit(total)
-    assert np.isclose((evaluate(q + step, d) - evaluate(q - step, d)) / 2e-5, slopes[0][0], rtol=1e-6)
-    assert np.isclose((evaluate(q, d + step) - evaluate(q, d - step)) / 2e-5, slopes[1][0], rtol=1e-6)
+    assert np.isclose(
+        (evaluate(q + step, d) - evaluate(q - step, d)) / 2e-5, slopes[0][0], rtol=1e-6
+    )
+    assert np.isclose(
+        (evaluate(q, d + step) - evaluate(q, d - step)) / 2e-5, slopes[1][0], rtol=1e-6
+    )
 
 
 def test_values_and_gradients_are_finite_at_the_edges():
@@ -219,12 +258,18 @@ def test_jit_and_vmap_and_loop_give_the_same():
 def test_an_index_for_each_band_is_each_index_by_itself():
     index = np.array([1.5, 1.5, 1.7, 1.5, 1.7])
     given = {"roughness": 0.2, "cos_incidence": COSINES, "tolerance": 1e-3}
-    both = rough.rough_reflectance_factor(ALBEDO, THICKNESS, GROUND, refractive_index=index, **given)
+    both = rough.rough_reflectance_factor(
+        ALBEDO, THICKNESS, GROUND, refractive_index=index, **given
+    )
     for one in (1.5, 1.7):
-        alone = rough.rough_reflectance_factor(ALBEDO, THICKNESS, GROUND, refractive_index=one, **given)
+        alone = rough.rough_reflectance_factor(
+            ALBEDO, THICKNESS, GROUND, refractive_index=one, **given
+        )
         assert np.array_equal(np.asarray(both)[index == one], np.asarray(alone)[index == one])
     surface = rough.surface_albedo(COSINES, roughness=0.2, refractive_index=index)
-    assert np.isclose(surface[2], rough.surface_albedo(COSINES[2], roughness=0.2, refractive_index=1.7))
+    assert np.isclose(
+        surface[2], rough.surface_albedo(COSINES[2], roughness=0.2, refractive_index=1.7)
+    )
 
 
 @settings(max_examples=20)
@@ -236,7 +281,11 @@ def test_an_index_for_each_band_is_each_index_by_itself():
 def test_body_lies_between_nothing_and_what_enters(layers, ground, cosine):
     q, d = np.array(layers).T
     flux = [
-        float(rough.rough_hemispherical_reflectance(q, d, g, roughness=0.2, cos_incidence=cosine, tolerance=1e-3))
+        float(
+            rough.rough_hemispherical_reflectance(
+                q, d, g, roughness=0.2, cos_incidence=cosine, tolerance=1e-3
+            )
+        )
         for g in (ground, ground + 0.1)
     ]
     most = 1 - float(rough.surface_albedo(cosine, roughness=0.2))
@@ -245,9 +294,13 @@ def test_body_lies_between_nothing_and_what_enters(layers, ground, cosine):
 
 def test_single_precision_is_as_good_as_it_can_be():
     arguments = ALBEDO, THICKNESS, GROUND
-    exact = rough.rough_reflectance_factor(*arguments, roughness=0.2, cos_viewing=COSINES, tolerance=1e-3)
+    exact = rough.rough_reflectance_factor(
+        *arguments, roughness=0.2, cos_viewing=COSINES, tolerance=1e-3
+    )
     with jax.enable_x64(False):
-        single = rough.rough_reflectance_factor(*arguments, roughness=0.2, cos_viewing=COSINES, tolerance=1e-3)
+        single = rough.rough_reflectance_factor(
+            *arguments, roughness=0.2, cos_viewing=COSINES, tolerance=1e-3
+        )
     assert single.dtype == jnp.float32
     assert np.max(np.abs(np.asarray(single, float) - exact)) < 3e-5
 
@@ -269,7 +322,12 @@ def test_single_precision_is_as_good_as_it_can_be():
     ],
 )
 def test_bad_input_is_one_clear_sentence(change, words):
-    arguments = {"albedo": [0.5], "optical_thickness": [1.0], "substrate_reflectance": 0.5, "roughness": 0.2} | change
+    arguments = {
+        "albedo": [0.5],
+        "optical_thickness": [1.0],
+        "substrate_reflectance": 0.5,
+        "roughness": 0.2,
+    } | change
     with pytest.raises(ValueError, match=words):
         rough.rough_reflectance_factor(**arguments)
 
@@ -279,7 +337,11 @@ def test_what_must_be_known_is_not_traced():
     with pytest.raises(ValueError, match="roughness must be one known number"):
         jax.jit(lambda a: rough.rough_reflectance_factor([0.5], [1.0], 0.5, roughness=a))(0.2)
     with pytest.raises(ValueError, match="refractive_index is traced"):
-        jax.jit(lambda n: rough.rough_reflectance_factor([0.5], [1.0], 0.5, roughness=0.2, refractive_index=n))(1.5)
+        jax.jit(
+            lambda n: rough.rough_reflectance_factor(
+                [0.5], [1.0], 0.5, roughness=0.2, refractive_index=n
+            )
+        )(1.5)
     with pytest.raises(ValueError, match="mirror direction only"):
         rough.surface_reflectance_factor(0.5, 0.5, roughness=0.0)
     with pytest.raises(ValueError, match="side 'below' is unknown"):

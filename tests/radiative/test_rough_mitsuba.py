@@ -1,7 +1,8 @@
-"""Single facets against Mitsuba's `roughdielectric`: pointwise what is reflected, in moments what goes through.
+"""Single facets against Mitsuba's `roughdielectric`: pointwise what is reflected, in moments what
+goes through.
 
-The moments are integrals over directions of what Mitsuba's `eval` says, in a process of its own: a variant of Mitsuba
-is set once for all.
+The moments are integrals over directions of what Mitsuba's `eval` says, in a process of its own: a
+variant of Mitsuba is set once for all.
 """
 
 import json
@@ -70,10 +71,14 @@ def test_single_facets_are_those_of_mitsuba(roughness, index, cosine):
         events[{"1": "-1", "-1": "1"}[name]] = (found.refracted, found.refracted_share)
         for to, (cosines, shares) in events.items():
             ours = [float(np.sum(shares * np.maximum(cosines, 0.0) ** k)) for k in range(3)]
-            # What goes through ends abruptly where facets would have to stand upright, and from inside there is a
-            # root at the critical angle: this plain rule over directions meets both.
+            # What goes through ends abruptly where facets would have to stand upright, and from
+            # inside there is a root at the critical angle: this plain rule over directions meets
+            # both.
             smooth = not side and cosines is found.reflected
-            assert np.allclose(ours, theirs[f"{name} {to}"], atol=2e-4 if smooth else 2e-3), (name, to)
+            assert np.allclose(ours, theirs[f"{name} {to}"], atol=2e-4 if smooth else 2e-3), (
+                name,
+                to,
+            )
     given = {"roughness": roughness, "refractive_index": index}
     for viewing, azimuth, factor in theirs["points"]:
         ours = rough.surface_reflectance_factor(cosine, viewing, azimuth, **given)

@@ -26,16 +26,23 @@ def quick_or_slow(tolerance: float, index: float):
     """Two tolerances at the usual index, and no surface; the rest, slow."""
     quick = (tolerance, index) in ((1e-3, 1.5), (1e-6, 1.5), (1e-6, 1.0))
     marks = [] if quick else [pytest.mark.slow]
-    return pytest.param(tolerance, index, marks=marks if tolerance < 1e-6 else [*marks, pytest.mark.single])
+    return pytest.param(
+        tolerance, index, marks=marks if tolerance < 1e-6 else [*marks, pytest.mark.single]
+    )
 
 
 def test_reference_values_were_carried_over_number_for_number(shared_reference):
-    assert isotropic_stacks() == json.loads((shared_reference / "isotropic_stacks.json").read_text())
+    assert isotropic_stacks() == json.loads(
+        (shared_reference / "isotropic_stacks.json").read_text()
+    )
 
 
 @pytest.mark.parametrize(
     ("tolerance", "index"),
-    [quick_or_slow(t, n) for t, n in itertools.product((1e-3, 1e-4, 1e-6, 1e-8), (1.0, 1.33, 1.5, 1.7))],
+    [
+        quick_or_slow(t, n)
+        for t, n in itertools.product((1e-3, 1e-4, 1e-6, 1e-8), (1.0, 1.33, 1.5, 1.7))
+    ],
 )
 def test_reference_values_within_the_tolerance(tolerance, index):
     c = reference_cases()[index]
@@ -54,10 +61,19 @@ def test_reference_values_within_the_tolerance(tolerance, index):
 def test_reference_values_by_the_auxiliary_method():
     c = reference_cases()[1.5]
     stack = c.albedo, c.optical_thickness, c.ground
-    given: dict[str, Any] = {"cos_incidence": c.cos_incidence, "method": "auxiliary", "tolerance": 1e-5}
+    given: dict[str, Any] = {
+        "cos_incidence": c.cos_incidence,
+        "method": "auxiliary",
+        "tolerance": 1e-5,
+    }
     factor = stack_reflectance_factor(*stack, cos_viewing=c.cos_viewing, **given)
     assert np.max(np.abs(factor - c.reflectance_factor)) < 1e-5
-    assert np.max(np.abs(stack_hemispherical_reflectance(*stack, **given) - c.hemispherical_reflectance)) < 1e-5
+    assert (
+        np.max(
+            np.abs(stack_hemispherical_reflectance(*stack, **given) - c.hemispherical_reflectance)
+        )
+        < 1e-5
+    )
 
 
 @pytest.mark.single
@@ -69,7 +85,9 @@ def test_split_adds_up_and_agrees_between_methods(hemispherical):
     given: dict[str, Any] = {"cos_incidence": c.cos_incidence[thin], "tolerance": 1e-4}
     if not hemispherical:
         given["cos_viewing"] = c.cos_viewing[thin]
-    whole = (stack_hemispherical_reflectance if hemispherical else stack_reflectance_factor)(*stack, **given)
+    whole = (stack_hemispherical_reflectance if hemispherical else stack_reflectance_factor)(
+        *stack, **given
+    )
     split = split_hemispherical_reflectance if hemispherical else split_reflectance_factor
     ours, theirs = split(*stack, **given), split(*stack, method="auxiliary", **given)
     assert np.max(np.abs(sum(ours) - whole)) < ROUNDING
@@ -97,21 +115,35 @@ def test_thick_layer_is_the_half_space_of_chandrasekhar():
         def integrand(t):
             return np.log1p(-q * t / np.tan(t)) / (np.cos(t) ** 2 + (mu * np.sin(t)) ** 2)
 
-        return np.exp(-mu / np.pi * quad(integrand, 0, np.pi / 2, epsabs=1e-13, epsrel=1e-13, limit=200)[0])
+        return np.exp(
+            -mu / np.pi * quad(integrand, 0, np.pi / 2, epsabs=1e-13, epsrel=1e-13, limit=200)[0]
+        )
 
     for q in (0.1, 0.6, 0.95, 0.999):
         for mu_i, mu_v in ((1.0, 0.3), (0.2, 0.7)):
             h_i, h_v = h_function(mu_i, q), h_function(mu_v, q)
-            given: dict[str, Any] = {"refractive_index": 1.0, "cos_incidence": mu_i, "tolerance": within_reach(1e-9)}
+            given: dict[str, Any] = {
+                "refractive_index": 1.0,
+                "cos_incidence": mu_i,
+                "tolerance": within_reach(1e-9),
+            }
             factor = stack_reflectance_factor([q], [1e5], 0.7, cos_viewing=mu_v, **given)
             flux = stack_hemispherical_reflectance([q], [1e5], 0.7, **given)
-            assert factor == pytest.approx(q / 4 * h_i * h_v / (mu_i + mu_v), abs=within_reach(2e-9))
+            assert factor == pytest.approx(
+                q / 4 * h_i * h_v / (mu_i + mu_v), abs=within_reach(2e-9)
+            )
             assert flux == pytest.approx(1 - h_i * np.sqrt(1 - q), abs=within_reach(2e-9))
 
 
 @pytest.mark.single
 @pytest.mark.parametrize(
-    "index", [1.0, pytest.param(1.33, marks=pytest.mark.slow), 1.5, pytest.param(2.5, marks=pytest.mark.slow)]
+    "index",
+    [
+        1.0,
+        pytest.param(1.33, marks=pytest.mark.slow),
+        1.5,
+        pytest.param(2.5, marks=pytest.mark.slow),
+    ],
 )
 def test_without_scattering_the_closed_form(index):
     for depth in (0.0, 0.03, 0.7, 4.0):
@@ -133,7 +165,9 @@ def test_without_scattering_the_closed_form(index):
             # Three layers that only absorb, one of them empty.
             split = [0.25 * depth, 0.0, 0.75 * depth]
             tolerance = within_reach(1e-8)
-            found = stack_reflectance_factor([0.0, 0.0, 0.0], split, ground, tolerance=tolerance, **given)
+            found = stack_reflectance_factor(
+                [0.0, 0.0, 0.0], split, ground, tolerance=tolerance, **given
+            )
             assert found == pytest.approx(exact, abs=tolerance)
 
 
@@ -148,7 +182,9 @@ def test_nothing_is_lost_without_absorption(index):
 
 
 def conservative_stacks(layers: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Light that is only scattered, over four grounds, in layers of equal parts of a thickness up to 1e6."""
+    """Light that is only scattered, over four grounds, in layers of equal parts of a thickness up
+    to 1e6.
+    """
     thickness, ground = np.meshgrid([1e-3, 1.0, 1e2, 1e3, 1e4, 1e6], [0.0, 0.2, 0.9, 1.0])
     parts = np.repeat(thickness.reshape(-1, 1) / layers, layers, axis=1)
     return np.ones_like(parts), parts, ground.ravel()
@@ -161,11 +197,19 @@ def test_opaque_layers_that_absorb_nothing_are_as_one(layers):
     given: dict[str, Any] = {"cos_incidence": 0.7, "tolerance": 1e-4}
     whole, cut = (stack_reflectance_factor(*conservative_stacks(n), **given) for n in (1, layers))
     assert np.max(np.abs(cut - whole)) < ROUNDING
-    # Without a ground that takes light, no surface and a half space: Chandrasekhar's H at an albedo of one.
+    # Without a ground that takes light, no surface and a half space: Chandrasekhar's H at an albedo
+    # of one.
     mu = 0.7
-    integral = quad(lambda t: np.log1p(-t / np.tan(t)) / (np.cos(t) ** 2 + (mu * np.sin(t)) ** 2), 0, np.pi / 2)[0]
+    integral = quad(
+        lambda t: np.log1p(-t / np.tan(t)) / (np.cos(t) ** 2 + (mu * np.sin(t)) ** 2), 0, np.pi / 2
+    )[0]
     found = stack_reflectance_factor(
-        np.ones(layers), np.full(layers, 1e6), 1.0, refractive_index=1.0, cos_incidence=mu, cos_viewing=mu
+        np.ones(layers),
+        np.full(layers, 1e6),
+        1.0,
+        refractive_index=1.0,
+        cos_incidence=mu,
+        cos_viewing=mu,
     )
     assert found == pytest.approx(np.exp(-2 * mu / np.pi * integral) / (8 * mu), abs=1e-5)
 
@@ -174,8 +218,12 @@ def test_opaque_layers_that_absorb_nothing_are_as_one(layers):
 def test_reciprocity():
     q, d, ground, ci, cv = random_cases(200, seed=1)
     for tolerance in (1e-3, within_reach(1e-8)):
-        there = stack_reflectance_factor(q, d, ground, cos_incidence=ci, cos_viewing=cv, tolerance=tolerance)
-        back = stack_reflectance_factor(q, d, ground, cos_incidence=cv, cos_viewing=ci, tolerance=tolerance)
+        there = stack_reflectance_factor(
+            q, d, ground, cos_incidence=ci, cos_viewing=cv, tolerance=tolerance
+        )
+        back = stack_reflectance_factor(
+            q, d, ground, cos_incidence=cv, cos_viewing=ci, tolerance=tolerance
+        )
         assert np.max(np.abs(there - back)) < ROUNDING
 
 
@@ -199,7 +247,8 @@ def test_splitting_a_layer_or_inserting_an_empty_one_changes_nothing():
 
 @pytest.mark.single
 def test_thin_layer_keeps_its_relative_accuracy():
-    # Single scattering of a thin layer over black: T T q D a b/(4 n^2), a and b the slant factors inside.
+    # Single scattering of a thin layer over black: T T q D a b/(4 n^2), a and b the slant factors
+    # inside.
     for depth in (1e-4, 1e-10, 1e-14):
         found = stack_reflectance_factor([0.8], [depth], 0.0, refractive_index=1.5)
         exact = 0.96**2 * 0.8 * depth / (4 * 1.5**2)

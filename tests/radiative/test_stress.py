@@ -41,7 +41,9 @@ _value_and_gradient = jax.jit(
 )
 _flux = jax.jit(
     jax.value_and_grad(
-        lambda q, d, g, ci: stack_hemispherical_reflectance(q, d, g, cos_incidence=ci, tolerance=1e-4).sum(),
+        lambda q, d, g, ci: stack_hemispherical_reflectance(
+            q, d, g, cos_incidence=ci, tolerance=1e-4
+        ).sum(),
         argnums=(0, 1, 2, 3),
     )
 )
@@ -52,7 +54,8 @@ cosine = st.one_of(st.sampled_from(EDGE_COSINE), st.floats(1e-4, 1))
 
 
 DARKER = max(1e-9, ROUNDING)
-"""Slope by an albedo, per thickness, or by a ground, that rounding may leave where there is none."""
+"""Slope by an albedo, per thickness, or by a ground, that rounding may leave where there is none.
+"""
 
 
 def finite(tree) -> bool:
@@ -88,7 +91,9 @@ def test_any_stack_is_finite_and_conserves_energy(albedo, thickness, ground, ci,
 @pytest.mark.single
 @pytest.mark.parametrize("index", [1.5, pytest.param(1.0, marks=pytest.mark.slow)])
 def test_every_combination_of_edges(index):
-    edges = list(itertools.product(EDGE_ALBEDO, EDGE_THICKNESS, EDGE_GROUND, EDGE_COSINE, EDGE_COSINE))
+    edges = list(
+        itertools.product(EDGE_ALBEDO, EDGE_THICKNESS, EDGE_GROUND, EDGE_COSINE, EDGE_COSINE)
+    )
     a, t, g, ci, cv = map(jnp.asarray, np.array(edges).T)
     q = jnp.stack([a, jnp.full_like(a, 0.6), a, a, a], axis=1)
     d = jnp.stack([t, jnp.full_like(a, 0.2), t, t, t], axis=1)
@@ -126,7 +131,9 @@ def test_beams_on_nodes_are_nothing_special():
         q, d = np.tile([0.9, 0.4], (len(beams), 1)), np.tile([0.3, 1.0], (len(beams), 1))
 
         def f(cos, q=q, d=d, index=index):
-            return stack_reflectance_factor(q, d, 0.8, refractive_index=index, cos_incidence=cos, cos_viewing=cos)
+            return stack_reflectance_factor(
+                q, d, 0.8, refractive_index=index, cos_incidence=cos, cos_viewing=cos
+            )
 
         on = f(beams)
         around = 0.5 * (f(beams * (1 - 1e-5)) + f(np.minimum(beams * (1 + 1e-5), 1)))
@@ -152,7 +159,9 @@ def test_jit_vmap_loop_and_chunks_agree():
 
 def test_batches_broadcast():
     q = np.full((3, 1, 2), 0.5)
-    out = stack_reflectance_factor(q, [0.1, 0.2], np.linspace(0, 1, 4), cos_viewing=np.array([[0.5], [0.6], [0.7]]))
+    out = stack_reflectance_factor(
+        q, [0.1, 0.2], np.linspace(0, 1, 4), cos_viewing=np.array([[0.5], [0.6], [0.7]])
+    )
     assert out.shape == (3, 4)
     assert stack_reflectance_factor(np.zeros((0, 2)), np.zeros((0, 2)), 0.5).shape == (0,)
 
@@ -163,8 +172,12 @@ def test_compiled_programs_hold_no_lapack_call(index):
 
     def f(q, d, g, ci, cv):
         n = 1.5 if index == 1.5 else 1.4 + 0.1 * g
-        factor = stack_reflectance_factor(q, d, g, refractive_index=n, cos_incidence=ci, cos_viewing=cv, tolerance=1e-3)
-        flux = stack_hemispherical_reflectance(q, d, g, refractive_index=n, cos_incidence=ci, tolerance=1e-3)
+        factor = stack_reflectance_factor(
+            q, d, g, refractive_index=n, cos_incidence=ci, cos_viewing=cv, tolerance=1e-3
+        )
+        flux = stack_hemispherical_reflectance(
+            q, d, g, refractive_index=n, cos_incidence=ci, tolerance=1e-3
+        )
         return (factor + flux).sum()
 
     for program in (f, jax.value_and_grad(f, argnums=(0, 1, 2))):
@@ -221,8 +234,11 @@ print((resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) / 1024)
 
 @pytest.mark.slow
 def test_memory_stays_bounded():
-    # All at once the layers' matrices alone would take 200 000 x 2 x 11 x 11 x 8 bytes = 370 MiB each, eight times.
-    done = subprocess.run([sys.executable, "-c", _MEMORY], capture_output=True, text=True, timeout=240)
+    # All at once the layers' matrices alone would take 200 000 x 2 x 11 x 11 x 8 bytes = 370 MiB
+    # each, eight times.
+    done = subprocess.run(
+        [sys.executable, "-c", _MEMORY], capture_output=True, text=True, timeout=240
+    )
     assert done.returncode == 0, done.stderr
     assert float(done.stdout) < 600
 
@@ -256,7 +272,11 @@ def test_memory_stays_bounded():
     ],
 )
 def test_bad_input_says_what_and_how_to_mend(change, message):
-    given = {"albedo": [0.5, 0.5], "optical_thickness": [1.0, 1.0], "substrate_reflectance": 0.5} | change
+    given = {
+        "albedo": [0.5, 0.5],
+        "optical_thickness": [1.0, 1.0],
+        "substrate_reflectance": 0.5,
+    } | change
     with pytest.raises(ValueError, match=message) as error:
         stack_reflectance_factor(**given)
     assert "\n" not in str(error.value)
@@ -284,11 +304,18 @@ def test_inside_the_loops_of_jax():
         _, scanned = jax.lax.scan(lambda last, ground: (last, one(ground, depth)), 0.0, grounds)
         mapped = jax.lax.map(lambda ground: one(ground, depth), grounds)
         chosen = jax.lax.cond(depth[0] > 0, lambda d: one(grounds[1], d), jnp.sum, depth)
-        return scanned, mapped, chosen, jax.grad(jax.checkpoint(lambda d: one(grounds[1], d)))(depth)
+        return (
+            scanned,
+            mapped,
+            chosen,
+            jax.grad(jax.checkpoint(lambda d: one(grounds[1], d)))(depth),
+        )
 
     scanned, mapped, chosen, slope = looped(depth)
     alone = np.array([one(ground, depth) for ground in grounds])
     np.testing.assert_allclose(scanned, alone, rtol=max(1e-9, ROUNDING))
     np.testing.assert_allclose(mapped, alone, rtol=max(1e-9, ROUNDING))
     np.testing.assert_allclose(chosen, alone[1], rtol=max(1e-9, ROUNDING))
-    np.testing.assert_allclose(slope, jax.grad(lambda d: one(grounds[1], d))(depth), rtol=max(1e-7, ROUNDING))
+    np.testing.assert_allclose(
+        slope, jax.grad(lambda d: one(grounds[1], d))(depth), rtol=max(1e-7, ROUNDING)
+    )

@@ -40,22 +40,30 @@ def test_equals_the_hyperbolic_form():
 
 
 def test_limits():
-    reflectance, transmittance = two_flux_layer(np.array([0.0, 2.0, 0.0, 1e4]), np.array([3.0, 0.0, 0.0, 0.0]))
+    reflectance, transmittance = two_flux_layer(
+        np.array([0.0, 2.0, 0.0, 1e4]), np.array([3.0, 0.0, 0.0, 0.0])
+    )
     np.testing.assert_allclose(reflectance, [3 / 4, 0, 0, 0], atol=ROUNDING)
     np.testing.assert_allclose(transmittance, [1 / 4, np.exp(-2), 1, 0], atol=ROUNDING)
     # An opaque layer: Kubelka and Munk's 1 + K/S - sqrt((K/S)^2 + 2 K/S).
     ratio = 0.2
-    assert two_flux_reflectance(200.0, 1000.0, 0.5) == pytest.approx(1 + ratio - np.sqrt(ratio**2 + 2 * ratio))
+    assert two_flux_reflectance(200.0, 1000.0, 0.5) == pytest.approx(
+        1 + ratio - np.sqrt(ratio**2 + 2 * ratio)
+    )
 
 
 @given(amounts, amounts, amounts, amounts, st.floats(0, 1))
 def test_layers_join(k1, s1, k2, s2, ground):
-    """A layer cut in two reflects as the whole: the upper one lies on what the lower one makes of the ground."""
+    """A layer cut in two reflects as the whole: the upper one lies on what the lower one makes of
+    the ground.
+    """
     share = k1 / (k1 + k2) if k1 + k2 > 0 else 0.5
     k, s = k1 + k2, s1 + s2
     lower = two_flux_reflectance((1 - share) * k, (1 - share) * s, ground)
     np.testing.assert_allclose(
-        two_flux_reflectance(share * k, share * s, lower), two_flux_reflectance(k, s, ground), atol=1e-10
+        two_flux_reflectance(share * k, share * s, lower),
+        two_flux_reflectance(k, s, ground),
+        atol=1e-10,
     )
 
 
@@ -84,7 +92,9 @@ def test_saunderson_keeps_what_a_perfect_white_reflects():
 def test_saunderson_is_a_slab_over_the_paint():
     paint = two_flux_slab(0.3, 2.0)
     joined = two_flux_join(two_flux_surface(0.04, 0.6), paint)
-    np.testing.assert_allclose(joined.above, 0.04 + saunderson(paint.above, 0.04, 0.6), rtol=LAST_DIGITS)
+    np.testing.assert_allclose(
+        joined.above, 0.04 + saunderson(paint.above, 0.04, 0.6), rtol=LAST_DIGITS
+    )
 
 
 def test_stack_is_the_product_of_transfers():
@@ -129,13 +139,20 @@ def test_conversion():
 
 
 def test_conversion_is_as_good_as_it_says():
-    """Numbers of its docstring, in per cent: against the many-flux solution, diffuse light, scattering forward."""
+    """Numbers of its docstring, in per cent: against the many-flux solution, diffuse light,
+    scattering forward.
+    """
     albedo = np.array([0.99, 0.9, 0.5, 0.99, 0.99])
     s = np.array([200.0, 200.0, 200.0, 3.0, 0.3])  # of s d; times 1 - g = .5
     k = s * (1 - albedo) / albedo
     found = two_flux_reflectance(*kubelka_munk_from_radiative(k, s, 0.5), 0.0)
     expected = manyflux_diffuse_reflectance(
-        albedo[:, None], (k + s)[:, None], 0.0, phase=henyey_greenstein(0.5), refractive_index=1.0, streams=8
+        albedo[:, None],
+        (k + s)[:, None],
+        0.0,
+        phase=henyey_greenstein(0.5),
+        refractive_index=1.0,
+        streams=8,
     )
     off = 100 * np.abs(np.asarray(found / expected) - 1)
     told = " ".join((kubelka_munk_from_radiative.__doc__ or "").split())

@@ -10,7 +10,9 @@ _HERE = Path(__file__).parent
 
 
 def isotropic_stacks() -> list[dict[str, Any]]:
-    """The stacks, each as its columns: lists of one number a layer for albedo and optical_thickness, else numbers."""
+    """The stacks, each as its columns: lists of one number a layer for albedo and
+    optical_thickness, else numbers.
+    """
 
     def value(name: str, text: str) -> Any:
         if name in ("albedo", "optical_thickness"):
@@ -18,9 +20,13 @@ def isotropic_stacks() -> list[dict[str, Any]]:
         return text == "True" if name == "second_method" else float(text)
 
     with (_HERE / "isotropic_stacks.csv").open(encoding="utf-8") as file:
-        return [{name: value(name, text) for name, text in row.items()} for row in csv.DictReader(file)]
+        return [
+            {name: value(name, text) for name, text in row.items()} for row in csv.DictReader(file)
+        ]
 
 
 def slopes() -> np.ndarray:
-    """Of the reflectance factor of 20 random stacks by five albedos, five thicknesses, ground and cosines, (20, 13)."""
+    """Of the reflectance factor of 20 random stacks by five albedos, five thicknesses, ground and
+    cosines, (20, 13).
+    """
     return np.loadtxt(_HERE / "slopes.csv", delimiter=",", skiprows=1)

@@ -41,11 +41,15 @@ class Served:
 
 def start_browser(downloads: Path) -> Any:
     """A Chromium without a window, or a skip that says what is missing."""
-    webdriver = pytest.importorskip("selenium.webdriver", reason="selenium is not installed (extra test)")
+    webdriver = pytest.importorskip(
+        "selenium.webdriver", reason="selenium is not installed (extra test)"
+    )
     chromium = next(filter(None, map(shutil.which, _NAMES)), None)
     driver = shutil.which("chromedriver")
     if chromium is None or driver is None:
-        pytest.skip("no Chromium with chromedriver here (Debian: apt-get install chromium chromium-driver)")
+        pytest.skip(
+            "no Chromium with chromedriver here (Debian: apt-get install chromium chromium-driver)"
+        )
     options = browser_options(chromium)
     options.add_argument("--force-color-profile=srgb")
     options.add_experimental_option("prefs", {"download.default_directory": str(downloads)})
@@ -63,7 +67,10 @@ class Page:
         # From elsewhere, so that another fragment is another page.
         self.browser.get("about:blank")
         self.browser.get(self.link + fragment)
-        self.until(lambda: self.js("return document.querySelector('#studio')?.dataset.seen"), "the first colours")
+        self.until(
+            lambda: self.js("return document.querySelector('#studio')?.dataset.seen"),
+            "the first colours",
+        )
         self.settle()
 
     def js(self, code: str, *given: Any) -> Any:
@@ -85,7 +92,9 @@ class Page:
                 if found := true():
                     return found
             time.sleep(0.05)
-        raise AssertionError(f"{what} did not come in {seconds:.0f} s; the page says {self.said()!r}")
+        raise AssertionError(
+            f"{what} did not come in {seconds:.0f} s; the page says {self.said()!r}"
+        )
 
     def click(self, selector: str) -> None:
         """Click the first element that matches, also if it is drawn anew in that moment."""
@@ -98,7 +107,10 @@ class Page:
     def settle(self) -> None:
         """Wait until every change has been answered."""
         time.sleep(0.05)
-        self.until(lambda: self.js("return document.querySelector('#studio').dataset.busy") != "yes", "the answer")
+        self.until(
+            lambda: self.js("return document.querySelector('#studio').dataset.busy") != "yes",
+            "the answer",
+        )
 
     def said(self) -> str:
         return self.at("line").text
@@ -119,7 +131,8 @@ class Page:
     def slide(self, slider: Any, value: float) -> None:
         """Move a slider as its keys and mouse do: events of its own."""
         code = (
-            "arguments[0].value = arguments[1]; arguments[0].dispatchEvent(new Event('input', {bubbles: true}));"
+            "arguments[0].value = arguments[1]; arguments[0].dispatchEvent(new Event('input', "
+            "{bubbles: true}));"
             "arguments[0].dispatchEvent(new Event('change', {bubbles: true}))"
         )
         self.js(code, slider, value)
@@ -132,4 +145,8 @@ class Page:
 
     def errors(self) -> list[str]:
         """What the browser complained of."""
-        return [entry["message"] for entry in self.browser.get_log("browser") if entry["level"] == "SEVERE"]
+        return [
+            entry["message"]
+            for entry in self.browser.get_log("browser")
+            if entry["level"] == "SEVERE"
+        ]

@@ -1,4 +1,6 @@
-"""The studio's page in a Chromium: what a person does, and that pixels are what `glazejax.reflectance` says."""
+"""The studio's page in a Chromium: what a person does, and that pixels are what
+`glazejax.reflectance` says.
+"""
 
 import json
 from urllib.parse import quote
@@ -85,7 +87,9 @@ def test_dragging_with_the_mouse_follows(page):
     from selenium.webdriver import ActionChains
 
     slider = page.at("slider")
-    ActionChains(page.browser).click_and_hold(slider).move_by_offset(30, 0).move_by_offset(20, 0).release().perform()
+    ActionChains(page.browser).click_and_hold(slider).move_by_offset(30, 0).move_by_offset(
+        20, 0
+    ).release().perform()
     page.settle()
     stack = page.stack()
     assert stack["coats"][0]["um"] > 5
@@ -105,7 +109,10 @@ def test_coats_are_reordered_by_hand_and_by_keys(page):
     check_swatch(page, turned)
     page.all("[data-at=handle]")[0].send_keys(Keys.ARROW_DOWN)
     page.settle()
-    assert [list(coat["paint"]) for coat in page.stack()["coats"]] == [["CobaltBlue"], ["ChromeYellow"]]
+    assert [list(coat["paint"]) for coat in page.stack()["coats"]] == [
+        ["CobaltBlue"],
+        ["ChromeYellow"],
+    ]
     check_swatch(page, TWO)
 
 
@@ -130,7 +137,8 @@ def test_lamps_are_switched(page):
     for i, lamp in enumerate(("D65", "A", "FL11", "LED-B3")):
         assert np.abs(page.pixel(f"under-{i}", 0.25, 0.5) - expected(TWO, "white", lamp)).max() <= 1
     page.js(
-        "const s = document.querySelector('[data-at=lamp-0]'); s.value = 'FL2'; s.dispatchEvent(new Event('change'))"
+        "const s = document.querySelector('[data-at=lamp-0]'); s.value = 'FL2'; "
+        "s.dispatchEvent(new Event('change'))"
     )
     page.settle()
     assert np.abs(page.pixel("swatch", 0.25, 0.5) - expected(TWO, "white", "FL2")).max() <= 1
@@ -157,7 +165,9 @@ def test_hidden_duplicated_and_mixed_coats(page):
 
 def test_a_paint_from_the_shelf_lies_on_top(page):
     page.at("search").send_keys("viri")
-    assert page.js("return [...document.querySelectorAll('.tile')].map(t => t.dataset.paint)") == ["ViridianGreen"]
+    assert page.js("return [...document.querySelectorAll('.tile')].map(t => t.dataset.paint)") == [
+        "ViridianGreen"
+    ]
     page.click(".tile .paint")
     page.settle()
     stack = page.stack()
@@ -183,7 +193,9 @@ def test_a_ground_of_grey(page):
     grey = {**TWO, "ground": 0.4}
     page.open(fragment(grey))
     found = stack_from_dict(grey)
-    rgb = 255 * np.asarray(colour.srgb(found.glaze().wavelengths, gj.reflectance(found.glaze(), found.seen_by)))
+    rgb = 255 * np.asarray(
+        colour.srgb(found.glaze().wavelengths, gj.reflectance(found.glaze(), found.seen_by))
+    )
     assert np.abs(page.pixel("swatch", 0.5, 0.4) - rgb).max() <= 1
 
 
@@ -192,7 +204,9 @@ def test_a_link_holds_the_stack(page, served, browser):
     stack, address = page.stack(), browser.current_url
     browser.get("about:blank")
     browser.get(address)
-    page.until(lambda: page.js("return document.querySelector('#studio')?.dataset.seen"), "the colours")
+    page.until(
+        lambda: page.js("return document.querySelector('#studio')?.dataset.seen"), "the colours"
+    )
     page.settle()
     assert page.stack()["coats"] == stack["coats"]
     check_swatch(page, stack)
@@ -202,7 +216,10 @@ def test_a_link_holds_the_stack(page, served, browser):
     ("bad", "words"),
     [
         ("#%7Bcut", "The link's stack cannot be read"),
-        (fragment({**TWO, "coats": [{"paint": {"CobaltBleu": 1}, "um": 1}]}), "There is no pigment 'CobaltBleu'"),
+        (
+            fragment({**TWO, "coats": [{"paint": {"CobaltBleu": 1}, "um": 1}]}),
+            "There is no pigment 'CobaltBleu'",
+        ),
         (fragment({**TWO, "coats": [{"paint": {"Eosin": 1}, "um": 1e9}]}), "between 0 and 10000"),
     ],
 )
@@ -220,7 +237,9 @@ def test_a_thickness_of_nothing_and_of_a_kilometre(page):
     number.send_keys("1e9\t")
     assert "between 0 and 10000 µm" in page.said()
     assert page.stack()["coats"][0]["um"] == 1
-    page.js("arguments[0].value = 0; arguments[0].dispatchEvent(new Event('change'))", page.at("um"))
+    page.js(
+        "arguments[0].value = 0; arguments[0].dispatchEvent(new Event('change'))", page.at("um")
+    )
     page.settle()
     check_swatch(page, {**TWO, "coats": [{**TWO["coats"][0], "um": 0}, TWO["coats"][1]]})
 
@@ -258,7 +277,10 @@ def test_a_file_of_two_gigabytes_is_not_even_read(page, tmp_path):
     with path.open("wb") as file:
         file.truncate(2 << 30)
     page.drop(path)
-    page.until(lambda: "huge.csv has 2048 MB; the studio takes files of 16 MB at most" in page.said(), "the refusal")
+    page.until(
+        lambda: "huge.csv has 2048 MB; the studio takes files of 16 MB at most" in page.said(),
+        "the refusal",
+    )
 
 
 @pytest.mark.slow
@@ -316,7 +338,11 @@ def test_the_canvas_is_brushed_by_keys(page):
     bare = {**TWO, "coats": [{**TWO["coats"][0], "um": 0}, TWO["coats"][1]]}
     for x, y, stack in ((0.1, 0.1, bare), (192.5 / 512, 0.5, TWO)):
         found = expected(stack, "white")
-        page.until(lambda x=x, y=y, f=found: np.abs(page.pixel("easel", x, y) - f).max() <= 4, "the touch", 20)
+        page.until(
+            lambda x=x, y=y, f=found: np.abs(page.pixel("easel", x, y) - f).max() <= 4,
+            "the touch",
+            20,
+        )
 
 
 @pytest.mark.slow
@@ -336,15 +362,26 @@ def test_maps_are_saved_and_loaded(page, downloads):
     page.js("document.querySelector('[data-at=map-file]').hidden = false")
     page.at("map-file").send_keys(str(downloads / "ramp.npy"))
     thick = {**TWO, "coats": [{**TWO["coats"][0], "um": 4}, TWO["coats"][1]]}
-    page.until(lambda: np.abs(page.pixel("easel", 0.995, 0.5) - expected(thick, "black")).max() <= 2, "the ramp")
+    page.until(
+        lambda: np.abs(page.pixel("easel", 0.995, 0.5) - expected(thick, "black")).max() <= 2,
+        "the ramp",
+    )
     # The same as a picture: white is the thickness in its name.
     page.press("map-png")
-    picture = page.until(lambda: next(downloads.glob("thickness*white=4um.png"), None), "the picture")
+    picture = page.until(
+        lambda: next(downloads.glob("thickness*white=4um.png"), None), "the picture"
+    )
     page.press("clear")
     bare = {**TWO, "coats": [{**TWO["coats"][0], "um": 0}, TWO["coats"][1]]}
-    page.until(lambda: np.abs(page.pixel("easel", 0.995, 0.5) - expected(bare, "black")).max() <= 2, "the bare canvas")
+    page.until(
+        lambda: np.abs(page.pixel("easel", 0.995, 0.5) - expected(bare, "black")).max() <= 2,
+        "the bare canvas",
+    )
     page.at("map-file").send_keys(str(picture))
-    page.until(lambda: np.abs(page.pixel("easel", 0.995, 0.5) - expected(thick, "black")).max() <= 2, "the ramp again")
+    page.until(
+        lambda: np.abs(page.pixel("easel", 0.995, 0.5) - expected(thick, "black")).max() <= 2,
+        "the ramp again",
+    )
 
 
 def test_what_is_taken_away_is_what_is_seen(page, downloads):
@@ -353,7 +390,9 @@ def test_what_is_taken_away_is_what_is_seen(page, downloads):
     page.until((downloads / "spectra.csv").exists, "the table")
     table = gj.io.read_spectra(downloads / "spectra.csv")
     found = stack_from_dict(TWO)
-    np.testing.assert_allclose(table["over_white"], gj.reflectance(found.glaze(), found.seen_by), atol=3e-5)
+    np.testing.assert_allclose(
+        table["over_white"], gj.reflectance(found.glaze(), found.seen_by), atol=3e-5
+    )
     page.press("json")
     page.until((downloads / "stack.json").exists, "the stack")
     assert gj.read_stack(downloads / "stack.json").shown == found.shown
@@ -373,7 +412,9 @@ def test_a_lost_connection_loses_nothing(page):
     again.stop()
     page.until(lambda: page.at("state").text == "not connected", "the loss")
     assert "what you made is kept" in page.said()
-    page.js("arguments[0].value = 1; arguments[0].dispatchEvent(new Event('input'))", page.at("slider"))
+    page.js(
+        "arguments[0].value = 1; arguments[0].dispatchEvent(new Event('input'))", page.at("slider")
+    )
     back = Served(port, "again")
     try:
         page.until(lambda: page.at("state").text == "ready", "the return")
@@ -428,17 +469,27 @@ def test_a_recipe_is_stopped_and_one_is_taken(page):
 def write_film(path, film: str, rows: str = "") -> None:
     """Some rows of a film of the samples."""
     first, *lines = gj.samples.path().read_text().splitlines()
-    path.write_text("\n".join([first, *(line for line in lines if line.startswith(f"{film}_{rows}"))]) + "\n")
+    path.write_text(
+        "\n".join([first, *(line for line in lines if line.startswith(f"{film}_{rows}"))]) + "\n"
+    )
 
 
 @pytest.mark.slow
 def test_a_film_is_identified_and_recovered(page, tmp_path):
-    """Vermilion over cards, 06A of the samples: 'none of these' is in the list, and one click takes the film."""
+    """Vermilion over cards, 06A of the samples: 'none of these' is in the list, and one click takes
+    the film.
+    """
     write_film(tmp_path / "film.csv", "06A")
     page.drop(tmp_path / "film.csv")
-    page.until(lambda: page.at("identify").is_displayed() and page.at("identify").is_enabled(), "the film")
+    page.until(
+        lambda: page.at("identify").is_displayed() and page.at("identify").is_enabled(), "the film"
+    )
     page.press("identify")
-    page.until(lambda: "In 06A" in page.js("return document.querySelector('.found').textContent"), "the answer", 400)
+    page.until(
+        lambda: "In 06A" in page.js("return document.querySelector('.found').textContent"),
+        "the answer",
+        400,
+    )
     text = page.js("return document.querySelector('.found').textContent")
     assert "none of these paints" in text
     page.press("take")
@@ -460,7 +511,10 @@ def test_a_spectrum_becomes_the_ground(page, tmp_path):
     write_film(tmp_path / "film.csv", "06A", "ow")
     page.drop(tmp_path / "film.csv")
     page.until(lambda: "06A_ow" in page.at("aim").text, "the spectrum")
-    page.js("arguments[0].value = 'spectrum'; arguments[0].dispatchEvent(new Event('change'))", page.at("ground"))
+    page.js(
+        "arguments[0].value = 'spectrum'; arguments[0].dispatchEvent(new Event('change'))",
+        page.at("ground"),
+    )
     page.press("tab-look")
     page.settle()
     stack = page.stack()
@@ -514,7 +568,9 @@ def test_a_wide_screen_gets_the_colour_itself(page):
     matrix = primaries * np.linalg.solve(primaries, colour.srgb_to_xyz(np.ones(3)))
     light = np.linalg.solve(matrix, colour.srgb_to_xyz(encoded))
     straight = light <= 0.0031308
-    wanted = np.where(straight, 12.92 * light, 1.055 * np.maximum(light, 0.0031308) ** (1 / 2.4) - 0.055)
+    wanted = np.where(
+        straight, 12.92 * light, 1.055 * np.maximum(light, 0.0031308) ** (1 / 2.4) - 0.055
+    )
     assert np.abs(shown - 255 * np.clip(wanted, 0, 1)).max() <= 2
     assert shown[2] > 0  # sRGB has none of its blue
 

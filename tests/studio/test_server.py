@@ -99,7 +99,8 @@ def test_without_its_token_nothing_is_answered(served):
 
 
 @pytest.mark.parametrize(
-    ("token", "origin"), [(None, "http://evil.example"), (None, None), ("guess", "own"), (None, "null")]
+    ("token", "origin"),
+    [(None, "http://evil.example"), (None, None), ("guess", "own"), (None, "null")],
 )
 def test_sockets_of_others_are_refused(served, token, origin):
     studio = served.studio
@@ -165,9 +166,18 @@ def wait(asked, report):
 @pytest.mark.parametrize("when", ["before", "after"])
 def test_a_search_survives_a_lost_connection(served, tmp_path, when):
     studio = served.studio
-    link, own = f"ws://127.0.0.1:{studio.port}/{studio.token}/socket", Origin(f"http://127.0.0.1:{studio.port}")
+    link, own = (
+        f"ws://127.0.0.1:{studio.port}/{studio.token}/socket",
+        Origin(f"http://127.0.0.1:{studio.port}"),
+    )
     path = tmp_path / "go"
-    ask = {"type": "start", "task": "wait", "name": "one 1", "stack": STACK, "options": {"path": str(path)}}
+    ask = {
+        "type": "start",
+        "task": "wait",
+        "name": "one 1",
+        "stack": STACK,
+        "options": {"path": str(path)},
+    }
     with connect(link, origin=own, max_size=None) as first:
         first.send(json.dumps({"type": "hello", "page": "mine"}))
         assert until(first, "hello")["running"] == []
@@ -219,10 +229,13 @@ def test_what_can_be_searched_is_registered():
 def test_the_command_prints_its_link_and_ends_with_ctrl_c(tmp_path):
     stack = gj.write_stack(tmp_path / "stack.json", stack_from_dict(STACK))
     code = (
-        "import typer; from glazejax.studio.command import register; app = typer.Typer(); register(app); "
+        "import typer; from glazejax.studio.command import register; app = typer.Typer(); "
+        "register(app); "
         f"app(['--no-open', {str(stack)!r}])"
     )
-    process = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True, env=os.environ)
+    process = subprocess.Popen(
+        [sys.executable, "-c", code], stdout=subprocess.PIPE, text=True, env=os.environ
+    )
     assert process.stdout is not None
     line = process.stdout.readline()
     link, _, fragment = line.removeprefix("The studio is at ").strip().partition("#")
@@ -250,7 +263,11 @@ server.Studio._warm = compile_for_ever
 command.serve(0, "", open_browser=False)
 """
     process = subprocess.Popen(
-        [sys.executable, "-c", code], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=os.environ
+        [sys.executable, "-c", code],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        env=os.environ,
     )
     assert process.stdout is not None
     link = process.stdout.readline().removeprefix("The studio is at ").strip()
@@ -270,7 +287,9 @@ def test_options_of_the_command(monkeypatch, tmp_path):
     command.register(app)
     monkeypatch.setattr("glazejax.commands.main.start_jax", lambda: None)
     monkeypatch.setattr(
-        command, "serve", lambda port, fragment, open_browser: called.append((port, fragment, open_browser))
+        command,
+        "serve",
+        lambda port, fragment, open_browser: called.append((port, fragment, open_browser)),
     )
     run = CliRunner()
     assert run.invoke(app, []).exit_code == 0

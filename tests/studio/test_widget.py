@@ -28,7 +28,9 @@ def told(monkeypatch):
     """A widget, and what it sends to its page."""
     found: Any = Widget(STACK, tasks={})
     sent = []
-    monkeypatch.setattr(found, "send", lambda content, buffers: sent.append((content, bytes(buffers[0]))))
+    monkeypatch.setattr(
+        found, "send", lambda content, buffers: sent.append((content, bytes(buffers[0])))
+    )
     yield found, sent
     found.close()
 
@@ -49,7 +51,9 @@ def test_its_stack_is_read_and_set(told):
 
 def test_a_question_is_answered_and_what_is_seen_is_kept(told):
     found, sent = told
-    found._session.take({"glaze": "question"}, [pack({"type": "see", "stack": found.stack, "view": {}})])
+    found._session.take(
+        {"glaze": "question"}, [pack({"type": "see", "stack": found.stack, "view": {}})]
+    )
     content, message = sent[-1]
     assert content == {"glaze": "answer"}
     assert unpack(message)[0]["type"] == "seen"
@@ -57,7 +61,9 @@ def test_a_question_is_answered_and_what_is_seen_is_kept(told):
     expected = np.asarray(gj.reflectance(stack.glaze(), stack.seen_by))
     np.testing.assert_allclose(found.seen["reflectance"], expected, atol=3e-5)
     np.testing.assert_allclose(
-        found.seen["rgb"], 255 * np.asarray(colour.srgb(found.seen["wavelengths"], expected)), atol=1
+        found.seen["rgb"],
+        255 * np.asarray(colour.srgb(found.seen["wavelengths"], expected)),
+        atol=1,
     )
     found._session.take("nonsense", [])
 
@@ -110,7 +116,9 @@ def test_its_page_is_the_same_studio(told, tmp_path):
                 for question in browser.execute_script("return (window.questions ?? []).splice(0)"):
                     found._session.take({"glaze": "question"}, [base64.b64decode(question)])
                 for _, message in sent:
-                    browser.execute_script("window.answer(arguments[0])", base64.b64encode(message).decode())
+                    browser.execute_script(
+                        "window.answer(arguments[0])", base64.b64encode(message).decode()
+                    )
                 sent.clear()
                 if browser.execute_script(f"return {until}"):
                     return
@@ -125,7 +133,8 @@ def test_its_page_is_the_same_studio(told, tmp_path):
         assert np.abs(np.array(browser.execute_script(code)) - found.seen["rgb"]).max() <= 1
         # The page's slider reaches Python, and Python's stack the page.
         browser.execute_script(
-            "const s = document.querySelector('[data-at=slider]'); s.value = 1; s.dispatchEvent(new Event('input'))"
+            "const s = document.querySelector('[data-at=slider]'); s.value = 1; "
+            "s.dispatchEvent(new Event('input'))"
         )
         carry("!!window.saved && JSON.parse(window.saved).coats[0].um === 10")
         found.stack = json.loads(browser.execute_script("return window.saved"))

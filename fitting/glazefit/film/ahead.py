@@ -1,6 +1,7 @@
 """Programs that are compiled by a thread of their own, while what comes before them still runs.
 
-XLA compiles without Python's lock, so that on two cores a search's later programs are ready when it comes to them.
+XLA compiles without Python's lock, so that on two cores a search's later programs are ready when it
+comes to them.
 """
 
 from collections.abc import Callable

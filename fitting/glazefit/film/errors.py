@@ -1,13 +1,16 @@
-"""How probable a spectrum is: errors of the instrument and of the model, and what is expected beforehand.
+"""How probable a spectrum is: errors of the instrument and of the model, and what is expected
+beforehand.
 
-Measured minus computed reflectance of films that were left out of a fit is ten times what the instrument's noise
-explains, smooth in the wavelength, and much the same over a black and a white card. Three things are behind it, all
-Gaussian here: absorption and scattering of each paint are off by a share that varies slowly with the wavelength (as far
-as the pigment says that it is not known, and some more: another batch, an edge that is shifted), the model itself is
-off by a smooth curve, and the surface reflects more or less. The size of the first two is uncertain too: probabilities
-are summed over some scales of it, which gives them the tails that paint needs.
+Measured minus computed reflectance of films that were left out of a fit is ten times what the
+instrument's noise explains, smooth in the wavelength, and much the same over a black and a white
+card. Three things are behind it, all Gaussian here: absorption and scattering of each paint are off
+by a share that varies slowly with the wavelength (as far as the pigment says that it is not known,
+and some more: another batch, an edge that is shifted), the model itself is off by a smooth curve,
+and the surface reflects more or less. The size of the first two is uncertain too: probabilities are
+summed over some scales of it, which gives them the tails that paint needs.
 
-`Nothing in the catalogue` competes on the same terms: any smooth spectrum, without a paint behind it.
+`Nothing in the catalogue` competes on the same terms: any smooth spectrum, without a paint behind
+it.
 """
 
 from collections.abc import Sequence
@@ -23,27 +26,32 @@ from glazejax import Pigment
 class Discrepancy:
     """Errors of the model.
 
-    The sizes are those of films that were left out of a joint fit, `benchmarks/identification.py`: far from small.
+    The sizes are those of films that were left out of a joint fit, `benchmarks/identification.py`:
+    far from small.
 
     Attributes:
-        coefficient: standard deviation of the log of a paint's k, and of its s, beside what the pigment says.
-        coefficient_length: over which these errors, and the pigment's own, stay alike, nm.
-        level: standard deviation of a further error of log k, and of log s, that is the same at all wavelengths.
-        most: largest relative standard deviation of a pigment that counts; to first order, more means nothing.
-        unstated: taken for a pigment without standard deviations.
+        coefficient: standard deviation of the log of a paint's k, and of its s, beside what the
+        pigment says. coefficient_length: over which these errors, and the pigment's own, stay
+        alike, nm.
+        level: standard deviation of a further error of log k, and of log s, that is the same at all
+        wavelengths. most: largest relative standard deviation of a pigment that counts; to first
+        order, more means nothing. unstated: taken for a pigment without standard deviations.
         amplitude: standard deviation of the model's own smooth error, in reflectance,
         share: and for each unit of reflectance.
         length: over which that stays alike, nm.
         shared: its correlation between grounds, in [0, 1].
         scales, weights: factors of all of these, and how probable each is.
-        gloss, gloss_sd: share of the surface's reflection that is seen, and how it varies between films.
-        freedom: of Student's t that a whole spectrum's misfit follows when candidates are weighed: some films are met
+        gloss, gloss_sd: share of the surface's reflection that is seen, and how it varies between
+        films. freedom: of Student's t that a whole spectrum's misfit follows when candidates are
+        weighed: some films are met
             far worse than others. None takes Gaussian errors at each of the scales.
-        apart: wavelengths nearer than this count as one reading when candidates are weighed, nm: what is left over is
-            alike at neighbouring bands in ways that no covariance describes, and a finer grid tells no more.
-        trust: power of the likelihood when candidates are weighed (a tempered posterior: Miller and Dunson, J. Am.
-            Stat. Assoc. 114 (2019) 1113). Errors are not quite Gaussian: with 1, films that were left out of a fit were
-            explained wrongly at a stated 90 % half of the time; with .35 the stated probabilities came true.
+        apart: wavelengths nearer than this count as one reading when candidates are weighed, nm:
+            what is left over is alike at neighbouring bands in ways that no covariance describes,
+            and a finer grid tells no more.
+        trust: power of the likelihood when candidates are weighed (a tempered posterior: Miller and
+            Dunson, J. Am. Stat. Assoc. 114 (2019) 1113). Errors are not quite Gaussian: with 1,
+            films that were left out of a fit were explained wrongly at a stated 90 % half of the
+            time; with .35 the stated probabilities came true.
         screening: amplitude that stands for all errors while candidates are looked for.
 
     Raises:
@@ -76,11 +84,18 @@ class Discrepancy:
             needed = name in ("trust", "freedom", "apart") or "length" in name
             if not (np.isfinite(value) and value >= 0 and (value > 0 or not needed)):
                 raise ValueError(
-                    f"the discrepancy's {name} is {value:g}; it must be {'above 0' if needed else '0 or more'}"
+                    f"the discrepancy's {name} is {value:g}; it must be "
+                    f"{'above 0' if needed else '0 or more'}"
                 )
         if not 0 <= self.shared <= 1:
-            raise ValueError(f"the discrepancy's shared is {self.shared:g}; a correlation lies in [0, 1]")
-        if len(self.scales) != len(self.weights) or not self.scales or min(*self.scales, *self.weights) <= 0:
+            raise ValueError(
+                f"the discrepancy's shared is {self.shared:g}; a correlation lies in [0, 1]"
+            )
+        if (
+            len(self.scales) != len(self.weights)
+            or not self.scales
+            or min(*self.scales, *self.weights) <= 0
+        ):
             raise ValueError("the discrepancy needs as many weights as scales, all positive")
 
 
@@ -91,11 +106,11 @@ class Prior:
     Attributes:
         thickness: median, m.
         spread: standard deviation of its logarithm.
-        concentration: of the fractions' Dirichlet distribution; 1 is uniform, less prefers unequal ones.
-        sizes: how probable films of one, two, three paints are.
+        concentration: of the fractions' Dirichlet distribution; 1 is uniform, less prefers unequal
+        ones. sizes: how probable films of one, two, three paints are.
         stacked: probability of two coats, where they are tried.
-        extender: how probable a set is beside others for each paint in it that a film of usual thickness hardly shows:
-            such paints meet what others cannot at no cost.
+        extender: how probable a set is beside others for each paint in it that a film of usual
+            thickness hardly shows: such paints meet what others cannot at no cost.
         unknown: probability that paints of the catalogue do not explain the film.
 
     Raises:
@@ -112,11 +127,17 @@ class Prior:
 
     def __post_init__(self) -> None:
         if not 0 < self.thickness <= 0.01:
-            raise ValueError(f"a usual thickness of {self.thickness:g} m is not in (0, 0.01]; it is in metres")
+            raise ValueError(
+                f"a usual thickness of {self.thickness:g} m is not in (0, 0.01]; it is in metres"
+            )
         if not (self.spread > 0 and self.concentration > 0 and min(self.sizes) > 0):
-            raise ValueError("spread, concentration and the probabilities of sizes must be positive")
+            raise ValueError(
+                "spread, concentration and the probabilities of sizes must be positive"
+            )
         if not (0 < self.unknown < 1 and 0 < self.stacked < 1 and 0 < self.extender <= 1):
-            raise ValueError("the probabilities `unknown`, `stacked` and `extender` lie between 0 and 1")
+            raise ValueError(
+                "the probabilities `unknown`, `stacked` and `extender` lie between 0 and 1"
+            )
 
 
 BETWEEN_FILMS = Discrepancy(
@@ -132,13 +153,19 @@ BETWEEN_FILMS = Discrepancy(
     freedom=5.0,
     trust=1.0,
 )
-"""Errors with which candidates are weighed by default: what films left out of a fit of their paints showed."""
+"""Errors with which candidates are weighed by default: what films left out of a fit of their paints
+showed.
+"""
 
 
-def smooth_kernel(wavelengths: Float[np.ndarray, "bands"], length: float) -> Float[np.ndarray, "bands bands"]:
-    """Correlation (1 + d) exp(-d), d = sqrt(3) |l - l'| / length, of errors at two wavelengths: Matern's of order 3/2.
+def smooth_kernel(
+    wavelengths: Float[np.ndarray, "bands"], length: float
+) -> Float[np.ndarray, "bands bands"]:
+    """Correlation (1 + d) exp(-d), d = sqrt(3) |l - l'| / length, of errors at two wavelengths:
+    Matern's of order 3/2.
 
-    Once differentiable, no more: an infinitely smooth one would believe every kink, and fit kinks at any price.
+    Once differentiable, no more: an infinitely smooth one would believe every kink, and fit kinks
+    at any price.
     """
     apart = np.sqrt(3.0) * np.abs(wavelengths[:, None] - wavelengths) / length
     return (1.0 + apart) * np.exp(-apart)
@@ -150,16 +177,20 @@ def model_covariance(
     discrepancy: Discrepancy,
     amplitude: float | Float[np.ndarray, "*n readings"],
 ) -> Float[np.ndarray, "*n readings readings"]:
-    """Covariance of the model's own smooth error, ground by ground; one amplitude, or one for each reading."""
+    """Covariance of the model's own smooth error, ground by ground; one amplitude, or one for each
+    reading.
+    """
     cards = discrepancy.shared + (1.0 - discrepancy.shared) * np.eye(grounds)
     alike = np.kron(cards, smooth_kernel(wavelengths, discrepancy.length))
     size = np.asarray(amplitude)
     return size**2 * alike if size.ndim == 0 else size[..., :, None] * size[..., None, :] * alike
 
 
-def relative_errors(pigments: Sequence[Pigment], discrepancy: Discrepancy) -> Float[np.ndarray, "paints 2 bands"]:
-    """Standard deviations of log k and log s that pigments carry beside their error modes, as far as the discrepancy
-    counts them: what their stated ones are more than their modes hold.
+def relative_errors(
+    pigments: Sequence[Pigment], discrepancy: Discrepancy
+) -> Float[np.ndarray, "paints 2 bands"]:
+    """Standard deviations of log k and log s that pigments carry beside their error modes, as far
+    as the discrepancy counts them: what their stated ones are more than their modes hold.
     """
 
     def share(value: Array, sd: Array | None, unstated: float) -> np.ndarray:
@@ -171,16 +202,25 @@ def relative_errors(pigments: Sequence[Pigment], discrepancy: Discrepancy) -> Fl
 
     def both(pigment: Pigment) -> np.ndarray:
         modes = _counted(pigment, discrepancy)
-        held, unstated = (0.0, discrepancy.unstated) if modes is None else (np.sum(modes**2, axis=0), 0.0)
-        pairs = ((pigment.absorption, pigment.absorption_sd), (pigment.scattering, pigment.scattering_sd))
+        held, unstated = (
+            (0.0, discrepancy.unstated) if modes is None else (np.sum(modes**2, axis=0), 0.0)
+        )
+        pairs = (
+            (pigment.absorption, pigment.absorption_sd),
+            (pigment.scattering, pigment.scattering_sd),
+        )
         stated = np.minimum([share(value, sd, unstated) for value, sd in pairs], discrepancy.most)
         return np.sqrt(np.maximum(stated**2 - held, 0.0))
 
     return np.asarray([both(pigment) for pigment in pigments])
 
 
-def _counted(pigment: Pigment, discrepancy: Discrepancy) -> Float[np.ndarray, "modes 2 bands"] | None:
-    """A pigment's error modes; where they are larger together than the discrepancy's `most`, as small as that."""
+def _counted(
+    pigment: Pigment, discrepancy: Discrepancy
+) -> Float[np.ndarray, "modes 2 bands"] | None:
+    """A pigment's error modes; where they are larger together than the discrepancy's `most`, as
+    small as that.
+    """
     if pigment.error_modes is None:
         return None
     modes = np.asarray(pigment.error_modes, dtype=np.float64)
@@ -188,15 +228,21 @@ def _counted(pigment: Pigment, discrepancy: Discrepancy) -> Float[np.ndarray, "m
     return modes * np.minimum(1.0, discrepancy.most / np.maximum(size, 1e-12))
 
 
-def error_modes(pigments: Sequence[Pigment], discrepancy: Discrepancy) -> Float[np.ndarray, "paints 2 bands modes"]:
-    """Errors of log k and log s that pigments carry as modes; those of one provenance share theirs, others add more.
+def error_modes(
+    pigments: Sequence[Pigment], discrepancy: Discrepancy
+) -> Float[np.ndarray, "paints 2 bands modes"]:
+    """Errors of log k and log s that pigments carry as modes; those of one provenance share theirs,
+    others add more.
 
-    Where a paint's modes together are larger than the discrepancy's `most` they are made as small as that.
+    Where a paint's modes together are larger than the discrepancy's `most` they are made as small
+    as that.
     """
     sources: dict[str, int] = {}
     for pigment in pigments:
         if pigment.error_modes is not None:
-            sources[pigment.provenance] = max(sources.get(pigment.provenance, 0), pigment.error_modes.shape[0])
+            sources[pigment.provenance] = max(
+                sources.get(pigment.provenance, 0), pigment.error_modes.shape[0]
+            )
     first = dict(zip(sources, np.cumsum([0, *sources.values()]), strict=False))
     bands = pigments[0].wavelengths.size
     out = np.zeros((len(pigments), 2, bands, sum(sources.values())))
@@ -208,9 +254,12 @@ def error_modes(pigments: Sequence[Pigment], discrepancy: Discrepancy) -> Float[
 
 
 def modes_covariance(
-    slopes: Float[np.ndarray, "*n errors readings"], modes: Float[np.ndarray, "*n errors bands modes"]
+    slopes: Float[np.ndarray, "*n errors readings"],
+    modes: Float[np.ndarray, "*n errors bands modes"],
 ) -> Float[np.ndarray, "*n readings readings"]:
-    """Covariance of the readings that error modes of the coefficients cause; slopes as for `coefficient_covariance`."""
+    """Covariance of the readings that error modes of the coefficients cause; slopes as for
+    `coefficient_covariance`.
+    """
     # In the modes' own precision: single does, and takes half the time.
     by_ground = slopes.astype(modes.dtype).reshape(*slopes.shape[:-1], -1, modes.shape[-2])
     caused = np.einsum("...egb,...ebm->...gbm", by_ground, modes, optimize=True)
@@ -224,7 +273,8 @@ def coefficient_covariance(
     wavelengths: Float[np.ndarray, "bands"],
     discrepancy: Discrepancy,
 ) -> Float[np.ndarray, "*n readings readings"]:
-    """Covariance that errors of paints' k and s cause, each smooth in the wavelength and independent of the others.
+    """Covariance that errors of paints' k and s cause, each smooth in the wavelength and
+    independent of the others.
 
     Args:
         slopes: of the readings by the log of each coefficient, band by band.
@@ -239,7 +289,9 @@ def coefficient_covariance(
         return (np.swapaxes(slopes, -1, -2) @ slopes) * np.tile(alike, (grounds, grounds))
 
     own = slopes * np.tile(known, grounds)
-    return square(slopes, discrepancy.coefficient**2 * kernel + discrepancy.level**2) + square(own, kernel)
+    return square(slopes, discrepancy.coefficient**2 * kernel + discrepancy.level**2) + square(
+        own, kernel
+    )
 
 
 def paints_covariance(
@@ -250,29 +302,42 @@ def paints_covariance(
     wavelengths: Float[np.ndarray, "bands"],
     discrepancy: Discrepancy,
 ) -> Float[np.ndarray, "*n readings readings"]:
-    """Covariance that all errors of films' paints cause: `coefficient_covariance` and `modes_covariance`.
+    """Covariance that all errors of films' paints cause: `coefficient_covariance` and
+    `modes_covariance`.
 
     Args:
-        slopes: of the readings by the log of k of the films' paints, then of s, band by band; 0 for no paint.
-        members: paints of each film by number, negative for none.
+        slopes: of the readings by the log of k of the films' paints, then of s, band by band; 0 for
+        no paint. members: paints of each film by number, negative for none.
         own, modes: of all paints (`relative_errors`, `error_modes`).
         wavelengths: (bands,), nm.
         discrepancy: size and length of further errors.
     """
     at = np.maximum(members, 0)
     caused = coefficient_covariance(
-        slopes, np.concatenate([own[at, part] for part in (0, 1)], axis=-2), wavelengths, discrepancy
+        slopes,
+        np.concatenate([own[at, part] for part in (0, 1)], axis=-2),
+        wavelengths,
+        discrepancy,
     )
     if modes.shape[-1]:
-        caused = caused + modes_covariance(slopes, np.concatenate([modes[at, part] for part in (0, 1)], axis=-3))
+        caused = caused + modes_covariance(
+            slopes, np.concatenate([modes[at, part] for part in (0, 1)], axis=-3)
+        )
     return caused
 
 
 def coefficient_errors(
-    rng: np.random.Generator, shape: tuple[int, ...], wavelengths: Float[np.ndarray, "bands"], discrepancy: Discrepancy
+    rng: np.random.Generator,
+    shape: tuple[int, ...],
+    wavelengths: Float[np.ndarray, "bands"],
+    discrepancy: Discrepancy,
 ) -> Float[np.ndarray, "*shape bands"]:
-    """Random errors of the log of coefficients: smooth, with a level, each of one of the discrepancy's scales."""
-    smooth = discrepancy.coefficient * _alike(rng, shape, smooth_kernel(wavelengths, discrepancy.coefficient_length))
+    """Random errors of the log of coefficients: smooth, with a level, each of one of the
+    discrepancy's scales.
+    """
+    smooth = discrepancy.coefficient * _alike(
+        rng, shape, smooth_kernel(wavelengths, discrepancy.coefficient_length)
+    )
     level = discrepancy.level * rng.standard_normal((*shape, 1))
     return _scale(rng, shape[:1], discrepancy).reshape(-1, *[1] * len(shape)) * (smooth + level)
 
@@ -298,7 +363,9 @@ def _alike(
     return rng.standard_normal((*shape, len(covariance))) @ root.T
 
 
-def _scale(rng: np.random.Generator, shape: tuple[int, ...], discrepancy: Discrepancy) -> Float[np.ndarray, "*shape"]:
+def _scale(
+    rng: np.random.Generator, shape: tuple[int, ...], discrepancy: Discrepancy
+) -> Float[np.ndarray, "*shape"]:
     weights = np.asarray(discrepancy.weights)
     return rng.choice(np.asarray(discrepancy.scales), size=shape, p=weights / weights.sum())
 
@@ -331,7 +398,8 @@ def whiten(
 ) -> Whitening:
     """Whitening of fixed + scale^2 scaled for every scale.
 
-    Cholesky factors, scale by scale: one eigenvalue problem for all scales takes thirty times as long.
+    Cholesky factors, scale by scale: one eigenvalue problem for all scales takes thirty times as
+    long.
     """
     scales, weights = np.asarray(discrepancy.scales), np.asarray(discrepancy.weights)
     matrix = fixed[..., None, :, :] + scales[:, None, None] ** 2 * scaled[..., None, :, :]
@@ -342,7 +410,9 @@ def whiten(
 def whitening(
     matrix: Float[np.ndarray, "*n r r"],
 ) -> tuple[Float[np.ndarray, "*n r r"], Float[np.ndarray | np.floating, "*n"]]:
-    """W with W^T W the inverse of a covariance, and log det W - (r/2) log 2 pi, the height of the Gaussian."""
+    """W with W^T W the inverse of a covariance, and log det W - (r/2) log 2 pi, the height of the
+    Gaussian.
+    """
     from scipy.linalg.lapack import dtrtri  # pyright: ignore
 
     factor = np.linalg.cholesky(matrix)
@@ -355,12 +425,14 @@ def whitening(
 
 
 def log_odds_of_none(misfit: float | Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
-    """Log of how much more often a film misses by this if its paints are not in the catalogue than if they are.
+    """Log of how much more often a film misses by this if its paints are not in the catalogue than
+    if they are.
 
-    A logistic regression on the logarithm of the misfit (`glazefit.Identification.misfit`) of 55 films that were left
-    out of the fit, each once with the catalogue as it is and once without the family of its main paint, as the
-    catalogue's errors were when it was chosen. `python -m benchmarks.truth` makes it anew: with today's errors it would
-    call more films none, three times as many of them wrongly, so that it was kept.
+    A logistic regression on the logarithm of the misfit (`glazefit.Identification.misfit`) of 55
+    films that were left out of the fit, each once with the catalogue as it is and once without the
+    family of its main paint, as the catalogue's errors were when it was chosen. `python -m
+    benchmarks.truth` makes it anew: with today's errors it would call more films none, three times
+    as many of them wrongly, so that it was kept.
     """
     intercept, slope = MISFIT
     return np.asarray(intercept + slope * np.log(np.maximum(misfit, 0.1)))

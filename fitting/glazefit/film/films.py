@@ -1,4 +1,6 @@
-"""Measured films: paint over a black and over a white card, and the noise of the instrument that saw them."""
+"""Measured films: paint over a black and over a white card, and the noise of the instrument that
+saw them.
+"""
 
 import difflib
 import functools
@@ -28,8 +30,8 @@ _BY_DEFAULT: Any = None
 class Noise:
     """Repeatability of a reading: independent Gaussian errors of sd = floor + share * R.
 
-    The default is a fair bench instrument: printed to 0.01 %, zero and stray light to 0.05 %, scale to 0.2 %;
-    repeats of paint-outs published by the Kimera project differ by 0.0018 on average.
+    The default is a fair bench instrument: printed to 0.01 %, zero and stray light to 0.05 %, scale
+    to 0.2 %; repeats of paint-outs published by the Kimera project differ by 0.0018 on average.
 
     Raises:
         ValueError: a negative or not finite value, or both zero.
@@ -41,11 +43,17 @@ class Noise:
     def __post_init__(self) -> None:
         for name, value in (("floor", self.floor), ("share", self.share)):
             if not (np.isfinite(value) and value >= 0):
-                raise ValueError(f"the noise's {name} is {value:g}; it must be 0 or more, such as 0.0005")
+                raise ValueError(
+                    f"the noise's {name} is {value:g}; it must be 0 or more, such as 0.0005"
+                )
         if self.floor == 0:
-            raise ValueError("a noise floor of 0 makes readings near 0 exact; give a value such as 0.0005")
+            raise ValueError(
+                "a noise floor of 0 makes readings near 0 exact; give a value such as 0.0005"
+            )
 
-    def sd(self, reflectance: Float[np.ndarray | np.floating, "*shape"]) -> Float[np.ndarray, "*shape"]:
+    def sd(
+        self, reflectance: Float[np.ndarray | np.floating, "*shape"]
+    ) -> Float[np.ndarray, "*shape"]:
         """Standard deviation of readings of this reflectance (fractions)."""
         return np.asarray(self.floor + self.share * np.abs(reflectance))
 
@@ -60,15 +68,18 @@ class Films:
         bare_black, bare_white: (films, bands), reflectance of the cards without paint.
         over_black, over_white: (films, bands), reflectance of the paint on them.
         notes: sentences on what a reader changed or noticed.
-        seen: (films, 2), whether there is a reading over black, and over white; by default all. The array of a reading
-            that there is not holds the other's values, and what is computed of films leaves it out.
-        assumed: (films, 2), whether the bare card was not measured: then its array holds the internal reflectance of a
-            usual card (`usual_cards`); by default none.
-        opaque: (films,), whether a film is known to hide whatever is below; by default none. Then its cards count not.
+        seen: (films, 2), whether there is a reading over black, and over white; by default all. The
+            array of a reading that there is not holds the other's values, and what is computed of
+            films leaves it out.
+        assumed: (films, 2), whether the bare card was not measured: then its array holds the
+            internal reflectance of a usual card (`usual_cards`); by default none.
+        opaque: (films,), whether a film is known to hide whatever is below; by default none. Then
+            its cards count not.
 
     Raises:
-        ValueError: shapes that do not match, a value that is NaN, infinite or negative, a white card that is not
-            brighter than the black one, a film without any reading, or names that repeat.
+        ValueError: shapes that do not match, a value that is NaN, infinite or negative, a white
+            card that is not brighter than the black one, a film without any reading, or names that
+            repeat.
     """
 
     names: tuple[str, ...]
@@ -89,7 +100,11 @@ class Films:
             twice = next(name for name in self.names if self.names.count(name) > 1)
             raise ValueError(f"two films are called {twice!r}; names must differ")
         count = len(self.names)
-        usually = {"seen": np.ones((count, 2)), "assumed": np.zeros((count, 2)), "opaque": np.zeros(count)}
+        usually = {
+            "seen": np.ones((count, 2)),
+            "assumed": np.zeros((count, 2)),
+            "opaque": np.zeros(count),
+        }
         for what, usual in usually.items():
             flags = getattr(self, what)
             flags = np.asarray(usual if flags is _BY_DEFAULT else flags, dtype=bool)
@@ -98,26 +113,32 @@ class Films:
                 raise ValueError(f"{what} has shape {flags.shape}; it must be {usual.shape}")
         blind = ~self.seen.any(axis=1)
         if blind.any():
-            raise ValueError(f"film {self.names[int(blind.argmax())]!r} has no reading, over black or over white")
+            raise ValueError(
+                f"film {self.names[int(blind.argmax())]!r} has no reading, over black or over white"
+            )
         for what in SPECTRA:
             values = np.asarray(getattr(self, what), dtype=np.float64)
             object.__setattr__(self, what, values)
             if values.shape != (len(self.names), grid.size):
                 raise ValueError(
-                    f"{what} has shape {values.shape} but there are {len(self.names)} films and {grid.size} bands"
+                    f"{what} has shape {values.shape} but there are {len(self.names)} films and "
+                    f"{grid.size} bands"
                 )
             wrong = ~np.isfinite(values) | (values < 0)
             if wrong.any():
                 i, j = (int(n) for n in np.argwhere(wrong)[0])
                 raise ValueError(
-                    f"{what} of {self.names[i]!r} at {grid[j]:g} nm is {values[i, j]:g}; reflectance is 0 or more"
+                    f"{what} of {self.names[i]!r} at {grid[j]:g} nm is {values[i, j]:g}; "
+                    "reflectance is 0 or more"
                 )
-        # A usual card is given from inside the paint, where the black one is darker and the white one brighter.
+        # A usual card is given from inside the paint, where the black one is darker and the white
+        # one brighter.
         dim = (self.bare_white.mean(axis=1) <= self.bare_black.mean(axis=1)) & self.seen.all(axis=1)
         if dim.any():
             name = self.names[int(dim.argmax())]
             raise ValueError(
-                f"the bare white card of {name!r} is not brighter than its bare black card: are the rows swapped?"
+                f"the bare white card of {name!r} is not brighter than its bare black card: are "
+                "the rows swapped?"
             )
 
     def __len__(self) -> int:
@@ -138,13 +159,19 @@ class Films:
         return bool(self.seen.all() and not self.assumed.any() and not self.opaque.any())
 
     def readings(self) -> tuple[Float[np.ndarray, "rows bands"], ...]:
-        """What was measured: bare cards, black and white, and paint over them; rows that there are not are left out."""
+        """What was measured: bare cards, black and white, and paint over them; rows that there are
+        not are left out.
+        """
         bare = self.seen & ~self.assumed & ~self.opaque[:, None]
         kept = (bare[:, 0], bare[:, 1], self.seen[:, 0], self.seen[:, 1])
         return tuple(getattr(self, what)[rows] for what, rows in zip(SPECTRA, kept, strict=True))
 
-    def where_seen(self, values: Float[np.ndarray, "films 2 *rest"]) -> Float[np.ndarray, "films 2 *rest"]:
-        """Values over black and over white, with those of a reading that there is not replaced by the other's."""
+    def where_seen(
+        self, values: Float[np.ndarray, "films 2 *rest"]
+    ) -> Float[np.ndarray, "films 2 *rest"]:
+        """Values over black and over white, with those of a reading that there is not replaced by
+        the other's.
+        """
         if self.seen.all():
             return values
         seen = self.seen.reshape(*self.seen.shape, *[1] * (values.ndim - 2))
@@ -163,9 +190,13 @@ class Films:
 
 
 def nearest(name: str, known: Sequence[str]) -> str:
-    """'nearest: ...' for an error about a name that is not known, or the known names if none is near."""
+    """'nearest: ...' for an error about a name that is not known, or the known names if none is
+    near.
+    """
     folded = {k.lower(): k for k in known}
-    close = [folded[k] for k in difflib.get_close_matches(name.lower(), list(folded), n=4, cutoff=0.5)]
+    close = [
+        folded[k] for k in difflib.get_close_matches(name.lower(), list(folded), n=4, cutoff=0.5)
+    ]
     if close:
         return "nearest: " + ", ".join(map(repr, close))
     more = f" and {len(known) - 8} more" if len(known) > 8 else ""
@@ -173,9 +204,11 @@ def nearest(name: str, known: Sequence[str]) -> str:
 
 
 class BareSurface(NamedTuple):
-    """What the surface does to a bare Lambertian ground rho, which reads gain rho/(1 - back rho) without the mirror.
+    """What the surface does to a bare Lambertian ground rho, which reads gain rho/(1 - back rho)
+    without the mirror.
 
-    `back` is the reflectance of the surface for diffuse light from inside, r_i: .5963 at an index of 1.5.
+    `back` is the reflectance of the surface for diffuse light from inside, r_i: .5963 at an index
+    of 1.5.
     """
 
     gain: float
@@ -186,8 +219,8 @@ class BareSurface(NamedTuple):
 def bare_surface(instrument: Instrument) -> BareSurface:
     """Gain and back of an instrument, by the integral of Fresnel's reflectance over all directions.
 
-    Diffuse light from inside is reflected by r_i = 1 - (1 - r_e)/n^2 with r_e that of diffuse light from outside
-    (Duntley 1942, by the conservation of radiance over n^2).
+    Diffuse light from inside is reflected by r_i = 1 - (1 - r_e)/n^2 with r_e that of diffuse light
+    from outside (Duntley 1942, by the conservation of radiance over n^2).
     """
     nodes, weights = np.polynomial.legendre.leggauss(96)
     # Where light grazes the slope is infinite: nodes in the root of the cosine.
@@ -214,12 +247,12 @@ def diffuse_internal_reflectance(instrument: Instrument) -> float:
 def card_reflectance(bare: Spectra, instrument: Instrument) -> tuple[Spectra, Spectra]:
     """Internal reflectance of cards from their bare reflectance in air, and its derivative.
 
-    Under paint only the internal reflectance counts: a card that reads 5 % in air is 2.5 % inside, one that reads
-    84 % is 93 %.
+    Under paint only the internal reflectance counts: a card that reads 5 % in air is 2.5 % inside,
+    one that reads 84 % is 93 %.
 
     Returns:
-        rho, (films, bands), and d rho / d bare, (films, bands). Values outside [0, 1] are possible and the
-        caller's to refuse.
+        rho, (films, bands), and d rho / d bare, (films, bands). Values outside [0, 1] are possible
+        and the caller's to refuse.
     """
     gain, back = bare_surface(instrument)
     x = np.asarray(bare) - instrument.seen_surface
@@ -231,7 +264,8 @@ def usual_cards(
 ) -> tuple[Float[np.ndarray, "bands"], Float[np.ndarray, "bands"]]:
     """Internal reflectance of a black and of a white card of the usual kind, (bands,) each.
 
-    In air they read 5 % and 80-89 %; the white one falls off below 430 nm, as paper with a brightener does.
+    In air they read 5 % and 80-89 %; the white one falls off below 430 nm, as paper with a
+    brightener does.
     """
     black = np.full_like(wavelengths, 0.025)
     white = 0.95 - 0.02 * np.maximum(700 - wavelengths, 0) / 300
@@ -239,15 +273,20 @@ def usual_cards(
 
 
 USUAL_CARD_SD = (0.005, 0.02)
-"""How far a black and a white card of the usual kind may be off from band to band, in internal reflectance."""
+"""How far a black and a white card of the usual kind may be off from band to band, in internal
+reflectance.
+"""
 
 
-def cards(films: Films, instrument: Instrument, noise: Noise) -> tuple[Spectra, Spectra, Spectra, Spectra]:
-    """Internal reflectance of both cards and its standard deviation: (black, white, sd black, sd white).
+def cards(
+    films: Films, instrument: Instrument, noise: Noise
+) -> tuple[Spectra, Spectra, Spectra, Spectra]:
+    """Internal reflectance of both cards and its standard deviation: (black, white, sd black, sd
+    white).
 
     Raises:
-        ValueError: a card is darker than its surface alone, or brighter than a perfect diffuser, by more than four
-            standard deviations.
+        ValueError: a card is darker than its surface alone, or brighter than a perfect diffuser, by
+            more than four standard deviations.
     """
     out, errors = [], []
     for card, (what, bare) in enumerate((("black", films.bare_black), ("white", films.bare_white))):
@@ -257,14 +296,21 @@ def cards(films: Films, instrument: Instrument, noise: Noise) -> tuple[Spectra, 
         given = (films.assumed[:, card] | films.opaque | ~films.seen[:, card])[:, None]
         inside, sd = np.where(given, bare, inside), np.where(given, USUAL_CARD_SD[card], sd)
         for wrong, complaint in (
-            (inside < -4 * sd, "darker than its surface alone ({surface:.4f}); was the specular part excluded?"),
-            (inside > 1 + 4 * sd, "brighter than a perfect diffuser; is it fluorescent, or the scale wrong?"),
+            (
+                inside < -4 * sd,
+                "darker than its surface alone ({surface:.4f}); was the specular part excluded?",
+            ),
+            (
+                inside > 1 + 4 * sd,
+                "brighter than a perfect diffuser; is it fluorescent, or the scale wrong?",
+            ),
         ):
             if wrong.any():
                 i, j = (int(n) for n in np.argwhere(wrong)[0])
                 raise ValueError(
                     f"the bare {what} card of {films.names[i]!r} reads {bare[i, j]:.4f} at "
-                    f"{films.wavelengths[j]:g} nm, {complaint.format(surface=instrument.seen_surface)}"
+                    f"{films.wavelengths[j]:g} nm, "
+                    f"{complaint.format(surface=instrument.seen_surface)}"
                 )
         out.append(np.clip(inside, 0.0, 1.0))
         errors.append(sd)

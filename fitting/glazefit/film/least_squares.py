@@ -1,7 +1,8 @@
-"""Tiny least-squares problems in plain XLA operations: a linear solver for optimistix, and one loop of our own.
+"""Tiny least-squares problems in plain XLA operations: a linear solver for optimistix, and one loop
+of our own.
 
-lineax's own QR, SVD and Cholesky call LAPACK; two batched LAPACK calls in one compiled program can hang for ever
-on the CPU (jaxlib 0.10, 0.11.0). A problem of two or three unknowns needs none of it.
+lineax's own QR, SVD and Cholesky call LAPACK; two batched LAPACK calls in one compiled program can
+hang for ever on the CPU (jaxlib 0.10, 0.11.0). A problem of two or three unknowns needs none of it.
 """
 
 from collections.abc import Callable
@@ -19,11 +20,15 @@ State = TypeVar("State")
 
 
 class FullRankSolver(lx.AbstractLinearSolver[State]):
-    """What linear solvers of least-squares problems with as many independent columns as unknowns have in common."""
+    """What linear solvers of least-squares problems with as many independent columns as unknowns
+    have in common.
+    """
 
     def transpose(self, state: State, options: dict[str, Any]):
         """Not offered: the transposed problem is underdetermined."""
-        raise NotImplementedError(f"{type(self).__name__} solves least-squares problems; it has no transpose")
+        raise NotImplementedError(
+            f"{type(self).__name__} solves least-squares problems; it has no transpose"
+        )
 
     def conj(self, state: State, options: dict[str, Any]) -> tuple[State, dict[str, Any]]:
         """State of the conjugate operator: the same, for real ones."""
@@ -35,7 +40,9 @@ class FullRankSolver(lx.AbstractLinearSolver[State]):
 
 
 class _Factors(NamedTuple):
-    """Thin QR factors of an operator, or it and its normal matrix, and how its vectors are packed."""
+    """Thin QR factors of an operator, or it and its normal matrix, and how its vectors
+    are packed.
+    """
 
     q: Float[Array, "rows columns"]
     r: Float[Array, "columns columns"]
@@ -48,8 +55,8 @@ def orthogonalise(
     """Thin QR factors by modified Gram-Schmidt, done twice, which leaves Q orthogonal to rounding.
 
     Args:
-        matrix: (rows, columns) with rows >= columns; the loop over columns is unrolled. A column that depends on
-            those before it gets a zero column in Q and a zero pivot in R.
+        matrix: (rows, columns) with rows >= columns; the loop over columns is unrolled. A column
+            that depends on those before it gets a zero column in Q and a zero pivot in R.
 
     Source: Giraud, Langou, Rozloznik (2005), "twice is enough".
     """
@@ -95,7 +102,9 @@ class GramSchmidt(FullRankSolver[_Factors]):
         del options
         rows, columns = operator.out_size(), operator.in_size()
         if rows < columns or columns > 8:
-            raise ValueError(f"GramSchmidt is for tall problems of up to 8 unknowns, not for {rows} x {columns}")
+            raise ValueError(
+                f"GramSchmidt is for tall problems of up to 8 unknowns, not for {rows} x {columns}"
+            )
         q, r = orthogonalise(operator.as_matrix())
         return _Factors(q, r, pack_structures(operator))
 
@@ -109,9 +118,11 @@ class GramSchmidt(FullRankSolver[_Factors]):
 
 
 class NormalEquations(FullRankSolver[_Factors]):
-    """Least-squares solver for any number of columns, without LAPACK: the normal equations, by elimination.
+    """Least-squares solver for any number of columns, without LAPACK: the normal equations, by
+    elimination.
 
-    They square the condition, so columns should be of like size and well apart, as those of a damped step are.
+    They square the condition, so columns should be of like size and well apart, as those of a
+    damped step are.
     """
 
     def init(self, operator: lx.AbstractLinearOperator, options: dict[str, Any]) -> _Factors:
@@ -131,7 +142,9 @@ class NormalEquations(FullRankSolver[_Factors]):
 
 
 def inverse_small(matrix: Float[Array, "n n"]) -> tuple[Float[Array, "n n"], Float[Array, ""]]:
-    """Inverse and log determinant of a positive definite matrix of up to three rows, by Cholesky factors."""
+    """Inverse and log determinant of a positive definite matrix of up to three rows, by Cholesky
+    factors.
+    """
     n = matrix.shape[-1]
     lower = [[jnp.zeros_like(matrix[0, 0])] * n for _ in range(n)]
     for i in range(n):
@@ -142,14 +155,21 @@ def inverse_small(matrix: Float[Array, "n n"]) -> tuple[Float[Array, "n n"], Flo
     for column in range(n):
         x: list[Array] = []
         for i in range(n):
-            x.append(((1.0 if i == column else 0.0) - sum(lower[i][p] * x[p] for p in range(i))) / lower[i][i])
+            x.append(
+                ((1.0 if i == column else 0.0) - sum(lower[i][p] * x[p] for p in range(i)))
+                / lower[i][i]
+            )
         unit.append(jnp.stack([jnp.asarray(v) for v in x]))
     inverse = jnp.stack(unit, axis=1)
-    return inverse.T @ inverse, 2.0 * sum((jnp.log(lower[i][i]) for i in range(n)), jnp.zeros((), matrix.dtype))
+    return inverse.T @ inverse, 2.0 * sum(
+        (jnp.log(lower[i][i]) for i in range(n)), jnp.zeros((), matrix.dtype)
+    )
 
 
 Seen = tuple[Float[Array, ""], Float[Array, "n"], Float[Array, "n n"], Any]
-"""Cost, its gradient, a positive definite matrix near its Hessian, and whatever else a caller wants back."""
+"""Cost, its gradient, a positive definite matrix near its Hessian, and whatever else a caller wants
+back.
+"""
 
 
 def damped_newton(
@@ -160,11 +180,13 @@ def damped_newton(
     steps: int | Array,
     longest: float,
 ) -> tuple[Float[Array, "n"], Seen]:
-    """A fixed number of Newton steps with Levenberg's damping: the best point, and what is seen there.
+    """A fixed number of Newton steps with Levenberg's damping: the best point, and what is seen
+    there.
 
-    For very many candidates side by side, with slopes that their model knows in closed form. Optimistix, which finds
-    them by differentiation and steps until the last candidate of a batch has settled, takes twice the time for
-    identification (6.9 s of CPU for 3.2 s, 100 spectra among pairs of 24 paints).
+    For very many candidates side by side, with slopes that their model knows in closed form.
+    Optimistix, which finds them by differentiation and steps until the last candidate of a batch
+    has settled, takes twice the time for identification (6.9 s of CPU for 3.2 s, 100 spectra among
+    pairs of 24 paints).
 
     Args:
         look: at a point.
@@ -177,7 +199,9 @@ def damped_newton(
     def step(_: int | Array, state: tuple) -> tuple:
         here, seen, damping = state
         _, gradient, hessian, _ = seen
-        damped = hessian + damping * (jnp.diag(jnp.diagonal(hessian)) + 1e-6 * jnp.eye(here.shape[0], dtype=here.dtype))
+        damped = hessian + damping * (
+            jnp.diag(jnp.diagonal(hessian)) + 1e-6 * jnp.eye(here.shape[0], dtype=here.dtype)
+        )
         move = jnp.clip(-inverse_small(damped)[0] @ gradient, -longest, longest)
         tried = jnp.clip(here + move, *limits)
         new = look(tried)
@@ -185,11 +209,19 @@ def damped_newton(
         kept = jax.tree.map(lambda a, b: jnp.where(better, a, b), (tried, new), (here, seen))
         return (*kept, jnp.where(better, damping * 0.2, jnp.maximum(damping, 1e-3) * 6.0))
 
-    # The first round looks at the start itself: `look` stands in the program once, which compiles in half the time.
+    # The first round looks at the start itself: `look` stands in the program once, which compiles
+    # in half the time.
     shapes = jax.eval_shape(look, start)
     nothing = jax.tree.map(lambda a: jnp.zeros(a.shape, a.dtype), shapes)
-    unseen = jnp.full_like(nothing[0], jnp.inf), nothing[1], jnp.eye(start.shape[0], dtype=start.dtype), nothing[3]
-    there, seen, _ = jax.lax.fori_loop(0, steps + 1, step, (start, unseen, jnp.asarray(0.1, start.dtype)))
+    unseen = (
+        jnp.full_like(nothing[0], jnp.inf),
+        nothing[1],
+        jnp.eye(start.shape[0], dtype=start.dtype),
+        nothing[3],
+    )
+    there, seen, _ = jax.lax.fori_loop(
+        0, steps + 1, step, (start, unseen, jnp.asarray(0.1, start.dtype))
+    )
     return there, seen
 
 

@@ -1,13 +1,15 @@
-"""Films as they come from a kitchen table: over one card or two, with the cards measured or not, or just opaque paint.
+"""Films as they come from a kitchen table: over one card or two, with the cards measured or not, or
+just opaque paint.
 
 Rows of a table are told by their endings, as in `readers`, but none must be there:
 
 - NAME_ob, NAME_ow: paint over black, over white; one of them will do.
-- NAME_b, NAME_w: that film's own cards, bare. Else card_b and card_w, those of all films. Else a usual card is assumed.
+- NAME_b, NAME_w: that film's own cards, bare. Else card_b and card_w, those of all films. Else a
+usual card is assumed.
 - NAME alone: paint that hides whatever is below.
 
-A film may be called by what is in it: ``Ultramarine 1:10 ZincWhite`` is one part of ultramarine to ten of white by
-weight; any other name is that of a paint.
+A film may be called by what is in it: ``Ultramarine 1:10 ZincWhite`` is one part of ultramarine to
+ten of white by weight; any other name is that of a paint.
 """
 
 import re
@@ -31,16 +33,20 @@ USUAL_RANGE = (380.0, 780.0)
 """Where usual cards are known, nm."""
 
 _CARDS = {"card", "cards"}
-_TINT = re.compile(r"(?P<first>\S.*?)\s+(?P<a>\d+(?:\.\d+)?)\s*:\s*(?P<b>\d+(?:\.\d+)?)\s+(?P<second>\S.*)")
+_TINT = re.compile(
+    r"(?P<first>\S.*?)\s+(?P<a>\d+(?:\.\d+)?)\s*:\s*(?P<b>\d+(?:\.\d+)?)\s+(?P<second>\S.*)"
+)
 
 
 def read_loose_films(path: str | Path) -> Films:
-    """Read films of which not every reading is there: over one card or two, or opaque, with or without their cards.
+    """Read films of which not every reading is there: over one card or two, or opaque, with or
+    without their cards.
 
-    Rows of a table are told by their endings, none of which must be there: NAME_ob and NAME_ow are paint over black and
-    over white, NAME_b and NAME_w that film's own cards, card_b and card_w the cards of all films (usual ones are
-    assumed if they are missing). NAME alone is paint that hides whatever is below. `named_recipes` says what films
-    called ``Ultramarine 1:10 ZincWhite`` are made of.
+    Rows of a table are told by their endings, none of which must be there: NAME_ob and NAME_ow are
+    paint over black and over white, NAME_b and NAME_w that film's own cards, card_b and card_w the
+    cards of all films (usual ones are assumed if they are missing). NAME alone is paint that hides
+    whatever is below. `named_recipes` says what films called ``Ultramarine 1:10 ZincWhite`` are
+    made of.
 
     Args:
         path: any table that `glazejax.io.read_spectra` reads; a fraction or percent, nm.
@@ -50,8 +56,8 @@ def read_loose_films(path: str | Path) -> Films:
 
     Raises:
         FileNotFoundError: no such file.
-        ValueError: the table is not legal (see `glazejax.io.read_spectra`), cards without paint, or a name whose
-            ending is nearly right. The message is one line and says which.
+        ValueError: the table is not legal (see `glazejax.io.read_spectra`), cards without paint, or
+            a name whose ending is nearly right. The message is one line and says which.
     """
     table = read_spectra(path)
     rows: dict[str, dict[str, int]] = {}
@@ -62,7 +68,11 @@ def read_loose_films(path: str | Path) -> Films:
         else:
             rows.setdefault(name, {})["opaque"] = number
     shared = {}
-    for film in [film for film, found in rows.items() if film.lower() in _CARDS and not {"ob", "ow"} & set(found)]:
+    for film in [
+        film
+        for film, found in rows.items()
+        if film.lower() in _CARDS and not {"ob", "ow"} & set(found)
+    ]:
         shared.update(rows.pop(film))
     try:
         _check_rows(rows)
@@ -73,23 +83,32 @@ def read_loose_films(path: str | Path) -> Films:
 
 def _check_rows(rows: Mapping[str, Mapping[str, int]]) -> None:
     if not rows:
-        raise ValueError("there are cards but no paint: name its rows NAME_ob (over black) and NAME_ow (over white)")
+        raise ValueError(
+            "there are cards but no paint: name its rows NAME_ob (over black) and NAME_ow (over "
+            "white)"
+        )
     for film, found in rows.items():
         stem, mark, _ = film.rpartition("_")
         if "opaque" in found and mark and stem in rows:
             raise ValueError(
-                f"the name {film!r} must end in " + ", ".join(f"_{end} ({what})" for end, what in ROWS.items())
+                f"the name {film!r} must end in "
+                + ", ".join(f"_{end} ({what})" for end, what in ROWS.items())
             )
         if "opaque" in found and len(found) > 1:
-            raise ValueError(f"{film!r} is there with an ending and without: opaque paint has one row, {film!r}")
+            raise ValueError(
+                f"{film!r} is there with an ending and without: opaque paint has one row, {film!r}"
+            )
         if not {"ob", "ow", "opaque"} & set(found):
             raise ValueError(
-                f"film {film!r} has no row '{film}_ob' or '{film}_ow' (paint over black, over white); cards of all "
+                f"film {film!r} has no row '{film}_ob' or '{film}_ow' (paint over black, over "
+                "white); cards of all "
                 "films are card_b and card_w"
             )
 
 
-def _films(table: SpectraTable, rows: Mapping[str, Mapping[str, int]], shared: Mapping[str, int]) -> Films:
+def _films(
+    table: SpectraTable, rows: Mapping[str, Mapping[str, int]], shared: Mapping[str, int]
+) -> Films:
     grid, notes = table.wavelengths, list(table.notes)
     usual = dict(zip("bw", usual_cards(grid), strict=True))
     spectra: dict[str, list[np.ndarray]] = {what: [] for what in SPECTRA}
@@ -107,20 +126,31 @@ def _films(table: SpectraTable, rows: Mapping[str, Mapping[str, int]], shared: M
             spectra[what].append(usual[end] if row is None else table.reflectance[row])
     opaque = np.array(["opaque" in found for found in rows.values()])
     arrays: dict[str, Any] = {what: np.stack(spectra[what]) for what in SPECTRA}
-    films = Films(tuple(rows), grid, **arrays, seen=np.array(seen), assumed=np.array(assumed), opaque=opaque)
+    films = Films(
+        tuple(rows), grid, **arrays, seen=np.array(seen), assumed=np.array(assumed), opaque=opaque
+    )
     return _noted(films, notes)
 
 
 def _noted(films: Films, notes: list[str]) -> Films:
-    """Films with sentences on what was taken for granted; assumed cards end where usual cards are known."""
+    """Films with sentences on what was taken for granted; assumed cards end where usual cards are
+    known.
+    """
     if films.opaque.any():
         names = [name for name, hides in zip(films.names, films.opaque, strict=True) if hides]
-        notes.append(f"{', '.join(names)}: no ending _ob or _ow, so taken to hide whatever is below")
+        notes.append(
+            f"{', '.join(names)}: no ending _ob or _ow, so taken to hide whatever is below"
+        )
     needed = films.assumed & films.seen & ~films.opaque[:, None]
-    words = [word for word, column in zip(("black", "white"), np.any(needed, axis=0).tolist(), strict=True) if column]
+    words = [
+        word
+        for word, column in zip(("black", "white"), np.any(needed, axis=0).tolist(), strict=True)
+        if column
+    ]
     if words:
         notes.append(
-            f"the {' and the '.join(words)} card was not measured (card_b, card_w): a usual one is assumed, and its "
+            f"the {' and the '.join(words)} card was not measured (card_b, card_w): a usual one "
+            "is assumed, and its "
             "level is fitted"
         )
     films = replace(films, notes=tuple(notes))
@@ -128,7 +158,9 @@ def _noted(films: Films, notes: list[str]) -> Films:
 
 
 def tint(name: str) -> dict[str, float] | None:
-    """Paints and parts by weight of a film that is called by them, such as ``Red 1:10 White``; None if it is not."""
+    """Paints and parts by weight of a film that is called by them, such as ``Red 1:10 White``; None
+    if it is not.
+    """
     match = _TINT.fullmatch(name)
     if match is None:
         return None
@@ -167,7 +199,10 @@ def crop(films: Films, low: float, high: float, why: str) -> Films:
     if kept.all():
         return films
     if kept.sum() < 3:
-        raise ValueError(f"the films' {describe_grid(grid)} and {low:g}-{high:g} nm have no three bands in common")
+        raise ValueError(
+            f"the films' {describe_grid(grid)} and {low:g}-{high:g} nm have no three bands in "
+            "common"
+        )
     return _on(films, np.eye(grid.size)[:, kept], f"cropped to {describe_grid(grid[kept])}: {why}")
 
 
@@ -182,4 +217,6 @@ def average(films: Films, step: float = FINEST) -> Films:
 
 def _on(films: Films, matrix: Float[np.ndarray, "bands new"], note: str) -> Films:
     arrays: dict[str, Any] = {what: getattr(films, what) @ matrix for what in SPECTRA}
-    return replace(films, wavelengths=films.wavelengths @ matrix, notes=(*films.notes, note), **arrays)
+    return replace(
+        films, wavelengths=films.wavelengths @ matrix, notes=(*films.notes, note), **arrays
+    )

@@ -1,8 +1,9 @@
 """Levenberg and Marquardt's least squares for very many small problems side by side.
 
-The steps are those of optimistix's `LevenbergMarquardt`, and so are its answers. What differs is how the program is
-built: one loop whose arrays have a batch axis, in place of a loop that `jax.vmap` turns into one. JAX traces and
-compiles it several times faster, which is most of what a first recipe waits for.
+The steps are those of optimistix's `LevenbergMarquardt`, and so are its answers. What differs is
+how the program is built: one loop whose arrays have a batch axis, in place of a loop that
+`jax.vmap` turns into one. JAX traces and compiles it several times faster, which is most of what a
+first recipe waits for.
 """
 
 from collections.abc import Callable
@@ -12,8 +13,9 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
-# What optimistix's trust region takes, after Gould, Orban, Sartenaer, Toint (2005): a step counts from .01 of the gain
-# that it promised, and from .99 on the next may be 3.5 times as long; after a step that does not count, a quarter.
+# What optimistix's trust region takes, after Gould, Orban, Sartenaer, Toint (2005): a step counts
+# from .01 of the gain that it promised, and from .99 on the next may be 3.5 times as long; after a
+# step that does not count, a quarter.
 _COUNTS, _GOOD = 0.01, 0.99
 _LONGER, _SHORTER = 3.5, 0.25
 
@@ -40,11 +42,11 @@ def levenberg_marquardt(
     """The points of least squares nearest to some starts, and whether each settled.
 
     Args:
-        residuals: of one problem, (rows,), from its unknowns, (m,), and from its own part of what is `given`.
-        start: (n, m), a problem a row.
+        residuals: of one problem, (rows,), from its unknowns, (m,), and from its own part of what
+        is `given`. start: (n, m), a problem a row.
         given: trees of arrays (n, ...), a problem a row.
-        rtol, atol: settled when a step changes no unknown and no residual by more than atol + rtol times itself.
-        max_steps: after these a problem keeps the best point it has seen.
+        rtol, atol: settled when a step changes no unknown and no residual by more than atol + rtol
+        times itself. max_steps: after these a problem keeps the best point it has seen.
 
     Source: as `optimistix.LevenbergMarquardt`, `ClassicalTrustRegion` and `cauchy_termination`.
     """
@@ -61,12 +63,16 @@ def levenberg_marquardt(
     def step(state: _State) -> _State:
         residual, slopes = look(state.tried, *given)
         move = state.tried - state.point
-        promised = _half_square(_times(state.slopes, move) + state.residual) - _half_square(state.residual)
+        promised = _half_square(_times(state.slopes, move) + state.residual) - _half_square(
+            state.residual
+        )
         gained = _half_square(residual) - _half_square(state.residual)
         counts = (gained <= _COUNTS * promised) | state.first
         good = (gained < _GOOD * promised) & (promised < 0) & ~state.first
         length = state.length * jnp.where(counts, jnp.where(good, _LONGER, 1.0), _SHORTER)
-        still = _small(move, state.tried, rtol, atol) & _small(residual - state.residual, residual, rtol, atol)
+        still = _small(move, state.tried, rtol, atol) & _small(
+            residual - state.residual, residual, rtol, atol
+        )
 
         def kept(new: Array, old: Array) -> Array:
             return jnp.where(counts.reshape(-1, *[1] * (new.ndim - 1)), new, old)
@@ -86,7 +92,11 @@ def levenberg_marquardt(
 
         # What has settled stays as it is while others go on.
         def frozen(old: Array, new: Array) -> Array:
-            return jnp.where(state.done.reshape(-1, *[1] * (new.ndim - 1)), old, new) if new.ndim else new
+            return (
+                jnp.where(state.done.reshape(-1, *[1] * (new.ndim - 1)), old, new)
+                if new.ndim
+                else new
+            )
 
         return _State(*map(frozen, state, new))._replace(done=state.done | new.done)
 
@@ -102,14 +112,17 @@ def levenberg_marquardt(
         done=jnp.zeros(len(start), bool),
         steps=jnp.zeros((), int),
     )
-    ended = jax.lax.while_loop(lambda state: (state.steps < max_steps) & ~jnp.all(state.done), step, begun)
+    ended = jax.lax.while_loop(
+        lambda state: (state.steps < max_steps) & ~jnp.all(state.done), step, begun
+    )
     return ended.point, ended.done & jnp.all(jnp.isfinite(ended.point), axis=1)
 
 
 def damped_solution(
     matrix: Float[Array, "n rows m"], right: Float[Array, "n rows"], damping: Float[Array, "n"]
 ) -> Float[Array, "n m"]:
-    """x of least |A x - b|^2 + damping |x|^2, side by side; in plain operations, for a few unknowns each.
+    """x of least |A x - b|^2 + damping |x|^2, side by side; in plain operations, for a few unknowns
+    each.
 
     Modified Gram-Schmidt of A, the damping's rows and b together, as stable as Householder's QR.
 

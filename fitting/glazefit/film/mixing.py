@@ -1,10 +1,12 @@
-"""How the coefficients of paints combine in a mixture: from weights to the shares that k and s are summed with.
+"""How the coefficients of paints combine in a mixture: from weights to the shares that k and s are
+summed with.
 
-k = sum_p c_p k_p and s = sum_p c_p s_p with shares c. By mass the shares are the mass fractions (Duncan 1940). By
-volume they are mass fractions over densities, normalised; a film's thickness being unknown, the two predict the same
-spectra and differ in the thickness only. The strength law gives each paint a number t_p: a share w counts as
-w exp(t_p (1 - w)), so that a little of a paint tells more, or less, in a tint than its amount in the pure film says, as
-flocculation, crowding and forward scattering make it. The t_p are fitted with the coefficients.
+k = sum_p c_p k_p and s = sum_p c_p s_p with shares c. By mass the shares are the mass fractions
+(Duncan 1940). By volume they are mass fractions over densities, normalised; a film's thickness
+being unknown, the two predict the same spectra and differ in the thickness only. The strength law
+gives each paint a number t_p: a share w counts as w exp(t_p (1 - w)), so that a little of a paint
+tells more, or less, in a tint than its amount in the pure film says, as flocculation, crowding and
+forward scattering make it. The t_p are fitted with the coefficients.
 """
 
 from collections.abc import Mapping, Sequence
@@ -46,7 +48,10 @@ class MixingLaw:
         if self.name not in LAWS:
             raise ValueError(f"unknown mixing law {self.name!r}; known: {', '.join(LAWS)}")
         if self.name == "volume" and not self.densities:
-            raise ValueError("the volume law needs the densities of the paints: MixingLaw('volume', densities={...})")
+            raise ValueError(
+                "the volume law needs the densities of the paints: MixingLaw('volume', "
+                "densities={...})"
+            )
         for paint, density in (self.densities or {}).items():
             if not density > 0:
                 raise ValueError(f"the density of {paint!r} is {density:g}; it must be above 0")
@@ -54,7 +59,8 @@ class MixingLaw:
     def shares(
         self, weights: Float[np.ndarray, "films paints"], paints: Sequence[str]
     ) -> Float[np.ndarray, "films paints"]:
-        """Shares of each paint in each film, summing to one, from weights in any unit, before any strength.
+        """Shares of each paint in each film, summing to one, from weights in any unit, before any
+        strength.
 
         Raises:
             ValueError: a paint has no density.
@@ -70,7 +76,9 @@ class MixingLaw:
 
 
 def strengthen(shares: Any, strength: Any, xp: Any = np) -> Any:
-    """Shares (..., paints) as they count under the strength law, w exp(t (1 - w)); strength zero leaves them."""
+    """Shares (..., paints) as they count under the strength law, w exp(t (1 - w)); strength zero
+    leaves them.
+    """
     return shares * xp.exp(strength * (1.0 - shares))
 
 
@@ -85,8 +93,17 @@ def weight_table(
     for sample in samples:
         recipe = recipes.get(sample)
         if recipe is None:
-            raise ValueError(f"nothing is known of what film {sample!r} is made of; add it to the list of recipes")
+            raise ValueError(
+                f"nothing is known of what film {sample!r} is made of; add it to the list of "
+                "recipes"
+            )
         if any(not weight >= 0 for weight in recipe.values()) or not sum(recipe.values()) > 0:
-            raise ValueError(f"film {sample!r} has weights {dict(recipe)}; they must be 0 or more, and not all 0")
-    paints = tuple(dict.fromkeys(paint for sample in samples for paint, w in recipes[sample].items() if w > 0))
-    return paints, np.array([[recipes[sample].get(paint, 0.0) for paint in paints] for sample in samples])
+            raise ValueError(
+                f"film {sample!r} has weights {dict(recipe)}; they must be 0 or more, and not all 0"
+            )
+    paints = tuple(
+        dict.fromkeys(paint for sample in samples for paint, w in recipes[sample].items() if w > 0)
+    )
+    return paints, np.array(
+        [[recipes[sample].get(paint, 0.0) for paint in paints] for sample in samples]
+    )

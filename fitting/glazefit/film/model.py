@@ -9,8 +9,8 @@ from jaxtyping import Array, Float
 from .films import Instrument
 from .optics import Optics
 
-# Optical thicknesses k d and s d that a fit may take. A clear film reads as bare card to 1e-5 at the lower ends; at
-# the upper ones every film is opaque.
+# Optical thicknesses k d and s d that a fit may take. A clear film reads as bare card to 1e-5 at
+# the lower ends; at the upper ones every film is opaque.
 LOWEST = (1e-6, 1e-5)
 HIGHEST = (100.0, 400.0)
 
@@ -39,8 +39,8 @@ def body_reflectance(
 class ReflectanceTable(NamedTuple):
     """Reflectance of films on a grid of (log k d, log s d), for every ground at once.
 
-    Over a Lambertian ground the reflectance is black + gain rho/(1 - back rho), exactly: the first light that
-    reaches the ground and leaves, times all its round trips.
+    Over a Lambertian ground the reflectance is black + gain rho/(1 - back rho), exactly: the first
+    light that reaches the ground and leaves, times all its round trips.
     """
 
     log_absorption: Float[Array, "k"]
@@ -57,10 +57,18 @@ def tabulate(instrument: Instrument, sizes: tuple[int, int] = (80, 44)) -> Refle
     kd, sd = jnp.meshgrid(jnp.exp(k), jnp.exp(s), indexing="ij")
     grounds = jnp.asarray([0.0, 0.5, 1.0])
     values = body_reflectance(kd[..., None], sd[..., None], grounds, instrument, 1e-4)
-    black, half, white = values[..., 0], values[..., 1] - values[..., 0], values[..., 2] - values[..., 0]
+    black, half, white = (
+        values[..., 0],
+        values[..., 1] - values[..., 0],
+        values[..., 2] - values[..., 0],
+    )
     # half = .5 gain/(1 - .5 back), white = gain/(1 - back).
     ratio = jnp.clip(white, 1e-12) / jnp.clip(half, 1e-12)
     back = jnp.clip((ratio - 2.0) / (ratio - 1.0), 0.0, 0.99)
     return ReflectanceTable(
-        log_absorption=k, log_scattering=s, black=black, gain=jnp.clip(white, 0.0) * (1.0 - back), back=back
+        log_absorption=k,
+        log_scattering=s,
+        black=black,
+        gain=jnp.clip(white, 0.0) * (1.0 - back),
+        back=back,
     )

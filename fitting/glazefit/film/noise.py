@@ -1,8 +1,9 @@
 """How noisy readings are, told from their own roughness.
 
-Spectra of paint and of cards are smooth over some tens of nanometres; an instrument's noise is not. High differences of
-neighbouring bands take out what is smooth and leave noise of known size. Edges of absorption bands leave something too,
-so the size is fitted with heavy tails, and it may come out too large, which widens errors, but hardly too small.
+Spectra of paint and of cards are smooth over some tens of nanometres; an instrument's noise is not.
+High differences of neighbouring bands take out what is smooth and leave noise of known size. Edges
+of absorption bands leave something too, so the size is fitted with heavy tails, and it may come out
+too large, which widens errors, but hardly too small.
 """
 
 from collections.abc import Sequence
@@ -14,14 +15,17 @@ from numpy.lib.stride_tricks import sliding_window_view
 from .films import Films, Noise
 
 MOST = 0.02
-"""Largest standard deviation that roughness is taken for; beyond, spectra have structure that is no noise."""
+"""Largest standard deviation that roughness is taken for; beyond, spectra have structure that is no
+noise.
+"""
 
 COARSE = 12.0
 """Step in nm from which spectra of paint are rough themselves: no noise is told from them."""
 
 _ORDER = 6
 _FREEDOM = 4.0
-# Films so much rougher than their cards have spectra that are no smooth ones; the cards then say what noise is.
+# Films so much rougher than their cards have spectra that are no smooth ones; the cards then say
+# what noise is.
 _ROUGHER = 3.0
 # Readings at which an estimate is held to what it may be at least: a black and a white card's.
 _ENDS = (0.05, 0.9)
@@ -34,7 +38,8 @@ def estimate_noise(films: Films, least: Noise | None = None) -> Noise:
 
     Args:
         films: measured.
-        least: what it is at least, by default `Noise()`: errors that all bands share do not show as roughness.
+        least: what it is at least, by default `Noise()`: errors that all bands share do not show as
+            roughness.
     """
     least = least or Noise()
     if films.wavelengths.size < 2 or np.median(np.diff(films.wavelengths)) > COARSE:
@@ -51,7 +56,9 @@ def estimate_noise(films: Films, least: Noise | None = None) -> Noise:
 
 
 def spectra_noise(
-    wavelengths: Float[np.ndarray, "bands"], spectra: Float[np.ndarray, "rows bands"], least: Noise | None = None
+    wavelengths: Float[np.ndarray, "bands"],
+    spectra: Float[np.ndarray, "rows bands"],
+    least: Noise | None = None,
 ) -> Noise:
     """Noise of an instrument from the roughness of many spectra of paint.
 
@@ -69,7 +76,10 @@ def spectra_noise(
 
 def _at_least(found: tuple[float, float], least: Noise) -> Noise:
     """Noise from what it is at both ends."""
-    dark, bright = (max(value, float(least.sd(np.asarray(end)))) for value, end in zip(found, _ENDS, strict=True))
+    dark, bright = (
+        max(value, float(least.sd(np.asarray(end))))
+        for value, end in zip(found, _ENDS, strict=True)
+    )
     share = max((bright - dark) / (_ENDS[1] - _ENDS[0]), 0.0)
     return Noise(float(min(dark - share * _ENDS[0], MOST)), float(min(share, MOST)))
 
@@ -88,16 +98,19 @@ def _fitted(parts: Sequence[tuple[np.ndarray, np.ndarray]]) -> tuple[float, floa
 def roughness(
     wavelengths: Float[np.ndarray, "bands"], spectra: Float[np.ndarray, "rows bands"]
 ) -> tuple[Float[np.ndarray, "rows windows"], Float[np.ndarray, "rows windows"]]:
-    """Divided differences of spectra, as large as the noise of one reading, and the mean reading of each window.
+    """Divided differences of spectra, as large as the noise of one reading, and the mean reading of
+    each window.
 
-    Independent noise of standard deviation sd gives differences of standard deviation sd; polynomials of a degree below
-    the difference's order give none.
+    Independent noise of standard deviation sd gives differences of standard deviation sd;
+    polynomials of a degree below the difference's order give none.
     """
     order = min(_ORDER, wavelengths.size - 2)
     if order < 2 or not len(spectra):
         return np.zeros((len(spectra), 0)), np.zeros((len(spectra), 0))
     windows = sliding_window_view(wavelengths, order + 1)
-    apart = (windows[:, :, None] - windows[:, None, :]) / (windows[:, -1:, None] - windows[:, :1, None])
+    apart = (windows[:, :, None] - windows[:, None, :]) / (
+        windows[:, -1:, None] - windows[:, :1, None]
+    )
     weights = 1.0 / np.prod(np.where(np.eye(order + 1, dtype=bool), 1.0, apart), axis=2)
     weights /= np.linalg.norm(weights, axis=1, keepdims=True)
     values = sliding_window_view(spectra, order + 1, axis=1)
@@ -107,7 +120,8 @@ def roughness(
 def noise_of_each(readings: Float[np.ndarray, "*n bands"]) -> Float[np.ndarray, "*n"]:
     """Standard deviation of the noise of each spectrum, where no others tell it.
 
-    The median size of third differences along the bands, which smooth curves hardly have; 0 for fewer than 8 bands.
+    The median size of third differences along the bands, which smooth curves hardly have; 0 for
+    fewer than 8 bands.
     """
     if readings.shape[-1] < 8:
         return np.zeros(readings.shape[:-1])
@@ -116,7 +130,9 @@ def noise_of_each(readings: Float[np.ndarray, "*n bands"]) -> Float[np.ndarray, 
 
 
 def _cost(differences: Float[np.ndarray, "n"], sd: Float[np.ndarray, "n"]) -> float:
-    """Minus the log likelihood of Student's t, whose scale is that of Gaussian noise of this size."""
+    """Minus the log likelihood of Student's t, whose scale is that of Gaussian noise of
+    this size.
+    """
     scale = _GAUSSIAN * sd
     square = (differences / scale) ** 2 / _FREEDOM
     return float(np.sum(np.log(scale) + 0.5 * (_FREEDOM + 1.0) * np.log1p(square)))
@@ -128,7 +144,10 @@ def _gaussian_scale() -> float:
     density = np.exp(-0.5 * x**2)
     density /= density.sum()
     scales = np.linspace(0.6, 1.0, 401)
-    worth = [np.log(s) + 0.5 * (_FREEDOM + 1) * np.sum(density * np.log1p((x / s) ** 2 / _FREEDOM)) for s in scales]
+    worth = [
+        np.log(s) + 0.5 * (_FREEDOM + 1) * np.sum(density * np.log1p((x / s) ** 2 / _FREEDOM))
+        for s in scales
+    ]
     return float(scales[int(np.argmin(worth))])
 
 

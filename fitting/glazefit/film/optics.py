@@ -1,4 +1,6 @@
-"""An instrument in plain numbers, which compiled programs take as constants, and what coats reflect by the solver."""
+"""An instrument in plain numbers, which compiled programs take as constants, and what coats reflect
+by the solver.
+"""
 
 import functools
 from typing import NamedTuple
@@ -22,7 +24,9 @@ class Optics(NamedTuple):
     @classmethod
     def of(cls, geometry: Geometry, refractive_index: float) -> "Optics":
         """Plain numbers of an instrument."""
-        viewing = float(np.asarray(geometry.cos_viewing)) if isinstance(geometry, Bidirectional) else None
+        viewing = (
+            float(np.asarray(geometry.cos_viewing)) if isinstance(geometry, Bidirectional) else None
+        )
         return cls(float(np.asarray(geometry.cos_incidence)), viewing, float(refractive_index))
 
     def body(
@@ -35,8 +39,8 @@ class Optics(NamedTuple):
         """Reflectance of coats on a Lambertian ground, without the outer surface's part.
 
         Args:
-            absorption, scattering: optical thicknesses k d and s d, top first, >= 0; both 0 for a coat that is absent.
-            ground: internal reflectance.
+            absorption, scattering: optical thicknesses k d and s d, top first, >= 0; both 0 for a
+            coat that is absent. ground: internal reflectance.
             tolerance: of the solver.
         """
         depth = absorption + scattering

@@ -1,6 +1,7 @@
 """Readers of measured films: tables of four rows a film, and lists of what the films are made of.
 
-The layout is that of the Revigo spectra: `X_b` and `X_w` are the bare black and white cards of film X, `X_ob` and
+The layout is that of the Revigo spectra: `X_b` and `X_w` are the bare black and white cards of film
+X, `X_ob` and
 `X_ow` its paint over them; tab, comma or semicolon separated, percent or fraction.
 """
 
@@ -26,8 +27,9 @@ _MAX_PAINTS = 200_000
 def read_films(path: str | Path) -> Films:
     """Read films over a black and a white card.
 
-    Any table that `glazejax.io.read_spectra` reads will do, if its spectra come in fours: NAME_b, NAME_w, NAME_ob
-    and NAME_ow, the bare black and white card and the paint over each. `read_loose_films` reads tables that lack some.
+    Any table that `glazejax.io.read_spectra` reads will do, if its spectra come in fours: NAME_b,
+    NAME_w, NAME_ob and NAME_ow, the bare black and white card and the paint over each.
+    `read_loose_films` reads tables that lack some.
 
     Args:
         path: the table, in fractions or percent; its wavelengths in nm.
@@ -37,8 +39,8 @@ def read_films(path: str | Path) -> Films:
 
     Raises:
         FileNotFoundError: no such file.
-        ValueError: the table is not legal (see `read_spectra`), a name has no such ending, or a film lacks one of
-            its four rows. The message is one line and says which.
+        ValueError: the table is not legal (see `read_spectra`), a name has no such ending, or a
+            film lacks one of its four rows. The message is one line and says which.
     """
     table = read_spectra(path)
     try:
@@ -64,7 +66,8 @@ def films_of(table: SpectraTable) -> Films:
         missing = [end for end in ROWS if end not in found]
         if missing:
             raise ValueError(
-                f"film {film!r} has no row '{film}_{missing[0]}' ({ROWS[missing[0]]}); a film needs all "
+                f"film {film!r} has no row '{film}_{missing[0]}' ({ROWS[missing[0]]}); a film "
+                "needs all "
                 f"four of {', '.join('_' + end for end in ROWS)}"
             )
 
@@ -83,14 +86,16 @@ def films_of(table: SpectraTable) -> Films:
 
 
 def read_names(path: str | Path) -> dict[str, dict[str, float]]:
-    """Read what films are made of: a line each, ``07C<TAB>ZincWhite-BoneBlack|97.1-2.9``, weights in percent.
+    """Read what films are made of: a line each, ``07C<TAB>ZincWhite-BoneBlack|97.1-2.9``, weights
+    in percent.
 
     Returns:
         For each sample the paints in it and their percentages; those of none are left out.
 
     Raises:
         FileNotFoundError: no such file.
-        ValueError: a line of another form, a weight that is not a number >= 0, or a sample listed twice.
+        ValueError: a line of another form, a weight that is not a number >= 0, or a sample listed
+            twice.
     """
     recipes: dict[str, dict[str, float]] = {}
     count = 0
@@ -105,16 +110,28 @@ def read_names(path: str | Path) -> dict[str, dict[str, float]]:
                 values = [float(weight) for weight in weights.split("-")]
             except ValueError:
                 values = []
-            if not (tab and bar and sample and len(values) == len(paints.split("-")) and np.isfinite(values).all()):
+            if not (
+                tab
+                and bar
+                and sample
+                and len(values) == len(paints.split("-"))
+                and np.isfinite(values).all()
+            ):
                 raise source.error(
-                    f"expected 'SAMPLE<TAB>PaintA-PaintB|weightA-weightB', not {line.strip()[:80]!r}", number
+                    "expected 'SAMPLE<TAB>PaintA-PaintB|weightA-weightB', not "
+                    f"{line.strip()[:80]!r}",
+                    number,
                 )
             if sample in recipes:
                 raise source.error(f"sample {sample!r} is listed twice", number)
             count += len(values)
             if count > _MAX_PAINTS:
-                raise source.error(f"more than {_MAX_PAINTS} paints in films so far; split the file", number)
-            recipes[sample] = {p: w for p, w in zip(paints.split("-"), values, strict=True) if w > 0}
+                raise source.error(
+                    f"more than {_MAX_PAINTS} paints in films so far; split the file", number
+                )
+            recipes[sample] = {
+                p: w for p, w in zip(paints.split("-"), values, strict=True) if w > 0
+            }
     return recipes
 
 
@@ -123,8 +140,11 @@ def is_masstone(recipe: dict[str, float]) -> bool:
     return len(recipe) == 1 and next(iter(recipe.values())) >= 99.95
 
 
-def readable_names(samples: tuple[str, ...], recipes: dict[str, dict[str, float]]) -> tuple[str, ...]:
-    """Readable names of films: the paint of a masstone, sample and recipe of a mixture, else the sample.
+def readable_names(
+    samples: tuple[str, ...], recipes: dict[str, dict[str, float]]
+) -> tuple[str, ...]:
+    """Readable names of films: the paint of a masstone, sample and recipe of a mixture, else the
+    sample.
 
     A paint of which there are several masstones keeps its sample's number.
     """
@@ -136,7 +156,11 @@ def readable_names(samples: tuple[str, ...], recipes: dict[str, dict[str, float]
         elif is_masstone(recipe):
             names.append(next(iter(recipe)))
         else:
-            names.append(f"{sample} " + " + ".join(f"{paint} {weight:g}%" for paint, weight in recipe.items()))
+            names.append(
+                f"{sample} "
+                + " + ".join(f"{paint} {weight:g}%" for paint, weight in recipe.items())
+            )
     return tuple(
-        f"{sample} {name}" if names.count(name) > 1 else name for sample, name in zip(samples, names, strict=True)
+        f"{sample} {name}" if names.count(name) > 1 else name
+        for sample, name in zip(samples, names, strict=True)
     )

@@ -1,4 +1,6 @@
-"""One measured film as a posterior needs it: readings over one or two known grounds, each with its error."""
+"""One measured film as a posterior needs it: readings over one or two known grounds, each with its
+error.
+"""
 
 from dataclasses import dataclass
 
@@ -19,8 +21,8 @@ class Reading:
     Attributes:
         name: of the film.
         wavelengths: (bands,), nm.
-        reflectance: as measured, with the surface's part if the instrument sees it, (bands, grounds).
-        ground: internal reflectance of the grounds, (bands, grounds), in [0, 1].
+        reflectance: as measured, with the surface's part if the instrument sees it, (bands,
+        grounds). ground: internal reflectance of the grounds, (bands, grounds), in [0, 1].
         sd: standard deviation of `reflectance`.
         ground_sd: standard deviation of `ground`; 0 where it is known.
         grounds: what the grounds are called.
@@ -49,24 +51,31 @@ class Reading:
             values = np.asarray(getattr(self, what), dtype=np.float64)
             object.__setattr__(self, what, values)
             if values.shape != shape:
-                raise ValueError(f"{what} of {self.name!r} has shape {values.shape}; it must be {shape}")
+                raise ValueError(
+                    f"{what} of {self.name!r} has shape {values.shape}; it must be {shape}"
+                )
             wrong = ~((values >= low) & (values <= high) & np.isfinite(values))
             if wrong.any():
                 i, j = (int(n) for n in np.argwhere(wrong)[0])
                 raise ValueError(
-                    f"{what} of {self.name!r} over {self.grounds[j]} at {self.wavelengths[i]:g} nm is "
+                    f"{what} of {self.name!r} over {self.grounds[j]} at {self.wavelengths[i]:g} "
+                    "nm is "
                     f"{values[i, j]:g}; it must be in [{low:g}, {high:g}]"
                 )
 
     def __repr__(self) -> str:
-        return f"Reading({self.name!r} over {' and '.join(self.grounds)}, {describe_grid(self.wavelengths)})"
+        return (
+            f"Reading({self.name!r} over {' and '.join(self.grounds)}, "
+            f"{describe_grid(self.wavelengths)})"
+        )
 
 
 def readings(films: Films, instrument: Instrument, noise: Noise) -> list[Reading]:
     """The films over their black and white cards, whose own errors count.
 
     Raises:
-        ValueError: a card that its surface or a perfect diffuser contradicts (see `glazefit.film.films.cards`).
+        ValueError: a card that its surface or a perfect diffuser contradicts (see
+            `glazefit.film.films.cards`).
     """
     black, white, sd_black, sd_white = cards(films, instrument, noise)
     over = np.stack([films.over_black, films.over_white], axis=-1)

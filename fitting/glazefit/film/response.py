@@ -1,13 +1,15 @@
-"""One homogeneous film, tabulated: what it reflects over any Lambertian ground, at a fraction of the solver's cost.
+"""One homogeneous film, tabulated: what it reflects over any Lambertian ground, at a fraction of
+the solver's cost.
 
 A film of optical thicknesses k d and s d on a ground rho reflects, exactly,
 
     R = black + gain rho / (1 - back rho)
 
-the light that never reached the ground, and what did, with all its round trips. The three numbers are smooth in
-log(c + k d) and log(c + s d); a bicubic spline through solved values gives them to 1e-5, with continuous second
-derivatives and down to films that do not absorb or scatter at all. The inverse layer asks for single films over and
-over, so it asks the table; stacks of several coats are solved.
+the light that never reached the ground, and what did, with all its round trips. The three numbers
+are smooth in log(c + k d) and log(c + s d); a bicubic spline through solved values gives them to
+1e-5, with continuous second derivatives and down to films that do not absorb or scatter at all. The
+inverse layer asks for single films over and over, so it asks the table; stacks of several coats are
+solved.
 """
 
 import abc
@@ -38,7 +40,8 @@ _TOLERANCE = 1e-6
 _CHUNK = 3200
 
 SHIPPED = {"d8": (Hemispherical(), 1.5), "45_0": (Bidirectional(45, 0), 1.5)}
-"""Instruments whose table lies beside this file: those that `glazefit` takes when it is told none."""
+"""Instruments whose table lies beside this file: those that `glazefit` takes when it is told none.
+"""
 
 
 def ground_below(
@@ -46,11 +49,13 @@ def ground_below(
     gain: float | Float[Array | np.ndarray, "*#batch"],
     back: float | Float[Array | np.ndarray, "*#batch"],
 ) -> Any:
-    """Internal reflectance of the Lambertian ground that reads ``body`` = gain rho/(1 - back rho) when it is bare.
+    """Internal reflectance of the Lambertian ground that reads ``body`` = gain rho/(1 - back rho)
+    when it is bare.
 
     Args:
         body: reading without the outer surface's part, (...).
-        gain, back: what the bare surface lets through and sends back; of a `FilmResponse` at no thickness, or others.
+        gain, back: what the bare surface lets through and sends back; of a `FilmResponse` at no
+            thickness, or others.
 
     Returns:
         rho, (...), in the kind of the arguments (numpy or JAX); not clipped to [0, 1].
@@ -62,20 +67,30 @@ class Response(eqx.Module):
     """Model of one film."""
 
     @abc.abstractmethod
-    def body(self, absorption: ArrayLike, scattering: ArrayLike, ground: ArrayLike) -> Float[Array, "*batch"]:
-        """Reflectance without the outer surface's part, from k d, s d and the ground's internal reflectance."""
+    def body(
+        self, absorption: ArrayLike, scattering: ArrayLike, ground: ArrayLike
+    ) -> Float[Array, "*batch"]:
+        """Reflectance without the outer surface's part, from k d, s d and the ground's internal
+        reflectance.
+        """
 
 
 class FilmResponse(Response):
-    """Bicubic spline of (black, gain, back) over optical thicknesses k d and s d, for one geometry and index."""
+    """Bicubic spline of (black, gain, back) over optical thicknesses k d and s d, for one geometry
+    and index.
+    """
 
     patches: Float[Array, "cells 4 4 3"]  # spline coefficients around each cell
 
     def numbers(
-        self, absorption: Float[Array | np.ndarray, "*batch"], scattering: Float[Array | np.ndarray, "*batch"]
+        self,
+        absorption: Float[Array | np.ndarray, "*batch"],
+        scattering: Float[Array | np.ndarray, "*batch"],
     ) -> tuple[Float[Array, "*batch"], Float[Array, "*batch"], Float[Array, "*batch"]]:
         """Black, gain and back of films, each (...), from k d and s d, (...), >= 0."""
-        if small(as_array(absorption), as_array(scattering)) and not isinstance(self.patches, Tracer):
+        if small(as_array(absorption), as_array(scattering)) and not isinstance(
+            self.patches, Tracer
+        ):
             known = map(np.asarray, (self.patches, absorption, scattering))
             black, gain, back = map(jnp.asarray, _numbers(np, *known))
         else:
@@ -83,9 +98,13 @@ class FilmResponse(Response):
         return black, gain, back
 
     def body_and_slopes(
-        self, absorption: Float[Array, "*films"], scattering: Float[Array, "*films"], ground: Float[Array, "..."]
+        self,
+        absorption: Float[Array, "*films"],
+        scattering: Float[Array, "*films"],
+        ground: Float[Array, "..."],
     ) -> tuple[Float[Array, "..."], Float[Array, "..."], Float[Array, "..."]]:
-        """`body`, and its derivatives by k d and by s d: all from one look at the table, twice as fast as tangents.
+        """`body`, and its derivatives by k d and by s d: all from one look at the table, twice as
+        fast as tangents.
 
         Args:
             absorption, scattering: optical thicknesses, (...), >= 0.
@@ -94,7 +113,9 @@ class FilmResponse(Response):
         row, over, over_slope = _weighted(absorption, HIGHEST[0])
         column, across, across_slope = _weighted(scattering, HIGHEST[1])
         patch = self.patches.at[row * (_NODES - 1) + column].get(mode="promise_in_bounds")
-        along, along_slope = (jnp.sum(patch * a[..., None, :, None], axis=-2) for a in (across, across_slope))
+        along, along_slope = (
+            jnp.sum(patch * a[..., None, :, None], axis=-2) for a in (across, across_slope)
+        )
         parts = ((along, over), (along, over_slope), (along_slope, over))
         values, by_k, by_s = (jnp.sum(a * b[..., None], axis=-2) for a, b in parts)
         black, gain, back = (values[..., n] for n in range(3))
@@ -105,22 +126,34 @@ class FilmResponse(Response):
 
         return black + gain * seen, slope(by_k), slope(by_s)
 
-    def body(self, absorption: ArrayLike, scattering: ArrayLike, ground: ArrayLike) -> Float[Array, "*batch"]:
+    def body(
+        self, absorption: ArrayLike, scattering: ArrayLike, ground: ArrayLike
+    ) -> Float[Array, "*batch"]:
         """Reflectance without the outer surface's part, (...).
 
         Args:
             absorption, scattering: optical thicknesses k d and s d, (...), >= 0.
             ground: internal reflectance of the Lambertian ground, (...), in [0, 1].
         """
-        films = np.broadcast_arrays if small(*map(as_array, (absorption, scattering))) else jnp.broadcast_arrays
+        films = (
+            np.broadcast_arrays
+            if small(*map(as_array, (absorption, scattering)))
+            else jnp.broadcast_arrays
+        )
         black, gain, back = self.numbers(*films(as_array(absorption), as_array(scattering)))
         return computed(_over, black, gain, back, as_array(ground))
 
     def internal(self, body: Float[Array, "*batch"]) -> Float[Array, "*batch"]:
-        """Internal reflectance of the Lambertian ground that, bare, reads `body` without the outer surface's part."""
+        """Internal reflectance of the Lambertian ground that, bare, reads `body` without the outer
+        surface's part.
+        """
         nothing = np.zeros((), body.dtype)
         numbers = self.numbers(nothing, nothing)
-        return computed(lambda _, body, black, gain, back: ground_below(body - black, gain, back), body, *numbers)
+        return computed(
+            lambda _, body, black, gain, back: ground_below(body - black, gain, back),
+            body,
+            *numbers,
+        )
 
 
 def _over(_: Any, black: Any, gain: Any, back: Any, ground: Any) -> Any:
@@ -146,11 +179,17 @@ def _locate(xp: Any, thickness: Any, highest: float) -> tuple[Any, Any]:
 
 
 def _weighted(thickness: Array, highest: float) -> tuple[Array, Array, Array]:
-    """Cell, weights and the derivatives of the weights by the optical thickness, which are 0 beyond the table."""
+    """Cell, weights and the derivatives of the weights by the optical thickness, which are 0 beyond
+    the table.
+    """
     cell, near, far = _place(jnp, thickness, highest)
     slopes = (-(near**2), far * (3.0 * far - 4.0), near * (4.0 - 3.0 * near), far**2)
     scale = jnp.where(thickness < highest, 0.5 * _scale(highest) / (_BEND + thickness), 0.0)
-    return cell, jnp.stack(_weights(near, far), axis=-1), jnp.stack(slopes, axis=-1) * scale[..., None]
+    return (
+        cell,
+        jnp.stack(_weights(near, far), axis=-1),
+        jnp.stack(slopes, axis=-1) * scale[..., None],
+    )
 
 
 def _scale(highest: float) -> float:
@@ -173,7 +212,8 @@ def _weights(near: Any, far: Any) -> tuple[Any, Any, Any, Any]:
 
 
 def film_response(geometry: Geometry, refractive_index: float = 1.5) -> FilmResponse:
-    """Table for an instrument: those of `SHIPPED` are read, any other is made once (some seconds) and kept.
+    """Table for an instrument: those of `SHIPPED` are read, any other is made once (some seconds)
+    and kept.
 
     Args:
         geometry: angles must be known numbers; its `specular` flag does not matter here.
@@ -182,10 +222,15 @@ def film_response(geometry: Geometry, refractive_index: float = 1.5) -> FilmResp
     Raises:
         ValueError: an angle that is an array or traced.
     """
-    cosines = [geometry.cos_incidence, *([geometry.cos_viewing] if isinstance(geometry, Bidirectional) else [])]
+    cosines = [
+        geometry.cos_incidence,
+        *([geometry.cos_viewing] if isinstance(geometry, Bidirectional) else []),
+    ]
     known = [concrete(cosine) for cosine in cosines]
     if any(value is None or value.ndim for value in known):
-        raise ValueError("a film's table is made for one pair of angles: give them as numbers, not as arrays")
+        raise ValueError(
+            "a film's table is made for one pair of angles: give them as numbers, not as arrays"
+        )
     return FilmResponse(jnp.asarray(_patches(Optics.of(geometry, refractive_index))))
 
 
@@ -201,9 +246,11 @@ def _patches(optics: Optics) -> Float[np.ndarray, "cells 4 4 3"]:
 
 
 def _not_a_knot(nodes: int) -> Float[np.ndarray, "n n"]:
-    """Matrix from a uniform cubic B-spline's nodes + 2 coefficients to its values and two end conditions.
+    """Matrix from a uniform cubic B-spline's nodes + 2 coefficients to its values and two end
+    conditions.
 
-    The conditions say that the third derivative does not jump at the second and the last but one node.
+    The conditions say that the third derivative does not jump at the second and the last but one
+    node.
     """
     matrix = np.zeros((nodes + 2, nodes + 2))
     for node in range(nodes):
@@ -224,7 +271,11 @@ def _shipped(optics: Optics) -> Float[np.ndarray, "3 nodes nodes"] | None:
 def solved_table(optics: Optics) -> Float[np.ndarray, "3 nodes nodes"]:
     """Black, gain and back at the nodes, by the solver."""
     kd, sd = np.meshgrid(
-        *(_BEND * np.expm1(np.linspace(0.0, np.log1p(highest / _BEND), _NODES)) for highest in HIGHEST), indexing="ij"
+        *(
+            _BEND * np.expm1(np.linspace(0.0, np.log1p(highest / _BEND), _NODES))
+            for highest in HIGHEST
+        ),
+        indexing="ij",
     )
 
     @jax.jit

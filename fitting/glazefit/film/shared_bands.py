@@ -1,4 +1,6 @@
-"""The bands of a measurement that paints are known at: cut to their range, and averaged where finer than it helps."""
+"""The bands of a measurement that paints are known at: cut to their range, and averaged where finer
+than it helps.
+"""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -46,8 +48,10 @@ def shared_bands(
     kept = (wavelengths >= first - 1e-6) & (wavelengths <= last + 1e-6)
     if kept.sum() < _FEWEST:
         raise ValueError(
-            f"the spectra have {describe_grid(wavelengths)} and the paints are known from {first:g} to {last:g} nm: "
-            f"{kept.sum()} bands lie there, at least {_FEWEST} are needed; measure there, or use paints that are known "
+            f"the spectra have {describe_grid(wavelengths)} and the paints are known from "
+            f"{first:g} to {last:g} nm: "
+            f"{kept.sum()} bands lie there, at least {_FEWEST} are needed; measure there, or use "
+            "paints that are known "
             "at your wavelengths (--pigments, --catalogue)"
         )
     mean, notes = np.eye(wavelengths.size)[:, kept], []
@@ -60,7 +64,9 @@ def shared_bands(
     return SharedBands(wavelengths @ mean, mean, tuple(notes))
 
 
-def means_of_steps(grid: Float[np.ndarray, "bands"], step: float) -> Float[np.ndarray, "bands new"] | None:
+def means_of_steps(
+    grid: Float[np.ndarray, "bands"], step: float
+) -> Float[np.ndarray, "bands new"] | None:
     """Matrix that averages bands to steps, nm; None if they are no finer than that."""
     if grid.size < 3 or np.median(np.diff(grid)) >= 0.99 * step:
         return None

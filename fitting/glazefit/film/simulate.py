@@ -22,25 +22,30 @@ def simulate_films(
     noise: Noise | None = None,
     seed: int = 0,
 ) -> Films:
-    """Measured spectra of films of given optical thicknesses over both cards, with independent noise on all four.
+    """Measured spectra of films of given optical thicknesses over both cards, with independent
+    noise on all four.
 
     Args:
         names: of the films.
         wavelengths: (bands,), nm.
-        absorption, scattering: k d and s d, (films, bands), or (films, bands, coats) for several coats, top first.
-        instrument, noise: by default those of `recover_films`.
+        absorption, scattering: k d and s d, (films, bands), or (films, bands, coats) for several
+        coats, top first. instrument, noise: by default those of `recover_films`.
         seed: of the noise; equal seeds give equal spectra.
     """
     instrument, noise = instrument or Instrument(), noise or Noise()
     rng = np.random.default_rng(seed)
-    k, s = (np.asarray(a).reshape(len(names), len(wavelengths), -1) for a in (absorption, scattering))
+    k, s = (
+        np.asarray(a).reshape(len(names), len(wavelengths), -1) for a in (absorption, scattering)
+    )
     black, white = usual_cards(wavelengths)
     grounds = np.broadcast_to(np.stack([black, white], axis=-1), (*k.shape[:2], 2))
     optics = Optics.of(instrument.geometry, instrument.refractive_index)
     empty = np.full((1, 1, 1), 1e-12)
 
     def read(k: np.ndarray, s: np.ndarray) -> np.ndarray:
-        body = optics.body(jnp.asarray(k)[:, :, None], jnp.asarray(s)[:, :, None], jnp.asarray(grounds), 1e-6)
+        body = optics.body(
+            jnp.asarray(k)[:, :, None], jnp.asarray(s)[:, :, None], jnp.asarray(grounds), 1e-6
+        )
         exact = np.asarray(body) + instrument.seen_surface
         return np.maximum(exact + noise.sd(exact) * rng.standard_normal(exact.shape), 0.0)
 
@@ -56,7 +61,12 @@ def simulate_films(
 
 
 def simulate_paints(
-    paints: Sequence[Pigment], thickness: float, *, instrument: Instrument, noise: Noise, seed: int = 0
+    paints: Sequence[Pigment],
+    thickness: float,
+    *,
+    instrument: Instrument,
+    noise: Noise,
+    seed: int = 0,
 ) -> Films:
     """Simulated films of paints on one grid, all of one thickness (m)."""
     return simulate_films(

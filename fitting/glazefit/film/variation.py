@@ -1,9 +1,10 @@
 """How far a film is from what its recipe says: paint is mixed, weighed and spread anew each time.
 
-Strength, the shape of k and s, and the model itself are off in each film by its own amount. `MIXED` says how these
-errors look; how large they are differs from film to film, so a film's size is one of `SIZES`, each with a probability:
-beforehand as in `PRIOR`, and as films that were left out of a fit then teach. The paints of a set differ in that: one
-that surprised once will again. So films count for all paints, and more for their own.
+Strength, the shape of k and s, and the model itself are off in each film by its own amount. `MIXED`
+says how these errors look; how large they are differs from film to film, so a film's size is one of
+`SIZES`, each with a probability: beforehand as in `PRIOR`, and as films that were left out of a fit
+then teach. The paints of a set differ in that: one that surprised once will again. So films count
+for all paints, and more for their own.
 """
 
 from collections import Counter
@@ -17,13 +18,17 @@ from jaxtyping import Float
 from .errors import Discrepancy
 
 MIXED = Discrepancy(coefficient=0.2, level=0.2, amplitude=0.004, scales=(1.0,), weights=(1.0,))
-"""Errors of k and s that a paint has in one film beside others, and of the model, for a film of size one."""
+"""Errors of k and s that a paint has in one film beside others, and of the model, for a film of
+size one.
+"""
 SIZES = (0.03, 0.1, 0.3, 0.6, 1.0, 1.7, 3.0)
 """Sizes that a film's errors may have."""
 PRIOR = (0.05, 0.08, 0.15, 0.22, 0.25, 0.18, 0.07)
-"""How probable each is where no film was left out. More than nine tenths of the readings of the revigo films lie in
-their bands with it (`python -m benchmarks.prediction`); it was chosen on them."""
-# How many films the prior counts as beside those that were left out, and what all films say beside those of a paint.
+"""How probable each is where no film was left out. More than nine tenths of the readings of the
+revigo films lie in their bands with it (`python -m benchmarks.prediction`); it was chosen on them.
+"""
+# How many films the prior counts as beside those that were left out, and what all films say beside
+# those of a paint.
 _ALL, _OWN = 20.0, 2.0
 _ROUNDS = 100
 _BANDS_APART = 40.0
@@ -64,11 +69,14 @@ class Variation:
         return float(self.of(paints) @ SIZES)
 
 
-def learn(surprises: Sequence[Surprise], mixing: Sequence[frozenset[str]] | None = None) -> Variation:
-    """Sizes of film errors from films that were left out, by maximum posterior (EM for a mixture's weights).
+def learn(
+    surprises: Sequence[Surprise], mixing: Sequence[frozenset[str]] | None = None
+) -> Variation:
+    """Sizes of film errors from films that were left out, by maximum posterior (EM for a mixture's
+    weights).
 
-    A film tells of its own paint, which is the one of it that is in fewest films: whites and blacks that everything is
-    mixed with are judged by what they have alone.
+    A film tells of its own paint, which is the one of it that is in fewest films: whites and blacks
+    that everything is mixed with are judged by what they have alone.
 
     Args:
         surprises: one of each film.
@@ -76,13 +84,19 @@ def learn(surprises: Sequence[Surprise], mixing: Sequence[frozenset[str]] | None
     """
     if not surprises:
         return Variation()
-    often = Counter(paint for paints in (mixing or [s.paints for s in surprises]) for paint in paints)
+    often = Counter(
+        paint for paints in (mixing or [s.paints for s in surprises]) for paint in paints
+    )
     likelihood = np.stack([s.log_likelihood - s.log_likelihood.max() for s in surprises])
     weights = _weights(np.exp(likelihood), np.array(PRIOR), _ALL)
     rows: dict[str, list[int]] = {}
     for row, surprise in enumerate(surprises):
-        rows.setdefault(min(sorted(surprise.paints), key=lambda paint: often[paint]), []).append(row)
-    own = {paint: _weights(np.exp(likelihood[chosen]), weights, _OWN) for paint, chosen in rows.items()}
+        rows.setdefault(min(sorted(surprise.paints), key=lambda paint: often[paint]), []).append(
+            row
+        )
+    own = {
+        paint: _weights(np.exp(likelihood[chosen]), weights, _OWN) for paint, chosen in rows.items()
+    }
     return Variation(weights, own, len(surprises))
 
 
@@ -106,12 +120,17 @@ def log_likelihood(
 
     Args:
         off: readings minus their prediction.
-        paint, film: deviations of draws from the prediction that the paints' k and s cause, and the film's own errors
-            of size one.
+        paint, film: deviations of draws from the prediction that the paints' k and s cause, and the
+            film's own errors of size one.
         wavelengths: (bands,), nm. Bands nearer than 40 nm count as one.
     """
-    # Every so many bands: what is left over is alike at neighbours in ways that no covariance describes.
-    step = max(1, round(_BANDS_APART / float(np.median(np.diff(wavelengths))))) if wavelengths.size > 1 else 1
+    # Every so many bands: what is left over is alike at neighbours in ways that no covariance
+    # describes.
+    step = (
+        max(1, round(_BANDS_APART / float(np.median(np.diff(wavelengths)))))
+        if wavelengths.size > 1
+        else 1
+    )
     r, p, f = (x[..., ::step].reshape(*x.shape[:-2], -1) for x in (off, paint, film))
     fixed = p.T @ p / len(p) + _NOISE**2 * np.eye(r.size)
     varied = f.T @ f / len(f)

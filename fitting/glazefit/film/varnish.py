@@ -1,7 +1,9 @@
-"""A varnish on top of paint: a coat that absorbs, hardly scatters, and that nobody may have mentioned.
+"""A varnish on top of paint: a coat that absorbs, hardly scatters, and that nobody may have
+mentioned.
 
-A coat of optical thickness tau and of the paint's own index changes a reading exactly as a film without scattering does
-that lies on the paint: both are in `FilmResponse`. Seen from below, all of the paint is one Lambertian ground.
+A coat of optical thickness tau and of the paint's own index changes a reading exactly as a film
+without scattering does that lies on the paint: both are in `FilmResponse`. Seen from below, all of
+the paint is one Lambertian ground.
 """
 
 import jax.numpy as jnp
@@ -15,15 +17,22 @@ DECAY = 60.0
 _FIRST = 400.0
 
 
-def yellow(wavelengths: Float[np.ndarray, "bands"], decay: float = DECAY) -> Float[np.ndarray, "bands"]:
-    """Absorption of a yellowed varnish in units of that at 400 nm: it falls exponentially to the red."""
+def yellow(
+    wavelengths: Float[np.ndarray, "bands"], decay: float = DECAY
+) -> Float[np.ndarray, "bands"]:
+    """Absorption of a yellowed varnish in units of that at 400 nm: it falls exponentially to the
+    red.
+    """
     return np.exp((_FIRST - np.maximum(wavelengths, 0.9 * _FIRST)) / decay)
 
 
 def varnished(
-    response: FilmResponse, body: Float[np.ndarray, "*n bands"], thickness: Float[np.ndarray, "bands"]
+    response: FilmResponse,
+    body: Float[np.ndarray, "*n bands"],
+    thickness: Float[np.ndarray, "bands"],
 ) -> Float[np.ndarray, "*n bands"]:
-    """What a paint reads under a varnish, from what it reads without; both without the surface's part.
+    """What a paint reads under a varnish, from what it reads without; both without the surface's
+    part.
 
     Args:
         response: of the instrument.
@@ -37,7 +46,9 @@ def varnished(
 
 
 def without_varnish(
-    response: FilmResponse, body: Float[np.ndarray, "*n bands"], thickness: Float[np.ndarray, "bands"]
+    response: FilmResponse,
+    body: Float[np.ndarray, "*n bands"],
+    thickness: Float[np.ndarray, "bands"],
 ) -> Float[np.ndarray, "*n bands"]:
     """The inverse of `varnished`: what the paint would read if its varnish were taken off."""
     dark, gain, back = _through(response, thickness)
@@ -46,8 +57,12 @@ def without_varnish(
     return clear + gain * below / (1.0 - back * below)
 
 
-def _through(response: FilmResponse, thickness: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _through(
+    response: FilmResponse, thickness: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Black, gain and back of a coat that only absorbs."""
     absorbs = jnp.asarray(thickness, float)
-    black, gain, back = (np.asarray(a, np.float64) for a in response.numbers(absorbs, jnp.zeros_like(absorbs)))
+    black, gain, back = (
+        np.asarray(a, np.float64) for a in response.numbers(absorbs, jnp.zeros_like(absorbs))
+    )
     return black, gain, back

@@ -1,8 +1,9 @@
-"""Where readings of a film may lie about an explanation of it: what the stated errors leave when amounts are fitted.
+"""Where readings of a film may lie about an explanation of it: what the stated errors leave when
+amounts are fitted.
 
-Noise, the model's own error and errors of the paints' k and s make a covariance of the readings; a fit of the amounts
-and of the surface's share takes part of that away. What is left is how far measured and fitted spectra differ where an
-explanation is right and the errors are as stated.
+Noise, the model's own error and errors of the paints' k and s make a covariance of the readings; a
+fit of the amounts and of the surface's share takes part of that away. What is left is how far
+measured and fitted spectra differ where an explanation is right and the errors are as stated.
 """
 
 from collections.abc import Sequence
@@ -45,15 +46,16 @@ def expected_bands(
     discrepancy: Discrepancy,
     count: int = 3,
 ) -> Float[np.ndarray, "spectra candidates grounds bands"]:
-    """Half the width of the 90 % band of the readings about the most probable explanations, (spectra, count, ...).
+    """Half the width of the 90 % band of the readings about the most probable explanations,
+    (spectra, count, ...).
 
     Args:
         found: identification of the spectra.
         pigments: its catalogue.
         instrument: that read the spectra.
-        prior: its usual thickness is the unit of amounts, its spread holds amounts that nothing determines.
-        discrepancy: errors of the model; where a whole spectrum's misfit follows Student's t, the band is its.
-        count: explanations; fewer if there are fewer.
+        prior: its usual thickness is the unit of amounts, its spread holds amounts that nothing
+        determines. discrepancy: errors of the model; where a whole spectrum's misfit follows
+        Student's t, the band is its. count: explanations; fewer if there are fewer.
     """
     measured, d = found.measured, discrepancy
     known = check_pigments(pigments, measured.wavelengths)
@@ -69,7 +71,9 @@ def expected_bands(
     covariance = scale**2 * scaled + noise[..., None] * np.eye(noise.shape[-1])
     # By log amounts: k and s of a paint grow together. The surface's share is an unknown too.
     size = members.shape[-1]
-    moved = np.where((members == NOBODY)[..., None], 0.0, slopes[..., :size, :] + slopes[..., size:, :])
+    moved = np.where(
+        (members == NOBODY)[..., None], 0.0, slopes[..., :size, :] + slopes[..., size:, :]
+    )
     surface = np.full((*moved.shape[:2], 1, moved.shape[-1]), instrument.seen_surface)
     lever = np.concatenate([moved, surface], axis=-2)
     # What is expected of the total, next to nothing of the fractions, and what of the surface.
@@ -81,13 +85,17 @@ def expected_bands(
     fitted = np.swapaxes(lever, -1, -2) @ np.linalg.solve(lever @ solved + held, lever)
     left = np.diagonal(covariance, axis1=-2, axis2=-1) - np.diagonal(fitted, axis1=-2, axis2=-1)
     ends = norm.ppf(0.95) if d.freedom is None else t.ppf(0.95, d.freedom)
-    return (float(ends) * np.sqrt(np.maximum(left, 0.0))).reshape(*members.shape[:2], *measured.readings.shape[1:])
+    return (float(ends) * np.sqrt(np.maximum(left, 0.0))).reshape(
+        *members.shape[:2], *measured.readings.shape[1:]
+    )
 
 
 def _slopes(
     found: Identification, known: list[Pigment], instrument: Instrument, prior: Prior, count: int
 ) -> Float[np.ndarray, "spectra candidates errors readings"]:
-    """Slopes of the readings by the log of k, then of s, of the paints of the most probable explanations."""
+    """Slopes of the readings by the log of k, then of s, of the paints of the most probable
+    explanations.
+    """
     paints = paints_of(known, prior.thickness)
     with np.errstate(divide="ignore"):
         logs = np.log(found.amounts[:, :count] / prior.thickness)
@@ -95,7 +103,9 @@ def _slopes(
     response = film_response(instrument.geometry, instrument.refractive_index)
     ground = found.measured.grounds
     row = np.repeat(np.arange(len(found)), count)
-    slopes = slopes_of(response, paints, sets.reshape(len(row), -1), logs.reshape(len(row), -1), ground, row)
+    slopes = slopes_of(
+        response, paints, sets.reshape(len(row), -1), logs.reshape(len(row), -1), ground, row
+    )
     slopes = slopes.reshape(*sets.shape[:2], *slopes.shape[1:])
     if (coats > 0).any():
         optics = Optics.of(instrument.geometry, instrument.refractive_index)

@@ -1,4 +1,6 @@
-"""The command `glazejax identify`: measured spectra in; paints, fractions, thickness and probabilities out."""
+"""The command `glazejax identify`: measured spectra in; paints, fractions, thickness and
+probabilities out.
+"""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -35,14 +37,19 @@ def identify(
         Path | None,
         typer.Argument(
             metavar="FILE",
-            help="Table of spectra. Rows in fours, NAME_b and NAME_w (bare black and white card), NAME_ob and NAME_ow "
+            help="Table of spectra. Rows in fours, NAME_b and NAME_w (bare black and white card), "
+            "NAME_ob and NAME_ow "
             "(paint over them), are films over cards; any other spectra need --ground or --opaque.",
             show_default=False,
         ),
     ] = None,
     ground: Annotated[str | None, options.ground_option()] = None,
     bare: Annotated[
-        bool, typer.Option("--bare", help="--ground is what the same instrument reads from the bare ground, in air.")
+        bool,
+        typer.Option(
+            "--bare",
+            help="--ground is what the same instrument reads from the bare ground, in air.",
+        ),
     ] = False,
     opaque: Annotated[bool, typer.Option("--opaque", help="The films hide their ground.")] = False,
     pigments: options.Pigments = None,
@@ -50,10 +57,17 @@ def identify(
     only: options.Only = "",
     without: options.Without = "",
     samples: options.Samples = "",
-    max_paints: Annotated[int, typer.Option(help="Largest number of paints in a film: 1, 2 or 3.")] = 3,
-    layers: Annotated[int, typer.Option(help="Coats of a film: 1, or 2 to try two coats as well, in both orders.")] = 1,
+    max_paints: Annotated[
+        int, typer.Option(help="Largest number of paints in a film: 1, 2 or 3.")
+    ] = 3,
+    layers: Annotated[
+        int, typer.Option(help="Coats of a film: 1, or 2 to try two coats as well, in both orders.")
+    ] = 1,
     thorough: Annotated[
-        bool, typer.Option("--thorough", help="Fit every pair of paints in full: some five times as long.")
+        bool,
+        typer.Option(
+            "--thorough", help="Fit every pair of paints in full: some five times as long."
+        ),
     ] = False,
     geometry: Annotated[str | None, options.geometry_option(_GEOMETRY)] = None,
     refractive_index: options.RefractiveIndex = 1.5,
@@ -61,12 +75,16 @@ def identify(
     noise_share: options.NoiseShare = 0.002,
     model_error: options.ModelError = None,
     thickness: options.Thickness = "25um",
-    top: Annotated[int, typer.Option(help="Number of explanations shown and written for each spectrum.")] = 5,
+    top: Annotated[
+        int, typer.Option(help="Number of explanations shown and written for each spectrum.")
+    ] = 5,
     csv: options.Csv = None,
     residuals: Annotated[
         Path | None,
         typer.Option(
-            metavar="FILE", help="Also write a table of measured, fitted and residual spectra.", show_default=False
+            metavar="FILE",
+            help="Also write a table of measured, fitted and residual spectra.",
+            show_default=False,
         ),
     ] = None,
     out: options.PictureIfNamed = None,
@@ -74,8 +92,10 @@ def identify(
         Path | None,
         typer.Option(
             metavar="FILE",
-            help="Also write a report, such as report.html: one page to file, with each spectrum, its best fits, "
-            "amounts with 90 % intervals and what was ruled out; beside it the same as report.csv and report.json.",
+            help="Also write a report, such as report.html: one page to file, with each spectrum, "
+            "its best fits, "
+            "amounts with 90 % intervals and what was ruled out; beside it the same as "
+            "report.csv and report.json.",
             show_default=False,
         ),
     ] = None,
@@ -122,7 +142,9 @@ def identify(
 
     settings = {
         "noise": Noise(noise, noise_share),
-        "discrepancy": BETWEEN_FILMS if model_error is None else replace(BETWEEN_FILMS, amplitude=model_error),
+        "discrepancy": BETWEEN_FILMS
+        if model_error is None
+        else replace(BETWEEN_FILMS, amplitude=model_error),
         "prior": Prior(thickness=usual),
     }
     chunks = identify_chunks(
@@ -143,10 +165,16 @@ def identify(
         from .filing import Filing
 
         filing = Filing(
-            paints, instrument, discrepancy=settings["discrepancy"], prior=settings["prior"], max_paints=max_paints
+            paints,
+            instrument,
+            discrepancy=settings["discrepancy"],
+            prior=settings["prior"],
+            max_paints=max_paints,
         )
         chunks = filing.watch(chunks)
-    parts, how = progress.collect(chunks, len(task.spectra), "compiling, then searching", "searching")
+    parts, how = progress.collect(
+        chunks, len(task.spectra), "compiling, then searching", "searching"
+    )
     found = Identification.join(parts)
     _report(found, console, top, csv, residuals, out, overwrite)
     if filing is not None and report is not None:
@@ -154,7 +182,10 @@ def identify(
         beside = filing.write(found, about, report, top, overwrite=overwrite)
         console.print(f"Wrote the report to {report}, and the same as {beside[0]} and {beside[1]}")
     words = f"{len(found)} spectra" if len(found) > 1 else "1 spectrum"
-    console.print(f"[dim]{words} against {len(paints)} paints in {how.seconds:.1f} s, compilation included.[/dim]")
+    console.print(
+        f"[dim]{words} against {len(paints)} paints in {how.seconds:.1f} s, compilation "
+        "included.[/dim]"
+    )
     if how.interrupted:
         progress.stop_interrupted(console, len(found), len(task.spectra), "spectra")
 
@@ -219,7 +250,11 @@ def _read(
     wanted = options.listed(samples)
     grid, mean, changes = shared_bands(table.wavelengths, paints)
     notes = (*table.notes, *changes)
-    if ground is None and not opaque and all(name.rpartition("_")[2] in ROWS for name in table.names):
+    if (
+        ground is None
+        and not opaque
+        and all(name.rpartition("_")[2] in ROWS for name in table.names)
+    ):
         films = read_films(file)
         films = films.select(wanted) if wanted else films
         progress.print_notes(console, file, changes)
@@ -227,13 +262,19 @@ def _read(
         spectra = np.stack([films.over_black, films.over_white], axis=1) @ mean
         words = ("black card, measured bare", "white card, measured bare")
         return _Spectra(
-            names=films.names, wavelengths=grid, spectra=spectra, grounds=inside(cards), words=words, notes=notes
+            names=films.names,
+            wavelengths=grid,
+            spectra=spectra,
+            grounds=inside(cards),
+            words=words,
+            notes=notes,
         )
     rows = options.choose_rows(file, table.names, wanted)
     spectra, names = table.reflectance[rows] @ mean, tuple(table.names[i] for i in rows)
     if ground is None and not opaque:
         raise ValueError(
-            f"{file}: what is under the paint? Give --ground, its reflectance such as 0.9 or a table, or --opaque; or "
+            f"{file}: what is under the paint? Give --ground, its reflectance such as 0.9 or a "
+            "table, or --opaque; or "
             f"rows in fours, such as {names[0]}_b, {names[0]}_w, {names[0]}_ob and {names[0]}_ow"
         )
     progress.print_notes(console, file, changes)
@@ -249,7 +290,10 @@ def _read(
     given = options.read_ground(ground, bare=bare)
     progress.print_notes(console, "--ground", given.notes)
     below = np.broadcast_to(given.on(grid), grid.shape)
-    words = f"{given.words}, {'measured bare with the same instrument' if bare else 'as seen from inside the paint'}"
+    words = (
+        f"{given.words}, "
+        f"{'measured bare with the same instrument' if bare else 'as seen from inside the paint'}"
+    )
     return _Spectra(
         names=names,
         wavelengths=grid,
@@ -282,9 +326,15 @@ def _about(
     return About(
         title=typed["file"].name,
         command=command_line(identify, "identify", typed, ("file",)),
-        options={"FILE" if name == "file" else option(name): _plain(value) for name, value in typed.items()},
+        options={
+            "FILE" if name == "file" else option(name): _plain(value)
+            for name, value in typed.items()
+        },
         inputs=inputs,
-        catalogue={**shelf, "provenance": "; ".join(dict.fromkeys(p.provenance for p in paints if p.provenance))},
+        catalogue={
+            **shelf,
+            "provenance": "; ".join(dict.fromkeys(p.provenance for p in paints if p.provenance)),
+        },
         geometry=instrument.geometry.describe(),
         refractive_index=instrument.refractive_index,
         grounds=task.words,

@@ -1,4 +1,6 @@
-"""What nobody may have mentioned: a yellowed varnish on top, another ground than told, a film that hides its ground."""
+"""What nobody may have mentioned: a yellowed varnish on top, another ground than told, a film that
+hides its ground.
+"""
 
 from typing import NamedTuple
 
@@ -29,4 +31,6 @@ CONDITIONS = (
 )
 """All that are tried, by number; the first is what was told."""
 VARNISHES, NOT_OPAQUE, OTHER_GROUNDS = (1, 2), (3, 4), (5, 6, 7)
-"""Numbers of those with a varnish, of those for films said to be opaque, and of those for one reading over a ground."""
+"""Numbers of those with a varnish, of those for films said to be opaque, and of those for one
+reading over a ground.
+"""

@@ -1,9 +1,10 @@
-"""The nearest film with each paint of the catalogue: what speaks against the paints that were not found.
+"""The nearest film with each paint of the catalogue: what speaks against the paints that were not
+found.
 
-A trace of any paint can hide in any film. Films are therefore asked for that have at least `LEAST_SHARE` of a paint: it
-alone, in a pair with every other paint, and beside the main paints of the most probable explanation. The nearest of
-them is that of the least squared residual, relative to what counts as near at each reading; the surface's share is
-free within its prior.
+A trace of any paint can hide in any film. Films are therefore asked for that have at least
+`LEAST_SHARE` of a paint: it alone, in a pair with every other paint, and beside the main paints of
+the most probable explanation. The nearest of them is that of the least squared residual, relative
+to what counts as near at each reading; the surface's share is free within its prior.
 """
 
 import functools
@@ -37,7 +38,8 @@ _THIRD_SHARES = (0.02, 0.2)
 # Partners that are fitted for each paint, after all were tried.
 _PARTNERS = 2
 _STEPS, _LONGEST, _FAR = 14, 2.0, 20.0
-# Standard deviations of the log total and of both log odds: they only keep a fit from wandering where nothing is seen.
+# Standard deviations of the log total and of both log odds: they only keep a fit from wandering
+# where nothing is seen.
 _LOOSE = np.array([2.0, 4.0, 4.0])
 
 
@@ -46,13 +48,14 @@ class Contenders:
     """The nearest film with each paint.
 
     Attributes:
-        members: paints of the film by number, (spectra, paints, 3), the one asked for first; `NOBODY` where there is
-            none.
+        members: paints of the film by number, (spectra, paints, 3), the one asked for first;
+            `NOBODY` where there is none.
         coats: coat of each, 0 the uppermost.
         fractions: by mass, (spectra, paints, 3); 0 where there is no paint.
         thickness: m, (spectra, paints); without a meaning for films that hide their ground.
         rmse: root mean square of the residual, (spectra, paints).
-        delta_e: CIEDE2000 (D65, 10 degrees), the largest over the grounds; NaN where the bands give no colour.
+        delta_e: CIEDE2000 (D65, 10 degrees), the largest over the grounds; NaN where the bands give
+            no colour.
     """
 
     members: Int[np.ndarray, "spectra paints 3"]
@@ -68,7 +71,12 @@ class Contenders:
     @classmethod
     def join(cls, parts: Sequence["Contenders"]) -> "Contenders":
         """Those of several batches as one."""
-        return cls(**{f.name: np.concatenate([getattr(part, f.name) for part in parts]) for f in fields(cls)})
+        return cls(
+            **{
+                f.name: np.concatenate([getattr(part, f.name) for part in parts])
+                for f in fields(cls)
+            }
+        )
 
     def take(self, count: int) -> "Contenders":
         """Those of the first spectra."""
@@ -86,7 +94,8 @@ def find_contenders(
 ) -> Contenders:
     """The nearest film with each paint, for every spectrum of an identification.
 
-    Films of one coat are fitted here; the explanations that were found, of two coats too, count where they are nearer.
+    Films of one coat are fitted here; the explanations that were found, of two coats too, count
+    where they are nearer.
 
     Args:
         found: identification of the spectra.
@@ -107,33 +116,57 @@ def find_contenders(
     readings = (measured.readings - discrepancy.gloss * surface).reshape(len(measured), -1)
     target = np.einsum("srt,st->sr", white, readings)
     # Few sizes, so that little is compiled.
-    padded = np.resize(np.arange(len(measured)), padded_size(len(measured)) if len(measured) > 1 else 1)
+    padded = np.resize(
+        np.arange(len(measured)), padded_size(len(measured)) if len(measured) > 1 else 1
+    )
     grounds, wanted, basis = (jnp.asarray(a[padded]) for a in (measured.grounds, target, white))
     spectra = grounds, wanted, basis
-    sets, starts = (a[: len(measured)] for a in _starts(response, paints, spectra, max_paints, found.opaque))
+    sets, starts = (
+        a[: len(measured)] for a in _starts(response, paints, spectra, max_paints, found.opaque)
+    )
     if max_paints == 3 and len(known) > 2:
         third = _beside(found, len(known), usual)
-        sets, starts = (np.concatenate(both, axis=2) for both in zip((sets, starts), third, strict=True))
+        sets, starts = (
+            np.concatenate(both, axis=2) for both in zip((sets, starts), third, strict=True)
+        )
     films = sets.shape[1:3]
     sets, starts = sets.reshape(len(measured), -1, 3), starts.reshape(len(measured), -1, 3)
-    fits = _fit(response, paints, jnp.asarray(sets[padded]), jnp.asarray(starts[padded]), *spectra, found.opaque)
+    fits = _fit(
+        response,
+        paints,
+        jnp.asarray(sets[padded]),
+        jnp.asarray(starts[padded]),
+        *spectra,
+        found.opaque,
+    )
     unknowns, fitted = (np.asarray(a)[: len(measured)] for a in fits)
     lever = np.einsum("srt,sr->st", white, white.sum(axis=-1))
     off = readings[:, None] - fitted
-    gloss = discrepancy.gloss + discrepancy.gloss_sd**2 * surface * np.einsum("scr,sr->sc", off, lever)
+    gloss = discrepancy.gloss + discrepancy.gloss_sd**2 * surface * np.einsum(
+        "scr,sr->sc", off, lever
+    )
     fitted = fitted + np.maximum(gloss, 0.0)[..., None] * surface
-    shares = np.where(sets == NOBODY, 0.0, np.asarray(_shares(jnp.asarray(unknowns), jnp.asarray(sets))))
+    shares = np.where(
+        sets == NOBODY, 0.0, np.asarray(_shares(jnp.asarray(unknowns), jnp.asarray(sets)))
+    )
     asked = np.broadcast_to(np.repeat(np.arange(films[0]), films[1]), sets.shape[:2])
     thickness = usual * np.exp(unknowns[..., 0])
     tried = _Fits(
-        paint=asked, members=sets, coats=np.zeros_like(sets), shares=shares, thickness=thickness, readings=fitted
+        paint=asked,
+        members=sets,
+        coats=np.zeros_like(sets),
+        shares=shares,
+        thickness=thickness,
+        readings=fitted,
     )
     return _nearest(measured, sd, [tried, *_explanations(found)], len(known))
 
 
 @dataclass(frozen=True)
 class _Fits:
-    """Fitted films, each as one with a certain paint; `paint` is negative where it has too little of it."""
+    """Fitted films, each as one with a certain paint; `paint` is negative where it has too little
+    of it.
+    """
 
     paint: Int[np.ndarray, "spectra films"]
     members: Int[np.ndarray, "spectra films 3"]
@@ -149,8 +182,12 @@ def _explanations(found: Identification) -> list[_Fits]:
     readings = found.fitted.reshape(*found.probability.shape, -1)
     for place in range(3):
         order = [place, *(n for n in range(3) if n != place)]
-        members, coats, shares = (a[..., order] for a in (found.members, found.coats, found.fractions))
-        enough = (members[..., 0] != NOBODY) & (shares[..., 0] >= LEAST_SHARE) & (found.probability > 0)
+        members, coats, shares = (
+            a[..., order] for a in (found.members, found.coats, found.fractions)
+        )
+        enough = (
+            (members[..., 0] != NOBODY) & (shares[..., 0] >= LEAST_SHARE) & (found.probability > 0)
+        )
         paint = np.where(enough, members[..., 0], NOBODY)
         out.append(
             _Fits(
@@ -180,13 +217,21 @@ def _nearest(measured: Measured, sd: np.ndarray, kinds: list[_Fits], count: int)
     seen = measured.delta_e(fitted)
     rmse = np.sqrt(np.mean(off**2, axis=(-1, -2)))
     members, coats, shares, thickness = (a[rows, best] for a in (members, coats, shares, thickness))
-    return Contenders(members=members, coats=coats, fractions=shares, thickness=thickness, rmse=rmse, delta_e=seen)
+    return Contenders(
+        members=members, coats=coats, fractions=shares, thickness=thickness, rmse=rmse, delta_e=seen
+    )
 
 
 def _starts(
-    response: FilmResponse, paints: Paints, spectra: tuple[Array, Array, Array], max_paints: int, opaque: bool
+    response: FilmResponse,
+    paints: Paints,
+    spectra: tuple[Array, Array, Array],
+    max_paints: int,
+    opaque: bool,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """For each spectrum and paint the best partners, (spectra, paints, partners, 3), and unknowns to start from."""
+    """For each spectrum and paint the best partners, (spectra, paints, partners, 3), and unknowns
+    to start from.
+    """
     count = paints.absorption.shape[0]
     alone = max_paints == 1 or count == 1
     tries = np.ones(1) if opaque else _TOTALS, np.ones(1) if alone else _SHARES
@@ -214,7 +259,9 @@ def _screen(
     target: Array,
     white: Array,
 ) -> tuple[Float[Array, "paints spectra partners"], Int[Array, "paints spectra partners"]]:
-    """Least squared misfit of films of each paint with each partner over totals and shares, and where it is."""
+    """Least squared misfit of films of each paint with each partner over totals and shares, and
+    where it is.
+    """
 
     def one(pair: tuple[Array, Array]) -> tuple[Array, Array]:
         paint, others = pair
@@ -225,7 +272,8 @@ def _screen(
             return total[:, None, None] * mixed
 
         black, gain, back = (
-            a[:, :, None, :] for a in response.numbers(thick(paints.absorption), thick(paints.scattering))
+            a[:, :, None, :]
+            for a in response.numbers(thick(paints.absorption), thick(paints.scattering))
         )
 
         def over(spectrum: tuple[Array, Array, Array]) -> tuple[Array, Array]:
@@ -240,7 +288,9 @@ def _screen(
 
 
 def _beside(found: Identification, count: int, usual: float) -> tuple[np.ndarray, np.ndarray]:
-    """Each paint beside the two main ones of the most probable explanation: sets, and unknowns to start from."""
+    """Each paint beside the two main ones of the most probable explanation: sets, and unknowns to
+    start from.
+    """
     sets = np.full((len(found), count, len(_THIRD_SHARES), 3), NOBODY)
     starts = np.zeros(sets.shape)
     sets[..., 0] = np.arange(count)[:, None]
@@ -257,7 +307,9 @@ def _beside(found: Identification, count: int, usual: float) -> tuple[np.ndarray
 
 
 def _unknowns(total: np.ndarray, share: np.ndarray, first: np.ndarray) -> np.ndarray:
-    """Log total, log odds of the paint's share above the least, and log odds of the first of the others."""
+    """Log total, log odds of the paint's share above the least, and log odds of the first of the
+    others.
+    """
     above = np.clip((share - LEAST_SHARE) / (1.0 - LEAST_SHARE), 1e-4, 1.0 - 1e-4)
     parts = np.log(total), np.log(above / (1.0 - above)), np.log(first / (1.0 - first))
     return np.stack(np.broadcast_arrays(*parts), axis=-1)
@@ -295,7 +347,11 @@ def _fit(
             def read(unknowns: Array) -> tuple[Array, Array]:
                 amounts = jnp.exp(unknowns[0]) * _shares(unknowns, members)
                 amounts = jnp.where(members >= 0, amounts, 0.0)
-                body = response.body(amounts @ paints.absorption[members], amounts @ paints.scattering[members], ground)
+                body = response.body(
+                    amounts @ paints.absorption[members],
+                    amounts @ paints.scattering[members],
+                    ground,
+                )
                 return body.reshape(-1), body.reshape(-1)
 
             def look(unknowns: Array) -> tuple[Array, Array, Array, Array]:
@@ -304,9 +360,16 @@ def _fit(
                 off = target - white @ readings
                 pull = unknowns / _LOOSE**2
                 cost = 0.5 * off @ off + 0.5 * unknowns @ pull
-                return cost, (pull - slopes.T @ off) * free, jnp.diag(1.0 / _LOOSE**2) + slopes.T @ slopes, readings
+                return (
+                    cost,
+                    (pull - slopes.T @ off) * free,
+                    jnp.diag(1.0 / _LOOSE**2) + slopes.T @ slopes,
+                    readings,
+                )
 
-            unknowns, seen = damped_newton(look, start, (-_FAR, _FAR), steps=_STEPS, longest=_LONGEST)
+            unknowns, seen = damped_newton(
+                look, start, (-_FAR, _FAR), steps=_STEPS, longest=_LONGEST
+            )
             return unknowns, seen[3]
 
         return jax.vmap(film)(sets, starts)

@@ -1,4 +1,6 @@
-"""What an answer leaves open, and what it rests on, in words: for the screen, the page and the record alike."""
+"""What an answer leaves open, and what it rests on, in words: for the screen, the page and the
+record alike.
+"""
 
 import numpy as np
 
@@ -8,7 +10,8 @@ from ..film.errors import BETWEEN_FILMS
 from .result import Candidate, Identification, percent
 
 _TENTH = 10
-# Probability beside the first's below which another film is not looked at, and by how much it must miss to be worse.
+# Probability beside the first's below which another film is not looked at, and by how much it must
+# miss to be worse.
 _LEAST, _WORSE = 1e-3, 1.1
 # A paint that the film may hold is named from this share on.
 _NAMED = 0.001
@@ -19,7 +22,9 @@ _RIVAL = 0.1
 
 
 def doubts(found: Identification, row: int) -> list[str]:
-    """Sentences on what the spectrum does not tell, and on what the answer rests; none where nothing explains it."""
+    """Sentences on what the spectrum does not tell, and on what the answer rests; none where
+    nothing explains it.
+    """
     if not found.explained[row]:
         return [settled] if (settled := doubtful(found, row)) else []
     said = (untold(found, row), held(found, row), doubtful(found, row), *rests_on(found, row))
@@ -27,7 +32,9 @@ def doubts(found: Identification, row: int) -> list[str]:
 
 
 def untold(found: Identification, row: int) -> str:
-    """Paints of the first film that the spectrum does not tell from others, in words; empty if there are none."""
+    """Paints of the first film that the spectrum does not tell from others, in words; empty if
+    there are none.
+    """
     pairs = [" or ".join((paint, *others)) for paint, others in found.not_told(row).items()]
     return f"This spectrum does not tell: {'; '.join(pairs)}." if pairs else ""
 
@@ -38,33 +45,47 @@ def doubtful(found: Identification, row: int, least: float = 0.05, most: float =
     open_ = [i for i in np.argsort(-chances) if least < chances[i] < most]
     if not open_:
         return ""
-    return "Not settled by this spectrum: " + ", ".join(f"{found.paints[i]} ({chances[i]:.0%})" for i in open_) + "."
+    return (
+        "Not settled by this spectrum: "
+        + ", ".join(f"{found.paints[i]} ({chances[i]:.0%})" for i in open_)
+        + "."
+    )
 
 
 def held(found: Identification, row: int) -> str:
-    """What the film may hold beside the paints of the first candidate, in words; empty if nothing is known of that."""
+    """What the film may hold beside the paints of the first candidate, in words; empty if nothing
+    is known of that.
+    """
     shares = sorted(may_hold(found, row).items(), key=lambda pair: -pair[1])
     parts = [f"{percent(most)} {paint}" for paint, most in shares if most >= _TRACE]
     traces = [paint for paint, most in shares if most < _TRACE]
     said = []
     if parts:
-        said.append(f"{', one of them at a time,' if len(parts) > 1 else ''} up to {' or '.join(parts)}")
+        said.append(
+            f"{', one of them at a time,' if len(parts) > 1 else ''} up to {' or '.join(parts)}"
+        )
     if traces:
         said.append(f" traces (below {percent(_TRACE)}) of {' or '.join(traces)}")
     return f"It may also hold{', or'.join(said)}." if said else ""
 
 
 def may_hold(found: Identification, row: int) -> dict[str, float]:
-    """Paints that the first candidate has not -> the largest fraction of each that the spectrum allows beside it.
+    """Paints that the first candidate has not -> the largest fraction of each that the spectrum
+    allows beside it.
 
-    The upper end of the 90 % interval in the candidate of the same paints and that one, where one was kept.
+    The upper end of the 90 % interval in the candidate of the same paints and that one, where one
+    was kept.
     """
     ranked = found.ranked(row)
     first = ranked[0]
     out: dict[str, float] = {}
     for other in ranked[1:]:
         more = set(other.paints) - set(first.paints)
-        same = set(first.paints) < set(other.paints) and other.condition == first.condition and not any(other.coats)
+        same = (
+            set(first.paints) < set(other.paints)
+            and other.condition == first.condition
+            and not any(other.coats)
+        )
         if same and len(more) == 1 and other.probability >= _LEAST * first.probability:
             (paint,) = more
             most = float(other.fractions_90[other.paints.index(paint), 1])
@@ -74,10 +95,16 @@ def may_hold(found: Identification, row: int) -> dict[str, float]:
 
 
 def rests_on(found: Identification, row: int) -> list[str]:
-    """What decides between the first candidate and other pigments, where it is the ground, a varnish or an end."""
+    """What decides between the first candidate and other pigments, where it is the ground, a
+    varnish or an end.
+    """
     ranked = found.ranked(row)
     first = ranked[0]
-    rivals = [c for c in ranked[1:] if _pigments(c) != _pigments(first) and c.probability >= _LEAST * first.probability]
+    rivals = [
+        c
+        for c in ranked[1:]
+        if _pigments(c) != _pigments(first) and c.probability >= _LEAST * first.probability
+    ]
     return [words for words in (_lies(first, rivals), *_ends(found, row, ranked, first)) if words]
 
 
@@ -96,13 +123,18 @@ def _lies(first: Candidate, rivals: list[Candidate]) -> str:
 
 
 def _ends(found: Identification, row: int, ranked: list[Candidate], first: Candidate) -> list[str]:
-    """Whether the first fits better than other pigments by the first or the last tenth of the spectrum alone."""
+    """Whether the first fits better than other pigments by the first or the last tenth of the
+    spectrum alone.
+    """
     measured = found.measured
     grid = measured.wavelengths
     size = max(1, grid.size // _TENTH)
     if grid.size < _TENTH:
         return []
-    sd = np.hypot(measured.noise_sd[row], BETWEEN_FILMS.amplitude + BETWEEN_FILMS.share * measured.readings[row])
+    sd = np.hypot(
+        measured.noise_sd[row],
+        BETWEEN_FILMS.amplitude + BETWEEN_FILMS.share * measured.readings[row],
+    )
 
     def misses(candidate: Candidate) -> np.ndarray:
         """Squared residual of each band, in units of what is expected."""
@@ -111,12 +143,17 @@ def _ends(found: Identification, row: int, ranked: list[Candidate], first: Candi
     own, out = misses(first), []
     for what, end in (("first", slice(0, size)), ("last", slice(grid.size - size, None))):
         for other in ranked[1:]:
-            if _pigments(other) == _pigments(first) or other.probability < _LEAST * first.probability:
+            if (
+                _pigments(other) == _pigments(first)
+                or other.probability < _LEAST * first.probability
+            ):
                 continue
             theirs = misses(other)
             rest = theirs.sum() - theirs[end].sum() <= own.sum() - own[end].sum()
             if rest and theirs.sum() > _WORSE * own.sum():
                 bands = f"{what} tenth of the spectrum ({grid[end][0]:g}-{grid[end][-1]:g} nm)"
-                out.append(f"The answer rests on the {bands}: elsewhere {other.mixture} fits as well.")
+                out.append(
+                    f"The answer rests on the {bands}: elsewhere {other.mixture} fits as well."
+                )
                 break
     return out

@@ -7,16 +7,16 @@ class Effort(NamedTuple):
     """What a search looks at, and what it takes as alike.
 
     Attributes:
-        pairs: sets of two paints that are fitted, after all were compared with the spectrum on a grid of amounts.
-        kept: sets that are fitted with errors of their own.
+        pairs: sets of two paints that are fitted, after all were compared with the spectrum on a
+        grid of amounts. kept: sets that are fitted with errors of their own.
         behind: log weight by which these may stay behind the best while all have the same errors,
         close: and with errors of their own, to be fitted again where they then stand,
         shown: and to be an answer at all.
-        trace: a paint that does less than this to the readings (root mean square, per unit of the logarithm of its k
-            and s) is a trace: films that differ by traces share their errors.
+        trace: a paint that does less than this to the readings (root mean square, per unit of the
+            logarithm of its k and s) is a trace: films that differ by traces share their errors.
         moved: how far that may be from where the errors were worked out.
-        ranking, own, again, near: damped steps of a fit: while sets are ranked, with errors of their own, again with
-            these, and to the amounts that are shown.
+        ranking, own, again, near: damped steps of a fit: while sets are ranked, with errors of
+            their own, again with these, and to the amounts that are shown.
         single: whether sets are weighed in single precision; amounts that are shown never are.
     """
 
@@ -48,8 +48,8 @@ USUAL = Effort(
     near=8,
     single=True,
 )
-"""Told from `THOROUGH` by one first answer in a hundred or two, where several sets explain a film about as well
-(`python -m benchmarks.identification`)."""
+"""Told from `THOROUGH` by one first answer in a hundred or two, where several sets explain a film
+about as well (`python -m benchmarks.identification`)."""
 THOROUGH = Effort(
     pairs=10_000,
     kept=120,

@@ -1,4 +1,6 @@
-"""A report in the making: looks closer at what an identification finishes, and files it in the end."""
+"""A report in the making: looks closer at what an identification finishes, and files it
+in the end.
+"""
 
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
@@ -50,8 +52,12 @@ class Filing:
     def write(
         self, found: Identification, about: About, path: Path, top: int, *, overwrite: bool = False
     ) -> tuple[Path, Path]:
-        """Write the page of the parts that were passed on; see `glazefit.identify.page.write_page`."""
+        """Write the page of the parts that were passed on; see
+        `glazefit.identify.page.write_page`.
+        """
         # An interrupt may have come after a part was looked at and before it was taken.
         contenders = Contenders.join([part for part, _ in self._parts]).take(len(found))
         bands = np.concatenate([part for _, part in self._parts])[: len(found)]
-        return write_page(make_record(found, contenders, bands, about, top), path, overwrite=overwrite)
+        return write_page(
+            make_record(found, contenders, bands, about, top), path, overwrite=overwrite
+        )

@@ -1,9 +1,10 @@
 """Amounts of the paints of many candidates at once, and the probability of each candidate.
 
-Unknowns are log amounts, u_i = log a_i. What is minimised is minus the log of posterior density in u: half the squared
-whitened residuals, a log-normal prior of the total, and a Dirichlet prior of the fractions. A fixed number of damped
-steps (`glazefit.film.least_squares.damped_newton`) run side by side for all candidates of a spectrum. Laplace's
-approximation at the minimum gives each candidate's evidence.
+Unknowns are log amounts, u_i = log a_i. What is minimised is minus the log of posterior density in
+u: half the squared whitened residuals, a log-normal prior of the total, and a Dirichlet prior of
+the fractions. A fixed number of damped steps (`glazefit.film.least_squares.damped_newton`) run side
+by side for all candidates of a spectrum. Laplace's approximation at the minimum gives each
+candidate's evidence.
 """
 
 import functools
@@ -21,7 +22,8 @@ from ..film.least_squares import damped_newton, inverse_small
 from ..film.response import FilmResponse
 from .screen import Paints
 
-# Amounts between which a paint is sought, in units of the usual thickness; below the first it is not there.
+# Amounts between which a paint is sought, in units of the usual thickness; below the first it is
+# not there.
 LEAST, MOST = 1e-5, 60.0
 _STEPS = 14
 _LONGEST = 2.0
@@ -33,7 +35,9 @@ class Weights(NamedTuple):
     """Errors and prior of one spectrum, or of one candidate for it."""
 
     target: Float[Array | np.ndarray, "readings"]  # without the mean surface
-    basis: Float[Array | np.ndarray, "scales components readings"]  # components: as many as readings, or few that rank
+    basis: Float[
+        Array | np.ndarray, "scales components readings"
+    ]  # components: as many as readings, or few that rank
     height: Float[Array | np.ndarray, "scales"]
     spread: Number
     concentration: Number
@@ -61,8 +65,12 @@ def log_prior(
     return -0.5 * (total / spread) ** 2 - jnp.log(spread * jnp.sqrt(2.0 * jnp.pi)) + fractions
 
 
-def prior_terms(logs: Array, present: Array, spread: Number, concentration: Number) -> tuple[Array, Array]:
-    """Gradient of minus the log prior, and a positive part of its Hessian; 1 for a paint that is not there."""
+def prior_terms(
+    logs: Array, present: Array, spread: Number, concentration: Number
+) -> tuple[Array, Array]:
+    """Gradient of minus the log prior, and a positive part of its Hessian; 1 for a paint that is
+    not there.
+    """
     m = present.sum(dtype=logs.dtype)
     total, share = jax.nn.logsumexp(logs, where=present), jax.nn.softmax(logs, where=present)
     gradient = share * total / spread**2 - concentration * (present.astype(logs.dtype) - m * share)
@@ -71,7 +79,9 @@ def prior_terms(logs: Array, present: Array, spread: Number, concentration: Numb
     return gradient, hessian + jnp.diag(jnp.where(present, 0.0, 1.0).astype(logs.dtype))
 
 
-Model = Callable[[Float[Array, "size"]], tuple[Float[Array, "readings"], Float[Array, "size readings"]]]
+Model = Callable[
+    [Float[Array, "size"]], tuple[Float[Array, "readings"], Float[Array, "size readings"]]
+]
 """Readings of a film from its amounts, and their slopes by the log amounts."""
 
 
@@ -103,7 +113,9 @@ def fit_one(
         return cost, gradient - slopes @ off, hessian + slopes @ slopes.T, readings
 
     limits = float(np.log(LEAST)), float(np.log(MOST))
-    logs, (_, _, hessian, readings) = damped_newton(look, start, limits, steps=steps, longest=_LONGEST)
+    logs, (_, _, hessian, readings) = damped_newton(
+        look, start, limits, steps=steps, longest=_LONGEST
+    )
     prior = prior_terms(logs, present, weights.spread, weights.concentration)[1]
     log_evidence, spread = _evidence(logs, present, (hessian - prior, prior), readings, weights)
     return Fitted(logs, spread, log_evidence, readings)
@@ -112,16 +124,19 @@ def fit_one(
 def _evidence(
     logs: Array, present: Array, hessian: tuple[Array, Array], readings: Array, weights: Weights
 ) -> tuple[Array, Array]:
-    """Laplace's log evidence of one candidate, summed over the scales of the discrepancy; and the covariance of u.
+    """Laplace's log evidence of one candidate, summed over the scales of the discrepancy; and the
+    covariance of u.
 
-    The misfit of a whole spectrum follows a Gaussian, or Student's t of `independent` readings in all: then each weighs
-    the less the worse all are met.
+    The misfit of a whole spectrum follows a Gaussian, or Student's t of `independent` readings in
+    all: then each weighs the less the worse all are met.
     """
     off = jnp.einsum("srt,t->sr", weights.basis, weights.target - readings)
     square = jnp.sum(off**2, axis=-1)
     heavy = weights.freedom > 0
     freedom, whole = jnp.where(heavy, weights.freedom, 1.0), weights.freedom + weights.independent
-    tail = weights.independent / off.shape[-1] * weights.height - 0.5 * whole * jnp.log1p(square / freedom)
+    tail = weights.independent / off.shape[-1] * weights.height - 0.5 * whole * jnp.log1p(
+        square / freedom
+    )
     likelihood = jax.nn.logsumexp(jnp.where(heavy, tail, weights.height - 0.5 * square))
     data, prior_part = hessian
     share = jnp.where(heavy, whole / (freedom + jnp.min(square)), 1.0)
@@ -190,8 +205,8 @@ def fit_films(
     middle: int,
     steps: Array,
 ) -> Fitted:
-    """Fit candidates of one coat, each with a ground and weights of its own: arguments as of `fit_sets` without the
-    spectra's axis, and each number of steps by the same program.
+    """Fit candidates of one coat, each with a ground and weights of its own: arguments as of
+    `fit_sets` without the spectra's axis, and each number of steps by the same program.
     """
 
     def candidate(members: Array, start: Array, ground: Array, weights: Weights) -> Fitted:
@@ -248,10 +263,14 @@ def slopes_of(
     grounds: Float[np.ndarray, "spectra grounds bands"],
     row: Int[np.ndarray, "films"],
 ) -> Float[np.ndarray, "films errors readings"]:
-    """`film_slopes` of any number of films, over the grounds of their spectra, which `row` numbers."""
+    """`film_slopes` of any number of films, over the grounds of their spectra, which
+    `row` numbers.
+    """
 
     def run(n: np.ndarray) -> Array:
-        return film_slopes(response, paints, *(jnp.asarray(a) for a in (sets[n], logs[n], grounds[row[n]])))
+        return film_slopes(
+            response, paints, *(jnp.asarray(a) for a in (sets[n], logs[n], grounds[row[n]]))
+        )
 
     return by_blocks(len(sets), block_size(grounds[0].size), run)
 
@@ -301,4 +320,6 @@ def programs_ahead(
         sizes = ((count, readings), matrix, (count, scales), *[numbers] * 4)
         weights = Weights(*(np.broadcast_to(kind(0), size) for size in sizes))
         ground = np.zeros((count, *shape), kind)
-        fit_films.ahead(*given, members, np.zeros(members.shape, kind), ground, weights, middle, steps)
+        fit_films.ahead(
+            *given, members, np.zeros(members.shape, kind), ground, weights, middle, steps
+        )

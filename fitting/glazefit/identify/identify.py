@@ -1,9 +1,10 @@
 """Which paints are in a film: from its spectrum, over one ground or several, and a catalogue.
 
-Sets of one, two and three paints compete, and with them the hypothesis that none of the catalogue's paints explain the
-film; `glazefit.identify.screen` says which sets are looked at, `glazefit.film.errors` what counts as an error, and
-`glazefit.identify.fit` how a set's probability follows. Sets that are not looked at count as impossible; the search
-keeps far more than ever come near the best.
+Sets of one, two and three paints compete, and with them the hypothesis that none of the catalogue's
+paints explain the film; `glazefit.identify.screen` says which sets are looked at,
+`glazefit.film.errors` what counts as an error, and
+`glazefit.identify.fit` how a set's probability follows. Sets that are not looked at count as
+impossible; the search keeps far more than ever come near the best.
 """
 
 from collections.abc import Iterator, Sequence
@@ -41,7 +42,8 @@ def identify_chunks(
     keep: int = 20,
     thorough: bool = False,
 ) -> Iterator[Identification]:
-    """As `identify`, a few spectra at a time, so that progress can be shown and an interrupt loses little.
+    """As `identify`, a few spectra at a time, so that progress can be shown and an interrupt loses
+    little.
 
     Args and errors are those of `identify`.
     """
@@ -80,35 +82,37 @@ def identify(
     keep: int = 20,
     thorough: bool = False,
 ) -> Identification:
-    """Paints, fractions and thickness of films from their spectra, as ranked lists with probabilities.
+    """Paints, fractions and thickness of films from their spectra, as ranked lists with
+    probabilities.
 
     Args:
-        spectra: reflectance as fractions, (bands,), (spectra, bands), or (spectra, grounds, bands) for one film over
-            several grounds.
+        spectra: reflectance as fractions, (bands,), (spectra, bands), or (spectra, grounds, bands)
+            for one film over several grounds.
         wavelengths: (bands,), nm.
-        pigments: the catalogue, a mapping as `glazejax.catalogue.load` gives it or a list, on any grids that cover the
-            spectra's.
-        grounds: internal reflectance (that under paint) of the grounds: a number, (bands,) or (grounds, bands), or one
-            for each spectrum, (spectra, grounds, bands). None for films that hide their ground; their thickness is then
-            unknown.
+        pigments: the catalogue, a mapping as `glazejax.catalogue.load` gives it or a list, on any
+            grids that cover the spectra's.
+        grounds: internal reflectance (that under paint) of the grounds: a number, (bands,) or
+            (grounds, bands), or one for each spectrum, (spectra, grounds, bands). None for films
+            that hide their ground; their thickness is then unknown.
         instrument: by default d:8 with the specular part, index 1.5.
-        geometry: replaces the instrument's, such as `glazejax.Bidirectional(45, 0)` for one without a sphere.
-        noise: of a reading; where the spectra themselves are rougher, their roughness counts.
-        discrepancy: of the model; by default `glazefit.film.errors.BETWEEN_FILMS`.
+        geometry: replaces the instrument's, such as `glazejax.Bidirectional(45, 0)` for one without
+        a sphere. noise: of a reading; where the spectra themselves are rougher, their roughness
+        counts. discrepancy: of the model; by default `glazefit.film.errors.BETWEEN_FILMS`.
         prior: what is expected beforehand.
         max_paints: largest set, 1 to 3.
         layers: 2 tries the best sets as two coats too, in both orders.
         names: of the spectra.
         keep: candidates kept for each spectrum.
-        thorough: fit every pair, and give every set errors of its own: some four times as long for the same first
-            answer in most cases (`glazefit.identify.effort`).
+        thorough: fit every pair, and give every set errors of its own: some four times as long for
+            the same first answer in most cases (`glazefit.identify.effort`).
 
     Returns:
-        `Identification`; ``ranked(row)`` lists the explanations of a spectrum, ``none[row]`` is the probability that no
-        paints of the catalogue explain it.
+        `Identification`; ``ranked(row)`` lists the explanations of a spectrum, ``none[row]`` is the
+        probability that no paints of the catalogue explain it.
 
     Raises:
-        ValueError: shapes that do not match, values that are not reflectances, an empty catalogue, repeated names.
+        ValueError: shapes that do not match, values that are not reflectances, an empty catalogue,
+            repeated names.
     """
     parts = identify_chunks(
         spectra,
@@ -147,7 +151,8 @@ def identify_films(
 
     Args:
         films: such as `read_films` reads; their bare cards say what is below the paint.
-        pigments, instrument, geometry, noise, discrepancy, prior, max_paints, layers, keep, thorough: see `identify`.
+        pigments, instrument, geometry, noise, discrepancy, prior, max_paints, layers, keep,
+            thorough: see `identify`.
 
     Returns:
         `Identification`, a row for each film.
@@ -181,7 +186,9 @@ def identify_films(
 
 
 def ground_from_air(
-    bare: Float[np.ndarray, "*shape"], geometry: Geometry | None = None, refractive_index: float = 1.5
+    bare: Float[np.ndarray, "*shape"],
+    geometry: Geometry | None = None,
+    refractive_index: float = 1.5,
 ) -> Float[np.ndarray, "*shape"]:
     """Internal reflectance of grounds from what they read bare, with the same instrument.
 
@@ -194,7 +201,8 @@ def ground_from_air(
         Reflectance as seen from inside the paint, (...).
 
     Raises:
-        ValueError: a reading below the surface's reflection or above that of a perfect diffuser, by more than .01.
+        ValueError: a reading below the surface's reflection or above that of a perfect diffuser, by
+            more than .01.
 
     Example:
         >>> ground_from_air(np.array([0.05, 0.84])).round(2).tolist()
@@ -204,8 +212,13 @@ def ground_from_air(
     within = np.asarray(bare, dtype=np.float64) - instrument.seen_surface
     response = film_response(instrument.geometry, instrument.refractive_index)
     inside = np.asarray(response.internal(jnp.asarray(within)))
-    for wrong, words in ((within < -0.01, "less than its surface alone"), (inside > 1.01, "more than white can")):
+    for wrong, words in (
+        (within < -0.01, "less than its surface alone"),
+        (inside > 1.01, "more than white can"),
+    ):
         if wrong.any():
             value = np.asarray(bare)[wrong].flat[0]
-            raise ValueError(f"the bare ground reads {value:.4f} ({words}); is it seen with another instrument?")
+            raise ValueError(
+                f"the bare ground reads {value:.4f} ({words}); is it seen with another instrument?"
+            )
     return np.clip(inside, 0.0, 1.0)

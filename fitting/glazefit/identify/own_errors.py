@@ -1,8 +1,9 @@
 """The best candidates fitted again, with the errors that their own paints' coefficients cause.
 
-Errors go with a film: how large it is, and how well its paints are known. Candidates of one spectrum that have the same
-paints but for traces share them: most of what comes near a film is the right paint with a trace of another. So errors
-are worked out once for each group, where its best candidate stands, and again where that has moved to.
+Errors go with a film: how large it is, and how well its paints are known. Candidates of one
+spectrum that have the same paints but for traces share them: most of what comes near a film is the
+right paint with a trace of another. So errors are worked out once for each group, where its best
+candidate stands, and again where that has moved to.
 """
 
 from dataclasses import dataclass, fields, replace
@@ -92,14 +93,18 @@ class Groups(NamedTuple):
         """These, with others for some films."""
         of = self.of.copy()
         of[films] = others.of + len(self.row)
-        return Groups(of, *(np.concatenate(both) for both in zip(self[1:], others[1:], strict=True)))
+        return Groups(
+            of, *(np.concatenate(both) for both in zip(self[1:], others[1:], strict=True))
+        )
 
 
 def refined(task: IdentificationTask, pool: Pool, some: Measured) -> Pool:
-    """The best of a pool with errors of their own, and with amounts that come near the readings, as a mixture is shown.
+    """The best of a pool with errors of their own, and with amounts that come near the readings, as
+    a mixture is shown.
 
-    Those far behind have a weight of -inf. With errors of its paints' coefficients allowed, the most probable amounts
-    may leave to those errors what other amounts would meet: probabilities follow from that, but nobody would mix it.
+    Those far behind have a weight of -inf. With errors of its paints' coefficients allowed, the
+    most probable amounts may leave to those errors what other amounts would meet: probabilities
+    follow from that, but nobody would mix it.
     """
     pool = pool.best(task.effort.kept)
     size = max(task.max_paints, 2)
@@ -108,7 +113,8 @@ def refined(task: IdentificationTask, pool: Pool, some: Measured) -> Pool:
     films, groups, _ = weighed(task, some, films, slopes_at(task, some, films), task.effort.own)
     slopes = slopes_at(task, some, films)
     close = np.flatnonzero(
-        (films.behind() <= task.effort.close) & (_apart(films.sets, slopes, groups) > task.effort.moved)
+        (films.behind() <= task.effort.close)
+        & (_apart(films.sets, slopes, groups) > task.effort.moved)
     )
     if close.size:
         again, more, _ = weighed(task, some, films.take(close), slopes[close], task.effort.again)
@@ -116,7 +122,11 @@ def refined(task: IdentificationTask, pool: Pool, some: Measured) -> Pool:
     shown = np.flatnonzero(films.behind() <= task.effort.shown)
     films, groups = films.take(shown), groups.take(shown)
     near = _nearest(task, some, films)
-    nothing = np.full_like(pool.log_weight, -np.inf), np.zeros_like(pool.covariance), pool.readings.copy()
+    nothing = (
+        np.full_like(pool.log_weight, -np.inf),
+        np.zeros_like(pool.covariance),
+        pool.readings.copy(),
+    )
     out = replace(pool, log_weight=nothing[0], covariance=nothing[1], allowed=nothing[2])
     at = films.row, films.place
     out.log_weight[at] = films.log_weight
@@ -128,7 +138,9 @@ def refined(task: IdentificationTask, pool: Pool, some: Measured) -> Pool:
     return out
 
 
-def _grouped(task: IdentificationTask, films: Films, slopes: Float[np.ndarray, "films errors readings"]) -> Groups:
+def _grouped(
+    task: IdentificationTask, films: Films, slopes: Float[np.ndarray, "films errors readings"]
+) -> Groups:
     """Films by their paints but for traces; the most probable of each group stands for it."""
     size = films.sets.shape[1]
     effect = np.sqrt(np.mean(slopes**2, axis=-1))
@@ -147,7 +159,9 @@ def _grouped(task: IdentificationTask, films: Films, slopes: Float[np.ndarray, "
 
 
 def _apart(
-    sets: Int[np.ndarray, "films size"], slopes: Float[np.ndarray, "films errors readings"], groups: Groups
+    sets: Int[np.ndarray, "films size"],
+    slopes: Float[np.ndarray, "films errors readings"],
+    groups: Groups,
 ) -> Float[np.ndarray, "films"]:
     """How far slopes of films are from those of their groups, root mean square of the largest."""
     size = sets.shape[1]
@@ -158,7 +172,9 @@ def _apart(
         same = (here & (theirs != NOBODY)).any(axis=1)[:, None]
         at = np.argmax(here, axis=1)
         for part in (0, size):
-            off = slopes[:, paint + part] - np.where(same, alike[np.arange(len(sets)), at + part], 0.0)
+            off = slopes[:, paint + part] - np.where(
+                same, alike[np.arange(len(sets)), at + part], 0.0
+            )
             most = np.maximum(most, np.sqrt(np.mean(off**2, axis=-1)))
     return most
 
@@ -178,7 +194,9 @@ def weighed(
     fitted = _fitted(task, some, films, weights, groups.of, steps, single=task.effort.single)
     log_weight = task.discrepancy.trust * fitted.log_evidence + task.log_sets(films.sets)
     spread = np.where(absent_pairs(films.sets), 0.0, fitted.covariance)
-    films = replace(films, logs=fitted.logs, covariance=spread, log_weight=log_weight, readings=fitted.readings)
+    films = replace(
+        films, logs=fitted.logs, covariance=spread, log_weight=log_weight, readings=fitted.readings
+    )
     return films, groups, errors
 
 
@@ -202,7 +220,9 @@ def _fitted(
 
     def run(n: np.ndarray) -> Fitted:
         own = Weights(*map(jnp.asarray, (target[n], alike[basis[n]], *(part[n] for part in rest))))
-        start = map(jnp.asarray, (films.sets[n], np.asarray(films.logs[n], kind), grounds[films.row[n]]))
+        start = map(
+            jnp.asarray, (films.sets[n], np.asarray(films.logs[n], kind), grounds[films.row[n]])
+        )
         return fit_films(response, paints, *start, own, task.middle, jnp.asarray(steps))
 
     fitted = by_blocks(len(films.row), block_size(alike.shape[-1]), run)
@@ -232,7 +252,8 @@ def allowed(
     readings: Float[np.ndarray, "films readings"],
     groups: Groups,
 ) -> Float[np.ndarray, "films readings"]:
-    """Readings moved as the errors of their paints' coefficients most probably move them to what was seen.
+    """Readings moved as the errors of their paints' coefficients most probably move them to what
+    was seen.
 
     A film of the right paints is met once these are allowed for; one of others is not.
 
@@ -247,17 +268,25 @@ def allowed(
     return readings + np.einsum("fij,fj->fi", excused(task, some, groups)[groups.of], off)
 
 
-def excused(task: IdentificationTask, some: Measured, groups: Groups) -> Float[np.ndarray, "groups readings readings"]:
-    """Matrix from what a film misses to the part that the errors of its paints' coefficients most probably make."""
+def excused(
+    task: IdentificationTask, some: Measured, groups: Groups
+) -> Float[np.ndarray, "groups readings readings"]:
+    """Matrix from what a film misses to the part that the errors of its paints' coefficients most
+    probably make.
+    """
     # What the pigments say of their errors, and no more.
     told = replace(task.discrepancy, coefficient=0.0, level=0.0)
-    free = paints_covariance(groups.slopes, groups.sets, task.errors, task.modes, task.wavelengths, told)
+    free = paints_covariance(
+        groups.slopes, groups.sets, task.errors, task.modes, task.wavelengths, told
+    )
     free = free + fixed_errors(task, some, np.zeros_like(some.noise_sd))[groups.row]
     near = near_sd(some).reshape(len(some), -1)[groups.row] ** 2
     return free @ np.linalg.inv(free + near[..., None] * np.eye(near.shape[-1]))
 
 
-def slopes_at(task: IdentificationTask, some: Measured, films: Films) -> Float[np.ndarray, "films errors readings"]:
+def slopes_at(
+    task: IdentificationTask, some: Measured, films: Films
+) -> Float[np.ndarray, "films errors readings"]:
     """Slopes of films' readings by the log of every paint's k, then s."""
     return slopes_of(task.response, task.paints, films.sets, films.logs, some.grounds, films.row)
 
@@ -269,7 +298,9 @@ def own_errors(
     sets: Int[np.ndarray, "films size"],
     slopes: Float[np.ndarray, "films errors readings"],
 ) -> Whitening:
-    """Errors of films, from what their paints' coefficients do to the readings; `row` is each one's spectrum."""
+    """Errors of films, from what their paints' coefficients do to the readings; `row` is each one's
+    spectrum.
+    """
     d = task.discrepancy
     off = d.amplitude + d.share * some.readings.reshape(len(some), -1)
     model = model_covariance(task.wavelengths, some.readings.shape[1], d, off)
@@ -281,17 +312,31 @@ def own_errors(
 def fixed_errors(
     task: IdentificationTask, some: Measured, noise_sd: Float[np.ndarray, "spectra grounds bands"]
 ) -> Float[np.ndarray, "spectra readings readings"]:
-    """Covariance of noise, of the surface's reflection and of what else is in doubt about the readings."""
+    """Covariance of noise, of the surface's reflection and of what else is in doubt about the
+    readings.
+    """
     doubt = some.doubt.reshape(*some.doubt.shape[:2], some.readings[0].size)
-    return noise_covariance(noise_sd, task.surface, task.discrepancy) + np.swapaxes(doubt, 1, 2) @ doubt
+    return (
+        noise_covariance(noise_sd, task.surface, task.discrepancy)
+        + np.swapaxes(doubt, 1, 2) @ doubt
+    )
 
 
-def weights_of(task: IdentificationTask, readings: Float[np.ndarray, "*n readings"], errors: Whitening) -> Weights:
+def weights_of(
+    task: IdentificationTask, readings: Float[np.ndarray, "*n readings"], errors: Whitening
+) -> Weights:
     """Errors and prior of spectra, or of candidates, from readings with the surface's part."""
     freedom = task.discrepancy.freedom or 0.0
-    numbers = (task.prior.spread, task.prior.concentration, freedom, min(independent(task), readings.shape[-1]))
+    numbers = (
+        task.prior.spread,
+        task.prior.concentration,
+        freedom,
+        min(independent(task), readings.shape[-1]),
+    )
     alike = (np.full(readings.shape[:-1], float(value)) for value in numbers)
-    return Weights(readings - task.discrepancy.gloss * task.surface, errors.basis, errors.height, *alike)
+    return Weights(
+        readings - task.discrepancy.gloss * task.surface, errors.basis, errors.height, *alike
+    )
 
 
 def independent(task: IdentificationTask) -> float:

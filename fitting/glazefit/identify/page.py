@@ -1,4 +1,6 @@
-"""A page to file: one HTML file without anything from elsewhere, from the record of an identification."""
+"""A page to file: one HTML file without anything from elsewhere, from the record of an
+identification.
+"""
 
 import json
 import re
@@ -27,7 +29,9 @@ def beside(path: Path) -> tuple[Path, Path]:
         ValueError: the page's name does not end in .html.
     """
     if path.suffix != ".html":
-        raise ValueError(f"--report {path}: a report ends in .html, such as {path.with_suffix('.html')}")
+        raise ValueError(
+            f"--report {path}: a report ends in .html, such as {path.with_suffix('.html')}"
+        )
     return path.with_suffix(".csv"), path.with_suffix(".json")
 
 
@@ -46,7 +50,9 @@ def write_page(record: Record, path: Path, *, overwrite: bool = False) -> tuple[
     # A spectrum a line; the strings of JSON have no line breaks.
     text = re.sub(r"\[\n[-+\d.eE,\s]*\]", lambda numbers: re.sub(r"\s+", " ", numbers[0]), text)
     # All is made before anything is written, so that no table stands beside an older page.
-    shown = [piece.encode("utf-8", "xmlcharrefreplace") for piece in page(record, table.name, data.name)]
+    shown = [
+        piece.encode("utf-8", "xmlcharrefreplace") for piece in page(record, table.name, data.name)
+    ]
     rows = table_bytes(COLUMNS, table_rows(record))
     write_files({table: [rows], data: [text.encode()], path: shown}, overwrite=overwrite)
     return table, data
@@ -66,7 +72,10 @@ def page(record: Record, table: str, data: str) -> Iterator[str]:
     yield _summary(record)
     yield "<h2>Spots</h2>\n"
     if len(record["spots"]) > DRAWN:
-        yield f"<p>Spectra are drawn for the first {DRAWN} spots; those of all are in {escape(data)}.</p>\n"
+        yield (
+            f"<p>Spectra are drawn for the first {DRAWN} spots; those of all are in "
+            f"{escape(data)}.</p>\n"
+        )
     last = DRAWN
     for number, spot in enumerate(record["spots"]):
         try:
@@ -74,7 +83,10 @@ def page(record: Record, table: str, data: str) -> Iterator[str]:
         except KeyboardInterrupt:
             # What takes long is drawing: an interrupt ends that, and the page is still filed.
             last = number
-            yield f"<p>Interrupted: from here on spectra are not drawn; they are in {escape(data)}.</p>\n"
+            yield (
+                "<p>Interrupted: from here on spectra are not drawn; they are in "
+                f"{escape(data)}.</p>\n"
+            )
             yield spot_html(record, spot, drawn=False)
     yield _method(record)
     yield _filed(record, table, data)
@@ -84,13 +96,24 @@ def page(record: Record, table: str, data: str) -> Iterator[str]:
 def _head(record: Record) -> str:
     measured, method = record["measurement"], record["method"]
     count, paints = len(record["spots"]), record["catalogue"]["paints"]
-    sets = "each alone" if method["max_paints"] == 1 else f"every set of up to {method['max_paints']}"
+    sets = (
+        "each alone" if method["max_paints"] == 1 else f"every set of up to {method['max_paints']}"
+    )
     coats = "one coat only" if method["layers"] == 1 else "one coat, and two coats in both orders"
-    grounds = "not seen: the films are said to hide it" if measured["opaque"] else "; ".join(measured["grounds"])
+    grounds = (
+        "not seen: the films are said to hide it"
+        if measured["opaque"]
+        else "; ".join(measured["grounds"])
+    )
     facts = {
-        "Made": f"{record['created'].replace('T', ', ')}, by glazejax {record['versions']['glazejax']}",
+        "Made": (
+            f"{record['created'].replace('T', ', ')}, by glazejax {record['versions']['glazejax']}"
+        ),
         "Measured": f"{count} {'spot' if count == 1 else 'spots'}, {measured['grid']}",
-        "Instrument": f"{measured['geometry']}; refractive index of the paint {measured['refractive_index']:g}",
+        "Instrument": (
+            f"{measured['geometry']}; refractive index of the paint "
+            f"{measured['refractive_index']:g}"
+        ),
         "Ground": grounds,
         "Tried": f"{sets} of {len(paints)} paints of {record['catalogue']['name']}, as {coats}",
     }
@@ -101,14 +124,17 @@ def _head(record: Record) -> str:
         left = record["not_done"]
         some = ", ".join(left[:12]) + (f" and {len(left) - 12} more" if len(left) > 12 else "")
         out += (
-            f'<p class="warn"><strong>Interrupted.</strong> {count} of {count + len(left)} spots were finished. '
+            f'<p class="warn"><strong>Interrupted.</strong> {count} of {count + len(left)} spots '
+            "were finished. "
             f"Not done: {escape(some)}.</p>\n"
         )
     return out
 
 
 def _pairs(facts: Mapping[str, str]) -> str:
-    return "".join(f"<dt>{escape(name)}</dt><dd>{escape(value)}</dd>" for name, value in facts.items())
+    return "".join(
+        f"<dt>{escape(name)}</dt><dd>{escape(value)}</dd>" for name, value in facts.items()
+    )
 
 
 def _summary(record: Record) -> str:
@@ -117,11 +143,13 @@ def _summary(record: Record) -> str:
     coats = "" if record["method"]["layers"] == 1 else '<th class="n wide">Two coats</th>'
     return (
         '<h2>Summary</h2>\n<p class="faint">Probability of these paints together. '
-        "‘None’: that no paints of the catalogue explain the spot. ΔE00: colour difference between measured and fitted "
+        "‘None’: that no paints of the catalogue explain the spot. ΔE00: colour difference "
+        "between measured and fitted "
         f"film; below {UNSEEN:g} nobody sees it.</p>\n"
         '<div class="scroll"><table id="summary">\n'
         '<thead><tr><th>Spot</th><th class="wide">Colour</th><th>Most probable paints</th>'
-        f'<th class="n">Probability</th><th class="n">None</th>{coats}{thick}<th class="n">ΔE00</th></tr></thead>\n'
+        f'<th class="n">Probability</th><th class="n">None</th>{coats}{thick}<th '
+        'class="n">ΔE00</th></tr></thead>\n'
         f"<tbody>\n{rows}</tbody></table></div>\n"
     )
 
@@ -133,11 +161,21 @@ def _summary_row(record: Record, spot: Record) -> str:
         words += " <em>(uncertain)</em>" if best["probability"] < spot["none_of_these"] else ""
     else:
         words, probability = "<em>Nothing in the catalogue explains it</em>", "–"
-    thick = "" if record["measurement"]["opaque"] else f'<td class="n wide">{length_html(best["thickness_um"])}</td>'
-    coats = "" if record["method"]["layers"] == 1 else f'<td class="n wide">{chance_html(spot["two_coats"])}</td>'
+    thick = (
+        ""
+        if record["measurement"]["opaque"]
+        else f'<td class="n wide">{length_html(best["thickness_um"])}</td>'
+    )
+    coats = (
+        ""
+        if record["method"]["layers"] == 1
+        else f'<td class="n wide">{chance_html(spot["two_coats"])}</td>'
+    )
     return (
-        f'<tr><td><a href="#{spot["id"]}">{escape(spot["name"])}</a></td><td class="wide">{swatches(spot, "measured")}'
-        f'</td><td>{words}</td><td class="n">{probability}</td><td class="n">{chance_html(spot["none_of_these"])}</td>'
+        f'<tr><td><a href="#{spot["id"]}">{escape(spot["name"])}</a></td><td '
+        f'class="wide">{swatches(spot, "measured")}'
+        f'</td><td>{words}</td><td class="n">{probability}</td><td '
+        f'class="n">{chance_html(spot["none_of_these"])}</td>'
         f'{coats}{thick}<td class="n">{number_html(best["delta_e_2000"], 1)}</td></tr>\n'
     )
 
@@ -146,33 +184,52 @@ def _method(record: Record) -> str:
     layers, opaque = record["method"]["layers"], record["measurement"]["opaque"]
     scale = record["catalogue"].get("scale")
     points = [
-        "Sets of paints compete: amounts are fitted to the spectrum by radiative transfer, and a set's probability "
-        "follows from its misfit, given the errors stated below. One answer is that no set of the catalogue explains "
+        "Sets of paints compete: amounts are fitted to the spectrum by radiative transfer, and a "
+        "set's probability "
+        "follows from its misfit, given the errors stated below. One answer is that no set of "
+        "the catalogue explains "
         "the spot.",
-        "Probabilities hold for these paints and these assumptions. A paint that is not in the catalogue cannot be "
+        "Probabilities hold for these paints and these assumptions. A paint that is not in the "
+        "catalogue cannot be "
         "found; paints of like spectra cannot be told apart, and share their probability.",
-        f"ΔE00 is CIEDE2000 for D65 and 10 degrees, the largest over the grounds: below {UNSEEN:g} nobody sees it, "
-        f"above {REJECTED:g} everybody. RMSE is the root mean square of measured minus fitted reflectance.",
-        "Intervals are 90 % intervals from the fit's covariance, for the paints named; they do not count that the film "
+        "ΔE00 is CIEDE2000 for D65 and 10 degrees, the largest over the grounds: below "
+        f"{UNSEEN:g} nobody sees it, "
+        f"above {REJECTED:g} everybody. RMSE is the root mean square of measured minus fitted "
+        "reflectance.",
+        "Intervals are 90 % intervals from the fit's covariance, for the paints named; they do "
+        "not count that the film "
         "might be of others.",
-        "The band about a fit is where 90 % of readings would lie if the explanation were right, with errors of the "
+        "The band about a fit is where 90 % of readings would lie if the explanation were right, "
+        "with errors of the "
         "instrument, the model and the catalogue as stated, after the amounts are fitted.",
-        "For a paint that was not found, films of it alone, with every other paint, and beside the most probable "
-        f"paints were fitted in one coat{', and the two coats that were found count too' if layers > 1 else ''}. "
+        "For a paint that was not found, films of it alone, with every other paint, and beside "
+        "the most probable "
+        "paints were fitted in one "
+        f"coat{', and the two coats that were found count too' if layers > 1 else ''}. "
         "The one that is nearest in its spectrum is named.",
     ]
     if layers == 1:
-        points.append("Two coats were not tried: a spot of several coats is described as if they were mixed.")
+        points.append(
+            "Two coats were not tried: a spot of several coats is described as if they were mixed."
+        )
     if opaque:
-        points.append("The films are taken as hiding their ground: they say nothing on thickness or what lies below.")
+        points.append(
+            "The films are taken as hiding their ground: they say nothing on thickness or what "
+            "lies below."
+        )
     if scale:
         points.append(f"Thicknesses are on the catalogue's scale: {scale}.")
     items = "".join(f"<li>{escape(point)}</li>\n" for point in points)
     settings = {
-        name.capitalize(): ", ".join(f"{key.replace('_', ' ')} {value}" for key, value in values.items())
+        name.capitalize(): ", ".join(
+            f"{key.replace('_', ' ')} {value}" for key, value in values.items()
+        )
         for name, values in record["method"]["settings"].items()
     }
-    return f"<h2>Method</h2>\n<ul>\n{items}</ul>\n<h4>Errors and expectations</h4>\n<dl>{_pairs(settings)}</dl>\n"
+    return (
+        f"<h2>Method</h2>\n<ul>\n{items}</ul>\n<h4>Errors and "
+        f"expectations</h4>\n<dl>{_pairs(settings)}</dl>\n"
+    )
 
 
 def _filed(record: Record, table: str, data: str) -> str:
@@ -187,15 +244,20 @@ def _filed(record: Record, table: str, data: str) -> str:
             f"<tr><td>catalogue</td><td><code>{escape(catalogue['file'])}</code> of glazejax "
             f"{record['versions']['glazejax']}</td><td><code>{catalogue['sha256']}</code></td></tr>\n"
         )
-    paints = f"<dt>Catalogue</dt><dd>{escape(catalogue['name'])}: {escape(', '.join(catalogue['paints']))}</dd>"
+    paints = (
+        f"<dt>Catalogue</dt><dd>{escape(catalogue['name'])}: "
+        f"{escape(', '.join(catalogue['paints']))}</dd>"
+    )
     if catalogue.get("provenance"):
         paints += f"<dt>Its source</dt><dd>{escape(catalogue['provenance'])}</dd>"
     versions = ", ".join(f"{name} {number}" for name, number in record["versions"].items())
     return (
         f"<h2>Record</h2>\n<dl><dt>Command</dt><dd><code>{escape(record['command'])}</code></dd>"
         f"<dt>Versions</dt><dd>{escape(versions)}; {escape(record['platform'])}</dd>{paints}"
-        f"<dt>Beside this page</dt><dd>{escape(table)}: explanations, a line for each paint. {escape(data)}: all of "
+        f"<dt>Beside this page</dt><dd>{escape(table)}: explanations, a line for each paint. "
+        f"{escape(data)}: all of "
         "this, with spectra and every option.</dd></dl>\n"
-        '<p class="faint">Files that were read, by their SHA-256.</p>\n<div class="scroll"><table>\n'
+        '<p class="faint">Files that were read, by their SHA-256.</p>\n<div '
+        'class="scroll"><table>\n'
         f"<thead><tr><th>As</th><th>File</th><th>SHA-256</th></tr></thead>\n<tbody>\n{inputs}</tbody></table></div>\n"
     )

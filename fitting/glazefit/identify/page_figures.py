@@ -33,10 +33,14 @@ def draw_spectra(spot: Mapping[str, Any], grid: np.ndarray, grounds: list[str]) 
         axes = figure.subplots()
         measured = np.asarray(spot["measured"])
         for n, found in reversed(list(enumerate(spot["explanations"][:FITS]))):
-            for fitted, half in zip(found["fitted"], found["band_90"] or found["fitted"], strict=True):
+            for fitted, half in zip(
+                found["fitted"], found["band_90"] or found["fitted"], strict=True
+            ):
                 middle, half = np.asarray(fitted), np.asarray(half)
                 if n == 0 and found["band_90"] is not None:
-                    axes.fill_between(grid, middle - half, middle + half, color=_COLOURS[0], alpha=0.18, lw=0)
+                    axes.fill_between(
+                        grid, middle - half, middle + half, color=_COLOURS[0], alpha=0.18, lw=0
+                    )
                 axes.plot(grid, middle, ls=_DASHES[n], color=_COLOURS[n], lw=1.7 - 0.2 * n)
         for reading in measured:
             axes.plot(grid, reading, "o", color=INK, ms=2.6, mfc="none", mew=0.7)
@@ -48,14 +52,17 @@ def draw_spectra(spot: Mapping[str, Any], grid: np.ndarray, grounds: list[str]) 
 
 
 def draw_residuals(spot: Mapping[str, Any], grid: np.ndarray, grounds: list[str]) -> str:
-    """Measured minus fitted of the first fits, a panel for each ground, with the band of the best."""
+    """Measured minus fitted of the first fits, a panel for each ground, with the band of
+    the best.
+    """
 
     def draw(figure: Any) -> None:
         measured = np.asarray(spot["measured"])
         fits = spot["explanations"][:FITS]
         off = float(max(np.abs(measured - np.asarray(found["fitted"])).max() for found in fits))
         band = float(np.max(fits[0]["band_90"])) if fits[0]["band_90"] is not None else 0.0
-        # A band that is far wider than what is left fills the panel, so that what is left can be seen.
+        # A band that is far wider than what is left fills the panel, so that what is left can be
+        # seen.
         most = max(1.15 * off, min(1.05 * band, 5.0 * off), 0.01)
         panels = figure.subplots(len(measured), 1, sharex=True, sharey=True, squeeze=False)[:, 0]
         for g, axes in enumerate(panels):
@@ -89,7 +96,9 @@ def _ends(grid: np.ndarray) -> tuple[float, float]:
 
 
 def _svg(salt: str, draw: Any) -> str:
-    """An SVG element of no size of its own: text stays text, colours are the page's, equal input gives equal text."""
+    """An SVG element of no size of its own: text stays text, colours are the page's, equal input
+    gives equal text.
+    """
     settings = {
         "svg.fonttype": "none",
         "svg.hashsalt": salt,
@@ -112,7 +121,9 @@ def _svg(salt: str, draw: Any) -> str:
         figure.subplots_adjust(left=0.15, right=0.985, bottom=0.155, top=0.94, hspace=0.28)
         draw(figure)
         text = io.StringIO()
-        FigureCanvasSVG(figure).print_svg(text, metadata=dict.fromkeys(("Date", "Creator", "Format", "Type")))
+        FigureCanvasSVG(figure).print_svg(
+            text, metadata=dict.fromkeys(("Date", "Creator", "Format", "Type"))
+        )
     return _inline(text.getvalue())
 
 

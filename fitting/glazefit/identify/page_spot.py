@@ -25,9 +25,15 @@ def spot_html(record: Record, spot: Record, *, drawn: bool) -> str:
     best = spot["explanations"][0]
     if spot["explained"]:
         probability = chance_html(best["probability"])
-        verdict = f"Most probable: <strong>{words_html(spot['words'])}</strong>, probability {probability}."
+        verdict = (
+            f"Most probable: <strong>{words_html(spot['words'])}</strong>, probability "
+            f"{probability}."
+        )
         if best["probability"] < spot["none_of_these"]:
-            verdict += " Uncertain: more probable than any one set is that no paints of the catalogue explain it."
+            verdict += (
+                " Uncertain: more probable than any one set is that no paints of the catalogue "
+                "explain it."
+            )
     else:
         verdict = f"<strong>{words_html(spot['words'][0].upper() + spot['words'][1:])}.</strong>"
     none = f"That none of these paints explain it: {chance_html(spot['none_of_these'])}."
@@ -36,16 +42,25 @@ def spot_html(record: Record, spot: Record, *, drawn: bool) -> str:
         doubts.append(f"That the film has two coats: {chance_html(spot['two_coats'])}.")
     doubts += [words_html(words) for words in spot["doubts"]]
     least = record["thresholds"]["ruled_out_below"]
-    likely = [f"{escape(paint)} {chance_html(p)}" for paint, p in spot["paint_probability"].items() if p >= least]
+    likely = [
+        f"{escape(paint)} {chance_html(p)}"
+        for paint, p in spot["paint_probability"].items()
+        if p >= least
+    ]
     chances = ", ".join(likely)
     colours = ""
     if spot["colours"] is not None:
-        colours = f"<p>Measured {swatches(spot, 'measured')} fitted {swatches(spot, 'fitted')}</p>\n"
+        colours = (
+            f"<p>Measured {swatches(spot, 'measured')} fitted {swatches(spot, 'fitted')}</p>\n"
+        )
     return (
-        f'<article id="{spot["id"]}" aria-label="spot {name}">\n<div class="first">\n<h3>{name}</h3>\n'
-        f'<p class="verdict{"" if spot["explained"] else " warn"}">{verdict}</p>\n<p>{" ".join(doubts)}</p>\n'
+        f'<article id="{spot["id"]}" aria-label="spot {name}">\n<div '
+        f'class="first">\n<h3>{name}</h3>\n'
+        f'<p class="verdict{"" if spot["explained"] else " warn"}">{verdict}</p>\n'
+        f"<p>{' '.join(doubts)}</p>\n"
         f"{colours}{_figures(record, spot) if drawn else ''}</div>\n{_explanations(record, spot)}"
-        f"<h4>Chance of each paint to be in the film</h4>\n<p>{chances or 'None reaches 1 %'}.</p>\n"
+        "<h4>Chance of each paint to be in the "
+        f"film</h4>\n<p>{chances or 'None reaches 1 %'}.</p>\n"
         f"{_ruled_out(spot)}</article>\n"
     )
 
@@ -54,30 +69,44 @@ def _figures(record: Record, spot: Record) -> str:
     grid = np.asarray(record["measurement"]["wavelengths_nm"])
     grounds = record["measurement"]["grounds"]
     fits = spot["explanations"][:FITS]
-    keys = "".join(_key(n, fit["words"], chance_html(fit["probability"])) for n, fit in enumerate(fits, start=1))
+    keys = "".join(
+        _key(n, fit["words"], chance_html(fit["probability"]))
+        for n, fit in enumerate(fits, start=1)
+    )
     names = "; ".join(f"{n}, {fit['words']}" for n, fit in enumerate(fits, start=1))
     low, high = np.min(spot["measured"]), np.max(spot["measured"])
     spectra = (
-        f"Reflectance of spot {spot['name']} from {grid[0]:g} to {grid[-1]:g} nm, measured between {low:.2f} and "
+        f"Reflectance of spot {spot['name']} from {grid[0]:g} to {grid[-1]:g} nm, measured "
+        f"between {low:.2f} and "
         f"{high:.2f}, and the fits {names}."
     )
     off = np.abs(np.asarray(spot["measured"]) - np.asarray(fits[0]["fitted"])).max()
-    residuals = f"Measured minus fitted reflectance of spot {spot['name']}; the best fit is off by {off:.3f} at most."
+    residuals = (
+        f"Measured minus fitted reflectance of spot {spot['name']}; the best fit is off by "
+        f"{off:.3f} at most."
+    )
     return (
         '<div class="figures">\n'
-        f'<figure role="img" aria-label="{escape(spectra)}">{draw_spectra(spot, grid, grounds)}</figure>\n'
-        f'<figure role="img" aria-label="{escape(residuals)}">{draw_residuals(spot, grid, grounds)}</figure>\n</div>\n'
-        '<ul class="keys"><li><svg viewBox="0 0 32 12" aria-hidden="true"><circle cx="16" cy="6" r="3.5" fill="none" '
-        f'stroke="var(--ink)"/></svg>measured</li>{keys}<li><svg viewBox="0 0 32 12" aria-hidden="true"><rect '
-        'width="32" height="12" fill="var(--fit-1)" fill-opacity=".2"/></svg>90\u202f% band of fit 1</li></ul>\n'
+        '<figure role="img" '
+        f'aria-label="{escape(spectra)}">{draw_spectra(spot, grid, grounds)}</figure>\n'
+        f'<figure role="img" aria-label="{escape(residuals)}">{draw_residuals(spot, grid, grounds)}'
+        "</figure>\n</div>\n"
+        '<ul class="keys"><li><svg viewBox="0 0 32 12" aria-hidden="true"><circle cx="16" cy="6" '
+        'r="3.5" fill="none" '
+        f'stroke="var(--ink)"/></svg>measured</li>{keys}<li><svg viewBox="0 0 32 12" '
+        'aria-hidden="true"><rect '
+        'width="32" height="12" fill="var(--fit-1)" fill-opacity=".2"/></svg>90\u202f% band of '
+        "fit 1</li></ul>\n"
     )
 
 
 def _key(number: int, words: str, probability: str) -> str:
     dash = ("", ' stroke-dasharray="7 3"', ' stroke-dasharray="2 2.5"')[number - 1]
     return (
-        f'<li><svg viewBox="0 0 32 12" aria-hidden="true"><line x1="0" x2="32" y1="6" y2="6" stroke-width="2.5" '
-        f'stroke="var(--fit-{number})"{dash}/></svg>{number}: {words_html(words)} ({probability})</li>'
+        '<li><svg viewBox="0 0 32 12" aria-hidden="true"><line x1="0" x2="32" y1="6" y2="6" '
+        'stroke-width="2.5" '
+        f'stroke="var(--fit-{number})"{dash}/></svg>{number}: {words_html(words)} '
+        f"({probability})</li>"
     )
 
 
@@ -86,9 +115,14 @@ def _explanations(record: Record, spot: Record) -> str:
     columns = 2 if opaque else 3
     body = ""
     for found in spot["explanations"]:
-        thick = "" if opaque else f"thickness {length_html(found['thickness_um'], found['thickness_90_um'])} µm, "
+        thick = (
+            ""
+            if opaque
+            else f"thickness {length_html(found['thickness_um'], found['thickness_90_um'])} µm, "
+        )
         body += (
-            f'<tr class="lead"><th colspan="{columns}" scope="rowgroup">{found["rank"]}: probability '
+            f'<tr class="lead"><th colspan="{columns}" scope="rowgroup">{found["rank"]}: '
+            "probability "
             f'{chance_html(found["probability"])} <span class="faint">{thick}ΔE00 '
             f"{number_html(found['delta_e_2000'], 2)}, RMSE {found['rmse']:.4f}</span></th></tr>\n"
         )
@@ -96,11 +130,19 @@ def _explanations(record: Record, spot: Record) -> str:
         for paint in found["paints"]:
             coat = "" if not stacked else " (upper coat)" if paint["coat"] == 1 else " (lower coat)"
             share = share_html(paint["fraction"], paint["fraction_90"])
-            amount = "" if opaque else f'<td class="n">{length_html(paint["amount_um"], paint["amount_90_um"])}</td>'
-            body += f'<tr><td>{escape(paint["name"])}{coat}</td><td class="n">{share}</td>{amount}</tr>\n'
+            amount = (
+                ""
+                if opaque
+                else f'<td class="n">{length_html(paint["amount_um"], paint["amount_90_um"])}</td>'
+            )
+            body += (
+                f"<tr><td>{escape(paint['name'])}{coat}</td><td "
+                f'class="n">{share}</td>{amount}</tr>\n'
+            )
     amount = "" if opaque else '<th class="n">Amount, µm</th>'
     return (
-        f'<h4>{"Shares" if opaque else "Amounts"}</h4>\n<p class="faint">With 90\u202f% intervals, if the film is of '
+        f'<h4>{"Shares" if opaque else "Amounts"}</h4>\n<p class="faint">With 90\u202f% '
+        "intervals, if the film is of "
         "these paints. Share: by mass, of all paint in the film."
         f"{'' if opaque else ' Amount: thickness times share.'}</p>\n"
         '<div class="scroll"><table class="amounts">\n'
@@ -118,13 +160,18 @@ def _ruled_out(spot: Record) -> str:
             kind = paint["kind"]
             body += f'<tr class="kind"><th colspan="4" scope="rowgroup">{_KINDS[kind]}</th></tr>\n'
         body += (
-            f'<tr><td>{words_html(paint["reason"])}</td><td class="wide">{words_html(paint["film"])}</td>'
-            f'<td class="n">{number_html(paint["delta_e"], 1)}</td><td class="n wide">{paint["rmse"]:.4f}</td></tr>\n'
+            f"<tr><td>{words_html(paint['reason'])}</td><td "
+            f'class="wide">{words_html(paint["film"])}</td>'
+            f'<td class="n">{number_html(paint["delta_e"], 1)}</td><td class="n '
+            f'wide">{paint["rmse"]:.4f}</td></tr>\n'
         )
     return (
-        '<h4>Ruled out, and why</h4>\n<p class="faint">Paints that do not fit, or with a probability '
-        "below 1\u202f%, judged by the nearest film with at least 1\u202f% of each: a smaller trace can hide in any "
-        'film.</p>\n<div class="scroll"><table>\n<thead><tr><th>Why</th><th class="wide">Nearest film with it</th>'
+        '<h4>Ruled out, and why</h4>\n<p class="faint">Paints that do not fit, or with a '
+        "probability "
+        "below 1\u202f%, judged by the nearest film with at least 1\u202f% of each: a smaller "
+        "trace can hide in any "
+        'film.</p>\n<div class="scroll"><table>\n<thead><tr><th>Why</th><th class="wide">Nearest '
+        "film with it</th>"
         '<th class="n">ΔE00</th><th class="n wide">RMSE</th>'
         f"</tr></thead>\n<tbody>\n{body}</tbody></table></div>\n"
     )
@@ -135,5 +182,7 @@ def swatches(spot: Record, what: str) -> str:
     if spot["colours"] is None:
         return ""
     shades = spot["colours"][what]
-    patches = "".join(f'<span class="swatch" style="background:{shade}"></span>' for shade in shades)
+    patches = "".join(
+        f'<span class="swatch" style="background:{shade}"></span>' for shade in shades
+    )
     return f'<span role="img" aria-label="{what} colour, {", ".join(shades)}">{patches}</span>'

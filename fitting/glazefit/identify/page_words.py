@@ -9,7 +9,8 @@ import numpy as np
 from .report import chance, micrometres
 from .result import percent
 
-# Lengths in um beyond which an interval says no more: far below a grain of pigment, and the thickest film there is.
+# Lengths in um beyond which an interval says no more: far below a grain of pigment, and the
+# thickest film there is.
 _LEAST_UM, _MOST_UM = 0.001, 1e4
 
 

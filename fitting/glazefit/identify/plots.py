@@ -34,15 +34,27 @@ def _draw(found: Identification, row: int, candidates: list[Candidate], axes: np
     spectra, residuals, chances = axes
     grid, readings = found.measured.wavelengths, found.measured.readings[row]
     for ground, reading in enumerate(readings):
-        spectra.plot(grid, reading, "o", color="0.25", ms=3.5, mfc="none", label="measured" if ground == 0 else None)
+        spectra.plot(
+            grid,
+            reading,
+            "o",
+            color="0.25",
+            ms=3.5,
+            mfc="none",
+            label="measured" if ground == 0 else None,
+        )
     # A fit that nothing speaks for would only stretch the axes of the others.
     likely = [one for one in candidates if one.probability >= _DRAWN * candidates[0].probability]
     for n, (candidate, colour) in enumerate(zip(likely, _COLOURS, strict=False)):
         for ground in range(len(readings)):
             first = ground == 0
             label = candidate.words if first else None
-            spectra.plot(grid, candidate.fitted[ground], "-", color=colour, lw=1.4 - 0.3 * n, label=label)
-            residuals.plot(grid, candidate.residual[ground], "-" if first else "--", color=colour, lw=1.2)
+            spectra.plot(
+                grid, candidate.fitted[ground], "-", color=colour, lw=1.4 - 0.3 * n, label=label
+            )
+            residuals.plot(
+                grid, candidate.residual[ground], "-" if first else "--", color=colour, lw=1.2
+            )
     label_spectra(spectra, ylim=(0, max(1.0, float(readings.max()) * 1.05)))
     spectra.set_title(f"{found.measured.names[row]}: circles measured, lines fitted")
     residuals.axhline(0, color="0.7", lw=0.8)

@@ -1,4 +1,6 @@
-"""All that is filed of an identification, in plain numbers and words, for the page, the table and the JSON alike."""
+"""All that is filed of an identification, in plain numbers and words, for the page, the table and
+the JSON alike.
+"""
 
 import hashlib
 import platform
@@ -38,8 +40,8 @@ class About:
         command: the command line.
         options: all options and their values.
         inputs: files that were read, as `input_files` gives them.
-        catalogue: name, file, checksum and provenance of the paints, and what is assumed of lengths.
-        geometry: of the instrument, in words.
+        catalogue: name, file, checksum and provenance of the paints, and what is assumed of
+        lengths. geometry: of the instrument, in words.
         refractive_index: of the paint.
         grounds: what is under the paint, a name for each ground.
         notes: what the readers of the files noticed.
@@ -66,7 +68,8 @@ class About:
 
 
 def input_files(files: Mapping[str, Path | None]) -> list[dict[str, Any]]:
-    """Name, size and SHA-256 of files, and of the second half of an ENVI pair; a pipe can be read once and has none.
+    """Name, size and SHA-256 of files, and of the second half of an ENVI pair; a pipe can be read
+    once and has none.
 
     Args:
         files: what each was given as -> path; None where there is none.
@@ -123,7 +126,10 @@ def make_record(
         "created": about.created.isoformat(timespec="seconds"),
         "complete": not left,
         "not_done": left,
-        "versions": {**{name: version(name) for name in _PACKAGES}, "python": platform.python_version()},
+        "versions": {
+            **{name: version(name) for name in _PACKAGES},
+            "python": platform.python_version(),
+        },
         "platform": platform.platform(terse=True),
         "command": about.command,
         "options": dict(about.options),
@@ -138,13 +144,19 @@ def make_record(
             "grid": describe_grid(found.measured.wavelengths),
             "wavelengths_nm": found.measured.wavelengths.tolist(),
         },
-        "method": {"max_paints": about.max_paints, "layers": about.layers, "settings": dict(about.settings)},
+        "method": {
+            "max_paints": about.max_paints,
+            "layers": about.layers,
+            "settings": dict(about.settings),
+        },
         "thresholds": {"ruled_out_below": IMPROBABLE, "least_share": LEAST_SHARE},
         "spots": [_spot(found, contenders, bands, row, top) for row in range(len(found))],
     }
 
 
-def _spot(found: Identification, contenders: Contenders, bands: np.ndarray, row: int, top: int) -> dict[str, Any]:
+def _spot(
+    found: Identification, contenders: Contenders, bands: np.ndarray, row: int, top: int
+) -> dict[str, Any]:
     chances = found.paint_probability[row]
     ranked = found.ranked(row, top)
     explained = bool(found.explained[row])
@@ -155,7 +167,9 @@ def _spot(found: Identification, contenders: Contenders, bands: np.ndarray, row:
         "words": ranked[0].words if explained else found.unexplained(row),
         "none_of_these": float(found.none[row]),
         "two_coats": float(found.two_coats[row]),
-        "paint_probability": {found.paints[i]: float(chances[i]) for i in np.argsort(-chances, kind="stable")},
+        "paint_probability": {
+            found.paints[i]: float(chances[i]) for i in np.argsort(-chances, kind="stable")
+        },
         "not_settled": doubtful(found, row),
         "doubts": doubts(found, row),
         "colours": _colours(found, row),
@@ -166,7 +180,8 @@ def _spot(found: Identification, contenders: Contenders, bands: np.ndarray, row:
             for rank, candidate in enumerate(ranked, start=1)
         ],
         "ruled_out": [
-            {**paint._asdict(), "delta_e": _number(paint.delta_e)} for paint in ruled_out(found, contenders, row)
+            {**paint._asdict(), "delta_e": _number(paint.delta_e)}
+            for paint in ruled_out(found, contenders, row)
         ],
     }
 
@@ -200,13 +215,17 @@ def _explanation(candidate: Candidate, rank: int, band: np.ndarray | None) -> di
 
 
 def _colours(found: Identification, row: int) -> dict[str, list[str]] | None:
-    """Of the measured spectra and of the best fit over each ground, #rrggbb; None where the bands give no colour."""
+    """Of the measured spectra and of the best fit over each ground, #rrggbb; None where the bands
+    give no colour.
+    """
     seen = {"measured": found.measured.readings[row], "fitted": found.fitted[row, 0]}
     try:
         shades = {what: srgb(found.measured.wavelengths, spectra) for what, spectra in seen.items()}
     except ValueError:
         return None
-    return {what: [hex_colour(shade) for shade in np.asarray(each)] for what, each in shades.items()}
+    return {
+        what: [hex_colour(shade) for shade in np.asarray(each)] for what, each in shades.items()
+    }
 
 
 def _number(value: float) -> float | None:
@@ -242,7 +261,9 @@ COLUMNS = (
     "amount_low_um",
     "amount_high_um",
 )
-"""Of the table beside a page: a line for each paint of each explanation; low and high end 90 % intervals."""
+"""Of the table beside a page: a line for each paint of each explanation; low and high end 90 %
+intervals.
+"""
 
 
 def table_rows(record: Mapping[str, Any]) -> Iterator[list[object]]:
@@ -253,9 +274,27 @@ def table_rows(record: Mapping[str, Any]) -> Iterator[list[object]]:
 
     for spot in record["spots"]:
         for found in spot["explanations"]:
-            lead = [spot["name"], spot["explained"], spot["none_of_these"], found["rank"], found["probability"]]
-            lead += [found["words"], cell(found["delta_e_2000"]), found["rmse"], cell(found["thickness_um"])]
+            lead = [
+                spot["name"],
+                spot["explained"],
+                spot["none_of_these"],
+                found["rank"],
+                found["probability"],
+            ]
+            lead += [
+                found["words"],
+                cell(found["delta_e_2000"]),
+                found["rmse"],
+                cell(found["thickness_um"]),
+            ]
             lead += found["thickness_90_um"] or ["", ""]
             for paint in found["paints"]:
                 amounts = [cell(paint["amount_um"]), *(paint["amount_90_um"] or ["", ""])]
-                yield [*lead, paint["coat"], paint["name"], paint["fraction"], *paint["fraction_90"], *amounts]
+                yield [
+                    *lead,
+                    paint["coat"],
+                    paint["name"],
+                    paint["fraction"],
+                    *paint["fraction_90"],
+                    *amounts,
+                ]

@@ -30,7 +30,8 @@ COLUMNS = (
 
 
 def print_identification(found: Identification, console: Console, top: int, detailed: int) -> None:
-    """Print the most probable explanations: a table for each of the first spectra, one line for the others.
+    """Print the most probable explanations: a table for each of the first spectra, one line for the
+    others.
 
     Args:
         found: identification.
@@ -59,13 +60,25 @@ def _verdict(found: Identification, row: int) -> str:
 
 def _table(found: Identification, row: int, top: int) -> Table:
     thickness = [] if found.opaque else ["thickness"]
-    table = plain_table("paints", "probability", *thickness, "RMSE", "angle", "ΔE00", title=found.measured.names[row])
+    table = plain_table(
+        "paints",
+        "probability",
+        *thickness,
+        "RMSE",
+        "angle",
+        "ΔE00",
+        title=found.measured.names[row],
+    )
     for candidate in found.ranked(row, top):
         cells = [chance(candidate.probability)]
         if not found.opaque:
-            cells.append(f"{micrometres(candidate.thickness)} ± {micrometres(candidate.thickness_sd)} µm")
+            cells.append(
+                f"{micrometres(candidate.thickness)} ± {micrometres(candidate.thickness_sd)} µm"
+            )
         colour = "-" if np.isnan(candidate.delta_e) else f"{candidate.delta_e:.2f}"
-        table.add_row(candidate.words, *cells, f"{candidate.rmse:.4f}", f"{candidate.angle:.2f}°", colour)
+        table.add_row(
+            candidate.words, *cells, f"{candidate.rmse:.4f}", f"{candidate.angle:.2f}°", colour
+        )
     return table
 
 
@@ -91,24 +104,43 @@ def rows(found: Identification, top: int) -> Iterator[list[object]]:
                     cells += [candidate.paints[n], share, sd, candidate.coats[n] + 1]
                 else:
                     cells += ["", "", "", ""]
-            thick = ["", ""] if found.opaque else [candidate.thickness * 1e6, candidate.thickness_sd * 1e6]
+            thick = (
+                ["", ""]
+                if found.opaque
+                else [candidate.thickness * 1e6, candidate.thickness_sd * 1e6]
+            )
             colour = "" if np.isnan(candidate.delta_e) else candidate.delta_e
             cells += [*thick, candidate.rmse, candidate.angle, colour, candidate.gloss]
             yield [*cells, found.none[row], bool(found.explained[row])]
 
 
-def write_candidates(found: Identification, path: Path, top: int, *, overwrite: bool = False) -> None:
+def write_candidates(
+    found: Identification, path: Path, top: int, *, overwrite: bool = False
+) -> None:
     """Write the ranked explanations, a line each."""
     write_table(path, COLUMNS, rows(found, top), overwrite=overwrite)
 
 
 def write_residuals(found: Identification, path: Path, *, overwrite: bool = False) -> None:
-    """Write measured, fitted and residual spectra of the best explanations, a line a spectrum, ground and band."""
+    """Write measured, fitted and residual spectra of the best explanations, a line a spectrum,
+    ground and band.
+    """
     header = ("spectrum", "ground", "wavelength_nm", "measured", "fitted", "residual")
     lines = (
-        (name, ground + 1, f"{nm:g}", readings[ground, band], fitted[ground, band], off[ground, band])
+        (
+            name,
+            ground + 1,
+            f"{nm:g}",
+            readings[ground, band],
+            fitted[ground, band],
+            off[ground, band],
+        )
         for name, readings, fitted, off in zip(
-            found.measured.names, found.measured.readings, found.fitted[:, 0], found.residual[:, 0], strict=True
+            found.measured.names,
+            found.measured.readings,
+            found.fitted[:, 0],
+            found.residual[:, 0],
+            strict=True,
         )
         for ground in range(readings.shape[0])
         for band, nm in enumerate(found.measured.wavelengths)

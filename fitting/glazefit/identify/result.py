@@ -23,8 +23,12 @@ NOBODY = -1
 _OPEN = 50.0
 # Standard deviations from the middle of a Gaussian to the ends of its central 90 %.
 _NINETY = np.array([-1.6448536269514722, 1.6448536269514722])
-STRENGTH = float(np.hypot(MIXED.level, MIXED.coefficient) * np.sqrt(np.dot(PRIOR, np.square(SIZES))))
-"""Standard deviation of the log of a paint's strength in one film beside others: level and shape of its k and s."""
+STRENGTH = float(
+    np.hypot(MIXED.level, MIXED.coefficient) * np.sqrt(np.dot(PRIOR, np.square(SIZES)))
+)
+"""Standard deviation of the log of a paint's strength in one film beside others: level and shape of
+its k and s.
+"""
 
 
 @dataclass(frozen=True)
@@ -37,17 +41,18 @@ class Candidate:
         fractions_sd: standard deviations.
         coats: coat of each paint, 0 the uppermost.
         fractions_90: their 90 % intervals, (paints, 2).
-        amounts, amounts_90: thickness times fraction of each paint, m, and their 90 % intervals, (paints, 2); NaN for
-            films that hide their ground.
+        amounts, amounts_90: thickness times fraction of each paint, m, and their 90 % intervals,
+            (paints, 2); NaN for films that hide their ground.
         thickness, thickness_sd: m, of all coats; NaN for films that hide their ground.
         thickness_90: its 90 % interval, (2,).
         probability: posterior.
-        condition: how the film lies if not as told, such as "under a yellowed varnish"; empty if as told.
-        gloss: share of the surface's reflection in the readings.
+        condition: how the film lies if not as told, such as "under a yellowed varnish"; empty if as
+        told. gloss: share of the surface's reflection in the readings.
         fitted, residual: computed readings and measured minus computed ones, (grounds, bands).
         rmse: of the residual.
         angle: spectral angle between measured and fitted, degrees; the largest over the grounds.
-        delta_e: CIEDE2000 (D65, 10 degrees), the largest over the grounds; NaN where the bands give no colour.
+        delta_e: CIEDE2000 (D65, 10 degrees), the largest over the grounds; NaN where the bands give
+            no colour.
     """
 
     paints: tuple[str, ...]
@@ -70,7 +75,10 @@ class Candidate:
     delta_e: float
 
     def __repr__(self) -> str:
-        return f"Candidate({self.words!r}, probability {self.probability:.2f}, Delta E {self.delta_e:.1f})"
+        return (
+            f"Candidate({self.words!r}, probability {self.probability:.2f}, Delta E "
+            f"{self.delta_e:.1f})"
+        )
 
     @property
     def words(self) -> str:
@@ -85,8 +93,13 @@ class Candidate:
         if len(self.paints) == 1:
             return self.paints[0]
         if not lower:
-            return " + ".join(f"{percent(f)} {p}" for p, f in zip(self.paints, self.fractions, strict=True))
-        sides = [" + ".join(f"{percent(self.fractions[i])} {self.paints[i]}" for i in coat) for coat in (upper, lower)]
+            return " + ".join(
+                f"{percent(f)} {p}" for p, f in zip(self.paints, self.fractions, strict=True)
+            )
+        sides = [
+            " + ".join(f"{percent(self.fractions[i])} {self.paints[i]}" for i in coat)
+            for coat in (upper, lower)
+        ]
         return " over ".join(f"({side})" if " + " in side else side for side in sides)
 
 
@@ -115,18 +128,24 @@ class Pool:
     covariance: Float[np.ndarray, "spectra candidates 3 3"]
     log_weight: Float[np.ndarray, "spectra candidates"]  # log evidence and log prior of the set
     readings: Float[np.ndarray, "spectra candidates readings"]
-    allowed: Float[np.ndarray, "spectra candidates readings"]  # with what may be wrong with the paints' coefficients
+    allowed: Float[
+        np.ndarray, "spectra candidates readings"
+    ]  # with what may be wrong with the paints' coefficients
     gloss: Float[np.ndarray, "spectra candidates"]
     condition: Int[np.ndarray, "spectra candidates"]  # by number; see `conditions`
 
     def merged(self, other: "Pool") -> "Pool":
         """Candidates of both for the same spectra."""
-        return Pool(*(np.concatenate([a, b], axis=1) for a, b in zip(self.parts, other.parts, strict=True)))
+        return Pool(
+            *(np.concatenate([a, b], axis=1) for a, b in zip(self.parts, other.parts, strict=True))
+        )
 
     @classmethod
     def joined(cls, pools: Sequence["Pool"]) -> "Pool":
         """Candidates of further spectra, as many of each."""
-        return cls(*(np.concatenate(parts) for parts in zip(*(pool.parts for pool in pools), strict=True)))
+        return cls(
+            *(np.concatenate(parts) for parts in zip(*(pool.parts for pool in pools), strict=True))
+        )
 
     @property
     def parts(self) -> tuple[np.ndarray, ...]:
@@ -147,7 +166,9 @@ class Pool:
         return Pool(*(part[rows] for part in self.parts))
 
     def spread(self, rows: Int[np.ndarray, "rows"], count: int) -> "Pool":
-        """The same pool as that of some among `count` spectra; the others have nothing that can be so."""
+        """The same pool as that of some among `count` spectra; the others have nothing that can be
+        so.
+        """
         parts = [np.zeros((count, *part.shape[1:]), part.dtype) for part in self.parts]
         for part, mine in zip(parts, self.parts, strict=True):
             part[rows] = mine
@@ -164,22 +185,23 @@ class Identification:
     Attributes:
         measured: what was given.
         paints: names of the catalogue's paints.
-        members: paints of each candidate by number, most probable first, `NOBODY` where there is none,
-            (spectra, candidates, 3).
+        members: paints of each candidate by number, most probable first, `NOBODY` where there is
+            none, (spectra, candidates, 3).
         coats: coat of each, 0 the uppermost.
         amounts: thickness times fraction of each, m; 0 where there is no paint.
         log_covariance: of the log amounts, (spectra, candidates, 3, 3).
         probability: posterior, (spectra, candidates).
         none: posterior probability that the catalogue does not explain the spectrum, (spectra,).
-        misfit: what that is judged by, (spectra,): the candidates' mean Delta E00, where each is the geometric mean of
-            that of the fit and that with errors of its paints' coefficients allowed, or the latter's residual if that
-            has a shape that no colour shows.
-        rejected: whether a person would reject the fit by eye, (spectra, candidates): Delta E00 above 4, noise aside.
-        paint_probability: of each paint to be in the film, over all candidates looked at, (spectra, paints).
-        gloss: share of the surface's reflection, (spectra, candidates).
+        misfit: what that is judged by, (spectra,): the candidates' mean Delta E00, where each is
+            the geometric mean of that of the fit and that with errors of its paints' coefficients
+            allowed, or the latter's residual if that has a shape that no colour shows.
+        rejected: whether a person would reject the fit by eye, (spectra, candidates): Delta E00
+        above 4, noise aside. paint_probability: of each paint to be in the film, over all
+        candidates looked at, (spectra, paints). gloss: share of the surface's reflection, (spectra,
+        candidates).
         fitted: readings, (spectra, candidates, grounds, bands).
-        condition: under which each was sought, a number of `conditions.CONDITIONS`; 0 is what was told.
-        opaque: whether the films were said to hide their ground.
+        condition: under which each was sought, a number of `conditions.CONDITIONS`; 0 is what was
+        told. opaque: whether the films were said to hide their ground.
     """
 
     measured: Measured
@@ -202,22 +224,34 @@ class Identification:
         return len(self.measured)
 
     def __repr__(self) -> str:
-        best = [" + ".join(self.paints[i] for i in row[0] if i != NOBODY) for row in self.members[:_SHOWN]]
-        first = [f"{name!r}: {paints}" for name, paints in zip(self.measured.names[:_SHOWN], best, strict=True)]
+        best = [
+            " + ".join(self.paints[i] for i in row[0] if i != NOBODY)
+            for row in self.members[:_SHOWN]
+        ]
+        first = [
+            f"{name!r}: {paints}"
+            for name, paints in zip(self.measured.names[:_SHOWN], best, strict=True)
+        ]
         more = f", and {len(self) - _SHOWN} more" if len(self) > _SHOWN else ""
-        return f"Identification({len(self)} spectra among {len(self.paints)} paints; {', '.join(first)}{more})"
+        return (
+            f"Identification({len(self)} spectra among {len(self.paints)} paints; "
+            f"{', '.join(first)}{more})"
+        )
 
     @property
     def explained(self) -> np.ndarray:
         """Whether the catalogue explains a spectrum, (spectra,).
 
-        Its films are together more probable than none, and a person does not reject the first by eye.
+        Its films are together more probable than none, and a person does not reject the first by
+        eye.
         """
         return (self.none < 0.5) & ~self.rejected[:, 0]
 
     @property
     def two_coats(self) -> Float[np.ndarray, "spectra"]:
-        """Probability that the film has two coats, over the candidates kept; 0 where one coat alone was tried."""
+        """Probability that the film has two coats, over the candidates kept; 0 where one coat alone
+        was tried.
+        """
         return np.where((self.coats > 0).any(axis=-1), self.probability, 0.0).sum(axis=1)
 
     @cached_property
@@ -241,7 +275,9 @@ class Identification:
 
     @cached_property
     def fractions_90(self) -> Float[np.ndarray, "spectra candidates 3 2"]:
-        """90 % intervals of the fractions if the film is of these paints: Gaussian in the log odds, inside [0, 1]."""
+        """90 % intervals of the fractions if the film is of these paints: Gaussian in the log odds,
+        inside [0, 1].
+        """
         share = self.fractions
         inside = (share > 0) & (share < 1)
         safe = np.where(inside, share, 0.5)
@@ -267,14 +303,18 @@ class Identification:
 
     @cached_property
     def delta_e(self) -> Float[np.ndarray, "spectra candidates"]:
-        """Largest CIEDE2000 over the grounds, D65 and 10 degrees; NaN where the bands give no colour."""
+        """Largest CIEDE2000 over the grounds, D65 and 10 degrees; NaN where the bands give no
+        colour.
+        """
         return self.measured.delta_e(self.fitted)
 
     def ranked(self, row: int, count: int | None = None) -> list[Candidate]:
         """Explanations of one spectrum, most probable first."""
         rmse, angle, delta_e, fractions = self.rmse, self.angle, self.delta_e, self.fractions
         out = []
-        for n in range(self.probability.shape[1] if count is None else min(count, self.probability.shape[1])):
+        for n in range(
+            self.probability.shape[1] if count is None else min(count, self.probability.shape[1])
+        ):
             condition = CONDITIONS[self.condition[row, n]]
             hidden = self.opaque if condition.opaque is None else condition.opaque
             here = np.flatnonzero(self.members[row, n] != NOBODY)
@@ -311,21 +351,28 @@ class Identification:
         return out
 
     def families(self, row: int) -> list[tuple[tuple[str, ...], float]]:
-        """Sets of pigments, medium and maker aside, and their probabilities by the candidates kept; largest first."""
+        """Sets of pigments, medium and maker aside, and their probabilities by the candidates kept;
+        largest first.
+        """
         chances: dict[frozenset[str], float] = {}
         words: dict[frozenset[str], tuple[str, ...]] = {}
         for candidate in self.ranked(row):
             names = tuple(dict.fromkeys(family(paint) for paint in candidate.paints))
             words.setdefault(frozenset(names), names)
             chances[frozenset(names)] = chances.get(frozenset(names), 0.0) + candidate.probability
-        return [(words[names], chances[names]) for names in sorted(chances, key=lambda names: -chances[names])]
+        return [
+            (words[names], chances[names])
+            for names in sorted(chances, key=lambda names: -chances[names])
+        ]
 
     def not_told(self, row: int, least: float = 0.2) -> dict[str, list[str]]:
-        """Paints of the first candidate -> others that may stand in their place, most probable first.
+        """Paints of the first candidate -> others that may stand in their place, most probable
+        first.
 
         Args:
             row: the spectrum.
-            least: share of the first candidate's probability that a film with another paint must have.
+            least: share of the first candidate's probability that a film with another paint must
+                have.
         """
         ranked = self.ranked(row)
         first, own = ranked[0], set(ranked[0].paints)
@@ -344,7 +391,9 @@ class Identification:
             return f"{name}: {self.unexplained(row)}"
         best, (_, chance) = self.ranked(row, 1)[0], self.families(row)[0]
         more = f"; these pigments {chance:.0%}" if chance > best.probability + 0.05 else ""
-        more += f"; none of these paints {self.none[row]:.0%}" if self.none[row] >= _DOUBTFUL else ""
+        more += (
+            f"; none of these paints {self.none[row]:.0%}" if self.none[row] >= _DOUBTFUL else ""
+        )
         return f"{name}: {best.words} (probability {best.probability:.0%}{more})"
 
     def unexplained(self, row: int) -> str:
@@ -352,7 +401,8 @@ class Identification:
         best = self.ranked(row, 1)[0]
         start = "nothing in the catalogue explains this"
         return (
-            f"{start} (probability {self.none[row]:.0%}); the nearest of its films, {best.words}, is off by "
+            f"{start} (probability {self.none[row]:.0%}); the nearest of its films, "
+            f"{best.words}, is off by "
             f"Delta E00 {best.delta_e:.1f}"
         )
 
@@ -360,7 +410,8 @@ class Identification:
     def join(cls, parts: Sequence["Identification"]) -> "Identification":
         """Identifications of several batches with the same catalogue as one.
 
-        Batches in which more conditions were tried hold more candidates; the others' further places are empty.
+        Batches in which more conditions were tried hold more candidates; the others' further places
+        are empty.
         """
         most = max(part.probability.shape[1] for part in parts)
         parts, first = [part._with_places(most) for part in parts], parts[0]
@@ -378,7 +429,10 @@ class Identification:
             "gloss",
             "condition",
         )
-        joined = {name: np.concatenate([getattr(part, name) for part in parts]) for name in (*arrays, "fitted")}
+        joined = {
+            name: np.concatenate([getattr(part, name) for part in parts])
+            for name in (*arrays, "fitted")
+        }
         return cls(measured=measured, paints=first.paints, opaque=first.opaque, **joined)
 
     def _with_places(self, count: int) -> "Identification":
@@ -398,7 +452,9 @@ class Identification:
             "fitted",
         )
         padded = {
-            name: np.concatenate([a := getattr(self, name), np.repeat(a[:, -1:], more, axis=1)], axis=1)
+            name: np.concatenate(
+                [a := getattr(self, name), np.repeat(a[:, -1:], more, axis=1)], axis=1
+            )
             for name in names
         }
         padded["members"][:, -more:], padded["probability"][:, -more:] = NOBODY, 0.0

@@ -11,7 +11,8 @@ from .result import NOBODY, Candidate, Identification, percent
 IMPROBABLE = 0.01
 """Probability below which a paint counts as ruled out."""
 
-# Where there is no colour, a root mean square that is as bad as a Delta E00 of `REJECTED`; and how much worse is worse.
+# Where there is no colour, a root mean square that is as bad as a Delta E00 of `REJECTED`; and how
+# much worse is worse.
 _OFF, _WORSE = 0.03, 1.5
 
 
@@ -25,8 +26,9 @@ class RuledOut(NamedTuple):
         paints: of that film, the one ruled out first, and their fractions.
         delta_e: of that film; NaN where the bands give no colour.
         rmse: of its residual.
-        kind: "misfit" (a person sees that it does not fit), "trace" (the same, but a trace stays possible), "worse"
-            (others fit better), or "unneeded" (it fits as well, and nothing calls for it).
+        kind: "misfit" (a person sees that it does not fit), "trace" (the same, but a trace stays
+            possible), "worse" (others fit better), or "unneeded" (it fits as well, and nothing
+            calls for it).
         reason: one sentence.
     """
 
@@ -41,7 +43,8 @@ class RuledOut(NamedTuple):
 
 
 def ruled_out(found: Identification, contenders: Contenders, row: int) -> list[RuledOut]:
-    """Paints that do not fit, or whose probability to be in a film is below 1 %, the worst fits first.
+    """Paints that do not fit, or whose probability to be in a film is below 1 %, the worst fits
+    first.
 
     A paint that more likely is there than not is not among them, however little of it.
     """
@@ -50,15 +53,23 @@ def ruled_out(found: Identification, contenders: Contenders, row: int) -> list[R
     judged = [_judge(found, contenders, row, int(i), best) for i in np.flatnonzero(chances < 0.5)]
     out = [paint for paint in judged if paint.probability < IMPROBABLE or paint.kind == "trace"]
     kinds = ("misfit", "trace", "worse", "unneeded")
-    return sorted(out, key=lambda paint: (kinds.index(paint.kind), -np.nan_to_num(paint.delta_e), -paint.rmse))
+    return sorted(
+        out, key=lambda paint: (kinds.index(paint.kind), -np.nan_to_num(paint.delta_e), -paint.rmse)
+    )
 
 
-def _judge(found: Identification, contenders: Contenders, row: int, paint: int, best: Candidate) -> RuledOut:
+def _judge(
+    found: Identification, contenders: Contenders, row: int, paint: int, best: Candidate
+) -> RuledOut:
     name = found.paints[paint]
     off, rmse = float(contenders.delta_e[row, paint]), float(contenders.rmse[row, paint])
     members, shares = contenders.members[row, paint], contenders.fractions[row, paint]
     there = [n for n in range(3) if members[n] != NOBODY and (n == 0 or shares[n] >= 1e-4)]
-    film = " + ".join(f"{percent(shares[n])} {found.paints[members[n]]}" for n in there) if len(there) > 1 else name
+    film = (
+        " + ".join(f"{percent(shares[n])} {found.paints[members[n]]}" for n in there)
+        if len(there) > 1
+        else name
+    )
     if (contenders.coats[row, paint] > 0).any():
         film += " (in two coats)"
     seen = not np.isnan(off)
@@ -67,11 +78,20 @@ def _judge(found: Identification, contenders: Contenders, row: int, paint: int, 
         kind, reason = "misfit", f"the best film with it is off by {by}"
     elif seen and off > max(UNSEEN, best.delta_e):
         kind = "worse"
-        reason = f"the best film with it is off by {by}, the most probable film by {best.delta_e:.1f}"
+        reason = (
+            f"the best film with it is off by {by}, the most probable film by {best.delta_e:.1f}"
+        )
     elif rmse > _WORSE * max(best.rmse, float(np.median(found.measured.noise_sd[row]))):
         kind = "worse"
-        reason = f"its colour comes near ({by}), its spectrum less so: RMSE {rmse:.4f} against {best.rmse:.4f}"
-        reason = reason if seen else f"its spectrum is further off: RMSE {rmse:.4f} against {best.rmse:.4f}"
+        reason = (
+            f"its colour comes near ({by}), its spectrum less so: RMSE {rmse:.4f} against "
+            f"{best.rmse:.4f}"
+        )
+        reason = (
+            reason
+            if seen
+            else f"its spectrum is further off: RMSE {rmse:.4f} against {best.rmse:.4f}"
+        )
     else:
         kind = "unneeded"
         reason = f"fits as well ({by}) with {percent(shares[0])} of it, but nothing calls for it"

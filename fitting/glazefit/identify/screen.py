@@ -1,9 +1,10 @@
-"""Which mixtures may explain a spectrum: sets of paints, and a coarse search that says where to start each.
+"""Which mixtures may explain a spectrum: sets of paints, and a coarse search that says where to
+start each.
 
-A candidate is a set of one to three paints; its unknowns are the amounts a_i = thickness times fraction, in units of a
-usual thickness, so that k d = sum a_i k_i. Sets of one and two paints are all tried on a grid of amounts
-(`glazefit.identify.table`). Sets of three grow from the best pairs, so that the cost stays in proportion to
-the number of paints.
+A candidate is a set of one to three paints; its unknowns are the amounts a_i = thickness times
+fraction, in units of a usual thickness, so that k d = sum a_i k_i. Sets of one and two paints are
+all tried on a grid of amounts (`glazefit.identify.table`). Sets of three grow from the best pairs,
+so that the cost stays in proportion to the number of paints.
 """
 
 import itertools
@@ -19,7 +20,8 @@ from glazejax import Pigment
 
 from ..film.response import FilmResponse
 
-# Fractions of the first paint of a pair: strong paints show at a thousandth, weak ones drown at nine tenths.
+# Fractions of the first paint of a pair: strong paints show at a thousandth, weak ones drown at
+# nine tenths.
 _FRACTIONS = np.array([0.002, 0.008, 0.03, 0.1, 0.25, 0.5, 0.75, 0.9, 0.97, 0.992, 0.998])
 # Totals in standard deviations of their logarithm.
 _TOTALS = np.linspace(-4.3, 4.0, 13)
@@ -28,7 +30,9 @@ _THIRDS = np.array([0.003, 0.02, 0.1, 0.4, 1.5])
 
 
 class Paints(NamedTuple):
-    """Optical thicknesses of the catalogue's paints at the usual thickness, on the grid of the spectra."""
+    """Optical thicknesses of the catalogue's paints at the usual thickness, on the grid of the
+    spectra.
+    """
 
     absorption: Float[Array, "paints bands"]
     scattering: Float[Array, "paints bands"]
@@ -88,12 +92,15 @@ def film_readings(
 
 
 def grow(
-    pairs: Int[np.ndarray, "spectra pairs 2"], amounts: Float[np.ndarray, "spectra pairs 2"], count: int
+    pairs: Int[np.ndarray, "spectra pairs 2"],
+    amounts: Float[np.ndarray, "spectra pairs 2"],
+    count: int,
 ) -> tuple[Int[np.ndarray, "spectra triples 3"], Float[np.ndarray, "spectra triples shares 3"]]:
     """Sets of three from pairs, each with every other paint, and amounts to try.
 
     Returns:
-        Sets, not sorted and some of them twice, pair first; and their amounts, a few of the third paint's.
+        Sets, not sorted and some of them twice, pair first; and their amounts, a few of the third
+        paint's.
     """
     spectra, kept, _ = pairs.shape
     thirds = np.broadcast_to(np.arange(count, dtype=np.int32), (spectra, kept, count))
@@ -110,9 +117,16 @@ def grow(
 
 @jax.jit
 def score(
-    response: FilmResponse, paints: Paints, sets: Array, amounts: Array, ground: Array, target: Array, whitening: Array
+    response: FilmResponse,
+    paints: Paints,
+    sets: Array,
+    amounts: Array,
+    ground: Array,
+    target: Array,
+    whitening: Array,
 ) -> tuple[Float[Array, "spectra sets"], Int[Array, "spectra sets"]]:
-    """Least cost of sets over the amounts to try, and which of these it is; each spectrum has sets of its own.
+    """Least cost of sets over the amounts to try, and which of these it is; each spectrum has sets
+    of its own.
 
     Args:
         response: of the instrument.

@@ -41,9 +41,13 @@ class SetStarts(NamedTuple):
 
 
 def alike_errors(
-    task: IdentificationTask, some: Measured, project: Float[np.ndarray, "components readings"] | None = None
+    task: IdentificationTask,
+    some: Measured,
+    project: Float[np.ndarray, "components readings"] | None = None,
 ) -> Whitening:
-    """Errors while candidates are looked for: the same for all candidates of a spectrum; of components if given."""
+    """Errors while candidates are looked for: the same for all candidates of a spectrum; of
+    components if given.
+    """
     d = task.discrepancy
     # Smaller on dark films, whose readings differ by little.
     off = d.screening * (_DARK + some.readings.reshape(len(some), -1) / TYPICAL_READING)
@@ -62,7 +66,10 @@ def first_starts(task: IdentificationTask, measured: Measured) -> SetStarts:
     for rows, ground in alike_grounds(measured.grounds):
         table = task.films_over(ground)
         kinds = table.nearest(task.target(measured.readings[rows]))
-        parts = [_best_starts(kind, *near, task.effort.pairs) for kind, near in zip(table.sizes, kinds, strict=True)]
+        parts = [
+            _best_starts(kind, *near, task.effort.pairs)
+            for kind, near in zip(table.sizes, kinds, strict=True)
+        ]
         found.append((rows, np.concatenate(parts, axis=1)))
     order = np.argsort(np.concatenate([rows for rows, _ in found]))
     both = np.concatenate([part for _, part in found])[order]
@@ -71,7 +78,10 @@ def first_starts(task: IdentificationTask, measured: Measured) -> SetStarts:
 
 
 def _best_starts(
-    kind: TableOfSize, cost: Float[np.ndarray, "spectra sets"], where: Int[np.ndarray, "spectra sets"], pairs: int
+    kind: TableOfSize,
+    cost: Float[np.ndarray, "spectra sets"],
+    where: Int[np.ndarray, "spectra sets"],
+    pairs: int,
 ) -> Float[np.ndarray, "spectra kept four"]:
     """Members and log amounts of the sets of one size that are kept, side by side."""
     keep = len(kind.sets) if kind.sets.shape[1] == 1 else min(len(kind.sets), pairs)
@@ -99,12 +109,18 @@ def compile_ahead(task: IdentificationTask, measured: Measured) -> None:
     grounds, bands = measured.readings.shape[1:]
     films, scales = (task.response, task.paints), len(task.discrepancy.scales)
     largest, middle = max(task.max_paints, 2), task.middle
-    programs_ahead(films, task.tables.single, (grounds, bands), scales, largest, middle, task.effort.single)
+    programs_ahead(
+        films, task.tables.single, (grounds, bands), scales, largest, middle, task.effort.single
+    )
 
 
-def search(task: IdentificationTask, measured: Measured, rows: Int[np.ndarray, "rows"], starts: SetStarts) -> Pool:
+def search(
+    task: IdentificationTask, measured: Measured, rows: Int[np.ndarray, "rows"], starts: SetStarts
+) -> Pool:
     """Fitted candidates of some spectra; `CHUNK` at a time, a few of these side by side."""
-    return Pool.joined(in_threads(lambda some: search_chunk(task, measured, some, starts), pieces(rows)))
+    return Pool.joined(
+        in_threads(lambda some: search_chunk(task, measured, some, starts), pieces(rows))
+    )
 
 
 def search_chunk(
@@ -121,7 +137,11 @@ def search_chunk(
     if task.max_paints == 3 and task.known >= 3:
         pairs = slice(task.known, None)
         start, new = _grown(
-            task, start.sets[:, pairs], jax.tree.map(lambda a: a[:, pairs], fitted), some.readings, some.grounds
+            task,
+            start.sets[:, pairs],
+            jax.tree.map(lambda a: a[:, pairs], fitted),
+            some.readings,
+            some.grounds,
         )
         triples = _pool(task, start.sets, _fit(task, start, ranking))
         triples.log_weight[~new] = -np.inf
@@ -139,14 +159,18 @@ def padded_size(count: int) -> int:
 
 
 class _Ranking(NamedTuple):
-    """Grounds and errors of some spectra in few components and single precision, which only ranks."""
+    """Grounds and errors of some spectra in few components and single precision, which
+    only ranks.
+    """
 
     ground: jax.Array
     weights: Weights
 
 
 def _ranking(task: IdentificationTask, some: Measured) -> _Ranking:
-    """Errors while candidates are ranked, in the components of films over a ground like the first."""
+    """Errors while candidates are ranked, in the components of films over a ground like
+    the first.
+    """
     project = task.tables.like(some.grounds[0]).project
     weights = weights_of(task, _flat(some.readings), alike_errors(task, some, project))
     small = jax.tree.map(lambda a: jnp.asarray(np.asarray(a, np.float32)), (some.grounds, weights))
@@ -166,9 +190,13 @@ class Lever(NamedTuple):
 
     @classmethod
     def of(cls, task: IdentificationTask, some: Measured) -> "Lever":
-        """Ridge regression on the shapes: unit sd beforehand, errors that are not alike at neighbouring bands."""
+        """Ridge regression on the shapes: unit sd beforehand, errors that are not alike at
+        neighbouring bands.
+        """
         count = len(some)
-        surface = np.full((count, 1, some.readings[0].size), task.discrepancy.gloss_sd * task.surface)
+        surface = np.full(
+            (count, 1, some.readings[0].size), task.discrepancy.gloss_sd * task.surface
+        )
         doubt = some.doubt.reshape(count, some.doubt.shape[1], surface.shape[-1])
         shapes = np.concatenate([surface, doubt], axis=1)
         precise = shapes / near_sd(some).reshape(count, 1, -1) ** 2
@@ -188,23 +216,33 @@ def _with_surface(task: IdentificationTask, pool: Pool, some: Measured) -> Pool:
     seen = pool.readings + gloss[..., None] * task.surface
     seen = seen + np.swapaxes(found[:, 1:], 1, 2) @ lever.shapes[:, 1:]
     allowed = pool.allowed + d.gloss * task.surface
-    lengths = {name: getattr(pool, name) + np.log(task.prior.thickness) for name in ("logs", "weighed")}
+    lengths = {
+        name: getattr(pool, name) + np.log(task.prior.thickness) for name in ("logs", "weighed")
+    }
     return replace(pool, readings=seen, allowed=allowed, gloss=gloss, **lengths)
 
 
 def _fit(task: IdentificationTask, start: SetStarts, ranking: _Ranking) -> Fitted:
     logs = jnp.asarray(np.clip(start.logs, np.log(LEAST), np.log(MOST)).astype(np.float32))
     films = task.tables.single
-    return fit_sets(*films, jnp.asarray(start.sets), logs, *ranking, task.middle, steps=task.effort.ranking)
+    return fit_sets(
+        *films, jnp.asarray(start.sets), logs, *ranking, task.middle, steps=task.effort.ranking
+    )
 
 
-def _flat(spectra: Float[np.ndarray, "spectra grounds bands"]) -> Float[np.ndarray, "spectra readings"]:
+def _flat(
+    spectra: Float[np.ndarray, "spectra grounds bands"],
+) -> Float[np.ndarray, "spectra readings"]:
     """Readings over all grounds in one row."""
     return spectra.reshape(len(spectra), -1)
 
 
 def _pool(
-    task: IdentificationTask, sets: np.ndarray, fitted: Fitted, coats: np.ndarray | None = None, log_share: float = 0.0
+    task: IdentificationTask,
+    sets: np.ndarray,
+    fitted: Fitted,
+    coats: np.ndarray | None = None,
+    log_share: float = 0.0,
 ) -> Pool:
     """Fitted candidates with room for three paints each."""
     size = sets.shape[-1]
@@ -217,7 +255,9 @@ def _pool(
         logs=logs,
         weighed=logs,
         covariance=np.pad(np.asarray(fitted.covariance, float), (*room, (0, 3 - size))),
-        log_weight=task.discrepancy.trust * np.asarray(fitted.log_evidence, float) + task.log_sets(sets) + log_share,
+        log_weight=task.discrepancy.trust * np.asarray(fitted.log_evidence, float)
+        + task.log_sets(sets)
+        + log_share,
         readings=np.asarray(fitted.readings, float),
         allowed=np.asarray(fitted.readings, float),
         gloss=np.zeros(sets.shape[:2]),
@@ -226,7 +266,11 @@ def _pool(
 
 
 def _grown(
-    task: IdentificationTask, pairs: np.ndarray, fitted: Fitted, readings: np.ndarray, ground: np.ndarray
+    task: IdentificationTask,
+    pairs: np.ndarray,
+    fitted: Fitted,
+    readings: np.ndarray,
+    ground: np.ndarray,
 ) -> tuple[SetStarts, Bool[np.ndarray, "spectra sets"]]:
     """Sets of three from the most probable pairs, and whether each is the first of its kind."""
     rows = np.arange(len(pairs))[:, None]
@@ -236,7 +280,9 @@ def _grown(
     white = task.common_whitening(readings.shape[1])
     target = task.target(readings) @ white.T
     given = (jnp.asarray(a, float) for a in (tries, ground, target, white))
-    cost, where = (np.asarray(a) for a in score(task.response, task.paints, jnp.asarray(sets), *given))
+    cost, where = (
+        np.asarray(a) for a in score(task.response, task.paints, jnp.asarray(sets), *given)
+    )
     keep = min(_KEPT_TRIPLES, len(sets_of(task.known, 3)))
     # Pairs that overlap can give fewer sets than wanted: then some come twice.
     found = [unique_best(s, c, keep) for s, c in zip(sets, cost, strict=True)]
@@ -249,13 +295,17 @@ def _grown(
 def _stacked(task: IdentificationTask, pool: Pool, looked_at: Pool, some: Measured) -> Pool:
     """The pool with the best sets of two and three paints that were looked at as two coats too."""
     ground = jnp.asarray(some.grounds, float)
-    weights = jax.tree.map(jnp.asarray, weights_of(task, _flat(some.readings), alike_errors(task, some)))
+    weights = jax.tree.map(
+        jnp.asarray, weights_of(task, _flat(some.readings), alike_errors(task, some))
+    )
     pool.log_weight[(pool.members != NOBODY).sum(axis=-1) > 1] += np.log1p(-task.prior.stacked)
     size = (looked_at.members != NOBODY).sum(axis=-1)
     for paints in range(2, task.max_paints + 1):
         ways = orders(paints)
         weight = np.where(size == paints, looked_at.log_weight, -np.inf)
-        keep = min(_STACKED if paints == 2 else _STACKED // 2, int((size == paints).sum(axis=1).min()))
+        keep = min(
+            _STACKED if paints == 2 else _STACKED // 2, int((size == paints).sum(axis=1).min())
+        )
         best = np.argsort(-weight, axis=1)[:, :keep]
         sets = np.take_along_axis(looked_at.members, best[..., None], axis=1)[..., :paints]
         sets = np.repeat(sets, len(ways), axis=1)
@@ -263,7 +313,9 @@ def _stacked(task: IdentificationTask, pool: Pool, looked_at: Pool, some: Measur
         fitted, slopes = _fit_stacks(task, sets, coats, some, ground, weights)
         stacks = _pool(task, sets, fitted, coats, np.log(task.prior.stacked / len(ways)))
         row = np.repeat(np.arange(len(some)), sets.shape[1])
-        groups = Groups(np.arange(len(row)), row, *(a.reshape(len(row), *a.shape[2:]) for a in (sets, slopes)))
+        groups = Groups(
+            np.arange(len(row)), row, *(a.reshape(len(row), *a.shape[2:]) for a in (sets, slopes))
+        )
         near = allowed(task, some, row, stacks.readings.reshape(len(row), -1), groups)
         stacks = replace(stacks, allowed=near.reshape(stacks.readings.shape))
         struck = ~np.isfinite(np.take_along_axis(weight, best, axis=1))
@@ -288,8 +340,12 @@ def _fit_stacks(
     fitted, slopes = None, None
     for _ in range(_ROUNDS):
         slopes = np.asarray(stack_slopes(*films, logs, ground, task.optics))
-        errors = own_errors(task, some, row, *(a.reshape(len(row), *a.shape[2:]) for a in (sets, slopes)))
-        errors = Whitening(*(a.reshape(*count, *a.shape[1:]) for a in (errors.basis, errors.height)))
+        errors = own_errors(
+            task, some, row, *(a.reshape(len(row), *a.shape[2:]) for a in (sets, slopes))
+        )
+        errors = Whitening(
+            *(a.reshape(*count, *a.shape[1:]) for a in (errors.basis, errors.height))
+        )
         own = jax.tree.map(jnp.asarray, weights_of(task, readings, errors))
         fitted = fit_stacks(*films, logs, ground, own, task.optics, task.middle)
         logs = fitted.logs

@@ -1,4 +1,6 @@
-"""A search that is set up once and takes any number of spectra: from checked options to pools of candidates."""
+"""A search that is set up once and takes any number of spectra: from checked options to pools of
+candidates.
+"""
 
 from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
@@ -24,7 +26,8 @@ from .task import IdentificationTask, Measured, check_pigments, check_spectra, h
 from .untold import search_untold
 from .weigh import Odds
 
-# Spectra whose doubtful ones are sought again together: a few in each chunk would cost as much as all of it.
+# Spectra whose doubtful ones are sought again together: a few in each chunk would cost as much as
+# all of it.
 _TOGETHER = 4 * CHUNK
 
 
@@ -60,20 +63,30 @@ class Searcher(NamedTuple):
         """From the options of `glazefit.identify.identify.identify_chunks`.
 
         Raises:
-            ValueError: an empty catalogue, repeated names, pigments that do not cover the wavelengths, numbers of
-                paints or coats that cannot be tried.
+            ValueError: an empty catalogue, repeated names, pigments that do not cover the
+                wavelengths, numbers of paints or coats that cannot be tried.
         """
-        instrument, noise, prior = resolve_instrument(instrument, geometry), noise or Noise(), prior or Prior()
+        instrument, noise, prior = (
+            resolve_instrument(instrument, geometry),
+            noise or Noise(),
+            prior or Prior(),
+        )
         discrepancy = discrepancy or BETWEEN_FILMS
         if max_paints not in (1, 2, 3):
             raise ValueError(f"max_paints is {max_paints}; sets of 1, 2 or 3 paints can be tried")
         if layers not in (1, 2):
             raise ValueError(f"layers is {layers}; one coat or two can be tried")
         if layers == 2 and opaque:
-            raise ValueError("two coats need to know the ground; an opaque film shows its top coat only: use layers=1")
+            raise ValueError(
+                "two coats need to know the ground; an opaque film shows its top coat only: use "
+                "layers=1"
+            )
         grid = validate_wavelengths(np.asarray(wavelengths, dtype=np.float64))
         known = check_pigments(pigments, grid)
-        largest, response = min(max_paints, len(known)), film_response(instrument.geometry, instrument.refractive_index)
+        largest, response = (
+            min(max_paints, len(known)),
+            film_response(instrument.geometry, instrument.refractive_index),
+        )
         thick = hiding(prior, known)
         errors = relative_errors(known, discrepancy)
         modes = error_modes(known, discrepancy).astype(np.float32)
@@ -101,14 +114,18 @@ class Searcher(NamedTuple):
                 tables=FilmTables(response, paints, largest, expected.spread),
             )
 
-        return cls({hidden: task(hidden) for hidden in (False, True)}, opaque, tuple(p.name for p in known))
+        return cls(
+            {hidden: task(hidden) for hidden in (False, True)}, opaque, tuple(p.name for p in known)
+        )
 
     @property
     def task(self) -> IdentificationTask:
         """For films as they were told to be."""
         return self.tasks[self.opaque]
 
-    def check(self, spectra: ArrayLike, grounds: ArrayLike | None, names: Sequence[str] | None = None) -> Measured:
+    def check(
+        self, spectra: ArrayLike, grounds: ArrayLike | None, names: Sequence[str] | None = None
+    ) -> Measured:
         """Spectra and grounds in one shape.
 
         Raises:
@@ -127,6 +144,11 @@ class Searcher(NamedTuple):
 
 
 def hardly_seen(pigments: Sequence[Pigment], thickness: float) -> Bool[np.ndarray, "paints"]:
-    """Which paints are extenders: a film of this thickness (m) lets most light through at every wavelength."""
-    depth = [[float(np.max(np.asarray(values))) for values in (p.absorption, p.scattering)] for p in pigments]
+    """Which paints are extenders: a film of this thickness (m) lets most light through at every
+    wavelength.
+    """
+    depth = [
+        [float(np.max(np.asarray(values))) for values in (p.absorption, p.scattering)]
+        for p in pigments
+    ]
     return thickness * np.sum(depth, axis=1) < 1.0

@@ -1,8 +1,10 @@
-"""A catalogue's films in a table, each as a few numbers, so that spectra are compared with all of them at once.
+"""A catalogue's films in a table, each as a few numbers, so that spectra are compared with all of
+them at once.
 
-What films read varies smoothly with the wavelength and with their amounts: in the units of common errors some twenty
-numbers tell two films apart as far as a ranking needs. A spectrum is compared with all films of a table by one product
-of matrices in single precision; the best of them are then fitted.
+What films read varies smoothly with the wavelength and with their amounts: in the units of common
+errors some twenty numbers tell two films apart as far as a ranking needs. A spectrum is compared
+with all films of a table by one product of matrices in single precision; the best of them are then
+fitted.
 """
 
 import threading
@@ -53,7 +55,8 @@ class FilmTable(NamedTuple):
     def nearest(
         self, target: Float[np.ndarray, "spectra readings"]
     ) -> list[tuple[Float[np.ndarray, "spectra sets"], Int[np.ndarray, "spectra sets"]]]:
-        """Least squared misfit of each set over its amounts, in the units of the errors, and the grid point of it.
+        """Least squared misfit of each set over its amounts, in the units of the errors, and the
+        grid point of it.
 
         Args:
             target: spectra without the mean surface.
@@ -66,9 +69,14 @@ class FilmTable(NamedTuple):
             where = np.empty(cost.shape, np.int64)
             for first in range(0, len(spectra), _SPECTRA_AT_A_TIME):
                 some = slice(first, first + _SPECTRA_AT_A_TIME)
-                each = (kind.square - 2.0 * (spectra[some] @ kind.films)).reshape(-1, len(kind.sets), len(kind.grid))
+                each = (kind.square - 2.0 * (spectra[some] @ kind.films)).reshape(
+                    -1, len(kind.sets), len(kind.grid)
+                )
                 where[some] = np.argmin(each, axis=-1)
-                cost[some] = np.take_along_axis(each, where[some][..., None], axis=-1)[..., 0] + alone[some, None]
+                cost[some] = (
+                    np.take_along_axis(each, where[some][..., None], axis=-1)[..., 0]
+                    + alone[some, None]
+                )
             out.append((cost, where))
         return out
 
@@ -94,7 +102,10 @@ def film_table(
     kinds = [(sets_of(len(paints.absorption), size), amounts_grid(size, spread)) for size in sizes]
     project, middle = np.eye(ground.size), np.zeros(ground.size)
     if ground.size > COMPONENTS:
-        some = [_films(response, paints, _pieces(*kind, spaced=True)[0], kind[1], ground) for kind in kinds]
+        some = [
+            _films(response, paints, _pieces(*kind, spaced=True)[0], kind[1], ground)
+            for kind in kinds
+        ]
         films = np.concatenate(some) @ white.T
         middle = films.mean(axis=0)
         off = films - middle
@@ -103,20 +114,30 @@ def film_table(
     whole, middle = project @ white, project @ middle
     tables = []
     for sets, grid in kinds:
-        parts = [_films(response, paints, some, grid, ground) @ whole.T - middle for some in _pieces(sets, grid)]
+        parts = [
+            _films(response, paints, some, grid, ground) @ whole.T - middle
+            for some in _pieces(sets, grid)
+        ]
         films = np.concatenate(parts)[: len(sets) * len(grid)].astype(np.float32)
-        tables.append(TableOfSize(sets, grid, np.ascontiguousarray(films.T), np.sum(films**2, axis=-1)))
+        tables.append(
+            TableOfSize(sets, grid, np.ascontiguousarray(films.T), np.sum(films**2, axis=-1))
+        )
     return FilmTable(whole, middle, tuple(tables))
 
 
 def _pieces(
     sets: Int[np.ndarray, "sets size"], grid: Float[np.ndarray, "points size"], spaced: bool = False
 ) -> list[Int[np.ndarray, "some size"]]:
-    """All sets, a few at a time, or as many from all of them; always as many, so that one program is compiled."""
+    """All sets, a few at a time, or as many from all of them; always as many, so that one program
+    is compiled.
+    """
     step = max(1, _FILMS_AT_A_TIME // len(grid))
     if spaced:
         return [sets[np.linspace(0, len(sets) - 1, step).astype(int)]]
-    return [np.resize(sets[first : first + step], (step, sets.shape[1])) for first in range(0, len(sets), step)]
+    return [
+        np.resize(sets[first : first + step], (step, sets.shape[1]))
+        for first in range(0, len(sets), step)
+    ]
 
 
 def _films(
@@ -128,7 +149,9 @@ def _films(
 ) -> Float[np.ndarray, "films readings"]:
     """Readings of every set at every point of the grid, set by set."""
     amounts = jnp.asarray(np.broadcast_to(grid, (len(sets), *grid.shape)).astype(np.float32))
-    read = _read(response, paints, jnp.asarray(sets), amounts, jnp.asarray(ground.astype(np.float32)))
+    read = _read(
+        response, paints, jnp.asarray(sets), amounts, jnp.asarray(ground.astype(np.float32))
+    )
     return np.asarray(read, np.float64).reshape(-1, ground.size)
 
 
@@ -160,15 +183,21 @@ class FilmTables:
         return jax.tree.map(lambda a: jnp.asarray(np.asarray(a, np.float32)), self._double)
 
     def like(self, ground: Float[np.ndarray, "grounds bands"]) -> FilmTable:
-        """The table of those made whose ground is nearest to this one: its components serve other grounds too."""
+        """The table of those made whose ground is nearest to this one: its components serve other
+        grounds too.
+        """
         with self._lock:
             kept = [one for one in self._kept if one[0].shape == ground.shape]
             return min(kept, key=lambda one: np.abs(one[0] - ground).max())[1]
 
     def over(
-        self, ground: Float[np.ndarray, "grounds bands"], whitening: Callable[[int], Float[np.ndarray, "r r"]]
+        self,
+        ground: Float[np.ndarray, "grounds bands"],
+        whitening: Callable[[int], Float[np.ndarray, "r r"]],
     ) -> FilmTable:
-        """Films over a ground, or one that hardly differs; errors common to all by the number of grounds."""
+        """Films over a ground, or one that hardly differs; errors common to all by the number of
+        grounds.
+        """
         with self._lock:
             for known, table in self._kept:
                 if known.shape == ground.shape and np.abs(known - ground).max() < ALIKE:

@@ -1,4 +1,6 @@
-"""What `identify` is given, checked and brought to one shape, and what the search for all spectra shares."""
+"""What `identify` is given, checked and brought to one shape, and what the search for all spectra
+shares.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -22,7 +24,9 @@ from .screen import Paints, sets_of
 from .table import FilmTable, FilmTables
 
 _TOO_BRIGHT = 1.5
-"""Above this a reflectance is a mistake, such as percent; below, it may be a highlight or a calibration."""
+"""Above this a reflectance is a mistake, such as percent; below, it may be a highlight or a
+calibration.
+"""
 
 # Of the errors that rank sets of paints before each is fitted.
 TYPICAL_READING = 0.3
@@ -43,8 +47,9 @@ class Measured:
         wavelengths: (bands,), nm.
         readings: reflectance, (spectra, grounds, bands).
         grounds: internal reflectance under the paint, the same shape.
-        noise_sd: of the readings, the same shape: what the instrument is said to have, or what the spectra show.
-        doubt: further errors of known shapes, independent and of standard deviation 1, (spectra, shapes, grounds,
+        noise_sd: of the readings, the same shape: what the instrument is said to have, or what the
+        spectra show. doubt: further errors of known shapes, independent and of standard deviation
+        1, (spectra, shapes, grounds,
             bands).
     """
 
@@ -67,11 +72,15 @@ class Measured:
     def delta_e(
         self, computed: Float[np.ndarray, "spectra candidates grounds bands"]
     ) -> Float[np.ndarray, "spectra candidates"]:
-        """CIEDE2000 (D65, 10 degrees) to computed readings, the largest over the grounds; NaN without a colour."""
+        """CIEDE2000 (D65, 10 degrees) to computed readings, the largest over the grounds; NaN
+        without a colour.
+        """
         from glazejax.colour import delta_e_of_spectra
 
         try:
-            each = delta_e_of_spectra(self.wavelengths, self.readings[:, None], computed, observer=10)
+            each = delta_e_of_spectra(
+                self.wavelengths, self.readings[:, None], computed, observer=10
+            )
         except ValueError:
             return np.full(computed.shape[:2], np.nan)
         return np.asarray(each).max(axis=-1)
@@ -81,11 +90,19 @@ class Measured:
         """Several batches on one grid as one."""
         names = tuple(name for part in parts for name in part.names)
         spectra = ((part.readings, part.grounds, part.noise_sd, part.doubt) for part in parts)
-        return cls(names, parts[0].wavelengths, *(np.concatenate(same) for same in zip(*spectra, strict=True)))
+        return cls(
+            names,
+            parts[0].wavelengths,
+            *(np.concatenate(same) for same in zip(*spectra, strict=True)),
+        )
 
 
 def check_spectra(
-    spectra: ArrayLike, wavelengths: ArrayLike, grounds: ArrayLike | None, names: Sequence[str] | None, noise: Noise
+    spectra: ArrayLike,
+    wavelengths: ArrayLike,
+    grounds: ArrayLike | None,
+    names: Sequence[str] | None,
+    noise: Noise,
 ) -> Measured:
     """Spectra and grounds as (spectra, grounds, bands); see `glazefit.identify`.
 
@@ -101,7 +118,8 @@ def check_spectra(
         readings = readings[:, None]
     if readings.ndim != 3 or readings.shape[-1] != grid.size or 0 in readings.shape:
         raise ValueError(
-            f"spectra of shape {given} are not (bands,), (spectra, bands) or (spectra, grounds, bands) with "
+            f"spectra of shape {given} are not (bands,), (spectra, bands) or (spectra, grounds, "
+            "bands) with "
             f"{grid.size} bands"
         )
     labels = tuple(names) if names is not None else tuple(str(i + 1) for i in range(len(readings)))
@@ -114,17 +132,21 @@ def check_spectra(
     if wrong.any():
         row, _, band = (int(i) for i in np.argwhere(wrong)[0])
         raise ValueError(
-            f"the reflectance of {labels[row]!r} at {grid[band]:g} nm is {readings[wrong][0]:g}; it must be a fraction "
+            f"the reflectance of {labels[row]!r} at {grid[band]:g} nm is {readings[wrong][0]:g}; "
+            "it must be a fraction "
             f"from 0 to {_TOO_BRIGHT:g} (divide percent by 100)"
         )
     ground = np.asarray(UNSEEN_GROUND if grounds is None else grounds, dtype=np.float64)
     if ground.ndim == 1 and ground.shape[0] != grid.size:
-        raise ValueError(f"grounds of shape {ground.shape} do not end in the {grid.size} bands of the spectra")
+        raise ValueError(
+            f"grounds of shape {ground.shape} do not end in the {grid.size} bands of the spectra"
+        )
     try:
         ground = np.broadcast_to(ground, readings.shape)
     except ValueError:
         raise ValueError(
-            f"grounds of shape {ground.shape} do not fit spectra of shape (spectra, grounds, bands) = {readings.shape}"
+            f"grounds of shape {ground.shape} do not fit spectra of shape (spectra, grounds, "
+            f"bands) = {readings.shape}"
         ) from None
     if not ((ground >= 0) & (ground <= 1)).all():
         value = ground[~((ground >= 0) & (ground <= 1))][0]
@@ -145,7 +167,8 @@ def check_pigments(pigments: Pigments, wavelengths: Float[np.ndarray, "bands"]) 
     """The catalogue on the grid of the spectra.
 
     Raises:
-        ValueError: no pigment, repeated names, several spectra in one pigment, or a grid that is too short.
+        ValueError: no pigment, repeated names, several spectra in one pigment, or a grid that is
+            too short.
     """
     known = listed_pigments(pigments)
     if not known:
@@ -156,9 +179,13 @@ def check_pigments(pigments: Pigments, wavelengths: Float[np.ndarray, "bands"]) 
         raise ValueError(f"two pigments of the catalogue are called {twice!r}; names must differ")
     for pigment in known:
         if pigment.absorption.ndim != 1 or pigment.scattering.ndim != 1:
-            raise ValueError(f"the pigment {pigment.name!r} is a batch; give its members one by one")
+            raise ValueError(
+                f"the pigment {pigment.name!r} is a batch; give its members one by one"
+            )
         if pigment.phase is not None:
-            raise ValueError(f"pigment {pigment.name!r} has a phase function; here paint scatters isotropically")
+            raise ValueError(
+                f"pigment {pigment.name!r} has a phase function; here paint scatters isotropically"
+            )
     try:
         return [pigment.resample(wavelengths) for pigment in known]
     except ValueError as error:
@@ -168,7 +195,9 @@ def check_pigments(pigments: Pigments, wavelengths: Float[np.ndarray, "bands"]) 
 def hiding(prior: Prior, pigments: Sequence[Pigment]) -> Prior:
     """Of films so thick that their ground does not matter: the thickness is set, not sought."""
     typical = np.median([np.median(np.asarray(p.scattering)) for p in pigments])
-    return replace(prior, thickness=min(_OPAQUE / max(float(typical), 1.0), MAX_THICKNESS), spread=0.05)
+    return replace(
+        prior, thickness=min(_OPAQUE / max(float(typical), 1.0), MAX_THICKNESS), spread=0.05
+    )
 
 
 class IdentificationTask(NamedTuple):
@@ -200,14 +229,18 @@ class IdentificationTask(NamedTuple):
         """Scale of the discrepancy that is fitted with: the one nearest to 1."""
         return int(np.argmin(np.abs(np.log(self.discrepancy.scales))))
 
-    def target(self, readings: Float[np.ndarray, "spectra grounds bands"]) -> Float[np.ndarray, "spectra readings"]:
+    def target(
+        self, readings: Float[np.ndarray, "spectra grounds bands"]
+    ) -> Float[np.ndarray, "spectra readings"]:
         """Readings without the mean surface."""
         return (readings - self.discrepancy.gloss * self.surface).reshape(len(readings), -1)
 
     def common_whitening(self, grounds: int) -> Float[np.ndarray, "readings readings"]:
         """Of a reading of middling size, for the searches that only rank."""
         sd = self.noise.sd(np.full((grounds, self.wavelengths.size), TYPICAL_READING))
-        model = model_covariance(self.wavelengths, grounds, self.discrepancy, self.discrepancy.screening)
+        model = model_covariance(
+            self.wavelengths, grounds, self.discrepancy, self.discrepancy.screening
+        )
         return whitening(noise_covariance(sd, self.surface, self.discrepancy) + model)[0]
 
     def films_over(self, ground: Float[np.ndarray, "grounds bands"]) -> FilmTable:
@@ -217,7 +250,10 @@ class IdentificationTask(NamedTuple):
     def log_sets(self, members: Int[np.ndarray, "*n size"]) -> Float[np.ndarray, "*n"]:
         """Log prior probability of sets of paints; a negative number is none."""
         sizes = np.asarray(self.prior.sizes[: self.max_paints])
-        each = [share / sizes.sum() / len(sets_of(self.known, n)) for n, share in enumerate(sizes, start=1)]
+        each = [
+            share / sizes.sum() / len(sets_of(self.known, n))
+            for n, share in enumerate(sizes, start=1)
+        ]
         there = members >= 0
         count = there.sum(axis=-1)
         # Alone, an extender is as good as any other paint.

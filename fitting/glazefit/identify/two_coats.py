@@ -1,7 +1,8 @@
-"""Two coats: the best sets of paints, tried as one coat over another, in both orders, with the solver itself.
+"""Two coats: the best sets of paints, tried as one coat over another, in both orders, with the
+solver itself.
 
-The unknowns stay the amounts of the paints; only where each lies changes. A mixture's amounts start no stack well, so
-each is tried at a coarse grid of amounts first.
+The unknowns stay the amounts of the paints; only where each lies changes. A mixture's amounts start
+no stack well, so each is tried at a coarse grid of amounts first.
 """
 
 import functools
@@ -54,7 +55,13 @@ def stack_readings(
 
 @functools.partial(jax.jit, static_argnames=("optics", "middle"))
 def stack_starts(
-    paints: Paints, sets: Array, coats: Array, ground: Array, weights: Weights, optics: Optics, middle: int
+    paints: Paints,
+    sets: Array,
+    coats: Array,
+    ground: Array,
+    weights: Weights,
+    optics: Optics,
+    middle: int,
 ) -> Float[Array, "spectra sets size"]:
     """Log amounts to start stacks from: the best of a coarse grid. Arguments as of `fit_stacks`."""
     size = sets.shape[-1]
@@ -64,7 +71,9 @@ def stack_starts(
         k, s = paints.absorption[members], paints.scattering[members]
 
         def coarse(logs: Array) -> Array:
-            return stack_readings(k, s, coats, jnp.exp(logs), ground, optics, _SCREEN_TOLERANCE).reshape(-1)
+            return stack_readings(
+                k, s, coats, jnp.exp(logs), ground, optics, _SCREEN_TOLERANCE
+            ).reshape(-1)
 
         white = weights.basis[middle]
         off = (weights.target - jax.vmap(coarse)(places)) @ white.T
@@ -99,7 +108,9 @@ def fit_stacks(
     """
     size = sets.shape[-1]
 
-    def candidate(members: Array, coats: Array, start: Array, ground: Array, weights: Weights) -> Fitted:
+    def candidate(
+        members: Array, coats: Array, start: Array, ground: Array, weights: Weights
+    ) -> Fitted:
         k, s = paints.absorption[members], paints.scattering[members]
 
         def read(amounts: Array) -> Array:
@@ -112,14 +123,18 @@ def fit_stacks(
         return fit_one(model, start, jnp.ones(size, bool), weights, middle)
 
     over_sets = jax.vmap(candidate, in_axes=(0, 0, 0, None, 0))
-    return jax.lax.map(lambda spectrum: over_sets(*spectrum), (sets, coats, starts, ground, weights))
+    return jax.lax.map(
+        lambda spectrum: over_sets(*spectrum), (sets, coats, starts, ground, weights)
+    )
 
 
 @functools.partial(jax.jit, static_argnames="optics")
 def stack_slopes(
     paints: Paints, sets: Array, coats: Array, logs: Array, ground: Array, optics: Optics
 ) -> Float[Array, "spectra sets errors readings"]:
-    """Slopes of the readings by the log of every paint's k, then s, band by band; arguments as of `fit_stacks`."""
+    """Slopes of the readings by the log of every paint's k, then s, band by band; arguments as of
+    `fit_stacks`.
+    """
     size = sets.shape[-1]
 
     def candidate(members: Array, coats: Array, logs: Array, ground: Array) -> Array:
@@ -128,7 +143,9 @@ def stack_slopes(
         # Bands do not meet, so that one tangent moves a coefficient in all of them at once.
         def read(errors: Array) -> Array:
             k, s = both * (1.0 + errors[..., None])
-            return stack_readings(k, s, coats, jnp.exp(logs), ground, optics, _TOLERANCE).reshape(-1)
+            return stack_readings(k, s, coats, jnp.exp(logs), ground, optics, _TOLERANCE).reshape(
+                -1
+            )
 
         return jax.jacfwd(read)(jnp.zeros((2, size))).reshape(-1, 2 * size).T
 

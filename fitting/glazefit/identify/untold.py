@@ -1,7 +1,7 @@
 """Films sought again under conditions that nobody mentioned, and all candidates compete.
 
-Films are sought as they were said to be. Where the answer may rest on something untold, they are sought again under
-each of a few other conditions (`conditions.CONDITIONS`).
+Films are sought as they were said to be. Where the answer may rest on something untold, they are
+sought again under each of a few other conditions (`conditions.CONDITIONS`).
 """
 
 from collections.abc import Mapping
@@ -30,7 +30,8 @@ _DOUBTFUL = 0.2
 def search_untold(
     tasks: Mapping[bool, IdentificationTask], opaque: bool, measured: Measured, pool: Pool
 ) -> tuple[Pool, Odds]:
-    """The pool, with candidates under other conditions where what was told leaves a film in doubt; and its odds.
+    """The pool, with candidates under other conditions where what was told leaves a film in doubt;
+    and its odds.
 
     Films that were said to hide their ground are always tried without: one reading does not tell.
 
@@ -68,10 +69,14 @@ class AsIf(NamedTuple):
     task: IdentificationTask
     opaque: bool  # whether they hide their ground
     measured: Measured
-    slope: Float[np.ndarray, "spectra grounds bands"]  # of these readings by those that were measured
+    slope: Float[
+        np.ndarray, "spectra grounds bands"
+    ]  # of these readings by those that were measured
 
 
-def as_if(number: int, tasks: Mapping[bool, IdentificationTask], told: bool, measured: Measured) -> AsIf:
+def as_if(
+    number: int, tasks: Mapping[bool, IdentificationTask], told: bool, measured: Measured
+) -> AsIf:
     """Films under one condition, by its number.
 
     Args:
@@ -90,7 +95,9 @@ def as_if(number: int, tasks: Mapping[bool, IdentificationTask], told: bool, mea
     return AsIf(task, opaque, seen, slope)
 
 
-def _under(number: int, tasks: Mapping[bool, IdentificationTask], told: bool, measured: Measured) -> Pool:
+def _under(
+    number: int, tasks: Mapping[bool, IdentificationTask], told: bool, measured: Measured
+) -> Pool:
     """Candidates under one condition."""
     condition = CONDITIONS[number]
     task, _, seen, slope = as_if(number, tasks, told, measured)
@@ -107,7 +114,8 @@ def _under(number: int, tasks: Mapping[bool, IdentificationTask], told: bool, me
     change = np.log(slope).mean(axis=(1, 2))
     weight = pool.log_weight + np.log(condition.chance) + (independent(task) * change)[:, None]
     if condition.ground is not None:
-        # What hardly shows is no answer over a ground that nobody told: it is the ground that is seen.
+        # What hardly shows is no answer over a ground that nobody told: it is the ground that is
+        #     seen.
         clear = np.append(task.extenders, True)[pool.members].all(axis=-1)
         weight = np.where(clear, -np.inf, weight)
     return replace(pool, log_weight=weight, condition=np.full_like(pool.condition, number))
@@ -137,5 +145,7 @@ def bared(
     more = spread / step * (off((level + step) * yellow(grid)) - bare)
     slope = (without_varnish(response, body + 1e-4, coat) - bare) / 1e-4
     doubt = more[:, None]
-    changed = replace(measured, readings=bare + surface, noise_sd=measured.noise_sd * slope, doubt=doubt)
+    changed = replace(
+        measured, readings=bare + surface, noise_sd=measured.noise_sd * slope, doubt=doubt
+    )
     return changed, slope

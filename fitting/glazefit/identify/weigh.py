@@ -24,9 +24,13 @@ _COLOUR_OF_RMSE = 100.0
 class Off(NamedTuple):
     """How far candidates are off the spectra; infinite for those that hardly matter."""
 
-    seen: Float[np.ndarray, "spectra candidates"]  # Delta E00, the larger over the grounds, as fitted
+    seen: Float[
+        np.ndarray, "spectra candidates"
+    ]  # Delta E00, the larger over the grounds, as fitted
     left: Float[np.ndarray, "spectra candidates"]  # the same with errors of their paints allowed
-    shape: Float[np.ndarray, "spectra candidates"]  # root mean square of the latter's residual, noise aside
+    shape: Float[
+        np.ndarray, "spectra candidates"
+    ]  # root mean square of the latter's residual, noise aside
     blur: Float[np.ndarray, "spectra"]  # Delta E00 that noise alone makes
 
 
@@ -89,12 +93,17 @@ def odds_of(measured: Measured, pool: Pool, prior: Prior) -> Odds:
     odds, rejected = _judged(share, off, prior)
     for row in range(len(odds)):
         order = smaller_sets(pool, row, odds[row] > 0)
-        odds[row : row + 1] = simplest(order, weight[row : row + 1], off.seen[row : row + 1], odds[row : row + 1])
+        odds[row : row + 1] = simplest(
+            order, weight[row : row + 1], off.seen[row : row + 1], odds[row : row + 1]
+        )
     return _beside_none(odds, rejected, off, prior)
 
 
 def odds_alike(
-    weight: Float[np.ndarray, "spectra candidates"], off: Off, order: Sequence[Smaller], prior: Prior
+    weight: Float[np.ndarray, "spectra candidates"],
+    off: Off,
+    order: Sequence[Smaller],
+    prior: Prior,
 ) -> Odds:
     """Odds of spectra that all have the same candidates.
 
@@ -112,7 +121,8 @@ def odds_alike(
 
 def _whole(off: Off) -> Float[np.ndarray, "spectra candidates"]:
     """What candidates are judged by."""
-    # What noise alone makes of a colour is no misfit; a residual may have a shape that no colour shows.
+    # What noise alone makes of a colour is no misfit; a residual may have a shape that no colour
+    # shows.
     squared = np.maximum(off.seen * off.left - off.blur[:, None] ** 2, 0.0)
     return np.maximum(np.sqrt(squared), _COLOUR_OF_RMSE * off.shape)
 
@@ -121,8 +131,11 @@ def _judged(
     share: Float[np.ndarray, "spectra candidates"], off: Off, prior: Prior
 ) -> tuple[Float[np.ndarray, "spectra candidates"], Bool[np.ndarray, "spectra candidates"]]:
     """Odds of candidates by their misfit too, and whether a person would reject each by eye."""
-    # Differences that nobody sees count alike: what fits best is not for that more likely to be there.
-    odds = share * np.exp(-log_odds_of_none(np.maximum(_whole(off), UNSEEN))) * (1.0 - prior.unknown)
+    # Differences that nobody sees count alike: what fits best is not for that more likely to be
+    # there.
+    odds = (
+        share * np.exp(-log_odds_of_none(np.maximum(_whole(off), UNSEEN))) * (1.0 - prior.unknown)
+    )
     # A fit that a person rejects by eye is never more probable than none.
     rejected = off.seen**2 - off.blur[:, None] ** 2 > REJECTED**2
     return np.where(rejected, np.minimum(odds, share * prior.unknown), odds), rejected
@@ -134,10 +147,16 @@ def _beside_none(
     off: Off,
     prior: Prior,
 ) -> Odds:
-    """With the odds of none: the better a film is met, the less probable it is, also below what is seen."""
+    """With the odds of none: the better a film is met, the less probable it is, also below what is
+    seen.
+    """
     kept = odds / odds.sum(axis=1, keepdims=True)
-    met = np.exp(np.sum(np.where(kept > 0, kept * np.log(np.clip(_whole(off), 0.1, 100.0)), 0.0), axis=1))
-    none = prior.unknown * np.exp(log_odds_of_none(np.minimum(met, UNSEEN)) - log_odds_of_none(UNSEEN))
+    met = np.exp(
+        np.sum(np.where(kept > 0, kept * np.log(np.clip(_whole(off), 0.1, 100.0)), 0.0), axis=1)
+    )
+    none = prior.unknown * np.exp(
+        log_odds_of_none(np.minimum(met, UNSEEN)) - log_odds_of_none(UNSEEN)
+    )
     return Odds(candidates=odds, none=none, misfit=met, rejected=rejected, off=off)
 
 
@@ -165,9 +184,11 @@ def simplest(
     seen: Float[np.ndarray, "spectra candidates"],
     odds: Float[np.ndarray, "spectra candidates"],
 ) -> Float[np.ndarray, "spectra candidates"]:
-    """Odds with those of a set and of the same set less one paint changed over, where that paint earns nothing.
+    """Odds with those of a set and of the same set less one paint changed over, where that paint
+    earns nothing.
 
-    A paint earns its place by evidence or by a difference that is seen; else the simpler film comes first.
+    A paint earns its place by evidence or by a difference that is seen; else the simpler film comes
+    first.
     """
     odds = odds.copy()
     for n, less in order:
@@ -178,13 +199,17 @@ def simplest(
         )
         rows = np.flatnonzero(enough.any(axis=1))
         if rows.size:
-            best = np.asarray(less)[np.argmax(np.where(enough, weight[:, less], -np.inf)[rows], axis=1)]
+            best = np.asarray(less)[
+                np.argmax(np.where(enough, weight[:, less], -np.inf)[rows], axis=1)
+            ]
             odds[rows, best], odds[rows, n] = odds[rows, n], odds[rows, best]
     return odds
 
 
 def _of_noise(measured: Measured) -> Float[np.ndarray, "spectra"]:
-    """Delta E00 that the noise of the readings causes, root mean square of a few draws; 0 where it cannot be seen."""
+    """Delta E00 that the noise of the readings causes, root mean square of a few draws; 0 where it
+    cannot be seen.
+    """
     noisy = measured.noise_sd.mean(axis=(1, 2)) > _SEEN_NOISE
     if not noisy.any():
         return np.zeros(len(measured))
@@ -198,7 +223,9 @@ def _colour_difference(measured: Measured, computed: np.ndarray) -> np.ndarray:
     """`Measured.delta_e`, and a size like it where the bands give no colour."""
     off = measured.delta_e(computed)
     if np.isnan(off).all():
-        return _COLOUR_OF_RMSE * np.sqrt(np.mean((measured.readings[:, None] - computed) ** 2, axis=(-1, -2)))
+        return _COLOUR_OF_RMSE * np.sqrt(
+            np.mean((measured.readings[:, None] - computed) ** 2, axis=(-1, -2))
+        )
     return off
 
 
@@ -209,7 +236,9 @@ def _misfits(measured: Measured, pool: Pool, share: Float[np.ndarray, "spectra c
     rows = np.arange(len(measured))[:, None]
     seen = measured.readings[:, None]
     noise = np.mean(measured.noise_sd**2, axis=(1, 2))[:, None]
-    fitted, allowed = (a[rows, few].reshape(*few.shape, *seen.shape[2:]) for a in (pool.readings, pool.allowed))
+    fitted, allowed = (
+        a[rows, few].reshape(*few.shape, *seen.shape[2:]) for a in (pool.readings, pool.allowed)
+    )
     left = np.sqrt(np.maximum(np.mean((seen - allowed) ** 2, axis=(-1, -2)) - noise, 0.0))
 
     def placed(values: np.ndarray) -> np.ndarray:

@@ -61,19 +61,24 @@ def shortcut_words(attrs: Mapping[str, Any]) -> dict[str, str]:
     found: dict[str, str] = {}
     if "representatives" in attrs:
         found["Representatives"] = (
-            f"{attrs['representatives']:,} spectra of the image were searched in full; any other pixel is "
-            "answered in closed form from the one nearest to it: a set that only that pixel shows can be missed"
+            f"{attrs['representatives']:,} spectra of the image were searched in full; any other "
+            "pixel is "
+            "answered in closed form from the one nearest to it: a set that only that pixel "
+            "shows can be missed"
         )
     if "working_wavelengths" in attrs:
         found["Bands"] = (
-            f"neighbouring bands were averaged to {len(attrs['working_wavelengths'])}: a feature narrower than their "
+            f"neighbouring bands were averaged to {len(attrs['working_wavelengths'])}: a feature "
+            "narrower than their "
             "distance is lost"
         )
     return found
 
 
 def agreement_words(attrs: Mapping[str, Any]) -> dict[str, str]:
-    """How far answers in closed form agree with full searches of the same pixels, from the attributes of a map."""
+    """How far answers in closed form agree with full searches of the same pixels, from the
+    attributes of a map.
+    """
     told = attrs.get("agreement") or {}
     if not told:
         return {}

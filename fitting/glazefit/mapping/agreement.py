@@ -25,8 +25,8 @@ class Agreement:
         explained: share with the same answer to whether the catalogue explains the pixel.
         probability: median over the pixels of the largest difference of a paint's probability,
         probability_90: and what nine of ten stay below.
-        amount: median difference of the thickness in its standard deviations, where the sets are the same,
-        amount_90: and what nine of ten stay below; NaN where films hide their ground.
+        amount: median difference of the thickness in its standard deviations, where the sets are
+        the same, amount_90: and what nine of ten stay below; NaN where films hide their ground.
     """
 
     pixels: np.ndarray
@@ -67,7 +67,9 @@ def agreement(
     """
     searcher = task.searcher
     measured = as_measured(searcher, readings, task.image.noise_sd(readings), task.ground)
-    parts = [weigh(*one, searcher.paints, searcher.opaque, _KEPT) for one in searcher.search(measured)]
+    parts = [
+        weigh(*one, searcher.paints, searcher.opaque, _KEPT) for one in searcher.search(measured)
+    ]
     whole = Identification.join(parts)
     members = whole.members[:, 0]
     same = (np.sort(mapped["members"], axis=1) == np.sort(members, axis=1)).all(axis=1)

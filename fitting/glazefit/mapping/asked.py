@@ -45,7 +45,8 @@ def read_memory(text: str) -> int:
 
 
 def read_window(text: str) -> tuple[int, int, int, int] | None:
-    """First and end line, first and end sample of ``--window``, which is ``x0:x1,y0:y1``; None if it was left out.
+    """First and end line, first and end sample of ``--window``, which is ``x0:x1,y0:y1``; None if
+    it was left out.
 
     Raises:
         ValueError: something else.
@@ -55,14 +56,16 @@ def read_window(text: str) -> tuple[int, int, int, int] | None:
     match = re.fullmatch(r"\s*(\d+):(\d+)\s*,\s*(\d+):(\d+)\s*", text)
     if match is None or int(match[1]) >= int(match[2]) or int(match[3]) >= int(match[4]):
         raise ValueError(
-            f"--window is {text!r}; write x0:x1,y0:y1 in pixels from 0, ends not included, such as 100:400,0:250"
+            f"--window is {text!r}; write x0:x1,y0:y1 in pixels from 0, ends not included, such "
+            "as 100:400,0:250"
         )
     x0, x1, y0, y1 = (int(match[i]) for i in range(1, 5))
     return y0, y1, x0, x1
 
 
 def read_binning(text: str) -> tuple[int, int, int]:
-    """Lines, samples and bands of ``--bin``, which is one number for lines and samples, or all three.
+    """Lines, samples and bands of ``--bin``, which is one number for lines and samples, or all
+    three.
 
     Raises:
         ValueError: something else.
@@ -70,7 +73,10 @@ def read_binning(text: str) -> tuple[int, int, int]:
     match = re.fullmatch(r"\s*(\d+)\s*(?:,\s*(\d+)\s*,\s*(\d+)\s*)?", text)
     found = None if match is None else tuple(int(each) for each in match.groups() if each)
     if not found or min(found) < 1:
-        raise ValueError(f"--bin is {text!r}; write 2 for 2 x 2 pixels, or lines, samples and bands, such as 2,2,4")
+        raise ValueError(
+            f"--bin is {text!r}; write 2 for 2 x 2 pixels, or lines, samples and bands, such as "
+            "2,2,4"
+        )
     return (found[0], found[0], 1) if len(found) == 1 else (found[0], found[1], found[2])
 
 
@@ -84,7 +90,9 @@ def read_bands(text: str) -> tuple[float, float] | None:
         return None
     match = re.fullmatch(r"\s*(\d+\.?\d*)\s*[-:]\s*(\d+\.?\d*)\s*(?:nm)?\s*", text)
     if match is None or float(match[1]) >= float(match[2]):
-        raise ValueError(f"--bands is {text!r}; write the first and the last wavelength in nm, such as 420-700")
+        raise ValueError(
+            f"--bands is {text!r}; write the first and the last wavelength in nm, such as 420-700"
+        )
     return float(match[1]), float(match[2])
 
 
@@ -102,7 +110,8 @@ def read_wavelengths(text: str) -> tuple[float, ...] | Path | None:
         return tuple(float(each) for each in text.split(","))
     except ValueError:
         raise ValueError(
-            f"--wavelengths is {text!r}; name a text file of numbers, or write them in nm with commas: 400,410,420"
+            f"--wavelengths is {text!r}; name a text file of numbers, or write them in nm with "
+            "commas: 400,410,420"
         ) from None
 
 
@@ -117,10 +126,15 @@ def read_white(text: str) -> float | Path:
         level = float(text)
     except ValueError:
         if not Path(text).exists():
-            raise FileNotFoundError(f"--white-reflectance {text}: neither a number nor a file") from None
+            raise FileNotFoundError(
+                f"--white-reflectance {text}: neither a number nor a file"
+            ) from None
         return Path(text)
     if not 0 < level <= 1.1:
-        raise ValueError(f"--white-reflectance is {text}; write a fraction such as 0.99, or a file of its spectrum")
+        raise ValueError(
+            f"--white-reflectance is {text}; write a fraction such as 0.99, or a file of its "
+            "spectrum"
+        )
     return level
 
 
@@ -138,9 +152,13 @@ def read_spots(texts: Sequence[str], taken: Sequence[str]) -> dict[str, str]:
     for text in texts:
         name, equals, place = (part.strip() for part in text.partition("="))
         if not (name and equals and place):
-            raise ValueError(f"--spot is {text!r}; write NAME=x,y, NAME=x0:x1,y0:y1 or NAME=mask.png")
+            raise ValueError(
+                f"--spot is {text!r}; write NAME=x,y, NAME=x0:x1,y0:y1 or NAME=mask.png"
+            )
         if name in found or name in taken:
-            raise ValueError(f"--spot {text}: there is a paint {name!r} already; choose another name")
+            raise ValueError(
+                f"--spot {text}: there is a paint {name!r} already; choose another name"
+            )
         found[name] = place
     return found
 
@@ -167,7 +185,8 @@ def read_spectra_of_spots(
         spectrum = read_spot(cube, place).reflectance
         if (missing := int((~np.isfinite(spectrum)).sum())) > 0:
             raise ValueError(
-                f"--spot {name}={place}: {missing} bands have no reading there; choose another place, or "
+                f"--spot {name}={place}: {missing} bands have no reading there; choose another "
+                "place, or "
                 "leave those bands out with --bands"
             )
         found[name] = spectrum
@@ -181,11 +200,12 @@ def read_ground_of_cube(
     paints: Sequence["Pigment"],
     instrument: "Instrument",
 ) -> tuple["float | Float[np.ndarray, 'bands'] | None", str, tuple[str, ...]]:
-    """The ground below all pixels, as seen from inside the paint, at the bands of a cube; its words, and notes.
+    """The ground below all pixels, as seen from inside the paint, at the bands of a cube; its
+    words, and notes.
 
     Args:
-        text: of ``--ground``: a number, a file of spectra, or ``cube:`` and a place in the cube where the ground lies
-            bare; None for films that hide it.
+        text: of ``--ground``: a number, a file of spectra, or ``cube:`` and a place in the cube
+            where the ground lies bare; None for films that hide it.
         bare: a number or file is what the instrument reads from the bare ground, in air.
         cube: as it was opened.
         paints: beyond whose wavelengths the ground need not be known.
@@ -204,7 +224,10 @@ def read_ground_of_cube(
     if text is None:
         return None, "a ground that is not seen", ()
     grid = np.asarray(cube["wavelength"].values, np.float64)
-    first, last = max(float(p.wavelengths[0]) for p in paints), min(float(p.wavelengths[-1]) for p in paints)
+    first, last = (
+        max(float(p.wavelengths[0]) for p in paints),
+        min(float(p.wavelengths[-1]) for p in paints),
+    )
     inside = (grid >= first) & (grid <= last)
     if not inside.any():
         raise ValueError(
@@ -219,17 +242,18 @@ def read_ground_of_cube(
         below, bare = spot.reflectance[inside], True
         if not np.isfinite(below).all():
             raise ValueError(
-                f"--ground {text}: {int((~np.isfinite(below)).sum())} bands have no reading there; choose another place"
+                f"--ground {text}: {int((~np.isfinite(below)).sum())} bands have no reading "
+                "there; choose another place"
             )
         words = (
-            f"measured bare in the cube at {text.removeprefix(_CUBE)} ({spot.pixels} pixels, mean {below.mean():.2f})"
+            f"measured bare in the cube at {text.removeprefix(_CUBE)} ({spot.pixels} pixels, "
+            f"mean {below.mean():.2f})"
         )
     else:
         given = options.read_ground(text, bare=bare)
         below, notes = given.on(grid[inside]), given.notes
-        words = (
-            f"{given.words}, {'measured bare with the same instrument' if bare else 'as seen from inside the paint'}"
-        )
+        how = "measured bare with the same instrument" if bare else "as seen from inside the paint"
+        words = f"{given.words}, {how}"
         if isinstance(below, float | int) and not bare:
             return below, words, notes
     level = np.broadcast_to(np.asarray(below, np.float64), (int(inside.sum()),))

@@ -37,7 +37,9 @@ class Atlas:
         """Of representatives that were searched."""
         return cls(features, features(known.readings), known, prior)
 
-    def answers(self, readings: Float[np.ndarray, "spectra bands"]) -> tuple[Answers, Float[np.ndarray, "spectra"]]:
+    def answers(
+        self, readings: Float[np.ndarray, "spectra bands"]
+    ) -> tuple[Answers, Float[np.ndarray, "spectra"]]:
         """What is said of spectra, and how far each is from its representative."""
         paints = self.known.rest_paints.shape[1]
         found = Answers.empty(len(readings), paints, readings.shape[1])

@@ -1,4 +1,6 @@
-"""What is known of a window once it is solved: its arrays, its counts, and sums over the pixels of each set."""
+"""What is known of a window once it is solved: its arrays, its counts, and sums over the pixels of
+each set.
+"""
 
 import io
 import json
@@ -37,7 +39,10 @@ class SetSum:
             spectrum=self.spectrum + other.spectrum,
             fitted=self.fitted + other.fitted,
             square=self.square + other.square,
-            thickness=(self.thickness[0] + other.thickness[0], self.thickness[1] + other.thickness[1]),
+            thickness=(
+                self.thickness[0] + other.thickness[0],
+                self.thickness[1] + other.thickness[1],
+            ),
         )
 
 
@@ -76,7 +81,9 @@ def pack(tallies: Mapping[str, float], sets: Mapping[Members, SetSum]) -> bytes:
     np.savez(
         file,
         tallies=np.frombuffer(json.dumps(dict(tallies)).encode(), np.uint8),
-        members=np.array([[*m, *[-1] * (longest - len(m))] for m, _ in rows], np.int32).reshape(len(rows), longest),
+        members=np.array([[*m, *[-1] * (longest - len(m))] for m, _ in rows], np.int32).reshape(
+            len(rows), longest
+        ),
         pixels=np.array([s.pixels for _, s in rows], np.int64),
         thickness=np.array([s.thickness[0] for _, s in rows], np.float64),
         with_thickness=np.array([s.thickness[1] for _, s in rows], np.int64),

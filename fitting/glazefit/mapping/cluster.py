@@ -1,4 +1,6 @@
-"""Work by keys on a dask cluster. Imports `distributed`, and is imported by functions that have a client."""
+"""Work by keys on a dask cluster. Imports `distributed`, and is imported by functions that have a
+client.
+"""
 
 import sys
 from collections.abc import Callable, Generator, Sequence
@@ -6,7 +8,15 @@ from typing import Any, TypeVar
 from uuid import uuid4
 
 import cloudpickle
-from distributed import CancelledError, Client, KilledWorker, Worker, WorkerPlugin, as_completed, get_worker
+from distributed import (
+    CancelledError,
+    Client,
+    KilledWorker,
+    Worker,
+    WorkerPlugin,
+    as_completed,
+    get_worker,
+)
 
 Result = TypeVar("Result")
 
@@ -17,15 +27,20 @@ _PATIENCE = 60
 
 
 class _Tool(WorkerPlugin):
-    """The work itself, once on every worker, those that join later included, so that tasks carry a key alone.
+    """The work itself, once on every worker, those that join later included, so that tasks carry a
+    key alone.
 
-    As a future that tasks depend on it would draw all tasks to the worker that has it, and be lost with that worker.
+    As a future that tasks depend on it would draw all tasks to the worker that has it, and be lost
+    with that worker.
     """
 
     def __init__(self, name: str, work: Callable[[str], Any]):
-        # In a packet of its own: JAX's arrays lose half of their digits where they arrive before its precision is set.
+        # In a packet of its own: JAX's arrays lose half of their digits where they arrive before
+        #     its precision is set.
         self.name, self.packed = name, cloudpickle.dumps(work)
-        self.precision = bool(sys.modules["jax"].config.jax_enable_x64) if "jax" in sys.modules else None
+        self.precision = (
+            bool(sys.modules["jax"].config.jax_enable_x64) if "jax" in sys.modules else None
+        )
 
     def setup(self, worker: Worker) -> None:
         """Have JAX compute in the precision of the process that asks, then unpack the work."""
@@ -71,7 +86,8 @@ def on_cluster(
         client.register_plugin(_Tool(name, work), name=name)
     except ModuleNotFoundError as error:
         raise RuntimeError(
-            f"the workers of the dask cluster at {address} lack a package ({error}); install glazejax "
+            f"the workers of the dask cluster at {address} lack a package ({error}); install "
+            "glazejax "
             "there as it is here"
         ) from None
     flying = as_completed(loop=client.loop)
@@ -82,7 +98,9 @@ def on_cluster(
         room = _IN_FLIGHT * max(len(workers), 1) - len(names)
         # The count comes first: `zip` would take one key more than it gives.
         for _, key in zip(range(room), waiting, strict=False):
-            future = client.submit(_do, name, key, key=f"{name}-{key}", retries=_RETRIES, pure=False)
+            future = client.submit(
+                _do, name, key, key=f"{name}-{key}", retries=_RETRIES, pure=False
+            )
             names[future] = key
             flying.add(future)
 
@@ -116,4 +134,6 @@ def on_cluster(
 
 
 def _lost() -> ConnectionError:
-    return ConnectionError("the dask cluster was lost or restarted; what is finished is kept, and the same run goes on")
+    return ConnectionError(
+        "the dask cluster was lost or restarted; what is finished is kept, and the same run goes on"
+    )

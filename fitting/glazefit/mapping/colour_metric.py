@@ -14,7 +14,8 @@ _COLOUR_OF_RMSE = 100.0
 def colour_metric(
     wavelengths: Float[np.ndarray, "bands"], readings: Float[np.ndarray, "spectra bands"]
 ) -> Float[np.ndarray, "spectra colours bands"]:
-    """T for each spectrum, so that |T d| is Delta E00 (D65, 10 degrees) to the spectrum moved by a small d.
+    """T for each spectrum, so that |T d| is Delta E00 (D65, 10 degrees) to the spectrum moved by a
+    small d.
 
     Where the bands give no colour, a hundred times the root mean square.
     """
@@ -22,7 +23,9 @@ def colour_metric(
     try:
         base = np.asarray(lab(wavelengths, readings, observer=10))
     except ValueError:
-        return np.broadcast_to(_COLOUR_OF_RMSE / np.sqrt(bands) * np.eye(bands), (count, bands, bands)).copy()
+        return np.broadcast_to(
+            _COLOUR_OF_RMSE / np.sqrt(bands) * np.eye(bands), (count, bands, bands)
+        ).copy()
     moved = readings[:, None] + _READING * np.eye(bands)
     by_reading = (np.asarray(lab(wavelengths, moved, observer=10)) - base[:, None]) / _READING
     squared = np.zeros((count, 3, 3))
@@ -38,5 +41,7 @@ def colour_metric(
     return root @ np.swapaxes(by_reading, 1, 2)
 
 
-def _squared(base: Float[np.ndarray, "spectra 3"], step: Float[np.ndarray, "3"]) -> Float[np.ndarray, "spectra"]:
+def _squared(
+    base: Float[np.ndarray, "spectra 3"], step: Float[np.ndarray, "3"]
+) -> Float[np.ndarray, "spectra"]:
     return np.asarray(delta_e_2000(base, base + step)) ** 2

@@ -1,4 +1,6 @@
-"""The command `glazejax map`: an image of spectra in; which paints, how much and how thick, pixel by pixel, out."""
+"""The command `glazejax map`: an image of spectra in; which paints, how much and how thick, pixel
+by pixel, out.
+"""
 
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
@@ -34,36 +36,65 @@ def map_(
         Path | None,
         typer.Argument(
             metavar="CUBE",
-            help="Image of spectra: ENVI (header or data), zarr, NetCDF, HDF5, TIFF or a folder of TIFFs, .npy.",
+            help=(
+                "Image of spectra: ENVI (header or data), zarr, NetCDF, HDF5, TIFF or a folder "
+                "of TIFFs, .npy."
+            ),
             show_default=False,
         ),
     ] = None,
     out: Annotated[
-        Path, typer.Option("--out", "-o", metavar="FOLDER", help="Map to write, a zarr folder; one begun goes on.")
+        Path,
+        typer.Option(
+            "--out", "-o", metavar="FOLDER", help="Map to write, a zarr folder; one begun goes on."
+        ),
     ] = Path("map.zarr"),
-    wavelengths: Annotated[str, _option("Wavelengths, if the cube has none: a file, or nm with commas.", "NM")] = "",
-    dataset: Annotated[str, _option("Array of a zarr, NetCDF or HDF5 file, if there are several.", "NAME")] = "",
+    wavelengths: Annotated[
+        str, _option("Wavelengths, if the cube has none: a file, or nm with commas.", "NM")
+    ] = "",
+    dataset: Annotated[
+        str, _option("Array of a zarr, NetCDF or HDF5 file, if there are several.", "NAME")
+    ] = "",
     white: Annotated[
         Path | None, _option("Reading of a white: cube, frame, line, or a list of numbers.", "FILE")
     ] = None,
-    dark: Annotated[Path | None, _option("Reading without light, of the same kinds.", "FILE")] = None,
+    dark: Annotated[
+        Path | None, _option("Reading without light, of the same kinds.", "FILE")
+    ] = None,
     white_reflectance: Annotated[
-        str, _option("The white's own reflectance, a number or a file of its spectrum. Default: 1.", "R")
+        str,
+        _option(
+            "The white's own reflectance, a number or a file of its spectrum. Default: 1.", "R"
+        ),
     ] = "1",
     scale: Annotated[
-        float | None, _option("Number that stands for reflectance 1, if the cube does not say.", "NUMBER")
+        float | None,
+        _option("Number that stands for reflectance 1, if the cube does not say.", "NUMBER"),
     ] = None,
     window: Annotated[
-        str, _option("Part of the cube, x0:x1,y0:y1 in pixels from 0, ends not included.", "X0:X1,Y0:Y1")
+        str,
+        _option(
+            "Part of the cube, x0:x1,y0:y1 in pixels from 0, ends not included.", "X0:X1,Y0:Y1"
+        ),
     ] = "",
     mask: Annotated[
         Path | None,
-        _option("Pixels to map: a PNG that is not black there, or polygons (GeoJSON, or CSV of x,y).", "FILE"),
+        _option(
+            "Pixels to map: a PNG that is not black there, or polygons (GeoJSON, or CSV of x,y).",
+            "FILE",
+        ),
     ] = None,
     binned: Annotated[
-        str, typer.Option("--bin", metavar="N", help="Mean of N x N pixels, or of lines, samples and bands: 2,2,4.")
+        str,
+        typer.Option(
+            "--bin",
+            metavar="N",
+            help="Mean of N x N pixels, or of lines, samples and bands: 2,2,4.",
+        ),
     ] = "1",
-    bands: Annotated[str, _option("First and last wavelength that are used, nm: 420-700.", "NM-NM")] = "",
+    bands: Annotated[
+        str, _option("First and last wavelength that are used, nm: 420-700.", "NM-NM")
+    ] = "",
     pigments: options.Pigments = None,
     catalogue: options.CatalogueName = options.OILS,
     only: options.Only = "",
@@ -71,30 +102,45 @@ def map_(
     spot: Annotated[
         list[str] | None,
         _option(
-            "A further paint, as the cube has it at x,y, at x0:x1,y0:y1 or in mask.png; can be repeated.", "NAME=x,y"
+            "A further paint, as the cube has it at x,y, at x0:x1,y0:y1 or in mask.png; can be "
+            "repeated.",
+            "NAME=x,y",
         ),
     ] = None,
     ground: Annotated[
         str | None,
         _option(
-            "Ground below the paint: its reflectance as seen from inside the paint, 0 to 1; a file of spectra, FILE or "
+            "Ground below the paint: its reflectance as seen from inside the paint, 0 to 1; a "
+            "file of spectra, FILE or "
             "FILE:SAMPLE; or cube:x0:x1,y0:y1, where it lies bare in the cube.",
             "GROUND",
         ),
     ] = None,
     bare: Annotated[
-        bool, typer.Option("--bare", help="--ground is what the same instrument reads from the bare ground, in air.")
+        bool,
+        typer.Option(
+            "--bare",
+            help="--ground is what the same instrument reads from the bare ground, in air.",
+        ),
     ] = False,
-    opaque: Annotated[bool, typer.Option("--opaque", help="The paint hides its ground everywhere.")] = False,
-    max_paints: Annotated[int, typer.Option(help="Largest number of paints in a pixel: 1, 2 or 3.")] = 3,
-    layers: Annotated[int, typer.Option(help="Coats: 1, or 2 to try two coats as well, in both orders.")] = 1,
+    opaque: Annotated[
+        bool, typer.Option("--opaque", help="The paint hides its ground everywhere.")
+    ] = False,
+    max_paints: Annotated[
+        int, typer.Option(help="Largest number of paints in a pixel: 1, 2 or 3.")
+    ] = 3,
+    layers: Annotated[
+        int, typer.Option(help="Coats: 1, or 2 to try two coats as well, in both orders.")
+    ] = 1,
     geometry: Annotated[str | None, options.geometry_option(_GEOMETRY)] = None,
     refractive_index: options.RefractiveIndex = 1.5,
     noise: Annotated[
-        float | None, _option("Noise of a reading near black, in reflectance. Default: estimated from the cube.")
+        float | None,
+        _option("Noise of a reading near black, in reflectance. Default: estimated from the cube."),
     ] = None,
     noise_share: Annotated[
-        float | None, _option("Noise that grows with the reading: added to --noise per unit of reflectance.")
+        float | None,
+        _option("Noise that grows with the reading: added to --noise per unit of reflectance."),
     ] = None,
     model_error: options.ModelError = None,
     thickness: options.Thickness = "25um",
@@ -102,18 +148,27 @@ def map_(
         str, typer.Option(metavar="SIZE", help="Bound of the memory that is used, such as 4GiB.")
     ] = "2GiB",
     scheduler: Annotated[
-        str | None, _option("Address of a dask scheduler, whose workers do the work: tcp://host:8786.", "ADDRESS")
+        str | None,
+        _option(
+            "Address of a dask scheduler, whose workers do the work: tcp://host:8786.", "ADDRESS"
+        ),
     ] = None,
-    report: Annotated[Path | None, _option("Also write a report, one HTML page, and pictures.", "FOLDER")] = None,
+    report: Annotated[
+        Path | None, _option("Also write a report, one HTML page, and pictures.", "FOLDER")
+    ] = None,
     csv: Annotated[
-        Path | None, _option("Also write a table of the sets: area, thickness, mean spectra.", "FILE")
+        Path | None,
+        _option("Also write a table of the sets: area, thickness, mean spectra.", "FILE"),
     ] = None,
     export: Annotated[
         Path | None, _option("Also write the map as NetCDF (.nc) or ENVI (.hdr or .img).", "FILE")
     ] = None,
     overwrite: options.Overwrite = False,
     example: Annotated[
-        bool, typer.Option("--example", help="Make a small painting, of which the truth is known, and map it.")
+        bool,
+        typer.Option(
+            "--example", help="Make a small painting, of which the truth is known, and map it."
+        ),
     ] = False,
 ) -> None:
     """Which paints are in every pixel of an image: probabilities, amounts, thickness.
@@ -127,7 +182,9 @@ def map_(
     typed = dict(locals())
     if example:
         if cube is not None:
-            raise ValueError(f"--example maps a painting of its own: leave out {cube}, or leave out --example")
+            raise ValueError(
+                f"--example maps a painting of its own: leave out {cube}, or leave out --example"
+            )
     elif cube is None:
         raise ValueError("no CUBE was given; name an image of spectra, or try --example")
     if max_paints not in (1, 2, 3):
@@ -135,7 +192,9 @@ def map_(
     if layers not in (1, 2):
         raise ValueError(f"--layers is {layers}; it must be 1 or 2")
     if opaque and ground is not None:
-        raise ValueError("--opaque paint shows no ground: leave out --ground, or leave out --opaque")
+        raise ValueError(
+            "--opaque paint shows no ground: leave out --ground, or leave out --opaque"
+        )
     if bare and ground is None:
         raise ValueError("--bare says how --ground was measured: give --ground too")
     if not (example or opaque or ground):
@@ -217,8 +276,12 @@ def map_(
             mask=mask,
             spots=read_spectra_of_spots(places, opened),
             instrument=instrument,
-            noise=None if noise is noise_share is None else Noise(**{k: v for k, v in given.items() if v is not None}),
-            discrepancy=BETWEEN_FILMS if model_error is None else replace(BETWEEN_FILMS, amplitude=model_error),
+            noise=None
+            if noise is noise_share is None
+            else Noise(**{k: v for k, v in given.items() if v is not None}),
+            discrepancy=BETWEEN_FILMS
+            if model_error is None
+            else replace(BETWEEN_FILMS, amplitude=model_error),
             prior=Prior(thickness=usual),
             max_paints=max_paints,
             layers=layers,
@@ -227,7 +290,10 @@ def map_(
             overwrite=overwrite,
             told=told,
         )
-    facts = {"Ground": words, "Instrument": f"{seen_by.describe()}, refractive index {refractive_index:g}"}
+    facts = {
+        "Ground": words,
+        "Instrument": f"{seen_by.describe()}, refractive index {refractive_index:g}",
+    }
 
     def about() -> Any:
         from glazejax.commands.typed import command_line, ground_file
@@ -235,7 +301,9 @@ def map_(
         from .about import about_map
 
         read = {**given_files, "--ground": ground_file(ground)}
-        return about_map(command_line(map_, "map", typed, ("cube",)), typed, source.path, read, found, facts)
+        return about_map(
+            command_line(map_, "map", typed, ("cube",)), typed, source.path, read, found, facts
+        )
 
     console.print(f"Wrote the map to {out}")
     _write(MapStore.open(out), found, opened, console, csv, export, report, overwrite, about)
@@ -260,7 +328,10 @@ def _check_outputs(
     files = {"--csv": csv}
     if export is not None:
         exported = check_export(export, overwrite=overwrite, argument="--export")
-        files |= {"--export": exported[0], **({"the image of --export": exported[1]} if exported[1:] else {})}
+        files |= {
+            "--export": exported[0],
+            **({"the image of --export": exported[1]} if exported[1:] else {}),
+        }
     options.check_outputs(files, overwrite, inputs=list(inputs.values()))
     if report is not None:
         from glazejax.extras import require
@@ -272,7 +343,9 @@ def _check_outputs(
 
 
 def _example(out: Path, console: "Console") -> dict[str, Any]:
-    """A small painting beside the map: its cube, its ground, and the paints that the map is not given."""
+    """A small painting beside the map: its cube, its ground, and the paints that the map is not
+    given.
+    """
     from .example import painting, write_painting
 
     folder = out.with_name(f"{out.stem}-example")
@@ -282,13 +355,23 @@ def _example(out: Path, console: "Console") -> dict[str, Any]:
         with progress.doing("making a painting"):
             write_painting(folder, made)
         console.print(f"Made a painting of {made.shape[1]} x {made.shape[0]} pixels: {header}")
-    return {"cube": header, "ground": folder / "ground.csv", "without": ",".join(paint.name for paint in made.foreign)}
+    return {
+        "cube": header,
+        "ground": folder / "ground.csv",
+        "without": ",".join(paint.name for paint in made.foreign),
+    }
 
 
 @contextmanager
 def _bar() -> Iterator[Callable[[Any], None]]:
     """A bar for each stage; what is yielded goes to `map_cube` as ``told``."""
-    from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+    from rich.progress import (
+        BarColumn,
+        MofNCompleteColumn,
+        TextColumn,
+        TimeElapsedColumn,
+        TimeRemainingColumn,
+    )
 
     columns = (
         TextColumn("{task.description}"),
@@ -322,7 +405,8 @@ def _kept(out: Path, console: "Console") -> Iterator[None]:
             raise KeyboardInterrupt from None
         done, of = len(store.done()), len(store.windows())
         console.print(
-            f"[yellow]Interrupted: {done} of {of} windows are finished and kept in {out}; the same command "
+            f"[yellow]Interrupted: {done} of {of} windows are finished and kept in {out}; the "
+            "same command "
             "goes on from there.[/yellow]"
         )
         raise typer.Exit(progress.INTERRUPTED) from None
@@ -345,7 +429,9 @@ def _write(
     tallies, sets = store.sums()
     print_map(found, sets, console, _ROWS)
     if csv is not None:
-        write_sets(csv, found, sets, found.attrs.get("working_wavelengths", ()), overwrite=overwrite)
+        write_sets(
+            csv, found, sets, found.attrs.get("working_wavelengths", ()), overwrite=overwrite
+        )
         console.print(f"Wrote the table of sets to {csv}")
     if export is not None:
         from .export import export_map
@@ -357,5 +443,7 @@ def _write(
         from .page import write_report
 
         with progress.doing("writing the report"):
-            page = write_report(found, tallies, sets, about(), report, cube=opened, overwrite=overwrite)
+            page = write_report(
+                found, tallies, sets, about(), report, cube=opened, overwrite=overwrite
+            )
         console.print(f"Wrote the report to {page}")

@@ -1,7 +1,9 @@
-"""A painting whose truth is known: spectra of a scene of one to three coats, with noise, block by block.
+"""A painting whose truth is known: spectra of a scene of one to three coats, with noise, block by
+block.
 
-Reflectance is `glazejax.reflectance`'s, tabulated for each region over the two or three numbers that vary in it
-(`glazejax.interpolated`), so that millions of pixels take minutes and no two are alike.
+Reflectance is `glazejax.reflectance`'s, tabulated for each region over the two or three numbers
+that vary in it (`glazejax.interpolated`), so that millions of pixels take minutes and no two are
+alike.
 """
 
 import functools
@@ -32,7 +34,13 @@ _SOLVER = 1e-5
 _PIXELS = 4096
 _VALUES = 2**24
 
-TRUTH = {"members": "int16", "coats": "int8", "amounts": "float32", "region": "uint8", "foreign": "bool"}
+TRUTH = {
+    "members": "int16",
+    "coats": "int8",
+    "amounts": "float32",
+    "region": "uint8",
+    "foreign": "bool",
+}
 """Arrays of the truth; the first three have `PLACES` columns."""
 
 
@@ -65,7 +73,9 @@ class Painting:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Paints by the number that the truth gives them: those of the catalogue, then the foreign ones."""
+        """Paints by the number that the truth gives them: those of the catalogue, then the foreign
+        ones.
+        """
         return tuple(paint.name for paint in (*self.paints, *self.foreign))
 
     def rows(self, y0: int, y1: int, *, noise: bool = True) -> Float[np.ndarray, "rows x bands"]:
@@ -88,15 +98,19 @@ class Painting:
         """What rows y0 to y1 are painted with.
 
         Returns:
-            members (rows, x, places), numbers of `names`, ascending, -1 where there are no more paints; coats, of each
-            the coat it lies in, 0 the uppermost; amounts, of each in m (thickness times share); region (rows, x),
-            number in `glazefit.mapping.scene.REGIONS`; foreign, whether a paint of it is not in the catalogue.
+            members (rows, x, places), numbers of `names`, ascending, -1 where there are no more
+            paints; coats, of each the coat it lies in, 0 the uppermost; amounts, of each in m
+            (thickness times share); region (rows, x), number in `glazefit.mapping.scene.REGIONS`;
+            foreign, whether a paint of it is not in the catalogue.
 
         Raises:
             ValueError: rows that the painting has not.
         """
         number_of = {name: n for n, name in enumerate(self.names)}
-        found = {name: np.zeros(shape, TRUTH[name]) for name, shape in _truth_shapes(y1 - y0, self.shape[1]).items()}
+        found = {
+            name: np.zeros(shape, TRUTH[name])
+            for name, shape in _truth_shapes(y1 - y0, self.shape[1]).items()
+        }
         found["members"][:] = -1
         for number, where, values in self._varied(y0, y1):
             region = REGIONS[number]
@@ -120,12 +134,16 @@ class Painting:
         labels = self.scene.labels(y0, y1)
         # Of every row by itself, so that blocks of any size hold the same painting.
         rows = [np.random.default_rng([self.seed, 1, y]) for y in range(y0, y1)]
-        grain = np.stack([rng.standard_normal((3, self.shape[1]), np.float32) for rng in rows], axis=1)
+        grain = np.stack(
+            [rng.standard_normal((3, self.shape[1]), np.float32) for rng in rows], axis=1
+        )
         for number in np.unique(labels):
             where = labels == number
             fields = self.scene.fields(y0, y1, int(number), where, grain)
             values = {}
-            for (name, (low, high), by_log), field in zip(REGIONS[number].ranges, fields, strict=True):
+            for (name, (low, high), by_log), field in zip(
+                REGIONS[number].ranges, fields, strict=True
+            ):
                 values[name] = low * (high / low) ** field if by_log else low + (high - low) * field
             yield int(number), where, values
 
@@ -133,7 +151,9 @@ class Painting:
 def _truth_shapes(lines: int, samples: int) -> dict[str, tuple[int, ...]]:
     """Shapes of the arrays of the truth."""
     placed = ("members", "coats", "amounts")
-    return {name: (lines, samples, PLACES) if name in placed else (lines, samples) for name in TRUTH}
+    return {
+        name: (lines, samples, PLACES) if name in placed else (lines, samples) for name in TRUTH
+    }
 
 
 def painting(
@@ -151,11 +171,13 @@ def painting(
         noise: standard deviation of a reading, independent in every band.
 
     Raises:
-        ValueError: an empty shape, less than two bands, wavelengths that the catalogue does not cover, negative noise.
+        ValueError: an empty shape, less than two bands, wavelengths that the catalogue does not
+            cover, negative noise.
     """
     if len(shape) != 2 or min(shape) < 1:
         raise ValueError(
-            f"a painting of {' x '.join(map(str, shape))} pixels cannot be made: give (y, x), both 1 or more"
+            f"a painting of {' x '.join(map(str, shape))} pixels cannot be made: give (y, x), "
+            "both 1 or more"
         )
     if not 0 <= noise < 1:
         raise ValueError(f"noise is {noise:g}; it must be a fraction from 0 to 1, such as {NOISE}")
@@ -181,17 +203,24 @@ def _ground(grid: Float[np.ndarray, "bands"]) -> Float[np.ndarray, "bands"]:
 
 
 def spectra(
-    region: Region, paints: Mapping[str, Pigment], ground: Float[np.ndarray, "bands"], values: Mapping[str, np.ndarray]
+    region: Region,
+    paints: Mapping[str, Pigment],
+    ground: Float[np.ndarray, "bands"],
+    values: Mapping[str, np.ndarray],
 ) -> Float[np.ndarray, "points bands"]:
     """Reflectance of a region by the solver, for numbers by name, each (points,)."""
     known = {name: np.asarray(value) for name, value in values.items()}
     size = next(iter(known.values())).shape
     layers = []
     for n, coat in enumerate(region.coats):
-        parts = np.stack([np.broadcast_to(share, size) for share in region.shares(n, known)], axis=-1)
+        parts = np.stack(
+            [np.broadcast_to(share, size) for share in region.shares(n, known)], axis=-1
+        )
         medium = paints[coat.paints[0]]
         if len(coat.paints) > 1:
-            medium = Mixture([paints[name] for name in coat.paints], parts / parts.sum(axis=-1, keepdims=True))
+            medium = Mixture(
+                [paints[name] for name in coat.paints], parts / parts.sum(axis=-1, keepdims=True)
+            )
         layers.append(Layer(medium, np.broadcast_to(region.thickness(n, known), size)))
     return np.asarray(reflectance(Glaze(layers, ground, INDEX), INSTRUMENT, tolerance=_SOLVER))
 
@@ -236,9 +265,13 @@ def _table(number: int, wavelengths: tuple[float, ...], ground: tuple[float, ...
     ranges = {name: ends for name, ends, _ in region.ranges}
     table = interpolated(function, ranges, tolerance=TABLE_ERROR)
     if not table.converged:
-        raise ValueError(f"the spectra of {region.name!r} are known to {table.error:.2g} only, not {TABLE_ERROR:g}")
+        raise ValueError(
+            f"the spectra of {region.name!r} are known to {table.error:.2g} only, not "
+            f"{TABLE_ERROR:g}"
+        )
     whole = np.asarray(table.coefficients, float)
-    # Spectra of a region lie in a space of few dimensions: what is left out is bounded by the sum of what it weighs.
+    # Spectra of a region lie in a space of few dimensions: what is left out is bounded by the sum
+    # of what it weighs.
     left, weight, right = np.linalg.svd(whole.reshape(-1, whole.shape[-1]), full_matrices=False)
     rest = np.cumsum(weight[::-1])[::-1]
     keep = max(1, int(np.sum(rest > 0.1 * TABLE_ERROR)))
@@ -253,13 +286,18 @@ def _table(number: int, wavelengths: tuple[float, ...], ground: tuple[float, ...
 
 
 def write_painting(
-    folder: str | Path, painting: Painting, dtype: str = "float32", *, interleave: str = "bil", told: Any = None
+    folder: str | Path,
+    painting: Painting,
+    dtype: str = "float32",
+    *,
+    interleave: str = "bil",
+    told: Any = None,
 ) -> Path:
     """Write a painting as an ENVI image with its truth, a block of rows at a time.
 
     Args:
-        folder: is made; gets painting.hdr and painting.dat, ground.csv (internal reflectance), and truth/NAME.npy for
-            each name of `TRUTH`, which `read_truth` opens.
+        folder: is made; gets painting.hdr and painting.dat, ground.csv (internal reflectance), and
+            truth/NAME.npy for each name of `TRUTH`, which `read_truth` opens.
         painting: by `painting`.
         dtype: "float32", reflectance as a fraction, or "uint16", ten thousandths.
         interleave: "bil" or "bip".
@@ -301,7 +339,9 @@ def write_painting(
                 told(end, lines)
     for array in truth.values():
         array.flush()
-    table = "\n".join(f"{w:g},{r:.6f}" for w, r in zip(painting.wavelengths, painting.ground, strict=True))
+    table = "\n".join(
+        f"{w:g},{r:.6f}" for w, r in zip(painting.wavelengths, painting.ground, strict=True)
+    )
     (folder / "ground.csv").write_text(f"wavelength,ground\n{table}\n", encoding="utf-8")
     # Last, so that a header stands for a whole image.
     header.write_text(_header(painting, dtype, interleave), encoding="utf-8")
@@ -310,7 +350,9 @@ def write_painting(
 
 def _header(painting: Painting, dtype: str, interleave: str) -> str:
     fields = {
-        "description": "{Painting made by glazefit.mapping.example, seed " + f"{painting.seed}" + "}",
+        "description": "{Painting made by glazefit.mapping.example, seed "
+        + f"{painting.seed}"
+        + "}",
         "samples": painting.shape[1],
         "lines": painting.shape[0],
         "bands": painting.wavelengths.size,
@@ -327,5 +369,7 @@ def _header(painting: Painting, dtype: str, interleave: str) -> str:
 
 
 def read_truth(folder: str | Path) -> dict[str, np.ndarray]:
-    """Truth that `write_painting` wrote, memory-mapped, (y, x, ...), by name; see `Painting.truth`."""
+    """Truth that `write_painting` wrote, memory-mapped, (y, x, ...), by name; see
+    `Painting.truth`.
+    """
     return {name: np.load(Path(folder) / "truth" / f"{name}.npy", mmap_mode="r") for name in TRUTH}

@@ -25,7 +25,10 @@ _NETCDF = (".nc", ".nc4", ".h5")
 _ENVI = (".hdr", ".img", ".dat", ".bsq")
 # Bands of an ENVI file that are one number a pixel: name in the map, name of the band, factor.
 _SINGLE = (
-    *((name, name, 1.0) for name in ("status", "way", "condition", "explained", "probability", "none")),
+    *(
+        (name, name, 1.0)
+        for name in ("status", "way", "condition", "explained", "probability", "none")
+    ),
     ("thickness", "thickness (um)", 1e6),
     ("thickness_sd", "thickness standard deviation (um)", 1e6),
     ("misfit", "misfit (Delta E00)", 1.0),
@@ -34,17 +37,19 @@ _SINGLE = (
 
 
 def check_export(path: str | Path, *, overwrite: bool = False, argument: str = "") -> list[Path]:
-    """The files that a map would be exported to, if they can be written; asked before anything is computed.
+    """The files that a map would be exported to, if they can be written; asked before anything is
+    computed.
 
     Args:
-        path: its ending says the format: .nc, .nc4 or .h5 for NetCDF; .hdr, .img, .dat or .bsq for ENVI (two files).
-        overwrite: whether files that exist may be replaced.
+        path: its ending says the format: .nc, .nc4 or .h5 for NetCDF; .hdr, .img, .dat or .bsq for
+        ENVI (two files). overwrite: whether files that exist may be replaced.
         argument: what the path was given as; errors begin with it.
 
     Raises:
         ValueError: no format has the ending.
-        FileExistsError, FileNotFoundError, IsADirectoryError: see `glazejax.io.outputs.check_output`.
-        ModuleNotFoundError: what writes the format is not installed.
+        FileExistsError, FileNotFoundError, IsADirectoryError: see
+        `glazejax.io.outputs.check_output`. ModuleNotFoundError: what writes the format is not
+        installed.
     """
     path = Path(path)
     ending = path.suffix.lower()
@@ -55,7 +60,9 @@ def check_export(path: str | Path, *, overwrite: bool = False, argument: str = "
         files = [path.with_suffix(".hdr"), path if ending != ".hdr" else path.with_suffix(".img")]
     else:
         said = f"{argument} {path}" if argument else f"{path}"
-        raise ValueError(f"{said}: maps are exported as NetCDF (.nc) or ENVI (.hdr or .img); name such a file")
+        raise ValueError(
+            f"{said}: maps are exported as NetCDF (.nc) or ENVI (.hdr or .img); name such a file"
+        )
     return [check_output(file, overwrite=overwrite, argument=argument) for file in files]
 
 
@@ -68,10 +75,11 @@ def export_map(
 ) -> list[Path]:
     """Write a map as one NetCDF file, or as an ENVI image and its header.
 
-    NetCDF holds all that the map holds. The ENVI image is float32, band after band: status, way, condition,
-    probability, none, thickness, misfit and rmse, then of each paint its probability, its share by mass (0 where the
-    pixel's set is without it) and that share's standard deviation; NaN where a pixel was not mapped. So ENVI has its
-    paints by name; `set_names` tells those of a set in NetCDF.
+    NetCDF holds all that the map holds. The ENVI image is float32, band after band: status, way,
+    condition, probability, none, thickness, misfit and rmse, then of each paint its probability,
+    its share by mass (0 where the pixel's set is without it) and that share's standard deviation;
+    NaN where a pixel was not mapped. So ENVI has its paints by name; `set_names` tells those of a
+    set in NetCDF.
 
     Args:
         map: folder of the map.
@@ -83,8 +91,8 @@ def export_map(
         The files.
 
     Raises:
-        ValueError, FileExistsError, FileNotFoundError, IsADirectoryError, ModuleNotFoundError: see `check_export`.
-        OSError: the disk is full; nothing is left of the file then.
+        ValueError, FileExistsError, FileNotFoundError, IsADirectoryError, ModuleNotFoundError: see
+        `check_export`. OSError: the disk is full; nothing is left of the file then.
     """
     files = check_export(path, overwrite=overwrite)
     store = MapStore.open(map)
@@ -126,7 +134,9 @@ def _write_netcdf(store: MapStore, path: Path) -> None:
             encoding[str(name)] = {"_FillValue": None}
     # One window after another: the cores would only hold more of them in memory.
     with configured(scheduler="synchronous"):
-        dataset.chunk({"y": store.chunk[0], "x": store.chunk[1]}).to_netcdf(path, engine="h5netcdf", encoding=encoding)
+        dataset.chunk({"y": store.chunk[0], "x": store.chunk[1]}).to_netcdf(
+            path, engine="h5netcdf", encoding=encoding
+        )
 
 
 def _flat(attrs: Mapping[Any, Any]) -> dict[str, Any]:
@@ -135,7 +145,11 @@ def _flat(attrs: Mapping[Any, Any]) -> dict[str, Any]:
     for name, value in attrs.items():
         if isinstance(value, bool):
             value = int(value)
-        elif isinstance(value, Mapping) or value is None or (isinstance(value, list | tuple) and not _even(value)):
+        elif (
+            isinstance(value, Mapping)
+            or value is None
+            or (isinstance(value, list | tuple) and not _even(value))
+        ):
             value = json.dumps(value)
         found[str(name)] = value
     return found
@@ -144,7 +158,9 @@ def _flat(attrs: Mapping[Any, Any]) -> dict[str, Any]:
 def _even(values: list[Any] | tuple[Any, ...]) -> bool:
     """Whether a list is one of texts or one of numbers, and not empty."""
     texts = {isinstance(value, str) for value in values}
-    return len(texts) == 1 and all(isinstance(v, str | int | float) and not isinstance(v, bool) for v in values)
+    return len(texts) == 1 and all(
+        isinstance(v, str | int | float) and not isinstance(v, bool) for v in values
+    )
 
 
 def _band_names(paints: tuple[str, ...]) -> list[str]:
@@ -156,7 +172,9 @@ def _band_names(paints: tuple[str, ...]) -> list[str]:
     return [*(words for _, words, _ in _SINGLE), *of_paints]
 
 
-def _write_bands(store: MapStore, path: Path, bands: int, told: Callable[[int, int], None] | None) -> None:
+def _write_bands(
+    store: MapStore, path: Path, bands: int, told: Callable[[int, int], None] | None
+) -> None:
     """Write the image of bands, band after band."""
     dataset = open_map(store.path)
     lines, samples = store.shape
@@ -174,7 +192,9 @@ def _write_bands(store: MapStore, path: Path, bands: int, told: Callable[[int, i
                 told(number, len(all_windows))
 
 
-def _bands(dataset: "xarray.Dataset", window: Window, paints: int) -> Float[np.ndarray, "bands y x"]:
+def _bands(
+    dataset: "xarray.Dataset", window: Window, paints: int
+) -> Float[np.ndarray, "bands y x"]:
     """Bands of a window."""
     y, x = window.slices
     part = {name: dataset[name][y, x].values for name in BY_NAME if name != "true_colour"}
@@ -194,8 +214,9 @@ def _bands(dataset: "xarray.Dataset", window: Window, paints: int) -> Float[np.n
 
 def _header(dataset: "xarray.Dataset", names: list[str]) -> str:
     """The header of an ENVI image, with its place if the map knows it."""
+    title = str(dataset.attrs.get("title", "map of paints"))
     fields: dict[str, object] = {
-        "description": f"{{ {_braceless(str(dataset.attrs.get('title', 'map of paints')))}, by glazejax }}",
+        "description": f"{{ {_braceless(title)}, by glazejax }}",
         "samples": dataset.sizes["x"],
         "lines": dataset.sizes["y"],
         "bands": len(names),
@@ -212,12 +233,18 @@ def _header(dataset: "xarray.Dataset", names: list[str]) -> str:
 
 
 def _place(dataset: "xarray.Dataset") -> dict[str, str]:
-    """Where the image lies, from the map's coordinates, which follow windows and bins; nothing for bare pixels."""
+    """Where the image lies, from the map's coordinates, which follow windows and bins; nothing for
+    bare pixels.
+    """
     x, y = dataset["x"], dataset["y"]
     sizes = [float(each.attrs.get("pixel_size", 0)) for each in (x, y)]
     unit = str(x.attrs.get("units", "pixel"))
     info = [entry.strip() for entry in str(dataset.attrs.get("map_info", "")).split(",")]
-    turned = any(re.fullmatch(r"rotation\s*=\s*-?0*\.?0*", e, re.I) is None for e in info if "rotation" in e.lower())
+    turned = any(
+        re.fullmatch(r"rotation\s*=\s*-?0*\.?0*", e, re.I) is None
+        for e in info
+        if "rotation" in e.lower()
+    )
     if unit == "pixel" or not all(sizes):
         return {}
     if len(info) < 7 or turned:
@@ -237,7 +264,9 @@ def _braceless(text: str) -> str:
 
 @contextmanager
 def _whole(path: Path) -> Iterator[Path]:
-    """A name to write under; what was written takes its own once it is whole, and is taken away if it fails."""
+    """A name to write under; what was written takes its own once it is whole, and is taken away if
+    it fails.
+    """
     part = path.with_name(f".{path.name}.part")
     try:
         yield part
@@ -245,6 +274,8 @@ def _whole(path: Path) -> Iterator[Path]:
     except OSError as error:
         if error.errno not in FULL:
             raise
-        raise OSError(error.errno, "the disk is full; the map itself is kept, without this file", str(path)) from error
+        raise OSError(
+            error.errno, "the disk is full; the map itself is kept, without this file", str(path)
+        ) from error
     finally:
         part.unlink(missing_ok=True)

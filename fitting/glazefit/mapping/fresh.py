@@ -21,7 +21,8 @@ WORK = ".glazejax"
 
 
 def plain(value: Any) -> Any:
-    """A value as JSON has it: paths as text, arrays and tuples as lists, what is not finite as text.
+    """A value as JSON has it: paths as text, arrays and tuples as lists, what is not finite as
+    text.
 
     Raises:
         TypeError: something that JSON has not.
@@ -57,7 +58,13 @@ def lay_out(
     from zarr.codecs import BloscCodec
 
     about = {"kind": KIND, "format": FORMAT, "shape": list(shape), "chunk": list(chunk)}
-    whole = {"Conventions": "CF-1.11", **attrs, "glazejax": about, "paints": list(paints), "options": options}
+    whole = {
+        "Conventions": "CF-1.11",
+        **attrs,
+        "glazejax": about,
+        "paints": list(paints),
+        "options": options,
+    }
     group = zarr.create_group(path, attributes=plain(whole))
     sizes = {"paint": len(paints), "place": PLACES, "rgb": 3}
     packed = BloscCodec(cname="zstd", clevel=1, shuffle="shuffle")
@@ -68,20 +75,29 @@ def lay_out(
             shape=(*shape, *further),
             chunks=(*chunk, *further),
             dtype=variable.dtype,
-            fill_value=variable.fill if np.dtype(variable.dtype).kind == "f" else int(variable.fill),
+            fill_value=variable.fill
+            if np.dtype(variable.dtype).kind == "f"
+            else int(variable.fill),
             compressors=packed,
             dimension_names=["y", "x", *variable.further],
             attributes=_words(variable, paints),
         )
     for name, length in zip(("y", "x"), shape, strict=True):
         values, told = coords.get(name, (np.arange(length) + 0.5, {"units": "pixel"}))
-        group.create_array(name, data=np.asarray(values), dimension_names=[name], attributes=plain(dict(told)))
+        group.create_array(
+            name, data=np.asarray(values), dimension_names=[name], attributes=plain(dict(told))
+        )
     names = group.create_array(
-        "paint", shape=(len(paints),), chunks=(max(len(paints), 1),), dtype=str, dimension_names=["paint"]
+        "paint",
+        shape=(len(paints),),
+        chunks=(max(len(paints), 1),),
+        dtype=str,
+        dimension_names=["paint"],
     )
     names[:] = np.array([*paints], dtype=object)
     with warnings.catch_warnings():
-        # zarr warns that others may not know this list of arrays; without it readers complain of the marks' folder.
+        # zarr warns that others may not know this list of arrays; without it readers complain of
+        # the marks' folder.
         warnings.simplefilter("ignore")
         zarr.consolidate_metadata(group.store)
     (path / WORK / "done").mkdir(parents=True)
@@ -100,7 +116,9 @@ def _words(variable: Variable, paints: Sequence[str]) -> dict[str, Any]:
         "status": {int(flag): words for flag, words in STATUS_WORDS.items()},
         "way": {int(flag): flag.name.lower() for flag in Way},
         "members": {-1: "none", **dict(enumerate(paints))},
-        "condition": {number: condition.words or "as told" for number, condition in enumerate(CONDITIONS)},
+        "condition": {
+            number: condition.words or "as told" for number, condition in enumerate(CONDITIONS)
+        },
     }
     if legend := legends.get(variable.name):
         told["flag_values"] = list(legend)

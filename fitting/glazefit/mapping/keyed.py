@@ -1,4 +1,6 @@
-"""Results by key, each in a file that is there whole or not at all: what lets a killed run go on."""
+"""Results by key, each in a file that is there whole or not at all: what lets a killed
+run go on.
+"""
 
 import errno
 import io
@@ -19,7 +21,9 @@ _PART = ".part"
 
 
 def write_whole(path: Path, content: bytes) -> None:
-    """Write a file so that, whatever happens meanwhile, it is there whole or not at all (or as it was before)."""
+    """Write a file so that, whatever happens meanwhile, it is there whole or not at all (or as it
+    was before).
+    """
     part = path.with_name(path.name + _PART)
     try:
         with part.open("wb") as file:
@@ -34,7 +38,9 @@ def write_whole(path: Path, content: bytes) -> None:
 
 
 def sync(path: Path) -> None:
-    """Have a file or folder on the disk itself, as far as the system can, so that a loss of power leaves it."""
+    """Have a file or folder on the disk itself, as far as the system can, so that a loss of power
+    leaves it.
+    """
     # Windows opens no folders, and some network drives refuse.
     with suppress(OSError):
         number = os.open(path, os.O_RDONLY)
@@ -69,7 +75,9 @@ class KeyedResults:
             OSError: the disk is full; nothing is left of this result then.
         """
         if objects := [name for name, array in result.items() if np.asarray(array).dtype.hasobject]:
-            raise ValueError(f"{objects[0]!r} of the result {key!r} is an array of Python objects; keep numbers")
+            raise ValueError(
+                f"{objects[0]!r} of the result {key!r} is an array of Python objects; keep numbers"
+            )
         file = io.BytesIO()
         named: dict[str, Any] = dict(result)
         np.savez(file, **named)
@@ -89,5 +97,7 @@ class KeyedResults:
 
     def _path(self, key: str) -> Path:
         if not _KEY.fullmatch(key):
-            raise ValueError(f"the key {key!r} cannot name a file; use letters, digits, '_', '.' and '-'")
+            raise ValueError(
+                f"the key {key!r} cannot name a file; use letters, digits, '_', '.' and '-'"
+            )
         return self.folder / f"{key}.npz"

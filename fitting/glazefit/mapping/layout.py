@@ -1,4 +1,6 @@
-"""What a map of paints holds, by name: the one list that solver, store, pictures and report share."""
+"""What a map of paints holds, by name: the one list that solver, store, pictures and
+report share.
+"""
 
 from enum import IntEnum
 from typing import NamedTuple
@@ -64,10 +66,21 @@ VARIABLES = (
         further=("place",),
     ),
     Variable(
-        name="coats", dtype="int8", fill=0, unit="", words="coat of each of them, 0 the uppermost", further=("place",)
+        name="coats",
+        dtype="int8",
+        fill=0,
+        unit="",
+        words="coat of each of them, 0 the uppermost",
+        further=("place",),
     ),
     Variable(name="condition", dtype="int8", fill=0, unit="", words="how it lies if not as told"),
-    Variable(name="probability", dtype="float32", fill=float("nan"), unit="1", words="probability of that set"),
+    Variable(
+        name="probability",
+        dtype="float32",
+        fill=float("nan"),
+        unit="1",
+        words="probability of that set",
+    ),
     Variable(
         name="none",
         dtype="float32",
@@ -75,7 +88,13 @@ VARIABLES = (
         unit="1",
         words="probability that no paints of the catalogue explain the pixel",
     ),
-    Variable(name="explained", dtype="uint8", fill=0, unit="", words="1 where the catalogue explains the pixel"),
+    Variable(
+        name="explained",
+        dtype="uint8",
+        fill=0,
+        unit="",
+        words="1 where the catalogue explains the pixel",
+    ),
     Variable(
         name="paint_probability",
         dtype="float32",
@@ -107,9 +126,19 @@ VARIABLES = (
         unit="m",
         words="thickness of all coats; NaN where the film hides its ground",
     ),
-    Variable(name="thickness_sd", dtype="float32", fill=float("nan"), unit="m", words="its standard deviation"),
     Variable(
-        name="misfit", dtype="float32", fill=float("nan"), unit="Delta E00", words="how far off the best candidates are"
+        name="thickness_sd",
+        dtype="float32",
+        fill=float("nan"),
+        unit="m",
+        words="its standard deviation",
+    ),
+    Variable(
+        name="misfit",
+        dtype="float32",
+        fill=float("nan"),
+        unit="Delta E00",
+        words="how far off the best candidates are",
     ),
     Variable(
         name="rmse",
@@ -118,8 +147,17 @@ VARIABLES = (
         unit="1",
         words="root mean square of measured less fitted reflectance",
     ),
-    Variable(name="true_colour", dtype="uint8", fill=0, unit="", words="sRGB under D65, 2 degrees", further=("rgb",)),
+    Variable(
+        name="true_colour",
+        dtype="uint8",
+        fill=0,
+        unit="",
+        words="sRGB under D65, 2 degrees",
+        further=("rgb",),
+    ),
 )
-"""All arrays of a map. `paint` counts the catalogue's paints, `place` those of a set, `rgb` red, green and blue."""
+"""All arrays of a map. `paint` counts the catalogue's paints, `place` those of a set, `rgb` red,
+green and blue.
+"""
 
 BY_NAME = {variable.name: variable for variable in VARIABLES}

@@ -1,9 +1,11 @@
-"""What an identification says of spectra near the one that was searched: every candidate, linear about it.
+"""What an identification says of spectra near the one that was searched: every candidate, linear
+about it.
 
-A search in full costs some milliseconds. Spectra that differ little from one that was searched have the same
-candidates; what changes is how well each meets the spectrum. With a film's readings linear in its log amounts, and its
-errors as they were, a candidate's most probable amounts move linearly with the spectrum and its evidence follows in
-closed form: Laplace's approximation about a point that moves (`glazefit.identify.fit`).
+A search in full costs some milliseconds. Spectra that differ little from one that was searched have
+the same candidates; what changes is how well each meets the spectrum. With a film's readings linear
+in its log amounts, and its errors as they were, a candidate's most probable amounts move linearly
+with the spectrum and its evidence follows in closed form: Laplace's approximation about a point
+that moves (`glazefit.identify.fit`).
 """
 
 from collections.abc import Callable, Sequence
@@ -35,7 +37,8 @@ from ..identify.untold import AsIf, as_if
 from ..identify.weigh import Odds
 from .colour_metric import colour_metric
 
-# Candidates of a representative that are kept: those with this share of the best explanations, and so many at most.
+# Candidates of a representative that are kept: those with this share of the best explanations, and
+# so many at most.
 _LEAST, _MOST = 3e-4, 16
 _BLOCK = 256
 _STEP = 1e-3
@@ -44,15 +47,16 @@ _terms = jax.jit(jax.vmap(prior_terms, in_axes=(0, 0, None, None)))
 
 @dataclass(frozen=True)
 class Local:
-    """Candidates of representative spectra in one row, and how they move with the spectrum; single precision.
+    """Candidates of representative spectra in one row, and how they move with the spectrum; single
+    precision.
 
     Attributes:
         row: representative of each candidate, ascending.
         members, coats, condition: as in `glazefit.Identification`.
         opaque: whether the film hides its ground as it was sought.
         log_weight: at the representative.
-        weight_by: its slopes by the readings, as far as a varnish bends the scale on which they are compared.
-        amounts: log amounts that are shown, m; -inf for no paint.
+        weight_by: its slopes by the readings, as far as a varnish bends the scale on which they are
+        compared. amounts: log amounts that are shown, m; -inf for no paint.
         amounts_by: their slopes by the readings.
         covariance: of the log amounts.
         off: whitened residual of the fit that is weighed.
@@ -60,8 +64,8 @@ class Local:
         logs_by: slopes of the log amounts that are weighed.
         gradient, hessian: of minus the log prior in these.
         ratios: eigenvalues of the data's part of the posterior's Hessian relative to the prior's.
-        numbers: Student's degrees of freedom (0 for Gaussian errors), readings that count as independent, the power of
-            the likelihood.
+        numbers: Student's degrees of freedom (0 for Gaussian errors), readings that count as
+            independent, the power of the likelihood.
         seen, seen_by: Delta E00 to the fit as a vector of some coordinates, and its slopes.
         left, left_by: the same with errors of the paints allowed for.
         shape: root mean square of that residual, noise aside.
@@ -135,7 +139,10 @@ class Searched:
             count: how many were kept.
             part: array of one of them, by its number and name.
         """
-        columns = {f.name: np.concatenate([part(n, f.name) for n in range(count)]) for f in fields(cls)[:-1]}
+        columns = {
+            f.name: np.concatenate([part(n, f.name) for n in range(count)])
+            for f in fields(cls)[:-1]
+        }
         first = np.cumsum([0, *(len(part(n, "blur")) for n in range(count))])
         local = {}
         for f in fields(Local):
@@ -147,7 +154,10 @@ class Searched:
 
 
 def searched(
-    searcher: Searcher, readings: Float[np.ndarray, "spectra bands"], noise_sd: np.ndarray, ground: np.ndarray | None
+    searcher: Searcher,
+    readings: Float[np.ndarray, "spectra bands"],
+    noise_sd: np.ndarray,
+    ground: np.ndarray | None,
 ) -> Searched:
     """Search spectra in full, and make what is found linear about each.
 
@@ -162,9 +172,14 @@ def searched(
 
 
 def as_measured(
-    searcher: Searcher, readings: Float[np.ndarray, "spectra bands"], noise_sd: np.ndarray, ground: np.ndarray | None
+    searcher: Searcher,
+    readings: Float[np.ndarray, "spectra bands"],
+    noise_sd: np.ndarray,
+    ground: np.ndarray | None,
 ) -> Measured:
-    """Spectra as the search takes them, with noise that is known from the whole image: one spectrum tells it badly."""
+    """Spectra as the search takes them, with noise that is known from the whole image: one spectrum
+    tells it badly.
+    """
     measured = searcher.check(np.maximum(readings, 0.0), ground)
     return replace(measured, noise_sd=np.asarray(noise_sd, float)[:, None])
 
@@ -189,7 +204,9 @@ def _local_models(searcher: Searcher, measured: Measured, pool: Pool, odds: Odds
         for stack in (False, True):
             here = np.flatnonzero((condition == number) & (stacked == stack))
             if here.size:
-                found = _linear(seen, pool, row[here], place[here], size, stack) | {"weight_by": bent[row[here]]}
+                found = _linear(seen, pool, row[here], place[here], size, stack) | {
+                    "weight_by": bent[row[here]]
+                }
                 for name, values in found.items():
                     room = np.zeros((len(row), *values.shape[1:]), values.dtype)
                     parts.setdefault(name, room)[here] = values
@@ -205,9 +222,13 @@ def _local_models(searcher: Searcher, measured: Measured, pool: Pool, odds: Odds
         "log_weight": pool.log_weight[at],
         "amounts": np.where(pool.members[at] == NOBODY, -np.inf, pool.logs[at]),
         "covariance": pool.covariance[at],
-        "seen": _of_length(np.einsum("ncb,nb->nc", metric, read - pool.readings[at]), odds.off.seen[at]),
+        "seen": _of_length(
+            np.einsum("ncb,nb->nc", metric, read - pool.readings[at]), odds.off.seen[at]
+        ),
         "seen_by": metric @ (eye - parts["fitted_by"]),
-        "left": _of_length(np.einsum("ncb,nb->nc", metric, read - pool.allowed[at]), odds.off.left[at]),
+        "left": _of_length(
+            np.einsum("ncb,nb->nc", metric, read - pool.allowed[at]), odds.off.left[at]
+        ),
         "left_by": left_by,
         "shape": odds.off.shape[at],
         "fitted": pool.readings[at],
@@ -215,7 +236,11 @@ def _local_models(searcher: Searcher, measured: Measured, pool: Pool, odds: Odds
     candidates = Local(*(_single(local[f.name]) for f in fields(Local)))
     readings, blur = _single(measured.readings[:, 0]), _single(odds.off.blur)
     return Searched(
-        readings=readings, blur=blur, rest=_single(rest), rest_paints=_single(rest_paints), local=candidates
+        readings=readings,
+        blur=blur,
+        rest=_single(rest),
+        rest_paints=_single(rest_paints),
+        local=candidates,
     )
 
 
@@ -235,15 +260,27 @@ def _single(values: np.ndarray) -> np.ndarray:
     return values.astype(np.float32) if values.dtype.kind == "f" else values
 
 
-def _of_length(vectors: Float[np.ndarray, "n c"], lengths: Float[np.ndarray, "n"]) -> Float[np.ndarray, "n c"]:
-    """Vectors as long as they should be; those of candidates that were not looked at stay as they are."""
+def _of_length(
+    vectors: Float[np.ndarray, "n c"], lengths: Float[np.ndarray, "n"]
+) -> Float[np.ndarray, "n c"]:
+    """Vectors as long as they should be; those of candidates that were not looked at stay as they
+    are.
+    """
     own = np.linalg.norm(vectors, axis=-1)
     known = np.isfinite(lengths) & (own > 1e-12)
-    return vectors * np.where(known, np.where(known, lengths, 1.0) / np.maximum(own, 1e-12), 1.0)[:, None]
+    return (
+        vectors
+        * np.where(known, np.where(known, lengths, 1.0) / np.maximum(own, 1e-12), 1.0)[:, None]
+    )
 
 
 def _linear(
-    seen: AsIf, pool: Pool, row: Int[np.ndarray, "n"], place: Int[np.ndarray, "n"], size: int, stack: bool
+    seen: AsIf,
+    pool: Pool,
+    row: Int[np.ndarray, "n"],
+    place: Int[np.ndarray, "n"],
+    size: int,
+    stack: bool,
 ) -> dict[str, np.ndarray]:
     """How candidates under one condition move with the readings that were measured."""
     task, some = seen.task, seen.measured
@@ -268,7 +305,9 @@ def _linear(
         groups = Groups(np.arange(len(row)), row, sets, own)
         weighed_films = films
     else:
-        weighed_films, groups, errors = weighed(task, some, films, slopes_at(task, some, films), task.effort.own)
+        weighed_films, groups, errors = weighed(
+            task, some, films, slopes_at(task, some, films), task.effort.own
+        )
         own = slopes_at(task, some, weighed_films)
         near = slopes_at(task, some, replace(films, logs=logs))
     white = errors.basis[groups.of, 0]
@@ -279,8 +318,11 @@ def _linear(
     gain = np.linalg.solve(data + _held(gradient, prior), levers @ white)
     moved = np.einsum("nmi,nmb->nib", levers, gain)
     target = task.target(some.readings)[row]
-    # The readings of a stack's fit that was shown have the surface with them; nothing else was fitted.
-    residual = target - (readings - _surface(seen, pool, row, place) if stack else weighed_films.readings)
+    # The readings of a stack's fit that was shown have the surface with them; nothing else was
+    # fitted.
+    residual = target - (
+        readings - _surface(seen, pool, row, place) if stack else weighed_films.readings
+    )
     root = np.linalg.inv(np.linalg.cholesky(prior))
     ratios = np.maximum(np.linalg.eigvalsh(root @ data @ np.swapaxes(root, 1, 2)), 0.0)
     if stack:
@@ -331,11 +373,12 @@ def _prior_of(
 def _held(
     gradient: Float[np.ndarray, "n size"], hessian: Float[np.ndarray, "n size size"]
 ) -> Float[np.ndarray, "n size size"]:
-    """What holds log amounts beside the slopes of the readings: the prior, and the readings' curvature.
+    """What holds log amounts beside the slopes of the readings: the prior, and the readings'
+    curvature.
 
-    Readings are linear in the amount of a paint of which there is little, so that their second derivative by its
-    logarithm is their first; at the best fit that and the residual make up for the prior's gradient. Without it a trace
-    would move as far as any noise pushes it.
+    Readings are linear in the amount of a paint of which there is little, so that their second
+    derivative by its logarithm is their first; at the best fit that and the residual make up for
+    the prior's gradient. Without it a trace would move as far as any noise pushes it.
     """
     return hessian + np.maximum(-gradient, 0.0)[..., None] * np.eye(gradient.shape[-1])
 
@@ -358,7 +401,9 @@ def _stack_slopes(
     coats = pool.coats[films.row, films.place][:, : films.sets.shape[1]]
     logs = np.where(films.sets == NOBODY, -np.inf, films.logs)
     given = (films.sets[:, None], coats[:, None], logs[:, None], some.grounds[films.row])
-    return np.asarray(stack_slopes(task.paints, *(jnp.asarray(a) for a in given), task.optics))[:, 0]
+    return np.asarray(stack_slopes(task.paints, *(jnp.asarray(a) for a in given), task.optics))[
+        :, 0
+    ]
 
 
 def check_errors(discrepancy: Discrepancy) -> None:
@@ -369,5 +414,6 @@ def check_errors(discrepancy: Discrepancy) -> None:
     """
     if len(discrepancy.scales) > 1:
         raise ValueError(
-            f"a map takes a discrepancy of one scale; this one has {len(discrepancy.scales)}: {discrepancy.scales}"
+            f"a map takes a discrepancy of one scale; this one has {len(discrepancy.scales)}: "
+            f"{discrepancy.scales}"
         )

@@ -1,8 +1,8 @@
 """Which paints are where in an image of spectra, how much, how thick and how sure: `map_cube`.
 
-A sample of the image gives some thousand representatives, each is searched in full (`glazefit.identify`), and every
-pixel is answered in closed form from the representative next to it. What that costs is measured on pixels that are
-searched themselves.
+A sample of the image gives some thousand representatives, each is searched in full
+(`glazefit.identify`), and every pixel is answered in closed form from the representative next to
+it. What that costs is measured on pixels that are searched themselves.
 """
 
 from collections.abc import Callable, Mapping
@@ -41,9 +41,11 @@ if TYPE_CHECKING:
 
 # Pixels that are sampled, in so many lines.
 _SAMPLE, _LINES = 60_000, 96
-# What the process takes beside representatives and windows: Python, JAX, its programs, a search; bytes.
+# What the process takes beside representatives and windows: Python, JAX, its programs, a search;
+# bytes.
 _BASE = 900 * 2**20
-# Representatives at least and at most, pixels for each between, and the distance that they are to keep to all.
+# Representatives at least and at most, pixels for each between, and the distance that they are to
+# keep to all.
 _REPRESENTATIVES, _PIXELS_EACH, _REACH = (256, 4000), 40, 1.5
 # Candidates of a representative, about.
 _CANDIDATES = 12
@@ -91,31 +93,35 @@ def map_cube(
 ) -> "xarray.Dataset":
     """Map the paints of an image of spectra into a zarr store, window by window.
 
-    A run that was interrupted goes on where it stopped when it is called again with the same options.
+    A run that was interrupted goes on where it stopped when it is called again with the same
+    options.
 
     Args:
         cube: the image, or where it is; see `glazejax.io.open_cube`.
-        pigments: the catalogue, a mapping or a list, on any grids; bands that they do not cover are left out.
-        grounds: internal reflectance of the ground under the paint: a number, or one for each band of the image. None
+        pigments: the catalogue, a mapping or a list, on any grids; bands that they do not cover are
+        left out. grounds: internal reflectance of the ground under the paint: a number, or one for
+        each band of the image. None
             for paint that hides its ground; its thickness is then unknown.
         out: folder of the map; its parent must exist.
         mask: pixels that are mapped, (y, x), or a file as for `glazejax.io.read_mask`.
-        spots: further paints by name: spectra of thick, hiding paint, at the image's bands, such as a pure stroke in
-            the image itself. What a spectrum alone leaves open of a paint is taken as open (`spot_pigment`).
+        spots: further paints by name: spectra of thick, hiding paint, at the image's bands, such as
+            a pure stroke in the image itself. What a spectrum alone leaves open of a paint is taken
+            as open (`spot_pigment`).
         instrument, geometry, discrepancy, prior, max_paints, layers: as for `glazefit.identify`.
-        noise: of one reading of the image; by default told from the roughness of a sample of its spectra.
-        memory: bytes that the process is to stay below, at least some 950 MiB.
-        client: of a dask cluster whose workers do the work; by default the one that this program has made, if any.
-            Workers must see the image under the same path.
+        noise: of one reading of the image; by default told from the roughness of a sample of its
+        spectra. memory: bytes that the process is to stay below, at least some 950 MiB.
+        client: of a dask cluster whose workers do the work; by default the one that this program
+            has made, if any. Workers must see the image under the same path.
         overwrite: replace a map that is there.
         told: called with the progress.
 
     Returns:
-        The map, opened lazily (`glazefit.open_map`); its variables are those of `glazefit.mapping.layout`.
+        The map, opened lazily (`glazefit.open_map`); its variables are those of
+        `glazefit.mapping.layout`.
 
     Raises:
-        ValueError: options or shapes that do not fit, an image without a pixel that can be mapped, a map that was begun
-            with other options.
+        ValueError: options or shapes that do not fit, an image without a pixel that can be mapped,
+            a map that was begun with other options.
         FileExistsError: `out` is there and is no map.
         OSError: the disk is full; finished windows are kept.
         ModuleNotFoundError: the extra ``cube`` is not installed.
@@ -164,11 +170,17 @@ def map_cube(
             tell(Progress("checking", 0, 1))
             store.work.put("checked", compare(task, atlas, surveyed.checked).arrays())
         solver = PixelSolver(
-            image=task.image, searcher=task.searcher, ground=task.ground, atlas=atlas, reach=surveyed.reach
+            image=task.image,
+            searcher=task.searcher,
+            ground=task.ground,
+            atlas=atlas,
+            reach=surveyed.reach,
         )
         total = len(store.windows())
         tell(Progress("mapping", len(store.done()), total))
-        run_chunks(store, solver, client, lambda *_: tell(Progress("mapping", len(store.done()), total)))
+        run_chunks(
+            store, solver, client, lambda *_: tell(Progress("mapping", len(store.done()), total))
+        )
         tallies, _ = store.sums()
         store.note(
             complete=True,
@@ -202,7 +214,10 @@ def _surveyed(store: MapStore, task: MapTask, most: int, tell: Told) -> _Surveye
         good = np.maximum(sample[status == Status.MAPPED], 0.0)
         if not len(good):
             counts = {STATUS_WORDS[Status(s)]: int(np.sum(status == s)) for s in np.unique(status)}
-            words = ", ".join(f"{count} {word}" for word, count in counts.items()) or "the mask leaves none"
+            words = (
+                ", ".join(f"{count} {word}" for word, count in counts.items())
+                or "the mask leaves none"
+            )
             raise ValueError(f"the image has no pixel that can be mapped (of a sample: {words})")
         found = survey(good, most, _REACH)
         checked = good[np.linspace(0, len(good) - 1, min(_CHECKED, len(good))).astype(int)]
@@ -219,12 +234,18 @@ def _surveyed(store: MapStore, task: MapTask, most: int, tell: Told) -> _Surveye
     features = Features(kept["middle"], kept["directions"])
     noise = Noise(*kept["noise"].tolist())
     return _Surveyed(
-        noise=noise, features=features, readings=kept["readings"], reach=float(kept["reach"]), checked=kept["checked"]
+        noise=noise,
+        features=features,
+        readings=kept["readings"],
+        reach=float(kept["reach"]),
+        checked=kept["checked"],
     )
 
 
 def _sample(task: MapTask) -> tuple[Float[np.ndarray, "pixels bands"], Noise]:
-    """Readings of pixels from all over the image that the mask leaves, and the noise of one reading."""
+    """Readings of pixels from all over the image that the mask leaves, and the noise of one
+    reading.
+    """
     image, (height, width) = task.image, task.shape
     cube = image.cube()
     stored = np.asarray(cube["wavelength"], float)
@@ -244,11 +265,17 @@ def _sample(task: MapTask) -> tuple[Float[np.ndarray, "pixels bands"], Noise]:
         rough.append(fine[np.isfinite(fine).all(axis=1)])
     if not readings:
         return np.zeros((0, image.bands.wavelengths.size), np.float32), image.noise
-    noise = image.noise if task.told_noise else spectra_noise(stored, np.concatenate(rough).astype(np.float64))
+    noise = (
+        image.noise
+        if task.told_noise
+        else spectra_noise(stored, np.concatenate(rough).astype(np.float64))
+    )
     return np.concatenate(readings), noise
 
 
-def _atlas(store: MapStore, task: MapTask, surveyed: _Surveyed, client: "Client | None", tell: Told) -> Atlas:
+def _atlas(
+    store: MapStore, task: MapTask, surveyed: _Surveyed, client: "Client | None", tell: Told
+) -> Atlas:
     """Representatives, searched piece by piece, here or on a cluster."""
     work = store.work
     keys = [f"search-{n:04d}" for n in range(-(-len(surveyed.readings) // _PIECE))]
@@ -279,7 +306,9 @@ class _Pieces:
 
 
 def _most_representatives(task: MapTask, memory: int) -> tuple[int, int]:
-    """Representatives at most within a bound of the memory, and what the process takes before the first window."""
+    """Representatives at most within a bound of the memory, and what the process takes before the
+    first window.
+    """
     bands = task.image.bands.wavelengths.size
     each = 4 * _CANDIDATES * (2 * bands**2 + 24 * bands)
     wanted = int(np.clip(task.shape[0] * task.shape[1] // _PIXELS_EACH, *_REPRESENTATIVES))
@@ -289,11 +318,15 @@ def _most_representatives(task: MapTask, memory: int) -> tuple[int, int]:
 
 
 def _bytes(paints: int, bands: int) -> float:
-    """Memory of a pixel while it is mapped, for each of its working readings: answers, arrays, what they come from."""
+    """Memory of a pixel while it is mapped, for each of its working readings: answers, arrays, what
+    they come from.
+    """
     return 4.0 * (4 * bands + 3 * paints + 80) / bands
 
 
 def _versions() -> dict[str, str]:
     from importlib.metadata import version
 
-    return {"made_by": f"glazejax {version('glazejax')}, jax {version('jax')}, numpy {version('numpy')}"}
+    return {
+        "made_by": f"glazejax {version('glazejax')}, jax {version('jax')}, numpy {version('numpy')}"
+    }

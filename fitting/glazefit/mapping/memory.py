@@ -13,8 +13,8 @@ _ARENA_MAX = -8
 def give_back() -> None:
     """Let the C library return what is free to the system, where it is glibc.
 
-    Each thread that starts takes a heap of its own, and what is freed there stays: a long run of short threads would
-    grow by a gigabyte that nothing uses.
+    Each thread that starts takes a heap of its own, and what is freed there stays: a long run of
+    short threads would grow by a gigabyte that nothing uses.
     """
     trim = _trim()
     if trim is not None:
@@ -32,7 +32,9 @@ def _trim() -> Callable[[int], int] | None:
 
 
 def few_arenas() -> None:
-    """Let all threads of this process share two heaps; heard only before the first thread has begun."""
+    """Let all threads of this process share two heaps; heard only before the first thread has
+    begun.
+    """
     if sys.platform == "linux":
         with suppress(OSError, AttributeError):
             ctypes.CDLL("libc.so.6").mallopt(_ARENA_MAX, 2)

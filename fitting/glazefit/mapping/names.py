@@ -10,21 +10,27 @@ if TYPE_CHECKING:
 
 
 def set_words(members: Iterable[int], paints: Sequence[str]) -> str:
-    """A set of paints by their numbers in words, in the catalogue's order; empty if there are none."""
+    """A set of paints by their numbers in words, in the catalogue's order; empty if there
+    are none.
+    """
     return " + ".join(paints[member] for member in sorted(members) if member >= 0)
 
 
 def set_names(found: "xarray.Dataset") -> "xarray.DataArray":
-    """Names of the paints in the most probable set of every pixel, such as ``ZincWhite + CobaltBlue``.
+    """Names of the paints in the most probable set of every pixel, such as ``ZincWhite +
+    CobaltBlue``.
 
-    Paints stand in the catalogue's order, so one set has one name. What is chunked by dask stays lazy.
+    Paints stand in the catalogue's order, so one set has one name. What is chunked by dask stays
+    lazy.
 
     Args:
-        found: a map, or some pixels of one: from `map_cube`, `open_map`, or its NetCDF file opened by xarray.
+        found: a map, or some pixels of one: from `map_cube`, `open_map`, or its NetCDF file opened
+            by xarray.
 
     Returns:
-        Texts, with the dimensions of the map's pixels; empty where a pixel was not mapped. Where `explained` is 0 the
-        catalogue does not explain the pixel, and the name is that of the set that comes nearest.
+        Texts, with the dimensions of the map's pixels; empty where a pixel was not mapped. Where
+        `explained` is 0 the catalogue does not explain the pixel, and the name is that of the set
+        that comes nearest.
 
     Raises:
         ValueError: it lacks `members` or `paint`, and so is no map.
@@ -32,24 +38,32 @@ def set_names(found: "xarray.Dataset") -> "xarray.DataArray":
     Example:
         >>> import xarray
         >>> members = ("x", "place"), [[1, 0, -1], [-1, -1, -1]]
-        >>> set_names(xarray.Dataset({"members": members}, {"paint": ["ZincWhite", "Eosin"]})).values.tolist()
-        ['ZincWhite + Eosin', '']
+        >>> set_names(xarray.Dataset({"members": members}, {"paint": ["ZincWhite",
+        "Eosin"]})).values.tolist() ['ZincWhite + Eosin', '']
     """
     import xarray
 
     if lacking := [name for name in ("members", "paint") if name not in found.variables]:
-        raise ValueError(f"this is no map of paints: it has no {' and no '.join(lacking)}; open one by open_map")
+        raise ValueError(
+            f"this is no map of paints: it has no {' and no '.join(lacking)}; open one by open_map"
+        )
     paints = [str(paint) for paint in found["paint"].values]
 
     def named(members: np.ndarray) -> np.ndarray:
         # What xarray has masked is not a number.
-        numbers = np.sort(np.nan_to_num(members, nan=-1).astype(np.int64).reshape(-1, members.shape[-1]))
+        numbers = np.sort(
+            np.nan_to_num(members, nan=-1).astype(np.int64).reshape(-1, members.shape[-1])
+        )
         keys = (numbers + 1) @ (len(paints) + 1) ** np.arange(numbers.shape[1])
         _, first, which = np.unique(keys, return_index=True, return_inverse=True)
         words = np.array([set_words(one.tolist(), paints) for one in numbers[first]], dtype=object)
         return words[which].reshape(members.shape[:-1])
 
     made: Any = xarray.apply_ufunc(
-        named, found["members"], input_core_dims=[["place"]], dask="parallelized", output_dtypes=[object]
+        named,
+        found["members"],
+        input_core_dims=[["place"]],
+        dask="parallelized",
+        output_dtypes=[object],
     )
     return made.rename("set").assign_attrs(long_name="paints of the most probable set")

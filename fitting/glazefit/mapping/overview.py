@@ -1,4 +1,6 @@
-"""A map seen from afar: counts of every pixel, and arrays small enough to look at, in one pass over the store."""
+"""A map seen from afar: counts of every pixel, and arrays small enough to look at, in one pass over
+the store.
+"""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
@@ -38,10 +40,11 @@ class Overview:
         paints: their names, by number.
         status: pixels of each status.
         ways: pixels answered in each way.
-        sets: pixels of each set, by its members ascending; () where nothing in the catalogue explains them.
-        means: by name, (rows, columns), means over the mapped pixels of each square; NaN where there are none.
-        paint_probability, paint_amount, paint_share: (rows, columns, paints), coarser means; amount in m.
-        examples: by name, (rows, columns, ...), the pixel in the middle of each square.
+        sets: pixels of each set, by its members ascending; () where nothing in the catalogue
+        explains them. means: by name, (rows, columns), means over the mapped pixels of each square;
+        NaN where there are none. paint_probability, paint_amount, paint_share: (rows, columns,
+        paints), coarser means; amount in m. examples: by name, (rows, columns, ...), the pixel in
+        the middle of each square.
         colour: true colour, (rows, columns, 3).
         likely: of each paint, pixels that have it with a probability above one half.
         in_set: of each paint, pixels whose most probable set has it.
@@ -80,7 +83,9 @@ class Overview:
     @cached_property
     def ranked(self) -> list[Members]:
         """Sets by their area, largest first, without the one that is none."""
-        return sorted((members for members in self.sets if members), key=lambda m: (-self.sets[m], m))
+        return sorted(
+            (members for members in self.sets if members), key=lambda m: (-self.sets[m], m)
+        )
 
     def words(self, members: Members) -> str:
         """Names of a set's paints."""
@@ -135,7 +140,9 @@ def overview(dataset: "xr.Dataset", most: tuple[int, int] = MOST) -> Overview:
 
 
 def pixel_area(dataset: "xr.Dataset") -> float | None:
-    """Area of a pixel in m2 by the coordinates y and x, or None where they have no unit of length."""
+    """Area of a pixel in m2 by the coordinates y and x, or None where they have no unit
+    of length.
+    """
     metres = {
         "m": 1.0,
         "metre": 1.0,
@@ -167,7 +174,9 @@ def _blocks(dataset: "xr.Dataset", step: int) -> Iterator[dict[str, np.ndarray]]
         block = {name: np.asarray(part[name].values) for name in names}
         # Paints of a set by number, whatever order the map has them in.
         members = block["members"].astype(np.int64)
-        order = np.argsort(np.where(members < 0, np.iinfo(np.int64).max, members), axis=-1, kind="stable")
+        order = np.argsort(
+            np.where(members < 0, np.iinfo(np.int64).max, members), axis=-1, kind="stable"
+        )
         for name in ("members", "coats", "fraction"):
             block[name] = np.take_along_axis(block[name], order, axis=-1)
         yield block
@@ -182,7 +191,9 @@ def _count(look: Overview, block: Mapping[str, np.ndarray]) -> None:
         count = int(np.sum(mapped & (block["way"] == way)))
         if count:
             look.ways[way] = look.ways.get(way, 0) + count
-    members = np.where((block["explained"] > 0)[..., None], block["members"], -1)[mapped].astype(np.int64)
+    members = np.where((block["explained"] > 0)[..., None], block["members"], -1)[mapped].astype(
+        np.int64
+    )
     coats = block["coats"][mapped]
     count = len(look.paints)
     key = ((members + 1) * (count + 1) ** np.arange(members.shape[-1])).sum(axis=-1)
@@ -201,7 +212,9 @@ def _parts(look: Overview, block: Mapping[str, np.ndarray]) -> dict[str, np.ndar
     """A block's share of the pictures."""
     step, coarse = look.step, look.coarse
     mapped = block["status"] == Status.MAPPED
-    found = {f"mean_{name}": square_means(np.where(mapped, block[name], np.nan), step) for name in _MEANS}
+    found = {
+        f"mean_{name}": square_means(np.where(mapped, block[name], np.nan), step) for name in _MEANS
+    }
     there = mapped & (block["explained"] > 0)
     share = np.zeros((*mapped.shape, len(look.paints)), np.float32)
     ys, xs, places = np.nonzero((block["members"] >= 0) & there[..., None])
@@ -211,7 +224,9 @@ def _parts(look: Overview, block: Mapping[str, np.ndarray]) -> dict[str, np.ndar
     amount = np.where(share == 0, 0.0, share * block["thickness"][..., None])
     found["paint_share"] = square_means(share, coarse)
     found["paint_amount"] = square_means(amount, coarse)
-    found["paint_probability"] = square_means(np.where(mapped[..., None], block["paint_probability"], np.nan), coarse)
+    found["paint_probability"] = square_means(
+        np.where(mapped[..., None], block["paint_probability"], np.nan), coarse
+    )
     found["colour"] = square_means(block["true_colour"].astype(np.float32), step)
     for name in _EXAMPLES:
         # The last square of a row or column may be cut off before its middle.
@@ -221,8 +236,12 @@ def _parts(look: Overview, block: Mapping[str, np.ndarray]) -> dict[str, np.ndar
     return found
 
 
-def square_means(values: Float[np.ndarray, "y x *more"], step: int) -> Float[np.ndarray, "rows columns *more"]:
-    """Means over squares of so many pixels a side, NaN left out; those at the edges may be smaller."""
+def square_means(
+    values: Float[np.ndarray, "y x *more"], step: int
+) -> Float[np.ndarray, "rows columns *more"]:
+    """Means over squares of so many pixels a side, NaN left out; those at the edges may
+    be smaller.
+    """
     if step == 1:
         return np.asarray(values, np.float32)
     known = np.isfinite(values)
@@ -230,6 +249,9 @@ def square_means(values: Float[np.ndarray, "y x *more"], step: int) -> Float[np.
     counts = known.astype(np.float32)
     for axis in (0, 1):
         starts = np.arange(0, values.shape[axis], step)
-        total, counts = np.add.reduceat(total, starts, axis=axis), np.add.reduceat(counts, starts, axis=axis)
+        total, counts = (
+            np.add.reduceat(total, starts, axis=axis),
+            np.add.reduceat(counts, starts, axis=axis),
+        )
     with np.errstate(invalid="ignore", divide="ignore"):
         return np.where(counts > 0, total / counts, np.nan).astype(np.float32)

@@ -1,4 +1,6 @@
-"""The report of a map: one HTML file without anything from elsewhere, and its pictures as PNG files."""
+"""The report of a map: one HTML file without anything from elsewhere, and its pictures as PNG
+files.
+"""
 
 import base64
 from collections.abc import Iterator, Mapping, Sequence
@@ -35,7 +37,10 @@ from .pictures import (
 if TYPE_CHECKING:
     import xarray as xr
 
-_POLICY = "default-src 'none'; img-src data:; style-src 'unsafe-inline'; base-uri 'none'; form-action 'none'"
+_POLICY = (
+    "default-src 'none'; img-src data:; style-src 'unsafe-inline'; base-uri 'none'; form-action "
+    "'none'"
+)
 _WAYS = {
     Way.NONE: "not told",
     Way.UPDATED: "from the representative next to it, in closed form",
@@ -52,8 +57,8 @@ class About:
         title: of the painting or cube.
         created: date and time.
         command: as it was typed.
-        facts: names and words for the head of the page, such as the instrument, the ground and the paints tried.
-        options: names and values of what was set.
+        facts: names and words for the head of the page, such as the instrument, the ground and the
+        paints tried. options: names and values of what was set.
         versions: names and numbers of programs.
         platform: the computer, in words.
         inputs: role, name and hash of each file that was read.
@@ -89,7 +94,8 @@ def write_report(
     cube: "xr.DataArray | None" = None,
     overwrite: bool = False,
 ) -> Path:
-    """Write report.html into a folder, and the pictures beside it as PNG files in its folder pictures.
+    """Write report.html into a folder, and the pictures beside it as PNG files in its folder
+    pictures.
 
     Args:
         dataset: the map, with the variables of `layout.VARIABLES` and the coordinate `paint`.
@@ -120,7 +126,13 @@ def write_report(
     shown = [piece.encode("utf-8", "xmlcharrefreplace") for piece in pieces]
     (folder / "pictures").mkdir(parents=True, exist_ok=True)
     flat = [*numbers, *(each for both in paints for each in both)]
-    write_pictures(look, folder / "pictures", flat, own=own_colours(look), false=None if false is None else false[0])
+    write_pictures(
+        look,
+        folder / "pictures",
+        flat,
+        own=own_colours(look),
+        false=None if false is None else false[0],
+    )
     write_files({path: shown}, overwrite=overwrite)
     return path
 
@@ -149,23 +161,40 @@ def page(
         f"<header>\n<h1>{escape(title)}</h1>\n{_head(look, about)}</header>\n<main>\n"
     )
     yield _summary(look)
-    yield '<div class="maps">\n' + _figure(look, enlarged(look.colour), "True colour", "sRGB for daylight D65.")
+    yield '<div class="maps">\n' + _figure(
+        look, enlarged(look.colour), "True colour", "sRGB for daylight D65."
+    )
     yield _legend_figure(look)
     if false is not None:
-        yield _figure(look, false[0], "False colour", f"Shown as {false[1]}, each stretched to its range.")
+        yield _figure(
+            look, false[0], "False colour", f"Shown as {false[1]}, each stretched to its range."
+        )
     yield "</div>\n"
     yield (
-        "<h2>Sets of paints</h2>\n<p>The most probable set of each pixel. Probability: mean over the set’s pixels. "
-        "Black line and grey band: mean reflectance of the pixels and one standard deviation of their spread; dashed: "
+        "<h2>Sets of paints</h2>\n<p>The most probable set of each pixel. Probability: mean over "
+        "the set’s pixels. "
+        "Black line and grey band: mean reflectance of the pixels and one standard deviation of "
+        "their spread; dashed: "
         "mean of their fits.</p>\n" + sets_table(look, sets, grid)
     )
     yield "<h2>How sure, how thick, how well it fits</h2>\n<p>Grey: not mapped, or not known.</p>\n"
-    yield '<div class="maps">\n' + "".join(_number_figure(look, each) for each in numbers) + "</div>\n"
+    yield (
+        '<div class="maps">\n'
+        + "".join(_number_figure(look, each) for each in numbers)
+        + "</div>\n"
+    )
     yield "<h2>Paints</h2>\n" + paints_table(look)
     if paints:
-        yield "<p>Amount: thickness times share by mass, where the pixel’s most probable set has the paint.</p>\n"
+        yield (
+            "<p>Amount: thickness times share by mass, where the pixel’s most probable set has "
+            "the paint.</p>\n"
+        )
     for both in paints:
-        yield '<div class="maps small">\n' + "".join(_number_figure(look, each) for each in both) + "</div>\n"
+        yield (
+            '<div class="maps small">\n'
+            + "".join(_number_figure(look, each) for each in both)
+            + "</div>\n"
+        )
     yield _unknown(about)
     yield _made(look, tallies, about)
     yield "</main>\n</body>\n</html>\n"
@@ -177,8 +206,14 @@ def _head(look: Overview, about: About) -> str:
     if look.pixel_area is not None:
         size += f", {look.pixel_area * 1e6:.3g} mm² each"
     if look.step > 1:
-        size += f"; pictures show every {look.step} x {look.step} pixels as one, the map itself has all"
-    facts = {"Made": about.created.replace("T", ", "), "Size": size.replace(" x ", " × "), **about.facts}
+        size += (
+            f"; pictures show every {look.step} x {look.step} pixels as one, the map itself has all"
+        )
+    facts = {
+        "Made": about.created.replace("T", ", "),
+        "Size": size.replace(" x ", " × "),
+        **about.facts,
+    }
     if about.notes:
         facts["Noticed"] = " ".join(about.notes)
     return f"<dl>{_pairs(facts)}</dl>\n"
@@ -193,14 +228,16 @@ def _summary(look: Overview) -> str:
         for status, count in sorted(look.status.items(), key=lambda each: -each[1])
     )
     table = (
-        '<div class="scroll"><table class="amounts">\n<thead><tr><th>Pixels</th><th class="n">Number</th>'
+        '<div class="scroll"><table class="amounts">\n<thead><tr><th>Pixels</th><th '
+        'class="n">Number</th>'
         f'<th class="n">Share</th></tr></thead>\n<tbody>\n{rows}</tbody></table></div>\n'
         if set(look.status) != {Status.MAPPED}
         else ""
     )
     undone = look.status.get(Status.UNDONE, 0)
     warn = (
-        f'<p class="warn"><strong>Not finished.</strong> {share_html(undone, total)} of the map is not done yet; the '
+        f'<p class="warn"><strong>Not finished.</strong> {share_html(undone, total)} of the map '
+        "is not done yet; the "
         "same command goes on with it.</p>\n"
         if undone
         else ""
@@ -210,19 +247,25 @@ def _summary(look: Overview) -> str:
     paints = ", ".join(escape(look.paints[paint]) for paint in found_paints(look, 0.01))
     first = look.ranked[0] if look.ranked else ()
     largest = (
-        f" The largest set is {escape(look.words(first))}, {share_html(look.sets[first], look.mapped)}."
+        f" The largest set is {escape(look.words(first))}, "
+        f"{share_html(look.sets[first], look.mapped)}."
         if first
         else ""
     )
     return (
-        f'<h2>Summary</h2>\n{warn}<p class="verdict">{share_html(look.explained, look.mapped)} of {look.mapped:,} '
-        f"mapped pixels are explained by {len(look.ranked):,} {'set' if len(look.ranked) == 1 else 'sets'} of paints; "
-        f"{share_html(none, look.mapped)} by none of them.{largest} Paints in 1\u202f% of the area or more: "
+        f'<h2>Summary</h2>\n{warn}<p class="verdict">{share_html(look.explained, look.mapped)} '
+        f"of {look.mapped:,} "
+        f"mapped pixels are explained by {len(look.ranked):,} "
+        f"{'set' if len(look.ranked) == 1 else 'sets'} of paints; "
+        f"{share_html(none, look.mapped)} by none of them.{largest} Paints in 1\u202f% of the "
+        "area or more: "
         f"{paints or 'none'}.</p>\n{table}"
     )
 
 
-def _figure(look: Overview, image: RGB, title: str, words: str, over: str = "", after: str = "") -> str:
+def _figure(
+    look: Overview, image: RGB, title: str, words: str, over: str = "", after: str = ""
+) -> str:
     # Alone a picture of few pixels is shown as squares.
     square = " square" if look.step == 1 and image.shape[1] >= 2 * look.shape[1] else ""
     data = base64.b64encode(png(image)).decode("ascii")
@@ -245,12 +288,17 @@ def _legend_figure(look: Overview) -> str:
         if members in places:
             x, y = places[members][0] * width, places[members][1] * height
             marks += (
-                f'<circle cx="{x:.0f}" cy="{y:.0f}" r="{2.1 * unit:.1f}" fill="#fff" stroke="#26221e" '
-                f'stroke-width="{0.2 * unit:.2f}"/><text x="{x:.0f}" y="{y + 0.9 * unit:.1f}" text-anchor="middle" '
+                f'<circle cx="{x:.0f}" cy="{y:.0f}" r="{2.1 * unit:.1f}" fill="#fff" '
+                'stroke="#26221e" '
+                f'stroke-width="{0.2 * unit:.2f}"/><text x="{x:.0f}" y="{y + 0.9 * unit:.1f}" '
+                'text-anchor="middle" '
                 f'font-size="{2.5 * unit:.1f}" font-family="sans-serif" fill="#26221e">{n}</text>'
             )
     over = f'<svg viewBox="0 0 {width} {height}" aria-hidden="true">{marks}</svg>'
-    words = "Numbers and colours as in the table below; striped: none of these paints; white: not mapped."
+    words = (
+        "Numbers and colours as in the table below; striped: none of these paints; white: not "
+        "mapped."
+    )
     return _figure(look, image, "Most probable set of paints", words, over)
 
 
@@ -258,11 +306,14 @@ def _number_figure(look: Overview, shown: MapPicture) -> str:
     from matplotlib import colormaps
     from matplotlib.colors import to_hex
 
-    stops = ", ".join(to_hex(colour) for colour in colormaps[shown.scale.colours](np.linspace(0, 1, 17)))
+    stops = ", ".join(
+        to_hex(colour) for colour in colormaps[shown.scale.colours](np.linspace(0, 1, 17))
+    )
     unit = f" {shown.scale.unit}" if shown.scale.unit else ""
     more = "" if shown.scale.high == 1.0 and not unit else " and more"
     after = (
-        f'<div class="scale">{shown.scale.low:g}<span class="bar" style="background:linear-gradient(90deg, {stops})">'
+        f'<div class="scale">{shown.scale.low:g}<span class="bar" '
+        f'style="background:linear-gradient(90deg, {stops})">'
         f"</span>{shown.scale.high:g}{escape(unit)}{more}</div>"
     )
     return _figure(look, coloured(shown), shown.title, shown.words, after=after)
@@ -270,20 +321,30 @@ def _number_figure(look: Overview, shown: MapPicture) -> str:
 
 def _unknown(about: About) -> str:
     points = [
-        "Probabilities hold for these paints and these assumptions. A paint that is not in the catalogue cannot be "
+        "Probabilities hold for these paints and these assumptions. A paint that is not in the "
+        "catalogue cannot be "
         "found: its pixels are ‘none of these’, or are taken for a mixture that looks like it.",
-        "Paints of like spectra cannot be told apart, and share their probability. What lies under a coat that hides "
+        "Paints of like spectra cannot be told apart, and share their probability. What lies "
+        "under a coat that hides "
         "it leaves no trace in a reading.",
         "A pixel on an edge sees two paints side by side, and may be read as their mixture.",
-        "Standard deviations hold if the pixel is of the paints named; they do not count that it might be of others.",
+        "Standard deviations hold if the pixel is of the paints named; they do not count that it "
+        "might be of others.",
         *about.unknown,
     ]
-    return "<h2>What the map does not say</h2>\n<ul>\n" + "".join(f"<li>{escape(p)}</li>\n" for p in points) + "</ul>\n"
+    return (
+        "<h2>What the map does not say</h2>\n<ul>\n"
+        + "".join(f"<li>{escape(p)}</li>\n" for p in points)
+        + "</ul>\n"
+    )
 
 
 def _made(look: Overview, tallies: Mapping[str, float], about: About) -> str:
     out = "<h2>How it was made</h2>\n"
-    facts = {"Command": about.command, "Versions": ", ".join(f"{n} {v}" for n, v in about.versions.items())}
+    facts = {
+        "Command": about.command,
+        "Versions": ", ".join(f"{n} {v}" for n, v in about.versions.items()),
+    }
     if about.platform:
         facts["Computer"] = about.platform
     facts["Catalogue"] = f"{len(look.paints)} paints: {', '.join(look.paints)}"
@@ -295,7 +356,10 @@ def _made(look: Overview, tallies: Mapping[str, float], about: About) -> str:
         ("Shortcuts, and what each may cost", about.shortcuts),
         ("Checked against the full search", about.agreement),
         ("Options", about.options),
-        ("Counts", {name.replace("_", " ").capitalize(): f"{n:,.10g}" for name, n in tallies.items() if n}),
+        (
+            "Counts",
+            {name.replace("_", " ").capitalize(): f"{n:,.10g}" for name, n in tallies.items() if n},
+        ),
     ):
         if named:
             out += f"<h4>{title}</h4>\n<dl>{_pairs(named)}</dl>\n"
@@ -305,11 +369,16 @@ def _made(look: Overview, tallies: Mapping[str, float], about: About) -> str:
             for role, name, digest in about.inputs
         )
         out += (
-            '<h4>Files that were read</h4>\n<div class="scroll"><table>\n<thead><tr><th>As</th><th>File</th>'
+            "<h4>Files that were read</h4>\n<div "
+            'class="scroll"><table>\n<thead><tr><th>As</th><th>File</th>'
             f"<th>{escape(about.hashed)}</th></tr></thead>\n<tbody>\n{rows}</tbody></table></div>\n"
         )
     return out
 
 
 def _pairs(facts: Mapping[str, str]) -> str:
-    return "".join(f"<dt>{escape(name)}</dt><dd>{escape(str(value))}</dd>" for name, value in facts.items() if value)
+    return "".join(
+        f"<dt>{escape(name)}</dt><dd>{escape(str(value))}</dd>"
+        for name, value in facts.items()
+        if value
+    )

@@ -41,7 +41,9 @@ def area_html(count: int, look: Overview) -> str:
     return "" if look.pixel_area is None else f"{count * look.pixel_area * 1e4:.3g}"
 
 
-def sets_table(look: Overview, sums: Mapping[Members, Sums], grid: Float[np.ndarray, "bands"]) -> str:
+def sets_table(
+    look: Overview, sums: Mapping[Members, Sums], grid: Float[np.ndarray, "bands"]
+) -> str:
     """Sets, the largest first, with mean spectra beside their fits."""
     colours = own_colours(look, SHOWN)
     area = '<th class="n wide">Area, cm²</th>' if look.pixel_area is not None else ""
@@ -49,38 +51,49 @@ def sets_table(look: Overview, sums: Mapping[Members, Sums], grid: Float[np.ndar
     for n, members in enumerate(look.ranked[:SHOWN]):
         colour = LEGEND[n] if n < len(LEGEND) else OTHERS
         rows += (
-            f'<tr><td class="n">{n + 1}</td><td><span class="key" style="background:{colour}"></span> '
-            f'<span class="swatch" style="background:{colours[n]}" title="{colours[n]}"></span></td>'
+            f'<tr><td class="n">{n + 1}</td><td><span class="key" '
+            f'style="background:{colour}"></span> '
+            f'<span class="swatch" style="background:{colours[n]}" '
+            f'title="{colours[n]}"></span></td>'
             f"<td>{_paints_html(look, members)}</td>{_numbers(look, members, sums)}"
-            f'<td class="spectrum">{_spectra(sums.get(members), grid, look.words(members))}</td></tr>\n'
+            f'<td class="spectrum">{_spectra(sums.get(members), grid, look.words(members))}</td>'
+            "</tr>\n"
         )
     rest = look.ranked[SHOWN:]
     if rest:
         count = sum(look.sets[members] for members in rest)
         cell = f'<td class="n wide">{area_html(count, look)}</td>' if area else ""
         rows += (
-            f'<tr><td></td><td><span class="key" style="background:{OTHERS}"></span></td><td>{len(rest)} further sets'
-            f'</td><td class="n">{share_html(count, look.mapped)}</td>{cell}<td colspan="3"></td></tr>\n'
+            '<tr><td></td><td><span class="key" '
+            f'style="background:{OTHERS}"></span></td><td>{len(rest)} further sets'
+            f'</td><td class="n">{share_html(count, look.mapped)}</td>{cell}<td '
+            'colspan="3"></td></tr>\n'
         )
     if look.sets.get(()):
         cell = f'<td class="n wide">{area_html(look.sets[()], look)}</td>' if area else ""
         rows += (
-            '<tr><td></td><td><span class="key none"></span></td><td><em>None of these paints</em></td>'
+            '<tr><td></td><td><span class="key none"></span></td><td><em>None of these '
+            "paints</em></td>"
             f'<td class="n">{share_html(look.sets[()], look.mapped)}</td>{cell}<td class="n"></td>'
-            f'<td class="n wide"></td><td class="spectrum">{_spectra(sums.get(()), grid, "none of these paints")}'
+            '<td class="n wide"></td><td '
+            f'class="spectrum">{_spectra(sums.get(()), grid, "none of these paints")}'
             "</td></tr>\n"
         )
     return (
-        '<div class="scroll"><table id="sets">\n<thead><tr><th class="n">No.</th><th>Legend, own colour</th>'
+        '<div class="scroll"><table id="sets">\n<thead><tr><th class="n">No.</th><th>Legend, own '
+        "colour</th>"
         f"<th>Paints, with their median share by mass (10–90\u202f% of pixels)</th>"
         f'<th class="n">Share of area</th>{area}'
-        '<th class="n">Prob.</th><th class="n wide">Thickness, µm</th><th>Mean reflectance and fit</th></tr></thead>\n'
+        '<th class="n">Prob.</th><th class="n wide">Thickness, µm</th><th>Mean reflectance and '
+        "fit</th></tr></thead>\n"
         f"<tbody>\n{rows}</tbody></table></div>\n"
     )
 
 
 def _paints_html(look: Overview, members: Members) -> str:
-    """Paints of a set with the spread of their shares, and how many pixels have them in two coats."""
+    """Paints of a set with the spread of their shares, and how many pixels have them in
+    two coats.
+    """
     there = look.where(members)
     shares = look.examples["fraction"][there]
     words = []
@@ -89,10 +102,17 @@ def _paints_html(look: Overview, members: Members) -> str:
         spread = ""
         if len(members) > 1 and known.size:
             low, middle, high = 100 * np.percentile(known, (10, 50, 90))
-            spread = f' {_percent(middle)}\u202f% <span class="range">({_percent(low)}–{_percent(high)})</span>'
+            spread = (
+                f" {_percent(middle)}\u202f% <span "
+                f'class="range">({_percent(low)}–{_percent(high)})</span>'
+            )
         words.append(f"{escape(look.paints[member])}{spread}")
     stacked = look.in_two_coats.get(members, 0) / look.sets[members]
-    coats = "" if stacked < 0.005 else f'<br><span class="range">in two coats in {words_html(f"{stacked:.0%}")}</span>'
+    coats = (
+        ""
+        if stacked < 0.005
+        else f'<br><span class="range">in two coats in {words_html(f"{stacked:.0%}")}</span>'
+    )
     return "<br>".join(words) + coats
 
 
@@ -108,7 +128,9 @@ def _numbers(look: Overview, members: Members, sums: Mapping[Members, Sums]) -> 
     chance = chance_html(float(known.mean())) if known.size else "–"
     total, number = sums[members].thickness if members in sums else (0.0, 0)
     thick = f"{total / number * 1e6:.1f}" if number else "–"
-    area = f'<td class="n wide">{area_html(count, look)}</td>' if look.pixel_area is not None else ""
+    area = (
+        f'<td class="n wide">{area_html(count, look)}</td>' if look.pixel_area is not None else ""
+    )
     return (
         f'<td class="n">{share_html(count, look.mapped)}</td>{area}<td class="n">{chance}</td>'
         f'<td class="n wide">{thick}</td>'
@@ -121,7 +143,11 @@ def _spectra(sums: Sums | None, grid: Float[np.ndarray, "bands"], words: str) ->
         return "–"
     mean, fitted = np.asarray(sums.spectrum) / sums.pixels, np.asarray(sums.fitted) / sums.pixels
     spread = np.sqrt(np.maximum(np.asarray(sums.square) / sums.pixels - mean**2, 0.0))
-    top = next(level for level in (0.1, 0.2, 0.5, 1.0, 2.0) if (mean + spread).max() <= level or level == 2.0)
+    top = next(
+        level
+        for level in (0.1, 0.2, 0.5, 1.0, 2.0)
+        if (mean + spread).max() <= level or level == 2.0
+    )
     span = float(grid[-1] - grid[0]) or 1.0
 
     def points(values: np.ndarray, across: np.ndarray = grid) -> str:
@@ -131,29 +157,40 @@ def _spectra(sums: Sums | None, grid: Float[np.ndarray, "bands"], words: str) ->
 
     band = f"{points(mean + spread)} {points((mean - spread)[::-1], grid[::-1])}"
     ends = (np.ceil(grid[0] / 100) * 100, np.floor(grid[-1] / 100) * 100)
+    # The outermost numbers stay inside of the picture.
+    anchors = {float(ends[1]): "end", float(ends[0]): "start"}
     ticks = "".join(
-        f'<text x="{_LEFT + (nm - grid[0]) / span * (_WIDTH - _LEFT - _RIGHT):.1f}" y="{_HEIGHT - 3:.0f}" '
-        f'text-anchor="{"start" if nm == ends[0] else "end" if nm == ends[1] else "middle"}">{nm:.0f}</text>'
+        f'<text x="{_LEFT + (nm - grid[0]) / span * (_WIDTH - _LEFT - _RIGHT):.1f}" '
+        f'y="{_HEIGHT - 3:.0f}" '
+        f'text-anchor="{anchors.get(float(nm), "middle")}">{nm:.0f}</text>'
         for nm in np.arange(ends[0], ends[1] + 1, 100.0 if span <= 500 else 500.0)
     )
     off = float(np.sqrt(np.mean((mean - fitted) ** 2)))
-    says = f"Mean reflectance of {words} from {grid[0]:.0f} to {grid[-1]:.0f} nm; the mean fit is off by {off:.4f}"
+    says = (
+        f"Mean reflectance of {words} from {grid[0]:.0f} to {grid[-1]:.0f} nm; the mean fit is "
+        f"off by {off:.4f}"
+    )
     line = (
-        f'<line x1="{_LEFT}" x2="{_WIDTH - _RIGHT}" y1="{_HEIGHT - _BOTTOM}" y2="{_HEIGHT - _BOTTOM}" '
+        f'<line x1="{_LEFT}" x2="{_WIDTH - _RIGHT}" y1="{_HEIGHT - _BOTTOM}" '
+        f'y2="{_HEIGHT - _BOTTOM}" '
         'stroke="var(--edge)"/>'
     )
     fit = ""
     if np.isfinite(fitted).all():
         fit = (
-            f'<polyline points="{points(fitted)}" fill="none" stroke="var(--fit-1)" stroke-width="1.6" '
+            f'<polyline points="{points(fitted)}" fill="none" stroke="var(--fit-1)" '
+            'stroke-width="1.6" '
             'stroke-dasharray="4 2"/>'
         )
     return (
-        f'<svg viewBox="0 0 {_WIDTH:.0f} {_HEIGHT:.0f}" role="img" aria-label="{escape(says)}" font-size="8.5" '
-        f'fill="var(--faint)">{line}<text x="{_LEFT - 4}" y="{_TOP + 6}" text-anchor="end">{top:g}</text>'
+        f'<svg viewBox="0 0 {_WIDTH:.0f} {_HEIGHT:.0f}" role="img" aria-label="{escape(says)}" '
+        'font-size="8.5" '
+        f'fill="var(--faint)">{line}<text x="{_LEFT - 4}" y="{_TOP + 6}" '
+        f'text-anchor="end">{top:g}</text>'
         f'<text x="{_LEFT - 4}" y="{_HEIGHT - _BOTTOM}" text-anchor="end">0</text>{ticks}'
         f'<polygon points="{band}" fill="var(--ink)" fill-opacity=".14"/>'
-        f'<polyline points="{points(mean)}" fill="none" stroke="var(--ink)" stroke-width="1.5"/>{fit}</svg>'
+        f'<polyline points="{points(mean)}" fill="none" stroke="var(--ink)" '
+        f'stroke-width="1.5"/>{fit}</svg>'
     )
 
 
@@ -163,13 +200,19 @@ def paints_table(look: Overview) -> str:
     rows = ""
     for paint in order:
         rows += (
-            f'<tr><td>{escape(look.paints[paint])}</td><td class="n">{share_html(look.in_set[paint], look.mapped)}</td>'
+            f"<tr><td>{escape(look.paints[paint])}</td><td "
+            f'class="n">{share_html(look.in_set[paint], look.mapped)}</td>'
             f'<td class="n">{share_html(look.likely[paint], look.mapped)}</td></tr>\n'
         )
     never = [escape(name) for n, name in enumerate(look.paints) if n not in order]
-    last = f"<p>Nowhere in the most probable set, nor more likely than not: {', '.join(never)}.</p>\n" if never else ""
+    last = (
+        f"<p>Nowhere in the most probable set, nor more likely than not: {', '.join(never)}.</p>\n"
+        if never
+        else ""
+    )
     return (
         '<div class="scroll"><table class="amounts">\n<thead><tr><th>Paint</th>'
-        '<th class="n">In the most probable set</th><th class="n">Probability above ½</th></tr></thead>\n'
+        '<th class="n">In the most probable set</th><th class="n">Probability above '
+        "½</th></tr></thead>\n"
         f"<tbody>\n{rows}</tbody></table></div>\n{last}"
     )

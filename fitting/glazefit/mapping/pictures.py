@@ -1,4 +1,6 @@
-"""Pictures of a map: true colour, legend of sets, and a coloured picture of each number, for pages and as PNG files."""
+"""Pictures of a map: true colour, legend of sets, and a coloured picture of each number, for pages
+and as PNG files.
+"""
 
 import io
 from collections.abc import Sequence
@@ -34,10 +36,12 @@ LEGEND = (
     "#0d490d",
     "#0d0d2b",
 )
-"""Colours of sets in the legend map, the largest set's first; no two are near for people who see few colours, either.
+"""Colours of sets in the legend map, the largest set's first; no two are near for people who see
+few colours, either.
 
-Source: the first from P. Tol, Colour Schemes (2021), muted, and M. Okabe and K. Ito (2008); each further one is the
-colour farthest from all before it by CIEDE2000, as seen with three, or two kinds of cones (Machado et al. 2009).
+Source: the first from P. Tol, Colour Schemes (2021), muted, and M. Okabe and K. Ito (2008); each
+further one is the colour farthest from all before it by CIEDE2000, as seen with three, or two kinds
+of cones (Machado et al. 2009).
 """
 OTHERS = "#b8b3bb"
 """Colour of all further sets."""
@@ -77,7 +81,9 @@ def legend_sets(look: Overview) -> list[Members]:
 
 
 def legend_map(look: Overview) -> RGB:
-    """Sets by colour; stripes where nothing in the catalogue explains a pixel, white where none was mapped."""
+    """Sets by colour; stripes where nothing in the catalogue explains a pixel, white where none was
+    mapped.
+    """
     status = look.examples["status"]
     found = np.full((*status.shape, 3), _rgb(BLANK), np.uint8)
     found[(status == Status.MAPPED) & (look.examples["explained"] > 0)] = _rgb(OTHERS)
@@ -85,13 +91,17 @@ def legend_map(look: Overview) -> RGB:
         found[look.where(members)] = _rgb(colour)
     found, none = enlarged(found), enlarged(look.where(()))
     down, across = np.indices(none.shape)
-    stripes = np.array([_rgb(stripe) for stripe in STRIPES], np.uint8)[(down + across) // _STRIPE % 2]
+    stripes = np.array([_rgb(stripe) for stripe in STRIPES], np.uint8)[
+        (down + across) // _STRIPE % 2
+    ]
     found[none] = stripes[none]
     return found
 
 
 def legend_places(look: Overview) -> dict[Members, tuple[float, float]]:
-    """Where the number of each set of the legend stands: x and y from 0 to 1, in the middle of its densest part."""
+    """Where the number of each set of the legend stands: x and y from 0 to 1, in the middle of its
+    densest part.
+    """
     found = {}
     for members in legend_sets(look):
         there = look.where(members)
@@ -150,7 +160,10 @@ def numbers_of(look: Overview) -> list[MapPicture]:
         MapPicture(
             key="misfit",
             title="Misfit",
-            words="Colour difference between what was measured and the best candidates: below 1 nobody sees it.",
+            words=(
+                "Colour difference between what was measured and the best candidates: below 1 "
+                "nobody sees it."
+            ),
             values=means["misfit"],
             scale=Scale("inferno", 0.0, max(2.0, _top(means["misfit"], 99.5, 0.1)), "ΔE00"),
         ),
@@ -165,7 +178,9 @@ def numbers_of(look: Overview) -> list[MapPicture]:
 
 
 def paint_pictures(look: Overview, paint: int) -> list[MapPicture]:
-    """Maps of one paint: its probability, and its amount, or its share where films hide their ground."""
+    """Maps of one paint: its probability, and its amount, or its share where films hide their
+    ground.
+    """
     name = look.paints[paint]
     found = [
         MapPicture(
@@ -205,9 +220,15 @@ def paint_pictures(look: Overview, paint: int) -> list[MapPicture]:
 
 
 def found_paints(look: Overview, least: float = 0.0005) -> list[int]:
-    """Paints that are likely in at least so small a share of the mapped pixels, the most frequent first."""
+    """Paints that are likely in at least so small a share of the mapped pixels, the most frequent
+    first.
+    """
     most = np.maximum(look.likely, look.in_set)
-    return [int(p) for p in np.argsort(-most, kind="stable") if most[p] > 0 and most[p] >= least * look.mapped]
+    return [
+        int(p)
+        for p in np.argsort(-most, kind="stable")
+        if most[p] > 0 and most[p] >= least * look.mapped
+    ]
 
 
 def coloured(shown: MapPicture) -> RGB:
@@ -217,13 +238,16 @@ def coloured(shown: MapPicture) -> RGB:
 
     scale = shown.scale
     values = np.nan_to_num((shown.values - scale.low) / max(scale.high - scale.low, 1e-30))
-    found = (colormaps[scale.colours](np.clip(values, 0, 1))[..., :3] * 255.0).round().astype(np.uint8)
+    found = (
+        (colormaps[scale.colours](np.clip(values, 0, 1))[..., :3] * 255.0).round().astype(np.uint8)
+    )
     found[~np.isfinite(shown.values)] = _rgb(UNKNOWN)
     return enlarged(found)
 
 
 def false_colour(cube: "xr.DataArray", step: int = 1) -> tuple[RGB, str]:
-    """A picture of three bands that a camera or an eye would not show so, each stretched to its own range.
+    """A picture of three bands that a camera or an eye would not show so, each stretched to its own
+    range.
 
     Args:
         cube: dims y, x, wavelength.
@@ -233,16 +257,27 @@ def false_colour(cube: "xr.DataArray", step: int = 1) -> tuple[RGB, str]:
         The picture, and in words which bands are red, green and blue in it.
     """
     grid = np.asarray(cube["wavelength"].values, float)
-    # Infrared false colour as conservators know it, if the cube has infrared; else the ends and middle of its range.
-    wanted = (900.0, 650.0, 550.0) if grid[-1] >= 800 else (grid[-1] - 10, 0.5 * (grid[0] + grid[-1]), grid[0] + 30)
+    # Infrared false colour as conservators know it, if the cube has infrared; else the ends and
+    # middle of its range.
+    wanted = (
+        (900.0, 650.0, 550.0)
+        if grid[-1] >= 800
+        else (grid[-1] - 10, 0.5 * (grid[0] + grid[-1]), grid[0] + 30)
+    )
     bands = [int(np.abs(grid - each).argmin()) for each in wanted]
     found = []
     for band in bands:
-        values = np.asarray(cube.isel(y=slice(step // 2, None, step), x=slice(step // 2, None, step), wavelength=band))
+        values = np.asarray(
+            cube.isel(
+                y=slice(step // 2, None, step), x=slice(step // 2, None, step), wavelength=band
+            )
+        )
         low, high = np.nanpercentile(values, (1, 99)) if np.isfinite(values).any() else (0.0, 1.0)
         level = np.nan_to_num(np.clip((values - low) / max(high - low, 1e-6), 0, 1), nan=1.0)
         found.append((level * 255).round().astype(np.uint8))
-    words = ", ".join(f"{name} {grid[b]:.0f} nm" for name, b in zip(("red", "green", "blue"), bands, strict=True))
+    words = ", ".join(
+        f"{name} {grid[b]:.0f} nm" for name, b in zip(("red", "green", "blue"), bands, strict=True)
+    )
     return enlarged(np.stack(found, axis=-1)), words
 
 
@@ -263,7 +298,12 @@ def enlarged(image: np.ndarray) -> np.ndarray:
 
 
 def write_pictures(
-    look: Overview, folder: Path, numbers: Sequence[MapPicture], *, own: Sequence[str], false: RGB | None = None
+    look: Overview,
+    folder: Path,
+    numbers: Sequence[MapPicture],
+    *,
+    own: Sequence[str],
+    false: RGB | None = None,
 ) -> list[Path]:
     """Write each picture as a PNG with its title and scale.
 
@@ -351,7 +391,9 @@ def _write_legend(look: Overview, path: Path, own: Sequence[str]) -> None:
         axes.set_axis_off()
         rows = [
             (f"{n}  {look.words(m)}", colour, mixed, look.sets[m])
-            for n, (m, colour, mixed) in enumerate(zip(legend_sets(look), LEGEND, own, strict=False), start=1)
+            for n, (m, colour, mixed) in enumerate(
+                zip(legend_sets(look), LEGEND, own, strict=False), start=1
+            )
         ]
         rest = sum(look.sets[m] for m in look.ranked[len(LEGEND) :])
         rows += [("further sets", OTHERS, None, rest)] if rest else []
@@ -359,12 +401,18 @@ def _write_legend(look: Overview, path: Path, own: Sequence[str]) -> None:
         high = min(0.34, (tall - 0.3) / max(len(rows), 1))
         for row, (words, colour, mixed, count) in enumerate(rows):
             y = 0.25 + row * high
-            hatch: dict[str, Any] = {"hatch": "/////", "fc": STRIPES[1]} if colour is None else {"fc": colour}
+            hatch: dict[str, Any] = (
+                {"hatch": "/////", "fc": STRIPES[1]} if colour is None else {"fc": colour}
+            )
             axes.add_patch(Rectangle((0, y), 0.28, 0.7 * high, ec=STRIPES[0], lw=0.4, **hatch))
             if mixed is not None:
-                axes.add_patch(Rectangle((0.32, y), 0.28, 0.7 * high, fc=mixed, ec=STRIPES[0], lw=0.4))
+                axes.add_patch(
+                    Rectangle((0.32, y), 0.28, 0.7 * high, fc=mixed, ec=STRIPES[0], lw=0.4)
+                )
             words = f"{words}  ({count / max(look.mapped, 1):.1%})"
-            axes.text(0.68, y + 0.35 * high, words, fontsize=min(7.5, 24 * high), va="center", color=INK)
+            axes.text(
+                0.68, y + 0.35 * high, words, fontsize=min(7.5, 24 * high), va="center", color=INK
+            )
 
 
 def own_colours(look: Overview, most: int = len(LEGEND)) -> list[str]:
@@ -373,7 +421,11 @@ def own_colours(look: Overview, most: int = len(LEGEND)) -> list[str]:
     for members in look.ranked[:most]:
         there = look.where(members)
         # Light adds, encoded values do not; the square is near enough to sRGB's curve for a swatch.
-        mean = np.sqrt(np.mean((look.colour[there] / 255.0) ** 2, axis=0)) if there.any() else np.ones(3)
+        mean = (
+            np.sqrt(np.mean((look.colour[there] / 255.0) ** 2, axis=0))
+            if there.any()
+            else np.ones(3)
+        )
         found.append(hex_colour(mean))
     return found
 
@@ -383,7 +435,9 @@ def _top(values: np.ndarray, percentile: float, least: float) -> float:
     known = values[np.isfinite(values)]
     top = max(float(np.percentile(known, percentile)) if known.size else least, least)
     unit = 10.0 ** np.floor(np.log10(top))
-    return float(next(unit * step for step in (1, 1.5, 2, 3, 4, 5, 6, 8, 10) if unit * step >= top * 0.999))
+    return float(
+        next(unit * step for step in (1, 1.5, 2, 3, 4, 5, 6, 8, 10) if unit * step >= top * 0.999)
+    )
 
 
 def _file(name: str) -> str:

@@ -39,7 +39,9 @@ def by_area(sets: Mapping[Members, SetSum]) -> list[tuple[Members, SetSum]]:
     return sorted(sets.items(), key=lambda each: (-each[1].pixels, each[0]))
 
 
-def print_map(dataset: "xarray.Dataset", sets: Mapping[Members, SetSum], console: "Console", top: int) -> None:
+def print_map(
+    dataset: "xarray.Dataset", sets: Mapping[Members, SetSum], console: "Console", top: int
+) -> None:
     """Print what became of the pixels, and the sets that take up most of the area.
 
     Args:
@@ -51,8 +53,14 @@ def print_map(dataset: "xarray.Dataset", sets: Mapping[Members, SetSum], console
     counts = statuses(dataset)
     mapped = counts.get(Status.MAPPED, 0)
     lines, samples = dataset.sizes["y"], dataset.sizes["x"]
-    others = [f"{count:,} {STATUS_WORDS[status]}" for status, count in counts.items() if status is not Status.MAPPED]
-    console.print(f"[bold]{samples} x {lines} pixels: {'; '.join([f'{mapped:,} mapped', *others])}.[/bold]")
+    others = [
+        f"{count:,} {STATUS_WORDS[status]}"
+        for status, count in counts.items()
+        if status is not Status.MAPPED
+    ]
+    console.print(
+        f"[bold]{samples} x {lines} pixels: {'; '.join([f'{mapped:,} mapped', *others])}.[/bold]"
+    )
     if not mapped:
         return
     paints = [str(name) for name in dataset["paint"].values]
@@ -66,7 +74,9 @@ def print_map(dataset: "xarray.Dataset", sets: Mapping[Members, SetSum], console
     console.print(table)
     if len(ordered) > top:
         rest = sum(one.pixels for _, one in ordered[top:])
-        console.print(f"[dim]and {len(ordered) - top} further sets on {rest / mapped:.1%} of the area[/dim]")
+        console.print(
+            f"[dim]and {len(ordered) - top} further sets on {rest / mapped:.1%} of the area[/dim]"
+        )
 
 
 def write_sets(
@@ -77,7 +87,8 @@ def write_sets(
     *,
     overwrite: bool = False,
 ) -> None:
-    """Write a table of sets: pixels, share of the mapped area, thickness, and mean spectra, measured and fitted.
+    """Write a table of sets: pixels, share of the mapped area, thickness, and mean spectra,
+    measured and fitted.
 
     Args:
         path: CSV, or TSV by its ending.
@@ -87,17 +98,28 @@ def write_sets(
         overwrite: whether a file that exists may be replaced.
 
     Raises:
-        FileExistsError, FileNotFoundError, IsADirectoryError: see `glazejax.io.outputs.check_output`.
+        FileExistsError, FileNotFoundError, IsADirectoryError: see
+            `glazejax.io.outputs.check_output`.
     """
     paints = [str(name) for name in dataset["paint"].values]
     mapped = sum(one.pixels for one in sets.values())
-    titles = ["paints", "pixels", "share", "thickness_um", "pixels_with_thickness", "rmse_of_mean", "sd_of_pixels"]
+    titles = [
+        "paints",
+        "pixels",
+        "share",
+        "thickness_um",
+        "pixels_with_thickness",
+        "rmse_of_mean",
+        "sd_of_pixels",
+    ]
     bands = [f"{kind}_{nm:g}" for kind in ("measured", "fitted") for nm in grid]
     rows = []
     for members, one in by_area(sets):
         row = _row(members, one, paints, mapped)
         means = [*(one.spectrum / one.pixels), *(one.fitted / one.pixels)]
-        rows.append([*("" if row[name] is None else row[name] for name in titles), *map(float, means)])
+        rows.append(
+            [*("" if row[name] is None else row[name] for name in titles), *map(float, means)]
+        )
     write_table(path, [*titles, *bands], rows, overwrite=overwrite)
 
 

@@ -1,4 +1,6 @@
-"""Work by keys, here or on a dask cluster: what is done is kept, so that an interrupted run goes on."""
+"""Work by keys, here or on a dask cluster: what is done is kept, so that an interrupted run goes
+on.
+"""
 
 from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from contextlib import closing, contextmanager
@@ -52,8 +54,8 @@ def finish(
         keys: different names of pieces of work.
         work: from a key to its result; with a client it can be pickled, and its results too.
         into: where results are kept, by this process alone.
-        client: of a dask cluster, whose workers do the work; None does it here. A piece that fails is tried three times
-            more, one whose worker dies goes to another.
+        client: of a dask cluster, whose workers do the work; None does it here. A piece that fails
+            is tried three times more, one whose worker dies goes to another.
         told: called with each new key and its result, once it is kept.
 
     Raises:
@@ -154,7 +156,9 @@ class _Windows:
         self.store.put(Window.from_key(key), result)
 
 
-def _here(todo: Iterable[str], work: Callable[[str], Result]) -> Generator[tuple[str, Result], None, None]:
+def _here(
+    todo: Iterable[str], work: Callable[[str], Result]
+) -> Generator[tuple[str, Result], None, None]:
     """Results of keys, one after another."""
     for key in todo:
         yield key, work(key)

@@ -82,7 +82,8 @@ def _opened(source: "CubeSource") -> "xarray.DataArray":
 
 @dataclass(frozen=True)
 class PixelSolver:
-    """Maps of windows: pixels near a representative in closed form, others by searches of the window's own.
+    """Maps of windows: pixels near a representative in closed form, others by searches of the
+    window's own.
 
     Attributes:
         image: that is mapped.
@@ -111,7 +112,9 @@ class PixelSolver:
         seen = np.maximum(readings[good], 0.0)
         found, way = self._answers(seen)
         arrays = self._arrays(window, readings, status, good, seen, found, way)
-        tallies: dict[str, float] = {words: float(np.sum(status == s)) for s, words in STATUS_WORDS.items()}
+        tallies: dict[str, float] = {
+            words: float(np.sum(status == s)) for s, words in STATUS_WORDS.items()
+        }
         tallies |= {f"way {w.name.lower()}": float(np.sum(way == w)) for w in Way if w}
         tallies["explained"] = float(found.explained.sum())
         return ChunkMaps(arrays, tallies, _sums(found, seen))
@@ -168,7 +171,10 @@ class PixelSolver:
             "way": way,
         }
         seen_as = true_colour(self.image.bands.wavelengths, readings)
-        arrays = {"status": status.reshape(window.shape), "true_colour": seen_as.reshape(*window.shape, 3)}
+        arrays = {
+            "status": status.reshape(window.shape),
+            "true_colour": seen_as.reshape(*window.shape, 3),
+        }
         for name, values in parts.items():
             variable = BY_NAME[name]
             whole = np.full((window.pixels, *values.shape[1:]), variable.fill, variable.dtype)
@@ -177,7 +183,9 @@ class PixelSolver:
         return arrays
 
 
-def _sums(found: Answers, seen: Float[np.ndarray, "spectra bands"]) -> dict[tuple[int, ...], SetSum]:
+def _sums(
+    found: Answers, seen: Float[np.ndarray, "spectra bands"]
+) -> dict[tuple[int, ...], SetSum]:
     """Sums over the pixels of each first set; those that nothing explains are the empty set."""
     if not len(seen):
         return {}
@@ -186,7 +194,9 @@ def _sums(found: Answers, seen: Float[np.ndarray, "spectra bands"]) -> dict[tupl
     which = which.ravel()
     order = np.argsort(which, kind="stable")
     out = {}
-    for number, rows in enumerate(np.split(order, np.cumsum(np.bincount(which, minlength=len(sets)))[:-1])):
+    for number, rows in enumerate(
+        np.split(order, np.cumsum(np.bincount(which, minlength=len(sets)))[:-1])
+    ):
         own, fitted = seen[rows].astype(np.float64), found.fitted[rows].astype(np.float64)
         thickness = np.exp(found.amounts[rows]).sum(axis=1)[~found.opaque[rows]].astype(np.float64)
         key = tuple(int(m) for m in sets[number] if m != NOBODY)
@@ -201,7 +211,9 @@ def _sums(found: Answers, seen: Float[np.ndarray, "spectra bands"]) -> dict[tupl
     return out
 
 
-def true_colour(wavelengths: Float[np.ndarray, "bands"], readings: Float[np.ndarray, "pixels bands"]) -> np.ndarray:
+def true_colour(
+    wavelengths: Float[np.ndarray, "bands"], readings: Float[np.ndarray, "pixels bands"]
+) -> np.ndarray:
     """sRGB from 0 to 255 under D65, (pixels, 3); grey where the bands give no colour."""
     from glazejax.colour import srgb
 

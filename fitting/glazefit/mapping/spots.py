@@ -1,4 +1,6 @@
-"""A paint from its own spectrum in an image: what one spectrum says of k and s, and what it leaves open."""
+"""A paint from its own spectrum in an image: what one spectrum says of k and s, and what it leaves
+open.
+"""
 
 from collections.abc import Sequence
 
@@ -28,8 +30,9 @@ def spot_pigment(
 ) -> Pigment:
     """A paint whose thick, hiding film reads a spectrum.
 
-    The spectrum fixes k/s at every wavelength. How strongly the paint scatters it does not tell: s is the median of the
-    catalogue's, the same at all wavelengths, and stands with a standard deviation of half of it.
+    The spectrum fixes k/s at every wavelength. How strongly the paint scatters it does not tell: s
+    is the median of the catalogue's, the same at all wavelengths, and stands with a standard
+    deviation of half of it.
 
     Args:
         name: of the paint.
@@ -43,21 +46,30 @@ def spot_pigment(
     """
     read = np.asarray(spectrum, float)
     if read.shape != wavelengths.shape:
-        raise ValueError(f"the spot {name!r} has {read.size} readings, the image {wavelengths.size} bands")
+        raise ValueError(
+            f"the spot {name!r} has {read.size} readings, the image {wavelengths.size} bands"
+        )
     body = read - instrument.seen_surface
     if not (np.isfinite(body).all() and (body > -0.02).all() and (read < 1.2).all()):
         wrong = read[~(np.isfinite(body) & (body > -0.02) & (read < 1.2))][0]
         raise ValueError(
-            f"the spot {name!r} reads {wrong:g}; a hiding paint reads from {instrument.seen_surface:.3f} (its surface) "
+            f"the spot {name!r} reads {wrong:g}; a hiding paint reads from "
+            f"{instrument.seen_surface:.3f} (its surface) "
             "to 1.2: is the spot in focus, and the image calibrated?"
         )
     response = film_response(instrument.geometry, instrument.refractive_index)
     ratios = np.geomspace(_LEAST, _MOST, 400)
     thick = np.minimum(_HIDING, _BLACK / ratios)
-    films = np.asarray(response.body(jnp.asarray(ratios * thick), jnp.asarray(thick), jnp.asarray(0.5)))
+    films = np.asarray(
+        response.body(jnp.asarray(ratios * thick), jnp.asarray(thick), jnp.asarray(0.5))
+    )
     # Brighter films have less k/s.
     ratio = np.exp(np.interp(body, films[::-1], np.log(ratios)[::-1]))
-    scattering = float(np.median([np.median(np.asarray(p.scattering)) for p in pigments])) if pigments else 1e5
+    scattering = (
+        float(np.median([np.median(np.asarray(p.scattering)) for p in pigments]))
+        if pigments
+        else 1e5
+    )
     s = np.full(wavelengths.shape, scattering)
     return Pigment(
         name,

@@ -1,7 +1,9 @@
-"""The store of a map: a zarr 3 folder that fills window by window, and goes on after a kill where it stopped.
+"""The store of a map: a zarr 3 folder that fills window by window, and goes on after a kill where
+it stopped.
 
-A window's arrays are written first, then its mark, a file in the folder ``.glazejax``. What has no mark counts as not
-there: `open_map` shows fill values in its place, and a run that goes on does it again.
+A window's arrays are written first, then its mark, a file in the folder ``.glazejax``. What has no
+mark counts as not there: `open_map` shows fill values in its place, and a run that goes on does it
+again.
 """
 
 import json
@@ -43,7 +45,10 @@ class MapStore:
         self.path = Path(path)
         attrs = _attributes(self.path)
         if attrs is None:
-            raise ValueError(f"{self.path} is no map of glazejax; name the folder that `glazejax map` wrote with --out")
+            raise ValueError(
+                f"{self.path} is no map of glazejax; name the folder that `glazejax map` wrote "
+                "with --out"
+            )
         told = attrs["glazejax"]
         if told["format"] != FORMAT:
             raise ValueError(
@@ -77,8 +82,8 @@ class MapStore:
             shape: rows and columns of the image.
             chunk: rows and columns of a window.
             paints: names of the paints, different ones.
-            options: all that the map depends on; a map that is there goes on if its own are the same.
-            attrs: what else is to be known of the map.
+            options: all that the map depends on; a map that is there goes on if its own are the
+            same. attrs: what else is to be known of the map.
             coords: numbers along ``y`` and ``x`` and their attributes; pixel centres if left out.
             overwrite: replace a map that is there.
 
@@ -97,7 +102,8 @@ class MapStore:
             there = cls(path)
             if told := _differences(there.options, wanted):
                 raise ValueError(
-                    f"{path} was begun with other options ({told}); name another map, or replace it with "
+                    f"{path} was begun with other options ({told}); name another map, or replace "
+                    "it with "
                     "overwrite=True (--overwrite)"
                 )
             return there
@@ -148,7 +154,8 @@ class MapStore:
         """
         if window != Window.at(window.y0, window.x0, self.shape, self.chunk):
             raise ValueError(
-                f"{window} is no window of {self.path}, whose windows are {self.chunk[0]} x {self.chunk[1]}"
+                f"{window} is no window of {self.path}, whose windows are {self.chunk[0]} x "
+                f"{self.chunk[1]}"
             )
         sizes = {"paint": len(self.paints), "place": PLACES, "rgb": 3}
         for name, array in maps.arrays.items():
@@ -157,7 +164,9 @@ class MapStore:
                 raise ValueError(f"a map has no array {name!r}; it has {', '.join(BY_NAME)}")
             expected = (*window.shape, *(sizes[dim] for dim in variable.further))
             if array.shape != expected:
-                raise ValueError(f"{name} of window {window.key} has shape {array.shape}; it must be {expected}")
+                raise ValueError(
+                    f"{name} of window {window.key} has shape {array.shape}; it must be {expected}"
+                )
         group = self._writable()
         with _room(
             self.path,
@@ -178,7 +187,8 @@ class MapStore:
             write_whole(self._marks / f"{window.key}.npz", pack(maps.tallies, maps.sets))
 
     def sums(self) -> tuple[dict[str, float], dict[Members, SetSum]]:
-        """Counts and sums of sets over all finished windows, in the order of the windows whatever their order of work.
+        """Counts and sums of sets over all finished windows, in the order of the windows whatever
+        their order of work.
 
         Raises:
             ValueError: a mark cannot be read.
@@ -198,7 +208,8 @@ class MapStore:
 
     @contextmanager
     def writing(self) -> Iterator[None]:
-        """Hold the map, so that no second run writes it; take away what a killed run left half-written.
+        """Hold the map, so that no second run writes it; take away what a killed run left
+        half-written.
 
         Raises:
             ValueError: another run holds it.
@@ -210,7 +221,9 @@ class MapStore:
         work.mkdir(exist_ok=True)
         with (work / "lock").open("w") as file:
             if not _locked(file.fileno()):
-                raise ValueError(f"another run is writing {self.path}; wait for it, or name another map")
+                raise ValueError(
+                    f"another run is writing {self.path}; wait for it, or name another map"
+                )
             for left in (*self.path.rglob("*.partial"), *work.rglob("*.part")):
                 left.unlink(missing_ok=True)
             self._held = True
@@ -234,20 +247,27 @@ class MapStore:
         """Files of a window's arrays; an array that is all fill has none."""
         row, column = window.y0 // self.chunk[0], window.x0 // self.chunk[1]
         for variable in VARIABLES:
-            yield self.path / variable.name / "c" / f"{row}" / "/".join([f"{column}", *("0" for _ in variable.further)])
+            yield (
+                self.path
+                / variable.name
+                / "c"
+                / f"{row}"
+                / "/".join([f"{column}", *("0" for _ in variable.further)])
+            )
 
 
 def open_map(path: str | Path) -> "xarray.Dataset":
     """A map that `map_cube` or `glazejax map` wrote, finished or not.
 
-    Nothing is read before it is asked for. Windows that are not finished have status 0 and fill values.
+    Nothing is read before it is asked for. Windows that are not finished have status 0 and fill
+    values.
 
     Args:
         path: folder of the map.
 
     Returns:
-        Arrays by the names of `glazefit.mapping.layout.VARIABLES`, with coordinates y, x and paint; how the map was
-        made stands in the attributes.
+        Arrays by the names of `glazefit.mapping.layout.VARIABLES`, with coordinates y, x and paint;
+        how the map was made stands in the attributes.
 
     Raises:
         ValueError: there is no map of glazejax.
@@ -283,7 +303,9 @@ def check_map(path: str | Path, *, overwrite: bool = False) -> bool:
         return False
     if _attributes(path) is None:
         words = ", and is not replaced" if overwrite else ""
-        raise FileExistsError(f"{path} exists and is no map of glazejax{words}; choose another name")
+        raise FileExistsError(
+            f"{path} exists and is no map of glazejax{words}; choose another name"
+        )
     return True
 
 
@@ -298,7 +320,9 @@ def _attributes(path: Path) -> dict[str, Any] | None:
 
 def _differences(there: Mapping[str, Any], wanted: Mapping[str, Any], limit: int = 3) -> str:
     """In words, how options differ; empty if they do not."""
-    names = [name for name in dict.fromkeys([*there, *wanted]) if there.get(name) != wanted.get(name)]
+    names = [
+        name for name in dict.fromkeys([*there, *wanted]) if there.get(name) != wanted.get(name)
+    ]
     told = [_difference(name, there.get(name), wanted.get(name)) for name in names[:limit]]
     return "; ".join([*told, *([f"{len(names) - limit} more"] if len(names) > limit else [])])
 
@@ -306,12 +330,18 @@ def _differences(there: Mapping[str, Any], wanted: Mapping[str, Any], limit: int
 def _difference(name: str, there: Any, wanted: Any) -> str:
     """How one option differs: both values if they are short, or the parts in which they do."""
     if isinstance(there, Mapping) and isinstance(wanted, Mapping):
-        parts = [part for part in dict.fromkeys([*there, *wanted]) if there.get(part) != wanted.get(part)]
+        parts = [
+            part for part in dict.fromkeys([*there, *wanted]) if there.get(part) != wanted.get(part)
+        ]
         words = [
-            f"{part} is {'new' if part not in there else 'gone' if part not in wanted else 'another'}"
+            f"{part} is "
+            f"{'new' if part not in there else 'gone' if part not in wanted else 'another'}"
             for part in parts[:3]
         ]
-        return f"{name}: {', '.join([*words, *([f'{len(parts) - 3} more'] if len(parts) > 3 else [])])}"
+        return (
+            f"{name}: "
+            f"{', '.join([*words, *([f'{len(parts) - 3} more'] if len(parts) > 3 else [])])}"
+        )
     if any(isinstance(value, list) and len(value) > 4 for value in (there, wanted)):
         return f"{name}: {_size(there)} there, {_size(wanted)} now"
     return f"{name}: {_short(there)} there, {_short(wanted)} now"
@@ -341,7 +371,9 @@ def _room(path: Path, kept: Callable[[], str]) -> Iterator[None]:
 
 
 def _locked(number: int) -> bool:
-    """Lock an open file for this process; the system lets go when the process ends, however it ends."""
+    """Lock an open file for this process; the system lets go when the process ends, however it
+    ends.
+    """
     try:
         from fcntl import LOCK_EX, LOCK_NB, flock
     except ImportError:  # Windows

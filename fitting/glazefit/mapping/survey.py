@@ -1,4 +1,6 @@
-"""Which spectra stand for an image's: a sample of its pixels, and representatives near all of them."""
+"""Which spectra stand for an image's: a sample of its pixels, and representatives near
+all of them.
+"""
 
 from dataclasses import dataclass
 
@@ -7,7 +9,8 @@ from jaxtyping import Float, Int
 
 from glazejax.radiative.common.threads import in_threads
 
-# Readings vary by this share where paints do (`glazefit.film.errors.BETWEEN_FILMS`), and near black by this.
+# Readings vary by this share where paints do (`glazefit.film.errors.BETWEEN_FILMS`), and near black
+# by this.
 _SHARE, _BLACK = 0.03, 0.03
 # Directions in which spectra are compared, and rounds of Lloyd's algorithm.
 _DIRECTIONS, _ROUNDS = 16, 3
@@ -35,7 +38,9 @@ class Features:
         vectors = np.linalg.eigh(off.T @ off)[1][:, ::-1]
         return cls(middle, np.ascontiguousarray(vectors[:, :_DIRECTIONS].T))
 
-    def __call__(self, readings: Float[np.ndarray, "spectra bands"]) -> Float[np.ndarray, "spectra directions"]:
+    def __call__(
+        self, readings: Float[np.ndarray, "spectra bands"]
+    ) -> Float[np.ndarray, "spectra directions"]:
         """Features of spectra, single precision."""
         return ((_logs(readings) - self.middle) @ self.directions.T).astype(np.float32)
 
@@ -45,7 +50,8 @@ def _logs(readings: np.ndarray) -> np.ndarray:
 
 
 def nearest(
-    features: Float[np.ndarray, "spectra directions"], centres: Float[np.ndarray, "centres directions"]
+    features: Float[np.ndarray, "spectra directions"],
+    centres: Float[np.ndarray, "centres directions"],
 ) -> tuple[Int[np.ndarray, "spectra"], Float[np.ndarray, "spectra"]]:
     """Number of the nearest centre of each spectrum, and how far it is."""
     which, apart = np.empty(len(features), np.int64), np.empty(len(features), np.float32)
@@ -68,7 +74,8 @@ def nearest(
 def spread_out(
     features: Float[np.ndarray, "spectra directions"], most: int, reach: float
 ) -> tuple[Int[np.ndarray, "chosen"], float]:
-    """Spectra near which all others lie: each next one is the farthest from those before (Gonzalez 1985).
+    """Spectra near which all others lie: each next one is the farthest from those before (Gonzalez
+    1985).
 
     Args:
         features: of the spectra.
@@ -106,12 +113,14 @@ class Survey:
 
 
 def survey(sample: Float[np.ndarray, "spectra bands"], most: int, reach: float) -> Survey:
-    """Representatives of a sample of spectra: spread out, then moved to the middles of what they stand for.
+    """Representatives of a sample of spectra: spread out, then moved to the middles of what they
+    stand for.
 
     Args:
         sample: readings of good pixels.
         most: representatives at most.
-        reach: wanted distance of every spectrum to its representative, in standard deviations of paint's errors.
+        reach: wanted distance of every spectrum to its representative, in standard deviations of
+            paint's errors.
     """
     features = Features.of(sample)
     found = features(sample)
@@ -121,13 +130,22 @@ def survey(sample: Float[np.ndarray, "spectra bands"], most: int, reach: float) 
     for _ in range(_ROUNDS):
         count = np.bincount(which, minlength=len(centres))
         there = count > 0
-        sums = np.stack([np.bincount(which, weights=column, minlength=len(centres)) for column in found.T], axis=1)
+        sums = np.stack(
+            [np.bincount(which, weights=column, minlength=len(centres)) for column in found.T],
+            axis=1,
+        )
         centres = (sums[there] / count[there, None]).astype(np.float32)
         which, apart = nearest(found, centres)
     count = np.bincount(which, minlength=len(centres))
     there = np.flatnonzero(count > 0)
-    sums = np.stack([np.bincount(which, weights=column, minlength=len(centres)) for column in sample.T], axis=1)
+    sums = np.stack(
+        [np.bincount(which, weights=column, minlength=len(centres)) for column in sample.T], axis=1
+    )
     readings = sums[there] / count[there, None]
     return Survey(
-        features=features, readings=readings, centres=features(readings), reach=float(apart.max()), sampled=len(sample)
+        features=features,
+        readings=readings,
+        centres=features(readings),
+        reach=float(apart.max()),
+        sampled=len(sample),
     )

@@ -1,4 +1,6 @@
-"""What a map is made from, checked: the image, the search for its paints, the ground, all that the map depends on."""
+"""What a map is made from, checked: the image, the search for its paints, the ground, all that the
+map depends on.
+"""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
@@ -87,10 +89,17 @@ def map_task(
     if use is not None and np.shape(use) != shape:
         raise ValueError(f"the mask has {_pixels(np.shape(use))}, the image {_pixels(shape)}")
     use = None if use is None else np.asarray(use, bool)
-    seen_by, expected, errors = resolve_instrument(instrument, geometry), prior or Prior(), discrepancy or BETWEEN_FILMS
+    seen_by, expected, errors = (
+        resolve_instrument(instrument, geometry),
+        prior or Prior(),
+        discrepancy or BETWEEN_FILMS,
+    )
     check_errors(errors)
     given = listed_pigments(pigments)
-    known = given + [spot_pigment(name, stored, spectrum, given, seen_by) for name, spectrum in (spots or {}).items()]
+    known = given + [
+        spot_pigment(name, stored, spectrum, given, seen_by)
+        for name, spectrum in (spots or {}).items()
+    ]
     bands = WorkingBands.of(stored, known)
     searcher = Searcher.of(
         bands.wavelengths,
@@ -117,8 +126,18 @@ def map_task(
         "max_paints": max_paints,
         "layers": layers,
     }
-    coords = {axis: (np.asarray(array[axis]), dict(array[axis].attrs)) for axis in ("y", "x") if axis in array.coords}
-    image = Image(source=source, bands=bands, noise=noise or Noise(), mask=use, saturated=array.attrs.get("saturated"))
+    coords = {
+        axis: (np.asarray(array[axis]), dict(array[axis].attrs))
+        for axis in ("y", "x")
+        if axis in array.coords
+    }
+    image = Image(
+        source=source,
+        bands=bands,
+        noise=noise or Noise(),
+        mask=use,
+        saturated=array.attrs.get("saturated"),
+    )
     notes = tuple(array.attrs.get("notes", ()))
     return MapTask(
         image=image,
@@ -132,11 +151,16 @@ def map_task(
     )
 
 
-def _ground(grounds: ArrayLike, bands: WorkingBands, stored: np.ndarray) -> Float[np.ndarray, "bands"]:
+def _ground(
+    grounds: ArrayLike, bands: WorkingBands, stored: np.ndarray
+) -> Float[np.ndarray, "bands"]:
     """Internal reflectance of the ground at the working bands."""
     given = np.asarray(grounds, float)
     if given.ndim > 1 or (given.ndim == 1 and given.size != stored.size):
-        raise ValueError(f"grounds of shape {given.shape} are neither a number nor one for each of {stored.size} bands")
+        raise ValueError(
+            f"grounds of shape {given.shape} are neither a number nor one for each of "
+            f"{stored.size} bands"
+        )
     if not ((given >= 0) & (given <= 1)).all():
         wrong = given[~((given >= 0) & (given <= 1))].ravel()[0]
         raise ValueError(f"a ground's internal reflectance is {wrong:g}; it must lie in [0, 1]")
@@ -151,7 +175,8 @@ def _checked(array: "xarray.DataArray") -> "xarray.DataArray":
     """
     if array.dims != ("y", "x", "wavelength") or "wavelength" not in array.coords:
         raise ValueError(
-            f"an image has the dimensions y, x, wavelength, with wavelengths in nm; this one has {array.dims}"
+            "an image has the dimensions y, x, wavelength, with wavelengths in nm; this one has "
+            f"{array.dims}"
         )
     grid = np.asarray(array["wavelength"], float)
     if np.any(np.diff(grid) <= 0) or grid[0] < 100:
@@ -167,7 +192,10 @@ def _identity(source: "CubeSource | xarray.DataArray", array: "xarray.DataArray"
     """What says that two images are the same."""
     from glazejax.io import CubeSource
 
-    told = {"shape": list(array.shape), "wavelengths": _digest(np.asarray(array["wavelength"], float))}
+    told = {
+        "shape": list(array.shape),
+        "wavelengths": _digest(np.asarray(array["wavelength"], float)),
+    }
     if not isinstance(source, CubeSource):
         rows = np.linspace(0, array.shape[0] - 1, min(8, array.shape[0])).astype(int)
         return told | {"some lines": _digest(*(array[int(y)].to_numpy() for y in rows))}

@@ -12,7 +12,8 @@ if TYPE_CHECKING:
 
 
 def hide_unmarked(store: "LocalStore", done: Set[tuple[int, int]]) -> "WrapperStore[LocalStore]":
-    """The store without the chunks of windows that are not finished; zarr shows fill values for them.
+    """The store without the chunks of windows that are not finished; zarr shows fill values for
+    them.
 
     Args:
         store: of a map, for reading.

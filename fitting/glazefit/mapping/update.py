@@ -16,7 +16,9 @@ _FAR = 1.5
 
 @dataclass(frozen=True)
 class Answers:
-    """What is said of spectra: the most probable set of each, and how it stands beside all others."""
+    """What is said of spectra: the most probable set of each, and how it stands beside
+    all others.
+    """
 
     members: Int[np.ndarray, "spectra 3"]
     coats: Int[np.ndarray, "spectra 3"]
@@ -84,10 +86,16 @@ class Updater:
         local = known.local.take(candidates)
         paints = known.rest_paints.shape[1]
         self.local, self.prior = local, prior
-        self.blur, self.rest, self.rest_paints = known.blur[number], known.rest[number], known.rest_paints[number]
+        self.blur, self.rest, self.rest_paints = (
+            known.blur[number],
+            known.rest[number],
+            known.rest_paints[number],
+        )
         self.reading = known.readings[number]
         self.order = _order(local)
-        self.present = (local.members[..., None] == np.arange(paints)).any(axis=1).astype(np.float32)
+        self.present = (
+            (local.members[..., None] == np.arange(paints)).any(axis=1).astype(np.float32)
+        )
         count, bands = local.off.shape
         # All that is linear in the readings, by one product.
         parts = [local.off_by, local.logs_by, local.seen_by, local.left_by]
@@ -100,10 +108,15 @@ class Updater:
         local, count = self.local, self.count
         moved = readings - self.reading
         every = moved @ self.by
-        off, logs, seen, left = (part.reshape(len(moved), count, -1) for part in np.split(every, self.ends, axis=1))
+        off, logs, seen, left = (
+            part.reshape(len(moved), count, -1) for part in np.split(every, self.ends, axis=1)
+        )
         met = gained(local, local.off + off, np.clip(logs, -_FAR, _FAR))
         weight = local.log_weight + moved @ local.weight_by.T + met
-        distance = np.linalg.norm(local.seen + seen, axis=-1), np.linalg.norm(local.left + left, axis=-1)
+        distance = (
+            np.linalg.norm(local.seen + seen, axis=-1),
+            np.linalg.norm(local.left + left, axis=-1),
+        )
         shape = np.broadcast_to(local.shape, weight.shape)
         far = Off(*distance, shape, np.full(len(moved), self.blur))
         odds = odds_alike(weight, far, self.order, self.prior)
@@ -157,18 +170,27 @@ def _order(local: Local) -> list[Smaller]:
 def gained(
     local: Local, off: Float[np.ndarray, "spectra n bands"], logs: Float[np.ndarray, "spectra n 3"]
 ) -> Float[np.ndarray, "spectra n"]:
-    """What the log weights of candidates are more than at their representative; see `glazefit.identify.fit`.
+    """What the log weights of candidates are more than at their representative; see
+    `glazefit.identify.fit`.
 
     Args:
         local: the candidates.
         off: their whitened residuals.
         logs: how far their log amounts have moved.
     """
-    freedom, whole, trust = local.numbers[:, 0], local.numbers[:, :2].sum(axis=1), local.numbers[:, 2]
+    freedom, whole, trust = (
+        local.numbers[:, 0],
+        local.numbers[:, :2].sum(axis=1),
+        local.numbers[:, 2],
+    )
     before, now = np.sum(local.off**2, axis=-1), np.einsum("snb,snb->sn", off, off)
     heavy = freedom > 0
     safe = np.where(heavy, freedom, 1.0)
-    met = np.where(heavy, -0.5 * whole * (np.log1p(now / safe) - np.log1p(before / safe)), -0.5 * (now - before))
+    met = np.where(
+        heavy,
+        -0.5 * whole * (np.log1p(now / safe) - np.log1p(before / safe)),
+        -0.5 * (now - before),
+    )
     # How sharply the data hold the amounts changes with how well all is met.
     share, shared = (np.where(heavy, whole / (safe + square), 1.0) for square in (now, before))
     volume = np.log1p(share[..., None] * local.ratios) - np.log1p(shared[:, None] * local.ratios)

@@ -68,26 +68,33 @@ def windows(shape: Sequence[int], chunk: Sequence[int]) -> list[Window]:
         shape: rows and columns of the image.
         chunk: rows and columns of a window.
     """
-    return [Window.at(y, x, shape, chunk) for y in range(0, shape[0], chunk[0]) for x in range(0, shape[1], chunk[1])]
+    return [
+        Window.at(y, x, shape, chunk)
+        for y in range(0, shape[0], chunk[0])
+        for x in range(0, shape[1], chunk[1])
+    ]
 
 
 def chunk_shape(
     shape: Sequence[int], bands: int, bytes_per_value: float, memory: int, *, base: int = BASE
 ) -> tuple[int, int]:
-    """Rows and columns of the windows that an image is worked through in, so that memory stays below a bound.
+    """Rows and columns of the windows that an image is worked through in, so that memory stays
+    below a bound.
 
     Args:
         shape: rows and columns of the image.
         bands: readings of a pixel.
-        bytes_per_value: what a reading takes while its window is solved, all copies and results counted.
-        memory: bound of the whole process, bytes.
+        bytes_per_value: what a reading takes while its window is solved, all copies and results
+        counted. memory: bound of the whole process, bytes.
         base: what the process takes before the first window.
 
     Raises:
         ValueError: the image is empty, or the bound leaves no room for a window of 16 x 16 pixels.
     """
     if min(shape) < 1 or bands < 1:
-        raise ValueError(f"an image of {shape[0]} x {shape[1]} pixels and {bands} bands has nothing to map")
+        raise ValueError(
+            f"an image of {shape[0]} x {shape[1]} pixels and {bands} bands has nothing to map"
+        )
     pixel = bands * bytes_per_value
     needed = base + pixel * _SMALLEST**2
     if memory < needed:

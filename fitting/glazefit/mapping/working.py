@@ -1,4 +1,5 @@
-"""From a block of an image to the readings that are worked with, and which of its pixels say anything.
+"""From a block of an image to the readings that are worked with, and which of its pixels say
+anything.
 
 Bands are as fine as the paints are known.
 """
@@ -29,8 +30,8 @@ _FINEST, _MOST = 8.0, 60
 class WorkingBands:
     """Groups of an image's bands, each averaged to one reading.
 
-    A catalogue known every 10 nm says nothing finer: means over such groups hold all that tells its paints apart, with
-    less noise, at a fraction of the cost.
+    A catalogue known every 10 nm says nothing finer: means over such groups hold all that tells its
+    paints apart, with less noise, at a fraction of the cost.
 
     Attributes:
         wavelengths: (bands,), nm, means over the groups.
@@ -56,12 +57,16 @@ class WorkingBands:
         grids = [np.asarray(p.wavelengths, float) for p in pigments]
         first, last = max(grid[0] for grid in grids), min(grid[-1] for grid in grids)
         # Tables are often interpolated to finer steps than paint has structure for.
-        width = max(min(float(np.median(np.diff(grid))) for grid in grids), _FINEST, (last - first) / _MOST)
+        width = max(
+            min(float(np.median(np.diff(grid))) for grid in grids), _FINEST, (last - first) / _MOST
+        )
         use = np.flatnonzero((stored >= first - 1e-6) & (stored <= last + 1e-6))
         if use.size < _FEWEST:
             raise ValueError(
-                f"the paints are known from {first:g} to {last:g} nm, and {use.size} bands of the image lie there (it "
-                f"has {describe_grid(stored)}); at least {_FEWEST} are needed: use another catalogue, or check the "
+                f"the paints are known from {first:g} to {last:g} nm, and {use.size} bands of "
+                "the image lie there (it "
+                f"has {describe_grid(stored)}); at least {_FEWEST} are needed: use another "
+                "catalogue, or check the "
                 "image's wavelengths"
             )
         grid = stored[use]
@@ -82,15 +87,17 @@ class WorkingBands:
         """Readings of pixels, single precision.
 
         Args:
-            block: reflectance; a missing band makes all readings of a pixel NaN, a saturated one infinite.
-            saturated: reading from which the detector was full, if that is told.
+            block: reflectance; a missing band makes all readings of a pixel NaN, a saturated one
+            infinite. saturated: reading from which the detector was full, if that is told.
         """
         used = self.mean.any(axis=1)
         first, last = np.flatnonzero(used)[[0, -1]]
         block = block[:, first : last + 1].astype(np.float32, copy=False)
         with np.errstate(invalid="ignore"):
             readings = block @ self.mean[first : last + 1].astype(np.float32)
-            full = np.zeros(len(block), bool) if saturated is None else block.max(axis=1) >= saturated
+            full = (
+                np.zeros(len(block), bool) if saturated is None else block.max(axis=1) >= saturated
+            )
             odd = np.flatnonzero(~np.isfinite(readings).all(axis=1))
         # A product with a zero makes NaN of infinity: which of both it was, the pixel itself says.
         full[odd] |= np.isposinf(block[odd]).any(axis=1)
@@ -98,13 +105,16 @@ class WorkingBands:
         readings[full] = np.inf
         return readings
 
-    def noise_sd(self, readings: Float[np.ndarray, "*n bands"], noise: Noise) -> Float[np.ndarray, "*n bands"]:
+    def noise_sd(
+        self, readings: Float[np.ndarray, "*n bands"], noise: Noise
+    ) -> Float[np.ndarray, "*n bands"]:
         """Standard deviation of the readings' noise.
 
         Args:
             readings: at these bands.
-            noise: of one of the image's own readings; averaging makes it less. What an instrument's scale and stray
-                light do to all bands, as much as of a bench instrument (`Noise()`), it does not.
+            noise: of one of the image's own readings; averaging makes it less. What an instrument's
+                scale and stray light do to all bands, as much as of a bench instrument (`Noise()`),
+                it does not.
         """
         return np.hypot(noise.sd(readings) / np.sqrt(self.count), Noise().sd(readings))
 
@@ -130,7 +140,10 @@ def classify(
             (Status.TOO_BRIGHT, top > _TOO_BRIGHT),
             (Status.NEGATIVE, (readings < -(_SURE * sd + _SLACK)).any(axis=-1)),
             (Status.SATURATED, np.isposinf(top)),
-            (Status.NO_DATA, np.isnan(readings).any(axis=-1) | (np.isfinite(top) & (top == bottom))),
+            (
+                Status.NO_DATA,
+                np.isnan(readings).any(axis=-1) | (np.isfinite(top) & (top == bottom)),
+            ),
         ]
     for number, where in tests:
         status[where] = int(number)

@@ -1,6 +1,8 @@
-"""A posterior as ArviZ's InferenceData, the form that its plots, its statistics and NetCDF files take.
+"""A posterior as ArviZ's InferenceData, the form that its plots, its statistics and NetCDF files
+take.
 
-Walkers are ArviZ's chains. Lengths are in m, k d and s d optical thicknesses, reflectance a fraction.
+Walkers are ArviZ's chains. Lengths are in m, k d and s d optical thicknesses, reflectance a
+fraction.
 """
 
 import warnings
@@ -35,9 +37,11 @@ def inference_data(
     free: Float[np.ndarray, "steps walkers blocks dims"],
     attributes: Mapping[str, Any],
 ) -> Any:
-    """Groups posterior, sample_stats, log_likelihood, posterior_predictive, observed_data and constant_data.
+    """Groups posterior, sample_stats, log_likelihood, posterior_predictive, observed_data and
+    constant_data.
 
-    The predictive group holds spectra without noise, of some draws; log-likelihoods are up to a constant.
+    The predictive group holds spectra without noise, of some draws; log-likelihoods are up to a
+    constant.
 
     Args:
         problem: what was sampled.
@@ -60,7 +64,9 @@ def inference_data(
     dims: dict[str, list[str]] = {}
 
     def by_block(name: str, values: np.ndarray) -> np.ndarray:
-        """(steps, walkers, blocks) as (walkers, steps, blocks), or without the last axis for a single film."""
+        """(steps, walkers, blocks) as (walkers, steps, blocks), or without the last axis for a
+        single film.
+        """
         values = np.swapaxes(values, 0, 1)
         if single and not bands:
             return values[..., 0]
@@ -81,7 +87,9 @@ def inference_data(
             variables[key] = by_block(key, values)
     if fractions:
         coords["paint"] = [paint for paint, _ in fractions]
-        variables["fraction"] = np.stack([by_block("fraction", values) for _, values in fractions], axis=-1)
+        variables["fraction"] = np.stack(
+            [by_block("fraction", values) for _, values in fractions], axis=-1
+        )
         dims["fraction"] = [*dims.get("fraction", []), "paint"]
     for name, each_band in optical.items():
         variables[name] = np.stack(each_band, axis=-1)

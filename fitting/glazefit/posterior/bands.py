@@ -1,12 +1,14 @@
 """The posterior of k d and s d of a measured film, every wavelength a block of its own.
 
-Two readings and two unknowns a band. Beforehand any order of magnitude of k d is as likely as another, from where a
-film is clear to where it is opaque: the density of log k d is 1/((1 + c/k d)(1 + k d/h)), level between soft ends
-c = .01 and h = 100, and that of log s d the same with h = 400. The free unknowns are log k/s and log s d, because an
-opaque film knows the first and not the second.
+Two readings and two unknowns a band. Beforehand any order of magnitude of k d is as likely as
+another, from where a film is clear to where it is opaque: the density of log k d is 1/((1 + c/k
+d)(1 + k d/h)), level between soft ends c = .01 and h = 100, and that of log s d the same with h =
+400. The free unknowns are log k/s and log s d, because an opaque film knows the first and not the
+second.
 
-The grounds' own errors are part of the variance, through the film: v = sd^2 + (dR/d rho)^2 ground_sd^2. The gloss is
-one number for the whole film; two readings a band leave it open, so it is estimated beforehand (`glazefit.film.gloss`).
+The grounds' own errors are part of the variance, through the film: v = sd^2 + (dR/d rho)^2
+ground_sd^2. The gloss is one number for the whole film; two readings a band leave it open, so it is
+estimated beforehand (`glazefit.film.gloss`).
 """
 
 import functools
@@ -27,7 +29,9 @@ from ..film.response import FilmResponse, film_response
 from .problem import Problem, Quantity, fingerprint
 
 CLEAR = 0.01
-"""Optical thickness below which a film is clear, and the prior falls off; it does so too above `HIGHEST`."""
+"""Optical thickness below which a film is clear, and the prior falls off; it does so too above
+`HIGHEST`.
+"""
 
 _DRAWS = 200_000
 
@@ -117,9 +121,16 @@ def pose_bands(reading: Reading, gloss: float, instrument: Instrument) -> Proble
 
 def join_bands(problems: Sequence[Problem]) -> Problem:
     """Bands of several films side by side."""
-    data = jax.tree.map(lambda *parts: jnp.concatenate(parts), *[problem.data for problem in problems])
+    data = jax.tree.map(
+        lambda *parts: jnp.concatenate(parts), *[problem.data for problem in problems]
+    )
     blocks = tuple(block for problem in problems for block in problem.blocks)
-    return replace(problems[0], blocks=blocks, data=data, fingerprint=fingerprint(*(p.fingerprint for p in problems)))
+    return replace(
+        problems[0],
+        blocks=blocks,
+        data=data,
+        fingerprint=fingerprint(*(p.fingerprint for p in problems)),
+    )
 
 
 def reading_parts(reading: Reading) -> tuple[object, ...]:

@@ -1,13 +1,15 @@
-"""Sampling by emcee: all walkers of all blocks in one compiled call a half step, chains kept in a file, convergence.
+"""Sampling by emcee: all walkers of all blocks in one compiled call a half step, chains kept in a
+file, convergence.
 
-emcee proposes and accepts a walker as a whole, and thirty bands would be one problem of sixty unknowns, of which
-almost every proposal is refused. Blocks do not depend on each other, so the moves here are emcee's own (stretch and
-differential evolution between two halves of the ensemble) done in each block by itself: every block takes a step of
-two unknowns, or seven, and accepts it alone. The rest, the random numbers, the file, the progress bar and the
-autocorrelation times, is emcee's.
+emcee proposes and accepts a walker as a whole, and thirty bands would be one problem of sixty
+unknowns, of which almost every proposal is refused. Blocks do not depend on each other, so the
+moves here are emcee's own (stretch and differential evolution between two halves of the ensemble)
+done in each block by itself: every block takes a step of two unknowns, or seven, and accepts it
+alone. The rest, the random numbers, the file, the progress bar and the autocorrelation times, is
+emcee's.
 
-A chain counts as converged in a block if what is kept of it is 50 autocorrelation times long, emcee's own rule, and its
-effective sample size is 400 or more.
+A chain counts as converged in a block if what is kept of it is 50 autocorrelation times long,
+emcee's own rule, and its effective sample size is 400 or more.
 """
 
 import os
@@ -49,11 +51,15 @@ class BlockMove(Move):
     def step(
         self, here: Ensemble, there: Ensemble, random: Any
     ) -> tuple[Ensemble, Float[np.ndarray, "walkers blocks"]]:
-        """Proposals for the walkers here from those there, and the logarithm of the factor in their acceptance."""
+        """Proposals for the walkers here from those there, and the logarithm of the factor in their
+        acceptance.
+        """
         raise NotImplementedError
 
     def propose(self, model: Any, state: Any) -> tuple[Any, np.ndarray]:
-        """One step of the whole ensemble; gives the state and the share of blocks that moved, (walkers,)."""
+        """One step of the whole ensemble; gives the state and the share of blocks that moved,
+        (walkers,).
+        """
         walkers = len(state.coords)
         order = model.random.permutation(walkers)
         halves = order[: walkers // 2], order[walkers // 2 :]
@@ -62,7 +68,9 @@ class BlockMove(Move):
         for half, other in (halves, halves[::-1]):
             proposal, factor = self.step(coords[half], coords[other], model.random)
             log_prob, parts = model.compute_log_prob_fn(proposal.reshape(len(half), -1))
-            old = _by_block(state.log_prob[half], None if state.blobs is None else state.blobs[half])
+            old = _by_block(
+                state.log_prob[half], None if state.blobs is None else state.blobs[half]
+            )
             new = _by_block(log_prob, parts)
             moves = np.log(model.random.random_sample(new.shape)) < factor + new - old
             coords[half] = np.where(moves[..., None], proposal, coords[half])
@@ -76,7 +84,9 @@ class BlockMove(Move):
 
 
 def _by_block(total: np.ndarray, parts: np.ndarray | None) -> Float[np.ndarray, "walkers blocks"]:
-    """Log-probabilities of each block: emcee carries those of several as blobs, of a single one as the total."""
+    """Log-probabilities of each block: emcee carries those of several as blobs, of a single one as
+    the total.
+    """
     return total[:, None] if parts is None else np.asarray(parts)
 
 
@@ -134,8 +144,8 @@ class Convergence:
     """Whether a chain is long enough.
 
     Attributes:
-        times: longest autocorrelation time of each block, in steps, (blocks,); infinite if it cannot be told.
-        samples: effective sample size of each block, (blocks,).
+        times: longest autocorrelation time of each block, in steps, (blocks,); infinite if it
+        cannot be told. samples: effective sample size of each block, (blocks,).
         length: steps kept.
         discarded: steps left out at the start.
     """
@@ -154,14 +164,18 @@ class Convergence:
         """One sentence, with the reason."""
         good, worst = self.converged, float(self.times.max())
         numbers = (
-            f"{self.length} steps kept, {_ratio(self.length, worst)} autocorrelation times of {worst:.0f} steps, "
+            f"{self.length} steps kept, {_ratio(self.length, worst)} autocorrelation times of "
+            f"{worst:.0f} steps, "
             f"{self.samples.min():.0f} effective samples"
         )
         rule = f"{ENOUGH_TIMES:.0f} times and {ENOUGH_SAMPLES:.0f} samples are needed"
         if good.all():
             return f"converged: {numbers} ({rule})"
         if not np.isfinite(worst):
-            return f"not converged: {self.length} steps kept are too few to tell an autocorrelation time ({rule})"
+            return (
+                f"not converged: {self.length} steps kept are too few to tell an autocorrelation "
+                f"time ({rule})"
+            )
         where = "" if good.size == 1 else f" in {np.sum(~good)} of {good.size} blocks"
         more = int(np.ceil(1.2 * ENOUGH_TIMES * worst / 100.0) * 100) + self.discarded
         return f"not converged{where}: {numbers} ({rule}); a chain of about {more} steps would do"
@@ -171,8 +185,11 @@ def _ratio(length: int, time: float) -> str:
     return f"{length / time:.0f}" if np.isfinite(time) else "unknown"
 
 
-def convergence(chain: Chain, values: Float[np.ndarray, "steps walkers blocks quantities"]) -> Convergence:
-    """Autocorrelation times of what is reported, after leaving out five of them, or a tenth if that is more.
+def convergence(
+    chain: Chain, values: Float[np.ndarray, "steps walkers blocks quantities"]
+) -> Convergence:
+    """Autocorrelation times of what is reported, after leaving out five of them, or a tenth if that
+    is more.
 
     Args:
         chain: the whole chain.
@@ -185,11 +202,15 @@ def convergence(chain: Chain, values: Float[np.ndarray, "steps walkers blocks qu
     start = min(steps // 2, max(steps // 10, int(5 * finite.max()) if finite.size else 0))
     times = autocorrelation_times(flat[start:]).reshape(blocks, count).max(axis=1)
     samples = np.where(np.isfinite(times), (steps - start) * walkers / times, 0.0)
-    return Convergence(times * chain.thin, samples, (steps - start) * chain.thin, start * chain.thin)
+    return Convergence(
+        times * chain.thin, samples, (steps - start) * chain.thin, start * chain.thin
+    )
 
 
 def autocorrelation_times(values: Float[np.ndarray, "steps walkers n"]) -> Float[np.ndarray, "n"]:
-    """emcee's estimate for each column, in stored steps, at least 1; infinite for a chain too short or stuck."""
+    """emcee's estimate for each column, in stored steps, at least 1; infinite for a chain too short
+    or stuck.
+    """
     if len(values) < 8:
         return np.full(values.shape[-1], np.inf)
     with np.errstate(invalid="ignore", divide="ignore"):
@@ -237,11 +258,21 @@ def run_chain(
 
     def log_prob(points: np.ndarray) -> np.ndarray:
         parts = problem.log_probability(points.reshape(len(points), blocks, dims))
-        return parts[:, 0] if blocks == 1 else np.concatenate([parts.sum(axis=1, keepdims=True), parts], axis=1)
+        return (
+            parts[:, 0]
+            if blocks == 1
+            else np.concatenate([parts.sum(axis=1, keepdims=True), parts], axis=1)
+        )
 
     moves = [(BlockStretch(blocks), 0.4), (BlockDifference(blocks), 0.6)]
     sampler = emcee.EnsembleSampler(
-        walkers, blocks * dims, log_prob, moves=moves, backend=backend, vectorize=True, blobs_dtype=np.float64
+        walkers,
+        blocks * dims,
+        log_prob,
+        moves=moves,
+        backend=backend,
+        vectorize=True,
+        blobs_dtype=np.float64,
     )
     done = backend.iteration
     if done == 0:
@@ -251,7 +282,8 @@ def run_chain(
     left = steps // thin - done
     stopped = False
     if left > 0:
-        # Blocks are sampled side by side, so walkers may be fewer than the unknowns of all blocks together.
+        # Blocks are sampled side by side, so walkers may be fewer than the unknowns of all blocks
+        # together.
         run = sampler.sample(
             emcee.State(start.reshape(walkers, -1)) if done == 0 else backend.get_last_sample(),
             iterations=left,
@@ -272,7 +304,9 @@ def read_chain(backend: Any, blocks: int, thin: int, interrupted: bool = False) 
     """The steps that a backend holds."""
     steps = backend.iteration
     if steps == 0:
-        raise ValueError("the chain was stopped before its first step was kept; there is nothing to report")
+        raise ValueError(
+            "the chain was stopped before its first step was kept; there is nothing to report"
+        )
     free, log_prob, parts = backend.get_chain(), backend.get_log_prob(), backend.get_blobs()
     shape = (steps, free.shape[1], blocks)
     parts = log_prob if parts is None else parts
@@ -290,15 +324,21 @@ def _check(steps: int, thin: int, walkers: int, dims: int) -> None:
     least = 2 * dims + 2
     if walkers < least or walkers % 2:
         raise ValueError(
-            f"{walkers} walkers are not enough, or odd; take an even number of at least {least}, such as 32"
+            f"{walkers} walkers are not enough, or odd; take an even number of at least {least}, "
+            "such as 32"
         )
     if thin < 1:
         raise ValueError(f"thin is {thin}; keep every step with 1, or every fifth with 5")
     if steps < thin:
-        raise ValueError(f"{steps} steps are fewer than one kept step ({thin}); ask for some thousands, such as 4000")
+        raise ValueError(
+            f"{steps} steps are fewer than one kept step ({thin}); ask for some thousands, such "
+            "as 4000"
+        )
 
 
-def _backend(problem: Problem, path: Path, shape: tuple[int, int], thin: int, resume: bool, overwrite: bool) -> Any:
+def _backend(
+    problem: Problem, path: Path, shape: tuple[int, int], thin: int, resume: bool, overwrite: bool
+) -> Any:
     """The file as emcee's backend, new or found again."""
     require("h5py")
     import h5py
@@ -306,7 +346,8 @@ def _backend(problem: Problem, path: Path, shape: tuple[int, int], thin: int, re
     if resume:
         if not path.is_file():
             raise FileNotFoundError(
-                f"{path}: there is no chain to resume; leave out the request to resume, to start one"
+                f"{path}: there is no chain to resume; leave out the request to resume, to start "
+                "one"
             )
         backend = emcee.backends.HDFBackend(str(path), name=GROUP)
         if not backend.initialized:
@@ -315,18 +356,21 @@ def _backend(problem: Problem, path: Path, shape: tuple[int, int], thin: int, re
             mark, kept = file[GROUP].attrs.get(_MARK), int(file[GROUP].attrs.get("thin", 0))
         if mark != problem.fingerprint:
             raise ValueError(
-                f"{path}: the chain is of another problem (film, paints, noise or prior differ); resume it with the "
+                f"{path}: the chain is of another problem (film, paints, noise or prior differ); "
+                "resume it with the "
                 "settings that it was started with, or start another chain elsewhere"
             )
         if backend.shape != shape or kept != thin:
             raise ValueError(
-                f"{path}: the chain has {backend.shape[0]} walkers and keeps every {kept}. step, not {shape[0]} and "
+                f"{path}: the chain has {backend.shape[0]} walkers and keeps every {kept}. step, "
+                f"not {shape[0]} and "
                 f"{thin}; ask for the same"
             )
         return backend
     if path.exists() and not overwrite:
         raise FileExistsError(
-            f"{path}: there is a chain already; resume it, choose another name, or ask to overwrite it"
+            f"{path}: there is a chain already; resume it, choose another name, or ask to "
+            "overwrite it"
         )
     if path.exists():
         os.remove(path)

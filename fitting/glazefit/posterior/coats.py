@@ -30,13 +30,15 @@ class CoatPrior:
     """What is known of one coat beforehand.
 
     Attributes:
-        paints: what it is made of, one to five; none if that is not known, and its k d and s d are sought.
-        thickness: m; None if it is not known: then the film's prior (`glazefit.FilmPrior`) says what is usual.
-        spread: standard deviation of log thickness; 0 if the thickness is known exactly. Of no meaning without one.
-        fractions: of the paints, (paints,), sum 1; None if they are not known.
+        paints: what it is made of, one to five; none if that is not known, and its k d and s d are
+        sought. thickness: m; None if it is not known: then the film's prior (`glazefit.FilmPrior`)
+        says what is usual. spread: standard deviation of log thickness; 0 if the thickness is known
+        exactly. Of no meaning without one. fractions: of the paints, (paints,), sum 1; None if they
+        are not known.
 
     Raises:
-        ValueError: a value out of range, a paint that is listed twice, or fractions that do not fit the paints.
+        ValueError: a value out of range, a paint that is listed twice, or fractions that do not fit
+            the paints.
     """
 
     paints: Sequence[Pigment] = ()
@@ -53,16 +55,28 @@ class CoatPrior:
             twice = next(name for name in names if names.count(name) > 1)
             raise ValueError(f"{where}: the paint {twice!r} is listed twice")
         if self.thickness is not None and not 0 <= self.thickness <= _THICKEST:
-            raise ValueError(f"{where} is {self.thickness:g} m thick; it must be in [0, {_THICKEST:g}], in metres")
+            raise ValueError(
+                f"{where} is {self.thickness:g} m thick; it must be in [0, {_THICKEST:g}], in "
+                "metres"
+            )
         if not (np.isfinite(self.spread) and self.spread >= 0):
-            raise ValueError(f"{where}: the spread {self.spread:g} of its thickness must be 0 or more, such as 0.3")
+            raise ValueError(
+                f"{where}: the spread {self.spread:g} of its thickness must be 0 or more, such "
+                "as 0.3"
+            )
         if self.spread > 0 and self.thickness is None:
-            raise ValueError(f"{where} has a spread of {self.spread:g} but no thickness to spread about; give one")
+            raise ValueError(
+                f"{where} has a spread of {self.spread:g} but no thickness to spread about; give "
+                "one"
+            )
         if self.spread > 0 and self.thickness == 0:
-            raise ValueError(f"{where} cannot be about 0 thick; say 0 exactly, or a small thickness such as 1e-7")
+            raise ValueError(
+                f"{where} cannot be about 0 thick; say 0 exactly, or a small thickness such as 1e-7"
+            )
         if not names and self.spread > 0:
             raise ValueError(
-                f"{where}: only k and s times thickness are told of it; say its thickness exactly, or leave it out"
+                f"{where}: only k and s times thickness are told of it; say its thickness "
+                "exactly, or leave it out"
             )
         self._check_fractions(where, len(names))
 
@@ -71,9 +85,13 @@ class CoatPrior:
             return
         shares = np.asarray(self.fractions, dtype=float)
         if shares.shape != (count,):
-            raise ValueError(f"{where} has {count} paints but {shares.size} fractions; give one a paint")
+            raise ValueError(
+                f"{where} has {count} paints but {shares.size} fractions; give one a paint"
+            )
         if not (np.all(shares >= 0) and abs(shares.sum() - 1.0) < 1e-6):
-            raise ValueError(f"{where}: its fractions are {shares.tolist()}; they must be 0 or more and sum to 1")
+            raise ValueError(
+                f"{where}: its fractions are {shares.tolist()}; they must be 0 or more and sum to 1"
+            )
 
     @property
     def unknown(self) -> bool:
@@ -94,7 +112,11 @@ class CoatPrior:
     def shares(self) -> Float[np.ndarray, "paints"]:
         """The fractions where they are known, and equal ones where not."""
         count = len(self.paints)
-        return np.full(count, 1.0 / max(count, 1)) if self.fractions is None else np.asarray(self.fractions, float)
+        return (
+            np.full(count, 1.0 / max(count, 1))
+            if self.fractions is None
+            else np.asarray(self.fractions, float)
+        )
 
     def on(self, wavelengths: Float[np.ndarray, "bands"]) -> "CoatPrior":
         """The same with its paints on other wavelengths, nm."""
@@ -112,7 +134,10 @@ def check_coats(coats: Sequence[CoatPrior]) -> tuple[CoatPrior, ...]:
     unknown = [n + 1 for n, coat in enumerate(coats) if coat.unknown]
     if len(unknown) > 1:
         where = " and ".join(map(str, unknown))
-        raise ValueError(f"the paints of coats {where} are unknown; k and s of one coat can be found, not of more")
+        raise ValueError(
+            f"the paints of coats {where} are unknown; k and s of one coat can be found, not of "
+            "more"
+        )
     return tuple(coats)
 
 
@@ -125,10 +150,14 @@ def parse_coats(text: str, shelf: Mapping[str, Pigment], spread: float) -> tuple
         spread: standard deviation of the logarithm of a thickness that is given with a ~.
 
     Raises:
-        ValueError: text that does not read so, a paint that the shelf does not have, or no legal stack.
+        ValueError: text that does not read so, a paint that the shelf does not have, or no legal
+            stack.
     """
     if not text.strip():
-        raise ValueError("the list of coats is empty: write them from top to bottom, such as Eosin:?,ZincWhite:20um")
+        raise ValueError(
+            "the list of coats is empty: write them from top to bottom, such as "
+            "Eosin:?,ZincWhite:20um"
+        )
     return check_coats([_coat(entry.strip(), shelf, spread) for entry in text.split(",")])
 
 
@@ -138,13 +167,17 @@ def _coat(entry: str, shelf: Mapping[str, Pigment], spread: float) -> CoatPrior:
         paint, size = UNKNOWN, UNKNOWN
     elif not (colon and paint and size):
         raise ValueError(
-            f"coat {entry!r}: write PAINT:THICKNESS, such as Eosin:5um, Eosin:~5um if that is about right, or Eosin:? "
+            f"coat {entry!r}: write PAINT:THICKNESS, such as Eosin:5um, Eosin:~5um if that is "
+            "about right, or Eosin:? "
             "if the thickness is not known"
         )
     about = size.startswith(ABOUT)
     size = size.removeprefix(ABOUT).strip()
     if about and (not size or size == UNKNOWN):
-        raise ValueError(f"coat {entry!r}: after {ABOUT} comes a thickness, such as {ABOUT}5um; {UNKNOWN} says none")
+        raise ValueError(
+            f"coat {entry!r}: after {ABOUT} comes a thickness, such as {ABOUT}5um; {UNKNOWN} "
+            "says none"
+        )
     # Reads the weights of a mixture and all thicknesses, and says what is wrong with them.
     mixed = "+" in paint and "*" not in paint
     names = [part.strip() for part in paint.split("+")] if mixed else [paint]

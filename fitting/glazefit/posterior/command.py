@@ -35,20 +35,27 @@ def posterior(
         Path | None,
         typer.Argument(
             metavar="FILE",
-            help="Table of spectra: films in rows of four, NAME_b and NAME_w (bare black and white card), NAME_ob and "
+            help="Table of spectra: films in rows of four, NAME_b and NAME_w (bare black and "
+            "white card), NAME_ob and "
             "NAME_ow (paint over them); or any spectra, with --ground.",
             show_default=False,
         ),
     ] = None,
     out: options.Folder = None,
     sample: Annotated[
-        str, typer.Option(metavar="NAME", help="The film of FILE, if it holds several.", show_default=False)
+        str,
+        typer.Option(
+            metavar="NAME", help="The film of FILE, if it holds several.", show_default=False
+        ),
     ] = "",
     paints: Annotated[
         str,
         typer.Option(
             metavar="NAMES",
-            help="What the film is made of, such as CobaltBlue,ZincWhite. Default: what mixtures.tsv beside FILE says.",
+            help=(
+                "What the film is made of, such as CobaltBlue,ZincWhite. Default: what "
+                "mixtures.tsv beside FILE says."
+            ),
             show_default=False,
         ),
     ] = "",
@@ -56,50 +63,76 @@ def posterior(
         str,
         typer.Option(
             metavar="COATS",
-            help="Several coats, top first, written as `glazejax render --layers` takes them, with ~ before a "
-            "thickness that is about right and ? for one not known: Eosin:~5um,ZincWhite+CobaltBlue:? (fractions of "
-            "the lower coat not known either); ?:? is a coat of unknown paint, whose k and s are found.",
+            help="Several coats, top first, written as `glazejax render --layers` takes them, "
+            "with ~ before a "
+            "thickness that is about right and ? for one not known: "
+            "Eosin:~5um,ZincWhite+CobaltBlue:? (fractions of "
+            "the lower coat not known either); ?:? is a coat of unknown paint, whose k and s are "
+            "found.",
             show_default=False,
         ),
     ] = "",
     bands: Annotated[
-        bool, typer.Option("--bands", help="Assume no paint: find k and s times thickness at every wavelength.")
+        bool,
+        typer.Option(
+            "--bands", help="Assume no paint: find k and s times thickness at every wavelength."
+        ),
     ] = False,
     pigments: options.Pigments = None,
     ground: Annotated[str | None, options.ground_option()] = None,
     thickness: options.Thickness = "25um",
     steps: Annotated[
-        int, typer.Option(help="Steps of the whole emcee chain; 0 for Laplace's standard errors alone.")
+        int,
+        typer.Option(help="Steps of the whole emcee chain; 0 for Laplace's standard errors alone."),
     ] = 5000,
     walkers: Annotated[
         int | None,
         typer.Option(
-            help="Walkers of emcee's ensemble, an even number. Default: 32, or more where --coats has many unknowns.",
+            help=(
+                "Walkers of emcee's ensemble, an even number. Default: 32, or more where --coats "
+                "has many unknowns."
+            ),
             show_default=False,
         ),
     ] = None,
-    thin: Annotated[int, typer.Option(help="Keep every so many-th step: 5 keeps steps 5, 10, 15, ...")] = 5,
+    thin: Annotated[
+        int, typer.Option(help="Keep every so many-th step: 5 keeps steps 5, 10, 15, ...")
+    ] = 5,
     seed: options.Seed = 0,
     resume: Annotated[
-        bool, typer.Option("--resume", help="Go on with the chain in the folder until it has --steps steps.")
+        bool,
+        typer.Option(
+            "--resume", help="Go on with the chain in the folder until it has --steps steps."
+        ),
     ] = False,
-    overwrite: Annotated[bool, typer.Option("--overwrite", help="Start anew in a folder that is not empty.")] = False,
+    overwrite: Annotated[
+        bool, typer.Option("--overwrite", help="Start anew in a folder that is not empty.")
+    ] = False,
     paint_error: Annotated[
         float,
-        typer.Option(help="Error expected of the paints' k and s, as a share of them; its true size is estimated too."),
+        typer.Option(
+            help=(
+                "Error expected of the paints' k and s, as a share of them; its true size is "
+                "estimated too."
+            )
+        ),
     ] = _PAINT_ERROR,
     noise: options.Noise = 0.0005,
     noise_share: options.NoiseShare = 0.002,
     geometry: Annotated[str | None, options.geometry_option(_GEOMETRY)] = None,
     refractive_index: options.RefractiveIndex = 1.5,
     simulate: Annotated[
-        bool, typer.Option("--simulate", help="Try it without data: simulate a film of equal parts of --paints.")
+        bool,
+        typer.Option(
+            "--simulate", help="Try it without data: simulate a film of equal parts of --paints."
+        ),
     ] = False,
     model_error: Annotated[float | None, typer.Option(hidden=True)] = None,
     incidence: options.OldIncidence = None,
     specular: options.OldSpecular = None,
 ) -> None:
-    """How well a film is known: its paints and thickness, coat by coat, or its k and s, each with an error.
+    """How well a film is known: its paints and thickness, coat by coat, or its k and s, each with
+    an error.
 
     Prints medians and 90 % intervals by emcee (the posterior) beside Laplace's
     standard errors, and says what the measurement cannot tell.
@@ -119,7 +152,10 @@ def posterior(
     seen_by = options.read_geometry(geometry, _GEOMETRY, incidence=incidence, specular=specular)
     if model_error is not None:
         if paint_error != _PAINT_ERROR:
-            raise ValueError(f"--paint-error {paint_error:g} says how wrong the paints are: leave out --model-error")
+            raise ValueError(
+                f"--paint-error {paint_error:g} says how wrong the paints are: leave out "
+                "--model-error"
+            )
         paint_error = model_error
         options.renamed(f"--model-error {model_error:g}", f"--paint-error {model_error:g}")
 
@@ -132,7 +168,9 @@ def posterior(
     instrument = Instrument(seen_by, refractive_index)
     errors = Noise(noise, noise_share)
     prior = FilmPrior(thickness=usual, error=paint_error)
-    made_of = _Paints(names=options.listed(paints), coats=coats, bands=bands, pigments=pigments, prior=prior)
+    made_of = _Paints(
+        names=options.listed(paints), coats=coats, bands=bands, pigments=pigments, prior=prior
+    )
     task = (
         _simulated(made_of, instrument, errors, seed, console)
         if simulate
@@ -140,18 +178,28 @@ def posterior(
     )
     if walkers is None and not coats:
         walkers = _WALKERS
-    chain = {"steps": steps, "walkers": walkers, "thin": thin, "seed": seed, "resume": resume, "overwrite": overwrite}
+    chain = {
+        "steps": steps,
+        "walkers": walkers,
+        "thin": thin,
+        "seed": seed,
+        "resume": resume,
+        "overwrite": overwrite,
+    }
     result = _run(task, prior, folder, {"instrument": instrument, "noise": errors, **chain})
     _write(result, folder, console)
     if result.chain is not None and result.chain.interrupted:
         kept = result.chain.free.shape[0] * thin
         console.print(
-            f"[yellow]Interrupted: {kept} of {steps} steps are kept in {folder / CHAIN}. To go on, give the same "
+            f"[yellow]Interrupted: {kept} of {steps} steps are kept in {folder / CHAIN}. To go "
+            "on, give the same "
             "command with --resume (and without --overwrite).[/yellow]"
         )
         raise typer.Exit(progress.INTERRUPTED)
     if result.chain is not None and not result.converged:
-        console.print("To lengthen the chain, give the same command with --resume and more --steps.")
+        console.print(
+            "To lengthen the chain, give the same command with --resume and more --steps."
+        )
 
 
 class _Paints(NamedTuple):
@@ -173,21 +221,34 @@ class _Task(NamedTuple):
 
 
 def _check(
-    file: Path | None, sample: str, paints: str, coats: str, bands: bool, simulate: bool, ground: str | None
+    file: Path | None,
+    sample: str,
+    paints: str,
+    coats: str,
+    bands: bool,
+    simulate: bool,
+    ground: str | None,
 ) -> None:
     if coats and (paints or bands):
         other = "--paints" if paints else "--bands"
-        raise ValueError(f"--coats says what each coat is made of; leave out {other}, or leave out --coats")
+        raise ValueError(
+            f"--coats says what each coat is made of; leave out {other}, or leave out --coats"
+        )
     if simulate and file is not None:
         raise ValueError(f"--simulate needs no data; leave out {file}, or leave out --simulate")
     if simulate and not (paints or coats):
-        raise ValueError("--simulate needs paints to simulate: add --paints, such as --paints CobaltBlue,ZincWhite")
+        raise ValueError(
+            "--simulate needs paints to simulate: add --paints, such as --paints "
+            "CobaltBlue,ZincWhite"
+        )
     if simulate and sample:
         raise ValueError(f"--simulate makes its own film; leave out --sample {sample}")
     if simulate and ground is not None:
         raise ValueError("--simulate has cards of its own; leave out --ground")
     if not simulate and file is None:
-        raise ValueError("no FILE was given; name a table of spectra, such as films.tsv, or try --simulate")
+        raise ValueError(
+            "no FILE was given; name a table of spectra, such as films.tsv, or try --simulate"
+        )
     if not simulate and bands and paints:
         raise ValueError("--bands assumes no paint; leave out --paints, or leave out --bands")
 
@@ -196,14 +257,22 @@ def _check_folder(out: Path | None, resume: bool, overwrite: bool) -> Path:
     if resume and overwrite:
         raise ValueError("--resume goes on with a chain and --overwrite throws it away; choose one")
     old = out is not None and (out / CHAIN).is_file()
-    folder = options.check_folder(out, resume or overwrite, instead=", go on with its chain by --resume" if old else "")
+    folder = options.check_folder(
+        out, resume or overwrite, instead=", go on with its chain by --resume" if old else ""
+    )
     if resume and not old:
-        raise FileNotFoundError(f"{folder / CHAIN}: there is no chain to resume; leave out --resume to start one")
+        raise FileNotFoundError(
+            f"{folder / CHAIN}: there is no chain to resume; leave out --resume to start one"
+        )
     return folder
 
 
-def _simulated(made_of: _Paints, instrument: "Instrument", noise: "Noise", seed: int, console: "Console") -> _Task:
-    """Equal parts of the paints, or coats as described: unknown fractions equal, unknown thicknesses the usual one."""
+def _simulated(
+    made_of: _Paints, instrument: "Instrument", noise: "Noise", seed: int, console: "Console"
+) -> _Task:
+    """Equal parts of the paints, or coats as described: unknown fractions equal, unknown
+    thicknesses the usual one.
+    """
     import numpy as np
 
     from glazejax.paint.describe import format_length
@@ -215,35 +284,59 @@ def _simulated(made_of: _Paints, instrument: "Instrument", noise: "Noise", seed:
     paints = _paints(made_of.names, made_of.pigments)
     coats = _coats(made_of) or (CoatPrior(paints),)
     if any(coat.unknown for coat in coats):
-        raise ValueError("--simulate cannot make a film of an unknown paint (?); name a paint in its place")
+        raise ValueError(
+            "--simulate cannot make a film of an unknown paint (?); name a paint in its place"
+        )
     grid = coats[0].paints[0].wavelengths
     thick = [usual if coat.thickness is None else coat.thickness for coat in coats]
     k, s = (
         np.stack(
             [
                 d
-                * np.einsum("p,pb->b", coat.shares, [np.asarray(getattr(p.resample(grid), what)) for p in coat.paints])
+                * np.einsum(
+                    "p,pb->b",
+                    coat.shares,
+                    [np.asarray(getattr(p.resample(grid), what)) for p in coat.paints],
+                )
                 for coat, d in zip(coats, thick, strict=True)
             ],
             axis=-1,
         )
         for what in ("absorption", "scattering")
     )
-    film = simulate_films(["simulated"], grid, k[None], s[None], instrument=instrument, noise=noise, seed=seed)
-    parts = " over ".join(
-        f"{' + '.join(f'{share:.3g} {p.name}' for share, p in zip(coat.shares, coat.paints, strict=True))}, "
-        f"{format_length(d)} thick,"
-        for coat, d in zip(coats, thick, strict=True)
+    film = simulate_films(
+        ["simulated"], grid, k[None], s[None], instrument=instrument, noise=noise, seed=seed
     )
-    console.print(f"[bold]Simulated data:[/bold] {parts} with made-up noise (seed {seed}). Nothing here was measured.")
+    mixtures = [
+        " + ".join(
+            f"{share:.3g} {p.name}" for share, p in zip(coat.shares, coat.paints, strict=True)
+        )
+        for coat in coats
+    ]
+    parts = " over ".join(
+        f"{mixture}, {format_length(d)} thick," for mixture, d in zip(mixtures, thick, strict=True)
+    )
+    console.print(
+        f"[bold]Simulated data:[/bold] {parts} with made-up noise (seed {seed}). Nothing here "
+        "was measured."
+    )
     return _Task(film, paints, coats if made_of.coats else ())
 
 
 def _measured(
-    file: Path | None, sample: str, made_of: _Paints, ground: str | None, noise: "Noise", console: "Console"
+    file: Path | None,
+    sample: str,
+    made_of: _Paints,
+    ground: str | None,
+    noise: "Noise",
+    console: "Console",
 ) -> _Task:
     assert file is not None
-    film = _film(file, sample, console) if ground is None else _spectrum(file, sample, ground, noise, console)
+    film = (
+        _film(file, sample, console)
+        if ground is None
+        else _spectrum(file, sample, ground, noise, console)
+    )
     if made_of.bands:
         return _Task(film, [])
     if made_of.coats:
@@ -257,7 +350,9 @@ def _coats(made_of: _Paints) -> "tuple[CoatPrior, ...]":
 
     if not made_of.coats:
         return ()
-    return parse_coats(made_of.coats, options.read_shelf(made_of.pigments), made_of.prior.thickness_spread)
+    return parse_coats(
+        made_of.coats, options.read_shelf(made_of.pigments), made_of.prior.thickness_spread
+    )
 
 
 def _film(file: Path, sample: str, console: "Console") -> "Films":
@@ -266,12 +361,16 @@ def _film(file: Path, sample: str, console: "Console") -> "Films":
     films = read_films(file)
     progress.print_notes(console, file, films.notes)
     if not sample and len(films) != 1:
-        known = ", ".join(films.names[:8]) + (f" and {len(films) - 8} more" if len(films) > 8 else "")
+        known = ", ".join(films.names[:8]) + (
+            f" and {len(films) - 8} more" if len(films) > 8 else ""
+        )
         raise ValueError(f"{file} holds {len(films)} films; choose one with --sample: {known}")
     return films.select([sample] if sample else films.names)
 
 
-def _spectrum(file: Path, sample: str, ground: str, noise: "Noise", console: "Console") -> "Reading":
+def _spectrum(
+    file: Path, sample: str, ground: str, noise: "Noise", console: "Console"
+) -> "Reading":
     from glazejax.io import read_spectra
 
     from ..film.reading import over_ground
@@ -284,7 +383,9 @@ def _spectrum(file: Path, sample: str, ground: str, noise: "Noise", console: "Co
         raise ValueError(f"{file} holds {len(table)} spectra; choose one with --sample")
     (row,) = options.choose_rows(file, table.names, [sample or table.names[0]], "--sample")
     under = below.on(table.wavelengths)
-    return over_ground(table.wavelengths, table.reflectance[row], under, noise=noise, name=table.names[row])
+    return over_ground(
+        table.wavelengths, table.reflectance[row], under, noise=noise, name=table.names[row]
+    )
 
 
 def _recipe(file: Path, sample: str) -> list[str]:
@@ -293,9 +394,14 @@ def _recipe(file: Path, sample: str) -> list[str]:
     beside = file.parent / NAMES_FILE
     found = read_names(beside).get(sample) if beside.is_file() else None
     if not found:
-        where = f"and {beside} does not say" if beside.is_file() else f"and there is no {NAMES_FILE} beside it"
+        where = (
+            f"and {beside} does not say"
+            if beside.is_file()
+            else f"and there is no {NAMES_FILE} beside it"
+        )
         raise ValueError(
-            f"what is the film made of? Name its paints, such as --paints CobaltBlue,ZincWhite ({file.name} does not "
+            "what is the film made of? Name its paints, such as --paints CobaltBlue,ZincWhite "
+            f"({file.name} does not "
             f"say, {where}), or ask for --bands"
         )
     return list(found)
@@ -309,7 +415,9 @@ def _paints(names: list[str], pigments: Path | None) -> "list[Pigment]":
 
 
 def _run(task: _Task, prior: "FilmPrior", out: Path, given: dict[str, Any]) -> "Posterior":
-    """The posterior of the film's paints, of its coats, or of its bands where no paint is assumed."""
+    """The posterior of the film's paints, of its coats, or of its bands where no paint is
+    assumed.
+    """
     from rich.console import Console
 
     from .of_coats import posterior_of_coats
@@ -317,7 +425,9 @@ def _run(task: _Task, prior: "FilmPrior", out: Path, given: dict[str, Any]) -> "
 
     out.mkdir(parents=True, exist_ok=True)
     given = given | {"path": out / CHAIN, "progress": progress.moving()}
-    Console(stderr=True).print("[dim]Finding the mode; the first run compiles for up to a minute.[/dim]")
+    Console(stderr=True).print(
+        "[dim]Finding the mode; the first run compiles for up to a minute.[/dim]"
+    )
     if task.coats:
         return posterior_of_coats(task.film, task.coats, prior=prior, **given)
     if not task.paints:
@@ -326,7 +436,9 @@ def _run(task: _Task, prior: "FilmPrior", out: Path, given: dict[str, Any]) -> "
 
 
 def _write(result: "Posterior", out: Path, console: "Console") -> None:
-    """Print and write everything but the chain, which is written already; these files are the command's own."""
+    """Print and write everything but the chain, which is written already; these files are the
+    command's own.
+    """
     from .plots import plot_bands, plot_corner
     from .report import print_posterior, write_summary
 
@@ -341,4 +453,7 @@ def _write(result: "Posterior", out: Path, console: "Console") -> None:
     kept = [CHAIN] if result.chain is not None else []
     console.print(f"Wrote {', '.join([*kept, DATA, SUMMARY, CORNER, BANDS])} to {out}")
     if result.problem.kind != "bands":
-        console.print("[dim]Thickness is on the scale of the paints; the catalogue's assume films of 25 µm.[/dim]")
+        console.print(
+            "[dim]Thickness is on the scale of the paints; the catalogue's assume films of 25 "
+            "µm.[/dim]"
+        )

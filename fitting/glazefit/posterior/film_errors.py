@@ -1,10 +1,11 @@
 """Where the model's error is made linear.
 
-A film 30 % off its catalogue has other slopes than the catalogue's film. So readings are made linear about the film as
-it is likeliest to be: the mixture at the mode times its likeliest error, a Gaussian process fitted to what the mixture
-leaves unexplained. Mode, likeliest error and slopes depend on each other and are found in turn. The first slopes are
-those of k d and s d as the readings alone tell them, band by band, with half the gloss that the darkest band allows:
-too much would leave that band no light of its own and no error, and settle the gloss too soon.
+A film 30 % off its catalogue has other slopes than the catalogue's film. So readings are made
+linear about the film as it is likeliest to be: the mixture at the mode times its likeliest error, a
+Gaussian process fitted to what the mixture leaves unexplained. Mode, likeliest error and slopes
+depend on each other and are found in turn. The first slopes are those of k d and s d as the
+readings alone tell them, band by band, with half the gloss that the darkest band allows: too much
+would leave that band no light of its own and no error, and settle the gloss too soon.
 """
 
 from collections.abc import Sequence
@@ -32,7 +33,9 @@ _STEPS, _LONGEST = 8, 1.0
 
 
 class Slopes(NamedTuple):
-    """The body's reflectance of every band, and its slopes by log k d and log s d, of every coat if there are more."""
+    """The body's reflectance of every band, and its slopes by log k d and log s d, of every coat if
+    there are more.
+    """
 
     body: Float[np.ndarray, "films bands grounds"]
     by_log: Float[np.ndarray, "films errors bands grounds"]
@@ -43,7 +46,9 @@ class Optical(Protocol):
     """How the readings of a problem's films hang on optical thickness."""
 
     def slopes(
-        self, logs: Float[np.ndarray, "films errors bands"], ground: Float[np.ndarray, "films bands grounds"]
+        self,
+        logs: Float[np.ndarray, "films errors bands"],
+        ground: Float[np.ndarray, "films bands grounds"],
     ) -> Slopes:
         """At these log k d and log s d."""
         ...
@@ -62,7 +67,9 @@ class Tabulated(NamedTuple):
 
     def slopes(self, logs: np.ndarray, ground: np.ndarray) -> Slopes:
         """See `Optical`."""
-        body, by_k, by_s, by_ground = (np.asarray(a) for a in _slopes(logs[:, 0], logs[:, 1], ground, self.table))
+        body, by_k, by_s, by_ground = (
+            np.asarray(a) for a in _slopes(logs[:, 0], logs[:, 1], ground, self.table)
+        )
         return Slopes(body, np.stack([by_k, by_s], axis=1), by_ground)
 
     def at(self, problem: Problem, free: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -95,19 +102,33 @@ def _at(free: Float[Array, "films dims"], data, shared) -> tuple[Array, Array, A
 
 
 def pose_errors(
-    problem: Problem, films: Sequence[Reading], instrument: Instrument, prior: FilmPrior, *, seed: int = 0
+    problem: Problem,
+    films: Sequence[Reading],
+    instrument: Instrument,
+    prior: FilmPrior,
+    *,
+    seed: int = 0,
 ) -> tuple[Problem, Modes]:
     """The problem of `glazefit.posterior.film.pose_films` with the model's error, and its modes."""
-    smooth, how = smooth_kernel(films[0].wavelengths, prior.error_length), Tabulated(problem.shared.response)
+    smooth, how = (
+        smooth_kernel(films[0].wavelengths, prior.error_length),
+        Tabulated(problem.shared.response),
+    )
     first = _own_logs(films, instrument)
     problem = expanded(problem, films, how, first, np.zeros_like(first), smooth)
     return settle(problem, films, how, find_modes(problem, starts=_STARTS, seed=seed), smooth)
 
 
 def settle(
-    problem: Problem, films: Sequence[Reading], how: Optical, found: Modes, smooth: Float[np.ndarray, "bands bands"]
+    problem: Problem,
+    films: Sequence[Reading],
+    how: Optical,
+    found: Modes,
+    smooth: Float[np.ndarray, "bands bands"],
 ) -> tuple[Problem, Modes]:
-    """The problem made linear in the errors about the likeliest ones, and its modes, in some rounds from first ones."""
+    """The problem made linear in the errors about the likeliest ones, and its modes, in some rounds
+    from first ones.
+    """
     for _ in range(_ROUNDS):
         logs, delta = _likeliest(problem, found.points[:, 0], films, how, smooth)
         problem = expanded(problem, films, how, logs + delta, delta, smooth)
@@ -115,11 +136,17 @@ def settle(
     return problem, found
 
 
-def _own_logs(films: Sequence[Reading], instrument: Instrument) -> Float[np.ndarray, "films 2 bands"]:
+def _own_logs(
+    films: Sequence[Reading], instrument: Instrument
+) -> Float[np.ndarray, "films 2 bands"]:
     """Log k d and log s d that each band's readings are likeliest to come from."""
     seen = instrument.seen_surface
-    gloss = [0.5 * min(1.0, float(film.reflectance.min()) / seen) if seen else 1.0 for film in films]
-    bands = join_bands([pose_bands(film, g, instrument) for film, g in zip(films, gloss, strict=True)])
+    gloss = [
+        0.5 * min(1.0, float(film.reflectance.min()) / seen) if seen else 1.0 for film in films
+    ]
+    bands = join_bands(
+        [pose_bands(film, g, instrument) for film, g in zip(films, gloss, strict=True)]
+    )
     free = find_modes(bands, starts=_STARTS).points[:, 0].reshape(len(films), -1, 2)
     return np.stack([free[..., 0] + free[..., 1], free[..., 1]], axis=1)
 
@@ -146,22 +173,32 @@ def _likeliest(
         back = share * _prior_times(smooth, jacobian)
         covariance = jacobian @ back + np.eye(variance.shape[1]) * variance[:, None, :]
         step = (back @ np.linalg.solve(covariance, left)).reshape(delta.shape) - delta
-        delta = delta + step / np.maximum(1.0, np.abs(step).max(axis=(1, 2), keepdims=True) / _LONGEST)
+        delta = delta + step / np.maximum(
+            1.0, np.abs(step).max(axis=(1, 2), keepdims=True) / _LONGEST
+        )
     return logs, delta
 
 
 def _jacobian(slopes: Slopes) -> Float[np.ndarray, "films rows errors"]:
-    """From errors of log k and log s of all bands, and of all coats, to the readings of all bands and grounds."""
+    """From errors of log k and log s of all bands, and of all coats, to the readings of all bands
+    and grounds.
+    """
     films, errors, bands, grounds = slopes.by_log.shape
     whole = np.einsum("febg,bc->fbgec", slopes.by_log, np.eye(bands))
     return whole.reshape(films, bands * grounds, errors * bands)
 
 
-def _prior_times(smooth: np.ndarray, jacobian: np.ndarray) -> Float[np.ndarray, "films errors rows"]:
-    """Prior covariance of the errors of log k and log s, per unit, times the transposed Jacobian."""
+def _prior_times(
+    smooth: np.ndarray, jacobian: np.ndarray
+) -> Float[np.ndarray, "films errors rows"]:
+    """Prior covariance of the errors of log k and log s, per unit, times the transposed
+    Jacobian.
+    """
     bands = len(smooth)
     each = range(0, jacobian.shape[-1], bands)
-    return np.concatenate([smooth @ np.swapaxes(jacobian[..., i : i + bands], 1, 2) for i in each], axis=1)
+    return np.concatenate(
+        [smooth @ np.swapaxes(jacobian[..., i : i + bands], 1, 2) for i in each], axis=1
+    )
 
 
 def _variance(films: Sequence[Reading], slopes: Slopes) -> Float[np.ndarray, "films bands grounds"]:
@@ -178,7 +215,9 @@ def expanded(
     delta: Float[np.ndarray, "films errors bands"],
     smooth: Float[np.ndarray, "bands bands"],
 ) -> Problem:
-    """The problem with its readings linear in errors about `delta`, where the films have these log k d and log s d."""
+    """The problem with its readings linear in errors about `delta`, where the films have these log
+    k d and log s d.
+    """
     slopes = how.slopes(logs, np.asarray(problem.data.ground))
     root = 1.0 / np.sqrt(_variance(films, slopes).reshape(len(films), -1))
     jacobian = _jacobian(slopes)

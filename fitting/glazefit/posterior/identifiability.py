@@ -1,7 +1,9 @@
-"""What a posterior leaves open: directions in which it is hardly narrower than the prior, put into words.
+"""What a posterior leaves open: directions in which it is hardly narrower than the prior, put into
+words.
 
-The directions are eigenvectors of the posterior's covariance after the prior has been made round; an eigenvalue of 1 is
-a direction of which the data say nothing, and .01 one that they narrow ten times.
+The directions are eigenvectors of the posterior's covariance after the prior has been made round;
+an eigenvalue of 1 is a direction of which the data say nothing, and .01 one that they narrow ten
+times.
 """
 
 from collections.abc import Sequence
@@ -23,7 +25,9 @@ TIED = 0.95
 """Unknowns correlated as much as this are known together better than each by itself."""
 
 ALIKE = 0.15
-"""A posterior is its prior if its median and both ends of 90 % are, within this share of the prior's width."""
+"""A posterior is its prior if its median and both ends of 90 % are, within this share of the
+prior's width.
+"""
 
 _PRIOR_DRAWS = 4000
 # A film so many times as thick that is as likely, to this log likelihood, by so many of the draws.
@@ -36,8 +40,8 @@ class Identifiability:
 
     Attributes:
         shares: posterior over prior variance in each direction, ascending, (blocks, dims).
-        directions: unit vectors in prior standard deviations, in the same order, (blocks, dims, dims); the last axis
-            is the unknown.
+        directions: unit vectors in prior standard deviations, in the same order, (blocks, dims,
+            dims); the last axis is the unknown.
         correlation: of the unknowns, (blocks, dims, dims).
         sentences: what is open, in words; none if all is known.
     """
@@ -51,7 +55,9 @@ class Identifiability:
 def directions(
     free: Float[np.ndarray, "draws blocks dims"], prior: Float[np.ndarray, "dims dims"]
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Shares, directions and correlation (see `Identifiability`) from draws of the free unknowns."""
+    """Shares, directions and correlation (see `Identifiability`) from draws of the free
+    unknowns.
+    """
     centred = free - free.mean(axis=0)
     covariance = np.einsum("nbi,nbj->bij", centred, centred) / max(len(free) - 1, 1)
     root = np.linalg.inv(np.linalg.cholesky(prior))
@@ -91,7 +97,8 @@ def _ties(correlation: Float[np.ndarray, "dims dims"], names: Sequence[str]) -> 
     """Pairs of unknowns that move together."""
     return [
         f"{names[j]} and {names[i]} can hardly be told apart: they move "
-        f"{'against each other' if correlation[i, j] < 0 else 'together'} (correlation {correlation[i, j]:.2f})"
+        f"{'against each other' if correlation[i, j] < 0 else 'together'} (correlation "
+        f"{correlation[i, j]:.2f})"
         for i in range(len(names))
         for j in range(i)
         if abs(correlation[i, j]) >= TIED
@@ -105,7 +112,10 @@ def _parts(vector: Float[np.ndarray, "dims"]) -> Int[np.ndarray, "parts"]:
 
 
 def _open(
-    share: float, vector: Float[np.ndarray, "dims"], parts: Int[np.ndarray, "parts"], names: Sequence[str]
+    share: float,
+    vector: Float[np.ndarray, "dims"],
+    parts: Int[np.ndarray, "parts"],
+    names: Sequence[str],
 ) -> str:
     """One open direction; signs say which unknowns rise together."""
     left = f"{min(np.sqrt(share), 1.0):.0%} of the width it had beforehand"
@@ -117,9 +127,11 @@ def _open(
 
 
 def open_above(problem: Problem, free: Float[np.ndarray, "draws blocks dims"]) -> list[str]:
-    """Films of paints that hide their ground, in words: they are so thick at least, and may be thicker.
+    """Films of paints that hide their ground, in words: they are so thick at least, and may be
+    thicker.
 
-    Beforehand a film is hardly so thick, so that the posterior may be narrow: its upper end is then what was expected.
+    Beforehand a film is hardly so thick, so that the posterior may be narrow: its upper end is then
+    what was expected.
 
     Args:
         problem: of films of known paints.
@@ -130,7 +142,8 @@ def open_above(problem: Problem, free: Float[np.ndarray, "draws blocks dims"]) -
     thicker[..., problem.unknowns.index("thickness")] += np.log(_THICKER)
     lost = np.mean(problem.log_likelihood(some) - problem.log_likelihood(thicker), axis=0)
     return [
-        f"{film + ': ' if len(problem.blocks) > 1 else ''}thickness is open above: a film {_THICKER:g} times as thick "
+        f"{film + ': ' if len(problem.blocks) > 1 else ''}thickness is open above: a film "
+        f"{_THICKER:g} times as thick "
         "would read the same, so that its upper end is what was expected, not what was measured"
         for film, less in zip(problem.blocks, lost, strict=True)
         if less < _AS_LIKELY
@@ -145,7 +158,8 @@ def of_bands(
 ) -> Identifiability:
     """What is open in k d and s d of a film, band by band.
 
-    A value is known if its standard deviation is less than half of it or than .01, the rule of `glazejax recover`.
+    A value is known if its standard deviation is less than half of it or than .01, the rule of
+    `glazejax recover`.
 
     Args:
         free: draws of the free unknowns.
@@ -157,11 +171,19 @@ def of_bands(
     return Identifiability(shares, vectors, correlation, tuple(_of_spectra(optical, wavelengths)))
 
 
-def _of_spectra(optical: Float[np.ndarray, "draws bands 2"], wavelengths: Float[np.ndarray, "bands"]) -> list[str]:
+def _of_spectra(
+    optical: Float[np.ndarray, "draws bands 2"], wavelengths: Float[np.ndarray, "bands"]
+) -> list[str]:
     """What is open in k d and s d, band by band."""
-    k, s, ratio = (_known(values) for values in (optical[..., 0], optical[..., 1], optical[..., 0] / optical[..., 1]))
+    k, s, ratio = (
+        _known(values)
+        for values in (optical[..., 0], optical[..., 1], optical[..., 0] / optical[..., 1])
+    )
     cases = (
-        (only_ratio(optical[..., 0], optical[..., 1]), "only k/s is known, not k and s by themselves"),
+        (
+            only_ratio(optical[..., 0], optical[..., 1]),
+            "only k/s is known, not k and s by themselves",
+        ),
         (~ratio & s & ~k, "s is known, but of k only an upper limit"),
         (~ratio & k & ~s, "k is known, but s is not"),
         (~ratio & ~k & ~s, "neither k nor s nor k/s is known to half its value"),
@@ -170,9 +192,12 @@ def _of_spectra(optical: Float[np.ndarray, "draws bands 2"], wavelengths: Float[
 
 
 def of_coats(
-    problem: Problem, free: Float[np.ndarray, "draws blocks dims"], wavelengths: Float[np.ndarray, "bands"]
+    problem: Problem,
+    free: Float[np.ndarray, "draws blocks dims"],
+    wavelengths: Float[np.ndarray, "bands"],
 ) -> Identifiability:
-    """What is open in films of several coats: first each unknown by itself, then ties of thicknesses and fractions.
+    """What is open in films of several coats: first each unknown by itself, then ties of
+    thicknesses and fractions.
 
     Args:
         problem: of the films.
@@ -194,31 +219,48 @@ def of_coats(
                 ties.append(problem.unknowns.index(quantity.name))
         sentences += [where + words for words in _tied(free[:, b], problem, ties)]
         spectra = [
-            np.stack([q.values(free[:, b]) for q in problem.quantities if q.spectrum == what], axis=-1)
+            np.stack(
+                [q.values(free[:, b]) for q in problem.quantities if q.spectrum == what], axis=-1
+            )
             for what in ("absorption", "scattering")
             if any(q.spectrum for q in problem.quantities)
         ]
         if spectra:
-            sentences += [f"{where}unknown paint, {words}" for words in _of_spectra(np.stack(spectra, -1), wavelengths)]
+            sentences += [
+                f"{where}unknown paint, {words}"
+                for words in _of_spectra(np.stack(spectra, -1), wavelengths)
+            ]
     return Identifiability(shares, vectors, correlation, tuple(sentences))
 
 
 def _told(
-    quantity: Quantity, free: Float[np.ndarray, "draws dims"], beforehand: Float[np.ndarray, "others dims"]
+    quantity: Quantity,
+    free: Float[np.ndarray, "draws dims"],
+    beforehand: Float[np.ndarray, "others dims"],
 ) -> tuple[bool, str]:
-    """Whether a quantity's posterior is its prior; a sentence if the readings tell little or nothing of it, or none."""
+    """Whether a quantity's posterior is its prior; a sentence if the readings tell little or
+    nothing of it, or none.
+    """
     scale = np.log if quantity.logarithmic else np.asarray
-    after, before = (np.quantile(scale(quantity.values(draws)), LEVELS) for draws in (free, beforehand))
+    after, before = (
+        np.quantile(scale(quantity.values(draws)), LEVELS) for draws in (free, beforehand)
+    )
     width = before[-1] - before[0]
     if np.abs(after - before).max() <= ALIKE * width:
         return True, f"{quantity.name}: not told by these readings: its posterior is its prior"
     share = (after[-1] - after[0]) / width
     if share >= np.sqrt(OPEN):
-        return False, f"{quantity.name}: hardly told: it keeps {min(share, 1.0):.0%} of the width it had beforehand"
+        return (
+            False,
+            f"{quantity.name}: hardly told: it keeps {min(share, 1.0):.0%} of the width it had "
+            "beforehand",
+        )
     return False, ""
 
 
-def _tied(free: Float[np.ndarray, "draws dims"], problem: Problem, some: Sequence[int]) -> list[str]:
+def _tied(
+    free: Float[np.ndarray, "draws dims"], problem: Problem, some: Sequence[int]
+) -> list[str]:
     """Open directions of several of these unknowns, and unknowns that move together."""
     if not some:
         return []
@@ -227,7 +269,10 @@ def _tied(free: Float[np.ndarray, "draws dims"], problem: Problem, some: Sequenc
     shares, vectors, correlation = directions(free[:, None, some], prior)
     open_ = [(s, v, _parts(v)) for s, v in zip(shares[0], vectors[0], strict=True) if s >= OPEN]
     # Those of one unknown are said of each by itself.
-    return [*(_open(*one, names) for one in open_ if len(one[2]) > 1), *_ties(correlation[0], names)]
+    return [
+        *(_open(*one, names) for one in open_ if len(one[2]) > 1),
+        *_ties(correlation[0], names),
+    ]
 
 
 def only_ratio(

@@ -1,11 +1,13 @@
-"""Laplace's approximation: a Gaussian at each mode, with the curvature there, and a test of how good it is.
+"""Laplace's approximation: a Gaussian at each mode, with the curvature there, and a test of how
+good it is.
 
-Modes are found by least squares from the likeliest of many draws of the prior; a second mode counts by its own volume.
-Where least squares is stopped before it has settled, the mode counts as it stands, and is marked (`Laplace.settled`).
-Draws from the Gaussians are weighted by the true over the Gaussian density, the weights smoothed (Pareto-smoothed
-importance sampling), and drawn again by weight. Where the tail index of the weights is 0.7 or more that fails, and with
-it the approximation; there the Gaussians are left as they are and not to be trusted (Vehtari, Simpson, Gelman, Yao,
-Gabry, JMLR 25 (2024) 72).
+Modes are found by least squares from the likeliest of many draws of the prior; a second mode counts
+by its own volume. Where least squares is stopped before it has settled, the mode counts as it
+stands, and is marked (`Laplace.settled`). Draws from the Gaussians are weighted by the true over
+the Gaussian density, the weights smoothed (Pareto-smoothed importance sampling), and drawn again by
+weight. Where the tail index of the weights is 0.7 or more that fails, and with it the
+approximation; there the Gaussians are left as they are and not to be trusted (Vehtari, Simpson,
+Gelman, Yao, Gabry, JMLR 25 (2024) 72).
 """
 
 import functools
@@ -56,7 +58,8 @@ class Laplace:
         weights: share of the probability, (blocks, modes); 0 where there is no such mode.
         tail: Pareto index of the importance weights, (blocks,).
         sample: draws of the free unknowns, by weight where the index allows, (draws, blocks, dims).
-        settled: whether least squares came to an end at each mode, (blocks, modes); False where there is none.
+        settled: whether least squares came to an end at each mode, (blocks, modes); False where
+            there is none.
     """
 
     modes: Float[np.ndarray, "blocks modes dims"]
@@ -87,10 +90,14 @@ class Laplace:
         chosen = np.array([rng.choice(modes, size=n, p=w) for w in self.weights])
         roots = np.linalg.cholesky(self.covariances)
         rows = np.arange(blocks)[:, None]
-        noise = np.einsum("bnij,bnj->bni", roots[rows, chosen], rng.standard_normal((blocks, n, dims)))
+        noise = np.einsum(
+            "bnij,bnj->bni", roots[rows, chosen], rng.standard_normal((blocks, n, dims))
+        )
         return np.swapaxes(np.asarray(self.modes[rows, chosen] + noise), 0, 1)
 
-    def log_density(self, free: Float[np.ndarray, "n blocks dims"]) -> Float[np.ndarray, "n blocks"]:
+    def log_density(
+        self, free: Float[np.ndarray, "n blocks dims"]
+    ) -> Float[np.ndarray, "n blocks"]:
         """Log-density of the Gaussians, up to a constant."""
         precision = np.linalg.inv(self.covariances)
         off = free[:, :, None, :] - self.modes
@@ -101,8 +108,12 @@ class Laplace:
 
 
 @functools.partial(jax.jit, static_argnames=("residuals", "batch"))
-def _climb(residuals: Any, data: Any, shared: Any, starts: Float[Array, "blocks starts dims"], batch: int) -> Any:
-    """Where each start leads, (blocks, starts, dims), and whether it settled there, (blocks, starts)."""
+def _climb(
+    residuals: Any, data: Any, shared: Any, starts: Float[Array, "blocks starts dims"], batch: int
+) -> Any:
+    """Where each start leads, (blocks, starts, dims), and whether it settled there, (blocks,
+    starts).
+    """
 
     solver = _SOLVER if starts.shape[-1] <= _FEW else _MANY
 
@@ -111,7 +122,11 @@ def _climb(residuals: Any, data: Any, shared: Any, starts: Float[Array, "blocks 
 
         def climb(start: Array) -> tuple[Array, Array]:
             found = optx.least_squares(
-                lambda free, _: residuals(free, one, shared), solver, start, max_steps=_STEPS, throw=False
+                lambda free, _: residuals(free, one, shared),
+                solver,
+                start,
+                max_steps=_STEPS,
+                throw=False,
             )
             return found.value, found.result == optx.RESULTS.successful
 
@@ -121,18 +136,24 @@ def _climb(residuals: Any, data: Any, shared: Any, starts: Float[Array, "blocks 
 
 
 @functools.partial(jax.jit, static_argnames=("residuals", "batch"))
-def _curvature(residuals: Any, data: Any, shared: Any, modes: Float[Array, "blocks modes dims"], batch: int) -> Array:
+def _curvature(
+    residuals: Any, data: Any, shared: Any, modes: Float[Array, "blocks modes dims"], batch: int
+) -> Array:
     """Hessian of minus the log-probability at each mode, (blocks, modes, dims, dims)."""
 
     def block(both: tuple[Any, Array]) -> Array:
         one, points = both
-        return jax.vmap(jax.hessian(lambda free: 0.5 * jnp.sum(residuals(free, one, shared) ** 2)))(points)
+        return jax.vmap(jax.hessian(lambda free: 0.5 * jnp.sum(residuals(free, one, shared) ** 2)))(
+            points
+        )
 
     return jax.lax.map(block, (data, modes), batch_size=batch)
 
 
 def find_modes(problem: Problem, *, starts: int = 8, seed: int = 0) -> Modes:
-    """Where each start of each block ends, best first; a start is the likeliest of many draws of the prior."""
+    """Where each start of each block ends, best first; a start is the likeliest of many draws of
+    the prior.
+    """
     return climb(problem, _starts(problem, starts, seed))
 
 
@@ -144,7 +165,10 @@ def climb(problem: Problem, first: Float[np.ndarray, "blocks starts dims"]) -> M
     found, settled = (np.asarray(a) for a in climbed)
     height = problem.log_probability(np.swapaxes(found, 0, 1)).T
     order = np.argsort(-np.nan_to_num(height, nan=-np.inf), axis=1)
-    return Modes(np.take_along_axis(found, order[..., None], axis=1), np.take_along_axis(settled, order, axis=1))
+    return Modes(
+        np.take_along_axis(found, order[..., None], axis=1),
+        np.take_along_axis(settled, order, axis=1),
+    )
 
 
 def _starts(problem: Problem, starts: int, seed: int) -> Float[np.ndarray, "blocks starts dims"]:
@@ -168,7 +192,9 @@ def laplace(problem: Problem, found: Modes, *, seed: int = 0, draws: int = 4000)
     points = found.points
     blocks, starts, _ = points.shape
     batch = min(blocks, max(1, problem.chunk * blocks // (starts * problem.dims)))
-    hessians = np.asarray(_curvature(problem.residuals, problem.data, problem.shared, points, batch))
+    hessians = np.asarray(
+        _curvature(problem.residuals, problem.data, problem.shared, points, batch)
+    )
     covariances = _inverse(hessians, problem.prior_covariance)
     height = problem.log_probability(np.swapaxes(points, 0, 1)).T
     chosen, real = _distinct(points, covariances, height)
@@ -196,7 +222,9 @@ def _distinct(
     covariances: Float[np.ndarray, "blocks starts dims dims"],
     height: Float[np.ndarray, "blocks starts"],
 ) -> tuple[Int[np.ndarray, "blocks modes"], Bool[np.ndarray, "blocks modes"]]:
-    """Numbers of the modes that differ from better ones and are not hopelessly lower, and whether there is one."""
+    """Numbers of the modes that differ from better ones and are not hopelessly lower, and whether
+    there is one.
+    """
     blocks, starts, _ = found.shape
     precision = np.linalg.inv(covariances)
     index, real = np.zeros((blocks, _MODES), dtype=int), np.zeros((blocks, _MODES), dtype=bool)
@@ -218,13 +246,17 @@ def _inverse(hessians: np.ndarray, prior: np.ndarray) -> np.ndarray:
     root = np.linalg.cholesky(prior)
     values, axes = np.linalg.eigh(root.T @ np.nan_to_num(hessians) @ root)
     scaled = root @ axes
-    return np.einsum("...ij,...j,...kj->...ik", scaled, 1.0 / np.maximum(values, _WIDEST**-2), scaled)
+    return np.einsum(
+        "...ij,...j,...kj->...ik", scaled, 1.0 / np.maximum(values, _WIDEST**-2), scaled
+    )
 
 
 def _weighted(
     problem: Problem, gaussian: Laplace, draws: int, seed: int
 ) -> tuple[Float[np.ndarray, "blocks"], Float[np.ndarray, "draws blocks dims"]]:
-    """Pareto index of the importance weights of draws from the Gaussians, and the draws taken again by weight."""
+    """Pareto index of the importance weights of draws from the Gaussians, and the draws taken again
+    by weight.
+    """
     with warnings.catch_warnings():
         # ArviZ announces its next version at import.
         warnings.simplefilter("ignore", FutureWarning)

@@ -1,4 +1,6 @@
-"""Which unknowns a film of coats has, where each stands, what it is called, and what is likely of it beforehand."""
+"""Which unknowns a film of coats has, where each stands, what it is called, and what is likely of
+it beforehand.
+"""
 
 import functools
 import itertools
@@ -18,11 +20,13 @@ from .problem import Quantity
 
 @dataclass(frozen=True)
 class Layout:
-    """What the unknowns are: fixed when the program is compiled, alike for all films that are sampled side by side.
+    """What the unknowns are: fixed when the program is compiled, alike for all films that are
+    sampled side by side.
 
-    The free unknowns, in order: for each coat the log-ratios of its fractions to the last, where they are unknown, and
-    log thickness over its median, where that is; the weights of the modes of log k d and log s d of an unknown paint;
-    logit gloss, where the instrument sees the surface; log model error.
+    The free unknowns, in order: for each coat the log-ratios of its fractions to the last, where
+    they are unknown, and log thickness over its median, where that is; the weights of the modes of
+    log k d and log s d of an unknown paint; logit gloss, where the instrument sees the surface; log
+    model error.
 
     Attributes:
         sizes: paints of each coat, top first; 0 for the unknown one.
@@ -131,15 +135,28 @@ def quantities(
     found: list[Quantity] = []
     for n, size in enumerate(layout.sizes):
         if layout.fractions[n]:
-            shares = (functools.partial(fraction, at=places.ratios[n], which=i) for i in range(size))
-            found += [Quantity(_share(n, i, coats), False, values) for i, values in enumerate(shares)]
+            shares = (
+                functools.partial(fraction, at=places.ratios[n], which=i) for i in range(size)
+            )
+            found += [
+                Quantity(_share(n, i, coats), False, values) for i, values in enumerate(shares)
+            ]
         if (place := places.thickness[n]) is not None:
-            found.append(Quantity(f"thickness of coat {n + 1}", True, _scaled(place, float(median[n]))))
+            found.append(
+                Quantity(f"thickness of coat {n + 1}", True, _scaled(place, float(median[n])))
+            )
     for b, wavelength in enumerate(grid if layout.unknown_coat is not None else []):
-        k, s = (_affine(m, mode[b], at) for m, mode, at in zip(means, modes, places.spectra, strict=True))
+        k, s = (
+            _affine(m, mode[b], at)
+            for m, mode, at in zip(means, modes, places.spectra, strict=True)
+        )
         for what, values in (("absorption", k), ("scattering", s), ("ratio", _difference(k, s))):
             name = f"{what} at {wavelength:g} nm"
-            found.append(Quantity(name, True, _exponential(values), spectrum=what, wavelength=float(wavelength)))
+            found.append(
+                Quantity(
+                    name, True, _exponential(values), spectrum=what, wavelength=float(wavelength)
+                )
+            )
     if places.gloss is not None:
         gloss = places.gloss
         found.append(Quantity("gloss", False, lambda free: expit(free[..., gloss])))
@@ -167,9 +184,16 @@ def _exponential(values: Values) -> Values:
 
 
 def prior_draws(
-    rng: np.random.Generator, n: int, *, layout: Layout, spread: Float[np.ndarray, "coats"], prior: FilmPrior
+    rng: np.random.Generator,
+    n: int,
+    *,
+    layout: Layout,
+    spread: Float[np.ndarray, "coats"],
+    prior: FilmPrior,
 ) -> Float[np.ndarray, "n dims"]:
-    """Draws of the free unknowns; `spread` is the standard deviation of each coat's log thickness."""
+    """Draws of the free unknowns; `spread` is the standard deviation of each coat's log
+    thickness.
+    """
     columns = []
     for coat, size in enumerate(layout.sizes):
         if layout.fractions[coat]:
@@ -189,7 +213,9 @@ def prior_covariance(
     """Of `prior_draws`."""
     places = layout.places
     covariance = np.eye(places.error + 1)
-    for at, place, size, sd in zip(places.ratios, places.thickness, layout.sizes, spread, strict=True):
+    for at, place, size, sd in zip(
+        places.ratios, places.thickness, layout.sizes, spread, strict=True
+    ):
         if at.stop > at.start:
             covariance[at, at] = ratios_covariance(size, prior.concentration)
         if place is not None:

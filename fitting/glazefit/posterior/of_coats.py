@@ -1,4 +1,6 @@
-"""How well a film of several coats is known: the entry to `coats`, `stack`, `stack_errors` and `sample`."""
+"""How well a film of several coats is known: the entry to `coats`, `stack`, `stack_errors` and
+`sample`.
+"""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -32,21 +34,23 @@ def posterior_of_coats(
     overwrite: bool = False,
     progress: bool = False,
 ) -> Posterior:
-    """Thickness and fractions of every coat of a film, gloss and the paints' error; k and s of one unknown paint.
+    """Thickness and fractions of every coat of a film, gloss and the paints' error; k and s of one
+    unknown paint.
 
-    Readings and slopes come from the solver itself, at an error of 1e-4. `Posterior.identifiability` names what the
-    readings do not tell.
+    Readings and slopes come from the solver itself, at an error of 1e-4.
+    `Posterior.identifiability` names what the readings do not tell.
 
     Args:
         film: one film over black and white, or a `Reading`, over one ground or more.
-        coats: top first, at most six, with an unknown paint in one of them at most; what is not known of each is found.
-        spectra: what is likely of an unknown paint's k and s.
+        coats: top first, at most six, with an unknown paint in one of them at most; what is not
+        known of each is found. spectra: what is likely of an unknown paint's k and s.
         walkers: of the ensemble, even; by default 32, or as many as the unknowns need.
-        instrument, noise, prior, steps, thin, seed, path, resume, overwrite, progress: see `posterior_of_film`.
+        instrument, noise, prior, steps, thin, seed, path, resume, overwrite, progress: see
+            `posterior_of_film`.
 
     Raises:
-        ValueError, FileExistsError, FileNotFoundError: as `posterior_of_film`, and for a stack that cannot be found
-            (`glazefit.posterior.coats.check_coats`).
+        ValueError, FileExistsError, FileNotFoundError: as `posterior_of_film`, and for a stack that
+            cannot be found (`glazefit.posterior.coats.check_coats`).
     """
     instrument, prior = instrument or Instrument(), prior or FilmPrior()
     coats = check_coats(coats)

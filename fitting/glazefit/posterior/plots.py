@@ -23,7 +23,9 @@ _BANDS_DRAWN = 6
 
 
 def plot_corner(posterior: Posterior, path: str | Path) -> None:
-    """Draw the unknowns of a film against each other, or k d against s d in some bands, to a file."""
+    """Draw the unknowns of a film against each other, or k d against s d in some bands,
+    to a file.
+    """
     draw = _corner_of_bands if posterior.problem.kind == "bands" else _corner_of_film
     draw(posterior, path)
 
@@ -42,7 +44,11 @@ def _some(values: Float[np.ndarray, "*draws"]) -> Float[np.ndarray, "n"]:
 def _subtitle(posterior: Posterior) -> str:
     if posterior.chain is None:
         return "Laplace's approximation; nothing was sampled"
-    return "the chain has converged" if posterior.converged else "NOT CONVERGED: the chain is too short"
+    return (
+        "the chain has converged"
+        if posterior.converged
+        else "NOT CONVERGED: the chain is too short"
+    )
 
 
 def _corner_of_film(posterior: Posterior, path: str | Path) -> None:
@@ -50,9 +56,16 @@ def _corner_of_film(posterior: Posterior, path: str | Path) -> None:
 
     names = [q.name for q in posterior.problem.quantities if not q.spectrum]
     # Two fractions are one and its complement; of more, each says something.
-    two = posterior.problem.dims == len(names) - 1 and len([n for n in names if n.startswith("fraction ")]) == 2
+    two = (
+        posterior.problem.dims == len(names) - 1
+        and len([n for n in names if n.startswith("fraction ")]) == 2
+    )
     if two or posterior.problem.kind == "stack":
-        names = [n for n in names if not n.startswith("fraction ") or n in unknowns_in_words(posterior.problem)]
+        names = [
+            n
+            for n in names
+            if not n.startswith("fraction ") or n in unknowns_in_words(posterior.problem)
+        ]
     pairs = [shown(n, _some(posterior.draws[n][..., 0])) for n in names]
     titles, draws = [p[0] for p in pairs], np.stack([p[1] for p in pairs], axis=1)
     approximate = np.stack([shown(n, posterior.laplace_draws[n][:, 0])[1] for n in names], axis=1)
@@ -113,14 +126,19 @@ def _legend(figure: Any, posterior: Posterior) -> None:
         handles=lines,
         loc="upper right",
         fontsize=10,
-        title=f"{posterior.films[0].name}\nmedian [5 %, 95 %]; contours of 50 and 90 %\n{_subtitle(posterior)}",
+        title=(
+            f"{posterior.films[0].name}\nmedian [5 %, 95 %]; contours of 50 and 90 "
+            f"%\n{_subtitle(posterior)}"
+        ),
         title_fontsize=10,
         alignment="left",
     )
 
 
 def _corner_of_bands(posterior: Posterior, path: str | Path) -> None:
-    """Small panels of k d against s d: bands along the spectrum, and those where Laplace is farthest off."""
+    """Small panels of k d against s d: bands along the spectrum, and those where Laplace is
+    farthest off.
+    """
     import corner
 
     names = ("absorption", "scattering")
@@ -133,28 +151,48 @@ def _corner_of_bands(posterior: Posterior, path: str | Path) -> None:
         for panel, b in zip(panels, chosen, strict=False):
             x, y = (np.log10(_some(posterior.draws[n][..., b])) for n in names)
             u, v = (np.log10(posterior.laplace_draws[n][:, b]) for n in names)
-            limits = [tuple(np.quantile(np.concatenate(both), (0.002, 0.998))) for both in ((x, u), (y, v))]
-            options = {"ax": panel, "bins": 40, "smooth": 1.0, "levels": (0.5, 0.9), "range": limits}
+            limits = [
+                tuple(np.quantile(np.concatenate(both), (0.002, 0.998)))
+                for both in ((x, u), (y, v))
+            ]
+            options = {
+                "ax": panel,
+                "bins": 40,
+                "smooth": 1.0,
+                "levels": (0.5, 0.9),
+                "range": limits,
+            }
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")
                 corner.hist2d(
-                    u, v, color=LAPLACE, plot_datapoints=False, plot_density=False, no_fill_contours=True, **options
+                    u,
+                    v,
+                    color=LAPLACE,
+                    plot_datapoints=False,
+                    plot_density=False,
+                    no_fill_contours=True,
+                    **options,
                 )
                 if posterior.chain is not None:
                     corner.hist2d(x, y, color=SAMPLED, plot_datapoints=False, **options)
             tail = posterior.laplace.tail[b]
-            panel.set_title(f"{posterior.problem.blocks[b]}, Laplace's tail index {tail:.2f}", fontsize=9)
+            panel.set_title(
+                f"{posterior.problem.blocks[b]}, Laplace's tail index {tail:.2f}", fontsize=9
+            )
             panel.set(xlabel="log10 k d", ylabel="log10 s d")
         for panel in panels[len(chosen) :]:
             panel.set_axis_off()
         figure.suptitle(
-            f"{posterior.films[0].name}: contours of 50 and 90 %, emcee blue, Laplace orange; {_subtitle(posterior)}",
+            f"{posterior.films[0].name}: contours of 50 and 90 %, emcee blue, Laplace orange; "
+            f"{_subtitle(posterior)}",
             fontsize=10,
         )
 
 
 def _spectra_of_film(posterior: Posterior, path: str | Path) -> None:
-    """Measured and fitted spectra, and their differences beside what noise and model error allow."""
+    """Measured and fitted spectra, and their differences beside what noise and model
+    error allow.
+    """
     film, grid = posterior.films[0], posterior.films[0].wavelengths
     flat = posterior.free.reshape(-1, *posterior.free.shape[2:])
     some = flat[:: max(1, len(flat) // 400)]
@@ -165,25 +203,54 @@ def _spectra_of_film(posterior: Posterior, path: str | Path) -> None:
         for g, ground in enumerate(film.grounds):
             colour = _COLOURS.get(ground, SAMPLED)
             measured = film.reflectance[:, g]
-            spectra.plot(grid, measured, "o", color=colour, ms=4, mfc="none", label=f"over {ground}, measured")
-            spectra.plot(grid, middle[:, g], "-", color=colour, lw=1.2, label=f"over {ground}, median of the fit")
+            spectra.plot(
+                grid,
+                measured,
+                "o",
+                color=colour,
+                ms=4,
+                mfc="none",
+                label=f"over {ground}, measured",
+            )
+            spectra.plot(
+                grid,
+                middle[:, g],
+                "-",
+                color=colour,
+                lw=1.2,
+                label=f"over {ground}, median of the fit",
+            )
             spectra.fill_between(grid, low[:, g], high[:, g], color=colour, alpha=0.3, lw=0)
             residuals.plot(
-                grid, measured - middle[:, g], "o-", color=colour, ms=3, lw=1, label=f"over {ground}: measured - fit"
+                grid,
+                measured - middle[:, g],
+                "o-",
+                color=colour,
+                ms=3,
+                lw=1,
+                label=f"over {ground}: measured - fit",
             )
             residuals.plot(grid, _NINETY * allowed[:, g], ":", color=colour, lw=1)
             bound = None if g else "90 % by noise and model error"
             residuals.plot(grid, -_NINETY * allowed[:, g], ":", color=colour, lw=1, label=bound)
         noise = _NINETY * film.sd.max(axis=1)
         residuals.fill_between(
-            grid, -noise, noise, color="0.6", alpha=0.35, lw=0, label="90 % by the instrument's noise"
+            grid,
+            -noise,
+            noise,
+            color="0.6",
+            alpha=0.35,
+            lw=0,
+            label="90 % by the instrument's noise",
         )
         label_spectra(spectra, ylim=(0, 1.25 * max(film.reflectance.max(), high.max())))
         spectra.legend()
         spectra.set_title(f"{film.name}: {_mixture(posterior)}")
         residuals.axhline(0, color="0.7", lw=0.8)
         low, high = residuals.get_ylim()
-        label_spectra(residuals, "difference in reflectance", ylim=(low, high + 0.45 * (high - low)))
+        label_spectra(
+            residuals, "difference in reflectance", ylim=(low, high + 0.45 * (high - low))
+        )
         residuals.legend(loc="upper left")
         residuals.set_title(_subtitle(posterior))
 
@@ -201,12 +268,16 @@ def _mixture(posterior: Posterior) -> str:
     return ", ".join(parts)
 
 
-def _reading_sd(posterior: Posterior, free: Float[np.ndarray, "draws 1 dims"]) -> Float[np.ndarray, "bands grounds"]:
+def _reading_sd(
+    posterior: Posterior, free: Float[np.ndarray, "draws 1 dims"]
+) -> Float[np.ndarray, "bands grounds"]:
     """Standard deviation of a reading by noise, grounds and the median model error."""
     data = posterior.problem.data
     back = np.linalg.inv(np.asarray(data.whiten[0]))
     scale = 1.0 + (np.exp(np.median(free[:, 0, -1])) * np.asarray(data.spread[0])) ** 2
-    return np.sqrt(np.einsum("ij,j,ij->i", back, scale, back)).reshape(posterior.films[0].reflectance.shape)
+    return np.sqrt(np.einsum("ij,j,ij->i", back, scale, back)).reshape(
+        posterior.films[0].reflectance.shape
+    )
 
 
 def _optical_bands(posterior: Posterior, path: str | Path) -> None:
@@ -223,11 +294,20 @@ def _optical_bands(posterior: Posterior, path: str | Path) -> None:
             (right, "ratio", _RATIO, "k/s"),
         ):
             found = draws[name]
-            panel.plot(grid, found.median, "-o", color=colour, ms=3, lw=1.2, label=f"{label}, median")
+            panel.plot(
+                grid, found.median, "-o", color=colour, ms=3, lw=1.2, label=f"{label}, median"
+            )
             panel.fill_between(grid, found.lower, found.upper, color=colour, alpha=0.25, lw=0)
             if posterior.chain is not None:
                 for n, edge in enumerate((rough[name].lower, rough[name].upper)):
-                    panel.plot(grid, edge, "--", color=colour, lw=0.9, label=None if n else f"{label}, 90 % by Laplace")
+                    panel.plot(
+                        grid,
+                        edge,
+                        "--",
+                        color=colour,
+                        lw=0.9,
+                        label=None if n else f"{label}, 90 % by Laplace",
+                    )
         low = min(draws[n].median.min() for n in ("absorption", "scattering"))
         high = max(draws[n].upper.max() for n in ("absorption", "scattering"))
         label_spectra(left, "optical thickness", yscale="log", ylim=(low / 10, high * 2))
@@ -245,4 +325,6 @@ def _shade(panel: Any, grid: np.ndarray, chosen: np.ndarray, label: str) -> None
     """Grey columns behind the chosen bands."""
     edges = np.concatenate([[grid[0]], (grid[1:] + grid[:-1]) / 2, [grid[-1]]])
     for n, b in enumerate(np.flatnonzero(chosen)):
-        panel.axvspan(edges[b], edges[b + 1], color="0.88", lw=0, zorder=0, label=None if n else label)
+        panel.axvspan(
+            edges[b], edges[b + 1], color="0.88", lw=0, zorder=0, label=None if n else label
+        )

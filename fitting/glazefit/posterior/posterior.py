@@ -1,8 +1,10 @@
-"""How well a film is known: the posterior of its paints and thickness, or of k d and s d band by band.
+"""How well a film is known: the posterior of its paints and thickness, or of k d and s d band by
+band.
 
-`posterior_of_film` asks how much of which known paint a film holds, how thick it is and how far the paints' own k and
-s are off; `posterior_of_bands` asks for k d and s d at every wavelength of a measured film, with no paint assumed. Both
-give Laplace's standard errors at once and, with `steps`, a chain of emcee beside them.
+`posterior_of_film` asks how much of which known paint a film holds, how thick it is and how far the
+paints' own k and s are off; `posterior_of_bands` asks for k d and s d at every wavelength of a
+measured film, with no paint assumed. Both give Laplace's standard errors at once and, with `steps`,
+a chain of emcee beside them.
 `glazefit.posterior.of_coats` asks the same of a film of several coats.
 
 ArviZ, emcee and h5py are loaded when a posterior is computed, not before.
@@ -62,7 +64,10 @@ class Posterior:
         from .chain import convergence
 
         draws = self.problem.draws(self.chain.free)
-        values = [np.log(draws[q.name]) if q.logarithmic else draws[q.name] for q in self.problem.quantities]
+        values = [
+            np.log(draws[q.name]) if q.logarithmic else draws[q.name]
+            for q in self.problem.quantities
+        ]
         return convergence(self.chain, np.stack(values, axis=-1))
 
     @property
@@ -88,7 +93,9 @@ class Posterior:
         return self.problem.draws(self.laplace.sample)
 
     def spectra(self, *, laplace: bool = False) -> Mapping[str, Float[np.ndarray, "draws bands"]]:
-        """Draws of k d, s d and k/s, of a film band by band or of a stack's unknown paint; empty for known paints."""
+        """Draws of k d, s d and k/s, of a film band by band or of a stack's unknown paint; empty
+        for known paints.
+        """
         draws = self.laplace_draws if laplace else self.draws
         if self.problem.kind == "bands":
             return {name: values.reshape(-1, values.shape[-1]) for name, values in draws.items()}
@@ -99,7 +106,8 @@ class Posterior:
         return {name: np.stack(values, axis=-1) for name, values in found.items()}
 
     def summary(self) -> Summary:
-        """A row for each quantity of each block: the chain's numbers, Laplace's, and where the two differ.
+        """A row for each quantity of each block: the chain's numbers, Laplace's, and where the two
+        differ.
 
         A list of `glazefit.posterior.summary.Row`, in SI units, that prints as a table.
         """
@@ -112,7 +120,13 @@ class Posterior:
                 words = ["trusted" if good else "not trusted" for good in self.laplace.trusted]
             else:
                 share = not quantity.logarithmic
-                words = compare(here, there, logarithmic=quantity.logarithmic, share=share, many=self.laplace.many)
+                words = compare(
+                    here,
+                    there,
+                    logarithmic=quantity.logarithmic,
+                    share=share,
+                    many=self.laplace.many,
+                )
             state = self.convergence
             for b, block in enumerate(blocks):
                 rows.append(
@@ -128,8 +142,12 @@ class Posterior:
                         laplace_sd=float(there.sd[b]),
                         laplace_lower=float(there.lower[b]),
                         laplace_upper=float(there.upper[b]),
-                        effective_samples=float("nan") if state is None else float(state.samples[b]),
-                        autocorrelation_time=float("nan") if state is None else float(state.times[b]),
+                        effective_samples=float("nan")
+                        if state is None
+                        else float(state.samples[b]),
+                        autocorrelation_time=float("nan")
+                        if state is None
+                        else float(state.times[b]),
                         converged=state is not None and bool(state.converged[b]),
                         laplace=words[b],
                     )
@@ -142,7 +160,10 @@ class Posterior:
         free = self.free.reshape(-1, *self.free.shape[2:])
         prior = self.problem.prior_covariance
         if self.problem.kind == "bands":
-            optical = np.stack([self.draws[name].reshape(free.shape[:2]) for name in ("absorption", "scattering")], -1)
+            optical = np.stack(
+                [self.draws[name].reshape(free.shape[:2]) for name in ("absorption", "scattering")],
+                -1,
+            )
             return of_bands(free, prior, optical, self.films[0].wavelengths)
         if self.problem.kind == "stack":
             return of_coats(self.problem, free, self.films[0].wavelengths)
@@ -191,7 +212,9 @@ def _attributes(posterior: Posterior) -> dict[str, Any]:
 
 
 def unknowns_in_words(problem: Problem) -> tuple[str, ...]:
-    """The free unknowns with the paints' names: a log-ratio is called by the paint whose share it moves."""
+    """The free unknowns with the paints' names: a log-ratio is called by the paint whose share it
+    moves.
+    """
     if problem.kind == "stack":
         return problem.unknowns
     paints = [q.name for q in problem.quantities if q.name.startswith("fraction ")]
@@ -232,8 +255,8 @@ def posterior_of_film(
         progress: show a bar on stderr.
 
     Raises:
-        ValueError: more films than one, paints that do not fit (see `pose_films`), too few walkers or steps, or a
-            chain of another problem.
+        ValueError: more films than one, paints that do not fit (see `pose_films`), too few walkers
+            or steps, or a chain of another problem.
         FileExistsError, FileNotFoundError: see `glazefit.posterior.chain.run_chain`.
     """
     instrument, prior = instrument or Instrument(), prior or FilmPrior()
@@ -274,9 +297,10 @@ def posterior_of_bands(
 
     Args:
         film: one film over black and white, or a `Reading`.
-        gloss: share of the surface's reflection in the readings; by default estimated from films over both cards,
-            and 1 for a `Reading`.
-        instrument, noise, steps, walkers, thin, seed, path, resume, overwrite, progress: see `posterior_of_film`.
+        gloss: share of the surface's reflection in the readings; by default estimated from films
+            over both cards, and 1 for a `Reading`.
+        instrument, noise, steps, walkers, thin, seed, path, resume, overwrite, progress: see
+            `posterior_of_film`.
 
     Raises:
         ValueError, FileExistsError, FileNotFoundError: as `posterior_of_film`.
@@ -284,7 +308,9 @@ def posterior_of_bands(
     instrument, noise = instrument or Instrument(), noise or Noise()
     reading = one_reading(film, instrument, noise)
     if gloss is None:
-        gloss = float(estimate_gloss(film, instrument, noise)[0]) if isinstance(film, Films) else 1.0
+        gloss = (
+            float(estimate_gloss(film, instrument, noise)[0]) if isinstance(film, Films) else 1.0
+        )
     problem = pose_bands(reading, gloss, instrument)
     found = find_modes(problem, seed=seed)
     return sample(
@@ -316,9 +342,13 @@ def sample(
     overwrite: bool = False,
     progress: bool = False,
 ) -> Posterior:
-    """Sample a problem from draws of its Laplace approximation at the modes found; with `steps` 0 that is all."""
+    """Sample a problem from draws of its Laplace approximation at the modes found; with `steps` 0
+    that is all.
+    """
     if steps < 0:
-        raise ValueError(f"{steps} steps were asked for; ask for some thousands, or for 0 to sample nothing")
+        raise ValueError(
+            f"{steps} steps were asked for; ask for some thousands, or for 0 to sample nothing"
+        )
     approximate = laplace(problem, found, seed=seed)
     if steps == 0:
         return Posterior(problem, films, approximate, None)
@@ -347,5 +377,7 @@ def one_reading(film: Films | Reading, instrument: Instrument, noise: Noise) -> 
     if isinstance(film, Reading):
         return film
     if len(film) != 1:
-        raise ValueError(f"a posterior is of one film, not of {len(film)}; choose one with films.select([name])")
+        raise ValueError(
+            f"a posterior is of one film, not of {len(film)}; choose one with films.select([name])"
+        )
     return readings(film, instrument, noise)[0]

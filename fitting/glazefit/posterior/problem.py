@@ -1,11 +1,13 @@
-"""What is sampled: many small posteriors side by side, each the exponential of minus half a sum of squares.
+"""What is sampled: many small posteriors side by side, each the exponential of minus half a sum of
+squares.
 
-A block is one posterior of a few unknowns: a film, or one band of a film. Blocks know nothing of each other, so that
-all of them times all walkers are one compiled call, and each block accepts or refuses a step on its own.
+A block is one posterior of a few unknowns: a film, or one band of a film. Blocks know nothing of
+each other, so that all of them times all walkers are one compiled call, and each block accepts or
+refuses a step on its own.
 
-Every part of a block's log-probability is written as a squared residual: misfits divided by their errors, and also
-logarithms of determinants and of prior densities, which are kept positive by an added constant. So least squares finds
-the mode.
+Every part of a block's log-probability is written as a squared residual: misfits divided by their
+errors, and also logarithms of determinants and of prior densities, which are kept positive by an
+added constant. So least squares finds the mode.
 """
 
 import functools
@@ -21,7 +23,8 @@ from jaxtyping import Array, Float
 
 from glazejax.radiative.common.chunks import in_chunks
 
-# What one block computes for one walker takes some 12 kB a band; more columns at once fall out of cache.
+# What one block computes for one walker takes some 12 kB a band; more columns at once fall out of
+# cache.
 _COLUMNS = 12_000
 # Draws whose readings are computed at a time.
 _TOGETHER = 64
@@ -29,7 +32,9 @@ _TOGETHER = 64
 
 @runtime_checkable
 class Residuals(Protocol):
-    """Residuals of one block, (rows,), from its free unknowns, (dims,), its own data and what all blocks share."""
+    """Residuals of one block, (rows,), from its free unknowns, (dims,), its own data and what all
+    blocks share.
+    """
 
     def __call__(self, free: Float[Array, "dims"], data: Any, shared: Any) -> Float[Array, "rows"]:
         """Half their squares, summed, are minus the log-probability up to a constant."""
@@ -59,19 +64,20 @@ class Problem:
     """Independent posteriors with the same unknowns.
 
     Attributes:
-        kind: "paints" (a block is a film), "stack" (a block is a film of coats) or "bands" (a block is a wavelength).
-        blocks: their names.
+        kind: "paints" (a block is a film), "stack" (a block is a film of coats) or "bands" (a block
+        is a wavelength). blocks: their names.
         unknowns: names of the free unknowns of a block; each may be any real number.
         residuals: see `Residuals`; a module's function, since compiled programs are kept by it.
-        fitted: what the instrument reads of a block, from the same arguments; (grounds,) or (bands, grounds).
-        prior_rows: how many of the last residuals belong to the prior.
+        fitted: what the instrument reads of a block, from the same arguments; (grounds,) or (bands,
+        grounds). prior_rows: how many of the last residuals belong to the prior.
         data: arrays with the blocks as leading axis.
         shared: arrays that all blocks use.
         quantities: what is reported.
         prior_draws: from a generator and a number, draws of the free unknowns, (n, dims).
         prior_covariance: of the free unknowns, (dims, dims).
         bands: wavelengths that one evaluation of a block computes.
-        fingerprint: of the measurement and the settings; two chains may be joined if theirs are equal.
+        fingerprint: of the measurement and the settings; two chains may be joined if theirs are
+            equal.
     """
 
     kind: str
@@ -93,8 +99,12 @@ class Problem:
         """Unknowns of a block."""
         return len(self.unknowns)
 
-    def log_probability(self, free: Float[np.ndarray, "walkers blocks dims"]) -> Float[np.ndarray, "walkers blocks"]:
-        """Log-probabilities up to a constant, all walkers and blocks in one compiled call; never NaN."""
+    def log_probability(
+        self, free: Float[np.ndarray, "walkers blocks dims"]
+    ) -> Float[np.ndarray, "walkers blocks"]:
+        """Log-probabilities up to a constant, all walkers and blocks in one compiled call; never
+        NaN.
+        """
         return np.asarray(log_probability(self.residuals, self.data, self.shared, free, self.chunk))
 
     @property
@@ -102,16 +112,24 @@ class Problem:
         """Walkers computed at a time."""
         return max(1, _COLUMNS // (self.bands * len(self.blocks)))
 
-    def log_likelihood(self, free: Float[np.ndarray, "draws blocks dims"]) -> Float[np.ndarray, "draws blocks"]:
+    def log_likelihood(
+        self, free: Float[np.ndarray, "draws blocks dims"]
+    ) -> Float[np.ndarray, "draws blocks"]:
         """The part of `log_probability` that the measurement has, up to a constant."""
         rows = -self.prior_rows
-        return np.asarray(log_probability(self.residuals, self.data, self.shared, free, self.chunk, rows))
+        return np.asarray(
+            log_probability(self.residuals, self.data, self.shared, free, self.chunk, rows)
+        )
 
-    def readings(self, free: Float[np.ndarray, "draws blocks dims"]) -> Float[np.ndarray, "draws blocks *reading"]:
+    def readings(
+        self, free: Float[np.ndarray, "draws blocks dims"]
+    ) -> Float[np.ndarray, "draws blocks *reading"]:
         """What the instrument would read, without noise."""
         return np.asarray(_readings(self.fitted, self.data, self.shared, free))
 
-    def draws(self, free: Float[np.ndarray, "*shape dims"]) -> Mapping[str, Float[np.ndarray, "*shape"]]:
+    def draws(
+        self, free: Float[np.ndarray, "*shape dims"]
+    ) -> Mapping[str, Float[np.ndarray, "*shape"]]:
         """The reported quantities of some values of the free unknowns."""
         return {quantity.name: quantity.values(free) for quantity in self.quantities}
 
@@ -125,18 +143,28 @@ def log_probability(
     chunk: int,
     rows: int | None = None,
 ) -> Float[Array, "walkers blocks"]:
-    """Minus half the sum of squares of the residuals up to `rows`; what overflows, so far out, counts as impossible."""
+    """Minus half the sum of squares of the residuals up to `rows`; what overflows, so far out,
+    counts as impossible.
+    """
 
     def walker(free: Float[Array, "blocks dims"]) -> Float[Array, "blocks"]:
-        values = jax.vmap(lambda f, d: -0.5 * jnp.sum(residuals(f, d, shared)[:rows] ** 2))(free, data)
+        values = jax.vmap(lambda f, d: -0.5 * jnp.sum(residuals(f, d, shared)[:rows] ** 2))(
+            free, data
+        )
         return jnp.where(jnp.isnan(values), -jnp.inf, values)
 
     return in_chunks(jax.vmap(walker), free, chunk)
 
 
 @functools.partial(jax.jit, static_argnames="fitted")
-def _readings(fitted: Residuals, data: Any, shared: Any, free: Float[Array, "draws blocks dims"]) -> Array:
-    return in_chunks(jax.vmap(lambda one: jax.vmap(lambda f, d: fitted(f, d, shared))(one, data)), free, _TOGETHER)
+def _readings(
+    fitted: Residuals, data: Any, shared: Any, free: Float[Array, "draws blocks dims"]
+) -> Array:
+    return in_chunks(
+        jax.vmap(lambda one: jax.vmap(lambda f, d: fitted(f, d, shared))(one, data)),
+        free,
+        _TOGETHER,
+    )
 
 
 def fingerprint(*parts: Any) -> str:
@@ -144,7 +172,11 @@ def fingerprint(*parts: Any) -> str:
     digest = hashlib.sha256()
     for part in parts:
         array = np.asarray(part)
-        digest.update(np.ascontiguousarray(array).tobytes() if array.dtype.kind == "f" else repr(part).encode())
+        digest.update(
+            np.ascontiguousarray(array).tobytes()
+            if array.dtype.kind == "f"
+            else repr(part).encode()
+        )
         digest.update(b"|")
     return digest.hexdigest()
 

@@ -59,12 +59,15 @@ def _title(posterior: Posterior) -> str:
 
 
 def unsettled(posterior: Posterior) -> str:
-    """A sentence on the blocks at whose modes least squares was stopped; empty if there are none."""
+    """A sentence on the blocks at whose modes least squares was stopped; empty if there
+    are none.
+    """
     blocks = np.asarray(posterior.problem.blocks)[~posterior.laplace.converged]
     if not blocks.size:
         return ""
     return (
-        f"Least squares stopped before it had settled at the mode of {', '.join(blocks)}: Laplace's errors may be off."
+        f"Least squares stopped before it had settled at the mode of {', '.join(blocks)}: "
+        "Laplace's errors may be off."
     )
 
 
@@ -76,22 +79,41 @@ def _laplace(posterior: Posterior, rows: list[Row]) -> str:
         if not many:
             k = posterior.laplace.tail[0]
             verdict = "can" if posterior.laplace.trusted[0] else "cannot"
-            return f"Laplace's errors {verdict} be trusted: tail index {k:.2f}, good below {TRUSTED_TAIL:g}."
-        where = f"in {bad} of {len(posterior.problem.blocks)} bands (tail index {TRUSTED_TAIL:g} or more)"
-        return f"Laplace's errors {'cannot be trusted ' + where if bad else 'can be trusted in every band'}."
+            return (
+                f"Laplace's errors {verdict} be trusted: tail index {k:.2f}, good below "
+                f"{TRUSTED_TAIL:g}."
+            )
+        where = (
+            f"in {bad} of {len(posterior.problem.blocks)} bands (tail index {TRUSTED_TAIL:g} or "
+            "more)"
+        )
+        return (
+            "Laplace's errors "
+            f"{'cannot be trusted ' + where if bad else 'can be trusted in every band'}."
+        )
     off = [row for row in rows if row.laplace != AGREES]
     if not off:
         return "Laplace's 90 % intervals agree with the chain's everywhere."
     if not many and not posterior.spectra():
-        parts = [f"{shown(row.quantity, np.zeros(1))[0].split(' (')[0]} ({row.laplace})" for row in off]
+        parts = [
+            f"{shown(row.quantity, np.zeros(1))[0].split(' (')[0]} ({row.laplace})" for row in off
+        ]
         return "Laplace's 90 % intervals differ from the chain's for " + ", ".join(parts) + "."
     if not many:
-        return f"Laplace's 90 % intervals differ from the chain's for {len(off)} of {len(rows)} quantities."
+        return (
+            f"Laplace's 90 % intervals differ from the chain's for {len(off)} of {len(rows)} "
+            "quantities."
+        )
     blocks = len({row.block for row in off})
-    return f"Laplace's 90 % intervals differ from the chain's in {blocks} of {len(posterior.problem.blocks)} bands."
+    return (
+        f"Laplace's 90 % intervals differ from the chain's in {blocks} of "
+        f"{len(posterior.problem.blocks)} bands."
+    )
 
 
 def write_summary(posterior: Posterior, path: Path, *, overwrite: bool = False) -> None:
-    """Write the summary as a table, a line a quantity and block; thickness in m, fractions 0 to 1."""
+    """Write the summary as a table, a line a quantity and block; thickness in m,
+    fractions 0 to 1.
+    """
     rows = [asdict(row) for row in posterior.summary()]
     write_table(path, list(rows[0]), [list(row.values()) for row in rows], overwrite=overwrite)

@@ -1,8 +1,10 @@
-"""What is likely of the k and s of a paint that nobody knows: smooth spectra of about the catalogue's size.
+"""What is likely of the k and s of a paint that nobody knows: smooth spectra of about the
+catalogue's size.
 
-log k d and log s d are each a Gaussian process of the wavelength: a level, and a shape about it with the Matern-5/2
-correlation (1 + x + x^2/3) exp(-x), x = sqrt(5) |l - l'| / length. As unknowns they are sums of the process's principal
-modes with standard normal weights; what the modes leave out is less than a fiftieth of k or s.
+log k d and log s d are each a Gaussian process of the wavelength: a level, and a shape about it
+with the Matern-5/2 correlation (1 + x + x^2/3) exp(-x), x = sqrt(5) |l - l'| / length. As unknowns
+they are sums of the process's principal modes with standard normal weights; what the modes leave
+out is less than a fiftieth of k or s.
 """
 
 from dataclasses import dataclass
@@ -17,16 +19,17 @@ _LEFT_OUT = 0.02
 class SpectraPrior:
     """Prior of log k d and log s d of a coat of unknown paint.
 
-    The defaults describe the twenty oil paints of the catalogue in films of 25 um. There log k d is -.9 with a standard
-    deviation of 3.6, log s d .4 with 1.9; half the mean square of log k's difference between bands 10, 50 and 160 nm
-    apart is .04, 1.0 and 6.4, that of log s .001, .03 and .22. The prior lets s vary twice as much: few paints are
-    known, and a prior that is too narrow misleads where one too wide only tells less.
+    The defaults describe the twenty oil paints of the catalogue in films of 25 um. There log k d is
+    -.9 with a standard deviation of 3.6, log s d .4 with 1.9; half the mean square of log k's
+    difference between bands 10, 50 and 160 nm apart is .04, 1.0 and 6.4, that of log s .001, .03
+    and .22. The prior lets s vary twice as much: few paints are known, and a prior that is too
+    narrow misleads where one too wide only tells less.
 
     Attributes:
         absorption, scattering: medians of k d and s d.
         absorption_level, scattering_level: standard deviations of the logarithm's level.
-        absorption_shape, scattering_shape: standard deviations of what is added to it, band by band.
-        length: wavelengths over which the shape changes, nm.
+        absorption_shape, scattering_shape: standard deviations of what is added to it, band by
+        band. length: wavelengths over which the shape changes, nm.
 
     Raises:
         ValueError: a value that is not positive.

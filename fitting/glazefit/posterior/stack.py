@@ -1,11 +1,14 @@
-"""The posterior of a film of several coats: thickness and fractions of each, and k and s of one unknown paint.
+"""The posterior of a film of several coats: thickness and fractions of each, and k and s of one
+unknown paint.
 
-Every reading comes from the solver itself (`glazejax.stack_hemispherical_reflectance` or `stack_reflectance_factor`),
-and its slopes from the solver's own. The rest is as for one film (`glazefit.posterior.film`): a coat's k and s are its
-paints' sums, weighted by fraction, times its thickness; log k and log s of each coat of known paints are off by smooth
-random functions of wavelength, all of one unknown size, and these are integrated out about the likeliest.
+Every reading comes from the solver itself (`glazejax.stack_hemispherical_reflectance` or
+`stack_reflectance_factor`), and its slopes from the solver's own. The rest is as for one film
+(`glazefit.posterior.film`): a coat's k and s are its paints' sums, weighted by fraction, times its
+thickness; log k and log s of each coat of known paints are off by smooth random functions of
+wavelength, all of one unknown size, and these are integrated out about the likeliest.
 
-A coat of unknown paint has log k d and log s d instead, sums of the modes of `glazefit.posterior.spectra`.
+A coat of unknown paint has log k d and log s d instead, sums of the modes of
+`glazefit.posterior.spectra`.
 """
 
 import functools
@@ -39,13 +42,17 @@ _COST = 10
 class StackData(NamedTuple):
     """One film of coats."""
 
-    absorption: Float[Array, "*blocks bands paints"]  # k times the median thickness of the paint's coat
+    absorption: Float[
+        Array, "*blocks bands paints"
+    ]  # k times the median thickness of the paint's coat
     scattering: Float[Array, "*blocks bands paints"]
     shares: Float[Array, "*blocks paints"]  # fractions; of no meaning where they are unknown
     thickness_spread: Float[Array, "*blocks coats"]  # standard deviations of log thickness
     reading: Float[Array, "*blocks bands grounds"]
     ground: Float[Array, "*blocks bands grounds"]
-    shift: Float[Array, "*blocks errors bands"]  # likeliest errors of log k and log s of each coat in turn
+    shift: Float[
+        Array, "*blocks errors bands"
+    ]  # likeliest errors of log k and log s of each coat in turn
     offset: Float[Array, "*blocks bands grounds"]
     whiten: Float[Array, "*blocks rows rows"]
     spread: Float[Array, "*blocks rows"]  # roots of b
@@ -70,7 +77,8 @@ def optical(
     for n, members in enumerate(layout.paints):
         if layout.sizes[n] == 0:
             logs = [
-                m + modes @ free[at] for m, modes, at in zip(shared.means, shared.modes, places.spectra, strict=True)
+                m + modes @ free[at]
+                for m, modes, at in zip(shared.means, shared.modes, places.spectra, strict=True)
             ]
             coats.append(jnp.exp(jnp.stack(logs)))
             continue
@@ -79,7 +87,11 @@ def optical(
             amounts = jnp.exp(log_fractions(free[places.ratios[n]], layout.sizes[n]))
         if (at := places.thickness[n]) is not None:
             amounts = amounts * jnp.exp(free[at])
-        coats.append(jnp.stack([data.absorption[:, members] @ amounts, data.scattering[:, members] @ amounts]))
+        coats.append(
+            jnp.stack(
+                [data.absorption[:, members] @ amounts, data.scattering[:, members] @ amounts]
+            )
+        )
     return jnp.stack(coats, axis=-1)
 
 
@@ -117,7 +129,9 @@ class StackResiduals:
 
     layout: Layout
 
-    def __call__(self, free: Float[Array, "dims"], data: StackData, shared: StackShared) -> Float[Array, "rows"]:
+    def __call__(
+        self, free: Float[Array, "dims"], data: StackData, shared: StackShared
+    ) -> Float[Array, "rows"]:
         """Of one film."""
         layout, places = self.layout, self.layout.places
         off = jnp.moveaxis(data.shift.reshape(len(layout.sizes), 2, -1), 0, -1)
@@ -129,7 +143,11 @@ class StackResiduals:
         for n, some in enumerate(layout.fractions):
             if some:
                 parts.append(
-                    jnp.sqrt(-2.0 * layout.concentration * log_fractions(free[places.ratios[n]], layout.sizes[n]))
+                    jnp.sqrt(
+                        -2.0
+                        * layout.concentration
+                        * log_fractions(free[places.ratios[n]], layout.sizes[n])
+                    )
                 )
             if (at := places.thickness[n]) is not None:
                 parts.append(free[at : at + 1] / data.thickness_spread[n])
@@ -147,18 +165,20 @@ def pose_stack(
     prior: FilmPrior,
     spectra: SpectraPrior,
 ) -> Problem:
-    """Problem of one film of coats, or of several of the same layout, without the paints' error yet.
+    """Problem of one film of coats, or of several of the same layout, without the paints' error
+    yet.
 
     Args:
         films: on the same wavelengths and over as many grounds each.
-        coats: of each film, top first (see `glazefit.posterior.coats.check_coats`); what is unknown is the same for
-            all, and what is expected of unknown thicknesses.
+        coats: of each film, top first (see `glazefit.posterior.coats.check_coats`); what is unknown
+            is the same for all, and what is expected of unknown thicknesses.
         instrument: that read them.
         prior: usual thickness, its spread, fractions' concentration and the paints' error.
         spectra: of an unknown paint.
 
     Raises:
-        ValueError: paints that do not cover the films' wavelengths, or unknown thicknesses that are expected to differ.
+        ValueError: paints that do not cover the films' wavelengths, or unknown thicknesses that are
+            expected to differ.
     """
     grid = films[0].wavelengths
     stacks = [[coat.on(grid) for coat in stack] for stack in coats]
@@ -174,19 +194,33 @@ def pose_stack(
         concentration=prior.concentration,
         optics=Optics.of(instrument.geometry, instrument.refractive_index),
     )
-    median = np.array([[prior.thickness if c.thickness is None else c.thickness for c in stack] for stack in stacks])
+    median = np.array(
+        [
+            [prior.thickness if c.thickness is None else c.thickness for c in stack]
+            for stack in stacks
+        ]
+    )
     spread = np.array([[c.spread or prior.thickness_spread for c in stack] for stack in stacks])
     apart = layout.thickness & np.any((median != median[0]) | (spread != spread[0]), axis=0)
     if apart.any():
         raise ValueError(
-            f"coat {int(apart.argmax()) + 1} is expected to be of other thickness in one film than in another; films "
+            f"coat {int(apart.argmax()) + 1} is expected to be of other thickness in one film "
+            "than in another; films "
             "that are sampled side by side must be expected alike"
         )
-    count, (bands, grounds), rows = len(films), films[0].reflectance.shape, films[0].reflectance.size
+    count, (bands, grounds), rows = (
+        len(films),
+        films[0].reflectance.shape,
+        films[0].reflectance.size,
+    )
 
     def gather(what: str) -> Array:
         each = [
-            [np.asarray(getattr(p, what)) * d for coat, d in zip(stack, thick, strict=True) for p in coat.paints]
+            [
+                np.asarray(getattr(p, what)) * d
+                for coat, d in zip(stack, thick, strict=True)
+                for p in coat.paints
+            ]
             for stack, thick in zip(stacks, median, strict=True)
         ]
         return jnp.asarray(np.moveaxis(np.asarray(each, float).reshape(count, -1, bands), 1, 2))
@@ -197,7 +231,11 @@ def pose_stack(
     data = StackData(
         absorption=gather("absorption"),
         scattering=gather("scattering"),
-        shares=jnp.asarray(np.stack([np.concatenate([np.empty(0), *(c.shares for c in stack)]) for stack in stacks])),
+        shares=jnp.asarray(
+            np.stack(
+                [np.concatenate([np.empty(0), *(c.shares for c in stack)]) for stack in stacks]
+            )
+        ),
         thickness_spread=jnp.asarray(spread),
         reading=stacked("reflectance"),
         ground=stacked("ground"),
@@ -207,12 +245,19 @@ def pose_stack(
         spread=jnp.zeros((count, rows)),
     )
     shared = StackShared(
-        *(jnp.asarray(float(v)) for v in (instrument.seen_surface, np.log(prior.error), prior.error_spread)),
+        *(
+            jnp.asarray(float(v))
+            for v in (instrument.seen_surface, np.log(prior.error), prior.error_spread)
+        ),
         means=jnp.log(jnp.asarray([spectra.absorption, spectra.scattering])),
         modes=(jnp.asarray(modes[0]), jnp.asarray(modes[1])),
     )
     paints = [
-        np.asarray(getattr(p, w)) for s in stacks for c in s for p in c.paints for w in ("absorption", "scattering")
+        np.asarray(getattr(p, w))
+        for s in stacks
+        for c in s
+        for p in c.paints
+        for w in ("absorption", "scattering")
     ]
     parts = [part for film in films for part in reading_parts(film)]
     known = repr([[(c.thickness, c.spread, c.fractions) for c in stack] for stack in coats])

@@ -1,6 +1,8 @@
-"""Where the error of a stack's paints is made linear: as for one film, coat by coat and by the solver's own slopes.
+"""Where the error of a stack's paints is made linear: as for one film, coat by coat and by the
+solver's own slopes.
 
-The first slopes are those at the stack that fits best if readings were as wrong as paints of a usual error make them.
+The first slopes are those at the stack that fits best if readings were as wrong as paints of a
+usual error make them.
 """
 
 import functools
@@ -23,7 +25,8 @@ from .problem import Problem
 from .stack import TOLERANCE, StackData, StackResiduals, StackShared, optical, surface
 
 _STARTS = 8
-# Standard deviation of a reading that the first fit takes for granted: that of paints some per cent off.
+# Standard deviation of a reading that the first fit takes for granted: that of paints some per cent
+# off.
 _ROUGH = 0.02
 
 
@@ -43,14 +46,18 @@ class Solved(NamedTuple):
 
     def at(self, problem: Problem, free: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """See `glazefit.posterior.film_errors.Optical`."""
-        thickness, above = (np.asarray(a) for a in _at(self.layout, free, problem.data, problem.shared))
+        thickness, above = (
+            np.asarray(a) for a in _at(self.layout, free, problem.data, problem.shared)
+        )
         logs = np.log(np.maximum(np.moveaxis(thickness, -1, 1), 1e-9))
         return logs.reshape(len(logs), -1, logs.shape[-1]), above
 
 
 @functools.partial(jax.jit, static_argnums=0)
 def _slopes(
-    layout: Layout, logs: Float[Array, "films errors bands"], ground: Float[Array, "films bands grounds"]
+    layout: Layout,
+    logs: Float[Array, "films errors bands"],
+    ground: Float[Array, "films bands grounds"],
 ) -> tuple[Array, Array, Array]:
     """Body, its slopes by (films, 2, bands, grounds, coats), and by the ground."""
     coats = jnp.moveaxis(logs.reshape(len(logs), len(layout.sizes), 2, -1), 1, -1)
@@ -60,13 +67,17 @@ def _slopes(
         body = layout.optics.body(k, s, ground, TOLERANCE)
         return jnp.sum(body), body
 
-    wide = jnp.broadcast_to(coats[:, :, :, None], (*coats.shape[:3], ground.shape[-1], coats.shape[-1]))
+    wide = jnp.broadcast_to(
+        coats[:, :, :, None], (*coats.shape[:3], ground.shape[-1], coats.shape[-1])
+    )
     (by_log, by_ground), body = jax.grad(total, argnums=(0, 1), has_aux=True)(wide, ground)
     return body, by_log, by_ground
 
 
 @functools.partial(jax.jit, static_argnums=0)
-def _at(layout: Layout, free: Float[Array, "films dims"], data: StackData, shared: StackShared) -> tuple[Array, Array]:
+def _at(
+    layout: Layout, free: Float[Array, "films dims"], data: StackData, shared: StackShared
+) -> tuple[Array, Array]:
     """Optical thicknesses (films, 2, bands, coats), and what the surface adds, (films,)."""
     thickness = jax.vmap(lambda f, d: optical(layout, f, d, shared))(free, data)
     return thickness, jax.vmap(lambda f: surface(layout, f, shared))(free)
@@ -75,13 +86,17 @@ def _at(layout: Layout, free: Float[Array, "films dims"], data: StackData, share
 def pose_stack_errors(
     problem: Problem, films: Sequence[Reading], prior: FilmPrior, *, seed: int = 0
 ) -> tuple[Problem, Modes]:
-    """The problem of `glazefit.posterior.stack.pose_stack` with the paints' error, and its modes."""
+    """The problem of `glazefit.posterior.stack.pose_stack` with the paints' error, and
+    its modes.
+    """
     assert isinstance(problem.residuals, StackResiduals)
     layout = problem.residuals.layout
     how, smooth = Solved(layout), smooth_kernel(films[0].wavelengths, prior.error_length)
     rough = [np.eye(film.sd.size) / np.hypot(film.sd, _ROUGH).ravel() for film in films]
     first = find_modes(
-        replace(problem, data=problem.data._replace(whiten=jnp.asarray(np.stack(rough)))), starts=_STARTS, seed=seed
+        replace(problem, data=problem.data._replace(whiten=jnp.asarray(np.stack(rough)))),
+        starts=_STARTS,
+        seed=seed,
     )
     logs, _ = how.at(problem, first.points[:, 0])
     problem = expanded(problem, films, how, logs, np.zeros_like(logs), smooth)

@@ -1,4 +1,6 @@
-"""Numbers of a posterior: of the chain and of Laplace's approximation side by side, and where the two differ."""
+"""Numbers of a posterior: of the chain and of Laplace's approximation side by side, and where the
+two differ.
+"""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -10,7 +12,8 @@ from jaxtyping import Bool, Float
 LEVELS = (0.05, 0.5, 0.95)
 """Quantiles that are reported; the outer two enclose 90 %."""
 
-# The ends of both 90 % intervals must agree within this share of its width: half a standard deviation of a Gaussian.
+# The ends of both 90 % intervals must agree within this share of its width: half a standard
+# deviation of a Gaussian.
 _AGREE = 0.15
 _SKEWED = 1.5
 # Where a share that lies in [0, 1] touches its ends.
@@ -43,12 +46,13 @@ class Row:
 
     Attributes:
         quantity, block: which.
-        mean, sd, lower, median, upper: of the chain, with the 5, 50 and 95 % quantiles; of Laplace's approximation
-            where nothing was sampled.
+        mean, sd, lower, median, upper: of the chain, with the 5, 50 and 95 % quantiles; of
+            Laplace's approximation where nothing was sampled.
         laplace_mean, laplace_sd, laplace_lower, laplace_upper: of Laplace's approximation.
-        effective_samples, autocorrelation_time: of the block's chain, NaN where nothing was sampled.
-        converged: whether the block's chain is long enough.
-        laplace: "agrees", or how the chain differs from it; without a chain whether its own test trusts it.
+        effective_samples, autocorrelation_time: of the block's chain, NaN where nothing was
+        sampled. converged: whether the block's chain is long enough.
+        laplace: "agrees", or how the chain differs from it; without a chain whether its own test
+            trusts it.
     """
 
     quantity: str
@@ -69,10 +73,11 @@ class Row:
 
 
 class Summary(list[Row]):
-    """Rows, a list as any other, which is shown as a table: in a terminal by `print`, in a notebook as its last line.
+    """Rows, a list as any other, which is shown as a table: in a terminal by `print`, in a notebook
+    as its last line.
 
-    The table has a line for each quantity, or for each block if there are several, with thickness in micrometres and
-    fractions in percent; the rows themselves are in m and in parts of 1.
+    The table has a line for each quantity, or for each block if there are several, with thickness
+    in micrometres and fractions in percent; the rows themselves are in m and in parts of 1.
 
     Attributes:
         sampled: whether there is a chain; else all numbers are Laplace's.
@@ -90,11 +95,19 @@ class Summary(list[Row]):
         return self._by_quantity() if len(blocks) < 2 else self._by_block(blocks)
 
     def _by_quantity(self) -> tuple[list[str], list[list[str]]]:
-        titles = ["emcee", "sd", "Laplace", "sd", "Laplace"] if self.sampled else ["Laplace", "sd", "its own test"]
+        titles = (
+            ["emcee", "sd", "Laplace", "sd", "Laplace"]
+            if self.sampled
+            else ["Laplace", "sd", "its own test"]
+        )
         lines = []
         for row in self:
             title, (scale,) = shown(row.quantity, np.ones(1))
-            line = [title, interval(row.median, row.lower, row.upper, scale), f"{scale * row.sd:.2g}"]
+            line = [
+                title,
+                interval(row.median, row.lower, row.upper, scale),
+                f"{scale * row.sd:.2g}",
+            ]
             if self.sampled:
                 ends = f"[{scale * row.laplace_lower:.3g}, {scale * row.laplace_upper:.3g}]"
                 line += [ends, f"{scale * row.laplace_sd:.2g}"]
@@ -111,7 +124,9 @@ class Summary(list[Row]):
             words = list(dict.fromkeys(r.laplace for r in mine.values()))
             others = [w for w in words if w != AGREES]
             samples = [f"{next(iter(mine.values())).effective_samples:.0f}"] if self.sampled else []
-            lines.append([block.removesuffix(" nm"), *cells, *samples, ", ".join(others) or words[0]])
+            lines.append(
+                [block.removesuffix(" nm"), *cells, *samples, ", ".join(others) or words[0]]
+            )
         return ["band", *(shown(quantity, np.ones(1))[0] for quantity in quantities), *last], lines
 
     def __repr__(self) -> str:
@@ -120,7 +135,9 @@ class Summary(list[Row]):
 
         def line(cells: list[str]) -> str:
             first, *figures, last = cells
-            between = [f"{cell:>{width}}" for cell, width in zip(figures, widths[1:-1], strict=True)]
+            between = [
+                f"{cell:>{width}}" for cell, width in zip(figures, widths[1:-1], strict=True)
+            ]
             return "  ".join([f"{first:{widths[0]}}", *between, last]).rstrip()
 
         return "\n".join([MEDIANS, *map(line, [titles, *lines])])
@@ -151,16 +168,25 @@ def shown(name: str, values: np.ndarray) -> tuple[str, np.ndarray]:
     if name.startswith("fraction "):
         return f"{name.removeprefix('fraction ')} (%)", values * 100.0
     what, at, where = name.partition(" at ")
-    return {"absorption": "k d", "scattering": "s d", "ratio": "k/s"}.get(what, what) + at + where, values
+    return {"absorption": "k d", "scattering": "s d", "ratio": "k/s"}.get(
+        what, what
+    ) + at + where, values
 
 
 def numbers(draws: Mapping[str, Float[np.ndarray, "*draws blocks"]]) -> dict[str, Numbers]:
     """Numbers of every quantity, over all leading axes."""
-    return {name: Numbers.of(values.reshape(-1, values.shape[-1])) for name, values in draws.items()}
+    return {
+        name: Numbers.of(values.reshape(-1, values.shape[-1])) for name, values in draws.items()
+    }
 
 
 def compare(
-    sampled: Numbers, laplace: Numbers, *, logarithmic: bool, share: bool, many: Bool[np.ndarray, "blocks"]
+    sampled: Numbers,
+    laplace: Numbers,
+    *,
+    logarithmic: bool,
+    share: bool,
+    many: Bool[np.ndarray, "blocks"],
 ) -> list[str]:
     """How a chain differs from Laplace's approximation, in a word or two a block.
 
@@ -172,7 +198,9 @@ def compare(
     """
     look = np.log if logarithmic else np.asarray
     tiny = np.finfo(float).tiny if logarithmic else -np.inf
-    low, middle, high = (look(np.maximum(v, tiny)) for v in (sampled.lower, sampled.median, sampled.upper))
+    low, middle, high = (
+        look(np.maximum(v, tiny)) for v in (sampled.lower, sampled.median, sampled.upper)
+    )
     other_low, other_high = (look(np.maximum(v, tiny)) for v in (laplace.lower, laplace.upper))
     width = np.maximum(high - low, 1e-300)
     off = np.maximum(np.abs(low - other_low), np.abs(high - other_high)) / width

@@ -1,4 +1,6 @@
-"""From refined stacks to what a painter can mix: simplified, rounded, and the best few that differ."""
+"""From refined stacks to what a painter can mix: simplified, rounded, and the best few
+that differ.
+"""
 
 import itertools
 from collections.abc import Iterator, Sequence
@@ -22,7 +24,8 @@ SHARE_STEP, THICKNESS_STEP = 0.001, 0.1
 # Round numbers of a recipe that the solver reads.
 _ROUNDED = 4
 
-# A paint that is less than this of its coat, or a coat that changes the colour less than this, is tried without.
+# A paint that is less than this of its coat, or a coat that changes the colour less than this, is
+# tried without.
 _LITTLE, _UNSEEN = 0.01, 0.1
 
 
@@ -51,13 +54,17 @@ class Scored:
     coats: int = field(init=False)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "paints", frozenset(np.flatnonzero(self.sizes.sum(axis=0) > 0).tolist()))
+        object.__setattr__(
+            self, "paints", frozenset(np.flatnonzero(self.sizes.sum(axis=0) > 0).tolist())
+        )
         object.__setattr__(self, "coats", int((self.sizes.sum(axis=1) > 0).sum()))
 
     @property
     def signature(self) -> tuple[frozenset[int], ...]:
         """Which paints lie in which coat, top first."""
-        return tuple(frozenset(np.flatnonzero(coat > 0).tolist()) for coat in self.sizes if coat.any())
+        return tuple(
+            frozenset(np.flatnonzero(coat > 0).tolist()) for coat in self.sizes if coat.any()
+        )
 
     @property
     def distance(self) -> float:
@@ -65,8 +72,12 @@ class Scored:
         return float(self.delta_e.max())
 
     def effort(self, simplicity: float) -> tuple[bool, float]:
-        """What recipes are ordered by: in gamut first, then the score and the price of every paint and coat."""
-        return not self.distance < IN_GAMUT, self.score + simplicity * (len(self.paints) + self.coats)
+        """What recipes are ordered by: in gamut first, then the score and the price of every paint
+        and coat.
+        """
+        return not self.distance < IN_GAMUT, self.score + simplicity * (
+            len(self.paints) + self.coats
+        )
 
 
 def score(model: StackModel, optics: Optics, aims: TargetArrays, stacks: Stacks) -> list[Scored]:
@@ -88,7 +99,9 @@ def _scored(
 
 
 def simplified(model: StackModel, stacks: Stacks) -> Stacks:
-    """Stacks without the paints that are hardly in them and the coats that hardly show: fewer, to be refined again."""
+    """Stacks without the paints that are hardly in them and the coats that hardly show: fewer, to
+    be refined again.
+    """
     share = stacks.sizes / np.maximum(stacks.sizes.sum(axis=2, keepdims=True), 1e-12)
     sizes = np.where(share < _LITTLE, 0.0, stacks.sizes)
     whole = _first_lab(model, sizes)
@@ -103,8 +116,12 @@ def simplified(model: StackModel, stacks: Stacks) -> Stacks:
     return Stacks.unrefined(simple, stacks.target[changed], stacks.cost[changed])
 
 
-def merged(sizes: Float[np.ndarray, "n coats paints"], thickest: float) -> Float[np.ndarray, "n coats paints"]:
-    """Stacks where neighbours of one and the same paint are one coat, if that is no thicker than allowed, um."""
+def merged(
+    sizes: Float[np.ndarray, "n coats paints"], thickest: float
+) -> Float[np.ndarray, "n coats paints"]:
+    """Stacks where neighbours of one and the same paint are one coat, if that is no thicker than
+    allowed, um.
+    """
     sizes = sizes.copy()
     for stack in sizes:
         for upper, lower in itertools.pairwise(stack):
@@ -115,7 +132,9 @@ def merged(sizes: Float[np.ndarray, "n coats paints"], thickest: float) -> Float
     return packed(sizes)
 
 
-def _first_lab(model: StackModel, sizes: Float[np.ndarray, "n coats paints"]) -> Float[np.ndarray, "n 3"]:
+def _first_lab(
+    model: StackModel, sizes: Float[np.ndarray, "n coats paints"]
+) -> Float[np.ndarray, "n 3"]:
     return np.asarray(lab_of(model, readings(model, sizes, None)))[:, 0]
 
 
@@ -128,7 +147,8 @@ def packed(sizes: Float[np.ndarray, "n coats paints"]) -> Float[np.ndarray, "n c
 def select(pool: Sequence[Scored], count: int, simplicity: float) -> list[Scored]:
     """The best few that differ in their paints or in the order of their coats.
 
-    A recipe that takes a simpler one and adds to it without coming nearer is left out while there are others.
+    A recipe that takes a simpler one and adds to it without coming nearer is left out while there
+    are others.
     """
     chosen: list[Scored] = []
     spare: list[Scored] = []
@@ -138,7 +158,9 @@ def select(pool: Sequence[Scored], count: int, simplicity: float) -> list[Scored
             continue
         seen.add(one.signature)
         embellished = any(
-            other.paints <= one.paints and other.coats <= one.coats and one.score > other.score - simplicity
+            other.paints <= one.paints
+            and other.coats <= one.coats
+            and one.score > other.score - simplicity
             for other in chosen
         )
         (spare if embellished else chosen).append(one)
@@ -147,7 +169,9 @@ def select(pool: Sequence[Scored], count: int, simplicity: float) -> list[Scored
     return chosen + spare[: count - len(chosen)]
 
 
-def roundings(sizes: Float[np.ndarray, "coats paints"], span: tuple[float, float]) -> list[Float[np.ndarray, "c p"]]:
+def roundings(
+    sizes: Float[np.ndarray, "coats paints"], span: tuple[float, float]
+) -> list[Float[np.ndarray, "c p"]]:
     """The stacks in round numbers next to a stack: every share and thickness up or down.
 
     Args:
@@ -155,22 +179,33 @@ def roundings(sizes: Float[np.ndarray, "coats paints"], span: tuple[float, float
         span: thinnest and thickest coat, um.
     """
     thickness = sizes.sum(axis=1)
-    per_coat = [list(_round_coats(coat, total, span)) for coat, total in zip(sizes, thickness, strict=True)]
+    per_coat = [
+        list(_round_coats(coat, total, span)) for coat, total in zip(sizes, thickness, strict=True)
+    ]
     return [np.stack(choice) for choice in itertools.product(*per_coat)]
 
 
-def _round_coats(coat: Float[np.ndarray, "paints"], total: float, span: tuple[float, float]) -> Iterator[np.ndarray]:
+def _round_coats(
+    coat: Float[np.ndarray, "paints"], total: float, span: tuple[float, float]
+) -> Iterator[np.ndarray]:
     if total == 0:
         yield coat
         return
     low, high = (np.floor(total / THICKNESS_STEP), np.ceil(total / THICKNESS_STEP))
     slack = 1e-9
-    round_sizes = {n * THICKNESS_STEP for n in (low, high) if span[0] - slack <= n * THICKNESS_STEP <= span[1] + slack}
+    round_sizes = {
+        n * THICKNESS_STEP
+        for n in (low, high)
+        if span[0] - slack <= n * THICKNESS_STEP <= span[1] + slack
+    }
     there = np.flatnonzero(coat > 0)
     main = there[np.argmax(coat[there])]
     others = [paint for paint in there if paint != main]
     for size in sorted(round_sizes) or [total]:
-        ends = [(np.floor(coat[p] / total / SHARE_STEP), np.ceil(coat[p] / total / SHARE_STEP)) for p in others]
+        ends = [
+            (np.floor(coat[p] / total / SHARE_STEP), np.ceil(coat[p] / total / SHARE_STEP))
+            for p in others
+        ]
         for choice in itertools.product(*(sorted(set(pair)) for pair in ends)):
             shares = np.zeros_like(coat)
             shares[others] = np.array(choice) * SHARE_STEP
@@ -179,24 +214,42 @@ def _round_coats(coat: Float[np.ndarray, "paints"], total: float, span: tuple[fl
 
 
 def rounded(
-    model: StackModel, optics: Optics, aims: TargetArrays, chosen: Sequence[tuple[int, Scored]], simplicity: float
+    model: StackModel,
+    optics: Optics,
+    aims: TargetArrays,
+    chosen: Sequence[tuple[int, Scored]],
+    simplicity: float,
 ) -> list[Scored]:
     """Each recipe, given with its target, in the round numbers that come nearest.
 
-    The solver reads a few of them: those that come nearest when a rounding changes a reading as it does by the table.
+    The solver reads a few of them: those that come nearest when a rounding changes a reading as it
+    does by the table.
     """
     low, high = np.exp(np.asarray(model.span)).tolist()
     options = [roundings(one.sizes, (low, high)) for _, one in chosen]
     owner = np.repeat(np.arange(len(chosen)), [len(some) for some in options])
     targets = np.array([target for target, _ in chosen])[owner]
     flat = Stacks.unrefined(
-        packed(np.stack([sizes for some in options for sizes in some])), targets, np.zeros(len(targets))
+        packed(np.stack([sizes for some in options for sizes in some])),
+        targets,
+        np.zeros(len(targets)),
     )
-    own = np.stack([one.reading for _, one in chosen]) - readings(model, np.stack([o.sizes for _, o in chosen]), None)
+    own = np.stack([one.reading for _, one in chosen]) - readings(
+        model, np.stack([o.sizes for _, o in chosen]), None
+    )
     guess = _scored(model, aims, flat, readings(model, flat.sizes, None) + own[owner])
     nearest = [
-        sorted(np.flatnonzero(owner == number).tolist(), key=lambda row: guess[row].effort(simplicity))[:_ROUNDED]
+        sorted(
+            np.flatnonzero(owner == number).tolist(), key=lambda row: guess[row].effort(simplicity)
+        )[:_ROUNDED]
         for number in range(len(chosen))
     ]
-    results = iter(score(model, optics, aims, flat.take(np.array([row for rows in nearest for row in rows], int))))
-    return [min((next(results) for _ in rows), key=lambda one: one.effort(simplicity)) for rows in nearest]
+    results = iter(
+        score(
+            model, optics, aims, flat.take(np.array([row for rows in nearest for row in rows], int))
+        )
+    )
+    return [
+        min((next(results) for _ in rows), key=lambda one: one.effort(simplicity))
+        for rows in nearest
+    ]

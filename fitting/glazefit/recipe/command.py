@@ -28,54 +28,77 @@ def register(app: typer.Typer) -> None:
 
 def recipe(
     lab: Annotated[
-        str | None, typer.Option(metavar="L,A,B", help="Colour L*,a*,b*, such as 50,20,30.", show_default=False)
+        str | None,
+        typer.Option(
+            metavar="L,A,B", help="Colour L*,a*,b*, such as 50,20,30.", show_default=False
+        ),
     ] = None,
     srgb: Annotated[
         str | None,
-        typer.Option(metavar="COLOUR", help="Colour of a screen, such as '#8a4b2d' or 138,75,45.", show_default=False),
+        typer.Option(
+            metavar="COLOUR",
+            help="Colour of a screen, such as '#8a4b2d' or 138,75,45.",
+            show_default=False,
+        ),
     ] = None,
     spectrum: Annotated[
         Path | None,
-        typer.Option(metavar="FILE", help="File of measured reflectance; see --samples.", show_default=False),
+        typer.Option(
+            metavar="FILE", help="File of measured reflectance; see --samples.", show_default=False
+        ),
     ] = None,
     samples: options.Samples = "",
     colourchecker: Annotated[
-        bool, typer.Option("--colourchecker", help="The 24 measured patches of a ColorChecker chart.")
+        bool,
+        typer.Option("--colourchecker", help="The 24 measured patches of a ColorChecker chart."),
     ] = False,
     patch: Annotated[
         str,
         typer.Option(
-            metavar="NAMES", help="Only these patches of the chart, such as 'blue sky,dark skin'.", show_default=False
+            metavar="NAMES",
+            help="Only these patches of the chart, such as 'blue sky,dark skin'.",
+            show_default=False,
         ),
     ] = "",
     illuminants: Annotated[
         str,
         typer.Option(
             metavar="NAMES",
-            help="Lights of the match, by CIE, such as D65,A,FL11: it holds under all of them. --lab is the colour "
+            help="Lights of the match, by CIE, such as D65,A,FL11: it holds under all of them. "
+            "--lab is the colour "
             "under the first.",
         ),
     ] = "D65",
     test_illuminant: Annotated[
-        str, typer.Option(metavar="NAME", help="One more light, under which the match is tested, not sought.")
+        str,
+        typer.Option(
+            metavar="NAME", help="One more light, under which the match is tested, not sought."
+        ),
     ] = "A",
     observer: options.Observer = "2",
     glazes: Annotated[
         bool,
         typer.Option(
-            "--glazes", help="Mix nothing: every coat is one paint as it is. The answer says what mixing would gain."
+            "--glazes",
+            help=(
+                "Mix nothing: every coat is one paint as it is. The answer says what mixing "
+                "would gain."
+            ),
         ),
     ] = False,
     max_paints: Annotated[
         int | None,
         typer.Option(
-            help="Largest number of paints in a recipe, 1 to 6. Default: 3, with --glazes 6.", show_default=False
+            help="Largest number of paints in a recipe, 1 to 6. Default: 3, with --glazes 6.",
+            show_default=False,
         ),
     ] = None,
     max_layers: Annotated[
         int | None,
         typer.Option(
-            help="Largest number of coats, 1 to 4, with --glazes to 6. Default: 2, with --glazes 6.",
+            help=(
+                "Largest number of coats, 1 to 4, with --glazes to 6. Default: 2, with --glazes 6."
+            ),
             show_default=False,
         ),
     ] = None,
@@ -97,7 +120,8 @@ def recipe(
     metamerism: Annotated[
         float,
         typer.Option(
-            help="Weight of the spectrum against the colour, where the target has one: a spectrum that is off by 0.01 "
+            help="Weight of the spectrum against the colour, where the target has one: a spectrum "
+            "that is off by 0.01 "
             "(root mean square) counts like this Delta E."
         ),
     ] = 0.2,
@@ -107,12 +131,18 @@ def recipe(
     csv: options.Csv = None,
     json: Annotated[
         Path | None,
-        typer.Option(metavar="FILE", help="Also write all recipes, with their spectra, as JSON.", show_default=False),
+        typer.Option(
+            metavar="FILE",
+            help="Also write all recipes, with their spectra, as JSON.",
+            show_default=False,
+        ),
     ] = None,
     spectra: Annotated[
         Path | None,
         typer.Option(
-            metavar="FILE", help="Also write the targets' spectra, at the paints' wavelengths.", show_default=False
+            metavar="FILE",
+            help="Also write the targets' spectra, at the paints' wavelengths.",
+            show_default=False,
         ),
     ] = None,
     overwrite: options.Overwrite = False,
@@ -144,7 +174,9 @@ def recipe(
     base = options.read_ground(_GROUND if ground is None else ground)
     from rich.console import Console
 
-    targets, notes = _targets(lab, srgb, spectrum, samples, colourchecker or bool(patch), patch, lights)
+    targets, notes = _targets(
+        lab, srgb, spectrum, samples, colourchecker or bool(patch), patch, lights
+    )
     from .task import make_task
 
     if spectra is not None and not all(target.spectral for target in targets):
@@ -174,7 +206,10 @@ def recipe(
     from .recipe import recipe_chunks
 
     groups, how = progress.collect(
-        recipe_chunks(task), len(targets), "compiling, then looking through all sets of paints", "recipes"
+        recipe_chunks(task),
+        len(targets),
+        "compiling, then looking through all sets of paints",
+        "recipes",
     )
     found = [recipes for group in groups for recipes in group]
     seconds = time.perf_counter() - started
@@ -189,7 +224,9 @@ def recipe(
         "--catalogue": None if catalogue == options.OILS else catalogue,
         "--pigments": pigments,
     }
-    seen = shlex.join(word for name, value in asked.items() if value is not None for word in (name, str(value)))
+    seen = shlex.join(
+        word for name, value in asked.items() if value is not None for word in (name, str(value))
+    )
     _print(found, task, seconds, console, seen)
     files = ", ".join(str(path) for path in (out, *others.values()) if path is not None)
     console.print(f"wrote {files}", markup=False)
@@ -202,7 +239,9 @@ def _bounds(coats: str | None, old: str | None) -> tuple[float, float]:
     if old is None:
         return options.read_lengths(_COATS if coats is None else coats, "--coat-thickness")
     if coats is not None:
-        raise ValueError(f"--coat-thickness {coats} says how thick coats may be: leave out --thickness")
+        raise ValueError(
+            f"--coat-thickness {coats} says how thick coats may be: leave out --thickness"
+        )
     bounds = options.read_lengths(old, "--thickness")
     options.renamed(f"--thickness {old}", f"--coat-thickness {old}")
     return bounds
@@ -222,7 +261,8 @@ def _targets(
 
     if (lab is not None) + (srgb is not None) + (spectrum is not None) + chart != 1:
         raise ValueError(
-            "give one target: --lab 50,20,30, --srgb '#8a4b2d', --spectrum FILE, or --colourchecker (see --help)"
+            "give one target: --lab 50,20,30, --srgb '#8a4b2d', --spectrum FILE, or "
+            "--colourchecker (see --help)"
         )
     if samples and spectrum is None:
         raise ValueError("--samples names spectra of a file: add --spectrum FILE")
@@ -230,7 +270,9 @@ def _targets(
         try:
             values = [float(value) for value in lab.split(",")]
         except ValueError:
-            raise ValueError(f"--lab is {lab!r}: write three numbers with commas, such as 50,20,30") from None
+            raise ValueError(
+                f"--lab is {lab!r}: write three numbers with commas, such as 50,20,30"
+            ) from None
         if not lights:
             raise ValueError("--illuminants is empty: name at least one, such as D65")
         return [lab_target({lights[0]: values})], []
@@ -243,12 +285,18 @@ def _targets(
     assert spectrum is not None
     table = read_spectra(spectrum)
     rows = options.choose_rows(spectrum, table.names, options.listed(samples))
-    targets = [spectral_target(table.names[row], table.wavelengths, table.reflectance[row]) for row in rows]
+    targets = [
+        spectral_target(table.names[row], table.wavelengths, table.reflectance[row]) for row in rows
+    ]
     return targets, list(table.notes)
 
 
 def _write(
-    found: "list[list[Recipe]]", task: "Task", out: Path, others: Mapping[str, Path | None], overwrite: bool
+    found: "list[list[Recipe]]",
+    task: "Task",
+    out: Path,
+    others: Mapping[str, Path | None],
+    overwrite: bool,
 ) -> None:
     from .plots import recipe_figure
     from .report import write_csv, write_json, write_targets
@@ -261,14 +309,20 @@ def _write(
         write_targets(task.targets, task.wavelengths, spectra, overwrite=overwrite)
     one = len(found) == 1
     shown = found[0] if one else [recipes[0] for recipes in found]
-    titles = [f"recipe {i}" for i in range(1, len(shown) + 1)] if one else [r.target.name for r in shown]
-    heading = f"Recipes for {found[0][0].target.name}" if one else "Recipes: target left, recipe right"
+    titles = (
+        [f"recipe {i}" for i in range(1, len(shown) + 1)] if one else [r.target.name for r in shown]
+    )
+    heading = (
+        f"Recipes for {found[0][0].target.name}" if one else "Recipes: target left, recipe right"
+    )
     curves = "curves: grey the target, black the recipe; " if shown[0].target.spectral else ""
     figure = recipe_figure(
         shown,
         titles=titles,
         heading=heading,
-        subtitle=f"{'target left, recipe right; ' if one else ''}{curves}coats top first; {_seen(task)}",
+        subtitle=(
+            f"{'target left, recipe right; ' if one else ''}{curves}coats top first; {_seen(task)}"
+        ),
     )
     figure.savefig(out, dpi=100)
 
@@ -278,7 +332,9 @@ def _seen(task: "Task") -> str:
     return f"{', '.join(task.illuminants)}, {eye}, {task.geometry.describe()}"
 
 
-def _print(found: "list[list[Recipe]]", task: "Task", seconds: float, console: "Console", seen: str) -> None:
+def _print(
+    found: "list[list[Recipe]]", task: "Task", seconds: float, console: "Console", seen: str
+) -> None:
     from glazejax import catalogue
 
     from .report import print_best, print_recipes
@@ -299,5 +355,10 @@ def _print(found: "list[list[Recipe]]", task: "Task", seconds: float, console: "
         f"{_seen(task)}.[/dim]"
     )
     for words in dict.fromkeys(filter(None, map(catalogue.assumed_scale, task.pigments))):
-        console.print(f"[dim]{words[0].upper()}{words[1:]}; thicknesses here are on that scale.[/dim]")
-    console.print(f"{len(found)} target{'s' if len(found) > 1 else ''} in {seconds:.1f} s (less when run again)")
+        console.print(
+            f"[dim]{words[0].upper()}{words[1:]}; thicknesses here are on that scale.[/dim]"
+        )
+    console.print(
+        f"{len(found)} target{'s' if len(found) > 1 else ''} in {seconds:.1f} s (less when run "
+        "again)"
+    )

@@ -7,9 +7,11 @@ from glazejax.colour import delta_e_2000
 
 
 def colour_metric(lab: Float[np.ndarray, "*batch 3"]) -> Float[np.ndarray, "*batch 3 3"]:
-    """Matrix M such that ``M @ step`` is as long as the CIEDE2000 difference of a small step around a colour.
+    """Matrix M such that ``M @ step`` is as long as the CIEDE2000 difference of a small step around
+    a colour.
 
-    The squared difference of six small steps, by colour-science, gives the quadratic form; M is its Cholesky factor.
+    The squared difference of six small steps, by colour-science, gives the quadratic form; M is its
+    Cholesky factor.
     """
     size = 0.02
     unit = size * np.eye(3)

@@ -1,8 +1,9 @@
 """What many stacks of coats read, and their colour: paints, ground, instrument and light as arrays.
 
-A stack is an array (coats, paints), top first: what each paint takes of each coat's thickness. Lengths are in
-micrometres here, k and s in 1/micrometre. While a stack is refined it is a few slots, each a paint in a coat with the
-logarithm of a free amount; the thickness of a coat, the sum of its amounts, is held between bounds by a sigmoid.
+A stack is an array (coats, paints), top first: what each paint takes of each coat's thickness.
+Lengths are in micrometres here, k and s in 1/micrometre. While a stack is refined it is a few
+slots, each a paint in a coat with the logarithm of a free amount; the thickness of a coat, the sum
+of its amounts, is held between bounds by a sigmoid.
 """
 
 import functools
@@ -70,11 +71,15 @@ def make_model(
         thickness: of the thinnest and the thickest coat, m.
     """
     grid = pigments[0].wavelengths
-    weights = np.stack([colour.colour_weights(grid, name, observer) for name in illuminants], axis=1)
+    weights = np.stack(
+        [colour.colour_weights(grid, name, observer) for name in illuminants], axis=1
+    )
     surface = 0.0
     mirror = isinstance(geometry, Hemispherical) or geometry.incidence == geometry.viewing
     if geometry.specular and mirror:
-        surface = float(dielectric_reflectance(np.asarray(geometry.cos_incidence), np.asarray(refractive_index)))
+        surface = float(
+            dielectric_reflectance(np.asarray(geometry.cos_incidence), np.asarray(refractive_index))
+        )
     return StackModel(
         absorption=jnp.asarray(np.stack([np.asarray(p.absorption) for p in pigments]) * 1e-6),
         scattering=jnp.asarray(np.stack([np.asarray(p.scattering) for p in pigments]) * 1e-6),
@@ -87,7 +92,9 @@ def make_model(
     )
 
 
-def lab_of(model: StackModel, spectra: Float[Array | np.ndarray, "*batch bands"]) -> Float[Array, "*batch lights 3"]:
+def lab_of(
+    model: StackModel, spectra: Float[Array | np.ndarray, "*batch bands"]
+) -> Float[Array, "*batch lights 3"]:
     """L*a*b* of readings under every light of the model."""
     return colour.xyz_to_lab(computed(_xyz_of, as_array(spectra), model.weights), model.white)
 
@@ -99,22 +106,32 @@ def _xyz_of(xp: Any, spectra: Any, weights: Any) -> Any:
 
 
 def coat_thickness(model: StackModel, total: Float[Array, "*coats"]) -> Float[Array, "*coats"]:
-    """Thickness of coats, um, within the bounds, from free totals, > 0; they agree in the middle of the range."""
+    """Thickness of coats, um, within the bounds, from free totals, > 0; they agree in the middle of
+    the range.
+    """
     low, high = model.span
     room = jnp.maximum(high - low, 1e-9)
     return jnp.exp(low + room * jax.nn.sigmoid(4.0 / room * (jnp.log(total) - 0.5 * (low + high))))
 
 
-def free_total(model: StackModel, thickness: Float[np.ndarray, "*coats"]) -> Float[np.ndarray, "*coats"]:
-    """The inverse of `coat_thickness`, with bounds moved inwards a little, where the sigmoid has a slope."""
+def free_total(
+    model: StackModel, thickness: Float[np.ndarray, "*coats"]
+) -> Float[np.ndarray, "*coats"]:
+    """The inverse of `coat_thickness`, with bounds moved inwards a little, where the sigmoid has a
+    slope.
+    """
     low, high = np.asarray(model.span)
     room = max(high - low, 1e-9)
     share = np.clip((np.log(thickness) - low) / room, 0.02, 0.98)
     return np.exp(0.5 * (low + high) + room / 4.0 * (np.log(share) - np.log1p(-share)))
 
 
-def amounts(model: StackModel, slots: Slots, logs: Float[Array, "slots"], coats: int) -> Float[Array, "coats slots"]:
-    """What each paint takes of its coat's thickness, um, from logarithms of free amounts; for one candidate."""
+def amounts(
+    model: StackModel, slots: Slots, logs: Float[Array, "slots"], coats: int
+) -> Float[Array, "coats slots"]:
+    """What each paint takes of its coat's thickness, um, from logarithms of free amounts; for one
+    candidate.
+    """
     member = slots.used & (slots.coat == jnp.arange(coats)[:, None])
     free = jnp.where(member, jnp.exp(logs), 0.0)
     total = jnp.where(member.any(axis=1), free.sum(axis=1), 1.0)
@@ -139,7 +156,9 @@ def fill_slots(
     coat, paint = np.divmod(np.where(used, order, 0), sizes.shape[2])
     total = sizes.sum(axis=2)
     scale = free_total(model, np.maximum(total, 1e-9)) / np.maximum(total, 1e-9)
-    free = np.take_along_axis((sizes * scale[:, :, None]).reshape(len(sizes), -1), np.where(used, order, 0), axis=1)
+    free = np.take_along_axis(
+        (sizes * scale[:, :, None]).reshape(len(sizes), -1), np.where(used, order, 0), axis=1
+    )
     return Slots(paint, coat, used), np.where(used, np.log(np.where(used, free, 1.0)), 0.0)
 
 
@@ -148,17 +167,21 @@ def empty_slots(
 ) -> Float[np.ndarray, "n coats paints"]:
     """The inverse of `fill_slots`, from amounts in um."""
     return np.einsum(
-        "ncs,nsp->ncp", amounts, np.eye(paints)[np.asarray(slots.paint)] * np.asarray(slots.used)[:, :, None]
+        "ncs,nsp->ncp",
+        amounts,
+        np.eye(paints)[np.asarray(slots.paint)] * np.asarray(slots.used)[:, :, None],
     )
 
 
 def quick_reading(
-    model: StackModel, kd: Float[Array, "*batch coats bands"], sd: Float[Array, "*batch coats bands"]
+    model: StackModel,
+    kd: Float[Array, "*batch coats bands"],
+    sd: Float[Array, "*batch coats bands"],
 ) -> Float[Array, "*batch bands"]:
     """What the instrument reads, by the table: exact for one coat.
 
-    A lower coat counts as the Lambertian ground that would read the same when bare, so that two coats are right to
-    about one Delta E. It serves to choose what to look at more closely.
+    A lower coat counts as the Lambertian ground that would read the same when bare, so that two
+    coats are right to about one Delta E. It serves to choose what to look at more closely.
     """
     ground = model.ground
     body = ground
@@ -170,12 +193,17 @@ def quick_reading(
 
 
 def internal(model: StackModel, body: Float[Array, "*batch bands"]) -> Float[Array, "*batch bands"]:
-    """The coat below as a ground: the Lambertian one that, bare, reads `body` without the outer surface's part."""
+    """The coat below as a ground: the Lambertian one that, bare, reads `body` without the outer
+    surface's part.
+    """
     return jnp.clip(model.film.internal(body), 0.0, 1.0)
 
 
 def true_reading(
-    model: StackModel, kd: Float[Array, "*batch coats bands"], sd: Float[Array, "*batch coats bands"], optics: Optics
+    model: StackModel,
+    kd: Float[Array, "*batch coats bands"],
+    sd: Float[Array, "*batch coats bands"],
+    optics: Optics,
 ) -> Float[Array, "*batch bands"]:
     """What the instrument reads, by the solver."""
     body = optics.body(jnp.swapaxes(kd, -1, -2), jnp.swapaxes(sd, -1, -2), model.ground, TOLERANCE)
@@ -185,7 +213,9 @@ def true_reading(
 def readings(
     model: StackModel, sizes: Float[np.ndarray, "n coats paints"], optics: Optics | None
 ) -> Float[np.ndarray, "n bands"]:
-    """What the instrument reads on each of many stacks: by the solver, or without `optics` by the table."""
+    """What the instrument reads on each of many stacks: by the solver, or without `optics` by the
+    table.
+    """
     done = []
     # Pieces of one size, so that one program serves all.
     size = READ_CHUNK if optics else 4 * READ_CHUNK

@@ -19,7 +19,9 @@ _WIDTH, _SWATCH, _CURVES, _TEXT, _TITLE = 3.0, 0.8, 1.15, 1.02, 0.34
 _LEFT, _TOP, _BOTTOM = 0.55, 0.95, 0.3
 
 
-def recipe_figure(recipes: Sequence[Recipe], *, titles: Sequence[str], heading: str, subtitle: str) -> "Figure":
+def recipe_figure(
+    recipes: Sequence[Recipe], *, titles: Sequence[str], heading: str, subtitle: str
+) -> "Figure":
     """One cell a recipe: swatches, spectra, and the coats in words.
 
     Args:
@@ -39,17 +41,26 @@ def recipe_figure(recipes: Sequence[Recipe], *, titles: Sequence[str], heading: 
     height = _TOP + rows * cell + _BOTTOM
     with style():
         figure = Figure(figsize=(width, height))
-        figure.text(0.25 / width, 1 - 0.34 / height, heading, fontsize=20, fontweight="bold", va="center")
+        figure.text(
+            0.25 / width, 1 - 0.34 / height, heading, fontsize=20, fontweight="bold", va="center"
+        )
         # A letter is about half as wide as it is high.
         size = min(12.0, 72.0 * (width - 0.5) / (0.53 * len(subtitle)))
-        figure.text(0.25 / width, 1 - 0.68 / height, subtitle, fontsize=size, color=FAINT, va="center")
+        figure.text(
+            0.25 / width, 1 - 0.68 / height, subtitle, fontsize=size, color=FAINT, va="center"
+        )
         tallest = _tallest(recipes)
         for number, (recipe, title) in enumerate(zip(recipes, titles, strict=True)):
             row, column = divmod(number, columns)
             left, top = _LEFT + column * _WIDTH, height - _TOP - row * cell
 
             def box(down: float, tall: float, left: float = left, top: float = top) -> tuple:
-                return left / width, (top - down - tall) / height, (_WIDTH - 0.35) / width, tall / height
+                return (
+                    left / width,
+                    (top - down - tall) / height,
+                    (_WIDTH - 0.35) / width,
+                    tall / height,
+                )
 
             swatch = figure.add_axes(box(_TITLE, _SWATCH))
             _draw_swatch(swatch, recipe, title)
@@ -80,13 +91,20 @@ def _draw_swatch(axes: "Axes", recipe: Recipe, title: str) -> None:
     axes.plot([1, 1], [1.0, 1.07], color=FAINT, lw=0.8, clip_on=False)
     axes.text(0, 1.06, title, fontsize=12, fontweight="bold", va="bottom")
     mark = INK if recipe.distance < 1 else "#b3261e"
-    axes.text(2, 1.06, f"ΔE {recipe.distance:.2f}", fontsize=11, ha="right", va="bottom", color=mark)
+    axes.text(
+        2, 1.06, f"ΔE {recipe.distance:.2f}", fontsize=11, ha="right", va="bottom", color=mark
+    )
 
 
 def _tallest(recipes: Sequence[Recipe]) -> list[float]:
-    """Largest reflectance that is drawn for each recipe's target: recipes for one target are compared by eye."""
+    """Largest reflectance that is drawn for each recipe's target: recipes for one target are
+    compared by eye.
+    """
     own = [max(float(r.reflectance.max()), _highest(r.target.reflectance)) for r in recipes]
-    return [max(each for each, other in zip(own, recipes, strict=True) if other.target is r.target) for r in recipes]
+    return [
+        max(each for each, other in zip(own, recipes, strict=True) if other.target is r.target)
+        for r in recipes
+    ]
 
 
 def _highest(values: Any) -> float:
@@ -96,9 +114,14 @@ def _highest(values: Any) -> float:
 def _draw_spectra(axes: "Axes", recipe: Recipe, highest: float, labelled: bool) -> None:
     target = recipe.target
     if target.wavelengths is not None and target.reflectance is not None:
-        axes.plot(target.wavelengths, target.reflectance, color=_TARGET, lw=3.2, solid_capstyle="round")
+        axes.plot(
+            target.wavelengths, target.reflectance, color=_TARGET, lw=3.2, solid_capstyle="round"
+        )
     axes.plot(recipe.wavelengths, recipe.reflectance, color=INK, lw=1.3)
-    axes.set(xlim=(recipe.wavelengths[0], recipe.wavelengths[-1]), ylim=(0, 1.0 if highest > 0.35 else 0.4))
+    axes.set(
+        xlim=(recipe.wavelengths[0], recipe.wavelengths[-1]),
+        ylim=(0, 1.0 if highest > 0.35 else 0.4),
+    )
     axes.set_xticks([400, 500, 600, 700])
     axes.set_yticks([0, 0.5, 1.0] if highest > 0.35 else [0, 0.2, 0.4])
     axes.tick_params(labelsize=8, length=2, pad=2)

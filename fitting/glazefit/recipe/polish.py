@@ -1,10 +1,12 @@
-"""The last steps of a recipe: Levenberg-Marquardt along the solver's own readings and slopes, many stacks side by side.
+"""The last steps of a recipe: Levenberg-Marquardt along the solver's own readings and slopes, many
+stacks side by side.
 
-Nothing is interpolated here. Readings come from the public solver at `recipe.model.TOLERANCE`, slopes from its
-derivatives by jax, and the cost is the one that recipes are chosen by: mean squared Delta E 2000 under the lights, and
-the penalty for another spectrum. A coat's thickness keeps to its bounds by projection, so that a coat as thick as
-allowed is at rest there. A stack is settled when a full step promises less than `PROMISE`: a paint that fades away
-changes nothing any more and keeps no solve from its end.
+Nothing is interpolated here. Readings come from the public solver at `recipe.model.TOLERANCE`,
+slopes from its derivatives by jax, and the cost is the one that recipes are chosen by: mean squared
+Delta E 2000 under the lights, and the penalty for another spectrum. A coat's thickness keeps to its
+bounds by projection, so that a coat as thick as allowed is at rest there. A stack is settled when a
+full step promises less than `PROMISE`: a paint that fades away changes nothing any more and keeps
+no solve from its end.
 """
 
 import functools
@@ -51,7 +53,9 @@ class _Place(NamedTuple):
     spectral: Float[np.ndarray, "n"]
 
     def take(self, rows: np.ndarray) -> "_Place":
-        return _Place(_Slots(*(values[rows] for values in self.slots)), *(values[rows] for values in self[1:]))
+        return _Place(
+            _Slots(*(values[rows] for values in self.slots)), *(values[rows] for values in self[1:])
+        )
 
 
 class _Look(NamedTuple):
@@ -63,7 +67,9 @@ class _Look(NamedTuple):
     curvature: Float[np.ndarray, "n m m"]
 
 
-def polish(model: StackModel, optics: Optics, aims: TargetArrays, stacks: Stacks, slots: int) -> Stacks:
+def polish(
+    model: StackModel, optics: Optics, aims: TargetArrays, stacks: Stacks, slots: int
+) -> Stacks:
     """Stacks at the best amounts of their paints, as the solver itself sees them.
 
     Args:
@@ -73,7 +79,8 @@ def polish(model: StackModel, optics: Optics, aims: TargetArrays, stacks: Stacks
         slots: at least as many as a stack has paints, counted in each coat.
 
     Returns:
-        The stacks, none farther from its target than before, with `cost`, `steps`, `settled` and `before`.
+        The stacks, none farther from its target than before, with `cost`, `steps`, `settled` and
+        `before`.
     """
     if stacks.size == 0:
         return stacks
@@ -102,7 +109,11 @@ def polish(model: StackModel, optics: Optics, aims: TargetArrays, stacks: Stacks
         steps[rows] += 1
         for old, found in zip(look, new, strict=True):
             old[rows] = found[better]
-    sizes = empty_slots(Slots(*place.slots), place.member * _amounts(place, point)[0][:, None], stacks.sizes.shape[2])
+    sizes = empty_slots(
+        Slots(*place.slots),
+        place.member * _amounts(place, point)[0][:, None],
+        stacks.sizes.shape[2],
+    )
     good = np.isfinite(look.cost)
     return Stacks(
         sizes=np.where(good[:, None, None], sizes, stacks.sizes),
@@ -118,16 +129,26 @@ def _rows(look: _Look, rows: np.ndarray) -> _Look:
     return _Look(*(values[rows] for values in look))
 
 
-def _start(model: StackModel, aims: TargetArrays, stacks: Stacks, count: int) -> tuple[_Place, np.ndarray]:
-    """Variables of stacks: logarithms of the coats' thicknesses, then those of the slots' shares."""
+def _start(
+    model: StackModel, aims: TargetArrays, stacks: Stacks, count: int
+) -> tuple[_Place, np.ndarray]:
+    """Variables of stacks: logarithms of the coats' thicknesses, then those of the slots'
+    shares.
+    """
     places, _ = fill_slots(model, stacks.sizes, count)
     slots = _Slots(*(np.asarray(values) for values in places))
-    member = (slots.used[:, None] & (slots.coat[:, None] == np.arange(stacks.sizes.shape[1])[:, None])).astype(float)
+    member = (
+        slots.used[:, None] & (slots.coat[:, None] == np.arange(stacks.sizes.shape[1])[:, None])
+    ).astype(float)
     amount = stacks.sizes[np.arange(stacks.size)[:, None], slots.coat, slots.paint]
     total = stacks.sizes.sum(axis=2)
     own = np.take_along_axis(total, slots.coat, axis=1)
-    shares = np.where(slots.used, np.log(np.where(slots.used, amount / np.where(own > 0, own, 1.0), 1.0)), 0.0)
-    logs = np.where(total > 0, np.clip(np.log(np.where(total > 0, total, 1.0)), *np.asarray(model.span)), 0.0)
+    shares = np.where(
+        slots.used, np.log(np.where(slots.used, amount / np.where(own > 0, own, 1.0), 1.0)), 0.0
+    )
+    logs = np.where(
+        total > 0, np.clip(np.log(np.where(total > 0, total, 1.0)), *np.asarray(model.span)), 0.0
+    )
     at = stacks.target
     aim = (np.asarray(values)[at] for values in (aims.lab, aims.spectrum, aims.spectral))
     return _Place(slots, member, *aim), np.concatenate([logs, np.maximum(shares, _FADED)], axis=1)
@@ -148,19 +169,31 @@ def _shares(place: _Place, free: Float[np.ndarray, "n slots"]) -> Float[np.ndarr
 
 
 def _step(
-    model: StackModel, point: Float[np.ndarray, "n m"], look: _Look, coats: int, damping: Float[np.ndarray, "n"]
+    model: StackModel,
+    point: Float[np.ndarray, "n m"],
+    look: _Look,
+    coats: int,
+    damping: Float[np.ndarray, "n"],
 ) -> tuple[Float[np.ndarray, "n m"], Float[np.ndarray, "n"]]:
-    """Where a damped step within the bounds of thickness leads, and the Delta E by which it should come nearer."""
+    """Where a damped step within the bounds of thickness leads, and the Delta E by which it should
+    come nearer.
+    """
     low, high = np.full((2, *point.shape), _FADED)
     low[:, :coats], high[:, :coats] = np.asarray(model.span)[:, None, None]
     high[:, coats:] = 0.0
     # What is not there has no slope, and stays; so does what is at a bound and drawn beyond it.
-    held = (look.slope == 0) | ((point <= low) & (look.slope > 0)) | ((point >= high) & (look.slope < 0))
+    held = (
+        (look.slope == 0)
+        | ((point <= low) & (look.slope > 0))
+        | ((point >= high) & (look.slope < 0))
+    )
     least, most = np.clip(low - point, -_LONGEST, 0.0), np.clip(high - point, 0.0, _LONGEST)
     step = np.zeros(point.shape)
     for _ in range(point.shape[1]):
         # The rest follows what stops at a bound, or it would end where neither is best.
-        slope = np.where(held, 0.0, look.slope + (look.curvature @ np.where(held, step, 0.0)[..., None])[..., 0])
+        slope = np.where(
+            held, 0.0, look.slope + (look.curvature @ np.where(held, step, 0.0)[..., None])[..., 0]
+        )
         matrix = np.where(held[:, :, None] | held[:, None, :], 0.0, look.curvature)
         matrix = matrix + damping[:, None, None] * np.eye(point.shape[1])
         step = np.where(held, step, -np.linalg.solve(matrix, slope[..., None])[..., 0])
@@ -169,12 +202,16 @@ def _step(
         held |= beyond
         if not beyond.any():
             break
-    gain = -2.0 * np.sum(look.slope * step, axis=1) - np.einsum("ni,nij,nj->n", step, look.curvature, step)
+    gain = -2.0 * np.sum(look.slope * step, axis=1) - np.einsum(
+        "ni,nij,nj->n", step, look.curvature, step
+    )
     left = np.maximum(look.cost - np.maximum(gain, 0.0), 0.0)
     return point + step, np.sqrt(look.cost) - np.sqrt(left)
 
 
-def _look(model: StackModel, optics: Optics, place: _Place, point: Float[np.ndarray, "n m"]) -> _Look:
+def _look(
+    model: StackModel, optics: Optics, place: _Place, point: Float[np.ndarray, "n m"]
+) -> _Look:
     """Cost and slopes by the solver."""
     amount, share = _amounts(place, point)
     done = []
@@ -184,17 +221,26 @@ def _look(model: StackModel, optics: Optics, place: _Place, point: Float[np.ndar
         slots = Slots(*(values[rows] for values in place.slots))
         solved = solve(model, slots, amount[rows], optics, coats=place.member.shape[1])
         done.append([np.asarray(values)[: len(point) - first] for values in solved])
-    reading, by_amount, lab, lab_by_reading = (np.concatenate(values) for values in zip(*done, strict=True))
+    reading, by_amount, lab, lab_by_reading = (
+        np.concatenate(values) for values in zip(*done, strict=True)
+    )
     colours, moves = colour_misfit(lab, place.lab)
     lights = lab.shape[1]
     miss = reading - place.spectrum
     weight = np.sqrt(place.spectral)[:, None]
-    residual = np.concatenate([colours.reshape(len(point), -1) / np.sqrt(lights), weight * miss], axis=1)
+    residual = np.concatenate(
+        [colours.reshape(len(point), -1) / np.sqrt(lights), weight * miss], axis=1
+    )
     by_log = by_amount * amount[:, :, None]  # (n, slots, bands)
     by_coat = place.member @ by_log
-    own = np.take_along_axis(by_coat, place.slots.coat[:, :, None], axis=1) * place.slots.used[:, :, None]
+    own = (
+        np.take_along_axis(by_coat, place.slots.coat[:, :, None], axis=1)
+        * place.slots.used[:, :, None]
+    )
     by_point = np.concatenate([by_coat, by_log - share[:, :, None] * own], axis=1)  # (n, m, bands)
-    in_colour = (moves @ lab_by_reading).reshape(len(point), 3 * lights, -1) @ np.swapaxes(by_point, 1, 2)
+    in_colour = (moves @ lab_by_reading).reshape(len(point), 3 * lights, -1) @ np.swapaxes(
+        by_point, 1, 2
+    )
     slopes = np.concatenate(
         [in_colour / np.sqrt(lights), weight[:, :, None] * np.swapaxes(by_point, 1, 2)], axis=1
     )  # (n, residuals, m)
@@ -202,7 +248,12 @@ def _look(model: StackModel, optics: Optics, place: _Place, point: Float[np.ndar
     cost = np.sum(residual**2, axis=1)
     good = np.isfinite(cost) & np.isfinite(slopes).all(axis=(1, 2))
     delta_e = np.linalg.norm(colours, axis=-1).max(axis=1)
-    return _Look(np.where(good, cost, np.inf), delta_e, (flipped @ residual[..., None])[..., 0], flipped @ slopes)
+    return _Look(
+        np.where(good, cost, np.inf),
+        delta_e,
+        (flipped @ residual[..., None])[..., 0],
+        flipped @ slopes,
+    )
 
 
 def polish_ahead(model: StackModel, optics: Optics, slots: int, coats: int) -> None:
@@ -214,20 +265,35 @@ def polish_ahead(model: StackModel, optics: Optics, slots: int, coats: int) -> N
 @Program
 @functools.partial(jax.jit, static_argnames=("optics", "coats"))
 def solve(
-    model: StackModel, slots: Slots, amount: Float[Array | np.ndarray, "n slots"], optics: Optics, *, coats: int
+    model: StackModel,
+    slots: Slots,
+    amount: Float[Array | np.ndarray, "n slots"],
+    optics: Optics,
+    *,
+    coats: int,
 ) -> tuple[
     Float[Array, "n bands"],
     Float[Array, "n slots bands"],
     Float[Array, "n lights 3"],
     Float[Array, "n lights 3 bands"],
 ]:
-    """Readings by the solver and their slopes by the amounts in um; L*a*b* and their slopes by the readings."""
-    absorption, scattering = model.absorption[slots.paint], model.scattering[slots.paint]  # (n, slots, bands)
+    """Readings by the solver and their slopes by the amounts in um; L*a*b* and their slopes by the
+    readings.
+    """
+    absorption, scattering = (
+        model.absorption[slots.paint],
+        model.scattering[slots.paint],
+    )  # (n, slots, bands)
     member = slots.used[:, None] & (slots.coat[:, None] == jnp.arange(coats)[:, None])
     share = jnp.where(member, amount[:, None], 0.0)
-    reading, back = jax.vjp(lambda kd, sd: true_reading(model, kd, sd, optics), share @ absorption, share @ scattering)
-    # A band's reading follows from that band alone, so that one pull-back of ones holds every slope.
-    by_kd, by_sd = (jnp.take_along_axis(v, slots.coat[..., None], axis=1) for v in back(jnp.ones_like(reading)))
+    reading, back = jax.vjp(
+        lambda kd, sd: true_reading(model, kd, sd, optics), share @ absorption, share @ scattering
+    )
+    # A band's reading follows from that band alone, so that one pull-back of ones holds every
+    # slope.
+    by_kd, by_sd = (
+        jnp.take_along_axis(v, slots.coat[..., None], axis=1) for v in back(jnp.ones_like(reading))
+    )
     by_amount = jnp.where(slots.used[..., None], by_kd * absorption + by_sd * scattering, 0.0)
     by_reading = jax.vmap(jax.jacfwd(lambda spectrum: lab_of(model, spectrum)))(reading)
     return reading, by_amount, lab_of(model, reading), by_reading
@@ -236,9 +302,11 @@ def solve(
 def colour_misfit(
     lab: Float[np.ndarray, "*batch 3"], aim: Float[np.ndarray, "*batch 3"]
 ) -> tuple[Float[np.ndarray, "*batch 3"], Float[np.ndarray, "*batch 3 3"]]:
-    """Vectors as long as the CIEDE2000 differences of colours from their aims, and their slopes by the colours.
+    """Vectors as long as the CIEDE2000 differences of colours from their aims, and their slopes by
+    the colours.
 
-    The vector points as the metric half-way between both has it, where the formula takes its weights.
+    The vector points as the metric half-way between both has it, where the formula takes its
+    weights.
     """
     moves = _LAB_STEP * np.concatenate([np.zeros((1, 3)), np.eye(3), -np.eye(3)])
     near = lab + moves.reshape(7, *(1,) * (lab.ndim - 1), 3)
@@ -246,6 +314,11 @@ def colour_misfit(
     vector = np.einsum("...ij,...j->...i", metric, near - aim)
     length = np.linalg.norm(vector, axis=-1)
     far = length > 1e-4
-    vector = vector * np.where(far, delta_e_2000(near, aim + 0.0 * near) / np.where(far, length, 1.0), 1.0)[..., None]
+    vector = (
+        vector
+        * np.where(far, delta_e_2000(near, aim + 0.0 * near) / np.where(far, length, 1.0), 1.0)[
+            ..., None
+        ]
+    )
     slopes = (vector[1:4] - vector[4:]) / (2.0 * _LAB_STEP)
     return vector[0], np.moveaxis(slopes, 0, -1)

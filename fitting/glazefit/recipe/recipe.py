@@ -1,9 +1,11 @@
 """Recipes: which paints, in which order and how thick, give a colour or a spectrum.
 
-All sets of up to three paints in one coat or two are looked at on a coarse grid (`glazefit.recipe.screen`), the best
-are refined by Levenberg-Marquardt on a table (`glazefit.recipe.refine`), more paints or coats are added where allowed,
-what remains is simplified, and its last steps follow the solver's own readings and slopes (`glazefit.recipe.polish`).
-Then it is rounded to what a painter can weigh and measure, and put in order (`glazefit.recipe.choose`).
+All sets of up to three paints in one coat or two are looked at on a coarse grid
+(`glazefit.recipe.screen`), the best are refined by Levenberg-Marquardt on a table
+(`glazefit.recipe.refine`), more paints or coats are added where allowed, what remains is
+simplified, and its last steps follow the solver's own readings and slopes
+(`glazefit.recipe.polish`). Then it is rounded to what a painter can weigh and measure, and put in
+order (`glazefit.recipe.choose`).
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -30,9 +32,9 @@ from .task import DEFAULT_THICKNESS, RecipeOptions, Task, Wanted, as_targets, ma
 GROUP = 8
 """Targets that are refined at a time."""
 
-# How many sets of paints a target keeps after the first look, by (layers, paints counted in each coat); after a first
-# refinement; how many the solver refines, of mixed stacks and of unmixed ones, which are of more kinds; and how many
-# are grown, and kept of their children.
+# How many sets of paints a target keeps after the first look, by (layers, paints counted in each
+# coat); after a first refinement; how many the solver refines, of mixed stacks and of unmixed ones,
+# which are of more kinds; and how many are grown, and kept of their children.
 _KEEP = {(1, 1): 3, (1, 2): 12, (1, 3): 40, (2, 1): 8, (2, 2): 24, (2, 3): 40}
 _KEEP_REFINED, _KEEP_SOLVED, _KEEP_GLAZES = 8, 8, 4
 _PARENTS, _CHILDREN = 4, 24
@@ -54,18 +56,20 @@ class Recipe:
         lab: L*a*b* by illuminant, (3,).
         delta_e: Delta E 2000 to the target by illuminant.
         unrounded: largest Delta E 2000 before its numbers were rounded.
-        metamerism: Delta E 2000 under the test illuminant, or None if the target's colour there is not known.
-        test_illuminant: full name.
+        metamerism: Delta E 2000 under the test illuminant, or None if the target's colour there is
+        not known. test_illuminant: full name.
         rmse: root mean squared difference to the target's spectrum, or None without one.
-        sensitivity: for each coat, Delta E 2000 of the colour when that coat alone is 10 % thicker or thinner.
-        between_mixings: mean Delta E 2000 to be expected from one mixing to the next, by the strength that paints
+        sensitivity: for each coat, Delta E 2000 of the colour when that coat alone is 10 % thicker
+        or thinner. between_mixings: mean Delta E 2000 to be expected from one mixing to the next,
+        by the strength that paints
             have in one film beside others (`glazefit.film.variation`).
         gamut_distance: the least Delta E 2000 found for the target if that is 1 or more, else 0.
-        limit: what keeps a target out of reach: "paints", or a coat at a bound of thickness; "" if in reach.
-        converged: whether least squares came to an end; if not, other amounts of the same paints may come nearer.
-        steps: of least squares by the solver.
+        limit: what keeps a target out of reach: "paints", or a coat at a bound of thickness; "" if
+        in reach. converged: whether least squares came to an end; if not, other amounts of the same
+        paints may come nearer. steps: of least squares by the solver.
         before: largest Delta E 2000 before these steps, at the amounts that the table led to.
-        mixed: the nearest recipe with paints mixed within its coats, beside one of unmixed coats; else None.
+        mixed: the nearest recipe with paints mixed within its coats, beside one of unmixed coats;
+            else None.
     """
 
     target: Target
@@ -148,26 +152,30 @@ def find_recipes(
     """The best few different glazes for a colour or a spectrum, or for many at once.
 
     Args:
-        target: L*a*b* under D65, (3,); a mapping from illuminants to such colours; or what `lab_target`,
-            `srgb_target`, `spectral_target` or `colourchecker_targets` make. A list of them is a batch.
+        target: L*a*b* under D65, (3,); a mapping from illuminants to such colours; or what
+            `lab_target`,
+            `srgb_target`, `spectral_target` or `colourchecker_targets` make. A list of them is a
+            batch.
         pigments: mapping or sequence; the catalogue if left out.
-        ground: internal reflectance below the paint, scalar or (bands,) on the pigments' wavelengths.
-        geometry: how the colour is seen; `Bidirectional(45, 0)` if left out: no mirror reflection.
-        refractive_index: of all coats.
+        ground: internal reflectance below the paint, scalar or (bands,) on the pigments'
+        wavelengths. geometry: how the colour is seen; `Bidirectional(45, 0)` if left out: no mirror
+        reflection. refractive_index: of all coats.
         illuminants: to match the colour under; those a colour is given under, or D65, if left out.
         test_illuminant: under which metamerism is reported.
         observer: 2, 10, or a full name.
         max_paints: different paints in a recipe, at most; 1 to 6. 3 if left out, of glazes 6.
         max_layers: coats, at most; 1 to 4, of glazes 1 to 6. 2 if left out, of glazes 6.
-        glazes: nothing is mixed: each coat is one paint as it is. `Recipe.mixed` says what mixing would gain.
-        thickness: of the thinnest and the thickest coat, m.
-        count: how many recipes a target gets, at most. They differ in their paints or in the order of the coats.
-        metamerism: Delta E that a root mean squared difference of 0.01 from the target's spectrum weighs.
-        simplicity: Delta E that one more paint, or one more coat, must gain to be worth it.
+        glazes: nothing is mixed: each coat is one paint as it is. `Recipe.mixed` says what mixing
+        would gain. thickness: of the thinnest and the thickest coat, m.
+        count: how many recipes a target gets, at most. They differ in their paints or in the order
+        of the coats. metamerism: Delta E that a root mean squared difference of 0.01 from the
+        target's spectrum weighs. simplicity: Delta E that one more paint, or one more coat, must
+        gain to be worth it.
         seed: of the points from which mixtures of three paints start.
 
     Returns:
-        A list of `Recipe`, best first: those below a Delta E of 1 before others. For a batch, one such list a target.
+        A list of `Recipe`, best first: those below a Delta E of 1 before others. For a batch, one
+        such list a target.
 
     Raises:
         ValueError: an argument out of range; the message names it, the value and the fix.
@@ -196,13 +204,18 @@ def find_recipes(
 
 
 def recipe_chunks(task: Task) -> Iterator[list[list[Recipe]]]:
-    """Recipes for a few targets at a time, so that progress can be shown and an interrupt loses little."""
+    """Recipes for a few targets at a time, so that progress can be shown and an interrupt loses
+    little.
+    """
     if not task.glazes:
         yield from _searched(task)
         return
     for pure, mixed in zip(_searched(task), _searched(task.mixed), strict=True):
         nearest = [min(recipes, key=lambda one: one.distance) for recipes in mixed]
-        yield [[replace(one, mixed=best) for one in own] for own, best in zip(pure, nearest, strict=True)]
+        yield [
+            [replace(one, mixed=best) for one in own]
+            for own, best in zip(pure, nearest, strict=True)
+        ]
 
 
 def _searched(task: Task) -> Iterator[list[list[Recipe]]]:
@@ -229,7 +242,9 @@ def _searched(task: Task) -> Iterator[list[list[Recipe]]]:
     )
     for first in range(0, len(task.targets), GROUP):
         here = range(first, min(first + GROUP, len(task.targets)))
-        stacks = _refined(task, model, aims, rough.take(np.flatnonzero(np.isin(rough.target, here))))
+        stacks = _refined(
+            task, model, aims, rough.take(np.flatnonzero(np.isin(rough.target, here)))
+        )
         yield _finish(task, model, aims, stacks, here)
 
 
@@ -246,7 +261,12 @@ def _refined(task: Task, model: StackModel, aims: TargetArrays, rough: Stacks) -
         last = stacks.take(np.flatnonzero(stacks.coats == number + 2)) if task.glazes else stacks
         parents = last.best(lambda coats, paints: _PARENTS)
         children = grown(
-            model, aims, parents, max_paints=task.max_paints, max_layers=task.max_layers, mixed=not task.glazes
+            model,
+            aims,
+            parents,
+            max_paints=task.max_paints,
+            max_layers=task.max_layers,
+            mixed=not task.glazes,
         )
         children = better(children.best(lambda coats, paints: _CHILDREN))
         stacks = Stacks.join([stacks, better(children.best(lambda coats, paints: _KEEP_REFINED))])
@@ -256,7 +276,9 @@ def _refined(task: Task, model: StackModel, aims: TargetArrays, rough: Stacks) -
     return polish(model, task.optics, aims, pool.best(lambda coats, paints: kept), task.slots)
 
 
-def _finish(task: Task, model: StackModel, aims: TargetArrays, stacks: Stacks, targets: range) -> list[list[Recipe]]:
+def _finish(
+    task: Task, model: StackModel, aims: TargetArrays, stacks: Stacks, targets: range
+) -> list[list[Recipe]]:
     """Choose, round and describe the recipes of some targets."""
     scored = score(model, task.optics, aims, stacks)
     exact = []
@@ -266,14 +288,20 @@ def _finish(task: Task, model: StackModel, aims: TargetArrays, stacks: Stacks, t
     round_ones = rounded(model, task.optics, aims, exact, task.simplicity)
     recipes = []
     for target in targets:
-        pairs = {id(new): old for (owner, old), new in zip(exact, round_ones, strict=True) if owner == target}
+        pairs = {
+            id(new): old
+            for (owner, old), new in zip(exact, round_ones, strict=True)
+            if owner == target
+        }
         own = [new for (owner, _), new in zip(exact, round_ones, strict=True) if owner == target]
         best = select(own, task.count, task.simplicity)
         recipes.append(_described(task, model, target, [(one, pairs[id(one)]) for one in best]))
     return recipes
 
 
-def _described(task: Task, model: StackModel, target: int, chosen: list[tuple[Scored, Scored]]) -> list[Recipe]:
+def _described(
+    task: Task, model: StackModel, target: int, chosen: list[tuple[Scored, Scored]]
+) -> list[Recipe]:
     """Recipes from what was chosen, each with the same before it was rounded."""
     aim = task.targets[target]
     recipes, effects = [], _thickness_effects(task, model, aim, [one for one, _ in chosen])
@@ -288,7 +316,12 @@ def _described(task: Task, model: StackModel, target: int, chosen: list[tuple[Sc
 
 
 def _recipe(
-    task: Task, aim: Target, one: Scored, exact: Scored, sensitivity: tuple[float, ...], between_mixings: float
+    task: Task,
+    aim: Target,
+    one: Scored,
+    exact: Scored,
+    sensitivity: tuple[float, ...],
+    between_mixings: float,
 ) -> Recipe:
     coats, layers = [], []
     for sizes in one.sizes:
@@ -303,7 +336,9 @@ def _recipe(
         coats.append(Coat(tuple(zip(shares, (p.name for p in paints), strict=True)), metres, 1))
 
     def lab(illuminant: str) -> Float[np.ndarray, "3"]:
-        return np.asarray(colour.lab(task.wavelengths, one.reading, illuminant=illuminant, observer=task.observer))
+        return np.asarray(
+            colour.lab(task.wavelengths, one.reading, illuminant=illuminant, observer=task.observer)
+        )
 
     test, rmse = None, None
     if aim.knows(task.test_illuminant):
@@ -335,7 +370,9 @@ def _recipe(
 def _thickness_effects(
     task: Task, model: StackModel, aim: Target, chosen: list[Scored]
 ) -> list[tuple[tuple[float, ...], str]]:
-    """For each recipe, what 10 % of each coat's thickness does to the colour, and what keeps it from the target."""
+    """For each recipe, what 10 % of each coat's thickness does to the colour, and what keeps it
+    from the target.
+    """
     light = task.illuminants[0]
     sizes, places = [], []
     for row, one in enumerate(chosen):
@@ -346,11 +383,15 @@ def _thickness_effects(
                 sizes.append(other)
                 places.append((row, coat))
     reading = readings(model, np.stack(sizes), task.optics)
-    labs = np.asarray(colour.lab(task.wavelengths, reading, illuminant=light, observer=task.observer))
+    labs = np.asarray(
+        colour.lab(task.wavelengths, reading, illuminant=light, observer=task.observer)
+    )
     wanted = aim.lab(light, task.observer)
     effects = []
     for row, one in enumerate(chosen):
-        own = np.asarray(colour.lab(task.wavelengths, one.reading, illuminant=light, observer=task.observer))
+        own = np.asarray(
+            colour.lab(task.wavelengths, one.reading, illuminant=light, observer=task.observer)
+        )
         moved = labs[[place[0] == row for place in places]].reshape(one.coats, 2, 3)
         sensitivity = colour.delta_e_2000(moved, own).mean(axis=1)
         distance = colour.delta_e_2000(own, wanted)
@@ -359,27 +400,35 @@ def _thickness_effects(
             for coat in range(one.coats)
             for side in (0, 1)
             if _at_bound(one.sizes[coat].sum(), task.thickness[1 - side])
-            and colour.delta_e_2000(moved[coat, side], wanted) < distance - max(0.05, 0.01 * distance)
+            and colour.delta_e_2000(moved[coat, side], wanted)
+            < distance - max(0.05, 0.01 * distance)
         ]
         effects.append((tuple(sensitivity.tolist()), ", ".join(limits) or "paints"))
     return effects
 
 
 def _between_mixings(task: Task, model: StackModel, chosen: list[Scored]) -> list[float]:
-    """Mean Delta E 2000 between two mixings of each recipe, whose paints come out stronger or weaker each time.
+    """Mean Delta E 2000 between two mixings of each recipe, whose paints come out stronger or
+    weaker each time.
 
-    To first order: what one paint of a coat does to the colour when it is stronger by a standard deviation.
+    To first order: what one paint of a coat does to the colour when it is stronger by a standard
+    deviation.
     """
     light, spread = task.illuminants[0], MIXED.level * Variation().size_of([])
     places = [
-        (row, coat, paint) for row, one in enumerate(chosen) for coat, paint in np.argwhere(one.sizes > 0).tolist()
+        (row, coat, paint)
+        for row, one in enumerate(chosen)
+        for coat, paint in np.argwhere(one.sizes > 0).tolist()
     ]
     stronger = np.stack([chosen[row].sizes for row, _, _ in places])
     for number, (_, coat, paint) in enumerate(places):
         stronger[number, coat, paint] *= np.exp(spread)
     labs, own = (
         np.asarray(colour.lab(task.wavelengths, reading, illuminant=light, observer=task.observer))
-        for reading in (readings(model, stronger, task.optics), np.stack([one.reading for one in chosen]))
+        for reading in (
+            readings(model, stronger, task.optics),
+            np.stack([one.reading for one in chosen]),
+        )
     )
     rng, found = np.random.default_rng(0), []
     for row in range(len(chosen)):

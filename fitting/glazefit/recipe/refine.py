@@ -1,9 +1,12 @@
-"""From a rough stack to the nearest that the same paints can come: Levenberg-Marquardt, many stacks side by side.
+"""From a rough stack to the nearest that the same paints can come: Levenberg-Marquardt, many stacks
+side by side.
 
-A stack whose solve stops before it has settled keeps its amounts, and is marked so (`Stacks.settled`).
+A stack whose solve stops before it has settled keeps its amounts, and is marked so
+(`Stacks.settled`).
 
-The table's model of a stack (`recipe.model.quick_reading`) is exact for one coat and differs a little from the solver
-for several: enough to choose by. The last steps are the solver's own (`recipe.polish`).
+The table's model of a stack (`recipe.model.quick_reading`) is exact for one coat and differs a
+little from the solver for several: enough to choose by. The last steps are the solver's own
+(`recipe.polish`).
 """
 
 import functools
@@ -35,7 +38,8 @@ _STEPS = 12
 _CHUNK = 128
 # Costs computed at a time.
 _COSTS = 1024
-# Share of a coat's strength that an added paint gets, and places between thinnest and thickest for an added coat.
+# Share of a coat's strength that an added paint gets, and places between thinnest and thickest for
+# an added coat.
 _SHARE = 0.15
 _PLACES = (0.15, 0.5)
 
@@ -56,7 +60,8 @@ def refine(model: StackModel, aims: TargetArrays, stacks: Stacks, slots: int) ->
     for first in range(0, stacks.size, _CHUNK):
         rows = np.arange(first, first + _CHUNK).clip(max=stacks.size - 1)
         some = Slots(*(values[rows] for values in places))
-        # Each candidate carries its target, so that the program does not depend on how many there are.
+        # Each candidate carries its target, so that the program does not depend on how many there
+        # are.
         at = stacks.target[rows]
         aim = TargetArrays(*(values[at] for values in known))
         solved = _solve(model, some, starts[rows], aim, coats=stacks.sizes.shape[1])
@@ -65,7 +70,10 @@ def refine(model: StackModel, aims: TargetArrays, stacks: Stacks, slots: int) ->
     sizes = empty_slots(places, amount, stacks.sizes.shape[2])
     # What did not come out as a number stays as it was before.
     good = np.isfinite(cost) & np.isfinite(sizes).all(axis=(1, 2))
-    sizes, cost = np.where(good[:, None, None], sizes, stacks.sizes), np.where(good, cost, stacks.cost)
+    sizes, cost = (
+        np.where(good[:, None, None], sizes, stacks.sizes),
+        np.where(good, cost, stacks.cost),
+    )
     return stacks._replace(sizes=sizes, cost=cost, settled=settled & good)
 
 
@@ -94,27 +102,43 @@ def _solve(
         absorption, scattering = model.absorption[slots.paint], model.scattering[slots.paint]
         reading = quick_reading(model, share @ absorption, share @ scattering)
         miss = jnp.einsum("lij,lj->li", aim.metric, lab_of(model, reading) - aim.lab)
-        return jnp.concatenate([miss.ravel() / np.sqrt(lights), jnp.sqrt(aim.spectral) * (reading - aim.spectrum)])
+        return jnp.concatenate(
+            [miss.ravel() / np.sqrt(lights), jnp.sqrt(aim.spectral) * (reading - aim.spectrum)]
+        )
 
     def residuals(logs: Array, slots: Slots, aim: TargetArrays, start: Array) -> Array:
         return jnp.concatenate([misfit(logs, slots, aim), _PULL * (logs - start)])
 
     given = (slots, aims, starts)
-    logs, settled = levenberg_marquardt(residuals, jnp.asarray(starts), *given, rtol=1e-3, atol=1e-3, max_steps=_STEPS)
+    logs, settled = levenberg_marquardt(
+        residuals, jnp.asarray(starts), *given, rtol=1e-3, atol=1e-3, max_steps=_STEPS
+    )
     cost = jnp.sum(jax.vmap(misfit)(logs, slots, aims) ** 2, axis=1)
-    return jax.vmap(lambda slots, logs: amounts(model, slots, logs, coats))(slots, logs), cost, settled
+    return (
+        jax.vmap(lambda slots, logs: amounts(model, slots, logs, coats))(slots, logs),
+        cost,
+        settled,
+    )
 
 
 def grown(
-    model: StackModel, aims: TargetArrays, parents: Stacks, *, max_paints: int, max_layers: int, mixed: bool = True
+    model: StackModel,
+    aims: TargetArrays,
+    parents: Stacks,
+    *,
+    max_paints: int,
+    max_layers: int,
+    mixed: bool = True,
 ) -> Stacks:
-    """Every stack with one more paint in a coat, or one more coat on top or at the bottom, and its cost by the table.
+    """Every stack with one more paint in a coat, or one more coat on top or at the bottom, and its
+    cost by the table.
 
     Args:
         model, aims: paints and targets.
         parents: stacks to add to.
         max_paints, max_layers: limits.
-        mixed: whether a coat may hold more than one paint; if not, a coat is added between two others too.
+        mixed: whether a coat may hold more than one paint; if not, a coat is added between two
+            others too.
     """
     sizes, owners = [], []
     for row, stack in enumerate(parents.sizes):
@@ -138,7 +162,11 @@ _distances = jax.jit(squared_distance)
 
 
 def _children(
-    model: StackModel, stack: Float[np.ndarray, "coats paints"], max_paints: int, max_layers: int, mixed: bool
+    model: StackModel,
+    stack: Float[np.ndarray, "coats paints"],
+    max_paints: int,
+    max_layers: int,
+    mixed: bool,
 ) -> list:
     power = strength(model)
     low, high = np.asarray(model.span)

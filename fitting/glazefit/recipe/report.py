@@ -35,7 +35,10 @@ CSV_COLUMNS = (
     "delta_e_between_mixings",
 )
 
-MIXING = "Expect ΔE00 {:.1f} from one mixing to the next (column mixing); per 10 %: of a coat's thickness."
+MIXING = (
+    "Expect ΔE00 {:.1f} from one mixing to the next (column mixing); per 10 %: of a coat's "
+    "thickness."
+)
 
 # A gain of less is not worth mixing.
 _SEEN = 0.05
@@ -44,7 +47,9 @@ NO_BREAK = "\u00a0"
 
 
 def describe_coat(coat: Coat) -> str:
-    """A coat in words, such as ``3.5 µm · 89.1 % ZincWhite + 10.9 % EmeraldGreen``; lines may break between paints."""
+    """A coat in words, such as ``3.5 µm · 89.1 % ZincWhite + 10.9 % EmeraldGreen``; lines may break
+    between paints.
+    """
     size = f"{coat.thickness * 1e6:.1f} µm{' ·' if len(coat.parts) > 1 else ''}"
     return f"{size} {' + '.join(_parts(coat))}".replace(" ", NO_BREAK).replace(
         f"{NO_BREAK}+{NO_BREAK}", f"{NO_BREAK}+ "
@@ -59,7 +64,9 @@ def _parts(coat: Coat) -> list[str]:
 
 
 def target_hex(recipe: Recipe) -> str:
-    """The target's colour on a screen, #rrggbb, seen by the first illuminant and the 1931 observer."""
+    """The target's colour on a screen, #rrggbb, seen by the first illuminant and the 1931
+    observer.
+    """
     light = next(iter(recipe.delta_e))
     aim = recipe.target
     if aim.wavelengths is not None and aim.reflectance is not None:
@@ -76,7 +83,9 @@ def recipe_hex(recipe: Recipe) -> str:
 
 
 def _lab_hex(recipe: Recipe, lab) -> str:
-    """L*a*b* shown as it is: relative to the illuminant's white, which a screen shows as its own."""
+    """L*a*b* shown as it is: relative to the illuminant's white, which a screen shows as
+    its own.
+    """
     light = next(iter(recipe.delta_e))
     white = colour.white_point(recipe.wavelengths, light)
     return hex_colour(colour.xyz_to_srgb(colour.lab_to_xyz(lab, white), white))
@@ -95,11 +104,15 @@ def print_recipes(recipes: Sequence[Recipe], console: Console, seen: str = "") -
     for rank, recipe in enumerate(recipes, 1):
         _add_coats(table, [str(rank), *_figures(recipe)], recipe)
     swatches = swatch(target_hex(first)) + Text(" ") + swatch(recipe_hex(first))
-    console.print(Text(f"{first.target.name} ", style="bold") + swatches + Text(" target, first recipe"))
+    console.print(
+        Text(f"{first.target.name} ", style="bold") + swatches + Text(" target, first recipe")
+    )
     console.print(table)
     console.print(Text(MIXING.format(first.between_mixings), style="dim"))
     line = f"glazejax render --layers '{first.layers}'"
-    console.print(Text(f"See the first: {' '.join(filter(None, (line, seen)))}", style="dim"), soft_wrap=True)
+    console.print(
+        Text(f"See the first: {' '.join(filter(None, (line, seen)))}", style="dim"), soft_wrap=True
+    )
     if first.mixed is not None:
         console.print(Text(if_mixed(recipes)))
     if not first.in_gamut:
@@ -120,7 +133,9 @@ def print_best(found: Sequence[Sequence[Recipe]], console: Console) -> None:
     console.print(table)
     if pure:
         console.print(Text(all_if_mixed(found)))
-    console.print(Text(MIXING.format(np.mean([best.between_mixings for best, *_ in found])), style="dim"))
+    console.print(
+        Text(MIXING.format(np.mean([best.between_mixings for best, *_ in found])), style="dim")
+    )
     for best, *_ in found:
         if not best.in_gamut:
             console.print(Text(out_of_reach(best), style="yellow"))
@@ -131,14 +146,20 @@ def print_best(found: Sequence[Sequence[Recipe]], console: Console) -> None:
 def _titles(recipe: Recipe) -> list[str]:
     """Headings of the colour differences: lights asked for, and the test light if it is another."""
     lights = list(recipe.delta_e)
-    return [f"ΔE00 {name}" for name in lights] + ([f"({recipe.test_illuminant})"] if _tested(recipe) else [])
+    return [f"ΔE00 {name}" for name in lights] + (
+        [f"({recipe.test_illuminant})"] if _tested(recipe) else []
+    )
 
 
 def _figures(recipe: Recipe) -> list[str]:
     """Colour differences in words."""
     test = recipe.metamerism
     tested = [] if not _tested(recipe) else ["" if test is None else f"({test:.2f})"]
-    return [f"{value:.2f}" for value in recipe.delta_e.values()] + tested + [f"{recipe.between_mixings:.1f}"]
+    return (
+        [f"{value:.2f}" for value in recipe.delta_e.values()]
+        + tested
+        + [f"{recipe.between_mixings:.1f}"]
+    )
 
 
 def _tested(recipe: Recipe) -> bool:
@@ -147,7 +168,11 @@ def _tested(recipe: Recipe) -> bool:
 
 def _table(titles: Sequence[str]) -> Table:
     columns = (*titles, "mixing", "µm", "coats, top first", "per 10 %")
-    words = [number for number, title in enumerate(columns) if number == 0 or title in ("", "coats, top first")]
+    words = [
+        number
+        for number, title in enumerate(columns)
+        if number == 0 or title in ("", "coats, top first")
+    ]
     table = plain_table(*columns, words=words, padding=(0, 1), header_style="dim", pad_edge=False)
     table.columns[-2].ratio = 1
     return table
@@ -157,12 +182,18 @@ def _add_coats(table: Table, cells: Sequence[str | Text], recipe: Recipe) -> Non
     """A row a coat; what holds for the recipe stands in the first."""
     for number, (coat, change) in enumerate(zip(recipe.coats, recipe.sensitivity, strict=True)):
         lead = list(cells) if number == 0 else [""] * len(cells)
-        table.add_row(*lead, f"{coat.thickness * 1e6:.1f}", "\n".join(_parts(coat)), f"{change:.2f}")
+        table.add_row(
+            *lead, f"{coat.thickness * 1e6:.1f}", "\n".join(_parts(coat)), f"{change:.2f}"
+        )
 
 
 def out_of_reach(recipe: Recipe) -> str:
     """A sentence on a target that no recipe reaches."""
-    why = "these paints reach no further" if recipe.limit == "paints" else f"{recipe.limit}: try other bounds"
+    why = (
+        "these paints reach no further"
+        if recipe.limit == "paints"
+        else f"{recipe.limit}: try other bounds"
+    )
     return f"{recipe.target.name}: out of reach by a Delta E of {recipe.gamut_distance:.1f}; {why}."
 
 
@@ -171,8 +202,12 @@ def if_mixed(recipes: Sequence[Recipe]) -> str:
     here, mixed = min(recipe.distance for recipe in recipes), recipes[0].mixed
     assert mixed is not None
     if mixed.distance > here - _SEEN:
-        return f"Mixing within a coat gains nothing: ΔE00 {mixed.distance:.2f} instead of {here:.2f}."
-    return f"Mixed within a coat: ΔE00 {mixed.distance:.2f} instead of {here:.2f}, by {mixed.layers}"
+        return (
+            f"Mixing within a coat gains nothing: ΔE00 {mixed.distance:.2f} instead of {here:.2f}."
+        )
+    return (
+        f"Mixed within a coat: ΔE00 {mixed.distance:.2f} instead of {here:.2f}, by {mixed.layers}"
+    )
 
 
 def all_if_mixed(found: Sequence[Sequence[Recipe]]) -> str:
@@ -181,7 +216,8 @@ def all_if_mixed(found: Sequence[Sequence[Recipe]]) -> str:
     mixed = [recipes[0].mixed.distance for recipes in found if recipes[0].mixed is not None]
     reached = [sum(distance < IN_GAMUT for distance in some) for some in (mixed, here)]
     return (
-        f"Mixed within a coat: ΔE00 {np.median(mixed):.2f} instead of {np.median(here):.2f} in the median, and "
+        f"Mixed within a coat: ΔE00 {np.median(mixed):.2f} instead of {np.median(here):.2f} in "
+        "the median, and "
         f"{reached[0]} instead of {reached[1]} of {len(found)} targets within a ΔE00 of 1."
     )
 
@@ -189,7 +225,8 @@ def all_if_mixed(found: Sequence[Sequence[Recipe]]) -> str:
 def unsettled(what: str, which: Sequence[str]) -> str:
     """A sentence on recipes whose least squares were stopped."""
     return (
-        f"Least squares stopped before it had settled for {what} {', '.join(which)}: other amounts of the same paints "
+        f"Least squares stopped before it had settled for {what} {', '.join(which)}: other "
+        "amounts of the same paints "
         "may come nearer."
     )
 
@@ -205,7 +242,9 @@ def _rows(found: Sequence[Sequence[Recipe]]) -> Iterator[tuple]:
 
     for recipes in found:
         for rank, recipe in enumerate(recipes, 1):
-            for number, (coat, change) in enumerate(zip(recipe.coats, recipe.sensitivity, strict=True), 1):
+            for number, (coat, change) in enumerate(
+                zip(recipe.coats, recipe.sensitivity, strict=True), 1
+            ):
                 for share, paint in coat.parts:
                     yield (
                         recipe.target.name,
@@ -224,7 +263,9 @@ def _rows(found: Sequence[Sequence[Recipe]]) -> Iterator[tuple]:
 
 def write_json(found: Sequence[Sequence[Recipe]], path: Path) -> None:
     """Write all there is on all recipes, with spectra."""
-    path.write_text(json.dumps([[_plain(recipe) for recipe in recipes] for recipes in found], indent=1) + "\n")
+    path.write_text(
+        json.dumps([[_plain(recipe) for recipe in recipes] for recipes in found], indent=1) + "\n"
+    )
 
 
 def _plain(recipe: Recipe) -> dict:
@@ -261,9 +302,15 @@ def _plain(recipe: Recipe) -> dict:
 
 
 def write_targets(
-    targets: Sequence[Target], wavelengths: Float[np.ndarray, "bands"], path: Path, *, overwrite: bool = False
+    targets: Sequence[Target],
+    wavelengths: Float[np.ndarray, "bands"],
+    path: Path,
+    *,
+    overwrite: bool = False,
 ) -> None:
-    """Write the spectra of targets on some wavelengths (nm), as CSV, CxF3 or ENVI by the name's ending."""
+    """Write the spectra of targets on some wavelengths (nm), as CSV, CxF3 or ENVI by the name's
+    ending.
+    """
     spectra = [
         resample(target.wavelengths, target.reflectance, wavelengths)
         for target in targets

@@ -1,8 +1,10 @@
-"""First look at all sets of paints: which of them come near a target at all, and from where to refine them.
+"""First look at all sets of paints: which of them come near a target at all, and from where to
+refine them.
 
-One coat of up to three paints, and two coats with up to three paints between them, are gone through in full, on a
-coarse grid of proportions and thicknesses. A coat is three numbers a band (`FilmResponse.numbers`), so that a stack of
-two is a few multiplications; the lower coat counts as the Lambertian ground that would read the same when bare.
+One coat of up to three paints, and two coats with up to three paints between them, are gone through
+in full, on a coarse grid of proportions and thicknesses. A coat is three numbers a band
+(`FilmResponse.numbers`), so that a stack of two is a few multiplications; the lower coat counts as
+the Lambertian ground that would read the same when bare.
 """
 
 import itertools
@@ -18,9 +20,12 @@ from .model import StackModel, internal, lab_of
 from .sobol import scrambled_sobol
 
 MOST_SCREENED = 3
-"""Most paints in a recipe that is found here; more are added to these (`glazefit.recipe.refine.grown`)."""
+"""Most paints in a recipe that is found here; more are added to these
+(`glazefit.recipe.refine.grown`).
+"""
 
-# Range of the logarithm of a paint's share over another's, when both are weighted by their strength.
+# Range of the logarithm of a paint's share over another's, when both are weighted by their
+# strength.
 _RANGE = 4.5
 # Sets of one coat that are looked at in one call, always as many, and side by side.
 _SETS, _BATCH = 192, 8
@@ -31,7 +36,9 @@ class TargetArrays(NamedTuple):
     """Targets as arrays."""
 
     lab: Float[Array | np.ndarray, "targets lights 3"]
-    metric: Float[Array | np.ndarray, "targets lights 3 3"]  # metric @ (Lab - lab) is as long as the colour difference
+    metric: Float[
+        Array | np.ndarray, "targets lights 3 3"
+    ]  # metric @ (Lab - lab) is as long as the colour difference
     spectrum: Float[Array | np.ndarray, "targets bands"]
     spectral: Float[
         Array | np.ndarray, "targets"
@@ -48,9 +55,13 @@ class Stacks(NamedTuple):
     sizes: Float[np.ndarray, "n coats paints"]  # what each paint takes of each coat's thickness, um
     target: Int[np.ndarray, "n"]
     cost: Float[np.ndarray, "n"]  # squared distance
-    settled: Bool[np.ndarray, "n"]  # whether the last least squares came to an end; False before the first
+    settled: Bool[
+        np.ndarray, "n"
+    ]  # whether the last least squares came to an end; False before the first
     steps: Int[np.ndarray, "n"]  # of the solver's own least squares
-    before: Float[np.ndarray, "n"]  # largest Delta E 2000 by the solver before these steps; NaN without them
+    before: Float[
+        np.ndarray, "n"
+    ]  # largest Delta E 2000 by the solver before these steps; NaN without them
 
     @classmethod
     def unrefined(cls, sizes: np.ndarray, target: np.ndarray, cost: np.ndarray) -> "Stacks":
@@ -85,7 +96,9 @@ class Stacks(NamedTuple):
         return Stacks(*(values[rows] for values in self))
 
     def best(self, keep: Keep) -> "Stacks":
-        """The `keep(coats, paints)` of least cost for each target, by number of coats and paints."""
+        """The `keep(coats, paints)` of least cost for each target, by number of coats and
+        paints.
+        """
         kinds = np.stack([self.target, self.coats, self.paints], axis=1)
         order = np.lexsort((self.cost, *kinds.T[::-1]))
         chosen, seen, last = [], 0, None
@@ -113,12 +126,16 @@ class _Coats(NamedTuple):
 def squared_distance(
     model: StackModel, aims: TargetArrays, reading: Float[Array, "*batch bands"]
 ) -> Float[Array, "*batch targets"]:
-    """Squared distance of readings to every target: colour under all lights (mean), and spectrum."""
+    """Squared distance of readings to every target: colour under all lights (mean), and
+    spectrum.
+    """
     miss = lab_of(model, reading)[..., None, :, :] - aims.lab
     moved = jnp.einsum("tlij,...tlj->...tli", aims.metric, miss)
     colour = jnp.sum(moved**2, axis=(-1, -2)) / aims.lab.shape[1]
     cross = jnp.tensordot(reading, aims.spectrum.T, axes=1)
-    spectral = jnp.sum(reading**2, axis=-1)[..., None] - 2.0 * cross + jnp.sum(aims.spectrum**2, axis=-1)
+    spectral = (
+        jnp.sum(reading**2, axis=-1)[..., None] - 2.0 * cross + jnp.sum(aims.spectrum**2, axis=-1)
+    )
     return colour + aims.spectral * jnp.maximum(spectral, 0.0)
 
 
@@ -136,18 +153,21 @@ def screen(
 
     Args:
         model, aims: paints and targets.
-        max_paints, max_layers: limits; what goes beyond three paints or two layers is not looked at here.
-        keep: how many sets a target keeps, from numbers of layers and of paints.
+        max_paints, max_layers: limits; what goes beyond three paints or two layers is not looked at
+        here. keep: how many sets a target keeps, from numbers of layers and of paints.
         seed: of the grid of three paints' proportions.
         mixed: whether a coat may hold more than one paint.
     """
     count = min(max_paints, MOST_SCREENED, model.absorption.shape[0]) if mixed else 1
     coats = {n: _coats(model, n, seed) for n in range(1, count + 1)}
     found = []
-    for some, (cost, best) in zip(coats.values(), _of_one_coat(model, aims, list(coats.values())), strict=True):
+    for some, (cost, best) in zip(
+        coats.values(), _of_one_coat(model, aims, list(coats.values())), strict=True
+    ):
         found.append(_one_coat_stacks(model, some, cost, best, keep, max_layers))
     for n in coats if max_layers >= 2 else ():
-        # The wide grid of three paints in a coat is for single coats. What lies below goes in one program.
+        # The wide grid of three paints in a coat is for single coats. What lies below goes in one
+        # program.
         below = [bottom for m, bottom in coats.items() if n + m <= MOST_SCREENED]
         if not below:
             continue
@@ -159,12 +179,16 @@ def screen(
             here = cost[:, start:end]
             here[~_sensible(coats[n].paints, bottom.paints, max_paints)] = np.inf
             pair = (coats[n], bottom)
-            found.append(_two_coat_stacks(model, pair, here, best[:, start:end], many, keep, max_layers))
+            found.append(
+                _two_coat_stacks(model, pair, here, best[:, start:end], many, keep, max_layers)
+            )
     return Stacks.join(found).best(keep)
 
 
 def _joined(kinds: Sequence[_Coats]) -> _Coats:
-    """Coats of different numbers of paints, one below the other: filled up by none of a paint and by first points."""
+    """Coats of different numbers of paints, one below the other: filled up by none of a paint and
+    by first points.
+    """
     points, width = (max(coats.amounts.shape[axis] for coats in kinds) for axis in (1, 2))
     amounts = []
     for coats in kinds:
@@ -191,7 +215,9 @@ def _of_one_coat(
 
 
 def strength(model: StackModel) -> Float[np.ndarray, "paints"]:
-    """How much a little of each paint shows, 1/um: by its absorption, or by its scattering where it is pale."""
+    """How much a little of each paint shows, 1/um: by its absorption, or by its scattering where it
+    is pale.
+    """
     return np.mean(np.asarray(model.absorption) + 0.1 * np.asarray(model.scattering), axis=1) + 1e-9
 
 
@@ -214,7 +240,9 @@ def _coats(model: StackModel, n: int, seed: int) -> _Coats:
     return _Coats(paints, amounts.reshape(len(paints), -1, n))
 
 
-def _optical(model: StackModel, coats: _Coats) -> tuple[Float[Array, "... bands"], Float[Array, "... bands"]]:
+def _optical(
+    model: StackModel, coats: _Coats
+) -> tuple[Float[Array, "... bands"], Float[Array, "... bands"]]:
     """k d and s d of coats."""
     amounts = jnp.asarray(coats.amounts)
     return amounts @ model.absorption[coats.paints], amounts @ model.scattering[coats.paints]
@@ -227,7 +255,9 @@ def _one_coat(
     """Least cost of each set, and the point where it is."""
 
     def of_one(coat: _Coats) -> tuple[Array, Array]:
-        cost = squared_distance(model, aims, model.film.body(*_optical(model, coat), model.ground) + model.surface)
+        cost = squared_distance(
+            model, aims, model.film.body(*_optical(model, coat), model.ground) + model.surface
+        )
         return cost.min(axis=0), cost.argmin(axis=0)
 
     # A remainder would be compiled as a second program.
@@ -243,9 +273,13 @@ def _two_coats(
     ground = jnp.swapaxes(below, 0, 1)  # (points, others, bands)
 
     def of_one(coat: _Coats) -> tuple[Array, Array]:
-        black, gain, back = (values[:, None, None, :] for values in model.film.numbers(*_optical(model, coat)))
+        black, gain, back = (
+            values[:, None, None, :] for values in model.film.numbers(*_optical(model, coat))
+        )
         reading = black + gain * ground / (1.0 - back * ground) + model.surface
-        cost = squared_distance(model, aims, reading)  # (points, points of the lower, others, targets)
+        cost = squared_distance(
+            model, aims, reading
+        )  # (points, points of the lower, others, targets)
         cost = cost.reshape(-1, *cost.shape[2:])
         return cost.min(axis=0), cost.argmin(axis=0)
 
@@ -253,13 +287,20 @@ def _two_coats(
 
 
 def _sensible(top: np.ndarray, bottom: np.ndarray, max_paints: int) -> np.ndarray:
-    """Which sets may lie over which: not the same paint over itself, and no more paints than allowed."""
+    """Which sets may lie over which: not the same paint over itself, and no more paints than
+    allowed.
+    """
     upper, lower = ([set(paints) for paints in sets.tolist()] for sets in (top, bottom))
     return np.array([[a != b and len(a | b) <= max_paints for b in lower] for a in upper])
 
 
 def _one_coat_stacks(
-    model: StackModel, coats: _Coats, cost: np.ndarray, best: np.ndarray, keep: Keep, max_layers: int
+    model: StackModel,
+    coats: _Coats,
+    cost: np.ndarray,
+    best: np.ndarray,
+    keep: Keep,
+    max_layers: int,
 ) -> Stacks:
     rows, targets = _lowest(cost, keep(1, coats.paints.shape[1]))
     sizes = np.zeros((rows.size, max_layers, model.absorption.shape[0]))
@@ -268,7 +309,13 @@ def _one_coat_stacks(
 
 
 def _two_coat_stacks(
-    model: StackModel, coats: tuple[_Coats, _Coats], cost, best, points: int, keep: Keep, max_layers: int
+    model: StackModel,
+    coats: tuple[_Coats, _Coats],
+    cost,
+    best,
+    points: int,
+    keep: Keep,
+    max_layers: int,
 ) -> Stacks:
     """`points` of the lower coat were counted, of which its own come first."""
     top, bottom = coats

@@ -1,4 +1,5 @@
-"""Points that fill the unit square evenly: Sobol's, scrambled, as `scipy.stats.qmc.Sobol` draws them.
+"""Points that fill the unit square evenly: Sobol's, scrambled, as `scipy.stats.qmc.Sobol` draws
+them.
 
 Written out because scipy.stats takes as long to import as JAX, for thirty-two points.
 """
@@ -16,8 +17,8 @@ def scrambled_sobol(exponent: int, seed: int) -> Float[np.ndarray, "points 2"]:
         exponent: 1 or more.
         seed: of the scrambling, as of ``numpy.random.default_rng``.
 
-    Source: I. M. Sobol (1967); scrambled by a random lower triangular matrix and a digital shift, J. Matousek, Journal
-    of Complexity 14 (1998) 527.
+    Source: I. M. Sobol (1967); scrambled by a random lower triangular matrix and a digital shift,
+    J. Matousek, Journal of Complexity 14 (1998) 527.
     """
     # A child of the seed's generator, as SciPy takes it.
     rng = np.random.default_rng(seed).spawn(1)[0]
@@ -25,7 +26,8 @@ def scrambled_sobol(exponent: int, seed: int) -> Float[np.ndarray, "points 2"]:
     shift = rng.integers(2, size=(2, _BITS), dtype=np.uint32).astype(np.int64) @ powers
     lower = np.tril(rng.integers(2, size=(2, _BITS, _BITS), dtype=np.uint32)).astype(np.int64)
     lower[:, np.arange(_BITS), np.arange(_BITS)] = 1
-    # Direction numbers, the first bit foremost: van der Corput's, and those of the polynomial x + 1.
+    # Direction numbers, the first bit foremost: van der Corput's, and those of the polynomial x +
+    # 1.
     plain = powers[::-1]
     second = [int(plain[0])]
     while len(second) < _BITS:
@@ -35,7 +37,8 @@ def scrambled_sobol(exponent: int, seed: int) -> Float[np.ndarray, "points 2"]:
     scrambled = (np.einsum("dpk,djk->djp", lower, digits) % 2) @ plain
     point, points = shift.copy(), [shift.copy()]
     for number in range(1, 2**exponent):
-        # Gray's code: each point differs from the one before in one direction, that of the lowest zero bit.
+        # Gray's code: each point differs from the one before in one direction, that of the lowest
+        # zero bit.
         point = point ^ scrambled[:, ((number - 1) ^ number).bit_length() - 1]
         points.append(point)
     return np.array(points) / 2.0**_BITS

@@ -25,12 +25,13 @@ DEFAULT_CHART = "BabelColor Average"
 
 @dataclass(frozen=True)
 class Target:
-    """A colour or a spectrum to match. Make one with `lab_target`, `srgb_target` or `spectral_target`.
+    """A colour or a spectrum to match. Make one with `lab_target`, `srgb_target` or
+    `spectral_target`.
 
     Attributes:
         name: what to call it.
-        labs: L*a*b* by full name of the illuminant, if it is given as a colour; empty if as a spectrum.
-        wavelengths: (bands,), nm, or None.
+        labs: L*a*b* by full name of the illuminant, if it is given as a colour; empty if as a
+        spectrum. wavelengths: (bands,), nm, or None.
         reflectance: (bands,), fraction, or None.
     """
 
@@ -49,18 +50,22 @@ class Target:
         return self.spectral or illuminant in self.labs
 
     def lab(self, illuminant: str, observer: str) -> Float[np.ndarray, "3"]:
-        """L*a*b* under an illuminant, (3,); a given colour is taken to be for the observer asked for.
+        """L*a*b* under an illuminant, (3,); a given colour is taken to be for the observer asked
+        for.
 
         Raises:
             ValueError: the target is a colour under other illuminants.
         """
         full = colour.find_illuminant(illuminant)
         if self.wavelengths is not None and self.reflectance is not None:
-            return np.asarray(colour.lab(self.wavelengths, self.reflectance, illuminant=full, observer=observer))
+            return np.asarray(
+                colour.lab(self.wavelengths, self.reflectance, illuminant=full, observer=observer)
+            )
         if full not in self.labs:
             given = ", ".join(self.labs)
             raise ValueError(
-                f"the colour of {self.name!r} is given under {given}, not under {full}: ask for {given}, give the "
+                f"the colour of {self.name!r} is given under {given}, not under {full}: ask for "
+                f"{given}, give the "
                 f"colour under {full} too, or give a spectrum"
             )
         return self.labs[full]
@@ -83,8 +88,12 @@ def lab_target(lab: Mapping[str, Colour] | Colour, name: str | None = None) -> T
     """
     given = lab if isinstance(lab, Mapping) else {"D65": lab}
     if not given:
-        raise ValueError("a target needs a colour under at least one illuminant, such as {'D65': (50, 20, 30)}")
-    labs = {colour.find_illuminant(illuminant): _checked(values) for illuminant, values in given.items()}
+        raise ValueError(
+            "a target needs a colour under at least one illuminant, such as {'D65': (50, 20, 30)}"
+        )
+    labs = {
+        colour.find_illuminant(illuminant): _checked(values) for illuminant, values in given.items()
+    }
     first = next(iter(labs.values()))
     title = name or f"Lab {', '.join(f'{value:g}' for value in first)}"
     return Target(title, MappingProxyType(labs))
@@ -100,7 +109,9 @@ def _checked(values: Any) -> Float[np.ndarray, "3"]:
     if not 0 <= lab[0] <= 100:
         raise ValueError(f"L* is {lab[0]:g}; it lies between 0 (black) and 100 (white)")
     if np.abs(lab[1:]).max() > 200:
-        raise ValueError(f"a*, b* are {lab[1]:g}, {lab[2]:g}; no colour of a surface exceeds 150 or so")
+        raise ValueError(
+            f"a*, b* are {lab[1]:g}, {lab[2]:g}; no colour of a surface exceeds 150 or so"
+        )
     return lab
 
 
@@ -108,8 +119,8 @@ def srgb_target(code: str, name: str | None = None) -> Target:
     """A colour of a screen, such as ``#8a4b2d`` or ``138,75,45``, as L*a*b* under D65.
 
     Args:
-        code: three or six hexadecimal digits, with or without ``#``; for numbers see `glazejax.colour.srgb_to_lab`.
-        name: what to call it; the code if left out.
+        code: three or six hexadecimal digits, with or without ``#``; for numbers see
+        `glazejax.colour.srgb_to_lab`. name: what to call it; the code if left out.
 
     Raises:
         ValueError: neither three or six hexadecimal digits nor three whole numbers from 0 to 255.
@@ -117,18 +128,26 @@ def srgb_target(code: str, name: str | None = None) -> Target:
     digits = code.strip().removeprefix("#")
     if "," in digits:
         parts = [part.strip() for part in digits.split(",")]
-        if len(parts) != 3 or not all(re.fullmatch(r"\d{1,3}", part) and int(part) <= 255 for part in parts):
+        if len(parts) != 3 or not all(
+            re.fullmatch(r"\d{1,3}", part) and int(part) <= 255 for part in parts
+        ):
             raise ValueError(
-                f"{code!r} is no sRGB colour: write red, green and blue from 0 to 255, such as 138,75,45, or '#8a4b2d'"
+                f"{code!r} is no sRGB colour: write red, green and blue from 0 to 255, such as "
+                "138,75,45, or '#8a4b2d'"
             )
         digits = "".join(f"{int(part):02x}" for part in parts)
     if not re.fullmatch(r"[0-9a-fA-F]{3}|[0-9a-fA-F]{6}", digits):
-        raise ValueError(f"{code!r} is no sRGB colour: write six hexadecimal digits, such as '#8a4b2d', or 138,75,45")
+        raise ValueError(
+            f"{code!r} is no sRGB colour: write six hexadecimal digits, such as '#8a4b2d', or "
+            "138,75,45"
+        )
     if len(digits) == 3:
         digits = "".join(2 * digit for digit in digits)
     encoded = np.array([int(digits[i : i + 2], 16) for i in (0, 2, 4)]) / 255.0
     lab = np.asarray(colour.srgb_to_lab(encoded))
-    return Target(name or f"#{digits.lower()}", MappingProxyType({colour.find_illuminant("D65"): lab}))
+    return Target(
+        name or f"#{digits.lower()}", MappingProxyType({colour.find_illuminant("D65"): lab})
+    )
 
 
 def spectral_target(name: str, wavelengths: ArrayLike, reflectance: ArrayLike) -> Target:
@@ -140,7 +159,9 @@ def spectral_target(name: str, wavelengths: ArrayLike, reflectance: ArrayLike) -
     grid = validate_wavelengths(np.asarray(wavelengths))
     values, _ = as_fraction(np.asarray(reflectance), [name] if np.ndim(reflectance) == 2 else None)
     if values.shape != grid.shape:
-        raise ValueError(f"{name!r} has {values.size} values for {grid.size} wavelengths; give one a wavelength")
+        raise ValueError(
+            f"{name!r} has {values.size} values for {grid.size} wavelengths; give one a wavelength"
+        )
     return Target(name, MappingProxyType({}), grid, values)
 
 
@@ -148,8 +169,8 @@ def colourchecker_targets(patches: Sequence[str] = (), chart: str = DEFAULT_CHAR
     """Measured patches of a ColorChecker chart, as colour-science has them.
 
     Args:
-        patches: names, such as "blue sky"; the beginning will do if it fits one only. All 24 if left out.
-        chart: a name in `glazejax.cie.charts`.
+        patches: names, such as "blue sky"; the beginning will do if it fits one only. All 24 if
+        left out. chart: a name in `glazejax.cie.charts`.
 
     Raises:
         ValueError: an unknown chart or patch; the message lists what there is.
@@ -161,7 +182,8 @@ def colourchecker_targets(patches: Sequence[str] = (), chart: str = DEFAULT_CHAR
     spectra = charts[known[chart.lower()]]
     chosen = [_patch(patch, list(spectra)) for patch in patches] or list(spectra)
     return [
-        spectral_target(_short(name), spectra[name].wavelengths, spectra[name].values) for name in dict.fromkeys(chosen)
+        spectral_target(_short(name), spectra[name].wavelengths, spectra[name].values)
+        for name in dict.fromkeys(chosen)
     ]
 
 
@@ -178,4 +200,6 @@ def _patch(asked: str, names: Sequence[str]) -> str:
     found = [name for plain, name in short.items() if key and plain.startswith(key)]
     if len(found) == 1:
         return found[0]
-    raise ValueError(f"unknown patch {asked!r}: the chart has {', '.join(_short(name) for name in names)}")
+    raise ValueError(
+        f"unknown patch {asked!r}: the chart has {', '.join(_short(name) for name in names)}"
+    )

@@ -22,7 +22,8 @@ from .screen import TargetArrays
 from .targets import Colour, Target, lab_target
 
 DEFAULT_THICKNESS = (1e-6, 50e-6)
-"""Thinnest and thickest coat in m, if nothing else is said; on the catalogue's scale of thickness."""
+"""Thinnest and thickest coat in m, if nothing else is said; on the catalogue's scale of thickness.
+"""
 
 # At most, and if nothing is said. Coats of a single paint each are quickly gone through.
 _MOST_PAINTS, _MOST_LAYERS, _MOST_GLAZES = 6, 4, 6
@@ -75,12 +76,16 @@ class Task:
 
     @property
     def slots(self) -> int:
-        """Paints counted in each coat, at most: one more a coat, since a paint may lie in several."""
+        """Paints counted in each coat, at most: one more a coat, since a paint may lie in
+        several.
+        """
         return self.max_layers if self.glazes else self.max_paints + self.max_layers - 1
 
     @property
     def mixed(self) -> "Task":
-        """The same search with paints mixed within coats, as far as it is wide without being asked for more."""
+        """The same search with paints mixed within coats, as far as it is wide without being asked
+        for more.
+        """
         paints, layers = min(self.max_paints, _PAINTS), min(self.max_layers, _LAYERS)
         return replace(self, glazes=False, max_paints=paints, max_layers=layers)
 
@@ -109,15 +114,20 @@ class Task:
     def target_arrays(self) -> TargetArrays:
         """The targets as arrays; without a spectrum it weighs nothing."""
         grid = self.wavelengths
-        labs = np.stack([[t.lab(name, self.observer) for name in self.illuminants] for t in self.targets])
+        labs = np.stack(
+            [[t.lab(name, self.observer) for name in self.illuminants] for t in self.targets]
+        )
         spectra = np.zeros((len(self.targets), grid.size))
         weights = np.zeros(len(self.targets))
         for row, target in enumerate(self.targets):
             if target.wavelengths is not None and target.reflectance is not None:
                 spectra[row] = resample(target.wavelengths, target.reflectance, grid)
-                # A root mean squared difference of 0.01 weighs as much as a Delta E of `metamerism`.
+                # A root mean squared difference of 0.01 weighs as much as a Delta E of
+                # `metamerism`.
                 weights[row] = (100.0 * self.metamerism) ** 2 / grid.size
-        return TargetArrays(*(jnp.asarray(a) for a in (labs, colour_metric(labs), spectra, weights)))
+        return TargetArrays(
+            *(jnp.asarray(a) for a in (labs, colour_metric(labs), spectra, weights))
+        )
 
 
 def make_task(
@@ -145,7 +155,11 @@ def make_task(
     most = _MOST_GLAZES if glazes else _MOST_LAYERS
     max_layers = max_layers if max_layers is not None else _MOST_GLAZES if glazes else _LAYERS
     max_paints = max_paints if max_paints is not None else _MOST_PAINTS if glazes else _PAINTS
-    whole = {"max_paints": (max_paints, _MOST_PAINTS), "max_layers": (max_layers, most), "count": (count, 1000)}
+    whole = {
+        "max_paints": (max_paints, _MOST_PAINTS),
+        "max_layers": (max_layers, most),
+        "count": (count, 1000),
+    }
     for name, (value, most) in whole.items():
         if not isinstance(value, int | np.integer) or not 1 <= value <= most:
             raise ValueError(f"{name} is {value}; it must be a whole number from 1 to {most}")
@@ -155,12 +169,20 @@ def make_task(
     low, high = (float(size) for size in thickness)
     if not 0 < low <= high <= MAX_THICKNESS:
         raise ValueError(
-            f"thickness is {low:g} to {high:g} m; it must ascend from above 0 to {MAX_THICKNESS:g} m at most, "
+            f"thickness is {low:g} to {high:g} m; it must ascend from above 0 to "
+            f"{MAX_THICKNESS:g} m at most, "
             "such as (1e-6, 50e-6)"
         )
     if not INDEX_RANGE[0] <= refractive_index <= INDEX_RANGE[1]:
-        raise ValueError(f"refractive index {refractive_index:g} is outside [{INDEX_RANGE[0]:g}, {INDEX_RANGE[1]:g}]")
-    names = tuple(dict.fromkeys(map(colour.find_illuminant, illuminants))) if illuminants else _own_lights(targets)
+        raise ValueError(
+            f"refractive index {refractive_index:g} is outside [{INDEX_RANGE[0]:g}, "
+            f"{INDEX_RANGE[1]:g}]"
+        )
+    names = (
+        tuple(dict.fromkeys(map(colour.find_illuminant, illuminants)))
+        if illuminants
+        else _own_lights(targets)
+    )
     full_observer = colour.find_observer(observer)
     for target in targets:
         for name in names:
@@ -193,7 +215,9 @@ def _own_lights(targets: Sequence[Target]) -> tuple[str, ...]:
 
 
 def as_targets(given: Any) -> tuple[tuple[Target, ...], bool]:
-    """Targets, and whether a batch was given; a target may be a `Target`, three numbers, or a mapping of such."""
+    """Targets, and whether a batch was given; a target may be a `Target`, three numbers, or a
+    mapping of such.
+    """
     if isinstance(given, Target):
         return (given,), False
     first = _first(given)
@@ -207,7 +231,9 @@ def _first(given: Any) -> Any:
     try:
         return next(iter(given), ())
     except TypeError:
-        raise ValueError(f"a target is a colour of three numbers, or made by spectral_target, not {given!r}") from None
+        raise ValueError(
+            f"a target is a colour of three numbers, or made by spectral_target, not {given!r}"
+        ) from None
 
 
 def _listed(pigments: Pigments | None) -> list[Pigment]:
@@ -215,30 +241,42 @@ def _listed(pigments: Pigments | None) -> list[Pigment]:
         pigments = catalogue.load()
     paints = listed_pigments(pigments)
     if not paints:
-        raise ValueError("there are no pigments: leave them out for the catalogue, or give at least one")
+        raise ValueError(
+            "there are no pigments: leave them out for the catalogue, or give at least one"
+        )
     twice = {p.name for p in paints if [q.name for q in paints].count(p.name) > 1}
     if twice:
         raise ValueError(f"two pigments are called {min(twice)!r}: give each its own name")
     for paint in paints:
         if paint.absorption.ndim > 1 or paint.scattering.ndim > 1:
-            raise ValueError(f"pigment {paint.name!r} is a batch of {paint.absorption.shape[:-1]}; give one paint")
+            raise ValueError(
+                f"pigment {paint.name!r} is a batch of {paint.absorption.shape[:-1]}; give one "
+                "paint"
+            )
         if paint.phase is not None:
-            raise ValueError(f"pigment {paint.name!r} has a phase function; here paint scatters isotropically")
+            raise ValueError(
+                f"pigment {paint.name!r} has a phase function; here paint scatters isotropically"
+            )
     return paints
 
 
 def _on_one_grid(
     paints: list[Pigment], ground: float | Float[np.ndarray, "bands"], targets: Sequence[Target]
 ) -> tuple[tuple[Pigment, ...], float | Float[np.ndarray, "bands"]]:
-    """Pigments and ground on the bands of the first pigment that all pigments and target spectra cover."""
+    """Pigments and ground on the bands of the first pigment that all pigments and target spectra
+    cover.
+    """
     grid = paints[0].wavelengths
-    reach = [p.wavelengths for p in paints] + [t.wavelengths for t in targets if t.wavelengths is not None]
+    reach = [p.wavelengths for p in paints] + [
+        t.wavelengths for t in targets if t.wavelengths is not None
+    ]
     low, high = max(g[0] for g in reach), min(g[-1] for g in reach)
     kept = (grid >= low - 1e-6) & (grid <= high + 1e-6)
     base = np.asarray(ground, dtype=np.float64)
     if base.shape not in ((), grid.shape):
         raise ValueError(
-            f"the ground has shape {base.shape}: give one number, or {grid.size} for {describe_grid(grid)}, the "
+            f"the ground has shape {base.shape}: give one number, or {grid.size} for "
+            f"{describe_grid(grid)}, the "
             "wavelengths of the pigments"
         )
     wrong = base[~((base >= 0) & (base <= 1))]

@@ -30,20 +30,25 @@ def recover(
         Path | None,
         typer.Argument(
             metavar="FILE",
-            help="Table of spectra. Rows of a film: NAME_ob and NAME_ow (paint over black, over white), or one of "
-            "them, or NAME alone (it hides what is below); NAME_b and NAME_w (its bare cards), or card_b and card_w. "
+            help="Table of spectra. Rows of a film: NAME_ob and NAME_ow (paint over black, over "
+            "white), or one of "
+            "them, or NAME alone (it hides what is below); NAME_b and NAME_w (its bare cards), "
+            "or card_b and card_w. "
             "A film called 'Blue 1:10 White' is that tint. CSV or TSV, percent or fractions.",
             show_default=False,
         ),
     ] = None,
     out: options.Folder = None,
     samples: options.Samples = "",
-    masstones: Annotated[bool, typer.Option("--masstones", help="Only films of one paint (see --names).")] = False,
+    masstones: Annotated[
+        bool, typer.Option("--masstones", help="Only films of one paint (see --names).")
+    ] = False,
     names: Annotated[
         Path | None,
         typer.Option(
             metavar="FILE",
-            help="What the samples are made of, a line each: 'SAMPLE<TAB>PaintA-PaintB|90-10'. Default: mixtures.tsv "
+            help="What the samples are made of, a line each: 'SAMPLE<TAB>PaintA-PaintB|90-10'. "
+            "Default: mixtures.tsv "
             "beside the table, if there is one.",
             show_default=False,
         ),
@@ -53,7 +58,10 @@ def recover(
         typer.Option(
             "--into",
             metavar="FILE",
-            help="Add the new paints to your own file of paints, such as mine.csv; its paints are taken as known.",
+            help=(
+                "Add the new paints to your own file of paints, such as mine.csv; its paints are "
+                "taken as known."
+            ),
             show_default=False,
         ),
     ] = None,
@@ -61,7 +69,8 @@ def recover(
         str,
         typer.Option(
             metavar="NAME",
-            help="The white of the tints is known, and sets the scale: a paint of --into, or of the catalogue "
+            help="The white of the tints is known, and sets the scale: a paint of --into, or of "
+            "the catalogue "
             "(ZincWhite, acrylics:TitaniumWhite).",
             show_default=False,
         ),
@@ -71,8 +80,10 @@ def recover(
         typer.Option(
             "--wet-film",
             metavar="LENGTHS",
-            help="What a gauge or the gap of a drawdown bar says of films: 100um, 100um±20%, 'Red=100um,Blue=50um', "
-            "or 'same' (one bar of unknown gap). Of acrylics, which lose about half as they dry, the dry thickness.",
+            help="What a gauge or the gap of a drawdown bar says of films: 100um, 100um±20%, "
+            "'Red=100um,Blue=50um', "
+            "or 'same' (one bar of unknown gap). Of acrylics, which lose about half as they dry, "
+            "the dry thickness.",
             show_default=False,
         ),
     ] = "",
@@ -81,7 +92,8 @@ def recover(
         typer.Option(
             "--excluded",
             metavar="FILE",
-            help="The same films read without the specular part (de:8), where FILE is with it: the difference is the "
+            help="The same films read without the specular part (de:8), where FILE is with it: "
+            "the difference is the "
             "gloss of each film, which is then no longer guessed.",
             show_default=False,
         ),
@@ -91,7 +103,8 @@ def recover(
         float | None,
         typer.Option(
             "--noise",
-            help="Noise of the instrument near black: standard deviation of a reflectance. Default: told from how "
+            help="Noise of the instrument near black: standard deviation of a reflectance. "
+            "Default: told from how "
             "rough the spectra are, 0.0005 or more.",
             show_default=False,
         ),
@@ -100,7 +113,8 @@ def recover(
         float | None,
         typer.Option(
             "--noise-share",
-            help="Noise that grows with the reading: added to --noise per unit of reflectance. Default: 0.002, or as "
+            help="Noise that grows with the reading: added to --noise per unit of reflectance. "
+            "Default: 0.002, or as "
             "rough spectra say.",
             show_default=False,
         ),
@@ -108,30 +122,46 @@ def recover(
     geometry: Annotated[str | None, options.geometry_option(_GEOMETRY)] = None,
     refractive_index: options.RefractiveIndex = 1.5,
     simulate: Annotated[
-        bool, typer.Option("--simulate", help="Try it without data: recover simulated films of the catalogue's paints.")
+        bool,
+        typer.Option(
+            "--simulate",
+            help="Try it without data: recover simulated films of the catalogue's paints.",
+        ),
     ] = False,
     seed: options.Seed = 0,
     joint: Annotated[
         bool,
         typer.Option(
             "--joint",
-            help="Fit all films together by their recipes (see --names): tints with white show what opaque films hide.",
+            help=(
+                "Fit all films together by their recipes (see --names): tints with white show "
+                "what opaque films hide."
+            ),
         ),
     ] = False,
     law: Annotated[
         str,
         typer.Option(
-            help="How paints mix, with --joint: mass (k and s add by weight) or strength (a paint may count for more, "
+            help="How paints mix, with --joint: mass (k and s add by weight) or strength (a paint "
+            "may count for more, "
             "or less, than its weight)."
         ),
     ] = "mass",
     check: Annotated[
         bool,
-        typer.Option("--check", help="With --joint: leave out each mixture in turn and predict it from the others."),
+        typer.Option(
+            "--check",
+            help="With --joint: leave out each mixture in turn and predict it from the others.",
+        ),
     ] = False,
-    plots: Annotated[bool, typer.Option("--plots/--no-plots", help="Draw a picture for each paint.")] = True,
+    plots: Annotated[
+        bool, typer.Option("--plots/--no-plots", help="Draw a picture for each paint.")
+    ] = True,
     overwrite: Annotated[
-        bool, typer.Option("--overwrite", help="Write into a folder that is not empty; replace entries of --into.")
+        bool,
+        typer.Option(
+            "--overwrite", help="Write into a folder that is not empty; replace entries of --into."
+        ),
     ] = False,
     incidence: options.OldIncidence = None,
     specular: options.OldSpecular = None,
@@ -157,7 +187,8 @@ def recover(
 
     Try it without data: glazejax recover --simulate --out demo
     """
-    # Before NumPy is loaded: its blocks here are small, and threads for them only wait for each other.
+    # Before NumPy is loaded: its blocks here are small, and threads for them only wait for each
+    # other.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     _check(file, simulate)
     told = Told(into, white, wet_film, excluded)
@@ -180,9 +211,14 @@ def recover(
     said = None
     if noise is not None or noise_share is not None:
         usual = Noise()
-        said = Noise(usual.floor if noise is None else noise, usual.share if noise_share is None else noise_share)
+        said = Noise(
+            usual.floor if noise is None else noise,
+            usual.share if noise_share is None else noise_share,
+        )
     given: dict[str, Any] = {"instrument": Instrument(seen_by, refractive_index)}
-    results = Results(out=folder, thickness=metres, plots=plots, overwrite=overwrite, console=console)
+    results = Results(
+        out=folder, thickness=metres, plots=plots, overwrite=overwrite, console=console
+    )
     if simulate:
         given["noise"] = said or Noise()
         films = _simulated(samples, metres, given, seed, console)
@@ -193,10 +229,15 @@ def recover(
         recipes, beside = _recipes(file, names)
         if masstones:
             films = _masstones(films, recipes, beside)
-        together = joint or told.any or not films.complete or any(tint(name) for name in films.names)
+        together = (
+            joint or told.any or not films.complete or any(tint(name) for name in films.names)
+        )
         if together:
             if joint and not recipes and not any(tint(name) for name in films.names):
-                raise ValueError(f"--joint needs to know what the films are made of: add --names FILE, or {beside}")
+                raise ValueError(
+                    "--joint needs to know what the films are made of: add --names FILE, or "
+                    f"{beside}"
+                )
             from .command_joint import recover_together
 
             recover_together(films, recipes, given, law, check, told, results)
@@ -220,17 +261,31 @@ def _check(file: Path | None, simulate: bool) -> None:
     if simulate and file is not None:
         raise ValueError(f"--simulate needs no data; leave out {file}, or leave out --simulate")
     if file is None and not simulate:
-        raise ValueError("no FILE was given; name a table of spectra, or try: glazejax recover --simulate --out demo")
+        raise ValueError(
+            "no FILE was given; name a table of spectra, or try: glazejax recover --simulate "
+            "--out demo"
+        )
 
 
-def _check_joint(joint: bool, law: str, check: bool, simulate: bool, masstones: bool, told: Told) -> None:
+def _check_joint(
+    joint: bool, law: str, check: bool, simulate: bool, masstones: bool, told: Told
+) -> None:
     for option, given in (("--simulate", simulate), ("--masstones", masstones)):
         if joint and given:
-            raise ValueError(f"--joint fits measured mixtures; leave out {option}, or leave out --joint")
-    asked = {"--into": told.into, "--white": told.white, "--wet-film": told.wet_film, "--excluded": told.excluded}
+            raise ValueError(
+                f"--joint fits measured mixtures; leave out {option}, or leave out --joint"
+            )
+    asked = {
+        "--into": told.into,
+        "--white": told.white,
+        "--wet-film": told.wet_film,
+        "--excluded": told.excluded,
+    }
     for option, given in asked.items():
         if simulate and given:
-            raise ValueError(f"{option} is for measured films; leave it out, or leave out --simulate")
+            raise ValueError(
+                f"{option} is for measured films; leave it out, or leave out --simulate"
+            )
     if law not in ("mass", "strength"):
         raise ValueError(f"--law is {law!r}; it must be mass or strength")
     if law != "mass" and not joint:
@@ -247,7 +302,8 @@ def _noise(films: "Films", console: "Console") -> "Noise":
     found = estimate_noise(films)
     if found != Noise():
         console.print(
-            f"Noise of a reading R, told from how rough the spectra are: {found.floor:.2g} + {found.share:.2g} R "
+            f"Noise of a reading R, told from how rough the spectra are: {found.floor:.2g} + "
+            f"{found.share:.2g} R "
             "[dim](--noise, --noise-share)[/dim]"
         )
     return found
@@ -276,7 +332,9 @@ def _masstones(films: "Films", recipes: dict[str, dict[str, float]], beside: Pat
     from ..film.readers import is_masstone
 
     if not recipes:
-        raise ValueError(f"--masstones needs to know what the films are made of: add --names, or {beside}")
+        raise ValueError(
+            f"--masstones needs to know what the films are made of: add --names, or {beside}"
+        )
     pure = [name for name in films.names if is_masstone(recipes.get(name, {}))]
     if not pure:
         raise ValueError(f"--masstones: none of the {len(films)} films is listed as a single paint")
@@ -291,7 +349,9 @@ def _readable(films: "Films", recipes: dict[str, dict[str, float]]) -> "Films":
     return replace(films, names=readable_names(films.names, recipes))
 
 
-def _simulated(samples: str, thickness: float, given: "dict[str, Any]", seed: int, console: "Console") -> "Films":
+def _simulated(
+    samples: str, thickness: float, given: "dict[str, Any]", seed: int, console: "Console"
+) -> "Films":
     from glazejax import catalogue
     from glazejax.paint.describe import format_length
 
@@ -300,7 +360,8 @@ def _simulated(samples: str, thickness: float, given: "dict[str, Any]", seed: in
     known = catalogue.load()
     paints = [catalogue.pigment(name) for name in options.listed(samples)] or list(known.values())
     console.print(
-        f"[bold]Simulated data:[/bold] spectra of {len(paints)} catalogue paints, {format_length(thickness)} thick, "
+        f"[bold]Simulated data:[/bold] spectra of {len(paints)} catalogue paints, "
+        f"{format_length(thickness)} thick, "
         f"with made-up noise (seed {seed}). Nothing here was measured."
     )
     return simulate_paints(paints, thickness, seed=seed, **given)
@@ -318,7 +379,8 @@ def _report(recovery: "Recovery", how: progress.Collected, results: Results) -> 
     write_fits(recovery, out / "fits.csv", overwrite=overwrite)
     print_summary(recovery, console, how.seconds, how.first)
     console.print(
-        f"[bold]Thickness: {format_length(metres)} is assumed, not measured.[/bold] Only k d and s d are known: a film "
+        f"[bold]Thickness: {format_length(metres)} is assumed, not measured.[/bold] Only k d and "
+        "s d are known: a film "
         "of twice that has half the k and s."
     )
     if plots:
@@ -346,6 +408,7 @@ def _compare(recovery: "Recovery", thickness: float, console: "Console") -> None
     if bands.any():
         k, s = inside[bands].mean(axis=0)
         console.print(
-            f"The true k lies in its 95 % band in {k:.1%} and the true s in {s:.1%} of the {bands.sum()} bands where "
+            f"The true k lies in its 95 % band in {k:.1%} and the true s in {s:.1%} of the "
+            f"{bands.sum()} bands where "
             "both are known."
         )

@@ -1,4 +1,6 @@
-"""`glazejax recover` where films are fitted together: their recipes, what is known, and the files that come of it."""
+"""`glazejax recover` where films are fitted together: their recipes, what is known, and the files
+that come of it.
+"""
 
 import re
 import time
@@ -86,39 +88,52 @@ def recover_together(
         _say_lessons(recovery, known, gauge, unit, results)
 
 
-def _measured_gloss(path: Path, films: "Films", instrument: "Instrument", console: "Console") -> dict[str, float]:
+def _measured_gloss(
+    path: Path, films: "Films", instrument: "Instrument", console: "Console"
+) -> dict[str, float]:
     """Gloss of the films that were read without the specular part too, said in a line."""
     from ..film.gloss import measure_gloss
     from ..film.loose import average, crop, read_loose_films
 
     grid = films.wavelengths
-    other = crop(average(read_loose_films(path)), grid[0], grid[-1], "as the films with the specular part")
+    other = crop(
+        average(read_loose_films(path)), grid[0], grid[-1], "as the films with the specular part"
+    )
     progress.print_notes(console, path, other.notes)
     found = measure_gloss(films, other, instrument)
     values = sorted(found.values())
     console.print(
-        f"Gloss, from readings with and without the specular part of {len(found)} of {len(films)} films: "
+        f"Gloss, from readings with and without the specular part of {len(found)} of "
+        f"{len(films)} films: "
         f"{values[0]:.2f} to {values[-1]:.2f} of a smooth surface's."
     )
     return found
 
 
 def known_paints(
-    recipes: Mapping[str, Mapping[str, float]], file: "PaintFile | None", white: str, overwrite: bool
+    recipes: Mapping[str, Mapping[str, float]],
+    file: "PaintFile | None",
+    white: str,
+    overwrite: bool,
 ) -> "dict[str, Pigment]":
     """Paints of the recipes that are known: those of the file, and the white.
 
     Raises:
-        ValueError: a white that neither the file nor a catalogue has or that no film holds, or nothing that is new.
+        ValueError: a white that neither the file nor a catalogue has or that no film holds, or
+            nothing that is new.
     """
-    paints = list(dict.fromkeys(p for recipe in recipes.values() for p, w in recipe.items() if w > 0))
+    paints = list(
+        dict.fromkeys(p for recipe in recipes.values() for p, w in recipe.items() if w > 0)
+    )
     there = dict(file.paints) if file is not None else {}
     pure = {p for recipe in recipes.values() if len(recipe) == 1 for p in recipe}
     known = {p: there[p] for p in paints if p in there}
     if white:
         paint = _white(white, there)
         if paint.name not in paints:
-            raise ValueError(f"--white {white}: no film holds {paint.name}; the films are of {', '.join(paints)}")
+            raise ValueError(
+                f"--white {white}: no film holds {paint.name}; the films are of {', '.join(paints)}"
+            )
         known[paint.name] = paint
     chosen = _white(white, there).name if white else ""
     if overwrite:
@@ -126,7 +141,8 @@ def known_paints(
     if paints and len(known) == len(paints):
         where = "known" if file is None else f"in {file.path}"
         raise ValueError(
-            f"all paints of the films are {where} already: {', '.join(paints)}; --overwrite fits those again that have "
+            f"all paints of the films are {where} already: {', '.join(paints)}; --overwrite fits "
+            "those again that have "
             "a film of their own (but --white)"
         )
     return known
@@ -166,7 +182,9 @@ def read_gauge(text: str, films: Sequence[str]) -> "Gauge | None":
         errors += [float(spread["share"]) / 100] if spread else []
         film = film.strip()
         if equals and film not in films:
-            raise ValueError(f"--wet-film: no film is called {film!r}; there are {', '.join(films)}")
+            raise ValueError(
+                f"--wet-film: no film is called {film!r}; there are {', '.join(films)}"
+            )
         lengths |= dict.fromkeys([film] if equals else films, metres)
     return Gauge(lengths, error=max(errors)) if errors else Gauge(lengths)
 
@@ -209,7 +227,9 @@ def _leave_out(
     out, _, plots, overwrite, console = results
     assert out is not None
     with progress.doing("leaving films out") as say:
-        left = leave_films_out(recovery, films, recipes, progress=lambda name: say(f"leaving out {name}"), **given)
+        left = leave_films_out(
+            recovery, films, recipes, progress=lambda name: say(f"leaving out {name}"), **given
+        )
     print_left_out(left, console)
     write_left_out(recovery, left, out / "left_out.csv", overwrite=overwrite)
     if plots:
@@ -217,21 +237,31 @@ def _leave_out(
 
 
 def _say_scale(
-    recovery: "JointRecovery", known: "Mapping[str, Pigment]", gauge: "Gauge | None", unit: float, results: "Results"
+    recovery: "JointRecovery",
+    known: "Mapping[str, Pigment]",
+    gauge: "Gauge | None",
+    unit: float,
+    results: "Results",
 ) -> None:
     console = results.console
     if known:
         films = ~recovery.films.opaque
-        thick = f"; on it the films are {_lengths(recovery.thickness[films] * unit)} thick" if films.any() else ""
+        thick = (
+            f"; on it the films are {_lengths(recovery.thickness[films] * unit)} thick"
+            if films.any()
+            else ""
+        )
         console.print(f"[bold]Scale: that of {' and '.join(known)}{thick}.[/bold]")
     elif gauge is not None:
         console.print(
-            f"[bold]Thickness: as measured, about {format_length(gauge.typical)}; k and s share its error of "
+            f"[bold]Thickness: as measured, about {format_length(gauge.typical)}; k and s share "
+            "its error of "
             f"{gauge.common:.0%}.[/bold] In films.csv it is in units of {format_length(unit)}."
         )
     else:
         console.print(
-            f"[bold]Thickness: a typical film is taken as {format_length(unit)}, not measured.[/bold] Thicknesses in "
+            f"[bold]Thickness: a typical film is taken as {format_length(unit)}, not "
+            "measured.[/bold] Thicknesses in "
             "films.csv are in units of that."
         )
 
@@ -247,11 +277,18 @@ def _write_entries(recovery: "JointRecovery", file: "PaintFile", results: "Resul
     new = add_paints(recovery, file.path, overwrite=results.overwrite)
     replaced = sorted(set(new) & set(file.paints))
     words = f" (replaced: {', '.join(replaced)})" if replaced else ""
-    results.console.print(f"Added {', '.join(new)} to {file.path}{words}, with {len(file.paints)} paints there before.")
+    results.console.print(
+        f"Added {', '.join(new)} to {file.path}{words}, with {len(file.paints)} paints there "
+        "before."
+    )
 
 
 def _say_lessons(
-    recovery: "JointRecovery", known: "Mapping[str, Pigment]", gauge: "Gauge | None", unit: float, results: "Results"
+    recovery: "JointRecovery",
+    known: "Mapping[str, Pigment]",
+    gauge: "Gauge | None",
+    unit: float,
+    results: "Results",
 ) -> None:
     from glazejax import catalogue
 
@@ -265,6 +302,7 @@ def _say_lessons(
         best, *rest = found.films
         others = "; ".join(f"{lesson.film}: {lesson.expected:.1f}" for lesson in rest[:2])
         console.print(
-            f"{paint}: mixtures with white and films of it are foretold to ΔE00 {found.now:.1f}. What would teach "
+            f"{paint}: mixtures with white and films of it are foretold to ΔE00 {found.now:.1f}. "
+            "What would teach "
             f"most: [bold]{best.film}[/bold] (then {best.expected:.1f}; {others})."
         )

@@ -1,7 +1,8 @@
-"""How well a set of films foretells itself: every mixture left out of a joint fit in turn, and predicted.
+"""How well a set of films foretells itself: every mixture left out of a joint fit in turn, and
+predicted.
 
-What the films left out show of how far films are from their recipes (`glazefit.film.variation`) sets the bands: of each
-by what the others showed, and of films to come by what all did.
+What the films left out show of how far films are from their recipes (`glazefit.film.variation`)
+sets the bands: of each by what the others showed, and of films to come by what all did.
 """
 
 from collections.abc import Callable, Mapping
@@ -35,10 +36,10 @@ class LeftOut:
 
     Attributes:
         predictions: of each film by the fit of all others.
-        fitted: CIEDE2000 (D65, 10 degrees) of the fit of all films, over black and white, (films, 2).
-        measured: reflectance over black and white, (films, 2, bands).
-        variation: what all of them teach of how far films are from their recipes; for `predict_films`.
-        complete: False where an interrupt came before the last film.
+        fitted: CIEDE2000 (D65, 10 degrees) of the fit of all films, over black and white, (films,
+        2). measured: reflectance over black and white, (films, 2, bands).
+        variation: what all of them teach of how far films are from their recipes; for
+        `predict_films`. complete: False where an interrupt came before the last film.
     """
 
     predictions: tuple[Prediction, ...]
@@ -58,7 +59,12 @@ class LeftOut:
     @cached_property
     def predicted(self) -> Float[np.ndarray, "films 2"]:
         """CIEDE2000 (D65, 10 degrees) of the predictions, over black and white."""
-        return np.array([p.delta_e(*spectra) for p, spectra in zip(self.predictions, self.measured, strict=True)])
+        return np.array(
+            [
+                p.delta_e(*spectra)
+                for p, spectra in zip(self.predictions, self.measured, strict=True)
+            ]
+        )
 
     @cached_property
     def expected(self) -> Float[np.ndarray, "films"]:
@@ -123,10 +129,11 @@ def leave_films_out(
     Args:
         whole: fit of all films.
         films, recipes: of `whole`.
-        only: whether a film, by name, is left out; by default those of more than one paint, all of whose paints are in
-            other films too.
-        progress: called with each film's name before it is fitted. An interrupt keeps the films that are done.
-        given: further arguments of `glazefit.recover.joint.recover_jointly`, as `whole` had them.
+        only: whether a film, by name, is left out; by default those of more than one paint, all of
+            whose paints are in other films too.
+        progress: called with each film's name before it is fitted. An interrupt keeps the films
+        that are done. given: further arguments of `glazefit.recover.joint.recover_jointly`, as
+        `whole` had them.
 
     Raises:
         ValueError: there is no such film.
@@ -138,13 +145,17 @@ def leave_films_out(
         if (only(name) if only else (share > 0).sum() > 1) and np.all(films_of[share > 0] > 1)
     ]
     if not rows:
-        raise ValueError("no film can be left out: none is of several paints that are all in other films too")
+        raise ValueError(
+            "no film can be left out: none is of several paints that are all in other films too"
+        )
     predictions: list[Prediction] = []
     try:
         for row in rows:
             progress(films.names[row])
             rest = without(whole, films, recipes, row, **given)
-            predictions += predict_films(rest, films.take([row]), recipes, response=given.get("response"))
+            predictions += predict_films(
+                rest, films.take([row]), recipes, response=given.get("response")
+            )
     except KeyboardInterrupt:
         if not predictions:
             raise
@@ -153,7 +164,9 @@ def leave_films_out(
     surprises = [found.surprise(seen) for found, seen in zip(predictions, measured, strict=True)]
     mixing = [found.paints for found in surprises]
     others = [surprises[:i] + surprises[i + 1 :] for i in range(len(surprises))]
-    judged = [p.with_variation(learn(rest, mixing)) for p, rest in zip(predictions, others, strict=True)]
+    judged = [
+        p.with_variation(learn(rest, mixing)) for p, rest in zip(predictions, others, strict=True)
+    ]
     learned = learn(surprises, mixing)
     return LeftOut(
         predictions=tuple(judged),

@@ -1,8 +1,10 @@
-"""One's own file of paints, ``mine.csv``: read, and added to, paint by paint, all on the scale of one white.
+"""One's own file of paints, ``mine.csv``: read, and added to, paint by paint, all on the scale of
+one white.
 
-Paints of a file share error modes: what a paint that was fitted against the file's white inherits of the white's
-errors stands in the white's own columns, what is its own in columns that are new and empty of the others. So errors of
-their mixtures come out right. Lines that are there stay as they are, letter by letter.
+Paints of a file share error modes: what a paint that was fitted against the file's white inherits
+of the white's errors stands in the white's own columns, what is its own in columns that are new and
+empty of the others. So errors of their mixtures come out right. Lines that are there stay as they
+are, letter by letter.
 """
 
 import csv
@@ -26,7 +28,15 @@ from .left_open import mode_cell
 
 OWN_MODES = 16
 """Error modes that are a new paint's own."""
-_PLAIN = ("pigment", "wavelength_nm", "absorption", "scattering", "absorption_sd", "scattering_sd", "identifiable")
+_PLAIN = (
+    "pigment",
+    "wavelength_nm",
+    "absorption",
+    "scattering",
+    "absorption_sd",
+    "scattering_sd",
+    "identifiable",
+)
 
 
 @dataclass(frozen=True)
@@ -59,31 +69,38 @@ class PaintFile:
 
 
 class Entry(NamedTuple):
-    """A paint as it is written: k, s and errors in 1/m; modes by column number, from 0, each (2, bands)."""
+    """A paint as it is written: k, s and errors in 1/m; modes by column number, from 0, each (2,
+    bands).
+    """
 
     pigment: Pigment
     modes: Mapping[int, Float[np.ndarray, "2 bands"]]
 
 
-def add_paints(recovery: JointRecovery, path: str | Path, *, overwrite: bool = False) -> tuple[str, ...]:
-    """Add the paints of a joint fit to your own file of paints, as ``glazejax recover --into`` does.
+def add_paints(
+    recovery: JointRecovery, path: str | Path, *, overwrite: bool = False
+) -> tuple[str, ...]:
+    """Add the paints of a joint fit to your own file of paints, as ``glazejax recover --into``
+    does.
 
-    `glazejax.catalogue.read` reads the file, and ``--pigments`` of the commands. It is written whole or not at all.
-    Known paints that it lacks go into it too: the errors of the new ones depend on theirs. `read_loose_films` and
+    `glazejax.catalogue.read` reads the file, and ``--pigments`` of the commands. It is written
+    whole or not at all. Known paints that it lacks go into it too: the errors of the new ones
+    depend on theirs. `read_loose_films` and
     `named_recipes` read what the command reads, and `recover_jointly` fits it with
-    ``known={"ZincWhite": glazejax.catalogue.pigment("ZincWhite")}``, or what else the white of the tints is.
+    ``known={"ZincWhite": glazejax.catalogue.pigment("ZincWhite")}``, or what else the white of the
+    tints is.
 
     Args:
-        recovery: of `recover_jointly`. k and s are in 1/m if its `unit` is the thickness of a typical film.
-        path: the CSV, which need not exist.
+        recovery: of `recover_jointly`. k and s are in 1/m if its `unit` is the thickness of a
+        typical film. path: the CSV, which need not exist.
         overwrite: replace paints of the same name.
 
     Returns:
         Names of the paints that were written.
 
     Raises:
-        ValueError: the file has a paint of that name, or another paint by the name of one that the fit was told, or it
-            is no table of paints.
+        ValueError: the file has a paint of that name, or another paint by the name of one that the
+            fit was told, or it is no table of paints.
         FileNotFoundError, IsADirectoryError: there is no such folder, or the path is one.
     """
     file = PaintFile.open(path)
@@ -101,7 +118,11 @@ def add_paints(recovery: JointRecovery, path: str | Path, *, overwrite: bool = F
     elif recovery.gauged:
         scale = "thickness measured"
     comments = [f"{', '.join(new)}: glazejax recover, {len(recovery.films)} films, {scale}."]
-    comments += [f"{name}: {paint.provenance}" for name, paint in recovery.known_paints.items() if name in new]
+    comments += [
+        f"{name}: {paint.provenance}"
+        for name, paint in recovery.known_paints.items()
+        if name in new
+    ]
     add_entries(file, made, comments, overwrite=overwrite)
     return new
 
@@ -115,7 +136,10 @@ def _same(recovery: JointRecovery, name: str, there: Pigment) -> bool:
         return False
     alike = [
         np.allclose(one, other, rtol=1e-4)
-        for one, other in ((paint.absorption, there.absorption), (paint.scattering, there.scattering))
+        for one, other in (
+            (paint.absorption, there.absorption),
+            (paint.scattering, there.scattering),
+        )
     ]
     if not all(alike):
         return False
@@ -123,7 +147,9 @@ def _same(recovery: JointRecovery, name: str, there: Pigment) -> bool:
         return True
     modes, own = error_modes(paint), error_modes(there)
     # Three digits of a mode are written.
-    return len(own) > max(kept, default=-1) and np.allclose(modes[kept], own[kept], rtol=6e-3, atol=1e-5)
+    return len(own) > max(kept, default=-1) and np.allclose(
+        modes[kept], own[kept], rtol=6e-3, atol=1e-5
+    )
 
 
 def entries(recovery: JointRecovery, file: PaintFile) -> list[Entry]:
@@ -167,7 +193,12 @@ def entries(recovery: JointRecovery, file: PaintFile) -> list[Entry]:
         there = known[paint].resample(recovery.wavelengths)
         modes = recovery.known_modes[paint]
         kept = error_modes(there)[list(modes.kept)]
-        made.append(Entry(there, {columns[place]: mode for place, mode in zip(modes.places, kept, strict=True)}))
+        made.append(
+            Entry(
+                there,
+                {columns[place]: mode for place, mode in zip(modes.places, kept, strict=True)},
+            )
+        )
     return made
 
 
@@ -179,10 +210,12 @@ def conditional_modes(
     Float[np.ndarray, "2 paints bands"],
     Float[np.ndarray, "2 paints bands"],
 ]:
-    """How errors of log k and log s go with some of the others, for one standard deviation each, and what is left.
+    """How errors of log k and log s go with some of the others, for one standard deviation each,
+    and what is left.
 
-    The fit may have moved the others, but what is known stays as it is: so paints are shifted to where they are likely
-    if the others are nought, as a tint demands, and the others count with all that was open of them beforehand.
+    The fit may have moved the others, but what is known stays as it is: so paints are shifted to
+    where they are likely if the others are nought, as a tint demands, and the others count with all
+    that was open of them beforehand.
 
     Args:
         recovery: joint fit.
@@ -190,7 +223,8 @@ def conditional_modes(
         others: numbers of the unknowns' `others`.
 
     Returns:
-        Slopes by the others, modes of what is left, the shift of log k and log s, and their standard deviation.
+        Slopes by the others, modes of what is left, the shift of log k and log s, and their
+        standard deviation.
     """
     count, bands = len(recovery.paints), recovery.wavelengths.size
     wanted = [recovery.row(paint) for paint in paints]
@@ -216,11 +250,19 @@ def conditional_modes(
         return modes.reshape(len(modes), bands, 2, len(paints)).transpose(0, 2, 3, 1)
 
     inherited = arranged((slopes * held)[..., local])
-    return inherited, arranged(left), arranged(shift[None, :, local])[0], arranged(total[None, :, local])[0]
+    return (
+        inherited,
+        arranged(left),
+        arranged(shift[None, :, local])[0],
+        arranged(total[None, :, local])[0],
+    )
 
 
-def add_entries(file: PaintFile, made: Sequence[Entry], comments: Sequence[str], *, overwrite: bool = False) -> None:
-    """Write entries into the file: whole or not at all, and with the other paints' lines as they are.
+def add_entries(
+    file: PaintFile, made: Sequence[Entry], comments: Sequence[str], *, overwrite: bool = False
+) -> None:
+    """Write entries into the file: whole or not at all, and with the other paints' lines as they
+    are.
 
     Raises:
         ValueError: the file has a paint of that name, and `overwrite` is false.
@@ -228,7 +270,8 @@ def add_entries(file: PaintFile, made: Sequence[Entry], comments: Sequence[str],
     names = {entry.pigment.name for entry in made}
     if (there := sorted(names & set(file.paints))) and not overwrite:
         raise ValueError(
-            f"{file.path} has an entry {there[0]!r}; give another name, or replace it with overwrite=True (--overwrite)"
+            f"{file.path} has an entry {there[0]!r}; give another name, or replace it with "
+            "overwrite=True (--overwrite)"
         )
     lines = file.path.read_text(encoding="utf-8-sig").splitlines() if file.paints else []
     remarks = [line for line in lines if line.startswith("#")]
@@ -261,7 +304,10 @@ def add_entries(file: PaintFile, made: Sequence[Entry], comments: Sequence[str],
 
 def mode_columns(file: PaintFile) -> int:
     """How many error modes the file's paints have."""
-    return max((len(paint.error_modes) for paint in file.paints.values() if paint.error_modes is not None), default=0)
+    return max(
+        (len(paint.error_modes) for paint in file.paints.values() if paint.error_modes is not None),
+        default=0,
+    )
 
 
 def _rows(entry: Entry, titles: Sequence[str]) -> list[list[str]]:
@@ -272,12 +318,19 @@ def _rows(entry: Entry, titles: Sequence[str]) -> list[list[str]]:
         "wavelength_nm": grid,
         "absorption": np.asarray(paint.absorption),
         "scattering": np.asarray(paint.scattering),
-        "absorption_sd": nothing if paint.absorption_sd is None else np.asarray(paint.absorption_sd),
-        "scattering_sd": nothing if paint.scattering_sd is None else np.asarray(paint.scattering_sd),
+        "absorption_sd": nothing
+        if paint.absorption_sd is None
+        else np.asarray(paint.absorption_sd),
+        "scattering_sd": nothing
+        if paint.scattering_sd is None
+        else np.asarray(paint.scattering_sd),
     }
     for column, mode in entry.modes.items():
         values[f"k_mode_{column + 1}"], values[f"s_mode_{column + 1}"] = mode
-    words = {"pigment": [paint.name] * grid.size, "identifiable": [str(bool(flag)) for flag in known]}
+    words = {
+        "pigment": [paint.name] * grid.size,
+        "identifiable": [str(bool(flag)) for flag in known],
+    }
 
     def cell(title: str, band: int) -> str:
         if title in words:

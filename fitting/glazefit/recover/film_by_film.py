@@ -1,14 +1,15 @@
 """From films over black and white to absorption and scattering, at every wavelength.
 
-Each band of each film is a problem of its own: two readings, two unknowns. All of them are solved side by side in one
-compiled program, Levenberg and Marquardt's steps (`film.marquardt`), in chunks of films so that progress shows and an
-interrupt keeps what is finished.
+Each band of each film is a problem of its own: two readings, two unknowns. All of them are solved
+side by side in one compiled program, Levenberg and Marquardt's steps (`film.marquardt`), in chunks
+of films so that progress shows and an interrupt keeps what is finished.
 
-The unknowns are log(k d) and log(s d), held between bounds by a sigmoid. Two films over the same cards can have two
-solutions, so the fit starts from the two best local minima of a table (`film.model.tabulate`) and keeps the better.
+The unknowns are log(k d) and log(s d), held between bounds by a sigmoid. Two films over the same
+cards can have two solutions, so the fit starts from the two best local minima of a table
+(`film.model.tabulate`) and keeps the better.
 
-Where a film is opaque only k/s is known. There s d is drawn to its neighbours (`neighbours_scattering`) and k d follows
-from the ratio; the band is flagged.
+Where a film is opaque only k/s is known. There s d is drawn to its neighbours
+(`neighbours_scattering`) and k d follows from the ratio; the band is flagged.
 """
 
 import functools
@@ -34,16 +35,20 @@ CHUNK = 8
 """Films a chunk."""
 
 _STEPS = 20
-# Pull to the start, in standard deviations per unit of log k d or log s d, without and with a given s d.
+# Pull to the start, in standard deviations per unit of log k d or log s d, without and with a given
+# s d.
 _PULL, _GIVEN_PULL = 0.05, 0.2
-# Prior on log(s d) from the neighbours, a factor of e: holds where the data are silent, yields where they speak.
+# Prior on log(s d) from the neighbours, a factor of e: holds where the data are silent, yields
+# where they speak.
 PRIOR_SD = 1.0
 # In units of a standard deviation for residuals, and of log k d and log s d.
 _BOUNDS = np.log(np.array([LOWEST, HIGHEST]))
 
 
 class BandReadings(NamedTuple):
-    """Readings over black and white (last axis) of every band, without the surface's part; leading axes are bands."""
+    """Readings over black and white (last axis) of every band, without the surface's part; leading
+    axes are bands.
+    """
 
     reading: Float[Array, "*bands 2"]
     ground: Float[Array, "*bands 2"]
@@ -52,7 +57,9 @@ class BandReadings(NamedTuple):
 
 
 class ScatteringPrior(NamedTuple):
-    """What is known beforehand of log(s d): its mean and one over its standard deviation (0 for nothing)."""
+    """What is known beforehand of log(s d): its mean and one over its standard deviation (0 for
+    nothing).
+    """
 
     mean: Float[Array, "*bands"]
     weight: Float[Array, "*bands"]
@@ -91,18 +98,24 @@ def _free(logs: Float[Array, "*n 2"]) -> Float[Array, "*n 2"]:
 
 
 def starts(data: BandReadings, table: ReflectanceTable, prior: ScatteringPrior) -> BandStart:
-    """Starting points of one band: the table's two lowest local minima (the lowest twice if there is one only).
+    """Starting points of one band: the table's two lowest local minima (the lowest twice if there
+    is one only).
 
-    Between neighbouring values of k d the table is interpolated, since the valley of equal k/s is narrow.
+    Between neighbouring values of k d the table is interpolated, since the valley of equal k/s is
+    narrow.
     """
     ground = data.ground[:, None, None]
     transmitted = table.gain / (1.0 - table.back * ground)
     # A card's own error reaches the reading through the film.
     through = transmitted / (1.0 - table.back * ground)
     variance = data.variance[:, None, None] + data.ground_variance[:, None, None] * through**2
-    residual = (table.black + ground * transmitted - data.reading[:, None, None]) / jnp.sqrt(variance)
+    residual = (table.black + ground * transmitted - data.reading[:, None, None]) / jnp.sqrt(
+        variance
+    )
     left, step = residual[:, :-1], jnp.diff(residual, axis=1)
-    share = jnp.clip(-jnp.sum(left * step, axis=0) / jnp.clip(jnp.sum(step**2, axis=0), 1e-30), 0.0, 1.0)
+    share = jnp.clip(
+        -jnp.sum(left * step, axis=0) / jnp.clip(jnp.sum(step**2, axis=0), 1e-30), 0.0, 1.0
+    )
     cost = jnp.sum((left + share * step) ** 2, axis=0)
     least = table.log_scattering[jnp.argmax(jnp.min(cost, axis=0) <= cost.min() + 4.0)]
 
@@ -114,7 +127,8 @@ def starts(data: BandReadings, table: ReflectanceTable, prior: ScatteringPrior) 
     first = jnp.argmin(cost)
     second = jnp.argmin(minima.at[first].set(jnp.inf))
     second = jnp.where(jnp.isfinite(minima[second]), second, first)
-    # A band whose s is given may be so dark that k has no upper limit: then the smallest that will do.
+    # A band whose s is given may be so dark that k has no upper limit: then the smallest that will
+    # do.
     enough = jnp.argmax((cost <= cost.min() + 4.0).any(axis=1)) * columns
     enough += jnp.argmin(cost[enough // columns])
     first = jnp.where(prior.weight > 0, enough, first)
@@ -133,17 +147,20 @@ def _polish(
     prior: ScatteringPrior,
     instrument: Instrument,
 ) -> tuple[Float[Array, "n 2"], Bool[Array, "n"]]:
-    """Least squares of bands, each from one start: log optical thicknesses, and whether they converged.
+    """Least squares of bands, each from one start: log optical thicknesses, and whether they
+    converged.
 
-    A weak pull to the start settles directions that the data leave open; it moves a value that they determine to half
-    its size by less than a hundredth of its error.
+    A weak pull to the start settles directions that the data leave open; it moves a value that they
+    determine to half its size by less than a hundredth of its error.
     """
 
     def residuals(
         free: Array, start: Array, data: BandReadings, weights: Array, prior: ScatteringPrior
     ) -> Float[Array, "rows"]:
         given = prior.weight > 0
-        pull = jnp.stack([jnp.where(given, _GIVEN_PULL, _PULL), jnp.where(given, prior.weight, _PULL)])
+        pull = jnp.stack(
+            [jnp.where(given, _GIVEN_PULL, _PULL), jnp.where(given, prior.weight, _PULL)]
+        )
         centre = jnp.stack([start[0], jnp.where(given, prior.mean, start[1])])
         logs = _bounded(free)
         k, s = jnp.exp(logs)
@@ -151,17 +168,20 @@ def _polish(
         return jnp.concatenate([misfit, pull * (logs - centre)])
 
     given = (start, data, weights, prior)
-    free, settled = levenberg_marquardt(residuals, _free(start), *given, rtol=1e-4, atol=1e-3, max_steps=_STEPS)
+    free, settled = levenberg_marquardt(
+        residuals, _free(start), *given, rtol=1e-4, atol=1e-3, max_steps=_STEPS
+    )
     return _bounded(free), settled
 
 
 def _spread(
     optical: Float[Array, "n 2"], data: BandReadings, instrument: Instrument
 ) -> tuple[Float[Array, "n 2"], Float[Array, "n 2 2"]]:
-    """Fitted readings, and the covariance of k d and s d that the noise of all four readings causes.
+    """Fitted readings, and the covariance of k d and s d that the noise of all four readings
+    causes.
 
-    Inverse of the Fisher information, J^T W J, plus a vague prior: a value is known beforehand to 1 + 5 times itself,
-    so that what the data leave open comes out large, not infinite.
+    Inverse of the Fisher information, J^T W J, plus a vague prior: a value is known beforehand to 1
+    + 5 times itself, so that what the data leave open comes out large, not infinite.
     """
 
     def total(optical: Array, ground: Array) -> tuple[Array, Array]:
@@ -170,15 +190,22 @@ def _spread(
 
     # One reverse pass gives every slope: bands and cards are independent.
     pairs = jnp.broadcast_to(optical[:, None, :], (*optical.shape, 2))
-    (_, value), (jacobian, through) = jax.value_and_grad(total, argnums=(0, 1), has_aux=True)(pairs, data.ground)
+    (_, value), (jacobian, through) = jax.value_and_grad(total, argnums=(0, 1), has_aux=True)(
+        pairs, data.ground
+    )
     variance = data.variance + data.ground_variance * through**2
     scaled = jacobian / jnp.sqrt(variance)[..., None]
-    fisher = jnp.einsum("nci,ncj->nij", scaled, scaled) + jnp.eye(2) / (1.0 + 5.0 * optical[:, :, None]) ** 2
+    fisher = (
+        jnp.einsum("nci,ncj->nij", scaled, scaled)
+        + jnp.eye(2) / (1.0 + 5.0 * optical[:, :, None]) ** 2
+    )
     return value, inverse_positive(fisher)
 
 
 @functools.partial(jax.jit, static_argnames="instrument")
-def solve(data: BandReadings, table: ReflectanceTable, prior: ScatteringPrior, instrument: Instrument) -> Estimate:
+def solve(
+    data: BandReadings, table: ReflectanceTable, prior: ScatteringPrior, instrument: Instrument
+) -> Estimate:
     """Solve every band of a batch, (n,), side by side."""
     start = jax.vmap(starts, in_axes=(0, None, 0))(data, table, prior)
     # Both starts of a band are bands of their own until the better one is chosen.
@@ -192,7 +219,9 @@ def solve(data: BandReadings, table: ReflectanceTable, prior: ScatteringPrior, i
     # The first unless the second is better by more than rounding.
     best = jnp.where(cost[:, 1] < cost[:, 0] - 0.01, 1, 0)
     pair = logs.reshape(-1, 2, 2)
-    apart = (jnp.abs(pair[:, 1] - pair[:, 0]) > 0.3) & (jnp.abs(jnp.exp(pair[:, 1]) - jnp.exp(pair[:, 0])) > 0.01)
+    apart = (jnp.abs(pair[:, 1] - pair[:, 0]) > 0.3) & (
+        jnp.abs(jnp.exp(pair[:, 1]) - jnp.exp(pair[:, 0])) > 0.01
+    )
     ambiguous = apart.any(axis=1) & (jnp.abs(cost[:, 1] - cost[:, 0]) < 4.0)
 
     def choose(values: Array) -> Array:
@@ -210,7 +239,9 @@ def solve(data: BandReadings, table: ReflectanceTable, prior: ScatteringPrior, i
     )
 
 
-def pose(films: Films, gloss: Float[np.ndarray, "films"], instrument: Instrument, noise: Noise) -> BandReadings:
+def pose(
+    films: Films, gloss: Float[np.ndarray, "films"], instrument: Instrument, noise: Noise
+) -> BandReadings:
     """Problems of all bands of some films, (films * bands,)."""
     black, white, sd_black, sd_white = cards(films, instrument, noise)
     readings = np.stack([films.over_black, films.over_white], axis=-1)
@@ -218,36 +249,54 @@ def pose(films: Films, gloss: Float[np.ndarray, "films"], instrument: Instrument
     sds = np.stack([sd_black, sd_white], axis=-1)
     grounds = np.stack([black, white], axis=-1)
     return BandReadings(
-        *(jnp.asarray(a.reshape(-1, 2)) for a in (readings - surface, grounds, noise.sd(readings) ** 2, sds**2))
+        *(
+            jnp.asarray(a.reshape(-1, 2))
+            for a in (readings - surface, grounds, noise.sd(readings) ** 2, sds**2)
+        )
     )
 
 
 def recover_films(
-    films: Films, *, instrument: Instrument | None = None, noise: Noise | None = None, chunk: int = CHUNK
+    films: Films,
+    *,
+    instrument: Instrument | None = None,
+    noise: Noise | None = None,
+    chunk: int = CHUNK,
 ) -> Recovery:
     """Absorption and scattering of paint films, as optical thicknesses k d and s d.
 
     Args:
         films: measured over a black and a white card.
         instrument: its geometry; by default d:8 with the specular part, refractive index 1.5.
-        noise: of a reading; by default told from the readings' roughness (`glazefit.film.noise.estimate_noise`).
-        chunk: films solved at a time.
+        noise: of a reading; by default told from the readings' roughness
+        (`glazefit.film.noise.estimate_noise`). chunk: films solved at a time.
 
     Raises:
-        ValueError: a card that its own surface or a perfect diffuser contradicts (see `glazefit.film.films.cards`), or
-            a film that lacks a reading.
+        ValueError: a card that its own surface or a perfect diffuser contradicts (see
+            `glazefit.film.films.cards`), or a film that lacks a reading.
     """
-    return Recovery.join(list(recover_chunks(films, instrument=instrument, noise=noise, chunk=chunk)))
+    return Recovery.join(
+        list(recover_chunks(films, instrument=instrument, noise=noise, chunk=chunk))
+    )
 
 
 def recover_chunks(
-    films: Films, *, instrument: Instrument | None = None, noise: Noise | None = None, chunk: int = CHUNK
+    films: Films,
+    *,
+    instrument: Instrument | None = None,
+    noise: Noise | None = None,
+    chunk: int = CHUNK,
 ) -> Iterator[Recovery]:
-    """As `recover_films`, a few films at a time, so that progress can be shown and an interrupt loses little."""
+    """As `recover_films`, a few films at a time, so that progress can be shown and an interrupt
+    loses little.
+    """
     if len(films) == 0:
         raise ValueError("there are no films to recover")
     if not films.complete:
-        raise ValueError("film by film, every film needs readings over both cards, and both cards bare: fit jointly")
+        raise ValueError(
+            "film by film, every film needs readings over both cards, and both cards bare: fit "
+            "jointly"
+        )
     instrument, noise = instrument or Instrument(), noise or estimate_noise(films)
     cards(films, instrument, noise)  # refuse bad cards before the first chunk
     for first in range(0, len(films), chunk):
@@ -262,11 +311,16 @@ def _recover_chunk(films: Films, instrument: Instrument, noise: Noise, chunk: in
     table = _table(optics)
     # The last chunk is filled up, so that one compiled program serves all.
     spare = (chunk - count) * bands
-    data = jax.tree.map(lambda a: jnp.pad(a, ((0, spare), (0, 0)), mode="edge"), pose(films, gloss, instrument, noise))
+    data = jax.tree.map(
+        lambda a: jnp.pad(a, ((0, spare), (0, 0)), mode="edge"),
+        pose(films, gloss, instrument, noise),
+    )
     size = chunk * bands
     nothing = ScatteringPrior(jnp.zeros(size), jnp.zeros(size))
     free = solve(data, table, nothing, optics)
-    contrast = np.asarray((free.fitted[:, 1] - free.fitted[:, 0]) / jnp.sqrt(data.variance.sum(axis=1)))
+    contrast = np.asarray(
+        (free.fitted[:, 1] - free.fitted[:, 0]) / jnp.sqrt(data.variance.sum(axis=1))
+    )
     apart = told_apart(np.asarray(free.optical), np.asarray(free.covariance), contrast)
     known = (apart & ~np.asarray(free.ambiguous)).reshape(-1, bands)
     mean, weight = neighbours_scattering(
@@ -277,7 +331,9 @@ def _recover_chunk(films: Films, instrument: Instrument, noise: Noise, chunk: in
     )
     prior = ScatteringPrior(jnp.asarray(mean.ravel()), jnp.asarray(weight.ravel()))
     drawn = free if known[:count].all() else solve(data, table, prior, optics)
-    chosen = jax.tree.map(lambda a, b: np.where(known.ravel().reshape(-1, *[1] * (a.ndim - 1)), a, b), free, drawn)
+    chosen = jax.tree.map(
+        lambda a, b: np.where(known.ravel().reshape(-1, *[1] * (a.ndim - 1)), a, b), free, drawn
+    )
 
     def cut(values: np.ndarray) -> np.ndarray:
         return values.reshape(-1, bands, *values.shape[1:])[:count]
@@ -304,10 +360,12 @@ def neighbours_scattering(
     known: Bool[np.ndarray, "films bands"],
     least: Float[np.ndarray, "films bands"],
 ) -> tuple[Float[np.ndarray, "films bands"], Float[np.ndarray, "films bands"]]:
-    """Mean and weight of a prior on log(s d): nothing at known bands, continuity with them elsewhere.
+    """Mean and weight of a prior on log(s d): nothing at known bands, continuity with them
+    elsewhere.
 
-    Between known bands log(s d) is interpolated, beyond them continued as a constant, and never less than the data
-    allow. A film without any known band gets one value, the least that all its bands allow: as thin as it can be.
+    Between known bands log(s d) is interpolated, beyond them continued as a constant, and never
+    less than the data allow. A film without any known band gets one value, the least that all its
+    bands allow: as thin as it can be.
 
     Args:
         wavelengths: (bands,), nm.

@@ -1,8 +1,10 @@
-"""Joint recovery: k and s of all paints at once, from pure films, tints and shades with known weights.
+"""Joint recovery: k and s of all paints at once, from pure films, tints and shades with known
+weights.
 
-A pure opaque film tells only k/s; its tint with a white that is known tells the rest. So all films are fitted
-together (`joint_problem`), each with a thickness of its own, by Levenberg and Marquardt's method with a linear
-solver that knows the structure (`joint_solver`). Thicknesses are relative: the unit is that of a typical film.
+A pure opaque film tells only k/s; its tint with a white that is known tells the rest. So all films
+are fitted together (`joint_problem`), each with a thickness of its own, by Levenberg and
+Marquardt's method with a linear solver that knows the structure (`joint_solver`). Thicknesses are
+relative: the unit is that of a typical film.
 """
 
 from collections.abc import Mapping
@@ -43,7 +45,8 @@ UNIT = 25e-6
 """Thickness of a film of unit relative thickness where none is known, m."""
 # Kept with a recovery, for the errors of what it predicts.
 DRAWS = 128
-# Logarithms of coefficients start far off; undamped first steps would throw some to where nothing has a slope.
+# Logarithms of coefficients start far off; undamped first steps would throw some to where nothing
+# has a slope.
 _FIRST_STEP = 1e-4
 
 
@@ -70,29 +73,35 @@ def recover_jointly(
         films: measured over a black and a white card, or one of them, or opaque.
         recipes: sample -> paint -> weight, in any unit, of every film.
         instrument: by default d:8 with the specular part, refractive index 1.5.
-        noise: of a reading, by default told from the readings' roughness; `expectations` adds what the model may be
-            off.
+        noise: of a reading, by default told from the readings' roughness; `expectations` adds what
+            the model may be off.
         law: mixing law, by default linear by mass.
         expectations: what is expected beforehand.
-        use: (films,), 0 for films that are held out and predicted, 1 for the others; by default all ones.
-        start: where to start, such as `JointRecovery.unknowns` of a fit of the same films.
+        use: (films,), 0 for films that are held out and predicted, 1 for the others; by default all
+        ones. start: where to start, such as `JointRecovery.unknowns` of a fit of the same films.
         max_steps: of the solver, in each of its two stages.
-        response: model of one film, by default that of the instrument (`glazefit.film.response.film_response`).
-        known: paints whose k and s are known, with their errors: the films do not change them, and they fix the scale
+        response: model of one film, by default that of the instrument
+        (`glazefit.film.response.film_response`). known: paints whose k and s are known, with their
+        errors: the films do not change them, and they fix the scale
             of the others.
         gauge: thicknesses of films.
-        gloss: film -> share of the surface's reflection that was measured, by readings with the specular part and
-            without it (`glazefit.film.gloss.measure_gloss`); of other films it is found.
-        unit: thickness of a film of unit relative thickness, m; matters where paints or thicknesses are known.
+        gloss: film -> share of the surface's reflection that was measured, by readings with the
+            specular part and without it (`glazefit.film.gloss.measure_gloss`); of other films it is
+            found.
+        unit: thickness of a film of unit relative thickness, m; matters where paints or thicknesses
+            are known.
 
     Raises:
-        ValueError: a film without a recipe, no film, cards that are not possible (see `glazefit.film.films.cards`), a
-            known paint that does not cover the films' wavelengths, or a film of the gauge's that there is not.
+        ValueError: a film without a recipe, no film, cards that are not possible (see
+            `glazefit.film.films.cards`), a known paint that does not cover the films' wavelengths,
+            or a film of the gauge's that there is not.
     """
     if len(films) == 0:
         raise ValueError("there are no films to recover")
     instrument, law = instrument or Instrument(), law or MixingLaw()
-    noise = noise or estimate_noise(films if use is None else films.take(np.flatnonzero(use).tolist()))
+    noise = noise or estimate_noise(
+        films if use is None else films.take(np.flatnonzero(use).tolist())
+    )
     paints, weights = weight_table(films.names, recipes)
     shares = law.shares(weights, paints)
     expected = expectations or Expectations()
@@ -104,8 +113,11 @@ def recover_jointly(
     problem = problem._replace(weight=jnp.asarray(np.asarray(problem.weight) * kept))
     response = response or film_response(instrument.geometry, instrument.refractive_index)
     if start is None:
-        # Weights and gloss as stated first: set free at once, they explain what thicknesses and spectra should.
-        stiff_films = np.asarray(problem.film_scale) * np.where(np.arange(problem.film_scale.shape[1]) > 0, 0.03, 1.0)
+        # Weights and gloss as stated first: set free at once, they explain what thicknesses and
+        #     spectra should.
+        stiff_films = np.asarray(problem.film_scale) * np.where(
+            np.arange(problem.film_scale.shape[1]) > 0, 0.03, 1.0
+        )
         stiff = problem._replace(
             film_scale=jnp.asarray(stiff_films),
             paint_scale=jnp.asarray(0.03 * np.asarray(problem.paint_scale)),
@@ -157,7 +169,9 @@ def pose(
     gloss: Float[np.ndarray, "films"] | None = None,
 ) -> JointProblem:
     """Arrays of a joint problem."""
-    told = told or tell(films, ["" for _ in range(shares.shape[1])], {}, None, 1.0, expected.thickness)
+    told = told or tell(
+        films, ["" for _ in range(shares.shape[1])], {}, None, 1.0, expected.thickness
+    )
     black, white, sd_black, sd_white = cards(films, instrument, noise)
     measured = np.stack([films.over_black, films.over_white], axis=-1)
     grounds = np.stack([black, white], axis=-1)
@@ -169,15 +183,22 @@ def pose(
     # A paint's own weight error: a share of it, and what the balance leaves open.
     part = np.einsum("fep,fp->fe", minor, shares)
     errors = np.hypot(expected.weight_share, expected.weight_floor / np.where(part > 0, part, 1.0))
-    scale = np.concatenate([told.thickness_sd[:, None], np.full((count, 1), expected.gloss), errors], axis=1)
+    scale = np.concatenate(
+        [told.thickness_sd[:, None], np.full((count, 1), expected.gloss), errors], axis=1
+    )
     # A law without strengths holds them at nothing.
     strength = expected.strength if law.name == "strength" else 1e-6
     # A sum over the bands of pulls of sd * sqrt(bands) each is a pull of the mean by sd.
-    pull = np.repeat([expected.level_k, expected.level_s], paints, axis=0) * [1.0, np.sqrt(len(films.wavelengths))]
+    pull = np.repeat([expected.level_k, expected.level_s], paints, axis=0) * [
+        1.0,
+        np.sqrt(len(films.wavelengths)),
+    ]
     stiffness = np.repeat([1.0 / expected.curvature_k, 1.0 / expected.curvature_s], paints)
     black_at = nearly_black(np.moveaxis(measured, -1, 1), shares, instrument.seen_surface)
     step = expected.slope_s * np.sqrt(np.diff(films.wavelengths) / 10.0)
-    steepness = np.tile((black_at[1:] & black_at[:-1]) / step[:, None], 2) * np.repeat([0.0, 1.0], paints)
+    steepness = np.tile((black_at[1:] & black_at[:-1]) / step[:, None], 2) * np.repeat(
+        [0.0, 1.0], paints
+    )
     fixed = np.tile(told.known, 2)
     pull[fixed], stiffness[fixed], steepness[:, fixed] = (0.0, SLACK), 0.0, 0.0
     gloss = np.full(count, np.nan) if gloss is None else gloss
@@ -194,7 +215,9 @@ def pose(
         "steepness": steepness,
         "pull": np.stack([pull[:, 0], 1.0 / pull[:, 1]], axis=1),
         "film_scale": scale,
-        "paint_mean": np.stack([paint_gloss(films, shares, instrument, noise), np.zeros(paints)], axis=1),
+        "paint_mean": np.stack(
+            [paint_gloss(films, shares, instrument, noise), np.zeros(paints)], axis=1
+        ),
         "paint_scale": np.tile([expected.paint_gloss, strength], (paints, 1)),
         "tail": expected.tail,
         "known": told.logs,
@@ -212,10 +235,14 @@ def pose(
 def paint_gloss(
     films: Films, shares: Float[np.ndarray, "films paints"], instrument: Instrument, noise: Noise
 ) -> Float[np.ndarray, "paints"]:
-    """Log of the gloss that the films in which a paint is the largest part demand, 0 where they demand none."""
+    """Log of the gloss that the films in which a paint is the largest part demand, 0 where they
+    demand none.
+    """
     demanded = np.log(estimate_gloss(films, instrument, noise))
     largest = shares.argmax(axis=1)
-    return np.array([demanded[largest == paint].min(initial=0.0) for paint in range(shares.shape[1])])
+    return np.array(
+        [demanded[largest == paint].min(initial=0.0) for paint in range(shares.shape[1])]
+    )
 
 
 def first_guess(problem: JointProblem) -> Unknowns:
@@ -224,7 +251,8 @@ def first_guess(problem: JointProblem) -> Unknowns:
     # By NumPy: each of these would be a program of its own.
     return Unknowns(
         jnp.asarray(
-            np.broadcast_to(np.asarray(problem.pull)[:, 0], (bands, len(problem.pull))) + np.asarray(problem.known)
+            np.broadcast_to(np.asarray(problem.pull)[:, 0], (bands, len(problem.pull)))
+            + np.asarray(problem.known)
         ),
         jnp.asarray(np.zeros(problem.film_scale.shape)),
         problem.paint_mean,
@@ -235,7 +263,12 @@ def first_guess(problem: JointProblem) -> Unknowns:
 @jax.jit
 def _described(
     solution: Unknowns, problem: JointProblem, response: Response
-) -> tuple[Unknowns, Float[Array, "bands films"], Float[Array, "bands films"], Float[Array, "bands films 2"]]:
+) -> tuple[
+    Unknowns,
+    Float[Array, "bands films"],
+    Float[Array, "bands films"],
+    Float[Array, "bands films 2"],
+]:
     """Totals, optical thicknesses and readings, in one program."""
     whole = totals(solution, problem)
     return whole, *optical_thickness(whole, problem), readings(solution, problem, response)

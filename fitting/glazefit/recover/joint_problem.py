@@ -1,18 +1,21 @@
-"""All films at once: what is unknown, and how far a guess is from the readings and from what was expected.
+"""All films at once: what is unknown, and how far a guess is from the readings and from what was
+expected.
 
-Unknown are log k and log s of every paint at every band, and a few numbers that all bands share: of every film the
-logs of its relative thickness, of its gloss beside that of its paints, and of the error of each weight but the
-largest; of every paint the logs of its gloss and of its strength. A reading over a card rho is
+Unknown are log k and log s of every paint at every band, and a few numbers that all bands share: of
+every film the logs of its relative thickness, of its gloss beside that of its paints, and of the
+error of each weight but the largest; of every paint the logs of its gloss and of its strength. A
+reading over a card rho is
 
     R = R_s exp(sum_p w_p m_p + g_f) + body(d_f sum_p c_p k_p, d_f sum_p c_p s_p, rho)
 
-with c from the mixing law and the weights, each weight times exp(e). Everything is a sum of squares: residuals of
-the readings, the curvature of log k and log s along the wavelengths, the steps of log s where a paint is nearly black,
-and the priors.
+with c from the mixing law and the weights, each weight times exp(e). Everything is a sum of
+squares: residuals of the readings, the curvature of log k and log s along the wavelengths, the
+steps of log s where a paint is nearly black, and the priors.
 
-What else may be off, all standard normal beforehand, are the `others` (see `known`): error modes of paints that are
-known already, the level of cards that were not measured, and a factor of all thicknesses. They are added to the bands'
-and the films' unknowns, which are then deviations; `totals` adds them up.
+What else may be off, all standard normal beforehand, are the `others` (see `known`): error modes of
+paints that are known already, the level of cards that were not measured, and a factor of all
+thicknesses. They are added to the bands' and the films' unknowns, which are then deviations;
+`totals` adds them up.
 """
 
 from typing import NamedTuple
@@ -34,15 +37,20 @@ _BLACK = 0.03
 class Expectations(NamedTuple):
     """What is expected beforehand, as standard deviations.
 
-    Chosen so that films which are left out of a fit are predicted best: `python -m benchmarks.prediction --scan`.
+    Chosen so that films which are left out of a fit are predicted best: `python -m
+    benchmarks.prediction --scan`.
     """
 
     thickness: float = 0.3
     """Of the log of a film's relative thickness."""
     gloss: float = 0.03
-    """Of the log of one film's gloss, its share of a smooth surface's reflection, about that of its paints."""
+    """Of the log of one film's gloss, its share of a smooth surface's reflection, about that of its
+    paints.
+    """
     paint_gloss: float = 0.03
-    """Of the log of a paint's gloss, about what its darkest readings allow (see `glazefit.film.gloss`)."""
+    """Of the log of a paint's gloss, about what its darkest readings allow (see
+    `glazefit.film.gloss`).
+    """
     strength: float = 0.4
     """Of a paint's log strength, where the mixing law has one (see `glazefit.film.mixing`)."""
     weight_share: float = 0.01
@@ -50,16 +58,20 @@ class Expectations(NamedTuple):
     weight_floor: float = 0.0005
     """and of a weight as a share of the film: recipes are rounded to a tenth of a per cent."""
     tail: float = 3.0
-    """Degrees of freedom of Student's t that errors of weights follow: a recipe may be plainly wrong."""
+    """Degrees of freedom of Student's t that errors of weights follow: a recipe may be plainly
+    wrong.
+    """
     curvature_k: float = 0.3
     """Of the second difference of log k over 10 nm."""
     curvature_s: float = 0.1
     """Of the second difference of log s over 10 nm."""
     slope_s: float = 0.25
-    """Of the first difference of log s over 10 nm where a paint's own film is nearly black, each step independent of
-    the others. There s is read from thousandths of reflectance, and bronzing would pass for it."""
+    """Of the first difference of log s over 10 nm where a paint's own film is nearly black, each
+    step independent of the others. There s is read from thousandths of reflectance, and bronzing
+    would pass for it."""
     level_k: tuple[float, float] = (0.0, 3.0)
-    """Mean and standard deviation of a paint's log(k d) for a film of unit thickness, averaged over the bands: little.
+    """Mean and standard deviation of a paint's log(k d) for a film of unit thickness, averaged over
+    the bands: little.
 
     An opaque paint that is in no mixture tells k/s alone; the rest is then as these two say.
     """
@@ -68,15 +80,17 @@ class Expectations(NamedTuple):
     model_floor: float = 0.01
     """What the model itself may be off, added to the noise: near black,"""
     model_share: float = 0.01
-    """and for each unit of reflectance. Larger than residuals are: errors of neighbouring bands are alike, so that
-    thirty of them tell no more than a few that are independent."""
+    """and for each unit of reflectance. Larger than residuals are: errors of neighbouring bands are
+    alike, so that thirty of them tell no more than a few that are independent."""
 
 
 class Unknowns(NamedTuple):
     """Point of the search; also the shape of a step."""
 
     bands: Float[Array, "bands local"]  # log k of all paints, then log s, for unit thickness
-    films: Float[Array, "films 2+parts"]  # log thickness, log gloss beside its paints', errors of log weights
+    films: Float[
+        Array, "films 2+parts"
+    ]  # log thickness, log gloss beside its paints', errors of log weights
     paints: Float[Array, "paints 2"]  # log gloss, log strength
     others: Float[Array, "others"] = np.zeros(0)  # pyright: ignore[reportAssignmentType]  # errors of what is known
 
@@ -90,9 +104,13 @@ class JointProblem(NamedTuple):
     shares: Float[Array, "films paints"]
     minor: Float[Array, "films parts paints"]  # 1 where an error of weight belongs
     surface: Float[Array, ""]
-    curvature: Float[Array, "inner bands"]  # second difference in units of (10 nm)^-2, for a weight of 1
+    curvature: Float[
+        Array, "inner bands"
+    ]  # second difference in units of (10 nm)^-2, for a weight of 1
     stiffness: Float[Array, "local"]  # one over the expected curvature
-    steepness: Float[Array, "steps local"]  # one over the expected step from band to band, 0 where any will do
+    steepness: Float[
+        Array, "steps local"
+    ]  # one over the expected step from band to band, 0 where any will do
     pull: Float[Array, "local 2"]  # mean and one over the standard deviation of log k and log s
     known: Float[Array, "bands local"]  # added to the mean: logs of paints that are known
     film_scale: Float[Array, "films 2+parts"]  # standard deviations expected
@@ -132,7 +150,9 @@ def totals(unknowns: Unknowns, problem: JointProblem) -> Unknowns:
 def deviations(unknowns: Unknowns, problem: JointProblem) -> Unknowns:
     """The opposite of `totals`."""
     nothing = jax.tree.map(jnp.zeros_like, unknowns)._replace(others=unknowns.others)
-    return jax.tree.map(jnp.subtract, unknowns, totals(nothing, problem))._replace(others=unknowns.others)
+    return jax.tree.map(jnp.subtract, unknowns, totals(nothing, problem))._replace(
+        others=unknowns.others
+    )
 
 
 def optical_thickness(
@@ -146,17 +166,25 @@ def optical_thickness(
     coefficients = jnp.exp(unknowns.bands)
     kd, sd = coefficients[:, :paints] @ amounts.T, coefficients[:, paints:] @ amounts.T
     # As thick as the response goes, so that only k/s counts.
-    thick = jnp.where(problem.opaque > 0, 0.999 * jnp.minimum(HIGHEST[0] / kd, HIGHEST[1] / sd), 1.0)
+    thick = jnp.where(
+        problem.opaque > 0, 0.999 * jnp.minimum(HIGHEST[0] / kd, HIGHEST[1] / sd), 1.0
+    )
     return kd * thick, sd * thick
 
 
-def readings(unknowns: Unknowns, problem: JointProblem, response: Response) -> Float[Array, "bands films 2"]:
+def readings(
+    unknowns: Unknowns, problem: JointProblem, response: Response
+) -> Float[Array, "bands films 2"]:
     """What the instrument reads over both cards, from deviations."""
     odds = jnp.exp(jnp.einsum("o,ofc->fc", unknowns.others, problem.ground_modes))
     ground = problem.ground * odds / (1.0 - problem.ground + problem.ground * odds)
     whole = totals(unknowns, problem)
     kd, sd = optical_thickness(whole, problem)
-    gloss = jnp.exp(problem.own_gloss * (problem.shares @ whole.paints[:, 0]) + problem.gloss + whole.films[:, 1])
+    gloss = jnp.exp(
+        problem.own_gloss * (problem.shares @ whole.paints[:, 0])
+        + problem.gloss
+        + whole.films[:, 1]
+    )
     return problem.surface * gloss[:, None] + response.body(kd[..., None], sd[..., None], ground)
 
 
@@ -183,7 +211,9 @@ def heavy_tail(x: Float[Array, "*shape"], freedom: Float[Array, ""]) -> Float[Ar
 def model_deviation(
     measured: Float[np.ndarray, "*shape"], noise: Noise, expected: Expectations
 ) -> Float[np.ndarray, "*shape"]:
-    """Standard deviation of a reading from the model's: the instrument's noise and what the model may be off."""
+    """Standard deviation of a reading from the model's: the instrument's noise and what the model
+    may be off.
+    """
     return np.hypot(noise.sd(measured), expected.model_floor + expected.model_share * measured)
 
 
@@ -195,22 +225,32 @@ def curvature_matrix(wavelengths: Float[np.ndarray, "bands"]) -> Float[np.ndarra
     matrix = np.zeros((max(len(wavelengths) - 2, 0), len(wavelengths)))
     for row in range(len(matrix)):
         left, right = np.diff(wavelengths[row : row + 3])
-        weights = 2.0 / (left + right) * np.array([1.0 / left, -1.0 / left - 1.0 / right, 1.0 / right])
+        weights = (
+            2.0 / (left + right) * np.array([1.0 / left, -1.0 / left - 1.0 / right, 1.0 / right])
+        )
         matrix[row, row : row + 3] = weights * 100.0 * np.sqrt((left + right) / 20.0)
     return matrix
 
 
 def nearly_black(
-    readings: Float[np.ndarray, "films cards bands"], shares: Float[np.ndarray, "films paints"], surface: float
+    readings: Float[np.ndarray, "films cards bands"],
+    shares: Float[np.ndarray, "films paints"],
+    surface: float,
 ) -> Bool[np.ndarray, "bands paints"]:
-    """Where the film with most of a paint, if it is the larger part, reflects hardly more than its surface does."""
+    """Where the film with most of a paint, if it is the larger part, reflects hardly more than its
+    surface does.
+    """
     body = np.nanmax(readings, axis=1, initial=0.0) - surface
     purest = shares.argmax(axis=0)
     return (body[purest].T < _BLACK) & (shares.max(axis=0) > 0.5)
 
 
-def minor_parts(shares: Float[np.ndarray, "films paints"]) -> Float[np.ndarray, "films parts paints"]:
-    """Which paint each error of weight belongs to: all parts of a film but the largest, on as many places as needed."""
+def minor_parts(
+    shares: Float[np.ndarray, "films paints"],
+) -> Float[np.ndarray, "films parts paints"]:
+    """Which paint each error of weight belongs to: all parts of a film but the largest, on as many
+    places as needed.
+    """
     parts = max(int((shares > 0).sum(axis=1).max()) - 1, 0)
     minor = np.zeros((len(shares), parts, shares.shape[1]))
     for film, row in enumerate(shares):

@@ -17,28 +17,33 @@ from .left_open import LeftOpen
 from .result import FittedFilms, delta_e_over_cards
 
 MODES = 64
-"""Error modes that a pigment of a joint fit carries; what they leave out is in its standard deviations."""
+"""Error modes that a pigment of a joint fit carries; what they leave out is in its standard
+deviations.
+"""
 MOST_ERROR = 0.5
 """Largest standard deviation of log k or log s in error modes."""
 RELATIVE_LIMIT = 0.5
 RULE = (
-    f"k and s count as told apart where the joint fit knows each to {RELATIVE_LIMIT:.0%} of its value, if the paint is "
+    f"k and s count as told apart where the joint fit knows each to {RELATIVE_LIMIT:.0%} of its "
+    "value, if the paint is "
     "in a mixture or thicknesses were measured: else its scale is as expected, not found"
 )
 
 
 @dataclass(frozen=True)
 class JointRecovery(FittedFilms):
-    """Paints recovered jointly. Coefficients are optical thicknesses of a pure film of unit relative thickness.
+    """Paints recovered jointly. Coefficients are optical thicknesses of a pure film of unit
+    relative thickness.
 
     Attributes:
         films: as measured.
         paints: names.
         shares: of each paint in each film, (films, paints), as the mixing law gives them.
         law: mixing law.
-        unknowns: solution of `glazefit.recover.joint_problem`; starts another fit of the same films.
-        log_covariance: of log k of all paints, then log s, at each band, (bands, 2 paints, 2 paints).
-        shared_covariance: of the films' and paints' shared numbers, in the order of `unknowns`.
+        unknowns: solution of `glazefit.recover.joint_problem`; starts another fit of the same
+        films. log_covariance: of log k of all paints, then log s, at each band, (bands, 2 paints, 2
+        paints). shared_covariance: of the films' and paints' shared numbers, in the order of
+        `unknowns`.
         draws: of the unknowns from Laplace's approximation, each with a leading axis of draws.
         film_absorption, film_scattering: k d and s d of every film, (films, bands).
         fitted_black, fitted_white: what the model reads, (films, bands).
@@ -147,24 +152,36 @@ class JointRecovery(FittedFilms):
         """Mean squared residual of each film in units of what was expected."""
         return np.mean((self.residual / self.residual_sd) ** 2, axis=(1, 2))
 
-    def delta_e(self, illuminant: str = "D65", observer: str | int = 10) -> Float[np.ndarray, "films 2"]:
+    def delta_e(
+        self, illuminant: str = "D65", observer: str | int = 10
+    ) -> Float[np.ndarray, "films 2"]:
         """CIEDE2000 of fitted from measured spectra, over black and over white."""
-        fitted, measured = (self.fitted_black, self.fitted_white), (self.films.over_black, self.films.over_white)
-        return self.films.where_seen(delta_e_over_cards(self.wavelengths, fitted, measured, illuminant, observer))
+        fitted, measured = (
+            (self.fitted_black, self.fitted_white),
+            (self.films.over_black, self.films.over_white),
+        )
+        return self.films.where_seen(
+            delta_e_over_cards(self.wavelengths, fitted, measured, illuminant, observer)
+        )
 
     def recipe(self, film: int) -> dict[str, float]:
         """Paints of a film, by number, and the share of each, in the order of `paints`."""
-        return {self.paints[p]: float(share) for p, share in enumerate(self.shares[film]) if share > 0}
+        return {
+            self.paints[p]: float(share) for p, share in enumerate(self.shares[film]) if share > 0
+        }
 
     def error_modes(self, count: int = MODES) -> Float[np.ndarray, "modes 2 paints bands"]:
-        """What the films leave open in log k and log s of all paints together: the largest modes of the covariance.
+        """What the films leave open in log k and log s of all paints together: the largest modes of
+        the covariance.
 
-        A coefficient that is known worse than to a factor of exp(`MOST_ERROR`) counts as known to that: errors are
-        used to first order, which says nothing beyond.
+        A coefficient that is known worse than to a factor of exp(`MOST_ERROR`) counts as known to
+        that: errors are used to first order, which says nothing beyond.
         """
         sd = np.sqrt(np.diagonal(self.log_covariance, axis1=1, axis2=2))
         modes = self.left_open.largest(np.minimum(1.0, MOST_ERROR / np.maximum(sd, 1e-12)), count)
-        return modes.reshape(len(modes), len(self.wavelengths), 2, len(self.paints)).transpose(0, 2, 3, 1)
+        return modes.reshape(len(modes), len(self.wavelengths), 2, len(self.paints)).transpose(
+            0, 2, 3, 1
+        )
 
     def row(self, paint: str) -> int:
         """Number of a paint.
@@ -177,7 +194,9 @@ class JointRecovery(FittedFilms):
         return self.paints.index(paint)
 
     def pigment(self, paint: str, thickness: float, provenance: str = "") -> Pigment:
-        """One paint, if a film of unit relative thickness is this thick (m): k, s and standard deviations in 1/m."""
+        """One paint, if a film of unit relative thickness is this thick (m): k, s and standard
+        deviations in 1/m.
+        """
         row = self.row(paint)
         k, s = self.absorption[row] / thickness, self.scattering[row] / thickness
         return Pigment(

@@ -1,12 +1,14 @@
 """The linear step of a joint recovery: thousands of unknowns, solved by their structure.
 
-Readings at one band know the coefficients of that band and the shared numbers; curvature ties a band to its two
-neighbours on either side, a step to one. Ordered by bands, two bands a block, the normal equations are block
-tridiagonal with a border of shared unknowns, so a step costs bands x paints^3, not (bands x paints)^3.
+Readings at one band know the coefficients of that band and the shared numbers; curvature ties a
+band to its two neighbours on either side, a step to one. Ordered by bands, two bands a block, the
+normal equations are block tridiagonal with a border of shared unknowns, so a step costs bands x
+paints^3, not (bands x paints)^3.
 
-Columns of the Jacobian are found by differentiating along unit steps of all bands at once, and of all films at once: a
-reading moves with its own only. That is one compiled program; the blocks are then solved in NumPy, which takes
-milliseconds, where a compiled solver takes half a minute to compile for every new number of films.
+Columns of the Jacobian are found by differentiating along unit steps of all bands at once, and of
+all films at once: a reading moves with its own only. That is one compiled program; the blocks are
+then solved in NumPy, which takes milliseconds, where a compiled solver takes half a minute to
+compile for every new number of films.
 """
 
 from collections.abc import Callable
@@ -27,7 +29,8 @@ _WIDER, _NARROWER = 3.5, 0.25
 _LEAST_STEP = 1e-12
 # In units of a logarithm, and relative: a thousandth of a coefficient.
 _SETTLED = 1e-3
-# One over the damping above which a small step says that the fit is done; damped more, it may be small for that.
+# One over the damping above which a small step says that the fit is done; damped more, it may be
+# small for that.
 _FREE = 1.0
 
 
@@ -67,7 +70,9 @@ def look(problem: JointProblem, response: Response, point: Unknowns) -> Seen:
 
 
 class Fit(NamedTuple):
-    """Where a fit ended: the point, the factors there, the number of steps, and whether they settled."""
+    """Where a fit ended: the point, the factors there, the number of steps, and whether they
+    settled.
+    """
 
     point: Unknowns
     factors: Factors
@@ -75,7 +80,9 @@ class Fit(NamedTuple):
     settled: bool
 
 
-def least_squares(problem: JointProblem, response: Response, start: Unknowns, first_step: float, max_steps: int) -> Fit:
+def least_squares(
+    problem: JointProblem, response: Response, start: Unknowns, first_step: float, max_steps: int
+) -> Fit:
     """Levenberg and Marquardt's least squares from a start.
 
     Args:
@@ -98,7 +105,11 @@ def least_squares(problem: JointProblem, response: Response, start: Unknowns, fi
         reached = float(here.cost) - float(there.cost)
         share = reached / gain if np.isfinite(reached) and gain > 0 else -1.0
         if share > 0:
-            settled = step >= _FREE and _small(move, tried) and reached < _SETTLED * (1.0 + float(there.cost))
+            settled = (
+                step >= _FREE
+                and _small(move, tried)
+                and reached < _SETTLED * (1.0 + float(there.cost))
+            )
             point, here = tried, there
         elif gain <= _SETTLED**2 * float(here.cost):
             settled = True
@@ -111,7 +122,9 @@ def _look(problem: JointProblem, response: Response, point: Unknowns) -> Seen:
 
 
 def _move(here: Seen, step: float) -> tuple[Unknowns | None, float]:
-    """Damped step down, and by how much it should lower the cost; None where the damping does not do."""
+    """Damped step down, and by how much it should lower the cost; None where the damping does not
+    do.
+    """
     try:
         move = solve(factorise(here.normal, 1.0 / step), here.gradient)
     except np.linalg.LinAlgError:
@@ -124,10 +137,15 @@ def _move(here: Seen, step: float) -> tuple[Unknowns | None, float]:
 
 
 def _small(move: Unknowns, point: Unknowns) -> bool:
-    return all(bool(np.all(np.abs(m) < _SETTLED * (1.0 + np.abs(p)))) for m, p in zip(move, point, strict=True))
+    return all(
+        bool(np.all(np.abs(m) < _SETTLED * (1.0 + np.abs(p))))
+        for m, p in zip(move, point, strict=True)
+    )
 
 
-def normal_matrix(along: Callable[[Unknowns], JointResiduals], point: Unknowns, problem: JointProblem) -> Normal:
+def normal_matrix(
+    along: Callable[[Unknowns], JointResiduals], point: Unknowns, problem: JointProblem
+) -> Normal:
     """Normal matrix from the residuals' derivative along a step."""
     zero = jax.tree.map(jnp.zeros_like, point)
     bands, local = zero.bands.shape
@@ -153,11 +171,15 @@ def normal_matrix(along: Callable[[Unknowns], JointResiduals], point: Unknowns, 
     inner = jnp.einsum("ibfc,jbfc->bij", by_band.data, by_band.data)
     inner = inner + jax.vmap(jnp.diag)(jnp.einsum("ibi->bi", by_band.pull) ** 2)
 
-    to_films = jnp.einsum("ibfc,ebfc->bife", by_band.data, by_film.data).reshape(bands, local, films * each)
+    to_films = jnp.einsum("ibfc,ebfc->bife", by_band.data, by_film.data).reshape(
+        bands, local, films * each
+    )
     to_paints = jnp.einsum("ibfc,pbfc->bip", by_band.data, by_paint_data)
     own = jnp.einsum("dbfc,ebfc->fde", by_film.data, by_film.data)
     own = own + jax.vmap(jnp.diag)(jnp.einsum("efe->fe", by_film.films) ** 2)
-    between = jnp.einsum("ebfc,pbfc->fep", by_film.data, by_paint_data).reshape(films * each, paints)
+    between = jnp.einsum("ebfc,pbfc->fep", by_film.data, by_paint_data).reshape(
+        films * each, paints
+    )
     gloss = jnp.einsum("pbfc,qbfc->pq", by_paint_data, by_paint_data) + jnp.diag(alone)
     corner = jnp.block([[jax.scipy.linalg.block_diag(*own), between], [between.T, gloss]])
     curvature = problem.curvature.T @ problem.curvature
@@ -178,7 +200,9 @@ def _paired(
     stiffness: Float[Array, "m"],
     steepness: Float[Array, "steps m"],
 ) -> Normal:
-    """Blocks of two bands, with the coupling by curvature and by steps; an odd band gets an empty partner."""
+    """Blocks of two bands, with the coupling by curvature and by steps; an odd band gets an empty
+    partner.
+    """
     bands, m = inner.shape[:2]
     pairs = -(-bands // 2)
     spare = 2 * pairs - bands
@@ -199,7 +223,12 @@ def _paired(
     diagonal = diagonal.at[1:, 0, :, 0, :].add(across[:-1])
     lower = lower.at[1:, 0, :, 1, :].add(-across[:-1])
     n = 2 * m
-    return Normal(diagonal.reshape(pairs, n, n), lower.reshape(pairs, n, n), border.reshape(pairs, n, -1), corner)
+    return Normal(
+        diagonal.reshape(pairs, n, n),
+        lower.reshape(pairs, n, n),
+        border.reshape(pairs, n, -1),
+        corner,
+    )
 
 
 def factorise(normal: Normal, damping: float = 0.0) -> Factors:
@@ -228,8 +257,8 @@ def factorise(normal: Normal, damping: float = 0.0) -> Factors:
 def _inverse_root(matrix: Float[np.ndarray, "n n"]) -> Float[np.ndarray, "n n"]:
     """Inverse of the lower Cholesky factor.
 
-    By LAPACK's trtri: `solve_triangular` starts threads even for eight rows, and takes a thousand times as long where
-    other programs keep the cores busy.
+    By LAPACK's trtri: `solve_triangular` starts threads even for eight rows, and takes a thousand
+    times as long where other programs keep the cores busy.
     """
     root = np.linalg.cholesky(matrix)
     (invert,) = get_lapack_funcs(("trtri",), (root,))
@@ -246,7 +275,9 @@ def solve(factors: Factors, vector: Unknowns) -> Unknowns:
 
 
 def _solve_blocks(
-    factors: Factors, bands: Float[np.ndarray, "pairs n *columns"], shared: Float[np.ndarray, "shared *columns"]
+    factors: Factors,
+    bands: Float[np.ndarray, "pairs n *columns"],
+    shared: Float[np.ndarray, "shared *columns"],
 ) -> tuple[Float[np.ndarray, "pairs n *columns"], Float[np.ndarray, "shared *columns"]]:
     """Solve the normal equations, for several right-hand sides at once where there are columns."""
     forward = np.array(bands)
@@ -259,9 +290,12 @@ def _solve_blocks(
 
 
 def covariance_times(
-    factors: Factors, vectors: Float[np.ndarray, "bands local columns"], modes: Float[np.ndarray, "others bands local"]
+    factors: Factors,
+    vectors: Float[np.ndarray, "bands local columns"],
+    modes: Float[np.ndarray, "others bands local"],
 ) -> Float[np.ndarray, "bands local columns"]:
-    """The whole covariance of all bands' coefficients times some vectors; never formed, as it may be huge.
+    """The whole covariance of all bands' coefficients times some vectors; never formed, as it may
+    be huge.
 
     Args:
         factors: of the normal matrix.
@@ -279,7 +313,9 @@ def covariance_times(
 
 
 def draws(factors: Factors, like: Unknowns, count: int, seed: int = 0) -> Unknowns:
-    """Deviations with the inverse normal matrix as covariance, each with a leading axis of draws."""
+    """Deviations with the inverse normal matrix as covariance, each with a leading axis
+    of draws.
+    """
     rng = np.random.default_rng(seed)
     pairs, n, shared = factors.border.shape
     common = factors.corner.T @ rng.standard_normal((shared, count))
@@ -287,7 +323,9 @@ def draws(factors: Factors, like: Unknowns, count: int, seed: int = 0) -> Unknow
     return unflattened(np.moveaxis(bands, -1, 0), common.T, like)
 
 
-def _back(factors: Factors, right: Float[np.ndarray, "pairs n *columns"]) -> Float[np.ndarray, "pairs n *columns"]:
+def _back(
+    factors: Factors, right: Float[np.ndarray, "pairs n *columns"]
+) -> Float[np.ndarray, "pairs n *columns"]:
     """Solve with the transposed factor of the bands."""
     values = np.array(right)
     last = len(values) - 1
@@ -305,7 +343,9 @@ def unflattened(
 ) -> Unknowns:
     """Unknowns from the blocks of bands and the shared numbers of several vectors, or of one."""
     count, local = like.bands.shape
-    films, paints, others = np.split(shared, [like.films.size, like.films.size + like.paints.size], axis=1)
+    films, paints, others = np.split(
+        shared, [like.films.size, like.films.size + like.paints.size], axis=1
+    )
     parts: list[Any] = [
         bands.reshape(len(bands), -1, local)[:, :count],
         films.reshape(-1, *like.films.shape),
@@ -316,7 +356,9 @@ def unflattened(
     return found if only is None else jax.tree.map(lambda part: part[only], found)
 
 
-def shared_with_bands(factors: Factors, bands: int, last: int) -> Float[np.ndarray, "last bands local"]:
+def shared_with_bands(
+    factors: Factors, bands: int, last: int
+) -> Float[np.ndarray, "last bands local"]:
     """Covariance of the last few shared unknowns with the unknowns of each band."""
     pairs, n, shared = factors.border.shape
     columns = (factors.corner.T @ factors.corner)[:, shared - last :]
@@ -327,9 +369,11 @@ def shared_with_bands(factors: Factors, bands: int, last: int) -> Float[np.ndarr
 def covariance(
     factors: Factors, bands: int
 ) -> tuple[Float[np.ndarray, "bands local local"], Float[np.ndarray, "shared shared"]]:
-    """Covariance of the unknowns of each band, and of the shared ones: blocks of the inverse normal matrix.
+    """Covariance of the unknowns of each band, and of the shared ones: blocks of the inverse normal
+    matrix.
 
-    By the recursion of Takahashi, Fagan, Chin (1973) on the block factors; nothing larger than a pair is inverted.
+    By the recursion of Takahashi, Fagan, Chin (1973) on the block factors; nothing larger than a
+    pair is inverted.
     """
     pairs, n, shared = factors.border.shape
     corner = factors.corner.T @ factors.corner
@@ -337,7 +381,8 @@ def covariance(
     blocks = np.zeros((pairs, n, n))
     for pair in range(pairs - 1, -1, -1):
         root = factors.roots[pair]
-        # Rows of the inverse factor: the block's own part, what the next pair adds, what the shared ones add.
+        # Rows of the inverse factor: the block's own part, what the next pair adds, what the shared
+        #     ones add.
         after = factors.below[pair + 1].T if pair < pairs - 1 else np.zeros((n, n))
         gain = root.T @ after
         spread = root.T @ factors.border[pair] - gain @ spread

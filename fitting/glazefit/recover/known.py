@@ -1,8 +1,10 @@
-"""What a joint fit may be told beside its films: paints that are known already, and thicknesses from a gauge.
+"""What a joint fit may be told beside its films: paints that are known already, and thicknesses
+from a gauge.
 
-A known paint keeps its k and s, as far as they are known: its error modes become unknowns of the fit, each expected to
-be nought with a standard deviation of one. So does the level of a card that was not measured, and a factor that all
-thicknesses share: the scale of a known paint may rest on an assumed length, and a gauge has an error of its own.
+A known paint keeps its k and s, as far as they are known: its error modes become unknowns of the
+fit, each expected to be nought with a standard deviation of one. So does the level of a card that
+was not measured, and a factor that all thicknesses share: the scale of a known paint may rest on an
+assumed length, and a gauge has an error of its own.
 """
 
 from collections.abc import Mapping, Sequence
@@ -25,7 +27,8 @@ LENGTH = 100.0
 SLACK = 0.01
 _LARGEST = 0.5
 _KEPT = 12
-# Of the common factor of all thicknesses, where the scale of a known paint need not be that of the gauge.
+# Of the common factor of all thicknesses, where the scale of a known paint need not be that of the
+# gauge.
 SCALE = 1.0
 # Of log(rho / (1 - rho)) of a black and a white card that were not measured, the same at all bands.
 CARD_LEVELS = (0.5, 0.5)
@@ -38,7 +41,8 @@ class Gauge:
     Attributes:
         thickness: film -> m; films that are not named are as thick as these, more or less.
         error: standard deviation of the log of one film's thickness.
-        common: of a factor that all of them share: the gauge's scale, and what the paint loses as it dries.
+        common: of a factor that all of them share: the gauge's scale, and what the paint loses as
+            it dries.
 
     Raises:
         ValueError: no film, or a number out of range.
@@ -53,10 +57,16 @@ class Gauge:
             raise ValueError("a gauge needs the thickness of one film at least")
         for film, value in self.thickness.items():
             if not 0 < value <= 0.01:
-                raise ValueError(f"the thickness of {film!r} is {value:g} m; it must be above 0 and at most 0.01 m")
+                raise ValueError(
+                    f"the thickness of {film!r} is {value:g} m; it must be above 0 and at most "
+                    "0.01 m"
+                )
         for name in ("error", "common"):
             if not 0 < getattr(self, name) <= 2:
-                raise ValueError(f"the gauge's {name} is {getattr(self, name):g}; it must be above 0 and at most 2")
+                raise ValueError(
+                    f"the gauge's {name} is {getattr(self, name):g}; it must be above 0 and at "
+                    "most 2"
+                )
 
     @property
     def typical(self) -> float:
@@ -65,7 +75,9 @@ class Gauge:
 
 
 class Modes(NamedTuple):
-    """Where a known paint's error modes are among the others: from `first` on, those of these numbers."""
+    """Where a known paint's error modes are among the others: from `first` on, those of these
+    numbers.
+    """
 
     first: int
     kept: tuple[int, ...]
@@ -77,9 +89,13 @@ class Modes(NamedTuple):
 
 
 class Told(NamedTuple):
-    """Means, and how unknowns that are standard normal beforehand (`others`) move what a fit computes with."""
+    """Means, and how unknowns that are standard normal beforehand (`others`) move what a fit
+    computes with.
+    """
 
-    logs: Float[np.ndarray, "bands local"]  # of known paints' log k and log s, for unit thickness; 0 of others
+    logs: Float[
+        np.ndarray, "bands local"
+    ]  # of known paints' log k and log s, for unit thickness; 0 of others
     known: np.ndarray  # (paints,), bool
     thickness: Float[np.ndarray, "films"]  # log of the expected relative thickness
     thickness_sd: Float[np.ndarray, "films"]
@@ -108,7 +124,8 @@ def tell(
         spread: standard deviation of the log of a film's thickness where there is no gauge.
 
     Raises:
-        ValueError: a known paint does not cover the films' wavelengths, or the gauge names a film that there is not.
+        ValueError: a known paint does not cover the films' wavelengths, or the gauge names a film
+            that there is not.
     """
     bands, count = films.wavelengths.size, len(paints)
     logs, flags = np.zeros((bands, 2 * count)), np.zeros(count, dtype=bool)
@@ -122,7 +139,9 @@ def tell(
             logs[:, place] = np.log(np.maximum(np.asarray(values) * unit, 1e-7))
         groups.setdefault(paint.provenance, {})[column] = paint
     band_modes, modes_of = _paint_modes(groups, bands, count)
-    thickness, thickness_sd, scale = _thicknesses(films, gauge, unit, spread, known=bool(flags.any()))
+    thickness, thickness_sd, scale = _thicknesses(
+        films, gauge, unit, spread, known=bool(flags.any())
+    )
     levels = _card_levels(films)
     parts = len(band_modes), len(levels), len(scale)
     others = sum(parts)
@@ -147,7 +166,8 @@ def _on(paint: Pigment, grid: Float[np.ndarray, "bands"]) -> Pigment:
         return paint.resample(grid)
     except ValueError:
         raise ValueError(
-            f"{paint.name!r} is known at {describe_grid(paint.wavelengths)}, which does not cover the films' "
+            f"{paint.name!r} is known at {describe_grid(paint.wavelengths)}, which does not "
+            "cover the films' "
             f"{describe_grid(grid)}: crop the films"
         ) from None
 
@@ -157,21 +177,26 @@ def _paint_modes(
 ) -> tuple[Float[np.ndarray, "modes bands local"], dict[str, Modes]]:
     """Modes of all known paints, and the places of each; those of one provenance share theirs.
 
-    Modes that are nought for all of them, such as those of other paints of their file, are left out.
+    Modes that are nought for all of them, such as those of other paints of their file, are left
+    out.
     """
     parts, places, first = [np.zeros((0, bands, 2 * paints))], {}, 0
     for group in groups.values():
         own = {column: error_modes(paint) for column, paint in group.items()}
         stated = all(paint.error_modes is not None for paint in group.values())
         together = (
-            [group] if stated and len({len(modes) for modes in own.values()}) == 1 else [{c: group[c]} for c in own]
+            [group]
+            if stated and len({len(modes) for modes in own.values()}) == 1
+            else [{c: group[c]} for c in own]
         )
         for some in together:
             modes = np.stack([own[column] for column in some], axis=1)
             kept = np.flatnonzero(np.abs(modes).max(axis=(1, 2, 3)) > 0)
             block = np.zeros((kept.size, bands, 2 * paints))
             for place, (column, paint) in enumerate(some.items()):
-                block[:, :, column], block[:, :, paints + column] = np.moveaxis(modes[kept, place], 1, 0)
+                block[:, :, column], block[:, :, paints + column] = np.moveaxis(
+                    modes[kept, place], 1, 0
+                )
                 places[paint.name] = Modes(first, tuple(kept.tolist()))
             parts.append(block)
             first += kept.size
@@ -179,7 +204,9 @@ def _paint_modes(
 
 
 def error_modes(paint: Pigment) -> Float[np.ndarray, "modes 2 bands"]:
-    """Error modes of a paint: its own, or smooth errors of the size that its standard deviations say."""
+    """Error modes of a paint: its own, or smooth errors of the size that its standard deviations
+    say.
+    """
     if paint.error_modes is not None:
         return np.asarray(paint.error_modes, dtype=np.float64)
     grid = paint.wavelengths
@@ -193,7 +220,9 @@ def error_modes(paint: Pigment) -> Float[np.ndarray, "modes 2 bands"]:
         level = np.asarray(value, dtype=np.float64)
         size = np.full(grid.size, UNSTATED)
         if sd is not None:
-            size = np.minimum(np.asarray(sd) / np.maximum(level, 1e-12 * level.max(initial=1e-9)), _LARGEST)
+            size = np.minimum(
+                np.asarray(sd) / np.maximum(level, 1e-12 * level.max(initial=1e-9)), _LARGEST
+            )
         block = np.zeros((len(smooth), 2, grid.size))
         block[:, row] = smooth * size
         blocks.append(block)
@@ -202,8 +231,12 @@ def error_modes(paint: Pigment) -> Float[np.ndarray, "modes 2 bands"]:
 
 def _thicknesses(
     films: Films, gauge: Gauge | None, unit: float, spread: float, *, known: bool
-) -> tuple[Float[np.ndarray, "films"], Float[np.ndarray, "films"], Float[np.ndarray, "modes films"]]:
-    """Log of each film's expected relative thickness, its standard deviation, and the factor that they share."""
+) -> tuple[
+    Float[np.ndarray, "films"], Float[np.ndarray, "films"], Float[np.ndarray, "modes films"]
+]:
+    """Log of each film's expected relative thickness, its standard deviation, and the factor that
+    they share.
+    """
     count = len(films)
     mean, sd, common = np.zeros(count), np.full(count, spread), SCALE if known else 0.0
     if gauge is not None:
@@ -218,7 +251,9 @@ def _thicknesses(
 
 
 def _card_levels(films: Films) -> Float[np.ndarray, "modes films 2"]:
-    """Levels of the black and the white card that were not measured: one of each kind for all films."""
+    """Levels of the black and the white card that were not measured: one of each kind for all
+    films.
+    """
     needed = films.assumed & films.seen & ~films.opaque[:, None]
     modes = np.zeros((2, len(films), 2))
     for card in range(2):

@@ -1,7 +1,9 @@
-"""What a joint fit leaves open in k and s of all paints at all wavelengths: the largest parts of its covariance.
+"""What a joint fit leaves open in k and s of all paints at all wavelengths: the largest parts of
+its covariance.
 
-The covariance of thousands of coefficients is known by the factors of the normal matrix, and is never formed. Draws
-from it would do too, but a few hundred say a small paint's errors no better than to a fifth.
+The covariance of thousands of coefficients is known by the factors of the normal matrix, and is
+never formed. Draws from it would do too, but a few hundred say a small paint's errors no better
+than to a fifth.
 """
 
 from collections.abc import Callable, Sequence
@@ -12,7 +14,8 @@ from jaxtyping import Float
 
 from .joint_solver import Factors, covariance_times
 
-# More vectors than are wanted, and how often the covariance is applied: the last modes are then good to some per cent.
+# More vectors than are wanted, and how often the covariance is applied: the last modes are then
+# good to some per cent.
 _SPARE, _ROUNDS = 16, 8
 
 Columns = Float[np.ndarray, "bands local columns"]
@@ -56,7 +59,9 @@ class LeftOpen(NamedTuple):
             scaled = vectors * size[..., None]
             out = self.times(scaled)
             if slopes is not None and len(slopes):
-                out = out - np.einsum("obi,oc->bic", slopes, np.einsum("obi,bic->oc", with_known, scaled))
+                out = out - np.einsum(
+                    "obi,oc->bic", slopes, np.einsum("obi,bic->oc", with_known, scaled)
+                )
             return out * size[..., None]
 
         return largest_modes(times, size.shape, count)
@@ -70,7 +75,8 @@ def mode_cell(value: float) -> str:
 def largest_modes(
     times: Callable[[Columns], Columns], shape: tuple[int, ...], count: int
 ) -> Float[np.ndarray, "modes bands local"]:
-    """Eigenvectors of a covariance times the roots of its eigenvalues, largest first, by subspace iteration.
+    """Eigenvectors of a covariance times the roots of its eigenvalues, largest first, by subspace
+    iteration.
 
     Args:
         times: the covariance times some vectors.

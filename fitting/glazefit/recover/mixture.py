@@ -1,9 +1,11 @@
-"""One mixture as a paint of its own: what its paints and its weights foretell, and what one reading of it adds.
+"""One mixture as a paint of its own: what its paints and its weights foretell, and what one reading
+of it adds.
 
-Beforehand k and s of a mixture are uncertain as those of its paints are, and as films differ from their recipes
-(`glazefit.film.variation`). All of that is linear in a few errors that are standard normal: error modes of the mixture.
-A joint fit takes a paint with error modes as known (`known`), and finds what a reading says of them: strength above
-all. What is then foretold of other thicknesses and grounds is that same mixing, no more another one.
+Beforehand k and s of a mixture are uncertain as those of its paints are, and as films differ from
+their recipes (`glazefit.film.variation`). All of that is linear in a few errors that are standard
+normal: error modes of the mixture. A joint fit takes a paint with error modes as known (`known`),
+and finds what a reading says of them: strength above all. What is then foretold of other
+thicknesses and grounds is that same mixing, no more another one.
 """
 
 from collections.abc import Mapping, Sequence
@@ -27,7 +29,8 @@ from .prediction import Prediction
 
 _DRAWS = 256
 _SHAPES = 8
-# A reading of the mixture itself counts as far as the optics is exact, not as a paint between films.
+# A reading of the mixture itself counts as far as the optics is exact, not as a paint between
+# films.
 _CLOSE = Expectations(model_floor=0.003, model_share=0.003)
 
 Modes = Float[np.ndarray, "modes 2 bands"]
@@ -42,7 +45,8 @@ def mixture_of(
     variation: Variation | None = None,
     name: str = "",
 ) -> Pigment:
-    """A mixture as a pigment: k and s by the mixing law, and all that is open of them as error modes.
+    """A mixture as a pigment: k and s by the mixing law, and all that is open of them as error
+    modes.
 
     Args:
         pigments: by name.
@@ -53,7 +57,8 @@ def mixture_of(
         name: of the mixture, by default its recipe.
 
     Raises:
-        ValueError: no paint, a weight that is negative, an unknown paint, or wavelengths that a paint does not cover.
+        ValueError: no paint, a weight that is negative, an unknown paint, or wavelengths that a
+            paint does not cover.
     """
     k, s, parts, name = _mixed(pigments, recipe, wavelengths, law, name)
     grid = _grid(pigments, recipe, wavelengths)
@@ -62,7 +67,14 @@ def mixture_of(
     modes = modes[np.abs(modes).max(axis=(1, 2)) > 0]
     sd = np.sqrt(np.sum(modes**2, axis=0))
     return Pigment(
-        name, grid, k, s, absorption_sd=k * sd[0], scattering_sd=s * sd[1], error_modes=modes, provenance=name
+        name,
+        grid,
+        k,
+        s,
+        absorption_sd=k * sd[0],
+        scattering_sd=s * sd[1],
+        error_modes=modes,
+        provenance=name,
     )
 
 
@@ -78,18 +90,20 @@ def predict_mixture(
     variation: Variation | None = None,
     calibrated: JointRecovery | None = None,
 ) -> list[Prediction]:
-    """What a mixture of known paints will look like at some thicknesses, over a black and a white ground.
+    """What a mixture of known paints will look like at some thicknesses, over a black and a white
+    ground.
 
     Args:
         pigments, recipe, wavelengths, law, variation: as for `mixture_of`.
         thickness: m.
-        ground: internal reflectance of the black and the white ground, each a number or (bands,); by default usual
-            cards.
+        ground: internal reflectance of the black and the white ground, each a number or (bands,);
+            by default usual cards.
         instrument: by default d:8 with the specular part, refractive index 1.5.
         calibrated: what `calibrate_mixture` found; then it is that mixing which is foretold.
 
     Returns:
-        A `Prediction` for each thickness, whose relative thickness is in units of `glazefit.recover.joint.UNIT`.
+        A `Prediction` for each thickness, whose relative thickness is in units of
+        `glazefit.recover.joint.UNIT`.
 
     Raises:
         ValueError: as `mixture_of`, or a thickness that is not positive.
@@ -113,14 +127,23 @@ def predict_mixture(
         off = {"paint": np.swapaxes(drawn, 1, 2)}
         gloss = calibrated.gloss
     empty = np.zeros((len(next(iter(off.values()))), 2, grid.size))
-    grounds = usual_cards(grid) if ground is None else tuple(np.broadcast_to(g, grid.shape) for g in ground)
+    grounds = (
+        usual_cards(grid)
+        if ground is None
+        else tuple(np.broadcast_to(g, grid.shape) for g in ground)
+    )
     surface = instrument.seen_surface * float(gloss[0])
     out = []
     for metres in thickness:
         if not metres > 0:
-            raise ValueError(f"a thickness of {metres:g} m; it must be above 0, in metres, such as 25e-6")
+            raise ValueError(
+                f"a thickness of {metres:g} m; it must be above 0, in metres, such as 25e-6"
+            )
         mean = _read(response, k * metres, s * metres, np.zeros((1, 2, grid.size)), grounds)[0]
-        spread = {part: _read(response, k * metres, s * metres, o, grounds) - mean for part, o in off.items()}
+        spread = {
+            part: _read(response, k * metres, s * metres, o, grounds) - mean
+            for part, o in off.items()
+        }
         deviations = {part: spread.get(part, empty) for part in ("scale", "paint", "film")}
         over_black, over_white = mean + surface
         out.append(
@@ -150,7 +173,8 @@ def calibrate_mixture(
     noise: Noise | None = None,
     response: Response | None = None,
 ) -> JointRecovery:
-    """k and s of one mixture, from its paints and a reading of it: above all how strong it came out.
+    """k and s of one mixture, from its paints and a reading of it: above all how strong it came
+    out.
 
     Args:
         pigments, recipe, law, variation: as for `mixture_of`.
@@ -160,9 +184,9 @@ def calibrate_mixture(
         response: model of one film, by default that of the instrument.
 
     Returns:
-        A joint recovery whose only paint is the mixture: `pigment` gives its k and s, `thickness` that of the films (in
-        units of `glazefit.recover.joint.UNIT`, on the scale of the paints), `fitted_black` and `fitted_white` the
-        reading as it is met.
+        A joint recovery whose only paint is the mixture: `pigment` gives its k and s, `thickness`
+        that of the films (in units of `glazefit.recover.joint.UNIT`, on the scale of the paints),
+        `fitted_black` and `fitted_white` the reading as it is met.
 
     Raises:
         ValueError: as `mixture_of` and `recover_jointly`.
@@ -194,7 +218,9 @@ def _paints(pigments: Mapping[str, Pigment], recipe: Mapping[str, float]) -> dic
 
 
 def _grid(
-    pigments: Mapping[str, Pigment], recipe: Mapping[str, float], wavelengths: Float[np.ndarray, "bands"] | None
+    pigments: Mapping[str, Pigment],
+    recipe: Mapping[str, float],
+    wavelengths: Float[np.ndarray, "bands"] | None,
 ) -> Float[np.ndarray, "bands"]:
     first = next(iter(_paints(pigments, recipe).values()))
     return np.asarray(first.wavelengths if wavelengths is None else wavelengths)
@@ -209,18 +235,22 @@ def _mixed(
 ) -> tuple[Float[np.ndarray, "bands"], Float[np.ndarray, "bands"], dict[str, Modes], str]:
     """k and s (1/m) of a mixture, error modes of their logs, and a name.
 
-    The modes of the paints are split into the scale of k and s and their shape, which go together; those of the film
-    are others, of size one.
+    The modes of the paints are split into the scale of k and s and their shape, which go together;
+    those of the film are others, of size one.
     """
     grid = _grid(pigments, recipe, wavelengths)
     paints = [paint.resample(grid) for paint in _paints(pigments, recipe).values()]
     names = [paint.name for paint in paints]
     shares = (law or MixingLaw()).shares(np.array([[recipe[n] for n in names]]), names)[0]
-    each = np.stack([[p.absorption, p.scattering] for p in paints]) * shares[:, None, None]  # (paints, 2, bands)
+    each = (
+        np.stack([[p.absorption, p.scattering] for p in paints]) * shares[:, None, None]
+    )  # (paints, 2, bands)
     whole = each.sum(axis=0)
     # What 1 % more of a paint's k adds to that of the mixture, in per cent.
     part = each / np.maximum(whole, 1e-300)
-    stated = relative_errors(paints, BETWEEN_FILMS)[:, :, None] * _smooth(grid, BETWEEN_FILMS.coefficient_length)
+    stated = relative_errors(paints, BETWEEN_FILMS)[:, :, None] * _smooth(
+        grid, BETWEEN_FILMS.coefficient_length
+    )
     shared = np.moveaxis(error_modes(paints, BETWEEN_FILMS), -1, 0)
     own = np.concatenate([_each(len(paints), stated), shared])  # (modes, paints, 2, bands)
     level = np.broadcast_to(own.mean(axis=-1, keepdims=True), own.shape)
@@ -229,7 +259,9 @@ def _mixed(
     film = _each(len(paints), np.broadcast_to(varied, (len(paints), 2, *varied.shape)))
     parts = {"scale": level, "paint": own - level, "film": film}
     modes = {what: np.einsum("mpcb,pcb->mcb", several, part) for what, several in parts.items()}
-    words = " + ".join(f"{100 * share:.3g} {paint}" for share, paint in zip(shares, names, strict=True))
+    words = " + ".join(
+        f"{100 * share:.3g} {paint}" for share, paint in zip(shares, names, strict=True)
+    )
     return whole[0], whole[1], modes, name or words
 
 
@@ -239,7 +271,9 @@ def _smooth(grid: Float[np.ndarray, "bands"], length: float) -> Float[np.ndarray
     return (shapes[:, -_SHAPES:] * np.sqrt(np.maximum(values[-_SHAPES:], 0.0))).T
 
 
-def _each(paints: int, modes: Float[np.ndarray, "paints 2 shapes bands"]) -> Float[np.ndarray, "all paints 2 bands"]:
+def _each(
+    paints: int, modes: Float[np.ndarray, "paints 2 shapes bands"]
+) -> Float[np.ndarray, "all paints 2 bands"]:
     """Modes in which one coefficient of one paint is off at a time."""
     out = np.zeros((paints, 2, modes.shape[2], paints, 2, modes.shape[3]))
     for paint in range(paints):
@@ -257,4 +291,6 @@ def _read(
 ) -> Float[np.ndarray, "draws 2 bands"]:
     """What the body reflects over two grounds, with errors of log k and log s."""
     k, s = kd * np.exp(off[:, 0]), sd * np.exp(off[:, 1])
-    return np.stack([np.asarray(response.body(k, s, np.broadcast_to(g, k.shape))) for g in grounds], axis=1)
+    return np.stack(
+        [np.asarray(response.body(k, s, np.broadcast_to(g, k.shape))) for g in grounds], axis=1
+    )

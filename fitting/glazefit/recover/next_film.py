@@ -1,9 +1,11 @@
-"""What a further film would teach: which of a few that are easy to make leaves least open of how a paint will look.
+"""What a further film would teach: which of a few that are easy to make leaves least open of how a
+paint will look.
 
-The posterior is linearised at the solution. A film that is not made yet adds its readings' information, whatever they
-turn out to be, and unknowns of its own: thickness, gloss and the error of its weights. What remains open is judged by
-what matters in use: the colour difference that is to be expected of the paint's opaque mixtures with white, and of a
-film over black and over white. On some thirty bands this is a small dense problem.
+The posterior is linearised at the solution. A film that is not made yet adds its readings'
+information, whatever they turn out to be, and unknowns of its own: thickness, gloss and the error
+of its weights. What remains open is judged by what matters in use: the colour difference that is to
+be expected of the paint's opaque mixtures with white, and of a film over black and over white. On
+some thirty bands this is a small dense problem.
 """
 
 from collections.abc import Mapping
@@ -22,7 +24,15 @@ from glazejax.colour import delta_e_of_spectra
 from ..film.films import FLAGS, SPECTRA, Films
 from ..film.response import HIGHEST, Response, film_response
 from .joint import UNIT, pose
-from .joint_problem import JointProblem, JointResiduals, Unknowns, deviations, readings, residuals, totals
+from .joint_problem import (
+    JointProblem,
+    JointResiduals,
+    Unknowns,
+    deviations,
+    readings,
+    residuals,
+    totals,
+)
 from .joint_result import JointRecovery
 from .known import Gauge, tell
 
@@ -38,7 +48,9 @@ _WHITE = 0.75
 
 
 class Lesson(NamedTuple):
-    """A further film, and the CIEDE2000 that the paint's mixtures and films are then expected to be off."""
+    """A further film, and the CIEDE2000 that the paint's mixtures and films are then expected to be
+    off.
+    """
 
     film: str
     expected: float
@@ -50,8 +62,8 @@ class Lessons:
 
     Attributes:
         paint: its name.
-        now: CIEDE2000 (D65, 10 degrees) that its mixtures with white and its films are expected to be off.
-        films: further films, the most instructive first.
+        now: CIEDE2000 (D65, 10 degrees) that its mixtures with white and its films are expected to
+        be off. films: further films, the most instructive first.
     """
 
     paint: str
@@ -86,7 +98,9 @@ def lessons(
     Raises:
         ValueError: no such paint.
     """
-    response = response or film_response(recovery.instrument.geometry, recovery.instrument.refractive_index)
+    response = response or film_response(
+        recovery.instrument.geometry, recovery.instrument.refractive_index
+    )
     known, row = dict(known or {}), recovery.row(paint)
     paints = list(recovery.paints)
     whites = _whites(recovery)
@@ -111,7 +125,10 @@ def lessons(
     )
     base, more = _information(problem, solution, response, len(recovery.films), len(candidates))
     now = judge.expected(base)
-    found = [Lesson(c.words, judge.expected(base + extra)) for c, extra in zip(candidates, more, strict=True)]
+    found = [
+        Lesson(c.words, judge.expected(base + extra))
+        for c, extra in zip(candidates, more, strict=True)
+    ]
     return Lessons(paint, now, tuple(sorted(found, key=lambda lesson: lesson.expected)))
 
 
@@ -129,7 +146,9 @@ def _planned(recovery: JointRecovery) -> np.ndarray:
     grid = recovery.wavelengths
     bands = np.flatnonzero((grid >= _VISIBLE[0] - 1e-6) & (grid <= _VISIBLE[1] + 1e-6))
     bands = bands if bands.size > 2 else np.arange(grid.size)
-    return bands[np.unique(np.linspace(0, bands.size - 1, min(_BANDS, bands.size)).round().astype(int))]
+    return bands[
+        np.unique(np.linspace(0, bands.size - 1, min(_BANDS, bands.size)).round().astype(int))
+    ]
 
 
 def _candidates(
@@ -140,14 +159,20 @@ def _candidates(
     over = "over black and white"
     made = [
         _Candidate(f"a film of {paint} a quarter as thick, {over}", pure, depth + np.log(_THINNER)),
-        _Candidate(f"a film of {paint} four times as thick, {over}", pure, depth + np.log(_THICKER)),
+        _Candidate(
+            f"a film of {paint} four times as thick, {over}", pure, depth + np.log(_THICKER)
+        ),
     ]
     for parts in TINTS if pale is not None else ():
         assert pale is not None
         share = (pure + parts * np.eye(paints)[pale]) / (1 + parts)
         there = np.abs(recovery.shares[:, row] / share[row] - 1) < 0.15
-        if not np.any(there & (recovery.shares[:, pale] > 0 if pale < recovery.shares.shape[1] else False)):
-            made.append(_Candidate(f"a 1:{parts} tint of {paint} with {white}, {over}", share, depth))
+        if not np.any(
+            there & (recovery.shares[:, pale] > 0 if pale < recovery.shares.shape[1] else False)
+        ):
+            made.append(
+                _Candidate(f"a 1:{parts} tint of {paint} with {white}, {over}", share, depth)
+            )
     return made
 
 
@@ -170,7 +195,9 @@ def _pose(
     names = (*old.names, *(f"candidate {i}" for i in range(more)))
     films = Films(names, old.wavelengths[bands], **arrays, **flags)
     spare = len(paints) - len(recovery.paints)
-    shares = np.concatenate([np.pad(recovery.shares, ((0, 0), (0, spare))), np.stack([c.share for c in candidates])])
+    shares = np.concatenate(
+        [np.pad(recovery.shares, ((0, 0), (0, spare))), np.stack([c.share for c in candidates])]
+    )
     expected = recovery.expectations
     told = tell(films, paints, known, gauge, unit, expected.thickness)
     told.thickness[count:] = [c.log_thickness for c in candidates]
@@ -190,7 +217,11 @@ def _pose(
 
 
 def _solution(
-    recovery: JointRecovery, problem: JointProblem, bands: np.ndarray, spare: int, candidates: list[_Candidate]
+    recovery: JointRecovery,
+    problem: JointProblem,
+    bands: np.ndarray,
+    spare: int,
+    candidates: list[_Candidate],
 ) -> Unknowns:
     """The fit's solution as deviations, with what is new where it is expected."""
     found, count = recovery.unknowns, len(recovery.films)
@@ -205,9 +236,17 @@ def _solution(
     gloss[:paints] = found.paints
     others = np.zeros(len(problem.thickness_modes))
     # The first are of paints that are known: as the fit found them, unless there is a new one.
-    same = 0 if spare else max((modes.first + len(modes.kept) for modes in recovery.known_modes.values()), default=0)
+    same = (
+        0
+        if spare
+        else max(
+            (modes.first + len(modes.kept) for modes in recovery.known_modes.values()), default=0
+        )
+    )
     others[:same] = found.others[:same]
-    whole = Unknowns(jnp.asarray(local), jnp.asarray(films), jnp.asarray(gloss), jnp.asarray(others))
+    whole = Unknowns(
+        jnp.asarray(local), jnp.asarray(films), jnp.asarray(gloss), jnp.asarray(others)
+    )
     return jax.jit(deviations)(whole, problem)
 
 
@@ -230,7 +269,9 @@ def _information(
 
 
 class _Judge:
-    """How far a paint's mixtures and films may look other than expected, by draws that all candidates share."""
+    """How far a paint's mixtures and films may look other than expected, by draws that all
+    candidates share.
+    """
 
     def __init__(
         self,
@@ -248,8 +289,18 @@ class _Judge:
         self._normal = np.random.default_rng(0).standard_normal((_DRAWS, self._centre.size))
         paints = problem.shares.shape[1]
         pure = np.eye(paints)[row]
-        mixed = [pure] if pale is None else [pure, *((pure + p * np.eye(paints)[pale]) / (1 + p) for p in _JUDGED)]
-        self._args: tuple[Any, ...] = (problem, response, jnp.asarray(mixed), jnp.asarray(pure), np.exp(depth))
+        mixed = (
+            [pure]
+            if pale is None
+            else [pure, *((pure + p * np.eye(paints)[pale]) / (1 + p) for p in _JUDGED)]
+        )
+        self._args: tuple[Any, ...] = (
+            problem,
+            response,
+            jnp.asarray(mixed),
+            jnp.asarray(pure),
+            np.exp(depth),
+        )
         self._mean = np.asarray(_looks(jnp.asarray(self._centre[None]), solution, *self._args))
 
     def expected(self, information: Float[np.ndarray, "n n"]) -> float:
@@ -270,7 +321,9 @@ def _looks(
     pure: Float[Array, "paints"],
     thickness: Float[Array, ""],
 ) -> Float[Array, "draws looks bands"]:
-    """Reflectance of opaque mixtures, and of a film over black and over white, without the surface's part."""
+    """Reflectance of opaque mixtures, and of a film over black and over white, without the
+    surface's part.
+    """
     _, unravel = ravel_pytree(like)
 
     def one(flat: Array) -> Array:
@@ -281,7 +334,9 @@ def _looks(
         kd, sd = mixed @ k.T, mixed @ s.T
         thick = 0.999 * jnp.minimum(HIGHEST[0] / kd, HIGHEST[1] / sd)
         opaque = response.body(kd * thick, sd * thick, 0.5)
-        film = response.body(thickness * (k @ pure), thickness * (s @ pure), jnp.asarray([[0.03], [0.9]]))
+        film = response.body(
+            thickness * (k @ pure), thickness * (s @ pure), jnp.asarray([[0.03], [0.9]])
+        )
         return jnp.concatenate([opaque, film])
 
     return jax.vmap(one)(draws)

@@ -1,4 +1,6 @@
-"""Pictures of a recovery: one a paint, with its spectra and its k and s; and the films that were left out."""
+"""Pictures of a recovery: one a paint, with its spectra and its k and s; and the films that were
+left out.
+"""
 
 import textwrap
 from pathlib import Path
@@ -36,7 +38,9 @@ def plot_paint(recovery: Recovery, row: int, thickness: float, path: Path) -> No
             (films.over_white[row], recovery.fitted_white[row], OVER_WHITE, "white"),
             (films.over_black[row], recovery.fitted_black[row], OVER_BLACK, "black"),
         ):
-            spectra.plot(grid, measured, "o", color=colour, ms=4, mfc="none", label=f"over {card}, measured")
+            spectra.plot(
+                grid, measured, "o", color=colour, ms=4, mfc="none", label=f"over {card}, measured"
+            )
             spectra.plot(grid, fitted, "-", color=colour, lw=1.2, label=f"over {card}, fitted")
         spectra.plot(grid, films.bare_white[row], ":", color="0.6", lw=1, label="bare cards")
         spectra.plot(grid, films.bare_black[row], ":", color="0.6", lw=1)
@@ -72,20 +76,30 @@ def plot_joint_paint(recovery: JointRecovery, row: int, thickness: float, path: 
         spectra, coefficients = figure.subplots(1, 2)
         for film, colour in zip(shown, colours, strict=False):
             words = _recipe(recovery, int(film))
-            spectra.plot(grid, films.over_white[film], "o", color=colour, ms=3.5, mfc="none", label=words)
-            spectra.plot(grid, films.over_black[film], "s", color=colour, ms=3, mfc="none", alpha=0.6)
+            spectra.plot(
+                grid, films.over_white[film], "o", color=colour, ms=3.5, mfc="none", label=words
+            )
+            spectra.plot(
+                grid, films.over_black[film], "s", color=colour, ms=3, mfc="none", alpha=0.6
+            )
             spectra.plot(grid, recovery.fitted_white[film], "-", color=colour, lw=1.1)
             spectra.plot(grid, recovery.fitted_black[film], "--", color=colour, lw=1.0)
         label_spectra(spectra, ylim=(0, 1))
         spectra.legend(fontsize=7, loc="upper left")
         more = f" ({len(shown)} of its {len(holding)} films)" if len(holding) > len(shown) else ""
-        spectra.set_title(f"{paint}{more}: over white (circles), over black (squares), lines fitted", fontsize=9)
+        spectra.set_title(
+            f"{paint}{more}: over white (circles), over black (squares), lines fitted", fontsize=9
+        )
 
         values = np.stack([recovery.absorption[row], recovery.scattering[row]], axis=-1) / thickness
         factor = np.exp(1.96 * recovery.log_sd[:, row].T)
-        _draw_coefficients(coefficients, grid, values, values / factor, values * factor, np.ones(grid.size, bool))
+        _draw_coefficients(
+            coefficients, grid, values, values / factor, values * factor, np.ones(grid.size, bool)
+        )
         coefficients.set_ylim(values.min() / 4, values.max() * 4)
-        coefficients.set_title(f"if a typical film is {thickness * 1e6:g} µm thick; bands of 95 %", fontsize=9)
+        coefficients.set_title(
+            f"if a typical film is {thickness * 1e6:g} µm thick; bands of 95 %", fontsize=9
+        )
 
 
 def _draw_coefficients(
@@ -97,10 +111,14 @@ def _draw_coefficients(
     known: Bool[np.ndarray, "bands"],
 ) -> None:
     """k and s in 1/m with their bands, dotted where only their ratio is known."""
-    for n, (colour, name) in enumerate(((ABSORPTION, "absorption k"), (SCATTERING, "scattering s"))):
+    for n, (colour, name) in enumerate(
+        ((ABSORPTION, "absorption k"), (SCATTERING, "scattering s"))
+    ):
         axes.plot(grid, np.where(known, values[:, n], np.nan), "-o", color=colour, ms=3, label=name)
         axes.plot(grid, values[:, n], ":", color=colour, lw=1)
-        axes.fill_between(grid, lower[:, n], upper[:, n], where=known.tolist(), color=colour, alpha=0.2, lw=0)
+        axes.fill_between(
+            grid, lower[:, n], upper[:, n], where=known.tolist(), color=colour, alpha=0.2, lw=0
+        )
     if not known.all():
         axes.plot([], [], ":", color="0.4", lw=1, label="too opaque: only k/s is known")
     label_spectra(axes, "coefficient (1/m)", yscale="log")
@@ -123,17 +141,34 @@ def plot_left_out(recovery: JointRecovery, out: LeftOut, path: Path) -> None:
             axis.set_axis_off()
         for i, (axis, found) in enumerate(zip(axes.flat, out.predictions, strict=False)):
             low, high = found.interval()
-            for card, (spectrum, colour) in enumerate(((found.over_black, OVER_BLACK), (found.over_white, OVER_WHITE))):
-                axis.fill_between(found.wavelengths, low[card], high[card], color=colour, alpha=0.18, lw=0)
+            for card, (spectrum, colour) in enumerate(
+                ((found.over_black, OVER_BLACK), (found.over_white, OVER_WHITE))
+            ):
+                axis.fill_between(
+                    found.wavelengths, low[card], high[card], color=colour, alpha=0.18, lw=0
+                )
                 axis.plot(found.wavelengths, spectrum, "-", color=colour, lw=1.1)
-                axis.plot(found.wavelengths, out.measured[i, card], "o", color=colour, ms=2.2, mfc="none", mew=0.7)
-            recipe = _recipe(recovery, recovery.films.names.index(found.name)).replace(" + ", "\n+ ")
+                axis.plot(
+                    found.wavelengths,
+                    out.measured[i, card],
+                    "o",
+                    color=colour,
+                    ms=2.2,
+                    mfc="none",
+                    mew=0.7,
+                )
+            recipe = _recipe(recovery, recovery.films.names.index(found.name)).replace(
+                " + ", "\n+ "
+            )
             axis.set_title(f"{recipe}\nΔE00 {out.predicted[i].mean():.1f}", fontsize=7, loc="left")
             axis.set_ylim(0, 1)
             axis.tick_params(labelsize=7)
         figure.supxlabel("wavelength (nm)", fontsize=8)
         figure.supylabel("reflectance", fontsize=8)
-        words = "Films left out of the fit: measured over black (dark) and white (light), predicted (lines), 90 % bands"
+        words = (
+            "Films left out of the fit: measured over black (dark) and white (light), predicted "
+            "(lines), 90 % bands"
+        )
         figure.suptitle(textwrap.fill(words, 40 * columns), fontsize=9)
 
 
@@ -142,4 +177,6 @@ def _recipe(recovery: JointRecovery, film: int) -> str:
     parts = sorted(recovery.recipe(film).items(), key=lambda part: -part[1])
     if len(parts) == 1:
         return f"{recovery.films.names[film]} pure"
-    return f"{recovery.films.names[film]} " + " + ".join(f"{share:.3g} {paint}" for paint, share in parts)
+    return f"{recovery.films.names[film]} " + " + ".join(
+        f"{share:.3g} {paint}" for paint, share in parts
+    )

@@ -1,4 +1,6 @@
-"""The command `glazejax predict`: what a mixture will look like, how sure that is, and what one reading of it adds."""
+"""The command `glazejax predict`: what a mixture will look like, how sure that is, and what one
+reading of it adds.
+"""
 
 import re
 from collections.abc import Mapping, Sequence
@@ -43,8 +45,10 @@ def predict(
         typer.Option(
             "--reading",
             metavar="FILE",
-            help="Spectra of one film of this mixture: rows NAME_ob and NAME_ow (over a black, a white card), or one "
-            "of them, or NAME alone (it hides what is below), and card_b, card_w. It says how strong it came out.",
+            help="Spectra of one film of this mixture: rows NAME_ob and NAME_ow (over a black, a "
+            "white card), or one "
+            "of them, or NAME alone (it hides what is below), and card_b, card_w. It says how "
+            "strong it came out.",
             show_default=False,
         ),
     ] = None,
@@ -54,7 +58,10 @@ def predict(
         typer.Option(
             "--thickness",
             metavar="LENGTHS",
-            help="Of the films to predict: 5um,25um. Default: 25um, or with --reading half, once and twice its film's.",
+            help=(
+                "Of the films to predict: 5um,25um. Default: 25um, or with --reading half, once "
+                "and twice its film's."
+            ),
             show_default=False,
         ),
     ] = "",
@@ -84,7 +91,9 @@ def predict(
     seen_by = options.read_geometry(geometry, _GEOMETRY)
     wanted = [options.read_length(text) for text in options.listed(thickness)]
     if samples and reading is None:
-        raise ValueError("--samples is for the film of --reading; leave it out, or give --reading FILE")
+        raise ValueError(
+            "--samples is for the film of --reading; leave it out, or give --reading FILE"
+        )
     from glazejax.colour import find_illuminant, find_observer
     from glazejax.paint.describe import find_name
 
@@ -115,12 +124,20 @@ def predict(
     wanted = wanted or [options.read_length(_USUAL)]
     with progress.doing("compiling, then predicting"):
         made = predict_mixture(
-            shelf, recipe, wanted, wavelengths=grid, ground=ground, instrument=instrument, calibrated=found
+            shelf,
+            recipe,
+            wanted,
+            wavelengths=grid,
+            ground=ground,
+            instrument=instrument,
+            calibrated=found,
         )
     if out is not None:
         _write(made, out, overwrite)
     if found is not None:
-        before = predict_mixture(shelf, recipe, wanted, wavelengths=grid, ground=ground, instrument=instrument)
+        before = predict_mixture(
+            shelf, recipe, wanted, wavelengths=grid, ground=ground, instrument=instrument
+        )
         _say_reading(found, made, before, (illuminant, observer), console)
     _print(made, found is None, (illuminant, observer), console)
     if out is not None:
@@ -128,10 +145,12 @@ def predict(
 
 
 def read_recipe(text: str) -> dict[str, float]:
-    """Paints and weights of ``10 Vermillion + 90 ZincWhite`` or ``0.1*Vermillion + 0.9*ZincWhite``; one paint alone.
+    """Paints and weights of ``10 Vermillion + 90 ZincWhite`` or ``0.1*Vermillion + 0.9*ZincWhite``;
+    one paint alone.
 
     Raises:
-        ValueError: a part without a name, several paints of which one has no weight, or a paint named twice.
+        ValueError: a part without a name, several paints of which one has no weight, or a paint
+            named twice.
     """
     recipe: dict[str, float] = {}
     parts = text.split("+")
@@ -139,7 +158,9 @@ def read_recipe(text: str) -> dict[str, float]:
         match = _PART.fullmatch(part.strip())
         weight = match and match["weight"]
         if match is None or (weight is None and len(parts) > 1):
-            raise ValueError(f"cannot read {part.strip()!r} in {text!r}; write '10 Vermillion + 90 ZincWhite'")
+            raise ValueError(
+                f"cannot read {part.strip()!r} in {text!r}; write '10 Vermillion + 90 ZincWhite'"
+            )
         name = match["name"].strip()
         if name in recipe:
             raise ValueError(f"{name} is named twice in {text!r}; add its weights up")
@@ -150,7 +171,11 @@ def read_recipe(text: str) -> dict[str, float]:
 
 
 def _film(
-    path: Path, samples: str, shelf: "Mapping[str, Pigment]", recipe: Mapping[str, float], console: "Console"
+    path: Path,
+    samples: str,
+    shelf: "Mapping[str, Pigment]",
+    recipe: Mapping[str, float],
+    console: "Console",
 ) -> "Films":
     """The one film that was read, on a grid that all paints cover."""
     from ..film.loose import average, crop, read_loose_films
@@ -160,7 +185,8 @@ def _film(
         films = films.select(wanted)
     if len(films) != 1:
         raise ValueError(
-            f"{path}: --reading takes one film, and there are {len(films)}: choose with --samples, from "
+            f"{path}: --reading takes one film, and there are {len(films)}: choose with "
+            "--samples, from "
             f"{', '.join(films.names[:8])}{' ...' if len(films) > 8 else ''}"
         )
     films = average(films)
@@ -186,21 +212,32 @@ def _say_reading(
 
     film = found.films
     fit = found.delta_e(*eye)[0][film.seen[0]]
-    thick = "it hides what is below" if film.opaque[0] else format_length(float(f"{found.thickness[0] * UNIT:.3g}"))
+    thick = (
+        "it hides what is below"
+        if film.opaque[0]
+        else format_length(float(f"{found.thickness[0] * UNIT:.3g}"))
+    )
     first, then = (np.mean([p.expected_error(*eye) for p in some]) for some in (before, made))
     console.print(
-        f"Reading {film.names[0]}: met to ΔE00 {fit.mean():.2f}; thickness {thick}, on the scale of these paints. "
-        f"Expected error of the films below: ΔE00 {first:.1f} without the reading, {then:.1f} with it."
+        f"Reading {film.names[0]}: met to ΔE00 {fit.mean():.2f}; thickness {thick}, on the scale "
+        "of these paints. "
+        f"Expected error of the films below: ΔE00 {first:.1f} without the reading, {then:.1f} "
+        "with it."
     )
     if not found.converged:
-        console.print("[yellow]The fit of the reading did not settle; take what follows as rough.[/yellow]")
+        console.print(
+            "[yellow]The fit of the reading did not settle; take what follows as rough.[/yellow]"
+        )
     if fit.max() > _FAR:
         console.print(
-            f"[yellow]The reading is met no nearer than ΔE00 {fit.max():.1f}: is the mixture what was said?[/yellow]"
+            f"[yellow]The reading is met no nearer than ΔE00 {fit.max():.1f}: is the mixture "
+            "what was said?[/yellow]"
         )
 
 
-def _print(made: "Sequence[Prediction]", anew: bool, eye: tuple[str, str], console: "Console") -> None:
+def _print(
+    made: "Sequence[Prediction]", anew: bool, eye: tuple[str, str], console: "Console"
+) -> None:
     """A table of colours, and what they are expected to be off."""
     import numpy as np
 
@@ -213,17 +250,32 @@ def _print(made: "Sequence[Prediction]", anew: bool, eye: tuple[str, str], conso
     for found in made:
         off = found.expected_errors(*eye)
         for card, spectrum in enumerate(found.reflectance):
-            lab = np.asarray(colour.lab(found.wavelengths, spectrum, illuminant=eye[0], observer=eye[1]))
-            shade = swatch(hex_colour(colour.srgb(found.wavelengths, spectrum, illuminant=eye[0])), 4)
+            lab = np.asarray(
+                colour.lab(found.wavelengths, spectrum, illuminant=eye[0], observer=eye[1])
+            )
+            shade = swatch(
+                hex_colour(colour.srgb(found.wavelengths, spectrum, illuminant=eye[0])), 4
+            )
             name = found.name if card == 0 else ""
-            table.add_row(name, ("black", "white")[card], shade, *(f"{v:.1f}" for v in lab), f"{off[card]:.1f}")
+            table.add_row(
+                name,
+                ("black", "white")[card],
+                shade,
+                *(f"{v:.1f}" for v in lab),
+                f"{off[card]:.1f}",
+            )
     console.print(table)
     if anew:
         next_one = np.mean([found.between_mixings(*eye) for found in made])
-        parts = {part: np.mean([p.expected_error(*eye, parts=(part,)) for p in made]) for part in made[0].deviations}
+        parts = {
+            part: np.mean([p.expected_error(*eye, parts=(part,)) for p in made])
+            for part in made[0].deviations
+        }
         console.print(
-            f"Expect ΔE00 {next_one:.1f} from one mixing of {mixture} to the next. What is not known of the "
-            f"paints adds {parts['scale']:.1f} by their scale and {parts['paint']:.1f} by the shape of their k and s."
+            f"Expect ΔE00 {next_one:.1f} from one mixing of {mixture} to the next. What is not "
+            "known of the "
+            f"paints adds {parts['scale']:.1f} by their scale and {parts['paint']:.1f} by the "
+            "shape of their k and s."
         )
         console.print("[dim]A reading of one film of it narrows that: --reading FILE.[/dim]")
 
@@ -237,7 +289,12 @@ def _write(made: "Sequence[Prediction]", path: Path, overwrite: bool) -> None:
             for card, over in enumerate(("black", "white")):
                 for band, wavelength in enumerate(found.wavelengths):
                     values = (found.reflectance[card, band], low[card, band], high[card, band])
-                    yield (found.name, over, f"{wavelength:g}", *(f"{value:.6f}" for value in values))
+                    yield (
+                        found.name,
+                        over,
+                        f"{wavelength:g}",
+                        *(f"{value:.6f}" for value in values),
+                    )
 
     header = ("film", "over", "wavelength_nm", "reflectance", "lower_90", "upper_90")
     write_table(path, header, rows(), overwrite=overwrite)

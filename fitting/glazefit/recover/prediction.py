@@ -1,7 +1,9 @@
-"""What a joint recovery foretells of a film that it has not seen: from its weights, with only its thickness free.
+"""What a joint recovery foretells of a film that it has not seen: from its weights, with only its
+thickness free.
 
-How sure it is comes from draws: of the paints' k and s as the recovery knows them, and of the film's own errors
-(`glazefit.film.variation`): a paint in another mixture is not quite the same paint.
+How sure it is comes from draws: of the paints' k and s as the recovery knows them, and of the
+film's own errors (`glazefit.film.variation`): a paint in another mixture is not quite the same
+paint.
 """
 
 from collections.abc import Mapping
@@ -39,8 +41,9 @@ class Prediction:
         gloss: share of the smooth surface's reflection.
         over_black, over_white: reflectance, (bands,).
         paints: in it.
-        deviations: what each of `PARTS` may add to the reflectance over black and white, (draws, 2, bands): the scale
-            of the paints' k and s, their shape, and the film's own errors, of size one.
+        deviations: what each of `PARTS` may add to the reflectance over black and white, (draws, 2,
+            bands): the scale of the paints' k and s, their shape, and the film's own errors, of
+            size one.
         variation: how large the film's own errors are.
     """
 
@@ -55,7 +58,10 @@ class Prediction:
     variation: Variation
 
     def __repr__(self) -> str:
-        return f"Prediction({self.name!r} of {', '.join(self.paints)}, {describe_grid(self.wavelengths)})"
+        return (
+            f"Prediction({self.name!r} of {', '.join(self.paints)}, "
+            f"{describe_grid(self.wavelengths)})"
+        )
 
     @property
     def reflectance(self) -> Float[np.ndarray, "2 bands"]:
@@ -69,14 +75,20 @@ class Prediction:
 
     def _drawn(self, parts: tuple[str, ...]) -> Float[np.ndarray, "draws 2 bands"]:
         count = len(self.deviations["film"])
-        # Each size as often as it is probable, in an order that has nothing to do with the other draws'.
+        # Each size as often as it is probable, in an order that has nothing to do with the other
+        # draws'.
         places = (np.random.default_rng(0).permutation(count) + 0.5) / count
         chances = np.cumsum(self.variation.of(self.paints))
         sizes = np.asarray(SIZES)[np.minimum(np.searchsorted(chances, places), len(SIZES) - 1)]
         size = {"film": sizes[:, None, None]}
-        return np.maximum(self.reflectance + sum(size.get(part, 1.0) * self.deviations[part] for part in parts), 0.0)
+        return np.maximum(
+            self.reflectance + sum(size.get(part, 1.0) * self.deviations[part] for part in parts),
+            0.0,
+        )
 
-    def interval(self, level: float = 0.9) -> tuple[Float[np.ndarray, "2 bands"], Float[np.ndarray, "2 bands"]]:
+    def interval(
+        self, level: float = 0.9
+    ) -> tuple[Float[np.ndarray, "2 bands"], Float[np.ndarray, "2 bands"]]:
         """Lower and upper end of the band that holds this share of the draws, over black and white.
 
         Raises:
@@ -101,7 +113,9 @@ class Prediction:
     def expected_error(
         self, illuminant: str = "D65", observer: str | int = 10, parts: tuple[str, ...] = PARTS
     ) -> float:
-        """Mean CIEDE2000 that the prediction is expected to be off, over both cards, by some of `PARTS` or by all."""
+        """Mean CIEDE2000 that the prediction is expected to be off, over both cards, by some of
+        `PARTS` or by all.
+        """
         return float(self.expected_errors(illuminant, observer, parts).mean())
 
     def expected_errors(
@@ -112,17 +126,28 @@ class Prediction:
         return self.delta_e(over_black, over_white, illuminant, observer).mean(axis=0)
 
     def between_mixings(self, illuminant: str = "D65", observer: str | int = 10) -> float:
-        """Mean CIEDE2000 between two films of the recipe, over both cards, by the films' own errors."""
+        """Mean CIEDE2000 between two films of the recipe, over both cards, by the films' own
+        errors.
+        """
         drawn = self._drawn(("film",))
         half = len(drawn) // 2
-        one, other = (tuple(np.moveaxis(part, 1, 0)) for part in (drawn[:half], drawn[half : 2 * half]))
-        return float(np.mean(delta_e_over_cards(self.wavelengths, one, other, illuminant, observer)))
+        one, other = (
+            tuple(np.moveaxis(part, 1, 0)) for part in (drawn[:half], drawn[half : 2 * half])
+        )
+        return float(
+            np.mean(delta_e_over_cards(self.wavelengths, one, other, illuminant, observer))
+        )
 
     def surprise(self, measured: Float[np.ndarray, "2 bands"]) -> Surprise:
-        """What the film says of how large films' own errors are, now that it was measured over both cards."""
+        """What the film says of how large films' own errors are, now that it was measured over both
+        cards.
+        """
         known = self.deviations["scale"] + self.deviations["paint"]
         likelihood = log_likelihood(
-            measured - self.reflectance, known, self.deviations["film"], np.asarray(self.wavelengths)
+            measured - self.reflectance,
+            known,
+            self.deviations["film"],
+            np.asarray(self.wavelengths),
         )
         return Surprise(self.name, frozenset(self.paints), likelihood)
 
@@ -141,7 +166,8 @@ def predict_films(
     variation: Variation | None = None,
     response: Response | None = None,
 ) -> list[Prediction]:
-    """Spectra of films of known weights over their own cards; each film's thickness is fitted to its readings.
+    """Spectra of films of known weights over their own cards; each film's thickness is fitted to
+    its readings.
 
     Gloss is what the paints in it showed elsewhere.
 
@@ -151,8 +177,8 @@ def predict_films(
         recipes: sample -> paint -> weight, in any unit.
         noise: of a reading.
         discrepancy: a film's own errors of size one, by default `glazefit.film.variation.MIXED`.
-        variation: how large these are: what films that were left out taught (`LeftOut.variation`), by default what is
-            expected beforehand.
+        variation: how large these are: what films that were left out taught (`LeftOut.variation`),
+            by default what is expected beforehand.
         response: model of one film, by default that of the recovery's instrument.
 
     Raises:
@@ -165,7 +191,9 @@ def predict_films(
     best = jax.tree.map(lambda leaf: leaf[None], recovery.unknowns)
     # The same draws for every film, so that films compare.
     rng, count = np.random.default_rng(0), len(recovery.draws.paints)
-    off = np.swapaxes(coefficient_errors(rng, (count, 2 * paints), films.wavelengths, discrepancy), 1, 2)
+    off = np.swapaxes(
+        coefficient_errors(rng, (count, 2 * paints), films.wavelengths, discrepancy), 1, 2
+    )
     model = model_errors(rng, count, 2, films.wavelengths, discrepancy)
     scale, shape = _scale_and_shape(recovery)
     often = jax.tree.map(lambda leaf: np.repeat(leaf[None], count, axis=0), recovery.unknowns)
@@ -179,7 +207,9 @@ def predict_films(
             measured,
             model_deviation(measured, noise, recovery.expectations),
         )
-        thickness, surface, spectra = _spectra(recovery, response, film, best, np.zeros((1, *best.bands.shape[1:])))
+        thickness, surface, spectra = _spectra(
+            recovery, response, film, best, np.zeros((1, *best.bands.shape[1:]))
+        )
         mean = spectra[0]
         drawn = {
             "scale": _spectra(recovery, response, film, scale, np.zeros_like(off))[2],
@@ -206,12 +236,16 @@ def predict_films(
 
 
 def _scale_and_shape(recovery: JointRecovery) -> tuple[Unknowns, Unknowns]:
-    """Draws in which only the scale of the paints' k and s is off, and draws in which all the rest is."""
+    """Draws in which only the scale of the paints' k and s is off, and draws in which all the rest
+    is.
+    """
     best, draws = recovery.unknowns, recovery.draws
     off = draws.bands - best.bands
     level = np.broadcast_to(off.mean(axis=1, keepdims=True), off.shape)
     same = np.broadcast_to(best.paints, draws.paints.shape)
-    return draws._replace(bands=best.bands + level, paints=same), draws._replace(bands=best.bands + off - level)
+    return draws._replace(bands=best.bands + level, paints=same), draws._replace(
+        bands=best.bands + off - level
+    )
 
 
 class _MeasuredFilm(NamedTuple):
@@ -227,7 +261,9 @@ def _shares(
     recovery: JointRecovery, name: str, recipes: Mapping[str, Mapping[str, float]]
 ) -> Float[np.ndarray, "paints"]:
     if name not in recipes:
-        raise ValueError(f"nothing is known of what film {name!r} is made of; add it to the list of recipes")
+        raise ValueError(
+            f"nothing is known of what film {name!r} is made of; add it to the list of recipes"
+        )
     weights = np.zeros((1, len(recovery.paints)))
     for paint, weight in recipes[name].items():
         weights[0, recovery.row(paint)] = weight
@@ -240,8 +276,12 @@ def _spectra(
     film: _MeasuredFilm,
     unknowns: Unknowns,
     off: Float[np.ndarray, "draws bands coefficients"],
-) -> tuple[Float[np.ndarray, "draws"], Float[np.ndarray, "draws"], Float[np.ndarray, "draws 2 bands"]]:
-    """Thickness, reflection of the surface, and reflectance over both cards for each draw of the unknowns."""
+) -> tuple[
+    Float[np.ndarray, "draws"], Float[np.ndarray, "draws"], Float[np.ndarray, "draws 2 bands"]
+]:
+    """Thickness, reflection of the surface, and reflectance over both cards for each draw of the
+    unknowns.
+    """
     surface = np.exp(unknowns.paints[:, :, 0] @ film.share) * recovery.instrument.seen_surface
     k, s = _mixed(unknowns, film.share, off)
     logs, body = _fit_thickness(
@@ -257,14 +297,17 @@ def _spectra(
 
 
 def _mixed(
-    unknowns: Unknowns, share: Float[np.ndarray, "paints"], off: Float[np.ndarray, "draws bands coefficients"]
+    unknowns: Unknowns,
+    share: Float[np.ndarray, "paints"],
+    off: Float[np.ndarray, "draws bands coefficients"],
 ) -> tuple[Float[np.ndarray, "draws bands"], Float[np.ndarray, "draws bands"]]:
     """k d and s d of a film of unit thickness for each draw; `off` is added to the logs."""
     counted = strengthen(share, unknowns.paints[:, :, 1])
     coefficients = np.exp(np.asarray(unknowns.bands) + off)
     paints = share.size
     return tuple(
-        np.einsum("dp,dbp->db", counted, part) for part in (coefficients[..., :paints], coefficients[..., paints:])
+        np.einsum("dp,dbp->db", counted, part)
+        for part in (coefficients[..., :paints], coefficients[..., paints:])
     )
 
 
@@ -278,7 +321,9 @@ def _fit_thickness(
     expected: float | Array,
     response: Response,
 ) -> tuple[Float[Array, "draws"], Float[Array, "draws bands 2"]]:
-    """Log of the best thickness of each draw, by scanning and scanning again around the best, and its spectra."""
+    """Log of the best thickness of each draw, by scanning and scanning again around the best, and
+    its spectra.
+    """
 
     def one(draw: tuple[Array, Array, Array]) -> tuple[Array, Array]:
         absorption, scattering, body = draw
@@ -288,7 +333,10 @@ def _fit_thickness(
             return response.body((d * absorption)[:, None], (d * scattering)[:, None], ground)
 
         def cost(log_thickness: Array) -> Array:
-            return jnp.sum(((spectra(log_thickness) - body) / deviation) ** 2) + (log_thickness / expected) ** 2
+            return (
+                jnp.sum(((spectra(log_thickness) - body) / deviation) ** 2)
+                + (log_thickness / expected) ** 2
+            )
 
         centre, half = jnp.asarray(0.0), _SPAN
         for _ in range(_REFINEMENTS):

@@ -1,4 +1,6 @@
-"""What a recovery, film by film or joint, tells its user: tables on the screen, and the files it leaves."""
+"""What a recovery, film by film or joint, tells its user: tables on the screen, and the files it
+leaves.
+"""
 
 import re
 from collections.abc import Callable, Iterator, Sequence
@@ -62,7 +64,9 @@ def print_summary(recovery: Recovery, console: Console, seconds: float, first: f
         seconds: the recovery took.
         first: seconds until the first chunk was done, with what was compiled for it.
     """
-    title = f"{len(recovery)} paints in {seconds:.1f} s ({first:.1f} s to compile and do the first few)"
+    title = (
+        f"{len(recovery)} paints in {seconds:.1f} s ({first:.1f} s to compile and do the first few)"
+    )
     table = plain_table("paint", "RMSE", "ΔE00 D65", "ΔE00 A", "gloss", "k, s known", title=title)
     d65, a = recovery.delta_e("D65"), recovery.delta_e("A")
     bands = recovery.films.wavelengths.size
@@ -84,7 +88,8 @@ def print_summary(recovery: Recovery, console: Console, seconds: float, first: f
     console.print(f"[dim]Rule: {RULE}.[/dim]")
     if (recovery.gloss < 1).any():
         console.print(
-            "[dim]Gloss below 1: the film reads less than a smooth surface reflects; that share of it was counted."
+            "[dim]Gloss below 1: the film reads less than a smooth surface reflects; that share "
+            "of it was counted."
             "[/dim]"
         )
     odd = ~recovery.converged & (recovery.misfit > 9)
@@ -96,7 +101,8 @@ def print_summary(recovery: Recovery, console: Console, seconds: float, first: f
     off = recovery.misfit > 16
     for row in np.flatnonzero(off.any(axis=1)):
         console.print(
-            f"[yellow]{recovery.films.names[row]}: no k and s meet both spectra within 4 standard deviations at "
+            f"[yellow]{recovery.films.names[row]}: no k and s meet both spectra within 4 "
+            "standard deviations at "
             f"{ranges(recovery.films.wavelengths, off[row])}.[/yellow]"
         )
 
@@ -110,22 +116,35 @@ def _ratios(recovery: Recovery, row: int) -> str:
 
 
 def _with_error(value: float, sd: float) -> str:
-    """Value and error with as many digits as the error has; a lower bound where it is no better known."""
+    """Value and error with as many digits as the error has; a lower bound where it is no better
+    known.
+    """
     if sd > value / 2:
         return f"above {max(value - 2 * sd, 0.2 * value):.1g}"
     digits = max(0, 1 - int(np.floor(np.log10(sd)))) if sd > 0 else 6
     return f"{value:.{digits}f}±{sd:.{digits}f}"
 
 
-def write_pigments(recovery: Recovery, thickness: float, path: Path, *, overwrite: bool = False) -> None:
+def write_pigments(
+    recovery: Recovery, thickness: float, path: Path, *, overwrite: bool = False
+) -> None:
     """Write k and s in 1/m for a film this thick (m), a line a paint and wavelength."""
-    columns = (recovery.absorption, recovery.scattering, recovery.absorption_sd, recovery.scattering_sd)
-    rows = _band_rows(recovery.films.names, recovery.films.wavelengths, [column / thickness for column in columns])
+    columns = (
+        recovery.absorption,
+        recovery.scattering,
+        recovery.absorption_sd,
+        recovery.scattering_sd,
+    )
+    rows = _band_rows(
+        recovery.films.names, recovery.films.wavelengths, [column / thickness for column in columns]
+    )
     write_table(path, PIGMENT_COLUMNS, _flagged(rows, recovery.identifiable), overwrite=overwrite)
 
 
 def _band_rows(
-    names: Sequence[str], wavelengths: Float[np.ndarray, "bands"], columns: Sequence[Float[np.ndarray, "names bands"]]
+    names: Sequence[str],
+    wavelengths: Float[np.ndarray, "bands"],
+    columns: Sequence[Float[np.ndarray, "names bands"]],
 ) -> Iterator[tuple[object, ...]]:
     """A row a name and wavelength."""
     for i, name in enumerate(names):
@@ -141,8 +160,17 @@ def _flagged(
 
 
 def write_fits(recovery: Recovery, path: Path, *, overwrite: bool = False) -> None:
-    """Write the ratio k/s and the fitted spectra, a line a paint and wavelength; none needs a thickness."""
-    header = ("pigment", "wavelength_nm", "ratio", "ratio_sd", "fitted_over_black", "fitted_over_white")
+    """Write the ratio k/s and the fitted spectra, a line a paint and wavelength; none needs a
+    thickness.
+    """
+    header = (
+        "pigment",
+        "wavelength_nm",
+        "ratio",
+        "ratio_sd",
+        "fitted_over_black",
+        "fitted_over_white",
+    )
     columns = [recovery.ratio, recovery.ratio_sd, recovery.fitted_black, recovery.fitted_white]
     rows = _band_rows(recovery.films.names, recovery.films.wavelengths, columns)
     write_table(path, header, rows, overwrite=overwrite)
@@ -153,7 +181,9 @@ def slug(name: str) -> str:
     return re.sub(r"[^A-Za-z0-9.]+", "_", name).strip("_.") or "paint"
 
 
-def write_plots(recovery: Recovery, thickness: float, folder: Path, step: Callable[[], object] = lambda: None) -> None:
+def write_plots(
+    recovery: Recovery, thickness: float, folder: Path, step: Callable[[], object] = lambda: None
+) -> None:
     """Draw every paint to its own file, and call `step` after each."""
     from .plots import plot_paint
 
@@ -163,7 +193,9 @@ def write_plots(recovery: Recovery, thickness: float, folder: Path, step: Callab
 
 
 def _pictures(names: Sequence[str], folder: Path) -> Iterator[Path]:
-    """A file for each name, all different also where the file system takes capitals for small letters."""
+    """A file for each name, all different also where the file system takes capitals for small
+    letters.
+    """
     taken: set[str] = set()
     for name in names:
         stem = slug(name)
@@ -179,7 +211,9 @@ def print_joint(recovery: JointRecovery, console: Console, seconds: float) -> No
     ratio = np.median(recovery.log_ratio_sd, axis=1)
     bands = recovery.wavelengths.size
     title = f"{len(recovery.paints)} paints from {len(recovery.films)} films in {seconds:.1f} s"
-    table = plain_table("paint", "films", "error of k", "of s", "of k/s", "k, s told apart", title=title)
+    table = plain_table(
+        "paint", "films", "error of k", "of s", "of k/s", "k, s told apart", title=title
+    )
     for row, paint in enumerate(recovery.paints):
         table.add_row(
             paint,
@@ -188,7 +222,9 @@ def print_joint(recovery: JointRecovery, console: Console, seconds: float) -> No
             f"{recovery.identifiable[row].sum()}/{bands} bands",
         )
     console.print(table)
-    console.print(f"[dim]Errors: median over the bands, one standard deviation. Rule: {JOINT_RULE}.[/dim]")
+    console.print(
+        f"[dim]Errors: median over the bands, one standard deviation. Rule: {JOINT_RULE}.[/dim]"
+    )
     for row in np.flatnonzero(~recovery.identifiable.all(axis=1)).tolist():
         unknown = recovery.log_sd[:, row] > RELATIVE_LIMIT
         where = [
@@ -197,16 +233,20 @@ def print_joint(recovery: JointRecovery, console: Console, seconds: float) -> No
             if bands.any()
         ]
         words = f"not known to {RELATIVE_LIMIT:.0%}: {'; '.join(where)}"
-        console.print(f"  {recovery.paints[row]}: {words if where else 'in no mixture: its scale is open'}")
+        console.print(
+            f"  {recovery.paints[row]}: {words if where else 'in no mixture: its scale is open'}"
+        )
     difference = recovery.delta_e()
     console.print(
-        f"Fitted films: ΔE00 (D65, 10°) {difference.mean():.2f} on average, {difference.max():.2f} at most "
+        f"Fitted films: ΔE00 (D65, 10°) {difference.mean():.2f} on average, "
+        f"{difference.max():.2f} at most "
         f"({recovery.films.names[int(difference.max(axis=1).argmax())]}); gloss of the paints from "
         f"{recovery.gloss.min():.2f} to {recovery.gloss.max():.2f}."
     )
     for film, paint, factor in suspects(recovery):
         console.print(
-            f"[yellow]{recovery.films.names[film]}: reads as if it held {factor:.2g} times the {paint} that its "
+            f"[yellow]{recovery.films.names[film]}: reads as if it held {factor:.2g} times the "
+            f"{paint} that its "
             "recipe says.[/yellow]"
         )
     if not recovery.converged:
@@ -228,24 +268,38 @@ def suspects(recovery: JointRecovery) -> list[tuple[int, str, float]]:
     return found
 
 
-def write_joint_pigments(recovery: JointRecovery, thickness: float, path: Path, *, overwrite: bool = False) -> None:
-    """Write k and s in 1/m for a pure film of unit relative thickness this thick (m), a line a paint and wavelength."""
+def write_joint_pigments(
+    recovery: JointRecovery, thickness: float, path: Path, *, overwrite: bool = False
+) -> None:
+    """Write k and s in 1/m for a pure film of unit relative thickness this thick (m), a line a
+    paint and wavelength.
+    """
     k, s = recovery.absorption / thickness, recovery.scattering / thickness
-    rows = _band_rows(recovery.paints, recovery.wavelengths, [k, s, k * recovery.log_sd[0], s * recovery.log_sd[1]])
+    rows = _band_rows(
+        recovery.paints,
+        recovery.wavelengths,
+        [k, s, k * recovery.log_sd[0], s * recovery.log_sd[1]],
+    )
     modes = recovery.error_modes()
     # (paints, bands, 2 modes): of log k, then of log s.
     numbers = np.moveaxis(modes, (2, 3), (0, 1)).transpose(0, 1, 3, 2).reshape(-1, 2 * len(modes))
     titles = [f"{what}_mode_{i + 1}" for what in "ks" for i in range(len(modes))]
     flagged = _flagged(rows, recovery.identifiable)
-    joined = ((*row, *map(mode_cell, more.tolist())) for row, more in zip(flagged, numbers, strict=True))
+    joined = (
+        (*row, *map(mode_cell, more.tolist())) for row, more in zip(flagged, numbers, strict=True)
+    )
     write_table(path, (*PIGMENT_COLUMNS, *titles), joined, overwrite=overwrite)
 
 
 def write_joint_films(recovery: JointRecovery, path: Path, *, overwrite: bool = False) -> None:
-    """Write what the fit says of each film: thickness, gloss, errors of weights and how well it is met."""
+    """Write what the fit says of each film: thickness, gloss, errors of weights and how well it is
+    met.
+    """
     difference = recovery.delta_e()
     each = recovery.unknowns.films.shape[1]
-    thickness_sd = np.sqrt(np.diagonal(recovery.shared_covariance))[: len(recovery.films) * each : each]
+    thickness_sd = np.sqrt(np.diagonal(recovery.shared_covariance))[
+        : len(recovery.films) * each : each
+    ]
 
     rows = (
         (
@@ -254,7 +308,10 @@ def write_joint_films(recovery: JointRecovery, path: Path, *, overwrite: bool = 
             f"{recovery.thickness[row]:.4g}",
             f"{recovery.thickness[row] * thickness_sd[row]:.2g}",
             f"{recovery.gloss[row]:.3f}",
-            " ".join(f"{np.exp(error):.3f}" for error in recovery.unknowns.films[row, 2:] if error != 0) or "1",
+            " ".join(
+                f"{np.exp(error):.3f}" for error in recovery.unknowns.films[row, 2:] if error != 0
+            )
+            or "1",
             f"{recovery.rmse[row]:.5f}",
             *(f"{value:.3f}" for value in difference[row]),
         )
@@ -264,7 +321,9 @@ def write_joint_films(recovery: JointRecovery, path: Path, *, overwrite: bool = 
 
 
 def _recipe(recovery: JointRecovery, row: int) -> str:
-    return " + ".join(f"{paint} {100 * share:.3g}%" for paint, share in recovery.recipe(row).items())
+    return " + ".join(
+        f"{paint} {100 * share:.3g}%" for paint, share in recovery.recipe(row).items()
+    )
 
 
 def print_left_out(out: LeftOut, console: Console) -> None:
@@ -272,22 +331,32 @@ def print_left_out(out: LeftOut, console: Console) -> None:
     off = out.predicted.mean(axis=1)
     worst = int(off.argmax())
     console.print(
-        f"Left out in turn and predicted from their recipes, {len(out.names)} mixtures: ΔE00 (D65, 10°) "
-        f"{off.mean():.2f} on average, median {np.median(off):.2f}, {off[worst]:.2f} at most ({out.names[worst]}); "
+        f"Left out in turn and predicted from their recipes, {len(out.names)} mixtures: ΔE00 "
+        "(D65, 10°) "
+        f"{off.mean():.2f} on average, median {np.median(off):.2f}, {off[worst]:.2f} at most "
+        f"({out.names[worst]}); "
         f"{out.inside.mean():.0%} of the readings lie in the 90 % bands."
     )
-    parts = {part: np.mean([found.expected_error(parts=(part,)) for found in out.predictions]) for part in PARTS}
+    parts = {
+        part: np.mean([found.expected_error(parts=(part,)) for found in out.predictions])
+        for part in PARTS
+    }
     console.print(
-        f"What they were expected to be off, ΔE00 {out.expected.mean():.1f} on average, comes from the film "
-        f"({parts['film']:.1f}, as the other films left out show), from the scale of its paints ({parts['scale']:.1f}) "
-        f"and from the shape of their k and s ({parts['paint']:.1f}). From one mixing to the next expect ΔE00 "
+        f"What they were expected to be off, ΔE00 {out.expected.mean():.1f} on average, comes "
+        "from the film "
+        f"({parts['film']:.1f}, as the other films left out show), from the scale of its paints "
+        f"({parts['scale']:.1f}) "
+        f"and from the shape of their k and s ({parts['paint']:.1f}). From one mixing to the "
+        "next expect ΔE00 "
         f"{np.mean([found.between_mixings() for found in out.predictions]):.1f}."
     )
     if not out.complete:
         console.print("[yellow]Interrupted: the mixtures that follow were not left out.[/yellow]")
 
 
-def write_left_out(recovery: JointRecovery, out: LeftOut, path: Path, *, overwrite: bool = False) -> None:
+def write_left_out(
+    recovery: JointRecovery, out: LeftOut, path: Path, *, overwrite: bool = False
+) -> None:
     """Write how well each film was predicted by the others, and how well it said it would be."""
     rows = (
         (
@@ -304,7 +373,10 @@ def write_left_out(recovery: JointRecovery, out: LeftOut, path: Path, *, overwri
 
 
 def write_joint_plots(
-    recovery: JointRecovery, thickness: float, folder: Path, step: Callable[[], object] = lambda: None
+    recovery: JointRecovery,
+    thickness: float,
+    folder: Path,
+    step: Callable[[], object] = lambda: None,
 ) -> None:
     """Draw every paint to its own file, and call `step` after each."""
     from .plots import plot_joint_paint

@@ -16,8 +16,10 @@ CONTRAST_LIMIT = 5.0
 RELATIVE_LIMIT = 0.5
 ABSOLUTE_LIMIT = 0.01
 RULE = (
-    f"k and s are told apart where the film reads brighter over white than over black by {CONTRAST_LIMIT:g} standard "
-    f"deviations or more, k d and s d are each known to {RELATIVE_LIMIT:.0%} of their value or to {ABSOLUTE_LIMIT:g}, "
+    "k and s are told apart where the film reads brighter over white than over black by "
+    f"{CONTRAST_LIMIT:g} standard "
+    f"deviations or more, k d and s d are each known to {RELATIVE_LIMIT:.0%} of their value or "
+    f"to {ABSOLUTE_LIMIT:g}, "
     "and no other pair fits as well"
 )
 
@@ -29,9 +31,10 @@ def told_apart(
 ) -> Bool[np.ndarray, "*shape"]:
     """Whether k d and s d are both known.
 
-    Below a contrast of five standard deviations the noise decides how opaque a film looks, and an error to first
-    order says nothing (it covered 85 % for 95 % on simulated films). The absolute limit is for a film so clear, or a
-    paint so weak, that a value near zero is well known without any relative accuracy to speak of.
+    Below a contrast of five standard deviations the noise decides how opaque a film looks, and an
+    error to first order says nothing (it covered 85 % for 95 % on simulated films). The absolute
+    limit is for a film so clear, or a paint so weak, that a value near zero is well known without
+    any relative accuracy to speak of.
 
     Args:
         optical: k d and s d.
@@ -54,7 +57,9 @@ class FittedFilms:
     def residual(self) -> Float[np.ndarray, "films 2 bands"]:
         """Fitted minus measured reflectance, over black and over white."""
         films = self.films
-        both = np.stack([self.fitted_black - films.over_black, self.fitted_white - films.over_white], axis=1)
+        both = np.stack(
+            [self.fitted_black - films.over_black, self.fitted_white - films.over_white], axis=1
+        )
         return films.where_seen(both)
 
     @property
@@ -70,7 +75,9 @@ def delta_e_over_cards(
     illuminant: str,
     observer: str | int = 2,
 ) -> Float[np.ndarray, "*n 2"]:
-    """CIEDE2000 between spectra over black and over white, (..., bands) each, and others of such films."""
+    """CIEDE2000 between spectra over black and over white, (..., bands) each, and others of such
+    films.
+    """
     from glazejax.colour import delta_e_of_spectra
 
     each = [
@@ -88,8 +95,8 @@ class Recovery(FittedFilms):
         films: as measured.
         absorption, scattering: optical thicknesses k d and s d, (films, bands).
         covariance: of the two, from the noise of all four readings, (films, bands, 2, 2).
-        identifiable: where k and s are told apart (`RULE`), (films, bands); elsewhere only k/s is known and s d is
-            continued from its neighbours.
+        identifiable: where k and s are told apart (`RULE`), (films, bands); elsewhere only k/s is
+            known and s d is continued from its neighbours.
         gloss: share of the surface's reflection in the readings, (films,).
         fitted_black, fitted_white: what the model reads, (films, bands).
         misfit: sum of the two squared residuals, in standard deviations, (films, bands).
@@ -115,7 +122,8 @@ class Recovery(FittedFilms):
     def __repr__(self) -> str:
         told = f"k and s told apart in {self.identifiable.mean():.0%} of bands"
         return (
-            f"Recovery({len(self)} films, {describe_grid(self.films.wavelengths)}, {told}: {listed(self.films.names)})"
+            f"Recovery({len(self)} films, {describe_grid(self.films.wavelengths)}, {told}: "
+            f"{listed(self.films.names)})"
         )
 
     @property
@@ -140,10 +148,14 @@ class Recovery(FittedFilms):
         return np.sqrt(np.einsum("...i,...ij,...j->...", slope, self.covariance, slope))
 
     def delta_e(self, illuminant: str) -> Float[np.ndarray, "films"]:
-        """The larger CIEDE2000 difference of the two fitted spectra from the measured ones, 2 degree observer."""
+        """The larger CIEDE2000 difference of the two fitted spectra from the measured ones, 2
+        degree observer.
+        """
         films = self.films
         fitted = self.fitted_black, self.fitted_white
-        return delta_e_over_cards(films.wavelengths, fitted, (films.over_black, films.over_white), illuminant).max(-1)
+        return delta_e_over_cards(
+            films.wavelengths, fitted, (films.over_black, films.over_white), illuminant
+        ).max(-1)
 
     def interval(self, quantile: float = 1.96) -> tuple[np.ndarray, np.ndarray]:
         """Symmetric intervals of k d and s d, cut at zero: (lower, upper), each (films, bands, 2).

@@ -8,7 +8,9 @@ if TYPE_CHECKING:
 
 
 class Results(NamedTuple):
-    """Where results go: the folder, the films' thickness in m, whether pictures are drawn, and the screen."""
+    """Where results go: the folder, the films' thickness in m, whether pictures are drawn, and the
+    screen.
+    """
 
     out: Path | None
     thickness: float
@@ -18,7 +20,9 @@ class Results(NamedTuple):
 
 
 class Told(NamedTuple):
-    """What the user says beside the films: own paints, the white, thicknesses, readings without the specular part."""
+    """What the user says beside the films: own paints, the white, thicknesses, readings without the
+    specular part.
+    """
 
     into: Path | None
     white: str
@@ -28,4 +32,6 @@ class Told(NamedTuple):
     @property
     def any(self) -> bool:
         """Whether something is told."""
-        return self.into is not None or self.excluded is not None or bool(self.white or self.wet_film)
+        return (
+            self.into is not None or self.excluded is not None or bool(self.white or self.wet_film)
+        )

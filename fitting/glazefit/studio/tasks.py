@@ -1,7 +1,9 @@
-"""The studio's searches: what a page asks for in plain JSON, the public function that finds it, and its answer.
+"""The studio's searches: what a page asks for in plain JSON, the public function that finds it, and
+its answer.
 
-Each takes what is asked for and a function that takes words about the progress. `glazejax.studio.jobs` runs them in a
-process of their own, where they are registered as entry points `glazejax.studio`.
+Each takes what is asked for and a function that takes words about the progress.
+`glazejax.studio.jobs` runs them in a process of their own, where they are registered as entry
+points `glazejax.studio`.
 """
 
 from collections.abc import Callable, Mapping
@@ -14,7 +16,15 @@ from glazejax import Pigment, colour
 from glazejax.catalogue import ASSUMED_THICKNESS
 from glazejax.io import SpectraTable
 from glazejax.spectra import same_grid
-from glazejax.stacks import BLACK, WHITE, Stack, all_paints, own_name, pigment_to_dict, stack_from_dict
+from glazejax.stacks import (
+    BLACK,
+    WHITE,
+    Stack,
+    all_paints,
+    own_name,
+    pigment_to_dict,
+    stack_from_dict,
+)
 
 from ..film.readers import films_of
 
@@ -29,7 +39,8 @@ def recipes(asked: Asked, report: Report) -> dict[str, Any]:
     """Best five recipes for a colour of the screen or a spectrum.
 
     Args:
-        asked: `stack`, whose ground, index and geometry count; `options` with `srgb` and `layers`, 1 or 2; or
+        asked: `stack`, whose ground, index and geometry count; `options` with `srgb` and `layers`,
+            1 or 2; or
             `wavelengths` and `reflectance` of a spectrum.
         report: takes words.
 
@@ -41,7 +52,9 @@ def recipes(asked: Asked, report: Report) -> dict[str, Any]:
 
     stack, options = stack_from_dict(asked["stack"]), asked.get("options", {})
     if "reflectance" in asked:
-        target = spectral_target("the spectrum", np.array(asked["wavelengths"]), np.array(asked["reflectance"]))
+        target = spectral_target(
+            "the spectrum", np.array(asked["wavelengths"]), np.array(asked["reflectance"])
+        )
     else:
         target = srgb_target(str(options.get("srgb", "")))
     paints = _paints(stack)
@@ -62,12 +75,18 @@ def recipes(asked: Asked, report: Report) -> dict[str, Any]:
             "between": recipe.between_mixings,
             "in_gamut": recipe.in_gamut,
             "rgb": _rgb(recipe.wavelengths, recipe.reflectance),
-            "stack": _stack(asked, [_coat({n: w for w, n in c.parts}, c.total) for c in recipe.coats]),
+            "stack": _stack(
+                asked, [_coat({n: w for w, n in c.parts}, c.total) for c in recipe.coats]
+            ),
         }
         for recipe in found
     ]
     best = found[0]
-    words = "" if best.in_gamut else f"out of reach of these paints by ΔE00 {best.gamut_distance:.1f} at least"
+    words = (
+        ""
+        if best.in_gamut
+        else f"out of reach of these paints by ΔE00 {best.gamut_distance:.1f} at least"
+    )
     return {"target": target.name, "recipes": listed, "words": words}
 
 
@@ -75,8 +94,9 @@ def identification(asked: Asked, report: Report) -> dict[str, Any]:
     """Which paints are in a spectrum, or in films over a black and a white card.
 
     Args:
-        asked: `wavelengths`, `reflectance`; `options` with `names`, and `below`, the ground of a single spectrum:
-            "opaque", "white", "black" or "ground" (the stack's); `films`, whether rows are films in fours.
+        asked: `wavelengths`, `reflectance`; `options` with `names`, and `below`, the ground of a
+            single spectrum: "opaque", "white", "black" or "ground" (the stack's); `films`, whether
+            rows are films in fours.
         report: takes words.
 
     Raises:
@@ -94,13 +114,17 @@ def identification(asked: Asked, report: Report) -> dict[str, Any]:
         below = options.get("below", "opaque")
         levels = {"white": WHITE, "black": BLACK, "ground": stack.ground_on(table.wavelengths)}
         if below != "opaque" and below not in levels:
-            raise ValueError(f"the film lies over {below!r}; it must be opaque, white, black or ground")
+            raise ValueError(
+                f"the film lies over {below!r}; it must be opaque, white, black or ground"
+            )
         parts = []
         chunks = identify_chunks(
             table.reflectance,
             table.wavelengths,
             paints,
-            grounds=None if below == "opaque" else np.broadcast_to(levels[below], table.wavelengths.shape),
+            grounds=None
+            if below == "opaque"
+            else np.broadcast_to(levels[below], table.wavelengths.shape),
             names=table.names,
             keep=_CANDIDATES,
         )
@@ -121,8 +145,14 @@ def _identified(asked: Asked, found: Any, row: int) -> dict[str, Any]:
         for coat in range(max(one.coats) + 1):
             mine = [i for i in range(len(one.paints)) if one.coats[i] == coat]
             share = float(sum(one.fractions[i] for i in mine))
-            coats.append(_coat({one.paints[i]: float(one.fractions[i]) for i in mine}, thick * share))
-        sized = f"{one.thickness * 1e6:.3g} µm thick, " if np.isfinite(one.thickness) else "hides its ground, "
+            coats.append(
+                _coat({one.paints[i]: float(one.fractions[i]) for i in mine}, thick * share)
+            )
+        sized = (
+            f"{one.thickness * 1e6:.3g} µm thick, "
+            if np.isfinite(one.thickness)
+            else "hides its ground, "
+        )
         listed.append(
             {
                 "words": one.words,
@@ -133,9 +163,21 @@ def _identified(asked: Asked, found: Any, row: int) -> dict[str, Any]:
             }
         )
     none = float(found.none[row])
-    listed.append({"words": "none of these paints", "fit": "", "probability": none, "rgb": None, "stack": None})
+    listed.append(
+        {
+            "words": "none of these paints",
+            "fit": "",
+            "probability": none,
+            "rgb": None,
+            "stack": None,
+        }
+    )
     listed.sort(key=lambda each: -each["probability"])
-    return {"name": found.measured.names[row], "words": f"against {len(found.paints)} paints", "candidates": listed}
+    return {
+        "name": found.measured.names[row],
+        "words": f"against {len(found.paints)} paints",
+        "candidates": listed,
+    }
 
 
 def recovery(asked: Asked, report: Report) -> dict[str, Any]:
@@ -153,12 +195,14 @@ def recovery(asked: Asked, report: Report) -> dict[str, Any]:
     films = films_of(_table(asked))
     if len(films) > _MOST_FILMS:
         raise ValueError(
-            f"{len(films)} films take long; the studio recovers {_MOST_FILMS} at once, `recover` any number"
+            f"{len(films)} films take long; the studio recovers {_MOST_FILMS} at once, `recover` "
+            "any number"
         )
     report(f"recovering {len(films)} films")
     found = recover_films(films)
     origin = (
-        f"recovered in the studio from one film each, taken as {ASSUMED_THICKNESS * 1e6:g} micrometres thick: k and s "
+        f"recovered in the studio from one film each, taken as {ASSUMED_THICKNESS * 1e6:g} "
+        "micrometres thick: k and s "
         "scale with its inverse"
     )
     pigments, listed = {}, []
@@ -168,16 +212,30 @@ def recovery(asked: Asked, report: Report) -> dict[str, Any]:
         pigments[name] = pigment_to_dict(paint)
         told = paint.identifiable
         unknown = "" if told is None or told.all() else f"{int((~told).sum())} of {told.size} bands"
-        listed.append({"name": name, "label": name, "group": "own", "provenance": origin, "unknown": unknown})
-    return {"pigments": pigments, "entries": listed, "words": f"films taken as {ASSUMED_THICKNESS * 1e6:g} µm thick"}
+        listed.append(
+            {"name": name, "label": name, "group": "own", "provenance": origin, "unknown": unknown}
+        )
+    return {
+        "pigments": pigments,
+        "entries": listed,
+        "words": f"films taken as {ASSUMED_THICKNESS * 1e6:g} µm thick",
+    }
 
 
 def _paints(stack: Stack) -> list[Pigment]:
-    """The catalogue that the stack's uppermost paint is from, and own paints on the same wavelengths."""
+    """The catalogue that the stack's uppermost paint is from, and own paints on the same
+    wavelengths.
+    """
     shelf = all_paints()
-    first = next((name for coat in stack.shown for _, name in coat.parts if name not in stack.pigments), "")
+    first = next(
+        (name for coat in stack.shown for _, name in coat.parts if name not in stack.pigments), ""
+    )
     group = first.partition("/")[0] if "/" in first else ""
-    chosen = {name: paint for name, paint in shelf.items() if (name.partition("/")[0] if "/" in name else "") == group}
+    chosen = {
+        name: paint
+        for name, paint in shelf.items()
+        if (name.partition("/")[0] if "/" in name else "") == group
+    }
     grid = next(iter(chosen.values())).wavelengths
     own = {}
     for name, paint in stack.pigments.items():
@@ -193,7 +251,9 @@ def _table(asked: Asked) -> SpectraTable:
     values = np.round(np.array(asked["reflectance"], float).reshape(-1, grid.size), 7)
     names = tuple(map(str, asked.get("options", {}).get("names", ["spectrum"])))
     if len(names) != len(values):
-        raise ValueError(f"{len(names)} names were sent for {len(values)} spectra; drop the file again")
+        raise ValueError(
+            f"{len(names)} names were sent for {len(values)} spectra; drop the file again"
+        )
     return SpectraTable(grid, names, values)
 
 
@@ -206,12 +266,25 @@ def _stack(asked: Asked, coats: list[dict[str, Any]]) -> dict[str, Any]:
     """The page's stack with other coats, and the own paints that they need."""
     named = {name for coat in coats for name in coat["paint"]}
     own = {name: one for name, one in asked["stack"].get("pigments", {}).items() if name in named}
-    kept = {key: asked["stack"][key] for key in ("ground", "refractive_index", "geometry") if key in asked["stack"]}
-    return {"glazejax": "stack", "version": 1, **kept, "coats": coats} | ({"pigments": own} if own else {})
+    kept = {
+        key: asked["stack"][key]
+        for key in ("ground", "refractive_index", "geometry")
+        if key in asked["stack"]
+    }
+    return {"glazejax": "stack", "version": 1, **kept, "coats": coats} | (
+        {"pigments": own} if own else {}
+    )
 
 
-def _rgb(grid: Float[np.ndarray, "bands"], reflectance: Float[np.ndarray, "bands"]) -> list[int] | None:
+def _rgb(
+    grid: Float[np.ndarray, "bands"], reflectance: Float[np.ndarray, "bands"]
+) -> list[int] | None:
     try:
-        return [int(v) for v in np.round(255 * np.asarray(colour.srgb(grid, np.asarray(reflectance, float)), float))]
+        return [
+            int(v)
+            for v in np.round(
+                255 * np.asarray(colour.srgb(grid, np.asarray(reflectance, float)), float)
+            )
+        ]
     except ValueError:  # The bands give no colour.
         return None

@@ -1,9 +1,10 @@
-"""Object colour: displays, interfaces, shading, glazes as a material, interreflection (paper B), and scenes of them.
+"""Object colour: displays, interfaces, shading, glazes as a material, interreflection (paper B),
+and scenes of them.
 
-`Display` leads from XYZ to digital RGB and back, `metal` gives complex refractive indices, `glaze_table` makes a glaze
-a material; `shading` and `interreflection` are functions of cosines and spectra. A `Scene` of shapes, materials, lights
-(`lamp`) and a `Camera` is computed by `render`, and shown by `picture_xyz` and `screen_picture`. Nothing is imported
-before it is asked for.
+`Display` leads from XYZ to digital RGB and back, `metal` gives complex refractive indices,
+`glaze_table` makes a glaze a material; `shading` and `interreflection` are functions of cosines and
+spectra. A `Scene` of shapes, materials, lights (`lamp`) and a `Camera` is computed by `render`, and
+shown by `picture_xyz` and `screen_picture`. Nothing is imported before it is asked for.
 """
 
 import lazy_loader

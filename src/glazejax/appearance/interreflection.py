@@ -1,4 +1,5 @@
-"""Light that goes to and fro between two joined planes: one bounce as paper B prints it, or all of them.
+"""Light that goes to and fro between two joined planes: one bounce as paper B prints it, or all of
+them.
 
 ::
 
@@ -9,9 +10,9 @@
             +-----------------  A
             0        p       w
 
-Both planes are Lambertian, of width w, infinitely long, joined at an edge under the opening angle gamma, and lit
-evenly by parallel light; neither shadows the other. The illuminated plane B sends a share of its light, the
-configuration factor, to the point at p on A.
+Both planes are Lambertian, of width w, infinitely long, joined at an edge under the opening angle
+gamma, and lit evenly by parallel light; neither shadows the other. The illuminated plane B sends a
+share of its light, the configuration factor, to the point at p on A.
 """
 
 import functools
@@ -28,7 +29,9 @@ STRIPS = 192
 
 
 class Joined(NamedTuple):
-    """Spectra of the light that leaves the two planes towards the eye, (..., bands), on the scale of the light."""
+    """Spectra of the light that leaves the two planes towards the eye, (..., bands), on the scale
+    of the light.
+    """
 
     a: Float[Array, "*batch bands"]
     """Light of plane A."""
@@ -98,17 +101,19 @@ def all_bounces(
 ) -> Joined:
     """Light from both planes with all bounces between them, by radiosity.
 
-    The planes are cut into strips, narrower towards the joint, whose mutual view factors are exact (Hottel's crossed
-    strings) and symmetric. One eigendecomposition of them, made in double precision outside the compiled program,
-    serves every band. What a point receives is then gathered from the strips by exact factors.
+    The planes are cut into strips, narrower towards the joint, whose mutual view factors are exact
+    (Hottel's crossed strings) and symmetric. One eigendecomposition of them, made in double
+    precision outside the compiled program, serves every band. What a point receives is then
+    gathered from the strips by exact factors.
 
     Args:
-        body_a, body_b, cos_light_a, cos_light_b, light: as for `one_bounce`, for one pair of planes: (bands,) and
-            numbers.
+        body_a, body_b, cos_light_a, cos_light_b, light: as for `one_bounce`, for one pair of
+            planes: (bands,) and numbers.
         position: P = p/w, (positions,), in [0, 1].
         angle: gamma, degrees, a Python number.
-        strips: of each plane. 192 leave an error of 6e-4 of the light at 5 degrees, 2e-4 at 30 and 1e-5 at 90 for
-            reflectances of .9 and .8; twice as many a quarter of it, but for the joint itself (a third).
+        strips: of each plane. 192 leave an error of 6e-4 of the light at 5 degrees, 2e-4 at 30 and
+            1e-5 at 90 for reflectances of .9 and .8; twice as many a quarter of it, but for the
+            joint itself (a third).
 
     Returns:
         `Joined` of (positions, bands); differentiable by spectra and cosines.
@@ -116,8 +121,8 @@ def all_bounces(
     Raises:
         ValueError: as `configuration_factor`, or fewer than two strips.
 
-    Source: C. M. Goral et al., Computer Graphics 18 (1984) 213 (paper B, reference 18); H. C. Hottel's crossed strings,
-    as in M. F. Modest, Radiative Heat Transfer, 4.7.
+    Source: C. M. Goral et al., Computer Graphics 18 (1984) 213 (paper B, reference 18); H. C.
+    Hottel's crossed strings, as in M. F. Modest, Radiative Heat Transfer, 4.7.
     """
     _check(position, angle)
     if strips < 2:
@@ -126,7 +131,8 @@ def all_bounces(
     lit_a, lit_b = _lit(cos_light_a, light), _lit(cos_light_b, light)
     s_a, s_b = (as_float_array(body) for body in (body_a, body_b))
     first_a, first_b = s_a * lit_a, s_b * lit_b
-    # With K the exchange, B_a = first_a + s_a K B_b and so for b: (1 - s_a s_b K^2) B_a = first_a + s_a K first_b.
+    # With K the exchange, B_a = first_a + s_a K B_b and so for b: (1 - s_a s_b K^2) B_a = first_a +
+    # s_a K first_b.
     kappa = jnp.asarray(values, s_a.dtype)[:, None]
     even = jnp.asarray(vectors.T @ root, s_a.dtype)[:, None]
     modes, width = jnp.asarray(vectors, s_a.dtype), jnp.asarray(root, s_a.dtype)[:, None]
@@ -145,8 +151,12 @@ def all_bounces(
     )
 
 
-def _factor(position: Array, extent: Array | float, cosine: Array | float, sine: Array | float) -> Float[Array, "..."]:
-    """Share of what a point at `position` sees that is the other plane, from the joint to `extent`."""
+def _factor(
+    position: Array, extent: Array | float, cosine: Array | float, sine: Array | float
+) -> Float[Array, "..."]:
+    """Share of what a point at `position` sees that is the other plane, from the joint to
+    `extent`.
+    """
     along, aside = extent * cosine - position, extent * sine
     distance = jnp.sqrt(along**2 + aside**2)
     # At the joint, where no extent is left, the share is nothing.
@@ -158,7 +168,9 @@ def _factor(position: Array, extent: Array | float, cosine: Array | float, sine:
 
 @functools.lru_cache(maxsize=16)
 def _exchange(angle: float, strips: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Edges of the strips, (strips + 1,); eigenvalues and -vectors of their symmetric exchange; roots of widths."""
+    """Edges of the strips, (strips + 1,); eigenvalues and -vectors of their symmetric exchange;
+    roots of widths.
+    """
     cosine = np.cos(np.deg2rad(angle))
     edges = np.linspace(0.0, 1.0, strips + 1) ** 3
     p, q = edges[:, None], edges[None, :]
@@ -179,10 +191,16 @@ def _lit(cos_light: Numbers, light: Numbers) -> Float[Array, "*batch bands"]:
 
 
 def _check(position: Numbers, angle: Numbers) -> None:
-    """Refuse positions and angles that are not of two joined planes; values that JAX traces pass."""
+    """Refuse positions and angles that are not of two joined planes; values that JAX
+    traces pass.
+    """
     places, angles = concrete(position), concrete(angle)
     if places is not None and not np.all(places >= 0):
-        raise ValueError(f"position is {places.min():g}; it is the distance from the joint in widths, 0 or more")
+        raise ValueError(
+            f"position is {places.min():g}; it is the distance from the joint in widths, 0 or more"
+        )
     if angles is not None and not np.all((angles > 0) & (angles < 180)):
         wrong = angles[~((angles > 0) & (angles < 180))].flat[0]
-        raise ValueError(f"angle between the planes is {wrong:g}; it must lie between 0 and 180 degrees")
+        raise ValueError(
+            f"angle between the planes is {wrong:g}; it must lie between 0 and 180 degrees"
+        )

@@ -1,7 +1,7 @@
 """Metals: complex refractive indices as published, and the reflectances that follow.
 
-The figures are in `metals.csv` beside this file, as printed in their sources and collected, without copyright
-(CC0 1.0), by the refractiveindex.info database.
+The figures are in `metals.csv` beside this file, as printed in their sources and collected, without
+copyright (CC0 1.0), by the refractiveindex.info database.
 """
 
 import csv
@@ -16,21 +16,27 @@ from ..radiative.common.fresnel import conductor_reflectance
 from ..spectra import Grid, Numbers, as_float_array, describe_grid, validate_wavelengths
 
 _JOHNSON = (
-    "P. B. Johnson, R. W. Christy, 'Optical constants of the noble metals', Phys. Rev. B 6, 4370 (1972), doi "
-    "10.1103/PhysRevB.6.4370: evaporated films at room temperature; through refractiveindex.info (CC0 1.0)"
+    "P. B. Johnson, R. W. Christy, 'Optical constants of the noble metals', Phys. Rev. B 6, 4370 "
+    "(1972), doi "
+    "10.1103/PhysRevB.6.4370: evaporated films at room temperature; through refractiveindex.info "
+    "(CC0 1.0)"
 )
 SOURCES = {
     "copper": _JOHNSON,
     "copper-hagemann": (
-        "H.-J. Hagemann, W. Gudat, C. Kunz, 'Optical constants from the far infrared to the x-ray region', J. Opt. "
-        "Soc. Am. 65, 742 (1975), doi 10.1364/JOSA.65.000742: in the visible the copper of Palik's handbook, where "
+        "H.-J. Hagemann, W. Gudat, C. Kunz, 'Optical constants from the far infrared to the "
+        "x-ray region', J. Opt. "
+        "Soc. Am. 65, 742 (1975), doi 10.1364/JOSA.65.000742: in the visible the copper of "
+        "Palik's handbook, where "
         "paper B took its figures from; through refractiveindex.info (CC0 1.0)"
     ),
     "gold": _JOHNSON,
     "silver": _JOHNSON,
     "aluminium": (
-        "A. D. Rakić, 'Algorithm for the determination of intrinsic optical constants of metal films: application to "
-        "aluminum', Appl. Opt. 34, 4755 (1995), doi 10.1364/AO.34.004755; through refractiveindex.info (CC0 1.0)"
+        "A. D. Rakić, 'Algorithm for the determination of intrinsic optical constants of metal "
+        "films: application to "
+        "aluminum', Appl. Opt. 34, 4755 (1995), doi 10.1364/AO.34.004755; through "
+        "refractiveindex.info (CC0 1.0)"
     ),
 }
 """Metals that there are, and where their figures come from."""
@@ -54,7 +60,8 @@ class Metal(NamedTuple):
         return f"Metal({self.name!r}, {describe_grid(self.wavelengths)})"
 
     def resample(self, wavelengths_nm: Grid) -> "Metal":
-        """The metal on another grid, nm, by monotone cubic interpolation (PCHIP): no n or k beyond its neighbours'.
+        """The metal on another grid, nm, by monotone cubic interpolation (PCHIP): no n or k beyond
+        its neighbours'.
 
         Raises:
             ValueError: the grid is not legal or reaches beyond the figures.
@@ -64,10 +71,14 @@ class Metal(NamedTuple):
         new = validate_wavelengths(wavelengths_nm)
         if new[0] < self.wavelengths[0] or new[-1] > self.wavelengths[-1]:
             raise ValueError(
-                f"{self.name} is known from {self.wavelengths[0]:g} to {self.wavelengths[-1]:g} nm, "
+                f"{self.name} is known from {self.wavelengths[0]:g} to {self.wavelengths[-1]:g} "
+                "nm, "
                 f"which {describe_grid(new)} exceeds"
             )
-        n, k = (PchipInterpolator(self.wavelengths, values)(new) for values in (self.refractive_index, self.extinction))
+        n, k = (
+            PchipInterpolator(self.wavelengths, values)(new)
+            for values in (self.refractive_index, self.extinction)
+        )
         return self._replace(wavelengths=new, refractive_index=n, extinction=k)
 
     def reflectance(self, cos_incidence: Numbers) -> Float[Array, "*batch bands"]:
@@ -89,7 +100,9 @@ def metal(name: str, wavelengths_nm: Grid | None = None) -> Metal:
     """
     key = name.strip().lower().replace("aluminum", "aluminium")
     if key not in SOURCES:
-        raise ValueError(f"unknown metal {name!r}: there are {', '.join(SOURCES)}; or give n and k of your own")
+        raise ValueError(
+            f"unknown metal {name!r}: there are {', '.join(SOURCES)}; or give n and k of your own"
+        )
     found = _load()[key]
     return found if wavelengths_nm is None else found.resample(wavelengths_nm)
 
@@ -101,9 +114,15 @@ def _load() -> dict[str, Metal]:
     rows = list(csv.DictReader(text.splitlines()))
     found = {}
     for name, source in SOURCES.items():
-        table = np.array([[float(r[c]) for c in ("wavelength_nm", "n", "k")] for r in rows if r["metal"] == name])
+        table = np.array(
+            [[float(r[c]) for c in ("wavelength_nm", "n", "k")] for r in rows if r["metal"] == name]
+        )
         table.setflags(write=False)
         found[name] = Metal(
-            name=name, wavelengths=table[:, 0], refractive_index=table[:, 1], extinction=table[:, 2], source=source
+            name=name,
+            wavelengths=table[:, 0],
+            refractive_index=table[:, 1],
+            extinction=table[:, 2],
+            source=source,
         )
     return found

@@ -1,12 +1,14 @@
-"""Light reflected by a point of a surface, band by band: Lambert, Phong and Torrance-Sparrow, as paper B prints them.
+"""Light reflected by a point of a surface, band by band: Lambert, Phong and Torrance-Sparrow, as
+paper B prints them.
 
-Directions point away from the surface: N the normal, L to the light, V to the eye, H half-way between L and V. The
-functions take the cosines between them, so that a scene computes each once. They are elementwise and can be
-differentiated by every argument. Cosines have shape (...), spectra (..., bands); a light that does not reach the
-front of the surface gives nothing.
+Directions point away from the surface: N the normal, L to the light, V to the eye, H half-way
+between L and V. The functions take the cosines between them, so that a scene computes each once.
+They are elementwise and can be differentiated by every argument. Cosines have shape (...), spectra
+(..., bands); a light that does not reach the front of the surface gives nothing.
 
-What comes back is the spectrum that reaches the eye, on the scale of the light: a white Lambert surface that faces a
-light of spectrum I returns I. A scene may leave the light out (``light=1.0``) and multiply by it later.
+What comes back is the spectrum that reaches the eye, on the scale of the light: a white Lambert
+surface that faces a light of spectrum I returns I. A scene may leave the light out (``light=1.0``)
+and multiply by it later.
 
 Source: paper B (Tominaga 1993), sections 3.1, 3.2 and 5.
 """
@@ -23,7 +25,9 @@ _NEAR_NORMAL = 0.05
 _TERMS = 12
 
 
-def dot(first: Float[Array, "*#batch 3"], second: Float[Array, "*#batch 3"]) -> Float[Array, "*batch"]:
+def dot(
+    first: Float[Array, "*#batch 3"], second: Float[Array, "*#batch 3"]
+) -> Float[Array, "*batch"]:
     """Cosine between unit vectors, (..., 3) each."""
     return jnp.sum(first * second, axis=-1)
 
@@ -31,7 +35,8 @@ def dot(first: Float[Array, "*#batch 3"], second: Float[Array, "*#batch 3"]) -> 
 def mirror_direction(
     normal: Float[Array, "*#batch 3"], direction: Float[Array, "*#batch 3"]
 ) -> Float[Array, "*batch 3"]:
-    """Unit vector away from the surface whose mirror image at it is `direction`: R_l of L, R_v of V.
+    """Unit vector away from the surface whose mirror image at it is `direction`: R_l of L, R_v of
+    V.
 
     Args:
         normal: unit normal, (..., 3).
@@ -40,7 +45,9 @@ def mirror_direction(
     return 2.0 * dot(normal, direction)[..., None] * normal - direction
 
 
-def half_vector(light: Float[Array, "*#batch 3"], view: Float[Array, "*#batch 3"]) -> Float[Array, "*batch 3"]:
+def half_vector(
+    light: Float[Array, "*#batch 3"], view: Float[Array, "*#batch 3"]
+) -> Float[Array, "*batch 3"]:
     """Unit vector H half-way between two unit vectors, (..., 3); zero where they are opposite."""
     total = light + view
     square = jnp.sum(total**2, axis=-1, keepdims=True)
@@ -48,7 +55,9 @@ def half_vector(light: Float[Array, "*#batch 3"], view: Float[Array, "*#batch 3"
     return jnp.where(opposite, 0.0, total / jnp.sqrt(jnp.where(opposite, 1.0, square)))
 
 
-def lambert(reflectance: Numbers, cos_light: Numbers, light: Numbers = 1.0) -> Float[Array, "*batch bands"]:
+def lambert(
+    reflectance: Numbers, cos_light: Numbers, light: Numbers = 1.0
+) -> Float[Array, "*batch bands"]:
     """Perfectly diffuse reflection: S_d (N.L) I.
 
     Args:
@@ -72,7 +81,8 @@ def phong(
 ) -> Float[Array, "*batch bands"]:
     """Phong's model of an inhomogeneous material: S_d (N.L) I + S_s (R_v.L)^n I.
 
-    The second part has the colour of the light, so chromaticities lie between those of body and light.
+    The second part has the colour of the light, so chromaticities lie between those of body and
+    light.
 
     Args:
         body: diffuse reflectance S_d, (..., bands), in [0, 1].
@@ -103,10 +113,14 @@ def facet_distribution(cos_half: Numbers, width: Numbers) -> Float[Array, "*batc
 
     Source: paper B, eq (7), D = exp(-ln 2 alpha^2 / beta^2).
     """
-    return jnp.exp(-math.log(2.0) * _squared_angle(as_float_array(cos_half)) / as_float_array(width) ** 2)
+    return jnp.exp(
+        -math.log(2.0) * _squared_angle(as_float_array(cos_half)) / as_float_array(width) ** 2
+    )
 
 
-def masking(cos_half: Numbers, cos_view: Numbers, cos_light: Numbers, cos_view_half: Numbers) -> Float[Array, "*batch"]:
+def masking(
+    cos_half: Numbers, cos_view: Numbers, cos_light: Numbers, cos_view_half: Numbers
+) -> Float[Array, "*batch"]:
     """Share G of light that facets neither shadow nor hide.
 
     Args:
@@ -141,7 +155,8 @@ def torrance_sparrow(
     """Torrance and Sparrow's model of a rough metal: S_d (N.L) I + D G F I / (N.V).
 
     Args:
-        fresnel: F, (..., bands): the facets' reflectance at the angle whose cosine is `cos_view_half`, such as
+        fresnel: F, (..., bands): the facets' reflectance at the angle whose cosine is
+            `cos_view_half`, such as
             `glazejax.radiative.fresnel.conductor_reflectance`.
         light: spectrum I of the light, (..., bands) or one number.
         cos_light, cos_view, cos_half: N.L, N.V and N.H, (...).
@@ -153,14 +168,16 @@ def torrance_sparrow(
         (..., bands); nothing where light or eye is behind the surface.
 
     Notes:
-        As printed, D is 1 at its peak and there is no factor that keeps energy: a broad distribution reflects more
-        light in all than a narrow one.
+        As printed, D is 1 at its peak and there is no factor that keeps energy: a broad
+        distribution reflects more light in all than a narrow one.
 
     Source: paper B, eqs (5)-(8).
     """
     view = as_float_array(cos_view)
     front = (view > 0.0) & (as_float_array(cos_light) > 0.0)
-    shape = facet_distribution(cos_half, width) * masking(cos_half, cos_view, cos_light, cos_view_half)
+    shape = facet_distribution(cos_half, width) * masking(
+        cos_half, cos_view, cos_light, cos_view_half
+    )
     shape = jnp.where(front, shape / jnp.where(view > 0.0, view, 1.0), 0.0)
     shine = as_float_array(fresnel) * shape[..., None] * as_float_array(light)
     seen = jnp.where(view > 0.0, as_float_array(cos_light), 0.0)
@@ -180,6 +197,7 @@ def _squared_angle(cosine: Float[Array, "..."]) -> Float[Array, "..."]:
     series = jnp.zeros_like(u)
     for n in range(_TERMS, 0, -1):
         series = 2.0 * u * (series + 1.0 / (n**2 * math.comb(2 * n, n)))
-    # Just above -1 the slope of arccos has no bound; no direction in front of a surface comes there.
+    # Just above -1 the slope of arccos has no bound; no direction in front of a surface comes
+    # there.
     inside = jnp.clip(jnp.where(near, 0.0, cosine), -1.0 + 1e-7, 1.0)
     return jnp.where(near, 2.0 * series, jnp.arccos(inside) ** 2)

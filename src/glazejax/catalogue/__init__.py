@@ -1,12 +1,14 @@
 """Pigments that ship with the package, each with its provenance: oil paints and acrylics.
 
-- "oils": k and s fitted together to pure films, tints and shades of unknown thickness, a typical one taken as 25
-  micrometres (`pigments.csv`, `PROVENANCE.md`). 400-700 nm.
-- "acrylics": k and s converted from Kubelka-Munk's K and S of Golden paints, with an assumed s of titanium white
-  (`acrylics.csv`, `ACRYLICS.md`). 380-750 nm. Their errors are not known, so there are no standard deviations.
+- "oils": k and s fitted together to pure films, tints and shades of unknown thickness, a typical
+  one taken as 25 micrometres (`pigments.csv`, `PROVENANCE.md`). 400-700 nm.
+- "acrylics": k and s converted from Kubelka-Munk's K and S of Golden paints, with an assumed s of
+  titanium white (`acrylics.csv`, `ACRYLICS.md`). 380-750 nm. Their errors are not known, so there
+  are no standard deviations.
 
-In each, how much stronger one paint is than another is known, their common scale is not: the two have two.
-Where k and s could not be told apart, `Pigment.identifiable` is False and only k/s can be trusted.
+In each, how much stronger one paint is than another is known, their common scale is not: the two
+have two. Where k and s could not be told apart, `Pigment.identifiable` is False and only k/s can be
+trusted.
 """
 
 import difflib
@@ -28,19 +30,26 @@ ASSUMED_THICKNESS = 25e-6
 """Thickness of a typical film of the oils in m, an assumption."""
 
 PROVENANCE = (
-    "Fitted jointly to 58 films over black and over white from revigo-spectra (CC0 1.0): Geldof, Proaño Gaibor, "
+    "Fitted jointly to 58 films over black and over white from revigo-spectra (CC0 1.0): Geldof, "
+    "Proaño Gaibor, "
     "Kirchner, Ligterink, 'Reconstructing Van Gogh's palette...', Heritage Science 6:17 (2018), "
-    "doi 10.1186/s40494-018-0181-6. Thickness unknown, that of a typical film taken as 25 micrometres: k and s of all "
+    "doi 10.1186/s40494-018-0181-6. Thickness unknown, that of a typical film taken as 25 "
+    "micrometres: k and s of all "
     "paints scale with its inverse. Mixtures add k and s by mass. "
     "Integrating sphere d:8 with the specular part, refractive index 1.5."
 )
 
 ACRYLICS_PROVENANCE = (
-    "Converted from Kubelka-Munk's K and S of Golden heavy-body acrylics: Artist Paint Spectral Database (Rochester "
-    "Institute of Technology), as tabulated by Wacton.Unicolour (MIT, copyright 2022 William Acton), commit 4bf3d8c. "
-    "Masstones and 1:10 tints with titanium white reflect what K and S give under the source's Saunderson surface "
-    "(k1 = .03, k2 = .65). No length is given: the s of titanium white is taken as 500000 1/m at every wavelength, so "
-    "that 76 micrometres of it hide black to 98 %; k and s of all paints scale with it. Mixtures add k and s by "
+    "Converted from Kubelka-Munk's K and S of Golden heavy-body acrylics: Artist Paint Spectral "
+    "Database (Rochester "
+    "Institute of Technology), as tabulated by Wacton.Unicolour (MIT, copyright 2022 William "
+    "Acton), commit 4bf3d8c. "
+    "Masstones and 1:10 tints with titanium white reflect what K and S give under the source's "
+    "Saunderson surface "
+    "(k1 = .03, k2 = .65). No length is given: the s of titanium white is taken as 500000 1/m at "
+    "every wavelength, so "
+    "that 76 micrometres of it hide black to 98 %; k and s of all paints scale with it. Mixtures "
+    "add k and s by "
     "weight. Integrating sphere at 8 degrees without the specular part, refractive index 1.5."
 )
 
@@ -73,7 +82,8 @@ _SHIPPED = {
     "acrylics": _Shipped(
         "acrylics.csv",
         ACRYLICS_PROVENANCE,
-        f"pigments come from K and S without lengths; {format_length(76e-6)} of titanium white are taken to hide black",
+        f"pigments come from K and S without lengths; {format_length(76e-6)} of titanium white "
+        "are taken to hide black",
     ),
 }
 
@@ -109,7 +119,9 @@ def _unknown(name: str, known: tuple[str, ...]) -> str:
     close = difflib.get_close_matches(asked, list(folded), n=3, cutoff=0.4)
     close += [k for k in folded if asked and (asked in k or k in asked) and k not in close]
     if close:
-        return f"unknown pigment {name!r}; nearest: " + ", ".join(repr(folded[k]) for k in close[:4])
+        return f"unknown pigment {name!r}; nearest: " + ", ".join(
+            repr(folded[k]) for k in close[:4]
+        )
     return f"unknown pigment {name!r}; the catalogue has {', '.join(known)}"
 
 
@@ -124,7 +136,8 @@ def load(name: str = "oils") -> Catalogue:
     The pigments are made in the precision that JAX is set to when this is called.
 
     Args:
-        name: "oils" (400-700 nm step 10) or "acrylics" (380-750 nm step 10, without standard deviations).
+        name: "oils" (400-700 nm step 10) or "acrylics" (380-750 nm step 10, without standard
+            deviations).
 
     Raises:
         ValueError: there is no catalogue of that name; the message lists them.
@@ -135,7 +148,9 @@ def load(name: str = "oils") -> Catalogue:
 
 @functools.lru_cache(maxsize=8)
 def _read_once(name: str, precision: str) -> dict[str, Pigment]:
-    """Pigments of a catalogue in the precision that JAX is set to; nothing can change them, so all share them."""
+    """Pigments of a catalogue in the precision that JAX is set to; nothing can change them, so all
+    share them.
+    """
     shipped = _SHIPPED[name]
     # Inside a traced function too they are arrays, which may outlive it.
     with jax.ensure_compile_time_eval(), as_file(files(__name__).joinpath(shipped.file)) as path:
@@ -143,11 +158,12 @@ def _read_once(name: str, precision: str) -> dict[str, Pigment]:
 
 
 def read(path: str | Path) -> Catalogue:
-    """Paints of your own file, such as ``glazejax recover --into mine.csv`` writes it: as `load` gives those that ship.
+    """Paints of your own file, such as ``glazejax recover --into mine.csv`` writes it: as `load`
+    gives those that ship.
 
     Args:
-        path: a CSV with a line for each paint and wavelength: pigment, wavelength_nm, absorption and scattering in
-            1/m, and whatever else `glazejax recover` writes.
+        path: a CSV with a line for each paint and wavelength: pigment, wavelength_nm, absorption
+            and scattering in 1/m, and whatever else `glazejax recover` writes.
 
     Raises:
         FileNotFoundError: no such file.
@@ -160,7 +176,8 @@ def pigment(name: str, catalogue: str = "oils") -> Pigment:
     """One pigment of a catalogue.
 
     Raises:
-        ValueError: there is no catalogue of that name, or it has none of this; the message lists the nearest names.
+        ValueError: there is no catalogue of that name, or it has none of this; the message lists
+            the nearest names.
     """
     shelf = load(catalogue)
     try:
@@ -170,7 +187,8 @@ def pigment(name: str, catalogue: str = "oils") -> Pigment:
 
 
 def family(name: str) -> str:
-    """The pigment of a paint of the catalogues, medium and maker aside; any other name is its own family.
+    """The pigment of a paint of the catalogues, medium and maker aside; any other name is its own
+    family.
 
     Example:
         >>> family("Eosin1Wax"), family("CobaltBlue")
@@ -186,7 +204,9 @@ def checksum(name: str = "oils") -> tuple[str, str]:
         ValueError: there is no catalogue of that name; the message lists them.
     """
     shipped = _known(name)
-    return shipped.file, hashlib.sha256(files(__name__).joinpath(shipped.file).read_bytes()).hexdigest()
+    return shipped.file, hashlib.sha256(
+        files(__name__).joinpath(shipped.file).read_bytes()
+    ).hexdigest()
 
 
 def _known(name: str) -> _Shipped:
@@ -196,5 +216,7 @@ def _known(name: str) -> _Shipped:
 
 
 def assumed_scale(paint: Pigment) -> str | None:
-    """What the catalogue that a pigment is from takes for granted about lengths, a clause; None for one's own."""
+    """What the catalogue that a pigment is from takes for granted about lengths, a clause; None for
+    one's own.
+    """
     return next((s.scale for s in _SHIPPED.values() if s.provenance == paint.provenance), None)

@@ -1,8 +1,10 @@
-"""Tables of lamps, eyes and colour charts, and the CIE's formula for colour differences: NumPy, read in milliseconds.
+"""Tables of lamps, eyes and colour charts, and the CIE's formula for colour differences: NumPy,
+read in milliseconds.
 
-The tables are those of colour-science (BSD-3-Clause; `SOURCE.md` says which, `LICENSE` is its licence), written by
-`python -m benchmarks.cie_tables`. They are here because `import colour` takes longer than rendering a glaze: it brings
-matplotlib, pandas and much of SciPy.
+The tables are those of colour-science (BSD-3-Clause; `SOURCE.md` says which, `LICENSE` is its
+licence), written by
+`python -m benchmarks.cie_tables`. They are here because `import colour` takes longer than rendering
+a glaze: it brings matplotlib, pandas and much of SciPy.
 """
 
 import csv
@@ -31,15 +33,22 @@ class Curve(NamedTuple):
 
 @cache
 def illuminants() -> dict[str, Curve]:
-    """Relative power of the CIE's and ISO's illuminants by full name, such as D65; linear between its bands."""
+    """Relative power of the CIE's and ISO's illuminants by full name, such as D65; linear between
+    its bands.
+    """
     return {name: curve for (name,), curve in _rows("illuminants.csv", 1).items()}
 
 
 @cache
 def observers() -> dict[str, tuple[Curve, Curve, Curve]]:
-    """Colour matching functions x, y, z of the standard observers by full name, at every nanometre."""
+    """Colour matching functions x, y, z of the standard observers by full name, at every
+    nanometre.
+    """
     rows = _rows("observers.csv", 2)
-    return {name: (rows[name, "x"], rows[name, "y"], rows[name, "z"]) for name in dict.fromkeys(n for n, _ in rows)}
+    return {
+        name: (rows[name, "x"], rows[name, "y"], rows[name, "z"])
+        for name in dict.fromkeys(n for n, _ in rows)
+    }
 
 
 @cache
@@ -52,9 +61,13 @@ def charts() -> dict[str, dict[str, Curve]]:
 
 
 def _rows(file: str, names: int) -> dict[tuple[str, ...], Curve]:
-    """Curves of a table: so many names, the first wavelength, the step, and the values in a row each."""
+    """Curves of a table: so many names, the first wavelength, the step, and the values in a row
+    each.
+    """
     found = {}
-    for row in csv.reader(files("glazejax.cie").joinpath(file).read_text(encoding="utf-8").splitlines()):
+    for row in csv.reader(
+        files("glazejax.cie").joinpath(file).read_text(encoding="utf-8").splitlines()
+    ):
         numbers = np.array(row[names:], dtype=np.float64)
         start, step, values = numbers[0], numbers[1], numbers[2:]
         grid = start + step * np.arange(values.size)

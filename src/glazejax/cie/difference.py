@@ -10,9 +10,11 @@ _BEND = 25.0**7
 def ciede2000(
     one: Float[np.ndarray, "*#batch 3"], other: Float[np.ndarray, "*#batch 3"]
 ) -> Float[np.ndarray, "*batch"]:
-    """Colour difference of Lab colours, (..., 3) each, which broadcast; all parametric factors are 1.
+    """Colour difference of Lab colours, (..., 3) each, which broadcast; all parametric factors are
+    1.
 
-    Source: CIE 142:2001; G. Sharma, W. Wu, E. N. Dalal, Color Research and Application 30 (2005) 21, eqs (2)-(22).
+    Source: CIE 142:2001; G. Sharma, W. Wu, E. N. Dalal, Color Research and Application 30 (2005)
+    21, eqs (2)-(22).
     """
     lightness1, a1, b1 = (one[..., i] for i in range(3))
     lightness2, a2, b2 = (other[..., i] for i in range(3))
@@ -43,4 +45,6 @@ def ciede2000(
     by_hue = by_hue / (1 + 0.015 * chroma * weight)
     blue = 30 * np.exp(-(((hue - 275) / 25) ** 2))
     rotation = -2 * np.sqrt(chroma**7 / (chroma**7 + _BEND)) * np.sin(np.radians(2 * blue))
-    return np.asarray(np.sqrt(by_lightness**2 + by_chroma**2 + by_hue**2 + rotation * by_chroma * by_hue))
+    return np.asarray(
+        np.sqrt(by_lightness**2 + by_chroma**2 + by_hue**2 + rotation * by_chroma * by_hue)
+    )

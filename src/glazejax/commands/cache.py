@@ -1,4 +1,5 @@
-"""Compiled programs kept between runs: in the user's folder if that can be written, else the run goes on without.
+"""Compiled programs kept between runs: in the user's folder if that can be written, else the run
+goes on without.
 
 What goes wrong with the folder costs the time that it saves, and one sentence.
 """
@@ -11,7 +12,9 @@ import warnings
 from pathlib import Path
 from typing import Any
 
-_COMPLAINT = re.compile(r"Error (reading|writing) persistent compilation cache entry for '([^']*)': (.*)", re.DOTALL)
+_COMPLAINT = re.compile(
+    r"Error (reading|writing) persistent compilation cache entry for '([^']*)': (.*)", re.DOTALL
+)
 _told = False
 
 
@@ -36,9 +39,13 @@ def keep_programs() -> None:
 
 
 def _listen(folder: Path) -> None:
-    """Say JAX's warnings about the cache once and in our words, and take out what was written in part."""
+    """Say JAX's warnings about the cache once and in our words, and take out what was written in
+    part.
+    """
     # Python shows a warning of one place once only, unless told otherwise.
-    warnings.filterwarnings("always", message="Error (reading|writing) persistent compilation cache")
+    warnings.filterwarnings(
+        "always", message="Error (reading|writing) persistent compilation cache"
+    )
     shown = warnings.showwarning
 
     def show(message: Warning | str, *rest: Any, **more: Any) -> None:
@@ -61,7 +68,8 @@ def _tell(reason: str) -> None:
     global _told
     if not _told:
         print(
-            f"note: compiled programs are not kept ({reason}), so that the next run compiles them again; "
+            f"note: compiled programs are not kept ({reason}), so that the next run compiles "
+            "them again; "
             "GLAZEJAX_CACHE names another folder",
             file=sys.stderr,
         )

@@ -26,22 +26,33 @@ def convert(
         Path,
         typer.Argument(
             metavar="IN",
-            help="File of spectra: CSV, TSV, ENVI (.hdr or its data), CGATS, CxF3, JCAMP-DX, ASD or JSON; the content "
+            help="File of spectra: CSV, TSV, ENVI (.hdr or its data), CGATS, CxF3, JCAMP-DX, ASD "
+            "or JSON; the content "
             "tells which.",
         ),
     ],
     target: Annotated[
         Path,
-        typer.Argument(metavar="OUT", help="File to write: .csv, .tsv, .cxf (CxF3), .hdr (ENVI library, with .sli)."),
+        typer.Argument(
+            metavar="OUT",
+            help="File to write: .csv, .tsv, .cxf (CxF3), .hdr (ENVI library, with .sli).",
+        ),
     ],
     to: Annotated[
-        str | None, typer.Option(help="Format of OUT, whatever its name: csv, cxf or envi.", show_default=False)
+        str | None,
+        typer.Option(
+            help="Format of OUT, whatever its name: csv, cxf or envi.", show_default=False
+        ),
     ] = None,
     resample: Annotated[
         str | None,
-        typer.Option(help="Wavelengths of OUT in nm, FROM:TO:STEP, such as 400:700:10.", show_default=False),
+        typer.Option(
+            help="Wavelengths of OUT in nm, FROM:TO:STEP, such as 400:700:10.", show_default=False
+        ),
     ] = None,
-    long: Annotated[bool, typer.Option("--long", help="Write a column for each sample, not a row (CSV, TSV).")] = False,
+    long: Annotated[
+        bool, typer.Option("--long", help="Write a column for each sample, not a row (CSV, TSV).")
+    ] = False,
     overwrite: options.Overwrite = False,
 ) -> None:
     """Convert measured spectra: read IN, say what it is, and write OUT.
@@ -92,13 +103,27 @@ def parse_grid(text: str) -> list[float]:
     try:
         start, end, step = (float(part) for part in parts)
     except ValueError:
-        raise ValueError(f"--resample {text!r}: expected FROM:TO:STEP in nm, such as 400:700:10") from None
-    if not (math.isfinite(start) and math.isfinite(end) and math.isfinite(step) and 0 < start <= end and step > 0):
-        raise ValueError(f"--resample {text!r}: FROM must be positive, TO not below it, STEP above 0")
+        raise ValueError(
+            f"--resample {text!r}: expected FROM:TO:STEP in nm, such as 400:700:10"
+        ) from None
+    if not (
+        math.isfinite(start)
+        and math.isfinite(end)
+        and math.isfinite(step)
+        and 0 < start <= end
+        and step > 0
+    ):
+        raise ValueError(
+            f"--resample {text!r}: FROM must be positive, TO not below it, STEP above 0"
+        )
     count = (end - start) / step
     if abs(count - round(count)) > 1e-6:
         last = start + step * math.floor(count)
-        raise ValueError(f"--resample {text!r}: steps of {step:g} nm do not meet {end:g} nm; end at {last:g}")
+        raise ValueError(
+            f"--resample {text!r}: steps of {step:g} nm do not meet {end:g} nm; end at {last:g}"
+        )
     if count >= _MAX_BANDS:
-        raise ValueError(f"--resample {text!r}: {count + 1:.0f} wavelengths are too many (at most {_MAX_BANDS})")
+        raise ValueError(
+            f"--resample {text!r}: {count + 1:.0f} wavelengths are too many (at most {_MAX_BANDS})"
+        )
     return [start + step * i for i in range(round(count) + 1)]

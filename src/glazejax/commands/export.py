@@ -1,4 +1,6 @@
-"""The command ``glazejax export``: a stack in; a material, textures or a table for another program out."""
+"""The command ``glazejax export``: a stack in; a material, textures or a table for another program
+out.
+"""
 
 import time
 from pathlib import Path
@@ -31,7 +33,8 @@ def export(
         str,
         typer.Argument(
             metavar="STACK",
-            help='Coats from top to bottom, "UltramarineBlue:3um, ZincWhite:20um", as `glazejax render --layers` takes '
+            help='Coats from top to bottom, "UltramarineBlue:3um, ZincWhite:20um", as `glazejax '
+            "render --layers` takes "
             "them, or a JSON file of the studio or of --write-stack.",
         ),
     ],
@@ -39,7 +42,8 @@ def export(
         str,
         typer.Option(
             metavar="KIND",
-            help="openpbr: parameters fitted to the stack, in a MaterialX file. textures: pictures for Blender and "
+            help="openpbr: parameters fitted to the stack, in a MaterialX file. textures: "
+            "pictures for Blender and "
             "game engines, of a map. measured: a table for Mitsuba's plugin of that name.",
         ),
     ] = "openpbr",
@@ -49,38 +53,51 @@ def export(
             "--out",
             "-o",
             metavar="PATH",
-            help="File .mtlx or .bsdf, or the folder for textures. Default: glaze.mtlx, glaze.bsdf or glaze-textures.",
+            help=(
+                "File .mtlx or .bsdf, or the folder for textures. Default: glaze.mtlx, "
+                "glaze.bsdf or glaze-textures."
+            ),
             show_default=False,
         ),
     ] = None,
     ground: Annotated[str | None, options.ground_option(_GROUND)] = None,
     refractive_index: options.RefractiveIndex = _INDEX,
     roughness: Annotated[
-        float, typer.Option(help="Roughness of the surface, alpha of GGX: 0 (smooth) to 1; OpenPBR writes its root.")
+        float,
+        typer.Option(
+            help="Roughness of the surface, alpha of GGX: 0 (smooth) to 1; OpenPBR writes its root."
+        ),
     ] = 0.0,
-    space: Annotated[str, typer.Option(metavar="NAME", help="Linear RGB of the colours: srgb or acescg.")] = "srgb",
+    space: Annotated[
+        str, typer.Option(metavar="NAME", help="Linear RGB of the colours: srgb or acescg.")
+    ] = "srgb",
     illuminant: options.Illuminant = "D65",
     observer: options.Observer = "2",
     layering: Annotated[
         str,
         typer.Option(
             metavar="NAME",
-            help="How your renderer puts OpenPBR's layers together: materialx (its node graph, most programs), "
-            "specification (the coat absorbs along slanted paths) or reciprocal (layers weaken light on its way "
+            help="How your renderer puts OpenPBR's layers together: materialx (its node graph, "
+            "most programs), "
+            "specification (the coat absorbs along slanted paths) or reciprocal (layers weaken "
+            "light on its way "
             "in, too).",
         ),
     ] = "materialx",
     coat: Annotated[
         bool | None,
         typer.Option(
-            "--coat/--no-coat", help="With a coat or without. Default: where it comes nearer.", show_default=False
+            "--coat/--no-coat",
+            help="With a coat or without. Default: where it comes nearer.",
+            show_default=False,
         ),
     ] = None,
     thickness_map: Annotated[
         Path | None,
         typer.Option(
             metavar="FILE",
-            help="Thickness of a coat from point to point: .npy in metres, or a grey picture from 0 (black) to the "
+            help="Thickness of a coat from point to point: .npy in metres, or a grey picture from "
+            "0 (black) to the "
             "coat's own thickness (white).",
             show_default=False,
         ),
@@ -88,41 +105,64 @@ def export(
     thickness_range: Annotated[
         str | None,
         typer.Option(
-            metavar="RANGE", help="Thickness of 0 and 1 in --thickness-map, such as 0-20um.", show_default=False
+            metavar="RANGE",
+            help="Thickness of 0 and 1 in --thickness-map, such as 0-20um.",
+            show_default=False,
         ),
     ] = None,
     fraction_map: Annotated[
         Path | None,
         typer.Option(
-            metavar="FILE", help="Share of the second paint of a mixed coat, 0 to 1: .npy or grey.", show_default=False
+            metavar="FILE",
+            help="Share of the second paint of a mixed coat, 0 to 1: .npy or grey.",
+            show_default=False,
         ),
     ] = None,
     ground_map: Annotated[
         Path | None,
-        typer.Option(metavar="FILE", help="Reflectance of the ground, 0 to 1: .npy or grey.", show_default=False),
+        typer.Option(
+            metavar="FILE",
+            help="Reflectance of the ground, 0 to 1: .npy or grey.",
+            show_default=False,
+        ),
     ] = None,
-    layer: Annotated[int, typer.Option(metavar="N", help="Coat that the maps are of, 1 the top one.")] = 1,
+    layer: Annotated[
+        int, typer.Option(metavar="N", help="Coat that the maps are of, 1 the top one.")
+    ] = 1,
     pixel: Annotated[
         str | None,
         typer.Option(
             metavar="LENGTH",
-            help="Width of a pixel of the map, such as 50um: writes height and normals of the paint too.",
+            help=(
+                "Width of a pixel of the map, such as 50um: writes height and normals of the "
+                "paint too."
+            ),
             show_default=False,
         ),
     ] = None,
-    format: Annotated[str, typer.Option(metavar="NAME", help="Textures as png (16 bits) or exr.")] = "png",
+    format: Annotated[
+        str, typer.Option(metavar="NAME", help="Textures as png (16 bits) or exr.")
+    ] = "png",
     delta_e: Annotated[
-        float, typer.Option("--delta-e", help="Largest Delta E 2000 that textures may add by interpolation.")
+        float,
+        typer.Option(
+            "--delta-e", help="Largest Delta E 2000 that textures may add by interpolation."
+        ),
     ] = 0.1,
     pigments: Annotated[
         Path | None,
         typer.Option(
             metavar="FILE",
-            help="Your own paints beside the catalogue's: a pigments.csv as `glazejax recover` writes it.",
+            help=(
+                "Your own paints beside the catalogue's: a pigments.csv as `glazejax recover` "
+                "writes it."
+            ),
             show_default=False,
         ),
     ] = None,
-    tolerance: Annotated[float, typer.Option(help="Largest error of a reflectance that you accept.")] = 1e-4,
+    tolerance: Annotated[
+        float, typer.Option(help="Largest error of a reflectance that you accept.")
+    ] = 1e-4,
     overwrite: options.Overwrite = False,
 ) -> None:
     """Bring a stack of coats into a renderer or a game engine, and say what is lost.
@@ -148,7 +188,9 @@ def export(
     _check(to, layering, format, of_maps)
     path = Path(_USUAL[to]) if out is None else out
     if to != "textures":
-        files = {"--out": path} | ({"the XML of --out": path.with_suffix(".xml")} if to == "measured" else {})
+        files = {"--out": path} | (
+            {"the XML of --out": path.with_suffix(".xml")} if to == "measured" else {}
+        )
         options.check_outputs(files, overwrite, pictures=())
     start_jax()
     from ..colour import find_illuminant, find_observer
@@ -203,7 +245,9 @@ def export(
         from ..appearance.exports.measured import write_measured
 
         with doing("computing all angles, then asking Mitsuba"):
-            table = write_measured(glaze, path, roughness=roughness, tolerance=tolerance, overwrite=overwrite)
+            table = write_measured(
+                glaze, path, roughness=roughness, tolerance=tolerance, overwrite=overwrite
+            )
         report.print_stack(console, given, roughness)
         report.print_measured(console, table)
     console.print(f"done in {time.perf_counter() - started:.1f} s")
@@ -220,9 +264,12 @@ def _check(to: str, layering: str, kind: str, of_maps: dict[str, Any]) -> None:
     told = [option for option, value in of_maps.items() if value is not None]
     if to != "textures" and told:
         raise ValueError(f"{told[0]} is for textures: add --to textures")
-    if to == "textures" and not any(of_maps[f"--{name}-map"] for name in ("thickness", "fraction", "ground")):
+    if to == "textures" and not any(
+        of_maps[f"--{name}-map"] for name in ("thickness", "fraction", "ground")
+    ):
         raise ValueError(
-            "textures need a map that says what changes: add --thickness-map FILE, --fraction-map FILE or "
+            "textures need a map that says what changes: add --thickness-map FILE, "
+            "--fraction-map FILE or "
             "--ground-map FILE"
         )
 
@@ -257,7 +304,12 @@ def _stack(text: str, ground: str | None, index: float, pigments: Path | None) -
     else:
         coats = name_paints(parse_layers(text), {**all_paints(), **own})
         made = Stack(
-            coats=coats, hidden=(), ground=float(_GROUND), refractive_index=index, geometry="45:0", pigments=own
+            coats=coats,
+            hidden=(),
+            ground=float(_GROUND),
+            refractive_index=index,
+            geometry="45:0",
+            pigments=own,
         )
     if ground is None:
         return made
@@ -291,7 +343,9 @@ def _maps(
     from ..appearance.scene.file_materials import read_grey
 
     if not 1 <= layer <= len(glaze.layers):
-        raise ValueError(f"--layer is {layer}, but there are {len(glaze.layers)} coats, the top one is 1")
+        raise ValueError(
+            f"--layer is {layer}, but there are {len(glaze.layers)} coats, the top one is 1"
+        )
     maps = {}
     if span is not None and thickness is None:
         raise ValueError("--thickness-range has no meaning without --thickness-map FILE")
@@ -318,7 +372,8 @@ def _check_metres(path: Path, low: float, high: float) -> None:
 
     if low < 0 or high > MAX_THICKNESS:
         raise ValueError(
-            f"{path}: holds {low:g} to {high:g}; thicknesses are in metres, 0 to {MAX_THICKNESS:g} (20 micrometres are "
+            f"{path}: holds {low:g} to {high:g}; thicknesses are in metres, 0 to "
+            f"{MAX_THICKNESS:g} (20 micrometres are "
             "20e-6); values from 0 to 1 take --thickness-range, such as 0-20um"
         )
 

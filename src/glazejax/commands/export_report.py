@@ -28,7 +28,11 @@ def print_stack(console: Console, stack: "Stack", roughness: float) -> None:
 
     coats = " over ".join(f"{coat.name} {format_length(coat.total)}" for coat in stack.shown)
     level = stack.level()
-    ground = f"a spectrum, mean {level.reflectance.mean():.2f}" if isinstance(level, Spectrum) else f"{level:g}"
+    ground = (
+        f"a spectrum, mean {level.reflectance.mean():.2f}"
+        if isinstance(level, Spectrum)
+        else f"{level:g}"
+    )
     surface = "a smooth surface" if roughness == 0 else f"a surface of roughness {roughness:g}"
     _line(console, "stack", f"{coats}, ground {ground}, n = {stack.refractive_index:g}, {surface}")
     if stack.ground == "card":
@@ -45,35 +49,48 @@ def print_fit(console: Console, fit: "OpenPBRFit", path: Path) -> None:
     _line(
         console,
         "",
-        f"{words}, specular_ior {material.specular_ior:.4g}, specular_roughness {material.specular_roughness:.3g}",
+        f"{words}, specular_ior {material.specular_ior:.4g}, specular_roughness "
+        f"{material.specular_roughness:.3g}",
     )
     if material.coat_weight:
         colour = " ".join(f"{value:.4g}" for value in material.coat_color)
         _line(
             console,
             "",
-            f"coat_color {colour}, coat_ior {material.coat_ior:.4g}, coat_darkening {material.coat_darkening:.3g}",
+            f"coat_color {colour}, coat_ior {material.coat_ior:.4g}, coat_darkening "
+            f"{material.coat_darkening:.3g}",
         )
     _errors(console, "how near", fit.errors)
     plain = fit.naive_errors
     _line(
         console,
         "",
-        f"without the fit (base_color as seen straight on): albedo {plain.albedo:.3f}, Delta E {plain.sky:.2f} and "
+        f"without the fit (base_color as seen straight on): albedo {plain.albedo:.3f}, Delta E "
+        f"{plain.sky:.2f} and "
         f"{plain.lamp:.2f}, RMS {plain.rms:.3f}",
     )
     if fit.layering != "materialx":
         other = "materialx"
         there = fit.errors_with(other)
-        _line(console, "note", f"in a program that layers as in {other}: Delta E {there.sky:.2f} and {there.lamp:.2f}")
+        _line(
+            console,
+            "note",
+            f"in a program that layers as in {other}: Delta E {there.sky:.2f} and {there.lamp:.2f}",
+        )
     if fit.outside > _SOME:
-        words = f"{fit.outside:.0%} of the angles show a colour that {_SPACES[truth.space]} cannot hold: it is brought"
+        words = (
+            f"{fit.outside:.0%} of the angles show a colour that {_SPACES[truth.space]} cannot "
+            "hold: it is brought"
+        )
         advice = "; --space acescg holds it" if truth.space == "lin_rec709" else ""
         _line(console, "note", f"{words} inside{advice}")
     _meaning(console)
     if fit.layering != "reciprocal":
         _line(
-            console, "", "Most of the RMS is light that comes in at a slant, which OpenPBR's layers let in unweakened."
+            console,
+            "",
+            "Most of the RMS is light that comes in at a slant, which OpenPBR's layers let in "
+            "unweakened.",
         )
 
 
@@ -81,43 +98,71 @@ def print_textures(console: Console, found: "TextureSet", folder: Path) -> None:
     """Say what was written, and how near it is."""
     names = ", ".join(path.name for path in found.files.values())
     _line(console, "wrote", f"{folder}: {names}")
-    _line(console, "", "README.txt says which picture goes into which socket of Blender, and into game engines")
+    _line(
+        console,
+        "",
+        "README.txt says which picture goes into which socket of Blender, and into game engines",
+    )
     _line(
         console,
         "pixels",
-        f"{found.computed} glazes computed, the others interpolated within Delta E {found.interpolation:.2g} "
+        f"{found.computed} glazes computed, the others interpolated within Delta E "
+        f"{found.interpolation:.2g} "
         "(estimated)",
     )
     _errors(console, "how near", found.errors, "at the worst of some pixels, ")
     if found.outside > _SOME:
         words = (
-            f"{found.outside:.1%} of the pixels have a colour that the space cannot hold: brought inside, changed by"
+            f"{found.outside:.1%} of the pixels have a colour that the space cannot hold: "
+            "brought inside, changed by"
         )
-        _line(console, "note", f"{words} Delta E {found.clipped:.2g} at most; --format exr --space acescg holds it")
+        _line(
+            console,
+            "note",
+            f"{words} Delta E {found.clipped:.2g} at most; --format exr --space acescg holds it",
+        )
     _meaning(console)
 
 
 def print_measured(console: Console, found: "MeasuredExport") -> None:
     """Say what was written, and what Mitsuba makes of it."""
     _line(
-        console, "wrote", f"{found.table} (the table) and {found.scene} (a BSDF that uses it, with the surface's gloss)"
+        console,
+        "wrote",
+        f"{found.table} (the table) and {found.scene} (a BSDF that uses it, with the surface's "
+        "gloss)",
     )
     _line(console, "", f'in Mitsuba: mi.load_file("{found.scene}"), in a spectral variant')
-    _line(console, "how near", f"the table's own directions: reflectance factor within {found.solver:.1g}")
+    _line(
+        console,
+        "how near",
+        f"the table's own directions: reflectance factor within {found.solver:.1g}",
+    )
     if found.mitsuba is None:
         _line(console, "", f"between them: not checked in Mitsuba ({found.why})")
     else:
-        _line(console, "", f"between them, in Mitsuba beside the solver, 27 pairs of directions: {found.mitsuba:.2g}")
+        _line(
+            console,
+            "",
+            "between them, in Mitsuba beside the solver, 27 pairs of directions: "
+            f"{found.mitsuba:.2g}",
+        )
 
 
 def _errors(console: Console, title: str, errors: "Errors", where: str = "") -> None:
     _line(
         console,
         title,
-        f"{where}under an even sky: albedo within {errors.albedo:.3f}, Delta E {errors.sky:.2f} (mean), "
+        f"{where}under an even sky: albedo within {errors.albedo:.3f}, Delta E {errors.sky:.2f} "
+        "(mean), "
         f"{errors.sky_most:.2f} (most)",
     )
-    _line(console, "", f"under a lamp at 45 degrees: Delta E {errors.lamp:.2f} (mean), {errors.lamp_most:.2f} (most)")
+    _line(
+        console,
+        "",
+        f"under a lamp at 45 degrees: Delta E {errors.lamp:.2f} (mean), {errors.lamp_most:.2f} "
+        "(most)",
+    )
     _line(console, "", f"reflectance factor over all pairs of angles: RMS {errors.rms:.3f}")
 
 

@@ -1,7 +1,8 @@
-"""The command `glazejax`: gathers sub-commands of both packages and turns bad input into one clear line.
+"""The command `glazejax`: gathers sub-commands of both packages and turns bad input into one clear
+line.
 
-Commands register through the entry-point group `glazejax.commands`, so that this package never imports the
-inverse one. Heavy imports belong inside the commands that need them.
+Commands register through the entry-point group `glazejax.commands`, so that this package never
+imports the inverse one. Heavy imports belong inside the commands that need them.
 """
 
 import gc
@@ -23,11 +24,13 @@ _WRONG, _INTERRUPTED = 2, 130
 def start_jax() -> None:
     """Double precision and a persistent compilation cache for a command (never at import).
 
-    A second run of the same command then takes 40 to 65 % of the first one's time (`benchmarks.cold_start`).
+    A second run of the same command then takes 40 to 65 % of the first one's time
+    (`benchmarks.cold_start`).
     """
     from .progress import doing
 
-    # Python's search for circles of garbage, at its default of every 700 objects, is a fifth of a command's work.
+    # Python's search for circles of garbage, at its default of every 700 objects, is a fifth of a
+    # command's work.
     gc.set_threshold(100_000, 20, 50)
     # It says for lines how it gets on where it can't keep a list of fonts.
     logging.getLogger("matplotlib").setLevel(logging.ERROR)
@@ -82,7 +85,9 @@ def make_app() -> "typer.Typer":
             typer.echo(f"glazejax {version('glazejax')}")
             raise typer.Exit
 
-    shown = typer.Option("--version", callback=tell_version, is_eager=True, help="Show the version and exit.")
+    shown = typer.Option(
+        "--version", callback=tell_version, is_eager=True, help="Show the version and exit."
+    )
 
     @app.callback()
     def _(asked: Annotated[bool | None, shown] = None) -> None:
@@ -103,7 +108,11 @@ def main() -> None:
             raise
         _stop(words)
     except OSError as error:
-        _stop(str(error) if error.strerror is None else f"{error.filename or 'a file'}: {error.strerror}")
+        _stop(
+            str(error)
+            if error.strerror is None
+            else f"{error.filename or 'a file'}: {error.strerror}"
+        )
     except ValueError as error:
         _stop(str(error))
 

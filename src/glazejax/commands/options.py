@@ -1,8 +1,8 @@
 """The vocabulary of the commands: each shared option once, with one help text and one reader.
 
-Options are annotations, `geometry: Annotated[str | None, geometry_option("d:8")] = None`; readers turn what was typed
-into what the library takes, and name the option in their errors. Old spellings are hidden from ``--help``; they work
-and name the new one.
+Options are annotations, `geometry: Annotated[str | None, geometry_option("d:8")] = None`; readers
+turn what was typed into what the library takes, and name the option in their errors. Old spellings
+are hidden from ``--help``; they work and name the new one.
 """
 
 import re
@@ -20,28 +20,42 @@ if TYPE_CHECKING:
     from ..paint.media import Pigment
 
 RefractiveIndex = Annotated[
-    float, typer.Option("--refractive-index", help="Refractive index of the paint, 1 to 2.5; oil and acrylic: 1.5.")
+    float,
+    typer.Option(
+        "--refractive-index", help="Refractive index of the paint, 1 to 2.5; oil and acrylic: 1.5."
+    ),
 ]
 Thickness = Annotated[
     str,
     typer.Option(
         "--thickness",
         metavar="LENGTH",
-        help="Usual thickness of a film, where it was not measured: 25um, 0.1mm; a bare number is micrometres.",
+        help=(
+            "Usual thickness of a film, where it was not measured: 25um, 0.1mm; a bare number is "
+            "micrometres."
+        ),
     ),
 ]
 Noise = Annotated[
-    float, typer.Option("--noise", help="Noise of the instrument near black: standard deviation of a reflectance.")
+    float,
+    typer.Option(
+        "--noise", help="Noise of the instrument near black: standard deviation of a reflectance."
+    ),
 ]
 NoiseShare = Annotated[
     float,
-    typer.Option("--noise-share", help="Noise that grows with the reading: added to --noise per unit of reflectance."),
+    typer.Option(
+        "--noise-share",
+        help="Noise that grows with the reading: added to --noise per unit of reflectance.",
+    ),
 ]
 ModelError = Annotated[
     float | None,
     typer.Option(
         "--model-error",
-        help="Standard deviation of the model's own error, in reflectance (0 to 1). Default: 0.005.",
+        help=(
+            "Standard deviation of the model's own error, in reflectance (0 to 1). Default: 0.005."
+        ),
         show_default=False,
     ),
 ]
@@ -50,56 +64,100 @@ Pigments = Annotated[
     typer.Option(
         "--pigments",
         metavar="FILE",
-        help="Your own paints instead of the catalogue's: a pigments.csv as `glazejax recover` writes it.",
+        help=(
+            "Your own paints instead of the catalogue's: a pigments.csv as `glazejax recover` "
+            "writes it."
+        ),
         show_default=False,
     ),
 ]
 CatalogueName = Annotated[
     str,
-    typer.Option("--catalogue", metavar="NAME", help="Catalogue of paints: oils, or acrylics (Golden heavy body)."),
+    typer.Option(
+        "--catalogue",
+        metavar="NAME",
+        help="Catalogue of paints: oils, or acrylics (Golden heavy body).",
+    ),
 ]
 OILS = "oils"
 Only = Annotated[
     str,
-    typer.Option("--only", metavar="NAMES", help="Only these paints, such as ZincWhite,Eosin.", show_default=False),
+    typer.Option(
+        "--only",
+        metavar="NAMES",
+        help="Only these paints, such as ZincWhite,Eosin.",
+        show_default=False,
+    ),
 ]
 Without = Annotated[
     str,
     typer.Option(
-        "--without", metavar="NAMES", help="All paints but these, such as LeadWhite,Minium.", show_default=False
+        "--without",
+        metavar="NAMES",
+        help="All paints but these, such as LeadWhite,Minium.",
+        show_default=False,
     ),
 ]
 Samples = Annotated[
     str,
     typer.Option(
-        "--samples", metavar="NAMES", help="Only these samples of the file, such as 07A,11A.", show_default=False
+        "--samples",
+        metavar="NAMES",
+        help="Only these samples of the file, such as 07A,11A.",
+        show_default=False,
     ),
 ]
 Illuminant = Annotated[
     str,
-    typer.Option("--illuminant", metavar="NAME", help="Light of the colours, by CIE: D65, D50, A, FL2, LED-B3, ..."),
+    typer.Option(
+        "--illuminant",
+        metavar="NAME",
+        help="Light of the colours, by CIE: D65, D50, A, FL2, LED-B3, ...",
+    ),
 ]
 Observer = Annotated[
-    str, typer.Option("--observer", metavar="DEGREES", help="CIE standard observer of the colours: 2 or 10 degrees.")
+    str,
+    typer.Option(
+        "--observer",
+        metavar="DEGREES",
+        help="CIE standard observer of the colours: 2 or 10 degrees.",
+    ),
 ]
 Picture = Annotated[
-    Path, typer.Option("--out", "-o", metavar="FILE", help="Picture to write: .png, .pdf, .svg or .jpg.")
+    Path,
+    typer.Option("--out", "-o", metavar="FILE", help="Picture to write: .png, .pdf, .svg or .jpg."),
 ]
 PictureIfNamed = Annotated[
     Path | None,
     typer.Option(
-        "--out", "-o", metavar="FILE", help="Also draw a picture: .png, .pdf, .svg or .jpg.", show_default=False
+        "--out",
+        "-o",
+        metavar="FILE",
+        help="Also draw a picture: .png, .pdf, .svg or .jpg.",
+        show_default=False,
     ),
 ]
 Folder = Annotated[
     Path | None,
-    typer.Option("--out", "-o", metavar="FOLDER", help="Folder for the results; made if missing.", show_default=False),
+    typer.Option(
+        "--out",
+        "-o",
+        metavar="FOLDER",
+        help="Folder for the results; made if missing.",
+        show_default=False,
+    ),
 ]
 Csv = Annotated[
-    Path | None, typer.Option("--csv", metavar="FILE", help="Also write a table of the results.", show_default=False)
+    Path | None,
+    typer.Option(
+        "--csv", metavar="FILE", help="Also write a table of the results.", show_default=False
+    ),
 ]
 Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace files that exist.")]
-Seed = Annotated[int, typer.Option("--seed", help="Seed of the random numbers; the same seed gives the same result.")]
+Seed = Annotated[
+    int,
+    typer.Option("--seed", help="Seed of the random numbers; the same seed gives the same result."),
+]
 
 OldSpecular = Annotated[bool | None, typer.Option("--specular/--no-specular", hidden=True)]
 OldIncidence = Annotated[float | None, typer.Option("--incidence", hidden=True)]
@@ -107,17 +165,24 @@ OldIncidence = Annotated[float | None, typer.Option("--incidence", hidden=True)]
 
 def geometry_option(default: str) -> Any:
     """``--geometry``, with what a command takes if it is left out."""
-    words = "Instrument: d:8 or di:8 (integrating sphere, mirror reflection of the surface included), de:8 (excluded), "
-    words += (
-        "45:0, 0:45, or another ANGLE:ANGLE of light and view in degrees (30:30:specular sees the mirror reflection)."
+    words = (
+        "Instrument: d:8 or di:8 (integrating sphere, mirror reflection of the surface "
+        "included), de:8 (excluded), "
     )
-    return typer.Option("--geometry", metavar="GEOMETRY", help=f"{words} Default: {default}.", show_default=False)
+    words += (
+        "45:0, 0:45, or another ANGLE:ANGLE of light and view in degrees (30:30:specular sees "
+        "the mirror reflection)."
+    )
+    return typer.Option(
+        "--geometry", metavar="GEOMETRY", help=f"{words} Default: {default}.", show_default=False
+    )
 
 
 def ground_option(default: str = "") -> Any:
     """``--ground``, with what a command takes if it is left out."""
     words = (
-        "Ground below the paint: its reflectance as seen from inside the paint, 0 to 1, or a file of spectra, FILE or "
+        "Ground below the paint: its reflectance as seen from inside the paint, 0 to 1, or a "
+        "file of spectra, FILE or "
         f"FILE:SAMPLE.{f' Default: {default}.' if default else ''}"
     )
     return typer.Option("--ground", metavar="GROUND", help=words, show_default=False)
@@ -152,28 +217,37 @@ def read_geometry(
         specular: old option; None if neither it nor its opposite was given.
 
     Raises:
-        ValueError: words that `glazejax.geometry.parse_geometry` refuses, or old options that contradict each other or
-            stand beside ``--geometry``.
+        ValueError: words that `glazejax.geometry.parse_geometry` refuses, or old options that
+            contradict each other or stand beside ``--geometry``.
     """
     from ..geometry import Bidirectional, Hemispherical, parse_geometry
 
     usual = parse_geometry(default if text is None else text, argument="--geometry")
     old = [sphere] if sphere else []
     old += [
-        f"{name} {angle:g}" for name, angle in (("--incidence", incidence), ("--viewing", viewing)) if angle is not None
+        f"{name} {angle:g}"
+        for name, angle in (("--incidence", incidence), ("--viewing", viewing))
+        if angle is not None
     ]
     old += [] if specular is None else ["--specular" if specular else "--no-specular"]
     if not old:
         return usual
     if text is not None:
-        raise ValueError(f"--geometry {text} says all about the instrument: leave out {' and '.join(old)}")
+        raise ValueError(
+            f"--geometry {text} says all about the instrument: leave out {' and '.join(old)}"
+        )
     if sphere or isinstance(usual, Hemispherical):
         if viewing is not None:
-            raise ValueError(f"--viewing has no meaning with {sphere}, which collects all directions: leave it out")
+            raise ValueError(
+                f"--viewing has no meaning with {sphere}, which collects all directions: leave "
+                "it out"
+            )
         found = Hemispherical(8.0 if incidence is None else incidence, specular is not False)
     else:
         found = Bidirectional(incidence or 0.0, viewing or 0.0, bool(specular))
-    parse_geometry(found.notation, argument=" ".join(old))  # refuses a mirror reflection out of view
+    parse_geometry(
+        found.notation, argument=" ".join(old)
+    )  # refuses a mirror reflection out of view
     renamed(" ".join(old), f"--geometry {found.notation}")
     return found
 
@@ -191,15 +265,20 @@ def read_length(text: str, argument: str = "--thickness") -> float:
 
     match = re.fullmatch(_LENGTH, text.strip(), re.IGNORECASE)
     if match is None:
-        raise ValueError(f"{argument} is {text!r}; write a number and a unit, such as 25um (or mm, nm, m)")
+        raise ValueError(
+            f"{argument} is {text!r}; write a number and a unit, such as 25um (or mm, nm, m)"
+        )
     metres = float(match[1]) / _per_metre(match[2], argument, text)
     if not 0 < metres <= MAX_THICKNESS:
-        raise ValueError(f"{argument} is {text}; it must be above 0 and at most 10 mm, such as 25um")
+        raise ValueError(
+            f"{argument} is {text}; it must be above 0 and at most 10 mm, such as 25um"
+        )
     return metres
 
 
 def read_lengths(text: str, argument: str) -> tuple[float, float]:
-    """Metres of a range such as ``1-50um``; one length alone is both ends, and bare numbers are micrometres.
+    """Metres of a range such as ``1-50um``; one length alone is both ends, and bare numbers are
+    micrometres.
 
     Raises:
         ValueError: no range of lengths, a unit that is not known, or lengths out of range or order.
@@ -208,13 +287,17 @@ def read_lengths(text: str, argument: str) -> tuple[float, float]:
 
     match = re.fullmatch(rf"{_LENGTH}(?:\s*-\s*{_LENGTH})?", text.strip(), re.IGNORECASE)
     if match is None:
-        raise ValueError(f"{argument} is {text!r}; write the thinnest and the thickest, such as 1-50um")
+        raise ValueError(
+            f"{argument} is {text!r}; write the thinnest and the thickest, such as 1-50um"
+        )
     low, low_unit, high, unit = match.groups()
     last = _per_metre(unit or low_unit, argument, text)
     first = _per_metre(low_unit, argument, text) if low_unit else last
     bounds = float(low) / first, float(high or low) / last
     if not 0 < bounds[0] <= bounds[1] <= MAX_THICKNESS:
-        raise ValueError(f"{argument} is {text}; it must ascend from above 0 to 10 mm at most, such as 1-50um")
+        raise ValueError(
+            f"{argument} is {text}; it must ascend from above 0 to 10 mm at most, such as 1-50um"
+        )
     return bounds
 
 
@@ -224,7 +307,9 @@ def _per_metre(text: str, argument: str, whole: str) -> int:
 
     scale = UNITS.get(text or "um", UNITS.get(text.lower()))
     if scale is None:
-        raise ValueError(f"{argument} is {whole!r}; the unit {text!r} is unknown: use um (or µm), mm, nm or m")
+        raise ValueError(
+            f"{argument} is {whole!r}; the unit {text!r} is unknown: use um (or µm), mm, nm or m"
+        )
     return round(1.0 / scale)
 
 
@@ -260,7 +345,8 @@ def read_ground(text: str, argument: str = "--ground", *, bare: bool = False) ->
     Args:
         text: what was typed.
         argument: the option it was given as.
-        bare: the values are readings of the bare ground in air, which a bright one may bring above 1.
+        bare: the values are readings of the bare ground in air, which a bright one may bring above
+            1.
 
     Raises:
         FileNotFoundError: neither a number nor a file.
@@ -275,7 +361,11 @@ def read_ground(text: str, argument: str = "--ground", *, bare: bool = False) ->
         pass
     else:
         if not 0 <= level <= 1:
-            hint = f" ({level:g} looks like percent: write {level / 100:g})" if 2 <= level <= 100 else ""
+            hint = (
+                f" ({level:g} looks like percent: write {level / 100:g})"
+                if 2 <= level <= 100
+                else ""
+            )
             raise ValueError(f"{argument} is {text}; reflectance lies between 0 and 1{hint}")
         return Ground(None, level, f"reflectance {level:g}")
     path, _ = split_sample(text)
@@ -286,11 +376,20 @@ def read_ground(text: str, argument: str = "--ground", *, bare: bool = False) ->
         if spectrum.max() > 1:
             worst = int(spectrum.argmax())
             raise ValueError(
-                f"{path}: {sample!r} reflects {spectrum[worst]:.3g} at {table.wavelengths[worst]:g} nm; a ground "
+                f"{path}: {sample!r} reflects {spectrum[worst]:.3g} at "
+                f"{table.wavelengths[worst]:g} nm; a ground "
                 "reflects 1 at most: scale the spectrum"
             )
-        notes.append("the ground's spectrum is taken as its reflectance seen from inside the paint, not from air")
-    return Ground(table.wavelengths, spectrum, f"{sample} ({path.name}, mean {spectrum.mean():.2f})", tuple(notes))
+        notes.append(
+            "the ground's spectrum is taken as its reflectance seen from inside the paint, not "
+            "from air"
+        )
+    return Ground(
+        table.wavelengths,
+        spectrum,
+        f"{sample} ({path.name}, mean {spectrum.mean():.2f})",
+        tuple(notes),
+    )
 
 
 def read_shelf(path: Path | None, name: str = OILS) -> "dict[str, Pigment]":
@@ -305,11 +404,16 @@ def read_shelf(path: Path | None, name: str = OILS) -> "dict[str, Pigment]":
     if path is None:
         return dict(catalogue.load(name))
     if name != OILS:
-        raise ValueError("--pigments takes the place of the catalogue: leave out --catalogue, or leave out --pigments")
+        raise ValueError(
+            "--pigments takes the place of the catalogue: leave out --catalogue, or leave out "
+            "--pigments"
+        )
     return dict(read_pigments(path))
 
 
-def choose_paints(shelf: "Mapping[str, Pigment]", only: str = "", without: str = "") -> "list[Pigment]":
+def choose_paints(
+    shelf: "Mapping[str, Pigment]", only: str = "", without: str = ""
+) -> "list[Pigment]":
     """Paints of a shelf that ``--only`` names, or all, but those that ``--without`` names.
 
     Raises:
@@ -325,7 +429,9 @@ def choose_paints(shelf: "Mapping[str, Pigment]", only: str = "", without: str =
     return kept
 
 
-def choose_rows(file: Path, names: Sequence[str], wanted: Sequence[str], argument: str = "--samples") -> list[int]:
+def choose_rows(
+    file: Path, names: Sequence[str], wanted: Sequence[str], argument: str = "--samples"
+) -> list[int]:
     """Rows of the wanted spectra of a file, or all.
 
     Raises:
@@ -335,7 +441,9 @@ def choose_rows(file: Path, names: Sequence[str], wanted: Sequence[str], argumen
 
     for name in wanted:
         if name not in names:
-            raise ValueError(f"{argument}: {file} holds no spectrum {name!r}; {there_are(name, names)}")
+            raise ValueError(
+                f"{argument}: {file} holds no spectrum {name!r}; {there_are(name, names)}"
+            )
     return [names.index(name) for name in wanted] or list(range(len(names)))
 
 
@@ -356,8 +464,9 @@ def check_outputs(
 
     Raises:
         ValueError: a picture's ending, two options that name the same file, or a file that is read.
-        FileExistsError, FileNotFoundError, IsADirectoryError: see `glazejax.io.outputs.check_output`.
-        ModuleNotFoundError: a picture is wanted, and matplotlib is not installed.
+        FileExistsError, FileNotFoundError, IsADirectoryError: see
+        `glazejax.io.outputs.check_output`. ModuleNotFoundError: a picture is wanted, and matplotlib
+        is not installed.
     """
     from ..extras import require
     from ..io.outputs import check_output
@@ -370,9 +479,13 @@ def check_outputs(
             continue
         same = taken.setdefault(path.resolve(), option)
         if same != option:
-            raise ValueError(f"{option} and {same} are both {path}, the same file: give them different names")
+            raise ValueError(
+                f"{option} and {same} are both {path}, the same file: give them different names"
+            )
         if path.resolve() in read:
-            raise ValueError(f"{option} is {path}, a file that is read: give the result another name")
+            raise ValueError(
+                f"{option} is {path}, a file that is read: give the result another name"
+            )
         if option in pictures:
             require("matplotlib")
             check_picture(path, overwrite=overwrite, argument=option)
@@ -380,7 +493,9 @@ def check_outputs(
             check_output(path, overwrite=overwrite, argument=option)
 
 
-def check_folder(out: Path | None, overwrite: bool, *, instead: str = "", argument: str = "--out") -> Path:
+def check_folder(
+    out: Path | None, overwrite: bool, *, instead: str = "", argument: str = "--out"
+) -> Path:
     """The folder for the results, if they may be written there.
 
     Args:
@@ -398,5 +513,7 @@ def check_folder(out: Path | None, overwrite: bool, *, instead: str = "", argume
     if out.exists() and not out.is_dir():
         raise FileExistsError(f"{argument} {out} is a file; name a folder")
     if out.is_dir() and any(out.iterdir()) and not overwrite:
-        raise FileExistsError(f"the folder {out} exists and is not empty; choose another{instead}, or add --overwrite")
+        raise FileExistsError(
+            f"the folder {out} exists and is not empty; choose another{instead}, or add --overwrite"
+        )
     return out

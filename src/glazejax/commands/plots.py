@@ -43,7 +43,8 @@ def glaze_figure(
     illuminant: str = "D65",
     observer: str | int = CIE_1931,
 ) -> "Figure":
-    """Picture of a glaze in three panels: spectra, swatches, and the ladder of its colour against coats.
+    """Picture of a glaze in three panels: spectra, swatches, and the ladder of its colour against
+    coats.
 
     Args:
         rendering: what to draw.
@@ -77,10 +78,18 @@ def glaze_figure(
         lightness = figure.add_axes(_box(0.235, 0.915, top=0.176, bottom=0.07), sharex=strips)
         _draw_strips(strips, paint, marked)
         _draw_curves(chroma, lightness, paint)
-        _fit(figure.text(0.025, 0.957, title, fontsize=23, fontweight="bold", va="center"), figure, 0.95)
+        _fit(
+            figure.text(0.025, 0.957, title, fontsize=23, fontweight="bold", va="center"),
+            figure,
+            0.95,
+        )
         _fit(figure.text(0.025, 0.916, subtitle, color=FAINT, va="center"), figure, 0.95)
         heading = f"Coat after coat: {coat}, 1 to {last} times"
-        _fit(figure.text(0.025, 0.512, heading, fontsize=19, fontweight="bold", va="center"), figure, 0.95)
+        _fit(
+            figure.text(0.025, 0.512, heading, fontsize=19, fontweight="bold", va="center"),
+            figure,
+            0.95,
+        )
         note = _NOTE + (_CLIPPED if paint.clipped else "")
         figure.text(0.025, 0.29, note, fontsize=11, color=FAINT, va="top", linespacing=1.35)
     return figure
@@ -96,7 +105,10 @@ class _Paint:
     def clipped(self) -> bool:
         """Whether a colour of the ladder is outside sRGB."""
         ladder = self.spectra.ladder
-        shades = [srgb(self.spectra.wavelengths, getattr(ladder, key), clip=False, **self.light) for key in _WAYS]
+        shades = [
+            srgb(self.spectra.wavelengths, getattr(ladder, key), clip=False, **self.light)
+            for key in _WAYS
+        ]
         return bool(np.any((np.asarray(shades) < -5e-4) | (np.asarray(shades) > 1 + 5e-4)))
 
     def rgb(self, spectra: Float[np.ndarray, "... bands"]) -> Float[np.ndarray, "... 3"]:
@@ -112,12 +124,16 @@ class _Paint:
         return hex_colour(shade * min(1.0, 0.62 / max(luminance, 1e-3)))
 
 
-def _box(left: float, right: float, *, top: float, bottom: float) -> tuple[float, float, float, float]:
+def _box(
+    left: float, right: float, *, top: float, bottom: float
+) -> tuple[float, float, float, float]:
     return left, bottom, right - left, top - bottom
 
 
 def _fit(text: "Text", figure: "Figure", share: float) -> None:
-    """Shrink a line of text, and cut it if it would become too small to read, to a share of the figure's width."""
+    """Shrink a line of text, and cut it if it would become too small to read, to a share of the
+    figure's width.
+    """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
 
     renderer, room = FigureCanvasAgg(figure).get_renderer(), share * figure.bbox.width
@@ -140,14 +156,18 @@ def _draw_spectra(axes: "Axes", paint: _Paint, names: Sequence[str]) -> None:
         for name, spectrum in zip(names, spectra.alone, strict=True):
             if np.allclose(spectrum, spectra.ground, rtol=0, atol=1e-9):
                 continue  # An absent layer.
-            axes.plot(x, spectrum, color=paint.ink(spectrum), lw=2.2, ls="--", label=f"{name} alone")
+            axes.plot(
+                x, spectrum, color=paint.ink(spectrum), lw=2.2, ls="--", label=f"{name} alone"
+            )
             highest = max(highest, float(spectrum.max()))
     else:
         for count in (n for n in (40, 20, 10, 5) if n <= spectra.ladder.counts[-1]):
             spectrum = spectra.ladder.glaze[count]
             axes.plot(x, spectrum, color=paint.ink(spectrum), lw=1.6, label=f"{count} coats")
             highest = max(highest, float(spectrum.max()))
-    axes.fill_between(x, 0, spectra.glaze, color=hex_colour(paint.rgb(spectra.glaze)), alpha=0.18, lw=0)
+    axes.fill_between(
+        x, 0, spectra.glaze, color=hex_colour(paint.rgb(spectra.glaze)), alpha=0.18, lw=0
+    )
     axes.plot(x, spectra.glaze, color=paint.ink(spectra.glaze), lw=4, label="the glaze")
     label_spectra(axes, xlim=(x[0], x[-1]), ylim=(0, max(highest * 1.06, 0.05)))
     axes.grid(color=GRID, lw=1)
@@ -176,7 +196,9 @@ def _draw_swatches(axes: "Axes", paint: _Paint) -> None:
     axes.set_axis_off()
     ground, glaze = paint.spectra.ground, paint.spectra.glaze
 
-    def patch(x: float, width: float, y: float, height: float, spectrum: np.ndarray, edge: str) -> None:
+    def patch(
+        x: float, width: float, y: float, height: float, spectrum: np.ndarray, edge: str
+    ) -> None:
         box = FancyBboxPatch(
             (x, y),
             width,
@@ -195,7 +217,9 @@ def _draw_swatches(axes: "Axes", paint: _Paint) -> None:
     for x, what, spectrum in ((0.04, "the glaze", glaze), (0.68, "bare ground", ground)):
         lightness, a, b = (round(float(value), 1) + 0.0 for value in paint.lab(spectrum))
         axes.text(x, 0.185, what, fontweight="bold", va="center", fontsize=15)
-        axes.text(x, 0.085, hex_colour(paint.rgb(spectrum)), va="center", fontsize=15, family="monospace")
+        axes.text(
+            x, 0.085, hex_colour(paint.rgb(spectrum)), va="center", fontsize=15, family="monospace"
+        )
         axes.text(x, -0.01, f"Lab {lightness:.1f}, {a:.1f}, {b:.1f}", va="center", fontsize=13.5)
 
 
@@ -223,7 +247,11 @@ def _draw_curves(chroma: "Axes", lightness: "Axes", paint: _Paint) -> None:
     last = int(ladder.counts[-1])
     colours = {key: paint.lab(getattr(ladder, key)) for key in _WAYS}
     for axes, title, curves in (
-        (chroma, "chroma C*", {key: np.hypot(values[:, 1], values[:, 2]) for key, values in colours.items()}),
+        (
+            chroma,
+            "chroma C*",
+            {key: np.hypot(values[:, 1], values[:, 2]) for key, values in colours.items()},
+        ),
         (lightness, "lightness L*", {key: values[:, 0] for key, values in colours.items()}),
     ):
         for key, values in curves.items():
@@ -239,7 +267,8 @@ def _draw_curves(chroma: "Axes", lightness: "Axes", paint: _Paint) -> None:
         ends = sorted((float(values[-1]), key) for key, values in curves.items())
         gap, at = 0.21 * highest, -np.inf
         heights = [at := max(value, at + gap) for value, _ in ends]
-        # Pushed up where they would meet, and all of them down again if the uppermost leaves the panel.
+        # Pushed up where they would meet, and all of them down again if the uppermost leaves the
+        # panel.
         for i in reversed(range(len(heights))):
             heights[i] = min(heights[i], 0.98 * highest - (len(heights) - 1 - i) * gap)
         for height, (value, key) in zip(heights, ends, strict=True):

@@ -1,4 +1,6 @@
-"""What commands share while they compute: bars on stderr, Ctrl-C that keeps what is finished, and notes."""
+"""What commands share while they compute: bars on stderr, Ctrl-C that keeps what is finished, and
+notes.
+"""
 
 import os
 import sys
@@ -21,11 +23,13 @@ Part = TypeVar("Part", bound=Sized)
 
 
 def moving() -> bool:
-    """Whether bars may move on stderr: on a terminal that moves its cursor, and not in a notebook's ``!glazejax``.
+    """Whether bars may move on stderr: on a terminal that moves its cursor, and not in a notebook's
+    ``!glazejax``.
 
     Rich alone would go by FORCE_COLOR, which is about colour: notebooks and builds set it.
     """
-    # Set by Jupyter for its kernels and what they start, which get a terminal of their own that shows each step anew.
+    # Set by Jupyter for its kernels and what they start, which get a terminal of their own that
+    # shows each step anew.
     if not sys.stderr.isatty() or "JPY_PARENT_PID" in os.environ:
         return False
     from rich.console import Console
@@ -35,7 +39,9 @@ def moving() -> bool:
 
 
 def bar(*columns: "str | ProgressColumn") -> "Progress":
-    """A bar on stderr of these columns of rich, gone when it is done; nothing where nothing may move."""
+    """A bar on stderr of these columns of rich, gone when it is done; nothing where nothing may
+    move.
+    """
     from rich.console import Console
     from rich.progress import Progress
 
@@ -44,14 +50,18 @@ def bar(*columns: "str | ProgressColumn") -> "Progress":
 
 
 class Collected(NamedTuple):
-    """How a computation in parts went: seconds until the first, seconds in all, and whether Ctrl-C ended it."""
+    """How a computation in parts went: seconds until the first, seconds in all, and whether Ctrl-C
+    ended it.
+    """
 
     first: float
     seconds: float
     interrupted: bool
 
 
-def collect(chunks: Iterable[Part], total: int, first: str, then: str) -> tuple[list[Part], Collected]:
+def collect(
+    chunks: Iterable[Part], total: int, first: str, then: str
+) -> tuple[list[Part], Collected]:
     """Gather a computation's parts, with a progress bar; an interrupt keeps what is finished.
 
     Args:
@@ -66,7 +76,9 @@ def collect(chunks: Iterable[Part], total: int, first: str, then: str) -> tuple[
 
     parts: list[Part] = []
     interrupted, began, warm = False, time.perf_counter(), 0.0
-    with bar(TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn()) as progress:
+    with bar(
+        TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn()
+    ) as progress:
         task = progress.add_task(first, total=total)
         try:
             for part in chunks:
@@ -82,7 +94,9 @@ def collect(chunks: Iterable[Part], total: int, first: str, then: str) -> tuple[
 
 @contextmanager
 def doing(words: str) -> Iterator[Callable[[str], None]]:
-    """Say on stderr what is being done, with a turning wheel, while it is; what is yielded says it in other words."""
+    """Say on stderr what is being done, with a turning wheel, while it is; what is yielded says it
+    in other words.
+    """
     from rich.console import Console
 
     if not moving():
@@ -97,7 +111,15 @@ def drawing(count: int) -> Callable[[], None]:
     from rich.console import Console
     from rich.progress import track
 
-    steps = iter(track(range(count), "drawing", console=Console(stderr=True), transient=True, disable=not moving()))
+    steps = iter(
+        track(
+            range(count),
+            "drawing",
+            console=Console(stderr=True),
+            transient=True,
+            disable=not moving(),
+        )
+    )
     next(steps, None)
 
     def step() -> None:
@@ -108,10 +130,17 @@ def drawing(count: int) -> Callable[[], None]:
 
 @contextmanager
 def reading(path: Path) -> Iterator[Callable[[int, int | None], None]]:
-    """A bar once a file has been read for a second; what is yielded goes to `read_spectra` as ``progress``."""
+    """A bar once a file has been read for a second; what is yielded goes to `read_spectra` as
+    ``progress``.
+    """
     from rich.progress import BarColumn, DownloadColumn, TextColumn, TimeRemainingColumn
 
-    shown = bar(TextColumn("reading {task.description}"), BarColumn(), DownloadColumn(), TimeRemainingColumn())
+    shown = bar(
+        TextColumn("reading {task.description}"),
+        BarColumn(),
+        DownloadColumn(),
+        TimeRemainingColumn(),
+    )
     task, start = shown.add_task(path.name.replace("[", "\\["), total=None), time.monotonic()
 
     def told(done: int, size: int | None) -> None:
@@ -135,5 +164,7 @@ def print_notes(console: "Console", file: Path | str, notes: Sequence[str]) -> N
 
 def stop_interrupted(console: "Console", done: int, total: int, things: str) -> NoReturn:
     """Say how much was finished before Ctrl-C, and stop as a shell expects."""
-    console.print(f"[yellow]Interrupted: {done} of {total} {things} were finished and written.[/yellow]")
+    console.print(
+        f"[yellow]Interrupted: {done} of {total} {things} were finished and written.[/yellow]"
+    )
     raise typer.Exit(INTERRUPTED)

@@ -1,4 +1,6 @@
-"""The command ``glazejax render``: a description of a glaze in; numbers, a table and a picture out."""
+"""The command ``glazejax render``: a description of a glaze in; numbers, a table and a
+picture out.
+"""
 
 import time
 from collections.abc import Mapping, Sequence
@@ -32,7 +34,8 @@ def render(
         typer.Option(
             "--layers",
             help='Coats from top to bottom: "UltramarineBlue:12um, Vermillion:12um". Mixtures: '
-            '"0.7*ZincWhite + 0.3*CobaltBlue:20um". Equal coats: "Eosin:5um x3". Units: um, µm, mm, nm, m.',
+            '"0.7*ZincWhite + 0.3*CobaltBlue:20um". Equal coats: "Eosin:5um x3". Units: um, µm, '
+            "mm, nm, m.",
             show_default=False,
         ),
     ] = None,
@@ -41,7 +44,8 @@ def render(
         typer.Option(
             "--stack",
             metavar="FILE",
-            help="Coats, ground, index and geometry of a stack that `glazejax studio` or --write-stack wrote, in place "
+            help="Coats, ground, index and geometry of a stack that `glazejax studio` or "
+            "--write-stack wrote, in place "
             "of --layers. --ground, --geometry and --refractive-index count before it.",
             show_default=False,
         ),
@@ -49,7 +53,10 @@ def render(
     write_stack: Annotated[
         Path | None,
         typer.Option(
-            "--write-stack", metavar="FILE", help="Also write the stack as JSON, for the studio.", show_default=False
+            "--write-stack",
+            metavar="FILE",
+            help="Also write the stack as JSON, for the studio.",
+            show_default=False,
         ),
     ] = None,
     ground: Annotated[str | None, options.ground_option(_GROUND)] = None,
@@ -62,20 +69,28 @@ def render(
     overwrite: options.Overwrite = False,
     ladder: Annotated[
         str | None,
-        typer.Option(help="Paint of the layer that the ladder repeats. Default: the top layer.", show_default=False),
+        typer.Option(
+            help="Paint of the layer that the ladder repeats. Default: the top layer.",
+            show_default=False,
+        ),
     ] = None,
     pigments: Annotated[
         Path | None,
         typer.Option(
             metavar="FILE",
-            help="Your own paints beside the catalogue's: a pigments.csv as `glazejax recover` writes it. Where both "
+            help="Your own paints beside the catalogue's: a pigments.csv as `glazejax recover` "
+            "writes it. Where both "
             "have a name, yours counts.",
             show_default=False,
         ),
     ] = None,
     catalogue: options.CatalogueName = options.OILS,
-    tolerance: Annotated[float, typer.Option(help="Largest error of a reflectance that you accept.")] = 1e-6,
-    list_pigments: Annotated[bool, typer.Option("--list", help="List the paints there are, and stop.")] = False,
+    tolerance: Annotated[
+        float, typer.Option(help="Largest error of a reflectance that you accept.")
+    ] = 1e-6,
+    list_pigments: Annotated[
+        bool, typer.Option("--list", help="List the paints there are, and stop.")
+    ] = False,
     substrate: Annotated[str | None, typer.Option(hidden=True)] = None,
     hemispherical: Annotated[bool, typer.Option("--hemispherical", hidden=True)] = False,
     incidence: options.OldIncidence = None,
@@ -103,7 +118,8 @@ def render(
         raise ValueError(f"--stack {stack} says what the layers are: leave out --layers")
     if layers is None and stack is None:
         raise ValueError(
-            'give the layers, such as --layers "UltramarineBlue:12um,Vermillion:12um"; --list shows the pigments'
+            'give the layers, such as --layers "UltramarineBlue:12um,Vermillion:12um"; --list '
+            "shows the pigments"
         )
     start_jax()
     from ..paint.describe import format_length, make_media, name_paints, parse_layers
@@ -111,10 +127,14 @@ def render(
     # Everything that can be wrong is looked at before anything is computed.
     given = None if stack is None else _read_stack(stack)
     coats = given.shown if given is not None else parse_layers(layers or "")
-    options.check_outputs({"--out": out, "--csv": csv, "--write-stack": write_stack}, overwrite, inputs=[stack])
+    options.check_outputs(
+        {"--out": out, "--csv": csv, "--write-stack": write_stack}, overwrite, inputs=[stack]
+    )
     if given is not None:
         geometry = given.geometry if geometry is None else geometry
-        refractive_index = given.refractive_index if refractive_index == _INDEX else refractive_index
+        refractive_index = (
+            given.refractive_index if refractive_index == _INDEX else refractive_index
+        )
     seen_by = options.read_geometry(
         geometry,
         _GEOMETRY,
@@ -133,7 +153,9 @@ def render(
         shelf = {**shelf, **paints(given)}
     coats = name_paints(coats, shelf)
     repeated = _repeated(coats, ladder)
-    below = _ground_of(given) if given is not None and ground is None and substrate is None else None
+    below = (
+        _ground_of(given) if given is not None and ground is None and substrate is None else None
+    )
     bed = _lay(below or _read_ground(ground, substrate), make_media(coats, shelf))
 
     from ..paint.media import Glaze, Layer
@@ -175,7 +197,10 @@ def render(
             rendering,
             [coat.name for coat in coats],
             title=" over ".join(present) or "No paint at all",
-            subtitle=f"on a ground of {bed.words}  ·  n = {refractive_index:g}  ·  {seen}  ·  {request.eye}",
+            subtitle=(
+                f"on a ground of {bed.words}  ·  n = {refractive_index:g}  ·  {seen}  ·  "
+                f"{request.eye}"
+            ),
             coat=f"{coat.name} {format_length(coat.thickness)}",
             marked=coat.repeats,
             illuminant=illuminant,
@@ -193,7 +218,13 @@ def render(
     report.print_colour(console, rendering, request)
     report.print_comparison(console, rendering, request)
     report.print_ladder(console, rendering, request)
-    used = {name: shelf[name] for coat in coats if coat.total > 0 for weight, name in coat.parts if weight > 0}
+    used = {
+        name: shelf[name]
+        for coat in coats
+        if coat.total > 0
+        for weight, name in coat.parts
+        if weight > 0
+    }
     remarks = [("note", words) for words in bed.notes] + _remarks(used)
     if rendering.ladder.capped:
         remarks.append(("note", "coats of the ladder that reach 10 mm are shown at 10 mm"))
@@ -201,7 +232,9 @@ def render(
     files = " and ".join(str(path) for path in (out, csv, write_stack) if path is not None)
     total = time.perf_counter() - started
     console.print()
-    console.print(f"wrote {files} in {total:.1f} s ({solved:.1f} s of it computing spectra)", markup=False)
+    console.print(
+        f"wrote {files} in {total:.1f} s ({solved:.1f} s of it computing spectra)", markup=False
+    )
 
 
 def _read_stack(path: Path) -> "Stack":
@@ -220,8 +253,14 @@ def _ground_of(stack: "Stack") -> options.Ground:
 
     level = stack.level()
     if isinstance(level, Spectrum):
-        return options.Ground(level.wavelengths, level.reflectance, f"a spectrum, mean {level.reflectance.mean():.2f}")
-    notes = ("the stack lies on a card of white and black: drawn over white",) if stack.ground == "card" else ()
+        return options.Ground(
+            level.wavelengths, level.reflectance, f"a spectrum, mean {level.reflectance.mean():.2f}"
+        )
+    notes = (
+        ("the stack lies on a card of white and black: drawn over white",)
+        if stack.ground == "card"
+        else ()
+    )
     return options.Ground(None, level, f"reflectance {level:g}", notes)
 
 
@@ -244,11 +283,20 @@ def _write_stack(
     named = {name: shelf[name] for coat in coats for _, name in coat.parts}
     # One of another catalogue, or one's own: the same name in the studio would be another paint.
     own = {
-        name: paint for name, paint in named.items() if name not in known or known[name].provenance != paint.provenance
+        name: paint
+        for name, paint in named.items()
+        if name not in known or known[name].provenance != paint.provenance
     }
     write_stack(
         path,
-        Stack(coats=tuple(coats), hidden=(), ground=ground, refractive_index=index, geometry=geometry, pigments=own),
+        Stack(
+            coats=tuple(coats),
+            hidden=(),
+            ground=ground,
+            refractive_index=index,
+            geometry=geometry,
+            pigments=own,
+        ),
         overwrite=overwrite,
     )
 
@@ -264,7 +312,9 @@ def _repeated(coats: "Sequence[Coat]", ladder: str | None) -> int:
         names = ", ".join(dict.fromkeys(coat.name for coat in coats))
         raise ValueError(f"--ladder {ladder!r} is none of the layers: choose one of {names}")
     if coats[found[0]].total == 0:
-        raise ValueError(f"--ladder {ladder!r}: this layer is 0 thick, so there is nothing to repeat")
+        raise ValueError(
+            f"--ladder {ladder!r}: this layer is 0 thick, so there is nothing to repeat"
+        )
     return found[0]
 
 
@@ -323,9 +373,15 @@ def _lay(ground: options.Ground, media: "list[Pigment | Mixture]") -> _Bed:
     low, high = max(g[0] for g in grids), min(g[-1] for g in grids)
     grid = grids[0][(grids[0] >= low - 1e-6) & (grids[0] <= high + 1e-6)]
     if grid.size == 0:
-        raise ValueError("the pigments and the ground share no wavelengths: " + "; ".join(map(describe_grid, grids)))
+        raise ValueError(
+            "the pigments and the ground share no wavelengths: "
+            + "; ".join(map(describe_grid, grids))
+        )
     if not all(same_grid(grid, other) for other in grids):
-        notes.append(f"pigments and ground differ in wavelengths; everything is computed at {describe_grid(grid)}")
+        notes.append(
+            "pigments and ground differ in wavelengths; everything is computed at "
+            f"{describe_grid(grid)}"
+        )
         media = [m if same_grid(grid, m.wavelengths) else m.resample(grid) for m in media]
     return _Bed(media, ground.on(grid), ground.words, notes)
 
@@ -346,13 +402,19 @@ def _remarks(used: "Mapping[str, Pigment]") -> list[tuple[str, str]]:
         if pigment.identifiable is not None and not pigment.identifiable.all():
             bands = describe_bands(pigment.wavelengths, ~pigment.identifiable)
             remarks.append(
-                ("warning", f"{name} at {bands}: measurements fix only k/s there; thin coats may look different")
+                (
+                    "warning",
+                    f"{name} at {bands}: measurements fix only k/s there; thin coats may look "
+                    "different",
+                )
             )
     return remarks
 
 
 def _write_table(path: Path, rendering, coats: "Sequence[Coat]", overwrite: bool) -> None:
-    """Write wavelength, glaze, ground and each layer alone; `glazejax.io.read_spectra` reads it back."""
+    """Write wavelength, glaze, ground and each layer alone; `glazejax.io.read_spectra` reads it
+    back.
+    """
     from ..io import write_table
 
     titles = ["wavelength_nm", "glaze", "ground"]

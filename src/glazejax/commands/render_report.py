@@ -49,20 +49,34 @@ class RenderRequest:
     @property
     def eye(self) -> str:
         """Illuminant and observer in words, such as ``D65, CIE 1931 2° observer``."""
-        return f"{self.illuminant}, {self.observer.replace(' Degree Standard Observer', '° observer')}"
+        return (
+            f"{self.illuminant}, {self.observer.replace(' Degree Standard Observer', '° observer')}"
+        )
 
 
 def print_stack(console: Console, request: RenderRequest) -> None:
     """Draw the layers from top to bottom."""
     bar = min(console.width, 72)
-    console.print(Text(f"~~~~ smooth surface, n = {request.refractive_index:g} ".ljust(bar, "~"), style="cyan"))
+    console.print(
+        Text(
+            f"~~~~ smooth surface, n = {request.refractive_index:g} ".ljust(bar, "~"), style="cyan"
+        )
+    )
     table = Table.grid(padding=(0, 2))
     table.add_column(overflow="fold")
     table.add_column(justify="right", no_wrap=True)
     table.add_column(overflow="fold")
     for coat in request.coats:
-        remark = "absent" if coat.total == 0 else f"= {format_length(coat.total)}" if coat.repeats > 1 else ""
-        table.add_row(f"  {coat.name}", coat.size, remark, style="dim" if coat.total == 0 else "bold")
+        remark = (
+            "absent"
+            if coat.total == 0
+            else f"= {format_length(coat.total)}"
+            if coat.repeats > 1
+            else ""
+        )
+        table.add_row(
+            f"  {coat.name}", coat.size, remark, style="dim" if coat.total == 0 else "bold"
+        )
     console.print(table)
     console.print(Text(f"==== ground: {request.ground} ".ljust(bar, "="), style="cyan"))
     console.print(Text(f"seen with {request.geometry}"))
@@ -89,11 +103,17 @@ def print_colour(console: Console, rendering: Rendering, request: RenderRequest)
     shade = hex_colour(raw)
     console.print()
     console.print(Text("Colour", style="bold") + Text(f" under {request.eye}", style="not bold"))
-    console.print(Text("  XYZ    " + "".join(f"{v:9.4f}" for v in tristimulus) + "  (white: Y = 1)"))
+    console.print(
+        Text("  XYZ    " + "".join(f"{v:9.4f}" for v in tristimulus) + "  (white: Y = 1)")
+    )
     hue = np.rad2deg(np.arctan2(b, a)) % 360
     values = "".join(f"{fixed(v, 2):>9}" for v in (lightness, a, b))
     console.print(Text(f"  L*a*b* {values}  (C* {np.hypot(a, b):.1f}, h {hue:.0f}°)"))
-    line = Text("  sRGB   " + "".join(f"{round(255 * float(v)):9d}" for v in np.clip(raw, 0, 1)) + f"  {shade} ")
+    line = Text(
+        "  sRGB   "
+        + "".join(f"{round(255 * float(v)):9d}" for v in np.clip(raw, 0, 1))
+        + f"  {shade} "
+    )
     console.print(line + swatch(shade, 4))
     if outside := out_of_gamut(raw):
         console.print(Text(f"         {outside}", style="yellow"))
@@ -106,7 +126,9 @@ def out_of_gamut(raw: Float[Array | np.ndarray, "3"]) -> str:
         for name, value in zip("RGB", np.asarray(raw), strict=True)
         if not -_GAMUT_SLACK <= value <= 1 + _GAMUT_SLACK
     ]
-    return f"outside the sRGB gamut, clipped (would need {', '.join(wrong)} of 0-255)" if wrong else ""
+    return (
+        f"outside the sRGB gamut, clipped (would need {', '.join(wrong)} of 0-255)" if wrong else ""
+    )
 
 
 def print_comparison(console: Console, rendering: Rendering, request: RenderRequest) -> None:
@@ -139,7 +161,10 @@ def print_ladder(console: Console, rendering: Rendering, request: RenderRequest)
     console.print()
     console.print(
         Text("Ladder", style="bold")
-        + Text(f" of {coat.name}, one coat {format_length(coat.thickness)}: sRGB, L*, C*", style="not bold")
+        + Text(
+            f" of {coat.name}, one coat {format_length(coat.thickness)}: sRGB, L*, C*",
+            style="not bold",
+        )
     )
     table = Table(box=None, padding=(0, 1), header_style="dim")
     table.add_column(" coats", justify="right", no_wrap=True)
@@ -151,7 +176,9 @@ def print_ladder(console: Console, rendering: Rendering, request: RenderRequest)
             break
         cells = []
         for spectra in (ladder.glaze, ladder.multiply, ladder.mixing):
-            lightness, a, b = np.asarray(lab(rendering.wavelengths, spectra[count], **request.light))
+            lightness, a, b = np.asarray(
+                lab(rendering.wavelengths, spectra[count], **request.light)
+            )
             shade = hex_colour(srgb(rendering.wavelengths, spectra[count], **request.light))
             numbers = "" if narrow else f"{lightness:4.0f}{np.hypot(a, b):4.0f} "
             patch = Text("") if console.width < _NARROW else swatch(shade, 4)

@@ -1,19 +1,21 @@
-"""A glaze beside what it should be compared with: its ground, its layers alone, and a ladder of layers.
+"""A glaze beside what it should be compared with: its ground, its layers alone, and a ladder of
+layers.
 
-The ladder repeats one layer of the glaze n times and sets three ways of using the same paint side by side:
+The ladder repeats one layer of the glaze n times and sets three ways of using the same paint side
+by side:
 
 glaze
-    n coats, one over the other, solved as a stack. Equal coats that share one refractive index are the same
-    as one coat of n times the thickness, so each step costs no more than the glaze itself.
+    n coats, one over the other, solved as a stack. Equal coats that share one refractive index are
+    the same as one coat of n times the thickness, so each step costs no more than the glaze itself.
 multiply
-    what the blend mode of that name does in digital painting, band by band: one coat alone on the bare ground
-    turns R_ground into R_1, so each coat lets through R_1/R_ground of what is below, and n of them show
-    R_n = R_0 (R_1/R_ground)^n. R_0 is what lies below the coats: the ground itself if there is one layer only.
-    Multiplying never brightens: a ratio above 1 counts as 1.
+    what the blend mode of that name does in digital painting, band by band: one coat alone on the
+    bare ground turns R_ground into R_1, so each coat lets through R_1/R_ground of what is below,
+    and n of them show R_n = R_0 (R_1/R_ground)^n. R_0 is what lies below the coats: the ground
+    itself if there is one layer only. Multiplying never brightens: a ratio above 1 counts as 1.
 mixing
-    n portions of the same paint stirred into opaque paint that by itself looks like what lies below the
-    layer. One portion of colour meets as much of that opaque paint as brings the mixture nearest (Delta E 1976)
-    to the first coat; coefficients of mixed paint add.
+    n portions of the same paint stirred into opaque paint that by itself looks like what lies below
+    the layer. One portion of colour meets as much of that opaque paint as brings the mixture
+    nearest (Delta E 1976) to the first coat; coefficients of mixed paint add.
 
 All three begin with the same R_0; over bare ground, multiply has the same first coat too.
 """
@@ -32,7 +34,8 @@ LADDER_COATS = 40
 
 # Optical thickness of the films that count as opaque.
 _OPAQUE = 1e4
-# Entries of the table of opaque paint, at least; 1e-5 is the error of R left by linear interpolation between them.
+# Entries of the table of opaque paint, at least; 1e-5 is the error of R left by linear
+# interpolation between them.
 _TABLE = 400
 _PER_DECADE = 200
 
@@ -98,12 +101,15 @@ def render(
         tolerance: of the solver.
 
     Raises:
-        ValueError: `layer` is not in the glaze, `coats` is below 1, the glaze has batch axes, or what
+        ValueError: `layer` is not in the glaze, `coats` is below 1, the glaze has batch axes, or
+            what
             `reflectance` and `lab` refuse.
     """
     grid, count = glaze.wavelengths, len(glaze.layers)
     if not 0 <= layer < count:
-        raise ValueError(f"the ladder repeats layer {layer}, but layers are numbered 0 to {count - 1}")
+        raise ValueError(
+            f"the ladder repeats layer {layer}, but layers are numbered 0 to {count - 1}"
+        )
     if coats < 1:
         raise ValueError(f"a ladder needs 1 coat or more, not {coats}")
     thickness = np.array([np.asarray(la.thickness) for la in glaze.layers])
@@ -111,11 +117,14 @@ def render(
         raise ValueError("render takes one glaze: thicknesses must be single numbers")
     step = float(thickness[layer]) if coat is None else float(coat)
     counts = np.arange(coats + 1)
-    # Rows of one batch: the whole stack, the bare ground, each layer alone, one coat alone, then the ladder.
+    # Rows of one batch: the whole stack, the bare ground, each layer alone, one coat alone, then
+    # the ladder.
     coat_alone = np.where(np.arange(count) == layer, step, 0.0)
     ladder = np.tile(thickness, (coats + 1, 1))
     ladder[:, layer] = np.minimum(counts * step, MAX_THICKNESS)
-    rows = np.concatenate([np.stack([thickness, 0 * thickness]), np.diag(thickness), coat_alone[None], ladder])
+    rows = np.concatenate(
+        [np.stack([thickness, 0 * thickness]), np.diag(thickness), coat_alone[None], ladder]
+    )
     paleness = _paleness(grid.size)
     values = np.asarray(reflectance(_batch(glaze, rows, paleness), geometry, tolerance=tolerance))
     spectra, opaque = values[: len(rows)], _Opaque(paleness.ravel(), values[len(rows) :].ravel())
@@ -150,16 +159,23 @@ def _paleness(bands: int) -> Float[np.ndarray, "rows bands"]:
 
 
 def _batch(
-    glaze: Glaze, thickness: Float[np.ndarray, "stacks layers"], paleness: Float[np.ndarray, "rows bands"]
+    glaze: Glaze,
+    thickness: Float[np.ndarray, "stacks layers"],
+    paleness: Float[np.ndarray, "rows bands"],
 ) -> Glaze:
-    """Every stack wanted as one glaze with a batch axis; the last rows are opaque paints on a white ground."""
+    """Every stack wanted as one glaze with a batch axis; the last rows are opaque paints on a white
+    ground.
+    """
     bands, opaque = glaze.wavelengths.size, len(paleness)
     # The thickest coat possible is what makes this extinction opaque.
     extinction = _OPAQUE / MAX_THICKNESS
     layers = []
     for i, layer in enumerate(glaze.layers):
         mine = thickness[:, i]
-        k, s = (np.broadcast_to(c, (len(mine), bands)) for c in (layer.medium.absorption, layer.medium.scattering))
+        k, s = (
+            np.broadcast_to(c, (len(mine), bands))
+            for c in (layer.medium.absorption, layer.medium.scattering)
+        )
         if i == 0:
             k = np.concatenate([k, extinction * paleness**4])
             s = np.concatenate([s, extinction * (1 - paleness**4)])
@@ -174,14 +190,18 @@ def _batch(
 
 @dataclass(frozen=True)
 class _Opaque:
-    """Reflectance of opaque paint against its paleness (1 - albedo)^(1/4): falls from white to black."""
+    """Reflectance of opaque paint against its paleness (1 - albedo)^(1/4): falls from white to
+    black.
+    """
 
     paleness: Float[np.ndarray, "entries"]
     values: Float[np.ndarray, "entries"]
 
     @property
     def surface(self) -> float:
-        """What a black paint shows: the reflection from the outer surface, if the instrument includes it."""
+        """What a black paint shows: the reflection from the outer surface, if the instrument
+        includes it.
+        """
         return float(self.values[-1])
 
     def reflectance(self, paleness: Float[np.ndarray, "..."]) -> Float[np.ndarray, "..."]:
@@ -198,7 +218,9 @@ def _multiply(
     counts: Int[np.ndarray, "steps"],
     surface: float,
 ) -> Float[np.ndarray, "steps bands"]:
-    """R_0 (R_1/R_ground)^n, without the reflection from the surface, which no coat below it can change."""
+    """R_0 (R_1/R_ground)^n, without the reflection from the surface, which no coat below it can
+    change.
+    """
     ground, first, below = (np.clip(r - surface, 0.0, None) for r in (ground, first, below))
     ratio = np.minimum(first, ground) / np.where(ground > 0, ground, 1.0)
     return surface + below * np.where(ground > 0, ratio, 1.0) ** counts[:, None]
@@ -212,13 +234,16 @@ def _mixing(
     counts: Int[np.ndarray, "steps"],
     sight: tuple[Float[np.ndarray, "bands"], str, str | int],
 ) -> Float[np.ndarray, "steps bands"]:
-    """n portions of paint, given as k d and s d, stirred into an opaque paint that looks like `base`."""
+    """n portions of paint, given as k d and s d, stirred into an opaque paint that looks like
+    `base`.
+    """
     grid, illuminant, observer = sight
     absorbing, depth = portion[0], portion.sum(axis=0)
     below = opaque.paleness_of(base) ** 4
 
     def stirred(
-        n: Float[np.ndarray, "... 1"] | Int[np.ndarray, "... 1"], amount: Float[np.ndarray, "... 1"] | float
+        n: Float[np.ndarray, "... 1"] | Int[np.ndarray, "... 1"],
+        amount: Float[np.ndarray, "... 1"] | float,
     ) -> Float[np.ndarray, "... bands"]:
         paleness = ((n * absorbing + amount * below) / (n * depth + amount)) ** 0.25
         return opaque.reflectance(paleness)

@@ -23,36 +23,48 @@ def register(app: typer.Typer) -> None:
 
 
 def scene(
-    file: Annotated[Path | None, typer.Argument(metavar="FILE", help="Scene file (TOML).", show_default=False)] = None,
-    out: Annotated[Path, typer.Option("--out", "-o", metavar="FILE", help="Picture to write: .png.")] = Path(
-        "scene.png"
-    ),
+    file: Annotated[
+        Path | None, typer.Argument(metavar="FILE", help="Scene file (TOML).", show_default=False)
+    ] = None,
+    out: Annotated[
+        Path, typer.Option("--out", "-o", metavar="FILE", help="Picture to write: .png.")
+    ] = Path("scene.png"),
     spectral: Annotated[
         Path | None,
-        typer.Option(help="Also write the spectrum of every pixel: .npz or .exr (OpenEXR).", show_default=False),
+        typer.Option(
+            help="Also write the spectrum of every pixel: .npz or .exr (OpenEXR).",
+            show_default=False,
+        ),
     ] = None,
     size: Annotated[
         str | None,
         typer.Option(
-            help="WIDTHxHEIGHT in pixels instead of the file's: 160x120 for a quick look.", show_default=False
+            help="WIDTHxHEIGHT in pixels instead of the file's: 160x120 for a quick look.",
+            show_default=False,
         ),
     ] = None,
     renderer: Annotated[
         str,
         typer.Option(
-            help="raycast: lamps, shadows, mirrors; mitsuba: path tracing, with soft shadows, area lights, relief and "
+            help="raycast: lamps, shadows, mirrors; mitsuba: path tracing, with soft shadows, "
+            "area lights, relief and "
             "light between all surfaces (extra `render`)."
         ),
     ] = "raycast",
     samples: Annotated[
         int | None,
         typer.Option(
-            help=f"Rays of a pixel with --renderer mitsuba; four times as many halve the noise.  [default: {_SAMPLES}]",
+            help=(
+                "Rays of a pixel with --renderer mitsuba; four times as many halve the noise.  "
+                f"[default: {_SAMPLES}]"
+            ),
             show_default=False,
         ),
     ] = None,
     overwrite: options.Overwrite = False,
-    example: Annotated[bool, typer.Option("--example", help="Print a scene file to start from, and stop.")] = False,
+    example: Annotated[
+        bool, typer.Option("--example", help="Print a scene file to start from, and stop.")
+    ] = False,
 ) -> None:
     """A picture of glazed things under lamps, computed wavelength by wavelength.
 
@@ -89,7 +101,9 @@ def scene(
     beyond = found.scene.needs_path_tracing() if renderer == "raycast" else None
     if beyond is not None:
         raise ValueError(f"{file}: the ray caster cannot draw {beyond}: add --renderer mitsuba")
-    rendered = _render(found, spectral is not None, _SAMPLES if samples is None else samples, renderer)
+    rendered = _render(
+        found, spectral is not None, _SAMPLES if samples is None else samples, renderer
+    )
     if rendered.done == 0:
         typer.echo("stopped before the first pixel: nothing is written", err=True)
         raise typer.Exit(progress.INTERRUPTED)
@@ -98,7 +112,10 @@ def scene(
     typer.echo(f"wrote  {files} in {time.perf_counter() - started:.1f} s")
     if rendered.done < 1:
         if renderer == "mitsuba":
-            typer.echo(f"stopped: {rendered.done:.0%} of the paths are followed, so that noise is left", err=True)
+            typer.echo(
+                f"stopped: {rendered.done:.0%} of the paths are followed, so that noise is left",
+                err=True,
+            )
             raise typer.Exit(progress.INTERRUPTED)
         words = f"{rendered.done:.0%} of the picture is finished, the rest is grey"
         if rendered.done > 0.99:
@@ -113,13 +130,19 @@ def _check_renderer(renderer: str, samples: int | None, spectral: Path | None) -
         raise ValueError(f"--renderer {renderer!r} must be one of {', '.join(RENDERERS)}")
     if renderer == "raycast":
         if samples is not None:
-            raise ValueError("--samples belongs to --renderer mitsuba; the ray caster's are antialias in the file")
+            raise ValueError(
+                "--samples belongs to --renderer mitsuba; the ray caster's are antialias in the "
+                "file"
+            )
         return
     from ..extras import require
 
     require("mitsuba")
     if spectral is not None:
-        raise ValueError("--spectral belongs to --renderer raycast; of Mitsuba's picture only its colours are kept")
+        raise ValueError(
+            "--spectral belongs to --renderer raycast; of Mitsuba's picture only its colours are "
+            "kept"
+        )
     if samples is not None and not 1 <= samples <= _MOST_SAMPLES:
         raise ValueError(f"--samples must be 1 to {_MOST_SAMPLES}, not {samples}")
 
@@ -127,7 +150,9 @@ def _check_renderer(renderer: str, samples: int | None, spectral: Path | None) -
 def _check_output(out: Path, spectral: Path | None, overwrite: bool) -> None:
     """Refuse what could not be written in the end, before anything is computed."""
     if out.suffix.lower() != ".png":
-        raise ValueError(f"{out}: the picture is written as .png; spectra go to --spectral FILE.npz or FILE.exr")
+        raise ValueError(
+            f"{out}: the picture is written as .png; spectra go to --spectral FILE.npz or FILE.exr"
+        )
     if spectral is not None:
         from ..appearance.scene.picture import check_spectral
 
@@ -145,7 +170,9 @@ def _resized(found: "SceneFile", text: str) -> "SceneFile":
     try:
         width, height = (int(part) for part in text.lower().split("x"))
     except ValueError:
-        raise ValueError(f"--size {text!r}: write WIDTHxHEIGHT in pixels, such as 160x120") from None
+        raise ValueError(
+            f"--size {text!r}: write WIDTHxHEIGHT in pixels, such as 160x120"
+        ) from None
     try:
         return replace(found, scene=replace(found.scene, width=width, height=height))
     except ValueError as error:
@@ -159,7 +186,9 @@ def _render(found: "SceneFile", spectral: bool, samples: int, renderer: str) -> 
     from ..appearance.scene.render import render
 
     share = TextColumn("{task.percentage:>3.0f} %")
-    with progress.bar(TextColumn("{task.description}"), BarColumn(), share, TimeRemainingColumn()) as shown:
+    with progress.bar(
+        TextColumn("{task.description}"), BarColumn(), share, TimeRemainingColumn()
+    ) as shown:
         task = shown.add_task("reading", total=1.0)
 
         def told(share: float, words: str) -> None:
@@ -168,7 +197,9 @@ def _render(found: "SceneFile", spectral: bool, samples: int, renderer: str) -> 
         if renderer == "mitsuba":
             from ..appearance.scene.path_trace import path_trace
 
-            return path_trace(found.scene, samples=samples, tolerance=found.tolerance, progress=told)
+            return path_trace(
+                found.scene, samples=samples, tolerance=found.tolerance, progress=told
+            )
         return render(found.scene, spectral=spectral, tolerance=found.tolerance, progress=told)
 
 
@@ -185,8 +216,15 @@ def _write(found: "SceneFile", rendered: "Rendered", out: Path, spectral: Path |
     for note in rendered.report.notes:
         typer.echo(f"note   {note}", err=True)
     if screen.bright > 0:
-        words = f"{screen.bright:.1%} of the pixels are brighter than the screen's white; a lower exposure shows them"
+        words = (
+            f"{screen.bright:.1%} of the pixels are brighter than the screen's white; a lower "
+            "exposure shows them"
+        )
         typer.echo(f"note   {words}", err=True)
     if screen.colourful > 0:
-        words = f"{screen.colourful:.1%} of the pixels are more colourful than {found.display} can show"
-        typer.echo(f"note   {words}: they are brought inside ([picture] gamut = {found.gamut!r})", err=True)
+        words = (
+            f"{screen.colourful:.1%} of the pixels are more colourful than {found.display} can show"
+        )
+        typer.echo(
+            f"note   {words}: they are brought inside ([picture] gamut = {found.gamut!r})", err=True
+        )

@@ -1,4 +1,6 @@
-"""A command line as it was typed, from the values of a command's arguments: for reports that say how they were made."""
+"""A command line as it was typed, from the values of a command's arguments: for reports that say
+how they were made.
+"""
 
 import inspect
 import shlex

@@ -47,14 +47,17 @@ class SpectraCube:
         return int(self.raw.shape[0]), int(self.raw.shape[1]), int(self.bands.size)
 
     def __getitem__(self, window: Any) -> Float[np.ndarray, "*window bands"]:
-        """Reflectance (fraction, float64) of a pixel or a window of lines and samples; NaN where data are missing."""
+        """Reflectance (fraction, float64) of a pixel or a window of lines and samples; NaN where
+        data are missing.
+        """
         if isinstance(window, tuple) and len(window) > 2:
             raise IndexError("a cube is indexed by lines and samples; take bands from the result")
         raw = np.asarray(self.raw[window])[..., self.bands]
         return with_gaps(raw, self.ignore) / self.scale
 
     def table(self) -> SpectraTable:
-        """All pixels as a table, named ``line 1 sample 1`` and so on; pixels that lack data are left out, with a note.
+        """All pixels as a table, named ``line 1 sample 1`` and so on; pixels that lack data are
+        left out, with a note.
 
         Raises:
             ValueError: there are more than 100 000 pixels, or all lack data.
@@ -62,7 +65,8 @@ class SpectraCube:
         lines, samples, _ = self.shape
         if lines * samples > MAX_PIXELS:
             raise ValueError(
-                f"{self.path}: {lines} x {samples} pixels are too many for a table of spectra (at most {MAX_PIXELS}); "
+                f"{self.path}: {lines} x {samples} pixels are too many for a table of spectra "
+                f"(at most {MAX_PIXELS}); "
                 "use glazejax.io.read_cube and take windows of it"
             )
         values = self[:, :].reshape(lines * samples, -1)
@@ -75,7 +79,8 @@ class SpectraCube:
             notes=self.notes,
             scale=1.0,
             missing="drop",
-            # A camera's noise and glare are what they are; one pixel must not make an image unreadable.
+            # A camera's noise and glare are what they are; one pixel must not make an image
+            # unreadable.
             lowest=-np.inf,
             highest=np.inf,
         )
@@ -96,5 +101,7 @@ def with_gaps(raw: np.ndarray, ignore: float | None) -> Float[np.ndarray, "..."]
 
 
 def is_mark(raw: np.ndarray, mark: float) -> Bool[np.ndarray, "..."]:
-    """Where numbers of a file are its mark of missing data; one such as -1.23e34 is rounded as the data are."""
+    """Where numbers of a file are its mark of missing data; one such as -1.23e34 is rounded as the
+    data are.
+    """
     return raw == (raw.dtype.type(mark) if raw.dtype.kind == "f" else mark)

@@ -1,11 +1,13 @@
-"""From a reader's raw numbers to a table of reflectance: one place for the rules that all formats share.
+"""From a reader's raw numbers to a table of reflectance: one place for the rules that all formats
+share.
 
-Unit: what the file declares. Else a table made by hand is held to `glazejax.spectra.as_fraction`, which looks for
-units that were mixed; a file that an instrument wrote has one unit, and the median of its spectra's peaks says which.
-So a few highlights of 2 in a large library of fractions do not pass for percent. Values above 1 stay, with a note:
-fluorescence, highlights and calibration against a grey white all give them. Negative values down to -0.01 are an
-instrument's noise about black and become 0, with a note; further below they are an error. Bands are sorted by
-wavelength. Names are made different by numbers.
+Unit: what the file declares. Else a table made by hand is held to `glazejax.spectra.as_fraction`,
+which looks for units that were mixed; a file that an instrument wrote has one unit, and the median
+of its spectra's peaks says which. So a few highlights of 2 in a large library of fractions do not
+pass for percent. Values above 1 stay, with a note: fluorescence, highlights and calibration against
+a grey white all give them. Negative values down to -0.01 are an instrument's noise about black and
+become 0, with a note; further below they are an error. Bands are sorted by wavelength. Names are
+made different by numbers.
 """
 
 import re
@@ -22,7 +24,8 @@ from ..spectra import MAX_FRACTION, MIN_PERCENT, as_fraction, validate_wavelengt
 from .source import refusal
 from .spectra_table import SpectraTable, listed
 
-# CxF3's own bound for a reflectance. Above it the unit or the scale that the file declares is wrong.
+# CxF3's own bound for a reflectance. Above it the unit or the scale that the file declares is
+# wrong.
 MAX_DECLARED = 3.0
 # Dark signal of a spectrometer is known to about this.
 MAX_NOISE = 0.01
@@ -38,8 +41,9 @@ class RawSpectra:
         values: (rows, bands), fraction or percent or scaled; NaN where missing.
         format: what the file is.
         notes: what the reader noticed.
-        scale: number that stands for a reflectance of 1, if the file says so; None to detect percent.
-        missing: ``refuse`` values that are not finite; or ``drop`` bands that have none in any spectrum,
+        scale: number that stands for a reflectance of 1, if the file says so; None to detect
+        percent. missing: ``refuse`` values that are not finite; or ``drop`` bands that have none in
+        any spectrum,
             and then spectra that lack one.
         attributes: what else the file says of each row.
         by_hand: whether people make such files, who may mix units.
@@ -85,8 +89,13 @@ def _finish(raw: RawSpectra, unit: str | None) -> SpectraTable:
     names = raw.names
     # The reader of tables has seen that names differ, in less room.
     if not raw.by_hand or any(plain_name(name) != name for name in names):
-        names = different([plain_name(name) or f"spectrum {i + 1}" for i, name in enumerate(names)], notes)
-    values, wavelengths = np.asarray(raw.values, np.float64), np.asarray(raw.wavelengths, np.float64)
+        names = different(
+            [plain_name(name) or f"spectrum {i + 1}" for i, name in enumerate(names)], notes
+        )
+    values, wavelengths = (
+        np.asarray(raw.values, np.float64),
+        np.asarray(raw.wavelengths, np.float64),
+    )
     if np.isfinite(wavelengths).all() and (np.diff(wavelengths) < 0).any():
         order = np.argsort(wavelengths, kind="stable")
         notes.append("bands were sorted by wavelength")
@@ -117,7 +126,9 @@ def _without_missing(
     names: Sequence[str],
     notes: list[str],
 ) -> tuple[Float[np.ndarray, "kept"], Float[np.ndarray, "full kept"], list[int]]:
-    """Without bands that have no data at all and spectra that still lack some; rows that are kept."""
+    """Without bands that have no data at all and spectra that still lack some; rows that
+    are kept.
+    """
     there = np.isfinite(values)
     bands = there.any(axis=0)
     if not bands.any():
@@ -136,14 +147,20 @@ def _without_missing(
 def _to_fractions(
     raw: RawSpectra, values: Float[np.ndarray, "rows bands"], names: Sequence[str], notes: list[str]
 ) -> str:
-    """Turn the values themselves into fractions, as a large table has no room for copies; the unit they were in."""
+    """Turn the values themselves into fractions, as a large table has no room for copies; the unit
+    they were in.
+    """
     lows, peaks = values.min(axis=1), values.max(axis=1)  # NaN where a value is
     wrong = ~(np.isfinite(lows) & np.isfinite(peaks))
     if wrong.any():
         i = int(wrong.argmax())
         j = int(np.isfinite(values[i]).argmin())
-        raise ValueError(f"reflectance of {names[i]!r} is not finite at band {j + 1}: {values[i, j]:g}")
-    scale = raw.scale or _detected_scale(peaks if peaks.min() >= 0 else np.maximum(peaks, 0.0), names, raw.by_hand)
+        raise ValueError(
+            f"reflectance of {names[i]!r} is not finite at band {j + 1}: {values[i, j]:g}"
+        )
+    scale = raw.scale or _detected_scale(
+        peaks if peaks.min() >= 0 else np.maximum(peaks, 0.0), names, raw.by_hand
+    )
     if scale == 100.0:
         notes.append("values are in percent; divided by 100")
     elif scale != 1.0:
@@ -155,26 +172,31 @@ def _to_fractions(
     if lows[darkest] < raw.lowest:
         j = int(values[darkest].argmin())
         raise ValueError(
-            f"reflectance of {names[darkest]!r} is negative at band {j + 1}: {lows[darkest] * scale:g}, more than "
+            f"reflectance of {names[darkest]!r} is negative at band {j + 1}: "
+            f"{lows[darkest] * scale:g}, more than "
             f"noise (down to {raw.lowest * scale:g})"
         )
     if lows[darkest] < 0:
         count = sum(int((values[i] < 0).sum()) for i in np.flatnonzero(lows < 0))
         notes.append(
-            f"{count} value{'s' if count != 1 else ''} slightly below 0 (noise, down to {lows[darkest]:.2g}) became 0"
+            f"{count} value{'s' if count != 1 else ''} slightly below 0 (noise, down to "
+            f"{lows[darkest]:.2g}) became 0"
         )
         np.maximum(values, 0.0, out=values)
     worst = int(peaks.argmax())
     if peaks[worst] > raw.highest:
         raise ValueError(
-            f"reflectance of {names[worst]!r} reaches {peaks[worst]:g} as a fraction, where {raw.highest:g} is the "
+            f"reflectance of {names[worst]!r} reaches {peaks[worst]:g} as a fraction, where "
+            f"{raw.highest:g} is the "
             "most: is the file's unit or scale factor right?"
         )
     bright = listed([names[int(i)] for i in np.flatnonzero(peaks > 1)])
     if bright:
         verb = "exceeds" if (peaks > 1).sum() == 1 else "exceed"
         causes = "fluorescence, highlights or calibration"
-        notes.append(f"{bright} {verb} a reflectance of 1, up to {peaks[worst]:.3g} ({causes}); kept")
+        notes.append(
+            f"{bright} {verb} a reflectance of 1, up to {peaks[worst]:.3g} ({causes}); kept"
+        )
     return {1.0: "fraction", 100.0: "percent"}.get(scale, "scaled")
 
 
@@ -186,8 +208,12 @@ def _detected_scale(peaks: Float[np.ndarray, "rows"], names: Sequence[str], by_h
     strange = peaks <= MAX_FRACTION if percent else peaks > MAX_DECLARED
     if strange.any():
         odd = listed([name for name, is_odd in zip(names, strange, strict=True) if is_odd])
-        most, others = ("percent", "fractions") if percent else ("fractions", "percent or something else")
-        raise ValueError(f"percent and fraction are mixed: most spectra are in {most}, {odd} in {others}")
+        most, others = (
+            ("percent", "fractions") if percent else ("fractions", "percent or something else")
+        )
+        raise ValueError(
+            f"percent and fraction are mixed: most spectra are in {most}, {odd} in {others}"
+        )
     return 100.0 if percent else 1.0
 
 
@@ -201,7 +227,9 @@ def plain_name(name: str) -> str:
 
 
 def different(names: list[str], notes: list[str]) -> list[str]:
-    """Names made different: the second ``red`` becomes ``red (2)``; a note says how many changed."""
+    """Names made different: the second ``red`` becomes ``red (2)``; a note says how many
+    changed.
+    """
     if len(set(names)) == len(names):
         return names
     counts = Counter(names)
@@ -225,11 +253,12 @@ def nanometres(
 ) -> tuple[Float[np.ndarray, "bands"], list[str]]:
     """Wavelengths in nm from what a file calls their unit, with notes.
 
-    A unit that is not named is micrometres if all are below 100, as no spectrum of paint reaches so far down in nm;
-    whole numbers that small are taken for band numbers and refused.
+    A unit that is not named is micrometres if all are below 100, as no spectrum of paint reaches so
+    far down in nm; whole numbers that small are taken for band numbers and refused.
 
     Raises:
-        ValueError: the unit is not one of nm, um, angstrom, m, 1/cm, or there is none and they count bands.
+        ValueError: the unit is not one of nm, um, angstrom, m, 1/cm, or there is none and they
+            count bands.
     """
     word = (unit or "").strip().strip("{}()[]").strip().lower().replace("µ", "u").replace("μ", "u")
     if word in {"", "unknown", "<unspecified>", "none"}:
@@ -237,12 +266,23 @@ def nanometres(
             return wavelengths, []
         if (wavelengths == np.round(wavelengths)).all():
             raise ValueError(
-                f"{wavelengths[0]:g}, ... {wavelengths[-1]:g} look like band numbers, not wavelengths in nm"
+                f"{wavelengths[0]:g}, ... {wavelengths[-1]:g} look like band numbers, not "
+                "wavelengths in nm"
             )
-        return wavelengths * 1e3, ["wavelengths without a unit look like micrometres; multiplied by 1000"]
+        return wavelengths * 1e3, [
+            "wavelengths without a unit look like micrometres; multiplied by 1000"
+        ]
     if word in {"nm", "nanometer", "nanometers", "nanometre", "nanometres"}:
         return wavelengths, []
-    if word in {"um", "micron", "microns", "micrometer", "micrometers", "micrometre", "micrometres"}:
+    if word in {
+        "um",
+        "micron",
+        "microns",
+        "micrometer",
+        "micrometers",
+        "micrometre",
+        "micrometres",
+    }:
         return wavelengths * 1e3, ["wavelengths are in micrometres; multiplied by 1000"]
     if word in {"a", "å", "angstrom", "angstroms"}:
         return wavelengths / 10, ["wavelengths are in angstrom; divided by 10"]
@@ -258,7 +298,9 @@ def nanometres(
 def in_order(
     wavelengths: Float[np.ndarray, "stored"], bands: Int[np.ndarray, "used"], notes: list[str]
 ) -> tuple[Float[np.ndarray, "used"], Int[np.ndarray, "used"]]:
-    """Wavelengths of the bands that are used, sorted, and the bands in that order; a note says if that changed them."""
+    """Wavelengths of the bands that are used, sorted, and the bands in that order; a note says if
+    that changed them.
+    """
     order = np.argsort(wavelengths[bands], kind="stable")
     if (order != np.arange(order.size)).any():
         notes.append("bands were sorted by wavelength")
@@ -267,11 +309,13 @@ def in_order(
 
 
 def unit_of(level: float, declared: float | None, cure: str) -> tuple[float, str, list[str]]:
-    """Number that stands for a reflectance of 1, the unit's name and notes, for an image of which the level is known.
+    """Number that stands for a reflectance of 1, the unit's name and notes, for an image of which
+    the level is known.
 
     Args:
-        level: what the bright pixels reach: in fractions if the scale is declared, else in the file's numbers.
-        declared: the scale that the file or the user says, or None to tell fractions from percent.
+        level: what the bright pixels reach: in fractions if the scale is declared, else in the
+        file's numbers. declared: the scale that the file or the user says, or None to tell
+        fractions from percent.
         cure: what to do where the numbers are neither.
 
     Raises:
@@ -279,7 +323,10 @@ def unit_of(level: float, declared: float | None, cure: str) -> tuple[float, str
     """
     if declared is not None:
         if level > MAX_DECLARED:
-            raise ValueError(f"pixels reach a reflectance of {level:g} by the reflectance scale factor {declared:g}")
+            raise ValueError(
+                f"pixels reach a reflectance of {level:g} by the reflectance scale factor "
+                f"{declared:g}"
+            )
         scale, unit = declared, {1.0: "fraction", 100.0: "percent"}.get(declared, "scaled")
     elif level <= MIN_PERCENT:
         scale, unit = 1.0, "fraction"
@@ -289,5 +336,7 @@ def unit_of(level: float, declared: float | None, cure: str) -> tuple[float, str
         raise ValueError(f"pixels reach {level:g}, neither fraction nor percent: {cure}")
     notes = []
     if scale != 1.0:
-        notes.append("values are in percent; divided by 100" if scale == 100.0 else f"divided by {scale:g}")
+        notes.append(
+            "values are in percent; divided by 100" if scale == 100.0 else f"divided by {scale:g}"
+        )
     return scale, unit, notes

@@ -1,11 +1,15 @@
-"""Where results may be written: asked before anything is computed, and no file is replaced unless that is wished."""
+"""Where results may be written: asked before anything is computed, and no file is replaced unless
+that is wished.
+"""
 
 from pathlib import Path
 
 from .source import shown
 
 
-def check_output(path: str | Path, *, overwrite: bool = False, argument: str = "", switch: str = "--overwrite") -> Path:
+def check_output(
+    path: str | Path, *, overwrite: bool = False, argument: str = "", switch: str = "--overwrite"
+) -> Path:
     """The path of a file, if it can be written.
 
     Args:

@@ -28,14 +28,15 @@ _READERS = {
 def read_spectra(path: str | Path, *, progress: Progress | None = None) -> SpectraTable:
     """Read reflectance spectra, in any format that is known.
 
-    CSV or TSV, wide, long or longest; columns of numbers without a header; ENVI spectral libraries and images
-    (header or data file named; of an image every pixel); CGATS text; CxF3; JCAMP-DX; ASD; and JSON lists of
-    wavelengths and spectra, as Kimera's. The content tells which, not the name. Values are fractions or percent,
-    as the file says or as `glazejax.spectra.as_fraction` detects; the table says in `notes` what was changed.
-    A pipe such as ``/dev/stdin`` reads as a file does. Tables are read in pieces and may be large.
+    CSV or TSV, wide, long or longest; columns of numbers without a header; ENVI spectral libraries
+    and images (header or data file named; of an image every pixel); CGATS text; CxF3; JCAMP-DX;
+    ASD; and JSON lists of wavelengths and spectra, as Kimera's. The content tells which, not the
+    name. Values are fractions or percent, as the file says or as `glazejax.spectra.as_fraction`
+    detects; the table says in `notes` what was changed. A pipe such as ``/dev/stdin`` reads as a
+    file does. Tables are read in pieces and may be large.
 
-    Two samples of one name are an error in a text table, which can be mended by hand; in the other formats the
-    second becomes ``name (2)``, with a note.
+    Two samples of one name are an error in a text table, which can be mended by hand; in the other
+    formats the second becomes ``name (2)``, with a note.
 
     Args:
         path: of the file.
@@ -44,7 +45,8 @@ def read_spectra(path: str | Path, *, progress: Progress | None = None) -> Spect
     Raises:
         FileNotFoundError: no such file, or an ENVI header without its data.
         OSError: the system cannot read it.
-        ValueError: the file is not legal; the message is one line that says where and what would mend it.
+        ValueError: the file is not legal; the message is one line that says where and what would
+            mend it.
     """
     path = Path(path)
     with opened(path, progress=progress) as source:
@@ -82,7 +84,9 @@ def envi_file(path: str | Path) -> "EnviFile":
     with opened(path) as source:
         kind = identify(source)
         if kind not in ("envi header", "envi data"):
-            raise source.error("not an ENVI image; read_spectra reads tables and libraries of spectra")
+            raise source.error(
+                "not an ENVI image; read_spectra reads tables and libraries of spectra"
+            )
         return _envi(source, kind)
 
 

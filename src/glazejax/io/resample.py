@@ -10,11 +10,13 @@ from .spectra_table import SpectraTable
 
 
 def resample(table: SpectraTable, wavelengths: Grid) -> SpectraTable:
-    """Spectra on other wavelengths, as CIE 167:2005 recommends: Sprague's where even, else cubic splines.
+    """Spectra on other wavelengths, as CIE 167:2005 recommends: Sprague's where even, else cubic
+    splines.
 
-    Fewer than six bands are interpolated linearly. Nothing is extrapolated and nothing averaged: `notes` say so
-    where the new step is more than twice the old one. Overshoot below 0 or above a spectrum's own maximum is cut.
-    (`glazejax.spectra.resample` is the linear one for spectra that are differentiated.)
+    Fewer than six bands are interpolated linearly. Nothing is extrapolated and nothing averaged:
+    `notes` say so where the new step is more than twice the old one. Overshoot below 0 or above a
+    spectrum's own maximum is cut. (`glazejax.spectra.resample` is the linear one for spectra that
+    are differentiated.)
 
     Args:
         table: spectra.
@@ -37,7 +39,9 @@ def resample(table: SpectraTable, wavelengths: Grid) -> SpectraTable:
 
 
 def _interpolate(
-    old: Float[np.ndarray, "bands"], values: Float[np.ndarray, "rows bands"], new: Float[np.ndarray, "new"]
+    old: Float[np.ndarray, "bands"],
+    values: Float[np.ndarray, "rows bands"],
+    new: Float[np.ndarray, "new"],
 ) -> tuple[Float[np.ndarray, "rows new"], str]:
     """Values on the new grid, and the method's name."""
     import colour

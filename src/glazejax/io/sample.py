@@ -1,4 +1,6 @@
-"""One measured spectrum, named as FILE or FILE:SAMPLE wherever a reflectance may be a number or measured."""
+"""One measured spectrum, named as FILE or FILE:SAMPLE wherever a reflectance may be a number or
+measured.
+"""
 
 from dataclasses import replace
 from pathlib import Path
@@ -9,7 +11,8 @@ from .spectra_table import SpectraTable, there_are
 
 
 def split_sample(text: str, folder: str | Path = "") -> tuple[Path, str]:
-    """File and sample of FILE:SAMPLE; the sample is empty where FILE stands alone. Neither need exist.
+    """File and sample of FILE:SAMPLE; the sample is empty where FILE stands alone. Neither need
+    exist.
 
     Args:
         text: `FILE` or `FILE:SAMPLE`; a file whose own name has a colon in it comes first.
@@ -35,21 +38,27 @@ def read_sample(text: str, *, folder: str | Path = "", argument: str = "") -> Sp
 
     Raises:
         FileNotFoundError: no such file.
-        ValueError: the file is not legal, holds several spectra and none is chosen, or has none of that name.
+        ValueError: the file is not legal, holds several spectra and none is chosen, or has none of
+            that name.
     """
     lead = f"{argument} " if argument else ""
     path, sample = split_sample(text, folder)
     if not is_there(path):
-        raise FileNotFoundError(f"{lead}{text!r} is neither a number from 0 to 1, such as 0.9, nor a file")
+        raise FileNotFoundError(
+            f"{lead}{text!r} is neither a number from 0 to 1, such as 0.9, nor a file"
+        )
     table = read_spectra(path)
     some = ", ".join(table.names[:6]) + (", ..." if len(table) > 6 else "")
     if not sample and len(table) > 1:
         raise ValueError(
-            f"{lead}{path} holds {len(table)} spectra: choose one, as {text.rstrip(':')}:{table.names[0]} "
+            f"{lead}{path} holds {len(table)} spectra: choose one, as "
+            f"{text.rstrip(':')}:{table.names[0]} "
             f"(there are {some})"
         )
     if sample and sample not in table.names:
-        raise ValueError(f"{lead}{path} holds no spectrum {sample!r}; {there_are(sample, table.names)}")
+        raise ValueError(
+            f"{lead}{path} holds no spectrum {sample!r}; {there_are(sample, table.names)}"
+        )
     row = table.names.index(sample) if sample else 0
     return replace(
         table,

@@ -6,10 +6,14 @@ from typing import Literal
 
 from .source import HEAD, Source, is_there, opened
 
-Kind = Literal["table", "columns", "cgats", "cxf", "jcamp", "json", "envi header", "envi data", "asd"]
+Kind = Literal[
+    "table", "columns", "cgats", "cxf", "jcamp", "json", "envi header", "envi data", "asd"
+]
 
 _CGATS = re.compile(
-    r"\A\s*(CGATS\S*|IT8\S*|ISO ?28178\S*|CTI[1-4]|SPECT|SPOT|NCLR)[ \t]*$|^[ \t]*BEGIN_DATA_FORMAT\b", re.MULTILINE
+    r"\A\s*(CGATS\S*|IT8\S*|ISO ?28178\S*|CTI[1-4]|SPECT|SPOT|NCLR)[ \t]*$|^[ "
+    r"\t]*BEGIN_DATA_FORMAT\b",
+    re.MULTILINE,
 )
 _JCAMP = re.compile(r"##\s*(TITLE|JCAMP-?DX)\s*=", re.IGNORECASE)
 _XML = re.compile(r"\A\s*<[?!A-Za-z]")
@@ -18,7 +22,9 @@ _JSON = re.compile(r"\A\s*(\[\s*[\[{\]]|\{\s*[\"}])")
 # How files begin that are no spectra, and what they are.
 _OTHERS = {
     b"PK\x03\x04": "an Excel workbook or another zip archive; export the table as UTF-8 CSV",
-    b"\xd0\xcf\x11\xe0": "an old Excel workbook or another Office file; export the table as UTF-8 CSV",
+    b"\xd0\xcf\x11\xe0": (
+        "an old Excel workbook or another Office file; export the table as UTF-8 CSV"
+    ),
     b"\x89PNG": "a picture (PNG), which holds no spectra; name a table of spectra",
     b"\xff\xd8\xff": "a picture (JPEG), which holds no spectra; name a table of spectra",
     b"GIF8": "a picture (GIF), which holds no spectra; name a table of spectra",
@@ -63,18 +69,28 @@ def identify(source: Source) -> Kind:
 
 
 def header_beside(path: Path) -> Path | None:
-    """ENVI header of a data file: ``cube.hdr`` or ``cube.img.hdr`` for ``cube.img``, if there is one."""
+    """ENVI header of a data file: ``cube.hdr`` or ``cube.img.hdr`` for ``cube.img``, if there is
+    one.
+    """
     for name in (path.with_suffix(".hdr"), path.with_name(path.name + ".hdr")) if path.name else ():
         for candidate in (name, name.with_suffix(".HDR")):
             if candidate != path and is_there(candidate):
                 with opened(candidate) as source:
-                    if source.head[:64].decode("utf-8-sig", errors="replace").split("\n", 1)[0].strip() == "ENVI":
+                    if (
+                        source.head[:64]
+                        .decode("utf-8-sig", errors="replace")
+                        .split("\n", 1)[0]
+                        .strip()
+                        == "ENVI"
+                    ):
                         return candidate
     return None
 
 
 def _is_jcamp(text: str) -> bool:
-    """Whether the text begins with labels of JCAMP-DX; a table may begin with comments such as ## date = today."""
+    """Whether the text begins with labels of JCAMP-DX; a table may begin with comments such as ##
+    date = today.
+    """
     for line in text.splitlines():
         start = line.lstrip()
         if _JCAMP.match(start):
@@ -85,8 +101,12 @@ def _is_jcamp(text: str) -> bool:
 
 
 def _is_columns(text: str, cut: bool) -> bool:
-    """Whether the text is numbers only, in columns that blanks or tabs separate, as spectrometers write them."""
-    lines = [line for line in text.splitlines() if line.strip() and not line.lstrip().startswith("#")]
+    """Whether the text is numbers only, in columns that blanks or tabs separate, as spectrometers
+    write them.
+    """
+    lines = [
+        line for line in text.splitlines() if line.strip() and not line.lstrip().startswith("#")
+    ]
     if cut:
         lines = lines[:-1]
     if len(lines) < 3 or len(lines[0].split()) < 2:

@@ -1,8 +1,10 @@
-"""A user's file, opened once and read once: in pieces, with a bound for all that a file could make us take.
+"""A user's file, opened once and read once: in pieces, with a bound for all that a file could make
+us take.
 
-Every reader of users' files takes a `Source`. So a pipe (``/dev/stdin``, ``<(...)``) reads as a file does, a device is
-refused before it is opened, a pipe that nobody writes into is given up, and whatever the system says of a file (a name
-that is too long, a failing disk) is one sentence that names it.
+Every reader of users' files takes a `Source`. So a pipe (``/dev/stdin``, ``<(...)``) reads as a
+file does, a device is refused before it is opened, a pipe that nobody writes into is given up, and
+whatever the system says of a file (a name that is too long, a failing disk) is one sentence that
+names it.
 """
 
 import codecs
@@ -32,7 +34,8 @@ SILENCE = 60.0
 _LONGEST = 600
 
 _BREAKS = tuple("\n\x0b\x0c\x1c\x1d\x1e\x85\u2028\u2029")
-# What no text of one byte a letter holds: all control characters but tab and line breaks, and Windows-1252's gaps.
+# What no text of one byte a letter holds: all control characters but tab and line breaks, and
+# Windows-1252's gaps.
 _CONTROL = re.compile(rb"[\x00-\x08\x0e-\x1f\x7f\x81\x8d\x8f\x90\x9d]")
 _WORDS = (b" ", b",", b"\t", b"\n", b"[", b"{", b"<", b";")
 
@@ -47,7 +50,9 @@ class Source:
         notes: what was noticed while its lines were read.
     """
 
-    def __init__(self, path: Path, descriptor: int, size: int | None, progress: Progress | None = None):
+    def __init__(
+        self, path: Path, descriptor: int, size: int | None, progress: Progress | None = None
+    ):
         self.path = path
         self.size = size
         self._descriptor = descriptor
@@ -85,7 +90,8 @@ class Source:
             else:
                 return bytes(found)
         raise self.error(
-            f"larger than the {most >> 20} MB that are read of such a file; split it, or export spectra as CSV, which "
+            f"larger than the {most >> 20} MB that are read of such a file; split it, or export "
+            "spectra as CSV, which "
             "may be larger"
         )
 
@@ -113,11 +119,12 @@ class Source:
     def lines(self, *, damaged: str = "strict") -> Iterator[tuple[int, str]]:
         """Lines and their numbers, from 1 on, without line breaks; read while they are asked for.
 
-        A text whose head is not UTF-8 and that has no control characters is Windows-1252, as spreadsheets of Western
-        Europe save it; `notes` says so.
+        A text whose head is not UTF-8 and that has no control characters is Windows-1252, as
+        spreadsheets of Western Europe save it; `notes` says so.
 
         Args:
-            damaged: what to do with what is not UTF-8 further down: ``strict`` refuses it, ``replace`` puts U+FFFD.
+            damaged: what to do with what is not UTF-8 further down: ``strict`` refuses it,
+                ``replace`` puts U+FFFD.
 
         Raises:
             ValueError: not UTF-8 text, or a line of more than 4 MB.
@@ -143,12 +150,20 @@ class Source:
             lines = text.splitlines()
             # A \r at the end may be half of a break.
             half = text.endswith("\r")
-            rest = "" if not half and text.endswith(_BREAKS) else lines.pop() + "\r" * half if lines else ""
+            rest = (
+                ""
+                if not half and text.endswith(_BREAKS)
+                else lines.pop() + "\r" * half
+                if lines
+                else ""
+            )
             for line in lines:
                 number += 1
                 yield number, line
             if len(rest) > MAX_LINE:
-                raise self.error(f"longer than {MAX_LINE >> 20} MB: is this a table of spectra?", number + 1)
+                raise self.error(
+                    f"longer than {MAX_LINE >> 20} MB: is this a table of spectra?", number + 1
+                )
         try:
             rest += decoder.decode(b"", final=True)
         except UnicodeDecodeError:
@@ -183,7 +198,8 @@ class Source:
             except BlockingIOError:
                 if waited > SILENCE:
                     raise self.error(
-                        f"nothing came through this pipe for {SILENCE:g} s; write to a file first and name that"
+                        f"nothing came through this pipe for {SILENCE:g} s; write to a file "
+                        "first and name that"
                     ) from None
                 select.select([self._descriptor], [], [], 1.0)
                 continue
@@ -199,7 +215,9 @@ class Source:
 
 
 @contextmanager
-def opened(path: str | Path, *, progress: Progress | None = None, missing: str = "") -> Iterator[Source]:
+def opened(
+    path: str | Path, *, progress: Progress | None = None, missing: str = ""
+) -> Iterator[Source]:
     """A file or pipe, open for reading; all that the system complains of meanwhile names it.
 
     Args:
@@ -210,7 +228,8 @@ def opened(path: str | Path, *, progress: Progress | None = None, missing: str =
     Raises:
         FileNotFoundError: no such file.
         OSError: the system cannot open or read it.
-        ValueError: it is a folder or a device, a pipe that nobody writes into, or too large for the memory.
+        ValueError: it is a folder or a device, a pipe that nobody writes into, or too large for the
+            memory.
     """
     path = Path(path)
     with explained(path, missing):
@@ -219,7 +238,9 @@ def opened(path: str | Path, *, progress: Progress | None = None, missing: str =
             raise ValueError(f"{shown(path)}: this is a folder, not a file; name a file in it")
         if not (stat.S_ISREG(mode) or stat.S_ISFIFO(mode)):
             raise ValueError(f"{shown(path)}: this is a device, not a file; name a file or a pipe")
-        descriptor = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0))
+        descriptor = os.open(
+            path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
+        )
         try:
             size = os.fstat(descriptor).st_size if stat.S_ISREG(mode) else None
             yield Source(path, descriptor, size, progress)
@@ -229,7 +250,8 @@ def opened(path: str | Path, *, progress: Progress | None = None, missing: str =
 
 @contextmanager
 def explained(path: Path, missing: str = "") -> Iterator[None]:
-    """What goes wrong with a file in one sentence that names it, whatever the system or Python calls it.
+    """What goes wrong with a file in one sentence that names it, whatever the system or Python
+    calls it.
 
     Args:
         path: of the file.
@@ -257,7 +279,9 @@ def explained(path: Path, missing: str = "") -> Iterator[None]:
 
 
 def is_there(path: str | Path) -> bool:
-    """Whether there is a file, pipe or device of this name, and no folder; False for a name that cannot be."""
+    """Whether there is a file, pipe or device of this name, and no folder; False for a name that
+    cannot be.
+    """
     try:
         return not stat.S_ISDIR(os.stat(path).st_mode)
     except (OSError, ValueError):
@@ -265,7 +289,9 @@ def is_there(path: str | Path) -> bool:
 
 
 def refusal(path: str | Path, complaint: object, line: int | None = None) -> ValueError:
-    """What is wrong with a file, on which line, in one line of bearable length whatever the file holds."""
+    """What is wrong with a file, on which line, in one line of bearable length whatever the file
+    holds.
+    """
     where = shown(path) if line is None else f"{shown(path)}, line {line}"
     return ValueError(f"{shortened(where)}: {shortened(str(complaint))}")
 
@@ -274,7 +300,9 @@ def shortened(text: str) -> str:
     """Text on one line, without its middle if it is long."""
     if not text.isprintable():
         text = "".join(letter if letter.isprintable() else " " for letter in text)
-    return text if len(text) <= _LONGEST else f"{text[: _LONGEST // 2]} ... {text[-_LONGEST // 2 :]}"
+    return (
+        text if len(text) <= _LONGEST else f"{text[: _LONGEST // 2]} ... {text[-_LONGEST // 2 :]}"
+    )
 
 
 def shown(path: str | Path) -> str:

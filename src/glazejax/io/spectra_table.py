@@ -46,7 +46,9 @@ class SpectraTable:
 
 
 def there_are(wanted: str, names: Sequence[str]) -> str:
-    """What to say where no spectrum is called so: the nearest names if there are such, else the first few."""
+    """What to say where no spectrum is called so: the nearest names if there are such, else the
+    first few.
+    """
     folded = {name.casefold(): name for name in names}
     key = wanted.casefold()
     near = [name for fold, name in folded.items() if len(key) > 2 and key in fold]

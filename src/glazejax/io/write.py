@@ -16,7 +16,11 @@ from .spectra_table import SpectraTable, listed
 
 
 def write_table(
-    path: str | Path, header: Sequence[str], rows: Iterable[Sequence[object]], *, overwrite: bool = False
+    path: str | Path,
+    header: Sequence[str],
+    rows: Iterable[Sequence[object]],
+    *,
+    overwrite: bool = False,
 ) -> None:
     """Write a table as CSV, or tab separated if the name ends in .tsv.
 
@@ -36,13 +40,17 @@ def write_table(
     """
     path = check_output(path, overwrite=overwrite)
     try:
-        content = table_bytes(header, rows, delimiter="\t" if path.suffix.lower() == ".tsv" else ",")
+        content = table_bytes(
+            header, rows, delimiter="\t" if path.suffix.lower() == ".tsv" else ","
+        )
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
     path.write_bytes(content)
 
 
-def table_bytes(header: Sequence[str], rows: Iterable[Sequence[object]], *, delimiter: str = ",") -> bytes:
+def table_bytes(
+    header: Sequence[str], rows: Iterable[Sequence[object]], *, delimiter: str = ","
+) -> bytes:
     """A table as `write_table` writes it.
 
     Raises:
@@ -53,22 +61,38 @@ def table_bytes(header: Sequence[str], rows: Iterable[Sequence[object]], *, deli
     writer.writerow(header)
     for number, row in enumerate(rows, start=1):
         if len(row) != len(header):
-            raise ValueError(f"row {number} has {len(row)} cells where the header has {len(header)}")
+            raise ValueError(
+                f"row {number} has {len(row)} cells where the header has {len(header)}"
+            )
         writer.writerow([_plain(cell) for cell in row])
     return text.getvalue().encode("utf-8")
 
 
 def _plain(cell: object) -> object:
-    """Array scalars as Python's own, which print all their digits whatever NumPy's print options are."""
+    """Array scalars as Python's own, which print all their digits whatever NumPy's print options
+    are.
+    """
     if not hasattr(cell, "dtype"):
         return cell
     scalar = np.asarray(cell)[()]
     # The shortest number that reads back as this one, in its own precision.
-    return float(np.format_float_scientific(scalar)) if isinstance(scalar, np.floating) else scalar.item()
+    return (
+        float(np.format_float_scientific(scalar))
+        if isinstance(scalar, np.floating)
+        else scalar.item()
+    )
 
 
 _PIECE = 1 << 20
-_ENDINGS = {".csv": "csv", ".tsv": "csv", ".txt": "csv", ".cxf": "cxf", ".xml": "cxf", ".hdr": "envi", ".sli": "envi"}
+_ENDINGS = {
+    ".csv": "csv",
+    ".tsv": "csv",
+    ".txt": "csv",
+    ".cxf": "cxf",
+    ".xml": "cxf",
+    ".hdr": "envi",
+    ".sli": "envi",
+}
 
 
 def write_spectra(
@@ -84,8 +108,8 @@ def write_spectra(
     Args:
         table: spectra.
         path: file to write; of an ENVI library, which is two files, either.
-        format: ``csv`` (tab separated if the name ends in .tsv), ``cxf`` or ``envi``; left out, the name's ending says.
-        long: CSV with a sample a column instead of a sample a row.
+        format: ``csv`` (tab separated if the name ends in .tsv), ``cxf`` or ``envi``; left out, the
+        name's ending says. long: CSV with a sample a column instead of a sample a row.
         overwrite: whether files that exist may be replaced.
 
     Returns:
@@ -95,14 +119,16 @@ def write_spectra(
         FileExistsError: a file exists and `overwrite` is false.
         FileNotFoundError: its folder does not exist.
         IsADirectoryError: it is a folder.
-        ValueError: unknown format; a table that is empty or not of legal fractions; wavelengths that CxF3 cannot
-            hold; names that a long table cannot.
+        ValueError: unknown format; a table that is empty or not of legal fractions; wavelengths
+            that CxF3 cannot hold; names that a long table cannot.
     """
     path = Path(path)
     kind = format or _ENDINGS.get(path.suffix.lower())
     if kind not in ("csv", "cxf", "envi"):
         said = repr(format) if format else f"the ending of {path.name!r}"
-        raise ValueError(f"{path}: no format is known by {said}; write .csv, .tsv, .cxf or .hdr (ENVI)")
+        raise ValueError(
+            f"{path}: no format is known by {said}; write .csv, .tsv, .cxf or .hdr (ENVI)"
+        )
     if long and kind != "csv":
         raise ValueError(f"{path}: only CSV has a long layout")
     _check(table, path)
@@ -138,14 +164,18 @@ def _check(table: SpectraTable, path: Path) -> None:
     validate_wavelengths(table.wavelengths)
     values = np.asarray(table.reflectance)
     if values.shape != (len(table), table.wavelengths.size) or not len(table):
-        raise ValueError(f"{path}: {len(table)} names and reflectance of shape {values.shape} make no table to write")
+        raise ValueError(
+            f"{path}: {len(table)} names and reflectance of shape {values.shape} make no table "
+            "to write"
+        )
     # A large table has room for a mask only if one is needed.
     if 0 <= values.min() <= values.max() <= MAX_DECLARED:
         return
     wrong = ~((values >= 0) & (values <= MAX_DECLARED))
     i, j = (int(k) for k in np.argwhere(wrong)[0])
     raise ValueError(
-        f"{path}: reflectance of {table.names[i]!r} is {values[i, j]:g} at {table.wavelengths[j]:g} nm; it must be "
+        f"{path}: reflectance of {table.names[i]!r} is {values[i, j]:g} at "
+        f"{table.wavelengths[j]:g} nm; it must be "
         f"a fraction from 0 to {MAX_DECLARED:g}"
     )
 
@@ -158,7 +188,8 @@ def write_files(files: Mapping[Path, Iterable[bytes]], *, overwrite: bool = Fals
         overwrite: whether files that exist may be replaced.
 
     Raises:
-        FileExistsError, FileNotFoundError, IsADirectoryError: see `glazejax.io.outputs.check_output`.
+        FileExistsError, FileNotFoundError, IsADirectoryError: see
+            `glazejax.io.outputs.check_output`.
     """
     for path in files:
         check_output(path, overwrite=overwrite)
@@ -173,13 +204,16 @@ def write_files(files: Mapping[Path, Iterable[bytes]], *, overwrite: bool = Fals
 
 
 def _format_csv(table: SpectraTable, path: Path, long: bool) -> Iterator[bytes]:
-    """Table as text, in pieces; names are quoted, so that no letter in them is taken for a delimiter or a comment.
+    """Table as text, in pieces; names are quoted, so that no letter in them is taken for a
+    delimiter or a comment.
 
     Raises:
         ValueError: a long table of names that are numbers (at once, not while it is written).
     """
     if long and any(re.fullmatch(r"[\d.,\s]*(nm)?", name) for name in table.names):
-        raise ValueError(f"{path}: names that are numbers would be read as wavelengths; write the wide layout")
+        raise ValueError(
+            f"{path}: names that are numbers would be read as wavelengths; write the wide layout"
+        )
     grid = [int(nm) if nm.is_integer() else nm for nm in table.wavelengths.tolist()]
     values = table.reflectance.T if long else table.reflectance
     header = ["wavelength_nm", *table.names] if long else ["Name", *grid]

@@ -1,4 +1,5 @@
-"""The words a painter types for a glaze, such as ``Eosin:5um x3, 0.7*ZincWhite+0.3*CobaltBlue:20um``.
+"""The words a painter types for a glaze, such as ``Eosin:5um x3,
+0.7*ZincWhite+0.3*CobaltBlue:20um``.
 
 Nothing here knows optics: text becomes `Coat`s, and names become pigments of a shelf (any mapping).
 """
@@ -65,18 +66,21 @@ def parse_layers(text: str) -> tuple[Coat, ...]:
     """Read the description of a stack.
 
     Args:
-        text: coats separated by commas, top first, each ``PAINT:THICKNESS`` with a unit (nm, um, µm, mm, m)
-            and optionally ``x3`` for three equal coats. PAINT is a name, or a mixture
+        text: coats separated by commas, top first, each ``PAINT:THICKNESS`` with a unit (nm, um,
+            µm, mm, m) and optionally ``x3`` for three equal coats. PAINT is a name, or a mixture
             ``0.7*ZincWhite+0.3*CobaltBlue`` with fractions that sum to 1. Blanks do not matter.
 
     Returns:
         At least one coat, top first. A thickness of 0 is legal: an absent coat.
 
     Raises:
-        ValueError: text that does not read as above; the message quotes the entry and says what to write.
+        ValueError: text that does not read as above; the message quotes the entry and says what to
+            write.
     """
     if ";" in text:
-        raise ValueError(f"there is a semicolon in {text!r}: coats are separated by commas, {_EXAMPLE}")
+        raise ValueError(
+            f"there is a semicolon in {text!r}: coats are separated by commas, {_EXAMPLE}"
+        )
     if not text.strip():
         raise ValueError(f"the list of layers is empty: write coats from top to bottom, {_EXAMPLE}")
     return tuple(_coat(entry.strip(), text) for entry in text.split(","))
@@ -87,8 +91,12 @@ def _coat(entry: str, text: str) -> Coat:
         raise ValueError(f"there is an empty layer in {text!r}: remove the comma too many")
     paint, colon, size = (piece.strip() for piece in entry.rpartition(":"))
     if not colon:
-        hint = " (a decimal comma? write 12.5um)" if re.fullmatch(r"\d+\s*[A-Za-zµμ]+", entry) else ""
-        raise ValueError(f"layer {entry!r} has no thickness: write paint:thickness, {_EXAMPLE}{hint}")
+        hint = (
+            " (a decimal comma? write 12.5um)" if re.fullmatch(r"\d+\s*[A-Za-zµμ]+", entry) else ""
+        )
+        raise ValueError(
+            f"layer {entry!r} has no thickness: write paint:thickness, {_EXAMPLE}{hint}"
+        )
     if not paint:
         raise ValueError(f"layer {entry!r} names no paint: write paint:thickness, {_EXAMPLE}")
     if not size:
@@ -101,22 +109,30 @@ def _size(entry: str, size: str) -> tuple[float, int]:
     """Thickness in m and number of coats."""
     match = _SIZE.match(size)
     if match is None:
-        raise ValueError(f"layer {entry!r}: {size!r} is not a thickness: write a number and a unit, like 12um")
+        raise ValueError(
+            f"layer {entry!r}: {size!r} is not a thickness: write a number and a unit, like 12um"
+        )
     number, unit, rest = match.groups()
     # In '12 x3' the unit is missing, and the x belongs to the repeats.
     if unit.lower().startswith("x") and unit.lower() not in UNITS:
         unit, rest = "", f"{unit}{rest}"
     if not unit:
-        raise ValueError(f"layer {entry!r}: the thickness {number} has no unit: write {number}um, mm or nm")
+        raise ValueError(
+            f"layer {entry!r}: the thickness {number} has no unit: write {number}um, mm or nm"
+        )
     if unit not in UNITS and unit.lower().removesuffix("x") in UNITS and unit.lower().endswith("x"):
         unit, rest = unit[:-1], f"x{rest}"
     scale = UNITS.get(unit, UNITS.get(unit.lower()))
     if scale is None:
-        raise ValueError(f"layer {entry!r}: the unit {unit!r} is unknown: use um (or µm), mm, nm or m")
+        raise ValueError(
+            f"layer {entry!r}: the unit {unit!r} is unknown: use um (or µm), mm, nm or m"
+        )
     repeats = _count(entry, rest) if rest else 1
     thickness = float(number) * scale
     if thickness < 0:
-        raise ValueError(f"layer {entry!r}: the thickness {number}{unit} is negative: it must be 0 or more")
+        raise ValueError(
+            f"layer {entry!r}: the thickness {number}{unit} is negative: it must be 0 or more"
+        )
     if not thickness * repeats <= MAX_THICKNESS:
         raise ValueError(
             f"layer {entry!r} is {format_length(thickness * repeats)} thick: at most "
@@ -128,10 +144,14 @@ def _size(entry: str, size: str) -> tuple[float, int]:
 def _count(entry: str, rest: str) -> int:
     match = _REPEATS.match(rest)
     if match is None:
-        raise ValueError(f"layer {entry!r}: cannot read {rest!r} after the thickness: repeats are written x3")
+        raise ValueError(
+            f"layer {entry!r}: cannot read {rest!r} after the thickness: repeats are written x3"
+        )
     count = match.group(1)
     if not count.isdecimal() or int(count) < 1:
-        raise ValueError(f"layer {entry!r}: the number of coats {count!r} must be a whole number from 1, as x3")
+        raise ValueError(
+            f"layer {entry!r}: the number of coats {count!r} must be a whole number from 1, as x3"
+        )
     return int(count)
 
 
@@ -144,13 +164,18 @@ def _parts(entry: str, paint: str) -> tuple[tuple[float, str], ...]:
     for term in terms:
         weight, star, name = (piece.strip() for piece in term.partition("*"))
         if not star or not name or not re.fullmatch(_NUMBER, weight):
-            raise ValueError(f"layer {entry!r}: cannot read {term!r}: write mixtures as 0.7*ZincWhite+0.3*CobaltBlue")
+            raise ValueError(
+                f"layer {entry!r}: cannot read {term!r}: write mixtures as "
+                "0.7*ZincWhite+0.3*CobaltBlue"
+            )
         if float(weight) < 0:
             raise ValueError(f"layer {entry!r}: the fraction {weight} of {name} is negative")
         parts.append((float(weight), name))
     total = sum(weight for weight, _ in parts)
     if abs(total - 1.0) > 1e-6:
-        raise ValueError(f"layer {entry!r}: fractions sum to {total:g}, not to 1: divide them by their sum")
+        raise ValueError(
+            f"layer {entry!r}: fractions sum to {total:g}, not to 1: divide them by their sum"
+        )
     return tuple(parts)
 
 
@@ -171,9 +196,13 @@ def find_name(name: str, names: Iterable[str]) -> str:
     key = _plain(name)
     if key in known:
         return known[key]
-    near = [full for plain, full in known.items() if len(key) > 2 and (key in plain or plain in key)][:4]
+    near = [
+        full for plain, full in known.items() if len(key) > 2 and (key in plain or plain in key)
+    ][:4]
     near = near or [known[k] for k in difflib.get_close_matches(key, known, n=4, cutoff=0.6)]
-    choice = f"the nearest {'is' if len(near) == 1 else 'are'} {', '.join(near)}" if near else ALL_NAMES
+    choice = (
+        f"the nearest {'is' if len(near) == 1 else 'are'} {', '.join(near)}" if near else ALL_NAMES
+    )
     raise ValueError(f"there is no pigment {name!r}: {choice}")
 
 
@@ -194,7 +223,8 @@ def name_paints(coats: Sequence[Coat], names: Iterable[str]) -> tuple[Coat, ...]
     """
     names = list(names)
     return tuple(
-        coat._replace(parts=tuple((weight, find_name(name, names)) for weight, name in coat.parts)) for coat in coats
+        coat._replace(parts=tuple((weight, find_name(name, names)) for weight, name in coat.parts))
+        for coat in coats
     )
 
 
@@ -208,12 +238,16 @@ def make_media(coats: Sequence[Coat], shelf: Mapping[str, Pigment]) -> list[Pigm
     return [
         shelf[coat.parts[0][1]]
         if len(coat.parts) == 1
-        else Mixture([shelf[name] for _, name in coat.parts], [weight for weight, _ in coat.parts], coat.name)
+        else Mixture(
+            [shelf[name] for _, name in coat.parts], [weight for weight, _ in coat.parts], coat.name
+        )
         for coat in coats
     ]
 
 
-def describe_bands(wavelengths: Float[np.ndarray, "bands"], chosen: Bool[np.ndarray, "bands"]) -> str:
+def describe_bands(
+    wavelengths: Float[np.ndarray, "bands"], chosen: Bool[np.ndarray, "bands"]
+) -> str:
     """The chosen bands as ranges, such as ``400-450, 620 nm``; empty if none is chosen."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], chosen, [False]]).astype(int)))
     ranges = [

@@ -1,11 +1,11 @@
 """What a painter describes: pigments, their mixtures, layers and glazes.
 
-All of them are equinox modules, hence pytrees: they pass through jit, vmap and grad. Values are checked when
-an object is built from concrete numbers; inside a traced function only shapes are.
+All of them are equinox modules, hence pytrees: they pass through jit, vmap and grad. Values are
+checked when an object is built from concrete numbers; inside a traced function only shapes are.
 
 Coefficients are those of radiative transfer, k (absorption) and s (scattering) in 1/m. They are not
-Kubelka-Munk's K and S: K = 2k and, for isotropic scattering, S is about 3s/4. Scattering is isotropic unless a
-phase function is given.
+Kubelka-Munk's K and S: K = 2k and, for isotropic scattering, S is about 3s/4. Scattering is
+isotropic unless a phase function is given.
 """
 
 from __future__ import annotations
@@ -37,7 +37,8 @@ from ..spectra import (
 from .phase import Known, blended, legal_phase, stacked
 
 MAX_THICKNESS = 0.01
-# Below this extinction (1/m) a centimetre of paint is clear to 1e-14, and squares still fit in float32.
+# Below this extinction (1/m) a centimetre of paint is clear to 1e-14, and squares still fit in
+# float32.
 _CLEAR = 1e-12
 
 
@@ -46,7 +47,9 @@ def _check_range(name: str, values: Numbers, low: float, high: float, hint: str 
     try:
         array = concrete(values)
     except ValueError:
-        raise ValueError(f"{name} must be an array of numbers, but its rows differ in length") from None
+        raise ValueError(
+            f"{name} must be an array of numbers, but its rows differ in length"
+        ) from None
     if array is None:
         return
     if not (jnp.issubdtype(array.dtype, jnp.floating) or jnp.issubdtype(array.dtype, jnp.integer)):
@@ -67,7 +70,9 @@ def _said(value: Any) -> str:
 def _legal_modes(name: str, modes: Numbers, bands: int) -> Float[Array, "modes 2 bands"]:
     values = as_array(modes)
     if values.ndim != 3 or values.shape[1:] != (2, bands):
-        raise ValueError(f"error_modes of {name!r} have shape {values.shape}; they must be (modes, 2, {bands})")
+        raise ValueError(
+            f"error_modes of {name!r} have shape {values.shape}; they must be (modes, 2, {bands})"
+        )
     known = concrete(values)
     if known is not None and not np.all(np.isfinite(known)):
         raise ValueError(f"error_modes of {name!r} must be finite")
@@ -79,22 +84,24 @@ class Pigment(eqx.Module):
 
     Args:
         name: name of the paint.
-        wavelengths: (bands,), nm, ascending. Static: the grid belongs to the program, not to its data.
-        absorption: (..., bands), k in 1/m, >= 0.
+        wavelengths: (bands,), nm, ascending. Static: the grid belongs to the program, not to its
+        data. absorption: (..., bands), k in 1/m, >= 0.
         scattering: (..., bands), s in 1/m, >= 0.
-        identifiable: (bands,), booleans: where the data that k and s were fitted to determine both; where
-            not, only their ratio is known. None if not stated.
+        identifiable: (bands,), booleans: where the data that k and s were fitted to determine both;
+            where not, only their ratio is known. None if not stated.
         absorption_sd: (..., bands), standard deviation of k in 1/m, or None.
         scattering_sd: (..., bands), standard deviation of s in 1/m, or None.
-        error_modes: (modes, 2, bands), what the data leave open in log k and log s: with z standard normal, k exp(z
-            error_modes[:, 0]) and s exp(z error_modes[:, 1]) are as likely as k and s. Pigments of the same provenance
-            share z: their errors are correlated. None if not stated.
-        phase: Legendre moments of the phase function (`glazejax.radiative.phase`), (terms,) or (bands, terms); None
-            is isotropic scattering.
+        error_modes: (modes, 2, bands), what the data leave open in log k and log s: with z standard
+            normal, k exp(z error_modes[:, 0]) and s exp(z error_modes[:, 1]) are as likely as k and
+            s. Pigments of the same provenance share z: their errors are correlated. None if not
+            stated.
+        phase: Legendre moments of the phase function (`glazejax.radiative.phase`), (terms,) or
+            (bands, terms); None is isotropic scattering.
         provenance: where the numbers come from, and the assumed thickness if they rest on one.
 
     Raises:
-        ValueError: shapes do not match, a coefficient is negative or not finite, or moments are no phase function's.
+        ValueError: shapes do not match, a coefficient is negative or not finite, or moments are no
+            phase function's.
     """
 
     name: str = eqx.field(static=True)
@@ -130,7 +137,8 @@ class Pigment(eqx.Module):
             values = as_array(values)
             if values.shape[-1:] != grid.shape:
                 raise ValueError(
-                    f"{what} has shape {values.shape}, which does not end in the {grid.size} bands of its wavelengths"
+                    f"{what} has shape {values.shape}, which does not end in the {grid.size} "
+                    "bands of its wavelengths"
                 )
             _check_range(what, values, 0.0, np.inf)
             return as_float_array(values)
@@ -138,9 +146,15 @@ class Pigment(eqx.Module):
         self.name = name
         self.absorption = spectrum("absorption", absorption)
         self.scattering = spectrum("scattering", scattering)
-        self.absorption_sd = None if absorption_sd is None else spectrum("absorption_sd", absorption_sd)
-        self.scattering_sd = None if scattering_sd is None else spectrum("scattering_sd", scattering_sd)
-        self.error_modes = None if error_modes is None else _legal_modes(name, error_modes, grid.size)
+        self.absorption_sd = (
+            None if absorption_sd is None else spectrum("absorption_sd", absorption_sd)
+        )
+        self.scattering_sd = (
+            None if scattering_sd is None else spectrum("scattering_sd", scattering_sd)
+        )
+        self.error_modes = (
+            None if error_modes is None else _legal_modes(name, error_modes, grid.size)
+        )
         self.phase = None if phase is None else legal_phase(repr(name), phase, grid.size)
         self.provenance = provenance
         self._grid = tuple(grid.tolist())
@@ -149,7 +163,9 @@ class Pigment(eqx.Module):
         else:
             mask = np.asarray(identifiable)
             if mask.shape != grid.shape or mask.dtype != bool:
-                raise ValueError(f"identifiable of {name!r} must be {grid.size} booleans, one a band")
+                raise ValueError(
+                    f"identifiable of {name!r} must be {grid.size} booleans, one a band"
+                )
             self._identifiable = tuple(mask.tolist())
 
     @property
@@ -187,7 +203,9 @@ class Pigment(eqx.Module):
             wavelengths,
             k,
             s,
-            identifiable=None if self.identifiable is None else ~np.any(matrix[~self.identifiable] > 0, axis=0),
+            identifiable=None
+            if self.identifiable is None
+            else ~np.any(matrix[~self.identifiable] > 0, axis=0),
             absorption_sd=at(self.absorption_sd),
             scattering_sd=at(self.scattering_sd),
             error_modes=at(self.error_modes),
@@ -227,10 +245,11 @@ class Mixture(eqx.Module):
         name: name of the mixture; made of its parts if left out.
 
     Raises:
-        ValueError: no pigments, another number of weights, a negative weight, a sum that is not 1, or
-            pigments on different grids.
+        ValueError: no pigments, another number of weights, a negative weight, a sum that is not 1,
+            or pigments on different grids.
 
-    Source: the linear law of Duncan (1940) for Kubelka-Munk coefficients, which radiative transfer shares.
+    Source: the linear law of Duncan (1940) for Kubelka-Munk coefficients, which radiative transfer
+    shares.
     """
 
     pigments: tuple[Pigment, ...]
@@ -253,7 +272,8 @@ class Mixture(eqx.Module):
         fractions = as_array(weights)
         if fractions.shape[-1:] != (len(pigments),):
             raise ValueError(
-                f"weights of shape {fractions.shape} do not end in one for each of {len(pigments)} pigments"
+                f"weights of shape {fractions.shape} do not end in one for each of "
+                f"{len(pigments)} pigments"
             )
         _check_range("weights", fractions, 0.0, np.inf)
         values = concrete(fractions)
@@ -284,7 +304,9 @@ class Mixture(eqx.Module):
 
     @property
     def phase(self) -> Float[Array, "*batch bands terms"] | None:
-        """Legendre moments of the phase function, (..., bands, terms), or None if all paints scatter isotropically."""
+        """Legendre moments of the phase function, (..., bands, terms), or None if all paints
+        scatter isotropically.
+        """
         parts = [self.weights[..., i, None] * p.scattering for i, p in enumerate(self.pigments)]
         return blended([p.phase for p in self.pigments], parts)
 
@@ -292,7 +314,9 @@ class Mixture(eqx.Module):
         """Sum of spectra, weighted."""
 
         def total(_: Any, weights: Any, *parts: Any) -> Any:
-            return functools.reduce(operator.add, [weights[..., i, None] * part for i, part in enumerate(parts)])
+            return functools.reduce(
+                operator.add, [weights[..., i, None] * part for i, part in enumerate(parts)]
+            )
 
         return computed(total, self.weights, *spectra)
 
@@ -310,11 +334,12 @@ class Layer(eqx.Module):
     Args:
         medium: what it is made of.
         thickness: scalar or (...), m, in [0, 0.01]; 0 is exactly no layer.
-        phase: Legendre moments of its phase function, (terms,) or (bands, terms), in place of those of the medium.
+        phase: Legendre moments of its phase function, (terms,) or (bands, terms), in place of those
+            of the medium.
 
     Raises:
-        ValueError: moments are no phase function's, or the thickness is negative, not finite, or so large that it
-            cannot be in metres.
+        ValueError: moments are no phase function's, or the thickness is negative, not finite, or so
+            large that it cannot be in metres.
     """
 
     medium: Pigment | Mixture
@@ -324,7 +349,8 @@ class Layer(eqx.Module):
     def __init__(self, medium: Pigment | Mixture, thickness: Numbers, phase: Numbers | None = None):
         if not isinstance(medium, Pigment | Mixture):
             raise ValueError(
-                f"a layer is of a Pigment or a Mixture, not {_said(medium)}; the catalogue's paints are "
+                f"a layer is of a Pigment or a Mixture, not {_said(medium)}; the catalogue's "
+                "paints are "
                 "glazejax.catalogue.load()[NAME]"
             )
         _check_range(
@@ -337,17 +363,25 @@ class Layer(eqx.Module):
         self.medium = medium
         self.thickness = as_float_array(thickness)
         self._phase = (
-            None if phase is None else legal_phase(f"layer of {medium.name!r}", phase, medium.wavelengths.size)
+            None
+            if phase is None
+            else legal_phase(f"layer of {medium.name!r}", phase, medium.wavelengths.size)
         )
 
     @property
     def phase(self) -> Float[Array, "*bands terms"] | None:
-        """Legendre moments of the phase function, (..., bands or nothing, terms), or None for isotropic scattering."""
+        """Legendre moments of the phase function, (..., bands or nothing, terms), or None for
+        isotropic scattering.
+        """
         return self.medium.phase if self._phase is None else self._phase
 
     def __repr__(self) -> str:
         values = concrete(self.thickness)
-        size = f"{float(values) * 1e6:g} um" if values is not None and values.ndim == 0 else f"{self.thickness}"
+        size = (
+            f"{float(values) * 1e6:g} um"
+            if values is not None and values.ndim == 0
+            else f"{self.thickness}"
+        )
         return f"Layer({self.medium.name!r}, {size})"
 
 
@@ -365,8 +399,8 @@ class Glaze(eqx.Module):
     Args:
         layers: top first, all on the same wavelengths; empty for bare ground.
         substrate: reflectance of the ground inside the medium, scalar or (..., bands), in [0, 1].
-        refractive_index: of all layers, scalar or (..., bands), in [1, 2.5]. A Python number stays one and
-            is a constant under equinox's filtered transformations: the solver's fast path.
+        refractive_index: of all layers, scalar or (..., bands), in [1, 2.5]. A Python number stays
+            one and is a constant under equinox's filtered transformations: the solver's fast path.
 
     Raises:
         ValueError: layers on different grids, shapes that do not match, or values out of range.
@@ -376,23 +410,31 @@ class Glaze(eqx.Module):
     substrate: Float[Array, "*batch"]
     refractive_index: float | Float[Array, "*batch"]
 
-    def __init__(self, layers: Sequence[Layer], substrate: Numbers, refractive_index: Numbers = 1.5):
+    def __init__(
+        self, layers: Sequence[Layer], substrate: Numbers, refractive_index: Numbers = 1.5
+    ):
         if isinstance(layers, Layer):
             raise ValueError("layers must be a list, top first: write [layer] for a single one")
         layers = tuple(layers)
         for layer in layers:
             if not isinstance(layer, Layer):
-                raise ValueError(f"layers must each be a Layer, not {_said(layer)}: write Layer(paint, thickness in m)")
+                raise ValueError(
+                    f"layers must each be a Layer, not {_said(layer)}: write Layer(paint, "
+                    "thickness in m)"
+                )
         substrate, index = as_array(substrate), as_array(refractive_index)
         _check_grids([(layer.medium.name, layer.medium.wavelengths) for layer in layers])
-        _check_range("substrate", substrate, 0.0, 1.0, ", which looks like percent: divide it by 100")
+        _check_range(
+            "substrate", substrate, 0.0, 1.0, ", which looks like percent: divide it by 100"
+        )
         _check_range("refractive_index", index, 1.0, 2.5)
         if layers:
             bands = layers[0].medium.wavelengths.size
             for name, value in (("substrate", substrate), ("refractive_index", index)):
                 if value.shape[-1:] not in ((), (1,), (bands,)):
                     raise ValueError(
-                        f"{name} has shape {value.shape}: its last axis must be the {bands} bands of the layers"
+                        f"{name} has shape {value.shape}: its last axis must be the {bands} "
+                        "bands of the layers"
                     )
         self.layers = layers
         self.substrate = as_float_array(substrate)
@@ -407,15 +449,17 @@ class Glaze(eqx.Module):
             ValueError: there are no layers.
         """
         if not self.layers:
-            raise ValueError("a glaze without layers has no wavelengths of its own: use those of its substrate")
+            raise ValueError(
+                "a glaze without layers has no wavelengths of its own: use those of its substrate"
+            )
         return self.layers[0].medium.wavelengths
 
     @property
     def albedo(self) -> Float[Array, "*batch bands layers"]:
         """Single-scattering albedo s / (k + s), (..., bands, layers), top layer first.
 
-        Where k + s = 0 it is 0, with zero gradient: there a layer's derivative with respect to s is that
-        with respect to k, since the albedo of nothing has no limit.
+        Where k + s = 0 it is 0, with zero gradient: there a layer's derivative with respect to s is
+        that with respect to k, since the albedo of nothing has no limit.
         """
 
         def ratio(xp: Any, k: Any, s: Any) -> Any:
@@ -424,7 +468,9 @@ class Glaze(eqx.Module):
             return xp.where(clear, 0.0, s) / xp.where(clear, 1.0, extinction)
 
         media = [layer.medium for layer in self.layers]
-        return self._stack([computed(ratio, medium.absorption, medium.scattering) for medium in media])
+        return self._stack(
+            [computed(ratio, medium.absorption, medium.scattering) for medium in media]
+        )
 
     @property
     def optical_thickness(self) -> Float[Array, "*batch bands layers"]:
@@ -434,18 +480,25 @@ class Glaze(eqx.Module):
             return (k + s) * thickness[..., None]
 
         return self._stack(
-            [computed(depth, la.medium.absorption, la.medium.scattering, la.thickness) for la in self.layers]
+            [
+                computed(depth, la.medium.absorption, la.medium.scattering, la.thickness)
+                for la in self.layers
+            ]
         )
 
     @property
     def phase(self) -> Float[Known, "*batch bands layers terms"] | None:
-        """Legendre moments of the layers' phase functions, (..., bands or 1, layers, terms); None: all isotropic."""
+        """Legendre moments of the layers' phase functions, (..., bands or 1, layers, terms); None:
+        all isotropic.
+        """
         return stacked([layer.phase for layer in self.layers])
 
     def _stack(self, spectra: Sequence[Float[Array, "..."]]) -> Float[Array, "*batch bands layers"]:
         """Spectra of the layers, side by side on a last axis; (..., bands, 0) for bare ground."""
         if not spectra:
-            shape = jnp.broadcast_shapes(self.substrate.shape, np.shape(self.refractive_index), (1,))
+            shape = jnp.broadcast_shapes(
+                self.substrate.shape, np.shape(self.refractive_index), (1,)
+            )
             return jnp.zeros((*shape, 0), dtype=self.substrate.dtype)
         return computed(lambda xp, *each: xp.stack(xp.broadcast_arrays(*each), axis=-1), *spectra)
 
@@ -462,14 +515,21 @@ def check_glaze(glaze: Any) -> None:
     """
     if not isinstance(glaze, Glaze):
         raise TypeError(
-            f"glaze must be a Glaze, not {_said(glaze)}: write Glaze([Layer(paint, thickness in m)], ground)"
+            f"glaze must be a Glaze, not {_said(glaze)}: write Glaze([Layer(paint, thickness in "
+            "m)], ground)"
         )
 
 
 def _short(value: Any) -> str:
     """A number as it was typed, without the digits of single precision; of an array its shape."""
     known = concrete(value) if np.ndim(value) == 0 else None
-    return f"{known:g}" if known is not None else f"{np.shape(value)}" if np.ndim(value) else f"{value}"
+    return (
+        f"{known:g}"
+        if known is not None
+        else f"{np.shape(value)}"
+        if np.ndim(value)
+        else f"{value}"
+    )
 
 
 def _check_grids(grids: Sequence[tuple[str, Float[np.ndarray, "..."]]]) -> None:
@@ -477,6 +537,7 @@ def _check_grids(grids: Sequence[tuple[str, Float[np.ndarray, "..."]]]) -> None:
     for name, grid in grids[1:]:
         if not same_grid(grids[0][1], grid):
             raise ValueError(
-                f"wavelengths differ: {grids[0][0]!r} has {describe_grid(grids[0][1])}, {name!r} has "
+                f"wavelengths differ: {grids[0][0]!r} has {describe_grid(grids[0][1])}, {name!r} "
+                "has "
                 f"{describe_grid(grid)}; bring them to one grid with .resample(wavelengths)"
             )

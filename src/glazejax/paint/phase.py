@@ -1,4 +1,6 @@
-"""Phase functions of paint: which are legal, how mixing blends them, how layers of several kinds line up."""
+"""Phase functions of paint: which are legal, how mixing blends them, how layers of several kinds
+line up.
+"""
 
 from collections.abc import Sequence
 from types import ModuleType
@@ -24,7 +26,8 @@ def legal_phase(what: str, phase: Numbers, bands: int) -> Float[Array, "*bands t
     values = as_array(phase)
     if values.ndim not in (1, 2) or (values.ndim == 2 and values.shape[0] not in (1, bands)):
         raise ValueError(
-            f"phase of {what} has shape {values.shape}: give Legendre moments (terms,) for all bands, such as "
+            f"phase of {what} has shape {values.shape}: give Legendre moments (terms,) for all "
+            "bands, such as "
             f"phase.henyey_greenstein(0.8), or ({bands}, terms)"
         )
     known = concrete(values)
@@ -37,13 +40,17 @@ def legal_phase(what: str, phase: Numbers, bands: int) -> Float[Array, "*bands t
 
 
 def same_terms(phases: Sequence[Float[Known, "... _"] | None]) -> list[Float[Known, "... terms"]]:
-    """Moments side by side: all with as many terms as the longest, isotropic where there is None."""
+    """Moments side by side: all with as many terms as the longest, isotropic where there
+    is None.
+    """
     terms = max(1 if p is None else p.shape[-1] for p in phases)
     found = [np.ones(1) if p is None else p for p in phases]
     return [_module(p).pad(p, [(0, 0)] * (p.ndim - 1) + [(0, terms - p.shape[-1])]) for p in found]
 
 
-def stacked(phases: Sequence[Float[Known, "... _"] | None]) -> Float[Known, "*batch bands layers terms"] | None:
+def stacked(
+    phases: Sequence[Float[Known, "... _"] | None],
+) -> Float[Known, "*batch bands layers terms"] | None:
     """Moments of layers, (..., bands or 1, layers, terms); None if all are isotropic."""
     if all(p is None for p in phases):
         return None
@@ -53,14 +60,18 @@ def stacked(phases: Sequence[Float[Known, "... _"] | None]) -> Float[Known, "*ba
 
 
 def _module(*arrays: Array | np.ndarray) -> ModuleType:
-    """numpy for what is known, so that it stays known under jit: how many moments count is read from it."""
+    """numpy for what is known, so that it stays known under jit: how many moments count is read
+    from it.
+    """
     return np if all(concrete(a) is not None for a in arrays) else jnp
 
 
 def blended(
-    phases: Sequence[Float[Known, "... _"] | None], scattering: Sequence[Float[Array, "*#batch bands"]]
+    phases: Sequence[Float[Known, "... _"] | None],
+    scattering: Sequence[Float[Array, "*#batch bands"]],
 ) -> Float[Array, "*batch bands terms"] | None:
-    """Moments of a mixture: each paint's by its share of the light scattered; None if all are isotropic.
+    """Moments of a mixture: each paint's by its share of the light scattered; None if all are
+    isotropic.
 
     Args:
         phases: of the parts.
@@ -71,6 +82,9 @@ def blended(
     total = sum(scattering[1:], scattering[0])
     clear = total <= 0
     # Where nothing is scattered the moments do not count; those of equal parts are as good as any.
-    shares = [jnp.where(clear, 1.0 / len(scattering), s / jnp.where(clear, 1.0, total)) for s in scattering]
+    shares = [
+        jnp.where(clear, 1.0 / len(scattering), s / jnp.where(clear, 1.0, total))
+        for s in scattering
+    ]
     parts = [share[..., None] * p for share, p in zip(shares, same_terms(phases), strict=True)]
     return sum(parts[1:], parts[0])

@@ -1,4 +1,6 @@
-"""Tables of fitted pigments, one line for each pigment and wavelength, as ``glazejax recover`` writes them."""
+"""Tables of fitted pigments, one line for each pigment and wavelength, as ``glazejax recover``
+writes them.
+"""
 
 import csv
 import math
@@ -26,18 +28,19 @@ _MAX_LINES, _MAX_PIGMENTS = 500_000, 20_000
 def read_pigments(path: str | Path, provenance: str = "") -> dict[str, Pigment]:
     """Read pigments from a CSV file.
 
-    Columns, in any order and found by their titles: pigment, wavelength_nm, absorption (k, 1/m), scattering
-    (s, 1/m), and optionally absorption_sd, scattering_sd (1/m), identifiable (true or false), and error modes of
-    log k and log s, k_mode_1, k_mode_2, ... and as many s_mode (see `Pigment`). Other columns are left alone; lines
-    that start with # are kept as the pigments' provenance, unless another is given.
+    Columns, in any order and found by their titles: pigment, wavelength_nm, absorption (k, 1/m),
+    scattering (s, 1/m), and optionally absorption_sd, scattering_sd (1/m), identifiable (true or
+    false), and error modes of log k and log s, k_mode_1, k_mode_2, ... and as many s_mode (see
+    `Pigment`). Other columns are left alone; lines that start with # are kept as the pigments'
+    provenance, unless another is given.
 
     Returns:
         name -> pigment, in the order of the file.
 
     Raises:
         FileNotFoundError: no such file.
-        ValueError: a column is missing, a cell is not a finite number, or a pigment's wavelengths do not
-            ascend or its coefficients are negative; the message names file and line.
+        ValueError: a column is missing, a cell is not a finite number, or a pigment's wavelengths
+            do not ascend or its coefficients are negative; the message names file and line.
     """
     comments: list[str] = []
     header: list[str] = []
@@ -63,13 +66,18 @@ def read_pigments(path: str | Path, provenance: str = "") -> dict[str, Pigment]:
                 raise error(f"{len(cells)} cells where the header has {len(header)}")
             _add(pigments, error, dict(zip(header, cells, strict=True)))
             if count > _MAX_LINES or len(pigments) > _MAX_PIGMENTS:
-                raise error(f"more than {_MAX_LINES} lines or {_MAX_PIGMENTS} pigments so far; split the file")
+                raise error(
+                    f"more than {_MAX_LINES} lines or {_MAX_PIGMENTS} pigments so far; split the "
+                    "file"
+                )
         if not header:
             raise source.error("the file is empty")
         if not pigments:
             raise source.error("there is a header but no pigment below it")
         provenance = provenance or " ".join(comments)
-        return {name: _pigment(source, name, columns, provenance) for name, columns in pigments.items()}
+        return {
+            name: _pigment(source, name, columns, provenance) for name, columns in pigments.items()
+        }
 
 
 def _add(pigments: dict[str, _Columns], error: _Refusal, row: dict[str, str]) -> None:
@@ -82,7 +90,8 @@ def _add(pigments: dict[str, _Columns], error: _Refusal, row: dict[str, str]) ->
         columns.setdefault(title, []).append(_number(error, row, title))
     for title in row:
         if title in ("absorption_sd", "scattering_sd") or _MODE.fullmatch(title):
-            # A standard deviation may be missing or infinite where a coefficient is not identifiable.
+            # A standard deviation may be missing or infinite where a coefficient is not
+            # identifiable.
             columns.setdefault(title, []).append(_maybe(row[title]))
     if "identifiable" in row:
         truth = _TRUTH.get(row["identifiable"].lower())
@@ -95,7 +104,9 @@ def _number(error: _Refusal, row: dict[str, str], title: str) -> float:
     value = _maybe(row[title])
     # Beyond it single precision has no numbers, and no paint has such coefficients.
     if not abs(value) < 1e30:
-        raise error(f"{title} is {row[title]!r}, not a finite number" + " below 1e30" * math.isfinite(value))
+        raise error(
+            f"{title} is {row[title]!r}, not a finite number" + " below 1e30" * math.isfinite(value)
+        )
     return value
 
 
@@ -107,7 +118,9 @@ def _maybe(cell: str) -> float:
 
 
 def _modes(columns: _Columns) -> np.ndarray | None:
-    """Error modes, (modes, 2, bands); None if the table has none, not as many of s as of k, or cells that are empty."""
+    """Error modes, (modes, 2, bands); None if the table has none, not as many of s as of k, or
+    cells that are empty.
+    """
     titles = [[title for title in columns if title.startswith(f"{what}_mode_")] for what in "ks"]
     if not titles[0] or len(titles[0]) != len(titles[1]):
         return None

@@ -1,13 +1,13 @@
 r"""Reflectance of a film whose absorption and scattering vary continuously with depth.
 
-Paper A (Shinozawa et al. 2013) states its equations for an albedo q(tau) that varies with optical depth, eqs (3)-(21).
-Two ways to the same number:
+Paper A (Shinozawa et al. 2013) states its equations for an albedo q(tau) that varies with optical
+depth, eqs (3)-(21). Two ways to the same number:
 
-- "ordinates" cuts the film into homogeneous slices with the mean k and s of each, doubles their number and
-  extrapolates (Romberg: the error goes in even powers of the slices' thickness) until the estimate is below the
-  tolerance;
-- "auxiliary" solves the integral equation with the true q(tau) at the nodes of a graded mesh, and halves its panels
-  until the estimate is below the tolerance.
+- "ordinates" cuts the film into homogeneous slices with the mean k and s of each, doubles their
+  number and extrapolates (Romberg: the error goes in even powers of the slices' thickness) until
+  the estimate is below the tolerance;
+- "auxiliary" solves the integral equation with the true q(tau) at the nodes of a graded mesh, and
+  halves its panels until the estimate is below the tolerance.
 """
 
 from __future__ import annotations
@@ -66,9 +66,9 @@ def profile_reflectance_factor(
     """Reflectance factor pi L_out / E_in of a film whose k and s vary continuously with depth.
 
     Args:
-        absorption: k in 1/m, >= 0. Either a callable of the depth z in m below the surface, ((..., points) ->
-            (..., points), with the batch axes of `thickness`), or values (..., points) at equally spaced depths from
-            the surface to the ground, taken as piecewise linear.
+        absorption: k in 1/m, >= 0. Either a callable of the depth z in m below the surface, ((...,
+            points) -> (..., points), with the batch axes of `thickness`), or values (..., points)
+            at equally spaced depths from the surface to the ground, taken as piecewise linear.
         scattering: s in 1/m, >= 0, in the same way; of radiative transfer, isotropic.
         thickness: of the film in m, (...), >= 0.
         substrate_reflectance: of the Lambertian ground, seen from inside, (...), in [0, 1].
@@ -76,19 +76,22 @@ def profile_reflectance_factor(
         cos_incidence: cosine of the angle of incidence in air, (...), in (0, 1].
         cos_viewing: cosine of the viewing angle in air, (...), in (0, 1].
         tolerance: absolute error wanted, a Python number.
-        method: "ordinates" (slices, extrapolated) or "auxiliary" (the integral equation with the true albedo).
+        method: "ordinates" (slices, extrapolated) or "auxiliary" (the integral equation with the
+            true albedo).
 
     Returns:
         Reflectance factor, shape of the broadcast batch.
 
     Raises:
-        ValueError: a value out of range, shapes that do not fit, an unknown method, or a profile that varies too fast
-            to be resolved. Values that are traced cannot be checked.
+        ValueError: a value out of range, shapes that do not fit, an unknown method, or a profile
+            that varies too fast to be resolved. Values that are traced cannot be checked.
 
     Notes:
-        Callables should be smooth; a kink belongs into samples, a step is best made of two layers of
-        `stack_reflectance_factor`. Under `jax.jit` errors cannot be estimated: then two doublings are made (of 8
-        slices, or of one a sample interval), or one halving of the auxiliary mesh for a film no thicker than 40.
+        Callables should be smooth; a kink belongs into samples, a step is best made of two layers
+        of
+        `stack_reflectance_factor`. Under `jax.jit` errors cannot be estimated: then two doublings
+        are made (of 8 slices, or of one a sample interval), or one halving of the auxiliary mesh
+        for a film no thicker than 40.
 
     Source: paper A, eqs (3)-(21).
     """
@@ -120,7 +123,8 @@ def profile_hemispherical_reflectance(
     Args, raises and notes as for `profile_reflectance_factor`; there is no viewing direction.
 
     Returns:
-        Flux that leaves over flux of the beam that falls in, without the part reflected by the surface, (...).
+        Flux that leaves over flux of the beam that falls in, without the part reflected by the
+        surface, (...).
 
     Source: paper A, eqs (3)-(21).
     """
@@ -183,7 +187,9 @@ def _film(given: _GivenProfile, rest: dict[str, Any]) -> _Film:
             continue
         samples = jnp.asarray(profile, dtype)
         if samples.ndim == 0:
-            raise ValueError(f"{name} is a single number; give a callable of depth or values along a last axis")
+            raise ValueError(
+                f"{name} is a single number; give a callable of depth or values along a last axis"
+            )
         _refuse(name, samples, "in 1/m, >= 0 and finite")
         if samples.shape[-1] == 0:
             raise ValueError(f"{name} has no values along its last axis; give at least one")
@@ -213,13 +219,16 @@ def _refuse(name: str, values: Array, words: str) -> None:
         raise ValueError(f"{name} holds {known[~good].flat[0]}; it must be {words}")
 
 
-def _of_share(name: str, profile: Callable[[Array], Array], thickness: Array) -> Callable[[Array], Array]:
+def _of_share(
+    name: str, profile: Callable[[Array], Array], thickness: Array
+) -> Callable[[Array], Array]:
     def function(share: Array) -> Array:
         depth = share * thickness[..., None]
         values = jnp.asarray(profile(depth), depth.dtype)
         if values.ndim == 0 or values.shape[-1] not in (1, depth.shape[-1]):
             raise ValueError(
-                f"{name} returned shape {values.shape} for depths {depth.shape}; it must return one value a depth"
+                f"{name} returned shape {values.shape} for depths {depth.shape}; it must return "
+                "one value a depth"
             )
         _refuse(name, values, "in 1/m, >= 0 and finite, at every depth")
         return jnp.broadcast_to(values, (*values.shape[:-1], depth.shape[-1]))
@@ -238,7 +247,9 @@ def _piecewise_linear(samples: Array) -> Callable[[Array], Array]:
         index = left.astype(int)
         batch = jnp.broadcast_shapes(samples.shape[:-1], share.shape[:-1])
         values = jnp.broadcast_to(samples, (*batch, count + 1))
-        index, part = (jnp.broadcast_to(a, (*batch, share.shape[-1])) for a in (index, position - left))
+        index, part = (
+            jnp.broadcast_to(a, (*batch, share.shape[-1])) for a in (index, position - left)
+        )
         low, high = (jnp.take_along_axis(values, index + i, axis=-1) for i in (0, 1))
         return low + (high - low) * part
 
@@ -251,7 +262,9 @@ def _albedo(absorption: Array, scattering: Array) -> Array:
     return jnp.where(extinction > 0, scattering / jnp.where(extinction > 0, extinction, 1.0), 0.0)
 
 
-def _sliced(film: _Film, rest: dict[str, Any], tolerance: float, solve: Callable[..., Array]) -> Array:
+def _sliced(
+    film: _Film, rest: dict[str, Any], tolerance: float, solve: Callable[..., Array]
+) -> Array:
     ground = rest["substrate_reflectance"]
     others = {name: value for name, value in rest.items() if name != "substrate_reflectance"}
     x, w = gauss(_MEAN_POINTS)
@@ -265,7 +278,9 @@ def _sliced(film: _Film, rest: dict[str, Any], tolerance: float, solve: Callable
 
         k, s = mean(film.absorption), mean(film.scattering)
         depth = (k + s) * film.thickness[..., None] / count
-        return jnp.broadcast_to(solve(_albedo(k, s), depth, ground, tolerance=0.3 * tolerance, **others), film.batch)
+        return jnp.broadcast_to(
+            solve(_albedo(k, s), depth, ground, tolerance=0.3 * tolerance, **others), film.batch
+        )
 
     parts = film.intervals or 1
     slices = parts * -(-_LEAST_SLICES // parts)
@@ -293,8 +308,10 @@ def _attainable(tolerance: float, value: Array) -> float:
 
 def _unresolved(error: float, tolerance: float) -> str:
     return (
-        f"tolerance is {tolerance} but the profile varies too fast: an error of some {error:.1e} is left; "
-        "give steps as layers of stack_reflectance_factor, kinks as samples, or ask for a larger tolerance"
+        f"tolerance is {tolerance} but the profile varies too fast: an error of some {error:.1e} "
+        "is left; "
+        "give steps as layers of stack_reflectance_factor, kinks as samples, or ask for a larger "
+        "tolerance"
     )
 
 
@@ -357,10 +374,14 @@ def _meshed(film: _Film, rest: dict[str, Any], tolerance: float) -> Array:
 
 
 def _film_panels(film: _Film, mesh: Mesh, halvings: int) -> Panels:
-    """Panels whose edges are fixed shares of the depth, with the true albedo at their nodes; batch axis flattened."""
+    """Panels whose edges are fixed shares of the depth, with the true albedo at their nodes; batch
+    axis flattened.
+    """
     edges = graded_shares(mesh)
     if film.intervals is not None:
-        edges = np.unique(np.round(np.concatenate([edges, np.linspace(0, 1, film.intervals + 1)]), 12))
+        edges = np.unique(
+            np.round(np.concatenate([edges, np.linspace(0, 1, film.intervals + 1)]), 12)
+        )
     parts = 2**halvings
     inner = np.linspace(edges[:-1], edges[1:], parts, endpoint=False).T.ravel()
     edges = np.r_[inner, 1.0]
@@ -368,16 +389,22 @@ def _film_panels(film: _Film, mesh: Mesh, halvings: int) -> Panels:
     start, span = edges[:-1], np.diff(edges)
     x, w = gauss(_DEPTH_POINTS)
 
-    def extinction(share: Array) -> Array:  # (..., panels, points) of the film's share, in optical depth per share
+    def extinction(
+        share: Array,
+    ) -> Array:  # (..., panels, points) of the film's share, in optical depth per share
         flat = share.reshape(*share.shape[:-2], -1)
         values = film.absorption(flat) + film.scattering(flat)
         values = values * film.thickness[..., None]
         return values.reshape(*values.shape[:-1], *share.shape[-2:])
 
-    def depth_within(part: Array) -> Array:  # optical depth from the panel's top to its share `part`, (..., panels, p)
+    def depth_within(
+        part: Array,
+    ) -> Array:  # optical depth from the panel's top to its share `part`, (..., panels, p)
         points = part[..., None] * x  # (..., panels, p, m)
         share = start[:, None] + span[:, None] * points.reshape(*points.shape[:-2], -1)
-        values = extinction(share).reshape(*jnp.broadcast_shapes(film.batch, points.shape[:-3]), *points.shape[-3:])
+        values = extinction(share).reshape(
+            *jnp.broadcast_shapes(film.batch, points.shape[:-3]), *points.shape[-3:]
+        )
         return span[:, None] * part * (values @ jnp.asarray(w, values.dtype))
 
     dtype = film.thickness.dtype

@@ -1,4 +1,6 @@
-"""The two reflectances of a stack of layers and their split: validation, batching, derivatives, choice of method."""
+"""The two reflectances of a stack of layers and their split: validation, batching, derivatives,
+choice of method.
+"""
 
 from __future__ import annotations
 
@@ -39,16 +41,19 @@ Method = Literal["ordinates", "auxiliary", "manyflux"]
 """Ways to compute the same quantity."""
 
 LEAST_SLOPING_INDEX = 1.0 + 1e-4
-"""Nearer to one a slope by the index drowns in the quadrature's error, but for the default method."""
+"""Nearer to one a slope by the index drowns in the quadrature's error, but for the default method.
+"""
 FINEST = {"ordinates": 1e-10, "auxiliary": 1e-8, "manyflux": 1e-10}
 """Smallest tolerance that each method meets in double precision."""
 FINEST_SINGLE = 1e-5
-"""The same for all of them in single precision, but for thick layers that absorb little: docs/errors.md."""
+"""The same for all of them in single precision, but for thick layers that absorb little:
+docs/errors.md.
+"""
 
 _DEFAULT_TOLERANCE = 1e-6
 
-# Bytes of one chunk's matrices, and of those of the default method: with all that is made of them they should stay in
-# a core's second-level cache. Elsewhere than on a CPU only memory counts.
+# Bytes of one chunk's matrices, and of those of the default method: with all that is made of them
+# they should stay in a core's second-level cache. Elsewhere than on a CPU only memory counts.
 _CHUNK_BYTES = 2**20
 _ORDINATES_CHUNK_BYTES = 2**17
 # So many stacks are a spectrum.
@@ -73,7 +78,11 @@ def _solver(method: str) -> _Solver:
 
         return _Solver(manyflux_method.reflectance, manyflux_method.reflectance_and_gradient, None)
     if method == "auxiliary":
-        return _Solver(auxiliary_graded.reflectance, auxiliary_graded.reflectance_and_gradient, auxiliary_graded.split)
+        return _Solver(
+            auxiliary_graded.reflectance,
+            auxiliary_graded.reflectance_and_gradient,
+            auxiliary_graded.split,
+        )
     return _Solver(ordinates.reflectance, sensitivity.reflectance_and_gradient, sensitivity.split)
 
 
@@ -100,49 +109,58 @@ def stack_reflectance_factor(
 ) -> Float[Array, "*batch"]:
     """Reflectance factor pi L_out / E_in of a stack of layers under a smooth interface.
 
-    Collimated unpolarised light falls on a smooth dielectric surface, is refracted, scattered isotropically in
-    homogeneous layers that share one refractive index, reflected by a Lambertian ground and seen, refracted out
-    again, from one direction. The part reflected by the surface itself is not included. Isotropic scattering makes
-    the result independent of azimuth, and the same with incidence and viewing exchanged.
+    Collimated unpolarised light falls on a smooth dielectric surface, is refracted, scattered
+    isotropically in homogeneous layers that share one refractive index, reflected by a Lambertian
+    ground and seen, refracted out again, from one direction. The part reflected by the surface
+    itself is not included. Isotropic scattering makes the result independent of azimuth, and the
+    same with incidence and viewing exchanged.
 
     Args:
-        albedo: single-scattering albedo s/(k + s) of each layer, top first, (..., layers), in [0, 1].
-        optical_thickness: (k + s) times thickness, (..., layers), >= 0. Zero is an absent layer, exactly.
-        substrate_reflectance: of the Lambertian ground, as seen from inside the medium, (...), in [0, 1].
-        refractive_index: of all layers, (...), in [1, 2.5]. A Python number is the fast path: directions are
-            then chosen for it. Under `jax.jit` an index that is traced gets directions good for the whole range.
+        albedo: single-scattering albedo s/(k + s) of each layer, top first, (..., layers), in [0,
+        1]. optical_thickness: (k + s) times thickness, (..., layers), >= 0. Zero is an absent
+        layer, exactly. substrate_reflectance: of the Lambertian ground, as seen from inside the
+        medium, (...), in [0, 1]. refractive_index: of all layers, (...), in [1, 2.5]. A Python
+        number is the fast path: directions are
+            then chosen for it. Under `jax.jit` an index that is traced gets directions good for the
+            whole range.
         cos_incidence: cosine of the angle of incidence in air, (...), in (0, 1].
         cos_viewing: cosine of the viewing angle in air, (...), in (0, 1].
         tolerance: absolute error wanted, a Python number; see Notes.
-        method: "ordinates" (discrete ordinates in even-parity form, `glazejax.radiative.ordinates`) or "auxiliary"
-            (paper A's integral equation on a graded mesh, `glazejax.radiative.auxiliary.graded`: slower, but it shares
-            no approximation with the other, so that each checks the other) or "manyflux" (paper C's layer operators
-            by doubling, `glazejax.radiative.manyflux`, which also takes other phase functions: slower too).
+        method: "ordinates" (discrete ordinates in even-parity form, `glazejax.radiative.ordinates`)
+            or "auxiliary" (paper A's integral equation on a graded mesh,
+            `glazejax.radiative.auxiliary.graded`: slower, but it shares no approximation with the
+            other, so that each checks the other) or "manyflux" (paper C's layer operators by
+            doubling, `glazejax.radiative.manyflux`, which also takes other phase functions: slower
+            too).
 
     Returns:
-        Reflectance factor, shape of the broadcast batch. float64 if x64 is enabled in JAX, else float32.
+        Reflectance factor, shape of the broadcast batch. float64 if x64 is enabled in JAX, else
+        float32.
 
     Raises:
-        ValueError: a value out of range, NaN, shapes that do not broadcast, or an unknown method; the message
-            names the argument and the value. Values that are traced cannot be checked.
+        ValueError: a value out of range, NaN, shapes that do not broadcast, or an unknown method;
+            the message names the argument and the value. Values that are traced cannot be checked.
 
     Notes:
-        `tolerance` picks the number of directions: for an index that is a number by their error in the sums they have
-        to make (`ordinates.resolution`), for an array of indices from a table. Both were calibrated on
-        random stacks of 1 to 5 layers with optical thickness 0.003 to 30, albedo up to 1 - 1e-6, grounds 0 to 1 and
-        cosines 0.05 to 1 at indices from 1 to 2.5 against a run with more than twice the directions, so that the
-        worst of them stays below the tolerance (`python -m benchmarks.calibrate_directions` repeats it). Where light
-        and view both graze a medium of an index near one, inside too, there are more directions, for cosines down to
-        1e-4; a cosine that is traced counts as that. A tolerance below 1e-10 (1e-8 by "auxiliary") is met as that, and
-        a warning says so. In float32, rounding leaves about 1e-5: the default is met as that, and anything below it
-        with a warning.
+        `tolerance` picks the number of directions: for an index that is a number by their error in
+        the sums they have to make (`ordinates.resolution`), for an array of indices from a table.
+        Both were calibrated on random stacks of 1 to 5 layers with optical thickness 0.003 to 30,
+        albedo up to 1 - 1e-6, grounds 0 to 1 and cosines 0.05 to 1 at indices from 1 to 2.5 against
+        a run with more than twice the directions, so that the worst of them stays below the
+        tolerance (`python -m benchmarks.calibrate_directions` repeats it). Where light and view
+        both graze a medium of an index near one, inside too, there are more directions, for cosines
+        down to 1e-4; a cosine that is traced counts as that. A tolerance below 1e-10 (1e-8 by
+        "auxiliary") is met as that, and a warning says so. In float32, rounding leaves about 1e-5:
+        the default is met as that, and anything below it with a warning.
 
-        The derivative by an index of exactly one is the one from above, for there is none below. It is the limit in
-        closed form (method "ordinates"). Just above one, it holds to some hundredths where directions do not follow the
-        surface's rise: up to 1 + 1e-6 at a tolerance of 1e-6, 1 + 1e-8 at 1e-8. The other methods give the derivative
-        at 1.0001 from one up to there.
+        The derivative by an index of exactly one is the one from above, for there is none below. It
+        is the limit in closed form (method "ordinates"). Just above one, it holds to some
+        hundredths where directions do not follow the surface's rise: up to 1 + 1e-6 at a tolerance
+        of 1e-6, 1 + 1e-8 at 1e-8. The other methods give the derivative at 1.0001 from one up to
+        there.
 
-    Source: paper A (Shinozawa et al. 2013), eqs (4)-(22), solved as described in `glazejax.radiative.ordinates.solver`.
+    Source: paper A (Shinozawa et al. 2013), eqs (4)-(22), solved as described in
+    `glazejax.radiative.ordinates.solver`.
     """
     check_given({"cos_viewing": cos_viewing})
     given = _Inputs(
@@ -168,16 +186,18 @@ def stack_hemispherical_reflectance(
 ) -> Float[Array, "*batch"]:
     """Directional-hemispherical reflectance of a stack of layers under a smooth interface.
 
-    Flux that leaves over flux that falls on the surface as a collimated beam, without the part reflected by the
-    surface itself. By reciprocity it is also the hemispherical-directional reflectance factor of a diffusely lit
-    sample seen at the same angle (an integrating sphere d:8 is ``cos_incidence = cos(8 deg)``).
+    Flux that leaves over flux that falls on the surface as a collimated beam, without the part
+    reflected by the surface itself. By reciprocity it is also the hemispherical-directional
+    reflectance factor of a diffusely lit sample seen at the same angle (an integrating sphere d:8
+    is ``cos_incidence = cos(8 deg)``).
 
     Args, raises and notes as for `stack_reflectance_factor`; there is no viewing direction.
 
     Returns:
         Reflectance, shape of the broadcast batch.
 
-    Source: paper A (Shinozawa et al. 2013), eqs (4)-(22), solved as described in `glazejax.radiative.ordinates.solver`.
+    Source: paper A (Shinozawa et al. 2013), eqs (4)-(22), solved as described in
+    `glazejax.radiative.ordinates.solver`.
     """
     given = _Inputs(
         albedo=albedo,
@@ -201,7 +221,8 @@ def split_reflectance_factor(
     tolerance: float = 1e-6,
     method: Method = "ordinates",
 ) -> Split:
-    """Reflectance factor by what the light did last: ground reflection, single and multiple scattering.
+    """Reflectance factor by what the light did last: ground reflection, single and multiple
+    scattering.
 
     Args and raises as for `stack_reflectance_factor`, whose value is the sum of the three.
 
@@ -232,7 +253,8 @@ def split_hemispherical_reflectance(
     tolerance: float = 1e-6,
     method: Method = "ordinates",
 ) -> Split:
-    """Directional-hemispherical reflectance by what the light did last; see `split_reflectance_factor`.
+    """Directional-hemispherical reflectance by what the light did last; see
+    `split_reflectance_factor`.
 
     Args and raises as for `stack_hemispherical_reflectance`, whose value is the sum of the three.
 
@@ -273,18 +295,26 @@ def _evaluate(inputs: _Inputs, tolerance: float, method: str) -> Array:
 def _evaluate_split(inputs: _Inputs, tolerance: float, method: str) -> Split:
     check_choice("method", method, Method)
     if _solver(method).split is None:
-        raise ValueError(f"method {method!r} does not split the reflectance; use 'ordinates' or 'auxiliary'")
+        raise ValueError(
+            f"method {method!r} does not split the reflectance; use 'ordinates' or 'auxiliary'"
+        )
     stack, settings, batch = _prepare(inputs, tolerance, method)
     return jax.tree.map(lambda part: part.reshape(batch), _run_split(stack, settings))
 
 
-def _prepare(inputs: _Inputs, tolerance: float, method: str) -> tuple[Stack, _ProgramSettings, tuple[int, ...]]:
-    """Checked arguments as a flat batch of stacks, what is fixed in the program, and the batch's shape."""
+def _prepare(
+    inputs: _Inputs, tolerance: float, method: str
+) -> tuple[Stack, _ProgramSettings, tuple[int, ...]]:
+    """Checked arguments as a flat batch of stacks, what is fixed in the program, and the batch's
+    shape.
+    """
     check_choice("method", method, Method)
     check_tolerance(tolerance)
     check_values({"refractive_index": inputs.refractive_index})
     fixed = plain_number(inputs.refractive_index)
-    given = batch_of_stacks(inputs._asdict() | ({} if fixed is None else {"refractive_index": None}))
+    given = batch_of_stacks(
+        inputs._asdict() | ({} if fixed is None else {"refractive_index": None})
+    )
     flat, dtype = given.flat(), given.arrays["albedo"].dtype
     index = concrete(inputs.refractive_index)
     if index is None or index.size == 0:
@@ -295,7 +325,14 @@ def _prepare(inputs: _Inputs, tolerance: float, method: str) -> tuple[Stack, _Pr
         high = 1.001  # an array may be differentiated by, and slopes at one are those just above it
     tolerance = _within_reach(tolerance, method, single=dtype == jnp.float32)
     resolution, chunk = _resolve(
-        inputs, method, tolerance, (low, high), fixed, math.prod(given.batch), given.layers, dtype.itemsize
+        inputs,
+        method,
+        tolerance,
+        (low, high),
+        fixed,
+        math.prod(given.batch),
+        given.layers,
+        dtype.itemsize,
     )
     stack = Stack(
         albedo=flat["albedo"],
@@ -325,8 +362,15 @@ def _within_reach(tolerance: float, method: str, *, single: bool) -> float:
     """
     finest = FINEST_SINGLE if single else FINEST[method]
     if tolerance < min(finest, _DEFAULT_TOLERANCE) * (1 - 1e-9):
-        words = "in single precision; enable x64 in JAX for less" if single else f"with method {method!r}"
-        warnings.warn(f"tolerance is {tolerance:g}, but {finest:g} is the least there is {words}", stacklevel=5)
+        words = (
+            "in single precision; enable x64 in JAX for less"
+            if single
+            else f"with method {method!r}"
+        )
+        warnings.warn(
+            f"tolerance is {tolerance:g}, but {finest:g} is the least there is {words}",
+            stacklevel=5,
+        )
     return max(tolerance, finest)
 
 
@@ -340,12 +384,16 @@ def _resolve(
     layers: int,
     itemsize: int,
 ) -> tuple[Any, int]:
-    """The method's own resolution (see `_ProgramSettings`), and how many stacks go through the processor at a time."""
+    """The method's own resolution (see `_ProgramSettings`), and how many stacks go through the
+    processor at a time.
+    """
     if method == "manyflux":
         from .manyflux import method as manyflux_method
 
         cosines = inputs.cos_incidence, inputs.cos_viewing
-        effort = manyflux_method.resolve_effort(tolerance, indices, fixed, inputs.optical_thickness, *cosines)
+        effort = manyflux_method.resolve_effort(
+            tolerance, indices, fixed, inputs.optical_thickness, *cosines
+        )
         each = manyflux_method.bytes_each(effort, layers, itemsize)
         return effort, max(1, chunk_bytes(_CHUNK_BYTES, *inputs) // each)
     if method == "auxiliary":
@@ -357,9 +405,14 @@ def _resolve(
     least = 1.0
     if inputs.cos_viewing is not None:  # Of all that leaves, little grazes; light alone may.
         least = max(smallest_cosine(inputs.cos_incidence), smallest_cosine(inputs.cos_viewing))
-    resolution = resolve(tolerance, *indices, least) if fixed is None else resolve_known(tolerance, fixed, least)
+    resolution = (
+        resolve(tolerance, *indices, least)
+        if fixed is None
+        else resolve_known(tolerance, fixed, least)
+    )
     nodes = resolution.cone + resolution.total
-    # A spectrum goes through in few pieces: the loop over them would cost more than the cache saves.
+    # A spectrum goes through in few pieces: the loop over them would cost more than the cache
+    # saves.
     room = chunk_bytes(_CHUNK_BYTES if size <= _FEW else _ORDINATES_CHUNK_BYTES, *inputs)
     return resolution, max(16, room // ((layers + 3) * nodes**2 * itemsize))
 
@@ -398,13 +451,17 @@ def _some_stacks(stack: Stack, settings: _ProgramSettings, wanted: tuple[str, ..
 
 
 def _reflectance_jvp(settings: _ProgramSettings, primals, tangents):
-    """Derivatives by the stationary form: the gradient of each stack comes with its value, chunk by chunk.
+    """Derivatives by the stationary form: the gradient of each stack comes with its value, chunk by
+    chunk.
 
-    Only what is differentiated by is computed, and nothing but the gradient itself is kept for a reverse pass.
+    Only what is differentiated by is computed, and nothing but the gradient itself is kept for a
+    reverse pass.
     """
     (stack,), (d_stack,) = primals, tangents
     changes = {
-        name: leaf for name, leaf in d_stack._asdict().items() if not isinstance(leaf, SymbolicZero | type(None))
+        name: leaf
+        for name, leaf in d_stack._asdict().items()
+        if not isinstance(leaf, SymbolicZero | type(None))
     }
     value, gradient = on_all_cores(_some_stacks, stack, settings, tuple(changes), least=_MANY)
     tangent = jnp.zeros_like(value)
@@ -416,24 +473,39 @@ def _reflectance_jvp(settings: _ProgramSettings, primals, tangents):
 _reflectance.defjvp(_reflectance_jvp, symbolic_zeros=True)
 
 
-def _with_gradient(stack: Stack, settings: _ProgramSettings, wanted: tuple[str, ...]) -> tuple[Array, dict[str, Array]]:
-    """Reflectance and gradient; but for the default method, slopes by an index of (almost) one are those above it."""
+def _with_gradient(
+    stack: Stack, settings: _ProgramSettings, wanted: tuple[str, ...]
+) -> tuple[Array, dict[str, Array]]:
+    """Reflectance and gradient; but for the default method, slopes by an index of (almost) one are
+    those above it.
+    """
     solve = functools.partial(_solver(settings.method).reflectance_and_gradient, wanted=wanted)
     if "refractive_index" not in wanted or not settings.near_one or settings.method == "ordinates":
         return solve(stack, settings.resolution)
     near = stack.refractive_index < LEAST_SLOPING_INDEX
-    nothing = (jnp.zeros_like(stack.ground), {name: jnp.zeros_like(getattr(stack, name)) for name in wanted})
+    nothing = (
+        jnp.zeros_like(stack.ground),
+        {name: jnp.zeros_like(getattr(stack, name)) for name in wanted},
+    )
 
     def at(lifted: Array):
         index = jnp.where(near & lifted, LEAST_SLOPING_INDEX, stack.refractive_index)
         moved = stack._replace(refractive_index=index)
-        return jax.lax.cond(jnp.any(near) | ~lifted, lambda: solve(moved, settings.resolution), lambda: nothing)
+        return jax.lax.cond(
+            jnp.any(near) | ~lifted, lambda: solve(moved, settings.resolution), lambda: nothing
+        )
 
     # One program run twice, not two programs: compilation takes longer than either.
     value, slopes = jax.lax.map(at, jnp.array([False, True]))
     plain = {name: slope[0] for name, slope in slopes.items()}
-    return value[0], plain | {"refractive_index": jnp.where(near, *slopes["refractive_index"][::-1])}
+    return value[0], plain | {
+        "refractive_index": jnp.where(near, *slopes["refractive_index"][::-1])
+    }
 
 
 def _with_index(stack: Stack, settings: _ProgramSettings) -> Stack:
-    return stack if settings.refractive_index is None else stack._replace(refractive_index=settings.refractive_index)
+    return (
+        stack
+        if settings.refractive_index is None
+        else stack._replace(refractive_index=settings.refractive_index)
+    )

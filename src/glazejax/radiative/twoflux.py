@@ -1,4 +1,5 @@
-"""Kubelka-Munk's two fluxes: what most paint programs compute, for comparison and as a starting point.
+"""Kubelka-Munk's two fluxes: what most paint programs compute, for comparison and as a starting
+point.
 
 K and S are not the k and s of radiative transfer: see `kubelka_munk_from_radiative`.
 """
@@ -17,8 +18,8 @@ def two_flux_layer(
 ) -> tuple[Float[Array, "*batch"], Float[Array, "*batch"]]:
     """Reflectance and transmittance of a layer without surfaces, for diffuse light.
 
-    With a = 1 + K/S and b = sqrt(a^2 - 1), R = sinh(b S d)/(a sinh + b cosh) and T = b/(a sinh + b cosh), written so
-    that K = 0, S = 0 and d = 0 are nothing special and nothing overflows.
+    With a = 1 + K/S and b = sqrt(a^2 - 1), R = sinh(b S d)/(a sinh + b cosh) and T = b/(a sinh + b
+    cosh), written so that K = 0, S = 0 and d = 0 are nothing special and nothing overflows.
 
     Args:
         absorption: K d, (...), >= 0.
@@ -46,7 +47,9 @@ def two_flux_reflectance(
     return reflectance + transmittance**2 * ground / (1.0 - reflectance * ground)
 
 
-def saunderson(reflectance: ArrayLike, outer: ArrayLike = 0.04, inner: ArrayLike = 0.6) -> Float[Array, "*batch"]:
+def saunderson(
+    reflectance: ArrayLike, outer: ArrayLike = 0.04, inner: ArrayLike = 0.6
+) -> Float[Array, "*batch"]:
     """Reflectance in air of paint under a smooth surface, without the surface's own part.
 
     Args:
@@ -80,7 +83,8 @@ def two_flux_slab(absorption: ArrayLike, scattering: ArrayLike) -> TwoFluxSlab:
 
 
 def two_flux_surface(outer: ArrayLike = 0.04, inner: ArrayLike = 0.6) -> TwoFluxSlab:
-    """A smooth surface, air above and paint below: Saunderson's correction as a slab like any other.
+    """A smooth surface, air above and paint below: Saunderson's correction as a slab like any
+    other.
 
     Args:
         outer: Fresnel reflectance for light from the air, (...).
@@ -93,7 +97,8 @@ def two_flux_surface(outer: ArrayLike = 0.04, inner: ArrayLike = 0.6) -> TwoFlux
 def two_flux_join(upper: TwoFluxSlab, lower: TwoFluxSlab) -> TwoFluxSlab:
     """Two slabs as one.
 
-    Source: paper C, equation (14) with its misprints put right; unlike (12) it needs no slab to let light through.
+    Source: paper C, equation (14) with its misprints put right; unlike (12) it needs no slab to let
+    light through.
     """
     between = 1.0 / (1.0 - upper.below * lower.above)
     return TwoFluxSlab(
@@ -105,22 +110,31 @@ def two_flux_join(upper: TwoFluxSlab, lower: TwoFluxSlab) -> TwoFluxSlab:
 
 
 def two_flux_stack(absorption: ArrayLike, scattering: ArrayLike) -> TwoFluxSlab:
-    """Layers on the last axis, top first, joined pairwise in parallel; K d and S d as for `two_flux_layer`."""
-    slabs = jax.tree.map(lambda leaf: jnp.moveaxis(leaf, -1, 0), two_flux_slab(absorption, scattering))
+    """Layers on the last axis, top first, joined pairwise in parallel; K d and S d as for
+    `two_flux_layer`.
+    """
+    slabs = jax.tree.map(
+        lambda leaf: jnp.moveaxis(leaf, -1, 0), two_flux_slab(absorption, scattering)
+    )
     return jax.tree.map(lambda leaf: leaf[-1], jax.lax.associative_scan(two_flux_join, slabs))
 
 
 def two_flux_field(
-    absorption: ArrayLike, scattering: ArrayLike, share: ArrayLike, substrate_reflectance: ArrayLike = 0.0
+    absorption: ArrayLike,
+    scattering: ArrayLike,
+    share: ArrayLike,
+    substrate_reflectance: ArrayLike = 0.0,
 ) -> tuple[Float[Array, "*batch"], Float[Array, "*batch"]]:
-    """Downward and upward flux inside a layer on a ground, for diffuse light of flux one from above, no surface.
+    """Downward and upward flux inside a layer on a ground, for diffuse light of flux one from
+    above, no surface.
 
     Args:
         absorption, scattering: K d and S d of the whole layer, (...), >= 0.
         share: depth over thickness, (...), in [0, 1].
         substrate_reflectance: (...), in [0, 1].
 
-    Source: paper C, equation (9), as the light between the part above and the part below: nothing overflows.
+    Source: paper C, equation (9), as the light between the part above and the part below: nothing
+    overflows.
     """
     k, s, part, ground = jnp.broadcast_arrays(
         *(jnp.asarray(x, float) for x in (absorption, scattering, share, substrate_reflectance))
@@ -132,11 +146,14 @@ def two_flux_field(
 
 
 def transfer_from_slab(slab: TwoFluxSlab) -> Float[Array, "*batch 2 2"]:
-    """Matrix that takes (down, up) above a slab to (down, up) below it; the slab must let light through.
+    """Matrix that takes (down, up) above a slab to (down, up) below it; the slab must let light
+    through.
 
     Source: paper C, equation (12) with A21 = -R21/R22 (printed with R12).
     """
-    first = jnp.stack([slab.down - slab.below * slab.above / slab.up, slab.below / slab.up], axis=-1)
+    first = jnp.stack(
+        [slab.down - slab.below * slab.above / slab.up, slab.below / slab.up], axis=-1
+    )
     return jnp.stack([first, jnp.stack([-slab.above / slab.up, 1.0 / slab.up], axis=-1)], axis=-2)
 
 
@@ -151,10 +168,11 @@ def kubelka_munk_from_radiative(
 ) -> tuple[Array, Array]:
     """Kubelka-Munk's K and S for k and s of radiative transfer: K = 2 k, S = 3 s (1 - g)/4.
 
-    Good where all of this holds (Gate 1974): light falls in diffusely, the layer is thick against 1/(s (1 - g)) and
-    scatters far more than it absorbs, and no surface turns the light back (that is `saunderson`'s part). Against the
-    many-flux solution at g = .5 the reflectance is then off by .3 % at an albedo of .99, by 2 to 4 % below .9, by 3 %
-    at a thickness of 1.5/(s (1 - g)) and by 20 % at a tenth of that: it is the limit of diffusion, a first guess.
+    Good where all of this holds (Gate 1974): light falls in diffusely, the layer is thick against
+    1/(s (1 - g)) and scatters far more than it absorbs, and no surface turns the light back (that
+    is `saunderson`'s part). Against the many-flux solution at g = .5 the reflectance is then off by
+    .3 % at an albedo of .99, by 2 to 4 % below .9, by 3 % at a thickness of 1.5/(s (1 - g)) and by
+    20 % at a tenth of that: it is the limit of diffusion, a first guess.
 
     Args:
         absorption, scattering: k and s, (...), >= 0, in any common unit.
@@ -167,7 +185,8 @@ def kubelka_munk_from_radiative(
 def radiative_from_kubelka_munk(
     absorption: ArrayLike, scattering: ArrayLike, mean_cosine: ArrayLike = 0.0
 ) -> tuple[Array, Array]:
-    """k and s of radiative transfer for K and S: the inverse of `kubelka_munk_from_radiative`, on its conditions.
+    """k and s of radiative transfer for K and S: the inverse of `kubelka_munk_from_radiative`, on
+    its conditions.
 
     K and S fix only s (1 - g): the phase function must be known or be taken to be isotropic.
     """

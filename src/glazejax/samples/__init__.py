@@ -1,14 +1,16 @@
-"""Measured films to try things on: twelve oil paints over a black and a white card, with what is in them.
+"""Measured films to try things on: twelve oil paints over a black and a white card, with what is in
+them.
 
-Reflectance as fractions, 400-700 nm step 10, four rows a film: ``06A_b`` and ``06A_w`` are the bare black and white
-card of film 06A, ``06A_ob`` and ``06A_ow`` its paint over them. The numbers are in `films.csv`, the recipes in
+Reflectance as fractions, 400-700 nm step 10, four rows a film: ``06A_b`` and ``06A_w`` are the bare
+black and white card of film 06A, ``06A_ob`` and ``06A_ow`` its paint over them. The numbers are in
+`films.csv`, the recipes in
 `mixtures.tsv`, source and licence (CC0 1.0) in `SOURCE.md`, beside this file::
 
     glazejax identify "$(python -m glazejax.samples)"
     films = glazefit.read_films(glazejax.samples.path())
 
-The oils of `glazejax.catalogue` were fitted to these films among others: a paint left out of the catalogue is a test of
-identification, the whole catalogue is only a demonstration.
+The oils of `glazejax.catalogue` were fitted to these films among others: a paint left out of the
+catalogue is a test of identification, the whole catalogue is only a demonstration.
 """
 
 import atexit
@@ -22,11 +24,13 @@ _FILES = {"films": "films.csv", "recipes": "mixtures.tsv"}
 
 @functools.cache
 def path(name: str = "films") -> Path:
-    """A file of samples, as a path that lasts as long as the program, also where the package is zipped.
+    """A file of samples, as a path that lasts as long as the program, also where the package is
+    zipped.
 
     Args:
-        name: "films", a table of spectra, four rows a film; or "recipes", a line a film with its paints and weights in
-            percent, ``07F<TAB>ZincWhite-BoneBlack|25.8-74.2``, in the names of the catalogue's oils.
+        name: "films", a table of spectra, four rows a film; or "recipes", a line a film with its
+            paints and weights in percent, ``07F<TAB>ZincWhite-BoneBlack|25.8-74.2``, in the names
+            of the catalogue's oils.
 
     Raises:
         ValueError: there is no file of that name; the message lists them.
@@ -39,7 +43,8 @@ def path(name: str = "films") -> Path:
 
 
 def recipes() -> dict[str, dict[str, float]]:
-    """What the films are made of: name of the film -> paint -> share of the paint's weight; the shares sum to 1.
+    """What the films are made of: name of the film -> paint -> share of the paint's weight; the
+    shares sum to 1.
 
     Example:
         >>> recipes()["14E"]

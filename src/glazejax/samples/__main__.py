@@ -1,4 +1,6 @@
-"""`python -m glazejax.samples` prints where the films are, for a command line; `... recipes` where the recipes are."""
+"""`python -m glazejax.samples` prints where the films are, for a command line; `... recipes` where
+the recipes are.
+"""
 
 import sys
 

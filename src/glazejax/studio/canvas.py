@@ -1,7 +1,9 @@
-"""Brushed coats to pixels: a table of colour over the thickness of each brushed coat, evaluated for all pixels.
+"""Brushed coats to pixels: a table of colour over the thickness of each brushed coat, evaluated for
+all pixels.
 
-The table is `glazejax.interpolated`, as in `glazejax.picture`: computed by the solver at some hundred points to meet a
-colour difference, then read for millions. The page keeps the maps of thickness; it sends those of the box that changed.
+The table is `glazejax.interpolated`, as in `glazejax.picture`: computed by the solver at some
+hundred points to meet a colour difference, then read for millions. The page keeps the maps of
+thickness; it sends those of the box that changed.
 """
 
 import json
@@ -30,7 +32,9 @@ Tell = Callable[[str], None]
 
 
 class Painted(NamedTuple):
-    """Pixels, RGBA in 8 bits, four bytes a number as `wire.pack` carries them, and what is said of them."""
+    """Pixels, RGBA in 8 bits, four bytes a number as `wire.pack` carries them, and what is said of
+    them.
+    """
 
     pixels: Float[np.ndarray, "pixels"]
     words: dict[str, Any]
@@ -43,13 +47,16 @@ class Easel:
         self._engine = engine
         self._tables: dict[str, tuple[Interpolated, np.ndarray]] = {}
 
-    def paint(self, stack: Stack, brushed: Any, maps: dict[str, Any], lamp: Any, tell: Tell) -> Painted:
+    def paint(
+        self, stack: Stack, brushed: Any, maps: dict[str, Any], lamp: Any, tell: Tell
+    ) -> Painted:
         """Colours of pixels.
 
         Args:
             stack: the coats, each as thick everywhere as it says, but those brushed.
-            brushed: coats with a map, counted among those shown, each with the top of its range in micrometres.
-            maps: `0`, `1`, ...: thickness in micrometres of each brushed coat, (pixels,); `side`: 1 where the pixel
+            brushed: coats with a map, counted among those shown, each with the top of its range in
+            micrometres. maps: `0`, `1`, ...: thickness in micrometres of each brushed coat,
+            (pixels,); `side`: 1 where the pixel
                 lies on the black half of a card.
             lamp: of the colours.
             tell: takes words while a table is made.
@@ -60,7 +67,10 @@ class Easel:
         chosen = _chosen(brushed, stack)
         if missing := [n for n in range(len(chosen)) if str(n) not in maps]:
             raise ValueError(f"the map of brushed coat {missing[0]} is missing from the message")
-        columns = {f"coat {i}": np.asarray(maps[str(n)], float).ravel() * 1e-6 for n, (i, _) in enumerate(chosen)}
+        columns = {
+            f"coat {i}": np.asarray(maps[str(n)], float).ravel() * 1e-6
+            for n, (i, _) in enumerate(chosen)
+        }
         tops = {f"coat {i}": top * 1e-6 for i, top in chosen}
         table, white = self._table(stack, tops, lamp, tell)
         count = next(iter(columns.values())).size
@@ -87,8 +97,12 @@ class Easel:
         shown = stack_to_dict(stack)
         counted = [coat for coat in shown["coats"] if not coat.get("hidden")]
         for name in tops:
-            counted[int(name.split()[1])]["um"] = 0  # its own thickness does not matter to the table
-        key = json.dumps([shown, tops, lamp if isinstance(lamp, str) else [lamp[0], *map(list, lamp[1:])]])
+            counted[int(name.split()[1])]["um"] = (
+                0  # its own thickness does not matter to the table
+            )
+        key = json.dumps(
+            [shown, tops, lamp if isinstance(lamp, str) else [lamp[0], *map(list, lamp[1:])]]
+        )
         if key not in self._tables:
             tell("making the canvas's table")
             made = _made(stack, tops, lamp, self._engine.size(stack))
@@ -109,22 +123,35 @@ def warm(engine: Engine) -> None:
 def _chosen(brushed: Any, stack: Stack) -> list[tuple[int, float]]:
     """Brushed coats and the tops of their ranges in micrometres."""
     if not isinstance(brushed, list) or not 1 <= len(brushed) <= MOST_AXES:
-        raise ValueError(f"brush 1 to {MOST_AXES} coats of a canvas; the others lie evenly: wipe one, or hide one")
+        raise ValueError(
+            f"brush 1 to {MOST_AXES} coats of a canvas; the others lie evenly: wipe one, or hide "
+            "one"
+        )
     found = []
     for one in brushed:
         match one:
-            case [int(i), int() | float() as top] if 0 <= i < len(stack.shown) and 0 < top <= MOST_THICK * 1e6:
+            case [int(i), int() | float() as top] if (
+                0 <= i < len(stack.shown) and 0 < top <= MOST_THICK * 1e6
+            ):
                 found.append((i, float(top)))
             case _:
-                raise ValueError(f"a brushed coat is at most {MOST_THICK * 1e6:g} micrometres thick, and is one shown")
+                raise ValueError(
+                    f"a brushed coat is at most {MOST_THICK * 1e6:g} micrometres thick, and is "
+                    "one shown"
+                )
     return found
 
 
-def _made(stack: Stack, tops: dict[str, float], lamp: Any, size: int) -> tuple[Interpolated, Float[np.ndarray, "3"]]:
+def _made(
+    stack: Stack, tops: dict[str, float], lamp: Any, size: int
+) -> tuple[Interpolated, Float[np.ndarray, "3"]]:
     grid, media = common_grid(stack, paints(stack)), stack.media()
     weights = weights_of(lamp, grid)
     white = weights.sum(axis=0)
-    grounds = [np.broadcast_to(np.asarray(one, float), grid.shape) for one in (stack.ground_on(grid), BLACK)]
+    grounds = [
+        np.broadcast_to(np.asarray(one, float), grid.shape)
+        for one in (stack.ground_on(grid), BLACK)
+    ]
     grounds = grounds if stack.ground == "card" else grounds[:1]
     k, s = (coefficients(media, what, grid.size) for what in ("absorption", "scattering"))
     fixed = np.array([coat.total for coat in stack.shown])
@@ -145,7 +172,9 @@ def _made(stack: Stack, tops: dict[str, float], lamp: Any, size: int) -> tuple[I
         return np.stack(sides, axis=1)
 
     def distance(one: Any, two: Any) -> Any:
-        labs = [np.asarray(colour.xyz_to_lab(np.maximum(each, 0), white), float) for each in (one, two)]
+        labs = [
+            np.asarray(colour.xyz_to_lab(np.maximum(each, 0), white), float) for each in (one, two)
+        ]
         return np.max(colour.delta_e_2000(*labs), axis=-1)
 
     ranges = {name: (0.0, top) for name, top in tops.items()}

@@ -17,9 +17,15 @@ def register(app: typer.Typer) -> None:
 def studio(
     stack: Annotated[
         Path | None,
-        typer.Argument(metavar="FILE", help="A stack to begin with, as the studio saves it.", show_default=False),
+        typer.Argument(
+            metavar="FILE",
+            help="A stack to begin with, as the studio saves it.",
+            show_default=False,
+        ),
     ] = None,
-    no_open: Annotated[bool, typer.Option("--no-open", help="Print the link, and open no browser.")] = False,
+    no_open: Annotated[
+        bool, typer.Option("--no-open", help="Print the link, and open no browser.")
+    ] = False,
     port: Annotated[int, typer.Option(help="Port on this computer; 0 for any that is free.")] = 0,
 ) -> None:
     """Stack coats of paint in a browser, and see them at once.
@@ -31,7 +37,9 @@ def studio(
     Example: glazejax studio
     """
     if not 0 <= port <= 65535:
-        raise ValueError(f"--port is {port}; it must be between 0 and 65535, 0 for any that is free")
+        raise ValueError(
+            f"--port is {port}; it must be between 0 and 65535, 0 for any that is free"
+        )
     fragment = "" if stack is None else _fragment(stack)
     from ..commands.main import start_jax
 
@@ -46,7 +54,9 @@ def _fragment(path: Path) -> str:
 
     from ..stacks import read_stack, stack_to_dict
 
-    return "#" + quote(json.dumps(stack_to_dict(read_stack(path)), separators=(",", ":"), ensure_ascii=False))
+    return "#" + quote(
+        json.dumps(stack_to_dict(read_stack(path)), separators=(",", ":"), ensure_ascii=False)
+    )
 
 
 def serve(port: int, fragment: str, *, open_browser: bool) -> None:
@@ -56,8 +66,13 @@ def serve(port: int, fragment: str, *, open_browser: bool) -> None:
     try:
         server = Studio(port)
     except OSError as error:
-        raise ValueError(f"--port {port} cannot be used ({error.strerror}); leave it out for a free one") from None
-    typer.echo(f"The studio is at {server.link}{fragment}\nThe link is yours alone. Ctrl-C ends the studio.")
+        raise ValueError(
+            f"--port {port} cannot be used ({error.strerror}); leave it out for a free one"
+        ) from None
+    typer.echo(
+        f"The studio is at {server.link}{fragment}\nThe link is yours alone. Ctrl-C ends the "
+        "studio."
+    )
     if open_browser:
         import threading
         import webbrowser

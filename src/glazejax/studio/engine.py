@@ -1,8 +1,10 @@
-"""What a stack looks like: spectra by glazejax's solver, in few shapes so that few programs are compiled.
+"""What a stack looks like: spectra by glazejax's solver, in few shapes so that few programs are
+compiled.
 
-All that one change asks for is one call: the stack on its ground, on white and on black, the bare grounds, the stack at
-another angle, a ladder of coats, and the stack with each coefficient a little larger, for the 90 % band. Stacks are
-filled up with coats of no thickness, which are absent exactly, to 1, 3 or 8.
+All that one change asks for is one call: the stack on its ground, on white and on black, the bare
+grounds, the stack at another angle, a ladder of coats, and the stack with each coefficient a little
+larger, for the 90 % band. Stacks are filled up with coats of no thickness, which are absent
+exactly, to 1, 3 or 8.
 """
 
 import threading
@@ -35,14 +37,16 @@ GAMUT = 0.002
 """How far outside [0, 1] sRGB may lie and still count as shown: half a step of 255."""
 # Numbers of bands that spectra are filled up to.
 _BANDS = (31, 41, 81, 161, 401, 1000)
-# Relative step of k and s for their slopes, and standard deviations to the ends of the central 90 %.
+# Relative step of k and s for their slopes, and standard deviations to the ends of the central 90
+# %.
 _STEP = 0.01
 NINETY = 1.6448536269514722
 # Stacks whose media are kept.
 _KEPT = 64
 _COEFFICIENTS = ("absorption", "scattering")
 _TINY = 1e-30
-# Rows of the batch: the stack on its ground, white and black, at another angle, and the three bare grounds.
+# Rows of the batch: the stack on its ground, white and black, at another angle, and the three bare
+# grounds.
 _ON_GROUND, _ON_WHITE, _ON_BLACK, _ANGLE, _BARE, _STEPS = 0, 1, 2, 3, 4, 7
 _FIXED = _STEPS + len(LADDER)
 
@@ -51,13 +55,15 @@ class View(NamedTuple):
     """How a stack is looked at.
 
     Attributes:
-        lamps: names of illuminants, or (name, wavelengths, power) of one's own; the first is the main one.
-        light, view: angles of the second geometry, degrees.
+        lamps: names of illuminants, or (name, wavelengths, power) of one's own; the first is the
+        main one. light, view: angles of the second geometry, degrees.
         repeated: the coat that the ladder repeats, counted from the top among those shown.
         pinned: L*a*b* of the reference, or None.
     """
 
-    lamps: tuple[str | tuple[str, Float[np.ndarray, "lamp"], Float[np.ndarray, "lamp"]], ...] = ("D65",)
+    lamps: tuple[str | tuple[str, Float[np.ndarray, "lamp"], Float[np.ndarray, "lamp"]], ...] = (
+        "D65",
+    )
     light: float = 45.0
     view: float = 60.0
     repeated: int = 0
@@ -88,7 +94,10 @@ class Engine:
         """
         count = len(stack.shown)
         if count > SIZES[-1]:
-            raise ValueError(f"{count} coats are shown (a ground that hides is one); hide some: {SIZES[-1]} at most")
+            raise ValueError(
+                f"{count} coats are shown (a ground that hides is one); hide some: {SIZES[-1]} "
+                "at most"
+            )
         return next(size for size in SIZES if size >= count)
 
     def compiles(self, stack: Stack) -> str:
@@ -103,10 +112,12 @@ class Engine:
         """Spectra and colours of a stack.
 
         Returns:
-            arrays: `wavelengths` (bands,); `spectra` (7, bands): the stack on its ground, on white, on black, on its
-            ground at the view's angles, then bare ground, white and black; `sd` (bands,), empty where it is not known;
-            `ladder` (8, bands); `rgb`, `encoded` (lamps, 15, 3): 8-bit and unclipped sRGB of these spectra and the
-            ladder's; `lab` (lamps, 3); `delta` (1,), CIEDE2000 to the pinned colour under the first lamp, or empty.
+            arrays: `wavelengths` (bands,); `spectra` (7, bands): the stack on its ground, on white,
+            on black, on its ground at the view's angles, then bare ground, white and black; `sd`
+            (bands,), empty where it is not known;
+            `ladder` (8, bands); `rgb`, `encoded` (lamps, 15, 3): 8-bit and unclipped sRGB of these
+            spectra and the ladder's; `lab` (lamps, 3); `delta` (1,), CIEDE2000 to the pinned colour
+            under the first lamp, or empty.
 
         Raises:
             ValueError: too many coats, an unknown lamp, or one that does not suit the spectra.
@@ -117,17 +128,30 @@ class Engine:
         thickness = np.array([coat.total for coat in stack.shown])
         grounds = _grounds(stack, grid)
         key = self._key(stack, grid.size)
-        spectra = self.solve(key, *_rows(k, s, thickness, grounds, view, key), stack, view)[:, : grid.size]
+        spectra = self.solve(key, *_rows(k, s, thickness, grounds, view, key), stack, view)[
+            :, : grid.size
+        ]
         seen, ladder = spectra[:_STEPS], spectra[_STEPS:_FIXED]
-        slopes = (spectra[_FIXED:].reshape(2, key[0], -1)[:, : len(media)] - seen[_ON_GROUND]) / _STEP
+        slopes = (
+            spectra[_FIXED:].reshape(2, key[0], -1)[:, : len(media)] - seen[_ON_GROUND]
+        ) / _STEP
         sd, why = deviation(media, slopes)
-        words = {"rest": why, "coats": [coat.name for coat in stack.shown], "geometry": stack.seen_by.describe()}
+        words = {
+            "rest": why,
+            "coats": [coat.name for coat in stack.shown],
+            "geometry": stack.seen_by.describe(),
+        }
         arrays = {"wavelengths": grid, "spectra": seen, "sd": sd, "ladder": ladder}
         return Seen(words, arrays | _colours(np.concatenate([seen, ladder]), weights, stack, view))
 
     def _media(self, stack: Stack) -> tuple[Float[np.ndarray, "bands"], list[Pigment | Mixture]]:
-        """Wavelengths and media of a stack; those of the last few are kept, for a slider changes thicknesses alone."""
-        key = (tuple(coat.parts for coat in stack.shown), stack.ground if isinstance(stack.ground, str) else "")
+        """Wavelengths and media of a stack; those of the last few are kept, for a slider changes
+        thicknesses alone.
+        """
+        key = (
+            tuple(coat.parts for coat in stack.shown),
+            stack.ground if isinstance(stack.ground, str) else "",
+        )
         if stack.pigments or isinstance(stack.ground, Spectrum):
             return common_grid(stack, paints(stack)), stack.media()
         if key not in self._kept:
@@ -145,7 +169,9 @@ class Engine:
         stack: Stack,
         view: View,
     ) -> Float[np.ndarray, "rows bands"]:
-        """Spectra of a batch as `rows_of` has it; who comes while its program is compiled waits for it."""
+        """Spectra of a batch as `rows_of` has it; who comes while its program is compiled waits for
+        it.
+        """
         light, seen = _angles(stack.seen_by, view, len(depth))
         with self._locks[key]:
             spectra = spectra_of(both, depth, ground, stack, light, seen)
@@ -173,9 +199,13 @@ def rows_of(size: int) -> int:
     return _FIXED + 2 * size
 
 
-def coefficients(media: Sequence[Pigment | Mixture], what: str, bands: int) -> Float[np.ndarray, "coats bands"]:
+def coefficients(
+    media: Sequence[Pigment | Mixture], what: str, bands: int
+) -> Float[np.ndarray, "coats bands"]:
     """k or s of coats, 1/m."""
-    return np.array([np.asarray(getattr(medium, what), float) for medium in media]).reshape(-1, bands)
+    return np.array([np.asarray(getattr(medium, what), float) for medium in media]).reshape(
+        -1, bands
+    )
 
 
 def _grounds(stack: Stack, grid: Float[np.ndarray, "bands"]) -> Float[np.ndarray, "3 bands"]:
@@ -191,7 +221,11 @@ def _rows(
     grounds: Float[np.ndarray, "3 bands"],
     view: View,
     key: Key,
-) -> tuple[Float[np.ndarray, "2 rows most size"], Float[np.ndarray, "rows size"], Float[np.ndarray, "rows most"]]:
+) -> tuple[
+    Float[np.ndarray, "2 rows most size"],
+    Float[np.ndarray, "rows size"],
+    Float[np.ndarray, "rows most"],
+]:
     """All rows of the batch, see the module: k and s, thicknesses, and grounds."""
     (size, most, _), (coats, bands) = key, k.shape
     rows = rows_of(size)
@@ -200,7 +234,9 @@ def _rows(
     depth[_BARE:_STEPS] = 0.0
     if coats:
         repeated = min(view.repeated, coats - 1)
-        depth[_STEPS:_FIXED, repeated] = np.minimum(np.array(LADDER) * thickness[repeated], MAX_THICKNESS)
+        depth[_STEPS:_FIXED, repeated] = np.minimum(
+            np.array(LADDER) * thickness[repeated], MAX_THICKNESS
+        )
     ground = np.broadcast_to(grounds[0], (rows, bands)).copy()
     ground[[_ON_WHITE, _ON_BLACK]] = grounds[1:]
     ground[_BARE:_STEPS] = grounds
@@ -241,21 +277,34 @@ def spectra_of(
         cosines["cos_viewing"] = np.cos(np.deg2rad(seen))[:, None]
         solve, mirrored = stack_reflectance_factor, light == seen
     index = stack.refractive_index
-    found = solve(albedo, extinction * depth[:, None], ground, refractive_index=index, tolerance=TOLERANCE, **cosines)
+    found = solve(
+        albedo,
+        extinction * depth[:, None],
+        ground,
+        refractive_index=index,
+        tolerance=TOLERANCE,
+        **cosines,
+    )
     if not stack.seen_by.specular or not mirrored.any():
         return np.asarray(found, float)
-    surface = np.asarray(dielectric_reflectance(jnp.asarray(cosines["cos_incidence"]), jnp.asarray(index)), float)
+    surface = np.asarray(
+        dielectric_reflectance(jnp.asarray(cosines["cos_incidence"]), jnp.asarray(index)), float
+    )
     return np.asarray(found, float) + np.where(mirrored[:, None], surface, 0.0)
 
 
-def _angles(main: Geometry, view: View, rows: int) -> tuple[Float[np.ndarray, "rows"], Float[np.ndarray, "rows"]]:
+def _angles(
+    main: Geometry, view: View, rows: int
+) -> tuple[Float[np.ndarray, "rows"], Float[np.ndarray, "rows"]]:
     """Light and view of the stack's geometry in every row but one."""
     light, seen = alike_angles(main, rows)
     light[_ANGLE], seen[_ANGLE] = view.light, view.view
     return light, seen
 
 
-def alike_angles(main: Geometry, rows: int) -> tuple[Float[np.ndarray, "rows"], Float[np.ndarray, "rows"]]:
+def alike_angles(
+    main: Geometry, rows: int
+) -> tuple[Float[np.ndarray, "rows"], Float[np.ndarray, "rows"]]:
     """Light and view of a geometry in every row, degrees."""
     seen = float(np.asarray(main.viewing)) if isinstance(main, Bidirectional) else 0.0
     return np.full(rows, float(np.asarray(main.incidence))), np.full(rows, seen)
@@ -264,16 +313,17 @@ def alike_angles(main: Geometry, rows: int) -> tuple[Float[np.ndarray, "rows"], 
 def deviation(
     media: Sequence[Pigment | Mixture], slopes: Float[np.ndarray, "2 coats bands"]
 ) -> tuple[Float[np.ndarray, "known"], str]:
-    """Standard deviation of a spectrum by what is not known of its paints, to first order in log k and log s.
+    """Standard deviation of a spectrum by what is not known of its paints, to first order in log k
+    and log s.
 
     Args:
         media: of the coats.
         slopes: of the spectrum, by log k and log s of each coat.
 
     Returns:
-        Standard deviations, and why there are none: empty, and a sentence, where a paint does not state its own.
-        Paints of one provenance share their errors (`Pigment.error_modes`); where a paint has standard deviations
-        alone, its bands count as independent.
+        Standard deviations, and why there are none: empty, and a sentence, where a paint does not
+        state its own. Paints of one provenance share their errors (`Pigment.error_modes`); where a
+        paint has standard deviations alone, its bands count as independent.
     """
     shared: dict[str, Any] = {}
     alone: dict[tuple[int, int], Any] = {}
@@ -306,17 +356,26 @@ def deviation(
 def _parts(medium: Pigment | Mixture) -> list[tuple[Pigment, float]]:
     """Paints of a coat and their weights."""
     if isinstance(medium, Mixture):
-        return [(p, float(w)) for p, w in zip(medium.pigments, np.asarray(medium.weights), strict=True)]
+        return [
+            (p, float(w)) for p, w in zip(medium.pigments, np.asarray(medium.weights), strict=True)
+        ]
     return [(medium, 1.0)]
 
 
 def weights_of(lamp: Any, grid: Float[np.ndarray, "bands"]) -> Float[np.ndarray, "bands 3"]:
     """XYZ of a lamp by its name, or of one's own as `View.lamps` has it."""
-    return colour.colour_weights(grid, lamp) if isinstance(lamp, str) else colour.lamp_weights(grid, *lamp[1:])
+    return (
+        colour.colour_weights(grid, lamp)
+        if isinstance(lamp, str)
+        else colour.lamp_weights(grid, *lamp[1:])
+    )
 
 
 def _colours(
-    spectra: Float[np.ndarray, "rows bands"], weights: list[Float[np.ndarray, "bands 3"]], stack: Stack, view: View
+    spectra: Float[np.ndarray, "rows bands"],
+    weights: list[Float[np.ndarray, "bands 3"]],
+    stack: Stack,
+    view: View,
 ) -> dict[str, Float[np.ndarray, "..."]]:
     """8-bit and unclipped sRGB, L*a*b*, and the difference to the pinned colour."""
     rgb, encoded, lab = [], [], []
@@ -328,4 +387,9 @@ def _colours(
     delta = np.zeros(0)
     if view.pinned is not None:
         delta = np.atleast_1d(np.asarray(colour.delta_e_2000(np.array(view.pinned), lab[0])))
-    return {"rgb": np.array(rgb), "encoded": np.array(encoded), "lab": np.array(lab), "delta": delta}
+    return {
+        "rgb": np.array(rgb),
+        "encoded": np.array(encoded),
+        "lab": np.array(lab),
+        "delta": delta,
+    }

@@ -1,8 +1,9 @@
-"""Searches that take long, each in a process of its own: the page stays quick, and a search can be stopped at once.
+"""Searches that take long, each in a process of its own: the page stays quick, and a search can be
+stopped at once.
 
-What can be searched is registered as entry points `glazejax.studio`, so that this package never imports the inverse
-one: name -> ``module:function`` of (what is asked for, report) -> result, all plain JSON. A process that is done waits
-for the next search, with its programs compiled.
+What can be searched is registered as entry points `glazejax.studio`, so that this package never
+imports the inverse one: name -> ``module:function`` of (what is asked for, report) -> result, all
+plain JSON. A process that is done waits for the next search, with its programs compiled.
 """
 
 import json
@@ -52,7 +53,10 @@ class Jobs:
             ValueError: the search is not installed, or enough of them run.
         """
         if task not in self.tasks:
-            raise ValueError(f"{task!r} is not installed here; there are {', '.join(sorted(self.tasks)) or 'none'}")
+            raise ValueError(
+                f"{task!r} is not installed here; there are "
+                f"{', '.join(sorted(self.tasks)) or 'none'}"
+            )
         with self._lock:
             if name in self._running:
                 raise ValueError("this search runs already; stop it first")
@@ -61,11 +65,15 @@ class Jobs:
             process = self._idle.pop() if self._idle else _process()
             self._running[name] = process
             self._tells[name] = tell
-        threading.Thread(target=self._follow, args=(name, task, given, process), daemon=True).start()
+        threading.Thread(
+            target=self._follow, args=(name, task, given, process), daemon=True
+        ).start()
         return name
 
     def leave(self, page: str) -> None:
-        """A page is gone: its searches, named by it first, go on for a while, and their answers are kept."""
+        """A page is gone: its searches, named by it first, go on for a while, and their answers are
+        kept.
+        """
         with self._lock:
             names = [name for name in self._tells if name.startswith(f"{page} ")]
             for name in names:
@@ -75,10 +83,16 @@ class Jobs:
             timer.daemon = True
             timer.start()
 
-    def come_back(self, page: str, tell_for: Callable[[str], Tell]) -> tuple[list[str], Callable[[], None]]:
-        """A page is there again: names of its searches, and what hands it the answers that came meanwhile."""
+    def come_back(
+        self, page: str, tell_for: Callable[[str], Tell]
+    ) -> tuple[list[str], Callable[[], None]]:
+        """A page is there again: names of its searches, and what hands it the answers that came
+        meanwhile.
+        """
         with self._lock:
-            names = [name for name in (*self._running, *self._unheard) if name.startswith(f"{page} ")]
+            names = [
+                name for name in (*self._running, *self._unheard) if name.startswith(f"{page} ")
+            ]
             kept = {name: self._unheard.pop(name) for name in names if name in self._unheard}
             for name in names:
                 if name not in kept:
@@ -125,14 +139,20 @@ class Jobs:
             process.kill()
             process.wait()
 
-    def _follow(self, name: str, task: str, given: Mapping[str, Any], process: subprocess.Popen[str]) -> None:
+    def _follow(
+        self, name: str, task: str, given: Mapping[str, Any], process: subprocess.Popen[str]
+    ) -> None:
         """Hand a search to its process, and its answers on."""
         began, words = time.monotonic(), ["starting"]
         done = threading.Event()
 
         def beat() -> None:
             while not done.wait(_BEAT):
-                told = {"seconds": time.monotonic() - began, "words": words[0], "usual": self._took.get(task)}
+                told = {
+                    "seconds": time.monotonic() - began,
+                    "words": words[0],
+                    "usual": self._took.get(task),
+                }
                 self._tell(name, {"progress": told})
 
         threading.Thread(target=beat, daemon=True).start()
@@ -160,7 +180,13 @@ class Jobs:
             return
         if answer is None:
             self._tell(
-                name, {"error": f"the search ended before it was done (exit status {process.wait()}); try it again"}
+                name,
+                {
+                    "error": (
+                        f"the search ended before it was done (exit status {process.wait()}); "
+                        "try it again"
+                    )
+                },
             )
             return
         if "result" in answer:

@@ -7,7 +7,8 @@ from ..stacks import Hiding, Spectrum, Stack
 def of(stack: Stack) -> str:
     """A program that prints the stack's spectrum and colour.
 
-    Own paints and measured grounds are numbers that no ten lines hold: there the program reads the stack's file.
+    Own paints and measured grounds are numbers that no ten lines hold: there the program reads the
+    stack's file.
     """
     head = ["import glazejax as gj"]
     if stack.pigments or isinstance(stack.ground, Spectrum) or not stack.shown:
@@ -28,7 +29,10 @@ def of(stack: Stack) -> str:
     level = f"{stack.level():g}" if not isinstance(stack.ground, Hiding) else "0.5"
     note = "  # the white half of the card" if stack.ground == "card" else ""
     layers = [f"    gj.Layer({_medium(coat)}, {coat.total:.6g})," for coat in stack.shown]
-    geometry = f'from glazejax.geometry import parse_geometry\nseen_by = parse_geometry("{stack.geometry}")'
+    geometry = (
+        "from glazejax.geometry import parse_geometry\nseen_by = "
+        f'parse_geometry("{stack.geometry}")'
+    )
     return "\n".join(
         [
             *head,

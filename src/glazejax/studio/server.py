@@ -1,7 +1,8 @@
 """The studio's door: a page and a socket, for this computer alone.
 
-It listens on 127.0.0.1. The link carries a token, without which nothing is answered; Host and Origin of every request
-must be this server's own; the page may load nothing from elsewhere (Content-Security-Policy). Nothing is written.
+It listens on 127.0.0.1. The link carries a token, without which nothing is answered; Host and
+Origin of every request must be this server's own; the page may load nothing from elsewhere
+(Content-Security-Policy). Nothing is written.
 """
 
 import asyncio
@@ -21,7 +22,12 @@ from .session import Session
 from .wire import MOST_BYTES, pack
 
 HOST = "127.0.0.1"
-_KINDS = {".html": "text/html", ".js": "text/javascript", ".css": "text/css", ".svg": "image/svg+xml"}
+_KINDS = {
+    ".html": "text/html",
+    ".js": "text/javascript",
+    ".css": "text/css",
+    ".svg": "image/svg+xml",
+}
 
 
 class Studio:
@@ -91,12 +97,20 @@ class Studio:
     def refusal(self, headers: Any, token: str, *, socket: bool) -> str:
         """Why a request is refused, in words; empty if it is not."""
         if headers.get("host") not in self._hosts:
-            return "This studio answers to its own address only; open the link that glazejax studio printed."
+            return (
+                "This studio answers to its own address only; open the link that glazejax studio "
+                "printed."
+            )
         origin = headers.get("origin")
-        if (socket or origin is not None) and origin not in {f"http://{host}" for host in self._hosts}:
+        if (socket or origin is not None) and origin not in {
+            f"http://{host}" for host in self._hosts
+        }:
             return "This studio answers its own page only."
         if not secrets.compare_digest(token.encode(), self.token.encode()):
-            return "The link's token is not this studio's; open the link that glazejax studio printed last."
+            return (
+                "The link's token is not this studio's; open the link that glazejax studio "
+                "printed last."
+            )
         return ""
 
     def app(self) -> Any:
@@ -164,7 +178,15 @@ class Studio:
                         break
                     given = message.get("bytes") or message.get("text") or ""
                     if len(waiting) > 50:
-                        send(pack({"type": "error", "about": "", "words": "too many messages wait for an answer"}))
+                        send(
+                            pack(
+                                {
+                                    "type": "error",
+                                    "about": "",
+                                    "words": "too many messages wait for an answer",
+                                }
+                            )
+                        )
                         continue
                     task = loop.run_in_executor(pool, session.handle, given)
                     waiting.add(task)

@@ -1,8 +1,10 @@
-"""What a page asks, and what it is answered: one `Session` a page, the same over a socket and in a notebook.
+"""What a page asks, and what it is answered: one `Session` a page, the same over a socket and in a
+notebook.
 
-A session keeps nothing that the page does not have: every question brings its stack, so that a page that comes back
-after a lost connection has lost nothing. Answers are bytes as `wire.pack` makes them. What is wrong with a question is
-one sentence, `{"type": "error", "about": ..., "words": ...}`.
+A session keeps nothing that the page does not have: every question brings its stack, so that a page
+that comes back after a lost connection has lost nothing. Answers are bytes as `wire.pack` makes
+them. What is wrong with a question is one sentence, `{"type": "error", "about": ..., "words":
+...}`.
 """
 
 import threading
@@ -61,7 +63,10 @@ class Session:
         except (ValueError, ModuleNotFoundError) as error:
             self.tell({"type": "error", "about": about, "number": number, "words": str(error)})
         except Exception as error:  # A page must hear of a fault, whatever it is.
-            words = f"the studio failed at this ({type(error).__name__}: {error}); what you made is kept"
+            words = (
+                f"the studio failed at this ({type(error).__name__}: {error}); what you made is "
+                "kept"
+            )
             self.tell({"type": "error", "about": about, "number": number, "words": words})
 
     def close(self) -> None:
@@ -95,7 +100,9 @@ class Session:
             try:
                 found = shelf.swatches(self.engine, list(group.values()))
             except ValueError as error:  # Bands that give no colour.
-                self.tell({"type": "error", "about": "shelf", "words": f"{', '.join(group)}: {error}"})
+                self.tell(
+                    {"type": "error", "about": "shelf", "words": f"{', '.join(group)}: {error}"}
+                )
                 continue
             self.tell({"type": "shelf", "names": list(group)}, found)
 
@@ -135,9 +142,17 @@ class Session:
         """A dropped file: paints, films, or spectra."""
         name = str(header.get("name", "the file"))[:200]
         if len(rest) > MOST_FILE:
-            raise ValueError(f"{name} has {len(rest) >> 20} MB; the studio takes files of {MOST_FILE >> 20} MB at most")
+            raise ValueError(
+                f"{name} has {len(rest) >> 20} MB; the studio takes files of {MOST_FILE >> 20} "
+                "MB at most"
+            )
         found = upload.read(name, rest)
-        told: dict[str, Any] = {"type": "file", "name": name, "kind": found.kind, "notes": list(found.notes)}
+        told: dict[str, Any] = {
+            "type": "file",
+            "name": name,
+            "kind": found.kind,
+            "notes": list(found.notes),
+        }
         if found.kind == "paints":
             told["pigments"] = found.content
             told["entries"] = [shelf.entry(paint.name, paint) for paint in found.paints.values()]
@@ -147,7 +162,11 @@ class Session:
         table = found.table
         assert table is not None
         grid = np.asarray(table.wavelengths, float)
-        told |= {"names": list(table.names), "words": describe_grid(grid), "films": found.kind == "films"}
+        told |= {
+            "names": list(table.names),
+            "words": describe_grid(grid),
+            "films": found.kind == "films",
+        }
         arrays = {"wavelengths": grid, "reflectance": np.asarray(table.reflectance, float)}
         try:
             weights = colour.colour_weights(grid)
@@ -164,9 +183,18 @@ class Session:
         began, stack = time.perf_counter(), _stack(header)
         lamp = _view(header.get("view", {})).lamps[0]
         told = self._easel.paint(
-            stack, header.get("coats", []), arrays, lamp, lambda words: self.tell({"type": "status", "words": words})
+            stack,
+            header.get("coats", []),
+            arrays,
+            lamp,
+            lambda words: self.tell({"type": "status", "words": words}),
         )
-        words = {"type": "painted", "number": header.get("number"), "box": header.get("box"), **told.words}
+        words = {
+            "type": "painted",
+            "number": header.get("number"),
+            "box": header.get("box"),
+            **told.words,
+        }
         self.tell(words | {"ms": 1e3 * (time.perf_counter() - began)}, {"rgba": told.pixels})
 
     def _on_start(self, header: dict[str, Any], arrays: Any, rest: bytes) -> None:
@@ -209,7 +237,10 @@ def _view(given: Any) -> View:
     angles = [given.get("light", 45.0), given.get("view", 60.0)]
     for angle in angles:
         if not isinstance(angle, int | float) or not 0 <= angle <= 85:
-            raise ValueError(f"an angle is {angle!r}; light and view lie between 0 and 85 degrees from the normal")
+            raise ValueError(
+                f"an angle is {angle!r}; light and view lie between 0 and 85 degrees from the "
+                "normal"
+            )
     pinned = given.get("pinned")
     if pinned is not None:
         match pinned:
@@ -222,7 +253,11 @@ def _view(given: Any) -> View:
     repeated = given.get("repeated", 0)
     repeated = repeated if isinstance(repeated, int) and repeated >= 0 else 0
     return View(
-        lamps=tuple(map(_lamp, lamps)), light=float(angles[0]), view=float(angles[1]), repeated=repeated, pinned=pinned
+        lamps=tuple(map(_lamp, lamps)),
+        light=float(angles[0]),
+        view=float(angles[1]),
+        repeated=repeated,
+        pinned=pinned,
     )
 
 
@@ -230,8 +265,8 @@ def _lamp(given: Any) -> Any:
     if isinstance(given, str):
         return colour.find_illuminant(given)
     match given:
-        case {"name": str(name), "wavelengths": [*grid], "power": [*power]} if len(grid) <= 2000 and all(
-            isinstance(value, int | float) for value in (*grid, *power)
-        ):
+        case {"name": str(name), "wavelengths": [*grid], "power": [*power]} if len(
+            grid
+        ) <= 2000 and all(isinstance(value, int | float) for value in (*grid, *power)):
             return name, np.array(grid, float), np.array(power, float)
     raise ValueError("a lamp is a name such as D65, or has a name, wavelengths and power")

@@ -1,4 +1,6 @@
-"""Paints on the shelf: what they look like, thick and as a thin glaze over white, and what is not known of them."""
+"""Paints on the shelf: what they look like, thick and as a thin glaze over white, and what is not
+known of them.
+"""
 
 import re
 from collections.abc import Mapping, Sequence
@@ -30,7 +32,9 @@ def entry(name: str, paint: Pigment) -> dict[str, Any]:
         "group": _group(name, paint),
         "provenance": paint.provenance or "no provenance is stated",
         "bands": describe_grid(paint.wavelengths),
-        "unknown": "" if known is None or known.all() else describe_bands(paint.wavelengths, ~known),
+        "unknown": ""
+        if known is None or known.all()
+        else describe_bands(paint.wavelengths, ~known),
         "sure": paint.error_modes is not None or paint.absorption_sd is not None,
     }
 
@@ -51,7 +55,9 @@ def _group(name: str, paint: Pigment) -> str:
 def doubts(stack: Stack) -> list[str]:
     """Sentences on paints of the shown coats of which measurements do not tell k and s apart."""
     shelf, found = paints(stack), []
-    for name in dict.fromkeys(name for coat in stack.shown for weight, name in coat.parts if weight > 0):
+    for name in dict.fromkeys(
+        name for coat in stack.shown for weight, name in coat.parts if weight > 0
+    ):
         paint = shelf[name]
         if paint.identifiable is not None and not paint.identifiable.all():
             bands = describe_bands(paint.wavelengths, ~paint.identifiable)
@@ -75,17 +81,23 @@ def swatches(engine: Engine, some: Sequence[Pigment]) -> dict[str, Float[np.ndar
         chosen = some[at : at + most]
         both, depth = np.zeros((2, rows, key[1], _SIZE)), np.zeros((rows, _SIZE))
         for i, paint in enumerate(chosen):
-            k_and_s = np.stack([np.asarray(paint.absorption, float), np.asarray(paint.scattering, float)])[:, columns]
+            k_and_s = np.stack(
+                [np.asarray(paint.absorption, float), np.asarray(paint.scattering, float)]
+            )[:, columns]
             for row, thickness in ((i, MAX_THICKNESS), (most + i, THIN)):
                 both[:, row, :, 0] = k_and_s
                 depth[row, 0] = thickness
         ground = np.full((rows, key[1]), WHITE)
-        spectra = engine.solve(key, both, depth, ground, Stack(()), View(light=45.0, view=0.0))[:, : grid.size]
+        spectra = engine.solve(key, both, depth, ground, Stack(()), View(light=45.0, view=0.0))[
+            :, : grid.size
+        ]
         for half in (0, 1):
             xyz = spectra[half * most : half * most + len(chosen)] @ weights
             encoded = np.asarray(colour.xyz_to_srgb(xyz, weights.sum(axis=0), clip=False), float)
             found[half, at : at + most] = np.round(255 * np.clip(encoded, 0, 1))
-            outside[at : at + most, half] = np.any((encoded < -GAMUT) | (encoded > 1 + GAMUT), axis=1)
+            outside[at : at + most, half] = np.any(
+                (encoded < -GAMUT) | (encoded > 1 + GAMUT), axis=1
+            )
     return {"thick": found[0], "thin": found[1], "outside": outside}
 
 

@@ -20,8 +20,8 @@ class Upload(NamedTuple):
     """What a file holds.
 
     Attributes:
-        kind: "paints", "films" (spectra over a black and a white card, four rows each) or "spectra".
-        paints: by name; own names that a catalogue has too get " (own)".
+        kind: "paints", "films" (spectra over a black and a white card, four rows each) or
+        "spectra". paints: by name; own names that a catalogue has too get " (own)".
         content: the same as JSON.
         table: of films or spectra.
         notes: of the reader.
@@ -43,12 +43,18 @@ def read(name: str, content: bytes) -> Upload:
     if not content.strip():
         raise ValueError(f"{name} is empty")
     head = content[: 1 << 16].decode("utf-8", "replace")
-    first = next((line for line in head.splitlines() if line.strip() and not line.startswith("#")), "")
-    if {"pigment", "absorption", "scattering"} <= {cell.strip() for cell in first.lstrip("\ufeff").split(",")}:
+    first = next(
+        (line for line in head.splitlines() if line.strip() and not line.startswith("#")), ""
+    )
+    if {"pigment", "absorption", "scattering"} <= {
+        cell.strip() for cell in first.lstrip("\ufeff").split(",")
+    }:
         with as_path(name, content) as path:
             found = read_pigments(path)
         if len(found) > _MOST_PAINTS:
-            raise ValueError(f"{name} holds {len(found)} paints; the studio takes {_MOST_PAINTS} at once")
+            raise ValueError(
+                f"{name} holds {len(found)} paints; the studio takes {_MOST_PAINTS} at once"
+            )
         paints = own_names(found)
         return Upload(
             kind="paints",
@@ -60,13 +66,21 @@ def read(name: str, content: bytes) -> Upload:
     with as_path(name, content) as path:
         table = read_spectra(path)
     if len(table.names) > _MOST_SPECTRA:
-        raise ValueError(f"{name} holds {len(table.names)} spectra; the studio takes {_MOST_SPECTRA} at once")
+        raise ValueError(
+            f"{name} holds {len(table.names)} spectra; the studio takes {_MOST_SPECTRA} at once"
+        )
     rows: dict[str, set[str]] = {}
     for title in table.names:
         film, _, ending = title.rpartition("_")
         rows.setdefault(film, set()).add(ending)
     films = all(film and ends == set(_FILM_ROWS) for film, ends in rows.items())
-    return Upload(kind="films" if films else "spectra", paints={}, content={}, table=table, notes=tuple(table.notes))
+    return Upload(
+        kind="films" if films else "spectra",
+        paints={},
+        content={},
+        table=table,
+        notes=tuple(table.notes),
+    )
 
 
 def own_names(found: dict[str, Pigment]) -> dict[str, Pigment]:
@@ -77,13 +91,16 @@ def own_names(found: dict[str, Pigment]) -> dict[str, Pigment]:
 
 @contextmanager
 def as_path(name: str, content: bytes) -> Iterator[Path]:
-    """Content as a path to read once: a pipe, so that nothing is written. Errors inside name the file as the user does.
+    """Content as a path to read once: a pipe, so that nothing is written. Errors inside name the
+    file as the user does.
 
     Raises:
         ValueError: where the system has no such paths.
     """
     if not Path("/dev/fd").exists():
-        raise ValueError("this system has no /dev/fd, through which dropped files are read; use the command line")
+        raise ValueError(
+            "this system has no /dev/fd, through which dropped files are read; use the command line"
+        )
     out, into = os.pipe()
     path = Path(f"/dev/fd/{out}")
 

@@ -1,4 +1,6 @@
-"""The studio as a widget of Jupyter and marimo: the same page, its messages by the kernel instead of a socket."""
+"""The studio as a widget of Jupyter and marimo: the same page, its messages by the kernel instead
+of a socket.
+"""
 
 import re
 from functools import cache
@@ -41,7 +43,8 @@ def bundle() -> str:
     for name in _MODULES:
         text = page.joinpath(f"{name}.js").read_text(encoding="utf-8")
         text = re.sub(r"^import .*?;\n", "", text, flags=re.MULTILINE)
-        # Only the last module's default is the widget's; renamed imports keep their names by an alias.
+        # Only the last module's default is the widget's; renamed imports keep their names by an
+        # alias.
         parts.append(re.sub(r"^export (?!default)", "", text, flags=re.MULTILINE))
     return "\n".join(parts)
 
@@ -61,13 +64,13 @@ def make_widget() -> type:
         """A glaze studio in a notebook.
 
         Args:
-            stack: a `glazejax.Stack`, or what `glazejax.stacks.stack_from_dict` takes; two coats if left out.
-            tasks: searches, see `glazejax.studio.jobs`; those installed if left out.
+            stack: a `glazejax.Stack`, or what `glazejax.stacks.stack_from_dict` takes; two coats if
+            left out. tasks: searches, see `glazejax.studio.jobs`; those installed if left out.
 
         Attributes:
             stack: what is stacked, as `stack_to_dict` gives it; set it, and the page follows.
-            seen: wavelengths, reflectance (on the ground, of a card on white), L*a*b* and sRGB (8 bits) of the stack
-                under the first lamp; None until the page has asked.
+            seen: wavelengths, reflectance (on the ground, of a card on white), L*a*b* and sRGB (8
+                bits) of the stack under the first lamp; None until the page has asked.
 
         Raises:
             ValueError: a stack that is none.
@@ -78,7 +81,9 @@ def make_widget() -> type:
         stack = traitlets.Any().tag(sync=True)
         seen = traitlets.Dict(default_value=None, allow_none=True)
 
-        def __init__(self, stack: Stack | dict[str, Any] | None = None, tasks: dict[str, str] | None = None):
+        def __init__(
+            self, stack: Stack | dict[str, Any] | None = None, tasks: dict[str, str] | None = None
+        ):
             super().__init__(stack=_plain(_USUAL if stack is None else stack))
             self._session = _Told(self, Engine(), Jobs(tasks))
             self.on_msg(lambda _, content, buffers: self._session.take(content, buffers))

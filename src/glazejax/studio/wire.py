@@ -1,8 +1,8 @@
 """Messages as bytes: a header of JSON, then numbers in single precision.
 
-Layout: 4 bytes, the header's length (little endian); the header, UTF-8, padded by blanks so that numbers start at a
-multiple of 4; then the arrays that its ``arrays`` lists as [name, shape], float32, little endian. A text message is a
-header without arrays.
+Layout: 4 bytes, the header's length (little endian); the header, UTF-8, padded by blanks so that
+numbers start at a multiple of 4; then the arrays that its ``arrays`` lists as [name, shape],
+float32, little endian. A text message is a header without arrays.
 """
 
 import json
@@ -32,14 +32,19 @@ def pack(header: Mapping[str, Any], arrays: Arrays | None = None) -> bytes:
     return b"".join([struct.pack("<I", len(head)), head, *parts])
 
 
-def unpack(message: bytes | str) -> tuple[dict[str, Any], dict[str, Float[np.ndarray, "..."]], bytes]:
+def unpack(
+    message: bytes | str,
+) -> tuple[dict[str, Any], dict[str, Float[np.ndarray, "..."]], bytes]:
     """Header, arrays, and what follows them, such as a file's content.
 
     Raises:
         ValueError: the message is not of this form, or larger than `MOST_BYTES`.
     """
     if len(message) > MOST_BYTES:
-        raise ValueError(f"a message of {len(message) >> 20} MB is more than the {MOST_BYTES >> 20} MB that are read")
+        raise ValueError(
+            f"a message of {len(message) >> 20} MB is more than the {MOST_BYTES >> 20} MB that "
+            "are read"
+        )
     if isinstance(message, str):
         return _header(message), {}, b""
     if len(message) < 4:
@@ -73,6 +78,8 @@ def _header(text: bytes | str) -> dict[str, Any]:
 
 def _entry(entry: Any) -> tuple[str, tuple[int, ...]]:
     match entry:
-        case [str(name), [*shape]] if len(shape) <= 4 and all(type(n) is int and 0 <= n < 1 << 24 for n in shape):
+        case [str(name), [*shape]] if len(shape) <= 4 and all(
+            type(n) is int and 0 <= n < 1 << 24 for n in shape
+        ):
             return name, tuple(shape)
     raise ValueError("a message's arrays are each a name and a shape")

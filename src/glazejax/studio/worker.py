@@ -1,4 +1,6 @@
-"""A process that waits for searches: a line of JSON in for each, lines of progress and one of the result out."""
+"""A process that waits for searches: a line of JSON in for each, lines of progress and one of the
+result out.
+"""
 
 import importlib
 import json

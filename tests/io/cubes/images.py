@@ -57,7 +57,9 @@ def labelled(values, wavelengths=WAVELENGTHS, **attributes):
         "y": ("y", np.arange(values.shape[0]) * 0.5, {"units": "mm"}),
         "x": ("x", np.arange(values.shape[1]) * 0.5 + 7, {"units": "mm"}),
     }
-    return xr.DataArray(values, places, ("y", "x", "wavelength"), "reflectance", attributes).to_dataset()
+    return xr.DataArray(
+        values, places, ("y", "x", "wavelength"), "reflectance", attributes
+    ).to_dataset()
 
 
 PACKED = {"reflectance": {"dtype": "u2", "scale_factor": 1e-4, "_FillValue": 65535}}
@@ -74,9 +76,13 @@ def hdf5(folder, values, *, dtype="f4", wavelengths=WAVELENGTHS, name="image.h5"
     """Cube in groups, as airborne spectrometers' files have it."""
     path = folder / name
     with h5py.File(path, "w") as file:
-        file.create_dataset("SITE/Reflectance/Reflectance_Data", data=values.astype(dtype), **further)
+        file.create_dataset(
+            "SITE/Reflectance/Reflectance_Data", data=values.astype(dtype), **further
+        )
         if wavelengths is not None:
-            spectral = file.create_dataset("SITE/Reflectance/Metadata/Spectral_Data/Wavelength", data=wavelengths)
+            spectral = file.create_dataset(
+                "SITE/Reflectance/Metadata/Spectral_Data/Wavelength", data=wavelengths
+            )
             spectral.attrs["Units"] = "nanometers"
     return path
 
@@ -98,7 +104,9 @@ def tiff(folder, values, *, name="image.tif", pages=False, **further):
         return path
     with tifffile.TiffWriter(path) as writer:
         for wavelength, plane in zip(WAVELENGTHS, planes, strict=True):
-            writer.write(plane, contiguous=False, description=f"filter {wavelength:g} nm", **further)
+            writer.write(
+                plane, contiguous=False, description=f"filter {wavelength:g} nm", **further
+            )
     return path
 
 
@@ -114,7 +122,9 @@ def tiffs(folder, values, *, form="band_{:g}nm.tif", **further):
 def every(folder: Path, values: np.ndarray) -> dict[str, dict[str, Any]]:
     """The same image in every kind of file: what `open_cube` needs to open it."""
     dataset = labelled(values.astype("f4"))
-    dataset.to_netcdf(folder / "new.nc", engine="h5netcdf", encoding={"reflectance": {"chunksizes": (8, 8, 3)}})
+    dataset.to_netcdf(
+        folder / "new.nc", engine="h5netcdf", encoding={"reflectance": {"chunksizes": (8, 8, 3)}}
+    )
     dataset.to_netcdf(folder / "old.nc", engine="scipy")
     np.save(folder / "image.npy", values.astype("f4"))
     return {
@@ -125,10 +135,27 @@ def every(folder: Path, values: np.ndarray) -> dict[str, dict[str, Any]]:
         "classic": {"path": folder / "old.nc"},
         "hdf5": {"path": hdf5(folder, values, chunks=(4, 9, 7))},
         "tiff": {"path": tiff(folder, values)},
-        "packed tiff": {"path": tiff(folder, values, name="packed.tif", compression="zlib", tile=(16, 16))},
-        "pages": {"path": tiff(folder, values, name="pages.tif", pages=True, compression="zlib", rowsperstrip=5)},
+        "packed tiff": {
+            "path": tiff(folder, values, name="packed.tif", compression="zlib", tile=(16, 16))
+        },
+        "pages": {
+            "path": tiff(
+                folder, values, name="pages.tif", pages=True, compression="zlib", rowsperstrip=5
+            )
+        },
         "tiffs": {"path": tiffs(folder, values)},
     }
 
 
-KINDS = ("envi", "npy", "zarr", "netcdf", "classic", "hdf5", "tiff", "packed tiff", "pages", "tiffs")
+KINDS = (
+    "envi",
+    "npy",
+    "zarr",
+    "netcdf",
+    "classic",
+    "hdf5",
+    "tiff",
+    "packed tiff",
+    "pages",
+    "tiffs",
+)

@@ -1,4 +1,6 @@
-"""Reflectance from raw readings: against the formula on whole arrays, and where there is nothing to divide by."""
+"""Reflectance from raw readings: against the formula on whole arrays, and where there is nothing to
+divide by.
+"""
 
 from typing import Any
 
@@ -12,7 +14,9 @@ from .images import BANDS, LINES, SAMPLES, WAVELENGTHS, envi, image
 
 @pytest.fixture
 def scene(tmp_path):
-    """Readings of 16 bits of a camera with a dark signal and an uneven light, and what they stand for."""
+    """Readings of 16 bits of a camera with a dark signal and an uneven light, and what they stand
+    for.
+    """
     rng = np.random.default_rng(1)
     truth = image()
     dark = rng.integers(80, 120, (LINES, SAMPLES, BANDS))
@@ -48,7 +52,9 @@ def test_frames_of_a_line_camera_are_averaged_over_their_lines(scene):
     window = (2, 20, 5, 25)
     cube = open_cube(**paths, window=window, binning=(2, 2, 2), bands=(400, 470))
     zero, one = dark.mean(0), white[:9].mean(0)
-    expected = ((raw - zero) / (one - zero))[2:20, 5:25, :6].reshape(9, 2, 10, 2, 3, 2).mean((1, 3, 5))
+    expected = (
+        ((raw - zero) / (one - zero))[2:20, 5:25, :6].reshape(9, 2, 10, 2, 3, 2).mean((1, 3, 5))
+    )
     np.testing.assert_allclose(cube.values, expected, rtol=1e-5)
     notes = " | ".join(cube.attrs["notes"])
     assert "the white reference is the mean of its 9 lines" in notes
@@ -64,7 +70,9 @@ def test_one_spectrum_as_text_npy_or_a_pixel(scene):
     expected = (raw - zero) / (one - zero)
     cube = open_cube(path, white=folder / "white.txt", dark=folder / "dark.npy")
     np.testing.assert_allclose(cube.values, expected, rtol=2e-6)
-    again = open_cube(path, white=counts(folder, one[None, None], "pixel"), dark=folder / "dark.npy")
+    again = open_cube(
+        path, white=counts(folder, one[None, None], "pixel"), dark=folder / "dark.npy"
+    )
     np.testing.assert_allclose(again.values, expected, rtol=2e-6)
     without = open_cube(path, white=folder / "white.txt")
     np.testing.assert_allclose(without.values, raw / one, rtol=2e-6)
@@ -74,7 +82,11 @@ def test_the_whites_own_spectrum(scene):
     folder, _, raw, white, dark = scene
     own = np.linspace(0.9, 0.99, 12)
     grid = np.linspace(390, 510, 12)
-    write_table(folder / "own.csv", ["name", *(f"{w:.12g}" for w in grid)], [["tile", *own], ["other", *own / 2]])
+    write_table(
+        folder / "own.csv",
+        ["name", *(f"{w:.12g}" for w in grid)],
+        [["tile", *own], ["other", *own / 2]],
+    )
     paths = {n: counts(folder, v, n) for n, v in (("raw", raw), ("white", white), ("dark", dark))}
     references: dict[str, Any] = {"white": paths["white"], "dark": paths["dark"]}
     cube = open_cube(paths["raw"], **references, white_reflectance=f"{folder / 'own.csv'}:tile")
@@ -102,8 +114,11 @@ def test_no_light_gives_nan_and_saturation_gives_infinity(scene):
     assert (values[0, 0, :2] < 0).all()
     assert np.isfinite(np.delete(values, [3, 4, 5, 7], axis=1)).all()
     assert cube.attrs["saturated"] == np.inf
-    # A bin that holds a saturated reading is saturated, one that holds a missing reading is the mean of the others.
-    coarse = open_cube(paths["raw"], white=paths["white"], dark=paths["dark"], binning=(2, 2, 1)).values
+    # A bin that holds a saturated reading is saturated, one that holds a missing reading is the
+    # mean of the others.
+    coarse = open_cube(
+        paths["raw"], white=paths["white"], dark=paths["dark"], binning=(2, 2, 1)
+    ).values
     assert np.isposinf(coarse[3, 3, 1])
     np.testing.assert_allclose(coarse[2, 3, 2], values[4:6, 6:8, 2].mean(), rtol=1e-5)
     np.testing.assert_allclose(coarse[1, 1, 2], values[2:4, 2, 2].mean(), rtol=1e-5)
@@ -134,7 +149,9 @@ def test_references_of_another_size(tmp_path, size, complaint):
     path = counts(tmp_path, image() * 10_000, "raw")
     np.save(tmp_path / "white.npy", np.full(size, 20_000, "u2"))
     if complaint is None:
-        np.testing.assert_allclose(open_cube(path, white=tmp_path / "white.npy").values, image() / 2, rtol=1e-5)
+        np.testing.assert_allclose(
+            open_cube(path, white=tmp_path / "white.npy").values, image() / 2, rtol=1e-5
+        )
         return
     with pytest.raises(ValueError, match=complaint) as caught:
         open_cube(path, white=tmp_path / "white.npy")

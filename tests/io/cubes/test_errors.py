@@ -9,7 +9,21 @@ import zarr as zarr_package
 
 from glazejax.io import CubeSource, open_cube, write_table
 
-from .images import BANDS, KINDS, LINES, SAMPLES, WAVELENGTHS, envi, every, hdf5, image, labelled, tiff, tiffs, zarr
+from .images import (
+    BANDS,
+    KINDS,
+    LINES,
+    SAMPLES,
+    WAVELENGTHS,
+    envi,
+    every,
+    hdf5,
+    image,
+    labelled,
+    tiff,
+    tiffs,
+    zarr,
+)
 
 
 def refused(path, complaint, kind: type[Exception] = ValueError, **further):
@@ -64,10 +78,23 @@ def test_given_wavelengths(tmp_path):
 
 def test_windows_bins_and_limits_that_do_not_fit(tmp_path):
     path = envi(tmp_path, image())
-    for window in ((0, LINES + 1, 0, 3), (5, 5, 0, 3), (0, 3, 9, 4), (-1, 3, 0, 3), (0, 3, 0, SAMPLES + 1)):
-        refused(path, f"does not lie in the image of {LINES} lines x {SAMPLES} samples", window=window)
+    for window in (
+        (0, LINES + 1, 0, 3),
+        (5, 5, 0, 3),
+        (0, 3, 9, 4),
+        (-1, 3, 0, 3),
+        (0, 3, 0, SAMPLES + 1),
+    ):
+        refused(
+            path, f"does not lie in the image of {LINES} lines x {SAMPLES} samples", window=window
+        )
     refused(path, f"bins of 24 lines are larger than the {LINES} lines", binning=(24, 1, 1))
-    refused(path, "bins of 5 samples are larger than the 4 samples", window=(0, 9, 3, 7), binning=(1, 5, 1))
+    refused(
+        path,
+        "bins of 5 samples are larger than the 4 samples",
+        window=(0, 9, 3, 7),
+        binning=(1, 5, 1),
+    )
     refused(path, "bins of 8 bands are larger than the 7 bands", binning=(1, 1, 8))
     refused(path, "no band lies from 1000 to 1700 nm; the image has 400-500 nm", bands=(1000, 1700))
     for binning in ((0, 1, 1), (1, 1, -2)):
@@ -80,12 +107,18 @@ def test_windows_bins_and_limits_that_do_not_fit(tmp_path):
 
 def test_datasets_that_are_not_there(tmp_path):
     path = hdf5(tmp_path, image())
-    refused(path, "no dataset 'cube' with three axes of numbers; there are SITE/Reflectance/Refl", dataset="cube")
+    refused(
+        path,
+        "no dataset 'cube' with three axes of numbers; there are SITE/Reflectance/Refl",
+        dataset="cube",
+    )
     with h5py.File(path, "a") as file:
         for group in "ab":
             file.create_dataset(f"{group}/raw", data=image())
     assert open_cube(path)["wavelength"].size == BANDS  # one is called reflectance
-    refused(path, "'raw' is the name of 2 arrays: say which with its groups: .*a/raw", dataset="raw")
+    refused(
+        path, "'raw' is the name of 2 arrays: say which with its groups: .*a/raw", dataset="raw"
+    )
     with h5py.File(path, "a") as file:
         file.move("SITE/Reflectance/Reflectance_Data", "SITE/Reflectance/data")
     refused(path, r"3 arrays can be meant, choose a dataset: .*SITE/Reflectance/data \(23, 31, 7\)")
@@ -96,7 +129,11 @@ def test_datasets_that_are_not_there(tmp_path):
 def test_files_without_an_image(tmp_path):
     xr.Dataset({"a": ("x", [1.0, 2.0])}).to_netcdf(tmp_path / "flat.nc", engine="h5netcdf")
     refused(tmp_path / "flat.nc", "no array has three axes of numbers")
-    refused(tmp_path / "flat.nc", "no dataset 'a' with three axes of numbers; there is none", dataset="a")
+    refused(
+        tmp_path / "flat.nc",
+        "no dataset 'a' with three axes of numbers; there is none",
+        dataset="a",
+    )
     zarr_package.open_group(tmp_path / "empty.zarr", mode="w")
     refused(tmp_path / "empty.zarr", "no array has three axes of numbers")
     (tmp_path / "nothing").mkdir()
@@ -117,7 +154,9 @@ def test_files_without_an_image(tmp_path):
     refused(tmp_path / "two.tif", "not an image of several bands of one size and type: 2 pages")
 
 
-@pytest.mark.parametrize("kind", ["npy", "netcdf", "classic", "hdf5", "tiff", "packed tiff", "pages"])
+@pytest.mark.parametrize(
+    "kind", ["npy", "netcdf", "classic", "hdf5", "tiff", "packed tiff", "pages"]
+)
 def test_files_cut_short(tmp_path, kind):
     further = every(tmp_path, image())[kind]
     path = further.pop("path")
@@ -136,7 +175,11 @@ def test_damaged_files_are_read_or_refused_in_one_line(tmp_path, kind):
     path = further.pop("path")
     rng = np.random.default_rng(0)
     for _ in range(12):
-        file = path if path.is_file() else rng.choice(sorted(f for f in path.rglob("*") if f.is_file()))
+        file = (
+            path
+            if path.is_file()
+            else rng.choice(sorted(f for f in path.rglob("*") if f.is_file()))
+        )
         content = file.read_bytes()
         damaged = np.frombuffer(content, "u1").copy()
         damaged[rng.integers(0, min(damaged.size, 600), 3)] = rng.integers(0, 256, 3)
@@ -164,7 +207,11 @@ def test_folder_of_tiffs_without_wavelengths(tmp_path):
     for name in "abc":
         tifffile.imwrite(path / f"{name}.tif", np.full((9, 9), 0.5, "f4"))
     refused(path, "no wavelengths for 3 bands")
-    assert open_cube(path, wavelengths=[500, 400, 600])["wavelength"].values.tolist() == [400, 500, 600]
+    assert open_cube(path, wavelengths=[500, 400, 600])["wavelength"].values.tolist() == [
+        400,
+        500,
+        600,
+    ]
 
 
 def test_image_without_any_data(tmp_path):
@@ -183,6 +230,10 @@ def test_a_missing_package_is_one_sentence(tmp_path, monkeypatch):
     from glazejax import extras
 
     path = envi(tmp_path, image())
-    monkeypatch.setattr(extras, "distribution", lambda name: (_ for _ in ()).throw(metadata.PackageNotFoundError(name)))
+    monkeypatch.setattr(
+        extras,
+        "distribution",
+        lambda name: (_ for _ in ()).throw(metadata.PackageNotFoundError(name)),
+    )
     with pytest.raises(ModuleNotFoundError, match=r'pip install "glazejax\[cube\]"'):
         open_cube(path)

@@ -37,7 +37,9 @@ def agree(cube, values, atol=2e-7):
     np.testing.assert_allclose(cube.values, values, rtol=0, atol=atol)
     window = cube.isel(y=slice(5, 20, 4), x=slice(3, 17))
     np.testing.assert_allclose(window.values, values[5:20:4, 3:17], rtol=0, atol=atol)
-    np.testing.assert_allclose(cube.isel(y=-2, wavelength=[4, 1]).values, values[-2][:, [4, 1]], rtol=0, atol=atol)
+    np.testing.assert_allclose(
+        cube.isel(y=-2, wavelength=[4, 1]).values, values[-2][:, [4, 1]], rtol=0, atol=atol
+    )
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -50,7 +52,9 @@ def test_every_kind_is_the_same_image(tmp_path, kind):
     assert "saturated" not in cube.attrs
 
 
-@pytest.mark.parametrize(("interleave", "order"), list(itertools.product(("bsq", "bil", "bip"), (0, 1))))
+@pytest.mark.parametrize(
+    ("interleave", "order"), list(itertools.product(("bsq", "bil", "bip"), (0, 1)))
+)
 @pytest.mark.parametrize("dtype", ["u1", "i2", "i4", "f4", "f8", "u2", "u4", "i8", "u8"])
 def test_envi_of_every_interleave_order_and_type(tmp_path, interleave, order, dtype):
     values = np.round(image() * 100) / 100 if dtype == "u1" else image()
@@ -65,7 +69,11 @@ def test_envi_of_every_interleave_order_and_type(tmp_path, interleave, order, dt
 
 def test_envi_as_the_older_reader_gives_it(tmp_path):
     values = image()
-    fields = {"bbl": [1, 0, 1, 1, 1, 1, 1], "data ignore value": 5, "wavelength units": "Micrometers"}
+    fields = {
+        "bbl": [1, 0, 1, 1, 1, 1, 1],
+        "data ignore value": 5,
+        "wavelength units": "Micrometers",
+    }
     micrometres = np.array(WAVELENGTHS[::-1]) / 1000
     path = envi(tmp_path, values, wavelengths=micrometres, **fields)
     old, new = read_cube(path), open_cube(path)
@@ -90,7 +98,9 @@ def test_data_after_a_header_of_their_own(tmp_path):
 def test_missing_data_are_nan(tmp_path, dtype):
     values = image()
     values[2, 3] = values[4, 5, 1] = 9 / 10_000 if dtype == "u2" else 0.25
-    cube = open_cube(envi(tmp_path, values, dtype=dtype, **{"data ignore value": 9 if dtype == "u2" else 0.25})).values
+    cube = open_cube(
+        envi(tmp_path, values, dtype=dtype, **{"data ignore value": 9 if dtype == "u2" else 0.25})
+    ).values
     assert np.isnan(cube[2, 3]).all()
     assert np.isnan(cube[4, 5, 1])
     assert np.isfinite(cube[4, 5, 2])
@@ -103,30 +113,44 @@ def test_percent_and_given_scales(tmp_path):
     envi(tmp_path, values * 5000, dtype="f4")
     with pytest.raises(ValueError, match="neither fraction nor percent: give the scale"):
         open_cube(tmp_path / "image.hdr")
-    np.testing.assert_allclose(open_cube(tmp_path / "image.hdr", scale=5000).values, values, atol=1e-6)
+    np.testing.assert_allclose(
+        open_cube(tmp_path / "image.hdr", scale=5000).values, values, atol=1e-6
+    )
 
 
 def test_a_given_scale_goes_before_the_files_own(tmp_path):
     cube = open_cube(envi(tmp_path, image()), scale=20_000)
     np.testing.assert_allclose(cube.values, image() / 2, atol=1e-6)
-    assert any("10000 is a reflectance of 1; 20000 was given" in note for note in cube.attrs["notes"])
-
-
-@pytest.mark.parametrize(("dtype", "top"), [("u1", 2.55), ("u2", 6.5535), ("i2", 3.2767), ("f4", None), ("i4", None)])
-def test_saturated_is_the_types_largest_number(tmp_path, dtype, top):
-    scale = {"reflectance scale factor": 100} if dtype == "u1" else {}
-    assert open_cube(envi(tmp_path, image() * 0.9, dtype=dtype, **scale)).attrs.get("saturated") == (
-        None if top is None else pytest.approx(top)
+    assert any(
+        "10000 is a reflectance of 1; 20000 was given" in note for note in cube.attrs["notes"]
     )
 
 
+@pytest.mark.parametrize(
+    ("dtype", "top"), [("u1", 2.55), ("u2", 6.5535), ("i2", 3.2767), ("f4", None), ("i4", None)]
+)
+def test_saturated_is_the_types_largest_number(tmp_path, dtype, top):
+    scale = {"reflectance scale factor": 100} if dtype == "u1" else {}
+    assert open_cube(envi(tmp_path, image() * 0.9, dtype=dtype, **scale)).attrs.get(
+        "saturated"
+    ) == (None if top is None else pytest.approx(top))
+
+
 def test_a_mark_of_missing_data_is_not_saturated(tmp_path):
-    assert "saturated" not in open_cube(envi(tmp_path, image(), **{"data ignore value": 65535})).attrs
+    assert (
+        "saturated" not in open_cube(envi(tmp_path, image(), **{"data ignore value": 65535})).attrs
+    )
 
 
 def test_map_info_gives_coordinates(tmp_path):
     info = ["UTM", "1", "1", "500000", "4000000", "2", "3", "33", "North", "WGS-84", "units=Meters"]
-    cube = open_cube(envi(tmp_path, image(), **{"map info": info, "coordinate system string": ['PROJCS["x"', "y]"]}))
+    cube = open_cube(
+        envi(
+            tmp_path,
+            image(),
+            **{"map info": info, "coordinate system string": ['PROJCS["x"', "y]"]},
+        )
+    )
     np.testing.assert_allclose(cube["x"], 500_001 + 2 * np.arange(SAMPLES))
     np.testing.assert_allclose(cube["y"], 3_999_998.5 - 3 * np.arange(LINES))
     assert cube["x"].attrs == {"units": "meters", "pixel_size": 2.0}
@@ -182,7 +206,9 @@ def test_zeros_of_xarrays_integers_are_data(tmp_path):
     values = np.round(image() * 100).astype("u1")
     values[1, 1] = 0
     for version in (2, 3):
-        path = zarr(tmp_path, labelled(values, units="percent"), version=version, name=f"{version}.zarr")
+        path = zarr(
+            tmp_path, labelled(values, units="percent"), version=version, name=f"{version}.zarr"
+        )
         agree(open_cube(path), values / 100)
 
 
@@ -190,7 +216,10 @@ def test_zeros_of_xarrays_integers_are_data(tmp_path):
 def test_netcdf_with_packed_numbers(tmp_path, engine):
     values = image()
     values[3, 4] = np.nan
-    packing = {"reflectance": PACKED["reflectance"] | {"dtype": "i2", "scale_factor": 1 / 30_000, "_FillValue": -1}}
+    packing = {
+        "reflectance": PACKED["reflectance"]
+        | {"dtype": "i2", "scale_factor": 1 / 30_000, "_FillValue": -1}
+    }
     packing["reflectance"]["add_offset"] = 0.01
     labelled(values).to_netcdf(tmp_path / "a.nc", engine=engine, encoding=packing)
     agree(open_cube(tmp_path / "a.nc"), values, atol=2e-5)
@@ -233,11 +262,15 @@ def test_tiff(tmp_path, further, pages):
 
 def test_tiff_with_all_bands_in_each_pixel(tmp_path):
     values = image()
-    tifffile.imwrite(tmp_path / "a.tif", values.astype("f4"), planarconfig="contig", photometric="minisblack")
+    tifffile.imwrite(
+        tmp_path / "a.tif", values.astype("f4"), planarconfig="contig", photometric="minisblack"
+    )
     agree(open_cube(tmp_path / "a.tif", wavelengths=WAVELENGTHS), values)
 
 
-@pytest.mark.parametrize("form", ["band_{:g}nm.tif", "{:g} nm exposure 12.TIF", "2024-05-03_{:g}.tiff"])
+@pytest.mark.parametrize(
+    "form", ["band_{:g}nm.tif", "{:g} nm exposure 12.TIF", "2024-05-03_{:g}.tiff"]
+)
 def test_folder_of_tiffs_named_by_wavelength(tmp_path, form):
     values = image()
     agree(open_cube(tiffs(tmp_path, values, form=form)), values)
@@ -253,7 +286,10 @@ def test_folder_of_tiffs_with_given_wavelengths(tmp_path):
 
 
 def test_geotiff(tmp_path):
-    tags = [(33550, "d", 3, (2.0, 3.0, 0.0), True), (33922, "d", 6, (0, 0, 0, 5000.0, 900.0, 0), True)]
+    tags = [
+        (33550, "d", 3, (2.0, 3.0, 0.0), True),
+        (33922, "d", 6, (0, 0, 0, 5000.0, 900.0, 0), True),
+    ]
     tags.append((42113, "s", 0, "-1", True))
     values = image()
     values[0, 0] = -1

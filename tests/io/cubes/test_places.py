@@ -24,7 +24,9 @@ def png(folder, values, name="mask.png"):
     return folder / name
 
 
-@pytest.mark.parametrize("kind", ["grey", "16 bit", "1 bit", "rgb", "rgba", "palette", "grey alpha"])
+@pytest.mark.parametrize(
+    "kind", ["grey", "16 bit", "1 bit", "rgb", "rgba", "palette", "grey alpha"]
+)
 def test_pictures_of_all_kinds(tmp_path, kind):
     used = np.random.default_rng(0).random(SHAPE) < 0.5
     grey = Image.fromarray(np.where(used, 7, 0).astype("u1"))
@@ -32,7 +34,9 @@ def test_pictures_of_all_kinds(tmp_path, kind):
         "grey": lambda: grey,
         "16 bit": lambda: Image.fromarray(np.where(used, 256, 0).astype("u2")),
         "1 bit": lambda: Image.fromarray(used),
-        "rgb": lambda: Image.fromarray(np.stack([np.zeros(SHAPE, "u1"), used.astype("u1"), used * 0], 2).astype("u1")),
+        "rgb": lambda: Image.fromarray(
+            np.stack([np.zeros(SHAPE, "u1"), used.astype("u1"), used * 0], 2).astype("u1")
+        ),
         "rgba": lambda: Image.fromarray(np.where(used[..., None], 255, [9, 9, 9, 0]).astype("u1")),
         "palette": lambda: grey.convert("P"),
         "grey alpha": lambda: grey.convert("LA"),
@@ -43,7 +47,9 @@ def test_pictures_of_all_kinds(tmp_path, kind):
 
 def test_mask_of_another_size(tmp_path):
     path = png(tmp_path, np.ones((SAMPLES, LINES), "u1"))
-    with pytest.raises(ValueError, match=f"has {SAMPLES} lines x {LINES} samples; the image has {LINES} lines"):
+    with pytest.raises(
+        ValueError, match=f"has {SAMPLES} lines x {LINES} samples; the image has {LINES} lines"
+    ):
         read_mask(path, SHAPE)
     cube = open_cube(envi(tmp_path, image()), binning=(2, 3, 1))
     with pytest.raises(ValueError, match="opened as 11 x 10"):
@@ -59,7 +65,9 @@ def test_masks_are_windowed_and_binned_as_the_cube_is(tmp_path):
 
 
 @pytest.mark.parametrize("closed", [False, True])
-@pytest.mark.parametrize("form", ["polygon", "feature", "collection", "multi", "list", "csv", "titled"])
+@pytest.mark.parametrize(
+    "form", ["polygon", "feature", "collection", "multi", "list", "csv", "titled"]
+)
 def test_polygons_of_all_forms(tmp_path, form, closed):
     ring = [*BOX, BOX[0]] if closed else BOX
     polygon = {"type": "Polygon", "coordinates": [ring]}
@@ -67,7 +75,9 @@ def test_polygons_of_all_forms(tmp_path, form, closed):
     made = {
         "polygon": json.dumps(polygon),
         "feature": json.dumps({"type": "Feature", "properties": {}, "geometry": polygon}),
-        "collection": json.dumps({"type": "FeatureCollection", "features": [{"type": "Feature", "geometry": polygon}]}),
+        "collection": json.dumps(
+            {"type": "FeatureCollection", "features": [{"type": "Feature", "geometry": polygon}]}
+        ),
         "multi": json.dumps({"type": "MultiPolygon", "coordinates": [[ring]]}),
         "list": json.dumps(ring),
         "csv": rows,
@@ -81,28 +91,41 @@ def test_polygons_of_all_forms(tmp_path, form, closed):
 
 def test_holes_and_polygons_that_overlap(tmp_path):
     hole, other = [[5, 4], [7, 4], [7, 6], [5, 6]], [[8, 6], [12, 6], [12, 12], [8, 12]]
-    (tmp_path / "a.json").write_text(json.dumps({"type": "MultiPolygon", "coordinates": [[BOX, hole], [other]]}))
+    (tmp_path / "a.json").write_text(
+        json.dumps({"type": "MultiPolygon", "coordinates": [[BOX, hole], [other]]})
+    )
     expected = np.zeros(SHAPE, bool)
     expected[3:8, 4:10] = expected[6:12, 8:12] = True
     expected[4:6, 5:7] = False
     np.testing.assert_array_equal(read_mask(tmp_path / "a.json", SHAPE), expected)
-    (tmp_path / "b.csv").write_text("\n\n".join("\n".join(f"{x};{y}" for x, y in ring) for ring in (BOX, other)))
+    (tmp_path / "b.csv").write_text(
+        "\n\n".join("\n".join(f"{x};{y}" for x, y in ring) for ring in (BOX, other))
+    )
     expected[4:6, 5:7] = True
     np.testing.assert_array_equal(read_mask(tmp_path / "b.csv", SHAPE), expected)
 
 
-@given(st.lists(st.tuples(st.floats(-5, SAMPLES + 5), st.floats(-5, LINES + 5)), min_size=3, max_size=7))
+@given(
+    st.lists(
+        st.tuples(st.floats(-5, SAMPLES + 5), st.floats(-5, LINES + 5)), min_size=3, max_size=7
+    )
+)
 def test_simple_polygons_as_matplotlib_has_them(points):
     ring = np.array(points) + 0.001
     centre = ring.mean(0)
-    ring = ring[np.argsort(np.arctan2(*(ring - centre).T))]  # a star about its centre crosses itself nowhere
+    ring = ring[
+        np.argsort(np.arctan2(*(ring - centre).T))
+    ]  # a star about its centre crosses itself nowhere
     x, y = ring.T
-    # A ring that runs back on itself encloses nothing, and which of its points are inside is anybody's guess.
+    # A ring that runs back on itself encloses nothing, and which of its points are inside is
+    # anybody's guess.
     assume(abs(np.sum(x * np.roll(y, 1) - y * np.roll(x, 1))) > 1e-6)
     y, x = np.mgrid[:LINES, :SAMPLES] + 0.5
     places = np.stack([x.ravel(), y.ravel()], 1)
     path = matplotlib.path.Path(ring)
-    certain = path.contains_points(places, radius=1e-3) == path.contains_points(places, radius=-1e-3)
+    certain = path.contains_points(places, radius=1e-3) == path.contains_points(
+        places, radius=-1e-3
+    )
     found = inside([ring], SHAPE).ravel()
     np.testing.assert_array_equal(found[certain], path.contains_points(places)[certain])
 

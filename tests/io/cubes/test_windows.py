@@ -1,4 +1,6 @@
-"""Windows, bins and limits are what NumPy makes of the whole image; little is read, by many threads and processes."""
+"""Windows, bins and limits are what NumPy makes of the whole image; little is read, by many threads
+and processes.
+"""
 
 import multiprocessing
 import os
@@ -50,7 +52,9 @@ def binned(values, each):
 def spans(size):
     """A first and an end; half of them wide, so that bins and steps have something to go over."""
     wide = st.tuples(st.integers(0, size // 4), st.integers(3 * size // 4, size))
-    return wide | st.tuples(st.integers(0, size - 1), st.integers(1, size)).filter(lambda pair: pair[0] < pair[1])
+    return wide | st.tuples(st.integers(0, size - 1), st.integers(1, size)).filter(
+        lambda pair: pair[0] < pair[1]
+    )
 
 
 def parts(size):
@@ -104,20 +108,33 @@ def test_what_does_not_fill_a_bin_is_said(files):
 def test_scattered_points(files, data, kind, each):
     cube = open_cube(**files[kind], binning=(each, each, 1))
     expected = binned(gappy(), (each, each, 1))
-    pairs = data.draw(st.lists(st.tuples(*(st.integers(-n, n - 1) for n in cube.shape)), min_size=0, max_size=9))
-    y, x, band = (xr.DataArray([pair[i] for pair in pairs], dims="point").astype(int) for i in range(3))
+    pairs = data.draw(
+        st.lists(st.tuples(*(st.integers(-n, n - 1) for n in cube.shape)), min_size=0, max_size=9)
+    )
+    y, x, band = (
+        xr.DataArray([pair[i] for pair in pairs], dims="point").astype(int) for i in range(3)
+    )
     np.testing.assert_allclose(cube.isel(y=y, x=x).values, expected[y.values, x.values], atol=3e-7)
     three = cube.isel(y=y, x=x, wavelength=band).values
     np.testing.assert_allclose(three, expected[y.values, x.values, band.values], atol=3e-7)
     across = xr.DataArray(x.values, dims="other")
     two = cube.isel(y=y, x=across, wavelength=band).values
-    np.testing.assert_allclose(two, expected[y.values[:, None], x.values, band.values[:, None]], atol=3e-7)
+    np.testing.assert_allclose(
+        two, expected[y.values[:, None], x.values, band.values[:, None]], atol=3e-7
+    )
 
 
 def test_points_far_apart_are_read_each_for_itself(tmp_path, monkeypatch):
     from glazejax.io.cubes.raw import RawCube
 
-    fields = {"lines": 5000, "samples": 5000, "bands": 10, "data type": 12, "interleave": "bil", "byte order": 0}
+    fields = {
+        "lines": 5000,
+        "samples": 5000,
+        "bands": 10,
+        "data type": 12,
+        "interleave": "bil",
+        "byte order": 0,
+    }
     further = {"wavelength": list(range(400, 500, 10)), "reflectance scale factor": 10_000}
     spy.create_image(str(tmp_path / "big.hdr"), fields | further, force=True)
     cube = open_cube(tmp_path / "big.hdr")
@@ -174,7 +191,9 @@ def total(source):
 
 def test_another_process_reads_the_same(files):
     with ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn")) as pool:
-        sources = [CubeSource(files[kind]["path"]) for kind in ("envi", "zarr", "netcdf", "packed tiff")]
+        sources = [
+            CubeSource(files[kind]["path"]) for kind in ("envi", "zarr", "netcdf", "packed tiff")
+        ]
         for found in pool.map(total, sources):
             assert found == pytest.approx(np.nansum(gappy()), rel=1e-6)
 
@@ -182,8 +201,18 @@ def test_another_process_reads_the_same(files):
 @pytest.mark.slow
 @pytest.mark.parametrize("interleave", ["bsq", "bil", "bip"])
 def test_a_window_of_a_large_image_takes_its_own_memory_only(tmp_path, interleave):
-    fields = {"lines": 8000, "samples": 2000, "bands": 200, "data type": 12, "interleave": interleave}
-    further = {"wavelength": list(range(400, 1000, 3)), "reflectance scale factor": 10_000, "byte order": 0}
+    fields = {
+        "lines": 8000,
+        "samples": 2000,
+        "bands": 200,
+        "data type": 12,
+        "interleave": interleave,
+    }
+    further = {
+        "wavelength": list(range(400, 1000, 3)),
+        "reflectance scale factor": 10_000,
+        "byte order": 0,
+    }
     spy.create_image(str(tmp_path / "big.hdr"), fields | further, force=True)  # 6 GB of holes
     tracemalloc.start()
     cube = open_cube(tmp_path / "big.hdr")
@@ -212,8 +241,18 @@ def mapped_now():
 
 @pytest.mark.parametrize("interleave", ["bsq", "bil", "bip"])
 def test_a_mapped_file_does_not_pile_up_in_memory(tmp_path, interleave):
-    fields = {"lines": 1500, "samples": 1500, "bands": 100, "data type": 12, "interleave": interleave}
-    further = {"wavelength": list(range(400, 1000, 6)), "reflectance scale factor": 10_000, "byte order": 0}
+    fields = {
+        "lines": 1500,
+        "samples": 1500,
+        "bands": 100,
+        "data type": 12,
+        "interleave": interleave,
+    }
+    further = {
+        "wavelength": list(range(400, 1000, 6)),
+        "reflectance scale factor": 10_000,
+        "byte order": 0,
+    }
     spy.create_image(str(tmp_path / "big.hdr"), fields | further, force=True)
     cube = open_cube(tmp_path / "big.hdr")
     before, most = mapped_now(), 0
@@ -237,7 +276,9 @@ def test_a_window_reads_its_own_chunks_only(tmp_path, kind):
     values = np.random.default_rng(0).random((256, 256, BANDS), np.float32)
     values[0, 0] = 0.5
     if kind == "zarr":
-        path = zarr(tmp_path, labelled(values), encoding={"reflectance": {"chunks": (32, 32, BANDS)}})
+        path = zarr(
+            tmp_path, labelled(values), encoding={"reflectance": {"chunks": (32, 32, BANDS)}}
+        )
     elif kind == "netcdf":
         path = tmp_path / "a.nc"
         chunks = {"chunksizes": (32, 32, BANDS), "zlib": True}
@@ -257,7 +298,9 @@ def test_a_window_reads_its_own_chunks_only(tmp_path, kind):
     cube = open_cube(path, scale=1)
     cube.isel(y=0, x=0).load()  # opens the file
     before = read_bytes()
-    np.testing.assert_array_equal(cube.isel(y=slice(64, 128), x=slice(32, 64)).values, values[64:128, 32:64])
+    np.testing.assert_array_equal(
+        cube.isel(y=slice(64, 128), x=slice(32, 64)).values, values[64:128, 32:64]
+    )
     part = read_bytes() - before
     # Two chunks of 28 kB, or two strips of eight chunks' width; a little is the system's own.
     assert part < (8 if kind == "pages" else 1) * 2 * 32 * 32 * BANDS * 4 * 1.3 + 10_000
@@ -274,7 +317,11 @@ def test_pieces_that_a_file_stores_are_read_once(tmp_path, monkeypatch):
     monkeypatch.setattr("glazejax.io.cubes.lazy._AT_ONCE", 1000)
     reading = cube.variable._data.array.reading  # pyright: ignore
     strips = list(reading._strips(range(160), 400 * BANDS))
-    assert [(part.start + 30, part.stop + 30) for part in strips] == [(30, 70), (70, 140), (140, 190)]
+    assert [(part.start + 30, part.stop + 30) for part in strips] == [
+        (30, 70),
+        (70, 140),
+        (140, 190),
+    ]
     np.testing.assert_allclose(cube.values, values[30:190], atol=1e-6)
     coarse = open_cube(path, wavelengths=WAVELENGTHS, window=(30, 190, 0, 400), binning=(3, 2, 1))
     np.testing.assert_allclose(coarse.values, binned(values[30:190], (3, 2, 1)), atol=1e-6)

@@ -1,10 +1,13 @@
-"""What a screen has to be sent so that it shows a colour: XYZ to digital RGB and back, for a display as measured.
+"""What a screen has to be sent so that it shows a colour: XYZ to digital RGB and back, for a
+display as measured.
 
-A display is its primaries (chromaticities and the luminance of each at its highest level) and one tone curve a
-channel: the light that each digital level gives. Colour is linear in the light, so a matrix leads from XYZ to the
-light of each primary, and the tone curve, read backwards, to the level.
+A display is its primaries (chromaticities and the luminance of each at its highest level) and one
+tone curve a channel: the light that each digital level gives. Colour is linear in the light, so a
+matrix leads from XYZ to the light of each primary, and the tone curve, read backwards, to the
+level.
 
-NumPy in, NumPy out; JAX in, JAX out, where everything but the rounding to levels can be differentiated.
+NumPy in, NumPy out; JAX in, JAX out, where everything but the rounding to levels can be
+differentiated.
 
 Source: paper B (Tominaga 1993), section 2; presets by colour-science.
 """
@@ -23,10 +26,16 @@ from .tone import ToneCurve, look_up
 Gamut = Literal["clip", "dim", "desaturate", "error"]
 """What becomes of a colour that the display can't show; see `Display.to_rgb`."""
 
-PRESETS = {"srgb": "sRGB", "display p3": "Display P3", "adobe rgb": "Adobe RGB (1998)", "rec. 2020": "ITU-R BT.2020"}
+PRESETS = {
+    "srgb": "sRGB",
+    "display p3": "Display P3",
+    "adobe rgb": "Adobe RGB (1998)",
+    "rec. 2020": "ITU-R BT.2020",
+}
 """Displays known by name, and what colour-science calls them."""
 
-# Light beyond what the display has, in parts of its highest level, that is rounding rather than another colour.
+# Light beyond what the display has, in parts of its highest level, that is rounding rather than
+# another colour.
 _SLACK = 1e-6
 # The gamma of a cathode-ray tube: paper B has its curves as figures only.
 _TUBE_GAMMA = 2.2
@@ -38,7 +47,8 @@ class Digital(NamedTuple):
     rgb: Int[Array | np.ndarray, "*batch 3"]
     """Levels, 0 to the highest."""
     outside: Bool[Array | np.ndarray | np.bool_, "*batch"]
-    """Where the colour lies outside the gamut, or is too bright, so that `rgb` is another colour."""
+    """Where the colour lies outside the gamut, or is too bright, so that `rgb` is another colour.
+    """
 
 
 class Display:
@@ -46,14 +56,15 @@ class Display:
 
     Args:
         chromaticities: (3, 2), x and y of red, green and blue.
-        luminances: (3,), Y of each primary at its highest level, in the unit of the XYZ that will be shown: cd/m2, or
-            so that they sum to 1 for XYZ in which white has Y = 1.
+        luminances: (3,), Y of each primary at its highest level, in the unit of the XYZ that will
+            be shown: cd/m2, or so that they sum to 1 for XYZ in which white has Y = 1.
         tone: a gamma for all channels, or a `ToneCurve`, or three of either.
         levels: highest digital level: 255 for 8 bits.
         name: for people.
 
     Raises:
-        ValueError: primaries on one line, a luminance that is not positive, or what `ToneCurve` refuses.
+        ValueError: primaries on one line, a luminance that is not positive, or what `ToneCurve`
+            refuses.
 
     Source: paper B, eqs (1)-(3).
     """
@@ -69,9 +80,20 @@ class Display:
     ):
         xy, top = np.asarray(chromaticities, float), np.asarray(luminances, float)
         if xy.shape != (3, 2) or top.shape != (3,):
-            raise ValueError(f"a display has chromaticities (3, 2) and luminances (3,), not {xy.shape} and {top.shape}")
-        if not (np.all(xy[:, 1] > 0) and np.all(top > 0) and np.all(np.isfinite(xy)) and np.all(np.isfinite(top))):
-            raise ValueError(f"chromaticity y and luminance of each primary must be positive, not {xy[:, 1]} and {top}")
+            raise ValueError(
+                f"a display has chromaticities (3, 2) and luminances (3,), not {xy.shape} and "
+                f"{top.shape}"
+            )
+        if not (
+            np.all(xy[:, 1] > 0)
+            and np.all(top > 0)
+            and np.all(np.isfinite(xy))
+            and np.all(np.isfinite(top))
+        ):
+            raise ValueError(
+                f"chromaticity y and luminance of each primary must be positive, not {xy[:, 1]} "
+                f"and {top}"
+            )
         if levels < 1:
             raise ValueError(f"levels is {levels}; it is the highest digital level, such as 255")
         self.chromaticities: np.ndarray = xy
@@ -79,13 +101,18 @@ class Display:
         self.levels: int = int(levels)
         self.name: str = name
         x, y = xy.T
-        # Column by column XYZ of a primary of luminance 1. Paper B prints 1/y in the second row; it is 1.
+        # Column by column XYZ of a primary of luminance 1. Paper B prints 1/y in the second row; it
+        # is 1.
         primaries = np.stack([x / y, np.ones(3), (1.0 - x - y) / y])
         if abs(np.linalg.det(primaries)) < 1e-9:
-            raise ValueError(f"the primaries {xy.tolist()} lie on one line: they show no plane of colours")
+            raise ValueError(
+                f"the primaries {xy.tolist()} lie on one line: they show no plane of colours"
+            )
         curves = tone if isinstance(tone, tuple) else (tone,) * 3
         if len(curves) != 3:
-            raise ValueError(f"{len(curves)} tone curves were given; a display has one for all or 3")
+            raise ValueError(
+                f"{len(curves)} tone curves were given; a display has one for all or 3"
+            )
         self.tones: tuple[ToneCurve, ...] = tuple(
             c if isinstance(c, ToneCurve) else ToneCurve.from_gamma(c, levels) for c in curves
         )
@@ -98,7 +125,8 @@ class Display:
 
         Args:
             name: see `PRESETS`; any other RGB space that colour-science knows will do.
-            white_luminance: Y of its white: 1 for XYZ in which white has Y = 1, 80 for sRGB's in cd/m2.
+            white_luminance: Y of its white: 1 for XYZ in which white has Y = 1, 80 for sRGB's in
+                cd/m2.
 
         Raises:
             ValueError: there is no such display.
@@ -109,9 +137,14 @@ class Display:
         known = {key.lower(): key for key in colour.RGB_COLOURSPACES}
         wanted = PRESETS.get(name.strip().lower(), name).lower()
         if wanted not in known:
-            raise ValueError(f"unknown display {name!r}: there are {', '.join(PRESETS.values())}, or measure yours")
+            raise ValueError(
+                f"unknown display {name!r}: there are {', '.join(PRESETS.values())}, or measure "
+                "yours"
+            )
         space = colour.RGB_COLOURSPACES[known[wanted]]
-        luminances = colour.normalised_primary_matrix(space.primaries, space.whitepoint)[1] * white_luminance
+        luminances = (
+            colour.normalised_primary_matrix(space.primaries, space.whitepoint)[1] * white_luminance
+        )
         light = np.asarray(space.cctf_decoding(np.linspace(0.0, 1.0, 256)))
         return cls(space.primaries, luminances, ToneCurve(np.arange(256.0), light), name=space.name)
 
@@ -120,14 +153,16 @@ class Display:
         """`preset` of the display that most are, without waiting for colour-science."""
         luminances = srgb_to_xyz(np.eye(3))[:, 1] * white_luminance
         light = srgb_to_xyz(np.linspace(0.0, 1.0, 256)[:, None] * np.ones(3))[:, 1]
-        return cls(np.array(SRGB_PRIMARIES), luminances, ToneCurve(np.arange(256.0), light), name="sRGB")
+        return cls(
+            np.array(SRGB_PRIMARIES), luminances, ToneCurve(np.arange(256.0), light), name="sRGB"
+        )
 
     @classmethod
     def paper_monitor(cls) -> "Display":
         """The colour monitor of paper B, section 2C, as printed, in cd/m2.
 
-        Its printed T follows, to the last digit, from y = 0.597 for green instead of the printed 0.607.
-        Its tone curves are a figure that is not in the text; a gamma of 2.2 stands for them.
+        Its printed T follows, to the last digit, from y = 0.597 for green instead of the printed
+        0.607. Its tone curves are a figure that is not in the text; a gamma of 2.2 stands for them.
         """
         xy = [[0.614, 0.350], [0.306, 0.607], [0.149, 0.074]]
         return cls(xy, [42.7, 138.7, 27.3], _TUBE_GAMMA, name="paper B's monitor")
@@ -139,8 +174,9 @@ class Display:
         """A display from what a colorimeter reads of each primary alone at some levels.
 
         Args:
-            levels: (readings,), levels that were measured, rising, with 0 and the highest among them.
-            readings: (3, readings, 3), XYZ of red, green and blue at these levels, in any unit. What level 0 gives,
+            levels: (readings,), levels that were measured, rising, with 0 and the highest among
+            them. readings: (3, readings, 3), XYZ of red, green and blue at these levels, in any
+            unit. What level 0 gives,
                 the light of the room among it, is taken off.
             highest: highest level.
             name: for people.
@@ -152,7 +188,10 @@ class Display:
         """
         at, xyz = np.asarray(levels, float), np.asarray(readings, float)
         if at.ndim != 1 or xyz.shape != (3, at.size, 3):
-            raise ValueError(f"{at.size} levels need readings (3, {at.size}, 3), XYZ of each primary, not {xyz.shape}")
+            raise ValueError(
+                f"{at.size} levels need readings (3, {at.size}, 3), XYZ of each primary, not "
+                f"{xyz.shape}"
+            )
         own = xyz - xyz[:, :1]
         # The sum of X, Y and Z, since blue has hardly any Y.
         light = own.sum(axis=-1)
@@ -170,7 +209,8 @@ class Display:
         return self._to_xyz.sum(axis=1)
 
     def linear(self, xyz: Numbers) -> Float[Array | np.ndarray, "*batch 3"]:
-        """Light of each primary that makes up a colour, (..., 3): 0 to 1 within the gamut, linear in XYZ.
+        """Light of each primary that makes up a colour, (..., 3): 0 to 1 within the gamut, linear
+        in XYZ.
 
         Args:
             xyz: (..., 3), on the scale of `luminances`.
@@ -182,9 +222,10 @@ class Display:
 
         Args:
             xyz: (..., 3), on the scale of `luminances`.
-            gamut: what becomes of a colour outside: "clip" each primary to its range; "dim" it, if it is only too
-                bright, until it fits, which keeps its chromaticity; "desaturate" it towards the grey of its
-                luminance, which keeps luminance and, nearly, hue; or raise an "error".
+            gamut: what becomes of a colour outside: "clip" each primary to its range; "dim" it, if
+                it is only too bright, until it fits, which keeps its chromaticity; "desaturate" it
+                towards the grey of its luminance, which keeps luminance and, nearly, hue; or raise
+                an "error".
 
         Returns:
             `Digital`: levels, nearest to the tone curve, and `outside`.
@@ -203,35 +244,47 @@ class Display:
         return Digital(xp.round(self.encode(inside)).astype(np.int32), outside)
 
     def look_up(self, xyz: Numbers, *, fine: bool = True) -> Digital:
-        """Digital RGB by correction tables without interpolation, as the hardware of paper B makes it.
+        """Digital RGB by correction tables without interpolation, as the hardware of paper B makes
+        it.
 
         Args:
             xyz: (..., 3), on the scale of `luminances`.
             fine: whether a second table, ten times finer, serves light below 14 of 255.
 
         Returns:
-            `Digital`, in NumPy; colours outside are clipped. `to_rgb` comes nearer, for it interpolates.
+            `Digital`, in NumPy; colours outside are clipped. `to_rgb` comes nearer, for it
+            interpolates.
 
         Source: paper B, section 2, figure 1.
         """
         light = np.asarray(self.linear(xyz))
-        tables = [tone.tables(self.levels) if fine else tone.tables(self.levels)[:1] for tone in self.tones]
+        tables = [
+            tone.tables(self.levels) if fine else tone.tables(self.levels)[:1]
+            for tone in self.tones
+        ]
         found = [look_up(self.levels * light[..., k], *table) for k, table in enumerate(tables)]
         return Digital(np.stack(found, axis=-1).astype(np.int32), _outside(light))
 
     def encode(self, light: Numbers) -> Float[Array | np.ndarray, "*batch 3"]:
-        """Levels before rounding, (..., 3), of the light of each primary, (..., 3), 0 to 1; differentiable."""
+        """Levels before rounding, (..., 3), of the light of each primary, (..., 3), 0 to 1;
+        differentiable.
+        """
         values = _floats(light)
-        return array_module(values).stack([tone.level(values[..., k]) for k, tone in enumerate(self.tones)], axis=-1)
+        return array_module(values).stack(
+            [tone.level(values[..., k]) for k, tone in enumerate(self.tones)], axis=-1
+        )
 
     def to_xyz(self, rgb: Numbers) -> Float[Array | np.ndarray, "*batch 3"]:
-        """XYZ that the display shows for digital RGB, (..., 3), levels 0 to `levels`; fractions are interpolated."""
+        """XYZ that the display shows for digital RGB, (..., 3), levels 0 to `levels`; fractions are
+        interpolated.
+        """
         values = _floats(rgb)
         light = [tone.light(values[..., k]) for k, tone in enumerate(self.tones)]
         return _times(array_module(values).stack(light, axis=-1), self._to_xyz)
 
     def adapt(self, xyz: Numbers, white: Numbers) -> Float[Array | np.ndarray, "*batch 3"]:
-        """Colours as they look to an eye adapted to their white, for one adapted to the display's, by Bradford.
+        """Colours as they look to an eye adapted to their white, for one adapted to the display's,
+        by Bradford.
 
         Args:
             xyz: (..., 3), seen under `white`.
@@ -243,27 +296,38 @@ class Display:
         """Name the first colour outside the gamut."""
         wrong = concrete(outside)
         if wrong is None:
-            raise ValueError('gamut="error" needs known colours: JAX traces them; look at `outside` instead')
+            raise ValueError(
+                'gamut="error" needs known colours: JAX traces them; look at `outside` instead'
+            )
         if wrong.any():
             first = np.asarray(concrete(xyz))[wrong][0] if wrong.ndim else np.asarray(concrete(xyz))
             raise ValueError(
-                f"{int(wrong.sum())} of {wrong.size} colours lie outside {self.name}, the first with XYZ "
-                f"{np.array2string(np.asarray(first, float), precision=4)}; clip, dim or desaturate them"
+                f"{int(wrong.sum())} of {wrong.size} colours lie outside {self.name}, the first "
+                "with XYZ "
+                f"{np.array2string(np.asarray(first, float), precision=4)}; clip, dim or "
+                "desaturate them"
             )
 
     def __repr__(self) -> str:
-        return f"Display({self.name!r}, white {np.array2string(self.white, precision=4)}, {self.levels + 1} levels)"
+        return (
+            f"Display({self.name!r}, white {np.array2string(self.white, precision=4)}, "
+            f"{self.levels + 1} levels)"
+        )
 
 
 def _floats(values: Numbers) -> Float[Array | np.ndarray, "..."]:
     """Values as floats, in NumPy unless they are JAX's."""
     array = as_array(values)
     return (
-        np.asarray(array, np.result_type(array, np.float32)) if isinstance(array, np.ndarray) else as_float_array(array)
+        np.asarray(array, np.result_type(array, np.float32))
+        if isinstance(array, np.ndarray)
+        else as_float_array(array)
     )
 
 
-def _outside(light: Float[Array | np.ndarray, "*batch 3"]) -> Bool[Array | np.ndarray | np.bool_, "*batch"]:
+def _outside(
+    light: Float[Array | np.ndarray, "*batch 3"],
+) -> Bool[Array | np.ndarray | np.bool_, "*batch"]:
     """Where a primary would have to shine less than not at all, or more than it can."""
     return array_module(light).any((light < -_SLACK) | (light > 1.0 + _SLACK), axis=-1)
 

@@ -31,7 +31,9 @@ def _desaturate(
     """Each colour moved towards the grey of its luminance just until it fits."""
     xp = array_module(light)
     # What is brighter than white becomes white.
-    grey = xp.clip(xp.sum(light * xp.asarray(shares, light.dtype), axis=-1, keepdims=True), 0.0, 1.0)
+    grey = xp.clip(
+        xp.sum(light * xp.asarray(shares, light.dtype), axis=-1, keepdims=True), 0.0, 1.0
+    )
     away = light - grey
     room = xp.where(away > 0.0, 1.0 - grey, grey)
     size = xp.abs(away)

@@ -1,7 +1,7 @@
 """Tone curves of a display: the light that digital levels give, measured, and read backwards.
 
-Between knots the curve is straight, in both directions with the same knots, so that a level that is turned into light
-and back is the same level to rounding.
+Between knots the curve is straight, in both directions with the same knots, so that a level that is
+turned into light and back is the same level to rounding.
 """
 
 from dataclasses import dataclass
@@ -38,13 +38,17 @@ class ToneCurve:
         """Check the knots, and scale the light."""
         x, y = np.array(self.levels, float), np.array(self.lights, float)
         if x.ndim != 1 or x.shape != y.shape or x.size < 2:
-            raise ValueError(f"a tone curve has as many lights as levels, at least 2, not {x.shape} and {y.shape}")
+            raise ValueError(
+                f"a tone curve has as many lights as levels, at least 2, not {x.shape} and "
+                f"{y.shape}"
+            )
         for what, values in (("levels", x), ("light", y)):
             falls = np.flatnonzero(~(np.diff(values) > 0))
             if falls.size:
                 i = int(falls[0])
                 raise ValueError(
-                    f"{what} of a tone curve must rise: number {i + 2} is {values[i + 1]:g} after {values[i]:g}"
+                    f"{what} of a tone curve must rise: number {i + 2} is {values[i + 1]:g} "
+                    f"after {values[i]:g}"
                 )
         for name, values in (("levels", x), ("lights", (y - y[0]) / (y[-1] - y[0]))):
             values.setflags(write=False)
@@ -64,12 +68,13 @@ class ToneCurve:
 
     @classmethod
     def from_readings(cls, levels: Numbers, readings: Numbers, highest: int = 255) -> "ToneCurve":
-        """Curve at every level from light measured at some of them, by monotone cubic interpolation (PCHIP).
+        """Curve at every level from light measured at some of them, by monotone cubic interpolation
+        (PCHIP).
 
         Args:
-            levels: (readings,), levels that were measured, rising, with 0 and the highest among them.
-            readings: (readings,), light of one primary, in any unit. What it gives at level 0 is taken off.
-            highest: highest level.
+            levels: (readings,), levels that were measured, rising, with 0 and the highest among
+            them. readings: (readings,), light of one primary, in any unit. What it gives at level 0
+            is taken off. highest: highest level.
 
         Raises:
             ValueError: the ends were not measured, or as `ToneCurve`.
@@ -84,11 +89,13 @@ class ToneCurve:
 
     @classmethod
     def from_tables(cls, coarse: Numbers, fine: Numbers | None = None) -> "ToneCurve":
-        """Curve from correction tables as paper B keeps them: the level to send for evenly spaced light.
+        """Curve from correction tables as paper B keeps them: the level to send for evenly spaced
+        light.
 
         Args:
             coarse: (256,) or another number, levels for light 0, 1, ... of 255.
-            fine: (141,), levels for light 0, 0.1, ... 14 of 255, used below 14 instead; they must meet there.
+            fine: (141,), levels for light 0, 0.1, ... 14 of 255, used below 14 instead; they must
+                meet there.
 
         Raises:
             ValueError: tables that do not meet, are too short or do not rise.
@@ -102,10 +109,13 @@ class ToneCurve:
         light = np.arange(low.size) * FINE_STEP
         count = int(np.floor(light[-1] + 1e-9))
         if whole.size <= count + 1 or abs(np.interp(count, light, low) - whole[count]) > 0.5:
-            raise ValueError(f"the fine table ends at light {light[-1]:g}, where it does not meet the coarse one")
+            raise ValueError(
+                f"the fine table ends at light {light[-1]:g}, where it does not meet the coarse one"
+            )
         keep = light < count - 1e-9
         return cls(
-            np.concatenate([low[keep], whole[count:]]), np.concatenate([light[keep], np.arange(count, whole.size)])
+            np.concatenate([low[keep], whole[count:]]),
+            np.concatenate([light[keep], np.arange(count, whole.size)]),
         )
 
     def light(self, level: Numbers) -> Float[Either, "..."]:
@@ -116,8 +126,11 @@ class ToneCurve:
         """Level, not rounded, that gives light 0 to 1, (...)."""
         return _interpolate(light, self.lights, self.levels)
 
-    def tables(self, most: int = 255) -> tuple[Float[np.ndarray, "coarse"], Float[np.ndarray, "fine"]]:
-        """Correction tables as paper B keeps them, for `look_up`: coarse and, below 14, ten times finer.
+    def tables(
+        self, most: int = 255
+    ) -> tuple[Float[np.ndarray, "coarse"], Float[np.ndarray, "fine"]]:
+        """Correction tables as paper B keeps them, for `look_up`: coarse and, below 14, ten times
+        finer.
 
         Source: paper B, section 2B, figures 2 and 3.
         """
@@ -128,9 +141,12 @@ class ToneCurve:
 
 
 def look_up(
-    light: Float[np.ndarray, "..."], coarse: Float[np.ndarray, "coarse"], fine: Float[np.ndarray, "fine"] | None = None
+    light: Float[np.ndarray, "..."],
+    coarse: Float[np.ndarray, "coarse"],
+    fine: Float[np.ndarray, "fine"] | None = None,
 ) -> Int[np.ndarray, "..."]:
-    """Level from tables without interpolation: the entry nearest to the light, as the paper's hardware does it.
+    """Level from tables without interpolation: the entry nearest to the light, as the paper's
+    hardware does it.
 
     Args:
         light: (...), in the unit of the tables, 0 to their last entry.

@@ -1,4 +1,6 @@
-"""What a glaze looks like from all angles, in the linear RGB of a renderer: what the exports are fitted to."""
+"""What a glaze looks like from all angles, in the linear RGB of a renderer: what the exports are
+fitted to.
+"""
 
 from dataclasses import dataclass
 
@@ -15,7 +17,9 @@ from ..glaze.table import GlazeTable, glaze_table
 from .rgb import Space, find_space, rgb_of_xyz
 
 NODES = 8
-"""Cosines of light and eye that integrals over the hemisphere are made of: Gauss's, right to 1e-6 of an albedo."""
+"""Cosines of light and eye that integrals over the hemisphere are made of: Gauss's, right to 1e-6
+of an albedo.
+"""
 VIEWS = (0.0, 15.0, 30.0, 45.0, 60.0, 75.0)
 """Degrees at which colours are compared, of light and of eye."""
 
@@ -25,7 +29,8 @@ _ROUGH_TOLERANCE = 1e-4
 
 @dataclass(frozen=True)
 class AngularColour:
-    """A glaze's reflectance factor between angles in linear RGB, with the surface's own reflection kept apart.
+    """A glaze's reflectance factor between angles in linear RGB, with the surface's own reflection
+    kept apart.
 
     Attributes:
         cosines: (angles,), of light and eye: Gauss's nodes, then those of `VIEWS`.
@@ -36,7 +41,8 @@ class AngularColour:
         roughness: alpha of the surface's GGX facets, 0 where it is smooth.
         space: linear RGB, see `rgb.Space`.
         light: illuminant and observer.
-        error: largest error of a reflectance factor that the table of angles has, as it estimates it.
+        error: largest error of a reflectance factor that the table of angles has, as it estimates
+            it.
     """
 
     cosines: Float[np.ndarray, "angles"]
@@ -82,19 +88,23 @@ def angular_colour(
         wavelengths_nm: (bands,); those of the paints if left out.
         roughness: alpha of the surface, from 0 (smooth) to 1.
         space: "srgb" (linear sRGB) or "acescg".
-        illuminant, observer: of the colours, see `glazejax.colour.colour_weights`; the illuminant's white becomes
-            the space's.
+        illuminant, observer: of the colours, see `glazejax.colour.colour_weights`; the illuminant's
+            white becomes the space's.
         tolerance: absolute error wanted of a reflectance factor.
 
     Raises:
-        ValueError: a roughness outside of 0 to 1, an unknown space, or what `glaze_table` and `colour_weights` refuse.
+        ValueError: a roughness outside of 0 to 1, an unknown space, or what `glaze_table` and
+            `colour_weights` refuse.
     """
     known = find_space(space)
     check_roughness(roughness)
     made = glaze.glaze() if isinstance(glaze, Stack) else glaze
     check_glaze(made)
     grid = validate_wavelengths(made.wavelengths if wavelengths_nm is None else wavelengths_nm)
-    weights, white = colour_weights(grid, illuminant, observer), white_point(grid, illuminant, observer)
+    weights, white = (
+        colour_weights(grid, illuminant, observer),
+        white_point(grid, illuminant, observer),
+    )
     made = on_grid(made, grid)
     nodes, steps = np.polynomial.legendre.leggauss(NODES)
     cosines = np.concatenate([0.5 * (nodes + 1.0), np.cos(np.deg2rad(VIEWS))])
@@ -129,7 +139,9 @@ def body_spectra(
         found[other, one] = found[one, other]
         return found, tolerance
     table: GlazeTable = glaze_table(glaze, grid, tolerance=tolerance)
-    return np.asarray(table.reflectance_factor(cosines[:, None], cosines), float), float(table.error)
+    return np.asarray(table.reflectance_factor(cosines[:, None], cosines), float), float(
+        table.error
+    )
 
 
 def pair_spectra(
@@ -159,12 +171,16 @@ def pair_spectra(
     return planned_factor(glaze, cos_in[batch], cos_out[batch], tolerance)
 
 
-def surface_share(cosines: Float[np.ndarray, "angles"], index: float, roughness: float) -> Float[np.ndarray, "angles"]:
+def surface_share(
+    cosines: Float[np.ndarray, "angles"], index: float, roughness: float
+) -> Float[np.ndarray, "angles"]:
     """Directional-hemispherical reflectance of the outer surface alone."""
     if roughness > 0:
         from ...radiative.rough.surface import surface_albedo
 
-        return np.asarray(surface_albedo(cosines, roughness=roughness, refractive_index=index), float)
+        return np.asarray(
+            surface_albedo(cosines, roughness=roughness, refractive_index=index), float
+        )
     return np.asarray(dielectric_reflectance(cosines, index), float)
 
 

@@ -14,7 +14,8 @@ from .angles import VIEWS, AngularColour, angular_colour
 from .openpbr import LAYERINGS, Layering, OpenPBR, directional_albedo, reflectance_factor
 from .rgb import delta_e, outside
 
-# Azimuths of the comparison, half of the circle at midpoints: OpenPBR's rough body has an azimuth, and paint has none.
+# Azimuths of the comparison, half of the circle at midpoints: OpenPBR's rough body has an azimuth,
+# and paint has none.
 _AZIMUTHS = (np.arange(6) + 0.5) * 30.0
 _FIT_AZIMUTHS = (np.arange(3) + 0.5) * 60.0
 # Roughness of the body and tint of the coat to start from.
@@ -33,10 +34,12 @@ class Errors(NamedTuple):
     """
 
     albedo: float
-    """Largest difference of what is seen of the sky, in any channel, the surface's reflection included."""
+    """Largest difference of what is seen of the sky, in any channel, the surface's reflection
+    included.
+    """
     rms: float
-    """Root mean square of the reflectance factor's difference, over all pairs of angles by their cosines, without the
-    surface's own reflection."""
+    """Root mean square of the reflectance factor's difference, over all pairs of angles by their
+    cosines, without the surface's own reflection."""
     sky: float
     """Mean CIEDE2000 under the sky."""
     sky_most: float
@@ -56,8 +59,8 @@ class OpenPBRFit:
         layering: what the material was fitted with; see `glazejax.appearance.exports.openpbr`.
         truth: the computed glaze.
         errors: of the material.
-        naive: what one would write without a fit: the colour seen straight on, and the index as it is.
-        naive_errors: of that.
+        naive: what one would write without a fit: the colour seen straight on, and the index as it
+        is. naive_errors: of that.
         outside: share of the glaze's colours, at pairs of `VIEWS`, that the space cannot hold.
     """
 
@@ -93,19 +96,22 @@ def fit_openpbr(
 ) -> OpenPBRFit:
     """Fit OpenPBR to a glaze.
 
-    Body and coat are fitted: their colours, the body's roughness, and the coat's darkening. The surface is known: the
-    index is the paint's, and its roughness the square root of alpha, so that the mirror reflection stays right.
+    Body and coat are fitted: their colours, the body's roughness, and the coat's darkening. The
+    surface is known: the index is the paint's, and its roughness the square root of alpha, so that
+    the mirror reflection stays right.
 
     Args:
-        glaze: of one thickness a layer, a stack, or what `angular_colour` has computed (then all but `layering` and
+        glaze: of one thickness a layer, a stack, or what `angular_colour` has computed (then all
+            but `layering` and
             `coat` counts no more).
         wavelengths_nm, roughness, space, illuminant, observer, tolerance: see `angular_colour`.
         layering: "materialx" (its node graph), "specification" or "reciprocal".
-        coat: whether there is a coat, which absorbs above the body; if left out, where it makes the error smaller by
-            2 %. As MaterialX puts layers together it never does.
+        coat: whether there is a coat, which absorbs above the body; if left out, where it makes the
+            error smaller by 2 %. As MaterialX puts layers together it never does.
 
     Returns:
-        `OpenPBRFit`: least squares of the reflectance factor in linear RGB over all pairs of angles, by their cosines.
+        `OpenPBRFit`: least squares of the reflectance factor in linear RGB over all pairs of
+        angles, by their cosines.
 
     Raises:
         ValueError: an unknown layering, or what `angular_colour` refuses.
@@ -142,7 +148,9 @@ def fit_openpbr(
 
 
 def naive_openpbr(truth: AngularColour) -> OpenPBR:
-    """What is written without a fit: the colour seen straight on, lit straight on, and the index as it is."""
+    """What is written without a fit: the colour seen straight on, lit straight on, and the index as
+    it is.
+    """
     straight = truth.weights.size
     colour = np.clip(truth.body[straight, straight], 0.0, 1.0)
     return OpenPBR(
@@ -152,11 +160,18 @@ def naive_openpbr(truth: AngularColour) -> OpenPBR:
     )
 
 
-def material_errors(material: OpenPBR, truth: AngularColour, layering: Layering = "materialx") -> Errors:
+def material_errors(
+    material: OpenPBR, truth: AngularColour, layering: Layering = "materialx"
+) -> Errors:
     """How far a material of OpenPBR is from a computed glaze."""
     cosines = truth.cosines
     seen = reflectance_factor(
-        material, cosines[:, None, None], cosines[:, None], _AZIMUTHS, layering=layering, gloss=False
+        material,
+        cosines[:, None, None],
+        cosines[:, None],
+        _AZIMUTHS,
+        layering=layering,
+        gloss=False,
     )
     lit = 2.0 * truth.weights * cosines[truth.nodes]
     missed = (seen - truth.body[:, :, None])[truth.nodes, truth.nodes]
@@ -168,13 +183,20 @@ def material_errors(material: OpenPBR, truth: AngularColour, layering: Layering 
     under_sky = delta_e(sky, true_sky, truth.space)
     under_lamp = delta_e(seen[lamp, views].mean(axis=1), truth.body[lamp, views], truth.space)
     return Errors(
-        *(float(np.max(np.abs(sky - true_sky))), float(rms), float(under_sky.mean()), float(under_sky.max())),
+        *(
+            float(np.max(np.abs(sky - true_sky))),
+            float(rms),
+            float(under_sky.mean()),
+            float(under_sky.max()),
+        ),
         *(float(under_lamp.mean()), float(under_lamp.max())),
     )
 
 
 class _Problem:
-    """Residuals of a material made of a vector: colour of the body, its roughness; colour of the coat, darkening."""
+    """Residuals of a material made of a vector: colour of the body, its roughness; colour of the
+    coat, darkening.
+    """
 
     def __init__(self, truth: AngularColour, layering: Layering, coated: bool):
         self.truth, self.coated = truth, coated
@@ -189,7 +211,10 @@ class _Problem:
     def material(self, x: Float[np.ndarray, "unknowns"]) -> OpenPBR:
         index, rough = self.truth.refractive_index, float(np.sqrt(self.truth.roughness))
         x = np.clip(x, self.low, 1.0)
-        body: dict[str, Any] = {"base_color": colour_tuple(x[:3]), "base_diffuse_roughness": float(x[3])}
+        body: dict[str, Any] = {
+            "base_color": colour_tuple(x[:3]),
+            "base_diffuse_roughness": float(x[3]),
+        }
         if not self.coated:
             return OpenPBR(**body, specular_ior=index, specular_roughness=rough)
         # Below the coat lies paint of the same index: there is no second surface.
@@ -206,7 +231,12 @@ class _Problem:
 
     def residuals(self, x: Float[np.ndarray, "unknowns"]) -> Float[np.ndarray, "residuals"]:
         seen = reflectance_factor(
-            self.material(x), self.cos_in, self.cos_out, _FIT_AZIMUTHS, layering=self.layering, gloss=False
+            self.material(x),
+            self.cos_in,
+            self.cos_out,
+            _FIT_AZIMUTHS,
+            layering=self.layering,
+            gloss=False,
         )
         return ((seen - self.body) * self.share).ravel()
 
@@ -215,7 +245,9 @@ class _Problem:
         lit = 2.0 * self.truth.weights * self.truth.cosines[self.truth.nodes]
         mean = np.clip(np.einsum("ioac,i,o->c", self.body, lit, lit), 0.02, 0.95)
         if not self.coated:
-            return [np.array([*mean, rough]) for rough in dict.fromkeys(rough for rough, _ in _STARTS)]
+            return [
+                np.array([*mean, rough]) for rough in dict.fromkeys(rough for rough, _ in _STARTS)
+            ]
         return [np.array([*mean, rough, *([tint] * 3), 0.5]) for rough, tint in _STARTS]
 
 
@@ -232,7 +264,9 @@ def _best(problem: _Problem) -> tuple[float, OpenPBR]:
 
 
 def _rounded(material: OpenPBR) -> OpenPBR:
-    """Without digits that no file needs: six behind the point, so that what is written is what was measured."""
+    """Without digits that no file needs: six behind the point, so that what is written is what was
+    measured.
+    """
     short = {
         name: tuple(round(v, 6) for v in value) if isinstance(value, tuple) else round(value, 6)
         for name, value in material.parameters().items()

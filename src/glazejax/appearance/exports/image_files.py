@@ -46,7 +46,8 @@ def png(values: Float[np.ndarray, "..."], *, encoded: bool = False) -> bytes:
     parts += [(b"sRGB", b"\0")] if encoded else []
     parts += [(b"IDAT", zlib.compress(data.tobytes(), 6)), (b"IEND", b"")]
     chunks = (
-        struct.pack(">I", len(body)) + name + body + struct.pack(">I", zlib.crc32(name + body)) for name, body in parts
+        struct.pack(">I", len(body)) + name + body + struct.pack(">I", zlib.crc32(name + body))
+        for name, body in parts
     )
     return b"\x89PNG\r\n\x1a\n" + b"".join(chunks)
 
@@ -62,14 +63,16 @@ def _write_exr(path: Path, values: Float[np.ndarray, "..."]) -> None:
 
 
 def normals(height: Float[np.ndarray, "h w"], pixel: float) -> Float[np.ndarray, "h w 3"]:
-    """Tangent-space normals of a relief as colours, 0.5 + n/2; green points up the picture (OpenGL, Blender).
+    """Tangent-space normals of a relief as colours, 0.5 + n/2; green points up the picture (OpenGL,
+    Blender).
 
     Args:
         height: m.
         pixel: width of a pixel, m.
     """
     rows, columns = (
-        np.gradient(height, pixel, axis=axis) if height.shape[axis] > 1 else np.zeros(height.shape) for axis in (0, 1)
+        np.gradient(height, pixel, axis=axis) if height.shape[axis] > 1 else np.zeros(height.shape)
+        for axis in (0, 1)
     )
     slopes = np.stack([-columns, rows, np.ones(height.shape)], axis=-1)
     return 0.5 + 0.5 * slopes / np.linalg.norm(slopes, axis=-1, keepdims=True)

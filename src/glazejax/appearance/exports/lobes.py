@@ -1,4 +1,5 @@
-"""The two lobes that OpenPBR is made of: the rough diffuse body EON, and a rough dielectric's reflection.
+"""The two lobes that OpenPBR is made of: the rough diffuse body EON, and a rough dielectric's
+reflection.
 
 Azimuths are degrees, 0 the mirror side, as in `glazejax.geometry`; cosines are in air and above 0.
 """
@@ -29,7 +30,8 @@ def diffuse_factor(
     mu_out: Float[np.ndarray, "*batch"],
     azimuth: Float[np.ndarray, "*batch"],
 ) -> Float[np.ndarray, "*batch 3"]:
-    """Reflectance factor of the body: EON, Fujii's Oren-Nayar lobe with what it loses given back, (..., 3).
+    """Reflectance factor of the body: EON, Fujii's Oren-Nayar lobe with what it loses given back,
+    (..., 3).
 
     Args:
         colour: (3,), its albedo where all light comes from all sides.
@@ -45,7 +47,11 @@ def diffuse_factor(
     s_over_t = np.where(s > 0, s / np.maximum(mu_in, mu_out), s)
     single = (1.0 + roughness * s_over_t) / (1.0 + _FUJII * roughness)
     mean = (1.0 + _FUJII_MEAN * roughness) / (1.0 + _FUJII * roughness)
-    missing = (1.0 - _fujii_albedo(mu_in, roughness)) * (1.0 - _fujii_albedo(mu_out, roughness)) / (1.0 - mean)
+    missing = (
+        (1.0 - _fujii_albedo(mu_in, roughness))
+        * (1.0 - _fujii_albedo(mu_out, roughness))
+        / (1.0 - mean)
+    )
     more = colour**2 * mean / (1.0 - colour * (1.0 - mean))
     return single[..., None] * colour + missing[..., None] * more
 
@@ -53,7 +59,9 @@ def diffuse_factor(
 def _fujii_albedo(mu: Float[np.ndarray, "*batch"], roughness: float) -> Float[np.ndarray, "*batch"]:
     """Directional albedo of the white lobe without what is given back."""
     sine = np.sqrt(np.maximum(0.0, 1.0 - mu**2))
-    lobe = sine * (np.arccos(np.clip(mu, -1, 1)) - sine * mu) + 2.0 / 3.0 * (sine / mu * (1.0 - sine**3) - sine)
+    lobe = sine * (np.arccos(np.clip(mu, -1, 1)) - sine * mu) + 2.0 / 3.0 * (
+        sine / mu * (1.0 - sine**3) - sine
+    )
     return (1.0 + roughness * lobe / np.pi) / (1.0 + _FUJII * roughness)
 
 
@@ -64,10 +72,11 @@ def lobe_factor(
     alpha: float,
     index: float,
 ) -> Float[np.ndarray, "*batch"]:
-    """Reflectance factor pi f of a rough dielectric's outer surface, (...); 0 for a smooth one, which is a mirror.
+    """Reflectance factor pi f of a rough dielectric's outer surface, (...); 0 for a smooth one,
+    which is a mirror.
 
-    GGX facets, heights correlated (Smith), Fresnel's equations at the facet, and what facets lose among themselves
-    given back by Turquin's factor, from the eye's side.
+    GGX facets, heights correlated (Smith), Fresnel's equations at the facet, and what facets lose
+    among themselves given back by Turquin's factor, from the eye's side.
     """
     if alpha < SMOOTH or index == 1.0:
         return np.zeros(mu_in.shape)
@@ -77,10 +86,18 @@ def lobe_factor(
     density = alpha**2 / (np.pi * ((alpha**2 - 1.0) * half**2 + 1.0) ** 2)
     fresnel = dielectric_reflectance(facing, index)
     kept = facet_albedo(mu_out, alpha)
-    return np.pi * density * fresnel * _both_seen(mu_in, mu_out, alpha) * (1.0 + fresnel * (1.0 - kept) / kept)
+    return (
+        np.pi
+        * density
+        * fresnel
+        * _both_seen(mu_in, mu_out, alpha)
+        * (1.0 + fresnel * (1.0 - kept) / kept)
+    )
 
 
-def lobe_albedo(mu: Float[np.ndarray, "*batch"], alpha: float, index: float) -> Float[np.ndarray, "*batch"]:
+def lobe_albedo(
+    mu: Float[np.ndarray, "*batch"], alpha: float, index: float
+) -> Float[np.ndarray, "*batch"]:
     """Directional albedo of `lobe_factor`, and of the mirror where the surface is smooth, (...)."""
     mu = np.asarray(mu, float)
     if index == 1.0:
@@ -91,11 +108,15 @@ def lobe_albedo(mu: Float[np.ndarray, "*batch"], alpha: float, index: float) -> 
 
 
 def facet_albedo(mu: Float[np.ndarray, "*batch"], alpha: float) -> Float[np.ndarray, "*batch"]:
-    """Directional albedo of facets that reflect everything, once: below 1 by what goes on to other facets."""
+    """Directional albedo of facets that reflect everything, once: below 1 by what goes on to other
+    facets.
+    """
     return _integrated(mu, alpha, None)
 
 
-def _integrated(mu: Float[np.ndarray, "*batch"], alpha: float, index: float | None) -> Float[np.ndarray, "*batch"]:
+def _integrated(
+    mu: Float[np.ndarray, "*batch"], alpha: float, index: float | None
+) -> Float[np.ndarray, "*batch"]:
     values, where = np.unique(mu, return_inverse=True)
     table = np.array([_one_albedo(float(value), alpha, index) for value in values])
     return table[where].reshape(np.shape(mu))
@@ -105,7 +126,8 @@ def _integrated(mu: Float[np.ndarray, "*batch"], alpha: float, index: float | No
 def _one_albedo(mu: float, alpha: float, index: float | None) -> float:
     """Integral over visible normals, of facets that reflect everything where there is no index.
 
-    Source of the map: J. Dupuy, A. Benyoub, Sampling visible GGX normals with spherical caps (2023).
+    Source of the map: J. Dupuy, A. Benyoub, Sampling visible GGX normals with spherical caps
+    (2023).
     """
     share, weights = gauss(_NORMALS)
     # The lobe is even in the azimuth: half of it is enough.
@@ -121,7 +143,11 @@ def _one_albedo(mu: float, alpha: float, index: float | None) -> float:
     length = np.sqrt(x**2 + y**2 + height**2)
     facing = np.clip((x * sine + height * mu) / length, 1e-9, 1.0)
     out = 2.0 * facing * height / length - mu
-    seen = np.where(out > 0, _both_seen(np.maximum(out, 1e-9), mu, alpha) * 4.0 * mu * np.maximum(out, 1e-9), 0.0)
+    seen = np.where(
+        out > 0,
+        _both_seen(np.maximum(out, 1e-9), mu, alpha) * 4.0 * mu * np.maximum(out, 1e-9),
+        0.0,
+    )
     seen = seen / _one_seen(mu, alpha)
     if index is not None:
         fresnel = np.asarray(dielectric_reflectance(facing, index))
@@ -143,7 +169,9 @@ def _both_seen(mu_in, mu_out, alpha: float):
 
 
 def _cos_between(
-    mu_in: Float[np.ndarray, "*batch"], mu_out: Float[np.ndarray, "*batch"], azimuth: Float[np.ndarray, "*batch"]
+    mu_in: Float[np.ndarray, "*batch"],
+    mu_out: Float[np.ndarray, "*batch"],
+    azimuth: Float[np.ndarray, "*batch"],
 ) -> Float[np.ndarray, "*batch"]:
     """Cosine of the angle between the directions towards the light and the eye."""
     sines = np.sqrt(np.maximum(0.0, 1.0 - mu_in**2)) * np.sqrt(np.maximum(0.0, 1.0 - mu_out**2))

@@ -1,8 +1,10 @@
-"""Colours of a glaze that changes from pixel to pixel, as OpenPBR takes them: of the body, and of a coat above it.
+"""Colours of a glaze that changes from pixel to pixel, as OpenPBR takes them: of the body, and of a
+coat above it.
 
-Which body comes nearest to the reflectance factor at all angles is a weighted mean of it, so that a spectrum, or its
-XYZ, goes through it as the reflectance does. These means are functions of the few numbers that differ between pixels;
-they are computed where that is needed, and interpolated for all pixels, as in `glazejax.picture`.
+Which body comes nearest to the reflectance factor at all angles is a weighted mean of it, so that a
+spectrum, or its XYZ, goes through it as the reflectance does. These means are functions of the few
+numbers that differ between pixels; they are computed where that is needed, and interpolated for all
+pixels, as in `glazejax.picture`.
 """
 
 from dataclasses import dataclass
@@ -23,13 +25,16 @@ from .lobes import lobe_albedo
 from .rgb import Space, rgb_of_xyz
 
 KINDS = ("thickness", "fraction", "ground")
-"""What may be a map: thickness of a layer in m, share of its second paint, reflectance of the ground."""
+"""What may be a map: thickness of a layer in m, share of its second paint, reflectance of the
+ground.
+"""
 _SHARE = 0.9
 _SOLVER = 1e-5
 # Tints of a coat that are tried; between them their error is a parabola.
 _TINTS = np.exp(np.linspace(0.0, np.log(2e-3), 41))
 _AT_ONCE = 65536
-# Cosines of light and eye of the means: with 8 in place of 5 they change by less than 1e-3 of themselves.
+# Cosines of light and eye of the means: with 8 in place of 5 they change by less than 1e-3 of
+# themselves.
 _NODES = 5
 
 
@@ -68,12 +73,16 @@ class MappedGlaze:
     def __post_init__(self) -> None:
         if not 0 <= self.layer < len(self.glaze.layers):
             raise ValueError(
-                f"layer is {self.layer}, but the glaze has {len(self.glaze.layers)} layers, the top one is number 0"
+                f"layer is {self.layer}, but the glaze has {len(self.glaze.layers)} layers, the "
+                "top one is number 0"
             )
         medium = self.glaze.layers[self.layer].medium
-        if "fraction" in self.kinds and not (isinstance(medium, Mixture) and len(medium.pigments) == 2):
+        if "fraction" in self.kinds and not (
+            isinstance(medium, Mixture) and len(medium.pigments) == 2
+        ):
             raise ValueError(
-                f"layer {self.layer} is {medium.name!r}: a map of fractions needs a coat of two paints, such as "
+                f"layer {self.layer} is {medium.name!r}: a map of fractions needs a coat of two "
+                "paints, such as "
                 "0.5*ZincWhite+0.5*CobaltBlue:20um"
             )
 
@@ -154,7 +163,10 @@ def mapped_colours(
             samples=columns,
         )
         error = table.error
-        blocks = [{k: c[i : i + _AT_ONCE] for k, c in columns.items()} for i in range(0, len(distinct), _AT_ONCE)]
+        blocks = [
+            {k: c[i : i + _AT_ONCE] for k, c in columns.items()}
+            for i in range(0, len(distinct), _AT_ONCE)
+        ]
         values = np.concatenate([np.asarray(table(**block), float) for block in blocks])
     plain, base, tint = means.colours(rgb_of_xyz(values, white, space))
     where = where.reshape(-1)
@@ -192,11 +204,16 @@ class _Means:
 
     def colours(
         self, means: Float[np.ndarray, "points means 3"]
-    ) -> tuple[Float[np.ndarray, "points 3"], Float[np.ndarray, "points 3"], Float[np.ndarray, "points 3"] | None]:
+    ) -> tuple[
+        Float[np.ndarray, "points 3"],
+        Float[np.ndarray, "points 3"],
+        Float[np.ndarray, "points 3"] | None,
+    ]:
         """Colours of the body alone, and of body and coat, from the means in linear RGB.
 
-        With a coat the body is the same everywhere, as light as the lightest point: bodies and coats that are free at
-        every point jump where one gives way to the other, and pictures of them may not be blended.
+        With a coat the body is the same everywhere, as light as the lightest point: bodies and
+        coats that are free at every point jump where one gives way to the other, and pictures of
+        them may not be blended.
         """
         plain = means[:, 0] / self.squares[0]
         if not self.coat:

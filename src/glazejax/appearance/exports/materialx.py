@@ -50,15 +50,20 @@ def write_materialx(
 
     Raises:
         ValueError: a path that does not end in .mtlx, or a name that MaterialX does not take.
-        FileExistsError, FileNotFoundError, IsADirectoryError: see `glazejax.io.outputs.check_output`.
+        FileExistsError, FileNotFoundError, IsADirectoryError: see
+            `glazejax.io.outputs.check_output`.
     """
     path = Path(path)
     if path.suffix.lower() != ".mtlx":
         raise ValueError(f"{path}: a MaterialX file ends in .mtlx")
     if not name.isidentifier() or not name.isascii() or name.startswith("_"):
-        raise ValueError(f"the material's name is {name!r}; use letters, digits and _, beginning with a letter")
+        raise ValueError(
+            f"the material's name is {name!r}; use letters, digits and _, beginning with a letter"
+        )
     path = check_output(path, overwrite=overwrite, switch="overwrite=True")
-    material, known, words = (fit, find_space(space), "") if isinstance(fit, OpenPBR) else _told(fit)
+    material, known, words = (
+        (fit, find_space(space), "") if isinstance(fit, OpenPBR) else _told(fit)
+    )
     root = xml.Element("materialx", {"version": VERSION, "colorspace": known})
     if words:
         root.set("doc", words)
@@ -67,24 +72,36 @@ def write_materialx(
     if normal is not None:
         _image(root, f"{name}_normal_picture", "vector3", normal)
         node = xml.SubElement(root, "normalmap", {"name": f"{name}_normal", "type": "vector3"})
-        xml.SubElement(node, "input", {"name": "in", "type": "vector3", "nodename": f"{name}_normal_picture"})
-    shader = xml.SubElement(root, "open_pbr_surface", {"name": f"{name}_surface", "type": "surfaceshader"})
+        xml.SubElement(
+            node, "input", {"name": "in", "type": "vector3", "nodename": f"{name}_normal_picture"}
+        )
+    shader = xml.SubElement(
+        root, "open_pbr_surface", {"name": f"{name}_surface", "type": "surfaceshader"}
+    )
     for parameter, value in material.parameters().items():
         kind = "color3" if parameter in _COLOURS else "float"
         given = {"name": parameter, "type": kind}
         if parameter in (images or {}):
             given["nodename"] = f"{name}_{parameter}"
         else:
-            given["value"] = ", ".join(f"{number:.6g}" for number in (value if isinstance(value, tuple) else (value,)))
+            given["value"] = ", ".join(
+                f"{number:.6g}" for number in (value if isinstance(value, tuple) else (value,))
+            )
         xml.SubElement(shader, "input", given)
     if normal is not None:
         for parameter in ("geometry_normal", "geometry_coat_normal"):
-            xml.SubElement(shader, "input", {"name": parameter, "type": "vector3", "nodename": f"{name}_normal"})
+            xml.SubElement(
+                shader,
+                "input",
+                {"name": parameter, "type": "vector3", "nodename": f"{name}_normal"},
+            )
     top = xml.SubElement(root, "surfacematerial", {"name": name, "type": "material"})
     given = {"name": "surfaceshader", "type": "surfaceshader", "nodename": f"{name}_surface"}
     xml.SubElement(top, "input", given)
     xml.indent(root)
-    path.write_text('<?xml version="1.0"?>\n' + xml.tostring(root, encoding="unicode") + "\n", encoding="utf-8")
+    path.write_text(
+        '<?xml version="1.0"?>\n' + xml.tostring(root, encoding="unicode") + "\n", encoding="utf-8"
+    )
     return path
 
 
@@ -92,9 +109,12 @@ def _told(fit: OpenPBRFit) -> tuple[OpenPBR, str, str]:
     """Material, space, and the errors in words, for the file's doc."""
     errors, truth = fit.errors, fit.truth
     words = (
-        f"OpenPBR 1.1 fitted by glazejax to a computed glaze; {SPACES[truth.space].words}, {truth.light[0]}; layers as "
-        f"in {fit.layering}. Remaining error: albedo {errors.albedo:.4f}, RMS of the reflectance factor "
-        f"{errors.rms:.4f}, mean Delta E 2000 {errors.sky:.2f} under an even sky and {errors.lamp:.2f} under a lamp at "
+        f"OpenPBR 1.1 fitted by glazejax to a computed glaze; {SPACES[truth.space].words}, "
+        f"{truth.light[0]}; layers as "
+        f"in {fit.layering}. Remaining error: albedo {errors.albedo:.4f}, RMS of the reflectance "
+        "factor "
+        f"{errors.rms:.4f}, mean Delta E 2000 {errors.sky:.2f} under an even sky and "
+        f"{errors.lamp:.2f} under a lamp at "
         "45 degrees."
     )
     return fit.material, truth.space, words
@@ -103,4 +123,6 @@ def _told(fit: OpenPBRFit) -> tuple[OpenPBR, str, str]:
 def _image(root: xml.Element, name: str, kind: str, image: Image) -> None:
     node = xml.SubElement(root, "image", {"name": name, "type": kind})
     given = {"name": "file", "type": "filename", "value": image.file}
-    xml.SubElement(node, "input", given | ({"colorspace": image.colorspace} if image.colorspace else {}))
+    xml.SubElement(
+        node, "input", given | ({"colorspace": image.colorspace} if image.colorspace else {})
+    )

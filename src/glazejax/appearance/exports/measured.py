@@ -1,4 +1,6 @@
-"""A glaze as a table for Mitsuba's `measured`, with the file that uses it, and how far Mitsuba is from the solver."""
+"""A glaze as a table for Mitsuba's `measured`, with the file that uses it, and how far Mitsuba is
+from the solver.
+"""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,9 +17,11 @@ from ..glaze.mitsuba import export_glaze, reflectance_in_mitsuba
 from ..glaze.table import GlazeTable, glaze_table
 from .angles import check_roughness
 
-# The least roughness of the mirror lobe: Mitsuba's blend of a table and a perfect mirror weighs them wrongly.
+# The least roughness of the mirror lobe: Mitsuba's blend of a table and a perfect mirror weighs
+# them wrongly.
 _LEAST_ROUGHNESS = 0.02
-# Cosines and azimuths at which Mitsuba is asked, off the table's own directions, and at most so many wavelengths.
+# Cosines and azimuths at which Mitsuba is asked, off the table's own directions, and at most so
+# many wavelengths.
 _COSINES, _AZIMUTHS, _BANDS = (0.95, 0.6, 0.25), (0.3, 1.6, 2.9), 7
 _VARIANT = "scalar_spectral"
 
@@ -30,8 +34,9 @@ class MeasuredExport:
         table, scene: files: the table, and the BSDF in Mitsuba's XML that uses it.
         bsdf: the same for `mitsuba.load_dict`.
         solver: estimated error of the reflectance factor at the table's entries.
-        mitsuba: largest error of the reflectance factor found in Mitsuba, without the surface's reflection, at 27
-            pairs of directions between the table's own; None where Mitsuba could not be asked.
+        mitsuba: largest error of the reflectance factor found in Mitsuba, without the surface's
+            reflection, at 27 pairs of directions between the table's own; None where Mitsuba could
+            not be asked.
         why: why it could not be.
     """
 
@@ -55,22 +60,25 @@ def write_measured(
     check: bool = True,
     overwrite: bool = False,
 ) -> MeasuredExport:
-    """Write a glaze for Mitsuba's `measured`: the table, PATH.bsdf, and PATH.xml, which adds the surface's reflection.
+    """Write a glaze for Mitsuba's `measured`: the table, PATH.bsdf, and PATH.xml, which adds the
+    surface's reflection.
 
     Args:
         glaze: of one thickness a layer, or a stack (of a card its white half).
         path: of the table, ending in .bsdf.
         wavelengths_nm: (bands,); those of the paints if left out.
         gloss: with the reflection of the surface itself.
-        roughness: alpha of that reflection alone, the body is seen through a smooth surface; below 0.02 it is 0.02.
-        resolution: directions of the eye, and half-way vectors along both of their angles.
+        roughness: alpha of that reflection alone, the body is seen through a smooth surface; below
+        0.02 it is 0.02. resolution: directions of the eye, and half-way vectors along both of their
+        angles.
         tolerance: absolute error wanted of the reflectance factor at the table's entries.
         check: ask Mitsuba, where it is installed, what it makes of the table.
         overwrite: replace files that exist.
 
     Raises:
         ValueError: a path with another ending, or what `export_glaze` refuses.
-        FileExistsError, FileNotFoundError, IsADirectoryError: see `glazejax.io.outputs.check_output`.
+        FileExistsError, FileNotFoundError, IsADirectoryError: see
+            `glazejax.io.outputs.check_output`.
     """
     path = Path(path)
     if path.suffix.lower() != ".bsdf":
@@ -91,11 +99,19 @@ def write_measured(
         overwrite=overwrite,
     )
     scene.write_text(_xml(bsdf, path.name), encoding="utf-8")
-    found, why = _in_mitsuba(table, path, np.asarray(grid, float), gloss) if check else (None, "it was not asked")
-    return MeasuredExport(table=path, scene=scene, bsdf=bsdf, solver=float(table.error), mitsuba=found, why=why)
+    found, why = (
+        _in_mitsuba(table, path, np.asarray(grid, float), gloss)
+        if check
+        else (None, "it was not asked")
+    )
+    return MeasuredExport(
+        table=path, scene=scene, bsdf=bsdf, solver=float(table.error), mitsuba=found, why=why
+    )
 
 
-def _in_mitsuba(table: GlazeTable, path: Path, grid: np.ndarray, gloss: bool) -> tuple[float | None, str]:
+def _in_mitsuba(
+    table: GlazeTable, path: Path, grid: np.ndarray, gloss: bool
+) -> tuple[float | None, str]:
     """Largest difference between Mitsuba and the table of the solver, or why it is not known."""
     try:
         import mitsuba as mi  # pyright: ignore[reportMissingImports]
@@ -112,7 +128,9 @@ def _in_mitsuba(table: GlazeTable, path: Path, grid: np.ndarray, gloss: bool) ->
         for cos_out in _COSINES:
             truth = np.asarray(table.reflectance_factor(cos_in, cos_out), float)[bands]
             for azimuth in _AZIMUTHS:
-                seen = reflectance_in_mitsuba(body, grid[bands], cos_in, cos_out, azimuth) / (2.0 if gloss else 1.0)
+                seen = reflectance_in_mitsuba(body, grid[bands], cos_in, cos_out, azimuth) / (
+                    2.0 if gloss else 1.0
+                )
                 worst = max(worst, float(np.abs(seen - truth).max()))
     return worst, ""
 
@@ -135,7 +153,9 @@ def _element(kind: str, values: dict[str, Any], file: str, name: str = "") -> xm
         elif isinstance(value, dict):
             element.append(_element("bsdf", value, file, key))
         elif isinstance(value, str):
-            xml.SubElement(element, "string", {"name": key, "value": file if key == "filename" else value})
+            xml.SubElement(
+                element, "string", {"name": key, "value": file if key == "filename" else value}
+            )
         else:
             xml.SubElement(element, "float", {"name": key, "value": f"{value:.9g}"})
     return element

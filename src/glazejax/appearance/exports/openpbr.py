@@ -1,26 +1,31 @@
-"""OpenPBR Surface 1.1 in numbers: what its parameters reflect between two directions, and over a hemisphere.
+"""OpenPBR Surface 1.1 in numbers: what its parameters reflect between two directions, and over a
+hemisphere.
 
-Of the model these parts are here: the opaque dielectric base (an energy-preserving rough diffuse body, EON, under a
-dielectric surface) and the coat (Fresnel reflection, absorption, darkening). Left out are metal, subsurface,
-transmission, thin film, fuzz, emission and anisotropy, which a fit of paint has no use for.
+Of the model these parts are here: the opaque dielectric base (an energy-preserving rough diffuse
+body, EON, under a dielectric surface) and the coat (Fresnel reflection, absorption, darkening).
+Left out are metal, subsurface, transmission, thin film, fuzz, emission and anisotropy, which a fit
+of paint has no use for.
 
-OpenPBR defines its truth as light transport through slabs and leaves it to programs how near they come. Two ways are
-common, and a third is better; `Layering` names them:
+OpenPBR defines its truth as light transport through slabs and leaves it to programs how near they
+come. Two ways are common, and a third is better; `Layering` names them:
 
-- "materialx": the node graph of MaterialX 1.39, `libraries/bxdf/open_pbr_surface.mtlx`. A layer takes its albedo,
-  towards the eye, from what lies below; the coat's colour is one factor for all angles.
-- "specification": the formulas that the specification suggests: the coat absorbs along refracted paths, and its
-  darkening weighs a smooth base against a rough one.
-- "reciprocal": as the specification, but a layer takes its share on the light's way in as well as on the way out, so
-  that light and eye may be exchanged, as they may with paint: after C. Kelemen, L. Szirmay-Kalos, A microfacet based
-  coupled specular-matte BRDF model with importance sampling (2001).
+- "materialx": the node graph of MaterialX 1.39, `libraries/bxdf/open_pbr_surface.mtlx`. A layer
+  takes its albedo, towards the eye, from what lies below; the coat's colour is one factor for all
+  angles.
+- "specification": the formulas that the specification suggests: the coat absorbs along refracted
+  paths, and its darkening weighs a smooth base against a rough one.
+- "reciprocal": as the specification, but a layer takes its share on the light's way in as well as
+  on the way out, so that light and eye may be exchanged, as they may with paint: after C. Kelemen,
+  L. Szirmay-Kalos, A microfacet based coupled specular-matte BRDF model with importance sampling
+  (2001).
 
-One thing is more exact here than in either program: albedos of the surface lobes are integrated from the same lobes
-with Fresnel's equations, where shaders take fits or tables with Schlick's approximation.
+One thing is more exact here than in either program: albedos of the surface lobes are integrated
+from the same lobes with Fresnel's equations, where shaders take fits or tables with Schlick's
+approximation.
 
-Sources: OpenPBR Surface specification 1.1 (ASWF, 2024), "Layering", "Glossy-diffuse" and "Coat"; J. Portsmouth,
-P. Kutz, S. Hill, EON: a practical energy-preserving rough diffuse BRDF (2024); E. Turquin, Practical multiple
-scattering compensation for microfacet models (2019).
+Sources: OpenPBR Surface specification 1.1 (ASWF, 2024), "Layering", "Glossy-diffuse" and "Coat"; J.
+Portsmouth, P. Kutz, S. Hill, EON: a practical energy-preserving rough diffuse BRDF (2024); E.
+Turquin, Practical multiple scattering compensation for microfacet models (2019).
 """
 
 from dataclasses import asdict, dataclass
@@ -54,10 +59,11 @@ _INDICES = ("specular_ior", "coat_ior")
 
 @dataclass(frozen=True)
 class OpenPBR:
-    """Parameters of OpenPBR that matter for paint, by the names and with the defaults of the specification.
+    """Parameters of OpenPBR that matter for paint, by the names and with the defaults of the
+    specification.
 
-    Colours are linear RGB in a space of your choice, in [0, 1]; roughnesses are in [0, 1], and their squares are the
-    alpha of GGX; indices are in [1, 3].
+    Colours are linear RGB in a space of your choice, in [0, 1]; roughnesses are in [0, 1], and
+    their squares are the alpha of GGX; indices are in [1, 3].
 
     Raises:
         ValueError: a value is outside; the message names it.
@@ -80,9 +86,13 @@ class OpenPBR:
             low, high = (1.0, 3.0) if name in _INDICES else (0.0, 1.0)
             values = np.asarray(getattr(self, name), float)
             if values.shape != ((3,) if name.endswith("color") else ()):
-                raise ValueError(f"{name} is {getattr(self, name)!r}; a colour has three numbers, all else one")
+                raise ValueError(
+                    f"{name} is {getattr(self, name)!r}; a colour has three numbers, all else one"
+                )
             if not np.all((values >= low) & (values <= high)):
-                raise ValueError(f"{name} is {getattr(self, name)}; OpenPBR takes {low:g} to {high:g} here")
+                raise ValueError(
+                    f"{name} is {getattr(self, name)}; OpenPBR takes {low:g} to {high:g} here"
+                )
 
     def parameters(self) -> dict[str, Any]:
         """Name and value of every parameter."""
@@ -105,15 +115,19 @@ def reflectance_factor(
         cos_in, cos_out: cosines of the light's and the eye's angle from the normal, (...), above 0.
         azimuth: between them, degrees, (...); 0 is the mirror side.
         layering: how layers are put together, see the module.
-        gloss: with the reflection of rough surfaces; without, the body alone. A smooth surface is a mirror, which has
-            no reflectance factor and is never in it.
+        gloss: with the reflection of rough surfaces; without, the body alone. A smooth surface is a
+            mirror, which has no reflectance factor and is never in it.
     """
     given = np.broadcast_arrays(*(np.asarray(x, float) for x in (cos_in, cos_out, azimuth)))
     mu_in, mu_out, turn = (np.atleast_1d(x) for x in given)
     shape = (*given[0].shape, 3)
     alpha, index = _base_surface(material)
-    body = diffuse_factor(np.asarray(material.base_color, float), material.base_diffuse_roughness, mu_in, mu_out, turn)
-    base = material.base_weight * body * _let_through(mu_in, mu_out, alpha, index, layering)[..., None]
+    body = diffuse_factor(
+        np.asarray(material.base_color, float), material.base_diffuse_roughness, mu_in, mu_out, turn
+    )
+    base = (
+        material.base_weight * body * _let_through(mu_in, mu_out, alpha, index, layering)[..., None]
+    )
     if gloss:
         base = base + lobe_factor(mu_in, mu_out, turn, alpha, index)[..., None]
     if material.coat_weight == 0:
@@ -126,9 +140,13 @@ def reflectance_factor(
 
 
 def surface_albedo(
-    material: OpenPBR, cos_out: Float[np.ndarray, "..."] | float, *, layering: Layering = "materialx"
+    material: OpenPBR,
+    cos_out: Float[np.ndarray, "..."] | float,
+    *,
+    layering: Layering = "materialx",
 ) -> Float[np.ndarray, "*batch 3"]:
-    """Share of an even white sky that the surfaces reflect towards an angle, smooth or rough, (..., 3).
+    """Share of an even white sky that the surfaces reflect towards an angle, smooth or rough, (...,
+    3).
 
     The base's surface under a coat takes the coat's colour, along the path of a mirror reflection.
     """
@@ -142,29 +160,41 @@ def surface_albedo(
 
 
 def directional_albedo(
-    material: OpenPBR, cos_out: Float[np.ndarray, "..."] | float, *, layering: Layering = "materialx"
+    material: OpenPBR,
+    cos_out: Float[np.ndarray, "..."] | float,
+    *,
+    layering: Layering = "materialx",
 ) -> Float[np.ndarray, "*batch 3"]:
     """What is seen of an even white sky from an angle, the mirror reflection included, (..., 3)."""
     mu = np.asarray(cos_out, float)
     light, weights = gauss(16)
     turns = (np.arange(16) + 0.5) * (180.0 / 16)
-    body = reflectance_factor(material, light[:, None], mu[..., None, None], turns, layering=layering, gloss=False)
+    body = reflectance_factor(
+        material, light[:, None], mu[..., None, None], turns, layering=layering, gloss=False
+    )
     found = np.einsum("...iac,i->...c", body, 2.0 * weights * light) / turns.size
     return found + surface_albedo(material, mu, layering=layering)
 
 
 def _through_coat(
-    material: OpenPBR, mu_in: Float[np.ndarray, "*batch"], mu_out: Float[np.ndarray, "*batch"], layering: Layering
+    material: OpenPBR,
+    mu_in: Float[np.ndarray, "*batch"],
+    mu_out: Float[np.ndarray, "*batch"],
+    layering: Layering,
 ) -> Float[np.ndarray, "*batch 3"]:
     """What the coat leaves of the base's reflectance factor, (..., 3)."""
     coat = material.coat_weight
     tint = np.asarray(material.coat_color, float)
-    through = _let_through(mu_in, mu_out, material.coat_roughness**2, material.coat_ior, layering)[..., None]
+    through = _let_through(mu_in, mu_out, material.coat_roughness**2, material.coat_ior, layering)[
+        ..., None
+    ]
     darker = _darkening(material, mu_out, layering)
     if layering == "materialx":
         return (1.0 - coat + coat * through) * (1.0 - coat + coat * tint) * darker
     # The coat's colour is the square of what it lets through straight down.
-    path = np.asarray(sum(0.5 / cos_refracted(mu, material.coat_ior) for mu in (mu_in, mu_out)), float)
+    path = np.asarray(
+        sum(0.5 / cos_refracted(mu, material.coat_ior) for mu in (mu_in, mu_out)), float
+    )
     return darker * (1.0 - coat + coat * through * tint ** path[..., None])
 
 
@@ -185,7 +215,8 @@ def _let_through(
 def _base_surface(material: OpenPBR) -> tuple[float, float]:
     """Alpha and relative index of the base's surface, as the coat changes them."""
     index, coat = material.specular_ior, material.coat_weight
-    # A coat of a higher index than the base would reflect totally here: both ways take the ratio that is above 1.
+    # A coat of a higher index than the base would reflect totally here: both ways take the ratio
+    # that is above 1.
     below = max(index / material.coat_ior, material.coat_ior / index)
     ratio = index + coat * (below - index)
     scaled = np.sqrt(min(material.specular_weight, 1.0)) * (ratio - 1.0) / (ratio + 1.0)
@@ -217,6 +248,8 @@ def _darkening(
 
 @lru_cache(maxsize=64)
 def mean_albedo(alpha: float, index: float) -> float:
-    """Reflectance of a dielectric's outer surface for light from all sides, the hemispherical mean."""
+    """Reflectance of a dielectric's outer surface for light from all sides, the
+    hemispherical mean.
+    """
     mu, weights = gauss(64 if alpha < SMOOTH else 16)
     return float(np.sum(2.0 * weights * mu * lobe_albedo(mu, alpha, index)))

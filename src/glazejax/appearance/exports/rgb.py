@@ -1,4 +1,6 @@
-"""Linear RGB of renderers: which space, from XYZ and back, and how much of a colour it cannot hold."""
+"""Linear RGB of renderers: which space, from XYZ and back, and how much of a colour it
+cannot hold.
+"""
 
 from functools import lru_cache
 from typing import Literal, NamedTuple, TypeAlias
@@ -21,7 +23,9 @@ class _Primaries(NamedTuple):
 # S-2014-004 of the Academy (ACEScg): its primaries AP1 and its white, near D60.
 SPACES = {
     "lin_rec709": _Primaries(SRGB_PRIMARIES, SRGB_WHITE, "linear sRGB"),
-    "acescg": _Primaries(((0.713, 0.293), (0.165, 0.83), (0.128, 0.044)), (0.32168, 0.33767), "ACEScg"),
+    "acescg": _Primaries(
+        ((0.713, 0.293), (0.165, 0.83), (0.128, 0.044)), (0.32168, 0.33767), "ACEScg"
+    ),
 }
 
 
@@ -32,9 +36,16 @@ def find_space(name: str) -> Space:
         ValueError: no such space.
     """
     key = name.strip().lower().replace(" ", "").replace("-", "_")
-    known = {"lin_rec709": "lin_rec709", "srgb": "lin_rec709", "linearsrgb": "lin_rec709", "acescg": "acescg"}
+    known = {
+        "lin_rec709": "lin_rec709",
+        "srgb": "lin_rec709",
+        "linearsrgb": "lin_rec709",
+        "acescg": "acescg",
+    }
     if key not in known:
-        raise ValueError(f"the colour space {name!r} is not known: choose srgb (linear sRGB) or acescg")
+        raise ValueError(
+            f"the colour space {name!r} is not known: choose srgb (linear sRGB) or acescg"
+        )
     return known[key]  # pyright: ignore[reportReturnType]
 
 
@@ -48,7 +59,9 @@ def rgb_of_xyz(
 
 
 def lab_of_rgb(rgb: Float[np.ndarray, "*batch 3"], space: Space) -> Float[np.ndarray, "*batch 3"]:
-    """CIE Lab of linear RGB, (..., 3): the space's white is (100, 0, 0), and what is adapted is D65."""
+    """CIE Lab of linear RGB, (..., 3): the space's white is (100, 0, 0), and what is adapted is
+    D65.
+    """
     to_xyz, screen = _to_xyz(space), _to_xyz("lin_rec709").sum(axis=1)
     matrix = bradford(to_xyz.sum(axis=1), screen) @ to_xyz
     return np.asarray(xyz_to_lab(np.asarray(rgb, float) @ matrix.T, screen), float)
@@ -62,7 +75,9 @@ def delta_e(
 
 
 def outside(rgb: Float[np.ndarray, "*batch 3"], slack: float = 5e-4) -> Float[np.ndarray, "*batch"]:
-    """1 where a colour lies outside of what the space holds, by more than rounding, else 0; (...)."""
+    """1 where a colour lies outside of what the space holds, by more than rounding, else
+    0; (...).
+    """
     return np.any((rgb < -slack) | (rgb > 1 + slack), axis=-1).astype(float)
 
 

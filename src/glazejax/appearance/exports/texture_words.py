@@ -35,15 +35,21 @@ def readme(material: OpenPBR, files: Mapping[str, Path], record: Mapping[str, An
     ]
     for what, socket in SOCKETS.items():
         if what in files:
-            space = "sRGB" if what in _COLOURS and record["textures"][what]["encoded"] == "sRGB" else "Non-Color"
+            space = (
+                "sRGB"
+                if what in _COLOURS and record["textures"][what]["encoded"] == "sRGB"
+                else "Non-Color"
+            )
             if what in _COLOURS and space != "sRGB":
                 space = "Linear Rec.709" if record["space"] == "linear sRGB" else record["space"]
             lines.append(f"  {files[what].name:28} -> {socket} (image colour space: {space})")
     lines += [f"  IOR {material.specular_ior:g}, Metallic 0"]
     if coated:
         lines += [
-            f"  Coat: Weight 1, IOR {material.coat_ior:g}, {files['roughness'].name} into its Roughness",
-            "  Specular > IOR Level 0: under the coat lies paint of the same index, without a second reflection",
+            f"  Coat: Weight 1, IOR {material.coat_ior:g}, {files['roughness'].name} into its "
+            "Roughness",
+            "  Specular > IOR Level 0: under the coat lies paint of the same index, without a "
+            "second reflection",
         ]
     if "height" in record:
         high, low = record["height"]["white_m"], record["height"]["black_m"]
@@ -54,7 +60,9 @@ def readme(material: OpenPBR, files: Mapping[str, Path], record: Mapping[str, An
         "Unreal, Unity, Godot and glTF: base colour and roughness as above, metallic 0,",
         f"  specular {specular:.3g} where there is such a number (Unreal), index "
         f"{material.specular_ior:g} where one is asked for.",
-        "  Normals point up with green, as OpenGL has it; Unreal wants green turned over." if "normal" in files else "",
+        "  Normals point up with green, as OpenGL has it; Unreal wants green turned over."
+        if "normal" in files
+        else "",
         f"MaterialX: {files['materialx'].name} has all of it (open_pbr_surface).",
         "",
         "How near this is:",
@@ -71,6 +79,7 @@ def readme(material: OpenPBR, files: Mapping[str, Path], record: Mapping[str, An
     lines += [
         "  the material beside the glaze at all angles, the worst of some pixels:",
         f"  albedo {errors['albedo']:.3f}, RMS of the reflectance factor {errors['rms']:.3f},",
-        f"  mean Delta E 2000 {errors['sky']:.2f} under an even sky, {errors['lamp']:.2f} under a lamp at 45 degrees",
+        f"  mean Delta E 2000 {errors['sky']:.2f} under an even sky, {errors['lamp']:.2f} under "
+        "a lamp at 45 degrees",
     ]
     return "\n".join(lines) + "\n"

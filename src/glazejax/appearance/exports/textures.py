@@ -32,13 +32,13 @@ class TextureSet:
     """What was written, and how near it is.
 
     Attributes:
-        files: by what they are: ``base_color``, ``roughness``, ... , ``materialx``, ``json``, ``readme``.
-        material: of OpenPBR, for what has no picture.
-        interpolation: estimated largest CIEDE2000 between a pixel's colours and those computed for it alone.
-        outside: share of pixels whose base colour the space cannot hold.
+        files: by what they are: ``base_color``, ``roughness``, ... , ``materialx``, ``json``,
+        ``readme``. material: of OpenPBR, for what has no picture.
+        interpolation: estimated largest CIEDE2000 between a pixel's colours and those computed for
+        it alone. outside: share of pixels whose base colour the space cannot hold.
         clipped: largest CIEDE2000 of bringing these inside.
-        errors: of the material against the glaze at all angles, the largest of each at some pixels of the map.
-        computed: number of glazes that were computed.
+        errors: of the material against the glaze at all angles, the largest of each at some pixels
+        of the map. computed: number of glazes that were computed.
     """
 
     files: dict[str, Path]
@@ -79,8 +79,9 @@ def texture_set(
         ground: (h, w), reflectance of the ground as seen from inside the paint.
         layer: number of the layer that changes, 0 the top one.
         roughness: alpha of the surface, 0 (smooth) to 1.
-        coat: one body of the lightest colour, and a picture of a coat that colours it, for programs that absorb along
-            refracted paths, such as Blender. A handle for artists: it comes no nearer than the base colour alone.
+        coat: one body of the lightest colour, and a picture of a coat that colours it, for programs
+            that absorb along refracted paths, such as Blender. A handle for artists: it comes no
+            nearer than the base colour alone.
         pixel: width of a pixel, m: writes height and normals of the thickness map too.
         space: "srgb" or "acescg"; PNG holds sRGB only.
         illuminant, observer: of the colours, see `glazejax.colour.colour_weights`.
@@ -90,8 +91,8 @@ def texture_set(
         overwrite: replace files that exist.
 
     Raises:
-        ValueError: no map, maps of different shapes or out of range, or what `fit_openpbr` and `write_materialx`
-            refuse.
+        ValueError: no map, maps of different shapes or out of range, or what `fit_openpbr` and
+            `write_materialx` refuse.
         FileExistsError: a file exists.
         ModuleNotFoundError: OpenEXR is not installed.
     """
@@ -111,7 +112,9 @@ def texture_set(
     files = _files(Path(folder), name, kind, coat, pixel is not None, overwrite)
     points = np.stack([values.reshape(-1) for values in maps.values()], axis=1)
     light = (illuminant, observer)
-    found = mapped_colours(mapped, points, roughness=roughness, space=known, light=light, coat=coat, delta_e=delta_e)
+    found = mapped_colours(
+        mapped, points, roughness=roughness, space=known, light=light, coat=coat, delta_e=delta_e
+    )
     base, wrong = found.base, outside(found.plain) > 0
     material = _material(mapped, roughness, coat)
     errors = _errors(mapped, points, base, found.coat, material, roughness, known, light)
@@ -120,11 +123,18 @@ def texture_set(
         material=material,
         interpolation=found.delta_e,
         outside=float(wrong.mean()),
-        clipped=float(_difference(found.plain[wrong], np.clip(found.plain[wrong], 0.0, 1.0), known).max(initial=0.0)),
+        clipped=float(
+            _difference(found.plain[wrong], np.clip(found.plain[wrong], 0.0, 1.0), known).max(
+                initial=0.0
+            )
+        ),
         errors=errors,
         computed=found.computed,
     )
-    pictures = {"base_color": base, **({"coat_color": found.coat} if found.coat is not None else {})}
+    pictures = {
+        "base_color": base,
+        **({"coat_color": found.coat} if found.coat is not None else {}),
+    }
     shape = next(iter(maps.values())).shape
     files["base_color"].parent.mkdir(parents=True, exist_ok=True)
     for what, values in pictures.items():
@@ -142,7 +152,9 @@ def texture_set(
     return result
 
 
-def _checked_maps(given: dict[str, Numbers | None], pixel: float | None) -> dict[str, Float[np.ndarray, "h w"]]:
+def _checked_maps(
+    given: dict[str, Numbers | None], pixel: float | None
+) -> dict[str, Float[np.ndarray, "h w"]]:
     """Maps as arrays, by `KINDS`."""
     maps = {}
     for kind in KINDS:
@@ -156,26 +168,45 @@ def _checked_maps(given: dict[str, Numbers | None], pixel: float | None) -> dict
         if not np.all((values >= 0) & (values <= most)):
             unit = " m (20 micrometres are 20e-6)" if kind == "thickness" else ""
             raise ValueError(
-                f"the map of {kind} goes from {values.min():g} to {values.max():g}; it must lie in 0 to {most:g}{unit}"
+                f"the map of {kind} goes from {values.min():g} to {values.max():g}; it must lie "
+                f"in 0 to {most:g}{unit}"
             )
         maps[kind] = values
     if not maps:
-        raise ValueError("textures need a map that says what changes: thickness, fraction or ground, (h, w)")
+        raise ValueError(
+            "textures need a map that says what changes: thickness, fraction or ground, (h, w)"
+        )
     shapes = {kind: values.shape for kind, values in maps.items()}
     if len(set(shapes.values())) > 1:
-        raise ValueError("maps differ in shape: " + ", ".join(f"{kind} {shape}" for kind, shape in shapes.items()))
+        raise ValueError(
+            "maps differ in shape: "
+            + ", ".join(f"{kind} {shape}" for kind, shape in shapes.items())
+        )
     if pixel is not None and "thickness" not in maps:
-        raise ValueError("height and normals are those of a thickness map: give one, or leave out the pixel's width")
+        raise ValueError(
+            "height and normals are those of a thickness map: give one, or leave out the pixel's "
+            "width"
+        )
     if pixel is not None and not 0 < pixel < 1:
         raise ValueError(f"pixel is {pixel}; it is a pixel's width in metres, such as 50e-6")
     return maps
 
 
-def _files(folder: Path, name: str, kind: str, coat: bool, relief: bool, overwrite: bool) -> dict[str, Path]:
+def _files(
+    folder: Path, name: str, kind: str, coat: bool, relief: bool, overwrite: bool
+) -> dict[str, Path]:
     """Where everything goes, if it may."""
-    pictures = ["base_color", "roughness"] + (["coat_color"] if coat else []) + (["height", "normal"] if relief else [])
+    pictures = (
+        ["base_color", "roughness"]
+        + (["coat_color"] if coat else [])
+        + (["height", "normal"] if relief else [])
+    )
     files = {what: folder / f"{name}_{what}.{kind}" for what in pictures}
-    files |= {"materialx": folder / f"{name}.mtlx", "json": folder / f"{name}.json", "readme": folder / "README.txt"}
+    files |= {
+        "materialx": folder / f"{name}.mtlx",
+        "json": folder / f"{name}.json",
+        "readme": folder / "README.txt",
+    }
     if folder.is_dir():
         for path in files.values():
             check_output(path, overwrite=overwrite, switch="overwrite=True")
@@ -188,7 +219,10 @@ def _files(folder: Path, name: str, kind: str, coat: bool, relief: bool, overwri
 
 def _material(mapped: MappedGlaze, roughness: float, coat: bool) -> OpenPBR:
     """What has no picture."""
-    index, rough = float(np.mean(np.asarray(mapped.glaze.refractive_index))), float(np.sqrt(roughness))
+    index, rough = (
+        float(np.mean(np.asarray(mapped.glaze.refractive_index))),
+        float(np.sqrt(roughness)),
+    )
     plain = OpenPBR(specular_ior=index, specular_roughness=rough)
     if not coat:
         return plain
@@ -214,14 +248,23 @@ def _errors(
 ) -> Errors:
     """Largest errors at pixels from the darkest to the lightest, each a material of its own."""
     order = np.argsort(base @ np.array([0.3, 0.6, 0.1]))
-    chosen = dict.fromkeys(order[np.linspace(0, len(order) - 1, _CHECKED).round().astype(int)].tolist())
+    chosen = dict.fromkeys(
+        order[np.linspace(0, len(order) - 1, _CHECKED).round().astype(int)].tolist()
+    )
     found = []
     for k in chosen:
         one = mapped.at(points[k : k + 1])
-        layers = [type(layer)(_plain(layer.medium), np.asarray(layer.thickness).reshape(-1)[0]) for layer in one.layers]
+        layers = [
+            type(layer)(_plain(layer.medium), np.asarray(layer.thickness).reshape(-1)[0])
+            for layer in one.layers
+        ]
         ground = np.asarray(one.substrate)
         truth = angular_colour(
-            Glaze(layers, ground.reshape(-1)[0] if ground.size == 1 else ground.reshape(-1), one.refractive_index),
+            Glaze(
+                layers,
+                ground.reshape(-1)[0] if ground.size == 1 else ground.reshape(-1),
+                one.refractive_index,
+            ),
             roughness=roughness,
             space=space,
             illuminant=light[0],
@@ -255,9 +298,15 @@ def _write_words(
     """The MaterialX file, the JSON and the text that say what goes where."""
     files, pictures = result.files, [what for what in result.files if what in SOCKETS]
     colour = "srgb_texture" if kind == "png" else space
-    images = {what: Image(files[what].name, colour) for what in ("base_color", "coat_color") if what in files}
+    images = {
+        what: Image(files[what].name, colour)
+        for what in ("base_color", "coat_color")
+        if what in files
+    }
     rough = Image(files["roughness"].name)
-    images |= {"specular_roughness": rough} | ({"coat_roughness": rough} if "coat_color" in files else {})
+    images |= {"specular_roughness": rough} | (
+        {"coat_roughness": rough} if "coat_color" in files else {}
+    )
     write_materialx(
         result.material,
         files["materialx"],
@@ -276,7 +325,9 @@ def _write_words(
             what: {
                 "file": files[what].name,
                 "colour": what in ("base_color", "coat_color"),
-                "encoded": "sRGB" if kind == "png" and what in ("base_color", "coat_color") else "linear",
+                "encoded": "sRGB"
+                if kind == "png" and what in ("base_color", "coat_color")
+                else "linear",
                 "blender": SOCKETS[what],
             }
             for what in pictures

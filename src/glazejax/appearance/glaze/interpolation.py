@@ -1,8 +1,9 @@
 """A table of a glaze's reflectance factor between angles, and what lies between its nodes.
 
-The reflectance factor changes fast only in ways that are known: the surface lets T(theta_I) of the light in and
-T(theta_F) out, and a shallow path inside makes it grow as 1/(mu_I + mu_F), the cosines inside the paint. What is left,
-rho (mu_I + mu_F)/(T T), is analytic in these cosines, which span little (0.75 to 1 for n = 1.5), so that few nodes do.
+The reflectance factor changes fast only in ways that are known: the surface lets T(theta_I) of the
+light in and T(theta_F) out, and a shallow path inside makes it grow as 1/(mu_I + mu_F), the cosines
+inside the paint. What is left, rho (mu_I + mu_F)/(T T), is analytic in these cosines, which span
+little (0.75 to 1 for n = 1.5), so that few nodes do.
 """
 
 from types import ModuleType
@@ -23,12 +24,14 @@ from .solve import fixed_thickness, indices, on_grid, on_nodes
 
 # Numbers held at once by the interpolation.
 _CHUNK_NUMBERS = 2**22
-# Without a surface the factor has no bound where both directions graze; there it is this sum of cosines' value.
+# Without a surface the factor has no bound where both directions graze; there it is this sum of
+# cosines' value.
 _LEAST_SUM = 1e-6
 
 
 class GlazeTable(NamedTuple):
-    """Reflectance factor of a glaze between angles; made by `glazejax.appearance.glaze.table.glaze_table`.
+    """Reflectance factor of a glaze between angles; made by
+    `glazejax.appearance.glaze.table.glaze_table`.
 
     A pytree of arrays: it passes through jit, vmap and grad.
     """
@@ -38,19 +41,21 @@ class GlazeTable(NamedTuple):
     cos_out: Float[Array | np.ndarray, "out"]
     """Nodes, cosines of viewing in air."""
     table: Float[Array | np.ndarray, "bands in out thickness"]
-    """Reflectance factor pi L_out / E_in at the nodes, without the specular part. The last axis has one entry if the
-    thickness does not vary."""
+    """Reflectance factor pi L_out / E_in at the nodes, without the specular part. The last axis has
+    one entry if the thickness does not vary."""
     refractive_index: Float[Array | np.ndarray, "bands"]
     """Of the surface, band by band."""
     thickness: Float[Array | np.ndarray, "thickness"]
-    """Nodes, m; one entry, the layer's thickness (0 for a glaze without layers), if it does not vary."""
+    """Nodes, m; one entry, the layer's thickness (0 for a glaze without layers), if it does not
+    vary.
+    """
     ranges: tuple[Axis, Axis, Axis]
     """Angles (as cosines in air) and thicknesses that the table is for."""
     coordinate_index: Array | float
     """Index whose cosines inside are the coordinates of the angles."""
     error: Array | float
-    """Estimated largest absolute error of the reflectance factor within the ranges; where mu_I + mu_F is below 1, which
-    an index near 1 allows, of the factor times that sum."""
+    """Estimated largest absolute error of the reflectance factor within the ranges; where mu_I +
+    mu_F is below 1, which an index near 1 allows, of the factor times that sum."""
 
     def reflectance_factor(
         self, cos_in: Numbers, cos_out: Numbers, thickness: Numbers | None = None
@@ -62,21 +67,26 @@ class GlazeTable(NamedTuple):
             thickness: of the layer that varies, m, (...); only for a table with thicknesses.
 
         Returns:
-            (..., bands), to `error`, and smooth. What lies outside the ranges is moved to their ends. Work goes
-            through the processor in pieces, so that memory stays bounded.
+            (..., bands), to `error`, and smooth. What lies outside the ranges is moved to their
+            ends. Work goes through the processor in pieces, so that memory stays bounded.
 
         Raises:
             ValueError: a thickness is missing, or given for a table without.
         """
         varies = self.thickness.shape[0] > 1
         if varies and thickness is None:
-            raise ValueError("this glaze's thickness varies: give thickness, in metres, for every point")
+            raise ValueError(
+                "this glaze's thickness varies: give thickness, in metres, for every point"
+            )
         if not varies and thickness is not None:
             raise ValueError(
-                "this glaze's thickness is fixed: leave thickness out, or give glaze_table the thicknesses too"
+                "this glaze's thickness is fixed: leave thickness out, or give glaze_table the "
+                "thicknesses too"
             )
         depth = self.thickness[0] if thickness is None else thickness
-        points = jnp.broadcast_arrays(*(as_float_array(values) for values in (cos_in, cos_out, depth)))
+        points = jnp.broadcast_arrays(
+            *(as_float_array(values) for values in (cos_in, cos_out, depth))
+        )
         return _evaluate(self, *points)
 
     def mirror(self, cos_in: Numbers) -> Float[Array, "*batch bands"]:
@@ -88,20 +98,25 @@ class GlazeTable(NamedTuple):
         cosine = jnp.clip(as_float_array(cos_in), 0.0, 1.0)
         return dielectric_reflectance(cosine[..., None], self.refractive_index)
 
-    def refilled(self, glaze: Glaze, wavelengths_nm: Grid, *, layer: int = 0, tolerance: float = 1e-6) -> "GlazeTable":
-        """The same nodes for another glaze, which JAX may trace: gradients by its paints and thicknesses.
+    def refilled(
+        self, glaze: Glaze, wavelengths_nm: Grid, *, layer: int = 0, tolerance: float = 1e-6
+    ) -> "GlazeTable":
+        """The same nodes for another glaze, which JAX may trace: gradients by its paints and
+        thicknesses.
 
         The error is not estimated again, so keep to glazes near the one the table was made for.
 
         Args:
-            glaze, wavelengths_nm, layer: as for `glaze_table`. Where the thickness does not vary, it is the glaze's.
-            tolerance: of the solver.
+            glaze, wavelengths_nm, layer: as for `glaze_table`. Where the thickness does not vary,
+            it is the glaze's. tolerance: of the solver.
         """
         glaze = on_grid(glaze, wavelengths_nm)
         varies = self.thickness.shape[0] > 1
         depths = self.thickness if varies else fixed_thickness(glaze, layer)
         return self._replace(
-            table=on_nodes(glaze, self.cos_in, self.cos_out, depths if varies else None, layer, tolerance),
+            table=on_nodes(
+                glaze, self.cos_in, self.cos_out, depths if varies else None, layer, tolerance
+            ),
             thickness=depths,
             ranges=self.ranges if varies else (*self.ranges[:2], Axis(depths[0], depths[0])),
             refractive_index=indices(glaze, self.refractive_index.shape[0]),
@@ -109,7 +124,9 @@ class GlazeTable(NamedTuple):
 
     def __repr__(self) -> str:
         bands, incidence, viewing, depths = self.table.shape
-        sizes = f"{incidence} x {viewing} angles" + (f" x {depths} thicknesses" if depths > 1 else "")
+        sizes = f"{incidence} x {viewing} angles" + (
+            f" x {depths} thicknesses" if depths > 1 else ""
+        )
         error = "traced" if isinstance(self.error, Tracer) else f"{float(self.error):.1g}"
         return f"GlazeTable({bands} bands, {sizes}, estimated error {error})"
 
@@ -138,8 +155,11 @@ def evaluate(table: GlazeTable, flat: Any, points: Any, xp: ModuleType) -> Any:
     others = [_angle_weights(table, 1, b, xp)]
     if table.thickness.shape[0] > 1:
         span = table.ranges[2]
-        others.append(_lagrange(span.coordinate(span.held(points[2], xp), xp), table.thickness.shape[0], xp))
-    # All products at once, and one product of matrices: quicker than axis after axis where there are many bands.
+        others.append(
+            _lagrange(span.coordinate(span.held(points[2], xp), xp), table.thickness.shape[0], xp)
+        )
+    # All products at once, and one product of matrices: quicker than axis after axis where there
+    # are many bands.
     for along in others:
         weights = (weights[:, :, None] * along[:, None, :]).reshape(points.shape[1], -1)
     index = table.refractive_index
@@ -149,7 +169,9 @@ def evaluate(table: GlazeTable, flat: Any, points: Any, xp: ModuleType) -> Any:
 
 
 @jax.jit
-def _evaluate(table: GlazeTable, cos_in: Array, cos_out: Array, depth: Array) -> Float[Array, "*batch bands"]:
+def _evaluate(
+    table: GlazeTable, cos_in: Array, cos_out: Array, depth: Array
+) -> Float[Array, "*batch bands"]:
     """`evaluate`, a bounded number of points at a time."""
     bands, nodes = table.table.shape[0], int(np.prod(table.table.shape[1:]))
     flat = interior(table, jnp).reshape(bands, nodes).T
@@ -165,11 +187,17 @@ def _angle_weights(table: GlazeTable, axis: int, cosine: Any, xp: ModuleType) ->
     count = table.table.shape[1 + axis]
     if count == 1:
         return xp.ones((*cosine.shape, 1), cosine.dtype)
-    ends = (cos_refracted(xp.asarray(end), table.coordinate_index) for end in table.ranges[axis][:2])
-    return _lagrange(Axis(*ends).coordinate(cos_refracted(cosine, table.coordinate_index), xp), count, xp)
+    ends = (
+        cos_refracted(xp.asarray(end), table.coordinate_index) for end in table.ranges[axis][:2]
+    )
+    return _lagrange(
+        Axis(*ends).coordinate(cos_refracted(cosine, table.coordinate_index), xp), count, xp
+    )
 
 
 def _lagrange(x: Any, count: int, xp: ModuleType) -> Any:
     """Lagrange's polynomials of the roots at x in [-1, 1], (points,): (points, nodes)."""
     # By sums of Chebyshev polynomials: no division, so slopes are right at the nodes as well.
-    return matmul(xp, polynomials(x, count, xp), xp.asarray(coefficients_from_nodes(roots, count), x.dtype))
+    return matmul(
+        xp, polynomials(x, count, xp), xp.asarray(coefficients_from_nodes(roots, count), x.dtype)
+    )

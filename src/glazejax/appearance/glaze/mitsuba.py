@@ -1,14 +1,16 @@
-"""A glaze as a measured BSDF that Mitsuba 3 loads, for what a small ray caster cannot do: global illumination.
+"""A glaze as a measured BSDF that Mitsuba 3 loads, for what a small ray caster cannot do: global
+illumination.
 
-Mitsuba's plugin ``measured`` reads a table of f cos(theta_o) over the direction of the eye and the half-way vector, in
-the layout of the measured materials of EPFL's RGL, inside a container called a tensor file. A glaze needs no warped
-sampling, so the maps that would warp are constant, and coordinates of the table are those of the half-way vector
-itself. The mirror reflection of the surface cannot stand in a table: Mitsuba's own ``roughplastic`` without a body adds
-it, a little rough, because its ``blendbsdf`` weighs a perfect mirror wrongly (seen in 3.9.1: the pdf of the body at the
-mirror direction goes into the mirror's weight).
+Mitsuba's plugin ``measured`` reads a table of f cos(theta_o) over the direction of the eye and the
+half-way vector, in the layout of the measured materials of EPFL's RGL, inside a container called a
+tensor file. A glaze needs no warped sampling, so the maps that would warp are constant, and
+coordinates of the table are those of the half-way vector itself. The mirror reflection of the
+surface cannot stand in a table: Mitsuba's own ``roughplastic`` without a body adds it, a little
+rough, because its ``blendbsdf`` weighs a perfect mirror wrongly (seen in 3.9.1: the pdf of the body
+at the mirror direction goes into the mirror's weight).
 
-Sources: J. Dupuy, W. Jakob, ACM Trans. Graph. 37 (2018) 274, the parametrisation; Mitsuba 3, `src/bsdfs/measured.cpp`
-and `src/core/tensor.cpp`, the layout.
+Sources: J. Dupuy, W. Jakob, ACM Trans. Graph. 37 (2018) 274, the parametrisation; Mitsuba 3,
+`src/bsdfs/measured.cpp` and `src/core/tensor.cpp`, the layout.
 """
 
 import struct
@@ -64,28 +66,40 @@ def export_glaze(
         FileExistsError: the file exists.
         FileNotFoundError: its folder does not exist.
         IsADirectoryError: it is a folder.
-        ValueError: what `glaze_table` refuses, a table whose thickness varies or not for all angles, a roughness of 0,
-            or fewer than two angles or half-way vectors.
+        ValueError: what `glaze_table` refuses, a table whose thickness varies or not for all
+            angles, a roughness of 0, or fewer than two angles or half-way vectors.
     """
     if not 0 < roughness <= 1:
-        raise ValueError(f"roughness must be above 0 and at most 1, such as 0.02, not {roughness!r}")
+        raise ValueError(
+            f"roughness must be above 0 and at most 1, such as 0.02, not {roughness!r}"
+        )
     for name, count in (("angles", angles), ("resolution", resolution)):
         if count < 2:
             raise ValueError(f"{name} is {count}; it must be at least 2")
     path = check_output(path, overwrite=overwrite, switch="overwrite=True")
     grid = validate_wavelengths(wavelengths_nm)
-    table = glaze if isinstance(glaze, GlazeTable) else glaze_table(glaze, grid, tolerance=tolerance)
+    table = (
+        glaze if isinstance(glaze, GlazeTable) else glaze_table(glaze, grid, tolerance=tolerance)
+    )
     if table.thickness.shape[0] > 1:
-        raise ValueError("Mitsuba's measured BSDF has no textures: export glazes of one thickness each")
+        raise ValueError(
+            "Mitsuba's measured BSDF has no textures: export glazes of one thickness each"
+        )
     if table.table.shape[0] != grid.size:
-        raise ValueError(f"the table has {table.table.shape[0]} bands, but {grid.size} wavelengths are given")
+        raise ValueError(
+            f"the table has {table.table.shape[0]} bands, but {grid.size} wavelengths are given"
+        )
     for what, span in zip(("incidence", "viewing"), table.ranges, strict=False):
         if float(span.low) > np.cos(_STEEPEST) or float(span.high) < 1:
             far, near = np.rad2deg(np.arccos([float(span.low), float(span.high)]))
-            raise ValueError(f"the table has {near:.3g} to {far:.3g} degrees of {what}: export one of all angles")
+            raise ValueError(
+                f"the table has {near:.3g} to {far:.3g} degrees of {what}: export one of all angles"
+            )
     # With gloss two halves are blended, so each counts double.
     scale = 2.0 if gloss else 1.0
-    write_tensor_file(path, measured_fields(table, grid, angles=angles, resolution=resolution, scale=scale))
+    write_tensor_file(
+        path, measured_fields(table, grid, angles=angles, resolution=resolution, scale=scale)
+    )
     body = {"type": "measured", "filename": str(path)}
     if not gloss:
         return body
@@ -102,9 +116,15 @@ def export_glaze(
 
 
 def measured_fields(
-    table: GlazeTable, wavelengths_nm: Grid, *, angles: int = 48, resolution: int = 48, scale: float = 1.0
+    table: GlazeTable,
+    wavelengths_nm: Grid,
+    *,
+    angles: int = 48,
+    resolution: int = 48,
+    scale: float = 1.0,
 ) -> dict[str, np.ndarray]:
-    """Fields of the file: f cos(theta_o) for the eye's angle, wavelength, azimuth and polar angle of the half vector.
+    """Fields of the file: f cos(theta_o) for the eye's angle, wavelength, azimuth and polar angle
+    of the half vector.
 
     Args:
         table: of a glaze, for all angles.
@@ -120,12 +140,17 @@ def measured_fields(
     cos_eye = np.cos(eye)[:, None, None]
     cos_half = np.cos(half_polar)
     # With the eye in the plane of azimuth 0: V.H, and the z of L = 2 (V.H) H - V.
-    between = np.sin(eye)[:, None, None] * np.sin(half_polar) * np.cos(half_azimuth)[:, None] + cos_eye * cos_half
+    between = (
+        np.sin(eye)[:, None, None] * np.sin(half_polar) * np.cos(half_azimuth)[:, None]
+        + cos_eye * cos_half
+    )
     cos_light = 2 * between * cos_half - cos_eye
-    # Near the horizon the values go as the square of the cosine. Below it they get the other sign, so that values
-    # interpolated across it are not too large.
+    # Near the horizon the values go as the square of the cosine. Below it they get the other sign,
+    # so that values interpolated across it are not too large.
     above = np.clip(np.abs(cos_light), 1e-3, 1.0)
-    factor = np.asarray(table.reflectance_factor(above, np.broadcast_to(cos_eye, above.shape)), float)
+    factor = np.asarray(
+        table.reflectance_factor(above, np.broadcast_to(cos_eye, above.shape)), float
+    )
     values = scale / np.pi * factor * cos_light[..., None]
     spectra = np.moveaxis(values, -1, 1)[None]
     seen = np.maximum(values.mean(axis=-1), 0.0)
@@ -154,8 +179,17 @@ def write_tensor_file(path: str | Path, fields: dict[str, np.ndarray]) -> None:
     """
     for name, values in fields.items():
         if values.dtype not in _KINDS:
-            raise ValueError(f"{name} holds {values.dtype}; a tensor file takes {', '.join(map(str, _KINDS))}")
-    head = 12 + 2 + 4 + sum(2 + len(name.encode()) + 2 + 1 + 8 + 8 * values.ndim for name, values in fields.items())
+            raise ValueError(
+                f"{name} holds {values.dtype}; a tensor file takes {', '.join(map(str, _KINDS))}"
+            )
+    head = (
+        12
+        + 2
+        + 4
+        + sum(
+            2 + len(name.encode()) + 2 + 1 + 8 + 8 * values.ndim for name, values in fields.items()
+        )
+    )
     with Path(path).open("wb") as file:
         file.write(b"tensor_file\0" + struct.pack("<BBI", 1, 0, len(fields)))
         place = head
@@ -172,7 +206,8 @@ def write_tensor_file(path: str | Path, fields: dict[str, np.ndarray]) -> None:
 def reflectance_in_mitsuba(
     bsdf: dict[str, Any], wavelengths_nm: Grid, cos_light: float, cos_view: float, azimuth: float
 ) -> Float[np.ndarray, "bands"]:
-    """Reflectance factor that Mitsuba finds in an exported glaze between two directions; needs a spectral variant.
+    """Reflectance factor that Mitsuba finds in an exported glaze between two directions; needs a
+    spectral variant.
 
     Args:
         bsdf: of `export_glaze`, without gloss.

@@ -1,4 +1,6 @@
-"""The glaze of a material as the solver wants it: on the scene's wavelengths, with the thicknesses of a map."""
+"""The glaze of a material as the solver wants it: on the scene's wavelengths, with the thicknesses
+of a map.
+"""
 
 from collections.abc import Callable
 from typing import Any
@@ -17,16 +19,24 @@ def on_grid(glaze: Glaze, wavelengths_nm: Grid) -> Glaze:
     """The glaze on the wavelengths of the scene, its substrate with one value for each.
 
     Raises:
-        ValueError: it has batch axes or phase functions, or the wavelengths reach beyond those of its paints.
+        ValueError: it has batch axes or phase functions, or the wavelengths reach beyond those of
+            its paints.
     """
     if glaze.phase is not None:
         raise ValueError(
-            "a paint here has a phase function, and then the azimuth matters too: a table of angles takes isotropic "
+            "a paint here has a phase function, and then the azimuth matters too: a table of "
+            "angles takes isotropic "
             "scattering only; use glazejax.reflectance for single directions"
         )
     new = validate_wavelengths(wavelengths_nm)
-    if any(layer.thickness.ndim for layer in glaze.layers) or glaze.albedo.ndim > 2 or glaze.substrate.ndim > 1:
-        raise ValueError("a material is one glaze, without batch axes; give a map of thicknesses as thickness")
+    if (
+        any(layer.thickness.ndim for layer in glaze.layers)
+        or glaze.albedo.ndim > 2
+        or glaze.substrate.ndim > 1
+    ):
+        raise ValueError(
+            "a material is one glaze, without batch axes; give a map of thicknesses as thickness"
+        )
     old = glaze.wavelengths if glaze.layers else new
 
     def at(values: Numbers) -> Numbers:
@@ -56,13 +66,20 @@ def indices(glaze: Glaze, bands: int) -> Float[Array, "bands"]:
     return jnp.broadcast_to(as_float_array(glaze.refractive_index), (bands,))
 
 
-def factor(glaze: Glaze, cos_in: Numbers, cos_out: Numbers, tolerance: float) -> Float[Array, "*batch bands"]:
-    """The solver's reflectance factor of a glaze that JAX may trace; cosines end in an axis for the bands."""
+def factor(
+    glaze: Glaze, cos_in: Numbers, cos_out: Numbers, tolerance: float
+) -> Float[Array, "*batch bands"]:
+    """The solver's reflectance factor of a glaze that JAX may trace; cosines end in an axis for the
+    bands.
+    """
     return stack_reflectance_factor(**_stack(glaze, cos_in, cos_out, tolerance))
 
 
-def planned_factor(glaze: Glaze, cos_in: Numbers, cos_out: Numbers, tolerance: float) -> Float[np.ndarray, "..."]:
-    """The same for a known glaze: exchanged directions, hidden layers and equal stacks are computed once or not at all.
+def planned_factor(
+    glaze: Glaze, cos_in: Numbers, cos_out: Numbers, tolerance: float
+) -> Float[np.ndarray, "..."]:
+    """The same for a known glaze: exchanged directions, hidden layers and equal stacks are computed
+    once or not at all.
 
     Programs are compiled for few sizes, which serve every glaze of as many layers.
     """

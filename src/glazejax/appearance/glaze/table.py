@@ -1,7 +1,9 @@
-"""Our glazes as a material: the many-layer solver's reflectance factor at any pair of angles, from a small table.
+"""Our glazes as a material: the many-layer solver's reflectance factor at any pair of angles, from
+a small table.
 
-A scene asks for millions of pairs of angles; `glaze_table` solves for a few nodes, only within the angles and
-thicknesses that the scene has, and adds nodes until the error at points not used before is below the tolerance.
+A scene asks for millions of pairs of angles; `glaze_table` solves for a few nodes, only within the
+angles and thicknesses that the scene has, and adds nodes until the error at points not used before
+is below the tolerance.
 `GlazeTable` interpolates between them (see `interpolation`).
 """
 
@@ -65,31 +67,42 @@ def glaze_table(
     Args:
         glaze: layers on a ground, without batch axes.
         wavelengths_nm: (bands,), within the wavelengths of its paints, to which they are resampled.
-        angles: ((least, largest) angle of incidence, (least, largest) angle of viewing), degrees in air, 0 to 90.
-            Equal ends make an axis of one node.
-        thickness: thicknesses that `layer` takes in the scene, m, in any shape, such as a map: all from the smallest
-            to the largest are covered. The layer keeps its own if this is left out.
+        angles: ((least, largest) angle of incidence, (least, largest) angle of viewing), degrees in
+            air, 0 to 90. Equal ends make an axis of one node.
+        thickness: thicknesses that `layer` takes in the scene, m, in any shape, such as a map: all
+            from the smallest to the largest are covered. The layer keeps its own if this is left
+            out.
         layer: number of the layer that varies, 0 for the top one.
         tolerance: absolute error wanted of the reflectance factor.
 
     Returns:
-        `GlazeTable`; its ``error`` is twice the largest error at points not used before, and says so if as many nodes
-        as there may be did not reach the tolerance.
+        `GlazeTable`; its ``error`` is twice the largest error at points not used before, and says
+        so if as many nodes as there may be did not reach the tolerance.
 
     Raises:
-        ValueError: angles that are not within 0 to 90 degrees in order, a glaze with batch axes or values that JAX
-            traces (use `GlazeTable.refilled`), no such layer, or what `Pigment.resample` and `Layer` refuse.
+        ValueError: angles that are not within 0 to 90 degrees in order, a glaze with batch axes or
+            values that JAX traces (use `GlazeTable.refilled`), no such layer, or what
+            `Pigment.resample` and `Layer` refuse.
     """
     if not 0 < tolerance < 1:
         raise ValueError(f"tolerance is {tolerance}; it must lie between 0 and 1, such as 1e-3")
     check_glaze(glaze)
     if any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(glaze)):
-        raise ValueError("JAX traces this glaze: build a table of a typical one outside, and call its .refilled here")
+        raise ValueError(
+            "JAX traces this glaze: build a table of a typical one outside, and call its "
+            ".refilled here"
+        )
     glaze = on_grid(glaze, wavelengths_nm)
     depths = _thickness_range(glaze, thickness, layer)
-    cosines = tuple(_cosines(name, pair) for name, pair in zip(("incidence", "viewing"), angles, strict=True))
+    cosines = tuple(
+        _cosines(name, pair) for name, pair in zip(("incidence", "viewing"), angles, strict=True)
+    )
     builder = _TableBuilder(
-        glaze=glaze, layer=layer, cosines=cosines, depths=depths, tolerance=_SOLVER_SHARE * tolerance
+        glaze=glaze,
+        layer=layer,
+        cosines=cosines,
+        depths=depths,
+        tolerance=_SOLVER_SHARE * tolerance,
     )
     checks = builder.random_points(np.random.default_rng(0), _CHECKS)
     truth = builder.solve(checks)
@@ -104,8 +117,20 @@ def glaze_table(
 class _TableBuilder:
     """A table in the making, in NumPy."""
 
-    def __init__(self, glaze: Glaze, layer: int, cosines, depths: tuple[float, float] | None, tolerance: float):
-        self.glaze, self.layer, self.tolerance, self.varies = glaze, layer, tolerance, depths is not None
+    def __init__(
+        self,
+        glaze: Glaze,
+        layer: int,
+        cosines,
+        depths: tuple[float, float] | None,
+        tolerance: float,
+    ):
+        self.glaze, self.layer, self.tolerance, self.varies = (
+            glaze,
+            layer,
+            tolerance,
+            depths is not None,
+        )
         bands = glaze.substrate.shape[0]
         self.index = np.asarray(indices(glaze, bands), float)
         self.inside = float(self.index.min())
@@ -117,7 +142,9 @@ class _TableBuilder:
             self.ranges = (first, second, self._best_axis())
 
     def nodes(self, axis: int, count: int) -> np.ndarray:
-        """Cosines, or thicknesses for axis 2, at the nodes of the coordinate; one node for an empty range."""
+        """Cosines, or thicknesses for axis 2, at the nodes of the coordinate; one node for an empty
+        range.
+        """
         span = self.ranges[axis]
         if span.low == span.high:
             return np.array([span.low if axis == 2 else max(span.low, _LEAST_COSINE)])
@@ -129,7 +156,9 @@ class _TableBuilder:
 
     def random_points(self, rng: np.random.Generator, count: int) -> np.ndarray:
         """Points within the ranges, more of them towards the ends, (3, count)."""
-        points = np.stack([r.low + (r.high - r.low) * rng.beta(0.6, 0.6, count) for r in self.ranges])
+        points = np.stack(
+            [r.low + (r.high - r.low) * rng.beta(0.6, 0.6, count) for r in self.ranges]
+        )
         points[:2] = np.clip(points[:2], _LEAST_COSINE, 1.0)
         return points
 
@@ -159,7 +188,9 @@ class _TableBuilder:
         """Error at points, (points, bands), as `GlazeTable.error` counts it."""
         flat = interior(built, np).reshape(truth.shape[1], -1).T
         found = evaluate(built, flat, points, np)
-        total = cos_refracted(points[0][:, None], self.index) + cos_refracted(points[1][:, None], self.index)
+        total = cos_refracted(points[0][:, None], self.index) + cos_refracted(
+            points[1][:, None], self.index
+        )
         return np.abs(found - truth) * np.minimum(total, 1.0)
 
     def refine(self, sizes: list[int], built: GlazeTable) -> bool:
@@ -169,20 +200,29 @@ class _TableBuilder:
         def tail(axis: int) -> float:
             count = values.shape[axis]
             last = coefficients_from_nodes(roots, count)[-2:]
-            return float(np.max(np.abs(np.tensordot(last, values, (1, axis))))) if count > 1 else 0.0
+            return (
+                float(np.max(np.abs(np.tensordot(last, values, (1, axis))))) if count > 1 else 0.0
+            )
 
         tails = (max(tail(1), tail(2)), tail(3))
-        room = (sizes[0] + 1 < len(_ANGLE_NODES), self.varies and sizes[1] + 1 < len(_THICKNESS_NODES))
+        room = (
+            sizes[0] + 1 < len(_ANGLE_NODES),
+            self.varies and sizes[1] + 1 < len(_THICKNESS_NODES),
+        )
         grow = axes_to_refine(tails, room, _TOGETHER)
         for k in (0, 1):
             sizes[k] += grow[k]
         return any(grow)
 
     def _best_axis(self) -> Axis:
-        """The coordinate in which a polynomial of low degree in the thickness comes nearest, amid the angles."""
+        """The coordinate in which a polynomial of low degree in the thickness comes nearest, amid
+        the angles.
+        """
         low, high, _ = self.ranges[2]
         line = trial_line(low, high)
-        middle = [np.full(line.size, max(0.5 * (r.low + r.high), _LEAST_COSINE)) for r in self.ranges[:2]]
+        middle = [
+            np.full(line.size, max(0.5 * (r.low + r.high), _LEAST_COSINE)) for r in self.ranges[:2]
+        ]
         axes = [Axis(low, high, curvature) for curvature in CURVATURES]
         return best_axis(axes, line, self.solve(np.stack([*middle, line])), _TRIAL_DEGREE)
 
@@ -191,21 +231,33 @@ def _cosines(name: str, pair: tuple[float, float]) -> tuple[float, float]:
     """(least, largest) cosine of a range of angles in degrees."""
     low, high = (float(angle) for angle in pair)
     if not 0.0 <= low <= high <= 90.0:
-        raise ValueError(f"angles of {name} are {low:g} to {high:g} degrees; give (least, largest) within 0 to 90")
+        raise ValueError(
+            f"angles of {name} are {low:g} to {high:g} degrees; give (least, largest) within 0 "
+            "to 90"
+        )
     # Exact at both ends, where rounding would leave 6e-17.
-    return (0.0 if high == 90.0 else float(np.cos(np.deg2rad(high)))), float(np.cos(np.deg2rad(low)))
+    return (0.0 if high == 90.0 else float(np.cos(np.deg2rad(high)))), float(
+        np.cos(np.deg2rad(low))
+    )
 
 
-def _thickness_range(glaze: Glaze, thickness: Numbers | None, layer: int) -> tuple[float, float] | None:
+def _thickness_range(
+    glaze: Glaze, thickness: Numbers | None, layer: int
+) -> tuple[float, float] | None:
     """(least, largest) thickness in m, or None if it does not vary."""
     if thickness is None:
         return None
     if not 0 <= layer < len(glaze.layers):
-        raise ValueError(f"layer is {layer}, but the glaze has {len(glaze.layers)} layers, the top one is number 0")
+        raise ValueError(
+            f"layer is {layer}, but the glaze has {len(glaze.layers)} layers, the top one is "
+            "number 0"
+        )
     values = concrete(thickness)
     if values is None or values.size == 0:
         raise ValueError("thickness must be known numbers: the thicknesses of the scene, in metres")
-    Layer(glaze.layers[layer].medium, values)  # refuses what is negative, not finite or not in metres
+    Layer(
+        glaze.layers[layer].medium, values
+    )  # refuses what is negative, not finite or not in metres
     low, high = float(values.min()), float(values.max())
     if high > low:
         return low, high

@@ -1,8 +1,9 @@
 """The BSDF ``glaze`` of Mitsuba 3: a surface over a body of paint.
 
-The body reflects what `table.Body` says, the surface as `lobes` has it. Directions are drawn from one or the other by
-their albedos: from the surface's own lobe, or by the cosine for the body. Light from behind meets black, as in
-Mitsuba's plastics; wrap the glaze in ``twosided`` for things that are seen from both sides.
+The body reflects what `table.Body` says, the surface as `lobes` has it. Directions are drawn from
+one or the other by their albedos: from the surface's own lobe, or by the cosine for the body. Light
+from behind meets black, as in Mitsuba's plastics; wrap the glaze in ``twosided`` for things that
+are seen from both sides.
 """
 
 from functools import lru_cache
@@ -39,8 +40,8 @@ def _table(
 ) -> Body:
     """The table, made once for all glazes that are alike; always in double precision.
 
-    `thickness` and `fraction` are a number, a range, or None for the coats' own; `ground` is "own", "any", a number
-    or one number a band.
+    `thickness` and `fraction` are a number, a range, or None for the coats' own; `ground` is "own",
+    "any", a number or one number a band.
     """
     with jax.enable_x64(True):
         glaze = read_coats(coats, refractive_index)
@@ -52,7 +53,13 @@ def _table(
             fixed = [x if isinstance(x, float) else None for x in (thickness, fraction)]
             glaze = varied(glaze, layer, *fixed)
         bands = glaze.wavelengths.size
-        level = None if ground == "any" else ground_of(glaze) if ground == "own" else np.broadcast_to(ground, (bands,))
+        level = (
+            None
+            if ground == "any"
+            else ground_of(glaze)
+            if ground == "own"
+            else np.broadcast_to(ground, (bands,))
+        )
         level = None if level is None else np.asarray(level, float)
         index = index_of(glaze)
         surface = Rough(index, roughness) if roughness > 0 else Smooth(index)
@@ -88,7 +95,8 @@ class GlazeBSDF:
         given = read(mi, props)
         self._given = given
         self._thickness, self._fraction = (
-            None if x is None or isinstance(x, float) else x for x in (given.thickness, given.fraction)
+            None if x is None or isinstance(x, float) else x
+            for x in (given.thickness, given.fraction)
         )
         self._ground = self._ground_texture(given)
         self.table: Body = _table(
@@ -106,14 +114,20 @@ class GlazeBSDF:
         above = self.table.surface
         lobe: Facets | Mirror | None = None
         if given.gloss:
-            lobe = Facets(mi, dr, above) if isinstance(above, Rough) else Mirror(mi, dr, above.refractive_index)
+            lobe = (
+                Facets(mi, dr, above)
+                if isinstance(above, Rough)
+                else Mirror(mi, dr, above.refractive_index)
+            )
         self._surface: Any = lobe
         flags = mi.BSDFFlags
         textured = any(x is not None for x in (self._thickness, self._fraction, self._ground))
         spatial = int(flags.SpatiallyVarying) if textured else 0
         self._diffuse = int(flags.DiffuseReflection)
         body = self._diffuse | int(flags.FrontSide) | spatial
-        self.m_components: list[int] = [body] if lobe is None else [lobe.flag | int(flags.FrontSide), body]
+        self.m_components: list[int] = (
+            [body] if lobe is None else [lobe.flag | int(flags.FrontSide), body]
+        )
         self._last = len(self.m_components) - 1
         self.m_flags: int = int(np.bitwise_or.reduce(self.m_components))
 
@@ -129,8 +143,12 @@ class GlazeBSDF:
             else:
                 callback.put_object(name, held, int(kind))
 
-    def sample(self, ctx: Any, si: Any, sample1: Any, sample2: Any, active: Any = True) -> tuple[Any, Any]:
-        """A direction from the surface's lobe or the body's, and value times cosine over density."""
+    def sample(
+        self, ctx: Any, si: Any, sample1: Any, sample2: Any, active: Any = True
+    ) -> tuple[Any, Any]:
+        """A direction from the surface's lobe or the body's, and value times cosine over
+        density.
+        """
         return self._sample(si, self._at(ctx, si, active), sample1, sample2)
 
     def eval(self, ctx: Any, si: Any, wo: Any, active: Any = True) -> Any:
@@ -151,7 +169,11 @@ class GlazeBSDF:
     ) -> tuple[Any, Any, Any, Any]:
         """All three, the table looked up once."""
         here = self._at(ctx, si, active)
-        return self._value(si, here, wo), self._density(si, here, wo), *self._sample(si, here, sample1, sample2)
+        return (
+            self._value(si, here, wo),
+            self._density(si, here, wo),
+            *self._sample(si, here, sample1, sample2),
+        )
 
     def to_string(self) -> str:
         """One line."""
@@ -161,7 +183,9 @@ class GlazeBSDF:
         return self.to_string()
 
     def _at(self, ctx: Any, si: Any, active: Any, *, valued: bool = True) -> "_Point":
-        """What a point has whatever the second direction: the table's weights if values are wanted, and its lobes."""
+        """What a point has whatever the second direction: the table's weights if values are wanted,
+        and its lobes.
+        """
         mi, dr = self._mi, self._dr
         lit = active & (si.wi.z > 0.0)
         flags, last = mi.BSDFFlags, self._last
@@ -174,9 +198,17 @@ class GlazeBSDF:
             ground = None if self._ground is None else self._ground_at(si, lit)
             here = table.at_point(ops, self._body, varying, list(si.wavelengths), ground)
         if lobe is None or not (surface and body):
-            return _Point(lit=lit, surface=surface, body=body, share=mi.Float(1.0 if surface else 0.0), here=here)
+            return _Point(
+                lit=lit,
+                surface=surface,
+                body=body,
+                share=mi.Float(1.0 if surface else 0.0),
+                here=here,
+            )
         within = dr.maximum(dr.detach(si.wi.z), _LEAST_COSINE)
-        below = table.mean_albedo(ops, self._body, within, {name: dr.detach(x) for name, x in varying.items()})
+        below = table.mean_albedo(
+            ops, self._body, within, {name: dr.detach(x) for name, x in varying.items()}
+        )
         above = lobe.albedo(within)
         # Neither is left out for good.
         share = dr.clip(above / dr.maximum(above + below, 1e-6), 0.02, 0.98)
@@ -222,7 +254,9 @@ class GlazeBSDF:
         bs.pdf = self._density(si, at, bs.wo)
         weight = self._value(si, at, bs.wo) / dr.maximum(bs.pdf, 1e-30)
         if at.surface and self._surface.delta:
-            mirrored = mi.UnpolarizedSpectrum(self._surface.mirrored(si.wi) / dr.maximum(at.share, 1e-6))
+            mirrored = mi.UnpolarizedSpectrum(
+                self._surface.mirrored(si.wi) / dr.maximum(at.share, 1e-6)
+            )
             bs.pdf = dr.select(first, at.share, bs.pdf)
             weight = dr.select(first, mirrored, weight)
         bs.pdf = dr.select(at.lit, bs.pdf, 0.0)
@@ -245,7 +279,11 @@ class GlazeBSDF:
         ground = given.ground
         if isinstance(ground, np.ndarray):
             return _Bands(self._mi, self._dr, ground, bands_of(given.coats, given.refractive_index))
-        return None if ground is None or isinstance(ground, float) or not ground.is_spatially_varying() else ground
+        return (
+            None
+            if ground is None or isinstance(ground, float) or not ground.is_spatially_varying()
+            else ground
+        )
 
     def _ground_key(self, given: Given) -> str | float | tuple[float, ...]:
         """The ground as the table takes it."""
@@ -267,7 +305,9 @@ class GlazeBSDF:
 
 
 class _Bands:
-    """A ground whose spectrum is given at every place: an array (rows, columns, bands), its first row at v = 0."""
+    """A ground whose spectrum is given at every place: an array (rows, columns, bands), its first
+    row at v = 0.
+    """
 
     def __init__(self, mi: Any, dr: Any, values: np.ndarray, wavelengths: np.ndarray):
         if values.shape[-1] != wavelengths.size:
@@ -275,9 +315,15 @@ class _Bands:
                 f"the ground has {values.shape[-1]} bands, but the coats have {wavelengths.size} "
                 f"({wavelengths[0]:g} to {wavelengths[-1]:g} nm): resample it to those"
             )
-        self._mi, self._ends, self._mean = mi, (float(wavelengths[0]), float(wavelengths[-1])), float(values.mean())
+        self._mi, self._ends, self._mean = (
+            mi,
+            (float(wavelengths[0]), float(wavelengths[-1])),
+            float(values.mean()),
+        )
         volume = np.ascontiguousarray(np.moveaxis(values, -1, 0)[..., None], np.float32)
-        self._texture = mi.Texture3f(mi.TensorXf(volume), filter_mode=dr.FilterMode.Linear, wrap_mode=dr.WrapMode.Clamp)
+        self._texture = mi.Texture3f(
+            mi.TensorXf(volume), filter_mode=dr.FilterMode.Linear, wrap_mode=dr.WrapMode.Clamp
+        )
         self._count = wavelengths.size
 
     def mean(self) -> float:

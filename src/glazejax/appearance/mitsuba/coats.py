@@ -1,4 +1,6 @@
-"""Coats as a renderer's scene file names them: a line of text, a stack's file, or the text of one."""
+"""Coats as a renderer's scene file names them: a line of text, a stack's file, or the
+text of one.
+"""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -36,8 +38,8 @@ def read_coats(text: str, refractive_index: float | None = None) -> Glaze:
     """The glaze that a scene file means, on wavelengths at even distances.
 
     Args:
-        text: ``UltramarineBlue:3um, ZincWhite:20um`` (see `glazejax.paint.describe.parse_layers`), the path of a
-            stack's JSON, or that JSON itself (`glazejax.stacks`).
+        text: ``UltramarineBlue:3um, ZincWhite:20um`` (see `glazejax.paint.describe.parse_layers`),
+            the path of a stack's JSON, or that JSON itself (`glazejax.stacks`).
         refractive_index: in place of the stack's, 1.5 for coats given as text.
 
     Raises:
@@ -61,7 +63,9 @@ def read_coats(text: str, refractive_index: float | None = None) -> Glaze:
 
 
 def on_even_grid(glaze: Glaze) -> Glaze:
-    """The glaze on wavelengths at even distances, at least as many: a renderer finds its bands by dividing."""
+    """The glaze on wavelengths at even distances, at least as many: a renderer finds its bands by
+    dividing.
+    """
     grid = np.asarray(glaze.wavelengths, float)
     count = grid.size if grid.size < 3 else round((grid[-1] - grid[0]) / np.diff(grid).min()) + 1
     return on_grid(glaze, np.linspace(grid[0], grid[-1], max(count, 2)) if grid.size > 1 else grid)
@@ -74,24 +78,32 @@ def check_layer(glaze: Glaze, layer: int, axes: Axes) -> None:
         ValueError: the message names the coat and the value.
     """
     if not 0 <= layer < len(glaze.layers):
-        raise ValueError(f"layer is {layer}, but there are {len(glaze.layers)} coats, the top one is number 0")
-    medium = glaze.layers[layer].medium
-    if axes.fraction is not None and not (isinstance(medium, Mixture) and len(medium.pigments) == 2):
         raise ValueError(
-            f"fraction is the share of the second paint of coat {layer}, but that is {medium.name}: write it as a "
+            f"layer is {layer}, but there are {len(glaze.layers)} coats, the top one is number 0"
+        )
+    medium = glaze.layers[layer].medium
+    if axes.fraction is not None and not (
+        isinstance(medium, Mixture) and len(medium.pigments) == 2
+    ):
+        raise ValueError(
+            f"fraction is the share of the second paint of coat {layer}, but that is "
+            f"{medium.name}: write it as a "
             "mixture of two paints, such as 0.5*ZincWhite+0.5*Eosin:12um"
         )
     if axes.thickness is not None:
         low, high = axes.thickness
         if not 0 <= low < high <= MAX_THICKNESS:
             raise ValueError(
-                f"coat {layer} is {low:g} to {high:g} m thick; thickness_max must be above 0 and at most "
+                f"coat {layer} is {low:g} to {high:g} m thick; thickness_max must be above 0 and "
+                "at most "
                 f"{MAX_THICKNESS:g} m (20 micrometres are 20e-6)"
             )
 
 
 def varied(glaze: Glaze, layer: int, thickness: Numbers | None, fraction: Numbers | None) -> Glaze:
-    """The glaze with other thicknesses (points,) and shares (points,) of one coat, before its bands."""
+    """The glaze with other thicknesses (points,) and shares (points,) of one coat, before its
+    bands.
+    """
     layers = list(glaze.layers)
     medium, depth = layers[layer].medium, layers[layer].thickness
     if fraction is not None:
@@ -113,7 +125,10 @@ def index_of(glaze: Glaze) -> float:
     """
     values = np.unique(np.asarray(glaze.refractive_index, float))
     if values.size != 1:
-        raise ValueError("a renderer's glaze has one refractive index for all wavelengths; give the glaze a number")
+        raise ValueError(
+            "a renderer's glaze has one refractive index for all wavelengths; give the glaze a "
+            "number"
+        )
     return float(values[0])
 
 

@@ -32,18 +32,22 @@ def glaze_bsdf(
     gloss: bool = True,
     tolerance: float = 1e-3,
 ) -> dict[str, Any]:
-    """Dictionary of a glaze for `mitsuba.load_dict`; `register` must have been called for the variant.
+    """Dictionary of a glaze for `mitsuba.load_dict`; `register` must have been called for the
+    variant.
 
     Args:
-        glaze: without batch axes and phase functions; or a stack, such as `glazejax.read_stack` gives; or coats as
-            text, or the path of a stack's JSON.
+        glaze: without batch axes and phase functions; or a stack, such as `glazejax.read_stack`
+            gives; or coats as text, or the path of a stack's JSON.
         roughness: alpha of the surface's GGX facets, 0 to 1; 0 is a smooth surface.
-        thickness: of coat `layer`, m: a number, a map (rows, columns), or a texture of Mitsuba in m. A map becomes a
-            texture in micrometres, so that an optimiser sees numbers near 1. Row 0 of a map lies at v = 0.
-        thickness_max: largest thickness that the table is for, m; that of the map by default. An optimiser wants room.
-        fraction: share of the second paint of coat `layer`, a mixture of two: a number, a map or a texture, 0 to 1.
-        ground: reflectance as seen from inside the paint: a number, a spectrum (bands,), a map (rows, columns), a map
-            of spectra (rows, columns, bands) on the glaze's wavelengths (or `wavelengths`), or a texture.
+        thickness: of coat `layer`, m: a number, a map (rows, columns), or a texture of Mitsuba in
+            m. A map becomes a texture in micrometres, so that an optimiser sees numbers near 1. Row
+            0 of a map lies at v = 0.
+        thickness_max: largest thickness that the table is for, m; that of the map by default. An
+        optimiser wants room. fraction: share of the second paint of coat `layer`, a mixture of two:
+        a number, a map or a texture, 0 to 1. ground: reflectance as seen from inside the paint: a
+        number, a spectrum (bands,), a map (rows, columns), a map
+            of spectra (rows, columns, bands) on the glaze's wavelengths (or `wavelengths`), or a
+            texture.
         layer: number of the coat, 0 on top.
         wavelengths: bands of the table, nm; the glaze's own by default. Only for a `Glaze`.
         gloss: with the reflection of the surface itself.
@@ -55,8 +59,9 @@ def glaze_bsdf(
     Raises:
         TypeError: `glaze` is none of these.
         ModuleNotFoundError: maps are given and Mitsuba is not installed.
-        ValueError: a glaze with batch axes, phase functions or an index that varies; a map of another number of axes or
-            with values out of range; no such coat. With maps: no variant that follows wavelengths is set.
+        ValueError: a glaze with batch axes, phase functions or an index that varies; a map of
+            another number of axes or with values out of range; no such coat. With maps: no variant
+            that follows wavelengths is set.
     """
     if isinstance(glaze, Stack):
         glaze = glaze.glaze()
@@ -64,17 +69,29 @@ def glaze_bsdf(
         check_glaze(glaze)
     if not 0 <= roughness <= 1:
         raise ValueError(f"roughness is {roughness}; it must lie between 0 (smooth) and 1")
-    found: dict[str, Any] = {"type": "glaze", "coats": str(glaze), "layer": int(layer), "gloss": bool(gloss)}
+    found: dict[str, Any] = {
+        "type": "glaze",
+        "coats": str(glaze),
+        "layer": int(layer),
+        "gloss": bool(gloss),
+    }
     found |= {"roughness": float(roughness), "tolerance": float(tolerance)}
     if isinstance(glaze, Glaze):
-        spectrum = ground if ground is not None and not isinstance(ground, Mapping) and np.ndim(ground) == 1 else None
+        spectrum = (
+            ground
+            if ground is not None and not isinstance(ground, Mapping) and np.ndim(ground) == 1
+            else None
+        )
         ground = ground if spectrum is None else None
         found["coats"] = _json(glaze, wavelengths, layer, fraction is not None, spectrum)
         axes = Axes(fraction=None if fraction is None else (0.0, 1.0))
         if fraction is not None or thickness is not None:
             check_layer(glaze, layer, axes)
     elif wavelengths is not None:
-        raise ValueError("wavelengths belong to a Glaze; coats given as text or a file keep those of their paints")
+        raise ValueError(
+            "wavelengths belong to a Glaze; coats given as text or a file keep those of their "
+            "paints"
+        )
     if thickness is not None:
         found |= _thickness(thickness, thickness_max)
     if fraction is not None:
@@ -84,33 +101,64 @@ def glaze_bsdf(
     return found
 
 
-def _json(glaze: Glaze, wavelengths: Grid | None, layer: int, mixed: bool, ground: Numbers | None) -> str:
-    """The text of a stack, with all digits; only the coat whose mixture varies keeps its paints apart."""
+def _json(
+    glaze: Glaze, wavelengths: Grid | None, layer: int, mixed: bool, ground: Numbers | None
+) -> str:
+    """The text of a stack, with all digits; only the coat whose mixture varies keeps its paints
+    apart.
+    """
     if glaze.phase is not None:
-        raise ValueError("a paint here has a phase function: a renderer's table takes isotropic scattering only")
+        raise ValueError(
+            "a paint here has a phase function: a renderer's table takes isotropic scattering only"
+        )
     if not glaze.layers:
         raise ValueError("a glaze without coats is its ground: use Mitsuba's plastic")
-    if any(la.thickness.ndim for la in glaze.layers) or glaze.albedo.ndim > 2 or glaze.substrate.ndim > 1:
-        raise ValueError("a material is one glaze, without batch axes; give a map of thicknesses as thickness")
-    grid = np.asarray(glaze.wavelengths if wavelengths is None else validate_wavelengths(wavelengths), float)
+    if (
+        any(la.thickness.ndim for la in glaze.layers)
+        or glaze.albedo.ndim > 2
+        or glaze.substrate.ndim > 1
+    ):
+        raise ValueError(
+            "a material is one glaze, without batch axes; give a map of thicknesses as thickness"
+        )
+    grid = np.asarray(
+        glaze.wavelengths if wavelengths is None else validate_wavelengths(wavelengths), float
+    )
     pigments: dict[str, Any] = {}
     coats = []
     for number, one in enumerate(glaze.layers):
-        coats.append({"paint": _parts(one, number, grid, pigments, mixed and number == layer), "um": _um(one)})
-    level = _on(glaze.wavelengths, glaze.substrate, grid) if ground is None else np.asarray(ground, float)
+        coats.append(
+            {
+                "paint": _parts(one, number, grid, pigments, mixed and number == layer),
+                "um": _um(one),
+            }
+        )
+    level = (
+        _on(glaze.wavelengths, glaze.substrate, grid)
+        if ground is None
+        else np.asarray(ground, float)
+    )
     if level.shape != grid.shape:
         raise ValueError(f"the ground has {level.size} bands, but the table has {grid.size}")
     stack = {"glazejax": "stack", "version": 1, "refractive_index": index_of(glaze), "coats": coats}
-    stack["ground"] = {"wavelengths": grid.tolist(), "reflectance": np.clip(level, 0.0, 1.0).tolist()}
+    stack["ground"] = {
+        "wavelengths": grid.tolist(),
+        "reflectance": np.clip(level, 0.0, 1.0).tolist(),
+    }
     return json.dumps(stack | {"pigments": pigments})
 
 
-def _parts(layer: Layer, number: int, grid: np.ndarray, pigments: dict[str, Any], apart: bool) -> dict[str, float]:
+def _parts(
+    layer: Layer, number: int, grid: np.ndarray, pigments: dict[str, Any], apart: bool
+) -> dict[str, float]:
     """Weights of a coat's paints, which are filed among the pigments."""
     medium = layer.medium
     media: list[tuple[Pigment | Mixture, float]] = [(medium, 1.0)]
     if apart and isinstance(medium, Mixture):
-        media = [(p, float(w)) for p, w in zip(medium.pigments, np.asarray(medium.weights, float), strict=True)]
+        media = [
+            (p, float(w))
+            for p, w in zip(medium.pigments, np.asarray(medium.weights, float), strict=True)
+        ]
     parts = {}
     for part, (one, weight) in enumerate(media):
         name = f"{number}.{part} {one.name}"
@@ -142,7 +190,9 @@ def _thickness(thickness: Surface, most: float | None) -> dict[str, Any]:
     _map("thickness", thickness, 0.0, MAX_THICKNESS)
     largest = float(np.max(np.asarray(thickness)))
     if most is not None and largest > most * (1 + 1e-6):
-        raise ValueError(f"thickness reaches {largest:g} m, beyond the thickness_max of {most:g} m: raise that")
+        raise ValueError(
+            f"thickness reaches {largest:g} m, beyond the thickness_max of {most:g} m: raise that"
+        )
     scaled = np.asarray(thickness, float) / _MICROMETRE
     return found | {"thickness": _texture(scaled), "thickness_scale": _MICROMETRE}
 
@@ -154,7 +204,8 @@ def _map(name: str, given: Surface, low: float, high: float) -> Any:
     values = np.asarray(given, float)
     if values.ndim not in (0, 2) or values.size == 0:
         raise ValueError(
-            f"{name} is an array of shape {values.shape}; give a number, a map (rows, columns) or a texture of Mitsuba"
+            f"{name} is an array of shape {values.shape}; give a number, a map (rows, columns) "
+            "or a texture of Mitsuba"
         )
     if not (values.min() >= low and values.max() <= high):
         wrong = values[~((values >= low) & (values <= high))].flat[0]

@@ -1,4 +1,6 @@
-"""The table's arithmetic in Dr.Jit, for whichever variant of Mitsuba is set, and the variants that will do."""
+"""The table's arithmetic in Dr.Jit, for whichever variant of Mitsuba is set, and the variants that
+will do.
+"""
 
 from dataclasses import replace
 from typing import Any
@@ -26,16 +28,21 @@ def renderer() -> tuple[Any, Any]:
     if variant is None:
         raise ValueError(f"Mitsuba has no variant set: {use}")
     if not mi.is_spectral:
-        raise ValueError(f"a glaze is known by its spectrum, and the variant {variant} has none: {use}")
+        raise ValueError(
+            f"a glaze is known by its spectrum, and the variant {variant} has none: {use}"
+        )
     if mi.is_polarized:
         raise ValueError(
-            f"a glaze is known for unpolarised light, and the variant {variant} follows polarisation: {use}"
+            f"a glaze is known for unpolarised light, and the variant {variant} follows "
+            f"polarisation: {use}"
         )
     return mi, dr
 
 
 class DrJit:
-    """`lookup.Arithmetic` of Dr.Jit: packets are four-vectors; in a scalar variant all numbers are Python's."""
+    """`lookup.Arithmetic` of Dr.Jit: packets are four-vectors; in a scalar variant all numbers are
+    Python's.
+    """
 
     def __init__(self, mi: Any, dr: Any, active: Any = True):
         self._mi, self._dr, self._active = mi, dr, active
@@ -61,7 +68,9 @@ class DrJit:
         """A vector of four numbers."""
         if not self._jit:
             return self._mi.Vector4f(table[number])
-        return self._dr.gather(self._mi.Vector4f, table, self._mi.UInt32(number), self._mi.Bool(self._active))
+        return self._dr.gather(
+            self._mi.Vector4f, table, self._mi.UInt32(number), self._mi.Bool(self._active)
+        )
 
     def whole(self, x: Any) -> Any:
         """Whole numbers."""

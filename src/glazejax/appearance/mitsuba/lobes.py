@@ -32,10 +32,12 @@ class Mirror:
 
 
 class Facets:
-    """A rough surface: GGX facets, Smith's separable masking, and what single facets lose as a lobe without azimuth.
+    """A rough surface: GGX facets, Smith's separable masking, and what single facets lose as a lobe
+    without azimuth.
 
-    The table of the surface has, at cosines in air: all that it reflects, what single facets lose, and the share of the
-    lost light in what it reflects, which is how often that lobe is drawn, by the cosine.
+    The table of the surface has, at cosines in air: all that it reflects, what single facets lose,
+    and the share of the lost light in what it reflects, which is how often that lobe is drawn, by
+    the cosine.
     """
 
     delta = False
@@ -56,7 +58,9 @@ class Facets:
         mi, dr = self._mi, self._dr
         lost = self._surface.columns(self._ops, dr.maximum(wi.z, 1e-6))[2]
         normal, _ = self._facets.sample(wi, sample2)
-        return dr.select(sample1 < lost, mi.warp.square_to_cosine_hemisphere(sample2), mi.reflect(wi, normal))
+        return dr.select(
+            sample1 < lost, mi.warp.square_to_cosine_hemisphere(sample2), mi.reflect(wi, normal)
+        )
 
     def density(self, wi: Any, wo: Any) -> Any:
         """Of `sample`, in solid angle."""
@@ -64,7 +68,9 @@ class Facets:
         lost = self._surface.columns(self._ops, dr.maximum(wi.z, 1e-6))[2]
         normal = dr.normalize(wi + wo)
         along = dr.dot(wo, normal)
-        single = dr.select(along > 0.0, self._facets.pdf(wi, normal) / dr.maximum(4.0 * along, 1e-12), 0.0)
+        single = dr.select(
+            along > 0.0, self._facets.pdf(wi, normal) / dr.maximum(4.0 * along, 1e-12), 0.0
+        )
         return lost * mi.warp.square_to_cosine_hemisphere_pdf(wo) + (1.0 - lost) * single
 
     def value(self, wi: Any, wo: Any) -> Any:
@@ -72,6 +78,11 @@ class Facets:
         mi, dr = self._mi, self._dr
         normal = dr.normalize(wi + wo)
         met = mi.fresnel(dr.dot(wi, normal), self._surface.refractive_index)[0]
-        single = self._facets.eval(normal) * self._facets.G(wi, wo, normal) * met / dr.maximum(4.0 * wi.z, 1e-12)
+        single = (
+            self._facets.eval(normal)
+            * self._facets.G(wi, wo, normal)
+            * met
+            / dr.maximum(4.0 * wi.z, 1e-12)
+        )
         one, two = (self._surface.columns(self._ops, dr.maximum(w.z, 1e-6))[1] for w in (wi, wo))
         return single + one * two / self._surface.lost * wo.z

@@ -1,8 +1,9 @@
 """How a point of a body's table is found, in the arithmetic of NumPy or of Dr.Jit.
 
-The table checks its own error through the very functions that render. Numbers come in packets of four, so that one
-gather brings what belongs together. Every axis of thickness or fraction is interpolated by Hermite's cubic from values
-and slopes, so that derivatives are smooth; angles and wavelengths linearly.
+The table checks its own error through the very functions that render. Numbers come in packets of
+four, so that one gather brings what belongs together. Every axis of thickness or fraction is
+interpolated by Hermite's cubic from values and slopes, so that derivatives are smooth; angles and
+wavelengths linearly.
 """
 
 from collections.abc import Sequence
@@ -108,23 +109,35 @@ def place_on(ops: Any, axis: Axis | Mirrored, x: Any, count: int) -> Place:
 def hermite(t: Any) -> tuple[tuple[Any, Any], tuple[Any, Any]]:
     """Weights of (value, slope) at the lower and at the upper node, slopes in units of a cell."""
     rest = 1.0 - t
-    return ((1.0 + 2.0 * t) * rest * rest, t * rest * rest), (t * t * (3.0 - 2.0 * t), -t * t * rest)
+    return ((1.0 + 2.0 * t) * rest * rest, t * rest * rest), (
+        t * t * (3.0 - 2.0 * t),
+        -t * t * rest,
+    )
 
 
-def nodes_and_weights(places: Sequence[Place], counts: Sequence[int]) -> list[tuple[Any, list[Any]]]:
-    """Nodes around a point, each with the weights of its 2^axes numbers (value, slopes, mixed slope)."""
+def nodes_and_weights(
+    places: Sequence[Place], counts: Sequence[int]
+) -> list[tuple[Any, list[Any]]]:
+    """Nodes around a point, each with the weights of its 2^axes numbers (value, slopes, mixed
+    slope).
+    """
     found: list[tuple[Any, list[Any]]] = [(0, [1.0])]
     for spot, count in zip(places, counts, strict=True):
         sides = hermite(spot.along)
         found = [
-            (number * count + (spot.lower + side), [old * new for old in weights for new in sides[side]])
+            (
+                number * count + (spot.lower + side),
+                [old * new for old in weights for new in sides[side]],
+            )
             for number, weights in found
             for side in (0, 1)
         ]
     return found
 
 
-def node_sum(ops: Arithmetic, table: Any, nodes: Any, packets: int, row: Any = 0, rows: int = 1) -> list[Any]:
+def node_sum(
+    ops: Arithmetic, table: Any, nodes: Any, packets: int, row: Any = 0, rows: int = 1
+) -> list[Any]:
     """Packets at a point, from a table (nodes, rows, numbers, packets, 4) laid out flat.
 
     Args:
@@ -144,14 +157,20 @@ def node_sum(ops: Arithmetic, table: Any, nodes: Any, packets: int, row: Any = 0
     return total
 
 
-def spectral_sum(ops: Arithmetic, table: Any, nodes: Any, packets: int, band: Place, bands: int) -> list[Any]:
+def spectral_sum(
+    ops: Arithmetic, table: Any, nodes: Any, packets: int, band: Place, bands: int
+) -> list[Any]:
     """The same between two bands, the rows of the table."""
     low, high = (node_sum(ops, table, nodes, packets, band.lower + side, bands) for side in (0, 1))
     return [a + (b - a) * band.along for a, b in zip(low, high, strict=True)]
 
 
-def pair_sum(ops: Arithmetic, table: Any, a: Place, b: Place, count: int, packets: int) -> list[Any]:
-    """Packets of the shapes at two angles, from a table (count, count, packets, 4) laid out flat."""
+def pair_sum(
+    ops: Arithmetic, table: Any, a: Place, b: Place, count: int, packets: int
+) -> list[Any]:
+    """Packets of the shapes at two angles, from a table (count, count, packets, 4) laid
+    out flat.
+    """
     total: list[Any] = [0.0] * packets
     for one, left in ((0, 1.0 - a.along), (1, a.along)):
         for two, right in ((0, 1.0 - b.along), (1, b.along)):

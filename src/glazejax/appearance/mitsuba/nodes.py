@@ -1,4 +1,6 @@
-"""A glaze's reflectance at few angles, thicknesses and fractions, enough to know it at all of them."""
+"""A glaze's reflectance at few angles, thicknesses and fractions, enough to know it at
+all of them.
+"""
 
 from collections.abc import Callable
 from typing import Any, NamedTuple
@@ -51,13 +53,17 @@ class Solver:
         self.tolerance: float = tolerance
         self._glaze, self._layer = glaze, layer
 
-    def factor(self, points: dict[str, np.ndarray], cos_in: Any, cos_out: Any, ground: Any) -> np.ndarray:
+    def factor(
+        self, points: dict[str, np.ndarray], cos_in: Any, cos_out: Any, ground: Any
+    ) -> np.ndarray:
         """Reflectance factor (points or 1, pairs, bands); cosines and ground broadcast to that."""
         stack = {name: np.asarray(x)[..., None, :, :] for name, x in self._stack(points).items()}
         stack["substrate_reflectance"] = ground
         return self.surface.factor(stack, cos_in, cos_out, self.tolerance)
 
-    def parts(self, points: dict[str, np.ndarray], cosines: np.ndarray) -> Float[np.ndarray, "points bands rows"]:
+    def parts(
+        self, points: dict[str, np.ndarray], cosines: np.ndarray
+    ) -> Float[np.ndarray, "points bands rows"]:
         """Rows of `Surface.parts`."""
         return self.surface.parts(self._stack(points), cosines, self.tolerance)
 
@@ -65,7 +71,10 @@ class Solver:
         """Arrays (points or 1, bands, layers)."""
         made = self._glaze
         if points:
-            given = (np.asarray(points[name]) if name in points else None for name in ("thickness", "fraction"))
+            given = (
+                np.asarray(points[name]) if name in points else None
+                for name in ("thickness", "fraction")
+            )
             made = varied(made, self._layer, *given)
         albedo, depth = np.asarray(made.albedo), np.asarray(made.optical_thickness)
         both = zip(("albedo", "optical_thickness"), np.broadcast_arrays(albedo, depth), strict=True)
@@ -73,7 +82,12 @@ class Solver:
 
 
 def solve_nodes(
-    surface: Surface, glaze: Glaze, layer: int, axes: Axes, tolerance: float, most_points: int = 4000
+    surface: Surface,
+    glaze: Glaze,
+    layer: int,
+    axes: Axes,
+    tolerance: float,
+    most_points: int = 4000,
 ) -> Nodes:
     """Few angles, thicknesses and fractions that give all others within the tolerance.
 
@@ -130,7 +144,9 @@ def _distance(solver: Solver, cosines: np.ndarray, one: np.ndarray, two: np.ndar
 def _over(parts: Parts, ground: Any) -> np.ndarray:
     """Reflectance factor (..., angles, angles) over a ground that broadcasts to it."""
     back = np.clip(parts.back, 0.0, 0.999)[..., None, None]
-    return factor_of(parts.black, parts.through[..., :, None], parts.through[..., None, :], back, ground)
+    return factor_of(
+        parts.black, parts.through[..., :, None], parts.through[..., None, :], back, ground
+    )
 
 
 def over(parts: Parts, ground: Any) -> np.ndarray:
@@ -139,7 +155,9 @@ def over(parts: Parts, ground: Any) -> np.ndarray:
 
 
 def bounded(surface: Surface, cos_in: np.ndarray, cos_out: np.ndarray) -> np.ndarray:
-    """Weight of an error: 1, or the sum of the cosines inside where that is less (an index near 1, both grazing)."""
+    """Weight of an error: 1, or the sum of the cosines inside where that is less (an index near 1,
+    both grazing).
+    """
     n = surface.refractive_index
     return np.minimum(inside(NUMPY, cos_in, n) + inside(NUMPY, cos_out, n), 1.0)
 
@@ -162,18 +180,29 @@ def _tried(solver: Solver, ranges: dict[str, tuple[float, float]]) -> Callable[[
             truth.append(solver.factor(points, a[:, None], b[:, None], ground[:, None]))
         parts = solver.surface.expanded(solver.parts(points, cosines), cosines, solver.tolerance)
         found = _at_angles(solver.surface, cosines, parts, a, b, ground)
-        return SAFETY * float(np.max(np.abs(found - truth[0]) * bounded(solver.surface, a, b)[:, None]))
+        return SAFETY * float(
+            np.max(np.abs(found - truth[0]) * bounded(solver.surface, a, b)[:, None])
+        )
 
     return error
 
 
 def _at_angles(
-    surface: Surface, cosines: np.ndarray, parts: Parts, a: np.ndarray, b: np.ndarray, ground: np.ndarray
+    surface: Surface,
+    cosines: np.ndarray,
+    parts: Parts,
+    a: np.ndarray,
+    b: np.ndarray,
+    ground: np.ndarray,
 ) -> np.ndarray:
-    """Reflectance factor (points, pairs, bands) at pairs of angles and grounds (pairs,), from the nodes' parts."""
+    """Reflectance factor (points, pairs, bands) at pairs of angles and grounds (pairs,), from the
+    nodes' parts.
+    """
     bases = [lagrange(2.0 * surface.coordinate(NUMPY, x) - 1.0, cosines.size) for x in (a, b)]
     rho = parts.black / surface.known(NUMPY, cosines[:, None], cosines)
     black = np.einsum("pi,...ij,pj->...p", bases[0], rho, bases[1]) * surface.known(NUMPY, a, b)
     tau = parts.through / surface.let_in(NUMPY, cosines)
-    one, two = (tau @ basis.T * surface.let_in(NUMPY, x) for basis, x in zip(bases, (a, b), strict=True))
+    one, two = (
+        tau @ basis.T * surface.let_in(NUMPY, x) for basis, x in zip(bases, (a, b), strict=True)
+    )
     return np.moveaxis(factor_of(black, one, two, parts.back[..., None], ground), -1, -2)

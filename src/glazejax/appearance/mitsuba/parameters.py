@@ -48,20 +48,25 @@ def read(mi: Any, props: Any) -> Given:
     """Parameters of a glaze.
 
     Raises:
-        ValueError: something is missing, unknown, of another kind or out of range; the message names the value and
-            the fix.
+        ValueError: something is missing, unknown, of another kind or out of range; the message
+            names the value and the fix.
     """
     names = set(props.keys() if hasattr(props, "keys") else props.property_names())
     for name in sorted(names - set(KNOWN)):
         near = difflib.get_close_matches(name, KNOWN, n=1)
-        raise ValueError(f"a glaze has no {name!r}" + (f"; you may mean {near[0]!r}" if near else f"; it has {KNOWN}"))
+        raise ValueError(
+            f"a glaze has no {name!r}"
+            + (f"; you may mean {near[0]!r}" if near else f"; it has {KNOWN}")
+        )
     if "coats" not in names or not isinstance(props["coats"], str):
         raise ValueError('a glaze needs "coats", such as "UltramarineBlue:3um, ZincWhite:20um"')
     scale = _number(props, names, "thickness_scale", 1.0, 1e-12, 1e3)
     thickness = _texture(mi, props, names, "thickness", "get_unbounded_texture")
     fraction = _texture(mi, props, names, "fraction", "get_unbounded_texture")
     ground = props["ground"] if "ground" in names and _is_array(mi, props["ground"]) else None
-    ground = _texture(mi, props, names, "ground", "get_texture") if ground is None else _bands(ground)
+    ground = (
+        _texture(mi, props, names, "ground", "get_texture") if ground is None else _bands(ground)
+    )
     most = _number(props, names, "thickness_max", math.nan, 0.0, MAX_THICKNESS)
     least, largest = _range(mi, thickness)
     if isinstance(thickness, float):
@@ -70,13 +75,17 @@ def read(mi: Any, props: Any) -> Given:
     if thickness is not None and not (least >= 0 and largest * scale <= MAX_THICKNESS):
         wrong = least if not least >= 0 else largest * scale
         raise ValueError(
-            f"{where} has the value {wrong:g}; it must be 0 to {MAX_THICKNESS:g} metres (20 micrometres are 20e-6, or "
+            f"{where} has the value {wrong:g}; it must be 0 to {MAX_THICKNESS:g} metres (20 "
+            "micrometres are 20e-6, or "
             "20 with a thickness_scale of 1e-6)"
         )
     if math.isnan(most):
         most = largest * scale
     elif thickness is not None and largest * scale > most * (1 + 1e-6):
-        raise ValueError(f"{where} reaches {largest * scale:g} m, beyond the thickness_max of {most:g} m: raise that")
+        raise ValueError(
+            f"{where} reaches {largest * scale:g} m, beyond the thickness_max of {most:g} m: "
+            "raise that"
+        )
     _check_share("fraction", *_range(mi, fraction))
     _check_share("ground", *_range(mi, ground))
     return Given(
@@ -96,7 +105,9 @@ def read(mi: Any, props: Any) -> Given:
     )
 
 
-def _number(props: Any, names: set[str], name: str, default: float, low: float, high: float) -> float:
+def _number(
+    props: Any, names: set[str], name: str, default: float, low: float, high: float
+) -> float:
     if name not in names:
         return default
     value = props[name]
@@ -121,7 +132,8 @@ def _texture(mi: Any, props: Any, names: set[str], name: str, getter: str) -> An
         return float(value)
     if _is_array(mi, value) or isinstance(value, str | bool):
         raise ValueError(
-            f"{name} is {type(value).__name__}; give a number or a texture, or an array to glazejax.appearance.mitsuba."
+            f"{name} is {type(value).__name__}; give a number or a texture, or an array to "
+            "glazejax.appearance.mitsuba."
             "glaze_bsdf"
         )
     return getattr(props, getter)(name) if hasattr(props, getter) else value
@@ -135,7 +147,9 @@ def _bands(value: Any) -> Float[np.ndarray, "rows columns bands"]:
     """An array of spectra."""
     array = np.array(value, np.float32)
     if array.ndim != 3:
-        raise ValueError(f"a ground given as an array must be (rows, columns, bands), not of shape {array.shape}")
+        raise ValueError(
+            f"a ground given as an array must be (rows, columns, bands), not of shape {array.shape}"
+        )
     return array
 
 

@@ -1,7 +1,7 @@
 """What makes up a reflectance over any ground, and angles as polynomials.
 
-The ground enters in closed form: with R0 over black, T the light that reaches a black ground and S what the stack
-throws back to the ground, R = R0 + g T T/(1 - g S) for any Lambertian ground g.
+The ground enters in closed form: with R0 over black, T the light that reaches a black ground and S
+what the stack throws back to the ground, R = R0 + g T T/(1 - g S) for any Lambertian ground g.
 """
 
 from typing import Any, NamedTuple
@@ -25,7 +25,9 @@ class Parts(NamedTuple):
 
 
 def split(values: Float[np.ndarray, "*batch rows"], angles: int) -> Parts:
-    """Parts from rows of numbers: pairs of angles (the upper triangle) of R0, then T of each angle, then S."""
+    """Parts from rows of numbers: pairs of angles (the upper triangle) of R0, then T of each angle,
+    then S.
+    """
     rows, columns = np.triu_indices(angles)
     black = np.empty((*values.shape[:-1], angles, angles))
     black[..., rows, columns] = black[..., columns, rows] = values[..., : rows.size]

@@ -10,7 +10,8 @@ _callbacks: list[Any] = []
 
 
 def register() -> None:
-    """Make ``{"type": "glaze", ...}`` known to the variant of Mitsuba that is set, and to those set from now on.
+    """Make ``{"type": "glaze", ...}`` known to the variant of Mitsuba that is set, and to those set
+    from now on.
 
     Raises:
         ModuleNotFoundError: Mitsuba is not installed.
@@ -36,7 +37,11 @@ def register_if_set() -> None:
 def _register(mi: Any) -> None:
     """In the current variant: one without spectra gets it too, and says at load what it lacks."""
     # Mitsuba's classes take no second base, so the methods are copied.
-    methods = {name: part for name, part in vars(GlazeBSDF).items() if name not in ("__dict__", "__weakref__")}
+    methods = {
+        name: part
+        for name, part in vars(GlazeBSDF).items()
+        if name not in ("__dict__", "__weakref__")
+    }
     kind = type("Glaze", (mi.BSDF,), methods)
     mi.register_bsdf("glaze", lambda props: _made(kind, props))
 

@@ -1,7 +1,9 @@
-"""Glazes under a rough surface, for their table: GGX facets on both sides (`glazejax.radiative.rough`).
+"""Glazes under a rough surface, for their table: GGX facets on both sides
+(`glazejax.radiative.rough`).
 
-All light between air and body passes a few functions of the angle, `Operators.enters`. What the body does is a matrix
-and a vector on them, so one solution a function, and one for light that starts on the ground, give all angles.
+All light between air and body passes a few functions of the angle, `Operators.enters`. What the
+body does is a matrix and a vector on them, so one solution a function, and one for light that
+starts on the ground, give all angles.
 """
 
 import copy
@@ -36,7 +38,8 @@ class Rough:
 
     Attributes:
         lost: what the compensation divides by, C of `glazejax.radiative.rough.surface`.
-        table: of cosines in air: all that is reflected, what single facets lose, and the share of that in the former.
+        table: of cosines in air: all that is reflected, what single facets lose, and the share of
+            that in the former.
     """
 
     def __init__(self, refractive_index: float, roughness: float):
@@ -49,10 +52,19 @@ class Rough:
         given: dict[str, Any] = {"refractive_index": refractive_index, "roughness": roughness}
         self.lost: float = loss_constant(**given)
         cosines = np.maximum(self.cosine(np.linspace(0.0, 1.0, _STEPS)), _LEAST_COSINE)
-        albedo, loss = (np.asarray(f(cosines, **given), float) for f in (surface_albedo, surface_loss))
+        albedo, loss = (
+            np.asarray(f(cosines, **given), float) for f in (surface_albedo, surface_loss)
+        )
         # How much of what single facets lose comes back to the air.
         fine, weights = gauss(_QUADRATURE)
-        back = float(np.sum(2.0 * np.pi * weights * fine * np.asarray(surface_loss(fine, **given), float))) / self.lost
+        back = (
+            float(
+                np.sum(
+                    2.0 * np.pi * weights * fine * np.asarray(surface_loss(fine, **given), float)
+                )
+            )
+            / self.lost
+        )
         share = np.clip(loss * back / albedo, 0.0, 1.0)
         columns = np.stack([albedo, loss, share, 0.0 * share], axis=-1)
         self.table: Any = np.ascontiguousarray(columns[:, None], np.float32)
@@ -67,7 +79,9 @@ class Rough:
 
     def columns(self, ops: Arithmetic, cosine: Any) -> Any:
         """Of `table`, at a cosine in air."""
-        return lookup.line_sum(ops, self.table, lookup.place(ops, self.coordinate(ops, cosine), _STEPS), 1)[0]
+        return lookup.line_sum(
+            ops, self.table, lookup.place(ops, self.coordinate(ops, cosine), _STEPS), 1
+        )[0]
 
     def let_in(self, ops: Arithmetic, cosine: Any) -> Any:
         """Nothing is known without the table."""
@@ -77,13 +91,19 @@ class Rough:
         """Nothing is known without the table."""
         return 1.0
 
-    def factor(self, stack: dict[str, Any], cos_in: Numbers, cos_out: Numbers, tolerance: float) -> np.ndarray:
+    def factor(
+        self, stack: dict[str, Any], cos_in: Numbers, cos_out: Numbers, tolerance: float
+    ) -> np.ndarray:
         """`rough_reflectance_factor`."""
         solve = functools.partial(rough_reflectance_factor, roughness=self.roughness)
-        return in_blocks(solve, stack, cos_in, cos_out, max(tolerance, FINEST), self.refractive_index, block=512)
+        return in_blocks(
+            solve, stack, cos_in, cos_out, max(tolerance, FINEST), self.refractive_index, block=512
+        )
 
     def angles(self, error: Callable[[np.ndarray], float], tolerance: float) -> np.ndarray:
-        """Nodes between which the functions of the angle are polynomials, which costs no solution."""
+        """Nodes between which the functions of the angle are polynomials, which costs no
+        solution.
+        """
         made = self._resolved.operators()
         between = self.cosine(np.linspace(0.0, 1.0, 301)[1:])
         exact = np.asarray(made.enters(between), float)
@@ -97,9 +117,13 @@ class Rough:
         return cosines
 
     def parts(self, stack: dict[str, Any], cosines: np.ndarray, tolerance: float) -> np.ndarray:
-        """R0, T and S on the functions of the angle, one row a stack: (..., rows), see `nodes.split`."""
+        """R0, T and S on the functions of the angle, one row a stack: (..., rows), see
+        `nodes.split`.
+        """
         surface = resolve(self.refractive_index, self.roughness, max(tolerance, FINEST))
-        albedo, depth = np.broadcast_arrays(*(np.asarray(stack[k]) for k in ("albedo", "optical_thickness")))
+        albedo, depth = np.broadcast_arrays(
+            *(np.asarray(stack[k]) for k in ("albedo", "optical_thickness"))
+        )
         shape, layers = albedo.shape[:-1], albedo.shape[-1]
         rows = [x.reshape(-1, layers) for x in (albedo, depth)]
         found = []
@@ -124,7 +148,9 @@ class Rough:
 
 @functools.partial(jax.jit, static_argnums=2)
 def _parts(albedo: Array, depth: Array, surface: Resolved) -> Float[Array, "stacks rows"]:
-    """R0 (upper triangle), T and S of stacks, on the functions of the angle; see `radiative.rough.ports`."""
+    """R0 (upper triangle), T and S of stacks, on the functions of the angle; see
+    `radiative.rough.ports`.
+    """
     stacks, n = albedo.shape[0], surface.operators().basis.cosines.size
     pairs = -(-n // 2)
     unit = jnp.eye(2 * pairs, n, dtype=albedo.dtype).reshape(pairs, 2, n)
@@ -146,7 +172,9 @@ def _parts(albedo: Array, depth: Array, surface: Resolved) -> Float[Array, "stac
         enters=tiled(enters),
         from_ground=jnp.stack([white, white], axis=1),
     )
-    value, back = jax.vjp(lambda given: reflectance(lit._replace(enters=given), surface), lit.enters)
+    value, back = jax.vjp(
+        lambda given: reflectance(lit._replace(enters=given), surface), lit.enters
+    )
     (slopes,) = back(jnp.ones_like(value))
     slopes = slopes.reshape(stacks, pairs + 1, 2, n)
     # The form is bilinear: its slope by one beam is the matrix times the other.

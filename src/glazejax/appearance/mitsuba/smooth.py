@@ -14,22 +14,30 @@ from .surfaces import in_blocks, inside
 
 # Numbers of angles that are tried.
 _ANGLES = (4, 5, 6, 8, 10, 12, 16, 24, 32)
-# Without a surface the factor has no bound where both directions graze; there it is this sum of cosines' value.
+# Without a surface the factor has no bound where both directions graze; there it is this sum of
+# cosines' value.
 _LEAST_SUM = 1e-6
-# Light that reaches the ground and comes back, below which what the ground sees is not known, and does not matter.
+# Light that reaches the ground and comes back, below which what the ground sees is not known, and
+# does not matter.
 _FAINT = 1e-10
 
 
 class Smooth:
-    """Fresnel's surface, a `surfaces.Surface`: what is smooth is smooth in the cosine inside the paint."""
+    """Fresnel's surface, a `surfaces.Surface`: what is smooth is smooth in the cosine inside the
+    paint.
+    """
 
     def __init__(self, refractive_index: float):
         self.refractive_index = refractive_index
-        self._steepest = float(np.sqrt((refractive_index - 1.0) * (refractive_index + 1.0)) / refractive_index)
+        self._steepest = float(
+            np.sqrt((refractive_index - 1.0) * (refractive_index + 1.0)) / refractive_index
+        )
 
     def coordinate(self, ops: Arithmetic, cosine: Any) -> Any:
         """From cosines in air to [0, 1]."""
-        return (inside(ops, cosine, self.refractive_index) - self._steepest) / (1.0 - self._steepest)
+        return (inside(ops, cosine, self.refractive_index) - self._steepest) / (
+            1.0 - self._steepest
+        )
 
     def cosine(self, coordinate: Any) -> Any:
         """From [0, 1] to cosines in air."""
@@ -50,11 +58,17 @@ class Smooth:
         total = ops.maximum(inside(ops, cos_in, n) + inside(ops, cos_out, n), _LEAST_SUM)
         return self.let_in(ops, cos_in) * self.let_in(ops, cos_out) / total
 
-    def factor(self, stack: dict[str, Any], cos_in: Numbers, cos_out: Numbers, tolerance: float) -> np.ndarray:
+    def factor(
+        self, stack: dict[str, Any], cos_in: Numbers, cos_out: Numbers, tolerance: float
+    ) -> np.ndarray:
         """`stack_reflectance_factor`."""
-        return in_blocks(stack_reflectance_factor, stack, cos_in, cos_out, tolerance, self.refractive_index)
+        return in_blocks(
+            stack_reflectance_factor, stack, cos_in, cos_out, tolerance, self.refractive_index
+        )
 
-    def angles(self, error: Callable[[np.ndarray], float], tolerance: float) -> Float[np.ndarray, "angles"]:
+    def angles(
+        self, error: Callable[[np.ndarray], float], tolerance: float
+    ) -> Float[np.ndarray, "angles"]:
         """As few nodes as will do."""
         cosines = np.zeros(0)
         for count in _ANGLES:
@@ -63,7 +77,9 @@ class Smooth:
                 break
         return cosines
 
-    def parts(self, stack: dict[str, Any], cosines: np.ndarray, tolerance: float) -> Float[np.ndarray, "*stacks rows"]:
+    def parts(
+        self, stack: dict[str, Any], cosines: np.ndarray, tolerance: float
+    ) -> Float[np.ndarray, "*stacks rows"]:
         """R0 of all pairs of angles, T of each and S, from three levels of the ground."""
         n = cosines.size
         rows, columns = np.triu_indices(n)
@@ -95,11 +111,15 @@ class Smooth:
 
 
 def _filled(back: Float[np.ndarray, "points bands"]) -> Float[np.ndarray, "points bands"]:
-    """S where it is not known: that of the next point, since it hardly changes where little light gets through."""
+    """S where it is not known: that of the next point, since it hardly changes where little light
+    gets through.
+    """
     for band in back.T:
         known = np.flatnonzero(np.isfinite(band))
         unknown = np.flatnonzero(~np.isfinite(band))
         if unknown.size:
-            near = known[np.abs(known[None] - unknown[:, None]).argmin(axis=1)] if known.size else None
+            near = (
+                known[np.abs(known[None] - unknown[:, None]).argmin(axis=1)] if known.size else None
+            )
             band[unknown] = 0.0 if near is None else band[near]
     return back

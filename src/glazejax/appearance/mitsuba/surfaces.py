@@ -1,4 +1,6 @@
-"""What the table of a body asks of the surface above it; `smooth` and `rough` are the two there are."""
+"""What the table of a body asks of the surface above it; `smooth` and `rough` are the two there
+are.
+"""
 
 from collections.abc import Callable
 from typing import Any, Protocol, runtime_checkable
@@ -12,7 +14,9 @@ from .parts import Parts
 
 @runtime_checkable
 class Surface(Protocol):
-    """How light gets through, in which coordinate angles are smooth, and what the solver says of the body below."""
+    """How light gets through, in which coordinate angles are smooth, and what the solver says of
+    the body below.
+    """
 
     refractive_index: float
 
@@ -32,8 +36,12 @@ class Surface(Protocol):
         """What is known of R0, as a factor."""
         ...
 
-    def factor(self, stack: dict[str, Any], cos_in: Numbers, cos_out: Numbers, tolerance: float) -> np.ndarray:
-        """The solver's reflectance factor of stacks (albedo, optical_thickness, substrate_reflectance)."""
+    def factor(
+        self, stack: dict[str, Any], cos_in: Numbers, cos_out: Numbers, tolerance: float
+    ) -> np.ndarray:
+        """The solver's reflectance factor of stacks (albedo, optical_thickness,
+        substrate_reflectance).
+        """
         ...
 
     def angles(self, error: Callable[[np.ndarray], float], tolerance: float) -> np.ndarray:
@@ -41,7 +49,9 @@ class Surface(Protocol):
         ...
 
     def parts(self, stack: dict[str, Any], cosines: np.ndarray, tolerance: float) -> np.ndarray:
-        """Numbers (*stacks, rows) that hold `Parts`; stacks are albedo and optical_thickness, (*stacks, layers)."""
+        """Numbers (*stacks, rows) that hold `Parts`; stacks are albedo and optical_thickness,
+        (*stacks, layers).
+        """
         ...
 
     def expanded(self, values: np.ndarray, cosines: np.ndarray, tolerance: float) -> Parts:
@@ -62,18 +72,28 @@ def in_blocks(
     refractive_index: float,
     block: int = 4096,
 ) -> np.ndarray:
-    """Reflectance factors of stacks that broadcast, in blocks of one size, so that one program is compiled."""
+    """Reflectance factors of stacks that broadcast, in blocks of one size, so that one program is
+    compiled.
+    """
     names = ("substrate_reflectance", "cos_incidence", "cos_viewing")
-    albedo, depth = np.broadcast_arrays(*(np.asarray(stack[k]) for k in ("albedo", "optical_thickness")))
+    albedo, depth = np.broadcast_arrays(
+        *(np.asarray(stack[k]) for k in ("albedo", "optical_thickness"))
+    )
     others = [np.asarray(x, float) for x in (stack["substrate_reflectance"], cos_in, cos_out)]
     shape = np.broadcast_shapes(albedo.shape[:-1], *(x.shape for x in others))
-    layers = [np.broadcast_to(x, (*shape, x.shape[-1])).reshape(-1, x.shape[-1]) for x in (albedo, depth)]
+    layers = [
+        np.broadcast_to(x, (*shape, x.shape[-1])).reshape(-1, x.shape[-1]) for x in (albedo, depth)
+    ]
     rows = [*layers, *(np.broadcast_to(x, shape).reshape(-1) for x in others)]
     given = {"refractive_index": refractive_index, "tolerance": tolerance}
     found = []
     for start in range(0, len(rows[0]), block):
-        albedo, depth, *rest = (np.resize(x[start : start + block], (block, *x.shape[1:])) for x in rows)
-        found.append(np.asarray(solve(albedo, depth, **dict(zip(names, rest, strict=True)), **given)))
+        albedo, depth, *rest = (
+            np.resize(x[start : start + block], (block, *x.shape[1:])) for x in rows
+        )
+        found.append(
+            np.asarray(solve(albedo, depth, **dict(zip(names, rest, strict=True)), **given))
+        )
     return np.concatenate(found)[: len(rows[0])].reshape(shape)
 
 

@@ -1,9 +1,10 @@
-"""The body of a glaze as a table that a renderer can look up at any angles, wavelength, thickness and fraction.
+"""The body of a glaze as a table that a renderer can look up at any angles, wavelength, thickness
+and fraction.
 
-All of a glaze's reflectances, whatever the wavelength or thickness, are close to sums of a few shapes over the two
-angles. The table keeps the shapes (symmetric in the angles, so that reciprocity is exact), and how much of each there
-is at every wavelength, thickness and fraction. Its error is measured at points of its own, through the same lookup
-that renders.
+All of a glaze's reflectances, whatever the wavelength or thickness, are close to sums of a few
+shapes over the two angles. The table keeps the shapes (symmetric in the angles, so that reciprocity
+is exact), and how much of each there is at every wavelength, thickness and fraction. Its error is
+measured at points of its own, through the same lookup that renders.
 """
 
 from dataclasses import dataclass, replace
@@ -26,7 +27,8 @@ from .surfaces import Surface
 _ANGLES = (33, 65, 129, 257)
 _LINE = (9, 17, 33, 65, 129)
 _CHECKS = 96
-# Shares of the tolerance: shapes left out, distances between angles, and between thicknesses and fractions.
+# Shares of the tolerance: shapes left out, distances between angles, and between thicknesses and
+# fractions.
 _SHAPES, _BETWEEN_ANGLES, _BETWEEN_NODES = 0.1, 0.05, 0.05
 _TRIES = 3
 _LEAST_COSINE = 1e-3
@@ -42,17 +44,18 @@ class Body:
 
     Attributes:
         surface: above.
-        wavelengths: (bands,), nm, at even distances. In between values are linear, beyond the ends those of the ends.
-        axes: what varies, in this order.
+        wavelengths: (bands,), nm, at even distances. In between values are linear, beyond the ends
+        those of the ends. axes: what varies, in this order.
         counts: nodes along each axis.
         angles: nodes along an angle.
         pairs: shapes over two angles, (angles, angles, packets, 4), float32.
         pair_weights: of them, (nodes, bands, 2^axes, packets, 4).
-        lines: shapes of the light that gets to the ground, (angles, packets, 4); None where the ground is in `pairs`.
-        line_weights: of them, (nodes, bands, 2^axes, packets + 1, 4); the first of the last packet is S.
-        mean_weights: `pair_weights` over the mean ground, mean of the bands, (nodes, 2^axes, packets, 4).
-        albedo_shapes: `pairs` over all directions of the second angle, without `let_in`, (angles, packets, 4).
-        packets: of the shapes over two angles, and of those over one (0 without).
+        lines: shapes of the light that gets to the ground, (angles, packets, 4); None where the
+        ground is in `pairs`. line_weights: of them, (nodes, bands, 2^axes, packets + 1, 4); the
+        first of the last packet is S. mean_weights: `pair_weights` over the mean ground, mean of
+        the bands, (nodes, 2^axes, packets, 4). albedo_shapes: `pairs` over all directions of the
+        second angle, without `let_in`, (angles, packets, 4). packets: of the shapes over two
+        angles, and of those over one (0 without).
         error: estimated largest absolute error of the reflectance factor in a band, for any ground.
         tolerance: what was asked for.
     """
@@ -80,13 +83,21 @@ class Body:
     @property
     def bytes(self) -> int:
         """Memory of the tables."""
-        kept = (self.pairs, self.pair_weights, self.lines, self.line_weights, self.mean_weights, self.albedo_shapes)
+        kept = (
+            self.pairs,
+            self.pair_weights,
+            self.lines,
+            self.line_weights,
+            self.mean_weights,
+            self.albedo_shapes,
+        )
         return sum(table.nbytes for table in kept if table is not None)
 
     def __repr__(self) -> str:
         axes = "".join(f", {n} {name}" for n, name in zip(self.counts, self.axes, strict=True))
         return (
-            f"Body({self.bands} bands, {4 * self.pairs.shape[2]} shapes of {self.angles} angles{axes}, "
+            f"Body({self.bands} bands, {4 * self.pairs.shape[2]} shapes of {self.angles} "
+            f"angles{axes}, "
             f"{self.bytes / 1e6:.2g} MB, estimated error {self.error:.2g})"
         )
 
@@ -127,8 +138,9 @@ def body_table(
         glaze: on even wavelengths (`read_coats`).
         layer: number of the coat that varies, 0 on top.
         axes: what varies of it, and from where to where.
-        ground: reflectance of the ground in each band, put into the table; None for any ground, given at each lookup.
-        mean_ground: about what the ground then reflects, for choosing directions.
+        ground: reflectance of the ground in each band, put into the table; None for any ground,
+        given at each lookup. mean_ground: about what the ground then reflects, for choosing
+        directions.
         tolerance: absolute error wanted of the reflectance factor, in the bands.
 
     Returns:
@@ -138,7 +150,10 @@ def body_table(
     for _ in range(_TRIES):
         nodes = solve_nodes(surface, glaze, layer, axes, tries)
         body = _compressed(nodes, ground, mean_ground)
-        error = _error(body, Solver(surface, glaze, layer, SOLVER * tolerance), ground) + SOLVER * tolerance
+        error = (
+            _error(body, Solver(surface, glaze, layer, SOLVER * tolerance), ground)
+            + SOLVER * tolerance
+        )
         if best is None or error < best.error:
             best = replace(body, error=error, tolerance=tolerance)
         if error <= tolerance:
@@ -154,13 +169,18 @@ class Here(NamedTuple):
     pairs: list[list[Any]]
     """Weights of the shapes over two angles, in packets."""
     lines: list[list[Any]] | None
-    """Weights of those of the light that reaches the ground, the first number of the last packet S."""
+    """Weights of those of the light that reaches the ground, the first number of the last packet S.
+    """
     ground: list[Any] | None
     """Reflectance of the ground."""
 
 
 def at_point(
-    ops: Arithmetic, body: Body, varying: dict[str, Any], wavelengths: list[Any], ground: list[Any] | None
+    ops: Arithmetic,
+    body: Body,
+    varying: dict[str, Any],
+    wavelengths: list[Any],
+    ground: list[Any] | None,
 ) -> Here:
     """The part of the lookup that angles do not change.
 
@@ -175,13 +195,17 @@ def at_point(
     places = [band_at(ops, body, wavelength) for wavelength in wavelengths]
 
     def of_all(weights: Any, packets: int) -> list[list[Any]]:
-        return [lookup.spectral_sum(ops, weights, nodes, packets, band, body.bands) for band in places]
+        return [
+            lookup.spectral_sum(ops, weights, nodes, packets, band, body.bands) for band in places
+        ]
 
     lines = None if body.lines is None else of_all(body.line_weights, body.packets[1] + 1)
     return Here(of_all(body.pair_weights, body.packets[0]), lines, ground)
 
 
-def reflectance_factor(ops: Arithmetic, body: Body, here: Here, cos_in: Any, cos_out: Any) -> list[Any]:
+def reflectance_factor(
+    ops: Arithmetic, body: Body, here: Here, cos_in: Any, cos_out: Any
+) -> list[Any]:
     """Reflectance factor of the body at each wavelength of `at_point`; cosines in air, above 0."""
     a, b = (angle_at(ops, body, cosine) for cosine in (cos_in, cos_out))
     shapes = lookup.pair_sum(ops, body.pairs, a, b, body.angles, body.packets[0])
@@ -197,7 +221,9 @@ def reflectance_factor(ops: Arithmetic, body: Body, here: Here, cos_in: Any, cos
 
 
 def mean_albedo(ops: Arithmetic, body: Body, cos_in: Any, varying: dict[str, Any]) -> Any:
-    """Share of light from one direction that the body gives back, mean of the bands, over the mean ground."""
+    """Share of light from one direction that the body gives back, mean of the bands, over the mean
+    ground.
+    """
     shapes = lookup.line_sum(ops, body.albedo_shapes, angle_at(ops, body, cos_in), body.packets[0])
     weights = lookup.node_sum(ops, body.mean_weights, nodes_at(ops, body, varying), body.packets[0])
     return ops.clip(_dots(ops, shapes, weights) * body.surface.let_in(ops, cos_in), 0.0, 1.0)
@@ -227,8 +253,11 @@ def _compressed(nodes: Nodes, ground: np.ndarray | None, mean_ground: float) -> 
         across, onto_lines = _basis([tau], tall, _SHAPES * nodes.tolerance)
         lines = _packed(to_grid @ across.T)
         back = nodes.parts(_extrema(nodes)).back[..., None]
-        through = _series(np.concatenate([_padded(tau @ onto_lines), back], axis=-1), len(nodes.axes))
-    # All kept series must do between the nodes; what the ground sees counts more, as light goes back and forth.
+        through = _series(
+            np.concatenate([_padded(tau @ onto_lines), back], axis=-1), len(nodes.axes)
+        )
+    # All kept series must do between the nodes; what the ground sees counts more, as light goes
+    # back and forth.
     worst = np.max(known) * np.max(np.abs(shapes), axis=-1)
     limit = _BETWEEN_NODES * nodes.tolerance
     counts = tuple(_line_count(weights * worst, k, limit) for k in range(len(nodes.axes)))
@@ -259,7 +288,9 @@ def _compressed(nodes: Nodes, ground: np.ndarray | None, mean_ground: float) -> 
 
 
 def folded(nodes: Nodes, ground: Any) -> Float[np.ndarray, "*nodes bands pairs"]:
-    """What is left of the reflectance factor without its known part, on Chebyshev's nodes; black without a ground."""
+    """What is left of the reflectance factor without its known part, on Chebyshev's nodes; black
+    without a ground.
+    """
     parts = nodes.parts(_extrema(nodes))
     values = over(parts, 0.0 if ground is None else ground) / nodes.surface.known(
         NUMPY, nodes.cosines[:, None], nodes.cosines
@@ -275,17 +306,26 @@ def _extrema(nodes: Nodes) -> list[np.ndarray]:
 def _series(values: np.ndarray, axes: int) -> np.ndarray:
     """Chebyshev coefficients of values at the extrema."""
     for k in range(axes):
-        values = np.moveaxis(np.tensordot(coefficients_from_nodes(extrema, values.shape[k]), values, (1, k)), 0, k)
+        values = np.moveaxis(
+            np.tensordot(coefficients_from_nodes(extrema, values.shape[k]), values, (1, k)), 0, k
+        )
     return values
 
 
-def _basis(rows: list[np.ndarray], weights: np.ndarray, tolerance: float) -> tuple[np.ndarray, np.ndarray]:
-    """Few shapes (shapes, channels) whose sums come near to all rows, and the matrix onto them (channels, shapes)."""
+def _basis(
+    rows: list[np.ndarray], weights: np.ndarray, tolerance: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Few shapes (shapes, channels) whose sums come near to all rows, and the matrix onto them
+    (channels, shapes).
+    """
     weighed = np.concatenate([values.reshape(-1, weights.size) for values in rows]) * weights
-    # The matrix of all pairs of angles is large; a glaze that nothing varies has a few rows, one a band.
+    # The matrix of all pairs of angles is large; a glaze that nothing varies has a few rows, one a
+    # band.
     few = len(weighed) < weights.size
     vectors = (
-        np.linalg.svd(weighed, full_matrices=False)[2].T if few else np.linalg.eigh(weighed.T @ weighed)[1][:, ::-1]
+        np.linalg.svd(weighed, full_matrices=False)[2].T
+        if few
+        else np.linalg.eigh(weighed.T @ weighed)[1][:, ::-1]
     )
     vectors = _padded(vectors)
     count = 0
@@ -297,7 +337,9 @@ def _basis(rows: list[np.ndarray], weights: np.ndarray, tolerance: float) -> tup
     return some.T / weights, some * weights[:, None]
 
 
-def _angle_count(squares: np.ndarray, known: np.ndarray, weights: np.ndarray, tolerance: float) -> int:
+def _angle_count(
+    squares: np.ndarray, known: np.ndarray, weights: np.ndarray, tolerance: float
+) -> int:
     """Nodes of an angle, between which shapes are close to straight."""
     n = squares.shape[-1]
     size = np.abs(weights).reshape(-1, weights.shape[-1]).max(axis=0) * known.max()
@@ -332,7 +374,9 @@ def _slopes(x: np.ndarray, series: np.ndarray) -> np.ndarray:
 
 
 def _hermite_numbers(series: np.ndarray, counts: tuple[int, ...]) -> np.ndarray:
-    """Values and slopes (in cells) on even grids, (nodes, bands, 2^axes, channels), from series (*terms, bands, ..)."""
+    """Values and slopes (in cells) on even grids, (nodes, bands, 2^axes, channels), from series
+    (*terms, bands, ..).
+    """
     found = [series]
     for k, count in enumerate(counts):
         x = np.linspace(-1.0, 1.0, count)
@@ -340,7 +384,11 @@ def _hermite_numbers(series: np.ndarray, counts: tuple[int, ...]) -> np.ndarray:
         def along(values: np.ndarray, k: int = k, x: np.ndarray = x, *, slope: bool) -> np.ndarray:
             moved = np.moveaxis(values, k, 0)
             flat = moved.reshape(len(moved), -1)
-            new = (_slopes(x, flat) * (x[1] - x[0])) if slope else chebyshev.chebvander(x, len(flat) - 1) @ flat
+            new = (
+                (_slopes(x, flat) * (x[1] - x[0]))
+                if slope
+                else chebyshev.chebvander(x, len(flat) - 1) @ flat
+            )
             return np.moveaxis(new.reshape(x.size, *moved.shape[1:]), 0, k)
 
         found = [along(values, slope=slope) for values in found for slope in (False, True)]
@@ -374,7 +422,9 @@ def _error(body: Body, solver: Solver, ground: np.ndarray | None) -> float:
     points = {}
     for name, axis in body.axes.items():
         even = rng.uniform(axis.low, axis.high, _CHECKS)
-        points[name] = np.where(rng.random(_CHECKS) < 0.5, even, axis.point(rng.uniform(-1.0, 1.0, _CHECKS)))
+        points[name] = np.where(
+            rng.random(_CHECKS) < 0.5, even, axis.point(rng.uniform(-1.0, 1.0, _CHECKS))
+        )
     drawn = rng.random(_CHECKS)
     # One stack for all checks, or one for each.
     wide = (slice(None), None, None) if points else (slice(None), None)

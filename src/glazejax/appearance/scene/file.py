@@ -1,8 +1,9 @@
 """Scene files: a small TOML format, read with one clear error for whatever is wrong.
 
-A file has the tables ``[picture]``, ``[camera]`` and any number of ``[lights.NAME]``, ``[materials.NAME]`` and
-``[objects.NAME]``; ``glazejax scene --example`` prints one with everything in it. Names of other files are relative
-to the scene file.
+A file has the tables ``[picture]``, ``[camera]`` and any number of ``[lights.NAME]``,
+``[materials.NAME]`` and
+``[objects.NAME]``; ``glazejax scene --example`` prints one with everything in it. Names of other
+files are relative to the scene file.
 """
 
 import tomllib
@@ -56,7 +57,8 @@ class SceneFile:
     notes: tuple[str, ...] = ()
 
     def on_screen(self, rendered: Rendered) -> Screen:
-        """Digital colours of what `render` or `path_trace` made of the scene, as the file wants them shown.
+        """Digital colours of what `render` or `path_trace` made of the scene, as the file wants
+        them shown.
 
         Its ``rgb`` goes to `save_png`.
         """
@@ -79,16 +81,23 @@ def read_scene(path: str | Path) -> SceneFile:
 
     Raises:
         FileNotFoundError: no such file, or one that it names.
-        ValueError: anything wrong in it; the message names the table, the key, the value and what would do.
+        ValueError: anything wrong in it; the message names the table, the key, the value and what
+            would do.
     """
     path = Path(path)
-    missing = f"there is no scene file {shown(path)}; glazejax scene --example prints one to start from"
+    missing = (
+        f"there is no scene file {shown(path)}; glazejax scene --example prints one to start from"
+    )
     with opened(path, missing=missing) as source:
         # A character may become 20 times itself in Python's parser.
         text = source.text(most=_MAX_FILE, fallback=None)
-        long = next((i for i, line in enumerate(text.splitlines(), start=1) if len(line) > _MAX_LINE), None)
+        long = next(
+            (i for i, line in enumerate(text.splitlines(), start=1) if len(line) > _MAX_LINE), None
+        )
         if long is not None:
-            raise source.error(f"more than {_MAX_LINE} characters, too long for a line of a scene file", long)
+            raise source.error(
+                f"more than {_MAX_LINE} characters, too long for a line of a scene file", long
+            )
         try:
             content = tomllib.loads(text)
         except ValueError as error:
@@ -101,7 +110,9 @@ def _scene(root: TomlTable, folder: Path) -> SceneFile:
     picture = root.table("picture", {})
     grid = _wavelengths(picture)
     lights = {name: _light(table, grid, folder) for name, table in root.tables("lights").items()}
-    materials = {name: read_material(table, grid, folder) for name, table in root.tables("materials").items()}
+    materials = {
+        name: read_material(table, grid, folder) for name, table in root.tables("materials").items()
+    }
     shapes = [_shape(table, list(materials), folder) for table in root.tables("objects").values()]
     camera = root.table("camera")
     sizes = {key: picture.whole(key, default) for key, default in _SIZES.items()}
@@ -144,7 +155,14 @@ def _scene(root: TomlTable, folder: Path) -> SceneFile:
     )
 
 
-_SIZES = {"width": 640, "height": 480, "antialias": 4, "bounces": 3, "diffuse_bounces": 0, "gather_rays": 256}
+_SIZES = {
+    "width": 640,
+    "height": 480,
+    "antialias": 4,
+    "bounces": 3,
+    "diffuse_bounces": 0,
+    "gather_rays": 256,
+}
 
 
 def _build(table: TomlTable, kind: Callable[..., Any], **values: Any) -> Any:
@@ -160,9 +178,13 @@ def _wavelengths(picture: TomlTable) -> Float[np.ndarray, "bands"]:
         try:
             start, end, step = (float(part) for part in text.split(":"))
         except ValueError:
-            raise ValueError(f"{text!r} is not FROM:TO:STEP in nm, such as {_DEFAULT_WAVELENGTHS}") from None
+            raise ValueError(
+                f"{text!r} is not FROM:TO:STEP in nm, such as {_DEFAULT_WAVELENGTHS}"
+            ) from None
         if not (0 < start < end < 1e5 and 0.5 <= step <= end - start):
-            raise ValueError(f"{text!r}: FROM must be below TO, and STEP from 0.5 nm up to their distance")
+            raise ValueError(
+                f"{text!r}: FROM must be below TO, and STEP from 0.5 nm up to their distance"
+            )
         count = (end - start) / step
         if abs(count - round(count)) > 1e-6:
             raise ValueError(f"{text!r}: steps of {step:g} nm do not meet {end:g} nm")
@@ -177,12 +199,17 @@ def _light(table: TomlTable, grid: np.ndarray, folder: Path) -> Light:
     if bool(name) == bool(file):
         raise table.error("illuminant", 'give either illuminant = "D65" or spectrum = "lamp.csv"')
     with table.blamed("illuminant" if name else "spectrum"):
-        spectrum = lamp(name, grid, strength) if name else measured_lamp(folder / file, grid, strength)
+        spectrum = (
+            lamp(name, grid, strength) if name else measured_lamp(folder / file, grid, strength)
+        )
     if table.has("shape"):
         return _area_light(table, spectrum)
     place, way = table.vector("position", None), table.vector("direction", None)
     if (place is None) == (way is None):
-        words = "give either position, of a point light, or direction, the way the light travels, or shape"
+        words = (
+            "give either position, of a point light, or direction, the way the light travels, or "
+            "shape"
+        )
         raise table.error("position", f'{words} = "rectangle" or "sphere", of a thing that shines')
     table.done()
     if place is not None:
@@ -196,7 +223,9 @@ def _area_light(table: TomlTable, spectrum: np.ndarray) -> AreaLight:
         shape: Plane | Sphere = _build(table, Sphere, material="", **_sphere(table))
     else:
         if not table.has("size"):
-            raise table.error("size", "is missing: an area light has a width and a height, such as [1.0, 1.5]")
+            raise table.error(
+                "size", "is missing: an area light has a width and a height, such as [1.0, 1.5]"
+            )
         shape = _build(table, Plane, material="", **_plane(table))
     table.done()
     return _build(table, AreaLight, shape=shape, spectrum=spectrum)
@@ -220,7 +249,10 @@ def _relief(table: TomlTable, folder: Path) -> np.ndarray | None:
     file = table.text("relief", "")
     if not file:
         if table.has("relief_height"):
-            raise table.error("relief_height", 'has no meaning without relief, a map of heights such as "strokes.npy"')
+            raise table.error(
+                "relief_height",
+                'has no meaning without relief, a map of heights such as "strokes.npy"',
+            )
         return None
     # An array may hold lengths already; a picture cannot.
     array = file.lower().endswith(".npy")
@@ -229,7 +261,9 @@ def _relief(table: TomlTable, folder: Path) -> np.ndarray | None:
         return height * read_heights(folder / file)
 
 
-def _background(picture: TomlTable, grid: np.ndarray, lights: dict[str, Light], folder: Path) -> np.ndarray:
+def _background(
+    picture: TomlTable, grid: np.ndarray, lights: dict[str, Light], folder: Path
+) -> np.ndarray:
     """Light of the surroundings: a reflectance, under the first light."""
     reflectance = read_reflectance(picture, "background", grid, folder, default=0.0)
     first = next(iter(lights.values()))
@@ -247,7 +281,9 @@ def _white(picture: TomlTable, grid: np.ndarray, lights: dict[str, Light]) -> np
         try:
             return lamp(name, grid)
         except ValueError as error:
-            raise ValueError(f"{name!r} is none of the lights ({', '.join(lights)}), and {error}") from None
+            raise ValueError(
+                f"{name!r} is none of the lights ({', '.join(lights)}), and {error}"
+            ) from None
 
 
 def _shape(table: TomlTable, materials: list[str], folder: Path) -> Shape:

@@ -74,7 +74,9 @@ def _glaze(table: TomlTable, grid: np.ndarray, folder: Path) -> Glazed:
     roughness = table.number("roughness", 0.0)
     thickness, layer = _thickness(table, len(layers), folder)
     with table.blamed("roughness"):
-        return Glazed(thickness=glaze, gloss=thickness, glaze=layer, layer=gloss, roughness=roughness)
+        return Glazed(
+            thickness=glaze, gloss=thickness, glaze=layer, layer=gloss, roughness=roughness
+        )
 
 
 def _thickness(table: TomlTable, layers: int, folder: Path) -> tuple[np.ndarray | None, int]:
@@ -84,12 +86,23 @@ def _thickness(table: TomlTable, layers: int, folder: Path) -> tuple[np.ndarray 
     span = table.raw("thickness_range", None)
     if not file:
         if span is not None:
-            raise table.error("thickness_range", "has no meaning without thickness_map, a grey picture")
+            raise table.error(
+                "thickness_range", "has no meaning without thickness_map, a grey picture"
+            )
         return None, 0
     if not 1 <= layer <= layers:
-        raise table.error("thickness_layer", f"is {layer}, but there are {layers} layers, the top one is 1")
-    if not isinstance(span, list) or len(span) != 2 or not all(isinstance(part, str) for part in span):
-        raise table.error("thickness_range", f'must be the thickness of black and white, ["0um", "20um"], not {span!r}')
+        raise table.error(
+            "thickness_layer", f"is {layer}, but there are {layers} layers, the top one is 1"
+        )
+    if (
+        not isinstance(span, list)
+        or len(span) != 2
+        or not all(isinstance(part, str) for part in span)
+    ):
+        raise table.error(
+            "thickness_range",
+            f'must be the thickness of black and white, ["0um", "20um"], not {span!r}',
+        )
     ends = []
     for part in span:
         with table.blamed("thickness_range"):
@@ -103,7 +116,8 @@ def _thickness(table: TomlTable, layers: int, folder: Path) -> tuple[np.ndarray 
 
 
 def read_heights(path: Path) -> Float[np.ndarray, "h w"]:
-    """A map of heights: a grey PNG from 0 (black) to 1 (white), or an .npy array of any finite numbers as it is.
+    """A map of heights: a grey PNG from 0 (black) to 1 (white), or an .npy array of any finite
+    numbers as it is.
 
     Raises:
         FileNotFoundError, ValueError: see `read_grey`.
@@ -112,7 +126,8 @@ def read_heights(path: Path) -> Float[np.ndarray, "h w"]:
 
 
 def read_grey(path: Path, *, heights: bool = False) -> Float[np.ndarray, "h w"]:
-    """A map from 0 to 1: a grey PNG (colours are averaged, no gamma is undone), or an .npy array as it is.
+    """A map from 0 to 1: a grey PNG (colours are averaged, no gamma is undone), or an .npy array as
+    it is.
 
     Args:
         path: the file.
@@ -133,7 +148,9 @@ def read_grey(path: Path, *, heights: bool = False) -> Float[np.ndarray, "h w"]:
         except Exception as error:  # NumPy raises many kinds
             raise refusal(path, f"not an array that can be read ({error})") from None
         if values.ndim != 2 or values.dtype.kind not in "iuf" or not 0 < values.size <= _MAX_PIXELS:
-            raise refusal(path, f"must hold finite numbers (h, w), not {values.dtype} {values.shape}")
+            raise refusal(
+                path, f"must hold finite numbers (h, w), not {values.dtype} {values.shape}"
+            )
         values = np.array(values, float)
         if not np.all(np.isfinite(values)):
             raise refusal(path, "must hold finite numbers (h, w); some are not")
@@ -151,7 +168,9 @@ def read_grey(path: Path, *, heights: bool = False) -> Float[np.ndarray, "h w"]:
         raise refusal(path, f"not a picture that can be read ({type(error).__name__})") from None
     if width * height > _MAX_PIXELS:
         raise refusal(
-            path, f"{width} x {height} pixels are too many for a map (at most {_MAX_PIXELS}); make it smaller"
+            path,
+            f"{width} x {height} pixels are too many for a map (at most {_MAX_PIXELS}); make it "
+            "smaller",
         )
     try:
         picture = np.asarray(imread(path))
@@ -164,12 +183,20 @@ def read_grey(path: Path, *, heights: bool = False) -> Float[np.ndarray, "h w"]:
         shade = row.astype(float) / top
         grey[i] = shade if row.ndim == 1 else shade[..., :3].mean(axis=-1)
     if not 0 <= grey.min() <= grey.max() <= 1:
-        raise refusal(path, f"must hold 0 to 1, not {grey.min():g} to {grey.max():g}; save it with 8 bits a colour")
+        raise refusal(
+            path,
+            f"must hold 0 to 1, not {grey.min():g} to {grey.max():g}; save it with 8 bits a colour",
+        )
     return grey
 
 
 def read_reflectance(
-    table: TomlTable, key: str, grid: Float[np.ndarray, "bands"], folder: Path, *, default: Any = ...
+    table: TomlTable,
+    key: str,
+    grid: Float[np.ndarray, "bands"],
+    folder: Path,
+    *,
+    default: Any = ...,
 ) -> float | Float[np.ndarray, "bands"]:
     """A reflectance: one number, or FILE or FILE:SAMPLE, any format that `glazejax.io` reads.
 
@@ -185,18 +212,24 @@ def read_reflectance(
             raise table.error(key, f"must lie between 0 and 1, not {value:g}{hint}")
         return float(value)
     if not isinstance(value, str):
-        raise table.error(key, f'must be a number from 0 to 1, or a file "FILE.csv:SAMPLE", not {value!r}')
+        raise table.error(
+            key, f'must be a number from 0 to 1, or a file "FILE.csv:SAMPLE", not {value!r}'
+        )
     with table.blamed(key):
         return _measured(table, key, value, grid, folder)
 
 
-def _measured(table: TomlTable, key: str, text: str, grid: np.ndarray, folder: Path) -> Float[np.ndarray, "bands"]:
+def _measured(
+    table: TomlTable, key: str, text: str, grid: np.ndarray, folder: Path
+) -> Float[np.ndarray, "bands"]:
     from ...io import read_sample
 
     found = read_sample(text, folder=folder)
     own = found.wavelengths
     if own[0] > grid[0] + 1e-6 or own[-1] < grid[-1] - 1e-6:
-        raise ValueError(f"{text} is known at {describe_grid(own)} only, but the scene has {describe_grid(grid)}")
+        raise ValueError(
+            f"{text} is known at {describe_grid(own)} only, but the scene has {describe_grid(grid)}"
+        )
     values = np.asarray(resample(own, found.reflectance[0], grid), float)
     worst = int(values.argmax())
     most = f"{text} reflects {values[worst]:.4g} at {grid[worst]:g} nm"

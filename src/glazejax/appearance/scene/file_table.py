@@ -26,7 +26,9 @@ class TomlTable:
         notes: remarks on what was changed in reading, those of the whole file together.
     """
 
-    def __init__(self, file: str, name: str, content: Mapping[str, Any], outer: "TomlTable | None" = None):
+    def __init__(
+        self, file: str, name: str, content: Mapping[str, Any], outer: "TomlTable | None" = None
+    ):
         self.file: str = file
         self.name: str = name
         self._content = content
@@ -65,7 +67,11 @@ class TomlTable:
         for key in self._content:
             if key not in self._used:
                 near = difflib.get_close_matches(key, self._used, n=1)
-                known = f"did you mean {near[0]!r}?" if near else f"known here are {', '.join(self._used)}"
+                known = (
+                    f"did you mean {near[0]!r}?"
+                    if near
+                    else f"known here are {', '.join(self._used)}"
+                )
                 raise self.error("", f"unknown key {key!r}; {known}")
 
     def _get(self, key: str, default: Any) -> Any:
@@ -77,7 +83,9 @@ class TomlTable:
             return value
         if default is _REQUIRED:
             near = difflib.get_close_matches(key, self._content, n=1)
-            raise self.error("", f"{key} is missing" + (f"; is {near[0]!r} meant to be it?" if near else ""))
+            raise self.error(
+                "", f"{key} is missing" + (f"; is {near[0]!r} meant to be it?" if near else "")
+            )
         return default
 
     def has(self, key: str) -> bool:
@@ -162,7 +170,9 @@ class TomlTable:
         if not good or not all(
             isinstance(v, int | float) and not isinstance(v, bool) and np.isfinite(v) for v in value
         ):
-            raise self.error(key, f"must be {count} numbers, such as {[0.0, 1.0, 2.0][:count]}, not {value!r}")
+            raise self.error(
+                key, f"must be {count} numbers, such as {[0.0, 1.0, 2.0][:count]}, not {value!r}"
+            )
         return [float(v) for v in value]
 
     def vector(self, key: str, default: Any = _REQUIRED) -> Any:

@@ -1,18 +1,21 @@
-"""Light that surfaces send each other: gathered at few points of the picture, interpolated between them.
+"""Light that surfaces send each other: gathered at few points of the picture, interpolated between
+them.
 
-At a chosen point rays go out into the half space above it, more of them along the normal, as a diffuse surface weighs
-light. What they meet is shaded as the picture is: lamps, mirror reflections, and for the next bounce one more ray of
-that kind from every diffuse surface. Their mean is the light that falls there, on the scale of the background: a
-perfect white sends on the same. It changes slowly over a surface, and most so near others: a point lends its light to
-neighbours within a share of the (harmonic mean) distance of what it sees, on the same shape and with about the same
+At a chosen point rays go out into the half space above it, more of them along the normal, as a
+diffuse surface weighs light. What they meet is shaded as the picture is: lamps, mirror reflections,
+and for the next bounce one more ray of that kind from every diffuse surface. Their mean is the
+light that falls there, on the scale of the background: a perfect white sends on the same. It
+changes slowly over a surface, and most so near others: a point lends its light to neighbours within
+a share of the (harmonic mean) distance of what it sees, on the same shape and with about the same
 normal.
 
-What is followed: lamp or surroundings, then any number of diffuse and mirror reflections as the scene says. What is
-not: a lamp's own light by way of a mirror to a diffuse surface (caustics), and the glossy lobes of Phong paint and
-rough metal, which show lamps only.
+What is followed: lamp or surroundings, then any number of diffuse and mirror reflections as the
+scene says. What is not: a lamp's own light by way of a mirror to a diffuse surface (caustics), and
+the glossy lobes of Phong paint and rough metal, which show lamps only.
 
-Source: G. J. Ward, F. M. Rubinstein, R. D. Clear, Computer Graphics 22 (1988) 85; weights that end smoothly as in
-J. Křivánek and P. Gautron, Practical Global Illumination with Irradiance Caching (2009).
+Source: G. J. Ward, F. M. Rubinstein, R. D. Clear, Computer Graphics 22 (1988) 85; weights that end
+smoothly as in J. Křivánek and P. Gautron, Practical Global Illumination with Irradiance Caching
+(2009).
 """
 
 from collections.abc import Sequence
@@ -78,14 +81,18 @@ class Surroundings:
                 least=_LEAST,
             )
             indirect = [self._next(level, bounces, rng) for level in levels]
-            light.append(np.asarray(radiance(levels, self.materials, self.lights, self.background, indirect)))
+            light.append(
+                np.asarray(radiance(levels, self.materials, self.lights, self.background, indirect))
+            )
             first = levels[0]
             away = np.linalg.norm(first.place - origin[piece], axis=1)
             far.append(np.where(first.material >= 0, away, np.inf))
         return np.concatenate(light), np.concatenate(far)
 
     def _next(self, level: Level, bounces: int, rng: np.random.Generator) -> Array | None:
-        """Light that falls on the diffuse points of a level, by one ray from each; None after the last bounce."""
+        """Light that falls on the diffuse points of a level, by one ray from each; None after the
+        last bounce.
+        """
         points = diffuse_points(level, self.materials)
         if bounces == 0 or points.size == 0:
             return None
@@ -103,7 +110,9 @@ def diffuse_points(level: Level, materials: Sequence[Material | None]) -> Int[np
 def above(
     normal: Float[np.ndarray, "points 3"], sample: Float[np.ndarray, "points 2"]
 ) -> Float[np.ndarray, "points 3"]:
-    """Unit directions above surfaces, as often as a diffuse surface weighs them, from numbers in [0, 1)."""
+    """Unit directions above surfaces, as often as a diffuse surface weighs them, from numbers in
+    [0, 1).
+    """
     around, sine = 2.0 * np.pi * sample[:, 0], np.sqrt(sample[:, 1])
     first, second = _across(normal)
     across = np.cos(around)[:, None] * first + np.sin(around)[:, None] * second
@@ -111,22 +120,32 @@ def above(
 
 
 def _across(normal: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Any two unit vectors across a normal: T. Duff et al., Journal of Computer Graphics Techniques 6 (2017) 1."""
+    """Any two unit vectors across a normal: T. Duff et al., Journal of Computer Graphics Techniques
+    6 (2017) 1.
+    """
     x, y, z = normal.T
     sign = np.where(z >= 0, 1.0, -1.0)
     a = -1.0 / (sign + z)
     b = x * y * a
-    return np.stack([1.0 + sign * x * x * a, sign * b, -sign * x], axis=1), np.stack([b, sign + y * y * a, -y], axis=1)
+    return np.stack([1.0 + sign * x * x * a, sign * b, -sign * x], axis=1), np.stack(
+        [b, sign + y * y * a, -y], axis=1
+    )
 
 
-def _linear(weight: Float[np.ndarray, "p k"], shift: Float[np.ndarray, "p k 2"]) -> Float[np.ndarray, "p k"]:
-    """Weights that take the value here from a plane through the neighbours', by least squares; they add up to one.
+def _linear(
+    weight: Float[np.ndarray, "p k"], shift: Float[np.ndarray, "p k 2"]
+) -> Float[np.ndarray, "p k"]:
+    """Weights that take the value here from a plane through the neighbours', by least squares; they
+    add up to one.
 
-    Where neighbours lie in a row, or are too few, the plane is level across; without weight the nearest counts alone.
+    Where neighbours lie in a row, or are too few, the plane is level across; without weight the
+    nearest counts alone.
     """
     total = weight.sum(axis=1, keepdims=True)
     alone = total[:, 0] <= 0
-    weight = np.where(alone[:, None], np.eye(1, weight.shape[1]), weight / np.where(total > 0, total, 1.0))
+    weight = np.where(
+        alone[:, None], np.eye(1, weight.shape[1]), weight / np.where(total > 0, total, 1.0)
+    )
     middle = np.einsum("pk,pks->ps", weight, shift)
     centred = shift - middle[:, None]
     spread = np.einsum("pk,pks,pkt->pst", weight, centred, centred) + _LEVEL * np.eye(2)
@@ -179,7 +198,9 @@ class Gathered:
                     self._gather(level, self._one_a_cell(level, missing, cell))
 
     def falling(self, level: Level) -> Array | None:
-        """Light that falls on the points of a level, (points, bands); None where nothing is diffuse."""
+        """Light that falls on the points of a level, (points, bands); None where nothing is
+        diffuse.
+        """
         points = diffuse_points(level, self.around.materials)
         if points.size == 0 or self.count == 0:
             return None
@@ -189,7 +210,11 @@ class Gathered:
         light = np.einsum("pk,pkb->pb", weight, near)
         # A plane through the points around may reach beyond them at the edge of a surface.
         light = np.clip(light, near.min(axis=1), near.max(axis=1))
-        return jnp.zeros((len(level.material), light.shape[1]), self.around.lights.dtype).at[points].set(light)
+        return (
+            jnp.zeros((len(level.material), light.shape[1]), self.around.lights.dtype)
+            .at[points]
+            .set(light)
+        )
 
     def _footprint(self, place: np.ndarray) -> np.ndarray:
         """Width of a pixel there."""
@@ -215,17 +240,28 @@ class Gathered:
             light, far = self.around.along(origin, direction, self.bounces - 1, self.rng)
             nearness = np.mean(1.0 / np.maximum(far.reshape(some.size, -1), 1e-12), axis=1)
             pixel = self._footprint(place)
-            radius = np.clip(1.0 / np.maximum(nearness, 1e-300), _NEAREST * pixel, _FARTHEST * pixel)
-            self._place, self._normal = np.concatenate([self._place, place]), np.concatenate([self._normal, normal])
+            radius = np.clip(
+                1.0 / np.maximum(nearness, 1e-300), _NEAREST * pixel, _FARTHEST * pixel
+            )
+            self._place, self._normal = (
+                np.concatenate([self._place, place]),
+                np.concatenate([self._normal, normal]),
+            )
             self._shape = np.concatenate([self._shape, level.shape[some]])
             self._radius = np.concatenate([self._radius, radius])
-            self._light = np.concatenate([self._light, light.reshape(some.size, self.rays, -1).mean(axis=1)])
+            self._light = np.concatenate(
+                [self._light, light.reshape(some.size, self.rays, -1).mean(axis=1)]
+            )
         self._trees.clear()
 
-    def _weigh(self, level: Level, points: np.ndarray, reach: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """The chosen points near each point: weights, numbers, (points, neighbours), and how far they lie on each side.
+    def _weigh(
+        self, level: Level, points: np.ndarray, reach: float
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """The chosen points near each point: weights, numbers, (points, neighbours), and how far
+        they lie on each side.
 
-        The distances (points, neighbours, 2) are along the surface, in units of that of the farthest neighbour.
+        The distances (points, neighbours, 2) are along the surface, in units of that of the
+        farthest neighbour.
         """
         weight = np.zeros((points.size, _NEIGHBOURS))
         which = np.zeros((points.size, _NEIGHBOURS), int)

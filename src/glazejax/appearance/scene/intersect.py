@@ -1,7 +1,8 @@
 """Where rays meet spheres, planes, boxes and triangles, and what the surface is like there.
 
-All rays at once against every sphere, plane and box, in JAX; triangles by trimesh on the host (`triangles`). All that
-JAX sees is arrays, so that a scene of the same make-up runs the same compiled program.
+All rays at once against every sphere, plane and box, in JAX; triangles by trimesh on the host
+(`triangles`). All that JAX sees is arrays, so that a scene of the same make-up runs the same
+compiled program.
 """
 
 from collections.abc import Mapping, Sequence
@@ -87,13 +88,22 @@ def make_geometry(shapes: Sequence[Shape], materials: Mapping[str, int]) -> Geom
     planes = [shape for shape in shapes if isinstance(shape, Plane)]
     boxes = [shape for shape in shapes if isinstance(shape, Box)]
     meshes = [shape for shape in shapes if isinstance(shape, Mesh)]
-    order = [k for kind in (Sphere, Plane, Box, Mesh) for k, shape in enumerate(shapes) if isinstance(shape, kind)]
+    order = [
+        k
+        for kind in (Sphere, Plane, Box, Mesh)
+        for k, shape in enumerate(shapes)
+        if isinstance(shape, kind)
+    ]
     before = len(order) - len(meshes)
     ends = np.concatenate(
         [np.zeros((1, 3))]
         + [np.asarray(s.centre, float) + sign * s.radius for s in spheres for sign in (-1, 1)]
         + [np.asarray(p.point, float) for p in planes]
-        + [np.asarray(b.centre, float) + sign * np.asarray(b.size, float) for b in boxes for sign in (-1, 1)]
+        + [
+            np.asarray(b.centre, float) + sign * np.asarray(b.size, float)
+            for b in boxes
+            for sign in (-1, 1)
+        ]
         + [np.asarray(m.vertices, float) for m in meshes],
         axis=None,
     )
@@ -104,14 +114,18 @@ def make_geometry(shapes: Sequence[Shape], materials: Mapping[str, int]) -> Geom
         radii=np.array([s.radius for s in spheres], float),
         points=_rows([p.point for p in planes], 3),
         frames=np.array([plane_frame(p) for p in planes]).reshape(-1, 3, 3),
-        halves=np.array([(np.inf, np.inf) if p.size is None else np.array(p.size) / 2 for p in planes]).reshape(-1, 2),
+        halves=np.array(
+            [(np.inf, np.inf) if p.size is None else np.array(p.size) / 2 for p in planes]
+        ).reshape(-1, 2),
         middles=_rows([b.centre for b in boxes], 3),
         sides=_rows([b.size for b in boxes], 3) / 2,
         turns=np.array([rotation(b.rotation).T for b in boxes]).reshape(-1, 3, 3),
         triangles=triangles,
         material=np.array([materials[shapes[k].material] for k in order]),
         order=np.array(order),
-        clearance=np.array((_CLEARANCE_SINGLE if single else _CLEARANCE) * max(1.0, float(np.abs(ends).max()))),
+        clearance=np.array(
+            (_CLEARANCE_SINGLE if single else _CLEARANCE) * max(1.0, float(np.abs(ends).max()))
+        ),
         caster=None if triangles is None else TriangleCaster(triangles),
     )
 
@@ -123,7 +137,11 @@ def _rows(values: list, width: int) -> np.ndarray:
 def plane_frame(plane: Plane) -> np.ndarray:
     """Unit vectors along the width, along the height, and the normal, in rows."""
     normal = np.asarray(plane.normal, float) / np.linalg.norm(np.asarray(plane.normal, float))
-    for guide in (np.asarray(plane.up, float), np.array([0.0, 1.0, 0.0]), np.array([1.0, 0.0, 0.0])):
+    for guide in (
+        np.asarray(plane.up, float),
+        np.array([0.0, 1.0, 0.0]),
+        np.array([1.0, 0.0, 0.0]),
+    ):
         height = guide - (guide @ normal) * normal
         if np.linalg.norm(height) > 1e-6 * np.linalg.norm(guide):
             break
@@ -156,8 +174,8 @@ def nearest(
     Args:
         geometry: shapes.
         origin, direction: of the rays, (rays, 3); directions of length 1.
-        limit: (rays,), the distance up to which to look; endless if left out. A ray whose limit is not above 0 meets
-            nothing.
+        limit: (rays,), the distance up to which to look; endless if left out. A ray whose limit is
+            not above 0 meets nothing.
     """
     if limit is None:
         limit = jnp.full(origin.shape[0], jnp.inf, origin.dtype)
@@ -172,8 +190,12 @@ def nearest(
 
 
 @jax.jit
-def _nearest_solid(geometry: Geometry, origin: Array, direction: Array, limit: Array) -> tuple[Array, Array]:
-    """Distance and number of the nearest sphere, plane or box; the limit and -1 where there is none."""
+def _nearest_solid(
+    geometry: Geometry, origin: Array, direction: Array, limit: Array
+) -> tuple[Array, Array]:
+    """Distance and number of the nearest sphere, plane or box; the limit and -1 where there is
+    none.
+    """
     best, shape = limit, jnp.full(limit.shape, -1)
     before = 0
     for distances in (_spheres, _planes, _boxes):
@@ -213,7 +235,9 @@ def _planes(geometry: Geometry, origin: Array, direction: Array) -> Array | None
     parallel = slope[..., 2] == 0
     met = jnp.where(parallel, -1.0, -offset[..., 2] / jnp.where(parallel, 1.0, slope[..., 2]))
     place = jnp.abs(offset[..., :2] + met[..., None] * slope[..., :2])
-    return jnp.where((met > 0) & jnp.all(place <= jnp.asarray(geometry.halves), axis=-1), met, jnp.inf)
+    return jnp.where(
+        (met > 0) & jnp.all(place <= jnp.asarray(geometry.halves), axis=-1), met, jnp.inf
+    )
 
 
 def _boxes(geometry: Geometry, origin: Array, direction: Array) -> Array | None:
@@ -225,7 +249,10 @@ def _boxes(geometry: Geometry, origin: Array, direction: Array) -> Array | None:
     slope = jnp.einsum("rk,bak->rba", direction, turns)
     # A ray along a face gets a slope that is tiny but not zero, so that no 0/0 can arise.
     slope = jnp.where(jnp.abs(slope) < 1e-30, 1e-30, slope)
-    low, high = (-jnp.asarray(geometry.sides) - start) / slope, (jnp.asarray(geometry.sides) - start) / slope
+    low, high = (
+        (-jnp.asarray(geometry.sides) - start) / slope,
+        (jnp.asarray(geometry.sides) - start) / slope,
+    )
     enter = jnp.max(jnp.minimum(low, high), axis=-1)
     leave = jnp.min(jnp.maximum(low, high), axis=-1)
     met = jnp.where(enter > 0, enter, leave)
@@ -235,7 +262,10 @@ def _boxes(geometry: Geometry, origin: Array, direction: Array) -> Array | None:
 def surface(geometry: Geometry, hit: Hit, origin: Array, direction: Array) -> Surface:
     """Normals and texture coordinates of hits; meaningless where nothing is met."""
     point = origin + jnp.where(jnp.isfinite(hit.distance), hit.distance, 0.0)[:, None] * direction
-    normal, uv = jnp.broadcast_to(-direction, point.shape), jnp.zeros((*point.shape[:1], 2), point.dtype)
+    normal, uv = (
+        jnp.broadcast_to(-direction, point.shape),
+        jnp.zeros((*point.shape[:1], 2), point.dtype),
+    )
     face = normal
     before = 0
     for kind, count in (
@@ -260,7 +290,9 @@ def surface(geometry: Geometry, hit: Hit, origin: Array, direction: Array) -> Su
 
 
 def _sphere_surface(geometry: Geometry, point: Array, which: Array) -> tuple[Array, Array]:
-    normal = (point - jnp.asarray(geometry.centres)[which]) / jnp.asarray(geometry.radii)[which, None]
+    normal = (point - jnp.asarray(geometry.centres)[which]) / jnp.asarray(geometry.radii)[
+        which, None
+    ]
     u = 0.5 + jnp.arctan2(normal[:, 1], normal[:, 0]) / (2 * jnp.pi)
     v = 0.5 + jnp.arcsin(jnp.clip(normal[:, 2], -1.0, 1.0)) / jnp.pi
     return normal, jnp.stack([u, v], axis=-1)

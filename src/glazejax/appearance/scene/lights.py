@@ -1,8 +1,9 @@
-"""Lights of a scene, and spectra of lamps: CIE illuminants through colour-science, and measured ones from files.
+"""Lights of a scene, and spectra of lamps: CIE illuminants through colour-science, and measured
+ones from files.
 
-A band gets the mean of the lamp around it (weighted by a triangle that reaches to the next bands), so that the narrow
-lines of a fluorescent lamp are not missed between two bands. All lamps are brought to luminance 1: a perfect white
-that faces a lamp of strength 1 has Y = 1.
+A band gets the mean of the lamp around it (weighted by a triangle that reaches to the next bands),
+so that the narrow lines of a fluorescent lamp are not missed between two bands. All lamps are
+brought to luminance 1: a perfect white that faces a lamp of strength 1 has Y = 1.
 """
 
 from dataclasses import dataclass
@@ -23,7 +24,8 @@ class ParallelLight:
 
     Args:
         direction: the way the light travels.
-        spectrum: (bands,), radiance of a perfect white that faces it; see `lamp` and `measured_lamp`.
+        spectrum: (bands,), radiance of a perfect white that faces it; see `lamp` and
+            `measured_lamp`.
     """
 
     direction: Numbers
@@ -51,13 +53,15 @@ class PointLight:
 
 @dataclass(frozen=True)
 class AreaLight:
-    """A thing that shines: a window, a lamp's globe. Shadows under it are soft. For `path_trace` alone.
+    """A thing that shines: a window, a lamp's globe. Shadows under it are soft. For `path_trace`
+    alone.
 
     Args:
-        shape: a rectangle (`Plane` with a size), which shines to the side of its normal and is black behind, or a
+        shape: a rectangle (`Plane` with a size), which shines to the side of its normal and is
+            black behind, or a
             `Sphere`. Its material plays no part.
-        spectrum: (bands,), radiance of the shining surface: with that of `lamp` at strength 1 it looks as bright as
-            a perfect white that faces a light of strength 1.
+        spectrum: (bands,), radiance of the shining surface: with that of `lamp` at strength 1 it
+            looks as bright as a perfect white that faces a light of strength 1.
 
     Raises:
         ValueError: another shape, or a plane without a size.
@@ -68,9 +72,13 @@ class AreaLight:
 
     def __post_init__(self) -> None:
         if not isinstance(self.shape, Plane | Sphere):
-            raise ValueError(f"an area light is a rectangle or a sphere, not a {type(self.shape).__name__}")
+            raise ValueError(
+                f"an area light is a rectangle or a sphere, not a {type(self.shape).__name__}"
+            )
         if isinstance(self.shape, Plane) and self.shape.size is None:
-            raise ValueError("an area light needs a size, its width and height: an endless plane cannot shine")
+            raise ValueError(
+                "an area light needs a size, its width and height: an endless plane cannot shine"
+            )
         if isinstance(self.shape, Plane) and self.shape.relief is not None:
             raise ValueError("an area light is flat: leave its relief out")
 
@@ -91,19 +99,24 @@ def lamp(name: str, wavelengths: Grid, strength: float = 1.0) -> Float[np.ndarra
     """
     full = find_illuminant(name)
     table = illuminants()[full]
-    return lamp_on_bands(table.wavelengths, table.values, wavelengths, strength, words=f"the illuminant {full}")
+    return lamp_on_bands(
+        table.wavelengths, table.values, wavelengths, strength, words=f"the illuminant {full}"
+    )
 
 
 # A lamp at every nanometre takes some kilobytes, and NumPy's reader a hundred times a file's size.
 _MAX_FILE = 1 << 20
 
 
-def measured_lamp(text: str | Path, wavelengths: Grid, strength: float = 1.0) -> Float[np.ndarray, "bands"]:
-    """Spectrum of a lamp from a table: wavelengths in the first column, a lamp in each other one, names on top.
+def measured_lamp(
+    text: str | Path, wavelengths: Grid, strength: float = 1.0
+) -> Float[np.ndarray, "bands"]:
+    """Spectrum of a lamp from a table: wavelengths in the first column, a lamp in each other one,
+    names on top.
 
     Args:
-        text: FILE.csv, or FILE.csv:NAME where it holds several. Any unit of power; the scale does not matter.
-        wavelengths, strength: as for `lamp`.
+        text: FILE.csv, or FILE.csv:NAME where it holds several. Any unit of power; the scale does
+        not matter. wavelengths, strength: as for `lamp`.
 
     Raises:
         FileNotFoundError: no such file.
@@ -113,21 +126,31 @@ def measured_lamp(text: str | Path, wavelengths: Grid, strength: float = 1.0) ->
     from ...io.source import opened, refusal, shown
 
     path, name = split_sample(str(text))
-    with opened(path, missing=f"there is no file {shown(path)} with the spectrum of a lamp") as source:
+    with opened(
+        path, missing=f"there is no file {shown(path)} with the spectrum of a lamp"
+    ) as source:
         lines = source.text(most=_MAX_FILE).splitlines()
         try:
             # The form that colour-science reads and writes; its own reader takes no open file.
-            table = np.genfromtxt(lines, delimiter=",", names=True, deletechars="", replace_space=" ", dtype=float)
+            table = np.genfromtxt(
+                lines, delimiter=",", names=True, deletechars="", replace_space=" ", dtype=float
+            )
         except Exception as error:  # NumPy raises whatever its parts do
             raise source.error(f"not a table of wavelengths and lamps ({error})") from None
     titles = list(table.dtype.names or ())
     if len(titles) < 2 or not table.size:
-        raise refusal(path, "not a table of wavelengths and lamps: it needs two columns, titles and a line below them")
+        raise refusal(
+            path,
+            "not a table of wavelengths and lamps: it needs two columns, titles and a line below "
+            "them",
+        )
     table = np.sort(np.atleast_1d(table), order=titles[0])
     found = {title: table[title] for title in titles[1:]}
     own = table[titles[0]]
     if not name and len(found) > 1:
-        raise ValueError(f"{path} holds {len(found)} lamps: choose one, as {path}:{next(iter(found))}")
+        raise ValueError(
+            f"{path} holds {len(found)} lamps: choose one, as {path}:{next(iter(found))}"
+        )
     if name and name not in found:
         raise ValueError(f"{path} holds no lamp {name!r}; there are {', '.join(list(found)[:6])}")
     power = found[name or next(iter(found))]
@@ -159,16 +182,22 @@ def lamp_on_bands(
     own, values = np.asarray(own, float), np.asarray(values, float)
     grid = validate_wavelengths(wavelengths)
     if own[0] > grid[0] or own[-1] < grid[-1]:
-        raise ValueError(f"{words} is known at {describe_grid(own)} only, but the scene has {describe_grid(grid)}")
+        raise ValueError(
+            f"{words} is known at {describe_grid(own)} only, but the scene has "
+            f"{describe_grid(grid)}"
+        )
     if not np.all(values >= 0) or not np.any(values > 0):
         raise ValueError(f"{words} must have power above 0 and nowhere below, not {values.min():g}")
     steps = np.diff(grid) if grid.size > 1 else np.array([1.0])
-    # The outermost bands reach outwards as far as inwards; there the lamp's last value is repeated if need be.
+    # The outermost bands reach outwards as far as inwards; there the lamp's last value is repeated
+    # if need be.
     outer = np.concatenate([[grid[0] - steps[0]], grid, [grid[-1] + steps[-1]]])
     # 1 nm is fine enough for every table of lamps there is.
     fine = np.arange(np.floor(outer[0]), np.ceil(outer[-1]) + 1.0)
     power = np.interp(fine, own, values)
-    hats = np.stack([np.interp(fine, outer[k : k + 3], [0.0, 1.0, 0.0], 0.0, 0.0) for k in range(grid.size)])
+    hats = np.stack(
+        [np.interp(fine, outer[k : k + 3], [0.0, 1.0, 0.0], 0.0, 0.0) for k in range(grid.size)]
+    )
     bands = (hats @ power) / hats.sum(axis=1)
     luminance = float(bands @ colour_weights(grid, "E", CIE_1931)[:, 1])
     return strength * bands / luminance

@@ -1,8 +1,8 @@
 """Materials of a scene, and how each answers to one light at one point.
 
-A material says what light does to it in two functions: ``direct``, what a light sends to the eye, for pairs of points
-and lights, and ``mirror``, what a mirror reflection carries. All of them are equinox modules, hence pytrees: a
-picture can be differentiated by their spectra.
+A material says what light does to it in two functions: ``direct``, what a light sends to the eye,
+for pairs of points and lights, and ``mirror``, what a mirror reflection carries. All of them are
+equinox modules, hence pytrees: a picture can be differentiated by their spectra.
 """
 
 from typing import Any, Literal
@@ -70,12 +70,16 @@ class Material(eqx.Module):
         for what, spectrum in self.spectra().items():
             if np.shape(spectrum) not in ((), wavelengths.shape):
                 raise ValueError(
-                    f"{what} of material {name!r} has shape {np.shape(spectrum)}, but the scene has "
+                    f"{what} of material {name!r} has shape {np.shape(spectrum)}, but the scene "
+                    "has "
                     f"{describe_grid(wavelengths)}"
                 )
             known = concrete(spectrum)
             if known is not None and not np.all((known >= 0) & np.isfinite(known)):
-                raise ValueError(f"{what} of material {name!r} holds {float(np.min(known)):g}; it must be 0 or more")
+                raise ValueError(
+                    f"{what} of material {name!r} holds {float(np.min(known)):g}; it must be 0 "
+                    "or more"
+                )
 
     def spectra(self) -> dict[str, Any]:
         """Spectra by name, (bands,) or one number each."""
@@ -88,9 +92,13 @@ class Material(eqx.Module):
         def part(leaf):
             return leaf[chosen] if eqx.is_array(leaf) and leaf.shape == (bands,) else leaf
 
-        return eqx.tree_at(lambda m: list(m.spectra().values()), self, [part(s) for s in self.spectra().values()])
+        return eqx.tree_at(
+            lambda m: list(m.spectra().values()), self, [part(s) for s in self.spectra().values()]
+        )
 
-    def prepare(self, wavelengths: Float[np.ndarray, "bands"], seen: SeenRanges, tolerance: float) -> "Material":
+    def prepare(
+        self, wavelengths: Float[np.ndarray, "bands"], seen: SeenRanges, tolerance: float
+    ) -> "Material":
         """What `direct` and `mirror` are asked of; most materials are ready as they are."""
         return self
 
@@ -112,7 +120,9 @@ class Material(eqx.Module):
     def diffuse(
         self, cos_view: Float[Array, "points"], thickness: Float[Array, "points"]
     ) -> Float[Array, "points #bands"]:
-        """What reaches the eye of light that falls evenly from all around, without the mirror's part."""
+        """What reaches the eye of light that falls evenly from all around, without the mirror's
+        part.
+        """
         raise NotImplementedError
 
     def direct(self, angles: Angles) -> Float[Array, "pairs bands"]:
@@ -175,7 +185,9 @@ class Phong(Material):
         for what, value in (("specular", self.specular), ("exponent", self.exponent)):
             known = concrete(value)
             if known is not None and (known.ndim or not 0 <= known < np.inf):
-                raise ValueError(f"{what} of material {name!r} is {known}; it must be one number, 0 or more")
+                raise ValueError(
+                    f"{what} of material {name!r} is {known}; it must be one number, 0 or more"
+                )
 
     def diffuse(
         self, cos_view: Float[Array, "points"], thickness: Float[Array, "points"]
@@ -187,7 +199,9 @@ class Phong(Material):
         """Source: paper B, (4) and (24)."""
         # R_v = 2 (N.V) N - V.
         mirrored = 2.0 * angles.view * angles.light - angles.between
-        return shading.phong(self.body, 1.0, angles.light, mirrored, specular=self.specular, exponent=self.exponent)
+        return shading.phong(
+            self.body, 1.0, angles.light, mirrored, specular=self.specular, exponent=self.exponent
+        )
 
 
 class Conductor(Material):
@@ -195,10 +209,12 @@ class Conductor(Material):
 
     Args:
         refractive_index, extinction: n and k, (bands,) or one number each.
-        roughness: angle beta in degrees at which half of the facets are left (paper B, (7)); 0 for polished.
-        fresnel: how it reflects away from the normal: "exact", or an estimate from its reflectance at the normal,
+        roughness: angle beta in degrees at which half of the facets are left (paper B, (7)); 0 for
+        polished. fresnel: how it reflects away from the normal: "exact", or an estimate from its
+        reflectance at the normal,
             "hall" or "cook-torrance" (paper B, (11)-(23)).
-        mean_extinction: k of Hall's average metal; by default that of the mean over the bands, paper B (23).
+        mean_extinction: k of Hall's average metal; by default that of the mean over the bands,
+            paper B (23).
     """
 
     refractive_index: Float[Array, "..."] = eqx.field(converter=as_float_array)
@@ -210,16 +226,22 @@ class Conductor(Material):
     def __check_init__(self) -> None:
         check_choice("fresnel", self.fresnel, FresnelModel)
         if not 0 <= self.roughness < 60:
-            raise ValueError(f"roughness must be 0 (polished) to 60 degrees, not {self.roughness:g}")
+            raise ValueError(
+                f"roughness must be 0 (polished) to 60 degrees, not {self.roughness:g}"
+            )
 
     def spectra(self) -> dict[str, Any]:
         """Refractive index and extinction."""
         return {"refractive_index": self.refractive_index, "extinction": self.extinction}
 
     def only_bands(self, keep: Bool[np.ndarray, "bands"], bands: int) -> "Material":
-        """The same metal with the bands where `keep` is true; Hall's average metal stays that of all of them."""
+        """The same metal with the bands where `keep` is true; Hall's average metal stays that of
+        all of them.
+        """
         found = super().only_bands(keep, bands)
-        return eqx.tree_at(lambda m: m.mean_extinction, found, self._average(), is_leaf=lambda leaf: leaf is None)
+        return eqx.tree_at(
+            lambda m: m.mean_extinction, found, self._average(), is_leaf=lambda leaf: leaf is None
+        )
 
     def _average(self) -> Float[Array, ""]:
         if self.mean_extinction is not None:
@@ -243,7 +265,9 @@ class Conductor(Material):
 
     def _reflectance(self, cosine: Float[Array, "points 1"]) -> Float[Array, "points bands"]:
         if self.fresnel == "exact":
-            return jnp.asarray(conductor_reflectance(cosine, self.refractive_index, self.extinction))
+            return jnp.asarray(
+                conductor_reflectance(cosine, self.refractive_index, self.extinction)
+            )
         normal = jnp.asarray(conductor_reflectance(1.0, self.refractive_index, self.extinction))
         if self.fresnel == "hall":
             return jnp.asarray(hall_reflectance(cosine, normal, self._average()))
@@ -259,11 +283,15 @@ class Conductor(Material):
         cos_half = (angles.view + angles.light) / (2.0 * cos_facet)
         fresnel = self._reflectance(cos_facet[:, None])
         width = float(np.deg2rad(self.roughness))
-        return shading.torrance_sparrow(fresnel, 1.0, angles.light, angles.view, cos_half, cos_facet, width=width)
+        return shading.torrance_sparrow(
+            fresnel, 1.0, angles.light, angles.view, cos_half, cos_facet, width=width
+        )
 
 
 class _GlazedSurface:
-    """What a glaze and its table have in common; no module, so that each keeps its own order of fields."""
+    """What a glaze and its table have in common; no module, so that each keeps its own order of
+    fields.
+    """
 
     thickness: Float[Array | np.ndarray, "h w"] | None
     gloss: bool
@@ -284,11 +312,11 @@ class Glazed(_GlazedSurface, Material):
 
     Args:
         glaze: without batch axes.
-        thickness: (h, w), m, of one layer over the texture coordinates, first row on top; None if it is even.
-        layer: which layer that is, 0 for the top one.
+        thickness: (h, w), m, of one layer over the texture coordinates, first row on top; None if
+        it is even. layer: which layer that is, 0 for the top one.
         gloss: whether the surface mirrors what is around.
-        roughness: of the surface, GGX's alpha from 0 (smooth) to 1, as Mitsuba counts it; above 0 for `path_trace`
-            alone.
+        roughness: of the surface, GGX's alpha from 0 (smooth) to 1, as Mitsuba counts it; above 0
+            for `path_trace` alone.
     """
 
     glaze: Glaze
@@ -299,7 +327,9 @@ class Glazed(_GlazedSurface, Material):
 
     def __check_init__(self) -> None:
         if not 0 <= self.roughness <= 1:
-            raise ValueError(f"roughness must be 0 (smooth) to 1, GGX's alpha, not {self.roughness:g}")
+            raise ValueError(
+                f"roughness must be 0 (smooth) to 1, GGX's alpha, not {self.roughness:g}"
+            )
 
     def check(self, name: str, wavelengths: Float[np.ndarray, "bands"]) -> None:
         """Refuse another grid, what no table can be made of, or a map that is none.
@@ -309,7 +339,8 @@ class Glazed(_GlazedSurface, Material):
         """
         if self.glaze.layers and not same_grid(self.glaze.wavelengths, wavelengths):
             raise ValueError(
-                f"the glaze of material {name!r} has {describe_grid(self.glaze.wavelengths)}, but the scene has "
+                f"the glaze of material {name!r} has {describe_grid(self.glaze.wavelengths)}, "
+                "but the scene has "
                 f"{describe_grid(wavelengths)}: bring its paints there with .resample(wavelengths)"
             )
         try:
@@ -319,17 +350,29 @@ class Glazed(_GlazedSurface, Material):
         if self.thickness is None:
             return
         if not 0 <= self.layer < len(self.glaze.layers):
-            raise ValueError(f"material {name!r}: layer {self.layer} of a glaze of {len(self.glaze.layers)} layers")
+            raise ValueError(
+                f"material {name!r}: layer {self.layer} of a glaze of {len(self.glaze.layers)} "
+                "layers"
+            )
         if np.ndim(self.thickness) != 2:
-            raise ValueError(f"the thickness map of material {name!r} must be (h, w), not {np.shape(self.thickness)}")
-        Layer(self.glaze.layers[self.layer].medium, self.thickness)  # refuses what is negative or not in metres
+            raise ValueError(
+                f"the thickness map of material {name!r} must be (h, w), not "
+                f"{np.shape(self.thickness)}"
+            )
+        Layer(
+            self.glaze.layers[self.layer].medium, self.thickness
+        )  # refuses what is negative or not in metres
 
     def only_bands(self, keep: Bool[np.ndarray, "bands"], bands: int) -> "Glazed":
         """The same material with the bands where `keep` is true."""
         chosen = np.flatnonzero(keep)
 
         def part(values):
-            return values[..., chosen] if jnp.ndim(values) and jnp.shape(values)[-1] == bands else values
+            return (
+                values[..., chosen]
+                if jnp.ndim(values) and jnp.shape(values)[-1] == bands
+                else values
+            )
 
         glaze = self.glaze
         if glaze.layers:
@@ -339,10 +382,16 @@ class Glazed(_GlazedSurface, Material):
             layers = []
         glaze = Glaze(layers, part(glaze.substrate), part(glaze.refractive_index))
         return Glazed(
-            thickness=glaze, gloss=self.thickness, glaze=self.layer, layer=self.gloss, roughness=self.roughness
+            thickness=glaze,
+            gloss=self.thickness,
+            glaze=self.layer,
+            layer=self.gloss,
+            roughness=self.roughness,
         )
 
-    def prepare(self, wavelengths: Float[np.ndarray, "bands"], seen: SeenRanges, tolerance: float) -> "GlazedTable":
+    def prepare(
+        self, wavelengths: Float[np.ndarray, "bands"], seen: SeenRanges, tolerance: float
+    ) -> "GlazedTable":
         """Its reflectance factor as a table, for the angles and thicknesses that are seen."""
         table = glaze_table(
             self.glaze,
@@ -352,7 +401,8 @@ class Glazed(_GlazedSurface, Material):
             layer=self.layer,
             tolerance=tolerance,
         )
-        # Arrays all of them: plain numbers would be constants of a program compiled for this glaze alone.
+        # Arrays all of them: plain numbers would be constants of a program compiled for this glaze
+        #     alone.
         return GlazedTable(jax.tree.map(jnp.asarray, table), self.thickness, self.gloss)
 
 
@@ -373,7 +423,9 @@ class GlazedTable(_GlazedSurface, Material):
     def direct(self, angles: Angles) -> Float[Array, "pairs bands"]:
         """Reflectance factor times the cosine of the fall."""
         varies = self.table.thickness.shape[0] > 1
-        factor = self.table.reflectance_factor(angles.light, angles.view, angles.thickness if varies else None)
+        factor = self.table.reflectance_factor(
+            angles.light, angles.view, angles.thickness if varies else None
+        )
         return shading.lambert(factor, angles.light)
 
     def diffuse(
@@ -385,7 +437,9 @@ class GlazedTable(_GlazedSurface, Material):
         total = jnp.zeros(())
         for cosine, weight in zip(cosines, 2.0 * weights * cosines, strict=True):
             fall = jnp.full_like(cos_view, cosine)
-            total = total + weight * self.table.reflectance_factor(fall, cos_view, thickness if varies else None)
+            total = total + weight * self.table.reflectance_factor(
+                fall, cos_view, thickness if varies else None
+            )
         return total
 
     def mirror(self, cos_view: Float[Array, "points"]) -> Float[Array, "points bands"]:
@@ -394,6 +448,8 @@ class GlazedTable(_GlazedSurface, Material):
 
 
 def _degrees(cosines: tuple[float, float]) -> tuple[float, float]:
-    """Range of angles in degrees that holds a range of cosines, and never so narrow that rounding shows."""
+    """Range of angles in degrees that holds a range of cosines, and never so narrow that rounding
+    shows.
+    """
     low, high = np.rad2deg(np.arccos(np.clip(cosines, 0.0, 1.0))[::-1])
     return max(float(low) - _MARGIN, 0.0), min(float(high) + _MARGIN, 90.0)

@@ -42,7 +42,9 @@ def read_mesh(
         vertices, faces = np.asarray(found.vertices, float), np.asarray(found.faces, int)
     except Exception as error:  # trimesh raises whatever its readers do
         known = ", ".join(sorted(trimesh.available_formats()))
-        raise ValueError(f"{path}: trimesh cannot read it ({error}); formats that it knows: {known}") from None
+        raise ValueError(
+            f"{path}: trimesh cannot read it ({error}); formats that it knows: {known}"
+        ) from None
     if len(faces) == 0:
         raise ValueError(f"{path}: there are no triangles in it")
     about = rotation(turn)
@@ -50,7 +52,9 @@ def read_mesh(
     low, high = vertices.min(axis=0), vertices.max(axis=0)
     scale = 1.0 if size is None else size / max(float(np.max(high - low)), 1e-300)
     middle = 0.5 * (low + high)
-    vertices = (vertices - middle) * scale + (middle if centre is None else np.asarray(centre, float))
+    vertices = (vertices - middle) * scale + (
+        middle if centre is None else np.asarray(centre, float)
+    )
     uv = getattr(found.visual, "uv", None)
     return Mesh(
         material=material,

@@ -1,8 +1,9 @@
 """A whole scene for Mitsuba 3: the same shapes, lights and camera, with glazes through the plugin.
 
-What Mitsuba adds is light between diffuse things, area lights, relief and everything else that this program's ray
-caster leaves out. Rough metals, estimates of a metal's reflectance and Phong's model have no counterpart there that is
-the same: they are refused, or become the nearest there is, and that is said.
+What Mitsuba adds is light between diffuse things, area lights, relief and everything else that this
+program's ray caster leaves out. Rough metals, estimates of a metal's reflectance and Phong's model
+have no counterpart there that is the same: they are refused, or become the nearest there is, and
+that is said.
 """
 
 from pathlib import Path
@@ -42,8 +43,8 @@ def mitsuba_scene(
         background: light from all around with the scene's background; here it lights things, as in
             `render` only where the scene follows diffuse bounces.
         tolerance: absolute error wanted of a glaze's reflectance factor.
-        notes: materials that Mitsuba has no counterpart of become the nearest there is, with a sentence each added
-            to this list; they are refused if it is left out.
+        notes: materials that Mitsuba has no counterpart of become the nearest there is, with a
+            sentence each added to this list; they are refused if it is left out.
 
     Returns:
         The scene; its film is XYZ, on the scale of `picture.picture_xyz`.
@@ -68,7 +69,11 @@ def mitsuba_scene(
     found: dict[str, Any] = {
         "type": "scene",
         # Paths without an end need Russian roulette, or they go on between white walls.
-        "integrator": {"type": "path", "max_depth": max_depth, "rr_depth": 1000 if max_depth > 0 else 8},
+        "integrator": {
+            "type": "path",
+            "max_depth": max_depth,
+            "rr_depth": 1000 if max_depth > 0 else 8,
+        },
         "sensor": {
             "type": "perspective",
             "fov": float(camera.field_of_view),
@@ -85,7 +90,8 @@ def mitsuba_scene(
             },
         },
     }
-    # A map lies on a sphere another way round than on the rest, so that a material may be needed in both ways.
+    # A map lies on a sphere another way round than on the rest, so that a material may be needed in
+    # both ways.
     known: dict[tuple[str, bool], str] = {}
     for k, shape in enumerate(scene.shapes):
         material = scene.materials[shape.material]
@@ -100,7 +106,10 @@ def mitsuba_scene(
     for k, light in enumerate(scene.lights):
         found[f"light_{k}"] = _light(light, grid, folder / f"light_{k}.ply")
     if background and np.any(scene.background_spectrum() > 0):
-        found["background"] = {"type": "constant", "radiance": spectrum(scene.background_spectrum(), grid)}
+        found["background"] = {
+            "type": "constant",
+            "radiance": spectrum(scene.background_spectrum(), grid),
+        }
     return found
 
 
@@ -112,7 +121,11 @@ def spectrum(values: Numbers, wavelengths: Float[np.ndarray, "bands"]) -> dict[s
     if steps.size and np.ptp(steps) < 1e-9 * steps[0]:
         ends = {"wavelength_min": float(wavelengths[0]), "wavelength_max": float(wavelengths[-1])}
         return {"type": "regular", "values": words, **ends}
-    return {"type": "irregular", "wavelengths": ",".join(f"{w:.9g}" for w in wavelengths), "values": words}
+    return {
+        "type": "irregular",
+        "wavelengths": ",".join(f"{w:.9g}" for w in wavelengths),
+        "values": words,
+    }
 
 
 def _bsdf(
@@ -133,17 +146,25 @@ def _bsdf(
     if notes is None:
         raise ValueError(f"material {name!r}: Mitsuba has no counterpart of {_describe(material)}")
     if isinstance(material, Conductor):
-        notes.append(f"material {name!r}: Mitsuba has no {_describe(material)[2:]}; drawn with {_nearest(material)}")
+        notes.append(
+            f"material {name!r}: Mitsuba has no {_describe(material)[2:]}; drawn with "
+            f"{_nearest(material)}"
+        )
         return _both_sides(_near_metal(material, grid))
     if isinstance(material, Phong):
-        notes.append(f"material {name!r}: Mitsuba has no Phong; drawn as a plastic with a highlight of the same width")
+        notes.append(
+            f"material {name!r}: Mitsuba has no Phong; drawn as a plastic with a highlight of "
+            "the same width"
+        )
         width = float(np.sqrt(2.0 / (float(material.exponent) + 2.0)))
         body = spectrum(material.body, grid)
         return _both_sides({"type": "roughplastic", "alpha": width, "diffuse_reflectance": body})
     raise ValueError(f"material {name!r}: Mitsuba has no counterpart of {_describe(material)}")
 
 
-def _glaze(material: Glazed, grid: np.ndarray, on_sphere: bool, gloss: bool, tolerance: float) -> dict[str, Any]:
+def _glaze(
+    material: Glazed, grid: np.ndarray, on_sphere: bool, gloss: bool, tolerance: float
+) -> dict[str, Any]:
     from ..mitsuba import glaze_bsdf, register
 
     register()
@@ -163,7 +184,10 @@ def _glaze(material: Glazed, grid: np.ndarray, on_sphere: bool, gloss: bool, tol
 
 
 def _metal(material: Conductor, grid: np.ndarray) -> dict[str, Any]:
-    return {"eta": spectrum(material.refractive_index, grid), "k": spectrum(material.extinction, grid)}
+    return {
+        "eta": spectrum(material.refractive_index, grid),
+        "k": spectrum(material.extinction, grid),
+    }
 
 
 def _near_metal(material: Conductor, grid: np.ndarray) -> dict[str, Any]:
@@ -171,7 +195,9 @@ def _near_metal(material: Conductor, grid: np.ndarray) -> dict[str, Any]:
     if material.is_mirror:
         return {"type": "conductor"} | _metal(material, grid)
     alpha = float(np.tan(np.deg2rad(material.roughness)) / np.sqrt(np.log(2.0)))
-    return {"type": "roughconductor", "distribution": "beckmann", "alpha": alpha} | _metal(material, grid)
+    return {"type": "roughconductor", "distribution": "beckmann", "alpha": alpha} | _metal(
+        material, grid
+    )
 
 
 def _nearest(material: Conductor) -> str:
@@ -181,7 +207,11 @@ def _nearest(material: Conductor) -> str:
 def _describe(material: Material) -> str:
     if not isinstance(material, Conductor):
         return type(material).__name__
-    return "a rough metal as paper B has it" if material.roughness else f"a metal by the estimate {material.fresnel!r}"
+    return (
+        "a rough metal as paper B has it"
+        if material.roughness
+        else f"a metal by the estimate {material.fresnel!r}"
+    )
 
 
 def _both_sides(bsdf: dict[str, Any]) -> dict[str, Any]:

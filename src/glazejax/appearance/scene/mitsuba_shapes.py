@@ -1,4 +1,6 @@
-"""Shapes of a scene for Mitsuba 3: its own where they have the same coordinates on them, and triangles otherwise."""
+"""Shapes of a scene for Mitsuba 3: its own where they have the same coordinates on them, and
+triangles otherwise.
+"""
 
 from pathlib import Path
 from typing import Any
@@ -21,30 +23,37 @@ def mitsuba_shape(shape: Shape, path: Path, *, mapped: bool = False) -> dict[str
     Args:
         shape: which.
         path: file to write triangles to, ``.ply``; replaced if it exists.
-        mapped: its material has a map, so that coordinates on it must be those of the ray caster. A sphere's are
-            not: its map is to be turned, see `sphere_map`.
+        mapped: its material has a map, so that coordinates on it must be those of the ray caster. A
+            sphere's are not: its map is to be turned, see `sphere_map`.
     """
     if isinstance(shape, Sphere):
         return {"type": "sphere", "center": numbers(shape.centre), "radius": float(shape.radius)}
     if isinstance(shape, Plane) and shape.relief is not None:
         return write_ply(path, relief_mesh(shape))
     if isinstance(shape, Plane):
-        half = (_ENDLESS, _ENDLESS) if shape.size is None else (shape.size[0] / 2, shape.size[1] / 2)
+        half = (
+            (_ENDLESS, _ENDLESS) if shape.size is None else (shape.size[0] / 2, shape.size[1] / 2)
+        )
         right, up, normal = plane_frame(shape)
         axes = np.stack([right * half[0], up * half[1], normal], axis=1)
         if mapped and shape.size is None:
-            return write_ply(path, _quads(shape.material, [(shape.point, axes)], 2 * _ENDLESS, -_ENDLESS))
+            return write_ply(
+                path, _quads(shape.material, [(shape.point, axes)], 2 * _ENDLESS, -_ENDLESS)
+            )
         return {"type": "rectangle", "to_world": _placed(axes, shape.point)}
     if isinstance(shape, Box):
         axes = rotation(np.asarray(shape.rotation, float)) * (np.asarray(shape.size, float) / 2)
         if not mapped:
             return {"type": "cube", "to_world": _placed(axes, shape.centre)}
-        return write_ply(path, _quads(shape.material, _faces(axes, np.asarray(shape.centre, float))))
+        return write_ply(
+            path, _quads(shape.material, _faces(axes, np.asarray(shape.centre, float)))
+        )
     return write_ply(path, shape)
 
 
 def relief_mesh(plane: Plane) -> Mesh:
-    """Triangles of a plane that stands out by its relief, with smooth normals; u and v run as on the flat plane.
+    """Triangles of a plane that stands out by its relief, with smooth normals; u and v run as on
+    the flat plane.
 
     Raises:
         ValueError: it has no relief.
@@ -66,7 +75,10 @@ def relief_mesh(plane: Plane) -> Mesh:
     below = first + columns
     # Both counter-clockwise seen from the side of the normal.
     faces = np.concatenate(
-        [np.stack([first, below, first + 1], axis=1), np.stack([first + 1, below, below + 1], axis=1)]
+        [
+            np.stack([first, below, first + 1], axis=1),
+            np.stack([first + 1, below, below + 1], axis=1),
+        ]
     )
     vertices = places @ frame + np.asarray(plane.point, float)
     return Mesh(
@@ -80,7 +92,9 @@ def relief_mesh(plane: Plane) -> Mesh:
 
 def write_ply(path: Path, mesh: Mesh) -> dict[str, Any]:
     """A mesh as a binary PLY file, and the shape that loads it."""
-    columns: list[tuple[str, np.ndarray]] = list(zip("xyz", np.asarray(mesh.vertices, float).T, strict=True))
+    columns: list[tuple[str, np.ndarray]] = list(
+        zip("xyz", np.asarray(mesh.vertices, float).T, strict=True)
+    )
     if mesh.normals is not None:
         columns += zip(("nx", "ny", "nz"), np.asarray(mesh.normals, float).T, strict=True)
     if mesh.uv is not None:
@@ -102,8 +116,9 @@ def write_ply(path: Path, mesh: Mesh) -> dict[str, Any]:
 
 
 def sphere_map(values: Float[np.ndarray, "h w"]) -> Float[np.ndarray, "h w"]:
-    """A map whose first row is on top, as Mitsuba's sphere wants it with the first row at v = 0: there v runs down
-    from the top, and u begins half way round. An odd width is doubled by repeating columns, so that half is whole.
+    """A map whose first row is on top, as Mitsuba's sphere wants it with the first row at v = 0:
+    there v runs down from the top, and u begins half way round. An odd width is doubled by
+    repeating columns, so that half is whole.
     """
     if values.shape[1] % 2:
         values = np.repeat(values, 2, axis=1)
@@ -111,7 +126,9 @@ def sphere_map(values: Float[np.ndarray, "h w"]) -> Float[np.ndarray, "h w"]:
 
 
 def _faces(axes: np.ndarray, centre: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
-    """Centre and axes of a box's six faces, with u and v along the axes that are left, in their order."""
+    """Centre and axes of a box's six faces, with u and v along the axes that are left, in their
+    order.
+    """
     found = []
     for k, others in enumerate([(1, 2), (0, 2), (0, 1)]):
         for sign in (-1.0, 1.0):
@@ -121,7 +138,9 @@ def _faces(axes: np.ndarray, centre: np.ndarray) -> list[tuple[np.ndarray, np.nd
 
 
 def _quads(material: str, quads: list, scale: float = 1.0, start: float = 0.0) -> Mesh:
-    """Flat quadrangles with u and v from `start` on, over `scale`; each has half its sides and the way out as axes."""
+    """Flat quadrangles with u and v from `start` on, over `scale`; each has half its sides and the
+    way out as axes.
+    """
     corners = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
     vertices, faces, uv = [], [], []
     for k, (centre, axes) in enumerate(quads):

@@ -1,6 +1,8 @@
-"""A picture of a scene by path tracing with Mitsuba 3: light that goes everywhere, and how noisy the picture is.
+"""A picture of a scene by path tracing with Mitsuba 3: light that goes everywhere, and how noisy
+the picture is.
 
-The picture is the mean of several passes that know nothing of each other, so that their differences tell the noise.
+The picture is the mean of several passes that know nothing of each other, so that their differences
+tell the noise.
 """
 
 import tempfile
@@ -23,15 +25,16 @@ _MOST_RAYS = 1 << 23
 
 @dataclass
 class PathReport(RenderReport):
-    """What was computed, and how noisy it is; of the counts of a `RenderReport` it has rays, pixels and materials.
+    """What was computed, and how noisy it is; of the counts of a `RenderReport` it has rays, pixels
+    and materials.
 
     Attributes:
         variant: of Mitsuba.
         samples: rays of a pixel, all passes together.
         passes: done.
         passes_full: wanted.
-        pixel_noise: standard error of a pixel's luminance, root mean square over the picture, as a share of the
-            picture's mean luminance.
+        pixel_noise: standard error of a pixel's luminance, root mean square over the picture, as a
+            share of the picture's mean luminance.
         mean_noise: standard error of the mean luminance of the whole picture, as a share of it.
         notes: materials that became the nearest that Mitsuba has, a sentence each.
     """
@@ -45,9 +48,15 @@ class PathReport(RenderReport):
 
     def describe(self) -> str:
         """In words, a line each."""
-        lines = [f"paths: {self.samples} of each pixel in {self.passes} passes, by Mitsuba's {self.variant}"]
+        lines = [
+            f"paths: {self.samples} of each pixel in {self.passes} passes, by Mitsuba's "
+            f"{self.variant}"
+        ]
         if np.isfinite(self.pixel_noise):
-            words = f"{self.pixel_noise:.2%} of the mean luminance for a pixel, {self.mean_noise:.3%} for the picture"
+            words = (
+                f"{self.pixel_noise:.2%} of the mean luminance for a pixel, "
+                f"{self.mean_noise:.3%} for the picture"
+            )
             lines.append(f"noise: {words} (standard error, from the differences between passes)")
         return "\n".join(lines)
 
@@ -71,7 +80,8 @@ def path_trace(
 ) -> PathTraced:
     """Make a picture with everything that light does, in Mitsuba 3.
 
-    A spectral variant of Mitsuba that is set stays; otherwise the fastest that works here is set meanwhile.
+    A spectral variant of Mitsuba that is set stays; otherwise the fastest that works here is set
+    meanwhile.
 
     Args:
         scene: what there is. `antialias`, `bounces` and `diffuse_bounces` play no part.
@@ -89,8 +99,14 @@ def path_trace(
         ModuleNotFoundError: Mitsuba is not installed.
         ValueError: samples out of range, or what `mitsuba_scene` refuses.
     """
-    if not isinstance(samples, int | np.integer) or isinstance(samples, bool) or not 1 <= samples <= MOST_SAMPLES:
-        raise ValueError(f"samples must be a whole number from 1 to {MOST_SAMPLES}, not {samples!r}")
+    if (
+        not isinstance(samples, int | np.integer)
+        or isinstance(samples, bool)
+        or not 1 <= samples <= MOST_SAMPLES
+    ):
+        raise ValueError(
+            f"samples must be a whole number from 1 to {MOST_SAMPLES}, not {samples!r}"
+        )
     told = progress or (lambda share, words: None)
     with spectral_variant() as variant, tempfile.TemporaryDirectory() as folder:
         import mitsuba as mi  # pyright: ignore[reportMissingImports]
@@ -111,20 +127,29 @@ def path_trace(
         loaded = mi.load_dict(made)
 
         def one(number: int) -> Float[np.ndarray, "h w 3"]:
-            return np.array(mi.render(loaded, spp=each, seed=mi.UInt32(seed * report.passes_full + number)), float)
+            return np.array(
+                mi.render(loaded, spp=each, seed=mi.UInt32(seed * report.passes_full + number)),
+                float,
+            )
 
         return _mean(scene, report, each, one, told)
 
 
 def passes_of(samples: int, pixels: int) -> tuple[int, int]:
-    """Rays of a pixel in one pass, a square, and the number of passes, so that there are `samples` at least."""
+    """Rays of a pixel in one pass, a square, and the number of passes, so that there are `samples`
+    at least.
+    """
     most = max(1, min(samples // _PASSES, _MOST_RAYS // pixels))
     each = int(np.sqrt(most)) ** 2
     return each, max(2, -(-samples // each))
 
 
 def _mean(
-    scene: Scene, report: PathReport, each: int, one: Callable[[int], Float[np.ndarray, "h w 3"]], told: Progress
+    scene: Scene,
+    report: PathReport,
+    each: int,
+    one: Callable[[int], Float[np.ndarray, "h w 3"]],
+    told: Progress,
 ) -> PathTraced:
     """Mean of the passes, and the spread of their luminance."""
     total = np.zeros((scene.height, scene.width, 3))

@@ -19,8 +19,11 @@ _SLACK = 0.002
 SPECTRAL_ENDINGS = (".npz", ".exr")
 
 
-def picture_xyz(rendered: Rendered, wavelengths: Grid, observer: str | int = CIE_1931) -> Float[np.ndarray, "h w 3"]:
-    """CIE XYZ of each pixel, Y = 1 for a perfect white under light of luminance 1; NaN where it was interrupted.
+def picture_xyz(
+    rendered: Rendered, wavelengths: Grid, observer: str | int = CIE_1931
+) -> Float[np.ndarray, "h w 3"]:
+    """CIE XYZ of each pixel, Y = 1 for a perfect white under light of luminance 1; NaN where it was
+    interrupted.
 
     Args:
         rendered: picture.
@@ -33,11 +36,16 @@ def picture_xyz(rendered: Rendered, wavelengths: Grid, observer: str | int = CIE
     if rendered.spectral:
         return rendered.radiance @ colour_weights(wavelengths, "E", observer)[rendered.bands]
     if find_observer(observer) != CIE_1931:
-        raise ValueError(f"a picture without spectra is for the {CIE_1931}: render it with spectral=True for another")
+        raise ValueError(
+            f"a picture without spectra is for the {CIE_1931}: render it with spectral=True for "
+            "another"
+        )
     return rendered.values
 
 
-def light_white(spectrum: Numbers, wavelengths: Grid, observer: str | int = CIE_1931) -> Float[np.ndarray, "3"]:
+def light_white(
+    spectrum: Numbers, wavelengths: Grid, observer: str | int = CIE_1931
+) -> Float[np.ndarray, "3"]:
     """XYZ of a perfect white under a light, (3,), with Y = 1.
 
     Args:
@@ -70,7 +78,8 @@ def screen_picture(
     exposure: float = 1.0,
     gamut: "Gamut" = "desaturate",
 ) -> Screen:
-    """Digital colours of a picture, with `white` shown as the display's own; pixels not computed are mid-grey.
+    """Digital colours of a picture, with `white` shown as the display's own; pixels not computed
+    are mid-grey.
 
     Args:
         xyz: colours, NaN where not computed.
@@ -88,7 +97,9 @@ def screen_picture(
     rgb[missing] = 128
     light = np.asarray(display.linear(adapted))[np.logical_not(missing)]
     bright, colourful = (np.any(wrong, axis=-1) for wrong in (light > 1 + _SLACK, light < -_SLACK))
-    shares = [float(np.mean(wrong)) if wrong.size else 0.0 for wrong in (bright & ~colourful, colourful)]
+    shares = [
+        float(np.mean(wrong)) if wrong.size else 0.0 for wrong in (bright & ~colourful, colourful)
+    ]
     return Screen(rgb, *shares)
 
 
@@ -109,14 +120,16 @@ def save_png(path: str | Path, rgb: UInt8[np.ndarray, "h w 3"]) -> None:
 
 
 def save_spectral(path: str | Path, rendered: Rendered) -> None:
-    """Write spectra: ``.npz`` with ``radiance`` and ``wavelengths``, or ``.exr`` with a channel for each band.
+    """Write spectra: ``.npz`` with ``radiance`` and ``wavelengths``, or ``.exr`` with a channel for
+    each band.
 
     Raises:
         ValueError: another ending, a picture without spectra, or OpenEXR is not there.
 
     Notes:
-        Channels are called ``S0.550,000000nm``. 1 is a perfect white under a light of spectrum 1. Source of the
-        layout: A. Fichet, R. Pacanowski, A. Wilkie, An OpenEXR Layout for Spectral Images, JCGT 10(3) (2021).
+        Channels are called ``S0.550,000000nm``. 1 is a perfect white under a light of spectrum 1.
+        Source of the layout: A. Fichet, R. Pacanowski, A. Wilkie, An OpenEXR Layout for Spectral
+        Images, JCGT 10(3) (2021).
     """
     path = Path(path)
     radiance = rendered.radiance.astype(np.float32)
@@ -127,7 +140,9 @@ def save_spectral(path: str | Path, rendered: Rendered) -> None:
     import OpenEXR  # pyright: ignore[reportMissingImports]
 
     channels = {
-        f"S0.{wavelength:.6f}nm".replace(".", ",").replace("S0,", "S0."): np.ascontiguousarray(radiance[..., k])
+        f"S0.{wavelength:.6f}nm".replace(".", ",").replace("S0,", "S0."): np.ascontiguousarray(
+            radiance[..., k]
+        )
         for k, wavelength in enumerate(rendered.wavelengths)
     }
     header = {
@@ -148,9 +163,13 @@ def check_spectral(path: str | Path) -> None:
     """
     ending = Path(path).suffix.lower()
     if ending not in SPECTRAL_ENDINGS:
-        raise ValueError(f"{path}: spectra are written as .npz or .exr, not {ending or 'without an ending'}")
+        raise ValueError(
+            f"{path}: spectra are written as .npz or .exr, not {ending or 'without an ending'}"
+        )
     if ending == ".exr":
         try:
             import OpenEXR  # noqa: F401  # pyright: ignore[reportMissingImports]
         except ImportError:
-            raise ValueError(f"{path}: OpenEXR is not there; pip install 'glazejax[scene]', or write .npz") from None
+            raise ValueError(
+                f"{path}: OpenEXR is not there; pip install 'glazejax[scene]', or write .npz"
+            ) from None

@@ -1,8 +1,9 @@
-"""What each ray of a picture meets: nearest surfaces, shadows and mirror reflections, without any spectrum.
+"""What each ray of a picture meets: nearest surfaces, shadows and mirror reflections, without any
+spectrum.
 
-Levels of rays: those of the camera, then those that mirrors send on, and so on. A level keeps of each point what its
-colour needs, which is a few cosines and which lights reach it; colours are computed from that, for all bands at once
-and only where there is something to see (`shade`).
+Levels of rays: those of the camera, then those that mirrors send on, and so on. A level keeps of
+each point what its colour needs, which is a few cosines and which lights reach it; colours are
+computed from that, for all bands at once and only where there is something to see (`shade`).
 """
 
 from collections.abc import Callable, Sequence
@@ -23,7 +24,9 @@ TILE = 2**14
 _SIZES = (2**8, 2**11, TILE)
 
 Reflects = Callable[[int, Float[np.ndarray, "points"]], Float[np.ndarray, "points"]]
-"""From the number of a material and cosines of viewing to the most that its mirror reflection carries; 0 for none."""
+"""From the number of a material and cosines of viewing to the most that its mirror reflection
+carries; 0 for none.
+"""
 
 
 class Lamps(NamedTuple):
@@ -38,7 +41,9 @@ class Level(NamedTuple):
     """What rays of one level meet, (points,) each, in NumPy."""
 
     parent: Int[np.ndarray, "points"]
-    """Number of the point of the level before whose mirror reflection this is; of the camera's ray in the first."""
+    """Number of the point of the level before whose mirror reflection this is; of the camera's ray
+    in the first.
+    """
     shape: Int[np.ndarray, "points"]
     """Number of the shape in the scene; -1 where there is nothing."""
     material: Int[np.ndarray, "points"]
@@ -46,7 +51,9 @@ class Level(NamedTuple):
     cos_view: Float[np.ndarray, "points"]
     uv: Float[np.ndarray, "points 2"]
     strength: Float[np.ndarray, "points lights"]
-    """Of each light at the point: 1, or the inverse square of the distance; 0 in shadow and where it is behind."""
+    """Of each light at the point: 1, or the inverse square of the distance; 0 in shadow and where
+    it is behind.
+    """
     cos_light: Float[np.ndarray, "points lights"]
     between: Float[np.ndarray, "points lights"]
     """Cosine between view and light."""
@@ -75,13 +82,21 @@ def lamps(lights: Sequence[Light]) -> Lamps:
 
 
 @partial(jax.jit, static_argnames=("point",))
-def _meet(geometry: Geometry, hit: Hit, place: Array, origin: Array, direction: Array, point: tuple[bool, ...]):
+def _meet(
+    geometry: Geometry,
+    hit: Hit,
+    place: Array,
+    origin: Array,
+    direction: Array,
+    point: tuple[bool, ...],
+):
     """What rays find where they arrive, before anything is in shadow.
 
     Returns:
-        Numbers of shape and material, cosine of viewing and texture coordinates; then of each light, (lights, rays):
-        strength, cosine of its fall and that between view and light, unit vector to it and how far it is (-1 where
-        it is behind); then the normal, the place, and the direction in which a mirror there sends the ray on.
+        Numbers of shape and material, cosine of viewing and texture coordinates; then of each
+        light, (lights, rays): strength, cosine of its fall and that between view and light, unit
+        vector to it and how far it is (-1 where it is behind); then the normal, the place, and the
+        direction in which a mirror there sends the ray on.
     """
     found = jnp.isfinite(hit.distance)
     seen = surface(geometry, hit, origin, direction)
@@ -98,7 +113,15 @@ def _meet(geometry: Geometry, hit: Hit, place: Array, origin: Array, direction: 
         lit = found & (square > 0) & (cosine > 0) & (jnp.sum(seen.face * towards, axis=-1) > 0)
         strength = jnp.where(lit, 1.0 / distance**2 if is_point else 1.0, 0.0)
         between = jnp.clip(-jnp.sum(direction * towards, axis=-1), -1.0, 1.0)
-        lights.append((strength, cosine, between, towards, jnp.where(lit, distance if is_point else jnp.inf, -1.0)))
+        lights.append(
+            (
+                strength,
+                cosine,
+                between,
+                towards,
+                jnp.where(lit, distance if is_point else jnp.inf, -1.0),
+            )
+        )
     onward = direction + 2.0 * cos_view[:, None] * seen.normal
     # A smooth normal may send a ray into the face.
     into = jnp.sum(onward * seen.face, axis=-1)
@@ -106,18 +129,33 @@ def _meet(geometry: Geometry, hit: Hit, place: Array, origin: Array, direction: 
     onward = onward / jnp.sqrt(jnp.sum(onward**2, axis=-1, keepdims=True))
     shape = jnp.where(found, jnp.asarray(geometry.order)[hit.shape], -1)
     material = jnp.where(found, jnp.asarray(geometry.material)[hit.shape], -1)
-    return shape, material, cos_view, seen.uv, *map(jnp.stack, zip(*lights, strict=True)), seen.normal, here, onward
+    return (
+        shape,
+        material,
+        cos_view,
+        seen.uv,
+        *map(jnp.stack, zip(*lights, strict=True)),
+        seen.normal,
+        here,
+        onward,
+    )
 
 
-def _cast(geometry: Geometry, places: Lamps, origin: Array, direction: Array) -> tuple[np.ndarray | Array, ...]:
-    """Fields of a `Level` but the first, the last of them where the rays are; then the rays that mirrors send on."""
+def _cast(
+    geometry: Geometry, places: Lamps, origin: Array, direction: Array
+) -> tuple[np.ndarray | Array, ...]:
+    """Fields of a `Level` but the first, the last of them where the rays are; then the rays that
+    mirrors send on.
+    """
     hit = nearest(geometry, origin, direction)
     place = jnp.asarray(places.place, origin.dtype)
     *seen, strength, cos_light, between, towards, reach, normal, here, onward = _meet(
         geometry.arrays, hit, place, origin, direction, places.point
     )
     free = [nearest(geometry, here, *ray).shape < 0 for ray in zip(towards, reach, strict=True)]
-    lights = [np.asarray(a).T for a in (jnp.where(jnp.stack(free), strength, 0.0), cos_light, between)]
+    lights = [
+        np.asarray(a).T for a in (jnp.where(jnp.stack(free), strength, 0.0), cos_light, between)
+    ]
     return *seen, *lights, normal, here, onward
 
 
@@ -175,7 +213,9 @@ def filled_size(count: int) -> int:
     return next((size for size in _SIZES if size >= count), -(-count // TILE) * TILE)
 
 
-def _in_pieces(geometry: Geometry, places: Lamps, origin: np.ndarray, direction: np.ndarray) -> tuple[np.ndarray, ...]:
+def _in_pieces(
+    geometry: Geometry, places: Lamps, origin: np.ndarray, direction: np.ndarray
+) -> tuple[np.ndarray, ...]:
     """`_cast` for any number of rays, in pieces of few sizes so that few programs are compiled."""
     pieces = []
     float_type = jnp.result_type(float)
@@ -184,7 +224,8 @@ def _in_pieces(geometry: Geometry, places: Lamps, origin: np.ndarray, direction:
         count = len(origin[piece])
         size = filled_size(count)
         rays = [
-            np.pad(np.asarray(a[piece], float_type), ((0, size - count), (0, 0)), "edge") for a in (origin, direction)
+            np.pad(np.asarray(a[piece], float_type), ((0, size - count), (0, 0)), "edge")
+            for a in (origin, direction)
         ]
         out = _cast(geometry, places, *map(jnp.asarray, rays))
         pieces.append([np.asarray(a)[:count] for a in out])

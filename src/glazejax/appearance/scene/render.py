@@ -1,8 +1,9 @@
 """A picture of a scene: what is computed, in which order, and what is not.
 
-First geometry alone: one ray through the middle of each pixel, then several where neighbours meet different things.
-That tells which materials, angles and thicknesses the picture shows; their tables are made, and spectra follow tile
-by tile. Pixels that differ strongly from a neighbour (a highlight, a texture) get more rays in the end.
+First geometry alone: one ray through the middle of each pixel, then several where neighbours meet
+different things. That tells which materials, angles and thicknesses the picture shows; their tables
+are made, and spectra follow tile by tile. Pixels that differ strongly from a neighbour (a
+highlight, a texture) get more rays in the end.
 """
 
 from collections.abc import Callable, Sequence
@@ -27,14 +28,17 @@ Progress = Callable[[float, str], None]
 
 # Levels of rays are kept between the passes up to so many bytes, and traced again beyond.
 _KEPT_BYTES = 2**29
-# Neighbours that differ by more than this share, of the brighter one and a little white, get more rays.
+# Neighbours that differ by more than this share, of the brighter one and a little white, get more
+# rays.
 _CONTRAST = 0.06
 _FLOOR = 0.05
 
 
 @dataclass
 class RenderReport:
-    """Counts of what was computed, beside what would have been with every pixel, light, band and material in full."""
+    """Counts of what was computed, beside what would have been with every pixel, light, band and
+    material in full.
+    """
 
     rays: int = 0
     rays_full: int = 0
@@ -60,25 +64,31 @@ class RenderReport:
     def describe(self) -> str:
         """In words, a line each."""
         lines = [
-            f"rays: {self.rays} of {self.rays_full}, for {self.pixels} pixels, {self.refined} of them with several",
+            f"rays: {self.rays} of {self.rays_full}, for {self.pixels} pixels, {self.refined} of "
+            "them with several",
             f"spectra of a point under a light: {self.pairs} of {self.pairs_full}",
             f"bands: {self.bands} of {self.bands_full}",
-            f"materials: {self.materials} of {self.materials_full}" + (f"; {self.angles}" if self.angles else ""),
+            f"materials: {self.materials} of {self.materials_full}"
+            + (f"; {self.angles}" if self.angles else ""),
             f"left out: {self.saved:.0%} of the spectral work",
         ]
         if self.diffuse_bounces:
             bounces = f"{self.diffuse_bounces} diffuse bounce" + "s" * (self.diffuse_bounces > 1)
-            lines.append(f"light between surfaces: {bounces}, {self.gather_rays} rays at {self.gathered} points")
+            lines.append(
+                f"light between surfaces: {bounces}, {self.gather_rays} rays at {self.gathered} "
+                "points"
+            )
         return "\n".join(lines)
 
 
 @dataclass(frozen=True)
 class Rendered:
-    """A picture as spectra, or as XYZ where spectra were not asked for; NaN where it was interrupted.
+    """A picture as spectra, or as XYZ where spectra were not asked for; NaN where it was
+    interrupted.
 
     Attributes:
-        values: (h, w, bands), spectra: 1 is a perfect white under a light of spectrum 1; or (h, w, 3), XYZ by the
-            CIE 1931 observer: Y = 1 is a perfect white under a light of luminance 1.
+        values: (h, w, bands), spectra: 1 is a perfect white under a light of spectrum 1; or (h, w,
+            3), XYZ by the CIE 1931 observer: Y = 1 is a perfect white under a light of luminance 1.
         spectral: which of the two.
         wavelengths: (bands,), nm, of the bands computed.
         bands: (all bands,), which bands of the scene these are.
@@ -126,8 +136,8 @@ def render(
 
     Args:
         scene: what there is.
-        spectral: compute and keep all bands; otherwise only those that a picture on a screen can show, of which
-            nothing but XYZ is kept, so that a large picture needs little memory.
+        spectral: compute and keep all bands; otherwise only those that a picture on a screen can
+            show, of which nothing but XYZ is kept, so that a large picture needs little memory.
         adaptive: several rays only where neighbouring pixels differ; otherwise for all pixels.
         tolerance: absolute error wanted of a glaze's reflectance factor.
         progress: told how far it is.
@@ -136,11 +146,15 @@ def render(
         `Rendered`. Interrupted from the keyboard, it holds what was done until then.
 
     Raises:
-        ValueError: the scene has what only `path_trace` draws: area lights, relief or a rough surface of a glaze.
+        ValueError: the scene has what only `path_trace` draws: area lights, relief or a rough
+            surface of a glaze.
     """
     beyond = scene.needs_path_tracing()
     if beyond is not None:
-        raise ValueError(f"the ray caster cannot draw {beyond}: use path_trace, or glazejax scene --renderer mitsuba")
+        raise ValueError(
+            f"the ray caster cannot draw {beyond}: use path_trace, or glazejax scene --renderer "
+            "mitsuba"
+        )
     return _Work(
         scene=scene,
         spectral=spectral,
@@ -153,7 +167,9 @@ def render(
 class _Work:
     """One picture in the making."""
 
-    def __init__(self, scene: Scene, spectral: bool, adaptive: bool, tolerance: float, progress: Progress):
+    def __init__(
+        self, scene: Scene, spectral: bool, adaptive: bool, tolerance: float, progress: Progress
+    ):
         keep = np.ones(np.size(scene.wavelengths), bool) if spectral else needed_bands(scene)
         # Weights of the whole grid: bands left out count as dark.
         self.weights = None if spectral else colour_weights(scene.wavelengths, "E", CIE_1931)[keep]
@@ -191,7 +207,9 @@ class _Work:
             signature = self._look(tiles, 0.0, 0.25)
             edges = np.zeros(0, int)
             if self.adaptive and scene.antialias > 1:
-                edges = np.flatnonzero(_differing(signature.reshape(scene.height, scene.width)).ravel())
+                edges = np.flatnonzero(
+                    _differing(signature.reshape(scene.height, scene.width)).ravel()
+                )
                 self._look(more := self._tiles(edges, scene.antialias), 0.25, 0.35)
                 tiles += more
             self.prepared = self.in_view.prepare(np.asarray(scene.wavelengths), self.tolerance)
@@ -199,12 +217,16 @@ class _Work:
             self._shade(tiles, image, 0.6 if self.gathered else 0.35, 0.85)
             finished = 1.0
             if self.adaptive and scene.antialias > 1:
-                strong = np.flatnonzero(_contrasting(image.reshape(scene.height, scene.width, -1)).ravel())
+                strong = np.flatnonzero(
+                    _contrasting(image.reshape(scene.height, scene.width, -1)).ravel()
+                )
                 strong = np.setdiff1d(strong, edges)
                 again = self._tiles(strong, scene.antialias)
                 self._look(again, 0.85, 0.87)
                 # A thing so small that only these rays meet it.
-                self.prepared = self.in_view.prepare(np.asarray(scene.wavelengths), self.tolerance, self.prepared)
+                self.prepared = self.in_view.prepare(
+                    np.asarray(scene.wavelengths), self.tolerance, self.prepared
+                )
                 self._gather(again, 0.87, 0.9)
                 self._shade(again, image, 0.9, 1.0)
                 self.report.refined = edges.size + strong.size
@@ -228,7 +250,9 @@ class _Work:
         )
 
     def _tiles(self, pixels: np.ndarray, each: int) -> list[_Tile]:
-        """Pixels in groups that go through the processor together, `each` times `each` rays for one."""
+        """Pixels in groups that go through the processor together, `each` times `each` rays for
+        one.
+        """
         size = max(1, TILE // each**2)
         return [_Tile(pixels[k : k + size], each) for k in range(0, pixels.size, size)]
 
@@ -242,7 +266,11 @@ class _Work:
         y = (tile.pixels // self.scene.width)[:, None] + down.ravel()
         rays = self.scene.rays(x.ravel(), y.ravel())
         levels = trace(
-            self.geometry, self.places, *rays, reflects=self.in_view.most_mirrored, bounces=self.scene.bounces
+            self.geometry,
+            self.places,
+            *rays,
+            reflects=self.in_view.most_mirrored,
+            bounces=self.scene.bounces,
         )
         size = sum(level.bytes for level in levels)
         if self.kept + size <= _KEPT_BYTES:
@@ -250,7 +278,9 @@ class _Work:
         return levels
 
     def _look(self, tiles: list[_Tile], start: float, end: float) -> np.ndarray:
-        """First pass: what is to be seen, and of each ray a number that differs between different things."""
+        """First pass: what is to be seen, and of each ray a number that differs between different
+        things.
+        """
         signatures = []
         for k, tile in enumerate(tiles):
             self.progress(start + (end - start) * k / len(tiles), "looking for what is in view")
@@ -266,7 +296,9 @@ class _Work:
         if self.gathered is None:
             self.gathered = self._nothing_gathered()
         for k, tile in enumerate(tiles):
-            self.progress(start + (end - start) * k / len(tiles), "gathering light between surfaces")
+            self.progress(
+                start + (end - start) * k / len(tiles), "gathering light between surfaces"
+            )
             self.gathered.add(self._levels(tile))
         self.report.gathered = self.gathered.count
 
@@ -285,7 +317,11 @@ class _Work:
         pixel = 2.0 * np.tan(np.deg2rad(scene.camera.field_of_view) / 2) / scene.width
         eye = vector("position", scene.camera.position)
         return Gathered(
-            around=around, bounces=scene.diffuse_bounces, rays=scene.gather_rays, eye=eye, pixel=float(pixel)
+            around=around,
+            bounces=scene.diffuse_bounces,
+            rays=scene.gather_rays,
+            eye=eye,
+            pixel=float(pixel),
         )
 
     def _shade(self, tiles: list[_Tile], image: np.ndarray, start: float, end: float) -> None:
@@ -296,8 +332,14 @@ class _Work:
             self.progress(start + (end - start) * k / len(tiles), "computing spectra")
             levels = self._levels(tile)
             self.report.rays += sum(len(level.material) for level in levels)
-            self.report.pairs += sum(lit_pairs(level, np.arange(len(level.material)))[0].size for level in levels)
-            falling = None if self.gathered is None else [self.gathered.falling(level) for level in levels]
+            self.report.pairs += sum(
+                lit_pairs(level, np.arange(len(level.material)))[0].size for level in levels
+            )
+            falling = (
+                None
+                if self.gathered is None
+                else [self.gathered.falling(level) for level in levels]
+            )
             samples = radiance(levels, self.prepared, lights, background, falling)
             found = np.asarray(pixels_from_samples(samples, tile.each**2))
             image[tile.pixels] = found if self.weights is None else found @ self.weights
@@ -342,7 +384,9 @@ def _contrasting(image: np.ndarray) -> Bool[np.ndarray, "h w"]:
     return out
 
 
-def _neighbours(shape: tuple[int, int], down: int, across: int) -> tuple[tuple[slice, slice], tuple[slice, slice]]:
+def _neighbours(
+    shape: tuple[int, int], down: int, across: int
+) -> tuple[tuple[slice, slice], tuple[slice, slice]]:
     """Slices of pixels and of their neighbours."""
     rows, columns = shape
     first = (slice(0, rows - down), slice(max(-across, 0), columns - max(across, 0)))

@@ -1,8 +1,10 @@
 """What a scene is: shapes, materials, lights and a camera, checked when it is made.
 
-Coordinates are right-handed, in any unit of length; z is up in the examples. Light is counted on the scale of the
-lamp: a perfect white that faces a light of strength 1 has the spectrum of the light itself, whose luminance is 1.
-`glazejax.appearance.scene.render.render` makes the picture, `glazejax.appearance.scene.file.read_scene` reads a file.
+Coordinates are right-handed, in any unit of length; z is up in the examples. Light is counted on
+the scale of the lamp: a perfect white that faces a light of strength 1 has the spectrum of the
+light itself, whose luminance is 1.
+`glazejax.appearance.scene.render.render` makes the picture,
+`glazejax.appearance.scene.file.read_scene` reads a file.
 """
 
 from collections.abc import Mapping, Sequence
@@ -18,7 +20,8 @@ from .lights import AreaLight, Light
 from .materials import Glazed, Material
 from .shapes import Plane, Shape, positive, vector
 
-# Pictures beyond are a slip of the hand: 100 megapixels of 31 bands fill the memory of a workstation.
+# Pictures beyond are a slip of the hand: 100 megapixels of 31 bands fill the memory of a
+# workstation.
 _MOST_PIXELS = 10**8
 # Least and most of what a scene counts.
 _WHOLE = {
@@ -42,7 +45,8 @@ class Camera:
         field_of_view: angle across the width of the picture, degrees, between 0 and 170.
 
     Raises:
-        ValueError: vectors that are none, a target at the position, a view along `up`, or an angle out of range.
+        ValueError: vectors that are none, a target at the position, a view along `up`, or an angle
+            out of range.
     """
 
     position: Numbers
@@ -54,10 +58,16 @@ class Camera:
         look = vector("target", self.target) - vector("position", self.position)
         if np.linalg.norm(look) == 0:
             raise ValueError(f"the camera's target {self.target} is its position")
-        if np.linalg.norm(np.cross(look, vector("up", self.up, direction=True))) < 1e-9 * np.linalg.norm(look):
-            raise ValueError(f"the camera looks along its up {self.up}: give another up, such as [0, 1, 0]")
+        if np.linalg.norm(
+            np.cross(look, vector("up", self.up, direction=True))
+        ) < 1e-9 * np.linalg.norm(look):
+            raise ValueError(
+                f"the camera looks along its up {self.up}: give another up, such as [0, 1, 0]"
+            )
         if not 0 < positive("field_of_view", self.field_of_view) <= 170:
-            raise ValueError(f"field_of_view must be between 0 and 170 degrees, not {self.field_of_view!r}")
+            raise ValueError(
+                f"field_of_view must be between 0 and 170 degrees, not {self.field_of_view!r}"
+            )
 
     def axes(self) -> tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3"], Float[np.ndarray, "3"]]:
         """Unit vectors to the right, up and forward in the picture."""
@@ -79,12 +89,12 @@ class Scene:
         lights: at least one.
         camera: see `Camera`.
         width, height: pixels.
-        background: (bands,) or one number: what is seen where nothing is, also in mirrors. It lights things only where
-            diffuse bounces are followed.
+        background: (bands,) or one number: what is seen where nothing is, also in mirrors. It
+            lights things only where diffuse bounces are followed.
         antialias: samples along the side of a pixel, where there is an edge; 1 for none.
         bounces: how many mirror reflections are followed one after another.
-        diffuse_bounces: how often light is followed from surface to surface on its way from lamps and background to
-            a diffuse surface that is seen; 0 for lamps alone (see `gather`).
+        diffuse_bounces: how often light is followed from surface to surface on its way from lamps
+            and background to a diffuse surface that is seen; 0 for lamps alone (see `gather`).
         gather_rays: rays by which a point sees what sends it light.
 
     Raises:
@@ -108,10 +118,19 @@ class Scene:
         bands = validate_wavelengths(self.wavelengths).size
         for name, (low, high) in _WHOLE.items():
             value = getattr(self, name)
-            if not isinstance(value, int | np.integer) or isinstance(value, bool) or not low <= value <= high:
-                raise ValueError(f"{name} must be a whole number from {low} to {high}, not {value!r}")
+            if (
+                not isinstance(value, int | np.integer)
+                or isinstance(value, bool)
+                or not low <= value <= high
+            ):
+                raise ValueError(
+                    f"{name} must be a whole number from {low} to {high}, not {value!r}"
+                )
         if self.width * self.height > _MOST_PIXELS:
-            raise ValueError(f"{self.width} x {self.height} pixels are too many (at most {_MOST_PIXELS:g} in all)")
+            raise ValueError(
+                f"{self.width} x {self.height} pixels are too many (at most {_MOST_PIXELS:g} in "
+                "all)"
+            )
         if not self.shapes:
             raise ValueError("a scene needs at least one shape")
         if not self.lights:
@@ -119,17 +138,25 @@ class Scene:
         for shape in self.shapes:
             if shape.material not in self.materials:
                 known = ", ".join(self.materials) or "none"
-                raise ValueError(f"a shape has the material {shape.material!r}, but there are: {known}")
+                raise ValueError(
+                    f"a shape has the material {shape.material!r}, but there are: {known}"
+                )
         for name, material in self.materials.items():
             material.check(name, validate_wavelengths(self.wavelengths))
-        for what, spectrum in [("light", light.spectrum) for light in self.lights] + [("background", self.background)]:
+        for what, spectrum in [("light", light.spectrum) for light in self.lights] + [
+            ("background", self.background)
+        ]:
             if np.shape(spectrum) not in ((), (bands,)):
                 raise ValueError(
-                    f"the spectrum of a {what} has shape {np.shape(spectrum)}, but there are {bands} bands"
+                    f"the spectrum of a {what} has shape {np.shape(spectrum)}, but there are "
+                    f"{bands} bands"
                 )
             known = concrete(spectrum)
             if known is not None and not np.all((known >= 0) & np.isfinite(known)):
-                raise ValueError(f"the spectrum of a {what} holds {np.min(known):g}; it must be finite and 0 or more")
+                raise ValueError(
+                    f"the spectrum of a {what} holds {np.min(known):g}; it must be finite and 0 "
+                    "or more"
+                )
 
     def geometry(self) -> Geometry:
         """Shapes as arrays for the ray caster."""
@@ -139,7 +166,9 @@ class Scene:
     def light_spectra(self) -> Float[np.ndarray, "lights bands"]:
         """Spectra of the lights."""
         bands = np.size(self.wavelengths)
-        return np.stack([np.broadcast_to(np.asarray(light.spectrum, float), (bands,)) for light in self.lights])
+        return np.stack(
+            [np.broadcast_to(np.asarray(light.spectrum, float), (bands,)) for light in self.lights]
+        )
 
     def background_spectrum(self) -> Float[np.ndarray, "bands"]:
         """What is seen where nothing is."""
@@ -152,12 +181,18 @@ class Scene:
         bands = np.size(self.wavelengths)
 
         def part(spectrum: Numbers) -> Numbers:
-            return spectrum if np.ndim(spectrum) == 0 else jnp.asarray(spectrum)[..., np.flatnonzero(keep)]
+            return (
+                spectrum
+                if np.ndim(spectrum) == 0
+                else jnp.asarray(spectrum)[..., np.flatnonzero(keep)]
+            )
 
         return replace(
             self,
             wavelengths=np.asarray(self.wavelengths)[keep],
-            materials={name: material.only_bands(keep, bands) for name, material in self.materials.items()},
+            materials={
+                name: material.only_bands(keep, bands) for name, material in self.materials.items()
+            },
             lights=[replace(light, spectrum=part(light.spectrum)) for light in self.lights],
             background=part(self.background),
         )
@@ -169,7 +204,10 @@ class Scene:
             found.append("area lights")
         if any(isinstance(shape, Plane) and shape.relief is not None for shape in self.shapes):
             found.append("relief")
-        if any(isinstance(material, Glazed) and material.roughness > 0 for material in self.materials.values()):
+        if any(
+            isinstance(material, Glazed) and material.roughness > 0
+            for material in self.materials.values()
+        ):
             found.append("glazes with a rough surface")
         return " and ".join(found) or None
 
@@ -177,7 +215,8 @@ class Scene:
         """Rays of the camera through points of the picture.
 
         Args:
-            across, down: (rays,), in pixels from the upper left corner; (0.5, 0.5) is the middle of the first.
+            across, down: (rays,), in pixels from the upper left corner; (0.5, 0.5) is the middle of
+                the first.
 
         Returns:
             Origins and unit directions, (rays, 3) each.

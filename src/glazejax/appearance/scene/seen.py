@@ -11,7 +11,8 @@ from .materials import Glazed, Material, SeenRanges
 from .rays import Level
 from .scene import Scene
 
-# Share of a tristimulus value of white that the bands left out may make, all together: one step of 8 bits near black.
+# Share of a tristimulus value of white that the bands left out may make, all together: one step of
+# 8 bits near black.
 _BANDS_SHARE = 1 / (12.92 * 255)
 _ALL = (0.0, 1.0)
 
@@ -31,19 +32,28 @@ class MaterialsInView:
         self._view: dict[int, tuple[float, float]] = {}
         self._rays, self._samples = 0, 0
         # Under any gloss the mirror reflection is bounded by that of the largest index.
-        self._index = [float(np.max(m.glaze.refractive_index)) if isinstance(m, Glazed) else None for m in materials]
+        self._index = [
+            float(np.max(m.glaze.refractive_index)) if isinstance(m, Glazed) else None
+            for m in materials
+        ]
 
     @property
     def rays_a_sample(self) -> float:
         """Rays, mirror reflections included, for one ray of the camera."""
         return self._rays / max(self._samples, 1)
 
-    def most_mirrored(self, number: int, cos_view: Float[np.ndarray, "points"]) -> Float[np.ndarray, "points"]:
+    def most_mirrored(
+        self, number: int, cos_view: Float[np.ndarray, "points"]
+    ) -> Float[np.ndarray, "points"]:
         """The most that the mirror reflection of a material carries; see `rays.Reflects`."""
         if not self.materials[number].is_mirror:
             return np.zeros(len(cos_view))
         index = self._index[number]
-        return np.ones(len(cos_view)) if index is None else np.asarray(dielectric_reflectance(cos_view, index))
+        return (
+            np.ones(len(cos_view))
+            if index is None
+            else np.asarray(dielectric_reflectance(cos_view, index))
+        )
 
     def add(self, levels: list[Level]) -> None:
         """Take in what some rays meet."""
@@ -54,7 +64,9 @@ class MaterialsInView:
                 mine = level.material == number
                 lit = mine[:, None] & (level.strength > 0)
                 key = int(number)
-                self._view[key] = _wider(self._view.get(key), level.cos_view[mine & lit.any(axis=1)])
+                self._view[key] = _wider(
+                    self._view.get(key), level.cos_view[mine & lit.any(axis=1)]
+                )
                 self._light[key] = _wider(self._light.get(key), level.cos_light[lit])
 
     def prepare(
@@ -79,8 +91,14 @@ class MaterialsInView:
                 prepared.append(None)
                 continue
             thickness = material.thickness_map
-            depths = (0.0, 0.0) if thickness is None else (float(np.min(thickness)), float(np.max(thickness)))
-            light, view = (_ALL, _ALL) if self._everywhere else (self._light[number], self._view[number])
+            depths = (
+                (0.0, 0.0)
+                if thickness is None
+                else (float(np.min(thickness)), float(np.max(thickness)))
+            )
+            light, view = (
+                (_ALL, _ALL) if self._everywhere else (self._light[number], self._view[number])
+            )
             seen = SeenRanges(_legal(light), _legal(view), depths)
             key = (id(material), seen.light, seen.view)
             if key not in done:
@@ -93,14 +111,21 @@ class MaterialsInView:
         words = []
         for number, material in enumerate(self.materials):
             if isinstance(material, Glazed) and number in self._view:
-                ends = [np.rad2deg(np.arccos(_legal(pair)))[::-1] for pair in (self._light[number], self._view[number])]
+                ends = [
+                    np.rad2deg(np.arccos(_legal(pair)))[::-1]
+                    for pair in (self._light[number], self._view[number])
+                ]
                 words.append("{:.0f}-{:.0f}° lit, {:.0f}-{:.0f}° seen".format(*ends[0], *ends[1]))
         return "angles of the glazes: " + "; ".join(words) if words else ""
 
 
 def _wider(known: tuple[float, float] | None, values: np.ndarray) -> tuple[float, float]:
     low, high = known or (np.inf, -np.inf)
-    return (min(low, float(values.min())), max(high, float(values.max()))) if values.size else (low, high)
+    return (
+        (min(low, float(values.min())), max(high, float(values.max())))
+        if values.size
+        else (low, high)
+    )
 
 
 def _legal(pair: tuple[float, float]) -> tuple[float, float]:
@@ -109,7 +134,9 @@ def _legal(pair: tuple[float, float]) -> tuple[float, float]:
 
 
 def needed_bands(scene: Scene) -> Bool[np.ndarray, "bands"]:
-    """Bands that a screen can show: what the others make of white, all together, is below a step of 8 bits."""
+    """Bands that a screen can show: what the others make of white, all together, is below a step of
+    8 bits.
+    """
     weights = np.abs(colour_weights(scene.wavelengths, "E"))
     spectra = np.concatenate([scene.light_spectra(), scene.background_spectrum()[None]])
     keep = np.zeros(weights.shape[0], bool)

@@ -1,8 +1,9 @@
-"""Spectra of the points that rays meet, for all bands at once, only where a light falls or a mirror shows something.
+"""Spectra of the points that rays meet, for all bands at once, only where a light falls or a mirror
+shows something.
 
-Work is done in lists of pairs of a point and a light that reaches it, material by material, so that nothing is
-computed for shadows, for the far side of things or for what is not in the picture. Plain JAX: a picture can be
-differentiated by spectra of materials and lights.
+Work is done in lists of pairs of a point and a light that reaches it, material by material, so that
+nothing is computed for shadows, for the far side of things or for what is not in the picture. Plain
+JAX: a picture can be differentiated by spectra of materials and lights.
 """
 
 from collections.abc import Sequence
@@ -33,7 +34,11 @@ def _lit(
     uv: Array,
 ) -> Float[Array, "pairs bands"]:
     """Light of each pair that reaches the eye."""
-    thickness = jnp.zeros_like(view) if material.thickness_map is None else sample_map(material.thickness_map, uv)
+    thickness = (
+        jnp.zeros_like(view)
+        if material.thickness_map is None
+        else sample_map(material.thickness_map, uv)
+    )
     factor = material.direct(Angles(light, view, between, thickness))
     return strength[:, None] * factor * lights[which]
 
@@ -44,12 +49,20 @@ def _mirrored(material: Material, view: Array, beyond: Array) -> Float[Array, "p
 
 
 @eqx.filter_jit
-def _spread(material: Material, view: Array, uv: Array, around: Array) -> Float[Array, "points bands"]:
-    thickness = jnp.zeros_like(view) if material.thickness_map is None else sample_map(material.thickness_map, uv)
+def _spread(
+    material: Material, view: Array, uv: Array, around: Array
+) -> Float[Array, "points bands"]:
+    thickness = (
+        jnp.zeros_like(view)
+        if material.thickness_map is None
+        else sample_map(material.thickness_map, uv)
+    )
     return material.diffuse(view, thickness) * around
 
 
-def sample_map(values: Float[Array | np.ndarray, "h w"], uv: Float[Array, "points 2"]) -> Float[Array, "points"]:
+def sample_map(
+    values: Float[Array | np.ndarray, "h w"], uv: Float[Array, "points 2"]
+) -> Float[Array, "points"]:
     """A map at texture coordinates, bilinear between the middles of its pixels.
 
     The map repeats beyond 0 to 1; v runs upwards and the first row is on top.
@@ -58,7 +71,10 @@ def sample_map(values: Float[Array | np.ndarray, "h w"], uv: Float[Array, "point
     rows, columns = values.shape
     u, v = uv[:, 0] - jnp.floor(uv[:, 0]), uv[:, 1] - jnp.floor(uv[:, 1])
     # A coordinate of exactly 1 is the far edge, not the near one.
-    u, v = jnp.where((u == 0) & (uv[:, 0] > 0), 1.0, u), jnp.where((v == 0) & (uv[:, 1] > 0), 1.0, v)
+    u, v = (
+        jnp.where((u == 0) & (uv[:, 0] > 0), 1.0, u),
+        jnp.where((v == 0) & (uv[:, 1] > 0), 1.0, v),
+    )
     x = jnp.clip(u * columns - 0.5, 0.0, columns - 1.0)
     y = jnp.clip((1.0 - v) * rows - 0.5, 0.0, rows - 1.0)
     a, b = x - jnp.floor(x), y - jnp.floor(y)
@@ -80,9 +96,10 @@ def radiance(
 
     Args:
         levels: of `rays.trace`.
-        materials: prepared, in the order of the numbers in the levels; None for those that are not seen.
-        lights, background: spectra.
-        indirect: of each level, light that falls on its points from other surfaces, (points, bands), or None.
+        materials: prepared, in the order of the numbers in the levels; None for those that are not
+        seen. lights, background: spectra.
+        indirect: of each level, light that falls on its points from other surfaces, (points,
+            bands), or None.
 
     Returns:
         (rays, bands), on the scale of the lights.
@@ -92,7 +109,9 @@ def radiance(
     falling = [None] * len(levels) if indirect is None else indirect
     for level, around in zip(reversed(levels), reversed(falling), strict=True):
         # Filled up to few sizes, so that few programs are compiled.
-        empty = np.pad(level.material < 0, (0, filled_size(len(level.material)) - len(level.material)))
+        empty = np.pad(
+            level.material < 0, (0, filled_size(len(level.material)) - len(level.material))
+        )
         own = jnp.where(jnp.asarray(empty)[:, None], background, jnp.zeros_like(lights[:1]))
         for number, material in enumerate(materials):
             if material is None:
@@ -114,26 +133,41 @@ def lit_pairs(level: Level, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]
     return points[rows], which
 
 
-def _add_lights(own: Array, level: Level, mine: np.ndarray, material: Material, lights: Array) -> Array:
+def _add_lights(
+    own: Array, level: Level, mine: np.ndarray, material: Material, lights: Array
+) -> Array:
     rows, which = lit_pairs(level, mine)
     for piece, size in _pieces(rows.size):
         r, k = _filled(rows[piece], size), _filled(which[piece], size)
         strength = np.where(np.arange(size) < len(rows[piece]), level.strength[r, k], 0.0)
-        pairs = (k, strength, level.cos_view[r], level.cos_light[r, k], level.between[r, k], level.uv[r])
+        pairs = (
+            k,
+            strength,
+            level.cos_view[r],
+            level.cos_light[r, k],
+            level.between[r, k],
+            level.uv[r],
+        )
         own = own.at[r].add(_lit(material, lights, *map(jnp.asarray, pairs)))
     return own
 
 
-def _add_indirect(own: Array, level: Level, mine: np.ndarray, material: Material, around: Array) -> Array:
+def _add_indirect(
+    own: Array, level: Level, mine: np.ndarray, material: Material, around: Array
+) -> Array:
     for piece, size in _pieces(mine.size):
         rows = _filled(mine[piece], size)
         there = np.arange(size) < len(mine[piece])
-        sent = _spread(material, jnp.asarray(level.cos_view[rows]), jnp.asarray(level.uv[rows]), around[rows])
+        sent = _spread(
+            material, jnp.asarray(level.cos_view[rows]), jnp.asarray(level.uv[rows]), around[rows]
+        )
         own = own.at[rows].add(jnp.where(there[:, None], sent, 0.0))
     return own
 
 
-def _add_mirror(own: Array, level: Level, child: Level, number: int, material: Material, beyond: Array) -> Array:
+def _add_mirror(
+    own: Array, level: Level, child: Level, number: int, material: Material, beyond: Array
+) -> Array:
     children = np.flatnonzero(level.material[child.parent] == number)
     for piece, size in _pieces(children.size):
         chosen = _filled(children[piece], size)
@@ -157,6 +191,8 @@ def _filled(values: np.ndarray, size: int) -> np.ndarray:
     return np.concatenate([values, np.repeat(values[:1], size - len(values))])
 
 
-def pixels_from_samples(samples: Float[Array, "rays bands"], each: int) -> Float[Array, "pixels bands"]:
+def pixels_from_samples(
+    samples: Float[Array, "rays bands"], each: int
+) -> Float[Array, "pixels bands"]:
     """Mean over the samples of each pixel, which follow one another."""
     return jax.numpy.mean(samples.reshape(-1, each, samples.shape[-1]), axis=1)

@@ -1,4 +1,6 @@
-"""Shapes of a scene, and the checks of points, directions and sizes that all parts of a scene share."""
+"""Shapes of a scene, and the checks of points, directions and sizes that all parts of a scene
+share.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -68,21 +70,23 @@ class Sphere:
 
 @dataclass(frozen=True)
 class Plane:
-    """A plane through a point, endless or a rectangle; u and v run from 0 to 1 across the rectangle.
+    """A plane through a point, endless or a rectangle; u and v run from 0 to 1 across the
+    rectangle.
 
     Args:
         material: name of its material.
         point: the centre of the rectangle, or any point of an endless plane.
         normal: the side that is painted; the other side looks the same.
-        size: width and height of the rectangle; None for an endless plane, whose u and v count units of length.
-        up: direction of the height, as far as it lies in the plane; any if it is along the normal.
-        relief: (h, w), how far the surface stands out along the normal, below 0 for what is sunk, in the unit of
-            length of the scene; the first row is on top and the outermost values lie on the rim. For `path_trace`
-            alone.
+        size: width and height of the rectangle; None for an endless plane, whose u and v count
+        units of length. up: direction of the height, as far as it lies in the plane; any if it is
+        along the normal. relief: (h, w), how far the surface stands out along the normal, below 0
+        for what is sunk, in the unit of
+            length of the scene; the first row is on top and the outermost values lie on the rim.
+            For `path_trace` alone.
 
     Raises:
-        ValueError: a vector that is none, a size that is not above 0, or a relief that is no such map or has no size
-            to lie on.
+        ValueError: a vector that is none, a size that is not above 0, or a relief that is no such
+            map or has no size to lie on.
     """
 
     material: str
@@ -116,16 +120,22 @@ def check_relief(relief: np.ndarray) -> None:
     """
     shape = np.shape(relief)
     if len(shape) != 2 or min(shape) < 2:
-        raise ValueError(f"a relief must be a map of heights (h, w), at least 2 x 2, not of shape {shape}")
+        raise ValueError(
+            f"a relief must be a map of heights (h, w), at least 2 x 2, not of shape {shape}"
+        )
     if shape[0] * shape[1] > MOST_HEIGHTS:
-        raise ValueError(f"a relief of {shape[0]} x {shape[1]} heights is too fine (at most {MOST_HEIGHTS} in all)")
+        raise ValueError(
+            f"a relief of {shape[0]} x {shape[1]} heights is too fine (at most {MOST_HEIGHTS} in "
+            "all)"
+        )
     if not np.all(np.isfinite(relief)):
         raise ValueError("a relief must hold finite heights; some are not")
 
 
 @dataclass(frozen=True)
 class Box:
-    """A box with sides along the axes, turned about its centre; u and v run from 0 to 1 across each face.
+    """A box with sides along the axes, turned about its centre; u and v run from 0 to 1 across each
+    face.
 
     Args:
         material: name of its material.
@@ -161,7 +171,8 @@ class Mesh:
         uv: (vertices, 2), coordinates in a thickness map; None if there are none.
 
     Raises:
-        ValueError: arrays of other shapes, no triangle at all, or a face of a vertex that does not exist.
+        ValueError: arrays of other shapes, no triangle at all, or a face of a vertex that does not
+            exist.
     """
 
     material: str
@@ -173,20 +184,31 @@ class Mesh:
     def __post_init__(self) -> None:
         vertices, faces = np.asarray(self.vertices), np.asarray(self.faces)
         if vertices.ndim != 2 or vertices.shape[1] != 3 or not np.all(np.isfinite(vertices)):
-            raise ValueError(f"vertices must be finite points (vertices, 3), not of shape {vertices.shape}")
+            raise ValueError(
+                f"vertices must be finite points (vertices, 3), not of shape {vertices.shape}"
+            )
         if faces.ndim != 2 or faces.shape[1] != 3 or len(faces) == 0:
             raise ValueError(f"faces must be triangles (faces, 3), not of shape {faces.shape}")
         if not np.issubdtype(faces.dtype, np.integer):
-            raise ValueError(f"faces must be whole numbers, those of the vertices, not {faces.dtype}")
+            raise ValueError(
+                f"faces must be whole numbers, those of the vertices, not {faces.dtype}"
+            )
         wrong = faces[(faces < 0) | (faces >= len(vertices))]
         if wrong.size:
-            raise ValueError(f"a face names vertex {wrong[0]}, but they are 0 to {len(vertices) - 1}")
+            raise ValueError(
+                f"a face names vertex {wrong[0]}, but they are 0 to {len(vertices) - 1}"
+            )
         for name, values, width in (("normals", self.normals, 3), ("uv", self.uv, 2)):
             if values is not None and np.shape(values) != (len(vertices), width):
-                raise ValueError(f"{name} must be ({len(vertices)}, {width}), not {np.shape(values)}")
+                raise ValueError(
+                    f"{name} must be ({len(vertices)}, {width}), not {np.shape(values)}"
+                )
 
     def __repr__(self) -> str:
-        return f"Mesh(material={self.material!r}, {len(self.vertices)} vertices, {len(self.faces)} faces)"
+        return (
+            f"Mesh(material={self.material!r}, {len(self.vertices)} vertices, {len(self.faces)} "
+            "faces)"
+        )
 
 
 Shape = Sphere | Plane | Box | Mesh

@@ -1,7 +1,9 @@
-"""Rays against the triangles of meshes: trimesh names the triangle, and the distance follows in double precision.
+"""Rays against the triangles of meshes: trimesh names the triangle, and the distance follows in
+double precision.
 
-trimesh asks Embree where embreex is installed, and searches itself otherwise, much slower. Embree counts in single
-precision: a ray may be said to meet the triangle that it starts from, and then looks again from a little further on.
+trimesh asks Embree where embreex is installed, and searches itself otherwise, much slower. Embree
+counts in single precision: a ray may be said to meet the triangle that it starts from, and then
+looks again from a little further on.
 """
 
 from collections.abc import Sequence
@@ -15,7 +17,8 @@ from jaxtyping import Array, Float, Int
 from ...extras import advice
 from .shapes import Mesh
 
-# First step away from a triangle that a ray is wrongly said to meet, in radii of all meshes; each next is doubled.
+# First step away from a triangle that a ray is wrongly said to meet, in radii of all meshes; each
+# next is doubled.
 _STEP = 1e-6
 
 
@@ -52,8 +55,12 @@ def make_triangles(meshes: Sequence[Mesh], before: int) -> Triangles:
         else:
             smooth = np.asarray(mesh.normals, float)[faces]
             length = np.linalg.norm(smooth, axis=-1, keepdims=True)
-            normals.append(np.where(length > 0, smooth / np.where(length > 0, length, 1.0), flat[:, None]))
-        uv.append(np.zeros((len(faces), 3, 2)) if mesh.uv is None else np.asarray(mesh.uv, float)[faces])
+            normals.append(
+                np.where(length > 0, smooth / np.where(length > 0, length, 1.0), flat[:, None])
+            )
+        uv.append(
+            np.zeros((len(faces), 3, 2)) if mesh.uv is None else np.asarray(mesh.uv, float)[faces]
+        )
         shape.append(np.full(len(faces), before + k))
     points = np.concatenate(corners)
     return Triangles(
@@ -89,12 +96,16 @@ class TriangleCaster:
     def __init__(self, triangles: Triangles):
         trimesh = import_trimesh()
         self._triangles = triangles
-        corners = triangles.corner[:, None] + np.stack([0 * triangles.edge1, triangles.edge1, triangles.edge2], axis=1)
+        corners = triangles.corner[:, None] + np.stack(
+            [0 * triangles.edge1, triangles.edge1, triangles.edge2], axis=1
+        )
         points = corners.reshape(-1, 3)
         self._middle = 0.5 * (points.min(axis=0) + points.max(axis=0))
         points = points - self._middle
         self._radius = 1.001 * float(np.linalg.norm(points, axis=1).max())
-        self._engine = trimesh.Trimesh(points, np.arange(len(points)).reshape(-1, 3), process=False).ray
+        self._engine = trimesh.Trimesh(
+            points, np.arange(len(points)).reshape(-1, 3), process=False
+        ).ray
         try:
             self._engine.intersects_first(np.zeros((1, 3)), np.array([[0.0, 0.0, 1.0]]))
         except ImportError:
@@ -106,12 +117,18 @@ class TriangleCaster:
         direction: Float[np.ndarray, "rays 3"],
         limit: Float[np.ndarray, "rays"],
     ) -> tuple[Float[np.ndarray, "rays"], Int[np.ndarray, "rays"]]:
-        """Distance and number of the nearest triangle nearer than the limit; the limit and -1 where there is none."""
+        """Distance and number of the nearest triangle nearer than the limit; the limit and -1 where
+        there is none.
+        """
         best, triangle = limit.copy(), np.full(len(limit), -1)
         # From where rays enter the sphere around all meshes: single precision is fine there.
         offset = origin - self._middle
         middle = -np.sum(offset * direction, axis=1)
-        half = np.sqrt(np.maximum(self._radius**2 - np.sum((offset + middle[:, None] * direction) ** 2, axis=1), 0.0))
+        half = np.sqrt(
+            np.maximum(
+                self._radius**2 - np.sum((offset + middle[:, None] * direction) ** 2, axis=1), 0.0
+            )
+        )
         start = np.maximum(middle - half, 0.0)
         going = np.flatnonzero((half > 0) & (middle + half > 0) & (start < limit))
         step = _STEP * self._radius
@@ -128,7 +145,9 @@ class TriangleCaster:
             step *= 2
         return best, triangle
 
-    def _distance(self, which: np.ndarray, origin: np.ndarray, direction: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def _distance(
+        self, which: np.ndarray, origin: np.ndarray, direction: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
         """Distances of a triangle for each ray, and whether it lies ahead.
 
         Source: T. Möller, B. Trumbore, Journal of Graphics Tools 2 (1997) 21.
@@ -137,9 +156,13 @@ class TriangleCaster:
         across, other = np.cross(direction, edge2), np.cross(origin - corner, edge1)
         with np.errstate(divide="ignore", invalid="ignore"):
             scale = 1.0 / np.sum(edge1 * across, axis=1)
-            u, v = scale * np.sum((origin - corner) * across, axis=1), scale * np.sum(direction * other, axis=1)
+            u, v = (
+                scale * np.sum((origin - corner) * across, axis=1),
+                scale * np.sum(direction * other, axis=1),
+            )
             ahead = ~(scale * np.sum(edge2 * other, axis=1) <= 0)
-        # Rounding may put the point a little outside, and far outside where the triangle is seen edge-on.
+        # Rounding may put the point a little outside, and far outside where the triangle is seen
+        # edge-on.
         u, v = (np.clip(np.nan_to_num(part), 0.0, 1.0)[:, None] for part in (u, v))
         distance = np.sum((corner + u * edge1 + v * edge2 - origin) * direction, axis=1)
         return distance, ahead & (distance > 0)
@@ -149,7 +172,9 @@ def triangle_surface(
     triangles: Triangles, part: Int[Array, "rays"], point: Float[Array, "rays 3"]
 ) -> tuple[Float[Array, "rays 3"], Float[Array, "rays 3"], Float[Array, "rays 2"]]:
     """Smooth normal, normal of the face and texture coordinates at points of triangles."""
-    corner, edge1, edge2 = (jnp.asarray(a)[part] for a in (triangles.corner, triangles.edge1, triangles.edge2))
+    corner, edge1, edge2 = (
+        jnp.asarray(a)[part] for a in (triangles.corner, triangles.edge1, triangles.edge2)
+    )
     across = jnp.cross(edge1, edge2)
     area = jnp.sum(across**2, axis=-1, keepdims=True)
     area = jnp.where(area > 0, area, 1.0)

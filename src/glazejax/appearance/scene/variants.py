@@ -1,4 +1,6 @@
-"""Which of Mitsuba's variants computes spectra here, and how to use it without taking another one from the user."""
+"""Which of Mitsuba's variants computes spectra here, and how to use it without taking another one
+from the user.
+"""
 
 import subprocess
 import sys
@@ -11,20 +13,24 @@ from ...extras import require
 # Fast first.
 SPECTRAL = ("llvm_ad_spectral", "scalar_spectral")
 _PATIENCE = 120.0
-# A picture of a few pixels: with some versions of LLVM the process ends at its first kernel, not before.
+# A picture of a few pixels: with some versions of LLVM the process ends at its first kernel, not
+# before.
 _PROBE = """
 import sys
 import mitsuba as mi
 mi.set_variant(sys.argv[1])
 film = {"type": "hdrfilm", "width": 4, "height": 4}
-scene = {"type": "scene", "sensor": {"type": "perspective", "film": film}, "integrator": {"type": "path"}}
-scene |= {"light": {"type": "constant"}, "ball": {"type": "sphere", "center": [0, 0, 4]}}
+scene = {"type": "scene", "sensor": {"type": "perspective", "film": film}}
+scene |= {"integrator": {"type": "path"}, "light": {"type": "constant"}}
+scene |= {"ball": {"type": "sphere", "center": [0, 0, 4]}}
 sys.exit(0 if float(mi.TensorXf(mi.render(mi.load_dict(scene), spp=4)).array[0]) > 0 else 1)
 """
 
 
 def works(variant: str) -> bool:
-    """Whether a variant of Mitsuba renders here; tried in a process of its own, which may be aborted."""
+    """Whether a variant of Mitsuba renders here; tried in a process of its own, which may be
+    aborted.
+    """
     try:
         done = subprocess.run(
             [sys.executable, "-c", _PROBE, variant],
@@ -52,19 +58,23 @@ def usable_variant() -> str:
     there = [variant for variant in SPECTRAL if variant in mi.variants()]
     if not there:
         known = ", ".join(mi.variants())
-        raise ValueError(f"this Mitsuba has no spectral variant ({' or '.join(SPECTRAL)}), only {known}")
+        raise ValueError(
+            f"this Mitsuba has no spectral variant ({' or '.join(SPECTRAL)}), only {known}"
+        )
     return next((variant for variant in there[:-1] if works(variant)), there[-1])
 
 
 def is_spectral(variant: str | None) -> bool:
-    """Whether scenes of this program can be rendered in a variant: with spectra, without polarisation."""
+    """Whether scenes of this program can be rendered in a variant: with spectra, without
+    polarisation.
+    """
     return variant is not None and "spectral" in variant and "polarized" not in variant
 
 
 @contextmanager
 def spectral_variant() -> Iterator[str]:
-    """A spectral variant for as long as this lasts: the user's own if it is one, which stays; otherwise the one set
-    before comes back in the end.
+    """A spectral variant for as long as this lasts: the user's own if it is one, which stays;
+    otherwise the one set before comes back in the end.
     """
     require("mitsuba")
     import mitsuba as mi  # pyright: ignore[reportMissingImports]

@@ -13,7 +13,8 @@ from .raw import OnDisk, RawCube
 
 
 def envi_cube(path: Path, count: int | None = None) -> RawCube:
-    """An ENVI image, header or data named; mapped into memory, in any interleave, type and byte order.
+    """An ENVI image, header or data named; mapped into memory, in any interleave, type and byte
+    order.
 
     Args:
         path: of the header or the data.
@@ -61,10 +62,12 @@ def _mapped(header: Path, data: Path) -> np.ndarray:
 
 
 def _place(envi: EnviFile) -> dict[str, Any]:
-    """Coordinates and pixel size from the header's ``map info``, ``pixel size`` and ``coordinate system string``.
+    """Coordinates and pixel size from the header's ``map info``, ``pixel size`` and ``coordinate
+    system string``.
 
-    ``map info`` is projection, reference pixel (x, y; 1, 1 is the corner of the first pixel), its easting and northing,
-    pixel size (x, y), then zone and datum, and entries ``units=`` and ``rotation=``.
+    ``map info`` is projection, reference pixel (x, y; 1, 1 is the corner of the first pixel), its
+    easting and northing, pixel size (x, y), then zone and datum, and entries ``units=`` and
+    ``rotation=``.
     """
     attributes: dict[str, Any] = {}
     if system := envi.entries("coordinate system string"):
@@ -87,7 +90,9 @@ def _place(envi: EnviFile) -> dict[str, Any]:
         down, across = np.arange(envi.sizes["lines"]), np.arange(envi.sizes["samples"])
         if info and not turned:
             found["x"], found["y"] = east + (across + 1.5 - x0) * dx, north - (down + 1.5 - y0) * dy
-        else:  # lines and samples of a turned image have no coordinates of the map; they count from the image's corner
+        # lines and samples of a turned image have no coordinates of the map; they count from the
+        # image's corner
+        else:
             found["x"], found["y"] = (across + 0.5) * dx, (down + 0.5) * dy
     return found
 
@@ -104,7 +109,11 @@ def npy_cube(path: Path, count: int | None) -> RawCube:
     """
     array = _npy(path)
     if array.ndim != 3 or array.dtype.kind not in "fiu":
-        raise refusal(path, f"an array of shape {array.shape} and type {array.dtype}, not an image of y, x, wavelength")
+        raise refusal(
+            path,
+            f"an array of shape {array.shape} and type {array.dtype}, not an image of y, x, "
+            "wavelength",
+        )
     order, shape = axes_of(array.shape, count)
     return RawCube(
         path=path,

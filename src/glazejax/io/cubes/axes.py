@@ -2,9 +2,44 @@
 
 from collections.abc import Sequence
 
-_LINES = {"y", "line", "lines", "row", "rows", "lat", "latitude", "northing", "height", "along_track"}
-_SAMPLES = {"x", "sample", "samples", "column", "columns", "col", "cols", "lon", "longitude", "easting", "width"}
-_BANDS = {"wavelength", "wavelengths", "wl", "wvl", "lambda", "band", "bands", "spectral", "channel", "channels", "c"}
+_LINES = {
+    "y",
+    "line",
+    "lines",
+    "row",
+    "rows",
+    "lat",
+    "latitude",
+    "northing",
+    "height",
+    "along_track",
+}
+_SAMPLES = {
+    "x",
+    "sample",
+    "samples",
+    "column",
+    "columns",
+    "col",
+    "cols",
+    "lon",
+    "longitude",
+    "easting",
+    "width",
+}
+_BANDS = {
+    "wavelength",
+    "wavelengths",
+    "wl",
+    "wvl",
+    "lambda",
+    "band",
+    "bands",
+    "spectral",
+    "channel",
+    "channels",
+    "c",
+}
 
 
 def axes_of(
@@ -12,8 +47,9 @@ def axes_of(
 ) -> tuple[tuple[int, int, int], tuple[int, int, int]]:
     """Axes of y, x and wavelength, and their sizes.
 
-    By their names where those are known; else the wavelength is the axis of as many entries as there are wavelengths,
-    the last of them, or the last where that is not known either; y comes before x.
+    By their names where those are known; else the wavelength is the axis of as many entries as
+    there are wavelengths, the last of them, or the last where that is not known either; y comes
+    before x.
 
     Args:
         shape: three sizes.
@@ -22,7 +58,14 @@ def axes_of(
     """
     words = [str(name or "").lower().rsplit("/", 1)[-1] for name in names] or [""] * 3
     named = [
-        next((i for i, word in enumerate(words) if word in known or word.startswith(tuple(known & _LONG))), None)
+        next(
+            (
+                i
+                for i, word in enumerate(words)
+                if word in known or word.startswith(tuple(known & _LONG))
+            ),
+            None,
+        )
         for known in (_LINES, _SAMPLES, _BANDS)
     ]
     band = named[2]

@@ -13,7 +13,8 @@ class Reference:
     """Readings of a white or of no light.
 
     Attributes:
-        frame: (1, samples or 1, stored bands), averaged over its lines; or a file with a reading for each pixel.
+        frame: (1, samples or 1, stored bands), averaged over its lines; or a file with a reading
+            for each pixel.
     """
 
     frame: Float[np.ndarray, "1 samples stored"] | RawCube
@@ -41,8 +42,11 @@ class Calibration:
     dark: Reference | None
     own: Float[np.ndarray, "stored"]
 
-    def apply(self, values: np.ndarray, y: slice, x: slice, bands: Int[np.ndarray, "bands"]) -> np.ndarray:
-        """Reflectance: (raw - dark) / (white - dark) times the white's own; NaN where the white is not above the dark.
+    def apply(
+        self, values: np.ndarray, y: slice, x: slice, bands: Int[np.ndarray, "bands"]
+    ) -> np.ndarray:
+        """Reflectance: (raw - dark) / (white - dark) times the white's own; NaN where the white is
+        not above the dark.
 
         A saturated reading (+inf) stays +inf.
         """

@@ -1,4 +1,6 @@
-"""Which of many named arrays is the image, which its wavelengths, and what their attributes mean."""
+"""Which of many named arrays is the image, which its wavelengths, and what their
+attributes mean.
+"""
 
 import base64
 import binascii
@@ -69,7 +71,8 @@ def describe(
         on_disk: array of a name, opened when it is needed.
 
     Raises:
-        ValueError: no array of that name, several that can be meant, or wavelengths that are not legal.
+        ValueError: no array of that name, several that can be meant, or wavelengths that are not
+            legal.
     """
     image = _image(path, entries, dataset, count)
     spectral = _wavelengths_of(image, entries)
@@ -89,7 +92,10 @@ def describe(
                 about["units"] = unit
     if "x" in found and "y" in found:
         about.setdefault("units", "as in the file")
-        steps = [float(abs(np.diff(found[title]).mean())) if found[title].size > 1 else 1.0 for title in ("y", "x")]
+        steps = [
+            float(abs(np.diff(found[title]).mean())) if found[title].size > 1 else 1.0
+            for title in ("y", "x")
+        ]
         about["pixel_size"] = tuple(steps)
     else:
         found = {}
@@ -114,15 +120,25 @@ def describe(
 
 def _image(path: Path, entries: Sequence[Entry], dataset: str | None, count: int | None) -> Entry:
     """The array that is meant."""
-    cubes = [entry for entry in entries if len(entry.shape) == 3 and entry.dtype.kind in "fiu" and 0 not in entry.shape]
+    cubes = [
+        entry
+        for entry in entries
+        if len(entry.shape) == 3 and entry.dtype.kind in "fiu" and 0 not in entry.shape
+    ]
     known = listed([f"{entry.name or '(the array itself)'} {entry.shape}" for entry in cubes])
     if dataset is not None:
         wanted = dataset.strip("/")
-        chosen = [entry for entry in cubes if entry.name == wanted] or [e for e in cubes if e.last == wanted]
+        chosen = [entry for entry in cubes if entry.name == wanted] or [
+            e for e in cubes if e.last == wanted
+        ]
         if len(chosen) == 1:
             return chosen[0]
         if chosen:
-            raise refusal(path, f"{dataset!r} is the name of {len(chosen)} arrays: say which with its groups: {known}")
+            raise refusal(
+                path,
+                f"{dataset!r} is the name of {len(chosen)} arrays: say which with its groups: "
+                f"{known}",
+            )
         have = f"there are {known}" if cubes else "there is none"
         raise refusal(path, f"no dataset {dataset!r} with three axes of numbers; {have}")
     if not cubes:
@@ -139,7 +155,9 @@ def _image(path: Path, entries: Sequence[Entry], dataset: str | None, count: int
 
 
 def _wavelengths_of(image: Entry, entries: Sequence[Entry]) -> tuple[Any, str] | None:
-    """Wavelengths of an image and their unit: an array named so that is as long as one of its axes, or an attribute."""
+    """Wavelengths of an image and their unit: an array named so that is as long as one of its axes,
+    or an attribute.
+    """
     named = [
         entry
         for entry in entries
@@ -150,7 +168,9 @@ def _wavelengths_of(image: Entry, entries: Sequence[Entry]) -> tuple[Any, str] |
     ]
     if named:
         # The nearest: in the image's own group, then below it, then anywhere.
-        named.sort(key=lambda entry: (entry.group != image.group, not entry.group.startswith(image.group)))
+        named.sort(
+            key=lambda entry: (entry.group != image.group, not entry.group.startswith(image.group))
+        )
         return named[0].array[...], _unit(named[0].attributes)
     for title, value in image.attributes.items():
         if title.lower() in _SPECTRAL and np.ndim(value) == 1 and len(value) in image.shape:
@@ -158,11 +178,15 @@ def _wavelengths_of(image: Entry, entries: Sequence[Entry]) -> tuple[Any, str] |
     return None
 
 
-def _read_wavelengths(path: Path, values: Any, unit: str) -> tuple[Float[np.ndarray, "stored"], list[str]]:
+def _read_wavelengths(
+    path: Path, values: Any, unit: str
+) -> tuple[Float[np.ndarray, "stored"], list[str]]:
     try:
         wavelengths = np.asarray(values, np.float64)
         if not np.isfinite(wavelengths).all():
-            raise ValueError(f"wavelength number {int(np.argmin(np.isfinite(wavelengths))) + 1} is not finite")
+            raise ValueError(
+                f"wavelength number {int(np.argmin(np.isfinite(wavelengths))) + 1} is not finite"
+            )
         return nanometres(wavelengths, unit)
     except ValueError as error:
         raise refusal(path, error) from None
@@ -173,7 +197,12 @@ def _coordinates(image: Entry, axis: int, entries: Sequence[Entry]) -> Entry | N
     name = str(image.dims[axis] or "").strip("/")
     for wanted in (name, f"{image.group}/{name}".strip("/")):
         for entry in entries:
-            if name and entry.name == wanted and entry.shape == (image.shape[axis],) and entry.dtype.kind in "fiu":
+            if (
+                name
+                and entry.name == wanted
+                and entry.shape == (image.shape[axis],)
+                and entry.dtype.kind in "fiu"
+            ):
                 return entry
     return None
 
@@ -185,14 +214,22 @@ def _good(image: Entry, entries: Sequence[Entry], count: int) -> np.ndarray | No
             good = np.flatnonzero(np.asarray(entry.array[...]))
             return good if good.size else None
     marks = image.attributes.get("bbl")
-    return None if marks is None or np.shape(marks) != (count,) else np.flatnonzero(np.asarray(marks))
+    return (
+        None if marks is None or np.shape(marks) != (count,) else np.flatnonzero(np.asarray(marks))
+    )
 
 
 def _meaning(path: Path, attributes: dict[str, Any]) -> dict[str, Any]:
-    """Gain, offset, scale and marks of missing data by the conventions of CF, and by the names that others use."""
+    """Gain, offset, scale and marks of missing data by the conventions of CF, and by the names that
+    others use.
+    """
     number = {title: value for title, value in attributes.items() if title in _NUMBERS}
     values = {title: _number(path, title, value) for title, value in number.items()}
-    ignore = {values[title] for title in ("_FillValue", "missing_value", "Data_Ignore_Value") if title in values}
+    ignore = {
+        values[title]
+        for title in ("_FillValue", "missing_value", "Data_Ignore_Value")
+        if title in values
+    }
     scale = values.get("Scale_Factor")
     if scale is None:
         scale = {"%": 100.0, "percent": 100.0, "1": 1.0}.get((_unit(attributes)).lower())
@@ -204,11 +241,20 @@ def _meaning(path: Path, attributes: dict[str, Any]) -> dict[str, Any]:
     }
 
 
-_NUMBERS = ("_FillValue", "missing_value", "Data_Ignore_Value", "scale_factor", "add_offset", "Scale_Factor")
+_NUMBERS = (
+    "_FillValue",
+    "missing_value",
+    "Data_Ignore_Value",
+    "scale_factor",
+    "add_offset",
+    "Scale_Factor",
+)
 
 
 def _number(path: Path, title: str, value: Any) -> float:
-    """A number of an attribute: alone, in an array of one, or in base64, as xarray writes marks into zarr 3."""
+    """A number of an attribute: alone, in an array of one, or in base64, as xarray writes marks
+    into zarr 3.
+    """
     try:
         if isinstance(value, str | bytes):
             return float(struct.unpack("<d", base64.standard_b64decode(value))[0])
@@ -218,11 +264,20 @@ def _number(path: Path, title: str, value: Any) -> float:
 
 
 def _unit(attributes: dict[str, Any]) -> str:
-    return next((_text(value) for title, value in attributes.items() if title.lower() in ("units", "unit")), "")
+    return next(
+        (_text(value) for title, value in attributes.items() if title.lower() in ("units", "unit")),
+        "",
+    )
 
 
 def _text(value: Any) -> str:
     """An attribute as text."""
     if isinstance(value, np.ndarray) and value.size == 1:
         value = value.ravel()[0]
-    return value.decode("utf-8", "replace") if isinstance(value, bytes) else "" if value is None else str(value)
+    return (
+        value.decode("utf-8", "replace")
+        if isinstance(value, bytes)
+        else ""
+        if value is None
+        else str(value)
+    )

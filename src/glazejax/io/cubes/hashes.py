@@ -1,4 +1,6 @@
-"""A quick hash of an image: enough to tell that it is not the one that was mapped, without reading all of it."""
+"""A quick hash of an image: enough to tell that it is not the one that was mapped, without reading
+all of it.
+"""
 
 import hashlib
 from pathlib import Path
@@ -12,10 +14,12 @@ _SMALL = 1 << 21
 
 
 def quick_source_hash(path: str | Path) -> str:
-    """SHA-256 of names, sizes, and the first and last MiB of a file (of a small one, all); not of what lies between.
+    """SHA-256 of names, sizes, and the first and last MiB of a file (of a small one, all); not of
+    what lies between.
 
-    Of an ENVI image the header and the data are hashed, of a folder all names and sizes, the small text files of its
-    metadata, and the ends of its first and last file. A copy has the same hash wherever it lies.
+    Of an ENVI image the header and the data are hashed, of a folder all names and sizes, the small
+    text files of its metadata, and the ends of its first and last file. A copy has the same hash
+    wherever it lies.
 
     Raises:
         FileNotFoundError: no such file.

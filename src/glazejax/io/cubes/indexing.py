@@ -13,7 +13,8 @@ _NEAR, _SQUARE = 16, 64
 
 
 def outer(take: Take, key: Sequence[Any], shape: tuple[int, ...]) -> np.ndarray:
-    """Part of an array at a whole number, a slice or a list of numbers along each axis, each for itself.
+    """Part of an array at a whole number, a slice or a list of numbers along each axis, each for
+    itself.
 
     Args:
         take: reads a window.
@@ -21,13 +22,19 @@ def outer(take: Take, key: Sequence[Any], shape: tuple[int, ...]) -> np.ndarray:
         shape: of the array.
     """
     single = [np.ndim(part) == 0 and not isinstance(part, slice) for part in key]
-    parts = [np.reshape(part, 1) if alone else part for part, alone in zip(key, single, strict=True)]
+    parts = [
+        np.reshape(part, 1) if alone else part for part, alone in zip(key, single, strict=True)
+    ]
     values = _lists(take, [], parts, shape)
     return np.squeeze(values, axis=tuple(int(axis) for axis in np.flatnonzero(single)))
 
 
-def _lists(take: Take, done: list[slice], rest: Sequence[Any], shape: tuple[int, ...]) -> np.ndarray:
-    """Part of an array of which the first axes are windows already, and the rest slices or lists of numbers."""
+def _lists(
+    take: Take, done: list[slice], rest: Sequence[Any], shape: tuple[int, ...]
+) -> np.ndarray:
+    """Part of an array of which the first axes are windows already, and the rest slices or lists of
+    numbers.
+    """
     if not rest:
         sizes = [len(range(size)[part]) for part, size in zip(done, shape, strict=True)]
         return take(tuple(done)) if 0 not in sizes else np.empty(sizes, np.float32)
@@ -38,7 +45,9 @@ def _lists(take: Take, done: list[slice], rest: Sequence[Any], shape: tuple[int,
             window = slice(wanted.start, max(wanted.start, wanted.stop), wanted.step)
             return _lists(take, [*done, window], rest[1:], shape)
         part = np.asarray(wanted, int)
-    numbers, back = np.unique(np.where(part < 0, part + size, part).astype(int), return_inverse=True)
+    numbers, back = np.unique(
+        np.where(part < 0, part + size, part).astype(int), return_inverse=True
+    )
     found = []
     for run in np.split(numbers, np.flatnonzero(np.diff(numbers) > _NEAR) + 1):
         window = slice(int(run[0]), int(run[-1]) + 1, 1) if run.size else slice(0, 0, 1)
@@ -55,7 +64,9 @@ def pointwise(take: Take, key: Sequence[Any], shape: tuple[int, int, int]) -> np
         key: three arrays of whole numbers.
         shape: of the array.
     """
-    y, x, bands = (np.where(part < 0, part + size, part) for part, size in zip(key, shape, strict=True))
+    y, x, bands = (
+        np.where(part < 0, part + size, part) for part, size in zip(key, shape, strict=True)
+    )
     y, x = np.broadcast_arrays(y, x)
     whole = np.broadcast_shapes(y.shape, bands.shape)
     if 0 in whole:
@@ -64,11 +75,17 @@ def pointwise(take: Take, key: Sequence[Any], shape: tuple[int, int, int]) -> np
     run = slice(first, int(bands.max()) + 1, 1)
     spectra = np.empty((y.size, run.stop - first), np.float32)
     lines, samples = y.ravel(), x.ravel()
-    _, square = np.unique((lines // _SQUARE) * (shape[1] // _SQUARE + 1) + samples // _SQUARE, return_inverse=True)
+    _, square = np.unique(
+        (lines // _SQUARE) * (shape[1] // _SQUARE + 1) + samples // _SQUARE, return_inverse=True
+    )
     order = np.argsort(square, kind="stable")
     for points in np.split(order, np.flatnonzero(np.diff(square[order])) + 1):
         top, left = int(lines[points].min()), int(samples[points].min())
-        window = slice(top, int(lines[points].max()) + 1, 1), slice(left, int(samples[points].max()) + 1, 1), run
+        window = (
+            slice(top, int(lines[points].max()) + 1, 1),
+            slice(left, int(samples[points].max()) + 1, 1),
+            run,
+        )
         spectra[points] = take(window)[lines[points] - top, samples[points] - left]
     rows = np.broadcast_to(np.arange(y.size).reshape(y.shape), whole)
     return spectra[rows, np.broadcast_to(bands - first, whole)]

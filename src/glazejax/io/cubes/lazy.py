@@ -14,8 +14,8 @@ from .calibration import Calibration
 from .indexing import outer, pointwise
 from .raw import RawCube
 
-# Numbers worked on at a time: few enough for a processor's cache, so that bands that lie apart are brought together
-# there, and many enough that each piece is worth its call.
+# Numbers worked on at a time: few enough for a processor's cache, so that bands that lie apart are
+# brought together there, and many enough that each piece is worth its call.
 _AT_ONCE = 1 << 19
 # Bands that are read together where each lies in a place of its own: one cache line of float32.
 _BANDS = 16
@@ -43,13 +43,17 @@ class Reading:
 
     @property
     def shape(self) -> tuple[int, int, int]:
-        """Lines, samples and bands that are given; lines and samples that do not fill a bin are left out."""
+        """Lines, samples and bands that are given; lines and samples that do not fill a bin are
+        left out.
+        """
         y0, y1, x0, x1 = self.window
         return (y1 - y0) // self.binning[0], (x1 - x0) // self.binning[1], len(self.bands)
 
     def take(self, key: tuple[slice, ...]) -> Float[np.ndarray, "y x bands"]:
         """Reflectance of a window: a slice with a positive step along each of the dims."""
-        lines, samples, bands = (range(size)[part] for part, size in zip(key, self.shape, strict=True))
+        lines, samples, bands = (
+            range(size)[part] for part, size in zip(key, self.shape, strict=True)
+        )
         values = np.empty((len(lines), len(samples), len(bands)), np.float32)
         if values.size:
             groups = self.bands[bands.start : bands.stop : bands.step]
@@ -61,7 +65,9 @@ class Reading:
         return values
 
     def _strips(self, lines: range, width: int) -> Iterator[slice]:
-        """Parts of the lines that are read at a time: whole pieces of the file, and of bearable size."""
+        """Parts of the lines that are read at a time: whole pieces of the file, and of bearable
+        size.
+        """
         each = self.binning[0]
         if lines.step > 1 and each > 1:
             yield from (slice(i, i + 1) for i in range(len(lines)))
@@ -78,7 +84,9 @@ class Reading:
             yield slice(start, min(stop, len(lines)))
             start = stop
 
-    def _strip(self, lines: range, samples: range, groups: Int[np.ndarray, "bands n"]) -> np.ndarray:
+    def _strip(
+        self, lines: range, samples: range, groups: Int[np.ndarray, "bands n"]
+    ) -> np.ndarray:
         """Reflectance of a few lines."""
         y0, _, x0, _ = self.window
         by, bx = self.binning
@@ -102,11 +110,17 @@ def _span(wanted: range, start: int, each: int) -> tuple[slice, int]:
     """Lines (or samples) of the file for a range of bins, and how many bins they hold."""
     if each == 1:
         return slice(start + wanted.start, start + wanted[-1] + 1, wanted.step), len(wanted)
-    return slice(start + wanted.start * each, start + (wanted[-1] + 1) * each), wanted[-1] + 1 - wanted.start
+    return slice(start + wanted.start * each, start + (wanted[-1] + 1) * each), wanted[
+        -1
+    ] + 1 - wanted.start
 
 
-def binned_mean(values: Float[np.ndarray, "ny by nx bx bands n"]) -> Float[np.ndarray, "ny nx bands"]:
-    """Means over the bins that leave NaN out; NaN where a bin has nothing else, +inf where it has a saturated value."""
+def binned_mean(
+    values: Float[np.ndarray, "ny by nx bx bands n"],
+) -> Float[np.ndarray, "ny nx bands"]:
+    """Means over the bins that leave NaN out; NaN where a bin has nothing else, +inf where it has a
+    saturated value.
+    """
     there = ~np.isnan(values)
     if there.all():
         return _sums(values, np.float64) / (values.shape[1] * values.shape[3] * values.shape[5])
@@ -116,7 +130,9 @@ def binned_mean(values: Float[np.ndarray, "ny by nx bx bands n"]) -> Float[np.nd
 
 
 def _sums(values: np.ndarray, dtype: Any) -> np.ndarray:
-    """Sums over the second, fourth and sixth axis; the last is short, and NumPy's own sum would take it one by one."""
+    """Sums over the second, fourth and sixth axis; the last is short, and NumPy's own sum would
+    take it one by one.
+    """
     total = values[..., 0].astype(dtype)
     for k in range(1, values.shape[-1]):
         total += values[..., k]
@@ -153,7 +169,9 @@ def as_data_array(
     about = {"units": "pixel", **raw.about_place}
     size = about.pop("pixel_size", (1.0, 1.0) if raw.y is None else None)
     places = {}
-    for i, (name, own, first, count, each) in enumerate((("y", raw.y, y0, lines, by), ("x", raw.x, x0, samples, bx))):
+    for i, (name, own, first, count, each) in enumerate(
+        (("y", raw.y, y0, lines, by), ("x", raw.x, x0, samples, bx))
+    ):
         further = {} if size is None else {"pixel_size": size[i] * each}
         places[name] = (name, _centres(own, first, count, each), about | further)
     attributes: dict[str, Any] = {
@@ -179,7 +197,9 @@ def as_data_array(
     )
     # What the file stores together, for those who choose the size of their windows.
     sizes = zip(dims, raw.piece, attributes["binning"], strict=True)
-    array.encoding["preferred_chunks"] = {name: max(1, -(-size // each)) for name, size, each in sizes}
+    array.encoding["preferred_chunks"] = {
+        name: max(1, -(-size // each)) for name, size, each in sizes
+    }
     return array
 
 
@@ -191,8 +211,12 @@ def _reading_of(raw: RawCube, stored: float, scale: float) -> float:
     return float(value[0] / np.float32(scale))
 
 
-def _centres(own: Float[np.ndarray, "size"] | None, first: int, count: int, each: int) -> Float[np.ndarray, "count"]:
-    """Coordinates of bins: the file's own, or centres of pixels of the whole image, from its upper left corner."""
+def _centres(
+    own: Float[np.ndarray, "size"] | None, first: int, count: int, each: int
+) -> Float[np.ndarray, "count"]:
+    """Coordinates of bins: the file's own, or centres of pixels of the whole image, from its upper
+    left corner.
+    """
     part = slice(first, first + count * each)
     places = np.arange(part.start, part.stop) + 0.5 if own is None else own[part]
     return places.reshape(count, each).mean(1)

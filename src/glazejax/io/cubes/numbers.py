@@ -22,7 +22,11 @@ def read_numbers(given: tuple[float, ...] | Path) -> Float[np.ndarray, "stored"]
         values, name = np.asarray(given, np.float64), Path("wavelengths")
     wrong = np.flatnonzero(~np.isfinite(values))
     if not values.size or wrong.size:
-        which = f"number {int(wrong[0]) + 1} is {values[wrong[0]]:g}" if wrong.size else "there are none"
+        which = (
+            f"number {int(wrong[0]) + 1} is {values[wrong[0]]:g}"
+            if wrong.size
+            else "there are none"
+        )
         raise refusal(name, f"wavelengths must be finite numbers: {which}")
     try:
         return nanometres(values, None)[0]
@@ -31,7 +35,8 @@ def read_numbers(given: tuple[float, ...] | Path) -> Float[np.ndarray, "stored"]
 
 
 def column(path: Path) -> Float[np.ndarray, "rows"]:
-    """Numbers of a .npy file of one axis, or of a text file: separated by blanks, commas or lines; # begins a comment.
+    """Numbers of a .npy file of one axis, or of a text file: separated by blanks, commas or lines;
+    # begins a comment.
 
     Raises:
         FileNotFoundError: no such file.
@@ -44,11 +49,18 @@ def column(path: Path) -> Float[np.ndarray, "rows"]:
             except ValueError as error:
                 raise refusal(path, f"not a whole .npy file: {error}") from None
         if values.dtype.kind not in "fiu" or values.size != max(values.shape, default=0):
-            raise refusal(path, f"an array of shape {values.shape} and type {values.dtype}, not a row of numbers")
+            raise refusal(
+                path,
+                f"an array of shape {values.shape} and type {values.dtype}, not a row of numbers",
+            )
         return values.astype(np.float64).ravel()
     with opened(path) as source:
         text = source.text()
-    words = [word for line in text.splitlines() for word in line.partition("#")[0].replace(",", " ").split()]
+    words = [
+        word
+        for line in text.splitlines()
+        for word in line.partition("#")[0].replace(",", " ").split()
+    ]
     try:
         return np.array([float(word) for word in words], np.float64)
     except ValueError as error:

@@ -45,7 +45,9 @@ def raw_cube(path: Path, dataset: str | None = None, count: int | None = None) -
     if head.startswith(_NPY):
         return npy_cube(path, count)
     if not known:
-        raise refusal(path, "not an image of spectra that is known: ENVI, zarr, NetCDF, HDF5, TIFF, .npy")
+        raise refusal(
+            path, "not an image of spectra that is known: ENVI, zarr, NetCDF, HDF5, TIFF, .npy"
+        )
     return envi_cube(path, count)
 
 

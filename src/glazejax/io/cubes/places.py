@@ -1,4 +1,6 @@
-"""Parts of an image: masks from pictures and polygons, and spots of which the spectrum is wanted."""
+"""Parts of an image: masks from pictures and polygons, and spots of which the spectrum is
+wanted.
+"""
 
 import json
 import re
@@ -19,15 +21,17 @@ if TYPE_CHECKING:
 def read_mask(path: str | Path, image: Any) -> Bool[np.ndarray, "y x"]:
     """Which pixels are used, from a picture or from polygons.
 
-    A picture (PNG or what Pillow reads) uses the pixels that are not black and not transparent. Polygons are GeoJSON
-    (Polygon, MultiPolygon, or features of them) or a CSV of x, y vertices, an empty line between polygons; a pixel is
-    used if its centre lies inside. Their numbers are pixels of the whole image: 0, 0 is its upper left corner, and the
-    first pixel's centre is at 0.5, 0.5. Polygons may overlap; holes are GeoJSON's, rings after a polygon's first.
+    A picture (PNG or what Pillow reads) uses the pixels that are not black and not transparent.
+    Polygons are GeoJSON (Polygon, MultiPolygon, or features of them) or a CSV of x, y vertices, an
+    empty line between polygons; a pixel is used if its centre lies inside. Their numbers are pixels
+    of the whole image: 0, 0 is its upper left corner, and the first pixel's centre is at 0.5, 0.5.
+    Polygons may overlap; holes are GeoJSON's, rings after a polygon's first.
 
     Args:
         path: of the picture or of the polygons.
-        image: the cube that `open_cube` gave, or (lines, samples). The picture has the size of the whole image, or that
-            of the cube as it was opened, windowed and binned; a bin is used if at least half of its pixels are.
+        image: the cube that `open_cube` gave, or (lines, samples). The picture has the size of the
+            whole image, or that of the cube as it was opened, windowed and binned; a bin is used if
+            at least half of its pixels are.
 
     Raises:
         FileNotFoundError: no such file.
@@ -49,7 +53,11 @@ def read_mask(path: str | Path, image: Any) -> Bool[np.ndarray, "y x"]:
             size = f"{whole[0]} lines x {whole[1]} samples"
             if shape != whole:
                 size += f", opened as {shape[0]} x {shape[1]}"
-            raise refusal(path, f"the mask has {used.shape[0]} lines x {used.shape[1]} samples; the image has {size}")
+            raise refusal(
+                path,
+                f"the mask has {used.shape[0]} lines x {used.shape[1]} samples; the image has "
+                f"{size}",
+            )
     else:
         used = np.logical_or.reduce([inside(polygon, whole) for polygon in _polygons(path, text)])
     if shape != whole:
@@ -154,8 +162,12 @@ def _coordinates(node: Any) -> list[Any]:
     raise ValueError(f"{kind!r} is neither Polygon nor MultiPolygon")
 
 
-def inside(rings: list[Float[np.ndarray, "_ 2"]], shape: tuple[int, int]) -> Bool[np.ndarray, "y x"]:
-    """Pixels of which the centre lies inside: a ray to the left crosses the rings an odd number of times."""
+def inside(
+    rings: list[Float[np.ndarray, "_ 2"]], shape: tuple[int, int]
+) -> Bool[np.ndarray, "y x"]:
+    """Pixels of which the centre lies inside: a ray to the left crosses the rings an odd number of
+    times.
+    """
     lines, samples = shape
     used = np.zeros(shape, bool)
     start = np.concatenate(rings)
@@ -178,8 +190,8 @@ class Spot(NamedTuple):
     Attributes:
         wavelengths: (bands,), nm.
         reflectance: (bands,), mean over the pixels that have data; NaN where none has.
-        deviation: (bands,), standard deviation of one pixel about that mean; NaN where fewer than two have data.
-        pixels: how many have data at any band.
+        deviation: (bands,), standard deviation of one pixel about that mean; NaN where fewer than
+        two have data. pixels: how many have data at any band.
     """
 
     wavelengths: Float[np.ndarray, "bands"]
@@ -194,12 +206,13 @@ _SPOT = re.compile(r"\s*(\d+)(?:\s*:\s*(\d+))?\s*,\s*(\d+)(?:\s*:\s*(\d+))?\s*")
 
 
 def read_spot(cube: "xarray.DataArray", spot: str | Path) -> Spot:
-    """Mean spectrum of a pixel, of a box or of a mask of a cube; readings that are missing or saturated are left out.
+    """Mean spectrum of a pixel, of a box or of a mask of a cube; readings that are missing or
+    saturated are left out.
 
     Args:
         cube: what `open_cube` gave.
-        spot: ``x,y`` or ``x0:x1,y0:y1`` in pixels of the cube as it was opened, from 0 on, ends not included; or a file
-            that `read_mask` reads.
+        spot: ``x,y`` or ``x0:x1,y0:y1`` in pixels of the cube as it was opened, from 0 on, ends not
+            included; or a file that `read_mask` reads.
 
     Raises:
         FileNotFoundError: neither a place nor a file.
@@ -209,14 +222,17 @@ def read_spot(cube: "xarray.DataArray", spot: str | Path) -> Spot:
     match = _SPOT.fullmatch(str(spot))
     if match is None or is_there(spot):
         if not is_there(spot):
-            raise FileNotFoundError(f"{str(spot)!r} is neither a place such as 120,45 or 100:140,30:60, nor a file")
+            raise FileNotFoundError(
+                f"{str(spot)!r} is neither a place such as 120,45 or 100:140,30:60, nor a file"
+            )
         used = read_mask(spot, cube)
     else:
         x0, y0 = int(match[1]), int(match[3])
         x1, y1 = int(match[2] or x0 + 1), int(match[4] or y0 + 1)
         if not (x0 < x1 <= samples and y0 < y1 <= lines):
             raise ValueError(
-                f"the spot {spot} does not lie in the image: x goes from 0 to {samples}, y from 0 to {lines}"
+                f"the spot {spot} does not lie in the image: x goes from 0 to {samples}, y from "
+                f"0 to {lines}"
             )
         used = np.zeros((lines, samples), bool)
         used[y0:y1, x0:x1] = True
@@ -243,5 +259,7 @@ def read_spot(cube: "xarray.DataArray", spot: str | Path) -> Spot:
         raise ValueError(f"the spot {spot} has no data: all readings are missing or saturated")
     with np.errstate(invalid="ignore", divide="ignore"):
         mean = total / count
-        deviation = np.where(count > 1, np.sqrt(np.maximum(square - total * mean, 0) / (count - 1)), np.nan)
+        deviation = np.where(
+            count > 1, np.sqrt(np.maximum(square - total * mean, 0) / (count - 1)), np.nan
+        )
     return Spot(np.asarray(cube["wavelength"].values, np.float64), mean + shift, deviation, pixels)

@@ -14,7 +14,8 @@ _LARGE = 1 << 22
 
 
 def bright(raw: RawCube, bands: Int[np.ndarray, "bands"]) -> float | None:
-    """Value that 99 % of pixels stay below, in the brightest of a few bands; None if none of them has data.
+    """Value that 99 % of pixels stay below, in the brightest of a few bands; None if none of them
+    has data.
 
     Tiles are looked at, not scattered pixels: a file that stores pieces is read by pieces.
     """

@@ -22,17 +22,21 @@ _AROUND = 1 << 16
 
 @contextmanager
 def whole(path: Path) -> Iterator[None]:
-    """What other packages say of a damaged file, each in its own way, as one sentence that names the file.
+    """What other packages say of a damaged file, each in its own way, as one sentence that names
+    the file.
 
     Raises:
-        ValueError: whatever they raised, but for what the system says and for a package that is missing.
+        ValueError: whatever they raised, but for what the system says and for a package that is
+            missing.
     """
     try:
         yield
     except ImportError:
         raise
     except MemoryError:
-        raise refusal(path, "what is asked for does not fit into this machine's memory; is the file whole?") from None
+        raise refusal(
+            path, "what is asked for does not fit into this machine's memory; is the file whole?"
+        ) from None
     except Exception as error:
         told = isinstance(error, ValueError | OSError) and shown(path) in str(error)
         if told or (isinstance(error, OSError) and error.strerror is not None):
@@ -41,7 +45,8 @@ def whole(path: Path) -> Iterator[None]:
 
 
 class OnDisk:
-    """Array of a file, opened when it is first read from, and again in every process that it is sent to.
+    """Array of a file, opened when it is first read from, and again in every process that it is
+    sent to.
 
     Args:
         opener: function that opens it; it must be found by its name, so that it can be sent.
@@ -78,7 +83,8 @@ class OnDisk:
     def used(self, count: int) -> None:
         """Says that so many bytes were read and are not needed any more.
 
-        Pages of a mapped file count as this process' memory until they are let go; the system keeps them at hand.
+        Pages of a mapped file count as this process' memory until they are let go; the system keeps
+        them at hand.
         """
         self._mapped += count
         if self._mapped > _MAPPED and hasattr(mmap, "MADV_DONTNEED"):
@@ -153,14 +159,17 @@ class RawCube:
 
     @property
     def top(self) -> float | None:
-        """Stored number of a saturated reading: the largest of an integer type of a detector; None for floats."""
+        """Stored number of a saturated reading: the largest of an integer type of a detector; None
+        for floats.
+        """
         if self.dtype.kind not in "iu" or self.dtype.itemsize > 2:
             return None
         top = float(np.iinfo(self.dtype).max)
         return None if top in self.ignore else top
 
     def block(self, y: slice, x: slice, bands: Int[np.ndarray, "bands"]) -> np.ndarray:
-        """Stored numbers, (y, x, bands), in the file's type; a view of the file where it is mapped into memory.
+        """Stored numbers, (y, x, bands), in the file's type; a view of the file where it is mapped
+        into memory.
 
         Raises:
             ValueError: the file is damaged there.
@@ -176,8 +185,11 @@ class RawCube:
             return part
         return part[..., bands - first]
 
-    def values(self, y: slice, x: slice, bands: Int[np.ndarray, "bands"], *, mark: bool = False) -> np.ndarray:
-        """Values (stored numbers by gain and offset) as floats that hold them; NaN where data are missing.
+    def values(
+        self, y: slice, x: slice, bands: Int[np.ndarray, "bands"], *, mark: bool = False
+    ) -> np.ndarray:
+        """Values (stored numbers by gain and offset) as floats that hold them; NaN where data are
+        missing.
 
         Args:
             y: lines.
@@ -196,5 +208,7 @@ class RawCube:
             values *= self.gain
             values += self.offset
         # At most whole lines of all bands, and what is mapped around each.
-        self.data.used(len(values) * self.shape[1] * self.shape[2] * self.dtype.itemsize + bands.size * _AROUND)
+        self.data.used(
+            len(values) * self.shape[1] * self.shape[2] * self.dtype.itemsize + bands.size * _AROUND
+        )
         return values

@@ -1,4 +1,6 @@
-"""White and dark references: opened, held against the cube, averaged where they are frames of a line camera."""
+"""White and dark references: opened, held against the cube, averaged where they are frames of a
+line camera.
+"""
 
 from pathlib import Path
 
@@ -34,8 +36,8 @@ def calibration(
 
     Raises:
         FileNotFoundError: no such file.
-        ValueError: a reference has another size or other wavelengths than the cube, or the white's own reflectance is
-            not positive or does not reach over the cube's wavelengths.
+        ValueError: a reference has another size or other wavelengths than the cube, or the white's
+            own reflectance is not positive or does not reach over the cube's wavelengths.
     """
     return Calibration(
         _reference(cube, wavelengths, white, "white", notes),
@@ -44,11 +46,15 @@ def calibration(
     )
 
 
-def _own(wavelengths: Float[np.ndarray, "stored"], own: float | Path) -> Float[np.ndarray, "stored"]:
+def _own(
+    wavelengths: Float[np.ndarray, "stored"], own: float | Path
+) -> Float[np.ndarray, "stored"]:
     """The white's own reflectance at each stored band."""
     if not isinstance(own, Path):
         if not (np.isfinite(own) and 0 < own <= 2):
-            raise ValueError(f"the white's own reflectance is {own:g}; it must lie above 0 and be a fraction")
+            raise ValueError(
+                f"the white's own reflectance is {own:g}; it must lie above 0 and be a fraction"
+            )
         return np.full(wavelengths.size, float(own))
     table = read_sample(str(own), argument="white_reflectance")
     grid, back = np.unique(wavelengths, return_inverse=True)
@@ -62,11 +68,16 @@ def _own(wavelengths: Float[np.ndarray, "stored"], own: float | Path) -> Float[n
 def _reference(
     cube: RawCube, wavelengths: Float[np.ndarray, "stored"], path: Path, what: str, notes: list[str]
 ) -> Reference:
-    """A white or dark: one spectrum, a frame averaged over its lines, or a reading for each pixel."""
+    """A white or dark: one spectrum, a frame averaged over its lines, or a reading for
+    each pixel.
+    """
     lines, samples, count = cube.shape
     if (spectrum := _spectrum(path)) is not None:
         if spectrum.size != count:
-            raise refusal(path, f"the {what} reference has {spectrum.size} readings; the cube has {count} bands")
+            raise refusal(
+                path,
+                f"the {what} reference has {spectrum.size} readings; the cube has {count} bands",
+            )
         return Reference(spectrum.reshape(1, 1, -1))
     frame = raw_cube(path, count=count)
     height, width, stored = frame.shape
@@ -79,7 +90,8 @@ def _reference(
     if width not in (1, samples):
         raise refusal(
             path,
-            f"the {what} reference is {height} lines x {width} samples; the cube is {lines} x {samples}: give a frame "
+            f"the {what} reference is {height} lines x {width} samples; the cube is {lines} x "
+            f"{samples}: give a frame "
             "of the same width, one of the same size, or one spectrum",
         )
     if height > 1:
@@ -102,7 +114,9 @@ def _averaged(frame: RawCube) -> Float[np.ndarray, "1 samples stored"]:
     total, seen = np.zeros((samples, count)), np.zeros((samples, count), np.int64)
     step = max(frame.piece[0], 64)
     for start in range(0, lines, step):
-        values = frame.values(slice(start, min(lines, start + step)), slice(0, samples), np.arange(count), mark=True)
+        values = frame.values(
+            slice(start, min(lines, start + step)), slice(0, samples), np.arange(count), mark=True
+        )
         there = np.isfinite(values)
         total += np.where(there, values, 0.0).sum(axis=0, dtype=np.float64)
         seen += there.sum(axis=0)

@@ -1,4 +1,6 @@
-"""The one entry to images of spectra: from a path and what the user says of it to a lazy `xarray.DataArray`."""
+"""The one entry to images of spectra: from a path and what the user says of it to a lazy
+`xarray.DataArray`.
+"""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -25,21 +27,22 @@ _SLACK = 1e-6
 
 @dataclass(frozen=True)
 class CubeSource:
-    """An image of spectra and how it is to be read; can be sent to other processes, which open the file themselves.
+    """An image of spectra and how it is to be read; can be sent to other processes, which open the
+    file themselves.
 
     Attributes:
         path: ENVI header or data, a zarr store, NetCDF or HDF5, TIFF or a folder of TIFFs, or .npy.
-        wavelengths: nm, one a stored band, where the file has none; numbers or a text file of numbers.
-        dataset: of a zarr, NetCDF or HDF5 file; left out, the one array that can be meant.
-        white: reading of a white: a cube of the same size, a frame of the same width (averaged over its lines), or one
-            spectrum. With it reflectance is (raw - dark) / (white - dark) times `white_reflectance`, NaN where the
-            white is not above the dark.
+        wavelengths: nm, one a stored band, where the file has none; numbers or a text file of
+        numbers. dataset: of a zarr, NetCDF or HDF5 file; left out, the one array that can be meant.
+        white: reading of a white: a cube of the same size, a frame of the same width (averaged over
+            its lines), or one spectrum. With it reflectance is (raw - dark) / (white - dark) times
+            `white_reflectance`, NaN where the white is not above the dark.
         dark: reading of no light, of the same kinds.
         white_reflectance: the white's own reflectance, a number or a file of one spectrum.
         scale: value that stands for a reflectance of 1, where the file does not say.
         window: first line, end line, first sample, end sample; counted from 0, ends not included.
-        binning: lines, samples and bands of which the mean is taken; what does not fill a bin is left out.
-        bands: nm, first and last wavelength that are used.
+        binning: lines, samples and bands of which the mean is taken; what does not fill a bin is
+        left out. bands: nm, first and last wavelength that are used.
     """
 
     path: Path
@@ -65,7 +68,9 @@ class CubeSource:
         window = _window(raw, self.window, self.binning, notes)
         scale, unit, calibrated = 1.0, "raw", None
         if self.white is not None:
-            calibrated = calibration(raw, stored, self.white, self.dark, self.white_reflectance, notes)
+            calibrated = calibration(
+                raw, stored, self.white, self.dark, self.white_reflectance, notes
+            )
         else:
             scale, unit = self._unit(raw, groups, notes)
         from .lazy import Reading, as_data_array
@@ -85,22 +90,35 @@ class CubeSource:
         if self.dark is not None and self.white is None:
             raise ValueError("a dark reference alone calibrates nothing; give a white one too")
         if self.white is not None and self.scale is not None:
-            raise ValueError("give a scale or a white reference, not both: the white says what a reflectance of 1 is")
+            raise ValueError(
+                "give a scale or a white reference, not both: the white says what a reflectance "
+                "of 1 is"
+            )
         if self.scale is not None and not (np.isfinite(self.scale) and self.scale > 0):
             raise ValueError(f"scale is {self.scale:g}; it must be positive")
         if len(self.binning) != 3 or min(self.binning) < 1:
-            raise ValueError(f"binning is {self.binning}; it must be three whole numbers from 1 on: y, x, wavelength")
+            raise ValueError(
+                f"binning is {self.binning}; it must be three whole numbers from 1 on: y, x, "
+                "wavelength"
+            )
 
-    def _unit(self, raw: RawCube, groups: Int[np.ndarray, "bands n"], notes: list[str]) -> tuple[float, str]:
-        """Value that stands for a reflectance of 1, and the unit's name, from what is said or from a look at pixels."""
+    def _unit(
+        self, raw: RawCube, groups: Int[np.ndarray, "bands n"], notes: list[str]
+    ) -> tuple[float, str]:
+        """Value that stands for a reflectance of 1, and the unit's name, from what is said or from
+        a look at pixels.
+        """
         declared = raw.scale if self.scale is None else self.scale
         if self.scale is not None and raw.scale not in (None, self.scale):
             notes.append(
-                f"the file says that {raw.scale:g} is a reflectance of 1; {self.scale:g} was given and is used"
+                f"the file says that {raw.scale:g} is a reflectance of 1; {self.scale:g} was "
+                "given and is used"
             )
         level = bright(raw, groups.ravel())
         if level is None and declared is None:
-            raise refusal(raw.path, "no pixel that was looked at has data: give the scale, 1 for fractions")
+            raise refusal(
+                raw.path, "no pixel that was looked at has data: give the scale, 1 for fractions"
+            )
         try:
             scale, unit, told = unit_of(
                 0.0 if level is None else level / (declared or 1.0),
@@ -128,23 +146,27 @@ def open_cube(
 ) -> "xarray.DataArray":
     """Open an image of spectra without reading it, as one lazy array with dims y, x and wavelength.
 
-    Values are reflectance factors as fractions, float32, NaN where data are missing; they are read when they are asked
-    for (``cube.isel(y=slice(0, 256)).values``), and only the part that is asked for. Wavelengths are nm and ascend;
-    bands that the file marks as bad are left out. Coordinates y and x are the file's own, or centres of pixels (0.5,
-    1.5, ... of the whole image), and say their unit and pixel size where the file does.
+    Values are reflectance factors as fractions, float32, NaN where data are missing; they are read
+    when they are asked for (``cube.isel(y=slice(0, 256)).values``), and only the part that is asked
+    for. Wavelengths are nm and ascend; bands that the file marks as bad are left out. Coordinates y
+    and x are the file's own, or centres of pixels (0.5, 1.5, ... of the whole image), and say their
+    unit and pixel size where the file does.
 
-    ``attrs`` has ``saturated``: a value at or above it is a detector's upper end. That is the largest number of an 8 or
-    16 bit integer type by the scale; where the cube is calibrated or binned, a reading at the largest number becomes
-    +inf, and so does every bin that holds one. Further ``notes`` (sentences on what was changed), ``path``, ``format``,
+    ``attrs`` has ``saturated``: a value at or above it is a detector's upper end. That is the
+    largest number of an 8 or 16 bit integer type by the scale; where the cube is calibrated or
+    binned, a reading at the largest number becomes
+    +inf, and so does every bin that holds one. Further ``notes`` (sentences on what was changed),
+    ``path``, ``format``,
     ``unit`` (of the file), ``shape_in_file``, ``window`` and ``binning``.
 
-    The arguments are those of `CubeSource`, which says what they are; wavelengths may be any sequence of numbers.
+    The arguments are those of `CubeSource`, which says what they are; wavelengths may be any
+    sequence of numbers.
 
     Raises:
         FileNotFoundError: no such file.
         OSError: the system cannot read it.
-        ValueError: the file is not legal, or does not fit what is asked for; one line that says what would mend it.
-        ModuleNotFoundError: a package of the extra ``cube`` is missing.
+        ValueError: the file is not legal, or does not fit what is asked for; one line that says
+        what would mend it. ModuleNotFoundError: a package of the extra ``cube`` is missing.
     """
     if wavelengths is not None and not isinstance(wavelengths, str | Path):
         wavelengths = tuple(float(wavelength) for wavelength in wavelengths)
@@ -176,7 +198,8 @@ def _stored_wavelengths(
         if raw.wavelengths is None:
             raise refusal(
                 raw.path,
-                f"no wavelengths for {count} bands; give them (wavelengths=, --wavelengths: a list, or a file of nm)",
+                f"no wavelengths for {count} bands; give them (wavelengths=, --wavelengths: a "
+                "list, or a file of nm)",
             )
         return raw.wavelengths
     if given.size != count:
@@ -198,7 +221,9 @@ def _grid(
     fresh = np.concatenate([[True], np.diff(grid) > 0])
     if not fresh.all():
         again = ", ".join(f"{value:g}" for value in np.unique(grid[~fresh])[:3])
-        notes.append(f"{int((~fresh).sum())} bands repeat a wavelength ({again} nm) and are left out")
+        notes.append(
+            f"{int((~fresh).sum())} bands repeat a wavelength ({again} nm) and are left out"
+        )
         grid, bands = grid[fresh], bands[fresh]
     try:
         validate_wavelengths(grid)
@@ -208,10 +233,15 @@ def _grid(
         first, last = limits
         inside = (grid >= first - _SLACK) & (grid <= last + _SLACK)
         if not inside.any():
-            raise refusal(raw.path, f"no band lies from {first:g} to {last:g} nm; the image has {describe_grid(grid)}")
+            raise refusal(
+                raw.path,
+                f"no band lies from {first:g} to {last:g} nm; the image has {describe_grid(grid)}",
+            )
         grid, bands = grid[inside], bands[inside]
     if each > grid.size:
-        raise refusal(raw.path, f"bins of {each} bands are larger than the {grid.size} bands that there are")
+        raise refusal(
+            raw.path, f"bins of {each} bands are larger than the {grid.size} bands that there are"
+        )
     whole = grid.size // each * each
     if whole < grid.size:
         notes.append(f"{grid.size - whole} bands at the red end do not fill a bin and are left out")
@@ -219,7 +249,10 @@ def _grid(
 
 
 def _window(
-    raw: RawCube, window: tuple[int, int, int, int] | None, binning: tuple[int, int, int], notes: list[str]
+    raw: RawCube,
+    window: tuple[int, int, int, int] | None,
+    binning: tuple[int, int, int],
+    notes: list[str],
 ) -> tuple[int, int, int, int]:
     """First and end line and sample, checked."""
     lines, samples, _ = raw.shape
@@ -227,12 +260,15 @@ def _window(
     if not (0 <= y0 < y1 <= lines and 0 <= x0 < x1 <= samples):
         raise refusal(
             raw.path,
-            f"the window of lines {y0}:{y1} and samples {x0}:{x1} does not lie in the image of {lines} lines x "
+            f"the window of lines {y0}:{y1} and samples {x0}:{x1} does not lie in the image of "
+            f"{lines} lines x "
             f"{samples} samples",
         )
     for size, each, what in ((y1 - y0, binning[0], "lines"), (x1 - x0, binning[1], "samples")):
         if each > size:
-            raise refusal(raw.path, f"bins of {each} {what} are larger than the {size} {what} that there are")
+            raise refusal(
+                raw.path, f"bins of {each} {what} are larger than the {size} {what} that there are"
+            )
         if size % each:
             notes.append(f"{size % each} {what} at the end do not fill a bin and are left out")
     return y0, y1, x0, x1

@@ -13,7 +13,8 @@ from .raw import OnDisk, RawCube
 
 
 def zarr_cube(path: Path, dataset: str | None, count: int | None) -> RawCube:
-    """Array of a zarr store (2 or 3), or a store that is an array itself; only the chunks that are needed are read.
+    """Array of a zarr store (2 or 3), or a store that is an array itself; only the chunks that are
+    needed are read.
 
     Raises:
         ValueError: no array in it that can be meant.
@@ -29,7 +30,9 @@ def zarr_cube(path: Path, dataset: str | None, count: int | None) -> RawCube:
 
 def _members(group: Any) -> list[tuple[str, Any]]:
     """Arrays of a group and of the groups in it, by their paths."""
-    return [(name, array) for name, array in group.members(max_depth=None) if hasattr(array, "shape")]
+    return [
+        (name, array) for name, array in group.members(max_depth=None) if hasattr(array, "shape")
+    ]
 
 
 def _zarr_entry(name: str, array: Any) -> Entry:
@@ -81,7 +84,11 @@ def _hdf5_entry(name: str, node: Any) -> Entry:
     names = [axis[0].name if len(axis) else axis.label or None for axis in node.dims]
     attributes = {title: node.attrs[title] for title in node.attrs if title not in _OWN}
     # A dimension of NetCDF that has no coordinates is a scale of zeros.
-    real = not str(node.attrs.get("NAME", b"")).lstrip("b'").startswith("This is a netCDF dimension but not")
+    real = (
+        not str(node.attrs.get("NAME", b""))
+        .lstrip("b'")
+        .startswith("This is a netCDF dimension but not")
+    )
     chunks = node.chunks or (1,) * node.ndim
     return Entry(
         name=name if real else "",
@@ -129,7 +136,9 @@ def classic_cube(path: Path, dataset: str | None, count: int | None) -> RawCube:
                 array=variable.data,
             )
         )
-    return describe(path, "NetCDF 3", entries, dataset, count, partial(OnDisk, _classic_array, path))
+    return describe(
+        path, "NetCDF 3", entries, dataset, count, partial(OnDisk, _classic_array, path)
+    )
 
 
 def _classic_array(path: Path, name: str) -> Any:

@@ -1,4 +1,6 @@
-"""Images in TIFF: one file with a page a band (or all bands in each pixel), or a folder with a file a band."""
+"""Images in TIFF: one file with a page a band (or all bands in each pixel), or a folder with a file
+a band.
+"""
 
 import contextlib
 import re
@@ -35,7 +37,8 @@ class Planes:
 
 
 def tiff_cube(path: Path, count: int | None) -> RawCube:
-    """A TIFF of several bands; windows are read where the file allows it, else whole tiles, strips or pages.
+    """A TIFF of several bands; windows are read where the file allows it, else whole tiles, strips
+    or pages.
 
     Raises:
         ValueError: not an image of several bands of one size and type.
@@ -58,7 +61,11 @@ def tiff_cube(path: Path, count: int | None) -> RawCube:
             sizes = {(page.shape, page.dtype) for page in pages}
             if len(sizes) > 1 or len(pages[0].shape) != 2 or len(pages) < 2:
                 told = listed([f"{shape} {dtype}" for shape, dtype in sorted(sizes, key=str)])
-                raise refusal(path, f"not an image of several bands of one size and type: {len(pages)} pages of {told}")
+                raise refusal(
+                    path,
+                    f"not an image of several bands of one size and type: {len(pages)} pages of "
+                    f"{told}",
+                )
             order, shape = (1, 2, 0), (*pages[0].shape, len(pages))
             piece = _piece(_array(path, 0), (0, 1, 0))
             piece = (piece[0], piece[1], 1)
@@ -82,7 +89,8 @@ def tiff_cube(path: Path, count: int | None) -> RawCube:
 
 
 def tiff_folder(path: Path, count: int | None) -> RawCube:
-    """A folder with a TIFF a band, wavelengths in their names (``band_450nm.tif``) or given in the order of the names.
+    """A folder with a TIFF a band, wavelengths in their names (``band_450nm.tif``) or given in the
+    order of the names.
 
     Raises:
         ValueError: no TIFF there, or they differ in size or type.
@@ -107,7 +115,9 @@ def tiff_folder(path: Path, count: int | None) -> RawCube:
                 first, place = size, _place(tiff)
                 memory = page.is_memmappable
             if len(size[0]) != 2 or size != first:
-                raise refusal(file, f"{size[0]} {size[1]} where {files[0].name} has {first[0]} {first[1]}")
+                raise refusal(
+                    file, f"{size[0]} {size[1]} where {files[0].name} has {first[0]} {first[1]}"
+                )
     assert first is not None
     (lines, samples), dtype = first[0], _checked(path, first[1])
     piece = _piece(_array(files[0], None), (0, 1, 0))
@@ -135,7 +145,9 @@ def _checked(path: Path, dtype: Any) -> np.dtype[Any]:
 
 
 def _array(path: Path, page: int | None) -> Any:
-    """The first series (or one page) of a file: mapped into memory, or as tiles or strips that are read singly."""
+    """The first series (or one page) of a file: mapped into memory, or as tiles or strips that are
+    read singly.
+    """
     import tifffile
 
     try:
@@ -164,11 +176,15 @@ def _piece(array: Any, order: tuple[int, int, int]) -> tuple[int, int, int]:
 
 
 def _described(file: Any) -> Float[np.ndarray, "stored"] | None:
-    """Wavelengths that a file says itself: in tifffile's or ImageJ's metadata, or with each page."""
+    """Wavelengths that a file says itself: in tifffile's or ImageJ's metadata, or with
+    each page.
+    """
     for metadata in [*(file.shaped_metadata or ()), file.imagej_metadata or {}]:
         for title in ("wavelengths", "wavelength", "Wavelengths", "Wavelength"):
             value = metadata.get(title)
-            if isinstance(value, list | tuple) and all(isinstance(number, int | float) for number in value):
+            if isinstance(value, list | tuple) and all(
+                isinstance(number, int | float) for number in value
+            ):
                 return np.asarray(value, np.float64)
     texts = []
     for page in file.pages:
@@ -182,7 +198,9 @@ def _described(file: Any) -> Float[np.ndarray, "stored"] | None:
 
 
 def _named(names: list[str]) -> Float[np.ndarray, "files"] | None:
-    """Wavelengths in the names of files: the number before ``nm``, else the last that can be one in all names."""
+    """Wavelengths in the names of files: the number before ``nm``, else the last that can be one in
+    all names.
+    """
     found = [_NM.findall(name) for name in names]
     if all(found):
         return np.array([float(each[-1]) for each in found])
@@ -206,5 +224,8 @@ def _place(file: Any) -> dict[str, Any]:
     half = 0.0 if point else 0.5
     found["x"] = tie[3] + (np.arange(page.imagewidth) + half - tie[0]) * scale[0]
     found["y"] = tie[4] - (np.arange(page.imagelength) + half - tie[1]) * scale[1]
-    found["about_place"] = {"units": "as in the file", "pixel_size": (float(scale[1]), float(scale[0]))}
+    found["about_place"] = {
+        "units": "as in the file",
+        "pixel_size": (float(scale[1]), float(scale[0])),
+    }
     return found

@@ -1,4 +1,6 @@
-"""CGATS text (CGATS.17, ISO 28178, IT8, ArgyllCMS): fields named after BEGIN_DATA_FORMAT, sets after BEGIN_DATA."""
+"""CGATS text (CGATS.17, ISO 28178, IT8, ArgyllCMS): fields named after BEGIN_DATA_FORMAT, sets
+after BEGIN_DATA.
+"""
 
 import math
 import re
@@ -11,8 +13,12 @@ from ..source import Source
 
 _CELL = re.compile(r'"([^"]*)"|(\S+)')
 # SPECTRAL_NM_380, SPECTRAL_NM380, SPECTRAL_380, SPEC_380, R_380, nm380, 380nm, 380
-_BAND = re.compile(r"^(?:spectral|spec|r|refl)?_?(?:nm)?_?(\d{3,4}(?:\.\d+)?)_?(?:nm)?$", re.IGNORECASE)
-_PERCENT = re.compile(r"^(?:spectral_)?(?:pct|percent)_?(?:nm)?_?(\d{3,4}(?:\.\d+)?)$", re.IGNORECASE)
+_BAND = re.compile(
+    r"^(?:spectral|spec|r|refl)?_?(?:nm)?_?(\d{3,4}(?:\.\d+)?)_?(?:nm)?$", re.IGNORECASE
+)
+_PERCENT = re.compile(
+    r"^(?:spectral_)?(?:pct|percent)_?(?:nm)?_?(\d{3,4}(?:\.\d+)?)$", re.IGNORECASE
+)
 _NAMES = ("SAMPLE_NAME", "SAMPLENAME", "NAME", "SAMPLE_LOC", "SAMPLE_ID", "SAMPLEID", "STRING")
 
 
@@ -29,21 +35,26 @@ class _Sheet:
 def read_cgats(source: Source) -> RawSpectra:
     """Read the first table of a CGATS file that has spectra.
 
-    Bands are fields such as ``SPECTRAL_NM_380``, ``SPEC_380`` or, in percent, ``SPECTRAL_PCT_380``. SPECTRAL_NORM
-    says what value stands for a reflectance of 1. Names come from SAMPLE_NAME, else SAMPLE_ID; the other fields are
-    attributes.
+    Bands are fields such as ``SPECTRAL_NM_380``, ``SPEC_380`` or, in percent, ``SPECTRAL_PCT_380``.
+    SPECTRAL_NORM says what value stands for a reflectance of 1. Names come from SAMPLE_NAME, else
+    SAMPLE_ID; the other fields are attributes.
 
     Raises:
-        ValueError: no BEGIN_DATA_FORMAT, no END_DATA (a file cut short), no spectral fields, a set of another
-            length than the fields, another number of sets than the file promises, or a value that is no number.
+        ValueError: no BEGIN_DATA_FORMAT, no END_DATA (a file cut short), no spectral fields, a set
+            of another length than the fields, another number of sets than the file promises, or a
+            value that is no number.
     """
     sheets = _sheets(source)
     if not sheets or not any(sheet.fields for sheet in sheets):
-        raise source.error("CGATS text without fields: there is no BEGIN_DATA_FORMAT ... END_DATA_FORMAT")
+        raise source.error(
+            "CGATS text without fields: there is no BEGIN_DATA_FORMAT ... END_DATA_FORMAT"
+        )
     sheet = next((s for s in sheets if _bands(s)), None)
     if sheet is None:
         some = " ".join(sheets[0].fields[:6])
-        raise source.error(f"CGATS text without spectra: no field such as SPECTRAL_NM_400 (there are {some} ...)")
+        raise source.error(
+            f"CGATS text without spectra: no field such as SPECTRAL_NM_400 (there are {some} ...)"
+        )
     _check_complete(source, sheet)
     bands = _bands(sheet)
     named = next((name for name in _NAMES if name in [f.upper() for f in sheet.fields]), None)
@@ -51,13 +62,19 @@ def read_cgats(source: Source) -> RawSpectra:
     names, rows = [], []
     for number, (line, cells) in enumerate(sheet.sets, start=1):
         if len(cells) != len(sheet.fields):
-            raise source.error(f"{len(cells)} values where there are {len(sheet.fields)} fields", line)
+            raise source.error(
+                f"{len(cells)} values where there are {len(sheet.fields)} fields", line
+            )
         names.append(str(number) if name_at is None else cells[name_at])
         rows.append([_value(source, line, sheet.fields[at], cells[at]) for at in bands])
     scale = _scale(source, sheet)
     others = [at for at in range(len(sheet.fields)) if at not in bands and at != name_at]
     attributes = {sheet.fields[at]: [cells[at] for _, cells in sheet.sets] for at in others}
-    notes = [] if len(sheets) == 1 else [f"the file has {len(sheets)} tables; the first with spectra was read"]
+    notes = (
+        []
+        if len(sheets) == 1
+        else [f"the file has {len(sheets)} tables; the first with spectra was read"]
+    )
     return RawSpectra(
         wavelengths=np.array(list(bands.values())),
         names=names,
@@ -129,12 +146,18 @@ def _check_complete(source: Source, sheet: _Sheet) -> None:
     """Refuse a file that was cut short."""
     promised = sheet.keywords.get("NUMBER_OF_SETS")
     if not sheet.ended:
-        raise source.error(f"there is no END_DATA after {len(sheet.sets)} sets; the file was cut short")
+        raise source.error(
+            f"there is no END_DATA after {len(sheet.sets)} sets; the file was cut short"
+        )
     if promised is not None and promised != str(len(sheet.sets)):
-        raise source.error(f"NUMBER_OF_SETS promises {promised} sets, and there are {len(sheet.sets)}")
+        raise source.error(
+            f"NUMBER_OF_SETS promises {promised} sets, and there are {len(sheet.sets)}"
+        )
     fields = sheet.keywords.get("NUMBER_OF_FIELDS")
     if fields is not None and fields != str(len(sheet.fields)):
-        raise source.error(f"NUMBER_OF_FIELDS promises {fields} fields, and there are {len(sheet.fields)}")
+        raise source.error(
+            f"NUMBER_OF_FIELDS promises {fields} fields, and there are {len(sheet.fields)}"
+        )
     if not sheet.sets:
         raise source.error("there are fields but no sets between BEGIN_DATA and END_DATA")
 

@@ -1,4 +1,6 @@
-"""CxF3 (ISO 17972-1), the XML in which colour instruments exchange measurements, through colour-cxf."""
+"""CxF3 (ISO 17972-1), the XML in which colour instruments exchange measurements, through
+colour-cxf.
+"""
 
 import datetime
 import warnings
@@ -23,26 +25,35 @@ def _library() -> Any:
     try:
         import colour_cxf
     except ImportError:
-        raise ValueError("CxF3 needs the package colour-cxf (Python 3.13 or older): pip install colour-cxf") from None
+        raise ValueError(
+            "CxF3 needs the package colour-cxf (Python 3.13 or older): pip install colour-cxf"
+        ) from None
     return colour_cxf
 
 
 def read_cxf(source: Source) -> RawSpectra:
     """Read the reflectance spectra of all objects of a CxF3 file.
 
-    The first wavelength stands in each spectrum or in its colour specification, the step in the specification. An
-    object with spectra of several specifications (M0, M1, ...) gives a row each; the specification is an attribute.
+    The first wavelength stands in each spectrum or in its colour specification, the step in the
+    specification. An object with spectra of several specifications (M0, M1, ...) gives a row each;
+    the specification is an attribute.
 
     Raises:
-        ValueError: not XML, not CxF3, no reflectance spectra, no wavelengths for one, or wavelengths that differ.
+        ValueError: not XML, not CxF3, no reflectance spectra, no wavelengths for one, or
+            wavelengths that differ.
     """
     content = source.content()
     if _NAMESPACE not in content:
         raise source.error(f"XML, but not CxF3 (no namespace http://{_NAMESPACE.decode()})")
     if b"<!DOCTYPE" in content:
-        raise source.error("not legal CxF3: it has a DOCTYPE, whose entities could name other files; remove it")
+        raise source.error(
+            "not legal CxF3: it has a DOCTYPE, whose entities could name other files; remove it"
+        )
     if content.count(b"<") > _MAX_TAGS or len(content.split()) > _MAX_WORDS:
-        raise source.error(f"more than {_MAX_TAGS} tags or {_MAX_WORDS} words; split it, or export the spectra as CSV")
+        raise source.error(
+            f"more than {_MAX_TAGS} tags or {_MAX_WORDS} words; split it, or export the spectra "
+            "as CSV"
+        )
     cxf = _library()
     try:
         with warnings.catch_warnings():
@@ -59,9 +70,17 @@ def read_cxf(source: Source) -> RawSpectra:
         if spec.measurement_spec
     }
     names, values, specifications, grid = [], [], [], None
-    objects = resources.object_collection.object_value if resources and resources.object_collection else []
+    objects = (
+        resources.object_collection.object_value
+        if resources and resources.object_collection
+        else []
+    )
     for thing in objects:
-        spectra = [c for c in (thing.color_values.choice if thing.color_values else []) if _is_reflectance(c)]
+        spectra = [
+            c
+            for c in (thing.color_values.choice if thing.color_values else [])
+            if _is_reflectance(c)
+        ]
         for spectrum in spectra:
             name = thing.name or thing.id or f"object {len(names) + 1}"
             if len(spectra) > 1:
@@ -69,8 +88,10 @@ def read_cxf(source: Source) -> RawSpectra:
             here = _wavelengths(source, name, spectrum, ranges.get(spectrum.color_specification))
             if grid is not None and (here.size != grid.size or (here != grid).any()):
                 raise source.error(
-                    f"{name!r} is on {here[0]:g}-{here[-1]:g} nm ({here.size} bands) and {names[0]!r} on "
-                    f"{grid[0]:g}-{grid[-1]:g} nm ({grid.size} bands); a table has one grid: export them apart"
+                    f"{name!r} is on {here[0]:g}-{here[-1]:g} nm ({here.size} bands) and "
+                    f"{names[0]!r} on "
+                    f"{grid[0]:g}-{grid[-1]:g} nm ({grid.size} bands); a table has one grid: "
+                    "export them apart"
                 )
             grid = here
             names.append(name)
@@ -79,9 +100,12 @@ def read_cxf(source: Source) -> RawSpectra:
     if grid is None:
         raise source.error(f"CxF3 without reflectance spectra ({len(objects)} objects)")
     table = np.array(values, float)
-    # The standard says fractions below 3. Who goes beyond has not kept to it and is looked at like any other.
+    # The standard says fractions below 3. Who goes beyond has not kept to it and is looked at like
+    # any other.
     scale = 1.0 if table.max() <= MAX_DECLARED else None
-    return RawSpectra(grid, names, table, "CxF3", scale=scale, attributes={"ColorSpecification": specifications})
+    return RawSpectra(
+        grid, names, table, "CxF3", scale=scale, attributes={"ColorSpecification": specifications}
+    )
 
 
 def _is_reflectance(choice: object) -> bool:
@@ -97,13 +121,16 @@ def _wavelengths(source: Source, name: str, spectrum: Any, measured: Any) -> np.
     wrong = [word for word in words if not _is_number(word)]
     if wrong:
         raise source.error(f"the spectrum of {name!r} holds {str(wrong[0])[:20]!r}, not a number")
-    start = spectrum.start_wl if spectrum.start_wl is not None else getattr(measured, "start_wl", None)
+    start = (
+        spectrum.start_wl if spectrum.start_wl is not None else getattr(measured, "start_wl", None)
+    )
     step = getattr(measured, "increment", None)
     try:
         first, width = float(start), float(step)  # type: ignore[arg-type]
     except (TypeError, ValueError):
         raise source.error(
-            f"no wavelengths for {name!r}: its ColorSpecification {spectrum.color_specification!r} has no "
+            f"no wavelengths for {name!r}: its ColorSpecification "
+            f"{spectrum.color_specification!r} has no "
             "legal WavelengthRange with StartWL and Increment"
         ) from None
     return first + width * np.arange(len(spectrum.value))
@@ -113,8 +140,8 @@ def format_cxf(table: SpectraTable) -> bytes:
     """A table as CxF3; the instrument's geometry is declared unknown, as a table does not carry it.
 
     Raises:
-        ValueError: wavelengths that CxF3 cannot say: they must begin at a whole number from 360 to 400 nm and go in
-            equal whole steps.
+        ValueError: wavelengths that CxF3 cannot say: they must begin at a whole number from 360 to
+            400 nm and go in equal whole steps.
     """
     cxf = _library()
     core = cxf.cxf3
@@ -123,23 +150,34 @@ def format_cxf(table: SpectraTable) -> bytes:
     even = first.is_integer() and step.is_integer() and bool((steps == step).all())
     if not (even and _FIRST[0] <= first <= _FIRST[1]):
         last = table.wavelengths[-1]
-        way = "resample first, to 400:700:10 say" if first <= 400 and last >= 700 else "write CSV or ENVI"
+        way = (
+            "resample first, to 400:700:10 say"
+            if first <= 400 and last >= 700
+            else "write CSV or ENVI"
+        )
         raise ValueError(
-            f"CxF3 holds wavelengths that begin at {_FIRST[0]} to {_FIRST[1]} nm and go in equal whole steps, not "
+            f"CxF3 holds wavelengths that begin at {_FIRST[0]} to {_FIRST[1]} nm and go in equal "
+            "whole steps, not "
             f"{describe_grid(table.wavelengths)}: {way}"
         )
     from xsdata.models.datatype import XmlDateTime
 
-    now = core.CreationDate(XmlDateTime.from_datetime(datetime.datetime.now(datetime.UTC).replace(microsecond=0)))
+    now = core.CreationDate(
+        XmlDateTime.from_datetime(datetime.datetime.now(datetime.UTC).replace(microsecond=0))
+    )
     objects = [
         core.Object(
             object_type="Standard",
             name=name,
             id=f"o{number}",
             creation_date=now,
-            color_values=core.ColorValues([core.ReflectanceSpectrum(row.tolist(), color_specification="c1")]),
+            color_values=core.ColorValues(
+                [core.ReflectanceSpectrum(row.tolist(), color_specification="c1")]
+            ),
         )
-        for number, (name, row) in enumerate(zip(table.names, table.reflectance, strict=True), start=1)
+        for number, (name, row) in enumerate(
+            zip(table.names, table.reflectance, strict=True), start=1
+        )
     ]
     measurement = core.MeasurementSpec(
         core.MeasurementType(core.EspectrumType.SPECTRUM_REFLECTANCE),
@@ -149,7 +187,9 @@ def format_cxf(table: SpectraTable) -> bytes:
     specifications = [core.ColorSpecification(measurement_spec=measurement, id="c1")]
     document = core.CxF(
         core.FileInformation(creator="glazejax", creation_date=now),
-        core.Resources(core.ObjectCollection(objects), core.ColorSpecificationCollection(specifications)),
+        core.Resources(
+            core.ObjectCollection(objects), core.ColorSpecificationCollection(specifications)
+        ),
     )
     return cxf.write_cxf(document)
 

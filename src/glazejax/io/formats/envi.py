@@ -16,7 +16,19 @@ from ..spectra_table import SpectraTable
 
 _NEEDED = ("samples", "lines", "bands", "data type", "interleave", "byte order")
 _LIBRARY = "ENVI Spectral Library"
-_TYPES = {1: "u1", 2: "i2", 3: "i4", 4: "f4", 5: "f8", 6: "c8", 9: "c16", 12: "u2", 13: "u4", 14: "i8", 15: "u8"}
+_TYPES = {
+    1: "u1",
+    2: "i2",
+    3: "i4",
+    4: "f4",
+    5: "f8",
+    6: "c8",
+    9: "c16",
+    12: "u2",
+    13: "u4",
+    14: "i8",
+    15: "u8",
+}
 # Axes of the file for each interleave, and the transposition to (lines, samples, bands).
 _AXES = {
     "bil": (("lines", "bands", "samples"), (0, 2, 1)),
@@ -31,7 +43,8 @@ _MAX_VALUES = 1 << 27
 
 
 def read_header(source: Source) -> dict[str, str | list[str]]:
-    """Fields of a header, titles in lower case: text, or a list of texts where the header has braces.
+    """Fields of a header, titles in lower case: text, or a list of texts where the header has
+    braces.
 
     Raises:
         ValueError: no legal header, or one that lacks a field that is needed or has it twice.
@@ -52,11 +65,17 @@ def read_header(source: Source) -> dict[str, str | list[str]]:
         while not parts[-1].endswith("}"):
             following = next(lines, None)
             if following is None:
-                raise source.error("not a legal ENVI header; is a brace left open, or the file cut short?", number)
+                raise source.error(
+                    "not a legal ENVI header; is a brace left open, or the file cut short?", number
+                )
             if not following[1].startswith(";"):
                 parts.append(following[1].strip())
         whole = "\n".join(parts)[1:-1]
-        header[title] = whole.strip() if title == "description" else [entry.strip() for entry in whole.split(",")]
+        header[title] = (
+            whole.strip()
+            if title == "description"
+            else [entry.strip() for entry in whole.split(",")]
+        )
     missing = [title for title in _NEEDED if title not in header]
     if missing:
         raise source.error(f"the ENVI header lacks {missing[0]!r}")
@@ -78,22 +97,30 @@ class EnviFile:
     def __init__(self, source: Source, data: Path | None = None):
         self.path: Path = source.path
         self.header: dict[str, str | list[str]] = read_header(source)
-        self.sizes: dict[str, int] = {title: self._whole(title, 1) for title in ("lines", "samples", "bands")}
+        self.sizes: dict[str, int] = {
+            title: self._whole(title, 1) for title in ("lines", "samples", "bands")
+        }
         self._offset = self._whole("header offset", 0)
         self.interleave: str = str(self.header["interleave"]).strip().lower()
         if self.interleave not in _AXES:
-            raise self.error(f"the ENVI header is not legal: interleave is {self.interleave!r}, not bil, bip or bsq")
+            raise self.error(
+                f"the ENVI header is not legal: interleave is {self.interleave!r}, not bil, bip "
+                "or bsq"
+            )
         kind, order = _TYPES.get(self._whole("data type", 0)), self._whole("byte order", 0)
         if kind is None or order > 1:
             raise self.error(
-                f"the ENVI header is not legal: data type {self.header['data type']}, byte order {order}; known are "
+                f"the ENVI header is not legal: data type {self.header['data type']}, byte order "
+                f"{order}; known are "
                 f"{', '.join(map(str, _TYPES))}, and 0 and 1"
             )
         if kind.startswith("c"):
             raise self.error("the data are complex numbers, not reflectance")
         for title in ("file compression", "major frame offsets", "minor frame offsets"):
             if any(entry.strip(" {}") not in ("", "0") for entry in self.entries(title)):
-                raise self.error(f"the ENVI header has {title!r}, which is not understood; save it without")
+                raise self.error(
+                    f"the ENVI header has {title!r}, which is not understood; save it without"
+                )
         self._dtype = np.dtype(("<", ">")[order] + kind)
         self.data: Path = data or self._data_beside()
         needed = self._offset + prod(self.sizes.values()) * self._dtype.itemsize
@@ -101,12 +128,15 @@ class EnviFile:
             size = found.size
         if size is None or size < needed:
             raise refusal(
-                self.data, f"{size} bytes where the header {self.path.name} promises {needed}; the file was cut short"
+                self.data,
+                f"{size} bytes where the header {self.path.name} promises {needed}; the file was "
+                "cut short",
             )
         if size > needed:
             raise refusal(
                 self.data,
-                f"{size} bytes where the header {self.path.name} promises {needed}: are its samples, lines, bands, "
+                f"{size} bytes where the header {self.path.name} promises {needed}: are its "
+                "samples, lines, bands, "
                 "data type and header offset right?",
             )
 
@@ -117,7 +147,9 @@ class EnviFile:
     def entries(self, title: str) -> list[str]:
         """Entries of a list in the header; none if there is no such list."""
         value = self.header.get(title, [])
-        return [text.strip() for text in (value if isinstance(value, list) else [value]) if text.strip()]
+        return [
+            text.strip() for text in (value if isinstance(value, list) else [value]) if text.strip()
+        ]
 
     @property
     def is_library(self) -> bool:
@@ -127,8 +159,8 @@ class EnviFile:
     def library(self) -> RawSpectra:
         """Spectra of a library: samples are its bands, lines its spectra.
 
-        Lists of the header with an entry a spectrum are attributes. Bands that ``bbl`` marks as bad are left out, and
-        so are spectra that hold the ``data ignore value``.
+        Lists of the header with an entry a spectrum are attributes. Bands that ``bbl`` marks as bad
+        are left out, and so are spectra that hold the ``data ignore value``.
 
         Raises:
             ValueError: header or data are not legal, or there are no wavelengths.
@@ -137,12 +169,16 @@ class EnviFile:
         if depth != 1:
             raise self.error(f"an ENVI spectral library of {depth} bands, where one is legal")
         if count * width > _MAX_VALUES:
-            raise self.error(f"{count} spectra of {width} bands are too many to be read at once; split the library")
+            raise self.error(
+                f"{count} spectra of {width} bands are too many to be read at once; split the "
+                "library"
+            )
         wavelengths, bands, notes = self.grid()
         names = self.entries("spectra names") or [f"spectrum {i + 1}" for i in range(count)]
         if len(names) != count:
             raise self.error(
-                f"{len(names)} spectra names for {count} spectra; does a name hold a comma, which ENVI splits?"
+                f"{len(names)} spectra names for {count} spectra; does a name hold a comma, "
+                "which ENVI splits?"
             )
         attributes = {
             title: column
@@ -170,13 +206,15 @@ class EnviFile:
         )
 
     def cube(self) -> SpectraCube:
-        """An image, not read. Its unit is its scale factor, or told from 20 000 pixels spread over it.
+        """An image, not read. Its unit is its scale factor, or told from 20 000 pixels spread over
+        it.
 
-        That is percent if the brightest of 99 % of them exceed 2, else fractions; a few pixels of glare do not decide.
+        That is percent if the brightest of 99 % of them exceed 2, else fractions; a few pixels of
+        glare do not decide.
 
         Raises:
-            ValueError: header or data are not legal, there are no wavelengths, or the numbers are neither fractions
-                nor percent and the header has no reflectance scale factor.
+            ValueError: header or data are not legal, there are no wavelengths, or the numbers are
+                neither fractions nor percent and the header has no reflectance scale factor.
         """
         wavelengths, bands, notes = self.grid()
         try:
@@ -198,7 +236,9 @@ class EnviFile:
         )
         try:
             scale, unit, told = unit_of(
-                _bright(probe), declared, "add 'reflectance scale factor = 10000', say, to the header"
+                _bright(probe),
+                declared,
+                "add 'reflectance scale factor = 10000', say, to the header",
             )
         except ValueError as error:
             raise self.error(error) from None
@@ -215,7 +255,9 @@ class EnviFile:
         )
 
     def mapped(self) -> np.ndarray:
-        """All numbers as they are stored, (lines, samples, bands), mapped into memory and not read."""
+        """All numbers as they are stored, (lines, samples, bands), mapped into memory and
+        not read.
+        """
         axes, order = _AXES[self.interleave]
         with explained(self.data):
             shape = tuple(self.sizes[axis] for axis in axes)
@@ -224,7 +266,14 @@ class EnviFile:
     def _data_beside(self) -> Path:
         """Data file of the header, by the names that ENVI and its kin use."""
         stem = self.path.with_suffix("")
-        names = [stem, *(stem.with_name(f"{stem.name}.{end}") for word in _ENDINGS for end in (word, word.upper()))]
+        names = [
+            stem,
+            *(
+                stem.with_name(f"{stem.name}.{end}")
+                for word in _ENDINGS
+                for end in (word, word.upper())
+            ),
+        ]
         for name in names:
             if name != self.path and is_there(name):
                 return name
@@ -234,7 +283,8 @@ class EnviFile:
         )
 
     def grid(self) -> tuple[Float[np.ndarray, "bands"], Int[np.ndarray, "bands"], list[str]]:
-        """Wavelengths in ascending order, which stored bands they are, and notes; bad bands are left out.
+        """Wavelengths in ascending order, which stored bands they are, and notes; bad bands are
+        left out.
 
         Raises:
             ValueError: there are none, or they are not legal.
@@ -252,7 +302,9 @@ class EnviFile:
         count = self.sizes["samples" if self.is_library else "bands"]
         texts = self.entries("wavelength")
         if not texts:
-            raise self.error("the ENVI header has no wavelengths; add 'wavelength = {400, 410, ...}'")
+            raise self.error(
+                "the ENVI header has no wavelengths; add 'wavelength = {400, 410, ...}'"
+            )
         if len(texts) != count:
             raise self.error(f"{len(texts)} wavelengths for {count} bands")
         values = np.empty(count)
@@ -262,14 +314,17 @@ class EnviFile:
             except ValueError as error:
                 raise self.error(f"wavelength number {i + 1}: {error}") from None
         if not np.isfinite(values).all():
-            raise self.error(f"wavelength number {int(np.argmin(np.isfinite(values))) + 1} is not finite")
+            raise self.error(
+                f"wavelength number {int(np.argmin(np.isfinite(values))) + 1} is not finite"
+            )
         try:
             return nanometres(values, " ".join(self.entries("wavelength units")))
         except ValueError as error:
             raise self.error(error) from None
 
     def good_bands(self, notes: list[str]) -> Int[np.ndarray, "good"]:
-        """Stored bands that the header's ``bbl`` does not mark as bad; a note says how many it does.
+        """Stored bands that the header's ``bbl`` does not mark as bad; a note says how many it
+        does.
 
         Raises:
             ValueError: the list has another length, or marks all.
@@ -279,12 +334,16 @@ class EnviFile:
         bands = np.arange(count)
         if good:
             if len(good) != count:
-                raise self.error(f"the list of bad bands (bbl) has {len(good)} entries for {count} bands")
+                raise self.error(
+                    f"the list of bad bands (bbl) has {len(good)} entries for {count} bands"
+                )
             bands = bands[[text.strip() not in ("0", "0.0") for text in good]]
             if not bands.size:
                 raise self.error("the header marks every band as bad (bbl)")
             if bands.size < count:
-                notes.append(f"{count - bands.size} bands that the header marks as bad are left out")
+                notes.append(
+                    f"{count - bands.size} bands that the header marks as bad are left out"
+                )
         return bands
 
     def _whole(self, title: str, least: int) -> int:
@@ -293,9 +352,13 @@ class EnviFile:
         try:
             value = int(text)
         except ValueError:
-            raise self.error(f"the ENVI header is not legal: {title!r} is {text[:30]!r}, not a whole number") from None
+            raise self.error(
+                f"the ENVI header is not legal: {title!r} is {text[:30]!r}, not a whole number"
+            ) from None
         if value < least:
-            raise self.error(f"the ENVI header has sizes below 1 or a negative offset: {title!r} is {value}")
+            raise self.error(
+                f"the ENVI header has sizes below 1 or a negative offset: {title!r} is {value}"
+            )
         return value
 
     def _number(self, title: str) -> float | None:
@@ -318,7 +381,9 @@ class EnviFile:
         """Number that stands for a reflectance of 1 by the header, or None."""
         scale = self._number("reflectance scale factor")
         if scale is not None and not (np.isfinite(scale) and scale > 0):
-            raise self.error(f"the header's reflectance scale factor is {scale:g}; it must be positive")
+            raise self.error(
+                f"the header's reflectance scale factor is {scale:g}; it must be positive"
+            )
         return scale
 
 
@@ -334,10 +399,17 @@ def _bright(cube: SpectraCube) -> float:
 
 
 def format_envi(table: SpectraTable) -> tuple[str, Iterator[bytes], list[str]]:
-    """A table as a spectral library: header, numbers (float64, so that nothing is lost) and notes on names changed."""
-    names = [re.sub(r"[{}]", lambda m: "(" if m[0] == "{" else ")", name).replace(",", ";") for name in table.names]
+    """A table as a spectral library: header, numbers (float64, so that nothing is lost) and notes
+    on names changed.
+    """
+    names = [
+        re.sub(r"[{}]", lambda m: "(" if m[0] == "{" else ")", name).replace(",", ";")
+        for name in table.names
+    ]
     changed = [old for old, new in zip(table.names, names, strict=True) if old != new]
-    notes = [f"ENVI has no commas or braces in names: {len(changed)} names changed"] if changed else []
+    notes = (
+        [f"ENVI has no commas or braces in names: {len(changed)} names changed"] if changed else []
+    )
     fields = {
         "samples": table.wavelengths.size,
         "lines": len(table),

@@ -1,8 +1,9 @@
 """JCAMP-DX (4.24 and 5): one or many spectra as text.
 
-After McDonald and Wilks, Applied Spectroscopy 42, 151 (1988): ordinates as plain numbers (AFFN, PAC) or squeezed (SQZ),
-as differences (DIF) and with repetitions counted (DUP). What the file says of itself is held against its data: the
-number of points, the abscissa that begins each line, and the ordinate that a line of differences repeats.
+After McDonald and Wilks, Applied Spectroscopy 42, 151 (1988): ordinates as plain numbers (AFFN,
+PAC) or squeezed (SQZ), as differences (DIF) and with repetitions counted (DUP). What the file says
+of itself is held against its data: the number of points, the abscissa that begins each line, and
+the ordinate that a line of differences repeats.
 """
 
 import re
@@ -15,7 +16,12 @@ from jaxtyping import Float
 from ..finish import RawSpectra, nanometres
 from ..source import Source
 
-_REFLECTANCE = {"reflectance": None, "%reflectance": 100.0, "percent reflectance": 100.0, "reflectance %": 100.0}
+_REFLECTANCE = {
+    "reflectance": None,
+    "%reflectance": 100.0,
+    "percent reflectance": 100.0,
+    "reflectance %": 100.0,
+}
 _PLAIN = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?")
 _PACKED = re.compile(r"\s*([@A-Ia-i%J-Rj-rS-Zs+-]?)(\d*\.?\d*)")
 _FIRST = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+))")
@@ -42,27 +48,39 @@ class _Block:
 
 
 def read_jcamp(source: Source) -> RawSpectra:
-    """Read the reflectance spectra of a JCAMP-DX file; blocks, linked or merely one after another, are rows.
+    """Read the reflectance spectra of a JCAMP-DX file; blocks, linked or merely one after another,
+    are rows.
 
     X may be in nanometres, micrometres or 1/cm. Y must be reflectance, as a fraction or percent.
 
     Raises:
-        ValueError: a block without ##END= (a file cut short), without data, damaged, in absorbance or another unit,
-            with another number of points than it promises, or on other wavelengths than the first.
+        ValueError: a block without ##END= (a file cut short), without data, damaged, in absorbance
+            or another unit, with another number of points than it promises, or on other wavelengths
+            than the first.
     """
-    found = [_spectrum(source, number, block) for number, block in enumerate(_blocks(source), start=1)]
+    found = [
+        _spectrum(source, number, block) for number, block in enumerate(_blocks(source), start=1)
+    ]
     if not found:
         raise source.error("JCAMP-DX without data: no ##XYDATA= or ##XYPOINTS=")
     names, grids, values, scales, notes = zip(*found, strict=True)
     for name, grid in zip(names, grids, strict=True):
         if grid.shape != grids[0].shape or not np.allclose(grid, grids[0], rtol=1e-9):
             raise source.error(
-                f"block {name!r} is on other wavelengths than {names[0]!r}; a table has one grid: split it"
+                f"block {name!r} is on other wavelengths than {names[0]!r}; a table has one "
+                "grid: split it"
             )
     if len(set(scales)) > 1:
-        raise source.error("some blocks are in percent and some in fractions; bring all to one unit")
+        raise source.error(
+            "some blocks are in percent and some in fractions; bring all to one unit"
+        )
     return RawSpectra(
-        wavelengths=grids[0], names=names, values=np.array(values), format="JCAMP-DX", notes=notes[0], scale=scales[0]
+        wavelengths=grids[0],
+        names=names,
+        values=np.array(values),
+        format="JCAMP-DX",
+        notes=notes[0],
+        scale=scales[0],
     )
 
 
@@ -96,7 +114,9 @@ def _blocks(source: Source) -> list[_Block]:
                 blocks.append(block)
             block = None
         elif label in block.labels and block.labels[label] != value and label in _COUNTED:
-            raise source.error(f"##{label}= stands there twice and differs; the block is damaged", number)
+            raise source.error(
+                f"##{label}= stands there twice and differs; the block is damaged", number
+            )
         else:
             block.labels[label] = value
     if block is not None and block.form:
@@ -114,13 +134,18 @@ def _spectrum(
     name = block.labels.get("TITLE", "") or f"block {number}"
     unit = block.labels.get("YUNITS", "").lower()
     if unit not in _REFLECTANCE:
-        raise source.error(f"{name!r} is in {block.labels.get('YUNITS', 'no unit')!r}; only reflectance can be read")
+        raise source.error(
+            f"{name!r} is in {block.labels.get('YUNITS', 'no unit')!r}; only reflectance can be "
+            "read"
+        )
     if block.form == "(XY..XY)":
         x, y = _pairs(source, name, block)
     elif block.form == "(X++(Y..Y))":
         x, y = _steps(source, name, block)
     else:
-        raise source.error(f"{name!r} is damaged: its data are {block.form!r}, not (XY..XY) or (X++(Y..Y))")
+        raise source.error(
+            f"{name!r} is damaged: its data are {block.form!r}, not (XY..XY) or (X++(Y..Y))"
+        )
     if x.size == 0:
         raise source.error(f"{name!r} holds no points")
     try:
@@ -152,10 +177,14 @@ def _factor(source: Source, name: str, block: _Block, label: str) -> float:
 def _check_count(source: Source, name: str, promised: float | None, count: int) -> None:
     """Refuse a file that was cut short."""
     if promised is not None and promised != count:
-        raise source.error(f"{name!r} promises {promised:.10g} points and holds {count}; the file was cut short")
+        raise source.error(
+            f"{name!r} promises {promised:.10g} points and holds {count}; the file was cut short"
+        )
 
 
-def _pairs(source: Source, name: str, block: _Block) -> tuple[Float[np.ndarray, "points"], Float[np.ndarray, "points"]]:
+def _pairs(
+    source: Source, name: str, block: _Block
+) -> tuple[Float[np.ndarray, "points"], Float[np.ndarray, "points"]]:
     """Points that are written with both coordinates."""
     numbers = array("d")
     for line, text in block.data:
@@ -163,7 +192,9 @@ def _pairs(source: Source, name: str, block: _Block) -> tuple[Float[np.ndarray, 
         try:
             numbers.extend(array("d", map(float, words)))
         except ValueError:
-            raise source.error(f"{name!r} is damaged: {text[:40]!r} are not pairs of numbers", line) from None
+            raise source.error(
+                f"{name!r} is damaged: {text[:40]!r} are not pairs of numbers", line
+            ) from None
         if len(words) % 2:
             raise source.error(f"{name!r} is damaged: {text[:40]!r} are not pairs of numbers", line)
     x, y = np.frombuffer(numbers).reshape(-1, 2).T if numbers else (np.empty(0), np.empty(0))
@@ -171,29 +202,41 @@ def _pairs(source: Source, name: str, block: _Block) -> tuple[Float[np.ndarray, 
     return x * _factor(source, name, block, "XFACTOR"), y
 
 
-def _steps(source: Source, name: str, block: _Block) -> tuple[Float[np.ndarray, "points"], Float[np.ndarray, "points"]]:
+def _steps(
+    source: Source, name: str, block: _Block
+) -> tuple[Float[np.ndarray, "points"], Float[np.ndarray, "points"]]:
     """Ordinates at equal steps; the abscissa that begins each line only checks them."""
-    first, last, promised = (_label(source, name, block, label) for label in ("FIRSTX", "LASTX", "NPOINTS"))
+    first, last, promised = (
+        _label(source, name, block, label) for label in ("FIRSTX", "LASTX", "NPOINTS")
+    )
     if first is None or last is None or promised is None:
         raise source.error(f"{name!r} is damaged: it lacks ##FIRSTX=, ##LASTX= or ##NPOINTS=")
     factor = _factor(source, name, block, "XFACTOR")
     step = (last - first) / (promised - 1) if promised > 1 else 0.0
     packed = any(_PACKING.intersection(text) for _, text in block.data)
     values, wrong = array("d"), None
-    differs = False  # whether the line above ended in a difference, and its last ordinate begins the next line
+    # whether the line above ended in a difference, and its last ordinate begins the next line
+    differs = False
     for line, text in block.data:
         x, digits, row, ends_so = _packed(text) if packed else _plain(text)
         if row is None:
-            raise source.error(f"{name!r} is damaged: {text[:40]!r} are not an abscissa and ordinates", line)
+            raise source.error(
+                f"{name!r} is damaged: {text[:40]!r} are not an abscissa and ordinates", line
+            )
         at = len(values)
         if differs and values:
             at -= 1
             if row[:1] != values[-1:]:
-                raise source.error(f"{name!r} is damaged: the line does not begin with {values[-1]:g}", line)
+                raise source.error(
+                    f"{name!r} is damaged: the line does not begin with {values[-1]:g}", line
+                )
             row = row[1:]
         # Abscissas may be rounded or cut to the digits they have.
         if abs(x * factor - (first + at * step)) > 0.5 * abs(step) + 10.0**-digits * abs(factor):
-            wrong = wrong or (f"{name!r} is damaged: the line begins at {x:g}, not {first + at * step:g}", line)
+            wrong = wrong or (
+                f"{name!r} is damaged: the line begins at {x:g}, not {first + at * step:g}",
+                line,
+            )
         values.extend(row)
         differs = ends_so
         if len(values) > min(promised, _MAX_POINTS):
@@ -205,7 +248,9 @@ def _steps(source: Source, name: str, block: _Block) -> tuple[Float[np.ndarray, 
 
 
 def _plain(text: str) -> tuple[float, int, array | None, bool]:
-    """Abscissa, its decimals, and ordinates of a line of plain numbers, which a sign may part; None if damaged."""
+    """Abscissa, its decimals, and ordinates of a line of plain numbers, which a sign may part; None
+    if damaged.
+    """
     words = _PLAIN.findall(text)
     if not words or re.sub(r"[\s,;]", "", _PLAIN.sub("", text)):
         return 0.0, 0, None, False

@@ -1,4 +1,6 @@
-"""JSON lists of spectra, as Kimera's: an entry of type ``wavelengths``, then entries with name and reflectance."""
+"""JSON lists of spectra, as Kimera's: an entry of type ``wavelengths``, then entries with name and
+reflectance.
+"""
 
 import json
 import sys
@@ -9,28 +11,39 @@ import numpy as np
 from ..finish import RawSpectra, nanometres
 from ..source import Source
 
-_EXPECTED = 'expected a list of {"type": "wavelengths", "values": [...]} and {"name": ..., "reflectance": [...]}'
+_EXPECTED = (
+    'expected a list of {"type": "wavelengths", "values": [...]} and {"name": ..., '
+    '"reflectance": [...]}'
+)
 
 
 def read_listing(source: Source) -> RawSpectra:
-    """Read a JSON list of spectra; entries' other fields, such as components, are attributes (as JSON).
+    """Read a JSON list of spectra; entries' other fields, such as components, are attributes (as
+    JSON).
 
     Raises:
-        ValueError: not JSON, of another shape, without wavelengths, or a spectrum of another length.
+        ValueError: not JSON, of another shape, without wavelengths, or a spectrum of another
+            length.
     """
     text = source.text()
     try:
         entries = json.loads(text)
     except json.JSONDecodeError as error:
-        raise source.error(f"not legal JSON ({error.msg}); was it cut short?", error.lineno) from None
+        raise source.error(
+            f"not legal JSON ({error.msg}); was it cut short?", error.lineno
+        ) from None
     except ValueError:
-        raise source.error("it holds a number of thousands of digits, no wavelength or reflectance") from None
+        raise source.error(
+            "it holds a number of thousands of digits, no wavelength or reflectance"
+        ) from None
     if not isinstance(entries, list) or not all(isinstance(entry, dict) for entry in entries):
         raise source.error(f"{_EXPECTED}")
     grids = [entry for entry in entries if entry.get("type") == "wavelengths"]
     spectra = [entry for entry in entries if "reflectance" in entry]
     if len(grids) != 1:
-        raise source.error(f"{len(grids)} entries of wavelengths where there must be one; {_EXPECTED}")
+        raise source.error(
+            f"{len(grids)} entries of wavelengths where there must be one; {_EXPECTED}"
+        )
     if not spectra:
         raise source.error(f"no entry has a reflectance; {_EXPECTED}")
     grid = _numbers(source, "wavelengths", grids[0].get("values"))
@@ -62,16 +75,22 @@ def _numbers(source: Source, name: str, values: Any) -> np.ndarray:
     """Row of numbers, or an error that names whose it is."""
     if not isinstance(values, list) or not values:
         raise source.error(f"{name!r} has no list of numbers")
-    wrong = [value for value in values if isinstance(value, bool) or not isinstance(value, int | float)]
+    wrong = [
+        value for value in values if isinstance(value, bool) or not isinstance(value, int | float)
+    ]
     if wrong:
         raise source.error(f"{name!r} holds {str(wrong[0])[:20]!r}, not a number")
     try:
         return np.array(values, float)
     except OverflowError:
         place = next(
-            i for i, value in enumerate(values, start=1) if isinstance(value, int) and abs(value) > sys.float_info.max
+            i
+            for i, value in enumerate(values, start=1)
+            if isinstance(value, int) and abs(value) > sys.float_info.max
         )
-        raise source.error(f"{name!r}: number {place} has {len(str(values[place - 1]))} digits, too large") from None
+        raise source.error(
+            f"{name!r}: number {place} has {len(str(values[place - 1]))} digits, too large"
+        ) from None
 
 
 def _text(value: Any) -> str:

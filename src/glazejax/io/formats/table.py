@@ -1,4 +1,6 @@
-"""Text tables of spectra, wide or long; every error is one line that names file, line and column."""
+"""Text tables of spectra, wide or long; every error is one line that names file, line and
+column.
+"""
 
 import bisect
 import csv
@@ -17,15 +19,22 @@ from ..source import Source
 
 # In the languages whose spreadsheets write such tables, too.
 _WAVELENGTH_TITLE = re.compile(
-    r"^(wave\s*length|wl\b|wvl?\b|lambda|λ|nm\b|\[?nm\]?$|wellenl(ä|ae?)nge|longueurs? d.onde|lunghezz[ae] d.onda|"
-    r"longitud(es)? de onda|comprimentos? de onda|golflengte|v(å|aa?)gl(ä|ae?)ngd|bølgel(æ|ae)ngde|długość fali)",
+    r"^(wave\s*length|wl\b|wvl?\b|lambda|λ|nm\b|\[?nm\]?$|wellenl(ä|ae?)nge|longueurs? "
+    r"d.onde|lunghezz[ae] d.onda|"
+    r"longitud(es)? de onda|comprimentos? de "
+    r"onda|golflengte|v(å|aa?)gl(ä|ae?)ngd|bølgel(æ|ae)ngde|długość fali)",
     re.IGNORECASE,
 )
-_WAVENUMBER_TITLE = re.compile(r"^(wave\s*numbers?|wellenzahl|nombres? d.onde|\W*(1/cm|cm\^?[-⁻][1¹]))", re.IGNORECASE)
+_WAVENUMBER_TITLE = re.compile(
+    r"^(wave\s*numbers?|wellenzahl|nombres? d.onde|\W*(1/cm|cm\^?[-⁻][1¹]))", re.IGNORECASE
+)
 _VALUE_TITLE = re.compile(r"^(reflectance|refl\b|r\b|%r\b|value|intensity)", re.IGNORECASE)
 _NAME_TITLE = re.compile(r"^(name|sample|id\b|paint|pigment|patch|label|spectrum)", re.IGNORECASE)
 _UNIT = re.compile(r"#\s*unit:?\s*(fraction|percent)\s*$", re.IGNORECASE)
-_LAYOUTS = "expected 'Name,400,410,...' with a sample a row, or 'wavelength,sample,...' with a sample a column"
+_LAYOUTS = (
+    "expected 'Name,400,410,...' with a sample a row, or 'wavelength,sample,...' with a sample a "
+    "column"
+)
 _NANOMETRES = re.compile(r"\s*\[?\(?nm\)?\]?$", re.IGNORECASE)
 _KINDS = {"\t": "TSV", ",": "CSV", ";": "semicolon-separated", " ": "blank-separated"}
 # What a table may hold: 2 GB of numbers, and names of as many spectra.
@@ -56,8 +65,14 @@ class _Cells:
         if len(row) != len(self.header):
             count = f"{len(row)} cell{'s' if len(row) != 1 else ''}"
             # 12,5 is two cells where commas separate.
-            decimal = self.delimiter == "," and len(row) > len(self.header) and re.search(r"\d,\d", text)
-            hint = "; if commas are decimal points, separate the cells by semicolons or tabs" if decimal else ""
+            decimal = (
+                self.delimiter == "," and len(row) > len(self.header) and re.search(r"\d,\d", text)
+            )
+            hint = (
+                "; if commas are decimal points, separate the cells by semicolons or tabs"
+                if decimal
+                else ""
+            )
             raise self.error(line, f"{count} where the header has {len(self.header)}{hint}")
         return row
 
@@ -86,18 +101,21 @@ class _Cells:
 def read_table(source: Source) -> RawSpectra:
     """Read reflectance spectra from a text table.
 
-    Three layouts are told apart by their header: wide, ``Name,400,410,...`` with a sample a row; long,
-    ``wavelength,sample A,sample B,...`` with a sample a column; and longest, ``name,wavelength,reflectance``
-    with a value a row. Cells are separated by tabs, commas, semicolons or blanks; wavelengths may carry "nm"; a
-    decimal comma is understood unless commas separate; empty lines and lines that start with # are skipped, but
+    Three layouts are told apart by their header: wide, ``Name,400,410,...`` with a sample a row;
+    long,
+    ``wavelength,sample A,sample B,...`` with a sample a column; and longest,
+    ``name,wavelength,reflectance`` with a value a row. Cells are separated by tabs, commas,
+    semicolons or blanks; wavelengths may carry "nm"; a decimal comma is understood unless commas
+    separate; empty lines and lines that start with # are skipped, but
     ``# unit: fraction`` or ``# unit: percent`` on the first line declares what values are.
 
     The file is read line by line: beside the numbers themselves (8 bytes each) it takes only names.
 
     Raises:
-        ValueError: the file is empty, not text, has no wavelengths in its header, wavelengths that do not
-            ascend, a ragged row, a cell that is not a finite number, a value below -0.01, or two samples of one
-            name; or it holds more than 268 million values. The message is one line and says where.
+        ValueError: the file is empty, not text, has no wavelengths in its header, wavelengths that
+            do not ascend, a ragged row, a cell that is not a finite number, a value below -0.01, or
+            two samples of one name; or it holds more than 268 million values. The message is one
+            line and says where.
     """
     cells, scale = _read_header(source)
     first = next(cells.lines, None)
@@ -114,12 +132,20 @@ def read_table(source: Source) -> RawSpectra:
         layout = "a sample a row"
     kind = f"{_KINDS[cells.delimiter]} table, {layout}"
     return RawSpectra(
-        wavelengths=wavelengths, names=names, values=values, format=kind, notes=source.notes, scale=scale, by_hand=True
+        wavelengths=wavelengths,
+        names=names,
+        values=values,
+        format=kind,
+        notes=source.notes,
+        scale=scale,
+        by_hand=True,
     )
 
 
 def _read_header(source: Source) -> tuple[_Cells, float | None]:
-    """Table with its header, and the value that stands for a reflectance of 1 if its first line says so."""
+    """Table with its header, and the value that stands for a reflectance of 1 if its first line
+    says so.
+    """
     scale = None
     lines = source.lines()
     for number, line in lines:
@@ -130,7 +156,9 @@ def _read_header(source: Source) -> tuple[_Cells, float | None]:
     else:
         raise source.error("the file is empty")
     below = ((number, line) for number, line in lines if _is_data(line))
-    cells = _Cells(source=source, delimiter=_sniff(line), header_line=number, header=[], lines=below)
+    cells = _Cells(
+        source=source, delimiter=_sniff(line), header_line=number, header=[], lines=below
+    )
     cells.header.extend(_split(cells, number, line))
     while cells.header and not cells.header[-1]:
         cells.header.pop()
@@ -197,7 +225,8 @@ def _is_long(cells: _Cells, first: tuple[int, str]) -> bool:
     numeric = [value for value in titles if value is not None]
     if len(numeric) == len(titles) and _number(cells.header[0], cells.delimiter) is not None:
         raise cells.error(
-            cells.header_line, f"numbers only, where a header should be; put one above, such as 'nm,name'; {_LAYOUTS}"
+            cells.header_line,
+            f"numbers only, where a header should be; put one above, such as 'nm,name'; {_LAYOUTS}",
         )
     leading = _wavelength(cells.split(*first)[0], cells.delimiter)
     titled = bool(_WAVELENGTH_TITLE.match(cells.header[0])) and leading is not None
@@ -208,7 +237,8 @@ def _is_long(cells: _Cells, first: tuple[int, str]) -> bool:
         return True
     if _WAVENUMBER_TITLE.match(cells.header[0]):
         raise cells.error(
-            cells.header_line, f"{cells.header[0]!r} are wavenumbers; write wavelengths in nm, which are 1e7 / (1/cm)"
+            cells.header_line,
+            f"{cells.header[0]!r} are wavenumbers; write wavelengths in nm, which are 1e7 / (1/cm)",
         )
     raise cells.error(cells.header_line, f"no wavelengths in the header; {_LAYOUTS}")
 
@@ -233,13 +263,20 @@ def _value(cells: _Cells, line: int, name: str, column: str, cell: str) -> float
         raise cells.error(line, f"sample {name!r}, column {column!r}: {problem}")
     if value < -MAX_NOISE:
         raise cells.error(
-            line, f"sample {name!r}, column {column!r}: reflectance {cell} is negative; if that is noise, write 0"
+            line,
+            f"sample {name!r}, column {column!r}: reflectance {cell} is negative; if that is "
+            "noise, write 0",
         )
     return value
 
 
 def _read_rows(
-    cells: _Cells, first: tuple[int, str], start: Callable[[int, str], object], titles: Sequence[str], *, wide: bool
+    cells: _Cells,
+    first: tuple[int, str],
+    start: Callable[[int, str], object],
+    titles: Sequence[str],
+    *,
+    wide: bool,
 ) -> Float[np.ndarray, "rows columns"]:
     """Numbers right of the first column.
 
@@ -268,7 +305,9 @@ def _read_rows(
     return np.frombuffer(values).reshape(-1, len(titles))
 
 
-def _with_first(first: tuple[int, str], rest: Iterator[tuple[int, str]]) -> Iterator[tuple[int, str]]:
+def _with_first(
+    first: tuple[int, str], rest: Iterator[tuple[int, str]]
+) -> Iterator[tuple[int, str]]:
     yield first
     yield from rest
 
@@ -290,7 +329,11 @@ def _read_wide(
 
     def start(number: int, name: str) -> None:
         if not name or len(names) == _MAX_SPECTRA:
-            wrong = "a sample has no name" if not name else f"more than {_MAX_SPECTRA} samples so far; split the table"
+            wrong = (
+                "a sample has no name"
+                if not name
+                else f"more than {_MAX_SPECTRA} samples so far; split the table"
+            )
             raise cells.error(number, wrong)
         names.append(name)
         lines.append(number)
@@ -319,7 +362,9 @@ def _read_long(
     def start(number: int, cell: str) -> None:
         wavelength = _wavelength(cell, cells.delimiter)
         if wavelength is None:
-            raise cells.error(number, f"column {cells.header[0]!r}: {cell!r} is not a wavelength in nm")
+            raise cells.error(
+                number, f"column {cells.header[0]!r}: {cell!r} is not a wavelength in nm"
+            )
         wavelengths.append(wavelength)
 
     values = _read_rows(cells, first, start, names, wide=False)
@@ -331,11 +376,15 @@ def _check_name(cells: _Cells, line: int, name: str, seen: dict[str, int]) -> No
     if not name:
         raise cells.error(line, "a sample has no name")
     if name in seen:
-        raise cells.error(line, f"sample {name!r} is already on line {seen[name]}; names must differ")
+        raise cells.error(
+            line, f"sample {name!r} is already on line {seen[name]}; names must differ"
+        )
 
 
 def _triples(cells: _Cells) -> tuple[int, int, int] | None:
-    """Columns of name, wavelength and value in a table of a value a row, or None if it is another layout."""
+    """Columns of name, wavelength and value in a table of a value a row, or None if it is another
+    layout.
+    """
     if len(cells.header) != 3:
         return None
     titled = [i for i, title in enumerate(cells.header) if _WAVELENGTH_TITLE.match(title)]
@@ -349,12 +398,16 @@ def _triples(cells: _Cells) -> tuple[int, int, int] | None:
 def _read_triples(
     cells: _Cells, first: tuple[int, str], name_at: int, wavelength_at: int, value_at: int
 ) -> tuple[list[str], Float[np.ndarray, "bands"], Float[np.ndarray, "rows bands"]]:
-    """Names, wavelengths and values of a table with a value a row; all samples must have the same wavelengths."""
+    """Names, wavelengths and values of a table with a value a row; all samples must have the same
+    wavelengths.
+    """
     rows: dict[str, int] = {}
     columns: dict[float, int] = {}
     column_at: dict[str, int] = {}  # by its text, which need not be parsed again
     row_of, column_of, values = array("i"), array("i"), array("d")
-    breaks: list[tuple[int, int]] = []  # a value and its line, wherever that is not the line after the value before
+    breaks: list[
+        tuple[int, int]
+    ] = []  # a value and its line, wherever that is not the line after the value before
     for number, text in _with_first(first, cells.lines):
         row = cells.split(number, text)
         name, title = row[name_at], row[wavelength_at]
@@ -364,7 +417,8 @@ def _read_triples(
             wavelength = _wavelength(title, cells.delimiter)
             if wavelength is None:
                 raise cells.error(
-                    number, f"column {cells.header[wavelength_at]!r}: {title!r} is not a wavelength in nm"
+                    number,
+                    f"column {cells.header[wavelength_at]!r}: {title!r} is not a wavelength in nm",
                 )
             column_at[title] = columns.setdefault(wavelength, len(columns))
         if not breaks or number - breaks[-1][1] != len(values) - breaks[-1][0]:
@@ -373,7 +427,9 @@ def _read_triples(
         column_of.append(column_at[title])
         values.append(_value(cells, number, name, cells.header[value_at], row[value_at]))
         if len(rows) > _MAX_SPECTRA or len(columns) > _MAX_BANDS or len(values) > _MAX_VALUES:
-            raise cells.error(number, "more samples, wavelengths or values so far than a table may hold; split it")
+            raise cells.error(
+                number, "more samples, wavelengths or values so far than a table may hold; split it"
+            )
     names = list(rows)
     grid = _check_grid(cells, sorted(columns))
     # Columns in the order of their wavelengths, not of the file.
@@ -395,17 +451,24 @@ def _read_triples(
         place = int(again.min())
         start, line = breaks[bisect.bisect_right(breaks, place, key=lambda pair: pair[0]) - 1]
         title = f"{grid[rank[at_column[place]]]:g}"
-        raise cells.error(line + place - start, f"sample {names[at_row[place]]!r} has a value at {title} nm already")
+        raise cells.error(
+            line + place - start,
+            f"sample {names[at_row[place]]!r} has a value at {title} nm already",
+        )
     row = int(np.argmax(np.bincount(at_row) < grid.size))
     missing = np.delete(grid, rank[at_column[at_row == row]])[0]
-    raise cells.source.error(f"sample {names[row]!r} has no value at {missing:g} nm, where others have one")
+    raise cells.source.error(
+        f"sample {names[row]!r} has no value at {missing:g} nm, where others have one"
+    )
 
 
 def read_columns(source: Source) -> RawSpectra:
-    """Read columns of numbers without a header, as spectrometers write them: wavelengths in nm, then a spectrum each.
+    """Read columns of numbers without a header, as spectrometers write them: wavelengths in nm,
+    then a spectrum each.
 
     Raises:
-        ValueError: a row of another length, a cell that is not a number, or first columns that are no wavelengths.
+        ValueError: a row of another length, a cell that is not a number, or first columns that are
+            no wavelengths.
     """
     numbers, width = array("d"), 0
     # Only comments may be in another encoding, and they are skipped.
@@ -430,7 +493,9 @@ def read_columns(source: Source) -> RawSpectra:
         raise source.error(f"first column: {error}; {_LAYOUTS}") from None
     steps = np.diff(wavelengths)
     if not (wavelengths.min() >= 100 and (np.all(steps > 0) or np.all(steps < 0))):
-        raise source.error(f"numbers only, and the first column does not run through wavelengths; {_LAYOUTS}")
+        raise source.error(
+            f"numbers only, and the first column does not run through wavelengths; {_LAYOUTS}"
+        )
     names = [f"column {i}" for i in range(2, width + 1)]
     notes.append("there is no header: spectra are named by their column")
     return RawSpectra(

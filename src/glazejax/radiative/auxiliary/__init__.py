@@ -1,4 +1,6 @@
-"""Paper A: the auxiliary function method, on a uniform grid as printed (`uniform`) and on graded panels (`graded`)."""
+"""Paper A: the auxiliary function method, on a uniform grid as printed (`uniform`) and on graded
+panels (`graded`).
+"""
 
 import lazy_loader
 

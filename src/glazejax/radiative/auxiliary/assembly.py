@@ -1,7 +1,9 @@
-"""The matrices of the auxiliary function method where every stack has a step of its own (paper A, section 3).
+"""The matrices of the auxiliary function method where every stack has a step of its own (paper A,
+section 3).
 
-`direct` is the conventional assembly: each of the Q x Q entries is its own double quadrature, over the segment and
-over the directions. `decomposed` makes the same matrix from Q numbers of H and 2Q - 1 of U, exactly (section 4.1).
+`direct` is the conventional assembly: each of the Q x Q entries is its own double quadrature, over
+the segment and over the directions. `decomposed` makes the same matrix from Q numbers of H and 2Q -
+1 of U, exactly (section 4.1).
 """
 
 import math
@@ -16,8 +18,8 @@ from jaxtyping import Array, Float, Int
 from ..common.exponential_integrals import cone_nodes, expn
 from ..common.quadrature import gauss
 
-# Nodes of the direct quadrature, the fewest that leave every entry within 1e-6 (at steps to 0.04; beyond, the error
-# grows with the step). That is where the paper's MATLAB stops by default.
+# Nodes of the direct quadrature, the fewest that leave every entry within 1e-6 (at steps to 0.04;
+# beyond, the error grows with the step). That is where the paper's MATLAB stops by default.
 _SEGMENT_NODES = 4
 _GRAZING_NODES = 14
 _CONE_NODES = 6
@@ -32,7 +34,9 @@ _NEGLIGIBLE_DEPTH = 16.0
 class Operator(NamedTuple):
     """H + U, the vectors M and M' and the number K of every stack (eqs (18), (20), (25))."""
 
-    matrix: Float[Array, "stacks n n"]  # [segment, node]: symmetric but for the error of a quadrature
+    matrix: Float[
+        Array, "stacks n n"
+    ]  # [segment, node]: symmetric but for the error of a quadrature
     m: Float[Array, "n stacks"]
     m_integrated: Float[Array, "n stacks"]
     k: Float[Array, "stacks"]
@@ -57,10 +61,12 @@ def decomposed(
 def decomposed_numbers(
     step: Float[Array, "stacks"], count: Int[Array, "stacks"], most: int, refractive_index: float
 ) -> tuple[Array, Array, Array, Array, Array]:
-    """The numbers themselves, for all stacks at once and without a matrix; arguments as of `decomposed`.
+    """The numbers themselves, for all stacks at once and without a matrix; arguments as of
+    `decomposed`.
 
     Returns:
-        First row of H, (stacks, n); U along its anti-diagonals, (stacks, 2n - 1); M and M', (n, stacks); K, (stacks,).
+        First row of H, (stacks, n); U along its anti-diagonals, (stacks, 2n - 1); M and M', (n,
+        stacks); K, (stacks,).
     """
     values = computed_once(lambda: _values(step, count, most, refractive_index), step)
 
@@ -72,12 +78,15 @@ def decomposed_numbers(
     return computed_once(numbers, step)
 
 
-def direct(step: Float[Array, "stacks"], count: Int[Array, "stacks"], most: int, refractive_index: float) -> Operator:
+def direct(
+    step: Float[Array, "stacks"], count: Int[Array, "stacks"], most: int, refractive_index: float
+) -> Operator:
     """The same, every entry of H + U by its own quadrature over the segment and over mu.
 
-    Four Gauss nodes in the segment; in mu, where exp(-x/mu)/mu varies over decades, Gauss nodes in ln mu down to a
-    sixteenth of the nearest distance, and for U the cone of refraction apart. The segment's own E_1 has a logarithm
-    inside, so its two halves get nodes that crowd at the midpoint. M and M' are vectors already.
+    Four Gauss nodes in the segment; in mu, where exp(-x/mu)/mu varies over decades, Gauss nodes in
+    ln mu down to a sixteenth of the nearest distance, and for U the cone of refraction apart. The
+    segment's own E_1 has a logarithm inside, so its two halves get nodes that crowd at the
+    midpoint. M and M' are vectors already.
     """
     y, w = gauss(_SEGMENT_NODES)
     index = jnp.arange(most, dtype=step.dtype)
@@ -90,18 +99,24 @@ def direct(step: Float[Array, "stacks"], count: Int[Array, "stacks"], most: int,
             def add(k: Array, total: Array) -> Array:
                 for position, share in zip(y, w, strict=True):
                     s = (index + position) * dh
-                    total = total + share * dh * weight[k] * jnp.exp(-distance(node, s[:, None]) / mu[k])
+                    total = total + share * dh * weight[k] * jnp.exp(
+                        -distance(node, s[:, None]) / mu[k]
+                    )
                 return total
 
             return jax.lax.fori_loop(0, mu.size, add, jnp.zeros((most, most), dh.dtype))
 
         smallest = 0.5 * dh / _NEGLIGIBLE_DEPTH
-        matrix = integrated(lambda node, s: jnp.abs(node - s), *_grazing(1.0, smallest, _GRAZING_NODES))
+        matrix = integrated(
+            lambda node, s: jnp.abs(node - s), *_grazing(1.0, smallest, _GRAZING_NODES)
+        )
         matrix = jnp.where(np.eye(most, dtype=bool), _own(node, dh), matrix)
         if refractive_index > 1.0:
             critical = math.sqrt(1.0 - 1.0 / refractive_index**2)
             mu, weight = _grazing(critical, smallest, _GRAZING_NODES)
-            cone, w_cone, r = (jnp.asarray(a, dh.dtype) for a in cone_nodes(refractive_index, _CONE_NODES))
+            cone, w_cone, r = (
+                jnp.asarray(a, dh.dtype) for a in cone_nodes(refractive_index, _CONE_NODES)
+            )
             mu, weight = jnp.concatenate([mu, cone]), jnp.concatenate([weight, w_cone * r / cone])
             matrix = matrix + integrated(lambda node, s: node + s, mu, weight)
         return matrix
@@ -113,7 +128,10 @@ def direct(step: Float[Array, "stacks"], count: Int[Array, "stacks"], most: int,
 def _own(node: Array, dh: Array) -> Float[Array, "n"]:
     """Each segment's E_1 integrated over itself: nodes crowd at the midpoint from both sides."""
     y, w = gauss(_OWN_SEGMENT_NODES)
-    offset, weight = 0.5 * dh * np.concatenate([-(y**3), y**3]), 0.5 * dh * np.tile(3.0 * y**2 * w, 2)
+    offset, weight = (
+        0.5 * dh * np.concatenate([-(y**3), y**3]),
+        0.5 * dh * np.tile(3.0 * y**2 * w, 2),
+    )
     mu, w_mu = _grazing(1.0, 0.5 * dh * y.min() ** 3 / _NEGLIGIBLE_DEPTH, _OWN_GRAZING_NODES)
     distance = jnp.abs(node[:, None] - (node[:, None] + offset))
     return jnp.sum(weight * jnp.sum(w_mu * jnp.exp(-distance[..., None] / mu), axis=-1), axis=-1)
@@ -127,9 +145,11 @@ def _grazing(top: float, bottom: Array, nodes: int) -> tuple[Array, Array]:
 
 
 def _values(step: Array, count: Array, most: int, refractive_index: float) -> tuple[Array, ...]:
-    """E_2 (stacks, n) and J_1 (stacks, 2n) at (k + 1/2) dh, E_3 at k dh and J_2 at h + k dh, (stacks, n + 1).
+    """E_2 (stacks, n) and J_1 (stacks, 2n) at (k + 1/2) dh, E_3 at k dh and J_2 at h + k dh,
+    (stacks, n + 1).
 
-    J_p(x) = int_0^1 R(mu) mu^(p-1) exp(-x/mu) dmu. As h is Q dh, these also serve at h - s and h + s.
+    J_p(x) = int_0^1 R(mu) mu^(p-1) exp(-x/mu) dmu. As h is Q dh, these also serve at h - s and h +
+    s.
     """
     return (
         expn(2, (jnp.arange(most, dtype=step.dtype) + 0.5) * step[:, None]),
@@ -151,22 +171,28 @@ def _ground(values: tuple[Array, ...], count: Array) -> tuple[Array, Array, Arra
 
 
 def _reflected(power: int, start: Array, step: Array, terms: int, refractive_index: float) -> Array:
-    """J_p at start + j step, (stacks, terms): total reflection in closed form, the cone by Gauss nodes."""
+    """J_p at start + j step, (stacks, terms): total reflection in closed form, the cone by Gauss
+    nodes.
+    """
     if refractive_index == 1.0:
         return jnp.zeros((step.size, terms), step.dtype)
     critical = math.sqrt((refractive_index - 1.0) * (refractive_index + 1.0)) / refractive_index
     depth = start[:, None] + jnp.arange(terms, dtype=step.dtype) * step[:, None]
     mu, weight, r = (jnp.asarray(a, step.dtype) for a in cone_nodes(refractive_index))
-    # On an even grid the exponentials are products of those of every sixteenth point and of the first sixteen.
+    # On an even grid the exponentials are products of those of every sixteenth point and of the
+    # first sixteen.
     coarse = jnp.exp(-(step[:, None] * np.arange(0.0, terms, _RUN))[..., None] / mu)
     fine = jnp.exp(-(start[:, None] + step[:, None] * np.arange(float(_RUN)))[..., None] / mu)
-    cone = jnp.einsum("wak,wbk->wab", coarse * (weight * r * mu ** (power - 1)), fine, precision="highest")
+    cone = jnp.einsum(
+        "wak,wbk->wab", coarse * (weight * r * mu ** (power - 1)), fine, precision="highest"
+    )
     cone = cone.reshape(step.size, -1)[:, :terms]
     return cone + critical**power * expn(power + 1, depth / critical)
 
 
 def computed_once(function: Callable[[], Any], positive: Array) -> Any:
-    """function(), kept apart from what uses it: XLA would compile a series of 50 terms into each of Q^2 uses.
+    """function(), kept apart from what uses it: XLA would compile a series of 50 terms into each of
+    Q^2 uses.
 
     A barrier does not hold on the CPU, a branch does. ``positive`` holds positive numbers.
     """
@@ -174,7 +200,9 @@ def computed_once(function: Callable[[], Any], positive: Array) -> Any:
     return jax.lax.cond(jnp.all(positive > 0), function, lambda: nothing)
 
 
-def toeplitz_plus_hankel(toeplitz: Float[Array, "*stacks n"], hankel: Float[Array, "*stacks m"]) -> Array:
+def toeplitz_plus_hankel(
+    toeplitz: Float[Array, "*stacks n"], hankel: Float[Array, "*stacks m"]
+) -> Array:
     """Matrix toeplitz[|i - j|] + hankel[i + j], (*stacks, n, n); m >= 2n - 1."""
     i = np.arange(toeplitz.shape[-1])
     return toeplitz[..., np.abs(i[:, None] - i)] + hankel[..., i[:, None] + i]

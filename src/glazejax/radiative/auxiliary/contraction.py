@@ -1,7 +1,8 @@
 """Linear systems (E - T) x = b whose T scatters light once: self-adjoint and a contraction.
 
-All but a little of T's spectrum lies at zero, so conjugate gradients need some ten products with T, where an
-elimination costs as much as N/3 of them and cannot use that all wavelengths share one matrix.
+All but a little of T's spectrum lies at zero, so conjugate gradients need some ten products with T,
+where an elimination costs as much as N/3 of them and cannot use that all wavelengths share one
+matrix.
 """
 
 from collections.abc import Callable
@@ -16,13 +17,15 @@ _MOST_STEPS = 5000
 
 
 def solve_contraction(
-    apply: Callable[[Array], Array], weight: Float[Array, "n stacks #cases"], b: Float[Array, "n stacks cases"]
+    apply: Callable[[Array], Array],
+    weight: Float[Array, "n stacks #cases"],
+    b: Float[Array, "n stacks cases"],
 ) -> Float[Array, "n stacks cases"]:
     """Solve x - T x = b for every stack and case, to rounding of about 1e-11 (3e-6 in float32).
 
     Args:
-        apply: x -> T x, with eigenvalues below one, self-adjoint under sum_i weight_i x_i y_i. Rows of weight zero
-            must not act on the others.
+        apply: x -> T x, with eigenvalues below one, self-adjoint under sum_i weight_i x_i y_i. Rows
+            of weight zero must not act on the others.
         weight: (n, stacks, 1), >= 0.
         b: (n, stacks, cases).
 
@@ -36,7 +39,9 @@ def solve_contraction(
     def transposed(_, right) -> Array:
         # T = S / W with S symmetric, so W (E - T) y = (E - T') (W y).
         right, positive = jnp.asarray(right), weight > 0
-        y = _conjugate_gradients(apply, weight, jnp.where(positive, right / jnp.where(positive, weight, 1.0), 0.0))
+        y = _conjugate_gradients(
+            apply, weight, jnp.where(positive, right / jnp.where(positive, weight, 1.0), 0.0)
+        )
         return jnp.where(positive, weight * y, right)
 
     return jnp.asarray(jax.lax.custom_linear_solve(lambda x: x - apply(x), b, forward, transposed))
@@ -66,9 +71,11 @@ def _conjugate_gradients(apply: Callable[[Array], Array], weight: Array, b: Arra
         share: Array = left / jnp.where(rest > 0, rest, 1.0)
         return step + 1, x, residual, jnp.where(present, residual + share * direction, 0.0), left
 
-    # Steps as long as a slow case wants would make rows of weight zero, which no product sees, grow without bound.
+    # Steps as long as a slow case wants would make rows of weight zero, which no product sees, grow
+    # without bound.
     present = weight > 0
     state = (jnp.asarray(0), jnp.zeros_like(b), b, jnp.where(present, b, 0.0), dot(b, b))
     _, x, residual, _, _ = jax.lax.while_loop(unfinished, advance, state)
-    # x + residual = b + T x: one more scattering, which also gives the rows of weight zero their value.
+    # x + residual = b + T x: one more scattering, which also gives the rows of weight zero their
+    # value.
     return x + residual

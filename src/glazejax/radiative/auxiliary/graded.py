@@ -1,20 +1,26 @@
-r"""Paper A's integral equation on a graded mesh: any thickness, any tolerance, no directions in the operator.
+r"""Paper A's integral equation on a graded mesh: any thickness, any tolerance, no directions in the
+operator.
 
-The auxiliary function t(tau) of paper A (Shinozawa et al. 2013), eq. (21), obeys an integral equation with exponential
-integrals as kernels. With the ground and the surface folded into its kernel that is symmetric,
+The auxiliary function t(tau) of paper A (Shinozawa et al. 2013), eq. (21), obeys an integral
+equation with exponential integrals as kernels. With the ground and the surface folded into its
+kernel that is symmetric,
 
     A = H + U + 2 rho/(1 - rho K) M M',   (1 - A q/2) t = g + rho/(1 - rho K) T_I e^(-h/mu_0)/pi M,
 
-so that light may as well be followed backwards from the exit: with the exit's weight V (e^(-tau/mu) for a viewing
-direction, E_2 less the internal reflection for all of them), c = rho E_h/(1 - rho K) and E_h its value for the ground,
+so that light may as well be followed backwards from the exit: with the exit's weight V (e^(-tau/mu)
+for a viewing direction, E_2 less the internal reflection for all of them), c = rho E_h/(1 - rho K)
+and E_h its value for the ground,
 
-    (1 - A q/2) psi = V/2 + c M,    R = F [c T_I e^(-h/mu_0) + <q (pi g + rho/(1 - rho K) T_I e^(-h/mu_0) M), psi>].
+    (1 - A q/2) psi = V/2 + c M,
+    R = F [c T_I e^(-h/mu_0) + <q (pi g + rho/(1 - rho K) T_I e^(-h/mu_0) M), psi>].
 
-A diffusely lit white stack then has a constant psi, which the mesh holds exactly: nothing is lost at an albedo of one.
+A diffusely lit white stack then has a constant psi, which the mesh holds exactly: nothing is lost
+at an albedo of one.
 
-Each layer is divided into panels that shrink towards its two faces, where psi behaves as tau ln tau, and that follow
-the decay length 1/kappa deep inside. In a panel psi q is a polynomial through Gauss-Lobatto nodes, and its integrals
-against the kernels are exact to rounding (see `panels`). Faces of layers are faces of panels.
+Each layer is divided into panels that shrink towards its two faces, where psi behaves as tau ln
+tau, and that follow the decay length 1/kappa deep inside. In a panel psi q is a polynomial through
+Gauss-Lobatto nodes, and its integrals against the kernels are exact to rounding (see `panels`).
+Faces of layers are faces of panels.
 """
 
 from typing import Any, NamedTuple
@@ -33,7 +39,9 @@ from .panels import Mesh, Panels, decay_integrals, kernel_integrals, layer_panel
 
 
 class CollocatedSystem(NamedTuple):
-    """The collocated equation (1 - A q/2) psi = V/2 + c M and what its solution is multiplied by."""
+    """The collocated equation (1 - A q/2) psi = V/2 + c M and what its solution is
+    multiplied by.
+    """
 
     matrix: Array  # (batch, n, n)
     exit: Array  # (batch, n), V/2
@@ -55,14 +63,17 @@ def _system(panels: Panels, light: Stack) -> CollocatedSystem:
     tau = (top[..., None] + width[..., None] * rules.nodes).reshape(batch, size)
     above_ground = jnp.maximum(h[:, None] - tau, 0.0)
     owner = np.repeat(np.arange(count), p)
-    below = np.arange(count) > owner[:, None]  # (node, panel): whether the panel lies below the node
+    below = (
+        np.arange(count) > owner[:, None]
+    )  # (node, panel): whether the panel lies below the node
     surface = _surface(light.refractive_index, h)
     mu, critical = surface.cosines, surface.critical
 
     def columns(array: Array) -> Array:  # (..., panels, p) -> (..., n)
         return array.reshape(*array.shape[:-2], size)
 
-    # What goes through the paint and what the surface reflects, stacked, so that the program holds each kernel once.
+    # What goes through the paint and what the surface reflects, stacked, so that the program holds
+    # each kernel once.
     c1, c2 = critical[:, None], critical[:, None, None]
     e2 = expn(2, jnp.stack([tau, above_ground, tau / c1, (h[:, None] + tau) / c1]))
     e3 = expn(3, jnp.stack([h, h / critical, 2.0 * h / critical]))
@@ -72,12 +83,16 @@ def _system(panels: Panels, light: Stack) -> CollocatedSystem:
     h_integrals, u_integrals = kernel_integrals(1, apart, widths[:, :, None, :], rules)
     apart = jnp.stack([jnp.maximum(h[:, None] - bottom, 0.0), (h[:, None] + top) / c1])
     m_integrals = kernel_integrals(2, apart, widths, rules)
-    decays = columns(decay_integrals(1.0 / mu[..., None], top[:, None, :], width[:, None, :], rules))
+    decays = columns(
+        decay_integrals(1.0 / mu[..., None], top[:, None, :], width[:, None, :], rules)
+    )
 
     def cone(power: int, depth: Array) -> Array:
         """The cone's part of int R mu^(power - 1) e^(-depth/mu) dmu, (batch, ...)."""
         decay = jnp.exp(-depth.reshape(batch, -1, 1) / mu[:, None])
-        return jnp.einsum("bnk,bk->bn", decay, surface.weights * mu ** (power - 1)).reshape(depth.shape)
+        return jnp.einsum("bnk,bk->bn", decay, surface.weights * mu ** (power - 1)).reshape(
+            depth.shape
+        )
 
     # H.
     h_integrals = jnp.where(below[..., None], h_integrals, h_integrals[..., ::-1])
@@ -91,17 +106,24 @@ def _system(panels: Panels, light: Stack) -> CollocatedSystem:
     kernel += jnp.exp(-tau[..., None] / mu[:, None]) @ ((surface.weights / mu)[..., None] * decays)
     # M at the nodes and its integrals, K, and the ways out through the surface.
     ground_to_node = e2[1] + surface.total[:, None] * c1 * e2[3] + cone(1, h[:, None] + tau)
-    node_to_ground = columns(m_integrals[0][..., ::-1] + (surface.total[:, None] * c1**2)[..., None] * m_integrals[1])
+    node_to_ground = columns(
+        m_integrals[0][..., ::-1] + (surface.total[:, None] * c1**2)[..., None] * m_integrals[1]
+    )
     node_to_ground += jnp.einsum("bk,bkn->bn", surface.weights * jnp.exp(-h[:, None] / mu), decays)
     returned = 2.0 * (surface.total * critical**2 * e3[2] + cone(2, 2.0 * h))
     reflected_out = surface.total * critical**2 * e3[1] + cone(2, h)
     node_to_ground *= _rescaled(node_to_ground, 0.5 - e3[0] + reflected_out - 0.5 * returned, h)
     open_share = light.ground / (1.0 - light.ground * returned)
-    kernel += (2.0 * open_share)[:, None, None] * ground_to_node[..., None] * node_to_ground[:, None]
-    # A constant is scattered exactly, so that an albedo of one loses nothing however deep the layer.
+    kernel += (
+        (2.0 * open_share)[:, None, None] * ground_to_node[..., None] * node_to_ground[:, None]
+    )
+    # A constant is scattered exactly, so that an albedo of one loses nothing however deep the
+    # layer.
     reflected_up = surface.total[:, None] * c1 * e2[2] + cone(1, tau)
     constant = 2.0 - e2[0] - e2[1] + reflected_up - (ground_to_node - e2[1])
-    constant += 2.0 * open_share[:, None] * ground_to_node * jnp.sum(node_to_ground, axis=-1, keepdims=True)
+    constant += (
+        2.0 * open_share[:, None] * ground_to_node * jnp.sum(node_to_ground, axis=-1, keepdims=True)
+    )
     kernel += (constant - jnp.sum(kernel, axis=-1))[..., None] * np.eye(size, dtype=dtype)
     q = albedo.reshape(batch, size)
     matrix = jnp.asarray(np.eye(size, dtype=dtype)) - 0.5 * kernel * q[:, None, :]
@@ -119,7 +141,9 @@ def _system(panels: Panels, light: Stack) -> CollocatedSystem:
         once = jnp.sum(q * beam * exit_weight, axis=-1)
     else:
         out = 1.0 / cos_refracted(light.cos_viewing, n)
-        beam, both = columns(decay_integrals(jnp.stack([rate, rate + out])[..., None], top, width, rules))
+        beam, both = columns(
+            decay_integrals(jnp.stack([rate, rate + out])[..., None], top, width, rules)
+        )
         beam, both = beam * strength[:, None], both * strength[:, None]
         exit_weight, ground_weight = jnp.exp(-out[:, None] * tau), jnp.exp(-out * h) / out
         factor = (1.0 - dielectric_reflectance(light.cos_viewing, n)) * out / n**2
@@ -138,7 +162,9 @@ def _system(panels: Panels, light: Stack) -> CollocatedSystem:
 
 
 def _rescaled(weights: Array, exact: Array, depth: Array) -> Array:
-    """Factor that gives weights their exact sum; where there is hardly any depth or light they have it anyway."""
+    """Factor that gives weights their exact sum; where there is hardly any depth or light they have
+    it anyway.
+    """
     found = jnp.sum(weights, axis=-1)
     enough = (depth > 1e-3) & (found > 0)
     return jnp.where(enough, exact / jnp.where(enough, found, 1.0), 1.0)[:, None]
@@ -170,7 +196,9 @@ class _MeshRow(NamedTuple):
     tolerance: float
     nodes: int
     points: int
-    graded: tuple[int, int, int]  # for layers up to the depths of _DEPTHS; thicker ones have the last and an interior
+    graded: tuple[
+        int, int, int
+    ]  # for layers up to the depths of _DEPTHS; thicker ones have the last and an interior
 
 
 # Worst errors of each row: `python -m benchmarks.calibrate_auxiliary`.
@@ -186,7 +214,8 @@ _ROWS = (
 _DEPTHS = (2.0, 8.0, 40.0)
 # The thicker the layer, the more its widest panels matter rather than its narrowest.
 _RATIOS = (0.25, 0.37, 0.5)
-# Below these indices beams may graze inside, too: their decay needs more and narrower panels at each face.
+# Below these indices beams may graze inside, too: their decay needs more and narrower panels at
+# each face.
 _GRAZING = ((1.01, 4), (1.1, 2))
 # With so many, their growth matters more than the first one's width.
 _GRAZING_RATIO = 0.4
@@ -228,7 +257,9 @@ def _stack_panels(stack: Stack, mesh: Mesh) -> Panels:
 
 
 def _solve(matrix: Array, right: Array) -> Array:
-    """The matrix is diagonally dominant, so no pivoting is needed; its derivatives are those of the solution."""
+    """The matrix is diagonally dominant, so no pivoting is needed; its derivatives are those of the
+    solution.
+    """
 
     def solve(_, b: Array) -> Array:
         return solve_positive(matrix, b[..., None])[..., 0]
@@ -244,11 +275,14 @@ def _solve(matrix: Array, right: Array) -> Array:
 
 def _value(system: CollocatedSystem, solution: Array) -> Array:
     inside = jnp.sum(system.beam * solution, axis=-1)
-    return system.factor * (system.ground_direct + inside + system.single - system.single_interpolated)
+    return system.factor * (
+        system.ground_direct + inside + system.single - system.single_interpolated
+    )
 
 
 def reflectance_on(panels: Panels, light: Stack) -> Array:
-    """Reflectance factor, or hemispherical reflectance where there is no viewing direction, (batch,).
+    """Reflectance factor, or hemispherical reflectance where there is no viewing direction,
+    (batch,).
 
     Only the ground, the index and the cosines of ``light`` count; the panels hold the layers.
     """
@@ -257,7 +291,9 @@ def reflectance_on(panels: Panels, light: Stack) -> Array:
 
 
 def reflectance(stack: Stack, mesh: Mesh) -> Array:
-    """Reflectance factor, or hemispherical reflectance where the stack has no viewing direction, (batch,)."""
+    """Reflectance factor, or hemispherical reflectance where the stack has no viewing direction,
+    (batch,).
+    """
     return reflectance_on(_stack_panels(stack, mesh), stack)
 
 
@@ -274,11 +310,13 @@ def split(stack: Stack, mesh: Mesh) -> Split:
     )
 
 
-def reflectance_and_gradient(stack: Stack, mesh: Mesh, wanted: tuple[str, ...]) -> tuple[Array, dict[str, Array]]:
+def reflectance_and_gradient(
+    stack: Stack, mesh: Mesh, wanted: tuple[str, ...]
+) -> tuple[Array, dict[str, Array]]:
     """Reflectance and its derivative by the wanted leaves of each stack.
 
-    With psi the solution and lambda that of the transposed equation for the beam's weights v, the derivative of v.psi
-    is that of v.psi + lambda.(b - B psi) with both held.
+    With psi the solution and lambda that of the transposed equation for the beam's weights v, the
+    derivative of v.psi is that of v.psi + lambda.(b - B psi) with both held.
 
     Args:
         stack: batch of stacks.

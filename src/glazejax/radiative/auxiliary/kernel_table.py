@@ -1,9 +1,10 @@
 """Tables of the kernels of the auxiliary function method on a uniform grid of optical depth.
 
-With one step dh for all wavelengths the kernels' matrices depend on neither the paint nor the wavelength: H is
-symmetric Toeplitz (Q numbers), U is Hankel (2Q - 1 numbers), and the Q x Q matrix of a thinner glaze is the leading
-part of a thicker one's (paper A, section 4). A table is computed once, in double precision whatever JAX is set to,
-grows when a thicker glaze comes, and can be kept in a file.
+With one step dh for all wavelengths the kernels' matrices depend on neither the paint nor the
+wavelength: H is symmetric Toeplitz (Q numbers), U is Hankel (2Q - 1 numbers), and the Q x Q matrix
+of a thinner glaze is the leading part of a thicker one's (paper A, section 4). A table is computed
+once, in double precision whatever JAX is set to, grows when a thicker glaze comes, and can be kept
+in a file.
 """
 
 import os
@@ -33,10 +34,12 @@ class KernelTable:
         j1: J_1((k + 1/2) dh), (2 Q_max,), with J_p(x) = int_0^1 R(mu) mu^(p-1) exp(-x/mu) dmu.
         j2: J_2(k dh), (2 Q_max + 1,).
 
-    All that the paper tabulates follows from these by differences: eqs (9), (17), (18), (20), (25), exact.
+    All that the paper tabulates follows from these by differences: eqs (9), (17), (18), (20), (25),
+    exact.
 
     Raises:
-        ValueError: an index outside [1, 2.5], a step that is not positive, or more than `MOST_SEGMENTS` segments.
+        ValueError: an index outside [1, 2.5], a step that is not positive, or more than
+            `MOST_SEGMENTS` segments.
     """
 
     refractive_index: float
@@ -49,9 +52,13 @@ class KernelTable:
 
     def __init__(self, refractive_index: float = 1.5, step: float = 0.01, segments: int = 0):
         if not (np.ndim(refractive_index) == 0 and 1.0 <= refractive_index <= 2.5):
-            raise ValueError(f"refractive_index is {refractive_index}; a table is for one number in [1, 2.5]")
+            raise ValueError(
+                f"refractive_index is {refractive_index}; a table is for one number in [1, 2.5]"
+            )
         if not (np.ndim(step) == 0 and 0.0 < step < np.inf):
-            raise ValueError(f"step is {step}; it must be a positive optical thickness, such as 0.01")
+            raise ValueError(
+                f"step is {step}; it must be a positive optical thickness, such as 0.01"
+            )
         self.refractive_index = float(refractive_index)
         self.step = float(step)
         self.segments = 0
@@ -69,14 +76,19 @@ class KernelTable:
         """
         if segments > MOST_SEGMENTS:
             raise ValueError(
-                f"{segments} segments of step {self.step:g} are more than {MOST_SEGMENTS}; use a larger step"
+                f"{segments} segments of step {self.step:g} are more than {MOST_SEGMENTS}; use a "
+                "larger step"
             )
         if segments <= self.segments:
             return 0
         from scipy.special import expn
 
         before = self.terms
-        half, whole, n = np.arange(2 * segments) + 0.5, np.arange(2.0 * segments + 1), self.refractive_index
+        half, whole, n = (
+            np.arange(2 * segments) + 0.5,
+            np.arange(2.0 * segments + 1),
+            self.refractive_index,
+        )
 
         def grown(old: np.ndarray, depths: np.ndarray, kernel) -> np.ndarray:
             return np.concatenate([old, kernel(self.step * depths[old.size :])])
@@ -95,7 +107,9 @@ class KernelTable:
 
     @property
     def toeplitz(self) -> Float[np.ndarray, "segments"]:
-        """First row of H (eq. (25)): ``H_ij = toeplitz[|i - j|]``, the kernel E_1 integrated over segment j."""
+        """First row of H (eq. (25)): ``H_ij = toeplitz[|i - j|]``, the kernel E_1 integrated over
+        segment j.
+        """
         # The segment's own integral is that of E_1 on both sides of its midpoint.
         return np.concatenate([2.0 * (1.0 - self.e2[:1]), self.e2[:-1] - self.e2[1:]])
 
@@ -118,7 +132,13 @@ class KernelTable:
         partial = path.with_name(f"{path.name}.{os.getpid()}.part")
         try:
             with partial.open("wb") as file:
-                np.savez(file, format=_FORMAT, refractive_index=self.refractive_index, step=self.step, **arrays)
+                np.savez(
+                    file,
+                    format=_FORMAT,
+                    refractive_index=self.refractive_index,
+                    step=self.step,
+                    **arrays,
+                )
             partial.replace(path)
         except BaseException:
             partial.unlink(missing_ok=True)
@@ -135,20 +155,39 @@ class KernelTable:
         """
         path = Path(path)
         if not path.is_file():
-            raise FileNotFoundError(f"no kernel table at {path}; KernelTable(...).save(path) writes one")
+            raise FileNotFoundError(
+                f"no kernel table at {path}; KernelTable(...).save(path) writes one"
+            )
         try:
             with np.load(path, allow_pickle=False) as file:
-                held = {name: file[name] for name in ("format", "refractive_index", "step", *_ARRAYS)}
+                held = {
+                    name: file[name] for name in ("format", "refractive_index", "step", *_ARRAYS)
+                }
         except Exception as error:  # whatever zip and NumPy raise for a file of another kind
-            raise ValueError(f"{path} is no kernel table ({error}); KernelTable(...).save(path) writes one") from None
+            raise ValueError(
+                f"{path} is no kernel table ({error}); KernelTable(...).save(path) writes one"
+            ) from None
         if str(held["format"]) != _FORMAT:
-            raise ValueError(f"{path} holds {str(held['format'])!r}; this version reads {_FORMAT!r}")
+            raise ValueError(
+                f"{path} holds {str(held['format'])!r}; this version reads {_FORMAT!r}"
+            )
         segments = held["e2"].size
-        sizes = {"e2": segments, "e3": segments + 1, "j1": 2 * segments, "j2": 2 * segments + 1} if segments else {}
+        sizes = (
+            {"e2": segments, "e3": segments + 1, "j1": 2 * segments, "j2": 2 * segments + 1}
+            if segments
+            else {}
+        )
         for name in _ARRAYS:
             array = held[name]
-            if array.shape != (sizes.get(name, 0),) or array.dtype != np.float64 or not np.all(np.isfinite(array)):
-                raise ValueError(f"{path} is damaged: {name} has shape {array.shape}, type {array.dtype}, or no number")
+            if (
+                array.shape != (sizes.get(name, 0),)
+                or array.dtype != np.float64
+                or not np.all(np.isfinite(array))
+            ):
+                raise ValueError(
+                    f"{path} is damaged: {name} has shape {array.shape}, type {array.dtype}, or "
+                    "no number"
+                )
         table = cls(float(held["refractive_index"]), float(held["step"]))
         table.segments = segments
         for name in _ARRAYS:
@@ -156,10 +195,15 @@ class KernelTable:
         return table
 
     def __repr__(self) -> str:
-        return f"KernelTable(refractive_index={self.refractive_index:g}, step={self.step:g}, segments={self.segments})"
+        return (
+            f"KernelTable(refractive_index={self.refractive_index:g}, step={self.step:g}, "
+            f"segments={self.segments})"
+        )
 
 
-def _reflected(power: int, x: Float[np.ndarray, "k"], refractive_index: float) -> Float[np.ndarray, "k"]:
+def _reflected(
+    power: int, x: Float[np.ndarray, "k"], refractive_index: float
+) -> Float[np.ndarray, "k"]:
     """J_p(x) in double precision: total reflection in closed form, the cone by Gauss nodes."""
     from scipy.special import expn
 

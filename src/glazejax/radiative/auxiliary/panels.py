@@ -1,10 +1,12 @@
-"""Panels of a graded mesh in optical depth, and integrals of kernels over them that are exact to rounding.
+"""Panels of a graded mesh in optical depth, and integrals of kernels over them that are exact to
+rounding.
 
-On a panel a function is the polynomial through its values at Gauss-Lobatto nodes. Those at the ends couple panels that
-are far wider than a mean free path, as within a thick layer, where inner nodes see nothing but their own panel. A
-kernel is integrated against the polynomial by a fixed rule whose points crowd at the end next to the kernel's
-singularity where the panel is narrow, and by parts, a finite sum of exponential integrals of rising order, where it is
-wide; so any width and any distance will do.
+On a panel a function is the polynomial through its values at Gauss-Lobatto nodes. Those at the ends
+couple panels that are far wider than a mean free path, as within a thick layer, where inner nodes
+see nothing but their own panel. A kernel is integrated against the polynomial by a fixed rule whose
+points crowd at the end next to the kernel's singularity where the panel is narrow, and by parts, a
+finite sum of exponential integrals of rising order, where it is wide; so any width and any distance
+will do.
 """
 
 import functools
@@ -45,10 +47,16 @@ class Rules(NamedTuple):
 
     nodes: np.ndarray  # (p,), on [0, 1]
     points: np.ndarray  # (m,), on [0, 1], crowded at the near end
-    kernel: np.ndarray  # (m, p): weight of a kernel's value at a point in the integral with Lagrange polynomial j
-    near: np.ndarray  # (p, p): derivative k of polynomial j at the near end, in units of half the width
+    kernel: (
+        np.ndarray
+    )  # (m, p): weight of a kernel's value at a point in the integral with Lagrange polynomial j
+    near: (
+        np.ndarray
+    )  # (p, p): derivative k of polynomial j at the near end, in units of half the width
     far: np.ndarray  # (p, p): the same at the far end
-    own_points: np.ndarray  # (p, 2 m): distance from node i to points on either side, as a share of the width
+    own_points: (
+        np.ndarray
+    )  # (p, 2 m): distance from node i to points on either side, as a share of the width
     own_kernel: np.ndarray  # (p, 2 m, p)
     own_derivatives: np.ndarray  # (p, p, p): derivative k of polynomial j at node i
 
@@ -66,7 +74,9 @@ def rules(count: int, points: int) -> Rules:
     coefficients = np.linalg.inv(legendre.legvander(xi, count - 1))  # (degree, j)
 
     def derivatives(x: np.ndarray) -> np.ndarray:  # (k, len(x), j)
-        return np.stack([legendre.legval(x, legendre.legder(coefficients, k)).T for k in range(count)])
+        return np.stack(
+            [legendre.legval(x, legendre.legder(coefficients, k)).T for k in range(count)]
+        )
 
     def values(x: np.ndarray) -> np.ndarray:
         return legendre.legvander(x, count - 1) @ coefficients
@@ -93,7 +103,9 @@ def rules(count: int, points: int) -> Rules:
 
 
 def _orders(first: int, count: int, x: Array) -> Array:
-    """E_first(x) ... E_(first + count - 1)(x), (..., count), by the upward recurrence; first >= 2."""
+    """E_first(x) ... E_(first + count - 1)(x), (..., count), by the upward recurrence;
+    first >= 2.
+    """
     value, decay = expn(first, x), jnp.exp(-x)
     out = [value]
     for n in range(first, first + count - 1):
@@ -104,7 +116,10 @@ def _orders(first: int, count: int, x: Array) -> Array:
 
 def _powers(x: Array, count: int) -> Array:
     """1, x, x^2, ..., (..., count)."""
-    return jnp.cumprod(jnp.concatenate([jnp.ones_like(x)[..., None]] + [x[..., None]] * (count - 1), axis=-1), axis=-1)
+    return jnp.cumprod(
+        jnp.concatenate([jnp.ones_like(x)[..., None]] + [x[..., None]] * (count - 1), axis=-1),
+        axis=-1,
+    )
 
 
 def _tiny(x: Array) -> float:
@@ -112,7 +127,9 @@ def _tiny(x: Array) -> float:
 
 
 def kernel_integrals(order: int, distance: Array, width: Array, rules: Rules) -> Array:
-    """Integrals of E_order(distance + t) with each Lagrange polynomial over a panel, t from its near end, (..., p)."""
+    """Integrals of E_order(distance + t) with each Lagrange polynomial over a panel, t from its
+    near end, (..., p).
+    """
     distance, width = jnp.broadcast_arrays(distance, width)
     wide = width > _WIDE
     count = len(rules.nodes)
@@ -122,17 +139,24 @@ def kernel_integrals(order: int, distance: Array, width: Array, rules: Rules) ->
     wide_width = jnp.where(wide, width, _WIDE)
     scale = _powers(2.0 / wide_width, count)
     ends = scale * _orders(order + 1, count, jnp.stack([distance, distance + wide_width]))
-    here, there = ends[0] @ jnp.asarray(rules.near, t.dtype), ends[1] @ jnp.asarray(rules.far, t.dtype)
+    here, there = (
+        ends[0] @ jnp.asarray(rules.near, t.dtype),
+        ends[1] @ jnp.asarray(rules.far, t.dtype),
+    )
     return jax.lax.select(jnp.broadcast_to(wide[..., None], narrow.shape), here - there, narrow)
 
 
 def decay_integrals(rate: Array, top: Array, width: Array, rules: Rules) -> Array:
-    """Integrals of e^(-rate tau) with each Lagrange polynomial over a panel that begins at depth `top`, (..., p)."""
+    """Integrals of e^(-rate tau) with each Lagrange polynomial over a panel that begins at depth
+    `top`, (..., p).
+    """
     rate, top, width = jnp.broadcast_arrays(rate, top, width)
     z = rate * width
     wide = z > _WIDE
     count = len(rules.nodes)
-    shares = jnp.exp(-jnp.where(wide, 1.0, z)[..., None] * rules.points) @ jnp.asarray(rules.kernel, z.dtype)
+    shares = jnp.exp(-jnp.where(wide, 1.0, z)[..., None] * rules.points) @ jnp.asarray(
+        rules.kernel, z.dtype
+    )
     safe = jnp.where(wide, z, _WIDE)
     scale = _powers(2.0 / safe, count)
     by_parts = scale @ jnp.asarray(rules.near, z.dtype)
@@ -148,14 +172,21 @@ def own_integrals(width: Array, rules: Rules) -> Array:
     dtype = width.dtype
     narrow_width = jnp.where(wide, 1.0, width)[..., None, None]
     t = jnp.maximum(narrow_width * rules.own_points, _tiny(width))
-    narrow = narrow_width * jnp.einsum("...im,imj->...ij", expn(1, t), jnp.asarray(rules.own_kernel, dtype))
+    narrow = narrow_width * jnp.einsum(
+        "...im,imj->...ij", expn(1, t), jnp.asarray(rules.own_kernel, dtype)
+    )
     wide_width = jnp.where(wide, width, _WIDE)[..., None]
     scale = _powers(2.0 / wide_width, count)  # (..., 1, k)
     k = np.arange(count)
     here = (1.0 + (-1.0) ** k) / (k + 1)  # E_(k+2)(0) = 1/(k+1), from above and from below
     middle = jnp.einsum("...zk,ikj->...ij", scale * here, jnp.asarray(rules.own_derivatives, dtype))
-    ends = scale * _orders(2, count, jnp.stack([wide_width * (1.0 - rules.nodes), wide_width * rules.nodes]))
-    below, above = ends[0] @ jnp.asarray(rules.far, dtype), ends[1] * (-1.0) ** k @ jnp.asarray(rules.near, dtype)
+    ends = scale * _orders(
+        2, count, jnp.stack([wide_width * (1.0 - rules.nodes), wide_width * rules.nodes])
+    )
+    below, above = (
+        ends[0] @ jnp.asarray(rules.far, dtype),
+        ends[1] * (-1.0) ** k @ jnp.asarray(rules.near, dtype),
+    )
     return jnp.where(wide[..., None, None], middle - below - above, narrow)
 
 
@@ -177,11 +208,15 @@ _INTERIOR = np.array([0.4, 1.2, 3.0, 6.5, 13.0, 25.0]) / 25.0
 
 
 def _half_layer(depth: Array, albedo: Array, slant: Array, mesh: Mesh) -> Array:
-    """Edges of the panels from a face towards the middle as shares of the depth, (batch, panels + 1)."""
+    """Edges of the panels from a face towards the middle as shares of the depth, (batch, panels +
+    1).
+    """
     half = 0.5 * depth
     reach = jnp.minimum(half, _BOUNDARY_LAYER) if mesh.interior else half
     # The first panel is narrow beside the depth at which a grazing beam is gone.
-    ratio = jnp.maximum(mesh.ratio ** (1 - mesh.graded), reach / jnp.maximum(2.0 * slant**2, 0.05 * slant))
+    ratio = jnp.maximum(
+        mesh.ratio ** (1 - mesh.graded), reach / jnp.maximum(2.0 * slant**2, 0.05 * slant)
+    )
     steps = -np.arange(mesh.graded - 1, -1, -1) / (mesh.graded - 1)
     edges = [jnp.zeros_like(half)[:, None], reach[:, None] * ratio[:, None] ** steps]
     if mesh.interior:
@@ -195,7 +230,8 @@ def _half_layer(depth: Array, albedo: Array, slant: Array, mesh: Mesh) -> Array:
 
 
 def layer_panels(thickness: Array, layer_albedo: Array, slant: Array, mesh: Mesh) -> Panels:
-    """Panels of homogeneous layers; their proportions are not differentiated, the result hardly depends on them.
+    """Panels of homogeneous layers; their proportions are not differentiated, the result hardly
+    depends on them.
 
     Args:
         thickness: optical thickness of the layers, top first, (batch, layers), >= 0.
@@ -220,10 +256,18 @@ def layer_panels(thickness: Array, layer_albedo: Array, slant: Array, mesh: Mesh
     top, width = jnp.concatenate(tops, axis=-1), jnp.concatenate(widths, axis=-1)
     albedo = jnp.repeat(layer_albedo, width.shape[1] // thickness.shape[1], axis=1)
     albedo = jnp.broadcast_to(albedo[..., None], (*width.shape, mesh.nodes))
-    return Panels(top=top, width=width, albedo=albedo, total=depth[:, -1], rules=rules(mesh.nodes, mesh.points))
+    return Panels(
+        top=top,
+        width=width,
+        albedo=albedo,
+        total=depth[:, -1],
+        rules=rules(mesh.nodes, mesh.points),
+    )
 
 
 def graded_shares(mesh: Mesh) -> np.ndarray:
-    """Edges of panels that shrink towards both faces of a film as shares of its depth, whatever its thickness."""
+    """Edges of panels that shrink towards both faces of a film as shares of its depth, whatever its
+    thickness.
+    """
     half = 0.5 * np.r_[0.0, mesh.ratio ** np.arange(mesh.graded - 1, -1, -1.0)]
     return np.r_[half, 1.0 - half[-2::-1]]

@@ -1,11 +1,13 @@
-"""A uniform grid of optical depth that layers do not fit: integrals over its segments, interfaces and end exact.
+"""A uniform grid of optical depth that layers do not fit: integrals over its segments, interfaces
+and end exact.
 
-Segments are as wide as the step but for the last one, which ends where the glaze ends. A source q(s) t(s) with t
-constant in each segment changes by jumps only, at the segments' edges and at the layers' interfaces, so every
-integral of it against a kernel's derivative is a sum over those jumps: no segment has to hold one albedo only.
+Segments are as wide as the step but for the last one, which ends where the glaze ends. A source
+q(s) t(s) with t constant in each segment changes by jumps only, at the segments' edges and at the
+layers' interfaces, so every integral of it against a kernel's derivative is a sum over those jumps:
+no segment has to hold one albedo only.
 
-Arrays have the segment (or the layer) first, the stack second; N is the largest number of segments, and those that a
-stack does not have hold no albedo.
+Arrays have the segment (or the layer) first, the stack second; N is the largest number of segments,
+and those that a stack does not have hold no albedo.
 """
 
 import functools
@@ -19,7 +21,9 @@ _NEGLIGIBLE = 1e-12
 
 
 class Segments(NamedTuple):
-    """Segments of every stack; their left edges, the layers' lower faces and the albedos on both."""
+    """Segments of every stack; their left edges, the layers' lower faces and the albedos
+    on both.
+    """
 
     edges: Float[Array, "n stacks"]
     """Depth of each segment's left edge."""
@@ -35,8 +39,12 @@ class Segments(NamedTuple):
     """int_segment q ds, exactly 0 where negligible."""
     doubled: Float[Array, "n stacks"]
     """int_segment q^2 ds over int_segment q ds."""
-    averaging: tuple[Float[Array, "n stacks"], Float[Array, "n stacks"], Float[Array, "layers stacks"]]
-    """Factors of a function at left edges, right edges and faces that make its slope's mean over each segment."""
+    averaging: tuple[
+        Float[Array, "n stacks"], Float[Array, "n stacks"], Float[Array, "layers stacks"]
+    ]
+    """Factors of a function at left edges, right edges and faces that make its slope's mean over
+    each segment.
+    """
 
     @classmethod
     def make(
@@ -51,7 +59,8 @@ class Segments(NamedTuple):
         faces = jnp.cumsum(thickness, axis=0)
         index = jnp.arange(most)[:, None]
         edges = index.astype(faces.dtype) * step * jnp.ones_like(faces[-1])
-        # A face on an edge is in the segment below; by comparison, so that rounding cannot set the two apart.
+        # A face on an edge is in the segment below; by comparison, so that rounding cannot set the
+        # two apart.
         above = jnp.sum(faces[:, None] >= edges, axis=1, dtype=count.dtype)
         held = jnp.clip(above - 1, 0, count - 1).at[-1].set(count - 1)
         layer = jnp.sum(held[:-1, None] < index, axis=0)
@@ -77,21 +86,28 @@ class Segments(NamedTuple):
         enough = scattering > _NEGLIGIBLE * step
         safe = jnp.where(enough, scattering, 1.0)
         doubled = jnp.where(enough, second.integrate(edges, faces) / safe, 0.0)
-        # Weighted by the albedo; by the depth alone where nothing scatters, the limit of a faint albedo.
+        # Weighted by the albedo; by the depth alone where nothing scatters, the limit of a faint
+        # albedo.
         last = index == count - 1
         width = jnp.where(last, faces[-1] - edges, step)
         share = jnp.where(
-            enough, 1.0 / safe, jnp.where(present & (width > 0), 1.0 / jnp.where(width > 0, width, 1.0), 0.0)
+            enough,
+            1.0 / safe,
+            jnp.where(present & (width > 0), 1.0 / jnp.where(width > 0, width, 1.0), 0.0),
         )
         left = share * jnp.where(enough, first.edge_albedo, 1.0)
         right = share * jnp.where(enough, _below(first.edge_albedo), jnp.where(last, 0.0, 1.0))
         end = jnp.zeros_like(faces).at[-1].set(1.0)
         at_faces = first.at_faces(share) * jnp.where(first.at_faces(enough), first.drop, end)
         scattering = jnp.where(enough, scattering, 0.0)
-        return first._replace(scattering=scattering, doubled=doubled, averaging=(left, right, at_faces))
+        return first._replace(
+            scattering=scattering, doubled=doubled, averaging=(left, right, at_faces)
+        )
 
     def integrate(
-        self, at_edges: Float[Array, "n stacks *cases"], at_faces: Float[Array, "layers stacks *cases"]
+        self,
+        at_edges: Float[Array, "n stacks *cases"],
+        at_faces: Float[Array, "layers stacks *cases"],
     ) -> Float[Array, "n stacks *cases"]:
         """int_segment q v' ds of a function v known at edges and faces; exact."""
         right = append_axes(_below(self.edge_albedo), at_edges) * _below(at_edges)
@@ -99,16 +115,24 @@ class Segments(NamedTuple):
         return right - left + self._spread(append_axes(self.drop, at_faces) * at_faces)
 
     def average(
-        self, at_edges: Float[Array, "n stacks *cases"], at_faces: Float[Array, "layers stacks *cases"]
+        self,
+        at_edges: Float[Array, "n stacks *cases"],
+        at_faces: Float[Array, "layers stacks *cases"],
     ) -> Float[Array, "n stacks *cases"]:
-        """Mean of v' over each segment, weighted by the albedo; unweighted where nothing scatters."""
+        """Mean of v' over each segment, weighted by the albedo; unweighted where nothing
+        scatters.
+        """
         left, right, face = (append_axes(a, at_edges) for a in self.averaging)
         return right * _below(at_edges) - left * at_edges + self._spread(face * at_faces)
 
     def jumps(self, t: Float[Array, "n stacks *cases"]) -> tuple[Array, Array]:
-        """By how much q t rises at every edge (n, stacks, *cases) and face (layers, stacks, *cases)."""
+        """By how much q t rises at every edge (n, stacks, *cases) and face (layers, stacks,
+        *cases).
+        """
         before = jnp.concatenate([jnp.zeros_like(t[:1]), t[:-1]])
-        return append_axes(self.edge_albedo, t) * (t - before), -append_axes(self.drop, t) * self.at_faces(t)
+        return append_axes(self.edge_albedo, t) * (t - before), -append_axes(
+            self.drop, t
+        ) * self.at_faces(t)
 
     def at_faces(self, t: Array) -> Array:
         """Value (n, stacks, *cases) in the segment of each face."""

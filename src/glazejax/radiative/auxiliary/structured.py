@@ -1,14 +1,17 @@
-"""Products with H + U that never make the matrix: H is Toeplitz, U is Hankel (paper A, section 4.1).
+"""Products with H + U that never make the matrix: H is Toeplitz, U is Hankel (paper A, section
+4.1).
 
-Filled up to length 2 Q a Toeplitz matrix is a cyclic convolution and a Hankel matrix a cyclic correlation, so
+Filled up to length 2 Q a Toeplitz matrix is a cyclic convolution and a Hankel matrix a cyclic
+correlation, so
 
     (H + U) x = F^-1 (h F x + u conj(F x)),     h, u the transforms of their Q and 2Q - 1 numbers:
 
-two fast Fourier transforms a product for both, Q log Q in place of Q^2, and no memory but a few vectors. All stacks go
-through one program, whether they share the numbers (a fixed step) or have their own.
+two fast Fourier transforms a product for both, Q log Q in place of Q^2, and no memory but a few
+vectors. All stacks go through one program, whether they share the numbers (a fixed step) or have
+their own.
 
-Only one transform is ever under way: each waits for the one before, and the two of the kernels are one call. On the
-CPU two at once might wait for each other's threads.
+Only one transform is ever under way: each waits for the one before, and the two of the kernels are
+one call. On the CPU two at once might wait for each other's threads.
 """
 
 import jax
@@ -42,7 +45,9 @@ def times(kernels: Complex[Array, "2 frequencies"], x: Float[Array, "n"]) -> Flo
 def times_all(
     kernels: Complex[Array, "*stacks 2 frequencies"], x: Float[Array, "n stacks cases"]
 ) -> Float[Array, "n stacks cases"]:
-    """`times` for all stacks and cases; the stacks share the kernels or have their own, (stacks, 2, frequencies)."""
+    """`times` for all stacks and cases; the stacks share the kernels or have their own, (stacks, 2,
+    frequencies).
+    """
     shared = kernels.ndim == 2
     each_case = jax.vmap(times, in_axes=(None, 1), out_axes=1)
     return jax.vmap(each_case, in_axes=(None if shared else 0, 1), out_axes=1)(kernels, x)

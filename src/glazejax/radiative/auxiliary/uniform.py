@@ -1,24 +1,28 @@
 """The auxiliary function method on a uniform grid of optical depth, as paper A has it and better.
 
-The diffuse field enters by its auxiliary function f(tau) = int (omega+ + omega-) dmu/mu (eq. (3)), for which light
-scattered, reflected inside by the surface and by the ground is a linear integral equation in depth alone (21). Cut into
-Q segments it is (1/2 A P - E) f = -b (31), with A = H + U + c M M': H symmetric Toeplitz, U Hankel (4.1).
+The diffuse field enters by its auxiliary function f(tau) = int (omega+ + omega-) dmu/mu (eq. (3)),
+for which light scattered, reflected inside by the surface and by the ground is a linear integral
+equation in depth alone (21). Cut into Q segments it is (1/2 A P - E) f = -b (31), with A = H + U +
+c M M': H symmetric Toeplitz, U Hankel (4.1).
 
 Variants of the assembly:
 
-- ``direct``: every entry of A by its own quadrature, dh of every stack's own so that Q dh = h; the conventional method.
+- ``direct``: every entry of A by its own quadrature, dh of every stack's own so that Q dh = h; the
+conventional method.
 - ``decomposed``: the same A from Q and 2Q - 1 numbers.
 - ``fixed_step``: one dh, so that one H and one U, tabulated once (`KernelTable`), serve all stacks.
 
-The paper's version has errors of first order in dh where an interface lies inside a segment or h is not a multiple of
-dh. ``corrected`` removes both. With a step of the stack's own it takes means over a segment of q and of the beam in
-place of the values at the midpoint. With a fixed step it is Galerkin's method: f constant in a segment, but q, the end
-of the glaze and the interfaces exact. Integrating by parts leaves the kernel at the edges of segments and layers,
+The paper's version has errors of first order in dh where an interface lies inside a segment or h is
+not a multiple of dh. ``corrected`` removes both. With a step of the stack's own it takes means over
+a segment of q and of the beam in place of the values at the midpoint. With a fixed step it is
+Galerkin's method: f constant in a segment, but q, the end of the glaze and the interfaces exact.
+Integrating by parts leaves the kernel at the edges of segments and layers,
 
-    int int z E_1(|s - s'|) z' ds ds' = -sum u u' E_3(|s - s'|) + 2 int z z' ds,     u the jumps of the source z,
+    int int z E_1(|s - s'|) z' ds ds' = -sum u u' E_3(|s - s'|) + 2 int z z' ds,
 
-and likewise int int z J_0(s + s') z' = sum u u' J_2(s + s') for the surface: between the edges of the uniform grid
-that is a Toeplitz and a Hankel matrix for all stacks, and only the few rows of interfaces are a stack's own.
+u being the jumps of the source z, and likewise int int z J_0(s + s') z' = sum u u' J_2(s + s') for
+the surface: between the edges of the uniform grid that is a Toeplitz and a Hankel matrix for all
+stacks, and only the few rows of interfaces are a stack's own.
 """
 
 from collections import OrderedDict
@@ -31,21 +35,31 @@ import numpy as np
 from jax.core import Tracer
 from jaxtyping import Array, Float
 
-from ..common.inputs import Numbers, batch_of_stacks, check_choice, check_values, concrete, flat_batch
+from ..common.inputs import (
+    Numbers,
+    batch_of_stacks,
+    check_choice,
+    check_values,
+    concrete,
+    flat_batch,
+)
 from ..common.split import Split
 from .kernel_table import MOST_SEGMENTS, KernelTable
 from .uniform_solver import Batch, GridSettings, Product, Variant, solve
 
-# Stacks are gathered by number of segments where that saves so many matrix elements (stacks x Q^2): by a fixed step,
-# where all share one matrix and a call costs the more, and by steps of their own.
+# Stacks are gathered by number of segments where that saves so many matrix elements (stacks x Q^2):
+# by a fixed step, where all share one matrix and a call costs the more, and by steps of their own.
 _WORTH_A_BUCKET = {"fixed_step": 2**18, "decomposed": 2**15, "direct": 2**15}
 # Elements of one vector over all stacks of a call.
 _CHUNK_ELEMENTS = 2**20
-# By transforms a stack costs as its segments, not their square: vector elements that are worth a program more.
+# By transforms a stack costs as its segments, not their square: vector elements that are worth a
+# program more.
 _WORTH_A_TRANSFORM = 2**16
-# From so many segments on transforms are faster than the matrix (benchmarks/results/auxiliary_products.txt).
+# From so many segments on transforms are faster than the matrix
+# (benchmarks/results/auxiliary_products.txt).
 _TRANSFORMED = {"fixed_step": 1024, "decomposed": 16, "direct": np.inf}
-# From so many segments on, stacks with steps of their own are called one by one: one program serves any number of them.
+# From so many segments on, stacks with steps of their own are called one by one: one program serves
+# any number of them.
 _ALONE = 64
 _KEPT_TABLES = 8
 _kept: OrderedDict[tuple[float, float], KernelTable] = OrderedDict()
@@ -66,7 +80,8 @@ def reflectance_factor(
     product: Product = "auto",
     segments: int | None = None,
 ) -> Float[Array, "*batch"]:
-    """Reflectance factor pi L_out / E_in by the auxiliary function method: the sum of `split_reflectance_factor`.
+    """Reflectance factor pi L_out / E_in by the auxiliary function method: the sum of
+    `split_reflectance_factor`.
 
     Arguments, errors, notes and source are those of `split_reflectance_factor`.
     """
@@ -99,10 +114,11 @@ def split_reflectance_factor(
     product: Product = "auto",
     segments: int | None = None,
 ) -> Split:
-    """Reflectance factor of a stack of layers in its three parts: ground, single and multiple scattering.
+    """Reflectance factor of a stack of layers in its three parts: ground, single and multiple
+    scattering.
 
-    The same quantity as `glazejax.stack_reflectance_factor`, which gives one to an accuracy asked for; here the step
-    decides.
+    The same quantity as `glazejax.stack_reflectance_factor`, which gives one to an accuracy asked
+    for; here the step decides.
 
     Args:
         albedo: of each layer, top first, (..., layers), in [0, 1].
@@ -111,38 +127,42 @@ def split_reflectance_factor(
         refractive_index: n of all layers, one number in [1, 2.5].
         cos_incidence: cosine of the angle of incidence in air, (...), in (0, 1].
         cos_viewing: cosine of the viewing angle in air, (...), in (0, 1].
-        step: dh, optical thickness of a segment, a number. A stack gets h/dh segments, rounded; with a step of its own
-            dh is then changed so that they fit.
+        step: dh, optical thickness of a segment, a number. A stack gets h/dh segments, rounded;
+            with a step of its own dh is then changed so that they fit.
         variant: "direct", "decomposed" or "fixed_step", see the module.
-        corrected: whether interfaces and the glaze's end may lie inside a segment without an error of first order;
-            False is the paper as printed, in which a fixed step changes h to a multiple of dh.
-        table: of kernels, for "fixed_step"; it grows as needed. By default one for each index and step is kept
-            from call to call, the last eight.
-        product: how H + U acts while the equation is solved: "matrix", made for one stack after the other where each
-            has its own; "matrices", made for all stacks at once; "fft", never made, by fast transforms of its Toeplitz
-            and Hankel numbers (`structured`), all stacks at once. "auto" takes the fastest for the number of segments.
-        segments: for steps of a stack's own, how many segments a program has room for: needed under `jax.jit` with a
-            traced thickness, where the thickest stack is not known.
+        corrected: whether interfaces and the glaze's end may lie inside a segment without an error
+            of first order; False is the paper as printed, in which a fixed step changes h to a
+            multiple of dh.
+        table: of kernels, for "fixed_step"; it grows as needed. By default one for each index and
+            step is kept from call to call, the last eight.
+        product: how H + U acts while the equation is solved: "matrix", made for one stack after the
+            other where each has its own; "matrices", made for all stacks at once; "fft", never
+            made, by fast transforms of its Toeplitz and Hankel numbers (`structured`), all stacks
+            at once. "auto" takes the fastest for the number of segments.
+        segments: for steps of a stack's own, how many segments a program has room for: needed under
+            `jax.jit` with a traced thickness, where the thickest stack is not known.
 
     Returns:
-        `Split`, each part of the shape of the broadcast batch. Where only the angles vary along an axis, the stacks'
-        matrices are made once for all of them.
+        `Split`, each part of the shape of the broadcast batch. Where only the angles vary along an
+        axis, the stacks' matrices are made once for all of them.
 
     Raises:
-        ValueError: a value out of range, shapes that do not broadcast, an unknown variant, a table of another index or
-            step, a stack of more than `kernel_table.MOST_SEGMENTS` segments, or an optical thickness that is traced
-            by `jax.jit` without a table, or segments, to say how many segments there may be.
+        ValueError: a value out of range, shapes that do not broadcast, an unknown variant, a table
+            of another index or step, a stack of more than `kernel_table.MOST_SEGMENTS` segments, or
+            an optical thickness that is traced by `jax.jit` without a table, or segments, to say
+            how many segments there may be.
 
     Notes:
-        The error is of second order in dh where ``corrected``: at most 0.04 (dh/mu)^2, mu the smaller cosine inside, on
-        the shared references, and mostly far less. Without, it is of first order (`python -m
-        benchmarks.auxiliary_order` shows both).
-        Differentiable by albedo, thickness, ground and the cosines at a fixed number of segments, forward and reverse;
-        as printed, the result by a fixed step is piecewise constant in the thickness, so only the corrected one has a
-        derivative worth the name. Under `jax.jit` with a traced thickness give a table (segments, for own steps) that
-        is long enough: a stack beyond it stops the program with an error that names both.
-        Stacks of unlike thickness are gathered in a few groups of about as many segments and filled up with segments
-        of albedo 0, which scatter nothing and so change nothing.
+        The error is of second order in dh where ``corrected``: at most 0.04 (dh/mu)^2, mu the
+        smaller cosine inside, on the shared references, and mostly far less. Without, it is of
+        first order (`python -m benchmarks.auxiliary_order` shows both).
+        Differentiable by albedo, thickness, ground and the cosines at a fixed number of segments,
+        forward and reverse; as printed, the result by a fixed step is piecewise constant in the
+        thickness, so only the corrected one has a derivative worth the name. Under `jax.jit` with a
+        traced thickness give a table (segments, for own steps) that is long enough: a stack beyond
+        it stops the program with an error that names both.
+        Stacks of unlike thickness are gathered in a few groups of about as many segments and filled
+        up with segments of albedo 0, which scatter nothing and so change nothing.
 
     Source: paper A (Shinozawa et al. 2013), eqs (3)-(5), (17)-(34), sections 4.1 and 4.2.
     """
@@ -180,7 +200,11 @@ def _evaluate(albedo, thickness, ground, cosines, how: _How) -> Split:
     _check(given, how)
     batch, restore = _flatten(given)
     settings = GridSettings(
-        variant=variant, corrected=bool(corrected), refractive_index=float(refractive_index), step=float(step), most=0
+        variant=variant,
+        corrected=bool(corrected),
+        refractive_index=float(refractive_index),
+        step=float(step),
+        most=0,
     )
     thickness = concrete(batch.thickness)
     if thickness is None:
@@ -190,11 +214,16 @@ def _evaluate(albedo, thickness, ground, cosines, how: _How) -> Split:
     if most > MOST_SEGMENTS:
         thickest = float(np.sum(thickness, axis=1).max())
         raise ValueError(
-            f"an optical thickness of {thickest:g} at step {step:g} needs {most} segments, more than {MOST_SEGMENTS}; "
-            f"use a step of {thickest / MOST_SEGMENTS:.2g} or more, or stack_reflectance_factor, which has no steps"
+            f"an optical thickness of {thickest:g} at step {step:g} needs {most} segments, more "
+            f"than {MOST_SEGMENTS}; "
+            f"use a step of {thickest / MOST_SEGMENTS:.2g} or more, or stack_reflectance_factor, "
+            "which has no steps"
         )
     if segments is not None and most > segments:
-        raise ValueError(f"a stack needs {most} segments of step {step:g}, more than the segments={segments} given")
+        raise ValueError(
+            f"a stack needs {most} segments of step {step:g}, more than the segments={segments} "
+            "given"
+        )
     settings = settings._replace(product=_chosen(product, settings, segments or most))
     at_once = settings.product != "matrix"
     vectors = _vectors(_table(table, settings, most), settings)
@@ -205,13 +234,18 @@ def _evaluate(albedo, thickness, ground, cosines, how: _How) -> Split:
         chunk = 1 if alone else max(1, _CHUNK_ELEMENTS // (most * (angles + 1)))
         for start in range(0, rows.size, chunk):
             some = rows[start : start + chunk]
-            size = min(chunk, _rounded_up(some.size) if at_once else 1 << (some.size - 1).bit_length())
+            size = min(
+                chunk, _rounded_up(some.size) if at_once else 1 << (some.size - 1).bit_length()
+            )
             filled = np.concatenate([some, np.repeat(some[:1], size - some.size)])
             piece = jax.tree.map(lambda leaf, index=filled: leaf[index], batch)
             parts.append(solve(piece, count[filled], vectors(most), settings._replace(most=most)))
             order.append(some)
     if not parts:
-        shape = (0, *np.broadcast_shapes(batch.cos_incidence.shape[1:], batch.cos_viewing.shape[1:]))
+        shape = (
+            0,
+            *np.broadcast_shapes(batch.cos_incidence.shape[1:], batch.cos_viewing.shape[1:]),
+        )
         return restore(Split(*(jnp.zeros(shape, batch.albedo.dtype),) * 3))
     back = np.argsort(np.concatenate(order), kind="stable")
     xp = jnp if any(isinstance(leaf, Tracer) for leaf in parts[0]) else np
@@ -228,22 +262,39 @@ def _check(given: dict[str, Any], how: _How) -> None:
     check_choice("variant", variant, Variant)
     check_choice("product", product, Product)
     if variant == "direct" and product in ("fft", "matrices"):
-        raise ValueError(f"product {product!r} needs the numbers of H and U, which 'direct' has not; use 'decomposed'")
+        raise ValueError(
+            f"product {product!r} needs the numbers of H and U, which 'direct' has not; use "
+            "'decomposed'"
+        )
     if variant == "fixed_step" and product == "matrices":
-        raise ValueError("product 'matrices' is no use to variant 'fixed_step', whose stacks share one; use 'matrix'")
+        raise ValueError(
+            "product 'matrices' is no use to variant 'fixed_step', whose stacks share one; use "
+            "'matrix'"
+        )
     if segments is not None and variant == "fixed_step":
-        raise ValueError("segments is for own steps; give variant 'fixed_step' a table=KernelTable(...) that is long")
-    if segments is not None and not (isinstance(segments, int | np.integer) and 1 <= segments <= MOST_SEGMENTS):
-        raise ValueError(f"segments is {segments}; it must be a whole number from 1 to {MOST_SEGMENTS}")
+        raise ValueError(
+            "segments is for own steps; give variant 'fixed_step' a table=KernelTable(...) that "
+            "is long"
+        )
+    if segments is not None and not (
+        isinstance(segments, int | np.integer) and 1 <= segments <= MOST_SEGMENTS
+    ):
+        raise ValueError(
+            f"segments is {segments}; it must be a whole number from 1 to {MOST_SEGMENTS}"
+        )
     if not (np.ndim(step) == 0 and 0 < step < np.inf):
         raise ValueError(f"step is {step}; it must be a positive optical thickness, such as 0.01")
     if isinstance(refractive_index, Tracer) or np.ndim(refractive_index) > 0:
-        raise ValueError("refractive_index must be one number here; stack_reflectance_factor takes arrays")
+        raise ValueError(
+            "refractive_index must be one number here; stack_reflectance_factor takes arrays"
+        )
     check_values({"refractive_index": refractive_index})
 
 
 def _flatten(given: dict[str, Any]):
-    """One axis of stacks, then axes of angles; and the function that gives a result its shape back."""
+    """One axis of stacks, then axes of angles; and the function that gives a result its
+    shape back.
+    """
     # Known arrays are gathered and cut by NumPy, which starts far faster.
     xp = jnp if any(isinstance(value, Tracer) for value in given.values()) else np
     arrays, full, layers = batch_of_stacks(given, xp=xp)
@@ -295,7 +346,9 @@ def _chosen(product: Product, settings: GridSettings, most: int) -> Product:
     return "fft" if most >= _TRANSFORMED[settings.variant] else "matrix"
 
 
-def _groups(count: np.ndarray, settings: GridSettings, segments: int | None) -> list[tuple[np.ndarray, int]]:
+def _groups(
+    count: np.ndarray, settings: GridSettings, segments: int | None
+) -> list[tuple[np.ndarray, int]]:
     """Row numbers of the stacks of a program, and its padded number of segments."""
     if segments is not None:
         return [(np.arange(count.size), segments)]
@@ -330,7 +383,10 @@ def _table(table: KernelTable | None, settings: GridSettings, most: int) -> Kern
     """The table to use, long enough; None where stacks have steps of their own."""
     if settings.variant != "fixed_step":
         if table is not None:
-            raise ValueError(f"a table is for variant 'fixed_step'; {settings.variant!r} has a step for every stack")
+            raise ValueError(
+                f"a table is for variant 'fixed_step'; {settings.variant!r} has a step for every "
+                "stack"
+            )
         return None
     key = (settings.refractive_index, settings.step)
     if table is None:
@@ -339,7 +395,10 @@ def _table(table: KernelTable | None, settings: GridSettings, most: int) -> Kern
         while len(_kept) > _KEPT_TABLES:
             _kept.popitem(last=False)
     elif (table.refractive_index, table.step) != key:
-        raise ValueError(f"{table!r} does not fit refractive_index {key[0]:g} and step {key[1]:g}; make one that does")
+        raise ValueError(
+            f"{table!r} does not fit refractive_index {key[0]:g} and step {key[1]:g}; make one "
+            "that does"
+        )
     table.grow(min(_rounded_up(most), MOST_SEGMENTS))
     return table
 
@@ -365,15 +424,19 @@ def _traced(batch: Batch, settings: GridSettings, how: _How) -> Split:
     if settings.variant == "fixed_step":
         if table is None or table.segments == 0:
             raise ValueError(
-                "optical_thickness is traced by jax.jit, so the number of segments is not known; give variant "
-                "'fixed_step' a table=KernelTable(refractive_index, step, segments) that is long enough, or do not jit"
+                "optical_thickness is traced by jax.jit, so the number of segments is not known; "
+                "give variant "
+                "'fixed_step' a table=KernelTable(refractive_index, step, segments) that is long "
+                "enough, or do not jit"
             )
         most, reach, longer = table.segments, repr(table), "make a table of more segments"
     else:
         if how.segments is None:
             raise ValueError(
-                "optical_thickness is traced by jax.jit, so the number of segments is not known; give segments=, as "
-                f"many as the thickest stack needs at this step, or do not jit (variant {settings.variant!r})"
+                "optical_thickness is traced by jax.jit, so the number of segments is not known; "
+                "give segments=, as "
+                "many as the thickest stack needs at this step, or do not jit (variant "
+                f"{settings.variant!r})"
             )
         most, reach, longer = how.segments, f"segments={how.segments}", "give more segments"
         _table(table, settings, most)
@@ -383,7 +446,8 @@ def _traced(batch: Batch, settings: GridSettings, how: _How) -> Split:
     count = eqx.error_if(
         count,
         count > most,
-        f"a stack is thicker than {most * settings.step:g}, all that {reach} reaches under jax.jit; {longer}, or call "
+        f"a stack is thicker than {most * settings.step:g}, all that {reach} reaches under "
+        f"jax.jit; {longer}, or call "
         "without jit, where it grows by itself",
     )
     return solve(batch, count, vectors, settings)

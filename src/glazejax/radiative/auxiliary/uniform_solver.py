@@ -23,7 +23,9 @@ from .segments import Segments, append_axes
 Variant = Literal["direct", "decomposed", "fixed_step"]
 """How the matrix comes about."""
 Product = Literal["auto", "matrix", "matrices", "fft"]
-"""How it acts: stack after stack, for all at once, or by its Toeplitz and Hankel numbers; "auto" is the fastest."""
+"""How it acts: stack after stack, for all at once, or by its Toeplitz and Hankel numbers; "auto" is
+the fastest.
+"""
 
 
 class GridSettings(NamedTuple):
@@ -38,7 +40,9 @@ class GridSettings(NamedTuple):
 
 
 class Batch(NamedTuple):
-    """Stacks, first axis; cosines have axes of angles behind it, each of length one where they do not vary."""
+    """Stacks, first axis; cosines have axes of angles behind it, each of length one where they do
+    not vary.
+    """
 
     albedo: Float[Array, "stacks layers"]
     thickness: Float[Array, "stacks layers"]
@@ -48,14 +52,16 @@ class Batch(NamedTuple):
 
 
 @functools.partial(jax.jit, static_argnums=3)
-def solve(batch: Batch, count: Int[Array, "stacks"], vectors: tuple, settings: GridSettings) -> Split:
+def solve(
+    batch: Batch, count: Int[Array, "stacks"], vectors: tuple, settings: GridSettings
+) -> Split:
     """Parts of the reflectance factor, (stacks, *angles).
 
     Args:
         batch: stacks.
         count: Q of each, at most `settings.most`.
-        vectors: with a fixed step, corrected: E_3 and J_2 at the edges (`KernelTable`'s e3, j2); as printed: H and
-            U, e2, j1, e3, j2; else none.
+        vectors: with a fixed step, corrected: E_3 and J_2 at the edges (`KernelTable`'s e3, j2); as
+            printed: H and U, e2, j1, e3, j2; else none.
         settings: static.
     """
     vectors = jax.tree.map(lambda v: jnp.asarray(v, batch.albedo.dtype), vectors)
@@ -68,12 +74,15 @@ def solve(batch: Batch, count: Int[Array, "stacks"], vectors: tuple, settings: G
         alone, its_count = jax.tree.map(lambda leaf: leaf[None], stack_and_count)
         return jax.tree.map(lambda leaf: leaf[0], _collocation(alone, its_count, vectors, settings))
 
-    # One after the other: a stack's own matrix then stays in the cache through assembly and solution.
+    # One after the other: a stack's own matrix then stays in the cache through assembly and
+    # solution.
     return jax.lax.map(one, (batch, count))
 
 
 class _Beam(NamedTuple):
-    """A direction (stacks, *angles): its cosine inside, the transmittance of the surface, and exp(-h/mu)."""
+    """A direction (stacks, *angles): its cosine inside, the transmittance of the surface, and
+    exp(-h/mu).
+    """
 
     cosine: Array
     transmittance: Array
@@ -82,7 +91,11 @@ class _Beam(NamedTuple):
     @classmethod
     def make(cls, cos_air: Array, index: float, depth: Array) -> "_Beam":
         cosine = cos_refracted(cos_air, index)
-        return cls(cosine, 1.0 - dielectric_reflectance(cos_air, index), jnp.exp(-append_axes(depth, cosine) / cosine))
+        return cls(
+            cosine,
+            1.0 - dielectric_reflectance(cos_air, index),
+            jnp.exp(-append_axes(depth, cosine) / cosine),
+        )
 
     def antiderivative(self, depth: Array) -> Array:
         """Of exp(-s/mu) at depths (k, stacks), (k, stacks, *angles)."""
@@ -100,7 +113,8 @@ def _galerkin(batch: Batch, count: Array, vectors: tuple, settings: GridSettings
 
     def kernel(face: Array) -> Array:
         reflected = internal_reflection_integral(2, face + depths, settings.refractive_index)
-        # Not abs, whose slope at zero is neither side's: a face on an edge is in the segment below it.
+        # Not abs, whose slope at zero is neither side's: a face on an edge is in the segment below
+        # it.
         return reflected - expn(3, jnp.where(face >= depths, face - depths, depths - face))
 
     # (layers, n + layers, stacks)
@@ -118,7 +132,9 @@ def _galerkin(batch: Batch, count: Array, vectors: tuple, settings: GridSettings
 
     incident = _Beam.make(batch.cos_incidence, settings.refractive_index, depth)
     viewing = _Beam.make(batch.cos_viewing, settings.refractive_index, depth)
-    into, out = ((beam.antiderivative(edges), beam.antiderivative(faces)) for beam in (incident, viewing))
+    into, out = (
+        (beam.antiderivative(edges), beam.antiderivative(faces)) for beam in (incident, viewing)
+    )
     strength = incident.transmittance / (2.0 * jnp.pi * incident.cosine)
     # M, the light that an evenly bright ground sends: the kernel's column at the ground.
     once = strength * segments.average(*into)  # g
@@ -127,8 +143,12 @@ def _galerkin(batch: Batch, count: Array, vectors: tuple, settings: GridSettings
     seen = segments.integrate(*out)
 
     def to_ground(beam: _Beam, sources: Array) -> Array:
-        """mu exp(-h/mu) and what is scattered towards the ground after; of the viewing beam, the reverse."""
-        return beam.cosine * beam.decay + 0.5 * jnp.sum(append_axes(from_ground, sources) * sources, axis=0)
+        """mu exp(-h/mu) and what is scattered towards the ground after; of the viewing beam, the
+        reverse.
+        """
+        return beam.cosine * beam.decay + 0.5 * jnp.sum(
+            append_axes(from_ground, sources) * sources, axis=0
+        )
 
     back = jnp.sum(-segments.integrate(to_faces[-1], among_faces[-1]) * from_ground, axis=0)
     k = 2.0 * among_faces[-1, -1] + 1.0  # 2 J_2(2h): the kernel there is J_2(2h) - E_3(0)
@@ -136,7 +156,9 @@ def _galerkin(batch: Batch, count: Array, vectors: tuple, settings: GridSettings
     arriving = 2.0 * jnp.pi * strength * to_ground(incident, segments.integrate(*into)) / lost  # B
     leaving = append_axes(batch.ground, arriving) / jnp.pi * arriving
     single = strength * _scattered_once(batch, incident, viewing)
-    multiple = jnp.sum(seen * scattered, axis=0) + leaving * jnp.sum(seen * append_axes(from_ground, seen), axis=0)
+    multiple = jnp.sum(seen * scattered, axis=0) + leaving * jnp.sum(
+        seen * append_axes(from_ground, seen), axis=0
+    )
     return _seen(viewing, settings.refractive_index, leaving, single, 0.5 * multiple)
 
 
@@ -155,14 +177,18 @@ def _collocation(batch: Batch, count: Array, vectors: tuple, settings: GridSetti
     else:
         step = jnp.where(present, depth / count.astype(depth.dtype), settings.step)
         if settings.product != "matrix":
-            toeplitz, hankel, m, m_integrated, k = assembly.decomposed_numbers(step, held, settings.most, index)
+            toeplitz, hankel, m, m_integrated, k = assembly.decomposed_numbers(
+                step, held, settings.most, index
+            )
             times = _product(toeplitz, hankel, settings)
         else:
             assemble = assembly.direct if settings.variant == "direct" else assembly.decomposed
             matrix, m, m_integrated, k = assemble(step, held, settings.most, index)
             times = functools.partial(_alone, matrix[0])
 
-    incident, viewing = (_Beam.make(c, index, depth) for c in (batch.cos_incidence, batch.cos_viewing))
+    incident, viewing = (
+        _Beam.make(c, index, depth) for c in (batch.cos_incidence, batch.cos_viewing)
+    )
     strength = incident.transmittance / (2.0 * jnp.pi * incident.cosine)
     edges = jnp.arange(settings.most + 1, dtype=depth.dtype)[:, None] * step
     if settings.corrected:
@@ -170,7 +196,8 @@ def _collocation(batch: Batch, count: Array, vectors: tuple, settings: GridSetti
         albedo = jnp.where(present, segments.scattering / step, 0.0)
 
         into, out = (
-            (beam.antiderivative(segments.edges), beam.antiderivative(segments.faces)) for beam in (incident, viewing)
+            (beam.antiderivative(segments.edges), beam.antiderivative(segments.faces))
+            for beam in (incident, viewing)
         )
         seen, once = segments.integrate(*out), strength * segments.average(*into)
         single = strength * _scattered_once(batch, incident, viewing)
@@ -194,15 +221,18 @@ def _collocation(batch: Batch, count: Array, vectors: tuple, settings: GridSetti
     lost = append_axes(1.0 - batch.ground * (k + back), incident.cosine)
     arriving = (incident.transmittance * incident.decay + jnp.pi * reaching) / lost  # B, eq. (34)
     leaving = append_axes(batch.ground, arriving) / jnp.pi * arriving
-    multiple = jnp.sum(seen * scattered, axis=0) + leaving * jnp.sum(seen * append_axes(from_ground, seen), axis=0)
+    multiple = jnp.sum(seen * scattered, axis=0) + leaving * jnp.sum(
+        seen * append_axes(from_ground, seen), axis=0
+    )
     return _seen(viewing, index, leaving, single, 0.5 * multiple)
 
 
 def _solve(apply, weight: Array, once: Array, ground: Array) -> tuple[Array, Array]:
-    """Auxiliary function f of the beam's light (n, stacks, *angles) and of an evenly bright ground's (n, stacks).
+    """Auxiliary function f of the beam's light (n, stacks, *angles) and of an evenly bright
+    ground's (n, stacks).
 
-    Both without the ground's further reflections, which are a number for each stack. ``once`` is g; t = f + g is what
-    the equation is solved for.
+    Both without the ground's further reflections, which are a number for each stack. ``once`` is g;
+    t = f + g is what the equation is solved for.
     """
     right = jnp.concatenate([once.reshape(*once.shape[:2], -1), ground[..., None]], axis=-1)
     both = solve_contraction(apply, weight[..., None], right)
@@ -210,7 +240,9 @@ def _solve(apply, weight: Array, once: Array, ground: Array) -> tuple[Array, Arr
 
 
 def _product(toeplitz: Array, hankel: Array, settings: GridSettings) -> Callable[[Array], Array]:
-    """x -> (H + U) x of (n, stacks, cases), from numbers that stacks share, (n,), or of their own, (stacks, n)."""
+    """x -> (H + U) x of (n, stacks, cases), from numbers that stacks share, (n,), or of their own,
+    (stacks, n).
+    """
     if settings.product == "fft":
         return functools.partial(structured.times_all, structured.spectra(toeplitz, hankel))
     matrix = assembly.toeplitz_plus_hankel(toeplitz, hankel)
@@ -225,14 +257,18 @@ def _alone(matrix: Array, x: Array) -> Array:
 
 
 def _rows_times(rows: Array, matrix: Array) -> Array:
-    """rows @ matrix; a few rows one by one, which XLA does several times faster on the CPU than together."""
+    """rows @ matrix; a few rows one by one, which XLA does several times faster on the CPU than
+    together.
+    """
     if rows.shape[0] > 3:
         return matmul(rows, matrix)
     return jnp.stack([matmul(row, matrix) for row in rows])
 
 
 def _tabulated_ground(tables: list[Array], count: Array, most: int) -> tuple[Array, Array, Array]:
-    """M, M' and K by the table: h is a multiple of the step, so that all depths in them are, too."""
+    """M, M' and K by the table: h is a multiple of the step, so that all depths in them
+    are, too.
+    """
     e2, j1, e3, j2 = tables
     i = jnp.arange(most)[:, None]
     above = jnp.maximum(count - 1 - i, 0)

@@ -17,7 +17,8 @@ _LARGER_ON_ACCELERATOR, _LEAST_ON_ACCELERATOR = 256, 2**28
 
 
 def on_cpu(*inputs: Any) -> bool:
-    """Whether a program of these inputs runs on a CPU: that is where they are, or else JAX's default device.
+    """Whether a program of these inputs runs on a CPU: that is where they are, or else JAX's
+    default device.
 
     Args:
         inputs: of the program, traced or not, JAX's or not.
@@ -26,7 +27,9 @@ def on_cpu(*inputs: Any) -> bool:
         if isinstance(array, jax.Array) and not isinstance(array, Tracer):
             return next(iter(array.devices())).platform == "cpu"
     default = jax.config.jax_default_device  # pyright: ignore[reportAttributeAccessIssue]
-    return (jax.default_backend() if default is None else getattr(default, "platform", default)) == "cpu"
+    return (
+        jax.default_backend() if default is None else getattr(default, "platform", default)
+    ) == "cpu"
 
 
 def chunk_bytes(on_processor: int, *inputs: Any) -> int:
@@ -46,8 +49,8 @@ def chunk_bytes(on_processor: int, *inputs: Any) -> int:
 def in_chunks(function: Callable[[Any], Any], batch: Any, chunk: int) -> Any:
     """Apply a function of a batch to at most ``chunk`` entries at a time.
 
-    Unlike `jax.lax.map` with a batch size this compiles the function once: pieces are equal, and the last is filled up
-    with copies of the first entry, which are dropped again.
+    Unlike `jax.lax.map` with a batch size this compiles the function once: pieces are equal, and
+    the last is filled up with copies of the first entry, which are dropped again.
 
     Args:
         function: maps arrays (entries, ...) to arrays (entries, ...).
@@ -62,7 +65,11 @@ def in_chunks(function: Callable[[Any], Any], batch: Any, chunk: int) -> Any:
     spare = pieces * each - size
 
     def split(leaf: Array) -> Array:
-        padded = jnp.concatenate([leaf, jnp.broadcast_to(leaf[:1], (spare, *leaf.shape[1:]))]) if spare else leaf
+        padded = (
+            jnp.concatenate([leaf, jnp.broadcast_to(leaf[:1], (spare, *leaf.shape[1:]))])
+            if spare
+            else leaf
+        )
         return padded.reshape(pieces, each, *leaf.shape[1:])
 
     out = jax.lax.map(function, jax.tree.map(split, batch))
@@ -74,16 +81,20 @@ _programs: dict[Any, Any] = {}
 _MOST_PROGRAMS = 64
 
 
-def on_all_cores(function: Callable[..., Any], batch: Any, *fixed: Any, least: int, shared: Any = None) -> Any:
-    """Apply a function to a batch; to one part of it on each core where it is large and its numbers are known.
+def on_all_cores(
+    function: Callable[..., Any], batch: Any, *fixed: Any, least: int, shared: Any = None
+) -> Any:
+    """Apply a function to a batch; to one part of it on each core where it is large and its numbers
+    are known.
 
-    On a CPU XLA runs the steps of one program one after the other, divides none as small as a chunk's, and runs the
-    calls of one thread in turn. So the parts are calls of one program, each from a thread of its own. Where JAX traces
-    the batch, as in a program that the user compiles, it stays whole.
+    On a CPU XLA runs the steps of one program one after the other, divides none as small as a
+    chunk's, and runs the calls of one thread in turn. So the parts are calls of one program, each
+    from a thread of its own. Where JAX traces the batch, as in a program that the user compiles, it
+    stays whole.
 
     Args:
-        function: maps arrays (entries, ...), and what all parts share, to arrays (entries, ...); it is compiled.
-        batch: arrays that share their first axis.
+        function: maps arrays (entries, ...), and what all parts share, to arrays (entries, ...); it
+        is compiled. batch: arrays that share their first axis.
         fixed: further arguments of the function, fixed when it is compiled.
         least: fewer entries stay together, and no part has less than half as many.
         shared: arrays handed to the function whole, after the batch; None is handed to none.
@@ -109,11 +120,15 @@ def on_all_cores(function: Callable[..., Any], batch: Any, *fixed: Any, least: i
     starts = [np.int32(min(k * each, size - each)) for k in range(parts)]
     done = in_threads(lambda start: jax.block_until_ready(program(batch, shared, start)), starts)
     known = each - (parts * each - size)
-    return jax.tree.map(lambda *some: jnp.concatenate([*some[:-1], some[-1][each - known :]]), *done)
+    return jax.tree.map(
+        lambda *some: jnp.concatenate([*some[:-1], some[-1][each - known :]]), *done
+    )
 
 
 @functools.partial(jax.jit, static_argnums=(0, 1, 2))
-def _part(function: Callable[..., Any], size: int, fixed: tuple, batch: Any, shared: Any, start: Any) -> Any:
+def _part(
+    function: Callable[..., Any], size: int, fixed: tuple, batch: Any, shared: Any, start: Any
+) -> Any:
     if size < jax.tree.leaves(batch)[0].shape[0]:
         batch = jax.tree.map(lambda leaf: jax.lax.dynamic_slice_in_dim(leaf, start, size), batch)
     return function(batch, *fixed) if shared is None else function(batch, shared, *fixed)

@@ -1,10 +1,11 @@
 """Half-range quadratures fitted to the interface: which directions inside the medium are followed.
 
-Only directions inside the medium matter to the operator. For an index that is a plain number they come from one rule
-over the whole half range (`simultaneous`). An index that is an array, traced or differentiated by, gets a rule split
-at the critical angle. Those inside the cone of refraction can leave; they are Gauss nodes in the cosine OUTSIDE, which
-removes the square-root singularity of the internal reflectance at the critical angle. The rest are totally reflected;
-there the field varies as exp(-depth/mu), so their nodes crowd towards grazing directions.
+Only directions inside the medium matter to the operator. For an index that is a plain number they
+come from one rule over the whole half range (`simultaneous`). An index that is an array, traced or
+differentiated by, gets a rule split at the critical angle. Those inside the cone of refraction can
+leave; they are Gauss nodes in the cosine OUTSIDE, which removes the square-root singularity of the
+internal reflectance at the critical angle. The rest are totally reflected; there the field varies
+as exp(-depth/mu), so their nodes crowd towards grazing directions.
 """
 
 import functools
@@ -18,11 +19,13 @@ from .fresnel import cos_refracted
 from .quadrature import Directions, conserve, gauss, graded_gauss, split_range
 from .simultaneous import simultaneous_rule
 
-# Below this index the internal reflectance rises within a sliver of directions above the critical angle.
+# Below this index the internal reflectance rises within a sliver of directions above the critical
+# angle.
 NEAR_ONE = 1.07
 # No real medium; but asked for, it gets the directions that its almost singular interface needs.
 _SLIVER = 1.0001
-# Where light and view are both below this cosine inside, they need more directions at grazing angles.
+# Where light and view are both below this cosine inside, they need more directions at grazing
+# angles.
 _GRAZING = 0.05
 # Above this index the cone is narrow and what it lets out is bright.
 HIGH = 1.85
@@ -38,28 +41,37 @@ class Resolution(NamedTuple):
     crowded: bool = False
     """Whether the cone's nodes crowd towards grazing too: needed as the index nears one."""
     crowding: float | None = None
-    """If given: one rule for the whole half range with this crowding, whose conditions `cone` and `total` count."""
+    """If given: one rule for the whole half range with this crowding, whose conditions `cone` and
+    `total` count.
+    """
     reach: float | None = None
-    """If given: the cone's nodes follow the rise of the internal reflectance, down to grazing of about e^-reach."""
+    """If given: the cone's nodes follow the rise of the internal reflectance, down to grazing of
+    about e^-reach.
+    """
 
     def resolves(self) -> float:
-        """Smallest n^2 - 1 at which the nodes follow the rise of the internal reflectance in slope, too."""
+        """Smallest n^2 - 1 at which the nodes follow the rise of the internal reflectance in slope,
+        too.
+        """
         return 0.0 if self.reach is None else 9.0 * math.exp(-2.0 * self.reach)
 
 
-def half_range(refractive_index: float | Float[Array, "*batch"], resolution: Resolution) -> Directions:
+def half_range(
+    refractive_index: float | Float[Array, "*batch"], resolution: Resolution
+) -> Directions:
     """Directions for media of index n under a smooth interface to air.
 
     Args:
-        refractive_index: n >= 1, a number (the result is then numpy, double precision) or a JAX array (...), by
-            which the result can be differentiated.
+        refractive_index: n >= 1, a number (the result is then numpy, double precision) or a JAX
+            array (...), by which the result can be differentiated.
         resolution: node counts, static.
 
     Returns:
         `Directions`, arrays (..., cone + total).
 
     Raises:
-        ValueError: a rule for the whole half range where the index is an array, or where there is no such rule.
+        ValueError: a rule for the whole half range where the index is an array, or where there is
+            no such rule.
     """
     if resolution.crowding is None:
         crowded = resolution.crowded and resolution.reach is None
@@ -67,18 +79,24 @@ def half_range(refractive_index: float | Float[Array, "*batch"], resolution: Res
         below = graded_gauss(resolution.total) if resolution.total else None
         return split_range(refractive_index, outside, below, resolution.reach)
     if isinstance(refractive_index, jax.Array):
-        raise ValueError("directions for the whole half range need an index that is a number; it is an array here")
+        raise ValueError(
+            "directions for the whole half range need an index that is a number; it is an array "
+            "here"
+        )
     found = whole_range(float(refractive_index), resolution)
     if found is None:
         raise ValueError(
-            f"there are no directions for the whole half range of index {refractive_index} with {resolution}"
+            f"there are no directions for the whole half range of index {refractive_index} with "
+            f"{resolution}"
         )
     return found
 
 
 @functools.lru_cache(maxsize=256)
 def whole_range(index: float, resolution: Resolution) -> Directions | None:
-    """One rule for the whole half range of an index that is a number; None where there is no such rule."""
+    """One rule for the whole half range of an index that is a number; None where there is no such
+    rule.
+    """
     assert resolution.crowding is not None
     found = simultaneous_rule(index, resolution.total, resolution.cone, resolution.crowding)
     return None if found is None else found._replace(weights=conserve(found.cosines, found.weights))
@@ -95,29 +113,52 @@ class _ResolutionRow(NamedTuple):
 
 # Worst errors of each row: `python -m benchmarks.calibrate_directions`.
 _ROWS = (
-    _ResolutionRow(tolerance=1e-2, cone=3, total=3, near_cone=4, sliver=(4, 3.5), grazing=(9, 10.0)),
-    _ResolutionRow(tolerance=1e-3, cone=4, total=5, near_cone=6, sliver=(5, 4.5), grazing=(10, 10.5)),
-    _ResolutionRow(tolerance=1e-4, cone=5, total=6, near_cone=8, sliver=(9, 6.0), grazing=(13, 12.0)),
-    _ResolutionRow(tolerance=1e-5, cone=6, total=8, near_cone=11, sliver=(10, 7.0), grazing=(16, 12.0)),
-    _ResolutionRow(tolerance=1e-6, cone=7, total=10, near_cone=12, sliver=(14, 8.0), grazing=(20, 12.5)),
-    _ResolutionRow(tolerance=1e-7, cone=8, total=13, near_cone=14, sliver=(18, 9.0), grazing=(26, 14.5)),
-    _ResolutionRow(tolerance=1e-8, cone=9, total=15, near_cone=17, sliver=(22, 10.0), grazing=(32, 16.5)),
-    _ResolutionRow(tolerance=1e-9, cone=11, total=19, near_cone=20, sliver=(27, 10.5), grazing=(38, 17.5)),
-    _ResolutionRow(tolerance=1e-10, cone=12, total=22, near_cone=23, sliver=(30, 10.5), grazing=(43, 17.5)),
+    _ResolutionRow(
+        tolerance=1e-2, cone=3, total=3, near_cone=4, sliver=(4, 3.5), grazing=(9, 10.0)
+    ),
+    _ResolutionRow(
+        tolerance=1e-3, cone=4, total=5, near_cone=6, sliver=(5, 4.5), grazing=(10, 10.5)
+    ),
+    _ResolutionRow(
+        tolerance=1e-4, cone=5, total=6, near_cone=8, sliver=(9, 6.0), grazing=(13, 12.0)
+    ),
+    _ResolutionRow(
+        tolerance=1e-5, cone=6, total=8, near_cone=11, sliver=(10, 7.0), grazing=(16, 12.0)
+    ),
+    _ResolutionRow(
+        tolerance=1e-6, cone=7, total=10, near_cone=12, sliver=(14, 8.0), grazing=(20, 12.5)
+    ),
+    _ResolutionRow(
+        tolerance=1e-7, cone=8, total=13, near_cone=14, sliver=(18, 9.0), grazing=(26, 14.5)
+    ),
+    _ResolutionRow(
+        tolerance=1e-8, cone=9, total=15, near_cone=17, sliver=(22, 10.0), grazing=(32, 16.5)
+    ),
+    _ResolutionRow(
+        tolerance=1e-9, cone=11, total=19, near_cone=20, sliver=(27, 10.5), grazing=(38, 17.5)
+    ),
+    _ResolutionRow(
+        tolerance=1e-10, cone=12, total=22, near_cone=23, sliver=(30, 10.5), grazing=(43, 17.5)
+    ),
 )
 
 
-def resolve(tolerance: float, lowest_index: float, highest_index: float, least_cosine: float = 1.0) -> Resolution:
-    """Directions that keep the absolute error of either reflectance below the tolerance for an array of indices.
+def resolve(
+    tolerance: float, lowest_index: float, highest_index: float, least_cosine: float = 1.0
+) -> Resolution:
+    """Directions that keep the absolute error of either reflectance below the tolerance for an
+    array of indices.
 
-    A span that reaches down to one, such as that of a traced index, gets directions good for all of it.
+    A span that reaches down to one, such as that of a traced index, gets directions good for all of
+    it.
 
     Args:
         tolerance: absolute error wanted; anything below 1e-10 gets the directions for 1e-10.
         lowest_index: smallest refractive index of the batch.
         highest_index: largest one, above 1.
-        least_cosine: of the two cosines in air the larger one, at its smallest: where both graze a medium of index
-            one, the light between them scatters within a thin layer that takes more directions.
+        least_cosine: of the two cosines in air the larger one, at its smallest: where both graze a
+            medium of index one, the light between them scatters within a thin layer that takes more
+            directions.
 
     Returns:
         `Resolution`, the first row of the table that is fine enough, split at the critical angle.

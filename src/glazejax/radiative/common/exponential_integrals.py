@@ -1,9 +1,10 @@
-r"""Exponential integrals, the kernels of isotropic scattering once the directions are integrated away.
+r"""Exponential integrals, the kernels of isotropic scattering once the directions are integrated
+away.
 
     E_n(x) = int_0^1 mu^(n-2) e^(-x/mu) dmu,    E_n' = -E_(n-1)
 
-Below 1 a power series with its logarithm, above it e^-x times a Chebyshev series in 1/(x + a). Both have a fixed
-number of terms, unlike `jax.scipy.special.expn`, whose cost grows as 1/x.
+Below 1 a power series with its logarithm, above it e^-x times a Chebyshev series in 1/(x + a). Both
+have a fixed number of terms, unlike `jax.scipy.special.expn`, whose cost grows as 1/x.
 """
 
 import functools
@@ -19,7 +20,8 @@ from .quadrature import gauss
 _SPLIT = 1.0
 _SERIES_TERMS = 20
 _CHEBYSHEV_TERMS = 28
-# The cone's integrals: R is 1e-16 or less beyond this substituted cosine, where the index is almost one.
+# The cone's integrals: R is 1e-16 or less beyond this substituted cosine, where the index is almost
+# one.
 _CONE_REACH = 9.0
 _CONE_NODES = 20
 _CONE_NODES_NEAR_ONE = 56
@@ -27,7 +29,9 @@ _NEAR_ONE = 1.2
 
 
 def exp1(x: Float[ArrayLike, "..."]) -> Float[Array, "..."]:
-    """Exponential integral E_1(x) for x >= 0; infinite at zero, where the slope is the largest finite number's."""
+    """Exponential integral E_1(x) for x >= 0; infinite at zero, where the slope is the largest
+    finite number's.
+    """
     return expn(1, x)
 
 
@@ -39,8 +43,8 @@ def expn(order: int, x: Float[ArrayLike, "..."]) -> Float[Array, "..."]:
         x: argument, (...), >= 0.
 
     Returns:
-        E_n(x), (...), relative error some 1e-15 in float64. At zero E_n = 1/(n - 1), infinite for n < 2; the slope
-        of E_1 and E_2, infinite there, is that of the smallest positive number.
+        E_n(x), (...), relative error some 1e-15 in float64. At zero E_n = 1/(n - 1), infinite for n
+        < 2; the slope of E_1 and E_2, infinite there, is that of the smallest positive number.
     """
     return _expn(order, x)
 
@@ -77,7 +81,9 @@ def _expn_jvp(order: int, primals, tangents):
 
 def _floating(x: ArrayLike) -> Array:
     array = jnp.asarray(x)
-    return array if jnp.issubdtype(array.dtype, jnp.floating) else array.astype(jnp.result_type(float))
+    return (
+        array if jnp.issubdtype(array.dtype, jnp.floating) else array.astype(jnp.result_type(float))
+    )
 
 
 def _tiny(dtype: np.dtype) -> float:
@@ -135,20 +141,26 @@ def cone_nodes(
 ) -> tuple[Array | np.ndarray, Array | np.ndarray, Array | np.ndarray]:
     r"""Nodes for integrals over the directions that can leave, in the cosine mu inside the medium.
 
-    With mu_F = a sinh u and n mu = a cosh u, a^2 = n^2 - 1, both Fresnel amplitudes are entire functions of e^-2u, so
-    Gauss nodes in u converge exponentially however near the index is to one.
+    With mu_F = a sinh u and n mu = a cosh u, a^2 = n^2 - 1, both Fresnel amplitudes are entire
+    functions of e^-2u, so Gauss nodes in u converge exponentially however near the index is to one.
 
     Args:
         refractive_index: n > 1, a number (the result is then numpy) or an array (...).
-        nodes: how many; by default enough for rounding of the integrals that `internal_reflection_integral` makes.
+        nodes: how many; by default enough for rounding of the integrals that
+            `internal_reflection_integral` makes.
 
     Returns:
-        Cosines mu, weights dmu, and the internal reflectance R(mu), (..., nodes). Where the index is almost one the
-        nodes end where R has become negligible, so they serve integrals of R only.
+        Cosines mu, weights dmu, and the internal reflectance R(mu), (..., nodes). Where the index
+        is almost one the nodes end where R has become negligible, so they serve integrals of R
+        only.
     """
     traced = isinstance(refractive_index, jax.Array)
     xp = jnp if traced else np
-    n = refractive_index[..., None] if isinstance(refractive_index, jax.Array) else np.float64(refractive_index)
+    n = (
+        refractive_index[..., None]
+        if isinstance(refractive_index, jax.Array)
+        else np.float64(refractive_index)
+    )
     if nodes is None:
         nodes = _CONE_NODES_NEAR_ONE if traced or n < _NEAR_ONE else _CONE_NODES
     floor = 1e-18 if n.dtype == np.float64 else 1e-11
@@ -170,22 +182,28 @@ def internal_reflection_integral(
     refractive_index: float | Float[Array, "..."],
     nodes: int | None = None,
 ) -> Float[Array, "..."]:
-    """Integral over mu in [0, 1] of R(mu) mu^(power-1) e^(-x/mu), R the internal Fresnel reflectance.
+    """Integral over mu in [0, 1] of R(mu) mu^(power-1) e^(-x/mu), R the internal Fresnel
+    reflectance.
 
-    Power 0 is U(x) of paper A's eq. (17) as a function of x = tau + s, power 1 the interface's part of M (18), power
-    2 half of K (20).
+    Power 0 is U(x) of paper A's eq. (17) as a function of x = tau + s, power 1 the interface's part
+    of M (18), power 2 half of K (20).
 
     Args:
         power: static, >= 0.
-        x: optical depth, (...), >= 0. For power 0 it must be positive: the totally reflected part has a logarithm.
-        refractive_index: n >= 1, a number or an array that broadcasts against x. At n = 1 the result is zero.
-        nodes: of the cone's quadrature, static.
+        x: optical depth, (...), >= 0. For power 0 it must be positive: the totally reflected part
+        has a logarithm. refractive_index: n >= 1, a number or an array that broadcasts against x.
+        At n = 1 the result is zero. nodes: of the cone's quadrature, static.
 
     Returns:
-        The integral, broadcast shape. Absolute error some 1e-15 in float64 (relative to its value at x = 0).
+        The integral, broadcast shape. Absolute error some 1e-15 in float64 (relative to its value
+        at x = 0).
     """
     x = _floating(x)
-    if not isinstance(refractive_index, jax.Array) and np.ndim(refractive_index) == 0 and refractive_index == 1:
+    if (
+        not isinstance(refractive_index, jax.Array)
+        and np.ndim(refractive_index) == 0
+        and refractive_index == 1
+    ):
         return jnp.zeros_like(x)
     if not isinstance(refractive_index, jax.Array) and np.ndim(refractive_index) > 0:
         refractive_index = jnp.asarray(refractive_index, x.dtype)
@@ -199,6 +217,10 @@ def internal_reflection_integral(
 
 
 def critical_cosine(refractive_index: float | Float[ArrayLike, "..."]) -> Float[Array, "..."]:
-    """Cosine inside of the critical angle, sqrt(1 - 1/n^2), kept just above zero for n = 1, (...)."""
+    """Cosine inside of the critical angle, sqrt(1 - 1/n^2), kept just above zero for n =
+    1, (...).
+    """
     n = _floating(refractive_index)
-    return jnp.sqrt(jnp.maximum((n - 1.0) * (n + 1.0), 1e-18 if n.dtype == jnp.float64 else 1e-11)) / n
+    return (
+        jnp.sqrt(jnp.maximum((n - 1.0) * (n + 1.0), 1e-18 if n.dtype == jnp.float64 else 1e-11)) / n
+    )

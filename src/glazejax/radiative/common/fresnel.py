@@ -1,7 +1,8 @@
 """Smooth interfaces, of dielectrics and of metals, for unpolarised light.
 
-The functions take numpy or JAX arrays and answer in kind, so that tables for a fixed index are made once, in
-double precision, outside the compiled program. `Any` in what they return stands for that kind.
+The functions take numpy or JAX arrays and answer in kind, so that tables for a fixed index are made
+once, in double precision, outside the compiled program. `Any` in what they return stands for that
+kind.
 """
 
 from types import ModuleType
@@ -54,7 +55,8 @@ def dielectric_reflectance(
     """
     xp = array_module(cos_incidence, refractive_index)
     n = refractive_index
-    # n times the cosine in the medium; for n = 1 it equals the cosine in air exactly, so both amplitudes vanish.
+    # n times the cosine in the medium; for n = 1 it equals the cosine in air exactly, so both
+    # amplitudes vanish.
     n_cos_medium = xp.sqrt((n - 1.0) * (n + 1.0) + cos_incidence**2)
     s = (cos_incidence - n_cos_medium) / (cos_incidence + n_cos_medium)
     p = (n**2 * cos_incidence - n_cos_medium) / (n**2 * cos_incidence + n_cos_medium)
@@ -66,23 +68,27 @@ def conductor_reflectance(
     refractive_index: float | Float[Either, "*#batch"],
     extinction: float | Float[Either, "*#batch"],
 ) -> Float[Any, "*batch"]:
-    """Fresnel reflectance of a smooth metal of complex index n + ik, for unpolarised light from air.
+    """Fresnel reflectance of a smooth metal of complex index n + ik, for unpolarised light from
+    air.
 
     Args:
         cos_incidence: cosine of the angle of incidence in air, (...), in [0, 1].
         refractive_index: n, (...), > 0.
-        extinction: k, (...), >= 0. With k = 0 this is a dielectric of any n, total reflection included.
+        extinction: k, (...), >= 0. With k = 0 this is a dielectric of any n, total reflection
+            included.
 
     Returns:
         Reflectance in [0, 1], (...).
 
-    Source: paper B, eqs (11)-(15), with a and b as they follow from (a + ib)^2 = (n + ik)^2 - sin^2(theta); the
-    printed (14) and (15) have the root of the sum in pieces. See also M. Born, E. Wolf, Principles of Optics, 14.2.
+    Source: paper B, eqs (11)-(15), with a and b as they follow from (a + ib)^2 = (n + ik)^2 -
+    sin^2(theta); the printed (14) and (15) have the root of the sum in pieces. See also M. Born, E.
+    Wolf, Principles of Optics, 14.2.
     """
     xp = array_module(cos_incidence, refractive_index, extinction)
     n, k, c = refractive_index, extinction, cos_incidence
     sin2 = (1.0 - c) * (1.0 + c)
-    # (a + ib)^2 = t + 2i n k; the larger of a and b by its root, the other by their product, so that no digit is lost.
+    # (a + ib)^2 = t + 2i n k; the larger of a and b by its root, the other by their product, so
+    # that no digit is lost.
     t = (n - k) * (n + k) - sin2
     square = t**2 + (2.0 * n * k) ** 2
     nothing = square <= 0.0  # at the critical angle of no metal, where roots would have no slope
@@ -104,7 +110,8 @@ def cook_torrance_reflectance(
 
     Args:
         cos_incidence: cosine of the angle of incidence, (...), in (0, 1].
-        normal_reflectance: measured at normal incidence, (...), in [0, 1). Poor for metals, see paper B.
+        normal_reflectance: measured at normal incidence, (...), in [0, 1). Poor for metals, see
+            paper B.
 
     Returns:
         Reflectance in [0, 1], (...).
@@ -116,7 +123,9 @@ def cook_torrance_reflectance(
     return dielectric_reflectance(cos_incidence, (1.0 + root) / (1.0 - root))
 
 
-def hall_extinction(mean_normal_reflectance: float | Float[Either, "*#batch"]) -> Float[Any, "*batch"]:
+def hall_extinction(
+    mean_normal_reflectance: float | Float[Either, "*#batch"],
+) -> Float[Any, "*batch"]:
     """Extinction k of the metal of index n = 1 that reflects so much at normal incidence.
 
     Args:
@@ -134,13 +143,14 @@ def hall_reflectance(
     mean_extinction: float | Float[Either, "*#batch"],
     mean_index: float | Float[Either, "*#batch"] = 1.0,
 ) -> Float[Any, "*batch"]:
-    """Hall's estimate: from normal incidence to 1 along the curve of one average metal for all wavelengths.
+    """Hall's estimate: from normal incidence to 1 along the curve of one average metal for all
+    wavelengths.
 
     Args:
         cos_incidence: cosine of the angle of incidence, (...), in [0, 1].
         normal_reflectance: measured at normal incidence, (...), in [0, 1].
-        mean_extinction: mean k over the wavelengths, (...), > 0; `hall_extinction` where it is not known.
-        mean_index: mean n, (...), > 0; 1 where it is not known.
+        mean_extinction: mean k over the wavelengths, (...), > 0; `hall_extinction` where it is not
+        known. mean_index: mean n, (...), > 0; 1 where it is not known.
 
     Returns:
         Reflectance in [0, 1], (...).

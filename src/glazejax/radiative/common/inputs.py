@@ -1,4 +1,6 @@
-"""What the functions of this package are given: one check of values and one rule of shapes for all of them."""
+"""What the functions of this package are given: one check of values and one rule of shapes for all
+of them.
+"""
 
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -10,7 +12,8 @@ import numpy as np
 from jax.core import Tracer
 from jaxtyping import ArrayLike
 
-# What callers may pass. What takes it checks shapes and values itself, and says in words what is wrong.
+# What callers may pass. What takes it checks shapes and values itself, and says in words what is
+# wrong.
 Numbers: TypeAlias = ArrayLike | Sequence[Any]
 
 INDEX_RANGE = (1.0, 2.5)
@@ -34,7 +37,8 @@ _RANGES: dict[str, tuple[str, Callable[[np.ndarray], np.ndarray]]] = {
 def concrete(value: Numbers) -> np.ndarray | None:
     """The value as a numpy array, or None while it is traced by jit or vmap.
 
-    A value that is only differentiated by is known here (`glazejax.spectra.concrete` counts it as traced).
+    A value that is only differentiated by is known here (`glazejax.spectra.concrete` counts it as
+    traced).
     """
     # Constants must not pass through a JAX function, which under jit would trace them too.
     known = jax.lax.stop_gradient(value) if isinstance(value, Tracer) else value
@@ -50,9 +54,13 @@ def plain_number(value: Any) -> float | None:
 
 
 def smallest_cosine(*cosines: Any) -> float:
-    """Smallest known cosine; one that is traced may be as small as 1e-4, None is a direction not asked for."""
+    """Smallest known cosine; one that is traced may be as small as 1e-4, None is a direction not
+    asked for.
+    """
     known = [concrete(c) for c in cosines if c is not None]
-    return min((LEAST_COSINE if c is None else float(c.min(initial=1.0)) for c in known), default=1.0)
+    return min(
+        (LEAST_COSINE if c is None else float(c.min(initial=1.0)) for c in known), default=1.0
+    )
 
 
 def check_choice(name: str, value: str, choices: Any) -> None:
@@ -62,7 +70,9 @@ def check_choice(name: str, value: str, choices: Any) -> None:
         ValueError: names the argument, the value and the choices.
     """
     if value not in get_args(choices):
-        raise ValueError(f"{name} {value!r} is unknown; use one of {', '.join(map(repr, get_args(choices)))}")
+        raise ValueError(
+            f"{name} {value!r} is unknown; use one of {', '.join(map(repr, get_args(choices)))}"
+        )
 
 
 def check_given(given: Mapping[str, Numbers | None]) -> None:
@@ -77,7 +87,8 @@ def check_given(given: Mapping[str, Numbers | None]) -> None:
 
 
 def check_values(given: Mapping[str, Numbers | None]) -> None:
-    """Refuse known values out of their range, by the name of the argument; None is an argument not given.
+    """Refuse known values out of their range, by the name of the argument; None is an argument not
+    given.
 
     Raises:
         ValueError: names the argument, the value and the range.
@@ -90,14 +101,20 @@ def check_values(given: Mapping[str, Numbers | None]) -> None:
 
 
 def _real_numbers(name: str, value: Numbers) -> np.ndarray | None:
-    """The value as an array of real numbers, or None while it is traced; words, None and ragged rows are refused."""
+    """The value as an array of real numbers, or None while it is traced; words, None and ragged
+    rows are refused.
+    """
     try:
         known = concrete(value)
     except (ValueError, TypeError):
         raise ValueError(f"{name} is no array of numbers: its rows differ in length") from None
     # Kind V is bfloat16 and its kin, which NumPy does not know.
     if known is not None and known.dtype.kind not in "biufV":
-        wrong = f"complex, such as {known.flat[0]}" if known.dtype.kind == "c" and known.size else repr(value)[:60]
+        wrong = (
+            f"complex, such as {known.flat[0]}"
+            if known.dtype.kind == "c" and known.size
+            else repr(value)[:60]
+        )
         raise ValueError(f"{name} is {wrong}; it must be a real number or an array of them")
     return known
 
@@ -113,30 +130,42 @@ def check_tolerance(tolerance: float) -> None:
             "tolerance is traced by JAX, and chooses the program: make it static, as in "
             "jax.jit(f, static_argnames='tolerance'), or close over it"
         )
-    if np.ndim(tolerance) or not isinstance(tolerance, int | float | np.number | np.ndarray | jax.Array):
-        raise ValueError(f"tolerance is {tolerance!r}; it must be one number between 0 and 1, such as 1e-6")
+    if np.ndim(tolerance) or not isinstance(
+        tolerance, int | float | np.number | np.ndarray | jax.Array
+    ):
+        raise ValueError(
+            f"tolerance is {tolerance!r}; it must be one number between 0 and 1, such as 1e-6"
+        )
     if not 0 < tolerance < 1:
         raise ValueError(f"tolerance is {tolerance}; it must be between 0 and 1, such as 1e-6")
 
 
 def at_least_one_layer(albedo: Any, thickness: Any, *, xp: Any = jnp) -> tuple[Any, Any, int]:
-    """Albedo and optical thickness with a last axis of layers, and how many; a bare ground gets one empty layer.
+    """Albedo and optical thickness with a last axis of layers, and how many; a bare ground gets one
+    empty layer.
 
     Raises:
         ValueError: an axis of layers is missing, or the two have different ones.
     """
     if albedo.ndim == 0 or thickness.ndim == 0:
-        raise ValueError("albedo and optical_thickness need a last axis of layers; a single layer is [q]")
+        raise ValueError(
+            "albedo and optical_thickness need a last axis of layers; a single layer is [q]"
+        )
     layers = (albedo.shape[-1], thickness.shape[-1])
     if layers[0] != layers[1] and 1 not in layers:
-        raise ValueError(f"albedo has {layers[0]} layers (last axis) but optical_thickness has {layers[1]}")
+        raise ValueError(
+            f"albedo has {layers[0]} layers (last axis) but optical_thickness has {layers[1]}"
+        )
     if 0 in layers:
-        albedo, thickness = (xp.zeros((*array.shape[:-1], 1), array.dtype) for array in (albedo, thickness))
+        albedo, thickness = (
+            xp.zeros((*array.shape[:-1], 1), array.dtype) for array in (albedo, thickness)
+        )
     return albedo, thickness, max(albedo.shape[-1], thickness.shape[-1])
 
 
 def batch_shape(shapes: Mapping[str, tuple[int, ...]], last: str = "layers") -> tuple[int, ...]:
-    """Shape that all batch shapes broadcast to; ``last`` says what was on the axis that they leave out.
+    """Shape that all batch shapes broadcast to; ``last`` says what was on the axis that they leave
+    out.
 
     Raises:
         ValueError: they do not; lists them by name.
@@ -145,7 +174,9 @@ def batch_shape(shapes: Mapping[str, tuple[int, ...]], last: str = "layers") -> 
         return np.broadcast_shapes(*shapes.values())
     except ValueError:
         listing = ", ".join(f"{name} {shape}" for name, shape in shapes.items())
-        raise ValueError(f"batch shapes do not broadcast: {listing} ({last}, the last axis, not counted)") from None
+        raise ValueError(
+            f"batch shapes do not broadcast: {listing} ({last}, the last axis, not counted)"
+        ) from None
 
 
 class BatchOfStacks(NamedTuple):
@@ -159,7 +190,8 @@ class BatchOfStacks(NamedTuple):
     def flat(self) -> dict[str, Any]:
         """The arrays with one batch axis: (stacks, layers) and (stacks,)."""
         return {
-            name: flat_batch(a, self.batch, *[self.layers] * (name in _OF_LAYERS)) for name, a in self.arrays.items()
+            name: flat_batch(a, self.batch, *[self.layers] * (name in _OF_LAYERS))
+            for name, a in self.arrays.items()
         }
 
 
@@ -167,7 +199,11 @@ _OF_LAYERS = ("albedo", "optical_thickness")
 
 
 def batch_of_stacks(
-    given: Mapping[str, Any], *, xp: Any = jnp, dtype: Any = None, shapes: Mapping[str, tuple[int, ...]] | None = None
+    given: Mapping[str, Any],
+    *,
+    xp: Any = jnp,
+    dtype: Any = None,
+    shapes: Mapping[str, tuple[int, ...]] | None = None,
 ) -> BatchOfStacks:
     """Checked arguments as arrays.
 
@@ -178,20 +214,27 @@ def batch_of_stacks(
         shapes: batch shapes of what else must broadcast, by name.
 
     Raises:
-        ValueError: a known value out of range, axes of layers that do not fit, or shapes that do not broadcast.
+        ValueError: a known value out of range, axes of layers that do not fit, or shapes that do
+            not broadcast.
     """
     check_given({name: given[name] for name in (*_OF_LAYERS, "substrate_reflectance")})
     check_values(given)
     dtype = dtype or jnp.result_type(float)
-    arrays = {name: _as_array(value, dtype, xp) for name, value in given.items() if value is not None}
+    arrays = {
+        name: _as_array(value, dtype, xp) for name, value in given.items() if value is not None
+    }
     albedo, thickness, layers = at_least_one_layer(*(arrays[name] for name in _OF_LAYERS), xp=xp)
     arrays |= {"albedo": albedo, "optical_thickness": thickness}
-    own = {name: array.shape[:-1] if name in _OF_LAYERS else array.shape for name, array in arrays.items()}
+    own = {
+        name: array.shape[:-1] if name in _OF_LAYERS else array.shape
+        for name, array in arrays.items()
+    }
     return BatchOfStacks(arrays, batch_shape({**own, **(shapes or {})}), layers)
 
 
 def _as_array(value: Any, dtype: Any, xp: Any) -> Any:
-    # NumPy changes the type of its own numbers and of Python's: JAX would compile a program for that.
+    # NumPy changes the type of its own numbers and of Python's: JAX would compile a program for
+    # that.
     plain = isinstance(value, np.ndarray | np.generic | float | int)
     return xp.asarray(np.asarray(value, dtype) if plain else value, dtype)
 
@@ -199,7 +242,8 @@ def _as_array(value: Any, dtype: Any, xp: Any) -> Any:
 def flat_batch(array: Any, batch: tuple[int, ...], *last: int) -> Any:
     """An array (..., *last) that broadcasts against the batch, with the batch as one axis.
 
-    What is known and small becomes a NumPy array: each other shape would be another two programs to compile.
+    What is known and small becomes a NumPy array: each other shape would be another two programs to
+    compile.
     """
     full, flat = (*batch, *last), (math.prod(batch), *last)
     if math.prod(full) <= _SMALL and not isinstance(array, Tracer):

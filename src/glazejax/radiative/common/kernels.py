@@ -1,7 +1,8 @@
 """Elementary integrals of exponentials over one layer, finite in value and gradient everywhere.
 
-Every function here is analytic where a textbook form divides zero by zero (equal exponents, empty layer,
-conservative scattering), so a beam on a node of the quadrature or an albedo of one is nothing special.
+Every function here is analytic where a textbook form divides zero by zero (equal exponents, empty
+layer, conservative scattering), so a beam on a node of the quadrature or an albedo of one is
+nothing special.
 """
 
 import math
@@ -85,7 +86,9 @@ def _phi_jvp(primals, tangents):
 
 
 @jax.custom_jvp
-def tanh_sech(decay_squared: Float[Array, "..."], depth: Float[Array, "..."]) -> tuple[Array, Array]:
+def tanh_sech(
+    decay_squared: Float[Array, "..."], depth: Float[Array, "..."]
+) -> tuple[Array, Array]:
     """tanh(kappa D)/kappa and 1/cosh(kappa D), both even in kappa = sqrt(decay_squared) >= 0."""
     tiny = float(np.finfo(decay_squared.dtype).tiny)
     kappa = jnp.sqrt(jnp.maximum(decay_squared, tiny))
@@ -107,7 +110,9 @@ def _tanh_sech_jvp(primals, tangents):
     argument = decay_squared * depth**2
     small = argument < _SERIES_TANH
     closed = (depth * sech**2 - tanh) / (2.0 * jnp.where(small, 1.0, decay_squared))
-    slope = jnp.where(small, depth**3 * _polynomial(_TANHC_SLOPE, jnp.where(small, argument, 0.0)), closed)
+    slope = jnp.where(
+        small, depth**3 * _polynomial(_TANHC_SLOPE, jnp.where(small, argument, 0.0)), closed
+    )
     d_tanh = slope * d_squared + sech**2 * d_depth
     d_sech = -0.5 * sech * tanh * depth * d_squared - sech * decay_squared * tanh * d_depth
     return (tanh, sech), (d_tanh, d_sech)
@@ -125,7 +130,8 @@ def two_decays(
     faded_a: Float[Array, "..."],
     faded_b: Float[Array, "..."],
 ) -> Float[Array, "..."]:
-    """Integral of exp(-a (depth - t)) exp(-b t) over the layer: (e^-a D - e^-b D)/(b - a), regular at a = b.
+    """Integral of exp(-a (depth - t)) exp(-b t) over the layer: (e^-a D - e^-b D)/(b - a), regular
+    at a = b.
 
     ``faded_a`` is expm1(-a depth), ``faded_b`` expm1(-b depth): the caller has them already.
     """

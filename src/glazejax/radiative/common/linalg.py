@@ -1,8 +1,8 @@
 """Small dense algebra in plain XLA operations, for matrices that need no pivoting.
 
-No LAPACK: two batched LAPACK calls in one compiled program can hang for ever on the CPU (jaxlib 0.10, 0.11.0).
-Up to some 40 rows halving the matrix is three times faster than eliminating row by row, which carries the whole batch
-through memory once a row.
+No LAPACK: two batched LAPACK calls in one compiled program can hang for ever on the CPU (jaxlib
+0.10, 0.11.0). Up to some 40 rows halving the matrix is three times faster than eliminating row by
+row, which carries the whole batch through memory once a row.
 """
 
 from collections.abc import Callable
@@ -12,12 +12,15 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-# Up to so many terms, or with so few rows, a product written as a sum, which XLA fuses with what surrounds it, beats a
-# call of its matrix product: twice for six terms, not at all for eight; with ten the call is 1.5 times as fast.
+# Up to so many terms, or with so few rows, a product written as a sum, which XLA fuses with what
+# surrounds it, beats a call of its matrix product: twice for six terms, not at all for eight; with
+# ten the call is 1.5 times as fast.
 _FUSED_TERMS, _FUSED_ROWS = 8, 5
 
 
-def product(a: Float[Array, "*#batch l m"], b: Float[Array, "*#batch m n"]) -> Float[Array, "*batch l n"]:
+def product(
+    a: Float[Array, "*#batch l m"], b: Float[Array, "*#batch m n"]
+) -> Float[Array, "*batch l n"]:
     """Matrix product of many small matrices."""
     if a.shape[-1] <= _FUSED_TERMS or a.shape[-2] <= _FUSED_ROWS:
         return jnp.sum(a[..., :, :, None] * b[..., None, :, :], axis=-2)
@@ -36,7 +39,9 @@ def transposed(a: Float[Array, "*batch n m"]) -> Float[Array, "*batch m n"]:
 
 @jax.named_scope("inverse")
 def inverse_positive(a: Float[Array, "*batch n n"]) -> Float[Array, "*batch n n"]:
-    """Inverse of a symmetric positive definite matrix, by halves: Schur's complement of the upper left block."""
+    """Inverse of a symmetric positive definite matrix, by halves: Schur's complement of the upper
+    left block.
+    """
     n = a.shape[-1]
     if n == 1:
         return 1.0 / a
@@ -51,11 +56,15 @@ def inverse_positive(a: Float[Array, "*batch n n"]) -> Float[Array, "*batch n n"
     complement = inverse_positive(a[..., half:, half:] - product(a[..., half:, :half], across))
     side = -product(across, complement)
     upper = jnp.concatenate([corner - product(side, transposed(across)), side], axis=-1)
-    return jnp.concatenate([upper, jnp.concatenate([transposed(side), complement], axis=-1)], axis=-2)
+    return jnp.concatenate(
+        [upper, jnp.concatenate([transposed(side), complement], axis=-1)], axis=-2
+    )
 
 
 def _with_slope(inverse: Callable[[Array], Array]) -> Callable[[Array], Array]:
-    """Adds d(A^-1) = -A^-1 dA A^-1: the derivative of an elimination's steps takes JAX many times longer to compile."""
+    """Adds d(A^-1) = -A^-1 dA A^-1: the derivative of an elimination's steps takes JAX many times
+    longer to compile.
+    """
     known = jax.custom_jvp(inverse)
 
     def slope(primals: tuple[Array], tangents: tuple[Array]) -> tuple[Array, Array]:
@@ -68,15 +77,19 @@ def _with_slope(inverse: Callable[[Array], Array]) -> Callable[[Array], Array]:
 
 @_with_slope
 def inverse_symmetric(a: Float[Array, "*batch n n"]) -> Float[Array, "*batch n n"]:
-    """`inverse_positive` with a derivative that is a product: faster than `inverse`, slower to compile."""
+    """`inverse_positive` with a derivative that is a product: faster than `inverse`, slower to
+    compile.
+    """
     return inverse_positive(a)
 
 
 @_with_slope
 def inverse(a: Float[Array, "*batch n n"]) -> Float[Array, "*batch n n"]:
-    """Inverse by Gauss and Jordan's sweep over the rows, in place, without pivoting; its derivative is a product.
+    """Inverse by Gauss and Jordan's sweep over the rows, in place, without pivoting; its derivative
+    is a product.
 
-    For matrices that are symmetric positive definite or, scaled by a positive vector, diagonally dominant by rows.
+    For matrices that are symmetric positive definite or, scaled by a positive vector, diagonally
+    dominant by rows.
     """
     n = a.shape[-1]
 
@@ -92,17 +105,21 @@ def inverse(a: Float[Array, "*batch n n"]) -> Float[Array, "*batch n n"]:
 _BLOCK = 4
 
 
-def solve_positive(a: Float[Array, "*batch n n"], b: Float[Array, "*batch n m"]) -> Float[Array, "*batch n m"]:
+def solve_positive(
+    a: Float[Array, "*batch n n"], b: Float[Array, "*batch n m"]
+) -> Float[Array, "*batch n m"]:
     """Solve A x = b for a symmetric positive definite or diagonally dominant A.
 
-    Blocked Gauss-Jordan elimination without pivoting. A loop over blocks rather than unrolled blocks: it runs as
-    fast and compiles several times faster.
+    Blocked Gauss-Jordan elimination without pivoting. A loop over blocks rather than unrolled
+    blocks: it runs as fast and compiles several times faster.
     """
     n = a.shape[-1]
     spare = -n % _BLOCK
     if spare:  # Filled up with an identity that nothing couples to.
         edge = [(0, 0)] * (a.ndim - 2)
-        a = jnp.pad(a, [*edge, (0, spare), (0, spare)]) + jnp.diag(jnp.arange(n + spare) >= n).astype(a.dtype)
+        a = jnp.pad(a, [*edge, (0, spare), (0, spare)]) + jnp.diag(
+            jnp.arange(n + spare) >= n
+        ).astype(a.dtype)
         b = jnp.pad(b, [*edge, (0, spare), (0, 0)])
     axis = a.ndim - 2
 
@@ -110,7 +127,9 @@ def solve_positive(a: Float[Array, "*batch n n"], b: Float[Array, "*batch n m"])
         start = block * _BLOCK
         rows = jax.lax.dynamic_slice_in_dim(work, start, _BLOCK, axis)
         columns = jax.lax.dynamic_slice_in_dim(work, start, _BLOCK, axis + 1)
-        rows = product(_small_inverse(jax.lax.dynamic_slice_in_dim(rows, start, _BLOCK, axis + 1)), rows)
+        rows = product(
+            _small_inverse(jax.lax.dynamic_slice_in_dim(rows, start, _BLOCK, axis + 1)), rows
+        )
         return jax.lax.dynamic_update_slice_in_dim(work - product(columns, rows), rows, start, axis)
 
     work = jnp.concatenate([a, b], axis=-1)
@@ -126,7 +145,9 @@ def _small_inverse(a: Array) -> Array:
 
 
 def _swept(a: Array, row: Array, column: Array, pivot: Array, here: Array | np.ndarray) -> Array:
-    """A after Gauss and Jordan's step, in place, on the row and column of a pivot; ``here`` is 1 at its number."""
+    """A after Gauss and Jordan's step, in place, on the row and column of a pivot; ``here`` is 1 at
+    its number.
+    """
     others = 1.0 - here
     row = (row * others + here) / pivot
     left = here - column * others

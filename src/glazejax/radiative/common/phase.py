@@ -2,9 +2,9 @@ r"""Phase functions of scattering by pigment, as Legendre moments.
 
     p(cos T) = sum_l (2l + 1) chi_l P_l(cos T),      chi_0 = 1,  mean of p over all directions 1,
 
-T being the angle between the directions of travel before and after: chi_1 is the mean cosine g, positive for forward
-scattering. All of `glazejax.radiative.manyflux` takes a phase function as the array of its moments, (..., terms);
-leading axes are batch axes and may include one for the layers.
+T being the angle between the directions of travel before and after: chi_1 is the mean cosine g,
+positive for forward scattering. All of `glazejax.radiative.manyflux` takes a phase function as the
+array of its moments, (..., terms); leading axes are batch axes and may include one for the layers.
 """
 
 from contextlib import AbstractContextManager, nullcontext
@@ -31,7 +31,8 @@ def henyey_greenstein(g: Numbers, terms: int | None = None) -> Float[Array, "*ba
 
     Args:
         g: mean cosine, (...), in (-1, 1).
-        terms: number of moments; by default as many as are larger than 1e-12, for which g must be known.
+        terms: number of moments; by default as many as are larger than 1e-12, for which g must be
+            known.
 
     Raises:
         ValueError: g out of range, or traced by `jax.jit` without ``terms``.
@@ -54,8 +55,8 @@ def two_term_henyey_greenstein(
     """Moments of share HG(forward) + (1 - share) HG(backward): a forward and a backward lobe.
 
     Args:
-        forward, backward: mean cosine of each lobe, (...), in (-1, 1); the second is negative for a backward lobe.
-        share: of the first lobe, (...), in [0, 1].
+        forward, backward: mean cosine of each lobe, (...), in (-1, 1); the second is negative for a
+        backward lobe. share: of the first lobe, (...), in [0, 1].
         terms: as for `henyey_greenstein`.
 
     Raises:
@@ -63,11 +64,15 @@ def two_term_henyey_greenstein(
     """
     known = concrete(share)
     if known is not None and not np.all((known >= 0) & (known <= 1)):
-        raise ValueError(f"share holds {np.extract((known < 0) | (known > 1), known)[0]}; it must be in [0, 1]")
+        raise ValueError(
+            f"share holds {np.extract((known < 0) | (known > 1), known)[0]}; it must be in [0, 1]"
+        )
     terms = _terms({"forward": forward, "backward": backward}, terms)
     with _known_under_jit(forward, backward, share):
         part = jnp.asarray(share, jnp.result_type(float))[..., None]
-        return part * henyey_greenstein(forward, terms) + (1.0 - part) * henyey_greenstein(backward, terms)
+        return part * henyey_greenstein(forward, terms) + (1.0 - part) * henyey_greenstein(
+            backward, terms
+        )
 
 
 def tabulated(cosines: Numbers, values: Numbers, terms: int = 64) -> Float[Array, "*batch terms"]:
@@ -79,15 +84,20 @@ def tabulated(cosines: Numbers, values: Numbers, terms: int = 64) -> Float[Array
         terms: number of moments.
 
     Raises:
-        ValueError: cosines that do not span -1 to 1 in order, negative values, or a function that is zero.
+        ValueError: cosines that do not span -1 to 1 in order, negative values, or a function that
+            is zero.
     """
     x, p = np.asarray(cosines, float), np.asarray(values, float)
     if x.ndim != 1 or x.size < 2 or p.shape[-1:] != x.shape:
-        raise ValueError(f"cosines {x.shape} and values {p.shape} must share a last axis of at least two points")
+        raise ValueError(
+            f"cosines {x.shape} and values {p.shape} must share a last axis of at least two points"
+        )
     if x[0] > x[-1]:
         x, p = x[::-1], p[..., ::-1]
     if not (np.all(np.diff(x) > 0) and abs(x[0] + 1) < 1e-9 and abs(x[-1] - 1) < 1e-9):
-        raise ValueError(f"cosines must run from -1 to 1 in order; they run from {x[0]:g} to {x[-1]:g}")
+        raise ValueError(
+            f"cosines must run from -1 to 1 in order; they run from {x[0]:g} to {x[-1]:g}"
+        )
     if not np.all(p >= 0):
         raise ValueError(f"values holds {p[~(p >= 0)].flat[0]}; a phase function is >= 0")
     # Each piece by its own Gauss nodes: exact for its polynomials of degree terms.
@@ -99,7 +109,9 @@ def tabulated(cosines: Numbers, values: Numbers, terms: int = 64) -> Float[Array
     polynomials = np.polynomial.legendre.legvander(at, terms - 1)
     moments = np.einsum("...pk,pk,pkl->...l", piece, weight, polynomials)
     if not np.all(moments[..., 0] > 0):
-        raise ValueError("values are zero everywhere; a phase function needs light in some direction")
+        raise ValueError(
+            "values are zero everywhere; a phase function needs light in some direction"
+        )
     return jnp.asarray(moments / moments[..., :1])
 
 
@@ -107,17 +119,26 @@ def check_moments(moments: Numbers) -> None:
     """Refuse known moments that no phase function has.
 
     Raises:
-        ValueError: no last axis, a first moment that is not 1, or others beyond 1 in absolute value.
+        ValueError: no last axis, a first moment that is not 1, or others beyond 1 in absolute
+            value.
     """
     known = concrete(moments)
     if known is None:
         return
     if known.ndim == 0 or known.shape[-1] == 0:
-        raise ValueError("phase must have a last axis of Legendre moments; isotropic scattering is [1.0]")
+        raise ValueError(
+            "phase must have a last axis of Legendre moments; isotropic scattering is [1.0]"
+        )
     if not np.allclose(known[..., 0], 1.0, atol=1e-6):
-        raise ValueError(f"phase begins with {known[..., 0].flat[0]}; its first moment is 1 (the rest without 2l + 1)")
+        raise ValueError(
+            f"phase begins with {known[..., 0].flat[0]}; its first moment is 1 (the rest without "
+            "2l + 1)"
+        )
     if not np.all(np.abs(known) <= 1.0 + 1e-6):
-        raise ValueError(f"phase holds {known[~(np.abs(known) <= 1 + 1e-6)].flat[0]}; moments lie between -1 and 1")
+        raise ValueError(
+            f"phase holds {known[~(np.abs(known) <= 1 + 1e-6)].flat[0]}; moments lie between -1 "
+            "and 1"
+        )
 
 
 def evaluate(moments: Numbers, cosine: Numbers) -> Float[Array, "*batch"]:
@@ -135,7 +156,12 @@ def evaluate(moments: Numbers, cosine: Numbers) -> Float[Array, "*batch"]:
     def step(state: tuple[Array, Array], item: tuple[Array, Array]):
         one, two = state
         order, coefficient = item
-        return (coefficient + (2 * order + 1) / (order + 1) * cosine * one - (order + 1) / (order + 2) * two, one), None
+        return (
+            coefficient
+            + (2 * order + 1) / (order + 1) * cosine * one
+            - (order + 1) / (order + 2) * two,
+            one,
+        ), None
 
     orders = jnp.arange(terms, dtype=coefficients.dtype)
     (value, _), _ = jax.lax.scan(step, (zero, zero), (orders, coefficients), reverse=True)
@@ -143,12 +169,16 @@ def evaluate(moments: Numbers, cosine: Numbers) -> Float[Array, "*batch"]:
 
 
 def delta_m(
-    albedo: Float[Array, "*batch"], thickness: Float[Array, "*batch"], moments: Float[Array, "*batch terms"], kept: int
+    albedo: Float[Array, "*batch"],
+    thickness: Float[Array, "*batch"],
+    moments: Float[Array, "*batch terms"],
+    kept: int,
 ) -> tuple[Array, Array, Array]:
-    """Albedo, optical thickness and moments without the forward peak that ``kept`` terms cannot follow.
+    """Albedo, optical thickness and moments without the forward peak that ``kept`` terms cannot
+    follow.
 
-    The share chi_kept of the scattered light is taken to go on as if nothing had happened. Nothing changes where the
-    phase function has no more than ``kept`` terms.
+    The share chi_kept of the scattered light is taken to go on as if nothing had happened. Nothing
+    changes where the phase function has no more than ``kept`` terms.
 
     Source: Wiscombe, J. Atmos. Sci. 34 (1977) 1408.
     """
@@ -160,7 +190,9 @@ def delta_m(
 
 
 def _known_under_jit(*values: Numbers) -> AbstractContextManager:
-    """Computes at once what `jax.jit` would trace although it is known: only known moments tell how many matter."""
+    """Computes at once what `jax.jit` would trace although it is known: only known moments tell how
+    many matter.
+    """
     traced = any(isinstance(value, Tracer) for value in values)
     return nullcontext() if traced else jax.ensure_compile_time_eval()
 
@@ -171,9 +203,13 @@ def _terms(cosines: dict[str, Numbers], terms: int | None) -> int:
     for name, g in cosines.items():
         known = concrete(g)
         if known is not None and not np.all(np.abs(known) < 1):
-            raise ValueError(f"{name} holds {known[~(np.abs(known) < 1)].flat[0]}; it must be between -1 and 1")
+            raise ValueError(
+                f"{name} holds {known[~(np.abs(known) < 1)].flat[0]}; it must be between -1 and 1"
+            )
         if known is None and terms is None:
-            raise ValueError(f"{name} is traced by jax.jit: give the number of terms, such as terms=64")
+            raise ValueError(
+                f"{name} is traced by jax.jit: give the number of terms, such as terms=64"
+            )
         largest = max(largest, 0.0 if known is None else float(np.max(np.abs(known), initial=0.0)))
     if terms is not None:
         return terms

@@ -1,4 +1,6 @@
-"""Quadrature over the half range: Gauss nodes, plain or crowded, and rules split at the critical angle."""
+"""Quadrature over the half range: Gauss nodes, plain or crowded, and rules split at the critical
+angle.
+"""
 
 import functools
 from typing import Any, NamedTuple, TypeAlias
@@ -21,12 +23,33 @@ class Directions(NamedTuple):
     reflectance: Array | np.ndarray  # (..., n), internal Fresnel reflectance R(mu)
 
 
-# Crowding c of n = 2, 3, ... graded nodes that makes the largest error of int_0^1 x e^(-D/x) dx over all D, the
-# slowest integral of a thin layer, smallest (`python -m benchmarks.calibrate_directions` prints the search).
-# fmt: off
+# Crowding c of n = 2, 3, ... graded nodes that makes the largest error of int_0^1 x e^(-D/x) dx
+# over all D, the slowest integral of a thin layer, smallest (`python -m
+# benchmarks.calibrate_directions` prints the search). fmt: off
 _CROWDING = (
-    0.0, 0.3, 0.6, 1.1, 1.4, 1.7, 2.0, 2.2, 2.4, 2.6, 2.8, 3.0, 3.1, 3.3, 3.5, 3.6, 3.8,
-    3.9, 4.1, 4.2, 4.4, 4.5, 4.6,
+    0.0,
+    0.3,
+    0.6,
+    1.1,
+    1.4,
+    1.7,
+    2.0,
+    2.2,
+    2.4,
+    2.6,
+    2.8,
+    3.0,
+    3.1,
+    3.3,
+    3.5,
+    3.6,
+    3.8,
+    3.9,
+    4.1,
+    4.2,
+    4.4,
+    4.5,
+    4.6,
 )
 # fmt: on
 
@@ -41,7 +64,8 @@ def gauss(count: int) -> Nodes:
 def graded_gauss(count: int, crowding: float | None = None) -> Nodes:
     """Gauss nodes (descending) and weights on [0, 1] under x = (e^(c y^2) - 1)/(e^c - 1).
 
-    Near zero x goes as y^2, so nodes crowd at grazing directions; towards one they spread out less than under y^2.
+    Near zero x goes as y^2, so nodes crowd at grazing directions; towards one they spread out less
+    than under y^2.
     ``crowding`` is c, by default the best one for the count.
     """
     y, w = gauss(count)
@@ -63,14 +87,20 @@ def split_range(
     Args:
         refractive_index: n >= 1, a number (the result is then numpy) or a JAX array (...).
         outside: nodes in the cosine outside, for the directions that can leave.
-        below: nodes in the cosine inside over that of the critical angle, for the others; None leaves these out.
-        reach: if given, ``outside`` counts in the variable of `_along_the_rise` instead, over at most this range.
+        below: nodes in the cosine inside over that of the critical angle, for the others; None
+        leaves these out. reach: if given, ``outside`` counts in the variable of `_along_the_rise`
+        instead, over at most this range.
     """
     xp = array_module(refractive_index)
-    n = refractive_index[..., None] if isinstance(refractive_index, jax.Array) else np.float64(refractive_index)
+    n = (
+        refractive_index[..., None]
+        if isinstance(refractive_index, jax.Array)
+        else np.float64(refractive_index)
+    )
     excess = (n - 1.0) * (n + 1.0)
     if below is not None or reach is not None:
-        # At n = 1 the totally reflected part is empty; a sliver keeps 1/mu finite where n is an array.
+        # At n = 1 the totally reflected part is empty; a sliver keeps 1/mu finite where n is an
+        # array.
         excess = xp.maximum(excess, 1e-18 if excess.dtype == np.float64 else 1e-11)
     cos_outside, w_outside = outside if reach is None else _along_the_rise(excess, outside, reach)
     cosines = xp.sqrt(excess + cos_outside**2) / n
@@ -84,19 +114,23 @@ def split_range(
         reflectance = xp.concatenate([reflectance, beyond], axis=-1)
     if reach is None:
         return Directions(cosines, conserve(cosines, weights), reflectance)
-    return Directions(cosines, _conserve_at_grazing(cosines, weights, 2.0 * np.exp(-reach)), reflectance)
+    return Directions(
+        cosines, _conserve_at_grazing(cosines, weights, 2.0 * np.exp(-reach)), reflectance
+    )
 
 
 def _along_the_rise(excess: Any, nodes: Nodes, reach: float) -> tuple[Any, Any]:
     """Cosines outside and their weights, evenly spread where the internal reflectance rises.
 
-    With c = s sinh(t), s^2 = n^2 - 1, Fresnel's amplitude of one polarisation is -exp(-2 t), exactly, and the other is
-    as smooth, however near n is to one. The whole cone is t in [0, arsinh(1/s)]; ``reach`` bounds it.
+    With c = s sinh(t), s^2 = n^2 - 1, Fresnel's amplitude of one polarisation is -exp(-2 t),
+    exactly, and the other is as smooth, however near n is to one. The whole cone is t in [0,
+    arsinh(1/s)]; ``reach`` bounds it.
 
     Args:
         excess: n^2 - 1, (..., 1) or a number, > 0.
         nodes: nodes and weights on [0, 1].
-        reach: longest range of t. An index with arsinh(1/s) beyond it rises between the last node and grazing.
+        reach: longest range of t. An index with arsinh(1/s) beyond it rises between the last node
+            and grazing.
     """
     xp = array_module(excess)
     span = xp.minimum(xp.arcsinh(1.0 / xp.sqrt(excess)), excess.dtype.type(reach))
@@ -106,15 +140,23 @@ def _along_the_rise(excess: Any, nodes: Nodes, reach: float) -> tuple[Any, Any]:
 
 
 def _conserve_at_grazing(cosines: Any, weights: Any, grazing: float) -> Any:
-    """Weights with sum w = 1 and sum w mu = 1/2, what is missing of the first put where light grazes.
+    """Weights with sum w = 1 and sum w mu = 1/2, what is missing of the first put where light
+    grazes.
 
-    A rise that falls between the nodes costs the first sum what it has no business to take from other directions.
+    A rise that falls between the nodes costs the first sum what it has no business to take from
+    other directions.
     ``grazing`` is the cosine about which it is.
     """
     xp = array_module(weights)
     here = weights / (1.0 + (cosines / grazing) ** 2)
-    total, flux = xp.sum(weights, axis=-1, keepdims=True), xp.sum(weights * cosines, axis=-1, keepdims=True)
-    some, little = xp.sum(here, axis=-1, keepdims=True), xp.sum(here * cosines, axis=-1, keepdims=True)
+    total, flux = (
+        xp.sum(weights, axis=-1, keepdims=True),
+        xp.sum(weights * cosines, axis=-1, keepdims=True),
+    )
+    some, little = (
+        xp.sum(here, axis=-1, keepdims=True),
+        xp.sum(here * cosines, axis=-1, keepdims=True),
+    )
     determinant = some * flux - little * total
     added = ((1.0 - total) * flux - (0.5 - flux) * total) / determinant
     scaled = ((0.5 - flux) * some - (1.0 - total) * little) / determinant

@@ -1,17 +1,20 @@
-r"""Directions for a known index: one Gauss rule for all light and for the light that the surface lets out.
+r"""Directions for a known index: one Gauss rule for all light and for the light that the surface
+lets out.
 
-With isotropic scattering directions enter the reflectance only through two sums over them (the kernels of paper A's
-integral equation, the flux on the ground and the flux out are all of these kinds),
+With isotropic scattering directions enter the reflectance only through two sums over them (the
+kernels of paper A's integral equation, the flux on the ground and the flux out are all of these
+kinds),
 
     F_1(t) = sum_i w_i mu_i e^(-t/mu_i),      F_T(t) = sum_i w_i (1 - R_i) mu_i e^(-t/mu_i).
 
-So R_i need not be Fresnel's reflectance at mu_i: it may be whatever makes both sums right. That takes the square-root
-singularity of R at the critical angle, and the split of the directions there, out of the problem. In a variable y
-that crowds towards grazing, mu = (e^(c y) - 1)/(e^c - 1), the terms are smooth and the n nodes are the zeros of the
-polynomial that is orthogonal to `whole` powers of y under dy and to `cone` powers under (1 - R) dy, n = whole + cone:
-the rule is exact in y to the degree n + whole - 1 for the first sum, n + cone - 1 for the second (C. F. Borges,
-Numer. Math. 67 (1994) 271, on simultaneous Gaussian quadrature). Some R_i may lie outside [0, 1] by a little: only the
-sums have a meaning.
+So R_i need not be Fresnel's reflectance at mu_i: it may be whatever makes both sums right. That
+takes the square-root singularity of R at the critical angle, and the split of the directions there,
+out of the problem. In a variable y that crowds towards grazing, mu = (e^(c y) - 1)/(e^c - 1), the
+terms are smooth and the n nodes are the zeros of the polynomial that is orthogonal to `whole`
+powers of y under dy and to `cone` powers under (1 - R) dy, n = whole + cone: the rule is exact in y
+to the degree n + whole - 1 for the first sum, n + cone - 1 for the second (C. F. Borges, Numer.
+Math. 67 (1994) 271, on simultaneous Gaussian quadrature). Some R_i may lie outside [0, 1] by a
+little: only the sums have a meaning.
 """
 
 import numpy as np
@@ -20,21 +23,26 @@ from jaxtyping import Float
 from .fresnel import dielectric_reflectance
 from .quadrature import Directions, gauss
 
-# Points of the fine rule under the inner products, on each side of the critical angle: exact to rounding.
+# Points of the fine rule under the inner products, on each side of the critical angle: exact to
+# rounding.
 _FINE = 100
-# The surface may seem to reflect this much more than all in some direction; the system stays positive definite.
+# The surface may seem to reflect this much more than all in some direction; the system stays
+# positive definite.
 _MOST_REFLECTED = 1.02
 
 Vector = Float[np.ndarray, "n"]
 
 
 def fine_half_range(refractive_index: float, crowding: float) -> Directions:
-    """Rule with far more nodes, split at the critical angle, exact to rounding for smooth functions of y."""
+    """Rule with far more nodes, split at the critical angle, exact to rounding for smooth functions
+    of y.
+    """
     n, c = refractive_index, crowding
     excess = (n - 1.0) * (n + 1.0)
     critical = np.sqrt(excess) / n
     u, weights = (column[::-1] for column in gauss(_FINE))
-    # Below the critical angle Gauss in y; above it in the cosine outside, crowded as R rises steeply for n near one.
+    # Below the critical angle Gauss in y; above it in the cosine outside, crowded as R rises
+    # steeply for n near one.
     edge = np.log1p(critical * np.expm1(c)) / c
     y = edge * u
     below = np.expm1(c * y) / np.expm1(c)
@@ -52,7 +60,9 @@ def fine_half_range(refractive_index: float, crowding: float) -> Directions:
     )
 
 
-def simultaneous_rule(refractive_index: float, whole: int, cone: int, crowding: float) -> Directions | None:
+def simultaneous_rule(
+    refractive_index: float, whole: int, cone: int, crowding: float
+) -> Directions | None:
     """Directions for all light and for what is let out.
 
     Args:
@@ -62,7 +72,8 @@ def simultaneous_rule(refractive_index: float, whole: int, cone: int, crowding: 
         crowding: c > 0.
 
     Returns:
-        `Directions`, or None where there is none with positive weights, cosines in (0, 1) and sound reflectances.
+        `Directions`, or None where there is none with positive weights, cosines in (0, 1) and sound
+        reflectances.
     """
     count, c = whole + cone, crowding
     half = fine_half_range(refractive_index, c)
@@ -96,11 +107,17 @@ def simultaneous_rule(refractive_index: float, whole: int, cone: int, crowding: 
     if np.any(reflectance > _MOST_REFLECTED) or np.any(reflectance < -0.5):
         return None
     scale = np.expm1(c)
-    return Directions(np.expm1(c * nodes) / scale, weights * c * np.exp(c * nodes) / scale, reflectance)
+    return Directions(
+        np.expm1(c * nodes) / scale, weights * c * np.exp(c * nodes) / scale, reflectance
+    )
 
 
-def _orthonormal(y: Vector, measure: Vector, count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Orthonormal polynomials 0 ... count at the fine points, and their recurrence (Stieltjes' procedure)."""
+def _orthonormal(
+    y: Vector, measure: Vector, count: int
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Orthonormal polynomials 0 ... count at the fine points, and their recurrence (Stieltjes'
+    procedure).
+    """
     found = [np.full_like(y, 1.0 / np.sqrt(np.sum(measure)))]
     diagonal, side = np.zeros(count), np.zeros(count)
     for k in range(count):
@@ -119,7 +136,9 @@ def _evaluate(nodes: Vector, constant: float, diagonal: Vector, side: Vector) ->
     values = [np.full_like(nodes, constant)]
     before = np.zeros_like(nodes)
     for k in range(len(nodes) - 1):
-        following = ((nodes - diagonal[k]) * values[-1] - (side[k - 1] * before if k else 0.0)) / side[k]
+        following = (
+            (nodes - diagonal[k]) * values[-1] - (side[k - 1] * before if k else 0.0)
+        ) / side[k]
         before = values[-1]
         values.append(following)
     return np.array(values)

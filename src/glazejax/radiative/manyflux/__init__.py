@@ -1,4 +1,6 @@
-"""Paper C: many fluxes, any phase function; layers of different index, free-standing layers, the light inside."""
+"""Paper C: many fluxes, any phase function; layers of different index, free-standing layers, the
+light inside.
+"""
 
 import lazy_loader
 

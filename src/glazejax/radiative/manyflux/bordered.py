@@ -1,18 +1,20 @@
-"""Matrices over directions, some of which carry no weight: the arithmetic behind exact angles in `manyflux`.
+"""Matrices over directions, some of which carry no weight: the arithmetic behind exact angles in
+`manyflux`.
 
-A field is known at quadrature nodes. Light that falls in from, or is seen in, any other direction is followed too, as a
-node whose weight tends to zero: it takes part in no sum but is driven by all. To first order in the roots of those
-weights an operator is
+A field is known at quadrature nodes. Light that falls in from, or is seen in, any other direction
+is followed too, as a node whose weight tends to zero: it takes part in no sum but is driven by all.
+To first order in the roots of those weights an operator is
 
              | core     columns |      core      nodes to nodes
     body  =  |                  |      columns   each direction of incidence to nodes
              | rows     corner  |      rows      nodes to each direction of viewing
                                        corner    incidence to viewing
 
-and the diagonal numbers with which the added directions pass on their own light. Such matrices form a ring: sums,
-products and inverses stay of this kind, so every formula for layers holds as it stands (it is the same as integrating
-the source function along the direction, exactly), and only matrices over the nodes are ever inverted. Incidence
-and viewing are kept apart, so that a direction may be in both.
+and the diagonal numbers with which the added directions pass on their own light. Such matrices form
+a ring: sums, products and inverses stay of this kind, so every formula for layers holds as it
+stands (it is the same as integrating the source function along the direction, exactly), and only
+matrices over the nodes are ever inverted. Incidence and viewing are kept apart, so that a direction
+may be in both.
 """
 
 from typing import NamedTuple
@@ -25,7 +27,9 @@ from ..common.linalg import inverse, inverse_symmetric, matmul, transposed
 
 
 class Bordered(NamedTuple):
-    """Operator from n nodes and i directions of incidence to n nodes and v directions of viewing."""
+    """Operator from n nodes and i directions of incidence to n nodes and v directions of
+    viewing.
+    """
 
     body: Float[Array, "*batch n+v n+i"]
     viewing: Float[Array, "*batch v"]
@@ -60,11 +64,15 @@ class Bordered(NamedTuple):
 
     def __add__(self, other: "Bordered") -> "Bordered":  # pyright: ignore[reportIncompatibleMethodOverride]
         """Sum."""
-        return Bordered(self.body + other.body, self.viewing + other.viewing, self.incidence + other.incidence)
+        return Bordered(
+            self.body + other.body, self.viewing + other.viewing, self.incidence + other.incidence
+        )
 
     def __sub__(self, other: "Bordered") -> "Bordered":
         """Difference."""
-        return Bordered(self.body - other.body, self.viewing - other.viewing, self.incidence - other.incidence)
+        return Bordered(
+            self.body - other.body, self.viewing - other.viewing, self.incidence - other.incidence
+        )
 
     def __matmul__(self, other: "Bordered") -> "Bordered":
         """Product: through the nodes, or past them on a direction's own diagonal."""
@@ -78,29 +86,39 @@ class Bordered(NamedTuple):
         """Times a number for each operator of the batch."""
         factor = jnp.asarray(factor, self.body.dtype)
         return Bordered(
-            self.body * factor[..., None, None], self.viewing * factor[..., None], self.incidence * factor[..., None]
+            self.body * factor[..., None, None],
+            self.viewing * factor[..., None],
+            self.incidence * factor[..., None],
         )
 
     def plus_identity(self, factor: float | Array = 1.0) -> "Bordered":
         """The operator plus a multiple of the one that changes nothing."""
         rows, columns = self.body.shape[-2:]
-        identity = np.eye(rows, columns, dtype=self.body.dtype) * (np.arange(rows) < self.nodes)[:, None]
-        return Bordered(self.body + factor * identity, self.viewing + factor, self.incidence + factor)
+        identity = (
+            np.eye(rows, columns, dtype=self.body.dtype) * (np.arange(rows) < self.nodes)[:, None]
+        )
+        return Bordered(
+            self.body + factor * identity, self.viewing + factor, self.incidence + factor
+        )
 
     def symmetric(self) -> "Bordered":
         """With the core's two halves averaged: rounding leaves them different."""
         change = 0.5 * (transposed(self.core) - self.core)
-        edges = [(0, 0)] * (change.ndim - 2) + [(0, self.viewing.shape[-1]), (0, self.incidence.shape[-1])]
+        edges = [(0, 0)] * (change.ndim - 2) + [
+            (0, self.viewing.shape[-1]),
+            (0, self.incidence.shape[-1]),
+        ]
         return self._replace(body=self.body + jnp.pad(change, edges))
 
     def inverse(self, *, often: bool = False) -> "Bordered":
         """Inverse operator, without LAPACK and without pivoting.
 
-        None is needed for a core that is symmetric positive definite, nor for 1 - R R' with two reflections: scaled by
-        the flux in each direction, its rows are diagonally dominant.
+        None is needed for a core that is symmetric positive definite, nor for 1 - R R' with two
+        reflections: scaled by the flux in each direction, its rows are diagonally dominant.
 
         Args:
-            often: take the faster form that is slower to compile; the core must be symmetric positive definite.
+            often: take the faster form that is slower to compile; the core must be symmetric
+                positive definite.
         """
         core = inverse_symmetric(self.core) if often else inverse(self.core)
         rows = matmul(self.rows, core)
@@ -108,7 +126,10 @@ class Bordered(NamedTuple):
         corner = matmul(rows, self.columns) - self.corner
         viewing, incidence = 1.0 / self.viewing, 1.0 / self.incidence
         upper = jnp.concatenate([core, -columns * incidence[..., None, :]], axis=-1)
-        lower = jnp.concatenate([-rows, corner * incidence[..., None, :]], axis=-1) * viewing[..., :, None]
+        lower = (
+            jnp.concatenate([-rows, corner * incidence[..., None, :]], axis=-1)
+            * viewing[..., :, None]
+        )
         return Bordered(jnp.concatenate([upper, lower], axis=-2), viewing, incidence)
 
     def multiplied(self, factor: "Diagonal") -> "Bordered":
@@ -124,7 +145,8 @@ class Bordered(NamedTuple):
     def reweighted(self, viewing: Array, incidence: Array) -> "Bordered":
         """With added directions of other weights: their roots' ratios, (..., v) and (..., i)."""
         rows, columns = (
-            jnp.concatenate([jnp.ones((*x.shape[:-1], self.nodes), x.dtype), x], axis=-1) for x in (viewing, incidence)
+            jnp.concatenate([jnp.ones((*x.shape[:-1], self.nodes), x.dtype), x], axis=-1)
+            for x in (viewing, incidence)
         )
         return self._replace(body=self.body * rows[..., :, None] * columns[..., None, :])
 
@@ -138,7 +160,9 @@ def diagonal(entries: "Diagonal") -> Bordered:
 
 
 class Diagonal(NamedTuple):
-    """One number for each node and each added direction, such as the reflectance of a smooth surface."""
+    """One number for each node and each added direction, such as the reflectance of a smooth
+    surface.
+    """
 
     nodes: Float[Array, "*batch n"]
     viewing: Float[Array, "*batch v"]

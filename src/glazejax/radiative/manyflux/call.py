@@ -1,4 +1,6 @@
-"""From the arguments of the many-flux functions to compiled programs: checks, effort, batches in pieces."""
+"""From the arguments of the many-flux functions to compiled programs: checks, effort, batches in
+pieces.
+"""
 
 import functools
 from collections.abc import Callable, Sequence
@@ -36,7 +38,9 @@ Indices: TypeAlias = Numbers
 
 
 class GivenStack(NamedTuple):
-    """Layers, what lies below them, how well and how to solve them; see `manyflux.manyflux_reflectance_factor`."""
+    """Layers, what lies below them, how well and how to solve them; see
+    `manyflux.manyflux_reflectance_factor`.
+    """
 
     albedo: Numbers
     optical_thickness: Numbers
@@ -93,13 +97,19 @@ def prepare(
     dtype = jnp.result_type(float)
     moments = jnp.atleast_2d(jnp.asarray(moments, dtype))
     of_phase = moments.shape[:-2]
-    named = {name: getattr(stack, name) for name in ("albedo", "optical_thickness", "substrate_reflectance")}
+    named = {
+        name: getattr(stack, name)
+        for name in ("albedo", "optical_thickness", "substrate_reflectance")
+    }
     turned = {} if azimuth is None else {"azimuth": jnp.deg2rad(jnp.asarray(azimuth, dtype))}
     shapes = {"phase": of_phase} | {name: array.shape for name, array in turned.items()}
     given = batch_of_stacks(named | cosines, shapes=shapes)
     media = _media(stack, given.layers)
     if moments.shape[-2] not in (1, given.layers):
-        raise ValueError(f"phase has {moments.shape[-2]} layers (last but one axis) but albedo has {given.layers}")
+        raise ValueError(
+            f"phase has {moments.shape[-2]} layers (last but one axis) but albedo has "
+            f"{given.layers}"
+        )
     terms = moments.shape[-1]
     shared = int(np.prod(of_phase)) == 1
     flat = given.flat()
@@ -109,7 +119,9 @@ def prepare(
         flat_batch(moments, (1,) * len(of_phase) if shared else given.batch, given.layers, terms),
         flat["substrate_reflectance"],
     )
-    angles = {name: flat[name] for name in cosines} | {n: flat_batch(a, given.batch) for n, a in turned.items()}
+    angles = {name: flat[name] for name in cosines} | {
+        n: flat_batch(a, given.batch) for n, a in turned.items()
+    }
     effort = choose_effort(
         stack.tolerance if dtype == jnp.float64 else max(stack.tolerance, 1e-5),
         media,
@@ -138,15 +150,19 @@ def _media(stack: GivenStack, count: int) -> float | Media:
     each = tuple(n for n in ([single] * count if single is not None else several) if n is not None)
     if single is None and len(each) < len(several):
         raise ValueError(
-            "refractive_index must be a number here, such as 1.5, or a sequence of one for each layer, "
+            "refractive_index must be a number here, such as 1.5, or a sequence of one for each "
+            "layer, "
             "such as (1.5, 1.4): the same for the whole batch"
         )
     if len(each) != count:
-        raise ValueError(f"refractive_index has {len(each)} values but albedo has {count} layers (last axis)")
+        raise ValueError(
+            f"refractive_index has {len(each)} values but albedo has {count} layers (last axis)"
+        )
     check_values({"refractive_index": np.array(each)})
     if stack.index_below is not None and not 1.0 <= stack.index_below <= min(each):
         raise ValueError(
-            f"index_below is {stack.index_below}; it must be at least 1 and at most that of every layer, {min(each)}"
+            f"index_below is {stack.index_below}; it must be at least 1 and at most that of "
+            f"every layer, {min(each)}"
         )
     if len(set(each)) == 1 and stack.ground is None and stack.index_below is None:
         return each[0]
@@ -154,11 +170,15 @@ def _media(stack: GivenStack, count: int) -> float | Media:
 
 
 @functools.partial(jax.jit, static_argnums=3)
-def factors(layers: Layers, angles: dict[str, Array], table: GroundTable | None, settings: ProgramSettings) -> Array:
+def factors(
+    layers: Layers, angles: dict[str, Array], table: GroundTable | None, settings: ProgramSettings
+) -> Array:
     """Reflectance or transmittance factor of each stack in its own directions, (batch,)."""
 
     def one(layers: Layers, angles: dict[str, Array]) -> Array:
-        seen, lit, turned = (angles[name][None] for name in ("cos_viewing", "cos_incidence", "azimuth"))
+        seen, lit, turned = (
+            angles[name][None] for name in ("cos_viewing", "cos_incidence", "azimuth")
+        )
         return _factor(layers, (seen, lit, turned), table, settings)[0, 0, 0]
 
     return _mapped(one, layers, angles, settings, 1)
@@ -166,7 +186,10 @@ def factors(layers: Layers, angles: dict[str, Array], table: GroundTable | None,
 
 @functools.partial(jax.jit, static_argnums=3)
 def tables(
-    layers: Layers, axes: tuple[Array, Array, Array], table: GroundTable | None, settings: ProgramSettings
+    layers: Layers,
+    axes: tuple[Array, Array, Array],
+    table: GroundTable | None,
+    settings: ProgramSettings,
 ) -> Array:
     """The same for all pairs of directions, (batch, viewing, incidence, azimuths)."""
 
@@ -177,7 +200,9 @@ def tables(
 
 
 @functools.partial(jax.jit, static_argnums=3)
-def fluxes(layers: Layers, angles: dict[str, Array], table: GroundTable | None, settings: ProgramSettings) -> Array:
+def fluxes(
+    layers: Layers, angles: dict[str, Array], table: GroundTable | None, settings: ProgramSettings
+) -> Array:
     """Flux that leaves over flux of a beam, (batch,)."""
     media, effort, downward = settings
 
@@ -185,7 +210,9 @@ def fluxes(layers: Layers, angles: dict[str, Array], table: GroundTable | None, 
         lit = angles["cos_incidence"][None]
         if not isinstance(media, Media):
             return manyflux_solve.hemispherical_reflectance(layers, media, lit, effort)[0]
-        joined = manyflux_joined.joined_stack(layers, media, lit[:0], lit, effort, 1, table=table, downward=downward)
+        joined = manyflux_joined.joined_stack(
+            layers, media, lit[:0], lit, effort, 1, table=table, downward=downward
+        )
         return manyflux_joined.flux_of_beam(joined, downward=downward)[0]
 
     return _mapped(one, layers, angles, settings, 1)
@@ -209,7 +236,10 @@ def diffuse(layers: Layers, table: GroundTable | None, settings: ProgramSettings
 
 
 def _factor(
-    layers: Layers, axes: tuple[Array, Array, Array], table: GroundTable | None, settings: ProgramSettings
+    layers: Layers,
+    axes: tuple[Array, Array, Array],
+    table: GroundTable | None,
+    settings: ProgramSettings,
 ) -> Array:
     seen, lit, turned = axes
     media, effort, downward = settings
@@ -222,7 +252,11 @@ def _factor(
 
 
 def _mapped(
-    function: Callable, layers: Layers, angles: dict[str, Array], settings: ProgramSettings, added: int
+    function: Callable,
+    layers: Layers,
+    angles: dict[str, Array],
+    settings: ProgramSettings,
+    added: int,
 ) -> Array:
     """Apply to every stack, some at a time, so that memory stays bounded whatever the batch."""
     count, effort = layers.albedo.shape[1], settings.effort
@@ -234,6 +268,10 @@ def _mapped(
     def some(batch: tuple[Layers, dict[str, Array]]) -> Array:
         if shared is None:
             return jax.vmap(function)(*batch)
-        return jax.vmap(lambda layers, angles: function(layers._replace(moments=shared), angles))(*batch)
+        return jax.vmap(lambda layers, angles: function(layers._replace(moments=shared), angles))(
+            *batch
+        )
 
-    return in_chunks(some, (layers if shared is None else layers._replace(moments=None), angles), chunk)
+    return in_chunks(
+        some, (layers if shared is None else layers._replace(moments=None), angles), chunk
+    )

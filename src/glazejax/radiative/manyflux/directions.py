@@ -1,8 +1,9 @@
 """Directions for scattering that is not isotropic, and how many of them an accuracy needs.
 
-With any phase function the field in every direction counts, not just two sums over it (`simultaneous`), so that every
-node carries its own Fresnel reflectance. Nodes that crowd towards grazing suit layers of any thickness, nodes that are
-spread suit many Legendre moments. Between the two the best is searched for, once for each case.
+With any phase function the field in every direction counts, not just two sums over it
+(`simultaneous`), so that every node carries its own Fresnel reflectance. Nodes that crowd towards
+grazing suit layers of any thickness, nodes that are spread suit many Legendre moments. Between the
+two the best is searched for, once for each case.
 """
 
 import functools
@@ -20,7 +21,8 @@ _FEWEST, _MOST = 4, 96
 _DEPTHS = np.array([0.0, 0.01, 0.1, 1.0])
 _CROWDING = (0.0, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0)
 _CONE_SHARES = (0.3, 0.35, 0.4, 0.5)
-# Plain Gauss nodes, which keep off grazing directions: with a few more of them layers need far fewer doublings.
+# Plain Gauss nodes, which keep off grazing directions: with a few more of them layers need far
+# fewer doublings.
 _PLAIN = -1.0
 _MORE = 1.25
 # A matrix product of n nodes takes about n to this power.
@@ -28,7 +30,9 @@ _WORK = 2.3
 
 
 class Spread(NamedTuple):
-    """Numbers of nodes that can leave and that are totally reflected, and how these crowd; static."""
+    """Numbers of nodes that can leave and that are totally reflected, and how these
+    crowd; static.
+    """
 
     cone: int
     total: int
@@ -38,7 +42,8 @@ class Spread(NamedTuple):
 
 @functools.lru_cache(maxsize=256)
 def spread_directions(index: float, spread: Spread) -> Directions:
-    """Nodes inside a medium: Gauss nodes in the cosine outside for the cone of refraction, graded ones below.
+    """Nodes inside a medium: Gauss nodes in the cosine outside for the cone of refraction, graded
+    ones below.
 
     Args:
         index: refractive index. At 1 there is one graded rule of cone + total nodes.
@@ -101,7 +106,11 @@ def _best(
 ) -> tuple[float, Spread]:
     moments = np.array(sizes)
     exact = _exact_sums(index, sizes)
-    cones = {count} if index == 1.0 else {min(max(1, round(share * count)), count - 1) for share in _CONE_SHARES}
+    cones = (
+        {count}
+        if index == 1.0
+        else {min(max(1, round(share * count)), count - 1) for share in _CONE_SHARES}
+    )
     tried = []
     for cone in cones:
         for crowding in crowdings:
@@ -113,16 +122,26 @@ def _best(
 
 @functools.lru_cache(maxsize=64)
 def _exact_sums(index: float, sizes: tuple[float, ...]) -> np.ndarray:
-    return scattered_sums(spread_directions(index, Spread(_FINE, _FINE, _CROWDING[-1])), np.array(sizes))
+    return scattered_sums(
+        spread_directions(index, Spread(_FINE, _FINE, _CROWDING[-1])), np.array(sizes)
+    )
 
 
-def scattered_sums(rule: Directions, moments: Float[np.ndarray, "terms"]) -> Float[np.ndarray, "2 depths terms terms"]:
-    """Sums made by light that scatters, travels to a depth t and scatters again: all of it, and that reflected above.
+def scattered_sums(
+    rule: Directions, moments: Float[np.ndarray, "terms"]
+) -> Float[np.ndarray, "2 depths terms terms"]:
+    """Sums made by light that scatters, travels to a depth t and scatters again: all of it, and
+    that reflected above.
 
-    sqrt((2l + 1)(2l' + 1)) chi_l chi_l' int P_l P_l' e^(-t/mu) dmu, and the same with the surface's reflectance.
+    sqrt((2l + 1)(2l' + 1)) chi_l chi_l' int P_l P_l' e^(-t/mu) dmu, and the same with the surface's
+    reflectance.
     """
     mu, weights, reflectance = (np.asarray(a) for a in rule)
     orders = np.arange(moments.size)
-    polynomials = np.polynomial.legendre.legvander(mu, moments.size - 1) * np.sqrt(2 * orders + 1) * moments
+    polynomials = (
+        np.polynomial.legendre.legvander(mu, moments.size - 1) * np.sqrt(2 * orders + 1) * moments
+    )
     fades = np.exp(-_DEPTHS[:, None] / mu) * weights
-    return np.stack([(w[:, None, :] * polynomials.T) @ polynomials for w in (fades, fades * reflectance)])
+    return np.stack(
+        [(w[:, None, :] * polynomials.T) @ polynomials for w in (fades, fades * reflectance)]
+    )

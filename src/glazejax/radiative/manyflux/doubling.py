@@ -1,14 +1,17 @@
-r"""Reflection and transmission operators of one homogeneous layer, by doubling: no eigenvectors, any phase function.
+r"""Reflection and transmission operators of one homogeneous layer, by doubling: no eigenvectors,
+any phase function.
 
-With y = sqrt(mu w) I a layer is u' = -A v, v' = -B u (see `scattering.rates`). It is symmetric about its middle,
-so that at the distance h from there even fields have v = -X u and odd ones u = -Y v,
+With y = sqrt(mu w) I a layer is u' = -A v, v' = -B u (see `scattering.rates`). It is symmetric
+about its middle, so that at the distance h from there even fields have v = -X u and odd ones u = -Y
+v,
 
-    X = B t(A B),  Y = A t(B A),      t(z) = tanh(sqrt(z) h)/sqrt(z) = h (1 - z h^2/3 + 2 z^2 h^4/15 - ...),
+    X = B t(A B),  Y = A t(B A),
+    t(z) = tanh(sqrt(z) h)/sqrt(z) = h (1 - z h^2/3 + 2 z^2 h^4/15 - ...),
     1 - (T + R) = 2 X (1 + X)^-1,     1 - (T - R) = 2 Y (1 + Y)^-1.
 
-A layer so thin that the series converges is doubled until it has its thickness. Next to R the loss U = 1 - T is carried
-instead of T, so that thin layers keep their relative accuracy and an albedo of one loses no light. Everything is
-rational in what is given: gradients have no special cases.
+A layer so thin that the series converges is doubled until it has its thickness. Next to R the loss
+U = 1 - T is carried instead of T, so that thin layers keep their relative accuracy and an albedo of
+one loses no light. Everything is rational in what is given: gradients have no special cases.
 """
 
 import jax

@@ -1,4 +1,6 @@
-"""From the accuracy asked for to directions, Legendre moments, azimuth modes and doublings of the many-flux solver."""
+"""From the accuracy asked for to directions, Legendre moments, azimuth modes and doublings of the
+many-flux solver.
+"""
 
 from typing import Literal, NamedTuple
 
@@ -12,7 +14,8 @@ from .directions import Spread, best_directions, fewest_directions, spread_direc
 from .doubling import doublings
 from .media import Media, SharedSpread, fewest_shared_directions, in_medium, shared_directions
 
-# Moments whose weighed square is below this share of the tolerance change nothing that is scattered twice or more.
+# Moments whose weighed square is below this share of the tolerance change nothing that is scattered
+# twice or more.
 _MOMENT_SHARE = 0.03
 # The same for azimuth modes: a mode that is left out is missed once, a moment in all modes.
 _MODE_SHARE = 0.3
@@ -27,7 +30,9 @@ class Effort(NamedTuple):
     """How finely a stack is solved; static."""
 
     directions: Spread | Resolution | SharedSpread
-    """A `Resolution` where the refractive index is an array, a `SharedSpread` where media of several are joined."""
+    """A `Resolution` where the refractive index is an array, a `SharedSpread` where media of
+    several are joined.
+    """
     kept: int
     """Legendre moments kept; what lies beyond is the forward peak of delta-M."""
     modes: int
@@ -38,7 +43,11 @@ class Effort(NamedTuple):
     @property
     def width(self) -> int:
         """Number of directions in a hemisphere."""
-        return sum(self.directions.counts if isinstance(self.directions, SharedSpread) else self.directions[:2])
+        return sum(
+            self.directions.counts
+            if isinstance(self.directions, SharedSpread)
+            else self.directions[:2]
+        )
 
 
 def choose_effort(
@@ -70,7 +79,9 @@ def choose_effort(
         ValueError: too few streams, no directions good enough, or an unknown solution.
     """
     check_choice("solution", solution, Solution)
-    sizes = np.ones(terms) if moments is None else np.max(np.abs(moments).reshape(-1, terms), axis=0)
+    sizes = (
+        np.ones(terms) if moments is None else np.max(np.abs(moments).reshape(-1, terms), axis=0)
+    )
     # What a moment does to light scattered twice or more.
     twice = (2 * np.arange(terms) + 1) * sizes**2
     kept = int(np.flatnonzero(twice > _MOMENT_SHARE * tolerance).max(initial=0)) + 1
@@ -79,32 +90,53 @@ def choose_effort(
     kept = kept if streams is None else min(kept, 2 * streams)
     directions, least = _directions(media, _rounded(sizes[:kept]), tolerance, streams, least_cosine)
     count = doublings(THICKEST if thickest is None else thickest, least)
-    modes = int(np.flatnonzero(twice[:kept] > _MODE_SHARE * tolerance).max(initial=0)) + 1 if azimuthal else 1
+    modes = (
+        int(np.flatnonzero(twice[:kept] > _MODE_SHARE * tolerance).max(initial=0)) + 1
+        if azimuthal
+        else 1
+    )
     return Effort(directions, kept, modes, count if solution == "doubling" else None)
 
 
 def _directions(
-    media: float | Media, sizes: tuple[float, ...], tolerance: float, streams: int | None, least_cosine: float
+    media: float | Media,
+    sizes: tuple[float, ...],
+    tolerance: float,
+    streams: int | None,
+    least_cosine: float,
 ) -> tuple[Spread | SharedSpread, float]:
     """Directions and the smallest cosine that light has in any layer."""
     if isinstance(media, Media):
         below = 1.0 if media.below is None else media.below
-        pieces = fewest_shared_directions(media.layers, tuple(sorted({1.0, below})), sizes, tolerance, streams)
+        pieces = fewest_shared_directions(
+            media.layers, tuple(sorted({1.0, below})), sizes, tolerance, streams
+        )
         nodes = [in_medium(shared_directions(pieces), index) for index in media.layers]
         least = min(float(mu[exists].min()) for mu, _, exists in nodes)
-        added = [np.sqrt((n - below) * (n + below) + (below * least_cosine) ** 2) / n for n in media.layers]
+        added = [
+            np.sqrt((n - below) * (n + below) + (below * least_cosine) ** 2) / n
+            for n in media.layers
+        ]
         return pieces, float(min(least, *added))
     fewest = streams is None
-    spread = fewest_directions(tolerance, media, sizes) if fewest else best_directions(media, streams, sizes)
+    spread = (
+        fewest_directions(tolerance, media, sizes)
+        if fewest
+        else best_directions(media, streams, sizes)
+    )
     mu = np.asarray(spread_directions(media, spread).cosines)
     return spread, min(float(mu.min()), float(cos_refracted(least_cosine, media)))
 
 
-def effort_for_indices(resolution: Resolution, low: float, high: float, thickest: float, least_cosine: float) -> Effort:
+def effort_for_indices(
+    resolution: Resolution, low: float, high: float, thickest: float, least_cosine: float
+) -> Effort:
     """Effort of isotropic scattering in directions for a range of indices."""
     at = [np.float64(low), np.float64(high)]
     least = min(float(np.min(half_range(index, resolution).cosines)) for index in at)
-    return Effort(resolution, 1, 1, doublings(thickest, min(least, float(cos_refracted(least_cosine, low)))))
+    return Effort(
+        resolution, 1, 1, doublings(thickest, min(least, float(cos_refracted(least_cosine, low))))
+    )
 
 
 def _rounded(sizes: np.ndarray) -> tuple[float, ...]:

@@ -1,18 +1,23 @@
-r"""Reflection and transmission operators of one homogeneous layer from its eigenvectors, in symmetric half-size form.
+r"""Reflection and transmission operators of one homogeneous layer from its eigenvectors, in
+symmetric half-size form.
 
-A layer is u' = -A v, v' = -B u for the sum and difference of down- and upward light (`scattering.rates`), hence
-u'' = A B u. With A = W W^T and W^T B W = diag(kappa^2), both from one symmetric eigenproblem over the directions of a
-hemisphere, every even function of the depth is a function of kappa^2 alone:
+A layer is u' = -A v, v' = -B u for the sum and difference of down- and upward light
+(`scattering.rates`), hence u'' = A B u. With A = W W^T and W^T B W = diag(kappa^2), both from one
+symmetric eigenproblem over the directions of a hemisphere, every even function of the depth is a
+function of kappa^2 alone:
 
     t(A B) = W t(kappa^2) W^-1,      t(z) = tanh(sqrt(z) h)/sqrt(z),
 
-and `doubling` makes R and T of it. For a direction without weight (`bordered`) the same function acts
-through its divided differences: that is the integral of the source function along the direction, without resonances.
+and `doubling` makes R and T of it. For a direction without weight (`bordered`) the same function
+acts through its divided differences: that is the integral of the source function along the
+direction, without resonances.
 
-The eigenproblem is solved by rotations (`jacobi`), so that no LAPACK call is left that could hang in bulk.
-Derivatives are those of the function, finite at an albedo of one. They ask for eigenvalues that differ, as these do.
+The eigenproblem is solved by rotations (`jacobi`), so that no LAPACK call is left that could hang
+in bulk. Derivatives are those of the function, finite at an albedo of one. They ask for eigenvalues
+that differ, as these do.
 
-Source: paper C (Shinya et al.), equations (18)-(20); Stamnes and Swanson, J. Atmos. Sci. 38 (1981) 387, the half size.
+Source: paper C (Shinya et al.), equations (18)-(20); Stamnes and Swanson, J. Atmos. Sci. 38 (1981)
+387, the half size.
 """
 
 from typing import NamedTuple
@@ -29,7 +34,8 @@ from .bordered import Bordered
 from .doubling import reflection_and_loss
 from .jacobi import symmetric_eigen
 
-# Points nearer than this share of the larger are close: a difference of function values would lose digits.
+# Points nearer than this share of the larger are close: a difference of function values would lose
+# digits.
 _CLOSE = 0.1
 
 
@@ -55,7 +61,9 @@ def layer_modes(a: Float[Array, "*batch n n"], b: Float[Array, "*batch n n"]) ->
     return Eigenvectors(squared, shapes, matmul(transposed(shapes), inverse(a)))
 
 
-def layer_by_modes(a: Bordered, b: Bordered, thickness: Float[Array, "*batch"]) -> tuple[Bordered, Bordered]:
+def layer_by_modes(
+    a: Bordered, b: Bordered, thickness: Float[Array, "*batch"]
+) -> tuple[Bordered, Bordered]:
     """Reflection R and loss U = 1 - T of layers; the same as `layer_by_doubling`.
 
     Args:
@@ -70,7 +78,9 @@ def layer_by_modes(a: Bordered, b: Bordered, thickness: Float[Array, "*batch"]) 
     return reflection_and_loss(even.symmetric(), odd.symmetric())
 
 
-def _tangent(product: Bordered, shapes: Array, projection: Array, squared: Array, depth: Array) -> Bordered:
+def _tangent(
+    product: Bordered, shapes: Array, projection: Array, squared: Array, depth: Array
+) -> Bordered:
     """t of a bordered operator whose core is shapes diag(squared) projection; depth is (..., 1)."""
 
     columns, rows = matmul(projection, product.columns), matmul(product.rows, shapes)
@@ -83,11 +93,17 @@ def _tangent(product: Bordered, shapes: Array, projection: Array, squared: Array
     corner = product.corner * straight
     if corner.size:
         by_modes = second_difference(
-            seen[..., :, None, None], squared[..., None, None, :], lit[..., None, :, None], depth[..., None, None]
+            seen[..., :, None, None],
+            squared[..., None, None, :],
+            lit[..., None, :, None],
+            depth[..., None, None],
         )
-        corner += jnp.einsum("...vk,...vik,...ki->...vi", rows, by_modes, columns, precision="highest")
+        corner += jnp.einsum(
+            "...vk,...vik,...ki->...vi", rows, by_modes, columns, precision="highest"
+        )
     upper = jnp.concatenate(
-        [matmul(shapes * own[..., None, :], projection), matmul(shapes, lit_modes * columns)], axis=-1
+        [matmul(shapes * own[..., None, :], projection), matmul(shapes, lit_modes * columns)],
+        axis=-1,
     )
     lower = jnp.concatenate([matmul(seen_modes * rows, projection), corner], axis=-1)
     return Bordered(jnp.concatenate([upper, lower], axis=-2), *passed)
@@ -99,27 +115,46 @@ def first_difference(z: Array, x: Array, depth: Array) -> Array:
     close = jnp.abs(z - x) < _CLOSE * jnp.maximum(z, x)
     apart = jnp.where(close, 0.0, z)
     slope = tanh_sech(apart, depth)[0] - tanh_sech(x, depth)[0]
-    return jnp.where(close, _close_difference(jnp.where(close, z, x), x, depth), slope / jnp.where(close, 1.0, z - x))
+    return jnp.where(
+        close,
+        _close_difference(jnp.where(close, z, x), x, depth),
+        slope / jnp.where(close, 1.0, z - x),
+    )
 
 
 def _close_difference(z: Array, x: Array, depth: Array) -> Array:
     low, high = jnp.sqrt(jnp.minimum(z, x)), jnp.sqrt(jnp.maximum(z, x))
     fades = [jnp.exp(-2.0 * depth * k) for k in (low, high)]
     # tanh(b) - tanh(a) over b - a, without a difference.
-    tangents = 4.0 * depth * fades[0] * phi(2.0 * depth * (high - low)) / ((1.0 + fades[0]) * (1.0 + fades[1]))
+    tangents = (
+        4.0
+        * depth
+        * fades[0]
+        * phi(2.0 * depth * (high - low))
+        / ((1.0 + fades[0]) * (1.0 + fades[1]))
+    )
     return (tangents - jnp.tanh(low * depth) / low) / (high * (high + low))
 
 
 def second_difference(x: Array, z: Array, y: Array, depth: Array) -> Array:
-    """Second divided difference of t at x, z and y, regular where any of them meet; x, y > 0, z >= 0."""
+    """Second divided difference of t at x, z and y, regular where any of them meet; x, y > 0, z >=
+    0.
+    """
     x, z, y, depth = jnp.broadcast_arrays(x, z, y, depth)
     close = jnp.abs(x - y) < _CLOSE * jnp.maximum(x, y)
-    apart = (first_difference(z, x, depth) - first_difference(z, y, depth)) / jnp.where(close, 1.0, x - y)
+    apart = (first_difference(z, x, depth) - first_difference(z, y, depth)) / jnp.where(
+        close, 1.0, x - y
+    )
     # Where x and y are close: the mean slope of the first difference between them.
     points, weights = gauss(5)
     between = jnp.where(close, y, x)[..., None] + jnp.where(close, x - y, 0.0)[..., None] * points
-    at = jnp.broadcast_to(z[..., None], between.shape), jnp.broadcast_to(depth[..., None], between.shape)
-    _, slope = jax.jvp(lambda s: first_difference(at[0], s, at[1]), (between,), (jnp.ones_like(between),))
+    at = (
+        jnp.broadcast_to(z[..., None], between.shape),
+        jnp.broadcast_to(depth[..., None], between.shape),
+    )
+    _, slope = jax.jvp(
+        lambda s: first_difference(at[0], s, at[1]), (between,), (jnp.ones_like(between),)
+    )
     return jnp.where(close, jnp.sum(slope * weights, axis=-1), apart)
 
 
@@ -151,10 +186,11 @@ def _eigen_jvp(primals, tangents):
 
 
 def _cholesky(a: Array) -> Array:
-    """Triangular factor of symmetric positive definite matrices, last row first: steep directions stay apart.
+    """Triangular factor of symmetric positive definite matrices, last row first: steep directions
+    stay apart.
 
-    With the nodes in descending order of cosine, the entries of grazing ones, which are largest, are eliminated first,
-    so that they leave no rounding in the others.
+    With the nodes in descending order of cosine, the entries of grazing ones, which are largest,
+    are eliminated first, so that they leave no rounding in the others.
     """
     n = a.shape[-1]
 

@@ -6,7 +6,8 @@ layers      cut at the depth asked for: a slab above,
 layers      and what reflects below
 ground
 
-Layers of different index have surfaces between them, on either side of the cut (`joined.opened_stack`).
+Layers of different index have surfaces between them, on either side of the cut
+(`joined.opened_stack`).
 """
 
 import functools
@@ -63,10 +64,11 @@ def manyflux_field(
     Args that are not listed are those of `manyflux_reflectance_factor`, for one stack.
 
     Args:
-        depth: optical depths below the surface, (depths,), from 0 to the whole thickness. Where layers have different
-            indices they must be known, and a depth between two layers is in the lower one.
-        cos_direction: cosines in the layer where the light is, (directions,), in (0, 1], for light downwards and
-            upwards alike.
+        depth: optical depths below the surface, (depths,), from 0 to the whole thickness. Where
+            layers have different indices they must be known, and a depth between two layers is in
+            the lower one.
+        cos_direction: cosines in the layer where the light is, (directions,), in (0, 1], for light
+            downwards and upwards alike.
         azimuth: degrees, (azimuths,), 0 on the beam's side.
         cos_incidence: in air, ().
 
@@ -74,12 +76,12 @@ def manyflux_field(
         `Field`.
 
     Raises:
-        ValueError: as there, for a batch of stacks, a depth outside the layers, or, between layers of different
-            index, depths that `jax.jit` traces.
+        ValueError: as there, for a batch of stacks, a depth outside the layers, or, between layers
+            of different index, depths that `jax.jit` traces.
 
     Notes:
-        Where the phase function has more moments than are kept, light scattered by its forward peak counts as not
-        scattered (delta-M); it is in ``beam`` and in the fluxes.
+        Where the phase function has more moments than are kept, light scattered by its forward peak
+        counts as not scattered (delta-M); it is in ``beam`` and in the fluxes.
     """
     directions = np.atleast_1d(np.asarray(cos_direction, float))
     check_values({"cos_viewing": directions})
@@ -93,9 +95,13 @@ def manyflux_field(
         streams=streams,
         solution=solution,
     )
-    call = prepare(given, {"cos_incidence": cos_incidence}, 0.0, least=float(directions.min(initial=1.0)))
+    call = prepare(
+        given, {"cos_incidence": cos_incidence}, 0.0, least=float(directions.min(initial=1.0))
+    )
     if call.batch != ():
-        raise ValueError(f"the field is that of one stack; here are {call.batch} of them: use jax.vmap")
+        raise ValueError(
+            f"the field is that of one stack; here are {call.batch} of them: use jax.vmap"
+        )
     layers = jax.tree.map(lambda leaf: leaf[0], call.layers)
     dtype = layers.albedo.dtype
     depths = jnp.atleast_1d(jnp.asarray(depth, dtype))
@@ -103,13 +109,19 @@ def manyflux_field(
     if known is not None and whole is not None:
         wrong = known[~((known >= 0) & (known <= whole.sum() * (1 + 1e-9)))]
         if wrong.size:
-            raise ValueError(f"depth holds {wrong[0]}; it must be between 0 and the whole thickness {whole.sum():g}")
+            raise ValueError(
+                f"depth holds {wrong[0]}; it must be between 0 and the whole thickness "
+                f"{whole.sum():g}"
+            )
     axes = jnp.asarray(directions, dtype), jnp.deg2rad(jnp.atleast_1d(jnp.asarray(azimuth, dtype)))
     lit, (media, effort, _) = call.angles["cos_incidence"], call.settings
     if not isinstance(media, Media):
         return _field(layers, depths, axes, lit, media, effort)
     if known is None or whole is None:
-        raise ValueError("between layers of different index depth and optical_thickness must be known, not traced")
+        raise ValueError(
+            "between layers of different index depth and optical_thickness must be known, not "
+            "traced"
+        )
     # Where a depth lies decides which surfaces are above it: one program a layer.
     tops = np.concatenate([[0.0], np.cumsum(whole)[:-1]])
     cuts = np.searchsorted(tops, np.minimum(known, whole.sum()), side="right") - 1
@@ -117,14 +129,23 @@ def manyflux_field(
     order, parts = [], []
     for cut in np.unique(cuts).tolist():
         rows = np.flatnonzero(cuts == cut)
-        parts.append(_opened_field(layers, jnp.asarray(shares[rows], dtype), axes, lit, media, effort, cut))
+        parts.append(
+            _opened_field(layers, jnp.asarray(shares[rows], dtype), axes, lit, media, effort, cut)
+        )
         order.append(rows)
     back = np.argsort(np.concatenate(order))
     return jax.tree.map(lambda *leaves: jnp.concatenate(leaves)[back], *parts)
 
 
 @functools.partial(jax.jit, static_argnums=(4, 5))
-def _field(layers: Layers, depths: Array, axes: tuple[Array, Array], lit: Array, index: float, effort: Effort) -> Field:
+def _field(
+    layers: Layers,
+    depths: Array,
+    axes: tuple[Array, Array],
+    lit: Array,
+    index: float,
+    effort: Effort,
+) -> Field:
     seen, azimuth = axes
     modes = effort.modes
     stack = discrete_stack(layers, index, seen, lit, effort, modes, inside=True)
@@ -148,7 +169,9 @@ def _field(layers: Layers, depths: Array, axes: tuple[Array, Array], lit: Array,
         up = below @ down
 
         def radiance(operator) -> Array:
-            return jnp.einsum("mvi,mk->vik", operator.corner / unit, waves, precision="highest")[:, 0]
+            return jnp.einsum("mvi,mk->vik", operator.corner / unit, waves, precision="highest")[
+                :, 0
+            ]
 
         def flux(operator) -> Array:
             return stack.roots.nodes @ operator.columns[0, :, 0] / stack.roots.incidence[0]
@@ -167,7 +190,13 @@ def _field(layers: Layers, depths: Array, axes: tuple[Array, Array], lit: Array,
 
 @functools.partial(jax.jit, static_argnums=(4, 5, 6))
 def _opened_field(
-    layers: Layers, shares: Array, axes: tuple[Array, Array], lit: Array, media: Media, effort: Effort, cut: int
+    layers: Layers,
+    shares: Array,
+    axes: tuple[Array, Array],
+    lit: Array,
+    media: Media,
+    effort: Effort,
+    cut: int,
 ) -> Field:
     """Field below shares of one layer of a stack of several indices."""
     seen, azimuth = axes
@@ -176,11 +205,17 @@ def _opened_field(
 
     def at(share: Array) -> Field:
         stack = opened_stack(layers, media, seen, lit, effort, effort.modes, cut, share)
-        down = (stack.above.below @ stack.below).scaled(-1.0).plus_identity().inverse() @ stack.above.down
+        down = (stack.above.below @ stack.below).scaled(
+            -1.0
+        ).plus_identity().inverse() @ stack.above.down
         up = stack.below @ down
 
         def radiance(operator) -> Array:
-            return 0.5 * index**2 * jnp.einsum("mvi,mk->vik", operator.corner, waves, precision="highest")[:, 0]
+            return (
+                0.5
+                * index**2
+                * jnp.einsum("mvi,mk->vik", operator.corner, waves, precision="highest")[:, 0]
+            )
 
         def flux(operator) -> Array:
             return jnp.sqrt(stack.flux) @ operator.columns[0, :, 0]

@@ -4,7 +4,8 @@
     layers, any indices and phase functions
     what lies below, index_below (air by default)
 
-Light comes from above. With ``transmitted`` the result is what leaves below, else what comes back to the air.
+Light comes from above. With ``transmitted`` the result is what leaves below, else what comes back
+to the air.
 """
 
 import jax.numpy as jnp
@@ -36,13 +37,13 @@ def free_factor(
 
     Args:
         transmitted: whether the light is seen from below, else from above.
-        index_below: refractive index of what lies below, at least 1 and at most that of every layer.
-        cos_viewing: in the medium of the eye: in air, or below where ``transmitted``.
+        index_below: refractive index of what lies below, at least 1 and at most that of every
+        layer. cos_viewing: in the medium of the eye: in air, or below where ``transmitted``.
         azimuth: degrees between the horizontal directions of travel; 0 is straight on.
 
     Returns:
-        Factor, shape of the broadcast batch. Light that goes straight through or is mirrored by a surface goes in one
-        direction only and is not in it.
+        Factor, shape of the broadcast batch. Light that goes straight through or is mirrored by a
+        surface goes in one direction only and is not in it.
 
     Raises:
         ValueError: as there, or an ``index_below`` out of range.
@@ -58,7 +59,12 @@ def free_factor(
         solution=solution,
         index_below=index_below,
     )
-    call = prepare(given, {"cos_incidence": cos_incidence, "cos_viewing": cos_viewing}, azimuth, downward=transmitted)
+    call = prepare(
+        given,
+        {"cos_incidence": cos_incidence, "cos_viewing": cos_viewing},
+        azimuth,
+        downward=transmitted,
+    )
     return factors(*call[:4]).reshape(call.batch)
 
 
@@ -77,8 +83,8 @@ def free_hemispherical(
 ) -> Float[Array, "*batch"]:
     """Flux that leaves above or below over flux of a collimated beam.
 
-    All light is in it, straight and mirrored too, but not what the outer surface reflects at once. Arguments, result
-    and errors as for `free_factor`.
+    All light is in it, straight and mirrored too, but not what the outer surface reflects at once.
+    Arguments, result and errors as for `free_factor`.
     """
     given = GivenStack(
         albedo=albedo,
@@ -107,7 +113,8 @@ def free_diffuse(
     streams: int | None = None,
     solution: Solution = "doubling",
 ) -> Float[Array, "*batch"]:
-    """Flux that leaves above or below over flux of light that falls in evenly from all sides (equal radiance).
+    """Flux that leaves above or below over flux of light that falls in evenly from all sides (equal
+    radiance).
 
     As `free_hemispherical` otherwise.
     """

@@ -14,7 +14,9 @@ _RECIPROCAL = 1e-3
 
 
 class GroundTable(NamedTuple):
-    """Reflectance factor pi L_out/E_in of a ground, as seen inside the paint; make it with `ground_table`."""
+    """Reflectance factor pi L_out/E_in of a ground, as seen inside the paint; make it with
+    `ground_table`.
+    """
 
     cosines: Float[Array, "t"]
     """Descending from 1, for viewing and incidence alike."""
@@ -26,14 +28,15 @@ def ground_table(cosines: Numbers, factor: Numbers) -> GroundTable:
     """A ground by its reflectance factor over angles, linear in the cosines between them.
 
     Args:
-        cosines: of the angles inside the paint, for viewing and incidence alike, (t,), in [0, 1], descending. Below the
-            last the table goes on as it ends.
-        factor: pi L_out/E_in, (viewing, incidence) or (viewing, incidence, azimuths) at equal steps of the relative
-            azimuth from 0 (the side of the mirror) to 180 degrees, both included. Everywhere 1 is a perfect white.
+        cosines: of the angles inside the paint, for viewing and incidence alike, (t,), in [0, 1],
+            descending. Below the last the table goes on as it ends.
+        factor: pi L_out/E_in, (viewing, incidence) or (viewing, incidence, azimuths) at equal steps
+            of the relative azimuth from 0 (the side of the mirror) to 180 degrees, both included.
+            Everywhere 1 is a perfect white.
 
     Raises:
-        ValueError: shapes that do not fit, negative values, a table that is not reciprocal, or that reflects more light
-            than falls in.
+        ValueError: shapes that do not fit, negative values, a table that is not reciprocal, or that
+            reflects more light than falls in.
     """
     x = np.asarray(cosines, float)
     values = np.asarray(factor, float)
@@ -41,16 +44,20 @@ def ground_table(cosines: Numbers, factor: Numbers) -> GroundTable:
         values = values[..., None]
     if x.ndim != 1 or values.shape[:-1] != (x.size, x.size) or values.shape[-1] < 1:
         raise ValueError(
-            f"factor has shape {values.shape}; for {x.size} cosines it must begin with ({x.size}, {x.size})"
+            f"factor has shape {values.shape}; for {x.size} cosines it must begin with "
+            f"({x.size}, {x.size})"
         )
     if not (x.size and np.all(np.diff(x) < 0) and x[0] <= 1 and x[-1] >= 0):
         raise ValueError(f"cosines must descend within 1 to 0; they are {x}")
     if not np.all(values >= 0):
-        raise ValueError(f"factor holds {values[~(values >= 0)].flat[0]}; a reflectance factor is >= 0")
+        raise ValueError(
+            f"factor holds {values[~(values >= 0)].flat[0]}; a reflectance factor is >= 0"
+        )
     change = np.max(np.abs(values - np.swapaxes(values, 0, 1)))
     if change > _RECIPROCAL * np.max(values):
         raise ValueError(
-            f"factor is not reciprocal: light and eye exchanged change it by up to {change:.3g}; average the table "
+            f"factor is not reciprocal: light and eye exchanged change it by up to {change:.3g}; "
+            "average the table "
             "with its transpose"
         )
     azimuths = values.shape[-1]
@@ -66,13 +73,18 @@ def ground_table(cosines: Numbers, factor: Numbers) -> GroundTable:
     reflected = _between(x, mu) @ modes[0] @ (_between(x, mu).T @ (mu * share))
     if np.max(reflected) > 1 + 1e-6:
         raise ValueError(
-            f"the ground reflects {np.max(reflected):.4g} of the light in some direction; at most 1 can come"
+            f"the ground reflects {np.max(reflected):.4g} of the light in some direction; at "
+            "most 1 can come"
         )
     return GroundTable(jnp.asarray(x), jnp.asarray(modes))
 
 
 def ground_operator(
-    reflectance: Float[Array, ""], table: GroundTable | None, cosines: Diagonal, roots: Diagonal, modes: int
+    reflectance: Float[Array, ""],
+    table: GroundTable | None,
+    cosines: Diagonal,
+    roots: Diagonal,
+    modes: int,
 ) -> Bordered:
     """A ground as an operator: reflectance times the table, Lambertian without one.
 
@@ -89,7 +101,9 @@ def ground_operator(
     rows = jnp.concatenate([roots.nodes, roots.viewing])
     columns = jnp.concatenate([roots.nodes, roots.incidence])
     ways = [_between(table.cosines, jnp.concatenate([cosines.nodes, c])) for c in cosines[1:]]
-    means = jnp.einsum("vs,mst,it->mvi", ways[0], table.modes.astype(dtype), ways[1], precision="highest")[:modes]
+    means = jnp.einsum(
+        "vs,mst,it->mvi", ways[0], table.modes.astype(dtype), ways[1], precision="highest"
+    )[:modes]
     body = 2.0 * reflectance * rows[:, None] * columns * means
     spare = modes - body.shape[0]
     return Bordered(

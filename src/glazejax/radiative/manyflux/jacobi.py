@@ -1,7 +1,9 @@
-"""Eigenvalues of small symmetric matrices by Jacobi's rotations: no LAPACK, small eigenvalues as exact as large ones.
+"""Eigenvalues of small symmetric matrices by Jacobi's rotations: no LAPACK, small eigenvalues as
+exact as large ones.
 
-Batched LAPACK calls can hang in compiled programs (`linalg`). Rotations in pairs are plain arithmetic: n/2 of them at
-once, n - 1 rounds bring every pair of rows together, and some eight such sweeps are enough.
+Batched LAPACK calls can hang in compiled programs (`linalg`). Rotations in pairs are plain
+arithmetic: n/2 of them at once, n - 1 rounds bring every pair of rows together, and some eight such
+sweeps are enough.
 """
 
 import jax
@@ -12,13 +14,17 @@ from jaxtyping import Array, Float
 _MOST_SWEEPS = 40
 
 
-def symmetric_eigen(a: Float[Array, "*batch n n"]) -> tuple[Float[Array, "*batch n"], Float[Array, "*batch n n"]]:
-    """Eigenvalues in ascending order and eigenvectors (columns) of symmetric matrices; without derivatives.
+def symmetric_eigen(
+    a: Float[Array, "*batch n n"],
+) -> tuple[Float[Array, "*batch n"], Float[Array, "*batch n n"]]:
+    """Eigenvalues in ascending order and eigenvectors (columns) of symmetric matrices; without
+    derivatives.
 
     Args:
         a: (..., n, n), symmetric; better scaled than positive definite is not needed.
 
-    Source: Golub and Van Loan, Matrix Computations, 8.5; rounds as in a tournament (Brent and Luk 1985).
+    Source: Golub and Van Loan, Matrix Computations, 8.5; rounds as in a tournament (Brent and Luk
+    1985).
     """
     n = a.shape[-1]
     if n == 1:
@@ -76,11 +82,15 @@ def symmetric_eigen(a: Float[Array, "*batch n n"]) -> tuple[Float[Array, "*batch
 def _turned(matrix: Array, cosine: Array, sine: Array, half: int, axis: int) -> Array:
     """Rows (or columns) i and i + half turned into each other."""
     first, second = jnp.split(matrix, 2, axis=axis)
-    return jnp.concatenate([cosine * first - sine * second, sine * first + cosine * second], axis=axis)
+    return jnp.concatenate(
+        [cosine * first - sine * second, sine * first + cosine * second], axis=axis
+    )
 
 
 def _next_round(half: int) -> np.ndarray:
-    """Where each place takes its row from, so that all pairs meet: the first stays, the others go round."""
+    """Where each place takes its row from, so that all pairs meet: the first stays, the others go
+    round.
+    """
     top, bottom = np.arange(half), np.arange(half, 2 * half)
     if half == 1:
         return np.arange(2)

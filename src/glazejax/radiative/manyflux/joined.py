@@ -1,4 +1,5 @@
-"""Layers of any refractive indices joined with the smooth surfaces between them, as one slab or on a ground.
+"""Layers of any refractive indices joined with the smooth surfaces between them, as one slab or on
+a ground.
 
     air              surface, Fresnel's reflectance and refraction
     layer 1, n_1     R, T
@@ -7,8 +8,9 @@
                      ground, or the surface to what lies below
 
 All operators act on sqrt(mu w) I/n, in directions that all media share (`media`): then a surface is
-diagonal, the n^2 by which radiance changes is in the weights, and everything is joined by the star product. Added
-directions count as of flux n^2 mu w = 1. The outer surface's own reflection is left out.
+diagonal, the n^2 by which radiance changes is in the weights, and everything is joined by the star
+product. Added directions count as of flux n^2 mu w = 1. The outer surface's own reflection is left
+out.
 """
 
 from typing import NamedTuple
@@ -22,7 +24,14 @@ from ..common.phase import delta_m
 from .bordered import Bordered, Diagonal, diagonal
 from .effort import Effort
 from .ground import GroundTable, ground_operator
-from .media import Media, SharedDirections, SharedSpread, in_medium, interface_reflectance, shared_directions
+from .media import (
+    Media,
+    SharedDirections,
+    SharedSpread,
+    in_medium,
+    interface_reflectance,
+    shared_directions,
+)
 from .scattering import associated_legendre, azimuth_waves, rates, scattering
 from .single import ScatteredOnce, missing_once
 from .solve import Layers, layer_operators
@@ -110,18 +119,24 @@ def _discrete(
     effort: Effort,
     modes: int,
 ) -> _Discrete:
-    """Directions and scattering; indices from the air down, viewing as cosines and the index they are known in."""
+    """Directions and scattering; indices from the air down, viewing as cosines and the index they
+    are known in.
+    """
     assert isinstance(effort.directions, SharedSpread)
     common = shared_directions(effort.directions)
     dtype = layers.albedo.dtype
-    mu, weights, exists = (np.stack(x) for x in zip(*(in_medium(common, n) for n in indices), strict=True))
+    mu, weights, exists = (
+        np.stack(x) for x in zip(*(in_medium(common, n) for n in indices), strict=True)
+    )
     seen = _ways(seen_in[0], indices, seen_in[1])
     lit = _ways(cos_incidence, indices, 1.0)
     nodes = FollowedDirections(jnp.asarray(mu, dtype), exists)
     inner = slice(1, 1 + layers.albedo.size)
     in_layers = Diagonal(*(way.cosines[inner] for way in (nodes, seen, lit)))
 
-    albedo, thickness, moments = delta_m(layers.albedo, layers.optical_thickness, layers.moments, effort.kept)
+    albedo, thickness, moments = delta_m(
+        layers.albedo, layers.optical_thickness, layers.moments, effort.kept
+    )
     thickness = thickness + _THINNEST
     tables = [associated_legendre(c, modes, moments.shape[-1]) for c in in_layers]
     roots = jnp.sqrt(jnp.asarray(weights[inner], dtype))
@@ -147,12 +162,18 @@ def _discrete(
 
 
 def _ground(
-    found: _Discrete, layers: Layers, indices: Float[np.ndarray, "media"], table: GroundTable | None, modes: int
+    found: _Discrete,
+    layers: Layers,
+    indices: Float[np.ndarray, "media"],
+    table: GroundTable | None,
+    modes: int,
 ) -> Bordered:
     """What the ground sends back into the last medium."""
     dtype, last = layers.albedo.dtype, indices[-1]
     weights = [jnp.sqrt(jnp.asarray(found.common.flux * found.nodes.exists[-1], dtype)) / last]
-    weights += [jnp.full(way.cosines.shape[1], 1.0 / last, dtype) for way in (found.seen, found.lit)]
+    weights += [
+        jnp.full(way.cosines.shape[1], 1.0 / last, dtype) for way in (found.seen, found.lit)
+    ]
     cosines = Diagonal(*(way.cosines[-1] for way in (found.nodes, found.seen, found.lit)))
     return ground_operator(layers.ground, table, cosines, Diagonal(*weights), modes)
 
@@ -178,7 +199,9 @@ def opened_stack(
     number = np.arange(len(media.layers))
     part = jnp.where(number < cut, 1.0, jnp.where(number > cut, 0.0, share))
     surfaces, _ = _surfaces(indices, found.nodes, found.seen, found.lit, modes)
-    upper, lower = (slab_of_layer(*found.operators(p * found.thickness, effort)) for p in (part, 1.0 - part))
+    upper, lower = (
+        slab_of_layer(*found.operators(p * found.thickness, effort)) for p in (part, 1.0 - part)
+    )
 
     def pick(slabs: Slab, k: int) -> Slab:
         return jax.tree.map(lambda leaf: leaf[k], slabs)
@@ -215,14 +238,25 @@ def joined_stack(
         cos_incidence: in air.
         effort: its directions are `SharedSpread`.
         modes: number of azimuth modes.
-        table: what the ground reflects in which direction; times the ground's reflectance. Lambertian without.
-        downward: whether light is seen from below.
+        table: what the ground reflects in which direction; times the ground's reflectance.
+        Lambertian without. downward: whether light is seen from below.
     """
     below = () if media.below is None else (media.below,)
     indices = np.array((1.0, *media.layers, *below))
-    found = _discrete(layers, indices, (cos_viewing, indices[-1] if downward else 1.0), cos_incidence, effort, modes)
+    found = _discrete(
+        layers,
+        indices,
+        (cos_viewing, indices[-1] if downward else 1.0),
+        cos_incidence,
+        effort,
+        modes,
+    )
     common, nodes, seen, lit = found.common, found.nodes, found.seen, found.lit
-    dtype, exists, inner = layers.albedo.dtype, np.asarray(nodes.exists), slice(1, 1 + len(media.layers))
+    dtype, exists, inner = (
+        layers.albedo.dtype,
+        np.asarray(nodes.exists),
+        slice(1, 1 + len(media.layers)),
+    )
     in_layers = Diagonal(*(way.cosines[inner] for way in (nodes, seen, lit)))
     reflection, loss = found.operators(found.thickness, effort)
 
@@ -262,15 +296,20 @@ def joined_stack(
     )
 
 
-def factor(joined: JoinedStack, azimuth: Array, modes: int, *, downward: bool = False) -> Float[Array, "v i k"]:
-    """pi L_out/E_in for all pairs of directions and relative azimuths (radians), radiance in the medium of the eye.
+def factor(
+    joined: JoinedStack, azimuth: Array, modes: int, *, downward: bool = False
+) -> Float[Array, "v i k"]:
+    """pi L_out/E_in for all pairs of directions and relative azimuths (radians), radiance in the
+    medium of the eye.
 
     What goes straight through, or is mirrored by a surface inside, is not in it.
     """
     operator = joined.slab.down if downward else joined.reflection
     waves = azimuth_waves(azimuth, modes)
     all_light = 0.5 * jnp.einsum("mvi,mk->vik", operator.corner, waves, precision="highest")
-    return all_light + missing_once(joined.once, joined.even, joined.odd, azimuth, waves, downward=downward)
+    return all_light + missing_once(
+        joined.once, joined.even, joined.odd, azimuth, waves, downward=downward
+    )
 
 
 def flux_of_beam(joined: JoinedStack, *, downward: bool = False) -> Float[Array, "i"]:
@@ -283,7 +322,9 @@ def flux_of_even_light(joined: JoinedStack, *, downward: bool = False) -> Float[
     """Flux that leaves over flux of equal radiance from all directions of the air."""
     operator, leaving = _side(joined, downward)
     entering = jnp.sqrt(jnp.where(joined.outside, joined.flux, 0.0))
-    return 2.0 * jnp.einsum("i,ij,j->", jnp.sqrt(leaving), operator.core[0], entering, precision="highest")
+    return 2.0 * jnp.einsum(
+        "i,ij,j->", jnp.sqrt(leaving), operator.core[0], entering, precision="highest"
+    )
 
 
 def _side(joined: JoinedStack, downward: bool) -> tuple[Bordered, Array]:
@@ -301,14 +342,22 @@ def _ways(cosines: Array, indices: np.ndarray, known_in: float) -> FollowedDirec
 
 
 def _surfaces(
-    indices: np.ndarray, nodes: FollowedDirections, seen: FollowedDirections, lit: FollowedDirections, modes: int
+    indices: np.ndarray,
+    nodes: FollowedDirections,
+    seen: FollowedDirections,
+    lit: FollowedDirections,
+    modes: int,
 ) -> tuple[Slab, list[Array]]:
-    """Surfaces between neighbouring media, (surfaces, modes, ...), and what they let through of seen and lit light."""
+    """Surfaces between neighbouring media, (surfaces, modes, ...), and what they let through of
+    seen and lit light.
+    """
     above, below, through = [], [], []
     upper, lower = indices[:-1, None], indices[1:, None]
     for way in (nodes, seen, lit):
         both = way.exists[:-1] & way.exists[1:]
-        r = jnp.where(both, interface_reflectance(upper, lower, way.cosines[:-1], way.cosines[1:]), 1.0)
+        r = jnp.where(
+            both, interface_reflectance(upper, lower, way.cosines[:-1], way.cosines[1:]), 1.0
+        )
         outer = np.arange(len(upper))[:, None] == 0
         # From the side on which a direction does not exist no light comes.
         above.append(jnp.where(outer | ~way.exists[:-1], 0.0, r))
@@ -317,15 +366,21 @@ def _surfaces(
 
     def operator(entries: list[Array]) -> Bordered:
         made = diagonal(Diagonal(*entries))
-        return jax.tree.map(lambda x: jnp.broadcast_to(x[:, None], (x.shape[0], modes, *x.shape[1:])), made)
+        return jax.tree.map(
+            lambda x: jnp.broadcast_to(x[:, None], (x.shape[0], modes, *x.shape[1:])), made
+        )
 
     passing = operator(through)
     return Slab(operator(above), operator(below), passing, passing), through[1:]
 
 
-def _passing(through: list[Array], indices: np.ndarray, count: int, downward: bool) -> Float[Array, "layers v i"]:
+def _passing(
+    through: list[Array], indices: np.ndarray, count: int, downward: bool
+) -> Float[Array, "layers v i"]:
     """What the surfaces let through to each layer and out again, over n^2."""
     seen, lit = through
     into = jnp.cumprod(lit, axis=0)[:count]
-    out = jnp.cumprod(seen[::-1], axis=0)[::-1][1:] if downward else jnp.cumprod(seen, axis=0)[:count]
+    out = (
+        jnp.cumprod(seen[::-1], axis=0)[::-1][1:] if downward else jnp.cumprod(seen, axis=0)[:count]
+    )
     return out[:, :, None] * into[:, None, :] / indices[:, None, None] ** 2

@@ -1,8 +1,10 @@
-"""Directions shared by media of different refractive index, so that smooth interfaces only pair them up.
+"""Directions shared by media of different refractive index, so that smooth interfaces only pair
+them up.
 
-A direction keeps n sin(theta) through all smooth interfaces, and n^2 mu w, its share of the flux, with it. The range
-of n sin(theta) is cut at every index: a direction beyond a medium's index does not exist there and is totally reflected
-by its faces. In each piece the nodes are those of the medium in which its upper end grazes.
+A direction keeps n sin(theta) through all smooth interfaces, and n^2 mu w, its share of the flux,
+with it. The range of n sin(theta) is cut at every index: a direction beyond a medium's index does
+not exist there and is totally reflected by its faces. In each piece the nodes are those of the
+medium in which its upper end grazes.
 """
 
 import functools
@@ -32,7 +34,9 @@ class Media(NamedTuple):
 
 
 class SharedSpread(NamedTuple):
-    """How many nodes lie between one index and the next, from zero up, and how they crowd at its end; static."""
+    """How many nodes lie between one index and the next, from zero up, and how they crowd at its
+    end; static.
+    """
 
     ends: tuple[float, ...]
     """Indices, ascending."""
@@ -77,15 +81,20 @@ def shared_directions(pieces: SharedSpread) -> SharedDirections:
 def in_medium(
     common: SharedDirections, index: float
 ) -> tuple[Float[np.ndarray, "n"], Float[np.ndarray, "n"], Bool[np.ndarray, "n"]]:
-    """Cosines, weights and whether each direction exists in a medium; where not, the cosine is one, the weight zero."""
+    """Cosines, weights and whether each direction exists in a medium; where not, the cosine is one,
+    the weight zero.
+    """
     exists = common.end <= index
     squared = np.where(exists, index**2 - common.end**2 + common.beyond, index**2)
     mu = np.sqrt(squared) / index
     return mu, np.where(exists, common.flux / (index**2 * mu), 0.0), exists
 
 
-def interface_reflectance(upper: Any, lower: Any, cos_upper: Any, cos_lower: Any) -> Array | np.ndarray:
-    """Fresnel's reflectance for unpolarised light between two media, zero where their indices are equal.
+def interface_reflectance(
+    upper: Any, lower: Any, cos_upper: Any, cos_lower: Any
+) -> Array | np.ndarray:
+    """Fresnel's reflectance for unpolarised light between two media, zero where their indices are
+    equal.
 
     Args:
         upper, lower: refractive indices, (...).
@@ -122,25 +131,44 @@ def fewest_shared_directions(
     fine = SharedSpread(ends, (_FINE,) * len(ends), _FINE_CROWDING, media)
     exact = [scattered_sums(_as_directions(fine, index), moments) for index in sorted(set(media))]
     if streams is not None and streams < 2 * len(ends):
-        raise ValueError(f"streams is {streams}; media of {len(ends)} indices need at least {2 * len(ends)}")
-    for count in (streams,) if streams is not None else range(max(_FEWEST, 3 * len(ends)), _MOST + 1, 4):
+        raise ValueError(
+            f"streams is {streams}; media of {len(ends)} indices need at least {2 * len(ends)}"
+        )
+    for count in (
+        (streams,) if streams is not None else range(max(_FEWEST, 3 * len(ends)), _MOST + 1, 4)
+    ):
         tried = []
         for counts in {_shared_out(ends, media, count, share) for share in _AIR_SHARES}:
             for crowding in _CROWDING:
                 pieces = SharedSpread(ends, counts, crowding, media)
-                found = [scattered_sums(_as_directions(pieces, index), moments) for index in sorted(set(media))]
-                tried.append((max(float(np.max(np.abs(a - b))) for a, b in zip(found, exact, strict=True)), pieces))
+                found = [
+                    scattered_sums(_as_directions(pieces, index), moments)
+                    for index in sorted(set(media))
+                ]
+                tried.append(
+                    (
+                        max(
+                            float(np.max(np.abs(a - b))) for a, b in zip(found, exact, strict=True)
+                        ),
+                        pieces,
+                    )
+                )
         error, pieces = min(tried)
         if streams is not None or error <= _SHARE * tolerance:
             return pieces
     raise ValueError(
-        f"no directions found for a tolerance of {tolerance:g} with {len(sizes)} Legendre moments in media of indices "
+        f"no directions found for a tolerance of {tolerance:g} with {len(sizes)} Legendre "
+        "moments in media of indices "
         f"{sorted(set(media))}; ask for a coarser one or give streams, such as streams=64"
     )
 
 
-def _shared_out(ends: tuple[float, ...], media: tuple[float, ...], count: int, share: float) -> tuple[int, ...]:
-    """Nodes of each piece: a share for the first, the others by the steepest cosine at their ends."""
+def _shared_out(
+    ends: tuple[float, ...], media: tuple[float, ...], count: int, share: float
+) -> tuple[int, ...]:
+    """Nodes of each piece: a share for the first, the others by the steepest cosine at
+    their ends.
+    """
     if len(ends) == 1:
         return (count,)
     first = min(max(2, round(share * count)), count - 2 * (len(ends) - 1))

@@ -1,7 +1,8 @@
-"""The many-flux solver as one of the methods of the two reflectances of a stack, for isotropic scattering.
+"""The many-flux solver as one of the methods of the two reflectances of a stack, for isotropic
+scattering.
 
-It shares the choice of interface and ground with the default solver, but neither the modes nor the elimination, so
-that each checks the other.
+It shares the choice of interface and ground with the default solver, but neither the modes nor the
+elimination, so that each checks the other.
 """
 
 from typing import Any
@@ -53,15 +54,21 @@ def reflectance(stack: Stack, effort: Effort) -> Array:
         layers = Layers(q, d, jnp.ones((q.size, 1), q.dtype), ground)
         if seen is None:
             return hemispherical_reflectance(layers, index, lit[None], effort)[0]
-        return reflectance_factor(layers, index, seen[None], lit[None], jnp.zeros(1, q.dtype), effort)[0, 0, 0]
+        return reflectance_factor(
+            layers, index, seen[None], lit[None], jnp.zeros(1, q.dtype), effort
+        )[0, 0, 0]
 
     axes = (0, 0, 0, 0 if isinstance(stack.refractive_index, jax.Array) else None, 0)
     seen = None if stack.cos_viewing is None else 0
     return jax.vmap(one, in_axes=(*axes, seen))(*stack)
 
 
-def reflectance_and_gradient(stack: Stack, effort: Effort, wanted: tuple[str, ...]) -> tuple[Array, dict[str, Array]]:
-    """Reflectance, (batch,), and its derivative by the wanted leaves, each in the shape of the leaf."""
+def reflectance_and_gradient(
+    stack: Stack, effort: Effort, wanted: tuple[str, ...]
+) -> tuple[Array, dict[str, Array]]:
+    """Reflectance, (batch,), and its derivative by the wanted leaves, each in the shape of the
+    leaf.
+    """
 
     def value(leaves: dict[str, Array]) -> Array:
         return reflectance(stack._replace(**leaves), effort)

@@ -1,14 +1,16 @@
-"""Many-flux Kubelka-Munk: layers with any phase function, all angles and azimuths, under a refracting surface.
+"""Many-flux Kubelka-Munk: layers with any phase function, all angles and azimuths, under a
+refracting surface.
 
-The light is followed in discrete directions inside the medium, one set for each Fourier mode of the azimuth. Layers
-are operators made by doubling (`doubling`) or from eigenvectors (`eigenmodes`), joined on a ground and under
-a surface (`star_product`), or with surfaces between layers of different index too (`joined`); the directions
-of incidence and viewing are exact, not interpolated (`bordered`). What the kept Legendre moments cannot follow
-is treated by delta-M, and light scattered once by the whole phase function (`single`). Free-standing layers
-are in `free`, the light inside in `manyflux_field`.
+The light is followed in discrete directions inside the medium, one set for each Fourier mode of the
+azimuth. Layers are operators made by doubling (`doubling`) or from eigenvectors (`eigenmodes`),
+joined on a ground and under a surface (`star_product`), or with surfaces between layers of
+different index too (`joined`); the directions of incidence and viewing are exact, not interpolated
+(`bordered`). What the kept Legendre moments cannot follow is treated by delta-M, and light
+scattered once by the whole phase function (`single`). Free-standing layers are in `free`, the light
+inside in `manyflux_field`.
 
-This is paper C (Shinya et al.) with its directions chosen for the surface. For isotropic scattering it is the
-same quantity as `glazejax.stack_reflectance_factor`, found another way.
+This is paper C (Shinya et al.) with its directions chosen for the surface. For isotropic scattering
+it is the same quantity as `glazejax.stack_reflectance_factor`, found another way.
 """
 
 import jax.numpy as jnp
@@ -41,28 +43,31 @@ def manyflux_reflectance_factor(
     Args:
         albedo: single-scattering albedo of each layer, top first, (..., layers), in [0, 1].
         optical_thickness: (k + s) times thickness, (..., layers), >= 0.
-        substrate_reflectance: of the Lambertian ground, as seen from inside the medium, (...), in [0, 1].
-        phase: Legendre moments of the phase function (`glazejax.radiative.phase`), (terms,) for all layers or
-            (..., layers, terms), where layers may be 1. By default scattering is isotropic. All functions of a batch
-            share one compiled program; a call of its own with another function is compiled anew where that needs other
-            directions or moments. Traced by JAX, all terms are kept, and one program serves every function.
-        refractive_index: of all layers, a number in [1, 2.5], or a sequence of one for each layer: light is then
-            refracted and reflected between them too.
+        substrate_reflectance: of the Lambertian ground, as seen from inside the medium, (...), in
+        [0, 1]. phase: Legendre moments of the phase function (`glazejax.radiative.phase`), (terms,)
+        for all layers or
+            (..., layers, terms), where layers may be 1. By default scattering is isotropic. All
+            functions of a batch share one compiled program; a call of its own with another function
+            is compiled anew where that needs other directions or moments. Traced by JAX, all terms
+            are kept, and one program serves every function.
+        refractive_index: of all layers, a number in [1, 2.5], or a sequence of one for each layer:
+            light is then refracted and reflected between them too.
         cos_incidence, cos_viewing: cosines in air, (...), in (0, 1].
-        azimuth: angle in degrees between the horizontal directions in which light travels before and after, (...): 0 is
-            the side of the mirror direction, 180 back towards the light.
+        azimuth: angle in degrees between the horizontal directions in which light travels before
+            and after, (...): 0 is the side of the mirror direction, 180 back towards the light.
         tolerance: absolute error wanted, a Python number: picks the directions, moments and modes.
         streams: number of directions in each hemisphere, instead of those for the tolerance.
         solution: of the layers: "doubling", or "modes" (eigenvectors): the same to some 1e-12.
-        ground: what the ground reflects over angles (`ground_table`), of which ``substrate_reflectance`` is a share;
-            Lambertian without.
+        ground: what the ground reflects over angles (`ground_table`), of which
+            ``substrate_reflectance`` is a share; Lambertian without.
 
     Returns:
-        Reflectance factor, shape of the broadcast batch, without the surface's own reflection and the mirror images
-        in surfaces inside.
+        Reflectance factor, shape of the broadcast batch, without the surface's own reflection and
+        the mirror images in surfaces inside.
 
     Raises:
-        ValueError: a value out of range, shapes that do not broadcast, or a refractive index that is not known.
+        ValueError: a value out of range, shapes that do not broadcast, or a refractive index that
+            is not known.
 
     Source: paper C (Shinya et al.), equations (11)-(20), solved as described in the module.
     """
@@ -129,7 +134,8 @@ def manyflux_diffuse_reflectance(
 ) -> Float[Array, "*batch"]:
     """Flux that leaves over flux of light that falls in evenly from all sides (equal radiance).
 
-    Args, returns and raises as for `manyflux_reflectance_factor`; the surface's own reflection is not included.
+    Args, returns and raises as for `manyflux_reflectance_factor`; the surface's own reflection is
+    not included.
     """
     given = GivenStack(
         albedo=albedo,
@@ -161,7 +167,8 @@ def brdf_table(
     solution: Solution = "doubling",
     ground: GroundTable | None = None,
 ) -> Float[Array, "*batch viewing incidence azimuths"]:
-    """Table of the BRDF in 1/sr over angles of viewing, incidence and azimuth, each entry exact: one solution for all.
+    """Table of the BRDF in 1/sr over angles of viewing, incidence and azimuth, each entry exact:
+    one solution for all.
 
     Args that are not listed are those of `manyflux_reflectance_factor`.
 
@@ -178,7 +185,10 @@ def brdf_table(
     axes = {"cos_incidence": cos_incidence, "cos_viewing": cos_viewing, "azimuth": azimuth}
     for name, values in axes.items():
         if np.ndim(values) != 1:  # pyright: ignore[reportArgumentType]
-            raise ValueError(f"{name} must be one axis of angles, such as [1.0, 0.5], for a table; it is {values}")
+            raise ValueError(
+                f"{name} must be one axis of angles, such as [1.0, 0.5], for a table; it is "
+                f"{values}"
+            )
     check_values({name: axes[name] for name in ("cos_incidence", "cos_viewing")})
     least = smallest_cosine(cos_incidence, cos_viewing)
     given = GivenStack(

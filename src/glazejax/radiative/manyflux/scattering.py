@@ -1,8 +1,9 @@
 """Scattering between discrete directions, one matrix for each Fourier mode of azimuth.
 
-With Lambda_l^m = sqrt((l - m)!/(l + m)!) P_l^m the m-th mode of the phase function between cosines mu and mu' is
-sum_l (2l + 1) chi_l Lambda_l^m(mu) Lambda_l^m(mu'). Turning mu' round changes the sign of the terms with l - m odd, so
-that the terms with l - m even act on the sum of up- and downward light, and the odd ones on the difference.
+With Lambda_l^m = sqrt((l - m)!/(l + m)!) P_l^m the m-th mode of the phase function between cosines
+mu and mu' is sum_l (2l + 1) chi_l Lambda_l^m(mu) Lambda_l^m(mu'). Turning mu' round changes the
+sign of the terms with l - m odd, so that the terms with l - m even act on the sum of up- and
+downward light, and the odd ones on the difference.
 """
 
 import jax
@@ -15,7 +16,9 @@ from .bordered import Bordered, Diagonal
 
 
 def sine(cosine: Float[Array, "*batch"]) -> Float[Array, "*batch"]:
-    """Sine of an angle with that cosine; its slope, infinite at normal incidence, is taken as zero there."""
+    """Sine of an angle with that cosine; its slope, infinite at normal incidence, is taken as zero
+    there.
+    """
     squared = jnp.maximum(1.0 - cosine * cosine, 0.0)
     return jnp.sqrt(jnp.where(squared > 0, squared, 1.0)) * (squared > 0).astype(squared.dtype)
 
@@ -29,7 +32,8 @@ def associated_legendre(
         cosines: mu, (..., n), in [0, 1].
         modes, terms: numbers of orders m and degrees l.
 
-    Source: Dave and Armstrong, J. Quant. Spectrosc. Radiat. Transfer 10 (1970) 557: upward in l it is stable.
+    Source: Dave and Armstrong, J. Quant. Spectrosc. Radiat. Transfer 10 (1970) 557: upward in l it
+    is stable.
     """
     mu = jnp.asarray(cosines)[..., None, :]
     sines = sine(mu)
@@ -75,20 +79,21 @@ def scattering(
     incidence: Float[Array, "*#batch modes terms i"],
     roots: Float[Array, "*#batch n"],
 ) -> tuple[Float[Array, "*batch modes n+v n+i"], Float[Array, "*batch modes n+v n+i"]]:
-    """Halved sum and difference of forward and backward scattering, C_even = (C+ + C-)/2 and C_odd = (C+ - C-)/2.
+    """Halved sum and difference of forward and backward scattering, C_even = (C+ + C-)/2 and C_odd
+    = (C+ - C-)/2.
 
     Args:
         moments: chi_l, (..., terms).
-        nodes, viewing, incidence: Lambda_l^m at the nodes and the added directions; batch axes broadcast.
-        roots: sqrt(w) of the nodes, (..., n); added directions count as of weight one.
+        nodes, viewing, incidence: Lambda_l^m at the nodes and the added directions; batch axes
+        broadcast. roots: sqrt(w) of the nodes, (..., n); added directions count as of weight one.
 
     Returns:
         Bodies of bordered matrices, (..., modes, n + v, n + i), symmetric in form.
 
     Notes:
-        Nodes integrate products of Legendre functions with a small error, by which scattering would lose or gain light.
-        The even part of mode 0 is corrected (by a symmetric matrix of rank two) so that it returns exactly what
-        comes in.
+        Nodes integrate products of Legendre functions with a small error, by which scattering would
+        lose or gain light. The even part of mode 0 is corrected (by a symmetric matrix of rank two)
+        so that it returns exactly what comes in.
     """
     modes, terms, count = nodes.shape[-3:]
     even = (np.arange(terms) - np.arange(modes)[:, None]) % 2 == 0
@@ -105,7 +110,8 @@ def scattering(
     zeroth = c_even[..., 0, :, :]
     rows_root = _joined(roots, jnp.ones(down.shape[-1] - count, roots.dtype))
     columns_root = _joined(roots, jnp.ones(across.shape[-1] - count, roots.dtype))
-    # Over the sum of weights, which is one only to the accuracy of the rule where several media share it.
+    # Over the sum of weights, which is one only to the accuracy of the rule where several media
+    # share it.
     share = roots / jnp.sum(roots * roots, axis=-1, keepdims=True)
     rows_missing = rows_root - jnp.einsum("...ij,...j->...i", zeroth[..., :, :count], roots)
     columns_missing = columns_root - jnp.einsum("...i,...ij->...j", roots, zeroth[..., :count, :])
@@ -113,7 +119,9 @@ def scattering(
     whole = jnp.einsum("...j,...j->...", columns_missing[..., :count], share)[..., None, None]
     change = rows_missing[..., :, None] * columns_root[..., None, :]
     change += rows_root[..., :, None] * columns_missing[..., None, :]
-    change = (change - whole * rows_root[..., :, None] * columns_root[..., None, :]) / scale[..., None]
+    change = (change - whole * rows_root[..., :, None] * columns_root[..., None, :]) / scale[
+        ..., None
+    ]
     # Light scattered once between two added directions meets no quadrature and stays exact.
     change = change * _not_corner(rows_root.shape[-1], columns_root.shape[-1], count)
     return c_even.at[..., 0, :, :].add(change), c_odd
@@ -125,7 +133,8 @@ def rates(
     odd: Float[Array, "*#batch rows columns"],
     cosines: Diagonal,
 ) -> tuple[Bordered, Bordered]:
-    """Operators A, B of u' = -A v, v' = -B u for u, v the sum and difference of down- and upward sqrt(mu w) I.
+    """Operators A, B of u' = -A v, v' = -B u for u, v the sum and difference of down- and upward
+    sqrt(mu w) I.
 
     A = M^-1/2 (1 - q C_odd) M^-1/2 and B the same with C_even.
 
@@ -152,7 +161,9 @@ def rates(
 def _joined(nodes: Array, added: Array) -> Array:
     """Nodes, then added directions, on the last axis; all other axes broadcast."""
     batch = jnp.broadcast_shapes(nodes.shape[:-1], added.shape[:-1])
-    return jnp.concatenate([jnp.broadcast_to(a, (*batch, a.shape[-1])) for a in (nodes, added)], axis=-1)
+    return jnp.concatenate(
+        [jnp.broadcast_to(a, (*batch, a.shape[-1])) for a in (nodes, added)], axis=-1
+    )
 
 
 def _not_corner(rows: int, columns: int, count: int) -> np.ndarray:

@@ -1,4 +1,5 @@
-"""Light scattered once: by the whole phase function, less what the moments and modes kept make of it.
+"""Light scattered once: by the whole phase function, less what the moments and modes kept make of
+it.
 
 Source: Nakajima and Tanaka, J. Quant. Spectrosc. Radiat. Transfer 40 (1988) 51, their TMS.
 """
@@ -25,7 +26,9 @@ class ScatteredOnce(NamedTuple):
     cos_seen: Float[Array, "layers v"]
     cos_lit: Float[Array, "layers i"]
     passing: Float[Array, "layers v i"]
-    """Share that the surfaces let through on the way to each layer and from it, over n^2 of the layer."""
+    """Share that the surfaces let through on the way to each layer and from it, over n^2 of the
+    layer.
+    """
 
 
 def missing_once(
@@ -37,7 +40,8 @@ def missing_once(
     *,
     downward: bool = False,
 ) -> Float[Array, "v i k"]:
-    """What to add to the factor pi L_out/E_in of light that leaves upwards, or downwards, to have it whole.
+    """What to add to the factor pi L_out/E_in of light that leaves upwards, or downwards, to have
+    it whole.
 
     Args:
         once: stack and ways.
@@ -61,7 +65,9 @@ def missing_once(
 
 
 def _lengths(once: ScatteredOnce, seen: Array, lit: Array, downward: bool) -> Array:
-    """Integral over the depth of each layer of what reaches it and from there the outside, (layers, v, i)."""
+    """Integral over the depth of each layer of what reaches it and from there the outside, (layers,
+    v, i).
+    """
     depth = once.scaled_thickness[:, None, None]
     into, out = depth / lit, depth / seen
     before = jnp.cumsum(into, axis=0) - into

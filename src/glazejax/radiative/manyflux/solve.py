@@ -1,4 +1,5 @@
-"""One stack of layers solved for given directions: from numbers to operators to what an instrument reads.
+"""One stack of layers solved for given directions: from numbers to operators to what an instrument
+reads.
 
 Everything here is for one stack and is mapped over batches by `manyflux`.
 """
@@ -53,7 +54,9 @@ def discrete_stack(
     *,
     inside: bool = False,
 ) -> DiscreteStack:
-    """Directions and scattering; cosines are outside, those of viewing inside the paint if ``inside``."""
+    """Directions and scattering; cosines are outside, those of viewing inside the paint if
+    ``inside``.
+    """
     dtype = layers.albedo.dtype
     rule = effort.directions
     assert not isinstance(rule, SharedSpread), "media of several indices are joined elsewhere"
@@ -62,7 +65,9 @@ def discrete_stack(
     viewing = cos_viewing if inside else cos_refracted(cos_viewing, index)
     incidence = cos_refracted(cos_incidence, index)
     back = _reflected_back(viewing, index) if inside else dielectric_reflectance(cos_viewing, index)
-    albedo, thickness, moments = delta_m(layers.albedo, layers.optical_thickness, layers.moments, effort.kept)
+    albedo, thickness, moments = delta_m(
+        layers.albedo, layers.optical_thickness, layers.moments, effort.kept
+    )
     terms = moments.shape[-1]
     tables = [associated_legendre(c, modes, terms) for c in (mu, viewing, incidence)]
     even, odd = scattering(moments, tables[0], tables[1], tables[2], jnp.sqrt(weights))
@@ -87,13 +92,17 @@ def _outside(stack: DiscreteStack, ground: Array, effort: Effort, modes: int) ->
 
 
 def _reflected_back(cosines: Array, index) -> Array:
-    """Fresnel's reflectance of the surface for light from inside, total beyond the critical angle."""
+    """Fresnel's reflectance of the surface for light from inside, total beyond the
+    critical angle.
+    """
     squared = 1.0 - index**2 * (1.0 - cosines**2)
     outside = jnp.sqrt(jnp.select([squared > 0], [squared], 1.0))
     return jnp.select([squared > 0], [dielectric_reflectance(outside, index)], 1.0)
 
 
-def layer_operators(a: Bordered, b: Bordered, thickness: Array, effort: Effort) -> tuple[Bordered, Bordered]:
+def layer_operators(
+    a: Bordered, b: Bordered, thickness: Array, effort: Effort
+) -> tuple[Bordered, Bordered]:
     """R and U = 1 - T of layers, by the solution chosen."""
     if effort.doublings is None:
         return layer_by_modes(a, b, thickness)
@@ -110,8 +119,9 @@ def reflectance_factor(
 ) -> Float[Array, "v i k"]:
     """pi L_out/E_in for all pairs of directions and relative azimuths (radians).
 
-    The light scattered once is that of the whole phase function and all modes; the operators add what is scattered more
-    often (Nakajima and Tanaka, J. Quant. Spectrosc. Radiat. Transfer 40 (1988) 51, their TMS).
+    The light scattered once is that of the whole phase function and all modes; the operators add
+    what is scattered more often (Nakajima and Tanaka, J. Quant. Spectrosc. Radiat. Transfer 40
+    (1988) 51, their TMS).
     """
     modes = effort.modes
     stack = discrete_stack(layers, index, cos_viewing, cos_incidence, effort, modes)
@@ -126,7 +136,11 @@ def reflectance_factor(
 
 
 def _missing(stack: DiscreteStack, layers: Layers, index, azimuth: Array, waves: Array) -> Array:
-    viewing, incidence, count = stack.cosines.viewing, stack.cosines.incidence, stack.cosines.nodes.size
+    viewing, incidence, count = (
+        stack.cosines.viewing,
+        stack.cosines.incidence,
+        stack.cosines.nodes.size,
+    )
     shape = (layers.albedo.size, viewing.size, incidence.size)
     through = (1.0 - stack.surface.viewing[:, None]) * (1.0 - stack.surface.incidence) / index**2
     once = ScatteredOnce(
@@ -144,7 +158,10 @@ def _missing(stack: DiscreteStack, layers: Layers, index, azimuth: Array, waves:
 
 
 def hemispherical_reflectance(
-    layers: Layers, index: float | Float[Array, ""], cos_incidence: Float[Array, "i"], effort: Effort
+    layers: Layers,
+    index: float | Float[Array, ""],
+    cos_incidence: Float[Array, "i"],
+    effort: Effort,
 ) -> Float[Array, "i"]:
     """Flux that leaves over flux of a collimated beam, for each direction of incidence."""
     stack = discrete_stack(layers, index, cos_incidence[:0], cos_incidence, effort, 1)
@@ -152,10 +169,16 @@ def hemispherical_reflectance(
     return jnp.einsum("n,ni->i", stack.roots.nodes, outside.columns[0]) / stack.roots.incidence
 
 
-def diffuse_reflectance(layers: Layers, index: float | Float[Array, ""], effort: Effort) -> Float[Array, ""]:
+def diffuse_reflectance(
+    layers: Layers, index: float | Float[Array, ""], effort: Effort
+) -> Float[Array, ""]:
     """Flux that leaves over flux of light of equal radiance from all directions outside."""
     nothing = layers.albedo[:0]
     stack = discrete_stack(layers, index, nothing, nothing, effort, 1)
     outside = _outside(stack, layers.ground, effort, 1)
     # Only the cone of refraction is lit: its flux is 1/n^2 of that of all directions inside.
-    return 2.0 * index**2 * jnp.einsum("i,ij,j->", stack.roots.nodes, outside.core[0], stack.roots.nodes)
+    return (
+        2.0
+        * index**2
+        * jnp.einsum("i,ij,j->", stack.roots.nodes, outside.core[0], stack.roots.nodes)
+    )

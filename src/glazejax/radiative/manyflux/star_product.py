@@ -5,8 +5,8 @@
     layer 2
     ground    R
 
-Paper C, equations (11)-(14), as the star product. Across a surface radiance changes by n^2, the flux in a
-direction does not.
+Paper C, equations (11)-(14), as the star product. Across a surface radiance changes by n^2, the
+flux in a direction does not.
 """
 
 from typing import NamedTuple
@@ -42,7 +42,8 @@ def join(upper: Slab, lower: Slab) -> Slab:
 def join_in_series(
     upper: Slab, lower: Slab, order: int, roots: Float[Array, "*batch n"]
 ) -> tuple[Slab, Float[Array, "*batch n"]]:
-    """Two slabs as one by a series: light that has come back between them more than ``order`` times is lost.
+    """Two slabs as one by a series: light that has come back between them more than ``order`` times
+    is lost.
 
     Args:
         upper, lower: slabs with the azimuth modes as their leading axis.
@@ -50,8 +51,9 @@ def join_in_series(
         roots: sqrt(mu w) of the nodes, (n,).
 
     Returns:
-        The slab, and for light from above in each node a bound (n,) on the share of its flux that is left out: what
-        comes back once more often than counted, over 1 - eta, eta being the largest share of any light that comes back.
+        The slab, and for light from above in each node a bound (n,) on the share of its flux that
+        is left out: what comes back once more often than counted, over 1 - eta, eta being the
+        largest share of any light that comes back.
 
     Raises:
         ValueError: a negative order.
@@ -118,7 +120,9 @@ def stack_reflection(reflections: Bordered, losses: Bordered, ground: Bordered) 
     return jax.lax.scan(add, ground, (reflections, losses), reverse=True)[0]
 
 
-def lambert(reflectance: Float[Array, ""], roots: Diagonal, modes: int, dtype: jnp.dtype) -> Bordered:
+def lambert(
+    reflectance: Float[Array, ""], roots: Diagonal, modes: int, dtype: jnp.dtype
+) -> Bordered:
     """Lambertian ground, 2 rho g g^T with g = sqrt(mu w) in mode 0, black in the others.
 
     Args:
@@ -131,12 +135,15 @@ def lambert(reflectance: Float[Array, ""], roots: Diagonal, modes: int, dtype: j
     first = jnp.zeros(modes, dtype).at[0].set(1.0)
     body = first[:, None, None] * (2.0 * reflectance * rows[:, None] * columns)
     return Bordered(
-        body, jnp.zeros((modes, roots.viewing.size), dtype), jnp.zeros((modes, roots.incidence.size), dtype)
+        body,
+        jnp.zeros((modes, roots.viewing.size), dtype),
+        jnp.zeros((modes, roots.incidence.size), dtype),
     )
 
 
 def under_surface(reflection: Bordered, surface: Diagonal) -> Bordered:
-    """What comes out through a smooth surface: t (1 - R r)^-1 R t, t = 1 - r; its own reflection is not included.
+    """What comes out through a smooth surface: t (1 - R r)^-1 R t, t = 1 - r; its own reflection is
+    not included.
 
     Args:
         reflection: R of all that lies below, inside the medium.

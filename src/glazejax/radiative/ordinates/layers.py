@@ -1,16 +1,17 @@
 r"""One homogeneous layer as a symmetric two-port: what it passes on and what a beam excites in it.
 
-In modes (see `modes`) a layer obeys y'' = lambda y - q zeta e^(-a t). With sigma given at its near face (y0) and
-delta at its far face, and with T = tanh(kappa D)/kappa, S = sech(kappa D),
+In modes (see `modes`) a layer obeys y'' = lambda y - q zeta e^(-a t). With sigma given at its near
+face (y0) and delta at its far face, and with T = tanh(kappa D)/kappa, S = sech(kappa D),
 
     delta at the near face   lambda T y0 + S f - near,         near = q zeta int u(t) e^(-a t) dt,
     sigma at the far face    S y0 - T f,                       far  = q zeta int v(t) e^(-a t) dt,
 
-u being the mode with u = 1 at the near face and u = 0 at the far one, v the other way round. f is delta at the far face
-but for what the beam itself drives out there, `far`, while sigma is held at zero at both faces. Those are what stays
-bounded for an empty layer, an opaque one and an albedo of one: with delta held instead, all that a layer without
-absorption scatters would have to leave by its other face, and sigma, of the size of D, would have to cancel. The near
-face is the top, or, in a layer that is looked at from below ("mirrored"), the bottom; the beam runs downwards in both.
+u being the mode with u = 1 at the near face and u = 0 at the far one, v the other way round. f is
+delta at the far face but for what the beam itself drives out there, `far`, while sigma is held at
+zero at both faces. Those are what stays bounded for an empty layer, an opaque one and an albedo of
+one: with delta held instead, all that a layer without absorption scatters would have to leave by
+its other face, and sigma, of the size of D, would have to cancel. The near face is the top, or, in
+a layer that is looked at from below ("mirrored"), the bottom; the beam runs downwards in both.
 """
 
 from typing import NamedTuple
@@ -24,14 +25,18 @@ from ..common.kernels import tanh_sech, two_decays
 from ..common.linalg import product
 from .modes import Modes
 
-# Modes slower than this take the form that is even in kappa; no beam (decay >= 1) resonates with them.
+# Modes slower than this take the form that is even in kappa; no beam (decay >= 1) resonates with
+# them.
 _SLOW = 0.25
-# Layers thinner than this, in units of their mode and of the beam, take a series of what a beam excites.
+# Layers thinner than this, in units of their mode and of the beam, take a series of what a beam
+# excites.
 _THIN = 1e-4
 
 
 class Beams(NamedTuple):
-    """Collimated directions inside the medium: incidence first, then, unless all exit directions count, viewing."""
+    """Collimated directions inside the medium: incidence first, then, unless all exit directions
+    count, viewing.
+    """
 
     decay: Array  # (beams, batch), 1/mu inside
     transmittance: Array  # (beams, batch), 1 - R of the interface
@@ -47,8 +52,10 @@ class Ports(NamedTuple):
     sech: Array  # (layers, batch, n), S
     near: Array  # (layers, batch, beams, n)
     far: Array  # (layers, batch, beams, n)
-    once: Array  # (layers, batch), light scattered once between incidence and viewing; 0 without viewing
-    direct: Array  # (layers, batch), all light scattered while sigma is zero at both faces, `once` included
+    # (layers, batch), light scattered once between incidence and viewing; 0 without viewing
+    once: Array
+    # (layers, batch), all light scattered while sigma is zero at both faces, `once` included
+    direct: Array
 
 
 def two_ports(
@@ -98,22 +105,29 @@ def two_ports(
         # The mode's answer to one beam, zero at both faces, seen along the other.
         seen = bottom[1] / divisor[1]
         slow_again = top[1] / divisor[1] + left[0] * seen - single
-        # One choice for both, so that slopes are right at kappa = a too; of equals `maximum` would take half of each.
+        # One choice for both, so that slopes are right at kappa = a too; of equals `maximum` would
+        # take half of each.
         below = kappa < a
         lesser = jnp.where(below, -(faded + gone[1] + faded * gone[1]) / (kappa + b), single)
         area = (lesser - left[1] * apart[0]) / (jnp.where(below, a, kappa) + b)
-        again = jnp.where(slow, slow_again, area - apart[0] * seen) / jnp.where(slow, a * a - lam, a + kappa)
+        again = jnp.where(slow, slow_again, area - apart[0] * seen) / jnp.where(
+            slow, a * a - lam, a + kappa
+        )
         both = albedo * beams.survival[0] * beams.survival[1]
         once = both * single[..., 0]
         direct = once + both * albedo * jnp.sum(coupling**2 * again, axis=-1)
     # A division comes last: what ends with one, XLA computes once and not for every use.
     near = jnp.moveaxis(strength * jnp.where(flip, bottom, top) / divisor, 0, 2)
     far = jnp.moveaxis(strength * jnp.where(flip, top, bottom) / divisor, 0, 2)
-    return Ports(restoring=lam * tanh, tanh=tanh, sech=sech, near=near, far=far, once=once, direct=direct)
+    return Ports(
+        restoring=lam * tanh, tanh=tanh, sech=sech, near=near, far=far, once=once, direct=direct
+    )
 
 
 class Fields(NamedTuple):
-    """SolvedFields inside the layers for the light and for the view, in modes. Axes (layers, batch, 2, n)."""
+    """SolvedFields inside the layers for the light and for the view, in modes. Axes (layers, batch,
+    2, n).
+    """
 
     near: Array  # y0, sigma at the near face
     far: Array  # sigma at the far face
@@ -123,7 +137,9 @@ class Fields(NamedTuple):
 def load_work(ports: Ports, fields: Fields) -> Array:
     """b . x of every layer, of each beam with the field of the other, (layers, batch, beams)."""
     other = slice(None, None, -1) if ports.near.shape[2] == 2 else slice(1, 2)
-    return jnp.sum(ports.near * fields.near[:, :, other] + ports.far * fields.far[:, :, other], axis=-1)
+    return jnp.sum(
+        ports.near * fields.near[:, :, other] + ports.far * fields.far[:, :, other], axis=-1
+    )
 
 
 def stored(ports: Ports, fields: Fields) -> Array:
@@ -142,16 +158,26 @@ def by_albedo(
     mirrored: Bool[np.ndarray, "l"],
     fields: Fields,
 ) -> Array:
-    """Derivative of b_F.x_I + x_F.b_I - x_F.K x_I + G by each layer's albedo at given fields, (layers, batch)."""
+    """Derivative of b_F.x_I + x_F.b_I - x_F.K x_I + G by each layer's albedo at given fields,
+    (layers, batch).
+    """
 
     def work(q, lam, coupling, near, far):
         ports = two_ports(q, lam, coupling, thickness, beams, mirrored)
         here = Fields(near, far, fields.flux)
         return jnp.sum(load_work(ports, here), axis=-1) - stored(ports, here) + ports.direct
 
-    rows = product(jnp.concatenate([modes.coupling[:, :, None], fields.near, fields.far], axis=2), turning)
+    rows = product(
+        jnp.concatenate([modes.coupling[:, :, None], fields.near, fields.far], axis=2), turning
+    )
     point = (albedo, modes.decay_squared, modes.coupling, fields.near, fields.far)
-    change = (jnp.ones_like(albedo), -(modes.coupling**2), rows[:, :, 0], rows[:, :, 1:3], rows[:, :, 3:])
+    change = (
+        jnp.ones_like(albedo),
+        -(modes.coupling**2),
+        rows[:, :, 0],
+        rows[:, :, 1:3],
+        rows[:, :, 3:],
+    )
     return jax.jvp(work, point, change)[1]
 
 
@@ -164,15 +190,21 @@ def by_thickness(
     thickness: Array,
     fields: Fields,
 ) -> Array:
-    """What a thin slab of the layer's own medium adds at its far face, per thickness, (layers, batch).
+    """What a thin slab of the layer's own medium adds at its far face, per thickness, (layers,
+    batch).
 
     The dimming of what lies below the slab is not in it.
     """
-    below = beams.survival * jnp.where(mirrored[:, None], 1.0, jnp.exp(-beams.decay[:, None] * thickness))
-    # With one beam only the field of the light is driven by one; that of the view is diffuse everywhere.
+    below = beams.survival * jnp.where(
+        mirrored[:, None], 1.0, jnp.exp(-beams.decay[:, None] * thickness)
+    )
+    # With one beam only the field of the light is driven by one; that of the view is diffuse
+    # everywhere.
     driven = jnp.pad(ports.far, [(0, 0), (0, 0), (0, 2 - ports.far.shape[2]), (0, 0)])
     (u0, u1), (f0, f1) = (jnp.moveaxis(field, 2, 0) for field in (fields.far, fields.flux + driven))
     first = jnp.sum(modes.coupling * u0, axis=-1)
     second = jnp.sum(modes.coupling * u1, axis=-1)
-    lit = below[0] * second + (below[1] * first + below[0] * below[1] if below.shape[0] == 2 else 0.0)
+    lit = below[0] * second + (
+        below[1] * first + below[0] * below[1] if below.shape[0] == 2 else 0.0
+    )
     return albedo * lit - jnp.sum(modes.decay_squared * u0 * u1 - f0 * f1, axis=-1)

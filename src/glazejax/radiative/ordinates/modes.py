@@ -1,13 +1,15 @@
 r"""Eigenmodes of an isotropically scattering layer, without an eigensolver.
 
-In the even-parity form the layer's matrix is diag(1/mu^2) - q z z^T with z_i = sqrt(w_i)/mu_i: diagonal minus a
-rank-one term. Its eigenvalues lambda_j = kappa_j^2 lie one between each pair of neighbouring poles d_i = 1/mu_i^2
-and are the roots of the secular equation
+In the even-parity form the layer's matrix is diag(1/mu^2) - q z z^T with z_i = sqrt(w_i)/mu_i:
+diagonal minus a rank-one term. Its eigenvalues lambda_j = kappa_j^2 lie one between each pair of
+neighbouring poles d_i = 1/mu_i^2 and are the roots of the secular equation
 
-    1 = q sum_i z_i^2 / (d_i - lambda)          (the characteristic equation of S. Chandrasekhar's discrete ordinates)
+    1 = q sum_i z_i^2 / (d_i - lambda),
 
-solved here for the offset r_j = (d_j - lambda_j)/q, which keeps its relative accuracy for any albedo q in [0, 1],
-0 and 1 included. Eigenvectors follow in closed form. For a fixed set of directions r_j depends on q alone.
+the characteristic equation of S. Chandrasekhar's discrete ordinates. It is solved here for the
+offset r_j = (d_j - lambda_j)/q, which keeps its relative accuracy for any albedo q in [0, 1], 0 and
+1 included. Eigenvectors follow in closed form. For a fixed set of directions r_j depends on q
+alone.
 """
 
 import functools
@@ -19,9 +21,11 @@ import numpy as np
 from jax.custom_derivatives import SymbolicZero
 from jaxtyping import Array, Float
 
-# The two-pole iteration converges quadratically from either side; seven give 1e-15 for 40 directions.
+# The two-pole iteration converges quadratically from either side; seven give 1e-15 for 40
+# directions.
 _ITERATIONS = 7
-# Relative accuracy of the tables, and the equal pieces of the albedo's range that each have a polynomial.
+# Relative accuracy of the tables, and the equal pieces of the albedo's range that each have a
+# polynomial.
 _TABLE_ACCURACY = 1e-13
 _PIECES = 4
 
@@ -49,7 +53,8 @@ def secular_offsets(albedo: Any, poles: Any, strengths: Any, *, xp: Any = jnp) -
         xp: array module (numpy for tables, jax.numpy for traced directions).
 
     Returns:
-        r, (..., n). Two-pole rational iteration of Bunch, Nielsen and Sorensen (Numer. Math. 31, 1978).
+        r, (..., n). Two-pole rational iteration of Bunch, Nielsen and Sorensen (Numer. Math. 31,
+        1978).
     """
     n = poles.shape[-1]
     q = xp.asarray(albedo)[..., None]
@@ -92,12 +97,16 @@ class _Table(NamedTuple):
     """Chebyshev coefficients in the albedo for one set of directions."""
 
     terms: int
-    coefficients: np.ndarray  # (terms, pieces * (2 n + 1)): offsets, couplings, smallest eigenvalue over 1 - q
+    coefficients: (
+        np.ndarray
+    )  # (terms, pieces * (2 n + 1)): offsets, couplings, smallest eigenvalue over 1 - q
 
 
 @functools.lru_cache(maxsize=64)
 def _table(key: bytes) -> _Table:
-    """Table of r_j(q), of the coupling of each mode and of lambda_0/(1 - q), all analytic in q on [0, 1]."""
+    """Table of r_j(q), of the coupling of each mode and of lambda_0/(1 - q), all analytic in q on
+    [0, 1].
+    """
     cosines, weights = np.frombuffer(key).reshape(2, -1)
     poles, strengths = 1.0 / cosines**2, weights / cosines**2
     terms = 12
@@ -119,7 +128,9 @@ def _table(key: bytes) -> _Table:
 
 
 def _chebyshev(x: Array, terms: int) -> Array:
-    """T_0(x) ... T_(terms - 1)(x) on a last axis, four at a time: T_(m+4) = 2 T_4 T_m - T_(|m-4|)."""
+    """T_0(x) ... T_(terms - 1)(x) on a last axis, four at a time: T_(m+4) = 2 T_4 T_m -
+    T_(|m-4|).
+    """
     x = x[..., None]
     second = 2.0 * x * x - 1.0
     third, fourth = x * (2.0 * second - 1.0), 2.0 * second * second - 1.0
@@ -135,7 +146,8 @@ def _from_table(albedo: Array, table: _Table) -> Array:
     """Offsets, couplings and lambda_0/(1 - q) side by side, (..., 2 n + 1)."""
     piece = jnp.clip(jnp.floor(albedo * _PIECES), 0, _PIECES - 1)
     polynomials = _chebyshev(2.0 * (albedo * _PIECES - piece) - 1.0, table.terms)
-    # One matrix product for all pieces: a product is not computed anew for each use, as fused arithmetic would be.
+    # One matrix product for all pieces: a product is not computed anew for each use, as fused
+    # arithmetic would be.
     each = table.coefficients.shape[1] // _PIECES
     values = polynomials @ jnp.asarray(table.coefficients, albedo.dtype)
     values = values.reshape(*albedo.shape, _PIECES, each)
@@ -198,8 +210,8 @@ def layer_modes(
 
     Args:
         albedo: q in [0, 1], (...). Derivatives by it are cheaper by `turning`.
-        cosines: mu in (0, 1], descending, (..., n). A numpy array (n,) is the fast path: its roots are tabulated.
-        weights: quadrature weights, positive, with sum w = 1, (..., n).
+        cosines: mu in (0, 1], descending, (..., n). A numpy array (n,) is the fast path: its roots
+        are tabulated. weights: quadrature weights, positive, with sum w = 1, (..., n).
 
     Returns:
         `Modes`, arrays (..., n), (..., n, n), (..., n).
@@ -219,15 +231,22 @@ def layer_modes(
     root = secular_offsets(*jax.lax.stop_gradient((albedo, poles, strengths)))
     r = _implicit(root, albedo, poles, strengths)
     columns = _columns(albedo, jnp.sqrt(strengths), poles, r)
-    # The secular equation says z . column = 1, so the coupling is the column's normalisation itself.
+    # The secular equation says z . column = 1, so the coupling is the column's normalisation
+    # itself.
     coupling = 1.0 / jnp.sqrt(jnp.sum(columns**2, axis=-2))
-    return Modes(_decay_squared(albedo, cosines, weights, poles - q * r), columns * coupling[..., None, :], coupling)
+    return Modes(
+        _decay_squared(albedo, cosines, weights, poles - q * r),
+        columns * coupling[..., None, :],
+        coupling,
+    )
 
 
 def turning(modes: Modes) -> Float[Array, "*batch n n"]:
-    """How the modes turn into each other as the albedo grows: d vectors/dq = vectors @ turning, (..., n, n).
+    """How the modes turn into each other as the albedo grows: d vectors/dq = vectors @ turning,
+    (..., n, n).
 
-    First-order perturbation of diag(d) - q z z^T: antisymmetric, with d lambda_j/dq = -coupling_j^2 and
+    First-order perturbation of diag(d) - q z z^T: antisymmetric, with d lambda_j/dq = -coupling_j^2
+    and
     d coupling/dq = coupling @ turning.
     """
     n = modes.coupling.shape[-1]

@@ -12,16 +12,19 @@ from ..common.inputs import INDEX_RANGE, LEAST_COSINE
 from ..common.quadrature import Directions
 from ..common.simultaneous import fine_half_range
 
-# The largest error of the sums over directions may be this share of the tolerance: the worst error of a stack's
-# reflectance stays below the tolerance then (`python -m benchmarks.calibrate_directions`).
+# The largest error of the sums over directions may be this share of the tolerance: the worst error
+# of a stack's reflectance stays below the tolerance then (`python -m
+# benchmarks.calibrate_directions`).
 _SHARE = 0.17
-# Beams may graze inside, too, where the index is near one; where it is high, the light inside is many times brighter.
+# Beams may graze inside, too, where the index is near one; where it is high, the light inside is
+# many times brighter.
 _SHARE_NEAR_ONE = 0.08
 _SHARE_HIGH = 0.1
 # The same for what is scattered twice between grazing beams.
 _SHARE_GRAZING = 0.05
-# Where light and view are both below this cosine inside, that is looked at, and of the sums less may be wrong: thin
-# layers are several times as bright there. Below the second one an index above one takes another rule.
+# Where light and view are both below this cosine inside, that is looked at, and of the sums less
+# may be wrong: thin layers are several times as bright there. Below the second one an index above
+# one takes another rule.
 _SLANTED, _GRAZING = 0.25, 0.1
 _SHARE_SLANTED = 0.5
 _FINEST = 1e-10
@@ -33,18 +36,22 @@ _CONE = (1, 2, 3, 4)
 _CROWDING_OFFSETS = (-0.6, -0.45, -0.3, -0.15, 0.0, 0.15)
 
 
-def resolve_known(tolerance: float, refractive_index: float, least_cosine: float = 1.0) -> Resolution:
-    """Fewest directions that keep the absolute error of either reflectance below the tolerance at one known index.
+def resolve_known(
+    tolerance: float, refractive_index: float, least_cosine: float = 1.0
+) -> Resolution:
+    """Fewest directions that keep the absolute error of either reflectance below the tolerance at
+    one known index.
 
     Args:
         tolerance: absolute error wanted; anything below 1e-10 gets the directions for 1e-10.
         refractive_index: n >= 1, a number.
-        least_cosine: of the two cosines in air the larger one, at its smallest. It matters for an index near one,
-            where light may graze inside too; below 1e-4 it counts as that.
+        least_cosine: of the two cosines in air the larger one, at its smallest. It matters for an
+            index near one, where light may graze inside too; below 1e-4 it counts as that.
 
     Returns:
-        `Resolution` of a rule over the whole half range; where light grazes a medium inside that is not quite of
-        index one, of one split at the critical angle, which follows the rise of R between such angles.
+        `Resolution` of a rule over the whole half range; where light grazes a medium inside that is
+        not quite of index one, of one split at the critical angle, which follows the rise of R
+        between such angles.
     """
     inside = max(float(cos_refracted(least_cosine, refractive_index)), LEAST_COSINE)
     if inside < _GRAZING and refractive_index > 1:
@@ -79,12 +86,19 @@ def _fewest(tolerance: float, index: float, grazing: float | None) -> Resolution
             (error(rule), resolution)
             for cone in cones
             for offset in offsets
-            if (rule := whole_range(index, resolution := Resolution(cone, count - cone, crowding=usual + offset)))
+            if (
+                rule := whole_range(
+                    index, resolution := Resolution(cone, count - cone, crowding=usual + offset)
+                )
+            )
         ]
         worst, best = min(tried, default=(np.inf, None))
         if best is not None and worst <= wanted:
             return best
-    raise ValueError(f"no directions found for a tolerance of {tolerance:g} at index {index:g}; ask for a coarser one")
+    raise ValueError(
+        f"no directions found for a tolerance of {tolerance:g} at index {index:g}; ask for a "
+        "coarser one"
+    )
 
 
 def flux_sums(rule: Directions) -> Float[np.ndarray, "2 depths"]:
@@ -97,8 +111,9 @@ def flux_sums(rule: Directions) -> Float[np.ndarray, "2 depths"]:
 def flux_error(rule: Directions, exact: Float[np.ndarray, "2 depths"]) -> float:
     """Largest error of either sum and of their difference.
 
-    All that the directions do to the reflectance goes through the kernels of paper A's integral equation; integrated
-    over two layers, or a layer and the ground, these are the sums, so their errors are those of a thin layer's fluxes.
+    All that the directions do to the reflectance goes through the kernels of paper A's integral
+    equation; integrated over two layers, or a layer and the ground, these are the sums, so their
+    errors are those of a thin layer's fluxes.
     """
     everything, reflected = flux_sums(rule) - exact
     return float(max(np.max(np.abs(a)) for a in (everything, reflected, everything - reflected)))
@@ -107,8 +122,9 @@ def flux_error(rule: Directions, exact: Float[np.ndarray, "2 depths"]) -> float:
 def grazing_sums(rule: Directions, cosines: Float[np.ndarray, "m"]) -> Float[np.ndarray, "m"]:
     """Sums of w/(mu + m) over a rule, a quarter of each, at cosines m.
 
-    Light of cosine m that is scattered twice before it is seen along m again adds q^2 times these to the radiance: the
-    first kernel of `flux_error`, averaged over depths of some m. There is no surface where this is asked for.
+    Light of cosine m that is scattered twice before it is seen along m again adds q^2 times these
+    to the radiance: the first kernel of `flux_error`, averaged over depths of some m. There is no
+    surface where this is asked for.
     """
     mu, weights, _ = (np.asarray(a) for a in rule)
     return 0.25 * np.sum(weights / (mu + cosines[:, None]), axis=1)

@@ -1,8 +1,8 @@
 """Derivatives of the ordinates' reflectance, and its split, from the fields of light and view.
 
-R = C [G + b_F.x_I + x_F.b_I - x_F.K x_I] is stationary in both fields, so only its ingredients are differentiated, at
-fixed fields. By albedo, thickness and ground that is done in closed form, mode by mode; by the index and the
-cosines, which are rarely wanted, JAX does it.
+R = C [G + b_F.x_I + x_F.b_I - x_F.K x_I] is stationary in both fields, so only its ingredients are
+differentiated, at fixed fields. By albedo, thickness and ground that is done in closed form, mode
+by mode; by the index and the cosines, which are rarely wanted, JAX does it.
 """
 
 from typing import Any
@@ -29,7 +29,8 @@ def reflectance_and_gradient(
     Args:
         stack: batch of stacks.
         resolution: directions, static.
-        wanted: names of the leaves to differentiate by, static. What is not asked for is not computed.
+        wanted: names of the leaves to differentiate by, static. What is not asked for is not
+            computed.
 
     Returns:
         (batch,) and, by name, d reflectance / d leaf in the shape of the leaf.
@@ -50,14 +51,17 @@ def reflectance_and_gradient(
         gradient[name] = jax.jvp(stationary, (leaf,), (jnp.ones_like(leaf),))[1]
         if name == "refractive_index" and resolution.reach is not None:
             unresolved = _excess(leaf) < resolution.resolves()
-            gradient[name] += jnp.where(unresolved, system.factor * _onset(stack, system, solution), 0.0)
+            gradient[name] += jnp.where(
+                unresolved, system.factor * _onset(stack, system, solution), 0.0
+            )
     return value, gradient
 
 
 def gradient_of_layers(
     system: System, solution: SolvedFields, ground: Array, wanted: tuple[str, ...]
 ) -> dict[str, Array]:
-    """Derivative of a solved system by those of albedo, optical_thickness and ground that are wanted.
+    """Derivative of a solved system by those of albedo, optical_thickness and ground that are
+    wanted.
 
     It is that of the fields alone: how light comes in, and what the surface does, is held.
     """
@@ -65,12 +69,22 @@ def gradient_of_layers(
     gradient = {}
     if "albedo" in wanted:
         turn = turning(system.modes)
-        slope = by_albedo(system.albedo, system.modes, turn, system.thickness, system.beams, mirrored, solution.fields)
+        slope = by_albedo(
+            system.albedo,
+            system.modes,
+            turn,
+            system.thickness,
+            system.beams,
+            mirrored,
+            solution.fields,
+        )
         gradient["albedo"] = (system.factor * slope)[back].T
     if "optical_thickness" in wanted:
         gradient["optical_thickness"] = (system.factor * _by_thickness(system, solution)).T
     if "ground" in wanted:
-        by_factor = jnp.prod(_diffuse_on_ground(system, solution) + system.ends.ground_light, axis=-1)
+        by_factor = jnp.prod(
+            _diffuse_on_ground(system, solution) + system.ends.ground_light, axis=-1
+        )
         gradient["ground"] = system.factor * by_factor * 4.0 / (1.0 + ground) ** 2
     return gradient
 
@@ -80,30 +94,38 @@ def _excess(index: Array) -> Array:
 
 
 def _resolved(index: Any, resolution: Resolution) -> Any:
-    """The index, by which directions must not be differentiated where they do not follow the interface's rise."""
+    """The index, by which directions must not be differentiated where they do not follow the
+    interface's rise.
+    """
     if resolution.reach is None or not isinstance(index, jax.Array):
         return index
     return jnp.where(_excess(index) < resolution.resolves(), jax.lax.stop_gradient(index), index)
 
 
-# Flux of a radiance of one that the interface sends back, over pi (n^2 - 1), as n nears one: all that is totally
-# reflected, 1/2, and the rest, int_0^inf e^(-4 t) sinh(t) cosh(t) dt = 1/12; times d(n^2 - 1)/dn = 2.
+# Flux of a radiance of one that the interface sends back, over pi (n^2 - 1), as n nears one: all
+# that is totally reflected, 1/2, and the rest, int_0^inf e^(-4 t) sinh(t) cosh(t) dt = 1/12; times
+# d(n^2 - 1)/dn = 2.
 _ONSET = 2.0 * (1.0 / 2.0 + 1.0 / 12.0)
 
 
 def _onset(stack: Stack, system: System, solution: SolvedFields) -> Array:
     """What the interface adds by the index as that leaves one, but for the factor C, (batch,).
 
-    It then sends back what grazes it from inside, and nothing else to first order: cosines up to sqrt(n^2 - 1). All of
-    that light comes from just below and ends there. So its share of R is the product of the light's grazing radiance
-    and the view's; of the flux that leaves, as much is also lost.
+    It then sends back what grazes it from inside, and nothing else to first order: cosines up to
+    sqrt(n^2 - 1). All of that light comes from just below and ends there. So its share of R is the
+    product of the light's grazing radiance and the view's; of the flux that leaves, as much is also
+    lost.
     """
     # The first layer that is not empty, or the ground, shines as its source does.
     filled = stack.optical_thickness > 0
     first = jnp.take_along_axis(stack.albedo, jnp.argmax(filled, axis=1)[:, None], axis=1)
     mu, weights = (jnp.asarray(a, stack.albedo.dtype) for a in system.directions[:2])
     scattered = jnp.sum((jnp.sqrt(weights) / mu)[..., None, :] * solution.at_interface, axis=-1)
-    beams = jnp.ones(2, scattered.dtype) if stack.cos_viewing is not None else jnp.array([1.0, 0.0], scattered.dtype)
+    beams = (
+        jnp.ones(2, scattered.dtype)
+        if stack.cos_viewing is not None
+        else jnp.array([1.0, 0.0], scattered.dtype)
+    )
     from_layer = 0.5 * first * (scattered + beams)
     lit = _diffuse_on_ground(system, solution) + system.ends.ground_light
     from_ground = 0.5 * system.ends.ground_factor[:, None] * lit
@@ -154,11 +176,21 @@ def _stationary(system: System, solution: SolvedFields, vectors: Array) -> Array
         for modes in (solution.fields.near, solution.fields.far)
     )
     fields = Fields(near, far, solution.fields.flux)
-    inside = jnp.sum(load_work(system.ports, fields), axis=-1) - stored(system.ports, fields) + system.ports.direct
+    inside = (
+        jnp.sum(load_work(system.ports, fields), axis=-1)
+        - stored(system.ports, fields)
+        + system.ports.direct
+    )
     ends = system.ends
-    top, bottom = (jnp.moveaxis(sigma, 1, 0) for sigma in (solution.at_interface, solution.at_ground))
-    total = jnp.sum(inside, axis=0) + jnp.sum(ends.interface_load * solution.at_interface[:, ::-1], axis=(1, 2))
-    total -= jnp.sum(ends.interface * top[0] * top[1] + ends.ground_diagonal * bottom[0] * bottom[1], axis=-1)
+    top, bottom = (
+        jnp.moveaxis(sigma, 1, 0) for sigma in (solution.at_interface, solution.at_ground)
+    )
+    total = jnp.sum(inside, axis=0) + jnp.sum(
+        ends.interface_load * solution.at_interface[:, ::-1], axis=(1, 2)
+    )
+    total -= jnp.sum(
+        ends.interface * top[0] * top[1] + ends.ground_diagonal * bottom[0] * bottom[1], axis=-1
+    )
     seen = _diffuse_on_ground(system, solution) + ends.ground_light
     return system.factor * (total + ends.ground_factor * jnp.prod(seen, axis=-1))
 
@@ -178,11 +210,17 @@ def split(stack: Stack, resolution: Resolution) -> Split:
     mu, weights, r = (jnp.asarray(a, value.dtype) for a in system.directions)
     top_down = order(system.thickness.shape[0]).back
     thickness = system.thickness[top_down]
-    depth = jnp.concatenate([jnp.zeros_like(thickness[:1]), jnp.cumsum(thickness, axis=0)])[..., None]
+    depth = jnp.concatenate([jnp.zeros_like(thickness[:1]), jnp.cumsum(thickness, axis=0)])[
+        ..., None
+    ]
     passing = weights * mu * (1.0 - r)
     up = 0.5 * ends.ground_factor * lit
     ground = system.factor * up * jnp.sum(passing * jnp.exp(-depth[-1] / mu), axis=-1)
-    seen = jnp.exp(-depth[:-1] / mu) / mu * decay_integral(beams.decay[0][:, None] + 1.0 / mu, thickness[..., None])
+    seen = (
+        jnp.exp(-depth[:-1] / mu)
+        / mu
+        * decay_integral(beams.decay[0][:, None] + 1.0 / mu, thickness[..., None])
+    )
     source = 0.5 * system.albedo[top_down] * beams.survival[0][top_down]
     single = system.factor * jnp.sum(source[..., None] * seen * passing, axis=(0, -1))
     return Split(ground, single, value - ground - single)

@@ -10,19 +10,21 @@ With half-range cosines mu_i, weights w_i and radiances L+ (down), L- (up) put
 
     sigma = sqrt(w) mu (L+ + L-),      delta = sqrt(w) (L+ - L-) = -sigma'.
 
-Each layer is a symmetric two-port between its faces (see `layers`). Joined, they are one symmetric system K x = b. Beam
-and view load it in the same way, so with b_I of the incidence and b_F of the viewing direction the reflectance is the
-stationary value of
+Each layer is a symmetric two-port between its faces (see `layers`). Joined, they are one symmetric
+system K x = b. Beam and view load it in the same way, so with b_I of the incidence and b_F of the
+viewing direction the reflectance is the stationary value of
 
     R = C [ G + b_F.x_I + x_F.b_I - x_F.K x_I ],      K x_I = b_I,  K x_F = b_F,
 
-G being the paths that never meet K (single scattering in a layer, ground seen directly). Reciprocity is then
-symmetry, and a derivative needs no derivative of x (see `sensitivity`).
+G being the paths that never meet K (single scattering in a layer, ground seen directly).
+Reciprocity is then symmetry, and a derivative needs no derivative of x (see `sensitivity`).
 
-K is eliminated from both ends at once, interface and ground, towards the middle: the two halves share each operation.
-A half, once eliminated, is the relation delta = Z sigma - s at its inner face (pointing outwards) and its part g of R.
+K is eliminated from both ends at once, interface and ground, towards the middle: the two halves
+share each operation. A half, once eliminated, is the relation delta = Z sigma - s at its inner face
+(pointing outwards) and its part g of R.
 
-The physics is paper A (Shinozawa et al. 2013), eqs (4)-(22), with its integrals over mu done by quadrature.
+The physics is paper A (Shinozawa et al. 2013), eqs (4)-(22), with its integrals over mu done by
+quadrature.
 """
 
 from typing import Any, NamedTuple
@@ -40,7 +42,8 @@ from ..common.stack_arrays import Stack
 from .layers import Beams, Fields, Ports, two_ports
 from .modes import Modes, layer_modes
 
-# More pairs of layers than this are eliminated in a loop, which runs a little slower but compiles once.
+# More pairs of layers than this are eliminated in a loop, which runs a little slower but compiles
+# once.
 _UNROLLED = 1
 
 
@@ -51,13 +54,21 @@ class Ends(NamedTuple):
     interface_load: Array  # (batch, 2, n)
     ground_diagonal: Array  # (n,) or (batch, n): 1/mu
     ground_vector: Array  # (n,) or (batch, n): sqrt(w)
-    ground_factor: Array  # (batch,): c = 4 rho/(1 + rho); delta = (1/mu - c sqrt(w) sqrt(w)^T) sigma - load
-    ground_light: Array  # (batch, 2): beam on the ground, exp(-tau/mu) mu; the load is c sqrt(w) times it
-    coupled: Array | None = None  # (n, n): added to the diagonal `interface` where the surface is rough
+    ground_factor: (
+        Array  # (batch,): c = 4 rho/(1 + rho); delta = (1/mu - c sqrt(w) sqrt(w)^T) sigma - load
+    )
+    ground_light: (
+        Array  # (batch, 2): beam on the ground, exp(-tau/mu) mu; the load is c sqrt(w) times it
+    )
+    coupled: Array | None = (
+        None  # (n, n): added to the diagonal `interface` where the surface is rough
+    )
 
 
 class System(NamedTuple):
-    """The ingredients of R = C [G + b_F.x_I + x_F.b_I - x_F.K x_I]. Layers in the order of `order`."""
+    """The ingredients of R = C [G + b_F.x_I + x_F.b_I - x_F.K x_I]. Layers in the order
+    of `order`.
+    """
 
     albedo: Array  # (layers, batch)
     thickness: Array  # (layers, batch)
@@ -70,10 +81,14 @@ class System(NamedTuple):
 
 
 class Order(NamedTuple):
-    """From both ends inwards: bottom, top, last but one, second, ...; the middle one of an odd number last."""
+    """From both ends inwards: bottom, top, last but one, second, ...; the middle one of an odd
+    number last.
+    """
 
     layers: np.ndarray  # (layers,), index of each layer in the stack
-    mirrored: np.ndarray  # (layers,), whether its near face, the one towards the middle, is its bottom
+    mirrored: (
+        np.ndarray
+    )  # (layers,), whether its near face, the one towards the middle, is its bottom
     back: np.ndarray  # (layers,), where in this order each layer of the stack is, top first
 
 
@@ -82,7 +97,9 @@ def order(count: int) -> Order:
     pairs = [index for step in range(count // 2) for index in (count - 1 - step, step)]
     middle = [count // 2] if count % 2 else []
     layers = np.array(pairs + middle)
-    return Order(layers, np.array([False, True] * (count // 2) + [False] * (count % 2)), np.argsort(layers))
+    return Order(
+        layers, np.array([False, True] * (count // 2) + [False] * (count % 2)), np.argsort(layers)
+    )
 
 
 @jax.named_scope("assemble")
@@ -100,7 +117,9 @@ def assemble(stack: Stack, resolution: Resolution | Directions) -> System:
     root = jnp.sqrt(weights)
     if stack.cos_viewing is None:
         # All that leaves: the product of this load with sigma is the flux through the interface.
-        leaving = jnp.broadcast_to(root * (1.0 - r) / (1.0 + r), (thickness.shape[1], root.shape[-1]))
+        leaving = jnp.broadcast_to(
+            root * (1.0 - r) / (1.0 + r), (thickness.shape[1], root.shape[-1])
+        )
         interface_load = jnp.stack([jnp.zeros_like(leaving), leaving], axis=1)
         light = jnp.concatenate([light, jnp.zeros_like(light)], axis=1)
         factor = beams.transmittance[0] * beams.decay[0]
@@ -140,7 +159,9 @@ def _beams(stack: Stack, layers: np.ndarray) -> Beams:
 
 
 class _Half(NamedTuple):
-    """A half of the stack as seen from its inner face: delta = Z sigma - s. Axis 0: lower, upper (or one of them)."""
+    """A half of the stack as seen from its inner face: delta = Z sigma - s. Axis 0: lower, upper
+    (or one of them).
+    """
 
     impedance: Array  # (halves, batch, n, n), Z
     source: Array  # (halves, batch, 2, n), s
@@ -169,7 +190,9 @@ class _Memory(NamedTuple):
 
 def _layers(system: System) -> _Layer:
     ports, empty = system.ports, system.thickness[..., None] == 0
-    scale = jnp.sqrt(jnp.where(empty, 1.0, ports.tanh / jnp.where(empty, 1.0, system.thickness[..., None])))
+    scale = jnp.sqrt(
+        jnp.where(empty, 1.0, ports.tanh / jnp.where(empty, 1.0, system.thickness[..., None]))
+    )
     near, far = ports.near, ports.far
     if near.shape[2] == 1:
         near, far = (jnp.concatenate([load, jnp.zeros_like(load)], axis=2) for load in (near, far))
@@ -190,7 +213,9 @@ def _outermost(ends: Ends, layer: _Layer) -> tuple[Array, Array]:
     halves, batch, n = layer.scale.shape
     diagonals = [ends.ground_diagonal, ends.interface]
     diagonal = jnp.stack([jnp.broadcast_to(d, (batch, n)) for d in diagonals[:halves]])
-    seen = jnp.sum(vectors[0] * jnp.broadcast_to(ends.ground_vector, (batch, n))[..., None], axis=-2)
+    seen = jnp.sum(
+        vectors[0] * jnp.broadcast_to(ends.ground_vector, (batch, n))[..., None], axis=-2
+    )
     ground = ends.ground_factor[:, None] * seen
     impedance = product(transposed(vectors), diagonal[..., None] * vectors)
     from_ground = ends.ground_light[..., None] * ground[:, None]
@@ -199,7 +224,10 @@ def _outermost(ends: Ends, layer: _Layer) -> tuple[Array, Array]:
         return impedance - coupled, from_ground[None]
     rough = jnp.zeros_like(coupled)
     if ends.coupled is not None:
-        rough = product(transposed(vectors[1]), product(jnp.broadcast_to(-ends.coupled, coupled.shape), vectors[1]))
+        rough = product(
+            transposed(vectors[1]),
+            product(jnp.broadcast_to(-ends.coupled, coupled.shape), vectors[1]),
+        )
     from_above = product(ends.interface_load, vectors[1])
     return impedance - jnp.stack([coupled, rough]), jnp.stack([from_ground, from_above])
 
@@ -207,14 +235,17 @@ def _outermost(ends: Ends, layer: _Layer) -> tuple[Array, Array]:
 def _next(half: _Half, layer: _Layer) -> tuple[Array, Array]:
     """Scaled impedance r Y^T Z Y r and source r Y^T s of a half in the modes of its next layer."""
     vectors = layer.vectors * layer.scale[..., None, :]
-    return product(transposed(vectors), product(half.impedance, vectors)), product(half.source, vectors)
+    return product(transposed(vectors), product(half.impedance, vectors)), product(
+        half.source, vectors
+    )
 
 
 def _eliminate(impedance: Array, source: Array, layer: _Layer) -> tuple[_Half, Array, _Memory]:
     """Take a layer into its half, given as scaled impedance and source in the layer's modes.
 
     Returns:
-        The half with the layer in it, what that contributes to R (batch,), and what the way back needs.
+        The half with the layer in it, what that contributes to R (batch,), and what the way back
+        needs.
     """
     identity = jnp.eye(impedance.shape[-1], dtype=impedance.dtype)
     # (I + Z T)^-1 in a symmetric scaling: exact for an empty layer, and small where T is large.
@@ -224,7 +255,9 @@ def _eliminate(impedance: Array, source: Array, layer: _Layer) -> tuple[_Half, A
     admittance, passed = product(impedance, inverse), product(source, inverse)
     gain = layer.thickness[..., None] * source[..., 1, :] * passed[..., 0, :]
     through = layer.sech / layer.scale
-    outward = through[..., :, None] * admittance * through[..., None, :] + _diagonal(layer.restoring)
+    outward = through[..., :, None] * admittance * through[..., None, :] + _diagonal(
+        layer.restoring
+    )
     back = transposed(layer.vectors)
     loads = product(layer.near + through[..., None, :] * passed, back)
     half = _Half(product(layer.vectors, product(outward, back)), loads)
@@ -232,7 +265,9 @@ def _eliminate(impedance: Array, source: Array, layer: _Layer) -> tuple[_Half, A
 
 
 def _recover(sigma: Array, layer: _Layer, memory: _Memory) -> tuple[Array, Fields]:
-    """From sigma at a layer's near face (halves, batch, 2, n) to that at its far face, with the layer's fields."""
+    """From sigma at a layer's near face (halves, batch, 2, n) to that at its far face, with the
+    layer's fields.
+    """
     near = product(sigma, layer.vectors)
     scale = layer.scale[..., None, :]
     driven = layer.sech[..., None, :] * near / scale
@@ -251,7 +286,9 @@ class SolvedFields(NamedTuple):
 
 def _in_steps(tree: Any, start: int, stop: int) -> Any:
     """Pairs of layers on an axis of their own."""
-    return jax.tree.map(lambda x: x[2 * start : 2 * stop].reshape(stop - start, 2, *x.shape[1:]), tree)
+    return jax.tree.map(
+        lambda x: x[2 * start : 2 * stop].reshape(stop - start, 2, *x.shape[1:]), tree
+    )
 
 
 def _at(tree: Any, start: int, stop: int | None = None) -> Any:
@@ -275,7 +312,8 @@ def solve(system: System, *, with_fields: bool) -> tuple[Array, SolvedFields | N
     total = jnp.sum(system.ports.direct, axis=0)
     total += ends.ground_factor * ends.ground_light[:, 0] * ends.ground_light[:, 1]
 
-    # Pairs from the ends inwards, then the middle one of an odd number; each step leaves what the way back needs.
+    # Pairs from the ends inwards, then the middle one of an odd number; each step leaves what the
+    # way back needs.
     first = _at(layers, 0, 2 if pairs else 1)
     half, gain, first_memory = _eliminate(*_outermost(ends, first), first)
     total += gain
@@ -288,7 +326,9 @@ def solve(system: System, *, with_fields: bool) -> tuple[Array, SolvedFields | N
             return half, (gain, memory)
 
         pairs_inside = _in_steps(layers, 1, pairs)
-        half, (gains, memories) = jax.lax.scan(step, half, pairs_inside, unroll=pairs - 1 <= _UNROLLED)
+        half, (gains, memories) = jax.lax.scan(
+            step, half, pairs_inside, unroll=pairs - 1 <= _UNROLLED
+        )
         inner = (pairs_inside, memories)
         total += jnp.sum(gains, axis=0)
     if pairs:
@@ -319,7 +359,9 @@ def solve(system: System, *, with_fields: bool) -> tuple[Array, SolvedFields | N
         def back(faces: Array, here: tuple[_Layer, _Memory]) -> tuple[Array, Fields]:
             return _recover(faces, *here)
 
-        faces, fields = jax.lax.scan(back, faces, inner, reverse=True, unroll=pairs - 1 <= _UNROLLED)
+        faces, fields = jax.lax.scan(
+            back, faces, inner, reverse=True, unroll=pairs - 1 <= _UNROLLED
+        )
         parts.append(jax.tree.map(lambda x: x.reshape(-1, *x.shape[2:]), fields))
     faces, fields = _recover(faces, first, first_memory)
     fields = jax.tree.map(lambda *x: jnp.concatenate(x), fields, *parts[::-1])
@@ -327,5 +369,7 @@ def solve(system: System, *, with_fields: bool) -> tuple[Array, SolvedFields | N
 
 
 def reflectance(stack: Stack, resolution: Resolution | Directions) -> Array:
-    """Reflectance factor, or hemispherical reflectance where the stack has no viewing direction, (batch,)."""
+    """Reflectance factor, or hemispherical reflectance where the stack has no viewing direction,
+    (batch,).
+    """
     return solve(assemble(stack, resolution), with_fields=False)[0]

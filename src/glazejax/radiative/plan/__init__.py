@@ -1,4 +1,6 @@
-"""What a scene does not need is left out, with bounds: `plan_stacks` decides once, `Plan` computes."""
+"""What a scene does not need is left out, with bounds: `plan_stacks` decides once, `Plan`
+computes.
+"""
 
 import lazy_loader
 

@@ -1,15 +1,18 @@
-r"""Rigorous bounds on what a part of a stack can add to its reflectance, from closed forms alone (numpy).
+r"""Rigorous bounds on what a part of a stack can add to its reflectance, from closed forms alone
+(numpy).
 
-All rest on one fact about J(tau), the mean radiance at optical depth tau. It solves J = g + Lambda(q J), in which g
-comes from the beam directly and Lambda has non-negative kernels (H + U)/2 and the ground's (paper A, eqs (9), (17),
-(21)). So whatever function Psi obeys Psi - Lambda(q Psi) >= (1 - eta) Psi >= (1 - eta) g/g(0) is a ceiling,
-J <= g(0) Psi/(1 - eta). Two such functions do:
+All rest on one fact about J(tau), the mean radiance at optical depth tau. It solves J = g +
+Lambda(q J), in which g comes from the beam directly and Lambda has non-negative kernels (H + U)/2
+and the ground's (paper A, eqs (9), (17), (21)). So whatever function Psi obeys Psi - Lambda(q Psi)
+>= (1 - eta) Psi >= (1 - eta) g/g(0) is a ceiling, J <= g(0) Psi/(1 - eta). Two such functions do:
 
-    constant         Lambda 1 <= 1, whatever the ground and the interface, hence eta = max q
-    exp(-integral of kappa)   in layers over a black floor, for rates that do not fall with depth and obey
-                     kappa_l <= kappa(q_l/eta), where kappa(q) is the decay constant of the endless medium,
-                     q artanh(kappa)/kappa = 1. (The exponential through any depth lies above Psi everywhere, also
-                     above its mirror image in the interface, and the endless medium is solved by exponentials.)
+    constant                  Lambda 1 <= 1, whatever the ground and the interface: eta = max q
+    exp(-integral of kappa)   in layers over a black floor, for rates that do not fall with depth
+                              and obey kappa_l <= kappa(q_l/eta), where kappa(q) is the decay
+                              constant of the endless medium, q artanh(kappa)/kappa = 1. (The
+                              exponential through any depth lies above Psi everywhere, also above
+                              its mirror image in the interface, and the endless medium is solved
+                              by exponentials.)
 """
 
 from typing import NamedTuple
@@ -17,7 +20,8 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-# Rates from 0 to almost 1, by which kappa(q) is rounded down. A rate of one would make radiances unbounded.
+# Rates from 0 to almost 1, by which kappa(q) is rounded down. A rate of one would make radiances
+# unbounded.
 _RATES = np.concatenate([np.linspace(0.0, 0.98, 1500), 1.0 - np.geomspace(0.02, 1e-4, 200)[1:]])
 # The albedo each belongs to, falling from 1.
 _RATE_ALBEDO = np.concatenate([[1.0], _RATES[1:] / np.arctanh(_RATES[1:])])
@@ -69,7 +73,8 @@ def hidden_below(
         tolerance: what the hidden part may change.
 
     Returns:
-        Number of layers to follow, (stacks,), and whether the ground, or whatever lies below them, is hidden.
+        Number of layers to follow, (stacks,), and whether the ground, or whatever lies below them,
+        is hidden.
     """
     layers = albedo.shape[1]
     filled = np.max(np.arange(1, layers + 1) * (optical_thickness > 0), axis=1, initial=0)
@@ -78,9 +83,14 @@ def hidden_below(
     rows = np.arange(albedo.shape[0])
     for m in range(1, layers + 1):
         rows = rows[filled[rows] >= m]
-        # The straight part is exact and the rest adds to it: where it alone is too much, nothing is hidden.
+        # The straight part is exact and the rest adds to it: where it alone is too much, nothing is
+        #     hidden.
         below = np.where(filled[rows] == m, ground[rows], 1.0)
-        straight = below * _straight(depth[rows, m - 1], incidence, viewing, rows) / refractive_index[rows] ** 2
+        straight = (
+            below
+            * _straight(depth[rows, m - 1], incidence, viewing, rows)
+            / refractive_index[rows] ** 2
+        )
         try_rows, below = rows[straight <= tolerance], below[straight <= tolerance]
         if try_rows.size == 0:
             continue
@@ -117,17 +127,19 @@ def hidden_change(
     one: End,
     two: End,
 ) -> Float[np.ndarray, "stacks"]:
-    """How much anything below the layers given can add to what they reflect over black, at most; (stacks,).
+    """How much anything below the layers given can add to what they reflect over black, at most;
+    (stacks,).
 
     It adds the light that passes the layers twice: at most
 
         pi/n^2 [(phi_F + p_F) lambda_I + p_I lambda_F + p_I p_F c]/(1 - r),
 
-    where p is the flux of the beam that arrives straight, phi that of scattered light and lambda its largest
-    radiance, all for layers over black, r the largest reflectance of those layers from below, and c = 2/(pi mu) the
-    largest radiance that any medium sends back for unit flux in direction mu. (The medium that absorbs nothing and
-    has no interface sends back most. For it (C - beta exp(-kappa tau)) g(0) with C = 7, beta = 3, kappa = 0.8 is a
-    ceiling of J, so c = C/(4 pi mu) would do.)
+    where p is the flux of the beam that arrives straight, phi that of scattered light and lambda
+    its largest radiance, all for layers over black, r the largest reflectance of those layers from
+    below, and c = 2/(pi mu) the largest radiance that any medium sends back for unit flux in
+    direction mu. (The medium that absorbs nothing and has no interface sends back most. For it (C -
+    beta exp(-kappa tau)) g(0) with C = 7, beta = 3, kappa = 0.8 is a ceiling of J, so c = C/(4 pi
+    mu) would do.)
     """
     depth = thickness.sum(axis=1)
     brightest = albedo.max(axis=1)
@@ -141,20 +153,26 @@ def hidden_change(
             rates = np.minimum.accumulate(rates[:, ::-1], axis=1)[:, ::-1]  # not falling with depth
             arriving = brightest / loss * np.exp(-(rates * thickness).sum(axis=1))
             last = rates[:, -1]
-            spread = np.where(last > 1e-3, (-np.log1p(-last) - last) / np.maximum(last, 1e-3) ** 2, 0.501)
+            spread = np.where(
+                last > 1e-3, (-np.log1p(-last) - last) / np.maximum(last, 1e-3) ** 2, 0.501
+            )
             radiance = [end.source * arriving / (1.0 - last) for end in (one, two)]
             flux = two.source * arriving * 2.0 * np.pi * spread
             straight_flux = [end.flux * np.exp(-depth / end.cosine) for end in (one, two)]
             scattered = (flux + straight_flux[1]) * radiance[0] + straight_flux[0] * radiance[1]
             bound = (np.pi * scattered + straight) / (index**2 * from_below)
-            best = np.fmin(best, np.where(brightest == 0, straight / (index**2 * from_below), bound))
+            best = np.fmin(
+                best, np.where(brightest == 0, straight / (index**2 * from_below), bound)
+            )
     return best
 
 
 def _return(albedo: np.ndarray, thickness: np.ndarray) -> np.ndarray:
-    """Largest radiance that comes back from the layers for unit radiance from below in all directions.
+    """Largest radiance that comes back from the layers for unit radiance from below in all
+    directions.
 
-    A source q J <= q along each ray: what is lost is at least (1 - q) times the share of the ray within a layer.
+    A source q J <= q along each ray: what is lost is at least (1 - q) times the share of the ray
+    within a layer.
     """
     brightest = np.maximum.accumulate(albedo[:, ::-1], axis=1)
     within = np.cumsum(thickness[:, ::-1], axis=1)
@@ -172,13 +190,14 @@ def scattered_beyond_first(
 ) -> Float[np.ndarray, "stacks"]:
     """Ceiling of all light but that scattered once by a layer, or only by the ground; (stacks,).
 
-    With J0 the field without scattering in the layers, the rest is 4 pi^2/n^2 times the integral over depth of
-    q (J_I J0_F - g_I g_F), where J <= J0 + max J0 q_max/(1 - q_max) and J0 = g + ground's share b M/2.
+    With J0 the field without scattering in the layers, the rest is 4 pi^2/n^2 times the integral
+    over depth of q (J_I J0_F - g_I g_F), where J <= J0 + max J0 q_max/(1 - q_max) and J0 = g +
+    ground's share b M/2.
 
     Args:
         albedo, optical_thickness: (stacks, layers).
-        ground_radiosity: radiance b that leaves the ground without scattering in the layers, for unit irradiance by
-            either end, (stacks,) each.
+        ground_radiosity: radiance b that leaves the ground without scattering in the layers, for
+            unit irradiance by either end, (stacks,) each.
         refractive_index: n, (stacks,).
         incidence, viewing: the two ends, arrays (stacks,).
     """
@@ -192,5 +211,7 @@ def scattered_beyond_first(
         again = np.where(brightest > 0, brightest / (1.0 - brightest), 0.0) * (g_one + b_one)
     with np.errstate(invalid="ignore"):
         rest = np.where(brightest > 0, again * (g_two * by_beam[1] + b_two * by_ground), 0.0)
-    crossed = g_one * b_two * np.minimum(by_beam[0], by_ground) + g_two * b_one * np.minimum(by_beam[1], by_ground)
+    crossed = g_one * b_two * np.minimum(by_beam[0], by_ground) + g_two * b_one * np.minimum(
+        by_beam[1], by_ground
+    )
     return 4.0 * np.pi**2 / refractive_index**2 * (rest + crossed + b_one * b_two * by_ground)

@@ -1,7 +1,8 @@
 """Reflectance of layers that scatter so little that no system of equations is needed (numpy).
 
-Light absorbed on straight ways (Beer and Lambert), scattered at most once in the layers, and thrown back and forth
-between the Lambertian ground and the interface as often as it likes. How much that leaves out is bounded by
+Light absorbed on straight ways (Beer and Lambert), scattered at most once in the layers, and thrown
+back and forth between the Lambertian ground and the interface as often as it likes. How much that
+leaves out is bounded by
 `glazejax.radiative.plan.bounds.scattered_beyond_first`.
 """
 
@@ -31,8 +32,12 @@ class FirstOrder(NamedTuple):
     """Radiance that leaves the ground for unit irradiance by incidence and by viewing."""
 
 
-def end(cosine_air: Float[np.ndarray, "stacks"] | None, refractive_index: Float[np.ndarray, "stacks"]) -> End:
-    """The incident beam or the view, by its cosine in air; None for all viewing directions together."""
+def end(
+    cosine_air: Float[np.ndarray, "stacks"] | None, refractive_index: Float[np.ndarray, "stacks"]
+) -> End:
+    """The incident beam or the view, by its cosine in air; None for all viewing directions
+    together.
+    """
     if cosine_air is None:
         # Integrals over 2 mu dmu in air; the cosine inside is never the smaller one.
         one = np.ones(np.shape(refractive_index))
@@ -56,7 +61,9 @@ def _outside(index: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return np.asarray(cos_refracted(mu, index)), transmittance, 2.0 * mu * weights
 
 
-def internal_reflection(depth: Float[np.ndarray, "stacks"], index: float) -> Float[np.ndarray, "stacks"]:
+def internal_reflection(
+    depth: Float[np.ndarray, "stacks"], index: float
+) -> Float[np.ndarray, "stacks"]:
     """K = 2 int R mu exp(-2 h/mu) dmu: what the interface sends back to the ground.
 
     Args:
@@ -83,11 +90,15 @@ def without_multiple_scattering(
         albedo, optical_thickness: layers top first, (stacks, layers).
         ground: reflectance of the Lambertian ground, (stacks,).
         index: refractive index, a number.
-        cos_incidence, cos_viewing: in air, (stacks,); cos_viewing None for the hemispherical reflectance.
+        cos_incidence, cos_viewing: in air, (stacks,); cos_viewing None for the hemispherical
+            reflectance.
 
-    Source: paper A, eqs (19), (20), (22) with f = 0; single scattering as in S. Chandrasekhar, Radiative Transfer.
+    Source: paper A, eqs (19), (20), (22) with f = 0; single scattering as in S. Chandrasekhar,
+    Radiative Transfer.
     """
-    depth = np.concatenate([np.zeros((albedo.shape[0], 1)), np.cumsum(optical_thickness, axis=1)], axis=1)
+    depth = np.concatenate(
+        [np.zeros((albedo.shape[0], 1)), np.cumsum(optical_thickness, axis=1)], axis=1
+    )
     total = depth[:, -1]
     lit = ground / (1.0 - ground * internal_reflection(total, index)) / np.pi
     beam = end(cos_incidence, np.full(total.shape, index))
@@ -100,11 +111,18 @@ def without_multiple_scattering(
         cosine, transmittance, weights = view.cosine[:, None], view.flux[:, None], np.ones(1)
     share = (transmittance * np.exp(-total[:, None] / cosine)) @ weights
     by_ground = np.pi / index**2 * incoming * share
-    # Single scattering: T_I T_F/(4 n^2 mu_I mu_F) times the integral of q exp(-tau (1/mu_I + 1/mu_F)).
+    # Single scattering: T_I T_F/(4 n^2 mu_I mu_F) times the integral of q exp(-tau (1/mu_I +
+    # 1/mu_F)).
     decay = 1.0 / beam.cosine[:, None] + 1.0 / cosine
     once = np.zeros(decay.shape)
     for layer in range(albedo.shape[1]):
-        passed = np.exp(-decay * depth[:, layer, None]) * -np.expm1(-decay * optical_thickness[:, layer, None])
+        passed = np.exp(-decay * depth[:, layer, None]) * -np.expm1(
+            -decay * optical_thickness[:, layer, None]
+        )
         once += albedo[:, layer, None] * passed
-    once *= beam.flux[:, None] * transmittance / (4.0 * index**2 * beam.cosine[:, None] * cosine * decay)
+    once *= (
+        beam.flux[:, None]
+        * transmittance
+        / (4.0 * index**2 * beam.cosine[:, None] * cosine * decay)
+    )
     return FirstOrder(by_ground + once @ weights, (incoming, lit * share))

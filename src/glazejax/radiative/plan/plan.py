@@ -1,9 +1,11 @@
-"""What a set of stacks does not need is not computed: decided once, on known numbers, before anything compiled runs.
+"""What a set of stacks does not need is not computed: decided once, on known numbers, before
+anything compiled runs.
 
-A plan knows arrays only. It drops empty layers, merges equal neighbours, cuts what lies below an opaque layer, finds
-equal stacks and pairs of exchanged directions, takes the closed form where scattering is negligible, leaves out
-bands that cannot move the weighted sums asked for, and sends what remains to the solver in groups of equal depth and
-blocks of few shapes. Each of these can be switched off; none changes a result by more than its share of the tolerance.
+A plan knows arrays only. It drops empty layers, merges equal neighbours, cuts what lies below an
+opaque layer, finds equal stacks and pairs of exchanged directions, takes the closed form where
+scattering is negligible, leaves out bands that cannot move the weighted sums asked for, and sends
+what remains to the solver in groups of equal depth and blocks of few shapes. Each of these can be
+switched off; none changes a result by more than its share of the tolerance.
 """
 
 import functools
@@ -22,14 +24,17 @@ from .reduction import Rows
 
 # Shares of the tolerance; exact savings need none.
 _SHARE_HIDDEN, _SHARE_SCATTERING, _SHARE_BANDS = 0.25, 0.25, 0.5
-# Stacks go to the solver in blocks of these sizes and, if grouped, these numbers of layers: few programs to compile.
+# Stacks go to the solver in blocks of these sizes and, if grouped, these numbers of layers: few
+# programs to compile.
 _BLOCKS = (4096, 512, 64)
 _DEPTHS = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64)
-# A block at least this full is padded rather than cut into smaller ones; a call costs what some hundred stacks do.
+# A block at least this full is padded rather than cut into smaller ones; a call costs what some
+# hundred stacks do.
 _FILLED = (0.85, 0.5, 0.0)
 # A group smaller than this joins the next deeper one.
 _SMALLEST_GROUP = 256
-# Optical thicknesses of the white medium that bounds every reflectance; between them it changes by less than a margin.
+# Optical thicknesses of the white medium that bounds every reflectance; between them it changes by
+# less than a margin.
 _WHITE = np.concatenate([[0.0], np.geomspace(1e-3, 1e4, 63)])
 _WHITE_MARGIN = 1.05
 _MOST_GEOMETRIES = 32
@@ -88,7 +93,9 @@ class Report(NamedTuple):
 
 @dataclass(frozen=True)
 class Plan:
-    """Stacks that have to be computed, and how the full result follows from them. Made by `plan_stacks`."""
+    """Stacks that have to be computed, and how the full result follows from them. Made by
+    `plan_stacks`.
+    """
 
     _rows: Rows
     _groups: list[tuple[int, Int[np.ndarray, "_"]]]
@@ -115,7 +122,11 @@ class Plan:
         for layers, members in self._groups:
             for start, stop, size in _blocks(members.size):
                 # The last block is filled up with copies of its first stack.
-                padded = np.resize(members[start:stop], size) if stop - start < size else members[start:stop]
+                padded = (
+                    np.resize(members[start:stop], size)
+                    if stop - start < size
+                    else members[start:stop]
+                )
                 pending.append((members[start:stop], self._solve(self._rows.take(padded), layers)))
         for piece in reduction.pieces(self._closed):
             distinct[piece] = reduction.by_closed_form(self._rows.take(piece)).reflectance
@@ -132,9 +143,15 @@ class Plan:
 
     def _solve(self, rows: Rows, layers: int) -> Array:
         first = rows.refractive_index[0]
-        index = float(first) if np.all(self._rows.refractive_index == first) else rows.refractive_index
+        index = (
+            float(first) if np.all(self._rows.refractive_index == first) else rows.refractive_index
+        )
         arrays = (rows.albedo[:, :layers], rows.optical_thickness[:, :layers], rows.ground)
-        common = {"refractive_index": index, "cos_incidence": rows.cos_incidence, "tolerance": self._tolerance}
+        common = {
+            "refractive_index": index,
+            "cos_incidence": rows.cos_incidence,
+            "tolerance": self._tolerance,
+        }
         if rows.cos_viewing is None:
             return stack_hemispherical_reflectance(*arrays, **common)
         return stack_reflectance_factor(*arrays, **common, cos_viewing=rows.cos_viewing)
@@ -146,14 +163,19 @@ class Plan:
     def describe(self) -> str:
         """What is left out, in words."""
         r = self._report
-        groups = ", ".join(f"{stacks} of {layers} layer{'s' * (layers > 1)}" for layers, stacks in r.groups)
+        groups = ", ".join(
+            f"{stacks} of {layers} layer{'s' * (layers > 1)}" for layers, stacks in r.groups
+        )
         lines = [
             (r.unwanted, f"{r.unwanted} were not asked for"),
             (r.bands, f"{r.bands} belong to bands that cannot move the weighted sums"),
             (r.equal, f"{r.equal} equal another one"),
             (r.hidden_layers, f"{r.hidden_layers} layers are hidden below others"),
             (r.hidden_grounds, f"{r.hidden_grounds} grounds are hidden"),
-            (r.closed, f"{r.closed} follow from a closed form, their multiple scattering being negligible"),
+            (
+                r.closed,
+                f"{r.closed} follow from a closed form, their multiple scattering being negligible",
+            ),
             (True, f"{r.solved} are solved" + (f": {groups}" if groups else "")),
         ]
         return "; ".join([f"{r.stacks} stacks", *(words for count, words in lines if count)])
@@ -175,49 +197,71 @@ def plan_stacks(
     """Decide what of a batch of stacks has to be computed.
 
     Args:
-        albedo, optical_thickness: of each layer, top first, (..., layers); as `stack_reflectance_factor`.
-        substrate_reflectance: of the Lambertian ground, from inside the medium, (...).
-        refractive_index: of all layers, (...); one value for all stacks is the fast path, as a number or not.
-        cos_incidence, cos_viewing: cosines in air, (...); cos_viewing None asks for the hemispherical reflectance.
-        tolerance: absolute error wanted of the solver. All savings together change a result by no more than that.
-        savings: which savings to make.
-        band_weights: if only the sums over the last batch axis times these weights matter, such as illuminant times
-            colour matching functions, (bands, channels). No channel then moves, by bands left out, by more than half
-            the tolerance times the sum of its weights' magnitudes.
-        wanted: which entries are asked for, (...); the others are NaN in the result. All by default.
+        albedo, optical_thickness: of each layer, top first, (..., layers); as
+        `stack_reflectance_factor`. substrate_reflectance: of the Lambertian ground, from inside the
+        medium, (...).
+        refractive_index: of all layers, (...); one value for all stacks is the fast path, as a
+        number or not. cos_incidence, cos_viewing: cosines in air, (...); cos_viewing None asks for
+        the hemispherical reflectance. tolerance: absolute error wanted of the solver. All savings
+        together change a result by no more than that. savings: which savings to make.
+        band_weights: if only the sums over the last batch axis times these weights matter, such as
+            illuminant times colour matching functions, (bands, channels). No channel then moves, by
+            bands left out, by more than half the tolerance times the sum of its weights'
+            magnitudes.
+        wanted: which entries are asked for, (...); the others are NaN in the result. All by
+            default.
 
     Returns:
         `Plan`; its ``run()`` gives the reflectances in the broadcast shape of the batch.
 
     Raises:
-        ValueError: an input is traced by JAX, out of range, or does not broadcast, or `band_weights` do not match.
+        ValueError: an input is traced by JAX, out of range, or does not broadcast, or
+            `band_weights` do not match.
 
     Notes:
         The bounds are those of `bounds`. A band is weighed by the highest reflectance there is in
         this geometry: of a medium that absorbs nothing on a white ground, whatever its thickness.
     """
     check_tolerance(tolerance)
-    arguments = (albedo, optical_thickness, substrate_reflectance, refractive_index, cos_incidence, cos_viewing)
+    arguments = (
+        albedo,
+        optical_thickness,
+        substrate_reflectance,
+        refractive_index,
+        cos_incidence,
+        cos_viewing,
+    )
     known = {n: _known(n, v) for n, v in zip(_ARGUMENTS, arguments, strict=True) if v is not None}
     given = batch_of_stacks(known, xp=np, dtype=float)
     shape = given.batch
     size = int(np.prod(shape))
-    ask = np.ones(size, bool) if wanted is None else np.broadcast_to(_known("wanted", wanted, bool), shape).reshape(-1)
+    ask = (
+        np.ones(size, bool)
+        if wanted is None
+        else np.broadcast_to(_known("wanted", wanted, bool), shape).reshape(-1)
+    )
     compute = ask if savings.unwanted else np.ones(size, bool)
     due, kept = int(compute.sum()), None
     if band_weights is not None:
         weights = _known("band_weights", band_weights)
         if weights.ndim != 2 or weights.shape[:1] != shape[-1:]:
-            raise ValueError(f"band_weights {weights.shape} do not fit bands as the last axis of the batch {shape}")
+            raise ValueError(
+                f"band_weights {weights.shape} do not fit bands as the last axis of the batch "
+                f"{shape}"
+            )
         by_stack = ask.reshape(shape)
-        # Where a band is wanted of one stack and not of another, its neighbours may not be there to fill it in.
+        # Where a band is wanted of one stack and not of another, its neighbours may not be there to
+        # fill it in.
         if savings.bands and size and np.array_equal(by_stack.all(axis=-1), by_stack.any(axis=-1)):
             kept = _needed_bands(weights, tolerance * _SHARE_BANDS, given.arrays)
             compute = compute & np.broadcast_to(kept, shape).reshape(-1)
     computed = np.flatnonzero(compute)
     rows = _flat(given, computed)
     if savings.reciprocity and rows.cos_viewing is not None:
-        low, high = np.minimum(rows.cos_incidence, rows.cos_viewing), np.maximum(rows.cos_incidence, rows.cos_viewing)
+        low, high = (
+            np.minimum(rows.cos_incidence, rows.cos_viewing),
+            np.maximum(rows.cos_incidence, rows.cos_viewing),
+        )
         rows = replace(rows, cos_incidence=low, cos_viewing=high)
     rows, inverse = reduction.once(rows) if savings.equal else (rows, np.arange(rows.count))
     given_layers = rows.albedo.size
@@ -275,7 +319,8 @@ _ARGUMENTS = (
 def _known(name: str, value: Any, dtype: type = float) -> np.ndarray:
     if isinstance(value, Tracer):
         raise ValueError(
-            f"{name} is traced by JAX, but a plan looks at numbers: make it outside jit, vmap and grad, or call "
+            f"{name} is traced by JAX, but a plan looks at numbers: make it outside jit, vmap "
+            "and grad, or call "
             "stack_reflectance_factor, which needs no plan"
         )
     return np.asarray(value, dtype)
@@ -301,7 +346,8 @@ def _flat(given: BatchOfStacks, computed: np.ndarray) -> Rows:
 def _ceiling(index: float, cos_incidence: float, cos_viewing: float | None) -> float:
     """Highest reflectance of any stack: that of a medium that absorbs nothing on a white ground.
 
-    Reflectance grows with every albedo and with the ground's, and layers of albedo one are one layer.
+    Reflectance grows with every albedo and with the ground's, and layers of albedo one are one
+    layer.
     """
     if cos_viewing is None:
         return 1.0
@@ -317,15 +363,21 @@ def _ceiling(index: float, cos_incidence: float, cos_viewing: float | None) -> f
     return _WHITE_MARGIN * float(np.max(values))
 
 
-def _needed_bands(weights: np.ndarray, tolerance: float, given: dict[str, np.ndarray]) -> Bool[np.ndarray, "bands"]:
-    """Bands without which a channel could be off by more than the tolerance, relative to its perfect white."""
+def _needed_bands(
+    weights: np.ndarray, tolerance: float, given: dict[str, np.ndarray]
+) -> Bool[np.ndarray, "bands"]:
+    """Bands without which a channel could be off by more than the tolerance, relative to its
+    perfect white.
+    """
     directions = (given["refractive_index"], given["cos_incidence"], given.get("cos_viewing", 1.0))
     rows = np.stack([np.ravel(a) for a in np.broadcast_arrays(*directions)], axis=1)
     geometries = np.unique(rows, axis=0)
     keep = np.ones(weights.shape[0], bool)
     if len(geometries) > _MOST_GEOMETRIES:
         return keep
-    ceiling = max(_ceiling(n, i, v if "cos_viewing" in given else None) for n, i, v in geometries.tolist())
+    ceiling = max(
+        _ceiling(n, i, v if "cos_viewing" in given else None) for n, i, v in geometries.tolist()
+    )
     magnitude = np.abs(weights)
     total = magnitude.sum(axis=0)
     share = magnitude / np.where(total > 0, total, 1.0)
@@ -368,7 +420,9 @@ def _group(depth: np.ndarray, members: np.ndarray, grouped: bool) -> list[tuple[
 
 
 def _blocks(count: int) -> list[tuple[int, int, int]]:
-    """(start, stop, padded size) of pieces that cover `count` stacks: a size is padded where it is mostly filled."""
+    """(start, stop, padded size) of pieces that cover `count` stacks: a size is padded where it is
+    mostly filled.
+    """
     pieces, start = [], 0
     for size, filled in zip(_BLOCKS, _FILLED, strict=True):
         while start < count and count - start >= filled * size:

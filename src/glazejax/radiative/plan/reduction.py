@@ -1,4 +1,6 @@
-"""Fewer and simpler stacks of the same reflectance: equal or empty, hidden, or of closed form (numpy)."""
+"""Fewer and simpler stacks of the same reflectance: equal or empty, hidden, or of closed form
+(numpy).
+"""
 
 from dataclasses import dataclass, replace
 
@@ -49,8 +51,18 @@ class Rows:
 
     def columns(self) -> list[np.ndarray]:
         """Every quantity of a stack as one array (stacks,)."""
-        ends = [self.cos_incidence] if self.cos_viewing is None else [self.cos_incidence, self.cos_viewing]
-        return [*self.albedo.T, *self.optical_thickness.T, self.ground, self.refractive_index, *ends]
+        ends = (
+            [self.cos_incidence]
+            if self.cos_viewing is None
+            else [self.cos_incidence, self.cos_viewing]
+        )
+        return [
+            *self.albedo.T,
+            *self.optical_thickness.T,
+            self.ground,
+            self.refractive_index,
+            *ends,
+        ]
 
     def ends(self) -> tuple[End, End]:
         """Incidence and viewing, as the bounds want them."""
@@ -58,7 +70,9 @@ class Rows:
         return closed_form.end(self.cos_incidence, n), closed_form.end(self.cos_viewing, n)
 
 
-def distinct(columns: list[Float[np.ndarray, "entries"]]) -> tuple[Int[np.ndarray, "kept"], Int[np.ndarray, "entries"]]:
+def distinct(
+    columns: list[Float[np.ndarray, "entries"]],
+) -> tuple[Int[np.ndarray, "kept"], Int[np.ndarray, "entries"]]:
     """First of each kind among entries equal in all columns, and which kind each entry is."""
     columns = [np.asarray(column, np.float64) + 0.0 for column in columns]  # -0 becomes 0
     key = np.zeros(columns[0].size, np.uint64)
@@ -67,7 +81,9 @@ def distinct(columns: list[Float[np.ndarray, "entries"]]) -> tuple[Int[np.ndarra
         key ^= key >> np.uint64(31)
     _, first, inverse = np.unique(key, return_index=True, return_inverse=True)
     if not all(np.array_equal(column[first][inverse], column) for column in columns):
-        _, first, inverse = np.unique(np.stack(columns, 1), axis=0, return_index=True, return_inverse=True)
+        _, first, inverse = np.unique(
+            np.stack(columns, 1), axis=0, return_index=True, return_inverse=True
+        )
     return first, inverse.reshape(-1)
 
 
@@ -123,7 +139,9 @@ def by_closed_form(rows: Rows) -> closed_form.FirstOrder:
         here = np.flatnonzero(rows.refractive_index == index)
         part = rows.take(here)
         media = (part.albedo, part.optical_thickness, part.ground, float(index))
-        found = closed_form.without_multiple_scattering(*media, part.cos_incidence, part.cos_viewing)
+        found = closed_form.without_multiple_scattering(
+            *media, part.cos_incidence, part.cos_viewing
+        )
         value[here], (one[here], two[here]) = found
     return closed_form.FirstOrder(value, (one, two))
 
@@ -132,9 +150,12 @@ def closes(rows: Rows, tolerance: float) -> Bool[np.ndarray, "stacks"]:
     """Where the closed form leaves out no more than the tolerance."""
 
     def bound(part: Rows, lit: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
-        return scattered_beyond_first(part.albedo, part.optical_thickness, lit, part.refractive_index, *part.ends())
+        return scattered_beyond_first(
+            part.albedo, part.optical_thickness, lit, part.refractive_index, *part.ends()
+        )
 
-    # Without the ground's part the bound is cheap, and only smaller: few stacks are looked at closely.
+    # Without the ground's part the bound is cheap, and only smaller: few stacks are looked at
+    # closely.
     fits = bound(rows, (np.zeros(rows.count), np.zeros(rows.count))) <= tolerance
     if np.unique(rows.refractive_index[fits]).size > _MOST_INDICES:  # one quadrature an index
         return np.zeros(rows.count, bool)

@@ -1,7 +1,9 @@
-"""Directions inside the paint, and the polynomials that carry light between them: two panels of Gauss nodes.
+"""Directions inside the paint, and the polynomials that carry light between them: two panels of
+Gauss nodes.
 
-The upper panel ends at the critical angle, where a smooth surface begins to reflect all. What the paint sends up is
-smooth across it, and singular where it grazes: there the lower panel's nodes crowd.
+The upper panel ends at the critical angle, where a smooth surface begins to reflect all. What the
+paint sends up is smooth across it, and singular where it grazes: there the lower panel's nodes
+crowd.
 """
 
 import functools
@@ -13,7 +15,8 @@ from jaxtyping import Array, Float
 from ..common.fresnel import array_module
 from ..common.quadrature import conserve, gauss
 
-# The upper panel reaches down to here at least, where an index near one has no critical angle to speak of.
+# The upper panel reaches down to here at least, where an index near one has no critical angle to
+# speak of.
 LEAST_SPLIT = 0.2
 
 
@@ -50,7 +53,9 @@ class Basis(NamedTuple):
         low = xp.log1p(xp.clip(cosines / self.split, 0.0, 1.0) * scale) / self.size.crowding
         parts = (lagrange(high, self.size.upper), lagrange(low, self.size.lower))
         masks = (upper[..., None], ~upper[..., None])
-        return xp.concatenate([xp.where(m, p, 0.0) for m, p in zip(masks, parts, strict=True)], axis=-1)
+        return xp.concatenate(
+            [xp.where(m, p, 0.0) for m, p in zip(masks, parts, strict=True)], axis=-1
+        )
 
 
 @functools.lru_cache(maxsize=64)
@@ -61,12 +66,16 @@ def basis(index: float, size: Size) -> Basis:
     y, y_weights = gauss(size.lower)
     c, scale = size.crowding, np.expm1(size.crowding)
     cosines = np.concatenate([split + (1.0 - split) * x, split * np.expm1(c * y) / scale])
-    weights = np.concatenate([(1.0 - split) * x_weights, split * y_weights * c * np.exp(c * y) / scale])
+    weights = np.concatenate(
+        [(1.0 - split) * x_weights, split * y_weights * c * np.exp(c * y) / scale]
+    )
     return Basis(split, size, cosines, np.asarray(conserve(cosines, weights)))
 
 
 def lagrange(x: Float[Array | np.ndarray, "*batch"], count: int) -> Any:
-    """Lagrange's polynomials of Gauss' nodes on [0, 1] at x, (..., count), by sums of Legendre's."""
+    """Lagrange's polynomials of Gauss' nodes on [0, 1] at x, (..., count), by sums of
+    Legendre's.
+    """
     xp = array_module(x)
     t = 2.0 * x - 1.0
     terms = [xp.ones_like(t), t]
@@ -78,7 +87,9 @@ def lagrange(x: Float[Array | np.ndarray, "*batch"], count: int) -> Any:
 
 @functools.lru_cache(maxsize=64)
 def _from_legendre(count: int) -> np.ndarray:
-    """Lagrange's polynomials in Legendre's, (count, count): Gauss' rule is exact for their products."""
+    """Lagrange's polynomials in Legendre's, (count, count): Gauss' rule is exact for their
+    products.
+    """
     y, weights = gauss(count)
     at_nodes = np.polynomial.legendre.legvander(2.0 * y - 1.0, count - 1)
     return (2.0 * np.arange(count) + 1.0)[:, None] * (at_nodes * weights[:, None]).T

@@ -1,11 +1,14 @@
-r"""Light between layers of paint and a rough surface: the default solver's layers, closed by a matrix.
+r"""Light between layers of paint and a rough surface: the default solver's layers, closed by a
+matrix.
 
-With u = sqrt(w mu) L and tau = enters/(2 n^2 sqrt(w mu)) of a beam, light below the surface is u_down = tau + P u_up, P
-being `Operators.back` scaled alike. In the even-parity form of `ordinates.solver` that is an impedance and a load,
+With u = sqrt(w mu) L and tau = enters/(2 n^2 sqrt(w mu)) of a beam, light below the surface is
+u_down = tau + P u_up, P being `Operators.back` scaled alike. In the even-parity form of
+`ordinates.solver` that is an impedance and a load,
 
     A = mu^-1/2 (I + P)^-1 (I - P) mu^-1/2,     load = 2 mu^-1/2 (I + P)^-1 tau,
 
-and what comes out towards a direction F is again stationary: n^2 R = load_F . sigma_I - 2 tau_F . (I + P)^-1 tau_I.
+and what comes out towards a direction F is again stationary: n^2 R = load_F . sigma_I - 2 tau_F .
+(I + P)^-1 tau_I.
 """
 
 import functools
@@ -75,7 +78,9 @@ def _fixed(surface: Surface) -> _Fixed:
 
 
 def reflectance(lit: Lit, surface: Surface) -> Array:
-    """n^2 times the reflectance of each stack, (batch,); see the module, and `ports` for light from the ground."""
+    """n^2 times the reflectance of each stack, (batch,); see the module, and `ports` for light from
+    the ground.
+    """
     return _reflectance(lit, surface)
 
 
@@ -87,7 +92,11 @@ def _reflectance(lit: Lit, surface: Surface) -> Array:
 def _in_chunks(lit: Lit, surface: Surface, wanted: tuple[str, ...] | None) -> Any:
     layers = lit.albedo.shape[1]
     nodes = surface.size.upper + surface.size.lower
-    return in_chunks(lambda some: _solve(some, surface, wanted), lit, max(1, _CHUNK_NUMBERS // (nodes**2 * layers)))
+    return in_chunks(
+        lambda some: _solve(some, surface, wanted),
+        lit,
+        max(1, _CHUNK_NUMBERS // (nodes**2 * layers)),
+    )
 
 
 def _solve(lit: Lit, surface: Surface, wanted: tuple[str, ...] | None) -> Any:
@@ -114,7 +123,9 @@ def _assemble(lit: Lit, surface: Surface, fixed: _Fixed) -> System:
     modes = layer_modes(albedo, mu, weights)
     nothing = jnp.zeros((2, batch), dtype)
     # No beam enters unscattered: all light begins as radiances just below the surface.
-    beams = Beams(jnp.ones((2, batch), dtype), nothing, jnp.zeros((2, count, batch), dtype), nothing)
+    beams = Beams(
+        jnp.ones((2, batch), dtype), nothing, jnp.zeros((2, count, batch), dtype), nothing
+    )
     ports = two_ports(albedo, modes.decay_squared, modes.coupling, thickness, beams, mirrored)
     load = jnp.matmul(lit.enters, jnp.asarray(fixed.admits, dtype), precision="highest")
     ends = Ends(
@@ -140,11 +151,20 @@ def _assemble(lit: Lit, surface: Surface, fixed: _Fixed) -> System:
 
 
 def _gradient(
-    lit: Lit, system: System, solution: SolvedFields, admits: Array, direct: Array, wanted: tuple[str, ...]
+    lit: Lit,
+    system: System,
+    solution: SolvedFields,
+    admits: Array,
+    direct: Array,
+    wanted: tuple[str, ...],
 ) -> dict[str, Array]:
-    gradient = gradient_of_layers(system, solution, lit.ground, tuple(n for n in wanted if n == "ground"))
+    gradient = gradient_of_layers(
+        system, solution, lit.ground, tuple(n for n in wanted if n == "ground")
+    )
     # Light that starts on the ground does not come from above: no layer dims it as it does a beam.
-    unlit = system._replace(ends=system.ends._replace(ground_light=jnp.zeros_like(system.ends.ground_light)))
+    unlit = system._replace(
+        ends=system.ends._replace(ground_light=jnp.zeros_like(system.ends.ground_light))
+    )
     of_layers = tuple(n for n in wanted if n in ("albedo", "optical_thickness"))
     gradient |= gradient_of_layers(unlit, solution, lit.ground, of_layers)
     if "enters" in wanted:
@@ -157,7 +177,9 @@ def _gradient(
 def _reflectance_jvp(surface: Surface, primals, tangents):
     """By the stationary form, as of the smooth surface's solver: see `glazejax.radiative.stack`."""
     (lit,), (change,) = primals, tangents
-    changes = {name: leaf for name, leaf in change._asdict().items() if not isinstance(leaf, SymbolicZero)}
+    changes = {
+        name: leaf for name, leaf in change._asdict().items() if not isinstance(leaf, SymbolicZero)
+    }
     changes.pop("from_ground", None)  # always a constant
     value, gradient = _in_chunks(lit, surface, tuple(changes))
     tangent = jnp.zeros_like(value)

@@ -1,14 +1,15 @@
 r"""What single facets of a rough surface do to a beam, by quadrature over the facets that it sees.
 
-GGX facets of roughness a, with Smith's separable masking (B. Walter, S. Marschner, H. Li, K. Torrance, EGSR 2007). Seen
-from a direction i, facets are distributed as the normals of an ellipsoid that is stretched to a hemisphere (E. Heitz,
-JCGT 7(4), 2018). On that hemisphere, with the pole across the plane of incidence,
+GGX facets of roughness a, with Smith's separable masking (B. Walter, S. Marschner, H. Li, K.
+Torrance, EGSR 2007). Seen from a direction i, facets are distributed as the normals of an ellipsoid
+that is stretched to a hemisphere (E. Heitz, JCGT 7(4), 2018). On that hemisphere, with the pole
+across the plane of incidence,
 
     m = (-a cos psi cos omega, a sin psi, cos psi sin omega) / its length,
 
-psi in [-pi/2, pi/2], omega in [theta, pi], where tan theta = a tan theta_i: each m of this lune is seen, with the
-weight cos^2 psi sin(omega - theta) dpsi domega. A facet reflects F(i.m) and lets 1 - F through; of that G1 of the new
-direction is not caught by other facets.
+psi in [-pi/2, pi/2], omega in [theta, pi], where tan theta = a tan theta_i: each m of this lune is
+seen, with the weight cos^2 psi sin(omega - theta) dpsi domega. A facet reflects F(i.m) and lets 1 -
+F through; of that G1 of the new direction is not caught by other facets.
 """
 
 from typing import Any, NamedTuple
@@ -36,7 +37,8 @@ class Scattered(NamedTuple):
 
 
 def masking(cosine: np.ndarray, roughness: float) -> np.ndarray:
-    """Smith's G1 of GGX facets: the share of a direction that facets do not hide; 0 below the surface.
+    """Smith's G1 of GGX facets: the share of a direction that facets do not hide; 0 below the
+    surface.
 
     Source: Walter et al. 2007, eq (34).
     """
@@ -44,7 +46,9 @@ def masking(cosine: np.ndarray, roughness: float) -> np.ndarray:
     return 2.0 * c / np.maximum(c + np.sqrt(c * c + roughness**2 * (1.0 - c) * (1.0 + c)), 1e-300)
 
 
-def scatter(cosine: Cosines, roughness: float, index: float, nodes: tuple[int, int], *, inside: bool) -> Scattered:
+def scatter(
+    cosine: Cosines, roughness: float, index: float, nodes: tuple[int, int], *, inside: bool
+) -> Scattered:
     """Beams at the facets they see.
 
     Args:
@@ -77,22 +81,40 @@ def _facets(
 ) -> tuple[Events, Events, Events]:
     """Normals' components along the plane of incidence and upwards, and their shares of the beam.
 
-    The integrands bend where what is reflected meets the horizon, and from inside where reflection becomes total, at
-    i.m = ``critical``. Both are lines P cos(2 omega) + Q sin(2 omega) = T + U/cos^2 psi, at which the rule is divided.
+    The integrands bend where what is reflected meets the horizon, and from inside where reflection
+    becomes total, at i.m = ``critical``. Both are lines P cos(2 omega) + Q sin(2 omega) = T +
+    U/cos^2 psi, at which the rule is divided.
     """
     sine = np.sqrt((1.0 - cosine) * (1.0 + cosine))
     a2, rise = roughness**2, 1.0 - roughness**2
     slope = np.arctan2(roughness * sine, cosine)
     # The horizon, 2 (i.m) m_z = c; then the critical angle, (i.m)^2 = critical^2.
-    lines = [(0.5 * cosine * rise - cosine, -roughness * sine, 0.5 * cosine * rise - cosine, cosine * a2)]
+    lines = [
+        (0.5 * cosine * rise - cosine, -roughness * sine, 0.5 * cosine * rise - cosine, cosine * a2)
+    ]
     if critical is not None:
         k2, least = critical**2, a2 * sine**2 + cosine**2
         straight = k2 * rise - (cosine**2 - a2 * sine**2)
-        lines.append((straight, -2.0 * roughness * cosine * sine, k2 * rise - least, 2.0 * k2 * a2 + 0.0 * cosine))
-    psi, psi_weights = _divided([_last_psi(*line) for line in lines], 0.0 * cosine, 0.5 * np.pi, nodes[0])
-    breaks = [edge for line in lines for edge in _crossings(psi, slope[:, None], *(x[:, None] for x in line))]
+        lines.append(
+            (
+                straight,
+                -2.0 * roughness * cosine * sine,
+                k2 * rise - least,
+                2.0 * k2 * a2 + 0.0 * cosine,
+            )
+        )
+    psi, psi_weights = _divided(
+        [_last_psi(*line) for line in lines], 0.0 * cosine, 0.5 * np.pi, nodes[0]
+    )
+    breaks = [
+        edge
+        for line in lines
+        for edge in _crossings(psi, slope[:, None], *(x[:, None] for x in line))
+    ]
     omega, omega_weights = _divided(breaks, slope[:, None] + 0.0 * psi, np.pi, nodes[1])
-    share = omega_weights * np.sin(omega - slope[:, None, None]) / (1.0 + np.cos(slope))[:, None, None]
+    share = (
+        omega_weights * np.sin(omega - slope[:, None, None]) / (1.0 + np.cos(slope))[:, None, None]
+    )
     share *= (psi_weights * np.cos(psi) ** 2 * 4.0 / np.pi)[..., None]
     along = -roughness * np.cos(psi)[..., None] * np.cos(omega)
     up = np.cos(psi)[..., None] * np.sin(omega)
@@ -107,7 +129,9 @@ def _last_psi(p: np.ndarray, q: np.ndarray, t: np.ndarray, u: np.ndarray) -> np.
     return np.arccos(np.sqrt(np.clip(square, 0.0, 1.0)))
 
 
-def _crossings(psi: np.ndarray, least: np.ndarray, p: Any, q: Any, t: Any, u: Any) -> list[np.ndarray]:
+def _crossings(
+    psi: np.ndarray, least: np.ndarray, p: Any, q: Any, t: Any, u: Any
+) -> list[np.ndarray]:
     """Both omega of a line at each psi; the least one where there is none."""
     size = np.maximum(np.hypot(p, q), 1e-300)
     height = (t + u / np.maximum(np.cos(psi) ** 2, 1e-300)) / size
@@ -116,8 +140,12 @@ def _crossings(psi: np.ndarray, least: np.ndarray, p: Any, q: Any, t: Any, u: An
     return [np.where(np.abs(height) < 1.0, np.maximum(omega, least), least) for omega in found]
 
 
-def _divided(breaks: list[np.ndarray], low: np.ndarray, high: float, count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Nodes and weights on a last axis from low to high, divided at breaks; crowded at each end, where roots begin."""
+def _divided(
+    breaks: list[np.ndarray], low: np.ndarray, high: float, count: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Nodes and weights on a last axis from low to high, divided at breaks; crowded at each end,
+    where roots begin.
+    """
     edges = np.sort(np.stack([low, *breaks, np.full_like(low, high)], axis=-1), axis=-1)
     y, weights = gauss(count)
     x, weights = y * y * (3.0 - 2.0 * y), weights * 6.0 * y * (1.0 - y)

@@ -1,14 +1,17 @@
-r"""A rough surface between air and paint as a matrix and vectors on the nodes of a `Basis`, made once and kept.
+r"""A rough surface between air and paint as a matrix and vectors on the nodes of a `Basis`, made
+once and kept.
 
-Radiances are basic ones, L/n^2, and fluxes are counted in dm = 2 c dc in air and n^2 2 mu dmu in the paint. The kernel
-K of a surface, averaged over azimuths, is symmetric then: L_out(x) = int K(x, y) L_in(y) dm(y). With polynomials phi_j
+Radiances are basic ones, L/n^2, and fluxes are counted in dm = 2 c dc in air and n^2 2 mu dmu in
+the paint. The kernel K of a surface, averaged over azimuths, is symmetric then: L_out(x) = int K(x,
+y) L_in(y) dm(y). With polynomials phi_j
 
-    back_jk     = int int phi_j(mu) K(mu, mu') phi_k(mu') 2 mu dmu  n^2 2 mu' dmu'     paint -> paint
-    enters_j(c) = n^2 int phi_j(mu) K(mu, c) 2 mu dmu                                  air -> paint and paint -> air.
+    back_jk     = int int phi_j(mu) K(mu, mu') phi_k(mu') 2 mu dmu  n^2 2 mu' dmu'   paint -> paint
+    enters_j(c) = n^2 int phi_j(mu) K(mu, c) 2 mu dmu                                air <-> paint.
 
-K is what single facets do, and the compensation k(x) k(y)/C, where k(x) = 1 - int K_single(x, y) dm(y) is lost by
-single facets and C = int k dm (C. Kulla, A. Conty, SIGGRAPH course 2017, here for both sides at once). All energy is
-kept then: sum_j back_jk + int enters_k(c) 2 c dc/n^2 = int phi_k 2 mu dmu. The losses inside are computed from that.
+K is what single facets do, and the compensation k(x) k(y)/C, where k(x) = 1 - int K_single(x, y)
+dm(y) is lost by single facets and C = int k dm (C. Kulla, A. Conty, SIGGRAPH course 2017, here for
+both sides at once). All energy is kept then: sum_j back_jk + int enters_k(c) 2 c dc/n^2 = int phi_k
+2 mu dmu. The losses inside are computed from that.
 """
 
 import functools
@@ -25,7 +28,8 @@ from .facets import scatter
 
 # Beams at a time: a few million facets.
 _BEAMS = 16
-# Below it the losses are the quadrature's own errors, which must not be spread: a roughness of some 5e-4.
+# Below it the losses are the quadrature's own errors, which must not be spread: a roughness of some
+# 5e-4.
 _LEAST_CONSTANT = 1e-5
 # Of the rule for a smooth surface.
 _CROWDING = 6.0
@@ -58,12 +62,16 @@ class Operators(NamedTuple):
     leaves: Float[np.ndarray, "n"]
     """n^2 times what leaves the paint of each polynomial: `enters` for light from everywhere."""
     table: AirTable | None
-    """`enters` at cosines in air, and the loss of single facets in the last column; None for a smooth surface."""
+    """`enters` at cosines in air, and the loss of single facets in the last column; None for a
+    smooth surface.
+    """
     constant: float
     """C = int k dm, over both sides; 0 for a smooth surface."""
 
     def enters(self, cosine: Any) -> Any:
-        """What enters the paint of a beam of one at cosines in air (...), on each polynomial: (..., n)."""
+        """What enters the paint of a beam of one at cosines in air (...), on each polynomial: (...,
+        n).
+        """
         if self.table is not None:
             return self.table.at(cosine)[..., :-1]
         passing = 1.0 - dielectric_reflectance(cosine, self.refractive_index)
@@ -133,7 +141,11 @@ def _single_entering(
     for some in _in_pieces(outside):
         found = scatter(some, roughness, index, nodes.size.facets, inside=False)
         entering.append(
-            np.einsum("bf,bfn->bn", found.refracted_share, nodes.values(np.clip(found.refracted, 0.0, 1.0)))
+            np.einsum(
+                "bf,bfn->bn",
+                found.refracted_share,
+                nodes.values(np.clip(found.refracted, 0.0, 1.0)),
+            )
         )
         lost.append(1.0 - found.reflected_share.sum(axis=1) - found.refracted_share.sum(axis=1))
     return np.concatenate(entering), np.concatenate(lost)
@@ -145,13 +157,17 @@ def _single_back(index: float, roughness: float, nodes: Basis) -> np.ndarray:
     back = np.zeros((nodes.cosines.size,) * 2)
     for some, flux in zip(_in_pieces(beams), _in_pieces(fluxes), strict=True):
         found = scatter(some, roughness, index, nodes.size.facets, inside=True)
-        to = np.einsum("bf,bfn->bn", found.reflected_share, nodes.values(np.clip(found.reflected, 0.0, 1.0)))
+        to = np.einsum(
+            "bf,bfn->bn", found.reflected_share, nodes.values(np.clip(found.reflected, 0.0, 1.0))
+        )
         back += to.T @ (nodes.values(some) * flux[:, None])
     return 0.5 * (back + back.T)
 
 
 def _beams_inside(index: float, nodes: Basis) -> tuple[np.ndarray, np.ndarray]:
-    """Cosines in the paint, and the fluxes 2 mu dmu about them: a rule on each side of the split."""
+    """Cosines in the paint, and the fluxes 2 mu dmu about them: a rule on each side of
+    the split.
+    """
     y, weights = gauss(nodes.size.beams)
     # Crowded at both ends: at grazing, and on both sides of the critical angle.
     x, x_weights = y * y * (3.0 - 2.0 * y), weights * 6.0 * y * (1.0 - y)

@@ -1,4 +1,6 @@
-"""A stack as its ground meets it: three functions that say the reflectance over any Lambertian ground exactly."""
+"""A stack as its ground meets it: three functions that say the reflectance over any Lambertian
+ground exactly.
+"""
 
 import functools
 from typing import NamedTuple
@@ -14,15 +16,19 @@ from .resolution import check_surface
 
 
 class Ports(NamedTuple):
-    """R = dark + g incidence viewing/(1 - g back) over a ground of reflectance g; a pytree of arrays (...)."""
+    """R = dark + g incidence viewing/(1 - g back) over a ground of reflectance g; a pytree of
+    arrays (...).
+    """
 
     dark: Float[Array, "*batch"]
     """Over a black ground, R0."""
     incidence: Float[Array, "*batch"]
-    """T(i): the share of the beam's flux that reaches a black ground, over the refractive index n."""
+    """T(i): the share of the beam's flux that reaches a black ground, over the refractive index n.
+    """
     viewing: Float[Array, "*batch"]
-    """T(o), the same function of the viewing direction: n times the radiance that is seen of a ground of radiance one.
-    For the hemispherical reflectance n times the share of a Lambertian ground's flux that leaves."""
+    """T(o), the same function of the viewing direction: n times the radiance that is seen of a
+    ground of radiance one. For the hemispherical reflectance n times the share of a Lambertian
+    ground's flux that leaves."""
     back: Float[Array, "*batch"]
     """S: the share of the ground's flux that comes back to it."""
 
@@ -46,14 +52,16 @@ def rough_ports(
 
     ``rough_ports(...).reflectance(g)`` is `rough_reflectance_factor` over the ground g.
 
-    Args, raises as for `rough_reflectance_factor`, but the ground. With ``cos_viewing=None`` it is the hemispherical
-    reflectance. ``incidence`` depends on no viewing direction, ``viewing`` on no incidence, ``back`` on neither, and
+    Args, raises as for `rough_reflectance_factor`, but the ground. With ``cos_viewing=None`` it is
+    the hemispherical reflectance. ``incidence`` depends on no viewing direction, ``viewing`` on no
+    incidence, ``back`` on neither, and
     ``incidence`` and ``viewing`` are one function of the cosine where both are directions.
 
     Returns:
         `Ports` of arrays in the shape of the broadcast batch. Their derivatives are right, too.
 
-    Source: the invariant embedding of a Lambertian ground, S. Chandrasekhar, Radiative Transfer (1960), section 72.
+    Source: the invariant embedding of a Lambertian ground, S. Chandrasekhar, Radiative Transfer
+    (1960), section 72.
     """
     check_surface(roughness, refractive_index)
     given = {
@@ -85,6 +93,7 @@ def _ports(lit: Lit, surface: Surface) -> Ports:
 
     itself = on_ground(unlit, everything)
     n = surface.refractive_index
-    # In the solver's units a white ground shows 4/(1 - S) of itself, and 2 n T/(1 - S) of light from above.
+    # In the solver's units a white ground shows 4/(1 - S) of itself, and 2 n T/(1 - S) of light
+    # from above.
     light, view = (2.0 * on_ground(lit.enters[:, beam], nothing) / (n * itself) for beam in (0, 1))
     return Ports(reflectance(dark, surface) / n**2, light, view, 1.0 - 4.0 / itself)

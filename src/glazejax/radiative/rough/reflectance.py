@@ -1,4 +1,6 @@
-"""The two reflectances of paint under a rough surface: checks, batches, one surface for each index."""
+"""The two reflectances of paint under a rough surface: checks, batches, one surface for
+each index.
+"""
 
 from __future__ import annotations
 
@@ -29,34 +31,36 @@ def rough_reflectance_factor(
 ) -> Float[Array, "*batch"]:
     """Reflectance factor pi L_out / E_in of layers of paint under a rough surface, the body alone.
 
-    As `glazejax.stack_reflectance_factor`, whose value it is at a roughness of zero, but the surface is one of GGX
-    facets: light is let in, reflected inside and let out in all directions that they turn it to. What the surface
-    itself reflects is not in it (`surface_reflectance_factor`). The result does not depend on azimuth, for the first
-    scattering forgets it, and is the same with incidence and viewing exchanged.
+    As `glazejax.stack_reflectance_factor`, whose value it is at a roughness of zero, but the
+    surface is one of GGX facets: light is let in, reflected inside and let out in all directions
+    that they turn it to. What the surface itself reflects is not in it
+    (`surface_reflectance_factor`). The result does not depend on azimuth, for the first scattering
+    forgets it, and is the same with incidence and viewing exchanged.
 
     Args:
         albedo: single-scattering albedo of each layer, top first, (..., layers), in [0, 1].
         optical_thickness: of each layer, (..., layers), >= 0.
         substrate_reflectance: of the Lambertian ground inside the medium, (...), in [0, 1].
-        roughness: alpha of the GGX distribution, a Python number in [0, 1]: that of Mitsuba's `roughdielectric`, the
-            square of OpenPBR's and Disney's roughness.
-        refractive_index: of all layers, (...), known numbers in [1.02, 2.5], or down to 1 if the surface is smooth.
-        cos_incidence, cos_viewing: cosines in air, (...), in (0, 1].
+        roughness: alpha of the GGX distribution, a Python number in [0, 1]: that of Mitsuba's
+            `roughdielectric`, the square of OpenPBR's and Disney's roughness.
+        refractive_index: of all layers, (...), known numbers in [1.02, 2.5], or down to 1 if the
+        surface is smooth. cos_incidence, cos_viewing: cosines in air, (...), in (0, 1].
         tolerance: absolute error wanted, a Python number; 1e-5 is the least. See Notes.
 
     Returns:
         Reflectance factor, shape of the broadcast batch.
 
     Notes:
-        `tolerance` picks the numbers of nodes, facets, beams and angles. They were chosen on random stacks of two
-        layers (optical thickness 0.003 to 30, albedo up to 1 - 1e-6, grounds 0 to 1, cosines from 0.05) under surfaces
-        of roughness 0.001 to 1 and index 1.05 to 2.5 against a run with more of each: the worst error is less than
-        half the tolerance (`python -m benchmarks.rough_surface`). A cosine below 0.05 and an index below 1.05 can miss
-        it by a few times.
+        `tolerance` picks the numbers of nodes, facets, beams and angles. They were chosen on random
+        stacks of two layers (optical thickness 0.003 to 30, albedo up to 1 - 1e-6, grounds 0 to 1,
+        cosines from 0.05) under surfaces of roughness 0.001 to 1 and index 1.05 to 2.5 against a
+        run with more of each: the worst error is less than half the tolerance (`python -m
+        benchmarks.rough_surface`). A cosine below 0.05 and an index below 1.05 can miss it by a few
+        times.
 
     Raises:
-        ValueError: as `stack_reflectance_factor`; and a roughness out of range, or a roughness or an index that is
-            traced: the surface's operators are made once for each pair of them.
+        ValueError: as `stack_reflectance_factor`; and a roughness out of range, or a roughness or
+            an index that is traced: the surface's operators are made once for each pair of them.
 
     Source: `glazejax.radiative.rough.facets`, `operators` and `body`.
     """
@@ -68,7 +72,9 @@ def rough_reflectance_factor(
         "cos_viewing": cos_viewing,
     }
     if check_surface(roughness, refractive_index) == 0.0:
-        return stack_reflectance_factor(**given, refractive_index=refractive_index, tolerance=tolerance)
+        return stack_reflectance_factor(
+            **given, refractive_index=refractive_index, tolerance=tolerance
+        )
     return evaluate(given, roughness, refractive_index, tolerance)
 
 
@@ -82,10 +88,11 @@ def rough_hemispherical_reflectance(
     cos_incidence: Numbers = 1.0,
     tolerance: float = 1e-4,
 ) -> Float[Array, "*batch"]:
-    """Directional-hemispherical reflectance of layers of paint under a rough surface, the body alone.
+    """Directional-hemispherical reflectance of layers of paint under a rough surface, the body
+    alone.
 
-    Flux that leaves over flux of the beam, without what the surface itself reflects (`surface_albedo`). With an albedo
-    and a ground of one the two add up to one.
+    Flux that leaves over flux of the beam, without what the surface itself reflects
+    (`surface_albedo`). With an albedo and a ground of one the two add up to one.
 
     Args, raises and notes as for `rough_reflectance_factor`; there is no viewing direction.
 
@@ -101,11 +108,15 @@ def rough_hemispherical_reflectance(
         "cos_incidence": cos_incidence,
     }
     if check_surface(roughness, refractive_index) == 0.0:
-        return stack_hemispherical_reflectance(**given, refractive_index=refractive_index, tolerance=tolerance)
+        return stack_hemispherical_reflectance(
+            **given, refractive_index=refractive_index, tolerance=tolerance
+        )
     return evaluate(given, roughness, refractive_index, tolerance)
 
 
-def evaluate(given: dict[str, Any], roughness: float, refractive_index: Numbers, tolerance: float) -> Array:
+def evaluate(
+    given: dict[str, Any], roughness: float, refractive_index: Numbers, tolerance: float
+) -> Array:
     """Reflectance of checked arguments; without a viewing direction the hemispherical one."""
 
     def one(stacks: BatchOfStacks, surface: Surface) -> Array:
@@ -123,7 +134,8 @@ def by_index(
     tolerance: float,
     one: Callable[[BatchOfStacks, Surface], Any],
 ) -> Any:
-    """What ``one`` makes of a batch of stacks under one surface; index by index where there are several.
+    """What ``one`` makes of a batch of stacks under one surface; index by index where there are
+    several.
 
     Args:
         given: arguments by name, as `batch_of_stacks` takes them.
@@ -144,12 +156,16 @@ def by_index(
     answers = [one(stacks, resolve(float(index), roughness, tolerance)) for index in kinds]
     total = answers[0]
     for index, answer in zip(kinds[1:], answers[1:], strict=True):
-        total = jax.tree.map(lambda new, old, here=spread == index: jnp.where(here, new, old), answer, total)
+        total = jax.tree.map(
+            lambda new, old, here=spread == index: jnp.where(here, new, old), answer, total
+        )
     return total
 
 
 def lit_stacks(flat: dict[str, Any], surface: Surface) -> Lit:
-    """A flat batch with what enters of light and view; of the view everything where there is no direction."""
+    """A flat batch with what enters of light and view; of the view everything where there is no
+    direction.
+    """
     made = surface.operators()
     dtype = jnp.result_type(float)
     light = made.enters(jnp.asarray(flat["cos_incidence"], dtype))

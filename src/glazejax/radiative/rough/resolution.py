@@ -1,4 +1,6 @@
-"""From the accuracy asked for to the number of nodes of a rough surface; what surfaces there are."""
+"""From the accuracy asked for to the number of nodes of a rough surface; what surfaces
+there are.
+"""
 
 import warnings
 from typing import Any
@@ -10,7 +12,9 @@ from .basis import Size
 from .body import Surface
 
 LEAST_INDEX = 1.02
-"""Below it a rough surface has no critical angle to speak of; the model's losses are no longer those of a surface."""
+"""Below it a rough surface has no critical angle to speak of; the model's losses are no longer
+those of a surface.
+"""
 FINEST = 1e-5
 """Smallest tolerance that is met."""
 
@@ -36,7 +40,8 @@ def check_surface(roughness: Any, refractive_index: Numbers) -> float:
         known = concrete(roughness)
         if known is None or known.ndim:
             raise ValueError(
-                "roughness must be one known number: under jit or vmap pass it as a static argument, and call "
+                "roughness must be one known number: under jit or vmap pass it as a static "
+                "argument, and call "
                 "once for each roughness"
             )
         number = float(known)
@@ -46,14 +51,16 @@ def check_surface(roughness: Any, refractive_index: Numbers) -> float:
         index = concrete(refractive_index)
         if index is None:
             raise ValueError(
-                "refractive_index is traced, but a rough surface needs known numbers: under jit or vmap pass it as a "
+                "refractive_index is traced, but a rough surface needs known numbers: under jit "
+                "or vmap pass it as a "
                 "static argument"
             )
         low, high = LEAST_INDEX, INDEX_RANGE[1]
         wrong = np.asarray(index)[~((index >= low) & (index <= high))]
         if wrong.size:
             raise ValueError(
-                f"refractive_index holds {wrong.flat[0]}; under a rough surface it must be in [{low:g}, {high:g}]"
+                f"refractive_index holds {wrong.flat[0]}; under a rough surface it must be in "
+                f"[{low:g}, {high:g}]"
             )
     return number
 
@@ -62,7 +69,9 @@ def resolve(index: float, roughness: float, tolerance: float) -> Surface:
     """The surface, resolved so that the error stays below the tolerance."""
     if tolerance < FINEST * (1 - 1e-9):
         warnings.warn(
-            f"tolerance is {tolerance:g}, but {FINEST:g} is the least there is under a rough surface", stacklevel=5
+            f"tolerance is {tolerance:g}, but {FINEST:g} is the least there is under a rough "
+            "surface",
+            stacklevel=5,
         )
     size = next((size for least, size in _SIZES if least <= tolerance * (1 + 1e-9)), _SIZES[-1][1])
     if index < _LOW:

@@ -1,12 +1,15 @@
 r"""What a rough dielectric surface reflects itself, with what its facets hide from each other.
 
-Single facets: B. Walter, S. Marschner, H. Li, K. Torrance, EGSR 2007, with GGX, Smith's separable masking and Fresnel's
-exact reflectance, as Mitsuba's `roughdielectric`. Of light from x they lose k(x). What really becomes of it, after
-several facets, is modelled by a reciprocal term without azimuth that keeps all energy,
+Single facets: B. Walter, S. Marschner, H. Li, K. Torrance, EGSR 2007, with GGX, Smith's separable
+masking and Fresnel's exact reflectance, as Mitsuba's `roughdielectric`. Of light from x they lose
+k(x). What really becomes of it, after several facets, is modelled by a reciprocal term without
+azimuth that keeps all energy,
 
-    f_r = f_single + k(i) k(o)/C,      C = int k dm  over both sides,  dm = cos dw in air, n^2 cos dw in the paint
+    f_r = f_single + k(i) k(o)/C,
+    C = int k dm  over both sides,  dm = cos dw in air, n^2 cos dw in the paint
 
-(after C. Kulla, A. Conty, SIGGRAPH course 2017). Light that is lost in air also enters the paint so, and the reverse.
+(after C. Kulla, A. Conty, SIGGRAPH course 2017). Light that is lost in air also enters the paint
+so, and the reverse.
 """
 
 import functools
@@ -44,8 +47,9 @@ def surface_reflectance_factor(
 
     Args:
         cos_incidence, cos_viewing: cosines in air, (...), in (0, 1].
-        azimuth: degrees between the horizontal directions of the light before and after, (...): 0 is the side of the
-            mirror direction, 180 back towards the light, as in `glazejax.Bidirectional`.
+        azimuth: degrees between the horizontal directions of the light before and after, (...): 0
+            is the side of the mirror direction, 180 back towards the light, as in
+            `glazejax.Bidirectional`.
         roughness: alpha of the GGX distribution, a number in (0, 1].
         refractive_index: known numbers, (...), in [1.02, 2.5].
 
@@ -53,11 +57,13 @@ def surface_reflectance_factor(
         pi f_r, shape of the broadcast batch, with the compensation for what single facets lose.
 
     Raises:
-        ValueError: a value out of range, or a smooth surface: its reflection is a mirror's, and no number.
+        ValueError: a value out of range, or a smooth surface: its reflection is a mirror's, and no
+            number.
     """
     if check_surface(roughness, refractive_index) == 0.0:
         raise ValueError(
-            "roughness is 0: a smooth surface reflects in the mirror direction only, and has no reflectance factor; "
+            "roughness is 0: a smooth surface reflects in the mirror direction only, and has no "
+            "reflectance factor; "
             "surface_albedo says how much"
         )
     check_values({"cos_incidence": cos_incidence, "cos_viewing": cos_viewing})
@@ -85,7 +91,8 @@ def surface_albedo(
 ) -> Float[Array, "*batch"]:
     """Directional-hemispherical reflectance of the surface alone; of a smooth one Fresnel's.
 
-    What is not reflected enters the paint: `rough_hemispherical_reflectance` over it adds up to one with this.
+    What is not reflected enters the paint: `rough_hemispherical_reflectance` over it adds up to one
+    with this.
 
     Args, raises as for `surface_reflectance_factor`.
     """
@@ -95,7 +102,9 @@ def surface_albedo(
     def one(index: float, cosine: Array) -> Array:
         if not rough:
             return dielectric_reflectance(cosine, index)
-        return 1.0 - jnp.sum(resolve(index, float(roughness), _TOLERANCE).operators().enters(cosine), axis=-1)
+        return 1.0 - jnp.sum(
+            resolve(index, float(roughness), _TOLERANCE).operators().enters(cosine), axis=-1
+        )
 
     return _by_index(one, refractive_index, cos_incidence)
 
@@ -123,7 +132,9 @@ def surface_loss(
             assert made.table is not None
             return made.table.at(cosine)[..., -1]
         split = float(np.sqrt((index - 1.0) * (index + 1.0)) / index)
-        below, above = (jnp.asarray(part, cosine.dtype) for part in _paint_losses(index, float(roughness)))
+        below, above = (
+            jnp.asarray(part, cosine.dtype) for part in _paint_losses(index, float(roughness))
+        )
         low = lagrange(jnp.clip(cosine / split, 0.0, 1.0), _PAINT_NODES)
         high = lagrange(jnp.clip((cosine - split) / (1.0 - split), 0.0, 1.0), _PAINT_NODES)
         return jnp.where(cosine < split, low @ below, high @ above)
@@ -140,7 +151,9 @@ def loss_constant(*, roughness: float, refractive_index: float = 1.5) -> float:
     """
     if check_surface(roughness, refractive_index) == 0.0:
         return 0.0
-    return np.pi * resolve(float(refractive_index), float(roughness), _TOLERANCE).operators().constant
+    return (
+        np.pi * resolve(float(refractive_index), float(roughness), _TOLERANCE).operators().constant
+    )
 
 
 def _masking_over_cosine(cosine: Array, roughness: float) -> Array:
