@@ -74,7 +74,8 @@ class Paints(NamedTuple):
     scattering: Bands
     """s in 1/m."""
     errors: Float[np.ndarray, "2 paints bands"]
-    """Relative standard deviations of k and s that readings with `NOISE` and `SURFACE_ERROR` leave.
+    """Relative standard deviations of k and s that readings with `NOISE` and
+    `SURFACE_ERROR` leave.
     """
 
 

@@ -11,9 +11,10 @@ compares. The table at the end is written to all.txt as it grows, so that nothin
 run is stopped; `--resume` goes on from there and runs again what failed. The exit status is 0 if
 nothing failed, 1 if something did, 130 if the run was stopped. Figures are those of
 `benchmarks.figures` that the small run has too; one that differs from the committed one by more
-than `--factor` is told. That is a hint and no fault: sizes are small, and other machines have other
-times. `--older` runs nothing: it lists the results that are older than the code they measure, by
-how often that has changed since (`benchmarks/older.py`).
+than `--factor` is told. That is a hint and no
+fault: sizes are small, and other machines have other times. `--older` runs nothing: it lists the
+results that are older than the code they measure, by how often that has changed since
+(`benchmarks/older.py`).
 """
 
 import argparse

@@ -8,8 +8,8 @@ Each command runs in processes of its own: once with an empty cache of compiled 
 with what that run left there. JAX's own monitoring tells how many programs were compiled and where
 the time went: tracing Python, lowering to XLA, compiling (or taking from the cache); the rest is
 imports and work. Beside them stand Python and `import jax` alone, which nobody who uses JAX can go
-below. Seconds of the processor, over all threads, stand beside the seconds that pass: other
-programs on the machine change these much less.
+below. Seconds of the processor, over all threads, stand beside the seconds that
+pass: other programs on the machine change these much less.
 
 With ``--before`` each command is run from another checkout too, in turn with this one.
 """

@@ -31,7 +31,8 @@ class Figure:
 
     read: from the text of its result file, the number.
     style: of `format`, such as `.2f`; `2s` is two significant digits of a whole number: 546.4 is
-    550. unit: that follows it, such as `%` or `times`; empty if it has none.
+    550.
+    unit: that follows it, such as `%` or `times`; empty if it has none.
     """
 
     read: Reader

@@ -6,8 +6,8 @@ Bytes are flipped, cut, inserted and swapped, numbers of headers changed, pieces
 megabyte and files spliced. Each case is read in a process of its own kind with a limit of memory
 and time. Legal is a result whose counts are those that the file declares, or a ValueError or
 OSError of one line that names the file. Anything else is a fault, and so are 10 s of processor time
-and 200 MB more than the file's size. A fault is printed with the seed that makes it again: --seed,
---only and --case.
+and 200 MB more than the file's size. A fault is printed with the seed that makes it
+again: --seed, --only and --case.
 """
 
 import argparse

@@ -74,8 +74,10 @@ def flat_series(
 
     Args:
         directions: even angles on the half circle; light of intensity 1 comes in the nearest to the
-        refracted ray. index, albedo, thickness, degrees: of the medium, which scatters evenly, and
-        of the light in air. orders: how many.
+            refracted ray.
+        index, albedo, thickness, degrees: of the medium, which scatters evenly, and of the light in
+            air.
+        orders: how many.
     """
     angles = ((np.arange(directions) + 0.5) / directions - 0.5) * np.pi
     slab = solve(

@@ -159,7 +159,8 @@ def in_child(
         scratch: copy of the repository.
         work: what the child does; it writes lines as `Plugin.say` does.
         usual: seconds of each test, which then has an end; without, a test has as much time as it
-        takes. seconds: of processor time, after which the child is stopped.
+            takes.
+        seconds: of processor time, after which the child is stopped.
 
     Returns:
         Outcome ("killed", "timeout", "passed", "budget"), the test concerned, and the tests that

@@ -81,7 +81,8 @@ class Score(NamedTuple):
         right_main: share in which the paint of the largest share is the right one.
         share_error: mean of half the sum of absolute differences of shares, 0 to 1.
         amount_error: median of the sum of absolute differences of amounts over all the paint there
-        is; NaN without. false_none: share called none.
+            is; NaN without.
+        false_none: share called none.
         none_found: share of pixels with foreign paint that are called none.
     """
 

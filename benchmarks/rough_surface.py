@@ -3,10 +3,11 @@ and beside paths.
 
 Random stacks of one or two layers (optical thickness 0.003 to 30, albedo up to 1 - 1e-6, grounds 0
 to 1, cosines 0.05 to 1), surfaces of roughness 0.001 to 1 and index 1.05 to 2.5. The errors are
-those against a run with more of everything: nodes, facets, beams, angles. Times are of 41 stacks of
-two layers, compiled, the best of several, and given as ratios to the smooth solver's. Paths are the
-tests' own (`tests/oracles/rough_paths.py`), with next to no tricks: what they take for the same
-error of one number follows from their standard error.
+those against a run with more of
+everything: nodes, facets, beams, angles. Times are of 41 stacks of two layers, compiled, the best
+of several, and given as ratios to the smooth solver's. Paths are the tests' own
+(`tests/oracles/rough_paths.py`), with next to no
+tricks: what they take for the same error of one number follows from their standard error.
 
     python -m benchmarks.rough_surface [--stacks 60] [--out FOLDER]
 """

@@ -4,8 +4,9 @@
 
 640 x 480 pixels, 31 bands: a glazed sphere, a glazed box and a canvas with a painted thickness map
 on a table, under daylight from a window and a tungsten lamp, with shadows and mirror reflections in
-the glossy surfaces. Runs in a fresh process: first with compilation, then again; the second run is
-the one that counts. Then the same with
+the glossy surfaces. Runs in a fresh
+process: first with compilation, then again; the second run is the one that counts. Then the same
+with
 4 x 4 rays for every pixel, to say what the skipping saves and costs.
 """
 

@@ -33,7 +33,8 @@ class ShadeMatch:
     Attributes:
         names: of the paints.
         misfit: of the best reference shade of each paint, relative to the spectrum's own size,
-        (spectra, paints). probability: posterior of each paint, (spectra, paints).
+            (spectra, paints).
+        probability: posterior of each paint, (spectra, paints).
     """
 
     names: tuple[str, ...]

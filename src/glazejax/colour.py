@@ -5,8 +5,8 @@ What depends only on the grid, the illuminant and the observer is folded into on
 so that a spectrum, or a million of them, becomes XYZ by one matrix product, and every function but
 `delta_e_2000` can be differentiated.
 
-What is known and small is computed by NumPy (`glazejax.spectra.computed`), anything else is one
-compiled program.
+What is known and small is computed by NumPy (`glazejax.spectra.on_numpy_or_jax`), anything else is
+one compiled program.
 """
 
 from __future__ import annotations
@@ -31,9 +31,9 @@ from .spectra import (
     Numbers,
     Spectra,
     as_array,
-    computed,
     describe_grid,
     matmul,
+    on_numpy_or_jax,
     small,
     validate_wavelengths,
 )
@@ -203,16 +203,14 @@ def _on_bands(
     if guessed > _MAX_GUESSED:
         raise ValueError(
             f"{describe_grid(bands)} leaves {guessed:.0%} of a tristimulus value to guesswork: "
-            "colour needs "
-            "spectra from about 420 to 680 nm at least, better from 400 to 700 nm"
+            "colour needs spectra from about 420 to 680 nm at least, better from 400 to 700 nm"
         )
     inside = bands[(bands > _START - _MAX_STEP) & (bands < _END + _MAX_STEP)]
     steps = np.diff(inside)
     if inside.size < 4 or steps.max() > _MAX_STEP:
         raise ValueError(
             f"{describe_grid(bands)} is too coarse for colour: steps may be {_MAX_STEP:g} nm at "
-            "most, "
-            "better 10 or 20 nm"
+            "most, better 10 or 20 nm"
         )
     weights = _lagrange_matrix(bands, fine).T @ products
     weights.setflags(write=False)
@@ -293,7 +291,7 @@ def xyz(
     Raises:
         ValueError: as `colour_weights`, or the last axis of `reflectance` is not the bands.
     """
-    return _computed(matmul, *_weighted(wavelengths, reflectance, illuminant, observer))
+    return _compute(matmul, *_band_weights(wavelengths, reflectance, illuminant, observer))
 
 
 def lab(
@@ -309,15 +307,15 @@ def lab(
 
     Args and errors as `xyz`. Source: CIE 15:2018, section 8.2.1.
     """
-    values, weights = _weighted(wavelengths, reflectance, illuminant, observer)
-    return _computed(
+    values, weights = _band_weights(wavelengths, reflectance, illuminant, observer)
+    return _compute(
         _lab_of_spectra, values, weights, white_point(wavelengths, illuminant, observer)
     )
 
 
 def xyz_to_lab(xyz: Numbers, white: Numbers) -> Float[Array, "*batch 3"]:
     """CIE 1976 L*a*b* of XYZ, (..., 3), relative to a white, (3,), on the same scale."""
-    return _computed(_lab_of_xyz, xyz, white)
+    return _compute(_lab_of_xyz, xyz, white)
 
 
 def lab_to_xyz(lab: Numbers, white: Grid) -> Float[np.ndarray, "*batch 3"]:
@@ -354,9 +352,9 @@ def srgb(
 
     Source: IEC 61966-2-1:1999; matrices from its primaries, not rounded.
     """
-    values, weights = _weighted(wavelengths, reflectance, illuminant, observer)
+    values, weights = _band_weights(wavelengths, reflectance, illuminant, observer)
     matrix = _screen_matrix(tuple(white_point(wavelengths, illuminant, observer).tolist()))
-    return _computed(_clipped_srgb if clip else _srgb_of_light, values, weights @ matrix)
+    return _compute(_clipped_srgb if clip else _srgb_of_light, values, weights @ matrix)
 
 
 def xyz_to_srgb(xyz: Numbers, white: Grid, *, clip: bool = True) -> Float[Array, "*batch 3"]:
@@ -366,7 +364,7 @@ def xyz_to_srgb(xyz: Numbers, white: Grid, *, clip: bool = True) -> Float[Array,
     Notes and source as `srgb`.
     """
     matrix = _screen_matrix(tuple(np.asarray(white, float).tolist()))
-    return _computed(_clipped_srgb if clip else _srgb_of_light, xyz, matrix)
+    return _compute(_clipped_srgb if clip else _srgb_of_light, xyz, matrix)
 
 
 def srgb_to_xyz(encoded: Numbers) -> Float[np.ndarray, "*batch 3"]:
@@ -399,10 +397,10 @@ def srgb_to_lab(encoded: Numbers) -> Float[Array, "*batch 3"]:
         raise ValueError(
             f"sRGB of shape {values.shape} does not end in the three numbers red, green and blue"
         )
-    return _computed(_lab_of_srgb, values, screen.T, screen.sum(axis=1))
+    return _compute(_lab_of_srgb, values, screen.T, screen.sum(axis=1))
 
 
-def _weighted(
+def _band_weights(
     wavelengths: Grid, reflectance: Spectra, illuminant: str, observer: str | int
 ) -> tuple[Array | np.ndarray, Float[np.ndarray, "bands 3"]]:
     """Spectra as an array, and the weights of their bands."""
@@ -416,7 +414,7 @@ def _weighted(
     return values, weights
 
 
-def _computed(
+def _compute(
     core: Callable[..., Any], values: Numbers, *constants: Numbers
 ) -> Float[Array, "*batch 3"]:
     """``core(numpy or jax.numpy, values, ...)``: what is known and small by NumPy, else one
@@ -427,11 +425,11 @@ def _computed(
     kind = arrays[0].dtype if jnp.issubdtype(arrays[0].dtype, jnp.floating) else np.dtype(float)
     kind = jax.dtypes.canonicalize_dtype(kind)
     arrays = [array if array.dtype == kind else array.astype(kind) for array in arrays]
-    return computed(core, *arrays) if small(*arrays) else _compiled(core, *arrays)
+    return on_numpy_or_jax(core, *arrays) if small(*arrays) else _compile(core, *arrays)
 
 
 @partial(jax.jit, static_argnums=0)
-def _compiled(core: Callable[..., Any], *arrays: Array) -> Array:
+def _compile(core: Callable[..., Any], *arrays: Array) -> Array:
     return core(jnp, *arrays)
 
 

@@ -20,8 +20,7 @@ from .spectra import Numbers, as_float_array, concrete
 
 GEOMETRIES = (
     "d:8 or di:8 (integrating sphere, mirror reflection included), de:8 (excluded), 45:0, 0:45, "
-    "or another ANGLE:ANGLE "
-    "of light and view in degrees"
+    "or another ANGLE:ANGLE of light and view in degrees"
 )
 """The words for a geometry, as help and errors list them."""
 
@@ -227,9 +226,8 @@ def parse_geometry(text: str, *, argument: str = "geometry") -> Geometry:
         raise ValueError(f"{argument} is {text!r}: {error}") from None
     if specular and angles[0] != angles[1]:
         raise ValueError(
-            f"{argument} is {text!r}: at {angles[0]:g}:{angles[1]:g} the mirror reflection is "
-            "not in view; use equal "
-            "angles, or a sphere, d:8"
+            f"{argument} is {text!r}: at {angles[0]:g}:{angles[1]:g} the mirror reflection is not "
+            "in view; use equal angles, or a sphere, d:8"
         )
     return found
 
@@ -240,7 +238,8 @@ class Instrument:
 
     Attributes:
         geometry: what it does, single angles; by default d:8, an integrating sphere with the mirror
-        reflection. refractive_index: of paint and of the cards' surface, in [1, 2.5].
+            reflection.
+        refractive_index: of paint and of the cards' surface, in [1, 2.5].
 
     Raises:
         ValueError: an index out of range.

@@ -177,8 +177,9 @@ def interpolated(
         samples: values of each parameter that the table will be used at, each (samples,): check
             points are drawn from them. From the whole ranges if left out.
         most_points: stop refining beyond so many nodes; `Interpolated.error` then says what was
-        reached. block: points handed to the function at a time, always as many, so that it compiles
-        once; all at once if None.
+            reached.
+        block: points handed to the function at a time, always as many, so that it compiles once;
+            all at once if None.
 
     Returns:
         `Interpolated`: call it with as many values of the parameters as you like.
@@ -369,8 +370,7 @@ class _Counted:
         if found.shape[:1] != points.shape[:1]:
             raise ValueError(
                 f"the function gave shape {found.shape} for {len(points)} points; its first axis "
-                "must be the points: "
-                "wrap a function of single numbers in jax.vmap"
+                "must be the points: wrap a function of single numbers in jax.vmap"
             )
         self.shape = found.shape[1:]
         values = np.asarray(found, float).reshape(len(points), -1)

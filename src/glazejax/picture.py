@@ -46,7 +46,8 @@ class Picture:
         xyz: (h, w, 3), CIE XYZ, Y = 1 for the perfect diffuser.
         report: what was computed and what was not, in words.
         delta_e: estimated largest CIEDE2000 difference from computing every pixel; 0 if every pixel
-        was. computed: number of glazes whose spectrum was computed.
+            was.
+        computed: number of glazes whose spectrum was computed.
     """
 
     srgb: Float[Array, "h w 3"]
@@ -170,8 +171,8 @@ class _PictureInputs:
                 "or number"
             )
         coats = [Layer(medium, thickness) for medium, thickness in zip(layers, maps, strict=True)]
-        ground = np.asarray(_known("substrate", substrate), float)
-        thickness = [np.asarray(_known("thickness", m), float) for m in maps]
+        ground = np.asarray(_check_known("substrate", substrate), float)
+        thickness = [np.asarray(_check_known("thickness", m), float) for m in maps]
         names = [f"thickness of {medium.name!r}" for medium in layers] + ["substrate"]
         for name, array in zip(names, [*thickness, ground], strict=True):
             if array.ndim not in ((0, 2) if name != "substrate" else (0, 1, 2)):
@@ -232,7 +233,7 @@ class _PictureInputs:
         return colour.delta_e_2000(*(colour.xyz_to_lab(xyz, self.white) for xyz in (one, two)))
 
 
-def _known(name: str, values: Numbers) -> np.ndarray:
+def _check_known(name: str, values: Numbers) -> np.ndarray:
     array = concrete(values)
     if array is None:
         raise ValueError(

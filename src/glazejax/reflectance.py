@@ -24,10 +24,10 @@ def reflectance(
 
     Args:
         glaze: layers on a ground; thicknesses, weights and coefficients may carry leading batch
-        axes. geometry: `Bidirectional` gives the reflectance factor pi L_out / E_in,
-        `Hemispherical` the reflected
-            share of the flux. With its `specular` flag, the Fresnel reflectance of the outer
-            surface is added (for `Bidirectional` only where viewing equals incidence).
+            axes.
+        geometry: `Bidirectional` gives the reflectance factor pi L_out / E_in, `Hemispherical` the
+            reflected share of the flux. With its `specular` flag, the Fresnel reflectance of the
+            outer surface is added (for `Bidirectional` only where viewing equals incidence).
         tolerance: absolute error wanted; static.
         method: "ordinates", or "auxiliary" or "manyflux": the same quantity another way. By default
             the first, or "manyflux" where a paint has a phase function: only it can follow that.

@@ -16,7 +16,8 @@ def plain_table(
         columns: their titles; figures stand to the right and are never broken.
         title: of the table.
         words: numbers of the columns that hold words: they stand to the left, and long ones go on
-        in the next line. style: further arguments of `rich.table.Table`.
+            in the next line.
+        style: further arguments of `rich.table.Table`.
     """
     table = Table(title=title, title_justify="left", box=None, **style)
     for number, name in enumerate(columns):

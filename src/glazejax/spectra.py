@@ -61,7 +61,7 @@ def small(*arrays: Any) -> bool:
     return known and sum(array.size for array in arrays) <= _SMALL
 
 
-def computed(function: Callable[..., Any], *arrays: Any) -> Float[Array, "..."]:
+def on_numpy_or_jax(function: Callable[..., Any], *arrays: Any) -> Float[Array, "..."]:
     """``function(numpy or jax.numpy, *arrays)`` as a JAX array: by NumPy where all arrays are known
     and small.
 
@@ -194,25 +194,24 @@ def as_fraction(
     fractions = peaks <= MAX_FRACTION
     if percent.any() and fractions.any():
         raise ValueError(
-            f"percent and fraction are mixed: {_listed(names, percent)} in percent (maximum above "
-            f"{MIN_PERCENT:g}), {_listed(names, fractions)} in fractions; bring all to one unit"
+            f"percent and fraction are mixed: {_list_names(names, percent)} in percent "
+            f"(maximum above {MIN_PERCENT:g}), {_list_names(names, fractions)} in fractions; "
+            "bring all to one unit"
         )
     scale = 100.0 if percent.any() else 1.0
     largest = int(peaks.argmax())
     if peaks[largest] > MAX_FRACTION * scale:
         raise ValueError(
-            f"reflectance of {names[largest]} reaches {peaks[largest]:g}, too much for a "
-            "fraction (at most "
-            f"{MAX_FRACTION:g}) and for percent (above {MIN_PERCENT:g}, at most "
-            f"{100 * MAX_FRACTION:g}); divide by "
-            "what stands for a reflectance of 1"
+            f"reflectance of {names[largest]} reaches {peaks[largest]:g}, too much for a fraction "
+            f"(at most {MAX_FRACTION:g}) and for percent (above {MIN_PERCENT:g}, at most "
+            f"{100 * MAX_FRACTION:g}); divide by what stands for a reflectance of 1"
         )
     if scale == 1.0:
         return values, None
     return values / scale, "values are in percent; divided by 100"
 
 
-def _listed(names: Sequence[str], chosen: Bool[np.ndarray, "rows"]) -> str:
+def _list_names(names: Sequence[str], chosen: Bool[np.ndarray, "rows"]) -> str:
     """First few of the chosen names."""
     picked = [name for name, take in zip(names, chosen, strict=True) if take]
     more = f" and {len(picked) - 3} more" if len(picked) > 3 else ""

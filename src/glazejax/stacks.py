@@ -29,7 +29,7 @@ from jaxtyping import Float
 from . import catalogue
 from .geometry import Geometry, parse_geometry
 from .io.outputs import check_output
-from .io.source import opened
+from .io.source import open_source
 from .paint.describe import Coat, find_name, make_media, name_paints
 from .paint.media import MAX_THICKNESS, Glaze, Layer, Mixture, Pigment
 from .spectra import describe_grid, resample, same_grid, validate_wavelengths
@@ -215,7 +215,7 @@ def read_stack(path: str | Path) -> Stack:
         FileNotFoundError: no such file.
         ValueError: not such a file; the message says where and what would mend it.
     """
-    with opened(path) as source:
+    with open_source(path) as source:
         try:
             return parse_stack(source.text(most=_MOST_BYTES, fallback=None))
         except ValueError as error:

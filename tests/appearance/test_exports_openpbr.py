@@ -260,9 +260,9 @@ def test_a_fit_says_how_much_its_space_cannot_hold(truth):
         (lambda: OpenPBR(coat_ior=0.5), "coat_ior is 0.5; OpenPBR takes 1 to 3"),
         (lambda: OpenPBR(base_weight=(1.0, 1.0, 1.0)), "a colour has three numbers"),  # pyright: ignore[reportArgumentType]
         (
-            lambda: fit_openpbr(blue(), GRID, layering="arnold"),
+            lambda: fit_openpbr(blue(), GRID, layering="arnold"),  # pyright: ignore[reportArgumentType]
             "layering is 'arnold'; choose materialx",
-        ),  # pyright: ignore[reportArgumentType]
+        ),
         (
             lambda: fit_openpbr(blue(), GRID, space="adobe"),
             "colour space 'adobe' is not known: choose srgb",

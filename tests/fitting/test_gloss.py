@@ -11,7 +11,7 @@ from glazefit.film.gloss import measure_gloss
 from glazefit.film.response import film_response
 from glazefit.recover.joint import UNIT
 from glazefit.recover.joint_problem import readings
-from glazefit.recover.next_film import _Candidate, _planned, _pose
+from glazefit.recover.next_film import _Candidate, _planning_bands, _pose
 from glazejax import Hemispherical
 
 GRID = np.arange(400.0, 701.0, 20.0)
@@ -75,7 +75,7 @@ def test_advice_keeps_the_measured_gloss(films):
     candidate = _Candidate("another", found.shares[0], 0.0)
     problem, solution = _pose(found, [candidate], list(found.paints), {}, None, UNIT, response)
     read = np.asarray(readings(solution, problem, response))[:, : len(found.films)]
-    fitted = np.stack([found.fitted_black, found.fitted_white], axis=-1)[:, _planned(found)]
+    fitted = np.stack([found.fitted_black, found.fitted_white], axis=-1)[:, _planning_bands(found)]
     np.testing.assert_allclose(np.moveaxis(read, 0, 1), fitted, atol=1e-6)
 
 

@@ -19,7 +19,7 @@ from glazefit.film.errors import (
 )
 from glazefit.film.noise import noise_of_each
 from glazefit.film.response import film_response
-from glazefit.film.varnish import varnished, yellow
+from glazefit.film.varnish import under_varnish, yellow
 from glazefit.identify.searcher import hardly_seen
 from glazejax import Bidirectional, Hemispherical, Pigment, catalogue
 from glazejax.paint.pigment_table import read_pigments
@@ -72,7 +72,7 @@ def found(shelf) -> Identification:
     """
     tint = read_film({"CobaltBlue": 0.2, "ZincWhite": 0.8})
     coat = film_response(Hemispherical())
-    yellowed = varnished(coat, tint - 0.04, 0.45 * yellow(GRID)) + 0.04
+    yellowed = under_varnish(coat, tint - 0.04, 0.45 * yellow(GRID)) + 0.04
     green = read_film({"EmeraldGreen": 0.5, "ZincWhite": 0.5}, 2.0)
     spectra = np.stack([read_film({"Vermillion": 1.0}), tint, yellowed, green])
     return identify(

@@ -23,7 +23,7 @@ from glazefit.posterior.film import pose_films
 from glazefit.posterior.film_errors import pose_errors
 from glazefit.posterior.laplace import Laplace, _distinct, climb, find_modes, laplace
 from glazefit.posterior.problem import log_probability, uniform_residual
-from glazefit.posterior.report import unsettled
+from glazefit.posterior.report import describe_unsettled
 from glazefit.posterior.summary import Numbers, Row, Summary, compare
 from glazejax import Glaze, Hemispherical, Layer, Pigment, reflectance
 
@@ -485,12 +485,12 @@ def test_least_squares_that_did_not_settle_is_said(banded):
     assert not climb(problem, np.zeros((len(problem.blocks), 1, problem.dims))).settled.any()
 
     assert banded.laplace.converged.all()
-    assert unsettled(banded) == ""
+    assert describe_unsettled(banded) == ""
     marks = np.array(banded.laplace.settled)
     marks[1] = False
     stopped = replace(banded, laplace=replace(banded.laplace, settled=marks))
     assert stopped.laplace.converged.tolist() == [n != 1 for n in range(len(marks))]
-    assert f"at the mode of {problem.blocks[1]}:" in unsettled(stopped)
+    assert f"at the mode of {problem.blocks[1]}:" in describe_unsettled(stopped)
     assert stopped.inference_data.attrs["laplace_modes_settled"] == 0
 
 

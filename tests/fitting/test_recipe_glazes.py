@@ -9,7 +9,7 @@ from rich.console import Console
 
 import glazejax as gj
 from glazefit import find_recipes, lab_target, spectral_target
-from glazefit.recipe.choose import merged, roundings
+from glazefit.recipe.choose import merge_coats, roundings
 from glazefit.recipe.refine import _children
 from glazefit.recipe.report import print_best, print_recipes
 from glazefit.recipe.task import Task, make_task
@@ -140,8 +140,8 @@ def test_a_coat_is_added_anywhere_and_never_mixed_in():
 def test_coats_that_become_neighbours_of_one_paint_are_one():
     stack = np.zeros((3, 2))
     stack[0, 0], stack[1, 0], stack[2, 1] = 20.0, 25.0, 4.0
-    np.testing.assert_array_equal(merged(stack[None], 50.0), [[[45.0, 0], [0, 4.0], [0, 0]]])
-    np.testing.assert_array_equal(merged(stack[None], 40.0), stack[None])
+    np.testing.assert_array_equal(merge_coats(stack[None], 50.0), [[[45.0, 0], [0, 4.0], [0, 0]]])
+    np.testing.assert_array_equal(merge_coats(stack[None], 40.0), stack[None])
 
 
 def test_six_coats_have_every_rounding():

@@ -8,7 +8,7 @@ from rich.console import Console
 
 from glazefit import find_recipes
 from glazefit.recipe import refine as refine_module
-from glazefit.recipe.choose import Scored, packed, roundings, select
+from glazefit.recipe.choose import Scored, pack_coats, roundings, select
 from glazefit.recipe.metric import colour_metric
 from glazefit.recipe.model import Optics, empty_slots, fill_slots, make_model, readings
 from glazefit.recipe.refine import refine
@@ -52,7 +52,7 @@ def test_an_empty_coat_is_no_coat(model):
         np.testing.assert_allclose(
             readings(model, one[:, ::-1], optics), readings(model, one, optics), atol=1e-6
         )
-    np.testing.assert_array_equal(packed(one[:, ::-1]), one)
+    np.testing.assert_array_equal(pack_coats(one[:, ::-1]), one)
 
 
 def test_slots_hold_a_stack(model):

@@ -10,7 +10,7 @@ from glazefit.film.response import (
     HIGHEST,
     SHIPPED,
     FilmResponse,
-    _shipped,
+    _load_shipped,
     film_response,
 )
 from glazejax import Bidirectional, Hemispherical
@@ -115,7 +115,7 @@ def test_many_angles_are_refused():
 def test_tables_that_ship_are_the_solver_s(name):
     """At a hundred nodes, over three grounds: to rounding, not only to the solver's tolerance."""
     optics = Optics.of(*SHIPPED[name])
-    values = _shipped(optics)
+    values = _load_shipped(optics)
     assert values is not None
     rows, columns = np.random.default_rng(2).integers(0, _NODES, (2, 100))
     rows[:4], columns[:4] = (0, 0, -1, -1), (0, -1, 0, -1)
@@ -131,9 +131,9 @@ def test_tables_that_ship_are_the_solver_s(name):
 
 
 def test_other_instruments_ship_no_table():
-    assert _shipped(Optics.of(SPHERE, 1.51)) is None
-    assert _shipped(Optics.of(Bidirectional(45, 1), 1.5)) is None
-    assert _shipped(Optics.of(Hemispherical(8.0, specular=False), 1.5)) is not None
+    assert _load_shipped(Optics.of(SPHERE, 1.51)) is None
+    assert _load_shipped(Optics.of(Bidirectional(45, 1), 1.5)) is None
+    assert _load_shipped(Optics.of(Hemispherical(8.0, specular=False), 1.5)) is not None
 
 
 def test_numpy_and_jax_read_the_same_film(table):

@@ -6,10 +6,10 @@ import pytest
 
 from glazefit.film.optics import Optics
 from glazefit.film.response import film_response
-from glazefit.film.varnish import DECAY, varnished, without_varnish, yellow
+from glazefit.film.varnish import DECAY, under_varnish, without_varnish, yellow
 from glazefit.identify.conditions import CONDITIONS, NOT_OPAQUE, OTHER_GROUNDS, VARNISHES, Condition
 from glazefit.identify.task import Measured
-from glazefit.identify.untold import bared
+from glazefit.identify.untold import remove_varnish
 from glazejax import Bidirectional, Hemispherical
 
 GRID = np.arange(400.0, 701.0, 10.0)
@@ -26,17 +26,17 @@ def test_varnish_on_a_diffuse_white_is_a_coat_that_only_absorbs(geometry):
     bare = np.asarray(response.body(np.zeros_like(GRID), np.zeros_like(GRID), WHITE))
     depth, ground = jnp.asarray(coat)[:, None], jnp.full(GRID.size, WHITE)
     solved = np.asarray(optics.body(depth, 0.0 * depth, ground, 1e-7))
-    np.testing.assert_allclose(varnished(response, bare, coat), solved, atol=3e-5)
+    np.testing.assert_allclose(under_varnish(response, bare, coat), solved, atol=3e-5)
 
 
 def test_varnish_comes_off_again():
     response, coat = film_response(Hemispherical()), 0.8 * yellow(GRID)
     body = np.linspace(0.02, 0.85, GRID.size)
     np.testing.assert_allclose(
-        without_varnish(response, varnished(response, body, coat), coat), body, atol=1e-9
+        without_varnish(response, under_varnish(response, body, coat), coat), body, atol=1e-9
     )
     # The blue end loses more than the red.
-    lost = varnished(response, body, coat) / body
+    lost = under_varnish(response, body, coat) / body
     assert lost[0] < 0.5 * lost[-1]
 
 
@@ -48,13 +48,13 @@ def test_a_film_taken_from_under_a_varnish_keeps_what_is_not_known():
     body = np.linspace(0.1, 0.8, GRID.size)
     spreads = {}
     for level in (0.2, 0.6):
-        read = varnished(response, body, level * yellow(GRID))
+        read = under_varnish(response, body, level * yellow(GRID))
         whole = np.array([[read + surface]])
         empty = np.empty((1, 0, 1, GRID.size))
         film = Measured(
             ("film",), GRID, whole, np.full_like(whole, 0.9), np.full_like(whole, noise), empty
         )
-        found, change = bared(film, response, surface, level)
+        found, change = remove_varnish(film, response, surface, level)
         np.testing.assert_allclose(found.readings[0, 0], body + surface, atol=1e-9)
 
         def off(change: float, depth: float, read=read) -> np.ndarray:

@@ -15,7 +15,7 @@ import pytest
 
 from glazefit.mapping.chunk import ChunkMaps
 from glazefit.mapping.keyed import KeyedResults
-from glazefit.mapping.run import client_in_scope, connected, finish, run_chunks
+from glazefit.mapping.run import client_in_scope, connect, finish, run_chunks
 from glazefit.mapping.store import open_map
 
 from .test_store import same, undisturbed  # noqa: F401
@@ -191,7 +191,7 @@ def test_a_cluster_that_is_lost_ends_in_a_sentence(tmp_path, undisturbed):  # no
             dashboard_address=None,
             silence_logs=60,
         ) as cluster,
-        connected(cluster.scheduler_address, seconds=1) as client,
+        connect(cluster.scheduler_address, seconds=1) as client,
     ):
         assert client is not None
         assert client_in_scope() is None
@@ -227,11 +227,11 @@ def test_no_scheduler_is_said_in_one_line():
         pytest.raises(
             ValueError, match=r"--scheduler tcp://127\.0\.0\.1:1: no dask scheduler answers there"
         ) as found,
-        connected("tcp://127.0.0.1:1", seconds=0.5),
+        connect("tcp://127.0.0.1:1", seconds=0.5),
     ):
         pass
     assert "\n" not in str(found.value)
-    with connected(None) as client:
+    with connect(None) as client:
         assert client is None
 
 

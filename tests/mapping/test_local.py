@@ -11,9 +11,9 @@ from glazefit.identify.searcher import Searcher
 from glazefit.identify.weigh import weigh
 from glazefit.mapping.atlas import Atlas
 from glazefit.mapping.colour_metric import colour_metric
-from glazefit.mapping.local import Searched, as_measured, check_errors, searched
+from glazefit.mapping.local import Searched, as_measured, check_errors, search_locally
 from glazefit.mapping.survey import Features
-from glazefit.mapping.update import gained
+from glazefit.mapping.update import log_weight_gain
 from glazefit.mapping.working import WorkingBands
 from glazejax.colour import delta_e_of_spectra
 from tests.mapping import small
@@ -69,7 +69,7 @@ def problem(request):
         ground,
         readings,
         sd_of(readings),
-        searched(searcher, readings, sd_of(readings), ground),
+        search_locally(searcher, readings, sd_of(readings), ground),
     )
 
 
@@ -142,7 +142,7 @@ def test_near_a_representative_it_follows_the_search(problem):
 def _gain(one, step):
     off = one.off + np.einsum("nij,j->ni", one.off_by, step)[None]
     logs = np.einsum("nmj,j->nm", one.logs_by, step)[None]
-    return float(gained(one, off, logs)[0, 0] + one.weight_by[0] @ step)
+    return float(log_weight_gain(one, off, logs)[0, 0] + one.weight_by[0] @ step)
 
 
 @pytest.mark.slow
@@ -159,7 +159,9 @@ def test_spectra_between_representatives_are_answered_as_searched(problem):
 @pytest.mark.slow
 def test_what_is_kept_comes_back(problem):
     arrays = problem.known.arrays()
-    halves = 2 * [searched(problem.searcher, problem.readings, problem.sd, problem.ground).arrays()]
+    halves = 2 * [
+        search_locally(problem.searcher, problem.readings, problem.sd, problem.ground).arrays()
+    ]
     both = Searched.from_parts(2, lambda n, name: halves[n][name])
     for name, values in both.arrays().items():
         half = len(values) // 2

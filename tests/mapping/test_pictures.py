@@ -15,7 +15,7 @@ from glazefit.mapping.pictures import (
     STRIPES,
     MapPicture,
     Scale,
-    coloured,
+    colour_numbers,
     false_colour,
     found_paints,
     legend_map,
@@ -200,7 +200,7 @@ def test_a_number_is_its_colour_and_grey_where_it_is_not_known():
     from matplotlib import colormaps
 
     values = np.array([[0.0, 5.0], [20.0, np.nan]])
-    image = coloured(MapPicture("a", "A", "", values, Scale("viridis", 0.0, 10.0)))
+    image = colour_numbers(MapPicture("a", "A", "", values, Scale("viridis", 0.0, 10.0)))
     side = image.shape[1] // 2
     corners = image[:: 2 * side - 1, :: 2 * side - 1]
     for at, level in (((0, 0), 0.0), ((0, 1), 0.5), ((1, 0), 1.0)):

@@ -54,7 +54,8 @@ cosine = st.one_of(st.sampled_from(EDGE_COSINE), st.floats(1e-4, 1))
 
 
 DARKER = max(1e-9, ROUNDING)
-"""Slope by an albedo, per thickness, or by a ground, that rounding may leave where there is none.
+"""Slope by an albedo, per thickness, or by a ground, that rounding may leave where there
+is none.
 """
 
 

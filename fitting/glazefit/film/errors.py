@@ -31,20 +31,23 @@ class Discrepancy:
 
     Attributes:
         coefficient: standard deviation of the log of a paint's k, and of its s, beside what the
-        pigment says. coefficient_length: over which these errors, and the pigment's own, stay
-        alike, nm.
+            pigment says.
+        coefficient_length: over which these errors, and the pigment's own, stay alike, nm.
         level: standard deviation of a further error of log k, and of log s, that is the same at all
-        wavelengths. most: largest relative standard deviation of a pigment that counts; to first
-        order, more means nothing. unstated: taken for a pigment without standard deviations.
+            wavelengths.
+        most: largest relative standard deviation of a pigment that counts; to first order, more
+            means nothing.
+        unstated: taken for a pigment without standard deviations.
         amplitude: standard deviation of the model's own smooth error, in reflectance,
         share: and for each unit of reflectance.
         length: over which that stays alike, nm.
         shared: its correlation between grounds, in [0, 1].
         scales, weights: factors of all of these, and how probable each is.
         gloss, gloss_sd: share of the surface's reflection that is seen, and how it varies between
-        films. freedom: of Student's t that a whole spectrum's misfit follows when candidates are
-        weighed: some films are met
-            far worse than others. None takes Gaussian errors at each of the scales.
+            films.
+        freedom: of Student's t that a whole spectrum's misfit follows when candidates are weighed:
+            some films are met far worse than others. None takes Gaussian errors at each of the
+            scales.
         apart: wavelengths nearer than this count as one reading when candidates are weighed, nm:
             what is left over is alike at neighbouring bands in ways that no covariance describes,
             and a finer grid tells no more.
@@ -107,7 +110,8 @@ class Prior:
         thickness: median, m.
         spread: standard deviation of its logarithm.
         concentration: of the fractions' Dirichlet distribution; 1 is uniform, less prefers unequal
-        ones. sizes: how probable films of one, two, three paints are.
+            ones.
+        sizes: how probable films of one, two, three paints are.
         stacked: probability of two coats, where they are tried.
         extender: how probable a set is beside others for each paint in it that a film of usual
             thickness hardly shows: such paints meet what others cannot at no cost.
@@ -201,7 +205,7 @@ def relative_errors(
         return np.divide(np.asarray(sd), values, out=np.zeros_like(values), where=values > 0)
 
     def both(pigment: Pigment) -> np.ndarray:
-        modes = _counted(pigment, discrepancy)
+        modes = _limit_modes(pigment, discrepancy)
         held, unstated = (
             (0.0, discrepancy.unstated) if modes is None else (np.sum(modes**2, axis=0), 0.0)
         )
@@ -215,7 +219,7 @@ def relative_errors(
     return np.asarray([both(pigment) for pigment in pigments])
 
 
-def _counted(
+def _limit_modes(
     pigment: Pigment, discrepancy: Discrepancy
 ) -> Float[np.ndarray, "modes 2 bands"] | None:
     """A pigment's error modes; where they are larger together than the discrepancy's `most`, as
@@ -247,7 +251,7 @@ def error_modes(
     bands = pigments[0].wavelengths.size
     out = np.zeros((len(pigments), 2, bands, sum(sources.values())))
     for row, pigment in enumerate(pigments):
-        if (modes := _counted(pigment, discrepancy)) is not None:
+        if (modes := _limit_modes(pigment, discrepancy)) is not None:
             start = first[pigment.provenance]
             out[row, :, :, start : start + len(modes)] = np.moveaxis(modes, 0, -1)
     return out
@@ -307,7 +311,8 @@ def paints_covariance(
 
     Args:
         slopes: of the readings by the log of k of the films' paints, then of s, band by band; 0 for
-        no paint. members: paints of each film by number, negative for none.
+            no paint.
+        members: paints of each film by number, negative for none.
         own, modes: of all paints (`relative_errors`, `error_modes`).
         wavelengths: (bands,), nm.
         discrepancy: size and length of further errors.

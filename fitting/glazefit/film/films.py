@@ -14,7 +14,7 @@ from jaxtyping import Bool, Float
 
 from glazejax import Bidirectional
 from glazejax.geometry import Instrument as Instrument
-from glazejax.io.spectra_table import listed
+from glazejax.io.spectra_table import list_names
 from glazejax.radiative.common.fresnel import dielectric_reflectance
 from glazejax.spectra import describe_grid, validate_wavelengths
 
@@ -145,7 +145,9 @@ class Films:
         return len(self.names)
 
     def __repr__(self) -> str:
-        return f"Films({len(self)} films, {describe_grid(self.wavelengths)}: {listed(self.names)})"
+        return (
+            f"Films({len(self)} films, {describe_grid(self.wavelengths)}: {list_names(self.names)})"
+        )
 
     def take(self, rows: Sequence[int] | slice) -> "Films":
         """Some of the films, by number."""

@@ -62,8 +62,7 @@ def measure_gloss(films: Films, excluded: Films, instrument: Instrument) -> dict
     if not np.array_equal(films.wavelengths, excluded.wavelengths):
         raise ValueError(
             f"readings without the specular part are at {describe_grid(excluded.wavelengths)}, "
-            "those with it at "
-            f"{describe_grid(films.wavelengths)}: export both on one grid"
+            f"those with it at {describe_grid(films.wavelengths)}: export both on one grid"
         )
     found = {}
     for row, name in enumerate(films.names):
@@ -80,14 +79,12 @@ def measure_gloss(films: Films, excluded: Films, instrument: Instrument) -> dict
         if not 0.01 < share < 1.5:
             raise ValueError(
                 f"film {name!r} reads {share * surface:+.4f} more with the specular part than "
-                "without it; a smooth "
-                f"surface adds {surface:.4f}: are the files swapped?"
+                f"without it; a smooth surface adds {surface:.4f}: are the files swapped?"
             )
         found[name] = share
     if not found:
         raise ValueError(
             f"no film was read both ways: with the specular part {', '.join(films.names[:5])}; "
-            "without it "
-            f"{', '.join(excluded.names[:5])}"
+            f"without it {', '.join(excluded.names[:5])}"
         )
     return found

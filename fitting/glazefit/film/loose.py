@@ -101,8 +101,7 @@ def _check_rows(rows: Mapping[str, Mapping[str, int]]) -> None:
         if not {"ob", "ow", "opaque"} & set(found):
             raise ValueError(
                 f"film {film!r} has no row '{film}_ob' or '{film}_ow' (paint over black, over "
-                "white); cards of all "
-                "films are card_b and card_w"
+                "white); cards of all films are card_b and card_w"
             )
 
 
@@ -129,10 +128,10 @@ def _films(
     films = Films(
         tuple(rows), grid, **arrays, seen=np.array(seen), assumed=np.array(assumed), opaque=opaque
     )
-    return _noted(films, notes)
+    return _add_notes(films, notes)
 
 
-def _noted(films: Films, notes: list[str]) -> Films:
+def _add_notes(films: Films, notes: list[str]) -> Films:
     """Films with sentences on what was taken for granted; assumed cards end where usual cards are
     known.
     """
@@ -150,8 +149,7 @@ def _noted(films: Films, notes: list[str]) -> Films:
     if words:
         notes.append(
             f"the {' and the '.join(words)} card was not measured (card_b, card_w): a usual one "
-            "is assumed, and its "
-            "level is fitted"
+            "is assumed, and its level is fitted"
         )
     films = replace(films, notes=tuple(notes))
     return crop(films, *USUAL_RANGE, "usual cards are known there only") if words else films

@@ -1,9 +1,9 @@
 """Levenberg and Marquardt's least squares for very many small problems side by side.
 
 The steps are those of optimistix's `LevenbergMarquardt`, and so are its answers. What differs is
-how the program is built: one loop whose arrays have a batch axis, in place of a loop that
-`jax.vmap` turns into one. JAX traces and compiles it several times faster, which is most of what a
-first recipe waits for.
+how the program is
+built: one loop whose arrays have a batch axis, in place of a loop that `jax.vmap` turns into one.
+JAX traces and compiles it several times faster, which is most of what a first recipe waits for.
 """
 
 from collections.abc import Callable
@@ -43,10 +43,12 @@ def levenberg_marquardt(
 
     Args:
         residuals: of one problem, (rows,), from its unknowns, (m,), and from its own part of what
-        is `given`. start: (n, m), a problem a row.
+            is `given`.
+        start: (n, m), a problem a row.
         given: trees of arrays (n, ...), a problem a row.
         rtol, atol: settled when a step changes no unknown and no residual by more than atol + rtol
-        times itself. max_steps: after these a problem keeps the best point it has seen.
+            times itself.
+        max_steps: after these a problem keeps the best point it has seen.
 
     Source: as `optimistix.LevenbergMarquardt`, `ClassicalTrustRegion` and `cauchy_termination`.
     """
@@ -74,11 +76,11 @@ def levenberg_marquardt(
             residual - state.residual, residual, rtol, atol
         )
 
-        def kept(new: Array, old: Array) -> Array:
+        def choose(new: Array, old: Array) -> Array:
             return jnp.where(counts.reshape(-1, *[1] * (new.ndim - 1)), new, old)
 
-        point, residual = kept(state.tried, state.point), kept(residual, state.residual)
-        slopes = kept(slopes, state.slopes)
+        point, residual = choose(state.tried, state.point), choose(residual, state.residual)
+        slopes = choose(slopes, state.slopes)
         new = _State(
             point=point,
             tried=point - damped_solution(slopes, residual, 1.0 / length),

@@ -45,7 +45,7 @@ def estimate_noise(films: Films, least: Noise | None = None) -> Noise:
     if films.wavelengths.size < 2 or np.median(np.diff(films.wavelengths)) > COARSE:
         return least
     parts = [roughness(films.wavelengths, spectra) for spectra in films.readings()]
-    everything, bare = _fitted(parts), _fitted(parts[:2])
+    everything, bare = _fit_ends(parts), _fit_ends(parts[:2])
     if everything is None:
         return least
     # Cards are smooth whatever the paint is.
@@ -70,7 +70,7 @@ def spectra_noise(
     least = least or Noise()
     if wavelengths.size < 2 or np.median(np.diff(wavelengths)) > COARSE:
         return least
-    found = _fitted([roughness(wavelengths, spectra)])
+    found = _fit_ends([roughness(wavelengths, spectra)])
     return least if found is None else _at_least(found, least)
 
 
@@ -84,7 +84,7 @@ def _at_least(found: tuple[float, float], least: Noise) -> Noise:
     return Noise(float(min(dark - share * _ENDS[0], MOST)), float(min(share, MOST)))
 
 
-def _fitted(parts: Sequence[tuple[np.ndarray, np.ndarray]]) -> tuple[float, float] | None:
+def _fit_ends(parts: Sequence[tuple[np.ndarray, np.ndarray]]) -> tuple[float, float] | None:
     """Noise at both ends that fits roughness best; None if there is none."""
     differences = np.concatenate([part[0].ravel() for part in parts])
     if not differences.size:

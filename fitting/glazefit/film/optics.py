@@ -40,7 +40,8 @@ class Optics(NamedTuple):
 
         Args:
             absorption, scattering: optical thicknesses k d and s d, top first, >= 0; both 0 for a
-            coat that is absent. ground: internal reflectance.
+                coat that is absent.
+            ground: internal reflectance.
             tolerance: of the solver.
         """
         depth = absorption + scattering

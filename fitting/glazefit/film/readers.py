@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from glazejax.io import SpectraTable, read_spectra
-from glazejax.io.source import opened, refusal
+from glazejax.io.source import open_source, refusal
 
 from .films import Films
 
@@ -67,8 +67,7 @@ def films_of(table: SpectraTable) -> Films:
         if missing:
             raise ValueError(
                 f"film {film!r} has no row '{film}_{missing[0]}' ({ROWS[missing[0]]}); a film "
-                "needs all "
-                f"four of {', '.join('_' + end for end in ROWS)}"
+                f"needs all four of {', '.join('_' + end for end in ROWS)}"
             )
 
     def take(ending: str) -> np.ndarray:
@@ -99,7 +98,7 @@ def read_names(path: str | Path) -> dict[str, dict[str, float]]:
     """
     recipes: dict[str, dict[str, float]] = {}
     count = 0
-    with opened(path) as source:
+    with open_source(path) as source:
         for number, line in source.lines():
             if not line.strip() or line.startswith("#"):
                 continue

@@ -22,7 +22,8 @@ class Reading:
         name: of the film.
         wavelengths: (bands,), nm.
         reflectance: as measured, with the surface's part if the instrument sees it, (bands,
-        grounds). ground: internal reflectance of the grounds, (bands, grounds), in [0, 1].
+            grounds).
+        ground: internal reflectance of the grounds, (bands, grounds), in [0, 1].
         sd: standard deviation of `reflectance`.
         ground_sd: standard deviation of `ground`; 0 where it is known.
         grounds: what the grounds are called.
@@ -59,8 +60,7 @@ class Reading:
                 i, j = (int(n) for n in np.argwhere(wrong)[0])
                 raise ValueError(
                     f"{what} of {self.name!r} over {self.grounds[j]} at {self.wavelengths[i]:g} "
-                    "nm is "
-                    f"{values[i, j]:g}; it must be in [{low:g}, {high:g}]"
+                    f"nm is {values[i, j]:g}; it must be in [{low:g}, {high:g}]"
                 )
 
     def __repr__(self) -> str:

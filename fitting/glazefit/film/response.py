@@ -26,7 +26,7 @@ from jaxtyping import Array, ArrayLike, Float
 
 from glazejax.geometry import Bidirectional, Geometry, Hemispherical
 from glazejax.radiative.common.inputs import concrete
-from glazejax.spectra import as_array, computed, small
+from glazejax.spectra import as_array, on_numpy_or_jax, small
 
 from .optics import Optics
 
@@ -40,7 +40,8 @@ _TOLERANCE = 1e-6
 _CHUNK = 3200
 
 SHIPPED = {"d8": (Hemispherical(), 1.5), "45_0": (Bidirectional(45, 0), 1.5)}
-"""Instruments whose table lies beside this file: those that `glazefit` takes when it is told none.
+"""Instruments whose table lies beside this file: those that `glazefit` takes when it is
+told none.
 """
 
 
@@ -110,8 +111,8 @@ class FilmResponse(Response):
             absorption, scattering: optical thicknesses, (...), >= 0.
             ground: internal reflectance, broadcast against them.
         """
-        row, over, over_slope = _weighted(absorption, HIGHEST[0])
-        column, across, across_slope = _weighted(scattering, HIGHEST[1])
+        row, over, over_slope = _spline_weights(absorption, HIGHEST[0])
+        column, across, across_slope = _spline_weights(scattering, HIGHEST[1])
         patch = self.patches.at[row * (_NODES - 1) + column].get(mode="promise_in_bounds")
         along, along_slope = (
             jnp.sum(patch * a[..., None, :, None], axis=-2) for a in (across, across_slope)
@@ -141,7 +142,7 @@ class FilmResponse(Response):
             else jnp.broadcast_arrays
         )
         black, gain, back = self.numbers(*films(as_array(absorption), as_array(scattering)))
-        return computed(_over, black, gain, back, as_array(ground))
+        return on_numpy_or_jax(_over, black, gain, back, as_array(ground))
 
     def internal(self, body: Float[Array, "*batch"]) -> Float[Array, "*batch"]:
         """Internal reflectance of the Lambertian ground that, bare, reads `body` without the outer
@@ -149,7 +150,7 @@ class FilmResponse(Response):
         """
         nothing = np.zeros((), body.dtype)
         numbers = self.numbers(nothing, nothing)
-        return computed(
+        return on_numpy_or_jax(
             lambda _, body, black, gain, back: ground_below(body - black, gain, back),
             body,
             *numbers,
@@ -178,7 +179,7 @@ def _locate(xp: Any, thickness: Any, highest: float) -> tuple[Any, Any]:
     return cell, xp.stack(_weights(near, far), axis=-1)
 
 
-def _weighted(thickness: Array, highest: float) -> tuple[Array, Array, Array]:
+def _spline_weights(thickness: Array, highest: float) -> tuple[Array, Array, Array]:
     """Cell, weights and the derivatives of the weights by the optical thickness, which are 0 beyond
     the table.
     """
@@ -238,7 +239,7 @@ def film_response(geometry: Geometry, refractive_index: float = 1.5) -> FilmResp
 def _patches(optics: Optics) -> Float[np.ndarray, "cells 4 4 3"]:
     """Spline coefficients from solved films."""
     inverse = np.linalg.inv(_not_a_knot(_NODES))[:, :_NODES]
-    values = _shipped(optics)
+    values = _load_shipped(optics)
     values = solved_table(optics) if values is None else values
     coefficients = np.einsum("ai,bj,cij->abc", inverse, inverse, values, optimize=True)
     windows = np.lib.stride_tricks.sliding_window_view(coefficients, (4, 4), axis=(0, 1))
@@ -259,7 +260,7 @@ def _not_a_knot(nodes: int) -> Float[np.ndarray, "n n"]:
     return matrix
 
 
-def _shipped(optics: Optics) -> Float[np.ndarray, "3 nodes nodes"] | None:
+def _load_shipped(optics: Optics) -> Float[np.ndarray, "3 nodes nodes"] | None:
     """What `python -m benchmarks.film_tables` wrote for these optics, if it did."""
     for name, (geometry, index) in SHIPPED.items():
         if Optics.of(geometry, index) == optics:

@@ -49,10 +49,9 @@ def shared_bands(
     if kept.sum() < _FEWEST:
         raise ValueError(
             f"the spectra have {describe_grid(wavelengths)} and the paints are known from "
-            f"{first:g} to {last:g} nm: "
-            f"{kept.sum()} bands lie there, at least {_FEWEST} are needed; measure there, or use "
-            "paints that are known "
-            "at your wavelengths (--pigments, --catalogue)"
+            f"{first:g} to {last:g} nm: {kept.sum()} bands lie there, at least {_FEWEST} are "
+            "needed; measure there, or use paints that are known at your wavelengths "
+            "(--pigments, --catalogue)"
         )
     mean, notes = np.eye(wavelengths.size)[:, kept], []
     grid = wavelengths[kept]

@@ -29,7 +29,8 @@ def simulate_films(
         names: of the films.
         wavelengths: (bands,), nm.
         absorption, scattering: k d and s d, (films, bands), or (films, bands, coats) for several
-        coats, top first. instrument, noise: by default those of `recover_films`.
+            coats, top first.
+        instrument, noise: by default those of `recover_films`.
         seed: of the noise; equal seeds give equal spectra.
     """
     instrument, noise = instrument or Instrument(), noise or Noise()
@@ -42,14 +43,14 @@ def simulate_films(
     optics = Optics.of(instrument.geometry, instrument.refractive_index)
     empty = np.full((1, 1, 1), 1e-12)
 
-    def read(k: np.ndarray, s: np.ndarray) -> np.ndarray:
+    def read_film(k: np.ndarray, s: np.ndarray) -> np.ndarray:
         body = optics.body(
             jnp.asarray(k)[:, :, None], jnp.asarray(s)[:, :, None], jnp.asarray(grounds), 1e-6
         )
         exact = np.asarray(body) + instrument.seen_surface
         return np.maximum(exact + noise.sd(exact) * rng.standard_normal(exact.shape), 0.0)
 
-    bare, painted = read(empty, empty), read(k, s)
+    bare, painted = read_film(empty, empty), read_film(k, s)
     return Films(
         names=tuple(names),
         wavelengths=wavelengths,

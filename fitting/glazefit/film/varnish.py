@@ -26,7 +26,7 @@ def yellow(
     return np.exp((_FIRST - np.maximum(wavelengths, 0.9 * _FIRST)) / decay)
 
 
-def varnished(
+def under_varnish(
     response: FilmResponse,
     body: Float[np.ndarray, "*n bands"],
     thickness: Float[np.ndarray, "bands"],
@@ -50,7 +50,7 @@ def without_varnish(
     body: Float[np.ndarray, "*n bands"],
     thickness: Float[np.ndarray, "bands"],
 ) -> Float[np.ndarray, "*n bands"]:
-    """The inverse of `varnished`: what the paint would read if its varnish were taken off."""
+    """The inverse of `under_varnish`: what the paint would read if its varnish were taken off."""
     dark, gain, back = _through(response, thickness)
     below = ground_below(np.asarray(body) - dark, gain, back)
     clear, gain, back = _through(response, np.zeros_like(thickness))

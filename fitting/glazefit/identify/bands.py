@@ -54,8 +54,10 @@ def expected_bands(
         pigments: its catalogue.
         instrument: that read the spectra.
         prior: its usual thickness is the unit of amounts, its spread holds amounts that nothing
-        determines. discrepancy: errors of the model; where a whole spectrum's misfit follows
-        Student's t, the band is its. count: explanations; fewer if there are fewer.
+            determines.
+        discrepancy: errors of the model; where a whole spectrum's misfit follows Student's t, the
+            band is its.
+        count: explanations; fewer if there are fewer.
     """
     measured, d = found.measured, discrepancy
     known = check_pigments(pigments, measured.wavelengths)

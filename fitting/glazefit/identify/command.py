@@ -38,8 +38,8 @@ def identify(
         typer.Argument(
             metavar="FILE",
             help="Table of spectra. Rows in fours, NAME_b and NAME_w (bare black and white card), "
-            "NAME_ob and NAME_ow "
-            "(paint over them), are films over cards; any other spectra need --ground or --opaque.",
+            "NAME_ob and NAME_ow (paint over them), are films over cards; any other spectra need "
+            "--ground or --opaque.",
             show_default=False,
         ),
     ] = None,
@@ -93,9 +93,8 @@ def identify(
         typer.Option(
             metavar="FILE",
             help="Also write a report, such as report.html: one page to file, with each spectrum, "
-            "its best fits, "
-            "amounts with 90 % intervals and what was ruled out; beside it the same as "
-            "report.csv and report.json.",
+            "its best fits, amounts with 90 % intervals and what was ruled out; beside it the "
+            "same as report.csv and report.json.",
             show_default=False,
         ),
     ] = None,
@@ -136,7 +135,7 @@ def identify(
     paints = options.choose_paints(options.read_shelf(pigments, catalogue), only, without)
     instrument = Instrument(seen_by, refractive_index)
     inputs = input_files(read) if report is not None else []
-    task = _read(file, samples, ground, bare, opaque, instrument, paints, console)
+    task = _read_spectra(file, samples, ground, bare, opaque, instrument, paints, console)
     from .identify import identify_chunks
     from .result import Identification
 
@@ -223,7 +222,7 @@ def _check_numbers(max_paints: int, layers: int, top: int) -> None:
         raise ValueError(f"--top is {top}; it must be 1 or more")
 
 
-def _read(
+def _read_spectra(
     file: Path,
     samples: str,
     ground: str | None,
@@ -247,7 +246,7 @@ def _read(
 
     table = read_spectra(file)
     progress.print_notes(console, file, table.notes)
-    wanted = options.listed(samples)
+    wanted = options.split_names(samples)
     grid, mean, changes = shared_bands(table.wavelengths, paints)
     notes = (*table.notes, *changes)
     if (
@@ -274,8 +273,8 @@ def _read(
     if ground is None and not opaque:
         raise ValueError(
             f"{file}: what is under the paint? Give --ground, its reflectance such as 0.9 or a "
-            "table, or --opaque; or "
-            f"rows in fours, such as {names[0]}_b, {names[0]}_w, {names[0]}_ob and {names[0]}_ow"
+            f"table, or --opaque; or rows in fours, such as {names[0]}_b, {names[0]}_w, "
+            f"{names[0]}_ob and {names[0]}_ow"
         )
     progress.print_notes(console, file, changes)
     if ground is None:

@@ -344,7 +344,7 @@ def _fit(
         def film(members: Array, start: Array) -> tuple[Array, Array]:
             free = _free(members, opaque).astype(start.dtype)
 
-            def read(unknowns: Array) -> tuple[Array, Array]:
+            def read_film(unknowns: Array) -> tuple[Array, Array]:
                 amounts = jnp.exp(unknowns[0]) * _shares(unknowns, members)
                 amounts = jnp.where(members >= 0, amounts, 0.0)
                 body = response.body(
@@ -355,7 +355,7 @@ def _fit(
                 return body.reshape(-1), body.reshape(-1)
 
             def look(unknowns: Array) -> tuple[Array, Array, Array, Array]:
-                slopes, readings = jax.jacfwd(read, has_aux=True)(unknowns)
+                slopes, readings = jax.jacfwd(read_film, has_aux=True)(unknowns)
                 slopes = white @ slopes * free
                 off = target - white @ readings
                 pull = unknowns / _LOOSE**2

@@ -27,7 +27,12 @@ def doubts(found: Identification, row: int) -> list[str]:
     """
     if not found.explained[row]:
         return [settled] if (settled := doubtful(found, row)) else []
-    said = (untold(found, row), held(found, row), doubtful(found, row), *rests_on(found, row))
+    said = (
+        untold(found, row),
+        hidden_paints(found, row),
+        doubtful(found, row),
+        *rests_on(found, row),
+    )
     return [words for words in said if words]
 
 
@@ -52,7 +57,7 @@ def doubtful(found: Identification, row: int, least: float = 0.05, most: float =
     )
 
 
-def held(found: Identification, row: int) -> str:
+def hidden_paints(found: Identification, row: int) -> str:
     """What the film may hold beside the paints of the first candidate, in words; empty if nothing
     is known of that.
     """

@@ -8,7 +8,8 @@ class Effort(NamedTuple):
 
     Attributes:
         pairs: sets of two paints that are fitted, after all were compared with the spectrum on a
-        grid of amounts. kept: sets that are fitted with errors of their own.
+            grid of amounts.
+        kept: sets that are fitted with errors of their own.
         behind: log weight by which these may stay behind the best while all have the same errors,
         close: and with errors of their own, to be fitted again where they then stand,
         shown: and to be an answer at all.

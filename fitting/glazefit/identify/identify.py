@@ -96,8 +96,9 @@ def identify(
             that hide their ground; their thickness is then unknown.
         instrument: by default d:8 with the specular part, index 1.5.
         geometry: replaces the instrument's, such as `glazejax.Bidirectional(45, 0)` for one without
-        a sphere. noise: of a reading; where the spectra themselves are rougher, their roughness
-        counts. discrepancy: of the model; by default `glazefit.film.errors.BETWEEN_FILMS`.
+            a sphere.
+        noise: of a reading; where the spectra themselves are rougher, their roughness counts.
+        discrepancy: of the model; by default `glazefit.film.errors.BETWEEN_FILMS`.
         prior: what is expected beforehand.
         max_paints: largest set, 1 to 3.
         layers: 2 tries the best sets as two coats too, in both orders.

@@ -98,7 +98,7 @@ class Groups(NamedTuple):
         )
 
 
-def refined(task: IdentificationTask, pool: Pool, some: Measured) -> Pool:
+def refine(task: IdentificationTask, pool: Pool, some: Measured) -> Pool:
     """The best of a pool with errors of their own, and with amounts that come near the readings, as
     a mixture is shown.
 
@@ -110,14 +110,18 @@ def refined(task: IdentificationTask, pool: Pool, some: Measured) -> Pool:
     size = max(task.max_paints, 2)
     behind = pool.log_weight.max(axis=1, keepdims=True) - pool.log_weight
     films = Films.of(pool, np.isfinite(pool.log_weight) & (behind <= task.effort.behind), size)
-    films, groups, _ = weighed(task, some, films, slopes_at(task, some, films), task.effort.own)
+    films, groups, _ = fit_with_errors(
+        task, some, films, slopes_at(task, some, films), task.effort.own
+    )
     slopes = slopes_at(task, some, films)
     close = np.flatnonzero(
         (films.behind() <= task.effort.close)
         & (_apart(films.sets, slopes, groups) > task.effort.moved)
     )
     if close.size:
-        again, more, _ = weighed(task, some, films.take(close), slopes[close], task.effort.again)
+        again, more, _ = fit_with_errors(
+            task, some, films.take(close), slopes[close], task.effort.again
+        )
         films, groups = films.with_those(close, again), groups.with_those(close, more)
     shown = np.flatnonzero(films.behind() <= task.effort.shown)
     films, groups = films.take(shown), groups.take(shown)
@@ -134,11 +138,11 @@ def refined(task: IdentificationTask, pool: Pool, some: Measured) -> Pool:
     out.logs[(*at, slice(size))] = np.where(films.sets == NOBODY, -np.inf, near.logs)
     out.weighed[(*at, slice(size))] = np.where(films.sets == NOBODY, -np.inf, films.logs)
     out.readings[at] = near.readings
-    out.allowed[at] = allowed(task, some, near.row, near.readings, groups)
+    out.allowed[at] = move_readings(task, some, near.row, near.readings, groups)
     return out
 
 
-def _grouped(
+def _group(
     task: IdentificationTask, films: Films, slopes: Float[np.ndarray, "films errors readings"]
 ) -> Groups:
     """Films by their paints but for traces; the most probable of each group stands for it."""
@@ -179,7 +183,7 @@ def _apart(
     return most
 
 
-def weighed(
+def fit_with_errors(
     task: IdentificationTask,
     some: Measured,
     films: Films,
@@ -187,11 +191,11 @@ def weighed(
     steps: int,
 ) -> tuple[Films, Groups, Whitening]:
     """Films fitted again with the errors of their groups; the groups, and the errors of each."""
-    groups = _grouped(task, films, slopes)
+    groups = _group(task, films, slopes)
     errors = own_errors(task, some, groups.row, groups.sets, groups.slopes)
     readings = some.readings.reshape(len(some), -1)[films.row]
     weights = weights_of(task, readings, Whitening(errors.basis, errors.height[groups.of]))
-    fitted = _fitted(task, some, films, weights, groups.of, steps, single=task.effort.single)
+    fitted = _fit(task, some, films, weights, groups.of, steps, single=task.effort.single)
     log_weight = task.discrepancy.trust * fitted.log_evidence + task.log_sets(films.sets)
     spread = np.where(absent_pairs(films.sets), 0.0, fitted.covariance)
     films = replace(
@@ -200,7 +204,7 @@ def weighed(
     return films, groups, errors
 
 
-def _fitted(
+def _fit(
     task: IdentificationTask,
     some: Measured,
     films: Films,
@@ -234,7 +238,7 @@ def _nearest(task: IdentificationTask, some: Measured, films: Films) -> Films:
     errors = near_errors(task, some)
     readings = some.readings.reshape(len(some), -1)[films.row]
     weights = weights_of(task, readings, Whitening(errors.basis, errors.height[films.row]))
-    fitted = _fitted(task, some, films, weights, films.row, task.effort.near)
+    fitted = _fit(task, some, films, weights, films.row, task.effort.near)
     return replace(films, logs=fitted.logs, readings=fitted.readings)
 
 
@@ -245,7 +249,7 @@ def near_errors(task: IdentificationTask, some: Measured) -> Whitening:
     return whiten(noise, np.zeros_like(noise), task.discrepancy)
 
 
-def allowed(
+def move_readings(
     task: IdentificationTask,
     some: Measured,
     row: Int[np.ndarray, "films"],
@@ -265,10 +269,12 @@ def allowed(
         groups: of the films.
     """
     off = task.target(some.readings)[row] - readings
-    return readings + np.einsum("fij,fj->fi", excused(task, some, groups)[groups.of], off)
+    return readings + np.einsum(
+        "fij,fj->fi", coefficient_projection(task, some, groups)[groups.of], off
+    )
 
 
-def excused(
+def coefficient_projection(
     task: IdentificationTask, some: Measured, groups: Groups
 ) -> Float[np.ndarray, "groups readings readings"]:
     """Matrix from what a film misses to the part that the errors of its paints' coefficients most

@@ -89,7 +89,7 @@ def page(record: Record, table: str, data: str) -> Iterator[str]:
             )
             yield spot_html(record, spot, drawn=False)
     yield _method(record)
-    yield _filed(record, table, data)
+    yield _table_section(record, table, data)
     yield "</main>\n</body>\n</html>\n"
 
 
@@ -185,28 +185,24 @@ def _method(record: Record) -> str:
     scale = record["catalogue"].get("scale")
     points = [
         "Sets of paints compete: amounts are fitted to the spectrum by radiative transfer, and a "
-        "set's probability "
-        "follows from its misfit, given the errors stated below. One answer is that no set of "
-        "the catalogue explains "
-        "the spot.",
+        "set's probability follows from its misfit, given the errors stated below. One answer is "
+        "that no set of the catalogue explains the spot.",
         "Probabilities hold for these paints and these assumptions. A paint that is not in the "
-        "catalogue cannot be "
-        "found; paints of like spectra cannot be told apart, and share their probability.",
+        "catalogue cannot be found; paints of like spectra cannot be told apart, and share their "
+        "probability.",
         "ΔE00 is CIEDE2000 for D65 and 10 degrees, the largest over the grounds: below "
         f"{UNSEEN:g} nobody sees it, "
         f"above {REJECTED:g} everybody. RMSE is the root mean square of measured minus fitted "
         "reflectance.",
         "Intervals are 90 % intervals from the fit's covariance, for the paints named; they do "
-        "not count that the film "
-        "might be of others.",
+        "not count that the film might be of others.",
         "The band about a fit is where 90 % of readings would lie if the explanation were right, "
-        "with errors of the "
-        "instrument, the model and the catalogue as stated, after the amounts are fitted.",
+        "with errors of the instrument, the model and the catalogue as stated, after the amounts "
+        "are fitted.",
         "For a paint that was not found, films of it alone, with every other paint, and beside "
-        "the most probable "
-        "paints were fitted in one "
-        f"coat{', and the two coats that were found count too' if layers > 1 else ''}. "
-        "The one that is nearest in its spectrum is named.",
+        "the most probable paints were fitted in one "
+        f"coat{', and the two coats that were found count too' if layers > 1 else ''}. The one "
+        "that is nearest in its spectrum is named.",
     ]
     if layers == 1:
         points.append(
@@ -232,7 +228,7 @@ def _method(record: Record) -> str:
     )
 
 
-def _filed(record: Record, table: str, data: str) -> str:
+def _table_section(record: Record, table: str, data: str) -> str:
     catalogue = record["catalogue"]
     inputs = "".join(
         f"<tr><td>{escape(each['role'])}</td><td><code>{escape(each['name'])}</code></td>"

@@ -77,8 +77,7 @@ def _figures(record: Record, spot: Record) -> str:
     low, high = np.min(spot["measured"]), np.max(spot["measured"])
     spectra = (
         f"Reflectance of spot {spot['name']} from {grid[0]:g} to {grid[-1]:g} nm, measured "
-        f"between {low:.2f} and "
-        f"{high:.2f}, and the fits {names}."
+        f"between {low:.2f} and {high:.2f}, and the fits {names}."
     )
     off = np.abs(np.asarray(spot["measured"]) - np.asarray(fits[0]["fitted"])).max()
     residuals = (

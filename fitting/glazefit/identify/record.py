@@ -41,7 +41,8 @@ class About:
         options: all options and their values.
         inputs: files that were read, as `input_files` gives them.
         catalogue: name, file, checksum and provenance of the paints, and what is assumed of
-        lengths. geometry: of the instrument, in words.
+            lengths.
+        geometry: of the instrument, in words.
         refractive_index: of the paint.
         grounds: what is under the paint, a name for each ground.
         notes: what the readers of the files noticed.
@@ -174,7 +175,7 @@ def _spot(
         "doubts": doubts(found, row),
         "colours": _colours(found, row),
         "noise_sd": float(np.median(found.measured.noise_sd[row])),
-        "measured": _rounded(found.measured.readings[row]),
+        "measured": _round_spectra(found.measured.readings[row]),
         "explanations": [
             _explanation(candidate, rank, bands[row, rank - 1] if rank <= bands.shape[1] else None)
             for rank, candidate in enumerate(ranked, start=1)
@@ -209,8 +210,8 @@ def _explanation(candidate: Candidate, rank: int, band: np.ndarray | None) -> di
             }
             for n, name in enumerate(candidate.paints)
         ],
-        "fitted": _rounded(candidate.fitted),
-        "band_90": None if band is None else _rounded(band),
+        "fitted": _round_spectra(candidate.fitted),
+        "band_90": None if band is None else _round_spectra(band),
     }
 
 
@@ -236,7 +237,7 @@ def _numbers(values: np.ndarray) -> list[float] | None:
     return [float(value) for value in values] if np.isfinite(values).all() else None
 
 
-def _rounded(spectra: np.ndarray) -> list:
+def _round_spectra(spectra: np.ndarray) -> list:
     return np.round(spectra, _DIGITS).tolist()
 
 

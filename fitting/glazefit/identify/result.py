@@ -47,7 +47,8 @@ class Candidate:
         thickness_90: its 90 % interval, (2,).
         probability: posterior.
         condition: how the film lies if not as told, such as "under a yellowed varnish"; empty if as
-        told. gloss: share of the surface's reflection in the readings.
+            told.
+        gloss: share of the surface's reflection in the readings.
         fitted, residual: computed readings and measured minus computed ones, (grounds, bands).
         rmse: of the residual.
         angle: spectral angle between measured and fitted, degrees; the largest over the grounds.
@@ -196,12 +197,14 @@ class Identification:
             the geometric mean of that of the fit and that with errors of its paints' coefficients
             allowed, or the latter's residual if that has a shape that no colour shows.
         rejected: whether a person would reject the fit by eye, (spectra, candidates): Delta E00
-        above 4, noise aside. paint_probability: of each paint to be in the film, over all
-        candidates looked at, (spectra, paints). gloss: share of the surface's reflection, (spectra,
-        candidates).
+            above 4, noise aside.
+        paint_probability: of each paint to be in the film, over all candidates looked at, (spectra,
+            paints).
+        gloss: share of the surface's reflection, (spectra, candidates).
         fitted: readings, (spectra, candidates, grounds, bands).
         condition: under which each was sought, a number of `conditions.CONDITIONS`; 0 is what was
-        told. opaque: whether the films were said to hide their ground.
+            told.
+        opaque: whether the films were said to hide their ground.
     """
 
     measured: Measured
@@ -401,9 +404,8 @@ class Identification:
         best = self.ranked(row, 1)[0]
         start = "nothing in the catalogue explains this"
         return (
-            f"{start} (probability {self.none[row]:.0%}); the nearest of its films, "
-            f"{best.words}, is off by "
-            f"Delta E00 {best.delta_e:.1f}"
+            f"{start} (probability {self.none[row]:.0%}); the nearest of its films, {best.words}, "
+            f"is off by Delta E00 {best.delta_e:.1f}"
         )
 
     @classmethod

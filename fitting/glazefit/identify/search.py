@@ -12,7 +12,7 @@ from glazejax.radiative.common.threads import in_threads
 
 from ..film.errors import Whitening, model_covariance, whiten
 from .fit import LEAST, MOST, Fitted, Weights, fit_sets, programs_ahead
-from .own_errors import Groups, allowed, fixed_errors, near_sd, own_errors, refined, weights_of
+from .own_errors import Groups, fixed_errors, move_readings, near_sd, own_errors, refine, weights_of
 from .result import NOBODY, Pool
 from .screen import grow, score, sets_of, unique_best
 from .table import ALIKE, TableOfSize
@@ -147,9 +147,11 @@ def search_chunk(
         triples.log_weight[~new] = -np.inf
         pool = pool.merged(triples)
     real = np.arange(len(rows))
-    looked_at, pool = pool, refined(task, pool.of(real), some.take(real))
+    looked_at, pool = pool, refine(task, pool.of(real), some.take(real))
     if task.layers == 2 and task.max_paints > 1 and task.known > 1:
-        pool = _stacked(task, pool.of(np.resize(real, len(padded))), looked_at, some).of(real)
+        pool = _search_two_coats(task, pool.of(np.resize(real, len(padded))), looked_at, some).of(
+            real
+        )
     return _with_surface(task, pool, some.take(real))
 
 
@@ -215,11 +217,11 @@ def _with_surface(task: IdentificationTask, pool: Pool, some: Measured) -> Pool:
     gloss = np.maximum(d.gloss + d.gloss_sd * found[:, 0], 0.0)
     seen = pool.readings + gloss[..., None] * task.surface
     seen = seen + np.swapaxes(found[:, 1:], 1, 2) @ lever.shapes[:, 1:]
-    allowed = pool.allowed + d.gloss * task.surface
+    moved = pool.allowed + d.gloss * task.surface
     lengths = {
         name: getattr(pool, name) + np.log(task.prior.thickness) for name in ("logs", "weighed")
     }
-    return replace(pool, readings=seen, allowed=allowed, gloss=gloss, **lengths)
+    return replace(pool, readings=seen, allowed=moved, gloss=gloss, **lengths)
 
 
 def _fit(task: IdentificationTask, start: SetStarts, ranking: _Ranking) -> Fitted:
@@ -292,7 +294,9 @@ def _grown(
     return SetStarts(sets[rows, chosen], logs[rows, chosen]), new
 
 
-def _stacked(task: IdentificationTask, pool: Pool, looked_at: Pool, some: Measured) -> Pool:
+def _search_two_coats(
+    task: IdentificationTask, pool: Pool, looked_at: Pool, some: Measured
+) -> Pool:
     """The pool with the best sets of two and three paints that were looked at as two coats too."""
     ground = jnp.asarray(some.grounds, float)
     weights = jax.tree.map(
@@ -316,7 +320,7 @@ def _stacked(task: IdentificationTask, pool: Pool, looked_at: Pool, some: Measur
         groups = Groups(
             np.arange(len(row)), row, *(a.reshape(len(row), *a.shape[2:]) for a in (sets, slopes))
         )
-        near = allowed(task, some, row, stacks.readings.reshape(len(row), -1), groups)
+        near = move_readings(task, some, row, stacks.readings.reshape(len(row), -1), groups)
         stacks = replace(stacks, allowed=near.reshape(stacks.readings.shape))
         struck = ~np.isfinite(np.take_along_axis(weight, best, axis=1))
         stacks.log_weight[np.repeat(struck, len(ways), axis=1)] = -np.inf

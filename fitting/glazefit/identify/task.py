@@ -48,9 +48,9 @@ class Measured:
         readings: reflectance, (spectra, grounds, bands).
         grounds: internal reflectance under the paint, the same shape.
         noise_sd: of the readings, the same shape: what the instrument is said to have, or what the
-        spectra show. doubt: further errors of known shapes, independent and of standard deviation
-        1, (spectra, shapes, grounds,
-            bands).
+            spectra show.
+        doubt: further errors of known shapes, independent and of standard deviation 1, (spectra,
+            shapes, grounds, bands).
     """
 
     names: tuple[str, ...]
@@ -119,8 +119,7 @@ def check_spectra(
     if readings.ndim != 3 or readings.shape[-1] != grid.size or 0 in readings.shape:
         raise ValueError(
             f"spectra of shape {given} are not (bands,), (spectra, bands) or (spectra, grounds, "
-            "bands) with "
-            f"{grid.size} bands"
+            f"bands) with {grid.size} bands"
         )
     labels = tuple(names) if names is not None else tuple(str(i + 1) for i in range(len(readings)))
     if len(labels) != len(readings):
@@ -133,8 +132,7 @@ def check_spectra(
         row, _, band = (int(i) for i in np.argwhere(wrong)[0])
         raise ValueError(
             f"the reflectance of {labels[row]!r} at {grid[band]:g} nm is {readings[wrong][0]:g}; "
-            "it must be a fraction "
-            f"from 0 to {_TOO_BRIGHT:g} (divide percent by 100)"
+            f"it must be a fraction from 0 to {_TOO_BRIGHT:g} (divide percent by 100)"
         )
     ground = np.asarray(UNSEEN_GROUND if grounds is None else grounds, dtype=np.float64)
     if ground.ndim == 1 and ground.shape[0] != grid.size:

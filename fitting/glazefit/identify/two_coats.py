@@ -113,11 +113,11 @@ def fit_stacks(
     ) -> Fitted:
         k, s = paints.absorption[members], paints.scattering[members]
 
-        def read(amounts: Array) -> Array:
+        def read_film(amounts: Array) -> Array:
             return stack_readings(k, s, coats, amounts, ground, optics, _TOLERANCE).reshape(-1)
 
         def model(amounts: Array) -> tuple[Array, Array]:
-            readings, push = jax.linearize(read, amounts)
+            readings, push = jax.linearize(read_film, amounts)
             return readings, jax.vmap(push)(jnp.diag(amounts))
 
         return fit_one(model, start, jnp.ones(size, bool), weights, middle)
@@ -141,13 +141,13 @@ def stack_slopes(
         both = jnp.stack([paints.absorption[members], paints.scattering[members]])
 
         # Bands do not meet, so that one tangent moves a coefficient in all of them at once.
-        def read(errors: Array) -> Array:
+        def read_film(errors: Array) -> Array:
             k, s = both * (1.0 + errors[..., None])
             return stack_readings(k, s, coats, jnp.exp(logs), ground, optics, _TOLERANCE).reshape(
                 -1
             )
 
-        return jax.jacfwd(read)(jnp.zeros((2, size))).reshape(-1, 2 * size).T
+        return jax.jacfwd(read_film)(jnp.zeros((2, size))).reshape(-1, 2 * size).T
 
     over_sets = jax.vmap(candidate, in_axes=(0, 0, 0, None))
     return jax.lax.map(lambda spectrum: over_sets(*spectrum), (sets, coats, logs, ground))

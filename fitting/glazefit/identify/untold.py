@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from ..film.response import FilmResponse
-from ..film.varnish import varnished, without_varnish, yellow
+from ..film.varnish import under_varnish, without_varnish, yellow
 from .conditions import CONDITIONS, NOT_OPAQUE, OTHER_GROUNDS, VARNISHES
 from .own_errors import independent
 from .result import Pool
@@ -91,7 +91,7 @@ def as_if(
     if condition.ground is not None:
         seen = replace(seen, grounds=np.full_like(seen.grounds, condition.ground))
     if condition.varnish:
-        seen, slope = bared(seen, task.response, task.surface, condition.varnish)
+        seen, slope = remove_varnish(seen, task.response, task.surface, condition.varnish)
     return AsIf(task, opaque, seen, slope)
 
 
@@ -103,13 +103,15 @@ def _under(
     task, _, seen, slope = as_if(number, tasks, told, measured)
     pool = search(task, seen, np.arange(len(seen)), first_starts(task, seen))
 
-    def coated(readings: np.ndarray) -> np.ndarray:
+    def add_varnish(readings: np.ndarray) -> np.ndarray:
         body = readings.reshape(*readings.shape[:2], *measured.readings.shape[1:]) - task.surface
         thickness = condition.varnish * yellow(measured.wavelengths)
-        return (varnished(task.response, body, thickness) + task.surface).reshape(readings.shape)
+        return (under_varnish(task.response, body, thickness) + task.surface).reshape(
+            readings.shape
+        )
 
     if condition.varnish:
-        pool = replace(pool, readings=coated(pool.readings), allowed=coated(pool.allowed))
+        pool = replace(pool, readings=add_varnish(pool.readings), allowed=add_varnish(pool.allowed))
     # What changes of variables add to a spectrum's log density.
     change = np.log(slope).mean(axis=(1, 2))
     weight = pool.log_weight + np.log(condition.chance) + (independent(task) * change)[:, None]
@@ -121,7 +123,7 @@ def _under(
     return replace(pool, log_weight=weight, condition=np.full_like(pool.condition, number))
 
 
-def bared(
+def remove_varnish(
     measured: Measured, response: FilmResponse, surface: float, level: float
 ) -> tuple[Measured, Float[np.ndarray, "spectra grounds bands"]]:
     """Spectra as they would be without a varnish, and their slopes by the readings under it.

@@ -90,7 +90,7 @@ def odds_of(measured: Measured, pool: Pool, prior: Prior) -> Odds:
     # Before the misfit is looked at: how probable each is if the film is of the catalogue's paints.
     share = np.exp(weight - np.asarray(logsumexp(weight, axis=1))[:, None])
     off = _misfits(measured, pool, share)
-    odds, rejected = _judged(share, off, prior)
+    odds, rejected = _judge(share, off, prior)
     for row in range(len(odds)):
         order = smaller_sets(pool, row, odds[row] > 0)
         odds[row : row + 1] = simplest(
@@ -115,7 +115,7 @@ def odds_alike(
     """
     share = np.exp(weight - weight.max(axis=1, keepdims=True))
     share /= share.sum(axis=1, keepdims=True)
-    odds, rejected = _judged(share, off, prior)
+    odds, rejected = _judge(share, off, prior)
     return _beside_none(simplest(order, weight, off.seen, odds), rejected, off, prior)
 
 
@@ -127,7 +127,7 @@ def _whole(off: Off) -> Float[np.ndarray, "spectra candidates"]:
     return np.maximum(np.sqrt(squared), _COLOUR_OF_RMSE * off.shape)
 
 
-def _judged(
+def _judge(
     share: Float[np.ndarray, "spectra candidates"], off: Off, prior: Prior
 ) -> tuple[Float[np.ndarray, "spectra candidates"], Bool[np.ndarray, "spectra candidates"]]:
     """Odds of candidates by their misfit too, and whether a person would reject each by eye."""
@@ -241,10 +241,10 @@ def _misfits(measured: Measured, pool: Pool, share: Float[np.ndarray, "spectra c
     )
     left = np.sqrt(np.maximum(np.mean((seen - allowed) ** 2, axis=(-1, -2)) - noise, 0.0))
 
-    def placed(values: np.ndarray) -> np.ndarray:
+    def place(values: np.ndarray) -> np.ndarray:
         out = np.full(share.shape, np.inf)
         out[rows, few] = values
         return out
 
-    off, less = (placed(_colour_difference(measured, readings)) for readings in (fitted, allowed))
-    return Off(off, less, placed(left), _of_noise(measured))
+    off, less = (place(_colour_difference(measured, readings)) for readings in (fitted, allowed))
+    return Off(off, less, place(left), _of_noise(measured))

@@ -62,15 +62,13 @@ def shortcut_words(attrs: Mapping[str, Any]) -> dict[str, str]:
     if "representatives" in attrs:
         found["Representatives"] = (
             f"{attrs['representatives']:,} spectra of the image were searched in full; any other "
-            "pixel is "
-            "answered in closed form from the one nearest to it: a set that only that pixel "
-            "shows can be missed"
+            "pixel is answered in closed form from the one nearest to it: a set that only that "
+            "pixel shows can be missed"
         )
     if "working_wavelengths" in attrs:
         found["Bands"] = (
             f"neighbouring bands were averaged to {len(attrs['working_wavelengths'])}: a feature "
-            "narrower than their "
-            "distance is lost"
+            "narrower than their distance is lost"
         )
     return found
 

@@ -26,7 +26,8 @@ class Agreement:
         probability: median over the pixels of the largest difference of a paint's probability,
         probability_90: and what nine of ten stay below.
         amount: median difference of the thickness in its standard deviations, where the sets are
-        the same, amount_90: and what nine of ten stay below; NaN where films hide their ground.
+            the same,
+        amount_90: and what nine of ten stay below; NaN where films hide their ground.
     """
 
     pixels: np.ndarray

@@ -186,8 +186,7 @@ def read_spectra_of_spots(
         if (missing := int((~np.isfinite(spectrum)).sum())) > 0:
             raise ValueError(
                 f"--spot {name}={place}: {missing} bands have no reading there; choose another "
-                "place, or "
-                "leave those bands out with --bands"
+                "place, or leave those bands out with --bands"
             )
         found[name] = spectrum
     return found

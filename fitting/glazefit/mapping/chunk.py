@@ -87,9 +87,9 @@ def pack(tallies: Mapping[str, float], sets: Mapping[Members, SetSum]) -> bytes:
         pixels=np.array([s.pixels for _, s in rows], np.int64),
         thickness=np.array([s.thickness[0] for _, s in rows], np.float64),
         with_thickness=np.array([s.thickness[1] for _, s in rows], np.int64),
-        spectrum=_stacked(s.spectrum for _, s in rows),
-        fitted=_stacked(s.fitted for _, s in rows),
-        square=_stacked(s.square for _, s in rows),
+        spectrum=_stack(s.spectrum for _, s in rows),
+        fitted=_stack(s.fitted for _, s in rows),
+        square=_stack(s.square for _, s in rows),
     )
     return file.getvalue()
 
@@ -120,6 +120,6 @@ def unpack(content: bytes) -> tuple[dict[str, float], dict[Members, SetSum]]:
         raise ValueError(f"the sums of a chunk cannot be read: {error}") from None
 
 
-def _stacked(spectra: Iterable[Float[np.ndarray, "bands"]]) -> Float[np.ndarray, "sets bands"]:
+def _stack(spectra: Iterable[Float[np.ndarray, "bands"]]) -> Float[np.ndarray, "sets bands"]:
     rows = [np.asarray(spectrum, np.float64) for spectrum in spectra]
     return np.stack(rows) if rows else np.zeros((0, 0))

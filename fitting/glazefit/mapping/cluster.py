@@ -87,8 +87,7 @@ def on_cluster(
     except ModuleNotFoundError as error:
         raise RuntimeError(
             f"the workers of the dask cluster at {address} lack a package ({error}); install "
-            "glazejax "
-            "there as it is here"
+            "glazejax there as it is here"
         ) from None
     flying = as_completed(loop=client.loop)
     names, waiting = {}, iter(todo)
@@ -116,7 +115,7 @@ def on_cluster(
                     "memory? What is finished is kept, and the same run goes on"
                 ) from None
             except CancelledError:
-                raise _lost() from None
+                raise _lost_error() from None
             del names[future]
             future.release()
             yield key, result
@@ -126,14 +125,14 @@ def on_cluster(
             except (OSError, RuntimeError):
                 if client.status == "running":
                     raise
-                raise _lost() from None
+                raise _lost_error() from None
     finally:
         if client.status == "running":
             client.cancel([*names])
             client.unregister_worker_plugin(name)
 
 
-def _lost() -> ConnectionError:
+def _lost_error() -> ConnectionError:
     return ConnectionError(
         "the dask cluster was lost or restarted; what is finished is kept, and the same run goes on"
     )

@@ -33,15 +33,15 @@ def colour_metric(
     for i in range(3):
         for j in range(i + 1):
             one, other = _STEP * np.eye(3)[i], _STEP * np.eye(3)[j]
-            plus = _squared(base, 0.5 * (one + other)) + _squared(base, -0.5 * (one + other))
-            minus = _squared(base, 0.5 * (one - other)) + _squared(base, -0.5 * (one - other))
+            plus = _square(base, 0.5 * (one + other)) + _square(base, -0.5 * (one + other))
+            minus = _square(base, 0.5 * (one - other)) + _square(base, -0.5 * (one - other))
             squared[:, i, j] = squared[:, j, i] = 0.5 * (plus - minus) / _STEP**2
     values, vectors = np.linalg.eigh(squared)
     root = np.sqrt(np.maximum(values, 1e-9))[:, :, None] * np.swapaxes(vectors, 1, 2)
     return root @ np.swapaxes(by_reading, 1, 2)
 
 
-def _squared(
+def _square(
     base: Float[np.ndarray, "spectra 3"], step: Float[np.ndarray, "3"]
 ) -> Float[np.ndarray, "spectra"]:
     return np.asarray(delta_e_2000(base, base + step)) ** 2

@@ -111,8 +111,8 @@ def map_(
         str | None,
         _option(
             "Ground below the paint: its reflectance as seen from inside the paint, 0 to 1; a "
-            "file of spectra, FILE or "
-            "FILE:SAMPLE; or cube:x0:x1,y0:y1, where it lies bare in the cube.",
+            "file of spectra, FILE or FILE:SAMPLE; or cube:x0:x1,y0:y1, where it lies bare in "
+            "the cube.",
             "GROUND",
         ),
     ] = None,
@@ -245,7 +245,7 @@ def map_(
     from ..film.errors import BETWEEN_FILMS, Prior
     from ..film.films import Instrument, Noise
     from .map_cube import map_cube
-    from .run import connected
+    from .run import connect
     from .store import MapStore
 
     console = Console(highlight=False)
@@ -267,7 +267,7 @@ def map_(
     below, words, notes = read_ground_of_cube(ground, bare, opened, paints, instrument)
     progress.print_notes(console, "--ground", notes)
     given = {"floor": noise, "share": noise_share}
-    with _kept(out, console), connected(scheduler) as client, _bar() as told:
+    with _keep_on_interrupt(out, console), connect(scheduler) as client, _bar() as told:
         found = map_cube(
             source,
             paints,
@@ -383,16 +383,16 @@ def _bar() -> Iterator[Callable[[Any], None]]:
     bars: dict[str, Any] = {}
     with progress.bar(*columns) as shown:
 
-        def told(step: Any) -> None:
+        def report(step: Any) -> None:
             if step.stage not in bars:
                 bars[step.stage] = shown.add_task(step.stage, total=step.total)
             shown.update(bars[step.stage], completed=step.done, total=step.total)
 
-        yield told
+        yield report
 
 
 @contextmanager
-def _kept(out: Path, console: "Console") -> Iterator[None]:
+def _keep_on_interrupt(out: Path, console: "Console") -> Iterator[None]:
     """After Ctrl-C, say what is finished and how to go on."""
     from .store import MapStore
 
@@ -406,8 +406,7 @@ def _kept(out: Path, console: "Console") -> Iterator[None]:
         done, of = len(store.done()), len(store.windows())
         console.print(
             f"[yellow]Interrupted: {done} of {of} windows are finished and kept in {out}; the "
-            "same command "
-            "goes on from there.[/yellow]"
+            "same command goes on from there.[/yellow]"
         )
         raise typer.Exit(progress.INTERRUPTED) from None
 

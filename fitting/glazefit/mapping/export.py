@@ -42,7 +42,8 @@ def check_export(path: str | Path, *, overwrite: bool = False, argument: str = "
 
     Args:
         path: its ending says the format: .nc, .nc4 or .h5 for NetCDF; .hdr, .img, .dat or .bsq for
-        ENVI (two files). overwrite: whether files that exist may be replaced.
+            ENVI (two files).
+        overwrite: whether files that exist may be replaced.
         argument: what the path was given as; errors begin with it.
 
     Raises:

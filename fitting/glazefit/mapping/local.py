@@ -21,12 +21,12 @@ from ..identify.fit import by_blocks, prior_terms
 from ..identify.own_errors import (
     Films,
     Groups,
-    excused,
+    coefficient_projection,
+    fit_with_errors,
     independent,
     near_errors,
     own_errors,
     slopes_at,
-    weighed,
 )
 from ..identify.result import NOBODY, Pool
 from ..identify.search import Lever
@@ -56,7 +56,8 @@ class Local:
         opaque: whether the film hides its ground as it was sought.
         log_weight: at the representative.
         weight_by: its slopes by the readings, as far as a varnish bends the scale on which they are
-        compared. amounts: log amounts that are shown, m; -inf for no paint.
+            compared.
+        amounts: log amounts that are shown, m; -inf for no paint.
         amounts_by: their slopes by the readings.
         covariance: of the log amounts.
         off: whitened residual of the fit that is weighed.
@@ -153,7 +154,7 @@ class Searched:
         return cls(**columns, local=Local(**local))
 
 
-def searched(
+def search_locally(
     searcher: Searcher,
     readings: Float[np.ndarray, "spectra bands"],
     noise_sd: np.ndarray,
@@ -200,7 +201,9 @@ def _local_models(searcher: Searcher, measured: Measured, pool: Pool, odds: Odds
     size = max(searcher.task.max_paints, 2)
     for number in np.unique(condition):
         seen = as_if(int(number), searcher.tasks, searcher.opaque, measured)
-        bent = _bent(seen, as_if(int(number), searcher.tasks, searcher.opaque, _brighter(measured)))
+        bent = _density_slopes(
+            seen, as_if(int(number), searcher.tasks, searcher.opaque, _brighter(measured))
+        )
         for stack in (False, True):
             here = np.flatnonzero((condition == number) & (stacked == stack))
             if here.size:
@@ -248,7 +251,7 @@ def _brighter(measured: Measured) -> Measured:
     return replace(measured, readings=measured.readings + _STEP)
 
 
-def _bent(seen: AsIf, brighter: AsIf) -> Float[np.ndarray, "spectra bands"]:
+def _density_slopes(seen: AsIf, brighter: AsIf) -> Float[np.ndarray, "spectra bands"]:
     """Slopes of what changes of variables add to a log density; see `glazefit.identify.untold`."""
     with np.errstate(invalid="ignore", divide="ignore"):
         slope = (np.log(brighter.slope) - np.log(seen.slope))[:, 0] / _STEP
@@ -305,7 +308,7 @@ def _linear(
         groups = Groups(np.arange(len(row)), row, sets, own)
         weighed_films = films
     else:
-        weighed_films, groups, errors = weighed(
+        weighed_films, groups, errors = fit_with_errors(
             task, some, films, slopes_at(task, some, films), task.effort.own
         )
         own = slopes_at(task, some, weighed_films)
@@ -315,7 +318,7 @@ def _linear(
     gradient, prior = _prior_of(task, sets, weighed_films.logs)
     levers = np.einsum("nib,nmb->nmi", white, by)  # whitened slopes
     data = levers @ np.swapaxes(levers, 1, 2)
-    gain = np.linalg.solve(data + _held(gradient, prior), levers @ white)
+    gain = np.linalg.solve(data + _prior_curvature(gradient, prior), levers @ white)
     moved = np.einsum("nmi,nmb->nib", levers, gain)
     target = task.target(some.readings)[row]
     # The readings of a stack's fit that was shown have the surface with them; nothing else was
@@ -330,7 +333,7 @@ def _linear(
     else:
         close = near_errors(task, some).basis[row, 0]
         by_near = (near[:, :size] + near[:, size:]) * (sets != NOBODY)[..., None]
-        held = _held(*_prior_of(task, sets, logs))
+        held = _prior_curvature(*_prior_of(task, sets, logs))
         steep = np.einsum("nib,nmb->nmi", close, by_near)
         shown = np.linalg.solve(steep @ np.swapaxes(steep, 1, 2) + held, steep @ close)
         by = by_near
@@ -338,7 +341,7 @@ def _linear(
     body = np.einsum("nma,nmb->nab", by, shown)
     missed = eye - body
     surface = (np.swapaxes(lever.shapes, 1, 2) @ lever.found)[row]
-    free = excused(task, some, groups)[groups.of]
+    free = coefficient_projection(task, some, groups)[groups.of]
     slope = seen.slope.reshape(len(some), -1)[row]
     d = task.discrepancy
     numbers = (d.freedom or 0.0, min(independent(task), readings.shape[1]), d.trust)
@@ -370,7 +373,7 @@ def _prior_of(
     return by_blocks(len(sets), _BLOCK, run)
 
 
-def _held(
+def _prior_curvature(
     gradient: Float[np.ndarray, "n size"], hessian: Float[np.ndarray, "n size size"]
 ) -> Float[np.ndarray, "n size size"]:
     """What holds log amounts beside the slopes of the readings: the prior, and the readings'

@@ -23,7 +23,7 @@ from .agreement import compare
 from .alike import one_thread_each
 from .atlas import Atlas
 from .layout import STATUS_WORDS, Status
-from .local import Searched, searched
+from .local import Searched, search_locally
 from .memory import give_back
 from .run import client_in_scope, finish, run_chunks
 from .solver import PixelSolver
@@ -99,9 +99,9 @@ def map_cube(
     Args:
         cube: the image, or where it is; see `glazejax.io.open_cube`.
         pigments: the catalogue, a mapping or a list, on any grids; bands that they do not cover are
-        left out. grounds: internal reflectance of the ground under the paint: a number, or one for
-        each band of the image. None
-            for paint that hides its ground; its thickness is then unknown.
+            left out.
+        grounds: internal reflectance of the ground under the paint: a number, or one for each band
+            of the image. None for paint that hides its ground; its thickness is then unknown.
         out: folder of the map; its parent must exist.
         mask: pixels that are mapped, (y, x), or a file as for `glazejax.io.read_mask`.
         spots: further paints by name: spectra of thick, hiding paint, at the image's bands, such as
@@ -109,7 +109,8 @@ def map_cube(
             as open (`spot_pigment`).
         instrument, geometry, discrepancy, prior, max_paints, layers: as for `glazefit.identify`.
         noise: of one reading of the image; by default told from the roughness of a sample of its
-        spectra. memory: bytes that the process is to stay below, at least some 950 MiB.
+            spectra.
+        memory: bytes that the process is to stay below, at least some 950 MiB.
         client: of a dask cluster whose workers do the work; by default the one that this program
             has made, if any. Workers must see the image under the same path.
         overwrite: replace a map that is there.
@@ -163,7 +164,7 @@ def map_cube(
     )
     client = client or client_in_scope()
     with store.writing(), one_thread_each():
-        surveyed = _surveyed(store, task, most, tell)
+        surveyed = _survey(store, task, most, tell)
         task = task.with_noise(surveyed.noise)
         atlas = _atlas(store, task, surveyed, client, tell)
         if "checked" not in store.work.done():
@@ -203,7 +204,7 @@ class _Surveyed(NamedTuple):
     checked: Float[np.ndarray, "pixels bands"]  # to see what the closed form costs
 
 
-def _surveyed(store: MapStore, task: MapTask, most: int, tell: Told) -> _Surveyed:
+def _survey(store: MapStore, task: MapTask, most: int, tell: Told) -> _Surveyed:
     """The survey of the image: made, or what a run before has kept."""
     work = store.work
     if "survey" not in work.done():
@@ -302,7 +303,9 @@ class _Pieces:
         some = self.readings[first : first + _PIECE]
         task = self.task
         with one_thread_each():
-            return searched(task.searcher, some, task.image.noise_sd(some), task.ground).arrays()
+            return search_locally(
+                task.searcher, some, task.image.noise_sd(some), task.ground
+            ).arrays()
 
 
 def _most_representatives(task: MapTask, memory: int) -> tuple[int, int]:

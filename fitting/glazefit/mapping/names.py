@@ -49,7 +49,7 @@ def set_names(found: "xarray.Dataset") -> "xarray.DataArray":
         )
     paints = [str(paint) for paint in found["paint"].values]
 
-    def named(members: np.ndarray) -> np.ndarray:
+    def name_set(members: np.ndarray) -> np.ndarray:
         # What xarray has masked is not a number.
         numbers = np.sort(
             np.nan_to_num(members, nan=-1).astype(np.int64).reshape(-1, members.shape[-1])
@@ -60,7 +60,7 @@ def set_names(found: "xarray.Dataset") -> "xarray.DataArray":
         return words[which].reshape(members.shape[:-1])
 
     made: Any = xarray.apply_ufunc(
-        named,
+        name_set,
         found["members"],
         input_core_dims=[["place"]],
         dask="parallelized",

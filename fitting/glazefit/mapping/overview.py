@@ -41,10 +41,12 @@ class Overview:
         status: pixels of each status.
         ways: pixels answered in each way.
         sets: pixels of each set, by its members ascending; () where nothing in the catalogue
-        explains them. means: by name, (rows, columns), means over the mapped pixels of each square;
-        NaN where there are none. paint_probability, paint_amount, paint_share: (rows, columns,
-        paints), coarser means; amount in m. examples: by name, (rows, columns, ...), the pixel in
-        the middle of each square.
+            explains them.
+        means: by name, (rows, columns), means over the mapped pixels of each square; NaN where
+            there are none.
+        paint_probability, paint_amount, paint_share: (rows, columns, paints), coarser means; amount
+            in m.
+        examples: by name, (rows, columns, ...), the pixel in the middle of each square.
         colour: true colour, (rows, columns, 3).
         likely: of each paint, pixels that have it with a probability above one half.
         in_set: of each paint, pixels whose most probable set has it.

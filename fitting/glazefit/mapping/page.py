@@ -20,8 +20,8 @@ from .page_sets import Sums, paints_table, sets_table, share_html
 from .pictures import (
     RGB,
     MapPicture,
-    coloured,
-    enlarged,
+    colour_numbers,
+    enlarge,
     false_colour,
     found_paints,
     legend_map,
@@ -58,7 +58,8 @@ class About:
         created: date and time.
         command: as it was typed.
         facts: names and words for the head of the page, such as the instrument, the ground and the
-        paints tried. options: names and values of what was set.
+            paints tried.
+        options: names and values of what was set.
         versions: names and numbers of programs.
         platform: the computer, in words.
         inputs: role, name and hash of each file that was read.
@@ -162,7 +163,7 @@ def page(
     )
     yield _summary(look)
     yield '<div class="maps">\n' + _figure(
-        look, enlarged(look.colour), "True colour", "sRGB for daylight D65."
+        look, enlarge(look.colour), "True colour", "sRGB for daylight D65."
     )
     yield _legend_figure(look)
     if false is not None:
@@ -172,10 +173,9 @@ def page(
     yield "</div>\n"
     yield (
         "<h2>Sets of paints</h2>\n<p>The most probable set of each pixel. Probability: mean over "
-        "the set’s pixels. "
-        "Black line and grey band: mean reflectance of the pixels and one standard deviation of "
-        "their spread; dashed: "
-        "mean of their fits.</p>\n" + sets_table(look, sets, grid)
+        "the set’s pixels. Black line and grey band: mean reflectance of the pixels and one "
+        "standard deviation of their spread; dashed: mean of their fits.</p>\n"
+        + sets_table(look, sets, grid)
     )
     yield "<h2>How sure, how thick, how well it fits</h2>\n<p>Grey: not mapped, or not known.</p>\n"
     yield (
@@ -196,7 +196,7 @@ def page(
             + "</div>\n"
         )
     yield _unknown(about)
-    yield _made(look, tallies, about)
+    yield _how_made(look, tallies, about)
     yield "</main>\n</body>\n</html>\n"
 
 
@@ -229,8 +229,8 @@ def _summary(look: Overview) -> str:
     )
     table = (
         '<div class="scroll"><table class="amounts">\n<thead><tr><th>Pixels</th><th '
-        'class="n">Number</th>'
-        f'<th class="n">Share</th></tr></thead>\n<tbody>\n{rows}</tbody></table></div>\n'
+        'class="n">Number</th><th '
+        f'class="n">Share</th></tr></thead>\n<tbody>\n{rows}</tbody></table></div>\n'
         if set(look.status) != {Status.MAPPED}
         else ""
     )
@@ -289,10 +289,9 @@ def _legend_figure(look: Overview) -> str:
             x, y = places[members][0] * width, places[members][1] * height
             marks += (
                 f'<circle cx="{x:.0f}" cy="{y:.0f}" r="{2.1 * unit:.1f}" fill="#fff" '
-                'stroke="#26221e" '
-                f'stroke-width="{0.2 * unit:.2f}"/><text x="{x:.0f}" y="{y + 0.9 * unit:.1f}" '
-                'text-anchor="middle" '
-                f'font-size="{2.5 * unit:.1f}" font-family="sans-serif" fill="#26221e">{n}</text>'
+                f'stroke="#26221e" stroke-width="{0.2 * unit:.2f}"/><text x="{x:.0f}" '
+                f'y="{y + 0.9 * unit:.1f}" text-anchor="middle" font-size="{2.5 * unit:.1f}" '
+                f'font-family="sans-serif" fill="#26221e">{n}</text>'
             )
     over = f'<svg viewBox="0 0 {width} {height}" aria-hidden="true">{marks}</svg>'
     words = (
@@ -316,17 +315,16 @@ def _number_figure(look: Overview, shown: MapPicture) -> str:
         f'style="background:linear-gradient(90deg, {stops})">'
         f"</span>{shown.scale.high:g}{escape(unit)}{more}</div>"
     )
-    return _figure(look, coloured(shown), shown.title, shown.words, after=after)
+    return _figure(look, colour_numbers(shown), shown.title, shown.words, after=after)
 
 
 def _unknown(about: About) -> str:
     points = [
         "Probabilities hold for these paints and these assumptions. A paint that is not in the "
-        "catalogue cannot be "
-        "found: its pixels are ‘none of these’, or are taken for a mixture that looks like it.",
+        "catalogue cannot be found: its pixels are ‘none of these’, or are taken for a mixture "
+        "that looks like it.",
         "Paints of like spectra cannot be told apart, and share their probability. What lies "
-        "under a coat that hides "
-        "it leaves no trace in a reading.",
+        "under a coat that hides it leaves no trace in a reading.",
         "A pixel on an edge sees two paints side by side, and may be read as their mixture.",
         "Standard deviations hold if the pixel is of the paints named; they do not count that it "
         "might be of others.",
@@ -339,7 +337,7 @@ def _unknown(about: About) -> str:
     )
 
 
-def _made(look: Overview, tallies: Mapping[str, float], about: About) -> str:
+def _how_made(look: Overview, tallies: Mapping[str, float], about: About) -> str:
     out = "<h2>How it was made</h2>\n"
     facts = {
         "Command": about.command,

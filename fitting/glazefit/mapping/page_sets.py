@@ -161,8 +161,7 @@ def _spectra(sums: Sums | None, grid: Float[np.ndarray, "bands"], words: str) ->
     anchors = {float(ends[1]): "end", float(ends[0]): "start"}
     ticks = "".join(
         f'<text x="{_LEFT + (nm - grid[0]) / span * (_WIDTH - _LEFT - _RIGHT):.1f}" '
-        f'y="{_HEIGHT - 3:.0f}" '
-        f'text-anchor="{anchors.get(float(nm), "middle")}">{nm:.0f}</text>'
+        f'y="{_HEIGHT - 3:.0f}" text-anchor="{anchors.get(float(nm), "middle")}">{nm:.0f}</text>'
         for nm in np.arange(ends[0], ends[1] + 1, 100.0 if span <= 500 else 500.0)
     )
     off = float(np.sqrt(np.mean((mean - fitted) ** 2)))
@@ -172,24 +171,20 @@ def _spectra(sums: Sums | None, grid: Float[np.ndarray, "bands"], words: str) ->
     )
     line = (
         f'<line x1="{_LEFT}" x2="{_WIDTH - _RIGHT}" y1="{_HEIGHT - _BOTTOM}" '
-        f'y2="{_HEIGHT - _BOTTOM}" '
-        'stroke="var(--edge)"/>'
+        f'y2="{_HEIGHT - _BOTTOM}" stroke="var(--edge)"/>'
     )
     fit = ""
     if np.isfinite(fitted).all():
         fit = (
             f'<polyline points="{points(fitted)}" fill="none" stroke="var(--fit-1)" '
-            'stroke-width="1.6" '
-            'stroke-dasharray="4 2"/>'
+            'stroke-width="1.6" stroke-dasharray="4 2"/>'
         )
     return (
         f'<svg viewBox="0 0 {_WIDTH:.0f} {_HEIGHT:.0f}" role="img" aria-label="{escape(says)}" '
-        'font-size="8.5" '
-        f'fill="var(--faint)">{line}<text x="{_LEFT - 4}" y="{_TOP + 6}" '
-        f'text-anchor="end">{top:g}</text>'
-        f'<text x="{_LEFT - 4}" y="{_HEIGHT - _BOTTOM}" text-anchor="end">0</text>{ticks}'
-        f'<polygon points="{band}" fill="var(--ink)" fill-opacity=".14"/>'
-        f'<polyline points="{points(mean)}" fill="none" stroke="var(--ink)" '
+        f'font-size="8.5" fill="var(--faint)">{line}<text x="{_LEFT - 4}" y="{_TOP + 6}" '
+        f'text-anchor="end">{top:g}</text><text x="{_LEFT - 4}" y="{_HEIGHT - _BOTTOM}" '
+        f'text-anchor="end">0</text>{ticks}<polygon points="{band}" fill="var(--ink)" '
+        f'fill-opacity=".14"/><polyline points="{points(mean)}" fill="none" stroke="var(--ink)" '
         f'stroke-width="1.5"/>{fit}</svg>'
     )
 

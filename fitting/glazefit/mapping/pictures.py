@@ -89,7 +89,7 @@ def legend_map(look: Overview) -> RGB:
     found[(status == Status.MAPPED) & (look.examples["explained"] > 0)] = _rgb(OTHERS)
     for members, colour in zip(legend_sets(look), LEGEND, strict=False):
         found[look.where(members)] = _rgb(colour)
-    found, none = enlarged(found), enlarged(look.where(()))
+    found, none = enlarge(found), enlarge(look.where(()))
     down, across = np.indices(none.shape)
     stripes = np.array([_rgb(stripe) for stripe in STRIPES], np.uint8)[
         (down + across) // _STRIPE % 2
@@ -231,7 +231,7 @@ def found_paints(look: Overview, least: float = 0.0005) -> list[int]:
     ]
 
 
-def coloured(shown: MapPicture) -> RGB:
+def colour_numbers(shown: MapPicture) -> RGB:
     """A number as a picture; grey where there is none."""
     require("matplotlib")
     from matplotlib import colormaps
@@ -242,7 +242,7 @@ def coloured(shown: MapPicture) -> RGB:
         (colormaps[scale.colours](np.clip(values, 0, 1))[..., :3] * 255.0).round().astype(np.uint8)
     )
     found[~np.isfinite(shown.values)] = _rgb(UNKNOWN)
-    return enlarged(found)
+    return enlarge(found)
 
 
 def false_colour(cube: "xr.DataArray", step: int = 1) -> tuple[RGB, str]:
@@ -278,7 +278,7 @@ def false_colour(cube: "xr.DataArray", step: int = 1) -> tuple[RGB, str]:
     words = ", ".join(
         f"{name} {grid[b]:.0f} nm" for name, b in zip(("red", "green", "blue"), bands, strict=True)
     )
-    return enlarged(np.stack(found, axis=-1)), words
+    return enlarge(np.stack(found, axis=-1)), words
 
 
 def png(image: RGB) -> bytes:
@@ -291,7 +291,7 @@ def png(image: RGB) -> bytes:
     return file.getvalue()
 
 
-def enlarged(image: np.ndarray) -> np.ndarray:
+def enlarge(image: np.ndarray) -> np.ndarray:
     """Every pixel as a square, if there are so few that a page would blur them."""
     times = -(-_LEAST_WIDTH // image.shape[1])
     return image if times == 1 else image.repeat(times, axis=0).repeat(times, axis=1)
@@ -315,7 +315,7 @@ def write_pictures(
         false: a false-colour picture, or None.
     """
     written = []
-    plain = [("true_colour", "True colour (D65)", enlarged(look.colour))]
+    plain = [("true_colour", "True colour (D65)", enlarge(look.colour))]
     plain += [] if false is None else [("false_colour", "False colour", false)]
     for name, title, image in plain:
         written.append(folder / f"{name}.png")
@@ -325,7 +325,7 @@ def write_pictures(
     _write_legend(look, written[-1], own)
     for shown in numbers:
         written.append(folder / f"{shown.key}.png")
-        with _framed(written[-1], shown.title, coloured(shown), 0.9) as figure:
+        with _framed(written[-1], shown.title, colour_numbers(shown), 0.9) as figure:
             _add_scale(figure, shown.scale)
     return written
 
@@ -372,7 +372,7 @@ def _write_legend(look: Overview, path: Path, own: Sequence[str]) -> None:
         places = legend_places(look)
         width, tall = figure.get_figwidth(), figure.get_figheight()
         picture_axes = figure.axes[0]
-        size = enlarged(look.examples["status"]).shape
+        size = enlarge(look.examples["status"]).shape
         for n, members in enumerate(legend_sets(look), start=1):
             if members in places:
                 x, y = places[members]

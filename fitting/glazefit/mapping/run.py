@@ -111,7 +111,7 @@ def client_in_scope() -> "Client | None":
 
 
 @contextmanager
-def connected(address: str | None, seconds: float = 20.0) -> "Iterator[Client | None]":
+def connect(address: str | None, seconds: float = 20.0) -> "Iterator[Client | None]":
     """A client of the dask scheduler at an address while it is needed; None without one.
 
     Raises:

@@ -14,7 +14,7 @@ from .alike import one_thread_each
 from .atlas import Atlas
 from .chunk import ChunkMaps, SetSum
 from .layout import BY_NAME, STATUS_WORDS, Status, Way
-from .local import searched
+from .local import search_locally
 from .memory import give_back
 from .survey import spread_out
 from .update import Answers
@@ -54,7 +54,7 @@ class Image:
         """The lazy image."""
         from glazejax.io import CubeSource
 
-        return _opened(self.source) if isinstance(self.source, CubeSource) else self.source
+        return _open(self.source) if isinstance(self.source, CubeSource) else self.source
 
     def read(self, window: Window) -> tuple[Float[np.ndarray, "pixels bands"], np.ndarray]:
         """Readings at the working bands, and what can be done with each pixel, row by row."""
@@ -75,7 +75,7 @@ class Image:
 
 
 @functools.lru_cache(maxsize=4)
-def _opened(source: "CubeSource") -> "xarray.DataArray":
+def _open(source: "CubeSource") -> "xarray.DataArray":
     """Once for each process."""
     return source.open()
 
@@ -130,7 +130,7 @@ class PixelSolver:
             middles = seen[far[chosen]]
             own = Atlas.of(
                 self.atlas.features,
-                searched(self.searcher, middles, self.image.noise_sd(middles), self.ground),
+                search_locally(self.searcher, middles, self.image.noise_sd(middles), self.ground),
                 self.atlas.prior,
             )
             more, distance = own.answers(seen[far])

@@ -2,8 +2,8 @@
 it stopped.
 
 A window's arrays are written first, then its mark, a file in the folder ``.glazejax``. What has no
-mark counts as not there: `open_map` shows fill values in its place, and a run that goes on does it
-again.
+mark counts as not
+there: `open_map` shows fill values in its place, and a run that goes on does it again.
 """
 
 import json
@@ -83,7 +83,8 @@ class MapStore:
             chunk: rows and columns of a window.
             paints: names of the paints, different ones.
             options: all that the map depends on; a map that is there goes on if its own are the
-            same. attrs: what else is to be known of the map.
+                same.
+            attrs: what else is to be known of the map.
             coords: numbers along ``y`` and ``x`` and their attributes; pixel centres if left out.
             overwrite: replace a map that is there.
 
@@ -103,8 +104,7 @@ class MapStore:
             if told := _differences(there.options, wanted):
                 raise ValueError(
                     f"{path} was begun with other options ({told}); name another map, or replace "
-                    "it with "
-                    "overwrite=True (--overwrite)"
+                    "it with overwrite=True (--overwrite)"
                 )
             return there
         new, old = (path.with_name(f".{path.name}.{word}") for word in ("new", "old"))
@@ -220,7 +220,7 @@ class MapStore:
         work = self.path / WORK
         work.mkdir(exist_ok=True)
         with (work / "lock").open("w") as file:
-            if not _locked(file.fileno()):
+            if not _lock(file.fileno()):
                 raise ValueError(
                     f"another run is writing {self.path}; wait for it, or name another map"
                 )
@@ -370,7 +370,7 @@ def _room(path: Path, kept: Callable[[], str]) -> Iterator[None]:
         raise OSError(error.errno, f"the disk is full; {kept()}", str(path)) from error
 
 
-def _locked(number: int) -> bool:
+def _lock(number: int) -> bool:
     """Lock an open file for this process; the system lets go when the process ends, however it
     ends.
     """

@@ -82,7 +82,7 @@ def map_task(
     from glazejax.io import CubeSource, read_mask
 
     source = CubeSource(Path(cube)) if isinstance(cube, str | Path) else cube
-    array = source.open() if isinstance(source, CubeSource) else _checked(source)
+    array = source.open() if isinstance(source, CubeSource) else _check_image(source)
     shape: tuple[int, int] = (array.shape[0], array.shape[1])
     stored = np.asarray(array["wavelength"], float)
     use = read_mask(mask, array) if isinstance(mask, str | Path) else mask
@@ -167,7 +167,7 @@ def _ground(
     return np.broadcast_to(given, stored.shape) @ bands.mean
 
 
-def _checked(array: "xarray.DataArray") -> "xarray.DataArray":
+def _check_image(array: "xarray.DataArray") -> "xarray.DataArray":
     """An image that was made by the caller.
 
     Raises:

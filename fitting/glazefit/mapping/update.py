@@ -111,7 +111,7 @@ class Updater:
         off, logs, seen, left = (
             part.reshape(len(moved), count, -1) for part in np.split(every, self.ends, axis=1)
         )
-        met = gained(local, local.off + off, np.clip(logs, -_FAR, _FAR))
+        met = log_weight_gain(local, local.off + off, np.clip(logs, -_FAR, _FAR))
         weight = local.log_weight + moved @ local.weight_by.T + met
         distance = (
             np.linalg.norm(local.seen + seen, axis=-1),
@@ -167,7 +167,7 @@ def _order(local: Local) -> list[Smaller]:
     return smaller_sets(pool, 0, np.ones(len(local.row), bool))
 
 
-def gained(
+def log_weight_gain(
     local: Local, off: Float[np.ndarray, "spectra n bands"], logs: Float[np.ndarray, "spectra n 3"]
 ) -> Float[np.ndarray, "spectra n"]:
     """What the log weights of candidates are more than at their representative; see

@@ -85,7 +85,8 @@ def chunk_shape(
         shape: rows and columns of the image.
         bands: readings of a pixel.
         bytes_per_value: what a reading takes while its window is solved, all copies and results
-        counted. memory: bound of the whole process, bytes.
+            counted.
+        memory: bound of the whole process, bytes.
         base: what the process takes before the first window.
 
     Raises:

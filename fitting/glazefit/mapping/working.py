@@ -63,11 +63,9 @@ class WorkingBands:
         use = np.flatnonzero((stored >= first - 1e-6) & (stored <= last + 1e-6))
         if use.size < _FEWEST:
             raise ValueError(
-                f"the paints are known from {first:g} to {last:g} nm, and {use.size} bands of "
-                "the image lie there (it "
-                f"has {describe_grid(stored)}); at least {_FEWEST} are needed: use another "
-                "catalogue, or check the "
-                "image's wavelengths"
+                f"the paints are known from {first:g} to {last:g} nm, and {use.size} bands of the "
+                f"image lie there (it has {describe_grid(stored)}); at least {_FEWEST} are "
+                "needed: use another catalogue, or check the image's wavelengths"
             )
         grid = stored[use]
         group = np.floor((grid - grid[0]) / width + 1e-9).astype(int)
@@ -88,7 +86,8 @@ class WorkingBands:
 
         Args:
             block: reflectance; a missing band makes all readings of a pixel NaN, a saturated one
-            infinite. saturated: reading from which the detector was full, if that is told.
+                infinite.
+            saturated: reading from which the detector was full, if that is told.
         """
         used = self.mean.any(axis=1)
         first, last = np.flatnonzero(used)[[0, -1]]

@@ -51,7 +51,9 @@ def logarithms(free: Float[Array, "2"]) -> Float[Array, "2"]:
     return jnp.stack([free[0] + free[1], free[1]])
 
 
-def fitted(free: Float[Array, "2"], data: Band, shared: FilmResponse) -> Float[Array, "grounds"]:
+def readings_of(
+    free: Float[Array, "2"], data: Band, shared: FilmResponse
+) -> Float[Array, "grounds"]:
     """What the instrument reads."""
     thickness = jnp.exp(logarithms(free))
     return data.surface + shared.body(thickness[0], thickness[1], data.ground)
@@ -103,7 +105,7 @@ def pose_bands(reading: Reading, gloss: float, instrument: Instrument) -> Proble
         blocks=tuple(f"{w:g} nm" for w in reading.wavelengths),
         unknowns=("log k/s", "log s d"),
         residuals=residuals,
-        fitted=fitted,
+        fitted=readings_of,
         prior_rows=2,
         data=data,
         shared=film_response(instrument.geometry, instrument.refractive_index),

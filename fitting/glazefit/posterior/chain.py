@@ -145,7 +145,8 @@ class Convergence:
 
     Attributes:
         times: longest autocorrelation time of each block, in steps, (blocks,); infinite if it
-        cannot be told. samples: effective sample size of each block, (blocks,).
+            cannot be told.
+        samples: effective sample size of each block, (blocks,).
         length: steps kept.
         discarded: steps left out at the start.
     """
@@ -165,8 +166,7 @@ class Convergence:
         good, worst = self.converged, float(self.times.max())
         numbers = (
             f"{self.length} steps kept, {_ratio(self.length, worst)} autocorrelation times of "
-            f"{worst:.0f} steps, "
-            f"{self.samples.min():.0f} effective samples"
+            f"{worst:.0f} steps, {self.samples.min():.0f} effective samples"
         )
         rule = f"{ENOUGH_TIMES:.0f} times and {ENOUGH_SAMPLES:.0f} samples are needed"
         if good.all():
@@ -357,14 +357,13 @@ def _backend(
         if mark != problem.fingerprint:
             raise ValueError(
                 f"{path}: the chain is of another problem (film, paints, noise or prior differ); "
-                "resume it with the "
-                "settings that it was started with, or start another chain elsewhere"
+                "resume it with the settings that it was started with, or start another chain "
+                "elsewhere"
             )
         if backend.shape != shape or kept != thin:
             raise ValueError(
                 f"{path}: the chain has {backend.shape[0]} walkers and keeps every {kept}. step, "
-                f"not {shape[0]} and "
-                f"{thin}; ask for the same"
+                f"not {shape[0]} and {thin}; ask for the same"
             )
         return backend
     if path.exists() and not overwrite:

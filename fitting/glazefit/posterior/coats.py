@@ -31,10 +31,12 @@ class CoatPrior:
 
     Attributes:
         paints: what it is made of, one to five; none if that is not known, and its k d and s d are
-        sought. thickness: m; None if it is not known: then the film's prior (`glazefit.FilmPrior`)
-        says what is usual. spread: standard deviation of log thickness; 0 if the thickness is known
-        exactly. Of no meaning without one. fractions: of the paints, (paints,), sum 1; None if they
-        are not known.
+            sought.
+        thickness: m; None if it is not known: then the film's prior (`glazefit.FilmPrior`) says
+            what is usual.
+        spread: standard deviation of log thickness; 0 if the thickness is known exactly. Of no
+            meaning without one.
+        fractions: of the paints, (paints,), sum 1; None if they are not known.
 
     Raises:
         ValueError: a value out of range, a paint that is listed twice, or fractions that do not fit
@@ -168,8 +170,7 @@ def _coat(entry: str, shelf: Mapping[str, Pigment], spread: float) -> CoatPrior:
     elif not (colon and paint and size):
         raise ValueError(
             f"coat {entry!r}: write PAINT:THICKNESS, such as Eosin:5um, Eosin:~5um if that is "
-            "about right, or Eosin:? "
-            "if the thickness is not known"
+            "about right, or Eosin:? if the thickness is not known"
         )
     about = size.startswith(ABOUT)
     size = size.removeprefix(ABOUT).strip()

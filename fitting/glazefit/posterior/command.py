@@ -36,8 +36,7 @@ def posterior(
         typer.Argument(
             metavar="FILE",
             help="Table of spectra: films in rows of four, NAME_b and NAME_w (bare black and "
-            "white card), NAME_ob and "
-            "NAME_ow (paint over them); or any spectra, with --ground.",
+            "white card), NAME_ob and NAME_ow (paint over them); or any spectra, with --ground.",
             show_default=False,
         ),
     ] = None,
@@ -64,11 +63,9 @@ def posterior(
         typer.Option(
             metavar="COATS",
             help="Several coats, top first, written as `glazejax render --layers` takes them, "
-            "with ~ before a "
-            "thickness that is about right and ? for one not known: "
-            "Eosin:~5um,ZincWhite+CobaltBlue:? (fractions of "
-            "the lower coat not known either); ?:? is a coat of unknown paint, whose k and s are "
-            "found.",
+            "with ~ before a thickness that is about right and ? for one not known: "
+            "Eosin:~5um,ZincWhite+CobaltBlue:? (fractions of the lower coat not known either); "
+            "?:? is a coat of unknown paint, whose k and s are found.",
             show_default=False,
         ),
     ] = "",
@@ -169,12 +166,12 @@ def posterior(
     errors = Noise(noise, noise_share)
     prior = FilmPrior(thickness=usual, error=paint_error)
     made_of = _Paints(
-        names=options.listed(paints), coats=coats, bands=bands, pigments=pigments, prior=prior
+        names=options.split_names(paints), coats=coats, bands=bands, pigments=pigments, prior=prior
     )
     task = (
-        _simulated(made_of, instrument, errors, seed, console)
+        _simulate(made_of, instrument, errors, seed, console)
         if simulate
-        else _measured(file, sample, made_of, ground, errors, console)
+        else _read_measured(file, sample, made_of, ground, errors, console)
     )
     if walkers is None and not coats:
         walkers = _WALKERS
@@ -192,8 +189,7 @@ def posterior(
         kept = result.chain.free.shape[0] * thin
         console.print(
             f"[yellow]Interrupted: {kept} of {steps} steps are kept in {folder / CHAIN}. To go "
-            "on, give the same "
-            "command with --resume (and without --overwrite).[/yellow]"
+            "on, give the same command with --resume (and without --overwrite).[/yellow]"
         )
         raise typer.Exit(progress.INTERRUPTED)
     if result.chain is not None and not result.converged:
@@ -267,7 +263,7 @@ def _check_folder(out: Path | None, resume: bool, overwrite: bool) -> Path:
     return folder
 
 
-def _simulated(
+def _simulate(
     made_of: _Paints, instrument: "Instrument", noise: "Noise", seed: int, console: "Console"
 ) -> _Task:
     """Equal parts of the paints, or coats as described: unknown fractions equal, unknown
@@ -323,7 +319,7 @@ def _simulated(
     return _Task(film, paints, coats if made_of.coats else ())
 
 
-def _measured(
+def _read_measured(
     file: Path | None,
     sample: str,
     made_of: _Paints,
@@ -401,8 +397,7 @@ def _recipe(file: Path, sample: str) -> list[str]:
         )
         raise ValueError(
             "what is the film made of? Name its paints, such as --paints CobaltBlue,ZincWhite "
-            f"({file.name} does not "
-            f"say, {where}), or ask for --bands"
+            f"({file.name} does not say, {where}), or ask for --bands"
         )
     return list(found)
 

@@ -7,7 +7,8 @@ Dirichlet beforehand, thickness log-normal, gloss uniform in [0, 1].
 A catalogue never fits to the noise. Its error is a relative one: log k and log s of the mixture are
 each off by a smooth random function of wavelength, delta, Gaussian with a Matérn-3/2 correlation, K
 = (1 + x) exp(-x) with x = sqrt(3)|l - l'| / length, which forgives sharper errors than a smoother
-law. Their standard deviation is itself unknown: the model error e, log-normal beforehand.
+law. Their standard deviation is itself
+unknown: the model error e, log-normal beforehand.
 
 The errors, two a band, are integrated out. About their likeliest values delta* readings are linear
 in them, f(mixture, delta) = f(mixture, delta*) + J (delta - delta*), so that a mixture's readings
@@ -135,7 +136,7 @@ def surface(free: Float[Array, "dims"], data: FilmData, shared: FilmShared) -> F
     )
 
 
-def fitted(
+def readings_of(
     free: Float[Array, "dims"], data: FilmData, shared: FilmShared
 ) -> Float[Array, "bands grounds"]:
     """What the instrument would read if the catalogue had no error."""
@@ -223,7 +224,7 @@ def pose_films(
         blocks=tuple(film.name for film in films),
         unknowns=names,
         residuals=residuals,
-        fitted=fitted,
+        fitted=readings_of,
         prior_rows=2 + (count if count > 1 else 0) + ("gloss" in names),
         data=data,
         shared=shared,

@@ -115,7 +115,7 @@ def pose_errors(
         Tabulated(problem.shared.response),
     )
     first = _own_logs(films, instrument)
-    problem = expanded(problem, films, how, first, np.zeros_like(first), smooth)
+    problem = expand(problem, films, how, first, np.zeros_like(first), smooth)
     return settle(problem, films, how, find_modes(problem, starts=_STARTS, seed=seed), smooth)
 
 
@@ -131,7 +131,7 @@ def settle(
     """
     for _ in range(_ROUNDS):
         logs, delta = _likeliest(problem, found.points[:, 0], films, how, smooth)
-        problem = expanded(problem, films, how, logs + delta, delta, smooth)
+        problem = expand(problem, films, how, logs + delta, delta, smooth)
         found = climb(problem, found.points)
     return problem, found
 
@@ -207,7 +207,7 @@ def _variance(films: Sequence[Reading], slopes: Slopes) -> Float[np.ndarray, "fi
     return np.stack([film.sd for film in films]) ** 2 + through**2
 
 
-def expanded(
+def expand(
     problem: Problem,
     films: Sequence[Reading],
     how: Optical,

@@ -176,7 +176,7 @@ def _of_spectra(
 ) -> list[str]:
     """What is open in k d and s d, band by band."""
     k, s, ratio = (
-        _known(values)
+        _known_values(values)
         for values in (optical[..., 0], optical[..., 1], optical[..., 0] / optical[..., 1])
     )
     cases = (
@@ -213,11 +213,11 @@ def of_coats(
         for quantity in problem.quantities:
             if quantity.name not in problem.unknowns:
                 continue
-            alike, words = _told(quantity, free[:, b], beforehand)
+            alike, words = _compare_with_prior(quantity, free[:, b], beforehand)
             sentences += [where + words] if words else []
             if not alike and " of coat " in quantity.name:
                 ties.append(problem.unknowns.index(quantity.name))
-        sentences += [where + words for words in _tied(free[:, b], problem, ties)]
+        sentences += [where + words for words in _open_directions(free[:, b], problem, ties)]
         spectra = [
             np.stack(
                 [q.values(free[:, b]) for q in problem.quantities if q.spectrum == what], axis=-1
@@ -233,7 +233,7 @@ def of_coats(
     return Identifiability(shares, vectors, correlation, tuple(sentences))
 
 
-def _told(
+def _compare_with_prior(
     quantity: Quantity,
     free: Float[np.ndarray, "draws dims"],
     beforehand: Float[np.ndarray, "others dims"],
@@ -258,7 +258,7 @@ def _told(
     return False, ""
 
 
-def _tied(
+def _open_directions(
     free: Float[np.ndarray, "draws dims"], problem: Problem, some: Sequence[int]
 ) -> list[str]:
     """Open directions of several of these unknowns, and unknowns that move together."""
@@ -279,8 +279,10 @@ def only_ratio(
     absorption: Float[np.ndarray, "draws blocks"], scattering: Float[np.ndarray, "draws blocks"]
 ) -> Bool[np.ndarray, "blocks"]:
     """Bands of which k/s is known, but not both k and s."""
-    return _known(absorption / scattering) & ~(_known(absorption) & _known(scattering))
+    return _known_values(absorption / scattering) & ~(
+        _known_values(absorption) & _known_values(scattering)
+    )
 
 
-def _known(values: Float[np.ndarray, "draws blocks"]) -> np.ndarray:
+def _known_values(values: Float[np.ndarray, "draws blocks"]) -> np.ndarray:
     return values.std(axis=0) <= np.maximum(RELATIVE_LIMIT * values.mean(axis=0), ABSOLUTE_LIMIT)

@@ -213,7 +213,7 @@ def laplace(problem: Problem, found: Modes, *, seed: int = 0, draws: int = 4000)
         sample=nothing,
         settled=settled,
     )
-    tail, sample = _weighted(problem, first, draws, seed)
+    tail, sample = _importance(problem, first, draws, seed)
     return replace(first, tail=tail, sample=sample)
 
 
@@ -251,7 +251,7 @@ def _inverse(hessians: np.ndarray, prior: np.ndarray) -> np.ndarray:
     )
 
 
-def _weighted(
+def _importance(
     problem: Problem, gaussian: Laplace, draws: int, seed: int
 ) -> tuple[Float[np.ndarray, "blocks"], Float[np.ndarray, "draws blocks dims"]]:
     """Pareto index of the importance weights of draws from the Gaussians, and the draws taken again

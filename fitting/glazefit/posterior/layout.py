@@ -143,7 +143,7 @@ def quantities(
             ]
         if (place := places.thickness[n]) is not None:
             found.append(
-                Quantity(f"thickness of coat {n + 1}", True, _scaled(place, float(median[n])))
+                Quantity(f"thickness of coat {n + 1}", True, _scale(place, float(median[n])))
             )
     for b, wavelength in enumerate(grid if layout.unknown_coat is not None else []):
         k, s = (
@@ -167,7 +167,7 @@ def quantities(
 Values = Callable[[np.ndarray], np.ndarray]
 
 
-def _scaled(place: int, scale: float) -> Values:
+def _scale(place: int, scale: float) -> Values:
     return lambda free: scale * np.exp(free[..., place])
 
 

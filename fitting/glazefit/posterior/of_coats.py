@@ -43,7 +43,8 @@ def posterior_of_coats(
     Args:
         film: one film over black and white, or a `Reading`, over one ground or more.
         coats: top first, at most six, with an unknown paint in one of them at most; what is not
-        known of each is found. spectra: what is likely of an unknown paint's k and s.
+            known of each is found.
+        spectra: what is likely of an unknown paint's k and s.
         walkers: of the ensemble, even; by default 32, or as many as the unknowns need.
         instrument, noise, prior, steps, thin, seed, path, resume, overwrite, progress: see
             `posterior_of_film`.

@@ -11,7 +11,7 @@ from glazejax.plots import ABSORPTION, OVER_BLACK, OVER_WHITE, SCATTERING, label
 
 from .identifiability import only_ratio
 from .posterior import Posterior, unknowns_in_words
-from .summary import LEVELS, Numbers, shown
+from .summary import LEVELS, Numbers, in_units
 
 SAMPLED, LAPLACE = "#1f4e9c", "#c8641e"
 _COLOURS = {"black": OVER_BLACK, "white": OVER_WHITE}
@@ -66,9 +66,11 @@ def _corner_of_film(posterior: Posterior, path: str | Path) -> None:
             for n in names
             if not n.startswith("fraction ") or n in unknowns_in_words(posterior.problem)
         ]
-    pairs = [shown(n, _some(posterior.draws[n][..., 0])) for n in names]
+    pairs = [in_units(n, _some(posterior.draws[n][..., 0])) for n in names]
     titles, draws = [p[0] for p in pairs], np.stack([p[1] for p in pairs], axis=1)
-    approximate = np.stack([shown(n, posterior.laplace_draws[n][:, 0])[1] for n in names], axis=1)
+    approximate = np.stack(
+        [in_units(n, posterior.laplace_draws[n][:, 0])[1] for n in names], axis=1
+    )
     both = np.concatenate([draws, approximate])
     limits = [tuple(np.quantile(column, (0.002, 0.995))) for column in both.T]
     limits = [(low, high) if high > low else (low - 1e-9, high + 1e-9) for low, high in limits]

@@ -65,11 +65,13 @@ class Problem:
 
     Attributes:
         kind: "paints" (a block is a film), "stack" (a block is a film of coats) or "bands" (a block
-        is a wavelength). blocks: their names.
+            is a wavelength).
+        blocks: their names.
         unknowns: names of the free unknowns of a block; each may be any real number.
         residuals: see `Residuals`; a module's function, since compiled programs are kept by it.
         fitted: what the instrument reads of a block, from the same arguments; (grounds,) or (bands,
-        grounds). prior_rows: how many of the last residuals belong to the prior.
+            grounds).
+        prior_rows: how many of the last residuals belong to the prior.
         data: arrays with the blocks as leading axis.
         shared: arrays that all blocks use.
         quantities: what is reported.

@@ -12,7 +12,7 @@ from glazejax.report import plain_table
 
 from .laplace import TRUSTED_TAIL
 from .posterior import Posterior
-from .summary import AGREES, MEDIANS, Numbers, Row, Summary, interval, shown
+from .summary import AGREES, MEDIANS, Numbers, Row, Summary, in_units, interval
 
 
 def print_posterior(posterior: Posterior, console: Console) -> None:
@@ -28,7 +28,7 @@ def print_posterior(posterior: Posterior, console: Console) -> None:
     if not posterior.identifiability.sentences:
         console.print("The measurement narrows every unknown; none is left open.")
     console.print(_laplace(posterior, rows))
-    if words := unsettled(posterior):
+    if words := describe_unsettled(posterior):
         console.print(f"[yellow]{words}[/yellow]")
     colour = "green" if posterior.converged else "yellow"
     words = posterior.words()
@@ -58,7 +58,7 @@ def _title(posterior: Posterior) -> str:
     return f"{posterior.films[0].name}: {MEDIANS}"
 
 
-def unsettled(posterior: Posterior) -> str:
+def describe_unsettled(posterior: Posterior) -> str:
     """A sentence on the blocks at whose modes least squares was stopped; empty if there
     are none.
     """
@@ -96,7 +96,8 @@ def _laplace(posterior: Posterior, rows: list[Row]) -> str:
         return "Laplace's 90 % intervals agree with the chain's everywhere."
     if not many and not posterior.spectra():
         parts = [
-            f"{shown(row.quantity, np.zeros(1))[0].split(' (')[0]} ({row.laplace})" for row in off
+            f"{in_units(row.quantity, np.zeros(1))[0].split(' (')[0]} ({row.laplace})"
+            for row in off
         ]
         return "Laplace's 90 % intervals differ from the chain's for " + ", ".join(parts) + "."
     if not many:

@@ -29,7 +29,8 @@ class SpectraPrior:
         absorption, scattering: medians of k d and s d.
         absorption_level, scattering_level: standard deviations of the logarithm's level.
         absorption_shape, scattering_shape: standard deviations of what is added to it, band by
-        band. length: wavelengths over which the shape changes, nm.
+            band.
+        length: wavelengths over which the shape changes, nm.
 
     Raises:
         ValueError: a value that is not positive.

@@ -205,8 +205,7 @@ def pose_stack(
     if apart.any():
         raise ValueError(
             f"coat {int(apart.argmax()) + 1} is expected to be of other thickness in one film "
-            "than in another; films "
-            "that are sampled side by side must be expected alike"
+            "than in another; films that are sampled side by side must be expected alike"
         )
     count, (bands, grounds), rows = (
         len(films),
@@ -225,7 +224,7 @@ def pose_stack(
         ]
         return jnp.asarray(np.moveaxis(np.asarray(each, float).reshape(count, -1, bands), 1, 2))
 
-    def stacked(what: str) -> Array:
+    def stack_films(what: str) -> Array:
         return jnp.asarray(np.stack([getattr(film, what) for film in films]))
 
     data = StackData(
@@ -237,8 +236,8 @@ def pose_stack(
             )
         ),
         thickness_spread=jnp.asarray(spread),
-        reading=stacked("reflectance"),
-        ground=stacked("ground"),
+        reading=stack_films("reflectance"),
+        ground=stack_films("ground"),
         shift=jnp.zeros((count, 2 * len(first), bands)),
         offset=jnp.zeros((count, bands, grounds)),
         whiten=jnp.asarray(np.stack([np.eye(rows) / film.sd.ravel() for film in films])),

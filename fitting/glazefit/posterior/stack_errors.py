@@ -18,7 +18,7 @@ from jaxtyping import Array, Float
 from ..film.errors import smooth_kernel
 from ..film.reading import Reading
 from .film import FilmPrior
-from .film_errors import Slopes, expanded, settle
+from .film_errors import Slopes, expand, settle
 from .laplace import Modes, climb, find_modes
 from .layout import Layout
 from .problem import Problem
@@ -99,5 +99,5 @@ def pose_stack_errors(
         seed=seed,
     )
     logs, _ = how.at(problem, first.points[:, 0])
-    problem = expanded(problem, films, how, logs, np.zeros_like(logs), smooth)
+    problem = expand(problem, films, how, logs, np.zeros_like(logs), smooth)
     return settle(problem, films, how, climb(problem, first.points), smooth)

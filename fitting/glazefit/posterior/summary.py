@@ -50,7 +50,8 @@ class Row:
             Laplace's approximation where nothing was sampled.
         laplace_mean, laplace_sd, laplace_lower, laplace_upper: of Laplace's approximation.
         effective_samples, autocorrelation_time: of the block's chain, NaN where nothing was
-        sampled. converged: whether the block's chain is long enough.
+            sampled.
+        converged: whether the block's chain is long enough.
         laplace: "agrees", or how the chain differs from it; without a chain whether its own test
             trusts it.
     """
@@ -102,7 +103,7 @@ class Summary(list[Row]):
         )
         lines = []
         for row in self:
-            title, (scale,) = shown(row.quantity, np.ones(1))
+            title, (scale,) = in_units(row.quantity, np.ones(1))
             line = [
                 title,
                 interval(row.median, row.lower, row.upper, scale),
@@ -127,7 +128,11 @@ class Summary(list[Row]):
             lines.append(
                 [block.removesuffix(" nm"), *cells, *samples, ", ".join(others) or words[0]]
             )
-        return ["band", *(shown(quantity, np.ones(1))[0] for quantity in quantities), *last], lines
+        return [
+            "band",
+            *(in_units(quantity, np.ones(1))[0] for quantity in quantities),
+            *last,
+        ], lines
 
     def __repr__(self) -> str:
         titles, lines = self.cells()
@@ -159,7 +164,7 @@ def interval(median: float, lower: float, upper: float, scale: float = 1.0) -> s
     return f"{scale * median:.3g} [{scale * lower:.3g}, {scale * upper:.3g}]"
 
 
-def shown(name: str, values: np.ndarray) -> tuple[str, np.ndarray]:
+def in_units(name: str, values: np.ndarray) -> tuple[str, np.ndarray]:
     """A quantity's title and its values in the units of a picture or a table."""
     if name.startswith("thickness"):
         return f"{name} (µm)", values * 1e6

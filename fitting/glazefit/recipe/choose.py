@@ -82,10 +82,10 @@ class Scored:
 
 def score(model: StackModel, optics: Optics, aims: TargetArrays, stacks: Stacks) -> list[Scored]:
     """Stacks as the solver sees them, with Delta E 2000 by colour-science."""
-    return _scored(model, aims, stacks, readings(model, stacks.sizes, optics))
+    return _score(model, aims, stacks, readings(model, stacks.sizes, optics))
 
 
-def _scored(
+def _score(
     model: StackModel, aims: TargetArrays, stacks: Stacks, reading: Float[np.ndarray, "n bands"]
 ) -> list[Scored]:
     reached = np.asarray(lab_of(model, reading))
@@ -98,7 +98,7 @@ def _scored(
     return [Scored(*row) for row in rows]
 
 
-def simplified(model: StackModel, stacks: Stacks) -> Stacks:
+def simplify(model: StackModel, stacks: Stacks) -> Stacks:
     """Stacks without the paints that are hardly in them and the coats that hardly show: fewer, to
     be refined again.
     """
@@ -112,11 +112,11 @@ def simplified(model: StackModel, stacks: Stacks) -> Stacks:
         unseen &= without.any(axis=(1, 2)) & sizes[:, coat].any(axis=1)
         sizes[unseen] = without[unseen]
     changed = np.flatnonzero(((sizes > 0) != (stacks.sizes > 0)).any(axis=(1, 2)))
-    simple = merged(packed(sizes[changed]), float(np.exp(np.asarray(model.span)[1])))
+    simple = merge_coats(pack_coats(sizes[changed]), float(np.exp(np.asarray(model.span)[1])))
     return Stacks.unrefined(simple, stacks.target[changed], stacks.cost[changed])
 
 
-def merged(
+def merge_coats(
     sizes: Float[np.ndarray, "n coats paints"], thickest: float
 ) -> Float[np.ndarray, "n coats paints"]:
     """Stacks where neighbours of one and the same paint are one coat, if that is no thicker than
@@ -129,7 +129,7 @@ def merged(
             if alone and upper.sum() + lower.sum() <= thickest:
                 lower += upper
                 upper[:] = 0.0
-    return packed(sizes)
+    return pack_coats(sizes)
 
 
 def _first_lab(
@@ -138,7 +138,7 @@ def _first_lab(
     return np.asarray(lab_of(model, readings(model, sizes, None)))[:, 0]
 
 
-def packed(sizes: Float[np.ndarray, "n coats paints"]) -> Float[np.ndarray, "n coats paints"]:
+def pack_coats(sizes: Float[np.ndarray, "n coats paints"]) -> Float[np.ndarray, "n coats paints"]:
     """Stacks with their empty coats last."""
     order = np.argsort(~sizes.any(axis=2), axis=1, kind="stable")
     return np.take_along_axis(sizes, order[:, :, None], axis=1)
@@ -213,7 +213,7 @@ def _round_coats(
             yield shares * size
 
 
-def rounded(
+def round_recipes(
     model: StackModel,
     optics: Optics,
     aims: TargetArrays,
@@ -230,14 +230,14 @@ def rounded(
     owner = np.repeat(np.arange(len(chosen)), [len(some) for some in options])
     targets = np.array([target for target, _ in chosen])[owner]
     flat = Stacks.unrefined(
-        packed(np.stack([sizes for some in options for sizes in some])),
+        pack_coats(np.stack([sizes for some in options for sizes in some])),
         targets,
         np.zeros(len(targets)),
     )
     own = np.stack([one.reading for _, one in chosen]) - readings(
         model, np.stack([o.sizes for _, o in chosen]), None
     )
-    guess = _scored(model, aims, flat, readings(model, flat.sizes, None) + own[owner])
+    guess = _score(model, aims, flat, readings(model, flat.sizes, None) + own[owner])
     nearest = [
         sorted(
             np.flatnonzero(owner == number).tolist(), key=lambda row: guess[row].effort(simplicity)

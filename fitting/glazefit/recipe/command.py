@@ -65,8 +65,7 @@ def recipe(
         typer.Option(
             metavar="NAMES",
             help="Lights of the match, by CIE, such as D65,A,FL11: it holds under all of them. "
-            "--lab is the colour "
-            "under the first.",
+            "--lab is the colour under the first.",
         ),
     ] = "D65",
     test_illuminant: Annotated[
@@ -121,8 +120,7 @@ def recipe(
         float,
         typer.Option(
             help="Weight of the spectrum against the colour, where the target has one: a spectrum "
-            "that is off by 0.01 "
-            "(root mean square) counts like this Delta E."
+            "that is off by 0.01 (root mean square) counts like this Delta E."
         ),
     ] = 0.2,
     count: Annotated[int, typer.Option(help="Largest number of recipes for a target.")] = 5,
@@ -164,7 +162,7 @@ def recipe(
     started = time.perf_counter()
     others = {"--csv": csv, "--json": json, "--spectra": spectra}
     options.check_outputs({"--out": out} | others, overwrite)
-    lights = options.listed(illuminants)
+    lights = options.split_names(illuminants)
     bounds = _bounds(coat_thickness, thickness)
     # The colours of spectra are computed in double precision too.
     from glazejax.commands.main import start_jax
@@ -279,12 +277,12 @@ def _targets(
     if srgb is not None:
         return [srgb_target(srgb)], []
     if chart:
-        return colourchecker_targets(options.listed(patch)), []
+        return colourchecker_targets(options.split_names(patch)), []
     from glazejax.io import read_spectra
 
     assert spectrum is not None
     table = read_spectra(spectrum)
-    rows = options.choose_rows(spectrum, table.names, options.listed(samples))
+    rows = options.choose_rows(spectrum, table.names, options.split_names(samples))
     targets = [
         spectral_target(table.names[row], table.wavelengths, table.reflectance[row]) for row in rows
     ]
@@ -321,13 +319,14 @@ def _write(
         titles=titles,
         heading=heading,
         subtitle=(
-            f"{'target left, recipe right; ' if one else ''}{curves}coats top first; {_seen(task)}"
+            f"{'target left, recipe right; ' if one else ''}{curves}coats top first; "
+            f"{_describe_view(task)}"
         ),
     )
     figure.savefig(out, dpi=100)
 
 
-def _seen(task: "Task") -> str:
+def _describe_view(task: "Task") -> str:
     eye = task.observer.replace(" Degree Standard Observer", "° observer")
     return f"{', '.join(task.illuminants)}, {eye}, {task.geometry.describe()}"
 
@@ -352,7 +351,7 @@ def _print(
     console.print(
         f"[dim]{legend}. {len(task.pigments)} paints, up to {task.max_paints} in {task.max_layers} "
         f"{'unmixed ' if task.glazes else ''}coats; "
-        f"{_seen(task)}.[/dim]"
+        f"{_describe_view(task)}.[/dim]"
     )
     for words in dict.fromkeys(filter(None, map(catalogue.assumed_scale, task.pigments))):
         console.print(

@@ -18,7 +18,7 @@ from jaxtyping import Array, Bool, Float, Int
 from glazejax import Hemispherical, Pigment, colour
 from glazejax.geometry import Geometry
 from glazejax.radiative.common.fresnel import dielectric_reflectance
-from glazejax.spectra import as_array, computed
+from glazejax.spectra import as_array, on_numpy_or_jax
 
 from ..film.ahead import Program
 from ..film.optics import Optics
@@ -96,7 +96,9 @@ def lab_of(
     model: StackModel, spectra: Float[Array | np.ndarray, "*batch bands"]
 ) -> Float[Array, "*batch lights 3"]:
     """L*a*b* of readings under every light of the model."""
-    return colour.xyz_to_lab(computed(_xyz_of, as_array(spectra), model.weights), model.white)
+    return colour.xyz_to_lab(
+        on_numpy_or_jax(_xyz_of, as_array(spectra), model.weights), model.white
+    )
 
 
 def _xyz_of(xp: Any, spectra: Any, weights: Any) -> Any:
@@ -221,19 +223,19 @@ def readings(
     size = READ_CHUNK if optics else 4 * READ_CHUNK
     for first in range(0, len(sizes), size):
         rows = np.arange(first, first + size).clip(max=len(sizes) - 1)
-        done.append(np.asarray(_read(model, sizes[rows], optics))[: len(sizes) - first])
+        done.append(np.asarray(_readings(model, sizes[rows], optics))[: len(sizes) - first])
     return np.concatenate(done) if done else np.zeros((0, model.ground.size))
 
 
 def readings_ahead(model: StackModel, coats: int, optics: Optics | None) -> None:
     """Begin to compile what `readings` of stacks of so many coats runs."""
     size = READ_CHUNK if optics else 4 * READ_CHUNK
-    _read.ahead(model, np.ones((size, coats, len(model.absorption))), optics)
+    _readings.ahead(model, np.ones((size, coats, len(model.absorption))), optics)
 
 
 @Program
 @functools.partial(jax.jit, static_argnames="optics")
-def _read(
+def _readings(
     model: StackModel, sizes: Float[Array | np.ndarray, "n coats paints"], optics: Optics | None
 ) -> Float[Array, "n bands"]:
     kd, sd = (jnp.asarray(sizes) @ each for each in (model.absorption, model.scattering))

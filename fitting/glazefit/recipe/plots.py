@@ -66,13 +66,13 @@ def recipe_figure(
             _draw_swatch(swatch, recipe, title)
             curves = figure.add_axes(box(_TITLE + _SWATCH + 0.1, _CURVES - 0.1))
             _draw_spectra(curves, recipe, tallest[number], labelled=column == 0)
-            words = "\n".join(_wrapped(describe_coat(coat)) for coat in recipe.coats)
+            words = "\n".join(_wrap(describe_coat(coat)) for coat in recipe.coats)
             x, y, *_ = box(_TITLE + _SWATCH + _CURVES + 0.27, 0.0)
             figure.text(x, y, words, fontsize=8.5, va="top", linespacing=1.25)
     return figure
 
 
-def _wrapped(words: str) -> str:
+def _wrap(words: str) -> str:
     """Lines of a coat, broken between paints."""
     return "\n".join(textwrap.wrap(words, 41, subsequent_indent="      "))
 

@@ -21,7 +21,7 @@ from glazejax.paint.describe import Coat
 
 from ..film.mixing import Pigments
 from ..film.variation import MIXED, Variation
-from .choose import IN_GAMUT, Scored, rounded, score, select, simplified
+from .choose import IN_GAMUT, Scored, round_recipes, score, select, simplify
 from .model import StackModel, readings, readings_ahead
 from .polish import polish, polish_ahead
 from .refine import grown, refine, refine_ahead
@@ -57,16 +57,19 @@ class Recipe:
         delta_e: Delta E 2000 to the target by illuminant.
         unrounded: largest Delta E 2000 before its numbers were rounded.
         metamerism: Delta E 2000 under the test illuminant, or None if the target's colour there is
-        not known. test_illuminant: full name.
+            not known.
+        test_illuminant: full name.
         rmse: root mean squared difference to the target's spectrum, or None without one.
         sensitivity: for each coat, Delta E 2000 of the colour when that coat alone is 10 % thicker
-        or thinner. between_mixings: mean Delta E 2000 to be expected from one mixing to the next,
-        by the strength that paints
-            have in one film beside others (`glazefit.film.variation`).
+            or thinner.
+        between_mixings: mean Delta E 2000 to be expected from one mixing to the next, by the
+            strength that paints have in one film beside others (`glazefit.film.variation`).
         gamut_distance: the least Delta E 2000 found for the target if that is 1 or more, else 0.
         limit: what keeps a target out of reach: "paints", or a coat at a bound of thickness; "" if
-        in reach. converged: whether least squares came to an end; if not, other amounts of the same
-        paints may come nearer. steps: of least squares by the solver.
+            in reach.
+        converged: whether least squares came to an end; if not, other amounts of the same paints
+            may come nearer.
+        steps: of least squares by the solver.
         before: largest Delta E 2000 before these steps, at the amounts that the table led to.
         mixed: the nearest recipe with paints mixed within its coats, beside one of unmixed coats;
             else None.
@@ -110,13 +113,13 @@ class Recipe:
     @property
     def layers(self) -> str:
         """The glaze as `glazejax render --layers` takes it."""
-        return ", ".join(map(_typed, self.coats))
+        return ", ".join(map(_type_coat, self.coats))
 
     def __repr__(self) -> str:
         return f"Recipe({self.layers!r} for {self.target.name!r}, Delta E {self.distance:.2f})"
 
 
-def _typed(coat: Coat) -> str:
+def _type_coat(coat: Coat) -> str:
     """A coat as `glazejax.paint.describe.parse_layers` reads it."""
     mixed = " + ".join(f"{share:.6g}*{name}" for share, name in coat.parts)
     return f"{mixed if len(coat.parts) > 1 else coat.name}:{coat.thickness * 1e6:.6g}um"
@@ -158,19 +161,22 @@ def find_recipes(
             batch.
         pigments: mapping or sequence; the catalogue if left out.
         ground: internal reflectance below the paint, scalar or (bands,) on the pigments'
-        wavelengths. geometry: how the colour is seen; `Bidirectional(45, 0)` if left out: no mirror
-        reflection. refractive_index: of all coats.
+            wavelengths.
+        geometry: how the colour is seen; `Bidirectional(45, 0)` if left out: no mirror reflection.
+        refractive_index: of all coats.
         illuminants: to match the colour under; those a colour is given under, or D65, if left out.
         test_illuminant: under which metamerism is reported.
         observer: 2, 10, or a full name.
         max_paints: different paints in a recipe, at most; 1 to 6. 3 if left out, of glazes 6.
         max_layers: coats, at most; 1 to 4, of glazes 1 to 6. 2 if left out, of glazes 6.
         glazes: nothing is mixed: each coat is one paint as it is. `Recipe.mixed` says what mixing
-        would gain. thickness: of the thinnest and the thickest coat, m.
+            would gain.
+        thickness: of the thinnest and the thickest coat, m.
         count: how many recipes a target gets, at most. They differ in their paints or in the order
-        of the coats. metamerism: Delta E that a root mean squared difference of 0.01 from the
-        target's spectrum weighs. simplicity: Delta E that one more paint, or one more coat, must
-        gain to be worth it.
+            of the coats.
+        metamerism: Delta E that a root mean squared difference of 0.01 from the target's spectrum
+            weighs.
+        simplicity: Delta E that one more paint, or one more coat, must gain to be worth it.
         seed: of the points from which mixtures of three paints start.
 
     Returns:
@@ -208,9 +214,9 @@ def recipe_chunks(task: Task) -> Iterator[list[list[Recipe]]]:
     little.
     """
     if not task.glazes:
-        yield from _searched(task)
+        yield from _search(task)
         return
-    for pure, mixed in zip(_searched(task), _searched(task.mixed), strict=True):
+    for pure, mixed in zip(_search(task), _search(task.mixed), strict=True):
         nearest = [min(recipes, key=lambda one: one.distance) for recipes in mixed]
         yield [
             [replace(one, mixed=best) for one in own]
@@ -218,7 +224,7 @@ def recipe_chunks(task: Task) -> Iterator[list[list[Recipe]]]:
         ]
 
 
-def _searched(task: Task) -> Iterator[list[list[Recipe]]]:
+def _search(task: Task) -> Iterator[list[list[Recipe]]]:
     """Recipes for a few targets at a time, of mixed coats or of unmixed ones."""
     model, aims = task.model(), task.target_arrays()
 
@@ -242,13 +248,11 @@ def _searched(task: Task) -> Iterator[list[list[Recipe]]]:
     )
     for first in range(0, len(task.targets), GROUP):
         here = range(first, min(first + GROUP, len(task.targets)))
-        stacks = _refined(
-            task, model, aims, rough.take(np.flatnonzero(np.isin(rough.target, here)))
-        )
+        stacks = _refine(task, model, aims, rough.take(np.flatnonzero(np.isin(rough.target, here))))
         yield _finish(task, model, aims, stacks, here)
 
 
-def _refined(task: Task, model: StackModel, aims: TargetArrays, rough: Stacks) -> Stacks:
+def _refine(task: Task, model: StackModel, aims: TargetArrays, rough: Stacks) -> Stacks:
     """The best stacks that come of a first look."""
 
     def better(stacks: Stacks) -> Stacks:
@@ -270,7 +274,7 @@ def _refined(task: Task, model: StackModel, aims: TargetArrays, rough: Stacks) -
         )
         children = better(children.best(lambda coats, paints: _CHILDREN))
         stacks = Stacks.join([stacks, better(children.best(lambda coats, paints: _KEEP_REFINED))])
-    pool = Stacks.join([stacks, better(simplified(model, stacks))])
+    pool = Stacks.join([stacks, better(simplify(model, stacks))])
     # What the table puts first, at the best amounts by the solver itself.
     kept = _KEEP_GLAZES if task.glazes else _KEEP_SOLVED
     return polish(model, task.optics, aims, pool.best(lambda coats, paints: kept), task.slots)
@@ -285,7 +289,7 @@ def _finish(
     for target in targets:
         own = [one for one, owner in zip(scored, stacks.target, strict=True) if owner == target]
         exact += [(target, one) for one in select(own, _SPARE * task.count, task.simplicity)]
-    round_ones = rounded(model, task.optics, aims, exact, task.simplicity)
+    round_ones = round_recipes(model, task.optics, aims, exact, task.simplicity)
     recipes = []
     for target in targets:
         pairs = {
@@ -295,11 +299,11 @@ def _finish(
         }
         own = [new for (owner, _), new in zip(exact, round_ones, strict=True) if owner == target]
         best = select(own, task.count, task.simplicity)
-        recipes.append(_described(task, model, target, [(one, pairs[id(one)]) for one in best]))
+        recipes.append(_describe(task, model, target, [(one, pairs[id(one)]) for one in best]))
     return recipes
 
 
-def _described(
+def _describe(
     task: Task, model: StackModel, target: int, chosen: list[tuple[Scored, Scored]]
 ) -> list[Recipe]:
     """Recipes from what was chosen, each with the same before it was rounded."""

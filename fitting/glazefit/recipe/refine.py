@@ -18,7 +18,7 @@ from jaxtyping import Array, Bool, Float
 
 from ..film.ahead import Program
 from ..film.marquardt import levenberg_marquardt
-from .choose import packed
+from .choose import pack_coats
 from .model import (
     Slots,
     StackModel,
@@ -147,7 +147,7 @@ def grown(
             owners.append(parents.target[row])
     if not sizes:
         return parents.take(np.zeros(0, int))
-    children = packed(np.stack(sizes))
+    children = pack_coats(np.stack(sizes))
     target = np.array(owners)
     reading, cost = readings(model, children, None), []
     for first in range(0, len(target), _COSTS):

@@ -118,7 +118,7 @@ def print_recipes(recipes: Sequence[Recipe], console: Console, seen: str = "") -
     if not first.in_gamut:
         console.print(Text(out_of_reach(first), style="yellow"))
     if rough := [str(rank) for rank, recipe in enumerate(recipes, 1) if not recipe.converged]:
-        console.print(Text(unsettled("recipe", rough), style="yellow"))
+        console.print(Text(describe_unsettled("recipe", rough), style="yellow"))
 
 
 def print_best(found: Sequence[Sequence[Recipe]], console: Console) -> None:
@@ -140,21 +140,21 @@ def print_best(found: Sequence[Sequence[Recipe]], console: Console) -> None:
         if not best.in_gamut:
             console.print(Text(out_of_reach(best), style="yellow"))
     if rough := [best.target.name for best, *_ in found if not best.converged]:
-        console.print(Text(unsettled("the recipe of", rough), style="yellow"))
+        console.print(Text(describe_unsettled("the recipe of", rough), style="yellow"))
 
 
 def _titles(recipe: Recipe) -> list[str]:
     """Headings of the colour differences: lights asked for, and the test light if it is another."""
     lights = list(recipe.delta_e)
     return [f"ΔE00 {name}" for name in lights] + (
-        [f"({recipe.test_illuminant})"] if _tested(recipe) else []
+        [f"({recipe.test_illuminant})"] if _test_lines(recipe) else []
     )
 
 
 def _figures(recipe: Recipe) -> list[str]:
     """Colour differences in words."""
     test = recipe.metamerism
-    tested = [] if not _tested(recipe) else ["" if test is None else f"({test:.2f})"]
+    tested = [] if not _test_lines(recipe) else ["" if test is None else f"({test:.2f})"]
     return (
         [f"{value:.2f}" for value in recipe.delta_e.values()]
         + tested
@@ -162,7 +162,7 @@ def _figures(recipe: Recipe) -> list[str]:
     )
 
 
-def _tested(recipe: Recipe) -> bool:
+def _test_lines(recipe: Recipe) -> bool:
     return recipe.test_illuminant not in recipe.delta_e and recipe.target.spectral
 
 
@@ -217,17 +217,16 @@ def all_if_mixed(found: Sequence[Sequence[Recipe]]) -> str:
     reached = [sum(distance < IN_GAMUT for distance in some) for some in (mixed, here)]
     return (
         f"Mixed within a coat: ΔE00 {np.median(mixed):.2f} instead of {np.median(here):.2f} in "
-        "the median, and "
-        f"{reached[0]} instead of {reached[1]} of {len(found)} targets within a ΔE00 of 1."
+        f"the median, and {reached[0]} instead of {reached[1]} of {len(found)} targets within a "
+        "ΔE00 of 1."
     )
 
 
-def unsettled(what: str, which: Sequence[str]) -> str:
+def describe_unsettled(what: str, which: Sequence[str]) -> str:
     """A sentence on recipes whose least squares were stopped."""
     return (
         f"Least squares stopped before it had settled for {what} {', '.join(which)}: other "
-        "amounts of the same paints "
-        "may come nearer."
+        "amounts of the same paints may come nearer."
     )
 
 

@@ -154,7 +154,8 @@ def screen(
     Args:
         model, aims: paints and targets.
         max_paints, max_layers: limits; what goes beyond three paints or two layers is not looked at
-        here. keep: how many sets a target keeps, from numbers of layers and of paints.
+            here.
+        keep: how many sets a target keeps, from numbers of layers and of paints.
         seed: of the grid of three paints' proportions.
         mixed: whether a coat may hold more than one paint.
     """
@@ -172,7 +173,7 @@ def screen(
         if not below:
             continue
         many = max(bottom.amounts.shape[1] for bottom in below)
-        joined = _joined(below)
+        joined = _join(below)
         cost, best = map(np.array, _two_coats(model, aims, coats[n], joined))
         ends = np.cumsum([0, *(len(bottom.paints) for bottom in below)])
         for bottom, start, end in zip(below, ends, ends[1:], strict=False):
@@ -185,7 +186,7 @@ def screen(
     return Stacks.join(found).best(keep)
 
 
-def _joined(kinds: Sequence[_Coats]) -> _Coats:
+def _join(kinds: Sequence[_Coats]) -> _Coats:
     """Coats of different numbers of paints, one below the other: filled up by none of a paint and
     by first points.
     """
@@ -203,7 +204,7 @@ def _of_one_coat(
     model: StackModel, aims: TargetArrays, kinds: Sequence[_Coats]
 ) -> list[tuple[Float[np.ndarray, "sets targets"], Int[np.ndarray, "sets targets"]]]:
     """Least cost of each set of each kind, and the point where it is, by one program."""
-    everything, done = _joined(kinds), []
+    everything, done = _join(kinds), []
     total = len(everything.paints)
     for first in range(0, total, _SETS):
         rows = np.arange(first, first + _SETS).clip(max=total - 1)

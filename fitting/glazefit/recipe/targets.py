@@ -31,7 +31,8 @@ class Target:
     Attributes:
         name: what to call it.
         labs: L*a*b* by full name of the illuminant, if it is given as a colour; empty if as a
-        spectrum. wavelengths: (bands,), nm, or None.
+            spectrum.
+        wavelengths: (bands,), nm, or None.
         reflectance: (bands,), fraction, or None.
     """
 
@@ -65,8 +66,7 @@ class Target:
             given = ", ".join(self.labs)
             raise ValueError(
                 f"the colour of {self.name!r} is given under {given}, not under {full}: ask for "
-                f"{given}, give the "
-                f"colour under {full} too, or give a spectrum"
+                f"{given}, give the colour under {full} too, or give a spectrum"
             )
         return self.labs[full]
 
@@ -92,14 +92,14 @@ def lab_target(lab: Mapping[str, Colour] | Colour, name: str | None = None) -> T
             "a target needs a colour under at least one illuminant, such as {'D65': (50, 20, 30)}"
         )
     labs = {
-        colour.find_illuminant(illuminant): _checked(values) for illuminant, values in given.items()
+        colour.find_illuminant(illuminant): _check(values) for illuminant, values in given.items()
     }
     first = next(iter(labs.values()))
     title = name or f"Lab {', '.join(f'{value:g}' for value in first)}"
     return Target(title, MappingProxyType(labs))
 
 
-def _checked(values: Any) -> Float[np.ndarray, "3"]:
+def _check(values: Any) -> Float[np.ndarray, "3"]:
     try:
         lab = np.asarray(values, dtype=np.float64)
     except (TypeError, ValueError):
@@ -120,7 +120,8 @@ def srgb_target(code: str, name: str | None = None) -> Target:
 
     Args:
         code: three or six hexadecimal digits, with or without ``#``; for numbers see
-        `glazejax.colour.srgb_to_lab`. name: what to call it; the code if left out.
+            `glazejax.colour.srgb_to_lab`.
+        name: what to call it; the code if left out.
 
     Raises:
         ValueError: neither three or six hexadecimal digits nor three whole numbers from 0 to 255.
@@ -170,7 +171,8 @@ def colourchecker_targets(patches: Sequence[str] = (), chart: str = DEFAULT_CHAR
 
     Args:
         patches: names, such as "blue sky"; the beginning will do if it fits one only. All 24 if
-        left out. chart: a name in `glazejax.cie.charts`.
+            left out.
+        chart: a name in `glazejax.cie.charts`.
 
     Raises:
         ValueError: an unknown chart or patch; the message lists what there is.

@@ -22,7 +22,8 @@ from .screen import TargetArrays
 from .targets import Colour, Target, lab_target
 
 DEFAULT_THICKNESS = (1e-6, 50e-6)
-"""Thinnest and thickest coat in m, if nothing else is said; on the catalogue's scale of thickness.
+"""Thinnest and thickest coat in m, if nothing else is said; on the catalogue's scale of
+thickness.
 """
 
 # At most, and if nothing is said. Coats of a single paint each are quickly gone through.
@@ -187,7 +188,7 @@ def make_task(
     for target in targets:
         for name in names:
             target.lab(name, full_observer)  # says what is missing
-    paints, base = _on_one_grid(_listed(pigments), ground, targets)
+    paints, base = _on_one_grid(_list_pigments(pigments), ground, targets)
     return Task(
         targets=tuple(targets),
         pigments=paints,
@@ -236,7 +237,7 @@ def _first(given: Any) -> Any:
         ) from None
 
 
-def _listed(pigments: Pigments | None) -> list[Pigment]:
+def _list_pigments(pigments: Pigments | None) -> list[Pigment]:
     if pigments is None:
         pigments = catalogue.load()
     paints = listed_pigments(pigments)

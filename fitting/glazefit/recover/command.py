@@ -31,10 +31,9 @@ def recover(
         typer.Argument(
             metavar="FILE",
             help="Table of spectra. Rows of a film: NAME_ob and NAME_ow (paint over black, over "
-            "white), or one of "
-            "them, or NAME alone (it hides what is below); NAME_b and NAME_w (its bare cards), "
-            "or card_b and card_w. "
-            "A film called 'Blue 1:10 White' is that tint. CSV or TSV, percent or fractions.",
+            "white), or one of them, or NAME alone (it hides what is below); NAME_b and NAME_w "
+            "(its bare cards), or card_b and card_w. A film called 'Blue 1:10 White' is that "
+            "tint. CSV or TSV, percent or fractions.",
             show_default=False,
         ),
     ] = None,
@@ -48,8 +47,7 @@ def recover(
         typer.Option(
             metavar="FILE",
             help="What the samples are made of, a line each: 'SAMPLE<TAB>PaintA-PaintB|90-10'. "
-            "Default: mixtures.tsv "
-            "beside the table, if there is one.",
+            "Default: mixtures.tsv beside the table, if there is one.",
             show_default=False,
         ),
     ] = None,
@@ -70,8 +68,7 @@ def recover(
         typer.Option(
             metavar="NAME",
             help="The white of the tints is known, and sets the scale: a paint of --into, or of "
-            "the catalogue "
-            "(ZincWhite, acrylics:TitaniumWhite).",
+            "the catalogue (ZincWhite, acrylics:TitaniumWhite).",
             show_default=False,
         ),
     ] = "",
@@ -81,9 +78,8 @@ def recover(
             "--wet-film",
             metavar="LENGTHS",
             help="What a gauge or the gap of a drawdown bar says of films: 100um, 100um±20%, "
-            "'Red=100um,Blue=50um', "
-            "or 'same' (one bar of unknown gap). Of acrylics, which lose about half as they dry, "
-            "the dry thickness.",
+            "'Red=100um,Blue=50um', or 'same' (one bar of unknown gap). Of acrylics, which lose "
+            "about half as they dry, the dry thickness.",
             show_default=False,
         ),
     ] = "",
@@ -93,8 +89,7 @@ def recover(
             "--excluded",
             metavar="FILE",
             help="The same films read without the specular part (de:8), where FILE is with it: "
-            "the difference is the "
-            "gloss of each film, which is then no longer guessed.",
+            "the difference is the gloss of each film, which is then no longer guessed.",
             show_default=False,
         ),
     ] = None,
@@ -104,8 +99,7 @@ def recover(
         typer.Option(
             "--noise",
             help="Noise of the instrument near black: standard deviation of a reflectance. "
-            "Default: told from how "
-            "rough the spectra are, 0.0005 or more.",
+            "Default: told from how rough the spectra are, 0.0005 or more.",
             show_default=False,
         ),
     ] = None,
@@ -114,8 +108,7 @@ def recover(
         typer.Option(
             "--noise-share",
             help="Noise that grows with the reading: added to --noise per unit of reflectance. "
-            "Default: 0.002, or as "
-            "rough spectra say.",
+            "Default: 0.002, or as rough spectra say.",
             show_default=False,
         ),
     ] = None,
@@ -143,8 +136,7 @@ def recover(
         str,
         typer.Option(
             help="How paints mix, with --joint: mass (k and s add by weight) or strength (a paint "
-            "may count for more, "
-            "or less, than its weight)."
+            "may count for more, or less, than its weight)."
         ),
     ] = "mass",
     check: Annotated[
@@ -221,7 +213,7 @@ def recover(
     )
     if simulate:
         given["noise"] = said or Noise()
-        films = _simulated(samples, metres, given, seed, console)
+        films = _simulate(samples, metres, given, seed, console)
     else:
         assert file is not None
         films = _films(file, samples, console)
@@ -303,8 +295,7 @@ def _noise(films: "Films", console: "Console") -> "Noise":
     if found != Noise():
         console.print(
             f"Noise of a reading R, told from how rough the spectra are: {found.floor:.2g} + "
-            f"{found.share:.2g} R "
-            "[dim](--noise, --noise-share)[/dim]"
+            f"{found.share:.2g} R [dim](--noise, --noise-share)[/dim]"
         )
     return found
 
@@ -314,7 +305,7 @@ def _films(file: Path, samples: str, console: "Console") -> "Films":
     from ..film.loose import read_loose_films
 
     films = read_loose_films(file)
-    if wanted := options.listed(samples):
+    if wanted := options.split_names(samples):
         films = films.select(wanted)
     progress.print_notes(console, file, films.notes)
     return films
@@ -349,7 +340,7 @@ def _readable(films: "Films", recipes: dict[str, dict[str, float]]) -> "Films":
     return replace(films, names=readable_names(films.names, recipes))
 
 
-def _simulated(
+def _simulate(
     samples: str, thickness: float, given: "dict[str, Any]", seed: int, console: "Console"
 ) -> "Films":
     from glazejax import catalogue
@@ -358,7 +349,9 @@ def _simulated(
     from ..film.simulate import simulate_paints
 
     known = catalogue.load()
-    paints = [catalogue.pigment(name) for name in options.listed(samples)] or list(known.values())
+    paints = [catalogue.pigment(name) for name in options.split_names(samples)] or list(
+        known.values()
+    )
     console.print(
         f"[bold]Simulated data:[/bold] spectra of {len(paints)} catalogue paints, "
         f"{format_length(thickness)} thick, "
@@ -380,8 +373,7 @@ def _report(recovery: "Recovery", how: progress.Collected, results: Results) -> 
     print_summary(recovery, console, how.seconds, how.first)
     console.print(
         f"[bold]Thickness: {format_length(metres)} is assumed, not measured.[/bold] Only k d and "
-        "s d are known: a film "
-        "of twice that has half the k and s."
+        "s d are known: a film of twice that has half the k and s."
     )
     if plots:
         write_plots(recovery, metres, out, progress.drawing(len(recovery)))
@@ -409,6 +401,5 @@ def _compare(recovery: "Recovery", thickness: float, console: "Console") -> None
         k, s = inside[bands].mean(axis=0)
         console.print(
             f"The true k lies in its 95 % band in {k:.1%} and the true s in {s:.1%} of the "
-            f"{bands.sum()} bands where "
-            "both are known."
+            f"{bands.sum()} bands where both are known."
         )

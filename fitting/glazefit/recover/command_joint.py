@@ -103,9 +103,8 @@ def _measured_gloss(
     found = measure_gloss(films, other, instrument)
     values = sorted(found.values())
     console.print(
-        f"Gloss, from readings with and without the specular part of {len(found)} of "
-        f"{len(films)} films: "
-        f"{values[0]:.2f} to {values[-1]:.2f} of a smooth surface's."
+        f"Gloss, from readings with and without the specular part of {len(found)} of {len(films)} "
+        f"films: {values[0]:.2f} to {values[-1]:.2f} of a smooth surface's."
     )
     return found
 
@@ -142,8 +141,7 @@ def known_paints(
         where = "known" if file is None else f"in {file.path}"
         raise ValueError(
             f"all paints of the films are {where} already: {', '.join(paints)}; --overwrite fits "
-            "those again that have "
-            "a film of their own (but --white)"
+            "those again that have a film of their own (but --white)"
         )
     return known
 
@@ -175,7 +173,7 @@ def read_gauge(text: str, films: Sequence[str]) -> "Gauge | None":
 
     lengths: dict[str, float] = {}
     errors: list[float] = []
-    for part in options.listed(text):
+    for part in options.split_names(text):
         film, equals, length = part.rpartition("=")
         spread = _SPREAD.fullmatch(length.strip())
         metres = options.read_length(spread["length"] if spread else length, "--wet-film")
@@ -255,8 +253,8 @@ def _say_scale(
     elif gauge is not None:
         console.print(
             f"[bold]Thickness: as measured, about {format_length(gauge.typical)}; k and s share "
-            "its error of "
-            f"{gauge.common:.0%}.[/bold] In films.csv it is in units of {format_length(unit)}."
+            f"its error of {gauge.common:.0%}.[/bold] In films.csv it is in units of "
+            f"{format_length(unit)}."
         )
     else:
         console.print(
@@ -303,6 +301,6 @@ def _say_lessons(
         others = "; ".join(f"{lesson.film}: {lesson.expected:.1f}" for lesson in rest[:2])
         console.print(
             f"{paint}: mixtures with white and films of it are foretold to ΔE00 {found.now:.1f}. "
-            "What would teach "
-            f"most: [bold]{best.film}[/bold] (then {best.expected:.1f}; {others})."
+            f"What would teach most: [bold]{best.film}[/bold] (then {best.expected:.1f}; "
+            f"{others})."
         )

@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Float
 
 from glazejax import Pigment
-from glazejax.io.spectra_table import listed
+from glazejax.io.spectra_table import list_names
 
 from ..film.films import Films, Instrument, Noise
 from ..film.mixing import MixingLaw
@@ -37,9 +37,11 @@ class LeftOut:
     Attributes:
         predictions: of each film by the fit of all others.
         fitted: CIEDE2000 (D65, 10 degrees) of the fit of all films, over black and white, (films,
-        2). measured: reflectance over black and white, (films, 2, bands).
+            2).
+        measured: reflectance over black and white, (films, 2, bands).
         variation: what all of them teach of how far films are from their recipes; for
-        `predict_films`. complete: False where an interrupt came before the last film.
+            `predict_films`.
+        complete: False where an interrupt came before the last film.
     """
 
     predictions: tuple[Prediction, ...]
@@ -49,7 +51,7 @@ class LeftOut:
     complete: bool
 
     def __repr__(self) -> str:
-        return f"LeftOut({len(self.predictions)} films: {listed(self.names)})"
+        return f"LeftOut({len(self.predictions)} films: {list_names(self.names)})"
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -132,8 +134,8 @@ def leave_films_out(
         only: whether a film, by name, is left out; by default those of more than one paint, all of
             whose paints are in other films too.
         progress: called with each film's name before it is fitted. An interrupt keeps the films
-        that are done. given: further arguments of `glazefit.recover.joint.recover_jointly`, as
-        `whole` had them.
+            that are done.
+        given: further arguments of `glazefit.recover.joint.recover_jointly`, as `whole` had them.
 
     Raises:
         ValueError: there is no such film.

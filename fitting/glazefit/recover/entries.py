@@ -92,7 +92,8 @@ def add_paints(
 
     Args:
         recovery: of `recover_jointly`. k and s are in 1/m if its `unit` is the thickness of a
-        typical film. path: the CSV, which need not exist.
+            typical film.
+        path: the CSV, which need not exist.
         overwrite: replace paints of the same name.
 
     Returns:
@@ -246,15 +247,15 @@ def conditional_modes(
     new = np.isin(np.arange(2 * count), local)
     left = recovery.left_open.largest(held * new, OWN_MODES, others, slopes)[..., local]
 
-    def arranged(modes: np.ndarray) -> np.ndarray:
+    def arrange(modes: np.ndarray) -> np.ndarray:
         return modes.reshape(len(modes), bands, 2, len(paints)).transpose(0, 2, 3, 1)
 
-    inherited = arranged((slopes * held)[..., local])
+    inherited = arrange((slopes * held)[..., local])
     return (
         inherited,
-        arranged(left),
-        arranged(shift[None, :, local])[0],
-        arranged(total[None, :, local])[0],
+        arrange(left),
+        arrange(shift[None, :, local])[0],
+        arrange(total[None, :, local])[0],
     )
 
 

@@ -85,7 +85,7 @@ class Estimate(NamedTuple):
     least_scattering: Float[Array, "*bands"]
 
 
-def _bounded(free: Float[Array, "*n 2"]) -> Float[Array, "*n 2"]:
+def _bound(free: Float[Array, "*n 2"]) -> Float[Array, "*n 2"]:
     """Log optical thicknesses from free parameters; the slope is 1 in the middle of the range."""
     low, high = jnp.asarray(_BOUNDS, free.dtype)
     return low + (high - low) * jax.nn.sigmoid(4.0 * free / (high - low))
@@ -162,7 +162,7 @@ def _polish(
             [jnp.where(given, _GIVEN_PULL, _PULL), jnp.where(given, prior.weight, _PULL)]
         )
         centre = jnp.stack([start[0], jnp.where(given, prior.mean, start[1])])
-        logs = _bounded(free)
+        logs = _bound(free)
         k, s = jnp.exp(logs)
         misfit = (body_reflectance(k, s, data.ground, instrument) - data.reading) * weights
         return jnp.concatenate([misfit, pull * (logs - centre)])
@@ -171,7 +171,7 @@ def _polish(
     free, settled = levenberg_marquardt(
         residuals, _free(start), *given, rtol=1e-4, atol=1e-3, max_steps=_STEPS
     )
-    return _bounded(free), settled
+    return _bound(free), settled
 
 
 def _spread(
@@ -269,7 +269,8 @@ def recover_films(
         films: measured over a black and a white card.
         instrument: its geometry; by default d:8 with the specular part, refractive index 1.5.
         noise: of a reading; by default told from the readings' roughness
-        (`glazefit.film.noise.estimate_noise`). chunk: films solved at a time.
+            (`glazefit.film.noise.estimate_noise`).
+        chunk: films solved at a time.
 
     Raises:
         ValueError: a card that its own surface or a perfect diffuser contradicts (see
@@ -335,22 +336,22 @@ def _recover_chunk(films: Films, instrument: Instrument, noise: Noise, chunk: in
         lambda a, b: np.where(known.ravel().reshape(-1, *[1] * (a.ndim - 1)), a, b), free, drawn
     )
 
-    def cut(values: np.ndarray) -> np.ndarray:
+    def cut_bands(values: np.ndarray) -> np.ndarray:
         return values.reshape(-1, bands, *values.shape[1:])[:count]
 
     surface = (gloss * instrument.seen_surface)[:, None]
     return Recovery(
         films=films,
-        absorption=cut(chosen.optical[:, 0]),
-        scattering=cut(chosen.optical[:, 1]),
-        covariance=cut(chosen.covariance),
+        absorption=cut_bands(chosen.optical[:, 0]),
+        scattering=cut_bands(chosen.optical[:, 1]),
+        covariance=cut_bands(chosen.covariance),
         identifiable=known[:count],
         gloss=gloss,
-        fitted_black=cut(chosen.fitted[:, 0]) + surface,
-        fitted_white=cut(chosen.fitted[:, 1]) + surface,
-        misfit=cut(chosen.misfit),
-        converged=cut(chosen.converged),
-        ambiguous=cut(np.asarray(free.ambiguous)),
+        fitted_black=cut_bands(chosen.fitted[:, 0]) + surface,
+        fitted_white=cut_bands(chosen.fitted[:, 1]) + surface,
+        misfit=cut_bands(chosen.misfit),
+        converged=cut_bands(chosen.converged),
+        ambiguous=cut_bands(np.asarray(free.ambiguous)),
     )
 
 

@@ -78,12 +78,13 @@ def recover_jointly(
         law: mixing law, by default linear by mass.
         expectations: what is expected beforehand.
         use: (films,), 0 for films that are held out and predicted, 1 for the others; by default all
-        ones. start: where to start, such as `JointRecovery.unknowns` of a fit of the same films.
+            ones.
+        start: where to start, such as `JointRecovery.unknowns` of a fit of the same films.
         max_steps: of the solver, in each of its two stages.
         response: model of one film, by default that of the instrument
-        (`glazefit.film.response.film_response`). known: paints whose k and s are known, with their
-        errors: the films do not change them, and they fix the scale
-            of the others.
+            (`glazefit.film.response.film_response`).
+        known: paints whose k and s are known, with their errors: the films do not change them, and
+            they fix the scale of the others.
         gauge: thicknesses of films.
         gloss: film -> share of the surface's reflection that was measured, by readings with the
             specular part and without it (`glazefit.film.gloss.measure_gloss`); of other films it is
@@ -128,7 +129,7 @@ def recover_jointly(
         first = jax.jit(deviations)(start, problem)
     solution, factors, steps, settled = least_squares(problem, response, first, 1.0, max_steps)
     found = spread(solution, problem, factors, DRAWS)
-    whole, kd, sd, fitted = jax.tree.map(np.asarray, _described(solution, problem, response))
+    whole, kd, sd, fitted = jax.tree.map(np.asarray, _describe(solution, problem, response))
     fitted = films.where_seen(np.moveaxis(fitted, 0, -1))
     return JointRecovery(
         films=films,
@@ -261,7 +262,7 @@ def first_guess(problem: JointProblem) -> Unknowns:
 
 
 @jax.jit
-def _described(
+def _describe(
     solution: Unknowns, problem: JointProblem, response: Response
 ) -> tuple[
     Unknowns,

@@ -25,8 +25,8 @@ MOST_ERROR = 0.5
 RELATIVE_LIMIT = 0.5
 RULE = (
     f"k and s count as told apart where the joint fit knows each to {RELATIVE_LIMIT:.0%} of its "
-    "value, if the paint is "
-    "in a mixture or thicknesses were measured: else its scale is as expected, not found"
+    "value, if the paint is in a mixture or thicknesses were measured: else its scale is as "
+    "expected, not found"
 )
 
 
@@ -41,9 +41,10 @@ class JointRecovery(FittedFilms):
         shares: of each paint in each film, (films, paints), as the mixing law gives them.
         law: mixing law.
         unknowns: solution of `glazefit.recover.joint_problem`; starts another fit of the same
-        films. log_covariance: of log k of all paints, then log s, at each band, (bands, 2 paints, 2
-        paints). shared_covariance: of the films' and paints' shared numbers, in the order of
-        `unknowns`.
+            films.
+        log_covariance: of log k of all paints, then log s, at each band, (bands, 2 paints, 2
+            paints).
+        shared_covariance: of the films' and paints' shared numbers, in the order of `unknowns`.
         draws: of the unknowns from Laplace's approximation, each with a leading axis of draws.
         film_absorption, film_scattering: k d and s d of every film, (films, bands).
         fitted_black, fitted_white: what the model reads, (films, bands).

@@ -184,7 +184,7 @@ def normal_matrix(
     corner = jnp.block([[jax.scipy.linalg.block_diag(*own), between], [between.T, gloss]])
     curvature = problem.curvature.T @ problem.curvature
     border = jnp.concatenate([to_films, to_paints], axis=-1)
-    return _paired(inner, border, corner, curvature, problem.stiffness, problem.steepness)
+    return _pair_bands(inner, border, corner, curvature, problem.stiffness, problem.steepness)
 
 
 def _squares(columns: Float[Array, "n *each"]) -> Float[Array, "n"]:
@@ -192,7 +192,7 @@ def _squares(columns: Float[Array, "n *each"]) -> Float[Array, "n"]:
     return jnp.diagonal(columns.reshape(len(columns), -1)) ** 2
 
 
-def _paired(
+def _pair_bands(
     inner: Float[Array, "bands m m"],
     border: Float[Array, "bands m shared"],
     corner: Float[Array, "shared shared"],
@@ -271,7 +271,7 @@ def solve(factors: Factors, vector: Unknowns) -> Unknowns:
     bands = np.pad(vector.bands, ((0, 2 * pairs - len(vector.bands)), (0, 0))).reshape(pairs, n)
     shared = np.concatenate([np.ravel(part) for part in vector[1:]])
     solved, common = _solve_blocks(factors, bands, shared)
-    return unflattened(solved[None], common[None], vector, 0)
+    return unflatten(solved[None], common[None], vector, 0)
 
 
 def _solve_blocks(
@@ -320,7 +320,7 @@ def draws(factors: Factors, like: Unknowns, count: int, seed: int = 0) -> Unknow
     pairs, n, shared = factors.border.shape
     common = factors.corner.T @ rng.standard_normal((shared, count))
     bands = _back(factors, rng.standard_normal((pairs, n, count)) - factors.border @ common)
-    return unflattened(np.moveaxis(bands, -1, 0), common.T, like)
+    return unflatten(np.moveaxis(bands, -1, 0), common.T, like)
 
 
 def _back(
@@ -335,7 +335,7 @@ def _back(
     return values
 
 
-def unflattened(
+def unflatten(
     bands: Float[np.ndarray, "count pairs n"],
     shared: Float[np.ndarray, "count shared"],
     like: Unknowns,

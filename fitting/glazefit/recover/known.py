@@ -166,9 +166,8 @@ def _on(paint: Pigment, grid: Float[np.ndarray, "bands"]) -> Pigment:
         return paint.resample(grid)
     except ValueError:
         raise ValueError(
-            f"{paint.name!r} is known at {describe_grid(paint.wavelengths)}, which does not "
-            "cover the films' "
-            f"{describe_grid(grid)}: crop the films"
+            f"{paint.name!r} is known at {describe_grid(paint.wavelengths)}, which does not cover "
+            f"the films' {describe_grid(grid)}: crop the films"
         ) from None
 
 

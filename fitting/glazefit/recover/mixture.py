@@ -60,7 +60,7 @@ def mixture_of(
         ValueError: no paint, a weight that is negative, an unknown paint, or wavelengths that a
             paint does not cover.
     """
-    k, s, parts, name = _mixed(pigments, recipe, wavelengths, law, name)
+    k, s, parts, name = _mix(pigments, recipe, wavelengths, law, name)
     grid = _grid(pigments, recipe, wavelengths)
     size = (variation or Variation()).size_of(list(recipe))
     modes = np.concatenate([parts["scale"] + parts["paint"], size * parts["film"]])
@@ -112,7 +112,7 @@ def predict_mixture(
     response = film_response(instrument.geometry, instrument.refractive_index)
     paints = tuple(paint for paint, weight in recipe.items() if weight > 0)
     if calibrated is None:
-        k, s, parts, _ = _mixed(pigments, recipe, wavelengths, law, "")
+        k, s, parts, _ = _mix(pigments, recipe, wavelengths, law, "")
         grid = _grid(pigments, recipe, wavelengths)
         rng = np.random.default_rng(0)
         own, film = (rng.standard_normal((_DRAWS, len(parts[part]))) for part in ("paint", "film"))
@@ -139,9 +139,9 @@ def predict_mixture(
             raise ValueError(
                 f"a thickness of {metres:g} m; it must be above 0, in metres, such as 25e-6"
             )
-        mean = _read(response, k * metres, s * metres, np.zeros((1, 2, grid.size)), grounds)[0]
+        mean = _readings(response, k * metres, s * metres, np.zeros((1, 2, grid.size)), grounds)[0]
         spread = {
-            part: _read(response, k * metres, s * metres, o, grounds) - mean
+            part: _readings(response, k * metres, s * metres, o, grounds) - mean
             for part, o in off.items()
         }
         deviations = {part: spread.get(part, empty) for part in ("scale", "paint", "film")}
@@ -226,7 +226,7 @@ def _grid(
     return np.asarray(first.wavelengths if wavelengths is None else wavelengths)
 
 
-def _mixed(
+def _mix(
     pigments: Mapping[str, Pigment],
     recipe: Mapping[str, float],
     wavelengths: Float[np.ndarray, "bands"] | None,
@@ -282,7 +282,7 @@ def _each(
     return out.reshape(-1, paints, 2, modes.shape[3])
 
 
-def _read(
+def _readings(
     response: Response,
     kd: Float[np.ndarray, "bands"],
     sd: Float[np.ndarray, "bands"],

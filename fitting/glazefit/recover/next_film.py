@@ -63,7 +63,8 @@ class Lessons:
     Attributes:
         paint: its name.
         now: CIEDE2000 (D65, 10 degrees) that its mixtures with white and its films are expected to
-        be off. films: further films, the most instructive first.
+            be off.
+        films: further films, the most instructive first.
     """
 
     paint: str
@@ -115,7 +116,7 @@ def lessons(
     candidates = _candidates(recovery, row, pale, len(paints), chosen or "", depth)
     problem, solution = _pose(recovery, candidates, paints, known, gauge, unit, response)
     judge = _Judge(
-        grid=recovery.wavelengths[_planned(recovery)],
+        grid=recovery.wavelengths[_planning_bands(recovery)],
         row=row,
         pale=pale,
         depth=depth,
@@ -141,7 +142,7 @@ def _whites(recovery: JointRecovery) -> list[str]:
     return [recovery.paints[i] for i in np.argsort(-bright) if bright[i] > _WHITE]
 
 
-def _planned(recovery: JointRecovery) -> np.ndarray:
+def _planning_bands(recovery: JointRecovery) -> np.ndarray:
     """Numbers of the bands that are planned with: visible ones, some thirty."""
     grid = recovery.wavelengths
     bands = np.flatnonzero((grid >= _VISIBLE[0] - 1e-6) & (grid <= _VISIBLE[1] + 1e-6))
@@ -186,7 +187,7 @@ def _pose(
     response: Response,
 ) -> tuple[JointProblem, Unknowns]:
     """Problem of the films and all candidates, and the solution in it."""
-    bands, old = _planned(recovery), recovery.films
+    bands, old = _planning_bands(recovery), recovery.films
     count, more = len(old), len(candidates)
     rows = np.concatenate([np.arange(count), np.zeros(more, dtype=int)])
     arrays = {what: getattr(old, what)[rows][:, bands] for what in SPECTRA}

@@ -46,9 +46,8 @@ def predict(
             "--reading",
             metavar="FILE",
             help="Spectra of one film of this mixture: rows NAME_ob and NAME_ow (over a black, a "
-            "white card), or one "
-            "of them, or NAME alone (it hides what is below), and card_b, card_w. It says how "
-            "strong it came out.",
+            "white card), or one of them, or NAME alone (it hides what is below), and card_b, "
+            "card_w. It says how strong it came out.",
             show_default=False,
         ),
     ] = None,
@@ -89,7 +88,7 @@ def predict(
 
     start_jax()
     seen_by = options.read_geometry(geometry, _GEOMETRY)
-    wanted = [options.read_length(text) for text in options.listed(thickness)]
+    wanted = [options.read_length(text) for text in options.split_names(thickness)]
     if samples and reading is None:
         raise ValueError(
             "--samples is for the film of --reading; leave it out, or give --reading FILE"
@@ -181,13 +180,12 @@ def _film(
     from ..film.loose import average, crop, read_loose_films
 
     films = read_loose_films(path)
-    if wanted := options.listed(samples):
+    if wanted := options.split_names(samples):
         films = films.select(wanted)
     if len(films) != 1:
         raise ValueError(
             f"{path}: --reading takes one film, and there are {len(films)}: choose with "
-            "--samples, from "
-            f"{', '.join(films.names[:8])}{' ...' if len(films) > 8 else ''}"
+            f"--samples, from {', '.join(films.names[:8])}{' ...' if len(films) > 8 else ''}"
         )
     films = average(films)
     for name in recipe:
@@ -220,9 +218,8 @@ def _say_reading(
     first, then = (np.mean([p.expected_error(*eye) for p in some]) for some in (before, made))
     console.print(
         f"Reading {film.names[0]}: met to ΔE00 {fit.mean():.2f}; thickness {thick}, on the scale "
-        "of these paints. "
-        f"Expected error of the films below: ΔE00 {first:.1f} without the reading, {then:.1f} "
-        "with it."
+        f"of these paints. Expected error of the films below: ΔE00 {first:.1f} without the "
+        f"reading, {then:.1f} with it."
     )
     if not found.converged:
         console.print(
@@ -273,9 +270,8 @@ def _print(
         }
         console.print(
             f"Expect ΔE00 {next_one:.1f} from one mixing of {mixture} to the next. What is not "
-            "known of the "
-            f"paints adds {parts['scale']:.1f} by their scale and {parts['paint']:.1f} by the "
-            "shape of their k and s."
+            f"known of the paints adds {parts['scale']:.1f} by their scale and "
+            f"{parts['paint']:.1f} by the shape of their k and s."
         )
         console.print("[dim]A reading of one film of it narrows that: --reading FILE.[/dim]")
 

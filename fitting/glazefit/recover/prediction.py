@@ -283,7 +283,7 @@ def _spectra(
     unknowns.
     """
     surface = np.exp(unknowns.paints[:, :, 0] @ film.share) * recovery.instrument.seen_surface
-    k, s = _mixed(unknowns, film.share, off)
+    k, s = _mix_draws(unknowns, film.share, off)
     logs, body = _fit_thickness(
         jnp.asarray(k),
         jnp.asarray(s),
@@ -296,7 +296,7 @@ def _spectra(
     return np.exp(logs), surface, np.moveaxis(np.asarray(body), -1, 1) + surface[:, None, None]
 
 
-def _mixed(
+def _mix_draws(
     unknowns: Unknowns,
     share: Float[np.ndarray, "paints"],
     off: Float[np.ndarray, "draws bands coefficients"],

@@ -89,8 +89,7 @@ def print_summary(recovery: Recovery, console: Console, seconds: float, first: f
     if (recovery.gloss < 1).any():
         console.print(
             "[dim]Gloss below 1: the film reads less than a smooth surface reflects; that share "
-            "of it was counted."
-            "[/dim]"
+            "of it was counted.[/dim]"
         )
     odd = ~recovery.converged & (recovery.misfit > 9)
     for row in np.flatnonzero(odd.any(axis=1)):
@@ -101,9 +100,8 @@ def print_summary(recovery: Recovery, console: Console, seconds: float, first: f
     off = recovery.misfit > 16
     for row in np.flatnonzero(off.any(axis=1)):
         console.print(
-            f"[yellow]{recovery.films.names[row]}: no k and s meet both spectra within 4 "
-            "standard deviations at "
-            f"{ranges(recovery.films.wavelengths, off[row])}.[/yellow]"
+            f"[yellow]{recovery.films.names[row]}: no k and s meet both spectra within 4 standard "
+            f"deviations at {ranges(recovery.films.wavelengths, off[row])}.[/yellow]"
         )
 
 
@@ -138,7 +136,7 @@ def write_pigments(
     rows = _band_rows(
         recovery.films.names, recovery.films.wavelengths, [column / thickness for column in columns]
     )
-    write_table(path, PIGMENT_COLUMNS, _flagged(rows, recovery.identifiable), overwrite=overwrite)
+    write_table(path, PIGMENT_COLUMNS, _flag_rows(rows, recovery.identifiable), overwrite=overwrite)
 
 
 def _band_rows(
@@ -152,7 +150,7 @@ def _band_rows(
             yield name, f"{wavelength:g}", *(f"{column[i, j]:.6g}" for column in columns)
 
 
-def _flagged(
+def _flag_rows(
     rows: Iterator[tuple[object, ...]], flags: Bool[np.ndarray, "names bands"]
 ) -> Iterator[tuple[object, ...]]:
     """The rows of `_band_rows`, each with whether k and s are told apart."""
@@ -246,8 +244,7 @@ def print_joint(recovery: JointRecovery, console: Console, seconds: float) -> No
     for film, paint, factor in suspects(recovery):
         console.print(
             f"[yellow]{recovery.films.names[film]}: reads as if it held {factor:.2g} times the "
-            f"{paint} that its "
-            "recipe says.[/yellow]"
+            f"{paint} that its recipe says.[/yellow]"
         )
     if not recovery.converged:
         console.print(f"[yellow]The solver did not settle in {recovery.steps} steps.[/yellow]")
@@ -284,7 +281,7 @@ def write_joint_pigments(
     # (paints, bands, 2 modes): of log k, then of log s.
     numbers = np.moveaxis(modes, (2, 3), (0, 1)).transpose(0, 1, 3, 2).reshape(-1, 2 * len(modes))
     titles = [f"{what}_mode_{i + 1}" for what in "ks" for i in range(len(modes))]
-    flagged = _flagged(rows, recovery.identifiable)
+    flagged = _flag_rows(rows, recovery.identifiable)
     joined = (
         (*row, *map(mode_cell, more.tolist())) for row, more in zip(flagged, numbers, strict=True)
     )
@@ -332,10 +329,9 @@ def print_left_out(out: LeftOut, console: Console) -> None:
     worst = int(off.argmax())
     console.print(
         f"Left out in turn and predicted from their recipes, {len(out.names)} mixtures: ΔE00 "
-        "(D65, 10°) "
-        f"{off.mean():.2f} on average, median {np.median(off):.2f}, {off[worst]:.2f} at most "
-        f"({out.names[worst]}); "
-        f"{out.inside.mean():.0%} of the readings lie in the 90 % bands."
+        f"(D65, 10°) {off.mean():.2f} on average, median {np.median(off):.2f}, {off[worst]:.2f} "
+        f"at most ({out.names[worst]}); {out.inside.mean():.0%} of the readings lie in the 90 % "
+        "bands."
     )
     parts = {
         part: np.mean([found.expected_error(parts=(part,)) for found in out.predictions])
@@ -343,11 +339,9 @@ def print_left_out(out: LeftOut, console: Console) -> None:
     }
     console.print(
         f"What they were expected to be off, ΔE00 {out.expected.mean():.1f} on average, comes "
-        "from the film "
-        f"({parts['film']:.1f}, as the other films left out show), from the scale of its paints "
-        f"({parts['scale']:.1f}) "
-        f"and from the shape of their k and s ({parts['paint']:.1f}). From one mixing to the "
-        "next expect ΔE00 "
+        f"from the film ({parts['film']:.1f}, as the other films left out show), from the scale "
+        f"of its paints ({parts['scale']:.1f}) and from the shape of their k and s "
+        f"({parts['paint']:.1f}). From one mixing to the next expect ΔE00 "
         f"{np.mean([found.between_mixings() for found in out.predictions]):.1f}."
     )
     if not out.complete:

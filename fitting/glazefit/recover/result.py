@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from glazejax import Pigment
-from glazejax.io.spectra_table import listed
+from glazejax.io.spectra_table import list_names
 from glazejax.spectra import describe_grid
 
 from ..film.films import SPECTRA, Films
@@ -17,10 +17,8 @@ RELATIVE_LIMIT = 0.5
 ABSOLUTE_LIMIT = 0.01
 RULE = (
     "k and s are told apart where the film reads brighter over white than over black by "
-    f"{CONTRAST_LIMIT:g} standard "
-    f"deviations or more, k d and s d are each known to {RELATIVE_LIMIT:.0%} of their value or "
-    f"to {ABSOLUTE_LIMIT:g}, "
-    "and no other pair fits as well"
+    f"{CONTRAST_LIMIT:g} standard deviations or more, k d and s d are each known to "
+    f"{RELATIVE_LIMIT:.0%} of their value or to {ABSOLUTE_LIMIT:g}, and no other pair fits as well"
 )
 
 
@@ -123,7 +121,7 @@ class Recovery(FittedFilms):
         told = f"k and s told apart in {self.identifiable.mean():.0%} of bands"
         return (
             f"Recovery({len(self)} films, {describe_grid(self.films.wavelengths)}, {told}: "
-            f"{listed(self.films.names)})"
+            f"{list_names(self.films.names)})"
         )
 
     @property

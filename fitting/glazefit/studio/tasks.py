@@ -132,10 +132,10 @@ def identification(asked: Asked, report: Report) -> dict[str, Any]:
             parts.append(part)
             report(f"{sum(map(len, parts))} of {len(table.names)} spectra")
         found = Identification.join(parts)
-    return {"spectra": [_identified(asked, found, row) for row in range(len(found))]}
+    return {"spectra": [_describe_spectrum(asked, found, row) for row in range(len(found))]}
 
 
-def _identified(asked: Asked, found: Any, row: int) -> dict[str, Any]:
+def _describe_spectrum(asked: Asked, found: Any, row: int) -> dict[str, Any]:
     """One spectrum's list, 'none of these' in its place."""
     grid = found.measured.wavelengths
     listed = []
@@ -202,8 +202,7 @@ def recovery(asked: Asked, report: Report) -> dict[str, Any]:
     found = recover_films(films)
     origin = (
         f"recovered in the studio from one film each, taken as {ASSUMED_THICKNESS * 1e6:g} "
-        "micrometres thick: k and s "
-        "scale with its inverse"
+        "micrometres thick: k and s scale with its inverse"
     )
     pigments, listed = {}, []
     for row, film in enumerate(films.names):

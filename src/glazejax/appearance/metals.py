@@ -17,26 +17,23 @@ from ..spectra import Grid, Numbers, as_float_array, describe_grid, validate_wav
 
 _JOHNSON = (
     "P. B. Johnson, R. W. Christy, 'Optical constants of the noble metals', Phys. Rev. B 6, 4370 "
-    "(1972), doi "
-    "10.1103/PhysRevB.6.4370: evaporated films at room temperature; through refractiveindex.info "
-    "(CC0 1.0)"
+    "(1972), doi 10.1103/PhysRevB.6.4370: evaporated films at room temperature; through "
+    "refractiveindex.info (CC0 1.0)"
 )
 SOURCES = {
     "copper": _JOHNSON,
     "copper-hagemann": (
         "H.-J. Hagemann, W. Gudat, C. Kunz, 'Optical constants from the far infrared to the "
-        "x-ray region', J. Opt. "
-        "Soc. Am. 65, 742 (1975), doi 10.1364/JOSA.65.000742: in the visible the copper of "
-        "Palik's handbook, where "
-        "paper B took its figures from; through refractiveindex.info (CC0 1.0)"
+        "x-ray region', J. Opt. Soc. Am. 65, 742 (1975), doi 10.1364/JOSA.65.000742: in the "
+        "visible the copper of Palik's handbook, where paper B took its figures from; through "
+        "refractiveindex.info (CC0 1.0)"
     ),
     "gold": _JOHNSON,
     "silver": _JOHNSON,
     "aluminium": (
         "A. D. Rakić, 'Algorithm for the determination of intrinsic optical constants of metal "
-        "films: application to "
-        "aluminum', Appl. Opt. 34, 4755 (1995), doi 10.1364/AO.34.004755; through "
-        "refractiveindex.info (CC0 1.0)"
+        "films: application to aluminum', Appl. Opt. 34, 4755 (1995), doi 10.1364/AO.34.004755; "
+        "through refractiveindex.info (CC0 1.0)"
     ),
 }
 """Metals that there are, and where their figures come from."""
@@ -72,8 +69,7 @@ class Metal(NamedTuple):
         if new[0] < self.wavelengths[0] or new[-1] > self.wavelengths[-1]:
             raise ValueError(
                 f"{self.name} is known from {self.wavelengths[0]:g} to {self.wavelengths[-1]:g} "
-                "nm, "
-                f"which {describe_grid(new)} exceeds"
+                f"nm, which {describe_grid(new)} exceeds"
             )
         n, k = (
             PchipInterpolator(self.wavelengths, values)(new)

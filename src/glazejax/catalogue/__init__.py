@@ -31,26 +31,21 @@ ASSUMED_THICKNESS = 25e-6
 
 PROVENANCE = (
     "Fitted jointly to 58 films over black and over white from revigo-spectra (CC0 1.0): Geldof, "
-    "Proaño Gaibor, "
-    "Kirchner, Ligterink, 'Reconstructing Van Gogh's palette...', Heritage Science 6:17 (2018), "
-    "doi 10.1186/s40494-018-0181-6. Thickness unknown, that of a typical film taken as 25 "
-    "micrometres: k and s of all "
-    "paints scale with its inverse. Mixtures add k and s by mass. "
-    "Integrating sphere d:8 with the specular part, refractive index 1.5."
+    "Proaño Gaibor, Kirchner, Ligterink, 'Reconstructing Van Gogh's palette...', Heritage "
+    "Science 6:17 (2018), doi 10.1186/s40494-018-0181-6. Thickness unknown, that of a typical "
+    "film taken as 25 micrometres: k and s of all paints scale with its inverse. Mixtures add k "
+    "and s by mass. Integrating sphere d:8 with the specular part, refractive index 1.5."
 )
 
 ACRYLICS_PROVENANCE = (
     "Converted from Kubelka-Munk's K and S of Golden heavy-body acrylics: Artist Paint Spectral "
-    "Database (Rochester "
-    "Institute of Technology), as tabulated by Wacton.Unicolour (MIT, copyright 2022 William "
-    "Acton), commit 4bf3d8c. "
-    "Masstones and 1:10 tints with titanium white reflect what K and S give under the source's "
-    "Saunderson surface "
-    "(k1 = .03, k2 = .65). No length is given: the s of titanium white is taken as 500000 1/m at "
-    "every wavelength, so "
+    "Database (Rochester Institute of Technology), as tabulated by Wacton.Unicolour (MIT, "
+    "copyright 2022 William Acton), commit 4bf3d8c. Masstones and 1:10 tints with titanium white "
+    "reflect what K and S give under the source's Saunderson surface (k1 = .03, k2 = .65). No "
+    "length is given: the s of titanium white is taken as 500000 1/m at every wavelength, so "
     "that 76 micrometres of it hide black to 98 %; k and s of all paints scale with it. Mixtures "
-    "add k and s by "
-    "weight. Integrating sphere at 8 degrees without the specular part, refractive index 1.5."
+    "add k and s by weight. Integrating sphere at 8 degrees without the specular part, "
+    "refractive index 1.5."
 )
 
 
@@ -142,7 +137,7 @@ def load(name: str = "oils") -> Catalogue:
     Raises:
         ValueError: there is no catalogue of that name; the message lists them.
     """
-    _known(name)
+    _check_known(name)
     return Catalogue(_read_once(name, jnp.result_type(float).name))
 
 
@@ -203,13 +198,13 @@ def checksum(name: str = "oils") -> tuple[str, str]:
     Raises:
         ValueError: there is no catalogue of that name; the message lists them.
     """
-    shipped = _known(name)
+    shipped = _check_known(name)
     return shipped.file, hashlib.sha256(
         files(__name__).joinpath(shipped.file).read_bytes()
     ).hexdigest()
 
 
-def _known(name: str) -> _Shipped:
+def _check_known(name: str) -> _Shipped:
     if name not in _SHIPPED:
         raise ValueError(f"there is no catalogue {name!r}; choose from {', '.join(_SHIPPED)}")
     return _SHIPPED[name]

@@ -68,9 +68,8 @@ def _tell(reason: str) -> None:
     global _told
     if not _told:
         print(
-            f"note: compiled programs are not kept ({reason}), so that the next run compiles "
-            "them again; "
-            "GLAZEJAX_CACHE names another folder",
+            f"note: compiled programs are not kept ({reason}), so that the next run compiles them "
+            "again; GLAZEJAX_CACHE names another folder",
             file=sys.stderr,
         )
     _told = True

@@ -27,8 +27,7 @@ def convert(
         typer.Argument(
             metavar="IN",
             help="File of spectra: CSV, TSV, ENVI (.hdr or its data), CGATS, CxF3, JCAMP-DX, ASD "
-            "or JSON; the content "
-            "tells which.",
+            "or JSON; the content tells which.",
         ),
     ],
     target: Annotated[

@@ -34,8 +34,7 @@ def export(
         typer.Argument(
             metavar="STACK",
             help='Coats from top to bottom, "UltramarineBlue:3um, ZincWhite:20um", as `glazejax '
-            "render --layers` takes "
-            "them, or a JSON file of the studio or of --write-stack.",
+            "render --layers` takes them, or a JSON file of the studio or of --write-stack.",
         ),
     ],
     to: Annotated[
@@ -43,8 +42,8 @@ def export(
         typer.Option(
             metavar="KIND",
             help="openpbr: parameters fitted to the stack, in a MaterialX file. textures: "
-            "pictures for Blender and "
-            "game engines, of a map. measured: a table for Mitsuba's plugin of that name.",
+            "pictures for Blender and game engines, of a map. measured: a table for Mitsuba's "
+            "plugin of that name.",
         ),
     ] = "openpbr",
     out: Annotated[
@@ -78,10 +77,8 @@ def export(
         typer.Option(
             metavar="NAME",
             help="How your renderer puts OpenPBR's layers together: materialx (its node graph, "
-            "most programs), "
-            "specification (the coat absorbs along slanted paths) or reciprocal (layers weaken "
-            "light on its way "
-            "in, too).",
+            "most programs), specification (the coat absorbs along slanted paths) or reciprocal "
+            "(layers weaken light on its way in, too).",
         ),
     ] = "materialx",
     coat: Annotated[
@@ -97,8 +94,7 @@ def export(
         typer.Option(
             metavar="FILE",
             help="Thickness of a coat from point to point: .npy in metres, or a grey picture from "
-            "0 (black) to the "
-            "coat's own thickness (white).",
+            "0 (black) to the coat's own thickness (white).",
             show_default=False,
         ),
     ] = None,
@@ -269,8 +265,7 @@ def _check(to: str, layering: str, kind: str, of_maps: dict[str, Any]) -> None:
     ):
         raise ValueError(
             "textures need a map that says what changes: add --thickness-map FILE, "
-            "--fraction-map FILE or "
-            "--ground-map FILE"
+            "--fraction-map FILE or --ground-map FILE"
         )
 
 

@@ -66,8 +66,7 @@ def print_fit(console: Console, fit: "OpenPBRFit", path: Path) -> None:
         console,
         "",
         f"without the fit (base_color as seen straight on): albedo {plain.albedo:.3f}, Delta E "
-        f"{plain.sky:.2f} and "
-        f"{plain.lamp:.2f}, RMS {plain.rms:.3f}",
+        f"{plain.sky:.2f} and {plain.lamp:.2f}, RMS {plain.rms:.3f}",
     )
     if fit.layering != "materialx":
         other = "materialx"
@@ -107,8 +106,7 @@ def print_textures(console: Console, found: "TextureSet", folder: Path) -> None:
         console,
         "pixels",
         f"{found.computed} glazes computed, the others interpolated within Delta E "
-        f"{found.interpolation:.2g} "
-        "(estimated)",
+        f"{found.interpolation:.2g} (estimated)",
     )
     _errors(console, "how near", found.errors, "at the worst of some pixels, ")
     if found.outside > _SOME:
@@ -154,8 +152,7 @@ def _errors(console: Console, title: str, errors: "Errors", where: str = "") -> 
         console,
         title,
         f"{where}under an even sky: albedo within {errors.albedo:.3f}, Delta E {errors.sky:.2f} "
-        "(mean), "
-        f"{errors.sky_most:.2f} (most)",
+        f"(mean), {errors.sky_most:.2f} (most)",
     )
     _line(
         console,

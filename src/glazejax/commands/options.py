@@ -182,8 +182,7 @@ def ground_option(default: str = "") -> Any:
     """``--ground``, with what a command takes if it is left out."""
     words = (
         "Ground below the paint: its reflectance as seen from inside the paint, 0 to 1, or a "
-        "file of spectra, FILE or "
-        f"FILE:SAMPLE.{f' Default: {default}.' if default else ''}"
+        f"file of spectra, FILE or FILE:SAMPLE.{f' Default: {default}.' if default else ''}"
     )
     return typer.Option("--ground", metavar="GROUND", help=words, show_default=False)
 
@@ -193,7 +192,7 @@ def renamed(old: str, new: str) -> None:
     typer.echo(f"note: {old} is now {new}", err=True)
 
 
-def listed(text: str) -> list[str]:
+def split_names(text: str) -> list[str]:
     """Names of a list with commas."""
     return [name.strip() for name in text.split(",") if name.strip()]
 
@@ -421,8 +420,8 @@ def choose_paints(
     """
     from ..paint.describe import find_name
 
-    chosen = [find_name(name, shelf) for name in listed(only)] or list(shelf)
-    left_out = {find_name(name, shelf) for name in listed(without)}
+    chosen = [find_name(name, shelf) for name in split_names(only)] or list(shelf)
+    left_out = {find_name(name, shelf) for name in split_names(without)}
     kept = [shelf[name] for name in dict.fromkeys(chosen) if name not in left_out]
     if not kept:
         raise ValueError("--only and --without leave no paint: name fewer in --without")

@@ -143,13 +143,13 @@ def reading(path: Path) -> Iterator[Callable[[int, int | None], None]]:
     )
     task, start = shown.add_task(path.name.replace("[", "\\["), total=None), time.monotonic()
 
-    def told(done: int, size: int | None) -> None:
+    def report_size(done: int, size: int | None) -> None:
         if time.monotonic() - start > 1.0:
             shown.start()
             shown.update(task, completed=done, total=size)
 
     try:
-        yield told
+        yield report_size
     finally:
         # A bar that never began would end with an empty line.
         if shown.live.is_started:

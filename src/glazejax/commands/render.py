@@ -79,8 +79,7 @@ def render(
         typer.Option(
             metavar="FILE",
             help="Your own paints beside the catalogue's: a pigments.csv as `glazejax recover` "
-            "writes it. Where both "
-            "have a name, yours counts.",
+            "writes it. Where both have a name, yours counts.",
             show_default=False,
         ),
     ] = None,
@@ -152,7 +151,7 @@ def render(
 
         shelf = {**shelf, **paints(given)}
     coats = name_paints(coats, shelf)
-    repeated = _repeated(coats, ladder)
+    repeated = _ladder_layer(coats, ladder)
     below = (
         _ground_of(given) if given is not None and ground is None and substrate is None else None
     )
@@ -301,7 +300,7 @@ def _write_stack(
     )
 
 
-def _repeated(coats: "Sequence[Coat]", ladder: str | None) -> int:
+def _ladder_layer(coats: "Sequence[Coat]", ladder: str | None) -> int:
     """Which layer the ladder repeats: the named one, else the uppermost that is there."""
     if ladder is None:
         return next((i for i, coat in enumerate(coats) if coat.total > 0), 0)

@@ -107,7 +107,7 @@ def print_colour(console: Console, rendering: Rendering, request: RenderRequest)
         Text("  XYZ    " + "".join(f"{v:9.4f}" for v in tristimulus) + "  (white: Y = 1)")
     )
     hue = np.rad2deg(np.arctan2(b, a)) % 360
-    values = "".join(f"{fixed(v, 2):>9}" for v in (lightness, a, b))
+    values = "".join(f"{format_decimals(v, 2):>9}" for v in (lightness, a, b))
     console.print(Text(f"  L*a*b* {values}  (C* {np.hypot(a, b):.1f}, h {hue:.0f}°)"))
     line = Text(
         "  sRGB   "
@@ -149,7 +149,9 @@ def print_comparison(console: Console, rendering: Rendering, request: RenderRequ
         values = np.asarray(lab(rendering.wavelengths, spectrum, **request.light))
         shade = hex_colour(srgb(rendering.wavelengths, spectrum, **request.light))
         cells = [*values, float(delta_e_2000(own, values))] if wide else [*values]
-        table.add_row(f" {name}", *(fixed(v) for v in cells), Text(f"{shade} ") + swatch(shade, 4))
+        table.add_row(
+            f" {name}", *(format_decimals(v) for v in cells), Text(f"{shade} ") + swatch(shade, 4)
+        )
     console.print()
     console.print(table)
 
@@ -200,6 +202,6 @@ def print_remarks(console: Console, remarks: Sequence[tuple[str, str]]) -> None:
     console.print(table)
 
 
-def fixed(value: float, places: int = 1) -> str:
+def format_decimals(value: float, places: int = 1) -> str:
     """A number with so many decimals, and never minus zero."""
     return f"{round(float(value), places) + 0.0:.{places}f}"

@@ -241,7 +241,7 @@ def _mixing(
     absorbing, depth = portion[0], portion.sum(axis=0)
     below = opaque.paleness_of(base) ** 4
 
-    def stirred(
+    def mix_part(
         n: Float[np.ndarray, "... 1"] | Int[np.ndarray, "... 1"],
         amount: Float[np.ndarray, "... 1"] | float,
     ) -> Float[np.ndarray, "... bands"]:
@@ -253,7 +253,7 @@ def _mixing(
 
     scale = float(depth.max()) or 1.0
     amounts = scale * np.logspace(-4, 6, 10 * _PER_DECADE + 1)[:, None]
-    distance = np.linalg.norm(colour(stirred(np.ones((1, 1)), amounts)) - colour(first), axis=-1)
-    mixed = stirred(counts[:, None], float(amounts[distance.argmin(), 0]))
+    distance = np.linalg.norm(colour(mix_part(np.ones((1, 1)), amounts)) - colour(first), axis=-1)
+    mixed = mix_part(counts[:, None], float(amounts[distance.argmin(), 0]))
     mixed[0] = base  # What is below may be brighter than any paint; then only this step shows it.
     return mixed

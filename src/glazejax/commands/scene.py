@@ -47,8 +47,7 @@ def scene(
         str,
         typer.Option(
             help="raycast: lamps, shadows, mirrors; mitsuba: path tracing, with soft shadows, "
-            "area lights, relief and "
-            "light between all surfaces (extra `render`)."
+            "area lights, relief and light between all surfaces (extra `render`)."
         ),
     ] = "raycast",
     samples: Annotated[
@@ -94,7 +93,7 @@ def scene(
 
     found = read_scene(file)
     if size is not None:
-        found = _resized(found, size)
+        found = _resize(found, size)
     typer.echo(f"scene  {file}: {describe(found)}")
     for note in found.notes:
         typer.echo(f"note   {note}", err=True)
@@ -163,7 +162,7 @@ def _check_output(out: Path, spectral: Path | None, overwrite: bool) -> None:
     options.check_outputs({"--out": out, "--spectral": spectral}, overwrite, pictures=())
 
 
-def _resized(found: "SceneFile", text: str) -> "SceneFile":
+def _resize(found: "SceneFile", text: str) -> "SceneFile":
     """The scene with other numbers of pixels."""
     from dataclasses import replace
 
@@ -191,16 +190,16 @@ def _render(found: "SceneFile", spectral: bool, samples: int, renderer: str) -> 
     ) as shown:
         task = shown.add_task("reading", total=1.0)
 
-        def told(share: float, words: str) -> None:
+        def report(share: float, words: str) -> None:
             shown.update(task, completed=share, description=words)
 
         if renderer == "mitsuba":
             from ..appearance.scene.path_trace import path_trace
 
             return path_trace(
-                found.scene, samples=samples, tolerance=found.tolerance, progress=told
+                found.scene, samples=samples, tolerance=found.tolerance, progress=report
             )
-        return render(found.scene, spectral=spectral, tolerance=found.tolerance, progress=told)
+        return render(found.scene, spectral=spectral, tolerance=found.tolerance, progress=report)
 
 
 def _write(found: "SceneFile", rendered: "Rendered", out: Path, spectral: Path | None) -> None:

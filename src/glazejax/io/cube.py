@@ -65,9 +65,8 @@ class SpectraCube:
         lines, samples, _ = self.shape
         if lines * samples > MAX_PIXELS:
             raise ValueError(
-                f"{self.path}: {lines} x {samples} pixels are too many for a table of spectra "
-                f"(at most {MAX_PIXELS}); "
-                "use glazejax.io.read_cube and take windows of it"
+                f"{self.path}: {lines} x {samples} pixels are too many for a table of spectra (at "
+                f"most {MAX_PIXELS}); use glazejax.io.read_cube and take windows of it"
             )
         values = self[:, :].reshape(lines * samples, -1)
         names = [f"line {i + 1} sample {j + 1}" for i in range(lines) for j in range(samples)]

@@ -22,7 +22,7 @@ from jaxtyping import Float, Int
 
 from ..spectra import MAX_FRACTION, MIN_PERCENT, as_fraction, validate_wavelengths
 from .source import refusal
-from .spectra_table import SpectraTable, listed
+from .spectra_table import SpectraTable, list_names
 
 # CxF3's own bound for a reflectance. Above it the unit or the scale that the file declares is
 # wrong.
@@ -42,9 +42,9 @@ class RawSpectra:
         format: what the file is.
         notes: what the reader noticed.
         scale: number that stands for a reflectance of 1, if the file says so; None to detect
-        percent. missing: ``refuse`` values that are not finite; or ``drop`` bands that have none in
-        any spectrum,
-            and then spectra that lack one.
+            percent.
+        missing: ``refuse`` values that are not finite; or ``drop`` bands that have none in any
+            spectrum, and then spectra that lack one.
         attributes: what else the file says of each row.
         by_hand: whether people make such files, who may mix units.
         lowest: value (fraction) below which it is no noise any more.
@@ -140,7 +140,7 @@ def _without_missing(
         raise ValueError("every spectrum lacks data at some wavelength")
     if not rows.all():
         lost = [name for name, keep in zip(names, rows, strict=True) if not keep]
-        notes.append(f"{len(lost)} spectra that lack data are left out: {listed(lost)}")
+        notes.append(f"{len(lost)} spectra that lack data are left out: {list_names(lost)}")
     return wavelengths[bands], values[rows][:, bands], [i for i, keep in enumerate(rows) if keep]
 
 
@@ -187,10 +187,9 @@ def _to_fractions(
     if peaks[worst] > raw.highest:
         raise ValueError(
             f"reflectance of {names[worst]!r} reaches {peaks[worst]:g} as a fraction, where "
-            f"{raw.highest:g} is the "
-            "most: is the file's unit or scale factor right?"
+            f"{raw.highest:g} is the most: is the file's unit or scale factor right?"
         )
-    bright = listed([names[int(i)] for i in np.flatnonzero(peaks > 1)])
+    bright = list_names([names[int(i)] for i in np.flatnonzero(peaks > 1)])
     if bright:
         verb = "exceeds" if (peaks > 1).sum() == 1 else "exceed"
         causes = "fluorescence, highlights or calibration"
@@ -207,7 +206,7 @@ def _detected_scale(peaks: Float[np.ndarray, "rows"], names: Sequence[str], by_h
     percent = bool(np.median(peaks) > MIN_PERCENT)
     strange = peaks <= MAX_FRACTION if percent else peaks > MAX_DECLARED
     if strange.any():
-        odd = listed([name for name, is_odd in zip(names, strange, strict=True) if is_odd])
+        odd = list_names([name for name, is_odd in zip(names, strange, strict=True) if is_odd])
         most, others = (
             ("percent", "fractions") if percent else ("fractions", "percent or something else")
         )
@@ -244,7 +243,7 @@ def different(names: list[str], notes: list[str]) -> list[str]:
         result.append(fresh)
     repeated = [name for name, count in counts.items() if count > 1]
     if repeated:
-        notes.append(f"names that repeat were numbered: {listed(repeated)}")
+        notes.append(f"names that repeat were numbered: {list_names(repeated)}")
     return result
 
 
@@ -314,8 +313,8 @@ def unit_of(level: float, declared: float | None, cure: str) -> tuple[float, str
 
     Args:
         level: what the bright pixels reach: in fractions if the scale is declared, else in the
-        file's numbers. declared: the scale that the file or the user says, or None to tell
-        fractions from percent.
+            file's numbers.
+        declared: the scale that the file or the user says, or None to tell fractions from percent.
         cure: what to do where the numbers are neither.
 
     Raises:

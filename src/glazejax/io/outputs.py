@@ -4,7 +4,7 @@ that is wished.
 
 from pathlib import Path
 
-from .source import shown
+from .source import show_path
 
 
 def check_output(
@@ -25,7 +25,7 @@ def check_output(
         OSError: the system knows no such name, as it is too long.
     """
     path = Path(path)
-    said = f"{argument} {shown(path)}" if argument else shown(path)
+    said = f"{argument} {show_path(path)}" if argument else show_path(path)
     try:
         if path.is_dir():
             raise IsADirectoryError(f"{said} is a folder: name a file in it")

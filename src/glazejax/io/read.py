@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from .cube import SpectraCube
 from .finish import finish
 from .sniff import Kind, header_beside, identify
-from .source import Progress, Source, opened
+from .source import Progress, Source, open_source
 from .spectra_table import SpectraTable
 
 if TYPE_CHECKING:
@@ -49,7 +49,7 @@ def read_spectra(path: str | Path, *, progress: Progress | None = None) -> Spect
             mend it.
     """
     path = Path(path)
-    with opened(path, progress=progress) as source:
+    with open_source(path, progress=progress) as source:
         kind = identify(source)
         if kind not in ("envi header", "envi data"):
             module, name = _READERS[kind]
@@ -81,7 +81,7 @@ def envi_file(path: str | Path) -> "EnviFile":
         OSError: the system cannot read it.
         ValueError: it is no ENVI file, or not a legal one.
     """
-    with opened(path) as source:
+    with open_source(path) as source:
         kind = identify(source)
         if kind not in ("envi header", "envi data"):
             raise source.error(
@@ -98,5 +98,5 @@ def _envi(source: Source, kind: Kind) -> "EnviFile":
         return EnviFile(source)
     header = header_beside(source.path)
     assert header is not None
-    with opened(header) as beside:
+    with open_source(header) as beside:
         return EnviFile(beside, source.path)

@@ -4,7 +4,7 @@ import re
 from pathlib import Path
 from typing import Literal
 
-from .source import HEAD, Source, is_there, opened
+from .source import HEAD, Source, is_there, open_source
 
 Kind = Literal[
     "table", "columns", "cgats", "cxf", "jcamp", "json", "envi header", "envi data", "asd"
@@ -75,7 +75,7 @@ def header_beside(path: Path) -> Path | None:
     for name in (path.with_suffix(".hdr"), path.with_name(path.name + ".hdr")) if path.name else ():
         for candidate in (name, name.with_suffix(".HDR")):
             if candidate != path and is_there(candidate):
-                with opened(candidate) as source:
+                with open_source(candidate) as source:
                     if (
                         source.head[:64]
                         .decode("utf-8-sig", errors="replace")

@@ -41,7 +41,7 @@ _WORDS = (b" ", b",", b"\t", b"\n", b"[", b"{", b"<", b";")
 
 
 class Source:
-    """An open file of a user. Made by `opened`; its content can be taken once.
+    """An open file of a user. Made by `open_source`; its content can be taken once.
 
     Attributes:
         path: its name, for errors and for files beside it.
@@ -91,8 +91,7 @@ class Source:
                 return bytes(found)
         raise self.error(
             f"larger than the {most >> 20} MB that are read of such a file; split it, or export "
-            "spectra as CSV, which "
-            "may be larger"
+            "spectra as CSV, which may be larger"
         )
 
     def text(self, *, most: int = MAX_TEXT, fallback: str | None = "latin-1") -> str:
@@ -215,7 +214,7 @@ class Source:
 
 
 @contextmanager
-def opened(
+def open_source(
     path: str | Path, *, progress: Progress | None = None, missing: str = ""
 ) -> Iterator[Source]:
     """A file or pipe, open for reading; all that the system complains of meanwhile names it.
@@ -232,12 +231,14 @@ def opened(
             memory.
     """
     path = Path(path)
-    with explained(path, missing):
+    with explain_errors(path, missing):
         mode = os.stat(path).st_mode
         if stat.S_ISDIR(mode):
-            raise ValueError(f"{shown(path)}: this is a folder, not a file; name a file in it")
+            raise ValueError(f"{show_path(path)}: this is a folder, not a file; name a file in it")
         if not (stat.S_ISREG(mode) or stat.S_ISFIFO(mode)):
-            raise ValueError(f"{shown(path)}: this is a device, not a file; name a file or a pipe")
+            raise ValueError(
+                f"{show_path(path)}: this is a device, not a file; name a file or a pipe"
+            )
         descriptor = os.open(
             path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
         )
@@ -249,7 +250,7 @@ def opened(
 
 
 @contextmanager
-def explained(path: Path, missing: str = "") -> Iterator[None]:
+def explain_errors(path: Path, missing: str = "") -> Iterator[None]:
     """What goes wrong with a file in one sentence that names it, whatever the system or Python
     calls it.
 
@@ -257,7 +258,7 @@ def explained(path: Path, missing: str = "") -> Iterator[None]:
         path: of the file.
         missing: what to say if there is no such file.
     """
-    name = shown(path)
+    name = show_path(path)
     try:
         yield
     except FileNotFoundError as error:
@@ -292,11 +293,11 @@ def refusal(path: str | Path, complaint: object, line: int | None = None) -> Val
     """What is wrong with a file, on which line, in one line of bearable length whatever the file
     holds.
     """
-    where = shown(path) if line is None else f"{shown(path)}, line {line}"
-    return ValueError(f"{shortened(where)}: {shortened(str(complaint))}")
+    where = show_path(path) if line is None else f"{show_path(path)}, line {line}"
+    return ValueError(f"{shorten(where)}: {shorten(str(complaint))}")
 
 
-def shortened(text: str) -> str:
+def shorten(text: str) -> str:
     """Text on one line, without its middle if it is long."""
     if not text.isprintable():
         text = "".join(letter if letter.isprintable() else " " for letter in text)
@@ -305,7 +306,7 @@ def shortened(text: str) -> str:
     )
 
 
-def shown(path: str | Path) -> str:
+def show_path(path: str | Path) -> str:
     """Path as errors show it, on one line."""
     text = str(path)
     return text if text.isprintable() else repr(text)

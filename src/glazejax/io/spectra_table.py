@@ -58,7 +58,7 @@ def there_are(wanted: str, names: Sequence[str]) -> str:
     return f"there are {', '.join(names[:6])}{', ...' if len(names) > 6 else ''}"
 
 
-def listed(names: Sequence[str]) -> str:
+def list_names(names: Sequence[str]) -> str:
     """First few of some names."""
     more = f" and {len(names) - 3} more" if len(names) > 3 else ""
     return ", ".join(names[:3]) + more

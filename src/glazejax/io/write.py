@@ -12,7 +12,7 @@ import numpy as np
 from ..spectra import MAX_FRACTION, validate_wavelengths
 from .finish import MAX_DECLARED, different, plain_name
 from .outputs import check_output
-from .spectra_table import SpectraTable, listed
+from .spectra_table import SpectraTable, list_names
 
 
 def write_table(
@@ -109,7 +109,8 @@ def write_spectra(
         table: spectra.
         path: file to write; of an ENVI library, which is two files, either.
         format: ``csv`` (tab separated if the name ends in .tsv), ``cxf`` or ``envi``; left out, the
-        name's ending says. long: CSV with a sample a column instead of a sample a row.
+            name's ending says.
+        long: CSV with a sample a column instead of a sample a row.
         overwrite: whether files that exist may be replaced.
 
     Returns:
@@ -134,7 +135,9 @@ def write_spectra(
     _check(table, path)
     notes: list[str] = []
     if table.attributes:
-        notes.append(f"only names and spectra are written, not {listed(list(table.attributes))}")
+        notes.append(
+            f"only names and spectra are written, not {list_names(list(table.attributes))}"
+        )
     names = [" ".join(plain_name(name).split()) for name in table.names]
     names = [name or f"spectrum {i + 1}" for i, name in enumerate(names)]
     if (changed := sum(old != new for old, new in zip(table.names, names, strict=True))) > 0:

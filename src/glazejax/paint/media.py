@@ -26,15 +26,15 @@ from ..spectra import (
     Spectra,
     as_array,
     as_float_array,
-    computed,
     concrete,
     describe_grid,
     interpolation_matrix,
     matmul,
+    on_numpy_or_jax,
     same_grid,
     validate_wavelengths,
 )
-from .phase import Known, blended, legal_phase, stacked
+from .phase import Known, legal_phase, mix_moments, stack_moments
 
 MAX_THICKNESS = 0.01
 # Below this extinction (1/m) a centimetre of paint is clear to 1e-14, and squares still fit in
@@ -62,7 +62,7 @@ def _check_range(name: str, values: Numbers, low: float, high: float, hint: str 
         raise ValueError(f"{name} must be {bounds}, not {value:g}{hint if value > high else ''}")
 
 
-def _said(value: Any) -> str:
+def _describe_value(value: Any) -> str:
     """What was given, in a word: a text as it is, else its type."""
     return repr(value) if isinstance(value, str) else f"a {type(value).__name__}"
 
@@ -85,7 +85,8 @@ class Pigment(eqx.Module):
     Args:
         name: name of the paint.
         wavelengths: (bands,), nm, ascending. Static: the grid belongs to the program, not to its
-        data. absorption: (..., bands), k in 1/m, >= 0.
+            data.
+        absorption: (..., bands), k in 1/m, >= 0.
         scattering: (..., bands), s in 1/m, >= 0.
         identifiable: (bands,), booleans: where the data that k and s were fitted to determine both;
             where not, only their ratio is known. None if not stated.
@@ -191,11 +192,11 @@ class Pigment(eqx.Module):
         def at(values: Float[Array, "... bands"] | None) -> Float[Array, "... new"] | None:
             if values is None:
                 return None
-            return computed(matmul, values, matrix.astype(values.dtype))
+            return on_numpy_or_jax(matmul, values, matrix.astype(values.dtype))
 
         k, s, phase = at(self.absorption), at(self.scattering), self.phase
         if phase is not None and phase.ndim == 2 and phase.shape[0] > 1:
-            phase = computed(matmul, matrix.T.astype(phase.dtype), phase)
+            phase = on_numpy_or_jax(matmul, matrix.T.astype(phase.dtype), phase)
         assert k is not None
         assert s is not None
         return type(self)(
@@ -265,7 +266,7 @@ class Mixture(eqx.Module):
         pigments = (pigments,) if isinstance(pigments, Pigment) else tuple(pigments)
         for pigment in pigments:
             if not isinstance(pigment, Pigment):
-                raise ValueError(f"a mixture is of Pigments, not of {_said(pigment)}")
+                raise ValueError(f"a mixture is of Pigments, not of {_describe_value(pigment)}")
         if not pigments:
             raise ValueError("a mixture needs at least one pigment")
         _check_grids([(p.name, p.wavelengths) for p in pigments])
@@ -308,7 +309,7 @@ class Mixture(eqx.Module):
         scatter isotropically.
         """
         parts = [self.weights[..., i, None] * p.scattering for i, p in enumerate(self.pigments)]
-        return blended([p.phase for p in self.pigments], parts)
+        return mix_moments([p.phase for p in self.pigments], parts)
 
     def _blend(self, spectra: Sequence[Float[Array, "... bands"]]) -> Float[Array, "*batch bands"]:
         """Sum of spectra, weighted."""
@@ -318,7 +319,7 @@ class Mixture(eqx.Module):
                 operator.add, [weights[..., i, None] * part for i, part in enumerate(parts)]
             )
 
-        return computed(total, self.weights, *spectra)
+        return on_numpy_or_jax(total, self.weights, *spectra)
 
     def resample(self, wavelengths: Grid) -> "Mixture":
         """The same mixture on another grid (nm); see `Pigment.resample`."""
@@ -349,9 +350,8 @@ class Layer(eqx.Module):
     def __init__(self, medium: Pigment | Mixture, thickness: Numbers, phase: Numbers | None = None):
         if not isinstance(medium, Pigment | Mixture):
             raise ValueError(
-                f"a layer is of a Pigment or a Mixture, not {_said(medium)}; the catalogue's "
-                "paints are "
-                "glazejax.catalogue.load()[NAME]"
+                f"a layer is of a Pigment or a Mixture, not {_describe_value(medium)}; "
+                "the catalogue's paints are glazejax.catalogue.load()[NAME]"
             )
         _check_range(
             f"thickness of {medium.name!r}",
@@ -419,8 +419,8 @@ class Glaze(eqx.Module):
         for layer in layers:
             if not isinstance(layer, Layer):
                 raise ValueError(
-                    f"layers must each be a Layer, not {_said(layer)}: write Layer(paint, "
-                    "thickness in m)"
+                    f"layers must each be a Layer, not {_describe_value(layer)}: "
+                    "write Layer(paint, thickness in m)"
                 )
         substrate, index = as_array(substrate), as_array(refractive_index)
         _check_grids([(layer.medium.name, layer.medium.wavelengths) for layer in layers])
@@ -469,7 +469,7 @@ class Glaze(eqx.Module):
 
         media = [layer.medium for layer in self.layers]
         return self._stack(
-            [computed(ratio, medium.absorption, medium.scattering) for medium in media]
+            [on_numpy_or_jax(ratio, medium.absorption, medium.scattering) for medium in media]
         )
 
     @property
@@ -481,7 +481,7 @@ class Glaze(eqx.Module):
 
         return self._stack(
             [
-                computed(depth, la.medium.absorption, la.medium.scattering, la.thickness)
+                on_numpy_or_jax(depth, la.medium.absorption, la.medium.scattering, la.thickness)
                 for la in self.layers
             ]
         )
@@ -491,7 +491,7 @@ class Glaze(eqx.Module):
         """Legendre moments of the layers' phase functions, (..., bands or 1, layers, terms); None:
         all isotropic.
         """
-        return stacked([layer.phase for layer in self.layers])
+        return stack_moments([layer.phase for layer in self.layers])
 
     def _stack(self, spectra: Sequence[Float[Array, "..."]]) -> Float[Array, "*batch bands layers"]:
         """Spectra of the layers, side by side on a last axis; (..., bands, 0) for bare ground."""
@@ -500,7 +500,9 @@ class Glaze(eqx.Module):
                 self.substrate.shape, np.shape(self.refractive_index), (1,)
             )
             return jnp.zeros((*shape, 0), dtype=self.substrate.dtype)
-        return computed(lambda xp, *each: xp.stack(xp.broadcast_arrays(*each), axis=-1), *spectra)
+        return on_numpy_or_jax(
+            lambda xp, *each: xp.stack(xp.broadcast_arrays(*each), axis=-1), *spectra
+        )
 
     def __repr__(self) -> str:
         ground, index = (_short(value) for value in (self.substrate, self.refractive_index))
@@ -515,8 +517,8 @@ def check_glaze(glaze: Any) -> None:
     """
     if not isinstance(glaze, Glaze):
         raise TypeError(
-            f"glaze must be a Glaze, not {_said(glaze)}: write Glaze([Layer(paint, thickness in "
-            "m)], ground)"
+            f"glaze must be a Glaze, not {_describe_value(glaze)}: "
+            "write Glaze([Layer(paint, thickness in m)], ground)"
         )
 
 
@@ -538,6 +540,5 @@ def _check_grids(grids: Sequence[tuple[str, Float[np.ndarray, "..."]]]) -> None:
         if not same_grid(grids[0][1], grid):
             raise ValueError(
                 f"wavelengths differ: {grids[0][0]!r} has {describe_grid(grids[0][1])}, {name!r} "
-                "has "
-                f"{describe_grid(grid)}; bring them to one grid with .resample(wavelengths)"
+                f"has {describe_grid(grid)}; bring them to one grid with .resample(wavelengths)"
             )

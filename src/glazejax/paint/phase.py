@@ -27,8 +27,7 @@ def legal_phase(what: str, phase: Numbers, bands: int) -> Float[Array, "*bands t
     if values.ndim not in (1, 2) or (values.ndim == 2 and values.shape[0] not in (1, bands)):
         raise ValueError(
             f"phase of {what} has shape {values.shape}: give Legendre moments (terms,) for all "
-            "bands, such as "
-            f"phase.henyey_greenstein(0.8), or ({bands}, terms)"
+            f"bands, such as phase.henyey_greenstein(0.8), or ({bands}, terms)"
         )
     known = concrete(values)
     if known is not None:
@@ -48,7 +47,7 @@ def same_terms(phases: Sequence[Float[Known, "... _"] | None]) -> list[Float[Kno
     return [_module(p).pad(p, [(0, 0)] * (p.ndim - 1) + [(0, terms - p.shape[-1])]) for p in found]
 
 
-def stacked(
+def stack_moments(
     phases: Sequence[Float[Known, "... _"] | None],
 ) -> Float[Known, "*batch bands layers terms"] | None:
     """Moments of layers, (..., bands or 1, layers, terms); None if all are isotropic."""
@@ -66,7 +65,7 @@ def _module(*arrays: Array | np.ndarray) -> ModuleType:
     return np if all(concrete(a) is not None for a in arrays) else jnp
 
 
-def blended(
+def mix_moments(
     phases: Sequence[Float[Known, "... _"] | None],
     scattering: Sequence[Float[Array, "*#batch bands"]],
 ) -> Float[Array, "*batch bands terms"] | None:

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..io.source import Source, opened, shown
+from ..io.source import Source, open_source, show_path
 from .media import Pigment
 
 _NEEDED = ("pigment", "wavelength_nm", "absorption", "scattering")
@@ -45,7 +45,9 @@ def read_pigments(path: str | Path, provenance: str = "") -> dict[str, Pigment]:
     comments: list[str] = []
     header: list[str] = []
     pigments: dict[str, _Columns] = {}
-    with opened(path, missing=f"{shown(path)}: there is no such file of pigments") as source:
+    with open_source(
+        path, missing=f"{show_path(path)}: there is no such file of pigments"
+    ) as source:
         for count, (number, line) in enumerate(source.lines()):
             if line.startswith("#"):
                 comments.append(line.lstrip("# ").strip())
@@ -129,7 +131,7 @@ def _modes(columns: _Columns) -> np.ndarray | None:
 
 
 def _pigment(source: Source, name: str, columns: _Columns, provenance: str) -> Pigment:
-    def known(title: str) -> list[float] | None:
+    def find_column(title: str) -> list[float] | None:
         values = columns.get(title, [])
         return values if values and all(abs(value) < 1e30 for value in values) else None
 
@@ -137,8 +139,8 @@ def _pigment(source: Source, name: str, columns: _Columns, provenance: str) -> P
         return Pigment(
             name,
             *(columns[title] for title in _NEEDED[1:]),
-            absorption_sd=known("absorption_sd"),
-            scattering_sd=known("scattering_sd"),
+            absorption_sd=find_column("absorption_sd"),
+            scattering_sd=find_column("scattering_sd"),
             identifiable=columns.get("identifiable"),
             error_modes=_modes(columns),
             provenance=provenance or f"from {source.path}",

@@ -169,9 +169,9 @@ def _evaluate(given: _GivenProfile, tolerance: float, method: str) -> Array:
     film = _film(given, rest)
     if method == "ordinates":
         if given.cos_viewing is None:
-            return _sliced(film, rest, tolerance, stack_hemispherical_reflectance)
-        return _sliced(film, rest, tolerance, stack_reflectance_factor)
-    return _meshed(film, rest, tolerance)
+            return _solve_sliced(film, rest, tolerance, stack_hemispherical_reflectance)
+        return _solve_sliced(film, rest, tolerance, stack_reflectance_factor)
+    return _solve_on_mesh(film, rest, tolerance)
 
 
 def _film(given: _GivenProfile, rest: dict[str, Any]) -> _Film:
@@ -262,7 +262,7 @@ def _albedo(absorption: Array, scattering: Array) -> Array:
     return jnp.where(extinction > 0, scattering / jnp.where(extinction > 0, extinction, 1.0), 0.0)
 
 
-def _sliced(
+def _solve_sliced(
     film: _Film, rest: dict[str, Any], tolerance: float, solve: Callable[..., Array]
 ) -> Array:
     ground = rest["substrate_reflectance"]
@@ -298,7 +298,7 @@ def _sliced(
         elif np.max(np.abs(change), initial=0.0) < _attainable(tolerance, row[-1]):
             return row[-1]
         elif 2 * slices > _MOST_SLICES:
-            raise ValueError(_unresolved(np.max(np.abs(change)), tolerance))
+            raise ValueError(_error_message(np.max(np.abs(change)), tolerance))
 
 
 def _attainable(tolerance: float, value: Array) -> float:
@@ -306,16 +306,15 @@ def _attainable(tolerance: float, value: Array) -> float:
     return max(0.7 * tolerance, 50.0 * float(jnp.finfo(value.dtype).eps))
 
 
-def _unresolved(error: float, tolerance: float) -> str:
+def _error_message(error: float, tolerance: float) -> str:
     return (
         f"tolerance is {tolerance} but the profile varies too fast: an error of some {error:.1e} "
-        "is left; "
-        "give steps as layers of stack_reflectance_factor, kinks as samples, or ask for a larger "
-        "tolerance"
+        "is left; give steps as layers of stack_reflectance_factor, kinks as samples, or ask for "
+        "a larger tolerance"
     )
 
 
-def _meshed(film: _Film, rest: dict[str, Any], tolerance: float) -> Array:
+def _solve_on_mesh(film: _Film, rest: dict[str, Any], tolerance: float) -> Array:
     dtype = film.thickness.dtype
     flat = {name: flat_batch(jnp.asarray(value, dtype), film.batch) for name, value in rest.items()}
     fixed, index = plain_number(rest["refractive_index"]), concrete(rest["refractive_index"])
@@ -369,7 +368,7 @@ def _meshed(film: _Film, rest: dict[str, Any], tolerance: float) -> Array:
         if change is None or np.max(np.abs(change), initial=0.0) < _attainable(tolerance, value):
             return value
         if halvings == _MOST_HALVINGS:
-            raise ValueError(_unresolved(np.max(np.abs(change)), tolerance))
+            raise ValueError(_error_message(np.max(np.abs(change)), tolerance))
         before = value
 
 

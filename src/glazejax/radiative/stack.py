@@ -41,7 +41,8 @@ Method = Literal["ordinates", "auxiliary", "manyflux"]
 """Ways to compute the same quantity."""
 
 LEAST_SLOPING_INDEX = 1.0 + 1e-4
-"""Nearer to one a slope by the index drowns in the quadrature's error, but for the default method.
+"""Nearer to one a slope by the index drowns in the quadrature's error, but for the
+default method.
 """
 FINEST = {"ordinates": 1e-10, "auxiliary": 1e-8, "manyflux": 1e-10}
 """Smallest tolerance that each method meets in double precision."""
@@ -117,12 +118,14 @@ def stack_reflectance_factor(
 
     Args:
         albedo: single-scattering albedo s/(k + s) of each layer, top first, (..., layers), in [0,
-        1]. optical_thickness: (k + s) times thickness, (..., layers), >= 0. Zero is an absent
-        layer, exactly. substrate_reflectance: of the Lambertian ground, as seen from inside the
-        medium, (...), in [0, 1]. refractive_index: of all layers, (...), in [1, 2.5]. A Python
-        number is the fast path: directions are
-            then chosen for it. Under `jax.jit` an index that is traced gets directions good for the
-            whole range.
+            1].
+        optical_thickness: (k + s) times thickness, (..., layers), >= 0. Zero is an absent layer,
+            exactly.
+        substrate_reflectance: of the Lambertian ground, as seen from inside the medium, (...), in
+            [0, 1].
+        refractive_index: of all layers, (...), in [1, 2.5]. A Python number is the fast path:
+            directions are then chosen for it. Under `jax.jit` an index that is traced gets
+            directions good for the whole range.
         cos_incidence: cosine of the angle of incidence in air, (...), in (0, 1].
         cos_viewing: cosine of the viewing angle in air, (...), in (0, 1].
         tolerance: absolute error wanted, a Python number; see Notes.

@@ -55,9 +55,9 @@ class Easel:
         Args:
             stack: the coats, each as thick everywhere as it says, but those brushed.
             brushed: coats with a map, counted among those shown, each with the top of its range in
-            micrometres. maps: `0`, `1`, ...: thickness in micrometres of each brushed coat,
-            (pixels,); `side`: 1 where the pixel
-                lies on the black half of a card.
+                micrometres.
+            maps: `0`, `1`, ...: thickness in micrometres of each brushed coat, (pixels,); `side`: 1
+                where the pixel lies on the black half of a card.
             lamp: of the colours.
             tell: takes words while a table is made.
 
@@ -80,11 +80,11 @@ class Easel:
             if not np.all(np.isfinite(column)):
                 raise ValueError("a map of thickness holds what is no number")
             np.clip(column, 0.0, tops[name], out=column)
-        xyz = _read(table, columns, count)
+        xyz = _read_table(table, columns, count)
         side = np.asarray(maps.get("side", np.zeros(0))).ravel().astype(int)
         on_card = xyz.shape[1] == 2 and side.shape == (count,)
         xyz = xyz[np.arange(count), np.clip(side, 0, 1) if on_card else 0]
-        encoded = np.asarray(colour.xyz_to_srgb(_filled(xyz), white, clip=False))[:count]
+        encoded = np.asarray(colour.xyz_to_srgb(_fill(xyz), white, clip=False))[:count]
         outside = float(np.mean(np.any((encoded < -GAMUT) | (encoded > 1 + GAMUT), axis=1)))
         rgba = np.full((count, 4), 255, np.uint8)
         rgba[:, :3] = np.round(255 * np.clip(encoded, 0, 1))
@@ -105,7 +105,7 @@ class Easel:
         )
         if key not in self._tables:
             tell("making the canvas's table")
-            made = _made(stack, tops, lamp, self._engine.size(stack))
+            made = _make_table(stack, tops, lamp, self._engine.size(stack))
             while len(self._tables) >= _KEPT:
                 self._tables.pop(next(iter(self._tables)))
             self._tables[key] = made
@@ -142,7 +142,7 @@ def _chosen(brushed: Any, stack: Stack) -> list[tuple[int, float]]:
     return found
 
 
-def _made(
+def _make_table(
     stack: Stack, tops: dict[str, float], lamp: Any, size: int
 ) -> tuple[Interpolated, Float[np.ndarray, "3"]]:
     grid, media = common_grid(stack, paints(stack)), stack.media()
@@ -185,7 +185,7 @@ def _piece(count: int) -> int:
     return next((size for size in _PIECES if size >= count), -(-count // _PIECES[-1]) * _PIECES[-1])
 
 
-def _read(
+def _read_table(
     table: Interpolated, columns: dict[str, Float[np.ndarray, "pixels"]], count: int
 ) -> Float[np.ndarray, "pixels sides 3"]:
     """The table's values, in pieces of few sizes."""
@@ -193,5 +193,5 @@ def _read(
     return np.asarray(table(**filled), float)[:count]
 
 
-def _filled(xyz: Float[np.ndarray, "pixels 3"]) -> Float[np.ndarray, "more 3"]:
+def _fill(xyz: Float[np.ndarray, "pixels 3"]) -> Float[np.ndarray, "more 3"]:
     return np.pad(xyz, ((0, _piece(len(xyz)) - len(xyz)), (0, 0)))

@@ -56,7 +56,8 @@ class View(NamedTuple):
 
     Attributes:
         lamps: names of illuminants, or (name, wavelengths, power) of one's own; the first is the
-        main one. light, view: angles of the second geometry, degrees.
+            main one.
+        light, view: angles of the second geometry, degrees.
         repeated: the coat that the ladder repeats, counted from the top among those shown.
         pinned: L*a*b* of the reference, or None.
     """
@@ -106,7 +107,7 @@ class Engine:
         return "" if key in self._ready else f"compiling for up to {key[0]} coats, once"
 
     def _key(self, stack: Stack, bands: int) -> Key:
-        return self.size(stack), filled(bands), isinstance(stack.seen_by, Hemispherical)
+        return self.size(stack), padded_size(bands), isinstance(stack.seen_by, Hemispherical)
 
     def see(self, stack: Stack, view: View) -> Seen:
         """Spectra and colours of a stack.
@@ -189,7 +190,7 @@ class Engine:
         return key in self._ready
 
 
-def filled(bands: int) -> int:
+def padded_size(bands: int) -> int:
     """Bands that spectra of so many are filled up to."""
     return next((n for n in _BANDS if n >= bands), bands)
 

@@ -2,8 +2,9 @@
 stopped at once.
 
 What can be searched is registered as entry points `glazejax.studio`, so that this package never
-imports the inverse one: name -> ``module:function`` of (what is asked for, report) -> result, all
-plain JSON. A process that is done waits for the next search, with its programs compiled.
+imports the inverse
+one: name -> ``module:function`` of (what is asked for, report) -> result, all plain JSON. A process
+that is done waits for the next search, with its programs compiled.
 """
 
 import json

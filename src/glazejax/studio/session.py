@@ -146,7 +146,7 @@ class Session:
                 f"{name} has {len(rest) >> 20} MB; the studio takes files of {MOST_FILE >> 20} "
                 "MB at most"
             )
-        found = upload.read(name, rest)
+        found = upload.read_upload(name, rest)
         told: dict[str, Any] = {
             "type": "file",
             "name": name,

@@ -14,7 +14,7 @@ from ..paint.describe import describe_bands
 from ..paint.media import MAX_THICKNESS, Pigment
 from ..spectra import describe_grid, same_grid
 from ..stacks import WHITE, Stack, paints
-from .engine import GAMUT, Engine, View, filled, rows_of
+from .engine import GAMUT, Engine, View, padded_size, rows_of
 
 THIN = 5e-6
 """Thickness of the thin glaze, m."""
@@ -28,7 +28,7 @@ def entry(name: str, paint: Pigment) -> dict[str, Any]:
     known = paint.identifiable
     return {
         "name": name,
-        "label": _spaced(own if slash and group in catalogue.names() else name),
+        "label": _space_words(own if slash and group in catalogue.names() else name),
         "group": _group(name, paint),
         "provenance": paint.provenance or "no provenance is stated",
         "bands": describe_grid(paint.wavelengths),
@@ -39,7 +39,7 @@ def entry(name: str, paint: Pigment) -> dict[str, Any]:
     }
 
 
-def _spaced(name: str) -> str:
+def _space_words(name: str) -> str:
     """A catalogue's name as people write it: ``Chrome Yellow``."""
     return re.sub(r"(?<=[a-z0-9])(?=[A-Z])", " ", name)
 
@@ -74,7 +74,7 @@ def swatches(engine: Engine, some: Sequence[Pigment]) -> dict[str, Float[np.ndar
     The program is that of stacks of three coats, so that nothing more is compiled.
     """
     grid = some[0].wavelengths
-    weights, key = colour.colour_weights(grid), (_SIZE, filled(grid.size), False)
+    weights, key = colour.colour_weights(grid), (_SIZE, padded_size(grid.size), False)
     rows, columns = rows_of(_SIZE), np.minimum(np.arange(key[1]), grid.size - 1)
     most, found, outside = rows // 2, np.zeros((2, len(some), 3)), np.zeros((len(some), 2))
     for at in range(0, len(some), most):

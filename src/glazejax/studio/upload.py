@@ -21,7 +21,8 @@ class Upload(NamedTuple):
 
     Attributes:
         kind: "paints", "films" (spectra over a black and a white card, four rows each) or
-        "spectra". paints: by name; own names that a catalogue has too get " (own)".
+            "spectra".
+        paints: by name; own names that a catalogue has too get " (own)".
         content: the same as JSON.
         table: of films or spectra.
         notes: of the reader.
@@ -34,7 +35,7 @@ class Upload(NamedTuple):
     notes: tuple[str, ...]
 
 
-def read(name: str, content: bytes) -> Upload:
+def read_upload(name: str, content: bytes) -> Upload:
     """Read a dropped file by its content.
 
     Raises:

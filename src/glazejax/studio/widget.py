@@ -65,7 +65,8 @@ def make_widget() -> type:
 
         Args:
             stack: a `glazejax.Stack`, or what `glazejax.stacks.stack_from_dict` takes; two coats if
-            left out. tasks: searches, see `glazejax.studio.jobs`; those installed if left out.
+                left out.
+            tasks: searches, see `glazejax.studio.jobs`; those installed if left out.
 
         Attributes:
             stack: what is stacked, as `stack_to_dict` gives it; set it, and the page follows.

@@ -2,9 +2,9 @@
 display as measured.
 
 A display is its primaries (chromaticities and the luminance of each at its highest level) and one
-tone curve a channel: the light that each digital level gives. Colour is linear in the light, so a
-matrix leads from XYZ to the light of each primary, and the tone curve, read backwards, to the
-level.
+tone curve a
+channel: the light that each digital level gives. Colour is linear in the light, so a matrix leads
+from XYZ to the light of each primary, and the tone curve, read backwards, to the level.
 
 NumPy in, NumPy out; JAX in, JAX out, where everything but the rounding to levels can be
 differentiated.
@@ -47,7 +47,8 @@ class Digital(NamedTuple):
     rgb: Int[Array | np.ndarray, "*batch 3"]
     """Levels, 0 to the highest."""
     outside: Bool[Array | np.ndarray | np.bool_, "*batch"]
-    """Where the colour lies outside the gamut, or is too bright, so that `rgb` is another colour.
+    """Where the colour lies outside the gamut, or is too bright, so that `rgb` is another
+    colour.
     """
 
 
@@ -175,9 +176,9 @@ class Display:
 
         Args:
             levels: (readings,), levels that were measured, rising, with 0 and the highest among
-            them. readings: (3, readings, 3), XYZ of red, green and blue at these levels, in any
-            unit. What level 0 gives,
-                the light of the room among it, is taken off.
+                them.
+            readings: (3, readings, 3), XYZ of red, green and blue at these levels, in any unit.
+                What level 0 gives, the light of the room among it, is taken off.
             highest: highest level.
             name: for people.
 
@@ -303,8 +304,7 @@ class Display:
             first = np.asarray(concrete(xyz))[wrong][0] if wrong.ndim else np.asarray(concrete(xyz))
             raise ValueError(
                 f"{int(wrong.sum())} of {wrong.size} colours lie outside {self.name}, the first "
-                "with XYZ "
-                f"{np.array2string(np.asarray(first, float), precision=4)}; clip, dim or "
+                f"with XYZ {np.array2string(np.asarray(first, float), precision=4)}; clip, dim or "
                 "desaturate them"
             )
 

@@ -73,8 +73,10 @@ class ToneCurve:
 
         Args:
             levels: (readings,), levels that were measured, rising, with 0 and the highest among
-            them. readings: (readings,), light of one primary, in any unit. What it gives at level 0
-            is taken off. highest: highest level.
+                them.
+            readings: (readings,), light of one primary, in any unit. What it gives at level 0 is
+                taken off.
+            highest: highest level.
 
         Raises:
             ValueError: the ends were not measured, or as `ToneCurve`.

@@ -60,7 +60,8 @@ class OpenPBRFit:
         truth: the computed glaze.
         errors: of the material.
         naive: what one would write without a fit: the colour seen straight on, and the index as it
-        is. naive_errors: of that.
+            is.
+        naive_errors: of that.
         outside: share of the glaze's colours, at pairs of `VIEWS`, that the space cannot hold.
     """
 
@@ -137,10 +138,10 @@ def fit_openpbr(
     naive = naive_openpbr(truth)
     seen = truth.body[truth.views, truth.views]
     return OpenPBRFit(
-        material=_rounded(material),
+        material=_round_numbers(material),
         layering=layering,
         truth=truth,
-        errors=material_errors(_rounded(material), truth, layering),
+        errors=material_errors(_round_numbers(material), truth, layering),
         naive=naive,
         naive_errors=material_errors(naive, truth, layering),
         outside=float(outside(seen).mean()),
@@ -263,7 +264,7 @@ def _best(problem: _Problem) -> tuple[float, OpenPBR]:
     return float(best.cost), problem.material(best.x)
 
 
-def _rounded(material: OpenPBR) -> OpenPBR:
+def _round_numbers(material: OpenPBR) -> OpenPBR:
     """Without digits that no file needs: six behind the point, so that what is written is what was
     measured.
     """

@@ -104,17 +104,17 @@ def lobe_albedo(
         return np.zeros(mu.shape)
     if alpha < SMOOTH:
         return np.asarray(dielectric_reflectance(mu, index))
-    return _integrated(mu, alpha, index)
+    return _integrate(mu, alpha, index)
 
 
 def facet_albedo(mu: Float[np.ndarray, "*batch"], alpha: float) -> Float[np.ndarray, "*batch"]:
     """Directional albedo of facets that reflect everything, once: below 1 by what goes on to other
     facets.
     """
-    return _integrated(mu, alpha, None)
+    return _integrate(mu, alpha, None)
 
 
-def _integrated(
+def _integrate(
     mu: Float[np.ndarray, "*batch"], alpha: float, index: float | None
 ) -> Float[np.ndarray, "*batch"]:
     values, where = np.unique(mu, return_inverse=True)

@@ -82,8 +82,7 @@ class MappedGlaze:
         ):
             raise ValueError(
                 f"layer {self.layer} is {medium.name!r}: a map of fractions needs a coat of two "
-                "paints, such as "
-                "0.5*ZincWhite+0.5*CobaltBlue:20um"
+                "paints, such as 0.5*ZincWhite+0.5*CobaltBlue:20um"
             )
 
     def at(self, points: Float[np.ndarray, "points kinds"]) -> Glaze:
@@ -130,7 +129,7 @@ def mapped_colours(
     tolerance = min(1e-3, _SOLVER * delta_e)
     computed = 0
 
-    def seen(some: Float[np.ndarray, "some kinds"]) -> Float[np.ndarray, "some means xyz"]:
+    def mean_xyz(some: Float[np.ndarray, "some kinds"]) -> Float[np.ndarray, "some means xyz"]:
         """XYZ of all means."""
         nonlocal computed
         computed += len(some)
@@ -145,7 +144,7 @@ def mapped_colours(
     varied = distinct.max(axis=0) > distinct.min(axis=0)
     error = 0.0
     if len(distinct) <= 64 or not varied.any():
-        values = seen(distinct)
+        values = mean_xyz(distinct)
     else:
         names = [kind for kind, varies in zip(mapped.kinds, varied, strict=True) if varies]
         columns = dict(zip(names, distinct[:, varied].T, strict=True))
@@ -153,7 +152,7 @@ def mapped_colours(
         def function(**some: Float[np.ndarray, "some"]) -> Float[np.ndarray, "some means 3"]:
             whole = np.repeat(distinct[:1], len(next(iter(some.values()))), axis=0)
             whole[:, varied] = np.stack([some[name] for name in names], axis=1)
-            return seen(whole)
+            return mean_xyz(whole)
 
         table = interpolated(
             function,

@@ -62,7 +62,7 @@ def write_materialx(
         )
     path = check_output(path, overwrite=overwrite, switch="overwrite=True")
     material, known, words = (
-        (fit, find_space(space), "") if isinstance(fit, OpenPBR) else _told(fit)
+        (fit, find_space(space), "") if isinstance(fit, OpenPBR) else _describe_fit(fit)
     )
     root = xml.Element("materialx", {"version": VERSION, "colorspace": known})
     if words:
@@ -105,17 +105,14 @@ def write_materialx(
     return path
 
 
-def _told(fit: OpenPBRFit) -> tuple[OpenPBR, str, str]:
+def _describe_fit(fit: OpenPBRFit) -> tuple[OpenPBR, str, str]:
     """Material, space, and the errors in words, for the file's doc."""
     errors, truth = fit.errors, fit.truth
     words = (
         f"OpenPBR 1.1 fitted by glazejax to a computed glaze; {SPACES[truth.space].words}, "
-        f"{truth.light[0]}; layers as "
-        f"in {fit.layering}. Remaining error: albedo {errors.albedo:.4f}, RMS of the reflectance "
-        "factor "
-        f"{errors.rms:.4f}, mean Delta E 2000 {errors.sky:.2f} under an even sky and "
-        f"{errors.lamp:.2f} under a lamp at "
-        "45 degrees."
+        f"{truth.light[0]}; layers as in {fit.layering}. Remaining error: albedo "
+        f"{errors.albedo:.4f}, RMS of the reflectance factor {errors.rms:.4f}, mean Delta E 2000 "
+        f"{errors.sky:.2f} under an even sky and {errors.lamp:.2f} under a lamp at 45 degrees."
     )
     return fit.material, truth.space, words
 

@@ -69,8 +69,8 @@ def write_measured(
         wavelengths_nm: (bands,); those of the paints if left out.
         gloss: with the reflection of the surface itself.
         roughness: alpha of that reflection alone, the body is seen through a smooth surface; below
-        0.02 it is 0.02. resolution: directions of the eye, and half-way vectors along both of their
-        angles.
+            0.02 it is 0.02.
+        resolution: directions of the eye, and half-way vectors along both of their angles.
         tolerance: absolute error wanted of the reflectance factor at the table's entries.
         check: ask Mitsuba, where it is installed, what it makes of the table.
         overwrite: replace files that exist.

@@ -33,12 +33,15 @@ class TextureSet:
 
     Attributes:
         files: by what they are: ``base_color``, ``roughness``, ... , ``materialx``, ``json``,
-        ``readme``. material: of OpenPBR, for what has no picture.
+            ``readme``.
+        material: of OpenPBR, for what has no picture.
         interpolation: estimated largest CIEDE2000 between a pixel's colours and those computed for
-        it alone. outside: share of pixels whose base colour the space cannot hold.
+            it alone.
+        outside: share of pixels whose base colour the space cannot hold.
         clipped: largest CIEDE2000 of bringing these inside.
         errors: of the material against the glaze at all angles, the largest of each at some pixels
-        of the map. computed: number of glazes that were computed.
+            of the map.
+        computed: number of glazes that were computed.
     """
 
     files: dict[str, Path]

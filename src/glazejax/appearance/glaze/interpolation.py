@@ -108,7 +108,8 @@ class GlazeTable(NamedTuple):
 
         Args:
             glaze, wavelengths_nm, layer: as for `glaze_table`. Where the thickness does not vary,
-            it is the glaze's. tolerance: of the solver.
+                it is the glaze's.
+            tolerance: of the solver.
         """
         glaze = on_grid(glaze, wavelengths_nm)
         varies = self.thickness.shape[0] > 1

@@ -25,8 +25,8 @@ def on_grid(glaze: Glaze, wavelengths_nm: Grid) -> Glaze:
     if glaze.phase is not None:
         raise ValueError(
             "a paint here has a phase function, and then the azimuth matters too: a table of "
-            "angles takes isotropic "
-            "scattering only; use glazejax.reflectance for single directions"
+            "angles takes isotropic scattering only; use glazejax.reflectance for single "
+            "directions"
         )
     new = validate_wavelengths(wavelengths_nm)
     if (
@@ -49,7 +49,7 @@ def on_grid(glaze: Glaze, wavelengths_nm: Grid) -> Glaze:
     return Glaze(layers, substrate, index if isinstance(index, float) else at(index))
 
 
-def thickened(glaze: Glaze, layer: int, depths: Numbers) -> Glaze:
+def with_thickness(glaze: Glaze, layer: int, depths: Numbers) -> Glaze:
     """The glaze with other thicknesses of one layer, (points,), in m."""
     layers = list(glaze.layers)
     layers[layer] = Layer(layers[layer].medium, depths)
@@ -118,6 +118,6 @@ def on_nodes(
         tolerance: of the solver.
         solve: `factor`, whose result is JAX's, or `planned_factor`, whose result is NumPy's.
     """
-    made = glaze if depths is None else thickened(glaze, layer, depths)
+    made = glaze if depths is None else with_thickness(glaze, layer, depths)
     values = solve(made, cos_in[:, None, None, None], cos_out[:, None, None], tolerance)
     return (np if isinstance(values, np.ndarray) else jnp).moveaxis(values, -1, 0)

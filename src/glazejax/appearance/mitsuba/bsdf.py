@@ -13,10 +13,10 @@ import jax
 import numpy as np
 
 from . import table
-from .coats import Axes, check_layer, ground_of, index_of, read_coats, varied
+from .coats import Axes, check_layer, ground_of, index_of, read_coats, with_variables
 from .device import DrJit, renderer
 from .lobes import Facets, Mirror
-from .parameters import Given, read
+from .parameters import Given, read_parameters
 from .rough import Rough
 from .smooth import Smooth
 from .table import Body, body_table
@@ -51,7 +51,7 @@ def _table(
             asked = axes._replace(fraction=(0.0, 1.0)) if fraction is not None else axes
             check_layer(glaze, layer, asked)
             fixed = [x if isinstance(x, float) else None for x in (thickness, fraction)]
-            glaze = varied(glaze, layer, *fixed)
+            glaze = with_variables(glaze, layer, *fixed)
         bands = glaze.wavelengths.size
         level = (
             None
@@ -92,7 +92,7 @@ class GlazeBSDF:
     def __init__(self, props: Any):
         self._mi, self._dr = mi, dr = renderer()
         mi.BSDF.__init__(self, props)
-        given = read(mi, props)
+        given = read_parameters(mi, props)
         self._given = given
         self._thickness, self._fraction = (
             None if x is None or isinstance(x, float) else x

@@ -95,12 +95,13 @@ def check_layer(glaze: Glaze, layer: int, axes: Axes) -> None:
         if not 0 <= low < high <= MAX_THICKNESS:
             raise ValueError(
                 f"coat {layer} is {low:g} to {high:g} m thick; thickness_max must be above 0 and "
-                "at most "
-                f"{MAX_THICKNESS:g} m (20 micrometres are 20e-6)"
+                f"at most {MAX_THICKNESS:g} m (20 micrometres are 20e-6)"
             )
 
 
-def varied(glaze: Glaze, layer: int, thickness: Numbers | None, fraction: Numbers | None) -> Glaze:
+def with_variables(
+    glaze: Glaze, layer: int, thickness: Numbers | None, fraction: Numbers | None
+) -> Glaze:
     """The glaze with other thicknesses (points,) and shares (points,) of one coat, before its
     bands.
     """

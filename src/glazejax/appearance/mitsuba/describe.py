@@ -43,11 +43,12 @@ def glaze_bsdf(
             m. A map becomes a texture in micrometres, so that an optimiser sees numbers near 1. Row
             0 of a map lies at v = 0.
         thickness_max: largest thickness that the table is for, m; that of the map by default. An
-        optimiser wants room. fraction: share of the second paint of coat `layer`, a mixture of two:
-        a number, a map or a texture, 0 to 1. ground: reflectance as seen from inside the paint: a
-        number, a spectrum (bands,), a map (rows, columns), a map
-            of spectra (rows, columns, bands) on the glaze's wavelengths (or `wavelengths`), or a
-            texture.
+            optimiser wants room.
+        fraction: share of the second paint of coat `layer`, a mixture of two: a number, a map or a
+            texture, 0 to 1.
+        ground: reflectance as seen from inside the paint: a number, a spectrum (bands,), a map
+            (rows, columns), a map of spectra (rows, columns, bands) on the glaze's wavelengths (or
+            `wavelengths`), or a texture.
         layer: number of the coat, 0 on top.
         wavelengths: bands of the table, nm; the glaze's own by default. Only for a `Glaze`.
         gloss: with the reflection of the surface itself.

@@ -12,7 +12,7 @@ from numpy.polynomial import chebyshev
 from ...chebyshev_table import SAFETY, Axis, Mirrored
 from ...interpolated import interpolated
 from ...paint.media import Glaze
-from .coats import Axes, varied
+from .coats import Axes, with_variables
 from .lookup import NUMPY
 from .parts import Parts, factor_of, lagrange
 from .surfaces import Surface, inside
@@ -75,7 +75,7 @@ class Solver:
                 np.asarray(points[name]) if name in points else None
                 for name in ("thickness", "fraction")
             )
-            made = varied(made, self._layer, *given)
+            made = with_variables(made, self._layer, *given)
         albedo, depth = np.asarray(made.albedo), np.asarray(made.optical_thickness)
         both = zip(("albedo", "optical_thickness"), np.broadcast_arrays(albedo, depth), strict=True)
         return {name: x[None] if x.ndim == 2 else x for name, x in both}
@@ -101,7 +101,7 @@ def solve_nodes(
     """
     solver = Solver(surface, glaze, layer, SOLVER * tolerance)
     ranges = axes.ranges
-    cosines = surface.angles(_tried(solver, ranges), _ANGLES * tolerance)
+    cosines = surface.angles(_error_of_nodes(solver, ranges), _ANGLES * tolerance)
     bands = np.asarray(glaze.wavelengths, float)
     if not ranges:
         return Nodes(
@@ -132,7 +132,7 @@ def solve_nodes(
 
 def _distance(solver: Solver, cosines: np.ndarray, one: np.ndarray, two: np.ndarray) -> np.ndarray:
     """Largest difference of the reflectance factor over black, grey and white ground, (points,)."""
-    weight = bounded(solver.surface, cosines[:, None], cosines)
+    weight = error_weight(solver.surface, cosines[:, None], cosines)
     parts = [solver.surface.expanded(values, cosines, solver.tolerance) for values in (one, two)]
     worst = np.zeros(len(one))
     for ground in (0.0, 0.5, 1.0):
@@ -154,7 +154,7 @@ def over(parts: Parts, ground: Any) -> np.ndarray:
     return _over(parts, np.reshape(ground, (-1, 1, 1)))
 
 
-def bounded(surface: Surface, cos_in: np.ndarray, cos_out: np.ndarray) -> np.ndarray:
+def error_weight(surface: Surface, cos_in: np.ndarray, cos_out: np.ndarray) -> np.ndarray:
     """Weight of an error: 1, or the sum of the cosines inside where that is less (an index near 1,
     both grazing).
     """
@@ -162,7 +162,9 @@ def bounded(surface: Surface, cos_in: np.ndarray, cos_out: np.ndarray) -> np.nda
     return np.minimum(inside(NUMPY, cos_in, n) + inside(NUMPY, cos_out, n), 1.0)
 
 
-def _tried(solver: Solver, ranges: dict[str, tuple[float, float]]) -> Callable[[np.ndarray], float]:
+def _error_of_nodes(
+    solver: Solver, ranges: dict[str, tuple[float, float]]
+) -> Callable[[np.ndarray], float]:
     """Error of nodes of the angle, at a few thicknesses and fractions and at angles between."""
     rng = np.random.default_rng(0)
     points = {}
@@ -181,7 +183,7 @@ def _tried(solver: Solver, ranges: dict[str, tuple[float, float]]) -> Callable[[
         parts = solver.surface.expanded(solver.parts(points, cosines), cosines, solver.tolerance)
         found = _at_angles(solver.surface, cosines, parts, a, b, ground)
         return SAFETY * float(
-            np.max(np.abs(found - truth[0]) * bounded(solver.surface, a, b)[:, None])
+            np.max(np.abs(found - truth[0]) * error_weight(solver.surface, a, b)[:, None])
         )
 
     return error

@@ -44,7 +44,7 @@ class Given(NamedTuple):
     tolerance: float
 
 
-def read(mi: Any, props: Any) -> Given:
+def read_parameters(mi: Any, props: Any) -> Given:
     """Parameters of a glaze.
 
     Raises:
@@ -76,8 +76,7 @@ def read(mi: Any, props: Any) -> Given:
         wrong = least if not least >= 0 else largest * scale
         raise ValueError(
             f"{where} has the value {wrong:g}; it must be 0 to {MAX_THICKNESS:g} metres (20 "
-            "micrometres are 20e-6, or "
-            "20 with a thickness_scale of 1e-6)"
+            "micrometres are 20e-6, or 20 with a thickness_scale of 1e-6)"
         )
     if math.isnan(most):
         most = largest * scale

@@ -43,10 +43,10 @@ def _register(mi: Any) -> None:
         if name not in ("__dict__", "__weakref__")
     }
     kind = type("Glaze", (mi.BSDF,), methods)
-    mi.register_bsdf("glaze", lambda props: _made(kind, props))
+    mi.register_bsdf("glaze", lambda props: _make_bsdf(kind, props))
 
 
-def _made(kind: Any, props: Any) -> Any:
+def _make_bsdf(kind: Any, props: Any) -> Any:
     """The BSDF; Mitsuba prints the whole way of an error, so that is kept short."""
     try:
         return kind(props)

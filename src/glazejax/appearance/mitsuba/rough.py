@@ -158,18 +158,18 @@ def _parts(albedo: Array, depth: Array, surface: Resolved) -> Float[Array, "stac
     enters = jnp.concatenate([unit, jnp.zeros((1, 2, n), albedo.dtype)])
     last = jnp.arange(pairs + 1) == pairs
 
-    def repeated(values: Array) -> Array:
+    def repeat(values: Array) -> Array:
         return jnp.repeat(values, pairs + 1, axis=0)
 
-    def tiled(values: Array) -> Array:
+    def tile(values: Array) -> Array:
         return jnp.tile(values, (stacks, *[1] * (values.ndim - 1)))
 
-    white = tiled(last.astype(albedo.dtype))
+    white = tile(last.astype(albedo.dtype))
     lit = Lit(
-        albedo=repeated(albedo),
-        optical_thickness=repeated(depth),
+        albedo=repeat(albedo),
+        optical_thickness=repeat(depth),
         ground=white,
-        enters=tiled(enters),
+        enters=tile(enters),
         from_ground=jnp.stack([white, white], axis=1),
     )
     value, back = jax.vjp(

@@ -98,7 +98,7 @@ class Smooth:
         # From T T/(1 - S) and .5 T T/(1 - .5 S).
         ratio = np.where(known, half, 0.4) / np.where(known, full[..., -1], 1.0)
         back = np.where(known, np.clip((1.0 - 2.0 * ratio) / (1.0 - ratio), 0.0, 1.0), np.nan)
-        back = _filled(back.reshape(-1, back.shape[-1])).reshape(back.shape)[..., None]
+        back = _fill_unknown(back.reshape(-1, back.shape[-1])).reshape(back.shape)[..., None]
         return np.concatenate([black, np.sqrt(full * (1.0 - back)), back], axis=-1)
 
     def expanded(self, values: np.ndarray, cosines: np.ndarray, tolerance: float) -> Parts:
@@ -110,7 +110,7 @@ class Smooth:
         return self
 
 
-def _filled(back: Float[np.ndarray, "points bands"]) -> Float[np.ndarray, "points bands"]:
+def _fill_unknown(back: Float[np.ndarray, "points bands"]) -> Float[np.ndarray, "points bands"]:
     """S where it is not known: that of the next point, since it hardly changes where little light
     gets through.
     """

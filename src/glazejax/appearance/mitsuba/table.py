@@ -20,7 +20,7 @@ from ...radiative.common.quadrature import gauss
 from . import lookup
 from .coats import Axes
 from .lookup import NUMPY, Arithmetic, Place
-from .nodes import SOLVER, Nodes, Solver, bounded, over, solve_nodes
+from .nodes import SOLVER, Nodes, Solver, error_weight, over, solve_nodes
 from .parts import factor_of, lagrange
 from .surfaces import Surface
 
@@ -45,17 +45,21 @@ class Body:
     Attributes:
         surface: above.
         wavelengths: (bands,), nm, at even distances. In between values are linear, beyond the ends
-        those of the ends. axes: what varies, in this order.
+            those of the ends.
+        axes: what varies, in this order.
         counts: nodes along each axis.
         angles: nodes along an angle.
         pairs: shapes over two angles, (angles, angles, packets, 4), float32.
         pair_weights: of them, (nodes, bands, 2^axes, packets, 4).
         lines: shapes of the light that gets to the ground, (angles, packets, 4); None where the
-        ground is in `pairs`. line_weights: of them, (nodes, bands, 2^axes, packets + 1, 4); the
-        first of the last packet is S. mean_weights: `pair_weights` over the mean ground, mean of
-        the bands, (nodes, 2^axes, packets, 4). albedo_shapes: `pairs` over all directions of the
-        second angle, without `let_in`, (angles, packets, 4). packets: of the shapes over two
-        angles, and of those over one (0 without).
+            ground is in `pairs`.
+        line_weights: of them, (nodes, bands, 2^axes, packets + 1, 4); the first of the last packet
+            is S.
+        mean_weights: `pair_weights` over the mean ground, mean of the bands, (nodes, 2^axes,
+            packets, 4).
+        albedo_shapes: `pairs` over all directions of the second angle, without `let_in`, (angles,
+            packets, 4).
+        packets: of the shapes over two angles, and of those over one (0 without).
         error: estimated largest absolute error of the reflectance factor in a band, for any ground.
         tolerance: what was asked for.
     """
@@ -97,8 +101,7 @@ class Body:
         axes = "".join(f", {n} {name}" for n, name in zip(self.counts, self.axes, strict=True))
         return (
             f"Body({self.bands} bands, {4 * self.pairs.shape[2]} shapes of {self.angles} "
-            f"angles{axes}, "
-            f"{self.bytes / 1e6:.2g} MB, estimated error {self.error:.2g})"
+            f"angles{axes}, {self.bytes / 1e6:.2g} MB, estimated error {self.error:.2g})"
         )
 
 
@@ -139,8 +142,8 @@ def body_table(
         layer: number of the coat that varies, 0 on top.
         axes: what varies of it, and from where to where.
         ground: reflectance of the ground in each band, put into the table; None for any ground,
-        given at each lookup. mean_ground: about what the ground then reflects, for choosing
-        directions.
+            given at each lookup.
+        mean_ground: about what the ground then reflects, for choosing directions.
         tolerance: absolute error wanted of the reflectance factor, in the bands.
 
     Returns:
@@ -149,7 +152,7 @@ def body_table(
     tries, best = tolerance, None
     for _ in range(_TRIES):
         nodes = solve_nodes(surface, glaze, layer, axes, tries)
-        body = _compressed(nodes, ground, mean_ground)
+        body = _compress(nodes, ground, mean_ground)
         error = (
             _error(body, Solver(surface, glaze, layer, SOLVER * tolerance), ground)
             + SOLVER * tolerance
@@ -169,7 +172,8 @@ class Here(NamedTuple):
     pairs: list[list[Any]]
     """Weights of the shapes over two angles, in packets."""
     lines: list[list[Any]] | None
-    """Weights of those of the light that reaches the ground, the first number of the last packet S.
+    """Weights of those of the light that reaches the ground, the first number of the last
+    packet S.
     """
     ground: list[Any] | None
     """Reflectance of the ground."""
@@ -233,11 +237,11 @@ def _dots(ops: Arithmetic, one: list[Any], two: list[Any]) -> Any:
     return sum(ops.dot(a, b) for a, b in zip(one, two, strict=True))
 
 
-def _compressed(nodes: Nodes, ground: np.ndarray | None, mean_ground: float) -> Body:
+def _compress(nodes: Nodes, ground: np.ndarray | None, mean_ground: float) -> Body:
     """Shapes and their weights, from the solver's nodes."""
     surface, n = nodes.surface, nodes.cosines.size
     known = surface.known(NUMPY, nodes.cosines[:, None], nodes.cosines) * np.ones((n, n))
-    exact, dim = folded(nodes, ground), folded(nodes, mean_ground if ground is None else ground)
+    exact, dim = fold(nodes, ground), fold(nodes, mean_ground if ground is None else ground)
     dim = dim.mean(axis=-2, keepdims=True)
     shapes, onto = _basis([exact, dim], known.ravel(), _SHAPES * nodes.tolerance)
     weights, means = (_series(values @ onto, len(nodes.axes)) for values in (exact, dim))
@@ -251,11 +255,9 @@ def _compressed(nodes: Nodes, ground: np.ndarray | None, mean_ground: float) -> 
         tall = surface.let_in(NUMPY, nodes.cosines) * np.ones(n)
         tau = nodes.parts(_extrema(nodes)).through / tall
         across, onto_lines = _basis([tau], tall, _SHAPES * nodes.tolerance)
-        lines = _packed(to_grid @ across.T)
+        lines = _pack(to_grid @ across.T)
         back = nodes.parts(_extrema(nodes)).back[..., None]
-        through = _series(
-            np.concatenate([_padded(tau @ onto_lines), back], axis=-1), len(nodes.axes)
-        )
+        through = _series(np.concatenate([_pad(tau @ onto_lines), back], axis=-1), len(nodes.axes))
     # All kept series must do between the nodes; what the ground sees counts more, as light goes
     # back and forth.
     worst = np.max(known) * np.max(np.abs(shapes), axis=-1)
@@ -277,17 +279,17 @@ def _compressed(nodes: Nodes, ground: np.ndarray | None, mean_ground: float) -> 
         axes=nodes.axes,
         counts=counts,
         angles=count,
-        pairs=_packed(0.5 * (pairs + np.swapaxes(pairs, 0, 1))),
-        pair_weights=_packed(_hermite_numbers(weights, counts)),
+        pairs=_pack(0.5 * (pairs + np.swapaxes(pairs, 0, 1))),
+        pair_weights=_pack(_hermite_numbers(weights, counts)),
         lines=lines,
-        line_weights=None if through is None else _packed(_hermite_numbers(through, counts)),
-        mean_weights=_packed(_hermite_numbers(means, counts)),
-        albedo_shapes=_packed(albedo),
+        line_weights=None if through is None else _pack(_hermite_numbers(through, counts)),
+        mean_weights=_pack(_hermite_numbers(means, counts)),
+        albedo_shapes=_pack(albedo),
         packets=(len(shapes) // 4, 0 if lines is None else lines.shape[-2]),
     )
 
 
-def folded(nodes: Nodes, ground: Any) -> Float[np.ndarray, "*nodes bands pairs"]:
+def fold(nodes: Nodes, ground: Any) -> Float[np.ndarray, "*nodes bands pairs"]:
     """What is left of the reflectance factor without its known part, on Chebyshev's nodes; black
     without a ground.
     """
@@ -327,7 +329,7 @@ def _basis(
         if few
         else np.linalg.eigh(weighed.T @ weighed)[1][:, ::-1]
     )
-    vectors = _padded(vectors)
+    vectors = _pad(vectors)
     count = 0
     for count in range(4, vectors.shape[1] + 1, 4):
         some = vectors[:, :count]
@@ -396,14 +398,14 @@ def _hermite_numbers(series: np.ndarray, counts: tuple[int, ...]) -> np.ndarray:
     return stacked.reshape(-1, *stacked.shape[-3:])
 
 
-def _padded(values: np.ndarray) -> np.ndarray:
+def _pad(values: np.ndarray) -> np.ndarray:
     """A multiple of four channels, by zeros."""
     return np.pad(values, [(0, 0)] * (values.ndim - 1) + [(0, -values.shape[-1] % 4)])
 
 
-def _packed(values: np.ndarray) -> np.ndarray:
+def _pack(values: np.ndarray) -> np.ndarray:
     """Channels in packets of four, float32."""
-    padded = _padded(values)
+    padded = _pad(values)
     return np.ascontiguousarray(padded.reshape(*padded.shape[:-1], -1, 4), np.float32)
 
 
@@ -434,4 +436,4 @@ def _error(body: Body, solver: Solver, ground: np.ndarray | None) -> float:
     given = None if ground is not None else [drawn] * body.bands
     here = at_point(NUMPY, body, points, waves, given)
     found = np.stack(reflectance_factor(NUMPY, body, here, a, b), axis=-1)
-    return SAFETY * float(np.max(np.abs(found - truth) * bounded(body.surface, a, b)[:, None]))
+    return SAFETY * float(np.max(np.abs(found - truth) * error_weight(body.surface, a, b)[:, None]))

@@ -17,7 +17,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ...colour import colour_weights
-from ...io.source import opened, shown
+from ...io.source import open_source, show_path
 from ...spectra import describe_grid, validate_wavelengths
 from ..display.display import Display
 from .file_materials import read_heights, read_material, read_reflectance
@@ -86,9 +86,10 @@ def read_scene(path: str | Path) -> SceneFile:
     """
     path = Path(path)
     missing = (
-        f"there is no scene file {shown(path)}; glazejax scene --example prints one to start from"
+        f"there is no scene file {show_path(path)}; glazejax scene --example prints one to start "
+        "from"
     )
-    with opened(path, missing=missing) as source:
+    with open_source(path, missing=missing) as source:
         # A character may become 20 times itself in Python's parser.
         text = source.text(most=_MAX_FILE, fallback=None)
         long = next(

@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ...extras import require
-from ...io.source import opened, refusal, shown
+from ...io.source import open_source, refusal, show_path
 from ...paint.describe import format_length, make_media, name_paints, parse_layers
 from ...paint.media import MAX_THICKNESS, Glaze, Layer
 from ...spectra import describe_grid, resample
@@ -75,7 +75,7 @@ def _glaze(table: TomlTable, grid: np.ndarray, folder: Path) -> Glazed:
     thickness, layer = _thickness(table, len(layers), folder)
     with table.blamed("roughness"):
         return Glazed(
-            thickness=glaze, gloss=thickness, glaze=layer, layer=gloss, roughness=roughness
+            glaze=glaze, thickness=thickness, layer=layer, gloss=gloss, roughness=roughness
         )
 
 
@@ -137,7 +137,7 @@ def read_grey(path: Path, *, heights: bool = False) -> Float[np.ndarray, "h w"]:
         FileNotFoundError: no such file.
         ValueError: it is no picture, or an array of something else.
     """
-    with opened(path, missing=f"there is no file {shown(path)}") as source:
+    with open_source(path, missing=f"there is no file {show_path(path)}") as source:
         if source.size is None:
             raise source.error("a pipe; a map must be a file")
     if path.suffix.lower() == ".npy":
@@ -216,10 +216,10 @@ def read_reflectance(
             key, f'must be a number from 0 to 1, or a file "FILE.csv:SAMPLE", not {value!r}'
         )
     with table.blamed(key):
-        return _measured(table, key, value, grid, folder)
+        return _measured_material(table, key, value, grid, folder)
 
 
-def _measured(
+def _measured_material(
     table: TomlTable, key: str, text: str, grid: np.ndarray, folder: Path
 ) -> Float[np.ndarray, "bands"]:
     from ...io import read_sample

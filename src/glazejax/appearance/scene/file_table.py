@@ -7,7 +7,7 @@ from typing import Any, overload
 
 import numpy as np
 
-from ...io.source import refusal, shortened
+from ...io.source import refusal, shorten
 
 _REQUIRED: Any = object()
 _LARGEST = 10**300
@@ -56,7 +56,7 @@ class TomlTable:
         except (ValueError, OSError) as error:
             if str(error).startswith(self.file):
                 raise
-            raise type(error)(f"{self.where(key)}: {shortened(str(error))}") from None
+            raise type(error)(f"{self.where(key)}: {shorten(str(error))}") from None
 
     def done(self) -> None:
         """Refuse keys that nobody asked for.

@@ -10,8 +10,9 @@ a share of the (harmonic mean) distance of what it sees, on the same shape and w
 normal.
 
 What is followed: lamp or surroundings, then any number of diffuse and mirror reflections as the
-scene says. What is not: a lamp's own light by way of a mirror to a diffuse surface (caustics), and
-the glossy lobes of Phong paint and rough metal, which show lamps only.
+scene says. What is
+not: a lamp's own light by way of a mirror to a diffuse surface (caustics), and the glossy lobes of
+Phong paint and rough metal, which show lamps only.
 
 Source: G. J. Ward, F. M. Rubinstein, R. D. Clear, Computer Graphics 22 (1988) 85; weights that end
 smoothly as in J. Křivánek and P. Gautron, Practical Global Illumination with Irradiance Caching

@@ -116,18 +116,19 @@ def measured_lamp(
 
     Args:
         text: FILE.csv, or FILE.csv:NAME where it holds several. Any unit of power; the scale does
-        not matter. wavelengths, strength: as for `lamp`.
+            not matter.
+        wavelengths, strength: as for `lamp`.
 
     Raises:
         FileNotFoundError: no such file.
         ValueError: it is no such table, the name is not in it, or it does not cover the bands.
     """
     from ...io.sample import split_sample
-    from ...io.source import opened, refusal, shown
+    from ...io.source import open_source, refusal, show_path
 
     path, name = split_sample(str(text))
-    with opened(
-        path, missing=f"there is no file {shown(path)} with the spectrum of a lamp"
+    with open_source(
+        path, missing=f"there is no file {show_path(path)} with the spectrum of a lamp"
     ) as source:
         lines = source.text(most=_MAX_FILE).splitlines()
         try:

@@ -71,8 +71,7 @@ class Material(eqx.Module):
             if np.shape(spectrum) not in ((), wavelengths.shape):
                 raise ValueError(
                     f"{what} of material {name!r} has shape {np.shape(spectrum)}, but the scene "
-                    "has "
-                    f"{describe_grid(wavelengths)}"
+                    f"has {describe_grid(wavelengths)}"
                 )
             known = concrete(spectrum)
             if known is not None and not np.all((known >= 0) & np.isfinite(known)):
@@ -210,9 +209,9 @@ class Conductor(Material):
     Args:
         refractive_index, extinction: n and k, (bands,) or one number each.
         roughness: angle beta in degrees at which half of the facets are left (paper B, (7)); 0 for
-        polished. fresnel: how it reflects away from the normal: "exact", or an estimate from its
-        reflectance at the normal,
-            "hall" or "cook-torrance" (paper B, (11)-(23)).
+            polished.
+        fresnel: how it reflects away from the normal: "exact", or an estimate from its reflectance
+            at the normal, "hall" or "cook-torrance" (paper B, (11)-(23)).
         mean_extinction: k of Hall's average metal; by default that of the mean over the bands,
             paper B (23).
     """
@@ -313,7 +312,8 @@ class Glazed(_GlazedSurface, Material):
     Args:
         glaze: without batch axes.
         thickness: (h, w), m, of one layer over the texture coordinates, first row on top; None if
-        it is even. layer: which layer that is, 0 for the top one.
+            it is even.
+        layer: which layer that is, 0 for the top one.
         gloss: whether the surface mirrors what is around.
         roughness: of the surface, GGX's alpha from 0 (smooth) to 1, as Mitsuba counts it; above 0
             for `path_trace` alone.
@@ -339,9 +339,9 @@ class Glazed(_GlazedSurface, Material):
         """
         if self.glaze.layers and not same_grid(self.glaze.wavelengths, wavelengths):
             raise ValueError(
-                f"the glaze of material {name!r} has {describe_grid(self.glaze.wavelengths)}, "
-                "but the scene has "
-                f"{describe_grid(wavelengths)}: bring its paints there with .resample(wavelengths)"
+                f"the glaze of material {name!r} has {describe_grid(self.glaze.wavelengths)}, but "
+                f"the scene has {describe_grid(wavelengths)}: bring its paints there with "
+                ".resample(wavelengths)"
             )
         try:
             on_grid(self.glaze, wavelengths)
@@ -382,10 +382,10 @@ class Glazed(_GlazedSurface, Material):
             layers = []
         glaze = Glaze(layers, part(glaze.substrate), part(glaze.refractive_index))
         return Glazed(
-            thickness=glaze,
-            gloss=self.thickness,
-            glaze=self.layer,
-            layer=self.gloss,
+            glaze=glaze,
+            thickness=self.thickness,
+            layer=self.layer,
+            gloss=self.gloss,
             roughness=self.roughness,
         )
 

@@ -24,7 +24,8 @@ def mitsuba_shape(shape: Shape, path: Path, *, mapped: bool = False) -> dict[str
         shape: which.
         path: file to write triangles to, ``.ply``; replaced if it exists.
         mapped: its material has a map, so that coordinates on it must be those of the ray caster. A
-            sphere's are not: its map is to be turned, see `sphere_map`.
+            sphere's are
+            not: its map is to be turned, see `sphere_map`.
     """
     if isinstance(shape, Sphere):
         return {"type": "sphere", "center": numbers(shape.centre), "radius": float(shape.radius)}
@@ -40,11 +41,11 @@ def mitsuba_shape(shape: Shape, path: Path, *, mapped: bool = False) -> dict[str
             return write_ply(
                 path, _quads(shape.material, [(shape.point, axes)], 2 * _ENDLESS, -_ENDLESS)
             )
-        return {"type": "rectangle", "to_world": _placed(axes, shape.point)}
+        return {"type": "rectangle", "to_world": _transform(axes, shape.point)}
     if isinstance(shape, Box):
         axes = rotation(np.asarray(shape.rotation, float)) * (np.asarray(shape.size, float) / 2)
         if not mapped:
-            return {"type": "cube", "to_world": _placed(axes, shape.centre)}
+            return {"type": "cube", "to_world": _transform(axes, shape.centre)}
         return write_ply(
             path, _quads(shape.material, _faces(axes, np.asarray(shape.centre, float)))
         )
@@ -163,7 +164,7 @@ def numbers(values: Numbers) -> list[float]:
     return [float(v) for v in np.asarray(values)]
 
 
-def _placed(axes: Float[np.ndarray, "3 3"], point: Numbers) -> Any:
+def _transform(axes: Float[np.ndarray, "3 3"], point: Numbers) -> Any:
     """Transform with the axes as columns and a point as origin."""
     require("mitsuba")
     import mitsuba as mi  # pyright: ignore[reportMissingImports]

@@ -1,8 +1,9 @@
 """What a scene is: shapes, materials, lights and a camera, checked when it is made.
 
 Coordinates are right-handed, in any unit of length; z is up in the examples. Light is counted on
-the scale of the lamp: a perfect white that faces a light of strength 1 has the spectrum of the
-light itself, whose luminance is 1.
+the scale of the
+lamp: a perfect white that faces a light of strength 1 has the spectrum of the light itself, whose
+luminance is 1.
 `glazejax.appearance.scene.render.render` makes the picture,
 `glazejax.appearance.scene.file.read_scene` reads a file.
 """

@@ -44,7 +44,7 @@ def _lit(
 
 
 @eqx.filter_jit
-def _mirrored(material: Material, view: Array, beyond: Array) -> Float[Array, "points bands"]:
+def _mirror_light(material: Material, view: Array, beyond: Array) -> Float[Array, "points bands"]:
     return material.mirror(view) * beyond
 
 
@@ -97,7 +97,8 @@ def radiance(
     Args:
         levels: of `rays.trace`.
         materials: prepared, in the order of the numbers in the levels; None for those that are not
-        seen. lights, background: spectra.
+            seen.
+        lights, background: spectra.
         indirect: of each level, light that falls on its points from other surfaces, (points,
             bands), or None.
 
@@ -138,7 +139,7 @@ def _add_lights(
 ) -> Array:
     rows, which = lit_pairs(level, mine)
     for piece, size in _pieces(rows.size):
-        r, k = _filled(rows[piece], size), _filled(which[piece], size)
+        r, k = _pad_with_first(rows[piece], size), _pad_with_first(which[piece], size)
         strength = np.where(np.arange(size) < len(rows[piece]), level.strength[r, k], 0.0)
         pairs = (
             k,
@@ -156,7 +157,7 @@ def _add_indirect(
     own: Array, level: Level, mine: np.ndarray, material: Material, around: Array
 ) -> Array:
     for piece, size in _pieces(mine.size):
-        rows = _filled(mine[piece], size)
+        rows = _pad_with_first(mine[piece], size)
         there = np.arange(size) < len(mine[piece])
         sent = _spread(
             material, jnp.asarray(level.cos_view[rows]), jnp.asarray(level.uv[rows]), around[rows]
@@ -170,10 +171,10 @@ def _add_mirror(
 ) -> Array:
     children = np.flatnonzero(level.material[child.parent] == number)
     for piece, size in _pieces(children.size):
-        chosen = _filled(children[piece], size)
+        chosen = _pad_with_first(children[piece], size)
         there = np.arange(size) < len(children[piece])
         rows = child.parent[chosen]
-        shown = _mirrored(material, jnp.asarray(level.cos_view[rows]), beyond[chosen])
+        shown = _mirror_light(material, jnp.asarray(level.cos_view[rows]), beyond[chosen])
         own = own.at[rows].add(jnp.where(there[:, None], shown, 0.0))
     return own
 
@@ -186,7 +187,7 @@ def _pieces(count: int) -> list[tuple[slice, int]]:
     return pieces
 
 
-def _filled(values: np.ndarray, size: int) -> np.ndarray:
+def _pad_with_first(values: np.ndarray, size: int) -> np.ndarray:
     """Values with the first one repeated at the end."""
     return np.concatenate([values, np.repeat(values[:1], size - len(values))])
 

@@ -78,11 +78,11 @@ class Plane:
         point: the centre of the rectangle, or any point of an endless plane.
         normal: the side that is painted; the other side looks the same.
         size: width and height of the rectangle; None for an endless plane, whose u and v count
-        units of length. up: direction of the height, as far as it lies in the plane; any if it is
-        along the normal. relief: (h, w), how far the surface stands out along the normal, below 0
-        for what is sunk, in the unit of
-            length of the scene; the first row is on top and the outermost values lie on the rim.
-            For `path_trace` alone.
+            units of length.
+        up: direction of the height, as far as it lies in the plane; any if it is along the normal.
+        relief: (h, w), how far the surface stands out along the normal, below 0 for what is sunk,
+            in the unit of length of the scene; the first row is on top and the outermost values lie
+            on the rim. For `path_trace` alone.
 
     Raises:
         ValueError: a vector that is none, a size that is not above 0, or a relief that is no such

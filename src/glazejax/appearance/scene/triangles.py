@@ -2,8 +2,9 @@
 double precision.
 
 trimesh asks Embree where embreex is installed, and searches itself otherwise, much slower. Embree
-counts in single precision: a ray may be said to meet the triangle that it starts from, and then
-looks again from a little further on.
+counts in single
+precision: a ray may be said to meet the triangle that it starts from, and then looks again from a
+little further on.
 """
 
 from collections.abc import Sequence

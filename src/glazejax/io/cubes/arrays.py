@@ -7,7 +7,7 @@ import numpy as np
 
 from ..formats.envi import EnviFile
 from ..read import envi_file
-from ..source import explained, refusal
+from ..source import explain_errors, refusal
 from .axes import axes_of
 from .raw import OnDisk, RawCube
 
@@ -39,7 +39,7 @@ def envi_cube(path: Path, count: int | None = None) -> RawCube:
     return RawCube(
         path=envi.path,
         format="ENVI image",
-        data=OnDisk(_mapped, envi.path, envi.data),
+        data=OnDisk(_map_numbers, envi.path, envi.data),
         order=(0, 1, 2),
         shape=(int(raw.shape[0]), int(raw.shape[1]), int(raw.shape[2])),
         dtype=raw.dtype,
@@ -53,11 +53,11 @@ def envi_cube(path: Path, count: int | None = None) -> RawCube:
     )
 
 
-def _mapped(header: Path, data: Path) -> np.ndarray:
+def _map_numbers(header: Path, data: Path) -> np.ndarray:
     """Numbers of an ENVI image, (lines, samples, bands)."""
-    from ..source import opened
+    from ..source import open_source
 
-    with opened(header) as source:
+    with open_source(header) as source:
         return EnviFile(source, data).mapped()
 
 
@@ -132,7 +132,7 @@ def _npy(path: Path) -> np.ndarray:
     Raises:
         ValueError: it is none, or was cut short.
     """
-    with explained(path):
+    with explain_errors(path):
         try:
             return np.load(path, mmap_mode="r", allow_pickle=False)
         except ValueError as error:

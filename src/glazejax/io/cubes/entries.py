@@ -14,7 +14,7 @@ from jaxtyping import Float
 
 from ..finish import nanometres
 from ..source import refusal
-from ..spectra_table import listed
+from ..spectra_table import list_names
 from .axes import axes_of
 from .raw import OnDisk, RawCube
 
@@ -125,7 +125,7 @@ def _image(path: Path, entries: Sequence[Entry], dataset: str | None, count: int
         for entry in entries
         if len(entry.shape) == 3 and entry.dtype.kind in "fiu" and 0 not in entry.shape
     ]
-    known = listed([f"{entry.name or '(the array itself)'} {entry.shape}" for entry in cubes])
+    known = list_names([f"{entry.name or '(the array itself)'} {entry.shape}" for entry in cubes])
     if dataset is not None:
         wanted = dataset.strip("/")
         chosen = [entry for entry in cubes if entry.name == wanted] or [

@@ -6,7 +6,7 @@ import hashlib
 from pathlib import Path
 
 from ..sniff import header_beside
-from ..source import explained
+from ..source import explain_errors
 
 _END = 1 << 20
 # A file up to this size, such as a header or the metadata of a store, is hashed whole.
@@ -27,7 +27,7 @@ def quick_source_hash(path: str | Path) -> str:
     """
     path = Path(path)
     told = hashlib.sha256()
-    with explained(path):
+    with explain_errors(path):
         if path.is_dir():
             files = sorted(file for file in path.rglob("*") if file.is_file())
             for file in files:

@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ..finish import nanometres
-from ..source import explained, opened, refusal
+from ..source import explain_errors, open_source, refusal
 
 
 def read_numbers(given: tuple[float, ...] | Path) -> Float[np.ndarray, "stored"]:
@@ -43,7 +43,7 @@ def column(path: Path) -> Float[np.ndarray, "rows"]:
         ValueError: not numbers.
     """
     if path.suffix.lower() == ".npy":
-        with explained(path):
+        with explain_errors(path):
             try:
                 values = np.load(path, allow_pickle=False)
             except ValueError as error:
@@ -54,7 +54,7 @@ def column(path: Path) -> Float[np.ndarray, "rows"]:
                 f"an array of shape {values.shape} and type {values.dtype}, not a row of numbers",
             )
         return values.astype(np.float64).ravel()
-    with opened(path) as source:
+    with open_source(path) as source:
         text = source.text()
     words = [
         word

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from ..sniff import identify
-from ..source import explained, opened, refusal
+from ..source import explain_errors, open_source, refusal
 from .arrays import envi_cube, npy_cube
 from .raw import RawCube, whole
 from .stores import classic_cube, hdf5_cube, zarr_cube
@@ -26,10 +26,10 @@ def raw_cube(path: Path, dataset: str | None = None, count: int | None = None) -
     stored = path.is_dir() and any((path / name).exists() for name in _ZARR)
     head, known = b"", True
     if not path.is_dir():
-        with opened(path) as source:
+        with open_source(path) as source:
             head = source.head
             known = head.startswith(_HEADS) or identify(source) in ("envi header", "envi data")
-    with explained(path), whole(path):
+    with explain_errors(path), whole(path):
         if stored or (head.startswith(_ZIP) and path.suffix.lower() == ".zip"):
             return zarr_cube(path, dataset, count)
         if head.startswith(_HDF5):

@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from ...extras import require
-from ..source import explained, is_there, opened, refusal
+from ..source import explain_errors, is_there, open_source, refusal
 from .tiffs import TIFF
 
 if TYPE_CHECKING:
@@ -41,7 +41,7 @@ def read_mask(path: str | Path, image: Any) -> Bool[np.ndarray, "y x"]:
     shape = tuple(image) if not hasattr(image, "dims") else image.shape[:2]
     attributes = getattr(image, "attrs", {})
     whole = tuple(attributes.get("shape_in_file", shape))[:2]
-    with opened(path) as source:
+    with open_source(path) as source:
         head = source.head[:64]
         picture = head.startswith((b"\x89PNG", *TIFF, b"BM", b"\xff\xd8", b"GIF8"))
         text = "" if picture else source.text()
@@ -80,7 +80,7 @@ def _picture(path: Path) -> Bool[np.ndarray, "y x"]:
     require("PIL")
     from PIL import Image, UnidentifiedImageError
 
-    with explained(path):
+    with explain_errors(path):
         try:
             with Image.open(path) as picture:
                 if picture.mode == "P":
@@ -191,7 +191,8 @@ class Spot(NamedTuple):
         wavelengths: (bands,), nm.
         reflectance: (bands,), mean over the pixels that have data; NaN where none has.
         deviation: (bands,), standard deviation of one pixel about that mean; NaN where fewer than
-        two have data. pixels: how many have data at any band.
+            two have data.
+        pixels: how many have data at any band.
     """
 
     wavelengths: Float[np.ndarray, "bands"]

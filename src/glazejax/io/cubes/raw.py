@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from ..cube import is_mark
-from ..source import refusal, shown
+from ..source import refusal, show_path
 
 # Bytes of a mapped file that are let go together.
 _MAPPED = 1 << 26
@@ -38,7 +38,7 @@ def whole(path: Path) -> Iterator[None]:
             path, "what is asked for does not fit into this machine's memory; is the file whole?"
         ) from None
     except Exception as error:
-        told = isinstance(error, ValueError | OSError) and shown(path) in str(error)
+        told = isinstance(error, ValueError | OSError) and show_path(path) in str(error)
         if told or (isinstance(error, OSError) and error.strerror is not None):
             raise
         raise refusal(path, f"cannot be read; is the file whole? {error}") from error

@@ -91,12 +91,11 @@ def _reference(
         raise refusal(
             path,
             f"the {what} reference is {height} lines x {width} samples; the cube is {lines} x "
-            f"{samples}: give a frame "
-            "of the same width, one of the same size, or one spectrum",
+            f"{samples}: give a frame of the same width, one of the same size, or one spectrum",
         )
     if height > 1:
         notes.append(f"the {what} reference is the mean of its {height} lines")
-    return Reference(_averaged(frame))
+    return Reference(_average_lines(frame))
 
 
 def _spectrum(path: Path) -> Float[np.ndarray, "stored"] | None:
@@ -108,7 +107,7 @@ def _spectrum(path: Path) -> Float[np.ndarray, "stored"] | None:
     return None
 
 
-def _averaged(frame: RawCube) -> Float[np.ndarray, "1 samples stored"]:
+def _average_lines(frame: RawCube) -> Float[np.ndarray, "1 samples stored"]:
     """Mean over the lines; saturated and missing readings are left out."""
     lines, samples, count = frame.shape
     total, seen = np.zeros((samples, count)), np.zeros((samples, count), np.int64)

@@ -33,7 +33,8 @@ class CubeSource:
     Attributes:
         path: ENVI header or data, a zarr store, NetCDF or HDF5, TIFF or a folder of TIFFs, or .npy.
         wavelengths: nm, one a stored band, where the file has none; numbers or a text file of
-        numbers. dataset: of a zarr, NetCDF or HDF5 file; left out, the one array that can be meant.
+            numbers.
+        dataset: of a zarr, NetCDF or HDF5 file; left out, the one array that can be meant.
         white: reading of a white: a cube of the same size, a frame of the same width (averaged over
             its lines), or one spectrum. With it reflectance is (raw - dark) / (white - dark) times
             `white_reflectance`, NaN where the white is not above the dark.
@@ -42,7 +43,8 @@ class CubeSource:
         scale: value that stands for a reflectance of 1, where the file does not say.
         window: first line, end line, first sample, end sample; counted from 0, ends not included.
         binning: lines, samples and bands of which the mean is taken; what does not fill a bin is
-        left out. bands: nm, first and last wavelength that are used.
+            left out.
+        bands: nm, first and last wavelength that are used.
     """
 
     path: Path
@@ -261,8 +263,7 @@ def _window(
         raise refusal(
             raw.path,
             f"the window of lines {y0}:{y1} and samples {x0}:{x1} does not lie in the image of "
-            f"{lines} lines x "
-            f"{samples} samples",
+            f"{lines} lines x {samples} samples",
         )
     for size, each, what in ((y1 - y0, binning[0], "lines"), (x1 - x0, binning[1], "samples")):
         if each > size:

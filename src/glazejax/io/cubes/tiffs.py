@@ -11,8 +11,8 @@ import numpy as np
 from jaxtyping import Float
 
 from ...extras import require
-from ..source import explained, refusal
-from ..spectra_table import listed
+from ..source import explain_errors, refusal
+from ..spectra_table import list_names
 from .axes import axes_of
 from .raw import OnDisk, RawCube, whole
 
@@ -48,7 +48,7 @@ def tiff_cube(path: Path, count: int | None) -> RawCube:
 
     with tifffile.TiffFile(path) as file:
         series = file.series[0]
-        wavelengths = _described(file)
+        wavelengths = _wavelengths_of_metadata(file)
         place = _place(file)
         if len(series.shape) == 3:
             names = tuple({"Y": "y", "X": "x"}.get(letter, "band") for letter in series.axes)
@@ -60,7 +60,7 @@ def tiff_cube(path: Path, count: int | None) -> RawCube:
             pages = [page for page in file.pages]
             sizes = {(page.shape, page.dtype) for page in pages}
             if len(sizes) > 1 or len(pages[0].shape) != 2 or len(pages) < 2:
-                told = listed([f"{shape} {dtype}" for shape, dtype in sorted(sizes, key=str)])
+                told = list_names([f"{shape} {dtype}" for shape, dtype in sorted(sizes, key=str)])
                 raise refusal(
                     path,
                     f"not an image of several bands of one size and type: {len(pages)} pages of "
@@ -71,7 +71,7 @@ def tiff_cube(path: Path, count: int | None) -> RawCube:
             piece = (piece[0], piece[1], 1)
             data = OnDisk(_pages, path, len(pages), one_at_a_time=piece != (1, 1, 1))
             dtype = pages[0].dtype
-    dtype = _checked(path, dtype)
+    dtype = _check_type(path, dtype)
     if wavelengths is not None and wavelengths.size != shape[2]:
         wavelengths = None
     return RawCube(
@@ -101,14 +101,16 @@ def tiff_folder(path: Path, count: int | None) -> RawCube:
     files = sorted(file for file in path.iterdir() if file.suffix.lower() in (".tif", ".tiff"))
     if not files:
         raise refusal(path, "a folder without an image: no zarr store, and no TIFF file in it")
-    wavelengths = None if count is not None else _named([file.stem for file in files])
+    wavelengths = (
+        None if count is not None else _wavelengths_of_names([file.stem for file in files])
+    )
     if wavelengths is not None:
         files = [files[i] for i in np.argsort(wavelengths, kind="stable")]
         wavelengths = np.sort(wavelengths)
     first, memory = None, False
     place: dict[str, Any] = {}
     for file in files:
-        with explained(file), whole(file), tifffile.TiffFile(file) as tiff:
+        with explain_errors(file), whole(file), tifffile.TiffFile(file) as tiff:
             page = tiff.pages[0]
             size = (tuple(tiff.series[0].shape), tiff.series[0].dtype)
             if first is None:
@@ -119,7 +121,7 @@ def tiff_folder(path: Path, count: int | None) -> RawCube:
                     file, f"{size[0]} {size[1]} where {files[0].name} has {first[0]} {first[1]}"
                 )
     assert first is not None
-    (lines, samples), dtype = first[0], _checked(path, first[1])
+    (lines, samples), dtype = first[0], _check_type(path, first[1])
     piece = _piece(_array(files[0], None), (0, 1, 0))
     data = OnDisk(_files, *files, one_at_a_time=not memory)
     shape = (lines, samples, len(files))
@@ -137,7 +139,7 @@ def tiff_folder(path: Path, count: int | None) -> RawCube:
     )
 
 
-def _checked(path: Path, dtype: Any) -> np.dtype[Any]:
+def _check_type(path: Path, dtype: Any) -> np.dtype[Any]:
     """The type of a file's numbers, if they can be readings."""
     if dtype is None or dtype.kind not in "fiu":
         raise refusal(path, f"numbers of type {dtype}, not readings")
@@ -175,7 +177,7 @@ def _piece(array: Any, order: tuple[int, int, int]) -> tuple[int, int, int]:
     return (1, 1, 1) if chunks is None else (chunks[order[0]], chunks[order[1]], chunks[order[2]])
 
 
-def _described(file: Any) -> Float[np.ndarray, "stored"] | None:
+def _wavelengths_of_metadata(file: Any) -> Float[np.ndarray, "stored"] | None:
     """Wavelengths that a file says itself: in tifffile's or ImageJ's metadata, or with
     each page.
     """
@@ -197,7 +199,7 @@ def _described(file: Any) -> Float[np.ndarray, "stored"] | None:
     return np.array([float(each[0]) for each in found])
 
 
-def _named(names: list[str]) -> Float[np.ndarray, "files"] | None:
+def _wavelengths_of_names(names: list[str]) -> Float[np.ndarray, "files"] | None:
     """Wavelengths in the names of files: the number before ``nm``, else the last that can be one in
     all names.
     """

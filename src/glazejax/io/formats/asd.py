@@ -39,8 +39,7 @@ def read_asd(source: Source) -> RawSpectra:
     if code >= len(_KINDS) or number not in _NUMBERS or not (channels and start > 0 and step > 0):
         raise source.error(
             f"an ASD file that was cut short or is damaged: its header has type {code}, number "
-            f"format {number} and "
-            f"{channels} channels from {start:g} nm in steps of {step:g} nm"
+            f"format {number} and {channels} channels from {start:g} nm in steps of {step:g} nm"
         )
     kind = _KINDS[code]
     if kind not in ("ref", "raw", "abs"):

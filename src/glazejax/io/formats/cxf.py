@@ -89,9 +89,8 @@ def read_cxf(source: Source) -> RawSpectra:
             if grid is not None and (here.size != grid.size or (here != grid).any()):
                 raise source.error(
                     f"{name!r} is on {here[0]:g}-{here[-1]:g} nm ({here.size} bands) and "
-                    f"{names[0]!r} on "
-                    f"{grid[0]:g}-{grid[-1]:g} nm ({grid.size} bands); a table has one grid: "
-                    "export them apart"
+                    f"{names[0]!r} on {grid[0]:g}-{grid[-1]:g} nm ({grid.size} bands); a table "
+                    "has one grid: export them apart"
                 )
             grid = here
             names.append(name)
@@ -157,8 +156,7 @@ def format_cxf(table: SpectraTable) -> bytes:
         )
         raise ValueError(
             f"CxF3 holds wavelengths that begin at {_FIRST[0]} to {_FIRST[1]} nm and go in equal "
-            "whole steps, not "
-            f"{describe_grid(table.wavelengths)}: {way}"
+            f"whole steps, not {describe_grid(table.wavelengths)}: {way}"
         )
     from xsdata.models.datatype import XmlDateTime
 

@@ -11,7 +11,7 @@ from jaxtyping import Float, Int
 from ...spectra import validate_wavelengths
 from ..cube import SpectraCube, with_gaps
 from ..finish import RawSpectra, in_order, nanometres, unit_of
-from ..source import Source, explained, is_there, opened, refusal, shown
+from ..source import Source, explain_errors, is_there, open_source, refusal, show_path
 from ..spectra_table import SpectraTable
 
 _NEEDED = ("samples", "lines", "bands", "data type", "interleave", "byte order")
@@ -111,8 +111,7 @@ class EnviFile:
         if kind is None or order > 1:
             raise self.error(
                 f"the ENVI header is not legal: data type {self.header['data type']}, byte order "
-                f"{order}; known are "
-                f"{', '.join(map(str, _TYPES))}, and 0 and 1"
+                f"{order}; known are {', '.join(map(str, _TYPES))}, and 0 and 1"
             )
         if kind.startswith("c"):
             raise self.error("the data are complex numbers, not reflectance")
@@ -124,7 +123,7 @@ class EnviFile:
         self._dtype = np.dtype(("<", ">")[order] + kind)
         self.data: Path = data or self._data_beside()
         needed = self._offset + prod(self.sizes.values()) * self._dtype.itemsize
-        with opened(self.data) as found:
+        with open_source(self.data) as found:
             size = found.size
         if size is None or size < needed:
             raise refusal(
@@ -136,8 +135,7 @@ class EnviFile:
             raise refusal(
                 self.data,
                 f"{size} bytes where the header {self.path.name} promises {needed}: are its "
-                "samples, lines, bands, "
-                "data type and header offset right?",
+                "samples, lines, bands, data type and header offset right?",
             )
 
     def error(self, complaint: object) -> ValueError:
@@ -187,7 +185,7 @@ class EnviFile:
             and len(column) == count
             and title not in ("spectra names", "wavelength", "fwhm")
         }
-        with explained(self.data), self.data.open("rb") as file:
+        with explain_errors(self.data), self.data.open("rb") as file:
             # Read, not mapped: on a failing disk a map ends the process.
             stored = np.empty(count * width, self._dtype)
             file.seek(self._offset)
@@ -259,7 +257,7 @@ class EnviFile:
         not read.
         """
         axes, order = _AXES[self.interleave]
-        with explained(self.data):
+        with explain_errors(self.data):
             shape = tuple(self.sizes[axis] for axis in axes)
             return np.memmap(self.data, self._dtype, "r", self._offset, shape).transpose(order)
 
@@ -278,7 +276,7 @@ class EnviFile:
             if name != self.path and is_there(name):
                 return name
         raise FileNotFoundError(
-            f"{shown(self.path)}: no data beside this ENVI header; looked for {stem.name} and "
+            f"{show_path(self.path)}: no data beside this ENVI header; looked for {stem.name} and "
             f"{stem.name}.sli, .img, ..."
         )
 

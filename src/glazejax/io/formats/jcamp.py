@@ -218,7 +218,7 @@ def _steps(
     # whether the line above ended in a difference, and its last ordinate begins the next line
     differs = False
     for line, text in block.data:
-        x, digits, row, ends_so = _packed(text) if packed else _plain(text)
+        x, digits, row, ends_so = _unpack(text) if packed else _plain(text)
         if row is None:
             raise source.error(
                 f"{name!r} is damaged: {text[:40]!r} are not an abscissa and ordinates", line
@@ -257,7 +257,7 @@ def _plain(text: str) -> tuple[float, int, array | None, bool]:
     return float(words[0]), _decimals(words[0]), array("d", map(float, words[1:])), False
 
 
-def _packed(text: str) -> tuple[float, int, array | None, bool]:
+def _unpack(text: str) -> tuple[float, int, array | None, bool]:
     """The same of a line of packed numbers, and whether it ends in a difference."""
     begin = _FIRST.match(text)
     if begin is None:

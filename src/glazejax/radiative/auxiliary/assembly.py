@@ -2,7 +2,7 @@
 section 3).
 
 `direct` is the conventional assembly: each of the Q x Q entries is its own double quadrature, over
-the segment and over the directions. `decomposed` makes the same matrix from Q numbers of H and 2Q -
+the segment and over the directions. `decompose` makes the same matrix from Q numbers of H and 2Q -
 1 of U, exactly (section 4.1).
 """
 
@@ -42,7 +42,7 @@ class Operator(NamedTuple):
     k: Float[Array, "stacks"]
 
 
-def decomposed(
+def decompose(
     step: Float[Array, "stacks"], count: Int[Array, "stacks"], most: int, refractive_index: float
 ) -> Operator:
     """From Q numbers of H, 2Q - 1 of U and 2Q of M and M' for each stack, all exact.
@@ -62,7 +62,7 @@ def decomposed_numbers(
     step: Float[Array, "stacks"], count: Int[Array, "stacks"], most: int, refractive_index: float
 ) -> tuple[Array, Array, Array, Array, Array]:
     """The numbers themselves, for all stacks at once and without a matrix; arguments as of
-    `decomposed`.
+    `decompose`.
 
     Returns:
         First row of H, (stacks, n); U along its anti-diagonals, (stacks, 2n - 1); M and M', (n,
@@ -95,7 +95,7 @@ def direct(
         """All entries of one stack."""
         node = (index + 0.5) * dh
 
-        def integrated(distance, mu: Array, weight: Array) -> Array:
+        def integrate(distance, mu: Array, weight: Array) -> Array:
             def add(k: Array, total: Array) -> Array:
                 for position, share in zip(y, w, strict=True):
                     s = (index + position) * dh
@@ -107,7 +107,7 @@ def direct(
             return jax.lax.fori_loop(0, mu.size, add, jnp.zeros((most, most), dh.dtype))
 
         smallest = 0.5 * dh / _NEGLIGIBLE_DEPTH
-        matrix = integrated(
+        matrix = integrate(
             lambda node, s: jnp.abs(node - s), *_grazing(1.0, smallest, _GRAZING_NODES)
         )
         matrix = jnp.where(np.eye(most, dtype=bool), _own(node, dh), matrix)
@@ -118,7 +118,7 @@ def direct(
                 jnp.asarray(a, dh.dtype) for a in cone_nodes(refractive_index, _CONE_NODES)
             )
             mu, weight = jnp.concatenate([mu, cone]), jnp.concatenate([weight, w_cone * r / cone])
-            matrix = matrix + integrated(lambda node, s: node + s, mu, weight)
+            matrix = matrix + integrate(lambda node, s: node + s, mu, weight)
         return matrix
 
     values = computed_once(lambda: _values(step, count, most, refractive_index), step)
@@ -153,9 +153,9 @@ def _values(step: Array, count: Array, most: int, refractive_index: float) -> tu
     """
     return (
         expn(2, (jnp.arange(most, dtype=step.dtype) + 0.5) * step[:, None]),
-        _reflected(1, 0.5 * step, step, 2 * most, refractive_index),
+        _reflection_integrals(1, 0.5 * step, step, 2 * most, refractive_index),
         expn(3, jnp.arange(most + 1, dtype=step.dtype) * step[:, None]),
-        _reflected(2, count.astype(step.dtype) * step, step, most + 1, refractive_index),
+        _reflection_integrals(2, count.astype(step.dtype) * step, step, most + 1, refractive_index),
     )
 
 
@@ -170,7 +170,9 @@ def _ground(values: tuple[Array, ...], count: Array) -> tuple[Array, Array, Arra
     return m.T, integrated.T, 2.0 * jnp.take_along_axis(j2, own, axis=1)[:, 0]
 
 
-def _reflected(power: int, start: Array, step: Array, terms: int, refractive_index: float) -> Array:
+def _reflection_integrals(
+    power: int, start: Array, step: Array, terms: int, refractive_index: float
+) -> Array:
     """J_p at start + j step, (stacks, terms): total reflection in closed form, the cone by Gauss
     nodes.
     """

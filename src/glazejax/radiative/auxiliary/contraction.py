@@ -36,7 +36,7 @@ def solve_contraction(
     def forward(_, right) -> Array:
         return _conjugate_gradients(apply, weight, jnp.asarray(right))
 
-    def transposed(_, right) -> Array:
+    def transpose(_, right) -> Array:
         # T = S / W with S symmetric, so W (E - T) y = (E - T') (W y).
         right, positive = jnp.asarray(right), weight > 0
         y = _conjugate_gradients(
@@ -44,7 +44,7 @@ def solve_contraction(
         )
         return jnp.where(positive, weight * y, right)
 
-    return jnp.asarray(jax.lax.custom_linear_solve(lambda x: x - apply(x), b, forward, transposed))
+    return jnp.asarray(jax.lax.custom_linear_solve(lambda x: x - apply(x), b, forward, transpose))
 
 
 def _conjugate_gradients(apply: Callable[[Array], Array], weight: Array, b: Array) -> Array:
@@ -55,7 +55,7 @@ def _conjugate_gradients(apply: Callable[[Array], Array], weight: Array, b: Arra
 
     goal = tolerance**2 * dot(b, b)
 
-    def unfinished(state) -> Array:
+    def goes_on(state) -> Array:
         step, _, _, _, rest = state
         return (step < _MOST_STEPS) & jnp.any(rest > goal)
 
@@ -75,7 +75,7 @@ def _conjugate_gradients(apply: Callable[[Array], Array], weight: Array, b: Arra
     # without bound.
     present = weight > 0
     state = (jnp.asarray(0), jnp.zeros_like(b), b, jnp.where(present, b, 0.0), dot(b, b))
-    _, x, residual, _, _ = jax.lax.while_loop(unfinished, advance, state)
+    _, x, residual, _, _ = jax.lax.while_loop(goes_on, advance, state)
     # x + residual = b + T x: one more scattering, which also gives the rows of weight zero their
     # value.
     return x + residual

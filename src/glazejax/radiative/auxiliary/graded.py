@@ -32,7 +32,7 @@ from jaxtyping import Array
 
 from ..common.exponential_integrals import cone_nodes, critical_cosine, expn
 from ..common.fresnel import cos_refracted, dielectric_reflectance
-from ..common.linalg import solve_positive, transposed
+from ..common.linalg import solve_positive, transpose
 from ..common.split import Split
 from ..common.stack_arrays import Stack
 from .panels import Mesh, Panels, decay_integrals, kernel_integrals, layer_panels, own_integrals
@@ -112,7 +112,7 @@ def _system(panels: Panels, light: Stack) -> CollocatedSystem:
     node_to_ground += jnp.einsum("bk,bkn->bn", surface.weights * jnp.exp(-h[:, None] / mu), decays)
     returned = 2.0 * (surface.total * critical**2 * e3[2] + cone(2, 2.0 * h))
     reflected_out = surface.total * critical**2 * e3[1] + cone(2, h)
-    node_to_ground *= _rescaled(node_to_ground, 0.5 - e3[0] + reflected_out - 0.5 * returned, h)
+    node_to_ground *= _rescale(node_to_ground, 0.5 - e3[0] + reflected_out - 0.5 * returned, h)
     open_share = light.ground / (1.0 - light.ground * returned)
     kernel += (
         (2.0 * open_share)[:, None, None] * ground_to_node[..., None] * node_to_ground[:, None]
@@ -135,7 +135,7 @@ def _system(panels: Panels, light: Stack) -> CollocatedSystem:
     arriving = enter * jnp.exp(-rate * h)
     if light.cos_viewing is None:
         beam = columns(decay_integrals(rate[:, None], top, width, rules)) * strength[:, None]
-        beam *= _rescaled(beam, -0.5 * enter * jnp.expm1(-rate * h), h)
+        beam *= _rescale(beam, -0.5 * enter * jnp.expm1(-rate * h), h)
         exit_weight, ground_weight = e2[0] - reflected_up, e3[0] - reflected_out
         factor = jnp.full_like(h, 2.0)
         once = jnp.sum(q * beam * exit_weight, axis=-1)
@@ -161,7 +161,7 @@ def _system(panels: Panels, light: Stack) -> CollocatedSystem:
     )
 
 
-def _rescaled(weights: Array, exact: Array, depth: Array) -> Array:
+def _rescale(weights: Array, exact: Array, depth: Array) -> Array:
     """Factor that gives weights their exact sum; where there is hardly any depth or light they have
     it anyway.
     """
@@ -265,7 +265,7 @@ def _solve(matrix: Array, right: Array) -> Array:
         return solve_positive(matrix, b[..., None])[..., 0]
 
     def solve_transposed(_, b: Array) -> Array:
-        return solve_positive(transposed(matrix), b[..., None])[..., 0]
+        return solve_positive(transpose(matrix), b[..., None])[..., 0]
 
     def product(x: Array) -> Array:
         return jnp.einsum("bij,bj->bi", matrix, x)
@@ -328,7 +328,7 @@ def reflectance_and_gradient(
     """
     system = _system(_stack_panels(stack, mesh), stack)
     forward = _solve(system.matrix, system.exit + system.ground_seen)
-    backward = _solve(transposed(system.matrix), system.beam)
+    backward = _solve(transpose(system.matrix), system.beam)
 
     def stationary(leaves: dict[str, Array]) -> Array:
         moved = stack._replace(**leaves)

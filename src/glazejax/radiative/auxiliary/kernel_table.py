@@ -95,8 +95,8 @@ class KernelTable:
 
         self.e2 = grown(self.e2, half[:segments], lambda x: expn(2, x))
         self.e3 = grown(self.e3, whole[: segments + 1], lambda x: expn(3, x))
-        self.j1 = grown(self.j1, half, lambda x: _reflected(1, x, n))
-        self.j2 = grown(self.j2, whole, lambda x: _reflected(2, x, n))
+        self.j1 = grown(self.j1, half, lambda x: _reflection_integral(1, x, n))
+        self.j2 = grown(self.j2, whole, lambda x: _reflection_integral(2, x, n))
         self.segments = segments
         return self.terms - before
 
@@ -201,7 +201,7 @@ class KernelTable:
         )
 
 
-def _reflected(
+def _reflection_integral(
     power: int, x: Float[np.ndarray, "k"], refractive_index: float
 ) -> Float[np.ndarray, "k"]:
     """J_p(x) in double precision: total reflection in closed form, the cone by Gauss nodes."""

@@ -208,16 +208,15 @@ def _evaluate(albedo, thickness, ground, cosines, how: _How) -> Split:
     )
     thickness = concrete(batch.thickness)
     if thickness is None:
-        return restore(_traced(batch, settings, how))
+        return restore(_solve_traced(batch, settings, how))
     count = np.asarray(_segments(np.sum(np.asarray(thickness, np.float64), axis=1), settings))
     most = int(count.max(initial=1))
     if most > MOST_SEGMENTS:
         thickest = float(np.sum(thickness, axis=1).max())
         raise ValueError(
             f"an optical thickness of {thickest:g} at step {step:g} needs {most} segments, more "
-            f"than {MOST_SEGMENTS}; "
-            f"use a step of {thickest / MOST_SEGMENTS:.2g} or more, or stack_reflectance_factor, "
-            "which has no steps"
+            f"than {MOST_SEGMENTS}; use a step of {thickest / MOST_SEGMENTS:.2g} or more, or "
+            "stack_reflectance_factor, which has no steps"
         )
     if segments is not None and most > segments:
         raise ValueError(
@@ -411,32 +410,30 @@ def _vectors(table: KernelTable | None, settings: GridSettings):
         return lambda most: (table.e3[:most], table.j2[: 2 * most - 1])
     toeplitz, hankel = table.toeplitz, table.hankel
 
-    def printed(most: int):
+    def print_step(most: int):
         m = (table.e2[:most], table.j1[: 2 * most], table.e3[: most + 1], table.j2[: 2 * most + 1])
         return toeplitz[:most], hankel[: 2 * most - 1], *m
 
-    return printed
+    return print_step
 
 
-def _traced(batch: Batch, settings: GridSettings, how: _How) -> Split:
+def _solve_traced(batch: Batch, settings: GridSettings, how: _How) -> Split:
     """Under `jax.jit`: as many segments as the table has, or as the caller says."""
     table = how.table
     if settings.variant == "fixed_step":
         if table is None or table.segments == 0:
             raise ValueError(
                 "optical_thickness is traced by jax.jit, so the number of segments is not known; "
-                "give variant "
-                "'fixed_step' a table=KernelTable(refractive_index, step, segments) that is long "
-                "enough, or do not jit"
+                "give variant 'fixed_step' a table=KernelTable(refractive_index, step, segments) "
+                "that is long enough, or do not jit"
             )
         most, reach, longer = table.segments, repr(table), "make a table of more segments"
     else:
         if how.segments is None:
             raise ValueError(
                 "optical_thickness is traced by jax.jit, so the number of segments is not known; "
-                "give segments=, as "
-                "many as the thickest stack needs at this step, or do not jit (variant "
-                f"{settings.variant!r})"
+                "give segments=, as many as the thickest stack needs at this step, or do not jit "
+                f"(variant {settings.variant!r})"
             )
         most, reach, longer = how.segments, f"segments={how.segments}", "give more segments"
         _table(table, settings, most)

@@ -159,7 +159,7 @@ def _galerkin(batch: Batch, count: Array, vectors: tuple, settings: GridSettings
     multiple = jnp.sum(seen * scattered, axis=0) + leaving * jnp.sum(
         seen * append_axes(from_ground, seen), axis=0
     )
-    return _seen(viewing, settings.refractive_index, leaving, single, 0.5 * multiple)
+    return _seen_from_below(viewing, settings.refractive_index, leaving, single, 0.5 * multiple)
 
 
 def _collocation(batch: Batch, count: Array, vectors: tuple, settings: GridSettings) -> Split:
@@ -182,7 +182,7 @@ def _collocation(batch: Batch, count: Array, vectors: tuple, settings: GridSetti
             )
             times = _product(toeplitz, hankel, settings)
         else:
-            assemble = assembly.direct if settings.variant == "direct" else assembly.decomposed
+            assemble = assembly.direct if settings.variant == "direct" else assembly.decompose
             matrix, m, m_integrated, k = assemble(step, held, settings.most, index)
             times = functools.partial(_alone, matrix[0])
 
@@ -224,7 +224,7 @@ def _collocation(batch: Batch, count: Array, vectors: tuple, settings: GridSetti
     multiple = jnp.sum(seen * scattered, axis=0) + leaving * jnp.sum(
         seen * append_axes(from_ground, seen), axis=0
     )
-    return _seen(viewing, index, leaving, single, 0.5 * multiple)
+    return _seen_from_below(viewing, index, leaving, single, 0.5 * multiple)
 
 
 def _solve(apply, weight: Array, once: Array, ground: Array) -> tuple[Array, Array]:
@@ -287,7 +287,9 @@ def _scattered_once(batch: Batch, incident: _Beam, viewing: _Beam) -> Array:
     return 0.5 * total
 
 
-def _seen(viewing: _Beam, index: float, leaving: Array, single: Array, multiple: Array) -> Split:
+def _seen_from_below(
+    viewing: _Beam, index: float, leaving: Array, single: Array, multiple: Array
+) -> Split:
     """Radiance below the surface, by eq. (32), as parts of the reflectance factor."""
     factor = jnp.pi / index**2 * viewing.transmittance / viewing.cosine
     parts = (leaving * viewing.cosine * viewing.decay, single, multiple)

@@ -94,7 +94,8 @@ def on_all_cores(
 
     Args:
         function: maps arrays (entries, ...), and what all parts share, to arrays (entries, ...); it
-        is compiled. batch: arrays that share their first axis.
+            is compiled.
+        batch: arrays that share their first axis.
         fixed: further arguments of the function, fixed when it is compiled.
         least: fewer entries stay together, and no part has less than half as many.
         shared: arrays handed to the function whole, after the batch; None is handed to none.

@@ -191,8 +191,10 @@ def internal_reflection_integral(
     Args:
         power: static, >= 0.
         x: optical depth, (...), >= 0. For power 0 it must be positive: the totally reflected part
-        has a logarithm. refractive_index: n >= 1, a number or an array that broadcasts against x.
-        At n = 1 the result is zero. nodes: of the cone's quadrature, static.
+            has a logarithm.
+        refractive_index: n >= 1, a number or an array that broadcasts against x. At n = 1 the
+            result is zero.
+        nodes: of the cone's quadrature, static.
 
     Returns:
         The integral, broadcast shape. Absolute error some 1e-15 in float64 (relative to its value

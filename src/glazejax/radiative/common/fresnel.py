@@ -150,7 +150,8 @@ def hall_reflectance(
         cos_incidence: cosine of the angle of incidence, (...), in [0, 1].
         normal_reflectance: measured at normal incidence, (...), in [0, 1].
         mean_extinction: mean k over the wavelengths, (...), > 0; `hall_extinction` where it is not
-        known. mean_index: mean n, (...), > 0; 1 where it is not known.
+            known.
+        mean_index: mean n, (...), > 0; 1 where it is not known.
 
     Returns:
         Reflectance in [0, 1], (...).

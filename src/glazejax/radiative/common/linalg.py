@@ -32,7 +32,7 @@ def matmul(a: Float[Array, "... m"], b: Float[Array, "... m n"]) -> Float[Array,
     return jnp.matmul(a, b, precision="highest")
 
 
-def transposed(a: Float[Array, "*batch n m"]) -> Float[Array, "*batch m n"]:
+def transpose(a: Float[Array, "*batch n m"]) -> Float[Array, "*batch m n"]:
     """Matrix transpose."""
     return jnp.swapaxes(a, -1, -2)
 
@@ -55,9 +55,9 @@ def inverse_positive(a: Float[Array, "*batch n n"]) -> Float[Array, "*batch n n"
     across = product(corner, a[..., :half, half:])
     complement = inverse_positive(a[..., half:, half:] - product(a[..., half:, :half], across))
     side = -product(across, complement)
-    upper = jnp.concatenate([corner - product(side, transposed(across)), side], axis=-1)
+    upper = jnp.concatenate([corner - product(side, transpose(across)), side], axis=-1)
     return jnp.concatenate(
-        [upper, jnp.concatenate([transposed(side), complement], axis=-1)], axis=-2
+        [upper, jnp.concatenate([transpose(side), complement], axis=-1)], axis=-2
     )
 
 

@@ -56,7 +56,8 @@ def two_term_henyey_greenstein(
 
     Args:
         forward, backward: mean cosine of each lobe, (...), in (-1, 1); the second is negative for a
-        backward lobe. share: of the first lobe, (...), in [0, 1].
+            backward lobe.
+        share: of the first lobe, (...), in [0, 1].
         terms: as for `henyey_greenstein`.
 
     Raises:
@@ -75,7 +76,9 @@ def two_term_henyey_greenstein(
         )
 
 
-def tabulated(cosines: Numbers, values: Numbers, terms: int = 64) -> Float[Array, "*batch terms"]:
+def moments_of_table(
+    cosines: Numbers, values: Numbers, terms: int = 64
+) -> Float[Array, "*batch terms"]:
     """Moments of a phase function given by its values, taken as linear in the cosine between them.
 
     Args:

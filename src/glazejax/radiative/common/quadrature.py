@@ -88,8 +88,9 @@ def split_range(
         refractive_index: n >= 1, a number (the result is then numpy) or a JAX array (...).
         outside: nodes in the cosine outside, for the directions that can leave.
         below: nodes in the cosine inside over that of the critical angle, for the others; None
-        leaves these out. reach: if given, ``outside`` counts in the variable of `_along_the_rise`
-        instead, over at most this range.
+            leaves these out.
+        reach: if given, ``outside`` counts in the variable of `_along_the_rise` instead, over at
+            most this range.
     """
     xp = array_module(refractive_index)
     n = (

@@ -23,7 +23,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..common.linalg import inverse, inverse_symmetric, matmul, transposed
+from ..common.linalg import inverse, inverse_symmetric, matmul, transpose
 
 
 class Bordered(NamedTuple):
@@ -103,7 +103,7 @@ class Bordered(NamedTuple):
 
     def symmetric(self) -> "Bordered":
         """With the core's two halves averaged: rounding leaves them different."""
-        change = 0.5 * (transposed(self.core) - self.core)
+        change = 0.5 * (transpose(self.core) - self.core)
         edges = [(0, 0)] * (change.ndim - 2) + [
             (0, self.viewing.shape[-1]),
             (0, self.incidence.shape[-1]),

@@ -151,8 +151,7 @@ def _media(stack: GivenStack, count: int) -> float | Media:
     if single is None and len(each) < len(several):
         raise ValueError(
             "refractive_index must be a number here, such as 1.5, or a sequence of one for each "
-            "layer, "
-            "such as (1.5, 1.4): the same for the whole batch"
+            "layer, such as (1.5, 1.4): the same for the whole batch"
         )
     if len(each) != count:
         raise ValueError(
@@ -181,7 +180,7 @@ def factors(
         )
         return _factor(layers, (seen, lit, turned), table, settings)[0, 0, 0]
 
-    return _mapped(one, layers, angles, settings, 1)
+    return _map_stacks(one, layers, angles, settings, 1)
 
 
 @functools.partial(jax.jit, static_argnums=3)
@@ -196,7 +195,7 @@ def tables(
     def one(layers: Layers, _) -> Array:
         return _factor(layers, axes, table, settings)
 
-    return _mapped(one, layers, {}, settings, max(axes[0].size, axes[1].size))
+    return _map_stacks(one, layers, {}, settings, max(axes[0].size, axes[1].size))
 
 
 @functools.partial(jax.jit, static_argnums=3)
@@ -215,7 +214,7 @@ def fluxes(
         )
         return manyflux_joined.flux_of_beam(joined, downward=downward)[0]
 
-    return _mapped(one, layers, angles, settings, 1)
+    return _map_stacks(one, layers, angles, settings, 1)
 
 
 @functools.partial(jax.jit, static_argnums=2)
@@ -232,7 +231,7 @@ def diffuse(layers: Layers, table: GroundTable | None, settings: ProgramSettings
         )
         return manyflux_joined.flux_of_even_light(joined, downward=downward)
 
-    return _mapped(one, layers, {}, settings, 0)
+    return _map_stacks(one, layers, {}, settings, 0)
 
 
 def _factor(
@@ -251,7 +250,7 @@ def _factor(
     return manyflux_joined.factor(joined, turned, effort.modes, downward=downward)
 
 
-def _mapped(
+def _map_stacks(
     function: Callable,
     layers: Layers,
     angles: dict[str, Array],

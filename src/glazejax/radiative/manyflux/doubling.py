@@ -58,7 +58,7 @@ def layer_by_doubling(
         return start
 
     def double(state: tuple[Bordered, Bordered], _):
-        return _doubled(*state), None
+        return _double(*state), None
 
     return jax.lax.scan(double, start, None, length=count)[0]
 
@@ -90,7 +90,7 @@ def reflection_and_loss(even: Bordered, odd: Bordered) -> tuple[Bordered, Border
     return (from_odd - from_even).symmetric(), (from_odd + from_even).symmetric()
 
 
-def _doubled(r: Bordered, loss: Bordered) -> tuple[Bordered, Bordered]:
+def _double(r: Bordered, loss: Bordered) -> tuple[Bordered, Bordered]:
     """Two equal layers: R + T (1 - R R)^-1 R T and 1 - T (1 - R R)^-1 T."""
     t = loss.scaled(-1.0).plus_identity()
     between = (r @ r).scaled(-1.0).plus_identity().symmetric().inverse(often=True)

@@ -88,7 +88,9 @@ def choose_effort(
     if streams is not None and streams < 2:
         raise ValueError(f"streams is {streams}; it must be at least 2")
     kept = kept if streams is None else min(kept, 2 * streams)
-    directions, least = _directions(media, _rounded(sizes[:kept]), tolerance, streams, least_cosine)
+    directions, least = _directions(
+        media, _round_sizes(sizes[:kept]), tolerance, streams, least_cosine
+    )
     count = doublings(THICKEST if thickest is None else thickest, least)
     modes = (
         int(np.flatnonzero(twice[:kept] > _MODE_SHARE * tolerance).max(initial=0)) + 1
@@ -139,6 +141,6 @@ def effort_for_indices(
     )
 
 
-def _rounded(sizes: np.ndarray) -> tuple[float, ...]:
+def _round_sizes(sizes: np.ndarray) -> tuple[float, ...]:
     """Few enough different ones that the search is rarely repeated."""
     return tuple(float(x) for x in np.round(sizes, 4))

@@ -28,7 +28,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..common.kernels import phi, tanh_sech
-from ..common.linalg import inverse, matmul, transposed
+from ..common.linalg import inverse, matmul, transpose
 from ..common.quadrature import gauss
 from .bordered import Bordered
 from .doubling import reflection_and_loss
@@ -58,7 +58,7 @@ def layer_modes(a: Float[Array, "*batch n n"], b: Float[Array, "*batch n n"]) ->
         b: B, symmetric, positive semidefinite.
     """
     squared, shapes = _eigen(a, b)
-    return Eigenvectors(squared, shapes, matmul(transposed(shapes), inverse(a)))
+    return Eigenvectors(squared, shapes, matmul(transpose(shapes), inverse(a)))
 
 
 def layer_by_modes(
@@ -73,7 +73,7 @@ def layer_by_modes(
     modes = layer_modes(a.core, b.core)
     half = 0.5 * thickness[..., None]
     even = b @ _tangent(a @ b, modes.shapes, modes.projection, modes.decay_squared, half)
-    back, into = (transposed(m) for m in (modes.projection, modes.shapes))
+    back, into = (transpose(m) for m in (modes.projection, modes.shapes))
     odd = a @ _tangent(b @ a, back, into, modes.decay_squared, half)
     return reflection_and_loss(even.symmetric(), odd.symmetric())
 
@@ -162,8 +162,8 @@ def second_difference(x: Array, z: Array, y: Array, depth: Array) -> Array:
 def _eigen(a: Array, b: Array) -> tuple[Array, Array]:
     """kappa^2 and W with A = W W^T, W^T B W = diag(kappa^2)."""
     factor = _cholesky(a)
-    reduced = matmul(transposed(factor), matmul(b, factor))
-    squared, vectors = symmetric_eigen(0.5 * (reduced + transposed(reduced)))
+    reduced = matmul(transpose(factor), matmul(b, factor))
+    squared, vectors = symmetric_eigen(0.5 * (reduced + transpose(reduced)))
     return jnp.maximum(squared, 0.0), matmul(factor, vectors)
 
 
@@ -171,10 +171,10 @@ def _eigen(a: Array, b: Array) -> tuple[Array, Array]:
 def _eigen_jvp(primals, tangents):
     a, b = primals
     squared, shapes = _eigen(a, b)
-    across = transposed(shapes)
+    across = transpose(shapes)
     back = matmul(across, inverse(a))
 
-    by_a = matmul(matmul(back, tangents[0]), transposed(back))
+    by_a = matmul(matmul(back, tangents[0]), transpose(back))
     by_b = matmul(matmul(across, tangents[1]), shapes)
     turn = by_b + by_a * squared[..., None, :]
     on_diagonal = np.eye(squared.shape[-1], dtype=bool)

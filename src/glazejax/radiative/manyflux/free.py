@@ -38,7 +38,8 @@ def free_factor(
     Args:
         transmitted: whether the light is seen from below, else from above.
         index_below: refractive index of what lies below, at least 1 and at most that of every
-        layer. cos_viewing: in the medium of the eye: in air, or below where ``transmitted``.
+            layer.
+        cos_viewing: in the medium of the eye: in air, or below where ``transmitted``.
         azimuth: degrees between the horizontal directions of travel; 0 is straight on.
 
     Returns:

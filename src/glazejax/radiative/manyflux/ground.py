@@ -57,8 +57,7 @@ def ground_table(cosines: Numbers, factor: Numbers) -> GroundTable:
     if change > _RECIPROCAL * np.max(values):
         raise ValueError(
             f"factor is not reciprocal: light and eye exchanged change it by up to {change:.3g}; "
-            "average the table "
-            "with its transpose"
+            "average the table with its transpose"
         )
     azimuths = values.shape[-1]
     # The trapezium rule over half a turn; modes beyond the table's resolution are not in it.

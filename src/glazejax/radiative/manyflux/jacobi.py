@@ -50,9 +50,9 @@ def symmetric_eigen(
         tangent = jnp.where(gap < 0, -2.0, 2.0) * beside / jnp.where(nothing, 1.0, root)
         cosine = 1.0 / jnp.sqrt(1.0 + tangent * tangent)
         sine = cosine * tangent
-        work = _turned(work, cosine[..., None], sine[..., None], half, -2)
-        work = _turned(work, cosine[..., None, :], sine[..., None, :], half, -1)
-        vectors = _turned(vectors, cosine[..., None, :], sine[..., None, :], half, -1)
+        work = _rotate(work, cosine[..., None], sine[..., None], half, -2)
+        work = _rotate(work, cosine[..., None, :], sine[..., None, :], half, -1)
+        vectors = _rotate(vectors, cosine[..., None, :], sine[..., None, :], half, -1)
         return work[..., order, :][..., :, order], vectors[..., :, order]
 
     def sweep(state):
@@ -63,11 +63,11 @@ def symmetric_eigen(
         off = jnp.abs(work) * (1.0 - np.eye(size))
         return work, vectors, jnp.max(off - enough * scale), done + 1
 
-    def unfinished(state):
+    def goes_on(state):
         return (state[2] > 0) & (state[3] < _MOST_SWEEPS)
 
     start = (a, vectors, jnp.asarray(jnp.inf, a.dtype), 0)
-    work, vectors, _, _ = jax.lax.while_loop(unfinished, sweep, start)
+    work, vectors, _, _ = jax.lax.while_loop(goes_on, sweep, start)
     values = jnp.diagonal(work, axis1=-2, axis2=-1)
     if spare:  # the row that was added is the eigenvector with its own last component
         own = jnp.abs(vectors[..., -1, :]) > 0.5
@@ -79,7 +79,7 @@ def symmetric_eigen(
     )
 
 
-def _turned(matrix: Array, cosine: Array, sine: Array, half: int, axis: int) -> Array:
+def _rotate(matrix: Array, cosine: Array, sine: Array, half: int, axis: int) -> Array:
     """Rows (or columns) i and i + half turned into each other."""
     first, second = jnp.split(matrix, 2, axis=axis)
     return jnp.concatenate(

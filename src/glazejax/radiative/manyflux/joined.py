@@ -239,7 +239,8 @@ def joined_stack(
         effort: its directions are `SharedSpread`.
         modes: number of azimuth modes.
         table: what the ground reflects in which direction; times the ground's reflectance.
-        Lambertian without. downward: whether light is seen from below.
+            Lambertian without.
+        downward: whether light is seen from below.
     """
     below = () if media.below is None else (media.below,)
     indices = np.array((1.0, *media.layers, *below))

@@ -44,12 +44,12 @@ def manyflux_reflectance_factor(
         albedo: single-scattering albedo of each layer, top first, (..., layers), in [0, 1].
         optical_thickness: (k + s) times thickness, (..., layers), >= 0.
         substrate_reflectance: of the Lambertian ground, as seen from inside the medium, (...), in
-        [0, 1]. phase: Legendre moments of the phase function (`glazejax.radiative.phase`), (terms,)
-        for all layers or
-            (..., layers, terms), where layers may be 1. By default scattering is isotropic. All
-            functions of a batch share one compiled program; a call of its own with another function
-            is compiled anew where that needs other directions or moments. Traced by JAX, all terms
-            are kept, and one program serves every function.
+            [0, 1].
+        phase: Legendre moments of the phase function (`glazejax.radiative.phase`), (terms,) for all
+            layers or (..., layers, terms), where layers may be 1. By default scattering is
+            isotropic. All functions of a batch share one compiled program; a call of its own with
+            another function is compiled anew where that needs other directions or moments. Traced
+            by JAX, all terms are kept, and one program serves every function.
         refractive_index: of all layers, a number in [1, 2.5], or a sequence of one for each layer:
             light is then refracted and reflected between them too.
         cos_incidence, cos_viewing: cosines in air, (...), in (0, 1].

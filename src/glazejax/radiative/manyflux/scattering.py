@@ -11,7 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..common.linalg import matmul, transposed
+from ..common.linalg import matmul, transpose
 from .bordered import Bordered, Diagonal
 
 
@@ -85,7 +85,8 @@ def scattering(
     Args:
         moments: chi_l, (..., terms).
         nodes, viewing, incidence: Lambda_l^m at the nodes and the added directions; batch axes
-        broadcast. roots: sqrt(w) of the nodes, (..., n); added directions count as of weight one.
+            broadcast.
+        roots: sqrt(w) of the nodes, (..., n); added directions count as of weight one.
 
     Returns:
         Bodies of bordered matrices, (..., modes, n + v, n + i), symmetric in form.
@@ -98,18 +99,18 @@ def scattering(
     modes, terms, count = nodes.shape[-3:]
     even = (np.arange(terms) - np.arange(modes)[:, None]) % 2 == 0
     weighed = nodes * roots[..., None, None, :]
-    across = _joined(weighed, incidence)
-    down = _joined(weighed, viewing)
+    across = _append_directions(weighed, incidence)
+    down = _append_directions(weighed, viewing)
     factors = ((2.0 * np.arange(terms) + 1.0) * moments)[..., None, :, None]
 
     def part(wanted: np.ndarray) -> Array:
         kept = jnp.asarray(wanted, factors.dtype)[..., None]
-        return matmul(transposed(down * factors * kept), across * kept)
+        return matmul(transpose(down * factors * kept), across * kept)
 
     c_even, c_odd = part(even), part(~even)
     zeroth = c_even[..., 0, :, :]
-    rows_root = _joined(roots, jnp.ones(down.shape[-1] - count, roots.dtype))
-    columns_root = _joined(roots, jnp.ones(across.shape[-1] - count, roots.dtype))
+    rows_root = _append_directions(roots, jnp.ones(down.shape[-1] - count, roots.dtype))
+    columns_root = _append_directions(roots, jnp.ones(across.shape[-1] - count, roots.dtype))
     # Over the sum of weights, which is one only to the accuracy of the rule where several media
     # share it.
     share = roots / jnp.sum(roots * roots, axis=-1, keepdims=True)
@@ -144,7 +145,7 @@ def rates(
         cosines: of nodes (..., n), directions of viewing (..., v) and of incidence (..., i).
     """
     mu, viewing, incidence = cosines
-    rows, columns = (_joined(mu, other) ** -0.5 for other in (viewing, incidence))
+    rows, columns = (_append_directions(mu, other) ** -0.5 for other in (viewing, incidence))
     scale = albedo[..., None, None] * rows[..., :, None] * columns[..., None, :]
     batch = jnp.broadcast_shapes(scale.shape[:-2], even.shape[:-2])
     along = jnp.broadcast_to(1.0 / viewing, (*batch, viewing.shape[-1]))
@@ -158,7 +159,7 @@ def rates(
     return operator(odd), operator(even)
 
 
-def _joined(nodes: Array, added: Array) -> Array:
+def _append_directions(nodes: Array, added: Array) -> Array:
     """Nodes, then added directions, on the last axis; all other axes broadcast."""
     batch = jnp.broadcast_shapes(nodes.shape[:-1], added.shape[:-1])
     return jnp.concatenate(

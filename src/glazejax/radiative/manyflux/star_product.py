@@ -36,7 +36,7 @@ def join(upper: Slab, lower: Slab) -> Slab:
 
     Source: paper C, equation (14) with its misprints put right.
     """
-    return _joined(upper, lower, (upper.below @ lower.above).scaled(-1.0).plus_identity().inverse())
+    return _join(upper, lower, (upper.below @ lower.above).scaled(-1.0).plus_identity().inverse())
 
 
 def join_in_series(
@@ -73,10 +73,10 @@ def join_in_series(
     for _ in range(order + 1):
         left = back @ left
     bound = (roots @ left) / flux / jnp.maximum(1.0 - largest, 1e-300)
-    return _joined(upper, lower, between), jnp.where(largest < 1, bound, jnp.inf)
+    return _join(upper, lower, between), jnp.where(largest < 1, bound, jnp.inf)
 
 
-def _joined(upper: Slab, lower: Slab, between: Bordered) -> Slab:
+def _join(upper: Slab, lower: Slab, between: Bordered) -> Slab:
     """Two slabs with (1 - R R')^-1 given: how light between them multiplies."""
     downward = between @ upper.down
     upward = lower.above @ downward
@@ -92,10 +92,10 @@ def _joined(upper: Slab, lower: Slab, between: Bordered) -> Slab:
 def join_all(slabs: Slab) -> Slab:
     """Slabs along the leading axis, top first, joined pairwise in parallel."""
 
-    def joined(upper: Slab, lower: Slab) -> Slab:
+    def join_pair(upper: Slab, lower: Slab) -> Slab:
         return join(upper, lower)
 
-    return jax.tree.map(lambda leaf: leaf[-1], jax.lax.associative_scan(joined, slabs))
+    return jax.tree.map(lambda leaf: leaf[-1], jax.lax.associative_scan(join_pair, slabs))
 
 
 def slab_of_layer(reflection: Bordered, loss: Bordered) -> Slab:

@@ -142,7 +142,7 @@ def load_work(ports: Ports, fields: Fields) -> Array:
     )
 
 
-def stored(ports: Ports, fields: Fields) -> Array:
+def stored_energy(ports: Ports, fields: Fields) -> Array:
     """x_F . K x_I of every layer, its far face's continuity included, (layers, batch)."""
     (y0, y1), (u0, u1), (f0, f1) = (jnp.moveaxis(field, 2, 0) for field in fields)
     inside = ports.restoring * y0 * y1 - ports.tanh * f0 * f1 + ports.sech * (y0 * f1 + y1 * f0)
@@ -165,7 +165,7 @@ def by_albedo(
     def work(q, lam, coupling, near, far):
         ports = two_ports(q, lam, coupling, thickness, beams, mirrored)
         here = Fields(near, far, fields.flux)
-        return jnp.sum(load_work(ports, here), axis=-1) - stored(ports, here) + ports.direct
+        return jnp.sum(load_work(ports, here), axis=-1) - stored_energy(ports, here) + ports.direct
 
     rows = product(
         jnp.concatenate([modes.coupling[:, :, None], fields.near, fields.far], axis=2), turning

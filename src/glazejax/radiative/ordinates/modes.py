@@ -211,7 +211,8 @@ def layer_modes(
     Args:
         albedo: q in [0, 1], (...). Derivatives by it are cheaper by `turning`.
         cosines: mu in (0, 1], descending, (..., n). A numpy array (n,) is the fast path: its roots
-        are tabulated. weights: quadrature weights, positive, with sum w = 1, (..., n).
+            are tabulated.
+        weights: quadrature weights, positive, with sum w = 1, (..., n).
 
     Returns:
         `Modes`, arrays (..., n), (..., n, n), (..., n).

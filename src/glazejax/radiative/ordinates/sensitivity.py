@@ -13,10 +13,10 @@ from jaxtyping import Array
 
 from ..common.directions import Resolution, half_range
 from ..common.kernels import decay_integral
-from ..common.linalg import product, transposed
+from ..common.linalg import product, transpose
 from ..common.split import Split
 from ..common.stack_arrays import Stack
-from .layers import Fields, by_albedo, by_thickness, load_work, stored
+from .layers import Fields, by_albedo, by_thickness, load_work, stored_energy
 from .modes import turning
 from .solver import SolvedFields, System, assemble, order, solve
 
@@ -43,7 +43,7 @@ def reflectance_and_gradient(
 
         def stationary(leaf: Array, name: str = name) -> Array:
             moved = stack._replace(**{name: leaf})
-            directions = half_range(_resolved(moved.refractive_index, resolution), resolution)
+            directions = half_range(_resolved_index(moved.refractive_index, resolution), resolution)
             return _stationary(assemble(moved, directions), solution, system.modes.vectors)
 
         # One number a stack: a single forward derivative, a smaller program than a reverse one.
@@ -93,7 +93,7 @@ def _excess(index: Array) -> Array:
     return (index - 1.0) * (index + 1.0)
 
 
-def _resolved(index: Any, resolution: Resolution) -> Any:
+def _resolved_index(index: Any, resolution: Resolution) -> Any:
     """The index, by which directions must not be differentiated where they do not follow the
     interface's rise.
     """
@@ -172,13 +172,13 @@ def _stationary(system: System, solution: SolvedFields, vectors: Array) -> Array
     Sigma is held in directions, delta at the layers' far faces in modes.
     """
     near, far = (
-        product(product(modes, transposed(vectors)), system.modes.vectors)
+        product(product(modes, transpose(vectors)), system.modes.vectors)
         for modes in (solution.fields.near, solution.fields.far)
     )
     fields = Fields(near, far, solution.fields.flux)
     inside = (
         jnp.sum(load_work(system.ports, fields), axis=-1)
-        - stored(system.ports, fields)
+        - stored_energy(system.ports, fields)
         + system.ports.direct
     )
     ends = system.ends

@@ -36,7 +36,7 @@ from jaxtyping import Array
 
 from ..common.directions import Resolution, half_range
 from ..common.fresnel import cos_refracted, dielectric_reflectance
-from ..common.linalg import inverse_positive, product, transposed
+from ..common.linalg import inverse_positive, product, transpose
 from ..common.quadrature import Directions
 from ..common.stack_arrays import Stack
 from .layers import Beams, Fields, Ports, two_ports
@@ -217,7 +217,7 @@ def _outermost(ends: Ends, layer: _Layer) -> tuple[Array, Array]:
         vectors[0] * jnp.broadcast_to(ends.ground_vector, (batch, n))[..., None], axis=-2
     )
     ground = ends.ground_factor[:, None] * seen
-    impedance = product(transposed(vectors), diagonal[..., None] * vectors)
+    impedance = product(transpose(vectors), diagonal[..., None] * vectors)
     from_ground = ends.ground_light[..., None] * ground[:, None]
     coupled = ground[..., :, None] * seen[..., None, :]
     if halves == 1:
@@ -225,7 +225,7 @@ def _outermost(ends: Ends, layer: _Layer) -> tuple[Array, Array]:
     rough = jnp.zeros_like(coupled)
     if ends.coupled is not None:
         rough = product(
-            transposed(vectors[1]),
+            transpose(vectors[1]),
             product(jnp.broadcast_to(-ends.coupled, coupled.shape), vectors[1]),
         )
     from_above = product(ends.interface_load, vectors[1])
@@ -235,7 +235,7 @@ def _outermost(ends: Ends, layer: _Layer) -> tuple[Array, Array]:
 def _next(half: _Half, layer: _Layer) -> tuple[Array, Array]:
     """Scaled impedance r Y^T Z Y r and source r Y^T s of a half in the modes of its next layer."""
     vectors = layer.vectors * layer.scale[..., None, :]
-    return product(transposed(vectors), product(half.impedance, vectors)), product(
+    return product(transpose(vectors), product(half.impedance, vectors)), product(
         half.source, vectors
     )
 
@@ -258,7 +258,7 @@ def _eliminate(impedance: Array, source: Array, layer: _Layer) -> tuple[_Half, A
     outward = through[..., :, None] * admittance * through[..., None, :] + _diagonal(
         layer.restoring
     )
-    back = transposed(layer.vectors)
+    back = transpose(layer.vectors)
     loads = product(layer.near + through[..., None, :] * passed, back)
     half = _Half(product(layer.vectors, product(outward, back)), loads)
     return half, jnp.sum(gain, axis=(0, -1)), _Memory(inverse, admittance, source, passed)
@@ -273,7 +273,7 @@ def _recover(sigma: Array, layer: _Layer, memory: _Memory) -> tuple[Array, Field
     driven = layer.sech[..., None, :] * near / scale
     far = scale * product(driven + layer.thickness[..., None, None] * memory.source, memory.inverse)
     flux = (product(driven, memory.admittance) - memory.passed) / scale
-    return product(far, transposed(layer.vectors)), Fields(near, far, flux)
+    return product(far, transpose(layer.vectors)), Fields(near, far, flux)
 
 
 class SolvedFields(NamedTuple):

@@ -198,12 +198,15 @@ def plan_stacks(
 
     Args:
         albedo, optical_thickness: of each layer, top first, (..., layers); as
-        `stack_reflectance_factor`. substrate_reflectance: of the Lambertian ground, from inside the
-        medium, (...).
+            `stack_reflectance_factor`.
+        substrate_reflectance: of the Lambertian ground, from inside the medium, (...).
         refractive_index: of all layers, (...); one value for all stacks is the fast path, as a
-        number or not. cos_incidence, cos_viewing: cosines in air, (...); cos_viewing None asks for
-        the hemispherical reflectance. tolerance: absolute error wanted of the solver. All savings
-        together change a result by no more than that. savings: which savings to make.
+            number or not.
+        cos_incidence, cos_viewing: cosines in air, (...); cos_viewing None asks for the
+            hemispherical reflectance.
+        tolerance: absolute error wanted of the solver. All savings together change a result by no
+            more than that.
+        savings: which savings to make.
         band_weights: if only the sums over the last batch axis times these weights matter, such as
             illuminant times colour matching functions, (bands, channels). No channel then moves, by
             bands left out, by more than half the tolerance times the sum of its weights'
@@ -231,19 +234,21 @@ def plan_stacks(
         cos_incidence,
         cos_viewing,
     )
-    known = {n: _known(n, v) for n, v in zip(_ARGUMENTS, arguments, strict=True) if v is not None}
+    known = {
+        n: _check_known(n, v) for n, v in zip(_ARGUMENTS, arguments, strict=True) if v is not None
+    }
     given = batch_of_stacks(known, xp=np, dtype=float)
     shape = given.batch
     size = int(np.prod(shape))
     ask = (
         np.ones(size, bool)
         if wanted is None
-        else np.broadcast_to(_known("wanted", wanted, bool), shape).reshape(-1)
+        else np.broadcast_to(_check_known("wanted", wanted, bool), shape).reshape(-1)
     )
     compute = ask if savings.unwanted else np.ones(size, bool)
     due, kept = int(compute.sum()), None
     if band_weights is not None:
-        weights = _known("band_weights", band_weights)
+        weights = _check_known("band_weights", band_weights)
         if weights.ndim != 2 or weights.shape[:1] != shape[-1:]:
             raise ValueError(
                 f"band_weights {weights.shape} do not fit bands as the last axis of the batch "
@@ -267,17 +272,20 @@ def plan_stacks(
     given_layers = rows.albedo.size
     if savings.layers:
         rows = reduction.simplify(rows)
-    before, hidden = reduction.filled(rows), np.zeros(rows.count, bool)
+    before, hidden = reduction.count_filled(rows), np.zeros(rows.count, bool)
     if savings.hidden:
-        rows, hidden = reduction.cut(rows, tolerance * _SHARE_HIDDEN)
-    hidden_layers, hidden_grounds = int((before - reduction.filled(rows)).sum()), int(hidden.sum())
+        rows, hidden = reduction.cut_below_opaque(rows, tolerance * _SHARE_HIDDEN)
+    hidden_layers, hidden_grounds = (
+        int((before - reduction.count_filled(rows)).sum()),
+        int(hidden.sum()),
+    )
     if savings.equal and (savings.layers or savings.hidden):
         rows, again = reduction.once(rows)
         inverse = again[inverse]
     closed = np.zeros(rows.count, bool)
     if savings.scattering:
         closed = reduction.closes(rows, tolerance * _SHARE_SCATTERING)
-    groups = _group(reduction.filled(rows), np.flatnonzero(~closed), savings.groups)
+    groups = _group(reduction.count_filled(rows), np.flatnonzero(~closed), savings.groups)
     report = Report(
         stacks=size,
         unwanted=size - due,
@@ -316,12 +324,11 @@ _ARGUMENTS = (
 )
 
 
-def _known(name: str, value: Any, dtype: type = float) -> np.ndarray:
+def _check_known(name: str, value: Any, dtype: type = float) -> np.ndarray:
     if isinstance(value, Tracer):
         raise ValueError(
-            f"{name} is traced by JAX, but a plan looks at numbers: make it outside jit, vmap "
-            "and grad, or call "
-            "stack_reflectance_factor, which needs no plan"
+            f"{name} is traced by JAX, but a plan looks at numbers: make it outside jit, vmap and "
+            "grad, or call stack_reflectance_factor, which needs no plan"
         )
     return np.asarray(value, dtype)
 

@@ -108,13 +108,13 @@ def simplify(rows: Rows) -> Rows:
     return replace(rows, albedo=albedo[:, :deepest], optical_thickness=thickness[:, :deepest])
 
 
-def filled(rows: Rows) -> Int[np.ndarray, "stacks"]:
+def count_filled(rows: Rows) -> Int[np.ndarray, "stacks"]:
     """Number of layers down to the last that is not empty."""
     order = np.arange(1, rows.albedo.shape[1] + 1)
     return np.max(order * (rows.optical_thickness > 0), axis=1, initial=0)
 
 
-def cut(rows: Rows, tolerance: float) -> tuple[Rows, Bool[np.ndarray, "stacks"]]:
+def cut_below_opaque(rows: Rows, tolerance: float) -> tuple[Rows, Bool[np.ndarray, "stacks"]]:
     """Nothing below what is opaque, and black instead of a ground that is not seen; whether so."""
     seen, hidden = hidden_below(*rows.media(), *rows.ends(), tolerance)
     follow = np.arange(rows.albedo.shape[1]) < seen[:, None]

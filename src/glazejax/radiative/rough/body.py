@@ -65,7 +65,7 @@ class _Fixed(NamedTuple):
 
 
 @functools.lru_cache(maxsize=64)
-def _fixed(surface: Surface) -> _Fixed:
+def _solver_of_surface(surface: Surface) -> _Fixed:
     made = surface.operators()
     mu, weights = made.basis.cosines, made.basis.weights
     flux, root = np.sqrt(2.0 * weights * mu), np.sqrt(mu)
@@ -101,7 +101,7 @@ def _in_chunks(lit: Lit, surface: Surface, wanted: tuple[str, ...] | None) -> An
 
 def _solve(lit: Lit, surface: Surface, wanted: tuple[str, ...] | None) -> Any:
     """Value, and on request the gradient by what is wanted."""
-    fixed = _fixed(surface)
+    fixed = _solver_of_surface(surface)
     direct, admits = (jnp.asarray(a, lit.albedo.dtype) for a in (fixed.direct, fixed.admits))
     system = _assemble(lit, surface, fixed)
     first, second = lit.enters[:, 0], lit.enters[:, 1]

@@ -103,7 +103,7 @@ def _facets(
                 2.0 * k2 * a2 + 0.0 * cosine,
             )
         )
-    psi, psi_weights = _divided(
+    psi, psi_weights = _divided_rule(
         [_last_psi(*line) for line in lines], 0.0 * cosine, 0.5 * np.pi, nodes[0]
     )
     breaks = [
@@ -111,7 +111,7 @@ def _facets(
         for line in lines
         for edge in _crossings(psi, slope[:, None], *(x[:, None] for x in line))
     ]
-    omega, omega_weights = _divided(breaks, slope[:, None] + 0.0 * psi, np.pi, nodes[1])
+    omega, omega_weights = _divided_rule(breaks, slope[:, None] + 0.0 * psi, np.pi, nodes[1])
     share = (
         omega_weights * np.sin(omega - slope[:, None, None]) / (1.0 + np.cos(slope))[:, None, None]
     )
@@ -140,7 +140,7 @@ def _crossings(
     return [np.where(np.abs(height) < 1.0, np.maximum(omega, least), least) for omega in found]
 
 
-def _divided(
+def _divided_rule(
     breaks: list[np.ndarray], low: np.ndarray, high: float, count: int
 ) -> tuple[np.ndarray, np.ndarray]:
     """Nodes and weights on a last axis from low to high, divided at breaks; crowded at each end,

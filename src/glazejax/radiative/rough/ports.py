@@ -23,7 +23,8 @@ class Ports(NamedTuple):
     dark: Float[Array, "*batch"]
     """Over a black ground, R0."""
     incidence: Float[Array, "*batch"]
-    """T(i): the share of the beam's flux that reaches a black ground, over the refractive index n.
+    """T(i): the share of the beam's flux that reaches a black ground, over the refractive
+    index n.
     """
     viewing: Float[Array, "*batch"]
     """T(o), the same function of the viewing direction: n times the radiance that is seen of a

@@ -32,10 +32,11 @@ def rough_reflectance_factor(
     """Reflectance factor pi L_out / E_in of layers of paint under a rough surface, the body alone.
 
     As `glazejax.stack_reflectance_factor`, whose value it is at a roughness of zero, but the
-    surface is one of GGX facets: light is let in, reflected inside and let out in all directions
-    that they turn it to. What the surface itself reflects is not in it
-    (`surface_reflectance_factor`). The result does not depend on azimuth, for the first scattering
-    forgets it, and is the same with incidence and viewing exchanged.
+    surface is one of GGX
+    facets: light is let in, reflected inside and let out in all directions that they turn it to.
+    What the surface itself reflects is not in it (`surface_reflectance_factor`). The result does
+    not depend on azimuth, for the first scattering forgets it, and is the same with incidence and
+    viewing exchanged.
 
     Args:
         albedo: single-scattering albedo of each layer, top first, (..., layers), in [0, 1].
@@ -44,7 +45,8 @@ def rough_reflectance_factor(
         roughness: alpha of the GGX distribution, a Python number in [0, 1]: that of Mitsuba's
             `roughdielectric`, the square of OpenPBR's and Disney's roughness.
         refractive_index: of all layers, (...), known numbers in [1.02, 2.5], or down to 1 if the
-        surface is smooth. cos_incidence, cos_viewing: cosines in air, (...), in (0, 1].
+            surface is smooth.
+        cos_incidence, cos_viewing: cosines in air, (...), in (0, 1].
         tolerance: absolute error wanted, a Python number; 1e-5 is the least. See Notes.
 
     Returns:
@@ -60,7 +62,8 @@ def rough_reflectance_factor(
 
     Raises:
         ValueError: as `stack_reflectance_factor`; and a roughness out of range, or a roughness or
-            an index that is traced: the surface's operators are made once for each pair of them.
+            an index that is
+            traced: the surface's operators are made once for each pair of them.
 
     Source: `glazejax.radiative.rough.facets`, `operators` and `body`.
     """

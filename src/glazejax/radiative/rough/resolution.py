@@ -41,8 +41,7 @@ def check_surface(roughness: Any, refractive_index: Numbers) -> float:
         if known is None or known.ndim:
             raise ValueError(
                 "roughness must be one known number: under jit or vmap pass it as a static "
-                "argument, and call "
-                "once for each roughness"
+                "argument, and call once for each roughness"
             )
         number = float(known)
     if not 0.0 <= number <= 1.0:
@@ -52,8 +51,7 @@ def check_surface(roughness: Any, refractive_index: Numbers) -> float:
         if index is None:
             raise ValueError(
                 "refractive_index is traced, but a rough surface needs known numbers: under jit "
-                "or vmap pass it as a "
-                "static argument"
+                "or vmap pass it as a static argument"
             )
         low, high = LEAST_INDEX, INDEX_RANGE[1]
         wrong = np.asarray(index)[~((index >= low) & (index <= high))]

@@ -63,8 +63,7 @@ def surface_reflectance_factor(
     if check_surface(roughness, refractive_index) == 0.0:
         raise ValueError(
             "roughness is 0: a smooth surface reflects in the mirror direction only, and has no "
-            "reflectance factor; "
-            "surface_albedo says how much"
+            "reflectance factor; surface_albedo says how much"
         )
     check_values({"cos_incidence": cos_incidence, "cos_viewing": cos_viewing})
     a = float(roughness)
