@@ -133,7 +133,7 @@ STAGES = {
     "  errors of groups": ("own_errors", "own_errors"),
     "  fits with these, and as shown": ("own_errors", "_fitted"),
     "  errors allowed": ("own_errors", "allowed"),
-    "other conditions, all of the above": ("untold", "search_untold"),
+    "other conditions, all of the above": ("untold", "search_unstated_conditions"),
     "  probabilities": ("weigh", "odds_of"),
 }
 

@@ -10,9 +10,9 @@ light from i, seen from o:
 
     scaling     (1 - E(o)) C b                                            not reciprocal; Autodesk Standard Surface
     reciprocal  (1 - E(i)) (1 - E(o)) / (1 - <E>) C b                     Kelemen and Szirmay-Kalos 2001
-    OpenPBR     (1 - E(o)) t^(1/mu'_i + 1/mu'_o) b (1 - K)/(1 - b K)      OpenPBR 1.1, 'Darkening' (K of a rough base)
-                                                                          and 'View-dependent
-                                                                          absorption'
+    OpenPBR     (1 - E(o)) t^(1/mu'_i + 1/mu'_o) b (1 - K)/(1 - b K)      OpenPBR 1.1, 'Darkening' (K of a
+                                                                          rough base) and
+                                                                          'View-dependent absorption'
     Belcour     (1 - E(o)) t^(1/mu'_o) b t' (1 - K)/(1 - b K t'^2)        adding of Belcour 2018, t' = t^(3/2)
 
 <E> is the mean of E over even light, K = 1 - (1 - <E>)/n^2 the surface's reflectance for even light

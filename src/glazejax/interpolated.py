@@ -419,7 +419,7 @@ class _Builder:
                     np.concatenate([points, new]),
                     np.concatenate([truth, self.function(new)]),
                 )
-                error = self._missed(coefficients, points, truth)
+                error = self._measure_error(coefficients, points, truth)
                 if error > tolerance:
                     break
             if error <= tolerance:
@@ -455,7 +455,7 @@ class _Builder:
             tried = [
                 last.take(range(n - 1), axis=k) for k, n in enumerate(last.shape[:-1]) if n > 2
             ]
-            missed = [self._missed(short, points, truth) for short in tried]
+            missed = [self._measure_error(short, points, truth) for short in tried]
             if not tried or min(missed) > tolerance:
                 break
             shorter.append(tried[int(np.argmin(missed))])
@@ -469,11 +469,13 @@ class _Builder:
         )
         while True:
             last = shorter.pop()
-            error = self._missed(last, points, truth)
+            error = self._measure_error(last, points, truth)
             if error <= tolerance or not shorter:
                 return last, error
 
-    def _missed(self, coefficients: np.ndarray, points: np.ndarray, truth: np.ndarray) -> float:
+    def _measure_error(
+        self, coefficients: np.ndarray, points: np.ndarray, truth: np.ndarray
+    ) -> float:
         guess = _values(self.axes, coefficients, points.T, np).T
         shape = (len(points), *self.function.shape)
         return SAFETY * float(np.max(self.distance(guess.reshape(shape), truth.reshape(shape))))

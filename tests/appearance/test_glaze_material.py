@@ -170,17 +170,17 @@ def test_slopes_at_the_ends(deep):
 
 
 def test_slopes_by_the_paint(table):
-    """A table refilled for a glaze that JAX traces: like a difference of two whole solutions."""
+    """A table for_glaze for a glaze that JAX traces: like a difference of two whole solutions."""
 
     @jax.jit
     def seen(um):
         made = glaze(um * 1e-6, wavelengths=WAVELENGTHS)
-        return jnp.sum(table.refilled(made, WAVELENGTHS).reflectance_factor(0.7, 0.9))
+        return jnp.sum(table.for_glaze(made, WAVELENGTHS).reflectance_factor(0.7, 0.9))
 
     slope = jax.grad(seen)(15.0)
     assert slope == pytest.approx(float((seen(15.01) - seen(14.99)) / 0.02), rel=1e-4)
     np.testing.assert_allclose(
-        table.refilled(glaze(), WAVELENGTHS).reflectance_factor(COS_IN, COS_OUT),
+        table.for_glaze(glaze(), WAVELENGTHS).reflectance_factor(COS_IN, COS_OUT),
         table.reflectance_factor(COS_IN, COS_OUT),
         atol=1e-4,
     )
@@ -206,7 +206,7 @@ def test_slopes_by_the_paint(table):
         ),
         (lambda t: glaze_table(glaze(), [300.0, 500.0]), "without guessing"),
         (lambda t: glaze_table(forward(), WAVELENGTHS), "takes isotropic scattering only"),
-        (lambda t: t.refilled(forward(), WAVELENGTHS), "takes isotropic scattering only"),
+        (lambda t: t.for_glaze(forward(), WAVELENGTHS), "takes isotropic scattering only"),
         (
             lambda t: jax.grad(lambda d: glaze_table(glaze(d), WAVELENGTHS).table.sum())(1e-6),
             "JAX traces this glaze",

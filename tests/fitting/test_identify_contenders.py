@@ -16,7 +16,7 @@ from glazefit.film.films import Instrument, Noise
 from glazefit.film.response import film_response
 from glazefit.identify.bands import expected_bands
 from glazefit.identify.contenders import LEAST_SHARE, Contenders, _screen, find_contenders
-from glazefit.identify.filing import Filing
+from glazefit.identify.reporting import Filing
 from glazefit.identify.result import NOBODY, Identification
 from glazefit.identify.screen import Paints
 from glazefit.identify.task import check_spectra

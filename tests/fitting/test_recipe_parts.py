@@ -76,7 +76,7 @@ def test_least_squares_that_did_not_settle_is_said(model, monkeypatch):
     targets = TargetArrays(
         jnp.full((1, 1, 3), 40.0), jnp.eye(3)[None, None], jnp.zeros((1, GRID.size)), jnp.zeros(1)
     )
-    start = Stacks.unrefined(stacks(4, 1), np.zeros(4, int), np.zeros(4))
+    start = Stacks.before_refinement(stacks(4, 1), np.zeros(4, int), np.zeros(4))
     assert not start.settled.any()
     # A number of slots of its own, so that the program with a single step is not taken for that of
     # other tests.

@@ -35,7 +35,7 @@ def stacks(*some: list[dict[int, float]]) -> Stacks:
     for row, stack in enumerate(some):
         for coat, paints in enumerate(stack):
             sizes[row, coat, list(paints)] = list(paints.values())
-    return Stacks.unrefined(sizes, np.arange(len(some)), np.zeros(len(some)))
+    return Stacks.before_refinement(sizes, np.arange(len(some)), np.zeros(len(some)))
 
 
 def spectrum(model, sizes: np.ndarray) -> np.ndarray:

@@ -13,8 +13,8 @@ import jax
 import numpy as np
 import pytest
 
+from glazefit.mapping.atomic_files import KeyedResults
 from glazefit.mapping.chunk import ChunkMaps
-from glazefit.mapping.keyed import KeyedResults
 from glazefit.mapping.run import client_in_scope, connect, finish, run_chunks
 from glazefit.mapping.store import open_map
 

@@ -15,10 +15,10 @@ from typer.testing import CliRunner
 
 import glazefit.mapping.example
 import glazefit.mapping.map_cube
-from glazefit.mapping.asked import read_bands, read_binning, read_memory, read_spots, read_window
 from glazefit.mapping.chunk import ChunkMaps, SetSum
 from glazefit.mapping.command import register
 from glazefit.mapping.layout import VARIABLES, Status
+from glazefit.mapping.options import read_bands, read_binning, read_memory, read_spots, read_window
 from glazefit.mapping.run import run_chunks
 from glazefit.mapping.store import MapStore, open_map
 

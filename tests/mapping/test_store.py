@@ -13,8 +13,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from glazefit.mapping.atomic_files import KeyedResults
 from glazefit.mapping.chunk import SetSum, add_sets, pack, unpack
-from glazefit.mapping.keyed import KeyedResults
 from glazefit.mapping.layout import VARIABLES, Status
 from glazefit.mapping.run import finish, run_chunks
 from glazefit.mapping.store import MapStore, open_map

@@ -8,10 +8,10 @@ weight for each band, exp(-k t) along the path; paths are drawn by scattering al
 bands of a stack share them.
 
     albedo    paths that leave are counted (analog)
-    BRDF      at each scattering and ground reflection the light that goes straight to one of the views, drawn anew
-              each time, is added: through a smooth surface along the view's own beams, with all
-              their mirror images between layers; through a rough one along a facet or lobe
-              direction drawn from the view ("next event through the surface")
+    BRDF      at each scattering and ground reflection the light that goes straight to one of the
+              views, drawn anew each time, is added: through a smooth surface along the view's own
+              beams, with all their mirror images between layers; through a rough one along a facet
+              or lobe direction drawn from the view ("next event through the surface")
 
 The surface's own reflection is not in it (`rough_surface.surface_factor` has it). Nothing is shared
 with glazejax. Azimuth is that of glazejax: degrees between the horizontal directions of travel, 0

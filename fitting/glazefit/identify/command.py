@@ -161,7 +161,7 @@ def identify(
     )
     filing = None
     if report is not None:
-        from .filing import Filing
+        from .reporting import Filing
 
         filing = Filing(
             paints,

@@ -22,7 +22,7 @@ from ..film.errors import Discrepancy, Prior, noise_covariance, whitening
 from ..film.films import Instrument
 from ..film.least_squares import damped_newton
 from ..film.response import FilmResponse, film_response
-from .own_errors import near_sd
+from .coefficient_errors import near_sd
 from .result import NOBODY, Identification
 from .screen import Paints, paints_of
 from .search import padded_size

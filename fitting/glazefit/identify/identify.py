@@ -61,8 +61,8 @@ def identify_chunks(
         thorough=thorough,
     )
     measured = searcher.check(spectra, grounds, names)
-    for some, pool, odds in searcher.search(measured):
-        yield weigh(some, pool, odds, searcher.paints, searcher.opaque, keep)
+    for batch, pool, odds in searcher.search(measured):
+        yield weigh(batch, pool, odds, searcher.paints, searcher.opaque, keep)
 
 
 def identify(

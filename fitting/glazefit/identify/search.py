@@ -11,8 +11,16 @@ from jaxtyping import Bool, Float, Int
 from glazejax.radiative.common.threads import in_threads
 
 from ..film.errors import Whitening, model_covariance, whiten
+from .coefficient_errors import (
+    Groups,
+    coefficient_errors,
+    fixed_errors,
+    move_readings,
+    near_sd,
+    refine,
+    weights_of,
+)
 from .fit import LEAST, MOST, Fitted, Weights, fit_sets, programs_ahead
-from .own_errors import Groups, fixed_errors, move_readings, near_sd, own_errors, refine, weights_of
 from .result import NOBODY, Pool
 from .screen import grow, score, sets_of, unique_best
 from .table import ALIKE, TableOfSize
@@ -42,7 +50,7 @@ class SetStarts(NamedTuple):
 
 def alike_errors(
     task: IdentificationTask,
-    some: Measured,
+    batch: Measured,
     project: Float[np.ndarray, "components readings"] | None = None,
 ) -> Whitening:
     """Errors while candidates are looked for: the same for all candidates of a spectrum; of
@@ -50,9 +58,9 @@ def alike_errors(
     """
     d = task.discrepancy
     # Smaller on dark films, whose readings differ by little.
-    off = d.screening * (_DARK + some.readings.reshape(len(some), -1) / TYPICAL_READING)
-    model = model_covariance(task.wavelengths, some.readings.shape[1], d, off)
-    fixed = fixed_errors(task, some, some.noise_sd)
+    off = d.screening * (_DARK + batch.readings.reshape(len(batch), -1) / TYPICAL_READING)
+    model = model_covariance(task.wavelengths, batch.readings.shape[1], d, off)
+    fixed = fixed_errors(task, batch, batch.noise_sd)
     if project is None:
         return whiten(fixed, np.broadcast_to(model, fixed.shape), d)
     fixed, model = (project @ np.broadcast_to(a, fixed.shape) @ project.T for a in (fixed, model))
@@ -119,7 +127,7 @@ def search(
 ) -> Pool:
     """Fitted candidates of some spectra; `CHUNK` at a time, a few of these side by side."""
     return Pool.joined(
-        in_threads(lambda some: search_chunk(task, measured, some, starts), pieces(rows))
+        in_threads(lambda batch: search_chunk(task, measured, batch, starts), pieces(rows))
     )
 
 
@@ -129,8 +137,8 @@ def search_chunk(
     """Fitted candidates of some spectra, at most `CHUNK`."""
     # Few sizes, so that little is compiled.
     padded = np.resize(rows, padded_size(len(rows)))
-    some = measured.take(padded)
-    ranking = _ranking(task, some)
+    batch = measured.take(padded)
+    ranking = _ranking(task, batch)
     start = SetStarts(starts.sets[padded], starts.logs[padded])
     fitted = jax.tree.map(np.asarray, _fit(task, start, ranking))
     pool = _pool(task, start.sets, fitted)
@@ -140,19 +148,19 @@ def search_chunk(
             task,
             start.sets[:, pairs],
             jax.tree.map(lambda a: a[:, pairs], fitted),
-            some.readings,
-            some.grounds,
+            batch.readings,
+            batch.grounds,
         )
         triples = _pool(task, start.sets, _fit(task, start, ranking))
         triples.log_weight[~new] = -np.inf
         pool = pool.merged(triples)
     real = np.arange(len(rows))
-    looked_at, pool = pool, refine(task, pool.of(real), some.take(real))
+    looked_at, pool = pool, refine(task, pool.of(real), batch.take(real))
     if task.layers == 2 and task.max_paints > 1 and task.known > 1:
-        pool = _search_two_coats(task, pool.of(np.resize(real, len(padded))), looked_at, some).of(
+        pool = _search_two_coats(task, pool.of(np.resize(real, len(padded))), looked_at, batch).of(
             real
         )
-    return _with_surface(task, pool, some.take(real))
+    return _with_surface(task, pool, batch.take(real))
 
 
 def padded_size(count: int) -> int:
@@ -169,17 +177,17 @@ class _Ranking(NamedTuple):
     weights: Weights
 
 
-def _ranking(task: IdentificationTask, some: Measured) -> _Ranking:
+def _ranking(task: IdentificationTask, batch: Measured) -> _Ranking:
     """Errors while candidates are ranked, in the components of films over a ground like
     the first.
     """
-    project = task.tables.like(some.grounds[0]).project
-    weights = weights_of(task, _flat(some.readings), alike_errors(task, some, project))
-    small = jax.tree.map(lambda a: jnp.asarray(np.asarray(a, np.float32)), (some.grounds, weights))
+    project = task.tables.like(batch.grounds[0]).project
+    weights = weights_of(task, _flat(batch.readings), alike_errors(task, batch, project))
+    small = jax.tree.map(lambda a: jnp.asarray(np.asarray(a, np.float32)), (batch.grounds, weights))
     return _Ranking(*small)
 
 
-class Lever(NamedTuple):
+class NuisanceMode(NamedTuple):
     """What moves all bands of a reading together: the surface, and what else is in doubt.
 
     Attributes:
@@ -191,32 +199,32 @@ class Lever(NamedTuple):
     found: Float[np.ndarray, "spectra shapes readings"]
 
     @classmethod
-    def of(cls, task: IdentificationTask, some: Measured) -> "Lever":
+    def of(cls, task: IdentificationTask, batch: Measured) -> "NuisanceMode":
         """Ridge regression on the shapes: unit sd beforehand, errors that are not alike at
         neighbouring bands.
         """
-        count = len(some)
+        count = len(batch)
         surface = np.full(
-            (count, 1, some.readings[0].size), task.discrepancy.gloss_sd * task.surface
+            (count, 1, batch.readings[0].size), task.discrepancy.gloss_sd * task.surface
         )
-        doubt = some.doubt.reshape(count, some.doubt.shape[1], surface.shape[-1])
+        doubt = batch.doubt.reshape(count, batch.doubt.shape[1], surface.shape[-1])
         shapes = np.concatenate([surface, doubt], axis=1)
-        precise = shapes / near_sd(some).reshape(count, 1, -1) ** 2
+        precise = shapes / near_sd(batch).reshape(count, 1, -1) ** 2
         normal = precise @ np.swapaxes(shapes, 1, 2) + np.eye(shapes.shape[1])
         return cls(shapes, np.linalg.solve(normal, precise))
 
 
-def _with_surface(task: IdentificationTask, pool: Pool, some: Measured) -> Pool:
+def _with_surface(task: IdentificationTask, pool: Pool, batch: Measured) -> Pool:
     """The pool with readings as they are seen, and amounts in metres.
 
     The surface's share, and what else is in doubt, is what each candidate's residual speaks for.
     """
-    d, lever = task.discrepancy, Lever.of(task, some)
-    off = task.target(some.readings)[:, None] - pool.readings
-    found = lever.found @ np.swapaxes(off, 1, 2)
+    d, nuisance = task.discrepancy, NuisanceMode.of(task, batch)
+    off = task.target(batch.readings)[:, None] - pool.readings
+    found = nuisance.found @ np.swapaxes(off, 1, 2)
     gloss = np.maximum(d.gloss + d.gloss_sd * found[:, 0], 0.0)
     seen = pool.readings + gloss[..., None] * task.surface
-    seen = seen + np.swapaxes(found[:, 1:], 1, 2) @ lever.shapes[:, 1:]
+    seen = seen + np.swapaxes(found[:, 1:], 1, 2) @ nuisance.shapes[:, 1:]
     moved = pool.allowed + d.gloss * task.surface
     lengths = {
         name: getattr(pool, name) + np.log(task.prior.thickness) for name in ("logs", "weighed")
@@ -295,12 +303,12 @@ def _grown(
 
 
 def _search_two_coats(
-    task: IdentificationTask, pool: Pool, looked_at: Pool, some: Measured
+    task: IdentificationTask, pool: Pool, looked_at: Pool, batch: Measured
 ) -> Pool:
     """The pool with the best sets of two and three paints that were looked at as two coats too."""
-    ground = jnp.asarray(some.grounds, float)
+    ground = jnp.asarray(batch.grounds, float)
     weights = jax.tree.map(
-        jnp.asarray, weights_of(task, _flat(some.readings), alike_errors(task, some))
+        jnp.asarray, weights_of(task, _flat(batch.readings), alike_errors(task, batch))
     )
     pool.log_weight[(pool.members != NOBODY).sum(axis=-1) > 1] += np.log1p(-task.prior.stacked)
     size = (looked_at.members != NOBODY).sum(axis=-1)
@@ -314,13 +322,13 @@ def _search_two_coats(
         sets = np.take_along_axis(looked_at.members, best[..., None], axis=1)[..., :paints]
         sets = np.repeat(sets, len(ways), axis=1)
         coats = np.broadcast_to(np.tile(ways, (keep, 1)), sets.shape)
-        fitted, slopes = _fit_stacks(task, sets, coats, some, ground, weights)
+        fitted, slopes = _fit_stacks(task, sets, coats, batch, ground, weights)
         stacks = _pool(task, sets, fitted, coats, np.log(task.prior.stacked / len(ways)))
-        row = np.repeat(np.arange(len(some)), sets.shape[1])
+        row = np.repeat(np.arange(len(batch)), sets.shape[1])
         groups = Groups(
             np.arange(len(row)), row, *(a.reshape(len(row), *a.shape[2:]) for a in (sets, slopes))
         )
-        near = move_readings(task, some, row, stacks.readings.reshape(len(row), -1), groups)
+        near = move_readings(task, batch, row, stacks.readings.reshape(len(row), -1), groups)
         stacks = replace(stacks, allowed=near.reshape(stacks.readings.shape))
         struck = ~np.isfinite(np.take_along_axis(weight, best, axis=1))
         stacks.log_weight[np.repeat(struck, len(ways), axis=1)] = -np.inf
@@ -332,20 +340,20 @@ def _fit_stacks(
     task: IdentificationTask,
     sets: np.ndarray,
     coats: np.ndarray,
-    some: Measured,
+    batch: Measured,
     ground: jax.Array,
     weights: Weights,
 ) -> tuple[Fitted, np.ndarray]:
     """Stacks with errors of their own, and slopes near the fit."""
     films = task.paints, jnp.asarray(sets), jnp.asarray(coats)
     logs = stack_starts(*films, ground, weights, task.optics, task.middle)
-    row, count = np.repeat(np.arange(len(some)), sets.shape[1]), sets.shape[:2]
-    readings = np.broadcast_to(_flat(some.readings)[:, None], (*count, some.readings[0].size))
+    row, count = np.repeat(np.arange(len(batch)), sets.shape[1]), sets.shape[:2]
+    readings = np.broadcast_to(_flat(batch.readings)[:, None], (*count, batch.readings[0].size))
     fitted, slopes = None, None
     for _ in range(_ROUNDS):
         slopes = np.asarray(stack_slopes(*films, logs, ground, task.optics))
-        errors = own_errors(
-            task, some, row, *(a.reshape(len(row), *a.shape[2:]) for a in (sets, slopes))
+        errors = coefficient_errors(
+            task, batch, row, *(a.reshape(len(row), *a.shape[2:]) for a in (sets, slopes))
         )
         errors = Whitening(
             *(a.reshape(*count, *a.shape[1:]) for a in (errors.basis, errors.height))

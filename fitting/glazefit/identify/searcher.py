@@ -23,7 +23,7 @@ from .screen import paints_of
 from .search import CHUNK, compile_ahead, first_starts, pieces, search
 from .table import FilmTables
 from .task import IdentificationTask, Measured, check_pigments, check_spectra, hiding
-from .untold import search_untold
+from .unstated_conditions import search_unstated_conditions
 from .weigh import Odds
 
 # Spectra whose doubtful ones are sought again together: a few in each chunk would cost as much as
@@ -139,8 +139,8 @@ class Searcher(NamedTuple):
         starts = first_starts(self.task, measured)
         for together in pieces(np.arange(len(measured)), _TOGETHER):
             pool = search(self.task, measured, together, starts)
-            some = measured.take(together)
-            yield some, *search_untold(self.tasks, self.opaque, some, pool)
+            batch = measured.take(together)
+            yield batch, *search_unstated_conditions(self.tasks, self.opaque, batch, pool)
 
 
 def hardly_seen(pigments: Sequence[Pigment], thickness: float) -> Bool[np.ndarray, "paints"]:

@@ -68,14 +68,14 @@ class FilmTable(NamedTuple):
             cost = np.empty((len(spectra), len(kind.sets)), np.float32)
             where = np.empty(cost.shape, np.int64)
             for first in range(0, len(spectra), _SPECTRA_AT_A_TIME):
-                some = slice(first, first + _SPECTRA_AT_A_TIME)
-                each = (kind.square - 2.0 * (spectra[some] @ kind.films)).reshape(
+                batch = slice(first, first + _SPECTRA_AT_A_TIME)
+                each = (kind.square - 2.0 * (spectra[batch] @ kind.films)).reshape(
                     -1, len(kind.sets), len(kind.grid)
                 )
-                where[some] = np.argmin(each, axis=-1)
-                cost[some] = (
-                    np.take_along_axis(each, where[some][..., None], axis=-1)[..., 0]
-                    + alone[some, None]
+                where[batch] = np.argmin(each, axis=-1)
+                cost[batch] = (
+                    np.take_along_axis(each, where[batch][..., None], axis=-1)[..., 0]
+                    + alone[batch, None]
                 )
             out.append((cost, where))
         return out
@@ -102,11 +102,11 @@ def film_table(
     kinds = [(sets_of(len(paints.absorption), size), amounts_grid(size, spread)) for size in sizes]
     project, middle = np.eye(ground.size), np.zeros(ground.size)
     if ground.size > COMPONENTS:
-        some = [
+        batch = [
             _films(response, paints, _pieces(*kind, spaced=True)[0], kind[1], ground)
             for kind in kinds
         ]
-        films = np.concatenate(some) @ white.T
+        films = np.concatenate(batch) @ white.T
         middle = films.mean(axis=0)
         off = films - middle
         # The directions in which films differ most.
@@ -115,8 +115,8 @@ def film_table(
     tables = []
     for sets, grid in kinds:
         parts = [
-            _films(response, paints, some, grid, ground) @ whole.T - middle
-            for some in _pieces(sets, grid)
+            _films(response, paints, batch, grid, ground) @ whole.T - middle
+            for batch in _pieces(sets, grid)
         ]
         films = np.concatenate(parts)[: len(sets) * len(grid)].astype(np.float32)
         tables.append(

@@ -21,7 +21,7 @@ _SEEN_NOISE, _DRAWS = 0.002, 8
 _COLOUR_OF_RMSE = 100.0
 
 
-class Off(NamedTuple):
+class Misfit(NamedTuple):
     """How far candidates are off the spectra; infinite for those that hardly matter."""
 
     seen: Float[
@@ -41,7 +41,7 @@ class Odds(NamedTuple):
     none: Float[np.ndarray, "spectra"]
     misfit: Float[np.ndarray, "spectra"]  # see `Identification.misfit`
     rejected: Bool[np.ndarray, "spectra candidates"]  # by eye
-    off: Off
+    off: Misfit
 
     @property
     def total(self) -> Float[np.ndarray, "spectra"]:
@@ -101,7 +101,7 @@ def odds_of(measured: Measured, pool: Pool, prior: Prior) -> Odds:
 
 def odds_alike(
     weight: Float[np.ndarray, "spectra candidates"],
-    off: Off,
+    off: Misfit,
     order: Sequence[Smaller],
     prior: Prior,
 ) -> Odds:
@@ -119,7 +119,7 @@ def odds_alike(
     return _beside_none(simplest(order, weight, off.seen, odds), rejected, off, prior)
 
 
-def _whole(off: Off) -> Float[np.ndarray, "spectra candidates"]:
+def _whole(off: Misfit) -> Float[np.ndarray, "spectra candidates"]:
     """What candidates are judged by."""
     # What noise alone makes of a colour is no misfit; a residual may have a shape that no colour
     # shows.
@@ -128,7 +128,7 @@ def _whole(off: Off) -> Float[np.ndarray, "spectra candidates"]:
 
 
 def _judge(
-    share: Float[np.ndarray, "spectra candidates"], off: Off, prior: Prior
+    share: Float[np.ndarray, "spectra candidates"], off: Misfit, prior: Prior
 ) -> tuple[Float[np.ndarray, "spectra candidates"], Bool[np.ndarray, "spectra candidates"]]:
     """Odds of candidates by their misfit too, and whether a person would reject each by eye."""
     # Differences that nobody sees count alike: what fits best is not for that more likely to be
@@ -144,7 +144,7 @@ def _judge(
 def _beside_none(
     odds: Float[np.ndarray, "spectra candidates"],
     rejected: Bool[np.ndarray, "spectra candidates"],
-    off: Off,
+    off: Misfit,
     prior: Prior,
 ) -> Odds:
     """With the odds of none: the better a film is met, the less probable it is, also below what is
@@ -229,7 +229,9 @@ def _colour_difference(measured: Measured, computed: np.ndarray) -> np.ndarray:
     return off
 
 
-def _misfits(measured: Measured, pool: Pool, share: Float[np.ndarray, "spectra candidates"]) -> Off:
+def _misfits(
+    measured: Measured, pool: Pool, share: Float[np.ndarray, "spectra candidates"]
+) -> Misfit:
     """How far off the candidates are, those of the largest share."""
     # The colour of a spectrum costs as much as its fit.
     few = np.argsort(-share, axis=1, kind="stable")[:, :_LOOKED_AT]
@@ -247,4 +249,4 @@ def _misfits(measured: Measured, pool: Pool, share: Float[np.ndarray, "spectra c
         return out
 
     off, less = (place(_colour_difference(measured, readings)) for readings in (fitted, allowed))
-    return Off(off, less, place(left), _of_noise(measured))
+    return Misfit(off, less, place(left), _of_noise(measured))

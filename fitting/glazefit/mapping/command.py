@@ -204,7 +204,7 @@ def map_(
         )
     from glazejax.extras import require
 
-    from .asked import (
+    from .options import (
         read_bands,
         read_binning,
         read_ground_of_cube,
@@ -298,7 +298,7 @@ def map_(
     def about() -> Any:
         from glazejax.commands.typed import command_line, ground_file
 
-        from .about import about_map
+        from .provenance import about_map
 
         read = {**given_files, "--ground": ground_file(ground)}
         return about_map(

@@ -85,7 +85,7 @@ class Painting:
             ValueError: rows that the painting has not.
         """
         found = np.empty((y1 - y0, self.shape[1], self.wavelengths.size), np.float32)
-        for number, where, values in self._varied(y0, y1):
+        for number, where, values in self._vary(y0, y1):
             table = _table(number, tuple(self.wavelengths.tolist()), tuple(self.ground.tolist()))
             found[where] = table(values)
         if noise:
@@ -112,7 +112,7 @@ class Painting:
             for name, shape in _truth_shapes(y1 - y0, self.shape[1]).items()
         }
         found["members"][:] = -1
-        for number, where, values in self._varied(y0, y1):
+        for number, where, values in self._vary(y0, y1):
             region = REGIONS[number]
             parts = []
             for n, coat in enumerate(region.coats):
@@ -127,7 +127,7 @@ class Painting:
             found["foreign"][where] = any(member >= len(self.paints) for member, _, _ in parts)
         return found
 
-    def _varied(self, y0: int, y1: int) -> Iterator[tuple[int, np.ndarray, dict[str, np.ndarray]]]:
+    def _vary(self, y0: int, y1: int) -> Iterator[tuple[int, np.ndarray, dict[str, np.ndarray]]]:
         """Number of each region in some rows, its pixels, and the numbers that vary there."""
         if not 0 <= y0 < y1 <= self.shape[0]:
             raise ValueError(f"rows {y0} to {y1} are not in a painting of {self.shape[0]} rows")

@@ -13,7 +13,7 @@ from jaxtyping import Float
 from glazejax.extras import require
 from glazejax.io.outputs import check_output
 
-from .keyed import FULL
+from .atomic_files import FULL
 from .layout import BY_NAME, VARIABLES, Status
 from .store import MapStore, open_map
 from .windows import Window

@@ -17,23 +17,23 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from ..film.errors import Discrepancy
-from ..identify.fit import by_blocks, prior_terms
-from ..identify.own_errors import (
+from ..identify.coefficient_errors import (
     Films,
     Groups,
+    coefficient_errors,
     coefficient_projection,
     fit_with_errors,
     independent,
     near_errors,
-    own_errors,
     slopes_at,
 )
+from ..identify.fit import by_blocks, prior_terms
 from ..identify.result import NOBODY, Pool
-from ..identify.search import Lever
+from ..identify.search import NuisanceMode
 from ..identify.searcher import Searcher
 from ..identify.task import IdentificationTask, Measured
 from ..identify.two_coats import stack_slopes
-from ..identify.untold import AsIf, as_if
+from ..identify.unstated_conditions import FilmsUnderCondition, films_under
 from ..identify.weigh import Odds
 from .colour_metric import colour_metric
 
@@ -200,9 +200,9 @@ def _local_models(searcher: Searcher, measured: Measured, pool: Pool, odds: Odds
     condition, stacked = pool.condition[row, place], pool.coats[row, place].any(axis=-1)
     size = max(searcher.task.max_paints, 2)
     for number in np.unique(condition):
-        seen = as_if(int(number), searcher.tasks, searcher.opaque, measured)
+        seen = films_under(int(number), searcher.tasks, searcher.opaque, measured)
         bent = _density_slopes(
-            seen, as_if(int(number), searcher.tasks, searcher.opaque, _brighter(measured))
+            seen, films_under(int(number), searcher.tasks, searcher.opaque, _brighter(measured))
         )
         for stack in (False, True):
             here = np.flatnonzero((condition == number) & (stacked == stack))
@@ -251,8 +251,12 @@ def _brighter(measured: Measured) -> Measured:
     return replace(measured, readings=measured.readings + _STEP)
 
 
-def _density_slopes(seen: AsIf, brighter: AsIf) -> Float[np.ndarray, "spectra bands"]:
-    """Slopes of what changes of variables add to a log density; see `glazefit.identify.untold`."""
+def _density_slopes(
+    seen: FilmsUnderCondition, brighter: FilmsUnderCondition
+) -> Float[np.ndarray, "spectra bands"]:
+    """Slopes of what changes of variables add to a log density; see
+    `glazefit.identify.unstated_conditions`.
+    """
     with np.errstate(invalid="ignore", divide="ignore"):
         slope = (np.log(brighter.slope) - np.log(seen.slope))[:, 0] / _STEP
     # Readings darker than the varnish itself have no film below.
@@ -278,7 +282,7 @@ def _of_length(
 
 
 def _linear(
-    seen: AsIf,
+    seen: FilmsUnderCondition,
     pool: Pool,
     row: Int[np.ndarray, "n"],
     place: Int[np.ndarray, "n"],
@@ -286,7 +290,7 @@ def _linear(
     stack: bool,
 ) -> dict[str, np.ndarray]:
     """How candidates under one condition move with the readings that were measured."""
-    task, some = seen.task, seen.measured
+    task, batch = seen.task, seen.measured
     sets = pool.members[row, place][:, :size]
     logs, weighed_logs = (
         np.where(sets == NOBODY, 0.0, part[row, place][:, :size] - np.log(task.prior.thickness))
@@ -303,16 +307,16 @@ def _linear(
         readings=readings,
     )
     if stack:
-        near = own = _stack_slopes(task, some, pool, films)
-        errors = own_errors(task, some, row, sets, own)
+        near = own = _stack_slopes(task, batch, pool, films)
+        errors = coefficient_errors(task, batch, row, sets, own)
         groups = Groups(np.arange(len(row)), row, sets, own)
         weighed_films = films
     else:
         weighed_films, groups, errors = fit_with_errors(
-            task, some, films, slopes_at(task, some, films), task.effort.own
+            task, batch, films, slopes_at(task, batch, films), task.effort.own
         )
-        own = slopes_at(task, some, weighed_films)
-        near = slopes_at(task, some, replace(films, logs=logs))
+        own = slopes_at(task, batch, weighed_films)
+        near = slopes_at(task, batch, replace(films, logs=logs))
     white = errors.basis[groups.of, 0]
     by = (own[:, :size] + own[:, size:]) * (sets != NOBODY)[..., None]
     gradient, prior = _prior_of(task, sets, weighed_films.logs)
@@ -320,7 +324,7 @@ def _linear(
     data = levers @ np.swapaxes(levers, 1, 2)
     gain = np.linalg.solve(data + _prior_curvature(gradient, prior), levers @ white)
     moved = np.einsum("nmi,nmb->nib", levers, gain)
-    target = task.target(some.readings)[row]
+    target = task.target(batch.readings)[row]
     # The readings of a stack's fit that was shown have the surface with them; nothing else was
     # fitted.
     residual = target - (
@@ -331,18 +335,18 @@ def _linear(
     if stack:
         shown = gain
     else:
-        close = near_errors(task, some).basis[row, 0]
+        close = near_errors(task, batch).basis[row, 0]
         by_near = (near[:, :size] + near[:, size:]) * (sets != NOBODY)[..., None]
         held = _prior_curvature(*_prior_of(task, sets, logs))
         steep = np.einsum("nib,nmb->nmi", close, by_near)
         shown = np.linalg.solve(steep @ np.swapaxes(steep, 1, 2) + held, steep @ close)
         by = by_near
-    eye, lever = np.eye(readings.shape[1]), Lever.of(task, some)
+    eye, nuisance = np.eye(readings.shape[1]), NuisanceMode.of(task, batch)
     body = np.einsum("nma,nmb->nab", by, shown)
     missed = eye - body
-    surface = (np.swapaxes(lever.shapes, 1, 2) @ lever.found)[row]
-    free = coefficient_projection(task, some, groups)[groups.of]
-    slope = seen.slope.reshape(len(some), -1)[row]
+    surface = (np.swapaxes(nuisance.shapes, 1, 2) @ nuisance.found)[row]
+    free = coefficient_projection(task, batch, groups)[groups.of]
+    slope = seen.slope.reshape(len(batch), -1)[row]
     d = task.discrepancy
     numbers = (d.freedom or 0.0, min(independent(task), readings.shape[1]), d.trust)
     unseen = slope[:, :, None]
@@ -392,18 +396,20 @@ def _wide(values: np.ndarray, *axes: int) -> np.ndarray:
     return np.pad(values, room)
 
 
-def _surface(seen: AsIf, pool: Pool, row: np.ndarray, place: np.ndarray) -> np.ndarray:
+def _surface(
+    seen: FilmsUnderCondition, pool: Pool, row: np.ndarray, place: np.ndarray
+) -> np.ndarray:
     """What was added to the readings of stacks for the surface and what else is in doubt."""
     return pool.gloss[row, place][:, None] * seen.task.surface
 
 
 def _stack_slopes(
-    task: IdentificationTask, some: Measured, pool: Pool, films: Films
+    task: IdentificationTask, batch: Measured, pool: Pool, films: Films
 ) -> Float[np.ndarray, "films errors readings"]:
     """Slopes of stacks' readings by the log of every paint's k, then s."""
     coats = pool.coats[films.row, films.place][:, : films.sets.shape[1]]
     logs = np.where(films.sets == NOBODY, -np.inf, films.logs)
-    given = (films.sets[:, None], coats[:, None], logs[:, None], some.grounds[films.row])
+    given = (films.sets[:, None], coats[:, None], logs[:, None], batch.grounds[films.row])
     return np.asarray(stack_slopes(task.paints, *(jnp.asarray(a) for a in given), task.optics))[
         :, 0
     ]

@@ -20,8 +20,8 @@ from ..film.films import Noise
 from ..film.mixing import Pigments
 from ..film.noise import spectra_noise
 from .agreement import compare
-from .alike import one_thread_each
 from .atlas import Atlas
+from .determinism import one_thread_each
 from .layout import STATUS_WORDS, Status
 from .local import Searched, search_locally
 from .memory import give_back

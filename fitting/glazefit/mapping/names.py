@@ -38,8 +38,9 @@ def set_names(found: "xarray.Dataset") -> "xarray.DataArray":
     Example:
         >>> import xarray
         >>> members = ("x", "place"), [[1, 0, -1], [-1, -1, -1]]
-        >>> set_names(xarray.Dataset({"members": members}, {"paint": ["ZincWhite",
-        "Eosin"]})).values.tolist() ['ZincWhite + Eosin', '']
+        >>> found = xarray.Dataset({"members": members}, {"paint": ["ZincWhite", "Eosin"]})
+        >>> set_names(found).values.tolist()
+        ['ZincWhite + Eosin', '']
     """
     import xarray
 

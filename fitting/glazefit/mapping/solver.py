@@ -10,9 +10,9 @@ from jaxtyping import Bool, Float
 from ..film.films import Noise
 from ..identify.result import NOBODY
 from ..identify.searcher import Searcher
-from .alike import one_thread_each
 from .atlas import Atlas
 from .chunk import ChunkMaps, SetSum
+from .determinism import one_thread_each
 from .layout import BY_NAME, STATUS_WORDS, Status, Way
 from .local import search_locally
 from .memory import give_back

@@ -17,9 +17,9 @@ import numpy as np
 
 from glazejax.extras import require
 
+from .atomic_files import FULL, KeyedResults, sync, write_whole
 from .chunk import ChunkMaps, Members, SetSum, add_sets, add_tallies, pack, unpack
-from .fresh import FORMAT, KIND, WORK, lay_out, plain
-from .keyed import FULL, KeyedResults, sync, write_whole
+from .create import FORMAT, KIND, WORK, lay_out, plain
 from .layout import BY_NAME, PLACES, VARIABLES
 from .windows import Window, windows
 
@@ -277,7 +277,7 @@ def open_map(path: str | Path) -> "xarray.Dataset":
     import xarray
     from zarr.storage import LocalStore
 
-    from .unmarked import hide_unmarked
+    from .partial_store import hide_unmarked
 
     store = MapStore.open(path)
     done = {(window.y0 // store.chunk[0], window.x0 // store.chunk[1]) for window in store.done()}

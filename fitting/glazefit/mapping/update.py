@@ -7,7 +7,7 @@ from jaxtyping import Bool, Float, Int
 
 from ..film.errors import Prior
 from ..identify.result import NOBODY, Pool, log_sds
-from ..identify.weigh import Off, Smaller, odds_alike, smaller_sets
+from ..identify.weigh import Misfit, Smaller, odds_alike, smaller_sets
 from .local import Local, Searched
 
 # Log amounts are not moved farther: a paint that does next to nothing would go anywhere.
@@ -118,7 +118,7 @@ class Updater:
             np.linalg.norm(local.left + left, axis=-1),
         )
         shape = np.broadcast_to(local.shape, weight.shape)
-        far = Off(*distance, shape, np.full(len(moved), self.blur))
+        far = Misfit(*distance, shape, np.full(len(moved), self.blur))
         odds = odds_alike(weight, far, self.order, self.prior)
         # Candidates that were left out keep their share.
         total = odds.candidates.sum(axis=1) / (1.0 - self.rest) + odds.none

@@ -113,7 +113,7 @@ def simplify(model: StackModel, stacks: Stacks) -> Stacks:
         sizes[unseen] = without[unseen]
     changed = np.flatnonzero(((sizes > 0) != (stacks.sizes > 0)).any(axis=(1, 2)))
     simple = merge_coats(pack_coats(sizes[changed]), float(np.exp(np.asarray(model.span)[1])))
-    return Stacks.unrefined(simple, stacks.target[changed], stacks.cost[changed])
+    return Stacks.before_refinement(simple, stacks.target[changed], stacks.cost[changed])
 
 
 def merge_coats(
@@ -229,7 +229,7 @@ def round_recipes(
     options = [roundings(one.sizes, (low, high)) for _, one in chosen]
     owner = np.repeat(np.arange(len(chosen)), [len(some) for some in options])
     targets = np.array([target for target, _ in chosen])[owner]
-    flat = Stacks.unrefined(
+    flat = Stacks.before_refinement(
         pack_coats(np.stack([sizes for some in options for sizes in some])),
         targets,
         np.zeros(len(targets)),

@@ -155,7 +155,7 @@ def grown(
         rows = np.arange(first, first + _COSTS).clip(max=len(target) - 1)
         to_all = np.asarray(_distances(model, aims, reading[rows]))
         cost.append(to_all[np.arange(_COSTS), target[rows]][: len(target) - first])
-    return Stacks.unrefined(children, target, np.concatenate(cost))
+    return Stacks.before_refinement(children, target, np.concatenate(cost))
 
 
 _distances = jax.jit(squared_distance)

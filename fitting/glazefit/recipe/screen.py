@@ -64,7 +64,7 @@ class Stacks(NamedTuple):
     ]  # largest Delta E 2000 by the solver before these steps; NaN without them
 
     @classmethod
-    def unrefined(cls, sizes: np.ndarray, target: np.ndarray, cost: np.ndarray) -> "Stacks":
+    def before_refinement(cls, sizes: np.ndarray, target: np.ndarray, cost: np.ndarray) -> "Stacks":
         """Stacks that no least squares has seen."""
         none = len(target)
         return cls(
@@ -306,7 +306,7 @@ def _one_coat_stacks(
     rows, targets = _lowest(cost, keep(1, coats.paints.shape[1]))
     sizes = np.zeros((rows.size, max_layers, model.absorption.shape[0]))
     _lay(sizes, 0, coats, rows, best[rows, targets])
-    return Stacks.unrefined(sizes, targets, cost[rows, targets])
+    return Stacks.before_refinement(sizes, targets, cost[rows, targets])
 
 
 def _two_coat_stacks(
@@ -328,7 +328,7 @@ def _two_coat_stacks(
     sizes = np.zeros((rows.size, max_layers, model.absorption.shape[0]))
     _lay(sizes, 0, top, upper, first)
     _lay(sizes, 1, bottom, lower, second)
-    return Stacks.unrefined(sizes, targets, flat[rows, targets])
+    return Stacks.before_refinement(sizes, targets, flat[rows, targets])
 
 
 def _lowest(cost: Float[np.ndarray, "sets targets"], count: int) -> tuple[np.ndarray, np.ndarray]:

@@ -71,9 +71,9 @@ class Prediction:
     @property
     def draws(self) -> Float[np.ndarray, "draws 2 bands"]:
         """Reflectance over black and white as it may be too."""
-        return self._drawn(PARTS)
+        return self._draw(PARTS)
 
-    def _drawn(self, parts: tuple[str, ...]) -> Float[np.ndarray, "draws 2 bands"]:
+    def _draw(self, parts: tuple[str, ...]) -> Float[np.ndarray, "draws 2 bands"]:
         count = len(self.deviations["film"])
         # Each size as often as it is probable, in an order that has nothing to do with the other
         # draws'.
@@ -122,14 +122,14 @@ class Prediction:
         self, illuminant: str = "D65", observer: str | int = 10, parts: tuple[str, ...] = PARTS
     ) -> Float[np.ndarray, "2"]:
         """The same over the black and over the white card."""
-        over_black, over_white = np.moveaxis(self._drawn(parts), 1, 0)
+        over_black, over_white = np.moveaxis(self._draw(parts), 1, 0)
         return self.delta_e(over_black, over_white, illuminant, observer).mean(axis=0)
 
     def between_mixings(self, illuminant: str = "D65", observer: str | int = 10) -> float:
         """Mean CIEDE2000 between two films of the recipe, over both cards, by the films' own
         errors.
         """
-        drawn = self._drawn(("film",))
+        drawn = self._draw(("film",))
         half = len(drawn) // 2
         one, other = (
             tuple(np.moveaxis(part, 1, 0)) for part in (drawn[:half], drawn[half : 2 * half])

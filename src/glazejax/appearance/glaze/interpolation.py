@@ -98,7 +98,7 @@ class GlazeTable(NamedTuple):
         cosine = jnp.clip(as_float_array(cos_in), 0.0, 1.0)
         return dielectric_reflectance(cosine[..., None], self.refractive_index)
 
-    def refilled(
+    def for_glaze(
         self, glaze: Glaze, wavelengths_nm: Grid, *, layer: int = 0, tolerance: float = 1e-6
     ) -> "GlazeTable":
         """The same nodes for another glaze, which JAX may trace: gradients by its paints and

@@ -81,7 +81,7 @@ def glaze_table(
 
     Raises:
         ValueError: angles that are not within 0 to 90 degrees in order, a glaze with batch axes or
-            values that JAX traces (use `GlazeTable.refilled`), no such layer, or what
+            values that JAX traces (use `GlazeTable.for_glaze`), no such layer, or what
             `Pigment.resample` and `Layer` refuse.
     """
     if not 0 < tolerance < 1:
@@ -90,7 +90,7 @@ def glaze_table(
     if any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(glaze)):
         raise ValueError(
             "JAX traces this glaze: build a table of a typical one outside, and call its "
-            ".refilled here"
+            ".for_glaze here"
         )
     glaze = on_grid(glaze, wavelengths_nm)
     depths = _thickness_range(glaze, thickness, layer)
@@ -109,7 +109,9 @@ def glaze_table(
     sizes = [0, 0]
     while True:
         built = builder.table(sizes)
-        error = SAFETY * float(np.max(builder.missed(built, checks, truth))) + builder.tolerance
+        error = (
+            SAFETY * float(np.max(builder.measure_error(built, checks, truth))) + builder.tolerance
+        )
         if error <= tolerance or not builder.refine(sizes, built):
             return jax.tree.map(lambda leaf: jnp.asarray(leaf, float), built)._replace(error=error)
 
@@ -184,7 +186,7 @@ class _TableBuilder:
             error=np.nan,
         )
 
-    def missed(self, built: GlazeTable, points: np.ndarray, truth: np.ndarray) -> np.ndarray:
+    def measure_error(self, built: GlazeTable, points: np.ndarray, truth: np.ndarray) -> np.ndarray:
         """Error at points, (points, bands), as `GlazeTable.error` counts it."""
         flat = interior(built, np).reshape(truth.shape[1], -1).T
         found = evaluate(built, flat, points, np)

@@ -120,7 +120,7 @@ def _scene(root: TomlTable, folder: Path) -> SceneFile:
     background = _background(picture, grid, lights, folder)
     white = _white(picture, grid, lights)
     display = picture.text("display", "sRGB")
-    with picture.blamed("display"):
+    with picture.blame("display"):
         Display.preset(display)
     gamut = picture.choice("gamut", ("desaturate", "clip", "dim"), "desaturate")
     exposure, tolerance = picture.above_zero("exposure", 1.0), picture.above_zero("tolerance", 1e-3)
@@ -168,14 +168,14 @@ _SIZES = {
 
 def _build(table: TomlTable, kind: Callable[..., Any], **values: Any) -> Any:
     """Make a thing; what it refuses is said to be in this table."""
-    with table.blamed():
+    with table.blame():
         return kind(**values)
 
 
 def _wavelengths(picture: TomlTable) -> Float[np.ndarray, "bands"]:
     """Bands of the scene: FROM:TO:STEP in nm, both ends included."""
     text = picture.text("wavelengths", _DEFAULT_WAVELENGTHS)
-    with picture.blamed("wavelengths"):
+    with picture.blame("wavelengths"):
         try:
             start, end, step = (float(part) for part in text.split(":"))
         except ValueError:
@@ -199,7 +199,7 @@ def _light(table: TomlTable, grid: np.ndarray, folder: Path) -> Light:
     name, file = table.text("illuminant", ""), table.text("spectrum", "")
     if bool(name) == bool(file):
         raise table.error("illuminant", 'give either illuminant = "D65" or spectrum = "lamp.csv"')
-    with table.blamed("illuminant" if name else "spectrum"):
+    with table.blame("illuminant" if name else "spectrum"):
         spectrum = (
             lamp(name, grid, strength) if name else measured_lamp(folder / file, grid, strength)
         )
@@ -258,7 +258,7 @@ def _relief(table: TomlTable, folder: Path) -> np.ndarray | None:
     # An array may hold lengths already; a picture cannot.
     array = file.lower().endswith(".npy")
     height = table.number("relief_height", 1.0) if array else table.number("relief_height")
-    with table.blamed("relief"):
+    with table.blame("relief"):
         return height * read_heights(folder / file)
 
 
@@ -278,7 +278,7 @@ def _white(picture: TomlTable, grid: np.ndarray, lights: dict[str, Light]) -> np
     name = picture.text("white", next(iter(lights)))
     if name in lights:
         return np.asarray(lights[name].spectrum, float)
-    with picture.blamed("white"):
+    with picture.blame("white"):
         try:
             return lamp(name, grid)
         except ValueError as error:

@@ -39,11 +39,11 @@ def read_material(table: TomlTable, grid: Float[np.ndarray, "bands"], folder: Pa
             table.above_zero("exponent", 40.0),
         )
     elif kind == "metal":
-        with table.blamed("metal"):
+        with table.blame("metal"):
             found = metal(table.text("metal"), grid)
         roughness = table.number("roughness", 0.0)
         fresnel: Any = table.choice("fresnel", get_args(FresnelModel), "exact")
-        with table.blamed():
+        with table.blame():
             material = Conductor(found.refractive_index, found.extinction, roughness, fresnel)
     else:
         material = _glaze(table, grid, folder)
@@ -57,23 +57,23 @@ def _glaze(table: TomlTable, grid: np.ndarray, folder: Path) -> Glazed:
     text = table.text("layers")
     shelf: Any = catalogue.load()
     own = table.text("pigments", "")
-    with table.blamed("pigments"):
+    with table.blame("pigments"):
         if own:
             from ...paint.pigment_table import read_pigments
 
             shelf = {**shelf, **read_pigments(folder / own)}
-    with table.blamed("layers"):
+    with table.blame("layers"):
         coats = name_paints(parse_layers(text), shelf)
         media = [medium.resample(grid) for medium in make_media(coats, shelf)]
     ground = read_reflectance(table, "substrate", grid, folder, default=0.9)
     index = table.number("refractive_index", 1.5)
-    with table.blamed():
+    with table.blame():
         layers = [Layer(medium, coat.total) for medium, coat in zip(media, coats, strict=True)]
         glaze = Glaze(layers, ground, index)
     gloss = table.flag("gloss", True)
     roughness = table.number("roughness", 0.0)
     thickness, layer = _thickness(table, len(layers), folder)
-    with table.blamed("roughness"):
+    with table.blame("roughness"):
         return Glazed(
             glaze=glaze, thickness=thickness, layer=layer, gloss=gloss, roughness=roughness
         )
@@ -105,9 +105,9 @@ def _thickness(table: TomlTable, layers: int, folder: Path) -> tuple[np.ndarray 
         )
     ends = []
     for part in span:
-        with table.blamed("thickness_range"):
+        with table.blame("thickness_range"):
             ends.append(parse_layers(f"paint:{part}")[0].thickness)
-    with table.blamed("thickness_map"):
+    with table.blame("thickness_map"):
         grey = _WEDGE if file == "wedge" else read_grey(folder / file)
     found = ends[0] + (ends[1] - ends[0]) * grey
     if found.max() > MAX_THICKNESS:
@@ -215,7 +215,7 @@ def read_reflectance(
         raise table.error(
             key, f'must be a number from 0 to 1, or a file "FILE.csv:SAMPLE", not {value!r}'
         )
-    with table.blamed(key):
+    with table.blame(key):
         return _measured_material(table, key, value, grid, folder)
 
 

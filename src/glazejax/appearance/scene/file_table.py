@@ -49,7 +49,7 @@ class TomlTable:
         return refusal(self.where(key), words)
 
     @contextmanager
-    def blamed(self, key: str = "") -> Iterator[None]:
+    def blame(self, key: str = "") -> Iterator[None]:
         """What is refused inside is said to be here."""
         try:
             yield

@@ -132,7 +132,7 @@ class Bordered(NamedTuple):
         )
         return Bordered(jnp.concatenate([upper, lower], axis=-2), viewing, incidence)
 
-    def multiplied(self, factor: "Diagonal") -> "Bordered":
+    def multiply(self, factor: "Diagonal") -> "Bordered":
         """Operator times a diagonal one: each column by its factor."""
         body = self.body * jnp.concatenate([factor.nodes, factor.incidence], axis=-1)[..., None, :]
         return Bordered(body, self.viewing * factor.viewing, self.incidence * factor.incidence)
@@ -142,7 +142,7 @@ class Bordered(NamedTuple):
         body = self.body * jnp.concatenate([factor.nodes, factor.viewing], axis=-1)[..., :, None]
         return Bordered(body, self.viewing * factor.viewing, self.incidence * factor.incidence)
 
-    def reweighted(self, viewing: Array, incidence: Array) -> "Bordered":
+    def reweight(self, viewing: Array, incidence: Array) -> "Bordered":
         """With added directions of other weights: their roots' ratios, (..., v) and (..., i)."""
         rows, columns = (
             jnp.concatenate([jnp.ones((*x.shape[:-1], self.nodes), x.dtype), x], axis=-1)

@@ -101,13 +101,13 @@ class _Discrete(NamedTuple):
     odd: Array
     a: Bordered
     b: Bordered
-    rows: Array  # weights of added directions, see `Bordered.reweighted`
+    rows: Array  # weights of added directions, see `Bordered.reweight`
     columns: Array
 
     def operators(self, thickness: Array, effort: Effort) -> tuple[Bordered, Bordered]:
         """R and U of the layers at any thickness."""
         found = layer_operators(self.a, self.b, thickness[:, None], effort)
-        reflection, loss = (x.reweighted(self.rows, self.columns) for x in found)
+        reflection, loss = (x.reweight(self.rows, self.columns) for x in found)
         return reflection, loss
 
 

@@ -150,5 +150,5 @@ def under_surface(reflection: Bordered, surface: Diagonal) -> Bordered:
         surface: Fresnel reflectance r of the surface in each direction inside.
     """
     passing = jax.tree.map(lambda r: 1.0 - r, surface)
-    between = reflection.multiplied(surface).scaled(-1.0).plus_identity().inverse()
-    return (between @ reflection).symmetric().multiplied(passing).multiplied_by(passing)
+    between = reflection.multiply(surface).scaled(-1.0).plus_identity().inverse()
+    return (between @ reflection).symmetric().multiply(passing).multiplied_by(passing)

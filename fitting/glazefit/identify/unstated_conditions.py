@@ -13,8 +13,8 @@ from jaxtyping import Float, Int
 
 from ..film.response import FilmResponse
 from ..film.varnish import under_varnish, without_varnish, yellow
+from .coefficient_errors import independent
 from .conditions import CONDITIONS, NOT_OPAQUE, OTHER_GROUNDS, VARNISHES
-from .own_errors import independent
 from .result import Pool
 from .search import first_starts, search
 from .task import IdentificationTask, Measured
@@ -27,7 +27,7 @@ _DOUBTFUL = 0.2
 """Probability of none above which a film is sought again."""
 
 
-def search_untold(
+def search_unstated_conditions(
     tasks: Mapping[bool, IdentificationTask], opaque: bool, measured: Measured, pool: Pool
 ) -> tuple[Pool, Odds]:
     """The pool, with candidates under other conditions where what was told leaves a film in doubt;
@@ -63,7 +63,7 @@ def search_untold(
     return pool, odds_of(measured, pool, prior)
 
 
-class AsIf(NamedTuple):
+class FilmsUnderCondition(NamedTuple):
     """Films as they would be seen under a condition."""
 
     task: IdentificationTask
@@ -74,9 +74,9 @@ class AsIf(NamedTuple):
     ]  # of these readings by those that were measured
 
 
-def as_if(
+def films_under(
     number: int, tasks: Mapping[bool, IdentificationTask], told: bool, measured: Measured
-) -> AsIf:
+) -> FilmsUnderCondition:
     """Films under one condition, by its number.
 
     Args:
@@ -92,7 +92,7 @@ def as_if(
         seen = replace(seen, grounds=np.full_like(seen.grounds, condition.ground))
     if condition.varnish:
         seen, slope = remove_varnish(seen, task.response, task.surface, condition.varnish)
-    return AsIf(task, opaque, seen, slope)
+    return FilmsUnderCondition(task, opaque, seen, slope)
 
 
 def _under(
@@ -100,7 +100,7 @@ def _under(
 ) -> Pool:
     """Candidates under one condition."""
     condition = CONDITIONS[number]
-    task, _, seen, slope = as_if(number, tasks, told, measured)
+    task, _, seen, slope = films_under(number, tasks, told, measured)
     pool = search(task, seen, np.arange(len(seen)), first_starts(task, seen))
 
     def add_varnish(readings: np.ndarray) -> np.ndarray:

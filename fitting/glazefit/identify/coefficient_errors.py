@@ -98,7 +98,7 @@ class Groups(NamedTuple):
         )
 
 
-def refine(task: IdentificationTask, pool: Pool, some: Measured) -> Pool:
+def refine(task: IdentificationTask, pool: Pool, batch: Measured) -> Pool:
     """The best of a pool with errors of their own, and with amounts that come near the readings, as
     a mixture is shown.
 
@@ -111,21 +111,21 @@ def refine(task: IdentificationTask, pool: Pool, some: Measured) -> Pool:
     behind = pool.log_weight.max(axis=1, keepdims=True) - pool.log_weight
     films = Films.of(pool, np.isfinite(pool.log_weight) & (behind <= task.effort.behind), size)
     films, groups, _ = fit_with_errors(
-        task, some, films, slopes_at(task, some, films), task.effort.own
+        task, batch, films, slopes_at(task, batch, films), task.effort.own
     )
-    slopes = slopes_at(task, some, films)
+    slopes = slopes_at(task, batch, films)
     close = np.flatnonzero(
         (films.behind() <= task.effort.close)
         & (_apart(films.sets, slopes, groups) > task.effort.moved)
     )
     if close.size:
         again, more, _ = fit_with_errors(
-            task, some, films.take(close), slopes[close], task.effort.again
+            task, batch, films.take(close), slopes[close], task.effort.again
         )
         films, groups = films.with_those(close, again), groups.with_those(close, more)
     shown = np.flatnonzero(films.behind() <= task.effort.shown)
     films, groups = films.take(shown), groups.take(shown)
-    near = _nearest(task, some, films)
+    near = _nearest(task, batch, films)
     nothing = (
         np.full_like(pool.log_weight, -np.inf),
         np.zeros_like(pool.covariance),
@@ -138,7 +138,7 @@ def refine(task: IdentificationTask, pool: Pool, some: Measured) -> Pool:
     out.logs[(*at, slice(size))] = np.where(films.sets == NOBODY, -np.inf, near.logs)
     out.weighed[(*at, slice(size))] = np.where(films.sets == NOBODY, -np.inf, films.logs)
     out.readings[at] = near.readings
-    out.allowed[at] = move_readings(task, some, near.row, near.readings, groups)
+    out.allowed[at] = move_readings(task, batch, near.row, near.readings, groups)
     return out
 
 
@@ -185,17 +185,17 @@ def _apart(
 
 def fit_with_errors(
     task: IdentificationTask,
-    some: Measured,
+    batch: Measured,
     films: Films,
     slopes: Float[np.ndarray, "films errors readings"],
     steps: int,
 ) -> tuple[Films, Groups, Whitening]:
     """Films fitted again with the errors of their groups; the groups, and the errors of each."""
     groups = _group(task, films, slopes)
-    errors = own_errors(task, some, groups.row, groups.sets, groups.slopes)
-    readings = some.readings.reshape(len(some), -1)[films.row]
+    errors = coefficient_errors(task, batch, groups.row, groups.sets, groups.slopes)
+    readings = batch.readings.reshape(len(batch), -1)[films.row]
     weights = weights_of(task, readings, Whitening(errors.basis, errors.height[groups.of]))
-    fitted = _fit(task, some, films, weights, groups.of, steps, single=task.effort.single)
+    fitted = _fit(task, batch, films, weights, groups.of, steps, single=task.effort.single)
     log_weight = task.discrepancy.trust * fitted.log_evidence + task.log_sets(films.sets)
     spread = np.where(absent_pairs(films.sets), 0.0, fitted.covariance)
     films = replace(
@@ -206,7 +206,7 @@ def fit_with_errors(
 
 def _fit(
     task: IdentificationTask,
-    some: Measured,
+    batch: Measured,
     films: Films,
     weights: Weights,
     basis: Int[np.ndarray, "films"],
@@ -220,7 +220,7 @@ def _fit(
     kind = np.float32 if single else np.float64
     response, paints = task.tables.single if single else (task.response, task.paints)
     target, alike, *rest = (np.asarray(part, kind) for part in weights)
-    grounds = np.asarray(some.grounds, kind)
+    grounds = np.asarray(batch.grounds, kind)
 
     def run(n: np.ndarray) -> Fitted:
         own = Weights(*map(jnp.asarray, (target[n], alike[basis[n]], *(part[n] for part in rest))))
@@ -233,25 +233,25 @@ def _fit(
     return Fitted(*(np.asarray(part, np.float64) for part in fitted))
 
 
-def _nearest(task: IdentificationTask, some: Measured, films: Films) -> Films:
+def _nearest(task: IdentificationTask, batch: Measured, films: Films) -> Films:
     """The films with amounts that come near the readings."""
-    errors = near_errors(task, some)
-    readings = some.readings.reshape(len(some), -1)[films.row]
+    errors = near_errors(task, batch)
+    readings = batch.readings.reshape(len(batch), -1)[films.row]
     weights = weights_of(task, readings, Whitening(errors.basis, errors.height[films.row]))
-    fitted = _fit(task, some, films, weights, films.row, task.effort.near)
+    fitted = _fit(task, batch, films, weights, films.row, task.effort.near)
     return replace(films, logs=fitted.logs, readings=fitted.readings)
 
 
-def near_errors(task: IdentificationTask, some: Measured) -> Whitening:
+def near_errors(task: IdentificationTask, batch: Measured) -> Whitening:
     """Errors with which amounts are found that are shown, of each spectrum."""
     # Not alike at neighbouring bands: a smooth error would be excused.
-    noise = fixed_errors(task, some, near_sd(some))
+    noise = fixed_errors(task, batch, near_sd(batch))
     return whiten(noise, np.zeros_like(noise), task.discrepancy)
 
 
 def move_readings(
     task: IdentificationTask,
-    some: Measured,
+    batch: Measured,
     row: Int[np.ndarray, "films"],
     readings: Float[np.ndarray, "films readings"],
     groups: Groups,
@@ -263,19 +263,19 @@ def move_readings(
 
     Args:
         task: what all share.
-        some: the spectra.
+        batch: the spectra.
         row: spectrum of each film.
         readings: of each film, without the surface.
         groups: of the films.
     """
-    off = task.target(some.readings)[row] - readings
+    off = task.target(batch.readings)[row] - readings
     return readings + np.einsum(
-        "fij,fj->fi", coefficient_projection(task, some, groups)[groups.of], off
+        "fij,fj->fi", coefficient_projection(task, batch, groups)[groups.of], off
     )
 
 
 def coefficient_projection(
-    task: IdentificationTask, some: Measured, groups: Groups
+    task: IdentificationTask, batch: Measured, groups: Groups
 ) -> Float[np.ndarray, "groups readings readings"]:
     """Matrix from what a film misses to the part that the errors of its paints' coefficients most
     probably make.
@@ -285,21 +285,21 @@ def coefficient_projection(
     free = paints_covariance(
         groups.slopes, groups.sets, task.errors, task.modes, task.wavelengths, told
     )
-    free = free + fixed_errors(task, some, np.zeros_like(some.noise_sd))[groups.row]
-    near = near_sd(some).reshape(len(some), -1)[groups.row] ** 2
+    free = free + fixed_errors(task, batch, np.zeros_like(batch.noise_sd))[groups.row]
+    near = near_sd(batch).reshape(len(batch), -1)[groups.row] ** 2
     return free @ np.linalg.inv(free + near[..., None] * np.eye(near.shape[-1]))
 
 
 def slopes_at(
-    task: IdentificationTask, some: Measured, films: Films
+    task: IdentificationTask, batch: Measured, films: Films
 ) -> Float[np.ndarray, "films errors readings"]:
     """Slopes of films' readings by the log of every paint's k, then s."""
-    return slopes_of(task.response, task.paints, films.sets, films.logs, some.grounds, films.row)
+    return slopes_of(task.response, task.paints, films.sets, films.logs, batch.grounds, films.row)
 
 
-def own_errors(
+def coefficient_errors(
     task: IdentificationTask,
-    some: Measured,
+    batch: Measured,
     row: Int[np.ndarray, "films"],
     sets: Int[np.ndarray, "films size"],
     slopes: Float[np.ndarray, "films errors readings"],
@@ -308,20 +308,20 @@ def own_errors(
     spectrum.
     """
     d = task.discrepancy
-    off = d.amplitude + d.share * some.readings.reshape(len(some), -1)
-    model = model_covariance(task.wavelengths, some.readings.shape[1], d, off)
-    fixed = fixed_errors(task, some, some.noise_sd)
+    off = d.amplitude + d.share * batch.readings.reshape(len(batch), -1)
+    model = model_covariance(task.wavelengths, batch.readings.shape[1], d, off)
+    fixed = fixed_errors(task, batch, batch.noise_sd)
     caused = paints_covariance(slopes, sets, task.errors, task.modes, task.wavelengths, d)
     return whiten(fixed[row], model[row] + caused, d)
 
 
 def fixed_errors(
-    task: IdentificationTask, some: Measured, noise_sd: Float[np.ndarray, "spectra grounds bands"]
+    task: IdentificationTask, batch: Measured, noise_sd: Float[np.ndarray, "spectra grounds bands"]
 ) -> Float[np.ndarray, "spectra readings readings"]:
     """Covariance of noise, of the surface's reflection and of what else is in doubt about the
     readings.
     """
-    doubt = some.doubt.reshape(*some.doubt.shape[:2], some.readings[0].size)
+    doubt = batch.doubt.reshape(*batch.doubt.shape[:2], batch.readings[0].size)
     return (
         noise_covariance(noise_sd, task.surface, task.discrepancy)
         + np.swapaxes(doubt, 1, 2) @ doubt
@@ -350,9 +350,9 @@ def independent(task: IdentificationTask) -> float:
     return max(float(np.ptp(task.wavelengths)) / task.discrepancy.apart, 1.0)
 
 
-def near_sd(some: Measured) -> Float[np.ndarray, "spectra grounds bands"]:
+def near_sd(batch: Measured) -> Float[np.ndarray, "spectra grounds bands"]:
     """What counts as near to each reading when amounts and gloss are shown."""
-    return np.hypot(some.noise_sd, _NEAR_BLACK + _NEAR_SHARE * some.readings)
+    return np.hypot(batch.noise_sd, _NEAR_BLACK + _NEAR_SHARE * batch.readings)
 
 
 def absent_pairs(members: Int[np.ndarray, "*n size"]) -> Bool[np.ndarray, "*n size size"]:

@@ -32,7 +32,7 @@ class _Finished(WrapperStore["LocalStore"]):
         view.done = self.done
         return view
 
-    def _hidden(self, key: str) -> bool:
+    def _is_hidden(self, key: str) -> bool:
         name, _, place = key.partition("/c/")
         if not place or name not in BY_NAME:
             return False
@@ -41,8 +41,8 @@ class _Finished(WrapperStore["LocalStore"]):
 
     async def get(self, key: str, prototype: Any, byte_range: Any = None) -> Any:
         """What is stored under a key; nothing for a hidden one."""
-        return None if self._hidden(key) else await super().get(key, prototype, byte_range)
+        return None if self._is_hidden(key) else await super().get(key, prototype, byte_range)
 
     async def exists(self, key: str) -> bool:
         """Whether something is stored under a key and not hidden."""
-        return not self._hidden(key) and await super().exists(key)
+        return not self._is_hidden(key) and await super().exists(key)

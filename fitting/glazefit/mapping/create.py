@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from ..identify.conditions import CONDITIONS
-from .keyed import sync
+from .atomic_files import sync
 from .layout import PLACES, STATUS_WORDS, VARIABLES, Variable, Way
 
 KIND, FORMAT = "glazejax map", 1
