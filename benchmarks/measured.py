@@ -5,7 +5,7 @@ from collections.abc import Collection
 from pathlib import Path
 
 from glazefit.film.films import Films
-from glazefit.film.readers import read_films, read_names
+from glazefit.film.readers import read_films, read_recipes
 
 # Enough paints for a small run: two colours, the white and the black that they are mixed with.
 FEW = ("Minium", "Vermillion", "ZincWhite", "BoneBlack")
@@ -32,7 +32,7 @@ def measured_films(paints: Collection[str] = ()) -> tuple[Films, dict[str, dict[
         SystemExit: the measurements are not there.
     """
     folder = measured_data("revigo")
-    films, recipes = read_films(folder / "reflectance.tsv"), read_names(folder / "mixtures.tsv")
+    films, recipes = read_films(folder / "reflectance.tsv"), read_recipes(folder / "mixtures.tsv")
     if paints:
         parts = {
             name: {paint for paint, weight in recipes[name].items() if weight > 0}

@@ -30,7 +30,7 @@ from benchmarks.results import Results, add_option, commit, progress
 from glazefit.film.films import Films, Instrument, Noise, cards
 from glazefit.film.mixing import MixingLaw
 from glazefit.film.simulate import simulate_films
-from glazefit.recover.crossvalidation import LeftOut, leave_films_out, without
+from glazefit.recover.crossvalidation import LeftOut, cross_validate, without
 from glazefit.recover.joint import UNIT, recover_jointly
 from glazefit.recover.joint_problem import Expectations
 from glazefit.recover.mixture import calibrate_mixture, predict_mixture
@@ -96,7 +96,7 @@ def leave_out(
         progress(f"{name}: {film}")
 
     chosen = mixtures(films.names, recipes)[::EVERY]
-    out = leave_films_out(
+    out = cross_validate(
         whole, films, recipes, only=lambda film: film in chosen, progress=tell, **given
     )
     return Scores(out, seconds, warm)

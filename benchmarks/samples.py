@@ -10,7 +10,7 @@ from pathlib import Path
 
 import glazejax
 from benchmarks.measured import measured_data
-from glazefit.film.readers import NAMES_FILE, ROWS, read_names
+from glazefit.film.readers import NAMES_FILE, ROWS, read_recipes
 from glazejax.io import read_spectra
 
 # Pure paints (06A hides, 02A is a clear lake), tints with zinc white (13G a trace of blue), a
@@ -26,7 +26,7 @@ def main() -> None:
     folder = parser.parse_args().folder
     source = measured_data("revigo")
     table = read_spectra(source / "reflectance.tsv")
-    recipes = read_names(source / NAMES_FILE)
+    recipes = read_recipes(source / NAMES_FILE)
     spectra = [f"Name,{','.join(f'{wavelength:g}' for wavelength in table.wavelengths)}"]
     mixtures = []
     for film in FILMS:

@@ -23,7 +23,7 @@ from benchmarks.measured import measured_data
 from benchmarks.results import Results, add_option
 from benchmarks.truth_peers import PEERS
 from glazefit import Discrepancy, Films, Identification, ground_from_air, identify, identify_films
-from glazefit.film.readers import read_films, read_names
+from glazefit.film.readers import read_films, read_recipes
 from glazefit.recover.crossvalidation import without
 from glazefit.recover.joint import recover_jointly
 from glazejax import Bidirectional, Pigment
@@ -370,7 +370,7 @@ def main() -> None:
     start_jax()
     results = Results("truth", options.out)
     folder = measured_data("revigo")
-    films, recipes = read_films(folder / "reflectance.tsv"), read_names(folder / "mixtures.tsv")
+    films, recipes = read_films(folder / "reflectance.tsv"), read_recipes(folder / "mixtures.tsv")
     left = cases(films, recipes)
     scored = main_table(results, films, recipes, left)
     full, gone = scored["glazejax"]

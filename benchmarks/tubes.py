@@ -28,10 +28,10 @@ from benchmarks.measured import FEW, measured_films
 from benchmarks.results import Results, add_option, progress
 from glazefit import Films, Instrument, Noise, recover_films, simulate_films
 from glazefit.film.films import usual_cards
-from glazefit.film.loose import named_recipes
+from glazefit.film.loose import recipes_from_names
 from glazefit.film.readers import is_masstone
 from glazefit.film.simulate import simulate_paints
-from glazefit.recover.crossvalidation import leave_films_out
+from glazefit.recover.crossvalidation import cross_validate
 from glazefit.recover.entries import PaintFile, entries
 from glazefit.recover.joint import UNIT, recover_jointly
 from glazefit.recover.known import error_modes
@@ -152,7 +152,7 @@ def tube(paint: Pigment, white: Pigment, case: Case, seed: int) -> Tube:
         bare = [np.where(assumed[:, i, None], usual[i], bare[i]) for i in range(2)]
     cards = {"bare_black": bare[0], "bare_white": bare[1]}
     films = replace(films, **cards, seen=seen, assumed=assumed, opaque=opaque)
-    return Tube(films, dict(named_recipes(names, {})), full)
+    return Tube(films, dict(recipes_from_names(names, {})), full)
 
 
 def simulated(say: Results, count: int) -> None:
@@ -212,7 +212,7 @@ def real(say: Results) -> None:
     whole = recover_jointly(films, recipes)
     tubes = dict(list(paints_with_a_tint(films, recipes).items())[:MEASURED])
     others = {name for rows in tubes.values() for name in rows[2:]}
-    full = leave_films_out(
+    full = cross_validate(
         whole, films, recipes, only=lambda name: name in others, progress=progress
     )
     full_off = dict(zip(full.names, full.predicted.mean(axis=1), strict=True))

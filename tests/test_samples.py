@@ -24,7 +24,7 @@ def test_films_are_read_four_rows_each():
 
 def test_recipes_name_paints_of_the_catalogue():
     recipes = samples.recipes()
-    given = glazefit.read_names(samples.path("recipes"))
+    given = glazefit.read_recipes(samples.path("recipes"))
     oils = catalogue.load()
     assert list(recipes) == list(given)
     for film, shares in recipes.items():
@@ -51,8 +51,8 @@ def test_they_are_the_readings_of_the_source(shared_data):
     table = read_spectra(samples.path())
     for name in table.names:
         np.testing.assert_allclose(table[name], source[name], rtol=0, atol=1e-12)
-    recipes = glazefit.read_names(shared_data / "revigo" / "mixtures.tsv")
-    assert glazefit.read_names(samples.path("recipes")) == {
+    recipes = glazefit.read_recipes(shared_data / "revigo" / "mixtures.tsv")
+    assert glazefit.read_recipes(samples.path("recipes")) == {
         film: recipes[film] for film in samples.names()
     }
 

@@ -6,7 +6,7 @@ from scipy.integrate import quad
 
 from glazefit import Films, Instrument, Noise, read_films
 from glazefit.film.films import card_reflectance, cards, diffuse_internal_reflectance
-from glazefit.film.readers import is_masstone, read_names, readable_names
+from glazefit.film.readers import is_masstone, read_recipes, readable_names
 from glazejax import Hemispherical
 
 ROWS = {
@@ -77,7 +77,7 @@ def test_recipes(tmp_path):
     path.write_text(
         "01A\tRed-White|100-0\n02A\tRed-White|100-0\n03\tRed-White|9.7-90.3\n04\tBlue|100\n"
     )
-    recipes = read_names(path)
+    recipes = read_recipes(path)
     assert recipes["01A"] == {"Red": 100.0}
     assert [is_masstone(recipes[s]) for s in recipes] == [True, True, False, True]
     names = readable_names(("01A", "02A", "03", "04", "05"), recipes)
@@ -89,7 +89,7 @@ def test_recipes_of_another_form_are_refused(tmp_path, line):
     path = tmp_path / "mixtures.tsv"
     path.write_text("00\tBlue|100\n" + line + "\n")
     with pytest.raises(ValueError, match="line 2: expected"):
-        read_names(path)
+        read_recipes(path)
 
 
 def fresnel(cos_air, n):

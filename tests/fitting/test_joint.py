@@ -14,7 +14,7 @@ from glazefit.film.films import Films, Instrument, Noise
 from glazefit.film.mixing import MixingLaw, weight_table
 from glazefit.film.response import film_response
 from glazefit.film.simulate import simulate_films
-from glazefit.recover.crossvalidation import leave_films_out
+from glazefit.recover.crossvalidation import cross_validate
 from glazefit.recover.joint import pose, recover_jointly, spread
 from glazefit.recover.joint_problem import (
     Expectations,
@@ -358,7 +358,7 @@ def test_films_left_out_lie_within_their_bands():
     films = painted(np.array([1.0, 0.8, 1.2, 1.0, 0.9, 1.1]), Noise())
     whole = recover_jointly(films, RECIPES)
     seen: list[str] = []
-    out = leave_films_out(whole, films, RECIPES, progress=seen.append)
+    out = cross_validate(whole, films, RECIPES, progress=seen.append)
     assert out.names == tuple(seen) == ("tint", "half", "grey", "shade")
     assert out.complete
     # Nothing is wrong with the recipes of painted films: they are predicted better than real ones
@@ -367,7 +367,7 @@ def test_films_left_out_lie_within_their_bands():
     assert out.inside.mean() > 0.9
     assert np.all(out.expected > 0.3)
     with pytest.raises(ValueError, match="no film can be left out"):
-        leave_films_out(whole, films, RECIPES, only=lambda name: False)
+        cross_validate(whole, films, RECIPES, only=lambda name: False)
 
 
 def test_an_interrupt_keeps_the_films_that_are_done():
@@ -378,7 +378,7 @@ def test_an_interrupt_keeps_the_films_that_are_done():
         if name == "grey":
             raise KeyboardInterrupt
 
-    out = leave_films_out(whole, films, RECIPES, progress=stop)
+    out = cross_validate(whole, films, RECIPES, progress=stop)
     assert out.names == ("tint", "half")
     assert not out.complete
 

@@ -11,9 +11,9 @@ from glazefit import (
     Films,
     Instrument,
     Noise,
-    over_ground,
     posterior_of_bands,
     posterior_of_film,
+    reading_over,
     simulate_films,
 )
 from glazefit.film.least_squares import root_of_log1p
@@ -366,7 +366,7 @@ def test_a_film_that_hides_its_ground_may_be_thicker():
 @pytest.mark.slow
 def test_one_spectrum_over_a_known_ground():
     films = film_of(0.3)
-    single = over_ground(GRID, films.over_white[0], 0.93, name="single")
+    single = reading_over(GRID, films.over_white[0], 0.93, name="single")
     result = posterior_of_film(single, [BLUE, WHITE], steps=0)
     fraction = rows(result)["fraction blue", "single"]
     assert np.isfinite(fraction.sd)
@@ -528,8 +528,8 @@ def test_compiled_program_calls_no_library_for_linear_algebra():
         (lambda: posterior_of_bands(film_of(0.3), steps=3), "3 steps are fewer"),
         (lambda: posterior_of_bands(film_of(0.3), thin=0), "thin is 0"),
         (lambda: FilmPrior(error=0.0), "error is 0"),
-        (lambda: over_ground(GRID, np.full(GRID.size, 0.5), 1.5), "must be in"),
-        (lambda: over_ground(GRID, np.full(GRID.size, np.nan), 0.5), "is nan"),
+        (lambda: reading_over(GRID, np.full(GRID.size, 0.5), 1.5), "must be in"),
+        (lambda: reading_over(GRID, np.full(GRID.size, np.nan), 0.5), "is nan"),
     ],
 )
 def test_bad_input(call, message):

@@ -14,7 +14,7 @@ from glazefit import (
     Reading,
     Recovery,
     Variation,
-    over_ground,
+    reading_over,
 )
 from glazefit.identify.task import Measured
 from glazefit.recover.crossvalidation import LeftOut
@@ -31,7 +31,7 @@ def films() -> Films:
 
 
 def reading() -> Reading:
-    return over_ground(GRID, LIGHT[0], 0.9, name="spot", noise=Noise())
+    return reading_over(GRID, LIGHT[0], 0.9, name="spot", noise=Noise())
 
 
 def identification() -> Identification:

@@ -8,7 +8,7 @@ import pytest
 from glazefit import Instrument, Noise, read_films, recover_films, simulate_films
 from glazefit.film.gloss import estimate_gloss
 from glazefit.film.model import body_reflectance, tabulate
-from glazefit.film.readers import is_masstone, read_names, readable_names
+from glazefit.film.readers import is_masstone, read_recipes, readable_names
 from glazefit.recover.film_by_film import (
     CHUNK,
     ScatteringPrior,
@@ -219,7 +219,7 @@ def test_compiled_program_calls_no_library_for_linear_algebra():
 @pytest.mark.slow
 def test_masstones_of_the_revigo_data_are_reproduced_to_the_noise(shared_data):
     films = read_films(shared_data / "revigo" / "reflectance.tsv")
-    recipes = read_names(shared_data / "revigo" / "mixtures.tsv")
+    recipes = read_recipes(shared_data / "revigo" / "mixtures.tsv")
     films = films.select([name for name in films.names if is_masstone(recipes[name])])
     films = replace(films, names=readable_names(films.names, recipes))
     recovery = recover_films(films)

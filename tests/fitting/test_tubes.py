@@ -9,7 +9,7 @@ import pytest
 
 from glazefit import Films, Instrument, Noise, recover_films, simulate_films
 from glazefit.film.films import USUAL_CARD_SD, bare_surface, cards, usual_cards
-from glazefit.film.loose import average, crop, named_recipes, read_loose_films, tint
+from glazefit.film.loose import average, crop, read_loose_films, recipes_from_names, tint
 from glazefit.film.noise import estimate_noise, roughness
 from glazefit.film.response import film_response
 from glazefit.recover.entries import add_paints
@@ -23,7 +23,7 @@ GRID = np.arange(400.0, 701.0, 20.0)
 BLUE = np.stack([0.05 + 3.0 * np.exp(-(((GRID - 590) / 60) ** 2)), np.full(GRID.size, 1.0)])
 PALE = np.stack([0.01 + 0.05 * np.exp(-(GRID - 400) / 40), 10.0 - (GRID - 400) / 100])
 NAMES = ("Blue", "Blue 1:10 White")
-RECIPES = named_recipes(NAMES, {})
+RECIPES = recipes_from_names(NAMES, {})
 
 
 def modes_of(pigment: Pigment) -> np.ndarray:
@@ -128,7 +128,7 @@ def test_films_are_called_by_what_is_in_them():
     assert tint("Red 2.5 : 97.5 White") == {"Red": 2.5, "White": 97.5}
     assert tint("Red") is tint("Red 1:10") is tint("1:10 White") is tint("Red 1:2 Red") is None
     listed = {"07B": {"Red": 10.0, "White": 90.0}}
-    assert named_recipes(("07B", "Red 1:3 White", "Red"), listed) == {
+    assert recipes_from_names(("07B", "Red 1:3 White", "Red"), listed) == {
         "07B": {"Red": 10.0, "White": 90.0},
         "Red 1:3 White": {"Red": 1.0, "White": 3.0},
         "Red": {"Red": 100.0},
@@ -358,7 +358,7 @@ def test_entries_keep_what_is_there_and_share_the_errors_of_the_white(tmp_path):
     # Another paint goes beside them; their lines stay, with nought in the columns that are new.
     before = path.read_text().splitlines()
     films = dataclasses.replace(painted(instrument, seed=5), names=("Sky", "Sky 1:10 White"))
-    recipes = named_recipes(films.names, {})
+    recipes = recipes_from_names(films.names, {})
     sky = recover_jointly(films, recipes, noise=Noise(), known={"White": mine["White"]})
     assert add_paints(sky, path) == ("Sky",)
     after = path.read_text().splitlines()

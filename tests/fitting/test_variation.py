@@ -15,7 +15,7 @@ from glazefit import Films, Noise, simulate_films
 from glazefit.film.errors import BETWEEN_FILMS, relative_errors
 from glazefit.film.variation import PRIOR, SIZES, Surprise, Variation, learn, log_likelihood
 from glazefit.recover.joint import UNIT
-from glazefit.recover.mixture import calibrate_mixture, mixture_of, predict_mixture
+from glazefit.recover.mixture import calibrate_mixture, mix, predict_mixture
 from glazefit.recover.predict_command import read_recipe
 from glazejax import Pigment, catalogue, colour
 from glazejax.commands.main import main
@@ -121,7 +121,7 @@ def test_likelihood_is_that_of_a_gaussian():
 
 def test_modes_of_a_mixture_are_slopes_of_its_logs(paints):
     """Against finite differences: each paint's own mode, mixed anew."""
-    found = mixture_of(paints, TINT, variation=Variation(np.eye(len(SIZES))[0]))
+    found = mix(paints, TINT, variation=Variation(np.eye(len(SIZES))[0]))
     assert found.error_modes is not None
     step, total = 1e-4, np.zeros((2, GRID.size))
     for mode in range(len(paints["Vermillion"].error_modes)):
@@ -134,7 +134,7 @@ def test_modes_of_a_mixture_are_slopes_of_its_logs(paints):
             )
             for name, paint in paints.items()
         }
-        other = mixture_of(moved, TINT)
+        other = mix(moved, TINT)
         pairs = ((other.absorption, found.absorption), (other.scattering, found.scattering))
         total += np.array([np.log(np.asarray(a) / np.asarray(b)) / step for a, b in pairs]) ** 2
     # The film's own errors of size .03 add to it: .2 and .2 of each paint, as far as it counts in
@@ -157,7 +157,7 @@ def test_modes_of_a_mixture_are_slopes_of_its_logs(paints):
 
 
 def test_mixing_is_by_weight(paints):
-    found = mixture_of(paints, {"Vermillion": 1.0, "BoneBlack": 3.0})
+    found = mix(paints, {"Vermillion": 1.0, "BoneBlack": 3.0})
     k = 0.25 * np.asarray(paints["Vermillion"].absorption) + 0.75 * np.asarray(
         paints["BoneBlack"].absorption
     )
@@ -259,7 +259,7 @@ def test_recipes_that_are_none(text, words):
 )
 def test_mixtures_that_are_none(paints, recipe, words):
     with pytest.raises(ValueError, match=words):
-        mixture_of(paints, recipe)
+        mix(paints, recipe)
 
 
 def test_thickness_is_above_nothing(paints):

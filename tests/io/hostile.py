@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from glazefit.film.readers import read_films, read_names
+from glazefit.film.readers import read_films, read_recipes
 from glazejax.appearance.scene.file import read_scene
 from glazejax.appearance.scene.file_materials import read_grey
 from glazejax.appearance.scene.lights import measured_lamp
@@ -348,7 +348,7 @@ def subjects() -> dict[str, Subject]:
         "pigments": Subject("pigments.csv", pigments.encode(), read_pigments, counts=_pigments),
         "films": Subject("films.tsv", films.encode(), read_films),
         "names of films": Subject(
-            "mixtures.tsv", b"# paints\n01\tRed-White|100-0\n02\tBlue|100\n", read_names
+            "mixtures.tsv", b"# paints\n01\tRed-White|100-0\n02\tBlue|100\n", read_recipes
         ),
         "scene": Subject(
             "scene.toml",

@@ -19,7 +19,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from glazefit.film.readers import read_films, read_names
+from glazefit.film.readers import read_films, read_recipes
 from glazejax.appearance.scene.file import read_scene
 from glazejax.appearance.scene.file_materials import read_grey
 from glazejax.appearance.scene.lights import measured_lamp
@@ -34,7 +34,7 @@ READERS = [
     read_spectra,
     read_cube,
     read_films,
-    read_names,
+    read_recipes,
     read_pigments,
     read_scene,
     read_grey,

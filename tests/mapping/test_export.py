@@ -6,7 +6,7 @@ import json
 import numpy as np
 import pytest
 
-from glazefit import set_names
+from glazefit import set_labels
 from glazefit.mapping.chunk import ChunkMaps
 from glazefit.mapping.export import check_export, export_map
 from glazefit.mapping.layout import VARIABLES, Status
@@ -90,7 +90,7 @@ def test_netcdf_holds_all_that_the_map_holds(store, tmp_path):
 def test_a_set_has_the_names_of_its_paints_before_and_after_export(store, tmp_path):
     pytest.importorskip("h5netcdf")
     ours = open_map(store.path)
-    names = set_names(ours)
+    names = set_labels(ours)
     assert names.dims == ("y", "x")
     for members, words in (
         ([-1, -1, -1], ""),
@@ -106,13 +106,13 @@ def test_a_set_has_the_names_of_its_paints_before_and_after_export(store, tmp_pa
     (path,) = export_map(store.path, tmp_path / "map.nc")
     for options in ({}, {"mask_and_scale": False}, {"chunks": {"y": 16}}):
         with xarray.open_dataset(path, engine="h5netcdf", **options) as theirs:
-            np.testing.assert_array_equal(set_names(theirs).values, names.values)
+            np.testing.assert_array_equal(set_labels(theirs).values, names.values)
     # One pixel; and another order of the same paints.
     pixel = ours.isel(y=3, x=5).load()
     pixel["members"].values[:] = [2, -1, 0]
-    assert set_names(pixel).item() == "ZincWhite + Umber"
+    assert set_labels(pixel).item() == "ZincWhite + Umber"
     with pytest.raises(ValueError, match="it has no members and no paint; open one by open_map"):
-        set_names(xarray.Dataset())
+        set_labels(xarray.Dataset())
 
 
 def test_numbers_that_stand_for_words_have_a_legend(store):

@@ -45,8 +45,8 @@ def read_loose_films(path: str | Path) -> Films:
     Rows of a table are told by their endings, none of which must be there: NAME_ob and NAME_ow are
     paint over black and over white, NAME_b and NAME_w that film's own cards, card_b and card_w the
     cards of all films (usual ones are assumed if they are missing). NAME alone is paint that hides
-    whatever is below. `named_recipes` says what films called ``Ultramarine 1:10 ZincWhite`` are
-    made of.
+    whatever is below. `recipes_from_names` says what films called ``Ultramarine 1:10 ZincWhite``
+    are made of.
 
     Args:
         path: any table that `glazejax.io.read_spectra` reads; a fraction or percent, nm.
@@ -166,20 +166,20 @@ def tint(name: str) -> dict[str, float] | None:
     return parts if len(parts) == 2 and sum(parts.values()) > 0 else None
 
 
-def named_recipes(
+def recipes_from_names(
     names: Sequence[str], listed: Mapping[str, Mapping[str, float]] | None = None
 ) -> dict[str, Mapping[str, float]]:
     """What films are made of: as listed, or as their names say, or else one paint of that name.
 
     Args:
         names: of films; ``Red 1:10 White`` is a tint by weight.
-        listed: film -> paint -> weight, in any unit, such as `read_names` reads.
+        listed: film -> paint -> weight, in any unit, such as `read_recipes` reads.
 
     Returns:
         film -> paint -> weight, as `recover_jointly` takes it.
 
     Example:
-        >>> named_recipes(["Red 1:10 White", "Red"])
+        >>> recipes_from_names(["Red 1:10 White", "Red"])
         {'Red 1:10 White': {'Red': 1.0, 'White': 10.0}, 'Red': {'Red': 100.0}}
     """
     listed = listed or {}

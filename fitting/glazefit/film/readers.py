@@ -84,7 +84,7 @@ def films_of(table: SpectraTable) -> Films:
     )
 
 
-def read_names(path: str | Path) -> dict[str, dict[str, float]]:
+def read_recipes(path: str | Path) -> dict[str, dict[str, float]]:
     """Read what films are made of: a line each, ``07C<TAB>ZincWhite-BoneBlack|97.1-2.9``, weights
     in percent.
 

@@ -94,7 +94,7 @@ def readings(films: Films, instrument: Instrument, noise: Noise) -> list[Reading
     ]
 
 
-def over_ground(
+def reading_over(
     wavelengths: Float[np.ndarray, "bands"],
     reflectance: Float[np.ndarray, "bands"],
     ground: float | Float[np.ndarray, "bands"],

@@ -79,7 +79,7 @@ def export_map(
     NetCDF holds all that the map holds. The ENVI image is float32, band after band: status, way,
     condition, probability, none, thickness, misfit and rmse, then of each paint its probability,
     its share by mass (0 where the pixel's set is without it) and that share's standard deviation;
-    NaN where a pixel was not mapped. So ENVI has its paints by name; `set_names` tells those of a
+    NaN where a pixel was not mapped. So ENVI has its paints by name; `set_labels` tells those of a
     set in NetCDF.
 
     Args:

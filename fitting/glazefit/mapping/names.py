@@ -16,7 +16,7 @@ def set_words(members: Iterable[int], paints: Sequence[str]) -> str:
     return " + ".join(paints[member] for member in sorted(members) if member >= 0)
 
 
-def set_names(found: "xarray.Dataset") -> "xarray.DataArray":
+def set_labels(found: "xarray.Dataset") -> "xarray.DataArray":
     """Names of the paints in the most probable set of every pixel, such as ``ZincWhite +
     CobaltBlue``.
 
@@ -39,7 +39,7 @@ def set_names(found: "xarray.Dataset") -> "xarray.DataArray":
         >>> import xarray
         >>> members = ("x", "place"), [[1, 0, -1], [-1, -1, -1]]
         >>> found = xarray.Dataset({"members": members}, {"paint": ["ZincWhite", "Eosin"]})
-        >>> set_names(found).values.tolist()
+        >>> set_labels(found).values.tolist()
         ['ZincWhite + Eosin', '']
     """
     import xarray

@@ -369,7 +369,7 @@ def _spectrum(
 ) -> "Reading":
     from glazejax.io import read_spectra
 
-    from ..film.reading import over_ground
+    from ..film.reading import reading_over
 
     below = options.read_ground(ground)
     table = read_spectra(file)
@@ -379,16 +379,16 @@ def _spectrum(
         raise ValueError(f"{file} holds {len(table)} spectra; choose one with --sample")
     (row,) = options.choose_rows(file, table.names, [sample or table.names[0]], "--sample")
     under = below.on(table.wavelengths)
-    return over_ground(
+    return reading_over(
         table.wavelengths, table.reflectance[row], under, noise=noise, name=table.names[row]
     )
 
 
 def _recipe(file: Path, sample: str) -> list[str]:
-    from ..film.readers import NAMES_FILE, read_names
+    from ..film.readers import NAMES_FILE, read_recipes
 
     beside = file.parent / NAMES_FILE
-    found = read_names(beside).get(sample) if beside.is_file() else None
+    found = read_recipes(beside).get(sample) if beside.is_file() else None
     if not found:
         where = (
             f"and {beside} does not say"

@@ -240,7 +240,7 @@ def posterior_of_film(
     """Fractions, thickness, gloss and model error of a film of known paints.
 
     Args:
-        film: one film over black and white, or a `Reading` (see `over_ground` for one spectrum).
+        film: one film over black and white, or a `Reading` (see `reading_over` for one spectrum).
         paints: one to five, with k and s in 1/m.
         instrument: by default d:8 with the specular part, refractive index 1.5.
         noise: of a reading.

@@ -313,10 +313,10 @@ def _films(file: Path, samples: str, console: "Console") -> "Films":
 
 def _recipes(file: Path, names: Path | None) -> tuple[dict[str, dict[str, float]], Path]:
     """What films are made of as a list says, and where a list is looked for."""
-    from ..film.readers import NAMES_FILE, read_names
+    from ..film.readers import NAMES_FILE, read_recipes
 
     beside = file.parent / NAMES_FILE
-    return read_names(names or beside) if names is not None or beside.is_file() else {}, beside
+    return read_recipes(names or beside) if names is not None or beside.is_file() else {}, beside
 
 
 def _masstones(films: "Films", recipes: dict[str, dict[str, float]], beside: Path) -> "Films":

@@ -47,14 +47,14 @@ def recover_together(
         told: own paints, white and thicknesses.
         results: where they go.
     """
-    from ..film.loose import average, crop, named_recipes
+    from ..film.loose import average, crop, recipes_from_names
     from ..film.mixing import MixingLaw
     from .entries import PaintFile
     from .joint import recover_jointly
     from .joint_problem import Expectations
 
     out, metres, _, overwrite, console = results
-    recipes = named_recipes(films.names, listed)
+    recipes = recipes_from_names(films.names, listed)
     file = None if told.into is None else PaintFile.open(told.into, "--into")
     known = known_paints(recipes, file, told.white, overwrite)
     gauge = read_gauge(told.wet_film, films.names)
@@ -218,14 +218,14 @@ def _leave_out(
     given: dict[str, Any],
     results: "Results",
 ) -> None:
-    from .crossvalidation import leave_films_out
+    from .crossvalidation import cross_validate
     from .plots import plot_left_out
     from .report import print_left_out, write_left_out
 
     out, _, plots, overwrite, console = results
     assert out is not None
     with progress.doing("leaving films out") as say:
-        left = leave_films_out(
+        left = cross_validate(
             recovery, films, recipes, progress=lambda name: say(f"leaving out {name}"), **given
         )
     print_left_out(left, console)

@@ -115,7 +115,7 @@ def without(
     return recover_jointly(films, recipes, use=use, start=start, max_steps=REFIT_STEPS, **given)
 
 
-def leave_films_out(
+def cross_validate(
     whole: JointRecovery,
     films: Films,
     recipes: Mapping[str, Mapping[str, float]],

@@ -86,7 +86,7 @@ def add_paints(
     `glazejax.catalogue.read` reads the file, and ``--pigments`` of the commands. It is written
     whole or not at all. Known paints that it lacks go into it too: the errors of the new ones
     depend on theirs. `read_loose_films` and
-    `named_recipes` read what the command reads, and `recover_jointly` fits it with
+    `recipes_from_names` read what the command reads, and `recover_jointly` fits it with
     ``known={"ZincWhite": glazejax.catalogue.pigment("ZincWhite")}``, or what else the white of the
     tints is.
 

@@ -36,7 +36,7 @@ _CLOSE = Expectations(model_floor=0.003, model_share=0.003)
 Modes = Float[np.ndarray, "modes 2 bands"]
 
 
-def mixture_of(
+def mix(
     pigments: Mapping[str, Pigment],
     recipe: Mapping[str, float],
     *,
@@ -94,7 +94,7 @@ def predict_mixture(
     ground.
 
     Args:
-        pigments, recipe, wavelengths, law, variation: as for `mixture_of`.
+        pigments, recipe, wavelengths, law, variation: as for `mix`.
         thickness: m.
         ground: internal reflectance of the black and the white ground, each a number or (bands,);
             by default usual cards.
@@ -106,7 +106,7 @@ def predict_mixture(
         `glazefit.recover.joint.UNIT`.
 
     Raises:
-        ValueError: as `mixture_of`, or a thickness that is not positive.
+        ValueError: as `mix`, or a thickness that is not positive.
     """
     instrument = instrument or Instrument()
     response = film_response(instrument.geometry, instrument.refractive_index)
@@ -177,7 +177,7 @@ def calibrate_mixture(
     out.
 
     Args:
-        pigments, recipe, law, variation: as for `mixture_of`.
+        pigments, recipe, law, variation: as for `mix`.
         films: of that one mixture; over one card or two, or opaque.
         instrument: by default d:8 with the specular part, refractive index 1.5.
         noise: of a reading, by default told from its roughness.
@@ -189,17 +189,17 @@ def calibrate_mixture(
         `fitted_black` and `fitted_white` the reading as it is met.
 
     Raises:
-        ValueError: as `mixture_of` and `recover_jointly`.
+        ValueError: as `mix` and `recover_jointly`.
     """
-    mix = mixture_of(pigments, recipe, wavelengths=films.wavelengths, law=law, variation=variation)
+    mixture = mix(pigments, recipe, wavelengths=films.wavelengths, law=law, variation=variation)
     return recover_jointly(
         films,
-        {film: {mix.name: 1.0} for film in films.names},
+        {film: {mixture.name: 1.0} for film in films.names},
         instrument=instrument,
         noise=noise,
         expectations=_CLOSE,
         response=response,
-        known={mix.name: mix},
+        known={mixture.name: mixture},
         unit=UNIT,
     )
 

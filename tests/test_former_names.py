@@ -1,0 +1,13 @@
+"""Names that were changed work for one more version, and say what they are called now."""
+
+import pytest
+
+import glazefit
+
+
+@pytest.mark.parametrize(("old", "new"), sorted(glazefit._FORMER_NAMES.items()))
+def test_a_former_name_warns_and_is_the_same(old, new):
+    with pytest.warns(DeprecationWarning, match=f"glazefit.{old} is called glazefit.{new} now"):
+        found = getattr(glazefit, old)
+    assert found is getattr(glazefit, new)
+    assert old not in dir(glazefit)
