@@ -22,7 +22,7 @@ from typer.testing import CliRunner
 
 import glazefit
 import glazejax.commands.main
-from glazejax import Bidirectional, Hemispherical
+from glazejax import Hemispherical
 from glazejax.commands.main import make_app
 
 TESTS = Path(__file__).parent
@@ -116,10 +116,6 @@ INSTRUMENT = {
     "--noise": Reaches("--noise 0.01", lambda g: g["noise"].floor, 0.01),
     "--noise-share": Reaches("--noise-share 0.07", lambda g: g["noise"].share, 0.07),
 }
-OLD_SPECULAR = {
-    "--incidence": Reaches("--incidence 30", geometry, Hemispherical(30.0)),
-    "--specular": Reaches("--no-specular", geometry, Hemispherical(8.0, specular=False)),
-}
 OWN_PAINTS = "--pigments paints.csv"
 TEXTURES = "ZincWhite:5um,CobaltBlue:9um --to textures --thickness-map thick.npy"
 BARE_CUBE, WHITE = (
@@ -137,22 +133,10 @@ TABLE: dict[str, dict[str, Reaches | Looked]] = {
         "--stack": Looked("test_render.py:test_a_stack_is_written_and_drawn"),
         "--write-stack": Looked("test_render.py:test_a_stack_is_written_and_drawn"),
         "--ground": Reaches("--ground 0.3", lambda g: float(np.mean(g["glaze"].substrate)), 0.3),
-        "--substrate": Reaches(
-            "--substrate 0.3", lambda g: float(np.mean(g["glaze"].substrate)), 0.3
-        ),
         "--refractive-index": Reaches(
             "--refractive-index 1.4", lambda g: g["glaze"].refractive_index, 1.4
         ),
         "--geometry": Reaches("--geometry d:8", lambda g: g["geometry"], Hemispherical(8.0)),
-        "--hemispherical": Reaches("--hemispherical", lambda g: type(g["geometry"]), Hemispherical),
-        "--incidence": Reaches("--incidence 30", lambda g: g["geometry"].incidence, 30.0),
-        "--viewing": Reaches("--viewing 20", lambda g: g["geometry"], Bidirectional(0.0, 20.0)),
-        "--specular": Reaches(
-            "--no-specular",
-            lambda g: g["geometry"],
-            Hemispherical(8.0, specular=False),
-            base="--layers Eosin:7um --hemispherical",
-        ),
         "--illuminant": Reaches("--illuminant A", lambda g: g["illuminant"], "A"),
         "--observer": Reaches(
             "--observer 10", lambda g: g["observer"].startswith("CIE 1964"), True
@@ -300,7 +284,6 @@ TABLE: dict[str, dict[str, Reaches | Looked]] = {
             base="--out found --simulate",
         ),
         **INSTRUMENT,
-        **OLD_SPECULAR,
         "--into": Reaches(
             "--into paints.csv",
             lambda g: [*(g["known"] or ())],
@@ -398,9 +381,6 @@ TABLE: dict[str, dict[str, Reaches | Looked]] = {
         "--coat-thickness": Reaches(
             "--coat-thickness 2-7", lambda g: g["thickness"], pytest.approx((2e-6, 7e-6))
         ),
-        "--thickness": Reaches(
-            "--thickness 2-7", lambda g: g["thickness"], pytest.approx((2e-6, 7e-6))
-        ),
         "--only": Reaches(
             "--only Eosin,ZincWhite",
             lambda g: {*map(name_of, g["pigments"])},
@@ -420,7 +400,6 @@ TABLE: dict[str, dict[str, Reaches | Looked]] = {
             "--refractive-index 1.4", lambda g: g["refractive_index"], 1.4
         ),
         "--geometry": Reaches("--geometry d:8", lambda g: g["geometry"], Hemispherical(8.0)),
-        "--sphere": Reaches("--sphere", lambda g: type(g["geometry"]), Hemispherical),
         "--metamerism": Reaches("--metamerism 0.7", lambda g: g["metamerism"], 0.7),
         "--count": Reaches("--count 2", lambda g: g["count"], 2),
         "--seed": Reaches("--seed 7", lambda g: g["seed"], 7),
@@ -476,9 +455,7 @@ TABLE: dict[str, dict[str, Reaches | Looked]] = {
         "--resume": Looked("fitting/test_posterior_chain.py:test_command_writes_what_it_says"),
         "--overwrite": Reaches("--overwrite", lambda g: g["overwrite"], True),
         "--paint-error": Reaches("--paint-error 0.2", lambda g: g["prior"].error, 0.2),
-        "--model-error": Reaches("--model-error 0.2", lambda g: g["prior"].error, 0.2),
         **INSTRUMENT,
-        **OLD_SPECULAR,
         "--simulate": Reaches(
             "--out found --paints Eosin --simulate",
             lambda g: g["names"],

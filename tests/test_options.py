@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from glazejax import Bidirectional, Hemispherical, extras
+from glazejax import extras
 from glazejax.commands import main as cli
 from glazejax.commands import options, progress
 
@@ -74,25 +74,14 @@ VOCABULARY = {
     "convert": "overwrite",
     "export": "refractive-index ground pigments illuminant observer out overwrite",
 }
-HIDDEN = (
-    "--hemispherical",
-    "--incidence",
-    "--viewing",
-    "--specular ",
-    "--no-specular",
-    "--substrate",
-    "--sphere",
-)
 
 
 @pytest.mark.parametrize("command", VOCABULARY)
-def test_help_has_the_vocabulary_and_no_old_spelling(run, command):
+def test_help_has_the_vocabulary(run, command):
     status, out, _ = run(command, "--help")
     assert status == 0
     for name in VOCABULARY[command].split():
         assert f"--{name} " in out
-    for name in HIDDEN:
-        assert name not in out
     assert ("--model-error" in out) == (command == "identify")
     assert ("--thickness " in out) == (command in ("recover", "identify", "posterior"))
 
@@ -160,51 +149,6 @@ def test_bad_ranges_of_lengths(text, complaint):
     assert str(error.value).startswith("--coat-thickness is ")
 
 
-@pytest.mark.parametrize(
-    ("default", "old", "geometry", "note"),
-    [
-        ("0:0", {}, Bidirectional(0, 0), ""),
-        ("0:0", {"incidence": 45.0}, Bidirectional(45, 0), "--incidence 45 is now --geometry 45:0"),
-        ("0:0", {"viewing": 0.0}, Bidirectional(0, 0), "--viewing 0 is now --geometry 0:0"),
-        (
-            "0:0",
-            {"specular": True},
-            Bidirectional(0, 0, True),
-            "--specular is now --geometry 0:0:specular",
-        ),
-        (
-            "0:0",
-            {"sphere": "--hemispherical"},
-            Hemispherical(),
-            "--hemispherical is now --geometry d:8",
-        ),
-        (
-            "0:0",
-            {"sphere": "--hemispherical", "incidence": 20.0, "specular": False},
-            Hemispherical(20, False),
-            "--hemispherical --incidence 20 --no-specular is now --geometry de:20",
-        ),
-        ("45:0", {"sphere": "--sphere"}, Hemispherical(), "--sphere is now --geometry d:8"),
-        (
-            "d:8",
-            {"specular": False},
-            Hemispherical(8, False),
-            "--no-specular is now --geometry de:8",
-        ),
-        ("d:8", {"incidence": 0.0}, Hemispherical(0), "--incidence 0 is now --geometry d:0"),
-    ],
-)
-def test_old_spellings_of_the_instrument_name_the_new(capsys, default, old, geometry, note):
-    assert options.read_geometry(None, default, **old) == geometry
-    out, err = capsys.readouterr()
-    assert (out, err) == ("", f"note: {note}\n" if note else "")
-    if old:
-        with pytest.raises(
-            ValueError, match="--geometry d:8 says all about the instrument: leave out --"
-        ):
-            options.read_geometry("d:8", default, **old)
-
-
 def test_ground_is_a_number_or_a_spectrum(tmp_path):
     ground = options.read_ground("0.5")
     assert (ground.reflectance, ground.words, ground.on(np.arange(3.0))) == (
@@ -230,8 +174,8 @@ def test_ground_is_a_number_or_a_spectrum(tmp_path):
             options.read_ground(text)
     with pytest.raises(FileNotFoundError, match=r"'none\.csv' is neither a number"):
         options.read_ground("none.csv")
-    with pytest.raises(ValueError, match="--substrate is 2"):
-        options.read_ground("2", "--substrate")
+    with pytest.raises(ValueError, match="--backing is 2"):
+        options.read_ground("2", "--backing")
 
 
 def test_paints_of_a_shelf(tmp_path):

@@ -168,7 +168,6 @@ def test_bad_input_is_one_line_and_status_2(run, tmp_path, films):
         ),
         (["nowhere.tsv", "--out", "o", "--joint", "--masstones"], ["leave out --masstones"]),
         ([good, "--out", "o", "--refractive-index", "15"], ["refractive index 15", "[1, 2.5]"]),
-        ([good, "--out", "o", "--incidence", "95"], ["incidence", "95"]),
         ([good, "--out", "o", "--geometry", "d:95"], ["--geometry is 'd:95'", "incidence"]),
         (
             [good, "--out", "o", "--geometry", "45:0:specular"],
@@ -180,7 +179,6 @@ def test_bad_input_is_one_line_and_status_2(run, tmp_path, films):
         ([good, "--out", "o", "--wet-film", "03A=20um"], ["--wet-film: no film is called '03A'"]),
         ([good, "--into", "no/mine.csv"], ["--into no/mine.csv", "does not exist"]),
         (["--simulate", "--out", "o", "--into", "mine.csv"], ["--into is for measured films"]),
-        ([good, "--out", "o", "--geometry", "d:8", "--no-specular"], ["leave out --no-specular"]),
         ([good, "--out", "o", "--thickness", "20ells"], ["--thickness is '20ells'", "unit 'ells'"]),
         ([good, "--out", full], ["full", "not empty", "--overwrite"]),
         ([good, "--out", good], ["is a file"]),

@@ -274,14 +274,6 @@ def test_command_writes_what_it_says(run, tmp_path):
         (("none.tsv", "--ground", "84", "--out", "x"), "between 0 and 1"),
         (("none.tsv", "--ground", "none.csv", "--out", "x"), "'none.csv' is neither a number"),
         (("none.tsv", "--geometry", "d", "--out", "x"), "--geometry is 'd'"),
-        (
-            ("none.tsv", "--geometry", "d:8", "--incidence", "8", "--out", "x"),
-            "leave out --incidence 8",
-        ),
-        (
-            ("none.tsv", "--paint-error", "0.1", "--model-error", "0.1", "--out", "x"),
-            "leave out --model-error",
-        ),
         (("none.tsv", "--thickness", "0", "--out", "x"), "--thickness is 0"),
         (("none.tsv", "--out", "x", "--resume"), "no chain to resume"),
         (("none.tsv", "--out", "x", "--resume", "--overwrite"), "choose one"),

@@ -124,9 +124,6 @@ def posterior(
             "--simulate", help="Try it without data: simulate a film of equal parts of --paints."
         ),
     ] = False,
-    model_error: Annotated[float | None, typer.Option(hidden=True)] = None,
-    incidence: options.OldIncidence = None,
-    specular: options.OldSpecular = None,
 ) -> None:
     """How well a film is known: its paints and thickness, coat by coat, or its k and s, each with
     an error.
@@ -146,16 +143,7 @@ def posterior(
 
     start_jax()
     usual = options.read_length(thickness)
-    seen_by = options.read_geometry(geometry, _GEOMETRY, incidence=incidence, specular=specular)
-    if model_error is not None:
-        if paint_error != _PAINT_ERROR:
-            raise ValueError(
-                f"--paint-error {paint_error:g} says how wrong the paints are: leave out "
-                "--model-error"
-            )
-        paint_error = model_error
-        options.renamed(f"--model-error {model_error:g}", f"--paint-error {model_error:g}")
-
+    seen_by = options.read_geometry(geometry, _GEOMETRY)
     from rich.console import Console
 
     from ..film.films import Instrument, Noise

@@ -144,8 +144,6 @@ def recipe(
         ),
     ] = None,
     overwrite: options.Overwrite = False,
-    sphere: Annotated[bool, typer.Option("--sphere", hidden=True)] = False,
-    thickness: Annotated[str | None, typer.Option(hidden=True)] = None,
 ) -> None:
     """Recipes for a colour: which paints, in which order and how thick.
 
@@ -163,12 +161,14 @@ def recipe(
     others = {"--csv": csv, "--json": json, "--spectra": spectra}
     options.check_outputs({"--out": out} | others, overwrite)
     lights = options.split_names(illuminants)
-    bounds = _bounds(coat_thickness, thickness)
+    bounds = options.read_lengths(
+        _COATS if coat_thickness is None else coat_thickness, "--coat-thickness"
+    )
     # The colours of spectra are computed in double precision too.
     from glazejax.commands.main import start_jax
 
     start_jax()
-    seen_by = options.read_geometry(geometry, _GEOMETRY, sphere="--sphere" if sphere else "")
+    seen_by = options.read_geometry(geometry, _GEOMETRY)
     base = options.read_ground(_GROUND if ground is None else ground)
     from rich.console import Console
 
@@ -214,7 +214,7 @@ def recipe(
     with progress.doing("drawing"):
         _write(found, task, out, others, overwrite)
     asked = {
-        "--geometry": None if sphere else geometry or _GEOMETRY,
+        "--geometry": geometry or _GEOMETRY,
         "--ground": ground,
         "--refractive-index": None if refractive_index == 1.5 else refractive_index,
         "--illuminant": None if lights[0] == "D65" else lights[0],
@@ -230,19 +230,6 @@ def recipe(
     console.print(f"wrote {files}", markup=False)
     if how.interrupted:
         progress.stop_interrupted(console, len(found), len(targets), "targets")
-
-
-def _bounds(coats: str | None, old: str | None) -> tuple[float, float]:
-    """Thinnest and thickest coat in m, of --coat-thickness or of --thickness, its old name."""
-    if old is None:
-        return options.read_lengths(_COATS if coats is None else coats, "--coat-thickness")
-    if coats is not None:
-        raise ValueError(
-            f"--coat-thickness {coats} says how thick coats may be: leave out --thickness"
-        )
-    bounds = options.read_lengths(old, "--thickness")
-    options.renamed(f"--thickness {old}", f"--coat-thickness {old}")
-    return bounds
 
 
 def _targets(

@@ -155,8 +155,6 @@ def recover(
             "--overwrite", help="Write into a folder that is not empty; replace entries of --into."
         ),
     ] = False,
-    incidence: options.OldIncidence = None,
-    specular: options.OldSpecular = None,
 ) -> None:
     """Recover absorption k and scattering s of paints from films over a black and a white card.
 
@@ -192,7 +190,7 @@ def recover(
 
     start_jax()
     metres = options.read_length(thickness)
-    seen_by = options.read_geometry(geometry, _GEOMETRY, incidence=incidence, specular=specular)
+    seen_by = options.read_geometry(geometry, _GEOMETRY)
 
     from rich.console import Console
 

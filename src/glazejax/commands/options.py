@@ -159,9 +159,6 @@ Seed = Annotated[
     typer.Option("--seed", help="Seed of the random numbers; the same seed gives the same result."),
 ]
 
-OldSpecular = Annotated[bool | None, typer.Option("--specular/--no-specular", hidden=True)]
-OldIncidence = Annotated[float | None, typer.Option("--incidence", hidden=True)]
-
 
 def geometry_option(default: str) -> Any:
     """``--geometry``, with what a command takes if it is left out."""
@@ -187,68 +184,24 @@ def ground_option(default: str = "") -> Any:
     return typer.Option("--ground", metavar="GROUND", help=words, show_default=False)
 
 
-def renamed(old: str, new: str) -> None:
-    """Say on stderr how an old spelling is written now."""
-    typer.echo(f"note: {old} is now {new}", err=True)
-
-
 def split_names(text: str) -> list[str]:
     """Names of a list with commas."""
     return [name.strip() for name in text.split(",") if name.strip()]
 
 
-def read_geometry(
-    text: str | None,
-    default: str,
-    *,
-    sphere: str = "",
-    incidence: float | None = None,
-    viewing: float | None = None,
-    specular: bool | None = None,
-) -> "Geometry":
-    """The geometry of ``--geometry``, or of the options that told it before.
+def read_geometry(text: str | None, default: str) -> "Geometry":
+    """The geometry of ``--geometry``.
 
     Args:
         text: of ``--geometry``; None if it was not given.
         default: what is taken then.
-        sphere: the old switch for an integrating sphere, if it was given.
-        incidence, viewing: old options, degrees; None if they were not given.
-        specular: old option; None if neither it nor its opposite was given.
 
     Raises:
-        ValueError: words that `glazejax.geometry.parse_geometry` refuses, or old options that
-            contradict each other or stand beside ``--geometry``.
+        ValueError: words that `glazejax.geometry.parse_geometry` refuses.
     """
-    from ..geometry import Bidirectional, Hemispherical, parse_geometry
+    from ..geometry import parse_geometry
 
-    usual = parse_geometry(default if text is None else text, argument="--geometry")
-    old = [sphere] if sphere else []
-    old += [
-        f"{name} {angle:g}"
-        for name, angle in (("--incidence", incidence), ("--viewing", viewing))
-        if angle is not None
-    ]
-    old += [] if specular is None else ["--specular" if specular else "--no-specular"]
-    if not old:
-        return usual
-    if text is not None:
-        raise ValueError(
-            f"--geometry {text} says all about the instrument: leave out {' and '.join(old)}"
-        )
-    if sphere or isinstance(usual, Hemispherical):
-        if viewing is not None:
-            raise ValueError(
-                f"--viewing has no meaning with {sphere}, which collects all directions: leave "
-                "it out"
-            )
-        found = Hemispherical(8.0 if incidence is None else incidence, specular is not False)
-    else:
-        found = Bidirectional(incidence or 0.0, viewing or 0.0, bool(specular))
-    parse_geometry(
-        found.notation, argument=" ".join(old)
-    )  # refuses a mirror reflection out of view
-    renamed(" ".join(old), f"--geometry {found.notation}")
-    return found
+    return parse_geometry(default if text is None else text, argument="--geometry")
 
 
 _LENGTH = r"([-+]?(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?)\s*([a-zµμ]*)"

@@ -90,11 +90,6 @@ def render(
     list_pigments: Annotated[
         bool, typer.Option("--list", help="List the paints there are, and stop.")
     ] = False,
-    substrate: Annotated[str | None, typer.Option(hidden=True)] = None,
-    hemispherical: Annotated[bool, typer.Option("--hemispherical", hidden=True)] = False,
-    incidence: options.OldIncidence = None,
-    viewing: Annotated[float | None, typer.Option(hidden=True)] = None,
-    specular: options.OldSpecular = None,
 ) -> None:
     """Colour of a glaze: reflectance, XYZ, Lab and sRGB, and a picture.
 
@@ -134,14 +129,7 @@ def render(
         refractive_index = (
             given.refractive_index if refractive_index == _INDEX else refractive_index
         )
-    seen_by = options.read_geometry(
-        geometry,
-        _GEOMETRY,
-        sphere="--hemispherical" if hemispherical else "",
-        incidence=incidence,
-        viewing=viewing,
-        specular=specular,
-    )
+    seen_by = options.read_geometry(geometry, _GEOMETRY)
     from ..colour import find_illuminant, find_observer
 
     illuminant, observer = find_illuminant(illuminant), find_observer(observer)
@@ -152,10 +140,11 @@ def render(
         shelf = {**shelf, **paints(given)}
     coats = name_paints(coats, shelf)
     repeated = _ladder_layer(coats, ladder)
-    below = (
-        _ground_of(given) if given is not None and ground is None and substrate is None else None
+    below = _ground_of(given) if given is not None and ground is None else None
+    bed = _lay(
+        below or options.read_ground(_GROUND if ground is None else ground),
+        make_media(coats, shelf),
     )
-    bed = _lay(below or _read_ground(ground, substrate), make_media(coats, shelf))
 
     from ..paint.media import Glaze, Layer
     from . import render_report as report
@@ -348,17 +337,6 @@ class _Bed(NamedTuple):
     reflectance: "float | Float[np.ndarray, 'bands']"
     words: str
     notes: list[str]
-
-
-def _read_ground(ground: str | None, substrate: str | None) -> options.Ground:
-    """The ground of --ground, or of --substrate, its old name."""
-    if substrate is None:
-        return options.read_ground(_GROUND if ground is None else ground)
-    if ground is not None:
-        raise ValueError(f"--ground {ground} says what the ground is: leave out --substrate")
-    found = options.read_ground(substrate, "--substrate")
-    options.renamed(f"--substrate {substrate}", f"--ground {substrate}")
-    return found
 
 
 def _lay(ground: options.Ground, media: "list[Pigment | Mixture]") -> _Bed:
