@@ -10,7 +10,7 @@ from glazejax.radiative.common.phase import (
     evaluate,
     henyey_greenstein,
     isotropic,
-    moments_of_table,
+    tabulated,
     two_term_henyey_greenstein,
 )
 from tests.tolerances import LAST_DIGITS, ROUNDING
@@ -41,11 +41,11 @@ def test_table_is_its_own_function():
     g^l.
     """
     np.testing.assert_allclose(
-        moments_of_table([-1, 0.3, 1], [1.0, 2.3, 3.0], 4), [1, 1 / 6, 0, 0], atol=1e-15
+        tabulated([-1, 0.3, 1], [1.0, 2.3, 3.0], 4), [1, 1 / 6, 0, 0], atol=1e-15
     )
     x = np.cos(np.linspace(0, np.pi, 2001))
     np.testing.assert_allclose(
-        moments_of_table(x, 7 * closed_form(0.6, x), 20), 0.6 ** np.arange(20), atol=1e-5
+        tabulated(x, 7 * closed_form(0.6, x), 20), 0.6 ** np.arange(20), atol=1e-5
     )
 
 
@@ -74,9 +74,9 @@ def test_errors_name_the_value():
     with pytest.raises(ValueError, match="give the number of terms"):
         jax.jit(henyey_greenstein)(0.5)
     with pytest.raises(ValueError, match="from 0 to 1"):
-        moments_of_table([0, 1], [1, 1])
+        tabulated([0, 1], [1, 1])
     with pytest.raises(ValueError, match=r"holds -1\.0"):
-        moments_of_table([-1, 1], [1, -1])
+        tabulated([-1, 1], [1, -1])
     with pytest.raises(ValueError, match=r"holds 1\.5"):
         check_moments([1, 1.5])
 

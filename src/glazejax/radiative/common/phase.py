@@ -76,9 +76,7 @@ def two_term_henyey_greenstein(
         )
 
 
-def moments_of_table(
-    cosines: Numbers, values: Numbers, terms: int = 64
-) -> Float[Array, "*batch terms"]:
+def tabulated(cosines: Numbers, values: Numbers, terms: int = 64) -> Float[Array, "*batch terms"]:
     """Moments of a phase function given by its values, taken as linear in the cosine between them.
 
     Args:
