@@ -43,7 +43,8 @@ class Axis(NamedTuple):
 
     def coordinate(self, x: Any, xp: Any = jnp) -> Any:
         """From [low, high] to [-1, 1]."""
-        a, b = self._stretch(self.low, xp), self._stretch(self.high, xp)
+        a = self._stretch(self.low, xp)
+        b = self._stretch(self.high, xp)
         return (2.0 * self._stretch(x, xp) - a - b) / (b - a)
 
     def _stretch(self, x: Any, xp: Any) -> Any:
@@ -54,7 +55,8 @@ class Axis(NamedTuple):
 
     def point(self, coordinate: np.ndarray) -> np.ndarray:
         """From [-1, 1] to [low, high], for known numbers."""
-        a, b = self._stretch(self.low, np), self._stretch(self.high, np)
+        a = self._stretch(self.low, np)
+        b = self._stretch(self.high, np)
         x = 0.5 * (a + b + coordinate * (b - a))
         if self.curvature != 0.0:
             soft = _SOFT * self.high
@@ -147,12 +149,14 @@ def best_axis(
         gain: a later candidate must bring the error below this share of that of the best one before
             it.
     """
-    best, least = axes[0], np.inf
+    best = axes[0]
+    least = np.inf
     for axis in axes:
         basis = chebyshev.chebvander(axis.coordinate(line, np), degree)
         error = np.max(np.abs(values - basis @ np.linalg.lstsq(basis, values, rcond=None)[0]))
         if error < gain * least:
-            best, least = axis, error
+            best = axis
+            least = error
     return best
 
 

@@ -55,7 +55,8 @@ _SHORT_OBSERVERS = {
     "cie_10_1964": OBSERVERS[1],
 }
 # ASTM E308: the working range in nm.
-_START, _END = 360, 780
+_START = 360
+_END = 780
 # Beyond 20 nm ASTM E308 gives no tables; beyond this, cubic interpolation says nothing about a
 # paint.
 _MAX_STEP = 40.0
@@ -175,7 +176,8 @@ def lamp_weights(
         ValueError: as `colour_weights`, or a lamp that does not cover 420 to 680 nm or gives no
             light there.
     """
-    lamp, values = validate_wavelengths(lamp_wavelengths), np.asarray(power, float)
+    lamp = validate_wavelengths(lamp_wavelengths)
+    values = np.asarray(power, float)
     if values.shape != lamp.shape or not np.all(np.isfinite(values)) or values.min() < 0:
         raise ValueError(
             "a lamp needs one power for each wavelength, each a finite number from 0 on"
@@ -258,7 +260,8 @@ def _lagrange_matrix(
             if other == offset:
                 continue
             use = here & (m >= 0) & (m <= last)
-            a, b = bands[np.clip(m, 0, last)], bands[np.clip(node, 0, last)]
+            a = bands[np.clip(m, 0, last)]
+            b = bands[np.clip(node, 0, last)]
             term = np.where(use, term * (x - a) / np.where(use, b - a, 1.0), term)
         rows = np.flatnonzero(here)
         matrix[rows, node[rows]] += term[rows]
@@ -392,7 +395,8 @@ def srgb_to_lab(encoded: Numbers) -> Float[Array, "*batch 3"]:
 
     Source: as `srgb_to_xyz` and `xyz_to_lab`.
     """
-    values, screen = as_array(encoded), _screen()
+    values = as_array(encoded)
+    screen = _screen()
     if values.shape[-1:] != (3,):
         raise ValueError(
             f"sRGB of shape {values.shape} does not end in the three numbers red, green and blue"
@@ -443,7 +447,9 @@ def _lab_of_xyz(xp: ModuleType, values: Any, white: Any) -> Any:
     # Where the line is taken, the root gets 1, so that its gradient stays finite.
     root = xp.cbrt(xp.where(dark, 1.0, ratio))
     f = xp.where(dark, ratio / (3 * (6 / 29) ** 2) + 4 / 29, root)
-    fx, fy, fz = f[..., 0], f[..., 1], f[..., 2]
+    fx = f[..., 0]
+    fy = f[..., 1]
+    fz = f[..., 2]
     return xp.stack([116 * fy - 16, 500 * (fx - fy), 200 * (fy - fz)], axis=-1)
 
 

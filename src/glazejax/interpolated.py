@@ -46,7 +46,8 @@ Distance = Callable[[np.ndarray, np.ndarray], np.ndarray]
 MOST_AXES = 3
 
 # Numbers of points along an axis, each nested in the next (Chebyshev's extrema).
-_FIRST, _LAST = 5, 129
+_FIRST = 5
+_LAST = 129
 # A few check points, and where these are good enough, more.
 _CHECKS = (32, 160)
 # Axes whose last coefficients are within this factor of the largest are refined together.
@@ -54,7 +55,8 @@ _TOGETHER = 0.25
 _SCAN_DEGREE = 8
 # Numbers of one piece of points in the table's evaluation: what a core's second-level cache holds;
 # on other devices only the memory counts.
-_PIECE_NUMBERS, _PIECE_ELSEWHERE = 2**17, 2**26
+_PIECE_NUMBERS = 2**17
+_PIECE_ELSEWHERE = 2**26
 # So many known points go to all cores at once.
 _MANY = 2**16
 # Up to so many channels the axes are summed one after the other; with more the products of all
@@ -274,7 +276,8 @@ def _interpolate_jvp(axes: tuple, primals, tangents):
     moved = [k for k, change in enumerate(d_columns) if not isinstance(change, SymbolicZero)]
 
     def with_slopes(*some: Array) -> tuple[Array, ...]:
-        value, slopes = _values(axes, coefficients, some, jnp), []
+        value = _values(axes, coefficients, some, jnp)
+        slopes = []
         for k in moved:
 
             def along(column: Array, k: int = k) -> Array:
@@ -408,17 +411,13 @@ class _Builder:
         values = self._grid([extrema(_FIRST)] * len(self.axes))
         while True:
             coefficients = _coefficients(values)
-            points, truth, error = (
-                np.zeros((0, len(self.axes))),
-                np.zeros((0, values.shape[-1])),
-                0.0,
-            )
+            points = np.zeros((0, len(self.axes)))
+            truth = np.zeros((0, values.shape[-1]))
+            error = 0.0
             for count in _CHECKS:
                 new = self._random_points(count)
-                points, truth = (
-                    np.concatenate([points, new]),
-                    np.concatenate([truth, self.function(new)]),
-                )
+                points = np.concatenate([points, new])
+                truth = np.concatenate([truth, self.function(new)])
                 error = self._measure_error(coefficients, points, truth)
                 if error > tolerance:
                     break
@@ -463,10 +462,8 @@ class _Builder:
             return coefficients, error
         # Terms were dropped by the errors at these points, so others must judge.
         fresh = self._random_points(_CHECKS[-1])
-        points, truth = (
-            np.concatenate([points, fresh]),
-            np.concatenate([truth, self.function(fresh)]),
-        )
+        points = np.concatenate([points, fresh])
+        truth = np.concatenate([truth, self.function(fresh)])
         while True:
             last = shorter.pop()
             error = self._measure_error(last, points, truth)
@@ -507,7 +504,8 @@ class _Builder:
         """The coordinate in which polynomials of a low degree come nearest, along two lines through
         the range.
         """
-        low, high = float(self.low[k]), float(self.high[k])
+        low = float(self.low[k])
+        high = float(self.high[k])
         line = trial_line(low, high, both_ends=True)
         points = np.repeat(
             (self.low + np.array([[0.1], [0.6]]) * (self.high - self.low))[:, None],

@@ -130,7 +130,9 @@ def picture(
         np.stack([column[first] for column in columns], axis=1) if columns else np.zeros((1, 0))
     )
     counter = _Computed(inputs, varying, tolerance, savings)
-    values, error, words = None, 0.0, ""
+    values = None
+    error = 0.0
+    words = ""
     if not full and len(first) > _FEW and 1 <= points.shape[1] <= MOST_AXES:
         named = {f"map {k}": column for k, column in enumerate(points.T)}
         table = interpolated(
@@ -251,12 +253,11 @@ def _directions(
     """
     match geometry:
         case Bidirectional():
-            viewing, mirror = (
-                np.asarray(geometry.cos_viewing, float),
-                geometry.incidence == geometry.viewing,
-            )
+            viewing = np.asarray(geometry.cos_viewing, float)
+            mirror = geometry.incidence == geometry.viewing
         case Hemispherical():
-            viewing, mirror = None, True
+            viewing = None
+            mirror = True
         case _:
             raise TypeError(
                 f"geometry must be Bidirectional or Hemispherical, not {type(geometry).__name__}"

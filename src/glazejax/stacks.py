@@ -34,7 +34,8 @@ from .paint.describe import Coat, find_name, make_media, name_paints
 from .paint.media import MAX_THICKNESS, Glaze, Layer, Mixture, Pigment
 from .spectra import describe_grid, resample, same_grid, validate_wavelengths
 
-WHITE, BLACK = 0.93, 0.025
+WHITE = 0.93
+BLACK = 0.025
 """Internal reflectance of a usual white and black card: they read 84 % and 6 % bare."""
 MOST_PARTS = 4
 """Paints in one coat, at most."""
@@ -192,7 +193,8 @@ def common_grid(stack: Stack, shelf: Mapping[str, Pigment]) -> Float[np.ndarray,
     grids = grids or [next(iter(shelf.values())).wavelengths]
     if isinstance(stack.ground, Spectrum):
         grids.append(stack.ground.wavelengths)
-    low, high = max(grid[0] for grid in grids), min(grid[-1] for grid in grids)
+    low = max(grid[0] for grid in grids)
+    high = min(grid[-1] for grid in grids)
     grid = grids[0][(grids[0] >= low - 1e-6) & (grids[0] <= high + 1e-6)]
     if grid.size == 0:
         raise ValueError(

@@ -81,7 +81,8 @@ class Discrepancy:
 
     def __post_init__(self) -> None:
         for field in fields(self):
-            name, value = field.name, getattr(self, field.name)
+            name = field.name
+            value = getattr(self, field.name)
             if isinstance(value, tuple) or value is None:
                 continue
             needed = name in ("trust", "freedom", "apart") or "length" in name
@@ -406,7 +407,8 @@ def whiten(
     Cholesky factors, scale by scale: one eigenvalue problem for all scales takes thirty times as
     long.
     """
-    scales, weights = np.asarray(discrepancy.scales), np.asarray(discrepancy.weights)
+    scales = np.asarray(discrepancy.scales)
+    weights = np.asarray(discrepancy.weights)
     matrix = fixed[..., None, :, :] + scales[:, None, None] ** 2 * scaled[..., None, :, :]
     white, height = whitening(matrix)
     return Whitening(white, height + np.log(weights / weights.sum()))

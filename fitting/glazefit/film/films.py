@@ -290,13 +290,15 @@ def cards(
         ValueError: a card is darker than its surface alone, or brighter than a perfect diffuser, by
             more than four standard deviations.
     """
-    out, errors = [], []
+    out = []
+    errors = []
     for card, (what, bare) in enumerate((("black", films.bare_black), ("white", films.bare_white))):
         inside, slope = card_reflectance(bare, instrument)
         sd = slope * noise.sd(bare)
         # Cards that no reading needs are not judged.
         given = (films.assumed[:, card] | films.opaque | ~films.seen[:, card])[:, None]
-        inside, sd = np.where(given, bare, inside), np.where(given, USUAL_CARD_SD[card], sd)
+        inside = np.where(given, bare, inside)
+        sd = np.where(given, USUAL_CARD_SD[card], sd)
         for wrong, complaint in (
             (
                 inside < -4 * sd,

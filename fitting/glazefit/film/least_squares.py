@@ -61,9 +61,11 @@ def orthogonalise(
     Source: Giraud, Langou, Rozloznik (2005), "twice is enough".
     """
     columns = matrix.shape[1]
-    q, r = matrix, jnp.eye(columns, dtype=matrix.dtype)
+    q = matrix
+    r = jnp.eye(columns, dtype=matrix.dtype)
     for _ in range(2):
-        basis, step = [], jnp.zeros_like(r)
+        basis = []
+        step = jnp.zeros_like(r)
         for j in range(columns):
             column = q[:, j]
             for i, unit in enumerate(basis):
@@ -73,7 +75,8 @@ def orthogonalise(
             norm = jnp.sqrt(jnp.sum(column**2))
             step = step.at[j, j].set(norm)
             basis.append(column / jnp.where(norm > 0, norm, 1.0))
-        q, r = jnp.stack(basis, axis=1), step @ r
+        q = jnp.stack(basis, axis=1)
+        r = step @ r
     return q, r
 
 
@@ -100,7 +103,8 @@ class GramSchmidt(FullRankSolver[_Factors]):
     def init(self, operator: lx.AbstractLinearOperator, options: dict[str, Any]) -> _Factors:
         """Factorise."""
         del options
-        rows, columns = operator.out_size(), operator.in_size()
+        rows = operator.out_size()
+        columns = operator.in_size()
         if rows < columns or columns > 8:
             raise ValueError(
                 f"GramSchmidt is for tall problems of up to 8 unknowns, not for {rows} x {columns}"

@@ -108,10 +108,12 @@ def _check_rows(rows: Mapping[str, Mapping[str, int]]) -> None:
 def _films(
     table: SpectraTable, rows: Mapping[str, Mapping[str, int]], shared: Mapping[str, int]
 ) -> Films:
-    grid, notes = table.wavelengths, list(table.notes)
+    grid = table.wavelengths
+    notes = list(table.notes)
     usual = dict(zip("bw", usual_cards(grid), strict=True))
     spectra: dict[str, list[np.ndarray]] = {what: [] for what in SPECTRA}
-    seen, assumed = [], []
+    seen = []
+    assumed = []
     for found in rows.values():
         there = ["ob" in found or "opaque" in found, "ow" in found]
         seen.append(there)

@@ -16,8 +16,10 @@ from jaxtyping import Array, Bool, Float
 # What optimistix's trust region takes, after Gould, Orban, Sartenaer, Toint (2005): a step counts
 # from .01 of the gain that it promised, and from .99 on the next may be 3.5 times as long; after a
 # step that does not count, a quarter.
-_COUNTS, _GOOD = 0.01, 0.99
-_LONGER, _SHORTER = 3.5, 0.25
+_COUNTS = 0.01
+_GOOD = 0.99
+_LONGER = 3.5
+_SHORTER = 0.25
 
 
 class _State(NamedTuple):
@@ -79,7 +81,8 @@ def levenberg_marquardt(
         def choose(new: Array, old: Array) -> Array:
             return jnp.where(counts.reshape(-1, *[1] * (new.ndim - 1)), new, old)
 
-        point, residual = choose(state.tried, state.point), choose(residual, state.residual)
+        point = choose(state.tried, state.point)
+        residual = choose(residual, state.residual)
         slopes = choose(slopes, state.slopes)
         new = _State(
             point=point,
@@ -135,7 +138,8 @@ def damped_solution(
     rest = jnp.concatenate([jnp.concatenate([matrix, right[..., None]], axis=2), below], axis=1)
     rows = []
     for _ in range(count):
-        column, rest = rest[..., 0], rest[..., 1:]
+        column = rest[..., 0]
+        rest = rest[..., 1:]
         norm = jnp.sqrt(jnp.sum(column**2, axis=1))
         unit = column / jnp.where(norm > 0, norm, 1.0)[:, None]
         row = jnp.sum(unit[..., None] * rest, axis=1)

@@ -57,11 +57,9 @@ def tabulate(instrument: Instrument, sizes: tuple[int, int] = (80, 44)) -> Refle
     kd, sd = jnp.meshgrid(jnp.exp(k), jnp.exp(s), indexing="ij")
     grounds = jnp.asarray([0.0, 0.5, 1.0])
     values = body_reflectance(kd[..., None], sd[..., None], grounds, instrument, 1e-4)
-    black, half, white = (
-        values[..., 0],
-        values[..., 1] - values[..., 0],
-        values[..., 2] - values[..., 0],
-    )
+    black = values[..., 0]
+    half = values[..., 1] - values[..., 0]
+    white = values[..., 2] - values[..., 0]
     # half = .5 gain/(1 - .5 back), white = gain/(1 - back).
     ratio = jnp.clip(white, 1e-12) / jnp.clip(half, 1e-12)
     back = jnp.clip((ratio - 2.0) / (ratio - 1.0), 0.0, 0.99)

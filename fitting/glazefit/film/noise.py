@@ -45,7 +45,8 @@ def estimate_noise(films: Films, least: Noise | None = None) -> Noise:
     if films.wavelengths.size < 2 or np.median(np.diff(films.wavelengths)) > COARSE:
         return least
     parts = [roughness(films.wavelengths, spectra) for spectra in films.readings()]
-    everything, bare = _fit_ends(parts), _fit_ends(parts[:2])
+    everything = _fit_ends(parts)
+    bare = _fit_ends(parts[:2])
     if everything is None:
         return least
     # Cards are smooth whatever the paint is.

@@ -79,7 +79,8 @@ def readings(films: Films, instrument: Instrument, noise: Noise) -> list[Reading
     """
     black, white, sd_black, sd_white = cards(films, instrument, noise)
     over = np.stack([films.over_black, films.over_white], axis=-1)
-    ground, ground_sd = np.stack([black, white], axis=-1), np.stack([sd_black, sd_white], axis=-1)
+    ground = np.stack([black, white], axis=-1)
+    ground_sd = np.stack([sd_black, sd_white], axis=-1)
     return [
         Reading(
             name=name,

@@ -293,7 +293,8 @@ def _gain_and_back(half: np.ndarray, white: np.ndarray) -> tuple[np.ndarray, np.
     """From what grounds of .5 and 1 add: half = .5 gain/(1 - .5 back), white = gain/(1 - back)."""
     from scipy.ndimage import distance_transform_edt
 
-    half, white = np.maximum(half, 0.0), np.maximum(white, 0.0)
+    half = np.maximum(half, 0.0)
+    white = np.maximum(white, 0.0)
     # An opaque film's back multiplies nothing: any smooth continuation will do.
     through = half > 1e-7
     ratio = np.where(through, white, 3.0) / np.where(through, half, 1.0)

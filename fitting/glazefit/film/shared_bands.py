@@ -44,7 +44,8 @@ def shared_bands(
         ValueError: fewer than six bands are left.
     """
     grids = [np.asarray(pigment.wavelengths, float) for pigment in pigments]
-    first, last = max(grid[0] for grid in grids), min(grid[-1] for grid in grids)
+    first = max(grid[0] for grid in grids)
+    last = min(grid[-1] for grid in grids)
     kept = (wavelengths >= first - 1e-6) & (wavelengths <= last + 1e-6)
     if kept.sum() < _FEWEST:
         raise ValueError(
@@ -53,7 +54,8 @@ def shared_bands(
             "needed; measure there, or use paints that are known at your wavelengths "
             "(--pigments, --catalogue)"
         )
-    mean, notes = np.eye(wavelengths.size)[:, kept], []
+    mean = np.eye(wavelengths.size)[:, kept]
+    notes = []
     grid = wavelengths[kept]
     if not kept.all():
         notes.append(f"cropped to {describe_grid(grid)}: the paints are known there only")

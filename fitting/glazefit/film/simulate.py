@@ -33,7 +33,8 @@ def simulate_films(
         instrument, noise: by default those of `recover_films`.
         seed: of the noise; equal seeds give equal spectra.
     """
-    instrument, noise = instrument or Instrument(), noise or Noise()
+    instrument = instrument or Instrument()
+    noise = noise or Noise()
     rng = np.random.default_rng(seed)
     k, s = (
         np.asarray(a).reshape(len(names), len(wavelengths), -1) for a in (absorption, scattering)
@@ -50,7 +51,8 @@ def simulate_films(
         exact = np.asarray(body) + instrument.seen_surface
         return np.maximum(exact + noise.sd(exact) * rng.standard_normal(exact.shape), 0.0)
 
-    bare, painted = read_film(empty, empty), read_film(k, s)
+    bare = read_film(empty, empty)
+    painted = read_film(k, s)
     return Films(
         names=tuple(names),
         wavelengths=wavelengths,

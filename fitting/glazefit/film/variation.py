@@ -29,7 +29,8 @@ revigo films lie in their bands with it (`python -m benchmarks.prediction`); it 
 """
 # How many films the prior counts as beside those that were left out, and what all films say beside
 # those of a paint.
-_ALL, _OWN = 20.0, 2.0
+_ALL = 20.0
+_OWN = 2.0
 _ROUNDS = 100
 _BANDS_APART = 40.0
 _NOISE = 0.003

@@ -59,10 +59,12 @@ def expected_bands(
             band is its.
         count: explanations; fewer if there are fewer.
     """
-    measured, d = found.measured, discrepancy
+    measured = found.measured
+    d = discrepancy
     known = check_pigments(pigments, measured.wavelengths)
     count = min(count, found.members.shape[1])
-    members, readings = found.members[:, :count], measured.readings.reshape(len(found), 1, -1)
+    members = found.members[:, :count]
+    readings = measured.readings.reshape(len(found), 1, -1)
     slopes = _slopes(found, known, instrument, prior, count)
     off = d.amplitude + d.share * readings
     scaled = model_covariance(measured.wavelengths, measured.readings.shape[1], d, off)
@@ -101,7 +103,8 @@ def _slopes(
     paints = paints_of(known, prior.thickness)
     with np.errstate(divide="ignore"):
         logs = np.log(found.amounts[:, :count] / prior.thickness)
-    sets, coats = found.members[:, :count], found.coats[:, :count]
+    sets = found.members[:, :count]
+    coats = found.coats[:, :count]
     response = film_response(instrument.geometry, instrument.refractive_index)
     ground = found.measured.grounds
     row = np.repeat(np.arange(len(found)), count)

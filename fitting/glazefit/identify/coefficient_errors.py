@@ -25,7 +25,8 @@ from .result import NOBODY, Pool
 from .task import IdentificationTask, Measured
 
 # What counts as near when amounts are shown: near black, and for each unit of reflectance.
-_NEAR_BLACK, _NEAR_SHARE = 0.005, 0.02
+_NEAR_BLACK = 0.005
+_NEAR_SHARE = 0.02
 
 
 @dataclass(frozen=True)
@@ -122,9 +123,11 @@ def refine(task: IdentificationTask, pool: Pool, batch: Measured) -> Pool:
         again, more, _ = fit_with_errors(
             task, batch, films.take(close), slopes[close], task.effort.again
         )
-        films, groups = films.with_those(close, again), groups.with_those(close, more)
+        films = films.with_those(close, again)
+        groups = groups.with_those(close, more)
     shown = np.flatnonzero(films.behind() <= task.effort.shown)
-    films, groups = films.take(shown), groups.take(shown)
+    films = films.take(shown)
+    groups = groups.take(shown)
     near = _nearest(task, batch, films)
     nothing = (
         np.full_like(pool.log_weight, -np.inf),
@@ -169,7 +172,8 @@ def _apart(
 ) -> Float[np.ndarray, "films"]:
     """How far slopes of films are from those of their groups, root mean square of the largest."""
     size = sets.shape[1]
-    theirs, alike = groups.sets[groups.of], groups.slopes[groups.of]
+    theirs = groups.sets[groups.of]
+    alike = groups.slopes[groups.of]
     most = np.zeros(len(sets))
     for paint in range(size):
         here = sets[:, paint, None] == theirs

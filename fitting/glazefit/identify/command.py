@@ -269,7 +269,8 @@ def _read_spectra(
             notes=notes,
         )
     rows = options.choose_rows(file, table.names, wanted)
-    spectra, names = table.reflectance[rows] @ mean, tuple(table.names[i] for i in rows)
+    spectra = table.reflectance[rows] @ mean
+    names = tuple(table.names[i] for i in rows)
     if ground is None and not opaque:
         raise ValueError(
             f"{file}: what is under the paint? Give --ground, its reflectance such as 0.9 or a "
@@ -318,7 +319,8 @@ def _about(
 
     from .record import About
 
-    name, own = typed["catalogue"], typed["pigments"]
+    name = typed["catalogue"]
+    own = typed["pigments"]
     shelf: dict[str, Any] = {"name": str(own or name), "scale": catalogue.assumed_scale(paints[0])}
     if own is None:
         shelf["file"], shelf["sha256"] = catalogue.checksum(name)

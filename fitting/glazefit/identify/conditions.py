@@ -16,7 +16,8 @@ class Condition(NamedTuple):
 
 
 _VARNISHED = "under a yellowed varnish"
-_LIGHT, _DARK = 0.85, 0.04
+_LIGHT = 0.85
+_DARK = 0.04
 """Internal reflectances of grounds that nobody named."""
 
 CONDITIONS = (
@@ -30,7 +31,9 @@ CONDITIONS = (
     Condition("over a darker ground than told", 0.03, ground=_DARK),
 )
 """All that are tried, by number; the first is what was told."""
-VARNISHES, NOT_OPAQUE, OTHER_GROUNDS = (1, 2), (3, 4), (5, 6, 7)
+VARNISHES = (1, 2)
+NOT_OPAQUE = (3, 4)
+OTHER_GROUNDS = (5, 6, 7)
 """Numbers of those with a varnish, of those for films said to be opaque, and of those for one
 reading over a ground.
 """

@@ -37,7 +37,9 @@ _TOTALS = np.exp(np.linspace(-2.5, 2.5, 7))
 _THIRD_SHARES = (0.02, 0.2)
 # Partners that are fitted for each paint, after all were tried.
 _PARTNERS = 2
-_STEPS, _LONGEST, _FAR = 14, 2.0, 20.0
+_STEPS = 14
+_LONGEST = 2.0
+_FAR = 20.0
 # Standard deviations of the log total and of both log odds: they only keep a fit from wandering
 # where nothing is seen.
 _LOOSE = np.array([2.0, 4.0, 4.0])
@@ -130,7 +132,8 @@ def find_contenders(
             np.concatenate(both, axis=2) for both in zip((sets, starts), third, strict=True)
         )
     films = sets.shape[1:3]
-    sets, starts = sets.reshape(len(measured), -1, 3), starts.reshape(len(measured), -1, 3)
+    sets = sets.reshape(len(measured), -1, 3)
+    starts = starts.reshape(len(measured), -1, 3)
     fits = _fit(
         response,
         paints,
@@ -295,7 +298,8 @@ def _beside(found: Identification, count: int, usual: float) -> tuple[np.ndarray
     starts = np.zeros(sets.shape)
     sets[..., 0] = np.arange(count)[:, None]
     for row in range(len(found)):
-        amounts, members = found.amounts[row, 0], found.members[row, 0]
+        amounts = found.amounts[row, 0]
+        members = found.members[row, 0]
         order = [i for i in np.argsort(-amounts) if members[i] != NOBODY and amounts[i] > 0]
         for paint in range(count):
             main = [i for i in order if members[i] != paint][:2]

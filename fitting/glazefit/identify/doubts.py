@@ -12,7 +12,8 @@ from .result import Candidate, Identification, percent
 _TENTH = 10
 # Probability beside the first's below which another film is not looked at, and by how much it must
 # miss to be worse.
-_LEAST, _WORSE = 1e-3, 1.1
+_LEAST = 1e-3
+_WORSE = 1.1
 # A paint that the film may hold is named from this share on.
 _NAMED = 0.001
 # Below this share a paint that may be there is a trace, and its share is not said.
@@ -145,7 +146,8 @@ def _ends(found: Identification, row: int, ranked: list[Candidate], first: Candi
         """Squared residual of each band, in units of what is expected."""
         return np.sum((candidate.residual / sd) ** 2, axis=0)
 
-    own, out = misses(first), []
+    own = misses(first)
+    out = []
     for what, end in (("first", slice(0, size)), ("last", slice(grid.size - size, None))):
         for other in ranked[1:]:
             if (

@@ -24,7 +24,8 @@ from .screen import Paints
 
 # Amounts between which a paint is sought, in units of the usual thickness; below the first it is
 # not there.
-LEAST, MOST = 1e-5, 60.0
+LEAST = 1e-5
+MOST = 60.0
 _STEPS = 14
 _LONGEST = 2.0
 
@@ -72,7 +73,8 @@ def prior_terms(
     not there.
     """
     m = present.sum(dtype=logs.dtype)
-    total, share = jax.nn.logsumexp(logs, where=present), jax.nn.softmax(logs, where=present)
+    total = jax.nn.logsumexp(logs, where=present)
+    share = jax.nn.softmax(logs, where=present)
     gradient = share * total / spread**2 - concentration * (present.astype(logs.dtype) - m * share)
     outer = jnp.outer(share, share)
     hessian = outer / spread**2 + concentration * m * (jnp.diag(share) - outer)
@@ -107,7 +109,8 @@ def fit_one(
 
     def look(logs: Array) -> tuple[Array, Array, Array, Array]:
         readings, slopes = model(jnp.where(present, jnp.exp(logs), 0.0))
-        off, slopes = white @ (weights.target - readings), slopes @ white.T
+        off = white @ (weights.target - readings)
+        slopes = slopes @ white.T
         gradient, hessian = prior_terms(logs, present, weights.spread, weights.concentration)
         cost = 0.5 * off @ off - log_prior(logs, present, weights.spread, weights.concentration)
         return cost, gradient - slopes @ off, hessian + slopes @ slopes.T, readings
@@ -133,7 +136,8 @@ def _evidence(
     off = jnp.einsum("srt,t->sr", weights.basis, weights.target - readings)
     square = jnp.sum(off**2, axis=-1)
     heavy = weights.freedom > 0
-    freedom, whole = jnp.where(heavy, weights.freedom, 1.0), weights.freedom + weights.independent
+    freedom = jnp.where(heavy, weights.freedom, 1.0)
+    whole = weights.freedom + weights.independent
     tail = weights.independent / off.shape[-1] * weights.height - 0.5 * whole * jnp.log1p(
         square / freedom
     )
@@ -313,8 +317,10 @@ def programs_ahead(
     """
     readings = shape[0] * shape[1]
     count = block_size(readings)
-    numbers, matrix = (count,), (count, scales, readings, readings)
-    members, steps = np.zeros((count, largest), np.int32), jnp.asarray(0)
+    numbers = (count,)
+    matrix = (count, scales, readings, readings)
+    members = np.zeros((count, largest), np.int32)
+    steps = jnp.asarray(0)
     film_slopes.ahead(*films, members, np.zeros(members.shape), np.zeros((count, *shape)))
     for kind, given in ((np.float32, single), (np.float64, films))[0 if both else 1 :]:
         sizes = ((count, readings), matrix, (count, scales), *[numbers] * 4)

@@ -94,8 +94,10 @@ def page(record: Record, table: str, data: str) -> Iterator[str]:
 
 
 def _head(record: Record) -> str:
-    measured, method = record["measurement"], record["method"]
-    count, paints = len(record["spots"]), record["catalogue"]["paints"]
+    measured = record["measurement"]
+    method = record["method"]
+    count = len(record["spots"])
+    paints = record["catalogue"]["paints"]
     sets = (
         "each alone" if method["max_paints"] == 1 else f"every set of up to {method['max_paints']}"
     )
@@ -157,10 +159,12 @@ def _summary(record: Record) -> str:
 def _summary_row(record: Record, spot: Record) -> str:
     best = spot["explanations"][0]
     if spot["explained"]:
-        words, probability = words_html(best["words"]), chance_html(best["probability"])
+        words = words_html(best["words"])
+        probability = chance_html(best["probability"])
         words += " <em>(uncertain)</em>" if best["probability"] < spot["none_of_these"] else ""
     else:
-        words, probability = "<em>Nothing in the catalogue explains it</em>", "–"
+        words = "<em>Nothing in the catalogue explains it</em>"
+        probability = "–"
     thick = (
         ""
         if record["measurement"]["opaque"]
@@ -181,7 +185,8 @@ def _summary_row(record: Record, spot: Record) -> str:
 
 
 def _method(record: Record) -> str:
-    layers, opaque = record["method"]["layers"], record["measurement"]["opaque"]
+    layers = record["method"]["layers"]
+    opaque = record["measurement"]["opaque"]
     scale = record["catalogue"].get("scale")
     points = [
         "Sets of paints compete: amounts are fitted to the spectrum by radiative transfer, and a "

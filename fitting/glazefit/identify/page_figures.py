@@ -36,7 +36,8 @@ def draw_spectra(spot: Mapping[str, Any], grid: np.ndarray, grounds: list[str]) 
             for fitted, half in zip(
                 found["fitted"], found["band_90"] or found["fitted"], strict=True
             ):
-                middle, half = np.asarray(fitted), np.asarray(half)
+                middle = np.asarray(fitted)
+                half = np.asarray(half)
                 if n == 0 and found["band_90"] is not None:
                     axes.fill_between(
                         grid, middle - half, middle + half, color=_COLOURS[0], alpha=0.18, lw=0

@@ -74,7 +74,8 @@ def _figures(record: Record, spot: Record) -> str:
         for n, fit in enumerate(fits, start=1)
     )
     names = "; ".join(f"{n}, {fit['words']}" for n, fit in enumerate(fits, start=1))
-    low, high = np.min(spot["measured"]), np.max(spot["measured"])
+    low = np.min(spot["measured"])
+    high = np.max(spot["measured"])
     spectra = (
         f"Reflectance of spot {spot['name']} from {grid[0]:g} to {grid[-1]:g} nm, measured "
         f"between {low:.2f} and {high:.2f}, and the fits {names}."
@@ -153,7 +154,8 @@ def _explanations(record: Record, spot: Record) -> str:
 def _ruled_out(spot: Record) -> str:
     if not spot["ruled_out"]:
         return "<h4>Ruled out</h4>\n<p>No paint of the catalogue.</p>\n"
-    body, kind = "", ""
+    body = ""
+    kind = ""
     for paint in spot["ruled_out"]:
         if paint["kind"] != kind:
             kind = paint["kind"]

@@ -11,7 +11,8 @@ from .result import percent
 
 # Lengths in um beyond which an interval says no more: far below a grain of pigment, and the
 # thickest film there is.
-_LEAST_UM, _MOST_UM = 0.001, 1e4
+_LEAST_UM = 0.001
+_MOST_UM = 1e4
 
 
 def chance_html(probability: float) -> str:

@@ -32,7 +32,8 @@ def plot_identification(found: Identification, path: Path, top: int = 3) -> int:
 
 def _draw(found: Identification, row: int, candidates: list[Candidate], axes: np.ndarray) -> None:
     spectra, residuals, chances = axes
-    grid, readings = found.measured.wavelengths, found.measured.readings[row]
+    grid = found.measured.wavelengths
+    readings = found.measured.readings[row]
     for ground, reading in enumerate(readings):
         spectra.plot(
             grid,

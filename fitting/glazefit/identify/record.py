@@ -95,7 +95,8 @@ def _with_its_pair(path: Path) -> list[Path]:
 def _checksum(path: Path) -> tuple[int | None, str | None]:
     if not path.is_file():
         return None, None
-    total, size = hashlib.sha256(), 0
+    total = hashlib.sha256()
+    size = 0
     with path.open("rb") as file:
         while piece := file.read(_PIECE):
             total.update(piece)

@@ -100,7 +100,8 @@ def rows(found: Identification, top: int) -> Iterator[list[object]]:
             cells: list[object] = [name, rank, candidate.probability]
             for n in range(3):
                 if n < len(candidate.paints):
-                    share, sd = candidate.fractions[n], candidate.fractions_sd[n]
+                    share = candidate.fractions[n]
+                    sd = candidate.fractions_sd[n]
                     cells += [candidate.paints[n], share, sd, candidate.coats[n] + 1]
                 else:
                     cells += ["", "", "", ""]

@@ -313,7 +313,10 @@ class Identification:
 
     def ranked(self, row: int, count: int | None = None) -> list[Candidate]:
         """Explanations of one spectrum, most probable first."""
-        rmse, angle, delta_e, fractions = self.rmse, self.angle, self.delta_e, self.fractions
+        rmse = self.rmse
+        angle = self.angle
+        delta_e = self.delta_e
+        fractions = self.fractions
         out = []
         for n in range(
             self.probability.shape[1] if count is None else min(count, self.probability.shape[1])
@@ -324,7 +327,8 @@ class Identification:
             if not here.size:  # A place that other spectra needed.
                 continue
             order = here[np.lexsort((-fractions[row, n, here], self.coats[row, n, here]))]
-            share, total = fractions[row, n], float(self.amounts[row, n].sum())
+            share = fractions[row, n]
+            total = float(self.amounts[row, n].sum())
             spread = self._log_sd[1][row, n] * share
             thickness_sd = total * float(self._log_sd[2][row, n])
             # The ground of a film that hides it says nothing on lengths.
@@ -378,10 +382,12 @@ class Identification:
                 have.
         """
         ranked = self.ranked(row)
-        first, own = ranked[0], set(ranked[0].paints)
+        first = ranked[0]
+        own = set(ranked[0].paints)
         out: dict[str, list[str]] = {}
         for candidate in ranked[1:]:
-            gone, new = own - set(candidate.paints), set(candidate.paints) - own
+            gone = own - set(candidate.paints)
+            new = set(candidate.paints) - own
             if len(gone) == len(new) == 1 and candidate.probability >= least * first.probability:
                 others = out.setdefault(gone.pop(), [])
                 others.extend(new - set(others))

@@ -13,7 +13,8 @@ IMPROBABLE = 0.01
 
 # Where there is no colour, a root mean square that is as bad as a Delta E00 of `REJECTED`; and how
 # much worse is worse.
-_OFF, _WORSE = 0.03, 1.5
+_OFF = 0.03
+_WORSE = 1.5
 
 
 class RuledOut(NamedTuple):
@@ -62,8 +63,10 @@ def _judge(
     found: Identification, contenders: Contenders, row: int, paint: int, best: Candidate
 ) -> RuledOut:
     name = found.paints[paint]
-    off, rmse = float(contenders.delta_e[row, paint]), float(contenders.rmse[row, paint])
-    members, shares = contenders.members[row, paint], contenders.fractions[row, paint]
+    off = float(contenders.delta_e[row, paint])
+    rmse = float(contenders.rmse[row, paint])
+    members = contenders.members[row, paint]
+    shares = contenders.fractions[row, paint]
     there = [n for n in range(3) if members[n] != NOBODY and (n == 0 or shares[n] >= 1e-4)]
     film = (
         " + ".join(f"{percent(shares[n])} {found.paints[members[n]]}" for n in there)
@@ -75,7 +78,8 @@ def _judge(
     seen = not np.isnan(off)
     by = f"Delta E00 {off:.1f}" if seen else f"{rmse:.3f} in reflectance (RMSE)"
     if (off > REJECTED) if seen else (rmse > _OFF):
-        kind, reason = "misfit", f"the best film with it is off by {by}"
+        kind = "misfit"
+        reason = f"the best film with it is off by {by}"
     elif seen and off > max(UNSEEN, best.delta_e):
         kind = "worse"
         reason = (
@@ -99,7 +103,8 @@ def _judge(
     if kind == "misfit" and shares[0] < 2 * LEAST_SHARE and len(there) > 1:
         reason += f", with as little as {percent(shares[0])} of it"
     if kind == "misfit" and chance >= IMPROBABLE:
-        kind, reason = "trace", f"{reason}; less than {LEAST_SHARE:.0%} of it stays possible"
+        kind = "trace"
+        reason = f"{reason}; less than {LEAST_SHARE:.0%} of it stays possible"
     parts = {found.paints[members[n]]: float(shares[n]) for n in there}
     return RuledOut(
         paint=name,

@@ -30,7 +30,9 @@ from .two_coats import fit_stacks, orders, stack_slopes, stack_starts
 CHUNK = 64
 """Spectra that are fitted at a time."""
 
-_GROWN_PAIRS, _KEPT_TRIPLES, _STACKED = 12, 40, 8
+_GROWN_PAIRS = 12
+_KEPT_TRIPLES = 40
+_STACKED = 8
 _ROUNDS = 2
 # Error while candidates are looked for, at a reading of 0 over that at a middling one.
 _DARK = 0.1
@@ -104,7 +106,8 @@ def alike_grounds(
     grounds: Float[np.ndarray, "spectra grounds bands"],
 ) -> list[tuple[Int[np.ndarray, "rows"], Float[np.ndarray, "grounds bands"]]]:
     """Groups of spectra with nearly the same grounds: their numbers and their mean ground."""
-    left, groups = np.arange(len(grounds)), []
+    left = np.arange(len(grounds))
+    groups = []
     while left.size:
         near = np.abs(grounds[left] - grounds[left[0]]).max(axis=(1, 2)) < ALIKE
         groups.append((left[near], grounds[left[near]].mean(axis=0)))
@@ -115,8 +118,10 @@ def alike_grounds(
 def compile_ahead(task: IdentificationTask, measured: Measured) -> None:
     """Begin to compile the programs of the search's later steps; return at once."""
     grounds, bands = measured.readings.shape[1:]
-    films, scales = (task.response, task.paints), len(task.discrepancy.scales)
-    largest, middle = max(task.max_paints, 2), task.middle
+    films = (task.response, task.paints)
+    scales = len(task.discrepancy.scales)
+    largest = max(task.max_paints, 2)
+    middle = task.middle
     programs_ahead(
         films, task.tables.single, (grounds, bands), scales, largest, middle, task.effort.single
     )
@@ -155,7 +160,8 @@ def search_chunk(
         triples.log_weight[~new] = -np.inf
         pool = pool.merged(triples)
     real = np.arange(len(rows))
-    looked_at, pool = pool, refine(task, pool.of(real), batch.take(real))
+    looked_at = pool
+    pool = refine(task, pool.of(real), batch.take(real))
     if task.layers == 2 and task.max_paints > 1 and task.known > 1:
         pool = _search_two_coats(task, pool.of(np.resize(real, len(padded))), looked_at, batch).of(
             real
@@ -219,7 +225,8 @@ def _with_surface(task: IdentificationTask, pool: Pool, batch: Measured) -> Pool
 
     The surface's share, and what else is in doubt, is what each candidate's residual speaks for.
     """
-    d, nuisance = task.discrepancy, NuisanceMode.of(task, batch)
+    d = task.discrepancy
+    nuisance = NuisanceMode.of(task, batch)
     off = task.target(batch.readings)[:, None] - pool.readings
     found = nuisance.found @ np.swapaxes(off, 1, 2)
     gloss = np.maximum(d.gloss + d.gloss_sd * found[:, 0], 0.0)
@@ -347,9 +354,11 @@ def _fit_stacks(
     """Stacks with errors of their own, and slopes near the fit."""
     films = task.paints, jnp.asarray(sets), jnp.asarray(coats)
     logs = stack_starts(*films, ground, weights, task.optics, task.middle)
-    row, count = np.repeat(np.arange(len(batch)), sets.shape[1]), sets.shape[:2]
+    row = np.repeat(np.arange(len(batch)), sets.shape[1])
+    count = sets.shape[:2]
     readings = np.broadcast_to(_flat(batch.readings)[:, None], (*count, batch.readings[0].size))
-    fitted, slopes = None, None
+    fitted = None
+    slopes = None
     for _ in range(_ROUNDS):
         slopes = np.asarray(stack_slopes(*films, logs, ground, task.optics))
         errors = coefficient_errors(

@@ -66,11 +66,9 @@ class Searcher(NamedTuple):
             ValueError: an empty catalogue, repeated names, pigments that do not cover the
                 wavelengths, numbers of paints or coats that cannot be tried.
         """
-        instrument, noise, prior = (
-            resolve_instrument(instrument, geometry),
-            noise or Noise(),
-            prior or Prior(),
-        )
+        instrument = resolve_instrument(instrument, geometry)
+        noise = noise or Noise()
+        prior = prior or Prior()
         discrepancy = discrepancy or BETWEEN_FILMS
         if max_paints not in (1, 2, 3):
             raise ValueError(f"max_paints is {max_paints}; sets of 1, 2 or 3 paints can be tried")
@@ -83,10 +81,8 @@ class Searcher(NamedTuple):
             )
         grid = validate_wavelengths(np.asarray(wavelengths, dtype=np.float64))
         known = check_pigments(pigments, grid)
-        largest, response = (
-            min(max_paints, len(known)),
-            film_response(instrument.geometry, instrument.refractive_index),
-        )
+        largest = min(max_paints, len(known))
+        response = film_response(instrument.geometry, instrument.refractive_index)
         thick = hiding(prior, known)
         errors = relative_errors(known, discrepancy)
         modes = error_modes(known, discrepancy).astype(np.float32)

@@ -100,7 +100,8 @@ def film_table(
     """
     sizes = range(1, min(largest, 2, len(paints.absorption)) + 1)
     kinds = [(sets_of(len(paints.absorption), size), amounts_grid(size, spread)) for size in sizes]
-    project, middle = np.eye(ground.size), np.zeros(ground.size)
+    project = np.eye(ground.size)
+    middle = np.zeros(ground.size)
     if ground.size > COMPONENTS:
         batch = [
             _films(response, paints, _pieces(*kind, spaced=True)[0], kind[1], ground)
@@ -111,7 +112,8 @@ def film_table(
         off = films - middle
         # The directions in which films differ most.
         project = np.linalg.eigh(off.T @ off)[1][:, : -COMPONENTS - 1 : -1].T
-    whole, middle = project @ white, project @ middle
+    whole = project @ white
+    middle = project @ middle
     tables = []
     for sets, grid in kinds:
         parts = [

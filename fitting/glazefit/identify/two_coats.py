@@ -49,7 +49,8 @@ def stack_readings(
         tolerance: of the solver.
     """
     place = jnp.where(coats[:, None] == jnp.arange(2), amounts[:, None], 0.0)
-    layers_k, layers_s = jnp.einsum("ml,mb->bl", place, k), jnp.einsum("ml,mb->bl", place, s)
+    layers_k = jnp.einsum("ml,mb->bl", place, k)
+    layers_s = jnp.einsum("ml,mb->bl", place, s)
     return optics.body(layers_k, layers_s, ground, tolerance)
 
 
@@ -68,7 +69,8 @@ def stack_starts(
     places = jnp.asarray(list(itertools.product(_STARTS[size], repeat=size)))
 
     def start(members: Array, coats: Array, ground: Array, weights: Weights) -> Array:
-        k, s = paints.absorption[members], paints.scattering[members]
+        k = paints.absorption[members]
+        s = paints.scattering[members]
 
         def coarse(logs: Array) -> Array:
             return stack_readings(
@@ -111,7 +113,8 @@ def fit_stacks(
     def candidate(
         members: Array, coats: Array, start: Array, ground: Array, weights: Weights
     ) -> Fitted:
-        k, s = paints.absorption[members], paints.scattering[members]
+        k = paints.absorption[members]
+        s = paints.scattering[members]
 
         def read_film(amounts: Array) -> Array:
             return stack_readings(k, s, coats, amounts, ground, optics, _TOLERANCE).reshape(-1)

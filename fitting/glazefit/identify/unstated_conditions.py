@@ -87,7 +87,9 @@ def films_under(
     """
     condition = CONDITIONS[number]
     opaque = told if condition.opaque is None else condition.opaque
-    task, seen, slope = tasks[opaque], measured, np.ones_like(measured.readings)
+    task = tasks[opaque]
+    seen = measured
+    slope = np.ones_like(measured.readings)
     if condition.ground is not None:
         seen = replace(seen, grounds=np.full_like(seen.grounds, condition.ground))
     if condition.varnish:
@@ -136,14 +138,16 @@ def remove_varnish(
         surface: what the outer surface adds to a reading.
         level: optical thickness of the varnish at 400 nm, one of those that are tried.
     """
-    grid, body = measured.wavelengths, measured.readings - surface
+    grid = measured.wavelengths
+    body = measured.readings - surface
     spread = _LEVELS[level]
 
     def off(thickness: np.ndarray) -> np.ndarray:
         return without_varnish(response, body, thickness)
 
     coat = level * yellow(grid)
-    bare, step = off(coat), 0.01
+    bare = off(coat)
+    step = 0.01
     more = spread / step * (off((level + step) * yellow(grid)) - bare)
     slope = (without_varnish(response, body + 1e-4, coat) - bare) / 1e-4
     doubt = more[:, None]

@@ -14,9 +14,11 @@ from .task import Measured
 # Candidates whose colour is compared with the film's.
 _LOOKED_AT = 40
 # Log odds, and a Delta E00, by which a paint earns its place in a set.
-_EARNS, _EARNS_COLOUR = 2.0, 0.5
+_EARNS = 2.0
+_EARNS_COLOUR = 0.5
 # Noise below which its part in a colour is not looked at, and random spectra for it.
-_SEEN_NOISE, _DRAWS = 0.002, 8
+_SEEN_NOISE = 0.002
+_DRAWS = 8
 # Delta E00 for a residual's root mean square of 1, in the middle of the films that were left out.
 _COLOUR_OF_RMSE = 100.0
 

@@ -90,7 +90,8 @@ def on_cluster(
             "glazejax there as it is here"
         ) from None
     flying = as_completed(loop=client.loop)
-    names, waiting = {}, iter(todo)
+    names = {}
+    waiting = iter(todo)
 
     def fill() -> None:
         workers: Any = client.nthreads()

@@ -6,7 +6,8 @@ from jaxtyping import Float
 from glazejax.colour import delta_e_2000, lab
 
 # Units of Lab, and of reflectance, over which differences are taken.
-_STEP, _READING = 0.3, 1e-3
+_STEP = 0.3
+_READING = 1e-3
 # Without a colour, a residual's root mean square counts so much.
 _COLOUR_OF_RMSE = 100.0
 
@@ -32,7 +33,8 @@ def colour_metric(
     # By polarisation: four times a product is the square of the sum less that of the difference.
     for i in range(3):
         for j in range(i + 1):
-            one, other = _STEP * np.eye(3)[i], _STEP * np.eye(3)[j]
+            one = _STEP * np.eye(3)[i]
+            other = _STEP * np.eye(3)[j]
             plus = _square(base, 0.5 * (one + other)) + _square(base, -0.5 * (one + other))
             minus = _square(base, 0.5 * (one - other)) + _square(base, -0.5 * (one - other))
             squared[:, i, j] = squared[:, j, i] = 0.5 * (plus - minus) / _STEP**2

@@ -217,7 +217,9 @@ def map_(
     )
 
     require("xarray", "zarr")
-    usual, bound, spots = options.read_length(thickness), read_memory(memory), spot or []
+    usual = options.read_length(thickness)
+    bound = read_memory(memory)
+    spots = spot or []
     reading = {
         "wavelengths": read_wavelengths(wavelengths),
         "dataset": dataset or None,
@@ -403,7 +405,8 @@ def _keep_on_interrupt(out: Path, console: "Console") -> Iterator[None]:
             store = MapStore.open(out)
         except ValueError:
             raise KeyboardInterrupt from None
-        done, of = len(store.done()), len(store.windows())
+        done = len(store.done())
+        of = len(store.windows())
         console.print(
             f"[yellow]Interrupted: {done} of {of} windows are finished and kept in {out}; the "
             "same command goes on from there.[/yellow]"

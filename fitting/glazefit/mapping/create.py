@@ -13,7 +13,8 @@ from ..identify.conditions import CONDITIONS
 from .atomic_files import sync
 from .layout import PLACES, STATUS_WORDS, VARIABLES, Variable, Way
 
-KIND, FORMAT = "glazejax map", 1
+KIND = "glazejax map"
+FORMAT = 1
 """What the attribute `glazejax` of a map says it is."""
 
 WORK = ".glazejax"

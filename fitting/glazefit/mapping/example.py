@@ -255,7 +255,8 @@ class _Table:
 @functools.lru_cache(maxsize=64)
 def _table(number: int, wavelengths: tuple[float, ...], ground: tuple[float, ...]) -> _Table:
     """The table of one region."""
-    region, grid = REGIONS[number], np.asarray(wavelengths)
+    region = REGIONS[number]
+    grid = np.asarray(wavelengths)
     catalogue = load()
     paints = {name: catalogue[name].resample(grid) for coat in region.coats for name in coat.paints}
 

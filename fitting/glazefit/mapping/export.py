@@ -237,7 +237,8 @@ def _place(dataset: "xarray.Dataset") -> dict[str, str]:
     """Where the image lies, from the map's coordinates, which follow windows and bins; nothing for
     bare pixels.
     """
-    x, y = dataset["x"], dataset["y"]
+    x = dataset["x"]
+    y = dataset["y"]
     sizes = [float(each.attrs.get("pixel_size", 0)) for each in (x, y)]
     unit = str(x.attrs.get("units", "pixel"))
     info = [entry.strip() for entry in str(dataset.attrs.get("map_info", "")).split(",")]
@@ -250,7 +251,8 @@ def _place(dataset: "xarray.Dataset") -> dict[str, str]:
         return {}
     if len(info) < 7 or turned:
         return {"pixel size": f"{{ {sizes[0]!r}, {sizes[1]!r}, units={unit} }}"}
-    east, north = float(x[0]) - sizes[0] / 2, float(y[0]) + sizes[1] / 2
+    east = float(x[0]) - sizes[0] / 2
+    north = float(y[0]) + sizes[1] / 2
     placed = [info[0], "1", "1", *(repr(value) for value in (east, north, *sizes)), *info[7:]]
     place = {"map info": f"{{ {', '.join(placed)} }}"}
     if "crs_wkt" in dataset.attrs:

@@ -39,7 +39,8 @@ from .colour_metric import colour_metric
 
 # Candidates of a representative that are kept: those with this share of the best explanations, and
 # so many at most.
-_LEAST, _MOST = 3e-4, 16
+_LEAST = 3e-4
+_MOST = 16
 _BLOCK = 256
 _STEP = 1e-3
 _terms = jax.jit(jax.vmap(prior_terms, in_axes=(0, 0, None, None)))
@@ -197,7 +198,8 @@ def _local_models(searcher: Searcher, measured: Measured, pool: Pool, odds: Odds
     rest_paints = np.einsum("sc,scp->sp", left_out, present) / np.maximum(rest, 1e-12)[:, None]
     metric = colour_metric(measured.wavelengths, measured.readings[:, 0])[row]
     parts: dict[str, np.ndarray] = {}
-    condition, stacked = pool.condition[row, place], pool.coats[row, place].any(axis=-1)
+    condition = pool.condition[row, place]
+    stacked = pool.coats[row, place].any(axis=-1)
     size = max(searcher.task.max_paints, 2)
     for number in np.unique(condition):
         seen = films_under(int(number), searcher.tasks, searcher.opaque, measured)
@@ -214,7 +216,8 @@ def _local_models(searcher: Searcher, measured: Measured, pool: Pool, odds: Odds
                     room = np.zeros((len(row), *values.shape[1:]), values.dtype)
                     parts.setdefault(name, room)[here] = values
     at = row, place
-    read, eye = measured.readings[row, 0], np.eye(measured.wavelengths.size)
+    read = measured.readings[row, 0]
+    eye = np.eye(measured.wavelengths.size)
     left_by = metric @ (eye - parts.pop("left_by"))
     local = {
         **parts,
@@ -237,7 +240,8 @@ def _local_models(searcher: Searcher, measured: Measured, pool: Pool, odds: Odds
         "fitted": pool.readings[at],
     }
     candidates = Local(*(_single(local[f.name]) for f in fields(Local)))
-    readings, blur = _single(measured.readings[:, 0]), _single(odds.off.blur)
+    readings = _single(measured.readings[:, 0])
+    blur = _single(odds.off.blur)
     return Searched(
         readings=readings,
         blur=blur,
@@ -290,7 +294,8 @@ def _linear(
     stack: bool,
 ) -> dict[str, np.ndarray]:
     """How candidates under one condition move with the readings that were measured."""
-    task, batch = seen.task, seen.measured
+    task = seen.task
+    batch = seen.measured
     sets = pool.members[row, place][:, :size]
     logs, weighed_logs = (
         np.where(sets == NOBODY, 0.0, part[row, place][:, :size] - np.log(task.prior.thickness))
@@ -341,7 +346,8 @@ def _linear(
         steep = np.einsum("nib,nmb->nmi", close, by_near)
         shown = np.linalg.solve(steep @ np.swapaxes(steep, 1, 2) + held, steep @ close)
         by = by_near
-    eye, nuisance = np.eye(readings.shape[1]), NuisanceMode.of(task, batch)
+    eye = np.eye(readings.shape[1])
+    nuisance = NuisanceMode.of(task, batch)
     body = np.einsum("nma,nmb->nab", by, shown)
     missed = eye - body
     surface = (np.swapaxes(nuisance.shapes, 1, 2) @ nuisance.found)[row]

@@ -40,13 +40,16 @@ if TYPE_CHECKING:
     from glazejax.io import CubeSource
 
 # Pixels that are sampled, in so many lines.
-_SAMPLE, _LINES = 60_000, 96
+_SAMPLE = 60_000
+_LINES = 96
 # What the process takes beside representatives and windows: Python, JAX, its programs, a search;
 # bytes.
 _BASE = 900 * 2**20
 # Representatives at least and at most, pixels for each between, and the distance that they are to
 # keep to all.
-_REPRESENTATIVES, _PIXELS_EACH, _REACH = (256, 4000), 40, 1.5
+_REPRESENTATIVES = (256, 4000)
+_PIXELS_EACH = 40
+_REACH = 1.5
 # Candidates of a representative, about.
 _CANDIDATES = 12
 # Spectra farther than so many times the sample's farthest are searched themselves.
@@ -144,7 +147,8 @@ def map_cube(
         layers=layers,
     )
     tell(Progress("reading", 0, 1, task.notes))
-    bands, paints = task.image.bands, task.searcher.paints
+    bands = task.image.bands
+    paints = task.searcher.paints
     most, base = _most_representatives(task, memory)
     count = bands.wavelengths.size
     store = MapStore.create(
@@ -252,7 +256,8 @@ def _sample(task: MapTask) -> tuple[Float[np.ndarray, "pixels bands"], Noise]:
     stored = np.asarray(cube["wavelength"], float)
     lines = np.unique(np.linspace(0, height - 1, min(_LINES, height)).astype(int))
     step = max(1, -(-len(lines) * width // _SAMPLE))
-    readings, rough = [], []
+    readings = []
+    rough = []
     for number, y in enumerate(lines.tolist()):
         use = np.arange(number % step, width, step)
         if image.mask is not None:

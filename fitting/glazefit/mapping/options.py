@@ -223,10 +223,8 @@ def read_ground_of_cube(
     if text is None:
         return None, "a ground that is not seen", ()
     grid = np.asarray(cube["wavelength"].values, np.float64)
-    first, last = (
-        max(float(p.wavelengths[0]) for p in paints),
-        min(float(p.wavelengths[-1]) for p in paints),
-    )
+    first = max(float(p.wavelengths[0]) for p in paints)
+    last = min(float(p.wavelengths[-1]) for p in paints)
     inside = (grid >= first) & (grid <= last)
     if not inside.any():
         raise ValueError(
@@ -238,7 +236,8 @@ def read_ground_of_cube(
         from glazejax.io import read_spot
 
         spot = read_spot(cube, text.removeprefix(_CUBE))
-        below, bare = spot.reflectance[inside], True
+        below = spot.reflectance[inside]
+        bare = True
         if not np.isfinite(below).all():
             raise ValueError(
                 f"--ground {text}: {int((~np.isfinite(below)).sum())} bands have no reading "
@@ -250,7 +249,8 @@ def read_ground_of_cube(
         )
     else:
         given = options.read_ground(text, bare=bare)
-        below, notes = given.on(grid[inside]), given.notes
+        below = given.on(grid[inside])
+        notes = given.notes
         how = "measured bare with the same instrument" if bare else "as seen from inside the paint"
         words = f"{given.words}, {how}"
         if isinstance(below, float | int) and not bare:

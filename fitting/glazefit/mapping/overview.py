@@ -120,7 +120,8 @@ def overview(dataset: "xr.Dataset", most: tuple[int, int] = MOST) -> Overview:
     ]
     if lacking:
         raise ValueError(f"this is no map of paints: it lacks {', '.join(sorted(set(lacking)))}")
-    height, width = dataset.sizes["y"], dataset.sizes["x"]
+    height = dataset.sizes["y"]
+    width = dataset.sizes["x"]
     step = max(1, -(-height // most[0]), -(-width // most[1]))
     coarse = 2 * step if width > step * _PAINT_WIDTH else step
     paints = tuple(str(name) for name in dataset["paint"].values)
@@ -212,7 +213,8 @@ def _count(look: Overview, block: Mapping[str, np.ndarray]) -> None:
 
 def _parts(look: Overview, block: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
     """A block's share of the pictures."""
-    step, coarse = look.step, look.coarse
+    step = look.step
+    coarse = look.coarse
     mapped = block["status"] == Status.MAPPED
     found = {
         f"mean_{name}": square_means(np.where(mapped, block[name], np.nan), step) for name in _MEANS
@@ -251,9 +253,7 @@ def square_means(
     counts = known.astype(np.float32)
     for axis in (0, 1):
         starts = np.arange(0, values.shape[axis], step)
-        total, counts = (
-            np.add.reduceat(total, starts, axis=axis),
-            np.add.reduceat(counts, starts, axis=axis),
-        )
+        total = np.add.reduceat(total, starts, axis=axis)
+        counts = np.add.reduceat(counts, starts, axis=axis)
     with np.errstate(invalid="ignore", divide="ignore"):
         return np.where(counts > 0, total / counts, np.nan).astype(np.float32)

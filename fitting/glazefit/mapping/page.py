@@ -286,7 +286,8 @@ def _legend_figure(look: Overview) -> str:
     places = legend_places(look)
     for n, members in enumerate(legend_sets(look), start=1):
         if members in places:
-            x, y = places[members][0] * width, places[members][1] * height
+            x = places[members][0] * width
+            y = places[members][1] * height
             marks += (
                 f'<circle cx="{x:.0f}" cy="{y:.0f}" r="{2.1 * unit:.1f}" fill="#fff" '
                 f'stroke="#26221e" stroke-width="{0.2 * unit:.2f}"/><text x="{x:.0f}" '

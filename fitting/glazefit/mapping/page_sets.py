@@ -14,8 +14,12 @@ from .pictures import LEGEND, OTHERS, found_paints, own_colours
 SHOWN = 40
 """Sets that have a row of their own."""
 
-_WIDTH, _HEIGHT = 208.0, 84.0
-_LEFT, _RIGHT, _TOP, _BOTTOM = 22.0, 4.0, 5.0, 14.0
+_WIDTH = 208.0
+_HEIGHT = 84.0
+_LEFT = 22.0
+_RIGHT = 4.0
+_TOP = 5.0
+_BOTTOM = 14.0
 
 
 class Sums(Protocol):
@@ -141,7 +145,8 @@ def _spectra(sums: Sums | None, grid: Float[np.ndarray, "bands"], words: str) ->
     """Mean of the readings with their spread, and the mean of the fits."""
     if sums is None or not sums.pixels:
         return "–"
-    mean, fitted = np.asarray(sums.spectrum) / sums.pixels, np.asarray(sums.fitted) / sums.pixels
+    mean = np.asarray(sums.spectrum) / sums.pixels
+    fitted = np.asarray(sums.fitted) / sums.pixels
     spread = np.sqrt(np.maximum(np.asarray(sums.square) / sums.pixels - mean**2, 0.0))
     top = next(
         level

@@ -89,7 +89,8 @@ def legend_map(look: Overview) -> RGB:
     found[(status == Status.MAPPED) & (look.examples["explained"] > 0)] = _rgb(OTHERS)
     for members, colour in zip(legend_sets(look), LEGEND, strict=False):
         found[look.where(members)] = _rgb(colour)
-    found, none = enlarge(found), enlarge(look.where(()))
+    found = enlarge(found)
+    none = enlarge(look.where(()))
     down, across = np.indices(none.shape)
     stripes = np.array([_rgb(stripe) for stripe in STRIPES], np.uint8)[
         (down + across) // _STRIPE % 2
@@ -342,7 +343,8 @@ class _framed:
 
     def __enter__(self) -> Any:
         figure = self.figure = self.drawn.__enter__()
-        whole, tall = self.width + self.room, self.height + 0.4
+        whole = self.width + self.room
+        tall = self.height + 0.4
         axes = figure.add_axes((0, 0, self.width / whole, self.height / tall))
         axes.imshow(self.image, interpolation="antialiased", aspect="auto")
         axes.set_axis_off()
@@ -370,7 +372,8 @@ def _write_legend(look: Overview, path: Path, own: Sequence[str]) -> None:
 
     with _framed(path, "Most probable set of paints", legend_map(look), 4.2) as figure:
         places = legend_places(look)
-        width, tall = figure.get_figwidth(), figure.get_figheight()
+        width = figure.get_figwidth()
+        tall = figure.get_figheight()
         picture_axes = figure.axes[0]
         size = enlarge(look.examples["status"]).shape
         for n, members in enumerate(legend_sets(look), start=1):

@@ -52,7 +52,8 @@ def print_map(
     """
     counts = statuses(dataset)
     mapped = counts.get(Status.MAPPED, 0)
-    lines, samples = dataset.sizes["y"], dataset.sizes["x"]
+    lines = dataset.sizes["y"]
+    samples = dataset.sizes["x"]
     others = [
         f"{count:,} {STATUS_WORDS[status]}"
         for status, count in counts.items()
@@ -125,7 +126,8 @@ def write_sets(
 
 def _row(members: Members, one: SetSum, paints: Sequence[str], mapped: int) -> dict[str, Any]:
     """Numbers of a set by the titles of its table."""
-    mean, fitted = one.spectrum / one.pixels, one.fitted / one.pixels
+    mean = one.spectrum / one.pixels
+    fitted = one.fitted / one.pixels
     total, count = one.thickness
     return {
         "paints": name_of_set(members, paints),

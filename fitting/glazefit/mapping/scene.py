@@ -46,7 +46,8 @@ class Region(NamedTuple):
 
     def shares(self, coat: int, values: dict[str, np.ndarray]) -> list[np.ndarray | float]:
         """Share of each paint in a coat, for numbers by name."""
-        left, found = 1.0, []
+        left = 1.0
+        found = []
         for i, ends in enumerate(self.coats[coat].shares):
             part = values.get(f"share_{coat}_{i}", ends[0])
             found.append(left * part)
@@ -162,7 +163,8 @@ class Waves:
     def __call__(self, x: np.ndarray, y: np.ndarray) -> Float[np.ndarray, "rows columns"]:
         """Values at columns x and rows y, both from 0 to 1."""
         # sin(a + b) by products of rows and columns: two small matrices in place of a sine a pixel.
-        across, down = np.outer(self.along_x, x), np.outer(y, self.along_y) + self.phase
+        across = np.outer(self.along_x, x)
+        down = np.outer(y, self.along_y) + self.phase
         rows = np.hstack([np.sin(down), np.cos(down)]) * np.tile(self.height, 2)
         return (rows @ np.vstack([np.cos(across), np.sin(across)])).astype(np.float32)
 
@@ -199,7 +201,8 @@ class Scene:
         """Number of the region of each pixel in rows y0 to y1."""
         columns, rows = self.axes(y0, y1)
         slow, middle, fast = (wave(columns, rows) for wave in self.wobble)
-        x, y = columns[None, :].astype(np.float32), rows[:, None].astype(np.float32)
+        x = columns[None, :].astype(np.float32)
+        y = rows[:, None].astype(np.float32)
         found = np.full(slow.shape, NUMBER["sky"], np.uint8)
 
         def lay(name: str, where: np.ndarray) -> None:

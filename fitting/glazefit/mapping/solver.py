@@ -152,7 +152,8 @@ class PixelSolver:
     ) -> dict[str, np.ndarray]:
         """Arrays by the names of `layout.VARIABLES`."""
         log_fraction_sd, log_thickness_sd = found.spread()
-        fractions, there = found.fractions, found.members != NOBODY
+        fractions = found.fractions
+        there = found.members != NOBODY
         thickness = np.where(found.opaque, np.nan, np.exp(found.amounts).sum(axis=1))
         parts = {
             "members": found.members,
@@ -197,7 +198,8 @@ def _sums(
     for number, rows in enumerate(
         np.split(order, np.cumsum(np.bincount(which, minlength=len(sets)))[:-1])
     ):
-        own, fitted = seen[rows].astype(np.float64), found.fitted[rows].astype(np.float64)
+        own = seen[rows].astype(np.float64)
+        fitted = found.fitted[rows].astype(np.float64)
         thickness = np.exp(found.amounts[rows]).sum(axis=1)[~found.opaque[rows]].astype(np.float64)
         key = tuple(int(m) for m in sets[number] if m != NOBODY)
         total = float(thickness.sum()), len(thickness)

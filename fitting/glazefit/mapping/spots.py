@@ -14,11 +14,14 @@ from glazejax.geometry import Instrument
 from ..film.response import film_response
 
 # k/s between which a hiding film's is sought.
-_LEAST, _MOST = 1e-5, 1e3
+_LEAST = 1e-5
+_MOST = 1e3
 # Optical thicknesses s d and k d of which one is enough to hide any ground.
-_HIDING, _BLACK = 500.0, 200.0
+_HIDING = 500.0
+_BLACK = 200.0
 # Relative standard deviations: of s, which a hiding film does not tell, and of k beside it.
-_OPEN, _TOLD = 0.5, 0.05
+_OPEN = 0.5
+_TOLD = 0.05
 
 
 def spot_pigment(

@@ -245,7 +245,8 @@ class MapStore:
 
     def _files(self, window: Window) -> Iterator[Path]:
         """Files of a window's arrays; an array that is all fill has none."""
-        row, column = window.y0 // self.chunk[0], window.x0 // self.chunk[1]
+        row = window.y0 // self.chunk[0]
+        column = window.x0 // self.chunk[1]
         for variable in VARIABLES:
             yield (
                 self.path

@@ -11,9 +11,11 @@ from glazejax.radiative.common.threads import in_threads
 
 # Readings vary by this share where paints do (`glazefit.film.errors.BETWEEN_FILMS`), and near black
 # by this.
-_SHARE, _BLACK = 0.03, 0.03
+_SHARE = 0.03
+_BLACK = 0.03
 # Directions in which spectra are compared, and rounds of Lloyd's algorithm.
-_DIRECTIONS, _ROUNDS = 16, 3
+_DIRECTIONS = 16
+_ROUNDS = 3
 _AT_A_TIME = 8192
 
 
@@ -54,7 +56,8 @@ def nearest(
     centres: Float[np.ndarray, "centres directions"],
 ) -> tuple[Int[np.ndarray, "spectra"], Float[np.ndarray, "spectra"]]:
     """Number of the nearest centre of each spectrum, and how far it is."""
-    which, apart = np.empty(len(features), np.int64), np.empty(len(features), np.float32)
+    which = np.empty(len(features), np.int64)
+    apart = np.empty(len(features), np.float32)
     half = 0.5 * np.sum(centres**2, axis=1)
     turned = np.ascontiguousarray(centres.T)
 

@@ -89,11 +89,9 @@ def map_task(
     if use is not None and np.shape(use) != shape:
         raise ValueError(f"the mask has {_pixels(np.shape(use))}, the image {_pixels(shape)}")
     use = None if use is None else np.asarray(use, bool)
-    seen_by, expected, errors = (
-        resolve_instrument(instrument, geometry),
-        prior or Prior(),
-        discrepancy or BETWEEN_FILMS,
-    )
+    seen_by = resolve_instrument(instrument, geometry)
+    expected = prior or Prior()
+    errors = discrepancy or BETWEEN_FILMS
     check_errors(errors)
     given = listed_pigments(pigments)
     known = given + [

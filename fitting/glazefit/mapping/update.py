@@ -105,7 +105,8 @@ class Updater:
 
     def answers(self, readings: Float[np.ndarray, "spectra bands"]) -> Answers:
         """For spectra near the representative."""
-        local, count = self.local, self.count
+        local = self.local
+        count = self.count
         moved = readings - self.reading
         every = moved @ self.by
         off, logs, seen, left = (
@@ -151,7 +152,8 @@ class Updater:
 
 def _order(local: Local) -> list[Smaller]:
     """Which candidates have others of one paint less beside them."""
-    nothing, logs = np.zeros((1, len(local.row), 0)), local.amounts[None]
+    nothing = np.zeros((1, len(local.row), 0))
+    logs = local.amounts[None]
     pool = Pool(
         members=local.members[None],
         coats=local.coats[None],
@@ -178,12 +180,11 @@ def log_weight_gain(
         off: their whitened residuals.
         logs: how far their log amounts have moved.
     """
-    freedom, whole, trust = (
-        local.numbers[:, 0],
-        local.numbers[:, :2].sum(axis=1),
-        local.numbers[:, 2],
-    )
-    before, now = np.sum(local.off**2, axis=-1), np.einsum("snb,snb->sn", off, off)
+    freedom = local.numbers[:, 0]
+    whole = local.numbers[:, :2].sum(axis=1)
+    trust = local.numbers[:, 2]
+    before = np.sum(local.off**2, axis=-1)
+    now = np.einsum("snb,snb->sn", off, off)
     heavy = freedom > 0
     safe = np.where(heavy, freedom, 1.0)
     met = np.where(

@@ -7,7 +7,8 @@ from typing import NamedTuple, Self
 # What Python, JAX and its programs take before the first pixel is read.
 BASE = 600 * 2**20
 # Smaller pieces are mostly overhead; larger ones lose more to an interrupt and are no faster.
-_SMALLEST, _LARGEST = 16, 512
+_SMALLEST = 16
+_LARGEST = 512
 
 
 class Window(NamedTuple):
@@ -41,7 +42,8 @@ class Window(NamedTuple):
     @classmethod
     def at(cls, y: int, x: int, shape: Sequence[int], chunk: Sequence[int]) -> Self:
         """The window of an image's windows that holds a pixel."""
-        y0, x0 = y - y % chunk[0], x - x % chunk[1]
+        y0 = y - y % chunk[0]
+        x0 = x - x % chunk[1]
         return cls(y0, min(y0 + chunk[0], shape[0]), x0, min(x0 + chunk[1], shape[1]))
 
     @classmethod

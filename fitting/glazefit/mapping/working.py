@@ -23,7 +23,8 @@ _SURE = 4.0
 _SLACK = 0.01
 _FEWEST = 6
 # Steps in nm below which spectra of paint hold no more, and working bands at most.
-_FINEST, _MOST = 8.0, 60
+_FINEST = 8.0
+_MOST = 60
 
 
 @dataclass(frozen=True)
@@ -55,7 +56,8 @@ class WorkingBands:
             ValueError: the paints cover less than six bands of the image.
         """
         grids = [np.asarray(p.wavelengths, float) for p in pigments]
-        first, last = max(grid[0] for grid in grids), min(grid[-1] for grid in grids)
+        first = max(grid[0] for grid in grids)
+        last = min(grid[-1] for grid in grids)
         # Tables are often interpolated to finer steps than paint has structure for.
         width = max(
             min(float(np.median(np.diff(grid))) for grid in grids), _FINEST, (last - first) / _MOST
@@ -132,7 +134,8 @@ def classify(
     """
     status = np.full(readings.shape[:-1], int(Status.MAPPED), np.uint8)
     with np.errstate(invalid="ignore"):
-        top, bottom = readings.max(axis=-1), readings.min(axis=-1)
+        top = readings.max(axis=-1)
+        bottom = readings.min(axis=-1)
         level = sd.mean(axis=-1)
         tests = [
             (Status.DARK, top < _SURE * level),

@@ -52,7 +52,8 @@ def inference_data(
     """
     arviz = load_arviz()
     film = films[0]
-    bands, single = problem.kind == "bands", len(problem.blocks) == 1
+    bands = problem.kind == "bands"
+    single = len(problem.blocks) == 1
     block = "wavelength" if bands else "film"
     coords: dict[str, Any] = {
         "wavelength": film.wavelengths,

@@ -163,7 +163,8 @@ class Convergence:
 
     def words(self) -> str:
         """One sentence, with the reason."""
-        good, worst = self.converged, float(self.times.max())
+        good = self.converged
+        worst = float(self.times.max())
         numbers = (
             f"{self.length} steps kept, {_ratio(self.length, worst)} autocorrelation times of "
             f"{worst:.0f} steps, {self.samples.min():.0f} effective samples"
@@ -307,7 +308,9 @@ def read_chain(backend: Any, blocks: int, thin: int, interrupted: bool = False) 
         raise ValueError(
             "the chain was stopped before its first step was kept; there is nothing to report"
         )
-    free, log_prob, parts = backend.get_chain(), backend.get_log_prob(), backend.get_blobs()
+    free = backend.get_chain()
+    log_prob = backend.get_log_prob()
+    parts = backend.get_blobs()
     shape = (steps, free.shape[1], blocks)
     parts = log_prob if parts is None else parts
     accepted = float(np.mean(backend.accepted)) / steps
@@ -353,7 +356,8 @@ def _backend(
         if not backend.initialized:
             raise ValueError(f"{path}: this file holds no chain of emcee")
         with h5py.File(path, "r") as file:
-            mark, kept = file[GROUP].attrs.get(_MARK), int(file[GROUP].attrs.get("thin", 0))
+            mark = file[GROUP].attrs.get(_MARK)
+            kept = int(file[GROUP].attrs.get("thin", 0))
         if mark != problem.fingerprint:
             raise ValueError(
                 f"{path}: the chain is of another problem (film, paints, noise or prior differ); "

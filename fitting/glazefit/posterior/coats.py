@@ -21,7 +21,8 @@ from glazejax.paint.describe import find_name, parse_layers
 from .film import MOST_PAINTS
 
 MOST_COATS = 6
-UNKNOWN, ABOUT = "?", "~"
+UNKNOWN = "?"
+ABOUT = "~"
 _THICKEST = 0.01
 
 
@@ -166,7 +167,8 @@ def parse_coats(text: str, shelf: Mapping[str, Pigment], spread: float) -> tuple
 def _coat(entry: str, shelf: Mapping[str, Pigment], spread: float) -> CoatPrior:
     paint, colon, size = (piece.strip() for piece in entry.rpartition(":"))
     if not colon and entry == UNKNOWN:
-        paint, size = UNKNOWN, UNKNOWN
+        paint = UNKNOWN
+        size = UNKNOWN
     elif not (colon and paint and size):
         raise ValueError(
             f"coat {entry!r}: write PAINT:THICKNESS, such as Eosin:5um, Eosin:~5um if that is "

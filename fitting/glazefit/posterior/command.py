@@ -19,10 +19,15 @@ if TYPE_CHECKING:
     from .film import FilmPrior
     from .posterior import Posterior
 
-_GEOMETRY, _PAINT_ERROR, _WALKERS = "d:8", 0.05, 32
+_GEOMETRY = "d:8"
+_PAINT_ERROR = 0.05
+_WALKERS = 32
 
-CHAIN, DATA, SUMMARY = "chain.h5", "posterior.nc", "summary.csv"
-CORNER, BANDS = "corner.png", "bands.png"
+CHAIN = "chain.h5"
+DATA = "posterior.nc"
+SUMMARY = "summary.csv"
+CORNER = "corner.png"
+BANDS = "bands.png"
 
 
 def register(app: typer.Typer) -> None:

@@ -181,7 +181,8 @@ def pose_films(
         ValueError: no paint or too many, a paint listed twice, or paints that do not cover the
             film's wavelengths.
     """
-    grid, count = films[0].wavelengths, len(paints[0])
+    grid = films[0].wavelengths
+    count = len(paints[0])
     sets = [check_paints(film, chosen) for film, chosen in zip(films, paints, strict=True)]
     count_films, (bands, grounds) = len(films), films[0].reflectance.shape
 

@@ -29,7 +29,8 @@ from .problem import Problem
 _ROUNDS = 4
 _STARTS = 8
 # Gauss-Newton steps towards the likeliest error, and the longest of them in log k or log s.
-_STEPS, _LONGEST = 8, 1.0
+_STEPS = 8
+_LONGEST = 1.0
 
 
 class Slopes(NamedTuple):
@@ -110,10 +111,8 @@ def pose_errors(
     seed: int = 0,
 ) -> tuple[Problem, Modes]:
     """The problem of `glazefit.posterior.film.pose_films` with the model's error, and its modes."""
-    smooth, how = (
-        smooth_kernel(films[0].wavelengths, prior.error_length),
-        Tabulated(problem.shared.response),
-    )
+    smooth = smooth_kernel(films[0].wavelengths, prior.error_length)
+    how = Tabulated(problem.shared.response)
     first = _own_logs(films, instrument)
     problem = expand(problem, films, how, first, np.zeros_like(first), smooth)
     return settle(problem, films, how, find_modes(problem, starts=_STARTS, seed=seed), smooth)

@@ -31,7 +31,9 @@ prior's width.
 
 _PRIOR_DRAWS = 4000
 # A film so many times as thick that is as likely, to this log likelihood, by so many of the draws.
-_THICKER, _AS_LIKELY, _TRIED = 3.0, 0.5, 64
+_THICKER = 3.0
+_AS_LIKELY = 0.5
+_TRIED = 64
 
 
 @dataclass(frozen=True)

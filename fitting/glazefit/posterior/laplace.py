@@ -227,7 +227,8 @@ def _distinct(
     """
     blocks, starts, _ = found.shape
     precision = np.linalg.inv(covariances)
-    index, real = np.zeros((blocks, _MODES), dtype=int), np.zeros((blocks, _MODES), dtype=bool)
+    index = np.zeros((blocks, _MODES), dtype=int)
+    real = np.zeros((blocks, _MODES), dtype=bool)
     for b in range(blocks):
         kept: list[int] = []
         for s in range(starts):
@@ -272,7 +273,8 @@ def _importance(
         # It warns of large indices, which are the answer here.
         warnings.simplefilter("ignore")
         smooth, tail = psislw(np.ascontiguousarray(log_weights.T))
-    smooth, tail = np.asarray(smooth).reshape(-1, draws), np.atleast_1d(np.asarray(tail))
+    smooth = np.asarray(smooth).reshape(-1, draws)
+    tail = np.atleast_1d(np.asarray(tail))
     # Evenly spaced places in the summed weights: less noise than independent draws.
     places = (np.arange(draws) + rng.random()) / draws
     for b in np.flatnonzero(tail < TRUSTED_TAIL):

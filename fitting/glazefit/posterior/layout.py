@@ -60,7 +60,9 @@ class Layout:
     @property
     def places(self) -> "Places":
         """Where each unknown stands."""
-        ratios, thickness, at = [], [], 0
+        ratios = []
+        thickness = []
+        at = 0
         for size, some, thick in zip(self.sizes, self.fractions, self.thickness, strict=True):
             count = size - 1 if some else 0
             ratios.append(slice(at, at + count))

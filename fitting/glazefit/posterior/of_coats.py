@@ -53,7 +53,8 @@ def posterior_of_coats(
         ValueError, FileExistsError, FileNotFoundError: as `posterior_of_film`, and for a stack that
             cannot be found (`glazefit.posterior.coats.check_coats`).
     """
-    instrument, prior = instrument or Instrument(), prior or FilmPrior()
+    instrument = instrument or Instrument()
+    prior = prior or FilmPrior()
     coats = check_coats(coats)
     reading = one_reading(film, instrument, noise or Noise())
     problem = pose_stack([reading], [coats], instrument, prior, spectra or SpectraPrior())

@@ -67,7 +67,8 @@ def _corner_of_film(posterior: Posterior, path: str | Path) -> None:
             if not n.startswith("fraction ") or n in unknowns_in_words(posterior.problem)
         ]
     pairs = [in_units(n, _some(posterior.draws[n][..., 0])) for n in names]
-    titles, draws = [p[0] for p in pairs], np.stack([p[1] for p in pairs], axis=1)
+    titles = [p[0] for p in pairs]
+    draws = np.stack([p[1] for p in pairs], axis=1)
     approximate = np.stack(
         [in_units(n, posterior.laplace_draws[n][:, 0])[1] for n in names], axis=1
     )
@@ -195,7 +196,8 @@ def _spectra_of_film(posterior: Posterior, path: str | Path) -> None:
     """Measured and fitted spectra, and their differences beside what noise and model
     error allow.
     """
-    film, grid = posterior.films[0], posterior.films[0].wavelengths
+    film = posterior.films[0]
+    grid = posterior.films[0].wavelengths
     flat = posterior.free.reshape(-1, *posterior.free.shape[2:])
     some = flat[:: max(1, len(flat) // 400)]
     low, middle, high = np.quantile(posterior.problem.readings(some)[:, 0], LEVELS, axis=0)
@@ -284,7 +286,8 @@ def _reading_sd(
 
 def _optical_bands(posterior: Posterior, path: str | Path) -> None:
     """k d and s d, and their ratio, with bands of 90 % by emcee and by Laplace."""
-    film, grid = posterior.films[0], posterior.films[0].wavelengths
+    film = posterior.films[0]
+    grid = posterior.films[0].wavelengths
     drawn = posterior.spectra()
     draws = {name: Numbers.of(values) for name, values in drawn.items()}
     rough = {name: Numbers.of(values) for name, values in posterior.spectra(laplace=True).items()}
@@ -313,7 +316,8 @@ def _optical_bands(posterior: Posterior, path: str | Path) -> None:
         low = min(draws[n].median.min() for n in ("absorption", "scattering"))
         high = max(draws[n].upper.max() for n in ("absorption", "scattering"))
         label_spectra(left, "optical thickness", yscale="log", ylim=(low / 10, high * 2))
-        low, high = draws["ratio"].median.min(), draws["ratio"].median.max()
+        low = draws["ratio"].median.min()
+        high = draws["ratio"].median.max()
         label_spectra(right, "k/s", yscale="log", ylim=(low / 3, high * 3))
         shade = only_ratio(drawn["absorption"], drawn["scattering"])
         _shade(left, grid, shade, "only k/s is known")

@@ -111,11 +111,13 @@ class Posterior:
 
         A list of `glazefit.posterior.summary.Row`, in SI units, that prints as a table.
         """
-        sampled, approximate = numbers(self.draws), numbers(self.laplace_draws)
+        sampled = numbers(self.draws)
+        approximate = numbers(self.laplace_draws)
         blocks = self.problem.blocks
         rows = []
         for quantity in self.problem.quantities:
-            here, there = sampled[quantity.name], approximate[quantity.name]
+            here = sampled[quantity.name]
+            there = approximate[quantity.name]
             if self.chain is None:
                 words = ["trusted" if good else "not trusted" for good in self.laplace.trusted]
             else:
@@ -197,7 +199,8 @@ def _attributes(posterior: Posterior) -> dict[str, Any]:
         "laplace_tail_index": [float(k) for k in posterior.laplace.tail],
         "laplace_modes_settled": int(posterior.laplace.converged.all()),
     }
-    state, chain = posterior.convergence, posterior.chain
+    state = posterior.convergence
+    chain = posterior.chain
     if state is not None and chain is not None:
         found |= {
             "inference_library_version": version("emcee"),
@@ -259,7 +262,8 @@ def posterior_of_film(
             or steps, or a chain of another problem.
         FileExistsError, FileNotFoundError: see `glazefit.posterior.chain.run_chain`.
     """
-    instrument, prior = instrument or Instrument(), prior or FilmPrior()
+    instrument = instrument or Instrument()
+    prior = prior or FilmPrior()
     reading = one_reading(film, instrument, noise or Noise())
     problem = pose_films([reading], [paints], instrument, prior)
     problem, found = pose_errors(problem, [reading], instrument, prior, seed=seed)
@@ -305,7 +309,8 @@ def posterior_of_bands(
     Raises:
         ValueError, FileExistsError, FileNotFoundError: as `posterior_of_film`.
     """
-    instrument, noise = instrument or Instrument(), noise or Noise()
+    instrument = instrument or Instrument()
+    noise = noise or Noise()
     reading = one_reading(film, instrument, noise)
     if gloss is None:
         gloss = (

@@ -133,7 +133,8 @@ class StackResiduals:
         self, free: Float[Array, "dims"], data: StackData, shared: StackShared
     ) -> Float[Array, "rows"]:
         """Of one film."""
-        layout, places = self.layout, self.layout.places
+        layout = self.layout
+        places = self.layout.places
         off = jnp.moveaxis(data.shift.reshape(len(layout.sizes), 2, -1), 0, -1)
         coats = optical(layout, free, data, shared) * jnp.exp(off)
         mean = surface(layout, free, shared) + body(layout, coats, data.ground) + data.offset

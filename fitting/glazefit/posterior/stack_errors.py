@@ -37,7 +37,8 @@ class Solved(NamedTuple):
 
     def slopes(self, logs: np.ndarray, ground: np.ndarray) -> Slopes:
         """See `glazefit.posterior.film_errors.Optical`; an unknown paint has no error."""
-        count, bands = len(logs), logs.shape[-1]
+        count = len(logs)
+        bands = logs.shape[-1]
         body, by_log, by_ground = (np.array(a) for a in _slopes(self.layout, logs, ground))
         if (unknown := self.layout.unknown_coat) is not None:
             by_log[..., unknown] = 0.0
@@ -91,7 +92,8 @@ def pose_stack_errors(
     """
     assert isinstance(problem.residuals, StackResiduals)
     layout = problem.residuals.layout
-    how, smooth = Solved(layout), smooth_kernel(films[0].wavelengths, prior.error_length)
+    how = Solved(layout)
+    smooth = smooth_kernel(films[0].wavelengths, prior.error_length)
     rough = [np.eye(film.sd.size) / np.hypot(film.sd, _ROUGH).ravel() for film in films]
     first = find_modes(
         replace(problem, data=problem.data._replace(whiten=jnp.asarray(np.stack(rough)))),

@@ -18,7 +18,8 @@ from .screen import Stacks, TargetArrays
 IN_GAMUT = 1.0
 """A target counts as reached below this Delta E 2000."""
 
-SHARE_STEP, THICKNESS_STEP = 0.001, 0.1
+SHARE_STEP = 0.001
+THICKNESS_STEP = 0.1
 """Shares of a coat are rounded to 0.1 %, thicknesses to 0.1 um."""
 
 # Round numbers of a recipe that the solver reads.
@@ -26,7 +27,8 @@ _ROUNDED = 4
 
 # A paint that is less than this of its coat, or a coat that changes the colour less than this, is
 # tried without.
-_LITTLE, _UNSEEN = 0.01, 0.1
+_LITTLE = 0.01
+_UNSEEN = 0.1
 
 
 @dataclass(frozen=True)
@@ -191,7 +193,8 @@ def _round_coats(
     if total == 0:
         yield coat
         return
-    low, high = (np.floor(total / THICKNESS_STEP), np.ceil(total / THICKNESS_STEP))
+    low = np.floor(total / THICKNESS_STEP)
+    high = np.ceil(total / THICKNESS_STEP)
     slack = 1e-9
     round_sizes = {
         n * THICKNESS_STEP

@@ -18,7 +18,9 @@ if TYPE_CHECKING:
     from .task import Task
 
 
-_GEOMETRY, _GROUND, _COATS = "45:0", "0.9", "1-50um"
+_GEOMETRY = "45:0"
+_GROUND = "0.9"
+_COATS = "1-50um"
 
 
 def register(app: typer.Typer) -> None:

@@ -15,8 +15,14 @@ if TYPE_CHECKING:
 
 _TARGET = "#a9a29a"
 # Inches: a cell, its text below and its title above, and the margins of the figure.
-_WIDTH, _SWATCH, _CURVES, _TEXT, _TITLE = 3.0, 0.8, 1.15, 1.02, 0.34
-_LEFT, _TOP, _BOTTOM = 0.55, 0.95, 0.3
+_WIDTH = 3.0
+_SWATCH = 0.8
+_CURVES = 1.15
+_TEXT = 1.02
+_TITLE = 0.34
+_LEFT = 0.55
+_TOP = 0.95
+_BOTTOM = 0.3
 
 
 def recipe_figure(
@@ -52,7 +58,8 @@ def recipe_figure(
         tallest = _tallest(recipes)
         for number, (recipe, title) in enumerate(zip(recipes, titles, strict=True)):
             row, column = divmod(number, columns)
-            left, top = _LEFT + column * _WIDTH, height - _TOP - row * cell
+            left = _LEFT + column * _WIDTH
+            top = height - _TOP - row * cell
 
             def box(down: float, tall: float, left: float = left, top: float = top) -> tuple:
                 return (

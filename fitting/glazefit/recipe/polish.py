@@ -30,9 +30,12 @@ PROMISE = 1e-3
 
 _STEPS = 40
 # Longest step, and least share, in logarithms; step of a difference quotient in L*a*b*.
-_LONGEST, _FADED, _LAB_STEP = 1.0, -9.0, 0.01
+_LONGEST = 1.0
+_FADED = -9.0
+_LAB_STEP = 0.01
 # Damping, in parts of the largest curvature: of the first step, and of a step that counts as full.
-_DAMPED, _FULL = 1e-3, 1e-9
+_DAMPED = 1e-3
+_FULL = 1e-9
 
 
 class _Slots(NamedTuple):
@@ -88,8 +91,10 @@ def polish(
     look = _look(model, optics, place, point)
     before = look.delta_e.copy()
     damping = _DAMPED * np.maximum(look.curvature.max(axis=(1, 2)), 1e-9)
-    steps, settled = np.zeros(stacks.size, int), np.zeros(stacks.size, bool)
-    going, coats = np.flatnonzero(np.isfinite(look.cost)), stacks.sizes.shape[1]
+    steps = np.zeros(stacks.size, int)
+    settled = np.zeros(stacks.size, bool)
+    going = np.flatnonzero(np.isfinite(look.cost))
+    coats = stacks.sizes.shape[1]
     for _ in range(_STEPS):
         here = _rows(look, going)
         full = _FULL * np.maximum(here.curvature.max(axis=(1, 2)), 1e-9)
@@ -187,7 +192,8 @@ def _step(
         | ((point <= low) & (look.slope > 0))
         | ((point >= high) & (look.slope < 0))
     )
-    least, most = np.clip(low - point, -_LONGEST, 0.0), np.clip(high - point, 0.0, _LONGEST)
+    least = np.clip(low - point, -_LONGEST, 0.0)
+    most = np.clip(high - point, 0.0, _LONGEST)
     step = np.zeros(point.shape)
     for _ in range(point.shape[1]):
         # The rest follows what stops at a bound, or it would end where neither is best.
@@ -280,10 +286,9 @@ def solve(
     """Readings by the solver and their slopes by the amounts in um; L*a*b* and their slopes by the
     readings.
     """
-    absorption, scattering = (
-        model.absorption[slots.paint],
-        model.scattering[slots.paint],
-    )  # (n, slots, bands)
+    # (n, slots, bands)
+    absorption = model.absorption[slots.paint]
+    scattering = model.scattering[slots.paint]
     member = slots.used[:, None] & (slots.coat[:, None] == jnp.arange(coats)[:, None])
     share = jnp.where(member, amount[:, None], 0.0)
     reading, back = jax.vjp(

@@ -36,8 +36,11 @@ GROUP = 8
 # coat); after a first refinement; how many the solver refines, of mixed stacks and of unmixed ones,
 # which are of more kinds; and how many are grown, and kept of their children.
 _KEEP = {(1, 1): 3, (1, 2): 12, (1, 3): 40, (2, 1): 8, (2, 2): 24, (2, 3): 40}
-_KEEP_REFINED, _KEEP_SOLVED, _KEEP_GLAZES = 8, 8, 4
-_PARENTS, _CHILDREN = 4, 24
+_KEEP_REFINED = 8
+_KEEP_SOLVED = 8
+_KEEP_GLAZES = 4
+_PARENTS = 4
+_CHILDREN = 24
 # Pairs of mixings that are compared.
 _MIXINGS = 200
 # More than asked for are rounded, because a few lose their colour by it.
@@ -226,7 +229,8 @@ def recipe_chunks(task: Task) -> Iterator[list[list[Recipe]]]:
 
 def _search(task: Task) -> Iterator[list[list[Recipe]]]:
     """Recipes for a few targets at a time, of mixed coats or of unmixed ones."""
-    model, aims = task.model(), task.target_arrays()
+    model = task.model()
+    aims = task.target_arrays()
 
     # While the first look is compiled and taken, another thread compiles what comes after it.
     refine_ahead(model, aims, task.slots, task.max_layers)
@@ -308,7 +312,8 @@ def _describe(
 ) -> list[Recipe]:
     """Recipes from what was chosen, each with the same before it was rounded."""
     aim = task.targets[target]
-    recipes, effects = [], _thickness_effects(task, model, aim, [one for one, _ in chosen])
+    recipes = []
+    effects = _thickness_effects(task, model, aim, [one for one, _ in chosen])
     between = _between_mixings(task, model, [one for one, _ in chosen])
     for (one, exact), (sensitivity, _), mixing in zip(chosen, effects, between, strict=True):
         recipes.append(_recipe(task, aim, one, exact, sensitivity, mixing))
@@ -327,7 +332,8 @@ def _recipe(
     sensitivity: tuple[float, ...],
     between_mixings: float,
 ) -> Recipe:
-    coats, layers = [], []
+    coats = []
+    layers = []
     for sizes in one.sizes:
         total = float(sizes.sum())
         if total == 0:
@@ -344,7 +350,8 @@ def _recipe(
             colour.lab(task.wavelengths, one.reading, illuminant=illuminant, observer=task.observer)
         )
 
-    test, rmse = None, None
+    test = None
+    rmse = None
     if aim.knows(task.test_illuminant):
         there = aim.lab(task.test_illuminant, task.observer)
         test = float(colour.delta_e_2000(lab(task.test_illuminant), there))
@@ -378,7 +385,8 @@ def _thickness_effects(
     from the target.
     """
     light = task.illuminants[0]
-    sizes, places = [], []
+    sizes = []
+    places = []
     for row, one in enumerate(chosen):
         for coat in range(one.coats):
             for factor in (1.1, 1 / 1.1):
@@ -418,7 +426,8 @@ def _between_mixings(task: Task, model: StackModel, chosen: list[Scored]) -> lis
     To first order: what one paint of a coat does to the colour when it is stronger by a standard
     deviation.
     """
-    light, spread = task.illuminants[0], MIXED.level * Variation().size_of([])
+    light = task.illuminants[0]
+    spread = MIXED.level * Variation().size_of([])
     places = [
         (row, coat, paint)
         for row, one in enumerate(chosen)
@@ -434,7 +443,8 @@ def _between_mixings(task: Task, model: StackModel, chosen: list[Scored]) -> lis
             np.stack([one.reading for one in chosen]),
         )
     )
-    rng, found = np.random.default_rng(0), []
+    rng = np.random.default_rng(0)
+    found = []
     for row in range(len(chosen)):
         moves = labs[[place[0] == row for place in places]] - own[row]
         two = own[row] + rng.standard_normal((2, _MIXINGS, len(moves))) @ moves

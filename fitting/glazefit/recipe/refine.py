@@ -70,10 +70,8 @@ def refine(model: StackModel, aims: TargetArrays, stacks: Stacks, slots: int) ->
     sizes = empty_slots(places, amount, stacks.sizes.shape[2])
     # What did not come out as a number stays as it was before.
     good = np.isfinite(cost) & np.isfinite(sizes).all(axis=(1, 2))
-    sizes, cost = (
-        np.where(good[:, None, None], sizes, stacks.sizes),
-        np.where(good, cost, stacks.cost),
-    )
+    sizes = np.where(good[:, None, None], sizes, stacks.sizes)
+    cost = np.where(good, cost, stacks.cost)
     return stacks._replace(sizes=sizes, cost=cost, settled=settled & good)
 
 
@@ -99,7 +97,8 @@ def _solve(
 
     def misfit(logs: Array, slots: Slots, aim: TargetArrays) -> Array:
         share = amounts(model, slots, logs, coats)
-        absorption, scattering = model.absorption[slots.paint], model.scattering[slots.paint]
+        absorption = model.absorption[slots.paint]
+        scattering = model.scattering[slots.paint]
         reading = quick_reading(model, share @ absorption, share @ scattering)
         miss = jnp.einsum("lij,lj->li", aim.metric, lab_of(model, reading) - aim.lab)
         return jnp.concatenate(
@@ -140,7 +139,8 @@ def grown(
         mixed: whether a coat may hold more than one paint; if not, a coat is added between two
             others too.
     """
-    sizes, owners = [], []
+    sizes = []
+    owners = []
     for row, stack in enumerate(parents.sizes):
         for child in _children(model, stack, max_paints, max_layers, mixed):
             sizes.append(child)
@@ -149,7 +149,8 @@ def grown(
         return parents.take(np.zeros(0, int))
     children = pack_coats(np.stack(sizes))
     target = np.array(owners)
-    reading, cost = readings(model, children, None), []
+    reading = readings(model, children, None)
+    cost = []
     for first in range(0, len(target), _COSTS):
         # Always as many, so that one program serves all.
         rows = np.arange(first, first + _COSTS).clip(max=len(target) - 1)
@@ -179,7 +180,8 @@ def _children(
         for coat in range(filled) if mixed else ():
             if stack[coat, paint] > 0:
                 continue
-            child, total = stack.copy(), stack[coat].sum()
+            child = stack.copy()
+            total = stack[coat].sum()
             child[coat, paint] = _SHARE * (stack[coat] @ power) / power[paint]
             child[coat] *= total / child[coat].sum()
             children.append(child)

@@ -199,7 +199,8 @@ def out_of_reach(recipe: Recipe) -> str:
 
 def if_mixed(recipes: Sequence[Recipe]) -> str:
     """A sentence on what mixing would gain for one target, by the nearest of its recipes."""
-    here, mixed = min(recipe.distance for recipe in recipes), recipes[0].mixed
+    here = min(recipe.distance for recipe in recipes)
+    mixed = recipes[0].mixed
     assert mixed is not None
     if mixed.distance > here - _SEEN:
         return (

@@ -28,7 +28,8 @@ MOST_SCREENED = 3
 # strength.
 _RANGE = 4.5
 # Sets of one coat that are looked at in one call, always as many, and side by side.
-_SETS, _BATCH = 192, 8
+_SETS = 192
+_BATCH = 8
 _POINTS = {1: (1, 8), 2: (7, 4), 3: (20, 4)}  # proportions and thicknesses, by the number of paints
 
 
@@ -101,7 +102,9 @@ class Stacks(NamedTuple):
         """
         kinds = np.stack([self.target, self.coats, self.paints], axis=1)
         order = np.lexsort((self.cost, *kinds.T[::-1]))
-        chosen, seen, last = [], 0, None
+        chosen = []
+        seen = 0
+        last = None
         for row in order:
             kind = tuple(kinds[row].tolist())
             seen = seen + 1 if kind == last else 1
@@ -204,7 +207,8 @@ def _of_one_coat(
     model: StackModel, aims: TargetArrays, kinds: Sequence[_Coats]
 ) -> list[tuple[Float[np.ndarray, "sets targets"], Int[np.ndarray, "sets targets"]]]:
     """Least cost of each set of each kind, and the point where it is, by one program."""
-    everything, done = _join(kinds), []
+    everything = _join(kinds)
+    done = []
     total = len(everything.paints)
     for first in range(0, total, _SETS):
         rows = np.arange(first, first + _SETS).clip(max=total - 1)

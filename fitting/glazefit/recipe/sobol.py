@@ -35,7 +35,8 @@ def scrambled_sobol(exponent: int, seed: int) -> Float[np.ndarray, "points 2"]:
     directions = np.stack([plain, np.array(second)])
     digits = (directions[..., None] >> np.arange(_BITS - 1, -1, -1)) & 1
     scrambled = (np.einsum("dpk,djk->djp", lower, digits) % 2) @ plain
-    point, points = shift.copy(), [shift.copy()]
+    point = shift.copy()
+    points = [shift.copy()]
     for number in range(1, 2**exponent):
         # Gray's code: each point differs from the one before in one direction, that of the lowest
         # zero bit.

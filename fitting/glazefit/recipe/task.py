@@ -27,8 +27,11 @@ thickness.
 """
 
 # At most, and if nothing is said. Coats of a single paint each are quickly gone through.
-_MOST_PAINTS, _MOST_LAYERS, _MOST_GLAZES = 6, 4, 6
-_PAINTS, _LAYERS = 3, 2
+_MOST_PAINTS = 6
+_MOST_LAYERS = 4
+_MOST_GLAZES = 6
+_PAINTS = 3
+_LAYERS = 2
 
 
 Wanted = Target | Mapping[str, Colour] | Colour
@@ -87,7 +90,8 @@ class Task:
         """The same search with paints mixed within coats, as far as it is wide without being asked
         for more.
         """
-        paints, layers = min(self.max_paints, _PAINTS), min(self.max_layers, _LAYERS)
+        paints = min(self.max_paints, _PAINTS)
+        layers = min(self.max_layers, _LAYERS)
         return replace(self, glazes=False, max_paints=paints, max_layers=layers)
 
     @property
@@ -271,7 +275,8 @@ def _on_one_grid(
     reach = [p.wavelengths for p in paints] + [
         t.wavelengths for t in targets if t.wavelengths is not None
     ]
-    low, high = max(g[0] for g in reach), min(g[-1] for g in reach)
+    low = max(g[0] for g in reach)
+    high = min(g[-1] for g in reach)
     kept = (grid >= low - 1e-6) & (grid <= high + 1e-6)
     base = np.asarray(ground, dtype=np.float64)
     if base.shape not in ((), grid.shape):

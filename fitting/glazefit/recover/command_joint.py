@@ -265,7 +265,8 @@ def _say_scale(
 
 
 def _lengths(metres: Any) -> str:
-    low, high = float(f"{metres.min():.2g}"), float(f"{metres.max():.2g}")
+    low = float(f"{metres.min():.2g}")
+    high = float(f"{metres.max():.2g}")
     return format_length(low) if low == high else f"{format_length(low)} to {format_length(high)}"
 
 

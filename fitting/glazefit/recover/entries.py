@@ -130,7 +130,8 @@ def add_paints(
 
 def _same(recovery: JointRecovery, name: str, there: Pigment) -> bool:
     """Whether a known paint is the file's own, as far as the fit's errors are told by its modes."""
-    paint, kept = recovery.known_paints[name], list(recovery.known_modes[name].kept)
+    paint = recovery.known_paints[name]
+    kept = list(recovery.known_modes[name].kept)
     try:
         paint, there = (each.resample(recovery.wavelengths) for each in (paint, there))
     except ValueError:  # another range
@@ -146,7 +147,8 @@ def _same(recovery: JointRecovery, name: str, there: Pigment) -> bool:
         return False
     if paint.error_modes is None:
         return True
-    modes, own = error_modes(paint), error_modes(there)
+    modes = error_modes(paint)
+    own = error_modes(there)
     # Three digits of a mode are written.
     return len(own) > max(kept, default=-1) and np.allclose(
         modes[kept], own[kept], rtol=6e-3, atol=1e-5
@@ -160,7 +162,9 @@ def entries(recovery: JointRecovery, file: PaintFile) -> list[Entry]:
         recovery: joint fit of the new paints.
         file: that they go to.
     """
-    first, thickness, known = mode_columns(file), recovery.unit, recovery.known_paints
+    first = mode_columns(file)
+    thickness = recovery.unit
+    known = recovery.known_paints
     new = [paint for paint in recovery.paints if paint not in recovery.known]
     lacking = [paint for paint in recovery.known if paint not in file.paints]
     # Numbers of known paints' modes among the others -> their columns in the file.
@@ -227,7 +231,8 @@ def conditional_modes(
         Slopes by the others, modes of what is left, the shift of log k and log s, and their
         standard deviation.
     """
-    count, bands = len(recovery.paints), recovery.wavelengths.size
+    count = len(recovery.paints)
+    bands = recovery.wavelengths.size
     wanted = [recovery.row(paint) for paint in paints]
     local = np.array([*wanted, *(count + row for row in wanted)])
     slopes = np.zeros((len(others), bands, 2 * count))
@@ -312,7 +317,8 @@ def mode_columns(file: PaintFile) -> int:
 
 
 def _rows(entry: Entry, titles: Sequence[str]) -> list[list[str]]:
-    paint, grid = entry.pigment, entry.pigment.wavelengths
+    paint = entry.pigment
+    grid = entry.pigment.wavelengths
     nothing = np.zeros(grid.size)
     known = np.ones(grid.size, dtype=bool) if paint.identifiable is None else paint.identifiable
     values: dict[str, np.ndarray] = {

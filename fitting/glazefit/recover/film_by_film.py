@@ -37,7 +37,8 @@ CHUNK = 8
 _STEPS = 20
 # Pull to the start, in standard deviations per unit of log k d or log s d, without and with a given
 # s d.
-_PULL, _GIVEN_PULL = 0.05, 0.2
+_PULL = 0.05
+_GIVEN_PULL = 0.2
 # Prior on log(s d) from the neighbours, a factor of e: holds where the data are silent, yields
 # where they speak.
 PRIOR_SD = 1.0
@@ -112,7 +113,8 @@ def starts(data: BandReadings, table: ReflectanceTable, prior: ScatteringPrior) 
     residual = (table.black + ground * transmitted - data.reading[:, None, None]) / jnp.sqrt(
         variance
     )
-    left, step = residual[:, :-1], jnp.diff(residual, axis=1)
+    left = residual[:, :-1]
+    step = jnp.diff(residual, axis=1)
     share = jnp.clip(
         -jnp.sum(left * step, axis=0) / jnp.clip(jnp.sum(step**2, axis=0), 1e-30), 0.0, 1.0
     )
@@ -298,14 +300,16 @@ def recover_chunks(
             "film by film, every film needs readings over both cards, and both cards bare: fit "
             "jointly"
         )
-    instrument, noise = instrument or Instrument(), noise or estimate_noise(films)
+    instrument = instrument or Instrument()
+    noise = noise or estimate_noise(films)
     cards(films, instrument, noise)  # refuse bad cards before the first chunk
     for first in range(0, len(films), chunk):
         yield _recover_chunk(films.take(slice(first, first + chunk)), instrument, noise, chunk)
 
 
 def _recover_chunk(films: Films, instrument: Instrument, noise: Noise, chunk: int) -> Recovery:
-    count, bands = len(films), films.wavelengths.size
+    count = len(films)
+    bands = films.wavelengths.size
     gloss = estimate_gloss(films, instrument, noise)
     # The light inside the paint does not know what the sphere includes: one program serves both.
     optics = Instrument(replace(instrument.geometry, specular=True), instrument.refractive_index)

@@ -99,7 +99,8 @@ def recover_jointly(
     """
     if len(films) == 0:
         raise ValueError("there are no films to recover")
-    instrument, law = instrument or Instrument(), law or MixingLaw()
+    instrument = instrument or Instrument()
+    law = law or MixingLaw()
     noise = noise or estimate_noise(
         films if use is None else films.take(np.flatnonzero(use).tolist())
     )
@@ -286,8 +287,10 @@ class Spread(NamedTuple):
 
 def spread(solution: Unknowns, problem: JointProblem, factors: Factors, count: int) -> Spread:
     """Inverse of the normal matrix at the solution, in blocks, and draws from it."""
-    modes, thickness = np.asarray(problem.band_modes), np.asarray(problem.thickness_modes)
-    bands, others = len(problem.reading), len(thickness)
+    modes = np.asarray(problem.band_modes)
+    thickness = np.asarray(problem.thickness_modes)
+    bands = len(problem.reading)
+    others = len(thickness)
     drawn = jax.tree.map(np.add, solution, draws(factors, solution, count))
     drawn.films[:, :, 0] += np.asarray(problem.film_mean) + drawn.others @ thickness
     drawn = drawn._replace(bands=drawn.bands + np.einsum("do,obi->dbi", drawn.others, modes))

@@ -164,7 +164,8 @@ def optical_thickness(
     effective = strengthen(problem.shares * jnp.exp(errors), unknowns.paints[:, 1], jnp)
     amounts = jnp.exp(unknowns.films[:, :1]) * effective
     coefficients = jnp.exp(unknowns.bands)
-    kd, sd = coefficients[:, :paints] @ amounts.T, coefficients[:, paints:] @ amounts.T
+    kd = coefficients[:, :paints] @ amounts.T
+    sd = coefficients[:, paints:] @ amounts.T
     # As thick as the response goes, so that only k/s counts.
     thick = jnp.where(
         problem.opaque > 0, 0.999 * jnp.minimum(HIGHEST[0] / kd, HIGHEST[1] / sd), 1.0

@@ -157,10 +157,8 @@ class JointRecovery(FittedFilms):
         self, illuminant: str = "D65", observer: str | int = 10
     ) -> Float[np.ndarray, "films 2"]:
         """CIEDE2000 of fitted from measured spectra, over black and over white."""
-        fitted, measured = (
-            (self.fitted_black, self.fitted_white),
-            (self.films.over_black, self.films.over_white),
-        )
+        fitted = (self.fitted_black, self.fitted_white)
+        measured = (self.films.over_black, self.films.over_white)
         return self.films.where_seen(
             delta_e_over_cards(self.wavelengths, fitted, measured, illuminant, observer)
         )
@@ -199,7 +197,8 @@ class JointRecovery(FittedFilms):
         deviations in 1/m.
         """
         row = self.row(paint)
-        k, s = self.absorption[row] / thickness, self.scattering[row] / thickness
+        k = self.absorption[row] / thickness
+        s = self.scattering[row] / thickness
         return Pigment(
             paint,
             self.wavelengths,

@@ -24,8 +24,10 @@ from ..film.response import Response
 from .joint_problem import JointProblem, JointResiduals, Unknowns, residuals
 
 # Of the damping, as a step is foretold well or badly: the usual rule of a trust region.
-_GOOD, _BAD = 0.75, 0.25
-_WIDER, _NARROWER = 3.5, 0.25
+_GOOD = 0.75
+_BAD = 0.25
+_WIDER = 3.5
+_NARROWER = 0.25
 _LEAST_STEP = 1e-12
 # In units of a logarithm, and relative: a thousandth of a coefficient.
 _SETTLED = 1e-3
@@ -91,7 +93,9 @@ def least_squares(
         first_step: one over the damping of the first step.
         max_steps: that are tried.
     """
-    point, step, settled = jax.tree.map(np.asarray, start), first_step, False
+    point = jax.tree.map(np.asarray, start)
+    step = first_step
+    settled = False
     here = _look(problem, response, point)
     steps = 0
     while steps < max_steps and not settled and step > _LEAST_STEP:
@@ -110,7 +114,8 @@ def least_squares(
                 and _small(move, tried)
                 and reached < _SETTLED * (1.0 + float(there.cost))
             )
-            point, here = tried, there
+            point = tried
+            here = there
         elif gain <= _SETTLED**2 * float(here.cost):
             settled = True
         step *= _WIDER if share > _GOOD else _NARROWER if share < _BAD else 1.0
@@ -160,7 +165,8 @@ def normal_matrix(
     by_band = columns("bands", every_band)
     by_film = columns("films", every_film)
     by_paint = columns("paints", jnp.eye(paints).reshape(paints, *zero.paints.shape))
-    by_paint_data, alone = by_paint.data, _squares(by_paint.paints)
+    by_paint_data = by_paint.data
+    alone = _squares(by_paint.paints)
     if zero.others.size:
         # Dense as the paints' are, so they go with them.
         by_other = columns("others", jnp.eye(zero.others.size))
@@ -217,7 +223,8 @@ def _pair_bands(
     lower = jnp.einsum("pab,ij->paibj", ties[here, :, before, :], stiff)
     # Steps within a pair, and from each pair's second band to the next pair's first.
     own = jax.vmap(jnp.diag)(jnp.pad(steepness**2, ((0, 2 * pairs - len(steepness)), (0, 0))))
-    within, across = own[0::2], own[1::2]
+    within = own[0::2]
+    across = own[1::2]
     diagonal = diagonal.at[:, 0, :, 0, :].add(within).at[:, 1, :, 1, :].add(within + across)
     diagonal = diagonal.at[:, 0, :, 1, :].add(-within).at[:, 1, :, 0, :].add(-within)
     diagonal = diagonal.at[1:, 0, :, 0, :].add(across[:-1])
@@ -241,7 +248,8 @@ def factorise(normal: Normal, damping: float = 0.0) -> Factors:
     pairs, n, shared = border.shape
     diagonal[:, range(n), range(n)] += damping
     corner[range(shared), range(shared)] += damping
-    roots, below = np.zeros_like(diagonal), np.zeros_like(lower)
+    roots = np.zeros_like(diagonal)
+    below = np.zeros_like(lower)
     for pair in range(pairs):
         here = diagonal[pair]
         if pair:
@@ -377,7 +385,8 @@ def covariance(
     """
     pairs, n, shared = factors.border.shape
     corner = factors.corner.T @ factors.corner
-    inner, spread = np.zeros((n, n)), np.zeros((n, shared))
+    inner = np.zeros((n, n))
+    spread = np.zeros((n, shared))
     blocks = np.zeros((pairs, n, n))
     for pair in range(pairs - 1, -1, -1):
         root = factors.roots[pair]

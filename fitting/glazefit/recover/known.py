@@ -127,8 +127,10 @@ def tell(
         ValueError: a known paint does not cover the films' wavelengths, or the gauge names a film
             that there is not.
     """
-    bands, count = films.wavelengths.size, len(paints)
-    logs, flags = np.zeros((bands, 2 * count)), np.zeros(count, dtype=bool)
+    bands = films.wavelengths.size
+    count = len(paints)
+    logs = np.zeros((bands, 2 * count))
+    flags = np.zeros(count, dtype=bool)
     groups: dict[str, dict[int, Pigment]] = {}
     for column, name in enumerate(paints):
         if name not in known:
@@ -179,7 +181,9 @@ def _paint_modes(
     Modes that are nought for all of them, such as those of other paints of their file, are left
     out.
     """
-    parts, places, first = [np.zeros((0, bands, 2 * paints))], {}, 0
+    parts = [np.zeros((0, bands, 2 * paints))]
+    places = {}
+    first = 0
     for group in groups.values():
         own = {column: error_modes(paint) for column, paint in group.items()}
         stated = all(paint.error_modes is not None for paint in group.values())
@@ -237,7 +241,9 @@ def _thicknesses(
     they share.
     """
     count = len(films)
-    mean, sd, common = np.zeros(count), np.full(count, spread), SCALE if known else 0.0
+    mean = np.zeros(count)
+    sd = np.full(count, spread)
+    common = SCALE if known else 0.0
     if gauge is not None:
         for film in gauge.thickness:
             if film not in films.names:

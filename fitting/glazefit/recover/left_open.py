@@ -16,7 +16,8 @@ from .joint_solver import Factors, covariance_times
 
 # More vectors than are wanted, and how often the covariance is applied: the last modes are then
 # good to some per cent.
-_SPARE, _ROUNDS = 16, 8
+_SPARE = 16
+_ROUNDS = 8
 
 Columns = Float[np.ndarray, "bands local columns"]
 

@@ -290,7 +290,8 @@ def _readings(
     grounds: tuple[Float[np.ndarray, "bands"], ...],
 ) -> Float[np.ndarray, "draws 2 bands"]:
     """What the body reflects over two grounds, with errors of log k and log s."""
-    k, s = kd * np.exp(off[:, 0]), sd * np.exp(off[:, 1])
+    k = kd * np.exp(off[:, 0])
+    s = sd * np.exp(off[:, 1])
     return np.stack(
         [np.asarray(response.body(k, s, np.broadcast_to(g, k.shape))) for g in grounds], axis=1
     )

@@ -42,7 +42,8 @@ _VISIBLE = (400.0, 700.0)
 # Parts of white to one of paint: films to make, and mixtures to be judged by.
 TINTS = (3, 10, 30)
 _JUDGED = (1.0, 3.0, 10.0, 30.0)
-_THINNER, _THICKER = 0.25, 4.0
+_THINNER = 0.25
+_THICKER = 4.0
 # Mean internal reflectance of an opaque film from which a paint passes for a white.
 _WHITE = 0.75
 
@@ -102,7 +103,8 @@ def lessons(
     response = response or film_response(
         recovery.instrument.geometry, recovery.instrument.refractive_index
     )
-    known, row = dict(known or {}), recovery.row(paint)
+    known = dict(known or {})
+    row = recovery.row(paint)
     paints = list(recovery.paints)
     whites = _whites(recovery)
     chosen = next((p for p in (*recovery.known, *whites) if p in whites), None)
@@ -187,8 +189,10 @@ def _pose(
     response: Response,
 ) -> tuple[JointProblem, Unknowns]:
     """Problem of the films and all candidates, and the solution in it."""
-    bands, old = _planning_bands(recovery), recovery.films
-    count, more = len(old), len(candidates)
+    bands = _planning_bands(recovery)
+    old = recovery.films
+    count = len(old)
+    more = len(candidates)
     rows = np.concatenate([np.arange(count), np.zeros(more, dtype=int)])
     arrays = {what: getattr(old, what)[rows][:, bands] for what in SPECTRA}
     flags = {what: getattr(old, what)[rows] for what in FLAGS}
@@ -225,7 +229,8 @@ def _solution(
     candidates: list[_Candidate],
 ) -> Unknowns:
     """The fit's solution as deviations, with what is new where it is expected."""
-    found, count = recovery.unknowns, len(recovery.films)
+    found = recovery.unknowns
+    count = len(recovery.films)
     paints = len(recovery.paints)
     local = np.array(problem.known)
     old = np.concatenate([np.arange(paints), paints + spare + np.arange(paints)])
@@ -331,8 +336,10 @@ def _looks(
         # Far from the solution a paint is as good as black or clear.
         coefficients = jnp.exp(jnp.clip(totals(unravel(flat), problem).bands, -16.0, 16.0))
         paints = pure.size
-        k, s = coefficients[:, :paints], coefficients[:, paints:]
-        kd, sd = mixed @ k.T, mixed @ s.T
+        k = coefficients[:, :paints]
+        s = coefficients[:, paints:]
+        kd = mixed @ k.T
+        sd = mixed @ s.T
         thick = 0.999 * jnp.minimum(HIGHEST[0] / kd, HIGHEST[1] / sd)
         opaque = response.body(kd * thick, sd * thick, 0.5)
         film = response.body(

@@ -31,7 +31,8 @@ def plot_paint(recovery: Recovery, row: int, thickness: float, path: Path) -> No
         thickness: assumed, m.
         path: of the picture; its ending chooses the format.
     """
-    films, grid = recovery.films, recovery.films.wavelengths
+    films = recovery.films
+    grid = recovery.films.wavelengths
     with picture(path, 10, 4.2) as figure:
         spectra, coefficients = figure.subplots(1, 2)
         for measured, fitted, colour, card in (
@@ -68,7 +69,9 @@ def plot_joint_paint(recovery: JointRecovery, row: int, thickness: float, path: 
     """
     import matplotlib
 
-    grid, films, paint = recovery.wavelengths, recovery.films, recovery.paints[row]
+    grid = recovery.wavelengths
+    films = recovery.films
+    paint = recovery.paints[row]
     holding = np.flatnonzero(recovery.shares[:, row] > 0)
     shown = holding[np.argsort(-recovery.shares[holding, row])][:_SHOWN]
     colours = matplotlib.colormaps["viridis"](np.linspace(0.0, 0.88, max(len(shown), 1)))

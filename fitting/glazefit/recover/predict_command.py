@@ -20,7 +20,8 @@ if TYPE_CHECKING:
     from .joint_result import JointRecovery
     from .prediction import Prediction
 
-_GEOMETRY, _USUAL = "d:8", "25um"
+_GEOMETRY = "d:8"
+_USUAL = "25um"
 _FAR = 2.0
 """Delta E00 of a reading from its fit beyond which the mixture may be another one."""
 _PART = re.compile(r"(?:(?P<weight>\d+\.?\d*|\.\d+)(?:\s*[%*]\s*|\s+))?(?P<name>\S.*)")
@@ -96,7 +97,8 @@ def predict(
     from glazejax.colour import find_illuminant, find_observer
     from glazejax.paint.describe import find_name
 
-    illuminant, observer = find_illuminant(illuminant), find_observer(observer)
+    illuminant = find_illuminant(illuminant)
+    observer = find_observer(observer)
     shelf = options.read_shelf(pigments, catalogue)
     recipe = {find_name(name, shelf): weight for name, weight in recipe.items()}
 
@@ -109,7 +111,9 @@ def predict(
 
     console = Console(highlight=False)
     instrument = Instrument(seen_by, refractive_index)
-    found, grid, ground = None, None, None
+    found = None
+    grid = None
+    ground = None
     if reading is not None:
         film = _film(reading, samples, shelf, recipe, console)
         noise = estimate_noise(film)

@@ -26,7 +26,9 @@ from .joint_problem import Unknowns, model_deviation
 from .joint_result import JointRecovery
 from .result import delta_e_over_cards
 
-_SPAN, _POINTS, _REFINEMENTS = 4.0, 161, 4
+_SPAN = 4.0
+_POINTS = 161
+_REFINEMENTS = 4
 PARTS = ("scale", "paint", "film")
 
 
@@ -107,7 +109,8 @@ class Prediction:
         observer: str | int = 10,
     ) -> Float[np.ndarray, "*n 2"]:
         """CIEDE2000 between the prediction and other spectra, over black and over white."""
-        predicted, others = (self.over_black, self.over_white), (over_black, over_white)
+        predicted = (self.over_black, self.over_white)
+        others = (over_black, over_white)
         return delta_e_over_cards(self.wavelengths, predicted, others, illuminant, observer)
 
     def expected_error(
@@ -184,13 +187,17 @@ def predict_films(
     Raises:
         ValueError: a film without a recipe, or with a paint that the recovery does not know.
     """
-    noise, discrepancy, variation = noise or Noise(), discrepancy or MIXED, variation or Variation()
-    instrument, paints = recovery.instrument, len(recovery.paints)
+    noise = noise or Noise()
+    discrepancy = discrepancy or MIXED
+    variation = variation or Variation()
+    instrument = recovery.instrument
+    paints = len(recovery.paints)
     response = response or film_response(instrument.geometry, instrument.refractive_index)
     black, white, _, _ = cards(films, instrument, noise)
     best = jax.tree.map(lambda leaf: leaf[None], recovery.unknowns)
     # The same draws for every film, so that films compare.
-    rng, count = np.random.default_rng(0), len(recovery.draws.paints)
+    rng = np.random.default_rng(0)
+    count = len(recovery.draws.paints)
     off = np.swapaxes(
         coefficient_errors(rng, (count, 2 * paints), films.wavelengths, discrepancy), 1, 2
     )
@@ -239,7 +246,8 @@ def _scale_and_shape(recovery: JointRecovery) -> tuple[Unknowns, Unknowns]:
     """Draws in which only the scale of the paints' k and s is off, and draws in which all the rest
     is.
     """
-    best, draws = recovery.unknowns, recovery.draws
+    best = recovery.unknowns
+    draws = recovery.draws
     off = draws.bands - best.bands
     level = np.broadcast_to(off.mean(axis=1, keepdims=True), off.shape)
     same = np.broadcast_to(best.paints, draws.paints.shape)
@@ -338,7 +346,8 @@ def _fit_thickness(
                 + (log_thickness / expected) ** 2
             )
 
-        centre, half = jnp.asarray(0.0), _SPAN
+        centre = jnp.asarray(0.0)
+        half = _SPAN
         for _ in range(_REFINEMENTS):
             points = centre + half * jnp.linspace(-1.0, 1.0, _POINTS)
             centre = points[jnp.argmin(jax.vmap(cost)(points))]

@@ -68,7 +68,8 @@ def print_summary(recovery: Recovery, console: Console, seconds: float, first: f
         f"{len(recovery)} paints in {seconds:.1f} s ({first:.1f} s to compile and do the first few)"
     )
     table = plain_table("paint", "RMSE", "ΔE00 D65", "ΔE00 A", "gloss", "k, s known", title=title)
-    d65, a = recovery.delta_e("D65"), recovery.delta_e("A")
+    d65 = recovery.delta_e("D65")
+    a = recovery.delta_e("A")
     bands = recovery.films.wavelengths.size
     for row, name in enumerate(recovery.films.names):
         table.add_row(
@@ -108,7 +109,8 @@ def print_summary(recovery: Recovery, console: Console, seconds: float, first: f
 def _ratios(recovery: Recovery, row: int) -> str:
     """Range of k/s, with errors, over the bands where only that is known."""
     bands = np.flatnonzero(~recovery.identifiable[row])
-    ratio, sd = recovery.ratio[row], recovery.ratio_sd[row]
+    ratio = recovery.ratio[row]
+    sd = recovery.ratio_sd[row]
     ends = [bands[np.argmin(ratio[bands])], bands[np.argmax(ratio[bands])]]
     return " to ".join(_with_error(ratio[b], sd[b]) for b in dict.fromkeys(ends))
 
@@ -271,7 +273,8 @@ def write_joint_pigments(
     """Write k and s in 1/m for a pure film of unit relative thickness this thick (m), a line a
     paint and wavelength.
     """
-    k, s = recovery.absorption / thickness, recovery.scattering / thickness
+    k = recovery.absorption / thickness
+    s = recovery.scattering / thickness
     rows = _band_rows(
         recovery.paints,
         recovery.wavelengths,

@@ -30,7 +30,8 @@ from ..film.readers import films_of
 
 Asked = Mapping[str, Any]
 Report = Callable[[str], None]
-_RECIPES, _CANDIDATES = 5, 5
+_RECIPES = 5
+_CANDIDATES = 5
 # Films recovered at once.
 _MOST_FILMS = 20
 
@@ -50,7 +51,8 @@ def recipes(asked: Asked, report: Report) -> dict[str, Any]:
     from ..recipe.recipe import find_recipes
     from ..recipe.targets import spectral_target, srgb_target
 
-    stack, options = stack_from_dict(asked["stack"]), asked.get("options", {})
+    stack = stack_from_dict(asked["stack"])
+    options = asked.get("options", {})
     if "reflectance" in asked:
         target = spectral_target(
             "the spectrum", np.array(asked["wavelengths"]), np.array(asked["reflectance"])
@@ -105,8 +107,10 @@ def identification(asked: Asked, report: Report) -> dict[str, Any]:
     from ..identify.identify import identify_chunks, identify_films
     from ..identify.result import Identification
 
-    stack, options = stack_from_dict(asked["stack"]), asked.get("options", {})
-    table, paints = _table(asked), _paints(stack)
+    stack = stack_from_dict(asked["stack"])
+    options = asked.get("options", {})
+    table = _table(asked)
+    paints = _paints(stack)
     report(f"weighing sets of {len(paints)} paints, and none of them")
     if options.get("films"):
         found = identify_films(films_of(table), paints, keep=_CANDIDATES)
@@ -204,7 +208,8 @@ def recovery(asked: Asked, report: Report) -> dict[str, Any]:
         f"recovered in the studio from one film each, taken as {ASSUMED_THICKNESS * 1e6:g} "
         "micrometres thick: k and s scale with its inverse"
     )
-    pigments, listed = {}, []
+    pigments = {}
+    listed = []
     for row, film in enumerate(films.names):
         paint = found.pigment(row, ASSUMED_THICKNESS, origin)
         name = own_name(film)

@@ -83,8 +83,10 @@ def one_bounce(
     Source: paper B, eq (9); that of B is the same with A and B exchanged.
     """
     alpha = configuration_factor(position, angle)[..., None]
-    lit_a, lit_b = _lit(cos_light_a, light), _lit(cos_light_b, light)
-    s_a, s_b = as_float_array(body_a), as_float_array(body_b)
+    lit_a = _lit(cos_light_a, light)
+    lit_b = _lit(cos_light_b, light)
+    s_a = as_float_array(body_a)
+    s_b = as_float_array(body_b)
     return Joined(s_a * (lit_a + alpha * s_b * lit_b), s_b * (lit_b + alpha * s_a * lit_a))
 
 
@@ -128,14 +130,17 @@ def all_bounces(
     if strips < 2:
         raise ValueError(f"strips is {strips}; two planes need at least 2 each")
     edges, values, vectors, root = _exchange(float(angle), int(strips))
-    lit_a, lit_b = _lit(cos_light_a, light), _lit(cos_light_b, light)
+    lit_a = _lit(cos_light_a, light)
+    lit_b = _lit(cos_light_b, light)
     s_a, s_b = (as_float_array(body) for body in (body_a, body_b))
-    first_a, first_b = s_a * lit_a, s_b * lit_b
+    first_a = s_a * lit_a
+    first_b = s_b * lit_b
     # With K the exchange, B_a = first_a + s_a K B_b and so for b: (1 - s_a s_b K^2) B_a = first_a +
     # s_a K first_b.
     kappa = jnp.asarray(values, s_a.dtype)[:, None]
     even = jnp.asarray(vectors.T @ root, s_a.dtype)[:, None]
-    modes, width = jnp.asarray(vectors, s_a.dtype), jnp.asarray(root, s_a.dtype)[:, None]
+    modes = jnp.asarray(vectors, s_a.dtype)
+    width = jnp.asarray(root, s_a.dtype)[:, None]
     loss = 1.0 - s_a * s_b * kappa**2
     on_a, on_b = (
         jnp.matmul(modes, even * (own + s * kappa * other) / loss, precision="highest") / width
@@ -157,7 +162,8 @@ def _factor(
     """Share of what a point at `position` sees that is the other plane, from the joint to
     `extent`.
     """
-    along, aside = extent * cosine - position, extent * sine
+    along = extent * cosine - position
+    aside = extent * sine
     distance = jnp.sqrt(along**2 + aside**2)
     # At the joint, where no extent is left, the share is nothing.
     nowhere = distance <= 0.0
@@ -173,7 +179,8 @@ def _exchange(angle: float, strips: int) -> tuple[np.ndarray, np.ndarray, np.nda
     """
     cosine = np.cos(np.deg2rad(angle))
     edges = np.linspace(0.0, 1.0, strips + 1) ** 3
-    p, q = edges[:, None], edges[None, :]
+    p = edges[:, None]
+    q = edges[None, :]
     # Distances between the edges of both planes, without cancellation where the angle is small.
     distance = np.sqrt((p - q) ** 2 + 2.0 * p * q * (1.0 - cosine))
     # Crossed strings: width times view factor.
@@ -194,7 +201,8 @@ def _check(position: Numbers, angle: Numbers) -> None:
     """Refuse positions and angles that are not of two joined planes; values that JAX
     traces pass.
     """
-    places, angles = concrete(position), concrete(angle)
+    places = concrete(position)
+    angles = concrete(angle)
     if places is not None and not np.all(places >= 0):
         raise ValueError(
             f"position is {places.min():g}; it is the distance from the joint in widths, 0 or more"

@@ -80,7 +80,8 @@ class Metal(NamedTuple):
     def reflectance(self, cos_incidence: Numbers) -> Float[Array, "*batch bands"]:
         """Exact Fresnel reflectance, (..., bands), at cosines of incidence (...), in [0, 1]."""
         cosine = as_float_array(cos_incidence)[..., None]
-        n, k = as_float_array(self.refractive_index), as_float_array(self.extinction)
+        n = as_float_array(self.refractive_index)
+        k = as_float_array(self.extinction)
         return conductor_reflectance(cosine, n, k)
 
 

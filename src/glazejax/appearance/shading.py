@@ -132,7 +132,9 @@ def masking(
 
     Source: paper B, eq (8).
     """
-    half, view, light = as_float_array(cos_half), _front(cos_view), _front(cos_light)
+    half = as_float_array(cos_half)
+    view = _front(cos_view)
+    light = _front(cos_light)
     between = as_float_array(cos_view_half)
     # In front of a surface V.H is positive; it is zero only for opposite directions.
     opposite = between <= 0.0

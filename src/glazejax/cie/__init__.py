@@ -69,7 +69,9 @@ def _rows(file: str, names: int) -> dict[tuple[str, ...], Curve]:
         files("glazejax.cie").joinpath(file).read_text(encoding="utf-8").splitlines()
     ):
         numbers = np.array(row[names:], dtype=np.float64)
-        start, step, values = numbers[0], numbers[1], numbers[2:]
+        start = numbers[0]
+        step = numbers[1]
+        values = numbers[2:]
         grid = start + step * np.arange(values.size)
         for array in (grid, values):
             array.setflags(write=False)

@@ -20,14 +20,17 @@ def ciede2000(
     lightness2, a2, b2 = (other[..., i] for i in range(3))
     mean_chroma = (np.hypot(a1, b1) + np.hypot(a2, b2)) / 2
     stretch = 1 + (1 - np.sqrt(mean_chroma**7 / (mean_chroma**7 + _BEND))) / 2
-    chroma1, chroma2 = np.hypot(stretch * a1, b1), np.hypot(stretch * a2, b2)
+    chroma1 = np.hypot(stretch * a1, b1)
+    chroma2 = np.hypot(stretch * a2, b2)
     hue1, hue2 = (np.degrees(np.arctan2(b, stretch * a)) % 360 for a, b in ((a1, b1), (a2, b2)))
     grey = chroma1 * chroma2 == 0
     turn = np.where(grey, 0.0, hue2 - hue1)
     turn = np.where(turn > 180, turn - 360, np.where(turn < -180, turn + 360, turn))
-    by_lightness, by_chroma = lightness2 - lightness1, chroma2 - chroma1
+    by_lightness = lightness2 - lightness1
+    by_chroma = chroma2 - chroma1
     by_hue = 2 * np.sqrt(chroma1 * chroma2) * np.sin(np.radians(turn / 2))
-    lightness, chroma = (lightness1 + lightness2) / 2, (chroma1 + chroma2) / 2
+    lightness = (lightness1 + lightness2) / 2
+    chroma = (chroma1 + chroma2) / 2
     # The mean of two hues lies on the shorter arc between them.
     total = hue1 + hue2
     far = np.where(total < 360, total + 360, total - 360)

@@ -88,7 +88,8 @@ def _summary(table: "SpectraTable") -> str:
     from ..spectra import describe_grid
 
     count = "1 spectrum" if len(table) == 1 else f"{len(table)} spectra"
-    low, high = table.reflectance.min(), table.reflectance.max()
+    low = table.reflectance.min()
+    high = table.reflectance.max()
     return f"{count}, {describe_grid(table.wavelengths)}, reflectance {low:.3g} to {high:.3g}"
 
 

@@ -20,7 +20,8 @@ if TYPE_CHECKING:
 _KINDS = ("openpbr", "textures", "measured")
 _LAYERINGS = ("materialx", "specification", "reciprocal")
 _USUAL = {"openpbr": "glaze.mtlx", "textures": "glaze-textures", "measured": "glaze.bsdf"}
-_GROUND, _INDEX = "0.9", 1.5
+_GROUND = "0.9"
+_INDEX = 1.5
 
 
 def register(app: typer.Typer) -> None:
@@ -193,7 +194,8 @@ def export(
     from . import export_report as report
     from .progress import doing
 
-    illuminant, observer = find_illuminant(illuminant), find_observer(observer)
+    illuminant = find_illuminant(illuminant)
+    observer = find_observer(observer)
     given = _stack(stack, ground, refractive_index, pigments)
     glaze = given.glaze()
     console = Console(highlight=False, soft_wrap=True)
@@ -348,12 +350,14 @@ def _maps(
         metres = span is None and thickness.suffix.lower() == ".npy"
         grey = read_grey(thickness, heights=metres)
         if metres:
-            low, high = 0.0, 1.0
+            low = 0.0
+            high = 1.0
             _check_metres(thickness, float(grey.min()), float(grey.max()))
         elif span is not None:
             low, high = _range(span)
         else:
-            low, high = 0.0, float(np.asarray(glaze.layers[layer - 1].thickness))
+            low = 0.0
+            high = float(np.asarray(glaze.layers[layer - 1].thickness))
         maps["thickness"] = low + (high - low) * grey
     for name, path in (("fraction", fraction), ("ground", ground)):
         if path is not None:

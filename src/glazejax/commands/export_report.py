@@ -41,7 +41,8 @@ def print_stack(console: Console, stack: "Stack", roughness: float) -> None:
 
 def print_fit(console: Console, fit: "OpenPBRFit", path: Path) -> None:
     """Say what was fitted, and how near it is."""
-    material, truth = fit.material, fit.truth
+    material = fit.material
+    truth = fit.truth
     light = f"{_SPACES[truth.space]}, {truth.light[0]}"
     _line(console, "wrote", f"{path}: OpenPBR 1.1 in MaterialX 1.39, colours in {light}")
     colour = " ".join(f"{value:.4g}" for value in material.base_color)

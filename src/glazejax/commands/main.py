@@ -18,7 +18,8 @@ if TYPE_CHECKING:
     import typer
 
 # What a shell reports of a wrong command line, and of a program stopped from the keyboard.
-_WRONG, _INTERRUPTED = 2, 130
+_WRONG = 2
+_INTERRUPTED = 130
 
 
 def start_jax() -> None:

@@ -322,7 +322,8 @@ def read_ground(text: str, argument: str = "--ground", *, bare: bool = False) ->
         return Ground(None, level, f"reflectance {level:g}")
     path, _ = split_sample(text)
     table = read_sample(text, argument=argument)
-    sample, spectrum = table.names[0], table.reflectance[0]
+    sample = table.names[0]
+    spectrum = table.reflectance[0]
     notes = [f"{path}: {note}" for note in table.notes]
     if not bare:
         if spectrum.max() > 1:

@@ -136,8 +136,10 @@ def _fit(text: "Text", figure: "Figure", share: float) -> None:
     """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
 
-    renderer, room = FigureCanvasAgg(figure).get_renderer(), share * figure.bbox.width
-    size, smallest = float(text.get_fontsize()), 12.0
+    renderer = FigureCanvasAgg(figure).get_renderer()
+    room = share * figure.bbox.width
+    size = float(text.get_fontsize())
+    smallest = 12.0
     # Widths of hinted letters are not quite proportional to their size.
     while (width := text.get_window_extent(renderer).width) > room and size > smallest:
         size = max(min(size * room / width, size - 0.25), smallest)
@@ -149,7 +151,8 @@ def _fit(text: "Text", figure: "Figure", share: float) -> None:
 
 
 def _draw_spectra(axes: "Axes", paint: _Paint, names: Sequence[str]) -> None:
-    spectra, x = paint.spectra, paint.spectra.wavelengths
+    spectra = paint.spectra
+    x = paint.spectra.wavelengths
     axes.plot(x, spectra.ground, color=FAINT, lw=2, ls=(0, (1, 1.5)), label="bare ground")
     highest = max(float(spectra.ground.max()), float(spectra.glaze.max()))
     if len(names) > 1:
@@ -194,7 +197,8 @@ def _draw_swatches(axes: "Axes", paint: _Paint) -> None:
 
     axes.set(xlim=(0, 1), ylim=(0, 1))
     axes.set_axis_off()
-    ground, glaze = paint.spectra.ground, paint.spectra.glaze
+    ground = paint.spectra.ground
+    glaze = paint.spectra.glaze
 
     def patch(
         x: float, width: float, y: float, height: float, spectrum: np.ndarray, edge: str
@@ -265,7 +269,8 @@ def _draw_curves(chroma: "Axes", lightness: "Axes", paint: _Paint) -> None:
         axes.grid(color=GRID, lw=1)
         axes.set_axisbelow(True)
         ends = sorted((float(values[-1]), key) for key, values in curves.items())
-        gap, at = 0.21 * highest, -np.inf
+        gap = 0.21 * highest
+        at = -np.inf
         heights = [at := max(value, at + gap) for value, _ in ends]
         # Pushed up where they would meet, and all of them down again if the uppermost leaves the
         # panel.

@@ -75,7 +75,9 @@ def collect(
     from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeElapsedColumn
 
     parts: list[Part] = []
-    interrupted, began, warm = False, time.perf_counter(), 0.0
+    interrupted = False
+    began = time.perf_counter()
+    warm = 0.0
     with bar(
         TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn()
     ) as progress:
@@ -141,7 +143,8 @@ def reading(path: Path) -> Iterator[Callable[[int, int | None], None]]:
         DownloadColumn(),
         TimeRemainingColumn(),
     )
-    task, start = shown.add_task(path.name.replace("[", "\\["), total=None), time.monotonic()
+    task = shown.add_task(path.name.replace("[", "\\["), total=None)
+    start = time.monotonic()
 
     def report_size(done: int, size: int | None) -> None:
         if time.monotonic() - start > 1.0:

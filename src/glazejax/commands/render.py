@@ -20,7 +20,9 @@ if TYPE_CHECKING:
     from ..stacks import Stack
 
 
-_GEOMETRY, _GROUND, _INDEX = "0:0", "0.9", 1.5
+_GEOMETRY = "0:0"
+_GROUND = "0.9"
+_INDEX = 1.5
 
 
 def register(app: typer.Typer) -> None:
@@ -132,7 +134,8 @@ def render(
     seen_by = options.read_geometry(geometry, _GEOMETRY)
     from ..colour import find_illuminant, find_observer
 
-    illuminant, observer = find_illuminant(illuminant), find_observer(observer)
+    illuminant = find_illuminant(illuminant)
+    observer = find_observer(observer)
     shelf = _shelf(pigments, catalogue, [name for coat in coats for _, name in coat.parts])
     if given is not None:
         from ..stacks import paints
@@ -347,7 +350,8 @@ def _lay(ground: options.Ground, media: "list[Pigment | Mixture]") -> _Bed:
     grids = [medium.wavelengths for medium in media]
     if ground.wavelengths is not None:
         grids.append(ground.wavelengths)
-    low, high = max(g[0] for g in grids), min(g[-1] for g in grids)
+    low = max(g[0] for g in grids)
+    high = min(g[-1] for g in grids)
     grid = grids[0][(grids[0] >= low - 1e-6) & (grids[0] <= high + 1e-6)]
     if grid.size == 0:
         raise ValueError(

@@ -18,7 +18,8 @@ from .rendering import Rendering
 
 # Rounding in a spectrum moves an encoded value by less than this.
 _GAMUT_SLACK = 5e-4
-_WIDE, _NARROW = 72, 50
+_WIDE = 72
+_NARROW = 50
 _LADDER_ROWS = (1, 2, 5, 10, 20, 40)
 
 
@@ -87,7 +88,8 @@ def print_spectrum(console: Console, rendering: Rendering) -> None:
     console.print()
     console.print(Text("Reflectance", style="bold"))
     columns = max(1, min(10, (console.width - 5) // 7))
-    x, values = rendering.wavelengths, rendering.glaze
+    x = rendering.wavelengths
+    values = rendering.glaze
     for start in range(0, x.size, columns):
         part = slice(start, start + columns)
         console.print(Text("  nm " + "".join(f"{w:>7g}" for w in x[part]), style="dim"))
@@ -96,7 +98,8 @@ def print_spectrum(console: Console, rendering: Rendering) -> None:
 
 def print_colour(console: Console, rendering: Rendering, request: RenderRequest) -> None:
     """Print XYZ, Lab and sRGB of the glaze."""
-    grid, spectrum = rendering.wavelengths, rendering.glaze
+    grid = rendering.wavelengths
+    spectrum = rendering.glaze
     tristimulus = np.asarray(xyz(grid, spectrum, **request.light))
     lightness, a, b = np.asarray(lab(grid, spectrum, **request.light))
     raw = np.asarray(srgb(grid, spectrum, clip=False, **request.light))

@@ -105,7 +105,8 @@ def render(
             what
             `reflectance` and `lab` refuse.
     """
-    grid, count = glaze.wavelengths, len(glaze.layers)
+    grid = glaze.wavelengths
+    count = len(glaze.layers)
     if not 0 <= layer < count:
         raise ValueError(
             f"the ladder repeats layer {layer}, but layers are numbered 0 to {count - 1}"
@@ -127,8 +128,11 @@ def render(
     )
     paleness = _paleness(grid.size)
     values = np.asarray(reflectance(_batch(glaze, rows, paleness), geometry, tolerance=tolerance))
-    spectra, opaque = values[: len(rows)], _Opaque(paleness.ravel(), values[len(rows) :].ravel())
-    ground, first, steps = spectra[1], spectra[2 + count], spectra[3 + count :]
+    spectra = values[: len(rows)]
+    opaque = _Opaque(paleness.ravel(), values[len(rows) :].ravel())
+    ground = spectra[1]
+    first = spectra[2 + count]
+    steps = spectra[3 + count :]
     multiply = _multiply(ground, first, steps[0], counts, opaque.surface)
     medium = glaze.layers[layer].medium
     portion = np.stack([np.asarray(medium.absorption), np.asarray(medium.scattering)]) * step
@@ -166,7 +170,8 @@ def _batch(
     """Every stack wanted as one glaze with a batch axis; the last rows are opaque paints on a white
     ground.
     """
-    bands, opaque = glaze.wavelengths.size, len(paleness)
+    bands = glaze.wavelengths.size
+    opaque = len(paleness)
     # The thickest coat possible is what makes this extinction opaque.
     extinction = _OPAQUE / MAX_THICKNESS
     layers = []
@@ -238,7 +243,8 @@ def _mixing(
     `base`.
     """
     grid, illuminant, observer = sight
-    absorbing, depth = portion[0], portion.sum(axis=0)
+    absorbing = portion[0]
+    depth = portion.sum(axis=0)
     below = opaque.paleness_of(base) ** 4
 
     def mix_part(

@@ -14,7 +14,8 @@ if TYPE_CHECKING:
 
 
 RENDERERS = ("raycast", "mitsuba")
-_SAMPLES, _MOST_SAMPLES = 256, 1 << 20
+_SAMPLES = 256
+_MOST_SAMPLES = 1 << 20
 
 
 def register(app: typer.Typer) -> None:

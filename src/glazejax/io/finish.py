@@ -92,14 +92,13 @@ def _finish(raw: RawSpectra, unit: str | None) -> SpectraTable:
         names = different(
             [plain_name(name) or f"spectrum {i + 1}" for i, name in enumerate(names)], notes
         )
-    values, wavelengths = (
-        np.asarray(raw.values, np.float64),
-        np.asarray(raw.wavelengths, np.float64),
-    )
+    values = np.asarray(raw.values, np.float64)
+    wavelengths = np.asarray(raw.wavelengths, np.float64)
     if np.isfinite(wavelengths).all() and (np.diff(wavelengths) < 0).any():
         order = np.argsort(wavelengths, kind="stable")
         notes.append("bands were sorted by wavelength")
-        wavelengths, values = wavelengths[order], values[:, order]
+        wavelengths = wavelengths[order]
+        values = values[:, order]
     rows: Sequence[int] = range(len(names))
     if raw.missing == "drop":
         wavelengths, values, rows = _without_missing(wavelengths, values, names, notes)
@@ -150,7 +149,9 @@ def _to_fractions(
     """Turn the values themselves into fractions, as a large table has no room for copies; the unit
     they were in.
     """
-    lows, peaks = values.min(axis=1), values.max(axis=1)  # NaN where a value is
+    # NaN where a value is
+    lows = values.min(axis=1)
+    peaks = values.max(axis=1)
     wrong = ~(np.isfinite(lows) & np.isfinite(peaks))
     if wrong.any():
         i = int(wrong.argmax())
@@ -167,7 +168,8 @@ def _to_fractions(
         notes.append(f"the file says that {scale:g} is a reflectance of 1; divided by it")
     if scale != 1.0:
         values /= scale
-        lows, peaks = lows / scale, peaks / scale
+        lows = lows / scale
+        peaks = peaks / scale
     darkest = int(lows.argmin())
     if lows[darkest] < raw.lowest:
         j = int(values[darkest].argmin())
@@ -232,7 +234,9 @@ def different(names: list[str], notes: list[str]) -> list[str]:
     if len(set(names)) == len(names):
         return names
     counts = Counter(names)
-    taken, used, result = set(counts), Counter(), []
+    taken = set(counts)
+    used = Counter()
+    result = []
     for name in names:
         used[name] += 1
         fresh = name
@@ -326,11 +330,14 @@ def unit_of(level: float, declared: float | None, cure: str) -> tuple[float, str
                 f"pixels reach a reflectance of {level:g} by the reflectance scale factor "
                 f"{declared:g}"
             )
-        scale, unit = declared, {1.0: "fraction", 100.0: "percent"}.get(declared, "scaled")
+        scale = declared
+        unit = {1.0: "fraction", 100.0: "percent"}.get(declared, "scaled")
     elif level <= MIN_PERCENT:
-        scale, unit = 1.0, "fraction"
+        scale = 1.0
+        unit = "fraction"
     elif level <= 100 * MAX_FRACTION:
-        scale, unit = 100.0, "percent"
+        scale = 100.0
+        unit = "percent"
     else:
         raise ValueError(f"pixels reach {level:g}, neither fraction nor percent: {cure}")
     notes = []

@@ -130,10 +130,13 @@ class Source:
         """
         encoding = "utf-8"
         if damaged == "strict" and self._is_old_text():
-            encoding, damaged = "cp1252", "replace"
+            encoding = "cp1252"
+            damaged = "replace"
             self.notes.append("not UTF-8: read as Windows-1252 (Latin-1), as spreadsheets save it")
         decoder = codecs.getincrementaldecoder(encoding)(damaged)
-        number, rest, done = 0, "", 0
+        number = 0
+        rest = ""
+        done = 0
         for piece in self.pieces():
             if done == 0:
                 piece = piece.removeprefix(codecs.BOM_UTF8)

@@ -121,7 +121,8 @@ def _size(entry: str, size: str) -> tuple[float, int]:
             f"layer {entry!r}: the thickness {number} has no unit: write {number}um, mm or nm"
         )
     if unit not in UNITS and unit.lower().removesuffix("x") in UNITS and unit.lower().endswith("x"):
-        unit, rest = unit[:-1], f"x{rest}"
+        unit = unit[:-1]
+        rest = f"x{rest}"
     scale = UNITS.get(unit, UNITS.get(unit.lower()))
     if scale is None:
         raise ValueError(

@@ -194,7 +194,9 @@ class Pigment(eqx.Module):
                 return None
             return on_numpy_or_jax(matmul, values, matrix.astype(values.dtype))
 
-        k, s, phase = at(self.absorption), at(self.scattering), self.phase
+        k = at(self.absorption)
+        s = at(self.scattering)
+        phase = self.phase
         if phase is not None and phase.ndim == 2 and phase.shape[0] > 1:
             phase = on_numpy_or_jax(matmul, matrix.T.astype(phase.dtype), phase)
         assert k is not None
@@ -422,7 +424,8 @@ class Glaze(eqx.Module):
                     f"layers must each be a Layer, not {_describe_value(layer)}: "
                     "write Layer(paint, thickness in m)"
                 )
-        substrate, index = as_array(substrate), as_array(refractive_index)
+        substrate = as_array(substrate)
+        index = as_array(refractive_index)
         _check_grids([(layer.medium.name, layer.medium.wavelengths) for layer in layers])
         _check_range(
             "substrate", substrate, 0.0, 1.0, ", which looks like percent: divide it by 100"

@@ -22,7 +22,8 @@ _TRUTH = {"true": True, "1": True, "yes": True, "false": False, "0": False, "no"
 _Columns = dict[str, list[float]]
 _Refusal = Callable[[str], ValueError]
 # A line takes up to 200 bytes while it is read, a pigment some thousand.
-_MAX_LINES, _MAX_PIGMENTS = 500_000, 20_000
+_MAX_LINES = 500_000
+_MAX_PIGMENTS = 20_000
 
 
 def read_pigments(path: str | Path, provenance: str = "") -> dict[str, Pigment]:

@@ -178,7 +178,9 @@ def _film(given: _GivenProfile, rest: dict[str, Any]) -> _Film:
     dtype = jnp.result_type(float)
     thickness = jnp.asarray(given.thickness, dtype)
     _refuse("thickness", thickness, "a length in m, >= 0 and finite")
-    functions, counts, shapes = [], {}, {"thickness": thickness.shape}
+    functions = []
+    counts = {}
+    shapes = {"thickness": thickness.shape}
     for name in ("absorption", "scattering"):
         profile = getattr(given, name)
         if callable(profile):
@@ -276,7 +278,8 @@ def _solve_sliced(
             values = profile(share)
             return values.reshape(*values.shape[:-1], count, len(x)) @ jnp.asarray(w, values.dtype)
 
-        k, s = mean(film.absorption), mean(film.scattering)
+        k = mean(film.absorption)
+        s = mean(film.scattering)
         depth = (k + s) * film.thickness[..., None] / count
         return jnp.broadcast_to(
             solve(_albedo(k, s), depth, ground, tolerance=0.3 * tolerance, **others), film.batch
@@ -317,7 +320,8 @@ def _error_message(error: float, tolerance: float) -> str:
 def _solve_on_mesh(film: _Film, rest: dict[str, Any], tolerance: float) -> Array:
     dtype = film.thickness.dtype
     flat = {name: flat_batch(jnp.asarray(value, dtype), film.batch) for name, value in rest.items()}
-    fixed, index = plain_number(rest["refractive_index"]), concrete(rest["refractive_index"])
+    fixed = plain_number(rest["refractive_index"])
+    index = concrete(rest["refractive_index"])
     lowest = 1.0 if index is None else float(np.min(index, initial=2.5))
     share = jnp.linspace(0.0, 1.0, 257, dtype=dtype)
     total = jnp.mean(film.absorption(share) + film.scattering(share), axis=-1) * film.thickness
@@ -385,7 +389,8 @@ def _film_panels(film: _Film, mesh: Mesh, halvings: int) -> Panels:
     inner = np.linspace(edges[:-1], edges[1:], parts, endpoint=False).T.ravel()
     edges = np.r_[inner, 1.0]
     table = rules(mesh.nodes, mesh.points)
-    start, span = edges[:-1], np.diff(edges)
+    start = edges[:-1]
+    span = np.diff(edges)
     x, w = gauss(_DEPTH_POINTS)
 
     def extinction(

@@ -318,12 +318,14 @@ def _prepare(
     given = batch_of_stacks(
         inputs._asdict() | ({} if fixed is None else {"refractive_index": None})
     )
-    flat, dtype = given.flat(), given.arrays["albedo"].dtype
+    flat = given.flat()
+    dtype = given.arrays["albedo"].dtype
     index = concrete(inputs.refractive_index)
     if index is None or index.size == 0:
         low, high = INDEX_RANGE
     else:
-        low, high = float(index.min()), float(index.max())
+        low = float(index.min())
+        high = float(index.max())
     if fixed is None and high == 1.0:
         high = 1.001  # an array may be differentiated by, and slopes at one are those just above it
     tolerance = _within_reach(tolerance, method, single=dtype == jnp.float32)

@@ -145,7 +145,8 @@ def _chosen(brushed: Any, stack: Stack) -> list[tuple[int, float]]:
 def _make_table(
     stack: Stack, tops: dict[str, float], lamp: Any, size: int
 ) -> tuple[Interpolated, Float[np.ndarray, "3"]]:
-    grid, media = common_grid(stack, paints(stack)), stack.media()
+    grid = common_grid(stack, paints(stack))
+    media = stack.media()
     weights = weights_of(lamp, grid)
     white = weights.sum(axis=0)
     grounds = [

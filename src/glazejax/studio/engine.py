@@ -47,7 +47,12 @@ _COEFFICIENTS = ("absorption", "scattering")
 _TINY = 1e-30
 # Rows of the batch: the stack on its ground, white and black, at another angle, and the three bare
 # grounds.
-_ON_GROUND, _ON_WHITE, _ON_BLACK, _ANGLE, _BARE, _STEPS = 0, 1, 2, 3, 4, 7
+_ON_GROUND = 0
+_ON_WHITE = 1
+_ON_BLACK = 2
+_ANGLE = 3
+_BARE = 4
+_STEPS = 7
 _FIXED = _STEPS + len(LADDER)
 
 
@@ -132,7 +137,8 @@ class Engine:
         spectra = self.solve(key, *_rows(k, s, thickness, grounds, view, key), stack, view)[
             :, : grid.size
         ]
-        seen, ladder = spectra[:_STEPS], spectra[_STEPS:_FIXED]
+        seen = spectra[:_STEPS]
+        ladder = spectra[_STEPS:_FIXED]
         slopes = (
             spectra[_FIXED:].reshape(2, key[0], -1)[:, : len(media)] - seen[_ON_GROUND]
         ) / _STEP
@@ -276,7 +282,8 @@ def spectra_of(
     mirrored = np.full(len(depth), True)
     if isinstance(stack.seen_by, Bidirectional):
         cosines["cos_viewing"] = np.cos(np.deg2rad(seen))[:, None]
-        solve, mirrored = stack_reflectance_factor, light == seen
+        solve = stack_reflectance_factor
+        mirrored = light == seen
     index = stack.refractive_index
     found = solve(
         albedo,
@@ -379,9 +386,12 @@ def _colours(
     view: View,
 ) -> dict[str, Float[np.ndarray, "..."]]:
     """8-bit and unclipped sRGB, L*a*b*, and the difference to the pinned colour."""
-    rgb, encoded, lab = [], [], []
+    rgb = []
+    encoded = []
+    lab = []
     for each in weights:
-        xyz, white = spectra @ each, each.sum(axis=0)
+        xyz = spectra @ each
+        white = each.sum(axis=0)
         encoded.append(np.asarray(colour.xyz_to_srgb(xyz, white, clip=False), float))
         rgb.append(np.round(255 * np.asarray(colour.xyz_to_srgb(xyz, white), float)))
         lab.append(np.asarray(colour.xyz_to_lab(xyz[_ON_GROUND], white), float))

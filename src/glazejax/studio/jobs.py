@@ -144,7 +144,8 @@ class Jobs:
         self, name: str, task: str, given: Mapping[str, Any], process: subprocess.Popen[str]
     ) -> None:
         """Hand a search to its process, and its answers on."""
-        began, words = time.monotonic(), ["starting"]
+        began = time.monotonic()
+        words = ["starting"]
         done = threading.Event()
 
         def beat() -> None:

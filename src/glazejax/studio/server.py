@@ -160,7 +160,8 @@ class Studio:
                 await socket.close(4403)
                 return
             await socket.accept()
-            loop, answers = asyncio.get_running_loop(), asyncio.Queue()
+            loop = asyncio.get_running_loop()
+            answers = asyncio.Queue()
 
             def send(message: bytes) -> None:
                 loop.call_soon_threadsafe(answers.put_nowait, message)
@@ -169,7 +170,8 @@ class Studio:
                 while True:
                     await socket.send_bytes(await answers.get())
 
-            session, sending = Session(self.engine, self.jobs, send), asyncio.create_task(sender())
+            session = Session(self.engine, self.jobs, send)
+            sending = asyncio.create_task(sender())
             waiting: set[asyncio.Future[None]] = set()
             try:
                 while True:

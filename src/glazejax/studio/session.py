@@ -52,10 +52,12 @@ class Session:
 
     def handle(self, message: bytes | str) -> None:
         """Answer a message; what is wrong with it is told, never raised."""
-        about, number = "", None
+        about = ""
+        number = None
         try:
             header, arrays, rest = unpack(message)
-            about, number = header["type"], header.get("number")
+            about = header["type"]
+            number = header.get("number")
             answer = getattr(self, f"_on_{about}", None)
             if answer is None:
                 raise ValueError(f"the studio does not know the message {about!r}; reload the page")
@@ -109,7 +111,8 @@ class Session:
     def _on_see(self, header: dict[str, Any], arrays: Any, rest: bytes) -> None:
         """Spectra and colours of a stack."""
         began = time.perf_counter()
-        stack, view = stack_from_dict(header.get("stack")), _view(header.get("view", {}))
+        stack = stack_from_dict(header.get("stack"))
+        view = _view(header.get("view", {}))
         if words := self.engine.compiles(stack):
             self.tell({"type": "status", "words": words})
         seen = self.engine.see(stack, view)
@@ -180,7 +183,8 @@ class Session:
 
     def _on_canvas(self, header: dict[str, Any], arrays: Any, rest: bytes) -> None:
         """Pixels of thickness maps."""
-        began, stack = time.perf_counter(), _stack(header)
+        began = time.perf_counter()
+        stack = _stack(header)
         lamp = _view(header.get("view", {})).lamps[0]
         told = self._easel.paint(
             stack,
@@ -201,7 +205,8 @@ class Session:
         """A search: recipes for a colour, what is in a film, paints from films."""
         if not isinstance(header.get("options", {}), dict):
             raise ValueError("the options of a search must be an object")
-        task, name = str(header.get("task")), str(header.get("name"))[:80]
+        task = str(header.get("task"))
+        name = str(header.get("name"))[:80]
         stack = _stack(header)
         given = {"stack": stack_to_dict(stack), "options": header.get("options", {})}
         given |= {key: array.tolist() for key, array in arrays.items()}

@@ -54,7 +54,8 @@ def _group(name: str, paint: Pigment) -> str:
 
 def doubts(stack: Stack) -> list[str]:
     """Sentences on paints of the shown coats of which measurements do not tell k and s apart."""
-    shelf, found = paints(stack), []
+    shelf = paints(stack)
+    found = []
     for name in dict.fromkeys(
         name for coat in stack.shown for weight, name in coat.parts if weight > 0
     ):
@@ -74,12 +75,17 @@ def swatches(engine: Engine, some: Sequence[Pigment]) -> dict[str, Float[np.ndar
     The program is that of stacks of three coats, so that nothing more is compiled.
     """
     grid = some[0].wavelengths
-    weights, key = colour.colour_weights(grid), (_SIZE, padded_size(grid.size), False)
-    rows, columns = rows_of(_SIZE), np.minimum(np.arange(key[1]), grid.size - 1)
-    most, found, outside = rows // 2, np.zeros((2, len(some), 3)), np.zeros((len(some), 2))
+    weights = colour.colour_weights(grid)
+    key = (_SIZE, padded_size(grid.size), False)
+    rows = rows_of(_SIZE)
+    columns = np.minimum(np.arange(key[1]), grid.size - 1)
+    most = rows // 2
+    found = np.zeros((2, len(some), 3))
+    outside = np.zeros((len(some), 2))
     for at in range(0, len(some), most):
         chosen = some[at : at + most]
-        both, depth = np.zeros((2, rows, key[1], _SIZE)), np.zeros((rows, _SIZE))
+        both = np.zeros((2, rows, key[1], _SIZE))
+        depth = np.zeros((rows, _SIZE))
         for i, paint in enumerate(chosen):
             k_and_s = np.stack(
                 [np.asarray(paint.absorption, float), np.asarray(paint.scattering, float)]

@@ -13,7 +13,8 @@ from ..paint.pigment_table import read_pigments
 from ..stacks import own_name, pigment_to_dict
 
 _FILM_ROWS = ("b", "w", "ob", "ow")
-_MOST_PAINTS, _MOST_SPECTRA = 100, 200
+_MOST_PAINTS = 100
+_MOST_SPECTRA = 200
 
 
 class Upload(NamedTuple):

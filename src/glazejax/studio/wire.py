@@ -52,7 +52,9 @@ def unpack(
     (length,) = struct.unpack_from("<I", message)
     if length > len(message) - 4:
         raise ValueError("a message ends within its header")
-    header, at, arrays = _header(bytes(message[4 : 4 + length])), 4 + length, {}
+    header = _header(bytes(message[4 : 4 + length]))
+    at = 4 + length
+    arrays = {}
     listed = header.pop("arrays", [])
     if not isinstance(listed, list) or len(listed) > _MOST_ARRAYS:
         raise ValueError(f"a message lists its arrays, {_MOST_ARRAYS} at most")

@@ -79,7 +79,8 @@ class Display:
         levels: int = 255,
         name: str = "display",
     ):
-        xy, top = np.asarray(chromaticities, float), np.asarray(luminances, float)
+        xy = np.asarray(chromaticities, float)
+        top = np.asarray(luminances, float)
         if xy.shape != (3, 2) or top.shape != (3,):
             raise ValueError(
                 f"a display has chromaticities (3, 2) and luminances (3,), not {xy.shape} and "
@@ -187,7 +188,8 @@ class Display:
 
         Source: paper B, section 2; between the levels by monotone cubic interpolation.
         """
-        at, xyz = np.asarray(levels, float), np.asarray(readings, float)
+        at = np.asarray(levels, float)
+        xyz = np.asarray(readings, float)
         if at.ndim != 1 or xyz.shape != (3, at.size, 3):
             raise ValueError(
                 f"{at.size} levels need readings (3, {at.size}, 3), XYZ of each primary, not "

@@ -36,7 +36,8 @@ class ToneCurve:
 
     def __post_init__(self) -> None:
         """Check the knots, and scale the light."""
-        x, y = np.array(self.levels, float), np.array(self.lights, float)
+        x = np.array(self.levels, float)
+        y = np.array(self.lights, float)
         if x.ndim != 1 or x.shape != y.shape or x.size < 2:
             raise ValueError(
                 f"a tone curve has as many lights as levels, at least 2, not {x.shape} and "

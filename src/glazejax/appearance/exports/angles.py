@@ -101,10 +101,8 @@ def angular_colour(
     made = glaze.glaze() if isinstance(glaze, Stack) else glaze
     check_glaze(made)
     grid = validate_wavelengths(made.wavelengths if wavelengths_nm is None else wavelengths_nm)
-    weights, white = (
-        colour_weights(grid, illuminant, observer),
-        white_point(grid, illuminant, observer),
-    )
+    weights = colour_weights(grid, illuminant, observer)
+    white = white_point(grid, illuminant, observer)
     made = on_grid(made, grid)
     nodes, steps = np.polynomial.legendre.leggauss(NODES)
     cosines = np.concatenate([0.5 * (nodes + 1.0), np.cos(np.deg2rad(VIEWS))])

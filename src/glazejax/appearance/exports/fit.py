@@ -130,11 +130,13 @@ def fit_openpbr(
             observer=observer,
             tolerance=tolerance,
         )
-    cost, material = np.inf, OpenPBR()
+    cost = np.inf
+    material = OpenPBR()
     for coated in (False, True) if coat is None else (coat,):
         found_cost, found = _best(_Problem(truth, layering, coated))
         if found_cost < cost * (1 - _WORTH) ** 2 - _NOTHING:
-            cost, material = found_cost, found
+            cost = found_cost
+            material = found
     naive = naive_openpbr(truth)
     seen = truth.body[truth.views, truth.views]
     return OpenPBRFit(
@@ -210,7 +212,8 @@ class _Problem:
         self.low = np.array([0.0] * 4 + ([_LEAST_TINT] * 3 + [0.0] if coated else []))
 
     def material(self, x: Float[np.ndarray, "unknowns"]) -> OpenPBR:
-        index, rough = self.truth.refractive_index, float(np.sqrt(self.truth.roughness))
+        index = self.truth.refractive_index
+        rough = float(np.sqrt(self.truth.roughness))
         x = np.clip(x, self.low, 1.0)
         body: dict[str, Any] = {
             "base_color": colour_tuple(x[:3]),

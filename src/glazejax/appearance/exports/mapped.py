@@ -90,7 +90,8 @@ class MappedGlaze:
         given = dict(zip(self.kinds, np.asarray(points, float).T, strict=True))
         layers = list(self.glaze.layers)
         own = layers[self.layer]
-        medium, thickness = own.medium, given.get("thickness", own.thickness)
+        medium = own.medium
+        thickness = given.get("thickness", own.thickness)
         if "fraction" in given:
             assert isinstance(medium, Mixture)
             share = given["fraction"]
@@ -122,7 +123,8 @@ def mapped_colours(
         delta_e: largest CIEDE2000 wanted of the interpolation.
     """
     grid = validate_wavelengths(mapped.glaze.wavelengths)
-    weights, white = colour_weights(grid, *light), white_point(grid, *light)
+    weights = colour_weights(grid, *light)
+    white = white_point(grid, *light)
     glaze = on_grid(mapped.glaze, grid)
     inner = MappedGlaze(glaze, mapped.layer, mapped.kinds)
     means = _Means(float(np.mean(np.asarray(indices(glaze, grid.size)))), roughness, coat)

@@ -107,7 +107,8 @@ def write_materialx(
 
 def _describe_fit(fit: OpenPBRFit) -> tuple[OpenPBR, str, str]:
     """Material, space, and the errors in words, for the file's doc."""
-    errors, truth = fit.errors, fit.truth
+    errors = fit.errors
+    truth = fit.truth
     words = (
         f"OpenPBR 1.1 fitted by glazejax to a computed glaze; {SPACES[truth.space].words}, "
         f"{truth.light[0]}; layers as in {fit.layering}. Remaining error: albedo "

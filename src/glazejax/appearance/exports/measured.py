@@ -22,7 +22,9 @@ from .angles import check_roughness
 _LEAST_ROUGHNESS = 0.02
 # Cosines and azimuths at which Mitsuba is asked, off the table's own directions, and at most so
 # many wavelengths.
-_COSINES, _AZIMUTHS, _BANDS = (0.95, 0.6, 0.25), (0.3, 1.6, 2.9), 7
+_COSINES = (0.95, 0.6, 0.25)
+_AZIMUTHS = (0.3, 1.6, 2.9)
+_BANDS = 7
 _VARIANT = "scalar_spectral"
 
 

@@ -214,7 +214,8 @@ def _let_through(
 
 def _base_surface(material: OpenPBR) -> tuple[float, float]:
     """Alpha and relative index of the base's surface, as the coat changes them."""
-    index, coat = material.specular_ior, material.coat_weight
+    index = material.specular_ior
+    coat = material.coat_weight
     # A coat of a higher index than the base would reflect totally here: both ways take the ratio
     # that is above 1.
     below = max(index / material.coat_ior, material.coat_ior / index)

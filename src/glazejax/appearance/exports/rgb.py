@@ -62,7 +62,8 @@ def lab_of_rgb(rgb: Float[np.ndarray, "*batch 3"], space: Space) -> Float[np.nda
     """CIE Lab of linear RGB, (..., 3): the space's white is (100, 0, 0), and what is adapted is
     D65.
     """
-    to_xyz, screen = _to_xyz(space), _to_xyz("lin_rec709").sum(axis=1)
+    to_xyz = _to_xyz(space)
+    screen = _to_xyz("lin_rec709").sum(axis=1)
     matrix = bradford(to_xyz.sum(axis=1), screen) @ to_xyz
     return np.asarray(xyz_to_lab(np.asarray(rgb, float) @ matrix.T, screen), float)
 

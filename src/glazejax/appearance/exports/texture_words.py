@@ -52,7 +52,8 @@ def readme(material: OpenPBR, files: Mapping[str, Path], record: Mapping[str, An
             "second reflection",
         ]
     if "height" in record:
-        high, low = record["height"]["white_m"], record["height"]["black_m"]
+        high = record["height"]["white_m"]
+        low = record["height"]["black_m"]
         lines += [f"  Displacement: Midlevel 0, Scale {high - low:g} (metres from black to white)"]
     specular = ((material.specular_ior - 1) / (material.specular_ior + 1)) ** 2 / 0.08
     lines += [

@@ -118,7 +118,8 @@ def texture_set(
     found = mapped_colours(
         mapped, points, roughness=roughness, space=known, light=light, coat=coat, delta_e=delta_e
     )
-    base, wrong = found.base, outside(found.plain) > 0
+    base = found.base
+    wrong = outside(found.plain) > 0
     material = _material(mapped, roughness, coat)
     errors = _errors(mapped, points, base, found.coat, material, roughness, known, light)
     result = TextureSet(
@@ -146,7 +147,8 @@ def texture_set(
     write_image(files["roughness"], np.full(shape, np.sqrt(roughness)))
     told: dict[str, Any] = {}
     if pixel is not None:
-        low, high = float(maps["thickness"].min()), float(maps["thickness"].max())
+        low = float(maps["thickness"].min())
+        high = float(maps["thickness"].max())
         span = (high - low) or 1.0
         write_image(files["height"], (maps["thickness"] - low) / span)
         write_image(files["normal"], normals(maps["thickness"], pixel))
@@ -222,10 +224,8 @@ def _files(
 
 def _material(mapped: MappedGlaze, roughness: float, coat: bool) -> OpenPBR:
     """What has no picture."""
-    index, rough = (
-        float(np.mean(np.asarray(mapped.glaze.refractive_index))),
-        float(np.sqrt(roughness)),
-    )
+    index = float(np.mean(np.asarray(mapped.glaze.refractive_index)))
+    rough = float(np.sqrt(roughness))
     plain = OpenPBR(specular_ior=index, specular_roughness=rough)
     if not coat:
         return plain
@@ -299,7 +299,8 @@ def _write_words(
     result: TextureSet, space: Space, light: tuple[str, str | int], kind: str, told: dict[str, Any]
 ) -> None:
     """The MaterialX file, the JSON and the text that say what goes where."""
-    files, pictures = result.files, [what for what in result.files if what in SOCKETS]
+    files = result.files
+    pictures = [what for what in result.files if what in SOCKETS]
     colour = "srgb_texture" if kind == "png" else space
     images = {
         what: Image(files[what].name, colour)

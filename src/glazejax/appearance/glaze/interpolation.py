@@ -174,7 +174,8 @@ def _evaluate(
     table: GlazeTable, cos_in: Array, cos_out: Array, depth: Array
 ) -> Float[Array, "*batch bands"]:
     """`evaluate`, a bounded number of points at a time."""
-    bands, nodes = table.table.shape[0], int(np.prod(table.table.shape[1:]))
+    bands = table.table.shape[0]
+    nodes = int(np.prod(table.table.shape[1:]))
     flat = interior(table, jnp).reshape(bands, nodes).T
     points = jnp.stack([cos_in.ravel(), cos_out.ravel(), depth.ravel()], axis=1)
     size = _CHUNK_NUMBERS // (nodes + 4 * bands)

@@ -260,7 +260,8 @@ def _thickness_range(
     Layer(
         glaze.layers[layer].medium, values
     )  # refuses what is negative, not finite or not in metres
-    low, high = float(values.min()), float(values.max())
+    low = float(values.min())
+    high = float(values.max())
     if high > low:
         return low, high
     some = max(1e-3 * low, 1e-9)

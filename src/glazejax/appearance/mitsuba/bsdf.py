@@ -186,13 +186,16 @@ class GlazeBSDF:
         """What a point has whatever the second direction: the table's weights if values are wanted,
         and its lobes.
         """
-        mi, dr = self._mi, self._dr
+        mi = self._mi
+        dr = self._dr
         lit = active & (si.wi.z > 0.0)
-        flags, last = mi.BSDFFlags, self._last
+        flags = mi.BSDFFlags
+        last = self._last
         body = ctx.is_enabled(flags.DiffuseReflection, last)
         lobe: Any = self._surface
         surface = lobe is not None and ctx.is_enabled(lobe.kind, 0)
-        ops, varying = DrJit(mi, dr, lit), self._varying(si, lit)
+        ops = DrJit(mi, dr, lit)
+        varying = self._varying(si, lit)
         here = None
         if body and valued:
             ground = None if self._ground is None else self._ground_at(si, lit)
@@ -215,7 +218,8 @@ class GlazeBSDF:
         return _Point(lit=lit, surface=surface, body=body, share=share, here=here)
 
     def _value(self, si: Any, at: "_Point", wo: Any) -> Any:
-        mi, dr = self._mi, self._dr
+        mi = self._mi
+        dr = self._dr
         lit = at.lit & (wo.z > 0.0)
         value = mi.UnpolarizedSpectrum(0.0)
         if at.here is not None:
@@ -228,7 +232,8 @@ class GlazeBSDF:
         return dr.select(lit, value, 0.0)
 
     def _density(self, si: Any, at: "_Point", wo: Any) -> Any:
-        mi, dr = self._mi, self._dr
+        mi = self._mi
+        dr = self._dr
         density = mi.Float(0.0)
         if at.body:
             density = density + (1.0 - at.share) * mi.warp.square_to_cosine_hemisphere_pdf(wo)
@@ -237,7 +242,8 @@ class GlazeBSDF:
         return dr.select(at.lit & (wo.z > 0.0), density, 0.0)
 
     def _sample(self, si: Any, at: "_Point", sample1: Any, sample2: Any) -> tuple[Any, Any]:
-        mi, dr = self._mi, self._dr
+        mi = self._mi
+        dr = self._dr
         bs = dr.zeros(mi.BSDFSample3f)
         if not (at.surface or at.body):
             return bs, mi.UnpolarizedSpectrum(0.0)
@@ -291,7 +297,8 @@ class GlazeBSDF:
             return "any"
         if given.ground is None or isinstance(given.ground, float):
             return "own" if given.ground is None else given.ground
-        mi, where = self._mi, self._dr.zeros(self._mi.SurfaceInteraction3f)
+        mi = self._mi
+        where = self._dr.zeros(self._mi.SurfaceInteraction3f)
         found = []
         for wavelength in bands_of(_text_of(given.coats), given.refractive_index):
             where.wavelengths = mi.UnpolarizedSpectrum(float(wavelength))

@@ -106,7 +106,8 @@ def with_variables(
     bands.
     """
     layers = list(glaze.layers)
-    medium, depth = layers[layer].medium, layers[layer].thickness
+    medium = layers[layer].medium
+    depth = layers[layer].thickness
     if fraction is not None:
         share = as_float_array(fraction)
         medium = Mixture(_paints(medium), jnp.stack([1.0 - share, share], axis=-1), medium.name)

@@ -173,7 +173,8 @@ def _parts(
 
 def _on(old: Numbers, values: Numbers, new: np.ndarray) -> np.ndarray:
     """A spectrum (bands,) or a number on other wavelengths."""
-    array, grid = np.asarray(values, float), np.asarray(old, float)
+    array = np.asarray(values, float)
+    grid = np.asarray(old, float)
     if array.ndim == 0 or array.size == 1:
         return np.full(new.shape, float(array.reshape(())))
     same = grid.shape == new.shape and np.allclose(grid, new, rtol=0, atol=1e-9)

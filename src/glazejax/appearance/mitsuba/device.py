@@ -24,7 +24,8 @@ def renderer() -> tuple[Any, Any]:
     import drjit as dr  # pyright: ignore[reportMissingImports]
     import mitsuba as mi  # pyright: ignore[reportMissingImports]
 
-    variant, use = mi.variant(), f"call mitsuba.set_variant with one of {', '.join(VARIANTS)}"
+    variant = mi.variant()
+    use = f"call mitsuba.set_variant with one of {', '.join(VARIANTS)}"
     if variant is None:
         raise ValueError(f"Mitsuba has no variant set: {use}")
     if not mi.is_spectral:

@@ -55,7 +55,8 @@ class Facets:
 
     def sample(self, wi: Any, sample1: Any, sample2: Any) -> Any:
         """A direction by visible normals, or by the cosine."""
-        mi, dr = self._mi, self._dr
+        mi = self._mi
+        dr = self._dr
         lost = self._surface.columns(self._ops, dr.maximum(wi.z, 1e-6))[2]
         normal, _ = self._facets.sample(wi, sample2)
         return dr.select(
@@ -64,7 +65,8 @@ class Facets:
 
     def density(self, wi: Any, wo: Any) -> Any:
         """Of `sample`, in solid angle."""
-        mi, dr = self._mi, self._dr
+        mi = self._mi
+        dr = self._dr
         lost = self._surface.columns(self._ops, dr.maximum(wi.z, 1e-6))[2]
         normal = dr.normalize(wi + wo)
         along = dr.dot(wo, normal)
@@ -75,7 +77,8 @@ class Facets:
 
     def value(self, wi: Any, wo: Any) -> Any:
         """BSDF times the cosine of `wo`, both above the surface."""
-        mi, dr = self._mi, self._dr
+        mi = self._mi
+        dr = self._dr
         normal = dr.normalize(wi + wo)
         met = mi.fresnel(dr.dot(wi, normal), self._surface.refractive_index)[0]
         single = (

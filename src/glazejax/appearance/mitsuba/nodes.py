@@ -17,9 +17,12 @@ from .lookup import NUMPY
 from .parts import Parts, factor_of, lagrange
 from .surfaces import Surface, inside
 
-_TRIALS, _CHECKS = 6, 12
+_TRIALS = 6
+_CHECKS = 12
 # Shares of the tolerance: for the solver, for the angles and for thickness and fraction.
-SOLVER, _ANGLES, _AXES = 0.1, 0.3, 0.3
+SOLVER = 0.1
+_ANGLES = 0.3
+_AXES = 0.3
 _LEAST_COSINE = 1e-3
 
 
@@ -76,7 +79,8 @@ class Solver:
                 for name in ("thickness", "fraction")
             )
             made = with_variables(made, self._layer, *given)
-        albedo, depth = np.asarray(made.albedo), np.asarray(made.optical_thickness)
+        albedo = np.asarray(made.albedo)
+        depth = np.asarray(made.optical_thickness)
         both = zip(("albedo", "optical_thickness"), np.broadcast_arrays(albedo, depth), strict=True)
         return {name: x[None] if x.ndim == 2 else x for name, x in both}
 

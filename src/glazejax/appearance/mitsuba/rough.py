@@ -28,7 +28,8 @@ from .parts import Parts, evenly, lagrange, split
 from .surfaces import in_blocks
 
 _STACKS = 256
-_STEPS, _QUADRATURE = 257, 64
+_STEPS = 257
+_QUADRATURE = 64
 _ANGLE_NODES = (12, 16, 20, 24, 32, 40, 48)
 _LEAST_COSINE = 1e-6
 
@@ -124,7 +125,8 @@ class Rough:
         albedo, depth = np.broadcast_arrays(
             *(np.asarray(stack[k]) for k in ("albedo", "optical_thickness"))
         )
-        shape, layers = albedo.shape[:-1], albedo.shape[-1]
+        shape = albedo.shape[:-1]
+        layers = albedo.shape[-1]
         rows = [x.reshape(-1, layers) for x in (albedo, depth)]
         found = []
         for start in range(0, len(rows[0]), _STACKS):
@@ -151,7 +153,8 @@ def _parts(albedo: Array, depth: Array, surface: Resolved) -> Float[Array, "stac
     """R0 (upper triangle), T and S of stacks, on the functions of the angle; see
     `radiative.rough.ports`.
     """
-    stacks, n = albedo.shape[0], surface.operators().basis.cosines.size
+    stacks = albedo.shape[0]
+    n = surface.operators().basis.cosines.size
     pairs = -(-n // 2)
     unit = jnp.eye(2 * pairs, n, dtype=albedo.dtype).reshape(pairs, 2, n)
     # The last row is light that starts on a white ground and is seen from there.

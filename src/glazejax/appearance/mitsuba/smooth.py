@@ -41,7 +41,8 @@ class Smooth:
 
     def cosine(self, coordinate: Any) -> Any:
         """From [0, 1] to cosines in air."""
-        n, within = self.refractive_index, self._steepest + coordinate * (1.0 - self._steepest)
+        n = self.refractive_index
+        within = self._steepest + coordinate * (1.0 - self._steepest)
         return np.sqrt(np.clip(n**2 * (within**2 - 1.0) + 1.0, 0.0, 1.0))
 
     def let_in(self, ops: Arithmetic, cosine: Any) -> Any:

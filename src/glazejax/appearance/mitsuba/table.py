@@ -29,7 +29,9 @@ _LINE = (9, 17, 33, 65, 129)
 _CHECKS = 96
 # Shares of the tolerance: shapes left out, distances between angles, and between thicknesses and
 # fractions.
-_SHAPES, _BETWEEN_ANGLES, _BETWEEN_NODES = 0.1, 0.05, 0.05
+_SHAPES = 0.1
+_BETWEEN_ANGLES = 0.05
+_BETWEEN_NODES = 0.05
 _TRIES = 3
 _LEAST_COSINE = 1e-3
 _QUADRATURE = 64
@@ -116,7 +118,8 @@ def nodes_at(ops: Arithmetic, body: Body, varying: dict[str, Any]) -> list[tuple
 
 def band_at(ops: Arithmetic, body: Body, wavelength: Any) -> Place:
     """Cell of a wavelength in nm."""
-    low, high = float(body.wavelengths[0]), float(body.wavelengths[-1])
+    low = float(body.wavelengths[0])
+    high = float(body.wavelengths[-1])
     return lookup.place(ops, (wavelength - low) / (high - low), body.bands)
 
 
@@ -149,7 +152,8 @@ def body_table(
     Returns:
         `Body`, whose `error` says what was reached.
     """
-    tries, best = tolerance, None
+    tries = tolerance
+    best = None
     for _ in range(_TRIES):
         nodes = solve_nodes(surface, glaze, layer, axes, tries)
         body = _compress(nodes, ground, mean_ground)
@@ -239,9 +243,11 @@ def _dots(ops: Arithmetic, one: list[Any], two: list[Any]) -> Any:
 
 def _compress(nodes: Nodes, ground: np.ndarray | None, mean_ground: float) -> Body:
     """Shapes and their weights, from the solver's nodes."""
-    surface, n = nodes.surface, nodes.cosines.size
+    surface = nodes.surface
+    n = nodes.cosines.size
     known = surface.known(NUMPY, nodes.cosines[:, None], nodes.cosines) * np.ones((n, n))
-    exact, dim = fold(nodes, ground), fold(nodes, mean_ground if ground is None else ground)
+    exact = fold(nodes, ground)
+    dim = fold(nodes, mean_ground if ground is None else ground)
     dim = dim.mean(axis=-2, keepdims=True)
     shapes, onto = _basis([exact, dim], known.ravel(), _SHAPES * nodes.tolerance)
     weights, means = (_series(values @ onto, len(nodes.axes)) for values in (exact, dim))
@@ -347,7 +353,8 @@ def _angle_count(
     size = np.abs(weights).reshape(-1, weights.shape[-1]).max(axis=0) * known.max()
     for count in _ANGLES:
         nodes = np.linspace(-1.0, 1.0, count)
-        ends, middle = lagrange(nodes, n), lagrange(0.5 * (nodes[1:] + nodes[:-1]), n)
+        ends = lagrange(nodes, n)
+        middle = lagrange(0.5 * (nodes[1:] + nodes[:-1]), n)
         off = np.einsum("ai,kij->kaj", middle - 0.5 * (ends[1:] + ends[:-1]), squares)
         if np.max(np.abs(off).max(axis=(1, 2)) * size) <= tolerance:
             return count
@@ -359,7 +366,8 @@ def _line_count(series: np.ndarray, k: int, tolerance: float) -> int:
     series = np.moveaxis(series, k, 0).reshape(series.shape[k], -1)
     for count in _LINE:
         x = np.linspace(-1.0, 1.0, count)
-        value, slope = chebyshev.chebvander(x, len(series) - 1) @ series, _slopes(x, series)
+        value = chebyshev.chebvander(x, len(series) - 1) @ series
+        slope = _slopes(x, series)
         middle = chebyshev.chebvander(0.5 * (x[1:] + x[:-1]), len(series) - 1) @ series
         guess = 0.5 * (value[1:] + value[:-1]) + (slope[:-1] - slope[1:]) * (x[1] - x[0]) / 8.0
         if np.max(np.abs(guess - middle)) <= tolerance:

@@ -123,7 +123,8 @@ def _scene(root: TomlTable, folder: Path) -> SceneFile:
     with picture.blame("display"):
         Display.preset(display)
     gamut = picture.choice("gamut", ("desaturate", "clip", "dim"), "desaturate")
-    exposure, tolerance = picture.above_zero("exposure", 1.0), picture.above_zero("tolerance", 1e-3)
+    exposure = picture.above_zero("exposure", 1.0)
+    tolerance = picture.above_zero("tolerance", 1e-3)
     view = _build(
         camera,
         Camera,
@@ -196,7 +197,8 @@ def _wavelengths(picture: TomlTable) -> Float[np.ndarray, "bands"]:
 
 def _light(table: TomlTable, grid: np.ndarray, folder: Path) -> Light:
     strength = table.above_zero("strength", 1.0)
-    name, file = table.text("illuminant", ""), table.text("spectrum", "")
+    name = table.text("illuminant", "")
+    file = table.text("spectrum", "")
     if bool(name) == bool(file):
         raise table.error("illuminant", 'give either illuminant = "D65" or spectrum = "lamp.csv"')
     with table.blame("illuminant" if name else "spectrum"):
@@ -205,7 +207,8 @@ def _light(table: TomlTable, grid: np.ndarray, folder: Path) -> Light:
         )
     if table.has("shape"):
         return _area_light(table, spectrum)
-    place, way = table.vector("position", None), table.vector("direction", None)
+    place = table.vector("position", None)
+    way = table.vector("direction", None)
     if (place is None) == (way is None):
         words = (
             "give either position, of a point light, or direction, the way the light travels, or "

@@ -34,7 +34,8 @@ from .shade import radiance
 # A point serves neighbours within this share of its distance to other things.
 _REACH = 0.5
 # That distance is taken to be at least and at most so many pixels.
-_NEAREST, _FARTHEST = 8.0, 20.0
+_NEAREST = 8.0
+_FARTHEST = 20.0
 # Pixels between chosen points where none is near, round after round.
 _ROUNDS = (12.0, 6.0, 3.0)
 # A point with less weight than this of all its neighbours wants one of its own.
@@ -69,7 +70,8 @@ class Surroundings:
         rng: np.random.Generator,
     ) -> tuple[Float[np.ndarray, "rays bands"], Float[np.ndarray, "rays"]]:
         """Spectra that come along rays after so many diffuse bounces, and how far the rays go."""
-        light, far = [], []
+        light = []
+        far = []
         for start in range(0, len(origin), TILE):
             piece = slice(start, start + TILE)
             levels = trace(
@@ -114,7 +116,8 @@ def above(
     """Unit directions above surfaces, as often as a diffuse surface weighs them, from numbers in
     [0, 1).
     """
-    around, sine = 2.0 * np.pi * sample[:, 0], np.sqrt(sample[:, 1])
+    around = 2.0 * np.pi * sample[:, 0]
+    sine = np.sqrt(sample[:, 1])
     first, second = _across(normal)
     across = np.cos(around)[:, None] * first + np.sin(around)[:, None] * second
     return sine[:, None] * across + np.sqrt(1.0 - sample[:, 1])[:, None] * normal
@@ -234,7 +237,8 @@ class Gathered:
         """Send rays from these points, and keep what they bring."""
         for start in range(0, points.size, max(1, TILE // self.rays)):
             some = points[start : start + max(1, TILE // self.rays)]
-            place, normal = level.place[some], level.normal[some]
+            place = level.place[some]
+            normal = level.normal[some]
             turned = (self._even + self.rng.random((some.size, 1, 2))) % 1.0
             direction = above(np.repeat(normal, self.rays, axis=0), turned.reshape(-1, 2))
             origin = np.repeat(place, self.rays, axis=0)
@@ -269,7 +273,8 @@ class Gathered:
         shift = np.zeros((points.size, _NEIGHBOURS, 2))
         for shape in np.unique(level.shape[points]):
             mine = np.flatnonzero(level.shape[points] == shape)
-            place, normal = level.place[points[mine]], level.normal[points[mine]]
+            place = level.place[points[mine]]
+            normal = level.normal[points[mine]]
             tree, numbers = self._tree(int(shape))
             if numbers.size == 0:
                 continue
@@ -298,8 +303,11 @@ class Gathered:
 
 def _radical_inverse(index: Int[np.ndarray, "n"]) -> Float[np.ndarray, "n"]:
     """Numbers with their binary digits mirrored at the point (van der Corput)."""
-    out, scale, rest = np.zeros(len(index)), 0.5, index.copy()
+    out = np.zeros(len(index))
+    scale = 0.5
+    rest = index.copy()
     while np.any(rest):
         out += scale * (rest & 1)
-        rest, scale = rest >> 1, scale / 2
+        rest = rest >> 1
+        scale = scale / 2
     return out

@@ -196,7 +196,8 @@ def _nearest_solid(
     """Distance and number of the nearest sphere, plane or box; the limit and -1 where there is
     none.
     """
-    best, shape = limit, jnp.full(limit.shape, -1)
+    best = limit
+    shape = jnp.full(limit.shape, -1)
     before = 0
     for distances in (_spheres, _planes, _boxes):
         met = distances(geometry, origin, direction)
@@ -220,7 +221,8 @@ def _spheres(geometry: Geometry, origin: Array, direction: Array) -> Array | Non
     aside = between - along[..., None] * direction[:, None]
     inside = jnp.asarray(geometry.radii) ** 2 - jnp.sum(aside**2, axis=-1)
     half = jnp.sqrt(jnp.maximum(inside, 0.0))
-    first, second = along - half, along + half
+    first = along - half
+    second = along + half
     met = jnp.where(first > 0, first, second)
     return jnp.where((inside >= 0) & (met > 0), met, jnp.inf)
 
@@ -249,10 +251,8 @@ def _boxes(geometry: Geometry, origin: Array, direction: Array) -> Array | None:
     slope = jnp.einsum("rk,bak->rba", direction, turns)
     # A ray along a face gets a slope that is tiny but not zero, so that no 0/0 can arise.
     slope = jnp.where(jnp.abs(slope) < 1e-30, 1e-30, slope)
-    low, high = (
-        (-jnp.asarray(geometry.sides) - start) / slope,
-        (jnp.asarray(geometry.sides) - start) / slope,
-    )
+    low = (-jnp.asarray(geometry.sides) - start) / slope
+    high = (jnp.asarray(geometry.sides) - start) / slope
     enter = jnp.max(jnp.minimum(low, high), axis=-1)
     leave = jnp.min(jnp.maximum(low, high), axis=-1)
     met = jnp.where(enter > 0, enter, leave)
@@ -262,10 +262,8 @@ def _boxes(geometry: Geometry, origin: Array, direction: Array) -> Array | None:
 def surface(geometry: Geometry, hit: Hit, origin: Array, direction: Array) -> Surface:
     """Normals and texture coordinates of hits; meaningless where nothing is met."""
     point = origin + jnp.where(jnp.isfinite(hit.distance), hit.distance, 0.0)[:, None] * direction
-    normal, uv = (
-        jnp.broadcast_to(-direction, point.shape),
-        jnp.zeros((*point.shape[:1], 2), point.dtype),
-    )
+    normal = jnp.broadcast_to(-direction, point.shape)
+    uv = jnp.zeros((*point.shape[:1], 2), point.dtype)
     face = normal
     before = 0
     for kind, count in (
@@ -276,13 +274,15 @@ def surface(geometry: Geometry, hit: Hit, origin: Array, direction: Array) -> Su
         if count:
             mine = ((hit.shape >= before) & (hit.shape < before + count))[:, None]
             its_normal, its_uv = kind(geometry, point, jnp.clip(hit.shape - before, 0, count - 1))
-            normal, uv = jnp.where(mine, its_normal, normal), jnp.where(mine, its_uv, uv)
+            normal = jnp.where(mine, its_normal, normal)
+            uv = jnp.where(mine, its_uv, uv)
             face = jnp.where(mine, its_normal, face)
             before += count
     if geometry.triangles is not None:
         mine = (hit.shape >= before)[:, None]
         its_normal, its_face, its_uv = triangle_surface(geometry.triangles, hit.part, point)
-        normal, uv = jnp.where(mine, its_normal, normal), jnp.where(mine, its_uv, uv)
+        normal = jnp.where(mine, its_normal, normal)
+        uv = jnp.where(mine, its_uv, uv)
         face = jnp.where(mine, its_face, face)
     face = jnp.where(jnp.sum(face * direction, axis=-1, keepdims=True) > 0, -face, face)
     normal = jnp.where(jnp.sum(face * normal, axis=-1, keepdims=True) < 0, -normal, normal)

@@ -180,7 +180,8 @@ def lamp_on_bands(
     Raises:
         ValueError: the table does not cover the bands, or holds negative or no power.
     """
-    own, values = np.asarray(own, float), np.asarray(values, float)
+    own = np.asarray(own, float)
+    values = np.asarray(values, float)
     grid = validate_wavelengths(wavelengths)
     if own[0] > grid[0] or own[-1] < grid[-1]:
         raise ValueError(

@@ -39,7 +39,8 @@ def read_mesh(
     trimesh = import_trimesh()
     try:
         found = trimesh.load(path, force="mesh")
-        vertices, faces = np.asarray(found.vertices, float), np.asarray(found.faces, int)
+        vertices = np.asarray(found.vertices, float)
+        faces = np.asarray(found.faces, int)
     except Exception as error:  # trimesh raises whatever its readers do
         known = ", ".join(sorted(trimesh.available_formats()))
         raise ValueError(
@@ -49,7 +50,8 @@ def read_mesh(
         raise ValueError(f"{path}: there are no triangles in it")
     about = rotation(turn)
     vertices = vertices @ about.T
-    low, high = vertices.min(axis=0), vertices.max(axis=0)
+    low = vertices.min(axis=0)
+    high = vertices.max(axis=0)
     scale = 1.0 if size is None else size / max(float(np.max(high - low)), 1e-300)
     middle = 0.5 * (low + high)
     vertices = (vertices - middle) * scale + (

@@ -64,7 +64,8 @@ def relief_mesh(plane: Plane) -> Mesh:
     heights = np.asarray(plane.relief, float)
     rows, columns = heights.shape
     right, up, normal = plane_frame(plane)
-    width, height = float(plane.size[0]), float(plane.size[1])
+    width = float(plane.size[0])
+    height = float(plane.size[1])
     u, v = np.meshgrid(np.linspace(0.0, 1.0, columns), np.linspace(1.0, 0.0, rows))
     places = np.stack([(u - 0.5) * width, (v - 0.5) * height, heights], axis=-1).reshape(-1, 3)
     frame = np.stack([right, up, normal])
@@ -143,7 +144,9 @@ def _quads(material: str, quads: list, scale: float = 1.0, start: float = 0.0) -
     way out as axes.
     """
     corners = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
-    vertices, faces, uv = [], [], []
+    vertices = []
+    faces = []
+    uv = []
     for k, (centre, axes) in enumerate(quads):
         vertices.append(np.asarray(centre, float) + corners @ axes[:, :2].T)
         uv.append(start + scale * 0.5 * (corners + 1.0))

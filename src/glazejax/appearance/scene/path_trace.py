@@ -153,7 +153,8 @@ def _mean(
 ) -> PathTraced:
     """Mean of the passes, and the spread of their luminance."""
     total = np.zeros((scene.height, scene.width, 3))
-    square, means = np.zeros((scene.height, scene.width)), []
+    square = np.zeros((scene.height, scene.width))
+    means = []
     try:
         for number in range(report.passes_full):
             told(number / report.passes_full, "following paths")

@@ -183,18 +183,23 @@ def trace(
         Levels, at least one. Their points are in the order of the rays that led there.
     """
     levels: list[Level] = []
-    parent, share = np.arange(len(origin)), np.ones(len(origin))
+    parent = np.arange(len(origin))
+    share = np.ones(len(origin))
     while True:
         *seen, onward = _in_pieces(geometry, places, origin, direction)
         levels.append(Level(parent, *seen))
-        material, cos_view = levels[-1].material, levels[-1].cos_view
+        material = levels[-1].material
+        cos_view = levels[-1].cos_view
         if len(levels) > bounces:
             return levels
         share = share * mirror_share(material, cos_view, reflects)
         go = np.flatnonzero(share > least)
         if go.size == 0:
             return levels
-        parent, share, origin, direction = go, share[go], levels[-1].place[go], onward[go]
+        parent = go
+        share = share[go]
+        origin = levels[-1].place[go]
+        direction = onward[go]
 
 
 def mirror_share(

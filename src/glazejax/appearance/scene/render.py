@@ -377,7 +377,8 @@ def _contrasting(image: np.ndarray) -> Bool[np.ndarray, "h w"]:
     out = np.zeros(level.shape, bool)
     for down, across in ((0, 1), (1, 0), (1, 1), (1, -1)):
         first, second = _neighbours(level.shape, down, across)
-        a, b = level[first], level[second]
+        a = level[first]
+        b = level[second]
         different = np.abs(a - b) > _CONTRAST * (np.maximum(a, b) + _FLOOR)
         out[first] |= different
         out[second] |= different

@@ -69,17 +69,19 @@ def sample_map(
     """
     values = jnp.asarray(values)
     rows, columns = values.shape
-    u, v = uv[:, 0] - jnp.floor(uv[:, 0]), uv[:, 1] - jnp.floor(uv[:, 1])
+    u = uv[:, 0] - jnp.floor(uv[:, 0])
+    v = uv[:, 1] - jnp.floor(uv[:, 1])
     # A coordinate of exactly 1 is the far edge, not the near one.
-    u, v = (
-        jnp.where((u == 0) & (uv[:, 0] > 0), 1.0, u),
-        jnp.where((v == 0) & (uv[:, 1] > 0), 1.0, v),
-    )
+    u = jnp.where((u == 0) & (uv[:, 0] > 0), 1.0, u)
+    v = jnp.where((v == 0) & (uv[:, 1] > 0), 1.0, v)
     x = jnp.clip(u * columns - 0.5, 0.0, columns - 1.0)
     y = jnp.clip((1.0 - v) * rows - 0.5, 0.0, rows - 1.0)
-    a, b = x - jnp.floor(x), y - jnp.floor(y)
-    left, top = jnp.floor(x).astype(int), jnp.floor(y).astype(int)
-    right, down = jnp.minimum(left + 1, columns - 1), jnp.minimum(top + 1, rows - 1)
+    a = x - jnp.floor(x)
+    b = y - jnp.floor(y)
+    left = jnp.floor(x).astype(int)
+    top = jnp.floor(y).astype(int)
+    right = jnp.minimum(left + 1, columns - 1)
+    down = jnp.minimum(top + 1, rows - 1)
     upper = (1 - a) * values[top, left] + a * values[top, right]
     lower = (1 - a) * values[down, left] + a * values[down, right]
     return (1 - b) * upper + b * lower
@@ -123,7 +125,8 @@ def radiance(
                 own = _add_indirect(own, level, mine, material, around)
             if child is not None and beyond is not None and material.is_mirror:
                 own = _add_mirror(own, level, child, number, material, beyond)
-        beyond, child = own, level
+        beyond = own
+        child = level
     assert beyond is not None
     return beyond[: len(levels[0].material)]
 
@@ -139,7 +142,8 @@ def _add_lights(
 ) -> Array:
     rows, which = lit_pairs(level, mine)
     for piece, size in _pieces(rows.size):
-        r, k = _pad_with_first(rows[piece], size), _pad_with_first(which[piece], size)
+        r = _pad_with_first(rows[piece], size)
+        k = _pad_with_first(which[piece], size)
         strength = np.where(np.arange(size) < len(rows[piece]), level.strength[r, k], 0.0)
         pairs = (
             k,

@@ -182,7 +182,8 @@ class Mesh:
     uv: Float[np.ndarray, "vertices 2"] | None = None
 
     def __post_init__(self) -> None:
-        vertices, faces = np.asarray(self.vertices), np.asarray(self.faces)
+        vertices = np.asarray(self.vertices)
+        faces = np.asarray(self.faces)
         if vertices.ndim != 2 or vertices.shape[1] != 3 or not np.all(np.isfinite(vertices)):
             raise ValueError(
                 f"vertices must be finite points (vertices, 3), not of shape {vertices.shape}"

@@ -43,7 +43,10 @@ def make_triangles(meshes: Sequence[Mesh], before: int) -> Triangles:
         meshes: at least one.
         before: number of shapes that come before the first mesh.
     """
-    corners, normals, uv, shape = [], [], [], []
+    corners = []
+    normals = []
+    uv = []
+    shape = []
     for k, mesh in enumerate(meshes):
         faces = np.asarray(mesh.faces)
         points = np.asarray(mesh.vertices, float)[faces]
@@ -121,7 +124,8 @@ class TriangleCaster:
         """Distance and number of the nearest triangle nearer than the limit; the limit and -1 where
         there is none.
         """
-        best, triangle = limit.copy(), np.full(len(limit), -1)
+        best = limit.copy()
+        triangle = np.full(len(limit), -1)
         # From where rays enter the sphere around all meshes: single precision is fine there.
         offset = origin - self._middle
         middle = -np.sum(offset * direction, axis=1)
@@ -137,7 +141,8 @@ class TriangleCaster:
             found = self._engine.intersects_first(
                 offset[going] + start[going, None] * direction[going], direction[going]
             )
-            going, found = going[found >= 0], found[found >= 0]
+            going = going[found >= 0]
+            found = found[found >= 0]
             distance, ahead = self._distance(found, origin[going], direction[going])
             near = ahead & (distance < limit[going])
             best[going[near]], triangle[going[near]] = distance[near], found[near]
@@ -154,13 +159,12 @@ class TriangleCaster:
         Source: T. Möller, B. Trumbore, Journal of Graphics Tools 2 (1997) 21.
         """
         corner, edge1, edge2 = (side[which] for side in self._triangles[:3])
-        across, other = np.cross(direction, edge2), np.cross(origin - corner, edge1)
+        across = np.cross(direction, edge2)
+        other = np.cross(origin - corner, edge1)
         with np.errstate(divide="ignore", invalid="ignore"):
             scale = 1.0 / np.sum(edge1 * across, axis=1)
-            u, v = (
-                scale * np.sum((origin - corner) * across, axis=1),
-                scale * np.sum(direction * other, axis=1),
-            )
+            u = scale * np.sum((origin - corner) * across, axis=1)
+            v = scale * np.sum(direction * other, axis=1)
             ahead = ~(scale * np.sum(edge2 * other, axis=1) <= 0)
         # Rounding may put the point a little outside, and far outside where the triangle is seen
         # edge-on.

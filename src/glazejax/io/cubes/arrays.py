@@ -72,7 +72,8 @@ def _place(envi: EnviFile) -> dict[str, Any]:
     attributes: dict[str, Any] = {}
     if system := envi.entries("coordinate system string"):
         attributes["crs_wkt"] = ",".join(system)
-    info, sizes = envi.entries("map info"), envi.entries("pixel size")
+    info = envi.entries("map info")
+    sizes = envi.entries("pixel size")
     about: dict[str, Any] = {}
     found: dict[str, Any] = {"attributes": attributes, "about_place": about}
     if info:
@@ -87,7 +88,8 @@ def _place(envi: EnviFile) -> dict[str, Any]:
     if dx > 0 and dy > 0:
         about["pixel_size"] = (dy, dx)
         about["units"] = words.get("units", "metre").strip()
-        down, across = np.arange(envi.sizes["lines"]), np.arange(envi.sizes["samples"])
+        down = np.arange(envi.sizes["lines"])
+        across = np.arange(envi.sizes["samples"])
         if info and not turned:
             found["x"], found["y"] = east + (across + 1.5 - x0) * dx, north - (down + 1.5 - y0) * dy
         # lines and samples of a turned image have no coordinates of the map; they count from the

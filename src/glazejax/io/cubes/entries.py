@@ -81,7 +81,8 @@ def describe(
         count = wavelengths.size
     order, shape = axes_of(image.shape, count, image.dims)
     if wavelengths is not None and wavelengths.size != shape[2]:
-        wavelengths, notes = None, []
+        wavelengths = None
+        notes = []
     found: dict[str, Any] = {}
     about: dict[str, Any] = {}
     for title, axis in (("y", order[0]), ("x", order[1])):

@@ -9,7 +9,8 @@ Take: TypeAlias = Callable[[tuple[slice, ...]], np.ndarray]
 """Reads a window: a slice with a positive step along each axis."""
 
 # Lines that lie no further apart are read together, and points that lie in one square of this size.
-_NEAR, _SQUARE = 16, 64
+_NEAR = 16
+_SQUARE = 64
 
 
 def outer(take: Take, key: Sequence[Any], shape: tuple[int, ...]) -> np.ndarray:
@@ -38,7 +39,9 @@ def _lists(
     if not rest:
         sizes = [len(range(size)[part]) for part, size in zip(done, shape, strict=True)]
         return take(tuple(done)) if 0 not in sizes else np.empty(sizes, np.float32)
-    axis, part, size = len(done), rest[0], shape[len(done)]
+    axis = len(done)
+    part = rest[0]
+    size = shape[len(done)]
     if isinstance(part, slice):
         wanted = range(size)[part]
         if wanted.step > 0:
@@ -74,13 +77,15 @@ def pointwise(take: Take, key: Sequence[Any], shape: tuple[int, int, int]) -> np
     first = int(bands.min())
     run = slice(first, int(bands.max()) + 1, 1)
     spectra = np.empty((y.size, run.stop - first), np.float32)
-    lines, samples = y.ravel(), x.ravel()
+    lines = y.ravel()
+    samples = x.ravel()
     _, square = np.unique(
         (lines // _SQUARE) * (shape[1] // _SQUARE + 1) + samples // _SQUARE, return_inverse=True
     )
     order = np.argsort(square, kind="stable")
     for points in np.split(order, np.flatnonzero(np.diff(square[order])) + 1):
-        top, left = int(lines[points].min()), int(samples[points].min())
+        top = int(lines[points].min())
+        left = int(samples[points].min())
         window = (
             slice(top, int(lines[points].max()) + 1, 1),
             slice(left, int(samples[points].max()) + 1, 1),

@@ -17,9 +17,11 @@ def read_numbers(given: tuple[float, ...] | Path) -> Float[np.ndarray, "stored"]
         ValueError: not numbers, none, or not wavelengths.
     """
     if isinstance(given, Path):
-        values, name = column(given), given
+        values = column(given)
+        name = given
     else:
-        values, name = np.asarray(given, np.float64), Path("wavelengths")
+        values = np.asarray(given, np.float64)
+        name = Path("wavelengths")
     wrong = np.flatnonzero(~np.isfinite(values))
     if not values.size or wrong.size:
         which = (

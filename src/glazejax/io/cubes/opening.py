@@ -24,7 +24,8 @@ def raw_cube(path: Path, dataset: str | None = None, count: int | None = None) -
         ValueError: no image of spectra, or not a legal one.
     """
     stored = path.is_dir() and any((path / name).exists() for name in _ZARR)
-    head, known = b"", True
+    head = b""
+    known = True
     if not path.is_dir():
         with open_source(path) as source:
             head = source.head
@@ -52,7 +53,9 @@ def raw_cube(path: Path, dataset: str | None = None, count: int | None = None) -
 
 
 # What files begin with.
-_HDF5, _NPY, _ZIP = b"\x89HDF\r\n", b"\x93NUMPY", b"PK\x03\x04"
+_HDF5 = b"\x89HDF\r\n"
+_NPY = b"\x93NUMPY"
+_ZIP = b"PK\x03\x04"
 _CLASSIC = (b"CDF\x01", b"CDF\x02")
 _HEADS = (_HDF5, _NPY, _ZIP, *_CLASSIC, *TIFF)
 # Files that a store of zarr has.

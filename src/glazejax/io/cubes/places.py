@@ -228,8 +228,10 @@ def read_spot(cube: "xarray.DataArray", spot: str | Path) -> Spot:
             )
         used = read_mask(spot, cube)
     else:
-        x0, y0 = int(match[1]), int(match[3])
-        x1, y1 = int(match[2] or x0 + 1), int(match[4] or y0 + 1)
+        x0 = int(match[1])
+        y0 = int(match[3])
+        x1 = int(match[2] or x0 + 1)
+        y1 = int(match[4] or y0 + 1)
         if not (x0 < x1 <= samples and y0 < y1 <= lines):
             raise ValueError(
                 f"the spot {spot} does not lie in the image: x goes from 0 to {samples}, y from "
@@ -237,11 +239,15 @@ def read_spot(cube: "xarray.DataArray", spot: str | Path) -> Spot:
             )
         used = np.zeros((lines, samples), bool)
         used[y0:y1, x0:x1] = True
-    rows, columns = np.flatnonzero(used.any(axis=1)), np.flatnonzero(used.any(axis=0))
+    rows = np.flatnonzero(used.any(axis=1))
+    columns = np.flatnonzero(used.any(axis=0))
     x = slice(int(columns[0]), int(columns[-1]) + 1)
     bands = cube.sizes["wavelength"]
-    count, total, square = np.zeros(bands), np.zeros(bands), np.zeros(bands)
-    shift, pixels = np.zeros(bands), 0
+    count = np.zeros(bands)
+    total = np.zeros(bands)
+    square = np.zeros(bands)
+    shift = np.zeros(bands)
+    pixels = 0
     top = cube.attrs.get("saturated", np.inf)
     step = max(1, _AT_ONCE // max(1, (x.stop - x.start) * bands))
     for start in range(int(rows[0]), int(rows[-1]) + 1, step):

@@ -6,7 +6,8 @@ from jaxtyping import Int
 from .raw import RawCube
 
 # Tiles of so many lines and samples, and so many of them across the image.
-_TILE, _ACROSS = 32, 4
+_TILE = 32
+_ACROSS = 4
 # Bands that are looked at.
 _BANDS = 16
 # Above so many numbers in a piece of the file only one tile is looked at.
@@ -25,7 +26,8 @@ def bright(raw: RawCube, bands: Int[np.ndarray, "bands"]) -> float | None:
     found = []
     for i in range(across):
         for j in range(across):
-            y, x = _tile(lines, i, across), _tile(samples, j, across)
+            y = _tile(lines, i, across)
+            x = _tile(samples, j, across)
             values = raw.values(y, x, bands).reshape(-1, bands.size)
             found.append(values[np.isfinite(values).any(axis=1)])
     pixels = np.concatenate(found)

@@ -110,7 +110,8 @@ def _spectrum(path: Path) -> Float[np.ndarray, "stored"] | None:
 def _average_lines(frame: RawCube) -> Float[np.ndarray, "1 samples stored"]:
     """Mean over the lines; saturated and missing readings are left out."""
     lines, samples, count = frame.shape
-    total, seen = np.zeros((samples, count)), np.zeros((samples, count), np.int64)
+    total = np.zeros((samples, count))
+    seen = np.zeros((samples, count), np.int64)
     step = max(frame.piece[0], 64)
     for start in range(0, lines, step):
         values = frame.values(

@@ -68,7 +68,9 @@ class CubeSource:
         stored = _stored_wavelengths(raw, given, notes)
         grid, groups = _grid(raw, stored, self.bands, self.binning[2], notes)
         window = _window(raw, self.window, self.binning, notes)
-        scale, unit, calibrated = 1.0, "raw", None
+        scale = 1.0
+        unit = "raw"
+        calibrated = None
         if self.white is not None:
             calibrated = calibration(
                 raw, stored, self.white, self.dark, self.white_reflectance, notes
@@ -226,7 +228,8 @@ def _grid(
         notes.append(
             f"{int((~fresh).sum())} bands repeat a wavelength ({again} nm) and are left out"
         )
-        grid, bands = grid[fresh], bands[fresh]
+        grid = grid[fresh]
+        bands = bands[fresh]
     try:
         validate_wavelengths(grid)
     except ValueError as error:
@@ -239,7 +242,8 @@ def _grid(
                 raw.path,
                 f"no band lies from {first:g} to {last:g} nm; the image has {describe_grid(grid)}",
             )
-        grid, bands = grid[inside], bands[inside]
+        grid = grid[inside]
+        bands = bands[inside]
     if each > grid.size:
         raise refusal(
             raw.path, f"bins of {each} bands are larger than the {grid.size} bands that there are"

@@ -22,7 +22,8 @@ TIFF = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
 _NM = re.compile(r"(?<![\d.])(\d{3,4}(?:\.\d+)?)[ _]?nm", re.IGNORECASE)
 _DIGITS = re.compile(r"\d+(?:\.\d+)?")
 # Wavelengths that a bare number in a file's name can be, nm.
-_LEAST, _MOST = 200.0, 2600.0
+_LEAST = 200.0
+_MOST = 2600.0
 
 
 class Planes:
@@ -66,7 +67,8 @@ def tiff_cube(path: Path, count: int | None) -> RawCube:
                     f"not an image of several bands of one size and type: {len(pages)} pages of "
                     f"{told}",
                 )
-            order, shape = (1, 2, 0), (*pages[0].shape, len(pages))
+            order = (1, 2, 0)
+            shape = (*pages[0].shape, len(pages))
             piece = _piece(_array(path, 0), (0, 1, 0))
             piece = (piece[0], piece[1], 1)
             data = OnDisk(_pages, path, len(pages), one_at_a_time=piece != (1, 1, 1))
@@ -107,14 +109,16 @@ def tiff_folder(path: Path, count: int | None) -> RawCube:
     if wavelengths is not None:
         files = [files[i] for i in np.argsort(wavelengths, kind="stable")]
         wavelengths = np.sort(wavelengths)
-    first, memory = None, False
+    first = None
+    memory = False
     place: dict[str, Any] = {}
     for file in files:
         with explain_errors(file), whole(file), tifffile.TiffFile(file) as tiff:
             page = tiff.pages[0]
             size = (tuple(tiff.series[0].shape), tiff.series[0].dtype)
             if first is None:
-                first, place = size, _place(tiff)
+                first = size
+                place = _place(tiff)
                 memory = page.is_memmappable
             if len(size[0]) != 2 or size != first:
                 raise refusal(
@@ -219,7 +223,8 @@ def _place(file: Any) -> dict[str, Any]:
     found: dict[str, Any] = {}
     with contextlib.suppress(ValueError):
         found["ignore"] = (float(str(tags.valueof(42113)).strip("\0 ")),)
-    scale, tie = tags.valueof(33550), tags.valueof(33922)
+    scale = tags.valueof(33550)
+    tie = tags.valueof(33922)
     if scale is None or tie is None or len(tie) != 6:
         return found
     point = int((file.geotiff_metadata or {}).get("GTRasterTypeGeoKey", 1)) == 2

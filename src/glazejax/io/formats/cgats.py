@@ -59,7 +59,8 @@ def read_cgats(source: Source) -> RawSpectra:
     bands = _bands(sheet)
     named = next((name for name in _NAMES if name in [f.upper() for f in sheet.fields]), None)
     name_at = None if named is None else [f.upper() for f in sheet.fields].index(named)
-    names, rows = [], []
+    names = []
+    rows = []
     for number, (line, cells) in enumerate(sheet.sets, start=1):
         if len(cells) != len(sheet.fields):
             raise source.error(
@@ -88,7 +89,9 @@ def read_cgats(source: Source) -> RawSpectra:
 
 def _sheets(source: Source) -> list[_Sheet]:
     """Tables of the file; keywords above the first hold for all."""
-    sheets, keywords, state = [], {}, "keywords"
+    sheets = []
+    keywords = {}
+    state = "keywords"
     for number, line in enumerate(source.text().splitlines(), start=1):
         cells = [quoted or plain for quoted, plain in _CELL.findall(_without_comment(line))]
         if not cells:
@@ -96,20 +99,24 @@ def _sheets(source: Source) -> list[_Sheet]:
         first = cells[0].upper()
         if first == "BEGIN_DATA_FORMAT":
             sheets.append(_Sheet(dict(keywords)))
-            state, cells = "format", cells[1:]
+            state = "format"
+            cells = cells[1:]
         elif first == "BEGIN_DATA" and state != "data":
             if not sheets:
                 raise source.error("BEGIN_DATA without BEGIN_DATA_FORMAT before it", number)
             if sheets[-1].ended:  # a further table with the same fields
                 sheets.append(_Sheet(dict(keywords), list(sheets[-1].fields)))
             sheets[-1].keywords.update(keywords)
-            state, cells = "data", cells[1:]
+            state = "data"
+            cells = cells[1:]
         elif first == "END_DATA_FORMAT":
-            state, cells = "keywords", []
+            state = "keywords"
+            cells = []
         elif first == "END_DATA":
             if sheets:
                 sheets[-1].ended = True
-            state, cells = "keywords", []
+            state = "keywords"
+            cells = []
         if not cells:
             continue
         if state == "format":

@@ -15,7 +15,8 @@ from ..spectra_table import SpectraTable
 
 _NAMESPACE = b"colorexchangeformat.com/CxF3-core"
 # Each tag takes about a kilobyte when it is read, each word a quarter of one.
-_MAX_TAGS, _MAX_WORDS = 100_000, 600_000
+_MAX_TAGS = 100_000
+_MAX_WORDS = 600_000
 # Bounds of CxF3's schema for the first wavelength.
 _FIRST = (360, 400)
 
@@ -69,7 +70,10 @@ def read_cxf(source: Source) -> RawSpectra:
         for spec in (collection.color_specification if collection else [])
         if spec.measurement_spec
     }
-    names, values, specifications, grid = [], [], [], None
+    names = []
+    values = []
+    specifications = []
+    grid = None
     objects = (
         resources.object_collection.object_value
         if resources and resources.object_collection
@@ -125,7 +129,9 @@ def _wavelengths(source: Source, name: str, spectrum: Any, measured: Any) -> np.
     )
     step = getattr(measured, "increment", None)
     try:
-        first, width = float(start), float(step)  # type: ignore[arg-type]
+        # type: ignore[arg-type]
+        first = float(start)
+        width = float(step)
     except (TypeError, ValueError):
         raise source.error(
             f"no wavelengths for {name!r}: its ColorSpecification "
@@ -145,7 +151,8 @@ def format_cxf(table: SpectraTable) -> bytes:
     cxf = _library()
     core = cxf.cxf3
     steps = np.diff(table.wavelengths)
-    first, step = float(table.wavelengths[0]), float(steps[0]) if steps.size else 1.0
+    first = float(table.wavelengths[0])
+    step = float(steps[0]) if steps.size else 1.0
     even = first.is_integer() and step.is_integer() and bool((steps == step).all())
     if not (even and _FIRST[0] <= first <= _FIRST[1]):
         last = table.wavelengths[-1]

@@ -55,7 +55,8 @@ def read_header(source: Source) -> dict[str, str | list[str]]:
         title, equals, text = line.partition("=")
         if not equals or line.startswith(";"):
             continue
-        title, text = title.strip().lower(), text.strip()
+        title = title.strip().lower()
+        text = text.strip()
         if title in header and title in (*_NEEDED, "wavelength", "header offset"):
             raise source.error(f"not a legal ENVI header: {title!r} stands there twice", number)
         if not text.startswith("{"):
@@ -107,7 +108,8 @@ class EnviFile:
                 f"the ENVI header is not legal: interleave is {self.interleave!r}, not bil, bip "
                 "or bsq"
             )
-        kind, order = _TYPES.get(self._whole("data type", 0)), self._whole("byte order", 0)
+        kind = _TYPES.get(self._whole("data type", 0))
+        order = self._whole("byte order", 0)
         if kind is None or order > 1:
             raise self.error(
                 f"the ENVI header is not legal: data type {self.header['data type']}, byte order "
@@ -163,7 +165,9 @@ class EnviFile:
         Raises:
             ValueError: header or data are not legal, or there are no wavelengths.
         """
-        count, width, depth = self.sizes["lines"], self.sizes["samples"], self.sizes["bands"]
+        count = self.sizes["lines"]
+        width = self.sizes["samples"]
+        depth = self.sizes["bands"]
         if depth != 1:
             raise self.error(f"an ENVI spectral library of {depth} bands, where one is legal")
         if count * width > _MAX_VALUES:

@@ -87,7 +87,8 @@ def read_jcamp(source: Source) -> RawSpectra:
 def _blocks(source: Source) -> list[_Block]:
     """Blocks that have data; wrappers that only link blocks are passed over."""
     blocks: list[_Block] = []
-    block, inside = None, False
+    block = None
+    inside = False
     for number, line in enumerate(source.text().splitlines(), start=1):
         text = line.partition("$$")[0].strip()
         if not text.startswith("##"):
@@ -95,7 +96,8 @@ def _blocks(source: Source) -> list[_Block]:
                 block.data.append((number, text))
             continue
         label, equals, value = text[2:].partition("=")
-        label, value = re.sub(r"[\s/_-]", "", label).upper(), value.strip()
+        label = re.sub(r"[\s/_-]", "", label).upper()
+        value = value.strip()
         if label == "TITLE":
             if block is not None and block.form:
                 raise source.error("a block begins before the one above has its ##END=", number)
@@ -214,7 +216,8 @@ def _steps(
     factor = _factor(source, name, block, "XFACTOR")
     step = (last - first) / (promised - 1) if promised > 1 else 0.0
     packed = any(_PACKING.intersection(text) for _, text in block.data)
-    values, wrong = array("d"), None
+    values = array("d")
+    wrong = None
     # whether the line above ended in a difference, and its last ordinate begins the next line
     differs = False
     for line, text in block.data:
@@ -262,12 +265,16 @@ def _unpack(text: str) -> tuple[float, int, array | None, bool]:
     begin = _FIRST.match(text)
     if begin is None:
         return 0.0, 0, None, False
-    values, differs, change, at = array("d"), False, 0.0, begin.end()
+    values = array("d")
+    differs = False
+    change = 0.0
+    at = begin.end()
     while at < len(text):
         match = _PACKED.match(text, at)
         if match is None or match.end() == at or not (match[1] or match[2]):
             return 0.0, 0, None, False
-        sign, digits = match[1], match[2]
+        sign = match[1]
+        digits = match[2]
         try:
             if sign in _REPEATED and sign:
                 count = int(_REPEATED[sign] + digits)
@@ -278,10 +285,12 @@ def _unpack(text: str) -> tuple[float, int, array | None, bool]:
             elif sign in _DIFFERENCE and sign:
                 if not values:
                     return 0.0, 0, None, False
-                differs, change = True, float(_DIFFERENCE[sign] + digits)
+                differs = True
+                change = float(_DIFFERENCE[sign] + digits)
                 values.append(values[-1] + change)
             else:
-                differs, change = False, 0.0
+                differs = False
+                change = 0.0
                 values.append(float(_SQUEEZED.get(sign, sign) + digits))
         except ValueError:
             return 0.0, 0, None, False

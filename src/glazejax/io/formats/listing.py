@@ -51,7 +51,8 @@ def read_listing(source: Source) -> RawSpectra:
         wavelengths, notes = nanometres(grid, _text(grids[0].get("unit", "")))
     except ValueError as error:
         raise source.error(error) from None
-    names, values = [], []
+    names = []
+    values = []
     for number, entry in enumerate(spectra, start=1):
         name = str(entry.get("name", "")) or f"spectrum {number}"
         row = _numbers(source, name, entry["reflectance"])

@@ -325,7 +325,8 @@ def _read_wide(
     grid = _check_grid(cells, wavelengths)
     names: list[str] = []
     # 16 bytes a name instead of the 150 of a dictionary.
-    lines, hashes = array("q"), array("q")
+    lines = array("q")
+    hashes = array("q")
 
     def start(number: int, name: str) -> None:
         if not name or len(names) == _MAX_SPECTRA:
@@ -357,7 +358,8 @@ def _read_long(
     for name in cells.header[1:]:
         _check_name(cells, cells.header_line, name, lines)
         lines[name] = cells.header_line
-    names, wavelengths = list(lines), array("d")
+    names = list(lines)
+    wavelengths = array("d")
 
     def start(number: int, cell: str) -> None:
         wavelength = _wavelength(cell, cells.delimiter)
@@ -404,13 +406,16 @@ def _read_triples(
     rows: dict[str, int] = {}
     columns: dict[float, int] = {}
     column_at: dict[str, int] = {}  # by its text, which need not be parsed again
-    row_of, column_of, values = array("i"), array("i"), array("d")
+    row_of = array("i")
+    column_of = array("i")
+    values = array("d")
     breaks: list[
         tuple[int, int]
     ] = []  # a value and its line, wherever that is not the line after the value before
     for number, text in _with_first(first, cells.lines):
         row = cells.split(number, text)
-        name, title = row[name_at], row[wavelength_at]
+        name = row[name_at]
+        title = row[wavelength_at]
         if not name:
             raise cells.error(number, "a sample has no name")
         if title not in column_at:
@@ -434,11 +439,13 @@ def _read_triples(
     grid = _check_grid(cells, sorted(columns))
     # Columns in the order of their wavelengths, not of the file.
     rank = np.argsort(np.argsort(np.fromiter(columns, float)))
-    at_row, at_column = np.frombuffer(row_of, np.int32), np.frombuffer(column_of, np.int32)
+    at_row = np.frombuffer(row_of, np.int32)
+    at_column = np.frombuffer(column_of, np.int32)
     # Filled in parts, as whole arrays of places would take more room than the table.
     parts = [slice(i, i + _PART) for i in range(0, len(values), _PART)]
     if len(names) * grid.size == len(values):
-        table, seen = np.empty((len(names), grid.size)), np.zeros((len(names), grid.size), bool)
+        table = np.empty((len(names), grid.size))
+        seen = np.zeros((len(names), grid.size), bool)
         for part in parts:
             seen[at_row[part], rank[at_column[part]]] = True
             table[at_row[part], rank[at_column[part]]] = values[part]
@@ -470,7 +477,8 @@ def read_columns(source: Source) -> RawSpectra:
         ValueError: a row of another length, a cell that is not a number, or first columns that are
             no wavelengths.
     """
-    numbers, width = array("d"), 0
+    numbers = array("d")
+    width = 0
     # Only comments may be in another encoding, and they are skipped.
     for number, line in source.lines(damaged="replace"):
         cells = line.split()

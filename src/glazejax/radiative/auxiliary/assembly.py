@@ -128,10 +128,8 @@ def direct(
 def _own(node: Array, dh: Array) -> Float[Array, "n"]:
     """Each segment's E_1 integrated over itself: nodes crowd at the midpoint from both sides."""
     y, w = gauss(_OWN_SEGMENT_NODES)
-    offset, weight = (
-        0.5 * dh * np.concatenate([-(y**3), y**3]),
-        0.5 * dh * np.tile(3.0 * y**2 * w, 2),
-    )
+    offset = 0.5 * dh * np.concatenate([-(y**3), y**3])
+    weight = 0.5 * dh * np.tile(3.0 * y**2 * w, 2)
     mu, w_mu = _grazing(1.0, 0.5 * dh * y.min() ** 3 / _NEGLIGIBLE_DEPTH, _OWN_GRAZING_NODES)
     distance = jnp.abs(node[:, None] - (node[:, None] + offset))
     return jnp.sum(weight * jnp.sum(w_mu * jnp.exp(-distance[..., None] / mu), axis=-1), axis=-1)
@@ -162,7 +160,8 @@ def _values(step: Array, count: Array, most: int, refractive_index: float) -> tu
 def _ground(values: tuple[Array, ...], count: Array) -> tuple[Array, Array, Array]:
     """M at the midpoints and integrated over the segments, (n, stacks), and K, (stacks,); exact."""
     e2, j1, e3, j2 = values
-    i, own = jnp.arange(e2.shape[1]), count[:, None]
+    i = jnp.arange(e2.shape[1])
+    own = count[:, None]
     above = jnp.maximum(own - 1 - i, 0)
     m = jnp.take_along_axis(e2, above, axis=1) + jnp.take_along_axis(j1, own + i, axis=1)
     integrated = jnp.take_along_axis(e3, above, axis=1) - jnp.take_along_axis(e3, above + 1, axis=1)

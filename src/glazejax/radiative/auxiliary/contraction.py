@@ -38,7 +38,8 @@ def solve_contraction(
 
     def transpose(_, right) -> Array:
         # T = S / W with S symmetric, so W (E - T) y = (E - T') (W y).
-        right, positive = jnp.asarray(right), weight > 0
+        right = jnp.asarray(right)
+        positive = weight > 0
         y = _conjugate_gradients(
             apply, weight, jnp.where(positive, right / jnp.where(positive, weight, 1.0), 0.0)
         )

@@ -67,14 +67,16 @@ def _system(panels: Panels, light: Stack) -> CollocatedSystem:
         np.arange(count) > owner[:, None]
     )  # (node, panel): whether the panel lies below the node
     surface = _surface(light.refractive_index, h)
-    mu, critical = surface.cosines, surface.critical
+    mu = surface.cosines
+    critical = surface.critical
 
     def columns(array: Array) -> Array:  # (..., panels, p) -> (..., n)
         return array.reshape(*array.shape[:-2], size)
 
     # What goes through the paint and what the surface reflects, stacked, so that the program holds
     # each kernel once.
-    c1, c2 = critical[:, None], critical[:, None, None]
+    c1 = critical[:, None]
+    c2 = critical[:, None, None]
     e2 = expn(2, jnp.stack([tau, above_ground, tau / c1, (h[:, None] + tau) / c1]))
     e3 = expn(3, jnp.stack([h, h / critical, 2.0 * h / critical]))
     gap = jnp.where(below, top[:, None, :] - tau[..., None], tau[..., None] - bottom[:, None, :])
@@ -136,7 +138,8 @@ def _system(panels: Panels, light: Stack) -> CollocatedSystem:
     if light.cos_viewing is None:
         beam = columns(decay_integrals(rate[:, None], top, width, rules)) * strength[:, None]
         beam *= _rescale(beam, -0.5 * enter * jnp.expm1(-rate * h), h)
-        exit_weight, ground_weight = e2[0] - reflected_up, e3[0] - reflected_out
+        exit_weight = e2[0] - reflected_up
+        ground_weight = e3[0] - reflected_out
         factor = jnp.full_like(h, 2.0)
         once = jnp.sum(q * beam * exit_weight, axis=-1)
     else:
@@ -144,8 +147,10 @@ def _system(panels: Panels, light: Stack) -> CollocatedSystem:
         beam, both = columns(
             decay_integrals(jnp.stack([rate, rate + out])[..., None], top, width, rules)
         )
-        beam, both = beam * strength[:, None], both * strength[:, None]
-        exit_weight, ground_weight = jnp.exp(-out[:, None] * tau), jnp.exp(-out * h) / out
+        beam = beam * strength[:, None]
+        both = both * strength[:, None]
+        exit_weight = jnp.exp(-out[:, None] * tau)
+        ground_weight = jnp.exp(-out * h) / out
         factor = (1.0 - dielectric_reflectance(light.cos_viewing, n)) * out / n**2
         once = jnp.sum(q * both, axis=-1)
     seen = open_share * ground_weight

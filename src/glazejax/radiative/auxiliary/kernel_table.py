@@ -84,11 +84,9 @@ class KernelTable:
         from scipy.special import expn
 
         before = self.terms
-        half, whole, n = (
-            np.arange(2 * segments) + 0.5,
-            np.arange(2.0 * segments + 1),
-            self.refractive_index,
-        )
+        half = np.arange(2 * segments) + 0.5
+        whole = np.arange(2.0 * segments + 1)
+        n = self.refractive_index
 
         def grown(old: np.ndarray, depths: np.ndarray, kernel) -> np.ndarray:
             return np.concatenate([old, kernel(self.step * depths[old.size :])])

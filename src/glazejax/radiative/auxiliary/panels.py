@@ -82,11 +82,14 @@ def rules(count: int, points: int) -> Rules:
         return legendre.legvander(x, count - 1) @ coefficients
 
     v, wv = gauss(points)
-    x, wx = v**_GRADING, wv * _GRADING * v ** (_GRADING - 1)
+    x = v**_GRADING
+    wx = wv * _GRADING * v ** (_GRADING - 1)
     ends = derivatives(np.array([-1.0, 1.0]))
-    own_points, own_kernel = [], []
+    own_points = []
+    own_kernel = []
     for node in xi:
-        up, down = 0.5 * (1 + node) * x, 0.5 * (1 - node) * x
+        up = 0.5 * (1 + node) * x
+        down = 0.5 * (1 - node) * x
         own_points.append(np.r_[up, down])
         shares = np.r_[0.5 * (1 + node) * wx, 0.5 * (1 - node) * wx]
         own_kernel.append(shares[:, None] * values(np.r_[node - 2 * up, node + 2 * down]))
@@ -106,7 +109,8 @@ def _orders(first: int, count: int, x: Array) -> Array:
     """E_first(x) ... E_(first + count - 1)(x), (..., count), by the upward recurrence;
     first >= 2.
     """
-    value, decay = expn(first, x), jnp.exp(-x)
+    value = expn(first, x)
+    decay = jnp.exp(-x)
     out = [value]
     for n in range(first, first + count - 1):
         value = (decay - x * value) / n
@@ -139,10 +143,8 @@ def kernel_integrals(order: int, distance: Array, width: Array, rules: Rules) ->
     wide_width = jnp.where(wide, width, _WIDE)
     scale = _powers(2.0 / wide_width, count)
     ends = scale * _orders(order + 1, count, jnp.stack([distance, distance + wide_width]))
-    here, there = (
-        ends[0] @ jnp.asarray(rules.near, t.dtype),
-        ends[1] @ jnp.asarray(rules.far, t.dtype),
-    )
+    here = ends[0] @ jnp.asarray(rules.near, t.dtype)
+    there = ends[1] @ jnp.asarray(rules.far, t.dtype)
     return jax.lax.select(jnp.broadcast_to(wide[..., None], narrow.shape), here - there, narrow)
 
 
@@ -183,10 +185,8 @@ def own_integrals(width: Array, rules: Rules) -> Array:
     ends = scale * _orders(
         2, count, jnp.stack([wide_width * (1.0 - rules.nodes), wide_width * rules.nodes])
     )
-    below, above = (
-        ends[0] @ jnp.asarray(rules.far, dtype),
-        ends[1] * (-1.0) ** k @ jnp.asarray(rules.near, dtype),
-    )
+    below = ends[0] @ jnp.asarray(rules.far, dtype)
+    above = ends[1] * (-1.0) ** k @ jnp.asarray(rules.near, dtype)
     return jnp.where(wide[..., None, None], middle - below - above, narrow)
 
 
@@ -240,20 +240,23 @@ def layer_panels(thickness: Array, layer_albedo: Array, slant: Array, mesh: Mesh
         mesh: static.
     """
     depth = jnp.cumsum(thickness, axis=-1)
-    tops, widths = [], []
+    tops = []
+    widths = []
     for i in range(thickness.shape[1]):
         d = thickness[:, i, None]
         given = jax.lax.stop_gradient((thickness[:, i], layer_albedo[:, i], slant))
         share = _half_layer(*given, mesh)
         inner = share[:, 1:] - share[:, :-1]
-        start, shares = [share[:, :-1], 1.0 - share[:, :0:-1]], [inner, inner[:, ::-1]]
+        start = [share[:, :-1], 1.0 - share[:, :0:-1]]
+        shares = [inner, inner[:, ::-1]]
         if mesh.interior:
             start.insert(1, share[:, -1:])
             shares.insert(1, jnp.maximum(1.0 - 2.0 * share[:, -1:], 0.0))
         above = depth[:, i - 1, None] if i else jnp.zeros_like(d)
         tops.append(above + d * jnp.concatenate(start, axis=-1))
         widths.append(d * jnp.concatenate(shares, axis=-1))
-    top, width = jnp.concatenate(tops, axis=-1), jnp.concatenate(widths, axis=-1)
+    top = jnp.concatenate(tops, axis=-1)
+    width = jnp.concatenate(widths, axis=-1)
     albedo = jnp.repeat(layer_albedo, width.shape[1] // thickness.shape[1], axis=1)
     albedo = jnp.broadcast_to(albedo[..., None], (*width.shape, mesh.nodes))
     return Panels(

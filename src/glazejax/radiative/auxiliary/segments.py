@@ -81,7 +81,8 @@ class Segments(NamedTuple):
                 averaging=(nothing, nothing, drop),
             )
 
-        first, second = with_albedo(albedo), with_albedo(albedo**2)
+        first = with_albedo(albedo)
+        second = with_albedo(albedo**2)
         scattering = first.integrate(edges, faces)
         enough = scattering > _NEGLIGIBLE * step
         safe = jnp.where(enough, scattering, 1.0)

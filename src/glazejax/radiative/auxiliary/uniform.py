@@ -227,7 +227,8 @@ def _evaluate(albedo, thickness, ground, cosines, how: _How) -> Split:
     at_once = settings.product != "matrix"
     vectors = _vectors(_table(table, settings, most), settings)
     angles = max(int(np.prod(batch.cos_incidence.shape[1:])), 1)
-    parts, order = [], []
+    parts = []
+    order = []
     for rows, most in _groups(count, settings, segments):
         alone = variant != "fixed_step" and most >= _ALONE and not at_once
         chunk = 1 if alone else max(1, _CHUNK_ELEMENTS // (most * (angles + 1)))
@@ -408,7 +409,8 @@ def _vectors(table: KernelTable | None, settings: GridSettings):
         return lambda most: ()
     if settings.corrected:
         return lambda most: (table.e3[:most], table.j2[: 2 * most - 1])
-    toeplitz, hankel = table.toeplitz, table.hankel
+    toeplitz = table.toeplitz
+    hankel = table.hankel
 
     def print_step(most: int):
         m = (table.e2[:most], table.j1[: 2 * most], table.e3[: most + 1], table.j2[: 2 * most + 1])
@@ -427,7 +429,9 @@ def _solve_traced(batch: Batch, settings: GridSettings, how: _How) -> Split:
                 "give variant 'fixed_step' a table=KernelTable(refractive_index, step, segments) "
                 "that is long enough, or do not jit"
             )
-        most, reach, longer = table.segments, repr(table), "make a table of more segments"
+        most = table.segments
+        reach = repr(table)
+        longer = "make a table of more segments"
     else:
         if how.segments is None:
             raise ValueError(
@@ -435,7 +439,9 @@ def _solve_traced(batch: Batch, settings: GridSettings, how: _How) -> Split:
                 "give segments=, as many as the thickest stack needs at this step, or do not jit "
                 f"(variant {settings.variant!r})"
             )
-        most, reach, longer = how.segments, f"segments={how.segments}", "give more segments"
+        most = how.segments
+        reach = f"segments={how.segments}"
+        longer = "give more segments"
         _table(table, settings, most)
     vectors = _vectors(table, settings)(most)
     settings = settings._replace(most=most, product=_chosen(how.product, settings, most))

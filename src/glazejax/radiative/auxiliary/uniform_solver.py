@@ -106,7 +106,8 @@ class _Beam(NamedTuple):
 def _galerkin(batch: Batch, count: Array, vectors: tuple, settings: GridSettings) -> Split:
     """Fixed step, corrected; see the module."""
     segments = Segments.make(batch.albedo.T, batch.thickness.T, settings.step, count, settings.most)
-    edges, faces = segments.edges, segments.faces
+    edges = segments.edges
+    faces = segments.faces
     depth = faces[-1]
 
     depths = jnp.concatenate([edges, faces])
@@ -119,7 +120,8 @@ def _galerkin(batch: Batch, count: Array, vectors: tuple, settings: GridSettings
 
     # (layers, n + layers, stacks)
     to_all = assembly.computed_once(lambda: jax.lax.map(kernel, faces), 1.0 + depth)
-    to_faces, among_faces = to_all[:, : settings.most], to_all[:, settings.most :]
+    to_faces = to_all[:, : settings.most]
+    among_faces = to_all[:, settings.most :]
     among_edges = _product(-vectors[0], vectors[1], settings)
 
     def apply(t: Array) -> Array:
@@ -199,7 +201,8 @@ def _collocation(batch: Batch, count: Array, vectors: tuple, settings: GridSetti
             (beam.antiderivative(segments.edges), beam.antiderivative(segments.faces))
             for beam in (incident, viewing)
         )
-        seen, once = segments.integrate(*out), strength * segments.average(*into)
+        seen = segments.integrate(*out)
+        once = strength * segments.average(*into)
         single = strength * _scattered_once(batch, incident, viewing)
     else:
         middle = edges[:-1] + 0.5 * step

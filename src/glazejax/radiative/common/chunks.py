@@ -13,7 +13,8 @@ from jaxtyping import Array
 from .threads import cores, in_threads
 
 # A processor's chunk stays in its cache. A GPU has none to speak of, and each kernel must fill it.
-_LARGER_ON_ACCELERATOR, _LEAST_ON_ACCELERATOR = 256, 2**28
+_LARGER_ON_ACCELERATOR = 256
+_LEAST_ON_ACCELERATOR = 2**28
 
 
 def on_cpu(*inputs: Any) -> bool:

@@ -130,7 +130,8 @@ def _horner(coefficients: tuple[float, ...], x: Array) -> Array:
 
 
 def _clenshaw(coefficients: tuple[float, ...], t: Array) -> Array:
-    last, before = jnp.full_like(t, coefficients[-1]), jnp.zeros_like(t)
+    last = jnp.full_like(t, coefficients[-1])
+    before = jnp.zeros_like(t)
     for c in coefficients[-2:0:-1]:
         last, before = 2.0 * t * last - before + c, last
     return t * last - before + coefficients[0]
@@ -169,7 +170,8 @@ def cone_nodes(
     y, w = gauss(nodes)
     y, w = (jnp.asarray(v, n.dtype) for v in (y, w)) if traced else (y, w)
     u = reach * y
-    cosh, sinh = xp.cosh(u), xp.sinh(u)
+    cosh = xp.cosh(u)
+    sinh = xp.sinh(u)
     mu = a * cosh / n
     s = xp.exp(-2.0 * u)  # (n mu - mu_F)/(n mu + mu_F)
     p = (n * n * sinh - cosh) / (n * n * sinh + cosh)

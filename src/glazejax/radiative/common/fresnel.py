@@ -85,7 +85,9 @@ def conductor_reflectance(
     Wolf, Principles of Optics, 14.2.
     """
     xp = array_module(cos_incidence, refractive_index, extinction)
-    n, k, c = refractive_index, extinction, cos_incidence
+    n = refractive_index
+    k = extinction
+    c = cos_incidence
     sin2 = (1.0 - c) * (1.0 + c)
     # (a + ib)^2 = t + 2i n k; the larger of a and b by its root, the other by their product, so
     # that no digit is lost.
@@ -159,7 +161,9 @@ def hall_reflectance(
     Source: paper B, eqs (19)-(22).
     """
     xp = array_module(cos_incidence, normal_reflectance, mean_extinction, mean_index)
-    n, c, square = mean_index, cos_incidence, mean_index**2 + mean_extinction**2
+    n = mean_index
+    c = cos_incidence
+    square = mean_index**2 + mean_extinction**2
     s = (square - 2.0 * n * c + c**2) / (square + 2.0 * n * c + c**2)
     p = (square * c**2 - 2.0 * n * c + 1.0) / (square * c**2 + 2.0 * n * c + 1.0)
     start = (square - 2.0 * n + 1.0) / (square + 2.0 * n + 1.0)

@@ -245,7 +245,8 @@ def flat_batch(array: Any, batch: tuple[int, ...], *last: int) -> Any:
     What is known and small becomes a NumPy array: each other shape would be another two programs to
     compile.
     """
-    full, flat = (*batch, *last), (math.prod(batch), *last)
+    full = (*batch, *last)
+    flat = (math.prod(batch), *last)
     if math.prod(full) <= _SMALL and not isinstance(array, Tracer):
         array = np.asarray(array)
     xp = jnp if isinstance(array, jax.Array) else np

@@ -15,7 +15,8 @@ from jaxtyping import Array, Float
 # Up to so many terms, or with so few rows, a product written as a sum, which XLA fuses with what
 # surrounds it, beats a call of its matrix product: twice for six terms, not at all for eight; with
 # ten the call is 1.5 times as fast.
-_FUSED_TERMS, _FUSED_ROWS = 8, 5
+_FUSED_TERMS = 8
+_FUSED_ROWS = 5
 
 
 def product(

@@ -88,13 +88,15 @@ def tabulated(cosines: Numbers, values: Numbers, terms: int = 64) -> Float[Array
         ValueError: cosines that do not span -1 to 1 in order, negative values, or a function that
             is zero.
     """
-    x, p = np.asarray(cosines, float), np.asarray(values, float)
+    x = np.asarray(cosines, float)
+    p = np.asarray(values, float)
     if x.ndim != 1 or x.size < 2 or p.shape[-1:] != x.shape:
         raise ValueError(
             f"cosines {x.shape} and values {p.shape} must share a last axis of at least two points"
         )
     if x[0] > x[-1]:
-        x, p = x[::-1], p[..., ::-1]
+        x = x[::-1]
+        p = p[..., ::-1]
     if not (np.all(np.diff(x) > 0) and abs(x[0] + 1) < 1e-9 and abs(x[-1] - 1) < 1e-9):
         raise ValueError(
             f"cosines must run from -1 to 1 in order; they run from {x[0]:g} to {x[-1]:g}"
@@ -149,7 +151,8 @@ def evaluate(moments: Numbers, cosine: Numbers) -> Float[Array, "*batch"]:
         moments: (..., terms); batch axes broadcast with those of ``cosine``.
         cosine: of the scattering angle, (...).
     """
-    moments, cosine = jnp.asarray(moments), jnp.asarray(cosine)
+    moments = jnp.asarray(moments)
+    cosine = jnp.asarray(cosine)
     terms = moments.shape[-1]
     coefficients = jnp.moveaxis(moments * (2.0 * np.arange(terms) + 1.0), -1, 0)
     zero = jnp.zeros(jnp.broadcast_shapes(moments.shape[:-1], cosine.shape), coefficients.dtype)

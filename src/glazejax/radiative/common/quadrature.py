@@ -150,14 +150,10 @@ def _conserve_at_grazing(cosines: Any, weights: Any, grazing: float) -> Any:
     """
     xp = array_module(weights)
     here = weights / (1.0 + (cosines / grazing) ** 2)
-    total, flux = (
-        xp.sum(weights, axis=-1, keepdims=True),
-        xp.sum(weights * cosines, axis=-1, keepdims=True),
-    )
-    some, little = (
-        xp.sum(here, axis=-1, keepdims=True),
-        xp.sum(here * cosines, axis=-1, keepdims=True),
-    )
+    total = xp.sum(weights, axis=-1, keepdims=True)
+    flux = xp.sum(weights * cosines, axis=-1, keepdims=True)
+    some = xp.sum(here, axis=-1, keepdims=True)
+    little = xp.sum(here * cosines, axis=-1, keepdims=True)
     determinant = some * flux - little * total
     added = ((1.0 - total) * flux - (0.5 - flux) * total) / determinant
     scaled = ((0.5 - flux) * some - (1.0 - total) * little) / determinant
@@ -175,8 +171,11 @@ def conserve(
     def moment(power):
         return array_module(weights).sum(weights * cosines**power, axis=-1)
 
-    m0, m1, m2 = moment(0), moment(1), moment(2)
-    miss0, miss1 = 1.0 - m0, 0.5 - m1
+    m0 = moment(0)
+    m1 = moment(1)
+    m2 = moment(2)
+    miss0 = 1.0 - m0
+    miss1 = 0.5 - m1
     determinant = m0 * m2 - m1 * m1
     constant = (miss0 * m2 - miss1 * m1) / determinant
     linear = (miss1 * m0 - miss0 * m1) / determinant

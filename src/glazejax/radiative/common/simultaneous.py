@@ -37,7 +37,8 @@ def fine_half_range(refractive_index: float, crowding: float) -> Directions:
     """Rule with far more nodes, split at the critical angle, exact to rounding for smooth functions
     of y.
     """
-    n, c = refractive_index, crowding
+    n = refractive_index
+    c = crowding
     excess = (n - 1.0) * (n + 1.0)
     critical = np.sqrt(excess) / n
     u, weights = (column[::-1] for column in gauss(_FINE))
@@ -75,7 +76,8 @@ def simultaneous_rule(
         `Directions`, or None where there is none with positive weights, cosines in (0, 1) and sound
         reflectances.
     """
-    count, c = whole + cone, crowding
+    count = whole + cone
+    c = crowding
     half = fine_half_range(refractive_index, c)
     y = np.log1p(half.cosines * np.expm1(c)) / c
     measure = half.weights * np.expm1(c) * np.exp(-c * y) / c
@@ -119,7 +121,8 @@ def _orthonormal(
     procedure).
     """
     found = [np.full_like(y, 1.0 / np.sqrt(np.sum(measure)))]
-    diagonal, side = np.zeros(count), np.zeros(count)
+    diagonal = np.zeros(count)
+    side = np.zeros(count)
     for k in range(count):
         following = y * found[-1]
         diagonal[k] = np.sum(measure * following * found[-1])

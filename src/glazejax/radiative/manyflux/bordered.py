@@ -124,7 +124,8 @@ class Bordered(NamedTuple):
         rows = matmul(self.rows, core)
         columns = matmul(core, self.columns)
         corner = matmul(rows, self.columns) - self.corner
-        viewing, incidence = 1.0 / self.viewing, 1.0 / self.incidence
+        viewing = 1.0 / self.viewing
+        incidence = 1.0 / self.incidence
         upper = jnp.concatenate([core, -columns * incidence[..., None, :]], axis=-1)
         lower = (
             jnp.concatenate([-rows, corner * incidence[..., None, :]], axis=-1)

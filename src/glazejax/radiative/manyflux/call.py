@@ -93,7 +93,8 @@ def prepare(
     check_tolerance(stack.tolerance)
     moments = isotropic() if stack.phase is None else stack.phase
     check_moments(moments)
-    known, thickest = concrete(moments), concrete(stack.optical_thickness)
+    known = concrete(moments)
+    thickest = concrete(stack.optical_thickness)
     dtype = jnp.result_type(float)
     moments = jnp.atleast_2d(jnp.asarray(moments, dtype))
     of_phase = moments.shape[:-2]
@@ -258,7 +259,8 @@ def _map_stacks(
     added: int,
 ) -> Array:
     """Apply to every stack, some at a time, so that memory stays bounded whatever the batch."""
-    count, effort = layers.albedo.shape[1], settings.effort
+    count = layers.albedo.shape[1]
+    effort = settings.effort
     width = effort.width + added
     chunk = max(1, _CHUNK_BYTES // (count * effort.modes * width**2 * layers.albedo.dtype.itemsize))
     # A shared phase function's moments stay out of the batch.

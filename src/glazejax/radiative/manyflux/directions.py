@@ -17,7 +17,8 @@ from ..common.quadrature import Directions, Nodes, conserve, gauss, graded_gauss
 # The largest error of the sums over directions may be this share of the tolerance.
 _SHARE = 0.2
 _FINE = 100
-_FEWEST, _MOST = 4, 96
+_FEWEST = 4
+_MOST = 96
 _DEPTHS = np.array([0.0, 0.01, 0.1, 1.0])
 _CROWDING = (0.0, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0)
 _CONE_SHARES = (0.3, 0.35, 0.4, 0.5)

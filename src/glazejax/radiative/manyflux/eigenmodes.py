@@ -83,9 +83,11 @@ def _tangent(
 ) -> Bordered:
     """t of a bordered operator whose core is shapes diag(squared) projection; depth is (..., 1)."""
 
-    columns, rows = matmul(projection, product.columns), matmul(product.rows, shapes)
+    columns = matmul(projection, product.columns)
+    rows = matmul(product.rows, shapes)
     own = tanh_sech(squared, depth)[0]
-    seen, lit = product.viewing, product.incidence
+    seen = product.viewing
+    lit = product.incidence
     passed = [tanh_sech(x, depth)[0] for x in (seen, lit)]
     lit_modes = first_difference(squared[..., :, None], lit[..., None, :], depth[..., None])
     seen_modes = first_difference(squared[..., None, :], seen[..., :, None], depth[..., None])
@@ -123,7 +125,8 @@ def first_difference(z: Array, x: Array, depth: Array) -> Array:
 
 
 def _close_difference(z: Array, x: Array, depth: Array) -> Array:
-    low, high = jnp.sqrt(jnp.minimum(z, x)), jnp.sqrt(jnp.maximum(z, x))
+    low = jnp.sqrt(jnp.minimum(z, x))
+    high = jnp.sqrt(jnp.maximum(z, x))
     fades = [jnp.exp(-2.0 * depth * k) for k in (low, high)]
     # tanh(b) - tanh(a) over b - a, without a difference.
     tangents = (

@@ -105,7 +105,8 @@ def manyflux_field(
     layers = jax.tree.map(lambda leaf: leaf[0], call.layers)
     dtype = layers.albedo.dtype
     depths = jnp.atleast_1d(jnp.asarray(depth, dtype))
-    known, whole = concrete(depths), concrete(layers.optical_thickness)
+    known = concrete(depths)
+    whole = concrete(layers.optical_thickness)
     if known is not None and whole is not None:
         wrong = known[~((known >= 0) & (known <= whole.sum() * (1 + 1e-9)))]
         if wrong.size:
@@ -126,7 +127,8 @@ def manyflux_field(
     tops = np.concatenate([[0.0], np.cumsum(whole)[:-1]])
     cuts = np.searchsorted(tops, np.minimum(known, whole.sum()), side="right") - 1
     shares = np.clip((known - tops[cuts]) / np.where(whole[cuts] > 0, whole[cuts], 1.0), 0.0, 1.0)
-    order, parts = [], []
+    order = []
+    parts = []
     for cut in np.unique(cuts).tolist():
         rows = np.flatnonzero(cuts == cut)
         parts.append(

@@ -61,7 +61,8 @@ def ground_table(cosines: Numbers, factor: Numbers) -> GroundTable:
         )
     azimuths = values.shape[-1]
     # The trapezium rule over half a turn; modes beyond the table's resolution are not in it.
-    orders, angles = np.arange(max(1, azimuths - 1)), np.linspace(0.0, np.pi, azimuths)
+    orders = np.arange(max(1, azimuths - 1))
+    angles = np.linspace(0.0, np.pi, azimuths)
     weights = np.full(azimuths, 1.0 / max(1, azimuths - 1))
     if azimuths > 1:
         weights[[0, -1]] *= 0.5

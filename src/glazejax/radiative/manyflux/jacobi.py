@@ -42,7 +42,8 @@ def symmetric_eigen(
     def one_round(_, state: tuple[Array, Array]) -> tuple[Array, Array]:
         work, vectors = state
         diagonal = jnp.diagonal(work, axis1=-2, axis2=-1)
-        top, bottom = diagonal[..., :half], diagonal[..., half:]
+        top = diagonal[..., :half]
+        bottom = diagonal[..., half:]
         beside = jnp.diagonal(work[..., :half, half:], axis1=-2, axis2=-1)
         gap = bottom - top
         nothing = beside == 0
@@ -91,7 +92,8 @@ def _next_round(half: int) -> np.ndarray:
     """Where each place takes its row from, so that all pairs meet: the first stays, the others go
     round.
     """
-    top, bottom = np.arange(half), np.arange(half, 2 * half)
+    top = np.arange(half)
+    bottom = np.arange(half, 2 * half)
     if half == 1:
         return np.arange(2)
     new_top = np.concatenate([top[:1], bottom[:1], top[1:-1]])

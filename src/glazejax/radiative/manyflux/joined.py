@@ -169,7 +169,8 @@ def _ground(
     modes: int,
 ) -> Bordered:
     """What the ground sends back into the last medium."""
-    dtype, last = layers.albedo.dtype, indices[-1]
+    dtype = layers.albedo.dtype
+    last = indices[-1]
     weights = [jnp.sqrt(jnp.asarray(found.common.flux * found.nodes.exists[-1], dtype)) / last]
     weights += [
         jnp.full(way.cosines.shape[1], 1.0 / last, dtype) for way in (found.seen, found.lit)
@@ -252,12 +253,13 @@ def joined_stack(
         effort,
         modes,
     )
-    common, nodes, seen, lit = found.common, found.nodes, found.seen, found.lit
-    dtype, exists, inner = (
-        layers.albedo.dtype,
-        np.asarray(nodes.exists),
-        slice(1, 1 + len(media.layers)),
-    )
+    common = found.common
+    nodes = found.nodes
+    seen = found.seen
+    lit = found.lit
+    dtype = layers.albedo.dtype
+    exists = np.asarray(nodes.exists)
+    inner = slice(1, 1 + len(media.layers))
     in_layers = Diagonal(*(way.cosines[inner] for way in (nodes, seen, lit)))
     reflection, loss = found.operators(found.thickness, effort)
 
@@ -352,8 +354,11 @@ def _surfaces(
     """Surfaces between neighbouring media, (surfaces, modes, ...), and what they let through of
     seen and lit light.
     """
-    above, below, through = [], [], []
-    upper, lower = indices[:-1, None], indices[1:, None]
+    above = []
+    below = []
+    through = []
+    upper = indices[:-1, None]
+    lower = indices[1:, None]
     for way in (nodes, seen, lit):
         both = way.exists[:-1] & way.exists[1:]
         r = jnp.where(

@@ -20,7 +20,8 @@ from .directions import scattered_sums
 _SHARE = 0.2
 _FINE = 80
 _FINE_CROWDING = 4.0
-_FEWEST, _MOST = 6, 120
+_FEWEST = 6
+_MOST = 120
 _CROWDING = (0.5, 1.5, 2.5, 3.5)
 _AIR_SHARES = (0.3, 0.4, 0.5)
 
@@ -60,7 +61,9 @@ class SharedDirections(NamedTuple):
 @functools.lru_cache(maxsize=128)
 def shared_directions(pieces: SharedSpread) -> SharedDirections:
     """Nodes over all pieces, n sin(theta) ascending."""
-    flux, end, beyond = [], [], []
+    flux = []
+    end = []
+    beyond = []
     below = 0.0
     for upper, count in zip(pieces.ends, pieces.counts, strict=True):
         if upper in pieces.media:
@@ -100,7 +103,8 @@ def interface_reflectance(
         upper, lower: refractive indices, (...).
         cos_upper, cos_lower: cosines of the same direction on both sides, (...).
     """
-    one, other = upper * cos_upper, lower * cos_lower
+    one = upper * cos_upper
+    other = lower * cos_lower
     s = (one - other) / (one + other)
     p = (lower**2 * one - upper**2 * other) / (lower**2 * one + upper**2 * other)
     return 0.5 * (s**2 + p**2)

@@ -107,7 +107,8 @@ def scattering(
         kept = jnp.asarray(wanted, factors.dtype)[..., None]
         return matmul(transpose(down * factors * kept), across * kept)
 
-    c_even, c_odd = part(even), part(~even)
+    c_even = part(even)
+    c_odd = part(~even)
     zeroth = c_even[..., 0, :, :]
     rows_root = _append_directions(roots, jnp.ones(down.shape[-1] - count, roots.dtype))
     columns_root = _append_directions(roots, jnp.ones(across.shape[-1] - count, roots.dtype))

@@ -52,7 +52,8 @@ def missing_once(
     """
     kept = (even + odd if downward else even - odd) * once.scaled_albedo[:, None, None, None]
     taken = jnp.einsum("lmvi,mk->lvik", kept, waves, precision="highest")
-    seen, lit = once.cos_seen[:, :, None], once.cos_lit[:, None, :]
+    seen = once.cos_seen[:, :, None]
+    lit = once.cos_lit[:, None, :]
     along = seen * lit if downward else -seen * lit
     turn = (sine(seen) * sine(lit))[..., None] * jnp.cos(azimuth) + along[..., None]
     whole = evaluate(once.moments[:, None, None, None, :], turn)
@@ -69,7 +70,8 @@ def _lengths(once: ScatteredOnce, seen: Array, lit: Array, downward: bool) -> Ar
     v, i).
     """
     depth = once.scaled_thickness[:, None, None]
-    into, out = depth / lit, depth / seen
+    into = depth / lit
+    out = depth / seen
     before = jnp.cumsum(into, axis=0) - into
     if not downward:
         before += jnp.cumsum(out, axis=0) - out

@@ -128,7 +128,8 @@ def reflectance_factor(
     outside = _outside(stack, layers.ground, effort, modes)
     waves = azimuth_waves(azimuth, modes)
     all_light = jnp.einsum("mvi,mk->vik", outside.corner, waves, precision="highest")
-    viewing, incidence = stack.roots.viewing[:, None], stack.roots.incidence
+    viewing = stack.roots.viewing[:, None]
+    incidence = stack.roots.incidence
     factor = all_light / (2.0 * index**2 * viewing * incidence)[..., None]
     if modes == 1 and layers.moments.shape[-1] == 1:
         return factor
@@ -136,11 +137,9 @@ def reflectance_factor(
 
 
 def _missing(stack: DiscreteStack, layers: Layers, index, azimuth: Array, waves: Array) -> Array:
-    viewing, incidence, count = (
-        stack.cosines.viewing,
-        stack.cosines.incidence,
-        stack.cosines.nodes.size,
-    )
+    viewing = stack.cosines.viewing
+    incidence = stack.cosines.incidence
+    count = stack.cosines.nodes.size
     shape = (layers.albedo.size, viewing.size, incidence.size)
     through = (1.0 - stack.surface.viewing[:, None]) * (1.0 - stack.surface.incidence) / index**2
     once = ScatteredOnce(

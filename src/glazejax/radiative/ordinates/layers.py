@@ -76,24 +76,30 @@ def two_ports(
         beams: directions of the light and, if there is one, of the view.
         mirrored: (layers,), whether the near face is the bottom.
     """
-    lam, depth, flip = decay_squared, thickness[..., None], mirrored[:, None, None]
+    lam = decay_squared
+    depth = thickness[..., None]
+    flip = mirrored[:, None, None]
     tanh, sech = tanh_sech(lam, depth)
     slow = lam < _SLOW
     kappa = jnp.sqrt(jnp.where(slow, 1.0, lam))
     a = beams.decay[:, None, :, None]
-    faded, gone = jnp.expm1(-kappa * depth), jnp.expm1(-beams.decay[:, None] * thickness)[..., None]
-    fade, left = 1.0 + faded, 1.0 + gone
+    faded = jnp.expm1(-kappa * depth)
+    gone = jnp.expm1(-beams.decay[:, None] * thickness)[..., None]
+    fade = 1.0 + faded
+    left = 1.0 + gone
     # int e^(-(kappa + a) t) and int e^(-kappa (D - t)) e^(-a t), regular at kappa = a.
     together = -(faded + gone + faded * gone) / (kappa + a)
     apart = two_decays(kappa, a, depth, faded, gone)
     # The integrals at the top and at the bottom, times what both are divided by.
     thin = (lam * depth**2 < _THIN**2) & (a * depth < _THIN)
-    bend, rate = lam * tanh / (1.0 + sech), -gone / jnp.where(thin, 1.0, tanh)
+    bend = lam * tanh / (1.0 + sech)
+    rate = -gone / jnp.where(thin, 1.0, tanh)
     top = jnp.where(slow, a - bend - sech * rate, together - fade * apart)
     bottom = jnp.where(slow, rate - bend - a * left, apart - fade * together)
     divisor = jnp.where(thin, 1.0, jnp.where(slow, a * a - lam, -faded * (1.0 + fade)))
     shallow = jnp.where(thin, depth, 0.0)
-    x, y = lam * shallow**2, a * shallow
+    x = lam * shallow**2
+    y = a * shallow
     top = jnp.where(thin, shallow * (1 / 2 - y / 6 + (y * y - x) / 24), top)
     bottom = jnp.where(thin, shallow * (1 / 2 - y / 3 + (3 * y * y - x) / 24), bottom)
     strength = (albedo * beams.survival)[..., None] * coupling

@@ -108,11 +108,13 @@ def _table(key: bytes) -> _Table:
     [0, 1].
     """
     cosines, weights = np.frombuffer(key).reshape(2, -1)
-    poles, strengths = 1.0 / cosines**2, weights / cosines**2
+    poles = 1.0 / cosines**2
+    strengths = weights / cosines**2
     terms = 12
     while True:
         x = np.cos(np.pi * (np.arange(terms) + 0.5) / terms)
-        pieces, rest = [], 0.0
+        pieces = []
+        rest = 0.0
         for piece in range(_PIECES):
             q = (piece + 0.5 * (x + 1.0)) / _PIECES
             r = secular_offsets(q, poles, strengths, xp=np)
@@ -133,7 +135,8 @@ def _chebyshev(x: Array, terms: int) -> Array:
     """
     x = x[..., None]
     second = 2.0 * x * x - 1.0
-    third, fourth = x * (2.0 * second - 1.0), 2.0 * second * second - 1.0
+    third = x * (2.0 * second - 1.0)
+    fourth = 2.0 * second * second - 1.0
     before = jnp.concatenate([fourth, third, second, x], axis=-1)
     blocks = [jnp.concatenate([jnp.ones_like(x), x, second, third], axis=-1)]
     for _ in range(terms // 4 - 1):
@@ -221,12 +224,14 @@ def layer_modes(
     if isinstance(cosines, np.ndarray) and isinstance(weights, np.ndarray):
         n = cosines.size
         found = _from_table(albedo, _table(np.stack([cosines, weights]).tobytes()))
-        r, coupling = found[..., :n], found[..., n : 2 * n]
+        r = found[..., :n]
+        coupling = found[..., n : 2 * n]
         poles, z = (a.astype(albedo.dtype) for a in (1.0 / cosines**2, np.sqrt(weights) / cosines))
         smallest = ((1.0 - albedo) * found[..., -1])[..., None]
         eigenvalues = jnp.where(np.arange(n) == 0, smallest, poles - q * r)
         return Modes(eigenvalues, _columns(albedo, z, poles, r) * coupling[..., None, :], coupling)
-    cosines, weights = jnp.asarray(cosines, albedo.dtype), jnp.asarray(weights, albedo.dtype)
+    cosines = jnp.asarray(cosines, albedo.dtype)
+    weights = jnp.asarray(weights, albedo.dtype)
     poles = 1.0 / cosines**2
     strengths = weights * poles
     root = secular_offsets(*jax.lax.stop_gradient((albedo, poles, strengths)))

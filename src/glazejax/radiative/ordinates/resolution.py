@@ -25,7 +25,8 @@ _SHARE_GRAZING = 0.05
 # Where light and view are both below this cosine inside, that is looked at, and of the sums less
 # may be wrong: thin layers are several times as bright there. Below the second one an index above
 # one takes another rule.
-_SLANTED, _GRAZING = 0.25, 0.1
+_SLANTED = 0.25
+_GRAZING = 0.1
 _SHARE_SLANTED = 0.5
 _FINEST = 1e-10
 _MOST_NODES = 40
@@ -68,7 +69,8 @@ def _fewest(tolerance: float, index: float, grazing: float | None) -> Resolution
     share *= 1.0 if grazing is None else _SHARE_SLANTED
     wanted = share * tolerance
     exact = flux_sums(fine_half_range(index, 6.0))
-    offsets, error = _CROWDING_OFFSETS, functools.partial(flux_error, exact=exact)
+    offsets = _CROWDING_OFFSETS
+    error = functools.partial(flux_error, exact=exact)
     if grazing is not None:
         cosines = np.geomspace(grazing, 1.0, 40)
         exact_grazing = grazing_sums(fine_half_range(index, 9.0), cosines)

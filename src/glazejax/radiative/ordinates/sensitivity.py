@@ -200,7 +200,8 @@ def split(stack: Stack, resolution: Resolution) -> Split:
     system = assemble(stack, resolution)
     value, solution = solve(system, with_fields=True)
     assert solution is not None
-    ends, beams = system.ends, system.beams
+    ends = system.ends
+    beams = system.beams
     lit = _diffuse_on_ground(system, solution)[:, 0] + ends.ground_light[:, 0]
     if stack.cos_viewing is not None:
         single = system.factor * jnp.sum(system.ports.once, axis=0)

@@ -108,7 +108,8 @@ def assemble(stack: Stack, resolution: Resolution | Directions) -> System:
     n = stack.refractive_index
     directions = resolution if isinstance(resolution, Directions) else half_range(n, resolution)
     layers, mirrored, _ = order(stack.albedo.shape[1])
-    albedo, thickness = stack.albedo.T[layers], stack.optical_thickness.T[layers]
+    albedo = stack.albedo.T[layers]
+    thickness = stack.optical_thickness.T[layers]
     modes = layer_modes(albedo, directions.cosines, directions.weights)
     beams = _beams(stack, layers)
     ports = two_ports(albedo, modes.decay_squared, modes.coupling, thickness, beams, mirrored)
@@ -189,11 +190,13 @@ class _Memory(NamedTuple):
 
 
 def _layers(system: System) -> _Layer:
-    ports, empty = system.ports, system.thickness[..., None] == 0
+    ports = system.ports
+    empty = system.thickness[..., None] == 0
     scale = jnp.sqrt(
         jnp.where(empty, 1.0, ports.tanh / jnp.where(empty, 1.0, system.thickness[..., None]))
     )
-    near, far = ports.near, ports.far
+    near = ports.near
+    far = ports.far
     if near.shape[2] == 1:
         near, far = (jnp.concatenate([load, jnp.zeros_like(load)], axis=2) for load in (near, far))
     return _Layer(
@@ -252,7 +255,8 @@ def _eliminate(impedance: Array, source: Array, layer: _Layer) -> tuple[_Half, A
     inverse = inverse_positive(identity + layer.thickness[..., None, None] * impedance)
     source += layer.scale[..., None, :] * layer.far
     # Vectors are no further rows of the matrices: joining them costs more than two products more.
-    admittance, passed = product(impedance, inverse), product(source, inverse)
+    admittance = product(impedance, inverse)
+    passed = product(source, inverse)
     gain = layer.thickness[..., None] * source[..., 1, :] * passed[..., 0, :]
     through = layer.sech / layer.scale
     outward = through[..., :, None] * admittance * through[..., None, :] + _diagonal(
@@ -308,7 +312,8 @@ def solve(system: System, *, with_fields: bool) -> tuple[Array, SolvedFields | N
     """
     layers = _layers(system)
     count = system.thickness.shape[0]
-    pairs, ends = count // 2, system.ends
+    pairs = count // 2
+    ends = system.ends
     total = jnp.sum(system.ports.direct, axis=0)
     total += ends.ground_factor * ends.ground_light[:, 0] * ends.ground_light[:, 1]
 
@@ -337,7 +342,8 @@ def solve(system: System, *, with_fields: bool) -> tuple[Array, SolvedFields | N
         interface = _diagonal(jnp.broadcast_to(ends.interface, layers.scale.shape[1:]))
         if ends.coupled is not None:
             interface += ends.coupled
-        lower, upper = half, _Half(interface[None], ends.interface_load[None])
+        lower = half
+        upper = _Half(interface[None], ends.interface_load[None])
     if pairs and count % 2:
         last = _at(layers, count - 1)
         lower, gain, memory = _eliminate(*_next(lower, last), last)

@@ -78,7 +78,8 @@ def hidden_below(
     """
     layers = albedo.shape[1]
     filled = np.max(np.arange(1, layers + 1) * (optical_thickness > 0), axis=1, initial=0)
-    seen, hidden = filled.copy(), ground == 0
+    seen = filled.copy()
+    hidden = ground == 0
     depth = np.cumsum(optical_thickness, axis=1)
     rows = np.arange(albedo.shape[0])
     for m in range(1, layers + 1):
@@ -91,7 +92,8 @@ def hidden_below(
             * _straight(depth[rows, m - 1], incidence, viewing, rows)
             / refractive_index[rows] ** 2
         )
-        try_rows, below = rows[straight <= tolerance], below[straight <= tolerance]
+        try_rows = rows[straight <= tolerance]
+        below = below[straight <= tolerance]
         if try_rows.size == 0:
             continue
         bound = hidden_change(
@@ -109,7 +111,8 @@ def hidden_below(
 
 def _straight(depth: np.ndarray, incidence: End, viewing: End, rows: np.ndarray) -> np.ndarray:
     """pi p_I p_F c for beams that reach a depth unscattered."""
-    one, two = End(*(leaf[rows] for leaf in incidence)), End(*(leaf[rows] for leaf in viewing))
+    one = End(*(leaf[rows] for leaf in incidence))
+    two = End(*(leaf[rows] for leaf in viewing))
     return _product(one, two, depth)
 
 

@@ -105,10 +105,13 @@ def without_multiple_scattering(
     incoming = lit * beam.flux * np.exp(-total / beam.cosine)
     if cos_viewing is None:
         cosine, transmittance, weights = _outside(index)
-        cosine, transmittance = cosine[None], transmittance[None]
+        cosine = cosine[None]
+        transmittance = transmittance[None]
     else:
         view = end(cos_viewing, np.full(total.shape, index))
-        cosine, transmittance, weights = view.cosine[:, None], view.flux[:, None], np.ones(1)
+        cosine = view.cosine[:, None]
+        transmittance = view.flux[:, None]
+        weights = np.ones(1)
     share = (transmittance * np.exp(-total[:, None] / cosine)) @ weights
     by_ground = np.pi / index**2 * incoming * share
     # Single scattering: T_I T_F/(4 n^2 mu_I mu_F) times the integral of q exp(-tau (1/mu_I +

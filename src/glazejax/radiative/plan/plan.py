@@ -23,7 +23,9 @@ from . import reduction
 from .reduction import Rows
 
 # Shares of the tolerance; exact savings need none.
-_SHARE_HIDDEN, _SHARE_SCATTERING, _SHARE_BANDS = 0.25, 0.25, 0.5
+_SHARE_HIDDEN = 0.25
+_SHARE_SCATTERING = 0.25
+_SHARE_BANDS = 0.5
 # Stacks go to the solver in blocks of these sizes and, if grouped, these numbers of layers: few
 # programs to compile.
 _BLOCKS = (4096, 512, 64)
@@ -246,7 +248,8 @@ def plan_stacks(
         else np.broadcast_to(_check_known("wanted", wanted, bool), shape).reshape(-1)
     )
     compute = ask if savings.unwanted else np.ones(size, bool)
-    due, kept = int(compute.sum()), None
+    due = int(compute.sum())
+    kept = None
     if band_weights is not None:
         weights = _check_known("band_weights", band_weights)
         if weights.ndim != 2 or weights.shape[:1] != shape[-1:]:
@@ -263,22 +266,19 @@ def plan_stacks(
     computed = np.flatnonzero(compute)
     rows = _flat(given, computed)
     if savings.reciprocity and rows.cos_viewing is not None:
-        low, high = (
-            np.minimum(rows.cos_incidence, rows.cos_viewing),
-            np.maximum(rows.cos_incidence, rows.cos_viewing),
-        )
+        low = np.minimum(rows.cos_incidence, rows.cos_viewing)
+        high = np.maximum(rows.cos_incidence, rows.cos_viewing)
         rows = replace(rows, cos_incidence=low, cos_viewing=high)
     rows, inverse = reduction.once(rows) if savings.equal else (rows, np.arange(rows.count))
     given_layers = rows.albedo.size
     if savings.layers:
         rows = reduction.simplify(rows)
-    before, hidden = reduction.count_filled(rows), np.zeros(rows.count, bool)
+    before = reduction.count_filled(rows)
+    hidden = np.zeros(rows.count, bool)
     if savings.hidden:
         rows, hidden = reduction.cut_below_opaque(rows, tolerance * _SHARE_HIDDEN)
-    hidden_layers, hidden_grounds = (
-        int((before - reduction.count_filled(rows)).sum()),
-        int(hidden.sum()),
-    )
+    hidden_layers = int((before - reduction.count_filled(rows)).sum())
+    hidden_grounds = int(hidden.sum())
     if savings.equal and (savings.layers or savings.hidden):
         rows, again = reduction.once(rows)
         inverse = again[inverse]
@@ -401,7 +401,8 @@ def _fill_bands(values: np.ndarray, kept: np.ndarray) -> np.ndarray:
     known = np.flatnonzero(kept)
     right = np.clip(np.searchsorted(known, np.arange(kept.size)), 0, known.size - 1)
     left = np.where(kept, right, np.clip(right - 1, 0, None))
-    a, b = known[left], known[right]
+    a = known[left]
+    b = known[right]
     part = np.clip((np.arange(kept.size) - a) / np.maximum(b - a, 1), 0.0, 1.0)
     out = values[..., a] * (1.0 - part) + values[..., b] * part
     out[..., kept] = values[..., kept]
@@ -417,7 +418,8 @@ def _group(depth: np.ndarray, members: np.ndarray, grouped: bool) -> list[tuple[
         return [(deepest, members)]
     steps = [step for step in _DEPTHS if step < deepest] + [deepest]
     padded = np.searchsorted(steps, np.maximum(depth[members], 1))
-    groups, waiting = [], np.zeros(0, int)
+    groups = []
+    waiting = np.zeros(0, int)
     for k, step in enumerate(steps):
         waiting = np.concatenate([waiting, members[padded == k]])
         if waiting.size >= _SMALLEST_GROUP or (k == len(steps) - 1 and waiting.size):
@@ -430,7 +432,8 @@ def _blocks(count: int) -> list[tuple[int, int, int]]:
     """(start, stop, padded size) of pieces that cover `count` stacks: a size is padded where it is
     mostly filled.
     """
-    pieces, start = [], 0
+    pieces = []
+    start = 0
     for size, filled in zip(_BLOCKS, _FILLED, strict=True):
         while start < count and count - start >= filled * size:
             pieces.append((start, min(start + size, count), size))

@@ -95,7 +95,8 @@ def once(rows: Rows) -> tuple[Rows, Int[np.ndarray, "entries"]]:
 
 def simplify(rows: Rows) -> Rows:
     """Empty layers out, neighbours of equal albedo merged, the rest moved up."""
-    albedo, thickness = np.zeros_like(rows.albedo), np.zeros_like(rows.optical_thickness)
+    albedo = np.zeros_like(rows.albedo)
+    thickness = np.zeros_like(rows.optical_thickness)
     at = np.full(rows.count, -1)
     last = np.full(rows.count, np.nan)
     for q, depth in zip(rows.albedo.T, rows.optical_thickness.T, strict=True):

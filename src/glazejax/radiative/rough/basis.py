@@ -64,7 +64,8 @@ def basis(index: float, size: Size) -> Basis:
     split = max(float(np.sqrt((index - 1.0) * (index + 1.0)) / index), LEAST_SPLIT)
     x, x_weights = gauss(size.upper)
     y, y_weights = gauss(size.lower)
-    c, scale = size.crowding, np.expm1(size.crowding)
+    c = size.crowding
+    scale = np.expm1(size.crowding)
     cosines = np.concatenate([split + (1.0 - split) * x, split * np.expm1(c * y) / scale])
     weights = np.concatenate(
         [(1.0 - split) * x_weights, split * y_weights * c * np.exp(c * y) / scale]

@@ -67,8 +67,10 @@ class _Fixed(NamedTuple):
 @functools.lru_cache(maxsize=64)
 def _solver_of_surface(surface: Surface) -> _Fixed:
     made = surface.operators()
-    mu, weights = made.basis.cosines, made.basis.weights
-    flux, root = np.sqrt(2.0 * weights * mu), np.sqrt(mu)
+    mu = made.basis.cosines
+    weights = made.basis.weights
+    flux = np.sqrt(2.0 * weights * mu)
+    root = np.sqrt(mu)
     back = made.back / (flux[:, None] * flux)
     inverse = np.linalg.inv(np.eye(mu.size) + back)
     inverse = 0.5 * (inverse + inverse.T)
@@ -104,7 +106,8 @@ def _solve(lit: Lit, surface: Surface, wanted: tuple[str, ...] | None) -> Any:
     fixed = _solver_of_surface(surface)
     direct, admits = (jnp.asarray(a, lit.albedo.dtype) for a in (fixed.direct, fixed.admits))
     system = _assemble(lit, surface, fixed)
-    first, second = lit.enters[:, 0], lit.enters[:, 1]
+    first = lit.enters[:, 0]
+    second = lit.enters[:, 1]
     value, solution = solve(system, with_fields=wanted is not None)
     value -= jnp.sum(jnp.matmul(first, direct, precision="highest") * second, axis=-1)
     if wanted is None:
@@ -115,11 +118,13 @@ def _solve(lit: Lit, surface: Surface, wanted: tuple[str, ...] | None) -> Any:
 
 def _assemble(lit: Lit, surface: Surface, fixed: _Fixed) -> System:
     nodes = surface.operators().basis
-    mu, weights = nodes.cosines, nodes.weights
+    mu = nodes.cosines
+    weights = nodes.weights
     batch, count = lit.albedo.shape
     dtype = lit.albedo.dtype
     layers, mirrored, _ = order(count)
-    albedo, thickness = lit.albedo.T[layers], lit.optical_thickness.T[layers]
+    albedo = lit.albedo.T[layers]
+    thickness = lit.optical_thickness.T[layers]
     modes = layer_modes(albedo, mu, weights)
     nothing = jnp.zeros((2, batch), dtype)
     # No beam enters unscattered: all light begins as radiances just below the surface.

@@ -86,14 +86,16 @@ def _facets(
     U/cos^2 psi, at which the rule is divided.
     """
     sine = np.sqrt((1.0 - cosine) * (1.0 + cosine))
-    a2, rise = roughness**2, 1.0 - roughness**2
+    a2 = roughness**2
+    rise = 1.0 - roughness**2
     slope = np.arctan2(roughness * sine, cosine)
     # The horizon, 2 (i.m) m_z = c; then the critical angle, (i.m)^2 = critical^2.
     lines = [
         (0.5 * cosine * rise - cosine, -roughness * sine, 0.5 * cosine * rise - cosine, cosine * a2)
     ]
     if critical is not None:
-        k2, least = critical**2, a2 * sine**2 + cosine**2
+        k2 = critical**2
+        least = a2 * sine**2 + cosine**2
         straight = k2 * rise - (cosine**2 - a2 * sine**2)
         lines.append(
             (
@@ -135,7 +137,8 @@ def _crossings(
     """Both omega of a line at each psi; the least one where there is none."""
     size = np.maximum(np.hypot(p, q), 1e-300)
     height = (t + u / np.maximum(np.cos(psi) ** 2, 1e-300)) / size
-    turn, middle = np.arccos(np.clip(height, -1.0, 1.0)), np.arctan2(q, p)
+    turn = np.arccos(np.clip(height, -1.0, 1.0))
+    middle = np.arctan2(q, p)
     found = [np.mod(0.5 * (middle + sign * turn), np.pi) for sign in (-1.0, 1.0)]
     return [np.where(np.abs(height) < 1.0, np.maximum(omega, least), least) for omega in found]
 
@@ -148,7 +151,8 @@ def _divided_rule(
     """
     edges = np.sort(np.stack([low, *breaks, np.full_like(low, high)], axis=-1), axis=-1)
     y, weights = gauss(count)
-    x, weights = y * y * (3.0 - 2.0 * y), weights * 6.0 * y * (1.0 - y)
+    x = y * y * (3.0 - 2.0 * y)
+    weights = weights * 6.0 * y * (1.0 - y)
     width = np.diff(edges, axis=-1)[..., None]
     shape = (*low.shape, -1)
     return (edges[..., :-1, None] + width * x).reshape(shape), (width * weights).reshape(shape)

@@ -84,7 +84,8 @@ def operators(index: float, roughness: float, size: Size) -> Operators:
     nodes = basis(index, size)
     if roughness == 0.0:
         fine = fine_half_range(index, _CROWDING)
-        phi, fluxes = nodes.values(fine.cosines), 2.0 * fine.cosines * fine.weights
+        phi = nodes.values(fine.cosines)
+        fluxes = 2.0 * fine.cosines * fine.weights
         back = phi.T @ (phi * (fluxes * fine.reflectance)[:, None])
         return Operators(
             refractive_index=index,
@@ -137,7 +138,8 @@ def _single_entering(
     index: float, roughness: float, nodes: Basis, outside: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """`enters` of single facets, (beams, n), and what they lose, (beams,)."""
-    entering, lost = [], []
+    entering = []
+    lost = []
     for some in _in_pieces(outside):
         found = scatter(some, roughness, index, nodes.size.facets, inside=False)
         entering.append(
@@ -170,7 +172,8 @@ def _beams_inside(index: float, nodes: Basis) -> tuple[np.ndarray, np.ndarray]:
     """
     y, weights = gauss(nodes.size.beams)
     # Crowded at both ends: at grazing, and on both sides of the critical angle.
-    x, x_weights = y * y * (3.0 - 2.0 * y), weights * 6.0 * y * (1.0 - y)
+    x = y * y * (3.0 - 2.0 * y)
+    x_weights = weights * 6.0 * y * (1.0 - y)
     split = nodes.split
     cosines = np.concatenate([split * x, split + (1.0 - split) * x])
     return cosines, 2.0 * cosines * np.concatenate([split * x_weights, (1.0 - split) * x_weights])

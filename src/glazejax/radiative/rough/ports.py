@@ -83,8 +83,10 @@ def rough_ports(
 
 @functools.partial(jax.jit, static_argnums=1)
 def _ports(lit: Lit, surface: Surface) -> Ports:
-    nothing, everything = jnp.zeros_like(lit.ground), jnp.ones_like(lit.ground)
-    dark, white = lit._replace(ground=nothing), lit._replace(ground=everything)
+    nothing = jnp.zeros_like(lit.ground)
+    everything = jnp.ones_like(lit.ground)
+    dark = lit._replace(ground=nothing)
+    white = lit._replace(ground=everything)
     unlit = jnp.zeros_like(lit.enters[:, 0])
 
     def on_ground(enters: Array, starts: Array) -> Array:

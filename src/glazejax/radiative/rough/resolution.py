@@ -53,7 +53,8 @@ def check_surface(roughness: Any, refractive_index: Numbers) -> float:
                 "refractive_index is traced, but a rough surface needs known numbers: under jit "
                 "or vmap pass it as a static argument"
             )
-        low, high = LEAST_INDEX, INDEX_RANGE[1]
+        low = LEAST_INDEX
+        high = INDEX_RANGE[1]
         wrong = np.asarray(index)[~((index >= low) & (index <= high))]
         if wrong.size:
             raise ValueError(
