@@ -65,12 +65,14 @@ def levenberg_marquardt(
         return value, slopes
 
     def step(state: _State) -> _State:
+        # What the linear model promised of the last move, and what it gained.
         residual, slopes = look(state.tried, *given)
         move = state.tried - state.point
         promised = _half_square(_times(state.slopes, move) + state.residual) - _half_square(
             state.residual
         )
         gained = _half_square(residual) - _half_square(state.residual)
+        # A step counts if it gained a share of the promise; the trust region follows.
         counts = (gained <= _COUNTS * promised) | state.first
         good = (gained < _GOOD * promised) & (promised < 0) & ~state.first
         length = state.length * jnp.where(counts, jnp.where(good, _LONGER, 1.0), _SHORTER)
@@ -81,6 +83,7 @@ def levenberg_marquardt(
         def choose(new: Array, old: Array) -> Array:
             return jnp.where(counts.reshape(-1, *[1] * (new.ndim - 1)), new, old)
 
+        # From the better of both points, the next trial.
         point = choose(state.tried, state.point)
         residual = choose(residual, state.residual)
         slopes = choose(slopes, state.slopes)

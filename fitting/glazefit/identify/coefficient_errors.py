@@ -107,27 +107,30 @@ def refine(task: IdentificationTask, pool: Pool, batch: Measured) -> Pool:
     most probable amounts may leave to those errors what other amounts would meet: probabilities
     follow from that, but nobody would mix it.
     """
-    pool = pool.best(task.effort.kept)
+    pool = pool.best(task.effort.kept_sets)
     size = max(task.max_paints, 2)
     behind = pool.log_weight.max(axis=1, keepdims=True) - pool.log_weight
-    films = Films.of(pool, np.isfinite(pool.log_weight) & (behind <= task.effort.behind), size)
+    # First with the errors of groups of like films, all that may still matter.
+    films = Films.of(pool, np.isfinite(pool.log_weight) & (behind <= task.effort.fit_within), size)
     films, groups, _ = fit_with_errors(
-        task, batch, films, slopes_at(task, batch, films), task.effort.own
+        task, batch, films, slopes_at(task, batch, films), task.effort.fit_steps
     )
+    # Those that came near, but have moved away from where the errors were worked out, again.
     slopes = slopes_at(task, batch, films)
     close = np.flatnonzero(
-        (films.behind() <= task.effort.close)
-        & (_apart(films.sets, slopes, groups) > task.effort.moved)
+        (films.behind() <= task.effort.refit_within)
+        & (_apart(films.sets, slopes, groups) > task.effort.refit_beyond)
     )
     if close.size:
         again, more, _ = fit_with_errors(
-            task, batch, films.take(close), slopes[close], task.effort.again
+            task, batch, films.take(close), slopes[close], task.effort.refit_steps
         )
         films = films.with_those(close, again)
         groups = groups.with_those(close, more)
-    shown = np.flatnonzero(films.behind() <= task.effort.shown)
+    shown = np.flatnonzero(films.behind() <= task.effort.show_within)
     films = films.take(shown)
     groups = groups.take(shown)
+    # Amounts that are shown come near the readings; those that are weighed stay beside them.
     near = _nearest(task, batch, films)
     nothing = (
         np.full_like(pool.log_weight, -np.inf),
@@ -152,7 +155,7 @@ def _group(
     size = films.sets.shape[1]
     effect = np.sqrt(np.mean(slopes**2, axis=-1))
     effect = np.hypot(effect[:, :size], effect[:, size:])
-    counts = (effect > task.effort.trace) | (effect == effect.max(axis=1, keepdims=True))
+    counts = (effect > task.effort.trace_effect) | (effect == effect.max(axis=1, keepdims=True))
     main = np.sort(np.where(counts, films.sets, NOBODY), axis=1)
     key = films.row.astype(np.int64)
     for paint in main.T:
@@ -199,7 +202,9 @@ def fit_with_errors(
     errors = coefficient_errors(task, batch, groups.row, groups.sets, groups.slopes)
     readings = batch.readings.reshape(len(batch), -1)[films.row]
     weights = weights_of(task, readings, Whitening(errors.basis, errors.height[groups.of]))
-    fitted = _fit(task, batch, films, weights, groups.of, steps, single=task.effort.single)
+    fitted = _fit(
+        task, batch, films, weights, groups.of, steps, single=task.effort.single_precision
+    )
     log_weight = task.discrepancy.trust * fitted.log_evidence + task.log_sets(films.sets)
     spread = np.where(absent_pairs(films.sets), 0.0, fitted.covariance)
     films = replace(
@@ -242,7 +247,7 @@ def _nearest(task: IdentificationTask, batch: Measured, films: Films) -> Films:
     errors = near_errors(task, batch)
     readings = batch.readings.reshape(len(batch), -1)[films.row]
     weights = weights_of(task, readings, Whitening(errors.basis, errors.height[films.row]))
-    fitted = _fit(task, batch, films, weights, films.row, task.effort.near)
+    fitted = _fit(task, batch, films, weights, films.row, task.effort.amount_steps)
     return replace(films, logs=fitted.logs, readings=fitted.readings)
 
 

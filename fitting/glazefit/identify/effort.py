@@ -7,62 +7,66 @@ class Effort(NamedTuple):
     """What a search looks at, and what it takes as alike.
 
     Attributes:
-        pairs: sets of two paints that are fitted, after all were compared with the spectrum on a
-            grid of amounts.
-        kept: sets that are fitted with errors of their own.
-        behind: log weight by which these may stay behind the best while all have the same errors,
-        close: and with errors of their own, to be fitted again where they then stand,
-        shown: and to be an answer at all.
-        trace: a paint that does less than this to the readings (root mean square, per unit of the
-            logarithm of its k and s) is a trace: films that differ by traces share their errors.
-        moved: how far that may be from where the errors were worked out.
-        ranking, own, again, near: damped steps of a fit: while sets are ranked, with errors of
-            their own, again with these, and to the amounts that are shown.
-        single: whether sets are weighed in single precision; amounts that are shown never are.
+        fitted_pairs: sets of two paints that are fitted, after all were compared with the spectrum
+            on a grid of amounts.
+        kept_sets: sets that are fitted with errors of their own.
+        fit_within: log weight by which these may stay behind the best while all have the same
+            errors.
+        refit_within: the same with errors of their own, to be fitted again where they then stand.
+        show_within: the same, to be an answer at all.
+        trace_effect: a paint that does less than this to the readings (root mean square, per unit
+            of the logarithm of its k and s) is a trace: films that differ by traces share their
+            errors.
+        refit_beyond: how far that may be from where the errors were worked out.
+        ranking_steps: damped steps of a fit while sets are ranked.
+        fit_steps: the same with errors of their own.
+        refit_steps: the same again with these.
+        amount_steps: the same to the amounts that are shown.
+        single_precision: whether sets are weighed in it; amounts that are shown never are.
     """
 
-    pairs: int
-    kept: int
-    behind: float
-    close: float
-    shown: float
-    trace: float
-    moved: float
-    ranking: int
-    own: int
-    again: int
-    near: int
-    single: bool
+    fitted_pairs: int
+    kept_sets: int
+    fit_within: float
+    refit_within: float
+    show_within: float
+    trace_effect: float
+    refit_beyond: float
+    ranking_steps: int
+    fit_steps: int
+    refit_steps: int
+    amount_steps: int
+    single_precision: bool
 
 
 USUAL = Effort(
-    pairs=80,
-    kept=40,
-    behind=8.0,
-    close=6.0,
-    shown=8.0,
-    trace=0.005,
-    moved=0.0005,
-    ranking=5,
-    own=8,
-    again=6,
-    near=8,
-    single=True,
+    fitted_pairs=80,
+    kept_sets=40,
+    fit_within=8.0,
+    refit_within=6.0,
+    show_within=8.0,
+    trace_effect=0.005,
+    refit_beyond=0.0005,
+    ranking_steps=5,
+    fit_steps=8,
+    refit_steps=6,
+    amount_steps=8,
+    single_precision=True,
 )
 """Told from `THOROUGH` by one first answer in a hundred or two, where several sets explain a film
 about as well (`python -m benchmarks.identification`)."""
 THOROUGH = Effort(
-    pairs=10_000,
-    kept=120,
-    behind=20.0,
-    close=20.0,
-    shown=20.0,
-    trace=0.0,
-    moved=0.0,
-    ranking=14,
-    own=14,
-    again=14,
-    near=14,
-    single=False,
+    fitted_pairs=10_000,
+    kept_sets=120,
+    fit_within=20.0,
+    refit_within=20.0,
+    show_within=20.0,
+    trace_effect=0.0,
+    refit_beyond=0.0,
+    ranking_steps=14,
+    fit_steps=14,
+    refit_steps=14,
+    amount_steps=14,
+    single_precision=False,
 )
 """Every pair is fitted, and all that may matter have errors of their own."""

@@ -77,7 +77,7 @@ def first_starts(task: IdentificationTask, measured: Measured) -> SetStarts:
         table = task.films_over(ground)
         kinds = table.nearest(task.target(measured.readings[rows]))
         parts = [
-            _best_starts(kind, *near, task.effort.pairs)
+            _best_starts(kind, *near, task.effort.fitted_pairs)
             for kind, near in zip(table.sizes, kinds, strict=True)
         ]
         found.append((rows, np.concatenate(parts, axis=1)))
@@ -123,7 +123,13 @@ def compile_ahead(task: IdentificationTask, measured: Measured) -> None:
     largest = max(task.max_paints, 2)
     middle = task.middle
     programs_ahead(
-        films, task.tables.single, (grounds, bands), scales, largest, middle, task.effort.single
+        films,
+        task.tables.single,
+        (grounds, bands),
+        scales,
+        largest,
+        middle,
+        task.effort.single_precision,
     )
 
 
@@ -243,7 +249,12 @@ def _fit(task: IdentificationTask, start: SetStarts, ranking: _Ranking) -> Fitte
     logs = jnp.asarray(np.clip(start.logs, np.log(LEAST), np.log(MOST)).astype(np.float32))
     films = task.tables.single
     return fit_sets(
-        *films, jnp.asarray(start.sets), logs, *ranking, task.middle, steps=task.effort.ranking
+        *films,
+        jnp.asarray(start.sets),
+        logs,
+        *ranking,
+        task.middle,
+        steps=task.effort.ranking_steps,
     )
 
 

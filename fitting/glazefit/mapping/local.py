@@ -188,6 +188,7 @@ def as_measured(
 
 def _local_models(searcher: Searcher, measured: Measured, pool: Pool, odds: Odds) -> Searched:
     """Candidates that matter of spectra over one ground, linear about each spectrum."""
+    # Candidates of little probability are not carried on; only their sum is, and whose paints.
     share = odds.candidates / odds.candidates.sum(axis=1, keepdims=True)
     rank = np.argsort(np.argsort(-share, axis=1, kind="stable"), axis=1, kind="stable")
     kept = (share > _LEAST) & (rank < _MOST)
@@ -196,11 +197,13 @@ def _local_models(searcher: Searcher, measured: Measured, pool: Pool, odds: Odds
     left_out = np.where(kept, 0.0, share)
     rest = left_out.sum(axis=1)
     rest_paints = np.einsum("sc,scp->sp", left_out, present) / np.maximum(rest, 1e-12)[:, None]
+    # A colour difference is a length in this metric, to first order.
     metric = colour_metric(measured.wavelengths, measured.readings[:, 0])[row]
     parts: dict[str, np.ndarray] = {}
     condition = pool.condition[row, place]
     stacked = pool.coats[row, place].any(axis=-1)
     size = max(searcher.task.max_paints, 2)
+    # One linearization for all candidates under a condition, and of one coat or of two.
     for number in np.unique(condition):
         seen = films_under(int(number), searcher.tasks, searcher.opaque, measured)
         bent = _density_slopes(
@@ -215,6 +218,8 @@ def _local_models(searcher: Searcher, measured: Measured, pool: Pool, odds: Odds
                 for name, values in found.items():
                     room = np.zeros((len(row), *values.shape[1:]), values.dtype)
                     parts.setdefault(name, room)[here] = values
+    # How far each candidate is off, as it is seen and with errors of its paints, and how that
+    # moves.
     at = row, place
     read = measured.readings[row, 0]
     eye = np.eye(measured.wavelengths.size)
@@ -318,7 +323,7 @@ def _linear(
         weighed_films = films
     else:
         weighed_films, groups, errors = fit_with_errors(
-            task, batch, films, slopes_at(task, batch, films), task.effort.own
+            task, batch, films, slopes_at(task, batch, films), task.effort.fit_steps
         )
         own = slopes_at(task, batch, weighed_films)
         near = slopes_at(task, batch, replace(films, logs=logs))

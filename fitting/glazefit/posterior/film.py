@@ -192,6 +192,7 @@ def pose_films(
         ]
         return jnp.asarray(np.stack(values) * prior.thickness)
 
+    # What is each film's own, ...
     data = FilmData(
         absorption=gather("absorption"),
         scattering=gather("scattering"),
@@ -202,6 +203,7 @@ def pose_films(
         whiten=jnp.asarray(np.stack([np.eye(bands * grounds) / f.sd.ravel() for f in films])),
         spread=jnp.zeros((count_films, bands * grounds)),
     )
+    # ... and what all share.
     numbers = (
         instrument.seen_surface,
         prior.thickness_spread,
@@ -213,6 +215,7 @@ def pose_films(
         *(jnp.asarray(float(n)) for n in (*numbers, prior.error_spread)),
     )
     names = unknowns(count, instrument.seen_surface)
+    # The fingerprint holds all numbers that the posterior rests on.
     measured = [part for film in films for part in reading_parts(film)]
     spectra = [
         np.asarray(getattr(p, what))

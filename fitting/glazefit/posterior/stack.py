@@ -195,6 +195,7 @@ def pose_stack(
         concentration=prior.concentration,
         optics=Optics.of(instrument.geometry, instrument.refractive_index),
     )
+    # What is expected of each coat's thickness; side by side, films must expect the same.
     median = np.array(
         [
             [prior.thickness if c.thickness is None else c.thickness for c in stack]
@@ -228,6 +229,7 @@ def pose_stack(
     def stack_films(what: str) -> Array:
         return jnp.asarray(np.stack([getattr(film, what) for film in films]))
 
+    # What is each film's own, ...
     data = StackData(
         absorption=gather("absorption"),
         scattering=gather("scattering"),
@@ -244,6 +246,7 @@ def pose_stack(
         whiten=jnp.asarray(np.stack([np.eye(rows) / film.sd.ravel() for film in films])),
         spread=jnp.zeros((count, rows)),
     )
+    # ... and what all share.
     shared = StackShared(
         *(
             jnp.asarray(float(v))
@@ -252,6 +255,7 @@ def pose_stack(
         means=jnp.log(jnp.asarray([spectra.absorption, spectra.scattering])),
         modes=(jnp.asarray(modes[0]), jnp.asarray(modes[1])),
     )
+    # The fingerprint holds all numbers that the posterior rests on.
     paints = [
         np.asarray(getattr(p, w))
         for s in stacks

@@ -209,6 +209,7 @@ def _evaluate(albedo, thickness, ground, cosines, how: _How) -> Split:
     thickness = concrete(batch.thickness)
     if thickness is None:
         return restore(_solve_traced(batch, settings, how))
+    # How many segments each stack needs; too many are refused before anything is computed.
     count = np.asarray(_segments(np.sum(np.asarray(thickness, np.float64), axis=1), settings))
     most = int(count.max(initial=1))
     if most > MOST_SEGMENTS:
@@ -229,6 +230,8 @@ def _evaluate(albedo, thickness, ground, cosines, how: _How) -> Split:
     angles = max(int(np.prod(batch.cos_incidence.shape[1:])), 1)
     parts = []
     order = []
+    # Stacks of about as many segments go together, filled up to few sizes, so that few programs are
+    # compiled.
     for rows, most in _groups(count, settings, segments):
         alone = variant != "fixed_step" and most >= _ALONE and not at_once
         chunk = 1 if alone else max(1, _CHUNK_ELEMENTS // (most * (angles + 1)))
@@ -247,6 +250,7 @@ def _evaluate(albedo, thickness, ground, cosines, how: _How) -> Split:
             *np.broadcast_shapes(batch.cos_incidence.shape[1:], batch.cos_viewing.shape[1:]),
         )
         return restore(Split(*(jnp.zeros(shape, batch.albedo.dtype),) * 3))
+    # Back into the caller's order, without what was filled up.
     back = np.argsort(np.concatenate(order), kind="stable")
     xp = jnp if any(isinstance(leaf, Tracer) for leaf in parts[0]) else np
 

@@ -78,11 +78,15 @@ def simultaneous_rule(
     """
     count = whole + cone
     c = crowding
+    # A fine rule stands for the integrals, in a coordinate that crowds where the cone ends.
     half = fine_half_range(refractive_index, c)
     y = np.log1p(half.cosines * np.expm1(c)) / c
     measure = half.weights * np.expm1(c) * np.exp(-c * y) / c
+    # Polynomials that are orthonormal over all light, and those of light that is let out.
     polynomials, diagonal, side = _orthonormal(y, measure, count)
     let_out = (polynomials * (measure * (1.0 - half.reflectance))).T
+    # The nodes are eigenvalues of the recurrence's matrix. Its last row is Gauss's for one weight
+    # alone; here it is mixed so that the next polynomial is orthogonal under both.
     matrix = np.diag(diagonal) + np.diag(side[:-1], 1) + np.diag(side[:-1], -1)
     if cone:
         moments = let_out.T @ polynomials[:cone].T
@@ -97,6 +101,7 @@ def simultaneous_rule(
     nodes = np.sort(np.real(nodes))[::-1]
     if nodes[0] >= 1 or nodes[-1] <= 0:
         return None
+    # Weights: both sums of each polynomial are exact.
     at_nodes = _evaluate(nodes, polynomials[0, 0], diagonal, side)
     sums = np.stack([polynomials[:count] @ measure, np.sum(let_out[:, :count], axis=0)], axis=1)
     try:
@@ -105,6 +110,7 @@ def simultaneous_rule(
         return None
     if np.any(weights <= 0):
         return None
+    # The second weight is the first times what is let out.
     reflectance = 1.0 - passing / weights
     if np.any(reflectance > _MOST_REFLECTED) or np.any(reflectance < -0.5):
         return None

@@ -44,6 +44,7 @@ def symmetric_eigen(
         diagonal = jnp.diagonal(work, axis1=-2, axis2=-1)
         top = diagonal[..., :half]
         bottom = diagonal[..., half:]
+        # The angle that makes each pair's element beside the diagonal zero, the smaller of the two.
         beside = jnp.diagonal(work[..., :half, half:], axis1=-2, axis2=-1)
         gap = bottom - top
         nothing = beside == 0
@@ -51,6 +52,7 @@ def symmetric_eigen(
         tangent = jnp.where(gap < 0, -2.0, 2.0) * beside / jnp.where(nothing, 1.0, root)
         cosine = 1.0 / jnp.sqrt(1.0 + tangent * tangent)
         sine = cosine * tangent
+        # Both sides of the matrix are turned, and the pairs change as in a tournament.
         work = _rotate(work, cosine[..., None], sine[..., None], half, -2)
         work = _rotate(work, cosine[..., None, :], sine[..., None, :], half, -1)
         vectors = _rotate(vectors, cosine[..., None, :], sine[..., None, :], half, -1)
@@ -60,6 +62,7 @@ def symmetric_eigen(
         work, vectors, _, done = state
         work, vectors = jax.lax.fori_loop(0, size - 1, one_round, (work, vectors))
         diagonal = jnp.abs(jnp.diagonal(work, axis1=-2, axis2=-1))
+        # What is left beside the diagonal counts relative to its own row and column.
         scale = jnp.sqrt(diagonal[..., :, None] * diagonal[..., None, :])
         off = jnp.abs(work) * (1.0 - np.eye(size))
         return work, vectors, jnp.max(off - enough * scale), done + 1
