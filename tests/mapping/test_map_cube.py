@@ -25,9 +25,9 @@ NOISE = Noise(0.003, 0.0003)
 def _few_searches():
     """Less is searched than in a map that is to be good; what is searched is searched as there."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("glazefit.mapping.map_cube._REPRESENTATIVES", (96, 4000))
-        patch.setattr("glazefit.mapping.map_cube._PIECE", 48)
-        patch.setattr("glazefit.mapping.map_cube._CHECKED", 48)
+        patch.setattr("glazefit.mapping.map_cube._REPRESENTATIVES", (192, 4000))
+        patch.setattr("glazefit.mapping.map_cube._PIECE", 96)
+        patch.setattr("glazefit.mapping.map_cube._CHECKED", 96)
         yield
 
 
@@ -123,7 +123,7 @@ def test_pixels_are_answered_as_a_search_answers_them(made, cube, options):
 
 def test_the_map_says_how_far_it_agrees(made):
     agreement = made[0].attrs["agreement"]
-    assert agreement["pixels"] == 48
+    assert agreement["pixels"] == 96
     assert agreement["first"] > 0.9
     assert agreement["probability"] < 0.05
 
