@@ -152,8 +152,8 @@ def identify_films(
 
     Args:
         films: such as `read_films` reads; their bare cards say what is below the paint.
-        pigments, instrument, geometry, noise, discrepancy, prior, max_paints, layers, keep,
-            thorough: see `identify`.
+        pigments, instrument, geometry, noise, discrepancy, prior: see `identify`.
+        max_paints, layers, keep, thorough: see `identify`.
 
     Returns:
         `Identification`, a row for each film.

@@ -128,9 +128,9 @@ def save_spectral(path: str | Path, rendered: Rendered) -> None:
 
     Notes:
         Channels are called ``S0.550,000000nm``. 1 is a perfect white under a light of spectrum 1.
-        Source of the
-        layout: A. Fichet, R. Pacanowski, A. Wilkie, An OpenEXR Layout for Spectral Images, JCGT
-            10(3) (2021).
+
+        Source of the layout: A. Fichet, R. Pacanowski, A. Wilkie, An OpenEXR Layout for Spectral
+        Images, JCGT 10(3) (2021).
     """
     path = Path(path)
     radiance = rendered.radiance.astype(np.float32)
