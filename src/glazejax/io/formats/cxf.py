@@ -129,9 +129,9 @@ def _wavelengths(source: Source, name: str, spectrum: Any, measured: Any) -> np.
     )
     step = getattr(measured, "increment", None)
     try:
-        # type: ignore[arg-type]
-        first = float(start)
-        width = float(step)
+        # None is a TypeError here, and said below.
+        first = float(start)  # pyright: ignore[reportArgumentType]
+        width = float(step)  # pyright: ignore[reportArgumentType]
     except (TypeError, ValueError):
         raise source.error(
             f"no wavelengths for {name!r}: its ColorSpecification "
