@@ -3,6 +3,7 @@
 import pytest
 
 import glazefit
+from glazejax.former_names import accept_former_keywords
 
 FORMER_NAMES = {
     "leave_films_out": "cross_validate",
@@ -20,3 +21,18 @@ def test_a_former_name_warns_and_is_the_same(old, new):
         found = getattr(glazefit, old)
     assert found is getattr(glazefit, new)
     assert old not in dir(glazefit)
+
+
+@accept_former_keywords(substrate="ground")
+def _read(ground, *, wide=False):
+    return ground, wide
+
+
+def test_a_former_keyword_warns_and_arrives():
+    with pytest.warns(DeprecationWarning, match="substrate of _read.. is called ground now"):
+        assert _read(substrate=0.3, wide=True) == (0.3, True)
+
+
+def test_a_former_keyword_beside_the_new_one_is_refused():
+    with pytest.raises(TypeError, match="both are given"):
+        _read(substrate=0.3, ground=0.4)

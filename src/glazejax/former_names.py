@@ -1,0 +1,41 @@
+"""Names of arguments before version 0.2, which still work for that version."""
+
+import functools
+import warnings
+from collections.abc import Callable
+from typing import ParamSpec, TypeVar
+
+P = ParamSpec("P")
+T = TypeVar("T")
+
+
+def accept_former_keywords(**names: str) -> Callable[[Callable[P, T]], Callable[P, T]]:
+    """Decorate a function so that keywords by their former names reach it under their new ones.
+
+    A former name warns with DeprecationWarning; both names in one call are a TypeError.
+
+    Args:
+        names: former name = new name.
+    """
+
+    def decorate(function: Callable[P, T]) -> Callable[P, T]:
+        @functools.wraps(function)
+        def call(*args: P.args, **given: P.kwargs) -> T:
+            for former in names.keys() & given.keys():
+                new = names[former]
+                if new in given:
+                    raise TypeError(
+                        f"{function.__name__}() takes {new}, of which {former} is the former name; "
+                        "both are given: leave the former one out"
+                    )
+                warnings.warn(
+                    f"the argument {former} of {function.__name__}() is called {new} now",
+                    DeprecationWarning,
+                    stacklevel=2,
+                )
+                given[new] = given.pop(former)
+            return function(*args, **given)
+
+        return call
+
+    return decorate
