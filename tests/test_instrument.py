@@ -141,12 +141,20 @@ def test_mirror_direction_keeps_batch_axes():
     )
 
 
-def test_one_place_resolves_instrument_and_geometry():
+def test_one_argument_names_an_instrument_in_four_ways():
     side = Bidirectional(45, 0)
     assert resolve_instrument() == Instrument()
-    assert resolve_instrument(None, None, 1.4) == Instrument(refractive_index=1.4)
-    assert resolve_instrument(Instrument(refractive_index=1.4), side) == Instrument(side, 1.4)
+    assert resolve_instrument(None, 1.4) == Instrument(refractive_index=1.4)
+    assert resolve_instrument(side, 1.4) == Instrument(side, 1.4)
+    assert resolve_instrument("45:0", 1.4) == Instrument(side, 1.4)
     assert resolve_instrument(Instrument(side)) == Instrument(side)
+
+
+def test_what_names_no_instrument_is_refused():
+    with pytest.raises(ValueError, match="45;0"):
+        resolve_instrument("45;0")
+    with pytest.raises(TypeError, match="Instrument, a geometry, or words"):
+        resolve_instrument(45.0)  # pyright: ignore[reportArgumentType]
 
 
 @pytest.mark.slow

@@ -295,18 +295,29 @@ class Instrument:
 
 
 def resolve_instrument(
-    instrument: Instrument | None = None,
-    geometry: Geometry | None = None,
+    instrument: "Instrument | Geometry | str | None" = None,
     refractive_index: float = 1.5,
 ) -> Instrument:
-    """The one instrument of a function that takes a whole one, a geometry instead of the
-    instrument's, or neither.
+    """The instrument that an `instrument=` argument names.
 
     Args:
-        instrument: by default d:8 with the mirror reflection.
-        geometry: what replaces the geometry of `instrument`.
-        refractive_index: where there is no `instrument`.
+        instrument: a whole one, a geometry, or its words, such as ``"45:0"``; by default d:8 with
+            the mirror reflection.
+        refractive_index: where `instrument` is no whole one.
+
+    Raises:
+        ValueError: words that name no geometry, see `parse_geometry`.
+        TypeError: anything else.
     """
     if instrument is None:
-        return Instrument(geometry or Hemispherical(), refractive_index)
-    return instrument if geometry is None else Instrument(geometry, instrument.refractive_index)
+        return Instrument(Hemispherical(), refractive_index)
+    if isinstance(instrument, str):
+        return Instrument.parse(instrument, refractive_index)
+    if isinstance(instrument, Bidirectional | Hemispherical):
+        return Instrument(instrument, refractive_index)
+    if isinstance(instrument, Instrument):
+        return instrument
+    raise TypeError(
+        f"instrument is {instrument!r}: give a glazejax.Instrument, a geometry, or words such as "
+        '"45:0"'
+    )

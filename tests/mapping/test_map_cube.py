@@ -234,7 +234,7 @@ def test_films_that_hide_their_ground_have_no_thickness(cube, tmp_path):
 
 
 def test_a_spot_is_a_paint_whose_hiding_film_reads_the_spot():
-    seen_by = resolve_instrument(None, None)
+    seen_by = resolve_instrument()
     grid = np.linspace(400.0, 700.0, 31)
     spectrum = 0.1 + 0.5 / (1 + np.exp(-(grid - 560) / 20))
     paint = spot_pigment("Stroke", grid, spectrum, small.paints(), seen_by)

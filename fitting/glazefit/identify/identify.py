@@ -161,7 +161,7 @@ def identify_films(
     Raises:
         ValueError: as `identify`, or cards that are not possible (see `ground_from_air`).
     """
-    seen_by = resolve_instrument(instrument, geometry)
+    seen_by = resolve_instrument(geometry or instrument)
     if isinstance(seen_by.geometry, Hemispherical):
         black, white, _, _ = cards(films, seen_by, noise or Noise())
     else:
@@ -209,7 +209,7 @@ def ground_from_air(
         >>> ground_from_air(np.array([0.05, 0.84])).round(2).tolist()
         [0.03, 0.93]
     """
-    instrument = resolve_instrument(None, geometry, refractive_index)
+    instrument = resolve_instrument(geometry, refractive_index)
     within = np.asarray(bare, dtype=np.float64) - instrument.seen_surface
     response = film_response(instrument.geometry, instrument.refractive_index)
     inside = np.asarray(response.internal(jnp.asarray(within)))

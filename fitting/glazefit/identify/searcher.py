@@ -66,7 +66,7 @@ class Searcher(NamedTuple):
             ValueError: an empty catalogue, repeated names, pigments that do not cover the
                 wavelengths, numbers of paints or coats that cannot be tried.
         """
-        instrument = resolve_instrument(instrument, geometry)
+        instrument = resolve_instrument(geometry or instrument)
         noise = noise or Noise()
         prior = prior or Prior()
         discrepancy = discrepancy or BETWEEN_FILMS

@@ -89,7 +89,7 @@ def map_task(
     if use is not None and np.shape(use) != shape:
         raise ValueError(f"the mask has {_pixels(np.shape(use))}, the image {_pixels(shape)}")
     use = None if use is None else np.asarray(use, bool)
-    seen_by = resolve_instrument(instrument, geometry)
+    seen_by = resolve_instrument(geometry or instrument)
     expected = prior or Prior()
     errors = discrepancy or BETWEEN_FILMS
     check_errors(errors)
