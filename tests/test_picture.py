@@ -59,6 +59,7 @@ def test_full_picture_is_that_of_each_glaze(paints, maps):
         np.testing.assert_allclose(image.xyz, colour.xyz(GRID, spectra), rtol=0, atol=3e-6)
 
 
+@pytest.mark.slow
 def test_map_of_the_ground_and_a_constant_layer(paints, maps):
     rng = np.random.default_rng(1)
     ground = rng.uniform(0.1, 0.9, SIZE)

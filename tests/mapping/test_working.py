@@ -39,7 +39,7 @@ def test_paints_that_do_not_cover_the_image_are_named():
 
 def test_noise_of_means_is_what_it_is():
     rng, bands = np.random.default_rng(1), WorkingBands.of(FINE, small.paints())
-    flat = 0.4 + 0.004 * rng.standard_normal((4000, FINE.size))
+    flat = 0.4 + 0.004 * rng.standard_normal((1000, FINE.size))
     told = spectra_noise(FINE, flat)
     assert float(told.sd(np.asarray(0.4))) == pytest.approx(0.004, rel=0.1)
     seen = bands.means(flat).std(axis=0)

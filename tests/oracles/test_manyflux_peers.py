@@ -11,7 +11,7 @@ import pytest
 from glazejax.radiative.common.phase import henyey_greenstein
 from glazejax.radiative.manyflux.reflectance import brdf_table
 
-pytestmark = pytest.mark.optimised
+pytestmark = [pytest.mark.optimised, pytest.mark.slow]
 
 ALBEDO = np.array([0.5, 0.5, 0.9, 0.9999, 0.99, 0.8])
 THICKNESS = np.array([0.01, 1.0, 100.0, 1.0, 10.0, 0.1])
@@ -51,10 +51,10 @@ def theirs(g: float, streams: int) -> tuple[np.ndarray, np.ndarray]:
 @pytest.mark.parametrize(
     ("g", "streams", "tolerance"),
     [
-        pytest.param(-0.5, 48, 1e-7, marks=pytest.mark.slow),
-        pytest.param(0.0, 48, 1e-7, marks=pytest.mark.slow),
+        (-0.5, 48, 1e-7),
+        (0.0, 48, 1e-7),
         (0.5, 48, 1e-7),
-        pytest.param(0.9, 96, 1e-5, marks=pytest.mark.slow),
+        (0.9, 96, 1e-5),
     ],
 )
 def test_same_radiance(g, streams, tolerance):

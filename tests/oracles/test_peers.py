@@ -58,6 +58,7 @@ def expected(index: float) -> np.ndarray:
 
 
 # What is left is the peer's own error, which falls with its directions.
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("peer", "setting", "error"),
     [
@@ -76,6 +77,7 @@ def test_surface() -> None:
     np.testing.assert_allclose(found, expected(1.5), rtol=3e-8)
 
 
+@pytest.mark.slow
 @needs(sasktran)
 def test_derivatives() -> None:
     value, theirs = sasktran.reflectance_and_gradient(WORK, Streams(64, 1))()

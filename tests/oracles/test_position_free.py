@@ -164,7 +164,7 @@ def test_surfaces_between_layers(index):
         assert abs(total[0] + mirrored.mean[0] - flux.mean[0]) < 4 * error
 
 
-@pytest.mark.parametrize("alpha", [0.0, 0.2, 0.5])
+@pytest.mark.parametrize("alpha", [0.0, 0.5, pytest.param(0.2, marks=pytest.mark.slow)])
 def test_reciprocal_and_of_one_flux(alpha):
     """Light and view exchanged; the factor over all views is the albedo."""
     stack = _stack([0.4, 2.0], [[0.3, 0.0], [0.1, 1.0]], roughness=alpha, ground=0.4)

@@ -66,6 +66,7 @@ def order(errors: np.ndarray) -> float:
     return float(np.polyfit(np.log(STEPS), size, 1)[0])
 
 
+@pytest.mark.slow
 def test_the_corrected_method_is_of_second_order(truth):
     found = errors(truth)
     assert order(found) > 1.8

@@ -84,6 +84,7 @@ def test_internal_reflection(power):
 
 
 def test_internal_reflection_slopes():
+    @jax.jit
     def f(x, n):
         return internal_reflection_integral(1, x, n)
 

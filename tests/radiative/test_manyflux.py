@@ -50,7 +50,7 @@ PHASES = {
 }
 
 
-@pytest.mark.parametrize("index", [1.0, 1.5])
+@pytest.mark.parametrize("index", [pytest.param(1.0, marks=pytest.mark.slow), 1.5])
 def test_nothing_is_lost_without_absorption(index):
     phase = jnp.stack([PHASES[name][:30] for name in PHASES])[:, None]
     given = {"phase": phase, "refractive_index": index, "streams": 6}

@@ -92,20 +92,24 @@ def test_legendre_functions():
 
 @pytest.fixture(scope="module")
 def layers():
-    """Three layers' R and U in two azimuth modes, with one added direction."""
+    """Three layers' R and U in two azimuth modes, with one added direction, and the ground below."""
     rule = spread_directions(1.0, Spread(6, 0, 1.0))
-    mu, weights = jnp.asarray(rule.cosines), jnp.asarray(rule.weights)
-    added = jnp.array([0.7])
-    tables = [associated_legendre(c, 2, 8) for c in (mu, added, added)]
-    moments = henyey_greenstein(jnp.array([0.6, -0.3, 0.1]), 8)
-    even, odd = scattering(moments, tables[0], tables[1], tables[2], jnp.sqrt(weights))
-    cosines = Diagonal(mu, added, added)
-    a, b = rates(jnp.array([[0.99], [0.5], [1.0]]), even, odd, cosines)
-    r, loss = layer_by_doubling(
-        a, b, jnp.array([[0.3], [1.5], [0.6]]), doublings(1.5, float(mu.min()))
-    )
-    roots = Diagonal(jnp.sqrt(mu * weights), jnp.sqrt(added), jnp.sqrt(added))
-    return r, loss, lambert(jnp.asarray(0.7), roots, 2, mu.dtype)
+
+    @jax.jit
+    def make():
+        mu, weights = jnp.asarray(rule.cosines), jnp.asarray(rule.weights)
+        added = jnp.array([0.7])
+        tables = [associated_legendre(c, 2, 8) for c in (mu, added, added)]
+        moments = henyey_greenstein(jnp.array([0.6, -0.3, 0.1]), 8)
+        even, odd = scattering(moments, tables[0], tables[1], tables[2], jnp.sqrt(weights))
+        cosines = Diagonal(mu, added, added)
+        a, b = rates(jnp.array([[0.99], [0.5], [1.0]]), even, odd, cosines)
+        times = doublings(1.5, float(rule.cosines.min()))
+        r, loss = layer_by_doubling(a, b, jnp.array([[0.3], [1.5], [0.6]]), times)
+        roots = Diagonal(jnp.sqrt(mu * weights), jnp.sqrt(added), jnp.sqrt(added))
+        return r, loss, lambert(jnp.asarray(0.7), roots, 2, mu.dtype)
+
+    return make()
 
 
 @pytest.mark.slow
@@ -122,7 +126,7 @@ def test_slabs_joined_are_the_layers_laid_one_by_one(layers):
 def test_reciprocity_of_joined_slabs(layers):
     """Light and eye change places: down is up transposed."""
     r, loss, _ = layers
-    slab = join_all(slab_of_layer(r, loss))
+    slab = jax.jit(lambda r, loss: join_all(slab_of_layer(r, loss)))(r, loss)
     np.testing.assert_allclose(slab.up.core, np.swapaxes(slab.down.core, -1, -2), atol=LAST_DIGITS)
     np.testing.assert_allclose(
         slab.up.rows, np.swapaxes(slab.down.columns, -1, -2), atol=LAST_DIGITS

@@ -54,7 +54,10 @@ print(json.dumps(out))
 """
 
 
-@pytest.mark.parametrize(("roughness", "index", "cosine"), [(0.3, 1.5, 0.7), (0.2, 1.7, 0.5)])
+@pytest.mark.parametrize(
+    ("roughness", "index", "cosine"),
+    [(0.3, 1.5, 0.7), pytest.param(0.2, 1.7, 0.5, marks=pytest.mark.slow)],
+)
 def test_single_facets_are_those_of_mitsuba(roughness, index, cosine):
     run = subprocess.run(
         [sys.executable, "-c", ASKED, json.dumps([roughness, index, cosine])],
