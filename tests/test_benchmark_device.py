@@ -10,7 +10,6 @@ import pytest
 from benchmarks import device
 
 ROOT = Path(__file__).parents[1]
-TAKE_IT = ("frontier", "scaling", "savings", "identification", "on_gpu")
 
 
 def run(*command: str) -> subprocess.CompletedProcess[str]:
@@ -21,7 +20,7 @@ def run(*command: str) -> subprocess.CompletedProcess[str]:
 
 @pytest.mark.processor
 @pytest.mark.parametrize(
-    "benchmark", [TAKE_IT[-1], *(pytest.param(b, marks=pytest.mark.slow) for b in TAKE_IT[:-1])]
+    "benchmark", ["on_gpu", pytest.param("identification", marks=pytest.mark.slow)]
 )
 def test_without_a_gpu_one_sentence_says_so(benchmark, tmp_path):
     done = run(f"benchmarks.{benchmark}", "--device", "gpu", "--out", str(tmp_path))

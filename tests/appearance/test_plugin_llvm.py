@@ -16,11 +16,7 @@ from .plugin import BLUE, mitsuba_in
 BLUES = [(BLUE, 0.0), (BLUE, 0.1), (BLUE, 0.5)]
 GLAZES = [
     *BLUES,
-    ("BoneBlack:30um", 0.1),
-    ("ZincWhite:40um", 0.5),
     ("Eosin:3um, ZincWhite:20um", 0.1),
-    ("0.6*ChromeYellow+0.4*CobaltBlue:8um", 0.5),
-    ("Eosin:1um, UltramarineBlue:1um, ChromeYellow:5um", 0.1),
     ("CobaltBlue:0um", 0.5),
     ("Eosin:200um", 0.0),
 ]
