@@ -37,6 +37,7 @@ CHOSEN = ("a/b", "b/c", "c/d")
 """A thick, a middle and a thin pair."""
 ENDS = (STEPS[0], STEPS[-1])
 GLAZES = (1, 10, 100)
+ASSEMBLIES = {"direct": assembly.direct, "decomposed": assembly.decompose}
 INCIDENCES = np.cos(np.radians(np.arange(0.0, 86.0, 5.0)))
 """All at once; the matrix is the same for all of them."""
 
@@ -48,7 +49,7 @@ def assembled(steps: jax.Array, counts: jax.Array, most: int, variant: str) -> j
     """
 
     def one(stack: tuple[jax.Array, jax.Array]) -> jax.Array:
-        made = getattr(assembly, variant)(stack[0][None], stack[1][None], most, INDEX)
+        made = ASSEMBLIES[variant](stack[0][None], stack[1][None], most, INDEX)
         return made.matrix[0] @ jnp.ones(most) + made.m[:, 0] + made.m_integrated[:, 0] + made.k[0]
 
     return jax.lax.map(one, (steps, counts))

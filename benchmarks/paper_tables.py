@@ -99,10 +99,13 @@ def work() -> dict[str, Work]:
     }
 
 
+ASSEMBLIES = {"direct": assembly.direct, "decomposed": assembly.decompose}
+
+
 @functools.partial(jax.jit, static_argnums=(2, 3))
 def coefficient_matrix(step: jax.Array, count: jax.Array, most: int, variant: str) -> jax.Array:
     """The paper's A of every stack, eq. (26), at n = 1.5 and a ground of 1."""
-    operator = getattr(assembly, variant)(step, count, most, INDEX)
+    operator = ASSEMBLIES[variant](step, count, most, INDEX)
     shared = 2.0 * GROUND / (1.0 - GROUND * operator.k)[:, None, None]
     # Entry [segment, node], as the operator's.
     return operator.matrix + shared * operator.m_integrated.T[:, :, None] * operator.m.T[:, None, :]
