@@ -7,18 +7,15 @@ from __future__ import annotations
 import functools
 import math
 import warnings
-from collections.abc import Callable
 from typing import Any, Literal, NamedTuple
 
 import jax
 import jax.numpy as jnp
-import numpy as np
 from jax.custom_derivatives import SymbolicZero
 from jaxtyping import Array, Float
 
-from .auxiliary import graded as auxiliary_graded
-from .common.chunks import chunk_bytes, in_chunks, on_all_cores
-from .common.directions import resolve
+from .auxiliary.method import Auxiliary
+from .common.chunks import in_chunks, on_all_cores
 from .common.inputs import (
     INDEX_RANGE,
     Numbers,
@@ -29,13 +26,12 @@ from .common.inputs import (
     check_values,
     concrete,
     plain_number,
-    smallest_cosine,
 )
+from .common.solver import Request, Solver
 from .common.split import Split
 from .common.stack_arrays import Stack
-from .ordinates import sensitivity
-from .ordinates import solver as ordinates
-from .ordinates.resolution import resolve_known
+from .manyflux.method import ManyFlux
+from .ordinates.method import Ordinates
 
 Method = Literal["ordinates", "auxiliary", "manyflux"]
 """Ways to compute the same quantity."""
@@ -44,54 +40,28 @@ LEAST_SLOPING_INDEX = 1.0 + 1e-4
 """Nearer to one a slope by the index drowns in the quadrature's error, but for the
 default method.
 """
-FINEST = {"ordinates": 1e-10, "auxiliary": 1e-8, "manyflux": 1e-10}
-"""Smallest tolerance that each method meets in double precision."""
 FINEST_SINGLE = 1e-5
-"""The same for all of them in single precision, but for thick layers that absorb little:
-docs/errors.md.
+"""Smallest tolerance that any method meets in single precision, but for thick layers that absorb
+little: docs/errors.md. `Solver.finest` is that in double precision.
 """
 
 _DEFAULT_TOLERANCE = 1e-6
 
-# Bytes of one chunk's matrices, and of those of the default method: with all that is made of them
-# they should stay in a core's second-level cache. Elsewhere than on a CPU only memory counts.
-_CHUNK_BYTES = 2**20
-_ORDINATES_CHUNK_BYTES = 2**17
-# So many stacks are a spectrum.
-_FEW = 128
 # So many known stacks go to all cores at once.
 _MANY = 2**13
-# The auxiliary method's matrices are too large for that: enough for a few stacks.
-_AUXILIARY_CHUNK_BYTES = 2**24
 
-
-class _Solver(NamedTuple):
-    """What a method offers for a batch of stacks at its own resolution."""
-
-    reflectance: Callable
-    reflectance_and_gradient: Callable
-    split: Callable | None
-
-
-def _solver(method: str) -> _Solver:
-    if method == "manyflux":
-        from .manyflux import method as manyflux_method  # a dozen modules that nobody else needs
-
-        return _Solver(manyflux_method.reflectance, manyflux_method.reflectance_and_gradient, None)
-    if method == "auxiliary":
-        return _Solver(
-            auxiliary_graded.reflectance,
-            auxiliary_graded.reflectance_and_gradient,
-            auxiliary_graded.split,
-        )
-    return _Solver(ordinates.reflectance, sensitivity.reflectance_and_gradient, sensitivity.split)
+_SOLVERS: dict[str, Solver] = {
+    "ordinates": Ordinates(),
+    "auxiliary": Auxiliary(),
+    "manyflux": ManyFlux(),
+}
 
 
 class _ProgramSettings(NamedTuple):
     """What is fixed when the program is compiled."""
 
     method: str
-    resolution: Any  # the method's own: Resolution, Mesh or Effort
+    resolution: Any  # the solver's own
     refractive_index: float | None  # None where the index is an array of the stack
     chunk: int
     near_one: bool  # whether an index of (almost) one may come
@@ -297,7 +267,7 @@ def _evaluate(inputs: _Inputs, tolerance: float, method: str) -> Array:
 
 def _evaluate_split(inputs: _Inputs, tolerance: float, method: str) -> Split:
     check_choice("method", method, Method)
-    if _solver(method).split is None:
+    if not _SOLVERS[method].splits:
         raise ValueError(
             f"method {method!r} does not split the reflectance; use 'ordinates' or 'auxiliary'"
         )
@@ -328,16 +298,20 @@ def _prepare(
         high = float(index.max())
     if fixed is None and high == 1.0:
         high = 1.001  # an array may be differentiated by, and slopes at one are those just above it
-    tolerance = _within_reach(tolerance, method, single=dtype == jnp.float32)
-    resolution, chunk = _resolve(
-        inputs,
-        method,
-        tolerance,
-        (low, high),
-        fixed,
-        math.prod(given.batch),
-        given.layers,
-        dtype.itemsize,
+    solver = _SOLVERS[method]
+    resolution, chunk = solver.resolve(
+        Request(
+            tolerance=_within_reach(tolerance, method, single=dtype == jnp.float32),
+            indices=(low, high),
+            fixed_index=fixed,
+            optical_thickness=inputs.optical_thickness,
+            cos_incidence=inputs.cos_incidence,
+            cos_viewing=inputs.cos_viewing,
+            stacks=math.prod(given.batch),
+            layers=given.layers,
+            itemsize=dtype.itemsize,
+            inputs=inputs,
+        )
     )
     stack = Stack(
         albedo=flat["albedo"],
@@ -365,7 +339,7 @@ def _within_reach(tolerance: float, method: str, *, single: bool) -> float:
 
     In single precision the default tolerance counts as not asked for.
     """
-    finest = FINEST_SINGLE if single else FINEST[method]
+    finest = FINEST_SINGLE if single else _SOLVERS[method].finest
     if tolerance < min(finest, _DEFAULT_TOLERANCE) * (1 - 1e-9):
         words = (
             "in single precision; enable x64 in JAX for less"
@@ -379,49 +353,6 @@ def _within_reach(tolerance: float, method: str, *, single: bool) -> float:
     return max(tolerance, finest)
 
 
-def _resolve(
-    inputs: _Inputs,
-    method: str,
-    tolerance: float,
-    indices: tuple[float, float],
-    fixed: float | None,
-    size: int,
-    layers: int,
-    itemsize: int,
-) -> tuple[Any, int]:
-    """The method's own resolution (see `_ProgramSettings`), and how many stacks go through the
-    processor at a time.
-    """
-    if method == "manyflux":
-        from .manyflux import method as manyflux_method
-
-        cosines = inputs.cos_incidence, inputs.cos_viewing
-        effort = manyflux_method.resolve_effort(
-            tolerance, indices, fixed, inputs.optical_thickness, *cosines
-        )
-        each = manyflux_method.bytes_each(effort, layers, itemsize)
-        return effort, max(1, chunk_bytes(_CHUNK_BYTES, *inputs) // each)
-    if method == "auxiliary":
-        known = concrete(inputs.optical_thickness)
-        thickest = np.inf if known is None else float(known.max(initial=0.0))
-        mesh = auxiliary_graded.resolve(tolerance, thickest, indices[0])
-        each = auxiliary_graded.bytes_each(mesh, layers, itemsize)
-        return mesh, max(1, chunk_bytes(_AUXILIARY_CHUNK_BYTES, *inputs) // each)
-    least = 1.0
-    if inputs.cos_viewing is not None:  # Of all that leaves, little grazes; light alone may.
-        least = max(smallest_cosine(inputs.cos_incidence), smallest_cosine(inputs.cos_viewing))
-    resolution = (
-        resolve(tolerance, *indices, least)
-        if fixed is None
-        else resolve_known(tolerance, fixed, least)
-    )
-    nodes = resolution.cone + resolution.total
-    # A spectrum goes through in few pieces: the loop over them would cost more than the cache
-    # saves.
-    room = chunk_bytes(_CHUNK_BYTES if size <= _FEW else _ORDINATES_CHUNK_BYTES, *inputs)
-    return resolution, max(16, room // ((layers + 3) * nodes**2 * itemsize))
-
-
 @functools.partial(jax.jit, static_argnums=1)
 def _run(stack: Stack, settings: _ProgramSettings) -> Array:
     return _reflectance(stack, settings)
@@ -429,11 +360,8 @@ def _run(stack: Stack, settings: _ProgramSettings) -> Array:
 
 @functools.partial(jax.jit, static_argnums=1)
 def _run_split(stack: Stack, settings: _ProgramSettings) -> Split:
-    split = _solver(settings.method).split
-    assert split is not None
-
     def one(chunk: Stack) -> Split:
-        return split(_with_index(chunk, settings), settings.resolution)
+        return _SOLVERS[settings.method].split(_with_index(chunk, settings), settings.resolution)
 
     return in_chunks(one, stack, settings.chunk)
 
@@ -449,7 +377,7 @@ def _some_stacks(stack: Stack, settings: _ProgramSettings, wanted: tuple[str, ..
     def one(chunk: Stack) -> Any:
         indexed = _with_index(chunk, settings)
         if wanted is None:
-            return _solver(settings.method).reflectance(indexed, settings.resolution)
+            return _SOLVERS[settings.method].reflectance(indexed, settings.resolution)
         return _with_gradient(indexed, settings, wanted)
 
     return in_chunks(one, stack, settings.chunk)
@@ -484,8 +412,9 @@ def _with_gradient(
     """Reflectance and gradient; but for the default method, slopes by an index of (almost) one are
     those above it.
     """
-    solve = functools.partial(_solver(settings.method).reflectance_and_gradient, wanted=wanted)
-    if "refractive_index" not in wanted or not settings.near_one or settings.method == "ordinates":
+    solver = _SOLVERS[settings.method]
+    solve = functools.partial(solver.reflectance_and_gradient, wanted=wanted)
+    if "refractive_index" not in wanted or not settings.near_one or solver.slopes_at_index_one:
         return solve(stack, settings.resolution)
     near = stack.refractive_index < LEAST_SLOPING_INDEX
     nothing = (

@@ -1,77 +1,95 @@
-"""The many-flux solver as one of the methods of the two reflectances of a stack, for isotropic
-scattering.
+"""The many-flux solver as a method of the two reflectances of a stack, for isotropic scattering.
 
 It shares the choice of interface and ground with the default solver, but neither the modes nor the
-elimination, so that each checks the other.
+elimination, so that each checks the other. Its dozen modules, which nobody else needs, are imported
+when it is asked.
 """
 
-from typing import Any
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
 
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
 from ..common.directions import resolve
-from ..common.inputs import Numbers, concrete, smallest_cosine
+from ..common.inputs import concrete, smallest_cosine
+from ..common.solver import Request
+from ..common.split import Split
 from ..common.stack_arrays import Stack
-from .effort import THICKEST, Effort, choose_effort, effort_for_indices
-from .solve import Layers, hemispherical_reflectance, reflectance_factor
+
+if TYPE_CHECKING:
+    from .effort import Effort
+
+# Bytes of one chunk's matrices: with all that is made of them they should stay in a core's
+# second-level cache.
+_CHUNK_BYTES = 2**20
 
 
-def resolve_effort(
-    tolerance: float,
-    indices: tuple[float, float],
-    fixed: float | None,
-    optical_thickness: Numbers,
-    *cosines: Numbers | None,
-) -> Effort:
-    """Directions and doublings for stacks.
+class ManyFlux:
+    """Layer operators by doubling; see `manyflux.solve`."""
 
-    Args:
-        tolerance: absolute error wanted.
-        indices: smallest and largest refractive index.
-        fixed: the index, where it is one number.
-        optical_thickness: (..., layers); up to 1e6 where it is traced.
-        cosines: of incidence and viewing; down to 1e-4 where they are traced.
-    """
-    known = concrete(optical_thickness)
-    thickest = THICKEST if known is None else float(known.max(initial=0.0))
-    least = smallest_cosine(*cosines)
-    if fixed is None:
-        return effort_for_indices(resolve(tolerance, *indices), *indices, thickest, least)
-    return choose_effort(tolerance, fixed, None, 1, thickest, least, None, azimuthal=False)
+    finest = 1e-10
+    slopes_at_index_one = False
+    splits = False
 
+    def resolve(self, request: Request) -> tuple[Effort, int]:
+        """Directions and doublings, and how many stacks go through at a time.
 
-def bytes_each(effort: Effort, layers: int, itemsize: int) -> int:
-    """Memory that one stack's matrices take."""
-    return 4 * layers * (effort.width + 1) ** 2 * itemsize
+        An optical thickness that is traced may be up to 1e6, and a cosine down to 1e-4.
+        """
+        from .effort import THICKEST, choose_effort, effort_for_indices
 
+        known = concrete(request.optical_thickness)
+        thickest = THICKEST if known is None else float(known.max(initial=0.0))
+        least = smallest_cosine(request.cos_incidence, request.cos_viewing)
+        if request.fixed_index is None:
+            directions = resolve(request.tolerance, *request.indices)
+            effort = effort_for_indices(directions, *request.indices, thickest, least)
+        else:
+            effort = choose_effort(
+                request.tolerance,
+                request.fixed_index,
+                None,
+                1,
+                thickest,
+                least,
+                None,
+                azimuthal=False,
+            )
+        each = 4 * request.layers * (effort.width + 1) ** 2 * request.itemsize
+        return effort, request.stacks_within(_CHUNK_BYTES, each)
 
-def reflectance(stack: Stack, effort: Effort) -> Array:
-    """Either reflectance of each stack, (batch,)."""
+    def reflectance(self, stack: Stack, resolution: Effort) -> Array:
+        """Either reflectance of each stack, (batch,)."""
+        from .solve import Layers, hemispherical_reflectance, reflectance_factor
 
-    def one(q: Array, d: Array, ground: Array, index: Any, lit: Array, seen: Array | None) -> Array:
-        layers = Layers(q, d, jnp.ones((q.size, 1), q.dtype), ground)
-        if seen is None:
-            return hemispherical_reflectance(layers, index, lit[None], effort)[0]
-        return reflectance_factor(
-            layers, index, seen[None], lit[None], jnp.zeros(1, q.dtype), effort
-        )[0, 0, 0]
+        def one(
+            q: Array, d: Array, ground: Array, index: Any, lit: Array, seen: Array | None
+        ) -> Array:
+            layers = Layers(q, d, jnp.ones((q.size, 1), q.dtype), ground)
+            if seen is None:
+                return hemispherical_reflectance(layers, index, lit[None], resolution)[0]
+            azimuth = jnp.zeros(1, q.dtype)
+            factor = reflectance_factor(layers, index, seen[None], lit[None], azimuth, resolution)
+            return factor[0, 0, 0]
 
-    axes = (0, 0, 0, 0 if isinstance(stack.refractive_index, jax.Array) else None, 0)
-    seen = None if stack.cos_viewing is None else 0
-    return jax.vmap(one, in_axes=(*axes, seen))(*stack)
+        axes = (0, 0, 0, 0 if isinstance(stack.refractive_index, jax.Array) else None, 0)
+        seen = None if stack.cos_viewing is None else 0
+        return jax.vmap(one, in_axes=(*axes, seen))(*stack)
 
+    def reflectance_and_gradient(
+        self, stack: Stack, resolution: Effort, wanted: tuple[str, ...]
+    ) -> tuple[Array, dict[str, Array]]:
+        """Reflectance and its derivatives by reverse differentiation."""
 
-def reflectance_and_gradient(
-    stack: Stack, effort: Effort, wanted: tuple[str, ...]
-) -> tuple[Array, dict[str, Array]]:
-    """Reflectance, (batch,), and its derivative by the wanted leaves, each in the shape of the
-    leaf.
-    """
+        def value(leaves: dict[str, Array]) -> Array:
+            return self.reflectance(stack._replace(**leaves), resolution)
 
-    def value(leaves: dict[str, Array]) -> Array:
-        return reflectance(stack._replace(**leaves), effort)
+        found, back = jax.vjp(value, {name: getattr(stack, name) for name in wanted})
+        return found, back(jnp.ones_like(found))[0]
 
-    found, back = jax.vjp(value, {name: getattr(stack, name) for name in wanted})
-    return found, back(jnp.ones_like(found))[0]
+    def split(self, stack: Stack, resolution: Effort) -> Split:
+        """There is none: the parts are not kept apart. `splits` says so beforehand."""
+        raise NotImplementedError("the many-flux solver does not split the reflectance")

@@ -1,0 +1,44 @@
+"""Paper A's integral equation on a graded mesh as a method of the two reflectances of a stack."""
+
+import numpy as np
+from jaxtyping import Array
+
+from ..common.inputs import concrete
+from ..common.solver import Request
+from ..common.split import Split
+from ..common.stack_arrays import Stack
+from . import graded
+from .panels import Mesh
+
+# Bytes of one chunk's matrices, too large for a cache: enough for a few stacks.
+_CHUNK_BYTES = 2**24
+
+
+class Auxiliary:
+    """Shares no approximation with the default method; see `auxiliary.graded`."""
+
+    finest = 1e-8
+    slopes_at_index_one = False
+    splits = True
+
+    def resolve(self, request: Request) -> tuple[Mesh, int]:
+        """Mesh, and how many stacks go through at a time."""
+        known = concrete(request.optical_thickness)
+        thickest = np.inf if known is None else float(known.max(initial=0.0))
+        mesh = graded.resolve(request.tolerance, thickest, request.indices[0])
+        each = graded.bytes_each(mesh, request.layers, request.itemsize)
+        return mesh, request.stacks_within(_CHUNK_BYTES, each)
+
+    def reflectance(self, stack: Stack, resolution: Mesh) -> Array:
+        """Either reflectance of each stack, (batch,)."""
+        return graded.reflectance(stack, resolution)
+
+    def reflectance_and_gradient(
+        self, stack: Stack, resolution: Mesh, wanted: tuple[str, ...]
+    ) -> tuple[Array, dict[str, Array]]:
+        """Reflectance and its derivatives from the solution of the transposed equation."""
+        return graded.reflectance_and_gradient(stack, resolution, wanted)
+
+    def split(self, stack: Stack, resolution: Mesh) -> Split:
+        """Reflectance by what the light did last."""
+        return graded.split(stack, resolution)

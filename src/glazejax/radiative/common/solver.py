@@ -1,0 +1,82 @@
+"""What a solver of stacks offers, whatever its method: the same verbs in all of them."""
+
+from typing import Any, NamedTuple, Protocol
+
+from jaxtyping import Array
+
+from .chunks import chunk_bytes
+from .inputs import Numbers
+from .split import Split
+from .stack_arrays import Stack
+
+
+class Request(NamedTuple):
+    """What a solver chooses its resolution by."""
+
+    tolerance: float
+    """Absolute error wanted."""
+    indices: tuple[float, float]
+    """Smallest and largest refractive index."""
+    fixed_index: float | None
+    """The index, where it is one number."""
+    optical_thickness: Numbers
+    """(..., layers), as given, perhaps traced."""
+    cos_incidence: Numbers
+    cos_viewing: Numbers | None
+    """None for the hemispherical flux."""
+    stacks: int
+    layers: int
+    itemsize: int
+    """Bytes of a number."""
+    inputs: tuple[Any, ...]
+    """All arguments as given: they say which device the program runs on."""
+
+    def stacks_within(self, memory: int, each: int) -> int:
+        """How many stacks go through the processor at a time, at least one.
+
+        Args:
+            memory: bytes that suit a processor's cache.
+            each: bytes of one stack's matrices.
+        """
+        return max(1, chunk_bytes(memory, *self.inputs) // each)
+
+
+class Solver(Protocol):
+    """One method for both reflectances: hemispherical where a stack has no viewing direction.
+
+    `resolve` comes first and is told what is known before a program is compiled. The others are
+    compiled, and take a batch of stacks at the resolution that it gave.
+    """
+
+    @property
+    def finest(self) -> float:
+        """Smallest tolerance that is met in double precision."""
+        ...
+
+    @property
+    def slopes_at_index_one(self) -> bool:
+        """Whether slopes by the index hold at an index of one."""
+        ...
+
+    @property
+    def splits(self) -> bool:
+        """Whether `split` can be asked for."""
+        ...
+
+    def resolve(self, request: Request) -> tuple[Any, int]:
+        """The method's own resolution, static, and how many stacks go through at a time."""
+        ...
+
+    def reflectance(self, stack: Stack, resolution: Any) -> Array:
+        """Reflectance factor or hemispherical reflectance, (batch,)."""
+        ...
+
+    def reflectance_and_gradient(
+        self, stack: Stack, resolution: Any, wanted: tuple[str, ...]
+    ) -> tuple[Array, dict[str, Array]]:
+        """Reflectance and, by name, its derivative by the wanted leaves in their shapes."""
+        ...
+
+    def split(self, stack: Stack, resolution: Any) -> Split:
+        """Reflectance by what the light did last, each (batch,)."""
+        ...
