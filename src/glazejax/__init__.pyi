@@ -1,3 +1,5 @@
+import types
+
 from . import appearance as appearance
 from . import catalogue as catalogue
 from . import colour as colour
@@ -31,5 +33,7 @@ from .stacks import read_stack as read_stack
 from .stacks import write_stack as write_stack
 
 __version__: str
+
+fit: types.ModuleType
 
 __all__: list[str]

@@ -11,7 +11,6 @@ one compiled program.
 
 from __future__ import annotations
 
-import difflib
 import re
 import warnings
 from collections.abc import Callable
@@ -26,6 +25,7 @@ from jaxtyping import Array, Float
 
 from .cie import illuminants, observers
 from .cie.difference import ciede2000
+from .names import nearest_names
 from .spectra import (
     Grid,
     Numbers,
@@ -93,9 +93,7 @@ def _find(what: str, asked: str, known: dict[str, str]) -> str:
     key = re.sub(r"\s+", " ", str(asked).strip()).lower()
     if key in known:
         return known[key]
-    # Substrings first: difflib finds nothing near a name as short as "F".
-    near = [name for k, name in known.items() if key and key in k][:4]
-    near = near or [known[k] for k in difflib.get_close_matches(key, known, n=4, cutoff=0.3)]
+    near = [known[k] for k in nearest_names(key, known, cutoff=0.3, shortest=1)]
     choices = near or list(known.values())
     raise ValueError(
         f"unknown {what} {asked!r}; the nearest are {', '.join(dict.fromkeys(choices))}"

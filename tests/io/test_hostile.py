@@ -375,7 +375,7 @@ def test_hostile_maps(tmp_path):
 def test_progress_is_told(tmp_path):
     path, told = tmp_path / "t.csv", []
     path.write_text(WIDE + "".join(f"s{i},0.1,0.25,0.3\n" for i in range(100_000)))
-    read_spectra(path, progress=lambda done, size: told.append((done, size)))
+    read_spectra(path, progress=lambda done, size, words: told.append((done, size)))
     assert told[-1] == (path.stat().st_size, path.stat().st_size)
     assert len(told) > 2
     assert [done for done, _ in told] == sorted(done for done, _ in told)

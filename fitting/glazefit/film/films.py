@@ -2,7 +2,6 @@
 saw them.
 """
 
-import difflib
 import functools
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -15,6 +14,7 @@ from jaxtyping import Bool, Float
 from glazejax import Bidirectional
 from glazejax.geometry import Instrument as Instrument
 from glazejax.io.spectra_table import list_names
+from glazejax.names import nearest_names
 from glazejax.radiative.common.fresnel import dielectric_reflectance
 from glazejax.spectra import describe_grid, validate_wavelengths
 
@@ -195,10 +195,7 @@ def nearest(name: str, known: Sequence[str]) -> str:
     """'nearest: ...' for an error about a name that is not known, or the known names if none is
     near.
     """
-    folded = {k.lower(): k for k in known}
-    close = [
-        folded[k] for k in difflib.get_close_matches(name.lower(), list(folded), n=4, cutoff=0.5)
-    ]
+    close = nearest_names(name, known, cutoff=0.5)
     if close:
         return "nearest: " + ", ".join(map(repr, close))
     more = f" and {len(known) - 8} more" if len(known) > 8 else ""

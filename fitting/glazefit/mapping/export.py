@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Float
 
 from glazejax.extras import require
-from glazejax.io.outputs import check_output
+from glazejax.io.outputs import check_output, whole_file
 
 from .atomic_files import FULL
 from .layout import BY_NAME, VARIABLES, Status
@@ -270,15 +270,12 @@ def _whole(path: Path) -> Iterator[Path]:
     """A name to write under; what was written takes its own once it is whole, and is taken away if
     it fails.
     """
-    part = path.with_name(f".{path.name}.part")
     try:
-        yield part
-        part.replace(path)
+        with whole_file(path) as part:
+            yield part
     except OSError as error:
         if error.errno not in FULL:
             raise
         raise OSError(
             error.errno, "the disk is full; the map itself is kept, without this file", str(path)
         ) from error
-    finally:
-        part.unlink(missing_ok=True)

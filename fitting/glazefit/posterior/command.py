@@ -427,15 +427,16 @@ def _write(result: "Posterior", out: Path, console: "Console") -> None:
     """Print and write everything but the chain, which is written already; these files are the
     command's own.
     """
+    from glazejax.io.outputs import whole_file
+
     from .plots import plot_bands, plot_corner
     from .report import print_posterior, write_summary
 
     print_posterior(result, console)
     write_summary(result, out / SUMMARY, overwrite=True)
     # A notebook may have the old file open: put a new one in its place.
-    fresh = out / f"{DATA}.part"
-    result.inference_data.to_netcdf(str(fresh))
-    fresh.replace(out / DATA)
+    with whole_file(out / DATA) as part:
+        result.inference_data.to_netcdf(str(part))
     plot_corner(result, out / CORNER)
     plot_bands(result, out / BANDS)
     kept = [CHAIN] if result.chain is not None else []

@@ -18,7 +18,7 @@ import numpy as np
 from jaxtyping import Float
 
 from glazejax import Pigment
-from glazejax.io.outputs import check_output
+from glazejax.io.outputs import check_output, whole_file
 from glazejax.paint.describe import format_length
 from glazejax.paint.pigment_table import read_pigments
 
@@ -300,12 +300,8 @@ def add_entries(
             writer.writerow([*row, *fill])
     for entry in made:
         writer.writerows(_rows(entry, wide))
-    part = file.path.with_name(file.path.name + ".part")
-    try:
+    with whole_file(file.path) as part:
         part.write_text(text.getvalue(), encoding="utf-8")
-        part.replace(file.path)
-    finally:
-        part.unlink(missing_ok=True)
 
 
 def mode_columns(file: PaintFile) -> int:

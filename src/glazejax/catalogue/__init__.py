@@ -11,7 +11,6 @@ have two. Where k and s could not be told apart, `Pigment.identifiable` is False
 trusted.
 """
 
-import difflib
 import functools
 import hashlib
 from collections.abc import Iterator, Mapping
@@ -22,6 +21,7 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 
+from ..names import nearest_names
 from ..paint.describe import format_length
 from ..paint.media import Pigment
 from ..paint.pigment_table import read_pigments
@@ -109,14 +109,9 @@ class Catalogue(Mapping[str, Pigment]):
 
 
 def _unknown(name: str, known: tuple[str, ...]) -> str:
-    folded = {k.lower(): k for k in known}
-    asked = str(name).lower().replace(" ", "")
-    close = difflib.get_close_matches(asked, list(folded), n=3, cutoff=0.4)
-    close += [k for k in folded if asked and (asked in k or k in asked) and k not in close]
-    if close:
-        return f"unknown pigment {name!r}; nearest: " + ", ".join(
-            repr(folded[k]) for k in close[:4]
-        )
+    near = nearest_names(str(name).replace(" ", ""), known, cutoff=0.4, shortest=1)
+    if near:
+        return f"unknown pigment {name!r}; nearest: " + ", ".join(map(repr, near))
     return f"unknown pigment {name!r}; the catalogue has {', '.join(known)}"
 
 

@@ -12,9 +12,12 @@ from typing import TYPE_CHECKING, NamedTuple, NoReturn, TypeVar
 
 import typer
 
+from ..progress import Progress
+
 if TYPE_CHECKING:
     from rich.console import Console
-    from rich.progress import Progress, ProgressColumn
+    from rich.progress import Progress as Bar
+    from rich.progress import ProgressColumn
 
 INTERRUPTED = 130
 """What a shell reports of a program stopped from the keyboard."""
@@ -38,15 +41,15 @@ def moving() -> bool:
     return screen.is_terminal and not screen.is_dumb_terminal
 
 
-def bar(*columns: "str | ProgressColumn") -> "Progress":
+def bar(*columns: "str | ProgressColumn") -> "Bar":
     """A bar on stderr of these columns of rich, gone when it is done; nothing where nothing may
     move.
     """
     from rich.console import Console
-    from rich.progress import Progress
+    from rich.progress import Progress as Bar
 
     # Off the terminal rich leaves blank lines, which would stand before an error.
-    return Progress(*columns, console=Console(stderr=True), transient=True, disable=not moving())
+    return Bar(*columns, console=Console(stderr=True), transient=True, disable=not moving())
 
 
 class Collected(NamedTuple):
@@ -131,28 +134,29 @@ def drawing(count: int) -> Callable[[], None]:
 
 
 @contextmanager
-def reading(path: Path) -> Iterator[Callable[[int, int | None], None]]:
+def reading(path: Path) -> Iterator[Progress]:
     """A bar once a file has been read for a second; what is yielded goes to `read_spectra` as
     ``progress``.
     """
     from rich.progress import BarColumn, DownloadColumn, TextColumn, TimeRemainingColumn
 
     shown = bar(
-        TextColumn("reading {task.description}"),
+        TextColumn("{task.description}"),
         BarColumn(),
         DownloadColumn(),
         TimeRemainingColumn(),
     )
-    task = shown.add_task(path.name.replace("[", "\\["), total=None)
+    name = path.name.replace("[", "\\[")
+    task = shown.add_task(name, total=None)
     start = time.monotonic()
 
-    def report_size(done: int, size: int | None) -> None:
+    def move(done: int, total: int | None, words: str) -> None:
         if time.monotonic() - start > 1.0:
             shown.start()
-            shown.update(task, completed=done, total=size)
+            shown.update(task, completed=done, total=total, description=f"{words} {name}")
 
     try:
-        yield report_size
+        yield move
     finally:
         # A bar that never began would end with an empty line.
         if shown.live.is_started:

@@ -4,10 +4,11 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from ..progress import Progress
 from .cube import SpectraCube
 from .finish import finish
 from .sniff import Kind, header_beside, identify
-from .source import Progress, Source, open_source
+from .source import Source, open_source
 from .spectra_table import SpectraTable
 
 if TYPE_CHECKING:
@@ -40,7 +41,8 @@ def read_spectra(path: str | Path, *, progress: Progress | None = None) -> Spect
 
     Args:
         path: of the file.
-        progress: called with the bytes read and those of the file (None for a pipe) as it is read.
+        progress: called as it is read with the bytes read, those of the file (None for a pipe), and
+            'reading'.
 
     Raises:
         FileNotFoundError: no such file, or an ENVI header without its data.

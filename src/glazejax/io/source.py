@@ -13,13 +13,11 @@ import re
 import select
 import stat
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TypeAlias
 
-Progress: TypeAlias = Callable[[int, int | None], None]
-"""Called with the bytes read so far and those of the file (None for a pipe)."""
+from ..progress import Progress
 
 HEAD = 1 << 16
 _PIECE = 1 << 20
@@ -212,7 +210,7 @@ class Source:
             time.sleep(0.02)
         self._got += len(piece)
         if self._progress is not None:
-            self._progress(self._got, self.size)
+            self._progress(self._got, self.size, "reading")
         return piece
 
 
@@ -224,7 +222,7 @@ def open_source(
 
     Args:
         path: of the file.
-        progress: called as it is read.
+        progress: called as it is read, with bytes; a pipe has no total.
         missing: what to say if there is no such file.
 
     Raises:

@@ -2,11 +2,11 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from difflib import get_close_matches
 
 import numpy as np
 from jaxtyping import Float
 
+from ..names import nearest_names
 from ..spectra import describe_grid
 
 
@@ -49,12 +49,9 @@ def there_are(wanted: str, names: Sequence[str]) -> str:
     """What to say where no spectrum is called so: the nearest names if there are such, else the
     first few.
     """
-    folded = {name.casefold(): name for name in names}
-    key = wanted.casefold()
-    near = [name for fold, name in folded.items() if len(key) > 2 and key in fold]
-    near = near or [folded[fold] for fold in get_close_matches(key, folded, n=3, cutoff=0.6)]
+    near = nearest_names(wanted, names)
     if near:
-        return f"the nearest {'is' if len(near) == 1 else 'are'} {', '.join(near[:4])}"
+        return f"the nearest {'is' if len(near) == 1 else 'are'} {', '.join(near)}"
     return f"there are {', '.join(names[:6])}{', ...' if len(names) > 6 else ''}"
 
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from ..spectra import MAX_FRACTION, validate_wavelengths
 from .finish import MAX_DECLARED, different, plain_name
-from .outputs import check_output
+from .outputs import check_output, whole_file
 from .spectra_table import SpectraTable, list_names
 
 
@@ -197,13 +197,8 @@ def write_files(files: Mapping[Path, Iterable[bytes]], *, overwrite: bool = Fals
     for path in files:
         check_output(path, overwrite=overwrite)
     for path, pieces in files.items():
-        part = path.with_name(path.name + ".part")
-        try:
-            with part.open("wb") as file:
-                file.writelines(pieces)
-            part.replace(path)
-        finally:
-            part.unlink(missing_ok=True)
+        with whole_file(path) as part, part.open("wb") as file:
+            file.writelines(pieces)
 
 
 def _format_csv(table: SpectraTable, path: Path, long: bool) -> Iterator[bytes]:

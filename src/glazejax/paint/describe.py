@@ -4,7 +4,6 @@
 Nothing here knows optics: text becomes `Coat`s, and names become pigments of a shelf (any mapping).
 """
 
-import difflib
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from typing import NamedTuple
@@ -12,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float
 
+from ..names import nearest_names
 from .media import MAX_THICKNESS, Mixture, Pigment
 
 UNITS = {"nm": 1e-9, "um": 1e-6, "µm": 1e-6, "μm": 1e-6, "mm": 1e-3, "m": 1.0}
@@ -197,10 +197,7 @@ def find_name(name: str, names: Iterable[str]) -> str:
     key = _plain(name)
     if key in known:
         return known[key]
-    near = [
-        full for plain, full in known.items() if len(key) > 2 and (key in plain or plain in key)
-    ][:4]
-    near = near or [known[k] for k in difflib.get_close_matches(key, known, n=4, cutoff=0.6)]
+    near = nearest_names(name, known.values(), fold=_plain)
     choice = (
         f"the nearest {'is' if len(near) == 1 else 'are'} {', '.join(near)}" if near else ALL_NAMES
     )

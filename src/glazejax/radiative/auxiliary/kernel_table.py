@@ -122,25 +122,21 @@ class KernelTable:
         Raises:
             FileExistsError: there is such a file and `overwrite` is not set.
         """
+        from ...io.outputs import whole_file
+
         path = Path(path)
         if path.exists() and not overwrite:
             raise FileExistsError(f"{path} exists; pass overwrite=True to replace it")
         arrays = {name: getattr(self, name) for name in _ARRAYS}
-        # Under another name first, so that an interrupted run leaves no half table.
-        partial = path.with_name(f"{path.name}.{os.getpid()}.part")
-        try:
-            with partial.open("wb") as file:
-                np.savez(
-                    file,
-                    format=_FORMAT,
-                    refractive_index=self.refractive_index,
-                    step=self.step,
-                    **arrays,
-                )
-            partial.replace(path)
-        except BaseException:
-            partial.unlink(missing_ok=True)
-            raise
+        # An interrupted run leaves no half table.
+        with whole_file(path) as part, part.open("wb") as file:
+            np.savez(
+                file,
+                format=_FORMAT,
+                refractive_index=self.refractive_index,
+                step=self.step,
+                **arrays,
+            )
         return path
 
     @classmethod

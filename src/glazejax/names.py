@@ -1,0 +1,40 @@
+"""What a name that is not known may have been meant to be."""
+
+import difflib
+from collections.abc import Callable, Iterable
+
+_MOST = 4
+# Letters of a known name that counts as lying inside another: an illuminant is called A.
+_INSIDE = 3
+
+
+def nearest_names(
+    name: str,
+    known: Iterable[str],
+    *,
+    cutoff: float = 0.6,
+    shortest: int = 3,
+    fold: Callable[[str], str] = str.casefold,
+) -> list[str]:
+    """At most four known names that are near one: those with it inside, or inside it, come first.
+
+    Args:
+        name: as it was given.
+        known: names that there are.
+        cutoff: likeness, 0 to 1, that counts as near where none is inside the other.
+        shortest: names of fewer letters are not looked for inside others; a known name that is to
+            lie inside has three at least.
+        fold: takes away what does not matter, such as the case.
+    """
+    folded: dict[str, str] = {}
+    for full in known:
+        folded.setdefault(fold(full), full)
+    key = fold(name)
+    inside = [
+        full
+        for other, full in folded.items()
+        if (len(key) >= shortest and key in other) or (len(other) >= _INSIDE and other in key)
+    ]
+    if inside:
+        return inside[:_MOST]
+    return [folded[k] for k in difflib.get_close_matches(key, folded, n=_MOST, cutoff=cutoff)]
