@@ -27,7 +27,6 @@ IMPORTED = (
     "jax.scipy.special",
     "jax.experimental",
     "equinox",
-    "lineax",
     "optimistix",
     "jaxtyping",
     "beartype",

@@ -124,7 +124,6 @@ PLAIN = {
     "scipy",
     "equinox",
     "jaxtyping",
-    "lineax",
 } | {
     "optimistix",
     "colour",

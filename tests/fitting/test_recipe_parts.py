@@ -7,9 +7,9 @@ import pytest
 from rich.console import Console
 
 from glazefit import find_recipes
+from glazefit.film.colour_metric import lab_metric
 from glazefit.recipe import refine as refine_module
 from glazefit.recipe.choose import Scored, pack_coats, roundings, select
-from glazefit.recipe.metric import colour_metric
 from glazefit.recipe.model import Optics, empty_slots, fill_slots, make_model, readings
 from glazefit.recipe.refine import refine
 from glazefit.recipe.report import print_best, print_recipes
@@ -105,7 +105,7 @@ def test_the_metric_is_the_colour_difference_of_small_steps():
     labs = rng.uniform((5, -80, -80), (95, 80, 80), (50, 3))
     labs[0] = (50, 0, 0)
     steps = rng.normal(size=(50, 3)) * 0.05
-    metric = colour_metric(labs)
+    metric = lab_metric(labs)
     length = np.linalg.norm(np.einsum("nij,nj->ni", metric, steps), axis=1)
     expected = colour.delta_e_2000(labs - steps / 2, labs + steps / 2)
     np.testing.assert_allclose(length, expected, rtol=0.02)

@@ -5,10 +5,10 @@ import numpy as np
 import pytest
 
 import glazejax as gj
+from glazefit.film.colour_metric import lab_metric
 from glazefit.film.optics import Optics
 from glazefit.recipe import polish as polish_module
 from glazefit.recipe.choose import score
-from glazefit.recipe.metric import colour_metric
 from glazefit.recipe.model import fill_slots, make_model
 from glazefit.recipe.polish import colour_misfit, polish, solve
 from glazefit.recipe.screen import Stacks, TargetArrays
@@ -52,7 +52,7 @@ def aims_of(spectra: np.ndarray, spectral: float = 0.0) -> TargetArrays:
     labs = np.asarray(colour.lab(GRID, spectra))[:, None]
     weights = np.full(len(spectra), spectral)
     return TargetArrays(
-        *(jnp.asarray(values) for values in (labs, colour_metric(labs), spectra, weights))
+        *(jnp.asarray(values) for values in (labs, lab_metric(labs), spectra, weights))
     )
 
 

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from glazefit import Discrepancy, Noise
+from glazefit.film.colour_metric import reading_metric
 from glazefit.identify.searcher import Searcher
 from glazefit.identify.weigh import weigh
 from glazefit.mapping.atlas import Atlas
-from glazefit.mapping.colour_metric import colour_metric
 from glazefit.mapping.local import Searched, as_measured, check_errors, search_locally
 from glazefit.mapping.survey import Features
 from glazefit.mapping.update import log_weight_gain
@@ -174,14 +174,14 @@ def test_colours_differ_as_the_metric_says():
     rng = np.random.default_rng(3)
     grid = np.arange(400.0, 701.0, 10.0)
     base = 0.1 + 0.6 * rng.random((6, 1)) * (1 + 0.5 * np.sin(grid / 40.0 + 6 * rng.random((6, 1))))
-    metric = colour_metric(grid, base)
+    metric = reading_metric(grid, base)
     step = 0.004 * np.cos(grid / 70.0 + 6 * rng.random((6, 1)))
     told = np.linalg.norm(np.einsum("scb,sb->sc", metric, step), axis=1)
     seen = np.asarray(delta_e_of_spectra(grid, base, base + step, observer=10))
     np.testing.assert_allclose(told, seen, rtol=0.08)
     # Without a colour it is a hundred times the root mean square.
     few = np.linspace(900.0, 1000.0, 11)
-    flat = colour_metric(few, np.full((1, 11), 0.4))
+    flat = reading_metric(few, np.full((1, 11), 0.4))
     assert np.linalg.norm(flat[0] @ np.full(11, 0.01)) == pytest.approx(1.0)
 
 

@@ -1,148 +1,239 @@
-"""Tiny least-squares problems in plain XLA operations: a linear solver for optimistix, and one loop
-of our own.
+"""Least squares: one door, `levenberg_marquardt`, and loops for what optimistix cannot say.
 
-lineax's own QR, SVD and Cholesky call LAPACK; two batched LAPACK calls in one compiled program can
-hang for ever on the CPU (jaxlib 0.10, 0.11.0). A problem of two or three unknowns needs none of it.
+Small problems, hundreds side by side, go through `optimistix.least_squares` with a solver of our
+own, `SideBySide`. Its steps are those of optimistix's `LevenbergMarquardt`, and so are its answers;
+but its arrays have a batch axis, in place of a loop that `jax.vmap` turns into one. JAX traces and
+compiles that several times faster, which is most of what a first recipe waits for. Its linear
+algebra is plain XLA: two batched LAPACK calls in one compiled program can hang for ever on the CPU
+(jaxlib 0.10, 0.11.0).
+
+Three loops stay beside it:
+
+- `damped_newton`, a fixed number of steps with slopes in closed form, under `jax.vmap`: optimistix
+  takes twice the time.
+- `descend`, one problem whose linear algebra NumPy does, by its structure; optimistix compiles the
+  whole loop, and a compiled solver of that structure takes half a minute for every new size.
+- `descend_within`, many problems between bounds, whose every look takes a solver's run: those that
+  have settled are not looked at again, while a compiled loop goes on with all until the last.
 """
 
 from collections.abc import Callable
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, Generic, NamedTuple, TypeVar
 
 import jax
 import jax.numpy as jnp
-import lineax as lx
-from jaxtyping import Array, Float, PyTree
-from lineax.internal import pack_structures, ravel_vector, unravel_solution
+import numpy as np
+import optimistix as optx
+from jaxtyping import Array, Bool, Float, Int
 
 from glazejax.radiative.common.linalg import matmul, solve_positive
 
-State = TypeVar("State")
+# What optimistix's trust region takes, after Gould, Orban, Sartenaer, Toint (2005): a step counts
+# from .01 of the gain that it promised, and from .99 on the next may be 3.5 times as long; after a
+# step that does not count, a quarter.
+_COUNTS = 0.01
+_GOOD = 0.99
+_LONGER = 3.5
+_SHORTER = 0.25
 
 
-class FullRankSolver(lx.AbstractLinearSolver[State]):
-    """What linear solvers of least-squares problems with as many independent columns as unknowns
-    have in common.
+class _State(NamedTuple):
+    tried: Float[Array, "n m"]
+    residual: Float[Array, "n rows"]  # at the point
+    slopes: Float[Array, "n rows m"]
+    length: Float[Array, "n"]  # one over the damping
+    first: Bool[Array, ""]
+    done: Bool[Array, "n"]
+
+
+class SideBySide(optx.AbstractLeastSquaresSolver):
+    """Levenberg and Marquardt's steps for a batch of problems, (n, unknowns), each on its own.
+
+    Row i of the residuals, (n, rows), must depend on row i of the unknowns alone. What has settled
+    stays as it is while others go on.
+
+    Attributes:
+        rtol, atol: settled when a step changes no unknown and no residual by more than atol + rtol
+            times itself.
+        damped: the linear step, `damped_solution` or `normal_solution`.
+
+    Source: as `optimistix.LevenbergMarquardt`, `ClassicalTrustRegion` and `cauchy_termination`.
     """
 
-    def transpose(self, state: State, options: dict[str, Any]):
-        """Not offered: the transposed problem is underdetermined."""
-        raise NotImplementedError(
-            f"{type(self).__name__} solves least-squares problems; it has no transpose"
+    rtol: float
+    atol: float
+    damped: Callable[[Array, Array, Array], Array]
+    norm: Callable = optx.max_norm
+
+    def init(self, fn, y, args, options, f_struct, aux_struct, tags) -> _State:
+        """The state before the first step, which looks at the start itself."""
+        del fn, args, options, aux_struct, tags
+        return _State(
+            tried=y,
+            residual=jnp.zeros(f_struct.shape, y.dtype),
+            slopes=jnp.zeros((*f_struct.shape, y.shape[1]), y.dtype),
+            length=jnp.ones(len(y), y.dtype),
+            first=jnp.ones((), bool),
+            done=jnp.zeros(len(y), bool),
         )
 
-    def conj(self, state: State, options: dict[str, Any]) -> tuple[State, dict[str, Any]]:
-        """State of the conjugate operator: the same, for real ones."""
-        return state, options
+    def step(self, fn, y, args, options, state, tags) -> tuple[Array, _State, Any]:
+        """One trial of every problem that has not settled."""
+        del options, tags
+        residual, slopes, aux = _look(fn, state.tried, args)
+        # What the linear model promised of the last move, and what it gained.
+        move = state.tried - y
+        before = _half_square(state.residual)
+        promised = _half_square(_times(state.slopes, move) + state.residual) - before
+        gained = _half_square(residual) - before
+        # A step counts if it gained a share of the promise; the trust region follows.
+        counts = (gained <= _COUNTS * promised) | state.first
+        counts &= jnp.all(jnp.isfinite(state.tried), axis=1)
+        good = (gained < _GOOD * promised) & (promised < 0) & ~state.first
+        length = state.length * jnp.where(counts, jnp.where(good, _LONGER, 1.0), _SHORTER)
+        still = self._small(move, state.tried) & self._small(residual - state.residual, residual)
 
-    def assume_full_rank(self) -> bool:
-        """Whether the solver relies on full column rank."""
-        return True
+        # From the better of both points, the next trial.
+        point = _where(counts, state.tried, y)
+        residual = _where(counts, residual, state.residual)
+        slopes = _where(counts, slopes, state.slopes)
+        new = _State(
+            tried=point - self.damped(slopes, residual, 1.0 / length),
+            residual=residual,
+            slopes=slopes,
+            length=length,
+            first=state.first,
+            done=counts & still,
+        )
+        kept = _State(*(_where(state.done, old, now) for old, now in zip(state, new, strict=True)))
+        return (
+            _where(state.done, y, point),
+            kept._replace(first=jnp.zeros((), bool), done=state.done | new.done),
+            aux,
+        )
+
+    def terminate(self, fn, y, args, options, state, tags) -> tuple[Array, optx.RESULTS]:
+        """Whether all have settled."""
+        del fn, y, args, options, tags
+        return jnp.all(state.done), optx.RESULTS.successful
+
+    def postprocess(
+        self, fn, y, aux, args, options, state, tags, result
+    ) -> tuple[Array, Any, dict[str, Any]]:
+        """Which have settled, as a statistic."""
+        del fn, args, options, tags, result
+        return y, aux, {"settled": state.done}
+
+    def _small(self, change: Array, value: Array) -> Bool[Array, "n"]:
+        return jnp.all(jnp.abs(change) < self.atol + self.rtol * jnp.abs(value), axis=1)
 
 
-class _Factors(NamedTuple):
-    """Thin QR factors of an operator, or it and its normal matrix, and how its vectors
-    are packed.
-    """
+def _look(fn: Callable, point: Float[Array, "n m"], args: Any) -> tuple[Array, Array, Any]:
+    """Residuals, their slopes, (n, rows, m), and what else the function gives."""
 
-    q: Float[Array, "rows columns"]
-    r: Float[Array, "columns columns"]
-    packed: Any
+    def along(direction: Float[Array, "n m"]) -> tuple[Array, Array, Any]:
+        return jax.jvp(lambda free: fn(free, args), (point,), (direction,), has_aux=True)
+
+    # Along one unknown of all problems at a time: each knows its own alone.
+    every = jnp.broadcast_to(
+        jnp.eye(point.shape[1], dtype=point.dtype)[:, None], (point.shape[1], *point.shape)
+    )
+    return jax.vmap(along, out_axes=(None, -1, None))(every)
 
 
-def orthogonalise(
-    matrix: Float[Array, "rows columns"],
-) -> tuple[Float[Array, "rows columns"], Float[Array, "columns columns"]]:
-    """Thin QR factors by modified Gram-Schmidt, done twice, which leaves Q orthogonal to rounding.
+def _where(chosen: Bool[Array, "n"], one: Array, other: Array) -> Array:
+    if one.ndim == 0:
+        return one
+    return jnp.where(chosen.reshape(-1, *[1] * (one.ndim - 1)), one, other)
+
+
+def levenberg_marquardt(
+    residuals: Callable[..., Float[Array, "rows"]],
+    start: Float[Array, "n m"],
+    *given: Any,
+    rtol: float,
+    atol: float,
+    max_steps: int,
+    damped: Callable[[Array, Array, Array], Array] | None = None,
+) -> tuple[Float[Array, "n m"], Bool[Array, "n"]]:
+    """The points of least squares nearest to some starts, and whether each settled.
 
     Args:
-        matrix: (rows, columns) with rows >= columns; the loop over columns is unrolled. A column
-            that depends on those before it gets a zero column in Q and a zero pivot in R.
-
-    Source: Giraud, Langou, Rozloznik (2005), "twice is enough".
+        residuals: of one problem, (rows,), from its unknowns, (m,), and from its own part of what
+            is `given`.
+        start: (n, m), a problem a row.
+        given: trees of arrays (n, ...), a problem a row.
+        rtol, atol: see `SideBySide`.
+        max_steps: after these a problem keeps the best point it has seen.
+        damped: the linear step, by default `damped_solution`.
     """
-    columns = matrix.shape[1]
-    q = matrix
-    r = jnp.eye(columns, dtype=matrix.dtype)
-    for _ in range(2):
-        basis = []
-        step = jnp.zeros_like(r)
-        for j in range(columns):
-            column = q[:, j]
-            for i, unit in enumerate(basis):
-                share = unit @ column
-                step = step.at[i, j].set(share)
-                column = column - share * unit
-            norm = jnp.sqrt(jnp.sum(column**2))
-            step = step.at[j, j].set(norm)
-            basis.append(column / jnp.where(norm > 0, norm, 1.0))
-        q = jnp.stack(basis, axis=1)
-        r = step @ r
-    return q, r
+    # A start without a number must not stop the others.
+    sound = jnp.all(jnp.isfinite(start), axis=1)
+    found = optx.least_squares(
+        lambda point, own: jax.vmap(residuals)(point, *own),
+        SideBySide(rtol, atol, damped or damped_solution),
+        _where(sound, start, jnp.zeros_like(start)),
+        given,
+        max_steps=max_steps,
+        throw=False,
+    )
+    return _where(sound, found.value, start), found.stats["settled"] & sound
 
 
-def back_substitute(r: Float[Array, "n n"], b: Float[Array, "n"]) -> Float[Array, "n"]:
-    """Solve R x = b for an upper triangular R; unknowns of zero pivots are set to zero."""
-    n = b.shape[0]
-    x = jnp.zeros_like(b)
-    for j in reversed(range(n)):
-        pivot = r[j, j]
-        value = (b[j] - r[j] @ x) / jnp.where(pivot == 0, 1.0, pivot)
-        x = x.at[j].set(jnp.where(pivot == 0, 0.0, value))
-    return x
+def damped_solution(
+    matrix: Float[Array, "n rows m"], right: Float[Array, "n rows"], damping: Float[Array, "n"]
+) -> Float[Array, "n m"]:
+    """x of least |A x - b|^2 + damping |x|^2, side by side; in plain operations, for a few unknowns
+    each.
 
+    Modified Gram-Schmidt of A, the damping's rows and b together, as stable as Householder's QR.
 
-class GramSchmidt(FullRankSolver[_Factors]):
-    """Least-squares solver for tall or square operators of a few columns, without LAPACK.
-
-    Unknowns that the operator does not determine come out as zero.
-
-    Raises:
-        ValueError: the operator has more unknowns than equations, or more than eight.
+    Source: A. Bjorck, BIT 7 (1967) 1.
     """
+    count = matrix.shape[2]
+    below = jnp.sqrt(damping)[:, None, None] * jnp.eye(count, count + 1, dtype=matrix.dtype)
+    rest = jnp.concatenate([jnp.concatenate([matrix, right[..., None]], axis=2), below], axis=1)
+    rows = []
+    for _ in range(count):
+        column = rest[..., 0]
+        rest = rest[..., 1:]
+        norm = jnp.sqrt(jnp.sum(column**2, axis=1))
+        unit = column / jnp.where(norm > 0, norm, 1.0)[:, None]
+        row = jnp.sum(unit[..., None] * rest, axis=1)
+        rest = rest - unit[..., None] * row[:, None, :]
+        rows.append((norm, row))
+    # From the last unknown up; the last column of a row is what b has of its direction.
+    found: list[Array] = []
+    for norm, row in reversed(rows):
+        known = sum((row[:, i] * value for i, value in enumerate(found)), jnp.zeros_like(norm))
+        value = (row[:, -1] - known) / jnp.where(norm > 0, norm, 1.0)
+        # A column of nothing says nothing of its unknown.
+        found = [value * (norm > 0).astype(value.dtype), *found]
+    return jnp.stack(found, axis=1)
 
-    def init(self, operator: lx.AbstractLinearOperator, options: dict[str, Any]) -> _Factors:
-        """Factorise."""
-        del options
-        rows = operator.out_size()
-        columns = operator.in_size()
-        if rows < columns or columns > 8:
-            raise ValueError(
-                f"GramSchmidt is for tall problems of up to 8 unknowns, not for {rows} x {columns}"
-            )
-        q, r = orthogonalise(operator.as_matrix())
-        return _Factors(q, r, pack_structures(operator))
 
-    def compute(
-        self, state: _Factors, vector: PyTree[Array], options: dict[str, Any]
-    ) -> tuple[PyTree[Array], lx.RESULTS, dict[str, Any]]:
-        """Solve for one right-hand side."""
-        del options
-        solution = back_substitute(state.r, state.q.T @ ravel_vector(vector, state.packed))
-        return unravel_solution(solution, state.packed), lx.RESULTS.successful, {}
-
-
-class NormalEquations(FullRankSolver[_Factors]):
-    """Least-squares solver for any number of columns, without LAPACK: the normal equations, by
-    elimination.
+def normal_solution(
+    matrix: Float[Array, "n rows m"], right: Float[Array, "n rows"], damping: Float[Array, "n"]
+) -> Float[Array, "n m"]:
+    """As `damped_solution`, for any number of unknowns: the normal equations, by elimination.
 
     They square the condition, so columns should be of like size and well apart, as those of a
     damped step are.
     """
+    flipped = jnp.swapaxes(matrix, 1, 2)
+    square = matmul(flipped, matrix) + damping[:, None, None] * jnp.eye(
+        matrix.shape[2], dtype=matrix.dtype
+    )
+    return solve_positive(square, matmul(flipped, right[..., None]))[..., 0]
 
-    def init(self, operator: lx.AbstractLinearOperator, options: dict[str, Any]) -> _Factors:
-        """Multiply."""
-        del options
-        matrix = operator.as_matrix()
-        return _Factors(matrix, matmul(matrix.T, matrix), pack_structures(operator))
 
-    def compute(
-        self, state: _Factors, vector: PyTree[Array], options: dict[str, Any]
-    ) -> tuple[PyTree[Array], lx.RESULTS, dict[str, Any]]:
-        """Solve for one right-hand side."""
-        del options
-        right = matmul(ravel_vector(vector, state.packed), state.q)
-        solution = solve_positive(state.r, right[:, None])[:, 0]
-        return unravel_solution(solution, state.packed), lx.RESULTS.successful, {}
+def _times(matrix: Float[Array, "n rows m"], vector: Float[Array, "n m"]) -> Float[Array, "n rows"]:
+    # Products and sums: an accelerator's matrix units would round.
+    return jnp.sum(matrix * vector[:, None, :], axis=2)
+
+
+def _half_square(residual: Float[Array, "n rows"]) -> Float[Array, "n"]:
+    return 0.5 * jnp.sum(residual**2, axis=1)
 
 
 def inverse_small(matrix: Float[Array, "n n"]) -> tuple[Float[Array, "n n"], Float[Array, ""]]:
@@ -227,6 +318,229 @@ def damped_newton(
         0, steps + 1, step, (start, unseen, jnp.asarray(0.1, start.dtype))
     )
     return there, seen
+
+
+Point = TypeVar("Point")
+
+
+class Surroundings(NamedTuple, Generic[Point]):
+    """A problem near a point."""
+
+    cost: Float[Array, ""]  # half the sum of squares
+    gradient: Point
+    normal: Any  # the normal matrix, in whatever form `solve` takes it
+
+
+class Descent(NamedTuple, Generic[Point]):
+    """Where `descend` ended, what was seen there, the number of steps, and whether they settled."""
+
+    point: Point
+    seen: Surroundings[Point]
+    steps: int
+    settled: bool
+
+
+# Of the damping, as a step is foretold well or badly: the usual rule of a trust region.
+_FORETOLD = 0.75
+_MISSED = 0.25
+_LEAST_STEP = 1e-12
+# One over the damping above which a small step says that the fit is done; damped more, it may be
+# small for that.
+_FREE = 1.0
+
+
+def descend(
+    look: Callable[[Point], Surroundings[Point]],
+    solve: Callable[[Any, float, Point], Point],
+    start: Point,
+    *,
+    first_step: float,
+    max_steps: int,
+    tolerance: float,
+) -> Descent[Point]:
+    """Levenberg and Marquardt's least squares of one problem whose linear algebra is NumPy's.
+
+    Args:
+        look: what a point, a tree of arrays, sees.
+        solve: x of (normal matrix + damping) x = gradient; raises numpy.linalg.LinAlgError where
+            the damping does not do.
+        start: first point.
+        first_step: one over the damping of the first step.
+        max_steps: that are tried.
+        tolerance: settled when no unknown moves by more, relative or in its own unit.
+    """
+    point = jax.tree.map(np.asarray, start)
+    step = first_step
+    settled = False
+    here = look(point)
+    steps = 0
+    while steps < max_steps and not settled and step > _LEAST_STEP:
+        steps += 1
+        try:
+            up = solve(here.normal, 1.0 / step, here.gradient)
+        except np.linalg.LinAlgError:
+            step *= _SHORTER
+            continue
+        move = jax.tree.map(np.negative, up)
+        # The normal equations give m' N m = -slope - square/step.
+        slope = _inner(here.gradient, move)
+        gain = -slope - 0.5 * (-slope - _inner(move, move) / step)
+        tried = jax.tree.map(np.add, point, move)
+        there = look(tried)
+        reached = float(here.cost) - float(there.cost)
+        share = reached / gain if np.isfinite(reached) and gain > 0 else -1.0
+        if share > 0:
+            settled = (
+                step >= _FREE
+                and _all_small(move, tried, tolerance)
+                and reached < tolerance * (1.0 + float(there.cost))
+            )
+            point = tried
+            here = there
+        elif gain <= tolerance**2 * float(here.cost):
+            settled = True
+        step *= _LONGER if share > _FORETOLD else _SHORTER if share < _MISSED else 1.0
+    return Descent(point, here, steps, settled)
+
+
+def _inner(one: Any, other: Any) -> float:
+    return sum(
+        float(np.sum(a * b))
+        for a, b in zip(jax.tree.leaves(one), jax.tree.leaves(other), strict=True)
+    )
+
+
+def _all_small(move: Any, point: Any, tolerance: float) -> bool:
+    return all(
+        bool(np.all(np.abs(m) < tolerance * (1.0 + np.abs(p))))
+        for m, p in zip(jax.tree.leaves(move), jax.tree.leaves(point), strict=True)
+    )
+
+
+class Looks(NamedTuple):
+    """Costs of many problems at their points, half the gradient, and half of Gauss and Newton's
+    curvature.
+    """
+
+    cost: Float[np.ndarray, "n"]  # sum of squares; infinite where it is no number
+    slope: Float[np.ndarray, "n m"]
+    curvature: Float[np.ndarray, "n m m"]
+
+    def take(self, rows: Int[np.ndarray, "some"]) -> "Looks":
+        """Those of some rows."""
+        return Looks(*(values[rows] for values in self))
+
+
+class Bounds(NamedTuple):
+    """Least and largest values of the unknowns, and the longest step of each."""
+
+    low: Float[np.ndarray, "m"]
+    high: Float[np.ndarray, "m"]
+    longest: float
+
+
+class BoundedDescent(NamedTuple):
+    """Where `descend_within` ended, with the cost there, whether each problem settled, and the
+    number of its steps that counted.
+    """
+
+    point: Float[np.ndarray, "n m"]
+    cost: Float[np.ndarray, "n"]
+    settled: Bool[np.ndarray, "n"]
+    steps: Int[np.ndarray, "n"]
+
+
+# Damping, in parts of the largest curvature: of the first step, and of a step that counts as full.
+_DAMPED = 1e-3
+_FULL = 1e-9
+
+
+def descend_within(
+    look: Callable[[Int[np.ndarray, "some"], Float[np.ndarray, "some m"]], Looks],
+    start: Float[np.ndarray, "n m"],
+    seen: Looks,
+    bounds: Bounds,
+    *,
+    normalise: Callable[[Int[np.ndarray, "some"], Float[np.ndarray, "some m"]], np.ndarray],
+    promise: float,
+    max_steps: int,
+) -> BoundedDescent:
+    """Levenberg and Marquardt's least squares between bounds, of many problems side by side.
+
+    A problem is settled when a full step promises to lower the root of its cost by less than
+    `promise`: an unknown without influence keeps no problem from its end.
+
+    Args:
+        look: costs of some problems, by number, at points.
+        start, seen: first points, and what `look` gives there.
+        bounds: of every problem's unknowns.
+        normalise: points of some problems, by number, in their normal form.
+        promise: in the unit of a residual.
+        max_steps: that are tried.
+    """
+    point = start.copy()
+    here = Looks(*map(np.copy, seen))
+    damping = _DAMPED * _largest(here.curvature)
+    steps = np.zeros(len(point), int)
+    settled = np.zeros(len(point), bool)
+    going = np.flatnonzero(np.isfinite(here.cost))
+    for _ in range(max_steps):
+        own = here.take(going)
+        promised = bounded_step(point[going], own, bounds, _FULL * _largest(own.curvature))[1]
+        settled[going] = promised < promise
+        going = going[promised >= promise]
+        if going.size == 0:
+            break
+        moved, _ = bounded_step(point[going], here.take(going), bounds, damping[going])
+        moved = normalise(going, moved)
+        there = look(going, moved)
+        # A cost that is no number is no better.
+        better = there.cost < here.cost[going]
+        damping[going] *= np.where(better, 0.2, 5.0)
+        rows = going[better]
+        point[rows] = moved[better]
+        steps[rows] += 1
+        for old, new in zip(here, there, strict=True):
+            old[rows] = new[better]
+    return BoundedDescent(point, here.cost, settled, steps)
+
+
+def _largest(curvature: Float[np.ndarray, "n m m"]) -> Float[np.ndarray, "n"]:
+    return np.maximum(curvature.max(axis=(1, 2)), 1e-9)
+
+
+def bounded_step(
+    point: Float[np.ndarray, "n m"],
+    seen: Looks,
+    bounds: Bounds,
+    damping: Float[np.ndarray, "n"],
+) -> tuple[Float[np.ndarray, "n m"], Float[np.ndarray, "n"]]:
+    """Where a damped step within bounds leads, and by how much it should lower the cost's root."""
+    # What is not there has no slope, and stays; so does what is at a bound and drawn beyond it.
+    fixed = (
+        (seen.slope == 0)
+        | ((point <= bounds.low) & (seen.slope > 0))
+        | ((point >= bounds.high) & (seen.slope < 0))
+    )
+    least = np.clip(bounds.low - point, -bounds.longest, 0.0)
+    most = np.clip(bounds.high - point, 0.0, bounds.longest)
+    step = np.zeros(point.shape)
+    for _ in range(point.shape[1]):
+        # The rest follows what stops at a bound, or it would end where neither is best.
+        pull = (seen.curvature @ np.where(fixed, step, 0.0)[..., None])[..., 0]
+        slope = np.where(fixed, 0.0, seen.slope + pull)
+        matrix = np.where(fixed[:, :, None] | fixed[:, None, :], 0.0, seen.curvature)
+        matrix = matrix + damping[:, None, None] * np.eye(point.shape[1])
+        step = np.where(fixed, step, -np.linalg.solve(matrix, slope[..., None])[..., 0])
+        beyond = ~fixed & ((step < least) | (step > most))
+        step = np.clip(step, least, most)
+        fixed |= beyond
+        if not beyond.any():
+            break
+    gain = -2.0 * np.sum(seen.slope * step, axis=1)
+    gain -= np.einsum("ni,nij,nj->n", step, seen.curvature, step)
+    left = np.maximum(seen.cost - np.maximum(gain, 0.0), 0.0)
+    return point + step, np.sqrt(seen.cost) - np.sqrt(left)
 
 
 def root_of_log1p(root: Float[Array, "*n"]) -> Float[Array, "*n"]:

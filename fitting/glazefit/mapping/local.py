@@ -16,6 +16,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float, Int
 
+from ..film.colour_metric import reading_metric
 from ..film.errors import Discrepancy
 from ..identify.coefficient_errors import (
     Films,
@@ -35,7 +36,6 @@ from ..identify.task import IdentificationTask, Measured
 from ..identify.two_coats import stack_slopes
 from ..identify.unstated_conditions import FilmsUnderCondition, films_under
 from ..identify.weigh import Odds
-from .colour_metric import colour_metric
 
 # Candidates of a representative that are kept: those with this share of the best explanations, and
 # so many at most.
@@ -198,7 +198,7 @@ def _local_models(searcher: Searcher, measured: Measured, pool: Pool, odds: Odds
     rest = left_out.sum(axis=1)
     rest_paints = np.einsum("sc,scp->sp", left_out, present) / np.maximum(rest, 1e-12)[:, None]
     # A colour difference is a length in this metric, to first order.
-    metric = colour_metric(measured.wavelengths, measured.readings[:, 0])[row]
+    metric = reading_metric(measured.wavelengths, measured.readings[:, 0])[row]
     parts: dict[str, np.ndarray] = {}
     condition = pool.condition[row, place]
     stacked = pool.coats[row, place].any(axis=-1)

@@ -18,22 +18,20 @@ from typing import Any, NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-import optimistix as optx
 from jaxtyping import Array, Bool, Float, Int
 from scipy.special import logsumexp
 
 from glazejax.extras import require
 
-from ..film.least_squares import GramSchmidt, NormalEquations
+from ..film.least_squares import damped_solution, levenberg_marquardt, normal_solution
 from .problem import Problem
 
 TRUSTED_TAIL = 0.7
 _MODES = 3
 _DRAWS_A_START = 48
 _STEPS = 60
-_SOLVER = optx.LevenbergMarquardt(rtol=1e-6, atol=1e-6, linear_solver=GramSchmidt())
-_MANY = optx.LevenbergMarquardt(rtol=1e-6, atol=1e-6, linear_solver=NormalEquations())
-# Unknowns up to which the first is taken: it is unrolled.
+_SETTLED = 1e-6
+# Unknowns up to which `damped_solution` is taken: it is unrolled.
 _FEW = 7
 # A direction that the data leave open is taken at most this many prior standard deviations wide.
 _WIDEST = 1.0
@@ -115,22 +113,16 @@ def _climb(
     starts).
     """
 
-    solver = _SOLVER if starts.shape[-1] <= _FEW else _MANY
-
     def block(both: tuple[Any, Array]) -> tuple[Array, Array]:
         one, points = both
-
-        def climb(start: Array) -> tuple[Array, Array]:
-            found = optx.least_squares(
-                lambda free, _: residuals(free, one, shared),
-                solver,
-                start,
-                max_steps=_STEPS,
-                throw=False,
-            )
-            return found.value, found.result == optx.RESULTS.successful
-
-        return jax.vmap(climb)(points)
+        return levenberg_marquardt(
+            lambda free: residuals(free, one, shared),
+            points,
+            rtol=_SETTLED,
+            atol=_SETTLED,
+            max_steps=_STEPS,
+            damped=damped_solution if points.shape[-1] <= _FEW else normal_solution,
+        )
 
     return jax.lax.map(block, (data, starts), batch_size=batch)
 

@@ -20,8 +20,9 @@ from jaxtyping import Array, Bool, Float, Int
 from glazejax.colour import delta_e_2000
 
 from ..film.ahead import Program
+from ..film.colour_metric import lab_metric
+from ..film.least_squares import Bounds, Looks, descend_within
 from ..film.optics import Optics
-from .metric import colour_metric
 from .model import READ_CHUNK, Slots, StackModel, empty_slots, fill_slots, lab_of, true_reading
 from .screen import Stacks, TargetArrays
 
@@ -33,9 +34,6 @@ _STEPS = 40
 _LONGEST = 1.0
 _FADED = -9.0
 _LAB_STEP = 0.01
-# Damping, in parts of the largest curvature: of the first step, and of a step that counts as full.
-_DAMPED = 1e-3
-_FULL = 1e-9
 
 
 class _Slots(NamedTuple):
@@ -61,15 +59,6 @@ class _Place(NamedTuple):
         )
 
 
-class _Look(NamedTuple):
-    """The cost at a point, with half its gradient and Gauss and Newton's half of its curvature."""
-
-    cost: Float[np.ndarray, "n"]
-    delta_e: Float[np.ndarray, "n"]  # largest under the lights
-    slope: Float[np.ndarray, "n m"]
-    curvature: Float[np.ndarray, "n m m"]
-
-
 def polish(
     model: StackModel, optics: Optics, aims: TargetArrays, stacks: Stacks, slots: int
 ) -> Stacks:
@@ -88,50 +77,42 @@ def polish(
     if stacks.size == 0:
         return stacks
     place, point = _start(model, aims, stacks, slots)
-    look = _look(model, optics, place, point)
-    before = look.delta_e.copy()
-    damping = _DAMPED * np.maximum(look.curvature.max(axis=(1, 2)), 1e-9)
-    steps = np.zeros(stacks.size, int)
-    settled = np.zeros(stacks.size, bool)
-    going = np.flatnonzero(np.isfinite(look.cost))
     coats = stacks.sizes.shape[1]
-    for _ in range(_STEPS):
-        here = _rows(look, going)
-        full = _FULL * np.maximum(here.curvature.max(axis=(1, 2)), 1e-9)
-        promised = _step(model, point[going], here, coats, full)[1]
-        settled[going] = promised < PROMISE
-        going = going[promised >= PROMISE]
-        if going.size == 0:
-            break
-        moved, _ = _step(model, point[going], _rows(look, going), coats, damping[going])
-        moved[:, coats:] = _shares(place.take(going), moved[:, coats:])
-        new = _look(model, optics, place.take(going), moved)
-        # A cost that is no number is no better.
-        better = new.cost < look.cost[going]
-        damping[going] *= np.where(better, 0.2, 5.0)
-        rows = going[better]
-        point[rows] = moved[better]
-        steps[rows] += 1
-        for old, found in zip(look, new, strict=True):
-            old[rows] = found[better]
+    low = np.full(point.shape[1], _FADED)
+    high = np.zeros(point.shape[1])
+    low[:coats], high[:coats] = np.asarray(model.span)
+
+    def look(rows: np.ndarray, points: np.ndarray) -> Looks:
+        return _look(model, optics, place.take(rows), points)[0]
+
+    def normalise(rows: np.ndarray, points: np.ndarray) -> np.ndarray:
+        shares = _shares(place.take(rows), points[:, coats:])
+        return np.concatenate([points[:, :coats], shares], axis=1)
+
+    seen, before = _look(model, optics, place, point)
+    found = descend_within(
+        look,
+        point,
+        seen,
+        Bounds(low, high, _LONGEST),
+        normalise=normalise,
+        promise=PROMISE,
+        max_steps=_STEPS,
+    )
     sizes = empty_slots(
         Slots(*place.slots),
-        place.member * _amounts(place, point)[0][:, None],
+        place.member * _amounts(place, found.point)[0][:, None],
         stacks.sizes.shape[2],
     )
-    good = np.isfinite(look.cost)
+    good = np.isfinite(found.cost)
     return Stacks(
         sizes=np.where(good[:, None, None], sizes, stacks.sizes),
         target=stacks.target,
-        cost=np.where(good, look.cost, stacks.cost),
-        settled=settled,
-        steps=steps,
+        cost=np.where(good, found.cost, stacks.cost),
+        settled=found.settled,
+        steps=found.steps,
         before=before,
     )
-
-
-def _rows(look: _Look, rows: np.ndarray) -> _Look:
-    return _Look(*(values[rows] for values in look))
 
 
 def _start(
@@ -173,52 +154,10 @@ def _shares(place: _Place, free: Float[np.ndarray, "n slots"]) -> Float[np.ndarr
     return np.where(place.slots.used, free - np.log(own), 0.0)
 
 
-def _step(
-    model: StackModel,
-    point: Float[np.ndarray, "n m"],
-    look: _Look,
-    coats: int,
-    damping: Float[np.ndarray, "n"],
-) -> tuple[Float[np.ndarray, "n m"], Float[np.ndarray, "n"]]:
-    """Where a damped step within the bounds of thickness leads, and the Delta E by which it should
-    come nearer.
-    """
-    low, high = np.full((2, *point.shape), _FADED)
-    low[:, :coats], high[:, :coats] = np.asarray(model.span)[:, None, None]
-    high[:, coats:] = 0.0
-    # What is not there has no slope, and stays; so does what is at a bound and drawn beyond it.
-    held = (
-        (look.slope == 0)
-        | ((point <= low) & (look.slope > 0))
-        | ((point >= high) & (look.slope < 0))
-    )
-    least = np.clip(low - point, -_LONGEST, 0.0)
-    most = np.clip(high - point, 0.0, _LONGEST)
-    step = np.zeros(point.shape)
-    for _ in range(point.shape[1]):
-        # The rest follows what stops at a bound, or it would end where neither is best.
-        slope = np.where(
-            held, 0.0, look.slope + (look.curvature @ np.where(held, step, 0.0)[..., None])[..., 0]
-        )
-        matrix = np.where(held[:, :, None] | held[:, None, :], 0.0, look.curvature)
-        matrix = matrix + damping[:, None, None] * np.eye(point.shape[1])
-        step = np.where(held, step, -np.linalg.solve(matrix, slope[..., None])[..., 0])
-        beyond = ~held & ((step < least) | (step > most))
-        step = np.clip(step, least, most)
-        held |= beyond
-        if not beyond.any():
-            break
-    gain = -2.0 * np.sum(look.slope * step, axis=1) - np.einsum(
-        "ni,nij,nj->n", step, look.curvature, step
-    )
-    left = np.maximum(look.cost - np.maximum(gain, 0.0), 0.0)
-    return point + step, np.sqrt(look.cost) - np.sqrt(left)
-
-
 def _look(
     model: StackModel, optics: Optics, place: _Place, point: Float[np.ndarray, "n m"]
-) -> _Look:
-    """Cost and slopes by the solver."""
+) -> tuple[Looks, Float[np.ndarray, "n"]]:
+    """Cost and slopes by the solver, and the largest Delta E under the lights."""
     amount, share = _amounts(place, point)
     done = []
     for first in range(0, len(point), READ_CHUNK):
@@ -254,12 +193,12 @@ def _look(
     cost = np.sum(residual**2, axis=1)
     good = np.isfinite(cost) & np.isfinite(slopes).all(axis=(1, 2))
     delta_e = np.linalg.norm(colours, axis=-1).max(axis=1)
-    return _Look(
-        np.where(good, cost, np.inf),
-        delta_e,
-        (flipped @ residual[..., None])[..., 0],
-        flipped @ slopes,
+    looks = Looks(
+        cost=np.where(good, cost, np.inf),
+        slope=(flipped @ residual[..., None])[..., 0],
+        curvature=flipped @ slopes,
     )
+    return looks, delta_e
 
 
 def polish_ahead(model: StackModel, optics: Optics, slots: int, coats: int) -> None:
@@ -315,7 +254,7 @@ def colour_misfit(
     """
     moves = _LAB_STEP * np.concatenate([np.zeros((1, 3)), np.eye(3), -np.eye(3)])
     near = lab + moves.reshape(7, *(1,) * (lab.ndim - 1), 3)
-    metric = colour_metric((near + aim) / 2)
+    metric = lab_metric((near + aim) / 2)
     vector = np.einsum("...ij,...j->...i", metric, near - aim)
     length = np.linalg.norm(vector, axis=-1)
     far = length > 1e-4

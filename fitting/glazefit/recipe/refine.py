@@ -17,7 +17,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from ..film.ahead import Program
-from ..film.marquardt import levenberg_marquardt
+from ..film.least_squares import levenberg_marquardt
 from .choose import pack_coats
 from .model import (
     Slots,

@@ -14,9 +14,9 @@ from glazejax.paint.media import MAX_THICKNESS
 from glazejax.radiative.stack import INDEX_RANGE
 from glazejax.spectra import describe_grid, resample, same_grid
 
+from ..film.colour_metric import lab_metric
 from ..film.mixing import Pigments, listed_pigments
 from ..film.optics import Optics
-from .metric import colour_metric
 from .model import StackModel, make_model
 from .screen import TargetArrays
 from .targets import Colour, Target, lab_target
@@ -130,9 +130,7 @@ class Task:
                 # A root mean squared difference of 0.01 weighs as much as a Delta E of
                 # `metamerism`.
                 weights[row] = (100.0 * self.metamerism) ** 2 / grid.size
-        return TargetArrays(
-            *(jnp.asarray(a) for a in (labs, colour_metric(labs), spectra, weights))
-        )
+        return TargetArrays(*(jnp.asarray(a) for a in (labs, lab_metric(labs), spectra, weights)))
 
 
 def make_task(

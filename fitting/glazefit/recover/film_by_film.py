@@ -1,7 +1,8 @@
 """From films over black and white to absorption and scattering, at every wavelength.
 
 Each band of each film is a problem of its own: two readings, two unknowns. All of them are solved
-side by side in one compiled program, Levenberg and Marquardt's steps (`film.marquardt`), in chunks
+side by side in one compiled program, Levenberg and Marquardt's steps
+(`film.least_squares`), in chunks
 of films so that progress shows and an interrupt keeps what is finished.
 
 The unknowns are log(k d) and log(s d), held between bounds by a sigmoid. Two films over the same
@@ -26,7 +27,7 @@ from glazejax.radiative.common.linalg import inverse_positive
 
 from ..film.films import Films, Instrument, Noise, cards
 from ..film.gloss import estimate_gloss
-from ..film.marquardt import levenberg_marquardt
+from ..film.least_squares import levenberg_marquardt
 from ..film.model import HIGHEST, LOWEST, ReflectanceTable, body_reflectance, tabulate
 from ..film.noise import estimate_noise
 from .result import Recovery, told_apart

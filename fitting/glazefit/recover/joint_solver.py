@@ -20,20 +20,12 @@ import numpy as np
 from jaxtyping import Array, Float
 from scipy.linalg import get_lapack_funcs
 
+from ..film.least_squares import Surroundings, descend
 from ..film.response import Response
 from .joint_problem import JointProblem, JointResiduals, Unknowns, residuals
 
-# Of the damping, as a step is foretold well or badly: the usual rule of a trust region.
-_GOOD = 0.75
-_BAD = 0.25
-_WIDER = 3.5
-_NARROWER = 0.25
-_LEAST_STEP = 1e-12
 # In units of a logarithm, and relative: a thousandth of a coefficient.
 _SETTLED = 1e-3
-# One over the damping above which a small step says that the fit is done; damped more, it may be
-# small for that.
-_FREE = 1.0
 
 
 class Normal(NamedTuple):
@@ -54,21 +46,13 @@ class Factors(NamedTuple):
     corner: Float[np.ndarray, "shared shared"]
 
 
-class Seen(NamedTuple):
-    """The problem near a point."""
-
-    cost: Float[Array, ""]  # half the sum of squares
-    gradient: Unknowns
-    normal: Normal
-
-
 @jax.jit
-def look(problem: JointProblem, response: Response, point: Unknowns) -> Seen:
+def look(problem: JointProblem, response: Response, point: Unknowns) -> Surroundings[Unknowns]:
     """Cost, its gradient, and the normal matrix at a point."""
     there, along = jax.linearize(lambda y: residuals(y, (problem, response)), point)
     (gradient,) = jax.linear_transpose(along, point)(there)
     cost = 0.5 * sum(jnp.sum(part**2) for part in there)
-    return Seen(jnp.asarray(cost), gradient, normal_matrix(along, point, problem))
+    return Surroundings(jnp.asarray(cost), gradient, normal_matrix(along, point, problem))
 
 
 class Fit(NamedTuple):
@@ -93,59 +77,15 @@ def least_squares(
         first_step: one over the damping of the first step.
         max_steps: that are tried.
     """
-    point = jax.tree.map(np.asarray, start)
-    step = first_step
-    settled = False
-    here = _look(problem, response, point)
-    steps = 0
-    while steps < max_steps and not settled and step > _LEAST_STEP:
-        steps += 1
-        move, gain = _move(here, step)
-        if move is None:
-            step *= _NARROWER
-            continue
-        tried = jax.tree.map(np.add, point, move)
-        there = _look(problem, response, tried)
-        reached = float(here.cost) - float(there.cost)
-        share = reached / gain if np.isfinite(reached) and gain > 0 else -1.0
-        if share > 0:
-            settled = (
-                step >= _FREE
-                and _small(move, tried)
-                and reached < _SETTLED * (1.0 + float(there.cost))
-            )
-            point = tried
-            here = there
-        elif gain <= _SETTLED**2 * float(here.cost):
-            settled = True
-        step *= _WIDER if share > _GOOD else _NARROWER if share < _BAD else 1.0
-    return Fit(point, factorise(here.normal), steps, settled)
-
-
-def _look(problem: JointProblem, response: Response, point: Unknowns) -> Seen:
-    return jax.tree.map(np.asarray, look(problem, response, point))
-
-
-def _move(here: Seen, step: float) -> tuple[Unknowns | None, float]:
-    """Damped step down, and by how much it should lower the cost; None where the damping does not
-    do.
-    """
-    try:
-        move = solve(factorise(here.normal, 1.0 / step), here.gradient)
-    except np.linalg.LinAlgError:
-        return None, 0.0
-    move = jax.tree.map(np.negative, move)
-    slope = sum(float(np.sum(g * m)) for g, m in zip(here.gradient, move, strict=True))
-    square = sum(float(np.sum(m * m)) for m in move)
-    # The normal equations give m' N m = -slope - square/step.
-    return move, -slope - 0.5 * (-slope - square / step)
-
-
-def _small(move: Unknowns, point: Unknowns) -> bool:
-    return all(
-        bool(np.all(np.abs(m) < _SETTLED * (1.0 + np.abs(p))))
-        for m, p in zip(move, point, strict=True)
+    found = descend(
+        lambda point: jax.tree.map(np.asarray, look(problem, response, point)),
+        lambda normal, damping, gradient: solve(factorise(normal, damping), gradient),
+        start,
+        first_step=first_step,
+        max_steps=max_steps,
+        tolerance=_SETTLED,
     )
+    return Fit(found.point, factorise(found.seen.normal), found.steps, found.settled)
 
 
 def normal_matrix(

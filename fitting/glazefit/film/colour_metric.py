@@ -1,4 +1,4 @@
-"""CIEDE2000 near a spectrum, as the length of a vector that is linear in the readings."""
+"""Colour difference as a length: the quadratic form of CIEDE2000 around a colour, or a spectrum."""
 
 import numpy as np
 from jaxtyping import Float
@@ -12,7 +12,31 @@ _READING = 1e-3
 _COLOUR_OF_RMSE = 100.0
 
 
-def colour_metric(
+def lab_metric(colour: Float[np.ndarray, "*batch 3"]) -> Float[np.ndarray, "*batch 3 3"]:
+    """Matrix M such that ``M @ step`` is as long as the CIEDE2000 difference of a small step around
+    a colour.
+
+    The squared difference of six small steps, by colour-science, gives the quadratic form; M is its
+    Cholesky factor.
+    """
+    size = 0.02
+    unit = size * np.eye(3)
+    colour = np.asarray(colour, float)
+
+    def square(move: Float[np.ndarray, "3"]) -> np.ndarray:
+        # Symmetric around the colour: the formula takes its weights at the mean of both.
+        return (delta_e_2000(colour - move / 2, colour + move / 2) / size) ** 2
+
+    form = np.zeros((*colour.shape[:-1], 3, 3))
+    for i in range(3):
+        form[..., i, i] = square(unit[i])
+    for i, j in ((0, 1), (0, 2), (1, 2)):
+        both = (square(unit[i] + unit[j]) - form[..., i, i] - form[..., j, j]) / 2
+        form[..., i, j] = form[..., j, i] = both
+    return np.swapaxes(np.linalg.cholesky(form + 1e-9 * np.eye(3)), -1, -2)
+
+
+def reading_metric(
     wavelengths: Float[np.ndarray, "bands"], readings: Float[np.ndarray, "spectra bands"]
 ) -> Float[np.ndarray, "spectra colours bands"]:
     """T for each spectrum, so that |T d| is Delta E00 (D65, 10 degrees) to the spectrum moved by a

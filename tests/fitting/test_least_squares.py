@@ -1,0 +1,220 @@
+"""Least squares side by side: optimistix's steps, and a damped solve that is numpy's."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import optimistix as optx
+import pytest
+
+from glazefit.film.least_squares import (
+    Bounds,
+    Looks,
+    Surroundings,
+    bounded_step,
+    damped_solution,
+    descend,
+    descend_within,
+    levenberg_marquardt,
+    normal_solution,
+)
+
+RNG = np.random.default_rng(11)
+
+
+def decay(point, times, seen):
+    """Two exponentials, and a weak pull: curved, and badly conditioned where both rates
+    are alike.
+    """
+    first, second, share = point
+    return jnp.concatenate(
+        [
+            share * jnp.exp(-first * times) + (1 - share) * jnp.exp(-second * times) - seen,
+            1e-3 * point,
+        ]
+    )
+
+
+def problems(count=60):
+    times = np.linspace(0, 4, 12) * np.ones((count, 1))
+    truth = RNG.uniform((0.2, 1.0, 0.1), (1.0, 4.0, 0.9), (count, 3))
+    seen = np.stack([decay(row, t, 0.0)[:12] for row, t in zip(truth, times, strict=True)])
+    return RNG.uniform((0.1, 0.5, 0.2), (2.0, 6.0, 0.8), (count, 3)), times, seen
+
+
+@pytest.mark.parametrize("max_steps", [1, 2, 7, 60])
+def test_steps_are_those_of_optimistix(max_steps):
+    start, times, seen = problems()
+    solver = optx.LevenbergMarquardt(rtol=1e-4, atol=1e-5)
+
+    # One after the other: its QR is LAPACK's, which may hang in batches.
+    @jax.jit
+    def one(start, times, seen):
+        found = optx.least_squares(
+            lambda point, _: decay(point, times, seen),
+            solver,
+            start,
+            max_steps=max_steps,
+            throw=False,
+        )
+        return found.value, found.result == optx.RESULTS.successful
+
+    each = [one(*row) for row in zip(start, times, seen, strict=True)]
+    theirs, ended = (np.stack(values) for values in zip(*each, strict=True))
+    ours, settled = levenberg_marquardt(
+        decay, jnp.asarray(start), times, seen, rtol=1e-4, atol=1e-5, max_steps=max_steps
+    )
+    np.testing.assert_allclose(ours, theirs, atol=1e-9, rtol=1e-9)
+    np.testing.assert_array_equal(settled, ended)
+    if max_steps == 60:
+        assert 0.9 < np.mean(settled) <= 1.0
+
+
+def test_what_has_settled_stays():
+    """A problem's answer does not depend on how long its neighbours take."""
+    start, times, seen = problems(8)
+    together, _ = levenberg_marquardt(
+        decay, jnp.asarray(start), times, seen, rtol=1e-4, atol=1e-5, max_steps=60
+    )
+    for row in range(8):
+        here = slice(row, row + 1)
+        alone, _ = levenberg_marquardt(
+            decay,
+            jnp.asarray(start[here]),
+            times[here],
+            seen[here],
+            rtol=1e-4,
+            atol=1e-5,
+            max_steps=60,
+        )
+        np.testing.assert_allclose(alone[0], together[row], atol=1e-12)
+
+
+def test_a_start_without_a_number_never_settles():
+    start, times, seen = problems(3)
+    start[1] = np.nan
+    found, settled = levenberg_marquardt(
+        decay, jnp.asarray(start), times, seen, rtol=1e-4, atol=1e-5, max_steps=60
+    )
+    assert settled.tolist() == [True, False, True]
+    assert np.isfinite(np.asarray(found)[[0, 2]]).all()
+
+
+@pytest.mark.parametrize("unknowns", [1, 2, 4, 8])
+@pytest.mark.parametrize("damping", [1e-12, 1e-3, 1e6])
+def test_damped_solution_is_that_of_numpy(unknowns, damping):
+    matrix = RNG.standard_normal((5, 9, unknowns)) * np.logspace(0, -4, unknowns)
+    right = RNG.standard_normal((5, 9))
+    found = damped_solution(jnp.asarray(matrix), jnp.asarray(right), jnp.full(5, damping))
+    for a, b, x in zip(matrix, right, found, strict=True):
+        whole = np.concatenate([a, np.sqrt(damping) * np.eye(unknowns)])
+        wanted = np.linalg.lstsq(whole, np.concatenate([b, np.zeros(unknowns)]), rcond=None)[0]
+        np.testing.assert_allclose(x, wanted, rtol=1e-9, atol=1e-14)
+
+
+def test_unknowns_that_change_nothing_stay():
+    matrix = np.zeros((1, 3, 2))
+    matrix[0, :, 0] = 1.0
+    found = damped_solution(jnp.asarray(matrix), jnp.asarray([[2.0, 2.0, 2.0]]), jnp.zeros(1))
+    np.testing.assert_allclose(found, [[2.0, 0.0]], atol=1e-12)
+
+
+@pytest.mark.parametrize("unknowns", [1, 7, 30])
+def test_normal_equations_agree_with_numpy(unknowns):
+    matrix = RNG.standard_normal((3, unknowns + 10, unknowns))
+    right = RNG.standard_normal((3, unknowns + 10))
+    found = normal_solution(jnp.asarray(matrix), jnp.asarray(right), jnp.full(3, 1e-12))
+    for a, b, x in zip(matrix, right, found, strict=True):
+        np.testing.assert_allclose(x, np.linalg.lstsq(a, b, rcond=None)[0], rtol=1e-8, atol=1e-10)
+
+
+@pytest.mark.parametrize("solution", [damped_solution, normal_solution])
+def test_large_steps_may_be_solved_either_way(solution):
+    start, times, seen = problems(20)
+    ours, settled = levenberg_marquardt(
+        decay, jnp.asarray(start), times, seen, rtol=1e-9, atol=1e-9, max_steps=90, damped=solution
+    )
+    slope = jax.vmap(jax.grad(lambda p, t, y: jnp.sum(decay(p, t, y) ** 2)))(ours, times, seen)
+    assert settled.mean() > 0.9
+    assert np.abs(np.asarray(slope)[np.asarray(settled)]).max() < 1e-6
+
+
+def test_the_program_calls_no_library_for_linear_algebra():
+    start, times, seen = problems(8)
+
+    @jax.jit
+    def solve(start):
+        return levenberg_marquardt(decay, start, times, seen, rtol=1e-4, atol=1e-5, max_steps=60)
+
+    text = solve.lower(start).compile().as_text()
+    assert text is not None
+    assert "lapack_" not in text
+
+
+def test_numpys_descent_ends_where_the_cost_has_no_slope():
+    """A problem whose matrix is not positive definite without damping, in a tree of two arrays."""
+    target = {"a": np.array([1.0, -2.0]), "b": np.array([0.5])}
+
+    def look(point):
+        miss = jax.tree.map(np.subtract, point, target)
+        cost = 0.5 * sum(np.sum(part**2) for part in miss.values())
+        return Surroundings(np.asarray(cost), miss, np.eye(3))
+
+    tries = []
+
+    def solve(normal, damping, gradient):
+        tries.append(damping)
+        if damping < 1e-2:
+            raise np.linalg.LinAlgError
+        return jax.tree.map(lambda part: part / (normal[0, 0] + damping), gradient)
+
+    start = jax.tree.map(np.zeros_like, target)
+    found = descend(look, solve, start, first_step=1e3, max_steps=60, tolerance=1e-6)
+    assert found.settled
+    assert found.steps == len(tries)
+    for name, values in target.items():
+        np.testing.assert_allclose(found.point[name], values, atol=1e-5)
+
+
+def quadratics(count=12):
+    """Sums of squares |A x - b|^2, and what `descend_within` sees of them."""
+    matrix = RNG.standard_normal((count, 6, 3))
+    right = 2.0 * RNG.standard_normal((count, 6))
+
+    def look(rows, points):
+        miss = np.einsum("nrm,nm->nr", matrix[rows], points) - right[rows]
+        flipped = np.swapaxes(matrix[rows], 1, 2)
+        return Looks(
+            cost=np.sum(miss**2, axis=1),
+            slope=(flipped @ miss[..., None])[..., 0],
+            curvature=flipped @ matrix[rows],
+        )
+
+    return matrix, right, look
+
+
+def test_descent_within_bounds_ends_at_the_best_point_inside():
+    optimize = pytest.importorskip("scipy.optimize")
+    matrix, right, look = quadratics()
+    bounds = Bounds(np.full(3, -0.5), np.array([0.5, 0.4, 0.3]), 0.3)
+    start = np.zeros((len(matrix), 3))
+    seen = look(np.arange(len(matrix)), start)
+    found = descend_within(
+        look,
+        start,
+        seen,
+        bounds,
+        normalise=lambda rows, points: points,
+        promise=1e-9,
+        max_steps=60,
+    )
+    assert found.settled.all()
+    for a, b, x in zip(matrix, right, found.point, strict=True):
+        best = optimize.lsq_linear(a, b, (bounds.low, bounds.high), tol=1e-14).x
+        np.testing.assert_allclose(x, best, atol=3e-4)
+    # The start is the caller's: nothing of it changes.
+    np.testing.assert_array_equal(start, 0.0)
+    np.testing.assert_array_equal(seen.cost, np.sum(right**2, axis=1))
+    far, gain = bounded_step(start, seen, bounds, np.full(len(matrix), 1e-9))
+    assert np.all((far >= bounds.low) & (far <= bounds.high))
+    assert np.all(np.abs(far - start) <= 0.3)
+    assert np.all(gain >= 0)
