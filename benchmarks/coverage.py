@@ -5,7 +5,7 @@ and by emcee.
 
 Paints: films of one to three paints of the catalogue. Fractions, thickness, gloss and model error
 are drawn from
-`glazefit.FilmPrior`; k and s of the mixture are then really off by a smooth random factor of that
+`glazefit.Prior`; k and s of the mixture are then really off by a smooth random factor of that
 size. Bands: k d and s d of films of such mixtures at every third wavelength, gloss 1, no model
 error. All readings come from the solver, not from the table that the posterior uses, over both
 cards, with the noise of `glazefit.Noise` on the cards too.
@@ -62,20 +62,20 @@ def simulate(
     count: int, paints: int, rng: np.random.Generator, *, model_error: bool, gloss: bool
 ) -> tuple[list[Any], Truth]:
     """Readings of films of this many paints, and the truth."""
-    from glazefit import FilmPrior, Films, Instrument, Noise
+    from glazefit import Films, Instrument, Noise, Prior
     from glazefit.film.films import usual_cards
     from glazefit.film.model import body_reflectance
     from glazefit.film.reading import readings
     from glazejax import catalogue
 
-    prior, instrument, noise = FilmPrior(), Instrument(), Noise()
+    prior, instrument, noise = Prior(), Instrument(), Noise()
     known = list(catalogue.load().values())
     grid = known[0].wavelengths
     chosen = [
         [known[i] for i in rng.choice(len(known), paints, replace=False)] for _ in range(count)
     ]
-    fractions = rng.dirichlet(np.full(paints, prior.concentration), count)
-    thickness = prior.thickness * np.exp(prior.thickness_spread * rng.standard_normal(count))
+    fractions = rng.dirichlet(np.full(paints, prior.concentration_known), count)
+    thickness = prior.thickness * np.exp(prior.spread * rng.standard_normal(count))
     shine = rng.uniform(size=count) if gloss else np.ones(count)
     error = prior.error * np.exp(prior.error_spread * rng.standard_normal(count)) * model_error
     away = np.sqrt(3.0) * np.abs(grid[:, None] - grid) / prior.error_length
@@ -155,13 +155,13 @@ def shares(posterior: Any, truth: dict[str, np.ndarray], opaque: np.ndarray) -> 
 
 
 def of_paints(films: Sequence[Any], truth: Truth, seed: int) -> tuple[dict[str, Ranks], np.ndarray]:
-    from glazefit import FilmPrior, Instrument
+    from glazefit import Instrument, Prior
     from glazefit.posterior.film import pose_films
     from glazefit.posterior.film_errors import pose_errors
     from glazefit.posterior.posterior import sample
 
-    problem = pose_films(films, truth.paints, Instrument(), FilmPrior())
-    problem, modes = pose_errors(problem, films, Instrument(), FilmPrior())
+    problem = pose_films(films, truth.paints, Instrument(), Prior())
+    problem, modes = pose_errors(problem, films, Instrument(), Prior())
     posterior = sample(
         problem, tuple(films), modes, steps=STEPS, walkers=WALKERS, thin=THIN, seed=seed
     )

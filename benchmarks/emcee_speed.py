@@ -39,13 +39,13 @@ PATIENCE = 1.0
 
 
 def problems() -> dict[str, Any]:
-    from glazefit import FilmPrior, Instrument
+    from glazefit import Instrument, Prior
     from glazefit.posterior.bands import pose_bands
     from glazefit.posterior.film import pose_films
     from glazefit.posterior.film_errors import pose_errors
 
     films, truth = simulate(30, 2, np.random.default_rng(0), model_error=True, gloss=True)
-    instrument, prior = Instrument(), FilmPrior()
+    instrument, prior = Instrument(), Prior()
     many, _ = pose_errors(
         pose_films(films, truth.paints, instrument, prior), films, instrument, prior
     )

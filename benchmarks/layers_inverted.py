@@ -104,22 +104,23 @@ def read(
 
 def known_paints(count: int, rng: np.random.Generator) -> Simulated:
     """A glaze of one paint over a body of two."""
-    from glazefit import CoatPrior, FilmPrior
+    from glazefit import CoatPrior, Prior
     from glazejax import catalogue
 
-    prior = FilmPrior()
+    prior = Prior()
     shelf = [p.resample(GRID) for p in catalogue.load().values()]
     chosen = [[shelf[i] for i in rng.choice(len(shelf), 3, replace=False)] for _ in range(count)]
-    thick = np.array([GLAZE, BODY]) * np.exp(
-        prior.thickness_spread * rng.standard_normal((count, 2))
+    thick = np.array([GLAZE, BODY]) * np.exp(prior.spread * rng.standard_normal((count, 2)))
+    share, gloss = (
+        rng.dirichlet(np.full(2, prior.concentration_known), count),
+        rng.uniform(size=count),
     )
-    share, gloss = rng.dirichlet(np.full(2, prior.concentration), count), rng.uniform(size=count)
     error = prior.error * np.exp(prior.error_spread * rng.standard_normal(count))
     paints = np.array([spectra_of(p) for p in chosen])
     body = np.einsum("fp,fpcb->fcb", share, paints[:, 1:])
     optical = np.stack([paints[:, 0], body], axis=1) * thick[:, :, None, None]
     optical = optical * smooth_errors(rng, error, 2, prior.error_length)
-    spread = prior.thickness_spread
+    spread = prior.spread
     coats = [[CoatPrior(p[:1], GLAZE, spread), CoatPrior(p[1:], BODY, spread)] for p in chosen]
     truth = {"thickness of coat 1": thick[:, 0], "fraction 1 of coat 2": share[:, 0]}
     truth |= {"thickness of coat 2": thick[:, 1], "gloss": gloss, "model error": error}
@@ -130,10 +131,10 @@ def unknown_paint(count: int, rng: np.random.Generator) -> Simulated:
     """A coat of unknown paint over a known one: over two grounds, over one, and with real paints
     over two.
     """
-    from glazefit import CoatPrior, FilmPrior, SpectraPrior
+    from glazefit import CoatPrior, Prior, SpectraPrior
     from glazejax import catalogue
 
-    prior, spectra = FilmPrior(), SpectraPrior()
+    prior, spectra = Prior(), SpectraPrior()
     shelf = [p.resample(GRID) for p in catalogue.load().values()]
     films = 3 * count
     apart = np.sqrt(5.0) * np.abs(GRID[:, None] - GRID) / spectra.length
@@ -168,12 +169,12 @@ def unknown_paint(count: int, rng: np.random.Generator) -> Simulated:
 
 def find(simulated: Simulated, steps: int, seed: int) -> tuple[dict[str, Found], Any]:
     """Where the truth lies in each posterior, and the chain's autocorrelation times."""
-    from glazefit import FilmPrior, Instrument, SpectraPrior
+    from glazefit import Instrument, Prior, SpectraPrior
     from glazefit.posterior.posterior import sample
     from glazefit.posterior.stack import pose_stack
     from glazefit.posterior.stack_errors import pose_stack_errors
 
-    films, prior = simulated.films, FilmPrior()
+    films, prior = simulated.films, Prior()
     problem = pose_stack(films, simulated.coats, Instrument(), prior, SpectraPrior())
     problem, modes = pose_stack_errors(problem, films, prior)
     walkers = max(WALKERS, 2 * problem.dims + 2)

@@ -22,7 +22,7 @@ from benchmarks.identification import UNIT, family
 from benchmarks.measured import measured_data
 from benchmarks.results import Results, add_option
 from benchmarks.truth_peers import PEERS
-from glazefit import Discrepancy, Films, Identification, ground_from_air, identify, identify_films
+from glazefit import Films, Identification, ModelError, ground_from_air, identify, identify_films
 from glazefit.film.readers import read_films, read_recipes
 from glazefit.recover.crossvalidation import without
 from glazefit.recover.joint import recover_jointly
@@ -157,7 +157,7 @@ def main_table(
         "errors band by band, as before": lambda case, paints: answer(
             case,
             identify_films(
-                films.take([case.row]), [_bare(p) for p in paints], discrepancy=Discrepancy()
+                films.take([case.row]), [_bare(p) for p in paints], discrepancy=ModelError()
             ),
         ),
         **{words: _peer(films, recipes, method) for words, method in PEERS.items()},

@@ -6,6 +6,8 @@ import glazefit
 from glazejax.former_names import accept_former_keywords
 
 FORMER_NAMES = {
+    "Discrepancy": "ModelError",
+    "FilmPrior": "Prior",
     "leave_films_out": "cross_validate",
     "mixture_of": "mix",
     "named_recipes": "recipes_from_names",
@@ -36,3 +38,12 @@ def test_a_former_keyword_warns_and_arrives():
 def test_a_former_keyword_beside_the_new_one_is_refused():
     with pytest.raises(TypeError, match="both are given"):
         _read(substrate=0.3, ground=0.4)
+
+
+def test_the_prior_of_a_posterior_by_its_former_names():
+    with pytest.warns(DeprecationWarning, match="FilmPrior is called glazefit.Prior now"):
+        made = glazefit.FilmPrior
+    with pytest.warns(DeprecationWarning, match="thickness_spread of __init__.. is called spread"):
+        prior = made(thickness_spread=0.4)
+    assert prior == glazefit.Prior(spread=0.4)
+    assert (prior.concentration_sought, prior.concentration_known) == (0.4, 1.0)

@@ -12,6 +12,8 @@ import lazy_loader
 _load, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
 
 _FORMER_NAMES = {
+    "Discrepancy": "ModelError",
+    "FilmPrior": "Prior",
     "leave_films_out": "cross_validate",
     "mixture_of": "mix",
     "named_recipes": "recipes_from_names",

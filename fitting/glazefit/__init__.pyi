@@ -1,4 +1,4 @@
-from .film.errors import Discrepancy as Discrepancy
+from .film.errors import ModelError as ModelError
 from .film.errors import Prior as Prior
 from .film.films import Films as Films
 from .film.films import Instrument as Instrument
@@ -22,7 +22,6 @@ from .mapping.map_cube import map_cube as map_cube
 from .mapping.names import set_labels as set_labels
 from .mapping.store import open_map as open_map
 from .posterior.coats import CoatPrior as CoatPrior
-from .posterior.film import FilmPrior as FilmPrior
 from .posterior.of_coats import posterior_of_coats as posterior_of_coats
 from .posterior.posterior import Posterior as Posterior
 from .posterior.posterior import posterior_of_bands as posterior_of_bands

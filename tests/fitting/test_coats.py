@@ -9,9 +9,9 @@ import pytest
 
 from glazefit import (
     CoatPrior,
-    FilmPrior,
     Instrument,
     Noise,
+    Prior,
     Reading,
     SpectraPrior,
     posterior_of_coats,
@@ -24,7 +24,7 @@ from glazefit.posterior.stack_errors import pose_stack_errors
 from glazejax import Glaze, Hemispherical, Layer, Mixture, Pigment, reflectance
 
 GRID = np.arange(400.0, 701.0, 50.0)
-INSTRUMENT, NOISE, PRIOR = Instrument(), Noise(), FilmPrior()
+INSTRUMENT, NOISE, PRIOR = Instrument(), Noise(), Prior()
 
 
 def paint(name: str, absorption, scattering) -> Pigment:
@@ -141,7 +141,7 @@ def test_what_a_hiding_coat_hides_is_named():
     for name in ("thickness of coat 2", "fraction blue of coat 2"):
         assert f"{name}: not told by these readings: its posterior is its prior" in sentences
     low, high = np.quantile(result.draws["thickness of coat 2"], (0.05, 0.95))
-    assert np.log(high / low) == pytest.approx(2 * 1.645 * PRIOR.thickness_spread, rel=0.15)
+    assert np.log(high / low) == pytest.approx(2 * 1.645 * PRIOR.spread, rel=0.15)
 
 
 @pytest.mark.slow
@@ -240,7 +240,7 @@ def test_prior_is_what_the_log_probability_says(coats):
     expected = np.zeros(len(free))
     for name, x in zip(names, free.T, strict=True):
         if name.startswith("thickness"):
-            expected -= 0.5 * (x / PRIOR.thickness_spread) ** 2
+            expected -= 0.5 * (x / PRIOR.spread) ** 2
         elif name.startswith("mode "):
             expected -= 0.5 * x**2
         elif name == "model error":
@@ -333,7 +333,7 @@ def test_an_unknown_paint_over_a_known_body(grounds):
     wide.
     """
     film = read([Layer(SMOOTH, 10e-6), Layer(WHITE, 15e-6)], grounds, gloss=0.9)
-    prior = FilmPrior(error=0.003, error_spread=0.5)
+    prior = Prior(error=0.003, error_spread=0.5)
     result = posterior_of_coats(
         film, [CoatPrior(), CoatPrior([WHITE], 15e-6)], prior=prior, steps=0
     )

@@ -5,10 +5,10 @@ import numpy as np
 import pytest
 
 from glazefit import (
-    Discrepancy,
     Films,
     Identification,
     Instrument,
+    ModelError,
     Prior,
     ground_from_air,
     identify,
@@ -214,7 +214,7 @@ def test_opaque_films_need_no_ground(paints):
 def test_a_45_0_instrument_sees_no_surface(paints):
     film = Glaze([Layer(Mixture(paints[:3:2], [0.8, 0.2]), UNIT)], 0.9)
     spectrum = np.asarray(reflectance(film, Bidirectional(45, 0)))
-    sure = Discrepancy(coefficient=0.02, amplitude=0.001, screening=0.005)
+    sure = ModelError(coefficient=0.02, amplitude=0.001, screening=0.005)
     options = {"geometry": Bidirectional(45, 0), "discrepancy": sure, "max_paints": 2}
     found = identify(spectrum, GRID, paints, grounds=0.9, **options)
     first = found.ranked(0)[0]
@@ -310,7 +310,7 @@ def test_bad_input_is_one_clear_error(paints):
         with pytest.raises(ValueError, match=complaint):
             identify(spectra, grid, known, **given)
     for make in (
-        lambda: Discrepancy(amplitude=-1.0),
+        lambda: ModelError(amplitude=-1.0),
         lambda: Prior(unknown=0.0),
         lambda: Prior(thickness=25.0),
     ):

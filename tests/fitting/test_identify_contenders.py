@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 
-from glazefit.film.errors import Discrepancy, Prior
+from glazefit.film.errors import ModelError, Prior
 from glazefit.film.films import Instrument, Noise
 from glazefit.film.response import film_response
 from glazefit.identify.bands import expected_bands
@@ -30,7 +30,7 @@ SPHERE = Hemispherical(8.0)
 INSTRUMENT = Instrument(SPHERE, 1.5)
 GROUNDS = np.array([0.05, 0.9])[:, None] * np.ones(GRID.size)
 # The surface's share known, so that films can be computed by the forward package alone.
-NEAT = Discrepancy(
+NEAT = ModelError(
     gloss_sd=0.0,
     coefficient=0.0,
     unstated=0.0,
@@ -209,7 +209,7 @@ def test_bands_lose_what_a_fit_takes_away():
     """With noise alone the variance that is left adds up to the readings less the unknowns."""
     spectra = film({"Red": 0.1, "White": 0.9}, 30e-6)[None]
     found = explained(spectra, ["White", "Red"], [0.9, 0.1], 30e-6)
-    gloss = Discrepancy(
+    gloss = ModelError(
         gloss_sd=1e3,
         coefficient=0.0,
         unstated=0.0,
@@ -278,7 +278,7 @@ def test_bands_hold_the_errors_that_are_stated():
     found = explained(spectra, ["White", "Red"], [0.9, 0.1], 30e-6)
 
     def mean(**changed) -> float:
-        d = Discrepancy(**{"unstated": 0.05, "scales": (1.0,), "weights": (1.0,), **changed})
+        d = ModelError(**{"unstated": 0.05, "scales": (1.0,), "weights": (1.0,), **changed})
         return float(expected_bands(found, PAINTS, INSTRUMENT, prior=Prior(), discrepancy=d).mean())
 
     usual = mean()

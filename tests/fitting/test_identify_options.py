@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from glazefit import (
-    Discrepancy,
     Films,
     Identification,
     Instrument,
+    ModelError,
     Noise,
     Prior,
     identify,
@@ -111,7 +111,7 @@ def test_each_option_changes_what_it_should(find):
     # What is read or predicted less well says less about the film.
     assert spread(find(noise=Noise(0.2, 0.0))) > 1.5 * spread(usual)
     assert spread(find(noise=Noise(0.0005, 0.3))) > 1.5 * spread(usual)
-    assert spread(find(discrepancy=Discrepancy(amplitude=0.2))) > 1.5 * spread(usual)
+    assert spread(find(discrepancy=ModelError(amplitude=0.2))) > 1.5 * spread(usual)
     # A reading that says next to nothing leaves what was expected: a film as thick as films are.
     for thickness in (10e-6, 40e-6):
         vague = find(noise=Noise(30.0), prior=Prior(thickness=thickness))
@@ -132,7 +132,7 @@ def test_all_that_is_asked_for_stands_in_the_task(paints, monkeypatch, told: boo
     monkeypatch.setattr(SEARCHER, "first_starts", stop)
     monkeypatch.setattr(SEARCHER, "film_response", lambda *instrument: instrument)
     seen_by, noise = Instrument(Hemispherical(30.0), 1.3), Noise(0.07, 0.03)
-    errors = Discrepancy(unstated=0.11, most=0.2, amplitude=0.013)
+    errors = ModelError(unstated=0.11, most=0.2, amplitude=0.013)
     expected = Prior(thickness=40e-6, spread=0.6, unknown=0.2)
     plain = [Pigment(p.name, GRID, p.absorption, p.scattering) for p in paints]
     # One that a film of 25 um hardly shows and one of 40 um does, with errors larger than what

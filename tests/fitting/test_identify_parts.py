@@ -9,7 +9,7 @@ from scipy.special import gamma, kv, logsumexp
 from scipy.stats import multivariate_normal
 
 from glazefit.film.errors import (
-    Discrepancy,
+    ModelError,
     Prior,
     coefficient_covariance,
     coefficient_errors,
@@ -46,7 +46,7 @@ def test_small_inverse_is_numpys(size):
 
 
 def test_whitened_density_is_that_of_the_gaussian():
-    d = Discrepancy()
+    d = ModelError()
     fixed = noise_covariance(np.full((2, GRID.size), 0.002), 0.04, d)
     scaled = model_covariance(GRID, 2, d, 0.01)
     errors = whiten(fixed, scaled, d)
@@ -59,13 +59,13 @@ def test_whitened_density_is_that_of_the_gaussian():
 
 def test_errors_of_coefficients_are_the_pigments_own_and_some_more():
     rng = np.random.default_rng(1)
-    d = Discrepancy(scales=(1.0,), weights=(1.0,))
+    d = ModelError(scales=(1.0,), weights=(1.0,))
     slopes = rng.standard_normal((4, 2 * GRID.size))  # k of two paints, then s, over two grounds
     known = rng.uniform(0.05, 0.4, (4, GRID.size))
     covariance = coefficient_covariance(slopes, known, GRID, d)
     errors = coefficient_errors(rng, (40_000, 4), GRID, d)
     root = np.linalg.cholesky(
-        model_covariance(GRID, 1, Discrepancy(length=d.coefficient_length), 1.0)
+        model_covariance(GRID, 1, ModelError(length=d.coefficient_length), 1.0)
     )
     errors = errors + known * (rng.standard_normal(errors.shape) @ root.T)
     moved = np.einsum("nep,ep->np", np.concatenate([errors, errors], axis=-1), slopes)
@@ -90,7 +90,7 @@ def test_errors_at_two_wavelengths_go_together_as_materns():
 
 
 def test_random_errors_of_the_model_have_its_covariance():
-    d = Discrepancy(scales=(1.0,), weights=(1.0,))
+    d = ModelError(scales=(1.0,), weights=(1.0,))
     errors = model_errors(np.random.default_rng(2), 40_000, 2, GRID, d).reshape(40_000, -1)
     np.testing.assert_allclose(
         np.cov(errors.T) / d.amplitude**2,
@@ -105,7 +105,7 @@ def test_errors_of_pigments_count_as_far_as_they_mean_something():
         "a", GRID[:3], k, s, absorption_sd=np.array([1.0, 10.0, 1e4]), scattering_sd=np.full(3, 5.0)
     )
     silent = Pigment("b", GRID[:3], k, s)
-    d = Discrepancy()
+    d = ModelError()
     first, second = relative_errors([stated, silent], d)
     np.testing.assert_allclose(first, [[0.0, 0.1, d.most], [0.1, 0.1, 0.1]])
     np.testing.assert_allclose(second, d.unstated)
@@ -117,7 +117,7 @@ def test_errors_of_pigments_count_as_far_as_they_mean_something():
 def test_a_discrepancy_out_of_range_is_named(wrong):
     (name,) = wrong
     with pytest.raises(ValueError, match=f"the discrepancy's {name} is .*; it must be"):
-        Discrepancy(**wrong)
+        ModelError(**wrong)
 
 
 @pytest.mark.parametrize(
@@ -132,7 +132,7 @@ def test_a_discrepancy_out_of_range_is_named(wrong):
 )
 def test_scales_and_weights_go_in_pairs(wrong):
     with pytest.raises(ValueError, match="as many weights as scales, all positive"):
-        Discrepancy(**wrong)
+        ModelError(**wrong)
 
 
 @pytest.mark.parametrize(
@@ -180,7 +180,7 @@ def problem():
             jnp.asarray(0.7 * k[0] + 0.5 * k[1]), jnp.full(GRID.size, 1.8), jnp.asarray(ground)
         )
     )
-    d = Discrepancy(scales=(1.0,), weights=(1.0,))
+    d = ModelError(scales=(1.0,), weights=(1.0,))
     fixed = noise_covariance(np.full((1, 2, GRID.size), 0.004), 0.0, d)
     errors = whiten(fixed, model_covariance(GRID, 2, d, 0.005)[None], d)
     target = body.reshape(1, -1)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from benchmarks.results import FOLDER
 
-from glazefit import Discrepancy, Identification, identify
+from glazefit import Identification, ModelError, identify
 from glazefit.film.errors import (
     BETWEEN_FILMS,
     MISFIT,
@@ -193,7 +193,7 @@ def test_paints_of_one_source_are_wrong_together():
 
     assert together(0, 1) == pytest.approx((0.5 * 0.2) ** 2)
     assert together(0, 2) == pytest.approx(2 * (0.5 * 0.1) ** 2)
-    assert np.all(relative_errors([one], Discrepancy()) == 0)
+    assert np.all(relative_errors([one], ModelError()) == 0)
 
 
 def test_a_clear_film_over_a_ground_that_nobody_told_is_no_answer(shelf):

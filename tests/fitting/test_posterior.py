@@ -7,10 +7,10 @@ import pytest
 from scipy.stats import multivariate_normal
 
 from glazefit import (
-    FilmPrior,
     Films,
     Instrument,
     Noise,
+    Prior,
     posterior_of_bands,
     posterior_of_film,
     reading_over,
@@ -280,7 +280,7 @@ def test_prior_of_films_is_what_the_log_probability_says():
     """Laplace's own test on the prior alone would fail; its importance weights of prior draws must
     not vary.
     """
-    prior = FilmPrior()
+    prior = Prior()
     problem = pose_films(
         readings(film_of(0.3), INSTRUMENT, NOISE), [[BLUE, WHITE]], INSTRUMENT, prior
     )
@@ -292,7 +292,7 @@ def test_prior_of_films_is_what_the_log_probability_says():
     gloss = 1.0 / (1.0 + np.exp(-free[:, 2]))
     expected = (
         np.log(fraction * (1 - fraction))
-        - 0.5 * (free[:, 1] / prior.thickness_spread) ** 2
+        - 0.5 * (free[:, 1] / prior.spread) ** 2
         + np.log(gloss * (1 - gloss))
         - 0.5 * ((free[:, 3] - np.log(prior.error)) / prior.error_spread) ** 2
     )
@@ -302,7 +302,7 @@ def test_prior_of_films_is_what_the_log_probability_says():
 
 def test_likelihood_is_the_gaussian_it_is_said_to_be():
     """W, b and the offset against the covariance diag(v) + e^2 J K J^T written out."""
-    prior = FilmPrior()
+    prior = Prior()
     films = readings(film_of(0.3), INSTRUMENT, NOISE)
     problem, found = pose_errors(
         pose_films(films, [[BLUE, WHITE]], INSTRUMENT, prior), films, INSTRUMENT, prior
@@ -527,7 +527,7 @@ def test_compiled_program_calls_no_library_for_linear_algebra():
         (lambda: posterior_of_bands(film_of(0.3), walkers=7), "7 walkers"),
         (lambda: posterior_of_bands(film_of(0.3), steps=3), "3 steps are fewer"),
         (lambda: posterior_of_bands(film_of(0.3), thin=0), "thin is 0"),
-        (lambda: FilmPrior(error=0.0), "error is 0"),
+        (lambda: Prior(error=0.0), "error is 0"),
         (lambda: reading_over(GRID, np.full(GRID.size, 0.5), 1.5), "must be in"),
         (lambda: reading_over(GRID, np.full(GRID.size, np.nan), 0.5), "is nan"),
     ],

@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from glazefit.film.errors import Discrepancy
+from glazefit.film.errors import ModelError
 from glazefit.film.films import Noise
 from glazefit.film.variation import SIZES, Variation
 from glazefit.recover.joint import recover_jointly
@@ -15,7 +15,7 @@ from glazefit.recover.prediction import Prediction, predict_films
 from tests.fitting.test_joint import GRID, RECIPES, painted
 
 OF_SIZE_ONE = Variation(np.array([float(size == 1.0) for size in SIZES]))
-NONE = Discrepancy(coefficient=0.0, level=0.0, amplitude=0.0, scales=(1.0,), weights=(1.0,))
+NONE = ModelError(coefficient=0.0, level=0.0, amplitude=0.0, scales=(1.0,), weights=(1.0,))
 
 
 def flat(draws: np.ndarray) -> Prediction:

@@ -6,7 +6,7 @@ import functools
 import numpy as np
 import pytest
 
-from glazefit import Discrepancy, Noise
+from glazefit import ModelError, Noise
 from glazefit.film.colour_metric import reading_metric
 from glazefit.identify.searcher import Searcher
 from glazefit.identify.weigh import weigh
@@ -187,4 +187,4 @@ def test_colours_differ_as_the_metric_says():
 
 def test_errors_of_several_scales_are_refused():
     with pytest.raises(ValueError, match="one scale; this one has 4"):
-        check_errors(Discrepancy())
+        check_errors(ModelError())

@@ -20,14 +20,15 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from glazejax import Pigment
+from glazejax.former_names import accept_former_keywords
 
 
 @dataclass(frozen=True)
-class Discrepancy:
-    """Errors of the model.
+class ModelError:
+    """Errors of the model; `ModelError.between_films()` has those that films showed.
 
-    The sizes are those of films that were left out of a joint fit, `benchmarks/identification.py`:
-    far from small.
+    Its numbers are how it is done, and may change; their sizes are those of films that were left
+    out of a joint fit, `benchmarks/identification.py`: far from small.
 
     Attributes:
         coefficient: standard deviation of the log of a paint's k, and of its s, beside what the
@@ -102,21 +103,46 @@ class Discrepancy:
         ):
             raise ValueError("the discrepancy needs as many weights as scales, all positive")
 
+    @classmethod
+    def between_films(cls) -> "ModelError":
+        """Errors with which candidates are weighed by default: what films left out of a fit of
+        their paints showed.
+        """
+        return cls(
+            coefficient=0.03,
+            level=0.0,
+            most=0.5,
+            amplitude=0.001,
+            share=0.01,
+            length=60.0,
+            shared=0.6,
+            scales=(1.0,),
+            weights=(1.0,),
+            freedom=5.0,
+            trust=1.0,
+        )
+
 
 @dataclass(frozen=True)
 class Prior:
-    """What is expected before the measurement.
+    """What is expected of a film before the measurement.
+
+    The size of a set, a second coat, extenders and unknown paints matter where paints are sought;
+    the error where they are known.
 
     Attributes:
-        thickness: median, m.
+        thickness: median, m; the catalogue's own unit if its paints assume one.
         spread: standard deviation of its logarithm.
         concentration: of the fractions' Dirichlet distribution; 1 is uniform, less prefers unequal
-            ones.
+            ones. By default .4 where paints are sought, 1 where they are known.
         sizes: how probable films of one, two, three paints are.
         stacked: probability of two coats, where they are tried.
         extender: how probable a set is beside others for each paint in it that a film of usual
             thickness hardly shows: such paints meet what others cannot at no cost.
         unknown: probability that paints of the catalogue do not explain the film.
+        error: median relative error of the mixture's k and s.
+        error_spread: standard deviation of its logarithm.
+        error_length: wavelengths over which that error changes, nm.
 
     Raises:
         ValueError: a value out of range.
@@ -124,43 +150,49 @@ class Prior:
 
     thickness: float = 25e-6
     spread: float = 0.7
-    concentration: float = 0.4
+    concentration: float | None = None
     sizes: tuple[float, ...] = (0.4, 0.57, 0.03)
     stacked: float = 0.3
     extender: float = 0.1
     unknown: float = 0.4
+    error: float = 0.05
+    error_spread: float = 1.0
+    error_length: float = 60.0
 
     def __post_init__(self) -> None:
         if not 0 < self.thickness <= 0.01:
             raise ValueError(
                 f"a usual thickness of {self.thickness:g} m is not in (0, 0.01]; it is in metres"
             )
-        if not (self.spread > 0 and self.concentration > 0 and min(self.sizes) > 0):
-            raise ValueError(
-                "spread, concentration and the probabilities of sizes must be positive"
-            )
+        for name in ("spread", "concentration", "error", "error_spread", "error_length"):
+            value = getattr(self, name)
+            if value is not None and not (np.isfinite(value) and value > 0):
+                raise ValueError(f"the prior's {name} is {value:g}; it must be positive")
+        if not min(self.sizes) > 0:
+            raise ValueError("the probabilities of sizes must be positive")
         if not (0 < self.unknown < 1 and 0 < self.stacked < 1 and 0 < self.extender <= 1):
             raise ValueError(
                 "the probabilities `unknown`, `stacked` and `extender` lie between 0 and 1"
             )
 
+    @property
+    def concentration_sought(self) -> float:
+        """Of a film whose paints are sought."""
+        return 0.4 if self.concentration is None else self.concentration
 
-BETWEEN_FILMS = Discrepancy(
-    coefficient=0.03,
-    level=0.0,
-    most=0.5,
-    amplitude=0.001,
-    share=0.01,
-    length=60.0,
-    shared=0.6,
-    scales=(1.0,),
-    weights=(1.0,),
-    freedom=5.0,
-    trust=1.0,
-)
-"""Errors with which candidates are weighed by default: what films left out of a fit of their paints
-showed.
-"""
+    @property
+    def concentration_known(self) -> float:
+        """Of a film whose paints are known."""
+        return 1.0 if self.concentration is None else self.concentration
+
+
+# Of a film's posterior, before version 0.2.
+Prior.__init__ = accept_former_keywords(thickness_spread="spread")(Prior.__init__)
+
+
+BETWEEN_FILMS = ModelError.between_films()
+Discrepancy = ModelError
+"""The former name."""
 
 
 def smooth_kernel(
@@ -179,7 +211,7 @@ def smooth_kernel(
 def model_covariance(
     wavelengths: Float[np.ndarray, "bands"],
     grounds: int,
-    discrepancy: Discrepancy,
+    discrepancy: ModelError,
     amplitude: float | Float[np.ndarray, "*n readings"],
 ) -> Float[np.ndarray, "*n readings readings"]:
     """Covariance of the model's own smooth error, ground by ground; one amplitude, or one for each
@@ -192,7 +224,7 @@ def model_covariance(
 
 
 def relative_errors(
-    pigments: Sequence[Pigment], discrepancy: Discrepancy
+    pigments: Sequence[Pigment], discrepancy: ModelError
 ) -> Float[np.ndarray, "paints 2 bands"]:
     """Standard deviations of log k and log s that pigments carry beside their error modes, as far
     as the discrepancy counts them: what their stated ones are more than their modes hold.
@@ -221,7 +253,7 @@ def relative_errors(
 
 
 def _limit_modes(
-    pigment: Pigment, discrepancy: Discrepancy
+    pigment: Pigment, discrepancy: ModelError
 ) -> Float[np.ndarray, "modes 2 bands"] | None:
     """A pigment's error modes; where they are larger together than the discrepancy's `most`, as
     small as that.
@@ -234,7 +266,7 @@ def _limit_modes(
 
 
 def error_modes(
-    pigments: Sequence[Pigment], discrepancy: Discrepancy
+    pigments: Sequence[Pigment], discrepancy: ModelError
 ) -> Float[np.ndarray, "paints 2 bands modes"]:
     """Errors of log k and log s that pigments carry as modes; those of one provenance share theirs,
     others add more.
@@ -276,7 +308,7 @@ def coefficient_covariance(
     slopes: Float[np.ndarray, "*n errors readings"],
     known: Float[np.ndarray, "*n errors bands"],
     wavelengths: Float[np.ndarray, "bands"],
-    discrepancy: Discrepancy,
+    discrepancy: ModelError,
 ) -> Float[np.ndarray, "*n readings readings"]:
     """Covariance that errors of paints' k and s cause, each smooth in the wavelength and
     independent of the others.
@@ -305,7 +337,7 @@ def paints_covariance(
     own: Float[np.ndarray, "paints 2 bands"],
     modes: Float[np.ndarray, "paints 2 bands modes"],
     wavelengths: Float[np.ndarray, "bands"],
-    discrepancy: Discrepancy,
+    discrepancy: ModelError,
 ) -> Float[np.ndarray, "*n readings readings"]:
     """Covariance that all errors of films' paints cause: `coefficient_covariance` and
     `modes_covariance`.
@@ -336,7 +368,7 @@ def coefficient_errors(
     rng: np.random.Generator,
     shape: tuple[int, ...],
     wavelengths: Float[np.ndarray, "bands"],
-    discrepancy: Discrepancy,
+    discrepancy: ModelError,
 ) -> Float[np.ndarray, "*shape bands"]:
     """Random errors of the log of coefficients: smooth, with a level, each of one of the
     discrepancy's scales.
@@ -353,7 +385,7 @@ def model_errors(
     count: int,
     grounds: int,
     wavelengths: Float[np.ndarray, "bands"],
-    discrepancy: Discrepancy,
+    discrepancy: ModelError,
 ) -> Float[np.ndarray, "count grounds bands"]:
     """Random errors of the model itself, as `model_covariance` has them."""
     matrix = model_covariance(wavelengths, grounds, discrepancy, discrepancy.amplitude)
@@ -370,14 +402,14 @@ def _alike(
 
 
 def _scale(
-    rng: np.random.Generator, shape: tuple[int, ...], discrepancy: Discrepancy
+    rng: np.random.Generator, shape: tuple[int, ...], discrepancy: ModelError
 ) -> Float[np.ndarray, "*shape"]:
     weights = np.asarray(discrepancy.weights)
     return rng.choice(np.asarray(discrepancy.scales), size=shape, p=weights / weights.sum())
 
 
 def noise_covariance(
-    noise_sd: Float[np.ndarray, "*n grounds bands"], surface: float, discrepancy: Discrepancy
+    noise_sd: Float[np.ndarray, "*n grounds bands"], surface: float, discrepancy: ModelError
 ) -> Float[np.ndarray, "*n readings readings"]:
     """Covariance of what no scale changes: noise, and the surface's reflection."""
     variance = noise_sd.reshape(*noise_sd.shape[:-2], -1) ** 2
@@ -400,7 +432,7 @@ class Whitening:
 def whiten(
     fixed: Float[np.ndarray, "*n readings readings"],
     scaled: Float[np.ndarray, "*n readings readings"],
-    discrepancy: Discrepancy,
+    discrepancy: ModelError,
 ) -> Whitening:
     """Whitening of fixed + scale^2 scaled for every scale.
 

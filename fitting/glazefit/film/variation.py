@@ -15,9 +15,9 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from .errors import Discrepancy
+from .errors import ModelError
 
-MIXED = Discrepancy(coefficient=0.2, level=0.2, amplitude=0.004, scales=(1.0,), weights=(1.0,))
+MIXED = ModelError(coefficient=0.2, level=0.2, amplitude=0.004, scales=(1.0,), weights=(1.0,))
 """Errors of k and s that a paint has in one film beside others, and of the model, for a film of
 size one.
 """

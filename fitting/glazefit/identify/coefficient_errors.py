@@ -344,7 +344,7 @@ def weights_of(
     freedom = task.discrepancy.freedom or 0.0
     numbers = (
         task.prior.spread,
-        task.prior.concentration,
+        task.prior.concentration_sought,
         freedom,
         min(independent(task), readings.shape[-1]),
     )

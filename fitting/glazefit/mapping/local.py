@@ -383,7 +383,7 @@ def _prior_of(
 
     def run(rows: np.ndarray) -> tuple[jax.Array, jax.Array]:
         given = jnp.asarray(logs[rows]), jnp.asarray(sets[rows] != NOBODY)
-        return _terms(*given, task.prior.spread, task.prior.concentration)
+        return _terms(*given, task.prior.spread, task.prior.concentration_sought)
 
     return by_blocks(len(sets), _BLOCK, run)
 

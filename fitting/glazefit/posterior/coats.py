@@ -33,7 +33,7 @@ class CoatPrior:
     Attributes:
         paints: what it is made of, one to five; none if that is not known, and its k d and s d are
             sought.
-        thickness: m; None if it is not known: then the film's prior (`glazefit.FilmPrior`) says
+        thickness: m; None if it is not known: then the film's prior (`glazefit.Prior`) says
             what is usual.
         spread: standard deviation of log thickness; 0 if the thickness is known exactly. Of no
             meaning without one.

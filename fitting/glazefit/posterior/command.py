@@ -13,10 +13,10 @@ if TYPE_CHECKING:
 
     from glazejax import Pigment
 
+    from ..film.errors import Prior
     from ..film.films import Films, Instrument, Noise
     from ..film.reading import Reading
     from .coats import CoatPrior
-    from .film import FilmPrior
     from .posterior import Posterior
 
 _GEOMETRY = "d:8"
@@ -151,13 +151,13 @@ def posterior(
     seen_by = options.read_geometry(geometry, _GEOMETRY)
     from rich.console import Console
 
+    from ..film.errors import Prior
     from ..film.films import Instrument, Noise
-    from .film import FilmPrior
 
     console = Console(highlight=False)
     instrument = Instrument(seen_by, refractive_index)
     errors = Noise(noise, noise_share)
-    prior = FilmPrior(thickness=usual, error=paint_error)
+    prior = Prior(thickness=usual, error=paint_error)
     made_of = _Paints(
         names=options.split_names(paints), coats=coats, bands=bands, pigments=pigments, prior=prior
     )
@@ -198,7 +198,7 @@ class _Paints(NamedTuple):
     coats: str
     bands: bool
     pigments: Path | None
-    prior: "FilmPrior"
+    prior: "Prior"
 
 
 class _Task(NamedTuple):
@@ -339,9 +339,7 @@ def _coats(made_of: _Paints) -> "tuple[CoatPrior, ...]":
 
     if not made_of.coats:
         return ()
-    return parse_coats(
-        made_of.coats, options.read_shelf(made_of.pigments), made_of.prior.thickness_spread
-    )
+    return parse_coats(made_of.coats, options.read_shelf(made_of.pigments), made_of.prior.spread)
 
 
 def _film(file: Path, sample: str, console: "Console") -> "Films":
@@ -402,7 +400,7 @@ def _paints(names: list[str], pigments: Path | None) -> "list[Pigment]":
     return [shelf[find_name(name, shelf)] for name in names]
 
 
-def _run(task: _Task, prior: "FilmPrior", out: Path, given: dict[str, Any]) -> "Posterior":
+def _run(task: _Task, prior: "Prior", out: Path, given: dict[str, Any]) -> "Posterior":
     """The posterior of the film's paints, of its coats, or of its bands where no paint is
     assumed.
     """

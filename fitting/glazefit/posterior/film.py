@@ -24,7 +24,6 @@ sampling needs no factorisation.
 
 import functools
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import jax
@@ -35,6 +34,7 @@ from scipy.special import expit, polygamma
 
 from glazejax import Pigment
 
+from ..film.errors import Prior
 from ..film.films import Instrument
 from ..film.least_squares import root_of_log1p
 from ..film.reading import Reading
@@ -48,35 +48,6 @@ from .problem import (
 )
 
 MOST_PAINTS = 5
-
-
-@dataclass(frozen=True)
-class FilmPrior:
-    """What is taken for likely before a film of known paints is measured.
-
-    Attributes:
-        thickness: median, m; the catalogue's own unit if its paints assume one.
-        thickness_spread: standard deviation of log thickness.
-        concentration: of the Dirichlet distribution of fractions; 1 is uniform.
-        error: median relative error of the mixture's k and s.
-        error_spread: standard deviation of its logarithm.
-        error_length: wavelengths over which that error changes, nm.
-
-    Raises:
-        ValueError: a value that is not positive.
-    """
-
-    thickness: float = 25e-6
-    thickness_spread: float = 0.7
-    concentration: float = 1.0
-    error: float = 0.05
-    error_spread: float = 1.0
-    error_length: float = 60.0
-
-    def __post_init__(self) -> None:
-        for name, value in vars(self).items():
-            if not (np.isfinite(value) and value > 0):
-                raise ValueError(f"the prior's {name} is {value:g}; it must be positive")
 
 
 class FilmData(NamedTuple):
@@ -173,7 +144,7 @@ def pose_films(
     films: Sequence[Reading],
     paints: Sequence[Sequence[Pigment]],
     instrument: Instrument,
-    prior: FilmPrior,
+    prior: Prior,
 ) -> Problem:
     """Problem of one film or of several with as many paints each, without the model's error yet.
 
@@ -206,8 +177,8 @@ def pose_films(
     # ... and what all share.
     numbers = (
         instrument.seen_surface,
-        prior.thickness_spread,
-        prior.concentration,
+        prior.spread,
+        prior.concentration_known,
         np.log(prior.error),
     )
     shared = FilmShared(
@@ -258,7 +229,7 @@ def check_paints(film: Reading, paints: Sequence[Pigment]) -> list[Pigment]:
 
 
 def _quantities(
-    names: Sequence[object], free: tuple[str, ...], prior: FilmPrior
+    names: Sequence[object], free: tuple[str, ...], prior: Prior
 ) -> tuple[Quantity, ...]:
     count = len(names)
     found = [
@@ -299,11 +270,11 @@ def ratios_covariance(count: int, concentration: float) -> Float[np.ndarray, "ra
 
 
 def _prior_draws(
-    rng: np.random.Generator, n: int, *, count: int, gloss: bool, prior: FilmPrior
+    rng: np.random.Generator, n: int, *, count: int, gloss: bool, prior: Prior
 ) -> Float[np.ndarray, "n dims"]:
     columns = [
-        draw_ratios(rng, n, count, prior.concentration),
-        prior.thickness_spread * rng.standard_normal((n, 1)),
+        draw_ratios(rng, n, count, prior.concentration_known),
+        prior.spread * rng.standard_normal((n, 1)),
     ]
     if gloss:
         columns.append(rng.logistic(size=(n, 1)))
@@ -311,11 +282,11 @@ def _prior_draws(
     return np.concatenate(columns, axis=1)
 
 
-def _prior_covariance(count: int, gloss: bool, prior: FilmPrior) -> Float[np.ndarray, "dims dims"]:
+def _prior_covariance(count: int, gloss: bool, prior: Prior) -> Float[np.ndarray, "dims dims"]:
     dims = count + 1 + gloss
     covariance = np.zeros((dims, dims))
-    covariance[: count - 1, : count - 1] = ratios_covariance(count, prior.concentration)
-    covariance[count - 1, count - 1] = prior.thickness_spread**2
+    covariance[: count - 1, : count - 1] = ratios_covariance(count, prior.concentration_known)
+    covariance[count - 1, count - 1] = prior.spread**2
     if gloss:
         covariance[count, count] = np.pi**2 / 3.0
     covariance[-1, -1] = prior.error_spread**2

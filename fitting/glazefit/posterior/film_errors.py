@@ -17,12 +17,12 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..film.errors import smooth_kernel
+from ..film.errors import Prior, smooth_kernel
 from ..film.films import Instrument
 from ..film.reading import Reading
 from ..film.response import FilmResponse
 from .bands import join_bands, pose_bands
-from .film import FilmPrior, mixture, surface
+from .film import mixture, surface
 from .laplace import Modes, climb, find_modes
 from .problem import Problem
 
@@ -106,7 +106,7 @@ def pose_errors(
     problem: Problem,
     films: Sequence[Reading],
     instrument: Instrument,
-    prior: FilmPrior,
+    prior: Prior,
     *,
     seed: int = 0,
 ) -> tuple[Problem, Modes]:

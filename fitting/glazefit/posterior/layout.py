@@ -12,9 +12,10 @@ import numpy as np
 from jaxtyping import Float
 from scipy.special import expit
 
+from ..film.errors import Prior
 from ..film.optics import Optics
 from .coats import CoatPrior
-from .film import FilmPrior, draw_ratios, fraction, ratios_covariance
+from .film import draw_ratios, fraction, ratios_covariance
 from .problem import Quantity
 
 
@@ -191,7 +192,7 @@ def prior_draws(
     *,
     layout: Layout,
     spread: Float[np.ndarray, "coats"],
-    prior: FilmPrior,
+    prior: Prior,
 ) -> Float[np.ndarray, "n dims"]:
     """Draws of the free unknowns; `spread` is the standard deviation of each coat's log
     thickness.
@@ -199,7 +200,7 @@ def prior_draws(
     columns = []
     for coat, size in enumerate(layout.sizes):
         if layout.fractions[coat]:
-            columns.append(draw_ratios(rng, n, size, prior.concentration))
+            columns.append(draw_ratios(rng, n, size, prior.concentration_known))
         if layout.thickness[coat]:
             columns.append(spread[coat] * rng.standard_normal((n, 1)))
     columns.append(rng.standard_normal((n, sum(layout.modes))))
@@ -210,7 +211,7 @@ def prior_draws(
 
 
 def prior_covariance(
-    layout: Layout, spread: Float[np.ndarray, "coats"], prior: FilmPrior
+    layout: Layout, spread: Float[np.ndarray, "coats"], prior: Prior
 ) -> Float[np.ndarray, "dims dims"]:
     """Of `prior_draws`."""
     places = layout.places
@@ -219,7 +220,7 @@ def prior_covariance(
         places.ratios, places.thickness, layout.sizes, spread, strict=True
     ):
         if at.stop > at.start:
-            covariance[at, at] = ratios_covariance(size, prior.concentration)
+            covariance[at, at] = ratios_covariance(size, prior.concentration_known)
         if place is not None:
             covariance[place, place] = sd**2
     if places.gloss is not None:

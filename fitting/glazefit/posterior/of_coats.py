@@ -5,10 +5,10 @@
 from collections.abc import Sequence
 from pathlib import Path
 
+from ..film.errors import Prior
 from ..film.films import Films, Instrument, Noise
 from ..film.reading import Reading
 from .coats import CoatPrior, check_coats
-from .film import FilmPrior
 from .posterior import Posterior, one_reading, sample
 from .spectra import SpectraPrior
 from .stack import pose_stack
@@ -23,7 +23,7 @@ def posterior_of_coats(
     *,
     instrument: Instrument | None = None,
     noise: Noise | None = None,
-    prior: FilmPrior | None = None,
+    prior: Prior | None = None,
     spectra: SpectraPrior | None = None,
     steps: int = 5000,
     walkers: int | None = None,
@@ -54,7 +54,7 @@ def posterior_of_coats(
             cannot be found (`glazefit.posterior.coats.check_coats`).
     """
     instrument = instrument or Instrument()
-    prior = prior or FilmPrior()
+    prior = prior or Prior()
     coats = check_coats(coats)
     reading = one_reading(film, instrument, noise or Noise())
     problem = pose_stack([reading], [coats], instrument, prior, spectra or SpectraPrior())

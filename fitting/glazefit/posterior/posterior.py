@@ -22,11 +22,12 @@ from jaxtyping import Float
 
 from glazejax import Pigment
 
+from ..film.errors import Prior
 from ..film.films import Films, Instrument, Noise
 from ..film.gloss import estimate_gloss
 from ..film.reading import Reading, readings
 from .bands import pose_bands
-from .film import FilmPrior, pose_films
+from .film import pose_films
 from .film_errors import pose_errors
 from .identifiability import Identifiability, of_bands, of_coats, of_paints, open_above
 from .laplace import Laplace, Modes, find_modes, laplace
@@ -230,7 +231,7 @@ def posterior_of_film(
     *,
     instrument: Instrument | None = None,
     noise: Noise | None = None,
-    prior: FilmPrior | None = None,
+    prior: Prior | None = None,
     steps: int = 5000,
     walkers: int = 32,
     thin: int = 5,
@@ -263,7 +264,7 @@ def posterior_of_film(
         FileExistsError, FileNotFoundError: see `glazefit.posterior.chain.run_chain`.
     """
     instrument = instrument or Instrument()
-    prior = prior or FilmPrior()
+    prior = prior or Prior()
     reading = one_reading(film, instrument, noise or Noise())
     problem = pose_films([reading], [paints], instrument, prior)
     problem, found = pose_errors(problem, [reading], instrument, prior, seed=seed)

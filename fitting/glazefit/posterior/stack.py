@@ -21,13 +21,14 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from ..film.errors import Prior
 from ..film.films import Instrument
 from ..film.least_squares import root_of_log1p
 from ..film.optics import Optics
 from ..film.reading import Reading
 from .bands import reading_parts
 from .coats import CoatPrior
-from .film import FilmPrior, log_fractions
+from .film import log_fractions
 from .layout import Layout, prior_covariance, prior_draws, quantities, unknowns
 from .problem import Problem, fingerprint, uniform_residual
 from .spectra import SpectraPrior
@@ -163,7 +164,7 @@ def pose_stack(
     films: Sequence[Reading],
     coats: Sequence[Sequence[CoatPrior]],
     instrument: Instrument,
-    prior: FilmPrior,
+    prior: Prior,
     spectra: SpectraPrior,
 ) -> Problem:
     """Problem of one film of coats, or of several of the same layout, without the paints' error
@@ -192,7 +193,7 @@ def pose_stack(
         thickness=tuple(coat.open_thickness for coat in first),
         modes=(modes[0].shape[1], modes[1].shape[1]),
         gloss=instrument.seen_surface > 0,
-        concentration=prior.concentration,
+        concentration=prior.concentration_known,
         optics=Optics.of(instrument.geometry, instrument.refractive_index),
     )
     # What is expected of each coat's thickness; side by side, films must expect the same.
@@ -202,7 +203,7 @@ def pose_stack(
             for stack in stacks
         ]
     )
-    spread = np.array([[c.spread or prior.thickness_spread for c in stack] for stack in stacks])
+    spread = np.array([[c.spread or prior.spread for c in stack] for stack in stacks])
     apart = layout.thickness & np.any((median != median[0]) | (spread != spread[0]), axis=0)
     if apart.any():
         raise ValueError(

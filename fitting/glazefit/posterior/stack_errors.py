@@ -15,9 +15,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..film.errors import smooth_kernel
+from ..film.errors import Prior, smooth_kernel
 from ..film.reading import Reading
-from .film import FilmPrior
 from .film_errors import Slopes, expand, settle
 from .laplace import Modes, climb, find_modes
 from .layout import Layout
@@ -85,7 +84,7 @@ def _at(
 
 
 def pose_stack_errors(
-    problem: Problem, films: Sequence[Reading], prior: FilmPrior, *, seed: int = 0
+    problem: Problem, films: Sequence[Reading], prior: Prior, *, seed: int = 0
 ) -> tuple[Problem, Modes]:
     """The problem of `glazefit.posterior.stack.pose_stack` with the paints' error, and
     its modes.

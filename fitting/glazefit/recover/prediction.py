@@ -17,7 +17,7 @@ from jaxtyping import Array, Float
 
 from glazejax.spectra import describe_grid
 
-from ..film.errors import Discrepancy, coefficient_errors, model_errors
+from ..film.errors import ModelError, coefficient_errors, model_errors
 from ..film.films import Films, Noise, cards
 from ..film.mixing import strengthen
 from ..film.response import Response, film_response
@@ -165,7 +165,7 @@ def predict_films(
     recipes: Mapping[str, Mapping[str, float]],
     *,
     noise: Noise | None = None,
-    discrepancy: Discrepancy | None = None,
+    discrepancy: ModelError | None = None,
     variation: Variation | None = None,
     response: Response | None = None,
 ) -> list[Prediction]:
