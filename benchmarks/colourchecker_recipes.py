@@ -94,9 +94,9 @@ def compare(targets: list[Target], results: Results) -> None:
         f"{f's, all {len(targets)}':>10}"
     )
     for paints, coats in LIMITS:
-        find_recipes(targets, max_paints=paints, max_layers=coats)
+        find_recipes(targets, max_paints=paints, max_coats=coats)
         began = time.perf_counter()
-        found = find_recipes(targets, max_paints=paints, max_layers=coats)
+        found = find_recipes(targets, max_paints=paints, max_coats=coats)
         seconds = time.perf_counter() - began
         nearest = np.array([min(recipe.distance for recipe in recipes) for recipes in found])
         results(

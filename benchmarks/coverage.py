@@ -159,11 +159,15 @@ def of_paints(films: Sequence[Any], truth: Truth, seed: int) -> tuple[dict[str, 
     from glazefit.posterior.film import pose_films
     from glazefit.posterior.film_errors import pose_errors
     from glazefit.posterior.posterior import sample
+    from glazefit.posterior.sampling import Sampling
 
     problem = pose_films(films, truth.paints, Instrument(), Prior())
     problem, modes = pose_errors(problem, films, Instrument(), Prior())
     posterior = sample(
-        problem, tuple(films), modes, steps=STEPS, walkers=WALKERS, thin=THIN, seed=seed
+        problem,
+        tuple(films),
+        modes,
+        Sampling(steps=STEPS, walkers=WALKERS, thin=THIN, seed=seed),
     )
     assert posterior.convergence is not None
     return shares(
@@ -176,6 +180,7 @@ def of_bands(films: Sequence[Any], truth: Truth, seed: int) -> tuple[dict[str, R
     from glazefit.posterior.bands import join_bands, pose_bands
     from glazefit.posterior.laplace import find_modes
     from glazefit.posterior.posterior import sample
+    from glazefit.posterior.sampling import Sampling
 
     thinned = [every_third(film) for film in films]
     problem = join_bands([pose_bands(film, 1.0, Instrument()) for film in thinned])
@@ -183,10 +188,7 @@ def of_bands(films: Sequence[Any], truth: Truth, seed: int) -> tuple[dict[str, R
         problem,
         tuple(thinned),
         find_modes(problem),
-        steps=BAND_STEPS,
-        walkers=WALKERS,
-        thin=THIN,
-        seed=seed,
+        Sampling(steps=BAND_STEPS, walkers=WALKERS, thin=THIN, seed=seed),
     )
     assert posterior.convergence is not None
     bands = {name: truth.quantities[name][:, ::3] for name in ("absorption", "scattering", "ratio")}

@@ -171,6 +171,7 @@ def find(simulated: Simulated, steps: int, seed: int) -> tuple[dict[str, Found],
     """Where the truth lies in each posterior, and the chain's autocorrelation times."""
     from glazefit import Instrument, Prior, SpectraPrior
     from glazefit.posterior.posterior import sample
+    from glazefit.posterior.sampling import Sampling
     from glazefit.posterior.stack import pose_stack
     from glazefit.posterior.stack_errors import pose_stack_errors
 
@@ -179,7 +180,10 @@ def find(simulated: Simulated, steps: int, seed: int) -> tuple[dict[str, Found],
     problem, modes = pose_stack_errors(problem, films, prior)
     walkers = max(WALKERS, 2 * problem.dims + 2)
     posterior = sample(
-        problem, tuple(films), modes, steps=steps, walkers=walkers, thin=THIN, seed=seed
+        problem,
+        tuple(films),
+        modes,
+        Sampling(steps=steps, walkers=walkers, thin=THIN, seed=seed),
     )
     before = problem.draws(problem.prior_draws(np.random.default_rng(seed), 4000)[:, None])
     found = {}

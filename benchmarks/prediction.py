@@ -92,8 +92,8 @@ def leave_out(
         recover_jointly(films, recipes, **given)
         warm = time.perf_counter() - began
 
-    def tell(film: str) -> None:
-        progress(f"{name}: {film}")
+    def tell(done: int, total: int | None, words: str) -> None:
+        progress(f"{name}: {words}")
 
     chosen = mixtures(films.names, recipes)[::EVERY]
     out = cross_validate(
@@ -131,7 +131,7 @@ def simulated(films: Films, recipes: Recipes, scatter: float, seed: int = 4) -> 
             amount = weight / total * thickness * np.exp(scatter * rng.standard_normal())
             k[row] += amount * np.asarray(shelf[paint].absorption)
             s[row] += amount * np.asarray(shelf[paint].scattering)
-    return simulate_films(films.names, grid, k, s, noise=Noise(), seed=seed)
+    return simulate_films(grid, k, s, names=films.names, noise=Noise(), seed=seed)
 
 
 def simulated_table(films: Films, recipes: Recipes) -> list[str]:

@@ -31,11 +31,11 @@ from glazefit.film.films import usual_cards
 from glazefit.film.loose import recipes_from_names
 from glazefit.film.readers import is_masstone
 from glazefit.film.simulate import simulate_paints
+from glazefit.recover.constraints import error_modes
 from glazefit.recover.crossvalidation import cross_validate
 from glazefit.recover.entries import PaintFile, entries
+from glazefit.recover.experimental_design import rank_next_films
 from glazefit.recover.joint import UNIT, recover_jointly
-from glazefit.recover.known import error_modes
-from glazefit.recover.next_film import lessons
 from glazefit.recover.prediction import predict_films
 from glazejax import Pigment, catalogue
 from glazejax.commands.main import start_jax
@@ -129,10 +129,10 @@ def tube(paint: Pigment, white: Pigment, case: Case, seed: int) -> Tube:
     less = np.minimum(1.0, np.minimum(250.0 / k, 900.0 / s))
     k, s = k * less, s * less
     films = simulate_films(
-        names,
         paint.wavelengths,
         k,
         s,
+        names=names,
         instrument=Instrument.parse(case.instrument),
         noise=NOISE,
         seed=seed,
@@ -179,7 +179,10 @@ def simulated(say: Results, count: int) -> None:
             made = tube(paint, white, case, seed)
             began = time.perf_counter()
             found = recover_jointly(
-                made.films.take([0, 1]), made.recipes, instrument=instrument, known={WHITE: white}
+                made.films.take([0, 1]),
+                made.recipes,
+                instrument=instrument,
+                pigments={WHITE: white},
             )
             entry = entries(found, PaintFile(Path("mine.csv"), {}))[0].pigment
             seconds.append(time.perf_counter() - began)
@@ -213,7 +216,11 @@ def real(say: Results) -> None:
     tubes = dict(list(paints_with_a_tint(films, recipes).items())[:MEASURED])
     others = {name for rows in tubes.values() for name in rows[2:]}
     full = cross_validate(
-        whole, films, recipes, only=lambda name: name in others, progress=progress
+        whole,
+        films,
+        recipes,
+        only=lambda name: name in others,
+        progress=lambda *step: progress(step[2]),
     )
     full_off = dict(zip(full.names, full.predicted.mean(axis=1), strict=True))
     say(
@@ -233,7 +240,7 @@ def real(say: Results) -> None:
         }
         own = films.select(names)
         found = recover_jointly(
-            own, recipes, known=known, use=np.array([1.0, 1.0] + [0.0] * (len(names) - 2))
+            own, recipes, pigments=known, use=np.array([1.0, 1.0] + [0.0] * (len(names) - 2))
         )
         for guess in predict_films(found, own.take(list(range(2, len(names)))), recipes):
             row = films.names.index(guess.name)
@@ -281,12 +288,12 @@ def seconds(say: Results) -> None:
     made = tube(catalogue.pigment("CobaltBlue"), catalogue.pigment(WHITE), CASES[0], 1)
     films, known = made.films.take([0, 1]), {WHITE: catalogue.pigment(WHITE)}
     began = time.perf_counter()
-    found = recover_jointly(films, made.recipes, known=known)
+    found = recover_jointly(films, made.recipes, pigments=known)
     entries(found, PaintFile(Path("mine.csv"), {}))
     fit = time.perf_counter() - began
-    lessons(found, "CobaltBlue", known=known)
+    rank_next_films(found, "CobaltBlue", pigments=known)
     began = time.perf_counter()
-    taught = lessons(found, "CobaltBlue", known=known)
+    taught = rank_next_films(found, "CobaltBlue", pigments=known)
     after = time.perf_counter() - began
     best = taught.films[0]
     say(

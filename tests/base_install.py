@@ -107,7 +107,7 @@ def check_colour_and_recovery() -> None:
         25e-6 * np.asarray(values)[None] for values in (white.absorption, white.scattering)
     )
     found = glazefit.recover_films(
-        glazefit.simulate_films(["white"], wavelengths, absorption, scattering)
+        glazefit.simulate_films(wavelengths, absorption, scattering, names=["white"])
     )
     told = found.identifiable[0]
     assert told.any()

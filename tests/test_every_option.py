@@ -22,6 +22,8 @@ from typer.testing import CliRunner
 
 import glazefit
 import glazejax.commands.main
+from glazefit.posterior.sampling import Sampling
+from glazefit.recipe.task import make_task
 from glazejax import Hemispherical
 from glazejax.commands.main import make_app
 
@@ -286,14 +288,14 @@ TABLE: dict[str, dict[str, Reaches | Looked]] = {
         **INSTRUMENT,
         "--into": Reaches(
             "--into paints.csv",
-            lambda g: [*(g["known"] or ())],
+            lambda g: [*(g["pigments"] or ())],
             ["ZincWhite", "Own"],
             base=TUBE,
             engine="recover_jointly",
         ),
         "--white": Reaches(
             "--white ZincWhite",
-            lambda g: [*(g["known"] or ())],
+            lambda g: [*(g["pigments"] or ())],
             ["ZincWhite"],
             base=TUBE,
             engine="recover_jointly",
@@ -377,7 +379,7 @@ TABLE: dict[str, dict[str, Reaches | Looked]] = {
         "--observer": Reaches("--observer 10", lambda g: g["observer"], "10"),
         "--max-paints": Reaches("--max-paints 2", lambda g: g["max_paints"], 2),
         "--glazes": Reaches("--glazes", lambda g: g["glazes"], True),
-        "--max-layers": Reaches("--max-layers 1", lambda g: g["max_layers"], 1),
+        "--max-layers": Reaches("--max-layers 1", lambda g: g["max_coats"], 1),
         "--coat-thickness": Reaches(
             "--coat-thickness 2-7", lambda g: g["thickness"], pytest.approx((2e-6, 7e-6))
         ),
@@ -399,7 +401,7 @@ TABLE: dict[str, dict[str, Reaches | Looked]] = {
         "--refractive-index": Reaches(
             "--refractive-index 1.4", lambda g: g["refractive_index"], 1.4
         ),
-        "--geometry": Reaches("--geometry d:8", lambda g: g["geometry"], Hemispherical(8.0)),
+        "--geometry": Reaches("--geometry d:8", lambda g: g["instrument"], Hemispherical(8.0)),
         "--metamerism": Reaches("--metamerism 0.7", lambda g: g["metamerism"], 0.7),
         "--count": Reaches("--count 2", lambda g: g["count"], 2),
         "--seed": Reaches("--seed 7", lambda g: g["seed"], 7),
@@ -418,7 +420,7 @@ TABLE: dict[str, dict[str, Reaches | Looked]] = {
         "file": Looked("fitting/test_posterior_chain.py:test_command_writes_what_it_says"),
         "--out": Reaches("--out other", lambda g: Path(g["path"]).parent.name, "other"),
         "--sample": Reaches("--sample two", lambda g: g["film"].names, ("two",)),
-        "--paints": Reaches("--paints Eosin", lambda g: [*map(name_of, g["paints"])], ["Eosin"]),
+        "--paints": Reaches("--paints Eosin", lambda g: [*map(name_of, g["pigments"])], ["Eosin"]),
         "--coats": Reaches(
             "--coats Eosin:?,ZincWhite:20um",
             lambda g: [c.open_thickness for c in g["coats"]],
@@ -428,14 +430,14 @@ TABLE: dict[str, dict[str, Reaches | Looked]] = {
         ),
         "--bands": Reaches(
             "--bands",
-            lambda g: "paints" in g,
+            lambda g: "pigments" in g,
             False,
             base=f"{FILMS} --sample one --out found",
             engine="posterior_of_bands",
         ),
         "--pigments": Reaches(
             OWN_PAINTS,
-            lambda g: float(g["paints"][0].absorption[0]),
+            lambda g: float(g["pigments"][0].absorption[0]),
             1000.0,
             base=f"{FILMS} --sample one --paints ZincWhite --out found",
         ),
@@ -604,7 +606,9 @@ def _reach(monkeypatch: pytest.MonkeyPatch) -> Callable[[str, str], Reached | No
         def record(*arguments, **named):
             given = signature.bind(*arguments, **named)
             given.apply_defaults()
-            raise Reached(name, dict(given.arguments))
+            # What is handed on as one class of options counts as named.
+            whole = dict(given.arguments)
+            raise Reached(name, whole | whole.pop("sampling", {}) | whole.pop("options", {}))
 
         return record
 
@@ -659,17 +663,17 @@ def test_the_computation_gets_what_the_option_says(
         ("map", glazefit.map_cube, {"max_paints", "layers", "memory", "overwrite", "noise"}),
         (
             "posterior",
-            glazefit.posterior_of_film,
+            Sampling,
             {"steps", "walkers", "thin", "seed", "resume", "overwrite"},
         ),
         (
             "recipe",
-            glazefit.find_recipes,
+            make_task,
             {
                 "refractive_index",
                 "test_illuminant",
                 "max_paints",
-                "max_layers",
+                "max_coats",
                 "count",
                 "metamerism",
                 "seed",

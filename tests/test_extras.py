@@ -23,7 +23,6 @@ OPTIONAL = {
     "colour_cxf": "formats",
     "arviz": "arviz",
     "h5py": "arviz",
-    "tqdm": "arviz",
     "trimesh": "scene",
     "embreex": "scene",
     "OpenEXR": "scene",

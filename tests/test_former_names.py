@@ -1,9 +1,10 @@
 """Names that were changed work for one more version, and say what they are called now."""
 
+import numpy as np
 import pytest
 
 import glazefit
-from glazejax.former_names import accept_former_keywords
+from glazejax.former_names import accept_former_keywords, accept_name_first
 
 FORMER_NAMES = {
     "Discrepancy": "ModelError",
@@ -42,8 +43,37 @@ def test_a_former_keyword_beside_the_new_one_is_refused():
 
 def test_the_prior_of_a_posterior_by_its_former_names():
     with pytest.warns(DeprecationWarning, match="FilmPrior is called glazefit.Prior now"):
-        made = glazefit.FilmPrior
+        made = glazefit.FilmPrior  # pyright: ignore[reportAttributeAccessIssue]
     with pytest.warns(DeprecationWarning, match="thickness_spread of __init__.. is called spread"):
         prior = made(thickness_spread=0.4)
     assert prior == glazefit.Prior(spread=0.4)
     assert (prior.concentration_sought, prior.concentration_known) == (0.4, 1.0)
+
+
+@accept_name_first("names")
+def _simulate(wavelengths, *, names):
+    return wavelengths, names
+
+
+def test_names_that_came_first_warn_and_arrive():
+    for names in ("film", ["a", "b"]):
+        with pytest.warns(DeprecationWarning, match="given by keyword now: names=..."):
+            found = _simulate(names, (400.0, 500.0))  # pyright: ignore[reportCallIssue]
+            assert found == ((400.0, 500.0), names)
+    assert _simulate([400.0, 500.0], names=["a"]) == ([400.0, 500.0], ["a"])
+    assert _simulate(np.ones(2), names=["a"])[1] == ["a"]
+
+
+@pytest.mark.parametrize(
+    ("function", "given", "complaint"),
+    [
+        (glazefit.find_recipes, {"max_layers": 9}, "max_coats is 9"),
+        (glazefit.find_recipes, {"geometry": "sideways"}, "sideways"),
+    ],
+)
+def test_former_keywords_of_recipes(function, given, complaint):
+    with (
+        pytest.warns(DeprecationWarning, match="is called (max_coats|instrument) now"),
+        pytest.raises(ValueError, match=complaint),
+    ):
+        function((50, 0, 0), **given)

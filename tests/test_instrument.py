@@ -167,7 +167,7 @@ def test_films_over_cards_are_read_by_any_instrument():
     for words in ("d:8", "45:0"):
         seen_by = Instrument.parse(words)
         films = glazefit.simulate_films(
-            ["a"], grid, k, s, instrument=seen_by, noise=glazefit.Noise(1e-4, 0.0)
+            grid, k, s, names=["a"], instrument=seen_by, noise=glazefit.Noise(1e-4, 0.0)
         )
         found = glazefit.recover_films(films, instrument=seen_by, noise=glazefit.Noise(1e-4, 0.0))
         np.testing.assert_allclose(found.absorption, 0.3, rtol=0.02)

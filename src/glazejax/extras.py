@@ -13,7 +13,6 @@ _EXTRAS = {
     "colour_cxf": ("colour-cxf", "formats"),
     "arviz": ("arviz", "arviz"),
     "h5py": ("h5py", "arviz"),
-    "tqdm": ("tqdm", "arviz"),
     "trimesh": ("trimesh", "scene"),
     "embreex": ("embreex", "scene"),
     "OpenEXR": ("OpenEXR", "scene"),

@@ -39,3 +39,32 @@ def accept_former_keywords(**names: str) -> Callable[[Callable[P, T]], Callable[
         return call
 
     return decorate
+
+
+def accept_name_first(keyword: str) -> Callable[[Callable[P, T]], Callable[P, T]]:
+    """Decorate a function so that a name, or names, before all other arguments reach it by keyword.
+
+    They warn with DeprecationWarning.
+
+    Args:
+        keyword: what the function calls them.
+    """
+
+    def decorate(function: Callable[P, T]) -> Callable[P, T]:
+        @functools.wraps(function)
+        def call(*args: P.args, **given: P.kwargs) -> T:
+            names = args[0] if args else None
+            texts = [names] if isinstance(names, str) else names
+            if not (isinstance(texts, list | tuple) and texts and isinstance(texts[0], str)):
+                return function(*args, **given)
+            warnings.warn(
+                f"the first argument of {function.__name__}() is given by keyword now: "
+                f"{keyword}=...",
+                DeprecationWarning,
+                stacklevel=2,
+            )
+            return function(*args[1:], **{keyword: names}, **given)  # type: ignore[arg-type]
+
+        return call
+
+    return decorate

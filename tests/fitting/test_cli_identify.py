@@ -41,7 +41,7 @@ def table(tmp_path_factory):
         )
         for what in ("absorption", "scattering")
     )
-    films = simulate_films(["red", "tint"], GRID, k * 25e-6, s * 25e-6)
+    films = simulate_films(GRID, k * 25e-6, s * 25e-6, names=["red", "tint"])
     path = tmp_path_factory.mktemp("films") / "films.csv"
     rows = []
     for i, name in enumerate(films.names):

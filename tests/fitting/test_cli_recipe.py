@@ -145,11 +145,11 @@ def test_an_interrupt_keeps_what_is_finished(run, monkeypatch):
         (["--lab", "50,0,0", "--illuminants", "Z"], "unknown illuminant"),
         (
             ["--lab", "50,0,0", "--glazes", "--max-layers", "7"],
-            "max_layers is 7; it must be a whole number from 1 to 6",
+            "max_coats is 7; it must be a whole number from 1 to 6",
         ),
         (
             ["--lab", "50,0,0", "--max-layers", "6"],
-            "max_layers is 6; it must be a whole number from 1 to 4",
+            "max_coats is 6; it must be a whole number from 1 to 4",
         ),
         (
             ["--lab", "50,0,0", "--ground", "90"],

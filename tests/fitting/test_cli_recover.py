@@ -52,7 +52,7 @@ def write(path, films: Films, scale=100.0, skip=()):
 def films():
     k = np.stack([np.geomspace(0.02, 2.0, GRID.size), np.geomspace(1.0, 0.05, GRID.size)])
     return simulate_films(
-        ["01A", "02B"], GRID, k, np.stack([np.full(GRID.size, 1.0), np.full(GRID.size, 0.3)])
+        GRID, k, np.stack([np.full(GRID.size, 1.0), np.full(GRID.size, 0.3)]), names=["01A", "02B"]
     )
 
 
@@ -273,7 +273,7 @@ def test_mixtures_are_left_out_when_asked(run, tmp_path):
         [[1, 0, 0], [0, 1, 0], [0.1, 0.9, 0], [0.5, 0.5, 0], [0, 0.95, 0.05], [0.95, 0, 0.05]]
     )
     names = [f"{i:02d}A" for i in range(1, 7)]
-    file = write(tmp_path / "f.tsv", simulate_films(names, grid, shares @ k, shares @ s))
+    file = write(tmp_path / "f.tsv", simulate_films(grid, shares @ k, shares @ s, names=names))
     recipes = (
         f"{n}\tRed-White-Black|" + "-".join(f"{100 * w:g}" for w in row)
         for n, row in zip(names, shares, strict=True)
@@ -311,7 +311,7 @@ def tubes(tmp_path):
         skip = {"b", "w", "ob", "ow"} - set(ends)
         return write(
             tmp_path / f"{name}.tsv",
-            simulate_films([name, f"{name} 1:10 ZincWhite"], GRID[::3], k, s),
+            simulate_films(GRID[::3], k, s, names=[name, f"{name} 1:10 ZincWhite"]),
             skip=skip,
         )
 
@@ -375,7 +375,7 @@ def test_gauged_films_have_a_scale_of_their_own(run, tmp_path, tubes):
 @pytest.mark.slow
 def test_rough_spectra_are_said_to_be_noisy(run, tmp_path):
     k = np.geomspace(0.02, 2.0, GRID.size)[None]
-    films = simulate_films(["01A"], GRID, k, np.ones_like(k), noise=Noise(0.004, 0.0))
+    films = simulate_films(GRID, k, np.ones_like(k), names=["01A"], noise=Noise(0.004, 0.0))
     status, out, _ = run(write(tmp_path / "f.tsv", films), "--out", "res", "--no-plots")
     assert status == 0
     assert "Noise of a reading R, told from how rough the spectra are: 0.00" in out

@@ -22,7 +22,7 @@ def watched(monkeypatch) -> Programs:
 def films(count: int):
     rng = np.random.default_rng(0)
     k, s = rng.uniform(0.1, 1.0, (count, GRID.size)), rng.uniform(1.0, 4.0, (count, GRID.size))
-    return simulate_films([str(i) for i in range(count)], GRID, k, s)
+    return simulate_films(GRID, k, s, names=[str(i) for i in range(count)])
 
 
 def test_identification(monkeypatch):

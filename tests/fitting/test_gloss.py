@@ -9,9 +9,9 @@ import pytest
 from glazefit import Films, Instrument, Noise, recover_jointly, simulate_films
 from glazefit.film.gloss import measure_gloss
 from glazefit.film.response import film_response
+from glazefit.recover.experimental_design import _Candidate, _planning_bands, _pose
 from glazefit.recover.joint import UNIT
 from glazefit.recover.joint_problem import readings
-from glazefit.recover.next_film import _Candidate, _planning_bands, _pose
 from glazejax import Hemispherical
 
 GRID = np.arange(400.0, 701.0, 20.0)
@@ -26,7 +26,7 @@ def films() -> tuple[Films, Films]:
     k = np.stack([np.linspace(1.5, 0.3, GRID.size), np.full(GRID.size, 0.02)])
     s = np.stack([np.full(GRID.size, 0.6), np.linspace(3.0, 2.0, GRID.size)])
     share = np.array([[1.0, 0.0], [0.0, 1.0], [0.1, 0.9]])
-    smooth = simulate_films(list(RECIPES), GRID, share @ k, share @ s, noise=Noise(1e-5, 0.0))
+    smooth = simulate_films(GRID, share @ k, share @ s, names=list(RECIPES), noise=Noise(1e-5, 0.0))
     surface = Instrument().seen_surface
     seen = {over: getattr(smooth, over) - 0.25 * surface for over in ("over_black", "over_white")}
     dull = {over: getattr(smooth, over) - surface for over in seen}

@@ -56,10 +56,10 @@ def films_of(paints, recipes, thickness, seed=0, model_error=0.0):
     k = np.array([sum(w * np.asarray(paints[p].absorption) for p, w in r.items()) for r in recipes])
     s = np.array([sum(w * np.asarray(paints[p].scattering) for p, w in r.items()) for r in recipes])
     films = simulate_films(
-        [str(i) for i in range(len(recipes))],
         GRID,
         k * thickness[:, None],
         s * thickness[:, None],
+        names=[str(i) for i in range(len(recipes))],
         seed=seed,
     )
     shape = np.linalg.cholesky(smooth_kernel(GRID, 40.0) + 1e-9 * np.eye(GRID.size))
@@ -260,7 +260,7 @@ def test_films_over_measured_cards(paints):
     k, s = (
         np.asarray(getattr(paints[2], what))[None] * UNIT for what in ("absorption", "scattering")
     )
-    found = identify_films(simulate_films(["red"], GRID, k, s), paints, max_paints=2)
+    found = identify_films(simulate_films(GRID, k, s, names=["red"]), paints, max_paints=2)
     assert isinstance(found, Identification)
     assert found.ranked(0)[0].paints == ("Vermillion",)
     assert found.words(0).startswith("red: ")

@@ -14,8 +14,10 @@ from glazefit.film.films import Films, Instrument, Noise
 from glazefit.film.mixing import MixingLaw, weight_table
 from glazefit.film.response import film_response
 from glazefit.film.simulate import simulate_films
+from glazefit.recover.constraints import Gauge, gather_constraints
 from glazefit.recover.crossvalidation import cross_validate
 from glazefit.recover.joint import pose, recover_jointly, spread
+from glazefit.recover.joint_covariance import JointCovariance
 from glazefit.recover.joint_problem import (
     Expectations,
     Unknowns,
@@ -27,8 +29,6 @@ from glazefit.recover.joint_problem import (
     totals,
 )
 from glazefit.recover.joint_solver import covariance, factorise, least_squares, look, solve
-from glazefit.recover.known import Gauge, tell
-from glazefit.recover.left_open import LeftOpen
 from glazefit.recover.prediction import predict_films
 from glazejax import Pigment
 
@@ -62,7 +62,9 @@ def painted(thickness: np.ndarray, noise: Noise, seed: int = 1) -> Films:
     shares = weights / weights.sum(axis=1, keepdims=True)
     order = [weight_table(tuple(RECIPES), RECIPES)[0].index(paint) for paint in PAINTS]
     amounts = thickness[:, None] * shares[:, order]
-    return simulate_films(tuple(RECIPES), GRID, amounts @ k, amounts @ s, noise=noise, seed=seed)
+    return simulate_films(
+        GRID, amounts @ k, amounts @ s, names=tuple(RECIPES), noise=noise, seed=seed
+    )
 
 
 @pytest.fixture(scope="module", params=["", "told"])
@@ -80,7 +82,7 @@ def small(request):
         assumed, opaque = np.zeros((6, 2), bool), np.zeros(6, bool)
         assumed[2:4, 1], opaque[5] = True, True
         films = dataclasses.replace(films, assumed=assumed, opaque=opaque)
-        told = tell(
+        told = gather_constraints(
             films, paints, {"ZincWhite": known_white(rng)}, Gauge({"tint": 30e-6}), 25e-6, 0.3
         )
     problem = pose(
@@ -163,7 +165,7 @@ def test_error_modes_are_the_largest_of_the_dense_inverse(small, dense_jacobian)
     count, others = point.bands.size, len(problem.thickness_modes)
     first = len(whole) - others
     inner, across, own = whole[:count, :count], whole[first:, :count], whole[first:, first:]
-    left = LeftOpen(
+    left = JointCovariance(
         factors, np.asarray(problem.band_modes), spread(point, problem, factors, 1).with_others
     )
 
@@ -305,7 +307,7 @@ def test_bronzing_is_not_taken_for_scattering():
     shares = weights / weights.sum(axis=1, keepdims=True)
     order = [weight_table(tuple(recipes), recipes)[0].index(paint) for paint in PAINTS]
     clean = simulate_films(
-        tuple(recipes), GRID, shares[:, order] @ k, shares[:, order] @ s, noise=Noise()
+        GRID, shares[:, order] @ k, shares[:, order] @ s, names=tuple(recipes), noise=Noise()
     )
     bronze = np.where(np.arange(6)[:, None] == 0, 0.01 * ((GRID - 400) / 300) ** 2, 0.0)
     films = dataclasses.replace(
@@ -358,8 +360,9 @@ def test_films_left_out_lie_within_their_bands():
     films = painted(np.array([1.0, 0.8, 1.2, 1.0, 0.9, 1.1]), Noise())
     whole = recover_jointly(films, RECIPES)
     seen: list[str] = []
-    out = cross_validate(whole, films, RECIPES, progress=seen.append)
-    assert out.names == tuple(seen) == ("tint", "half", "grey", "shade")
+    out = cross_validate(whole, films, RECIPES, progress=lambda *step: seen.append(step[2]))
+    assert out.names == ("tint", "half", "grey", "shade")
+    assert seen == [f"leaving out {name}" for name in out.names]
     assert out.complete
     # Nothing is wrong with the recipes of painted films: they are predicted better than real ones
     # are.
@@ -374,8 +377,8 @@ def test_an_interrupt_keeps_the_films_that_are_done():
     films = painted(np.array([1.0, 0.8, 1.2, 1.0, 0.9, 1.1]), Noise())
     whole = recover_jointly(films, RECIPES)
 
-    def stop(name: str) -> None:
-        if name == "grey":
+    def stop(done: int, total: int | None, words: str) -> None:
+        if words == "leaving out grey":
             raise KeyboardInterrupt
 
     out = cross_validate(whole, films, RECIPES, progress=stop)

@@ -49,12 +49,12 @@ def film_of(fraction: float, thickness: float = 20e-6, seed: int = 1) -> Films:
         )
         for what in ("absorption", "scattering")
     )
-    return simulate_films(["film"], GRID, k[None], s[None], seed=seed)
+    return simulate_films(GRID, k[None], s[None], names=["film"], seed=seed)
 
 
 def uniform_film(k: float, s: float, seed: int = 2) -> Films:
     return simulate_films(
-        ["film"], GRID, np.full((1, GRID.size), k), np.full((1, GRID.size), s), seed=seed
+        GRID, np.full((1, GRID.size), k), np.full((1, GRID.size), s), names=["film"], seed=seed
     )
 
 
@@ -69,7 +69,7 @@ def banded():
     """A film that is clear at one end and hides its card at the other, sampled band by band."""
     k, s = np.geomspace(0.05, 8.0, GRID.size), np.geomspace(1.0, 40.0, GRID.size)
     return posterior_of_bands(
-        simulate_films(["film"], GRID, k[None], s[None], seed=4), steps=3000, walkers=24
+        simulate_films(GRID, k[None], s[None], names=["film"], seed=4), steps=3000, walkers=24
     )
 
 
@@ -379,7 +379,7 @@ def test_one_spectrum_over_a_known_ground():
 def test_without_the_specular_part_there_is_no_gloss():
     instrument = Instrument(Hemispherical(8.0, specular=False))
     k, s = (20e-6 * np.asarray(a)[None] for a in (BLUE.absorption, BLUE.scattering))
-    films = simulate_films(["film"], GRID, k, s, instrument=instrument)
+    films = simulate_films(GRID, k, s, names=["film"], instrument=instrument)
     result = posterior_of_film(films, [BLUE], instrument=instrument, steps=0)
     assert result.problem.unknowns == ("thickness", "model error")
 
@@ -415,10 +415,10 @@ def test_weighted_draws_of_laplace_equal_the_chain(mixed):
 
 def test_two_solutions_are_two_modes():
     films = simulate_films(
-        ["x"],
         GRID,
         np.full((1, GRID.size), 2.3),
         np.full((1, GRID.size), 0.06),
+        names=["x"],
         noise=Noise(1e-5, 0),
     )
     problem = pose_bands(readings(films, INSTRUMENT, Noise(1e-5, 0))[0], 1.0, INSTRUMENT)

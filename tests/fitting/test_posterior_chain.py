@@ -18,6 +18,7 @@ from glazefit.posterior.chain import (
     run_chain,
 )
 from glazefit.posterior.problem import Problem
+from glazefit.posterior.sampling import Sampling
 from glazejax.commands.main import main
 from tests.fitting.test_cli_recover import write
 
@@ -27,7 +28,7 @@ SHORT: dict[str, Any] = {"walkers": 12, "thin": 2}
 
 def film(seed: int = 0):
     k, s = np.geomspace(0.05, 0.5, GRID.size)[None], np.full((1, GRID.size), 1.0)
-    return simulate_films(["film"], GRID, k, s, seed=seed)
+    return simulate_films(GRID, k, s, names=["film"], seed=seed)
 
 
 class Gaussians:
@@ -54,7 +55,7 @@ def start(problem, walkers=20, seed=0):
 @pytest.mark.usefixtures("unchecked")  # a stand-in is sampled
 def test_blocks_of_very_different_size_are_all_sampled_rightly():
     problem = Gaussians()
-    chain = run_chain(problem, start(problem), steps=12000, thin=4, seed=3)  # pyright: ignore[reportArgumentType]
+    chain = run_chain(problem, start(problem), Sampling(steps=12000, thin=4, seed=3))  # pyright: ignore[reportArgumentType]
     free = chain.free[200:].reshape(-1, 3, 3)
     tau = autocorrelation_times(chain.free[200:].reshape(*chain.free[200:].shape[:2], -1)).reshape(
         3, 3

@@ -30,11 +30,11 @@ def found(known):
     under two lights.
     """
     targets = [
-        spectral_target("known", GRID, known),
+        spectral_target(GRID, known, name="known"),
         lab_target((0, 0, 0), "black"),
         lab_target((100, 0, 0), "white"),
         lab_target((88, -86, 83), "green"),
-        spectral_target("grey", GRID, np.full(GRID.size, 0.2)),
+        spectral_target(GRID, np.full(GRID.size, 0.2), name="grey"),
     ]
     return find_recipes(targets, palette(), count=4)
 
@@ -147,14 +147,14 @@ def test_mixings_differ_as_their_paints_do(found):
 
 @pytest.mark.slow
 def test_one_target_gets_what_it_gets_in_a_batch(found, known):
-    alone = find_recipes(spectral_target("known", GRID, known), palette(), count=4)
+    alone = find_recipes(spectral_target(GRID, known, name="known"), palette(), count=4)
     assert alone[0].layers == found[0][0].layers
 
 
 @pytest.mark.slow
 def test_limits_are_kept():
     recipes = find_recipes(
-        (50, 30, 30), palette(), max_paints=2, max_layers=1, thickness=(3e-6, 3e-6), count=3
+        (50, 30, 30), palette(), max_paints=2, max_coats=1, thickness=(3e-6, 3e-6), count=3
     )
     assert all(len(r.paints) <= 2 and len(r.coats) == 1 for r in recipes)
     assert all(r.coats[0].thickness == pytest.approx(3e-6) for r in recipes)
@@ -170,7 +170,7 @@ def test_thickness_that_limits_is_named():
 
 @pytest.mark.slow
 def test_weighing_the_spectrum_brings_it_nearer():
-    target = spectral_target("waves", GRID, 0.3 + 0.1 * np.sin(GRID / 20.0))
+    target = spectral_target(GRID, 0.3 + 0.1 * np.sin(GRID / 20.0), name="waves")
     errors = [
         find_recipes(target, palette(), metamerism=weight, count=1)[0].rmse for weight in (0.0, 5.0)
     ]
@@ -186,7 +186,7 @@ def test_a_colour_under_two_lights():
     target = {
         light: np.asarray(colour.lab(GRID, spectrum, illuminant=light)) for light in ("D65", "A")
     }
-    best, *_ = find_recipes(target, palette(), max_layers=1)
+    best, *_ = find_recipes(target, palette(), max_coats=1)
     assert set(best.delta_e) == {"D65", "A"}
     assert best.distance < 0.5
     assert best.rmse is None
@@ -198,7 +198,7 @@ def test_more_paints_and_more_coats_come_nearer():
     targets = [lab_target(lab) for lab in rng.uniform((25, -45, -45), (80, 45, 45), (4, 3))]
     nearest = []
     for paints, layers in ((1, 1), (3, 2), (4, 3)):
-        recipes = find_recipes(targets, palette(), max_paints=paints, max_layers=layers)
+        recipes = find_recipes(targets, palette(), max_paints=paints, max_coats=layers)
         assert all(
             len(r.paints) <= paints and len(r.coats) <= layers for some in recipes for r in some
         )
@@ -216,7 +216,7 @@ def test_more_paints_and_more_coats_come_nearer():
         ((50, 0, float("nan")), {}, "three numbers"),
         ([], {}, "there is no target"),
         ((50, 0, 0), {"max_paints": 0}, "max_paints is 0"),
-        ((50, 0, 0), {"max_layers": 9}, "max_layers is 9"),
+        ((50, 0, 0), {"max_coats": 9}, "max_coats is 9"),
         ((50, 0, 0), {"thickness": (1, 50)}, "must ascend"),
         ((50, 0, 0), {"thickness": (5e-6, 1e-6)}, "must ascend"),
         ((50, 0, 0), {"ground": 90}, "must lie in"),

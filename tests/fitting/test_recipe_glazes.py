@@ -33,14 +33,14 @@ def recipes_of_coats(**options):
     """
     coats = [gj.Layer(RED, 1.5e-6), gj.Layer(WHITE, 12e-6)]
     made = np.asarray(gj.reflectance(gj.Glaze(coats, 0.9), SEEN))
-    targets = [spectral_target("made", GRID, made), lab_target((35, 5, -5), "plum")]
+    targets = [spectral_target(GRID, made, name="made"), lab_target((35, 5, -5), "plum")]
     return find_recipes(targets, palette(), glazes=True, **options)
 
 
 @pytest.fixture(scope="module")
 def found():
     """Of fewer coats than it would try: each number of coats is a program of its own."""
-    return recipes_of_coats(max_layers=2)
+    return recipes_of_coats(max_coats=2)
 
 
 @pytest.mark.slow
@@ -88,34 +88,18 @@ def test_the_answer_says_what_mixing_would_gain(found):
 
 
 def task(**others) -> Task:
-    options = {
-        "ground": 0.9,
-        "geometry": None,
-        "refractive_index": 1.5,
-        "illuminants": None,
-        "test_illuminant": "A",
-        "observer": 2,
-        "max_paints": None,
-        "max_layers": None,
-        "glazes": True,
-        "thickness": (1e-6, 50e-6),
-        "count": 5,
-        "metamerism": 0.2,
-        "simplicity": 0.3,
-        "seed": 0,
-    }
-    return make_task([lab_target((50, 0, 0))], palette(), **(options | others))
+    return make_task([lab_target((50, 0, 0))], palette(), **({"glazes": True} | others))
 
 
 def test_limits_of_unmixed_coats():
-    assert (task().max_layers, task().max_paints, task().slots) == (6, 5, 6)
-    assert (task().mixed.max_layers, task().mixed.max_paints, task().mixed.glazes) == (2, 3, False)
-    assert (task(glazes=False).max_layers, task(glazes=False).max_paints) == (2, 3)
-    assert task(max_layers=1, max_paints=2).mixed.max_layers == 1
-    with pytest.raises(ValueError, match="max_layers is 7; it must be a whole number from 1 to 6"):
-        task(max_layers=7)
-    with pytest.raises(ValueError, match="max_layers is 6; it must be a whole number from 1 to 4"):
-        task(max_layers=6, glazes=False)
+    assert (task().max_coats, task().max_paints, task().slots) == (6, 5, 6)
+    assert (task().mixed.max_coats, task().mixed.max_paints, task().mixed.glazes) == (2, 3, False)
+    assert (task(glazes=False).max_coats, task(glazes=False).max_paints) == (2, 3)
+    assert task(max_coats=1, max_paints=2).mixed.max_coats == 1
+    with pytest.raises(ValueError, match="max_coats is 7; it must be a whole number from 1 to 6"):
+        task(max_coats=7)
+    with pytest.raises(ValueError, match="max_coats is 6; it must be a whole number from 1 to 4"):
+        task(max_coats=6, glazes=False)
 
 
 def test_a_coat_is_added_anywhere_and_never_mixed_in():

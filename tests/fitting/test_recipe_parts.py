@@ -8,6 +8,7 @@ from rich.console import Console
 
 from glazefit import find_recipes
 from glazefit.film.colour_metric import lab_metric
+from glazefit.film.films import Instrument
 from glazefit.recipe import refine as refine_module
 from glazefit.recipe.choose import Scored, pack_coats, roundings, select
 from glazefit.recipe.model import Optics, empty_slots, fill_slots, make_model, readings
@@ -26,7 +27,7 @@ D65 = colour.find_illuminant("D65")
 
 @pytest.fixture(scope="module")
 def model():
-    return make_model(palette(), 0.9, SEEN, 1.5, [D65], colour.CIE_1931, (1e-6, 50e-6))
+    return make_model(palette(), 0.9, Instrument(SEEN), [D65], colour.CIE_1931, (1e-6, 50e-6))
 
 
 def stacks(count: int, coats: int) -> np.ndarray:
@@ -88,7 +89,7 @@ def test_least_squares_that_did_not_settle_is_said(model, monkeypatch):
 
 @pytest.mark.slow
 def test_a_recipe_that_did_not_settle_is_named(capsys):
-    recipe = find_recipes((60, 10, 10), palette(), max_paints=2, max_layers=1, count=1)[0]
+    recipe = find_recipes((60, 10, 10), palette(), max_paints=2, max_coats=1, count=1)[0]
     for settled in (True, False):
         print_recipes([recipe, replace(recipe, converged=settled)], Console(), "--geometry 45:0")
         print_best([[replace(recipe, converged=settled)]], Console())
@@ -165,8 +166,8 @@ def test_targets_of_a_chart():
         (lambda: colourchecker_targets(chart="none"), "unknown chart"),
         (lambda: lab_target({}), "at least one"),
         (lambda: lab_target({"Z9": (50, 0, 0)}), "unknown illuminant"),
-        (lambda: spectral_target("x", [400, 500], [0.1]), "1 values for 2 wavelengths"),
-        (lambda: spectral_target("x", GRID, np.full(GRID.size, -0.1)), "negative"),
+        (lambda: spectral_target([400, 500], [0.1], name="x"), "1 values for 2 wavelengths"),
+        (lambda: spectral_target(GRID, np.full(GRID.size, -0.1), name="x"), "negative"),
     ],
 )
 def test_bad_targets_are_refused(make, match):

@@ -6,6 +6,7 @@ import pytest
 
 import glazejax as gj
 from glazefit.film.colour_metric import lab_metric
+from glazefit.film.films import Instrument
 from glazefit.film.optics import Optics
 from glazefit.recipe import polish as polish_module
 from glazefit.recipe.choose import score
@@ -24,7 +25,7 @@ WHITE, BLACK, RED, YELLOW, BLUE = range(5)
 
 @pytest.fixture(scope="module")
 def model():
-    return make_model(palette(), 0.9, SEEN, 1.5, [D65], colour.CIE_1931, (1e-6, 50e-6))
+    return make_model(palette(), 0.9, Instrument(SEEN), [D65], colour.CIE_1931, (1e-6, 50e-6))
 
 
 def stacks(*some: list[dict[int, float]]) -> Stacks:

@@ -31,7 +31,7 @@ def known():
     count = 48
     k = np.exp(rng.uniform(np.log(0.003), np.log(2.0), (count, GRID.size)))
     s = np.exp(rng.uniform(np.log(0.05), np.log(12.0), (count, GRID.size)))
-    films = simulate_films([str(i) for i in range(count)], GRID, k, s, seed=11)
+    films = simulate_films(GRID, k, s, names=[str(i) for i in range(count)], seed=11)
     return k, s, films, recover_films(films)
 
 
@@ -87,7 +87,7 @@ def test_exact_spectra_give_exact_values():
             np.full((4, GRID.size), float(reflectance(Glaze([], card), Hemispherical(8.0))[0]))
         )
     films = replace(
-        simulate_films("abcd", GRID, k, s),
+        simulate_films(GRID, k, s, names="abcd"),
         bare_black=bare[0],
         bare_white=bare[1],
         over_black=over[0],
@@ -104,7 +104,7 @@ def test_exact_spectra_give_exact_values():
 def test_geometry_matters():
     film = np.full((1, GRID.size), 0.1), np.full((1, GRID.size), 1.0)
     without = Instrument(Hemispherical(8.0, specular=False))
-    films = simulate_films(["x"], GRID, *film, instrument=without, noise=Noise(1e-6, 0.0))
+    films = simulate_films(GRID, *film, names=["x"], instrument=without, noise=Noise(1e-6, 0.0))
     right = recover_films(films, instrument=without, noise=Noise(1e-5, 0.0))
     np.testing.assert_allclose(right.absorption, 0.1, rtol=1e-2)
     with pytest.raises(ValueError, match="darker than its surface"):
@@ -115,7 +115,7 @@ def test_opaque_film_is_flagged_and_keeps_its_ratio():
     k, s = np.full((1, GRID.size), 4.0), np.full((1, GRID.size), 20.0)
     # One end of the spectrum can be seen through.
     k[0, 20:], s[0, 20:] = 0.02, 3.0
-    recovery = recover_films(simulate_films(["x"], GRID, k, s, seed=2))
+    recovery = recover_films(simulate_films(GRID, k, s, names=["x"], seed=2))
     assert not recovery.identifiable[0, :20].any()
     assert recovery.identifiable[0, 20:].all()
     np.testing.assert_allclose(recovery.ratio[0, :20], 0.2, rtol=0.1)
@@ -144,7 +144,7 @@ def test_k_and_s_are_told_apart_as_the_rule_says():
 
 def test_black_film_stays_finite():
     k, s = np.full((1, GRID.size), 50.0), np.full((1, GRID.size), 0.01)
-    recovery = recover_films(simulate_films(["soot"], GRID, k, s))
+    recovery = recover_films(simulate_films(GRID, k, s, names=["soot"]))
     assert not recovery.identifiable.any()
     assert np.isfinite(recovery.covariance).all()
     assert recovery.rmse[0] < 1e-3
@@ -152,14 +152,14 @@ def test_black_film_stays_finite():
 
 def test_clear_film_has_known_small_values():
     k, s = np.full((1, GRID.size), 0.004), np.full((1, GRID.size), 0.003)
-    recovery = recover_films(simulate_films(["varnish"], GRID, k, s))
+    recovery = recover_films(simulate_films(GRID, k, s, names=["varnish"]))
     assert recovery.identifiable.mean() > 0.9
     np.testing.assert_allclose(recovery.absorption, k, atol=0.005)
 
 
 def test_gloss_only_where_readings_demand_it():
     k = np.geomspace(0.1, 30, GRID.size)[None].repeat(2, axis=0)
-    films = simulate_films(["matte", "smooth"], GRID, k, np.full((2, GRID.size), 0.3))
+    films = simulate_films(GRID, k, np.full((2, GRID.size), 0.3), names=["matte", "smooth"])
     lost = np.array([[0.4], [0.0]]) * INSTRUMENT.surface
     films = replace(films, over_black=films.over_black - lost, over_white=films.over_white - lost)
     gloss = estimate_gloss(films, INSTRUMENT, Noise())
@@ -176,7 +176,7 @@ def test_two_solutions_are_both_starts():
     """The starts of a band hold each local minimum that a dense search finds."""
     table = jax.jit(tabulate, static_argnums=0)(INSTRUMENT)
     films = simulate_films(
-        ["x"], GRID, np.full((1, 31), 2.3), np.full((1, 31), 0.06), noise=Noise(1e-6, 0)
+        GRID, np.full((1, 31), 2.3), np.full((1, 31), 0.06), names=["x"], noise=Noise(1e-6, 0)
     )
     problem = pose(films, np.ones(1), INSTRUMENT, Noise())
     first = jax.tree.map(lambda a: a[0], problem)
@@ -204,7 +204,10 @@ def test_compiled_program_calls_no_library_for_linear_algebra():
     problem = jax.tree.map(
         jnp.asarray,
         pose(
-            simulate_films(["x"], GRID[:2], *[np.ones((1, 2))] * 2), np.ones(1), INSTRUMENT, Noise()
+            simulate_films(GRID[:2], *[np.ones((1, 2))] * 2, names=["x"]),
+            np.ones(1),
+            INSTRUMENT,
+            Noise(),
         ),
     )
     table = jax.jit(tabulate, static_argnums=(0, 1))(INSTRUMENT, (20, 12))

@@ -12,11 +12,11 @@ from glazefit.film.films import USUAL_CARD_SD, bare_surface, cards, usual_cards
 from glazefit.film.loose import average, crop, read_loose_films, recipes_from_names, tint
 from glazefit.film.noise import estimate_noise, roughness
 from glazefit.film.response import film_response
+from glazefit.recover.constraints import Gauge, error_modes, gather_constraints
 from glazefit.recover.entries import add_paints
+from glazefit.recover.experimental_design import rank_next_films
 from glazefit.recover.joint import UNIT, recover_jointly
 from glazefit.recover.joint_problem import Expectations
-from glazefit.recover.known import Gauge, error_modes, tell
-from glazefit.recover.next_film import lessons
 from glazejax import Pigment, catalogue
 
 GRID = np.arange(400.0, 701.0, 20.0)
@@ -43,7 +43,7 @@ def painted(instrument: Instrument, thickness=(1.3, 0.8), noise=Noise(), seed=1)
     k, s = np.moveaxis(
         (shares * BLUE + (1 - shares) * PALE) * np.array(thickness)[:, None, None], 1, 0
     )
-    return simulate_films(NAMES, GRID, k, s, instrument=instrument, noise=noise, seed=seed)
+    return simulate_films(GRID, k, s, names=NAMES, instrument=instrument, noise=noise, seed=seed)
 
 
 def written(path, films: Films, ends=("b", "w", "ob", "ow"), scale=1.0, names=NAMES):
@@ -168,17 +168,19 @@ def test_noise_is_told_from_roughness(floor, share):
             for a, b in ((3, 590), (1, 450), (5, 520), (0.3, 640))
         ]
     )
-    films = simulate_films("abcd", grid, k, np.ones_like(k), noise=Noise(floor, share), seed=2)
+    films = simulate_films(
+        grid, k, np.ones_like(k), names="abcd", noise=Noise(floor, share), seed=2
+    )
     found = estimate_noise(films)
     for end in (0.05, 0.9):
         assert float(found.sd(np.asarray(end))) == pytest.approx(floor + share * end, rel=0.35)
     # A quiet instrument is taken for a usual one, and coarse spectra say nothing of noise.
-    quiet = simulate_films("abcd", grid, k, np.ones_like(k), noise=Noise(1e-5, 0.0))
+    quiet = simulate_films(grid, k, np.ones_like(k), names="abcd", noise=Noise(1e-5, 0.0))
     assert float(estimate_noise(quiet).sd(np.asarray(0.9))) == pytest.approx(
         float(Noise().sd(np.asarray(0.9))), rel=0.1
     )
     coarse = simulate_films(
-        "abcd", grid[::3], k[:, ::3], np.ones_like(k[:, ::3]), noise=Noise(floor, share)
+        grid[::3], k[:, ::3], np.ones_like(k[:, ::3]), names="abcd", noise=Noise(floor, share)
     )
     assert estimate_noise(coarse) == Noise()
 
@@ -186,7 +188,7 @@ def test_noise_is_told_from_roughness(floor, share):
 def test_films_that_are_rough_themselves_do_not_pass_for_noisy_ones():
     grid = np.arange(400.0, 701.0, 10.0)
     k, s = np.exp(np.random.default_rng(0).uniform(-3.0, 1.0, (2, 4, grid.size)))
-    found = estimate_noise(simulate_films("abcd", grid, k, s, noise=Noise(0.002, 0.0)))
+    found = estimate_noise(simulate_films(grid, k, s, names="abcd", noise=Noise(0.002, 0.0)))
     assert float(found.sd(np.asarray(0.5))) == pytest.approx(0.002, rel=0.35)
 
 
@@ -213,7 +215,7 @@ def test_bare_cards_read_as_the_films_model_says(geometry):
 def test_film_by_film_at_45_0():
     instrument = Instrument.parse("45:0")
     films = simulate_films(
-        ["a"], GRID, BLUE[:1], BLUE[1:], instrument=instrument, noise=Noise(1e-4, 0.0)
+        GRID, BLUE[:1], BLUE[1:], names=["a"], instrument=instrument, noise=Noise(1e-4, 0.0)
     )
     found = recover_films(films, instrument=instrument, noise=Noise(1e-4, 0.0))
     known = found.identifiable[0]
@@ -235,7 +237,7 @@ def fitted(films: Films, instrument: Instrument, **given):
 @pytest.mark.parametrize("geometry", ["d:8", "45:0"])
 def test_a_masstone_and_a_tint_with_a_known_white(geometry):
     instrument = Instrument.parse(geometry)
-    found = fitted(painted(instrument), instrument, known={"White": white()})
+    found = fitted(painted(instrument), instrument, pigments={"White": white()})
     assert found.known == ("White",)
     row = found.row("Blue")
     np.testing.assert_allclose(found.absorption[row], BLUE[0], rtol=0.25)
@@ -244,10 +246,12 @@ def test_a_masstone_and_a_tint_with_a_known_white(geometry):
     np.testing.assert_allclose(found.thickness, [1.3, 0.8], rtol=0.12)
     # A white twice as strong makes the films half as thick and the paint as strong.
     twice = Pigment("White", GRID, *(2 * PALE / UNIT), error_modes=np.full((1, 2, GRID.size), 0.05))
-    other = fitted(painted(instrument), instrument, known={"White": twice})
+    other = fitted(painted(instrument), instrument, pigments={"White": twice})
     np.testing.assert_allclose(other.absorption[row] / found.absorption[row], 2.0, rtol=0.1)
     # Neither need be the usual one.
-    thin = fitted(painted(instrument, thickness=(0.3, 0.2)), instrument, known={"White": white()})
+    thin = fitted(
+        painted(instrument, thickness=(0.3, 0.2)), instrument, pigments={"White": white()}
+    )
     np.testing.assert_allclose(thin.thickness, [0.3, 0.2], rtol=0.15)
 
 
@@ -262,7 +266,7 @@ def test_readings_that_are_not_there_do_not_matter():
         over_black=np.where(seen[:, :1], films.over_white, 0.9),
         bare_black=films.bare_black * 0.9,
     )
-    first = fitted(lost, instrument, known={"White": white()})
+    first = fitted(lost, instrument, pigments={"White": white()})
     second = fitted(
         dataclasses.replace(
             spoilt,
@@ -270,7 +274,7 @@ def test_readings_that_are_not_there_do_not_matter():
             bare_black=films.bare_black,
         ),
         instrument,
-        known={"White": white()},
+        pigments={"White": white()},
     )
     np.testing.assert_allclose(first.absorption, second.absorption, rtol=1e-3)
     np.testing.assert_array_equal(first.residual[1, 0], first.residual[1, 1])
@@ -280,7 +284,7 @@ def test_opaque_films_tell_k_over_s():
     instrument = Instrument()
     films = painted(instrument, thickness=(60.0, 60.0))
     hidden = dataclasses.replace(films, opaque=np.ones(2, bool), bare_white=films.bare_white * 0.5)
-    found = fitted(hidden, instrument, known={"White": white()})
+    found = fitted(hidden, instrument, pigments={"White": white()})
     ratio = found.absorption[0] / found.scattering[0]
     np.testing.assert_allclose(ratio, BLUE[0] / BLUE[1], rtol=0.15)
     # As thick as films go, whatever thickness is expected.
@@ -297,20 +301,24 @@ def test_a_gauge_sets_the_scale():
     # k and s share the gauge's error.
     wrong = fitted(films, instrument, gauge=Gauge(gauge.thickness, common=0.5), unit=100e-6)
     assert np.median(wrong.log_sd[:, 0]) > max(0.45, 2 * np.median(found.log_sd[:, 0]))
-    told = tell(films, ("Blue", "White"), {}, gauge, 100e-6, 0.3)
-    np.testing.assert_allclose(told.thickness, np.log([1.3, 0.8]))
-    np.testing.assert_allclose(told.thickness_sd, 0.1)
+    constraints = gather_constraints(films, ("Blue", "White"), {}, gauge, 100e-6, 0.3)
+    np.testing.assert_allclose(constraints.thickness, np.log([1.3, 0.8]))
+    np.testing.assert_allclose(constraints.thickness_sd, 0.1)
     # On the scale of a known paint thicknesses are open by a common factor; on their own they have
     # none.
-    on_white = tell(films, ("Blue", "White"), {"White": white()}, None, UNIT, 0.3)
+    on_white = gather_constraints(films, ("Blue", "White"), {"White": white()}, None, UNIT, 0.3)
     np.testing.assert_array_equal(on_white.thickness_modes[-1], 1.0)
-    assert len(tell(films, ("Blue", "White"), {}, None, UNIT, 0.3).thickness_modes) == 0
+    assert (
+        len(gather_constraints(films, ("Blue", "White"), {}, None, UNIT, 0.3).thickness_modes) == 0
+    )
     with pytest.raises(ValueError, match="no film is called 'Red'"):
-        tell(films, ("Blue", "White"), {}, Gauge({"Red": 1e-4}), UNIT, 0.3)
+        gather_constraints(films, ("Blue", "White"), {}, Gauge({"Red": 1e-4}), UNIT, 0.3)
     with pytest.raises(ValueError, match="the thickness of 'Red' is 1 m"):
         Gauge({"Red": 1.0})
     with pytest.raises(ValueError, match="does not cover the films'"):
-        tell(films, ("White",), {"White": white().resample(GRID[2:])}, None, UNIT, 0.3)
+        gather_constraints(
+            films, ("White",), {"White": white().resample(GRID[2:])}, None, UNIT, 0.3
+        )
 
 
 def test_a_card_that_was_not_measured_is_fitted():
@@ -321,7 +329,7 @@ def test_a_card_that_was_not_measured_is_fitted():
     brighter = pale * 1.5 / (1 - pale + pale * 1.5)
     bare = {"bare_black": np.tile(black, (2, 1)), "bare_white": np.tile(brighter, (2, 1))}
     assumed = dataclasses.replace(films, **bare, assumed=np.ones((2, 2), bool))
-    found = fitted(assumed, instrument, known={"White": white(size=0.01)})
+    found = fitted(assumed, instrument, pigments={"White": white(size=0.01)})
     level = found.unknowns.others[-2] * 0.5
     assert level == pytest.approx(-np.log(1.5), abs=0.25)
     assert found.rmse.max() < 0.004
@@ -339,7 +347,7 @@ def test_error_modes_of_a_pigment_without_them_have_its_size():
 def test_entries_keep_what_is_there_and_share_the_errors_of_the_white(tmp_path):
     instrument = Instrument()
     path = tmp_path / "mine.csv"
-    found = fitted(painted(instrument), instrument, known={"White": white()})
+    found = fitted(painted(instrument), instrument, pigments={"White": white()})
     assert repr(found) == "JointRecovery(Blue from 2 films, known: White)"
     assert add_paints(found, path) == ("Blue", "White")
     mine = catalogue.read(path)
@@ -359,7 +367,7 @@ def test_entries_keep_what_is_there_and_share_the_errors_of_the_white(tmp_path):
     before = path.read_text().splitlines()
     films = dataclasses.replace(painted(instrument, seed=5), names=("Sky", "Sky 1:10 White"))
     recipes = recipes_from_names(films.names, {})
-    sky = recover_jointly(films, recipes, noise=Noise(), known={"White": mine["White"]})
+    sky = recover_jointly(films, recipes, noise=Noise(), pigments={"White": mine["White"]})
     assert add_paints(sky, path) == ("Sky",)
     after = path.read_text().splitlines()
     assert after[:3] == [*before[:2], "# Sky: glazejax recover, 2 films, scale of White."]
@@ -405,13 +413,13 @@ def test_a_tint_teaches_most_where_there_is_none():
     instrument = Instrument()
     films = painted(instrument, thickness=(20.0, 1.0)).take([0])
     alone = recover_jointly(films, RECIPES, noise=Noise())
-    found = lessons(alone, "Blue", white=white())
+    found = rank_next_films(alone, "Blue", white=white())
     assert "tint of Blue with White" in found.films[0].film
     assert found.films[0].expected < 0.6 * found.now
-    assert [lesson.expected for lesson in found.films] == sorted(
-        lesson.expected for lesson in found.films
+    assert [further.expected for further in found.films] == sorted(
+        further.expected for further in found.films
     )
-    both = fitted(painted(instrument), instrument, known={"White": white()})
-    after = lessons(both, "Blue", known={"White": white()})
+    both = fitted(painted(instrument), instrument, pigments={"White": white()})
+    after = rank_next_films(both, "Blue", pigments={"White": white()})
     assert after.now < found.now
-    assert not any("1:10" in lesson.film for lesson in after.films)
+    assert not any("1:10" in further.film for further in after.films)

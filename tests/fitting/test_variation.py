@@ -45,7 +45,11 @@ def painted(paints, recipe, strength, thickness, names=None, noise=None) -> Film
     )
     d = np.asarray(thickness)[:, None]
     return simulate_films(
-        names or [f"f{i}" for i in range(len(d))], GRID, k * d, s * d, noise=noise or Noise(1e-5, 0)
+        GRID,
+        k * d,
+        s * d,
+        names=names or [f"f{i}" for i in range(len(d))],
+        noise=noise or Noise(1e-5, 0),
     )
 
 

@@ -12,6 +12,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from glazejax import Bidirectional
+from glazejax.geometry import Geometry
 from glazejax.geometry import Instrument as Instrument
 from glazejax.io.spectra_table import list_names
 from glazejax.names import nearest_names
@@ -21,6 +22,8 @@ from glazejax.spectra import describe_grid, validate_wavelengths
 from .response import ground_below
 
 Spectra = Float[np.ndarray, "films bands"]
+InstrumentLike = Instrument | Geometry | str
+"""What an `instrument=` argument takes, see `glazejax.geometry.resolve_instrument`."""
 SPECTRA = ("bare_black", "bare_white", "over_black", "over_white")
 FLAGS = ("seen", "assumed", "opaque")
 _BY_DEFAULT: Any = None

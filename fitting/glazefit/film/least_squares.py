@@ -171,7 +171,7 @@ def levenberg_marquardt(
     sound = jnp.all(jnp.isfinite(start), axis=1)
     found = optx.least_squares(
         lambda point, own: jax.vmap(residuals)(point, *own),
-        SideBySide(rtol, atol, damped or damped_solution),
+        SideBySide(rtol=rtol, atol=atol, damped=damped or damped_solution),
         _where(sound, start, jnp.zeros_like(start)),
         given,
         max_steps=max_steps,

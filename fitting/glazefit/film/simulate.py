@@ -7,18 +7,21 @@ import numpy as np
 from jaxtyping import Float
 
 from glazejax import Pigment
+from glazejax.former_names import accept_name_first
+from glazejax.geometry import resolve_instrument
 
-from .films import Films, Instrument, Noise, usual_cards
+from .films import Films, Instrument, InstrumentLike, Noise, usual_cards
 from .optics import Optics
 
 
+@accept_name_first("names")
 def simulate_films(
-    names: Sequence[str],
     wavelengths: Float[np.ndarray, "bands"],
     absorption: Float[np.ndarray, "films bands *coats"],
     scattering: Float[np.ndarray, "films bands *coats"],
     *,
-    instrument: Instrument | None = None,
+    names: Sequence[str],
+    instrument: InstrumentLike | None = None,
     noise: Noise | None = None,
     seed: int = 0,
 ) -> Films:
@@ -26,14 +29,14 @@ def simulate_films(
     noise on all four.
 
     Args:
-        names: of the films.
         wavelengths: (bands,), nm.
         absorption, scattering: k d and s d, (films, bands), or (films, bands, coats) for several
             coats, top first.
+        names: of the films.
         instrument, noise: by default those of `recover_films`.
         seed: of the noise; equal seeds give equal spectra.
     """
-    instrument = instrument or Instrument()
+    instrument = resolve_instrument(instrument)
     noise = noise or Noise()
     rng = np.random.default_rng(seed)
     k, s = (
@@ -73,10 +76,10 @@ def simulate_paints(
 ) -> Films:
     """Simulated films of paints on one grid, all of one thickness (m)."""
     return simulate_films(
-        [paint.name for paint in paints],
         paints[0].wavelengths,
         np.stack([np.asarray(paint.absorption) for paint in paints]) * thickness,
         np.stack([np.asarray(paint.scattering) for paint in paints]) * thickness,
+        names=[paint.name for paint in paints],
         instrument=instrument,
         noise=noise,
         seed=seed,

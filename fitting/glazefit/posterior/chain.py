@@ -5,8 +5,7 @@ emcee proposes and accepts a walker as a whole, and thirty bands would be one pr
 unknowns, of which almost every proposal is refused. Blocks do not depend on each other, so the
 moves here are emcee's own (stretch and differential evolution between two halves of the ensemble)
 done in each block by itself: every block takes a step of two unknowns, or seven, and accepts it
-alone. The rest, the random numbers, the file, the progress bar and the autocorrelation times, is
-emcee's.
+alone. The rest, the random numbers, the file and the autocorrelation times, is emcee's.
 
 A chain counts as converged in a block if what is kept of it is 50 autocorrelation times long,
 emcee's own rule, and its effective sample size is 400 or more.
@@ -29,6 +28,7 @@ from jaxtyping import Float
 from glazejax.extras import require
 
 from .problem import Problem
+from .sampling import Sampling
 
 ENOUGH_TIMES = 50.0
 """Autocorrelation times that a chain must be long."""
@@ -222,39 +222,31 @@ def autocorrelation_times(values: Float[np.ndarray, "steps walkers n"]) -> Float
 def run_chain(
     problem: Problem,
     start: Ensemble,
-    *,
-    steps: int,
-    thin: int = 5,
-    seed: int = 0,
-    path: Path | None = None,
-    resume: bool = False,
-    overwrite: bool = False,
-    progress: bool = False,
+    options: Sampling,
 ) -> Chain:
     """Sample a problem.
 
     Args:
         problem: what is sampled.
         start: of the ensemble, an even number of walkers, at least 2 dims + 2.
-        steps: of the whole chain; a resumed chain goes on until it has as many.
-        thin: every how many steps one is kept.
-        seed: of the random numbers. A resumed chain goes on with its own.
-        path: HDF5 file that every kept step is written to; none keeps the chain in memory.
-        resume: go on with the chain in the file.
-        overwrite: replace the file if there is one.
-        progress: show a bar on stderr.
+        options: all but its number of walkers.
 
     Raises:
         ValueError: too few walkers or steps, or a file whose chain is of another problem.
         FileExistsError: there is such a file, and neither `resume` nor `overwrite` was asked for.
         FileNotFoundError: `resume` was, and there is none.
     """
+    steps = options.steps
+    thin = options.thin
+    path = None if options.path is None else Path(options.path)
     walkers, blocks, dims = start.shape
     _check(steps, thin, walkers, dims)
     backend = (
         emcee.backends.Backend()
         if path is None
-        else _backend(problem, path, (walkers, blocks * dims), thin, resume, overwrite)
+        else _backend(
+            problem, path, (walkers, blocks * dims), thin, options.resume, options.overwrite
+        )
     )
 
     def log_prob(points: np.ndarray) -> np.ndarray:
@@ -277,7 +269,7 @@ def run_chain(
     )
     done = backend.iteration
     if done == 0:
-        sampler.random_state = np.random.RandomState(seed).get_state()
+        sampler.random_state = np.random.RandomState(options.seed).get_state()
         if path is not None:
             _mark(path, problem, thin)
     left = steps // thin - done
@@ -290,11 +282,10 @@ def run_chain(
             iterations=left,
             thin_by=thin,
             skip_initial_state_check=True,
-            progress=progress,
-            progress_kwargs={"desc": "sampling", "unit": " steps"},
         )
         with _gentle_interrupt() as asked:
-            for _ in run:
+            for kept, _ in enumerate(run, start=done + 1):
+                options.progress(kept * thin, steps, "sampling")
                 if asked.is_set():
                     stopped = True
                     break

@@ -1,5 +1,7 @@
 """The command `glazejax posterior`: one measured film in, what is known of it out."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
@@ -12,6 +14,7 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from glazejax import Pigment
+    from glazejax.progress import Progress
 
     from ..film.errors import Prior
     from ..film.films import Films, Instrument, Noise
@@ -21,7 +24,6 @@ if TYPE_CHECKING:
 
 _GEOMETRY = "d:8"
 _PAINT_ERROR = 0.05
-_WALKERS = 32
 
 CHAIN = "chain.h5"
 DATA = "posterior.nc"
@@ -142,7 +144,7 @@ def posterior(
     Try it without data: glazejax posterior --simulate --paints CobaltBlue,ZincWhite --out demo
     """
     _check(file, sample, paints, coats, bands, simulate, ground)
-    require("matplotlib", "corner", "arviz", "h5py", "tqdm")
+    require("matplotlib", "corner", "arviz", "h5py")
     folder = _check_folder(out, resume, overwrite)
     from glazejax.commands.main import start_jax
 
@@ -166,8 +168,6 @@ def posterior(
         if simulate
         else _read_measured(file, sample, made_of, ground, errors, console)
     )
-    if walkers is None and not coats:
-        walkers = _WALKERS
     chain = {
         "steps": steps,
         "walkers": walkers,
@@ -294,7 +294,7 @@ def _simulate(
         for what in ("absorption", "scattering")
     )
     film = simulate_films(
-        ["simulated"], grid, k[None], s[None], instrument=instrument, noise=noise, seed=seed
+        grid, k[None], s[None], names=["simulated"], instrument=instrument, noise=noise, seed=seed
     )
     mixtures = [
         " + ".join(
@@ -410,15 +410,31 @@ def _run(task: _Task, prior: "Prior", out: Path, given: dict[str, Any]) -> "Post
     from .posterior import posterior_of_bands, posterior_of_film
 
     out.mkdir(parents=True, exist_ok=True)
-    given = given | {"path": out / CHAIN, "progress": progress.moving()}
     Console(stderr=True).print(
         "[dim]Finding the mode; the first run compiles for up to a minute.[/dim]"
     )
-    if task.coats:
-        return posterior_of_coats(task.film, task.coats, prior=prior, **given)
-    if not task.paints:
-        return posterior_of_bands(task.film, **given)
-    return posterior_of_film(task.film, task.paints, prior=prior, **given)
+    with _bar() as shown:
+        given = given | {"path": out / CHAIN, "progress": shown}
+        if task.coats:
+            return posterior_of_coats(task.film, task.coats, prior=prior, **given)
+        if not task.paints:
+            return posterior_of_bands(task.film, **given)
+        return posterior_of_film(task.film, task.paints, prior=prior, **given)
+
+
+@contextmanager
+def _bar() -> "Iterator[Progress]":
+    """A bar for the steps of a chain; what is yielded moves it on."""
+    from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
+
+    columns = TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn()
+    with progress.bar(*columns, TimeRemainingColumn()) as bar:
+        task = bar.add_task("finding the mode", total=None)
+
+        def show(done: int, total: int | None, words: str, /) -> None:
+            bar.update(task, completed=done, total=total, description=words)
+
+        yield show
 
 
 def _write(result: "Posterior", out: Path, console: "Console") -> None:

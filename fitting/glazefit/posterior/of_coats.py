@@ -3,36 +3,30 @@
 """
 
 from collections.abc import Sequence
-from pathlib import Path
+from typing import Unpack
+
+from glazejax.geometry import resolve_instrument
 
 from ..film.errors import Prior
-from ..film.films import Films, Instrument, Noise
+from ..film.films import Films, InstrumentLike, Noise
 from ..film.reading import Reading
 from .coats import CoatPrior, check_coats
 from .posterior import Posterior, one_reading, sample
+from .sampling import Sampling, SamplingOptions
 from .spectra import SpectraPrior
 from .stack import pose_stack
 from .stack_errors import pose_stack_errors
-
-_WALKERS = 32
 
 
 def posterior_of_coats(
     film: Films | Reading,
     coats: Sequence[CoatPrior],
     *,
-    instrument: Instrument | None = None,
+    instrument: InstrumentLike | None = None,
     noise: Noise | None = None,
     prior: Prior | None = None,
     spectra: SpectraPrior | None = None,
-    steps: int = 5000,
-    walkers: int | None = None,
-    thin: int = 5,
-    seed: int = 0,
-    path: str | Path | None = None,
-    resume: bool = False,
-    overwrite: bool = False,
-    progress: bool = False,
+    **sampling: Unpack[SamplingOptions],
 ) -> Posterior:
     """Thickness and fractions of every coat of a film, gloss and the paints' error; k and s of one
     unknown paint.
@@ -45,31 +39,17 @@ def posterior_of_coats(
         coats: top first, at most six, with an unknown paint in one of them at most; what is not
             known of each is found.
         spectra: what is likely of an unknown paint's k and s.
-        walkers: of the ensemble, even; by default 32, or as many as the unknowns need.
-        instrument, noise, prior, steps, thin, seed, path, resume, overwrite, progress: see
-            `posterior_of_film`.
+        instrument, noise, prior, sampling: see `posterior_of_film`.
 
     Raises:
         ValueError, FileExistsError, FileNotFoundError: as `posterior_of_film`, and for a stack that
             cannot be found (`glazefit.posterior.coats.check_coats`).
     """
-    instrument = instrument or Instrument()
+    options = Sampling(**sampling)
+    instrument = resolve_instrument(instrument)
     prior = prior or Prior()
     coats = check_coats(coats)
     reading = one_reading(film, instrument, noise or Noise())
     problem = pose_stack([reading], [coats], instrument, prior, spectra or SpectraPrior())
-    walkers = max(_WALKERS, 2 * problem.dims + 2) if walkers is None else walkers
-    problem, found = pose_stack_errors(problem, [reading], prior, seed=seed)
-    return sample(
-        problem,
-        (reading,),
-        found,
-        steps=steps,
-        walkers=walkers,
-        thin=thin,
-        seed=seed,
-        path=path,
-        resume=resume,
-        overwrite=overwrite,
-        progress=progress,
-    )
+    problem, found = pose_stack_errors(problem, [reading], prior, seed=options.seed)
+    return sample(problem, (reading,), found, options)

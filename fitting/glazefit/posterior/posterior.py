@@ -14,16 +14,17 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from importlib.metadata import version
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Unpack
 
 import numpy as np
 from jaxtyping import Float
 
 from glazejax import Pigment
+from glazejax.former_names import accept_former_keywords
+from glazejax.geometry import resolve_instrument
 
 from ..film.errors import Prior
-from ..film.films import Films, Instrument, Noise
+from ..film.films import Films, Instrument, InstrumentLike, Noise
 from ..film.gloss import estimate_gloss
 from ..film.reading import Reading, readings
 from .bands import pose_bands
@@ -32,6 +33,7 @@ from .film_errors import pose_errors
 from .identifiability import Identifiability, of_bands, of_coats, of_paints, open_above
 from .laplace import Laplace, Modes, find_modes, laplace
 from .problem import Problem
+from .sampling import Sampling, SamplingOptions
 from .summary import Row, Summary, compare, numbers
 
 if TYPE_CHECKING:
@@ -225,78 +227,48 @@ def unknowns_in_words(problem: Problem) -> tuple[str, ...]:
     return (*paints[:-1], *problem.unknowns[max(len(paints) - 1, 0) :])
 
 
+@accept_former_keywords(paints="pigments")
 def posterior_of_film(
     film: Films | Reading,
-    paints: Sequence[Pigment],
+    pigments: Sequence[Pigment],
     *,
-    instrument: Instrument | None = None,
+    instrument: InstrumentLike | None = None,
     noise: Noise | None = None,
     prior: Prior | None = None,
-    steps: int = 5000,
-    walkers: int = 32,
-    thin: int = 5,
-    seed: int = 0,
-    path: str | Path | None = None,
-    resume: bool = False,
-    overwrite: bool = False,
-    progress: bool = False,
+    **sampling: Unpack[SamplingOptions],
 ) -> Posterior:
     """Fractions, thickness, gloss and model error of a film of known paints.
 
     Args:
         film: one film over black and white, or a `Reading` (see `reading_over` for one spectrum).
-        paints: one to five, with k and s in 1/m.
+        pigments: one to five, with k and s in 1/m.
         instrument: by default d:8 with the specular part, refractive index 1.5.
         noise: of a reading.
         prior: what is likely beforehand.
-        steps: of the chain; 0 for Laplace's approximation alone.
-        walkers: of the ensemble, even.
-        thin: every how many steps one is kept.
-        seed: of all random numbers.
-        path: HDF5 file for the chain.
-        resume: go on with the chain in it.
-        overwrite: replace it.
-        progress: show a bar on stderr.
+        sampling: steps, walkers, thin, seed, path, resume, overwrite and progress, see
+            `glazefit.posterior.sampling.Sampling`.
 
     Raises:
         ValueError: more films than one, paints that do not fit (see `pose_films`), too few walkers
             or steps, or a chain of another problem.
         FileExistsError, FileNotFoundError: see `glazefit.posterior.chain.run_chain`.
     """
-    instrument = instrument or Instrument()
+    options = Sampling(**sampling)
+    instrument = resolve_instrument(instrument)
     prior = prior or Prior()
     reading = one_reading(film, instrument, noise or Noise())
-    problem = pose_films([reading], [paints], instrument, prior)
-    problem, found = pose_errors(problem, [reading], instrument, prior, seed=seed)
-    return sample(
-        problem,
-        (reading,),
-        found,
-        steps=steps,
-        walkers=walkers,
-        thin=thin,
-        seed=seed,
-        path=path,
-        resume=resume,
-        overwrite=overwrite,
-        progress=progress,
-    )
+    problem = pose_films([reading], [pigments], instrument, prior)
+    problem, found = pose_errors(problem, [reading], instrument, prior, seed=options.seed)
+    return sample(problem, (reading,), found, options)
 
 
 def posterior_of_bands(
     film: Films | Reading,
     *,
     gloss: float | None = None,
-    instrument: Instrument | None = None,
+    instrument: InstrumentLike | None = None,
     noise: Noise | None = None,
-    steps: int = 5000,
-    walkers: int = 32,
-    thin: int = 5,
-    seed: int = 0,
-    path: str | Path | None = None,
-    resume: bool = False,
-    overwrite: bool = False,
-    progress: bool = False,
+    **sampling: Unpack[SamplingOptions],
 ) -> Posterior:
     """Optical thicknesses k d and s d of a measured film at every wavelength; no paint is assumed.
 
@@ -304,13 +276,13 @@ def posterior_of_bands(
         film: one film over black and white, or a `Reading`.
         gloss: share of the surface's reflection in the readings; by default estimated from films
             over both cards, and 1 for a `Reading`.
-        instrument, noise, steps, walkers, thin, seed, path, resume, overwrite, progress: see
-            `posterior_of_film`.
+        instrument, noise, sampling: see `posterior_of_film`.
 
     Raises:
         ValueError, FileExistsError, FileNotFoundError: as `posterior_of_film`.
     """
-    instrument = instrument or Instrument()
+    options = Sampling(**sampling)
+    instrument = resolve_instrument(instrument)
     noise = noise or Noise()
     reading = one_reading(film, instrument, noise)
     if gloss is None:
@@ -318,60 +290,29 @@ def posterior_of_bands(
             float(estimate_gloss(film, instrument, noise)[0]) if isinstance(film, Films) else 1.0
         )
     problem = pose_bands(reading, gloss, instrument)
-    found = find_modes(problem, seed=seed)
-    return sample(
-        problem,
-        (reading,),
-        found,
-        steps=steps,
-        walkers=walkers,
-        thin=thin,
-        seed=seed,
-        path=path,
-        resume=resume,
-        overwrite=overwrite,
-        progress=progress,
-    )
+    found = find_modes(problem, seed=options.seed)
+    return sample(problem, (reading,), found, options)
 
 
 def sample(
-    problem: Problem,
-    films: tuple[Reading, ...],
-    found: Modes,
-    *,
-    steps: int,
-    walkers: int,
-    thin: int = 5,
-    seed: int = 0,
-    path: str | Path | None = None,
-    resume: bool = False,
-    overwrite: bool = False,
-    progress: bool = False,
+    problem: Problem, films: tuple[Reading, ...], found: Modes, options: Sampling
 ) -> Posterior:
-    """Sample a problem from draws of its Laplace approximation at the modes found; with `steps` 0
+    """Sample a problem from draws of its Laplace approximation at the modes found; with no steps
     that is all.
     """
-    if steps < 0:
+    if options.steps < 0:
         raise ValueError(
-            f"{steps} steps were asked for; ask for some thousands, or for 0 to sample nothing"
+            f"{options.steps} steps were asked for; ask for some thousands, or for 0 to sample "
+            "nothing"
         )
-    approximate = laplace(problem, found, seed=seed)
-    if steps == 0:
+    approximate = laplace(problem, found, seed=options.seed)
+    if options.steps == 0:
         return Posterior(problem, films, approximate, None)
     from .chain import run_chain
 
-    chain = run_chain(
-        problem,
-        approximate.draws(walkers, np.random.default_rng(seed)),
-        steps=steps,
-        thin=thin,
-        seed=seed,
-        path=None if path is None else Path(path),
-        resume=resume,
-        overwrite=overwrite,
-        progress=progress,
-    )
-    return Posterior(problem, films, approximate, chain)
+    walkers = options.walkers_for(problem.dims)
+    start = approximate.draws(walkers, np.random.default_rng(options.seed))
+    return Posterior(problem, films, approximate, run_chain(problem, start, options))
 
 
 def one_reading(film: Films | Reading, instrument: Instrument, noise: Noise) -> Reading:

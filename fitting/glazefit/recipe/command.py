@@ -186,13 +186,13 @@ def recipe(
         targets,
         paints,
         ground=base.on(paints[0].wavelengths),
-        geometry=seen_by,
+        instrument=seen_by,
         refractive_index=refractive_index,
         illuminants=lights,
         test_illuminant=test_illuminant,
         observer=observer,
         max_paints=max_paints,
-        max_layers=max_layers,
+        max_coats=max_layers,
         glazes=glazes,
         thickness=bounds,
         count=count,
@@ -273,7 +273,8 @@ def _targets(
     table = read_spectra(spectrum)
     rows = options.choose_rows(spectrum, table.names, options.split_names(samples))
     targets = [
-        spectral_target(table.names[row], table.wavelengths, table.reflectance[row]) for row in rows
+        spectral_target(table.wavelengths, table.reflectance[row], name=table.names[row])
+        for row in rows
     ]
     return targets, list(table.notes)
 
@@ -317,7 +318,7 @@ def _write(
 
 def _describe_view(task: "Task") -> str:
     eye = task.observer.replace(" Degree Standard Observer", "° observer")
-    return f"{', '.join(task.illuminants)}, {eye}, {task.geometry.describe()}"
+    return f"{', '.join(task.illuminants)}, {eye}, {task.instrument.describe()}"
 
 
 def _print(
@@ -338,7 +339,7 @@ def _print(
         reached = sum(recipes[0].in_gamut for recipes in found)
         console.print(f"{reached} of {len(found)} targets within a ΔE00 of 1")
     console.print(
-        f"[dim]{legend}. {len(task.pigments)} paints, up to {task.max_paints} in {task.max_layers} "
+        f"[dim]{legend}. {len(task.pigments)} paints, up to {task.max_paints} in {task.max_coats} "
         f"{'unmixed ' if task.glazes else ''}coats; "
         f"{_describe_view(task)}.[/dim]"
     )

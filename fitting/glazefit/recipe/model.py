@@ -15,9 +15,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
-from glazejax import Hemispherical, Pigment, colour
-from glazejax.geometry import Geometry
-from glazejax.radiative.common.fresnel import dielectric_reflectance
+from glazejax import Pigment, colour
+from glazejax.geometry import Instrument
 from glazejax.spectra import as_array, on_numpy_or_jax
 
 from ..film.ahead import Program
@@ -55,8 +54,7 @@ class Slots(NamedTuple):
 def make_model(
     pigments: Sequence[Pigment],
     ground: float | Float[np.ndarray, "bands"],
-    geometry: Geometry,
-    refractive_index: float,
+    instrument: Instrument,
     illuminants: Sequence[str],
     observer: str,
     thickness: tuple[float, float],
@@ -66,7 +64,7 @@ def make_model(
     Args:
         pigments: on one grid.
         ground: internal reflectance, scalar or (bands,).
-        geometry, refractive_index: the instrument and the index of all coats.
+        instrument: with the index of all coats.
         illuminants, observer: full names.
         thickness: of the thinnest and the thickest coat, m.
     """
@@ -74,21 +72,15 @@ def make_model(
     weights = np.stack(
         [colour.colour_weights(grid, name, observer) for name in illuminants], axis=1
     )
-    surface = 0.0
-    mirror = isinstance(geometry, Hemispherical) or geometry.incidence == geometry.viewing
-    if geometry.specular and mirror:
-        surface = float(
-            dielectric_reflectance(np.asarray(geometry.cos_incidence), np.asarray(refractive_index))
-        )
     return StackModel(
         absorption=jnp.asarray(np.stack([np.asarray(p.absorption) for p in pigments]) * 1e-6),
         scattering=jnp.asarray(np.stack([np.asarray(p.scattering) for p in pigments]) * 1e-6),
         ground=jnp.asarray(np.broadcast_to(np.asarray(ground, float), grid.shape)),
-        surface=jnp.asarray(surface),
+        surface=jnp.asarray(instrument.seen_surface),
         weights=jnp.asarray(weights),
         white=jnp.asarray(weights.sum(axis=0)),
         span=jnp.asarray(np.log(np.asarray(thickness) * 1e6)),
-        film=film_response(geometry, refractive_index),
+        film=film_response(instrument.geometry, instrument.refractive_index),
     )
 
 

@@ -16,7 +16,7 @@ import numpy as np
 from jaxtyping import Float
 
 from glazejax import Glaze, Layer, Mixture, colour
-from glazejax.geometry import Geometry
+from glazejax.former_names import accept_former_keywords
 from glazejax.paint.describe import Coat
 
 from ..film.mixing import Pigments
@@ -27,7 +27,7 @@ from .polish import polish, polish_ahead
 from .refine import grown, refine, refine_ahead
 from .screen import MOST_SCREENED, Stacks, TargetArrays, screen
 from .targets import Target
-from .task import DEFAULT_THICKNESS, RecipeOptions, Task, Wanted, as_targets, make_task
+from .task import RecipeOptions, Task, Wanted, as_targets, make_task
 
 GROUP = 8
 """Targets that are refined at a time."""
@@ -136,24 +136,11 @@ def find_recipes(
 def find_recipes(
     target: Sequence[Wanted], pigments: Pigments | None = None, **options: Unpack[RecipeOptions]
 ) -> list[list[Recipe]]: ...
+@accept_former_keywords(geometry="instrument", max_layers="max_coats")
 def find_recipes(
     target: Wanted | Sequence[Wanted],
     pigments: Pigments | None = None,
-    *,
-    ground: float | Float[np.ndarray, "bands"] = 0.9,
-    geometry: Geometry | None = None,
-    refractive_index: float = 1.5,
-    illuminants: Sequence[str] | None = None,
-    test_illuminant: str = "A",
-    observer: str | int = colour.CIE_1931,
-    max_paints: int | None = None,
-    max_layers: int | None = None,
-    glazes: bool = False,
-    thickness: tuple[float, float] = DEFAULT_THICKNESS,
-    count: int = 5,
-    metamerism: float = 0.2,
-    simplicity: float = 0.3,
-    seed: int = 0,
+    **options: Unpack[RecipeOptions],
 ) -> list[Recipe] | list[list[Recipe]]:
     """The best few different glazes for a colour or a spectrum, or for many at once.
 
@@ -164,22 +151,24 @@ def find_recipes(
             batch.
         pigments: mapping or sequence; the catalogue if left out.
         ground: internal reflectance below the paint, scalar or (bands,) on the pigments'
-            wavelengths.
-        geometry: how the colour is seen; `Bidirectional(45, 0)` if left out: no mirror reflection.
-        refractive_index: of all coats.
+            wavelengths; 0.9 if left out.
+        instrument: how the colour is seen, see `glazejax.geometry.resolve_instrument`; 45:0 if left
+            out: no mirror reflection.
+        refractive_index: of all coats, where `instrument` is no whole one.
         illuminants: to match the colour under; those a colour is given under, or D65, if left out.
-        test_illuminant: under which metamerism is reported.
-        observer: 2, 10, or a full name.
+        test_illuminant: under which metamerism is reported; A if left out.
+        observer: 2, 10, or a full name; 2 if left out.
         max_paints: different paints in a recipe, at most; 1 to 6. 3 if left out, of glazes 6.
-        max_layers: coats, at most; 1 to 4, of glazes 1 to 6. 2 if left out, of glazes 6.
+        max_coats: coats, at most; 1 to 4, of glazes 1 to 6. 2 if left out, of glazes 6.
         glazes: nothing is mixed: each coat is one paint as it is. `Recipe.mixed` says what mixing
             would gain.
-        thickness: of the thinnest and the thickest coat, m.
-        count: how many recipes a target gets, at most. They differ in their paints or in the order
-            of the coats.
+        thickness: of the thinnest and the thickest coat, m; 1 to 50 um if left out.
+        count: how many recipes a target gets, at most; 5 if left out. They differ in their paints
+            or in the order of the coats.
         metamerism: Delta E that a root mean squared difference of 0.01 from the target's spectrum
-            weighs.
-        simplicity: Delta E that one more paint, or one more coat, must gain to be worth it.
+            weighs; 0.2 if left out.
+        simplicity: Delta E that one more paint, or one more coat, must gain to be worth it; 0.3 if
+            left out.
         seed: of the points from which mixtures of three paints start.
 
     Returns:
@@ -190,24 +179,7 @@ def find_recipes(
         ValueError: an argument out of range; the message names it, the value and the fix.
     """
     targets, batch = as_targets(target)
-    task = make_task(
-        targets,
-        pigments,
-        ground=ground,
-        geometry=geometry,
-        refractive_index=refractive_index,
-        illuminants=illuminants,
-        test_illuminant=test_illuminant,
-        observer=observer,
-        max_paints=max_paints,
-        max_layers=max_layers,
-        glazes=glazes,
-        thickness=thickness,
-        count=count,
-        metamerism=metamerism,
-        simplicity=simplicity,
-        seed=seed,
-    )
+    task = make_task(targets, pigments, **options)
     found = [recipes for group in recipe_chunks(task) for recipes in group]
     return found if batch else found[0]
 
@@ -233,10 +205,10 @@ def _search(task: Task) -> Iterator[list[list[Recipe]]]:
     aims = task.target_arrays()
 
     # While the first look is compiled and taken, another thread compiles what comes after it.
-    refine_ahead(model, aims, task.slots, task.max_layers)
-    polish_ahead(model, task.optics, task.slots, task.max_layers)
-    readings_ahead(model, task.max_layers, None)
-    readings_ahead(model, task.max_layers, task.optics)
+    refine_ahead(model, aims, task.slots, task.max_coats)
+    polish_ahead(model, task.optics, task.slots, task.max_coats)
+    readings_ahead(model, task.max_coats, None)
+    readings_ahead(model, task.max_coats, task.optics)
 
     def keep(coats: int, paints: int) -> int:
         return _KEEP[coats, paints]
@@ -245,7 +217,7 @@ def _search(task: Task) -> Iterator[list[list[Recipe]]]:
         model,
         aims,
         max_paints=task.max_paints,
-        max_layers=task.max_layers,
+        max_coats=task.max_coats,
         keep=keep,
         seed=task.seed,
         mixed=not task.glazes,
@@ -264,7 +236,7 @@ def _refine(task: Task, model: StackModel, aims: TargetArrays, rough: Stacks) ->
 
     stacks = better(better(rough).best(lambda coats, paints: _KEEP_REFINED))
     more = 0 if task.glazes else max(0, task.max_paints - MOST_SCREENED)
-    for number in range(more + max(0, task.max_layers - 2)):
+    for number in range(more + max(0, task.max_coats - 2)):
         # Of unmixed stacks those of one coat less are all that a coat can be added to anew.
         last = stacks.take(np.flatnonzero(stacks.coats == number + 2)) if task.glazes else stacks
         parents = last.best(lambda coats, paints: _PARENTS)
@@ -273,7 +245,7 @@ def _refine(task: Task, model: StackModel, aims: TargetArrays, rough: Stacks) ->
             aims,
             parents,
             max_paints=task.max_paints,
-            max_layers=task.max_layers,
+            max_coats=task.max_coats,
             mixed=not task.glazes,
         )
         children = better(children.best(lambda coats, paints: _CHILDREN))
@@ -361,7 +333,7 @@ def _recipe(
     return Recipe(
         target=aim,
         coats=tuple(coats),
-        glaze=Glaze(layers, task.ground, task.refractive_index),
+        glaze=Glaze(layers, task.ground, task.instrument.refractive_index),
         wavelengths=task.wavelengths,
         reflectance=one.reading,
         lab={name: lab(name) for name in task.illuminants},

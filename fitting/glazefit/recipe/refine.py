@@ -126,7 +126,7 @@ def grown(
     parents: Stacks,
     *,
     max_paints: int,
-    max_layers: int,
+    max_coats: int,
     mixed: bool = True,
 ) -> Stacks:
     """Every stack with one more paint in a coat, or one more coat on top or at the bottom, and its
@@ -135,14 +135,14 @@ def grown(
     Args:
         model, aims: paints and targets.
         parents: stacks to add to.
-        max_paints, max_layers: limits.
+        max_paints, max_coats: limits.
         mixed: whether a coat may hold more than one paint; if not, a coat is added between two
             others too.
     """
     sizes = []
     owners = []
     for row, stack in enumerate(parents.sizes):
-        for child in _children(model, stack, max_paints, max_layers, mixed):
+        for child in _children(model, stack, max_paints, max_coats, mixed):
             sizes.append(child)
             owners.append(parents.target[row])
     if not sizes:
@@ -166,7 +166,7 @@ def _children(
     model: StackModel,
     stack: Float[np.ndarray, "coats paints"],
     max_paints: int,
-    max_layers: int,
+    max_coats: int,
     mixed: bool,
 ) -> list:
     power = strength(model)
@@ -185,7 +185,7 @@ def _children(
             child[coat, paint] = _SHARE * (stack[coat] @ power) / power[paint]
             child[coat] *= total / child[coat].sum()
             children.append(child)
-        if filled < max_layers:
+        if filled < max_coats:
             for place in _PLACES:
                 coat = np.zeros(stack.shape[1])
                 coat[paint] = np.exp(low + place * (high - low))

@@ -147,7 +147,7 @@ def screen(
     aims: TargetArrays,
     *,
     max_paints: int,
-    max_layers: int,
+    max_coats: int,
     keep: Keep,
     seed: int,
     mixed: bool = True,
@@ -156,7 +156,7 @@ def screen(
 
     Args:
         model, aims: paints and targets.
-        max_paints, max_layers: limits; what goes beyond three paints or two layers is not looked at
+        max_paints, max_coats: limits; what goes beyond three paints or two layers is not looked at
             here.
         keep: how many sets a target keeps, from numbers of layers and of paints.
         seed: of the grid of three paints' proportions.
@@ -168,8 +168,8 @@ def screen(
     for some, (cost, best) in zip(
         coats.values(), _of_one_coat(model, aims, list(coats.values())), strict=True
     ):
-        found.append(_one_coat_stacks(model, some, cost, best, keep, max_layers))
-    for n in coats if max_layers >= 2 else ():
+        found.append(_one_coat_stacks(model, some, cost, best, keep, max_coats))
+    for n in coats if max_coats >= 2 else ():
         # The wide grid of three paints in a coat is for single coats. What lies below goes in one
         # program.
         below = [bottom for m, bottom in coats.items() if n + m <= MOST_SCREENED]
@@ -184,7 +184,7 @@ def screen(
             here[~_sensible(coats[n].paints, bottom.paints, max_paints)] = np.inf
             pair = (coats[n], bottom)
             found.append(
-                _two_coat_stacks(model, pair, here, best[:, start:end], many, keep, max_layers)
+                _two_coat_stacks(model, pair, here, best[:, start:end], many, keep, max_coats)
             )
     return Stacks.join(found).best(keep)
 
@@ -305,10 +305,10 @@ def _one_coat_stacks(
     cost: np.ndarray,
     best: np.ndarray,
     keep: Keep,
-    max_layers: int,
+    max_coats: int,
 ) -> Stacks:
     rows, targets = _lowest(cost, keep(1, coats.paints.shape[1]))
-    sizes = np.zeros((rows.size, max_layers, model.absorption.shape[0]))
+    sizes = np.zeros((rows.size, max_coats, model.absorption.shape[0]))
     _lay(sizes, 0, coats, rows, best[rows, targets])
     return Stacks.before_refinement(sizes, targets, cost[rows, targets])
 
@@ -320,7 +320,7 @@ def _two_coat_stacks(
     best,
     points: int,
     keep: Keep,
-    max_layers: int,
+    max_coats: int,
 ) -> Stacks:
     """`points` of the lower coat were counted, of which its own come first."""
     top, bottom = coats
@@ -329,7 +329,7 @@ def _two_coat_stacks(
     rows, targets = _lowest(flat, keep(2, top.paints.shape[1] + bottom.paints.shape[1]))
     upper, lower = np.divmod(rows, many)
     first, second = np.divmod(best[upper, lower, targets], points)
-    sizes = np.zeros((rows.size, max_layers, model.absorption.shape[0]))
+    sizes = np.zeros((rows.size, max_coats, model.absorption.shape[0]))
     _lay(sizes, 0, top, upper, first)
     _lay(sizes, 1, bottom, lower, second)
     return Stacks.before_refinement(sizes, targets, flat[rows, targets])

@@ -14,6 +14,7 @@ from jaxtyping import Float
 from numpy.typing import ArrayLike
 
 from glazejax import cie, colour
+from glazejax.former_names import accept_name_first
 from glazejax.spectra import as_fraction, describe_grid, validate_wavelengths
 
 Colour = Sequence[float] | Float[np.ndarray, "3"]
@@ -151,7 +152,8 @@ def srgb_target(code: str, name: str | None = None) -> Target:
     )
 
 
-def spectral_target(name: str, wavelengths: ArrayLike, reflectance: ArrayLike) -> Target:
+@accept_name_first("name")
+def spectral_target(wavelengths: ArrayLike, reflectance: ArrayLike, *, name: str) -> Target:
     """A spectrum to match, (bands,), as a fraction or in percent, on any wavelengths in nm.
 
     Raises:
@@ -184,7 +186,7 @@ def colourchecker_targets(patches: Sequence[str] = (), chart: str = DEFAULT_CHAR
     spectra = charts[known[chart.lower()]]
     chosen = [_patch(patch, list(spectra)) for patch in patches] or list(spectra)
     return [
-        spectral_target(_short(name), spectra[name].wavelengths, spectra[name].values)
+        spectral_target(spectra[name].wavelengths, spectra[name].values, name=_short(name))
         for name in dict.fromkeys(chosen)
     ]
 

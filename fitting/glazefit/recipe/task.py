@@ -9,12 +9,12 @@ import numpy as np
 from jaxtyping import Float
 
 from glazejax import Bidirectional, Pigment, catalogue, colour
-from glazejax.geometry import Geometry
+from glazejax.geometry import resolve_instrument
 from glazejax.paint.media import MAX_THICKNESS
-from glazejax.radiative.stack import INDEX_RANGE
 from glazejax.spectra import describe_grid, resample, same_grid
 
 from ..film.colour_metric import lab_metric
+from ..film.films import Instrument, InstrumentLike
 from ..film.mixing import Pigments, listed_pigments
 from ..film.optics import Optics
 from .model import StackModel, make_model
@@ -28,10 +28,10 @@ thickness.
 
 # At most, and if nothing is said. Coats of a single paint each are quickly gone through.
 _MOST_PAINTS = 6
-_MOST_LAYERS = 4
+_MOST_COATS = 4
 _MOST_GLAZES = 6
 _PAINTS = 3
-_LAYERS = 2
+_COATS = 2
 
 
 Wanted = Target | Mapping[str, Colour] | Colour
@@ -42,13 +42,13 @@ class RecipeOptions(TypedDict, total=False):
     """Further arguments of `glazefit.find_recipes`, which says what each is."""
 
     ground: float | Float[np.ndarray, "bands"]
-    geometry: Geometry | None
+    instrument: InstrumentLike | None
     refractive_index: float
     illuminants: Sequence[str] | None
     test_illuminant: str
     observer: str | int
     max_paints: int | None
-    max_layers: int | None
+    max_coats: int | None
     glazes: bool
     thickness: tuple[float, float]
     count: int
@@ -64,13 +64,12 @@ class Task:
     targets: tuple[Target, ...]
     pigments: tuple[Pigment, ...]
     ground: float | Float[np.ndarray, "bands"]
-    geometry: Geometry
-    refractive_index: float
+    instrument: Instrument
     illuminants: tuple[str, ...]
     test_illuminant: str
     observer: str
     max_paints: int
-    max_layers: int
+    max_coats: int
     glazes: bool
     thickness: tuple[float, float]
     count: int
@@ -83,7 +82,7 @@ class Task:
         """Paints counted in each coat, at most: one more a coat, since a paint may lie in
         several.
         """
-        return self.max_layers if self.glazes else self.max_paints + self.max_layers - 1
+        return self.max_coats if self.glazes else self.max_paints + self.max_coats - 1
 
     @property
     def mixed(self) -> "Task":
@@ -91,8 +90,8 @@ class Task:
         for more.
         """
         paints = min(self.max_paints, _PAINTS)
-        layers = min(self.max_layers, _LAYERS)
-        return replace(self, glazes=False, max_paints=paints, max_layers=layers)
+        coats = min(self.max_coats, _COATS)
+        return replace(self, glazes=False, max_paints=paints, max_coats=coats)
 
     @property
     def wavelengths(self) -> Float[np.ndarray, "bands"]:
@@ -102,15 +101,14 @@ class Task:
     @property
     def optics(self) -> Optics:
         """The instrument in plain numbers."""
-        return Optics.of(self.geometry, self.refractive_index)
+        return Optics.of(self.instrument.geometry, self.instrument.refractive_index)
 
     def model(self) -> StackModel:
         """What stacks of these paints read, as arrays."""
         return make_model(
             self.pigments,
             self.ground,
-            self.geometry,
-            self.refractive_index,
+            self.instrument,
             self.illuminants,
             self.observer,
             self.thickness,
@@ -137,30 +135,30 @@ def make_task(
     targets: Sequence[Target],
     pigments: Pigments | None,
     *,
-    ground: float | Float[np.ndarray, "bands"],
-    geometry: Geometry | None,
-    refractive_index: float,
-    illuminants: Sequence[str] | None,
-    test_illuminant: str,
-    observer: str | int,
-    max_paints: int | None,
-    max_layers: int | None,
-    glazes: bool,
-    thickness: tuple[float, float],
-    count: int,
-    metamerism: float,
-    simplicity: float,
-    seed: int,
+    ground: float | Float[np.ndarray, "bands"] = 0.9,
+    instrument: InstrumentLike | None = None,
+    refractive_index: float = 1.5,
+    illuminants: Sequence[str] | None = None,
+    test_illuminant: str = "A",
+    observer: str | int = colour.CIE_1931,
+    max_paints: int | None = None,
+    max_coats: int | None = None,
+    glazes: bool = False,
+    thickness: tuple[float, float] = DEFAULT_THICKNESS,
+    count: int = 5,
+    metamerism: float = 0.2,
+    simplicity: float = 0.3,
+    seed: int = 0,
 ) -> Task:
     """Check all that was asked for; see `glazefit.find_recipes` for the arguments and errors."""
     if not targets:
         raise ValueError("there is no target: give a colour, such as (50, 20, 30), or a spectrum")
-    most = _MOST_GLAZES if glazes else _MOST_LAYERS
-    max_layers = max_layers if max_layers is not None else _MOST_GLAZES if glazes else _LAYERS
+    most = _MOST_GLAZES if glazes else _MOST_COATS
+    max_coats = max_coats if max_coats is not None else _MOST_GLAZES if glazes else _COATS
     max_paints = max_paints if max_paints is not None else _MOST_PAINTS if glazes else _PAINTS
     whole = {
         "max_paints": (max_paints, _MOST_PAINTS),
-        "max_layers": (max_layers, most),
+        "max_coats": (max_coats, most),
         "count": (count, 1000),
     }
     for name, (value, most) in whole.items():
@@ -176,11 +174,8 @@ def make_task(
             f"{MAX_THICKNESS:g} m at most, "
             "such as (1e-6, 50e-6)"
         )
-    if not INDEX_RANGE[0] <= refractive_index <= INDEX_RANGE[1]:
-        raise ValueError(
-            f"refractive index {refractive_index:g} is outside [{INDEX_RANGE[0]:g}, "
-            f"{INDEX_RANGE[1]:g}]"
-        )
+    # The mirror reflection is out of view, as a painter looks at a picture.
+    seen_by = resolve_instrument(instrument or Bidirectional(45, 0), float(refractive_index))
     names = (
         tuple(dict.fromkeys(map(colour.find_illuminant, illuminants)))
         if illuminants
@@ -195,13 +190,12 @@ def make_task(
         targets=tuple(targets),
         pigments=paints,
         ground=base,
-        geometry=geometry or Bidirectional(45, 0),
-        refractive_index=float(refractive_index),
+        instrument=seen_by,
         illuminants=names,
         test_illuminant=colour.find_illuminant(test_illuminant),
         observer=full_observer,
         max_paints=min(int(max_paints), len(paints)),
-        max_layers=int(max_layers),
+        max_coats=int(max_coats),
         glazes=bool(glazes),
         thickness=(low, high),
         count=int(count),

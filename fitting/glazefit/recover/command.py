@@ -9,7 +9,7 @@ import typer
 from glazejax.commands import options, progress
 from glazejax.extras import require
 
-from .told import Results, Told
+from .settings import Output, PriorKnowledge
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -181,8 +181,8 @@ def recover(
     # other.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     _check(file, simulate)
-    told = Told(into, white, wet_film, excluded)
-    _check_joint(joint, law, check, simulate, masstones, told)
+    knowledge = PriorKnowledge(into, white, wet_film, excluded)
+    _check_joint(joint, law, check, simulate, masstones, knowledge)
     if plots:
         require("matplotlib")
     folder = None if out is None and into is not None else options.check_folder(out, overwrite)
@@ -206,7 +206,7 @@ def recover(
             usual.share if noise_share is None else noise_share,
         )
     given: dict[str, Any] = {"instrument": Instrument(seen_by, refractive_index)}
-    results = Results(
+    results = Output(
         out=folder, thickness=metres, plots=plots, overwrite=overwrite, console=console
     )
     if simulate:
@@ -220,7 +220,7 @@ def recover(
         if masstones:
             films = _masstones(films, recipes, beside)
         together = (
-            joint or told.any or not films.complete or any(tint(name) for name in films.names)
+            joint or knowledge.any or not films.complete or any(tint(name) for name in films.names)
         )
         if together:
             if joint and not recipes and not any(tint(name) for name in films.names):
@@ -230,7 +230,7 @@ def recover(
                 )
             from .command_joint import recover_together
 
-            recover_together(films, recipes, given, law, check, told, results)
+            recover_together(films, recipes, given, law, check, knowledge, results)
             return
         films = _readable(films, recipes)
 
@@ -258,7 +258,7 @@ def _check(file: Path | None, simulate: bool) -> None:
 
 
 def _check_joint(
-    joint: bool, law: str, check: bool, simulate: bool, masstones: bool, told: Told
+    joint: bool, law: str, check: bool, simulate: bool, masstones: bool, knowledge: PriorKnowledge
 ) -> None:
     for option, given in (("--simulate", simulate), ("--masstones", masstones)):
         if joint and given:
@@ -266,10 +266,10 @@ def _check_joint(
                 f"--joint fits measured mixtures; leave out {option}, or leave out --joint"
             )
     asked = {
-        "--into": told.into,
-        "--white": told.white,
-        "--wet-film": told.wet_film,
-        "--excluded": told.excluded,
+        "--into": knowledge.into,
+        "--white": knowledge.white,
+        "--wet-film": knowledge.wet_film,
+        "--excluded": knowledge.excluded,
     }
     for option, given in asked.items():
         if simulate and given:
@@ -358,7 +358,7 @@ def _simulate(
     return simulate_paints(paints, thickness, seed=seed, **given)
 
 
-def _report(recovery: "Recovery", how: progress.Collected, results: Results) -> None:
+def _report(recovery: "Recovery", how: progress.Collected, results: Output) -> None:
     from glazejax.paint.describe import format_length
 
     from .report import print_summary, write_fits, write_pigments, write_plots

@@ -17,10 +17,10 @@ if TYPE_CHECKING:
     from glazejax import Pigment
 
     from ..film.films import Films, Instrument
+    from .constraints import Gauge
     from .entries import PaintFile
     from .joint_result import JointRecovery
-    from .known import Gauge
-    from .told import Results, Told
+    from .settings import Output, PriorKnowledge
 
 _SAME = 0.1
 """Standard deviation of the log of thicknesses that one bar drew."""
@@ -33,8 +33,8 @@ def recover_together(
     given: dict[str, Any],
     law: str,
     check: bool,
-    told: "Told",
-    results: "Results",
+    knowledge: "PriorKnowledge",
+    results: "Output",
 ) -> None:
     """Fit films together, and write and say what was found.
 
@@ -44,7 +44,7 @@ def recover_together(
         given: instrument and noise.
         law: of mixing.
         check: whether films are left out in turn.
-        told: own paints, white and thicknesses.
+        knowledge: own paints, white and thicknesses.
         results: where they go.
     """
     from ..film.loose import average, crop, recipes_from_names
@@ -55,9 +55,9 @@ def recover_together(
 
     out, metres, _, overwrite, console = results
     recipes = recipes_from_names(films.names, listed)
-    file = None if told.into is None else PaintFile.open(told.into, "--into")
-    known = known_paints(recipes, file, told.white, overwrite)
-    gauge = read_gauge(told.wet_film, films.names)
+    file = None if knowledge.into is None else PaintFile.open(knowledge.into, "--into")
+    known = known_paints(recipes, file, knowledge.white, overwrite)
+    gauge = read_gauge(knowledge.wet_film, films.names)
     fitted = average(films)
     for paint in known.values():
         grid = paint.wavelengths
@@ -65,12 +65,12 @@ def recover_together(
     progress.print_notes(console, "films", fitted.notes[len(films.notes) :])
     unit = gauge.typical if gauge is not None and not known else metres
     given = given | {"law": MixingLaw(law), "unit": unit}
-    if told.wet_film == "same":
+    if knowledge.wet_film == "same":
         given["expectations"] = Expectations(thickness=_SAME)
     if known or gauge is not None:
-        given |= {"known": known, "gauge": gauge}
-    if told.excluded is not None:
-        given["gloss"] = _measured_gloss(told.excluded, fitted, given["instrument"], console)
+        given |= {"pigments": known, "gauge": gauge}
+    if knowledge.excluded is not None:
+        given["gloss"] = _measured_gloss(knowledge.excluded, fitted, given["instrument"], console)
     with progress.doing("compiling, then fitting all films together"):
         began = time.perf_counter()
         recovery = recover_jointly(fitted, recipes, **given)
@@ -84,8 +84,8 @@ def recover_together(
     _say_scale(recovery, known, gauge, unit, results)
     if file is not None:
         _write_entries(recovery, file, results)
-    if not listed or told.any:
-        _say_lessons(recovery, known, gauge, unit, results)
+    if not listed or knowledge.any:
+        _print_next_films(recovery, known, gauge, unit, results)
 
 
 def _measured_gloss(
@@ -169,7 +169,7 @@ def read_gauge(text: str, films: Sequence[str]) -> "Gauge | None":
     """
     if text in ("", "same"):
         return None
-    from .known import Gauge
+    from .constraints import Gauge
 
     lengths: dict[str, float] = {}
     errors: list[float] = []
@@ -194,7 +194,7 @@ def _write_folder(
     given: dict[str, Any],
     unit: float,
     check: bool,
-    results: "Results",
+    results: "Output",
 ) -> None:
     from .report import write_joint_films, write_joint_pigments, write_joint_plots
 
@@ -216,7 +216,7 @@ def _leave_out(
     films: "Films",
     recipes: Mapping[str, Mapping[str, float]],
     given: dict[str, Any],
-    results: "Results",
+    results: "Output",
 ) -> None:
     from .crossvalidation import cross_validate
     from .plots import plot_left_out
@@ -226,7 +226,7 @@ def _leave_out(
     assert out is not None
     with progress.doing("leaving films out") as say:
         left = cross_validate(
-            recovery, films, recipes, progress=lambda name: say(f"leaving out {name}"), **given
+            recovery, films, recipes, progress=lambda done, total, words: say(words), **given
         )
     print_left_out(left, console)
     write_left_out(recovery, left, out / "left_out.csv", overwrite=overwrite)
@@ -239,7 +239,7 @@ def _say_scale(
     known: "Mapping[str, Pigment]",
     gauge: "Gauge | None",
     unit: float,
-    results: "Results",
+    results: "Output",
 ) -> None:
     console = results.console
     if known:
@@ -270,7 +270,7 @@ def _lengths(metres: Any) -> str:
     return format_length(low) if low == high else f"{format_length(low)} to {format_length(high)}"
 
 
-def _write_entries(recovery: "JointRecovery", file: "PaintFile", results: "Results") -> None:
+def _write_entries(recovery: "JointRecovery", file: "PaintFile", results: "Output") -> None:
     from .entries import add_paints
 
     new = add_paints(recovery, file.path, overwrite=results.overwrite)
@@ -282,24 +282,26 @@ def _write_entries(recovery: "JointRecovery", file: "PaintFile", results: "Resul
     )
 
 
-def _say_lessons(
+def _print_next_films(
     recovery: "JointRecovery",
     known: "Mapping[str, Pigment]",
     gauge: "Gauge | None",
     unit: float,
-    results: "Results",
+    results: "Output",
 ) -> None:
     from glazejax import catalogue
 
-    from .next_film import lessons
+    from .experimental_design import rank_next_films
 
     console = results.console
     new = [paint for paint in recovery.paints if paint not in recovery.known]
     stand_in = catalogue.pigment("ZincWhite")
     for paint in new[:_LISTED]:
-        found = lessons(recovery, paint, known=known, gauge=gauge, unit=unit, white=stand_in)
+        found = rank_next_films(
+            recovery, paint, pigments=known, gauge=gauge, unit=unit, white=stand_in
+        )
         best, *rest = found.films
-        others = "; ".join(f"{lesson.film}: {lesson.expected:.1f}" for lesson in rest[:2])
+        others = "; ".join(f"{further.film}: {further.expected:.1f}" for further in rest[:2])
         console.print(
             f"{paint}: mixtures with white and films of it are foretold to ΔE00 {found.now:.1f}. "
             f"What would teach most: [bold]{best.film}[/bold] (then {best.expected:.1f}; "

@@ -15,15 +15,16 @@ from jaxtyping import Float
 
 from glazejax import Pigment
 from glazejax.io.spectra_table import list_names
+from glazejax.progress import Progress, no_progress
 
-from ..film.films import Films, Instrument, Noise
+from ..film.films import Films, InstrumentLike, Noise
 from ..film.mixing import MixingLaw
 from ..film.response import Response
 from ..film.variation import Variation, learn
+from .constraints import Gauge
 from .joint import recover_jointly
 from .joint_problem import Expectations
 from .joint_result import JointRecovery
-from .known import Gauge
 from .prediction import Prediction, predict_films
 
 # A fit that starts where that of all films ended is close.
@@ -83,12 +84,12 @@ class LeftOut:
 class JointSettings(TypedDict, total=False):
     """How a joint fit was made: further arguments of `glazefit.recover.joint.recover_jointly`."""
 
-    instrument: Instrument | None
+    instrument: InstrumentLike | None
     noise: Noise | None
     law: MixingLaw | None
     expectations: Expectations | None
     response: Response | None
-    known: Mapping[str, Pigment] | None
+    pigments: Mapping[str, Pigment] | None
     gauge: Gauge | None
     gloss: Mapping[str, float] | None
     unit: float
@@ -121,7 +122,7 @@ def cross_validate(
     recipes: Mapping[str, Mapping[str, float]],
     *,
     only: Callable[[str], bool] | None = None,
-    progress: Callable[[str], object] = lambda name: None,
+    progress: Progress = no_progress,
     **given: Unpack[JointSettings],
 ) -> LeftOut:
     """Leave every mixture out of the fit in turn and predict it from its weights.
@@ -133,8 +134,7 @@ def cross_validate(
         films, recipes: of `whole`.
         only: whether a film, by name, is left out; by default those of more than one paint, all of
             whose paints are in other films too.
-        progress: called with each film's name before it is fitted. An interrupt keeps the films
-            that are done.
+        progress: called before each film is fitted. An interrupt keeps the films that are done.
         given: further arguments of `glazefit.recover.joint.recover_jointly`, as `whole` had them.
 
     Raises:
@@ -153,7 +153,7 @@ def cross_validate(
     predictions: list[Prediction] = []
     try:
         for row in rows:
-            progress(films.names[row])
+            progress(len(predictions), len(rows), f"leaving out {films.names[row]}")
             rest = without(whole, films, recipes, row, **given)
             predictions += predict_films(
                 rest, films.take([row]), recipes, response=given.get("response")

@@ -22,9 +22,9 @@ from glazejax.io.outputs import check_output, whole_file
 from glazejax.paint.describe import format_length
 from glazejax.paint.pigment_table import read_pigments
 
+from .constraints import error_modes
+from .joint_covariance import mode_cell
 from .joint_result import MOST_ERROR, JointRecovery
-from .known import error_modes
-from .left_open import mode_cell
 
 OWN_MODES = 16
 """Error modes that are a new paint's own."""
@@ -87,8 +87,8 @@ def add_paints(
     whole or not at all. Known paints that it lacks go into it too: the errors of the new ones
     depend on theirs. `read_loose_films` and
     `recipes_from_names` read what the command reads, and `recover_jointly` fits it with
-    ``known={"ZincWhite": glazejax.catalogue.pigment("ZincWhite")}``, or what else the white of the
-    tints is.
+    ``pigments={"ZincWhite": glazejax.catalogue.pigment("ZincWhite")}``, or what else the white
+    of the tints is.
 
     Args:
         recovery: of `recover_jointly`. k and s are in 1/m if its `unit` is the thickness of a
@@ -242,7 +242,7 @@ def conditional_modes(
         picked = np.asarray(others)
         size = recovery.shared_covariance.shape[0] - recovery.unknowns.others.size
         own = recovery.shared_covariance[size:, size:][np.ix_(picked, picked)]
-        with_picked = recovery.left_open.with_others[picked]
+        with_picked = recovery.whole_covariance.with_others[picked]
         slopes = np.einsum("op,pbi->obi", np.linalg.inv(own), with_picked)
         variance = variance - np.einsum("obi,obi->bi", slopes, with_picked)
         shift = -np.einsum("o,obi->bi", recovery.unknowns.others[picked], slopes)
@@ -250,7 +250,7 @@ def conditional_modes(
     total = np.sqrt(np.sum(slopes**2, axis=0) + np.maximum(variance, 0.0))
     held = np.minimum(1.0, MOST_ERROR / np.maximum(total, 1e-12))
     new = np.isin(np.arange(2 * count), local)
-    left = recovery.left_open.largest(held * new, OWN_MODES, others, slopes)[..., local]
+    left = recovery.whole_covariance.largest(held * new, OWN_MODES, others, slopes)[..., local]
 
     def arrange(modes: np.ndarray) -> np.ndarray:
         return modes.reshape(len(modes), bands, 2, len(paints)).transpose(0, 2, 3, 1)

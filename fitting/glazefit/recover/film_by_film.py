@@ -23,9 +23,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
+from glazejax.geometry import resolve_instrument
 from glazejax.radiative.common.linalg import inverse_positive
 
-from ..film.films import Films, Instrument, Noise, cards
+from ..film.films import Films, Instrument, InstrumentLike, Noise, cards
 from ..film.gloss import estimate_gloss
 from ..film.least_squares import levenberg_marquardt
 from ..film.model import HIGHEST, LOWEST, ReflectanceTable, body_reflectance, tabulate
@@ -262,7 +263,7 @@ def pose(
 def recover_films(
     films: Films,
     *,
-    instrument: Instrument | None = None,
+    instrument: InstrumentLike | None = None,
     noise: Noise | None = None,
     chunk: int = CHUNK,
 ) -> Recovery:
@@ -287,7 +288,7 @@ def recover_films(
 def recover_chunks(
     films: Films,
     *,
-    instrument: Instrument | None = None,
+    instrument: InstrumentLike | None = None,
     noise: Noise | None = None,
     chunk: int = CHUNK,
 ) -> Iterator[Recovery]:
@@ -301,7 +302,7 @@ def recover_chunks(
             "film by film, every film needs readings over both cards, and both cards bare: fit "
             "jointly"
         )
-    instrument = instrument or Instrument()
+    instrument = resolve_instrument(instrument)
     noise = noise or estimate_noise(films)
     cards(films, instrument, noise)  # refuse bad cards before the first chunk
     for first in range(0, len(films), chunk):

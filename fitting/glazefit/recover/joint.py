@@ -16,12 +16,16 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from glazejax import Pigment
+from glazejax.former_names import accept_former_keywords
+from glazejax.geometry import resolve_instrument
 
-from ..film.films import Films, Instrument, Noise, cards
+from ..film.films import Films, Instrument, InstrumentLike, Noise, cards
 from ..film.gloss import GLOSS_SD, estimate_gloss
 from ..film.mixing import MixingLaw, weight_table
 from ..film.noise import estimate_noise
 from ..film.response import Response, film_response
+from .constraints import SLACK, Constraints, Gauge, gather_constraints
+from .joint_covariance import JointCovariance
 from .joint_problem import (
     Expectations,
     JointProblem,
@@ -37,8 +41,6 @@ from .joint_problem import (
 )
 from .joint_result import JointRecovery
 from .joint_solver import Factors, covariance, draws, least_squares, shared_with_bands
-from .known import SLACK, Gauge, Told, tell
-from .left_open import LeftOpen
 
 MAX_STEPS = 100
 UNIT = 25e-6
@@ -50,11 +52,12 @@ DRAWS = 128
 _FIRST_STEP = 1e-4
 
 
+@accept_former_keywords(known="pigments")
 def recover_jointly(
     films: Films,
     recipes: Mapping[str, Mapping[str, float]],
     *,
-    instrument: Instrument | None = None,
+    instrument: InstrumentLike | None = None,
     noise: Noise | None = None,
     law: MixingLaw | None = None,
     expectations: Expectations | None = None,
@@ -62,7 +65,7 @@ def recover_jointly(
     start: Unknowns | None = None,
     max_steps: int = MAX_STEPS,
     response: Response | None = None,
-    known: Mapping[str, Pigment] | None = None,
+    pigments: Mapping[str, Pigment] | None = None,
     gauge: Gauge | None = None,
     gloss: Mapping[str, float] | None = None,
     unit: float = UNIT,
@@ -83,8 +86,8 @@ def recover_jointly(
         max_steps: of the solver, in each of its two stages.
         response: model of one film, by default that of the instrument
             (`glazefit.film.response.film_response`).
-        known: paints whose k and s are known, with their errors: the films do not change them, and
-            they fix the scale of the others.
+        pigments: by name, of paints whose k and s are known, with their errors: the films do not
+            change them, and they fix the scale of the others.
         gauge: thicknesses of films.
         gloss: film -> share of the surface's reflection that was measured, by readings with the
             specular part and without it (`glazefit.film.gloss.measure_gloss`); of other films it is
@@ -99,7 +102,7 @@ def recover_jointly(
     """
     if len(films) == 0:
         raise ValueError("there are no films to recover")
-    instrument = instrument or Instrument()
+    instrument = resolve_instrument(instrument)
     law = law or MixingLaw()
     noise = noise or estimate_noise(
         films if use is None else films.take(np.flatnonzero(use).tolist())
@@ -107,9 +110,10 @@ def recover_jointly(
     paints, weights = weight_table(films.names, recipes)
     shares = law.shares(weights, paints)
     expected = expectations or Expectations()
-    told = tell(films, paints, known or {}, gauge, unit, expected.thickness)
+    pigments = pigments or {}
+    constraints = gather_constraints(films, paints, pigments, gauge, unit, expected.thickness)
     measured_gloss = np.array([(gloss or {}).get(name, np.nan) for name in films.names])
-    problem = pose(films, shares, law, instrument, noise, expected, told, measured_gloss)
+    problem = pose(films, shares, law, instrument, noise, expected, constraints, measured_gloss)
     deviation = np.moveaxis(1.0 / np.asarray(problem.weight), 0, -1)
     kept = films.seen if use is None else films.seen * use[:, None]
     problem = problem._replace(weight=jnp.asarray(np.asarray(problem.weight) * kept))
@@ -152,9 +156,11 @@ def recover_jointly(
         converged=settled,
         noise=noise,
         unit=unit,
-        known_paints={paint: known[paint] for paint in paints if paint in known} if known else {},
-        known_modes=told.modes_of,
-        left_open=LeftOpen(factors, np.asarray(problem.band_modes), found.with_others),
+        known_paints={paint: pigments[paint] for paint in paints if paint in pigments},
+        known_modes=constraints.modes_of,
+        whole_covariance=JointCovariance(
+            factors, np.asarray(problem.band_modes), found.with_others
+        ),
         gauged=gauge is not None,
         measured_gloss=measured_gloss,
     )
@@ -167,11 +173,11 @@ def pose(
     instrument: Instrument,
     noise: Noise,
     expected: Expectations,
-    told: Told | None = None,
+    constraints: Constraints | None = None,
     gloss: Float[np.ndarray, "films"] | None = None,
 ) -> JointProblem:
     """Arrays of a joint problem."""
-    told = told or tell(
+    constraints = constraints or gather_constraints(
         films, ["" for _ in range(shares.shape[1])], {}, None, 1.0, expected.thickness
     )
     black, white, sd_black, sd_white = cards(films, instrument, noise)
@@ -186,7 +192,7 @@ def pose(
     part = np.einsum("fep,fp->fe", minor, shares)
     errors = np.hypot(expected.weight_share, expected.weight_floor / np.where(part > 0, part, 1.0))
     scale = np.concatenate(
-        [told.thickness_sd[:, None], np.full((count, 1), expected.gloss), errors], axis=1
+        [constraints.thickness_sd[:, None], np.full((count, 1), expected.gloss), errors], axis=1
     )
     # A law without strengths holds them at nothing.
     strength = expected.strength if law.name == "strength" else 1e-6
@@ -201,7 +207,7 @@ def pose(
     steepness = np.tile((black_at[1:] & black_at[:-1]) / step[:, None], 2) * np.repeat(
         [0.0, 1.0], paints
     )
-    fixed = np.tile(told.known, 2)
+    fixed = np.tile(constraints.known, 2)
     pull[fixed], stiffness[fixed], steepness[:, fixed] = (0.0, SLACK), 0.0, 0.0
     gloss = np.full(count, np.nan) if gloss is None else gloss
     scale[~np.isnan(gloss), 1] = GLOSS_SD
@@ -222,14 +228,14 @@ def pose(
         ),
         "paint_scale": np.tile([expected.paint_gloss, strength], (paints, 1)),
         "tail": expected.tail,
-        "known": told.logs,
+        "known": constraints.logs,
         "opaque": films.opaque.astype(float),
-        "film_mean": told.thickness,
+        "film_mean": constraints.thickness,
         "gloss": np.log(np.where(np.isnan(gloss), 1.0, gloss)),
         "own_gloss": np.isnan(gloss).astype(float),
-        "band_modes": told.band_modes,
-        "ground_modes": told.ground_modes,
-        "thickness_modes": told.thickness_modes,
+        "band_modes": constraints.band_modes,
+        "ground_modes": constraints.ground_modes,
+        "thickness_modes": constraints.thickness_modes,
     }
     return JointProblem(**{name: jnp.asarray(array) for name, array in arrays.items()})
 

@@ -11,9 +11,9 @@ from glazejax import Pigment
 
 from ..film.films import Films, Instrument, Noise
 from ..film.mixing import MixingLaw
+from .constraints import Modes
+from .joint_covariance import JointCovariance
 from .joint_problem import Expectations, Unknowns
-from .known import Modes
-from .left_open import LeftOpen
 from .result import FittedFilms, delta_e_over_cards
 
 MODES = 64
@@ -55,7 +55,7 @@ class JointRecovery(FittedFilms):
         unit: thickness of a film of unit relative thickness, m.
         known_paints: those that were known before, by name, in the order of `paints`.
         known_modes: known paint -> its error modes' places among the unknowns' `others`.
-        left_open: covariance of log k of all paints, then log s, at all bands together.
+        whole_covariance: covariance of log k of all paints, then log s, at all bands together.
         gauged: whether thicknesses were measured.
         measured_gloss: gloss of each film as measured, NaN where it was not, (films,).
     """
@@ -81,7 +81,7 @@ class JointRecovery(FittedFilms):
     unit: float
     known_paints: Mapping[str, Pigment]
     known_modes: Mapping[str, Modes]
-    left_open: LeftOpen
+    whole_covariance: JointCovariance
     gauged: bool
     measured_gloss: Float[np.ndarray, "films"]
 
@@ -177,7 +177,9 @@ class JointRecovery(FittedFilms):
         that: errors are used to first order, which says nothing beyond.
         """
         sd = np.sqrt(np.diagonal(self.log_covariance, axis1=1, axis2=2))
-        modes = self.left_open.largest(np.minimum(1.0, MOST_ERROR / np.maximum(sd, 1e-12)), count)
+        modes = self.whole_covariance.largest(
+            np.minimum(1.0, MOST_ERROR / np.maximum(sd, 1e-12)), count
+        )
         return modes.reshape(len(modes), len(self.wavelengths), 2, len(self.paints)).transpose(
             0, 2, 3, 1
         )

@@ -15,10 +15,11 @@ import numpy as np
 from jaxtyping import Float
 
 from glazejax import Pigment
+from glazejax.geometry import resolve_instrument
 from glazejax.paint.describe import format_length
 
 from ..film.errors import BETWEEN_FILMS, error_modes, relative_errors, smooth_kernel
-from ..film.films import Films, Instrument, Noise, usual_cards
+from ..film.films import Films, InstrumentLike, Noise, usual_cards
 from ..film.mixing import MixingLaw
 from ..film.response import Response, film_response
 from ..film.variation import MIXED, Variation
@@ -85,7 +86,7 @@ def predict_mixture(
     *,
     wavelengths: Float[np.ndarray, "bands"] | None = None,
     ground: tuple[Any, Any] | None = None,
-    instrument: Instrument | None = None,
+    instrument: InstrumentLike | None = None,
     law: MixingLaw | None = None,
     variation: Variation | None = None,
     calibrated: JointRecovery | None = None,
@@ -108,7 +109,7 @@ def predict_mixture(
     Raises:
         ValueError: as `mix`, or a thickness that is not positive.
     """
-    instrument = instrument or Instrument()
+    instrument = resolve_instrument(instrument)
     response = film_response(instrument.geometry, instrument.refractive_index)
     paints = tuple(paint for paint, weight in recipe.items() if weight > 0)
     if calibrated is None:
@@ -169,7 +170,7 @@ def calibrate_mixture(
     *,
     law: MixingLaw | None = None,
     variation: Variation | None = None,
-    instrument: Instrument | None = None,
+    instrument: InstrumentLike | None = None,
     noise: Noise | None = None,
     response: Response | None = None,
 ) -> JointRecovery:
@@ -199,7 +200,7 @@ def calibrate_mixture(
         noise=noise,
         expectations=_CLOSE,
         response=response,
-        known={mixture.name: mixture},
+        pigments={mixture.name: mixture},
         unit=UNIT,
     )
 

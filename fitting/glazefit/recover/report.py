@@ -15,9 +15,9 @@ from glazejax.report import plain_table
 from glazejax.spectra import ranges
 
 from .crossvalidation import LeftOut
+from .joint_covariance import mode_cell
 from .joint_result import RELATIVE_LIMIT, JointRecovery
 from .joint_result import RULE as JOINT_RULE
-from .left_open import mode_cell
 from .prediction import PARTS
 from .result import RULE, Recovery
 

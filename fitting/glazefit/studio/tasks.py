@@ -55,7 +55,7 @@ def recipes(asked: Asked, report: Report) -> dict[str, Any]:
     options = asked.get("options", {})
     if "reflectance" in asked:
         target = spectral_target(
-            "the spectrum", np.array(asked["wavelengths"]), np.array(asked["reflectance"])
+            np.array(asked["wavelengths"]), np.array(asked["reflectance"]), name="the spectrum"
         )
     else:
         target = srgb_target(str(options.get("srgb", "")))
@@ -65,9 +65,9 @@ def recipes(asked: Asked, report: Report) -> dict[str, Any]:
         target,
         paints,
         ground=stack.ground_on(paints[0].wavelengths),
-        geometry=stack.seen_by,
+        instrument=stack.seen_by,
         refractive_index=stack.refractive_index,
-        max_layers=1 if options.get("layers") == 1 else 2,
+        max_coats=1 if options.get("layers") == 1 else 2,
         count=_RECIPES,
     )
     listed = [

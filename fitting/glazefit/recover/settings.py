@@ -7,7 +7,7 @@ if TYPE_CHECKING:
     from rich.console import Console
 
 
-class Results(NamedTuple):
+class Output(NamedTuple):
     """Where results go: the folder, the films' thickness in m, whether pictures are drawn, and the
     screen.
     """
@@ -19,7 +19,7 @@ class Results(NamedTuple):
     console: "Console"
 
 
-class Told(NamedTuple):
+class PriorKnowledge(NamedTuple):
     """What the user says beside the films: own paints, the white, thicknesses, readings without the
     specular part.
     """
@@ -31,7 +31,7 @@ class Told(NamedTuple):
 
     @property
     def any(self) -> bool:
-        """Whether something is told."""
+        """Whether something is knowledge."""
         return (
             self.into is not None or self.excluded is not None or bool(self.white or self.wet_film)
         )

@@ -22,7 +22,7 @@ _ROUNDS = 8
 Columns = Float[np.ndarray, "bands local columns"]
 
 
-class LeftOpen(NamedTuple):
+class JointCovariance(NamedTuple):
     """The whole covariance of the bands' coefficients, log k of all paints and then log s.
 
     Attributes:

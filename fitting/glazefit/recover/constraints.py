@@ -88,7 +88,7 @@ class Modes(NamedTuple):
         return list(range(self.first, self.first + len(self.kept)))
 
 
-class Told(NamedTuple):
+class Constraints(NamedTuple):
     """Means, and how unknowns that are standard normal beforehand (`others`) move what a fit
     computes with.
     """
@@ -105,14 +105,14 @@ class Told(NamedTuple):
     modes_of: Mapping[str, Modes]
 
 
-def tell(
+def gather_constraints(
     films: Films,
     paints: Sequence[str],
     known: Mapping[str, Pigment],
     gauge: Gauge | None,
     unit: float,
     spread: float,
-) -> Told:
+) -> Constraints:
     """Arrays of what is known.
 
     Args:
@@ -147,7 +147,7 @@ def tell(
     levels = _card_levels(films)
     parts = len(band_modes), len(levels), len(scale)
     others = sum(parts)
-    told = Told(
+    constraints = Constraints(
         logs=logs,
         known=flags,
         thickness=thickness,
@@ -157,10 +157,10 @@ def tell(
         thickness_modes=np.zeros((others, len(films))),
         modes_of=modes_of,
     )
-    told.band_modes[: parts[0]] = band_modes
-    told.ground_modes[parts[0] : parts[0] + parts[1]] = levels
-    told.thickness_modes[parts[0] + parts[1] :] = scale
-    return told
+    constraints.band_modes[: parts[0]] = band_modes
+    constraints.ground_modes[parts[0] : parts[0] + parts[1]] = levels
+    constraints.thickness_modes[parts[0] + parts[1] :] = scale
+    return constraints
 
 
 def _on(paint: Pigment, grid: Float[np.ndarray, "bands"]) -> Pigment:

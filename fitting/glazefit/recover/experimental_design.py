@@ -23,6 +23,7 @@ from glazejax.colour import delta_e_of_spectra
 
 from ..film.films import FLAGS, SPECTRA, Films
 from ..film.response import HIGHEST, Response, film_response
+from .constraints import Gauge, gather_constraints
 from .joint import UNIT, pose
 from .joint_problem import (
     JointProblem,
@@ -34,7 +35,6 @@ from .joint_problem import (
     totals,
 )
 from .joint_result import JointRecovery
-from .known import Gauge, tell
 
 _BANDS = 31
 _DRAWS = 64
@@ -48,7 +48,7 @@ _THICKER = 4.0
 _WHITE = 0.75
 
 
-class Lesson(NamedTuple):
+class NextFilm(NamedTuple):
     """A further film, and the CIEDE2000 that the paint's mixtures and films are then expected to be
     off.
     """
@@ -58,7 +58,7 @@ class Lesson(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Lessons:
+class NextFilms:
     """What further films would teach of one paint.
 
     Attributes:
@@ -70,7 +70,7 @@ class Lessons:
 
     paint: str
     now: float
-    films: tuple[Lesson, ...]
+    films: tuple[NextFilm, ...]
 
 
 class _Candidate(NamedTuple):
@@ -79,22 +79,22 @@ class _Candidate(NamedTuple):
     log_thickness: float
 
 
-def lessons(
+def rank_next_films(
     recovery: JointRecovery,
     paint: str,
     *,
-    known: Mapping[str, Pigment] | None = None,
+    pigments: Mapping[str, Pigment] | None = None,
     gauge: Gauge | None = None,
     unit: float = UNIT,
     white: Pigment | None = None,
     response: Response | None = None,
-) -> Lessons:
+) -> NextFilms:
     """Further films of a paint, in the order of what they would teach.
 
     Args:
         recovery: joint fit.
         paint: one of its paints.
-        known, gauge, unit, response: as the fit was given.
+        pigments, gauge, unit, response: as the fit was given.
         white: what tints would be made with, if the fit holds no white.
 
     Raises:
@@ -103,7 +103,7 @@ def lessons(
     response = response or film_response(
         recovery.instrument.geometry, recovery.instrument.refractive_index
     )
-    known = dict(known or {})
+    known = dict(pigments or {})
     row = recovery.row(paint)
     paints = list(recovery.paints)
     whites = _whites(recovery)
@@ -129,10 +129,10 @@ def lessons(
     base, more = _information(problem, solution, response, len(recovery.films), len(candidates))
     now = judge.expected(base)
     found = [
-        Lesson(c.words, judge.expected(base + extra))
+        NextFilm(c.words, judge.expected(base + extra))
         for c, extra in zip(candidates, more, strict=True)
     ]
-    return Lessons(paint, now, tuple(sorted(found, key=lambda lesson: lesson.expected)))
+    return NextFilms(paint, now, tuple(sorted(found, key=lambda film: film.expected)))
 
 
 def _whites(recovery: JointRecovery) -> list[str]:
@@ -204,11 +204,19 @@ def _pose(
         [np.pad(recovery.shares, ((0, 0), (0, spare))), np.stack([c.share for c in candidates])]
     )
     expected = recovery.expectations
-    told = tell(films, paints, known, gauge, unit, expected.thickness)
-    told.thickness[count:] = [c.log_thickness for c in candidates]
-    told.thickness_sd[count:] = expected.thickness if gauge is None else gauge.error
+    constraints = gather_constraints(films, paints, known, gauge, unit, expected.thickness)
+    constraints.thickness[count:] = [c.log_thickness for c in candidates]
+    constraints.thickness_sd[count:] = expected.thickness if gauge is None else gauge.error
     gloss = np.concatenate([recovery.measured_gloss, np.full(more, np.nan)])
-    settings = (shares, recovery.law, recovery.instrument, recovery.noise, expected, told, gloss)
+    settings = (
+        shares,
+        recovery.law,
+        recovery.instrument,
+        recovery.noise,
+        expected,
+        constraints,
+        gloss,
+    )
     problem = pose(films, *settings)
     solution = _solution(recovery, problem, bands, spare, candidates)
     # How sure a reading is depends on what it will be.
