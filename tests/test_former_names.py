@@ -59,7 +59,7 @@ def test_names_that_came_first_warn_and_arrive():
     for names in ("film", ["a", "b"]):
         with pytest.warns(DeprecationWarning, match="given by keyword now: names=..."):
             found = _simulate(names, (400.0, 500.0))  # pyright: ignore[reportCallIssue]
-            assert found == ((400.0, 500.0), names)
+        assert found == ((400.0, 500.0), names)
     assert _simulate([400.0, 500.0], names=["a"]) == ([400.0, 500.0], ["a"])
     assert _simulate(np.ones(2), names=["a"])[1] == ["a"]
 
