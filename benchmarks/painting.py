@@ -149,7 +149,7 @@ def _child(where: Path, workers: int) -> None:
     """What `glazejax map` does, with the times of its stages as one line of JSON."""
     from contextlib import ExitStack
 
-    from glazefit.mapping.memory import few_arenas
+    from glazefit.mapping.solve.process import few_arenas
 
     few_arenas()
     import resource
@@ -165,9 +165,9 @@ def _child(where: Path, workers: int) -> None:
     paints = [paint for name, paint in catalogue.load().items() if name not in FOREIGN]
     begun: list[tuple[str, float]] = []
 
-    def told(progress) -> None:
-        if not begun or begun[-1][0] != progress.stage:
-            begun.append((progress.stage, time.perf_counter()))
+    def note_stage(done: int, total: int | None, stage: str) -> None:
+        if not begun or begun[-1][0] != stage:
+            begun.append((stage, time.perf_counter()))
 
     with ExitStack() as stack:
         client = None
@@ -189,7 +189,7 @@ def _child(where: Path, workers: int) -> None:
             out=out,
             client=client,
             overwrite=True,
-            told=told,
+            progress=note_stage,
         )
         end = time.perf_counter()
     ends = [*(at for _, at in begun[1:]), end]
@@ -233,8 +233,8 @@ def _truth(
     _, truth, places = sampled(scene, pixels)
     arrays = {str(name): found[name].values[places[:, 0], places[:, 1]] for name in found.data_vars}
     from glazefit.film.films import Noise
-    from glazefit.mapping.agreement import agreement
-    from glazefit.mapping.task import map_task
+    from glazefit.mapping.solve.agreement import agreement
+    from glazefit.mapping.solve.task import map_task
 
     results()
     results(
@@ -302,7 +302,7 @@ def _at_image_bands(scene, paints) -> float:
 
 def _readings(image, places: np.ndarray) -> np.ndarray:
     """Working readings of pixels."""
-    from glazefit.mapping.windows import Window
+    from glazefit.mapping.store.windows import Window
 
     return np.concatenate([image.read(Window(y, y + 1, x, x + 1))[0] for y, x in places.tolist()])
 

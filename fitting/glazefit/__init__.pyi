@@ -17,10 +17,10 @@ from .identify.identify import identify as identify
 from .identify.identify import identify_films as identify_films
 from .identify.result import Candidate as Candidate
 from .identify.result import Identification as Identification
-from .mapping.export import export_map as export_map
 from .mapping.map_cube import map_cube as map_cube
-from .mapping.names import set_labels as set_labels
-from .mapping.store import open_map as open_map
+from .mapping.show.names import set_labels as set_labels
+from .mapping.store.export import export_map as export_map
+from .mapping.store.store import open_map as open_map
 from .posterior.coats import CoatPrior as CoatPrior
 from .posterior.of_coats import posterior_of_coats as posterior_of_coats
 from .posterior.posterior import Posterior as Posterior

@@ -13,10 +13,10 @@ import jax
 import numpy as np
 import pytest
 
-from glazefit.mapping.atomic_files import KeyedResults
-from glazefit.mapping.chunk import ChunkMaps
-from glazefit.mapping.run import client_in_scope, connect, finish, run_chunks
-from glazefit.mapping.store import open_map
+from glazefit.mapping.store.atomic_files import KeyedResults
+from glazefit.mapping.store.chunk import ChunkMaps
+from glazefit.mapping.store.run import client_in_scope, connect, finish, run_chunks
+from glazefit.mapping.store.store import open_map
 
 from .test_store import same, undisturbed  # noqa: F401
 from .toy import Toy, store_at
@@ -47,21 +47,20 @@ class Noted(Toy):
     folder: str = ""
 
     def solve(self, window) -> ChunkMaps:
-        Path(self.folder, f"{window.key}-{os.getpid()}").touch()
+        Path(self.folder, f"{window}-{os.getpid()}").touch()
         return super().solve(window)
 
 
 def test_a_cluster_finds_the_same_numbers(tmp_path, client, undisturbed):  # noqa: F811
     store = store_at(tmp_path / "map.zarr")
-    begun, kept, ahead = tmp_path / "begun", set(), []
+    begun, ahead = tmp_path / "begun", []
     begun.mkdir()
 
-    def told(window, maps):
-        kept.add(window)
-        assert store.done() == kept
-        ahead.append(len(list(begun.iterdir())) - len(kept))
+    def note(done, total, words):
+        assert len(store.done()) == done
+        ahead.append(len(list(begun.iterdir())) - done)
 
-    run_chunks(store, Noted(0.01, str(begun)), client, told)
+    run_chunks(store, Noted(0.01, str(begun)), client, note)
     same(store, undisturbed)
     processes = {path.name.rsplit("-", 1)[1] for path in begun.iterdir()}
     assert len(processes) == 2
@@ -85,12 +84,12 @@ def test_workers_are_not_overfilled(tmp_path, client):
     begun.mkdir()
     ahead = []
 
-    def told(window, maps):
+    def note(done, total, words):
         time.sleep(0.05)
-        ahead.append(len(list(begun.iterdir())) - len(ahead) - 1)
+        ahead.append(len(list(begun.iterdir())) - done)
 
-    run_chunks(store_at(tmp_path / "map.zarr"), Noted(0.0, str(begun)), client, told)
-    assert len(ahead) == 25
+    run_chunks(store_at(tmp_path / "map.zarr"), Noted(0.0, str(begun)), client, note)
+    assert len(ahead) == 26
     assert max(ahead) <= 4
 
 
@@ -99,13 +98,13 @@ def test_the_death_of_workers_is_survived(tmp_path, client, undisturbed):  # noq
     store = store_at(tmp_path / "map.zarr")
     killed = []
 
-    def told(window, maps):
-        if len(store.done()) in (4, 12):
+    def kill(done, total, words):
+        if done in (4, 12):
             process = next(iter(client.run(os.getpid).values()))
             os.kill(process, signal.SIGKILL)
             killed.append(process)
 
-    run_chunks(store, Toy(0.05), client, told)
+    run_chunks(store, Toy(0.05), client, kill)
     assert len(killed) == 2
     same(store, undisturbed)
 
@@ -113,10 +112,12 @@ def test_the_death_of_workers_is_survived(tmp_path, client, undisturbed):  # noq
 def test_work_goes_on_from_here_to_a_cluster_and_back(tmp_path, client, undisturbed):  # noqa: F811
     store = store_at(tmp_path / "map.zarr")
 
-    def stop(window, maps):
-        if len(store.done()) % 9 == 0:
+    def stop(done, total, words):
+        if done in stops:
+            stops.remove(done)
             raise KeyboardInterrupt
 
+    stops = {9, 18}
     for where in (None, client):
         with pytest.raises(KeyboardInterrupt):
             run_chunks(store, Toy(), where, stop)
@@ -196,12 +197,12 @@ def test_a_cluster_that_is_lost_ends_in_a_sentence(tmp_path, undisturbed):  # no
         assert client is not None
         assert client_in_scope() is None
 
-        def told(window, maps):
-            if len(store.done()) == 3:
+        def close(done, total, words):
+            if done == 3:
                 cluster.close()
 
         with pytest.raises(ConnectionError, match="the dask cluster was lost"):
-            run_chunks(store, Toy(0.01), client, told)
+            run_chunks(store, Toy(0.01), client, close)
     assert 3 <= len(store.done()) < 25
     dataset = open_map(store.path)
     for window in store.done():
@@ -211,7 +212,7 @@ def test_a_cluster_that_is_lost_ends_in_a_sentence(tmp_path, undisturbed):  # no
 
 
 def test_a_cluster_without_workers_ends_in_a_sentence(tmp_path, monkeypatch):
-    monkeypatch.setattr("glazefit.mapping.cluster._PATIENCE", 0.2)
+    monkeypatch.setattr("glazefit.mapping.store.cluster._PATIENCE", 0.2)
     with (
         distributed.LocalCluster(
             n_workers=0, processes=False, dashboard_address=None, silence_logs=60

@@ -15,12 +15,12 @@ from typer.testing import CliRunner
 
 import glazefit.mapping.example
 import glazefit.mapping.map_cube
-from glazefit.mapping.chunk import ChunkMaps, SetSum
 from glazefit.mapping.command import register
-from glazefit.mapping.layout import VARIABLES, Status
 from glazefit.mapping.options import read_bands, read_binning, read_memory, read_spots, read_window
-from glazefit.mapping.run import run_chunks
-from glazefit.mapping.store import MapStore, open_map
+from glazefit.mapping.store.chunk import ChunkMaps, SetSum
+from glazefit.mapping.store.layout import VARIABLES, Status
+from glazefit.mapping.store.run import run_chunks
+from glazefit.mapping.store.store import MapStore, open_map
 
 xarray = pytest.importorskip("xarray")
 pytest.importorskip("zarr")
@@ -100,7 +100,7 @@ def mapped(monkeypatch) -> list[dict]:
     """What `map_cube` is called with; it maps halves, and is stopped where `stop` says so."""
     calls: list[dict] = []
 
-    def map_cube(source, pigments, *, out, overwrite, told, client, **given):
+    def map_cube(source, pigments, *, out, overwrite, progress, client, **given):
         stop = next((call["stop"] for call in calls if "stop" in call), None)
         calls.append({"cube": source, "pigments": pigments, "client": client, **given})
         names = [*(p.name for p in pigments), *(given["spots"] or ())]
@@ -127,15 +127,13 @@ def mapped(monkeypatch) -> list[dict]:
                 },
             },
         )
-        told(glazefit.mapping.map_cube.Progress("mapping", 0, 3))
 
-        def tell(*_):
-            done = len(store.done())
-            told(glazefit.mapping.map_cube.Progress("mapping", done, 3))
+        def note(done, total, words):
+            progress(done, total, words)
             if done == stop:
                 raise KeyboardInterrupt
 
-        run_chunks(store, Halves(len(names)), client, tell)
+        run_chunks(store, Halves(len(names)), client, note)
         return open_map(out)
 
     monkeypatch.setattr(glazefit.mapping.map_cube, "map_cube", map_cube)

@@ -7,12 +7,13 @@ import numpy as np
 import pytest
 
 from glazefit import set_labels
-from glazefit.mapping.chunk import ChunkMaps
-from glazefit.mapping.export import check_export, export_map
-from glazefit.mapping.layout import VARIABLES, Status
-from glazefit.mapping.run import run_chunks
-from glazefit.mapping.store import MapStore, open_map
+from glazefit.mapping.store.chunk import ChunkMaps
+from glazefit.mapping.store.export import check_export, export_map
+from glazefit.mapping.store.layout import VARIABLES, Status
+from glazefit.mapping.store.run import run_chunks
+from glazefit.mapping.store.store import MapStore, open_map
 
+from .test_store import unfinish
 from .toy import CHUNK, PAINTS, SHAPE, Toy
 
 xarray = pytest.importorskip("xarray")
@@ -61,7 +62,7 @@ def store(tmp_path_factory) -> MapStore:
     )
     run_chunks(store, Sparse())
     # One window that is not done.
-    (store.path / ".glazejax" / "done" / f"{store.windows()[3].key}.npz").unlink()
+    unfinish(store, store.windows()[3])
     return store
 
 
@@ -211,15 +212,15 @@ def test_a_full_disk_leaves_no_half_file(store, tmp_path, monkeypatch, name):
     def full(*arguments, **named):
         raise OSError(errno.ENOSPC, "No space left on device")
 
-    monkeypatch.setattr("glazefit.mapping.export._bands", full)
+    monkeypatch.setattr("glazefit.mapping.store.export._bands", full)
     monkeypatch.setattr("xarray.Dataset.to_netcdf", full)
     with pytest.raises(OSError, match="the disk is full; the map itself is kept"):
-        export_map(store.path, tmp_path / name, told=lambda done, of: told.append(done))
+        export_map(store.path, tmp_path / name, progress=lambda *n: told.append(n))
     assert not list(tmp_path.iterdir())
 
 
 def test_progress_is_told(store, tmp_path):
     told = []
-    export_map(store.path, tmp_path / "map.bsq", told=lambda done, of: told.append((done, of)))
-    assert told == [(number + 1, 25) for number in range(25)]
+    export_map(store.path, tmp_path / "map.bsq", progress=lambda *n: told.append(n))
+    assert told == [(number + 1, 25, "writing the bands") for number in range(25)]
     assert sorted(path.name for path in tmp_path.iterdir()) == ["map.bsq", "map.hdr"]

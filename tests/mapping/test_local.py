@@ -10,11 +10,11 @@ from glazefit import ModelError, Noise
 from glazefit.film.colour_metric import reading_metric
 from glazefit.identify.searcher import Searcher
 from glazefit.identify.weigh import weigh
-from glazefit.mapping.atlas import Atlas
-from glazefit.mapping.local import Searched, as_measured, check_errors, search_locally
-from glazefit.mapping.survey import Features
-from glazefit.mapping.update import log_weight_gain
-from glazefit.mapping.working import WorkingBands
+from glazefit.mapping.solve.atlas import Atlas
+from glazefit.mapping.solve.local import Searched, as_measured, check_errors, search_locally
+from glazefit.mapping.solve.survey import Features
+from glazefit.mapping.solve.update import log_weight_gain
+from glazefit.mapping.solve.working_bands import WorkingBands
 from glazejax.colour import delta_e_of_spectra
 from tests.mapping import small
 

@@ -7,13 +7,13 @@ import xarray
 import glazefit
 from glazefit import Noise
 from glazefit.identify.weigh import weigh
-from glazefit.mapping.layout import BY_NAME, Status, Way
-from glazefit.mapping.local import as_measured
-from glazefit.mapping.map_cube import Progress, map_cube
-from glazefit.mapping.spots import spot_pigment
-from glazefit.mapping.store import MapStore
-from glazefit.mapping.task import map_task
-from glazefit.mapping.windows import Window
+from glazefit.mapping.map_cube import map_cube
+from glazefit.mapping.solve.local import as_measured
+from glazefit.mapping.solve.spots import spot_pigment
+from glazefit.mapping.solve.task import map_task
+from glazefit.mapping.store.layout import BY_NAME, Status, Way
+from glazefit.mapping.store.store import MapStore
+from glazefit.mapping.store.windows import Window
 from glazejax import Glaze, Hemispherical, Layer, Pigment, reflectance
 from glazejax.geometry import resolve_instrument
 from tests.mapping import small
@@ -52,9 +52,13 @@ def options(cube):
 
 @pytest.fixture(scope="module")
 def made(cube, options, tmp_path_factory):
-    said: list[Progress] = []
+    said: list[tuple[int, int | None, str]] = []
     out = tmp_path_factory.mktemp("map") / "map.zarr"
-    return map_cube(cube, small.paints(), out=out, told=said.append, **options), said, out
+    return (
+        map_cube(cube, small.paints(), out=out, progress=lambda *n: said.append(n), **options),
+        said,
+        out,
+    )
 
 
 def test_every_pixel_is_answered_or_marked(made, cube):
@@ -80,7 +84,7 @@ def test_every_pixel_is_answered_or_marked(made, cube):
     assert (each >= found["probability"].values[..., None] - 1e-4)[there].all()
     sums = np.where(there, found["fraction"].values, 0.0).sum(axis=-1)
     np.testing.assert_allclose(sums[mapped], 1.0, atol=1e-5)
-    assert [step.stage for step in said if step.done == step.total][-1] == "mapping"
+    assert [stage for done, total, stage in said if done == total][-1] == "mapping"
     tallies, sets = MapStore.open(out).sums()
     assert tallies["mapped"] == mapped.sum() == sum(one.pixels for one in sets.values())
     assert tallies["no data"] == 3
@@ -135,7 +139,7 @@ def test_a_second_run_does_nothing_again(made, cube, options, monkeypatch):
     def never(*_):
         raise AssertionError("a finished window was solved again")
 
-    monkeypatch.setattr("glazefit.mapping.solver.PixelSolver.solve", never)
+    monkeypatch.setattr("glazefit.mapping.solve.solver.PixelSolver.solve", never)
     monkeypatch.setattr("glazefit.mapping.map_cube.search_locally", never)
     monkeypatch.setattr("glazefit.mapping.map_cube.compare", never)
     again = map_cube(cube, small.paints(), out=out, **options)
@@ -151,16 +155,16 @@ def test_an_interrupted_run_ends_as_an_undisturbed_one(made, cube, options, tmp_
         pass
 
     def stop_at(stage, done):
-        def told(step):
-            if step.stage == stage and step.done >= done:
+        def stop(parts, total, words):
+            if words == stage and parts >= done:
                 raise Stopped
 
-        return told
+        return stop
 
     for stage, done in (("searching", 1), ("checking", 0), ("mapping", 0)):
         with pytest.raises(Stopped):
             map_cube(
-                cube, small.paints(), out=tmp_path / "map", told=stop_at(stage, done), **options
+                cube, small.paints(), out=tmp_path / "map", progress=stop_at(stage, done), **options
             )
     found = map_cube(cube, small.paints(), out=tmp_path / "map", **options)
     for name in made[0].data_vars:

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from glazefit.mapping.example import painting
-from glazefit.mapping.layout import Status, Way
-from glazefit.mapping.page import _WAYS, About, write_report
-from glazefit.mapping.page_sets import _spectra
+from glazefit.mapping.show.page import _WAYS, About, write_report
+from glazefit.mapping.show.page_sets import _spectra
+from glazefit.mapping.store.layout import Status, Way
 
 from .truth_map import GRID, Sums, truth_map
 

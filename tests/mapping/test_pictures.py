@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from glazefit.mapping.example import painting
-from glazefit.mapping.layout import Status, Way
-from glazefit.mapping.overview import overview, square_means
-from glazefit.mapping.pictures import (
+from glazefit.mapping.show.overview import overview, square_means
+from glazefit.mapping.show.pictures import (
     BLANK,
     LEGEND,
     OTHERS,
@@ -25,6 +24,7 @@ from glazefit.mapping.pictures import (
     own_colours,
     paint_pictures,
 )
+from glazefit.mapping.store.layout import Status, Way
 
 from .truth_map import GRID, truth_map
 
@@ -109,7 +109,7 @@ def test_paints_in_another_order_are_the_same_set(dataset, look):
 def test_a_large_map_is_seen_in_squares_of_few_rows_at_a_time(dataset, look, monkeypatch):
     whole = overview(dataset, most=(30, 30))
     assert whole.step == 5
-    monkeypatch.setattr("glazefit.mapping.overview._PIXELS", 1)
+    monkeypatch.setattr("glazefit.mapping.show.overview._PIXELS", 1)
     pieces = overview(dataset, most=(30, 30))
     assert pieces.sets == whole.sets == look.sets
     for name, values in whole.means.items():

@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from glazefit.mapping.survey import Features, nearest, spread_out, survey
+from glazefit.mapping.solve.survey import Features, nearest, spread_out, survey
 
 
 @given(st.integers(2, 200), st.integers(1, 40), st.integers(0, 2**31))

@@ -5,8 +5,8 @@ import pytest
 
 from glazefit import Noise
 from glazefit.film.noise import spectra_noise
-from glazefit.mapping.layout import Status
-from glazefit.mapping.working import WorkingBands, classify
+from glazefit.mapping.solve.working_bands import WorkingBands, classify
+from glazefit.mapping.store.layout import Status
 from tests.mapping import small
 
 FINE = np.linspace(380.0, 760.0, 191)

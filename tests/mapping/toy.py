@@ -9,11 +9,11 @@ from pathlib import Path
 
 import numpy as np
 
-from glazefit.mapping.chunk import ChunkMaps, SetSum
-from glazefit.mapping.layout import PLACES, VARIABLES, Status
-from glazefit.mapping.run import run_chunks
-from glazefit.mapping.store import MapStore
-from glazefit.mapping.windows import Window
+from glazefit.mapping.store.chunk import ChunkMaps, SetSum
+from glazefit.mapping.store.layout import PLACES, VARIABLES, Status
+from glazefit.mapping.store.run import run_chunks
+from glazefit.mapping.store.store import MapStore
+from glazefit.mapping.store.windows import Window
 
 SHAPE, CHUNK, PAINTS, BANDS = (70, 90), (16, 20), ("ZincWhite", "Eosin", "Umber"), 7
 

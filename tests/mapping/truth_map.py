@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from glazefit.mapping.example import Painting
-from glazefit.mapping.layout import PLACES, VARIABLES, Status, Way
+from glazefit.mapping.store.layout import PLACES, VARIABLES, Status, Way
 
 GRID = np.linspace(400.0, 700.0, 16)
 """Of all paintings of these tests: tables of their regions belong to a grid, and are made once."""

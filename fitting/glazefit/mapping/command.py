@@ -16,7 +16,9 @@ if TYPE_CHECKING:
     import xarray
     from rich.console import Console
 
-    from .store import MapStore
+    from glazejax.progress import Progress
+
+    from .store.store import MapStore
 
 _GEOMETRY = "d:8"
 _ROWS = 12
@@ -236,7 +238,7 @@ def map_(
     seen_by = options.read_geometry(geometry, _GEOMETRY)
     from glazejax.commands.main import start_jax
 
-    from .memory import few_arenas
+    from .solve.process import few_arenas
 
     few_arenas()
     start_jax()
@@ -247,8 +249,8 @@ def map_(
     from ..film.errors import BETWEEN_FILMS, Prior
     from ..film.films import Instrument, Noise
     from .map_cube import map_cube
-    from .run import connect
-    from .store import MapStore
+    from .store.run import connect
+    from .store.store import MapStore
 
     console = Console(highlight=False)
     if example:
@@ -269,7 +271,7 @@ def map_(
     below, words, notes = read_ground_of_cube(ground, bare, opened, paints, instrument)
     progress.print_notes(console, "--ground", notes)
     given = {"floor": noise, "share": noise_share}
-    with _keep_on_interrupt(out, console), connect(scheduler) as client, _bar() as told:
+    with _keep_on_interrupt(out, console), connect(scheduler) as client, _bar() as report_progress:
         found = map_cube(
             source,
             paints,
@@ -290,7 +292,7 @@ def map_(
             memory=bound,
             client=client,
             overwrite=overwrite,
-            told=told,
+            progress=report_progress,
         )
     facts = {
         "Ground": words,
@@ -320,8 +322,8 @@ def _check_outputs(
     overwrite: bool,
 ) -> None:
     """Refuse what could not be written in the end, before anything is read."""
-    from .export import check_export
-    from .store import check_map
+    from .store.export import check_export
+    from .store.store import check_map
 
     for name, path in inputs.items():
         if path is not None and path.resolve() == out.resolve():
@@ -365,8 +367,8 @@ def _example(out: Path, console: "Console") -> dict[str, Any]:
 
 
 @contextmanager
-def _bar() -> Iterator[Callable[[Any], None]]:
-    """A bar for each stage; what is yielded goes to `map_cube` as ``told``."""
+def _bar() -> "Iterator[Progress]":
+    """A bar for each stage; what is yielded goes to `map_cube` as ``progress``."""
     from rich.progress import (
         BarColumn,
         MofNCompleteColumn,
@@ -385,10 +387,10 @@ def _bar() -> Iterator[Callable[[Any], None]]:
     bars: dict[str, Any] = {}
     with progress.bar(*columns) as shown:
 
-        def report(step: Any) -> None:
-            if step.stage not in bars:
-                bars[step.stage] = shown.add_task(step.stage, total=step.total)
-            shown.update(bars[step.stage], completed=step.done, total=step.total)
+        def report(done: int, total: int | None, stage: str, /) -> None:
+            if stage not in bars:
+                bars[stage] = shown.add_task(stage, total=total)
+            shown.update(bars[stage], completed=done, total=total)
 
         yield report
 
@@ -396,7 +398,7 @@ def _bar() -> Iterator[Callable[[Any], None]]:
 @contextmanager
 def _keep_on_interrupt(out: Path, console: "Console") -> Iterator[None]:
     """After Ctrl-C, say what is finished and how to go on."""
-    from .store import MapStore
+    from .store.store import MapStore
 
     try:
         yield
@@ -426,7 +428,7 @@ def _write(
     about: Callable[[], Any],
 ) -> None:
     """Print the map, and write what was asked for beside it."""
-    from .report import print_map, write_sets
+    from .show.report import print_map, write_sets
 
     tallies, sets = store.sums()
     print_map(found, sets, console, _ROWS)
@@ -436,13 +438,13 @@ def _write(
         )
         console.print(f"Wrote the table of sets to {csv}")
     if export is not None:
-        from .export import export_map
+        from .store.export import export_map
 
         with progress.doing(f"writing {export}"):
             files = export_map(store.path, export, overwrite=overwrite)
         console.print(f"Wrote it as {' and '.join(map(str, files))} too")
     if report is not None:
-        from .page import write_report
+        from .show.page import write_report
 
         with progress.doing("writing the report"):
             page = write_report(

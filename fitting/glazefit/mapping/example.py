@@ -19,8 +19,8 @@ from glazejax import Glaze, Hemispherical, Layer, Mixture, Pigment, interpolated
 from glazejax.catalogue import load
 from glazejax.chebyshev_table import Axis, Mirrored, polynomials
 
-from .layout import PLACES
 from .scene import FOREIGN, REGIONS, Region, Scene
+from .store.layout import PLACES
 
 NOISE = 0.003
 """Standard deviation of a reading, independent in every band."""

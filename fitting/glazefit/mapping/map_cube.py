@@ -5,33 +5,33 @@ A sample of the image gives some thousand representatives, each is searched in f
 it. What that costs is measured on pixels that are searched themselves.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from jaxtyping import ArrayLike, Bool, Float
 
 from glazejax.geometry import Geometry, Instrument
+from glazejax.progress import Progress, no_progress
 
 from ..film.errors import Discrepancy, Prior
 from ..film.films import Noise
 from ..film.mixing import Pigments
 from ..film.noise import spectra_noise
-from .agreement import compare
-from .atlas import Atlas
-from .determinism import one_thread_each
-from .layout import STATUS_WORDS, Status
-from .local import Searched, search_locally
-from .memory import give_back
-from .run import client_in_scope, finish, run_chunks
-from .solver import PixelSolver
-from .store import MapStore, check_map, open_map
-from .survey import Features, survey
-from .task import MapTask, map_task
-from .windows import chunk_shape
-from .working import classify
+from .solve.agreement import compare
+from .solve.atlas import Atlas
+from .solve.local import Searched, search_locally
+from .solve.process import give_back, one_thread_each
+from .solve.solver import PixelSolver
+from .solve.survey import Features, survey
+from .solve.task import MapTask, map_task
+from .solve.working_bands import classify
+from .store.layout import STATUS_WORDS, Status
+from .store.run import client_in_scope, finish, run_chunks
+from .store.store import MapStore, check_map, open_map
+from .store.windows import chunk_shape
 
 if TYPE_CHECKING:
     import xarray
@@ -62,18 +62,6 @@ _CHECKED = 256
 _NOISE_SAMPLE = 4000
 
 
-class Progress(NamedTuple):
-    """How far a map is: `done` of `total` pieces of a stage, and what was noticed."""
-
-    stage: str
-    done: int
-    total: int
-    notes: tuple[str, ...] = ()
-
-
-Told = Callable[[Progress], None]
-
-
 def map_cube(
     cube: "CubeSource | str | Path | xarray.DataArray",
     pigments: Pigments,
@@ -92,7 +80,7 @@ def map_cube(
     memory: int = 2**31,
     client: "Client | None" = None,
     overwrite: bool = False,
-    told: Told | None = None,
+    progress: Progress = no_progress,
 ) -> "xarray.Dataset":
     """Map the paints of an image of spectra into a zarr store, window by window.
 
@@ -117,11 +105,12 @@ def map_cube(
         client: of a dask cluster whose workers do the work; by default the one that this program
             has made, if any. Workers must see the image under the same path.
         overwrite: replace a map that is there.
-        told: called with the progress.
+        progress: called with pieces done, pieces in all and the stage: reading, surveying,
+            searching, checking, mapping.
 
     Returns:
         The map, opened lazily (`glazefit.open_map`); its variables are those of
-        `glazefit.mapping.layout`.
+        `glazefit.mapping.store.layout`.
 
     Raises:
         ValueError: options or shapes that do not fit, an image without a pixel that can be mapped,
@@ -131,7 +120,6 @@ def map_cube(
         ModuleNotFoundError: the extra ``cube`` is not installed.
     """
     check_map(out, overwrite=overwrite)
-    tell: Told = told or (lambda _: None)
     task = map_task(
         cube,
         pigments,
@@ -146,7 +134,7 @@ def map_cube(
         max_paints=max_paints,
         layers=layers,
     )
-    tell(Progress("reading", 0, 1, task.notes))
+    progress(0, 1, "reading")
     bands = task.image.bands
     paints = task.searcher.paints
     most, base = _most_representatives(task, memory)
@@ -168,11 +156,11 @@ def map_cube(
     )
     client = client or client_in_scope()
     with store.writing(), one_thread_each():
-        surveyed = _survey(store, task, most, tell)
+        surveyed = _survey(store, task, most, progress)
         task = task.with_noise(surveyed.noise)
-        atlas = _atlas(store, task, surveyed, client, tell)
+        atlas = _atlas(store, task, surveyed, client, progress)
         if "checked" not in store.work.done():
-            tell(Progress("checking", 0, 1))
+            progress(0, 1, "checking")
             store.work.put("checked", compare(task, atlas, surveyed.checked).arrays())
         solver = PixelSolver(
             image=task.image,
@@ -181,11 +169,7 @@ def map_cube(
             atlas=atlas,
             reach=surveyed.reach,
         )
-        total = len(store.windows())
-        tell(Progress("mapping", len(store.done()), total))
-        run_chunks(
-            store, solver, client, lambda *_: tell(Progress("mapping", len(store.done()), total))
-        )
+        run_chunks(store, solver, client, progress)
         tallies, _ = store.sums()
         store.note(
             complete=True,
@@ -208,11 +192,11 @@ class _Surveyed(NamedTuple):
     checked: Float[np.ndarray, "pixels bands"]  # to see what the closed form costs
 
 
-def _survey(store: MapStore, task: MapTask, most: int, tell: Told) -> _Surveyed:
+def _survey(store: MapStore, task: MapTask, most: int, progress: Progress) -> _Surveyed:
     """The survey of the image: made, or what a run before has kept."""
     work = store.work
     if "survey" not in work.done():
-        tell(Progress("surveying", 0, 1))
+        progress(0, 1, "surveying")
         sample, noise = _sample(task)
         image = task.with_noise(noise).image
         status = classify(sample, image.noise_sd(sample))
@@ -280,18 +264,21 @@ def _sample(task: MapTask) -> tuple[Float[np.ndarray, "pixels bands"], Noise]:
 
 
 def _atlas(
-    store: MapStore, task: MapTask, surveyed: _Surveyed, client: "Client | None", tell: Told
+    store: MapStore,
+    task: MapTask,
+    surveyed: _Surveyed,
+    client: "Client | None",
+    progress: Progress,
 ) -> Atlas:
     """Representatives, searched piece by piece, here or on a cluster."""
     work = store.work
     keys = [f"search-{n:04d}" for n in range(-(-len(surveyed.readings) // _PIECE))]
 
-    def count(*_: Any) -> None:
+    def note(done: int, total: int | None, words: str, /) -> None:
         give_back()
-        tell(Progress("searching", len(work.done() & set(keys)), len(keys)))
+        progress(done, total, words)
 
-    count()
-    finish(keys, _Pieces(task, surveyed.readings), work, client, count)
+    finish(keys, _Pieces(task, surveyed.readings), work, client, note, "searching")
     found = Searched.from_parts(len(keys), lambda n, name: work.get(keys[n], [name])[name])
     return Atlas.of(surveyed.features, found, task.searcher.task.prior)
 

@@ -13,7 +13,7 @@ from glazejax.commands.typed import option
 from glazejax.io import quick_source_hash
 
 from ..identify.record import input_files
-from .page import About
+from .show.page import About
 
 if TYPE_CHECKING:
     import xarray

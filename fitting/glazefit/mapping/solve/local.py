@@ -16,9 +16,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float, Int
 
-from ..film.colour_metric import reading_metric
-from ..film.errors import Discrepancy
-from ..identify.coefficient_errors import (
+from ...film.colour_metric import reading_metric
+from ...film.errors import Discrepancy
+from ...identify.coefficient_errors import (
     Films,
     Groups,
     coefficient_errors,
@@ -28,14 +28,14 @@ from ..identify.coefficient_errors import (
     near_errors,
     slopes_at,
 )
-from ..identify.fit import by_blocks, prior_terms
-from ..identify.result import NOBODY, Pool
-from ..identify.search import NuisanceMode
-from ..identify.searcher import Searcher
-from ..identify.task import IdentificationTask, Measured
-from ..identify.two_coats import stack_slopes
-from ..identify.unstated_conditions import FilmsUnderCondition, films_under
-from ..identify.weigh import Odds
+from ...identify.fit import by_blocks, prior_terms
+from ...identify.result import NOBODY, Pool
+from ...identify.search import NuisanceMode
+from ...identify.searcher import Searcher
+from ...identify.task import IdentificationTask, Measured
+from ...identify.two_coats import stack_slopes
+from ...identify.unstated_conditions import FilmsUnderCondition, films_under
+from ...identify.weigh import Odds
 
 # Candidates of a representative that are kept: those with this share of the best explanations, and
 # so many at most.

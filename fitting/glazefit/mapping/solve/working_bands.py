@@ -13,8 +13,8 @@ from jaxtyping import Bool, Float, UInt8
 from glazejax import Pigment
 from glazejax.spectra import describe_grid
 
-from ..film.films import Noise
-from .layout import Status
+from ...film.films import Noise
+from ..store.layout import Status
 
 _TOO_BRIGHT = 1.5
 # Readings below 0 or near it by so many standard deviations of their noise are no noise.

@@ -7,19 +7,18 @@ from typing import TYPE_CHECKING
 import numpy as np
 from jaxtyping import Bool, Float
 
-from ..film.films import Noise
-from ..identify.result import NOBODY
-from ..identify.searcher import Searcher
+from ...film.films import Noise
+from ...identify.result import NOBODY
+from ...identify.searcher import Searcher
+from ..store.chunk import ChunkMaps, SetSum
+from ..store.layout import BY_NAME, STATUS_WORDS, Status, Way
+from ..store.windows import Window
 from .atlas import Atlas
-from .chunk import ChunkMaps, SetSum
-from .determinism import one_thread_each
-from .layout import BY_NAME, STATUS_WORDS, Status, Way
 from .local import search_locally
-from .memory import give_back
+from .process import give_back, one_thread_each
 from .survey import spread_out
 from .update import Answers
-from .windows import Window
-from .working import WorkingBands, classify
+from .working_bands import WorkingBands, classify
 
 if TYPE_CHECKING:
     import xarray

@@ -2,7 +2,7 @@
 
 import json
 import re
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -12,6 +12,7 @@ from jaxtyping import Float
 
 from glazejax.extras import require
 from glazejax.io.outputs import check_output, whole_file
+from glazejax.progress import Progress, no_progress
 
 from .atomic_files import FULL
 from .layout import BY_NAME, VARIABLES, Status
@@ -72,7 +73,7 @@ def export_map(
     path: str | Path,
     *,
     overwrite: bool = False,
-    told: Callable[[int, int], None] | None = None,
+    progress: Progress = no_progress,
 ) -> list[Path]:
     """Write a map as one NetCDF file, or as an ENVI image and its header.
 
@@ -86,7 +87,7 @@ def export_map(
         map: folder of the map.
         path: see `check_export`.
         overwrite: whether files that exist may be replaced.
-        told: called with windows done and windows in all; of ENVI only.
+        progress: called with windows done, windows in all and what is done; of ENVI only.
 
     Returns:
         The files.
@@ -104,7 +105,7 @@ def export_map(
         header, data = files
         names = _band_names(store.paints)
         with _whole(data) as part:
-            _write_bands(store, part, len(names), told)
+            _write_bands(store, part, len(names), progress)
         with _whole(header) as part:
             part.write_text(_header(open_map(map), names), encoding="utf-8")
     return files
@@ -173,9 +174,7 @@ def _band_names(paints: tuple[str, ...]) -> list[str]:
     return [*(words for _, words, _ in _SINGLE), *of_paints]
 
 
-def _write_bands(
-    store: MapStore, path: Path, bands: int, told: Callable[[int, int], None] | None
-) -> None:
+def _write_bands(store: MapStore, path: Path, bands: int, progress: Progress) -> None:
     """Write the image of bands, band after band."""
     dataset = open_map(store.path)
     lines, samples = store.shape
@@ -189,8 +188,7 @@ def _write_bands(
                 for line, row in enumerate(plane, start=window.y0):
                     file.seek(4 * ((band * lines + line) * samples + window.x0))
                     file.write(row.tobytes())
-            if told is not None:
-                told(number, len(all_windows))
+            progress(number, len(all_windows), "writing the bands")
 
 
 def _bands(

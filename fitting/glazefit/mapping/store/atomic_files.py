@@ -10,6 +10,7 @@ from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
+from zipfile import BadZipFile
 
 import numpy as np
 
@@ -54,14 +55,11 @@ class KeyedResults:
     """A folder of results, dicts of arrays, one NPZ for each key.
 
     Args:
-        folder: made if missing; what a killed run left half-written is taken away.
+        folder: made with the first result; what a killed run left half-written does not count.
     """
 
     def __init__(self, folder: str | Path):
         self.folder: Path = Path(folder)
-        self.folder.mkdir(parents=True, exist_ok=True)
-        for part in self.folder.glob(f"*{_PART}"):
-            part.unlink(missing_ok=True)
 
     def done(self) -> set[str]:
         """Keys of all results."""
@@ -81,19 +79,25 @@ class KeyedResults:
         file = io.BytesIO()
         named: dict[str, Any] = dict(result)
         np.savez(file, **named)
-        write_whole(self._path(key), file.getvalue())
+        path = self._path(key)
+        self.folder.mkdir(parents=True, exist_ok=True)
+        write_whole(path, file.getvalue())
 
     def get(self, key: str, names: Sequence[str] | None = None) -> dict[str, np.ndarray]:
         """The result of a key, or some of its arrays.
 
         Raises:
             KeyError: there is none.
+            ValueError: the file is damaged.
         """
+        path = self._path(key)
         try:
-            with np.load(self._path(key), allow_pickle=False) as kept:
+            with np.load(path, allow_pickle=False) as kept:
                 return {name: kept[name] for name in (kept.files if names is None else names)}
         except FileNotFoundError:
             raise KeyError(key) from None
+        except (BadZipFile, EOFError, OSError, ValueError) as error:
+            raise ValueError(f"{path} cannot be read: {error}") from None
 
     def _path(self, key: str) -> Path:
         if not _KEY.fullmatch(key):

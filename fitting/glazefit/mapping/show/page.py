@@ -14,7 +14,7 @@ import numpy as np
 
 from glazejax.io.write import write_files
 
-from .layout import STATUS_WORDS, Status, Way
+from ..store.layout import STATUS_WORDS, Status, Way
 from .overview import Members, Overview, overview
 from .page_sets import Sums, paints_table, sets_table, share_html
 from .pictures import (
@@ -151,7 +151,7 @@ def page(
     """The page, piece by piece."""
     css = "".join(
         files(room).joinpath("page.css").read_text(encoding="utf-8")
-        for room in ("glazefit.identify", "glazefit.mapping")
+        for room in ("glazefit.identify", "glazefit.mapping.show")
     )
     title = f"Map of paints: {about.title}"
     yield (

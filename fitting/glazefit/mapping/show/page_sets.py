@@ -7,7 +7,7 @@ from typing import Protocol
 import numpy as np
 from jaxtyping import Float
 
-from ..identify.page_words import chance_html, words_html
+from ...identify.page_words import chance_html, words_html
 from .overview import Members, Overview
 from .pictures import LEGEND, OTHERS, found_paints, own_colours
 
@@ -23,7 +23,7 @@ _BOTTOM = 14.0
 
 
 class Sums(Protocol):
-    """Sums over the pixels of a set; `glazefit.mapping.chunk.SetSum` is one."""
+    """Sums over the pixels of a set; `glazefit.mapping.store.chunk.SetSum` is one."""
 
     pixels: int
     spectrum: Float[np.ndarray, "bands"]

@@ -2,7 +2,6 @@
 each set.
 """
 
-import io
 import json
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
@@ -73,51 +72,37 @@ def add_sets(into: dict[Members, SetSum], more: Mapping[Members, SetSum]) -> Non
         into[members] = into[members] + one if members in into else one
 
 
-def pack(tallies: Mapping[str, float], sets: Mapping[Members, SetSum]) -> bytes:
-    """Counts and sums as the bytes of an NPZ; `unpack` gives the same numbers back, bit for bit."""
-    rows = list(sets.items())
-    longest = max((len(members) for members, _ in rows), default=0)
-    file = io.BytesIO()
-    np.savez(
-        file,
-        tallies=np.frombuffer(json.dumps(dict(tallies)).encode(), np.uint8),
-        members=np.array([[*m, *[-1] * (longest - len(m))] for m, _ in rows], np.int32).reshape(
-            len(rows), longest
+def pack(tallies: Mapping[str, float], sets: Mapping[Members, SetSum]) -> dict[str, np.ndarray]:
+    """Counts and sums as arrays by name; `unpack` gives the same numbers back, bit for bit."""
+    sums = list(sets.values())
+    longest = max((len(members) for members in sets), default=0)
+    return {
+        "tallies": np.frombuffer(json.dumps(dict(tallies)).encode(), np.uint8),
+        "members": np.array([[*m, *[-1] * (longest - len(m))] for m in sets], np.int32).reshape(
+            len(sets), longest
         ),
-        pixels=np.array([s.pixels for _, s in rows], np.int64),
-        thickness=np.array([s.thickness[0] for _, s in rows], np.float64),
-        with_thickness=np.array([s.thickness[1] for _, s in rows], np.int64),
-        spectrum=_stack(s.spectrum for _, s in rows),
-        fitted=_stack(s.fitted for _, s in rows),
-        square=_stack(s.square for _, s in rows),
-    )
-    return file.getvalue()
+        "pixels": np.array([one.pixels for one in sums], np.int64),
+        "thickness": np.array([one.thickness[0] for one in sums], np.float64),
+        "with_thickness": np.array([one.thickness[1] for one in sums], np.int64),
+        "spectrum": _stack(one.spectrum for one in sums),
+        "fitted": _stack(one.fitted for one in sums),
+        "square": _stack(one.square for one in sums),
+    }
 
 
-def unpack(content: bytes) -> tuple[dict[str, float], dict[Members, SetSum]]:
-    """Counts and sums of what `pack` made.
-
-    Raises:
-        ValueError: the bytes are something else, or were cut short.
-    """
-    from zipfile import BadZipFile
-
-    try:
-        with np.load(io.BytesIO(content), allow_pickle=False) as kept:
-            parts = {name: kept[name] for name in kept.files}
-        sets = {
-            tuple(int(m) for m in members if m >= 0): SetSum(
-                pixels=int(parts["pixels"][i]),
-                spectrum=parts["spectrum"][i],
-                fitted=parts["fitted"][i],
-                square=parts["square"][i],
-                thickness=(float(parts["thickness"][i]), int(parts["with_thickness"][i])),
-            )
-            for i, members in enumerate(parts["members"])
-        }
-        return json.loads(parts["tallies"].tobytes()), sets
-    except (BadZipFile, EOFError, KeyError, IndexError, OSError, ValueError) as error:
-        raise ValueError(f"the sums of a chunk cannot be read: {error}") from None
+def unpack(parts: Mapping[str, np.ndarray]) -> tuple[dict[str, float], dict[Members, SetSum]]:
+    """Counts and sums of what `pack` made."""
+    sets = {
+        tuple(int(m) for m in members if m >= 0): SetSum(
+            pixels=int(parts["pixels"][i]),
+            spectrum=parts["spectrum"][i],
+            fitted=parts["fitted"][i],
+            square=parts["square"][i],
+            thickness=(float(parts["thickness"][i]), int(parts["with_thickness"][i])),
+        )
+        for i, members in enumerate(parts["members"])
+    }
+    return json.loads(parts["tallies"].tobytes()), sets
 
 
 def _stack(spectra: Iterable[Float[np.ndarray, "bands"]]) -> Float[np.ndarray, "sets bands"]:

@@ -9,8 +9,8 @@ import numpy as np
 from glazejax.io import write_table
 from glazejax.report import plain_table
 
-from .chunk import Members, SetSum
-from .layout import STATUS_WORDS, Status
+from ..store.chunk import Members, SetSum
+from ..store.layout import STATUS_WORDS, Status
 
 if TYPE_CHECKING:
     import xarray

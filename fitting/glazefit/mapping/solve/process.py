@@ -1,13 +1,32 @@
-"""Memory that was freed and not given back."""
+"""What the process itself does to a map: the same numbers whatever the cores, and memory given
+back.
+"""
 
 import ctypes
 import functools
 import sys
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+
+from glazejax.extras import require
 
 # Parameter of glibc's mallopt, from malloc.h.
 _ARENA_MAX = -8
+
+
+@contextmanager
+def one_thread_each() -> Iterator[None]:
+    """Matrix products by one thread each, as in a dask worker, while side by side by several
+    (`in_threads`).
+
+    A BLAS that shares a product among threads rounds it in other places; where two representatives
+    are as near, or two sets as probable, a pixel's answer would hang on the number of threads.
+    """
+    require("threadpoolctl")
+    from threadpoolctl import threadpool_limits
+
+    with threadpool_limits(1, "blas"):
+        yield
 
 
 def give_back() -> None:

@@ -6,8 +6,8 @@ from dataclasses import dataclass, fields
 import numpy as np
 from jaxtyping import Float
 
-from ..identify.result import NOBODY, Identification, log_sds
-from ..identify.weigh import weigh
+from ...identify.result import NOBODY, Identification, log_sds
+from ...identify.weigh import weigh
 from .atlas import Atlas
 from .local import as_measured
 from .task import MapTask

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from jaxtyping import Bool, Float, Int, UInt8
 
-from .layout import STATUS_WORDS, Status, Way
+from ..store.layout import STATUS_WORDS, Status, Way
 from .names import set_words
 
 if TYPE_CHECKING:

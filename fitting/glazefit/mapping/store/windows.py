@@ -34,8 +34,7 @@ class Window(NamedTuple):
         """Of arrays that are (y, x, ...)."""
         return slice(self.y0, self.y1), slice(self.x0, self.x1)
 
-    @property
-    def key(self) -> str:
+    def __str__(self) -> str:
         """The window as a word that can name a file."""
         return f"y{self.y0}-{self.y1}_x{self.x0}-{self.x1}"
 
@@ -45,22 +44,6 @@ class Window(NamedTuple):
         y0 = y - y % chunk[0]
         x0 = x - x % chunk[1]
         return cls(y0, min(y0 + chunk[0], shape[0]), x0, min(x0 + chunk[1], shape[1]))
-
-    @classmethod
-    def from_key(cls, key: str) -> Self:
-        """The window of a key.
-
-        Raises:
-            ValueError: it is not the key of a window.
-        """
-        try:
-            rows, columns = (part[1:].split("-") for part in key.split("_"))
-            found = cls(*map(int, rows), *map(int, columns))
-        except (TypeError, ValueError):
-            raise ValueError(f"{key!r} names no window") from None
-        if found.key != key:
-            raise ValueError(f"{key!r} names no window")
-        return found
 
 
 def windows(shape: Sequence[int], chunk: Sequence[int]) -> list[Window]:

@@ -13,14 +13,14 @@ from jaxtyping import ArrayLike, Bool, Float
 from glazejax.geometry import Geometry, Instrument, resolve_instrument
 from glazejax.spectra import describe_grid
 
-from ..film.errors import BETWEEN_FILMS, Discrepancy, Prior
-from ..film.films import Noise
-from ..film.mixing import Pigments, listed_pigments
-from ..identify.searcher import Searcher
+from ...film.errors import BETWEEN_FILMS, Discrepancy, Prior
+from ...film.films import Noise
+from ...film.mixing import Pigments, listed_pigments
+from ...identify.searcher import Searcher
 from .local import check_errors
 from .solver import Image
 from .spots import spot_pigment
-from .working import WorkingBands
+from .working_bands import WorkingBands
 
 if TYPE_CHECKING:
     import xarray

@@ -13,7 +13,7 @@ from jaxtyping import Bool, Float, UInt8
 from glazejax.extras import require
 from glazejax.plots import FAINT, INK, hex_colour, picture
 
-from .layout import Status
+from ..store.layout import Status
 from .overview import Members, Overview
 
 if TYPE_CHECKING:

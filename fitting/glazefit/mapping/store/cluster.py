@@ -18,6 +18,7 @@ from distributed import (
     get_worker,
 )
 
+Key = TypeVar("Key")
 Result = TypeVar("Result")
 
 # A worker computes one piece while the next waits for it; more would only fill memories.
@@ -34,7 +35,7 @@ class _Tool(WorkerPlugin):
     with that worker.
     """
 
-    def __init__(self, name: str, work: Callable[[str], Any]):
+    def __init__(self, name: str, work: Callable[[Any], Any]):
         # In a packet of its own: JAX's arrays lose half of their digits where they arrive before
         #     its precision is set.
         self.name, self.packed = name, cloudpickle.dumps(work)
@@ -48,10 +49,10 @@ class _Tool(WorkerPlugin):
             import jax
 
             jax.config.update("jax_enable_x64", self.precision)
-        self.work: Callable[[str], Any] = cloudpickle.loads(self.packed)
+        self.work: Callable[[Any], Any] = cloudpickle.loads(self.packed)
 
 
-def _do(name: str, key: str) -> Any:
+def _do(name: str, key: Any) -> Any:
     """One piece, on a worker."""
     tool = get_worker().plugins[name]
     assert isinstance(tool, _Tool)
@@ -59,8 +60,8 @@ def _do(name: str, key: str) -> Any:
 
 
 def on_cluster(
-    todo: Sequence[str], work: Callable[[str], Result], client: Client
-) -> Generator[tuple[str, Result], None, None]:
+    todo: Sequence[Key], work: Callable[[Key], Result], client: Client
+) -> Generator[tuple[Key, Result], None, None]:
     """Results of keys from the workers of a cluster, as they come; few are asked for at a time.
 
     Args:

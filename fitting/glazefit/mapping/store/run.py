@@ -2,12 +2,12 @@
 on.
 """
 
-from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence, Set
 from contextlib import closing, contextmanager
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol, TypeVar
 
 from glazejax.extras import require
+from glazejax.progress import Progress, no_progress
 
 from .chunk import ChunkMaps
 from .windows import Window
@@ -17,18 +17,20 @@ if TYPE_CHECKING:
 
     from .store import MapStore
 
+Key = TypeVar("Key")
 Result = TypeVar("Result")
+_Key = TypeVar("_Key")
 _Kept = TypeVar("_Kept", contravariant=True)
 
 
-class Results(Protocol[_Kept]):
-    """Where results go: `KeyedResults`, or the windows of a map."""
+class Results(Protocol[_Key, _Kept]):
+    """Where results go: `KeyedResults`, or a map, whose keys are its windows."""
 
-    def done(self) -> set[str]:
+    def done(self) -> Set[_Key]:
         """Keys of what is there."""
         ...
 
-    def put(self, key: str, result: _Kept) -> None:
+    def put(self, key: _Key, result: _Kept, /) -> None:
         """Keep a result, whole or not at all."""
         ...
 
@@ -42,11 +44,12 @@ class Solver(Protocol):
 
 
 def finish(
-    keys: Sequence[str],
-    work: Callable[[str], Result],
-    into: Results[Result],
+    keys: Sequence[Key],
+    work: Callable[[Key], Result],
+    into: Results[Key, Result],
     client: "Client | None" = None,
-    told: Callable[[str, Result], None] | None = None,
+    progress: Progress = no_progress,
+    words: str = "",
 ) -> None:
     """Do the work of every key that has no result yet, and keep each result as soon as it is there.
 
@@ -56,7 +59,8 @@ def finish(
         into: where results are kept, by this process alone.
         client: of a dask cluster, whose workers do the work; None does it here. A piece that fails
             is tried three times more, one whose worker dies goes to another.
-        told: called with each new key and its result, once it is kept.
+        progress: called first, and each time a result is kept, with the number of all that are.
+        words: that it is called with.
 
     Raises:
         RuntimeError: no worker of the cluster came, or several died over the same piece.
@@ -65,6 +69,8 @@ def finish(
     """
     done = into.done()
     todo = [key for key in keys if key not in done]
+    kept = len(keys) - len(todo)
+    progress(kept, len(keys), words)
     if client is None:
         found = _here(todo, work)
     else:
@@ -72,27 +78,20 @@ def finish(
 
         found = on_cluster(todo, work, client)
     with closing(found) as results:
-        for key, result in results:
+        for number, (key, result) in enumerate(results, start=kept + 1):
             into.put(key, result)
-            if told is not None:
-                told(key, result)
+            progress(number, len(keys), words)
 
 
 def run_chunks(
     store: "MapStore",
     solver: Solver,
     client: "Client | None" = None,
-    told: Callable[[Window, ChunkMaps], None] | None = None,
+    progress: Progress = no_progress,
 ) -> None:
     """Solve every window of a map that is not finished yet; see `finish`."""
     with store.writing():
-        finish(
-            [window.key for window in store.windows()],
-            _SolveKey(solver),
-            _Windows(store),
-            client,
-            None if told is None else lambda key, maps: told(Window.from_key(key), maps),
-        )
+        finish(store.windows(), solver.solve, store, client, progress, "mapping")
 
 
 def client_in_scope() -> "Client | None":
@@ -135,30 +134,9 @@ def connect(address: str | None, seconds: float = 20.0) -> "Iterator[Client | No
         yield client
 
 
-@dataclass(frozen=True)
-class _SolveKey:
-    solver: Solver
-
-    def __call__(self, key: str) -> ChunkMaps:
-        return self.solver.solve(Window.from_key(key))
-
-
-@dataclass(frozen=True)
-class _Windows:
-    """A map as a place for results."""
-
-    store: "MapStore"
-
-    def done(self) -> set[str]:
-        return {window.key for window in self.store.done()}
-
-    def put(self, key: str, result: ChunkMaps) -> None:
-        self.store.put(Window.from_key(key), result)
-
-
 def _here(
-    todo: Iterable[str], work: Callable[[str], Result]
-) -> Generator[tuple[str, Result], None, None]:
+    todo: Iterable[Key], work: Callable[[Key], Result]
+) -> Generator[tuple[Key, Result], None, None]:
     """Results of keys, one after another."""
     for key in todo:
         yield key, work(key)

@@ -5,9 +5,9 @@ from dataclasses import dataclass, fields
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from ..film.errors import Prior
-from ..identify.result import NOBODY, Pool, log_sds
-from ..identify.weigh import Misfit, Smaller, odds_alike, smaller_sets
+from ...film.errors import Prior
+from ...identify.result import NOBODY, Pool, log_sds
+from ...identify.weigh import Misfit, Smaller, odds_alike, smaller_sets
 from .local import Local, Searched
 
 # Log amounts are not moved farther: a paint that does next to nothing would go anywhere.

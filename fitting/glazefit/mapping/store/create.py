@@ -9,12 +9,12 @@ from typing import Any
 
 import numpy as np
 
-from ..identify.conditions import CONDITIONS
+from ...identify.conditions import CONDITIONS
 from .atomic_files import sync
 from .layout import PLACES, STATUS_WORDS, VARIABLES, Variable, Way
 
 KIND = "glazejax map"
-FORMAT = 1
+FORMAT = 2
 """What the attribute `glazejax` of a map says it is."""
 
 WORK = ".glazejax"
@@ -98,10 +98,10 @@ def lay_out(
     names[:] = np.array([*paints], dtype=object)
     with warnings.catch_warnings():
         # zarr warns that others may not know this list of arrays; without it readers complain of
-        # the marks' folder.
+        # the folder that is no array.
         warnings.simplefilter("ignore")
         zarr.consolidate_metadata(group.store)
-    (path / WORK / "done").mkdir(parents=True)
+    (path / WORK).mkdir()
     for folder, _, files in os.walk(path):
         for file in files:
             sync(Path(folder, file))

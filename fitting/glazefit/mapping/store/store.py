@@ -1,9 +1,9 @@
 """The store of a map: a zarr 3 folder that fills window by window, and goes on after a kill where
 it stopped.
 
-A window's arrays are written first, then its mark, a file in the folder ``.glazejax``. What has no
-mark counts as not
-there: `open_map` shows fill values in its place, and a run that goes on does it again.
+The array ``status`` is written last of a window: where it says that pixels are not done, they are
+not, whatever a killed run left in other arrays. `open_map` shows fill values in their place, and a
+run that goes on does the window again. Sums over a window's sets lie in the folder ``.glazejax``.
 """
 
 import json
@@ -17,10 +17,10 @@ import numpy as np
 
 from glazejax.extras import require
 
-from .atomic_files import FULL, KeyedResults, sync, write_whole
+from .atomic_files import FULL, KeyedResults, sync
 from .chunk import ChunkMaps, Members, SetSum, add_sets, add_tallies, pack, unpack
 from .create import FORMAT, KIND, WORK, lay_out, plain
-from .layout import BY_NAME, PLACES, VARIABLES
+from .layout import BY_NAME, PLACES, VARIABLES, Status, Variable
 from .windows import Window, windows
 
 if TYPE_CHECKING:
@@ -53,7 +53,7 @@ class MapStore:
         if told["format"] != FORMAT:
             raise ValueError(
                 f"{self.path} is a map of format {told['format']}, written by another glazejax; "
-                f"this one reads format {FORMAT}"
+                f"this one reads format {FORMAT}: make the map again (--overwrite)"
             )
         self.shape: tuple[int, int] = (told["shape"][0], told["shape"][1])
         self.chunk: tuple[int, int] = (told["chunk"][0], told["chunk"][1])
@@ -142,19 +142,21 @@ class MapStore:
 
     def done(self) -> set[Window]:
         """The windows that are finished."""
-        there = {path.name.removesuffix(".npz") for path in self._marks.glob("*.npz")}
-        return {window for window in self.windows() if window.key in there}
+        # zarr writes no chunk that is all fill, and that of `status` is `UNDONE`.
+        status = BY_NAME["status"]
+        return {window for window in self.windows() if self._file(status, window).exists()}
 
     def put(self, window: Window, maps: ChunkMaps) -> None:
-        """Write a window, then its mark.
+        """Write a window, the status of its pixels last.
 
         Raises:
-            ValueError: no window of this map, or arrays that do not fit it.
+            ValueError: no window of this map, arrays that do not fit it, or pixels without a
+                status.
             OSError: the disk is full; other windows are kept.
         """
         if window != Window.at(window.y0, window.x0, self.shape, self.chunk):
             raise ValueError(
-                f"{window} is no window of {self.path}, whose windows are {self.chunk[0]} x "
+                f"{window!r} is no window of {self.path}, whose windows are {self.chunk[0]} x "
                 f"{self.chunk[1]}"
             )
         sizes = {"paint": len(self.paints), "place": PLACES, "rgb": 3}
@@ -165,9 +167,10 @@ class MapStore:
             expected = (*window.shape, *(sizes[dim] for dim in variable.further))
             if array.shape != expected:
                 raise ValueError(
-                    f"{name} of window {window.key} has shape {array.shape}; it must be {expected}"
+                    f"{name} of window {window} has shape {array.shape}; it must be {expected}"
                 )
-        group = self._writable()
+        if (maps.arrays.get("status", np.uint8(Status.UNDONE)) == Status.UNDONE).any():
+            raise ValueError(f"some pixels of window {window} have no status")
         with _room(
             self.path,
             lambda: (
@@ -175,28 +178,27 @@ class MapStore:
                 "make room, then run the same again and it goes on"
             ),
         ):
-            for variable in VARIABLES:
-                given = maps.arrays.get(variable.name)
-                fill = np.asarray(variable.fill).astype(variable.dtype)
-                rows, columns = window.slices
-                array: Any = group[variable.name]
-                array[rows, columns] = fill if given is None else given.astype(variable.dtype)
-            for file in self._files(window):
-                sync(file)
-            self._marks.mkdir(parents=True, exist_ok=True)
-            write_whole(self._marks / f"{window.key}.npz", pack(maps.tallies, maps.sets))
+            *others, status = sorted(VARIABLES, key=lambda variable: variable.name == "status")
+            for variable in others:
+                self._write(variable, window, maps)
+            for variable in others:
+                sync(self._file(variable, window))
+            self._sums.put(str(window), pack(maps.tallies, maps.sets))
+            self._write(status, window, maps)
+            sync(self._file(status, window))
+            sync(self._file(status, window).parent)
 
     def sums(self) -> tuple[dict[str, float], dict[Members, SetSum]]:
         """Counts and sums of sets over all finished windows, in the order of the windows whatever
         their order of work.
 
         Raises:
-            ValueError: a mark cannot be read.
+            ValueError: those of a window cannot be read.
         """
         tallies: dict[str, float] = {}
         sets: dict[Members, SetSum] = {}
         for window in sorted(self.done()):
-            more, further = unpack((self._marks / f"{window.key}.npz").read_bytes())
+            more, further = unpack(self._sums.get(str(window)))
             add_tallies(tallies, more)
             add_sets(sets, further)
         return tallies, sets
@@ -233,8 +235,8 @@ class MapStore:
                 self._held = False
 
     @property
-    def _marks(self) -> Path:
-        return self.path / WORK / "done"
+    def _sums(self) -> KeyedResults:
+        return KeyedResults(self.path / WORK / "sums")
 
     def _writable(self) -> "zarr.Group":
         import zarr
@@ -243,18 +245,19 @@ class MapStore:
             self._group = zarr.open_group(self.path, mode="r+")
         return self._group
 
-    def _files(self, window: Window) -> Iterator[Path]:
-        """Files of a window's arrays; an array that is all fill has none."""
+    def _write(self, variable: Variable, window: Window, maps: ChunkMaps) -> None:
+        """Write a window of one array."""
+        fill = np.asarray(variable.fill)
+        rows, columns = window.slices
+        array: Any = self._writable()[variable.name]
+        array[rows, columns] = maps.arrays.get(variable.name, fill).astype(variable.dtype)
+
+    def _file(self, variable: Variable, window: Window) -> Path:
+        """File of an array's window; there is none where the array is all fill."""
         row = window.y0 // self.chunk[0]
         column = window.x0 // self.chunk[1]
-        for variable in VARIABLES:
-            yield (
-                self.path
-                / variable.name
-                / "c"
-                / f"{row}"
-                / "/".join([f"{column}", *("0" for _ in variable.further)])
-            )
+        further = ["0"] * len(variable.further)
+        return self.path.joinpath(variable.name, "c", str(row), str(column), *further)
 
 
 def open_map(path: str | Path) -> "xarray.Dataset":
@@ -267,8 +270,8 @@ def open_map(path: str | Path) -> "xarray.Dataset":
         path: folder of the map.
 
     Returns:
-        Arrays by the names of `glazefit.mapping.layout.VARIABLES`, with coordinates y, x and paint;
-        how the map was made stands in the attributes.
+        Arrays by the names of `glazefit.mapping.store.layout.VARIABLES`, with coordinates y, x and
+        paint; how the map was made stands in the attributes.
 
     Raises:
         ValueError: there is no map of glazejax.
@@ -278,12 +281,12 @@ def open_map(path: str | Path) -> "xarray.Dataset":
     import xarray
     from zarr.storage import LocalStore
 
-    from .partial_store import hide_unmarked
+    from .partial_store import hide_unfinished
 
     store = MapStore.open(path)
     done = {(window.y0 // store.chunk[0], window.x0 // store.chunk[1]) for window in store.done()}
     files = LocalStore(store.path, read_only=True)
-    shown = files if len(done) == len(store.windows()) else hide_unmarked(files, done)
+    shown = files if len(done) == len(store.windows()) else hide_unfinished(files, done)
     return xarray.open_zarr(shown, consolidated=True, chunks=None)
 
 

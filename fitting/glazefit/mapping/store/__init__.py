@@ -1,0 +1,1 @@
+"""A map on disk: its arrays and windows, work that goes on where it stopped, exports."""
