@@ -21,10 +21,10 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks.known_painting import painting, write_painting
+from benchmarks.known_painting_scene import FOREIGN
 from benchmarks.painting_rivals import Row, answer_of_map, by_coats, compared, sampled, score, table
 from benchmarks.results import Results, add_option
-from glazefit.mapping.example import painting, write_painting
-from glazefit.mapping.scene import FOREIGN
 
 NEEDS = ("zarr", "dask", "distributed")
 
@@ -185,7 +185,7 @@ def _child(where: Path, workers: int) -> None:
         found = map_cube(
             where / "painting.hdr",
             paints,
-            grounds=ground,
+            ground=ground,
             out=out,
             client=client,
             overwrite=True,
@@ -243,7 +243,7 @@ def _truth(
     )
     paints = [paint for name, paint in catalogue.load().items() if name not in FOREIGN]
     start = time.perf_counter()
-    task = map_task(where / "painting.hdr", paints, grounds=scene.ground).with_noise(
+    task = map_task(where / "painting.hdr", paints, ground=scene.ground).with_noise(
         Noise(*found.attrs["noise"])
     )
     same = agreement(task, _readings(task.image, places), arrays)

@@ -18,9 +18,9 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy.optimize import nnls
 
+from benchmarks.known_painting import PLACES, Painting, painting
 from benchmarks.results import Results, add_option
 from glazefit.film.films import Instrument, diffuse_internal_reflectance
-from glazefit.mapping.example import PLACES, Painting, painting
 from glazejax import Glaze, Hemispherical, Layer, Mixture, Pigment, reflectance
 from glazejax.catalogue import family
 
@@ -135,7 +135,7 @@ def sampled(
 
 
 def truth_of(arrays: dict[str, np.ndarray]) -> Truth:
-    """Truth of pixels (..., places) by the names of `glazefit.mapping.example.TRUTH`, in
+    """Truth of pixels (..., places) by the names of `benchmarks.known_painting.TRUTH`, in
     one line.
     """
     members = arrays["members"].reshape(-1, PLACES).astype(int)

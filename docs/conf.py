@@ -77,6 +77,8 @@ os.environ["MATPLOTLIBRC"] = str(look)
 # Commands in notebooks print without colours; TERM, which a kernel sets anew, is theirs to say.
 os.environ |= {"NO_COLOR": "1", "COLUMNS": "92"}
 os.environ["PATH"] = os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])
+# One notebook maps the painting of the benchmarks.
+os.environ["PYTHONPATH"] = os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")])
 
 toc_object_entries_show_parents = "hide"
 autodoc_member_order = "bysource"

@@ -88,9 +88,8 @@ def name_of(paint: Any) -> str:
 
 
 def grounds(given: dict[str, Any]) -> Any:
-    return (
-        None if given["grounds"] is None else round(float(np.asarray(given["grounds"]).flat[0]), 6)
-    )
+    below = given["ground"] if "ground" in given else given["grounds"]
+    return None if below is None else round(float(np.asarray(below).flat[0]), 6)
 
 
 def geometry(given: dict[str, Any]) -> Any:
@@ -517,7 +516,7 @@ TABLE: dict[str, dict[str, Reaches | Looked]] = {
         "--bare": Reaches("--bare", lambda g: 0.5 < grounds(g) < 0.8, True),
         "--opaque": Reaches("--opaque", grounds, None, base=BARE_CUBE),
         "--max-paints": Reaches("--max-paints 1", lambda g: g["max_paints"], 1),
-        "--layers": Reaches("--layers 2", lambda g: g["layers"], 2),
+        "--layers": Reaches("--layers 2", lambda g: g["max_coats"], 2),
         "--geometry": INSTRUMENT["--geometry"],
         "--refractive-index": INSTRUMENT["--refractive-index"],
         "--noise": Reaches("--noise 0.01", lambda g: g["noise"] and g["noise"].floor, 0.01),
@@ -660,7 +659,7 @@ def test_the_computation_gets_what_the_option_says(
     ("command", "function", "names"),
     [
         ("identify", glazefit.identify, {"max_paints", "layers", "thorough"}),
-        ("map", glazefit.map_cube, {"max_paints", "layers", "memory", "overwrite", "noise"}),
+        ("map", glazefit.map_cube, {"max_paints", "max_coats", "memory", "overwrite", "noise"}),
         (
             "posterior",
             Sampling,

@@ -8,10 +8,10 @@ from unittest import mock
 
 import numpy as np
 import xarray
+from benchmarks import known_painting
+from benchmarks.known_painting import Painting, painting, spectra
+from benchmarks.known_painting_scene import REGIONS
 
-from glazefit.mapping import example
-from glazefit.mapping.example import Painting, painting, spectra
-from glazefit.mapping.scene import REGIONS
 from glazejax import catalogue
 
 PAINTS = (
@@ -35,7 +35,7 @@ class Solved(Painting):
     """Each pixel by the solver: tables of all regions pay for larger paintings only."""
 
     def rows(self, y0, y1, *, noise=True):
-        with mock.patch.object(example, "_table", _solved):
+        with mock.patch.object(known_painting, "_table", _solved):
             return super().rows(y0, y1, noise=noise)
 
 

@@ -294,9 +294,9 @@ def test_ground_and_spots_are_measured_in_the_cube(tmp_path, monkeypatch, cube, 
     )
     assert done.exception is None, done.output
     (call,) = mapped
-    assert call["grounds"].shape == GRID.shape
+    assert call["ground"].shape == GRID.shape
     # In air it reads 0.7; under paint it is brighter, as the surface throws light back to it.
-    assert 0.8 < call["grounds"].min() <= call["grounds"].max() < 0.95
+    assert 0.8 < call["ground"].min() <= call["ground"].max() < 0.95
     np.testing.assert_allclose(call["spots"]["Grey"], 0.4, rtol=1e-6)
     np.testing.assert_allclose(call["spots"]["Bare"], 0.7, rtol=1e-6)
     assert call["cube"].path.is_absolute()
@@ -326,7 +326,7 @@ def test_a_ground_needs_to_be_known_only_where_paints_are(tmp_path, monkeypatch,
     done = run(cube, "--pigments", "own.csv", "--ground", "ground.csv")
     assert done.exception is None, done.output
     np.testing.assert_allclose(
-        mapped[0]["grounds"][2:9], np.interp(GRID[2:9], [450, 550, 650], [0.5, 0.6, 0.7]), atol=0.01
+        mapped[0]["ground"][2:9], np.interp(GRID[2:9], [450, 550, 650], [0.5, 0.6, 0.7]), atol=0.01
     )
 
 
@@ -353,7 +353,7 @@ def test_the_example_is_made_and_mapped(tmp_path, monkeypatch, mapped):
     assert done.exception is None, done.output
     made = small()
     assert mapped[0]["cube"].path == tmp_path / "small-example" / "painting.hdr"
-    np.testing.assert_allclose(mapped[0]["grounds"], made.ground, atol=1e-6)
+    np.testing.assert_allclose(mapped[0]["ground"], made.ground, atol=1e-6)
     foreign = {paint.name for paint in made.foreign}
     assert not foreign & {paint.name for paint in mapped[0]["pigments"]}
     assert {paint.name for paint in mapped[0]["pigments"]} == {paint.name for paint in made.paints}
@@ -372,5 +372,6 @@ def test_the_example_is_made_and_mapped(tmp_path, monkeypatch, mapped):
         is None
     )
     assert (tmp_path / "small-example" / "painting.dat").stat().st_mtime_ns == before
-    assert mapped[1]["grounds"] is None
+    assert mapped[1]["ground"] is None
+    assert mapped[1]["opaque"]
     assert [paint.name for paint in mapped[1]["pigments"]] == ["ZincWhite", "BoneBlack"]

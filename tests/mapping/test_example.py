@@ -4,9 +4,11 @@ hold the same.
 
 import numpy as np
 import pytest
+from benchmarks.known_painting import FOREIGN, NOISE, painting, read_truth, write_painting
+from benchmarks.known_painting_scene import NUMBER, REGIONS
 
-from glazefit.mapping.example import FOREIGN, NOISE, painting, read_truth, write_painting
-from glazefit.mapping.scene import NUMBER, REGIONS
+from glazefit.mapping.example import painting as small_painting
+from glazefit.mapping.example import write_painting as small_write
 from glazejax import Glaze, Hemispherical, Layer, Mixture, reflectance
 from glazejax.catalogue import family
 from glazejax.commands.options import read_ground
@@ -96,11 +98,11 @@ def test_every_painting_has_all_regions_one_to_three_coats_and_some_foreign_pain
     ("dtype", "interleave", "off"), [("float32", "bil", 1e-6), ("uint16", "bip", 5.1e-5)]
 )
 def test_a_written_painting_reads_as_it_was_made(scene, tmp_path, dtype, interleave, off):
-    told = []
+    said = []
     header = write_painting(
-        tmp_path, scene, dtype, interleave=interleave, told=lambda *n: told.append(n)
+        tmp_path, scene, dtype, interleave=interleave, progress=lambda *n: said.append(n)
     )
-    assert told[-1] == (48, 48)
+    assert said[-1] == (48, 48, "painting")
     cube = read_cube(header)
     np.testing.assert_allclose(cube.wavelengths, GRID)
     values = cube[:, :]
@@ -129,3 +131,24 @@ def test_wrong_input_is_one_sentence(scene, tmp_path):
         write_painting(tmp_path, scene, "int8")
     with pytest.raises(ValueError, match="not bsq"):
         write_painting(tmp_path, scene, interleave="bsq")
+
+
+def test_the_small_painting_of_the_command_is_what_its_truth_says(tmp_path):
+    made = small_painting((12, 16), 13)
+    names = [paint.name for paint in (*made.paints, *made.foreign)]
+    sets = {tuple(names[n] for n in one if n >= 0) for one in made.members.reshape(-1, 3)}
+    assert len(sets) == 5
+    assert (made.foreign[0].name,) in sets
+    assert made.foreign[0].name not in [paint.name for paint in made.paints]
+    # Paint of the sky in the solver again, thickness found by looking for it.
+    sky = made.spectra[0, 0]
+    known = {paint.name: paint for paint in made.paints}
+    medium = Mixture([known["CobaltBlue"], known["ZincWhite"]], [0.2, 0.8])
+    layer = Layer(medium, np.linspace(18e-6, 60e-6, 43))
+    curves = reflectance(Glaze([layer], made.ground, 1.5), Hemispherical(8.0))
+    assert np.sqrt(np.mean((np.asarray(curves) - sky) ** 2, axis=1)).min() < 0.006
+    cube = read_cube(small_write(tmp_path, made))
+    np.testing.assert_allclose(cube[:, :], made.spectra, atol=1e-6)
+    np.testing.assert_array_equal(np.load(tmp_path / "members.npy"), made.members)
+    ground = read_ground(str(tmp_path / "ground.csv")).on(made.wavelengths)
+    np.testing.assert_allclose(ground, made.ground, atol=1e-6)

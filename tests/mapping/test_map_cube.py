@@ -47,7 +47,7 @@ def cube():
 def options(cube):
     mask = np.ones(cube.shape[:2], bool)
     mask[-1] = False
-    return {"grounds": small.scene().ground, "mask": mask, "max_paints": 2, "noise": NOISE}
+    return {"ground": small.scene().ground, "mask": mask, "max_paints": 2, "noise": NOISE}
 
 
 @pytest.fixture(scope="module")
@@ -227,7 +227,7 @@ def test_films_that_hide_their_ground_have_no_thickness(cube, tmp_path):
     found = map_cube(
         small.image(cube.values[4:10, 4:12], grid),
         small.paints(),
-        grounds=None,
+        opaque=True,
         out=tmp_path / "map",
         max_paints=1,
         noise=NOISE,
@@ -263,7 +263,7 @@ def test_a_spot_of_the_image_is_found_in_it(cube, options, tmp_path):
         small.paints()[:3],
         out=tmp_path / "map",
         spots={"Stroke": spectrum},
-        grounds=None,
+        opaque=True,
         max_paints=1,
         noise=NOISE,
     )
@@ -274,9 +274,11 @@ def test_a_spot_of_the_image_is_found_in_it(cube, options, tmp_path):
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        ({"grounds": 1.5}, "internal reflectance is 1.5"),
-        ({"grounds": np.full(7, 0.5)}, "neither a number nor one for each of 61 bands"),
+        ({"ground": 1.5}, "internal reflectance is 1.5"),
+        ({"ground": np.full(7, 0.5)}, "neither a number nor one for each of 61 bands"),
         ({"mask": np.ones((3, 3), bool)}, "mask has 3 x 3 pixels, the image 24 x 40"),
+        ({"ground": None}, "what is under the paint"),
+        ({"opaque": True}, "opaque films show no ground"),
         ({"max_paints": 4}, "max_paints is 4"),
         ({"mask": np.zeros((24, 40), bool)}, "no pixel that can be mapped"),
         ({"memory": 2**20}, "memory bound is 1 MiB; with .* it must be at least"),
@@ -296,7 +298,7 @@ def test_an_image_that_is_none_is_said(options, tmp_path):
         map_cube(metres, small.paints(), out=tmp_path / "map", **{**options, "mask": None})
     nothing = small.image(np.full((6, 8, 31), np.nan), np.linspace(400.0, 700.0, 31))
     with pytest.raises(ValueError, match=r"no pixel that can be mapped .* 48 no data"):
-        map_cube(nothing, small.paints(), out=tmp_path / "map", grounds=0.5)
+        map_cube(nothing, small.paints(), out=tmp_path / "map", ground=0.5)
 
 
 def test_what_is_public_is_there():

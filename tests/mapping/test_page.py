@@ -7,8 +7,8 @@ from html.parser import HTMLParser
 
 import numpy as np
 import pytest
+from benchmarks.known_painting import painting
 
-from glazefit.mapping.example import painting
 from glazefit.mapping.show.page import _WAYS, About, write_report
 from glazefit.mapping.show.page_sets import _spectra
 from glazefit.mapping.store.layout import Status, Way

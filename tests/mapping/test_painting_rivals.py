@@ -4,6 +4,7 @@ they say.
 
 import numpy as np
 import pytest
+from benchmarks.known_painting import painting
 from benchmarks.painting_rivals import (
     Answer,
     Choice,
@@ -26,7 +27,6 @@ from benchmarks.painting_rivals import (
     truth_of,
 )
 
-from glazefit.mapping.example import painting
 from glazejax.catalogue import load
 from glazejax.radiative.twoflux import saunderson, two_flux_reflectance
 

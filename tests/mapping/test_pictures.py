@@ -4,8 +4,8 @@ import itertools
 
 import numpy as np
 import pytest
+from benchmarks.known_painting import painting
 
-from glazefit.mapping.example import painting
 from glazefit.mapping.show.overview import overview, square_means
 from glazefit.mapping.show.pictures import (
     BLANK,

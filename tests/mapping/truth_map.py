@@ -3,8 +3,8 @@
 from dataclasses import dataclass
 
 import numpy as np
+from benchmarks.known_painting import Painting
 
-from glazefit.mapping.example import Painting
 from glazefit.mapping.store.layout import PLACES, VARIABLES, Status, Way
 
 GRID = np.linspace(400.0, 700.0, 16)

@@ -275,7 +275,8 @@ def map_(
         found = map_cube(
             source,
             paints,
-            grounds=below,
+            ground=below,
+            opaque=opaque,
             out=out,
             mask=mask,
             spots=read_spectra_of_spots(places, opened),
@@ -288,7 +289,7 @@ def map_(
             else replace(BETWEEN_FILMS, amplitude=model_error),
             prior=Prior(thickness=usual),
             max_paints=max_paints,
-            layers=layers,
+            max_coats=layers,
             memory=bound,
             client=client,
             overwrite=overwrite,
@@ -350,20 +351,17 @@ def _example(out: Path, console: "Console") -> dict[str, Any]:
     """A small painting beside the map: its cube, its ground, and the paints that the map is not
     given.
     """
-    from .example import painting, write_painting
+    from .example import FOREIGN, painting, write_painting
 
     folder = out.with_name(f"{out.stem}-example")
-    made = painting()
     header = folder / "painting.hdr"
     if not header.exists():
         with progress.doing("making a painting"):
+            made = painting()
             write_painting(folder, made)
-        console.print(f"Made a painting of {made.shape[1]} x {made.shape[0]} pixels: {header}")
-    return {
-        "cube": header,
-        "ground": folder / "ground.csv",
-        "without": ",".join(paint.name for paint in made.foreign),
-    }
+        lines, samples, _ = made.spectra.shape
+        console.print(f"Made a painting of {samples} x {lines} pixels: {header}")
+    return {"cube": header, "ground": folder / "ground.csv", "without": FOREIGN}
 
 
 @contextmanager

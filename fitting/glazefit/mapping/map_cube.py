@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from jaxtyping import ArrayLike, Bool, Float
 
+from glazejax.former_names import accept_former_keywords
 from glazejax.geometry import Geometry, Instrument
 from glazejax.progress import Progress, no_progress
 
@@ -62,21 +63,22 @@ _CHECKED = 256
 _NOISE_SAMPLE = 4000
 
 
+@accept_former_keywords(grounds="ground", geometry="instrument", layers="max_coats")
 def map_cube(
     cube: "CubeSource | str | Path | xarray.DataArray",
     pigments: Pigments,
     *,
-    grounds: ArrayLike | None,
+    ground: ArrayLike | None = None,
+    opaque: bool = False,
     out: str | Path,
     mask: Bool[np.ndarray, "y x"] | str | Path | None = None,
     spots: Mapping[str, Float[np.ndarray, "bands"]] | None = None,
-    instrument: Instrument | None = None,
-    geometry: Geometry | None = None,
+    instrument: Instrument | Geometry | str | None = None,
     noise: Noise | None = None,
     discrepancy: Discrepancy | None = None,
     prior: Prior | None = None,
     max_paints: int = 3,
-    layers: int = 1,
+    max_coats: int = 1,
     memory: int = 2**31,
     client: "Client | None" = None,
     overwrite: bool = False,
@@ -91,14 +93,15 @@ def map_cube(
         cube: the image, or where it is; see `glazejax.io.open_cube`.
         pigments: the catalogue, a mapping or a list, on any grids; bands that they do not cover are
             left out.
-        grounds: internal reflectance of the ground under the paint: a number, or one for each band
-            of the image. None for paint that hides its ground; its thickness is then unknown.
+        ground: internal reflectance of the ground under the paint: a number, or one for each band
+            of the image.
+        opaque: the paint hides its ground everywhere; its thickness is then unknown.
         out: folder of the map; its parent must exist.
         mask: pixels that are mapped, (y, x), or a file as for `glazejax.io.read_mask`.
         spots: further paints by name: spectra of thick, hiding paint, at the image's bands, such as
             a pure stroke in the image itself. What a spectrum alone leaves open of a paint is taken
             as open (`spot_pigment`).
-        instrument, geometry, discrepancy, prior, max_paints, layers: as for `glazefit.identify`.
+        instrument, discrepancy, prior, max_paints, max_coats: as for `glazefit.identify`.
         noise: of one reading of the image; by default told from the roughness of a sample of its
             spectra.
         memory: bytes that the process is to stay below, at least some 950 MiB.
@@ -123,16 +126,16 @@ def map_cube(
     task = map_task(
         cube,
         pigments,
-        grounds=grounds,
+        ground=ground,
+        opaque=opaque,
         mask=mask,
         spots=spots,
         instrument=instrument,
-        geometry=geometry,
         noise=noise,
         discrepancy=discrepancy,
         prior=prior,
         max_paints=max_paints,
-        layers=layers,
+        max_coats=max_coats,
     )
     progress(0, 1, "reading")
     bands = task.image.bands
@@ -257,7 +260,7 @@ def _sample(task: MapTask) -> tuple[Float[np.ndarray, "pixels bands"], Noise]:
         return np.zeros((0, image.bands.wavelengths.size), np.float32), image.noise
     noise = (
         image.noise
-        if task.told_noise
+        if task.noise_is_given
         else spectra_noise(stored, np.concatenate(rough).astype(np.float64))
     )
     return np.concatenate(readings), noise

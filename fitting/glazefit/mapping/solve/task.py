@@ -39,7 +39,7 @@ class MapTask:
         shape: rows and columns.
         searcher: of the paints.
         ground: internal reflectance at the working bands; None where films hide it.
-        told_noise: whether the noise was told.
+        noise_is_given: whether the noise need not be told from the image.
         options: all that the map depends on.
         notes: what the reader of the image noticed.
         coords: numbers along y and x and their attributes.
@@ -49,7 +49,7 @@ class MapTask:
     shape: tuple[int, int]
     searcher: Searcher
     ground: Float[np.ndarray, "bands"] | None
-    told_noise: bool
+    noise_is_given: bool
     options: dict[str, Any]
     notes: tuple[str, ...]
     coords: dict[str, tuple[np.ndarray, dict[str, Any]]]
@@ -63,16 +63,16 @@ def map_task(
     cube: "CubeSource | str | Path | xarray.DataArray",
     pigments: Pigments,
     *,
-    grounds: ArrayLike | None,
+    ground: ArrayLike | None = None,
+    opaque: bool = False,
     mask: Bool[np.ndarray, "y x"] | str | Path | None = None,
     spots: Mapping[str, Float[np.ndarray, "bands"]] | None = None,
-    instrument: Instrument | None = None,
-    geometry: Geometry | None = None,
+    instrument: Instrument | Geometry | str | None = None,
     noise: Noise | None = None,
     discrepancy: Discrepancy | None = None,
     prior: Prior | None = None,
     max_paints: int = 3,
-    layers: int = 1,
+    max_coats: int = 1,
 ) -> MapTask:
     """Options of `glazefit.map_cube`, checked; nothing of the image is read but what it is.
 
@@ -81,6 +81,13 @@ def map_task(
     """
     from glazejax.io import CubeSource, read_mask
 
+    if (ground is None) != opaque:
+        raise ValueError(
+            "opaque films show no ground: leave out ground, or leave out opaque"
+            if opaque
+            else "what is under the paint? Give ground, its internal reflectance such as 0.9, or "
+            "opaque=True for films that hide it"
+        )
     source = CubeSource(Path(cube)) if isinstance(cube, str | Path) else cube
     array = source.open() if isinstance(source, CubeSource) else _check_image(source)
     shape: tuple[int, int] = (array.shape[0], array.shape[1])
@@ -89,7 +96,7 @@ def map_task(
     if use is not None and np.shape(use) != shape:
         raise ValueError(f"the mask has {_pixels(np.shape(use))}, the image {_pixels(shape)}")
     use = None if use is None else np.asarray(use, bool)
-    seen_by = resolve_instrument(geometry or instrument)
+    seen_by = resolve_instrument(instrument)
     expected = prior or Prior()
     errors = discrepancy or BETWEEN_FILMS
     check_errors(errors)
@@ -102,19 +109,19 @@ def map_task(
     searcher = Searcher.of(
         bands.wavelengths,
         known,
-        opaque=grounds is None,
+        opaque=opaque,
         instrument=seen_by,
         discrepancy=errors,
         prior=expected,
         max_paints=max_paints,
-        layers=layers,
+        layers=max_coats,
     )
-    ground = None if grounds is None else _ground(grounds, bands, stored)
+    below = None if ground is None else _ground(ground, bands, stored)
     options = {
         "version": _VERSION,
         "image": _identity(source, array),
         "catalogue": {p.name: _digest(p.absorption, p.scattering) for p in known},
-        "ground": ground,
+        "ground": below,
         "mask": None if use is None else _digest(use),
         "geometry": seen_by.geometry.describe(),
         "refractive_index": seen_by.refractive_index,
@@ -122,7 +129,7 @@ def map_task(
         "discrepancy": asdict(errors),
         "prior": asdict(expected),
         "max_paints": max_paints,
-        "layers": layers,
+        "max_coats": max_coats,
     }
     coords = {
         axis: (np.asarray(array[axis]), dict(array[axis].attrs))
@@ -141,8 +148,8 @@ def map_task(
         image=image,
         shape=shape,
         searcher=searcher,
-        ground=ground,
-        told_noise=noise is not None,
+        ground=below,
+        noise_is_given=noise is not None,
         options=options,
         notes=notes,
         coords=coords,
@@ -150,13 +157,13 @@ def map_task(
 
 
 def _ground(
-    grounds: ArrayLike, bands: WorkingBands, stored: np.ndarray
+    ground: ArrayLike, bands: WorkingBands, stored: np.ndarray
 ) -> Float[np.ndarray, "bands"]:
     """Internal reflectance of the ground at the working bands."""
-    given = np.asarray(grounds, float)
+    given = np.asarray(ground, float)
     if given.ndim > 1 or (given.ndim == 1 and given.size != stored.size):
         raise ValueError(
-            f"grounds of shape {given.shape} are neither a number nor one for each of "
+            f"a ground of shape {given.shape} is neither a number nor one for each of "
             f"{stored.size} bands"
         )
     if not ((given >= 0) & (given <= 1)).all():
@@ -197,8 +204,6 @@ def _identity(source: "CubeSource | xarray.DataArray", array: "xarray.DataArray"
     if not isinstance(source, CubeSource):
         rows = np.linspace(0, array.shape[0] - 1, min(8, array.shape[0])).astype(int)
         return told | {"some lines": _digest(*(array[int(y)].to_numpy() for y in rows))}
-    from dataclasses import asdict
-
     from glazejax.io.cubes.hashes import quick_source_hash
 
     return told | {"source": asdict(source), "hash": quick_source_hash(source.path)}
