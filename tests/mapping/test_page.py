@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 from benchmarks.known_painting import painting
 
-from glazefit.mapping.show.page import _WAYS, About, write_report
+from glazefit.mapping.show.page import _WAYS, Provenance, write_report
 from glazefit.mapping.show.page_sets import _spectra
 from glazefit.mapping.store.layout import Status, Way
 
 from .truth_map import GRID, Sums, truth_map
 
 pytest.importorskip("xarray")
-ABOUT = About(
+ABOUT = Provenance(
     "a <b>painting</b>",
     created="2026-01-02, 03:04",
     command="glazejax map cube.hdr --out 'a & b'",
@@ -169,7 +169,9 @@ def test_a_map_that_is_not_finished_or_empty_says_so(made, tmp_path):
     assert "Not finished" in page
     assert "68.8 % of the map is not done yet" in words(page)
     part["status"][:] = Status.DARK
-    empty = write_report(part, {}, {}, About("dark"), tmp_path / "dark").read_text(encoding="utf-8")
+    empty = write_report(part, {}, {}, Provenance("dark"), tmp_path / "dark").read_text(
+        encoding="utf-8"
+    )
     assert "No pixel was mapped" in empty
     assert "Too dark" in empty
 

@@ -300,18 +300,18 @@ def map_(
         "Instrument": f"{seen_by.describe()}, refractive index {refractive_index:g}",
     }
 
-    def about() -> Any:
+    def provenance() -> Any:
         from glazejax.commands.typed import command_line, ground_file
 
-        from .provenance import about_map
+        from .provenance import map_provenance
 
         read = {**given_files, "--ground": ground_file(ground)}
-        return about_map(
+        return map_provenance(
             command_line(map_, "map", typed, ("cube",)), typed, source.path, read, found, facts
         )
 
     console.print(f"Wrote the map to {out}")
-    _write(MapStore.open(out), found, opened, console, csv, export, report, overwrite, about)
+    _write(MapStore.open(out), found, opened, console, csv, export, report, overwrite, provenance)
 
 
 def _check_outputs(
@@ -423,7 +423,7 @@ def _write(
     export: Path | None,
     report: Path | None,
     overwrite: bool,
-    about: Callable[[], Any],
+    provenance: Callable[[], Any],
 ) -> None:
     """Print the map, and write what was asked for beside it."""
     from .show.report import print_map, write_sets
@@ -446,6 +446,6 @@ def _write(
 
         with progress.doing("writing the report"):
             page = write_report(
-                found, tallies, sets, about(), report, cube=opened, overwrite=overwrite
+                found, tallies, sets, provenance(), report, cube=opened, overwrite=overwrite
             )
         console.print(f"Wrote the report to {page}")

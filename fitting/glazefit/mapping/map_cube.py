@@ -238,7 +238,8 @@ def _sample(task: MapTask) -> tuple[Float[np.ndarray, "pixels bands"], Noise]:
     """Readings of pixels from all over the image that the mask leaves, and the noise of one
     reading.
     """
-    image, (height, width) = task.image, task.shape
+    image = task.image
+    height, width = task.shape
     cube = image.cube()
     stored = np.asarray(cube["wavelength"], float)
     lines = np.unique(np.linspace(0, height - 1, min(_LINES, height)).astype(int))

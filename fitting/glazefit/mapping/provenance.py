@@ -13,7 +13,7 @@ from glazejax.commands.typed import option
 from glazejax.io import quick_source_hash
 
 from ..identify.record import input_files
-from .show.page import About
+from .show.page import Provenance
 
 if TYPE_CHECKING:
     import xarray
@@ -21,14 +21,14 @@ if TYPE_CHECKING:
 _PACKAGES = ("glazejax", "jax", "numpy", "scipy", "xarray", "zarr")
 
 
-def about_map(
+def map_provenance(
     command: str,
     typed: Mapping[str, Any],
     cube: Path,
     read: Mapping[str, Path | None],
     found: "xarray.Dataset",
     facts: Mapping[str, str],
-) -> About:
+) -> Provenance:
     """What the report of a map says beside it.
 
     Args:
@@ -40,7 +40,7 @@ def about_map(
         facts: names and words for the head of the page.
     """
     inputs = [(entry["role"], entry["name"], entry["sha256"]) for entry in input_files(read)]
-    return About(
+    return Provenance(
         title=cube.name,
         created=datetime.now().astimezone().isoformat(timespec="seconds"),
         command=command,
@@ -77,18 +77,21 @@ def agreement_words(attrs: Mapping[str, Any]) -> dict[str, str]:
     """How far answers in closed form agree with full searches of the same pixels, from the
     attributes of a map.
     """
-    told = attrs.get("agreement") or {}
-    if not told:
+    agreement = attrs.get("agreement") or {}
+    if not agreement:
         return {}
     found = {
-        "Pixels compared": f"{int(told['pixels']):,}",
-        "Same first set": f"{told['first']:.1%}",
-        "Same answer on whether the paints explain the pixel": f"{told['explained']:.1%}",
-        "Largest difference of a paint's probability": f"{told['probability']:.3f} in the median, "
-        f"{told['probability_90']:.3f} at most in nine of ten",
+        "Pixels compared": f"{int(agreement['pixels']):,}",
+        "Same first set": f"{agreement['first']:.1%}",
+        "Same answer on whether the paints explain the pixel": f"{agreement['explained']:.1%}",
+        "Largest difference of a paint's probability": (
+            f"{agreement['probability']:.3f} in the median, "
+            f"{agreement['probability_90']:.3f} at most in nine of ten"
+        ),
     }
-    if np.isfinite(float(told["amount"])):
+    if np.isfinite(float(agreement["amount"])):
         found["Difference of thickness, in its standard deviations"] = (
-            f"{told['amount']:.2f} in the median, {told['amount_90']:.2f} at most in nine of ten"
+            f"{agreement['amount']:.2f} in the median, "
+            f"{agreement['amount_90']:.2f} at most in nine of ten"
         )
     return found

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from jaxtyping import Bool, Float, Int, UInt8
 
+from ..store.chunk import Members
 from ..store.layout import STATUS_WORDS, Status, Way
 from .names import set_words
 
@@ -25,8 +26,6 @@ _PAINT_WIDTH = 640
 _PIXELS = 2**20
 _MEANS = ("probability", "none", "thickness", "thickness_sd", "misfit", "rmse")
 _EXAMPLES = ("members", "coats", "fraction", "explained", "probability", "thickness", "status")
-
-Members = tuple[int, ...]
 
 
 @dataclass
@@ -126,7 +125,8 @@ def overview(dataset: "xr.Dataset", most: tuple[int, int] = MOST) -> Overview:
     coarse = 2 * step if width > step * _PAINT_WIDTH else step
     paints = tuple(str(name) for name in dataset["paint"].values)
     look = Overview((height, width), step, coarse, paints, pixel_area=pixel_area(dataset))
-    look.likely, look.in_set = np.zeros(len(paints), int), np.zeros(len(paints), int)
+    look.likely = np.zeros(len(paints), int)
+    look.in_set = np.zeros(len(paints), int)
     kept: dict[str, list[np.ndarray]] = {}
     for block in _blocks(dataset, look.coarse):
         _count(look, block)
@@ -136,7 +136,8 @@ def overview(dataset: "xr.Dataset", most: tuple[int, int] = MOST) -> Overview:
     look.means = {name: whole[f"mean_{name}"] for name in _MEANS}
     look.examples = {name: whole[name] for name in _EXAMPLES}
     look.colour = np.clip(np.rint(whole["colour"]), 0, 255).astype(np.uint8)
-    look.paint_probability, look.paint_amount = whole["paint_probability"], whole["paint_amount"]
+    look.paint_probability = whole["paint_probability"]
+    look.paint_amount = whole["paint_amount"]
     look.paint_share = whole["paint_share"]
     look.status = {status: count for status, count in look.status.items() if count}
     return look

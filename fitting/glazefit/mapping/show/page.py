@@ -14,9 +14,10 @@ import numpy as np
 
 from glazejax.io.write import write_files
 
+from ..store.chunk import Members, SetSum
 from ..store.layout import STATUS_WORDS, Status, Way
-from .overview import Members, Overview, overview
-from .page_sets import Sums, paints_table, sets_table, share_html
+from .overview import Overview, overview
+from .page_sets import paints_table, sets_table, share_html
 from .pictures import (
     RGB,
     MapPicture,
@@ -50,7 +51,7 @@ _WAYS = {
 
 
 @dataclass(frozen=True)
-class About:
+class Provenance:
     """What the report says beside the map; what is left out is not spoken of.
 
     Attributes:
@@ -88,8 +89,8 @@ class About:
 def write_report(
     dataset: "xr.Dataset",
     tallies: Mapping[str, float],
-    sets: Mapping[Members, Sums],
-    about: About,
+    sets: Mapping[Members, SetSum],
+    provenance: Provenance,
     folder: str | Path,
     *,
     cube: "xr.DataArray | None" = None,
@@ -102,7 +103,7 @@ def write_report(
         dataset: the map, with the variables of `layout.VARIABLES` and the coordinate `paint`.
         tallies: counts that the solver kept, by name.
         sets: sums over the pixels of each set, by its members ascending; () for none.
-        about: what else is to be said.
+        provenance: what else is to be said.
         folder: is made.
         cube: the readings (y, x, wavelength) for a picture in false colour; none is made without.
         overwrite: replace an older report.
@@ -123,7 +124,7 @@ def write_report(
     false = None if cube is None else false_colour(cube, look.step)
     numbers = numbers_of(look)
     paints = [paint_pictures(look, paint) for paint in found_paints(look)]
-    pieces = page(look, tallies, sets, about, grid, numbers, paints, false)
+    pieces = page(look, tallies, sets, provenance, grid, numbers, paints, false)
     shown = [piece.encode("utf-8", "xmlcharrefreplace") for piece in pieces]
     (folder / "pictures").mkdir(parents=True, exist_ok=True)
     flat = [*numbers, *(each for both in paints for each in both)]
@@ -141,8 +142,8 @@ def write_report(
 def page(
     look: Overview,
     tallies: Mapping[str, float],
-    sets: Mapping[Members, Sums],
-    about: About,
+    sets: Mapping[Members, SetSum],
+    provenance: Provenance,
     grid: np.ndarray,
     numbers: Sequence[MapPicture],
     paints: Sequence[Sequence[MapPicture]],
@@ -153,13 +154,13 @@ def page(
         files(room).joinpath("page.css").read_text(encoding="utf-8")
         for room in ("glazefit.identify", "glazefit.mapping.show")
     )
-    title = f"Map of paints: {about.title}"
+    title = f"Map of paints: {provenance.title}"
     yield (
         '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
         f'<meta http-equiv="Content-Security-Policy" content="{_POLICY}">\n'
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
         f"<title>{escape(title)}</title>\n<style>\n{css}</style>\n</head>\n<body>\n"
-        f"<header>\n<h1>{escape(title)}</h1>\n{_head(look, about)}</header>\n<main>\n"
+        f"<header>\n<h1>{escape(title)}</h1>\n{_head(look, provenance)}</header>\n<main>\n"
     )
     yield _summary(look)
     yield '<div class="maps">\n' + _figure(
@@ -195,12 +196,12 @@ def page(
             + "".join(_number_figure(look, each) for each in both)
             + "</div>\n"
         )
-    yield _unknown(about)
-    yield _how_made(look, tallies, about)
+    yield _unknown(provenance)
+    yield _how_made(look, tallies, provenance)
     yield "</main>\n</body>\n</html>\n"
 
 
-def _head(look: Overview, about: About) -> str:
+def _head(look: Overview, provenance: Provenance) -> str:
     height, width = look.shape
     size = f"{width:,} x {height:,} pixels"
     if look.pixel_area is not None:
@@ -210,12 +211,12 @@ def _head(look: Overview, about: About) -> str:
             f"; pictures show every {look.step} x {look.step} pixels as one, the map itself has all"
         )
     facts = {
-        "Made": about.created.replace("T", ", "),
+        "Made": provenance.created.replace("T", ", "),
         "Size": size.replace(" x ", " × "),
-        **about.facts,
+        **provenance.facts,
     }
-    if about.notes:
-        facts["Noticed"] = " ".join(about.notes)
+    if provenance.notes:
+        facts["Noticed"] = " ".join(provenance.notes)
     return f"<dl>{_pairs(facts)}</dl>\n"
 
 
@@ -319,7 +320,7 @@ def _number_figure(look: Overview, shown: MapPicture) -> str:
     return _figure(look, colour_numbers(shown), shown.title, shown.words, after=after)
 
 
-def _unknown(about: About) -> str:
+def _unknown(provenance: Provenance) -> str:
     points = [
         "Probabilities hold for these paints and these assumptions. A paint that is not in the "
         "catalogue cannot be found: its pixels are ‘none of these’, or are taken for a mixture "
@@ -329,7 +330,7 @@ def _unknown(about: About) -> str:
         "A pixel on an edge sees two paints side by side, and may be read as their mixture.",
         "Standard deviations hold if the pixel is of the paints named; they do not count that it "
         "might be of others.",
-        *about.unknown,
+        *provenance.unknown,
     ]
     return (
         "<h2>What the map does not say</h2>\n<ul>\n"
@@ -338,23 +339,23 @@ def _unknown(about: About) -> str:
     )
 
 
-def _how_made(look: Overview, tallies: Mapping[str, float], about: About) -> str:
+def _how_made(look: Overview, tallies: Mapping[str, float], provenance: Provenance) -> str:
     out = "<h2>How it was made</h2>\n"
     facts = {
-        "Command": about.command,
-        "Versions": ", ".join(f"{n} {v}" for n, v in about.versions.items()),
+        "Command": provenance.command,
+        "Versions": ", ".join(f"{n} {v}" for n, v in provenance.versions.items()),
     }
-    if about.platform:
-        facts["Computer"] = about.platform
+    if provenance.platform:
+        facts["Computer"] = provenance.platform
     facts["Catalogue"] = f"{len(look.paints)} paints: {', '.join(look.paints)}"
     out += f"<dl>{_pairs(facts)}</dl>\n"
     if look.ways:
         ways = {_WAYS[way].capitalize(): f"{count:,} pixels" for way, count in look.ways.items()}
         out += f"<h4>How pixels were answered</h4>\n<dl>{_pairs(ways)}</dl>\n"
     for title, named in (
-        ("Shortcuts, and what each may cost", about.shortcuts),
-        ("Checked against the full search", about.agreement),
-        ("Options", about.options),
+        ("Shortcuts, and what each may cost", provenance.shortcuts),
+        ("Checked against the full search", provenance.agreement),
+        ("Options", provenance.options),
         (
             "Counts",
             {name.replace("_", " ").capitalize(): f"{n:,.10g}" for name, n in tallies.items() if n},
@@ -362,15 +363,15 @@ def _how_made(look: Overview, tallies: Mapping[str, float], about: About) -> str
     ):
         if named:
             out += f"<h4>{title}</h4>\n<dl>{_pairs(named)}</dl>\n"
-    if about.inputs:
+    if provenance.inputs:
         rows = "".join(
             f"<tr><td>{escape(role)}</td><td><code>{escape(name)}</code></td><td><code>{escape(digest)}</code></td></tr>\n"
-            for role, name, digest in about.inputs
+            for role, name, digest in provenance.inputs
         )
         out += (
             "<h4>Files that were read</h4>\n<div "
             'class="scroll"><table>\n<thead><tr><th>As</th><th>File</th>'
-            f"<th>{escape(about.hashed)}</th></tr></thead>\n<tbody>\n{rows}</tbody></table></div>\n"
+            f"<th>{escape(provenance.hashed)}</th></tr></thead>\n<tbody>\n{rows}</tbody></table></div>\n"
         )
     return out
 

@@ -2,13 +2,13 @@
 
 from collections.abc import Mapping, Sequence
 from html import escape
-from typing import Protocol
 
 import numpy as np
 from jaxtyping import Float
 
 from ...identify.page_words import chance_html, words_html
-from .overview import Members, Overview
+from ..store.chunk import Members, SetSum
+from .overview import Overview
 from .pictures import LEGEND, OTHERS, found_paints, own_colours
 
 SHOWN = 40
@@ -20,16 +20,6 @@ _LEFT = 22.0
 _RIGHT = 4.0
 _TOP = 5.0
 _BOTTOM = 14.0
-
-
-class Sums(Protocol):
-    """Sums over the pixels of a set; `glazefit.mapping.store.chunk.SetSum` is one."""
-
-    pixels: int
-    spectrum: Float[np.ndarray, "bands"]
-    fitted: Float[np.ndarray, "bands"]
-    square: Float[np.ndarray, "bands"]
-    thickness: tuple[float, int]
 
 
 def share_html(count: float, of: float) -> str:
@@ -46,7 +36,7 @@ def area_html(count: int, look: Overview) -> str:
 
 
 def sets_table(
-    look: Overview, sums: Mapping[Members, Sums], grid: Float[np.ndarray, "bands"]
+    look: Overview, sums: Mapping[Members, SetSum], grid: Float[np.ndarray, "bands"]
 ) -> str:
     """Sets, the largest first, with mean spectra beside their fits."""
     colours = own_colours(look, SHOWN)
@@ -124,7 +114,7 @@ def _percent(value: float) -> str:
     return f"{value:.0f}" if value >= 9.5 else f"{value:.1f}"
 
 
-def _numbers(look: Overview, members: Members, sums: Mapping[Members, Sums]) -> str:
+def _numbers(look: Overview, members: Members, sums: Mapping[Members, SetSum]) -> str:
     count = look.sets[members]
     there = look.where(members)
     chances = look.examples["probability"][there]
@@ -141,7 +131,7 @@ def _numbers(look: Overview, members: Members, sums: Mapping[Members, Sums]) -> 
     )
 
 
-def _spectra(sums: Sums | None, grid: Float[np.ndarray, "bands"], words: str) -> str:
+def _spectra(sums: SetSum | None, grid: Float[np.ndarray, "bands"], words: str) -> str:
     """Mean of the readings with their spread, and the mean of the fits."""
     if sums is None or not sums.pixels:
         return "–"

@@ -3,7 +3,8 @@ and as PNG files.
 """
 
 import io
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -13,8 +14,9 @@ from jaxtyping import Bool, Float, UInt8
 from glazejax.extras import require
 from glazejax.plots import FAINT, INK, hex_colour, picture
 
+from ..store.chunk import Members
 from ..store.layout import Status
-from .overview import Members, Overview
+from .overview import Overview
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -47,8 +49,10 @@ OTHERS = "#b8b3bb"
 """Colour of all further sets."""
 STRIPES = ("#8a8a8a", "#f2f2f2")
 """Stripes where no set of the catalogue explains a pixel."""
-BLANK, UNKNOWN = "#ffffff", "#c4c4c4"
-"""Colour of what was not mapped in the legend map, and where a number is not known in its map."""
+BLANK = "#ffffff"
+"""Colour of what was not mapped in the legend map."""
+UNKNOWN = "#c4c4c4"
+"""Colour where a number is not known in its map."""
 
 # Pictures below this width are shown with larger squares.
 _LEAST_WIDTH = 640
@@ -183,41 +187,35 @@ def paint_pictures(look: Overview, paint: int) -> list[MapPicture]:
     ground.
     """
     name = look.paints[paint]
-    found = [
-        MapPicture(
-            key=f"{_file(name)}_probability",
-            title=f"{name}: probability",
-            words="",
-            values=look.paint_probability[..., paint],
-            scale=Scale("magma_r", 0.0, 1.0),
-        ),
-    ]
+    first = MapPicture(
+        key=f"{_file(name)}_probability",
+        title=f"{name}: probability",
+        words="",
+        values=look.paint_probability[..., paint],
+        scale=Scale("magma_r", 0.0, 1.0),
+    )
     amount = look.paint_amount[..., paint] * 1e6
     share = look.paint_share[..., paint]
     with np.errstate(invalid="ignore"):
         unknown = np.sum(np.isnan(amount) & (share > 0)) > 0.5 * np.sum(share > 0)
     if unknown:
-        found.append(
-            MapPicture(
-                key=f"{_file(name)}_share",
-                title=f"{name}: share by mass",
-                words="",
-                values=share,
-                scale=Scale("magma_r", 0.0, 1.0),
-            )
+        second = MapPicture(
+            key=f"{_file(name)}_share",
+            title=f"{name}: share by mass",
+            words="",
+            values=share,
+            scale=Scale("magma_r", 0.0, 1.0),
         )
     else:
         top = _top(np.where(amount > 0, amount, np.nan), 98.0, 0.1)
-        found.append(
-            MapPicture(
-                key=f"{_file(name)}_amount",
-                title=f"{name}: amount",
-                words="",
-                values=amount,
-                scale=Scale("magma_r", 0.0, top, "µm"),
-            )
+        second = MapPicture(
+            key=f"{_file(name)}_amount",
+            title=f"{name}: amount",
+            words="",
+            values=amount,
+            scale=Scale("magma_r", 0.0, top, "µm"),
         )
-    return found
+    return [first, second]
 
 
 def found_paints(look: Overview, least: float = 0.0005) -> list[int]:
@@ -320,39 +318,29 @@ def write_pictures(
     plain += [] if false is None else [("false_colour", "False colour", false)]
     for name, title, image in plain:
         written.append(folder / f"{name}.png")
-        with _framed(written[-1], title, image):
+        with _frame(written[-1], title, image):
             pass
     written.append(folder / "sets.png")
     _write_legend(look, written[-1], own)
     for shown in numbers:
         written.append(folder / f"{shown.key}.png")
-        with _framed(written[-1], shown.title, colour_numbers(shown), 0.9) as figure:
+        with _frame(written[-1], shown.title, colour_numbers(shown), 0.9) as figure:
             _add_scale(figure, shown.scale)
     return written
 
 
-class _framed:
+@contextmanager
+def _frame(path: Path, title: str, image: RGB, room: float = 0.0) -> Iterator[Any]:
     """A figure with an image, at one pixel a dot as far as its width allows; written at the end."""
-
-    def __init__(self, path: Path, title: str, image: RGB, room: float = 0.0):
-        self.image, self.title = image, title
-        width = 8.0
-        self.height = width * image.shape[0] / image.shape[1]
-        self.drawn = picture(path, width + room, self.height + 0.4, layout=None)
-        self.width, self.room = width, room
-
-    def __enter__(self) -> Any:
-        figure = self.figure = self.drawn.__enter__()
-        whole = self.width + self.room
-        tall = self.height + 0.4
-        axes = figure.add_axes((0, 0, self.width / whole, self.height / tall))
-        axes.imshow(self.image, interpolation="antialiased", aspect="auto")
+    width = 8.0
+    height = width * image.shape[0] / image.shape[1]
+    tall = height + 0.4
+    with picture(path, width + room, tall, layout=None) as figure:
+        axes = figure.add_axes((0, 0, width / (width + room), height / tall))
+        axes.imshow(image, interpolation="antialiased", aspect="auto")
         axes.set_axis_off()
-        figure.text(0.008, 1 - 0.2 / tall, self.title, fontsize=10, color=INK, va="center")
-        return figure
-
-    def __exit__(self, *error: Any) -> None:
-        self.drawn.__exit__(*error)
+        figure.text(0.008, 1 - 0.2 / tall, title, fontsize=10, color=INK, va="center")
+        yield figure
 
 
 def _add_scale(figure: Any, scale: Scale) -> None:
@@ -370,7 +358,7 @@ def _add_scale(figure: Any, scale: Scale) -> None:
 def _write_legend(look: Overview, path: Path, own: Sequence[str]) -> None:
     from matplotlib.patches import Rectangle
 
-    with _framed(path, "Most probable set of paints", legend_map(look), 4.2) as figure:
+    with _frame(path, "Most probable set of paints", legend_map(look), 4.2) as figure:
         places = legend_places(look)
         width = figure.get_figwidth()
         tall = figure.get_figheight()

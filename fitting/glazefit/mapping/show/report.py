@@ -11,6 +11,7 @@ from glazejax.report import plain_table
 
 from ..store.chunk import Members, SetSum
 from ..store.layout import STATUS_WORDS, Status
+from .names import set_words
 
 if TYPE_CHECKING:
     import xarray
@@ -18,11 +19,6 @@ if TYPE_CHECKING:
 
 _NONE = "none of these"
 _LINES = 1 << 20
-
-
-def name_of_set(members: Members, paints: Sequence[str]) -> str:
-    """A set in words."""
-    return " + ".join(paints[number] for number in members) or _NONE
 
 
 def statuses(dataset: "xarray.Dataset") -> dict[Status, int]:
@@ -130,7 +126,7 @@ def _row(members: Members, one: SetSum, paints: Sequence[str], mapped: int) -> d
     fitted = one.fitted / one.pixels
     total, count = one.thickness
     return {
-        "paints": name_of_set(members, paints),
+        "paints": set_words(members, paints) or _NONE,
         "pixels": one.pixels,
         "share": one.pixels / mapped,
         "thickness_um": total / count * 1e6 if count else None,

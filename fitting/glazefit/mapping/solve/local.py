@@ -123,7 +123,7 @@ class Searched:
     local: Local
 
     @classmethod
-    def joined(cls, parts: Sequence["Searched"]) -> "Searched":
+    def join(cls, parts: Sequence["Searched"]) -> "Searched":
         """Further representatives, in order."""
         arrays = [part.arrays() for part in parts]
         return cls.from_parts(len(parts), lambda n, name: arrays[n][name])
@@ -170,7 +170,7 @@ def search_locally(
         ground: internal reflectance, (bands,); None where films hide it.
     """
     measured = as_measured(searcher, readings, noise_sd, ground)
-    return Searched.joined([_local_models(searcher, *found) for found in searcher.search(measured)])
+    return Searched.join([_local_models(searcher, *found) for found in searcher.search(measured)])
 
 
 def as_measured(

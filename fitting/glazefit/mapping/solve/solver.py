@@ -101,11 +101,11 @@ class PixelSolver:
     def solve(self, window: Window) -> ChunkMaps:
         """Maps of a window, from it alone."""
         with one_thread_each():
-            maps = self._solved(window)
+            maps = self._map(window)
         give_back()
         return maps
 
-    def _solved(self, window: Window) -> ChunkMaps:
+    def _map(self, window: Window) -> ChunkMaps:
         readings, status = self.image.read(window)
         good = np.flatnonzero(status == Status.MAPPED)
         seen = np.maximum(readings[good], 0.0)

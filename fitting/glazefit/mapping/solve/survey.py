@@ -103,16 +103,12 @@ class Survey:
     Attributes:
         features: by which spectra are compared.
         readings: (representatives, bands), means of the spectra that they stand for.
-        centres: their features.
         reach: how far from the nearest a spectrum of the sample lies at most.
-        sampled: pixels of the sample.
     """
 
     features: Features
     readings: Float[np.ndarray, "representatives bands"]
-    centres: Float[np.ndarray, "representatives directions"]
     reach: float
-    sampled: int
 
 
 def survey(sample: Float[np.ndarray, "spectra bands"], most: int, reach: float) -> Survey:
@@ -131,24 +127,16 @@ def survey(sample: Float[np.ndarray, "spectra bands"], most: int, reach: float) 
     centres = found[chosen]
     which, apart = nearest(found, centres)
     for _ in range(_ROUNDS):
-        count = np.bincount(which, minlength=len(centres))
-        there = count > 0
-        sums = np.stack(
-            [np.bincount(which, weights=column, minlength=len(centres)) for column in found.T],
-            axis=1,
-        )
-        centres = (sums[there] / count[there, None]).astype(np.float32)
+        centres = _group_means(found, which).astype(np.float32)
         which, apart = nearest(found, centres)
-    count = np.bincount(which, minlength=len(centres))
-    there = np.flatnonzero(count > 0)
-    sums = np.stack(
-        [np.bincount(which, weights=column, minlength=len(centres)) for column in sample.T], axis=1
-    )
-    readings = sums[there] / count[there, None]
-    return Survey(
-        features=features,
-        readings=readings,
-        centres=features(readings),
-        reach=float(apart.max()),
-        sampled=len(sample),
-    )
+    return Survey(features=features, readings=_group_means(sample, which), reach=float(apart.max()))
+
+
+def _group_means(
+    values: Float[np.ndarray, "spectra n"], which: Int[np.ndarray, "spectra"]
+) -> Float[np.ndarray, "groups n"]:
+    """Means of the spectra of each number that occurs."""
+    count = np.bincount(which)
+    there = count > 0
+    sums = np.stack([np.bincount(which, weights=column) for column in values.T], axis=1)
+    return sums[there] / count[there, None]

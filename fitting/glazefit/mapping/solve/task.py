@@ -197,16 +197,16 @@ def _identity(source: "CubeSource | xarray.DataArray", array: "xarray.DataArray"
     """What says that two images are the same."""
     from glazejax.io import CubeSource
 
-    told = {
+    identity = {
         "shape": list(array.shape),
         "wavelengths": _digest(np.asarray(array["wavelength"], float)),
     }
     if not isinstance(source, CubeSource):
         rows = np.linspace(0, array.shape[0] - 1, min(8, array.shape[0])).astype(int)
-        return told | {"some lines": _digest(*(array[int(y)].to_numpy() for y in rows))}
+        return identity | {"some lines": _digest(*(array[int(y)].to_numpy() for y in rows))}
     from glazejax.io.cubes.hashes import quick_source_hash
 
-    return told | {"source": asdict(source), "hash": quick_source_hash(source.path)}
+    return identity | {"source": asdict(source), "hash": quick_source_hash(source.path)}
 
 
 def _digest(*arrays: Any) -> str:

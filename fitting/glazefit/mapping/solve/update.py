@@ -85,12 +85,11 @@ class Updater:
     def __init__(self, known: Searched, number: int, candidates: slice, prior: Prior) -> None:
         local = known.local.take(candidates)
         paints = known.rest_paints.shape[1]
-        self.local, self.prior = local, prior
-        self.blur, self.rest, self.rest_paints = (
-            known.blur[number],
-            known.rest[number],
-            known.rest_paints[number],
-        )
+        self.local = local
+        self.prior = prior
+        self.blur = known.blur[number]
+        self.rest = known.rest[number]
+        self.rest_paints = known.rest_paints[number]
         self.reading = known.readings[number]
         self.order = _order(local)
         self.present = (
@@ -100,8 +99,8 @@ class Updater:
         # All that is linear in the readings, by one product.
         parts = [local.off_by, local.logs_by, local.seen_by, local.left_by]
         self.by = np.concatenate([part.reshape(-1, bands) for part in parts]).T.copy()
-        ends = np.cumsum([part.shape[0] * part.shape[1] for part in parts])[:-1]
-        self.ends, self.count = ends, count
+        self.ends = np.cumsum([part.shape[0] * part.shape[1] for part in parts])[:-1]
+        self.count = count
 
     def answers(self, readings: Float[np.ndarray, "spectra bands"]) -> Answers:
         """For spectra near the representative."""
@@ -193,7 +192,8 @@ def log_weight_gain(
         -0.5 * (now - before),
     )
     # How sharply the data hold the amounts changes with how well all is met.
-    share, shared = (np.where(heavy, whole / (safe + square), 1.0) for square in (now, before))
+    share = np.where(heavy, whole / (safe + now), 1.0)
+    shared = np.where(heavy, whole / (safe + before), 1.0)
     volume = np.log1p(share[..., None] * local.ratios) - np.log1p(shared[:, None] * local.ratios)
     prior = np.einsum("snm,nm->sn", logs, local.gradient)
     prior = prior + 0.5 * np.einsum("snm,nmp,snp->sn", logs, local.hessian, logs, optimize=True)

@@ -6,19 +6,29 @@ import errno
 import io
 import os
 import re
-from collections.abc import Mapping, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 from zipfile import BadZipFile
 
 import numpy as np
 
-FULL = (errno.ENOSPC, errno.EDQUOT)
-"""What the system says when a disk, or a user's share of it, is full."""
-
+# What the system says when a disk, or a user's share of it, is full.
+_FULL = (errno.ENOSPC, errno.EDQUOT)
 _KEY = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,150}")
 _PART = ".part"
+
+
+@contextmanager
+def explain_full_disk(path: Path, kept: Callable[[], str]) -> Iterator[None]:
+    """Turn a full disk into one sentence that says what is kept."""
+    try:
+        yield
+    except OSError as error:
+        if error.errno not in _FULL:
+            raise
+        raise OSError(error.errno, f"the disk is full; {kept()}", str(path)) from error
 
 
 def write_whole(path: Path, content: bytes) -> None:

@@ -36,9 +36,10 @@ class _Tool(WorkerPlugin):
     """
 
     def __init__(self, name: str, work: Callable[[Any], Any]):
+        self.name = name
         # In a packet of its own: JAX's arrays lose half of their digits where they arrive before
-        #     its precision is set.
-        self.name, self.packed = name, cloudpickle.dumps(work)
+        # its precision is set.
+        self.packed = cloudpickle.dumps(work)
         self.precision = (
             bool(sys.modules["jax"].config.jax_enable_x64) if "jax" in sys.modules else None
         )

@@ -11,7 +11,7 @@ import numpy as np
 
 from ...identify.conditions import CONDITIONS
 from .atomic_files import sync
-from .layout import PLACES, STATUS_WORDS, VARIABLES, Variable, Way
+from .layout import STATUS_WORDS, VARIABLES, Variable, Way
 
 KIND = "glazejax map"
 FORMAT = 2
@@ -58,19 +58,18 @@ def lay_out(
     import zarr
     from zarr.codecs import BloscCodec
 
-    about = {"kind": KIND, "format": FORMAT, "shape": list(shape), "chunk": list(chunk)}
+    identity = {"kind": KIND, "format": FORMAT, "shape": list(shape), "chunk": list(chunk)}
     whole = {
         "Conventions": "CF-1.11",
         **attrs,
-        "glazejax": about,
+        "glazejax": identity,
         "paints": list(paints),
         "options": options,
     }
     group = zarr.create_group(path, attributes=plain(whole))
-    sizes = {"paint": len(paints), "place": PLACES, "rgb": 3}
     packed = BloscCodec(cname="zstd", clevel=1, shuffle="shuffle")
     for variable in VARIABLES:
-        further = [sizes[dim] for dim in variable.further]
+        further = variable.further_sizes(len(paints))
         group.create_array(
             variable.name,
             shape=(*shape, *further),
@@ -84,9 +83,12 @@ def lay_out(
             attributes=_words(variable, paints),
         )
     for name, length in zip(("y", "x"), shape, strict=True):
-        values, told = coords.get(name, (np.arange(length) + 0.5, {"units": "pixel"}))
+        values, attributes = coords.get(name, (np.arange(length) + 0.5, {"units": "pixel"}))
         group.create_array(
-            name, data=np.asarray(values), dimension_names=[name], attributes=plain(dict(told))
+            name,
+            data=np.asarray(values),
+            dimension_names=[name],
+            attributes=plain(attributes),
         )
     names = group.create_array(
         "paint",
@@ -110,9 +112,9 @@ def lay_out(
 
 def _words(variable: Variable, paints: Sequence[str]) -> dict[str, Any]:
     """Attributes of an array, by the conventions CF; numbers that stand for words have a legend."""
-    told: dict[str, Any] = {"long_name": variable.words}
+    attributes: dict[str, Any] = {"long_name": variable.words}
     if variable.unit:
-        told["units"] = variable.unit
+        attributes["units"] = variable.unit
     legends: dict[str, dict[int, str]] = {
         "status": {int(flag): words for flag, words in STATUS_WORDS.items()},
         "way": {int(flag): flag.name.lower() for flag in Way},
@@ -122,6 +124,6 @@ def _words(variable: Variable, paints: Sequence[str]) -> dict[str, Any]:
         },
     }
     if legend := legends.get(variable.name):
-        told["flag_values"] = list(legend)
-        told["flag_meanings"] = " ".join("_".join(words.split()) for words in legend.values())
-    return told
+        attributes["flag_values"] = list(legend)
+        attributes["flag_meanings"] = " ".join("_".join(words.split()) for words in legend.values())
+    return attributes

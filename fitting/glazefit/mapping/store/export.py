@@ -14,7 +14,7 @@ from glazejax.extras import require
 from glazejax.io.outputs import check_output, whole_file
 from glazejax.progress import Progress, no_progress
 
-from .atomic_files import FULL
+from .atomic_files import explain_full_disk
 from .layout import BY_NAME, VARIABLES, Status
 from .store import MapStore, open_map
 from .windows import Window
@@ -268,12 +268,8 @@ def _whole(path: Path) -> Iterator[Path]:
     """A name to write under; what was written takes its own once it is whole, and is taken away if
     it fails.
     """
-    try:
-        with whole_file(path) as part:
-            yield part
-    except OSError as error:
-        if error.errno not in FULL:
-            raise
-        raise OSError(
-            error.errno, "the disk is full; the map itself is kept, without this file", str(path)
-        ) from error
+    with (
+        explain_full_disk(path, lambda: "the map itself is kept, without this file"),
+        whole_file(path) as part,
+    ):
+        yield part

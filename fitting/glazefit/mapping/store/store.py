@@ -8,7 +8,7 @@ run that goes on does the window again. Sums over a window's sets lie in the fol
 
 import json
 import shutil
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -17,10 +17,10 @@ import numpy as np
 
 from glazejax.extras import require
 
-from .atomic_files import FULL, KeyedResults, sync
+from .atomic_files import KeyedResults, explain_full_disk, sync
 from .chunk import ChunkMaps, Members, SetSum, add_sets, add_tallies, pack, unpack
 from .create import FORMAT, KIND, WORK, lay_out, plain
-from .layout import BY_NAME, PLACES, VARIABLES, Status, Variable
+from .layout import BY_NAME, VARIABLES, Status, Variable
 from .windows import Window, windows
 
 if TYPE_CHECKING:
@@ -49,14 +49,14 @@ class MapStore:
                 f"{self.path} is no map of glazejax; name the folder that `glazejax map` wrote "
                 "with --out"
             )
-        told = attrs["glazejax"]
-        if told["format"] != FORMAT:
+        identity = attrs["glazejax"]
+        if identity["format"] != FORMAT:
             raise ValueError(
-                f"{self.path} is a map of format {told['format']}, written by another glazejax; "
-                f"this one reads format {FORMAT}: make the map again (--overwrite)"
+                f"{self.path} is a map of format {identity['format']}, written by another "
+                f"glazejax; this one reads format {FORMAT}: make the map again (--overwrite)"
             )
-        self.shape: tuple[int, int] = (told["shape"][0], told["shape"][1])
-        self.chunk: tuple[int, int] = (told["chunk"][0], told["chunk"][1])
+        self.shape: tuple[int, int] = (identity["shape"][0], identity["shape"][1])
+        self.chunk: tuple[int, int] = (identity["chunk"][0], identity["chunk"][1])
         self.paints: tuple[str, ...] = tuple(attrs["paints"])
         self.options: dict[str, Any] = attrs["options"]
         self._group: zarr.Group | None = None
@@ -101,16 +101,17 @@ class MapStore:
         check_map(path, overwrite=overwrite)
         if path.exists() and any(path.iterdir()) and not overwrite:
             there = cls(path)
-            if told := _differences(there.options, wanted):
+            if differences := _differences(there.options, wanted):
                 raise ValueError(
-                    f"{path} was begun with other options ({told}); name another map, or replace "
-                    "it with overwrite=True (--overwrite)"
+                    f"{path} was begun with other options ({differences}); name another map, or "
+                    "replace it with overwrite=True (--overwrite)"
                 )
             return there
-        new, old = (path.with_name(f".{path.name}.{word}") for word in ("new", "old"))
+        new = path.with_name(f".{path.name}.new")
+        old = path.with_name(f".{path.name}.old")
         for left in (new, old):
             shutil.rmtree(left, ignore_errors=True)
-        with _room(path, lambda: "nothing of the map was begun"):
+        with explain_full_disk(path, lambda: "nothing of the map was begun"):
             try:
                 lay_out(new, shape, chunk, paints, wanted, attrs or {}, coords or {})
                 if path.exists():
@@ -159,19 +160,18 @@ class MapStore:
                 f"{window!r} is no window of {self.path}, whose windows are {self.chunk[0]} x "
                 f"{self.chunk[1]}"
             )
-        sizes = {"paint": len(self.paints), "place": PLACES, "rgb": 3}
         for name, array in maps.arrays.items():
             variable = BY_NAME.get(name)
             if variable is None:
                 raise ValueError(f"a map has no array {name!r}; it has {', '.join(BY_NAME)}")
-            expected = (*window.shape, *(sizes[dim] for dim in variable.further))
+            expected = (*window.shape, *variable.further_sizes(len(self.paints)))
             if array.shape != expected:
                 raise ValueError(
                     f"{name} of window {window} has shape {array.shape}; it must be {expected}"
                 )
         if (maps.arrays.get("status", np.uint8(Status.UNDONE)) == Status.UNDONE).any():
             raise ValueError(f"some pixels of window {window} have no status")
-        with _room(
+        with explain_full_disk(
             self.path,
             lambda: (
                 f"{len(self.done())} of {len(self.windows())} windows are finished and kept: "
@@ -205,7 +205,7 @@ class MapStore:
 
     def note(self, **attrs: Any) -> None:
         """Add attributes to the map, such as what a check of it found."""
-        with _room(self.path, lambda: "all finished windows are kept"):
+        with explain_full_disk(self.path, lambda: "all finished windows are kept"):
             self._writable().update_attributes(plain(attrs))
 
     @contextmanager
@@ -327,8 +327,8 @@ def _differences(there: Mapping[str, Any], wanted: Mapping[str, Any], limit: int
     names = [
         name for name in dict.fromkeys([*there, *wanted]) if there.get(name) != wanted.get(name)
     ]
-    told = [_difference(name, there.get(name), wanted.get(name)) for name in names[:limit]]
-    return "; ".join([*told, *([f"{len(names) - limit} more"] if len(names) > limit else [])])
+    words = [_difference(name, there.get(name), wanted.get(name)) for name in names[:limit]]
+    return "; ".join([*words, *([f"{len(names) - limit} more"] if len(names) > limit else [])])
 
 
 def _difference(name: str, there: Any, wanted: Any) -> str:
@@ -361,17 +361,6 @@ def _size(value: Any) -> str:
 def _short(value: Any) -> str:
     text = "nothing" if value is None else value if isinstance(value, str) else json.dumps(value)
     return text if len(text) <= 60 else f"{text[:57]}..."
-
-
-@contextmanager
-def _room(path: Path, kept: Callable[[], str]) -> Iterator[None]:
-    """Turn a full disk into one sentence that says what is kept."""
-    try:
-        yield
-    except OSError as error:
-        if error.errno not in FULL:
-            raise
-        raise OSError(error.errno, f"the disk is full; {kept()}", str(path)) from error
 
 
 def _lock(number: int) -> bool:

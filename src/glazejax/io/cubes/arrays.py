@@ -91,11 +91,13 @@ def _place(envi: EnviFile) -> dict[str, Any]:
         down = np.arange(envi.sizes["lines"])
         across = np.arange(envi.sizes["samples"])
         if info and not turned:
-            found["x"], found["y"] = east + (across + 1.5 - x0) * dx, north - (down + 1.5 - y0) * dy
+            found["x"] = east + (across + 1.5 - x0) * dx
+            found["y"] = north - (down + 1.5 - y0) * dy
         # lines and samples of a turned image have no coordinates of the map; they count from the
         # image's corner
         else:
-            found["x"], found["y"] = (across + 0.5) * dx, (down + 0.5) * dy
+            found["x"] = (across + 0.5) * dx
+            found["y"] = (down + 0.5) * dy
     return found
 
 

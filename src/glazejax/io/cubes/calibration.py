@@ -1,10 +1,18 @@
-"""Raw readings to reflectance, by a white and a dark reference."""
+"""Raw readings to reflectance, by white and dark references: opened, held against the cube,
+averaged where they are frames of a line camera.
+"""
 
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from jaxtyping import Float, Int
 
+from ...spectra import resample, same_grid
+from ..sample import read_sample
+from ..source import refusal
+from .numbers import column
+from .opening import raw_cube
 from .raw import RawCube
 
 
@@ -58,3 +66,111 @@ class Calibration:
         with np.errstate(invalid="ignore", divide="ignore"):
             gain = np.where(white > 0, self.own[bands] / white, np.nan)
             return values * gain.astype(values.dtype)
+
+
+def calibration(
+    cube: RawCube,
+    wavelengths: Float[np.ndarray, "stored"],
+    white: Path,
+    dark: Path | None,
+    own: float | Path,
+    notes: list[str],
+) -> Calibration:
+    """Calibration of a cube.
+
+    Args:
+        cube: what is to be calibrated.
+        wavelengths: of its stored bands, nm, in the file's order.
+        white: reading of the white.
+        dark: reading of no light, or None for 0.
+        own: the white's own reflectance.
+        notes: what was noticed is added.
+
+    Raises:
+        FileNotFoundError: no such file.
+        ValueError: a reference has another size or other wavelengths than the cube, or the white's
+            own reflectance is not positive or does not reach over the cube's wavelengths.
+    """
+    return Calibration(
+        _reference(cube, wavelengths, white, "white", notes),
+        None if dark is None else _reference(cube, wavelengths, dark, "dark", notes),
+        _own(wavelengths, own),
+    )
+
+
+def _own(
+    wavelengths: Float[np.ndarray, "stored"], own: float | Path
+) -> Float[np.ndarray, "stored"]:
+    """The white's own reflectance at each stored band."""
+    if not isinstance(own, Path):
+        if not (np.isfinite(own) and 0 < own <= 2):
+            raise ValueError(
+                f"the white's own reflectance is {own:g}; it must lie above 0 and be a fraction"
+            )
+        return np.full(wavelengths.size, float(own))
+    table = read_sample(str(own), argument="white_reflectance")
+    grid, back = np.unique(wavelengths, return_inverse=True)
+    try:
+        values = np.asarray(resample(table.wavelengths, table.reflectance[0], grid))
+    except ValueError as error:
+        raise refusal(own, f"the white's own reflectance: {error}") from None
+    return values[back]
+
+
+def _reference(
+    cube: RawCube, wavelengths: Float[np.ndarray, "stored"], path: Path, what: str, notes: list[str]
+) -> Reference:
+    """A white or dark: one spectrum, a frame averaged over its lines, or a reading for
+    each pixel.
+    """
+    lines, samples, count = cube.shape
+    if (spectrum := _spectrum(path)) is not None:
+        if spectrum.size != count:
+            raise refusal(
+                path,
+                f"the {what} reference has {spectrum.size} readings; the cube has {count} bands",
+            )
+        return Reference(spectrum.reshape(1, 1, -1))
+    frame = raw_cube(path, count=count)
+    height, width, stored = frame.shape
+    if stored != count:
+        raise refusal(path, f"the {what} reference has {stored} bands; the cube has {count}")
+    if frame.wavelengths is not None and not same_grid(frame.wavelengths, wavelengths):
+        raise refusal(path, f"the {what} reference has other wavelengths than the cube")
+    if (height, width) == (lines, samples) and lines > 1:
+        return Reference(frame)
+    if width not in (1, samples):
+        raise refusal(
+            path,
+            f"the {what} reference is {height} lines x {width} samples; the cube is {lines} x "
+            f"{samples}: give a frame of the same width, one of the same size, or one spectrum",
+        )
+    if height > 1:
+        notes.append(f"the {what} reference is the mean of its {height} lines")
+    return Reference(_average_lines(frame))
+
+
+def _spectrum(path: Path) -> Float[np.ndarray, "stored"] | None:
+    """Readings of a text file or of a .npy file of one axis; None if the file is an image."""
+    if path.suffix.lower() in (".txt", ".csv", ".dat") and not path.with_suffix(".hdr").exists():
+        return column(path)
+    if path.suffix.lower() == ".npy" and np.load(path, mmap_mode="r", allow_pickle=False).ndim == 1:
+        return column(path)
+    return None
+
+
+def _average_lines(frame: RawCube) -> Float[np.ndarray, "1 samples stored"]:
+    """Mean over the lines; saturated and missing readings are left out."""
+    lines, samples, count = frame.shape
+    total = np.zeros((samples, count))
+    seen = np.zeros((samples, count), np.int64)
+    step = max(frame.piece[0], 64)
+    for start in range(0, lines, step):
+        values = frame.values(
+            slice(start, min(lines, start + step)), slice(0, samples), np.arange(count), mark=True
+        )
+        there = np.isfinite(values)
+        total += np.where(there, values, 0.0).sum(axis=0, dtype=np.float64)
+        seen += there.sum(axis=0)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return (total / seen)[None]

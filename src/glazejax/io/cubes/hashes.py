@@ -26,20 +26,22 @@ def quick_source_hash(path: str | Path) -> str:
         OSError: the system cannot read it.
     """
     path = Path(path)
-    told = hashlib.sha256()
+    digest = hashlib.sha256()
     with explain_errors(path):
         if path.is_dir():
             files = sorted(file for file in path.rglob("*") if file.is_file())
             for file in files:
-                told.update(f"{file.relative_to(path).as_posix()} {file.stat().st_size}\n".encode())
+                digest.update(
+                    f"{file.relative_to(path).as_posix()} {file.stat().st_size}\n".encode()
+                )
             named = [file for file in files if file.suffix == ".json" or file.name.startswith(".z")]
             data = [file for file in files if file not in set(named)]
             files = [*named, *data[:1], *data[1:][-1:]]
         else:
             files = _together(path)
         for file in files:
-            _add(told, file)
-    return told.hexdigest()
+            _add(digest, file)
+    return digest.hexdigest()
 
 
 def _together(path: Path) -> list[Path]:
@@ -53,14 +55,14 @@ def _together(path: Path) -> list[Path]:
     return [path]
 
 
-def _add(told: "hashlib._Hash", path: Path) -> None:
+def _add(digest: "hashlib._Hash", path: Path) -> None:
     """Size and ends of a file."""
     size = path.stat().st_size
-    told.update(f"{size}\n".encode())
+    digest.update(f"{size}\n".encode())
     with path.open("rb") as file:
         if size <= _SMALL:
-            told.update(file.read())
+            digest.update(file.read())
         else:
-            told.update(file.read(_END))
+            digest.update(file.read(_END))
             file.seek(size - _END)
-            told.update(file.read(_END))
+            digest.update(file.read(_END))

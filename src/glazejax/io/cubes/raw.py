@@ -38,8 +38,8 @@ def whole(path: Path) -> Iterator[None]:
             path, "what is asked for does not fit into this machine's memory; is the file whole?"
         ) from None
     except Exception as error:
-        told = isinstance(error, ValueError | OSError) and show_path(path) in str(error)
-        if told or (isinstance(error, OSError) and error.strerror is not None):
+        names_path = isinstance(error, ValueError | OSError) and show_path(path) in str(error)
+        if names_path or (isinstance(error, OSError) and error.strerror is not None):
             raise
         raise refusal(path, f"cannot be read; is the file whole? {error}") from error
 

@@ -13,11 +13,11 @@ from ...extras import require
 from ...spectra import describe_grid, validate_wavelengths
 from ..finish import in_order, unit_of
 from ..source import refusal
+from .calibration import calibration
 from .numbers import read_numbers
 from .opening import raw_cube
 from .probe import bright
 from .raw import RawCube
-from .references import calibration
 
 if TYPE_CHECKING:
     import xarray
@@ -124,14 +124,14 @@ class CubeSource:
                 raw.path, "no pixel that was looked at has data: give the scale, 1 for fractions"
             )
         try:
-            scale, unit, told = unit_of(
+            scale, unit, remarks = unit_of(
                 0.0 if level is None else level / (declared or 1.0),
                 declared,
                 "give the scale (scale=10000, --scale 10000), or a white reference",
             )
         except ValueError as error:
             raise refusal(raw.path, error) from None
-        notes.extend(told)
+        notes.extend(remarks)
         return scale, unit
 
 
@@ -222,14 +222,12 @@ def _grid(
 ) -> tuple[Float[np.ndarray, "bands"], Int[np.ndarray, "bands n"]]:
     """Wavelengths that are given, ascending, and the stored bands that each is the mean of."""
     grid, bands = in_order(stored, np.arange(stored.size) if raw.good is None else raw.good, notes)
-    fresh = np.concatenate([[True], np.diff(grid) > 0])
-    if not fresh.all():
-        again = ", ".join(f"{value:g}" for value in np.unique(grid[~fresh])[:3])
-        notes.append(
-            f"{int((~fresh).sum())} bands repeat a wavelength ({again} nm) and are left out"
-        )
-        grid = grid[fresh]
-        bands = bands[fresh]
+    new = np.concatenate([[True], np.diff(grid) > 0])
+    if not new.all():
+        again = ", ".join(f"{value:g}" for value in np.unique(grid[~new])[:3])
+        notes.append(f"{int((~new).sum())} bands repeat a wavelength ({again} nm) and are left out")
+        grid = grid[new]
+        bands = bands[new]
     try:
         validate_wavelengths(grid)
     except ValueError as error:

@@ -61,11 +61,11 @@ def tiff_cube(path: Path, count: int | None) -> RawCube:
             pages = [page for page in file.pages]
             sizes = {(page.shape, page.dtype) for page in pages}
             if len(sizes) > 1 or len(pages[0].shape) != 2 or len(pages) < 2:
-                told = list_names([f"{shape} {dtype}" for shape, dtype in sorted(sizes, key=str)])
+                found = list_names([f"{shape} {dtype}" for shape, dtype in sorted(sizes, key=str)])
                 raise refusal(
                     path,
                     f"not an image of several bands of one size and type: {len(pages)} pages of "
-                    f"{told}",
+                    f"{found}",
                 )
             order = (1, 2, 0)
             shape = (*pages[0].shape, len(pages))
