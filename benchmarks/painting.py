@@ -288,7 +288,7 @@ def _truth(
 def _at_image_bands(scene, paints) -> float:
     """Seconds of a full search at every second band, in the second of two runs."""
     from glazefit import Noise
-    from glazefit.identify.searcher import Searcher
+    from glazefit.identify.search.searcher import Searcher
 
     grid = scene.wavelengths[::2]
     readings = np.maximum(sampled(scene, 16)[0][:, ::2], 0.0)

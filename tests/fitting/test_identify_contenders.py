@@ -14,12 +14,12 @@ from scipy.optimize import minimize
 from glazefit.film.errors import ModelError, Prior
 from glazefit.film.films import Instrument, Noise
 from glazefit.film.response import film_response
-from glazefit.identify.bands import expected_bands
-from glazefit.identify.contenders import LEAST_SHARE, Contenders, _screen, find_contenders
-from glazefit.identify.reporting import Filing
 from glazefit.identify.result import NOBODY, Identification
-from glazefit.identify.screen import Paints
-from glazefit.identify.task import check_spectra
+from glazefit.identify.search.screen import Paints
+from glazefit.identify.search.task import check_spectra
+from glazefit.identify.show.bands import expected_bands
+from glazefit.identify.show.contenders import LEAST_SHARE, Contenders, _screen, find_contenders
+from glazefit.identify.show.reporting import Filing
 from glazejax import Glaze, Hemispherical, Layer, Mixture, colour, reflectance
 from tests.fitting.palette import GRID, palette
 from tests.fitting.test_identify_page import ABOUT

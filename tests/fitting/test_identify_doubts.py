@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from glazefit import Noise
-from glazefit.identify.conditions import CONDITIONS
-from glazefit.identify.doubts import doubts, may_hold, rests_on
 from glazefit.identify.result import NOBODY, STRENGTH, Identification
-from glazefit.identify.task import check_spectra
+from glazefit.identify.search.conditions import CONDITIONS
+from glazefit.identify.search.task import check_spectra
+from glazefit.identify.show.doubts import doubts, may_hold, rests_on
 
 GRID = np.arange(400.0, 701.0, 10.0)
 PAINTS = ("ZincWhite", "LeadWhite", "CobaltBlue", "BariumSulphate")

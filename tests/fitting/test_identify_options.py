@@ -23,7 +23,7 @@ from glazejax import Hemispherical, Pigment, catalogue
 from glazejax.radiative.common.fresnel import dielectric_reflectance
 
 MODULE = importlib.import_module("glazefit.identify.identify")
-SEARCHER = importlib.import_module("glazefit.identify.searcher")
+SEARCHER = importlib.import_module("glazefit.identify.search.searcher")
 GRID = np.arange(400.0, 701.0, 50.0)
 GROUNDS = np.array([[0.03], [0.9]]) * np.ones((2, GRID.size))
 

@@ -13,16 +13,17 @@ from html.parser import HTMLParser
 import numpy as np
 import pytest
 
-from glazefit.identify.contenders import Contenders
-from glazefit.identify.page import DRAWN, page, write_page
-from glazefit.identify.page_figures import draw_spectra
-from glazefit.identify.record import About, input_files, make_record, table_rows
 from glazefit.identify.result import NOBODY, STRENGTH, Identification
-from glazefit.identify.ruled_out import ruled_out
-from glazefit.identify.task import Measured
+from glazefit.identify.search.task import Measured
+from glazefit.identify.show.contenders import Contenders
+from glazefit.identify.show.figures import draw_spectra
+from glazefit.identify.show.page import DRAWN, page, write_page
+from glazefit.identify.show.record import About, make_record, table_rows
+from glazefit.identify.show.ruled_out import ruled_out
+from glazefit.page.inputs import input_files
 
 # `glazefit.identify` is the function too, so that the name alone does not lead there.
-MODULE = importlib.import_module("glazefit.identify.page_spot")
+MODULE = importlib.import_module("glazefit.identify.show.spot")
 GRID = np.arange(400.0, 701.0, 20.0)
 PAINTS = ("Red", "White", "Blue", "Chalk", "Black")
 EVIL = '<script>alert("1")</script> & co'

@@ -20,7 +20,7 @@ from glazefit.film.errors import (
 from glazefit.film.noise import noise_of_each
 from glazefit.film.response import film_response
 from glazefit.film.varnish import under_varnish, yellow
-from glazefit.identify.searcher import hardly_seen
+from glazefit.identify.search.searcher import hardly_seen
 from glazejax import Bidirectional, Hemispherical, Pigment, catalogue
 from glazejax.paint.pigment_table import read_pigments
 

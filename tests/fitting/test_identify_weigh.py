@@ -9,8 +9,8 @@ import pytest
 
 from glazefit.film.errors import Prior
 from glazefit.identify.result import NOBODY, Candidate, Pool
-from glazefit.identify.task import Measured
-from glazefit.identify.weigh import odds_of, weigh
+from glazefit.identify.search.task import Measured
+from glazefit.identify.search.weigh import odds_of, weigh
 
 GRID = np.arange(1000.0, 1701.0, 50.0)
 """No colour is seen here: a root mean square of .01 counts as a Delta E00 of 1."""

@@ -16,7 +16,7 @@ from glazefit import (
     Variation,
     reading_over,
 )
-from glazefit.identify.task import Measured
+from glazefit.identify.search.task import Measured
 from glazefit.recover.crossvalidation import LeftOut
 from glazejax.appearance import Mesh
 

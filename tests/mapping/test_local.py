@@ -8,8 +8,8 @@ import pytest
 
 from glazefit import ModelError, Noise
 from glazefit.film.colour_metric import reading_metric
-from glazefit.identify.searcher import Searcher
-from glazefit.identify.weigh import weigh
+from glazefit.identify.search.searcher import Searcher
+from glazefit.identify.search.weigh import weigh
 from glazefit.mapping.solve.atlas import Atlas
 from glazefit.mapping.solve.local import Searched, as_measured, check_errors, search_locally
 from glazefit.mapping.solve.survey import Features

@@ -6,7 +6,7 @@ import xarray
 
 import glazefit
 from glazefit import Noise
-from glazefit.identify.weigh import weigh
+from glazefit.identify.search.weigh import weigh
 from glazefit.mapping.map_cube import map_cube
 from glazefit.mapping.solve.local import as_measured
 from glazefit.mapping.solve.spots import spot_pigment

@@ -19,8 +19,8 @@ if TYPE_CHECKING:
     from glazejax import Pigment
 
     from ..film.films import Instrument
-    from .record import About
     from .result import Identification
+    from .show.record import About
 
 _GEOMETRY = "d:8"
 # Candidates kept for a report, which says of every paint how near it comes.
@@ -129,7 +129,7 @@ def identify(
 
     from ..film.errors import BETWEEN_FILMS, Prior
     from ..film.films import Instrument, Noise
-    from .record import input_files
+    from ..page.inputs import input_files
 
     console = Console(highlight=False)
     paints = options.choose_paints(options.read_shelf(pigments, catalogue), only, without)
@@ -161,7 +161,7 @@ def identify(
     )
     filing = None
     if report is not None:
-        from .reporting import Filing
+        from .show.reporting import Filing
 
         filing = Filing(
             paints,
@@ -206,7 +206,7 @@ def _report_files(report: Path | None) -> dict[str, Path | None]:
         return {}
     from glazejax.extras import require
 
-    from .page import beside
+    from .show.page import beside
 
     table, data = beside(report)
     require("matplotlib")
@@ -317,7 +317,7 @@ def _about(
 
     from glazejax import catalogue
 
-    from .record import About
+    from .show.record import About
 
     name = typed["catalogue"]
     own = typed["pigments"]
@@ -360,8 +360,8 @@ def _report(
     out: Path | None,
     overwrite: bool,
 ) -> None:
-    from .plots import plot_identification
-    from .report import (
+    from .show.plots import plot_identification
+    from .show.terminal import (
         print_identification,
         write_candidates,
         write_residuals,

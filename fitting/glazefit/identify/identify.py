@@ -1,9 +1,9 @@
 """Which paints are in a film: from its spectrum, over one ground or several, and a catalogue.
 
 Sets of one, two and three paints compete, and with them the hypothesis that none of the catalogue's
-paints explain the film; `glazefit.identify.screen` says which sets are looked at,
+paints explain the film; `glazefit.identify.search.screen` says which sets are looked at,
 `glazefit.film.errors` what counts as an error, and
-`glazefit.identify.fit` how a set's probability follows. Sets that are not looked at count as
+`glazefit.identify.search.fit` how a set's probability follows. Sets that are not looked at count as
 impossible; the search keeps far more than ever come near the best.
 """
 
@@ -21,8 +21,8 @@ from ..film.films import Films, Instrument, Noise, cards
 from ..film.mixing import Pigments
 from ..film.response import film_response
 from .result import Identification
-from .searcher import Searcher
-from .weigh import weigh
+from .search.searcher import Searcher
+from .search.weigh import weigh
 
 
 def identify_chunks(
@@ -105,7 +105,7 @@ def identify(
         names: of the spectra.
         keep: candidates kept for each spectrum.
         thorough: fit every pair, and give every set errors of its own: some four times as long for
-            the same first answer in most cases (`glazefit.identify.effort`).
+            the same first answer in most cases (`glazefit.identify.search.effort`).
 
     Returns:
         `Identification`; ``ranked(row)`` lists the explanations of a spectrum, ``none[row]`` is the

@@ -11,8 +11,8 @@ from scipy.special import expit
 from glazejax.catalogue import family
 
 from ..film.variation import MIXED, PRIOR, SIZES
-from .conditions import CONDITIONS
-from .task import Measured
+from .search.conditions import CONDITIONS
+from .search.task import Measured
 
 # Spectra that are named where a result is printed.
 _SHOWN = 3

@@ -12,7 +12,7 @@ import numpy as np
 from glazejax.commands.typed import option
 from glazejax.io import quick_source_hash
 
-from ..identify.record import input_files
+from ..page.inputs import input_files
 from .show.page import Provenance
 
 if TYPE_CHECKING:

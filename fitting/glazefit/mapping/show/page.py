@@ -14,6 +14,7 @@ import numpy as np
 
 from glazejax.io.write import write_files
 
+from ...page.frame import END, facts_html, page_start
 from ..store.chunk import Members, SetSum
 from ..store.layout import STATUS_WORDS, Status, Way
 from .overview import Overview, overview
@@ -38,10 +39,6 @@ from .pictures import (
 if TYPE_CHECKING:
     import xarray as xr
 
-_POLICY = (
-    "default-src 'none'; img-src data:; style-src 'unsafe-inline'; base-uri 'none'; form-action "
-    "'none'"
-)
 _WAYS = {
     Way.NONE: "not told",
     Way.UPDATED: "from the representative next to it, in closed form",
@@ -150,18 +147,9 @@ def page(
     false: tuple[RGB, str] | None,
 ) -> Iterator[str]:
     """The page, piece by piece."""
-    css = "".join(
-        files(room).joinpath("page.css").read_text(encoding="utf-8")
-        for room in ("glazefit.identify", "glazefit.mapping.show")
-    )
+    style = files("glazefit.mapping.show").joinpath("page.css").read_text(encoding="utf-8")
     title = f"Map of paints: {provenance.title}"
-    yield (
-        '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
-        f'<meta http-equiv="Content-Security-Policy" content="{_POLICY}">\n'
-        '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
-        f"<title>{escape(title)}</title>\n<style>\n{css}</style>\n</head>\n<body>\n"
-        f"<header>\n<h1>{escape(title)}</h1>\n{_head(look, provenance)}</header>\n<main>\n"
-    )
+    yield page_start(title, _head(look, provenance), style=style, images="data:")
     yield _summary(look)
     yield '<div class="maps">\n' + _figure(
         look, enlarge(look.colour), "True colour", "sRGB for daylight D65."
@@ -198,7 +186,7 @@ def page(
         )
     yield _unknown(provenance)
     yield _how_made(look, tallies, provenance)
-    yield "</main>\n</body>\n</html>\n"
+    yield END
 
 
 def _head(look: Overview, provenance: Provenance) -> str:
@@ -217,7 +205,7 @@ def _head(look: Overview, provenance: Provenance) -> str:
     }
     if provenance.notes:
         facts["Noticed"] = " ".join(provenance.notes)
-    return f"<dl>{_pairs(facts)}</dl>\n"
+    return facts_html(facts)
 
 
 def _summary(look: Overview) -> str:
@@ -348,10 +336,10 @@ def _how_made(look: Overview, tallies: Mapping[str, float], provenance: Provenan
     if provenance.platform:
         facts["Computer"] = provenance.platform
     facts["Catalogue"] = f"{len(look.paints)} paints: {', '.join(look.paints)}"
-    out += f"<dl>{_pairs(facts)}</dl>\n"
+    out += facts_html(facts)
     if look.ways:
         ways = {_WAYS[way].capitalize(): f"{count:,} pixels" for way, count in look.ways.items()}
-        out += f"<h4>How pixels were answered</h4>\n<dl>{_pairs(ways)}</dl>\n"
+        out += "<h4>How pixels were answered</h4>\n" + facts_html(ways)
     for title, named in (
         ("Shortcuts, and what each may cost", provenance.shortcuts),
         ("Checked against the full search", provenance.agreement),
@@ -362,7 +350,7 @@ def _how_made(look: Overview, tallies: Mapping[str, float], provenance: Provenan
         ),
     ):
         if named:
-            out += f"<h4>{title}</h4>\n<dl>{_pairs(named)}</dl>\n"
+            out += f"<h4>{title}</h4>\n{facts_html(named)}"
     if provenance.inputs:
         rows = "".join(
             f"<tr><td>{escape(role)}</td><td><code>{escape(name)}</code></td><td><code>{escape(digest)}</code></td></tr>\n"
@@ -374,11 +362,3 @@ def _how_made(look: Overview, tallies: Mapping[str, float], provenance: Provenan
             f"<th>{escape(provenance.hashed)}</th></tr></thead>\n<tbody>\n{rows}</tbody></table></div>\n"
         )
     return out
-
-
-def _pairs(facts: Mapping[str, str]) -> str:
-    return "".join(
-        f"<dt>{escape(name)}</dt><dd>{escape(str(value))}</dd>"
-        for name, value in facts.items()
-        if value
-    )

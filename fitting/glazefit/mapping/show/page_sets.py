@@ -6,7 +6,7 @@ from html import escape
 import numpy as np
 from jaxtyping import Float
 
-from ...identify.page_words import chance_html, words_html
+from ...page.words import chance_html, words_html
 from ..store.chunk import Members, SetSum
 from .overview import Overview
 from .pictures import LEGEND, OTHERS, found_paints, own_colours

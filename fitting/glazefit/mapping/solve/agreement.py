@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ...identify.result import NOBODY, Identification, log_sds
-from ...identify.weigh import weigh
+from ...identify.search.weigh import weigh
 from .atlas import Atlas
 from .local import as_measured
 from .task import MapTask

@@ -5,7 +5,7 @@ A search in full costs some milliseconds. Spectra that differ little from one th
 the same candidates; what changes is how well each meets the spectrum. With a film's readings linear
 in its log amounts, and its errors as they were, a candidate's most probable amounts move linearly
 with the spectrum and its evidence follows in closed form: Laplace's approximation about a point
-that moves (`glazefit.identify.fit`).
+that moves (`glazefit.identify.search.fit`).
 """
 
 from collections.abc import Callable, Sequence
@@ -18,7 +18,8 @@ from jaxtyping import Float, Int
 
 from ...film.colour_metric import reading_metric
 from ...film.errors import Discrepancy
-from ...identify.coefficient_errors import (
+from ...identify.result import NOBODY, Pool
+from ...identify.search.coefficient_errors import (
     Films,
     Groups,
     coefficient_errors,
@@ -28,14 +29,13 @@ from ...identify.coefficient_errors import (
     near_errors,
     slopes_at,
 )
-from ...identify.fit import by_blocks, prior_terms
-from ...identify.result import NOBODY, Pool
-from ...identify.search import NuisanceMode
-from ...identify.searcher import Searcher
-from ...identify.task import IdentificationTask, Measured
-from ...identify.two_coats import stack_slopes
-from ...identify.unstated_conditions import FilmsUnderCondition, films_under
-from ...identify.weigh import Odds
+from ...identify.search.fit import by_blocks, prior_terms
+from ...identify.search.search import NuisanceMode
+from ...identify.search.searcher import Searcher
+from ...identify.search.task import IdentificationTask, Measured
+from ...identify.search.two_coats import stack_slopes
+from ...identify.search.unstated_conditions import FilmsUnderCondition, films_under
+from ...identify.search.weigh import Odds
 
 # Candidates of a representative that are kept: those with this share of the best explanations, and
 # so many at most.
@@ -264,7 +264,7 @@ def _density_slopes(
     seen: FilmsUnderCondition, brighter: FilmsUnderCondition
 ) -> Float[np.ndarray, "spectra bands"]:
     """Slopes of what changes of variables add to a log density; see
-    `glazefit.identify.unstated_conditions`.
+    `glazefit.identify.search.unstated_conditions`.
     """
     with np.errstate(invalid="ignore", divide="ignore"):
         slope = (np.log(brighter.slope) - np.log(seen.slope))[:, 0] / _STEP

@@ -9,7 +9,7 @@ from jaxtyping import Bool, Float
 
 from ...film.films import Noise
 from ...identify.result import NOBODY
-from ...identify.searcher import Searcher
+from ...identify.search.searcher import Searcher
 from ..store.chunk import ChunkMaps, SetSum
 from ..store.layout import BY_NAME, STATUS_WORDS, Status, Way
 from ..store.windows import Window

@@ -16,7 +16,7 @@ from glazejax.spectra import describe_grid
 from ...film.errors import BETWEEN_FILMS, Discrepancy, Prior
 from ...film.films import Noise
 from ...film.mixing import Pigments, listed_pigments
-from ...identify.searcher import Searcher
+from ...identify.search.searcher import Searcher
 from .local import check_errors
 from .solver import Image
 from .spots import spot_pigment

@@ -7,7 +7,7 @@ from jaxtyping import Bool, Float, Int
 
 from ...film.errors import Prior
 from ...identify.result import NOBODY, Pool, log_sds
-from ...identify.weigh import Misfit, Smaller, odds_alike, smaller_sets
+from ...identify.search.weigh import Misfit, Smaller, odds_alike, smaller_sets
 from .local import Local, Searched
 
 # Log amounts are not moved farther: a paint that does next to nothing would go anywhere.
@@ -172,7 +172,7 @@ def log_weight_gain(
     local: Local, off: Float[np.ndarray, "spectra n bands"], logs: Float[np.ndarray, "spectra n 3"]
 ) -> Float[np.ndarray, "spectra n"]:
     """What the log weights of candidates are more than at their representative; see
-    `glazefit.identify.fit`.
+    `glazefit.identify.search.fit`.
 
     Args:
         local: the candidates.

@@ -10,8 +10,9 @@ from rich.table import Table
 from glazejax.io import write_table
 from glazejax.report import plain_table
 
+from ...page.words import chance
+from ..result import Identification
 from .doubts import doubts
-from .result import Identification
 
 COLUMNS = (
     "spectrum",
@@ -86,11 +87,6 @@ def micrometres(metres: float) -> str:
     """Micrometres, without a power of ten."""
     value = metres * 1e6
     return f"{value:.0f}" if value >= 9.5 else f"{value:.1f}" if value >= 0.95 else f"{value:.2f}"
-
-
-def chance(probability: float) -> str:
-    """A probability in words."""
-    return f"{probability:.1%}" if probability >= 0.001 else "< 0.1%"
 
 
 def rows(found: Identification, top: int) -> Iterator[list[object]]:

@@ -6,8 +6,8 @@ import numpy as np
 
 from glazejax.catalogue import family
 
-from ..film.errors import BETWEEN_FILMS
-from .result import Candidate, Identification, percent
+from ...film.errors import BETWEEN_FILMS
+from ..result import Candidate, Identification, percent
 
 _TENTH = 10
 # Probability beside the first's below which another film is not looked at, and by how much it must

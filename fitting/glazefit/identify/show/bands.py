@@ -15,7 +15,7 @@ from scipy.stats import norm, t
 
 from glazejax import Pigment
 
-from ..film.errors import (
+from ...film.errors import (
     Discrepancy,
     Prior,
     error_modes,
@@ -23,15 +23,15 @@ from ..film.errors import (
     paints_covariance,
     relative_errors,
 )
-from ..film.films import Instrument
-from ..film.optics import Optics
-from ..film.response import film_response
-from .fit import slopes_of
-from .result import NOBODY, Identification
-from .screen import paints_of
-from .search import padded_size
-from .task import check_pigments, hiding
-from .two_coats import stack_slopes
+from ...film.films import Instrument
+from ...film.optics import Optics
+from ...film.response import film_response
+from ..result import NOBODY, Identification
+from ..search.fit import slopes_of
+from ..search.screen import paints_of
+from ..search.search import padded_size
+from ..search.task import check_pigments, hiding
+from ..search.two_coats import stack_slopes
 
 # Weight of what is expected of a log amount.
 _LOOSE = 0.1

@@ -11,11 +11,11 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float, Int
 
-from ..film.response import FilmResponse
-from ..film.varnish import under_varnish, without_varnish, yellow
+from ...film.response import FilmResponse
+from ...film.varnish import under_varnish, without_varnish, yellow
+from ..result import Pool
 from .coefficient_errors import independent
 from .conditions import CONDITIONS, NOT_OPAQUE, OTHER_GROUNDS, VARNISHES
-from .result import Pool
 from .search import first_starts, search
 from .task import IdentificationTask, Measured
 from .weigh import Odds, odds_of

@@ -4,22 +4,20 @@ identification.
 
 import json
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from html import escape
-from importlib.resources import files
 from pathlib import Path
 
 from glazejax.io.write import table_bytes, write_files
 
-from ..film.errors import REJECTED, UNSEEN
-from .page_spot import Record, spot_html, swatches
-from .page_words import chance_html, length_html, number_html, words_html
+from ...film.errors import REJECTED, UNSEEN
+from ...page.frame import END, facts_html, page_start, table_html
+from ...page.words import chance_html, words_html
 from .record import COLUMNS, table_rows
+from .spot import Record, length_html, number_html, spot_html, swatches
 
 DRAWN = 60
 """Spots whose spectra are drawn; those of all are in the JSON."""
-
-_POLICY = "default-src 'none'; style-src 'unsafe-inline'; base-uri 'none'; form-action 'none'"
 
 
 def beside(path: Path) -> tuple[Path, Path]:
@@ -60,15 +58,7 @@ def write_page(record: Record, path: Path, *, overwrite: bool = False) -> tuple[
 
 def page(record: Record, table: str, data: str) -> Iterator[str]:
     """The page, piece by piece; `table` and `data` are names of the files beside it."""
-    css = files("glazefit.identify").joinpath("page.css").read_text(encoding="utf-8")
-    title = f"Paint identification: {record['title']}"
-    yield (
-        '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
-        f'<meta http-equiv="Content-Security-Policy" content="{_POLICY}">\n'
-        '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
-        f"<title>{escape(title)}</title>\n<style>\n{css}</style>\n</head>\n<body>\n"
-    )
-    yield f"<header>\n<h1>{escape(title)}</h1>\n{_head(record)}</header>\n<main>\n"
+    yield page_start(f"Paint identification: {record['title']}", _head(record))
     yield _summary(record)
     yield "<h2>Spots</h2>\n"
     if len(record["spots"]) > DRAWN:
@@ -90,7 +80,7 @@ def page(record: Record, table: str, data: str) -> Iterator[str]:
             yield spot_html(record, spot, drawn=False)
     yield _method(record)
     yield _table_section(record, table, data)
-    yield "</main>\n</body>\n</html>\n"
+    yield END
 
 
 def _head(record: Record) -> str:
@@ -121,7 +111,7 @@ def _head(record: Record) -> str:
     }
     if measured["notes"]:
         facts["Noticed"] = "; ".join(measured["notes"])
-    out = f"<dl>{_pairs(facts)}</dl>\n"
+    out = facts_html(facts)
     if record["not_done"]:
         left = record["not_done"]
         some = ", ".join(left[:12]) + (f" and {len(left) - 12} more" if len(left) > 12 else "")
@@ -133,12 +123,6 @@ def _head(record: Record) -> str:
     return out
 
 
-def _pairs(facts: Mapping[str, str]) -> str:
-    return "".join(
-        f"<dt>{escape(name)}</dt><dd>{escape(value)}</dd>" for name, value in facts.items()
-    )
-
-
 def _summary(record: Record) -> str:
     rows = "".join(_summary_row(record, spot) for spot in record["spots"])
     thick = "" if record["measurement"]["opaque"] else '<th class="n wide">Thickness, µm</th>'
@@ -148,11 +132,12 @@ def _summary(record: Record) -> str:
         "‘None’: that no paints of the catalogue explain the spot. ΔE00: colour difference "
         "between measured and fitted "
         f"film; below {UNSEEN:g} nobody sees it.</p>\n"
-        '<div class="scroll"><table id="summary">\n'
-        '<thead><tr><th>Spot</th><th class="wide">Colour</th><th>Most probable paints</th>'
-        f'<th class="n">Probability</th><th class="n">None</th>{coats}{thick}<th '
-        'class="n">ΔE00</th></tr></thead>\n'
-        f"<tbody>\n{rows}</tbody></table></div>\n"
+    ) + table_html(
+        '<th>Spot</th><th class="wide">Colour</th><th>Most probable paints</th>'
+        f'<th class="n">Probability</th><th class="n">None</th>{coats}{thick}<th class="n">ΔE00'
+        "</th>",
+        rows,
+        ' id="summary"',
     )
 
 
@@ -229,7 +214,7 @@ def _method(record: Record) -> str:
     }
     return (
         f"<h2>Method</h2>\n<ul>\n{items}</ul>\n<h4>Errors and "
-        f"expectations</h4>\n<dl>{_pairs(settings)}</dl>\n"
+        f"expectations</h4>\n{facts_html(settings)}"
     )
 
 
@@ -258,7 +243,5 @@ def _table_section(record: Record, table: str, data: str) -> str:
         f"<dt>Beside this page</dt><dd>{escape(table)}: explanations, a line for each paint. "
         f"{escape(data)}: all of "
         "this, with spectra and every option.</dd></dl>\n"
-        '<p class="faint">Files that were read, by their SHA-256.</p>\n<div '
-        'class="scroll"><table>\n'
-        f"<thead><tr><th>As</th><th>File</th><th>SHA-256</th></tr></thead>\n<tbody>\n{inputs}</tbody></table></div>\n"
-    )
+        '<p class="faint">Files that were read, by their SHA-256.</p>\n'
+    ) + table_html("<th>As</th><th>File</th><th>SHA-256</th>", inputs)

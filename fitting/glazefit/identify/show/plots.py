@@ -6,7 +6,7 @@ import numpy as np
 
 from glazejax.plots import ABSORPTION, SCATTERING, label_spectra, picture
 
-from .result import Candidate, Identification
+from ..result import Candidate, Identification
 
 _COLOURS = (ABSORPTION, SCATTERING, "#41732b")
 _PICTURED = 6

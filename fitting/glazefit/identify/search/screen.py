@@ -3,7 +3,7 @@ start each.
 
 A candidate is a set of one to three paints; its unknowns are the amounts a_i = thickness times
 fraction, in units of a usual thickness, so that k d = sum a_i k_i. Sets of one and two paints are
-all tried on a grid of amounts (`glazefit.identify.table`). Sets of three grow from the best pairs,
+all tried on a grid of amounts (`glazefit.identify.search.table`). Sets of three grow from the best pairs,
 so that the cost stays in proportion to the number of paints.
 """
 
@@ -18,7 +18,7 @@ from jaxtyping import Array, Float, Int
 
 from glazejax import Pigment
 
-from ..film.response import FilmResponse
+from ...film.response import FilmResponse
 
 # Fractions of the first paint of a pair: strong paints show at a thousandth, weak ones drown at
 # nine tenths.

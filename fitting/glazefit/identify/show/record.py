@@ -2,13 +2,11 @@
 the JSON alike.
 """
 
-import hashlib
 import platform
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import datetime
 from importlib.metadata import version
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -18,15 +16,13 @@ from glazejax.colour import srgb
 from glazejax.plots import hex_colour
 from glazejax.spectra import describe_grid
 
+from ..result import Candidate, Identification
 from .contenders import LEAST_SHARE, Contenders
 from .doubts import doubtful, doubts
-from .result import Candidate, Identification
 from .ruled_out import IMPROBABLE, ruled_out
 
 SCHEMA = {"name": "glazejax identify report", "version": 1}
 _PACKAGES = ("glazejax", "jax", "jaxlib", "numpy", "scipy", "colour-science")
-_ENVI = ("", ".hdr", ".sli", ".img", ".dat", ".raw", ".bsq", ".bil", ".bip")
-_PIECE = 1 << 20
 # Digits of spectra in the JSON.
 _DIGITS = 6
 
@@ -66,42 +62,6 @@ class About:
     settings: Mapping[str, Any]
     asked: Sequence[str]
     created: datetime = field(default_factory=lambda: datetime.now().astimezone())
-
-
-def input_files(files: Mapping[str, Path | None]) -> list[dict[str, Any]]:
-    """Name, size and SHA-256 of files, and of the second half of an ENVI pair; a pipe can be read
-    once and has none.
-
-    Args:
-        files: what each was given as -> path; None where there is none.
-    """
-    out = []
-    for role, path in files.items():
-        for each in [] if path is None else _with_its_pair(path):
-            size, checksum = _checksum(each)
-            out.append({"role": role, "name": str(each), "bytes": size, "sha256": checksum})
-    return out
-
-
-def _with_its_pair(path: Path) -> list[Path]:
-    if path.suffix.lower() not in _ENVI[1:]:
-        return [path]
-    beside = (path.with_suffix(end) for word in _ENVI for end in {word, word.upper()})
-    others = [other for other in beside if other != path and other.is_file()]
-    pair = path.suffix.lower() == ".hdr" or any(other.suffix.lower() == ".hdr" for other in others)
-    return [path, *sorted(others)] if pair else [path]
-
-
-def _checksum(path: Path) -> tuple[int | None, str | None]:
-    if not path.is_file():
-        return None, None
-    total = hashlib.sha256()
-    size = 0
-    with path.open("rb") as file:
-        while piece := file.read(_PIECE):
-            total.update(piece)
-            size += len(piece)
-    return size, total.hexdigest()
 
 
 def make_record(

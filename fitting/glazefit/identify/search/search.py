@@ -10,7 +10,8 @@ from jaxtyping import Bool, Float, Int
 
 from glazejax.radiative.common.threads import in_threads
 
-from ..film.errors import Whitening, model_covariance, whiten
+from ...film.errors import Whitening, model_covariance, whiten
+from ..result import NOBODY, Pool
 from .coefficient_errors import (
     Groups,
     coefficient_errors,
@@ -21,7 +22,6 @@ from .coefficient_errors import (
     weights_of,
 )
 from .fit import LEAST, MOST, Fitted, Weights, fit_sets, programs_ahead
-from .result import NOBODY, Pool
 from .screen import grow, score, sets_of, unique_best
 from .table import ALIKE, TableOfSize
 from .task import TYPICAL_READING, IdentificationTask, Measured

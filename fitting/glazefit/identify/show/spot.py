@@ -1,14 +1,17 @@
 """One spot of a page: verdict, spectra, amounts, and what was ruled out."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from html import escape
 from typing import Any
 
 import numpy as np
 
-from ..film.errors import REJECTED
-from .page_figures import FITS, draw_residuals, draw_spectra
-from .page_words import chance_html, length_html, number_html, share_html, words_html
+from ...film.errors import REJECTED
+from ...page.frame import table_html
+from ...page.words import chance_html, words_html
+from ..result import percent
+from .figures import FITS, draw_residuals, draw_spectra
+from .terminal import micrometres
 
 _KINDS = {
     "misfit": f"Ruled out: a person sees that no film with it fits (ΔE00 above {REJECTED:g})",
@@ -16,6 +19,11 @@ _KINDS = {
     "worse": "Improbable: others fit better",
     "unneeded": "Improbable, though it fits as well: nothing calls for it",
 }
+# Lengths in um beyond which an interval says no more: far below a grain of pigment, and the
+# thickest film there is.
+_LEAST_UM = 0.001
+_MOST_UM = 1e4
+
 Record = Mapping[str, Any]
 
 
@@ -145,10 +153,7 @@ def _explanations(record: Record, spot: Record) -> str:
         "intervals, if the film is of "
         "these paints. Share: by mass, of all paint in the film."
         f"{'' if opaque else ' Amount: thickness times share.'}</p>\n"
-        '<div class="scroll"><table class="amounts">\n'
-        f'<thead><tr><th>Paint</th><th class="n">Share</th>{amount}</tr></thead>\n'
-        f"<tbody>\n{body}</tbody></table></div>\n"
-    )
+    ) + table_html(f'<th>Paint</th><th class="n">Share</th>{amount}', body, ' class="amounts"')
 
 
 def _ruled_out(spot: Record) -> str:
@@ -171,10 +176,11 @@ def _ruled_out(spot: Record) -> str:
         "probability "
         "below 1\u202f%, judged by the nearest film with at least 1\u202f% of each: a smaller "
         "trace can hide in any "
-        'film.</p>\n<div class="scroll"><table>\n<thead><tr><th>Why</th><th class="wide">Nearest '
-        "film with it</th>"
-        '<th class="n">ΔE00</th><th class="n wide">RMSE</th>'
-        f"</tr></thead>\n<tbody>\n{body}</tbody></table></div>\n"
+        "film.</p>\n"
+    ) + table_html(
+        '<th>Why</th><th class="wide">Nearest film with it</th><th class="n">ΔE00</th>'
+        '<th class="n wide">RMSE</th>',
+        body,
     )
 
 
@@ -187,3 +193,35 @@ def swatches(spot: Record, what: str) -> str:
         f'<span class="swatch" style="background:{shade}"></span>' for shade in shades
     )
     return f'<span role="img" aria-label="{what} colour, {", ".join(shades)}">{patches}</span>'
+
+
+def share_html(fraction: float, ends: Sequence[float]) -> str:
+    """A fraction and its interval."""
+    if fraction == 1:
+        return words_html("100 %")
+    return f"{words_html(percent(fraction))} {_range([escape(percent(end)[:-2]) for end in ends])}"
+
+
+def number_html(value: float | None, digits: int) -> str:
+    """A number, or a dash where there is none."""
+    return "–" if value is None else f"{value:.{digits}f}"
+
+
+def length_html(value: float | None, ends: Sequence[float] | None = None) -> str:
+    """Micrometres, and their interval."""
+    if value is None:
+        return "–"
+    words = _micrometres(value)
+    return words if ends is None else f"{words} {_range([_micrometres(end) for end in ends])}"
+
+
+def _micrometres(value: float) -> str:
+    if value < _LEAST_UM or value > _MOST_UM:
+        return f"&lt; {_LEAST_UM:g}" if value < _LEAST_UM else f"&gt; {_MOST_UM:g}"
+    if value >= 0.095:
+        return micrometres(value * 1e-6)
+    return np.format_float_positional(value, precision=1, fractional=False, trim="-")
+
+
+def _range(ends: Sequence[str]) -> str:
+    return "" if ends[0] == ends[1] else f'<span class="range">({ends[0]}–{ends[1]})</span>'

@@ -17,9 +17,9 @@ import numpy as np
 from jax.scipy.special import gammaln
 from jaxtyping import Array, Bool, Float, Int
 
-from ..film.ahead import Program
-from ..film.least_squares import damped_newton, inverse_small
-from ..film.response import FilmResponse
+from ...film.ahead import Program
+from ...film.least_squares import damped_newton, inverse_small
+from ...film.response import FilmResponse
 from .screen import Paints
 
 # Amounts between which a paint is sought, in units of the usual thickness; below the first it is

@@ -9,14 +9,14 @@ import numpy as np
 
 from glazejax import Pigment
 
-from ..film.errors import Discrepancy, Prior
-from ..film.films import Instrument
+from ...film.errors import Discrepancy, Prior
+from ...film.films import Instrument
+from ..result import Identification
 from .bands import expected_bands
 from .contenders import Contenders, find_contenders
+from .figures import FITS
 from .page import write_page
-from .page_figures import FITS
 from .record import About, make_record
-from .result import Identification
 
 
 class Filing:
@@ -53,7 +53,7 @@ class Filing:
         self, found: Identification, about: About, path: Path, top: int, *, overwrite: bool = False
     ) -> tuple[Path, Path]:
         """Write the page of the parts that were passed on; see
-        `glazefit.identify.page.write_page`.
+        `glazefit.identify.show.page.write_page`.
         """
         # An interrupt may have come after a part was looked at and before it was taken.
         contenders = Contenders.join([part for part, _ in self._parts]).take(len(found))

@@ -4,9 +4,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..film.errors import REJECTED, UNSEEN
+from ...film.errors import REJECTED, UNSEEN
+from ..result import NOBODY, Candidate, Identification, percent
 from .contenders import LEAST_SHARE, Contenders
-from .result import NOBODY, Candidate, Identification, percent
 
 IMPROBABLE = 0.01
 """Probability below which a paint counts as ruled out."""

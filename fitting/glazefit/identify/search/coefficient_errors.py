@@ -13,15 +13,15 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from ..film.errors import (
+from ...film.errors import (
     Whitening,
     model_covariance,
     noise_covariance,
     paints_covariance,
     whiten,
 )
+from ..result import NOBODY, Pool
 from .fit import Fitted, Weights, block_size, by_blocks, fit_films, slopes_of
-from .result import NOBODY, Pool
 from .task import IdentificationTask, Measured
 
 # What counts as near when amounts are shown: near black, and for each unit of reflectance.

@@ -13,7 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from ..film.optics import Optics
+from ...film.optics import Optics
 from .fit import Fitted, Weights, fit_one
 from .screen import Paints
 

@@ -17,7 +17,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float, Int
 
-from ..film.response import FilmResponse
+from ...film.response import FilmResponse
 from .screen import Paints, amounts_grid, film_readings, sets_of
 
 COMPONENTS = 20

@@ -18,15 +18,15 @@ from jaxtyping import Array, Bool, Float, Int
 
 from glazejax import Pigment
 
-from ..film.errors import Discrepancy, Prior, noise_covariance, whitening
-from ..film.films import Instrument
-from ..film.least_squares import damped_newton
-from ..film.response import FilmResponse, film_response
-from .coefficient_errors import near_sd
-from .result import NOBODY, Identification
-from .screen import Paints, paints_of
-from .search import padded_size
-from .task import Measured, check_pigments, hiding
+from ...film.errors import Discrepancy, Prior, noise_covariance, whitening
+from ...film.films import Instrument
+from ...film.least_squares import damped_newton
+from ...film.response import FilmResponse, film_response
+from ..result import NOBODY, Identification
+from ..search.coefficient_errors import near_sd
+from ..search.screen import Paints, paints_of
+from ..search.search import padded_size
+from ..search.task import Measured, check_pigments, hiding
 
 LEAST_SHARE = 0.01
 """Of a paint by mass, in the films that are asked for."""

@@ -12,13 +12,13 @@ from glazejax import Pigment
 from glazejax.geometry import Geometry, resolve_instrument
 from glazejax.spectra import validate_wavelengths
 
-from ..film.errors import BETWEEN_FILMS, Discrepancy, Prior, error_modes, relative_errors
-from ..film.films import Instrument, Noise
-from ..film.mixing import Pigments
-from ..film.optics import Optics
-from ..film.response import film_response
+from ...film.errors import BETWEEN_FILMS, Discrepancy, Prior, error_modes, relative_errors
+from ...film.films import Instrument, Noise
+from ...film.mixing import Pigments
+from ...film.optics import Optics
+from ...film.response import film_response
+from ..result import Pool
 from .effort import THOROUGH, USUAL
-from .result import Pool
 from .screen import paints_of
 from .search import CHUNK, compile_ahead, first_starts, pieces, search
 from .table import FilmTables

@@ -7,8 +7,8 @@ import numpy as np
 from jaxtyping import Bool, Float
 from scipy.special import logsumexp
 
-from ..film.errors import REJECTED, UNSEEN, Prior, log_odds_of_none
-from .result import NOBODY, Identification, Pool
+from ...film.errors import REJECTED, UNSEEN, Prior, log_odds_of_none
+from ..result import NOBODY, Identification, Pool
 from .task import Measured
 
 # Candidates whose colour is compared with the film's.

@@ -13,12 +13,12 @@ from glazejax import Pigment
 from glazejax.paint.media import MAX_THICKNESS
 from glazejax.spectra import validate_wavelengths
 
-from ..film.errors import Discrepancy, Prior, model_covariance, noise_covariance, whitening
-from ..film.films import Noise
-from ..film.mixing import Pigments, listed_pigments
-from ..film.noise import noise_of_each
-from ..film.optics import Optics
-from ..film.response import FilmResponse
+from ...film.errors import Discrepancy, Prior, model_covariance, noise_covariance, whitening
+from ...film.films import Noise
+from ...film.mixing import Pigments, listed_pigments
+from ...film.noise import noise_of_each
+from ...film.optics import Optics
+from ...film.response import FilmResponse
 from .effort import Effort
 from .screen import Paints, sets_of
 from .table import FilmTable, FilmTables

@@ -1,0 +1,1 @@
+"""The search: from spectra to candidates and their odds; screen, fit, refine, weigh."""

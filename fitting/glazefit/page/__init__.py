@@ -1,0 +1,1 @@
+"""What the HTML reports of an identification and of a map share: style, frame, words."""

@@ -1,0 +1,45 @@
+"""The files that a report was made from."""
+
+import hashlib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+_ENVI = ("", ".hdr", ".sli", ".img", ".dat", ".raw", ".bsq", ".bil", ".bip")
+_PIECE = 1 << 20
+
+
+def input_files(files: Mapping[str, Path | None]) -> list[dict[str, Any]]:
+    """Name, size and SHA-256 of files, and of the second half of an ENVI pair; a pipe can be read
+    once and has none.
+
+    Args:
+        files: what each was given as -> path; None where there is none.
+    """
+    out = []
+    for role, path in files.items():
+        for each in [] if path is None else _with_its_pair(path):
+            size, checksum = _checksum(each)
+            out.append({"role": role, "name": str(each), "bytes": size, "sha256": checksum})
+    return out
+
+
+def _with_its_pair(path: Path) -> list[Path]:
+    if path.suffix.lower() not in _ENVI[1:]:
+        return [path]
+    beside = (path.with_suffix(end) for word in _ENVI for end in {word, word.upper()})
+    others = [other for other in beside if other != path and other.is_file()]
+    pair = path.suffix.lower() == ".hdr" or any(other.suffix.lower() == ".hdr" for other in others)
+    return [path, *sorted(others)] if pair else [path]
+
+
+def _checksum(path: Path) -> tuple[int | None, str | None]:
+    if not path.is_file():
+        return None, None
+    total = hashlib.sha256()
+    size = 0
+    with path.open("rb") as file:
+        while piece := file.read(_PIECE):
+            total.update(piece)
+            size += len(piece)
+    return size, total.hexdigest()
