@@ -97,7 +97,7 @@ def speed(results: Results, count: int = 1000, compared: int = 400, triples: int
             for _ in range(2):
                 began = time.perf_counter()
                 found[thorough] = identify(
-                    spectra[:number], grid, paints, grounds=grounds, max_paints=2, thorough=thorough
+                    grid, spectra[:number], paints, ground=grounds, max_paints=2, thorough=thorough
                 )
                 rate[thorough] = number / (time.perf_counter() - began)
         usual, full = found[False], found[True]
@@ -116,9 +116,9 @@ def speed(results: Results, count: int = 1000, compared: int = 400, triples: int
         ]
         results(f"  both paints right: {np.mean(right):.1%} (fractions down to 0)")
     spectra, grounds, _ = simulated(paints, triples, 2, False)
-    identify(spectra, grid, paints, grounds=grounds, max_paints=3)
+    identify(grid, spectra, paints, ground=grounds, max_paints=3)
     began = time.perf_counter()
-    identify(spectra, grid, paints, grounds=grounds, max_paints=3)
+    identify(grid, spectra, paints, ground=grounds, max_paints=3)
     results(
         f"Sets of three too, noise only, {triples} spectra: "
         f"{triples / (time.perf_counter() - began):.0f} a second"
@@ -127,13 +127,13 @@ def speed(results: Results, count: int = 1000, compared: int = 400, triples: int
 
 STAGES = {
     "table of films (once)": ("table", "film_table"),
-    "spectra beside the table": ("search", "first_starts"),
-    "sets ranked": ("search", "_fit"),
-    "best sets again with own errors": ("own_errors", "refined"),
-    "  errors of groups": ("own_errors", "own_errors"),
-    "  fits with these, and as shown": ("own_errors", "_fitted"),
-    "  errors allowed": ("own_errors", "allowed"),
-    "other conditions, all of the above": ("untold", "search_unstated_conditions"),
+    "spectra beside the table": ("screen", "first_starts"),
+    "sets ranked": ("fit", "rank"),
+    "best sets again with own errors": ("refine", "refine"),
+    "  errors of groups": ("refine", "coefficient_errors"),
+    "  fits with these, and as shown": ("refine", "_fit"),
+    "  errors allowed": ("refine", "move_readings"),
+    "other conditions, all of the above": ("searcher", "_search_unstated_conditions"),
     "  probabilities": ("weigh", "odds_of"),
 }
 
@@ -141,10 +141,9 @@ STAGES = {
 def profile(results: Results, count: int = 256) -> None:
     """Processor time of each stage, on one core, noise only."""
     modules = {
-        name: importlib.import_module(f"glazefit.identify.{name}")
+        name: importlib.import_module(f"glazefit.identify.search.{name}")
         for name in {m for m, _ in STAGES.values()}
     }
-    modules["identify"] = importlib.import_module("glazefit.identify.identify")
     spent = dict.fromkeys(STAGES, 0.0)
 
     def timed(words: str, work: Callable) -> Callable:
@@ -171,10 +170,10 @@ def profile(results: Results, count: int = 256) -> None:
             for module in modules.values():
                 if getattr(module, name, None) is work:
                     stack.enter_context(mock.patch.object(module, name, instead))
-        identify(spectra, paints[0].wavelengths, paints, grounds=grounds, max_paints=2)
+        identify(paints[0].wavelengths, spectra, paints, ground=grounds, max_paints=2)
         spent.update(dict.fromkeys(STAGES, 0.0))
         began = time.process_time()
-        identify(spectra, paints[0].wavelengths, paints, grounds=grounds, max_paints=2)
+        identify(paints[0].wavelengths, spectra, paints, ground=grounds, max_paints=2)
         whole = time.process_time() - began
     results(
         f"WHERE THE TIME GOES: {count} spectra, noise only, one core; ms of processor time for "

@@ -10,7 +10,7 @@ from benchmarks.measured import measured_data
 from benchmarks.results import Results
 from benchmarks.shades import ShadeLibrary
 from glazefit import Noise, identify
-from glazejax import Bidirectional, catalogue
+from glazejax import catalogue
 from glazejax.io import read_spectra
 
 # What the catalogue has of the same pigment; the others have no counterpart in it.
@@ -96,11 +96,11 @@ def _opaque(grid: np.ndarray, spectra: np.ndarray):
     paints = list(catalogue.load().values())
     noise = Noise(0.003, 0.01)  # other instruments
     return identify(
-        spectra,
         grid,
+        spectra,
         paints,
-        grounds=None,
-        geometry=Bidirectional(45, 0),
+        opaque=True,
+        instrument="45:0",
         noise=noise,
         max_paints=2,
     )

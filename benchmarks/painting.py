@@ -287,12 +287,12 @@ def _truth(
 
 def _at_image_bands(scene, paints) -> float:
     """Seconds of a full search at every second band, in the second of two runs."""
-    from glazefit import Noise
+    from glazefit import IdentificationOptions, Noise
     from glazefit.identify.search.searcher import Searcher
 
     grid = scene.wavelengths[::2]
     readings = np.maximum(sampled(scene, 16)[0][:, ::2], 0.0)
-    searcher = Searcher.of(grid, paints, opaque=False, noise=Noise(0.003, 0.0))
+    searcher = Searcher.of(grid, paints, IdentificationOptions(noise=Noise(0.003, 0.0)))
     measured = searcher.check(readings, scene.ground[::2])
     list(searcher.search(measured))
     start = time.perf_counter()

@@ -314,7 +314,12 @@ def conditions(results: Results, films: Films, left: list[Case]) -> None:
         for case in mixed:
             ground = grounds[case.row] if isinstance(grounds, np.ndarray) else grounds
             found = identify(
-                spectra[case.row][None], grid, case.pigments, grounds=ground, geometry=geometry
+                grid,
+                spectra[case.row][None],
+                case.pigments,
+                ground=ground,
+                opaque=ground is None,
+                instrument=geometry,
             )
             answers.append(answer(case, found))
         three = np.mean([frozenset(a.truth) in a.ranked[:3] for a in answers])

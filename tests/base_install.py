@@ -135,7 +135,7 @@ def check_identification() -> None:
         spectra.append(glazejax.reflectance(glaze, instrument))
     under = grounds[:, None] * np.ones(wavelengths.size)
     found = glazefit.identify(
-        np.array(spectra)[None], wavelengths, paints, grounds=under, max_paints=2
+        wavelengths, np.array(spectra)[None], paints, ground=under, max_paints=2
     )
     best = found.ranked(0)[0]
     assert set(best.paints) == {"ZincWhite", "PrussianBlue"}, best

@@ -12,6 +12,7 @@ import importlib
 import inspect
 import json
 from collections.abc import Callable
+from dataclasses import is_dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -254,7 +255,7 @@ TABLE: dict[str, dict[str, Reaches | Looked]] = {
         ),
         "--samples": Reaches("--samples two", lambda g: tuple(g["names"]), ("two",)),
         "--max-paints": Reaches("--max-paints 1", lambda g: g["max_paints"], 1),
-        "--layers": Reaches("--layers 2", lambda g: g["layers"], 2),
+        "--layers": Reaches("--layers 2", lambda g: g["max_coats"], 2),
         "--thorough": Reaches("--thorough", lambda g: g["thorough"], True),
         **INSTRUMENT,
         "--model-error": Reaches("--model-error 0.02", lambda g: g["discrepancy"].amplitude, 0.02),
@@ -607,7 +608,10 @@ def _reach(monkeypatch: pytest.MonkeyPatch) -> Callable[[str, str], Reached | No
             given.apply_defaults()
             # What is handed on as one class of options counts as named.
             whole = dict(given.arguments)
-            raise Reached(name, whole | whole.pop("sampling", {}) | whole.pop("options", {}))
+            for group in ("sampling", "options"):
+                chosen = whole.pop(group, {})
+                whole |= vars(chosen) if is_dataclass(chosen) else chosen
+            raise Reached(name, whole)
 
         return record
 
@@ -658,7 +662,7 @@ def test_the_computation_gets_what_the_option_says(
 @pytest.mark.parametrize(
     ("command", "function", "names"),
     [
-        ("identify", glazefit.identify, {"max_paints", "layers", "thorough"}),
+        ("identify", glazefit.identify, {"max_paints", "max_coats", "thorough"}),
         ("map", glazefit.map_cube, {"max_paints", "max_coats", "memory", "overwrite", "noise"}),
         (
             "posterior",

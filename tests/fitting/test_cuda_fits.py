@@ -28,9 +28,9 @@ def films(count: int):
 def test_identification(monkeypatch):
     spectra = np.clip(np.linspace(0.2, 0.6, GRID.size) * np.array([[1.0], [1.2]]), 0, 1)[None]
     grounds = np.array([[0.05], [0.85]]) * np.ones((2, GRID.size))
-    identify(spectra, GRID, palette()[:3], grounds=grounds, max_paints=1)
+    identify(GRID, spectra, palette()[:3], ground=grounds, max_paints=1)
     programs = watched(monkeypatch)
-    identify(spectra, GRID, palette()[:3], grounds=grounds, max_paints=2)
+    identify(GRID, spectra, palette()[:3], ground=grounds, max_paints=2)
     assert any("identify" in name for name in programs.seen)
     assert programs.trouble == {}
 

@@ -94,7 +94,7 @@ def blind(paints):
     thickness = UNIT * np.exp(0.4 * rng.standard_normal(len(recipes)))
     spectra = films_of(paints, recipes, thickness, seed=6, model_error=1.0)
     found = identify(
-        np.concatenate([spectra, extremes(paints)]), GRID, paints, grounds=GROUNDS, keep=300
+        GRID, np.concatenate([spectra, extremes(paints)]), paints, ground=GROUNDS, keep=300
     )
     return recipes, thickness, found
 
@@ -151,7 +151,7 @@ def test_what_the_usual_search_saves_changes_little(paints, blind):
     """Beside a search that fits every pair and gives every set errors of its own."""
     found = blind[-1]
     measured = found.measured.take(np.arange(BLIND))
-    full = identify(measured.readings, GRID, paints, grounds=GROUNDS, keep=300, thorough=True)
+    full = identify(GRID, measured.readings, paints, ground=GROUNDS, keep=300, thorough=True)
     assert np.array_equal(full.members[:, 0], found.members[:BLIND, 0])
     assert np.abs(full.paint_probability - found.paint_probability[:BLIND]).max() < 0.02
     assert np.abs(full.none - found.none[:BLIND]).max() < 0.02
@@ -164,7 +164,7 @@ def test_what_the_usual_search_saves_changes_little(paints, blind):
 @pytest.mark.slow
 def test_one_spectrum_alone_gives_what_it_gives_in_a_batch(paints, blind):
     found = blind[-1]
-    alone = identify(found.measured.readings[7:8], GRID, paints, grounds=GROUNDS)
+    alone = identify(GRID, found.measured.readings[7:8], paints, ground=GROUNDS)
     np.testing.assert_allclose(
         alone.probability[0, :5], found.probability[7, :5], rtol=1e-4, atol=1e-6
     )
@@ -175,7 +175,7 @@ def test_two_equal_paints_share_their_probability(paints):
     red = paints[2]
     twin = Pigment("Twin", GRID, red.absorption, red.scattering)
     spectra = films_of(paints, [{2: 1.0}], np.array([UNIT]))
-    found = identify(spectra, GRID, [*paints[:3], twin], grounds=GROUNDS, max_paints=1)
+    found = identify(GRID, spectra, [*paints[:3], twin], ground=GROUNDS, max_paints=1)
     np.testing.assert_allclose(found.probability[0, :2], 0.5, atol=0.01)
     assert {found.ranked(0)[0].paints, found.ranked(0)[1].paints} == {("Vermillion",), ("Twin",)}
 
@@ -204,7 +204,7 @@ def test_black_white_clear_and_opaque_give_numbers(blind):
 @pytest.mark.slow
 def test_opaque_films_need_no_ground(paints):
     thick = films_of(paints, [{0: 0.6, 2: 0.4}, {4: 1.0}], np.full(2, 1e-3))
-    found = identify(thick[:, 0], GRID, paints, grounds=None, max_paints=2)
+    found = identify(GRID, thick[:, 0], paints, opaque=True, max_paints=2)
     assert {"ZincWhite", "Vermillion"} == set(found.ranked(0)[0].paints)
     assert np.isnan(found.ranked(0)[0].thickness)
     assert found.ranked(0)[0].fractions[0] == pytest.approx(0.6, abs=0.1)
@@ -215,8 +215,8 @@ def test_a_45_0_instrument_sees_no_surface(paints):
     film = Glaze([Layer(Mixture(paints[:3:2], [0.8, 0.2]), UNIT)], 0.9)
     spectrum = np.asarray(reflectance(film, Bidirectional(45, 0)))
     sure = ModelError(coefficient=0.02, amplitude=0.001, screening=0.005)
-    options = {"geometry": Bidirectional(45, 0), "discrepancy": sure, "max_paints": 2}
-    found = identify(spectrum, GRID, paints, grounds=0.9, **options)
+    options = {"instrument": "45:0", "discrepancy": sure, "max_paints": 2}
+    found = identify(GRID, spectrum, paints, ground=0.9, **options)
     first = found.ranked(0)[0]
     assert set(first.paints) == {"ZincWhite", "Vermillion"}
     assert first.fractions.max() == pytest.approx(0.8, abs=0.03)
@@ -236,7 +236,7 @@ def test_grounds_read_bare_are_turned_into_internal_ones():
 @pytest.mark.usefixtures("unchecked")  # nothing is identified
 @pytest.mark.parametrize("text", ["d:8", "de:8", "45:0"])
 def test_cards_are_read_by_the_instrument_that_read_the_films(monkeypatch, text):
-    """Told as an instrument or as a geometry."""
+    """Told as an instrument, as a geometry, or in words."""
     inside, asked = np.array([0.03, 0.9]), []
     instrument = Instrument.parse(text)
     air = np.repeat(
@@ -249,10 +249,11 @@ def test_cards_are_read_by_the_instrument_that_read_the_films(monkeypatch, text)
         lambda *given, **options: asked.append(options),
     )
     identify_films(films, [], instrument=instrument)
-    identify_films(films, [], geometry=instrument.geometry)
-    assert len(asked) == 2
+    identify_films(films, [], instrument=instrument.geometry)
+    identify_films(films, [], instrument=text)
+    assert len(asked) == 3
     for options in asked:
-        np.testing.assert_allclose(options["grounds"][0].mean(axis=-1), inside, atol=2e-5)
+        np.testing.assert_allclose(options["ground"][0].mean(axis=-1), inside, atol=2e-5)
 
 
 @pytest.mark.slow
@@ -274,7 +275,9 @@ def test_order_of_two_coats_is_found(paints):
         spectra.append(
             [np.asarray(reflectance(Glaze(coats, g), Hemispherical())) for g in (0.025, 0.93)]
         )
-    found = identify(np.array(spectra), GRID, paints[2:5], grounds=GROUNDS, max_paints=2, layers=2)
+    found = identify(
+        GRID, np.array(spectra), paints[2:5], ground=GROUNDS, max_paints=2, max_coats=2
+    )
     for row, paints_down in enumerate(
         (("CobaltBlue", "ChromeYellow"), ("ChromeYellow", "CobaltBlue"))
     ):
@@ -294,9 +297,13 @@ def test_bad_input_is_one_clear_error(paints):
         ({"pigments": []}, "catalogue is empty"),
         ({"pigments": [paints[0], paints[0]]}, "two pigments of the catalogue"),
         ({"max_paints": 4}, "1, 2 or 3"),
-        ({"layers": 3}, "one coat or two"),
-        ({"grounds": 1.2}, r"must lie in \[0, 1\]"),
-        ({"grounds": None, "layers": 2}, "two coats need to know the ground"),
+        ({"max_coats": 3}, "one coat or two"),
+        ({"ground": 1.2}, r"must lie in \[0, 1\]"),
+        ({"ground": None, "opaque": True, "max_coats": 2}, "two coats need to know the ground"),
+        ({"ground": None}, "what is under the paint"),
+        ({"opaque": True}, "opaque films show no ground"),
+        ({"spectra": GRID, "wavelengths": good}, "the order of these two arguments"),
+        ({"instrument": "45:0:8"}, "geometry"),
         ({"wavelengths": GRID + 300}, "does not cover the spectra"),
         ({"names": ["a", "b"]}, "2 names were given for 1 spectra"),
     ):
@@ -304,11 +311,11 @@ def test_bad_input_is_one_clear_error(paints):
             "spectra": good,
             "wavelengths": GRID,
             "pigments": paints,
-            "grounds": 0.9,
+            "ground": 0.9,
         } | change
         spectra, grid, known = (given.pop(what) for what in ("spectra", "wavelengths", "pigments"))
         with pytest.raises(ValueError, match=complaint):
-            identify(spectra, grid, known, **given)
+            identify(grid, spectra, known, **given)
     for make in (
         lambda: ModelError(amplitude=-1.0),
         lambda: Prior(unknown=0.0),
@@ -329,7 +336,7 @@ def test_what_is_shown_comes_near_the_reading():
     ]
     greys = np.array([0.2, 0.36, 0.59])[:, None, None] * np.ones((1, GRID.size))
     found = identify(
-        greys, GRID, known, grounds=None, geometry=Bidirectional(45.0, 0.0), max_paints=2
+        GRID, greys, known, opaque=True, instrument=Bidirectional(45.0, 0.0), max_paints=2
     )
     assert found.rmse[:, 0].max() < 0.03
     assert found.explained.all()

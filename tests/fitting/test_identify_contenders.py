@@ -14,9 +14,10 @@ from scipy.optimize import minimize
 from glazefit.film.errors import ModelError, Prior
 from glazefit.film.films import Instrument, Noise
 from glazefit.film.response import film_response
-from glazefit.identify.result import NOBODY, Identification
-from glazefit.identify.search.screen import Paints
-from glazefit.identify.search.task import check_spectra
+from glazefit.identify.result import Identification
+from glazefit.identify.search.pool import NOBODY
+from glazefit.identify.search.searcher import check_spectra
+from glazefit.identify.search.table import Paints
 from glazefit.identify.show.bands import expected_bands
 from glazefit.identify.show.contenders import LEAST_SHARE, Contenders, _screen, find_contenders
 from glazefit.identify.show.reporting import Filing
@@ -52,7 +53,7 @@ def explained(
 ) -> Identification:
     """An identification that gives every spectrum this one explanation."""
     count = len(readings)
-    measured = check_spectra(readings, GRID, GROUNDS, None, Noise())
+    measured = check_spectra(GRID, readings, GROUNDS, None, Noise())
     places = [NAMES.index(name) for name in members] + [NOBODY] * (3 - len(members))
     amounts = thickness * np.array(fractions + [0.0] * (3 - len(members)))
     fitted = film(dict(zip(members, fractions, strict=True)), thickness)

@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 from glazefit import Noise
-from glazefit.identify.result import NOBODY, STRENGTH, Identification
-from glazefit.identify.search.conditions import CONDITIONS
-from glazefit.identify.search.task import check_spectra
+from glazefit.identify.result import STRENGTH, Identification
+from glazefit.identify.search.pool import NOBODY
+from glazefit.identify.search.searcher import check_spectra
+from glazefit.identify.search.unstated_conditions import CONDITIONS
 from glazefit.identify.show.doubts import doubts, may_hold, rests_on
 
 GRID = np.arange(400.0, 701.0, 10.0)
@@ -33,7 +34,7 @@ def answer(candidates, covariance=0.04) -> Identification:
     for (paints, *_), chance in zip(candidates, chances[0], strict=True):
         present[0, [PAINTS.index(paint) for paint in paints]] += chance
     return Identification(
-        measured=check_spectra(CURVE, GRID, 0.5, ["spot"], Noise()),
+        measured=check_spectra(GRID, CURVE, 0.5, ["spot"], Noise()),
         paints=PAINTS,
         members=members,
         coats=np.zeros_like(members),

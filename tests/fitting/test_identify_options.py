@@ -42,11 +42,11 @@ def asked(function) -> list[str]:
 
 @pytest.mark.usefixtures("unchecked")  # objects stand for what is given
 def test_identify_hands_on_all_that_it_is_given(monkeypatch):
-    def stop(*_, **named):
-        raise Reached(named)
+    def stop(wavelengths, spectra, pigments, options, **named):
+        raise Reached(named | vars(options))
 
     monkeypatch.setattr(MODULE, "identify_chunks", stop)
-    given = {name: object() for name in asked(identify)}
+    given = {name: object() for name in asked(identify)} | {"max_paints": 2, "max_coats": 2}
     with pytest.raises(Reached) as reached:
         identify(None, None, None, **given)  # pyright: ignore[reportArgumentType]
     assert reached.value.given == given
@@ -63,7 +63,7 @@ def test_identify_films_hands_on_all_that_it_is_given(monkeypatch):
     given: dict[str, Any] = {name: object() for name in asked(identify_films)} | {
         "noise": Noise(0.01)
     }
-    given |= {"instrument": Instrument(Hemispherical(8.0), 1.4), "geometry": None}
+    given |= {"instrument": Instrument(Hemispherical(8.0), 1.4)}
     with pytest.raises(Reached) as reached:
         identify_films(films, [], **given)
     assert {name: reached.value.given[name] for name in given} == given
@@ -87,7 +87,7 @@ def find(paints):
 
     def call(**options: Any) -> Identification:
         chosen: dict[str, Any] = {"max_paints": 1, **options}
-        return identify(spectrum[None], GRID, paints, grounds=GROUNDS, **chosen)
+        return identify(GRID, spectrum[None], paints, ground=GROUNDS, **chosen)
 
     return call
 
@@ -141,16 +141,17 @@ def test_all_that_is_asked_for_stands_in_the_task(paints, monkeypatch, told: boo
     plain.append(Pigment("Thin", GRID, 1e4 * ones, 2e4 * ones, error_modes=modes))
     with pytest.raises(Reached) as reached:
         identify(
-            np.full((1, 2, GRID.size), 0.4),
             GRID,
+            np.full((1, 2, GRID.size), 0.4),
             plain,
-            grounds=0.3 if told else None,
+            ground=0.3 if told else None,
+            opaque=not told,
             instrument=seen_by,
             noise=noise,
             discrepancy=errors,
             prior=expected,
             max_paints=2,
-            layers=2 if told else 1,
+            max_coats=2 if told else 1,
             names=["leaf"],
         )
     task, measured = reached.value.given["task"], reached.value.given["measured"]
@@ -163,7 +164,7 @@ def test_all_that_is_asked_for_stands_in_the_task(paints, monkeypatch, told: boo
     assert task.discrepancy == errors
     np.testing.assert_array_equal(task.errors[:2], 0.11)
     np.testing.assert_allclose(task.modes[2], 0.2)
-    assert (task.max_paints, task.layers) == (2, 2 if told else 1)
+    assert (task.max_paints, task.max_coats) == (2, 2 if told else 1)
     assert task.prior.unknown == 0.2
     # A film that hides its ground is thicker than any: there the thickness is set.
     thickness = 40e-6 if told else task.prior.thickness
@@ -187,9 +188,7 @@ def test_a_film_is_computed_as_its_instrument_reads_it(paints):
     k, s = (25e-6 * np.asarray(getattr(paints[1], what)) for what in ("absorption", "scattering"))
     surface = float(dielectric_reflectance(np.cos(np.deg2rad(30.0)), 1.3))
     spectrum = surface + np.asarray(film_response(seen_by.geometry, 1.3).body(k, s, GROUNDS))
-    found = identify(
-        spectrum[None], GRID, paints, grounds=GROUNDS, max_paints=1, instrument=seen_by
-    )
+    found = identify(GRID, spectrum[None], paints, ground=GROUNDS, max_paints=1, instrument=seen_by)
     assert found.ranked(0)[0].paints == ("Vermillion",)
     assert float(found.amounts[0, 0, 0]) == pytest.approx(25e-6, rel=0.01)
     assert float(found.gloss[0, 0]) == pytest.approx(1.0, abs=0.05)
@@ -211,3 +210,23 @@ def test_pigments_carry_their_own_grid():
     for catalogue_of_one in ([pigment], {"x": pigment}):
         (known,) = SEARCHER.check_pigments(catalogue_of_one, GRID)
         np.testing.assert_allclose(known.absorption, GRID)
+
+
+def test_former_keywords_work(find, paints):
+    """`grounds`, of which None was for films that hide it, `geometry` and `layers`."""
+    usual = find()
+    spectrum = usual.measured.readings
+    seen_by = Hemispherical()
+    with pytest.warns(DeprecationWarning, match="is called"):
+        former = identify(
+            GRID,
+            spectrum,
+            paints,
+            grounds=GROUNDS,
+            geometry=seen_by,
+            layers=1,
+            max_paints=1,
+        )
+    np.testing.assert_array_equal(former.probability, usual.probability)
+    with pytest.warns(DeprecationWarning, match="None is opaque=True"):
+        assert identify(GRID, spectrum[:, 1], paints, grounds=None, max_paints=1).opaque

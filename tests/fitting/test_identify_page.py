@@ -13,7 +13,8 @@ from html.parser import HTMLParser
 import numpy as np
 import pytest
 
-from glazefit.identify.result import NOBODY, STRENGTH, Identification
+from glazefit.identify.result import STRENGTH, Identification
+from glazefit.identify.search.pool import NOBODY
 from glazefit.identify.search.task import Measured
 from glazefit.identify.show.contenders import Contenders
 from glazefit.identify.show.figures import draw_spectra
@@ -38,7 +39,7 @@ ABOUT = About(
     grounds=("black card", "white card"),
     notes=(),
     max_paints=2,
-    layers=2,
+    max_coats=2,
     settings={"noise": {"floor": 0.0005}},
     asked=("one", EVIL),
     created=datetime(2026, 3, 4, 5, 6, 7, tzinfo=UTC),

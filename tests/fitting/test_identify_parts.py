@@ -23,8 +23,8 @@ from glazefit.film.errors import (
 from glazefit.film.least_squares import inverse_small
 from glazefit.film.response import film_response
 from glazefit.identify.search.fit import Weights, fit_sets, log_prior
-from glazefit.identify.search.screen import Paints, amounts_grid, grow, score, sets_of, unique_best
-from glazefit.identify.search.table import FilmTables, film_table
+from glazefit.identify.search.screen import grow, score, unique_best
+from glazefit.identify.search.table import FilmTables, Paints, amounts_grid, film_table, sets_of
 from glazefit.identify.search.two_coats import orders
 from glazejax import Hemispherical, Pigment
 from glazejax.io import read_spectra

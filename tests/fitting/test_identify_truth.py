@@ -76,10 +76,10 @@ def found(shelf) -> Identification:
     green = read_film({"EmeraldGreen": 0.5, "ZincWhite": 0.5}, 2.0)
     spectra = np.stack([read_film({"Vermillion": 1.0}), tint, yellowed, green])
     return identify(
-        spectra,
         GRID,
+        spectra,
         shelf,
-        grounds=GROUNDS,
+        ground=GROUNDS,
         names=["pure", "tint", "yellowed", "stranger"],
         max_paints=2,
     )
@@ -121,7 +121,7 @@ def test_batches_with_more_and_fewer_conditions_become_one(found, shelf):
     """A film in no doubt has fewer candidates than one that was sought again under a varnish."""
     spectra = found.measured.readings[[0, 3]]
     alone = [
-        identify(one[None], GRID, shelf, grounds=GROUNDS, max_paints=2, keep=300) for one in spectra
+        identify(GRID, one[None], shelf, ground=GROUNDS, max_paints=2, keep=300) for one in spectra
     ]
     few, many = (part.probability.shape[1] for part in alone)
     assert few < many
@@ -143,7 +143,7 @@ def test_what_a_person_rejects_is_never_more_probable_than_not(found):
 def test_a_thin_film_said_to_be_opaque_is_found_over_its_ground(shelf):
     geometry = Bidirectional(45, 0)
     thin = read_film({"CobaltBlue": 1.0}, 0.1, np.full((1, GRID.size), 0.85), geometry)
-    answer = identify(thin, GRID, shelf, grounds=None, geometry=geometry, max_paints=1)
+    answer = identify(GRID, thin, shelf, opaque=True, instrument=geometry, max_paints=1)
     first = answer.ranked(0)[0]
     assert first.paints == ("CobaltBlue",)
     assert first.condition == "over a light ground"
@@ -200,7 +200,7 @@ def test_a_clear_film_over_a_ground_that_nobody_told_is_no_answer(shelf):
     """An extender over a dark ground is as dark as any black paint: what is seen is the ground."""
     extender, seen_at = catalogue.load()["CalciumCarbonate"], Bidirectional(45.0, 0.0)
     black = read_film({"CalciumCarbonate": 1.0}, 1.0, np.full((1, GRID.size), 0.04), seen_at)
-    seen = identify(black, GRID, [*shelf, extender], grounds=None, geometry=seen_at, max_paints=2)
+    seen = identify(GRID, black, [*shelf, extender], opaque=True, instrument=seen_at, max_paints=2)
     for candidate in seen.ranked(0):
         hidden = candidate.probability == 0 or "ground" not in candidate.condition
         assert hidden or not set(candidate.paints) <= {"CalciumCarbonate", "BariumSulphate"}

@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 from glazefit.film.errors import Prior
-from glazefit.identify.result import NOBODY, Candidate, Pool
+from glazefit.identify.result import Candidate, Identification
+from glazefit.identify.search.pool import NOBODY, Pool
 from glazefit.identify.search.task import Measured
-from glazefit.identify.search.weigh import odds_of, weigh
+from glazefit.identify.search.weigh import odds_of
 
 GRID = np.arange(1000.0, 1701.0, 50.0)
 """No colour is seen here: a root mean square of .01 counts as a Delta E00 of 1."""
@@ -176,8 +177,9 @@ def test_words_of_an_explanation(fractions, coats, condition, words):
 
 def test_probabilities_of_paints_are_those_of_the_sets_they_are_in():
     candidates = pool([[0, 1], [1, 2], [2]], [1.0, 1.0, 1.0], [0.0, 0.0, 0.0])
-    found = weigh(
-        film(), candidates, odds_of(film(), candidates, Prior()), ("a", "b", "c"), False, 2
+    judged = odds_of(film(), candidates, Prior())
+    found = Identification.of(
+        film(), candidates, judged, paints=("a", "b", "c"), opaque=False, keep=2
     )
     assert found.members.shape == (1, 2, 3)
     odds, none, *_ = odds_of(film(), candidates, Prior())

@@ -7,15 +7,15 @@ import pytest
 from glazefit.film.optics import Optics
 from glazefit.film.response import film_response
 from glazefit.film.varnish import DECAY, under_varnish, without_varnish, yellow
-from glazefit.identify.search.conditions import (
+from glazefit.identify.search.task import Measured
+from glazefit.identify.search.unstated_conditions import (
     CONDITIONS,
     NOT_OPAQUE,
     OTHER_GROUNDS,
     VARNISHES,
     Condition,
+    remove_varnish,
 )
-from glazefit.identify.search.task import Measured
-from glazefit.identify.search.unstated_conditions import remove_varnish
 from glazejax import Bidirectional, Hemispherical
 
 GRID = np.arange(400.0, 701.0, 10.0)

@@ -8,8 +8,8 @@ import pytest
 
 from glazefit import ModelError, Noise
 from glazefit.film.colour_metric import reading_metric
-from glazefit.identify.search.searcher import Searcher
-from glazefit.identify.search.weigh import weigh
+from glazefit.identify.result import Identification
+from glazefit.identify.search.searcher import IdentificationOptions, Searcher
 from glazefit.mapping.solve.atlas import Atlas
 from glazefit.mapping.solve.local import Searched, as_measured, check_errors, search_locally
 from glazefit.mapping.solve.survey import Features
@@ -57,7 +57,10 @@ def problem(request):
     scene = small.scene()
     bands = WorkingBands.of(scene.wavelengths, small.paints())
     searcher = Searcher.of(
-        bands.wavelengths, small.paints(), opaque=request.param == "hiding", max_paints=2
+        bands.wavelengths,
+        small.paints(),
+        IdentificationOptions(max_paints=2),
+        opaque=request.param == "hiding",
     )
     ground = None if request.param == "hiding" else scene.ground @ bands.mean
     spectra = scene.rows(0, 24, noise=False).reshape(-1, scene.wavelengths.size)
@@ -74,7 +77,10 @@ def problem(request):
 
 def probabilities(problem, found):
     measured, pool, odds = found[0]
-    return weigh(measured, pool, odds, problem.searcher.paints, problem.searcher.opaque, 3)
+    searcher = problem.searcher
+    return Identification.of(
+        measured, pool, odds, paints=searcher.paints, opaque=searcher.opaque, keep=3
+    )
 
 
 def test_at_a_representative_it_is_the_search(problem):

@@ -6,7 +6,7 @@ import xarray
 
 import glazefit
 from glazefit import Noise
-from glazefit.identify.search.weigh import weigh
+from glazefit.identify.result import Identification
 from glazefit.mapping.map_cube import map_cube
 from glazefit.mapping.solve.local import as_measured
 from glazefit.mapping.solve.spots import spot_pigment
@@ -110,7 +110,8 @@ def test_pixels_are_answered_as_a_search_answers_them(made, cube, options):
     )
     measured = as_measured(task.searcher, readings, task.image.noise_sd(readings), task.ground)
     whole = next(
-        weigh(*one, task.searcher.paints, False, 3) for one in task.searcher.search(measured)
+        Identification.of(*one, paints=task.searcher.paints, opaque=False, keep=3)
+        for one in task.searcher.search(measured)
     )
     members = found["members"].values[y, x]
     same = (np.sort(members, axis=1) == np.sort(whole.members[:, 0], axis=1)).all(axis=1)

@@ -191,7 +191,6 @@ Prior.__init__ = accept_former_keywords(thickness_spread="spread")(Prior.__init_
 
 
 BETWEEN_FILMS = ModelError.between_films()
-Discrepancy = ModelError
 """The former name."""
 
 

@@ -138,6 +138,7 @@ def identify(
     task = _read_spectra(file, samples, ground, bare, opaque, instrument, paints, console)
     from .identify import identify_chunks
     from .result import Identification
+    from .search.searcher import IdentificationOptions
 
     settings = {
         "noise": Noise(noise, noise_share),
@@ -147,17 +148,20 @@ def identify(
         "prior": Prior(thickness=usual),
     }
     chunks = identify_chunks(
-        task.spectra,
         task.wavelengths,
+        task.spectra,
         paints,
-        grounds=task.grounds,
+        IdentificationOptions(
+            instrument=instrument,
+            **settings,
+            max_paints=max_paints,
+            max_coats=layers,
+            keep=max(top, 5 if report is None else _KEPT),
+            thorough=thorough,
+        ),
+        ground=task.ground,
+        opaque=opaque,
         names=task.names,
-        instrument=instrument,
-        **settings,
-        max_paints=max_paints,
-        layers=layers,
-        thorough=thorough,
-        keep=max(top, 5 if report is None else _KEPT),
     )
     filing = None
     if report is not None:
@@ -195,7 +199,7 @@ class _Spectra(NamedTuple):
     names: tuple[str, ...]
     wavelengths: "np.ndarray"
     spectra: "np.ndarray"
-    grounds: "np.ndarray | float | None"
+    ground: "np.ndarray | None"
     words: tuple[str, ...]
     notes: tuple[str, ...]
 
@@ -264,7 +268,7 @@ def _read_spectra(
             names=films.names,
             wavelengths=grid,
             spectra=spectra,
-            grounds=inside(cards),
+            ground=inside(cards),
             words=words,
             notes=notes,
         )
@@ -283,7 +287,7 @@ def _read_spectra(
             names=names,
             wavelengths=grid,
             spectra=spectra,
-            grounds=None,
+            ground=None,
             words=("a ground that is not seen",),
             notes=notes,
         )
@@ -298,7 +302,7 @@ def _read_spectra(
         names=names,
         wavelengths=grid,
         spectra=spectra,
-        grounds=inside(below) if bare else below,
+        ground=inside(below) if bare else below,
         words=(words,),
         notes=(*notes, *given.notes),
     )
@@ -341,7 +345,7 @@ def _about(
         grounds=task.words,
         notes=task.notes,
         max_paints=typed["max_paints"],
-        layers=typed["layers"],
+        max_coats=typed["layers"],
         settings={name: asdict(each) for name, each in settings.items()},
         asked=task.names,
     )

@@ -1,150 +1,177 @@
 """Which paints are in a film: from its spectrum, over one ground or several, and a catalogue.
 
 Sets of one, two and three paints compete, and with them the hypothesis that none of the catalogue's
-paints explain the film; `glazefit.identify.search.screen` says which sets are looked at,
-`glazefit.film.errors` what counts as an error, and
-`glazefit.identify.search.fit` how a set's probability follows. Sets that are not looked at count as
-impossible; the search keeps far more than ever come near the best.
+paints explain the film; `search.screen` says which sets are looked at, `glazefit.film.errors` what
+counts as an error, and `search.fit` how a set's probability follows. Sets that are not looked at
+count as impossible; the search keeps far more than ever come near the best.
 """
 
-from collections.abc import Iterator, Sequence
+import functools
+import warnings
+from collections.abc import Callable, Iterator, Sequence
+from typing import ParamSpec, TypeVar
 
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import ArrayLike, Float
 
 from glazejax import Hemispherical
+from glazejax.former_names import accept_former_keywords
 from glazejax.geometry import Geometry, resolve_instrument
 
-from ..film.errors import Discrepancy, Prior
+from ..film.errors import ModelError, Prior
 from ..film.films import Films, Instrument, Noise, cards
 from ..film.mixing import Pigments
 from ..film.response import film_response
 from .result import Identification
-from .search.searcher import Searcher
-from .search.weigh import weigh
+from .search.searcher import IdentificationOptions, Searcher
+
+P = ParamSpec("P")
+T = TypeVar("T")
+
+
+def _accept_grounds(function: Callable[P, T]) -> Callable[P, T]:
+    """Decorate a function so that `grounds`, as `ground` was called before version 0.2, works:
+    None was for films that hide it.
+    """
+
+    @functools.wraps(function)
+    def call(*args: P.args, **given: P.kwargs) -> T:
+        if "grounds" in given:
+            warnings.warn(
+                f"the argument grounds of {function.__name__}() is called ground now, and None is "
+                "opaque=True",
+                DeprecationWarning,
+                stacklevel=2,
+            )
+            ground = given.pop("grounds")
+            given["opaque" if ground is None else "ground"] = True if ground is None else ground
+        return function(*args, **given)
+
+    return call
 
 
 def identify_chunks(
-    spectra: ArrayLike,
     wavelengths: ArrayLike,
+    spectra: ArrayLike,
     pigments: Pigments,
+    options: IdentificationOptions | None = None,
     *,
-    grounds: ArrayLike | None,
-    instrument: Instrument | None = None,
-    geometry: Geometry | None = None,
-    noise: Noise | None = None,
-    discrepancy: Discrepancy | None = None,
-    prior: Prior | None = None,
-    max_paints: int = 3,
-    layers: int = 1,
+    ground: ArrayLike | None = None,
+    opaque: bool = False,
     names: Sequence[str] | None = None,
-    keep: int = 20,
-    thorough: bool = False,
 ) -> Iterator[Identification]:
     """As `identify`, a few spectra at a time, so that progress can be shown and an interrupt loses
     little.
 
     Args and errors are those of `identify`.
     """
-    searcher = Searcher.of(
-        wavelengths,
-        pigments,
-        opaque=grounds is None,
-        instrument=instrument,
-        geometry=geometry,
-        noise=noise,
-        discrepancy=discrepancy,
-        prior=prior,
-        max_paints=max_paints,
-        layers=layers,
-        thorough=thorough,
-    )
-    measured = searcher.check(spectra, grounds, names)
+    options = options or IdentificationOptions()
+    _check_order(wavelengths, spectra)
+    if (ground is None) != opaque:
+        raise ValueError(
+            "opaque films show no ground: leave out ground, or leave out opaque"
+            if opaque
+            else "what is under the paint? Give ground, its internal reflectance such as 0.9, or "
+            "opaque=True for films that hide it"
+        )
+    searcher = Searcher.of(wavelengths, pigments, options, opaque=opaque)
+    measured = searcher.check(spectra, ground, names)
     for batch, pool, odds in searcher.search(measured):
-        yield weigh(batch, pool, odds, searcher.paints, searcher.opaque, keep)
+        yield Identification.of(
+            batch, pool, odds, paints=searcher.paints, opaque=opaque, keep=options.keep
+        )
 
 
+def _check_order(wavelengths: ArrayLike, spectra: ArrayLike) -> None:
+    """Refuse spectra before wavelengths, as was the order before version 0.2."""
+    first = np.asarray(wavelengths, dtype=np.float64)
+    second = np.asarray(spectra, dtype=np.float64)
+    if first.size and second.ndim == 1 and second.size and first.max() < 10.0 < second.min():
+        raise ValueError(
+            "wavelengths come first, in nm, then spectra: the order of these two arguments has "
+            "changed, and what was given first looks like reflectances"
+        )
+
+
+@_accept_grounds
+@accept_former_keywords(geometry="instrument", layers="max_coats")
 def identify(
-    spectra: ArrayLike,
     wavelengths: ArrayLike,
+    spectra: ArrayLike,
     pigments: Pigments,
     *,
-    grounds: ArrayLike | None,
-    instrument: Instrument | None = None,
-    geometry: Geometry | None = None,
+    ground: ArrayLike | None = None,
+    opaque: bool = False,
+    instrument: Instrument | Geometry | str | None = None,
     noise: Noise | None = None,
-    discrepancy: Discrepancy | None = None,
+    discrepancy: ModelError | None = None,
     prior: Prior | None = None,
     max_paints: int = 3,
-    layers: int = 1,
-    names: Sequence[str] | None = None,
+    max_coats: int = 1,
     keep: int = 20,
     thorough: bool = False,
+    names: Sequence[str] | None = None,
 ) -> Identification:
     """Paints, fractions and thickness of films from their spectra, as ranked lists with
     probabilities.
 
     Args:
+        wavelengths: (bands,), nm.
         spectra: reflectance as fractions, (bands,), (spectra, bands), or (spectra, grounds, bands)
             for one film over several grounds.
-        wavelengths: (bands,), nm.
         pigments: the catalogue, a mapping as `glazejax.catalogue.load` gives it or a list, on any
             grids that cover the spectra's.
-        grounds: internal reflectance (that under paint) of the grounds: a number, (bands,) or
-            (grounds, bands), or one for each spectrum, (spectra, grounds, bands). None for films
-            that hide their ground; their thickness is then unknown.
-        instrument: by default d:8 with the specular part, index 1.5.
-        geometry: replaces the instrument's, such as `glazejax.Bidirectional(45, 0)` for one without
-            a sphere.
+        ground: internal reflectance (that under paint) of the ground: a number, (bands,), or for
+            several (grounds, bands), or one for each spectrum, (spectra, grounds, bands).
+        opaque: the films hide their ground; their thickness is then unknown.
+        instrument: a `glazejax.Instrument`, a geometry, or words such as "45:0" for one without a
+            sphere; by default d:8 with the specular part, index 1.5.
         noise: of a reading; where the spectra themselves are rougher, their roughness counts.
         discrepancy: of the model; by default `glazefit.film.errors.BETWEEN_FILMS`.
         prior: what is expected beforehand.
         max_paints: largest set, 1 to 3.
-        layers: 2 tries the best sets as two coats too, in both orders.
-        names: of the spectra.
+        max_coats: 2 tries the best sets as two coats too, in both orders.
         keep: candidates kept for each spectrum.
         thorough: fit every pair, and give every set errors of its own: some four times as long for
-            the same first answer in most cases (`glazefit.identify.search.effort`).
+            the same first answer in most cases.
+        names: of the spectra.
 
     Returns:
         `Identification`; ``ranked(row)`` lists the explanations of a spectrum, ``none[row]`` is the
         probability that no paints of the catalogue explain it.
 
     Raises:
-        ValueError: shapes that do not match, values that are not reflectances, an empty catalogue,
-            repeated names.
+        ValueError: shapes that do not match, values that are not reflectances, neither a ground nor
+            `opaque`, an empty catalogue, repeated names.
     """
-    parts = identify_chunks(
-        spectra,
-        wavelengths,
-        pigments,
-        grounds=grounds,
+    options = IdentificationOptions(
         instrument=instrument,
-        geometry=geometry,
         noise=noise,
         discrepancy=discrepancy,
         prior=prior,
         max_paints=max_paints,
-        layers=layers,
-        names=names,
+        max_coats=max_coats,
         keep=keep,
         thorough=thorough,
+    )
+    parts = identify_chunks(
+        wavelengths, spectra, pigments, options, ground=ground, opaque=opaque, names=names
     )
     return Identification.join(list(parts))
 
 
+@accept_former_keywords(geometry="instrument", layers="max_coats")
 def identify_films(
     films: Films,
     pigments: Pigments,
     *,
-    instrument: Instrument | None = None,
-    geometry: Geometry | None = None,
+    instrument: Instrument | Geometry | str | None = None,
     noise: Noise | None = None,
-    discrepancy: Discrepancy | None = None,
+    discrepancy: ModelError | None = None,
     prior: Prior | None = None,
     max_paints: int = 3,
-    layers: int = 1,
+    max_coats: int = 1,
     keep: int = 20,
     thorough: bool = False,
 ) -> Identification:
@@ -152,8 +179,8 @@ def identify_films(
 
     Args:
         films: such as `read_films` reads; their bare cards say what is below the paint.
-        pigments, instrument, geometry, noise, discrepancy, prior: see `identify`.
-        max_paints, layers, keep, thorough: see `identify`.
+        pigments, instrument, noise, discrepancy, prior: see `identify`.
+        max_paints, max_coats, keep, thorough: see `identify`.
 
     Returns:
         `Identification`, a row for each film.
@@ -161,28 +188,26 @@ def identify_films(
     Raises:
         ValueError: as `identify`, or cards that are not possible (see `ground_from_air`).
     """
-    seen_by = resolve_instrument(geometry or instrument)
+    seen_by = resolve_instrument(instrument)
     if isinstance(seen_by.geometry, Hemispherical):
         black, white, _, _ = cards(films, seen_by, noise or Noise())
     else:
         bare = np.stack([films.bare_black, films.bare_white])
         black, white = ground_from_air(bare, seen_by.geometry, seen_by.refractive_index)
-    over = np.stack([films.over_black, films.over_white], axis=1)
     return identify(
-        over,
         films.wavelengths,
+        np.stack([films.over_black, films.over_white], axis=1),
         pigments,
-        grounds=np.stack([black, white], axis=1),
-        instrument=instrument,
-        geometry=geometry,
+        ground=np.stack([black, white], axis=1),
+        instrument=seen_by,
         noise=noise,
         discrepancy=discrepancy,
         prior=prior,
         max_paints=max_paints,
-        layers=layers,
-        names=films.names,
+        max_coats=max_coats,
         keep=keep,
         thorough=thorough,
+        names=films.names,
     )
 
 

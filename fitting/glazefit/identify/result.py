@@ -1,7 +1,7 @@
 """What an identification found: a ranked list for each spectrum, and how sure it is."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -11,13 +11,13 @@ from scipy.special import expit
 from glazejax.catalogue import family
 
 from ..film.variation import MIXED, PRIOR, SIZES
-from .search.conditions import CONDITIONS
+from .search.pool import NOBODY, Pool
 from .search.task import Measured
+from .search.unstated_conditions import CONDITIONS
+from .search.weigh import Odds
 
 # Spectra that are named where a result is printed.
 _SHOWN = 3
-NOBODY = -1
-"""Stands where a candidate has fewer than three paints."""
 
 # Standard deviation of a logarithm beyond which nothing is known.
 _OPEN = 50.0
@@ -119,67 +119,6 @@ def percent(fraction: float) -> str:
 
 
 @dataclass(frozen=True)
-class Pool:
-    """Candidates of some spectra, not yet compared; three places each, filled up with `NOBODY`."""
-
-    members: Int[np.ndarray, "spectra candidates 3"]
-    coats: Int[np.ndarray, "spectra candidates 3"]
-    logs: Float[np.ndarray, "spectra candidates 3"]  # log amounts, as they are shown
-    weighed: Float[np.ndarray, "spectra candidates 3"]  # and as they are weighed
-    covariance: Float[np.ndarray, "spectra candidates 3 3"]
-    log_weight: Float[np.ndarray, "spectra candidates"]  # log evidence and log prior of the set
-    readings: Float[np.ndarray, "spectra candidates readings"]
-    allowed: Float[
-        np.ndarray, "spectra candidates readings"
-    ]  # with what may be wrong with the paints' coefficients
-    gloss: Float[np.ndarray, "spectra candidates"]
-    condition: Int[np.ndarray, "spectra candidates"]  # by number; see `conditions`
-
-    def merged(self, other: "Pool") -> "Pool":
-        """Candidates of both for the same spectra."""
-        return Pool(
-            *(np.concatenate([a, b], axis=1) for a, b in zip(self.parts, other.parts, strict=True))
-        )
-
-    @classmethod
-    def joined(cls, pools: Sequence["Pool"]) -> "Pool":
-        """Candidates of further spectra, as many of each."""
-        return cls(
-            *(np.concatenate(parts) for parts in zip(*(pool.parts for pool in pools), strict=True))
-        )
-
-    @property
-    def parts(self) -> tuple[np.ndarray, ...]:
-        """All arrays."""
-        return tuple(getattr(self, field.name) for field in fields(self))
-
-    def best(self, count: int) -> "Pool":
-        """The most probable candidates of each spectrum."""
-        return self.take(np.argsort(-self.log_weight, axis=1, kind="stable")[:, :count])
-
-    def take(self, chosen: Int[np.ndarray, "spectra kept"]) -> "Pool":
-        """Some candidates of each spectrum, by number."""
-        rows = np.arange(len(chosen))[:, None]
-        return Pool(*(part[rows, chosen] for part in self.parts))
-
-    def of(self, rows: Int[np.ndarray, "rows"]) -> "Pool":
-        """Candidates of some of the spectra, by number."""
-        return Pool(*(part[rows] for part in self.parts))
-
-    def spread(self, rows: Int[np.ndarray, "rows"], count: int) -> "Pool":
-        """The same pool as that of some among `count` spectra; the others have nothing that can be
-        so.
-        """
-        parts = [np.zeros((count, *part.shape[1:]), part.dtype) for part in self.parts]
-        for part, mine in zip(parts, self.parts, strict=True):
-            part[rows] = mine
-        pool = Pool(*parts)
-        others = np.setdiff1d(np.arange(count), rows)
-        pool.log_weight[others], pool.members[others] = -np.inf, NOBODY
-        return pool
-
-
-@dataclass(frozen=True)
 class Identification:
     """Ranked explanations of spectra.
 
@@ -202,8 +141,8 @@ class Identification:
             paints).
         gloss: share of the surface's reflection, (spectra, candidates).
         fitted: readings, (spectra, candidates, grounds, bands).
-        condition: under which each was sought, a number of `conditions.CONDITIONS`; 0 is what was
-            told.
+        condition: under which each was sought, a number of
+            `search.unstated_conditions.CONDITIONS`; 0 is what was told.
         opaque: whether the films were said to hide their ground.
     """
 
@@ -412,6 +351,41 @@ class Identification:
         return (
             f"{start} (probability {self.none[row]:.0%}); the nearest of its films, {best.words}, "
             f"is off by Delta E00 {best.delta_e:.1f}"
+        )
+
+    @classmethod
+    def of(
+        cls,
+        measured: Measured,
+        pool: Pool,
+        odds: Odds,
+        *,
+        paints: tuple[str, ...],
+        opaque: bool,
+        keep: int,
+    ) -> "Identification":
+        """Probabilities of all candidates and of none, and the best candidates in full."""
+        total = odds.total
+        probability = odds.candidates / total[:, None]
+        present = pool.members[..., None] == np.arange(len(paints))
+        best = np.argsort(-probability, axis=1, kind="stable")[:, :keep]
+        top = pool.take(best)
+        return cls(
+            measured=measured,
+            paints=paints,
+            members=top.members,
+            coats=top.coats,
+            amounts=np.exp(top.logs),
+            log_covariance=top.covariance,
+            probability=np.take_along_axis(probability, best, axis=1),
+            none=odds.none / total,
+            misfit=odds.misfit,
+            rejected=np.take_along_axis(odds.rejected, best, axis=1),
+            paint_probability=np.einsum("sc,scmp->sp", probability, present),
+            gloss=top.gloss,
+            fitted=top.readings.reshape(*best.shape, *measured.readings.shape[1:]),
+            condition=top.condition,
+            opaque=opaque,
         )
 
     @classmethod

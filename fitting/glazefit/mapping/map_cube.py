@@ -17,7 +17,7 @@ from glazejax.former_names import accept_former_keywords
 from glazejax.geometry import Geometry, Instrument
 from glazejax.progress import Progress, no_progress
 
-from ..film.errors import Discrepancy, Prior
+from ..film.errors import ModelError, Prior
 from ..film.films import Noise
 from ..film.mixing import Pigments
 from ..film.noise import spectra_noise
@@ -75,7 +75,7 @@ def map_cube(
     spots: Mapping[str, Float[np.ndarray, "bands"]] | None = None,
     instrument: Instrument | Geometry | str | None = None,
     noise: Noise | None = None,
-    discrepancy: Discrepancy | None = None,
+    discrepancy: ModelError | None = None,
     prior: Prior | None = None,
     max_paints: int = 3,
     max_coats: int = 1,

@@ -104,7 +104,7 @@ def identification(asked: Asked, report: Report) -> dict[str, Any]:
     Raises:
         ValueError: what `glazefit.identify` refuses.
     """
-    from ..identify.identify import identify_chunks, identify_films
+    from ..identify.identify import IdentificationOptions, identify_chunks, identify_films
     from ..identify.result import Identification
 
     stack = stack_from_dict(asked["stack"])
@@ -122,15 +122,15 @@ def identification(asked: Asked, report: Report) -> dict[str, Any]:
                 f"the film lies over {below!r}; it must be opaque, white, black or ground"
             )
         parts = []
+        opaque = below == "opaque"
         chunks = identify_chunks(
-            table.reflectance,
             table.wavelengths,
+            table.reflectance,
             paints,
-            grounds=None
-            if below == "opaque"
-            else np.broadcast_to(levels[below], table.wavelengths.shape),
+            IdentificationOptions(keep=_CANDIDATES),
+            ground=None if opaque else np.broadcast_to(levels[below], table.wavelengths.shape),
+            opaque=opaque,
             names=table.names,
-            keep=_CANDIDATES,
         )
         for part in chunks:
             parts.append(part)

@@ -9,7 +9,7 @@ candidate's evidence.
 
 import functools
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -18,9 +18,13 @@ from jax.scipy.special import gammaln
 from jaxtyping import Array, Bool, Float, Int
 
 from ...film.ahead import Program
+from ...film.errors import Whitening, model_covariance, noise_covariance, whiten
 from ...film.least_squares import damped_newton, inverse_small
 from ...film.response import FilmResponse
-from .screen import Paints
+from .pool import NOBODY, Pool
+from .screen import SetStarts, grow_triples
+from .table import Paints, sets_of
+from .task import TYPICAL_READING, IdentificationTask, Measured
 
 # Amounts between which a paint is sought, in units of the usual thickness; below the first it is
 # not there.
@@ -28,7 +32,8 @@ LEAST = 1e-5
 MOST = 60.0
 _STEPS = 14
 _LONGEST = 2.0
-
+# Error while candidates are looked for, at a reading of 0 over that at a middling one.
+_DARK = 0.1
 Number = Float[Array | np.ndarray, ""]
 
 
@@ -55,36 +60,209 @@ class Fitted(NamedTuple):
     readings: Float[Array | np.ndarray, "sets readings"]  # without the surface
 
 
-def log_prior(
-    logs: Float[Array, "size"], present: Bool[Array, "size"], spread: Number, concentration: Number
-) -> Float[Array, ""]:
-    """Log prior density of log amounts: log-normal total of median 1, Dirichlet fractions."""
-    m = present.sum(dtype=logs.dtype)
-    total = jax.nn.logsumexp(logs, where=present)
-    fractions = concentration * jnp.sum(jnp.where(present, logs - total, 0.0))
-    fractions += gammaln(m * concentration) - m * gammaln(concentration)
-    return -0.5 * (total / spread) ** 2 - jnp.log(spread * jnp.sqrt(2.0 * jnp.pi)) + fractions
-
-
-def prior_terms(
-    logs: Array, present: Array, spread: Number, concentration: Number
-) -> tuple[Array, Array]:
-    """Gradient of minus the log prior, and a positive part of its Hessian; 1 for a paint that is
-    not there.
+def rank(task: IdentificationTask, batch: Measured, starts: SetStarts) -> Pool:
+    """Candidates of some spectra, fitted in single precision with errors that are the same for all
+    candidates of a spectrum: sets of one and of two paints, and of three that grow from the best.
     """
-    m = present.sum(dtype=logs.dtype)
-    total = jax.nn.logsumexp(logs, where=present)
-    share = jax.nn.softmax(logs, where=present)
-    gradient = share * total / spread**2 - concentration * (present.astype(logs.dtype) - m * share)
-    outer = jnp.outer(share, share)
-    hessian = outer / spread**2 + concentration * m * (jnp.diag(share) - outer)
-    return gradient, hessian + jnp.diag(jnp.where(present, 0.0, 1.0).astype(logs.dtype))
+    # In the components of films over a ground like the first.
+    project = task.tables.like(batch.grounds[0]).project
+    weights = weights_of(task, batch.flat, ranking_errors(task, batch, project))
+    ground, weights = jax.tree.map(
+        lambda a: jnp.asarray(np.asarray(a, np.float32)), (batch.grounds, weights)
+    )
+
+    def fit(starts: SetStarts) -> Fitted:
+        logs = np.clip(starts.logs, np.log(LEAST), np.log(MOST)).astype(np.float32)
+        fitted = fit_sets(
+            *task.tables.single,
+            jnp.asarray(starts.sets),
+            jnp.asarray(logs),
+            ground,
+            weights,
+            task.middle,
+            steps=task.effort.ranking_steps,
+        )
+        return jax.tree.map(np.asarray, fitted)
+
+    fitted = fit(starts)
+    pool = pool_of(task, starts.sets, fitted)
+    if task.max_paints < 3 or task.known < 3:
+        return pool
+    pairs = slice(task.known, None)
+    grown, new = grow_triples(
+        task, batch, starts.sets[:, pairs], fitted.logs[:, pairs], fitted.log_evidence[:, pairs]
+    )
+    triples = pool_of(task, grown.sets, fit(grown))
+    triples.log_weight[~new] = -np.inf
+    return pool.merged(triples)
+
+
+def ranking_errors(
+    task: IdentificationTask,
+    batch: Measured,
+    project: Float[np.ndarray, "components readings"] | None = None,
+) -> Whitening:
+    """Errors while candidates are looked for: the same for all candidates of a spectrum; of
+    components if given.
+    """
+    d = task.discrepancy
+    # Smaller on dark films, whose readings differ by little.
+    off = d.screening * (_DARK + batch.flat / TYPICAL_READING)
+    model = model_covariance(task.wavelengths, batch.readings.shape[1], d, off)
+    fixed = fixed_errors(task, batch, batch.noise_sd)
+    if project is None:
+        return whiten(fixed, np.broadcast_to(model, fixed.shape), d)
+    fixed, model = (project @ np.broadcast_to(a, fixed.shape) @ project.T for a in (fixed, model))
+    few = whiten(fixed, model, d)
+    return Whitening(few.basis @ project, few.height)
+
+
+def pool_of(
+    task: IdentificationTask,
+    sets: np.ndarray,
+    fitted: Fitted,
+    coats: np.ndarray | None = None,
+    log_share: float = 0.0,
+) -> Pool:
+    """Fitted candidates with room for three paints each."""
+    size = sets.shape[-1]
+    room = ((0, 0), (0, 0), (0, 3 - size))
+    where = np.zeros_like(sets) if coats is None else coats
+    logs = np.pad(np.asarray(fitted.logs, float), room, constant_values=-np.inf)
+    return Pool(
+        members=np.pad(sets, room, constant_values=NOBODY),
+        coats=np.pad(where, room),
+        logs=logs,
+        weighed=logs,
+        covariance=np.pad(np.asarray(fitted.covariance, float), (*room, (0, 3 - size))),
+        log_weight=task.discrepancy.trust * np.asarray(fitted.log_evidence, float)
+        + log_set_prior(task, sets)
+        + log_share,
+        readings=np.asarray(fitted.readings, float),
+        allowed=np.asarray(fitted.readings, float),
+        gloss=np.zeros(sets.shape[:2]),
+        condition=np.zeros(sets.shape[:2], dtype=np.int32),
+    )
+
+
+def weights_of(
+    task: IdentificationTask, readings: Float[np.ndarray, "*n readings"], errors: Whitening
+) -> Weights:
+    """Errors and prior of spectra, or of candidates, from readings with the surface's part."""
+    freedom = task.discrepancy.freedom or 0.0
+    numbers = (
+        task.prior.spread,
+        task.prior.concentration_sought,
+        freedom,
+        min(independent(task), readings.shape[-1]),
+    )
+    alike = (np.full(readings.shape[:-1], float(value)) for value in numbers)
+    return Weights(
+        readings - task.discrepancy.gloss * task.surface, errors.basis, errors.height, *alike
+    )
+
+
+def independent(task: IdentificationTask) -> float:
+    """Readings that count as independent where candidates are weighed; see `ModelError.apart`."""
+    return max(float(np.ptp(task.wavelengths)) / task.discrepancy.apart, 1.0)
+
+
+def fixed_errors(
+    task: IdentificationTask, batch: Measured, noise_sd: Float[np.ndarray, "spectra grounds bands"]
+) -> Float[np.ndarray, "spectra readings readings"]:
+    """Covariance of noise, of the surface's reflection and of what else is in doubt about the
+    readings.
+    """
+    doubt = batch.doubt.reshape(*batch.doubt.shape[:2], batch.readings[0].size)
+    return (
+        noise_covariance(noise_sd, task.surface, task.discrepancy)
+        + np.swapaxes(doubt, 1, 2) @ doubt
+    )
+
+
+def log_set_prior(
+    task: IdentificationTask, members: Int[np.ndarray, "*n size"]
+) -> Float[np.ndarray, "*n"]:
+    """Log prior probability of sets of paints; a negative number is none."""
+    sizes = np.asarray(task.prior.sizes[: task.max_paints])
+    each = [
+        share / sizes.sum() / len(sets_of(task.known, n)) for n, share in enumerate(sizes, start=1)
+    ]
+    there = members >= 0
+    count = there.sum(axis=-1)
+    # Alone, an extender is as good as any other paint.
+    hardly = np.where(count > 1, (there & task.extenders[members]).sum(axis=-1), 0)
+    # No paint at all is no explanation.
+    with np.errstate(divide="ignore"):
+        return np.log(np.asarray([0.0, *each]))[count] + hardly * np.log(task.prior.extender)
 
 
 Model = Callable[
     [Float[Array, "size"]], tuple[Float[Array, "readings"], Float[Array, "size readings"]]
 ]
 """Readings of a film from its amounts, and their slopes by the log amounts."""
+
+
+@Program
+@functools.partial(jax.jit, static_argnames=("middle", "steps"))
+def fit_sets(
+    response: FilmResponse,
+    paints: Paints,
+    sets: Array,
+    starts: Array,
+    ground: Array,
+    weights: Weights,
+    middle: int,
+    steps: int = _STEPS,
+) -> Fitted:
+    """Fit candidates of one coat, as many for each spectrum.
+
+    Args:
+        response: of the instrument.
+        paints: of the catalogue.
+        sets: paints of each candidate, (spectra, sets, size); a negative number is none.
+        starts: log amounts, (spectra, sets, size).
+        ground: internal reflectance, (spectra, grounds, bands).
+        weights: of each spectrum.
+        middle: scale of the discrepancy that is fitted with.
+        steps: of Newton's method; many where the start is far.
+    """
+
+    def one(spectrum: tuple) -> Fitted:
+        sets, starts, ground, weights = spectrum
+
+        def candidate(members: Array, start: Array) -> Fitted:
+            return fit_film(response, paints, members, start, ground, weights, middle, steps)
+
+        return jax.vmap(candidate)(sets, starts)
+
+    return jax.lax.map(one, (sets, starts, ground, weights))
+
+
+def fit_film(
+    response: FilmResponse,
+    paints: Paints,
+    members: Array,
+    start: Array,
+    ground: Array,
+    weights: Weights,
+    middle: int,
+    steps: int | Array,
+) -> Fitted:
+    """Fit one candidate of one coat."""
+    model = coat_model(response, paints.absorption[members], paints.scattering[members], ground)
+    return fit_one(model, start, members >= 0, weights, middle, steps)
+
+
+def coat_model(response: FilmResponse, k: Array, s: Array, ground: Array) -> Model:
+    """Model of one coat of paints of these optical thicknesses, (size, bands)."""
+
+    def model(amounts: Array) -> tuple[Array, Array]:
+        readings, by_k, by_s = response.body_and_slopes(amounts @ k, amounts @ s, ground)
+        slopes = amounts[:, None, None] * (k[:, None, :] * by_k + s[:, None, :] * by_s)
+        return readings.reshape(-1), slopes.reshape(amounts.shape[0], -1)
+
+    return model
 
 
 def fit_one(
@@ -124,6 +302,32 @@ def fit_one(
     return Fitted(logs, spread, log_evidence, readings)
 
 
+def prior_terms(
+    logs: Array, present: Array, spread: Number, concentration: Number
+) -> tuple[Array, Array]:
+    """Gradient of minus the log prior, and a positive part of its Hessian; 1 for a paint that is
+    not there.
+    """
+    m = present.sum(dtype=logs.dtype)
+    total = jax.nn.logsumexp(logs, where=present)
+    share = jax.nn.softmax(logs, where=present)
+    gradient = share * total / spread**2 - concentration * (present.astype(logs.dtype) - m * share)
+    outer = jnp.outer(share, share)
+    hessian = outer / spread**2 + concentration * m * (jnp.diag(share) - outer)
+    return gradient, hessian + jnp.diag(jnp.where(present, 0.0, 1.0).astype(logs.dtype))
+
+
+def log_prior(
+    logs: Float[Array, "size"], present: Bool[Array, "size"], spread: Number, concentration: Number
+) -> Float[Array, ""]:
+    """Log prior density of log amounts: log-normal total of median 1, Dirichlet fractions."""
+    m = present.sum(dtype=logs.dtype)
+    total = jax.nn.logsumexp(logs, where=present)
+    fractions = concentration * jnp.sum(jnp.where(present, logs - total, 0.0))
+    fractions += gammaln(m * concentration) - m * gammaln(concentration)
+    return -0.5 * (total / spread) ** 2 - jnp.log(spread * jnp.sqrt(2.0 * jnp.pi)) + fractions
+
+
 def _evidence(
     logs: Array, present: Array, hessian: tuple[Array, Array], readings: Array, weights: Weights
 ) -> tuple[Array, Array]:
@@ -148,184 +352,3 @@ def _evidence(
     prior = log_prior(logs, present, weights.spread, weights.concentration)
     volume = 0.5 * present.sum(dtype=logs.dtype) * jnp.log(2.0 * jnp.pi) - 0.5 * log_det
     return likelihood + prior + volume, spread
-
-
-def coat_model(response: FilmResponse, k: Array, s: Array, ground: Array) -> Model:
-    """Model of one coat of paints of these optical thicknesses, (size, bands)."""
-
-    def model(amounts: Array) -> tuple[Array, Array]:
-        readings, by_k, by_s = response.body_and_slopes(amounts @ k, amounts @ s, ground)
-        slopes = amounts[:, None, None] * (k[:, None, :] * by_k + s[:, None, :] * by_s)
-        return readings.reshape(-1), slopes.reshape(amounts.shape[0], -1)
-
-    return model
-
-
-@Program
-@functools.partial(jax.jit, static_argnames=("middle", "steps"))
-def fit_sets(
-    response: FilmResponse,
-    paints: Paints,
-    sets: Array,
-    starts: Array,
-    ground: Array,
-    weights: Weights,
-    middle: int,
-    steps: int = _STEPS,
-) -> Fitted:
-    """Fit candidates of one coat, as many for each spectrum.
-
-    Args:
-        response: of the instrument.
-        paints: of the catalogue.
-        sets: paints of each candidate, (spectra, sets, size); a negative number is none.
-        starts: log amounts, (spectra, sets, size).
-        ground: internal reflectance, (spectra, grounds, bands).
-        weights: of each spectrum.
-        middle: scale of the discrepancy that is fitted with.
-        steps: of Newton's method; many where the start is far.
-    """
-
-    def one(spectrum: tuple) -> Fitted:
-        sets, starts, ground, weights = spectrum
-
-        def candidate(members: Array, start: Array) -> Fitted:
-            return _fit_film(response, paints, members, start, ground, weights, middle, steps)
-
-        return jax.vmap(candidate)(sets, starts)
-
-    return jax.lax.map(one, (sets, starts, ground, weights))
-
-
-@Program
-@functools.partial(jax.jit, static_argnames="middle")
-def fit_films(
-    response: FilmResponse,
-    paints: Paints,
-    sets: Array,
-    starts: Array,
-    ground: Array,
-    weights: Weights,
-    middle: int,
-    steps: Array,
-) -> Fitted:
-    """Fit candidates of one coat, each with a ground and weights of its own: arguments as of
-    `fit_sets` without the spectra's axis, and each number of steps by the same program.
-    """
-
-    def candidate(members: Array, start: Array, ground: Array, weights: Weights) -> Fitted:
-        return _fit_film(response, paints, members, start, ground, weights, middle, steps)
-
-    return jax.vmap(candidate)(sets, starts, ground, weights)
-
-
-def _fit_film(
-    response: FilmResponse,
-    paints: Paints,
-    members: Array,
-    start: Array,
-    ground: Array,
-    weights: Weights,
-    middle: int,
-    steps: int | Array,
-) -> Fitted:
-    """Fit one candidate of one coat."""
-    model = coat_model(response, paints.absorption[members], paints.scattering[members], ground)
-    return fit_one(model, start, members >= 0, weights, middle, steps)
-
-
-@Program
-@jax.jit
-def film_slopes(
-    response: FilmResponse, paints: Paints, sets: Array, logs: Array, ground: Array
-) -> Float[Array, "films errors readings"]:
-    """Slopes of the readings by the log of every paint's k, then s, band by band.
-
-    Args:
-        response: of the instrument.
-        paints: of the catalogue.
-        sets: paints of each film, (films, size); a negative number is none.
-        logs: log amounts, (films, size).
-        ground: internal reflectance, (films, grounds, bands).
-    """
-
-    def film(members: Array, logs: Array, ground: Array) -> Array:
-        amounts = jnp.where(members >= 0, jnp.exp(logs), 0.0)[:, None]
-        parts = amounts * paints.absorption[members], amounts * paints.scattering[members]
-        _, by_k, by_s = response.body_and_slopes(parts[0].sum(axis=0), parts[1].sum(axis=0), ground)
-        slopes = jnp.concatenate([parts[0][:, None] * by_k, parts[1][:, None] * by_s])
-        return slopes.reshape(slopes.shape[0], -1)
-
-    return jax.vmap(film)(sets, logs, ground)
-
-
-def slopes_of(
-    response: FilmResponse,
-    paints: Paints,
-    sets: Int[np.ndarray, "films size"],
-    logs: Float[np.ndarray, "films size"],
-    grounds: Float[np.ndarray, "spectra grounds bands"],
-    row: Int[np.ndarray, "films"],
-) -> Float[np.ndarray, "films errors readings"]:
-    """`film_slopes` of any number of films, over the grounds of their spectra, which
-    `row` numbers.
-    """
-
-    def run(n: np.ndarray) -> Array:
-        return film_slopes(
-            response, paints, *(jnp.asarray(a) for a in (sets[n], logs[n], grounds[row[n]]))
-        )
-
-    return by_blocks(len(sets), block_size(grounds[0].size), run)
-
-
-def by_blocks(count: int, block: int, run: Callable[[Int[np.ndarray, "block"]], Any]) -> Any:
-    """What `run` says of films by number, `block` at a time, as numpy arrays for all of them.
-
-    The last block is filled up with films again: one shape, one program.
-    """
-    parts = []
-    for first in range(0, count, block):
-        rows = np.arange(first, min(first + block, count))
-        parts.append(run(np.resize(rows, block)))
-    return jax.tree.map(lambda *a: np.concatenate([np.asarray(one) for one in a])[:count], *parts)
-
-
-def block_size(readings: int) -> int:
-    """Films that are fitted at a time, so that their errors take some megabytes at most."""
-    return int(np.clip(2**22 // readings**2, 4, 128))
-
-
-def programs_ahead(
-    films: tuple[FilmResponse, Paints],
-    single: tuple[FilmResponse, Paints],
-    shape: tuple[int, int],
-    scales: int,
-    largest: int,
-    middle: int,
-    both: bool,
-) -> None:
-    """Begin to compile what the best candidates are fitted with, while others are still looked for.
-
-    Args:
-        films, single: response and paints in double and in single precision.
-        shape: grounds and bands of a spectrum.
-        scales: of the discrepancy.
-        largest: paints of a film, 2 at least.
-        middle: scale that is fitted with.
-        both: whether sets are weighed in single precision and shown in double.
-    """
-    readings = shape[0] * shape[1]
-    count = block_size(readings)
-    numbers = (count,)
-    matrix = (count, scales, readings, readings)
-    members = np.zeros((count, largest), np.int32)
-    steps = jnp.asarray(0)
-    film_slopes.ahead(*films, members, np.zeros(members.shape), np.zeros((count, *shape)))
-    for kind, given in ((np.float32, single), (np.float64, films))[0 if both else 1 :]:
-        sizes = ((count, readings), matrix, (count, scales), *[numbers] * 4)
-        weights = Weights(*(np.broadcast_to(kind(0), size) for size in sizes))
-        ground = np.zeros((count, *shape), kind)
-        fit_films.ahead(
-            *given, members, np.zeros(members.shape, kind), ground, weights, middle, steps
-        )

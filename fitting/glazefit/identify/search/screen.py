@@ -3,92 +3,122 @@ start each.
 
 A candidate is a set of one to three paints; its unknowns are the amounts a_i = thickness times
 fraction, in units of a usual thickness, so that k d = sum a_i k_i. Sets of one and two paints are
-all tried on a grid of amounts (`glazefit.identify.search.table`). Sets of three grow from the best pairs,
+all tried on a grid of amounts (`table`). Sets of three grow from the best pairs,
 so that the cost stays in proportion to the number of paints.
 """
 
-import itertools
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Bool, Float, Int
 
-from glazejax import Pigment
-
+from ...film.errors import model_covariance, noise_covariance, whitening
 from ...film.response import FilmResponse
+from .pool import NOBODY
+from .table import ALIKE, Paints, TableOfSize, film_readings, sets_of
+from .task import TYPICAL_READING, IdentificationTask, Measured
 
-# Fractions of the first paint of a pair: strong paints show at a thousandth, weak ones drown at
-# nine tenths.
-_FRACTIONS = np.array([0.002, 0.008, 0.03, 0.1, 0.25, 0.5, 0.75, 0.9, 0.97, 0.992, 0.998])
-# Totals in standard deviations of their logarithm.
-_TOTALS = np.linspace(-4.3, 4.0, 13)
 # Amounts of a third paint, as a share of the pair's.
 _THIRDS = np.array([0.003, 0.02, 0.1, 0.4, 1.5])
+_GROWN_PAIRS = 12
+_KEPT_TRIPLES = 40
 
 
-class Paints(NamedTuple):
-    """Optical thicknesses of the catalogue's paints at the usual thickness, on the grid of the
-    spectra.
-    """
+class SetStarts(NamedTuple):
+    """Sets and where to start them; those of fewer paints are filled up with `NOBODY`."""
 
-    absorption: Float[Array, "paints bands"]
-    scattering: Float[Array, "paints bands"]
+    sets: Int[np.ndarray, "spectra sets size"]
+    logs: Float[np.ndarray, "spectra sets size"]
+
+    def take(self, rows: Int[np.ndarray, "rows"]) -> "SetStarts":
+        """Those of some spectra, by number."""
+        return SetStarts(self.sets[rows], self.logs[rows])
 
 
-def paints_of(pigments: Sequence[Pigment], thickness: float) -> Paints:
-    """Pigments on the grid of the spectra, with this thickness (m) as the usual one."""
-    return Paints(
-        *(
-            jnp.asarray(thickness * np.asarray([getattr(p, part) for p in pigments], float), float)
-            for part in ("absorption", "scattering")
-        )
+def first_starts(task: IdentificationTask, measured: Measured) -> SetStarts:
+    """Sets of one paint and the best of two for every spectrum, from the screening."""
+    found: list[tuple[np.ndarray, np.ndarray]] = []
+    for rows, ground in alike_grounds(measured.grounds):
+        table = task.tables.over(ground, lambda grounds: common_whitening(task, grounds))
+        kinds = table.nearest(task.target(measured.readings[rows]))
+        parts = [
+            _best_starts(kind, *near, task.effort.fitted_pairs)
+            for kind, near in zip(table.sizes, kinds, strict=True)
+        ]
+        found.append((rows, np.concatenate(parts, axis=1)))
+    order = np.argsort(np.concatenate([rows for rows, _ in found]))
+    both = np.concatenate([part for _, part in found])[order]
+    size = both.shape[-1] // 2
+    return SetStarts(both[..., :size].astype(np.int32), both[..., size:])
+
+
+def alike_grounds(
+    grounds: Float[np.ndarray, "spectra grounds bands"],
+) -> list[tuple[Int[np.ndarray, "rows"], Float[np.ndarray, "grounds bands"]]]:
+    """Groups of spectra with nearly the same grounds: their numbers and their mean ground."""
+    left = np.arange(len(grounds))
+    groups = []
+    while left.size:
+        near = np.abs(grounds[left] - grounds[left[0]]).max(axis=(1, 2)) < ALIKE
+        groups.append((left[near], grounds[left[near]].mean(axis=0)))
+        left = left[~near]
+    return groups
+
+
+def _best_starts(
+    kind: TableOfSize,
+    cost: Float[np.ndarray, "spectra sets"],
+    where: Int[np.ndarray, "spectra sets"],
+    pairs: int,
+) -> Float[np.ndarray, "spectra kept four"]:
+    """Members and log amounts of the sets of one size that are kept, side by side."""
+    keep = len(kind.sets) if kind.sets.shape[1] == 1 else min(len(kind.sets), pairs)
+    best = np.argsort(cost, axis=1, kind="stable")[:, :keep]
+    logs = np.log(kind.grid[np.take_along_axis(where, best, axis=1)])
+    room = ((0, 0), (0, 0), (0, 2 - kind.sets.shape[1]))
+    members = np.pad(kind.sets[best], room, constant_values=NOBODY)
+    return np.concatenate([members, np.pad(logs, room)], axis=-1)
+
+
+def common_whitening(
+    task: IdentificationTask, grounds: int
+) -> Float[np.ndarray, "readings readings"]:
+    """Of a reading of middling size over so many grounds, for the searches that only rank."""
+    sd = task.noise.sd(np.full((grounds, task.wavelengths.size), TYPICAL_READING))
+    model = model_covariance(
+        task.wavelengths, grounds, task.discrepancy, task.discrepancy.screening
     )
+    return whitening(noise_covariance(sd, task.surface, task.discrepancy) + model)[0]
 
 
-def sets_of(count: int, size: int) -> Int[np.ndarray, "sets size"]:
-    """All sets of `size` different paints out of `count`, numbers ascending."""
-    sets = list(itertools.combinations(range(count), size))
-    return np.asarray(sets, dtype=np.int32).reshape(-1, size)
-
-
-def amounts_grid(size: int, spread: float) -> Float[np.ndarray, "points size"]:
-    """Amounts at which sets of one or two paints are tried.
-
-    Args:
-        size: 1 or 2.
-        spread: standard deviation of the log of the total.
-
-    Raises:
-        ValueError: another size.
-    """
-    totals = np.exp(spread * _TOTALS)
-    if size == 1:
-        return totals[:, None]
-    if size == 2:
-        shares = np.stack([_FRACTIONS, 1.0 - _FRACTIONS], axis=-1)
-        return (totals[:, None, None] * shares).reshape(-1, 2)
-    raise ValueError(f"there is a grid for one or two paints, not for {size}")
-
-
-def film_readings(
-    response: FilmResponse, paints: Paints, sets: Array, amounts: Array, ground: Array
-) -> Float[Array, "sets tries readings"]:
-    """What films read over each ground, ground by ground, without the surface's part.
-
-    Args:
-        response: of the instrument.
-        paints: of the catalogue.
-        sets: paints in each film, (sets, size).
-        amounts: of each paint, several for each set, (sets, tries, size).
-        ground: internal reflectance, (grounds, bands).
-    """
-    k = jnp.einsum("ntm,nmb->ntb", amounts, paints.absorption[sets])
-    s = jnp.einsum("ntm,nmb->ntb", amounts, paints.scattering[sets])
-    black, gain, back = (a[:, :, None, :] for a in response.numbers(k, s))
-    return (black + gain * ground / (1.0 - back * ground)).reshape(*k.shape[:2], -1)
+def grow_triples(
+    task: IdentificationTask,
+    batch: Measured,
+    pairs: Int[np.ndarray, "spectra pairs 2"],
+    logs: Float[np.ndarray, "spectra pairs 2"],
+    log_evidence: Float[np.ndarray, "spectra pairs"],
+) -> tuple[SetStarts, Bool[np.ndarray, "spectra sets"]]:
+    """Sets of three from the most probable pairs, and whether each is the first of its kind."""
+    rows = np.arange(len(pairs))[:, None]
+    best = np.argsort(-log_evidence, axis=1)[:, :_GROWN_PAIRS]
+    amounts = np.exp(logs)[rows, best]
+    sets, tries = grow(pairs[rows, best], amounts, task.known)
+    # Each at a few amounts of the third paint.
+    white = common_whitening(task, batch.readings.shape[1])
+    target = task.target(batch.readings) @ white.T
+    given = (jnp.asarray(a, float) for a in (tries, batch.grounds, target, white))
+    cost, where = (
+        np.asarray(a) for a in score(task.response, task.paints, jnp.asarray(sets), *given)
+    )
+    keep = min(_KEPT_TRIPLES, len(sets_of(task.known, 3)))
+    # Pairs that overlap can give fewer sets than wanted: then some come twice.
+    found = [unique_best(s, c, keep) for s, c in zip(sets, cost, strict=True)]
+    chosen = np.stack([np.resize(numbers, keep) for numbers in found])
+    new = np.arange(keep) < np.asarray([len(numbers) for numbers in found])[:, None]
+    logs = np.log(np.take_along_axis(tries, where[..., None, None], axis=2)[:, :, 0])
+    return SetStarts(sets[rows, chosen], logs[rows, chosen]), new
 
 
 def grow(

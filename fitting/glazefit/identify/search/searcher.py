@@ -1,34 +1,91 @@
-"""A search that is set up once and takes any number of spectra: from checked options to pools of
-candidates.
+"""A search that is set up once and takes any number of spectra: from options to pools of
+candidates and their odds.
+
+A spectrum's way is one arc: screen, fit (`fit.rank`), refine, weigh. Where the odds leave it in
+doubt, it goes the same way again under conditions that nobody stated.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import ArrayLike, Bool
+from jaxtyping import ArrayLike, Bool, Float, Int
 
 from glazejax import Pigment
 from glazejax.geometry import Geometry, resolve_instrument
+from glazejax.paint.media import MAX_THICKNESS
+from glazejax.radiative.common.threads import in_threads
 from glazejax.spectra import validate_wavelengths
 
-from ...film.errors import BETWEEN_FILMS, Discrepancy, Prior, error_modes, relative_errors
+from ...film.errors import BETWEEN_FILMS, ModelError, Prior, error_modes, relative_errors
 from ...film.films import Instrument, Noise
-from ...film.mixing import Pigments
+from ...film.mixing import Pigments, listed_pigments
+from ...film.noise import noise_of_each
 from ...film.optics import Optics
 from ...film.response import film_response
-from ..result import Pool
-from .effort import THOROUGH, USUAL
-from .screen import paints_of
-from .search import CHUNK, compile_ahead, first_starts, pieces, search
-from .table import FilmTables
-from .task import IdentificationTask, Measured, check_pigments, check_spectra, hiding
-from .unstated_conditions import search_unstated_conditions
-from .weigh import Odds
+from .fit import rank
+from .pool import Pool
+from .refine import compile_ahead, refine, with_surface
+from .screen import SetStarts, first_starts
+from .table import FilmTables, paints_of
+from .task import THOROUGH, USUAL, IdentificationTask, Measured
+from .two_coats import search_two_coats
+from .unstated_conditions import NOT_OPAQUE, OTHER_GROUNDS, VARNISHES, films_under, pool_under
+from .weigh import Odds, odds_of
 
+# Spectra that are fitted at a time.
+_CHUNK = 64
 # Spectra whose doubtful ones are sought again together: a few in each chunk would cost as much as
 # all of it.
-_TOGETHER = 4 * CHUNK
+_TOGETHER = 4 * _CHUNK
+# Probability of none above which a film is sought again.
+_DOUBTFUL = 0.2
+# Above this a reflectance is a mistake, such as percent; below, it may be a highlight or a
+# calibration.
+_TOO_BRIGHT = 1.5
+# Scattering optical thickness of a film that hides its ground.
+_OPAQUE = 200.0
+UNSEEN_GROUND = 0.5
+"""Ground under films that hide it."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class IdentificationOptions:
+    """How films are identified.
+
+    Attributes:
+        instrument: a `glazejax.Instrument`, a geometry, or words such as "45:0" for one without a
+            sphere; by default d:8 with the specular part, index 1.5.
+        noise: of a reading; where the spectra themselves are rougher, their roughness counts.
+        discrepancy: of the model; by default `glazefit.film.errors.BETWEEN_FILMS`.
+        prior: what is expected beforehand.
+        max_paints: largest set, 1 to 3.
+        max_coats: 2 tries the best sets as two coats too, in both orders.
+        keep: candidates kept for each spectrum.
+        thorough: fit every pair, and give every set errors of its own: some four times as long for
+            the same first answer in most cases.
+
+    Raises:
+        ValueError: numbers of paints or coats that cannot be tried.
+    """
+
+    instrument: Instrument | Geometry | str | None = None
+    noise: Noise | None = None
+    discrepancy: ModelError | None = None
+    prior: Prior | None = None
+    max_paints: int = 3
+    max_coats: int = 1
+    keep: int = 20
+    thorough: bool = False
+
+    def __post_init__(self) -> None:
+        if self.max_paints not in (1, 2, 3):
+            raise ValueError(
+                f"max_paints is {self.max_paints}; sets of 1, 2 or 3 paints can be tried"
+            )
+        if self.max_coats not in (1, 2):
+            raise ValueError(f"max_coats is {self.max_coats}; one coat or two can be tried")
 
 
 class Searcher(NamedTuple):
@@ -49,70 +106,51 @@ class Searcher(NamedTuple):
         cls,
         wavelengths: ArrayLike,
         pigments: Pigments,
+        options: IdentificationOptions | None = None,
         *,
-        opaque: bool,
-        instrument: Instrument | None = None,
-        geometry: Geometry | None = None,
-        noise: Noise | None = None,
-        discrepancy: Discrepancy | None = None,
-        prior: Prior | None = None,
-        max_paints: int = 3,
-        layers: int = 1,
-        thorough: bool = False,
+        opaque: bool = False,
     ) -> "Searcher":
-        """From the options of `glazefit.identify.identify.identify_chunks`.
+        """From the options of `glazefit.identify`.
 
         Raises:
             ValueError: an empty catalogue, repeated names, pigments that do not cover the
-                wavelengths, numbers of paints or coats that cannot be tried.
+                wavelengths, two coats of films that hide their ground.
         """
-        instrument = resolve_instrument(geometry or instrument)
-        noise = noise or Noise()
-        prior = prior or Prior()
-        discrepancy = discrepancy or BETWEEN_FILMS
-        if max_paints not in (1, 2, 3):
-            raise ValueError(f"max_paints is {max_paints}; sets of 1, 2 or 3 paints can be tried")
-        if layers not in (1, 2):
-            raise ValueError(f"layers is {layers}; one coat or two can be tried")
-        if layers == 2 and opaque:
+        options = options or IdentificationOptions()
+        if options.max_coats == 2 and opaque:
             raise ValueError(
                 "two coats need to know the ground; an opaque film shows its top coat only: use "
-                "layers=1"
+                "max_coats=1"
             )
+        instrument = resolve_instrument(options.instrument)
+        discrepancy = options.discrepancy or BETWEEN_FILMS
+        prior = options.prior or Prior()
         grid = validate_wavelengths(np.asarray(wavelengths, dtype=np.float64))
         known = check_pigments(pigments, grid)
-        largest = min(max_paints, len(known))
+        largest = min(options.max_paints, len(known))
         response = film_response(instrument.geometry, instrument.refractive_index)
-        thick = hiding(prior, known)
-        errors = relative_errors(known, discrepancy)
-        modes = error_modes(known, discrepancy).astype(np.float32)
-        seen = hardly_seen(known, prior.thickness)
-        optics = Optics.of(instrument.geometry, instrument.refractive_index)
-
-        def task(hidden: bool) -> IdentificationTask:
-            expected = thick if hidden else prior
+        tasks = {}
+        for hidden in (False, True):
+            expected = hiding(prior, known) if hidden else prior
             paints = paints_of(known, expected.thickness)
-            return IdentificationTask(
+            tasks[hidden] = IdentificationTask(
                 response=response,
                 paints=paints,
-                errors=errors,
-                modes=modes,
+                errors=relative_errors(known, discrepancy),
+                modes=error_modes(known, discrepancy).astype(np.float32),
                 wavelengths=grid,
-                optics=optics,
+                optics=Optics.of(instrument.geometry, instrument.refractive_index),
                 surface=instrument.seen_surface,
-                noise=noise,
+                noise=options.noise or Noise(),
                 discrepancy=discrepancy,
                 prior=expected,
-                extenders=seen,
+                extenders=hardly_seen(known, prior.thickness),
                 max_paints=largest,
-                layers=layers,
-                effort=THOROUGH if thorough else USUAL,
+                max_coats=options.max_coats,
+                effort=THOROUGH if options.thorough else USUAL,
                 tables=FilmTables(response, paints, largest, expected.spread),
             )
-
-        return cls(
-            {hidden: task(hidden) for hidden in (False, True)}, opaque, tuple(p.name for p in known)
-        )
+        return cls(tasks, opaque, tuple(p.name for p in known))
 
     @property
     def task(self) -> IdentificationTask:
@@ -120,23 +158,194 @@ class Searcher(NamedTuple):
         return self.tasks[self.opaque]
 
     def check(
-        self, spectra: ArrayLike, grounds: ArrayLike | None, names: Sequence[str] | None = None
+        self, spectra: ArrayLike, ground: ArrayLike | None, names: Sequence[str] | None = None
     ) -> Measured:
         """Spectra and grounds in one shape.
 
         Raises:
             ValueError: shapes that do not match, values that are not reflectances, repeated names.
         """
-        return check_spectra(spectra, self.task.wavelengths, grounds, names, self.task.noise)
+        return check_spectra(self.task.wavelengths, spectra, ground, names, self.task.noise)
 
     def search(self, measured: Measured) -> Iterator[tuple[Measured, Pool, Odds]]:
         """Candidates and their odds, some hundred spectra at a time."""
         compile_ahead(self.task, measured)
         starts = first_starts(self.task, measured)
         for together in pieces(np.arange(len(measured)), _TOGETHER):
-            pool = search(self.task, measured, together, starts)
+            pool = _search(self.task, measured, together, starts)
             batch = measured.take(together)
-            yield batch, *search_unstated_conditions(self.tasks, self.opaque, batch, pool)
+            yield batch, *_search_unstated_conditions(self, batch, pool)
+
+
+def _search(
+    task: IdentificationTask, measured: Measured, rows: Int[np.ndarray, "rows"], starts: SetStarts
+) -> Pool:
+    """Fitted candidates of some spectra; `_CHUNK` at a time, a few of these side by side."""
+
+    def one(rows: Int[np.ndarray, "rows"]) -> Pool:
+        # Few sizes, so that little is compiled.
+        padded = np.resize(rows, padded_size(len(rows)))
+        real = np.arange(len(rows))
+        batch = measured.take(padded)
+        ranked = rank(task, batch, starts.take(padded))
+        pool = refine(task, ranked.of(real), batch.take(real))
+        if task.max_coats == 2 and task.max_paints > 1 and task.known > 1:
+            pool = pool.of(np.resize(real, len(padded)))
+            pool = search_two_coats(task, pool, ranked, batch).of(real)
+        return with_surface(task, pool, batch.take(real))
+
+    return Pool.joined(in_threads(one, pieces(rows)))
+
+
+def _search_unstated_conditions(
+    searcher: Searcher, measured: Measured, pool: Pool
+) -> tuple[Pool, Odds]:
+    """The pool, with candidates under other conditions where what was told leaves a film in doubt;
+    and its odds.
+
+    Films that were said to hide their ground are always tried without: one reading cannot say.
+
+    Args:
+        searcher: for all spectra.
+        measured: spectra; those in doubt are sought again.
+        pool: their candidates as told.
+    """
+    prior = searcher.task.prior
+
+    def more(pool: Pool, numbers: tuple[int, ...], rows: Int[np.ndarray, "rows"]) -> Pool:
+        for number in numbers:
+            seen = films_under(number, searcher.tasks, searcher.opaque, measured.take(rows))
+            starts = first_starts(seen.task, seen.measured)
+            found = _search(seen.task, seen.measured, np.arange(len(rows)), starts)
+            pool = pool.merged(pool_under(number, seen, found).spread(rows, len(measured)))
+        return pool
+
+    everything = np.arange(len(measured))
+    if searcher.opaque:
+        pool = more(pool, NOT_OPAQUE, everything)
+    odds = odds_of(measured, pool, prior)
+    doubtful = everything[odds.none / odds.total > _DOUBTFUL]
+    if not len(doubtful):
+        return pool, odds
+    if measured.readings.shape[1] == 1 and not searcher.opaque:
+        pool = more(pool, OTHER_GROUNDS, doubtful)
+    pool = more(pool, VARNISHES, doubtful)
+    return pool, odds_of(measured, pool, prior)
+
+
+def pieces(rows: Int[np.ndarray, "rows"], size: int = _CHUNK) -> list[Int[np.ndarray, "some"]]:
+    """The rows in order, so many at a time."""
+    return np.split(rows, range(size, len(rows), size))
+
+
+def padded_size(count: int) -> int:
+    """Spectra that so many are fitted as: 16, or whole chunks."""
+    return 16 if count <= 16 else _CHUNK * -(-count // _CHUNK)
+
+
+def check_spectra(
+    wavelengths: ArrayLike,
+    spectra: ArrayLike,
+    ground: ArrayLike | None,
+    names: Sequence[str] | None,
+    noise: Noise,
+) -> Measured:
+    """Spectra and grounds as (spectra, grounds, bands); see `glazefit.identify`.
+
+    Raises:
+        ValueError: shapes that do not match, values that are not reflectances, or repeated names.
+    """
+    grid = validate_wavelengths(np.asarray(wavelengths, dtype=np.float64))
+    readings = np.asarray(spectra, dtype=np.float64)
+    given = readings.shape
+    if readings.ndim == 1:
+        readings = readings[None]
+    if readings.ndim == 2:
+        readings = readings[:, None]
+    if readings.ndim != 3 or readings.shape[-1] != grid.size or 0 in readings.shape:
+        raise ValueError(
+            f"spectra of shape {given} are not (bands,), (spectra, bands) or (spectra, grounds, "
+            f"bands) with {grid.size} bands"
+        )
+    labels = tuple(names) if names is not None else tuple(str(i + 1) for i in range(len(readings)))
+    if len(labels) != len(readings):
+        raise ValueError(f"{len(labels)} names were given for {len(readings)} spectra")
+    if len(set(labels)) < len(labels):
+        twice = next(name for name in labels if labels.count(name) > 1)
+        raise ValueError(f"two spectra are called {twice!r}; names must differ")
+    wrong = ~(np.isfinite(readings) & (readings >= 0) & (readings <= _TOO_BRIGHT))
+    if wrong.any():
+        row, _, band = (int(i) for i in np.argwhere(wrong)[0])
+        raise ValueError(
+            f"the reflectance of {labels[row]!r} at {grid[band]:g} nm is {readings[wrong][0]:g}; "
+            f"it must be a fraction from 0 to {_TOO_BRIGHT:g} (divide percent by 100)"
+        )
+    below = np.asarray(UNSEEN_GROUND if ground is None else ground, dtype=np.float64)
+    if below.ndim == 1 and below.shape[0] != grid.size:
+        raise ValueError(
+            f"a ground of shape {below.shape} does not end in the {grid.size} bands of the spectra"
+        )
+    try:
+        below = np.broadcast_to(below, readings.shape)
+    except ValueError:
+        raise ValueError(
+            f"a ground of shape {below.shape} does not fit spectra of shape (spectra, grounds, "
+            f"bands) = {readings.shape}"
+        ) from None
+    if not ((below >= 0) & (below <= 1)).all():
+        value = below[~((below >= 0) & (below <= 1))][0]
+        raise ValueError(f"a ground's internal reflectance is {value:g}; it must lie in [0, 1]")
+    seen = noise_of_each(readings).max(axis=-1)[:, None, None]
+    doubt = np.empty((len(readings), 0, *readings.shape[1:]))
+    return Measured(
+        names=labels,
+        wavelengths=grid,
+        readings=readings,
+        grounds=below,
+        noise_sd=np.maximum(noise.sd(readings), seen),
+        doubt=doubt,
+    )
+
+
+def check_pigments(pigments: Pigments, wavelengths: Float[np.ndarray, "bands"]) -> list[Pigment]:
+    """The catalogue on the grid of the spectra.
+
+    Raises:
+        ValueError: no pigment, repeated names, several spectra in one pigment, or a grid that is
+            too short.
+    """
+    known = listed_pigments(pigments)
+    if not known:
+        raise ValueError("the catalogue is empty; give at least one pigment")
+    names = [pigment.name for pigment in known]
+    if len(set(names)) < len(names):
+        twice = next(name for name in names if names.count(name) > 1)
+        raise ValueError(f"two pigments of the catalogue are called {twice!r}; names must differ")
+    for pigment in known:
+        if pigment.absorption.ndim != 1 or pigment.scattering.ndim != 1:
+            raise ValueError(
+                f"the pigment {pigment.name!r} is a batch; give its members one by one"
+            )
+        if pigment.phase is not None:
+            raise ValueError(
+                f"pigment {pigment.name!r} has a phase function; here paint scatters isotropically"
+            )
+    try:
+        return [pigment.resample(wavelengths) for pigment in known]
+    except ValueError as error:
+        raise ValueError(f"the catalogue does not cover the spectra: {error}") from None
+
+
+def hiding(prior: Prior, pigments: Sequence[Pigment]) -> Prior:
+    """Of films so thick that their ground does not matter: the thickness is set, not sought."""
+    typical = np.median([np.median(np.asarray(p.scattering)) for p in pigments])
+    return replace(
+        prior, thickness=min(_OPAQUE / max(float(typical), 1.0), MAX_THICKNESS), spread=0.05
+    )
+
+
+_DOUBTFUL = 0.2
+"""Probability of none above which a film is sought again."""
 
 
 def hardly_seen(pigments: Sequence[Pigment], thickness: float) -> Bool[np.ndarray, "paints"]:

@@ -7,27 +7,98 @@ with all films of a table by one product of matrices in single precision; the be
 fitted.
 """
 
+import itertools
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import cached_property
 from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Array, Float, Int
+
+from glazejax import Pigment
 
 from ...film.response import FilmResponse
-from .screen import Paints, amounts_grid, film_readings, sets_of
 
 COMPONENTS = 20
 """Numbers that stand for a film's readings while sets are ranked."""
-_FILMS_AT_A_TIME = 4096
-_SPECTRA_AT_A_TIME = 128
-_read = jax.jit(film_readings)
 ALIKE = 0.04
 """Grounds that differ by less share a table; each film is then fitted with its own."""
+_FILMS_AT_A_TIME = 4096
+_SPECTRA_AT_A_TIME = 128
 _TABLES = 8
+# Fractions of the first paint of a pair: strong paints show at a thousandth, weak ones drown at
+# nine tenths.
+_FRACTIONS = np.array([0.002, 0.008, 0.03, 0.1, 0.25, 0.5, 0.75, 0.9, 0.97, 0.992, 0.998])
+# Totals in standard deviations of their logarithm.
+_TOTALS = np.linspace(-4.3, 4.0, 13)
+
+
+class Paints(NamedTuple):
+    """Optical thicknesses of the catalogue's paints at the usual thickness, on the grid of the
+    spectra.
+    """
+
+    absorption: Float[Array, "paints bands"]
+    scattering: Float[Array, "paints bands"]
+
+
+def paints_of(pigments: Sequence[Pigment], thickness: float) -> Paints:
+    """Pigments on the grid of the spectra, with this thickness (m) as the usual one."""
+    return Paints(
+        *(
+            jnp.asarray(thickness * np.asarray([getattr(p, part) for p in pigments], float), float)
+            for part in ("absorption", "scattering")
+        )
+    )
+
+
+def sets_of(count: int, size: int) -> Int[np.ndarray, "sets size"]:
+    """All sets of `size` different paints out of `count`, numbers ascending."""
+    sets = list(itertools.combinations(range(count), size))
+    return np.asarray(sets, dtype=np.int32).reshape(-1, size)
+
+
+def amounts_grid(size: int, spread: float) -> Float[np.ndarray, "points size"]:
+    """Amounts at which sets of one or two paints are tried.
+
+    Args:
+        size: 1 or 2.
+        spread: standard deviation of the log of the total.
+
+    Raises:
+        ValueError: another size.
+    """
+    totals = np.exp(spread * _TOTALS)
+    if size == 1:
+        return totals[:, None]
+    if size == 2:
+        shares = np.stack([_FRACTIONS, 1.0 - _FRACTIONS], axis=-1)
+        return (totals[:, None, None] * shares).reshape(-1, 2)
+    raise ValueError(f"there is a grid for one or two paints, not for {size}")
+
+
+def film_readings(
+    response: FilmResponse, paints: Paints, sets: Array, amounts: Array, ground: Array
+) -> Float[Array, "sets tries readings"]:
+    """What films read over each ground, ground by ground, without the surface's part.
+
+    Args:
+        response: of the instrument.
+        paints: of the catalogue.
+        sets: paints in each film, (sets, size).
+        amounts: of each paint, several for each set, (sets, tries, size).
+        ground: internal reflectance, (grounds, bands).
+    """
+    k = jnp.einsum("ntm,nmb->ntb", amounts, paints.absorption[sets])
+    s = jnp.einsum("ntm,nmb->ntb", amounts, paints.scattering[sets])
+    black, gain, back = (a[:, :, None, :] for a in response.numbers(k, s))
+    return (black + gain * ground / (1.0 - back * ground)).reshape(*k.shape[:2], -1)
+
+
+_read = jax.jit(film_readings)
 
 
 class TableOfSize(NamedTuple):

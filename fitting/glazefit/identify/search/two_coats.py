@@ -7,20 +7,59 @@ no stack well, so each is tried at a coarse grid of amounts first.
 
 import functools
 import itertools
+from dataclasses import replace
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
+from ...film.errors import Whitening
 from ...film.optics import Optics
-from .fit import Fitted, Weights, fit_one
-from .screen import Paints
+from .fit import Fitted, Weights, fit_one, pool_of, ranking_errors, weights_of
+from .pool import NOBODY, Pool
+from .refine import Groups, coefficient_errors, move_readings
+from .table import Paints
+from .task import IdentificationTask, Measured
 
 _TOLERANCE = 1e-4
 _SCREEN_TOLERANCE = 1e-2
 # Log amounts of each paint that a stack starts from, about the set's usual thickness.
 _STARTS = {2: np.log([0.03, 0.1, 0.3, 0.8, 2.0]), 3: np.log([0.05, 0.25, 1.0])}
+_STACKED = 8
+_ROUNDS = 2
+
+
+def search_two_coats(
+    task: IdentificationTask, pool: Pool, looked_at: Pool, batch: Measured
+) -> Pool:
+    """The pool with the best sets of two and three paints that were looked at as two coats too."""
+    ground = jnp.asarray(batch.grounds, float)
+    weights = jax.tree.map(jnp.asarray, weights_of(task, batch.flat, ranking_errors(task, batch)))
+    pool.log_weight[(pool.members != NOBODY).sum(axis=-1) > 1] += np.log1p(-task.prior.stacked)
+    size = (looked_at.members != NOBODY).sum(axis=-1)
+    for paints in range(2, task.max_paints + 1):
+        ways = orders(paints)
+        weight = np.where(size == paints, looked_at.log_weight, -np.inf)
+        keep = min(
+            _STACKED if paints == 2 else _STACKED // 2, int((size == paints).sum(axis=1).min())
+        )
+        best = np.argsort(-weight, axis=1)[:, :keep]
+        sets = np.take_along_axis(looked_at.members, best[..., None], axis=1)[..., :paints]
+        sets = np.repeat(sets, len(ways), axis=1)
+        coats = np.broadcast_to(np.tile(ways, (keep, 1)), sets.shape)
+        fitted, slopes = _fit_stacks(task, sets, coats, batch, ground, weights)
+        stacks = pool_of(task, sets, fitted, coats, np.log(task.prior.stacked / len(ways)))
+        row = np.repeat(np.arange(len(batch)), sets.shape[1])
+        groups = Groups(
+            np.arange(len(row)), row, *(a.reshape(len(row), *a.shape[2:]) for a in (sets, slopes))
+        )
+        near = move_readings(task, batch, row, stacks.readings.reshape(len(row), -1), groups)
+        stacks = replace(stacks, allowed=near.reshape(stacks.readings.shape))
+        struck = ~np.isfinite(np.take_along_axis(weight, best, axis=1))
+        stacks.log_weight[np.repeat(struck, len(ways), axis=1)] = -np.inf
+        pool = pool.merged(stacks)
+    return pool
 
 
 def orders(size: int) -> Int[np.ndarray, "orders size"]:
@@ -29,29 +68,36 @@ def orders(size: int) -> Int[np.ndarray, "orders size"]:
     return np.asarray(ways, dtype=np.int32).reshape(-1, size)
 
 
-def stack_readings(
-    k: Float[Array, "size bands"],
-    s: Float[Array, "size bands"],
-    coats: Int[Array, "size"],
-    amounts: Float[Array, "size"],
-    ground: Float[Array, "grounds bands"],
-    optics: Optics,
-    tolerance: float,
-) -> Float[Array, "grounds bands"]:
-    """What two coats read over each ground, without the surface's part.
-
-    Args:
-        k, s: optical thicknesses of the paints at the usual thickness.
-        coats: where each paint lies, 0 above 1.
-        amounts: of the paints.
-        ground: internal reflectance.
-        optics: cosines and index.
-        tolerance: of the solver.
-    """
-    place = jnp.where(coats[:, None] == jnp.arange(2), amounts[:, None], 0.0)
-    layers_k = jnp.einsum("ml,mb->bl", place, k)
-    layers_s = jnp.einsum("ml,mb->bl", place, s)
-    return optics.body(layers_k, layers_s, ground, tolerance)
+def _fit_stacks(
+    task: IdentificationTask,
+    sets: np.ndarray,
+    coats: np.ndarray,
+    batch: Measured,
+    ground: jax.Array,
+    weights: Weights,
+) -> tuple[Fitted, np.ndarray]:
+    """Stacks with errors of their own, and slopes near the fit."""
+    films = task.paints, jnp.asarray(sets), jnp.asarray(coats)
+    logs = stack_starts(*films, ground, weights, task.optics, task.middle)
+    row = np.repeat(np.arange(len(batch)), sets.shape[1])
+    count = sets.shape[:2]
+    readings = np.broadcast_to(batch.flat[:, None], (*count, batch.readings[0].size))
+    fitted = None
+    slopes = None
+    for _ in range(_ROUNDS):
+        slopes = np.asarray(stack_slopes(*films, logs, ground, task.optics))
+        errors = coefficient_errors(
+            task, batch, row, *(a.reshape(len(row), *a.shape[2:]) for a in (sets, slopes))
+        )
+        errors = Whitening(
+            *(a.reshape(*count, *a.shape[1:]) for a in (errors.basis, errors.height))
+        )
+        own = jax.tree.map(jnp.asarray, weights_of(task, readings, errors))
+        fitted = fit_stacks(*films, logs, ground, own, task.optics, task.middle)
+        logs = fitted.logs
+    assert fitted is not None
+    assert slopes is not None
+    return fitted, slopes
 
 
 @functools.partial(jax.jit, static_argnames=("optics", "middle"))
@@ -83,6 +129,56 @@ def stack_starts(
 
     over_sets = jax.vmap(start, in_axes=(0, 0, None, None))
     return jax.lax.map(lambda spectrum: over_sets(*spectrum), (sets, coats, ground, weights))
+
+
+def stack_readings(
+    k: Float[Array, "size bands"],
+    s: Float[Array, "size bands"],
+    coats: Int[Array, "size"],
+    amounts: Float[Array, "size"],
+    ground: Float[Array, "grounds bands"],
+    optics: Optics,
+    tolerance: float,
+) -> Float[Array, "grounds bands"]:
+    """What two coats read over each ground, without the surface's part.
+
+    Args:
+        k, s: optical thicknesses of the paints at the usual thickness.
+        coats: where each paint lies, 0 above 1.
+        amounts: of the paints.
+        ground: internal reflectance.
+        optics: cosines and index.
+        tolerance: of the solver.
+    """
+    place = jnp.where(coats[:, None] == jnp.arange(2), amounts[:, None], 0.0)
+    layers_k = jnp.einsum("ml,mb->bl", place, k)
+    layers_s = jnp.einsum("ml,mb->bl", place, s)
+    return optics.body(layers_k, layers_s, ground, tolerance)
+
+
+@functools.partial(jax.jit, static_argnames="optics")
+def stack_slopes(
+    paints: Paints, sets: Array, coats: Array, logs: Array, ground: Array, optics: Optics
+) -> Float[Array, "spectra sets errors readings"]:
+    """Slopes of the readings by the log of every paint's k, then s, band by band; arguments as of
+    `fit_stacks`.
+    """
+    size = sets.shape[-1]
+
+    def candidate(members: Array, coats: Array, logs: Array, ground: Array) -> Array:
+        both = jnp.stack([paints.absorption[members], paints.scattering[members]])
+
+        # Bands do not meet, so that one tangent moves a coefficient in all of them at once.
+        def read_film(errors: Array) -> Array:
+            k, s = both * (1.0 + errors[..., None])
+            return stack_readings(k, s, coats, jnp.exp(logs), ground, optics, _TOLERANCE).reshape(
+                -1
+            )
+
+        return jax.jacfwd(read_film)(jnp.zeros((2, size))).reshape(-1, 2 * size).T
+
+    over_sets = jax.vmap(candidate, in_axes=(0, 0, 0, None))
+    return jax.lax.map(lambda spectrum: over_sets(*spectrum), (sets, coats, logs, ground))
 
 
 @functools.partial(jax.jit, static_argnames=("optics", "middle"))
@@ -129,28 +225,3 @@ def fit_stacks(
     return jax.lax.map(
         lambda spectrum: over_sets(*spectrum), (sets, coats, starts, ground, weights)
     )
-
-
-@functools.partial(jax.jit, static_argnames="optics")
-def stack_slopes(
-    paints: Paints, sets: Array, coats: Array, logs: Array, ground: Array, optics: Optics
-) -> Float[Array, "spectra sets errors readings"]:
-    """Slopes of the readings by the log of every paint's k, then s, band by band; arguments as of
-    `fit_stacks`.
-    """
-    size = sets.shape[-1]
-
-    def candidate(members: Array, coats: Array, logs: Array, ground: Array) -> Array:
-        both = jnp.stack([paints.absorption[members], paints.scattering[members]])
-
-        # Bands do not meet, so that one tangent moves a coefficient in all of them at once.
-        def read_film(errors: Array) -> Array:
-            k, s = both * (1.0 + errors[..., None])
-            return stack_readings(k, s, coats, jnp.exp(logs), ground, optics, _TOLERANCE).reshape(
-                -1
-            )
-
-        return jax.jacfwd(read_film)(jnp.zeros((2, size))).reshape(-1, 2 * size).T
-
-    over_sets = jax.vmap(candidate, in_axes=(0, 0, 0, None))
-    return jax.lax.map(lambda spectrum: over_sets(*spectrum), (sets, coats, logs, ground))

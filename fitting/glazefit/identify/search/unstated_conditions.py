@@ -1,7 +1,8 @@
-"""Films sought again under conditions that nobody mentioned, and all candidates compete.
+"""Conditions that nobody may have mentioned: a yellowed varnish on top, another ground than told, a
+film that hides its ground.
 
 Films are sought as they were said to be. Where the answer may rest on something untold, they are
-sought again under each of a few other conditions (`conditions.CONDITIONS`).
+sought again as they would be seen under each of a few other conditions.
 """
 
 from collections.abc import Mapping
@@ -9,58 +10,49 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float
 
 from ...film.response import FilmResponse
 from ...film.varnish import under_varnish, without_varnish, yellow
-from ..result import Pool
-from .coefficient_errors import independent
-from .conditions import CONDITIONS, NOT_OPAQUE, OTHER_GROUNDS, VARNISHES
-from .search import first_starts, search
+from .fit import independent
+from .pool import Pool
 from .task import IdentificationTask, Measured
-from .weigh import Odds, odds_of
 
+
+class Condition(NamedTuple):
+    """One way in which a film may lie differently from what was told."""
+
+    words: str  # as an answer names it; empty for what was told
+    chance: float  # beforehand, beside 1 for what was told
+    varnish: float = 0.0  # optical thickness at 400 nm
+    ground: float | None = None  # internal reflectance; None is as told
+    opaque: bool | None = None  # None is as told
+
+
+_VARNISHED = "under a yellowed varnish"
+_LIGHT = 0.85
+_DARK = 0.04
+"""Internal reflectances of grounds that nobody named."""
+CONDITIONS = (
+    Condition("", 1.0),
+    Condition(_VARNISHED, 0.08, varnish=0.2),
+    Condition(_VARNISHED, 0.08, varnish=0.6),
+    Condition("over a light ground", 0.4, ground=_LIGHT, opaque=False),
+    Condition("over a dark ground", 0.1, ground=_DARK, opaque=False),
+    Condition("hiding its ground", 0.05, opaque=True),
+    Condition("over a lighter ground than told", 0.03, ground=_LIGHT),
+    Condition("over a darker ground than told", 0.03, ground=_DARK),
+)
+"""All that are tried, by number; the first is what was told."""
+VARNISHES = (1, 2)
+NOT_OPAQUE = (3, 4)
+OTHER_GROUNDS = (5, 6, 7)
+"""Numbers of those with a varnish, of those for films said to be opaque, and of those for one
+reading over a ground.
+"""
 # Two levels of a varnish that is seen; what is between them is left open.
 _LEVELS = {0.2: 0.15, 0.6: 0.3}
 """Optical thickness at 400 nm -> its standard deviation."""
-_DOUBTFUL = 0.2
-"""Probability of none above which a film is sought again."""
-
-
-def search_unstated_conditions(
-    tasks: Mapping[bool, IdentificationTask], opaque: bool, measured: Measured, pool: Pool
-) -> tuple[Pool, Odds]:
-    """The pool, with candidates under other conditions where what was told leaves a film in doubt;
-    and its odds.
-
-    Films that were said to hide their ground are always tried without: one reading does not tell.
-
-    Args:
-        tasks: for films that let the ground through, and for films that hide it.
-        opaque: what was told.
-        measured: spectra; those in doubt are sought again, `CHUNK` at a time.
-        pool: their candidates as told.
-    """
-    one_ground = measured.readings.shape[1] == 1
-
-    def more(pool: Pool, numbers: tuple[int, ...], rows: Int[np.ndarray, "rows"]) -> Pool:
-        for number in numbers:
-            found = _under(number, tasks, opaque, measured.take(rows))
-            pool = pool.merged(found.spread(rows, len(measured)))
-        return pool
-
-    everything = np.arange(len(measured))
-    if opaque:
-        pool = more(pool, NOT_OPAQUE, everything)
-    prior = tasks[opaque].prior
-    odds = odds_of(measured, pool, prior)
-    doubtful = everything[odds.none / odds.total > _DOUBTFUL]
-    if not len(doubtful):
-        return pool, odds
-    if one_ground and not opaque:
-        pool = more(pool, OTHER_GROUNDS, doubtful)
-    pool = more(pool, VARNISHES, doubtful)
-    return pool, odds_of(measured, pool, prior)
 
 
 class FilmsUnderCondition(NamedTuple):
@@ -80,7 +72,7 @@ def films_under(
     """Films under one condition, by its number.
 
     Args:
-        number: of `conditions.CONDITIONS`.
+        number: of `CONDITIONS`.
         tasks: for films that let the ground through, and for films that hide it.
         told: whether they were said to hide it.
         measured: the spectra as they were measured.
@@ -95,34 +87,6 @@ def films_under(
     if condition.varnish:
         seen, slope = remove_varnish(seen, task.response, task.surface, condition.varnish)
     return FilmsUnderCondition(task, opaque, seen, slope)
-
-
-def _under(
-    number: int, tasks: Mapping[bool, IdentificationTask], told: bool, measured: Measured
-) -> Pool:
-    """Candidates under one condition."""
-    condition = CONDITIONS[number]
-    task, _, seen, slope = films_under(number, tasks, told, measured)
-    pool = search(task, seen, np.arange(len(seen)), first_starts(task, seen))
-
-    def add_varnish(readings: np.ndarray) -> np.ndarray:
-        body = readings.reshape(*readings.shape[:2], *measured.readings.shape[1:]) - task.surface
-        thickness = condition.varnish * yellow(measured.wavelengths)
-        return (under_varnish(task.response, body, thickness) + task.surface).reshape(
-            readings.shape
-        )
-
-    if condition.varnish:
-        pool = replace(pool, readings=add_varnish(pool.readings), allowed=add_varnish(pool.allowed))
-    # What changes of variables add to a spectrum's log density.
-    change = np.log(slope).mean(axis=(1, 2))
-    weight = pool.log_weight + np.log(condition.chance) + (independent(task) * change)[:, None]
-    if condition.ground is not None:
-        # What hardly shows is no answer over a ground that nobody told: it is the ground that is
-        #     seen.
-        clear = np.append(task.extenders, True)[pool.members].all(axis=-1)
-        weight = np.where(clear, -np.inf, weight)
-    return replace(pool, log_weight=weight, condition=np.full_like(pool.condition, number))
 
 
 def remove_varnish(
@@ -155,3 +119,35 @@ def remove_varnish(
         measured, readings=bare + surface, noise_sd=measured.noise_sd * slope, doubt=doubt
     )
     return changed, slope
+
+
+def pool_under(number: int, seen: FilmsUnderCondition, pool: Pool) -> Pool:
+    """Candidates under one condition as they compete with those of films that lie as told.
+
+    Args:
+        number: of `CONDITIONS`.
+        seen: the films under it.
+        pool: their candidates.
+    """
+    condition = CONDITIONS[number]
+    task = seen.task
+
+    def add_varnish(readings: np.ndarray) -> np.ndarray:
+        shape = seen.measured.readings.shape[1:]
+        body = readings.reshape(*readings.shape[:2], *shape) - task.surface
+        thickness = condition.varnish * yellow(seen.measured.wavelengths)
+        return (under_varnish(task.response, body, thickness) + task.surface).reshape(
+            readings.shape
+        )
+
+    if condition.varnish:
+        pool = replace(pool, readings=add_varnish(pool.readings), allowed=add_varnish(pool.allowed))
+    # What changes of variables add to a spectrum's log density.
+    change = independent(task) * np.log(seen.slope).mean(axis=(1, 2))
+    weight = pool.log_weight + np.log(condition.chance) + change[:, None]
+    if condition.ground is not None:
+        # What hardly shows is no answer over a ground that nobody told: it is the ground that is
+        # seen.
+        clear = np.append(task.extenders, True)[pool.members].all(axis=-1)
+        weight = np.where(clear, -np.inf, weight)
+    return replace(pool, log_weight=weight, condition=np.full_like(pool.condition, number))

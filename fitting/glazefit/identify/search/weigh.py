@@ -8,7 +8,7 @@ from jaxtyping import Bool, Float
 from scipy.special import logsumexp
 
 from ...film.errors import REJECTED, UNSEEN, Prior, log_odds_of_none
-from ..result import NOBODY, Identification, Pool
+from .pool import NOBODY, Pool
 from .task import Measured
 
 # Candidates whose colour is compared with the film's.
@@ -41,7 +41,7 @@ class Odds(NamedTuple):
 
     candidates: Float[np.ndarray, "spectra candidates"]
     none: Float[np.ndarray, "spectra"]
-    misfit: Float[np.ndarray, "spectra"]  # see `Identification.misfit`
+    misfit: Float[np.ndarray, "spectra"]  # see `glazefit.Identification`
     rejected: Bool[np.ndarray, "spectra candidates"]  # by eye
     off: Misfit
 
@@ -49,34 +49,6 @@ class Odds(NamedTuple):
     def total(self) -> Float[np.ndarray, "spectra"]:
         """Of all there is."""
         return self.candidates.sum(axis=1) + self.none
-
-
-def weigh(
-    measured: Measured, pool: Pool, odds: Odds, names: tuple[str, ...], opaque: bool, keep: int
-) -> Identification:
-    """Probabilities of all candidates and of none, and the best candidates in full."""
-    total = odds.total
-    probability = odds.candidates / total[:, None]
-    present = pool.members[..., None] == np.arange(len(names))
-    best = np.argsort(-probability, axis=1, kind="stable")[:, :keep]
-    top = pool.take(best)
-    return Identification(
-        measured=measured,
-        paints=names,
-        members=top.members,
-        coats=top.coats,
-        amounts=np.exp(top.logs),
-        log_covariance=top.covariance,
-        probability=np.take_along_axis(probability, best, axis=1),
-        none=odds.none / total,
-        misfit=odds.misfit,
-        rejected=np.take_along_axis(odds.rejected, best, axis=1),
-        paint_probability=np.einsum("sc,scmp->sp", probability, present),
-        gloss=top.gloss,
-        fitted=top.readings.reshape(*best.shape, *measured.readings.shape[1:]),
-        condition=top.condition,
-        opaque=opaque,
-    )
 
 
 class Smaller(NamedTuple):

@@ -16,7 +16,7 @@ from scipy.stats import norm, t
 from glazejax import Pigment
 
 from ...film.errors import (
-    Discrepancy,
+    ModelError,
     Prior,
     error_modes,
     model_covariance,
@@ -26,11 +26,11 @@ from ...film.errors import (
 from ...film.films import Instrument
 from ...film.optics import Optics
 from ...film.response import film_response
-from ..result import NOBODY, Identification
-from ..search.fit import slopes_of
-from ..search.screen import paints_of
-from ..search.search import padded_size
-from ..search.task import check_pigments, hiding
+from ..result import Identification
+from ..search.pool import NOBODY
+from ..search.refine import slopes_of
+from ..search.searcher import check_pigments, hiding, padded_size
+from ..search.table import paints_of
 from ..search.two_coats import stack_slopes
 
 # Weight of what is expected of a log amount.
@@ -43,7 +43,7 @@ def expected_bands(
     instrument: Instrument,
     *,
     prior: Prior,
-    discrepancy: Discrepancy,
+    discrepancy: ModelError,
     count: int = 3,
 ) -> Float[np.ndarray, "spectra candidates grounds bands"]:
     """Half the width of the 90 % band of the readings about the most probable explanations,

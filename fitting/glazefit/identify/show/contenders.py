@@ -18,15 +18,16 @@ from jaxtyping import Array, Bool, Float, Int
 
 from glazejax import Pigment
 
-from ...film.errors import Discrepancy, Prior, noise_covariance, whitening
+from ...film.errors import ModelError, Prior, noise_covariance, whitening
 from ...film.films import Instrument
 from ...film.least_squares import damped_newton
 from ...film.response import FilmResponse, film_response
-from ..result import NOBODY, Identification
-from ..search.coefficient_errors import near_sd
-from ..search.screen import Paints, paints_of
-from ..search.search import padded_size
-from ..search.task import Measured, check_pigments, hiding
+from ..result import Identification
+from ..search.pool import NOBODY
+from ..search.refine import near_sd
+from ..search.searcher import check_pigments, hiding, padded_size
+from ..search.table import Paints, paints_of
+from ..search.task import Measured
 
 LEAST_SHARE = 0.01
 """Of a paint by mass, in the films that are asked for."""
@@ -91,7 +92,7 @@ def find_contenders(
     instrument: Instrument,
     *,
     prior: Prior,
-    discrepancy: Discrepancy,
+    discrepancy: ModelError,
     max_paints: int = 3,
 ) -> Contenders:
     """The nearest film with each paint, for every spectrum of an identification.

@@ -42,7 +42,7 @@ class About:
         refractive_index: of the paint.
         grounds: what is under the paint, a name for each ground.
         notes: what the readers of the files noticed.
-        max_paints, layers: what was tried.
+        max_paints, max_coats: what was tried.
         settings: of noise, model errors and prior, by name.
         asked: names of all spectra, also of those that an interrupt left out.
         created: when.
@@ -58,7 +58,7 @@ class About:
     grounds: Sequence[str]
     notes: Sequence[str]
     max_paints: int
-    layers: int
+    max_coats: int
     settings: Mapping[str, Any]
     asked: Sequence[str]
     created: datetime = field(default_factory=lambda: datetime.now().astimezone())
@@ -108,7 +108,7 @@ def make_record(
         },
         "method": {
             "max_paints": about.max_paints,
-            "layers": about.layers,
+            "layers": about.max_coats,
             "settings": dict(about.settings),
         },
         "thresholds": {"ruled_out_below": IMPROBABLE, "least_share": LEAST_SHARE},

@@ -9,7 +9,7 @@ import numpy as np
 
 from glazejax import Pigment
 
-from ...film.errors import Discrepancy, Prior
+from ...film.errors import ModelError, Prior
 from ...film.films import Instrument
 from ..result import Identification
 from .bands import expected_bands
@@ -32,7 +32,7 @@ class Filing:
         pigments: Sequence[Pigment],
         instrument: Instrument,
         *,
-        discrepancy: Discrepancy,
+        discrepancy: ModelError,
         prior: Prior,
         max_paints: int,
     ):

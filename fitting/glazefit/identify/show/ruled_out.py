@@ -5,7 +5,8 @@ from typing import NamedTuple
 import numpy as np
 
 from ...film.errors import REJECTED, UNSEEN
-from ..result import NOBODY, Candidate, Identification, percent
+from ..result import Candidate, Identification, percent
+from ..search.pool import NOBODY
 from .contenders import LEAST_SHARE, Contenders
 
 IMPROBABLE = 0.01

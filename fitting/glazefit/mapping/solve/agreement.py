@@ -6,8 +6,8 @@ from dataclasses import dataclass, fields
 import numpy as np
 from jaxtyping import Float
 
-from ...identify.result import NOBODY, Identification, log_sds
-from ...identify.search.weigh import weigh
+from ...identify.result import Identification, log_sds
+from ...identify.search.pool import NOBODY
 from .atlas import Atlas
 from .local import as_measured
 from .task import MapTask
@@ -69,7 +69,8 @@ def agreement(
     searcher = task.searcher
     measured = as_measured(searcher, readings, task.image.noise_sd(readings), task.ground)
     parts = [
-        weigh(*one, searcher.paints, searcher.opaque, _KEPT) for one in searcher.search(measured)
+        Identification.of(*one, paints=searcher.paints, opaque=searcher.opaque, keep=_KEPT)
+        for one in searcher.search(measured)
     ]
     whole = Identification.join(parts)
     members = whole.members[:, 0]

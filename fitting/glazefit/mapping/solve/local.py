@@ -17,20 +17,20 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from ...film.colour_metric import reading_metric
-from ...film.errors import Discrepancy
-from ...identify.result import NOBODY, Pool
-from ...identify.search.coefficient_errors import (
+from ...film.errors import ModelError
+from ...identify.search.fit import independent, prior_terms
+from ...identify.search.pool import NOBODY, Pool
+from ...identify.search.refine import (
     Films,
     Groups,
+    NuisanceMode,
+    by_blocks,
     coefficient_errors,
     coefficient_projection,
     fit_with_errors,
-    independent,
     near_errors,
     slopes_at,
 )
-from ...identify.search.fit import by_blocks, prior_terms
-from ...identify.search.search import NuisanceMode
 from ...identify.search.searcher import Searcher
 from ...identify.search.task import IdentificationTask, Measured
 from ...identify.search.two_coats import stack_slopes
@@ -426,7 +426,7 @@ def _stack_slopes(
     ]
 
 
-def check_errors(discrepancy: Discrepancy) -> None:
+def check_errors(discrepancy: ModelError) -> None:
     """Refuse errors of several scales: near a representative one Gaussian follows the spectrum.
 
     Raises:

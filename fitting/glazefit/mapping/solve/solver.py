@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from ...film.films import Noise
-from ...identify.result import NOBODY
+from ...identify.search.pool import NOBODY
 from ...identify.search.searcher import Searcher
 from ..store.chunk import ChunkMaps, SetSum
 from ..store.layout import BY_NAME, STATUS_WORDS, Status, Way

@@ -13,10 +13,10 @@ from jaxtyping import ArrayLike, Bool, Float
 from glazejax.geometry import Geometry, Instrument, resolve_instrument
 from glazejax.spectra import describe_grid
 
-from ...film.errors import BETWEEN_FILMS, Discrepancy, Prior
+from ...film.errors import BETWEEN_FILMS, ModelError, Prior
 from ...film.films import Noise
 from ...film.mixing import Pigments, listed_pigments
-from ...identify.search.searcher import Searcher
+from ...identify.search.searcher import IdentificationOptions, Searcher
 from .local import check_errors
 from .solver import Image
 from .spots import spot_pigment
@@ -69,7 +69,7 @@ def map_task(
     spots: Mapping[str, Float[np.ndarray, "bands"]] | None = None,
     instrument: Instrument | Geometry | str | None = None,
     noise: Noise | None = None,
-    discrepancy: Discrepancy | None = None,
+    discrepancy: ModelError | None = None,
     prior: Prior | None = None,
     max_paints: int = 3,
     max_coats: int = 1,
@@ -109,12 +109,14 @@ def map_task(
     searcher = Searcher.of(
         bands.wavelengths,
         known,
+        IdentificationOptions(
+            instrument=seen_by,
+            discrepancy=errors,
+            prior=expected,
+            max_paints=max_paints,
+            max_coats=max_coats,
+        ),
         opaque=opaque,
-        instrument=seen_by,
-        discrepancy=errors,
-        prior=expected,
-        max_paints=max_paints,
-        layers=max_coats,
     )
     below = None if ground is None else _ground(ground, bands, stored)
     options = {

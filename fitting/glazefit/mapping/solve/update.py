@@ -6,7 +6,8 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from ...film.errors import Prior
-from ...identify.result import NOBODY, Pool, log_sds
+from ...identify.result import log_sds
+from ...identify.search.pool import NOBODY, Pool
 from ...identify.search.weigh import Misfit, Smaller, odds_alike, smaller_sets
 from .local import Local, Searched
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ...identify.search.conditions import CONDITIONS
+from ...identify.search.unstated_conditions import CONDITIONS
 from .atomic_files import sync
 from .layout import STATUS_WORDS, VARIABLES, Variable, Way
 

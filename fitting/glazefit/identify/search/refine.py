@@ -6,27 +6,49 @@ right paint with a trace of another. So errors are worked out once for each grou
 candidate stands, and again where that has moved to.
 """
 
+import functools
+from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
+import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Array, Bool, Float, Int
 
-from ...film.errors import (
-    Whitening,
-    model_covariance,
-    noise_covariance,
-    paints_covariance,
-    whiten,
-)
-from ..result import NOBODY, Pool
-from .fit import Fitted, Weights, block_size, by_blocks, fit_films, slopes_of
+from ...film.ahead import Program
+from ...film.errors import Whitening, model_covariance, paints_covariance, whiten
+from ...film.response import FilmResponse
+from .fit import Fitted, Weights, fit_film, fixed_errors, log_set_prior, weights_of
+from .pool import NOBODY, Pool
+from .table import Paints
 from .task import IdentificationTask, Measured
 
 # What counts as near when amounts are shown: near black, and for each unit of reflectance.
 _NEAR_BLACK = 0.005
 _NEAR_SHARE = 0.02
+
+
+def compile_ahead(task: IdentificationTask, measured: Measured) -> None:
+    """Begin to compile what the best candidates are fitted with, while others are still looked for;
+    return at once.
+    """
+    shape = measured.readings.shape[1:]
+    readings = shape[0] * shape[1]
+    scales = len(task.discrepancy.scales)
+    count = block_size(readings)
+    films = task.response, task.paints
+    members = np.zeros((count, max(task.max_paints, 2)), np.int32)
+    film_slopes.ahead(*films, members, np.zeros(members.shape), np.zeros((count, *shape)))
+    # Sets are weighed in single precision and shown in double, or both in double.
+    kinds = [(np.float32, task.tables.single)] if task.effort.single_precision else []
+    for kind, given in [*kinds, (np.float64, films)]:
+        matrix = (count, scales, readings, readings)
+        sizes = ((count, readings), matrix, (count, scales), *[(count,)] * 4)
+        weights = Weights(*(np.broadcast_to(kind(0), size) for size in sizes))
+        ground = np.zeros((count, *shape), kind)
+        logs = np.zeros(members.shape, kind)
+        fit_films.ahead(*given, members, logs, ground, weights, task.middle, jnp.asarray(0))
 
 
 @dataclass(frozen=True)
@@ -148,6 +170,81 @@ def refine(task: IdentificationTask, pool: Pool, batch: Measured) -> Pool:
     return out
 
 
+def slopes_at(
+    task: IdentificationTask, batch: Measured, films: Films
+) -> Float[np.ndarray, "films errors readings"]:
+    """Slopes of films' readings by the log of every paint's k, then s."""
+    return slopes_of(task.response, task.paints, films.sets, films.logs, batch.grounds, films.row)
+
+
+def slopes_of(
+    response: FilmResponse,
+    paints: Paints,
+    sets: Int[np.ndarray, "films size"],
+    logs: Float[np.ndarray, "films size"],
+    grounds: Float[np.ndarray, "spectra grounds bands"],
+    row: Int[np.ndarray, "films"],
+) -> Float[np.ndarray, "films errors readings"]:
+    """`film_slopes` of any number of films, over the grounds of their spectra, which
+    `row` numbers.
+    """
+
+    def run(n: np.ndarray) -> Array:
+        return film_slopes(
+            response, paints, *(jnp.asarray(a) for a in (sets[n], logs[n], grounds[row[n]]))
+        )
+
+    return by_blocks(len(sets), block_size(grounds[0].size), run)
+
+
+@Program
+@jax.jit
+def film_slopes(
+    response: FilmResponse, paints: Paints, sets: Array, logs: Array, ground: Array
+) -> Float[Array, "films errors readings"]:
+    """Slopes of the readings by the log of every paint's k, then s, band by band.
+
+    Args:
+        response: of the instrument.
+        paints: of the catalogue.
+        sets: paints of each film, (films, size); a negative number is none.
+        logs: log amounts, (films, size).
+        ground: internal reflectance, (films, grounds, bands).
+    """
+
+    def film(members: Array, logs: Array, ground: Array) -> Array:
+        amounts = jnp.where(members >= 0, jnp.exp(logs), 0.0)[:, None]
+        parts = amounts * paints.absorption[members], amounts * paints.scattering[members]
+        _, by_k, by_s = response.body_and_slopes(parts[0].sum(axis=0), parts[1].sum(axis=0), ground)
+        slopes = jnp.concatenate([parts[0][:, None] * by_k, parts[1][:, None] * by_s])
+        return slopes.reshape(slopes.shape[0], -1)
+
+    return jax.vmap(film)(sets, logs, ground)
+
+
+def fit_with_errors(
+    task: IdentificationTask,
+    batch: Measured,
+    films: Films,
+    slopes: Float[np.ndarray, "films errors readings"],
+    steps: int,
+) -> tuple[Films, Groups, Whitening]:
+    """Films fitted again with the errors of their groups; the groups, and the errors of each."""
+    groups = _group(task, films, slopes)
+    errors = coefficient_errors(task, batch, groups.row, groups.sets, groups.slopes)
+    readings = batch.flat[films.row]
+    weights = weights_of(task, readings, Whitening(errors.basis, errors.height[groups.of]))
+    fitted = _fit(
+        task, batch, films, weights, groups.of, steps, single=task.effort.single_precision
+    )
+    log_weight = task.discrepancy.trust * fitted.log_evidence + log_set_prior(task, films.sets)
+    spread = np.where(absent_pairs(films.sets), 0.0, fitted.covariance)
+    films = replace(
+        films, logs=fitted.logs, covariance=spread, log_weight=log_weight, readings=fitted.readings
+    )
+    return films, groups, errors
+
+
 def _group(
     task: IdentificationTask, films: Films, slopes: Float[np.ndarray, "films errors readings"]
 ) -> Groups:
@@ -168,49 +265,22 @@ def _group(
     return Groups(group, films.row[best], films.sets[best], slopes[best])
 
 
-def _apart(
-    sets: Int[np.ndarray, "films size"],
-    slopes: Float[np.ndarray, "films errors readings"],
-    groups: Groups,
-) -> Float[np.ndarray, "films"]:
-    """How far slopes of films are from those of their groups, root mean square of the largest."""
-    size = sets.shape[1]
-    theirs = groups.sets[groups.of]
-    alike = groups.slopes[groups.of]
-    most = np.zeros(len(sets))
-    for paint in range(size):
-        here = sets[:, paint, None] == theirs
-        same = (here & (theirs != NOBODY)).any(axis=1)[:, None]
-        at = np.argmax(here, axis=1)
-        for part in (0, size):
-            off = slopes[:, paint + part] - np.where(
-                same, alike[np.arange(len(sets)), at + part], 0.0
-            )
-            most = np.maximum(most, np.sqrt(np.mean(off**2, axis=-1)))
-    return most
-
-
-def fit_with_errors(
+def coefficient_errors(
     task: IdentificationTask,
     batch: Measured,
-    films: Films,
+    row: Int[np.ndarray, "films"],
+    sets: Int[np.ndarray, "films size"],
     slopes: Float[np.ndarray, "films errors readings"],
-    steps: int,
-) -> tuple[Films, Groups, Whitening]:
-    """Films fitted again with the errors of their groups; the groups, and the errors of each."""
-    groups = _group(task, films, slopes)
-    errors = coefficient_errors(task, batch, groups.row, groups.sets, groups.slopes)
-    readings = batch.readings.reshape(len(batch), -1)[films.row]
-    weights = weights_of(task, readings, Whitening(errors.basis, errors.height[groups.of]))
-    fitted = _fit(
-        task, batch, films, weights, groups.of, steps, single=task.effort.single_precision
-    )
-    log_weight = task.discrepancy.trust * fitted.log_evidence + task.log_sets(films.sets)
-    spread = np.where(absent_pairs(films.sets), 0.0, fitted.covariance)
-    films = replace(
-        films, logs=fitted.logs, covariance=spread, log_weight=log_weight, readings=fitted.readings
-    )
-    return films, groups, errors
+) -> Whitening:
+    """Errors of films, from what their paints' coefficients do to the readings; `row` is each one's
+    spectrum.
+    """
+    d = task.discrepancy
+    off = d.amplitude + d.share * batch.flat
+    model = model_covariance(task.wavelengths, batch.readings.shape[1], d, off)
+    fixed = fixed_errors(task, batch, batch.noise_sd)
+    caused = paints_covariance(slopes, sets, task.errors, task.modes, task.wavelengths, d)
+    return whiten(fixed[row], model[row] + caused, d)
 
 
 def _fit(
@@ -242,10 +312,77 @@ def _fit(
     return Fitted(*(np.asarray(part, np.float64) for part in fitted))
 
 
+@Program
+@functools.partial(jax.jit, static_argnames="middle")
+def fit_films(
+    response: FilmResponse,
+    paints: Paints,
+    sets: Array,
+    starts: Array,
+    ground: Array,
+    weights: Weights,
+    middle: int,
+    steps: Array,
+) -> Fitted:
+    """Fit candidates of one coat, each with a ground and weights of its own: arguments as of
+    `fit_sets` without the spectra's axis, and each number of steps by the same program.
+    """
+
+    def candidate(members: Array, start: Array, ground: Array, weights: Weights) -> Fitted:
+        return fit_film(response, paints, members, start, ground, weights, middle, steps)
+
+    return jax.vmap(candidate)(sets, starts, ground, weights)
+
+
+def by_blocks(count: int, block: int, run: Callable[[Int[np.ndarray, "block"]], Any]) -> Any:
+    """What `run` says of films by number, `block` at a time, as numpy arrays for all of them.
+
+    The last block is filled up with films again: one shape, one program.
+    """
+    parts = []
+    for first in range(0, count, block):
+        rows = np.arange(first, min(first + block, count))
+        parts.append(run(np.resize(rows, block)))
+    return jax.tree.map(lambda *a: np.concatenate([np.asarray(one) for one in a])[:count], *parts)
+
+
+def block_size(readings: int) -> int:
+    """Films that are fitted at a time, so that their errors take some megabytes at most."""
+    return int(np.clip(2**22 // readings**2, 4, 128))
+
+
+def absent_pairs(members: Int[np.ndarray, "*n size"]) -> Bool[np.ndarray, "*n size size"]:
+    """Where a covariance belongs to a paint that is not there."""
+    absent = members == NOBODY
+    return absent[..., :, None] | absent[..., None, :]
+
+
+def _apart(
+    sets: Int[np.ndarray, "films size"],
+    slopes: Float[np.ndarray, "films errors readings"],
+    groups: Groups,
+) -> Float[np.ndarray, "films"]:
+    """How far slopes of films are from those of their groups, root mean square of the largest."""
+    size = sets.shape[1]
+    theirs = groups.sets[groups.of]
+    alike = groups.slopes[groups.of]
+    most = np.zeros(len(sets))
+    for paint in range(size):
+        here = sets[:, paint, None] == theirs
+        same = (here & (theirs != NOBODY)).any(axis=1)[:, None]
+        at = np.argmax(here, axis=1)
+        for part in (0, size):
+            off = slopes[:, paint + part] - np.where(
+                same, alike[np.arange(len(sets)), at + part], 0.0
+            )
+            most = np.maximum(most, np.sqrt(np.mean(off**2, axis=-1)))
+    return most
+
+
 def _nearest(task: IdentificationTask, batch: Measured, films: Films) -> Films:
     """The films with amounts that come near the readings."""
     errors = near_errors(task, batch)
-    readings = batch.readings.reshape(len(batch), -1)[films.row]
+    readings = batch.flat[films.row]
     weights = weights_of(task, readings, Whitening(errors.basis, errors.height[films.row]))
     fitted = _fit(task, batch, films, weights, films.row, task.effort.amount_steps)
     return replace(films, logs=fitted.logs, readings=fitted.readings)
@@ -256,6 +393,11 @@ def near_errors(task: IdentificationTask, batch: Measured) -> Whitening:
     # Not alike at neighbouring bands: a smooth error would be excused.
     noise = fixed_errors(task, batch, near_sd(batch))
     return whiten(noise, np.zeros_like(noise), task.discrepancy)
+
+
+def near_sd(batch: Measured) -> Float[np.ndarray, "spectra grounds bands"]:
+    """What counts as near to each reading when amounts and gloss are shown."""
+    return np.hypot(batch.noise_sd, _NEAR_BLACK + _NEAR_SHARE * batch.readings)
 
 
 def move_readings(
@@ -299,72 +441,47 @@ def coefficient_projection(
     return free @ np.linalg.inv(free + near[..., None] * np.eye(near.shape[-1]))
 
 
-def slopes_at(
-    task: IdentificationTask, batch: Measured, films: Films
-) -> Float[np.ndarray, "films errors readings"]:
-    """Slopes of films' readings by the log of every paint's k, then s."""
-    return slopes_of(task.response, task.paints, films.sets, films.logs, batch.grounds, films.row)
+def with_surface(task: IdentificationTask, pool: Pool, batch: Measured) -> Pool:
+    """The pool with readings as they are seen, and amounts in metres.
 
-
-def coefficient_errors(
-    task: IdentificationTask,
-    batch: Measured,
-    row: Int[np.ndarray, "films"],
-    sets: Int[np.ndarray, "films size"],
-    slopes: Float[np.ndarray, "films errors readings"],
-) -> Whitening:
-    """Errors of films, from what their paints' coefficients do to the readings; `row` is each one's
-    spectrum.
+    The surface's share, and what else is in doubt, is what each candidate's residual speaks for.
     """
     d = task.discrepancy
-    off = d.amplitude + d.share * batch.readings.reshape(len(batch), -1)
-    model = model_covariance(task.wavelengths, batch.readings.shape[1], d, off)
-    fixed = fixed_errors(task, batch, batch.noise_sd)
-    caused = paints_covariance(slopes, sets, task.errors, task.modes, task.wavelengths, d)
-    return whiten(fixed[row], model[row] + caused, d)
+    nuisance = NuisanceMode.of(task, batch)
+    off = task.target(batch.readings)[:, None] - pool.readings
+    found = nuisance.found @ np.swapaxes(off, 1, 2)
+    gloss = np.maximum(d.gloss + d.gloss_sd * found[:, 0], 0.0)
+    seen = pool.readings + gloss[..., None] * task.surface
+    seen = seen + np.swapaxes(found[:, 1:], 1, 2) @ nuisance.shapes[:, 1:]
+    moved = pool.allowed + d.gloss * task.surface
+    lengths = {
+        name: getattr(pool, name) + np.log(task.prior.thickness) for name in ("logs", "weighed")
+    }
+    return replace(pool, readings=seen, allowed=moved, gloss=gloss, **lengths)
 
 
-def fixed_errors(
-    task: IdentificationTask, batch: Measured, noise_sd: Float[np.ndarray, "spectra grounds bands"]
-) -> Float[np.ndarray, "spectra readings readings"]:
-    """Covariance of noise, of the surface's reflection and of what else is in doubt about the
-    readings.
+class NuisanceMode(NamedTuple):
+    """What moves all bands of a reading together: the surface, and what else is in doubt.
+
+    Attributes:
+        shapes: what each does per standard deviation.
+        found: how much of each a residual speaks for, shapes by readings.
     """
-    doubt = batch.doubt.reshape(*batch.doubt.shape[:2], batch.readings[0].size)
-    return (
-        noise_covariance(noise_sd, task.surface, task.discrepancy)
-        + np.swapaxes(doubt, 1, 2) @ doubt
-    )
 
+    shapes: Float[np.ndarray, "spectra shapes readings"]
+    found: Float[np.ndarray, "spectra shapes readings"]
 
-def weights_of(
-    task: IdentificationTask, readings: Float[np.ndarray, "*n readings"], errors: Whitening
-) -> Weights:
-    """Errors and prior of spectra, or of candidates, from readings with the surface's part."""
-    freedom = task.discrepancy.freedom or 0.0
-    numbers = (
-        task.prior.spread,
-        task.prior.concentration_sought,
-        freedom,
-        min(independent(task), readings.shape[-1]),
-    )
-    alike = (np.full(readings.shape[:-1], float(value)) for value in numbers)
-    return Weights(
-        readings - task.discrepancy.gloss * task.surface, errors.basis, errors.height, *alike
-    )
-
-
-def independent(task: IdentificationTask) -> float:
-    """Readings that count as independent where candidates are weighed; see `Discrepancy.apart`."""
-    return max(float(np.ptp(task.wavelengths)) / task.discrepancy.apart, 1.0)
-
-
-def near_sd(batch: Measured) -> Float[np.ndarray, "spectra grounds bands"]:
-    """What counts as near to each reading when amounts and gloss are shown."""
-    return np.hypot(batch.noise_sd, _NEAR_BLACK + _NEAR_SHARE * batch.readings)
-
-
-def absent_pairs(members: Int[np.ndarray, "*n size"]) -> Bool[np.ndarray, "*n size size"]:
-    """Where a covariance belongs to a paint that is not there."""
-    absent = members == NOBODY
-    return absent[..., :, None] | absent[..., None, :]
+    @classmethod
+    def of(cls, task: IdentificationTask, batch: Measured) -> "NuisanceMode":
+        """Ridge regression on the shapes: unit sd beforehand, errors that are not alike at
+        neighbouring bands.
+        """
+        count = len(batch)
+        surface = np.full(
+            (count, 1, batch.readings[0].size), task.discrepancy.gloss_sd * task.surface
+        )
+        doubt = batch.doubt.reshape(count, batch.doubt.shape[1], surface.shape[-1])
+        shapes = np.concatenate([surface, doubt], axis=1)
+        precise = shapes / near_sd(batch).reshape(count, 1, -1) ** 2
+        normal = precise @ np.swapaxes(shapes, 1, 2) + np.eye(shapes.shape[1])
+        return cls(shapes, np.linalg.solve(normal, precise))

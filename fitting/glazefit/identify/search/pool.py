@@ -1,0 +1,71 @@
+"""Candidates of spectra while they are searched for."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+
+import numpy as np
+from jaxtyping import Float, Int
+
+NOBODY = -1
+"""Stands where a candidate has fewer than three paints."""
+
+
+@dataclass(frozen=True)
+class Pool:
+    """Candidates of some spectra, not yet compared; three places each, filled up with `NOBODY`."""
+
+    members: Int[np.ndarray, "spectra candidates 3"]
+    coats: Int[np.ndarray, "spectra candidates 3"]
+    logs: Float[np.ndarray, "spectra candidates 3"]  # log amounts, as they are shown
+    weighed: Float[np.ndarray, "spectra candidates 3"]  # and as they are weighed
+    covariance: Float[np.ndarray, "spectra candidates 3 3"]
+    log_weight: Float[np.ndarray, "spectra candidates"]  # log evidence and log prior of the set
+    readings: Float[np.ndarray, "spectra candidates readings"]
+    allowed: Float[
+        np.ndarray, "spectra candidates readings"
+    ]  # with what may be wrong with the paints' coefficients
+    gloss: Float[np.ndarray, "spectra candidates"]
+    condition: Int[np.ndarray, "spectra candidates"]  # by number; see `conditions`
+
+    def merged(self, other: "Pool") -> "Pool":
+        """Candidates of both for the same spectra."""
+        return Pool(
+            *(np.concatenate([a, b], axis=1) for a, b in zip(self.parts, other.parts, strict=True))
+        )
+
+    @classmethod
+    def joined(cls, pools: Sequence["Pool"]) -> "Pool":
+        """Candidates of further spectra, as many of each."""
+        return cls(
+            *(np.concatenate(parts) for parts in zip(*(pool.parts for pool in pools), strict=True))
+        )
+
+    @property
+    def parts(self) -> tuple[np.ndarray, ...]:
+        """All arrays."""
+        return tuple(getattr(self, field.name) for field in fields(self))
+
+    def best(self, count: int) -> "Pool":
+        """The most probable candidates of each spectrum."""
+        return self.take(np.argsort(-self.log_weight, axis=1, kind="stable")[:, :count])
+
+    def take(self, chosen: Int[np.ndarray, "spectra kept"]) -> "Pool":
+        """Some candidates of each spectrum, by number."""
+        rows = np.arange(len(chosen))[:, None]
+        return Pool(*(part[rows, chosen] for part in self.parts))
+
+    def of(self, rows: Int[np.ndarray, "rows"]) -> "Pool":
+        """Candidates of some of the spectra, by number."""
+        return Pool(*(part[rows] for part in self.parts))
+
+    def spread(self, rows: Int[np.ndarray, "rows"], count: int) -> "Pool":
+        """The same pool as that of some among `count` spectra; the others have nothing that can be
+        so.
+        """
+        parts = [np.zeros((count, *part.shape[1:]), part.dtype) for part in self.parts]
+        for part, mine in zip(parts, self.parts, strict=True):
+            part[rows] = mine
+        pool = Pool(*parts)
+        others = np.setdiff1d(np.arange(count), rows)
+        pool.log_weight[others], pool.members[others] = -np.inf, NOBODY
+        return pool
