@@ -1,7 +1,7 @@
 """What an identification found: a ranked list for each spectrum, and how sure it is."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 
 import numpy as np
@@ -396,51 +396,35 @@ class Identification:
         are empty.
         """
         most = max(part.probability.shape[1] for part in parts)
-        parts, first = [part._with_places(most) for part in parts], parts[0]
-        measured = Measured.join([part.measured for part in parts])
-        arrays = (
-            "members",
-            "coats",
-            "amounts",
-            "log_covariance",
-            "probability",
-            "none",
-            "misfit",
-            "rejected",
-            "paint_probability",
-            "gloss",
-            "condition",
-        )
+        wide = [part._with_places(most) for part in parts]
         joined = {
-            name: np.concatenate([getattr(part, name) for part in parts])
-            for name in (*arrays, "fitted")
+            name: np.concatenate([getattr(part, name) for part in wide])
+            for name in (*_OF_SPECTRA, *_OF_CANDIDATES)
         }
-        return cls(measured=measured, paints=first.paints, opaque=first.opaque, **joined)
+        return replace(wide[0], measured=Measured.join([part.measured for part in wide]), **joined)
 
     def _with_places(self, count: int) -> "Identification":
         """The same with empty places up to a count of candidates."""
         more = count - self.probability.shape[1]
         if more == 0:
             return self
-        names = (
-            "members",
-            "coats",
-            "amounts",
-            "log_covariance",
-            "probability",
-            "rejected",
-            "gloss",
-            "condition",
-            "fitted",
-        )
         padded = {
-            name: np.concatenate(
-                [a := getattr(self, name), np.repeat(a[:, -1:], more, axis=1)], axis=1
-            )
-            for name in names
+            name: np.concatenate([part, np.repeat(part[:, -1:], more, axis=1)], axis=1)
+            for name in _OF_CANDIDATES
+            for part in [getattr(self, name)]
         }
-        padded["members"][:, -more:], padded["probability"][:, -more:] = NOBODY, 0.0
+        padded["members"][:, -more:] = NOBODY
+        padded["probability"][:, -more:] = 0.0
         return replace(self, **padded)
+
+
+_OF_SPECTRA = ("none", "misfit", "paint_probability")
+_OF_CANDIDATES = tuple(
+    field.name
+    for field in fields(Identification)
+    if field.name not in ("measured", "paints", "opaque", *_OF_SPECTRA)
+)
+"""Arrays with a row for each spectrum, and with a place for each of its candidates."""
 
 
 def log_sds(

@@ -238,7 +238,9 @@ def fit_with_errors(
         task, batch, films, weights, groups.of, steps, single=task.effort.single_precision
     )
     log_weight = task.discrepancy.trust * fitted.log_evidence + log_set_prior(task, films.sets)
-    spread = np.where(absent_pairs(films.sets), 0.0, fitted.covariance)
+    # Nothing is known together with a paint that is not there.
+    absent = films.sets == NOBODY
+    spread = np.where(absent[:, :, None] | absent[:, None, :], 0.0, fitted.covariance)
     films = replace(
         films, logs=fitted.logs, covariance=spread, log_weight=log_weight, readings=fitted.readings
     )
@@ -349,12 +351,6 @@ def by_blocks(count: int, block: int, run: Callable[[Int[np.ndarray, "block"]], 
 def block_size(readings: int) -> int:
     """Films that are fitted at a time, so that their errors take some megabytes at most."""
     return int(np.clip(2**22 // readings**2, 4, 128))
-
-
-def absent_pairs(members: Int[np.ndarray, "*n size"]) -> Bool[np.ndarray, "*n size size"]:
-    """Where a covariance belongs to a paint that is not there."""
-    absent = members == NOBODY
-    return absent[..., :, None] | absent[..., None, :]
 
 
 def _apart(

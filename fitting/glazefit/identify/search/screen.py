@@ -38,16 +38,29 @@ class SetStarts(NamedTuple):
 
 
 def first_starts(task: IdentificationTask, measured: Measured) -> SetStarts:
-    """Sets of one paint and the best of two for every spectrum, from the screening."""
+    """Sets of one paint and the best of two for every spectrum, by the tables of films."""
+
+    def best_of(
+        kind: TableOfSize,
+        cost: Float[np.ndarray, "spectra sets"],
+        where: Int[np.ndarray, "spectra sets"],
+    ) -> Float[np.ndarray, "spectra kept four"]:
+        """Members and log amounts of the sets of one size that are kept, side by side."""
+        size = kind.sets.shape[1]
+        keep = len(kind.sets) if size == 1 else min(len(kind.sets), task.effort.fitted_pairs)
+        best = np.argsort(cost, axis=1, kind="stable")[:, :keep]
+        logs = np.log(kind.grid[np.take_along_axis(where, best, axis=1)])
+        room = ((0, 0), (0, 0), (0, 2 - size))
+        members = np.pad(kind.sets[best], room, constant_values=NOBODY)
+        return np.concatenate([members, np.pad(logs, room)], axis=-1)
+
     found: list[tuple[np.ndarray, np.ndarray]] = []
     for rows, ground in alike_grounds(measured.grounds):
         table = task.tables.over(ground, lambda grounds: common_whitening(task, grounds))
         kinds = table.nearest(task.target(measured.readings[rows]))
-        parts = [
-            _best_starts(kind, *near, task.effort.fitted_pairs)
-            for kind, near in zip(table.sizes, kinds, strict=True)
-        ]
+        parts = [best_of(kind, *near) for kind, near in zip(table.sizes, kinds, strict=True)]
         found.append((rows, np.concatenate(parts, axis=1)))
+    # Back in the order of the spectra.
     order = np.argsort(np.concatenate([rows for rows, _ in found]))
     both = np.concatenate([part for _, part in found])[order]
     size = both.shape[-1] // 2
@@ -65,21 +78,6 @@ def alike_grounds(
         groups.append((left[near], grounds[left[near]].mean(axis=0)))
         left = left[~near]
     return groups
-
-
-def _best_starts(
-    kind: TableOfSize,
-    cost: Float[np.ndarray, "spectra sets"],
-    where: Int[np.ndarray, "spectra sets"],
-    pairs: int,
-) -> Float[np.ndarray, "spectra kept four"]:
-    """Members and log amounts of the sets of one size that are kept, side by side."""
-    keep = len(kind.sets) if kind.sets.shape[1] == 1 else min(len(kind.sets), pairs)
-    best = np.argsort(cost, axis=1, kind="stable")[:, :keep]
-    logs = np.log(kind.grid[np.take_along_axis(where, best, axis=1)])
-    room = ((0, 0), (0, 0), (0, 2 - kind.sets.shape[1]))
-    members = np.pad(kind.sets[best], room, constant_values=NOBODY)
-    return np.concatenate([members, np.pad(logs, room)], axis=-1)
 
 
 def common_whitening(

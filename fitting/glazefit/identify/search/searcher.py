@@ -65,9 +65,6 @@ class IdentificationOptions:
         keep: candidates kept for each spectrum.
         thorough: fit every pair, and give every set errors of its own: some four times as long for
             the same first answer in most cases.
-
-    Raises:
-        ValueError: numbers of paints or coats that cannot be tried.
     """
 
     instrument: Instrument | Geometry | str | None = None
@@ -78,14 +75,6 @@ class IdentificationOptions:
     max_coats: int = 1
     keep: int = 20
     thorough: bool = False
-
-    def __post_init__(self) -> None:
-        if self.max_paints not in (1, 2, 3):
-            raise ValueError(
-                f"max_paints is {self.max_paints}; sets of 1, 2 or 3 paints can be tried"
-            )
-        if self.max_coats not in (1, 2):
-            raise ValueError(f"max_coats is {self.max_coats}; one coat or two can be tried")
 
 
 class Searcher(NamedTuple):
@@ -114,9 +103,15 @@ class Searcher(NamedTuple):
 
         Raises:
             ValueError: an empty catalogue, repeated names, pigments that do not cover the
-                wavelengths, two coats of films that hide their ground.
+                wavelengths, numbers of paints or coats that cannot be tried.
         """
         options = options or IdentificationOptions()
+        if options.max_paints not in (1, 2, 3):
+            raise ValueError(
+                f"max_paints is {options.max_paints}; sets of 1, 2 or 3 paints can be tried"
+            )
+        if options.max_coats not in (1, 2):
+            raise ValueError(f"max_coats is {options.max_coats}; one coat or two can be tried")
         if options.max_coats == 2 and opaque:
             raise ValueError(
                 "two coats need to know the ground; an opaque film shows its top coat only: use "
@@ -129,22 +124,24 @@ class Searcher(NamedTuple):
         known = check_pigments(pigments, grid)
         largest = min(options.max_paints, len(known))
         response = film_response(instrument.geometry, instrument.refractive_index)
+        extenders = hardly_seen(known, prior.thickness)
+        errors = relative_errors(known, discrepancy)
+        modes = error_modes(known, discrepancy).astype(np.float32)
         tasks = {}
-        for hidden in (False, True):
-            expected = hiding(prior, known) if hidden else prior
+        for hidden, expected in ((True, hiding(prior, known)), (False, prior)):
             paints = paints_of(known, expected.thickness)
             tasks[hidden] = IdentificationTask(
                 response=response,
                 paints=paints,
-                errors=relative_errors(known, discrepancy),
-                modes=error_modes(known, discrepancy).astype(np.float32),
+                errors=errors,
+                modes=modes,
                 wavelengths=grid,
                 optics=Optics.of(instrument.geometry, instrument.refractive_index),
                 surface=instrument.seen_surface,
                 noise=options.noise or Noise(),
                 discrepancy=discrepancy,
                 prior=expected,
-                extenders=hardly_seen(known, prior.thickness),
+                extenders=extenders,
                 max_paints=largest,
                 max_coats=options.max_coats,
                 effort=THOROUGH if options.thorough else USUAL,
