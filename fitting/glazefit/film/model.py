@@ -32,7 +32,7 @@ def body_reflectance(
         instrument: geometry and refractive index.
         tolerance: of the solver.
     """
-    optics = Optics.of(instrument.geometry, instrument.refractive_index)
+    optics = Optics.of(instrument)
     return optics.body(absorption[..., None], scattering[..., None], ground, tolerance)
 
 

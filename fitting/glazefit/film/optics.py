@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from glazejax import Bidirectional
-from glazejax.geometry import Geometry
+from glazejax.geometry import Geometry, Instrument, resolve_instrument
 from glazejax.radiative.stack import stack_hemispherical_reflectance, stack_reflectance_factor
 
 
@@ -22,12 +22,16 @@ class Optics(NamedTuple):
     refractive_index: float
 
     @classmethod
-    def of(cls, geometry: Geometry, refractive_index: float) -> "Optics":
-        """Plain numbers of an instrument."""
+    def of(cls, instrument: Instrument | Geometry | str, refractive_index: float = 1.5) -> "Optics":
+        """Plain numbers of an instrument; the index counts where it is no whole one."""
+        seen_by = resolve_instrument(instrument, refractive_index)
+        geometry = seen_by.geometry
         viewing = (
             float(np.asarray(geometry.cos_viewing)) if isinstance(geometry, Bidirectional) else None
         )
-        return cls(float(np.asarray(geometry.cos_incidence)), viewing, float(refractive_index))
+        return cls(
+            float(np.asarray(geometry.cos_incidence)), viewing, float(seen_by.refractive_index)
+        )
 
     def body(
         self,

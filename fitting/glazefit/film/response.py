@@ -24,7 +24,13 @@ import numpy as np
 from jax.core import Tracer
 from jaxtyping import Array, ArrayLike, Float
 
-from glazejax.geometry import Bidirectional, Geometry, Hemispherical
+from glazejax.geometry import (
+    Bidirectional,
+    Geometry,
+    Hemispherical,
+    Instrument,
+    resolve_instrument,
+)
 from glazejax.radiative.common.inputs import concrete
 from glazejax.spectra import as_array, on_numpy_or_jax, small
 
@@ -212,17 +218,22 @@ def _weights(near: Any, far: Any) -> tuple[Any, Any, Any, Any]:
     return (near**3 / 6.0, *middle, far**3 / 6.0)
 
 
-def film_response(geometry: Geometry, refractive_index: float = 1.5) -> FilmResponse:
+def film_response(
+    instrument: Instrument | Geometry | str, refractive_index: float = 1.5
+) -> FilmResponse:
     """Table for an instrument: those of `SHIPPED` are read, any other is made once (some seconds)
     and kept.
 
     Args:
-        geometry: angles must be known numbers; its `specular` flag does not matter here.
-        refractive_index: of the film, in [1, 2.5].
+        instrument: see `glazejax.geometry.resolve_instrument`; angles must be known numbers, and
+            its `specular` flag does not matter here.
+        refractive_index: of the film, in [1, 2.5], where `instrument` is no whole one.
 
     Raises:
         ValueError: an angle that is an array or traced.
     """
+    seen_by = resolve_instrument(instrument, refractive_index)
+    geometry = seen_by.geometry
     cosines = [
         geometry.cos_incidence,
         *([geometry.cos_viewing] if isinstance(geometry, Bidirectional) else []),
@@ -232,7 +243,7 @@ def film_response(geometry: Geometry, refractive_index: float = 1.5) -> FilmResp
         raise ValueError(
             "a film's table is made for one pair of angles: give them as numbers, not as arrays"
         )
-    return FilmResponse(jnp.asarray(_patches(Optics.of(geometry, refractive_index))))
+    return FilmResponse(jnp.asarray(_patches(Optics.of(seen_by))))
 
 
 @functools.lru_cache(maxsize=8)

@@ -44,7 +44,7 @@ def simulate_films(
     )
     black, white = usual_cards(wavelengths)
     grounds = np.broadcast_to(np.stack([black, white], axis=-1), (*k.shape[:2], 2))
-    optics = Optics.of(instrument.geometry, instrument.refractive_index)
+    optics = Optics.of(instrument)
     empty = np.full((1, 1, 1), 1e-12)
 
     def read_film(k: np.ndarray, s: np.ndarray) -> np.ndarray:

@@ -108,7 +108,7 @@ def pose_bands(reading: Reading, gloss: float, instrument: Instrument) -> Proble
         fitted=readings_of,
         prior_rows=2,
         data=data,
-        shared=film_response(instrument.geometry, instrument.refractive_index),
+        shared=film_response(instrument),
         quantities=(
             Quantity("absorption", True, lambda free: np.exp(free[..., 0] + free[..., 1])),
             Quantity("scattering", True, lambda free: np.exp(free[..., 1])),

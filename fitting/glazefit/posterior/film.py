@@ -182,7 +182,7 @@ def pose_films(
         np.log(prior.error),
     )
     shared = FilmShared(
-        film_response(instrument.geometry, instrument.refractive_index),
+        film_response(instrument),
         *(jnp.asarray(float(n)) for n in (*numbers, prior.error_spread)),
     )
     names = unknowns(count, instrument.seen_surface)

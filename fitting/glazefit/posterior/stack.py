@@ -194,7 +194,7 @@ def pose_stack(
         modes=(modes[0].shape[1], modes[1].shape[1]),
         gloss=instrument.seen_surface > 0,
         concentration=prior.concentration_known,
-        optics=Optics.of(instrument.geometry, instrument.refractive_index),
+        optics=Optics.of(instrument),
     )
     # What is expected of each coat's thickness; side by side, films must expect the same.
     median = np.array(

@@ -80,7 +80,7 @@ def make_model(
         weights=jnp.asarray(weights),
         white=jnp.asarray(weights.sum(axis=0)),
         span=jnp.asarray(np.log(np.asarray(thickness) * 1e6)),
-        film=film_response(instrument.geometry, instrument.refractive_index),
+        film=film_response(instrument),
     )
 
 

@@ -101,7 +101,7 @@ class Task:
     @property
     def optics(self) -> Optics:
         """The instrument in plain numbers."""
-        return Optics.of(self.instrument.geometry, self.instrument.refractive_index)
+        return Optics.of(self.instrument)
 
     def model(self) -> StackModel:
         """What stacks of these paints read, as arrays."""

@@ -100,9 +100,7 @@ def rank_next_films(
     Raises:
         ValueError: no such paint.
     """
-    response = response or film_response(
-        recovery.instrument.geometry, recovery.instrument.refractive_index
-    )
+    response = response or film_response(recovery.instrument)
     known = dict(pigments or {})
     row = recovery.row(paint)
     paints = list(recovery.paints)

@@ -117,7 +117,7 @@ def recover_jointly(
     deviation = np.moveaxis(1.0 / np.asarray(problem.weight), 0, -1)
     kept = films.seen if use is None else films.seen * use[:, None]
     problem = problem._replace(weight=jnp.asarray(np.asarray(problem.weight) * kept))
-    response = response or film_response(instrument.geometry, instrument.refractive_index)
+    response = response or film_response(instrument)
     if start is None:
         # Weights and gloss as stated first: set free at once, they explain what thicknesses and
         #     spectra should.

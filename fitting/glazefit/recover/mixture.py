@@ -110,7 +110,7 @@ def predict_mixture(
         ValueError: as `mix`, or a thickness that is not positive.
     """
     instrument = resolve_instrument(instrument)
-    response = film_response(instrument.geometry, instrument.refractive_index)
+    response = film_response(instrument)
     paints = tuple(paint for paint, weight in recipe.items() if weight > 0)
     if calibrated is None:
         k, s, parts, _ = _mix(pigments, recipe, wavelengths, law, "")

@@ -192,7 +192,7 @@ def predict_films(
     variation = variation or Variation()
     instrument = recovery.instrument
     paints = len(recovery.paints)
-    response = response or film_response(instrument.geometry, instrument.refractive_index)
+    response = response or film_response(instrument)
     black, white, _, _ = cards(films, instrument, noise)
     best = jax.tree.map(lambda leaf: leaf[None], recovery.unknowns)
     # The same draws for every film, so that films compare.
