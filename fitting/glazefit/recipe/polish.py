@@ -15,7 +15,7 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float, Int
 
 from glazejax.colour import delta_e_2000
 
@@ -36,10 +36,18 @@ _FADED = -9.0
 _LAB_STEP = 0.01
 
 
+class _Slots(NamedTuple):
+    """`recipe.model.Slots` for numpy."""
+
+    paint: Int[np.ndarray, "n slots"]
+    coat: Int[np.ndarray, "n slots"]
+    used: Bool[np.ndarray, "n slots"]
+
+
 class _Place(NamedTuple):
     """Stacks as variables: which paint lies where, and targets."""
 
-    slots: Slots
+    slots: _Slots
     member: Float[np.ndarray, "n coats slots"]  # 1 where a slot lies in a coat
     lab: Float[np.ndarray, "n lights 3"]
     spectrum: Float[np.ndarray, "n bands"]
@@ -47,7 +55,7 @@ class _Place(NamedTuple):
 
     def take(self, rows: np.ndarray) -> "_Place":
         return _Place(
-            Slots(*(values[rows] for values in self.slots)), *(values[rows] for values in self[1:])
+            _Slots(*(values[rows] for values in self.slots)), *(values[rows] for values in self[1:])
         )
 
 
@@ -92,7 +100,7 @@ def polish(
         max_steps=_STEPS,
     )
     sizes = empty_slots(
-        place.slots,
+        Slots(*place.slots),
         place.member * _amounts(place, found.point)[0][:, None],
         stacks.sizes.shape[2],
     )
@@ -114,7 +122,7 @@ def _start(
     shares.
     """
     places, _ = fill_slots(model, stacks.sizes, count)
-    slots = Slots(*(np.asarray(values) for values in places))
+    slots = _Slots(*(np.asarray(values) for values in places))
     member = (
         slots.used[:, None] & (slots.coat[:, None] == np.arange(stacks.sizes.shape[1])[:, None])
     ).astype(float)
