@@ -71,13 +71,9 @@ def profile_reflectance_factor(
             at equally spaced depths from the surface to the ground, taken as piecewise linear.
         scattering: s in 1/m, >= 0, in the same way; of radiative transfer, isotropic.
         thickness: of the film in m, (...), >= 0.
-        substrate_reflectance: of the Lambertian ground, seen from inside, (...), in [0, 1].
-        refractive_index: of the film, (...), in [1, 2.5].
-        cos_incidence: cosine of the angle of incidence in air, (...), in (0, 1].
-        cos_viewing: cosine of the viewing angle in air, (...), in (0, 1].
-        tolerance: absolute error wanted, a Python number.
         method: "ordinates" (slices, extrapolated) or "auxiliary" (the integral equation with the
             true albedo).
+        The others as in `stack_reflectance_factor`.
 
     Returns:
         Reflectance factor, shape of the broadcast batch.
@@ -120,7 +116,8 @@ def profile_hemispherical_reflectance(
 ) -> Float[Array, "*batch"]:
     """Directional-hemispherical reflectance of a film whose k and s vary continuously with depth.
 
-    Args, raises and notes as for `profile_reflectance_factor`; there is no viewing direction.
+    Arguments as in `profile_reflectance_factor`, errors and notes too; there is no viewing
+    direction.
 
     Returns:
         Flux that leaves over flux of the beam that falls in, without the part reflected by the

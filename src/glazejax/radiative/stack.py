@@ -164,7 +164,7 @@ def stack_hemispherical_reflectance(
     reflectance factor of a diffusely lit sample seen at the same angle (an integrating sphere d:8
     is ``cos_incidence = cos(8 deg)``).
 
-    Args, raises and notes as for `stack_reflectance_factor`; there is no viewing direction.
+    Arguments as in `stack_reflectance_factor`, errors and notes too; there is no viewing direction.
 
     Returns:
         Reflectance, shape of the broadcast batch.
@@ -197,7 +197,7 @@ def split_reflectance_factor(
     """Reflectance factor by what the light did last: ground reflection, single and multiple
     scattering.
 
-    Args and raises as for `stack_reflectance_factor`, whose value is the sum of the three.
+    Arguments as in `stack_reflectance_factor`, whose value is the sum of the three; errors too.
 
     Returns:
         `Split` of arrays in the shape of the broadcast batch.
@@ -229,7 +229,8 @@ def split_hemispherical_reflectance(
     """Directional-hemispherical reflectance by what the light did last; see
     `split_reflectance_factor`.
 
-    Args and raises as for `stack_hemispherical_reflectance`, whose value is the sum of the three.
+    Arguments as in `stack_reflectance_factor`, without a viewing direction; errors too.
+    `stack_hemispherical_reflectance` is the sum of the three.
 
     Returns:
         `Split` of arrays in the shape of the broadcast batch.

@@ -95,6 +95,7 @@ def direct(
         """All entries of one stack."""
         node = (index + 0.5) * dh
 
+        # One direction and one point of all segments at a time: no array is larger than the matrix.
         def integrate(distance, mu: Array, weight: Array) -> Array:
             def add(k: Array, total: Array) -> Array:
                 for position, share in zip(y, w, strict=True):
@@ -106,18 +107,22 @@ def direct(
 
             return jax.lax.fori_loop(0, mu.size, add, jnp.zeros((most, most), dh.dtype))
 
+        # H: what goes straight from segment to node, each segment's own part apart.
         smallest = 0.5 * dh / _NEGLIGIBLE_DEPTH
         matrix = integrate(
             lambda node, s: jnp.abs(node - s), *_grazing(1.0, smallest, _GRAZING_NODES)
         )
         matrix = jnp.where(np.eye(most, dtype=bool), _own(node, dh), matrix)
+        # U: by way of the surface, which reflects all beyond the critical angle, and some of the
+        # cone.
         if refractive_index > 1.0:
             critical = math.sqrt(1.0 - 1.0 / refractive_index**2)
             mu, weight = _grazing(critical, smallest, _GRAZING_NODES)
             cone, w_cone, r = (
                 jnp.asarray(a, dh.dtype) for a in cone_nodes(refractive_index, _CONE_NODES)
             )
-            mu, weight = jnp.concatenate([mu, cone]), jnp.concatenate([weight, w_cone * r / cone])
+            mu = jnp.concatenate([mu, cone])
+            weight = jnp.concatenate([weight, w_cone * r / cone])
             matrix = matrix + integrate(lambda node, s: node + s, mu, weight)
         return matrix
 

@@ -245,13 +245,16 @@ def layer_panels(thickness: Array, layer_albedo: Array, slant: Array, mesh: Mesh
     for i in range(thickness.shape[1]):
         d = thickness[:, i, None]
         given = jax.lax.stop_gradient((thickness[:, i], layer_albedo[:, i], slant))
+        # The lower half mirrors the upper one: both faces are alike.
         share = _half_layer(*given, mesh)
         inner = share[:, 1:] - share[:, :-1]
         start = [share[:, :-1], 1.0 - share[:, :0:-1]]
         shares = [inner, inner[:, ::-1]]
+        # Between the halves of a thick layer lies one more panel.
         if mesh.interior:
             start.insert(1, share[:, -1:])
             shares.insert(1, jnp.maximum(1.0 - 2.0 * share[:, -1:], 0.0))
+        # From shares of the layer to depths in the stack.
         above = depth[:, i - 1, None] if i else jnp.zeros_like(d)
         tops.append(above + d * jnp.concatenate(start, axis=-1))
         widths.append(d * jnp.concatenate(shares, axis=-1))

@@ -121,12 +121,7 @@ def split_reflectance_factor(
     for; here the step decides.
 
     Args:
-        albedo: of each layer, top first, (..., layers), in [0, 1].
-        optical_thickness: of each layer, (..., layers), >= 0.
-        substrate_reflectance: of the Lambertian ground, from inside, (...), in [0, 1].
         refractive_index: n of all layers, one number in [1, 2.5].
-        cos_incidence: cosine of the angle of incidence in air, (...), in (0, 1].
-        cos_viewing: cosine of the viewing angle in air, (...), in (0, 1].
         step: dh, optical thickness of a segment, a number. A stack gets h/dh segments, rounded;
             with a step of its own dh is then changed so that they fit.
         variant: "direct", "decomposed" or "fixed_step", see the module.
@@ -141,6 +136,7 @@ def split_reflectance_factor(
             at once. "auto" takes the fastest for the number of segments.
         segments: for steps of a stack's own, how many segments a program has room for: needed under
             `jax.jit` with a traced thickness, where the thickest stack is not known.
+        The others as in `glazejax.stack_reflectance_factor`.
 
     Returns:
         `Split`, each part of the shape of the broadcast batch. Where only the angles vary along an
@@ -305,6 +301,7 @@ def _flatten(given: dict[str, Any]):
     of_media = (arrays["albedo"].shape[:-1], arrays["optical_thickness"].shape[:-1])
     matter = np.broadcast_shapes(*of_media, arrays["substrate_reflectance"].shape)
     matter = (1,) * (len(full) - len(matter)) + matter
+    # Axes along which only the angles vary: the stacks' matrices serve all of them.
     angular = [axis for axis, size in enumerate(full) if matter[axis] == 1 and size != 1]
     others = [axis for axis in range(len(full)) if axis not in angular]
     size = int(np.prod([full[axis] for axis in others]))
@@ -447,6 +444,7 @@ def _solve_traced(batch: Batch, settings: GridSettings, how: _How) -> Split:
         reach = f"segments={how.segments}"
         longer = "give more segments"
         _table(table, settings, most)
+    # The program has room for that many; a thicker stack is known only when it runs.
     vectors = _vectors(table, settings)(most)
     settings = settings._replace(most=most, product=_chosen(how.product, settings, most))
     count = _segments(jax.lax.stop_gradient(jnp.sum(batch.thickness, axis=1)), settings)

@@ -170,6 +170,7 @@ def _collocation(batch: Batch, count: Array, vectors: tuple, settings: GridSetti
     depth = jnp.sum(batch.thickness, axis=1)
     present = depth > 0
     held = jnp.where(present, count, 0)  # Q
+    # The operator H + U, M at the nodes and over the segments, and K.
     if settings.variant == "fixed_step":
         step = jnp.full_like(depth, settings.step)
         depth = held.astype(step.dtype) * step
@@ -188,12 +189,14 @@ def _collocation(batch: Batch, count: Array, vectors: tuple, settings: GridSetti
             matrix, m, m_integrated, k = assemble(step, held, settings.most, index)
             times = functools.partial(_alone, matrix[0])
 
+    # The beam's light in each segment, and how much of each segment is seen.
     incident, viewing = (
         _Beam.make(c, index, depth) for c in (batch.cos_incidence, batch.cos_viewing)
     )
     strength = incident.transmittance / (2.0 * jnp.pi * incident.cosine)
     edges = jnp.arange(settings.most + 1, dtype=depth.dtype)[:, None] * step
     if settings.corrected:
+        # Means over a segment, in which an interface may lie.
         segments = Segments.make(batch.albedo.T, batch.thickness.T, step, count, settings.most)
         albedo = jnp.where(present, segments.scattering / step, 0.0)
 
@@ -205,6 +208,7 @@ def _collocation(batch: Batch, count: Array, vectors: tuple, settings: GridSetti
         once = strength * segments.average(*into)
         single = strength * _scattered_once(batch, incident, viewing)
     else:
+        # As printed: each segment is what its midpoint is.
         middle = edges[:-1] + 0.5 * step
         layer = jnp.sum(jnp.cumsum(batch.thickness, axis=1).T[:-1, None] <= middle, axis=0)
         albedo = jnp.take_along_axis(batch.albedo.T, layer, axis=0)
@@ -218,6 +222,8 @@ def _collocation(batch: Batch, count: Array, vectors: tuple, settings: GridSetti
         """1/2 (H + U) P t."""
         return 0.5 * times(albedo[..., None] * t)
 
+    # Light of the beam and light of an evenly bright ground; the ground's brightness B closes the
+    # circle of what it sends up and gets back.
     scattered, from_ground = _solve(scatter, albedo, once, m)
     reaching = jnp.sum(append_axes(m_integrated * albedo, once) * (once + scattered), axis=0)
     back = jnp.sum(m_integrated * albedo * from_ground, axis=0)

@@ -90,6 +90,7 @@ def prepare(
         least: smallest cosine of any direction where it is not among ``cosines``.
         downward: whether the light is seen from below.
     """
+    # What is known decides which program there is to be, before JAX may trace the rest.
     check_tolerance(stack.tolerance)
     moments = isotropic() if stack.phase is None else stack.phase
     check_moments(moments)
@@ -98,6 +99,7 @@ def prepare(
     dtype = jnp.result_type(float)
     moments = jnp.atleast_2d(jnp.asarray(moments, dtype))
     of_phase = moments.shape[:-2]
+    # One batch of stacks, angles and phase functions.
     named = {
         name: getattr(stack, name)
         for name in ("albedo", "optical_thickness", "substrate_reflectance")
@@ -112,17 +114,20 @@ def prepare(
             f"{given.layers}"
         )
     terms = moments.shape[-1]
+    # A phase function that all stacks share keeps a batch of one.
     shared = int(np.prod(of_phase)) == 1
     flat = given.flat()
+    phases = (1,) * len(of_phase) if shared else given.batch
     layers = Layers(
-        flat["albedo"],
-        flat["optical_thickness"],
-        flat_batch(moments, (1,) * len(of_phase) if shared else given.batch, given.layers, terms),
-        flat["substrate_reflectance"],
+        albedo=flat["albedo"],
+        optical_thickness=flat["optical_thickness"],
+        moments=flat_batch(moments, phases, given.layers, terms),
+        ground=flat["substrate_reflectance"],
     )
     angles = {name: flat[name] for name in cosines} | {
         n: flat_batch(a, given.batch) for n, a in turned.items()
     }
+    # In single precision rounding leaves about 1e-5.
     effort = choose_effort(
         stack.tolerance if dtype == jnp.float64 else max(stack.tolerance, 1e-5),
         media,

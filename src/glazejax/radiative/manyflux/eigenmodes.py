@@ -82,17 +82,19 @@ def _tangent(
     product: Bordered, shapes: Array, projection: Array, squared: Array, depth: Array
 ) -> Bordered:
     """t of a bordered operator whose core is shapes diag(squared) projection; depth is (..., 1)."""
-
+    # Added directions are modes of their own, beside those of the core.
     columns = matmul(projection, product.columns)
     rows = matmul(product.rows, shapes)
     own = tanh_sech(squared, depth)[0]
     seen = product.viewing
     lit = product.incidence
     passed = [tanh_sech(x, depth)[0] for x in (seen, lit)]
+    # Where two of them have one decay, t's divided difference becomes its derivative.
     lit_modes = first_difference(squared[..., :, None], lit[..., None, :], depth[..., None])
     seen_modes = first_difference(squared[..., None, :], seen[..., :, None], depth[..., None])
     straight = first_difference(seen[..., :, None], lit[..., None, :], depth[..., None])
     corner = product.corner * straight
+    # From one added direction to another by way of the core.
     if corner.size:
         by_modes = second_difference(
             seen[..., :, None, None],

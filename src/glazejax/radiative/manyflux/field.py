@@ -61,7 +61,7 @@ def manyflux_field(
 ) -> Field:
     """Field of one stack.
 
-    Args that are not listed are those of `manyflux_reflectance_factor`, for one stack.
+    Arguments that are not listed are as in `manyflux_reflectance_factor`, for one stack.
 
     Args:
         depth: optical depths below the surface, (depths,), from 0 to the whole thickness. Where
@@ -115,7 +115,8 @@ def manyflux_field(
                 f"{whole.sum():g}"
             )
     axes = jnp.asarray(directions, dtype), jnp.deg2rad(jnp.atleast_1d(jnp.asarray(azimuth, dtype)))
-    lit, (media, effort, _) = call.angles["cos_incidence"], call.settings
+    lit = call.angles["cos_incidence"]
+    media, effort, _ = call.settings
     if not isinstance(media, Media):
         return _field(layers, depths, axes, lit, media, effort)
     if known is None or whole is None:
@@ -153,6 +154,7 @@ def _field(
     stack = discrete_stack(layers, index, seen, lit, effort, modes, inside=True)
     a, b = rates(stack.albedo[:, None], stack.even, stack.odd, stack.cosines)
     top = jnp.cumsum(layers.optical_thickness) - layers.optical_thickness
+    # The surface as a slab, without what it reflects of the light that falls in.
     surface = jax.tree.map(lambda x: jnp.broadcast_to(x, (modes, *x.shape)), stack.surface)
     passing = diagonal(Diagonal(*(1.0 - r for r in surface)))
     face = Slab(diagonal(surface).scaled(0.0), diagonal(surface), passing, passing)
@@ -163,6 +165,8 @@ def _field(
         # How much of each layer lies above, as a share that delta-M leaves as it is.
         above = jnp.clip(depth - top, 0.0, layers.optical_thickness)
         share = above / jnp.where(layers.optical_thickness > 0, layers.optical_thickness, 1.0)
+        # What lies above the depth is one slab, what lies below it reflects; the light between them
+        # goes to and fro.
         upper = layer_operators(a, b, (share * stack.thickness)[:, None], effort)
         lower = layer_operators(a, b, ((1.0 - share) * stack.thickness)[:, None], effort)
         slab = join(face, join_all(slab_of_layer(*upper)))
@@ -206,6 +210,7 @@ def _opened_field(
     index = media.layers[cut]
 
     def at(share: Array) -> Field:
+        # As in `_field`, where the operators count in directions that all media share.
         stack = opened_stack(layers, media, seen, lit, effort, effort.modes, cut, share)
         down = (stack.above.below @ stack.below).scaled(
             -1.0

@@ -33,7 +33,7 @@ def free_factor(
 ) -> Float[Array, "*batch"]:
     """Reflectance or transmittance factor pi L_out/E_in of scattered light.
 
-    Args that are not listed are those of `manyflux_reflectance_factor`.
+    Arguments that are not listed are as in `manyflux_reflectance_factor`.
 
     Args:
         transmitted: whether the light is seen from below, else from above.

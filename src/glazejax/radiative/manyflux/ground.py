@@ -68,6 +68,7 @@ def ground_table(cosines: Numbers, factor: Numbers) -> GroundTable:
         weights[[0, -1]] *= 0.5
     modes = np.einsum("vik,mk,k->mvi", values, np.cos(orders[:, None] * angles), weights)
     modes = 0.5 * (modes + np.swapaxes(modes, 1, 2))
+    # However light falls in, no more may come back: all directions of exit by a fine rule.
     fine, share = np.polynomial.legendre.leggauss(64)
     mu = 0.5 * (1 + fine)
     reflected = _between(x, mu) @ modes[0] @ (_between(x, mu).T @ (mu * share))

@@ -128,6 +128,7 @@ def _discrete(
     mu, weights, exists = (
         np.stack(x) for x in zip(*(in_medium(common, n) for n in indices), strict=True)
     )
+    # All directions followed through all media; added ones are known in the eye's and in air.
     seen = _ways(seen_in[0], indices, seen_in[1])
     lit = _ways(cos_incidence, indices, 1.0)
     nodes = FollowedDirections(jnp.asarray(mu, dtype), exists)
@@ -138,11 +139,13 @@ def _discrete(
         layers.albedo, layers.optical_thickness, layers.moments, effort.kept
     )
     thickness = thickness + _THINNEST
+    # Scattering in each layer between its own cosines.
     tables = [associated_legendre(c, modes, moments.shape[-1]) for c in in_layers]
     roots = jnp.sqrt(jnp.asarray(weights[inner], dtype))
     even, odd = scattering(moments, tables[0], tables[1], tables[2], roots)
     each = Diagonal(*(c[:, None] for c in in_layers))
     a, b = rates(albedo[:, None], even, odd, each)
+    # Added directions count as of flux n^2 mu w = 1.
     n = indices[inner][:, None, None]
     rows, columns = (jnp.asarray(1.0 / (n * jnp.sqrt(c))) for c in each[1:])
     return _Discrete(
@@ -263,17 +266,20 @@ def joined_stack(
     in_layers = Diagonal(*(way.cosines[inner] for way in (nodes, seen, lit)))
     reflection, loss = found.operators(found.thickness, effort)
 
+    # Each layer under the surface above it is one slab.
     surfaces, through = _surfaces(indices, nodes, seen, lit, modes)
     count = len(media.layers)
     upper: Slab = jax.tree.map(lambda leaf: leaf[:count], surfaces)
     coats = slab_of_layer(reflection, loss)
     slab = join_all(join(upper, coats))
+    # Below is a ground, or the surface to another medium.
     ground = None
     if media.below is None:
         ground = _ground(found, layers, indices, table, modes)
     else:
         slab = join(slab, jax.tree.map(lambda leaf: leaf[-1], surfaces))
 
+    # What the kept moments leave out of light scattered once is added by `factor`.
     size = len(common.flux)
     once = ScatteredOnce(
         albedo=layers.albedo,

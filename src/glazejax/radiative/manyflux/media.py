@@ -132,6 +132,7 @@ def fewest_shared_directions(
     """
     ends = tuple(sorted({*media, *outside}))
     moments = np.array(sizes)
+    # Rules are judged by their sums over scattered light in each medium.
     fine = SharedSpread(ends, (_FINE,) * len(ends), _FINE_CROWDING, media)
     exact = [scattered_sums(_as_directions(fine, index), moments) for index in sorted(set(media))]
     if streams is not None and streams < 2 * len(ends):
@@ -141,6 +142,7 @@ def fewest_shared_directions(
     for count in (
         (streams,) if streams is not None else range(max(_FEWEST, 3 * len(ends)), _MOST + 1, 4)
     ):
+        # Of a number of directions, every way to share them out and to crowd them.
         tried = []
         for counts in {_shared_out(ends, media, count, share) for share in _AIR_SHARES}:
             for crowding in _CROWDING:

@@ -41,10 +41,6 @@ def manyflux_reflectance_factor(
     """Reflectance factor pi L_out/E_in of layers with any phase function under a smooth surface.
 
     Args:
-        albedo: single-scattering albedo of each layer, top first, (..., layers), in [0, 1].
-        optical_thickness: (k + s) times thickness, (..., layers), >= 0.
-        substrate_reflectance: of the Lambertian ground, as seen from inside the medium, (...), in
-            [0, 1].
         phase: Legendre moments of the phase function (`glazejax.radiative.phase`), (terms,) for all
             layers or (..., layers, terms), where layers may be 1. By default scattering is
             isotropic. All functions of a batch share one compiled program; a call of its own with
@@ -52,7 +48,6 @@ def manyflux_reflectance_factor(
             by JAX, all terms are kept, and one program serves every function.
         refractive_index: of all layers, a number in [1, 2.5], or a sequence of one for each layer:
             light is then refracted and reflected between them too.
-        cos_incidence, cos_viewing: cosines in air, (...), in (0, 1].
         azimuth: angle in degrees between the horizontal directions in which light travels before
             and after, (...): 0 is the side of the mirror direction, 180 back towards the light.
         tolerance: absolute error wanted, a Python number: picks the directions, moments and modes.
@@ -60,6 +55,7 @@ def manyflux_reflectance_factor(
         solution: of the layers: "doubling", or "modes" (eigenvectors): the same to some 1e-12.
         ground: what the ground reflects over angles (`ground_table`), of which
             ``substrate_reflectance`` is a share; Lambertian without.
+        The others as in `glazejax.stack_reflectance_factor`.
 
     Returns:
         Reflectance factor, shape of the broadcast batch, without the surface's own reflection and
@@ -103,7 +99,7 @@ def manyflux_hemispherical_reflectance(
 
     By reciprocity also the reflectance factor under even light from all sides, seen at that angle.
 
-    Args, returns and raises as for `manyflux_reflectance_factor`.
+    Arguments as in `manyflux_reflectance_factor`, result and errors too.
     """
     given = GivenStack(
         albedo=albedo,
@@ -134,8 +130,8 @@ def manyflux_diffuse_reflectance(
 ) -> Float[Array, "*batch"]:
     """Flux that leaves over flux of light that falls in evenly from all sides (equal radiance).
 
-    Args, returns and raises as for `manyflux_reflectance_factor`; the surface's own reflection is
-    not included.
+    Arguments as in `manyflux_reflectance_factor`, result and errors too; the surface's own
+    reflection is not included.
     """
     given = GivenStack(
         albedo=albedo,
@@ -170,7 +166,7 @@ def brdf_table(
     """Table of the BRDF in 1/sr over angles of viewing, incidence and azimuth, each entry exact:
     one solution for all.
 
-    Args that are not listed are those of `manyflux_reflectance_factor`.
+    Arguments that are not listed are as in `manyflux_reflectance_factor`.
 
     Args:
         cos_incidence, cos_viewing: cosines in air, (incidence,) and (viewing,), in (0, 1].

@@ -104,7 +104,8 @@ def hidden_below(
             End(*(leaf[try_rows] for leaf in viewing)),
         )
         done = try_rows[(below == 0) | (bound <= tolerance / np.where(below > 0, below, 1.0))]
-        seen[done], hidden[done] = m, True
+        seen[done] = m
+        hidden[done] = True
         rows = np.setdiff1d(rows, done, assume_unique=True)
     return seen, hidden
 
@@ -209,7 +210,9 @@ def scattered_beyond_first(
     scattering = (albedo * optical_thickness).sum(axis=1)
     by_ground = np.minimum(scattering, 0.25 * brightest)
     by_beam = [np.minimum(scattering, brightest * end.cosine) for end in (incidence, viewing)]
-    (b_one, b_two), g_one, g_two = ground_radiosity, incidence.source, viewing.source
+    b_one, b_two = ground_radiosity
+    g_one = incidence.source
+    g_two = viewing.source
     with np.errstate(divide="ignore"):
         again = np.where(brightest > 0, brightest / (1.0 - brightest), 0.0) * (g_one + b_one)
     with np.errstate(invalid="ignore"):

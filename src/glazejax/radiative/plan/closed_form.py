@@ -100,6 +100,7 @@ def without_multiple_scattering(
         [np.zeros((albedo.shape[0], 1)), np.cumsum(optical_thickness, axis=1)], axis=1
     )
     total = depth[:, -1]
+    # The ground: lit by the beam and by itself through the surface, seen through all layers.
     lit = ground / (1.0 - ground * internal_reflection(total, index)) / np.pi
     beam = end(cos_incidence, np.full(total.shape, index))
     incoming = lit * beam.flux * np.exp(-total / beam.cosine)

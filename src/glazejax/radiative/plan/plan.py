@@ -247,6 +247,7 @@ def plan_stacks(
         if wanted is None
         else np.broadcast_to(_check_known("wanted", wanted, bool), shape).reshape(-1)
     )
+    # Entries that nobody asked for, and those of bands that cannot move the sums.
     compute = ask if savings.unwanted else np.ones(size, bool)
     due = int(compute.sum())
     kept = None
@@ -265,12 +266,14 @@ def plan_stacks(
             compute = compute & np.broadcast_to(kept, shape).reshape(-1)
     computed = np.flatnonzero(compute)
     rows = _flat(given, computed)
+    # The smaller cosine first, so that exchanged directions are equal stacks.
     if savings.reciprocity and rows.cos_viewing is not None:
         low = np.minimum(rows.cos_incidence, rows.cos_viewing)
         high = np.maximum(rows.cos_incidence, rows.cos_viewing)
         rows = replace(rows, cos_incidence=low, cos_viewing=high)
     rows, inverse = reduction.once(rows) if savings.equal else (rows, np.arange(rows.count))
     given_layers = rows.albedo.size
+    # Simpler stacks: no empty layers, no neighbours of equal albedo, nothing below what is opaque.
     if savings.layers:
         rows = reduction.simplify(rows)
     before = reduction.count_filled(rows)
@@ -279,9 +282,11 @@ def plan_stacks(
         rows, hidden = reduction.cut_below_opaque(rows, tolerance * _SHARE_HIDDEN)
     hidden_layers = int((before - reduction.count_filled(rows)).sum())
     hidden_grounds = int(hidden.sum())
+    # Stacks that differed in what has gone are equal now.
     if savings.equal and (savings.layers or savings.hidden):
         rows, again = reduction.once(rows)
         inverse = again[inverse]
+    # What needs no solver; the rest goes to it in groups of as many layers.
     closed = np.zeros(rows.count, bool)
     if savings.scattering:
         closed = reduction.closes(rows, tolerance * _SHARE_SCATTERING)

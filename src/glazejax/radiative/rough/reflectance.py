@@ -39,15 +39,12 @@ def rough_reflectance_factor(
     viewing exchanged.
 
     Args:
-        albedo: single-scattering albedo of each layer, top first, (..., layers), in [0, 1].
-        optical_thickness: of each layer, (..., layers), >= 0.
-        substrate_reflectance: of the Lambertian ground inside the medium, (...), in [0, 1].
         roughness: alpha of the GGX distribution, a Python number in [0, 1]: that of Mitsuba's
             `roughdielectric`, the square of OpenPBR's and Disney's roughness.
         refractive_index: of all layers, (...), known numbers in [1.02, 2.5], or down to 1 if the
             surface is smooth.
-        cos_incidence, cos_viewing: cosines in air, (...), in (0, 1].
         tolerance: absolute error wanted, a Python number; 1e-5 is the least. See Notes.
+        The others as in `stack_reflectance_factor`.
 
     Returns:
         Reflectance factor, shape of the broadcast batch.
