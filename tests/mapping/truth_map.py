@@ -1,25 +1,13 @@
 """A map as a perfect solver would give it, from the truth of the example painting."""
 
-from dataclasses import dataclass
-
 import numpy as np
 from benchmarks.known_painting import Painting
 
+from glazefit.mapping.store.chunk import SetSum
 from glazefit.mapping.store.layout import PLACES, VARIABLES, Status, Way
 
 GRID = np.linspace(400.0, 700.0, 16)
 """Of all paintings of these tests: tables of their regions belong to a grid, and are made once."""
-
-
-@dataclass
-class Sums:
-    """As the solver sums the pixels of a set."""
-
-    pixels: int
-    spectrum: np.ndarray
-    fitted: np.ndarray
-    square: np.ndarray
-    thickness: tuple[float, int]
 
 
 def truth_map(painting: Painting, *, unit: str | None = "mm"):
@@ -72,7 +60,7 @@ def truth_map(painting: Painting, *, unit: str | None = "mm"):
     for found in np.unique(members, axis=0):
         there = mapped & (arrays["members"] == found).all(axis=-1)
         thick = thickness[there & known].astype(float)
-        sets[tuple(int(m) for m in found if m >= 0)] = Sums(
+        sets[tuple(int(m) for m in found if m >= 0)] = SetSum(
             int(there.sum()),
             readings[there].sum(axis=0, dtype=float),
             clear[there].sum(axis=0, dtype=float),
