@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 
 import glazejax as gj
+from benchmarks.measured_export import export_glaze
 from benchmarks.results import Results, add_option
 from benchmarks.strokes import brush_strokes
 
@@ -43,7 +44,6 @@ def materials(folder: Path) -> dict[str, tuple[dict[str, Any], dict[str, Any] | 
     """By name: as it is timed, and the same without gloss as its body's error is measured (None:
     see `main`).
     """
-    from glazejax.appearance.glaze.mitsuba import export_glaze
     from glazejax.appearance.mitsuba import glaze_bsdf
     from glazejax.appearance.scene.mitsuba import spectrum
 

@@ -54,7 +54,6 @@ ENGINES = {
     "export": [
         "glazejax.appearance.exports.fit:fit_openpbr",
         "glazejax.appearance.exports.textures:texture_set",
-        "glazejax.appearance.exports.measured:write_measured",
     ],
 }
 
@@ -171,7 +170,9 @@ TABLE: dict[str, dict[str, Reaches | Looked]] = {
         "stack": Reaches(
             "Eosin:7um", lambda g: [x.medium.name for x in g["glaze"].layers], ["Eosin"], base=" "
         ),
-        "--to": Reaches("--to measured", bool, True, engine="write_measured"),
+        "--to": Reaches(
+            "--to textures --thickness-map thick.npy", bool, True, engine="texture_set"
+        ),
         "--out": Looked("appearance/test_exports_files.py:test_the_command_reads_a_stack_and_maps"),
         "--ground": Reaches("--ground 0.3", lambda g: float(np.mean(g["glaze"].substrate)), 0.3),
         "--refractive-index": Reaches(

@@ -1,6 +1,4 @@
-"""What is exported: MaterialX files, textures, Mitsuba's table, and the command that
-writes them.
-"""
+"""What is exported: MaterialX files, textures, and the command that writes them."""
 
 import io
 import json
@@ -17,7 +15,6 @@ from glazejax.appearance.exports import (
     fit_openpbr,
     texture_set,
     write_materialx,
-    write_measured,
 )
 from glazejax.appearance.exports.image_files import normals, png
 from glazejax.appearance.exports.materialx import Image
@@ -286,20 +283,6 @@ def test_maps_that_cannot_be_meant_are_refused(tmp_path, given, words):
     assert not (tmp_path / "t").exists()
 
 
-def test_a_table_for_mitsuba(tmp_path):
-    mi = pytest.importorskip("mitsuba")
-    found = write_measured(blue(), tmp_path / "blue.bsdf", resolution=24)
-    assert found.mitsuba is not None
-    assert found.solver <= 1e-4 < found.mitsuba < 0.02
-    loaded = mi.load_file(str(found.scene))
-    assert "measured" in str(loaded).lower()
-    assert "RoughPlastic" in str(loaded)
-    with pytest.raises(ValueError, match=r"ends in .bsdf"):
-        write_measured(blue(), tmp_path / "blue.mtlx")
-    with pytest.raises(FileExistsError, match="blue"):
-        write_measured(blue(), tmp_path / "blue.bsdf")
-
-
 @pytest.mark.slow
 def test_the_command_fits_openpbr(run, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
@@ -382,7 +365,7 @@ def test_a_map_that_is_not_in_metres_is_told_so(run, tmp_path, low, high):
 @pytest.mark.parametrize(
     ("words", "complaint"),
     [
-        (("--to", "unreal"), "--to 'unreal' is not known: choose openpbr, textures, measured"),
+        (("--to", "unreal"), "--to 'unreal' is not known: choose openpbr, textures"),
         (("--layering", "arnold"), "--layering 'arnold' is not known: choose materialx"),
         (("--format", "tga"), "--format 'tga' is not known: choose png or exr"),
         (

@@ -4,6 +4,7 @@ variant is used.
 
 import subprocess
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ from glazejax.appearance.scene import path_trace as tracing
 from glazejax.appearance.scene import variants
 from glazejax.appearance.scene.lights import AreaLight, ParallelLight
 from glazejax.appearance.scene.materials import Conductor, Glazed, Lambert, Phong
+from glazejax.appearance.scene.mitsuba import mitsuba_scene
 from glazejax.appearance.scene.path_trace import passes_of, path_trace
 from glazejax.appearance.scene.render import render
 from glazejax.appearance.scene.scene import Camera, Scene
@@ -317,3 +319,17 @@ def test_reading_scenes_needs_no_mitsuba():
     )
     subprocess.run([sys.executable, "-c", code], check=True, timeout=120)
     assert tracing.MOST_SAMPLES > 1000
+
+
+def test_meshes_need_a_folder_that_exists(tmp_path):
+    scene = made([Plane("m")], {"m": Lambert(0.5)}, [ParallelLight((0, 0, -1), 1.0)])
+    with pytest.raises(FileNotFoundError, match=r"the folder .*none for meshes does not exist"):
+        mitsuba_scene(scene, tmp_path / "none")
+
+
+def test_what_mitsuba_has_no_counterpart_of(mi, tmp_path):
+    scene = cases(8, 6)["diffuse"].scene
+    with pytest.raises(ValueError, match="'ball': Mitsuba has no counterpart of Phong"):
+        mitsuba_scene(
+            replace(scene, materials=dict(scene.materials) | {"ball": Phong(0.5)}), tmp_path
+        )

@@ -1,6 +1,4 @@
-"""The command ``glazejax export``: a stack in; a material, textures or a table for another program
-out.
-"""
+"""The command ``glazejax export``: a stack in; a material or textures for another program out."""
 
 import time
 from pathlib import Path
@@ -17,9 +15,9 @@ if TYPE_CHECKING:
     from ..paint.media import Glaze
     from ..stacks import Stack
 
-_KINDS = ("openpbr", "textures", "measured")
+_KINDS = ("openpbr", "textures")
 _LAYERINGS = ("materialx", "specification", "reciprocal")
-_USUAL = {"openpbr": "glaze.mtlx", "textures": "glaze-textures", "measured": "glaze.bsdf"}
+_USUAL = {"openpbr": "glaze.mtlx", "textures": "glaze-textures"}
 _GROUND = "0.9"
 _INDEX = 1.5
 
@@ -43,8 +41,7 @@ def export(
         typer.Option(
             metavar="KIND",
             help="openpbr: parameters fitted to the stack, in a MaterialX file. textures: "
-            "pictures for Blender and game engines, of a map. measured: a table for Mitsuba's "
-            "plugin of that name.",
+            "pictures for Blender and game engines, of a map.",
         ),
     ] = "openpbr",
     out: Annotated[
@@ -53,10 +50,7 @@ def export(
             "--out",
             "-o",
             metavar="PATH",
-            help=(
-                "File .mtlx or .bsdf, or the folder for textures. Default: glaze.mtlx, "
-                "glaze.bsdf or glaze-textures."
-            ),
+            help=("File .mtlx, or the folder for textures. Default: glaze.mtlx or glaze-textures."),
             show_default=False,
         ),
     ] = None,
@@ -185,10 +179,7 @@ def export(
     _check(to, layering, format, of_maps)
     path = Path(_USUAL[to]) if out is None else out
     if to != "textures":
-        files = {"--out": path} | (
-            {"the XML of --out": path.with_suffix(".xml")} if to == "measured" else {}
-        )
-        options.check_outputs(files, overwrite, pictures=())
+        options.check_outputs({"--out": path}, overwrite, pictures=())
     start_jax()
     from ..colour import find_illuminant, find_observer
     from . import export_report as report
@@ -217,7 +208,7 @@ def export(
         write_materialx(fit, path, overwrite=overwrite)
         report.print_stack(console, given, roughness)
         report.print_fit(console, fit, path)
-    elif to == "textures":
+    else:
         from ..appearance.exports.textures import texture_set
 
         maps = _maps(glaze, layer, thickness_map, thickness_range, fraction_map, ground_map)
@@ -239,15 +230,6 @@ def export(
             )
         report.print_stack(console, given, roughness)
         report.print_textures(console, textures, path)
-    else:
-        from ..appearance.exports.measured import write_measured
-
-        with doing("computing all angles, then asking Mitsuba"):
-            table = write_measured(
-                glaze, path, roughness=roughness, tolerance=tolerance, overwrite=overwrite
-            )
-        report.print_stack(console, given, roughness)
-        report.print_measured(console, table)
     console.print(f"done in {time.perf_counter() - started:.1f} s")
 
 

@@ -9,7 +9,6 @@ from ..paint.describe import format_length
 
 if TYPE_CHECKING:
     from ..appearance.exports.fit import Errors, OpenPBRFit
-    from ..appearance.exports.measured import MeasuredExport
     from ..appearance.exports.textures import TextureSet
     from ..stacks import Stack
 
@@ -121,31 +120,6 @@ def print_textures(console: Console, found: "TextureSet", folder: Path) -> None:
             f"{words} Delta E {found.clipped:.2g} at most; --format exr --space acescg holds it",
         )
     _meaning(console)
-
-
-def print_measured(console: Console, found: "MeasuredExport") -> None:
-    """Say what was written, and what Mitsuba makes of it."""
-    _line(
-        console,
-        "wrote",
-        f"{found.table} (the table) and {found.scene} (a BSDF that uses it, with the surface's "
-        "gloss)",
-    )
-    _line(console, "", f'in Mitsuba: mi.load_file("{found.scene}"), in a spectral variant')
-    _line(
-        console,
-        "how near",
-        f"the table's own directions: reflectance factor within {found.solver:.1g}",
-    )
-    if found.mitsuba is None:
-        _line(console, "", f"between them: not checked in Mitsuba ({found.why})")
-    else:
-        _line(
-            console,
-            "",
-            "between them, in Mitsuba beside the solver, 27 pairs of directions: "
-            f"{found.mitsuba:.2g}",
-        )
 
 
 def _errors(console: Console, title: str, errors: "Errors", where: str = "") -> None:

@@ -4,8 +4,6 @@ from .fit import OpenPBRFit as OpenPBRFit
 from .fit import fit_openpbr as fit_openpbr
 from .fit import material_errors as material_errors
 from .materialx import write_materialx as write_materialx
-from .measured import MeasuredExport as MeasuredExport
-from .measured import write_measured as write_measured
 from .openpbr import OpenPBR as OpenPBR
 from .openpbr import directional_albedo as directional_albedo
 from .openpbr import reflectance_factor as reflectance_factor

@@ -18,13 +18,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float
 
-from ...extras import require
-from ...io.outputs import check_output
-from ...paint.media import Glaze
-from ...spectra import Grid, validate_wavelengths
-from .table import GlazeTable, glaze_table
+from glazejax.appearance.glaze.table import GlazeTable, glaze_table
+from glazejax.io.outputs import check_output
+from glazejax.paint.media import Glaze
+from glazejax.spectra import Grid, validate_wavelengths
 
 # Mitsuba's numbers for kinds of numbers.
 _KINDS = {np.dtype(np.uint8): 1, np.dtype(np.uint32): 5, np.dtype(np.float32): 10}
@@ -201,31 +199,3 @@ def write_tensor_file(path: str | Path, fields: dict[str, np.ndarray]) -> None:
             place += values.nbytes
         for values in fields.values():
             file.write(np.ascontiguousarray(values).tobytes())
-
-
-def reflectance_in_mitsuba(
-    bsdf: dict[str, Any], wavelengths_nm: Grid, cos_light: float, cos_view: float, azimuth: float
-) -> Float[np.ndarray, "bands"]:
-    """Reflectance factor that Mitsuba finds in an exported glaze between two directions; needs a
-    spectral variant.
-
-    Args:
-        bsdf: of `export_glaze`, without gloss.
-        wavelengths_nm: (bands,).
-        cos_light, cos_view: cosines of the two angles.
-        azimuth: between them, radians.
-    """
-    require("mitsuba")
-    import mitsuba as mi  # pyright: ignore[reportMissingImports]
-
-    loaded: Any = mi.load_dict(bsdf)
-    sin_view, sin_light = (float(np.sqrt(1 - c**2)) for c in (cos_view, cos_light))
-    found = []
-    for wavelength in validate_wavelengths(wavelengths_nm):
-        where = mi.SurfaceInteraction3f()
-        where.wi = mi.Vector3f(sin_view, 0.0, cos_view)
-        where.wavelengths = mi.UnpolarizedSpectrum(float(wavelength))
-        light = mi.Vector3f(sin_light * np.cos(azimuth), sin_light * np.sin(azimuth), cos_light)
-        value = loaded.eval(mi.BSDFContext(), where, light)
-        found.append(np.pi * float(np.array(value).ravel()[0]) / cos_light)
-    return np.array(found)
