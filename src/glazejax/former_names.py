@@ -68,3 +68,24 @@ def accept_name_first(keyword: str) -> Callable[[Callable[P, T]], Callable[P, T]
         return call
 
     return decorate
+
+
+def accept_former_grounds(function: Callable[P, T]) -> Callable[P, T]:
+    """Decorate a function so that `grounds`, as `ground` was called, works: None was for films that
+    hide it, which are `opaque` now.
+    """
+
+    @functools.wraps(function)
+    def call(*args: P.args, **given: P.kwargs) -> T:
+        if "grounds" in given:
+            warnings.warn(
+                f"the argument grounds of {function.__name__}() is called ground now, and None is "
+                "opaque=True",
+                DeprecationWarning,
+                stacklevel=2,
+            )
+            ground = given.pop("grounds")
+            given["opaque" if ground is None else "ground"] = True if ground is None else ground
+        return function(*args, **given)
+
+    return call

@@ -6,17 +6,14 @@ counts as an error, and `search.fit` how a set's probability follows. Sets that 
 count as impossible; the search keeps far more than ever come near the best.
 """
 
-import functools
-import warnings
-from collections.abc import Callable, Iterator, Sequence
-from typing import ParamSpec, TypeVar
+from collections.abc import Iterator, Sequence
 
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import ArrayLike, Float
 
 from glazejax import Hemispherical
-from glazejax.former_names import accept_former_keywords
+from glazejax.former_names import accept_former_grounds, accept_former_keywords
 from glazejax.geometry import Geometry, resolve_instrument
 
 from ..film.errors import ModelError, Prior
@@ -25,30 +22,6 @@ from ..film.mixing import Pigments
 from ..film.response import film_response
 from .result import Identification
 from .search.searcher import IdentificationOptions, Searcher
-
-P = ParamSpec("P")
-T = TypeVar("T")
-
-
-def _accept_grounds(function: Callable[P, T]) -> Callable[P, T]:
-    """Decorate a function so that `grounds`, as `ground` was called before version 0.2, works:
-    None was for films that hide it.
-    """
-
-    @functools.wraps(function)
-    def call(*args: P.args, **given: P.kwargs) -> T:
-        if "grounds" in given:
-            warnings.warn(
-                f"the argument grounds of {function.__name__}() is called ground now, and None is "
-                "opaque=True",
-                DeprecationWarning,
-                stacklevel=2,
-            )
-            ground = given.pop("grounds")
-            given["opaque" if ground is None else "ground"] = True if ground is None else ground
-        return function(*args, **given)
-
-    return call
 
 
 def identify_chunks(
@@ -94,7 +67,7 @@ def _check_order(wavelengths: ArrayLike, spectra: ArrayLike) -> None:
         )
 
 
-@_accept_grounds
+@accept_former_grounds
 @accept_former_keywords(geometry="instrument", layers="max_coats")
 def identify(
     wavelengths: ArrayLike,

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from jaxtyping import ArrayLike, Bool, Float
 
-from glazejax.former_names import accept_former_keywords
+from glazejax.former_names import accept_former_grounds, accept_former_keywords
 from glazejax.geometry import Geometry, Instrument
 from glazejax.progress import Progress, no_progress
 
@@ -63,7 +63,8 @@ _CHECKED = 256
 _NOISE_SAMPLE = 4000
 
 
-@accept_former_keywords(grounds="ground", geometry="instrument", layers="max_coats")
+@accept_former_grounds
+@accept_former_keywords(geometry="instrument", layers="max_coats")
 def map_cube(
     cube: "CubeSource | str | Path | xarray.DataArray",
     pigments: Pigments,
