@@ -64,7 +64,7 @@ def simulate(
     """Readings of films of this many paints, and the truth."""
     from glazefit import Films, Instrument, Noise, Prior
     from glazefit.film.films import usual_cards
-    from glazefit.film.model import body_reflectance
+    from glazefit.film.model.body import body_reflectance
     from glazefit.film.reading import readings
     from glazejax import catalogue
 

@@ -13,8 +13,8 @@ from pathlib import Path
 
 import numpy as np
 
-import glazefit.film.response as response
-from glazefit.film.optics import Optics
+import glazefit.film.model.response as response
+from glazefit.film.model.optics import Optics
 from glazejax.commands.main import start_jax
 
 FILE = Path(response.__file__).with_name("tables.npz")

@@ -24,7 +24,7 @@ from benchmarks import device
 from benchmarks.identification_sets import hyppigments, hyppigments_across_cards, kimera, rrt
 from benchmarks.results import Results, add_option
 from glazefit import Identification, Noise, identify
-from glazefit.film.response import film_response
+from glazefit.film.model.response import film_response
 from glazejax import Hemispherical, Pigment, catalogue
 from glazejax.commands.main import start_jax
 from glazejax.radiative.common import threads

@@ -5,7 +5,7 @@ same joint fit.
 from jaxtyping import Array, ArrayLike, Float
 
 from glazefit.film.films import Instrument, diffuse_internal_reflectance
-from glazefit.film.response import Response
+from glazefit.film.model.response import Response
 from glazejax.radiative.twoflux import saunderson, two_flux_reflectance
 
 

@@ -64,7 +64,7 @@ def smooth_errors(
     rng: np.random.Generator, size: np.ndarray, coats: int, length: float
 ) -> np.ndarray:
     """Factors of k and s, (films, coats, 2, bands), off by these shares."""
-    from glazefit.film.errors import smooth_kernel
+    from glazefit.film.model.errors import smooth_kernel
 
     root = np.linalg.cholesky(smooth_kernel(GRID, length) + 1e-9 * np.eye(GRID.size))
     return np.exp(

@@ -28,7 +28,7 @@ from benchmarks.kubelka_munk import KubelkaMunk
 from benchmarks.measured import FEW, measured_films
 from benchmarks.results import Results, add_option, commit, progress
 from glazefit.film.films import Films, Instrument, Noise, cards
-from glazefit.film.mixing import MixingLaw
+from glazefit.film.model.mixing import MixingLaw
 from glazefit.film.simulate import simulate_films
 from glazefit.recover.crossvalidation import LeftOut, cross_validate, without
 from glazefit.recover.joint import UNIT, recover_jointly

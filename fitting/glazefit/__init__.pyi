@@ -1,17 +1,13 @@
-from .film.errors import ModelError as ModelError
-from .film.errors import Prior as Prior
 from .film.films import Films as Films
 from .film.films import Instrument as Instrument
 from .film.films import Noise as Noise
 from .film.loose import read_loose_films as read_loose_films
 from .film.loose import recipes_from_names as recipes_from_names
-from .film.mixing import MixingLaw as MixingLaw
 from .film.readers import read_films as read_films
 from .film.readers import read_recipes as read_recipes
 from .film.reading import Reading as Reading
 from .film.reading import reading_over as reading_over
 from .film.simulate import simulate_films as simulate_films
-from .film.variation import Variation as Variation
 from .identify.identify import ground_from_air as ground_from_air
 from .identify.identify import identify as identify
 from .identify.identify import identify_films as identify_films

@@ -17,7 +17,7 @@ from glazefit import (
     posterior_of_coats,
     posterior_of_film,
 )
-from glazefit.film.errors import smooth_kernel
+from glazefit.film.model.errors import smooth_kernel
 from glazefit.posterior.coats import parse_coats
 from glazefit.posterior.stack import pose_stack
 from glazefit.posterior.stack_errors import pose_stack_errors

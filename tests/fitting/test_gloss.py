@@ -8,7 +8,7 @@ import pytest
 
 from glazefit import Films, Instrument, Noise, recover_jointly, simulate_films
 from glazefit.film.gloss import measure_gloss
-from glazefit.film.response import film_response
+from glazefit.film.model.response import film_response
 from glazefit.recover.experimental_design import _Candidate, _planning_bands, _pose
 from glazefit.recover.joint import UNIT
 from glazefit.recover.joint_problem import readings

@@ -15,7 +15,7 @@ from glazefit import (
     identify_films,
     simulate_films,
 )
-from glazefit.film.errors import BETWEEN_FILMS, smooth_kernel
+from glazefit.film.model.errors import BETWEEN_FILMS, smooth_kernel
 from glazejax import (
     Bidirectional,
     Glaze,

@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 
-from glazefit.film.errors import ModelError, Prior
 from glazefit.film.films import Instrument, Noise
-from glazefit.film.response import film_response
+from glazefit.film.model.errors import ModelError, Prior
+from glazefit.film.model.response import film_response
 from glazefit.identify.result import Identification
 from glazefit.identify.search.pool import NOBODY
 from glazefit.identify.search.searcher import check_spectra

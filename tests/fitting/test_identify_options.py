@@ -17,8 +17,8 @@ from glazefit import (
     identify,
     identify_films,
 )
-from glazefit.film.optics import Optics
-from glazefit.film.response import film_response
+from glazefit.film.model.optics import Optics
+from glazefit.film.model.response import film_response
 from glazejax import Hemispherical, Pigment, catalogue
 from glazejax.radiative.common.fresnel import dielectric_reflectance
 

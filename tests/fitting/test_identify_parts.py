@@ -8,7 +8,7 @@ from benchmarks.shades import ShadeLibrary
 from scipy.special import gamma, kv, logsumexp
 from scipy.stats import multivariate_normal
 
-from glazefit.film.errors import (
+from glazefit.film.model.errors import (
     ModelError,
     Prior,
     coefficient_covariance,
@@ -20,8 +20,8 @@ from glazefit.film.errors import (
     smooth_kernel,
     whiten,
 )
-from glazefit.film.least_squares import inverse_small
-from glazefit.film.response import film_response
+from glazefit.film.model.response import film_response
+from glazefit.film.numerics.least_squares import inverse_small
 from glazefit.identify.search.fit import Weights, fit_sets, log_prior
 from glazefit.identify.search.screen import grow, score, unique_best
 from glazefit.identify.search.table import FilmTables, Paints, amounts_grid, film_table, sets_of

@@ -9,7 +9,7 @@ import pytest
 from benchmarks.results import FOLDER
 
 from glazefit import Identification, ModelError, identify
-from glazefit.film.errors import (
+from glazefit.film.model.errors import (
     BETWEEN_FILMS,
     MISFIT,
     error_modes,
@@ -17,9 +17,9 @@ from glazefit.film.errors import (
     modes_covariance,
     relative_errors,
 )
+from glazefit.film.model.response import film_response
+from glazefit.film.model.varnish import under_varnish, yellow
 from glazefit.film.noise import noise_of_each
-from glazefit.film.response import film_response
-from glazefit.film.varnish import under_varnish, yellow
 from glazefit.identify.search.searcher import hardly_seen
 from glazejax import Bidirectional, Hemispherical, Pigment, catalogue
 from glazejax.paint.pigment_table import read_pigments

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 
-from glazefit.film.errors import Prior
+from glazefit.film.model.errors import Prior
 from glazefit.identify.result import Candidate, Identification
 from glazefit.identify.search.pool import NOBODY, Pool
 from glazefit.identify.search.task import Measured

@@ -11,8 +11,8 @@ import pytest
 from jax.flatten_util import ravel_pytree
 
 from glazefit.film.films import Films, Instrument, Noise
-from glazefit.film.mixing import MixingLaw, weight_table
-from glazefit.film.response import film_response
+from glazefit.film.model.mixing import MixingLaw, weight_table
+from glazefit.film.model.response import film_response
 from glazefit.film.simulate import simulate_films
 from glazefit.recover.constraints import Gauge, gather_constraints
 from glazefit.recover.crossvalidation import cross_validate

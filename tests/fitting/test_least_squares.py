@@ -6,7 +6,7 @@ import numpy as np
 import optimistix as optx
 import pytest
 
-from glazefit.film.least_squares import (
+from glazefit.film.numerics.least_squares import (
     Bounds,
     Looks,
     Surroundings,

@@ -16,7 +16,7 @@ from glazefit import (
     reading_over,
     simulate_films,
 )
-from glazefit.film.least_squares import root_of_log1p
+from glazefit.film.numerics.least_squares import root_of_log1p
 from glazefit.film.reading import readings
 from glazefit.posterior.bands import join_bands, pose_bands, prior_covariance, prior_draws
 from glazefit.posterior.film import pose_films

@@ -7,9 +7,9 @@ import dataclasses
 import numpy as np
 import pytest
 
-from glazefit.film.errors import ModelError
 from glazefit.film.films import Noise
-from glazefit.film.variation import SIZES, Variation
+from glazefit.film.model.errors import ModelError
+from glazefit.film.model.variation import SIZES, Variation
 from glazefit.recover.joint import recover_jointly
 from glazefit.recover.prediction import Prediction, predict_films
 from tests.fitting.test_joint import GRID, RECIPES, painted

@@ -3,7 +3,7 @@ import pytest
 
 import glazejax as gj
 from glazefit import Variation, find_recipes, lab_target, spectral_target
-from glazefit.film.variation import MIXED
+from glazefit.film.model.variation import MIXED
 from glazejax import colour
 from glazejax.paint.describe import make_media, parse_layers
 

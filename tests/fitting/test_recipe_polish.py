@@ -7,7 +7,7 @@ import pytest
 import glazejax as gj
 from glazefit.film.colour_metric import lab_metric
 from glazefit.film.films import Instrument
-from glazefit.film.optics import Optics
+from glazefit.film.model.optics import Optics
 from glazefit.recipe import polish as polish_module
 from glazefit.recipe.choose import score
 from glazefit.recipe.model import fill_slots, make_model

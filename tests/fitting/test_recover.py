@@ -7,7 +7,7 @@ import pytest
 
 from glazefit import Instrument, Noise, read_films, recover_films, simulate_films
 from glazefit.film.gloss import estimate_gloss
-from glazefit.film.model import body_reflectance, tabulate
+from glazefit.film.model.body import body_reflectance, tabulate
 from glazefit.film.readers import is_masstone, read_recipes, readable_names
 from glazefit.recover.film_by_film import (
     CHUNK,

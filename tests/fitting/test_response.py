@@ -3,8 +3,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from glazefit.film.optics import Optics
-from glazefit.film.response import (
+from glazefit.film.model.optics import Optics
+from glazefit.film.model.response import (
     _BEND,
     _NODES,
     HIGHEST,

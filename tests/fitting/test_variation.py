@@ -12,8 +12,8 @@ import pytest
 
 import glazejax.commands.main
 from glazefit import Films, Noise, simulate_films
-from glazefit.film.errors import BETWEEN_FILMS, relative_errors
-from glazefit.film.variation import PRIOR, SIZES, Surprise, Variation, learn, log_likelihood
+from glazefit.film.model.errors import BETWEEN_FILMS, relative_errors
+from glazefit.film.model.variation import PRIOR, SIZES, Surprise, Variation, learn, log_likelihood
 from glazefit.recover.joint import UNIT
 from glazefit.recover.mixture import calibrate_mixture, mix, predict_mixture
 from glazefit.recover.predict_command import read_recipe

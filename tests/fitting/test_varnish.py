@@ -4,9 +4,9 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from glazefit.film.optics import Optics
-from glazefit.film.response import film_response
-from glazefit.film.varnish import DECAY, under_varnish, without_varnish, yellow
+from glazefit.film.model.optics import Optics
+from glazefit.film.model.response import film_response
+from glazefit.film.model.varnish import DECAY, under_varnish, without_varnish, yellow
 from glazefit.identify.search.task import Measured
 from glazefit.identify.search.unstated_conditions import (
     CONDITIONS,

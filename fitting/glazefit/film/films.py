@@ -19,7 +19,7 @@ from glazejax.names import nearest_names
 from glazejax.radiative.common.fresnel import dielectric_reflectance
 from glazejax.spectra import describe_grid, validate_wavelengths
 
-from .response import ground_below
+from .model.response import ground_below
 
 Spectra = Float[np.ndarray, "films bands"]
 InstrumentLike = Instrument | Geometry | str

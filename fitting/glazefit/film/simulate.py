@@ -11,7 +11,7 @@ from glazejax.former_names import accept_name_first
 from glazejax.geometry import resolve_instrument
 
 from .films import Films, Instrument, InstrumentLike, Noise, usual_cards
-from .optics import Optics
+from .model.optics import Optics
 
 
 @accept_name_first("names")

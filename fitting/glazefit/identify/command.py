@@ -127,8 +127,8 @@ def identify(
 
     from rich.console import Console
 
-    from ..film.errors import BETWEEN_FILMS, Prior
     from ..film.films import Instrument, Noise
+    from ..film.model.errors import BETWEEN_FILMS, Prior
     from ..page.inputs import input_files
 
     console = Console(highlight=False)

@@ -1,7 +1,7 @@
 """Which paints are in a film: from its spectrum, over one ground or several, and a catalogue.
 
 Sets of one, two and three paints compete, and with them the hypothesis that none of the catalogue's
-paints explain the film; `search.screen` says which sets are looked at, `glazefit.film.errors` what
+paints explain the film; `search.screen` says which sets are looked at, `film.model.errors` what
 counts as an error, and `search.fit` how a set's probability follows. Sets that are not looked at
 count as impossible; the search keeps far more than ever come near the best.
 """
@@ -16,10 +16,10 @@ from glazejax import Hemispherical
 from glazejax.former_names import accept_former_grounds, accept_former_keywords
 from glazejax.geometry import Geometry, resolve_instrument
 
-from ..film.errors import ModelError, Prior
 from ..film.films import Films, Instrument, Noise, cards
-from ..film.mixing import Pigments
-from ..film.response import film_response
+from ..film.model.errors import ModelError, Prior
+from ..film.model.mixing import Pigments
+from ..film.model.response import film_response
 from .result import Identification
 from .search.searcher import IdentificationOptions, Searcher
 
@@ -101,7 +101,7 @@ def identify(
         instrument: a `glazejax.Instrument`, a geometry, or words such as "45:0" for one without a
             sphere; by default d:8 with the specular part, index 1.5.
         noise: of a reading; where the spectra themselves are rougher, their roughness counts.
-        discrepancy: of the model; by default `glazefit.film.errors.BETWEEN_FILMS`.
+        discrepancy: of the model; by default `film.model.errors.BETWEEN_FILMS`.
         prior: what is expected beforehand.
         max_paints: largest set, 1 to 3.
         max_coats: 2 tries the best sets as two coats too, in both orders.

@@ -10,7 +10,7 @@ from scipy.special import expit
 
 from glazejax.catalogue import family
 
-from ..film.variation import MIXED, PRIOR, SIZES
+from ..film.model.variation import MIXED, PRIOR, SIZES
 from .search.pool import NOBODY, Pool
 from .search.task import Measured
 from .search.unstated_conditions import CONDITIONS

@@ -246,8 +246,8 @@ def map_(
 
     from glazejax.io import CubeSource
 
-    from ..film.errors import BETWEEN_FILMS, Prior
     from ..film.films import Instrument, Noise
+    from ..film.model.errors import BETWEEN_FILMS, Prior
     from .map_cube import map_cube
     from .store.run import connect
     from .store.store import MapStore

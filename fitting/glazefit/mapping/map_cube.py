@@ -17,9 +17,9 @@ from glazejax.former_names import accept_former_grounds, accept_former_keywords
 from glazejax.geometry import Geometry, Instrument
 from glazejax.progress import Progress, no_progress
 
-from ..film.errors import ModelError, Prior
 from ..film.films import Noise
-from ..film.mixing import Pigments
+from ..film.model.errors import ModelError, Prior
+from ..film.model.mixing import Pigments
 from ..film.noise import spectra_noise
 from .solve.agreement import compare
 from .solve.atlas import Atlas

@@ -22,10 +22,10 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..film.films import Instrument
-from ..film.least_squares import root_of_log1p
-from ..film.model import HIGHEST
+from ..film.model.body import HIGHEST
+from ..film.model.response import FilmResponse, film_response
+from ..film.numerics.least_squares import root_of_log1p
 from ..film.reading import Reading
-from ..film.response import FilmResponse, film_response
 from .problem import Problem, Quantity, fingerprint
 
 CLEAR = 0.01

@@ -16,8 +16,8 @@ if TYPE_CHECKING:
     from glazejax import Pigment
     from glazejax.progress import Progress
 
-    from ..film.errors import Prior
     from ..film.films import Films, Instrument, Noise
+    from ..film.model.errors import Prior
     from ..film.reading import Reading
     from .coats import CoatPrior
     from .posterior import Posterior
@@ -153,8 +153,8 @@ def posterior(
     seen_by = options.read_geometry(geometry, _GEOMETRY)
     from rich.console import Console
 
-    from ..film.errors import Prior
     from ..film.films import Instrument, Noise
+    from ..film.model.errors import Prior
 
     console = Console(highlight=False)
     instrument = Instrument(seen_by, refractive_index)

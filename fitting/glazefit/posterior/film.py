@@ -34,11 +34,11 @@ from scipy.special import expit, polygamma
 
 from glazejax import Pigment
 
-from ..film.errors import Prior
 from ..film.films import Instrument
-from ..film.least_squares import root_of_log1p
+from ..film.model.errors import Prior
+from ..film.model.response import FilmResponse, film_response
+from ..film.numerics.least_squares import root_of_log1p
 from ..film.reading import Reading
-from ..film.response import FilmResponse, film_response
 from .bands import reading_parts
 from .problem import (
     Problem,

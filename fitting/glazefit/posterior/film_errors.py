@@ -17,10 +17,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..film.errors import Prior, smooth_kernel
 from ..film.films import Instrument
+from ..film.model.errors import Prior, smooth_kernel
+from ..film.model.response import FilmResponse
 from ..film.reading import Reading
-from ..film.response import FilmResponse
 from .bands import join_bands, pose_bands
 from .film import mixture, surface
 from .laplace import Modes, climb, find_modes

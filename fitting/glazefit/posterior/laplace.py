@@ -23,7 +23,7 @@ from scipy.special import logsumexp
 
 from glazejax.extras import require
 
-from ..film.least_squares import damped_solution, levenberg_marquardt, normal_solution
+from ..film.numerics.least_squares import damped_solution, levenberg_marquardt, normal_solution
 from .problem import Problem
 
 TRUSTED_TAIL = 0.7

@@ -12,8 +12,8 @@ import numpy as np
 from jaxtyping import Float
 from scipy.special import expit
 
-from ..film.errors import Prior
-from ..film.optics import Optics
+from ..film.model.errors import Prior
+from ..film.model.optics import Optics
 from .coats import CoatPrior
 from .film import draw_ratios, fraction, ratios_covariance
 from .problem import Quantity

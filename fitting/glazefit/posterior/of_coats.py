@@ -7,8 +7,8 @@ from typing import Unpack
 
 from glazejax.geometry import resolve_instrument
 
-from ..film.errors import Prior
 from ..film.films import Films, InstrumentLike, Noise
+from ..film.model.errors import Prior
 from ..film.reading import Reading
 from .coats import CoatPrior, check_coats
 from .posterior import Posterior, one_reading, sample

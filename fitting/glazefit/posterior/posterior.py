@@ -23,9 +23,9 @@ from glazejax import Pigment
 from glazejax.former_names import accept_former_keywords
 from glazejax.geometry import resolve_instrument
 
-from ..film.errors import Prior
 from ..film.films import Films, Instrument, InstrumentLike, Noise
 from ..film.gloss import estimate_gloss
+from ..film.model.errors import Prior
 from ..film.reading import Reading, readings
 from .bands import pose_bands
 from .film import pose_films

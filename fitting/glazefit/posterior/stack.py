@@ -21,10 +21,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..film.errors import Prior
 from ..film.films import Instrument
-from ..film.least_squares import root_of_log1p
-from ..film.optics import Optics
+from ..film.model.errors import Prior
+from ..film.model.optics import Optics
+from ..film.numerics.least_squares import root_of_log1p
 from ..film.reading import Reading
 from .bands import reading_parts
 from .coats import CoatPrior

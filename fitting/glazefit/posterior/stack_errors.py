@@ -15,7 +15,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..film.errors import Prior, smooth_kernel
+from ..film.model.errors import Prior, smooth_kernel
 from ..film.reading import Reading
 from .film_errors import Slopes, expand, settle
 from .laplace import Modes, climb, find_modes

@@ -11,7 +11,7 @@ from jaxtyping import Float
 
 from glazejax.colour import delta_e_2000
 
-from ..film.optics import Optics
+from ..film.model.optics import Optics
 from .model import StackModel, lab_of, readings
 from .screen import Stacks, TargetArrays
 

@@ -19,9 +19,9 @@ from glazejax import Pigment, colour
 from glazejax.geometry import Instrument
 from glazejax.spectra import as_array, on_numpy_or_jax
 
-from ..film.ahead import Program
-from ..film.optics import Optics
-from ..film.response import FilmResponse, film_response
+from ..film.model.optics import Optics
+from ..film.model.response import FilmResponse, film_response
+from ..film.numerics.ahead import Program
 
 TOLERANCE = 1e-6
 """Of the solver: an error of 1e-5 in the reading of a black would be a Delta E of a hundredth."""

@@ -19,10 +19,10 @@ from jaxtyping import Array, Bool, Float, Int
 
 from glazejax.colour import delta_e_2000
 
-from ..film.ahead import Program
 from ..film.colour_metric import lab_metric
-from ..film.least_squares import Bounds, Looks, descend_within
-from ..film.optics import Optics
+from ..film.model.optics import Optics
+from ..film.numerics.ahead import Program
+from ..film.numerics.least_squares import Bounds, Looks, descend_within
 from .model import READ_CHUNK, Slots, StackModel, empty_slots, fill_slots, lab_of, true_reading
 from .screen import Stacks, TargetArrays
 

@@ -19,8 +19,8 @@ from glazejax import Glaze, Layer, Mixture, colour
 from glazejax.former_names import accept_former_keywords
 from glazejax.paint.describe import Coat
 
-from ..film.mixing import Pigments
-from ..film.variation import MIXED, Variation
+from ..film.model.mixing import Pigments
+from ..film.model.variation import MIXED, Variation
 from .choose import IN_GAMUT, Scored, round_recipes, score, select, simplify
 from .model import StackModel, readings, readings_ahead
 from .polish import polish, polish_ahead
@@ -66,7 +66,7 @@ class Recipe:
         sensitivity: for each coat, Delta E 2000 of the colour when that coat alone is 10 % thicker
             or thinner.
         between_mixings: mean Delta E 2000 to be expected from one mixing to the next, by the
-            strength that paints have in one film beside others (`glazefit.film.variation`).
+            strength that paints have in one film beside others (`glazefit.film.model.variation`).
         gamut_distance: the least Delta E 2000 found for the target if that is 1 or more, else 0.
         limit: what keeps a target out of reach: "paints", or a coat at a bound of thickness; "" if
             in reach.

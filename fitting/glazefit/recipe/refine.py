@@ -16,8 +16,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from ..film.ahead import Program
-from ..film.least_squares import levenberg_marquardt
+from ..film.numerics.ahead import Program
+from ..film.numerics.least_squares import levenberg_marquardt
 from .choose import pack_coats
 from .model import (
     Slots,

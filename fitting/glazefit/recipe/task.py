@@ -15,8 +15,8 @@ from glazejax.spectra import describe_grid, resample, same_grid
 
 from ..film.colour_metric import lab_metric
 from ..film.films import Instrument, InstrumentLike
-from ..film.mixing import Pigments, listed_pigments
-from ..film.optics import Optics
+from ..film.model.mixing import Pigments, listed_pigments
+from ..film.model.optics import Optics
 from .model import StackModel, make_model
 from .screen import TargetArrays
 from .targets import Colour, Target, lab_target

@@ -48,7 +48,7 @@ def recover_together(
         results: where they go.
     """
     from ..film.loose import average, crop, recipes_from_names
-    from ..film.mixing import MixingLaw
+    from ..film.model.mixing import MixingLaw
     from .entries import PaintFile
     from .joint import recover_jointly
     from .joint_problem import Expectations

@@ -17,8 +17,8 @@ from jaxtyping import Float
 from glazejax import Pigment
 from glazejax.spectra import describe_grid
 
-from ..film.errors import smooth_kernel
 from ..film.films import Films
+from ..film.model.errors import smooth_kernel
 
 # Of log k and log s, where a known paint says nothing of its errors; smooth over so many nm.
 UNSTATED = 0.1

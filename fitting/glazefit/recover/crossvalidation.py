@@ -1,7 +1,7 @@
 """How well a set of films foretells itself: every mixture left out of a joint fit in turn, and
 predicted.
 
-What the films left out show of how far films are from their recipes (`glazefit.film.variation`)
+What the films left out show of how far films are from their recipes (`film.model.variation`)
 sets the bands: of each by what the others showed, and of films to come by what all did.
 """
 
@@ -18,9 +18,9 @@ from glazejax.io.spectra_table import list_names
 from glazejax.progress import Progress, no_progress
 
 from ..film.films import Films, InstrumentLike, Noise
-from ..film.mixing import MixingLaw
-from ..film.response import Response
-from ..film.variation import Variation, learn
+from ..film.model.mixing import MixingLaw
+from ..film.model.response import Response
+from ..film.model.variation import Variation, learn
 from .constraints import Gauge
 from .joint import recover_jointly
 from .joint_problem import Expectations

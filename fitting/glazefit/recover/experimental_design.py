@@ -22,7 +22,7 @@ from glazejax import Pigment
 from glazejax.colour import delta_e_of_spectra
 
 from ..film.films import FLAGS, SPECTRA, Films
-from ..film.response import HIGHEST, Response, film_response
+from ..film.model.response import HIGHEST, Response, film_response
 from .constraints import Gauge, gather_constraints
 from .joint import UNIT, pose
 from .joint_problem import (

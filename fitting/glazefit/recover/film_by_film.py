@@ -2,12 +2,12 @@
 
 Each band of each film is a problem of its own: two readings, two unknowns. All of them are solved
 side by side in one compiled program, Levenberg and Marquardt's steps
-(`film.least_squares`), in chunks
+(`film.numerics.least_squares`), in chunks
 of films so that progress shows and an interrupt keeps what is finished.
 
 The unknowns are log(k d) and log(s d), held between bounds by a sigmoid. Two films over the same
 cards can have two solutions, so the fit starts from the two best local minima of a table
-(`film.model.tabulate`) and keeps the better.
+(`film.model.body.tabulate`) and keeps the better.
 
 Where a film is opaque only k/s is known. There s d is drawn to its neighbours
 (`neighbours_scattering`) and k d follows from the ratio; the band is flagged.
@@ -28,9 +28,9 @@ from glazejax.radiative.common.linalg import inverse_positive
 
 from ..film.films import Films, Instrument, InstrumentLike, Noise, cards
 from ..film.gloss import estimate_gloss
-from ..film.least_squares import levenberg_marquardt
-from ..film.model import HIGHEST, LOWEST, ReflectanceTable, body_reflectance, tabulate
+from ..film.model.body import HIGHEST, LOWEST, ReflectanceTable, body_reflectance, tabulate
 from ..film.noise import estimate_noise
+from ..film.numerics.least_squares import levenberg_marquardt
 from .result import Recovery, told_apart
 
 CHUNK = 8

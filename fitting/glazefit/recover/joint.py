@@ -21,9 +21,9 @@ from glazejax.geometry import resolve_instrument
 
 from ..film.films import Films, Instrument, InstrumentLike, Noise, cards
 from ..film.gloss import GLOSS_SD, estimate_gloss
-from ..film.mixing import MixingLaw, weight_table
+from ..film.model.mixing import MixingLaw, weight_table
+from ..film.model.response import Response, film_response
 from ..film.noise import estimate_noise
-from ..film.response import Response, film_response
 from .constraints import SLACK, Constraints, Gauge, gather_constraints
 from .joint_covariance import JointCovariance
 from .joint_problem import (
@@ -85,7 +85,7 @@ def recover_jointly(
         start: where to start, such as `JointRecovery.unknowns` of a fit of the same films.
         max_steps: of the solver, in each of its two stages.
         response: model of one film, by default that of the instrument
-            (`glazefit.film.response.film_response`).
+            (`glazefit.film.model.response.film_response`).
         pigments: by name, of paints whose k and s are known, with their errors: the films do not
             change them, and they fix the scale of the others.
         gauge: thicknesses of films.

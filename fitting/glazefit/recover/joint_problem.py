@@ -26,9 +26,9 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from ..film.films import Noise
-from ..film.least_squares import root_of_log1p
-from ..film.mixing import strengthen
-from ..film.response import HIGHEST, Response
+from ..film.model.mixing import strengthen
+from ..film.model.response import HIGHEST, Response
+from ..film.numerics.least_squares import root_of_log1p
 
 # A film that reflects less than this beside its surface is nearly black.
 _BLACK = 0.03
@@ -52,7 +52,7 @@ class Expectations(NamedTuple):
     `glazefit.film.gloss`).
     """
     strength: float = 0.4
-    """Of a paint's log strength, where the mixing law has one (see `glazefit.film.mixing`)."""
+    """Of a paint's log strength, where the mixing law has one (see `film.model.mixing`)."""
     weight_share: float = 0.01
     """Of the log of a weight: what weighing leaves open;"""
     weight_floor: float = 0.0005

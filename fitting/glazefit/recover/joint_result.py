@@ -10,7 +10,7 @@ from jaxtyping import Bool, Float
 from glazejax import Pigment
 
 from ..film.films import Films, Instrument, Noise
-from ..film.mixing import MixingLaw
+from ..film.model.mixing import MixingLaw
 from .constraints import Modes
 from .joint_covariance import JointCovariance
 from .joint_problem import Expectations, Unknowns

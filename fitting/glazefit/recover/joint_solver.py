@@ -20,8 +20,8 @@ import numpy as np
 from jaxtyping import Array, Float
 from scipy.linalg import get_lapack_funcs
 
-from ..film.least_squares import Surroundings, descend
-from ..film.response import Response
+from ..film.model.response import Response
+from ..film.numerics.least_squares import Surroundings, descend
 from .joint_problem import JointProblem, JointResiduals, Unknowns, residuals
 
 # In units of a logarithm, and relative: a thousandth of a coefficient.

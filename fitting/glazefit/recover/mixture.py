@@ -2,7 +2,7 @@
 of it adds.
 
 Beforehand k and s of a mixture are uncertain as those of its paints are, and as films differ from
-their recipes (`glazefit.film.variation`). All of that is linear in a few errors that are standard
+their recipes (`film.model.variation`). All of that is linear in a few errors that are standard
 normal: error modes of the mixture. A joint fit takes a paint with error modes as known (`known`),
 and finds what a reading says of them: strength above all. What is then foretold of other
 thicknesses and grounds is that same mixing, no more another one.
@@ -18,11 +18,11 @@ from glazejax import Pigment
 from glazejax.geometry import resolve_instrument
 from glazejax.paint.describe import format_length
 
-from ..film.errors import BETWEEN_FILMS, error_modes, relative_errors, smooth_kernel
 from ..film.films import Films, InstrumentLike, Noise, usual_cards
-from ..film.mixing import MixingLaw
-from ..film.response import Response, film_response
-from ..film.variation import MIXED, Variation
+from ..film.model.errors import BETWEEN_FILMS, error_modes, relative_errors, smooth_kernel
+from ..film.model.mixing import MixingLaw
+from ..film.model.response import Response, film_response
+from ..film.model.variation import MIXED, Variation
 from .joint import UNIT, recover_jointly
 from .joint_problem import Expectations
 from .joint_result import JointRecovery

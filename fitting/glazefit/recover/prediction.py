@@ -2,7 +2,7 @@
 thickness free.
 
 How sure it is comes from draws: of the paints' k and s as the recovery knows them, and of the
-film's own errors (`glazefit.film.variation`): a paint in another mixture is not quite the same
+film's own errors (`film.model.variation`): a paint in another mixture is not quite the same
 paint.
 """
 
@@ -17,11 +17,11 @@ from jaxtyping import Array, Float
 
 from glazejax.spectra import describe_grid
 
-from ..film.errors import ModelError, coefficient_errors, model_errors
 from ..film.films import Films, Noise, cards
-from ..film.mixing import strengthen
-from ..film.response import Response, film_response
-from ..film.variation import MIXED, SIZES, Surprise, Variation, log_likelihood
+from ..film.model.errors import ModelError, coefficient_errors, model_errors
+from ..film.model.mixing import strengthen
+from ..film.model.response import Response, film_response
+from ..film.model.variation import MIXED, SIZES, Surprise, Variation, log_likelihood
 from .joint_problem import Unknowns, model_deviation
 from .joint_result import JointRecovery
 from .result import delta_e_over_cards
@@ -179,7 +179,7 @@ def predict_films(
         films: to predict.
         recipes: sample -> paint -> weight, in any unit.
         noise: of a reading.
-        discrepancy: a film's own errors of size one, by default `glazefit.film.variation.MIXED`.
+        discrepancy: a film's own errors of size one, by default `film.model.variation.MIXED`.
         variation: how large these are: what films that were left out taught (`LeftOut.variation`),
             by default what is expected beforehand.
         response: model of one film, by default that of the recovery's instrument.

@@ -2,7 +2,7 @@
 
 Unknowns are log amounts, u_i = log a_i. What is minimised is minus the log of posterior density in
 u: half the squared whitened residuals, a log-normal prior of the total, and a Dirichlet prior of
-the fractions. A fixed number of damped steps (`glazefit.film.least_squares.damped_newton`) run side
+the fractions. A fixed number of damped steps (`least_squares.damped_newton`) run side
 by side for all candidates of a spectrum. Laplace's approximation at the minimum gives each
 candidate's evidence.
 """
@@ -17,10 +17,10 @@ import numpy as np
 from jax.scipy.special import gammaln
 from jaxtyping import Array, Bool, Float, Int
 
-from ...film.ahead import Program
-from ...film.errors import Whitening, model_covariance, noise_covariance, whiten
-from ...film.least_squares import damped_newton, inverse_small
-from ...film.response import FilmResponse
+from ...film.model.errors import Whitening, model_covariance, noise_covariance, whiten
+from ...film.model.response import FilmResponse
+from ...film.numerics.ahead import Program
+from ...film.numerics.least_squares import damped_newton, inverse_small
 from .pool import NOBODY, Pool
 from .screen import SetStarts, grow_triples
 from .table import Paints, sets_of

@@ -16,9 +16,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
-from ...film.ahead import Program
-from ...film.errors import Whitening, model_covariance, paints_covariance, whiten
-from ...film.response import FilmResponse
+from ...film.model.errors import Whitening, model_covariance, paints_covariance, whiten
+from ...film.model.response import FilmResponse
+from ...film.numerics.ahead import Program
 from .fit import Fitted, Weights, fit_film, fixed_errors, log_set_prior, weights_of
 from .pool import NOBODY, Pool
 from .table import Paints

@@ -14,8 +14,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
-from ...film.errors import model_covariance, noise_covariance, whitening
-from ...film.response import FilmResponse
+from ...film.model.errors import model_covariance, noise_covariance, whitening
+from ...film.model.response import FilmResponse
 from .pool import NOBODY
 from .table import ALIKE, Paints, TableOfSize, film_readings, sets_of
 from .task import TYPICAL_READING, IdentificationTask, Measured

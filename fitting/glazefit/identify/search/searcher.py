@@ -18,12 +18,12 @@ from glazejax.paint.media import MAX_THICKNESS
 from glazejax.radiative.common.threads import in_threads
 from glazejax.spectra import validate_wavelengths
 
-from ...film.errors import BETWEEN_FILMS, ModelError, Prior, error_modes, relative_errors
 from ...film.films import Instrument, Noise
-from ...film.mixing import Pigments, listed_pigments
+from ...film.model.errors import BETWEEN_FILMS, ModelError, Prior, error_modes, relative_errors
+from ...film.model.mixing import Pigments, listed_pigments
+from ...film.model.optics import Optics
+from ...film.model.response import film_response
 from ...film.noise import noise_of_each
-from ...film.optics import Optics
-from ...film.response import film_response
 from .fit import rank
 from .pool import Pool
 from .refine import compile_ahead, refine, with_surface
@@ -58,7 +58,7 @@ class IdentificationOptions:
         instrument: a `glazejax.Instrument`, a geometry, or words such as "45:0" for one without a
             sphere; by default d:8 with the specular part, index 1.5.
         noise: of a reading; where the spectra themselves are rougher, their roughness counts.
-        discrepancy: of the model; by default `glazefit.film.errors.BETWEEN_FILMS`.
+        discrepancy: of the model; by default `glazefit.film.model.errors.BETWEEN_FILMS`.
         prior: what is expected beforehand.
         max_paints: largest set, 1 to 3.
         max_coats: 2 tries the best sets as two coats too, in both orders.

@@ -20,7 +20,7 @@ from jaxtyping import Array, Float, Int
 
 from glazejax import Pigment
 
-from ...film.response import FilmResponse
+from ...film.model.response import FilmResponse
 
 COMPONENTS = 20
 """Numbers that stand for a film's readings while sets are ranked."""

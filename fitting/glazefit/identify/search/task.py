@@ -7,10 +7,10 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from ...film.errors import ModelError, Prior
 from ...film.films import Noise
-from ...film.optics import Optics
-from ...film.response import FilmResponse
+from ...film.model.errors import ModelError, Prior
+from ...film.model.optics import Optics
+from ...film.model.response import FilmResponse
 from .table import FilmTables, Paints
 
 # Of the errors that rank sets of paints before each is fitted.

@@ -14,8 +14,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from ...film.errors import Whitening
-from ...film.optics import Optics
+from ...film.model.errors import Whitening
+from ...film.model.optics import Optics
 from .fit import Fitted, Weights, fit_one, pool_of, ranking_errors, weights_of
 from .pool import NOBODY, Pool
 from .refine import Groups, coefficient_errors, move_readings

@@ -12,8 +12,8 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from ...film.response import FilmResponse
-from ...film.varnish import under_varnish, without_varnish, yellow
+from ...film.model.response import FilmResponse
+from ...film.model.varnish import under_varnish, without_varnish, yellow
 from .fit import independent
 from .pool import Pool
 from .task import IdentificationTask, Measured

@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 from scipy.special import logsumexp
 
-from ...film.errors import REJECTED, UNSEEN, Prior, log_odds_of_none
+from ...film.model.errors import REJECTED, UNSEEN, Prior, log_odds_of_none
 from .pool import NOBODY, Pool
 from .task import Measured
 

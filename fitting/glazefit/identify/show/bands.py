@@ -15,7 +15,8 @@ from scipy.stats import norm, t
 
 from glazejax import Pigment
 
-from ...film.errors import (
+from ...film.films import Instrument
+from ...film.model.errors import (
     ModelError,
     Prior,
     error_modes,
@@ -23,9 +24,8 @@ from ...film.errors import (
     paints_covariance,
     relative_errors,
 )
-from ...film.films import Instrument
-from ...film.optics import Optics
-from ...film.response import film_response
+from ...film.model.optics import Optics
+from ...film.model.response import film_response
 from ..result import Identification
 from ..search.pool import NOBODY
 from ..search.refine import slopes_of

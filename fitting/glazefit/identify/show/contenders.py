@@ -18,10 +18,10 @@ from jaxtyping import Array, Bool, Float, Int
 
 from glazejax import Pigment
 
-from ...film.errors import ModelError, Prior, noise_covariance, whitening
 from ...film.films import Instrument
-from ...film.least_squares import damped_newton
-from ...film.response import FilmResponse, film_response
+from ...film.model.errors import ModelError, Prior, noise_covariance, whitening
+from ...film.model.response import FilmResponse, film_response
+from ...film.numerics.least_squares import damped_newton
 from ..result import Identification
 from ..search.pool import NOBODY
 from ..search.refine import near_sd

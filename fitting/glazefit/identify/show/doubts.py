@@ -6,7 +6,7 @@ import numpy as np
 
 from glazejax.catalogue import family
 
-from ...film.errors import BETWEEN_FILMS
+from ...film.model.errors import BETWEEN_FILMS
 from ..result import Candidate, Identification, percent
 
 _TENTH = 10

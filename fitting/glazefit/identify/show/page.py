@@ -10,7 +10,7 @@ from pathlib import Path
 
 from glazejax.io.write import table_bytes, write_files
 
-from ...film.errors import REJECTED, UNSEEN
+from ...film.model.errors import REJECTED, UNSEEN
 from ...page.frame import END, facts_html, page_start, table_html
 from ...page.words import chance_html, words_html
 from .record import COLUMNS, table_rows

@@ -9,8 +9,8 @@ import numpy as np
 
 from glazejax import Pigment
 
-from ...film.errors import ModelError, Prior
 from ...film.films import Instrument
+from ...film.model.errors import ModelError, Prior
 from ..result import Identification
 from .bands import expected_bands
 from .contenders import Contenders, find_contenders

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...film.errors import REJECTED, UNSEEN
+from ...film.model.errors import REJECTED, UNSEEN
 from ..result import Candidate, Identification, percent
 from ..search.pool import NOBODY
 from .contenders import LEAST_SHARE, Contenders

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from ...film.errors import REJECTED
+from ...film.model.errors import REJECTED
 from ...page.frame import table_html
 from ...page.words import chance_html, words_html
 from ..result import percent

@@ -7,7 +7,7 @@ from jaxtyping import Float
 
 from glazejax.radiative.common.threads import in_threads
 
-from ...film.errors import Prior
+from ...film.model.errors import Prior
 from .local import Searched
 from .survey import Features, nearest
 from .update import Answers, Updater

@@ -17,7 +17,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from ...film.colour_metric import reading_metric
-from ...film.errors import ModelError
+from ...film.model.errors import ModelError
 from ...identify.search.fit import independent, prior_terms
 from ...identify.search.pool import NOBODY, Pool
 from ...identify.search.refine import (

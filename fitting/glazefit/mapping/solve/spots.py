@@ -11,7 +11,7 @@ from jaxtyping import ArrayLike, Float
 from glazejax import Pigment
 from glazejax.geometry import Instrument
 
-from ...film.response import film_response
+from ...film.model.response import film_response
 
 # k/s between which a hiding film's is sought.
 _LEAST = 1e-5

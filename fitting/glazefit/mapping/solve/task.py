@@ -13,9 +13,9 @@ from jaxtyping import ArrayLike, Bool, Float
 from glazejax.geometry import Geometry, Instrument, resolve_instrument
 from glazejax.spectra import describe_grid
 
-from ...film.errors import BETWEEN_FILMS, ModelError, Prior
 from ...film.films import Noise
-from ...film.mixing import Pigments, listed_pigments
+from ...film.model.errors import BETWEEN_FILMS, ModelError, Prior
+from ...film.model.mixing import Pigments, listed_pigments
 from ...identify.search.searcher import IdentificationOptions, Searcher
 from .local import check_errors
 from .solver import Image

@@ -5,7 +5,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from ...film.errors import Prior
+from ...film.model.errors import Prior
 from ...identify.result import log_sds
 from ...identify.search.pool import NOBODY, Pool
 from ...identify.search.weigh import Misfit, Smaller, odds_alike, smaller_sets

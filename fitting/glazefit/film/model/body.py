@@ -6,7 +6,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from .films import Instrument
+from glazejax.geometry import Instrument
+
 from .optics import Optics
 
 # Optical thicknesses k d and s d that a fit may take. A clear film reads as bare card to 1e-5 at
