@@ -17,7 +17,7 @@ import glazefit.film.model.response as response
 from glazefit.film.model.optics import Optics
 from glazejax.commands.main import start_jax
 
-FILE = Path(response.__file__).with_name("tables.npz")
+FILE = Path(response.__file__).parents[1] / "tables.npz"
 
 
 def main() -> None:

@@ -1,5 +1,7 @@
 """Names that were changed work for one more version, and say what they are called now."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -26,6 +28,9 @@ def test_a_former_name_warns_and_is_the_same(old, new):
     assert old not in dir(glazefit)
 
 
+FORMER: dict[str, Any] = {"substrate": 0.3}
+
+
 @accept_former_keywords(substrate="ground")
 def _read(ground, *, wide=False):
     return ground, wide
@@ -33,12 +38,12 @@ def _read(ground, *, wide=False):
 
 def test_a_former_keyword_warns_and_arrives():
     with pytest.warns(DeprecationWarning, match="substrate of _read.. is called ground now"):
-        assert _read(substrate=0.3, wide=True) == (0.3, True)
+        assert _read(**FORMER, wide=True) == (0.3, True)
 
 
 def test_a_former_keyword_beside_the_new_one_is_refused():
     with pytest.raises(TypeError, match="both are given"):
-        _read(substrate=0.3, ground=0.4)
+        _read(**FORMER, ground=0.4)
 
 
 def test_the_prior_of_a_posterior_by_its_former_names():

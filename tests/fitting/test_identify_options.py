@@ -216,17 +216,10 @@ def test_former_keywords_work(find, paints):
     """`grounds`, of which None was for films that hide it, `geometry` and `layers`."""
     usual = find()
     spectrum = usual.measured.readings
-    seen_by = Hemispherical()
+    names: dict[str, Any] = {"grounds": GROUNDS, "geometry": Hemispherical(), "layers": 1}
     with pytest.warns(DeprecationWarning, match="is called"):
-        former = identify(
-            GRID,
-            spectrum,
-            paints,
-            grounds=GROUNDS,
-            geometry=seen_by,
-            layers=1,
-            max_paints=1,
-        )
+        former = identify(GRID, spectrum, paints, max_paints=1, **names)
     np.testing.assert_array_equal(former.probability, usual.probability)
+    nothing: dict[str, Any] = {"grounds": None}
     with pytest.warns(DeprecationWarning, match="None is opaque=True"):
-        assert identify(GRID, spectrum[:, 1], paints, grounds=None, max_paints=1).opaque
+        assert identify(GRID, spectrum[:, 1], paints, max_paints=1, **nothing).opaque

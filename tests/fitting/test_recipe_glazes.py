@@ -2,6 +2,7 @@
 
 import itertools
 from io import StringIO
+from typing import Any
 
 import numpy as np
 import pytest
@@ -87,8 +88,9 @@ def test_the_answer_says_what_mixing_would_gain(found):
     assert not any(plain)
 
 
-def task(**others) -> Task:
-    return make_task([lab_target((50, 0, 0))], palette(), **({"glazes": True} | others))
+def task(**others: Any) -> Task:
+    given: dict[str, Any] = {"glazes": True, **others}
+    return make_task([lab_target((50, 0, 0))], palette(), **given)
 
 
 def test_limits_of_unmixed_coats():

@@ -95,12 +95,12 @@ def grow_triples(
     task: IdentificationTask,
     batch: Measured,
     pairs: Int[np.ndarray, "spectra pairs 2"],
-    logs: Float[np.ndarray, "spectra pairs 2"],
-    log_evidence: Float[np.ndarray, "spectra pairs"],
+    logs: Float[Array | np.ndarray, "spectra pairs 2"],
+    log_evidence: Float[Array | np.ndarray, "spectra pairs"],
 ) -> tuple[SetStarts, Bool[np.ndarray, "spectra sets"]]:
     """Sets of three from the most probable pairs, and whether each is the first of its kind."""
     rows = np.arange(len(pairs))[:, None]
-    best = np.argsort(-log_evidence, axis=1)[:, :_GROWN_PAIRS]
+    best = np.argsort(-np.asarray(log_evidence), axis=1)[:, :_GROWN_PAIRS]
     amounts = np.exp(logs)[rows, best]
     sets, tries = grow(pairs[rows, best], amounts, task.known)
     # Each at a few amounts of the third paint.
