@@ -58,10 +58,9 @@ def _room(module: str) -> str:
 
 def _allowed() -> dict[str, set[str]]:
     page = (HERE / "ARCHITECTURE.md").read_text(encoding="utf-8")
-    block = re.search(r"```rooms\n(.*?)```", page, re.DOTALL)
-    assert block is not None
+    blocks = re.findall(r"```rooms\n(.*?)```", page, re.DOTALL)
     rooms = {}
-    for line in block[1].splitlines():
+    for line in "".join(blocks).splitlines():
         left, _, right = line.partition("->")
         room = left.split()[0]
         package = room.split(".")[0]
