@@ -20,7 +20,7 @@ from benchmarks.props import TOLERANCE, WAVELENGTHS, glazed, panel, table, windo
 from benchmarks.strokes import impasto, wiped_glaze
 from glazejax.appearance.scene.lights import AreaLight, Light, lamp
 from glazejax.appearance.scene.materials import Lambert, Material
-from glazejax.appearance.scene.path_trace import path_trace
+from glazejax.appearance.scene.path.path_trace import path_trace
 from glazejax.appearance.scene.picture import light_white, picture_xyz, screen_picture
 from glazejax.appearance.scene.scene import Camera, Scene
 from glazejax.appearance.scene.shapes import Plane, Shape, Sphere

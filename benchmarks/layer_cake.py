@@ -17,7 +17,7 @@ from benchmarks.props import TOLERANCE, WAVELENGTHS, glazed, table, window, wood
 from benchmarks.strokes import impasto, wiped_glaze
 from glazejax.appearance.scene.lights import lamp
 from glazejax.appearance.scene.materials import Lambert, Material
-from glazejax.appearance.scene.path_trace import path_trace
+from glazejax.appearance.scene.path.path_trace import path_trace
 from glazejax.appearance.scene.picture import light_white, picture_xyz, screen_picture
 from glazejax.appearance.scene.scene import Camera, Scene
 from glazejax.appearance.scene.shapes import Box, Plane, Shape

@@ -45,7 +45,7 @@ def materials(folder: Path) -> dict[str, tuple[dict[str, Any], dict[str, Any] | 
     see `main`).
     """
     from glazejax.appearance.mitsuba import glaze_bsdf
-    from glazejax.appearance.scene.mitsuba import spectrum
+    from glazejax.appearance.scene.path.mitsuba import spectrum
 
     made = glaze()
     colour = np.asarray(gj.reflectance(made, gj.Bidirectional(45, 0)))

@@ -16,9 +16,9 @@ from benchmarks.object_colour import GRID, chromaticity, chromaticity_of, lamp, 
 from benchmarks.object_colour_monitor import exposed, loops, measured
 from benchmarks.results import Results
 from glazejax.appearance.interreflection import all_bounces, one_bounce
+from glazejax.appearance.scene.draw.render import render
 from glazejax.appearance.scene.lights import ParallelLight
 from glazejax.appearance.scene.materials import Angles, Material
-from glazejax.appearance.scene.render import render
 from glazejax.appearance.scene.scene import Camera, Scene
 from glazejax.appearance.scene.shapes import Plane
 

@@ -9,10 +9,9 @@ from jaxtyping import Float
 
 import glazejax as gj
 from benchmarks.strokes import wood_grain
-from glazejax.appearance.scene.intersect import rotation
 from glazejax.appearance.scene.lights import AreaLight, lamp
 from glazejax.appearance.scene.materials import Glazed
-from glazejax.appearance.scene.shapes import Box, Plane, Shape
+from glazejax.appearance.scene.shapes import Box, Plane, Shape, rotation
 
 WAVELENGTHS = np.arange(400.0, 701.0, 10.0)
 # Of a glaze's reflectance factor: less than a step of a screen.

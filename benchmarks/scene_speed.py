@@ -19,10 +19,10 @@ import numpy as np
 import glazejax as gj
 from benchmarks.results import Results, add_option
 from benchmarks.strokes import brush_strokes
+from glazejax.appearance.scene.draw.render import render
 from glazejax.appearance.scene.lights import ParallelLight, PointLight, lamp
 from glazejax.appearance.scene.materials import Glazed, Lambert
 from glazejax.appearance.scene.picture import light_white, picture_xyz, save_png, screen_picture
-from glazejax.appearance.scene.render import render
 from glazejax.appearance.scene.scene import Camera, Scene
 from glazejax.appearance.scene.shapes import Box, Plane, Sphere
 

@@ -20,7 +20,7 @@ import pytest
 from benchmarks.fill import MADE, documents
 
 from glazejax.appearance.scene.file import example
-from glazejax.appearance.scene.variants import works
+from glazejax.appearance.scene.path.variants import works
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"

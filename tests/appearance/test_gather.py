@@ -10,11 +10,11 @@ import pytest
 
 import glazejax as gj
 from glazejax.appearance.interreflection import all_bounces, one_bounce
-from glazejax.appearance.scene import gather
-from glazejax.appearance.scene.gather import above
+from glazejax.appearance.scene.draw import gather
+from glazejax.appearance.scene.draw.gather import above
+from glazejax.appearance.scene.draw.render import render
 from glazejax.appearance.scene.lights import ParallelLight, PointLight
 from glazejax.appearance.scene.materials import Conductor, FresnelModel, Glazed, Lambert, Phong
-from glazejax.appearance.scene.render import render
 from glazejax.appearance.scene.scene import Camera
 from glazejax.appearance.scene.shapes import Plane, Sphere
 from glazejax.radiative.common.fresnel import (

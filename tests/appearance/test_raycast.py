@@ -10,13 +10,19 @@ import numpy as np
 import pytest
 import trimesh
 
-from glazejax.appearance.scene.intersect import Hit, make_geometry, nearest, rotation, surface
+from glazejax.appearance.scene.draw.intersect import (
+    Hit,
+    make_geometry,
+    nearest,
+    scene_geometry,
+    surface,
+)
+from glazejax.appearance.scene.draw.rays import lamps, trace
+from glazejax.appearance.scene.draw.render import render
 from glazejax.appearance.scene.lights import ParallelLight, PointLight
 from glazejax.appearance.scene.materials import Conductor, Lambert, Phong
-from glazejax.appearance.scene.rays import lamps, trace
-from glazejax.appearance.scene.render import render
 from glazejax.appearance.scene.scene import Camera
-from glazejax.appearance.scene.shapes import Box, Mesh, Plane, Sphere
+from glazejax.appearance.scene.shapes import Box, Mesh, Plane, Sphere, rotation
 from glazejax.radiative.common.fresnel import conductor_reflectance
 
 from .scenes import GRID, scene
@@ -281,7 +287,7 @@ def test_rays_that_carry_little_are_not_followed():
         [Sphere("m")], {"m": Lambert(1.0)}, [ParallelLight((0, 1, 0), 1.0)], Camera((0, -4, 0))
     )
     rays = made.rays(np.array([16.0]), np.array([12.0]))
-    arguments = (made.geometry(), lamps(made.lights), *rays)
+    arguments = (scene_geometry(made), lamps(made.lights), *rays)
     follow = trace(*arguments, reflects=lambda number, cosines: 0.01 + 0 * cosines, bounces=3)
     assert len(follow) == 2
     assert (

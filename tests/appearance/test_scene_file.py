@@ -12,10 +12,10 @@ import trimesh
 from typer.testing import CliRunner
 
 from glazejax.appearance.scene import file as scene_file
+from glazejax.appearance.scene.draw.render import render
 from glazejax.appearance.scene.lights import AreaLight, PointLight
 from glazejax.appearance.scene.materials import Conductor, Glazed
 from glazejax.appearance.scene.picture import light_white
-from glazejax.appearance.scene.render import render
 from glazejax.appearance.scene.shapes import Box, Mesh, Plane, Sphere
 from glazejax.colour import colour_weights
 from glazejax.commands import main as cli
@@ -507,7 +507,7 @@ def test_a_path_traced_picture_that_was_interrupted_says_so(
     write, tmp_path, quiet_start, monkeypatch
 ):
     pytest.importorskip("mitsuba", reason="Mitsuba is not installed (extra render)")
-    from glazejax.appearance.scene import path_trace as tracing
+    from glazejax.appearance.scene.path import path_trace as tracing
 
     mean = tracing._mean
 
@@ -528,7 +528,7 @@ def test_a_path_traced_picture_that_was_interrupted_says_so(
 
 
 def test_an_interrupted_command_writes_what_is_done(write, tmp_path, quiet_start, monkeypatch):
-    from glazejax.appearance.scene import render as scene_render
+    from glazejax.appearance.scene.draw import render as scene_render
 
     shade = scene_render._Work._shade
 

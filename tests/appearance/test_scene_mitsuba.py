@@ -11,13 +11,13 @@ import pytest
 from benchmarks.mitsuba_compare import cases, differences, on_objects, ours, theirs
 
 import glazejax as gj
-from glazejax.appearance.scene import path_trace as tracing
-from glazejax.appearance.scene import variants
+from glazejax.appearance.scene.draw.render import render
 from glazejax.appearance.scene.lights import AreaLight, ParallelLight
 from glazejax.appearance.scene.materials import Conductor, Glazed, Lambert, Phong
-from glazejax.appearance.scene.mitsuba import mitsuba_scene
-from glazejax.appearance.scene.path_trace import passes_of, path_trace
-from glazejax.appearance.scene.render import render
+from glazejax.appearance.scene.path import path_trace as tracing
+from glazejax.appearance.scene.path import variants
+from glazejax.appearance.scene.path.mitsuba import mitsuba_scene
+from glazejax.appearance.scene.path.path_trace import passes_of, path_trace
 from glazejax.appearance.scene.scene import Camera, Scene
 from glazejax.appearance.scene.shapes import Box, Mesh, Plane, Shape, Sphere
 
@@ -170,11 +170,11 @@ def test_an_interrupted_picture_is_the_mean_of_its_passes(mi):
     light = ParallelLight((0.0, 0.0, -1.0), np.ones(WAVELENGTHS.shape))
     scene = made([Plane("m", size=(4.0, 4.0), up=UP)], {"m": Lambert(0.5)}, [light])
 
-    def told(share, words):
-        if share == 0.5:
+    def stop(done, total, words):
+        if done == total / 2:
             raise KeyboardInterrupt
 
-    found = path_trace(scene, samples=64, progress=told)
+    found = path_trace(scene, samples=64, progress=stop)
     assert found.done == 0.5
     off = found.values[..., 1] / 0.5 - 1.0
     # Random numbers differ from variant to variant; the noise that it tells says how far pixels may
@@ -290,7 +290,7 @@ def test_samples_out_of_range_are_refused():
 
 
 def test_meshes_keep_their_coordinates(tmp_path):
-    from glazejax.appearance.scene.mitsuba_shapes import relief_mesh, write_ply
+    from glazejax.appearance.scene.path.mitsuba_shapes import relief_mesh, write_ply
 
     relief = np.arange(12.0).reshape(3, 4)
     mesh = relief_mesh(Plane("m", size=(4.0, 2.0), up=UP, relief=relief))
@@ -314,7 +314,7 @@ def test_meshes_keep_their_coordinates(tmp_path):
 
 def test_reading_scenes_needs_no_mitsuba():
     code = (
-        "import sys; import glazejax.appearance.scene.path_trace, glazejax.appearance.scene.file;"
+        "import sys; import glazejax.appearance.scene.path.path_trace, glazejax.appearance.scene.file;"
         "assert 'mitsuba' not in sys.modules"
     )
     subprocess.run([sys.executable, "-c", code], check=True, timeout=120)

@@ -11,6 +11,11 @@ import pytest
 
 import glazejax as gj
 from glazejax import colour
+from glazejax.appearance.scene.draw.intersect import scene_geometry
+from glazejax.appearance.scene.draw.rays import lamps, trace
+from glazejax.appearance.scene.draw.render import render
+from glazejax.appearance.scene.draw.seen import needed_bands
+from glazejax.appearance.scene.draw.shade import radiance, sample_map
 from glazejax.appearance.scene.lights import (
     ParallelLight,
     PointLight,
@@ -26,11 +31,7 @@ from glazejax.appearance.scene.picture import (
     save_spectral,
     screen_picture,
 )
-from glazejax.appearance.scene.rays import lamps, trace
-from glazejax.appearance.scene.render import render
 from glazejax.appearance.scene.scene import Camera, Scene
-from glazejax.appearance.scene.seen import needed_bands
-from glazejax.appearance.scene.shade import radiance, sample_map
 from glazejax.appearance.scene.shapes import Box, Mesh, Plane, Sphere
 from glazejax.radiative.common.fresnel import conductor_reflectance, dielectric_reflectance
 from glazejax.spectra import Numbers
@@ -221,14 +222,12 @@ def test_lamps_without_some_or_all_colours_keep_their_bands():
 
 def test_an_interrupted_picture_keeps_what_it_has(monkeypatch):
     made = still_life(width=160, height=120, antialias=1)
-    calls = []
 
-    def stop(share, words):
-        calls.append(share)
-        if words == "computing spectra" and share > 0.5:
+    def stop(done, total, words):
+        if words == "computing spectra" and done > 0.5 * total:
             raise KeyboardInterrupt
 
-    monkeypatch.setattr("glazejax.appearance.scene.render.TILE", 2**11)
+    monkeypatch.setattr("glazejax.appearance.scene.draw.render.TILE", 2**11)
     rendered = render(made, progress=stop)
     done = np.isfinite(rendered.radiance[..., 0])
     assert 0 < done.mean() < 1
@@ -243,7 +242,7 @@ def test_gradient_of_a_pixel_by_the_spectrum_of_a_material():
     materials = list(made.materials.values())
     pixels = np.arange(48)
     levels = trace(
-        made.geometry(),
+        scene_geometry(made),
         lamps(made.lights),
         *made.rays(pixels % 8 + 0.5, pixels // 8 + 0.5),
         reflects=lambda number, cosines: np.ones(len(cosines)) * (number == 3),

@@ -11,6 +11,7 @@ from .glaze.interpolation import GlazeTable as GlazeTable
 from .glaze.table import glaze_table as glaze_table
 from .metals import Metal as Metal
 from .metals import metal as metal
+from .scene.draw.render import render as render
 from .scene.file import read_scene as read_scene
 from .scene.lights import AreaLight as AreaLight
 from .scene.lights import ParallelLight as ParallelLight
@@ -23,13 +24,12 @@ from .scene.materials import Lambert as Lambert
 from .scene.materials import Material as Material
 from .scene.materials import Phong as Phong
 from .scene.mesh import read_mesh as read_mesh
-from .scene.path_trace import path_trace as path_trace
+from .scene.path.path_trace import path_trace as path_trace
 from .scene.picture import light_white as light_white
 from .scene.picture import picture_xyz as picture_xyz
 from .scene.picture import save_png as save_png
 from .scene.picture import save_spectral as save_spectral
 from .scene.picture import screen_picture as screen_picture
-from .scene.render import render as render
 from .scene.scene import Camera as Camera
 from .scene.scene import Scene as Scene
 from .scene.shapes import Box as Box

@@ -10,7 +10,7 @@ from . import options, progress
 
 if TYPE_CHECKING:
     from ..appearance.scene.file import SceneFile
-    from ..appearance.scene.render import Rendered
+    from ..appearance.scene.rendered import Rendered
 
 
 RENDERERS = ("raycast", "mitsuba")
@@ -183,7 +183,7 @@ def _render(found: "SceneFile", spectral: bool, samples: int, renderer: str) -> 
     """The picture, with a progress bar on the terminal."""
     from rich.progress import BarColumn, TextColumn, TimeRemainingColumn
 
-    from ..appearance.scene.render import render
+    from ..appearance.scene.draw.render import render
 
     share = TextColumn("{task.percentage:>3.0f} %")
     with progress.bar(
@@ -191,11 +191,11 @@ def _render(found: "SceneFile", spectral: bool, samples: int, renderer: str) -> 
     ) as shown:
         task = shown.add_task("reading", total=1.0)
 
-        def report(share: float, words: str) -> None:
-            shown.update(task, completed=share, description=words)
+        def report(done: int, total: int | None, words: str) -> None:
+            shown.update(task, completed=done, total=total, description=words)
 
         if renderer == "mitsuba":
-            from ..appearance.scene.path_trace import path_trace
+            from ..appearance.scene.path.path_trace import path_trace
 
             return path_trace(
                 found.scene, samples=samples, tolerance=found.tolerance, progress=report

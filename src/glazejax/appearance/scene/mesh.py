@@ -2,12 +2,12 @@
 
 from collections.abc import Sequence
 from pathlib import Path
+from types import ModuleType
 
 import numpy as np
 
-from .intersect import rotation
-from .shapes import Mesh
-from .triangles import import_trimesh
+from ...extras import advice
+from .shapes import Mesh, rotation
 
 
 def read_mesh(
@@ -65,3 +65,16 @@ def read_mesh(
         normals=np.asarray(found.vertex_normals, float) @ about.T if smooth else None,
         uv=None if uv is None or len(uv) != len(vertices) else np.asarray(uv, float),
     )
+
+
+def import_trimesh() -> ModuleType:
+    """The library that reads meshes and casts rays at them.
+
+    Raises:
+        ValueError: it is not there.
+    """
+    try:
+        import trimesh  # pyright: ignore[reportMissingImports]
+    except ImportError:
+        raise ValueError(advice("trimesh")) from None
+    return trimesh

@@ -1,10 +1,9 @@
 """What a scene is: shapes, materials, lights and a camera, checked when it is made.
 
 Coordinates are right-handed, in any unit of length; z is up in the examples. Light is counted on
-the scale of the
-lamp: a perfect white that faces a light of strength 1 has the spectrum of the light itself, whose
-luminance is 1.
-`glazejax.appearance.scene.render.render` makes the picture,
+the scale of the lamp: a perfect white that faces a light of strength 1 has the spectrum of the
+light itself, whose luminance is 1.
+`glazejax.appearance.scene.draw.render.render` makes the picture,
 `glazejax.appearance.scene.file.read_scene` reads a file.
 """
 
@@ -16,7 +15,6 @@ import numpy as np
 from jaxtyping import Float
 
 from ...spectra import Grid, Numbers, concrete, validate_wavelengths
-from .intersect import Geometry, make_geometry
 from .lights import AreaLight, Light
 from .materials import Glazed, Material
 from .shapes import Plane, Shape, positive, vector
@@ -158,11 +156,6 @@ class Scene:
                     f"the spectrum of a {what} holds {np.min(known):g}; it must be finite and 0 "
                     "or more"
                 )
-
-    def geometry(self) -> Geometry:
-        """Shapes as arrays for the ray caster."""
-        number = {name: k for k, name in enumerate(self.materials)}
-        return make_geometry(self.shapes, number)
 
     def light_spectra(self) -> Float[np.ndarray, "lights bands"]:
         """Spectra of the lights."""

@@ -213,3 +213,32 @@ class Mesh:
 
 
 Shape = Sphere | Plane | Box | Mesh
+
+
+def plane_frame(plane: Plane) -> np.ndarray:
+    """Unit vectors along the width, along the height, and the normal, in rows."""
+    normal = np.asarray(plane.normal, float) / np.linalg.norm(np.asarray(plane.normal, float))
+    for guide in (
+        np.asarray(plane.up, float),
+        np.array([0.0, 1.0, 0.0]),
+        np.array([1.0, 0.0, 0.0]),
+    ):
+        height = guide - (guide @ normal) * normal
+        if np.linalg.norm(height) > 1e-6 * np.linalg.norm(guide):
+            break
+    height /= np.linalg.norm(height)
+    return np.stack([np.cross(height, normal), height, normal])
+
+
+def rotation(degrees: Numbers) -> Float[np.ndarray, "3 3"]:
+    """Matrix of rotations about x, then y, then z; it turns column vectors."""
+    total = np.eye(3)
+    for axis, angle in enumerate(np.deg2rad(np.asarray(degrees, float))):
+        a, b = [k for k in range(3) if k != axis]
+        turn = np.eye(3)
+        turn[a, a] = turn[b, b] = np.cos(angle)
+        # From the axis after this one towards the one after that.
+        sign = -1.0 if axis != 1 else 1.0
+        turn[a, b], turn[b, a] = sign * np.sin(angle), -sign * np.sin(angle)
+        total = turn @ total
+    return total

@@ -12,9 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
+from ....progress import Progress, no_progress
+from ..rendered import Rendered, RenderReport
+from ..scene import Scene
 from .mitsuba import mitsuba_scene
-from .render import Progress, Rendered, RenderReport
-from .scene import Scene
 from .variants import spectral_variant
 
 MOST_SAMPLES = 1 << 20
@@ -76,7 +77,7 @@ def path_trace(
     background: bool = True,
     tolerance: float = 1e-3,
     seed: int = 0,
-    progress: Progress | None = None,
+    progress: Progress = no_progress,
 ) -> PathTraced:
     """Make a picture with everything that light does, in Mitsuba 3.
 
@@ -90,7 +91,7 @@ def path_trace(
         background: light from all around with the scene's background.
         tolerance: absolute error wanted of a glaze's reflectance factor.
         seed: of the random numbers; the same seed gives the same picture.
-        progress: told how far it is.
+        progress: called with the passes that are done.
 
     Returns:
         `PathTraced`. Interrupted from the keyboard, it is the mean of the passes done.
@@ -107,14 +108,13 @@ def path_trace(
         raise ValueError(
             f"samples must be a whole number from 1 to {MOST_SAMPLES}, not {samples!r}"
         )
-    told = progress or (lambda share, words: None)
     with spectral_variant() as variant, tempfile.TemporaryDirectory() as folder:
         import mitsuba as mi  # pyright: ignore[reportMissingImports]
 
         pixels = scene.width * scene.height
         report = PathReport(variant=variant, pixels=pixels, materials=len(scene.materials))
-        told(0.0, "computing glazes")
         each, report.passes_full = passes_of(int(samples), pixels)
+        progress(0, report.passes_full, "computing glazes")
         made = mitsuba_scene(
             scene,
             folder,
@@ -132,7 +132,7 @@ def path_trace(
                 float,
             )
 
-        return _mean(scene, report, each, one, told)
+        return _mean(scene, report, each, one, progress)
 
 
 def passes_of(samples: int, pixels: int) -> tuple[int, int]:
@@ -149,7 +149,7 @@ def _mean(
     report: PathReport,
     each: int,
     one: Callable[[int], Float[np.ndarray, "h w 3"]],
-    told: Progress,
+    progress: Progress,
 ) -> PathTraced:
     """Mean of the passes, and the spread of their luminance."""
     total = np.zeros((scene.height, scene.width, 3))
@@ -157,7 +157,7 @@ def _mean(
     means = []
     try:
         for number in range(report.passes_full):
-            told(number / report.passes_full, "following paths")
+            progress(number, report.passes_full, "following paths")
             found = one(number)
             total += found
             square += found[..., 1] ** 2
@@ -174,7 +174,7 @@ def _mean(
         variance = np.maximum(square / count - total[..., 1] ** 2, 0.0) / (count - 1)
         report.pixel_noise = float(np.sqrt(variance.mean())) / mean
         report.mean_noise = float(np.std(means, ddof=1) / np.sqrt(count)) / mean
-    told(1.0, "following paths")
+    progress(report.passes_full, report.passes_full, "following paths")
     grid = np.asarray(scene.wavelengths, float)
     return PathTraced(
         values=total,

@@ -6,113 +6,33 @@ are made, and spectra follow tile by tile. Pixels that differ strongly from a ne
 highlight, a texture) get more rays in the end.
 """
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Int
 
-from ...colour import CIE_1931, colour_weights
+from ....colour import CIE_1931, colour_weights
+from ....progress import Progress, no_progress
+from ..materials import Material
+from ..rendered import Rendered, RenderReport
+from ..scene import Scene
+from ..shapes import vector
 from .gather import Gathered, Surroundings
-from .intersect import Geometry
-from .materials import Material
+from .intersect import scene_geometry
 from .rays import TILE, Lamps, Level, lamps, trace
-from .scene import Scene
 from .seen import MaterialsInView, needed_bands
 from .shade import lit_pairs, pixels_from_samples, radiance
-from .shapes import vector
 
-Progress = Callable[[float, str], None]
-"""Called with the share done, 0 to 1, and what is being done."""
-
+# Parts in which progress is counted.
+_PARTS = 1000
 # Levels of rays are kept between the passes up to so many bytes, and traced again beyond.
 _KEPT_BYTES = 2**29
 # Neighbours that differ by more than this share, of the brighter one and a little white, get more
 # rays.
 _CONTRAST = 0.06
 _FLOOR = 0.05
-
-
-@dataclass
-class RenderReport:
-    """Counts of what was computed, beside what would have been with every pixel, light, band and
-    material in full.
-    """
-
-    rays: int = 0
-    rays_full: int = 0
-    pairs: int = 0
-    pairs_full: int = 0
-    bands: int = 0
-    bands_full: int = 0
-    materials: int = 0
-    materials_full: int = 0
-    refined: int = 0
-    pixels: int = 0
-    angles: str = ""
-    gathered: int = 0
-    gather_rays: int = 0
-    diffuse_bounces: int = 0
-    notes: list[str] = field(default_factory=list)
-
-    @property
-    def saved(self) -> float:
-        """Share of the spectra of light and point that was not computed."""
-        return 1 - self.pairs * self.bands / max(self.pairs_full * self.bands_full, 1)
-
-    def describe(self) -> str:
-        """In words, a line each."""
-        lines = [
-            f"rays: {self.rays} of {self.rays_full}, for {self.pixels} pixels, {self.refined} of "
-            "them with several",
-            f"spectra of a point under a light: {self.pairs} of {self.pairs_full}",
-            f"bands: {self.bands} of {self.bands_full}",
-            f"materials: {self.materials} of {self.materials_full}"
-            + (f"; {self.angles}" if self.angles else ""),
-            f"left out: {self.saved:.0%} of the spectral work",
-        ]
-        if self.diffuse_bounces:
-            bounces = f"{self.diffuse_bounces} diffuse bounce" + "s" * (self.diffuse_bounces > 1)
-            lines.append(
-                f"light between surfaces: {bounces}, {self.gather_rays} rays at {self.gathered} "
-                "points"
-            )
-        return "\n".join(lines)
-
-
-@dataclass(frozen=True)
-class Rendered:
-    """A picture as spectra, or as XYZ where spectra were not asked for; NaN where it was
-    interrupted.
-
-    Attributes:
-        values: (h, w, bands), spectra: 1 is a perfect white under a light of spectrum 1; or (h, w,
-            3), XYZ by the CIE 1931 observer: Y = 1 is a perfect white under a light of luminance 1.
-        spectral: which of the two.
-        wavelengths: (bands,), nm, of the bands computed.
-        bands: (all bands,), which bands of the scene these are.
-        done: share of the work that is finished; 1 unless interrupted.
-        report: what was computed and what was not.
-    """
-
-    values: Float[np.ndarray, "h w channels"]
-    spectral: bool
-    wavelengths: Float[np.ndarray, "bands"]
-    bands: Bool[np.ndarray, "all"]
-    done: float
-    report: RenderReport
-
-    @property
-    def radiance(self) -> Float[np.ndarray, "h w bands"]:
-        """Spectra.
-
-        Raises:
-            ValueError: only XYZ was kept.
-        """
-        if not self.spectral:
-            raise ValueError("this picture has no spectra: render it with spectral=True")
-        return self.values
 
 
 @dataclass
@@ -130,7 +50,7 @@ def render(
     spectral: bool = True,
     adaptive: bool = True,
     tolerance: float = 1e-3,
-    progress: Progress | None = None,
+    progress: Progress = no_progress,
 ) -> Rendered:
     """Make a picture.
 
@@ -140,7 +60,7 @@ def render(
             show, of which nothing but XYZ is kept, so that a large picture needs little memory.
         adaptive: several rays only where neighbouring pixels differ; otherwise for all pixels.
         tolerance: absolute error wanted of a glaze's reflectance factor.
-        progress: told how far it is.
+        progress: called with how far it is, in thousandths.
 
     Returns:
         `Rendered`. Interrupted from the keyboard, it holds what was done until then.
@@ -160,7 +80,7 @@ def render(
         spectral=spectral,
         adaptive=adaptive,
         tolerance=tolerance,
-        progress=progress or (lambda share, words: None),
+        progress=progress,
     ).run()
 
 
@@ -175,7 +95,7 @@ class _Work:
         self.weights = None if spectral else colour_weights(scene.wavelengths, "E", CIE_1931)[keep]
         self.bands, self.scene = keep, scene.only_bands(keep)
         self.adaptive, self.tolerance, self.progress = adaptive, tolerance, progress
-        self.geometry: Geometry = self.scene.geometry()
+        self.geometry = scene_geometry(self.scene)
         self.places: Lamps = lamps(scene.lights)
         self.all_materials = list(self.scene.materials.values())
         self.in_view = MaterialsInView(self.all_materials, everywhere=scene.diffuse_bounces > 0)
@@ -249,6 +169,9 @@ class _Work:
             report=self.report,
         )
 
+    def _report(self, share: float, words: str) -> None:
+        self.progress(round(share * _PARTS), _PARTS, words)
+
     def _tiles(self, pixels: np.ndarray, each: int) -> list[_Tile]:
         """Pixels in groups that go through the processor together, `each` times `each` rays for
         one.
@@ -283,7 +206,7 @@ class _Work:
         """
         signatures = []
         for k, tile in enumerate(tiles):
-            self.progress(start + (end - start) * k / len(tiles), "looking for what is in view")
+            self._report(start + (end - start) * k / len(tiles), "looking for what is in view")
             levels = self._levels(tile)
             self.in_view.add(levels)
             signatures.append(_signature(levels))
@@ -296,9 +219,7 @@ class _Work:
         if self.gathered is None:
             self.gathered = self._nothing_gathered()
         for k, tile in enumerate(tiles):
-            self.progress(
-                start + (end - start) * k / len(tiles), "gathering light between surfaces"
-            )
+            self._report(start + (end - start) * k / len(tiles), "gathering light between surfaces")
             self.gathered.add(self._levels(tile))
         self.report.gathered = self.gathered.count
 
@@ -329,7 +250,7 @@ class _Work:
         lights = jnp.asarray(self.scene.light_spectra(), jnp.result_type(float))
         background = jnp.asarray(self.scene.background_spectrum(), lights.dtype)
         for k, tile in enumerate(tiles):
-            self.progress(start + (end - start) * k / len(tiles), "computing spectra")
+            self._report(start + (end - start) * k / len(tiles), "computing spectra")
             levels = self._levels(tile)
             self.report.rays += sum(len(level.material) for level in levels)
             self.report.pairs += sum(
@@ -344,7 +265,7 @@ class _Work:
             found = np.asarray(pixels_from_samples(samples, tile.each**2))
             image[tile.pixels] = found if self.weights is None else found @ self.weights
             tile.levels = None
-        self.progress(end, "computing spectra")
+        self._report(end, "computing spectra")
 
 
 def _signature(levels: list[Level]) -> Int[np.ndarray, "rays"]:

@@ -13,8 +13,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from ...spectra import Numbers
-from .shapes import Box, Mesh, Plane, Shape, Sphere
+from ..scene import Scene
+from ..shapes import Box, Mesh, Plane, Shape, Sphere, plane_frame, rotation
 from .triangles import TriangleCaster, Triangles, make_triangles, triangle_surface
 
 # A shape so much smaller than the scene is met by a ray that leaves it, by rounding.
@@ -72,6 +72,12 @@ class Surface(NamedTuple):
     face: Float[Array, "rays 3"]
     """The same of the true face."""
     uv: Float[Array, "rays 2"]
+
+
+def scene_geometry(scene: Scene) -> Geometry:
+    """Arrays of the shapes of a scene, for the ray caster."""
+    number = {name: k for k, name in enumerate(scene.materials)}
+    return make_geometry(scene.shapes, number)
 
 
 def make_geometry(shapes: Sequence[Shape], materials: Mapping[str, int]) -> Geometry:
@@ -132,35 +138,6 @@ def make_geometry(shapes: Sequence[Shape], materials: Mapping[str, int]) -> Geom
 
 def _rows(values: list, width: int) -> np.ndarray:
     return np.array(values, float).reshape(-1, width)
-
-
-def plane_frame(plane: Plane) -> np.ndarray:
-    """Unit vectors along the width, along the height, and the normal, in rows."""
-    normal = np.asarray(plane.normal, float) / np.linalg.norm(np.asarray(plane.normal, float))
-    for guide in (
-        np.asarray(plane.up, float),
-        np.array([0.0, 1.0, 0.0]),
-        np.array([1.0, 0.0, 0.0]),
-    ):
-        height = guide - (guide @ normal) * normal
-        if np.linalg.norm(height) > 1e-6 * np.linalg.norm(guide):
-            break
-    height /= np.linalg.norm(height)
-    return np.stack([np.cross(height, normal), height, normal])
-
-
-def rotation(degrees: Numbers) -> Float[np.ndarray, "3 3"]:
-    """Matrix of rotations about x, then y, then z; it turns column vectors."""
-    total = np.eye(3)
-    for axis, angle in enumerate(np.deg2rad(np.asarray(degrees, float))):
-        a, b = [k for k in range(3) if k != axis]
-        turn = np.eye(3)
-        turn[a, a] = turn[b, b] = np.cos(angle)
-        # From the axis after this one towards the one after that.
-        sign = -1.0 if axis != 1 else 1.0
-        turn[a, b], turn[b, a] = sign * np.sin(angle), -sign * np.sin(angle)
-        total = turn @ total
-    return total
 
 
 def nearest(

@@ -14,7 +14,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from .materials import Angles, Material
+from ..materials import Angles, Material
 from .rays import Level, filled_size
 
 # Pairs that go through the processor together; memory is this times the bands, a few times.

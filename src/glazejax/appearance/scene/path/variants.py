@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import cache
 
-from ...extras import require
+from ....extras import require
 
 # Fast first.
 SPECTRAL = ("llvm_ad_spectral", "scalar_spectral")

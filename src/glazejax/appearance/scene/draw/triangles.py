@@ -8,15 +8,15 @@ little further on.
 """
 
 from collections.abc import Sequence
-from types import ModuleType
 from typing import NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from ...extras import advice
-from .shapes import Mesh
+from ....extras import advice
+from ..mesh import import_trimesh
+from ..shapes import Mesh
 
 # First step away from a triangle that a ray is wrongly said to meet, in radii of all meshes; each
 # next is doubled.
@@ -75,19 +75,6 @@ def make_triangles(meshes: Sequence[Mesh], before: int) -> Triangles:
         uv=np.concatenate(uv),
         shape=np.concatenate(shape),
     )
-
-
-def import_trimesh() -> ModuleType:
-    """The library that reads meshes and casts rays at them.
-
-    Raises:
-        ValueError: it is not there.
-    """
-    try:
-        import trimesh  # pyright: ignore[reportMissingImports]
-    except ImportError:
-        raise ValueError(advice("trimesh")) from None
-    return trimesh
 
 
 class TriangleCaster:

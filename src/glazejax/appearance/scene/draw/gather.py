@@ -26,8 +26,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
+from ..materials import Material
 from .intersect import Geometry
-from .materials import Material
 from .rays import TILE, Lamps, Level, Reflects, trace
 from .shade import radiance
 

@@ -5,11 +5,11 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Bool, Float
 
-from ...colour import colour_weights
-from ...radiative.common.fresnel import dielectric_reflectance
-from .materials import Glazed, Material, SeenRanges
+from ....colour import colour_weights
+from ....radiative.common.fresnel import dielectric_reflectance
+from ..materials import Glazed, Material, SeenRanges
+from ..scene import Scene
 from .rays import Level
-from .scene import Scene
 
 # Share of a tristimulus value of white that the bands left out may make, all together: one step of
 # 8 bits near black.

@@ -8,10 +8,9 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from ...extras import require
-from ...spectra import Numbers
-from .intersect import plane_frame, rotation
-from .shapes import Box, Mesh, Plane, Shape, Sphere
+from ....extras import require
+from ....spectra import Numbers
+from ..shapes import Box, Mesh, Plane, Shape, Sphere, plane_frame, rotation
 
 # Half the side of the rectangle that stands for an endless plane.
 _ENDLESS = 100.0

@@ -12,13 +12,13 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from ...extras import require
-from ...spectra import Numbers
-from .lights import AreaLight, Light, PointLight
-from .materials import Conductor, Glazed, Lambert, Material, Phong
+from ....extras import require
+from ....spectra import Numbers
+from ..lights import AreaLight, Light, PointLight
+from ..materials import Conductor, Glazed, Lambert, Material, Phong
+from ..scene import Scene
+from ..shapes import Sphere
 from .mitsuba_shapes import mitsuba_shape, numbers, sphere_map
-from .scene import Scene
-from .shapes import Sphere
 
 
 def mitsuba_scene(
@@ -165,7 +165,7 @@ def _bsdf(
 def _glaze(
     material: Glazed, grid: np.ndarray, on_sphere: bool, gloss: bool, tolerance: float
 ) -> dict[str, Any]:
-    from ..mitsuba import glaze_bsdf, register
+    from ...mitsuba import glaze_bsdf, register
 
     register()
     thickness = None if material.thickness is None else np.asarray(material.thickness, float)

@@ -15,9 +15,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
+from ..lights import Light, ParallelLight, PointLight
+from ..shapes import vector
 from .intersect import Geometry, Hit, nearest, surface
-from .lights import Light, ParallelLight, PointLight
-from .shapes import vector
 
 # Rays that go through the processor together, and the sizes that fewer of them are filled up to.
 TILE = 2**14

@@ -1,0 +1,1 @@
+"""Scenes path-traced by Mitsuba 3, for light that goes everywhere."""
