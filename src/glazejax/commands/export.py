@@ -1,6 +1,7 @@
 """The command ``glazejax export``: a stack in; a material or textures for another program out."""
 
 import time
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -241,9 +242,9 @@ def _check(to: str, layering: str, kind: str, of_maps: dict[str, Any]) -> None:
         raise ValueError(f"--layering {layering!r} is not known: choose {', '.join(_LAYERINGS)}")
     if kind not in ("png", "exr"):
         raise ValueError(f"--format {kind!r} is not known: choose png or exr")
-    told = [option for option, value in of_maps.items() if value is not None]
-    if to != "textures" and told:
-        raise ValueError(f"{told[0]} is for textures: add --to textures")
+    given = [option for option, value in of_maps.items() if value is not None]
+    if to != "textures" and given:
+        raise ValueError(f"{given[0]} is for textures: add --to textures")
     if to == "textures" and not any(
         of_maps[f"--{name}-map"] for name in ("thickness", "fraction", "ground")
     ):
@@ -263,23 +264,9 @@ def _stack(text: str, ground: str | None, index: float, pigments: Path | None) -
     if text.lower().endswith(".json") or Path(text).is_file():
         found = read_stack(Path(text))
         own = {**found.pigments, **own}
-        made = Stack(
-            coats=found.coats,
-            hidden=found.hidden,
-            ground=found.ground,
-            refractive_index=found.refractive_index,
-            geometry=found.geometry,
-            pigments=own,
-        )
+        made = replace(found, pigments=own)
         if index != _INDEX:
-            made = Stack(
-                coats=made.coats,
-                hidden=made.hidden,
-                ground=made.ground,
-                refractive_index=index,
-                geometry=made.geometry,
-                pigments=own,
-            )
+            made = replace(made, refractive_index=index)
     else:
         coats = name_paints(parse_layers(text), {**all_paints(), **own})
         made = Stack(
@@ -298,14 +285,7 @@ def _stack(text: str, ground: str | None, index: float, pigments: Path | None) -
         import numpy as np
 
         level = Spectrum(below.wavelengths, np.asarray(below.reflectance, float))
-    return Stack(
-        coats=made.coats,
-        hidden=made.hidden,
-        ground=level,
-        refractive_index=made.refractive_index,
-        geometry=made.geometry,
-        pigments=own,
-    )
+    return replace(made, ground=level)
 
 
 def _maps(

@@ -202,10 +202,12 @@ class _Problem:
     """
 
     def __init__(self, truth: AngularColour, layering: Layering, coated: bool):
-        self.truth, self.coated = truth, coated
+        self.truth = truth
+        self.coated = coated
         self.layering: Layering = layering
         cosines = truth.cosines[truth.nodes]
-        self.cos_in, self.cos_out = cosines[:, None, None], cosines[:, None]
+        self.cos_in = cosines[:, None, None]
+        self.cos_out = cosines[:, None]
         share = np.sqrt(2.0 * truth.weights * cosines)
         self.share = share[:, None, None, None] * share[:, None, None] / np.sqrt(_FIT_AZIMUTHS.size)
         self.body = truth.body[truth.nodes, truth.nodes][:, :, None]

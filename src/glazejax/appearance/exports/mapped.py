@@ -189,7 +189,8 @@ class _Means:
         self.coat = coat
         # Paint is the same with light and eye exchanged: half of the pairs are enough.
         first, second = np.triu_indices(_NODES)
-        self.cos_in, self.cos_out = mu[first], mu[second]
+        self.cos_in = mu[first]
+        self.cos_out = mu[second]
         seen = 1.0 - lobe_albedo(mu, roughness, index)
         path = 0.5 / cos_refracted(mu, index)
         tints = _TINTS if coat else np.ones(1)

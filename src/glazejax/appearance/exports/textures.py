@@ -145,15 +145,15 @@ def texture_set(
         shown = encoded_srgb(values) if kind == "png" else values
         write_image(files[what], shown.reshape(*shape, 3), encoded=True)
     write_image(files["roughness"], np.full(shape, np.sqrt(roughness)))
-    told: dict[str, Any] = {}
+    heights: dict[str, Any] = {}
     if pixel is not None:
         low = float(maps["thickness"].min())
         high = float(maps["thickness"].max())
         span = (high - low) or 1.0
         write_image(files["height"], (maps["thickness"] - low) / span)
         write_image(files["normal"], normals(maps["thickness"], pixel))
-        told["height"] = {"black_m": low, "white_m": high, "pixel_m": pixel}
-    _write_words(result, known, light, kind, told)
+        heights["height"] = {"black_m": low, "white_m": high, "pixel_m": pixel}
+    _write_words(result, known, light, kind, heights)
     return result
 
 
@@ -296,7 +296,11 @@ def _difference(
 
 
 def _write_words(
-    result: TextureSet, space: Space, light: tuple[str, str | int], kind: str, told: dict[str, Any]
+    result: TextureSet,
+    space: Space,
+    light: tuple[str, str | int],
+    kind: str,
+    heights: dict[str, Any],
 ) -> None:
     """The MaterialX file, the JSON and the text that say what goes where."""
     files = result.files
@@ -341,7 +345,7 @@ def _write_words(
         "share_outside_gamut": result.outside,
         "delta_e_2000_clipped": result.clipped,
         "largest_errors_at_some_pixels": result.errors._asdict(),
-        **told,
+        **heights,
     }
     files["json"].write_text(json.dumps(record, indent=1) + "\n", encoding="utf-8")
     files["readme"].write_text(readme(result.material, files, record), encoding="utf-8")

@@ -178,8 +178,10 @@ class Gathered:
 
     def __post_init__(self) -> None:
         bands = self.around.lights.shape[1]
-        self._place, self._normal = np.zeros((0, 3)), np.zeros((0, 3))
-        self._shape, self._radius = np.zeros(0, int), np.zeros(0)
+        self._place = np.zeros((0, 3))
+        self._normal = np.zeros((0, 3))
+        self._shape = np.zeros(0, int)
+        self._radius = np.zeros(0)
         self._light = np.zeros((0, bands))
         self._trees: dict[int, tuple] = {}
         # Points of a set that fills the square evenly; turned for each point of the picture.

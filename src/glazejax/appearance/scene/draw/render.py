@@ -93,8 +93,11 @@ class _Work:
         keep = np.ones(np.size(scene.wavelengths), bool) if spectral else needed_bands(scene)
         # Weights of the whole grid: bands left out count as dark.
         self.weights = None if spectral else colour_weights(scene.wavelengths, "E", CIE_1931)[keep]
-        self.bands, self.scene = keep, scene.only_bands(keep)
-        self.adaptive, self.tolerance, self.progress = adaptive, tolerance, progress
+        self.bands = keep
+        self.scene = scene.only_bands(keep)
+        self.adaptive = adaptive
+        self.tolerance = tolerance
+        self.progress = progress
         self.geometry = scene_geometry(self.scene)
         self.places: Lamps = lamps(scene.lights)
         self.all_materials = list(self.scene.materials.values())
@@ -122,6 +125,7 @@ class _Work:
         image = np.full((pixels.size, int(self.bands.sum()) if self.weights is None else 3), np.nan)
         finished = 0.0
         try:
+            # What is in view, before any spectrum: one ray for a pixel, then more at edges.
             each = 1 if self.adaptive else scene.antialias
             tiles = self._tiles(pixels, each)
             signature = self._look(tiles, 0.0, 0.25)
@@ -130,13 +134,16 @@ class _Work:
                 edges = np.flatnonzero(
                     _differing(signature.reshape(scene.height, scene.width)).ravel()
                 )
-                self._look(more := self._tiles(edges, scene.antialias), 0.25, 0.35)
+                more = self._tiles(edges, scene.antialias)
+                self._look(more, 0.25, 0.35)
                 tiles += more
+            # Tables of what is seen, at the angles at which it is seen; then the spectra.
             self.prepared = self.in_view.prepare(np.asarray(scene.wavelengths), self.tolerance)
             self._gather(tiles, 0.35, 0.6)
             self._shade(tiles, image, 0.6 if self.gathered else 0.35, 0.85)
             finished = 1.0
             if self.adaptive and scene.antialias > 1:
+                # More rays for pixels that came out unlike a neighbour.
                 strong = np.flatnonzero(
                     _contrasting(image.reshape(scene.height, scene.width, -1)).ravel()
                 )
@@ -170,6 +177,7 @@ class _Work:
         )
 
     def _report(self, share: float, words: str) -> None:
+        """Say how far the picture is, 0 to 1, and what is being done."""
         self.progress(round(share * _PARTS), _PARTS, words)
 
     def _tiles(self, pixels: np.ndarray, each: int) -> list[_Tile]:
@@ -197,7 +205,8 @@ class _Work:
         )
         size = sum(level.bytes for level in levels)
         if self.kept + size <= _KEPT_BYTES:
-            tile.levels, self.kept = levels, self.kept + size
+            tile.levels = levels
+            self.kept += size
         return levels
 
     def _look(self, tiles: list[_Tile], start: float, end: float) -> np.ndarray:

@@ -30,7 +30,8 @@ class MaterialsInView:
         self.materials: list[Material] = list(materials)
         self._light: dict[int, tuple[float, float]] = {}
         self._view: dict[int, tuple[float, float]] = {}
-        self._rays, self._samples = 0, 0
+        self._rays = 0
+        self._samples = 0
         # Under any gloss the mirror reflection is bounded by that of the largest index.
         self._index = [
             float(np.max(m.glaze.refractive_index)) if isinstance(m, Glazed) else None

@@ -34,13 +34,16 @@ def _lit(
     uv: Array,
 ) -> Float[Array, "pairs bands"]:
     """Light of each pair that reaches the eye."""
-    thickness = (
-        jnp.zeros_like(view)
-        if material.thickness_map is None
-        else sample_map(material.thickness_map, uv)
-    )
+    thickness = _thickness(material, view, uv)
     factor = material.direct(Angles(light, view, between, thickness))
     return strength[:, None] * factor * lights[which]
+
+
+def _thickness(material: Material, view: Array, uv: Array) -> Array:
+    """The map of a material's thickness at points, zeros where it has none."""
+    if material.thickness_map is None:
+        return jnp.zeros_like(view)
+    return sample_map(material.thickness_map, uv)
 
 
 @eqx.filter_jit
@@ -52,11 +55,7 @@ def _mirror_light(material: Material, view: Array, beyond: Array) -> Float[Array
 def _spread(
     material: Material, view: Array, uv: Array, around: Array
 ) -> Float[Array, "points bands"]:
-    thickness = (
-        jnp.zeros_like(view)
-        if material.thickness_map is None
-        else sample_map(material.thickness_map, uv)
-    )
+    thickness = _thickness(material, view, uv)
     return material.diffuse(view, thickness) * around
 
 

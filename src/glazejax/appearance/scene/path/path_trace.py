@@ -165,7 +165,8 @@ def _mean(
     except KeyboardInterrupt:
         pass
     count = len(means)
-    report.passes, report.samples = count, count * each
+    report.passes = count
+    report.samples = count * each
     report.rays = report.samples * report.pixels
     if count:
         total /= count
