@@ -3,6 +3,10 @@ from .film.films import Instrument as Instrument
 from .film.films import Noise as Noise
 from .film.loose import read_loose_films as read_loose_films
 from .film.loose import recipes_from_names as recipes_from_names
+from .film.model.errors import ModelError as ModelError
+from .film.model.errors import Prior as Prior
+from .film.model.mixing import MixingLaw as MixingLaw
+from .film.model.variation import Variation as Variation
 from .film.readers import read_films as read_films
 from .film.readers import read_recipes as read_recipes
 from .film.reading import Reading as Reading
