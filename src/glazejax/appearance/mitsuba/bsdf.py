@@ -261,7 +261,7 @@ class GlazeBSDF:
         weight = self._value(si, at, bs.wo) / dr.maximum(bs.pdf, 1e-30)
         if at.surface and self._surface.delta:
             mirrored = mi.UnpolarizedSpectrum(
-                self._surface.mirrored(si.wi) / dr.maximum(at.share, 1e-6)
+                self._surface.mirror_reflectance(si.wi) / dr.maximum(at.share, 1e-6)
             )
             bs.pdf = dr.select(first, at.share, bs.pdf)
             weight = dr.select(first, mirrored, weight)

@@ -85,7 +85,7 @@ class DrJit:
         """Of x >= 0."""
         return self._dr.log(x + self._dr.sqrt(x * x + 1.0))
 
-    def kept(self, table: np.ndarray | None) -> Any:
+    def upload(self, table: np.ndarray | None) -> Any:
         """A table as `packet` takes it."""
         if table is None:
             return None
@@ -94,5 +94,5 @@ class DrJit:
     def body(self, body: Body) -> Body:
         """A body's table on the device."""
         names = ("pairs", "pair_weights", "lines", "line_weights", "mean_weights", "albedo_shapes")
-        tables = {name: self.kept(getattr(body, name)) for name in names}
-        return replace(body, surface=body.surface.on(self.kept), **tables)
+        tables = {name: self.upload(getattr(body, name)) for name in names}
+        return replace(body, surface=body.surface.on(self.upload), **tables)

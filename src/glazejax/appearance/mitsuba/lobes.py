@@ -26,7 +26,7 @@ class Mirror:
         """The mirrored direction."""
         return self._mi.reflect(wi)
 
-    def mirrored(self, wi: Any) -> Any:
+    def mirror_reflectance(self, wi: Any) -> Any:
         """What the mirrored direction carries."""
         return self.albedo(abs(wi.z))
 
@@ -44,7 +44,7 @@ class Facets:
 
     def __init__(self, mi: Any, dr: Any, surface: Rough):
         self._mi, self._dr, self._ops = mi, dr, DrJit(mi, dr)
-        self._surface = surface.on(self._ops.kept)
+        self._surface = surface.on(self._ops.upload)
         self._facets = mi.MicrofacetDistribution(mi.MicrofacetType.GGX, surface.roughness, True)
         self.kind: Any = mi.BSDFFlags.GlossyReflection
         self.flag: int = int(self.kind)

@@ -45,7 +45,7 @@ class Nodes(NamedTuple):
         for k, x in enumerate(coordinates):
             basis = chebyshev.chebvander(x, values.shape[k] - 1)
             values = np.moveaxis(np.tensordot(basis, values, (1, k)), 0, k)
-        return self.surface.expanded(values, self.cosines, SOLVER * self.tolerance)
+        return self.surface.expand(values, self.cosines, SOLVER * self.tolerance)
 
 
 class Solver:
@@ -137,7 +137,7 @@ def solve_nodes(
 def _distance(solver: Solver, cosines: np.ndarray, one: np.ndarray, two: np.ndarray) -> np.ndarray:
     """Largest difference of the reflectance factor over black, grey and white ground, (points,)."""
     weight = error_weight(solver.surface, cosines[:, None], cosines)
-    parts = [solver.surface.expanded(values, cosines, solver.tolerance) for values in (one, two)]
+    parts = [solver.surface.expand(values, cosines, solver.tolerance) for values in (one, two)]
     worst = np.zeros(len(one))
     for ground in (0.0, 0.5, 1.0):
         a, b = (_over(p, ground) for p in parts)
@@ -184,7 +184,7 @@ def _error_of_nodes(
     def error(cosines: np.ndarray) -> float:
         if not truth:
             truth.append(solver.factor(points, a[:, None], b[:, None], ground[:, None]))
-        parts = solver.surface.expanded(solver.parts(points, cosines), cosines, solver.tolerance)
+        parts = solver.surface.expand(solver.parts(points, cosines), cosines, solver.tolerance)
         found = _at_angles(solver.surface, cosines, parts, a, b, ground)
         return SAFETY * float(
             np.max(np.abs(found - truth[0]) * error_weight(solver.surface, a, b)[:, None])
@@ -205,8 +205,10 @@ def _at_angles(
     nodes' parts.
     """
     bases = [lagrange(2.0 * surface.coordinate(NUMPY, x) - 1.0, cosines.size) for x in (a, b)]
-    rho = parts.black / surface.known(NUMPY, cosines[:, None], cosines)
-    black = np.einsum("pi,...ij,pj->...p", bases[0], rho, bases[1]) * surface.known(NUMPY, a, b)
+    rho = parts.black / surface.analytic_factor(NUMPY, cosines[:, None], cosines)
+    black = np.einsum("pi,...ij,pj->...p", bases[0], rho, bases[1]) * surface.analytic_factor(
+        NUMPY, a, b
+    )
     tau = parts.through / surface.let_in(NUMPY, cosines)
     one, two = (
         tau @ basis.T * surface.let_in(NUMPY, x) for basis, x in zip(bases, (a, b), strict=True)

@@ -88,7 +88,7 @@ class Rough:
         """Nothing is known without the table."""
         return 1.0
 
-    def known(self, ops: Arithmetic, cos_in: Any, cos_out: Any) -> Any:
+    def analytic_factor(self, ops: Arithmetic, cos_in: Any, cos_out: Any) -> Any:
         """Nothing is known without the table."""
         return 1.0
 
@@ -134,17 +134,17 @@ class Rough:
             found.append(np.asarray(_parts(*some, surface), float))
         return np.concatenate(found)[: len(rows[0])].reshape(*shape, -1)
 
-    def expanded(self, values: np.ndarray, cosines: np.ndarray, tolerance: float) -> Parts:
+    def expand(self, values: np.ndarray, cosines: np.ndarray, tolerance: float) -> Parts:
         """From the functions of the angle to the angles."""
         made = resolve(self.refractive_index, self.roughness, max(tolerance, FINEST)).operators()
         enters = np.asarray(made.enters(cosines), float)
         parts = split(values, made.basis.cosines.size)
         return Parts(enters @ parts.black @ enters.T, parts.through @ enters.T, parts.back)
 
-    def on(self, kept: Callable[[np.ndarray], Any]) -> "Rough":
+    def on(self, upload: Callable[[np.ndarray], Any]) -> "Rough":
         """With its table as `Arithmetic.packet` takes it."""
         other = copy.copy(self)
-        other.table = kept(self.table)
+        other.table = upload(self.table)
         return other
 
 

@@ -53,7 +53,7 @@ class Smooth:
         p = (n * n * cosine - within) / (n * n * cosine + within)
         return 1.0 - 0.5 * (s * s + p * p)
 
-    def known(self, ops: Arithmetic, cos_in: Any, cos_out: Any) -> Any:
+    def analytic_factor(self, ops: Arithmetic, cos_in: Any, cos_out: Any) -> Any:
         """T T/(mu_I + mu_F): what changes fast with the angle."""
         n = self.refractive_index
         total = ops.maximum(inside(ops, cos_in, n) + inside(ops, cos_out, n), _LEAST_SUM)
@@ -102,11 +102,11 @@ class Smooth:
         back = _fill_unknown(back.reshape(-1, back.shape[-1])).reshape(back.shape)[..., None]
         return np.concatenate([black, np.sqrt(full * (1.0 - back)), back], axis=-1)
 
-    def expanded(self, values: np.ndarray, cosines: np.ndarray, tolerance: float) -> Parts:
+    def expand(self, values: np.ndarray, cosines: np.ndarray, tolerance: float) -> Parts:
         """They are those of the nodes as they are."""
         return split(values, cosines.size)
 
-    def on(self, kept: Callable[[np.ndarray], Any]) -> "Smooth":
+    def on(self, upload: Callable[[np.ndarray], Any]) -> "Smooth":
         """It has no tables."""
         return self
 

@@ -32,7 +32,7 @@ class Surface(Protocol):
         """What is known of T, as a factor."""
         ...
 
-    def known(self, ops: Arithmetic, cos_in: Any, cos_out: Any) -> Any:
+    def analytic_factor(self, ops: Arithmetic, cos_in: Any, cos_out: Any) -> Any:
         """What is known of R0, as a factor."""
         ...
 
@@ -54,11 +54,11 @@ class Surface(Protocol):
         """
         ...
 
-    def expanded(self, values: np.ndarray, cosines: np.ndarray, tolerance: float) -> Parts:
+    def expand(self, values: np.ndarray, cosines: np.ndarray, tolerance: float) -> Parts:
         """`Parts` at the nodes from sums of those numbers."""
         ...
 
-    def on(self, kept: Callable[[np.ndarray], Any]) -> "Surface":
+    def on(self, upload: Callable[[np.ndarray], Any]) -> "Surface":
         """The same with its tables as `Arithmetic.packet` takes them."""
         ...
 

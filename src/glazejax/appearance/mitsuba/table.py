@@ -217,7 +217,7 @@ def reflectance_factor(
     """Reflectance factor of the body at each wavelength of `at_point`; cosines in air, above 0."""
     a, b = (angle_at(ops, body, cosine) for cosine in (cos_in, cos_out))
     shapes = lookup.pair_sum(ops, body.pairs, a, b, body.angles, body.packets[0])
-    known = body.surface.known(ops, cos_in, cos_out)
+    known = body.surface.analytic_factor(ops, cos_in, cos_out)
     found = [_dots(ops, shapes, weights) * known for weights in here.pairs]
     if here.lines is not None and here.ground is not None:
         one, two = (lookup.line_sum(ops, body.lines, angle, body.packets[1]) for angle in (a, b))
@@ -245,7 +245,7 @@ def _compress(nodes: Nodes, ground: np.ndarray | None, mean_ground: float) -> Bo
     """Shapes and their weights, from the solver's nodes."""
     surface = nodes.surface
     n = nodes.cosines.size
-    known = surface.known(NUMPY, nodes.cosines[:, None], nodes.cosines) * np.ones((n, n))
+    known = surface.analytic_factor(NUMPY, nodes.cosines[:, None], nodes.cosines) * np.ones((n, n))
     exact = fold(nodes, ground)
     dim = fold(nodes, mean_ground if ground is None else ground)
     dim = dim.mean(axis=-2, keepdims=True)
@@ -275,7 +275,9 @@ def _compress(nodes: Nodes, ground: np.ndarray | None, mean_ground: float) -> Bo
     onto_sphere = lagrange(2.0 * surface.coordinate(NUMPY, cosines) - 1.0, n) * measure[:, None]
     # Without what it lets in, which is not straight between nodes where light grazes.
     steps = np.maximum(surface.cosine(np.linspace(0.0, 1.0, count)), _GRAZING)
-    rest = surface.known(NUMPY, steps[:, None], cosines) / surface.let_in(NUMPY, steps[:, None])
+    rest = surface.analytic_factor(NUMPY, steps[:, None], cosines) / surface.let_in(
+        NUMPY, steps[:, None]
+    )
     sphere = (rest * np.ones((count, cosines.size))) @ onto_sphere
     albedo = np.einsum("ai,aj,kij->ak", to_grid, sphere, squares)
     pairs = np.einsum("ai,bj,kij->abk", to_grid, to_grid, squares)
@@ -300,7 +302,7 @@ def fold(nodes: Nodes, ground: Any) -> Float[np.ndarray, "*nodes bands pairs"]:
     without a ground.
     """
     parts = nodes.parts(_extrema(nodes))
-    values = over(parts, 0.0 if ground is None else ground) / nodes.surface.known(
+    values = over(parts, 0.0 if ground is None else ground) / nodes.surface.analytic_factor(
         NUMPY, nodes.cosines[:, None], nodes.cosines
     )
     return values.reshape(*values.shape[:-2], -1)

@@ -226,13 +226,13 @@ class _Work:
         if self.scene.diffuse_bounces == 0:
             return
         if self.gathered is None:
-            self.gathered = self._nothing_gathered()
+            self.gathered = self._start_gathering()
         for k, tile in enumerate(tiles):
             self._report(start + (end - start) * k / len(tiles), "gathering light between surfaces")
             self.gathered.add(self._levels(tile))
         self.report.gathered = self.gathered.count
 
-    def _nothing_gathered(self) -> Gathered:
+    def _start_gathering(self) -> Gathered:
         scene = self.scene
         lights = jnp.asarray(scene.light_spectra(), jnp.result_type(float))
         around = Surroundings(
