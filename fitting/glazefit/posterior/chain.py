@@ -232,7 +232,7 @@ def run_chain(
         options: all but its number of walkers.
 
     Raises:
-        ValueError: too few walkers or steps, or a file whose chain is of another problem.
+        ValueError: a file whose chain is of another problem.
         FileExistsError: there is such a file, and neither `resume` nor `overwrite` was asked for.
         FileNotFoundError: `resume` was, and there is none.
     """
@@ -240,7 +240,6 @@ def run_chain(
     thin = options.thin
     path = None if options.path is None else Path(options.path)
     walkers, blocks, dims = start.shape
-    _check(steps, thin, walkers, dims)
     backend = (
         emcee.backends.Backend()
         if path is None
@@ -312,22 +311,6 @@ def read_chain(backend: Any, blocks: int, thin: int, interrupted: bool = False) 
         thin=thin,
         interrupted=interrupted,
     )
-
-
-def _check(steps: int, thin: int, walkers: int, dims: int) -> None:
-    least = 2 * dims + 2
-    if walkers < least or walkers % 2:
-        raise ValueError(
-            f"{walkers} walkers are not enough, or odd; take an even number of at least {least}, "
-            "such as 32"
-        )
-    if thin < 1:
-        raise ValueError(f"thin is {thin}; keep every step with 1, or every fifth with 5")
-    if steps < thin:
-        raise ValueError(
-            f"{steps} steps are fewer than one kept step ({thin}); ask for some thousands, such "
-            "as 4000"
-        )
 
 
 def _backend(

@@ -300,11 +300,6 @@ def sample(
     """Sample a problem from draws of its Laplace approximation at the modes found; with no steps
     that is all.
     """
-    if options.steps < 0:
-        raise ValueError(
-            f"{options.steps} steps were asked for; ask for some thousands, or for 0 to sample "
-            "nothing"
-        )
     approximate = laplace(problem, found, seed=options.seed)
     if options.steps == 0:
         return Posterior(problem, films, approximate, None)

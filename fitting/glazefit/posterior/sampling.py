@@ -37,6 +37,9 @@ class Sampling:
         resume: go on with the chain in it.
         overwrite: replace it.
         progress: called at each step that is kept.
+
+    Raises:
+        ValueError: numbers of steps, or of walkers, that make no chain.
     """
 
     steps: int = 5000
@@ -56,7 +59,37 @@ class Sampling:
                 stacklevel=4,
             )
             object.__setattr__(self, "progress", no_progress)
+        if self.steps < 0:
+            raise ValueError(
+                f"{self.steps} steps were asked for; ask for some thousands, or for 0 to sample "
+                "nothing"
+            )
+        if self.thin < 1:
+            raise ValueError(f"thin is {self.thin}; keep every step with 1, or every fifth with 5")
+        if 0 < self.steps < self.thin:
+            raise ValueError(
+                f"{self.steps} steps are fewer than one kept step ({self.thin}); ask for some "
+                "thousands, such as 4000"
+            )
+        if self.walkers is not None:
+            _check_walkers(self.walkers, 2)
 
     def walkers_for(self, dims: int) -> int:
-        """Walkers for so many unknowns."""
-        return max(_WALKERS, 2 * dims + 2) if self.walkers is None else self.walkers
+        """Walkers for so many unknowns.
+
+        Raises:
+            ValueError: too few were asked for.
+        """
+        least = 2 * dims + 2
+        if self.walkers is None:
+            return max(_WALKERS, least)
+        _check_walkers(self.walkers, least)
+        return self.walkers
+
+
+def _check_walkers(walkers: int, least: int) -> None:
+    if walkers < least or walkers % 2:
+        raise ValueError(
+            f"{walkers} walkers are not enough, or odd; take an even number of at least {least}, "
+            "such as 32"
+        )

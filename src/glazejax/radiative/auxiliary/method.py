@@ -17,9 +17,9 @@ _CHUNK_BYTES = 2**24
 class Auxiliary:
     """Shares no approximation with the default method; see `auxiliary.graded`."""
 
-    finest = 1e-8
-    slopes_at_index_one = False
-    splits = True
+    finest: float = 1e-8
+    slopes_at_index_one: bool = False
+    splits: bool = True
 
     def resolve(self, request: Request) -> tuple[Mesh, int]:
         """Mesh, and how many stacks go through at a time."""

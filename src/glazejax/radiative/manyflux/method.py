@@ -30,9 +30,9 @@ _CHUNK_BYTES = 2**20
 class ManyFlux:
     """Layer operators by doubling; see `manyflux.solve`."""
 
-    finest = 1e-10
-    slopes_at_index_one = False
-    splits = False
+    finest: float = 1e-10
+    slopes_at_index_one: bool = False
+    splits: bool = False
 
     def resolve(self, request: Request) -> tuple[Effort, int]:
         """Directions and doublings, and how many stacks go through at a time.

@@ -23,9 +23,9 @@ _LEAST_CHUNK = 16
 class Ordinates:
     """The default method; see `ordinates.solver`."""
 
-    finest = 1e-10
-    slopes_at_index_one = True
-    splits = True
+    finest: float = 1e-10
+    slopes_at_index_one: bool = True
+    splits: bool = True
 
     def resolve(self, request: Request) -> tuple[Resolution, int]:
         """Directions, and how many stacks go through at a time."""
