@@ -271,6 +271,7 @@ def _solve_sliced(
     def reflectance(count: int) -> Array:
         share = jnp.asarray(((np.arange(count)[:, None] + x) / count).ravel(), film.thickness.dtype)
 
+        # Mean k and s of each slice, by Gauss's rule in it.
         def mean(profile: Callable[[Array], Array]) -> Array:
             values = profile(share)
             return values.reshape(*values.shape[:-1], count, len(x)) @ jnp.asarray(w, values.dtype)
@@ -282,11 +283,13 @@ def _solve_sliced(
             solve(_albedo(k, s), depth, ground, tolerance=0.3 * tolerance, **others), film.batch
         )
 
+    # As many slices as samples, or a multiple, so that no slice holds a kink.
     parts = film.intervals or 1
     slices = parts * -(-_LEAST_SLICES // parts)
     rows = [[reflectance(slices)]]
     while True:
         slices *= 2
+        # Romberg's extrapolation: errors go with even powers of the slices' width.
         row = [reflectance(slices)]
         for order, before in enumerate(rows[-1]):
             row.append(row[-1] + (row[-1] - before) / (4.0 ** (order + 1) - 1.0))
@@ -320,6 +323,7 @@ def _solve_on_mesh(film: _Film, rest: dict[str, Any], tolerance: float) -> Array
     fixed = plain_number(rest["refractive_index"])
     index = concrete(rest["refractive_index"])
     lowest = 1.0 if index is None else float(np.min(index, initial=2.5))
+    # The whole optical thickness, which sets the mesh.
     share = jnp.linspace(0.0, 1.0, 257, dtype=dtype)
     total = jnp.mean(film.absorption(share) + film.scattering(share), axis=-1) * film.thickness
     known = concrete(total)
@@ -360,6 +364,7 @@ def _solve_on_mesh(film: _Film, rest: dict[str, Any], tolerance: float) -> Array
         )
         return out.reshape(film.batch)
 
+    # Panels are halved until the answer stays.
     halvings = 0
     before = reflectance(0) if known is not None else None
     while True:

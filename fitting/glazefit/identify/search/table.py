@@ -178,11 +178,13 @@ def film_table(
             _films(response, paints, _pieces(*kind, spaced=True)[0], kind[1], ground)
             for kind in kinds
         ]
+        # Many readings are projected to the components that films span.
         films = np.concatenate(batch) @ white.T
         middle = films.mean(axis=0)
         off = films - middle
         # The directions in which films differ most.
         project = np.linalg.eigh(off.T @ off)[1][:, : -COMPONENTS - 1 : -1].T
+    # All sets at all amounts, in components.
     whole = project @ white
     middle = project @ middle
     tables = []

@@ -360,9 +360,11 @@ def _fit(
                 return body.reshape(-1), body.reshape(-1)
 
             def look(unknowns: Array) -> tuple[Array, Array, Array, Array]:
+                # Whitened slopes, of what is free only.
                 slopes, readings = jax.jacfwd(read_film, has_aux=True)(unknowns)
                 slopes = white @ slopes * free
                 off = target - white @ readings
+                # A loose prior keeps unknowns that the spectrum does not fix.
                 pull = unknowns / _LOOSE**2
                 cost = 0.5 * off @ off + 0.5 * unknowns @ pull
                 return (

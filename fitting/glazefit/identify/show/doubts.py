@@ -146,6 +146,7 @@ def _ends(found: Identification, row: int, ranked: list[Candidate], first: Candi
         """Squared residual of each band, in units of what is expected."""
         return np.sum((candidate.residual / sd) ** 2, axis=0)
 
+    # Another candidate that fits the rest as well, and the whole much worse, hangs on this end.
     own = misses(first)
     out = []
     for what, end in (("first", slice(0, size)), ("last", slice(grid.size - size, None))):

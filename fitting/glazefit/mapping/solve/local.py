@@ -327,11 +327,13 @@ def _linear(
         )
         own = slopes_at(task, batch, weighed_films)
         near = slopes_at(task, batch, replace(films, logs=logs))
+    # Whitened slopes by the log amounts: k and s grow together with the amount.
     white = errors.basis[groups.of, 0]
     by = (own[:, :size] + own[:, size:]) * (sets != NOBODY)[..., None]
     gradient, prior = _prior_of(task, sets, weighed_films.logs)
     levers = np.einsum("nib,nmb->nmi", white, by)  # whitened slopes
     data = levers @ np.swapaxes(levers, 1, 2)
+    # Gauss-Newton: how the amounts move with the readings, and what of a change they follow.
     gain = np.linalg.solve(data + _prior_curvature(gradient, prior), levers @ white)
     moved = np.einsum("nmi,nmb->nib", levers, gain)
     target = task.target(batch.readings)[row]
@@ -340,11 +342,13 @@ def _linear(
     residual = target - (
         readings - _surface(seen, pool, row, place) if stack else weighed_films.readings
     )
+    # Curvature of the data over that of the prior, for the evidence.
     root = np.linalg.inv(np.linalg.cholesky(prior))
     ratios = np.maximum(np.linalg.eigvalsh(root @ data @ np.swapaxes(root, 1, 2)), 0.0)
     if stack:
         shown = gain
     else:
+        # What is shown is fitted with errors of its own: how near it comes to each reading.
         close = near_errors(task, batch).basis[row, 0]
         by_near = (near[:, :size] + near[:, size:]) * (sets != NOBODY)[..., None]
         held = _prior_curvature(*_prior_of(task, sets, logs))
@@ -353,6 +357,7 @@ def _linear(
         by = by_near
     eye = np.eye(readings.shape[1])
     nuisance = NuisanceMode.of(task, batch)
+    # How the reading that is shown moves: the body, and the surface that takes what is left.
     body = np.einsum("nma,nmb->nab", by, shown)
     missed = eye - body
     surface = (np.swapaxes(nuisance.shapes, 1, 2) @ nuisance.found)[row]

@@ -88,6 +88,7 @@ def map_task(
             else "what is under the paint? Give ground, its internal reflectance such as 0.9, or "
             "opaque=True for films that hide it"
         )
+    # The image, of which only shape and wavelengths are known so far.
     source = CubeSource(Path(cube)) if isinstance(cube, str | Path) else cube
     array = source.open() if isinstance(source, CubeSource) else _check_image(source)
     shape: tuple[int, int] = (array.shape[0], array.shape[1])
@@ -96,6 +97,7 @@ def map_task(
     if use is not None and np.shape(use) != shape:
         raise ValueError(f"the mask has {_pixels(np.shape(use))}, the image {_pixels(shape)}")
     use = None if use is None else np.asarray(use, bool)
+    # What is expected, with paints taken from spots beside those of the catalogue.
     seen_by = resolve_instrument(instrument)
     expected = prior or Prior()
     errors = discrepancy or BETWEEN_FILMS
@@ -105,6 +107,7 @@ def map_task(
         spot_pigment(name, stored, spectrum, given, seen_by)
         for name, spectrum in (spots or {}).items()
     ]
+    # The search, in the bands that the image is averaged to.
     bands = WorkingBands.of(stored, known)
     searcher = Searcher.of(
         bands.wavelengths,
@@ -119,6 +122,7 @@ def map_task(
         opaque=opaque,
     )
     below = None if ground is None else _ground(ground, bands, stored)
+    # All that decides what a pixel's answer is: a map goes on only where these are the same.
     options = {
         "version": _VERSION,
         "image": _identity(source, array),

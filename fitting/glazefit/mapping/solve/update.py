@@ -108,10 +108,12 @@ class Updater:
         local = self.local
         count = self.count
         moved = readings - self.reading
+        # All that is linear in the change of the reading, in one product.
         every = moved @ self.by
         off, logs, seen, left = (
             part.reshape(len(moved), count, -1) for part in np.split(every, self.ends, axis=1)
         )
+        # Weights of the candidates at the new reading, and their odds.
         met = log_weight_gain(local, local.off + off, np.clip(logs, -_FAR, _FAR))
         weight = local.log_weight + moved @ local.weight_by.T + met
         distance = (

@@ -133,18 +133,22 @@ def _one_albedo(mu: float, alpha: float, index: float | None) -> float:
     # The lobe is even in the azimuth: half of it is enough.
     turn = np.pi * (np.arange(_NORMALS) + 0.5) / _NORMALS
     sine = np.sqrt(1.0 - mu**2)
+    # The viewing direction where the ellipsoid of facets is stretched to a hemisphere.
     stretched = np.hypot(alpha * sine, mu)
     view_x = alpha * sine / stretched
     view_z = mu / stretched
+    # Points of the spherical cap; each plus the view is a visible normal, on the hemisphere.
     z = (1.0 - share) * (1.0 + view_z) - view_z
     ring = np.sqrt(np.maximum(0.0, 1.0 - z**2))
     x = ring[:, None] * np.cos(turn) + view_x
     y = ring[:, None] * np.sin(turn)
     height = z[:, None] + view_z
+    # Back to facets of the surface, of unit length.
     x = alpha * x
     y = alpha * y
     length = np.sqrt(x**2 + y**2 + height**2)
     facing = np.clip((x * sine + height * mu) / length, 1e-9, 1.0)
+    # Cosine of where each facet sends the light; below the horizon it is lost.
     out = 2.0 * facing * height / length - mu
     seen = np.where(
         out > 0,
@@ -152,6 +156,7 @@ def _one_albedo(mu: float, alpha: float, index: float | None) -> float:
         0.0,
     )
     seen = seen / _one_seen(mu, alpha)
+    # With Fresnel's reflectance, and what is reflected again between facets.
     if index is not None:
         fresnel = np.asarray(dielectric_reflectance(facing, index))
         kept = _one_albedo(mu, alpha, None)

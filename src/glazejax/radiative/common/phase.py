@@ -107,8 +107,10 @@ def tabulated(cosines: Numbers, values: Numbers, terms: int = 64) -> Float[Array
     y, w = np.polynomial.legendre.leggauss(terms // 2 + 2)
     at = 0.5 * (x[1:] + x[:-1])[:, None] + 0.5 * np.diff(x)[:, None] * y
     weight = 0.5 * np.diff(x)[:, None] * w
+    # The function on the nodes, straight between its points.
     share = 0.5 * (1.0 + y)
     piece = p[..., :-1, None] * (1.0 - share) + p[..., 1:, None] * share
+    # Its moments; the zeroth is all the light, which makes it one.
     polynomials = np.polynomial.legendre.legvander(at, terms - 1)
     moments = np.einsum("...pk,pk,pkl->...l", piece, weight, polynomials)
     if not np.all(moments[..., 0] > 0):

@@ -68,6 +68,7 @@ def _fewest(tolerance: float, index: float, grazing: float | None) -> Resolution
     share = _SHARE_NEAR_ONE if index < NEAR_ONE else _SHARE_HIGH if index > HIGH else _SHARE
     share *= 1.0 if grazing is None else _SHARE_SLANTED
     wanted = share * tolerance
+    # What a rule is judged by: sums that a far finer rule gives.
     exact = flux_sums(fine_half_range(index, 6.0))
     offsets = _CROWDING_OFFSETS
     error = functools.partial(flux_error, exact=exact)
@@ -80,6 +81,7 @@ def _fewest(tolerance: float, index: float, grazing: float | None) -> Resolution
             return max(flux_error(rule, exact), share / _SHARE_GRAZING * float(between))
 
     for count in range(max(2, int(-1.2 * np.log10(wanted)) - 1), _MOST_NODES + 1):
+        # Nodes inside and outside of the cone, and how they crowd at grazing angles.
         usual = max(1.95 * np.sqrt(count) - 2.0, 0.6)
         if grazing is not None:
             offsets = np.arange(-0.6, max(0.0, -math.log(grazing) - usual) + 1.0, 0.3).tolist()

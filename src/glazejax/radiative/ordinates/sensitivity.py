@@ -214,9 +214,11 @@ def split(stack: Stack, resolution: Resolution) -> Split:
     depth = jnp.concatenate([jnp.zeros_like(thickness[:1]), jnp.cumsum(thickness, axis=0)])[
         ..., None
     ]
+    # From the ground straight out, through all layers.
     passing = weights * mu * (1.0 - r)
     up = 0.5 * ends.ground_factor * lit
     ground = system.factor * up * jnp.sum(passing * jnp.exp(-depth[-1] / mu), axis=-1)
+    # What one scattering sends up, seen through the layers above it.
     seen = (
         jnp.exp(-depth[:-1] / mu)
         / mu

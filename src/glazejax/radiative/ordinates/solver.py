@@ -107,9 +107,11 @@ def assemble(stack: Stack, resolution: Resolution | Directions) -> System:
     """The discretised problem of each stack; directions that are given may be traced."""
     n = stack.refractive_index
     directions = resolution if isinstance(resolution, Directions) else half_range(n, resolution)
+    # Layers in pairs from the ends inwards, as they are eliminated.
     layers, mirrored, _ = order(stack.albedo.shape[1])
     albedo = stack.albedo.T[layers]
     thickness = stack.optical_thickness.T[layers]
+    # Each layer by its modes, and what the beams excite in them, is a two-port.
     modes = layer_modes(albedo, directions.cosines, directions.weights)
     beams = _beams(stack, layers)
     ports = two_ports(albedo, modes.decay_squared, modes.coupling, thickness, beams, mirrored)
@@ -128,6 +130,7 @@ def assemble(stack: Stack, resolution: Resolution | Directions) -> System:
         interface_load = jnp.zeros((thickness.shape[1], 2, root.shape[-1]), root.dtype)
         both = beams.transmittance * beams.decay
         factor = both[0] * both[1] / (4.0 * n**2)
+    # A Lambertian ground couples all directions by one vector.
     ground_factor = 4.0 * stack.ground / (1.0 + stack.ground)
     ends = Ends(
         interface=(1.0 - r) / ((1.0 + r) * mu),
@@ -314,6 +317,8 @@ def solve(system: System, *, with_fields: bool) -> tuple[Array, SolvedFields | N
     count = system.thickness.shape[0]
     pairs = count // 2
     ends = system.ends
+    # What comes back with sigma zero at all faces: each layer's own part, and the beam's off the
+    # ground.
     total = jnp.sum(system.ports.direct, axis=0)
     total += ends.ground_factor * ends.ground_light[:, 0] * ends.ground_light[:, 1]
 
@@ -344,16 +349,19 @@ def solve(system: System, *, with_fields: bool) -> tuple[Array, SolvedFields | N
             interface += ends.coupled
         lower = half
         upper = _Half(interface[None], ends.interface_load[None])
+    # The middle layer of an odd number goes to the lower half.
     if pairs and count % 2:
         last = _at(layers, count - 1)
         lower, gain, memory = _eliminate(*_next(lower, last), last)
         middle = (last, memory)
         total += gain
+    # Both halves meet at one face: sigma there makes their fluxes equal.
     source = (lower.source + upper.source)[0]
     sigma = product(source, inverse_positive((lower.impedance + upper.impedance)[0]))
     reflectance = system.factor * (total + jnp.sum(sigma[:, 0] * source[:, 1], axis=-1))
     if not with_fields:
         return reflectance, None
+    # The way back: from the middle outwards, each step recovers the fields that it eliminated.
     parts = []
     faces = jnp.stack([sigma, sigma]) if pairs else sigma[None]
     if middle is not None:

@@ -88,6 +88,7 @@ def _facets(
     sine = np.sqrt((1.0 - cosine) * (1.0 + cosine))
     a2 = roughness**2
     rise = 1.0 - roughness**2
+    # The beam as it meets the hemisphere that facets become when stretched.
     slope = np.arctan2(roughness * sine, cosine)
     # The horizon, 2 (i.m) m_z = c; then the critical angle, (i.m)^2 = critical^2.
     lines = [
@@ -105,6 +106,7 @@ def _facets(
                 2.0 * k2 * a2 + 0.0 * cosine,
             )
         )
+    # Rules in both angles, divided where a line crosses.
     psi, psi_weights = _divided_rule(
         [_last_psi(*line) for line in lines], 0.0 * cosine, 0.5 * np.pi, nodes[0]
     )
@@ -114,10 +116,12 @@ def _facets(
         for edge in _crossings(psi, slope[:, None], *(x[:, None] for x in line))
     ]
     omega, omega_weights = _divided_rule(breaks, slope[:, None] + 0.0 * psi, np.pi, nodes[1])
+    # The share of the beam that meets each facet.
     share = (
         omega_weights * np.sin(omega - slope[:, None, None]) / (1.0 + np.cos(slope))[:, None, None]
     )
     share *= (psi_weights * np.cos(psi) ** 2 * 4.0 / np.pi)[..., None]
+    # Normals, shrunk back and of unit length.
     along = -roughness * np.cos(psi)[..., None] * np.cos(omega)
     up = np.cos(psi)[..., None] * np.sin(omega)
     length = np.sqrt(along**2 + (roughness * np.sin(psi)[..., None]) ** 2 + up**2)

@@ -82,6 +82,7 @@ class Operators(NamedTuple):
 def operators(index: float, roughness: float, size: Size) -> Operators:
     """The surface of one index and roughness."""
     nodes = basis(index, size)
+    # A smooth surface reflects each direction into itself.
     if roughness == 0.0:
         fine = fine_half_range(index, _CROWDING)
         phi = nodes.values(fine.cosines)
@@ -95,13 +96,16 @@ def operators(index: float, roughness: float, size: Size) -> Operators:
             table=None,
             constant=0.0,
         )
+    # Facets that reflect or let through once, from inside and from air.
     single = _single_back(index, roughness, nodes)
     turn = turning_point(index, roughness)
     outside, fluxes = air_rule(turn, size.incidence)
     entering, lost = _single_entering(index, roughness, nodes, outside)
+    # Single facets lose light between them; what is missing on each side ...
     whole = _integrals(nodes)
     missing = whole - single.sum(axis=0) - fluxes @ entering / index**2
     constant = max(float(fluxes @ lost + index**2 * missing.sum()), _LEAST_CONSTANT)
+    # ... comes back by a lobe that is its own product, so that reciprocity and energy hold.
     share = index**2 / constant
     back = single + share * np.outer(missing, missing)
     enters = entering + share * lost[:, None] * missing

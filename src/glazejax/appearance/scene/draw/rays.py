@@ -100,16 +100,19 @@ def _meet(
     """
     found = jnp.isfinite(hit.distance)
     seen = surface(geometry, hit, origin, direction)
+    # A step off the face, so that the next ray does not meet it again.
     clearance = jnp.asarray(geometry.clearance, origin.dtype)
     here = origin + jnp.where(found, hit.distance, 0.0)[:, None] * direction + clearance * seen.face
     cos_view = jnp.clip(-jnp.sum(seen.normal * direction, axis=-1), 0.0, 1.0)
     lights = []
     for k, is_point in enumerate(point):
+        # A point light lies at a place, a parallel one in a direction.
         away = place[k] - here if is_point else jnp.broadcast_to(place[k], here.shape)
         square = jnp.sum(away**2, axis=-1)
         distance = jnp.sqrt(jnp.where(square > 0, square, 1.0))
         towards = away / distance[:, None]
         cosine = jnp.clip(jnp.sum(seen.normal * towards, axis=-1), -1.0, 1.0)
+        # A light behind the smooth normal or behind the face itself gives nothing.
         lit = found & (square > 0) & (cosine > 0) & (jnp.sum(seen.face * towards, axis=-1) > 0)
         strength = jnp.where(lit, 1.0 / distance**2 if is_point else 1.0, 0.0)
         between = jnp.clip(-jnp.sum(direction * towards, axis=-1), -1.0, 1.0)
@@ -122,6 +125,7 @@ def _meet(
                 jnp.where(lit, distance if is_point else jnp.inf, -1.0),
             )
         )
+    # The mirror's direction.
     onward = direction + 2.0 * cos_view[:, None] * seen.normal
     # A smooth normal may send a ray into the face.
     into = jnp.sum(onward * seen.face, axis=-1)

@@ -123,6 +123,7 @@ class TriangleCaster:
         )
         start = np.maximum(middle - half, 0.0)
         going = np.flatnonzero((half > 0) & (middle + half > 0) & (start < limit))
+        # What is found but does not lie ahead is where the ray comes from: start farther on.
         step = _STEP * self._radius
         while going.size:
             found = self._engine.intersects_first(
