@@ -266,7 +266,7 @@ def _check_range(name: str, values: Numbers, axis: Axis | Mirrored) -> None:
 def _interpolate(axes: tuple, coefficients: Array, columns: tuple[Array, ...]) -> Array:
     """Values (points, channels) at columns (points,)."""
     return _in_pieces(
-        lambda *some: (_values(axes, coefficients, some, jnp),), coefficients, columns
+        lambda *points: (_values(axes, coefficients, points, jnp),), coefficients, columns
     )[0]
 
 
@@ -275,15 +275,15 @@ def _interpolate_jvp(axes: tuple, primals, tangents):
     (coefficients, columns), (d_coefficients, d_columns) = primals, tangents
     moved = [k for k, change in enumerate(d_columns) if not isinstance(change, SymbolicZero)]
 
-    def with_slopes(*some: Array) -> tuple[Array, ...]:
-        value = _values(axes, coefficients, some, jnp)
+    def with_slopes(*points: Array) -> tuple[Array, ...]:
+        value = _values(axes, coefficients, points, jnp)
         slopes = []
         for k in moved:
 
             def along(column: Array, k: int = k) -> Array:
-                return _values(axes, coefficients, (*some[:k], column, *some[k + 1 :]), jnp)
+                return _values(axes, coefficients, (*points[:k], column, *points[k + 1 :]), jnp)
 
-            slopes.append(jax.jvp(along, (some[k],), (jnp.ones_like(some[k]),))[1])
+            slopes.append(jax.jvp(along, (points[k],), (jnp.ones_like(points[k]),))[1])
         return value, *slopes
 
     value, *slopes = _in_pieces(with_slopes, coefficients, columns)
@@ -314,7 +314,7 @@ def _in_pieces(function: Callable, coefficients: Array, columns: tuple[Array, ..
         jnp.pad(c, (0, -count % pieces), mode="edge").reshape(pieces, -1) for c in columns
     )
     # Points last until the end: a row of three channels is shorter than the processor's vectors.
-    out = jax.lax.map(lambda some: function(*some), padded)
+    out = jax.lax.map(lambda points: function(*points), padded)
     return [jnp.swapaxes(values, 1, 2).reshape(-1, values.shape[1])[:count] for values in out]
 
 

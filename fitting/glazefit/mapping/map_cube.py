@@ -297,11 +297,11 @@ class _Pieces:
 
     def __call__(self, key: str) -> dict[str, np.ndarray]:
         first = int(key.rpartition("-")[2]) * _PIECE
-        some = self.readings[first : first + _PIECE]
+        batch = self.readings[first : first + _PIECE]
         task = self.task
         with one_thread_each():
             return search_locally(
-                task.searcher, some, task.image.noise_sd(some), task.ground
+                task.searcher, batch, task.image.noise_sd(batch), task.ground
             ).arrays()
 
 

@@ -99,8 +99,8 @@ def inference_data(
     flat = free.reshape(-1, *free.shape[2:])
     likelihood = problem.log_likelihood(flat).reshape(free.shape[:3])
     total = problem.log_probability(flat).reshape(free.shape[:3])
-    some = flat[:: max(1, len(flat) // _SPECTRA)]
-    spectra = problem.readings(some)[None]
+    spaced = flat[:: max(1, len(flat) // _SPECTRA)]
+    spectra = problem.readings(spaced)[None]
     reading_dims = ["wavelength", "ground"] if bands else ["film", "wavelength", "ground"]
 
     def each(what: str) -> np.ndarray:

@@ -139,10 +139,10 @@ def open_above(problem: Problem, free: Float[np.ndarray, "draws blocks dims"]) -
         problem: of films of known paints.
         free: draws of the free unknowns.
     """
-    some = free[:: max(1, len(free) // _TRIED)]
-    thicker = some.copy()
+    draws = free[:: max(1, len(free) // _TRIED)]
+    thicker = draws.copy()
     thicker[..., problem.unknowns.index("thickness")] += np.log(_THICKER)
-    lost = np.mean(problem.log_likelihood(some) - problem.log_likelihood(thicker), axis=0)
+    lost = np.mean(problem.log_likelihood(draws) - problem.log_likelihood(thicker), axis=0)
     return [
         f"{film + ': ' if len(problem.blocks) > 1 else ''}thickness is open above: a film "
         f"{_THICKER:g} times as thick "
@@ -261,14 +261,14 @@ def _compare_with_prior(
 
 
 def _open_directions(
-    free: Float[np.ndarray, "draws dims"], problem: Problem, some: Sequence[int]
+    free: Float[np.ndarray, "draws dims"], problem: Problem, columns: Sequence[int]
 ) -> list[str]:
     """Open directions of several of these unknowns, and unknowns that move together."""
-    if not some:
+    if not columns:
         return []
-    names = [problem.unknowns[i] for i in some]
-    prior = problem.prior_covariance[np.ix_(some, some)]
-    shares, vectors, correlation = directions(free[:, None, some], prior)
+    names = [problem.unknowns[i] for i in columns]
+    prior = problem.prior_covariance[np.ix_(columns, columns)]
+    shares, vectors, correlation = directions(free[:, None, columns], prior)
     open_ = [(s, v, _parts(v)) for s, v in zip(shares[0], vectors[0], strict=True) if s >= OPEN]
     # Those of one unknown are said of each by itself.
     return [

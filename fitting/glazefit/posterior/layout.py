@@ -64,8 +64,8 @@ class Layout:
         ratios = []
         thickness = []
         at = 0
-        for size, some, thick in zip(self.sizes, self.fractions, self.thickness, strict=True):
-            count = size - 1 if some else 0
+        for size, sought, thick in zip(self.sizes, self.fractions, self.thickness, strict=True):
+            count = size - 1 if sought else 0
             ratios.append(slice(at, at + count))
             at += count
             thickness.append(at if thick else None)
@@ -83,7 +83,9 @@ class Layout:
     @property
     def prior_rows(self) -> int:
         """Residuals of the prior."""
-        shares = sum(size for size, some in zip(self.sizes, self.fractions, strict=True) if some)
+        shares = sum(
+            size for size, sought in zip(self.sizes, self.fractions, strict=True) if sought
+        )
         return shares + sum(self.thickness) + sum(self.modes) + self.gloss + 1
 
 

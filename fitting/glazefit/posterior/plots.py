@@ -199,9 +199,9 @@ def _spectra_of_film(posterior: Posterior, path: str | Path) -> None:
     film = posterior.films[0]
     grid = posterior.films[0].wavelengths
     flat = posterior.free.reshape(-1, *posterior.free.shape[2:])
-    some = flat[:: max(1, len(flat) // 400)]
-    low, middle, high = np.quantile(posterior.problem.readings(some)[:, 0], LEVELS, axis=0)
-    allowed = _reading_sd(posterior, some)
+    draws = flat[:: max(1, len(flat) // 400)]
+    low, middle, high = np.quantile(posterior.problem.readings(draws)[:, 0], LEVELS, axis=0)
+    allowed = _reading_sd(posterior, draws)
     with picture(path, 11, 4.4) as figure:
         spectra, residuals = figure.subplots(1, 2)
         for g, ground in enumerate(film.grounds):

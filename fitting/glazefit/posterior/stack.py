@@ -142,8 +142,8 @@ class StackResiduals:
         root = jnp.exp(free[places.error]) * data.spread
         misfit = data.whiten @ (data.reading - mean).reshape(-1) / jnp.sqrt(1.0 + root**2)
         parts = [misfit, root_of_log1p(root)]
-        for n, some in enumerate(layout.fractions):
-            if some:
+        for n, sought in enumerate(layout.fractions):
+            if sought:
                 parts.append(
                     jnp.sqrt(
                         -2.0
@@ -185,8 +185,10 @@ def pose_stack(
     grid = films[0].wavelengths
     stacks = [[coat.on(grid) for coat in stack] for stack in coats]
     first = stacks[0]
-    some = any(coat.unknown for coat in first)
-    modes = spectra.modes(grid) if some else (np.zeros((grid.size, 0)), np.zeros((grid.size, 0)))
+    any_unknown = any(coat.unknown for coat in first)
+    modes = (
+        spectra.modes(grid) if any_unknown else (np.zeros((grid.size, 0)), np.zeros((grid.size, 0)))
+    )
     layout = Layout(
         sizes=tuple(len(coat.paints) for coat in first),
         fractions=tuple(coat.open_fractions for coat in first),

@@ -230,10 +230,10 @@ def round_recipes(
     """
     low, high = np.exp(np.asarray(model.span)).tolist()
     options = [roundings(one.sizes, (low, high)) for _, one in chosen]
-    owner = np.repeat(np.arange(len(chosen)), [len(some) for some in options])
+    owner = np.repeat(np.arange(len(chosen)), [len(tries) for tries in options])
     targets = np.array([target for target, _ in chosen])[owner]
     flat = Stacks.before_refinement(
-        pack_coats(np.stack([sizes for some in options for sizes in some])),
+        pack_coats(np.stack([sizes for tries in options for sizes in tries])),
         targets,
         np.zeros(len(targets)),
     )

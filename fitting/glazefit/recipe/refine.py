@@ -59,12 +59,12 @@ def refine(model: StackModel, aims: TargetArrays, stacks: Stacks, slots: int) ->
     done = []
     for first in range(0, stacks.size, _CHUNK):
         rows = np.arange(first, first + _CHUNK).clip(max=stacks.size - 1)
-        some = Slots(*(values[rows] for values in places))
+        batch = Slots(*(values[rows] for values in places))
         # Each candidate carries its target, so that the program does not depend on how many there
         # are.
         at = stacks.target[rows]
         aim = TargetArrays(*(values[at] for values in known))
-        solved = _solve(model, some, starts[rows], aim, coats=stacks.sizes.shape[1])
+        solved = _solve(model, batch, starts[rows], aim, coats=stacks.sizes.shape[1])
         done.append([np.asarray(values)[: stacks.size - first] for values in solved])
     amount, cost, settled = (np.concatenate(values) for values in zip(*done, strict=True))
     sizes = empty_slots(places, amount, stacks.sizes.shape[2])

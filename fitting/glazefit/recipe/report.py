@@ -215,7 +215,7 @@ def all_if_mixed(found: Sequence[Sequence[Recipe]]) -> str:
     """A sentence on what mixing would gain for many targets."""
     here = [min(recipe.distance for recipe in recipes) for recipes in found]
     mixed = [recipes[0].mixed.distance for recipes in found if recipes[0].mixed is not None]
-    reached = [sum(distance < IN_GAMUT for distance in some) for some in (mixed, here)]
+    reached = [sum(distance < IN_GAMUT for distance in distances) for distances in (mixed, here)]
     return (
         f"Mixed within a coat: ΔE00 {np.median(mixed):.2f} instead of {np.median(here):.2f} in "
         f"the median, and {reached[0]} instead of {reached[1]} of {len(found)} targets within a "

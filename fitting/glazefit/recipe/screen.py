@@ -165,10 +165,10 @@ def screen(
     count = min(max_paints, MOST_SCREENED, model.absorption.shape[0]) if mixed else 1
     coats = {n: _coats(model, n, seed) for n in range(1, count + 1)}
     found = []
-    for some, (cost, best) in zip(
+    for batch, (cost, best) in zip(
         coats.values(), _of_one_coat(model, aims, list(coats.values())), strict=True
     ):
-        found.append(_one_coat_stacks(model, some, cost, best, keep, max_coats))
+        found.append(_one_coat_stacks(model, batch, cost, best, keep, max_coats))
     for n in coats if max_coats >= 2 else ():
         # The wide grid of three paints in a coat is for single coats. What lies below goes in one
         # program.
@@ -212,8 +212,8 @@ def _of_one_coat(
     total = len(everything.paints)
     for first in range(0, total, _SETS):
         rows = np.arange(first, first + _SETS).clip(max=total - 1)
-        some = _one_coat(model, aims, _Coats(*(values[rows] for values in everything)))
-        done.append([np.array(values)[: total - first] for values in some])
+        scores = _one_coat(model, aims, _Coats(*(values[rows] for values in everything)))
+        done.append([np.array(values)[: total - first] for values in scores])
     cost, best = (np.concatenate(values) for values in zip(*done, strict=True))
     ends = np.cumsum([len(coats.paints) for coats in kinds])[:-1]
     return list(zip(np.split(cost, ends), np.split(best, ends), strict=True))

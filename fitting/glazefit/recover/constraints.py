@@ -192,11 +192,11 @@ def _paint_modes(
             if stated and len({len(modes) for modes in own.values()}) == 1
             else [{c: group[c]} for c in own]
         )
-        for some in together:
-            modes = np.stack([own[column] for column in some], axis=1)
+        for columns in together:
+            modes = np.stack([own[column] for column in columns], axis=1)
             kept = np.flatnonzero(np.abs(modes).max(axis=(1, 2, 3)) > 0)
             block = np.zeros((kept.size, bands, 2 * paints))
-            for place, (column, paint) in enumerate(some.items()):
+            for place, (column, paint) in enumerate(columns.items()):
                 block[:, :, column], block[:, :, paints + column] = np.moveaxis(
                     modes[kept, place], 1, 0
                 )

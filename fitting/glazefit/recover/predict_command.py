@@ -219,7 +219,9 @@ def _say_reading(
         if film.opaque[0]
         else format_length(float(f"{found.thickness[0] * UNIT:.3g}"))
     )
-    first, then = (np.mean([p.expected_error(*eye) for p in some]) for some in (before, made))
+    first, then = (
+        np.mean([p.expected_error(*eye) for p in predictions]) for predictions in (before, made)
+    )
     console.print(
         f"Reading {film.names[0]}: met to ΔE00 {fit.mean():.2f}; thickness {thick}, on the scale "
         f"of these paints. Expected error of the films below: ΔE00 {first:.1f} without the "

@@ -48,12 +48,12 @@ def read_sample(text: str, *, folder: str | Path = "", argument: str = "") -> Sp
             f"{lead}{text!r} is neither a number from 0 to 1, such as 0.9, nor a file"
         )
     table = read_spectra(path)
-    some = ", ".join(table.names[:6]) + (", ..." if len(table) > 6 else "")
+    names = ", ".join(table.names[:6]) + (", ..." if len(table) > 6 else "")
     if not sample and len(table) > 1:
         raise ValueError(
             f"{lead}{path} holds {len(table)} spectra: choose one, as "
             f"{text.rstrip(':')}:{table.names[0]} "
-            f"(there are {some})"
+            f"(there are {names})"
         )
     if sample and sample not in table.names:
         raise ValueError(

@@ -66,7 +66,7 @@ def doubts(stack: Stack) -> list[str]:
     return found
 
 
-def swatches(engine: Engine, some: Sequence[Pigment]) -> dict[str, Float[np.ndarray, "..."]]:
+def swatches(engine: Engine, paints: Sequence[Pigment]) -> dict[str, Float[np.ndarray, "..."]]:
     """8-bit sRGB under D65 of paints on one grid: thick, and a thin glaze over white, at 45:0.
 
     Returns:
@@ -74,16 +74,16 @@ def swatches(engine: Engine, some: Sequence[Pigment]) -> dict[str, Float[np.ndar
 
     The program is that of stacks of three coats, so that nothing more is compiled.
     """
-    grid = some[0].wavelengths
+    grid = paints[0].wavelengths
     weights = colour.colour_weights(grid)
     key = (_SIZE, padded_size(grid.size), False)
     rows = rows_of(_SIZE)
     columns = np.minimum(np.arange(key[1]), grid.size - 1)
     most = rows // 2
-    found = np.zeros((2, len(some), 3))
-    outside = np.zeros((len(some), 2))
-    for at in range(0, len(some), most):
-        chosen = some[at : at + most]
+    found = np.zeros((2, len(paints), 3))
+    outside = np.zeros((len(paints), 2))
+    for at in range(0, len(paints), most):
+        chosen = paints[at : at + most]
         both = np.zeros((2, rows, key[1], _SIZE))
         depth = np.zeros((rows, _SIZE))
         for i, paint in enumerate(chosen):
@@ -107,10 +107,10 @@ def swatches(engine: Engine, some: Sequence[Pigment]) -> dict[str, Float[np.ndar
     return {"thick": found[0], "thin": found[1], "outside": outside}
 
 
-def by_grid(some: Mapping[str, Pigment]) -> list[dict[str, Pigment]]:
+def by_grid(paints: Mapping[str, Pigment]) -> list[dict[str, Pigment]]:
     """Paints that share their wavelengths, together."""
     groups: list[dict[str, Pigment]] = []
-    for name, paint in some.items():
+    for name, paint in paints.items():
         for group in groups:
             if same_grid(next(iter(group.values())).wavelengths, paint.wavelengths):
                 group[name] = paint

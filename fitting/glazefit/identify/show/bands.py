@@ -115,8 +115,8 @@ def _slopes(
     if (coats > 0).any():
         optics = Optics.of(instrument.geometry, instrument.refractive_index)
         # Few sizes, so that little is compiled.
-        some = np.resize(np.arange(len(found)), padded_size(len(found)) if len(found) > 1 else 1)
-        films = (jnp.asarray(a[some]) for a in (sets, coats, logs, ground))
+        rows = np.resize(np.arange(len(found)), padded_size(len(found)) if len(found) > 1 else 1)
+        films = (jnp.asarray(a[rows]) for a in (sets, coats, logs, ground))
         stacks = np.asarray(stack_slopes(paints, *films, optics))[: len(found)]
         stacked = np.any(coats > 0, axis=-1, keepdims=True)
         slopes = np.where(np.asarray(stacked)[..., None], stacks, slopes)

@@ -114,11 +114,11 @@ def _head(record: Record) -> str:
     out = facts_html(facts)
     if record["not_done"]:
         left = record["not_done"]
-        some = ", ".join(left[:12]) + (f" and {len(left) - 12} more" if len(left) > 12 else "")
+        names = ", ".join(left[:12]) + (f" and {len(left) - 12} more" if len(left) > 12 else "")
         out += (
             f'<p class="warn"><strong>Interrupted.</strong> {count} of {count + len(left)} spots '
             "were finished. "
-            f"Not done: {escape(some)}.</p>\n"
+            f"Not done: {escape(names)}.</p>\n"
         )
     return out
 

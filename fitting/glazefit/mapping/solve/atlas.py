@@ -51,10 +51,12 @@ class Atlas:
         groups = list(zip(used.tolist(), np.split(order, first[1:]), strict=True))
         ends = np.searchsorted(self.known.local.row, np.arange(len(self.centres) + 1))
 
-        def some(pairs: list[tuple[int, np.ndarray]]) -> None:
+        def answer_groups(pairs: list[tuple[int, np.ndarray]]) -> None:
             for number, rows in pairs:
                 own = Updater(self.known, number, slice(ends[number], ends[number + 1]), self.prior)
                 found.put(rows, own.answers(readings[rows]))
 
-        in_threads(some, [groups[n : n + _TOGETHER] for n in range(0, len(groups), _TOGETHER)])
+        in_threads(
+            answer_groups, [groups[n : n + _TOGETHER] for n in range(0, len(groups), _TOGETHER)]
+        )
         return found, apart

@@ -62,13 +62,13 @@ def nearest(
     turned = np.ascontiguousarray(centres.T)
 
     def find(start: int) -> None:
-        some = features[start : start + _AT_A_TIME]
-        closeness = some @ turned
+        batch = features[start : start + _AT_A_TIME]
+        closeness = batch @ turned
         closeness -= half
         best = np.argmax(closeness, axis=1)
-        which[start : start + len(some)] = best
-        rest = np.sum(some**2, axis=1) - 2.0 * closeness[np.arange(len(some)), best]
-        apart[start : start + len(some)] = np.sqrt(np.maximum(rest, 0.0))
+        which[start : start + len(batch)] = best
+        rest = np.sum(batch**2, axis=1) - 2.0 * closeness[np.arange(len(batch)), best]
+        apart[start : start + len(batch)] = np.sqrt(np.maximum(rest, 0.0))
 
     in_threads(find, range(0, len(features), _AT_A_TIME))
     return which, apart

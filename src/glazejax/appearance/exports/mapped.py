@@ -131,11 +131,11 @@ def mapped_colours(
     tolerance = min(1e-3, _SOLVER * delta_e)
     computed = 0
 
-    def mean_xyz(some: Float[np.ndarray, "some kinds"]) -> Float[np.ndarray, "some means xyz"]:
+    def mean_xyz(batch: Float[np.ndarray, "some kinds"]) -> Float[np.ndarray, "some means xyz"]:
         """XYZ of all means."""
         nonlocal computed
-        computed += len(some)
-        spectra = pair_spectra(inner.at(some), means.cos_in, means.cos_out, roughness, tolerance)
+        computed += len(batch)
+        spectra = pair_spectra(inner.at(batch), means.cos_in, means.cos_out, roughness, tolerance)
         return np.einsum("pab,kp,bc->akc", spectra, means.weights, weights, optimize=True)
 
     def distance(one: Float[np.ndarray, "some means 3"], two: Float[np.ndarray, "some means 3"]):
@@ -151,9 +151,9 @@ def mapped_colours(
         names = [kind for kind, varies in zip(mapped.kinds, varied, strict=True) if varies]
         columns = dict(zip(names, distinct[:, varied].T, strict=True))
 
-        def function(**some: Float[np.ndarray, "some"]) -> Float[np.ndarray, "some means 3"]:
-            whole = np.repeat(distinct[:1], len(next(iter(some.values()))), axis=0)
-            whole[:, varied] = np.stack([some[name] for name in names], axis=1)
+        def function(**batch: Float[np.ndarray, "some"]) -> Float[np.ndarray, "some means 3"]:
+            whole = np.repeat(distinct[:1], len(next(iter(batch.values()))), axis=0)
+            whole[:, varied] = np.stack([batch[name] for name in names], axis=1)
             return mean_xyz(whole)
 
         table = interpolated(

@@ -264,5 +264,5 @@ def _thickness_range(
     high = float(values.max())
     if high > low:
         return low, high
-    some = max(1e-3 * low, 1e-9)
-    return (low, low + some) if low + some <= MAX_THICKNESS else (low - some, low)
+    step = max(1e-3 * low, 1e-9)
+    return (low, low + step) if low + step <= MAX_THICKNESS else (low - step, low)

@@ -130,8 +130,8 @@ class Rough:
         rows = [x.reshape(-1, layers) for x in (albedo, depth)]
         found = []
         for start in range(0, len(rows[0]), _STACKS):
-            some = (np.resize(x[start : start + _STACKS], (_STACKS, layers)) for x in rows)
-            found.append(np.asarray(_parts(*some, surface), float))
+            batch = (np.resize(x[start : start + _STACKS], (_STACKS, layers)) for x in rows)
+            found.append(np.asarray(_parts(*batch, surface), float))
         return np.concatenate(found)[: len(rows[0])].reshape(*shape, -1)
 
     def expand(self, values: np.ndarray, cosines: np.ndarray, tolerance: float) -> Parts:

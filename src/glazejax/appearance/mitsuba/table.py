@@ -340,11 +340,11 @@ def _basis(
     vectors = _pad(vectors)
     count = 0
     for count in range(4, vectors.shape[1] + 1, 4):
-        some = vectors[:, :count]
-        if np.max(np.abs(weighed - (weighed @ some) @ some.T)) <= tolerance:
+        leading = vectors[:, :count]
+        if np.max(np.abs(weighed - (weighed @ leading) @ leading.T)) <= tolerance:
             break
-    some = vectors[:, :count]
-    return some.T / weights, some * weights[:, None]
+    leading = vectors[:, :count]
+    return leading.T / weights, leading * weights[:, None]
 
 
 def _angle_count(

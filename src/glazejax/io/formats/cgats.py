@@ -51,9 +51,9 @@ def read_cgats(source: Source) -> RawSpectra:
         )
     sheet = next((s for s in sheets if _bands(s)), None)
     if sheet is None:
-        some = " ".join(sheets[0].fields[:6])
+        fields = " ".join(sheets[0].fields[:6])
         raise source.error(
-            f"CGATS text without spectra: no field such as SPECTRAL_NM_400 (there are {some} ...)"
+            f"CGATS text without spectra: no field such as SPECTRAL_NM_400 (there are {fields} ...)"
         )
     _check_complete(source, sheet)
     bands = _bands(sheet)

@@ -232,14 +232,14 @@ def _evaluate(albedo, thickness, ground, cosines, how: _How) -> Split:
         alone = variant != "fixed_step" and most >= _ALONE and not at_once
         chunk = 1 if alone else max(1, _CHUNK_ELEMENTS // (most * (angles + 1)))
         for start in range(0, rows.size, chunk):
-            some = rows[start : start + chunk]
+            chosen = rows[start : start + chunk]
             size = min(
-                chunk, _rounded_up(some.size) if at_once else 1 << (some.size - 1).bit_length()
+                chunk, _rounded_up(chosen.size) if at_once else 1 << (chosen.size - 1).bit_length()
             )
-            filled = np.concatenate([some, np.repeat(some[:1], size - some.size)])
+            filled = np.concatenate([chosen, np.repeat(chosen[:1], size - chosen.size)])
             piece = jax.tree.map(lambda leaf, index=filled: leaf[index], batch)
             parts.append(solve(piece, count[filled], vectors(most), settings._replace(most=most)))
-            order.append(some)
+            order.append(chosen)
     if not parts:
         shape = (
             0,

@@ -123,7 +123,7 @@ def on_all_cores(
     done = in_threads(lambda start: jax.block_until_ready(program(batch, shared, start)), starts)
     known = each - (parts * each - size)
     return jax.tree.map(
-        lambda *some: jnp.concatenate([*some[:-1], some[-1][each - known :]]), *done
+        lambda *parts: jnp.concatenate([*parts[:-1], parts[-1][each - known :]]), *done
     )
 
 

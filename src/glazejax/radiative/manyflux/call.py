@@ -271,7 +271,7 @@ def _map_stacks(
     # A shared phase function's moments stay out of the batch.
     shared = layers.moments[0] if layers.moments.shape[0] == 1 else None
 
-    def some(batch: tuple[Layers, dict[str, Array]]) -> Array:
+    def solve_chunk(batch: tuple[Layers, dict[str, Array]]) -> Array:
         if shared is None:
             return jax.vmap(function)(*batch)
         return jax.vmap(lambda layers, angles: function(layers._replace(moments=shared), angles))(
@@ -279,5 +279,5 @@ def _map_stacks(
         )
 
     return in_chunks(
-        some, (layers if shared is None else layers._replace(moments=None), angles), chunk
+        solve_chunk, (layers if shared is None else layers._replace(moments=None), angles), chunk
     )

@@ -95,7 +95,7 @@ def _in_chunks(lit: Lit, surface: Surface, wanted: tuple[str, ...] | None) -> An
     layers = lit.albedo.shape[1]
     nodes = surface.size.upper + surface.size.lower
     return in_chunks(
-        lambda some: _solve(some, surface, wanted),
+        lambda batch: _solve(batch, surface, wanted),
         lit,
         max(1, _CHUNK_NUMBERS // (nodes**2 * layers)),
     )

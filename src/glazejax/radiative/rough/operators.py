@@ -144,8 +144,8 @@ def _single_entering(
     """`enters` of single facets, (beams, n), and what they lose, (beams,)."""
     entering = []
     lost = []
-    for some in _in_pieces(outside):
-        found = scatter(some, roughness, index, nodes.size.facets, inside=False)
+    for piece in _in_pieces(outside):
+        found = scatter(piece, roughness, index, nodes.size.facets, inside=False)
         entering.append(
             np.einsum(
                 "bf,bfn->bn",
@@ -161,12 +161,12 @@ def _single_back(index: float, roughness: float, nodes: Basis) -> np.ndarray:
     """`back` of single facets, symmetric."""
     beams, fluxes = _beams_inside(index, nodes)
     back = np.zeros((nodes.cosines.size,) * 2)
-    for some, flux in zip(_in_pieces(beams), _in_pieces(fluxes), strict=True):
-        found = scatter(some, roughness, index, nodes.size.facets, inside=True)
+    for piece, flux in zip(_in_pieces(beams), _in_pieces(fluxes), strict=True):
+        found = scatter(piece, roughness, index, nodes.size.facets, inside=True)
         to = np.einsum(
             "bf,bfn->bn", found.reflected_share, nodes.values(np.clip(found.reflected, 0.0, 1.0))
         )
-        back += to.T @ (nodes.values(some) * flux[:, None])
+        back += to.T @ (nodes.values(piece) * flux[:, None])
     return 0.5 * (back + back.T)
 
 

@@ -167,8 +167,8 @@ def _paint_losses(index: float, roughness: float) -> tuple[np.ndarray, np.ndarra
     split = float(np.sqrt((index - 1.0) * (index + 1.0)) / index)
     facets = resolve(index, roughness, _TOLERANCE).size.facets
     losses = []
-    for some in (split * nodes, split + (1.0 - split) * nodes):
-        found = scatter(some, roughness, index, facets, inside=True)
+    for cosines in (split * nodes, split + (1.0 - split) * nodes):
+        found = scatter(cosines, roughness, index, facets, inside=True)
         losses.append(1.0 - found.reflected_share.sum(axis=1) - found.refracted_share.sum(axis=1))
     return losses[0], losses[1]
 

@@ -238,14 +238,14 @@ class Gathered:
     def _gather(self, level: Level, points: np.ndarray) -> None:
         """Send rays from these points, and keep what they bring."""
         for start in range(0, points.size, max(1, TILE // self.rays)):
-            some = points[start : start + max(1, TILE // self.rays)]
-            place = level.place[some]
-            normal = level.normal[some]
-            turned = (self._even + self.rng.random((some.size, 1, 2))) % 1.0
+            batch = points[start : start + max(1, TILE // self.rays)]
+            place = level.place[batch]
+            normal = level.normal[batch]
+            turned = (self._even + self.rng.random((batch.size, 1, 2))) % 1.0
             direction = above(np.repeat(normal, self.rays, axis=0), turned.reshape(-1, 2))
             origin = np.repeat(place, self.rays, axis=0)
             light, far = self.around.along(origin, direction, self.bounces - 1, self.rng)
-            nearness = np.mean(1.0 / np.maximum(far.reshape(some.size, -1), 1e-12), axis=1)
+            nearness = np.mean(1.0 / np.maximum(far.reshape(batch.size, -1), 1e-12), axis=1)
             pixel = self._footprint(place)
             radius = np.clip(
                 1.0 / np.maximum(nearness, 1e-300), _NEAREST * pixel, _FARTHEST * pixel
@@ -254,10 +254,10 @@ class Gathered:
                 np.concatenate([self._place, place]),
                 np.concatenate([self._normal, normal]),
             )
-            self._shape = np.concatenate([self._shape, level.shape[some]])
+            self._shape = np.concatenate([self._shape, level.shape[batch]])
             self._radius = np.concatenate([self._radius, radius])
             self._light = np.concatenate(
-                [self._light, light.reshape(some.size, self.rays, -1).mean(axis=1)]
+                [self._light, light.reshape(batch.size, self.rays, -1).mean(axis=1)]
             )
         self._trees.clear()
 
