@@ -150,7 +150,7 @@ def test_one_argument_names_an_instrument_in_four_ways():
     assert resolve_instrument(Instrument(side)) == Instrument(side)
 
 
-def test_what_names_no_instrument_is_refused():
+def test_what_names_no_instrument_is_refused(unchecked):
     with pytest.raises(ValueError, match="45;0"):
         resolve_instrument("45;0")
     with pytest.raises(TypeError, match="Instrument, a geometry, or words"):

@@ -1,8 +1,9 @@
 """How a long computation says how far it is: one callable type, the same in every function."""
 
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 
+@runtime_checkable
 class Progress(Protocol):
     """What a `progress=` argument is called with, each time a part is done.
 
