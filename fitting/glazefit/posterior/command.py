@@ -441,7 +441,7 @@ def _write(result: "Posterior", out: Path, console: "Console") -> None:
     """Print and write everything but the chain, which is written already; these files are the
     command's own.
     """
-    from glazejax.io.outputs import whole_file
+    from glazejax.whole_file import whole_file
 
     from .plots import plot_bands, plot_corner
     from .report import print_posterior, write_summary

@@ -18,9 +18,10 @@ import numpy as np
 from jaxtyping import Float
 
 from glazejax import Pigment
-from glazejax.io.outputs import check_output, whole_file
+from glazejax.io.outputs import check_output
 from glazejax.paint.describe import format_length
 from glazejax.paint.pigment_table import read_pigments
+from glazejax.whole_file import whole_file
 
 from .constraints import error_modes
 from .joint_covariance import mode_cell

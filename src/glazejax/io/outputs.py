@@ -2,9 +2,6 @@
 that is wished.
 """
 
-import os
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 from .source import show_path
@@ -42,17 +39,3 @@ def check_output(
     if there and not overwrite:
         raise FileExistsError(f"{said} exists; choose another name, or replace it with {switch}")
     return path
-
-
-@contextmanager
-def whole_file(path: Path) -> Iterator[Path]:
-    """A name to write under: what was written takes the file's own once it is whole, and is taken
-    away if that fails. So a file is there whole, or as it was before.
-    """
-    # Programs that write the same file at one time each write a part of their own.
-    part = path.with_name(f"{path.name}.{os.getpid()}.part")
-    try:
-        yield part
-        part.replace(path)
-    finally:
-        part.unlink(missing_ok=True)

@@ -10,8 +10,9 @@ from pathlib import Path
 import numpy as np
 
 from ..spectra import MAX_FRACTION, validate_wavelengths
+from ..whole_file import whole_file
 from .finish import MAX_DECLARED, different, plain_name
-from .outputs import check_output, whole_file
+from .outputs import check_output
 from .spectra_table import SpectraTable, list_names
 
 

@@ -11,8 +11,9 @@ import numpy as np
 from jaxtyping import Float
 
 from glazejax.extras import require
-from glazejax.io.outputs import check_output, whole_file
+from glazejax.io.outputs import check_output
 from glazejax.progress import Progress, no_progress
+from glazejax.whole_file import whole_file
 
 from .atomic_files import explain_full_disk
 from .layout import BY_NAME, VARIABLES, Status

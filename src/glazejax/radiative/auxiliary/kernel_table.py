@@ -122,7 +122,7 @@ class KernelTable:
         Raises:
             FileExistsError: there is such a file and `overwrite` is not set.
         """
-        from ...io.outputs import whole_file
+        from ...whole_file import whole_file
 
         path = Path(path)
         if path.exists() and not overwrite:
