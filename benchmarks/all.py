@@ -34,7 +34,7 @@ from pathlib import Path
 from typing import Literal, NamedTuple, NoReturn
 
 from benchmarks import figures, older
-from benchmarks.results import FOLDER, HERE, QUICK_FOLDER, declared, modules
+from benchmarks.results import FOLDER, HERE, QUICK_FOLDER, code_of, declared, modules
 
 # Ends what hangs; each takes a minute or two of two idle cores.
 SECONDS = 600.0
@@ -180,7 +180,7 @@ def _brackets(module: Path) -> str:
 
 def first_words(module: Path) -> str:
     """First line of a module's docstring."""
-    return module.read_text().removeprefix('"""').partition("\n")[0].removesuffix('"""')
+    return code_of(module).removeprefix('"""').partition("\n")[0].removesuffix('"""')
 
 
 def chosen(only: list[str] | None) -> list[Path]:

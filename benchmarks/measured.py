@@ -11,13 +11,18 @@ from glazefit.film.readers import read_films, read_recipes
 FEW = ("Minium", "Vermillion", "ZincWhite", "BoneBlack")
 
 
+def data_folder() -> Path:
+    """GLAZEJAX_DATA, or shared/data beside the repository."""
+    return Path(os.environ.get("GLAZEJAX_DATA") or Path(__file__).parents[2] / "shared" / "data")
+
+
 def measured_data(name: str) -> Path:
     """Folder of one set of measurements, such as "revigo".
 
     Raises:
         SystemExit: it is not there; says what to do.
     """
-    base = Path(os.environ.get("GLAZEJAX_DATA") or Path(__file__).parents[2] / "shared" / "data")
+    base = data_folder()
     if not (base / name).is_dir():
         raise SystemExit(
             f"no folder {name} in {base}; set GLAZEJAX_DATA to the folder that holds it"

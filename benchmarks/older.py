@@ -83,7 +83,7 @@ def rooms(benchmark: Path) -> frozenset[str]:
     """Rooms that a benchmark and its helpers in this folder import."""
     found: set[str] = set()
     seen: set[Path] = set()
-    left = [benchmark]
+    left = sorted(benchmark.glob("*.py")) if benchmark.is_dir() else [benchmark]
     while left:
         path = left.pop()
         seen.add(path)

@@ -211,12 +211,18 @@ def head(name: str, folder: Path = FOLDER) -> Head:
 
 
 def modules() -> list[Path]:
-    """Benchmarks: the modules of this folder that write results."""
+    """Benchmarks: the modules of this folder that write results, and its packages that do."""
+    packages = [path.parent for path in HERE.glob("*/__main__.py")]
     return [
         path
-        for path in sorted(HERE.glob("*.py"))
-        if "Results(" in path.read_text() and path != Path(__file__)
+        for path in sorted([*HERE.glob("*.py"), *packages])
+        if "Results(" in code_of(path) and path != Path(__file__)
     ]
+
+
+def code_of(module: Path) -> str:
+    """What is run of a benchmark: its own text, or that of its `__main__` if it is a package."""
+    return (module / "__main__.py" if module.is_dir() else module).read_text()
 
 
 def module_of(name: str) -> Path:
@@ -236,7 +242,7 @@ def declared(module: Path, name: str, default: Any = None) -> Any:
     """What a module says at its top, `NEEDS = ("gpu",)`, without importing it: it may need what is
     not installed.
     """
-    for node in ast.parse(module.read_text()).body:
+    for node in ast.parse(code_of(module)).body:
         if isinstance(node, ast.Assign) and any(
             isinstance(t, ast.Name) and t.id == name for t in node.targets
         ):

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 from benchmarks import all as runner
-from benchmarks.results import FOLDER, HERE, declared, modules
+from benchmarks.results import FOLDER, HERE, code_of, declared, modules
 
 ROOT = Path(__file__).parents[1]
 
@@ -93,7 +93,8 @@ def test_the_list_names_every_benchmark():
         if line and not line.startswith("not run")
     ]
     assert len(names) == len(set(names))
-    with_a_command = {path.stem for path in HERE.glob("*.py") if "\ndef main(" in path.read_text()}
+    files = [*HERE.glob("*.py"), *(path.parent for path in HERE.glob("*/__main__.py"))]
+    with_a_command = {path.stem for path in files if "\ndef main(" in code_of(path)}
     assert with_a_command == set(names)
     ours, _, others = done.stdout.partition("not run by this")
     for module in modules():
@@ -134,7 +135,7 @@ PLAIN = {
 
 def imported(path):
     """Packages that a module imports anywhere but for types, of those that may be missing."""
-    tree = ast.parse(path.read_text())
+    tree = ast.parse(code_of(path))
     typing = {
         n
         for t in ast.walk(tree)
@@ -145,8 +146,8 @@ def imported(path):
     for node in ast.walk(tree):
         if isinstance(node, ast.Import) and node not in typing:
             names |= {alias.name for alias in node.names}
-        elif isinstance(node, ast.ImportFrom) and node not in typing and node.module:
-            names.add(node.module)
+        elif isinstance(node, ast.ImportFrom) and node not in typing and not node.level:
+            names.add(node.module or "")
     return {name.partition(".")[0] for name in names} - PLAIN - set(sys.stdlib_module_names)
 
 
@@ -161,7 +162,7 @@ def test_every_benchmark_has_a_small_size():
     """By its shared option; a benchmark without a smaller setting than `--quick`'s other folder is
     exempt by name.
     """
-    texts = {module.stem: module.read_text() for module in modules()}
+    texts = {module.stem: code_of(module) for module in modules()}
     without = {
         n
         for n, text in texts.items()
