@@ -6,6 +6,9 @@
   titanium white (`acrylics.csv`, `ACRYLICS.md`). 380-750 nm. Their errors are not known, so there
   are no standard deviations.
 
+- "pigments": paints of many hands by the pigment that they are of, ``family/source-detail``, each
+  on a grid of its own, 380-2400 nm at the most (`exemplars.py`, `exemplars.tsv`).
+
 In each, how much stronger one paint is than another is known, their common scale is not: the two
 have two. Where k and s could not be told apart, `Pigment.identifiable` is False and only k/s can be
 trusted.
@@ -25,6 +28,12 @@ from ..names import nearest_names
 from ..paint.describe import format_length
 from ..paint.media import Pigment
 from ..paint.pigment_table import read_pigments
+from .exemplars import Family as Family
+from .exemplars import Provenance as Provenance
+from .exemplars import families as families
+from .exemplars import families_of as families_of
+from .exemplars import provenance as provenance
+from .exemplars import read_exemplars
 
 ASSUMED_THICKNESS = 25e-6
 """Thickness of a typical film of the oils in m, an assumption."""
@@ -59,6 +68,10 @@ _FAMILIES = {
 """Paints of the oils that are another's pigment in another medium, or from another maker."""
 
 
+PIGMENTS = "pigments"
+"""The catalogue by family."""
+
+
 class _Shipped(NamedTuple):
     """What is known of a catalogue before it is read."""
 
@@ -79,6 +92,12 @@ _SHIPPED = {
         ACRYLICS_PROVENANCE,
         f"pigments come from K and S without lengths; {format_length(76e-6)} of titanium white "
         "are taken to hide black",
+    ),
+    PIGMENTS: _Shipped(
+        "exemplars.csv",
+        "exemplars",
+        "pigments of each source have a unit of length of their own; they were brought together "
+        "by the median of s",
     ),
 }
 
@@ -126,8 +145,9 @@ def load(name: str = "oils") -> Catalogue:
     The pigments are made in the precision that JAX is set to when this is called.
 
     Args:
-        name: "oils" (400-700 nm step 10) or "acrylics" (380-750 nm step 10, without standard
-            deviations).
+        name: "oils" (400-700 nm step 10), "acrylics" (380-750 nm step 10, without standard
+            deviations) or "pigments" (each on its own grid, with `Pigment.family`, `source` and
+            `binder`).
 
     Raises:
         ValueError: there is no catalogue of that name; the message lists them.
@@ -142,6 +162,10 @@ def _read_once(name: str, precision: str) -> dict[str, Pigment]:
     share them.
     """
     shipped = _SHIPPED[name]
+    if name == PIGMENTS:
+        shelves = {shelf: _read_once(shelf, precision) for shelf in ("oils", "acrylics")}
+        with jax.ensure_compile_time_eval():
+            return read_exemplars(shelves)
     # Inside a traced function too they are arrays, which may outlive it.
     with jax.ensure_compile_time_eval(), as_file(files(__name__).joinpath(shipped.file)) as path:
         return read_pigments(path, shipped.provenance)

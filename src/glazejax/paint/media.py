@@ -99,6 +99,9 @@ class Pigment(eqx.Module):
         phase: Legendre moments of the phase function (`glazejax.radiative.phase`), (terms,) or
             (bands, terms); None is isotropic scattering.
         provenance: where the numbers come from, and the assumed thickness if they rest on one.
+        family: the pigment that it is a paint of, such as "azurite"; empty if not stated.
+        source: whose paint it is; empty if not stated.
+        binder: of the paint, in words; empty if not stated.
 
     Raises:
         ValueError: shapes do not match, a coefficient is negative or not finite, or moments are no
@@ -113,6 +116,9 @@ class Pigment(eqx.Module):
     error_modes: Float[Array, "modes 2 bands"] | None
     phase: Float[Array, "*bands terms"] | None
     provenance: str = eqx.field(static=True)
+    family: str = eqx.field(static=True)
+    source: str = eqx.field(static=True)
+    binder: str = eqx.field(static=True)
     # Tuples, because what is static must be hashable, and booleans as leaves would break jax.grad.
     _grid: tuple[float, ...] = eqx.field(static=True)
     _identifiable: tuple[bool, ...] | None = eqx.field(static=True)
@@ -130,6 +136,9 @@ class Pigment(eqx.Module):
         error_modes: Numbers | None = None,
         phase: Numbers | None = None,
         provenance: str = "",
+        family: str = "",
+        source: str = "",
+        binder: str = "",
     ):
         grid = validate_wavelengths(wavelengths)
 
@@ -158,6 +167,9 @@ class Pigment(eqx.Module):
         )
         self.phase = None if phase is None else legal_phase(repr(name), phase, grid.size)
         self.provenance = provenance
+        self.family = family
+        self.source = source
+        self.binder = binder
         self._grid = tuple(grid.tolist())
         if identifiable is None:
             self._identifiable = None
@@ -214,12 +226,23 @@ class Pigment(eqx.Module):
             error_modes=at(self.error_modes),
             phase=phase,
             provenance=self.provenance,
+            family=self.family,
+            source=self.source,
+            binder=self.binder,
         )
 
-    def renamed(self, name: str) -> "Pigment":
-        """The same paint under another name."""
-        if name == self.name:
-            return self
+    def renamed(
+        self,
+        name: str,
+        *,
+        family: str | None = None,
+        source: str | None = None,
+        binder: str | None = None,
+        provenance: str | None = None,
+    ) -> "Pigment":
+        """The same paint under another name, and with another family, source, binder or provenance
+        where these are given.
+        """
         return type(self)(
             name,
             self.wavelengths,
@@ -230,7 +253,10 @@ class Pigment(eqx.Module):
             scattering_sd=self.scattering_sd,
             error_modes=self.error_modes,
             phase=self.phase,
-            provenance=self.provenance,
+            provenance=self.provenance if provenance is None else provenance,
+            family=self.family if family is None else family,
+            source=self.source if source is None else source,
+            binder=self.binder if binder is None else binder,
         )
 
     def __repr__(self) -> str:

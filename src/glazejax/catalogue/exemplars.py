@@ -1,0 +1,212 @@
+"""Paints of many hands by their pigment: families of pigments, and exemplars of each.
+
+An exemplar is a paint of one source and binder. `exemplars.csv` has k and s, fitted to each
+source's own readings by ``python -m benchmarks.pigments``; `exemplars.tsv` says of each where it is
+from; `families.tsv` has what is known of each pigment; `paints.tsv` names the families of the oils
+and acrylics, which are exemplars, too.
+"""
+
+import csv
+import functools
+from importlib.resources import as_file, files
+from typing import NamedTuple
+
+from ..paint.media import Pigment
+from ..paint.pigment_table import read_pigments
+
+
+class Family(NamedTuple):
+    """What is known of a pigment.
+
+    Attributes:
+        name: such as "azurite".
+        formula: chemical formula.
+        elements: that X-ray fluorescence may find, by symbol; none for most dyes.
+        colour_index: names in the Colour Index.
+        in_use: when it was used in paint, in words.
+        first_year, last_year: the same as years, negative before Christ; None if it still is.
+    """
+
+    name: str
+    formula: str
+    elements: tuple[str, ...]
+    colour_index: str
+    in_use: str
+    first_year: int
+    last_year: int | None
+
+
+class Provenance(NamedTuple):
+    """Where an exemplar is from.
+
+    Attributes:
+        exemplar: its name, ``family/source-detail``.
+        family: of the pigment.
+        source: whose paint it is.
+        binder: in words; empty if the source does not say.
+        paint: what the source calls it.
+        first_nm, last_nm: range of its k and s.
+        told_by: what told k from s; where it begins with ``k/s alone``, s is that of other paints.
+        licence: of the numbers.
+        citation: of the source.
+    """
+
+    exemplar: str
+    family: str
+    source: str
+    binder: str
+    paint: str
+    first_nm: float
+    last_nm: float
+    told_by: str
+    licence: str
+    citation: str
+
+
+class _Source(NamedTuple):
+    licence: str
+    citation: str
+
+
+_SOURCES = {
+    "hyppigments": _Source(
+        "CC BY 4.0",
+        "H. Deborah, 'Hyperspectral pigment dataset', WHISPERS 2022, doi "
+        "10.1109/WHISPERS56178.2022.9955067; data doi 10.5281/zenodo.5592485",
+    ),
+    "hyperdoc": _Source(
+        "CC BY 4.0",
+        "A. S. Reichert et al., Anal. Bioanal. Chem. 2025, doi 10.1007/s00216-025-05948-3; data "
+        "doi 10.6084/m9.figshare.28639103",
+    ),
+    "bath": _Source(
+        "CC BY 4.0",
+        "A. R. Pallipurath, J. M. Skelton, P. Ricciardi, S. R. Elliott, Talanta 2016; data doi "
+        "10.15125/BATH-00183",
+    ),
+    "grillini": _Source(
+        "CC BY 4.0",
+        "F. Grillini, J.-B. Thomas, S. George, Sensors 21 (2021) 2471, doi 10.3390/s21072471",
+    ),
+    "kimera": _Source("CC BY 4.0", "github.com/miciwan/PaintMixing, commit e496fd4"),
+    "rrt": _Source(
+        "CC0 1.0",
+        "R. Pillay, M. Picollo, J. Y. Hardeberg, S. George, Sensors 20 (2020) 3812; "
+        "github.com/ruven/RRT, commit 599fdcd",
+    ),
+    "revigo": _Source(
+        "CC0 1.0",
+        "M. Geldof et al., Heritage Science 6:17 (2018), doi 10.1186/s40494-018-0181-6",
+    ),
+    "golden": _Source(
+        "MIT",
+        "Artist Paint Spectral Database (Rochester Institute of Technology), as tabulated by "
+        "Wacton.Unicolour, commit 4bf3d8c",
+    ),
+}
+_SHELVES = {"oils": ("revigo", "oil"), "acrylics": ("golden", "acrylic")}
+"""Catalogue -> source and binder of its paints."""
+
+
+@functools.cache
+def families() -> dict[str, Family]:
+    """All families of pigments, by name."""
+    out = {}
+    for row in _table("families.tsv"):
+        out[row["family"]] = Family(
+            name=row["family"],
+            formula=row["formula"],
+            elements=tuple(row["elements"].split()),
+            colour_index=row["colour_index"],
+            in_use=row["in_use"],
+            first_year=int(row["first_year"]),
+            last_year=int(row["last_year"]) if row["last_year"] else None,
+        )
+    return out
+
+
+@functools.cache
+def families_of(catalogue: str) -> dict[str, str]:
+    """Families of the oils or the acrylics by the paints' names; empty for a pigment of none."""
+    return {
+        row["paint"]: row["family"] for row in _table("paints.tsv") if row["catalogue"] == catalogue
+    }
+
+
+@functools.cache
+def provenance() -> dict[str, Provenance]:
+    """Where each exemplar of ``catalogue.load("pigments")`` is from, by its name."""
+    out = {}
+    for row in _table("exemplars.tsv"):
+        source = _SOURCES[row["source"]]
+        out[row["exemplar"]] = Provenance(
+            exemplar=row["exemplar"],
+            family=row["family"],
+            source=row["source"],
+            binder=row["binder"],
+            paint=row["paint"],
+            first_nm=float(row["first_nm"]),
+            last_nm=float(row["last_nm"]),
+            told_by=row["told_by"],
+            licence=source.licence,
+            citation=source.citation,
+        )
+    for shelf, first, last in (("oils", 400.0, 700.0), ("acrylics", 380.0, 750.0)):
+        name, binder = _SHELVES[shelf]
+        for paint, family in families_of(shelf).items():
+            if family:
+                exemplar = f"{family}/{name}-{paint}"
+                out[exemplar] = Provenance(
+                    exemplar=exemplar,
+                    family=family,
+                    source=name,
+                    binder=binder,
+                    paint=paint,
+                    first_nm=first,
+                    last_nm=last,
+                    told_by="tints and shades" if shelf == "oils" else "tints with white",
+                    licence=_SOURCES[name].licence,
+                    citation=_SOURCES[name].citation,
+                )
+    return out
+
+
+def read_exemplars(shelves: dict[str, dict[str, Pigment]]) -> dict[str, Pigment]:
+    """Pigments by exemplar: those of `exemplars.csv`, and the paints of the oils and acrylics.
+
+    Args:
+        shelves: catalogue -> its paints.
+    """
+    with as_file(files("glazejax.catalogue").joinpath("exemplars.csv")) as path:
+        fitted = read_pigments(path, "exemplars")
+    paints = {
+        f"{family}/{_SHELVES[shelf][0]}-{name}": shelves[shelf][name]
+        for shelf in _SHELVES
+        for name, family in families_of(shelf).items()
+        if family
+    }
+    known = provenance()
+    out = {}
+    for name, pigment in sorted({**fitted, **paints}.items(), key=lambda pair: pair[0].casefold()):
+        origin = known[name]
+        out[name] = pigment.renamed(
+            name,
+            family=origin.family,
+            source=origin.source,
+            binder=origin.binder,
+            provenance=pigment.provenance if name in paints else _words(origin),
+        )
+    return out
+
+
+def _words(origin: Provenance) -> str:
+    """An exemplar's provenance as one sentence."""
+    return (
+        f"{origin.paint}, fitted to the readings of {origin.citation} ({origin.licence}); "
+        f"k told from s by {origin.told_by}"
+    )
+
+
+def _table(name: str) -> list[dict[str, str]]:
+    text = files("glazejax.catalogue").joinpath(name).read_text(encoding="utf-8")
+    return list(csv.DictReader(text.splitlines(), delimiter="\t"))
