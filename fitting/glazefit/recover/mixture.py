@@ -21,7 +21,7 @@ from glazejax.paint.describe import format_length
 from ..film.films import Films, InstrumentLike, Noise, usual_cards
 from ..film.model.errors import BETWEEN_FILMS, error_modes, relative_errors, smooth_kernel
 from ..film.model.mixing import MixingLaw
-from ..film.model.response import Response, film_response
+from ..film.model.response import HIGHEST, Response, film_response
 from ..film.model.variation import MIXED, Variation
 from .joint import UNIT, recover_jointly
 from .joint_problem import Expectations
@@ -293,6 +293,10 @@ def _readings(
     """What the body reflects over two grounds, with errors of log k and log s."""
     k = kd * np.exp(off[:, 0])
     s = sd * np.exp(off[:, 1])
+    # The table of films ends where nothing shines through: what is thicker reflects as its end does.
+    thinner = np.minimum(1.0, 0.999 * np.minimum(HIGHEST[0] / k, HIGHEST[1] / s))
+    k = k * thinner
+    s = s * thinner
     return np.stack(
         [np.asarray(response.body(k, s, np.broadcast_to(g, k.shape))) for g in grounds], axis=1
     )
