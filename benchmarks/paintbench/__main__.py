@@ -1,0 +1,144 @@
+"""A bench of real paint: methods that name pigments, foretell mixtures and tell amounts, on other
+people's measurements.
+
+    python -m benchmarks.paintbench [--data DIR] [--extra DIR] [--json FILE] [--out FOLDER]
+
+Prints one table, and writes it, the scores as JSON and the answers of glazejax that are not right.
+The README beside this file says what the tasks are and how to enter a source or a method.
+"""
+
+import argparse
+import csv
+import json
+from pathlib import Path
+
+from benchmarks.measured import data_folder
+from benchmarks.results import Results, add_option, progress
+from glazejax.commands.main import start_jax
+
+from .mixers import AbsorbanceUnmixing, KubelkaMunk
+from .namers import namers
+from .program import FamilyCatalogue, FilmCatalogues, JointFit
+from .sources import Source, read_sources
+from .splits import check_hashes
+from .tasks import Failure, Record, Scores, interval, run_mixing, run_names
+
+NEEDS = ("data/hyperdoc", "data/bath", "data/grillini", "sklearn")
+
+# Samples of a chart of hundreds; of a quick run one in so many.
+EVERY = 1
+_SHARES = ("first", "three", "refused", "found", "false", "right", "decided")
+_OURS = "glazejax"
+
+
+def main() -> None:
+    """Run the bench."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.paintbench", description=__doc__)
+    parser.formatter_class = argparse.RawDescriptionHelpFormatter
+    parser.add_argument(
+        "--data", type=Path, help="folder of measured data (default: GLAZEJAX_DATA or ../shared)"
+    )
+    parser.add_argument(
+        "--extra", type=Path, help="folder of further sources, all of whose samples are tests"
+    )
+    parser.add_argument("--json", type=Path, help="file for the scores")
+    parser.add_argument(
+        "--own-films",
+        action="store_true",
+        help="identify among the oils and acrylics alone, too: some minutes for each source",
+    )
+    add_option(parser, every=23)
+    parser.add_argument("--every", type=int, default=EVERY, help=argparse.SUPPRESS)
+    options = parser.parse_args()
+    check_hashes()
+    start_jax()
+    sources = [
+        thinned(source, options.every)
+        for source in read_sources(options.data or data_folder(), options.extra)
+    ]
+    record = run(sources, own_films=options.own_films)
+    # Scores of sources from outside are no result of the repository's.
+    if options.extra is None and options.data is None:
+        results = Results("paintbench", options.out, "numpy", "scipy", "scikit-learn")
+        for line in lines_of(record):
+            results(line)
+        results.save()
+        write_failures(options.out / "paintbench_failures.tsv", record.failures)
+    else:
+        print("\n".join(lines_of(record)))
+    if options.json:
+        options.json.write_text(json.dumps(record.results, indent=1, sort_keys=True) + "\n")
+        print(f"scores written to {options.json}")
+
+
+def thinned(source: Source, every: int) -> Source:
+    """A large chart with one sample in so many; other sources as they are."""
+    if every == 1 or len(source.samples) < 500:
+        return source
+    return source.take(range(0, len(source.samples), every))
+
+
+def run(sources: list[Source], own_films: bool = False) -> Record:
+    """All tasks; with identification among the oils and acrylics alone, if asked."""
+    record = Record()
+    progress("names of pigments")
+    ours = [FamilyCatalogue(), *([FilmCatalogues()] if own_films else [])]
+    run_names(sources, [*ours, *namers()], record)
+    progress("mixtures")
+    run_mixing(
+        sources,
+        [JointFit, KubelkaMunk, lambda: KubelkaMunk(pairs=True), AbsorbanceUnmixing],
+        record,
+    )
+    progress()
+    # Filled by a method that tells layers from mixtures; there is none yet.
+    record.results.setdefault("coats", {})
+    return record
+
+
+def lines_of(record: Record) -> list[str]:
+    """One table a task: a line for each source and method, shares with their 95 % intervals."""
+    lines = []
+    for task, by_source in record.results.items():
+        if not by_source:
+            lines += [f"{task}: no method does this yet", ""]
+            continue
+        scores = list(next(iter(next(iter(by_source.values())).values())))
+        lines.append(
+            f"{task.upper():<14}{'':<30}{'n':>6}" + "".join(f"{s:>20}" for s in scores[1:])
+        )
+        for source, by_method in by_source.items():
+            for method, values in by_method.items():
+                cells = "".join(f"{cell(name, values):>20}" for name in scores[1:])
+                lines.append(f"{source:<14}{method:<30}{values['n']:>6}{cells}")
+        lines.append("")
+    return lines
+
+
+def cell(name: str, values: Scores) -> str:
+    """A score; of a share, with its 95 % interval."""
+    value = values.get(name)
+    if value is None:
+        return "-"
+    if name.split("_")[0] in _SHARES:
+        low, high = interval(float(value), int(values["n"] or 0))
+        return f"{value:.1%} ({low:.0%}-{high:.0%})"
+    if name == "inside":
+        return f"{value:.1%}"
+    return f"{value:.2f}" if name == "delta_e" else f"{value:.4f}"
+
+
+def write_failures(path: Path, failures: list[Failure]) -> None:
+    """Answers of glazejax that are not right."""
+    with path.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file, delimiter="\t", lineterminator="\n")
+        writer.writerow(["task", "source", "sample", "truth", "answer"])
+        for failure in failures:
+            if failure.method == _OURS:
+                writer.writerow(
+                    [failure.task, failure.source, failure.sample, failure.truth, failure.answer]
+                )
+
+
+if __name__ == "__main__":
+    main()

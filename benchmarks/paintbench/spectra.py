@@ -1,0 +1,122 @@
+"""Readings of all sources on one grid, and what methods compare of them: angles, slopes of -log R
+and of Kubelka-Munk's K/S.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+GRID = np.arange(400.0, 1001.0, 5.0)
+"""Wavelengths on which spectra are compared, nm."""
+WHOLE = (415.0, 985.0)
+VISIBLE = (415.0, 700.0)
+"""Ranges of the tasks, nm: where most sources have bands, and what an eye sees."""
+
+# Golden's surface correction: the surface's part in a reading, and its reflectance from inside.
+_OUTER, _INNER = 0.03, 0.65
+_DARKEST = 0.004
+_BRIGHTEST = 0.995
+# Neighbouring bands that a slope is smoothed over.
+_SMOOTH = 3
+
+
+def on_grid(
+    wavelengths: Float[np.ndarray, "bands"],
+    readings: Float[np.ndarray, "samples bands"],
+    grid: Float[np.ndarray, "points"] = GRID,
+) -> Float[np.ndarray, "samples points"]:
+    """Readings averaged over steps of the grid where they are finer than it, and interpolated where
+    they are not; NaN beyond their ends.
+    """
+    step = float(np.median(np.diff(grid)))
+    fine = float(np.median(np.diff(wavelengths))) < 0.7 * step
+    out = np.full((len(readings), grid.size), np.nan)
+    inside = (grid >= wavelengths[0] - 1e-6) & (grid <= wavelengths[-1] + 1e-6)
+    for row, values in enumerate(readings):
+        seen = np.isfinite(values)
+        if seen.sum() < 3:
+            continue
+        if fine:
+            values = _running_mean(wavelengths[seen], values[seen], step)
+            out[row, inside] = np.interp(grid[inside], wavelengths[seen], values)
+        else:
+            out[row, inside] = np.interp(grid[inside], wavelengths[seen], values[seen])
+    return out
+
+
+def _running_mean(
+    wavelengths: Float[np.ndarray, "bands"], values: Float[np.ndarray, "bands"], width: float
+) -> Float[np.ndarray, "bands"]:
+    """Mean over a window of this width (nm) around each band."""
+    sums = np.concatenate([[0.0], np.cumsum(values)])
+    first = np.searchsorted(wavelengths, wavelengths - 0.5 * width)
+    last = np.searchsorted(wavelengths, wavelengths + 0.5 * width, side="right")
+    return (sums[last] - sums[first]) / (last - first)
+
+
+def within(
+    limits: tuple[float, float], grid: Float[np.ndarray, "points"] = GRID
+) -> Bool[np.ndarray, "points"]:
+    """Which points lie within two wavelengths."""
+    return (grid >= limits[0]) & (grid <= limits[1])
+
+
+def bounded(readings: Float[np.ndarray, "*n bands"]) -> Float[np.ndarray, "*n bands"]:
+    """Readings whose brightest band is at most a white's: the level of a reading is not known to
+    better than that where a probe was held by hand.
+    """
+    top = np.nanmax(readings, axis=-1, keepdims=True)
+    return np.clip(readings * np.minimum(1.0, _BRIGHTEST / top), _DARKEST, _BRIGHTEST)
+
+
+def absorbance(readings: Float[np.ndarray, "*n bands"]) -> Float[np.ndarray, "*n bands"]:
+    """-log R."""
+    return -np.log(bounded(readings))
+
+
+def log_ratio(readings: Float[np.ndarray, "*n bands"]) -> Float[np.ndarray, "*n bands"]:
+    """log K/S of a film that hides its ground, by Kubelka-Munk."""
+    values = bounded(readings)
+    return np.log((1.0 - values) ** 2 / (2.0 * values))
+
+
+def slopes(values: Float[np.ndarray, "*n bands"]) -> Float[np.ndarray, "*n less"]:
+    """Differences of neighbouring bands after a running mean over three; shorter by three."""
+    kernel = np.ones(_SMOOTH) / _SMOOTH
+    smooth = np.apply_along_axis(np.convolve, -1, values, kernel, "valid")
+    return np.diff(smooth, axis=-1)
+
+
+def cosine_distance(
+    one: Float[np.ndarray, "n bands"], other: Float[np.ndarray, "m bands"], least: int = 30
+) -> Float[np.ndarray, "n m"]:
+    """One minus the cosine between rows, over the bands that both have (NaN elsewhere).
+
+    Infinite where they share fewer than `least` bands.
+    """
+    seen = np.isfinite(one)
+    seen_other = np.isfinite(other)
+    a = np.where(seen, one, 0.0)
+    b = np.where(seen_other, other, 0.0)
+    product = a @ b.T
+    norms = np.sqrt((a**2 @ seen_other.T) * (seen @ (b**2).T))
+    shared = seen.astype(float) @ seen_other.T.astype(float)
+    distance = 1.0 - product / np.maximum(norms, 1e-12)
+    return np.where(shared >= least, distance, np.inf)
+
+
+def thick_film_reading(
+    absorption: Float[np.ndarray, "*n"], scattering: Float[np.ndarray, "*n"]
+) -> Float[np.ndarray, "*n"]:
+    """Reading of a film that hides its ground, from Kubelka-Munk's K and S, under the surface
+    correction that Golden's numbers were made with (Saunderson, k1 = .03, k2 = .65).
+    """
+    ratio = absorption / scattering
+    inside = 1.0 + ratio - np.sqrt(ratio**2 + 2.0 * ratio)
+    return _OUTER + (1.0 - _OUTER) * (1.0 - _INNER) * inside / (1.0 - _INNER * inside)
+
+
+def finite_columns(tables: Sequence[Float[np.ndarray, "n bands"]]) -> Bool[np.ndarray, "bands"]:
+    """Bands that every row of every table has."""
+    return np.logical_and.reduce([np.isfinite(table).all(axis=0) for table in tables])

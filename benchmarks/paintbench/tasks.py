@@ -1,0 +1,492 @@
+"""The bench's tasks: what is sought, what may be learnt, and how an answer is scored.
+
+Each task gives, for every source and method, a number of samples and scores; and a list of what
+went wrong.
+"""
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Bool, Float
+from scipy.stats import spearmanr
+
+from glazejax import colour
+
+from .library import Answer, Namer, Table, grid_readings, known_families, pure_table
+from .mixers import Foretold, Mixer, Mixtures
+from .program import films_over_cards, over_cards
+from .sources import COLOURLESS, FOREIGN, Sample, Source
+from .spectra import VISIBLE, WHOLE, bounded, within
+
+Scores = dict[str, float | int | None]
+Results = dict[str, dict[str, dict[str, Scores]]]
+"""task -> source -> method -> scores."""
+
+LARGEST_GROUP = 4
+"""Families that an answer may name together where spectra cannot tell them, and still be right."""
+BINS = 10
+"""Of stated probabilities."""
+
+# Grid on which mixtures are foretold, nm; grids finer than it are averaged.
+_MIX_GRID = np.arange(420.0, 981.0, 20.0)
+# Sources whose readings have an unknown level: a probe held by hand.
+_FREE_LEVEL = ("bath",)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Failure:
+    """One answer that is not right."""
+
+    task: str
+    source: str
+    method: str
+    sample: str
+    truth: str
+    answer: str
+
+
+class Record:
+    """Scores and failures of a run, and where each method's stated probabilities came true."""
+
+    def __init__(self) -> None:
+        self.results: Results = {}
+        self.failures: list[Failure] = []
+        self._stated: dict[tuple[str, str], list[tuple[float, bool]]] = {}
+
+    def add(self, task: str, source: str, method: str, scores: Scores) -> None:
+        """Scores of one method on one source."""
+        self.results.setdefault(task, {}).setdefault(source, {})[method] = scores
+
+    def fail(self, failure: Failure) -> None:
+        """One failure."""
+        self.failures.append(failure)
+
+    def state(self, source: str, method: str, chance: float, right: bool) -> None:
+        """A probability that a method stated for its first answer."""
+        self._stated.setdefault((source, method), []).append((chance, right))
+
+    def score_calibration(self) -> None:
+        """The task `calibration`: expected calibration error over ten bins of equal width."""
+        for (source, method), pairs in self._stated.items():
+            chances, right = (np.array(column, dtype=float) for column in zip(*pairs, strict=True))
+            self.add(
+                "calibration",
+                source,
+                method,
+                {"n": len(pairs), "ece": calibration_error(chances, right)},
+            )
+
+
+def calibration_error(
+    chances: Float[np.ndarray, "answers"], right: Float[np.ndarray, "answers"]
+) -> float:
+    """Mean over answers of the difference, in each of ten bins, between the stated probability and
+    the share of right answers.
+    """
+    bins = np.minimum((chances * BINS).astype(int), BINS - 1)
+    error = 0.0
+    for number in range(BINS):
+        there = bins == number
+        if there.any():
+            error += there.mean() * abs(chances[there].mean() - right[there].mean())
+    return float(error)
+
+
+# ---- names ---------------------------------------------------------------------------------------
+
+
+def is_right(answer: Sequence[Sequence[str]], truth: Iterable[str]) -> bool:
+    """Whether a set of families is the true one.
+
+    Of a truth with colours the coloured families must be right, whatever whites, extenders and
+    blacks are with them; of one without, all that is named must be colourless and the first be it.
+    A family that is named as one of several counts where these are at most four.
+    """
+    wanted = set(truth)
+    coloured = wanted - COLOURLESS
+    named = [tuple(names) for names in answer]
+    if any(len(names) > LARGEST_GROUP for names in named):
+        return False
+    with_colour = [names for names in named if not set(names) <= COLOURLESS]
+    if not coloured:
+        return not with_colour and bool(named) and bool(wanted & set(named[0]))
+    return len(with_colour) == len(coloured) and _matched(with_colour, coloured)
+
+
+def _matched(named: Sequence[Sequence[str]], wanted: set[str]) -> bool:
+    """Whether each wanted family can be given a place of its own that names it."""
+    if not named:
+        return not wanted
+    return any(_matched(named[1:], wanted - {family}) for family in named[0] if family in wanted)
+
+
+def score_names(answers: Sequence[Answer], truths: Sequence[tuple[str, ...]]) -> Scores:
+    """`first` and `three` (a refused reading counts as wrong), `refused`, and the same two as if
+    nothing had been refused.
+    """
+    first = np.array(
+        [
+            is_right(a.ranked[0], t) if a.ranked else False
+            for a, t in zip(answers, truths, strict=True)
+        ]
+    )
+    three = np.array(
+        [
+            any(is_right(sets, t) for sets in a.ranked[:3])
+            for a, t in zip(answers, truths, strict=True)
+        ]
+    )
+    refused = np.array([answer.refused for answer in answers])
+    return {
+        "n": len(answers),
+        "first": float(np.mean(first & ~refused)),
+        "three": float(np.mean(three & ~refused)),
+        "refused": float(refused.mean()),
+        "first_if_pressed": float(first.mean()),
+        "three_if_pressed": float(three.mean()),
+    }
+
+
+def run_names(sources: Sequence[Source], namers: Sequence[Namer], record: Record) -> None:
+    """Tasks `pigment`, `pigment_visible`, `mixture`, `none`, and what `calibration` needs.
+
+    Of each source that is sought, all sources of its group are hidden.
+    """
+    learnable = [source for source in sources if not source.extra]
+    table = pure_table(learnable)
+    for source in sources:
+        library = table.take(table.groups != source.group)
+        for namer in namers:
+            for task, limits in (("pigment", WHOLE), ("pigment_visible", VISIBLE)):
+                bands = within(limits)
+                sought = pure_table([source]).within(bands)
+                sought = sought.take(_tests(sought))
+                if not len(sought):
+                    continue
+                learner = _whole_grid(namer, library, bands)
+                _pigment(task, source, learner, library, _blank(sought, bands), record)
+                if task == "pigment":
+                    _none(source, learner, library, _blank(sought, bands), record)
+                    _mixture(source, learner, library, bands, record)
+    record.score_calibration()
+
+
+def _whole_grid(namer: Namer, library: Table, bands: Bool[np.ndarray, "bands"]) -> Namer:
+    """A method that has learnt from a library of which only some bands are there."""
+    blank = np.where(bands, library.readings, np.nan)
+    namer.learn(replace(library, readings=blank))
+    return namer
+
+
+def _blank(sought: Table, bands: Bool[np.ndarray, "bands"]) -> Table:
+    """Samples of some bands on the whole grid again, NaN elsewhere."""
+    readings = np.full((len(sought), bands.size), np.nan)
+    readings[:, bands] = sought.readings
+    return replace(sought, readings=readings)
+
+
+def _tests(table: Table) -> list[int]:
+    """Rows that are ever sought: Golden's are no readings."""
+    return [row for row in range(len(table)) if table.groups[row] != "golden"]
+
+
+def _pigment(
+    task: str, source: Source, namer: Namer, library: Table, sought: Table, record: Record
+) -> None:
+    known = set(known_families(library))
+    sought = sought.take([row for row in range(len(sought)) if sought.families[row] in known])
+    if not len(sought):
+        return
+    answers = namer.answer(sought, [None] * len(sought), pairs=False)
+    truths = [(str(family),) for family in sought.families]
+    record.add(task, source.name, namer.name, score_names(answers, truths))
+    for answer, truth, sample in zip(answers, truths, sought.samples, strict=True):
+        right = bool(answer.ranked) and is_right(answer.ranked[0], truth)
+        if answer.chances and task == "pigment":
+            record.state(source.name, namer.name, answer.chances[0], right)
+        if not right or answer.refused:
+            record.fail(
+                Failure(
+                    task=task,
+                    source=source.name,
+                    method=namer.name,
+                    sample=sample.name,
+                    truth=" + ".join(truth),
+                    answer=words_of(answer),
+                )
+            )
+
+
+def words_of(answer: Answer) -> str:
+    """The first set of an answer, in words."""
+    if not answer.ranked:
+        return "nothing"
+    named = " + ".join(" or ".join(names) for names in answer.ranked[0])
+    chance = f" ({answer.chances[0]:.0%})" if answer.chances else ""
+    return f"none; nearest {named}{chance}" if answer.refused else f"{named}{chance}"
+
+
+def _none(source: Source, namer: Namer, library: Table, sought: Table, record: Record) -> None:
+    """Each pure sample with its family taken out of all sources, and with it."""
+    known = set(known_families(library))
+    has = np.array([family in known for family in sought.families.tolist()])
+    foreign = sought.families == FOREIGN
+    out = sought.take(has | foreign)
+    kept = sought.take(has)
+    if not len(out) or not len(kept):
+        return
+    without = namer.answer(out, [str(family) for family in out.families], pairs=False)
+    with_all = namer.answer(kept, [None] * len(kept), pairs=False)
+    record.add(
+        "none",
+        source.name,
+        namer.name,
+        {
+            "n": len(out),
+            "found": float(np.mean([answer.refused for answer in without])),
+            "false": float(np.mean([answer.refused for answer in with_all])),
+            "auc": area_under_curve(
+                np.array([answer.doubt for answer in without]),
+                np.array([answer.doubt for answer in with_all]),
+            ),
+        },
+    )
+
+
+def area_under_curve(foreign: np.ndarray, known: np.ndarray) -> float:
+    """Share of pairs in which the foreign reading is in more doubt than the known one; ties count
+    half.
+    """
+    more = (foreign[:, None] > known).mean()
+    same = (foreign[:, None] == known).mean()
+    return float(more + 0.5 * same)
+
+
+def _mixture(
+    source: Source,
+    namer: Namer,
+    library: Table,
+    bands: Bool[np.ndarray, "bands"],
+    record: Record,
+) -> None:
+    """Two paints whose families are known, at least one of them coloured."""
+    known = set(known_families(library))
+    rows = []
+    for row in source.chosen("mixture"):
+        families = source.families(source.samples[row])
+        if len(families) == 2 and set(families) <= known and set(families) - COLOURLESS:
+            rows.append(row)
+    if not rows:
+        return
+    readings = np.where(bands, grid_readings(source, rows), np.nan)
+    sought = Table(
+        readings=readings,
+        families=np.array([""] * len(rows)),
+        groups=np.array([source.group] * len(rows)),
+        samples=tuple(source.samples[row] for row in rows),
+    )
+    answers = namer.answer(sought, [None] * len(rows), pairs=True)
+    truths = [source.families(sample) for sample in sought.samples]
+    record.add("mixture", source.name, namer.name, score_names(answers, truths))
+    for answer, truth, sample in zip(answers, truths, sought.samples, strict=True):
+        if answer.refused or not (answer.ranked and is_right(answer.ranked[0], truth)):
+            record.fail(
+                Failure(
+                    task="mixture",
+                    source=source.name,
+                    method=namer.name,
+                    sample=sample.name,
+                    truth=" + ".join(truth),
+                    answer=words_of(answer),
+                )
+            )
+
+
+# ---- mixtures from recipes -----------------------------------------------------------------------
+
+
+def run_mixing(
+    sources: Sequence[Source], mixers: Sequence[Callable[[], Mixer]], record: Record
+) -> None:
+    """Tasks `predict` and `amounts`: each source's mixtures by what its own group teaches."""
+    for source in sources:
+        if source.bare is not None:
+            _predict_over_cards(source, record)
+            continue
+        taught = [s for s in sources if s.group == source.group and not s.extra and s.bare is None]
+        films, tests = mixing_films(source, taught)
+        if films is None or tests is None:
+            continue
+        for make in mixers:
+            mixer = make()
+            mixer.learn(films)
+            _predict(source, mixer, tests, record)
+            _amounts(source, mixer, tests, record)
+
+
+def mixing_films(
+    source: Source, taught: Sequence[Source]
+) -> tuple[Mixtures | None, Mixtures | None]:
+    """Films to learn from, pure paints and mixtures of a source's group, and its mixtures that are
+    tests; None where there are none.
+
+    Of an added source all mixtures are tests, and all films of its group may be learnt from.
+    Mixtures with a paint that no film to learn from holds are left out.
+    """
+    pieces = [
+        (other, [row for row, s in enumerate(other.samples) if _may_teach(s, source.extra)])
+        for other in taught
+    ]
+    tests = [
+        row
+        for row in source.chosen("mixture")
+        if source.samples[row].fractions and (source.extra or source.samples[row].test)
+    ]
+    pieces = [(other, rows) for other, rows in pieces if rows]
+    if not pieces or not tests:
+        return None, None
+    paints = tuple(
+        dict.fromkeys(
+            code for other, rows in pieces for row in rows for code in other.samples[row].paints
+        )
+    )
+    tests = [row for row in tests if set(source.samples[row].paints) <= set(paints)]
+    if not tests:
+        return None, None
+    grid = _MIX_GRID
+    films = _films(pieces, paints, grid)
+    sought = _films([(source, tests)], paints, grid)
+    both = np.isfinite(films.readings).all(axis=0) & np.isfinite(sought.readings).all(axis=0)
+    return _in_bands(films, both), _in_bands(sought, both)
+
+
+def _may_teach(sample: Sample, extra: bool) -> bool:
+    if sample.kind == "pure":
+        return True
+    return sample.kind == "mixture" and bool(sample.fractions) and (extra or not sample.test)
+
+
+def _films(
+    pieces: Sequence[tuple[Source, Sequence[int]]],
+    paints: tuple[str, ...],
+    grid: Float[np.ndarray, "bands"],
+) -> Mixtures:
+    readings = []
+    fractions = []
+    names = []
+    for source, rows in pieces:
+        readings.append(grid_readings(source, rows, grid))
+        for row in rows:
+            sample = source.samples[row]
+            shares = sample.fractions or (1.0,) * len(sample.paints)
+            parts = dict(zip(sample.paints, shares, strict=True))
+            fractions.append([parts.get(code, 0.0) / sum(shares) for code in paints])
+            names.append(sample.name if len(pieces) == 1 else f"{source.name}: {sample.name}")
+    return Mixtures(
+        wavelengths=grid,
+        readings=np.concatenate(readings),
+        fractions=np.array(fractions),
+        paints=paints,
+        names=tuple(names),
+    )
+
+
+def _in_bands(films: Mixtures, bands: Bool[np.ndarray, "bands"]) -> Mixtures:
+    return replace(films, wavelengths=films.wavelengths[bands], readings=films.readings[:, bands])
+
+
+def _predict_over_cards(source: Source, record: Record) -> None:
+    """Films over a white and a black card: of each, two readings are foretold."""
+    rows = [row for row, sample in enumerate(source.samples) if sample.kind in ("pure", "mixture")]
+    learnt = [row for row in rows if not source.samples[row].test]
+    known = {code for row in learnt for code in source.samples[row].paints}
+    tests = [row for row in rows if source.samples[row].test]
+    tests = [row for row in tests if set(source.samples[row].paints) <= known]
+    taught = films_over_cards(source, learnt)
+    sought = films_over_cards(source, tests)
+    recipes = {
+        sample.name.removesuffix(" over white"): dict(
+            zip(sample.paints, sample.fractions, strict=True)
+        )
+        for sample in source.samples
+    }
+    seen = np.stack([sought.over_black, sought.over_white], axis=1)
+    seen = seen.reshape(-1, sought.wavelengths.size)
+    for method in over_cards():
+        foretold = method.foretell(taught, sought, recipes)
+        gain = np.ones((len(seen), 1))
+        scores = score_foretold(sought.wavelengths, foretold, seen, gain)
+        record.add("predict", source.name, method.name, {"n": len(sought), **scores})
+
+
+def _predict(source: Source, mixer: Mixer, tests: Mixtures, record: Record) -> None:
+    foretold = mixer.foretell(tests.fractions)
+    if foretold is None:
+        return
+    seen = bounded(tests.readings)
+    gain = np.ones((len(tests), 1))
+    if source.group in _FREE_LEVEL:  # The level that meets best: only the shape can be foretold.
+        gain = np.sum(seen * foretold.readings, axis=1, keepdims=True)
+        gain = gain / np.sum(foretold.readings**2, axis=1, keepdims=True)
+    scores = score_foretold(tests.wavelengths, foretold, seen, gain)
+    record.add("predict", source.name, mixer.name, {"n": len(tests), **scores})
+
+
+def score_foretold(
+    wavelengths: Float[np.ndarray, "bands"],
+    foretold: Foretold,
+    seen: Float[np.ndarray, "films bands"],
+    gain: Float[np.ndarray, "films 1"],
+) -> Scores:
+    """`rmse`, `delta_e`, `inside` of 90 % bands, and `rank`: Spearman's correlation of stated and
+    true errors, None where a method states none.
+    """
+    off = gain * foretold.readings - seen
+    each = np.sqrt(np.mean(off**2, axis=1))
+    inside = (gain * foretold.low <= seen) & (seen <= gain * foretold.high)
+    stated = np.isfinite(foretold.expected).all() and np.ptp(foretold.expected) > 0
+    return {
+        "rmse": float(np.sqrt(np.mean(off**2))),
+        "delta_e": delta_e(wavelengths, gain * foretold.readings, seen),
+        "inside": float(inside.mean()),
+        "rank": float(spearmanr(foretold.expected, each).statistic) if stated else None,
+    }
+
+
+def delta_e(
+    wavelengths: Float[np.ndarray, "bands"],
+    one: Float[np.ndarray, "films bands"],
+    other: Float[np.ndarray, "films bands"],
+) -> float:
+    """Mean CIEDE2000 under D65, 10 degrees, from the bands of 420 to 700 nm."""
+    grid = np.arange(400.0, 701.0, 10.0)
+    pairs = [
+        np.stack([np.interp(grid, wavelengths, np.clip(row, 0.0, 1.0)) for row in rows])
+        for rows in (one, other)
+    ]
+    return float(np.mean(colour.delta_e_of_spectra(grid, *pairs)))
+
+
+def _amounts(source: Source, mixer: Mixer, tests: Mixtures, record: Record) -> None:
+    there = tests.fractions > 0
+    found = mixer.amounts(tests.readings, there)
+    if found is None:
+        return
+    off = np.abs(found - tests.fractions)[there]
+    record.add(
+        "amounts",
+        source.name,
+        mixer.name,
+        {"n": len(tests), "mean": float(off.mean()), "median": float(np.median(off))},
+    )
+
+
+def interval(score: float, count: int) -> tuple[float, float]:
+    """95 % interval of a share, by Wilson's score."""
+    if not count:
+        return 0.0, 1.0
+    z = 1.96
+    middle = (score + z**2 / (2 * count)) / (1 + z**2 / count)
+    half = z / (1 + z**2 / count) * np.sqrt(score * (1 - score) / count + z**2 / (4 * count**2))
+    return max(0.0, middle - half), min(1.0, middle + half)

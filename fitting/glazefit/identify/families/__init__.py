@@ -1,0 +1,1 @@
+"""Which pigments are in a film of anybody's paint: families, learnt from exemplars."""

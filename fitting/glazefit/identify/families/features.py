@@ -1,0 +1,50 @@
+"""What is compared of two spectra of paint from different hands: slopes of -log R and of log K/S,
+and the level of the brightest band.
+
+Level, gloss and slope of a reading vary between instruments by more than a pigment's own bands do;
+how much of a difference they make is learnt (`metric.py`), not assumed. Slopes keep what differs
+between pigments: where a band lies and how steep it is. -log R is the natural scale of a thin coat
+over a bright ground, log K/S (Kubelka-Munk's remission function) of one that hides its ground.
+"""
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+BRIGHTEST, DARKEST = 0.995, 0.008
+"""Readings are taken to lie within these: what is darker is the surface's reflection or noise."""
+# Neighbouring bands further apart than this many usual steps have a gap between them.
+_GAP = 1.7
+
+
+def bounded(readings: Float[np.ndarray, "*n bands"]) -> Float[np.ndarray, "*n bands"]:
+    """Readings within the bounds; a spectrum that is brighter than white anywhere is scaled down to
+    it.
+    """
+    top = readings.max(axis=-1, keepdims=True)
+    return np.clip(readings * np.minimum(1.0, BRIGHTEST / top), DARKEST, BRIGHTEST)
+
+
+def features(
+    wavelengths: Float[np.ndarray, "bands"], readings: Float[np.ndarray, "*n bands"]
+) -> Float[np.ndarray, "*n features"]:
+    """Slopes of -log R, then of log K/S, each between neighbouring bands; last -log R of the
+    brightest band.
+
+    Args:
+        wavelengths: (bands,), nm, ascending; there may be gaps.
+        readings: reflectance factors, (..., bands).
+    """
+    values = bounded(readings)
+    step = np.diff(wavelengths)
+    near = step <= _GAP * np.median(step)
+    absorbance = -np.log(values)
+    # (1 - R)^2 / 2 R, Kubelka and Munk's K/S of a film that hides its ground.
+    ratio = np.log((1.0 - values) ** 2 / (2.0 * values))
+    slopes = [_slopes(absorbance, near), _slopes(ratio, near)]
+    return np.concatenate([*slopes, absorbance.min(axis=-1, keepdims=True)], axis=-1)
+
+
+def _slopes(
+    values: Float[np.ndarray, "*n bands"], near: Bool[np.ndarray, "steps"]
+) -> Float[np.ndarray, "*n slopes"]:
+    return np.diff(values, axis=-1)[..., near]

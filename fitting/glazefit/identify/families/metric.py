@@ -1,0 +1,164 @@
+"""How far one paint of a pigment is from another's, learnt from exemplars that share a family.
+
+Two paints of one family differ by what their makers, binders, grounds and instruments do. The
+differences between each exemplar and the nearest one of its family from another paint, in all
+families together, give one covariance: large along what varies between hands (level, gloss, how
+steep a flank is), small along what does not. A reading is compared with an exemplar by a Student's
+t of that covariance, and with 'any paint at all' by one of the covariance of all exemplars; the log
+of their ratio is the evidence that the reading is of the exemplar's pigment. This is probabilistic
+linear discriminant analysis (Ioffe, ECCV 2006; Prince and Elder, ICCV 2007) with each family as a
+mixture of its exemplars in place of one mean, so that a family may have several shapes.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float, Int
+from scipy.special import logsumexp
+
+# Principal components that are compared, beside the level.
+_COMPONENTS = 25
+# How much of a covariance is taken from its diagonal alone (Ledoit and Wolf's shrinkage, fixed).
+_SHRINKAGE = 0.2
+# Degrees of freedom of Student's t: some paints are much further from their kind than others.
+_FREEDOM = 5.0
+# A family with many exemplars says as much of the covariance as one with this many.
+_MOST_OF_A_FAMILY = 15
+# Rounds in which nearest exemplars and covariance are found in turn.
+_ROUNDS = 3
+
+
+@dataclass(frozen=True, kw_only=True)
+class Metric:
+    """A space in which differences between paints of one family are standard normal.
+
+    Attributes:
+        mean: of the features of all exemplars.
+        project: from features to components, (features, components).
+        whiten: from components to the space, (components, components).
+        middle: of all exemplars in that space.
+        log_volume: log of the ratio of the volumes of all exemplars and of one family's.
+        spread: from the space to one in which all exemplars are standard normal.
+    """
+
+    mean: Float[np.ndarray, "features"]
+    project: Float[np.ndarray, "features components"]
+    whiten: Float[np.ndarray, "components components"]
+    middle: Float[np.ndarray, "components"]
+    log_volume: float
+    spread: Float[np.ndarray, "components components"]
+
+    def place(
+        self, features: Float[np.ndarray, "*n features"]
+    ) -> Float[np.ndarray, "*n components"]:
+        """Features as points of the space."""
+        return (features - self.mean) @ self.project @ self.whiten
+
+    def log_evidence(
+        self, sought: Float[np.ndarray, "n components"], known: Float[np.ndarray, "m components"]
+    ) -> Float[np.ndarray, "n m"]:
+        """Log of how much more probable each reading is as a paint like each known one than as any
+        paint at all.
+        """
+        squares = (
+            np.sum(sought**2, axis=1)[:, None] + np.sum(known**2, axis=1) - 2.0 * sought @ known.T
+        )
+        any_paint = np.sum(((sought - self.middle) @ self.spread) ** 2, axis=1)
+        return (
+            _log_t(np.maximum(squares, 0.0), sought.shape[1])
+            - _log_t(any_paint, sought.shape[1])[:, None]
+            + self.log_volume
+        )
+
+
+def _log_t(squares: Float[np.ndarray, "*n"], dimensions: int) -> Float[np.ndarray, "*n"]:
+    """Log density of a multivariate Student's t, but for its constant."""
+    return -0.5 * (_FREEDOM + dimensions) * np.log1p(squares / _FREEDOM)
+
+
+def learn_metric(
+    features: Float[np.ndarray, "exemplars features"],
+    families: Int[np.ndarray, "exemplars"],
+    paints: Int[np.ndarray, "exemplars"],
+) -> Metric:
+    """The metric of some exemplars.
+
+    Args:
+        features: of one or more spectra of each paint.
+        families: number of the family of each.
+        paints: number of the paint of each: spectra of one paint are not compared.
+
+    Raises:
+        ValueError: no two paints share a family.
+    """
+    mean = features.mean(axis=0)
+    centred = features - mean
+    # The level, last, is a component of its own; slopes share the others.
+    slopes = centred[:, :-1]
+    _, _, directions = np.linalg.svd(slopes, full_matrices=False)
+    kept = directions[: min(_COMPONENTS, len(features) - 1)].T
+    project = np.zeros((features.shape[1], kept.shape[1] + 1))
+    project[:-1, :-1] = kept
+    project[-1, -1] = 1.0
+    points = centred @ project
+
+    within = np.cov(points.T) + 1e-9 * np.eye(points.shape[1])
+    for _ in range(_ROUNDS):
+        whiten = _inverse_root(within)
+        within = _within_families(points, points @ whiten, families, paints)
+    whiten = _inverse_root(within)
+
+    white = points @ whiten
+    total = _shrink(np.cov(white.T))
+    spread = _inverse_root(total)
+    return Metric(
+        mean=mean,
+        project=project,
+        whiten=whiten,
+        middle=white.mean(axis=0),
+        log_volume=float(0.5 * np.linalg.slogdet(total)[1]),
+        spread=spread,
+    )
+
+
+def _within_families(
+    points: Float[np.ndarray, "exemplars components"],
+    white: Float[np.ndarray, "exemplars components"],
+    families: Int[np.ndarray, "exemplars"],
+    paints: Int[np.ndarray, "exemplars"],
+) -> Float[np.ndarray, "components components"]:
+    """Covariance of differences to the nearest exemplar of the same family, another paint."""
+    total = np.zeros((points.shape[1], points.shape[1]))
+    weight = 0.0
+    for family in np.unique(families):
+        own = np.flatnonzero(families == family)
+        apart = np.sum((white[own][:, None] - white[own]) ** 2, axis=-1)
+        apart[paints[own][:, None] == paints[own]] = np.inf
+        has = np.isfinite(apart).any(axis=1)
+        if not has.any():
+            continue
+        nearest = own[apart.argmin(axis=1)]
+        off = (points[own] - points[nearest])[has]
+        share = min(1.0, _MOST_OF_A_FAMILY / len(off))
+        total += share * off.T @ off
+        weight += share * len(off)
+    if weight == 0:
+        raise ValueError(
+            "no two exemplars of a family are different paints: how much one paint of a pigment "
+            "differs from another cannot be learnt; give more exemplars"
+        )
+    return _shrink(total / weight)
+
+
+def _shrink(covariance: Float[np.ndarray, "n n"]) -> Float[np.ndarray, "n n"]:
+    return (1.0 - _SHRINKAGE) * covariance + _SHRINKAGE * np.diag(np.diag(covariance))
+
+
+def _inverse_root(covariance: Float[np.ndarray, "n n"]) -> Float[np.ndarray, "n n"]:
+    """Matrix W with W W^T the inverse: points times it have unit covariance."""
+    return np.linalg.cholesky(np.linalg.inv(covariance))
+
+
+def log_mean_exp(values: Float[np.ndarray, "n m"], count: float) -> Float[np.ndarray, "n"]:
+    """Log of the sum of exponentials, over a count."""
+    return logsumexp(values, axis=1) - np.log(count)

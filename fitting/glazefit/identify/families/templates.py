@@ -1,0 +1,228 @@
+"""Spectra that exemplars and their mixtures would have, by the film model: what a reading is
+compared with.
+
+A film that hides its ground depends on k/s alone. Over a ground that is seen, and where a film is
+said to hide its ground but may not, coats of several thicknesses stand beside it.
+"""
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import jax
+import numpy as np
+from jaxtyping import Array, Bool, Float, Int
+
+from glazejax import Pigment
+
+from ...film.model.response import HIGHEST, FilmResponse
+
+FRACTIONS = (0.02, 0.05, 0.1, 0.2, 0.35, 0.5, 0.65, 0.8, 0.9, 0.95, 0.98)
+"""Mass fractions of the first of two paints."""
+COATS = (0.35, 1.0)
+"""Thicknesses of coats that a film said to hide its ground may have, of usual ones."""
+LIGHT_GROUND = 0.85
+"""Internal reflectance of what is then below."""
+THICKNESSES = (0.1, 0.2, 0.4, 0.7, 1.2, 2.0, 4.0)
+"""Thicknesses of coats over a known ground, of usual ones."""
+# Exemplars of each family that are mixed: those nearest to the others, one for each part.
+_MIXED = 2
+# Scattering optical thickness that hides the ground.
+_OPAQUE = 200.0
+# Films that are computed at a time.
+_CHUNK = 2048
+# k/s at which films that hide their ground are computed, and between which they are interpolated.
+_RATIOS = (1e-7, 1e4)
+_NODES = 600
+
+
+@dataclass(frozen=True, kw_only=True)
+class Templates:
+    """Computed films.
+
+    Attributes:
+        members: exemplars of each by number, -1 for none, (templates, 2).
+        fractions: by mass, (templates, 2).
+        thickness: of usual ones; infinite for a film that hides its ground.
+        readings: without the outer surface's part, (templates, bands).
+    """
+
+    members: Int[np.ndarray, "templates 2"]
+    fractions: Float[np.ndarray, "templates 2"]
+    thickness: Float[np.ndarray, "templates"]
+    readings: Float[np.ndarray, "templates bands"]
+
+    def __len__(self) -> int:
+        return len(self.members)
+
+    def take(self, rows: Bool[np.ndarray, "templates"] | Int[np.ndarray, "some"]) -> "Templates":
+        """Some of them."""
+        return Templates(
+            members=self.members[rows],
+            fractions=self.fractions[rows],
+            thickness=self.thickness[rows],
+            readings=self.readings[rows],
+        )
+
+
+def coefficients(
+    pigments: Sequence[Pigment], wavelengths: Float[np.ndarray, "bands"]
+) -> Float[np.ndarray, "2 exemplars bands"]:
+    """k and s of exemplars on a grid, 1/m; NaN where one is not known."""
+    out = np.full((2, len(pigments), wavelengths.size), np.nan)
+    for row, pigment in enumerate(pigments):
+        grid = np.asarray(pigment.wavelengths)
+        inside = (wavelengths >= grid[0] - 1e-6) & (wavelengths <= grid[-1] + 1e-6)
+        for part, values in enumerate((pigment.absorption, pigment.scattering)):
+            # Coefficients change by factors: their logs are interpolated.
+            logs = np.log(np.maximum(np.asarray(values, dtype=np.float64), 1e-3))
+            out[part, row, inside] = np.exp(np.interp(wavelengths[inside], grid, logs))
+    return out
+
+
+def usual_thickness(scattering: Float[np.ndarray, "exemplars bands"]) -> float:
+    """Thickness at which the median exemplar scatters twice on the way through, m."""
+    return float(2.0 / np.nanmedian(scattering))
+
+
+def pure_templates(
+    coefficients: Float[np.ndarray, "2 exemplars bands"],
+    response: FilmResponse,
+    ground: Float[np.ndarray, "bands"] | None,
+) -> Templates:
+    """Films of one exemplar each.
+
+    Args:
+        coefficients: of all exemplars.
+        response: of the instrument.
+        ground: internal reflectance of what is below, or None for films said to hide it: then
+            coats over a light ground stand beside those that do.
+    """
+    count = coefficients.shape[1]
+    members = np.column_stack([np.arange(count), np.full(count, -1)])
+    fractions = np.tile([1.0, 0.0], (count, 1))
+    return _over(coefficients, response, members, fractions, ground, COATS)
+
+
+def mixed_templates(
+    coefficients: Float[np.ndarray, "2 exemplars bands"],
+    families: Int[np.ndarray, "exemplars"],
+    places: Float[np.ndarray, "exemplars components"],
+    response: FilmResponse,
+    ground: Float[np.ndarray, "bands"] | None,
+) -> Templates:
+    """Films of two families each: of a few exemplars of one with a few of the other.
+
+    Args:
+        coefficients, response, ground: as for `pure_templates`.
+        families: number of each exemplar's family.
+        places: of the exemplars in the metric, by which those that are mixed are chosen.
+    """
+    chosen = {
+        int(family): typical(places[families == family], np.flatnonzero(families == family))
+        for family in np.unique(families)
+    }
+    pairs = [
+        (a, b)
+        for one, other in itertools.combinations(sorted(chosen), 2)
+        for a in chosen[one]
+        for b in chosen[other]
+    ]
+    members = np.repeat(np.array(pairs, dtype=int).reshape(-1, 2), len(FRACTIONS), axis=0)
+    first = np.tile(FRACTIONS, len(pairs))
+    fractions = np.column_stack([first, 1.0 - first])
+    return _over(coefficients, response, members, fractions, ground, ())
+
+
+def typical(places: Float[np.ndarray, "own components"], rows: Int[np.ndarray, "own"]) -> list[int]:
+    """Exemplars that stand for a family: the one nearest to the others, and the one furthest from
+    that among the nearer half.
+    """
+    apart = np.sqrt(np.sum((places[:, None] - places) ** 2, axis=-1))
+    middle = int(np.median(apart, axis=1).argmin())
+    out = [int(rows[middle])]
+    if len(rows) > 2 and _MIXED > 1:
+        nearer = np.argsort(apart[middle], kind="stable")[: max(2, (len(rows) + 1) // 2)]
+        out.append(int(rows[nearer[-1]]))
+    return out
+
+
+def _over(
+    coefficients: Float[np.ndarray, "2 exemplars bands"],
+    response: FilmResponse,
+    members: Int[np.ndarray, "films 2"],
+    fractions: Float[np.ndarray, "films 2"],
+    ground: Float[np.ndarray, "bands"] | None,
+    coats: Sequence[float],
+) -> Templates:
+    """Films of these mixtures at all thicknesses that the ground asks for."""
+    usual = usual_thickness(coefficients[1])
+    levels = [np.inf, *coats] if ground is None else list(THICKNESSES)
+    below = np.full(coefficients.shape[-1], LIGHT_GROUND) if ground is None else ground
+    # Coefficients add by mass; where one is not known anything will do.
+    k, s = (
+        np.einsum("fm,fmb->fb", fractions, np.nan_to_num(part, nan=1.0)[members])
+        for part in coefficients
+    )
+    missing = np.isnan(coefficients[0])
+    absent = missing[members[:, 0]] | ((members[:, 1:] >= 0) & missing[members[:, 1]])
+    readings = [
+        np.where(absent, np.nan, hiding_body(response, k / s))
+        if np.isinf(level)
+        else np.where(absent, np.nan, coat_body(response, k, s, level * usual, below))
+        for level in levels
+    ]
+    return Templates(
+        members=np.tile(members, (len(levels), 1)),
+        fractions=np.tile(fractions, (len(levels), 1)),
+        thickness=np.repeat(levels, len(members)),
+        readings=np.concatenate(readings),
+    )
+
+
+def hiding_body(
+    response: FilmResponse, ratio: Float[np.ndarray, "films bands"]
+) -> Float[np.ndarray, "films bands"]:
+    """Readings of films that hide their ground, from k/s: one curve of one variable, computed at
+    some points.
+    """
+    nodes = np.geomspace(*_RATIOS, _NODES)
+    # As thick as the table of films goes: what is beyond reflects the same.
+    s = np.minimum(_OPAQUE, 0.999 * np.minimum(HIGHEST[0] / nodes, HIGHEST[1]))
+    curve = np.asarray(response.body(nodes * s, s, np.full_like(nodes, LIGHT_GROUND)))
+    return np.interp(np.log(ratio), np.log(nodes), curve)
+
+
+def coat_body(
+    response: FilmResponse,
+    absorption: Float[np.ndarray, "films bands"],
+    scattering: Float[np.ndarray, "films bands"],
+    thickness: float,
+    ground: Float[np.ndarray, "bands"],
+) -> Float[np.ndarray, "films bands"]:
+    """Readings of coats of one thickness (m) over a ground."""
+    # No thicker than the table of films goes.
+    depth = np.minimum(
+        thickness, 0.999 * np.minimum(HIGHEST[0] / absorption, HIGHEST[1] / scattering)
+    )
+    kd = absorption * depth
+    sd = scattering * depth
+    # Pieces of one size, so that one program does.
+    rows = len(kd)
+    padded = -(-rows // _CHUNK) * _CHUNK
+    whole = np.resize(np.arange(rows), padded)
+    pieces = [
+        np.asarray(_body(response, kd[piece], sd[piece], np.broadcast_to(ground, kd[piece].shape)))
+        for piece in np.split(whole, padded // _CHUNK)
+    ]
+    return np.concatenate(pieces)[:rows]
+
+
+@jax.jit
+def _body(
+    response: FilmResponse,
+    kd: Float[Array, "films bands"],
+    sd: Float[Array, "films bands"],
+    ground: Float[Array, "films bands"],
+) -> Float[Array, "films bands"]:
+    return response.body(kd, sd, ground)

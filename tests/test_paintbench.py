@@ -1,0 +1,248 @@
+"""The bench of real paint: sources are read as they say, answers are judged as its README says."""
+
+import json
+import shutil
+
+import numpy as np
+import pytest
+from benchmarks.paintbench import namers, sources, splits, tasks
+from benchmarks.paintbench.library import pure_table
+from benchmarks.paintbench.mixers import AbsorbanceUnmixing, KubelkaMunk, Mixtures
+from benchmarks.paintbench.spectra import GRID, absorbance, cosine_distance, on_grid, slopes
+
+from glazejax import catalogue
+
+
+@pytest.fixture(scope="module")
+def measured(shared_data):
+    return {source.name: source for source in sources.read_sources(shared_data)}
+
+
+def write_source(folder, *, kinds=("pure", "pure", "mixture"), fractions="0.25 + 0.75"):
+    folder.mkdir()
+    bands = np.arange(400.0, 701.0, 10.0)
+    red = 0.1 + 0.6 / (1.0 + np.exp(-(bands - 590.0) / 12.0))
+    rows = np.column_stack([bands, red, np.full(bands.size, 0.9), 0.5 * (red + 0.9)])
+    head = "wavelength_nm\tR\tW\tRW"
+    np.savetxt(
+        folder / "reflectance.tsv", rows, fmt="%.5f", delimiter="\t", header=head, comments=""
+    )
+    lines = [
+        f"R\t{kinds[0]}\tVR\t\t\t",
+        f"W\t{kinds[1]}\tLW\t\t\t",
+        f"RW\t{kinds[2]}\tVR + LW\t{fractions}\t\t",
+    ]
+    head = "sample\tkind\tpaints\tfractions\tbinder\tsupport"
+    (folder / "samples.tsv").write_text("\n".join([head, *lines]) + "\n")
+    (folder / "paints.tsv").write_text(
+        "code\tfamily\tname\nVR\tvermilion\tred\nLW\tlead white\twhite\n"
+    )
+    return folder
+
+
+def test_a_source_is_read_as_its_tables_say(tmp_path):
+    source = sources.read_source(write_source(tmp_path / "new-one"))
+    assert source.group == "new"
+    assert [sample.kind for sample in source.samples] == ["pure", "pure", "mixture"]
+    assert source.samples[2].fractions == (0.25, 0.75)
+    assert all(sample.test for sample in source.samples)
+    assert source.families(source.samples[2]) == ("vermilion", "lead white")
+    (camera,) = source.cameras
+    assert camera.readings.shape == (3, 31)
+    assert camera.readings[1] == pytest.approx(0.9)
+
+
+def test_a_split_marks_tests_and_an_extra_source_is_all_tests(tmp_path):
+    folder = write_source(tmp_path / "one")
+    (folder / "split.tsv").write_text("sample\tsplit\nR\ttrain\nW\ttrain\nRW\ttest\n")
+    assert [s.test for s in sources.read_source(folder).samples] == [False, False, True]
+    assert all(s.test for s in sources.read_source(folder, extra=True).samples)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (dict(kinds=("pure", "pure", "blend")), "of kind 'blend'"),
+        (dict(fractions="0.25"), "2 paints and the fractions"),
+        (dict(fractions="a + b"), "has the fractions 'a"),
+    ],
+)
+def test_a_wrong_table_is_one_sentence(tmp_path, change, words):
+    with pytest.raises(SystemExit, match=words):
+        sources.read_source(write_source(tmp_path / "one", **change))
+
+
+def test_what_is_missing_or_in_percent_is_said(tmp_path):
+    folder = write_source(tmp_path / "one")
+    table = (folder / "reflectance.tsv").read_text()
+    (folder / "reflectance.tsv").write_text(table.replace("0.90000", "90.0000"))
+    with pytest.raises(SystemExit, match="write fractions, not percent"):
+        sources.read_source(folder)
+    (folder / "reflectance.tsv").unlink()
+    with pytest.raises(SystemExit, match=r"no reflectance\*\.tsv"):
+        sources.read_source(folder)
+    with pytest.raises(SystemExit, match="no such folder"):
+        sources.read_sources(tmp_path / "nowhere")
+
+
+def test_the_frozen_splits_are_those_of_the_rule(measured):
+    splits.check_hashes()
+    for name in ("bath", "grillini", "hyperdoc", "revigo"):
+        for sample in measured[name].samples:
+            assert sample.test == splits.is_test(name, sample), (name, sample.name)
+
+
+def test_a_changed_split_is_refused(tmp_path, monkeypatch):
+    copy = tmp_path / "splits"
+    shutil.copytree(splits.SPLITS, copy)
+    (copy / "bath.tsv").write_text("sample\tsplit\n")
+    monkeypatch.setattr(splits, "SPLITS", copy)
+    monkeypatch.setattr(splits, "HASHES", copy / "hashes.tsv")
+    with pytest.raises(SystemExit, match=r"bath\.tsv is not the frozen table"):
+        splits.check_hashes()
+
+
+def test_all_sources_come_to_one_form(measured):
+    families = catalogue.families()
+    for source in measured.values():
+        for paint in source.paints.values():
+            known = (*families, sources.FOREIGN, *sources.UNCLEAR)
+            assert paint.family in known, (source.name, paint)
+        for camera in source.cameras:
+            assert camera.readings.shape == (len(source.samples), camera.wavelengths.size)
+    assert len(measured["hyppigments"].samples) == 1592
+    assert "74A" not in {sample.name for sample in measured["hyperdoc"].samples}
+    assert measured["revigo"].bare is not None
+
+
+def test_readings_on_the_grid_are_those_of_the_instrument(measured):
+    bath = measured["bath"].cameras[0]
+    found = on_grid(bath.wavelengths, bath.readings[:2], GRID)
+    at = np.searchsorted(bath.wavelengths, GRID)
+    assert np.abs(found - bath.readings[:2, at]).max() < 0.01
+    golden = measured["golden"].cameras[0]
+    found = on_grid(golden.wavelengths, golden.readings[:1], GRID)
+    assert np.isnan(found[0, GRID > 750.0]).all()
+    assert found[0, GRID == 500.0] == pytest.approx(golden.readings[0, 12])
+
+
+@pytest.mark.parametrize(
+    ("answer", "truth", "right"),
+    [
+        ([("azurite",)], ["azurite"], True),
+        ([("azurite",), ("chalk",)], ["azurite"], True),
+        ([("azurite",), ("vermilion",)], ["azurite"], False),
+        ([("lead white", "chalk")], ["chalk"], True),
+        ([("azurite",), ("chalk",)], ["chalk"], False),
+        ([("red ochre", "yellow ochre", "raw umber", "burnt umber")], ["raw umber"], True),
+        ([("a", "b", "c", "d", "azurite")], ["azurite"], False),
+        ([("vermilion",), ("minium", "azurite")], ["azurite", "vermilion"], True),
+        ([("vermilion",)], ["azurite", "vermilion"], False),
+        ([("vermilion",)], ["lead white", "vermilion"], True),
+        ([], ["azurite"], False),
+    ],
+)
+def test_an_answer_is_right_as_the_readme_says(answer, truth, right):
+    assert tasks.is_right(answer, truth) == right
+
+
+def test_scores_against_their_closed_forms():
+    chances = np.array([0.95, 0.95, 0.55, 0.55])
+    assert tasks.calibration_error(chances, np.array([1.0, 1.0, 1.0, 0.0])) == pytest.approx(0.05)
+    assert tasks.area_under_curve(np.array([2.0, 3.0]), np.array([0.0, 2.0])) == 0.875
+    low, high = tasks.interval(0.5, 100)
+    assert (low, high) == (pytest.approx(0.4038, abs=1e-4), pytest.approx(0.5962, abs=1e-4))
+
+
+def test_slopes_do_not_see_a_level_and_bands_that_lack_are_left_out():
+    rng = np.random.default_rng(0)
+    reading = rng.uniform(0.2, 0.5, (1, GRID.size))
+    assert slopes(absorbance(reading)) == pytest.approx(slopes(absorbance(0.8 * reading)))
+    other = reading.copy()
+    other[:, GRID > 700] = np.nan
+    assert cosine_distance(reading, other)[0, 0] == pytest.approx(0.0, abs=1e-12)
+    other[:, GRID > 450] = np.nan
+    assert np.isinf(cosine_distance(reading, other))[0, 0]
+
+
+def test_neighbours_name_their_own_readings_and_obey_what_is_hidden(measured):
+    table = pure_table([measured["rrt"], measured["bath"], measured["grillini"]])
+    for method in namers.namers()[:4]:
+        method.learn(table)
+        answers = method.answer(table, [None] * len(table), pairs=False)
+        own = [a.ranked[0] == ((f,),) for a, f in zip(answers, table.families, strict=True)]
+        assert np.mean(own) > 0.8, method.name
+        hidden = method.answer(table, [str(f) for f in table.families], pairs=False)
+        for answer, family in zip(hidden, table.families, strict=True):
+            assert ((str(family),),) not in [tuple(sets) for sets in answer.ranked]
+
+
+def mixtures_by_kubelka_munk():
+    rng = np.random.default_rng(1)
+    k = np.array([[0.02, 0.02], [2.0, 0.1], [0.05, 1.0]])  # (paints, bands)
+    s = np.array([[1.0, 1.0], [0.4, 0.6], [0.3, 0.2]])
+    fractions = np.concatenate([np.eye(3), rng.dirichlet(np.ones(3), 20)])
+    ratio = (fractions @ k) / (fractions @ s)
+    return Mixtures(
+        wavelengths=np.array([500.0, 600.0]),
+        readings=1.0 + ratio - np.sqrt(ratio**2 + 2.0 * ratio),
+        fractions=fractions,
+        paints=("W", "R", "B"),
+        names=tuple(str(n) for n in range(len(fractions))),
+    )
+
+
+@pytest.mark.parametrize("pairs", [False, True])
+def test_two_constants_are_found_again_in_their_own_mixtures(pairs):
+    films = mixtures_by_kubelka_munk()
+    method = KubelkaMunk(pairs=pairs)
+    method.learn(films.take(np.arange(15)))
+    rest = films.take(np.arange(15, len(films)))
+    foretold = method.foretell(rest.fractions)
+    # Half of the error that the method counts with: its priors pull by some of that.
+    assert np.abs(foretold.readings - rest.readings).max() < 5e-3
+    assert ((foretold.low <= rest.readings) & (rest.readings <= foretold.high)).all()
+    found = method.amounts(rest.readings[:3], np.ones((3, 3), bool))
+    assert np.abs(found - rest.fractions[:3]).max() < 0.05
+
+
+def test_unmixing_is_exact_where_absorbances_add():
+    values = np.array([[0.9, 0.5, 0.3], [0.4, 0.8, 0.9]])
+    mixed = np.exp(0.25 * np.log(values[0]) + 0.75 * np.log(values[1]))
+    films = Mixtures(
+        wavelengths=np.array([450.0, 550.0, 650.0]),
+        readings=values,
+        fractions=np.eye(2),
+        paints=("A", "B"),
+        names=("A", "B"),
+    )
+    method = AbsorbanceUnmixing()
+    method.learn(films)
+    found = method.amounts(mixed[None], np.ones((1, 2), bool))
+    assert found == pytest.approx(np.array([[0.25, 0.75]]), abs=1e-9)
+    assert method.foretell(np.eye(2)) is None
+
+
+@pytest.mark.slow
+def test_the_bench_runs_whole_at_small_size_and_takes_a_source_from_outside(
+    tmp_path, shared_data, monkeypatch, capsys
+):
+    from benchmarks.paintbench.__main__ import main
+
+    extra = write_source(tmp_path / "new-one")
+    words = ["paintbench", "--quick", "--data", str(shared_data), "--extra", str(extra)]
+    monkeypatch.setattr("sys.argv", [*words, "--json", str(tmp_path / "scores.json")])
+    main()
+    scores = json.loads((tmp_path / "scores.json").read_text())
+    assert scores["pigment"]["new-one"]["glazejax"]["n"] == 2
+    assert set(scores["predict"]["grillini"]) >= {"glazejax", "Kubelka-Munk"}
+    assert set(scores) >= {
+        "pigment",
+        "mixture",
+        "none",
+        "amounts",
+        "predict",
+        "coats",
+        "calibration",
+    }
+    assert "PIGMENT" in capsys.readouterr().out
