@@ -11,9 +11,7 @@ from benchmarks.results import FOLDER
 from glazefit import Identification, ModelError, identify
 from glazefit.film.model.errors import (
     BETWEEN_FILMS,
-    MISFIT,
     error_modes,
-    log_odds_of_none,
     modes_covariance,
     relative_errors,
 )
@@ -21,6 +19,7 @@ from glazefit.film.model.response import film_response
 from glazefit.film.model.varnish import under_varnish, yellow
 from glazefit.film.noise import noise_of_each
 from glazefit.identify.search.searcher import hardly_seen
+from glazefit.identify.search.weigh import MISFIT, log_odds_of_none
 from glazejax import Bidirectional, Hemispherical, Pigment, catalogue
 from glazejax.paint.pigment_table import read_pigments
 

@@ -49,7 +49,7 @@ def identify_chunks(
             "opaque=True for films that hide it"
         )
     searcher = Searcher.of(wavelengths, pigments, options, opaque=opaque)
-    measured = searcher.check(spectra, ground, names)
+    measured = searcher.measure(spectra, ground, names)
     for batch, pool, odds in searcher.search(measured):
         yield Identification.of(
             batch, pool, odds, paints=searcher.paints, opaque=opaque, keep=options.keep

@@ -460,27 +460,3 @@ def whitening(
         inverse[place] = dtrtri(factor[place], lower=1)[0]  # pyright: ignore
     height = -np.log(np.diagonal(factor, axis1=-2, axis2=-1)).sum(axis=-1)
     return inverse, height - 0.5 * matrix.shape[-1] * np.log(2.0 * np.pi)
-
-
-def log_odds_of_none(misfit: float | Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
-    """Log of how much more often a film misses by this if its paints are not in the catalogue than
-    if they are.
-
-    A logistic regression on the logarithm of the misfit (`glazefit.Identification.misfit`) of 55
-    films that were left out of the fit, each once with the catalogue as it is and once without the
-    family of its main paint, as the catalogue's errors were when it was chosen. `python -m
-    benchmarks.truth` makes it anew: with today's errors it would call more films none, three times
-    as many of them wrongly, so that it was kept.
-    """
-    intercept, slope = MISFIT
-    return np.asarray(intercept + slope * np.log(np.maximum(misfit, 0.1)))
-
-
-MISFIT = (-0.98, 1.83)
-"""Of `log_odds_of_none`: at a misfit of 1, and its slope by the logarithm."""
-
-UNSEEN = 1.0
-"""Delta E00 below which two colours look the same."""
-
-REJECTED = 4.0
-"""Delta E00 above which a person sees that the fit is none."""

@@ -27,9 +27,10 @@ from ...film.model.errors import (
 from ...film.model.optics import Optics
 from ...film.model.response import film_response
 from ..result import Identification
+from ..search.candidates import padded_size
 from ..search.pool import NOBODY
 from ..search.refine import slopes_of
-from ..search.searcher import check_pigments, hiding, padded_size
+from ..search.searcher import check_pigments, hiding
 from ..search.table import paints_of
 from ..search.two_coats import stack_slopes
 

@@ -23,9 +23,10 @@ from ...film.model.errors import ModelError, Prior, noise_covariance, whitening
 from ...film.model.response import FilmResponse, film_response
 from ...film.numerics.least_squares import damped_newton
 from ..result import Identification
+from ..search.candidates import padded_size
+from ..search.chunk import tolerance
 from ..search.pool import NOBODY
-from ..search.refine import near_sd
-from ..search.searcher import check_pigments, hiding, padded_size
+from ..search.searcher import check_pigments, hiding
 from ..search.table import Paints, paints_of
 from ..search.task import Measured
 
@@ -114,7 +115,7 @@ def find_contenders(
     response = film_response(instrument.geometry, instrument.refractive_index)
     paints = paints_of(known, usual)
     surface = instrument.seen_surface
-    sd = near_sd(measured)
+    sd = tolerance(measured)
     white = whitening(noise_covariance(sd, surface, discrepancy))[0]
     readings = (measured.readings - discrepancy.gloss * surface).reshape(len(measured), -1)
     target = np.einsum("srt,st->sr", white, readings)

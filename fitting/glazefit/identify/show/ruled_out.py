@@ -4,9 +4,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...film.model.errors import REJECTED, UNSEEN
 from ..result import Candidate, Identification, percent
 from ..search.pool import NOBODY
+from ..search.weigh import REJECTED, UNSEEN
 from .contenders import LEAST_SHARE, Contenders
 
 IMPROBABLE = 0.01
