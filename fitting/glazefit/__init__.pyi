@@ -17,7 +17,7 @@ from .identify.identify import identify as identify
 from .identify.identify import identify_films as identify_films
 from .identify.result import Candidate as Candidate
 from .identify.result import Identification as Identification
-from .identify.search.searcher import IdentificationOptions as IdentificationOptions
+from .identify.search.options import IdentificationOptions as IdentificationOptions
 from .mapping.map_cube import map_cube as map_cube
 from .mapping.show.names import set_labels as set_labels
 from .mapping.store.export import export_map as export_map

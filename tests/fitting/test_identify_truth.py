@@ -10,7 +10,6 @@ from benchmarks.results import FOLDER
 
 from glazefit import Identification, ModelError, identify
 from glazefit.film.model.errors import (
-    BETWEEN_FILMS,
     error_modes,
     modes_covariance,
     relative_errors,
@@ -22,6 +21,8 @@ from glazefit.identify.search.searcher import hardly_seen
 from glazefit.identify.search.weigh import MISFIT, log_odds_of_none
 from glazejax import Bidirectional, Hemispherical, Pigment, catalogue
 from glazejax.paint.pigment_table import read_pigments
+
+BETWEEN_FILMS = ModelError.between_films()
 
 GRID = np.arange(400.0, 701.0, 10.0)
 GROUNDS = np.array([[0.025], [0.93]]) * np.ones((2, GRID.size))

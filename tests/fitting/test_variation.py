@@ -12,13 +12,15 @@ import pytest
 
 import glazejax.commands.main
 from glazefit import Films, Noise, simulate_films
-from glazefit.film.model.errors import BETWEEN_FILMS, relative_errors
+from glazefit.film.model.errors import ModelError, relative_errors
 from glazefit.film.model.variation import PRIOR, SIZES, Surprise, Variation, learn, log_likelihood
 from glazefit.recover.joint import UNIT
 from glazefit.recover.mixture import calibrate_mixture, mix, predict_mixture
 from glazefit.recover.predict_command import read_recipe
 from glazejax import Pigment, catalogue, colour
 from glazejax.commands.main import main
+
+BETWEEN_FILMS = ModelError.between_films()
 
 GRID = np.arange(400.0, 701.0, 20.0)
 TINT = {"Vermillion": 10.0, "ZincWhite": 90.0}

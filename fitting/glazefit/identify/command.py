@@ -128,7 +128,7 @@ def identify(
     from rich.console import Console
 
     from ..film.films import Instrument, Noise
-    from ..film.model.errors import BETWEEN_FILMS, Prior
+    from ..film.model.errors import ModelError, Prior
     from ..page.inputs import input_files
 
     console = Console(highlight=False)
@@ -138,13 +138,14 @@ def identify(
     task = _read_spectra(file, samples, ground, bare, opaque, instrument, paints, console)
     from .identify import identify_chunks
     from .result import Identification
-    from .search.searcher import IdentificationOptions
+    from .search.options import IdentificationOptions
 
+    usual_error = ModelError.between_films()
     settings = {
         "noise": Noise(noise, noise_share),
-        "discrepancy": BETWEEN_FILMS
+        "discrepancy": usual_error
         if model_error is None
-        else replace(BETWEEN_FILMS, amplitude=model_error),
+        else replace(usual_error, amplitude=model_error),
         "prior": Prior(thickness=usual),
     }
     chunks = identify_chunks(

@@ -40,7 +40,7 @@ from .joint_problem import (
     totals,
 )
 from .joint_result import JointRecovery
-from .joint_solver import Factors, covariance, draws, least_squares, shared_with_bands
+from .joint_solver import Factors, covariance, draws, shared_with_bands, solve_jointly
 
 MAX_STEPS = 100
 UNIT = 25e-6
@@ -129,10 +129,10 @@ def recover_jointly(
             paint_scale=jnp.asarray(0.03 * np.asarray(problem.paint_scale)),
             tail=jnp.asarray(1e6),
         )
-        first = least_squares(stiff, response, first_guess(problem), _FIRST_STEP, max_steps).point
+        first = solve_jointly(stiff, response, first_guess(problem), _FIRST_STEP, max_steps).point
     else:
         first = jax.jit(deviations)(start, problem)
-    solution, factors, steps, settled = least_squares(problem, response, first, 1.0, max_steps)
+    solution, factors, steps, settled = solve_jointly(problem, response, first, 1.0, max_steps)
     found = spread(solution, problem, factors, DRAWS)
     whole, kd, sd, fitted = jax.tree.map(np.asarray, _describe(solution, problem, response))
     fitted = films.where_seen(np.moveaxis(fitted, 0, -1))

@@ -66,7 +66,7 @@ class Fit(NamedTuple):
     settled: bool
 
 
-def least_squares(
+def solve_jointly(
     problem: JointProblem, response: Response, start: Unknowns, first_step: float, max_steps: int
 ) -> Fit:
     """Levenberg and Marquardt's least squares from a start.

@@ -18,7 +18,7 @@ from jaxtyping import Array, Float
 from glazejax.spectra import describe_grid
 
 from ..film.films import Films, Noise, cards
-from ..film.model.errors import ModelError, coefficient_errors, model_errors
+from ..film.model.errors import ModelError, draw_coefficient_errors, draw_model_errors
 from ..film.model.mixing import strengthen
 from ..film.model.response import Response, film_response
 from ..film.model.variation import MIXED, SIZES, Surprise, Variation, log_likelihood
@@ -199,9 +199,9 @@ def predict_films(
     rng = np.random.default_rng(0)
     count = len(recovery.draws.paints)
     off = np.swapaxes(
-        coefficient_errors(rng, (count, 2 * paints), films.wavelengths, discrepancy), 1, 2
+        draw_coefficient_errors(rng, (count, 2 * paints), films.wavelengths, discrepancy), 1, 2
     )
-    model = model_errors(rng, count, 2, films.wavelengths, discrepancy)
+    model = draw_model_errors(rng, count, 2, films.wavelengths, discrepancy)
     scale, shape = _scale_and_shape(recovery)
     often = jax.tree.map(lambda leaf: np.repeat(leaf[None], count, axis=0), recovery.unknowns)
     out = []

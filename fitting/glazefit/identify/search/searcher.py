@@ -6,24 +6,25 @@ the same way again under conditions that nobody stated.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import ArrayLike, Bool, Float
 
 from glazejax import Pigment
-from glazejax.geometry import Geometry, resolve_instrument
+from glazejax.geometry import resolve_instrument
 from glazejax.paint.media import MAX_THICKNESS
 from glazejax.spectra import validate_wavelengths
 
-from ...film.films import Instrument, Noise
-from ...film.model.errors import BETWEEN_FILMS, ModelError, Prior, error_modes, relative_errors
+from ...film.films import Noise
+from ...film.model.errors import ModelError, Prior, error_modes, relative_errors
 from ...film.model.mixing import Pigments, listed_pigments
 from ...film.model.optics import Optics
 from ...film.model.response import film_response
 from ...film.noise import noise_of_each
 from .candidates import CHUNK, find_candidates
+from .options import IdentificationOptions
 from .pool import Pool
 from .refine import compile_ahead
 from .screen import first_starts
@@ -42,33 +43,6 @@ _TOO_BRIGHT = 1.5
 _OPAQUE = 200.0
 UNSEEN_GROUND = 0.5
 """Ground under films that hide it."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class IdentificationOptions:
-    """How films are identified.
-
-    Attributes:
-        instrument: a `glazejax.Instrument`, a geometry, or words such as "45:0" for one without a
-            sphere; by default d:8 with the specular part, index 1.5.
-        noise: of a reading; where the spectra themselves are rougher, their roughness counts.
-        discrepancy: of the model; by default `glazefit.film.model.errors.BETWEEN_FILMS`.
-        prior: what is expected beforehand.
-        max_paints: largest set, 1 to 3.
-        max_coats: 2 tries the best sets as two coats too, in both orders.
-        keep: candidates kept for each spectrum.
-        thorough: fit every pair, and give every set errors of its own: some four times as long for
-            the same first answer in most cases.
-    """
-
-    instrument: Instrument | Geometry | str | None = None
-    noise: Noise | None = None
-    discrepancy: ModelError | None = None
-    prior: Prior | None = None
-    max_paints: int = 3
-    max_coats: int = 1
-    keep: int = 20
-    thorough: bool = False
 
 
 class Searcher(NamedTuple):
@@ -112,7 +86,7 @@ class Searcher(NamedTuple):
                 "max_coats=1"
             )
         instrument = resolve_instrument(options.instrument)
-        discrepancy = options.discrepancy or BETWEEN_FILMS
+        discrepancy = options.discrepancy or ModelError.between_films()
         prior = options.prior or Prior()
         grid = validate_wavelengths(np.asarray(wavelengths, dtype=np.float64))
         known = check_pigments(pigments, grid)

@@ -6,7 +6,7 @@ import numpy as np
 
 from glazejax.catalogue import family
 
-from ...film.model.errors import BETWEEN_FILMS
+from ...film.model.errors import ModelError
 from ..result import Candidate, Identification, percent
 
 _TENTH = 10
@@ -137,10 +137,8 @@ def _ends(found: Identification, row: int, ranked: list[Candidate], first: Candi
     size = max(1, grid.size // _TENTH)
     if grid.size < _TENTH:
         return []
-    sd = np.hypot(
-        measured.noise_sd[row],
-        BETWEEN_FILMS.amplitude + BETWEEN_FILMS.share * measured.readings[row],
-    )
+    usual = ModelError.between_films()
+    sd = np.hypot(measured.noise_sd[row], usual.amplitude + usual.share * measured.readings[row])
 
     def misses(candidate: Candidate) -> np.ndarray:
         """Squared residual of each band, in units of what is expected."""

@@ -9,7 +9,7 @@ from jaxtyping import Float, Int
 
 from glazejax.radiative.common.threads import in_threads
 
-# Readings vary by this share where paints do (`film.model.errors.BETWEEN_FILMS`), and near black
+# Readings vary by this share where paints do (`ModelError.between_films`), and near black
 # by this.
 _SHARE = 0.03
 _BLACK = 0.03
