@@ -48,7 +48,7 @@ ENGINES = {
     "posterior": [
         "glazefit.posterior.posterior:posterior_of_film",
         "glazefit.posterior.posterior:posterior_of_bands",
-        "glazefit.posterior.of_coats:posterior_of_coats",
+        "glazefit.posterior.stack_posterior:posterior_of_coats",
         "glazefit.film.simulate:simulate_films",
     ],
     "map": ["glazefit.mapping.map_cube:map_cube"],

@@ -1,12 +1,12 @@
 from .film.films import Films as Films
 from .film.films import Instrument as Instrument
 from .film.films import Noise as Noise
-from .film.loose import read_loose_films as read_loose_films
-from .film.loose import recipes_from_names as recipes_from_names
 from .film.model.errors import ModelError as ModelError
 from .film.model.errors import Prior as Prior
 from .film.model.mixing import MixingLaw as MixingLaw
 from .film.model.variation import Variation as Variation
+from .film.partial_films import read_loose_films as read_loose_films
+from .film.partial_films import recipes_from_names as recipes_from_names
 from .film.readers import read_films as read_films
 from .film.readers import read_recipes as read_recipes
 from .film.reading import Reading as Reading
@@ -23,11 +23,11 @@ from .mapping.show.names import set_labels as set_labels
 from .mapping.store.export import export_map as export_map
 from .mapping.store.store import open_map as open_map
 from .posterior.coats import CoatPrior as CoatPrior
-from .posterior.of_coats import posterior_of_coats as posterior_of_coats
 from .posterior.posterior import Posterior as Posterior
 from .posterior.posterior import posterior_of_bands as posterior_of_bands
 from .posterior.posterior import posterior_of_film as posterior_of_film
 from .posterior.spectra import SpectraPrior as SpectraPrior
+from .posterior.stack_posterior import posterior_of_coats as posterior_of_coats
 from .recipe.recipe import Recipe as Recipe
 from .recipe.recipe import find_recipes as find_recipes
 from .recipe.targets import Target as Target

@@ -55,9 +55,9 @@ def asked(function) -> list[str]:
 )
 @pytest.mark.usefixtures("unchecked")  # nothing stands for films
 def test_a_keyword_that_is_unknown_is_refused_in_the_functions_own_name(function, given):
-    words = rf"^{function.__name__}\(\) got an unexpected keyword argument 'thoruogh'"
+    words = rf"^{function.__name__}\(\) got an unexpected keyword argument 'exhaustive'"
     with pytest.raises(TypeError, match=words):
-        function(**given, thoruogh=True)
+        function(**given, exhaustive=True)
 
 
 def test_options_and_their_keywords_are_the_same():

@@ -17,7 +17,7 @@ from glazefit.film.model.errors import (
 from glazefit.film.model.response import film_response
 from glazefit.film.model.varnish import under_varnish, yellow
 from glazefit.film.noise import noise_of_each
-from glazefit.identify.search.searcher import hardly_seen
+from glazefit.identify.search.searcher import find_extenders
 from glazefit.identify.search.weigh import MISFIT, log_odds_of_none
 from glazejax import Bidirectional, Hemispherical, Pigment, catalogue
 from glazejax.paint.pigment_table import read_pigments
@@ -167,7 +167,9 @@ def test_none_grows_with_the_misfit():
 
 def test_extenders_are_those_that_hardly_show():
     known = list(catalogue.load().values())
-    hardly = [paint.name for paint, yes in zip(known, hardly_seen(known, UNIT), strict=True) if yes]
+    hardly = [
+        paint.name for paint, yes in zip(known, find_extenders(known, UNIT), strict=True) if yes
+    ]
     assert hardly == ["BariumSulphate", "CalciumCarbonate"]
 
 

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
     from ..film.films import Instrument
     from .result import Identification
-    from .show.record import About
+    from .show.record import Provenance
 
 _GEOMETRY = "d:8"
 # Candidates kept for a report, which says of every paint how near it comes.
@@ -164,26 +164,26 @@ def identify(
         opaque=opaque,
         names=task.names,
     )
-    filing = None
+    report_builder = None
     if report is not None:
-        from .show.reporting import Filing
+        from .show.reporting import ReportBuilder
 
-        filing = Filing(
+        report_builder = ReportBuilder(
             paints,
             instrument,
             discrepancy=settings["discrepancy"],
             prior=settings["prior"],
             max_paints=max_paints,
         )
-        chunks = filing.watch(chunks)
+        chunks = report_builder.watch(chunks)
     parts, how = progress.collect(
         chunks, len(task.spectra), "compiling, then searching", "searching"
     )
     found = Identification.join(parts)
     _report(found, console, top, csv, residuals, out, overwrite)
-    if filing is not None and report is not None:
+    if report_builder is not None and report is not None:
         about = _about(typed, task, instrument, settings, paints, inputs)
-        beside = filing.write(found, about, report, top, overwrite=overwrite)
+        beside = report_builder.write(found, about, report, top, overwrite=overwrite)
         console.print(f"Wrote the report to {report}, and the same as {beside[0]} and {beside[1]}")
     words = f"{len(found)} spectra" if len(found) > 1 else "1 spectrum"
     console.print(
@@ -316,20 +316,20 @@ def _about(
     settings: Mapping[str, Any],
     paints: "Sequence[Pigment]",
     inputs: list[dict[str, Any]],
-) -> "About":
+) -> "Provenance":
     """How an identification was made, for its report."""
     from dataclasses import asdict
 
     from glazejax import catalogue
 
-    from .show.record import About
+    from .show.record import Provenance
 
     name = typed["catalogue"]
     own = typed["pigments"]
     shelf: dict[str, Any] = {"name": str(own or name), "scale": catalogue.assumed_scale(paints[0])}
     if own is None:
         shelf["file"], shelf["sha256"] = catalogue.checksum(name)
-    return About(
+    return Provenance(
         title=typed["file"].name,
         command=command_line(identify, "identify", typed, ("file",)),
         options={
@@ -348,7 +348,7 @@ def _about(
         max_paints=typed["max_paints"],
         max_coats=typed["layers"],
         settings={name: asdict(each) for name, each in settings.items()},
-        asked=task.names,
+        names=task.names,
     )
 
 

@@ -406,8 +406,8 @@ def _run(task: _Task, prior: "Prior", out: Path, given: dict[str, Any]) -> "Post
     """
     from rich.console import Console
 
-    from .of_coats import posterior_of_coats
     from .posterior import posterior_of_bands, posterior_of_film
+    from .stack_posterior import posterior_of_coats
 
     out.mkdir(parents=True, exist_ok=True)
     Console(stderr=True).print(

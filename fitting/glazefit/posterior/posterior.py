@@ -5,7 +5,7 @@ band.
 paints' own k and s are off; `posterior_of_bands` asks for k d and s d at every wavelength of a
 measured film, with no paint assumed. Both give Laplace's standard errors at once and, with `steps`,
 a chain of emcee beside them.
-`glazefit.posterior.of_coats` asks the same of a film of several coats.
+`glazefit.posterior.stack_posterior` asks the same of a film of several coats.
 
 ArviZ, emcee and h5py are loaded when a posterior is computed, not before.
 """

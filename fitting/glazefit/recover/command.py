@@ -195,7 +195,7 @@ def recover(
     from rich.console import Console
 
     from ..film.films import Instrument, Noise
-    from ..film.loose import tint
+    from ..film.partial_films import tint
 
     console = Console()
     said = None
@@ -300,7 +300,7 @@ def _noise(films: "Films", console: "Console") -> "Noise":
 
 def _films(file: Path, samples: str, console: "Console") -> "Films":
     """The films of a file, or those of --samples."""
-    from ..film.loose import read_loose_films
+    from ..film.partial_films import read_loose_films
 
     films = read_loose_films(file)
     if wanted := options.split_names(samples):

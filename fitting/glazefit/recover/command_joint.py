@@ -47,8 +47,8 @@ def recover_together(
         knowledge: own paints, white and thicknesses.
         results: where they go.
     """
-    from ..film.loose import average, crop, recipes_from_names
     from ..film.model.mixing import MixingLaw
+    from ..film.partial_films import average, crop, recipes_from_names
     from .entries import PaintFile
     from .joint import recover_jointly
     from .joint_problem import Expectations
@@ -93,7 +93,7 @@ def _measured_gloss(
 ) -> dict[str, float]:
     """Gloss of the films that were read without the specular part too, said in a line."""
     from ..film.gloss import measure_gloss
-    from ..film.loose import average, crop, read_loose_films
+    from ..film.partial_films import average, crop, read_loose_films
 
     grid = films.wavelengths
     other = crop(

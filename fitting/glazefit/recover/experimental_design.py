@@ -313,18 +313,20 @@ class _Judge:
             jnp.asarray(pure),
             np.exp(depth),
         )
-        self._mean = np.asarray(_looks(jnp.asarray(self._centre[None]), solution, *self._args))
+        self._mean = np.asarray(
+            _reflectances(jnp.asarray(self._centre[None]), solution, *self._args)
+        )
 
     def expected(self, information: Float[np.ndarray, "n n"]) -> float:
         """Mean CIEDE2000 (D65, 10 degrees) between draws and the solution."""
         factor = np.linalg.cholesky(information)
         draws = self._centre + np.linalg.solve(factor.T, self._normal.T).T
-        spectra = np.asarray(_looks(jnp.asarray(draws), self._like, *self._args))
+        spectra = np.asarray(_reflectances(jnp.asarray(draws), self._like, *self._args))
         return float(np.mean(delta_e_of_spectra(self._grid, spectra, self._mean, observer=10)))
 
 
 @jax.jit
-def _looks(
+def _reflectances(
     draws: Float[Array, "draws n"],
     like: Unknowns,
     problem: JointProblem,

@@ -21,7 +21,7 @@ from ..film.films import Films, Noise, cards
 from ..film.model.errors import ModelError, draw_coefficient_errors, draw_model_errors
 from ..film.model.mixing import strengthen
 from ..film.model.response import Response, film_response
-from ..film.model.variation import MIXED, SIZES, Surprise, Variation, log_likelihood
+from ..film.model.variation import MIXED, SIZES, SizeEvidence, Variation, log_likelihood
 from .joint_problem import Unknowns, model_deviation
 from .joint_result import JointRecovery
 from .result import delta_e_over_cards
@@ -141,7 +141,7 @@ class Prediction:
             np.mean(delta_e_over_cards(self.wavelengths, one, other, illuminant, observer))
         )
 
-    def surprise(self, measured: Float[np.ndarray, "2 bands"]) -> Surprise:
+    def size_evidence(self, measured: Float[np.ndarray, "2 bands"]) -> SizeEvidence:
         """What the film says of how large films' own errors are, now that it was measured over both
         cards.
         """
@@ -152,7 +152,7 @@ class Prediction:
             self.deviations["film"],
             np.asarray(self.wavelengths),
         )
-        return Surprise(self.name, frozenset(self.paints), likelihood)
+        return SizeEvidence(self.name, frozenset(self.paints), likelihood)
 
     def with_variation(self, variation: Variation) -> "Prediction":
         """The same with other sizes of the film's own errors."""

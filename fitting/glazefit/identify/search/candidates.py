@@ -29,13 +29,13 @@ def find_candidates(task: IdentificationTask, measured: Measured, starts: SetSta
         chunk = filled_up.take(real)
         ranked = rank(filled_up, starts.take(padded))
         pool = refine(chunk, ranked.of(real))
-        if task.max_coats == 2 and task.max_paints > 1 and task.known > 1:
+        if task.max_coats == 2 and task.max_paints > 1 and task.paint_count > 1:
             pool = pool.of(np.resize(real, len(padded)))
             pool = search_two_coats(filled_up, pool, ranked).of(real)
         return with_surface(chunk, pool)
 
     chunks = np.split(np.arange(len(measured)), range(CHUNK, len(measured), CHUNK))
-    return Pool.joined(in_threads(fit, chunks))
+    return Pool.join(in_threads(fit, chunks))
 
 
 def padded_size(count: int) -> int:

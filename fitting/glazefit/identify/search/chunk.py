@@ -39,7 +39,7 @@ class Chunk:
         return self.spectra.flat - self.task.mean_surface
 
     @cached_property
-    def expected(self) -> tuple[Float[np.ndarray, "spectra"], ...]:
+    def expectation(self) -> tuple[Float[np.ndarray, "spectra"], ...]:
         """What is expected of each film, and how its misfit counts: the last four of `Weights`."""
         prior = self.task.prior
         freedom = self.task.discrepancy.freedom or 0.0
@@ -53,23 +53,23 @@ class Chunk:
         return tolerance(self.spectra)
 
     @cached_property
-    def fixed(self) -> Float[np.ndarray, "spectra readings readings"]:
+    def noise_covariance(self) -> Float[np.ndarray, "spectra readings readings"]:
         """Covariance of noise, of the surface's reflection and of what else is in doubt."""
-        return self._fixed(self.spectra.noise_sd)
+        return self._with_doubt(self.spectra.noise_sd)
 
     @property
-    def fixed_of_tolerance(self) -> Float[np.ndarray, "spectra readings readings"]:
+    def tolerance_covariance(self) -> Float[np.ndarray, "spectra readings readings"]:
         """`fixed` with the tolerance in place of noise: errors that are not alike at neighbouring
         bands, since amounts that are shown leave no smooth error to the paints.
         """
-        return self._fixed(self.tolerance)
+        return self._with_doubt(self.tolerance)
 
     @property
-    def fixed_without_noise(self) -> Float[np.ndarray, "spectra readings readings"]:
+    def noiseless_covariance(self) -> Float[np.ndarray, "spectra readings readings"]:
         """Covariance of the surface's reflection and of what else is in doubt, noise aside."""
-        return self._fixed(np.zeros_like(self.spectra.noise_sd))
+        return self._with_doubt(np.zeros_like(self.spectra.noise_sd))
 
-    def _fixed(
+    def _with_doubt(
         self, noise_sd: Float[np.ndarray, "spectra grounds bands"]
     ) -> Float[np.ndarray, "spectra readings readings"]:
         doubt = self.spectra.doubt.reshape(*self.spectra.doubt.shape[:2], self.target.shape[1])
@@ -77,13 +77,13 @@ class Chunk:
         return noise + np.swapaxes(doubt, 1, 2) @ doubt
 
     @cached_property
-    def model(self) -> Float[np.ndarray, "spectra readings readings"]:
+    def smooth_covariance(self) -> Float[np.ndarray, "spectra readings readings"]:
         """Covariance of the model's own smooth error, paints' coefficients aside."""
         d = self.task.discrepancy
         return self._smooth(d.amplitude + d.share * self.spectra.flat)
 
     @property
-    def model_while_ranking(self) -> Float[np.ndarray, "spectra readings readings"]:
+    def ranking_covariance(self) -> Float[np.ndarray, "spectra readings readings"]:
         """Covariance of one smooth error that stands for all while candidates are looked for."""
         # Smaller on dark films, whose readings differ by little.
         dark = _DARK + self.spectra.flat / TYPICAL_READING

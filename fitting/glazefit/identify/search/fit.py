@@ -19,7 +19,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 from ...film.model.errors import whiten
 from ...film.model.response import FilmResponse
-from ...film.numerics.ahead import Program
+from ...film.numerics.compile_ahead import Program
 from ...film.numerics.least_squares import damped_newton, inverse_small
 from .chunk import Chunk
 from .pool import NOBODY, Pool
@@ -67,9 +67,11 @@ def rank(chunk: Chunk, starts: SetStarts) -> Pool:
     # In the components of films over a ground like the first.
     table = task.tables.like(chunk.spectra.grounds[0])
     project = table.project
-    fixed, model = (project @ a @ project.T for a in (chunk.fixed, chunk.model_while_ranking))
+    fixed, model = (
+        project @ a @ project.T for a in (chunk.noise_covariance, chunk.ranking_covariance)
+    )
     errors = whiten(fixed, model, task.discrepancy)
-    weights = Weights(chunk.target, errors.basis @ project, errors.height, *chunk.expected)
+    weights = Weights(chunk.target, errors.basis @ project, errors.height, *chunk.expectation)
     ground, weights = jax.tree.map(
         lambda a: jnp.asarray(np.asarray(a, np.float32)), (chunk.spectra.grounds, weights)
     )
@@ -89,9 +91,9 @@ def rank(chunk: Chunk, starts: SetStarts) -> Pool:
 
     fitted = fit(starts)
     pool = pool_of(task, starts.sets, fitted)
-    if task.max_paints < 3 or task.known < 3:
+    if task.max_paints < 3 or task.paint_count < 3:
         return pool
-    pairs = slice(task.known, None)
+    pairs = slice(task.paint_count, None)
     grown, new = grow_triples(
         chunk,
         table.white,
@@ -101,7 +103,7 @@ def rank(chunk: Chunk, starts: SetStarts) -> Pool:
     )
     triples = pool_of(task, grown.sets, fit(grown))
     triples.log_weight[~new] = -np.inf
-    return pool.merged(triples)
+    return pool.merge(triples)
 
 
 def pool_of(
@@ -126,7 +128,7 @@ def pool_of(
         + log_set_prior(task, sets)
         + log_share,
         readings=np.asarray(fitted.readings, float),
-        allowed=np.asarray(fitted.readings, float),
+        adjusted=np.asarray(fitted.readings, float),
         gloss=np.zeros(sets.shape[:2]),
         condition=np.zeros(sets.shape[:2], dtype=np.int32),
     )
@@ -138,12 +140,13 @@ def log_set_prior(
     """Log prior probability of sets of paints; a negative number is none."""
     sizes = np.asarray(task.prior.sizes[: task.max_paints])
     each = [
-        share / sizes.sum() / len(sets_of(task.known, n)) for n, share in enumerate(sizes, start=1)
+        share / sizes.sum() / len(sets_of(task.paint_count, n))
+        for n, share in enumerate(sizes, start=1)
     ]
-    there = members >= 0
-    count = there.sum(axis=-1)
+    present = members >= 0
+    count = present.sum(axis=-1)
     # Alone, an extender is as good as any other paint.
-    hardly = np.where(count > 1, (there & task.extenders[members]).sum(axis=-1), 0)
+    hardly = np.where(count > 1, (present & task.extenders[members]).sum(axis=-1), 0)
     # No paint at all is no explanation.
     with np.errstate(divide="ignore"):
         return np.log(np.asarray([0.0, *each]))[count] + hardly * np.log(task.prior.extender)

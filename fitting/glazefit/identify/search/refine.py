@@ -18,7 +18,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 from ...film.model.errors import Whitening, paints_covariance, whiten
 from ...film.model.response import FilmResponse
-from ...film.numerics.ahead import Program
+from ...film.numerics.compile_ahead import Program
 from .chunk import Chunk
 from .fit import Fitted, Weights, fit_film, log_set_prior
 from .pool import NOBODY, Pool
@@ -84,7 +84,7 @@ class CandidateFilms:
         """Some of them."""
         return type(self)(*(getattr(self, f.name)[films] for f in fields(self)))
 
-    def replaced(self, films: np.ndarray, others: "CandidateFilms") -> "CandidateFilms":
+    def substitute(self, films: np.ndarray, others: "CandidateFilms") -> "CandidateFilms":
         """These, with others in the place of some."""
         parts = [getattr(self, f.name).copy() for f in fields(self)]
         for part, f in zip(parts, fields(self), strict=True):
@@ -112,7 +112,7 @@ class Groups(NamedTuple):
         used, of = np.unique(self.of[films], return_inverse=True)
         return Groups(of, *(part[used] for part in self[1:]))
 
-    def replaced(self, films: np.ndarray, others: "Groups") -> "Groups":
+    def substitute(self, films: np.ndarray, others: "Groups") -> "Groups":
         """These, with others for some films."""
         of = self.of.copy()
         of[films] = others.of + len(self.row)
@@ -147,8 +147,8 @@ def refine(chunk: Chunk, pool: Pool) -> Pool:
         again, more, _ = fit_with_errors(
             chunk, films.take(moved), slopes[moved], task.effort.refit_steps
         )
-        films = films.replaced(moved, again)
-        groups = groups.replaced(moved, more)
+        films = films.substitute(moved, again)
+        groups = groups.substitute(moved, more)
     shown = np.flatnonzero(films.log_weight_lost <= task.effort.show_within)
     films = films.take(shown)
     groups = groups.take(shown)
@@ -159,14 +159,14 @@ def refine(chunk: Chunk, pool: Pool) -> Pool:
         np.zeros_like(pool.covariance),
         pool.readings.copy(),
     )
-    out = replace(pool, log_weight=nothing[0], covariance=nothing[1], allowed=nothing[2])
+    out = replace(pool, log_weight=nothing[0], covariance=nothing[1], adjusted=nothing[2])
     at = films.row, films.place
     out.log_weight[at] = films.log_weight
     out.covariance[(*at, slice(size), slice(size))] = films.covariance
     out.logs[(*at, slice(size))] = np.where(films.sets == NOBODY, -np.inf, near.logs)
     out.weighed[(*at, slice(size))] = np.where(films.sets == NOBODY, -np.inf, films.logs)
     out.readings[at] = near.readings
-    out.allowed[at] = move_readings(chunk, near.row, near.readings, groups)
+    out.adjusted[at] = move_readings(chunk, near.row, near.readings, groups)
     return out
 
 
@@ -256,7 +256,7 @@ def _group(
     main = np.sort(np.where(counts, films.sets, NOBODY), axis=1)
     key = films.row.astype(np.int64)
     for paint in main.T:
-        key = key * (task.known + 1) + (paint + 1)
+        key = key * (task.paint_count + 1) + (paint + 1)
     order = np.argsort(-films.log_weight, kind="stable")
     _, first, of = np.unique(key[order], return_index=True, return_inverse=True)
     best = order[first]
@@ -277,7 +277,7 @@ def coefficient_errors(
     task = chunk.task
     d = task.discrepancy
     caused = paints_covariance(slopes, sets, task.errors, task.modes, task.wavelengths, d)
-    return whiten(chunk.fixed[row], chunk.model[row] + caused, d)
+    return whiten(chunk.noise_covariance[row], chunk.smooth_covariance[row] + caused, d)
 
 
 def _fit(
@@ -296,7 +296,7 @@ def _fit(
     kind = np.float32 if single else np.float64
     response, paints = task.tables.single if single else (task.response, task.paints)
     grounds, target, *expected = (
-        np.asarray(part, kind) for part in (chunk.spectra.grounds, chunk.target, *chunk.expected)
+        np.asarray(part, kind) for part in (chunk.spectra.grounds, chunk.target, *chunk.expectation)
     )
     basis, height, logs = (
         np.asarray(part, kind) for part in (errors.basis, errors.height, films.logs)
@@ -382,7 +382,7 @@ def _nearest(chunk: Chunk, films: CandidateFilms) -> CandidateFilms:
 
 def near_errors(chunk: Chunk) -> Whitening:
     """Errors with which amounts are found that are shown, of each spectrum."""
-    fixed = chunk.fixed_of_tolerance
+    fixed = chunk.tolerance_covariance
     return whiten(fixed, np.zeros_like(fixed), chunk.task.discrepancy)
 
 
@@ -419,6 +419,6 @@ def coefficient_projection(
     free = paints_covariance(
         groups.slopes, groups.sets, task.errors, task.modes, task.wavelengths, stated
     )
-    free = free + chunk.fixed_without_noise[groups.row]
+    free = free + chunk.noiseless_covariance[groups.row]
     near = chunk.tolerance.reshape(len(chunk), -1)[groups.row] ** 2
     return free @ np.linalg.inv(free + near[..., None] * np.eye(near.shape[-1]))

@@ -112,14 +112,14 @@ def grow_triples(
     rows = np.arange(len(pairs))[:, None]
     best = np.argsort(-np.asarray(log_evidence), axis=1)[:, :_GROWN_PAIRS]
     amounts = np.exp(logs)[rows, best]
-    sets, tries = grow(pairs[rows, best], amounts, task.known)
+    sets, tries = grow(pairs[rows, best], amounts, task.paint_count)
     # Each at a few amounts of the third paint.
     target = chunk.target @ white.T
     given = (jnp.asarray(a, float) for a in (tries, chunk.spectra.grounds, target, white))
     cost, where = (
         np.asarray(a) for a in score(task.response, task.paints, jnp.asarray(sets), *given)
     )
-    keep = min(_KEPT_TRIPLES, len(sets_of(task.known, 3)))
+    keep = min(_KEPT_TRIPLES, len(sets_of(task.paint_count, 3)))
     # Pairs that overlap can give fewer sets than wanted: then some come twice.
     found = [unique_best(s, c, keep) for s, c in zip(sets, cost, strict=True)]
     chosen = np.stack([np.resize(numbers, keep) for numbers in found])

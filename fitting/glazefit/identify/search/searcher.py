@@ -92,11 +92,11 @@ class Searcher(NamedTuple):
         known = check_pigments(pigments, grid)
         largest = min(options.max_paints, len(known))
         response = film_response(instrument.geometry, instrument.refractive_index)
-        extenders = hardly_seen(known, prior.thickness)
+        extenders = find_extenders(known, prior.thickness)
         errors = relative_errors(known, discrepancy)
         modes = error_modes(known, discrepancy).astype(np.float32)
         tasks = {}
-        for hidden, expected in ((True, hiding(prior, known)), (False, prior)):
+        for hidden, expected in ((True, opaque_prior(prior, known)), (False, prior)):
             paints = paints_of(known, expected.thickness)
             tasks[hidden] = IdentificationTask(
                 response=response,
@@ -236,7 +236,7 @@ def check_pigments(pigments: Pigments, wavelengths: Float[np.ndarray, "bands"]) 
         raise ValueError(f"the catalogue does not cover the spectra: {error}") from None
 
 
-def hiding(prior: Prior, pigments: Sequence[Pigment]) -> Prior:
+def opaque_prior(prior: Prior, pigments: Sequence[Pigment]) -> Prior:
     """Of films so thick that their ground does not matter: the thickness is set, not sought."""
     typical = np.median([np.median(np.asarray(p.scattering)) for p in pigments])
     return replace(
@@ -244,7 +244,7 @@ def hiding(prior: Prior, pigments: Sequence[Pigment]) -> Prior:
     )
 
 
-def hardly_seen(pigments: Sequence[Pigment], thickness: float) -> Bool[np.ndarray, "paints"]:
+def find_extenders(pigments: Sequence[Pigment], thickness: float) -> Bool[np.ndarray, "paints"]:
     """Which paints are extenders: a film of this thickness (m) lets most light through at every
     wavelength.
     """

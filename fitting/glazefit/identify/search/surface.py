@@ -23,11 +23,11 @@ def with_surface(chunk: Chunk, pool: Pool) -> Pool:
     gloss = np.maximum(d.gloss + d.gloss_sd * found[:, 0], 0.0)
     seen = pool.readings + gloss[..., None] * task.surface
     seen = seen + np.swapaxes(found[:, 1:], 1, 2) @ nuisance.shapes[:, 1:]
-    moved = pool.allowed + d.gloss * task.surface
+    moved = pool.adjusted + d.gloss * task.surface
     lengths = {
         name: getattr(pool, name) + np.log(task.prior.thickness) for name in ("logs", "weighed")
     }
-    return replace(pool, readings=seen, allowed=moved, gloss=gloss, **lengths)
+    return replace(pool, readings=seen, adjusted=moved, gloss=gloss, **lengths)
 
 
 class NuisanceMode(NamedTuple):

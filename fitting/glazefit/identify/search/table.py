@@ -204,7 +204,7 @@ def film_table(
 
 def _pieces(
     sets: Int[np.ndarray, "sets size"], grid: Float[np.ndarray, "points size"], spaced: bool = False
-) -> list[Int[np.ndarray, "some size"]]:
+) -> list[Int[np.ndarray, "batch size"]]:
     """All sets, a few at a time, or as many from all of them; always as many, so that one program
     is compiled.
     """

@@ -170,7 +170,7 @@ class IdentificationTask(NamedTuple):
     tables: FilmTables  # of this task alone
 
     @property
-    def known(self) -> int:
+    def paint_count(self) -> int:
         """Paints in the catalogue."""
         return self.paints.absorption.shape[0]
 

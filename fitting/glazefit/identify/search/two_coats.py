@@ -33,8 +33,8 @@ _ROUNDS = 2
 def search_two_coats(chunk: Chunk, pool: Pool, ranked: Pool) -> Pool:
     """The pool with the best sets of two and three paints that were ranked as two coats too."""
     task = chunk.task
-    errors = whiten(chunk.fixed, chunk.model_while_ranking, task.discrepancy)
-    weights = Weights(chunk.target, errors.basis, errors.height, *chunk.expected)
+    errors = whiten(chunk.noise_covariance, chunk.ranking_covariance, task.discrepancy)
+    weights = Weights(chunk.target, errors.basis, errors.height, *chunk.expectation)
     weights = jax.tree.map(jnp.asarray, weights)
     pool.log_weight[(pool.members != NOBODY).sum(axis=-1) > 1] += np.log1p(-task.prior.stacked)
     size = (ranked.members != NOBODY).sum(axis=-1)
@@ -55,10 +55,10 @@ def search_two_coats(chunk: Chunk, pool: Pool, ranked: Pool) -> Pool:
             np.arange(len(row)), row, *(a.reshape(len(row), *a.shape[2:]) for a in (sets, slopes))
         )
         near = move_readings(chunk, row, stacks.readings.reshape(len(row), -1), groups)
-        stacks = replace(stacks, allowed=near.reshape(stacks.readings.shape))
+        stacks = replace(stacks, adjusted=near.reshape(stacks.readings.shape))
         struck = ~np.isfinite(np.take_along_axis(weight, best, axis=1))
         stacks.log_weight[np.repeat(struck, len(ways), axis=1)] = -np.inf
-        pool = pool.merged(stacks)
+        pool = pool.merge(stacks)
     return pool
 
 
@@ -80,7 +80,7 @@ def _fit_stacks(
     count = sets.shape[:2]
     target, *expected = (
         np.broadcast_to(part[:, None], (*count, *part.shape[1:]))
-        for part in (chunk.target, *chunk.expected)
+        for part in (chunk.target, *chunk.expectation)
     )
     fitted = None
     slopes = None

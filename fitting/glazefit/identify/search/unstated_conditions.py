@@ -83,7 +83,7 @@ def search_unstated_conditions(
             seen = films_under(number, tasks, opaque, measured.take(rows))
             starts = first_starts(seen.task, seen.measured)
             found = find_candidates(seen.task, seen.measured, starts)
-            pool = pool.merged(pool_under(number, seen, found).spread(rows, len(measured)))
+            pool = pool.merge(pool_under(number, seen, found).spread(rows, len(measured)))
         return pool
 
     everything = np.arange(len(measured))
@@ -187,7 +187,9 @@ def pool_under(number: int, seen: FilmsUnderCondition, pool: Pool) -> Pool:
         )
 
     if condition.varnish:
-        pool = replace(pool, readings=add_varnish(pool.readings), allowed=add_varnish(pool.allowed))
+        pool = replace(
+            pool, readings=add_varnish(pool.readings), adjusted=add_varnish(pool.adjusted)
+        )
     # What changes of variables add to a spectrum's log density.
     change = task.independent_readings * np.log(seen.slope).mean(axis=(1, 2))
     weight = pool.log_weight + np.log(condition.chance) + change[:, None]

@@ -80,7 +80,7 @@ def odds_of(measured: Measured, pool: Pool, prior: Prior) -> Odds:
     return _beside_none(odds, rejected, off, prior)
 
 
-def odds_alike(
+def odds_of_shared_candidates(
     weight: Float[np.ndarray, "spectra candidates"],
     off: Misfit,
     order: Sequence[Smaller],
@@ -234,7 +234,7 @@ def _misfits(
     seen = measured.readings[:, None]
     noise = np.mean(measured.noise_sd**2, axis=(1, 2))[:, None]
     fitted, allowed = (
-        a[rows, few].reshape(*few.shape, *seen.shape[2:]) for a in (pool.readings, pool.allowed)
+        a[rows, few].reshape(*few.shape, *seen.shape[2:]) for a in (pool.readings, pool.adjusted)
     )
     left = np.sqrt(np.maximum(np.mean((seen - allowed) ** 2, axis=(-1, -2)) - noise, 0.0))
 

@@ -239,7 +239,7 @@ def _local_models(searcher: Searcher, measured: Measured, pool: Pool, odds: Odds
         ),
         "seen_by": metric @ (eye - parts["fitted_by"]),
         "left": _of_length(
-            np.einsum("ncb,nb->nc", metric, read - pool.allowed[at]), odds.off.left[at]
+            np.einsum("ncb,nb->nc", metric, read - pool.adjusted[at]), odds.off.left[at]
         ),
         "left_by": left_by,
         "shape": odds.off.shape[at],
@@ -334,11 +334,11 @@ def _linear(
     white = errors.basis[groups.of, 0]
     by = (own[:, :size] + own[:, size:]) * (sets != NOBODY)[..., None]
     gradient, prior = _prior_of(task, sets, weighed_films.logs)
-    levers = np.einsum("nib,nmb->nmi", white, by)  # whitened slopes
-    data = levers @ np.swapaxes(levers, 1, 2)
+    whitened_slopes = np.einsum("nib,nmb->nmi", white, by)
+    data = whitened_slopes @ np.swapaxes(whitened_slopes, 1, 2)
     # Gauss-Newton: how the amounts move with the readings, and what of a change they follow.
-    gain = np.linalg.solve(data + _prior_curvature(gradient, prior), levers @ white)
-    moved = np.einsum("nmi,nmb->nib", levers, gain)
+    gain = np.linalg.solve(data + _prior_curvature(gradient, prior), whitened_slopes @ white)
+    moved = np.einsum("nmi,nmb->nib", whitened_slopes, gain)
     target = chunk.target[row]
     # The readings of a stack's fit that was shown have the surface with them; nothing else was
     # fitted.
