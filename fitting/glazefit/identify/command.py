@@ -135,7 +135,16 @@ def identify(
     paints = options.choose_paints(options.read_shelf(pigments, catalogue), only, without)
     instrument = Instrument(seen_by, refractive_index)
     inputs = input_files(read) if report is not None else []
-    task = _read_spectra(file, samples, ground, bare, opaque, instrument, paints, console)
+    task = _read_spectra(
+        file,
+        samples,
+        ground=ground,
+        bare=bare,
+        opaque=opaque,
+        instrument=instrument,
+        paints=paints,
+        console=console,
+    )
     from .identify import identify_chunks
     from .result import Identification
     from .search.options import IdentificationOptions
@@ -180,7 +189,7 @@ def identify(
         chunks, len(task.spectra), "compiling, then searching", "searching"
     )
     found = Identification.join(parts)
-    _report(found, console, top, csv, residuals, out, overwrite)
+    _report(found, console, top=top, csv=csv, residuals=residuals, out=out, overwrite=overwrite)
     if report_builder is not None and report is not None:
         about = _about(typed, task, instrument, settings, paints, inputs)
         beside = report_builder.write(found, about, report, top, overwrite=overwrite)

@@ -312,7 +312,17 @@ def map_(
         )
 
     console.print(f"Wrote the map to {out}")
-    _write(MapStore.open(out), found, opened, console, csv, export, report, overwrite, provenance)
+    _write(
+        MapStore.open(out),
+        found,
+        opened,
+        console,
+        csv=csv,
+        export=export,
+        report=report,
+        overwrite=overwrite,
+        provenance=provenance,
+    )
 
 
 def _check_outputs(

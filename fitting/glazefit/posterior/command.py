@@ -143,7 +143,7 @@ def posterior(
 
     Try it without data: glazejax posterior --simulate --paints CobaltBlue,ZincWhite --out demo
     """
-    _check(file, sample, paints, coats, bands, simulate, ground)
+    _check(file, sample, paints=paints, coats=coats, bands=bands, simulate=simulate, ground=ground)
     require("matplotlib", "corner", "arviz", "h5py")
     folder = _check_folder(out, resume, overwrite)
     from glazejax.commands.main import start_jax

@@ -230,7 +230,15 @@ def recover(
                 )
             from .command_joint import recover_together
 
-            recover_together(films, recipes, given, law, check, knowledge, results)
+            recover_together(
+                films,
+                recipes,
+                given=given,
+                law=law,
+                check=check,
+                knowledge=knowledge,
+                results=results,
+            )
             return
         films = _readable(films, recipes)
 

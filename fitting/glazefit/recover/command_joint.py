@@ -80,7 +80,9 @@ def recover_together(
 
     print_joint(recovery, console, seconds)
     if out is not None:
-        _write_folder(recovery, fitted, recipes, given, unit, check, results)
+        _write_folder(
+            recovery, fitted, recipes=recipes, given=given, unit=unit, check=check, results=results
+        )
     _say_scale(recovery, known, gauge, unit, results)
     if file is not None:
         _write_entries(recovery, file, results)

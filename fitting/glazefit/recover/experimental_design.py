@@ -114,7 +114,9 @@ def rank_next_films(
     film = ~recovery.films.opaque
     depth = float(np.mean(np.log(recovery.thickness[film]))) if film.any() else 0.0
     candidates = _candidates(recovery, row, pale, len(paints), chosen or "", depth)
-    problem, solution = _pose(recovery, candidates, paints, known, gauge, unit, response)
+    problem, solution = _pose(
+        recovery, candidates, paints=paints, known=known, gauge=gauge, unit=unit, response=response
+    )
     judge = _Judge(
         grid=recovery.wavelengths[_planning_bands(recovery)],
         row=row,

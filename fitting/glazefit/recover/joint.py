@@ -113,7 +113,16 @@ def recover_jointly(
     pigments = pigments or {}
     constraints = gather_constraints(films, paints, pigments, gauge, unit, expected.thickness)
     measured_gloss = np.array([(gloss or {}).get(name, np.nan) for name in films.names])
-    problem = pose(films, shares, law, instrument, noise, expected, constraints, measured_gloss)
+    problem = pose(
+        films,
+        shares,
+        law=law,
+        instrument=instrument,
+        noise=noise,
+        expected=expected,
+        constraints=constraints,
+        gloss=measured_gloss,
+    )
     deviation = np.moveaxis(1.0 / np.asarray(problem.weight), 0, -1)
     kept = films.seen if use is None else films.seen * use[:, None]
     problem = problem._replace(weight=jnp.asarray(np.asarray(problem.weight) * kept))

@@ -299,7 +299,7 @@ def _spectra(
         jnp.asarray(film.measured - surface[:, None, None]),
         jnp.asarray(film.deviation),
         recovery.expectations.thickness,
-        response,
+        response=response,
     )
     return np.exp(logs), surface, np.moveaxis(np.asarray(body), -1, 1) + surface[:, None, None]
 

@@ -20,7 +20,8 @@ _DARK = 0.1
 class Chunk:
     """Some spectra as fits take them: what they are to meet, and how well.
 
-    Covariances are (spectra, readings, readings), readings over all grounds in one row.
+    Covariances are (spectra, readings, readings), readings over all grounds in one row. They are
+    worked out anew where they are asked for: kept, they would be what takes most memory.
     """
 
     task: IdentificationTask
@@ -52,15 +53,15 @@ class Chunk:
         """What counts as near to each reading when amounts and gloss are shown."""
         return tolerance(self.spectra)
 
-    @cached_property
+    @property
     def noise_covariance(self) -> Float[np.ndarray, "spectra readings readings"]:
         """Covariance of noise, of the surface's reflection and of what else is in doubt."""
         return self._with_doubt(self.spectra.noise_sd)
 
     @property
     def tolerance_covariance(self) -> Float[np.ndarray, "spectra readings readings"]:
-        """`fixed` with the tolerance in place of noise: errors that are not alike at neighbouring
-        bands, since amounts that are shown leave no smooth error to the paints.
+        """`noise_covariance` with the tolerance in place of noise: errors that are not alike at
+        neighbouring bands, since amounts that are shown leave no smooth error to the paints.
         """
         return self._with_doubt(self.tolerance)
 
@@ -76,7 +77,7 @@ class Chunk:
         noise = noise_covariance(noise_sd, self.task.surface, self.task.discrepancy)
         return noise + np.swapaxes(doubt, 1, 2) @ doubt
 
-    @cached_property
+    @property
     def smooth_covariance(self) -> Float[np.ndarray, "spectra readings readings"]:
         """Covariance of the model's own smooth error, paints' coefficients aside."""
         d = self.task.discrepancy

@@ -187,7 +187,16 @@ def fit_sets(
         sets, starts, ground, weights = spectrum
 
         def candidate(members: Array, start: Array) -> Fitted:
-            return fit_film(response, paints, members, start, ground, weights, middle, steps)
+            return fit_film(
+                response,
+                paints,
+                members,
+                start,
+                ground=ground,
+                weights=weights,
+                middle=middle,
+                steps=steps,
+            )
 
         return jax.vmap(candidate)(sets, starts)
 

@@ -23,7 +23,7 @@ class Pool:
     readings: Float[np.ndarray, "spectra candidates readings"]
     adjusted: Float[
         np.ndarray, "spectra candidates readings"
-    ]  # with what may be wrong with the paints' coefficients
+    ]  # moved by the likeliest errors of the paints' coefficients
     gloss: Float[np.ndarray, "spectra candidates"]
     condition: Int[np.ndarray, "spectra candidates"]  # by number; see `conditions`
 

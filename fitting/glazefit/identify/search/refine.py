@@ -45,7 +45,7 @@ def compile_ahead(task: IdentificationTask, measured: Measured) -> None:
         weights = Weights(*(np.broadcast_to(kind(0), size) for size in sizes))
         ground = np.zeros((count, *shape), kind)
         logs = np.zeros(members.shape, kind)
-        fit_films.ahead(*given, members, logs, ground, weights, task.middle, jnp.asarray(0))
+        fit_films.ahead(*given, members, logs, ground, weights, task.middle, steps=jnp.asarray(0))
 
 
 @dataclass(frozen=True)
@@ -307,7 +307,7 @@ def _fit(
         weights = Weights(target[row], basis[own], height[own], *(part[row] for part in expected))
         start = map(jnp.asarray, (films.sets[n], logs[n], grounds[row]))
         weights = jax.tree.map(jnp.asarray, weights)
-        return fit_films(response, paints, *start, weights, task.middle, jnp.asarray(steps))
+        return fit_films(response, paints, *start, weights, task.middle, steps=jnp.asarray(steps))
 
     fitted = by_blocks(len(films.row), block_size(basis.shape[-1]), run)
     return Fitted(*(np.asarray(part, np.float64) for part in fitted))
@@ -330,7 +330,16 @@ def fit_films(
     """
 
     def candidate(members: Array, start: Array, ground: Array, weights: Weights) -> Fitted:
-        return fit_film(response, paints, members, start, ground, weights, middle, steps)
+        return fit_film(
+            response,
+            paints,
+            members,
+            start,
+            ground=ground,
+            weights=weights,
+            middle=middle,
+            steps=steps,
+        )
 
     return jax.vmap(candidate)(sets, starts, ground, weights)
 

@@ -50,7 +50,7 @@ class Searcher(NamedTuple):
 
     Attributes:
         tasks: for films that let their ground through (False), and for films that hide it (True).
-        opaque: what was told of the films.
+        opaque: whether films are said to hide their ground.
         paints: names of the catalogue's paints.
     """
 

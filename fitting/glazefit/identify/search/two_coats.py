@@ -118,7 +118,13 @@ def stack_starts(
 
         def coarse(logs: Array) -> Array:
             return stack_readings(
-                k, s, coats, jnp.exp(logs), ground, optics, _SCREEN_TOLERANCE
+                k,
+                s,
+                coats,
+                amounts=jnp.exp(logs),
+                ground=ground,
+                optics=optics,
+                tolerance=_SCREEN_TOLERANCE,
             ).reshape(-1)
 
         white = weights.basis[middle]
@@ -169,9 +175,15 @@ def stack_slopes(
         # Bands do not meet, so that one tangent moves a coefficient in all of them at once.
         def read_film(errors: Array) -> Array:
             k, s = both * (1.0 + errors[..., None])
-            return stack_readings(k, s, coats, jnp.exp(logs), ground, optics, _TOLERANCE).reshape(
-                -1
-            )
+            return stack_readings(
+                k,
+                s,
+                coats,
+                amounts=jnp.exp(logs),
+                ground=ground,
+                optics=optics,
+                tolerance=_TOLERANCE,
+            ).reshape(-1)
 
         return jax.jacfwd(read_film)(jnp.zeros((2, size))).reshape(-1, 2 * size).T
 
@@ -211,7 +223,9 @@ def fit_stacks(
         s = paints.scattering[members]
 
         def read_film(amounts: Array) -> Array:
-            return stack_readings(k, s, coats, amounts, ground, optics, _TOLERANCE).reshape(-1)
+            return stack_readings(
+                k, s, coats, amounts=amounts, ground=ground, optics=optics, tolerance=_TOLERANCE
+            ).reshape(-1)
 
         def model(amounts: Array) -> tuple[Array, Array]:
             readings, push = jax.linearize(read_film, amounts)

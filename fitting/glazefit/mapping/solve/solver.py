@@ -110,7 +110,9 @@ class PixelSolver:
         good = np.flatnonzero(status == Status.MAPPED)
         seen = np.maximum(readings[good], 0.0)
         found, way = self._answers(seen)
-        arrays = self._arrays(window, readings, status, good, seen, found, way)
+        arrays = self._arrays(
+            window, readings=readings, status=status, good=good, seen=seen, found=found, way=way
+        )
         tallies: dict[str, float] = {
             words: float(np.sum(status == s)) for s, words in STATUS_WORDS.items()
         }

@@ -113,7 +113,15 @@ class MapStore:
             shutil.rmtree(left, ignore_errors=True)
         with explain_full_disk(path, lambda: "nothing of the map was begun"):
             try:
-                lay_out(new, shape, chunk, paints, wanted, attrs or {}, coords or {})
+                lay_out(
+                    new,
+                    shape=shape,
+                    chunk=chunk,
+                    paints=paints,
+                    options=wanted,
+                    attrs=attrs or {},
+                    coords=coords or {},
+                )
                 if path.exists():
                     path.replace(old)
                 new.replace(path)
