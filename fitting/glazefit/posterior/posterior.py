@@ -120,14 +120,14 @@ class Posterior:
         rows = []
         for quantity in self.problem.quantities:
             here = sampled[quantity.name]
-            there = approximate[quantity.name]
+            laplace_row = approximate[quantity.name]
             if self.chain is None:
                 words = ["trusted" if good else "not trusted" for good in self.laplace.trusted]
             else:
                 share = not quantity.logarithmic
                 words = compare(
                     here,
-                    there,
+                    laplace_row,
                     logarithmic=quantity.logarithmic,
                     share=share,
                     many=self.laplace.many,
@@ -143,10 +143,10 @@ class Posterior:
                         lower=float(here.lower[b]),
                         median=float(here.median[b]),
                         upper=float(here.upper[b]),
-                        laplace_mean=float(there.mean[b]),
-                        laplace_sd=float(there.sd[b]),
-                        laplace_lower=float(there.lower[b]),
-                        laplace_upper=float(there.upper[b]),
+                        laplace_mean=float(laplace_row.mean[b]),
+                        laplace_sd=float(laplace_row.sd[b]),
+                        laplace_lower=float(laplace_row.lower[b]),
+                        laplace_upper=float(laplace_row.upper[b]),
                         effective_samples=float("nan")
                         if state is None
                         else float(state.samples[b]),

@@ -126,17 +126,17 @@ def known_paints(
     paints = list(
         dict.fromkeys(p for recipe in recipes.values() for p, w in recipe.items() if w > 0)
     )
-    there = dict(file.paints) if file is not None else {}
+    in_file = dict(file.paints) if file is not None else {}
     pure = {p for recipe in recipes.values() if len(recipe) == 1 for p in recipe}
-    known = {p: there[p] for p in paints if p in there}
+    known = {p: in_file[p] for p in paints if p in in_file}
     if white:
-        paint = _white(white, there)
+        paint = _white(white, in_file)
         if paint.name not in paints:
             raise ValueError(
                 f"--white {white}: no film holds {paint.name}; the films are of {', '.join(paints)}"
             )
         known[paint.name] = paint
-    chosen = _white(white, there).name if white else ""
+    chosen = _white(white, in_file).name if white else ""
     if overwrite:
         known = {p: paint for p, paint in known.items() if p not in pure or p == chosen}
     if paints and len(known) == len(paints):
@@ -148,13 +148,13 @@ def known_paints(
     return known
 
 
-def _white(text: str, there: "Mapping[str, Pigment]") -> "Pigment":
+def _white(text: str, pigments: "Mapping[str, Pigment]") -> "Pigment":
     from glazejax import catalogue
 
     shelf, colon, name = text.rpartition(":")
-    if not colon and there:
+    if not colon and pigments:
         try:
-            return there[find_name(name, there)]
+            return pigments[find_name(name, pigments)]
         except ValueError:
             pass
     return catalogue.pigment(name, shelf or options.OILS)

@@ -169,9 +169,9 @@ def _candidates(
     for parts in TINTS if pale is not None else ():
         assert pale is not None
         share = (pure + parts * np.eye(paints)[pale]) / (1 + parts)
-        there = np.abs(recovery.shares[:, row] / share[row] - 1) < 0.15
+        similar = np.abs(recovery.shares[:, row] / share[row] - 1) < 0.15
         if not np.any(
-            there & (recovery.shares[:, pale] > 0 if pale < recovery.shares.shape[1] else False)
+            similar & (recovery.shares[:, pale] > 0 if pale < recovery.shares.shape[1] else False)
         ):
             made.append(
                 _Candidate(f"a 1:{parts} tint of {paint} with {white}, {over}", share, depth)

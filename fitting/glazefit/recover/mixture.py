@@ -212,10 +212,10 @@ def _paints(pigments: Mapping[str, Pigment], recipe: Mapping[str, float]) -> dic
     wrong = [paint for paint, weight in recipe.items() if not (weight >= 0 and np.isfinite(weight))]
     if wrong:
         raise ValueError(f"the weight of {wrong[0]} is {recipe[wrong[0]]:g}; it must be 0 or more")
-    there = {paint: pigments[paint] for paint, weight in recipe.items() if weight > 0}
-    if not there:
+    used = {paint: pigments[paint] for paint, weight in recipe.items() if weight > 0}
+    if not used:
         raise ValueError("the recipe holds no paint with a weight above 0")
-    return there
+    return used
 
 
 def _grid(

@@ -235,19 +235,20 @@ def _local_models(searcher: Searcher, measured: Measured, pool: Pool, odds: Odds
         "amounts": np.where(pool.members[at] == NOBODY, -np.inf, pool.logs[at]),
         "covariance": pool.covariance[at],
         "seen": _of_length(
-            np.einsum("ncb,nb->nc", metric, read - pool.readings[at]), odds.off.seen[at]
+            np.einsum("ncb,nb->nc", metric, read - pool.readings[at]), odds.misfits.delta_e[at]
         ),
         "seen_by": metric @ (eye - parts["fitted_by"]),
         "left": _of_length(
-            np.einsum("ncb,nb->nc", metric, read - pool.adjusted[at]), odds.off.left[at]
+            np.einsum("ncb,nb->nc", metric, read - pool.adjusted[at]),
+            odds.misfits.adjusted_delta_e[at],
         ),
         "left_by": left_by,
-        "shape": odds.off.shape[at],
+        "shape": odds.misfits.residual[at],
         "fitted": pool.readings[at],
     }
     candidates = Local(*(_single(local[f.name]) for f in fields(Local)))
     readings = _single(measured.readings[:, 0])
-    blur = _single(odds.off.blur)
+    blur = _single(odds.misfits.noise_delta_e)
     return Searched(
         readings=readings,
         blur=blur,

@@ -78,7 +78,7 @@ def map_task(
     from glazejax.io import CubeSource, read_mask
 
     check_keywords("map_task", search, SearchKeywords)
-    asked = IdentificationOptions(**search)
+    chosen = IdentificationOptions(**search)
     if (ground is None) != opaque:
         raise ValueError(
             "opaque films show no ground: leave out ground, or leave out opaque"
@@ -96,10 +96,10 @@ def map_task(
         raise ValueError(f"the mask has {_pixels(np.shape(use))}, the image {_pixels(shape)}")
     use = None if use is None else np.asarray(use, bool)
     # What is expected, with paints taken from spots beside those of the catalogue.
-    seen_by = resolve_instrument(asked.instrument)
-    expected = asked.prior or Prior()
-    errors = asked.discrepancy or ModelError.between_films()
-    noise = asked.noise
+    seen_by = resolve_instrument(chosen.instrument)
+    expected = chosen.prior or Prior()
+    errors = chosen.discrepancy or ModelError.between_films()
+    noise = chosen.noise
     check_errors(errors)
     given = listed_pigments(pigments)
     known = given + [
@@ -111,7 +111,7 @@ def map_task(
     searcher = Searcher.of(
         bands.wavelengths,
         known,
-        replace(asked, instrument=seen_by, discrepancy=errors, prior=expected, noise=None),
+        replace(chosen, instrument=seen_by, discrepancy=errors, prior=expected, noise=None),
         opaque=opaque,
     )
     below = None if ground is None else _ground(ground, bands, stored)
@@ -127,8 +127,8 @@ def map_task(
         "noise": None if noise is None else [noise.floor, noise.share],
         "discrepancy": asdict(errors),
         "prior": asdict(expected),
-        "max_paints": asked.max_paints,
-        "max_coats": asked.max_coats,
+        "max_paints": chosen.max_paints,
+        "max_coats": chosen.max_coats,
     }
     coords = {
         axis: (np.asarray(array[axis]), dict(array[axis].attrs))
