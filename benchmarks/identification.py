@@ -133,7 +133,7 @@ STAGES = {
     "  errors of groups": ("refine", "coefficient_errors"),
     "  fits with these, and as shown": ("refine", "_fit"),
     "  errors allowed": ("refine", "move_readings"),
-    "other conditions, all of the above": ("searcher", "_search_unstated_conditions"),
+    "other conditions, all of the above": ("unstated_conditions", "search_unstated_conditions"),
     "  probabilities": ("weigh", "odds_of"),
 }
 

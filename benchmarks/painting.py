@@ -293,7 +293,7 @@ def _at_image_bands(scene, paints) -> float:
     grid = scene.wavelengths[::2]
     readings = np.maximum(sampled(scene, 16)[0][:, ::2], 0.0)
     searcher = Searcher.of(grid, paints, IdentificationOptions(noise=Noise(0.003, 0.0)))
-    measured = searcher.check(readings, scene.ground[::2])
+    measured = searcher.measure(readings, scene.ground[::2])
     list(searcher.search(measured))
     start = time.perf_counter()
     list(searcher.search(measured))

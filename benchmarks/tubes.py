@@ -28,7 +28,7 @@ from benchmarks.measured import FEW, measured_films
 from benchmarks.results import Results, add_option, progress
 from glazefit import Films, Instrument, Noise, recover_films, simulate_films
 from glazefit.film.films import usual_cards
-from glazefit.film.loose import recipes_from_names
+from glazefit.film.partial_films import recipes_from_names
 from glazefit.film.readers import is_masstone
 from glazefit.film.simulate import simulate_paints
 from glazefit.recover.constraints import error_modes

@@ -151,3 +151,22 @@ def _positional_records(module: str) -> Iterator[str]:
 def test_large_records_are_built_by_keyword():
     """Two arrays of one shape that change places are a wrong answer without a sign."""
     assert [call for module in MODULES for call in _positional_records(module)] == []
+
+
+# What takes any number of like things.
+_OF_ANY_NUMBER = {"fingerprint", "plain_table"}
+
+
+def _positional_calls(module: str) -> Iterator[str]:
+    """Calls with more than six positional arguments of what does not take any number of them."""
+    for node in ast.walk(ast.parse(MODULES[module].read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Call) and len(node.args) > 6:
+            name = ast.unparse(node.func)
+            if name not in _OF_ANY_NUMBER:
+                yield f"{module}:{node.lineno} {name}"
+
+
+def test_many_arguments_of_the_inverse_package_are_named():
+    """As for records: a reader of the call sees which is which."""
+    inverse = [module for module in MODULES if module.startswith("glazefit")]
+    assert [call for module in inverse for call in _positional_calls(module)] == []

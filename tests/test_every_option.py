@@ -23,6 +23,7 @@ from typer.testing import CliRunner
 
 import glazefit
 import glazejax.commands.main
+from glazefit import IdentificationOptions
 from glazefit.posterior.sampling import Sampling
 from glazefit.recipe.task import make_task
 from glazejax import Hemispherical
@@ -47,7 +48,7 @@ ENGINES = {
     "posterior": [
         "glazefit.posterior.posterior:posterior_of_film",
         "glazefit.posterior.posterior:posterior_of_bands",
-        "glazefit.posterior.of_coats:posterior_of_coats",
+        "glazefit.posterior.stack_posterior:posterior_of_coats",
         "glazefit.film.simulate:simulate_films",
     ],
     "map": ["glazefit.mapping.map_cube:map_cube"],
@@ -609,7 +610,7 @@ def _reach(monkeypatch: pytest.MonkeyPatch) -> Callable[[str, str], Reached | No
             given.apply_defaults()
             # What is handed on as one class of options counts as named.
             whole = dict(given.arguments)
-            for group in ("sampling", "options"):
+            for group in ("sampling", "options", "search"):
                 chosen = whole.pop(group, {})
                 whole |= vars(chosen) if is_dataclass(chosen) else chosen
             raise Reached(name, whole)
@@ -663,8 +664,9 @@ def test_the_computation_gets_what_the_option_says(
 @pytest.mark.parametrize(
     ("command", "function", "names"),
     [
-        ("identify", glazefit.identify, {"max_paints", "max_coats", "thorough"}),
-        ("map", glazefit.map_cube, {"max_paints", "max_coats", "memory", "overwrite", "noise"}),
+        ("identify", IdentificationOptions, {"max_paints", "max_coats", "thorough"}),
+        ("map", IdentificationOptions, {"max_paints", "max_coats", "noise"}),
+        ("map", glazefit.map_cube, {"memory", "overwrite"}),
         (
             "posterior",
             Sampling,

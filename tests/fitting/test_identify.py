@@ -15,7 +15,7 @@ from glazefit import (
     identify_films,
     simulate_films,
 )
-from glazefit.film.model.errors import BETWEEN_FILMS, smooth_kernel
+from glazefit.film.model.errors import smooth_kernel
 from glazejax import (
     Bidirectional,
     Glaze,
@@ -26,6 +26,8 @@ from glazejax import (
     catalogue,
     reflectance,
 )
+
+BETWEEN_FILMS = ModelError.between_films()
 
 GRID = np.arange(400.0, 701.0, 10.0)
 NAMES = (

@@ -20,7 +20,7 @@ from glazefit.identify.search.searcher import check_spectra
 from glazefit.identify.search.table import Paints
 from glazefit.identify.show.bands import expected_bands
 from glazefit.identify.show.contenders import LEAST_SHARE, Contenders, _screen, find_contenders
-from glazefit.identify.show.reporting import Filing
+from glazefit.identify.show.reporting import ReportBuilder
 from glazejax import Glaze, Hemispherical, Layer, Mixture, colour, reflectance
 from tests.fitting.palette import GRID, palette
 from tests.fitting.test_identify_page import ABOUT
@@ -292,13 +292,15 @@ def test_bands_hold_the_errors_that_are_stated():
 def test_what_an_interrupt_left_over_is_not_filed(looked, tmp_path):
     found, _ = looked
     halves = [replace_rows(found, rows) for rows in ([0], [1])]
-    filing = Filing(PAINTS, INSTRUMENT, discrepancy=NEAT, prior=Prior(), max_paints=2)
+    report_builder = ReportBuilder(
+        PAINTS, INSTRUMENT, discrepancy=NEAT, prior=Prior(), max_paints=2
+    )
     parts = []
-    for part in filing.watch(iter(halves)):
+    for part in report_builder.watch(iter(halves)):
         parts.append(part)
         if len(parts) == 2:
             break
-    filing.write(halves[0], replace(ABOUT, asked=("1", "2")), tmp_path / "x.html", 2)
+    report_builder.write(halves[0], replace(ABOUT, names=("1", "2")), tmp_path / "x.html", 2)
     filed = json.loads((tmp_path / "x.json").read_text())
     assert [spot["name"] for spot in filed["spots"]] == ["1"]
     assert filed["not_done"] == ["2"]

@@ -2,6 +2,7 @@
 
 import importlib
 import inspect
+from dataclasses import fields
 from typing import Any
 
 import numpy as np
@@ -10,15 +11,18 @@ import pytest
 from glazefit import (
     Films,
     Identification,
+    IdentificationOptions,
     Instrument,
     ModelError,
     Noise,
     Prior,
     identify,
     identify_films,
+    map_cube,
 )
 from glazefit.film.model.optics import Optics
 from glazefit.film.model.response import film_response
+from glazefit.identify.search.options import IdentificationKeywords
 from glazejax import Hemispherical, Pigment, catalogue
 from glazejax.radiative.common.fresnel import dielectric_reflectance
 
@@ -34,10 +38,32 @@ class Reached(Exception):
 
 
 def asked(function) -> list[str]:
-    """Keyword arguments of a function."""
-    return [
+    """Keyword arguments of a function, and options that it hands on."""
+    named = [
         p.name for p in inspect.signature(function).parameters.values() if p.kind is p.KEYWORD_ONLY
     ]
+    return [*named, *(field.name for field in fields(IdentificationOptions))]
+
+
+@pytest.mark.parametrize(
+    ("function", "given"),
+    [
+        (identify, dict(wavelengths=GRID, spectra=GRID, pigments=[], opaque=True)),
+        (identify_films, dict(films=None, pigments=[])),
+        (map_cube, dict(cube="image", pigments=[], out="map")),
+    ],
+)
+@pytest.mark.usefixtures("unchecked")  # nothing stands for films
+def test_a_keyword_that_is_unknown_is_refused_in_the_functions_own_name(function, given):
+    words = rf"^{function.__name__}\(\) got an unexpected keyword argument 'exhaustive'"
+    with pytest.raises(TypeError, match=words):
+        function(**given, exhaustive=True)
+
+
+def test_options_and_their_keywords_are_the_same():
+    assert IdentificationKeywords.__optional_keys__ == {
+        field.name for field in fields(IdentificationOptions)
+    }
 
 
 @pytest.mark.usefixtures("unchecked")  # objects stand for what is given

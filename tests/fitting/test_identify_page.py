@@ -19,16 +19,16 @@ from glazefit.identify.search.task import Measured
 from glazefit.identify.show.contenders import Contenders
 from glazefit.identify.show.figures import draw_spectra
 from glazefit.identify.show.page import DRAWN, page, write_page
-from glazefit.identify.show.record import About, make_record, table_rows
+from glazefit.identify.show.record import Provenance, make_record, table_rows
 from glazefit.identify.show.ruled_out import ruled_out
 from glazefit.page.inputs import input_files
 
 # `glazefit.identify` is the function too, so that the name alone does not lead there.
-MODULE = importlib.import_module("glazefit.identify.show.spot")
+MODULE = importlib.import_module("glazefit.identify.show.spectrum_html")
 GRID = np.arange(400.0, 701.0, 20.0)
 PAINTS = ("Red", "White", "Blue", "Chalk", "Black")
 EVIL = '<script>alert("1")</script> & co'
-ABOUT = About(
+ABOUT = Provenance(
     title="films.csv",
     command="glazejax identify films.csv --report report.html",
     options={"--top": 3, "--ground": None},
@@ -41,7 +41,7 @@ ABOUT = About(
     max_paints=2,
     max_coats=2,
     settings={"noise": {"floor": 0.0005}},
-    asked=("one", EVIL),
+    names=("one", EVIL),
     created=datetime(2026, 3, 4, 5, 6, 7, tzinfo=UTC),
 )
 
@@ -100,7 +100,7 @@ def contenders(found: Identification) -> Contenders:
     )
 
 
-def record(found: Identification, about: About = ABOUT, top: int = 2) -> dict:
+def record(found: Identification, about: Provenance = ABOUT, top: int = 2) -> dict:
     return make_record(found, contenders(found), np.full(found.fitted.shape, 0.01), about, top)
 
 
@@ -263,7 +263,7 @@ def test_of_very_many_spots_the_first_are_drawn(monkeypatch):
     monkeypatch.setattr(MODULE, "draw_residuals", lambda *_: "")
     monkeypatch.setattr(MODULE, "draw_spectra", lambda spot, *_: drawn.append(spot["id"]) or "")
     names = [f"spot {n}" for n in range(DRAWN + 2)]
-    seen = parsed(record(identification(names), replace(ABOUT, asked=names)))
+    seen = parsed(record(identification(names), replace(ABOUT, names=names)))
     assert len(seen.spots) == DRAWN + 2
     assert drawn == [f"spot-{n + 1}" for n in range(DRAWN)]
     assert f"Spectra are drawn for the first {DRAWN} spots" in seen.words[""]
@@ -356,7 +356,7 @@ def test_an_interrupt_while_spectra_are_drawn_ends_the_drawing(monkeypatch):
     monkeypatch.setattr(MODULE, "draw_residuals", lambda *_: "")
     seen = parsed(
         record(
-            identification(["one", "two", "three"]), replace(ABOUT, asked=("one", "two", "three"))
+            identification(["one", "two", "three"]), replace(ABOUT, names=("one", "two", "three"))
         )
     )
     assert list(seen.spots) == ["spot-1", "spot-2", "spot-3"]

@@ -12,9 +12,9 @@ from glazefit.film.model.errors import (
     ModelError,
     Prior,
     coefficient_covariance,
-    coefficient_errors,
+    draw_coefficient_errors,
+    draw_model_errors,
     model_covariance,
-    model_errors,
     noise_covariance,
     relative_errors,
     smooth_kernel,
@@ -63,7 +63,7 @@ def test_errors_of_coefficients_are_the_pigments_own_and_some_more():
     slopes = rng.standard_normal((4, 2 * GRID.size))  # k of two paints, then s, over two grounds
     known = rng.uniform(0.05, 0.4, (4, GRID.size))
     covariance = coefficient_covariance(slopes, known, GRID, d)
-    errors = coefficient_errors(rng, (40_000, 4), GRID, d)
+    errors = draw_coefficient_errors(rng, (40_000, 4), GRID, d)
     root = np.linalg.cholesky(
         model_covariance(GRID, 1, ModelError(length=d.coefficient_length), 1.0)
     )
@@ -91,7 +91,7 @@ def test_errors_at_two_wavelengths_go_together_as_materns():
 
 def test_random_errors_of_the_model_have_its_covariance():
     d = ModelError(scales=(1.0,), weights=(1.0,))
-    errors = model_errors(np.random.default_rng(2), 40_000, 2, GRID, d).reshape(40_000, -1)
+    errors = draw_model_errors(np.random.default_rng(2), 40_000, 2, GRID, d).reshape(40_000, -1)
     np.testing.assert_allclose(
         np.cov(errors.T) / d.amplitude**2,
         model_covariance(GRID, 2, d, d.amplitude) / d.amplitude**2,

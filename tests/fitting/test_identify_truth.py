@@ -10,19 +10,19 @@ from benchmarks.results import FOLDER
 
 from glazefit import Identification, ModelError, identify
 from glazefit.film.model.errors import (
-    BETWEEN_FILMS,
-    MISFIT,
     error_modes,
-    log_odds_of_none,
     modes_covariance,
     relative_errors,
 )
 from glazefit.film.model.response import film_response
 from glazefit.film.model.varnish import under_varnish, yellow
 from glazefit.film.noise import noise_of_each
-from glazefit.identify.search.searcher import hardly_seen
+from glazefit.identify.search.searcher import find_extenders
+from glazefit.identify.search.weigh import MISFIT, log_odds_of_none
 from glazejax import Bidirectional, Hemispherical, Pigment, catalogue
 from glazejax.paint.pigment_table import read_pigments
+
+BETWEEN_FILMS = ModelError.between_films()
 
 GRID = np.arange(400.0, 701.0, 10.0)
 GROUNDS = np.array([[0.025], [0.93]]) * np.ones((2, GRID.size))
@@ -167,7 +167,9 @@ def test_none_grows_with_the_misfit():
 
 def test_extenders_are_those_that_hardly_show():
     known = list(catalogue.load().values())
-    hardly = [paint.name for paint, yes in zip(known, hardly_seen(known, UNIT), strict=True) if yes]
+    hardly = [
+        paint.name for paint, yes in zip(known, find_extenders(known, UNIT), strict=True) if yes
+    ]
     assert hardly == ["BariumSulphate", "CalciumCarbonate"]
 
 

@@ -28,7 +28,7 @@ from glazefit.recover.joint_problem import (
     residuals,
     totals,
 )
-from glazefit.recover.joint_solver import covariance, factorise, least_squares, look, solve
+from glazefit.recover.joint_solver import covariance, factorise, look, solve, solve_jointly
 from glazefit.recover.prediction import predict_films
 from glazejax import Pigment
 
@@ -187,7 +187,7 @@ def test_error_modes_are_the_largest_of_the_dense_inverse(small, dense_jacobian)
 
 def test_steps_end_where_the_cost_has_no_slope(small):
     problem, response, point = small
-    found = least_squares(problem, response, point, 1.0, 100)
+    found = solve_jointly(problem, response, point, 1.0, 100)
     assert found.settled
     assert found.steps < 90
     before, after = look(problem, response, point), look(problem, response, found.point)

@@ -10,9 +10,9 @@ from rich.console import Console
 
 import glazejax as gj
 from glazefit import find_recipes, lab_target, spectral_target
-from glazefit.recipe.choose import merge_coats, roundings
 from glazefit.recipe.refine import _children
 from glazefit.recipe.report import print_best, print_recipes
+from glazefit.recipe.selection import merge_coats, roundings
 from glazefit.recipe.task import Task, make_task
 from glazejax import colour
 

@@ -10,11 +10,11 @@ from glazefit import find_recipes
 from glazefit.film.colour_metric import lab_metric
 from glazefit.film.films import Instrument
 from glazefit.recipe import refine as refine_module
-from glazefit.recipe.choose import Scored, pack_coats, roundings, select
 from glazefit.recipe.model import Optics, empty_slots, fill_slots, make_model, readings
 from glazefit.recipe.refine import refine
 from glazefit.recipe.report import print_best, print_recipes
 from glazefit.recipe.screen import Stacks, TargetArrays, _sensible
+from glazefit.recipe.selection import Scored, pack_coats, roundings, select
 from glazefit.recipe.sobol import scrambled_sobol
 from glazefit.recipe.targets import colourchecker_targets, lab_target, spectral_target, srgb_target
 from glazejax import Bidirectional, colour

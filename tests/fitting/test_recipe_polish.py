@@ -9,10 +9,10 @@ from glazefit.film.colour_metric import lab_metric
 from glazefit.film.films import Instrument
 from glazefit.film.model.optics import Optics
 from glazefit.recipe import polish as polish_module
-from glazefit.recipe.choose import score
 from glazefit.recipe.model import fill_slots, make_model
 from glazefit.recipe.polish import colour_misfit, polish, solve
 from glazefit.recipe.screen import Stacks, TargetArrays
+from glazefit.recipe.selection import score
 from glazejax import colour
 
 from .palette import GRID, palette

@@ -9,9 +9,9 @@ import pytest
 
 from glazefit import Films, Instrument, Noise, recover_films, simulate_films
 from glazefit.film.films import USUAL_CARD_SD, bare_surface, cards, usual_cards
-from glazefit.film.loose import average, crop, read_loose_films, recipes_from_names, tint
 from glazefit.film.model.response import film_response
 from glazefit.film.noise import estimate_noise, roughness
+from glazefit.film.partial_films import average, crop, read_loose_films, recipes_from_names, tint
 from glazefit.recover.constraints import Gauge, error_modes, gather_constraints
 from glazefit.recover.entries import add_paints
 from glazefit.recover.experimental_design import rank_next_films

@@ -12,13 +12,22 @@ import pytest
 
 import glazejax.commands.main
 from glazefit import Films, Noise, simulate_films
-from glazefit.film.model.errors import BETWEEN_FILMS, relative_errors
-from glazefit.film.model.variation import PRIOR, SIZES, Surprise, Variation, learn, log_likelihood
+from glazefit.film.model.errors import ModelError, relative_errors
+from glazefit.film.model.variation import (
+    PRIOR,
+    SIZES,
+    SizeEvidence,
+    Variation,
+    learn,
+    log_likelihood,
+)
 from glazefit.recover.joint import UNIT
 from glazefit.recover.mixture import calibrate_mixture, mix, predict_mixture
 from glazefit.recover.predict_command import read_recipe
 from glazejax import Pigment, catalogue, colour
 from glazejax.commands.main import main
+
+BETWEEN_FILMS = ModelError.between_films()
 
 GRID = np.arange(400.0, 701.0, 20.0)
 TINT = {"Vermillion": 10.0, "ZincWhite": 90.0}
@@ -61,7 +70,7 @@ def delta_e(one, other):
     return np.asarray(colour.delta_e_2000(*lab))
 
 
-def surprises(size: float, count: int, paint: str, rng) -> list[Surprise]:
+def evidence(size: float, count: int, paint: str, rng) -> list[SizeEvidence]:
     """Films whose errors really have this size."""
     known = 0.001 * rng.standard_normal((200, 2, GRID.size))
     own = 0.05 * rng.standard_normal((200, 2, 1)) + 0.02 * rng.standard_normal((200, 2, GRID.size))
@@ -72,7 +81,7 @@ def surprises(size: float, count: int, paint: str, rng) -> list[Surprise]:
         )
         off = off + 0.001 * rng.standard_normal(off.shape)
         out.append(
-            Surprise(
+            SizeEvidence(
                 f"{paint}{i}", frozenset({paint, "white"}), log_likelihood(off, known, own, GRID)
             )
         )
@@ -81,7 +90,7 @@ def surprises(size: float, count: int, paint: str, rng) -> list[Surprise]:
 
 @pytest.mark.parametrize("size", [0.1, 0.6, 3.0])
 def test_sizes_that_films_have_are_found(size):
-    found = surprises(size, 300, "red", np.random.default_rng(2))
+    found = evidence(size, 300, "red", np.random.default_rng(2))
     total = np.sum([s.log_likelihood for s in found], axis=0)
     assert SIZES[int(total.argmax())] == size
     learned = learn(found)
@@ -99,7 +108,7 @@ def test_nothing_left_out_is_as_expected_beforehand():
 
 def test_a_paint_that_surprised_is_expected_to_again():
     rng = np.random.default_rng(3)
-    found = learn(surprises(0.1, 12, "calm", rng) + surprises(3.0, 12, "wild", rng))
+    found = learn(evidence(0.1, 12, "calm", rng) + evidence(3.0, 12, "wild", rng))
     calm, both, wild = (
         found.size_of(paints) for paints in (["calm", "white"], ["other"], ["wild", "white"])
     )

@@ -9,7 +9,8 @@ import pytest
 from glazefit import ModelError, Noise
 from glazefit.film.colour_metric import reading_metric
 from glazefit.identify.result import Identification
-from glazefit.identify.search.searcher import IdentificationOptions, Searcher
+from glazefit.identify.search.options import IdentificationOptions
+from glazefit.identify.search.searcher import Searcher
 from glazefit.mapping.solve.atlas import Atlas
 from glazefit.mapping.solve.local import Searched, as_measured, check_errors, search_locally
 from glazefit.mapping.solve.survey import Features

@@ -1,5 +1,7 @@
 """Maps of a small image, from the image to the store, beside searches of its pixels."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 import xarray
@@ -44,7 +46,7 @@ def cube():
 
 
 @pytest.fixture(scope="module")
-def options(cube):
+def options(cube) -> dict[str, Any]:
     mask = np.ones(cube.shape[:2], bool)
     mask[-1] = False
     return {"ground": small.scene().ground, "mask": mask, "max_paints": 2, "noise": NOISE}
@@ -99,7 +101,7 @@ def test_colours_are_those_of_the_spectra(made, cube):
 
 
 @pytest.mark.slow
-def test_pixels_are_answered_as_a_search_answers_them(made, cube, options):
+def test_pixels_are_answered_as_a_search_answers_them(made, cube, options: dict[str, Any]):
     found = made[0]
     task = map_task(cube, dict(zip(small.PAINTS, small.paints(), strict=True)), **options)
     y, x = np.nonzero(found["status"].values == Status.MAPPED)
@@ -133,7 +135,7 @@ def test_the_map_says_how_far_it_agrees(made):
     assert agreement["probability"] < 0.05
 
 
-def test_a_second_run_does_nothing_again(made, cube, options, monkeypatch):
+def test_a_second_run_does_nothing_again(made, cube, options: dict[str, Any], monkeypatch):
     found, _, out = made
     before = {name: found[name].values for name in found.data_vars}
 
@@ -147,11 +149,13 @@ def test_a_second_run_does_nothing_again(made, cube, options, monkeypatch):
     for name, values in before.items():
         np.testing.assert_array_equal(again[name].values, values)
     with pytest.raises(ValueError, match=r"other options \(max_paints: 2 there, 3 now\)"):
-        map_cube(cube, small.paints(), out=out, **{**options, "max_paints": 3})
+        map_cube(cube, small.paints(), out=out, **dict(options, max_paints=3))
 
 
 @pytest.mark.slow
-def test_an_interrupted_run_ends_as_an_undisturbed_one(made, cube, options, tmp_path):
+def test_an_interrupted_run_ends_as_an_undisturbed_one(
+    made, cube, options: dict[str, Any], tmp_path
+):
     class Stopped(Exception):
         pass
 
@@ -173,7 +177,7 @@ def test_an_interrupted_run_ends_as_an_undisturbed_one(made, cube, options, tmp_
 
 
 @pytest.mark.slow
-def test_a_cluster_gives_the_same_map(made, cube, options, tmp_path):
+def test_a_cluster_gives_the_same_map(made, cube, options: dict[str, Any], tmp_path):
     """In double precision, whose digits must arrive on the workers."""
     distributed = pytest.importorskip("distributed")
     with (
@@ -188,7 +192,9 @@ def test_a_cluster_gives_the_same_map(made, cube, options, tmp_path):
 
 
 @pytest.mark.slow
-def test_spectra_far_from_all_others_are_searched(cube, options, tmp_path, monkeypatch):
+def test_spectra_far_from_all_others_are_searched(
+    cube, options: dict[str, Any], tmp_path, monkeypatch
+):
     """A stroke that no sampled line has."""
     monkeypatch.setattr("glazefit.mapping.map_cube._LINES", 4)
     spectra = np.repeat(np.repeat(cube.values[5:6, 5:6], 24, axis=0), 40, axis=1)
@@ -199,7 +205,7 @@ def test_spectra_far_from_all_others_are_searched(cube, options, tmp_path, monke
         small.image(spectra, grid),
         small.paints(),
         out=tmp_path / "map",
-        **{**options, "mask": None, "max_paints": 1},
+        **dict(options, mask=None, max_paints=1),
     )
     way = found["way"].values
     assert (way[10, 20:30] == Way.SEARCHED).any()
@@ -208,13 +214,15 @@ def test_spectra_far_from_all_others_are_searched(cube, options, tmp_path, monke
 
 
 @pytest.mark.slow
-def test_a_window_that_the_mask_leaves_out_is_empty(cube, options, tmp_path, monkeypatch):
+def test_a_window_that_the_mask_leaves_out_is_empty(
+    cube, options: dict[str, Any], tmp_path, monkeypatch
+):
     monkeypatch.setattr("glazefit.mapping.map_cube.chunk_shape", lambda *_, **__: (12, 20))
     mask = np.zeros((24, 40), bool)
     mask[:12, :20] = True
     mask[14, 30] = True
     found = map_cube(
-        cube, small.paints()[:2], out=tmp_path / "map", **{**options, "mask": mask, "max_paints": 1}
+        cube, small.paints()[:2], out=tmp_path / "map", **dict(options, mask=mask, max_paints=1)
     )
     status = found["status"].values
     assert (status[:12, 20:] == Status.MASKED).all()
@@ -256,7 +264,7 @@ def _hiding(paint: Pigment) -> np.ndarray:
 
 
 @pytest.mark.slow
-def test_a_spot_of_the_image_is_found_in_it(cube, options, tmp_path):
+def test_a_spot_of_the_image_is_found_in_it(cube, options: dict[str, Any], tmp_path):
     grid = np.asarray(cube["wavelength"])
     spectrum = cube.values[15, 30].astype(float)
     found = map_cube(
@@ -285,18 +293,18 @@ def test_a_spot_of_the_image_is_found_in_it(cube, options, tmp_path):
         ({"memory": 2**20}, "memory bound is 1 MiB; with .* it must be at least"),
     ],
 )
-def test_what_does_not_fit_is_said(cube, options, tmp_path, change, words):
+def test_what_does_not_fit_is_said(cube, options: dict[str, Any], tmp_path, change, words):
     with pytest.raises(ValueError, match=words):
-        map_cube(cube, small.paints(), out=tmp_path / "map", **{**options, **change})
+        map_cube(cube, small.paints(), out=tmp_path / "map", **dict(options, **change))
 
 
-def test_an_image_that_is_none_is_said(options, tmp_path):
+def test_an_image_that_is_none_is_said(options: dict[str, Any], tmp_path):
     turned = xarray.DataArray(np.zeros((3, 4, 5)), dims=("x", "y", "band"))
     with pytest.raises(ValueError, match="dimensions y, x, wavelength"):
-        map_cube(turned, small.paints(), out=tmp_path / "map", **{**options, "mask": None})
+        map_cube(turned, small.paints(), out=tmp_path / "map", **dict(options, mask=None))
     metres = small.image(np.zeros((3, 4, 5)), np.linspace(0.4, 0.7, 5))
     with pytest.raises(ValueError, match="in nm"):
-        map_cube(metres, small.paints(), out=tmp_path / "map", **{**options, "mask": None})
+        map_cube(metres, small.paints(), out=tmp_path / "map", **dict(options, mask=None))
     nothing = small.image(np.full((6, 8, 31), np.nan), np.linspace(400.0, 700.0, 31))
     with pytest.raises(ValueError, match=r"no pixel that can be mapped .* 48 no data"):
         map_cube(nothing, small.paints(), out=tmp_path / "map", ground=0.5)

@@ -72,8 +72,8 @@ def measure_gloss(films: Films, excluded: Films, instrument: Instrument) -> dict
         seen = films.seen[row] & excluded.seen[other]
         off = [
             np.mean(getattr(films, over)[row] - getattr(excluded, over)[other])
-            for over, there in zip(("over_black", "over_white"), seen, strict=True)
-            if there
+            for over, both in zip(("over_black", "over_white"), seen, strict=True)
+            if both
         ]
         share = float(np.mean(off)) / surface if off else np.nan
         if not 0.01 < share < 1.5:

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
     from ..film.films import Instrument
     from .result import Identification
-    from .show.record import About
+    from .show.record import Provenance
 
 _GEOMETRY = "d:8"
 # Candidates kept for a report, which says of every paint how near it comes.
@@ -128,23 +128,33 @@ def identify(
     from rich.console import Console
 
     from ..film.films import Instrument, Noise
-    from ..film.model.errors import BETWEEN_FILMS, Prior
+    from ..film.model.errors import ModelError, Prior
     from ..page.inputs import input_files
 
     console = Console(highlight=False)
     paints = options.choose_paints(options.read_shelf(pigments, catalogue), only, without)
     instrument = Instrument(seen_by, refractive_index)
     inputs = input_files(read) if report is not None else []
-    task = _read_spectra(file, samples, ground, bare, opaque, instrument, paints, console)
+    task = _read_spectra(
+        file,
+        samples,
+        ground=ground,
+        bare=bare,
+        opaque=opaque,
+        instrument=instrument,
+        paints=paints,
+        console=console,
+    )
     from .identify import identify_chunks
     from .result import Identification
-    from .search.searcher import IdentificationOptions
+    from .search.options import IdentificationOptions
 
+    usual_error = ModelError.between_films()
     settings = {
         "noise": Noise(noise, noise_share),
-        "discrepancy": BETWEEN_FILMS
+        "discrepancy": usual_error
         if model_error is None
-        else replace(BETWEEN_FILMS, amplitude=model_error),
+        else replace(usual_error, amplitude=model_error),
         "prior": Prior(thickness=usual),
     }
     chunks = identify_chunks(
@@ -163,26 +173,26 @@ def identify(
         opaque=opaque,
         names=task.names,
     )
-    filing = None
+    report_builder = None
     if report is not None:
-        from .show.reporting import Filing
+        from .show.reporting import ReportBuilder
 
-        filing = Filing(
+        report_builder = ReportBuilder(
             paints,
             instrument,
             discrepancy=settings["discrepancy"],
             prior=settings["prior"],
             max_paints=max_paints,
         )
-        chunks = filing.watch(chunks)
+        chunks = report_builder.watch(chunks)
     parts, how = progress.collect(
         chunks, len(task.spectra), "compiling, then searching", "searching"
     )
     found = Identification.join(parts)
-    _report(found, console, top, csv, residuals, out, overwrite)
-    if filing is not None and report is not None:
+    _report(found, console, top=top, csv=csv, residuals=residuals, out=out, overwrite=overwrite)
+    if report_builder is not None and report is not None:
         about = _about(typed, task, instrument, settings, paints, inputs)
-        beside = filing.write(found, about, report, top, overwrite=overwrite)
+        beside = report_builder.write(found, about, report, top, overwrite=overwrite)
         console.print(f"Wrote the report to {report}, and the same as {beside[0]} and {beside[1]}")
     words = f"{len(found)} spectra" if len(found) > 1 else "1 spectrum"
     console.print(
@@ -315,20 +325,20 @@ def _about(
     settings: Mapping[str, Any],
     paints: "Sequence[Pigment]",
     inputs: list[dict[str, Any]],
-) -> "About":
+) -> "Provenance":
     """How an identification was made, for its report."""
     from dataclasses import asdict
 
     from glazejax import catalogue
 
-    from .show.record import About
+    from .show.record import Provenance
 
     name = typed["catalogue"]
     own = typed["pigments"]
     shelf: dict[str, Any] = {"name": str(own or name), "scale": catalogue.assumed_scale(paints[0])}
     if own is None:
         shelf["file"], shelf["sha256"] = catalogue.checksum(name)
-    return About(
+    return Provenance(
         title=typed["file"].name,
         command=command_line(identify, "identify", typed, ("file",)),
         options={
@@ -347,7 +357,7 @@ def _about(
         max_paints=typed["max_paints"],
         max_coats=typed["layers"],
         settings={name: asdict(each) for name, each in settings.items()},
-        asked=task.names,
+        names=task.names,
     )
 
 

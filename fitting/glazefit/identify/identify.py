@@ -7,6 +7,7 @@ count as impossible; the search keeps far more than ever come near the best.
 """
 
 from collections.abc import Iterator, Sequence
+from typing import Unpack
 
 import jax.numpy as jnp
 import numpy as np
@@ -16,12 +17,12 @@ from glazejax import Hemispherical
 from glazejax.former_names import accept_former_grounds, accept_former_keywords
 from glazejax.geometry import Geometry, resolve_instrument
 
-from ..film.films import Films, Instrument, Noise, cards
-from ..film.model.errors import ModelError, Prior
+from ..film.films import Films, Noise, cards
 from ..film.model.mixing import Pigments
 from ..film.model.response import film_response
 from .result import Identification
-from .search.searcher import IdentificationOptions, Searcher
+from .search.options import IdentificationKeywords, IdentificationOptions, check_keywords
+from .search.searcher import Searcher
 
 
 def identify_chunks(
@@ -49,7 +50,7 @@ def identify_chunks(
             "opaque=True for films that hide it"
         )
     searcher = Searcher.of(wavelengths, pigments, options, opaque=opaque)
-    measured = searcher.check(spectra, ground, names)
+    measured = searcher.measure(spectra, ground, names)
     for batch, pool, odds in searcher.search(measured):
         yield Identification.of(
             batch, pool, odds, paints=searcher.paints, opaque=opaque, keep=options.keep
@@ -76,15 +77,8 @@ def identify(
     *,
     ground: ArrayLike | None = None,
     opaque: bool = False,
-    instrument: Instrument | Geometry | str | None = None,
-    noise: Noise | None = None,
-    discrepancy: ModelError | None = None,
-    prior: Prior | None = None,
-    max_paints: int = 3,
-    max_coats: int = 1,
-    keep: int = 20,
-    thorough: bool = False,
     names: Sequence[str] | None = None,
+    **options: Unpack[IdentificationKeywords],
 ) -> Identification:
     """Paints, fractions and thickness of films from their spectra, as ranked lists with
     probabilities.
@@ -98,17 +92,9 @@ def identify(
         ground: internal reflectance (that under paint) of the ground: a number, (bands,), or for
             several (grounds, bands), or one for each spectrum, (spectra, grounds, bands).
         opaque: the films hide their ground; their thickness is then unknown.
-        instrument: a `glazejax.Instrument`, a geometry, or words such as "45:0" for one without a
-            sphere; by default d:8 with the specular part, index 1.5.
-        noise: of a reading; where the spectra themselves are rougher, their roughness counts.
-        discrepancy: of the model; by default `film.model.errors.BETWEEN_FILMS`.
-        prior: what is expected beforehand.
-        max_paints: largest set, 1 to 3.
-        max_coats: 2 tries the best sets as two coats too, in both orders.
-        keep: candidates kept for each spectrum.
-        thorough: fit every pair, and give every set errors of its own: some four times as long for
-            the same first answer in most cases.
         names: of the spectra.
+        options: the fields of `IdentificationOptions`: instrument, noise, discrepancy, prior,
+            max_paints, max_coats, keep, thorough.
 
     Returns:
         `Identification`; ``ranked(row)`` lists the explanations of a spectrum, ``none[row]`` is the
@@ -118,18 +104,15 @@ def identify(
         ValueError: shapes that do not match, values that are not reflectances, neither a ground nor
             `opaque`, an empty catalogue, repeated names.
     """
-    options = IdentificationOptions(
-        instrument=instrument,
-        noise=noise,
-        discrepancy=discrepancy,
-        prior=prior,
-        max_paints=max_paints,
-        max_coats=max_coats,
-        keep=keep,
-        thorough=thorough,
-    )
+    check_keywords("identify", options, IdentificationKeywords)
     parts = identify_chunks(
-        wavelengths, spectra, pigments, options, ground=ground, opaque=opaque, names=names
+        wavelengths,
+        spectra,
+        pigments,
+        IdentificationOptions(**options),
+        ground=ground,
+        opaque=opaque,
+        names=names,
     )
     return Identification.join(list(parts))
 
@@ -138,22 +121,13 @@ def identify(
 def identify_films(
     films: Films,
     pigments: Pigments,
-    *,
-    instrument: Instrument | Geometry | str | None = None,
-    noise: Noise | None = None,
-    discrepancy: ModelError | None = None,
-    prior: Prior | None = None,
-    max_paints: int = 3,
-    max_coats: int = 1,
-    keep: int = 20,
-    thorough: bool = False,
+    **options: Unpack[IdentificationKeywords],
 ) -> Identification:
     """As `identify`, for films over a black and a white card that were measured bare.
 
     Args:
         films: such as `read_films` reads; their bare cards say what is below the paint.
-        pigments, instrument, noise, discrepancy, prior: see `identify`.
-        max_paints, max_coats, keep, thorough: see `identify`.
+        pigments, options: see `identify`.
 
     Returns:
         `Identification`, a row for each film.
@@ -161,26 +135,21 @@ def identify_films(
     Raises:
         ValueError: as `identify`, or cards that are not possible (see `ground_from_air`).
     """
-    seen_by = resolve_instrument(instrument)
+    check_keywords("identify_films", options, IdentificationKeywords)
+    seen_by = resolve_instrument(options.get("instrument"))
     if isinstance(seen_by.geometry, Hemispherical):
-        black, white, _, _ = cards(films, seen_by, noise or Noise())
+        black, white, _, _ = cards(films, seen_by, options.get("noise") or Noise())
     else:
         bare = np.stack([films.bare_black, films.bare_white])
         black, white = ground_from_air(bare, seen_by.geometry, seen_by.refractive_index)
+    options["instrument"] = seen_by
     return identify(
         films.wavelengths,
         np.stack([films.over_black, films.over_white], axis=1),
         pigments,
         ground=np.stack([black, white], axis=1),
-        instrument=seen_by,
-        noise=noise,
-        discrepancy=discrepancy,
-        prior=prior,
-        max_paints=max_paints,
-        max_coats=max_coats,
-        keep=keep,
-        thorough=thorough,
         names=films.names,
+        **options,
     )
 
 

@@ -247,7 +247,7 @@ def map_(
     from glazejax.io import CubeSource
 
     from ..film.films import Instrument, Noise
-    from ..film.model.errors import BETWEEN_FILMS, Prior
+    from ..film.model.errors import ModelError, Prior
     from .map_cube import map_cube
     from .store.run import connect
     from .store.store import MapStore
@@ -271,6 +271,7 @@ def map_(
     below, words, notes = read_ground_of_cube(ground, bare, opened, paints, instrument)
     progress.print_notes(console, "--ground", notes)
     given = {"floor": noise, "share": noise_share}
+    usual_error = ModelError.between_films()
     with _keep_on_interrupt(out, console), connect(scheduler) as client, _bar() as report_progress:
         found = map_cube(
             source,
@@ -284,9 +285,9 @@ def map_(
             noise=None
             if noise is noise_share is None
             else Noise(**{k: v for k, v in given.items() if v is not None}),
-            discrepancy=BETWEEN_FILMS
+            discrepancy=usual_error
             if model_error is None
-            else replace(BETWEEN_FILMS, amplitude=model_error),
+            else replace(usual_error, amplitude=model_error),
             prior=Prior(thickness=usual),
             max_paints=max_paints,
             max_coats=layers,
@@ -311,7 +312,17 @@ def map_(
         )
 
     console.print(f"Wrote the map to {out}")
-    _write(MapStore.open(out), found, opened, console, csv, export, report, overwrite, provenance)
+    _write(
+        MapStore.open(out),
+        found,
+        opened,
+        console,
+        csv=csv,
+        export=export,
+        report=report,
+        overwrite=overwrite,
+        provenance=provenance,
+    )
 
 
 def _check_outputs(

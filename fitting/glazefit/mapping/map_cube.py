@@ -8,19 +8,18 @@ it. What that costs is measured on pixels that are searched themselves.
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple, Unpack
 
 import numpy as np
 from jaxtyping import ArrayLike, Bool, Float
 
 from glazejax.former_names import accept_former_grounds, accept_former_keywords
-from glazejax.geometry import Geometry, Instrument
 from glazejax.progress import Progress, no_progress
 
 from ..film.films import Noise
-from ..film.model.errors import ModelError, Prior
 from ..film.model.mixing import Pigments
 from ..film.noise import spectra_noise
+from ..identify.search.options import SearchKeywords, check_keywords
 from .solve.agreement import compare
 from .solve.atlas import Atlas
 from .solve.local import Searched, search_locally
@@ -74,16 +73,11 @@ def map_cube(
     out: str | Path,
     mask: Bool[np.ndarray, "y x"] | str | Path | None = None,
     spots: Mapping[str, Float[np.ndarray, "bands"]] | None = None,
-    instrument: Instrument | Geometry | str | None = None,
-    noise: Noise | None = None,
-    discrepancy: ModelError | None = None,
-    prior: Prior | None = None,
-    max_paints: int = 3,
-    max_coats: int = 1,
     memory: int = 2**31,
     client: "Client | None" = None,
     overwrite: bool = False,
     progress: Progress = no_progress,
+    **search: Unpack[SearchKeywords],
 ) -> "xarray.Dataset":
     """Map the paints of an image of spectra into a zarr store, window by window.
 
@@ -102,15 +96,15 @@ def map_cube(
         spots: further paints by name: spectra of thick, hiding paint, at the image's bands, such as
             a pure stroke in the image itself. What a spectrum alone leaves open of a paint is taken
             as open (`spot_pigment`).
-        instrument, discrepancy, prior, max_paints, max_coats: as for `glazefit.identify`.
-        noise: of one reading of the image; by default told from the roughness of a sample of its
-            spectra.
         memory: bytes that the process is to stay below, at least some 950 MiB.
         client: of a dask cluster whose workers do the work; by default the one that this program
             has made, if any. Workers must see the image under the same path.
         overwrite: replace a map that is there.
         progress: called with pieces done, pieces in all and the stage: reading, surveying,
             searching, checking, mapping.
+        search: instrument, noise, discrepancy, prior, max_paints and max_coats, as for
+            `glazefit.identify`; noise is of one reading of the image, by default told from the
+            roughness of a sample of its spectra.
 
     Returns:
         The map, opened lazily (`glazefit.open_map`); its variables are those of
@@ -123,6 +117,7 @@ def map_cube(
         OSError: the disk is full; finished windows are kept.
         ModuleNotFoundError: the extra ``cube`` is not installed.
     """
+    check_keywords("map_cube", search, SearchKeywords)
     check_map(out, overwrite=overwrite)
     task = map_task(
         cube,
@@ -131,12 +126,7 @@ def map_cube(
         opaque=opaque,
         mask=mask,
         spots=spots,
-        instrument=instrument,
-        noise=noise,
-        discrepancy=discrepancy,
-        prior=prior,
-        max_paints=max_paints,
-        max_coats=max_coats,
+        **search,
     )
     progress(0, 1, "reading")
     bands = task.image.bands

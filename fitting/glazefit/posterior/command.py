@@ -143,7 +143,7 @@ def posterior(
 
     Try it without data: glazejax posterior --simulate --paints CobaltBlue,ZincWhite --out demo
     """
-    _check(file, sample, paints, coats, bands, simulate, ground)
+    _check(file, sample, paints=paints, coats=coats, bands=bands, simulate=simulate, ground=ground)
     require("matplotlib", "corner", "arviz", "h5py")
     folder = _check_folder(out, resume, overwrite)
     from glazejax.commands.main import start_jax
@@ -406,8 +406,8 @@ def _run(task: _Task, prior: "Prior", out: Path, given: dict[str, Any]) -> "Post
     """
     from rich.console import Console
 
-    from .of_coats import posterior_of_coats
     from .posterior import posterior_of_bands, posterior_of_film
+    from .stack_posterior import posterior_of_coats
 
     out.mkdir(parents=True, exist_ok=True)
     Console(stderr=True).print(

@@ -113,7 +113,7 @@ def pose_errors(
     """The problem of `glazefit.posterior.film.pose_films` with the model's error, and its modes."""
     smooth = smooth_kernel(films[0].wavelengths, prior.error_length)
     how = Tabulated(problem.shared.response)
-    first = _own_logs(films, instrument)
+    first = _likeliest_logs(films, instrument)
     problem = expand(problem, films, how, first, np.zeros_like(first), smooth)
     return settle(problem, films, how, find_modes(problem, starts=_STARTS, seed=seed), smooth)
 
@@ -135,7 +135,7 @@ def settle(
     return problem, found
 
 
-def _own_logs(
+def _likeliest_logs(
     films: Sequence[Reading], instrument: Instrument
 ) -> Float[np.ndarray, "films 2 bands"]:
     """Log k d and log s d that each band's readings are likeliest to come from."""

@@ -90,12 +90,17 @@ def of_paints(
     for b, film in enumerate(films):
         where = f"{film}: " if len(films) > 1 else ""
         open_ = [(s, v, _parts(v)) for s, v in zip(shares[b], vectors[b], strict=True) if s >= OPEN]
-        said = [*(_open(*one, names) for one in open_), *_ties(correlation[b], names)]
+        said = [
+            *(_describe_open(*one, names) for one in open_),
+            *_describe_correlated(correlation[b], names),
+        ]
         sentences += [where + words for words in said]
     return Identifiability(shares, vectors, correlation, tuple(sentences))
 
 
-def _ties(correlation: Float[np.ndarray, "dims dims"], names: Sequence[str]) -> list[str]:
+def _describe_correlated(
+    correlation: Float[np.ndarray, "dims dims"], names: Sequence[str]
+) -> list[str]:
     """Pairs of unknowns that move together."""
     return [
         f"{names[j]} and {names[i]} can hardly be told apart: they move "
@@ -113,7 +118,7 @@ def _parts(vector: Float[np.ndarray, "dims"]) -> Int[np.ndarray, "parts"]:
     return parts[np.argsort(-np.abs(vector[parts]))]
 
 
-def _open(
+def _describe_open(
     share: float,
     vector: Float[np.ndarray, "dims"],
     parts: Int[np.ndarray, "parts"],
@@ -272,8 +277,8 @@ def _open_directions(
     open_ = [(s, v, _parts(v)) for s, v in zip(shares[0], vectors[0], strict=True) if s >= OPEN]
     # Those of one unknown are said of each by itself.
     return [
-        *(_open(*one, names) for one in open_ if len(one[2]) > 1),
-        *_ties(correlation[0], names),
+        *(_describe_open(*one, names) for one in open_ if len(one[2]) > 1),
+        *_describe_correlated(correlation[0], names),
     ]
 
 

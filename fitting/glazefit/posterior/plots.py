@@ -36,7 +36,7 @@ def plot_bands(posterior: Posterior, path: str | Path) -> None:
     draw(posterior, path)
 
 
-def _some(values: Float[np.ndarray, "*draws"]) -> Float[np.ndarray, "n"]:
+def _thin(values: Float[np.ndarray, "*draws"]) -> Float[np.ndarray, "n"]:
     flat = values.reshape(-1)
     return flat[:: max(1, flat.size // _MOST_DRAWS)]
 
@@ -66,7 +66,7 @@ def _corner_of_film(posterior: Posterior, path: str | Path) -> None:
             for n in names
             if not n.startswith("fraction ") or n in unknowns_in_words(posterior.problem)
         ]
-    pairs = [in_units(n, _some(posterior.draws[n][..., 0])) for n in names]
+    pairs = [in_units(n, _thin(posterior.draws[n][..., 0])) for n in names]
     titles = [p[0] for p in pairs]
     draws = np.stack([p[1] for p in pairs], axis=1)
     approximate = np.stack(
@@ -152,7 +152,7 @@ def _corner_of_bands(posterior: Posterior, path: str | Path) -> None:
     with picture(path, 10.5, 7) as figure:
         panels = figure.subplots(2, 3).ravel()
         for panel, b in zip(panels, chosen, strict=False):
-            x, y = (np.log10(_some(posterior.draws[n][..., b])) for n in names)
+            x, y = (np.log10(_thin(posterior.draws[n][..., b])) for n in names)
             u, v = (np.log10(posterior.laplace_draws[n][:, b]) for n in names)
             limits = [
                 tuple(np.quantile(np.concatenate(both), (0.002, 0.998)))

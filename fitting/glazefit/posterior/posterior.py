@@ -5,7 +5,7 @@ band.
 paints' own k and s are off; `posterior_of_bands` asks for k d and s d at every wavelength of a
 measured film, with no paint assumed. Both give Laplace's standard errors at once and, with `steps`,
 a chain of emcee beside them.
-`glazefit.posterior.of_coats` asks the same of a film of several coats.
+`glazefit.posterior.stack_posterior` asks the same of a film of several coats.
 
 ArviZ, emcee and h5py are loaded when a posterior is computed, not before.
 """
@@ -120,14 +120,14 @@ class Posterior:
         rows = []
         for quantity in self.problem.quantities:
             here = sampled[quantity.name]
-            there = approximate[quantity.name]
+            laplace_row = approximate[quantity.name]
             if self.chain is None:
                 words = ["trusted" if good else "not trusted" for good in self.laplace.trusted]
             else:
                 share = not quantity.logarithmic
                 words = compare(
                     here,
-                    there,
+                    laplace_row,
                     logarithmic=quantity.logarithmic,
                     share=share,
                     many=self.laplace.many,
@@ -143,10 +143,10 @@ class Posterior:
                         lower=float(here.lower[b]),
                         median=float(here.median[b]),
                         upper=float(here.upper[b]),
-                        laplace_mean=float(there.mean[b]),
-                        laplace_sd=float(there.sd[b]),
-                        laplace_lower=float(there.lower[b]),
-                        laplace_upper=float(there.upper[b]),
+                        laplace_mean=float(laplace_row.mean[b]),
+                        laplace_sd=float(laplace_row.sd[b]),
+                        laplace_lower=float(laplace_row.lower[b]),
+                        laplace_upper=float(laplace_row.upper[b]),
                         effective_samples=float("nan")
                         if state is None
                         else float(state.samples[b]),

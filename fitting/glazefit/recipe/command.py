@@ -175,7 +175,13 @@ def recipe(
     from rich.console import Console
 
     targets, notes = _targets(
-        lab, srgb, spectrum, samples, colourchecker or bool(patch), patch, lights
+        lab,
+        srgb,
+        spectrum,
+        samples=samples,
+        chart=colourchecker or bool(patch),
+        patch=patch,
+        lights=lights,
     )
     from .task import make_task
 

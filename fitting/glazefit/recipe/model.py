@@ -21,7 +21,7 @@ from glazejax.spectra import as_array, on_numpy_or_jax
 
 from ..film.model.optics import Optics
 from ..film.model.response import FilmResponse, film_response
-from ..film.numerics.ahead import Program
+from ..film.numerics.compile_ahead import Program
 
 TOLERANCE = 1e-6
 """Of the solver: an error of 1e-5 in the reading of a black would be a Delta E of a hundredth."""

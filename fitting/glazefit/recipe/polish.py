@@ -21,7 +21,7 @@ from glazejax.colour import delta_e_2000
 
 from ..film.colour_metric import lab_metric
 from ..film.model.optics import Optics
-from ..film.numerics.ahead import Program
+from ..film.numerics.compile_ahead import Program
 from ..film.numerics.least_squares import Bounds, Looks, descend_within
 from .model import READ_CHUNK, Slots, StackModel, empty_slots, fill_slots, lab_of, true_reading
 from .screen import Stacks, TargetArrays

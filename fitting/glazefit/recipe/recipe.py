@@ -5,7 +5,7 @@ All sets of up to three paints in one coat or two are looked at on a coarse grid
 (`glazefit.recipe.refine`), more paints or coats are added where allowed, what remains is
 simplified, and its last steps follow the solver's own readings and slopes
 (`glazefit.recipe.polish`). Then it is rounded to what a painter can weigh and measure, and put in
-order (`glazefit.recipe.choose`).
+order (`glazefit.recipe.selection`).
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -21,11 +21,11 @@ from glazejax.paint.describe import Coat
 
 from ..film.model.mixing import Pigments
 from ..film.model.variation import MIXED, Variation
-from .choose import IN_GAMUT, Scored, round_recipes, score, select, simplify
 from .model import StackModel, readings, readings_ahead
 from .polish import polish, polish_ahead
 from .refine import grown, refine, refine_ahead
 from .screen import MOST_SCREENED, Stacks, TargetArrays, screen
+from .selection import IN_GAMUT, Scored, round_recipes, score, select, simplify
 from .targets import Target
 from .task import RecipeOptions, Task, Wanted, as_targets, make_task
 
@@ -310,10 +310,10 @@ def _recipe(
         total = float(sizes.sum())
         if total == 0:
             continue
-        there = sorted(np.flatnonzero(sizes > 0).tolist(), key=lambda paint: -sizes[paint])
-        shares = [round(float(sizes[paint] / total), 9) for paint in there]
+        present = sorted(np.flatnonzero(sizes > 0).tolist(), key=lambda paint: -sizes[paint])
+        shares = [round(float(sizes[paint] / total), 9) for paint in present]
         metres = round(total * 1e-6, 15)
-        paints = [task.pigments[paint] for paint in there]
+        paints = [task.pigments[paint] for paint in present]
         layers.append(Layer(Mixture(paints, shares) if len(paints) > 1 else paints[0], metres))
         coats.append(Coat(tuple(zip(shares, (p.name for p in paints), strict=True)), metres, 1))
 

@@ -16,9 +16,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from ..film.numerics.ahead import Program
+from ..film.numerics.compile_ahead import Program
 from ..film.numerics.least_squares import levenberg_marquardt
-from .choose import pack_coats
 from .model import (
     Slots,
     StackModel,
@@ -30,6 +29,7 @@ from .model import (
     readings,
 )
 from .screen import Stacks, TargetArrays, squared_distance, strength
+from .selection import pack_coats
 
 # A weak pull to the start settles what the target leaves open.
 _PULL = 0.01

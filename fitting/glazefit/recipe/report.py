@@ -17,8 +17,8 @@ from glazejax.plots import hex_colour
 from glazejax.report import plain_table, swatch
 from glazejax.spectra import resample
 
-from .choose import IN_GAMUT
 from .recipe import Recipe
+from .selection import IN_GAMUT
 from .targets import Target
 
 CSV_COLUMNS = (

@@ -184,7 +184,15 @@ def screen(
             here[~_sensible(coats[n].paints, bottom.paints, max_paints)] = np.inf
             pair = (coats[n], bottom)
             found.append(
-                _two_coat_stacks(model, pair, here, best[:, start:end], many, keep, max_coats)
+                _two_coat_stacks(
+                    model,
+                    pair,
+                    here,
+                    best[:, start:end],
+                    points=many,
+                    keep=keep,
+                    max_coats=max_coats,
+                )
             )
     return Stacks.join(found).best(keep)
 

@@ -179,7 +179,7 @@ def make_task(
     names = (
         tuple(dict.fromkeys(map(colour.find_illuminant, illuminants)))
         if illuminants
-        else _own_lights(targets)
+        else _stated_illuminants(targets)
     )
     full_observer = colour.find_observer(observer)
     for target in targets:
@@ -205,7 +205,7 @@ def make_task(
     )
 
 
-def _own_lights(targets: Sequence[Target]) -> tuple[str, ...]:
+def _stated_illuminants(targets: Sequence[Target]) -> tuple[str, ...]:
     """The illuminants that the colours are given under; D65 if all targets are spectra."""
     given = dict.fromkeys(name for target in targets for name in target.labs)
     return tuple(given) or (colour.find_illuminant("D65"),)

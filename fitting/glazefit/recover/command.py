@@ -195,7 +195,7 @@ def recover(
     from rich.console import Console
 
     from ..film.films import Instrument, Noise
-    from ..film.loose import tint
+    from ..film.partial_films import tint
 
     console = Console()
     said = None
@@ -230,7 +230,15 @@ def recover(
                 )
             from .command_joint import recover_together
 
-            recover_together(films, recipes, given, law, check, knowledge, results)
+            recover_together(
+                films,
+                recipes,
+                given=given,
+                law=law,
+                check=check,
+                knowledge=knowledge,
+                results=results,
+            )
             return
         films = _readable(films, recipes)
 
@@ -300,7 +308,7 @@ def _noise(films: "Films", console: "Console") -> "Noise":
 
 def _films(file: Path, samples: str, console: "Console") -> "Films":
     """The films of a file, or those of --samples."""
-    from ..film.loose import read_loose_films
+    from ..film.partial_films import read_loose_films
 
     films = read_loose_films(file)
     if wanted := options.split_names(samples):

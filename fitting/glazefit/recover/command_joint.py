@@ -47,8 +47,8 @@ def recover_together(
         knowledge: own paints, white and thicknesses.
         results: where they go.
     """
-    from ..film.loose import average, crop, recipes_from_names
     from ..film.model.mixing import MixingLaw
+    from ..film.partial_films import average, crop, recipes_from_names
     from .entries import PaintFile
     from .joint import recover_jointly
     from .joint_problem import Expectations
@@ -80,7 +80,9 @@ def recover_together(
 
     print_joint(recovery, console, seconds)
     if out is not None:
-        _write_folder(recovery, fitted, recipes, given, unit, check, results)
+        _write_folder(
+            recovery, fitted, recipes=recipes, given=given, unit=unit, check=check, results=results
+        )
     _say_scale(recovery, known, gauge, unit, results)
     if file is not None:
         _write_entries(recovery, file, results)
@@ -93,7 +95,7 @@ def _measured_gloss(
 ) -> dict[str, float]:
     """Gloss of the films that were read without the specular part too, said in a line."""
     from ..film.gloss import measure_gloss
-    from ..film.loose import average, crop, read_loose_films
+    from ..film.partial_films import average, crop, read_loose_films
 
     grid = films.wavelengths
     other = crop(
@@ -124,17 +126,17 @@ def known_paints(
     paints = list(
         dict.fromkeys(p for recipe in recipes.values() for p, w in recipe.items() if w > 0)
     )
-    there = dict(file.paints) if file is not None else {}
+    in_file = dict(file.paints) if file is not None else {}
     pure = {p for recipe in recipes.values() if len(recipe) == 1 for p in recipe}
-    known = {p: there[p] for p in paints if p in there}
+    known = {p: in_file[p] for p in paints if p in in_file}
     if white:
-        paint = _white(white, there)
+        paint = _white(white, in_file)
         if paint.name not in paints:
             raise ValueError(
                 f"--white {white}: no film holds {paint.name}; the films are of {', '.join(paints)}"
             )
         known[paint.name] = paint
-    chosen = _white(white, there).name if white else ""
+    chosen = _white(white, in_file).name if white else ""
     if overwrite:
         known = {p: paint for p, paint in known.items() if p not in pure or p == chosen}
     if paints and len(known) == len(paints):
@@ -146,13 +148,13 @@ def known_paints(
     return known
 
 
-def _white(text: str, there: "Mapping[str, Pigment]") -> "Pigment":
+def _white(text: str, pigments: "Mapping[str, Pigment]") -> "Pigment":
     from glazejax import catalogue
 
     shelf, colon, name = text.rpartition(":")
-    if not colon and there:
+    if not colon and pigments:
         try:
-            return there[find_name(name, there)]
+            return pigments[find_name(name, pigments)]
         except ValueError:
             pass
     return catalogue.pigment(name, shelf or options.OILS)

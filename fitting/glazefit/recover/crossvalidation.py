@@ -163,13 +163,15 @@ def cross_validate(
             raise
     done = rows[: len(predictions)]
     measured = np.stack([films.over_black[done], films.over_white[done]], axis=1)
-    surprises = [found.surprise(seen) for found, seen in zip(predictions, measured, strict=True)]
-    mixing = [found.paints for found in surprises]
-    others = [surprises[:i] + surprises[i + 1 :] for i in range(len(surprises))]
+    evidence = [
+        found.size_evidence(seen) for found, seen in zip(predictions, measured, strict=True)
+    ]
+    mixing = [found.paints for found in evidence]
+    others = [evidence[:i] + evidence[i + 1 :] for i in range(len(evidence))]
     judged = [
         p.with_variation(learn(rest, mixing)) for p, rest in zip(predictions, others, strict=True)
     ]
-    learned = learn(surprises, mixing)
+    learned = learn(evidence, mixing)
     return LeftOut(
         predictions=tuple(judged),
         fitted=whole.delta_e()[done],

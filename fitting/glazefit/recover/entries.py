@@ -129,19 +129,19 @@ def add_paints(
     return new
 
 
-def _same(recovery: JointRecovery, name: str, there: Pigment) -> bool:
+def _same(recovery: JointRecovery, name: str, existing: Pigment) -> bool:
     """Whether a known paint is the file's own, as far as the fit's errors are told by its modes."""
     paint = recovery.known_paints[name]
     kept = list(recovery.known_modes[name].kept)
     try:
-        paint, there = (each.resample(recovery.wavelengths) for each in (paint, there))
+        paint, existing = (each.resample(recovery.wavelengths) for each in (paint, existing))
     except ValueError:  # another range
         return False
     alike = [
         np.allclose(one, other, rtol=1e-4)
         for one, other in (
-            (paint.absorption, there.absorption),
-            (paint.scattering, there.scattering),
+            (paint.absorption, existing.absorption),
+            (paint.scattering, existing.scattering),
         )
     ]
     if not all(alike):
@@ -149,7 +149,7 @@ def _same(recovery: JointRecovery, name: str, there: Pigment) -> bool:
     if paint.error_modes is None:
         return True
     modes = error_modes(paint)
-    own = error_modes(there)
+    own = error_modes(existing)
     # Three digits of a mode are written.
     return len(own) > max(kept, default=-1) and np.allclose(
         modes[kept], own[kept], rtol=6e-3, atol=1e-5
@@ -182,26 +182,26 @@ def entries(recovery: JointRecovery, file: PaintFile) -> list[Entry]:
     for row, paint in enumerate(new):
         modes = {column: slopes[i, :, row] for i, column in enumerate(columns.values())}
         modes |= {first + i: mode[:, row] for i, mode in enumerate(own)}
-        there = recovery.row(paint)
-        k = recovery.absorption[there] / thickness * np.exp(shift[0, row])
-        s = recovery.scattering[there] / thickness * np.exp(shift[1, row])
+        recovered = recovery.row(paint)
+        k = recovery.absorption[recovered] / thickness * np.exp(shift[0, row])
+        s = recovery.scattering[recovered] / thickness * np.exp(shift[1, row])
         pigment = Pigment(
             paint,
             recovery.wavelengths,
             k,
             s,
-            identifiable=recovery.identifiable[there],
+            identifiable=recovery.identifiable[recovered],
             absorption_sd=k * sd[0, row],
             scattering_sd=s * sd[1, row],
         )
         made.append(Entry(pigment, modes))
     for paint in lacking:
-        there = known[paint].resample(recovery.wavelengths)
+        known_paint = known[paint].resample(recovery.wavelengths)
         modes = recovery.known_modes[paint]
-        kept = error_modes(there)[list(modes.kept)]
+        kept = error_modes(known_paint)[list(modes.kept)]
         made.append(
             Entry(
-                there,
+                known_paint,
                 {columns[place]: mode for place, mode in zip(modes.places, kept, strict=True)},
             )
         )
@@ -275,9 +275,9 @@ def add_entries(
         ValueError: the file has a paint of that name, and `overwrite` is false.
     """
     names = {entry.pigment.name for entry in made}
-    if (there := sorted(names & set(file.paints))) and not overwrite:
+    if (existing := sorted(names & set(file.paints))) and not overwrite:
         raise ValueError(
-            f"{file.path} has an entry {there[0]!r}; give another name, or replace it with "
+            f"{file.path} has an entry {existing[0]!r}; give another name, or replace it with "
             "overwrite=True (--overwrite)"
         )
     lines = file.path.read_text(encoding="utf-8-sig").splitlines() if file.paints else []

@@ -114,7 +114,9 @@ def rank_next_films(
     film = ~recovery.films.opaque
     depth = float(np.mean(np.log(recovery.thickness[film]))) if film.any() else 0.0
     candidates = _candidates(recovery, row, pale, len(paints), chosen or "", depth)
-    problem, solution = _pose(recovery, candidates, paints, known, gauge, unit, response)
+    problem, solution = _pose(
+        recovery, candidates, paints=paints, known=known, gauge=gauge, unit=unit, response=response
+    )
     judge = _Judge(
         grid=recovery.wavelengths[_planning_bands(recovery)],
         row=row,
@@ -167,9 +169,9 @@ def _candidates(
     for parts in TINTS if pale is not None else ():
         assert pale is not None
         share = (pure + parts * np.eye(paints)[pale]) / (1 + parts)
-        there = np.abs(recovery.shares[:, row] / share[row] - 1) < 0.15
+        similar = np.abs(recovery.shares[:, row] / share[row] - 1) < 0.15
         if not np.any(
-            there & (recovery.shares[:, pale] > 0 if pale < recovery.shares.shape[1] else False)
+            similar & (recovery.shares[:, pale] > 0 if pale < recovery.shares.shape[1] else False)
         ):
             made.append(
                 _Candidate(f"a 1:{parts} tint of {paint} with {white}, {over}", share, depth)
@@ -313,18 +315,20 @@ class _Judge:
             jnp.asarray(pure),
             np.exp(depth),
         )
-        self._mean = np.asarray(_looks(jnp.asarray(self._centre[None]), solution, *self._args))
+        self._mean = np.asarray(
+            _reflectances(jnp.asarray(self._centre[None]), solution, *self._args)
+        )
 
     def expected(self, information: Float[np.ndarray, "n n"]) -> float:
         """Mean CIEDE2000 (D65, 10 degrees) between draws and the solution."""
         factor = np.linalg.cholesky(information)
         draws = self._centre + np.linalg.solve(factor.T, self._normal.T).T
-        spectra = np.asarray(_looks(jnp.asarray(draws), self._like, *self._args))
+        spectra = np.asarray(_reflectances(jnp.asarray(draws), self._like, *self._args))
         return float(np.mean(delta_e_of_spectra(self._grid, spectra, self._mean, observer=10)))
 
 
 @jax.jit
-def _looks(
+def _reflectances(
     draws: Float[Array, "draws n"],
     like: Unknowns,
     problem: JointProblem,

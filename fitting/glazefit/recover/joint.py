@@ -40,7 +40,7 @@ from .joint_problem import (
     totals,
 )
 from .joint_result import JointRecovery
-from .joint_solver import Factors, covariance, draws, least_squares, shared_with_bands
+from .joint_solver import Factors, covariance, draws, shared_with_bands, solve_jointly
 
 MAX_STEPS = 100
 UNIT = 25e-6
@@ -113,7 +113,16 @@ def recover_jointly(
     pigments = pigments or {}
     constraints = gather_constraints(films, paints, pigments, gauge, unit, expected.thickness)
     measured_gloss = np.array([(gloss or {}).get(name, np.nan) for name in films.names])
-    problem = pose(films, shares, law, instrument, noise, expected, constraints, measured_gloss)
+    problem = pose(
+        films,
+        shares,
+        law=law,
+        instrument=instrument,
+        noise=noise,
+        expected=expected,
+        constraints=constraints,
+        gloss=measured_gloss,
+    )
     deviation = np.moveaxis(1.0 / np.asarray(problem.weight), 0, -1)
     kept = films.seen if use is None else films.seen * use[:, None]
     problem = problem._replace(weight=jnp.asarray(np.asarray(problem.weight) * kept))
@@ -129,10 +138,10 @@ def recover_jointly(
             paint_scale=jnp.asarray(0.03 * np.asarray(problem.paint_scale)),
             tail=jnp.asarray(1e6),
         )
-        first = least_squares(stiff, response, first_guess(problem), _FIRST_STEP, max_steps).point
+        first = solve_jointly(stiff, response, first_guess(problem), _FIRST_STEP, max_steps).point
     else:
         first = jax.jit(deviations)(start, problem)
-    solution, factors, steps, settled = least_squares(problem, response, first, 1.0, max_steps)
+    solution, factors, steps, settled = solve_jointly(problem, response, first, 1.0, max_steps)
     found = spread(solution, problem, factors, DRAWS)
     whole, kd, sd, fitted = jax.tree.map(np.asarray, _describe(solution, problem, response))
     fitted = films.where_seen(np.moveaxis(fitted, 0, -1))

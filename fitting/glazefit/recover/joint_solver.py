@@ -49,9 +49,9 @@ class Factors(NamedTuple):
 @jax.jit
 def look(problem: JointProblem, response: Response, point: Unknowns) -> Surroundings[Unknowns]:
     """Cost, its gradient, and the normal matrix at a point."""
-    there, along = jax.linearize(lambda y: residuals(y, (problem, response)), point)
-    (gradient,) = jax.linear_transpose(along, point)(there)
-    cost = 0.5 * sum(jnp.sum(part**2) for part in there)
+    values, along = jax.linearize(lambda y: residuals(y, (problem, response)), point)
+    (gradient,) = jax.linear_transpose(along, point)(values)
+    cost = 0.5 * sum(jnp.sum(part**2) for part in values)
     return Surroundings(jnp.asarray(cost), gradient, normal_matrix(along, point, problem))
 
 
@@ -66,7 +66,7 @@ class Fit(NamedTuple):
     settled: bool
 
 
-def least_squares(
+def solve_jointly(
     problem: JointProblem, response: Response, start: Unknowns, first_step: float, max_steps: int
 ) -> Fit:
     """Levenberg and Marquardt's least squares from a start.

@@ -19,7 +19,7 @@ from glazejax.geometry import resolve_instrument
 from glazejax.paint.describe import format_length
 
 from ..film.films import Films, InstrumentLike, Noise, usual_cards
-from ..film.model.errors import BETWEEN_FILMS, error_modes, relative_errors, smooth_kernel
+from ..film.model.errors import ModelError, error_modes, relative_errors, smooth_kernel
 from ..film.model.mixing import MixingLaw
 from ..film.model.response import HIGHEST, Response, film_response
 from ..film.model.variation import MIXED, Variation
@@ -212,10 +212,10 @@ def _paints(pigments: Mapping[str, Pigment], recipe: Mapping[str, float]) -> dic
     wrong = [paint for paint, weight in recipe.items() if not (weight >= 0 and np.isfinite(weight))]
     if wrong:
         raise ValueError(f"the weight of {wrong[0]} is {recipe[wrong[0]]:g}; it must be 0 or more")
-    there = {paint: pigments[paint] for paint, weight in recipe.items() if weight > 0}
-    if not there:
+    used = {paint: pigments[paint] for paint, weight in recipe.items() if weight > 0}
+    if not used:
         raise ValueError("the recipe holds no paint with a weight above 0")
-    return there
+    return used
 
 
 def _grid(
@@ -249,10 +249,9 @@ def _mix(
     whole = each.sum(axis=0)
     # What 1 % more of a paint's k adds to that of the mixture, in per cent.
     part = each / np.maximum(whole, 1e-300)
-    stated = relative_errors(paints, BETWEEN_FILMS)[:, :, None] * _smooth(
-        grid, BETWEEN_FILMS.coefficient_length
-    )
-    shared = np.moveaxis(error_modes(paints, BETWEEN_FILMS), -1, 0)
+    usual = ModelError.between_films()
+    stated = relative_errors(paints, usual)[:, :, None] * _smooth(grid, usual.coefficient_length)
+    shared = np.moveaxis(error_modes(paints, usual), -1, 0)
     own = np.concatenate([_each(len(paints), stated), shared])  # (modes, paints, 2, bands)
     level = np.broadcast_to(own.mean(axis=-1, keepdims=True), own.shape)
     smooth = MIXED.coefficient * _smooth(grid, MIXED.coefficient_length)

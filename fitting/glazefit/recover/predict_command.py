@@ -181,7 +181,7 @@ def _film(
     console: "Console",
 ) -> "Films":
     """The one film that was read, on a grid that all paints cover."""
-    from ..film.loose import average, crop, read_loose_films
+    from ..film.partial_films import average, crop, read_loose_films
 
     films = read_loose_films(path)
     if wanted := options.split_names(samples):

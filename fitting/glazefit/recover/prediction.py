@@ -18,10 +18,10 @@ from jaxtyping import Array, Float
 from glazejax.spectra import describe_grid
 
 from ..film.films import Films, Noise, cards
-from ..film.model.errors import ModelError, coefficient_errors, model_errors
+from ..film.model.errors import ModelError, draw_coefficient_errors, draw_model_errors
 from ..film.model.mixing import strengthen
 from ..film.model.response import Response, film_response
-from ..film.model.variation import MIXED, SIZES, Surprise, Variation, log_likelihood
+from ..film.model.variation import MIXED, SIZES, SizeEvidence, Variation, log_likelihood
 from .joint_problem import Unknowns, model_deviation
 from .joint_result import JointRecovery
 from .result import delta_e_over_cards
@@ -141,7 +141,7 @@ class Prediction:
             np.mean(delta_e_over_cards(self.wavelengths, one, other, illuminant, observer))
         )
 
-    def surprise(self, measured: Float[np.ndarray, "2 bands"]) -> Surprise:
+    def size_evidence(self, measured: Float[np.ndarray, "2 bands"]) -> SizeEvidence:
         """What the film says of how large films' own errors are, now that it was measured over both
         cards.
         """
@@ -152,7 +152,7 @@ class Prediction:
             self.deviations["film"],
             np.asarray(self.wavelengths),
         )
-        return Surprise(self.name, frozenset(self.paints), likelihood)
+        return SizeEvidence(self.name, frozenset(self.paints), likelihood)
 
     def with_variation(self, variation: Variation) -> "Prediction":
         """The same with other sizes of the film's own errors."""
@@ -199,9 +199,9 @@ def predict_films(
     rng = np.random.default_rng(0)
     count = len(recovery.draws.paints)
     off = np.swapaxes(
-        coefficient_errors(rng, (count, 2 * paints), films.wavelengths, discrepancy), 1, 2
+        draw_coefficient_errors(rng, (count, 2 * paints), films.wavelengths, discrepancy), 1, 2
     )
-    model = model_errors(rng, count, 2, films.wavelengths, discrepancy)
+    model = draw_model_errors(rng, count, 2, films.wavelengths, discrepancy)
     scale, shape = _scale_and_shape(recovery)
     often = jax.tree.map(lambda leaf: np.repeat(leaf[None], count, axis=0), recovery.unknowns)
     out = []
@@ -299,7 +299,7 @@ def _spectra(
         jnp.asarray(film.measured - surface[:, None, None]),
         jnp.asarray(film.deviation),
         recovery.expectations.thickness,
-        response,
+        response=response,
     )
     return np.exp(logs), surface, np.moveaxis(np.asarray(body), -1, 1) + surface[:, None, None]
 

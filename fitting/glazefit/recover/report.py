@@ -243,7 +243,7 @@ def print_joint(recovery: JointRecovery, console: Console, seconds: float) -> No
         f"({recovery.films.names[int(difference.max(axis=1).argmax())]}); gloss of the paints from "
         f"{recovery.gloss.min():.2f} to {recovery.gloss.max():.2f}."
     )
-    for film, paint, factor in suspects(recovery):
+    for film, paint, factor in find_suspect_weights(recovery):
         console.print(
             f"[yellow]{recovery.films.names[film]}: reads as if it held {factor:.2g} times the "
             f"{paint} that its recipe says.[/yellow]"
@@ -256,7 +256,7 @@ def _per_cent(log_sd: float) -> str:
     return f"{log_sd:.0%}" if log_sd < 1 else f"factor {np.exp(log_sd):.1f}"
 
 
-def suspects(recovery: JointRecovery) -> list[tuple[int, str, float]]:
+def find_suspect_weights(recovery: JointRecovery) -> list[tuple[int, str, float]]:
     """Films whose weights the fit wants changed much: film, paint, and by what factor."""
     found = []
     for film, errors in enumerate(recovery.unknowns.films[:, 2:]):

@@ -118,9 +118,9 @@ class Recovery(FittedFilms):
         return len(self.films)
 
     def __repr__(self) -> str:
-        told = f"k and s told apart in {self.identifiable.mean():.0%} of bands"
+        identified = f"k and s told apart in {self.identifiable.mean():.0%} of bands"
         return (
-            f"Recovery({len(self)} films, {describe_grid(self.films.wavelengths)}, {told}: "
+            f"Recovery({len(self)} films, {describe_grid(self.films.wavelengths)}, {identified}: "
             f"{list_names(self.films.names)})"
         )
 

@@ -28,7 +28,7 @@ from glazejax.stacks import (
 
 from ..film.readers import films_of
 
-Asked = Mapping[str, Any]
+Request = Mapping[str, Any]
 Report = Callable[[str], None]
 _RECIPES = 5
 _CANDIDATES = 5
@@ -36,7 +36,7 @@ _CANDIDATES = 5
 _MOST_FILMS = 20
 
 
-def recipes(asked: Asked, report: Report) -> dict[str, Any]:
+def recipes(request: Request, report: Report) -> dict[str, Any]:
     """Best five recipes for a colour of the screen or a spectrum.
 
     Args:
@@ -51,11 +51,11 @@ def recipes(asked: Asked, report: Report) -> dict[str, Any]:
     from ..recipe.recipe import find_recipes
     from ..recipe.targets import spectral_target, srgb_target
 
-    stack = stack_from_dict(asked["stack"])
-    options = asked.get("options", {})
-    if "reflectance" in asked:
+    stack = stack_from_dict(request["stack"])
+    options = request.get("options", {})
+    if "reflectance" in request:
         target = spectral_target(
-            np.array(asked["wavelengths"]), np.array(asked["reflectance"]), name="the spectrum"
+            np.array(request["wavelengths"]), np.array(request["reflectance"]), name="the spectrum"
         )
     else:
         target = srgb_target(str(options.get("srgb", "")))
@@ -78,7 +78,7 @@ def recipes(asked: Asked, report: Report) -> dict[str, Any]:
             "in_gamut": recipe.in_gamut,
             "rgb": _rgb(recipe.wavelengths, recipe.reflectance),
             "stack": _stack(
-                asked, [_coat({n: w for w, n in c.parts}, c.total) for c in recipe.coats]
+                request, [_coat({n: w for w, n in c.parts}, c.total) for c in recipe.coats]
             ),
         }
         for recipe in found
@@ -92,7 +92,7 @@ def recipes(asked: Asked, report: Report) -> dict[str, Any]:
     return {"target": target.name, "recipes": listed, "words": words}
 
 
-def identification(asked: Asked, report: Report) -> dict[str, Any]:
+def identification(request: Request, report: Report) -> dict[str, Any]:
     """Which paints are in a spectrum, or in films over a black and a white card.
 
     Args:
@@ -107,9 +107,9 @@ def identification(asked: Asked, report: Report) -> dict[str, Any]:
     from ..identify.identify import IdentificationOptions, identify_chunks, identify_films
     from ..identify.result import Identification
 
-    stack = stack_from_dict(asked["stack"])
-    options = asked.get("options", {})
-    table = _table(asked)
+    stack = stack_from_dict(request["stack"])
+    options = request.get("options", {})
+    table = _table(request)
     paints = _paints(stack)
     report(f"weighing sets of {len(paints)} paints, and none of them")
     if options.get("films"):
@@ -136,10 +136,10 @@ def identification(asked: Asked, report: Report) -> dict[str, Any]:
             parts.append(part)
             report(f"{sum(map(len, parts))} of {len(table.names)} spectra")
         found = Identification.join(parts)
-    return {"spectra": [_describe_spectrum(asked, found, row) for row in range(len(found))]}
+    return {"spectra": [_describe_spectrum(request, found, row) for row in range(len(found))]}
 
 
-def _describe_spectrum(asked: Asked, found: Any, row: int) -> dict[str, Any]:
+def _describe_spectrum(request: Request, found: Any, row: int) -> dict[str, Any]:
     """One spectrum's list, 'none of these' in its place."""
     grid = found.measured.wavelengths
     listed = []
@@ -163,7 +163,7 @@ def _describe_spectrum(asked: Asked, found: Any, row: int) -> dict[str, Any]:
                 "fit": f"{sized}fit off by {one.rmse:.3f}",
                 "probability": float(one.probability),
                 "rgb": _rgb(grid, np.atleast_2d(one.fitted)[-1]),
-                "stack": _stack(asked, coats),
+                "stack": _stack(request, coats),
             }
         )
     none = float(found.none[row])
@@ -184,7 +184,7 @@ def _describe_spectrum(asked: Asked, found: Any, row: int) -> dict[str, Any]:
     }
 
 
-def recovery(asked: Asked, report: Report) -> dict[str, Any]:
+def recovery(request: Request, report: Report) -> dict[str, Any]:
     """Paints of measured films, rows in fours as `glazefit.read_films` has them, by their names.
 
     Args:
@@ -196,7 +196,7 @@ def recovery(asked: Asked, report: Report) -> dict[str, Any]:
     """
     from ..recover.film_by_film import recover_films
 
-    films = films_of(_table(asked))
+    films = films_of(_table(request))
     if len(films) > _MOST_FILMS:
         raise ValueError(
             f"{len(films)} films take long; the studio recovers {_MOST_FILMS} at once, `recover` "
@@ -214,8 +214,12 @@ def recovery(asked: Asked, report: Report) -> dict[str, Any]:
         paint = found.pigment(row, ASSUMED_THICKNESS, origin)
         name = own_name(film)
         pigments[name] = pigment_to_dict(paint)
-        told = paint.identifiable
-        unknown = "" if told is None or told.all() else f"{int((~told).sum())} of {told.size} bands"
+        identified = paint.identifiable
+        unknown = (
+            ""
+            if identified is None or identified.all()
+            else f"{int((~identified).sum())} of {identified.size} bands"
+        )
         listed.append(
             {"name": name, "label": name, "group": "own", "provenance": origin, "unknown": unknown}
         )
@@ -249,11 +253,11 @@ def _paints(stack: Stack) -> list[Pigment]:
     return [paint.renamed(name) for name, paint in {**chosen, **own}.items()]
 
 
-def _table(asked: Asked) -> SpectraTable:
+def _table(request: Request) -> SpectraTable:
     """Spectra as the page sent them, checked; single precision leaves 0.4 as 0.4000000059604645."""
-    grid = np.round(np.array(asked["wavelengths"], float), 4)
-    values = np.round(np.array(asked["reflectance"], float).reshape(-1, grid.size), 7)
-    names = tuple(map(str, asked.get("options", {}).get("names", ["spectrum"])))
+    grid = np.round(np.array(request["wavelengths"], float), 4)
+    values = np.round(np.array(request["reflectance"], float).reshape(-1, grid.size), 7)
+    names = tuple(map(str, request.get("options", {}).get("names", ["spectrum"])))
     if len(names) != len(values):
         raise ValueError(
             f"{len(names)} names were sent for {len(values)} spectra; drop the file again"
@@ -266,14 +270,14 @@ def _coat(parts: Mapping[str, float], thickness: float) -> dict[str, Any]:
     return {"paint": weights, "um": float(f"{min(thickness * 1e6, 1e4):.4g}")}
 
 
-def _stack(asked: Asked, coats: list[dict[str, Any]]) -> dict[str, Any]:
+def _stack(request: Request, coats: list[dict[str, Any]]) -> dict[str, Any]:
     """The page's stack with other coats, and the own paints that they need."""
     named = {name for coat in coats for name in coat["paint"]}
-    own = {name: one for name, one in asked["stack"].get("pigments", {}).items() if name in named}
+    own = {name: one for name, one in request["stack"].get("pigments", {}).items() if name in named}
     kept = {
-        key: asked["stack"][key]
+        key: request["stack"][key]
         for key in ("ground", "refractive_index", "geometry")
-        if key in asked["stack"]
+        if key in request["stack"]
     }
     return {"glazejax": "stack", "version": 1, **kept, "coats": coats} | (
         {"pigments": own} if own else {}

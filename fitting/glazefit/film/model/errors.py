@@ -191,7 +191,7 @@ Prior.__init__ = accept_former_keywords(thickness_spread="spread")(Prior.__init_
 
 
 BETWEEN_FILMS = ModelError.between_films()
-"""The former name."""
+"""The former name of `ModelError.between_films()`."""
 
 
 def smooth_kernel(
@@ -363,7 +363,7 @@ def paints_covariance(
     return caused
 
 
-def coefficient_errors(
+def draw_coefficient_errors(
     rng: np.random.Generator,
     shape: tuple[int, ...],
     wavelengths: Float[np.ndarray, "bands"],
@@ -372,14 +372,16 @@ def coefficient_errors(
     """Random errors of the log of coefficients: smooth, with a level, each of one of the
     discrepancy's scales.
     """
-    smooth = discrepancy.coefficient * _alike(
+    smooth = discrepancy.coefficient * _draw_gaussian(
         rng, shape, smooth_kernel(wavelengths, discrepancy.coefficient_length)
     )
     level = discrepancy.level * rng.standard_normal((*shape, 1))
-    return _scale(rng, shape[:1], discrepancy).reshape(-1, *[1] * len(shape)) * (smooth + level)
+    return _draw_scale(rng, shape[:1], discrepancy).reshape(-1, *[1] * len(shape)) * (
+        smooth + level
+    )
 
 
-def model_errors(
+def draw_model_errors(
     rng: np.random.Generator,
     count: int,
     grounds: int,
@@ -388,11 +390,13 @@ def model_errors(
 ) -> Float[np.ndarray, "count grounds bands"]:
     """Random errors of the model itself, as `model_covariance` has them."""
     matrix = model_covariance(wavelengths, grounds, discrepancy, discrepancy.amplitude)
-    errors = _scale(rng, (count,), discrepancy)[:, None] * _alike(rng, (count,), matrix)
+    errors = _draw_scale(rng, (count,), discrepancy)[:, None] * _draw_gaussian(
+        rng, (count,), matrix
+    )
     return errors.reshape(count, grounds, -1)
 
 
-def _alike(
+def _draw_gaussian(
     rng: np.random.Generator, shape: tuple[int, ...], covariance: Float[np.ndarray, "n n"]
 ) -> Float[np.ndarray, "*shape n"]:
     """Random Gaussian vectors of this covariance."""
@@ -400,7 +404,7 @@ def _alike(
     return rng.standard_normal((*shape, len(covariance))) @ root.T
 
 
-def _scale(
+def _draw_scale(
     rng: np.random.Generator, shape: tuple[int, ...], discrepancy: ModelError
 ) -> Float[np.ndarray, "*shape"]:
     weights = np.asarray(discrepancy.weights)
@@ -460,27 +464,3 @@ def whitening(
         inverse[place] = dtrtri(factor[place], lower=1)[0]  # pyright: ignore
     height = -np.log(np.diagonal(factor, axis1=-2, axis2=-1)).sum(axis=-1)
     return inverse, height - 0.5 * matrix.shape[-1] * np.log(2.0 * np.pi)
-
-
-def log_odds_of_none(misfit: float | Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
-    """Log of how much more often a film misses by this if its paints are not in the catalogue than
-    if they are.
-
-    A logistic regression on the logarithm of the misfit (`glazefit.Identification.misfit`) of 55
-    films that were left out of the fit, each once with the catalogue as it is and once without the
-    family of its main paint, as the catalogue's errors were when it was chosen. `python -m
-    benchmarks.truth` makes it anew: with today's errors it would call more films none, three times
-    as many of them wrongly, so that it was kept.
-    """
-    intercept, slope = MISFIT
-    return np.asarray(intercept + slope * np.log(np.maximum(misfit, 0.1)))
-
-
-MISFIT = (-0.98, 1.83)
-"""Of `log_odds_of_none`: at a misfit of 1, and its slope by the logarithm."""
-
-UNSEEN = 1.0
-"""Delta E00 below which two colours look the same."""
-
-REJECTED = 4.0
-"""Delta E00 above which a person sees that the fit is none."""

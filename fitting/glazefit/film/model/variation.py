@@ -38,7 +38,7 @@ _NOISE = 0.003
 Weights = Float[np.ndarray, "sizes"]
 
 
-class Surprise(NamedTuple):
+class SizeEvidence(NamedTuple):
     """What one film that was left out showed."""
 
     film: str
@@ -71,7 +71,7 @@ class Variation:
 
 
 def learn(
-    surprises: Sequence[Surprise], mixing: Sequence[frozenset[str]] | None = None
+    evidence: Sequence[SizeEvidence], mixing: Sequence[frozenset[str]] | None = None
 ) -> Variation:
     """Sizes of film errors from films that were left out, by maximum posterior (EM for a mixture's
     weights).
@@ -80,25 +80,25 @@ def learn(
     that everything is mixed with are judged by what they have alone.
 
     Args:
-        surprises: one of each film.
-        mixing: paints of all films that count for "in fewest", by default those of `surprises`.
+        evidence: one of each film.
+        mixing: paints of all films that count for "in fewest", by default those of `evidence`.
     """
-    if not surprises:
+    if not evidence:
         return Variation()
     often = Counter(
-        paint for paints in (mixing or [s.paints for s in surprises]) for paint in paints
+        paint for paints in (mixing or [s.paints for s in evidence]) for paint in paints
     )
-    likelihood = np.stack([s.log_likelihood - s.log_likelihood.max() for s in surprises])
+    likelihood = np.stack([s.log_likelihood - s.log_likelihood.max() for s in evidence])
     weights = _weights(np.exp(likelihood), np.array(PRIOR), _ALL)
     rows: dict[str, list[int]] = {}
-    for row, surprise in enumerate(surprises):
-        rows.setdefault(min(sorted(surprise.paints), key=lambda paint: often[paint]), []).append(
-            row
-        )
+    for row, size_evidence in enumerate(evidence):
+        rows.setdefault(
+            min(sorted(size_evidence.paints), key=lambda paint: often[paint]), []
+        ).append(row)
     own = {
         paint: _weights(np.exp(likelihood[chosen]), weights, _OWN) for paint, chosen in rows.items()
     }
-    return Variation(weights, own, len(surprises))
+    return Variation(weights, own, len(evidence))
 
 
 def _weights(likelihood: Float[np.ndarray, "films sizes"], prior: Weights, films: float) -> Weights:

@@ -426,7 +426,7 @@ class Looks(NamedTuple):
     slope: Float[np.ndarray, "n m"]
     curvature: Float[np.ndarray, "n m m"]
 
-    def take(self, rows: Int[np.ndarray, "some"]) -> "Looks":
+    def take(self, rows: Int[np.ndarray, "rows"]) -> "Looks":
         """Those of some rows."""
         return Looks(*(values[rows] for values in self))
 
@@ -456,12 +456,12 @@ _FULL = 1e-9
 
 
 def descend_within(
-    look: Callable[[Int[np.ndarray, "some"], Float[np.ndarray, "some m"]], Looks],
+    look: Callable[[Int[np.ndarray, "rows"], Float[np.ndarray, "rows m"]], Looks],
     start: Float[np.ndarray, "n m"],
     seen: Looks,
     bounds: Bounds,
     *,
-    normalise: Callable[[Int[np.ndarray, "some"], Float[np.ndarray, "some m"]], np.ndarray],
+    normalise: Callable[[Int[np.ndarray, "rows"], Float[np.ndarray, "rows m"]], np.ndarray],
     promise: float,
     max_steps: int,
 ) -> BoundedDescent:

@@ -17,14 +17,15 @@ import numpy as np
 from jax.scipy.special import gammaln
 from jaxtyping import Array, Bool, Float, Int
 
-from ...film.model.errors import Whitening, model_covariance, noise_covariance, whiten
+from ...film.model.errors import whiten
 from ...film.model.response import FilmResponse
-from ...film.numerics.ahead import Program
+from ...film.numerics.compile_ahead import Program
 from ...film.numerics.least_squares import damped_newton, inverse_small
+from .chunk import Chunk
 from .pool import NOBODY, Pool
 from .screen import SetStarts, grow_triples
 from .table import Paints, sets_of
-from .task import TYPICAL_READING, IdentificationTask, Measured
+from .task import IdentificationTask
 
 # Amounts between which a paint is sought, in units of the usual thickness; below the first it is
 # not there.
@@ -32,8 +33,6 @@ LEAST = 1e-5
 MOST = 60.0
 _STEPS = 14
 _LONGEST = 2.0
-# Error while candidates are looked for, at a reading of 0 over that at a middling one.
-_DARK = 0.1
 Number = Float[Array | np.ndarray, ""]
 
 
@@ -60,15 +59,21 @@ class Fitted(NamedTuple):
     readings: Float[Array | np.ndarray, "sets readings"]  # without the surface
 
 
-def rank(task: IdentificationTask, batch: Measured, starts: SetStarts) -> Pool:
+def rank(chunk: Chunk, starts: SetStarts) -> Pool:
     """Candidates of some spectra, fitted in single precision with errors that are the same for all
     candidates of a spectrum: sets of one and of two paints, and of three that grow from the best.
     """
+    task = chunk.task
     # In the components of films over a ground like the first.
-    project = task.tables.like(batch.grounds[0]).project
-    weights = weights_of(task, batch.flat, ranking_errors(task, batch, project))
+    table = task.tables.like(chunk.spectra.grounds[0])
+    project = table.project
+    fixed, model = (
+        project @ a @ project.T for a in (chunk.noise_covariance, chunk.ranking_covariance)
+    )
+    errors = whiten(fixed, model, task.discrepancy)
+    weights = Weights(chunk.target, errors.basis @ project, errors.height, *chunk.expectation)
     ground, weights = jax.tree.map(
-        lambda a: jnp.asarray(np.asarray(a, np.float32)), (batch.grounds, weights)
+        lambda a: jnp.asarray(np.asarray(a, np.float32)), (chunk.spectra.grounds, weights)
     )
 
     def fit(starts: SetStarts) -> Fitted:
@@ -86,35 +91,19 @@ def rank(task: IdentificationTask, batch: Measured, starts: SetStarts) -> Pool:
 
     fitted = fit(starts)
     pool = pool_of(task, starts.sets, fitted)
-    if task.max_paints < 3 or task.known < 3:
+    if task.max_paints < 3 or task.paint_count < 3:
         return pool
-    pairs = slice(task.known, None)
+    pairs = slice(task.paint_count, None)
     grown, new = grow_triples(
-        task, batch, starts.sets[:, pairs], fitted.logs[:, pairs], fitted.log_evidence[:, pairs]
+        chunk,
+        table.white,
+        starts.sets[:, pairs],
+        fitted.logs[:, pairs],
+        fitted.log_evidence[:, pairs],
     )
     triples = pool_of(task, grown.sets, fit(grown))
     triples.log_weight[~new] = -np.inf
-    return pool.merged(triples)
-
-
-def ranking_errors(
-    task: IdentificationTask,
-    batch: Measured,
-    project: Float[np.ndarray, "components readings"] | None = None,
-) -> Whitening:
-    """Errors while candidates are looked for: the same for all candidates of a spectrum; of
-    components if given.
-    """
-    d = task.discrepancy
-    # Smaller on dark films, whose readings differ by little.
-    off = d.screening * (_DARK + batch.flat / TYPICAL_READING)
-    model = model_covariance(task.wavelengths, batch.readings.shape[1], d, off)
-    fixed = fixed_errors(task, batch, batch.noise_sd)
-    if project is None:
-        return whiten(fixed, np.broadcast_to(model, fixed.shape), d)
-    fixed, model = (project @ np.broadcast_to(a, fixed.shape) @ project.T for a in (fixed, model))
-    few = whiten(fixed, model, d)
-    return Whitening(few.basis @ project, few.height)
+    return pool.merge(triples)
 
 
 def pool_of(
@@ -139,44 +128,9 @@ def pool_of(
         + log_set_prior(task, sets)
         + log_share,
         readings=np.asarray(fitted.readings, float),
-        allowed=np.asarray(fitted.readings, float),
+        adjusted=np.asarray(fitted.readings, float),
         gloss=np.zeros(sets.shape[:2]),
         condition=np.zeros(sets.shape[:2], dtype=np.int32),
-    )
-
-
-def weights_of(
-    task: IdentificationTask, readings: Float[np.ndarray, "*n readings"], errors: Whitening
-) -> Weights:
-    """Errors and prior of spectra, or of candidates, from readings with the surface's part."""
-    freedom = task.discrepancy.freedom or 0.0
-    numbers = (
-        task.prior.spread,
-        task.prior.concentration_sought,
-        freedom,
-        min(independent(task), readings.shape[-1]),
-    )
-    alike = (np.full(readings.shape[:-1], float(value)) for value in numbers)
-    return Weights(
-        readings - task.discrepancy.gloss * task.surface, errors.basis, errors.height, *alike
-    )
-
-
-def independent(task: IdentificationTask) -> float:
-    """Readings that count as independent where candidates are weighed; see `ModelError.apart`."""
-    return max(float(np.ptp(task.wavelengths)) / task.discrepancy.apart, 1.0)
-
-
-def fixed_errors(
-    task: IdentificationTask, batch: Measured, noise_sd: Float[np.ndarray, "spectra grounds bands"]
-) -> Float[np.ndarray, "spectra readings readings"]:
-    """Covariance of noise, of the surface's reflection and of what else is in doubt about the
-    readings.
-    """
-    doubt = batch.doubt.reshape(*batch.doubt.shape[:2], batch.readings[0].size)
-    return (
-        noise_covariance(noise_sd, task.surface, task.discrepancy)
-        + np.swapaxes(doubt, 1, 2) @ doubt
     )
 
 
@@ -186,12 +140,13 @@ def log_set_prior(
     """Log prior probability of sets of paints; a negative number is none."""
     sizes = np.asarray(task.prior.sizes[: task.max_paints])
     each = [
-        share / sizes.sum() / len(sets_of(task.known, n)) for n, share in enumerate(sizes, start=1)
+        share / sizes.sum() / len(sets_of(task.paint_count, n))
+        for n, share in enumerate(sizes, start=1)
     ]
-    there = members >= 0
-    count = there.sum(axis=-1)
+    present = members >= 0
+    count = present.sum(axis=-1)
     # Alone, an extender is as good as any other paint.
-    hardly = np.where(count > 1, (there & task.extenders[members]).sum(axis=-1), 0)
+    hardly = np.where(count > 1, (present & task.extenders[members]).sum(axis=-1), 0)
     # No paint at all is no explanation.
     with np.errstate(divide="ignore"):
         return np.log(np.asarray([0.0, *each]))[count] + hardly * np.log(task.prior.extender)
@@ -232,7 +187,16 @@ def fit_sets(
         sets, starts, ground, weights = spectrum
 
         def candidate(members: Array, start: Array) -> Fitted:
-            return fit_film(response, paints, members, start, ground, weights, middle, steps)
+            return fit_film(
+                response,
+                paints,
+                members,
+                start,
+                ground=ground,
+                weights=weights,
+                middle=middle,
+                steps=steps,
+            )
 
         return jax.vmap(candidate)(sets, starts)
 

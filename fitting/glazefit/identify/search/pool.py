@@ -21,20 +21,20 @@ class Pool:
     covariance: Float[np.ndarray, "spectra candidates 3 3"]
     log_weight: Float[np.ndarray, "spectra candidates"]  # log evidence and log prior of the set
     readings: Float[np.ndarray, "spectra candidates readings"]
-    allowed: Float[
+    adjusted: Float[
         np.ndarray, "spectra candidates readings"
-    ]  # with what may be wrong with the paints' coefficients
+    ]  # moved by the likeliest errors of the paints' coefficients
     gloss: Float[np.ndarray, "spectra candidates"]
     condition: Int[np.ndarray, "spectra candidates"]  # by number; see `conditions`
 
-    def merged(self, other: "Pool") -> "Pool":
+    def merge(self, other: "Pool") -> "Pool":
         """Candidates of both for the same spectra."""
         return Pool(
             *(np.concatenate([a, b], axis=1) for a, b in zip(self.parts, other.parts, strict=True))
         )
 
     @classmethod
-    def joined(cls, pools: Sequence["Pool"]) -> "Pool":
+    def join(cls, pools: Sequence["Pool"]) -> "Pool":
         """Candidates of further spectra, as many of each."""
         return cls(
             *(np.concatenate(parts) for parts in zip(*(pool.parts for pool in pools), strict=True))

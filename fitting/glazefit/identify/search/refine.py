@@ -16,17 +16,14 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
-from ...film.model.errors import Whitening, model_covariance, paints_covariance, whiten
+from ...film.model.errors import Whitening, paints_covariance, whiten
 from ...film.model.response import FilmResponse
-from ...film.numerics.ahead import Program
-from .fit import Fitted, Weights, fit_film, fixed_errors, log_set_prior, weights_of
+from ...film.numerics.compile_ahead import Program
+from .chunk import Chunk
+from .fit import Fitted, Weights, fit_film, log_set_prior
 from .pool import NOBODY, Pool
 from .table import Paints
 from .task import IdentificationTask, Measured
-
-# What counts as near when amounts are shown: near black, and for each unit of reflectance.
-_NEAR_BLACK = 0.005
-_NEAR_SHARE = 0.02
 
 
 def compile_ahead(task: IdentificationTask, measured: Measured) -> None:
@@ -48,11 +45,11 @@ def compile_ahead(task: IdentificationTask, measured: Measured) -> None:
         weights = Weights(*(np.broadcast_to(kind(0), size) for size in sizes))
         ground = np.zeros((count, *shape), kind)
         logs = np.zeros(members.shape, kind)
-        fit_films.ahead(*given, members, logs, ground, weights, task.middle, jnp.asarray(0))
+        fit_films.ahead(*given, members, logs, ground, weights, task.middle, steps=jnp.asarray(0))
 
 
 @dataclass(frozen=True)
-class Films:
+class CandidateFilms:
     """Candidates of several spectra in one row."""
 
     row: Int[np.ndarray, "films"]  # of the spectrum
@@ -64,7 +61,9 @@ class Films:
     readings: Float[np.ndarray, "films readings"]
 
     @classmethod
-    def of(cls, pool: Pool, chosen: Bool[np.ndarray, "spectra candidates"], size: int) -> "Films":
+    def of(
+        cls, pool: Pool, chosen: Bool[np.ndarray, "spectra candidates"], size: int
+    ) -> "CandidateFilms":
         """Those of a pool that are chosen."""
         row, place = np.nonzero(chosen)
         at = row, place
@@ -81,18 +80,19 @@ class Films:
             readings=pool.readings[at],
         )
 
-    def take(self, films: np.ndarray) -> "Films":
+    def take(self, films: np.ndarray) -> "CandidateFilms":
         """Some of them."""
         return type(self)(*(getattr(self, f.name)[films] for f in fields(self)))
 
-    def with_those(self, films: np.ndarray, others: "Films") -> "Films":
+    def substitute(self, films: np.ndarray, others: "CandidateFilms") -> "CandidateFilms":
         """These, with others in the place of some."""
         parts = [getattr(self, f.name).copy() for f in fields(self)]
         for part, f in zip(parts, fields(self), strict=True):
             part[films] = getattr(others, f.name)
         return type(self)(*parts)
 
-    def behind(self) -> Float[np.ndarray, "films"]:
+    @property
+    def log_weight_lost(self) -> Float[np.ndarray, "films"]:
         """Log weight by which each stays behind the best of its spectrum."""
         best = np.full(self.row.max() + 1, -np.inf)
         np.maximum.at(best, self.row, self.log_weight)
@@ -112,7 +112,7 @@ class Groups(NamedTuple):
         used, of = np.unique(self.of[films], return_inverse=True)
         return Groups(of, *(part[used] for part in self[1:]))
 
-    def with_those(self, films: np.ndarray, others: "Groups") -> "Groups":
+    def substitute(self, films: np.ndarray, others: "Groups") -> "Groups":
         """These, with others for some films."""
         of = self.of.copy()
         of[films] = others.of + len(self.row)
@@ -121,7 +121,7 @@ class Groups(NamedTuple):
         )
 
 
-def refine(task: IdentificationTask, pool: Pool, batch: Measured) -> Pool:
+def refine(chunk: Chunk, pool: Pool) -> Pool:
     """The best of a pool with errors of their own, and with amounts that come near the readings, as
     a mixture is shown.
 
@@ -129,52 +129,52 @@ def refine(task: IdentificationTask, pool: Pool, batch: Measured) -> Pool:
     most probable amounts may leave to those errors what other amounts would meet: probabilities
     follow from that, but nobody would mix it.
     """
+    task = chunk.task
     pool = pool.best(task.effort.kept_sets)
     size = max(task.max_paints, 2)
-    behind = pool.log_weight.max(axis=1, keepdims=True) - pool.log_weight
+    lost = pool.log_weight.max(axis=1, keepdims=True) - pool.log_weight
     # First with the errors of groups of like films, all that may still matter.
-    films = Films.of(pool, np.isfinite(pool.log_weight) & (behind <= task.effort.fit_within), size)
-    films, groups, _ = fit_with_errors(
-        task, batch, films, slopes_at(task, batch, films), task.effort.fit_steps
-    )
+    close = np.isfinite(pool.log_weight) & (lost <= task.effort.fit_within)
+    films = CandidateFilms.of(pool, close, size)
+    films, groups, _ = fit_with_errors(chunk, films, slopes_at(chunk, films), task.effort.fit_steps)
     # Those that came near, but have moved away from where the errors were worked out, again.
-    slopes = slopes_at(task, batch, films)
-    close = np.flatnonzero(
-        (films.behind() <= task.effort.refit_within)
-        & (_apart(films.sets, slopes, groups) > task.effort.refit_beyond)
+    slopes = slopes_at(chunk, films)
+    moved = np.flatnonzero(
+        (films.log_weight_lost <= task.effort.refit_within)
+        & (_slope_change(films.sets, slopes, groups) > task.effort.refit_beyond)
     )
-    if close.size:
+    if moved.size:
         again, more, _ = fit_with_errors(
-            task, batch, films.take(close), slopes[close], task.effort.refit_steps
+            chunk, films.take(moved), slopes[moved], task.effort.refit_steps
         )
-        films = films.with_those(close, again)
-        groups = groups.with_those(close, more)
-    shown = np.flatnonzero(films.behind() <= task.effort.show_within)
+        films = films.substitute(moved, again)
+        groups = groups.substitute(moved, more)
+    shown = np.flatnonzero(films.log_weight_lost <= task.effort.show_within)
     films = films.take(shown)
     groups = groups.take(shown)
     # Amounts that are shown come near the readings; those that are weighed stay beside them.
-    near = _nearest(task, batch, films)
+    near = _nearest(chunk, films)
     nothing = (
         np.full_like(pool.log_weight, -np.inf),
         np.zeros_like(pool.covariance),
         pool.readings.copy(),
     )
-    out = replace(pool, log_weight=nothing[0], covariance=nothing[1], allowed=nothing[2])
+    out = replace(pool, log_weight=nothing[0], covariance=nothing[1], adjusted=nothing[2])
     at = films.row, films.place
     out.log_weight[at] = films.log_weight
     out.covariance[(*at, slice(size), slice(size))] = films.covariance
     out.logs[(*at, slice(size))] = np.where(films.sets == NOBODY, -np.inf, near.logs)
     out.weighed[(*at, slice(size))] = np.where(films.sets == NOBODY, -np.inf, films.logs)
     out.readings[at] = near.readings
-    out.allowed[at] = move_readings(task, batch, near.row, near.readings, groups)
+    out.adjusted[at] = move_readings(chunk, near.row, near.readings, groups)
     return out
 
 
-def slopes_at(
-    task: IdentificationTask, batch: Measured, films: Films
-) -> Float[np.ndarray, "films errors readings"]:
+def slopes_at(chunk: Chunk, films: CandidateFilms) -> Float[np.ndarray, "films errors readings"]:
     """Slopes of films' readings by the log of every paint's k, then s."""
-    return slopes_of(task.response, task.paints, films.sets, films.logs, batch.grounds, films.row)
+    task = chunk.task
+    grounds = chunk.spectra.grounds
+    return slopes_of(task.response, task.paints, films.sets, films.logs, grounds, films.row)
 
 
 def slopes_of(
@@ -223,20 +223,16 @@ def film_slopes(
 
 
 def fit_with_errors(
-    task: IdentificationTask,
-    batch: Measured,
-    films: Films,
+    chunk: Chunk,
+    films: CandidateFilms,
     slopes: Float[np.ndarray, "films errors readings"],
     steps: int,
-) -> tuple[Films, Groups, Whitening]:
+) -> tuple[CandidateFilms, Groups, Whitening]:
     """Films fitted again with the errors of their groups; the groups, and the errors of each."""
+    task = chunk.task
     groups = _group(task, films, slopes)
-    errors = coefficient_errors(task, batch, groups.row, groups.sets, groups.slopes)
-    readings = batch.flat[films.row]
-    weights = weights_of(task, readings, Whitening(errors.basis, errors.height[groups.of]))
-    fitted = _fit(
-        task, batch, films, weights, groups.of, steps, single=task.effort.single_precision
-    )
+    errors = coefficient_errors(chunk, groups.row, groups.sets, groups.slopes)
+    fitted = _fit(chunk, films, errors, groups.of, steps, single=task.effort.single_precision)
     log_weight = task.discrepancy.trust * fitted.log_evidence + log_set_prior(task, films.sets)
     # Nothing is known together with a paint that is not there.
     absent = films.sets == NOBODY
@@ -248,7 +244,9 @@ def fit_with_errors(
 
 
 def _group(
-    task: IdentificationTask, films: Films, slopes: Float[np.ndarray, "films errors readings"]
+    task: IdentificationTask,
+    films: CandidateFilms,
+    slopes: Float[np.ndarray, "films errors readings"],
 ) -> Groups:
     """Films by their paints but for traces; the most probable of each group stands for it."""
     size = films.sets.shape[1]
@@ -258,7 +256,7 @@ def _group(
     main = np.sort(np.where(counts, films.sets, NOBODY), axis=1)
     key = films.row.astype(np.int64)
     for paint in main.T:
-        key = key * (task.known + 1) + (paint + 1)
+        key = key * (task.paint_count + 1) + (paint + 1)
     order = np.argsort(-films.log_weight, kind="stable")
     _, first, of = np.unique(key[order], return_index=True, return_inverse=True)
     best = order[first]
@@ -268,8 +266,7 @@ def _group(
 
 
 def coefficient_errors(
-    task: IdentificationTask,
-    batch: Measured,
+    chunk: Chunk,
     row: Int[np.ndarray, "films"],
     sets: Int[np.ndarray, "films size"],
     slopes: Float[np.ndarray, "films errors readings"],
@@ -277,40 +274,42 @@ def coefficient_errors(
     """Errors of films, from what their paints' coefficients do to the readings; `row` is each one's
     spectrum.
     """
+    task = chunk.task
     d = task.discrepancy
-    off = d.amplitude + d.share * batch.flat
-    model = model_covariance(task.wavelengths, batch.readings.shape[1], d, off)
-    fixed = fixed_errors(task, batch, batch.noise_sd)
     caused = paints_covariance(slopes, sets, task.errors, task.modes, task.wavelengths, d)
-    return whiten(fixed[row], model[row] + caused, d)
+    return whiten(chunk.noise_covariance[row], chunk.smooth_covariance[row] + caused, d)
 
 
 def _fit(
-    task: IdentificationTask,
-    batch: Measured,
-    films: Films,
-    weights: Weights,
-    basis: Int[np.ndarray, "films"],
+    chunk: Chunk,
+    films: CandidateFilms,
+    errors: Whitening,
+    group: Int[np.ndarray, "films"],
     steps: int,
     single: bool = False,
 ) -> Fitted:
-    """Films fitted with weights of their own, where `basis` says which of the bases is each one's.
+    """Films fitted with errors of their own, where `group` says which of them are each one's.
 
     In single precision evidences are good to a thousandth.
     """
+    task = chunk.task
     kind = np.float32 if single else np.float64
     response, paints = task.tables.single if single else (task.response, task.paints)
-    target, alike, *rest = (np.asarray(part, kind) for part in weights)
-    grounds = np.asarray(batch.grounds, kind)
+    grounds, target, *expected = (
+        np.asarray(part, kind) for part in (chunk.spectra.grounds, chunk.target, *chunk.expectation)
+    )
+    basis, height, logs = (
+        np.asarray(part, kind) for part in (errors.basis, errors.height, films.logs)
+    )
 
     def run(n: np.ndarray) -> Fitted:
-        own = Weights(*map(jnp.asarray, (target[n], alike[basis[n]], *(part[n] for part in rest))))
-        start = map(
-            jnp.asarray, (films.sets[n], np.asarray(films.logs[n], kind), grounds[films.row[n]])
-        )
-        return fit_films(response, paints, *start, own, task.middle, jnp.asarray(steps))
+        row, own = films.row[n], group[n]
+        weights = Weights(target[row], basis[own], height[own], *(part[row] for part in expected))
+        start = map(jnp.asarray, (films.sets[n], logs[n], grounds[row]))
+        weights = jax.tree.map(jnp.asarray, weights)
+        return fit_films(response, paints, *start, weights, task.middle, steps=jnp.asarray(steps))
 
-    fitted = by_blocks(len(films.row), block_size(alike.shape[-1]), run)
+    fitted = by_blocks(len(films.row), block_size(basis.shape[-1]), run)
     return Fitted(*(np.asarray(part, np.float64) for part in fitted))
 
 
@@ -331,7 +330,16 @@ def fit_films(
     """
 
     def candidate(members: Array, start: Array, ground: Array, weights: Weights) -> Fitted:
-        return fit_film(response, paints, members, start, ground, weights, middle, steps)
+        return fit_film(
+            response,
+            paints,
+            members,
+            start,
+            ground=ground,
+            weights=weights,
+            middle=middle,
+            steps=steps,
+        )
 
     return jax.vmap(candidate)(sets, starts, ground, weights)
 
@@ -353,7 +361,7 @@ def block_size(readings: int) -> int:
     return int(np.clip(2**22 // readings**2, 4, 128))
 
 
-def _apart(
+def _slope_change(
     sets: Int[np.ndarray, "films size"],
     slopes: Float[np.ndarray, "films errors readings"],
     groups: Groups,
@@ -375,30 +383,20 @@ def _apart(
     return most
 
 
-def _nearest(task: IdentificationTask, batch: Measured, films: Films) -> Films:
+def _nearest(chunk: Chunk, films: CandidateFilms) -> CandidateFilms:
     """The films with amounts that come near the readings."""
-    errors = near_errors(task, batch)
-    readings = batch.flat[films.row]
-    weights = weights_of(task, readings, Whitening(errors.basis, errors.height[films.row]))
-    fitted = _fit(task, batch, films, weights, films.row, task.effort.amount_steps)
+    fitted = _fit(chunk, films, near_errors(chunk), films.row, chunk.task.effort.amount_steps)
     return replace(films, logs=fitted.logs, readings=fitted.readings)
 
 
-def near_errors(task: IdentificationTask, batch: Measured) -> Whitening:
+def near_errors(chunk: Chunk) -> Whitening:
     """Errors with which amounts are found that are shown, of each spectrum."""
-    # Not alike at neighbouring bands: a smooth error would be excused.
-    noise = fixed_errors(task, batch, near_sd(batch))
-    return whiten(noise, np.zeros_like(noise), task.discrepancy)
-
-
-def near_sd(batch: Measured) -> Float[np.ndarray, "spectra grounds bands"]:
-    """What counts as near to each reading when amounts and gloss are shown."""
-    return np.hypot(batch.noise_sd, _NEAR_BLACK + _NEAR_SHARE * batch.readings)
+    fixed = chunk.tolerance_covariance
+    return whiten(fixed, np.zeros_like(fixed), chunk.task.discrepancy)
 
 
 def move_readings(
-    task: IdentificationTask,
-    batch: Measured,
+    chunk: Chunk,
     row: Int[np.ndarray, "films"],
     readings: Float[np.ndarray, "films readings"],
     groups: Groups,
@@ -409,75 +407,27 @@ def move_readings(
     A film of the right paints is met once these are allowed for; one of others is not.
 
     Args:
-        task: what all share.
-        batch: the spectra.
+        chunk: the spectra.
         row: spectrum of each film.
         readings: of each film, without the surface.
         groups: of the films.
     """
-    off = task.target(batch.readings)[row] - readings
-    return readings + np.einsum(
-        "fij,fj->fi", coefficient_projection(task, batch, groups)[groups.of], off
-    )
+    off = chunk.target[row] - readings
+    return readings + np.einsum("fij,fj->fi", coefficient_projection(chunk, groups)[groups.of], off)
 
 
 def coefficient_projection(
-    task: IdentificationTask, batch: Measured, groups: Groups
+    chunk: Chunk, groups: Groups
 ) -> Float[np.ndarray, "groups readings readings"]:
     """Matrix from what a film misses to the part that the errors of its paints' coefficients most
     probably make.
     """
+    task = chunk.task
     # What the pigments say of their errors, and no more.
-    told = replace(task.discrepancy, coefficient=0.0, level=0.0)
+    stated = replace(task.discrepancy, coefficient=0.0, level=0.0)
     free = paints_covariance(
-        groups.slopes, groups.sets, task.errors, task.modes, task.wavelengths, told
+        groups.slopes, groups.sets, task.errors, task.modes, task.wavelengths, stated
     )
-    free = free + fixed_errors(task, batch, np.zeros_like(batch.noise_sd))[groups.row]
-    near = near_sd(batch).reshape(len(batch), -1)[groups.row] ** 2
+    free = free + chunk.noiseless_covariance[groups.row]
+    near = chunk.tolerance.reshape(len(chunk), -1)[groups.row] ** 2
     return free @ np.linalg.inv(free + near[..., None] * np.eye(near.shape[-1]))
-
-
-def with_surface(task: IdentificationTask, pool: Pool, batch: Measured) -> Pool:
-    """The pool with readings as they are seen, and amounts in metres.
-
-    The surface's share, and what else is in doubt, is what each candidate's residual speaks for.
-    """
-    d = task.discrepancy
-    nuisance = NuisanceMode.of(task, batch)
-    off = task.target(batch.readings)[:, None] - pool.readings
-    found = nuisance.found @ np.swapaxes(off, 1, 2)
-    gloss = np.maximum(d.gloss + d.gloss_sd * found[:, 0], 0.0)
-    seen = pool.readings + gloss[..., None] * task.surface
-    seen = seen + np.swapaxes(found[:, 1:], 1, 2) @ nuisance.shapes[:, 1:]
-    moved = pool.allowed + d.gloss * task.surface
-    lengths = {
-        name: getattr(pool, name) + np.log(task.prior.thickness) for name in ("logs", "weighed")
-    }
-    return replace(pool, readings=seen, allowed=moved, gloss=gloss, **lengths)
-
-
-class NuisanceMode(NamedTuple):
-    """What moves all bands of a reading together: the surface, and what else is in doubt.
-
-    Attributes:
-        shapes: what each does per standard deviation.
-        found: how much of each a residual speaks for, shapes by readings.
-    """
-
-    shapes: Float[np.ndarray, "spectra shapes readings"]
-    found: Float[np.ndarray, "spectra shapes readings"]
-
-    @classmethod
-    def of(cls, task: IdentificationTask, batch: Measured) -> "NuisanceMode":
-        """Ridge regression on the shapes: unit sd beforehand, errors that are not alike at
-        neighbouring bands.
-        """
-        count = len(batch)
-        surface = np.full(
-            (count, 1, batch.readings[0].size), task.discrepancy.gloss_sd * task.surface
-        )
-        doubt = batch.doubt.reshape(count, batch.doubt.shape[1], surface.shape[-1])
-        shapes = np.concatenate([surface, doubt], axis=1)
-        precise = shapes / near_sd(batch).reshape(count, 1, -1) ** 2
-        normal = precise @ np.swapaxes(shapes, 1, 2) + np.eye(shapes.shape[1])
-        return cls(shapes, np.linalg.solve(normal, precise))

@@ -16,6 +16,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 from ...film.model.errors import model_covariance, noise_covariance, whitening
 from ...film.model.response import FilmResponse
+from .chunk import Chunk
 from .pool import NOBODY
 from .table import ALIKE, Paints, TableOfSize, film_readings, sets_of
 from .task import TYPICAL_READING, IdentificationTask, Measured
@@ -57,7 +58,7 @@ def first_starts(task: IdentificationTask, measured: Measured) -> SetStarts:
     found: list[tuple[np.ndarray, np.ndarray]] = []
     for rows, ground in alike_grounds(measured.grounds):
         table = task.tables.over(ground, lambda grounds: common_whitening(task, grounds))
-        kinds = table.nearest(task.target(measured.readings[rows]))
+        kinds = table.nearest(measured.flat[rows] - task.mean_surface)
         parts = [best_of(kind, *near) for kind, near in zip(table.sizes, kinds, strict=True)]
         found.append((rows, np.concatenate(parts, axis=1)))
     # Back in the order of the spectra.
@@ -92,25 +93,33 @@ def common_whitening(
 
 
 def grow_triples(
-    task: IdentificationTask,
-    batch: Measured,
+    chunk: Chunk,
+    white: Float[np.ndarray, "readings readings"],
     pairs: Int[np.ndarray, "spectra pairs 2"],
     logs: Float[Array | np.ndarray, "spectra pairs 2"],
     log_evidence: Float[Array | np.ndarray, "spectra pairs"],
 ) -> tuple[SetStarts, Bool[np.ndarray, "spectra sets"]]:
-    """Sets of three from the most probable pairs, and whether each is the first of its kind."""
+    """Sets of three from the most probable pairs, and whether each is the first of its kind.
+
+    Args:
+        chunk: the spectra.
+        white: `common_whitening` over their grounds.
+        pairs: sets of two.
+        logs: log amounts of each.
+        log_evidence: of each.
+    """
+    task = chunk.task
     rows = np.arange(len(pairs))[:, None]
     best = np.argsort(-np.asarray(log_evidence), axis=1)[:, :_GROWN_PAIRS]
     amounts = np.exp(logs)[rows, best]
-    sets, tries = grow(pairs[rows, best], amounts, task.known)
+    sets, tries = grow(pairs[rows, best], amounts, task.paint_count)
     # Each at a few amounts of the third paint.
-    white = common_whitening(task, batch.readings.shape[1])
-    target = task.target(batch.readings) @ white.T
-    given = (jnp.asarray(a, float) for a in (tries, batch.grounds, target, white))
+    target = chunk.target @ white.T
+    given = (jnp.asarray(a, float) for a in (tries, chunk.spectra.grounds, target, white))
     cost, where = (
         np.asarray(a) for a in score(task.response, task.paints, jnp.asarray(sets), *given)
     )
-    keep = min(_KEPT_TRIPLES, len(sets_of(task.known, 3)))
+    keep = min(_KEPT_TRIPLES, len(sets_of(task.paint_count, 3)))
     # Pairs that overlap can give fewer sets than wanted: then some come twice.
     found = [unique_best(s, c, keep) for s, c in zip(sets, cost, strict=True)]
     chosen = np.stack([np.resize(numbers, keep) for numbers in found])

@@ -1,46 +1,41 @@
 """A search that is set up once and takes any number of spectra: from options to pools of
 candidates and their odds.
 
-A spectrum's way is one arc: screen, fit (`fit.rank`), refine, weigh. Where the odds leave it in
-doubt, it goes the same way again under conditions that nobody stated.
+A spectrum's way is one arc: screen, fit, refine, weigh. Where the odds leave it in doubt, it goes
+the same way again under conditions that nobody stated.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import ArrayLike, Bool, Float, Int
+from jaxtyping import ArrayLike, Bool, Float
 
 from glazejax import Pigment
-from glazejax.geometry import Geometry, resolve_instrument
+from glazejax.geometry import resolve_instrument
 from glazejax.paint.media import MAX_THICKNESS
-from glazejax.radiative.common.threads import in_threads
 from glazejax.spectra import validate_wavelengths
 
-from ...film.films import Instrument, Noise
-from ...film.model.errors import BETWEEN_FILMS, ModelError, Prior, error_modes, relative_errors
+from ...film.films import Noise
+from ...film.model.errors import ModelError, Prior, error_modes, relative_errors
 from ...film.model.mixing import Pigments, listed_pigments
 from ...film.model.optics import Optics
 from ...film.model.response import film_response
 from ...film.noise import noise_of_each
-from .fit import rank
+from .candidates import CHUNK, find_candidates
+from .options import IdentificationOptions
 from .pool import Pool
-from .refine import compile_ahead, refine, with_surface
-from .screen import SetStarts, first_starts
+from .refine import compile_ahead
+from .screen import first_starts
 from .table import FilmTables, paints_of
 from .task import THOROUGH, USUAL, IdentificationTask, Measured
-from .two_coats import search_two_coats
-from .unstated_conditions import NOT_OPAQUE, OTHER_GROUNDS, VARNISHES, films_under, pool_under
-from .weigh import Odds, odds_of
+from .unstated_conditions import search_unstated_conditions
+from .weigh import Odds
 
-# Spectra that are fitted at a time.
-_CHUNK = 64
 # Spectra whose doubtful ones are sought again together: a few in each chunk would cost as much as
 # all of it.
-_TOGETHER = 4 * _CHUNK
-# Probability of none above which a film is sought again.
-_DOUBTFUL = 0.2
+_TOGETHER = 4 * CHUNK
 # Above this a reflectance is a mistake, such as percent; below, it may be a highlight or a
 # calibration.
 _TOO_BRIGHT = 1.5
@@ -50,39 +45,12 @@ UNSEEN_GROUND = 0.5
 """Ground under films that hide it."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class IdentificationOptions:
-    """How films are identified.
-
-    Attributes:
-        instrument: a `glazejax.Instrument`, a geometry, or words such as "45:0" for one without a
-            sphere; by default d:8 with the specular part, index 1.5.
-        noise: of a reading; where the spectra themselves are rougher, their roughness counts.
-        discrepancy: of the model; by default `glazefit.film.model.errors.BETWEEN_FILMS`.
-        prior: what is expected beforehand.
-        max_paints: largest set, 1 to 3.
-        max_coats: 2 tries the best sets as two coats too, in both orders.
-        keep: candidates kept for each spectrum.
-        thorough: fit every pair, and give every set errors of its own: some four times as long for
-            the same first answer in most cases.
-    """
-
-    instrument: Instrument | Geometry | str | None = None
-    noise: Noise | None = None
-    discrepancy: ModelError | None = None
-    prior: Prior | None = None
-    max_paints: int = 3
-    max_coats: int = 1
-    keep: int = 20
-    thorough: bool = False
-
-
 class Searcher(NamedTuple):
     """What all spectra of a catalogue, an instrument and an expectation share.
 
     Attributes:
         tasks: for films that let their ground through (False), and for films that hide it (True).
-        opaque: what was told of the films.
+        opaque: whether films are said to hide their ground.
         paints: names of the catalogue's paints.
     """
 
@@ -118,17 +86,17 @@ class Searcher(NamedTuple):
                 "max_coats=1"
             )
         instrument = resolve_instrument(options.instrument)
-        discrepancy = options.discrepancy or BETWEEN_FILMS
+        discrepancy = options.discrepancy or ModelError.between_films()
         prior = options.prior or Prior()
         grid = validate_wavelengths(np.asarray(wavelengths, dtype=np.float64))
         known = check_pigments(pigments, grid)
         largest = min(options.max_paints, len(known))
         response = film_response(instrument.geometry, instrument.refractive_index)
-        extenders = hardly_seen(known, prior.thickness)
+        extenders = find_extenders(known, prior.thickness)
         errors = relative_errors(known, discrepancy)
         modes = error_modes(known, discrepancy).astype(np.float32)
         tasks = {}
-        for hidden, expected in ((True, hiding(prior, known)), (False, prior)):
+        for hidden, expected in ((True, opaque_prior(prior, known)), (False, prior)):
             paints = paints_of(known, expected.thickness)
             tasks[hidden] = IdentificationTask(
                 response=response,
@@ -154,10 +122,10 @@ class Searcher(NamedTuple):
         """For films as they were told to be."""
         return self.tasks[self.opaque]
 
-    def check(
+    def measure(
         self, spectra: ArrayLike, ground: ArrayLike | None, names: Sequence[str] | None = None
     ) -> Measured:
-        """Spectra and grounds in one shape.
+        """Spectra and grounds in one shape, with the noise of their readings.
 
         Raises:
             ValueError: shapes that do not match, values that are not reflectances, repeated names.
@@ -168,76 +136,11 @@ class Searcher(NamedTuple):
         """Candidates and their odds, some hundred spectra at a time."""
         compile_ahead(self.task, measured)
         starts = first_starts(self.task, measured)
-        for together in pieces(np.arange(len(measured)), _TOGETHER):
-            pool = _search(self.task, measured, together, starts)
-            batch = measured.take(together)
-            yield batch, *_search_unstated_conditions(self, batch, pool)
-
-
-def _search(
-    task: IdentificationTask, measured: Measured, rows: Int[np.ndarray, "rows"], starts: SetStarts
-) -> Pool:
-    """Fitted candidates of some spectra; `_CHUNK` at a time, a few of these side by side."""
-
-    def one(rows: Int[np.ndarray, "rows"]) -> Pool:
-        # Few sizes, so that little is compiled.
-        padded = np.resize(rows, padded_size(len(rows)))
-        real = np.arange(len(rows))
-        batch = measured.take(padded)
-        ranked = rank(task, batch, starts.take(padded))
-        pool = refine(task, ranked.of(real), batch.take(real))
-        if task.max_coats == 2 and task.max_paints > 1 and task.known > 1:
-            pool = pool.of(np.resize(real, len(padded)))
-            pool = search_two_coats(task, pool, ranked, batch).of(real)
-        return with_surface(task, pool, batch.take(real))
-
-    return Pool.joined(in_threads(one, pieces(rows)))
-
-
-def _search_unstated_conditions(
-    searcher: Searcher, measured: Measured, pool: Pool
-) -> tuple[Pool, Odds]:
-    """The pool, with candidates under other conditions where what was told leaves a film in doubt;
-    and its odds.
-
-    Films that were said to hide their ground are always tried without: one reading cannot say.
-
-    Args:
-        searcher: for all spectra.
-        measured: spectra; those in doubt are sought again.
-        pool: their candidates as told.
-    """
-    prior = searcher.task.prior
-
-    def more(pool: Pool, numbers: tuple[int, ...], rows: Int[np.ndarray, "rows"]) -> Pool:
-        for number in numbers:
-            seen = films_under(number, searcher.tasks, searcher.opaque, measured.take(rows))
-            starts = first_starts(seen.task, seen.measured)
-            found = _search(seen.task, seen.measured, np.arange(len(rows)), starts)
-            pool = pool.merged(pool_under(number, seen, found).spread(rows, len(measured)))
-        return pool
-
-    everything = np.arange(len(measured))
-    if searcher.opaque:
-        pool = more(pool, NOT_OPAQUE, everything)
-    odds = odds_of(measured, pool, prior)
-    doubtful = everything[odds.none / odds.total > _DOUBTFUL]
-    if not len(doubtful):
-        return pool, odds
-    if measured.readings.shape[1] == 1 and not searcher.opaque:
-        pool = more(pool, OTHER_GROUNDS, doubtful)
-    pool = more(pool, VARNISHES, doubtful)
-    return pool, odds_of(measured, pool, prior)
-
-
-def pieces(rows: Int[np.ndarray, "rows"], size: int = _CHUNK) -> list[Int[np.ndarray, "some"]]:
-    """The rows in order, so many at a time."""
-    return np.split(rows, range(size, len(rows), size))
-
-
-def padded_size(count: int) -> int:
-    """Spectra that so many are fitted as: 16, or whole chunks."""
-    return 16 if count <= 16 else _CHUNK * -(-count // _CHUNK)
+        for first in range(0, len(measured), _TOGETHER):
+            rows = np.arange(first, min(first + _TOGETHER, len(measured)))
+            batch = measured.take(rows)
+            pool = find_candidates(self.task, batch, starts.take(rows))
+            yield batch, *search_unstated_conditions(self.tasks, self.opaque, batch, pool)
 
 
 def check_spectra(
@@ -333,7 +236,7 @@ def check_pigments(pigments: Pigments, wavelengths: Float[np.ndarray, "bands"]) 
         raise ValueError(f"the catalogue does not cover the spectra: {error}") from None
 
 
-def hiding(prior: Prior, pigments: Sequence[Pigment]) -> Prior:
+def opaque_prior(prior: Prior, pigments: Sequence[Pigment]) -> Prior:
     """Of films so thick that their ground does not matter: the thickness is set, not sought."""
     typical = np.median([np.median(np.asarray(p.scattering)) for p in pigments])
     return replace(
@@ -341,11 +244,7 @@ def hiding(prior: Prior, pigments: Sequence[Pigment]) -> Prior:
     )
 
 
-_DOUBTFUL = 0.2
-"""Probability of none above which a film is sought again."""
-
-
-def hardly_seen(pigments: Sequence[Pigment], thickness: float) -> Bool[np.ndarray, "paints"]:
+def find_extenders(pigments: Sequence[Pigment], thickness: float) -> Bool[np.ndarray, "paints"]:
     """Which paints are extenders: a film of this thickness (m) lets most light through at every
     wavelength.
     """

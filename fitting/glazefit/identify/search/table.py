@@ -116,11 +116,13 @@ class FilmTable(NamedTuple):
     Attributes:
         project: from readings to components; errors of unit covariance stay so.
         middle: components of the mean film.
+        white: W, so that errors common to all films are |W r|^2.
         sizes: films of one paint, of two paints.
     """
 
     project: Float[np.ndarray, "components readings"]
     middle: Float[np.ndarray, "components"]
+    white: Float[np.ndarray, "readings readings"]
     sizes: tuple[TableOfSize, ...]
 
     def nearest(
@@ -197,12 +199,12 @@ def film_table(
         tables.append(
             TableOfSize(sets, grid, np.ascontiguousarray(films.T), np.sum(films**2, axis=-1))
         )
-    return FilmTable(whole, middle, tuple(tables))
+    return FilmTable(whole, middle, white, tuple(tables))
 
 
 def _pieces(
     sets: Int[np.ndarray, "sets size"], grid: Float[np.ndarray, "points size"], spaced: bool = False
-) -> list[Int[np.ndarray, "some size"]]:
+) -> list[Int[np.ndarray, "batch size"]]:
     """All sets, a few at a time, or as many from all of them; always as many, so that one program
     is compiled.
     """

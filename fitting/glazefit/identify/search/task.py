@@ -170,7 +170,7 @@ class IdentificationTask(NamedTuple):
     tables: FilmTables  # of this task alone
 
     @property
-    def known(self) -> int:
+    def paint_count(self) -> int:
         """Paints in the catalogue."""
         return self.paints.absorption.shape[0]
 
@@ -179,8 +179,14 @@ class IdentificationTask(NamedTuple):
         """Scale of the discrepancy that is fitted with: the one nearest to 1."""
         return int(np.argmin(np.abs(np.log(self.discrepancy.scales))))
 
-    def target(
-        self, readings: Float[np.ndarray, "spectra grounds bands"]
-    ) -> Float[np.ndarray, "spectra readings"]:
-        """Readings without the mean surface."""
-        return (readings - self.discrepancy.gloss * self.surface).reshape(len(readings), -1)
+    @property
+    def mean_surface(self) -> float:
+        """What the surface adds to a reading in the mean of films."""
+        return self.discrepancy.gloss * self.surface
+
+    @property
+    def independent_readings(self) -> float:
+        """Readings that count as independent where candidates are weighed; see
+        `ModelError.apart`.
+        """
+        return max(float(np.ptp(self.wavelengths)) / self.discrepancy.apart, 1.0)

@@ -14,13 +14,13 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from ...film.model.errors import Whitening
+from ...film.model.errors import whiten
 from ...film.model.optics import Optics
-from .fit import Fitted, Weights, fit_one, pool_of, ranking_errors, weights_of
+from .chunk import Chunk
+from .fit import Fitted, Weights, fit_one, pool_of
 from .pool import NOBODY, Pool
 from .refine import Groups, coefficient_errors, move_readings
 from .table import Paints
-from .task import IdentificationTask, Measured
 
 _TOLERANCE = 1e-4
 _SCREEN_TOLERANCE = 1e-2
@@ -30,35 +30,35 @@ _STACKED = 8
 _ROUNDS = 2
 
 
-def search_two_coats(
-    task: IdentificationTask, pool: Pool, looked_at: Pool, batch: Measured
-) -> Pool:
-    """The pool with the best sets of two and three paints that were looked at as two coats too."""
-    ground = jnp.asarray(batch.grounds, float)
-    weights = jax.tree.map(jnp.asarray, weights_of(task, batch.flat, ranking_errors(task, batch)))
+def search_two_coats(chunk: Chunk, pool: Pool, ranked: Pool) -> Pool:
+    """The pool with the best sets of two and three paints that were ranked as two coats too."""
+    task = chunk.task
+    errors = whiten(chunk.noise_covariance, chunk.ranking_covariance, task.discrepancy)
+    weights = Weights(chunk.target, errors.basis, errors.height, *chunk.expectation)
+    weights = jax.tree.map(jnp.asarray, weights)
     pool.log_weight[(pool.members != NOBODY).sum(axis=-1) > 1] += np.log1p(-task.prior.stacked)
-    size = (looked_at.members != NOBODY).sum(axis=-1)
+    size = (ranked.members != NOBODY).sum(axis=-1)
     for paints in range(2, task.max_paints + 1):
         ways = orders(paints)
-        weight = np.where(size == paints, looked_at.log_weight, -np.inf)
+        weight = np.where(size == paints, ranked.log_weight, -np.inf)
         keep = min(
             _STACKED if paints == 2 else _STACKED // 2, int((size == paints).sum(axis=1).min())
         )
         best = np.argsort(-weight, axis=1)[:, :keep]
-        sets = np.take_along_axis(looked_at.members, best[..., None], axis=1)[..., :paints]
+        sets = np.take_along_axis(ranked.members, best[..., None], axis=1)[..., :paints]
         sets = np.repeat(sets, len(ways), axis=1)
         coats = np.broadcast_to(np.tile(ways, (keep, 1)), sets.shape)
-        fitted, slopes = _fit_stacks(task, sets, coats, batch, ground, weights)
+        fitted, slopes = _fit_stacks(chunk, sets, coats, weights)
         stacks = pool_of(task, sets, fitted, coats, np.log(task.prior.stacked / len(ways)))
-        row = np.repeat(np.arange(len(batch)), sets.shape[1])
+        row = np.repeat(np.arange(len(chunk)), sets.shape[1])
         groups = Groups(
             np.arange(len(row)), row, *(a.reshape(len(row), *a.shape[2:]) for a in (sets, slopes))
         )
-        near = move_readings(task, batch, row, stacks.readings.reshape(len(row), -1), groups)
-        stacks = replace(stacks, allowed=near.reshape(stacks.readings.shape))
+        near = move_readings(chunk, row, stacks.readings.reshape(len(row), -1), groups)
+        stacks = replace(stacks, adjusted=near.reshape(stacks.readings.shape))
         struck = ~np.isfinite(np.take_along_axis(weight, best, axis=1))
         stacks.log_weight[np.repeat(struck, len(ways), axis=1)] = -np.inf
-        pool = pool.merged(stacks)
+        pool = pool.merge(stacks)
     return pool
 
 
@@ -69,30 +69,28 @@ def orders(size: int) -> Int[np.ndarray, "orders size"]:
 
 
 def _fit_stacks(
-    task: IdentificationTask,
-    sets: np.ndarray,
-    coats: np.ndarray,
-    batch: Measured,
-    ground: jax.Array,
-    weights: Weights,
+    chunk: Chunk, sets: np.ndarray, coats: np.ndarray, weights: Weights
 ) -> tuple[Fitted, np.ndarray]:
-    """Stacks with errors of their own, and slopes near the fit."""
+    """Stacks with errors of their own, and slopes near the fit; `weights` says where to start."""
+    task = chunk.task
     films = task.paints, jnp.asarray(sets), jnp.asarray(coats)
+    ground = jnp.asarray(chunk.spectra.grounds, float)
     logs = stack_starts(*films, ground, weights, task.optics, task.middle)
-    row = np.repeat(np.arange(len(batch)), sets.shape[1])
+    row = np.repeat(np.arange(len(chunk)), sets.shape[1])
     count = sets.shape[:2]
-    readings = np.broadcast_to(batch.flat[:, None], (*count, batch.readings[0].size))
+    target, *expected = (
+        np.broadcast_to(part[:, None], (*count, *part.shape[1:]))
+        for part in (chunk.target, *chunk.expectation)
+    )
     fitted = None
     slopes = None
     for _ in range(_ROUNDS):
         slopes = np.asarray(stack_slopes(*films, logs, ground, task.optics))
         errors = coefficient_errors(
-            task, batch, row, *(a.reshape(len(row), *a.shape[2:]) for a in (sets, slopes))
+            chunk, row, *(a.reshape(len(row), *a.shape[2:]) for a in (sets, slopes))
         )
-        errors = Whitening(
-            *(a.reshape(*count, *a.shape[1:]) for a in (errors.basis, errors.height))
-        )
-        own = jax.tree.map(jnp.asarray, weights_of(task, readings, errors))
+        basis, height = (a.reshape(*count, *a.shape[1:]) for a in (errors.basis, errors.height))
+        own = jax.tree.map(jnp.asarray, Weights(target, basis, height, *expected))
         fitted = fit_stacks(*films, logs, ground, own, task.optics, task.middle)
         logs = fitted.logs
     assert fitted is not None
@@ -120,7 +118,13 @@ def stack_starts(
 
         def coarse(logs: Array) -> Array:
             return stack_readings(
-                k, s, coats, jnp.exp(logs), ground, optics, _SCREEN_TOLERANCE
+                k,
+                s,
+                coats,
+                amounts=jnp.exp(logs),
+                ground=ground,
+                optics=optics,
+                tolerance=_SCREEN_TOLERANCE,
             ).reshape(-1)
 
         white = weights.basis[middle]
@@ -171,9 +175,15 @@ def stack_slopes(
         # Bands do not meet, so that one tangent moves a coefficient in all of them at once.
         def read_film(errors: Array) -> Array:
             k, s = both * (1.0 + errors[..., None])
-            return stack_readings(k, s, coats, jnp.exp(logs), ground, optics, _TOLERANCE).reshape(
-                -1
-            )
+            return stack_readings(
+                k,
+                s,
+                coats,
+                amounts=jnp.exp(logs),
+                ground=ground,
+                optics=optics,
+                tolerance=_TOLERANCE,
+            ).reshape(-1)
 
         return jax.jacfwd(read_film)(jnp.zeros((2, size))).reshape(-1, 2 * size).T
 
@@ -213,7 +223,9 @@ def fit_stacks(
         s = paints.scattering[members]
 
         def read_film(amounts: Array) -> Array:
-            return stack_readings(k, s, coats, amounts, ground, optics, _TOLERANCE).reshape(-1)
+            return stack_readings(
+                k, s, coats, amounts=amounts, ground=ground, optics=optics, tolerance=_TOLERANCE
+            ).reshape(-1)
 
         def model(amounts: Array) -> tuple[Array, Array]:
             readings, push = jax.linearize(read_film, amounts)

@@ -1,8 +1,8 @@
-"""Conditions that nobody may have mentioned: a yellowed varnish on top, another ground than told, a
-film that hides its ground.
+"""Conditions that nobody may have mentioned: a yellowed varnish on top, another ground than stated,
+a film that hides its ground.
 
-Films are sought as they were said to be. Where the answer may rest on something untold, they are
-sought again as they would be seen under each of a few other conditions.
+Films are sought as they were said to be. Where the answer may rest on something unstated, they
+are sought again as they would be seen under each of a few other conditions.
 """
 
 from collections.abc import Mapping
@@ -10,23 +10,25 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from ...film.model.response import FilmResponse
 from ...film.model.varnish import under_varnish, without_varnish, yellow
-from .fit import independent
+from .candidates import find_candidates
 from .pool import Pool
+from .screen import first_starts
 from .task import IdentificationTask, Measured
+from .weigh import Odds, odds_of
 
 
 class Condition(NamedTuple):
-    """One way in which a film may lie differently from what was told."""
+    """One way in which a film may lie differently from what was stated."""
 
-    words: str  # as an answer names it; empty for what was told
-    chance: float  # beforehand, beside 1 for what was told
+    words: str  # as an answer names it; empty for what was stated
+    chance: float  # beforehand, beside 1 for what was stated
     varnish: float = 0.0  # optical thickness at 400 nm
-    ground: float | None = None  # internal reflectance; None is as told
-    opaque: bool | None = None  # None is as told
+    ground: float | None = None  # internal reflectance; None is as stated
+    opaque: bool | None = None  # None is as stated
 
 
 _VARNISHED = "under a yellowed varnish"
@@ -43,7 +45,7 @@ CONDITIONS = (
     Condition("over a lighter ground than told", 0.03, ground=_LIGHT),
     Condition("over a darker ground than told", 0.03, ground=_DARK),
 )
-"""All that are tried, by number; the first is what was told."""
+"""All that are tried, by number; the first is what was stated."""
 VARNISHES = (1, 2)
 NOT_OPAQUE = (3, 4)
 OTHER_GROUNDS = (5, 6, 7)
@@ -53,6 +55,48 @@ reading over a ground.
 # Two levels of a varnish that is seen; what is between them is left open.
 _LEVELS = {0.2: 0.15, 0.6: 0.3}
 """Optical thickness at 400 nm -> its standard deviation."""
+# By which a varnish's thickness and a reading are changed for a slope.
+_STEP = 0.01
+_HIGHER = 1e-4
+# Probability of none above which a film is sought again.
+_DOUBTFUL = 0.2
+
+
+def search_unstated_conditions(
+    tasks: Mapping[bool, IdentificationTask], opaque: bool, measured: Measured, pool: Pool
+) -> tuple[Pool, Odds]:
+    """The pool, with candidates under other conditions where what was stated leaves a film in
+    doubt; and its odds.
+
+    Films that were said to hide their ground are always tried without: one reading cannot say.
+
+    Args:
+        tasks: for films that let the ground through, and for films that hide it.
+        opaque: whether they were said to hide it.
+        measured: spectra; those in doubt are sought again.
+        pool: their candidates as stated.
+    """
+    prior = tasks[opaque].prior
+
+    def more(pool: Pool, numbers: tuple[int, ...], rows: Int[np.ndarray, "rows"]) -> Pool:
+        for number in numbers:
+            seen = films_under(number, tasks, opaque, measured.take(rows))
+            starts = first_starts(seen.task, seen.measured)
+            found = find_candidates(seen.task, seen.measured, starts)
+            pool = pool.merge(pool_under(number, seen, found).spread(rows, len(measured)))
+        return pool
+
+    everything = np.arange(len(measured))
+    if opaque:
+        pool = more(pool, NOT_OPAQUE, everything)
+    odds = odds_of(measured, pool, prior)
+    doubtful = everything[odds.none / odds.total > _DOUBTFUL]
+    if not len(doubtful):
+        return pool, odds
+    if measured.readings.shape[1] == 1 and not opaque:
+        pool = more(pool, OTHER_GROUNDS, doubtful)
+    pool = more(pool, VARNISHES, doubtful)
+    return pool, odds_of(measured, pool, prior)
 
 
 class FilmsUnderCondition(NamedTuple):
@@ -67,18 +111,18 @@ class FilmsUnderCondition(NamedTuple):
 
 
 def films_under(
-    number: int, tasks: Mapping[bool, IdentificationTask], told: bool, measured: Measured
+    number: int, tasks: Mapping[bool, IdentificationTask], stated_opaque: bool, measured: Measured
 ) -> FilmsUnderCondition:
     """Films under one condition, by its number.
 
     Args:
         number: of `CONDITIONS`.
         tasks: for films that let the ground through, and for films that hide it.
-        told: whether they were said to hide it.
+        stated_opaque: whether they were said to hide it.
         measured: the spectra as they were measured.
     """
     condition = CONDITIONS[number]
-    opaque = told if condition.opaque is None else condition.opaque
+    opaque = stated_opaque if condition.opaque is None else condition.opaque
     task = tasks[opaque]
     seen = measured
     slope = np.ones_like(measured.readings)
@@ -102,18 +146,20 @@ def remove_varnish(
         surface: what the outer surface adds to a reading.
         level: optical thickness of the varnish at 400 nm, one of those that are tried.
     """
-    grid = measured.wavelengths
     body = measured.readings - surface
     spread = _LEVELS[level]
-
-    def off(thickness: np.ndarray) -> np.ndarray:
-        return without_varnish(response, body, thickness)
-
-    coat = level * yellow(grid)
-    bare = off(coat)
-    step = 0.01
-    more = spread / step * (off((level + step) * yellow(grid)) - bare)
-    slope = (without_varnish(response, body + 1e-4, coat) - bare) / 1e-4
+    # At this level, at slightly more varnish, and for slightly higher readings.
+    absorption = yellow(measured.wavelengths)
+    bare, more_varnish, brighter = (
+        without_varnish(response, readings, thickness * absorption)
+        for readings, thickness in (
+            (body, level),
+            (body, level + _STEP),
+            (body + _HIGHER, level),
+        )
+    )
+    more = spread / _STEP * (more_varnish - bare)
+    slope = (brighter - bare) / _HIGHER
     doubt = more[:, None]
     changed = replace(
         measured, readings=bare + surface, noise_sd=measured.noise_sd * slope, doubt=doubt
@@ -122,7 +168,7 @@ def remove_varnish(
 
 
 def pool_under(number: int, seen: FilmsUnderCondition, pool: Pool) -> Pool:
-    """Candidates under one condition as they compete with those of films that lie as told.
+    """Candidates under one condition as they compete with those of films that lie as stated.
 
     Args:
         number: of `CONDITIONS`.
@@ -141,12 +187,14 @@ def pool_under(number: int, seen: FilmsUnderCondition, pool: Pool) -> Pool:
         )
 
     if condition.varnish:
-        pool = replace(pool, readings=add_varnish(pool.readings), allowed=add_varnish(pool.allowed))
+        pool = replace(
+            pool, readings=add_varnish(pool.readings), adjusted=add_varnish(pool.adjusted)
+        )
     # What changes of variables add to a spectrum's log density.
-    change = independent(task) * np.log(seen.slope).mean(axis=(1, 2))
+    change = task.independent_readings * np.log(seen.slope).mean(axis=(1, 2))
     weight = pool.log_weight + np.log(condition.chance) + change[:, None]
     if condition.ground is not None:
-        # What hardly shows is no answer over a ground that nobody told: it is the ground that is
+        # What hardly shows is no answer over a ground that nobody stated: it is the ground that is
         # seen.
         clear = np.append(task.extenders, True)[pool.members].all(axis=-1)
         weight = np.where(clear, -np.inf, weight)

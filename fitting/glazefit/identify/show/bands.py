@@ -27,9 +27,10 @@ from ...film.model.errors import (
 from ...film.model.optics import Optics
 from ...film.model.response import film_response
 from ..result import Identification
+from ..search.candidates import padded_size
 from ..search.pool import NOBODY
 from ..search.refine import slopes_of
-from ..search.searcher import check_pigments, hiding, padded_size
+from ..search.searcher import check_pigments, opaque_prior
 from ..search.table import paints_of
 from ..search.two_coats import stack_slopes
 
@@ -79,14 +80,14 @@ def expected_bands(
         (members == NOBODY)[..., None], 0.0, slopes[..., :size, :] + slopes[..., size:, :]
     )
     surface = np.full((*moved.shape[:2], 1, moved.shape[-1]), instrument.seen_surface)
-    lever = np.concatenate([moved, surface], axis=-2)
+    design = np.concatenate([moved, surface], axis=-2)
     # What is expected of the total, next to nothing of the fractions, and what of the surface.
     share = np.concatenate([found.fractions[:, :count], np.zeros((*members.shape[:2], 1))], axis=-1)
-    spread = (hiding(prior, known) if found.opaque else prior).spread
+    spread = (opaque_prior(prior, known) if found.opaque else prior).spread
     held = share[..., :, None] * share[..., None, :] / spread**2
     held = held + np.diag([_LOOSE] * size + [1.0 / max(d.gloss_sd, 1e-6) ** 2])
-    solved = np.linalg.solve(covariance, np.swapaxes(lever, -1, -2))
-    fitted = np.swapaxes(lever, -1, -2) @ np.linalg.solve(lever @ solved + held, lever)
+    solved = np.linalg.solve(covariance, np.swapaxes(design, -1, -2))
+    fitted = np.swapaxes(design, -1, -2) @ np.linalg.solve(design @ solved + held, design)
     left = np.diagonal(covariance, axis1=-2, axis2=-1) - np.diagonal(fitted, axis1=-2, axis2=-1)
     ends = norm.ppf(0.95) if d.freedom is None else t.ppf(0.95, d.freedom)
     return (float(ends) * np.sqrt(np.maximum(left, 0.0))).reshape(

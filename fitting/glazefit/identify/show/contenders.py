@@ -23,9 +23,10 @@ from ...film.model.errors import ModelError, Prior, noise_covariance, whitening
 from ...film.model.response import FilmResponse, film_response
 from ...film.numerics.least_squares import damped_newton
 from ..result import Identification
+from ..search.candidates import padded_size
+from ..search.chunk import tolerance
 from ..search.pool import NOBODY
-from ..search.refine import near_sd
-from ..search.searcher import check_pigments, hiding, padded_size
+from ..search.searcher import check_pigments, opaque_prior
 from ..search.table import Paints, paints_of
 from ..search.task import Measured
 
@@ -110,11 +111,11 @@ def find_contenders(
     """
     measured = found.measured
     known = check_pigments(pigments, measured.wavelengths)
-    usual = (hiding(prior, known) if found.opaque else prior).thickness
+    usual = (opaque_prior(prior, known) if found.opaque else prior).thickness
     response = film_response(instrument.geometry, instrument.refractive_index)
     paints = paints_of(known, usual)
     surface = instrument.seen_surface
-    sd = near_sd(measured)
+    sd = tolerance(measured)
     white = whitening(noise_covariance(sd, surface, discrepancy))[0]
     readings = (measured.readings - discrepancy.gloss * surface).reshape(len(measured), -1)
     target = np.einsum("srt,st->sr", white, readings)
@@ -144,19 +145,19 @@ def find_contenders(
         found.opaque,
     )
     unknowns, fitted = (np.asarray(a)[: len(measured)] for a in fits)
-    lever = np.einsum("srt,sr->st", white, white.sum(axis=-1))
+    response_to_shift = np.einsum("srt,sr->st", white, white.sum(axis=-1))
     off = readings[:, None] - fitted
     gloss = discrepancy.gloss + discrepancy.gloss_sd**2 * surface * np.einsum(
-        "scr,sr->sc", off, lever
+        "scr,sr->sc", off, response_to_shift
     )
     fitted = fitted + np.maximum(gloss, 0.0)[..., None] * surface
     shares = np.where(
         sets == NOBODY, 0.0, np.asarray(_shares(jnp.asarray(unknowns), jnp.asarray(sets)))
     )
-    asked = np.broadcast_to(np.repeat(np.arange(films[0]), films[1]), sets.shape[:2])
+    wanted_paint = np.broadcast_to(np.repeat(np.arange(films[0]), films[1]), sets.shape[:2])
     thickness = usual * np.exp(unknowns[..., 0])
     tried = _Fits(
-        paint=asked,
+        paint=wanted_paint,
         members=sets,
         coats=np.zeros_like(sets),
         shares=shares,
@@ -322,11 +323,11 @@ def _unknowns(total: np.ndarray, share: np.ndarray, first: np.ndarray) -> np.nda
 
 def _shares(unknowns: Float[Array, "*n 3"], sets: Int[Array, "*n 3"]) -> Float[Array, "*n 3"]:
     """Fractions of the three paints."""
-    there = sets >= 0
+    present = sets >= 0
     paint = LEAST_SHARE + (1.0 - LEAST_SHARE) * jax.nn.sigmoid(unknowns[..., 1])
-    paint = jnp.where(there[..., 1] | there[..., 2], paint, 1.0)
-    first = jnp.where(there[..., 2], jax.nn.sigmoid(unknowns[..., 2]), 1.0)
-    first = jnp.where(there[..., 1], first, 0.0)
+    paint = jnp.where(present[..., 1] | present[..., 2], paint, 1.0)
+    first = jnp.where(present[..., 2], jax.nn.sigmoid(unknowns[..., 2]), 1.0)
+    first = jnp.where(present[..., 1], first, 0.0)
     return jnp.stack([paint, (1.0 - paint) * first, (1.0 - paint) * (1.0 - first)], axis=-1)
 
 

@@ -45,7 +45,9 @@ def draw_spectra(spot: Mapping[str, Any], grid: np.ndarray, grounds: list[str]) 
                 axes.plot(grid, middle, ls=_DASHES[n], color=_COLOURS[n], lw=1.7 - 0.2 * n)
         for reading in measured:
             axes.plot(grid, reading, "o", color=INK, ms=2.6, mfc="none", mew=0.7)
-        label_spectra(axes, ylim=(0, max(0.1, float(measured.max()) * 1.15)), xlim=_ends(grid))
+        label_spectra(
+            axes, ylim=(0, max(0.1, float(measured.max()) * 1.15)), xlim=_wavelength_limits(grid)
+        )
         if len(measured) > 1:
             _note(axes, "; ".join(f"over {_short(ground)}" for ground in grounds))
 
@@ -74,7 +76,7 @@ def draw_residuals(spot: Mapping[str, Any], grid: np.ndarray, grounds: list[str]
                 off = measured[g] - np.asarray(found["fitted"][g])
                 axes.plot(grid, off, ls=_DASHES[n], color=_COLOURS[n], lw=1.7 - 0.2 * n)
             axes.axhline(0, color=EDGE, lw=0.7)
-            axes.set(xlim=_ends(grid), ylim=(-most, most))
+            axes.set(xlim=_wavelength_limits(grid), ylim=(-most, most))
             if len(measured) > 1:
                 _note(axes, _short(grounds[g]))
         label_spectra(panels[-1], "")
@@ -91,7 +93,7 @@ def _short(ground: str) -> str:
     return ground.partition(",")[0]
 
 
-def _ends(grid: np.ndarray) -> tuple[float, float]:
+def _wavelength_limits(grid: np.ndarray) -> tuple[float, float]:
     margin = 0.02 * float(np.ptp(grid)) or 1.0
     return float(grid[0]) - margin, float(grid[-1]) + margin
 

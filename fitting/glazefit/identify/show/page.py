@@ -10,11 +10,11 @@ from pathlib import Path
 
 from glazejax.io.write import table_bytes, write_files
 
-from ...film.model.errors import REJECTED, UNSEEN
 from ...page.frame import END, facts_html, page_start, table_html
 from ...page.words import chance_html, words_html
+from ..search.weigh import REJECTED, UNSEEN
 from .record import COLUMNS, table_rows
-from .spot import Record, length_html, number_html, spot_html, swatches
+from .spectrum_html import Record, length_html, number_html, spot_html, swatches
 
 DRAWN = 60
 """Spots whose spectra are drawn; those of all are in the JSON."""

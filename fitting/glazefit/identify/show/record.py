@@ -17,8 +17,8 @@ from glazejax.plots import hex_colour
 from glazejax.spectra import describe_grid
 
 from ..result import Candidate, Identification
+from .ambiguity import describe_ambiguity, describe_undecided
 from .contenders import LEAST_SHARE, Contenders
-from .doubts import doubtful, doubts
 from .ruled_out import IMPROBABLE, ruled_out
 
 SCHEMA = {"name": "glazejax identify report", "version": 1}
@@ -28,7 +28,7 @@ _DIGITS = 6
 
 
 @dataclass(frozen=True)
-class About:
+class Provenance:
     """How an identification was made, for the record.
 
     Attributes:
@@ -44,7 +44,7 @@ class About:
         notes: what the readers of the files noticed.
         max_paints, max_coats: what was tried.
         settings: of noise, model errors and prior, by name.
-        asked: names of all spectra, also of those that an interrupt left out.
+        names: of all spectra, also of those that an interrupt left out.
         created: when.
     """
 
@@ -60,7 +60,7 @@ class About:
     max_paints: int
     max_coats: int
     settings: Mapping[str, Any]
-    asked: Sequence[str]
+    names: Sequence[str]
     created: datetime = field(default_factory=lambda: datetime.now().astimezone())
 
 
@@ -68,7 +68,7 @@ def make_record(
     found: Identification,
     contenders: Contenders,
     bands: Float[np.ndarray, "spectra explanations grounds bands"],
-    about: About,
+    about: Provenance,
     top: int,
 ) -> dict[str, Any]:
     """All that is filed, as JSON has it.
@@ -81,7 +81,7 @@ def make_record(
         top: explanations of each spectrum.
     """
     done = set(found.measured.names)
-    left = [name for name in about.asked if name not in done]
+    left = [name for name in about.names if name not in done]
     return {
         "schema": SCHEMA,
         "title": about.title,
@@ -132,8 +132,8 @@ def _spot(
         "paint_probability": {
             found.paints[i]: float(chances[i]) for i in np.argsort(-chances, kind="stable")
         },
-        "not_settled": doubtful(found, row),
-        "doubts": doubts(found, row),
+        "not_settled": describe_undecided(found, row),
+        "doubts": describe_ambiguity(found, row),
         "colours": _colours(found, row),
         "noise_sd": float(np.median(found.measured.noise_sd[row])),
         "measured": _round_spectra(found.measured.readings[row]),

@@ -16,10 +16,10 @@ from .bands import expected_bands
 from .contenders import Contenders, find_contenders
 from .figures import FITS
 from .page import write_page
-from .record import About, make_record
+from .record import Provenance, make_record
 
 
-class Filing:
+class ReportBuilder:
     """What a report needs beside the identification itself.
 
     Args:
@@ -50,7 +50,13 @@ class Filing:
             yield part
 
     def write(
-        self, found: Identification, about: About, path: Path, top: int, *, overwrite: bool = False
+        self,
+        found: Identification,
+        about: Provenance,
+        path: Path,
+        top: int,
+        *,
+        overwrite: bool = False,
     ) -> tuple[Path, Path]:
         """Write the page of the parts that were passed on; see
         `glazefit.identify.show.page.write_page`.

@@ -4,9 +4,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...film.model.errors import REJECTED, UNSEEN
 from ..result import Candidate, Identification, percent
 from ..search.pool import NOBODY
+from ..search.weigh import REJECTED, UNSEEN
 from .contenders import LEAST_SHARE, Contenders
 
 IMPROBABLE = 0.01
@@ -68,10 +68,10 @@ def _judge(
     rmse = float(contenders.rmse[row, paint])
     members = contenders.members[row, paint]
     shares = contenders.fractions[row, paint]
-    there = [n for n in range(3) if members[n] != NOBODY and (n == 0 or shares[n] >= 1e-4)]
+    shown = [n for n in range(3) if members[n] != NOBODY and (n == 0 or shares[n] >= 1e-4)]
     film = (
-        " + ".join(f"{percent(shares[n])} {found.paints[members[n]]}" for n in there)
-        if len(there) > 1
+        " + ".join(f"{percent(shares[n])} {found.paints[members[n]]}" for n in shown)
+        if len(shown) > 1
         else name
     )
     if (contenders.coats[row, paint] > 0).any():
@@ -101,12 +101,12 @@ def _judge(
         kind = "unneeded"
         reason = f"fits as well ({by}) with {percent(shares[0])} of it, but nothing calls for it"
     chance = float(found.paint_probability[row, paint])
-    if kind == "misfit" and shares[0] < 2 * LEAST_SHARE and len(there) > 1:
+    if kind == "misfit" and shares[0] < 2 * LEAST_SHARE and len(shown) > 1:
         reason += f", with as little as {percent(shares[0])} of it"
     if kind == "misfit" and chance >= IMPROBABLE:
         kind = "trace"
         reason = f"{reason}; less than {LEAST_SHARE:.0%} of it stays possible"
-    parts = {found.paints[members[n]]: float(shares[n]) for n in there}
+    parts = {found.paints[members[n]]: float(shares[n]) for n in shown}
     return RuledOut(
         paint=name,
         probability=chance,

@@ -12,7 +12,7 @@ from glazejax.report import plain_table
 
 from ...page.words import chance
 from ..result import Identification
-from .doubts import doubts
+from .ambiguity import describe_ambiguity
 
 COLUMNS = (
     "spectrum",
@@ -43,7 +43,7 @@ def print_identification(found: Identification, console: Console, top: int, deta
     for row in range(min(detailed, len(found))):
         console.print(_table(found, row, top))
         console.print(f"[bold]{_verdict(found, row)}[/bold]")
-        for doubt in doubts(found, row):
+        for doubt in describe_ambiguity(found, row):
             console.print(f"[dim]{doubt}[/dim]")
         console.print()
     for row in range(detailed, len(found)):

@@ -205,10 +205,10 @@ def _count(look: Overview, block: Mapping[str, np.ndarray]) -> None:
     _, first, which = np.unique(key, return_index=True, return_inverse=True)
     for n, at in enumerate(first):
         found = tuple(int(member) for member in members[at] if member >= 0)
-        there = which == n
-        look.sets[found] = look.sets.get(found, 0) + int(there.sum())
-        look.in_two_coats[found] = look.in_two_coats.get(found, 0) + int(stacked[there].sum())
-        look.in_set[list(found)] += int(there.sum())
+        here = which == n
+        look.sets[found] = look.sets.get(found, 0) + int(here.sum())
+        look.in_two_coats[found] = look.in_two_coats.get(found, 0) + int(stacked[here].sum())
+        look.in_set[list(found)] += int(here.sum())
     look.likely += np.sum(np.nan_to_num(block["paint_probability"])[mapped] > 0.5, axis=0)
 
 
@@ -220,11 +220,11 @@ def _parts(look: Overview, block: Mapping[str, np.ndarray]) -> dict[str, np.ndar
     found = {
         f"mean_{name}": square_means(np.where(mapped, block[name], np.nan), step) for name in _MEANS
     }
-    there = mapped & (block["explained"] > 0)
+    here = mapped & (block["explained"] > 0)
     share = np.zeros((*mapped.shape, len(look.paints)), np.float32)
-    ys, xs, places = np.nonzero((block["members"] >= 0) & there[..., None])
+    ys, xs, places = np.nonzero((block["members"] >= 0) & here[..., None])
     share[ys, xs, block["members"][ys, xs, places]] = block["fraction"][ys, xs, places]
-    share[~there] = np.nan
+    share[~here] = np.nan
     # Nothing of a paint is nothing however thick the film is.
     amount = np.where(share == 0, 0.0, share * block["thickness"][..., None])
     found["paint_share"] = square_means(share, coarse)

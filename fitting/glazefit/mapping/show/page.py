@@ -121,7 +121,9 @@ def write_report(
     false = None if cube is None else false_colour(cube, look.step)
     numbers = numbers_of(look)
     paints = [paint_pictures(look, paint) for paint in found_paints(look)]
-    pieces = page(look, tallies, sets, provenance, grid, numbers, paints, false)
+    pieces = page(
+        look, tallies, sets, provenance, grid=grid, numbers=numbers, paints=paints, false=false
+    )
     shown = [piece.encode("utf-8", "xmlcharrefreplace") for piece in pieces]
     (folder / "pictures").mkdir(parents=True, exist_ok=True)
     flat = [*numbers, *(each for both in paints for each in both)]

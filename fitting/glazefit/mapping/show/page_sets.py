@@ -88,8 +88,8 @@ def _paints_html(look: Overview, members: Members) -> str:
     """Paints of a set with the spread of their shares, and how many pixels have them in
     two coats.
     """
-    there = look.where(members)
-    shares = look.examples["fraction"][there]
+    area = look.where(members)
+    shares = look.examples["fraction"][area]
     words = []
     for place, member in enumerate(members):
         known = shares[:, place][np.isfinite(shares[:, place])]
@@ -116,8 +116,8 @@ def _percent(value: float) -> str:
 
 def _numbers(look: Overview, members: Members, sums: Mapping[Members, SetSum]) -> str:
     count = look.sets[members]
-    there = look.where(members)
-    chances = look.examples["probability"][there]
+    area = look.where(members)
+    chances = look.examples["probability"][area]
     known = chances[np.isfinite(chances)]
     chance = chance_html(float(known.mean())) if known.size else "–"
     total, number = sums[members].thickness if members in sums else (0.0, 0)

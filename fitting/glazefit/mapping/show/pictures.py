@@ -109,23 +109,23 @@ def legend_places(look: Overview) -> dict[Members, tuple[float, float]]:
     """
     found = {}
     for members in legend_sets(look):
-        there = look.where(members)
-        if not there.any():
+        area = look.where(members)
+        if not area.any():
             continue
         # Means over squares are dense in the midst of an area, whatever its outline.
-        size = max(3, min(there.shape) // 12) // 2
-        density = np.where(there, _box(there, size) + 1e-3 * _box(there, 3 * size), -1.0)
-        y, x = np.unravel_index(int(density.argmax()), there.shape)
-        found[members] = ((x + 0.5) / there.shape[1], (y + 0.5) / there.shape[0])
+        size = max(3, min(area.shape) // 12) // 2
+        density = np.where(area, _box(area, size) + 1e-3 * _box(area, 3 * size), -1.0)
+        y, x = np.unravel_index(int(density.argmax()), area.shape)
+        found[members] = ((x + 0.5) / area.shape[1], (y + 0.5) / area.shape[0])
     return found
 
 
-def _box(there: Bool[np.ndarray, "rows columns"], half: int) -> Float[np.ndarray, "rows columns"]:
+def _box(area: Bool[np.ndarray, "rows columns"], half: int) -> Float[np.ndarray, "rows columns"]:
     """Share of the square about each pixel."""
-    sums = np.pad(there.astype(float), half + 1).cumsum(axis=0).cumsum(axis=1)[:, :]
+    sums = np.pad(area.astype(float), half + 1).cumsum(axis=0).cumsum(axis=1)[:, :]
     side = 2 * half + 1
     total = sums[side:, side:] - sums[:-side, side:] - sums[side:, :-side] + sums[:-side, :-side]
-    return total[: there.shape[0], : there.shape[1]] / side**2
+    return total[: area.shape[0], : area.shape[1]] / side**2
 
 
 def numbers_of(look: Overview) -> list[MapPicture]:
@@ -410,12 +410,10 @@ def own_colours(look: Overview, most: int = len(LEGEND)) -> list[str]:
     """True colour of the largest sets, the mean over the pixels of each."""
     found = []
     for members in look.ranked[:most]:
-        there = look.where(members)
+        area = look.where(members)
         # Light adds, encoded values do not; the square is near enough to sRGB's curve for a swatch.
         mean = (
-            np.sqrt(np.mean((look.colour[there] / 255.0) ** 2, axis=0))
-            if there.any()
-            else np.ones(3)
+            np.sqrt(np.mean((look.colour[area] / 255.0) ** 2, axis=0)) if area.any() else np.ones(3)
         )
         found.append(hex_colour(mean))
     return found

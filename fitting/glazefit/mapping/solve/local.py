@@ -18,12 +18,12 @@ from jaxtyping import Float, Int
 
 from ...film.colour_metric import reading_metric
 from ...film.model.errors import ModelError
-from ...identify.search.fit import independent, prior_terms
+from ...identify.search.chunk import Chunk
+from ...identify.search.fit import prior_terms
 from ...identify.search.pool import NOBODY, Pool
 from ...identify.search.refine import (
-    Films,
+    CandidateFilms,
     Groups,
-    NuisanceMode,
     by_blocks,
     coefficient_errors,
     coefficient_projection,
@@ -32,6 +32,7 @@ from ...identify.search.refine import (
     slopes_at,
 )
 from ...identify.search.searcher import Searcher
+from ...identify.search.surface import NuisanceMode
 from ...identify.search.task import IdentificationTask, Measured
 from ...identify.search.two_coats import stack_slopes
 from ...identify.search.unstated_conditions import FilmsUnderCondition, films_under
@@ -182,7 +183,7 @@ def as_measured(
     """Spectra as the search takes them, with noise that is known from the whole image: one spectrum
     tells it badly.
     """
-    measured = searcher.check(np.maximum(readings, 0.0), ground)
+    measured = searcher.measure(np.maximum(readings, 0.0), ground)
     return replace(measured, noise_sd=np.asarray(noise_sd, float)[:, None])
 
 
@@ -234,19 +235,20 @@ def _local_models(searcher: Searcher, measured: Measured, pool: Pool, odds: Odds
         "amounts": np.where(pool.members[at] == NOBODY, -np.inf, pool.logs[at]),
         "covariance": pool.covariance[at],
         "seen": _of_length(
-            np.einsum("ncb,nb->nc", metric, read - pool.readings[at]), odds.off.seen[at]
+            np.einsum("ncb,nb->nc", metric, read - pool.readings[at]), odds.misfits.delta_e[at]
         ),
         "seen_by": metric @ (eye - parts["fitted_by"]),
         "left": _of_length(
-            np.einsum("ncb,nb->nc", metric, read - pool.allowed[at]), odds.off.left[at]
+            np.einsum("ncb,nb->nc", metric, read - pool.adjusted[at]),
+            odds.misfits.adjusted_delta_e[at],
         ),
         "left_by": left_by,
-        "shape": odds.off.shape[at],
+        "shape": odds.misfits.residual[at],
         "fitted": pool.readings[at],
     }
     candidates = Local(*(_single(local[f.name]) for f in fields(Local)))
     readings = _single(measured.readings[:, 0])
-    blur = _single(odds.off.blur)
+    blur = _single(odds.misfits.noise_delta_e)
     return Searched(
         readings=readings,
         blur=blur,
@@ -269,7 +271,9 @@ def _density_slopes(
     with np.errstate(invalid="ignore", divide="ignore"):
         slope = (np.log(brighter.slope) - np.log(seen.slope))[:, 0] / _STEP
     # Readings darker than the varnish itself have no film below.
-    return independent(seen.task) * np.where(np.isfinite(slope), slope, 0.0) / slope.shape[-1]
+    return (
+        seen.task.independent_readings * np.where(np.isfinite(slope), slope, 0.0) / slope.shape[-1]
+    )
 
 
 def _single(values: np.ndarray) -> np.ndarray:
@@ -300,14 +304,14 @@ def _linear(
 ) -> dict[str, np.ndarray]:
     """How candidates under one condition move with the readings that were measured."""
     task = seen.task
-    batch = seen.measured
+    chunk = Chunk(task, seen.measured)
     sets = pool.members[row, place][:, :size]
     logs, weighed_logs = (
         np.where(sets == NOBODY, 0.0, part[row, place][:, :size] - np.log(task.prior.thickness))
         for part in (pool.logs, pool.weighed)
     )
     readings = pool.readings[row, place]
-    films = Films(
+    films = CandidateFilms(
         row=row,
         place=place,
         sets=sets,
@@ -317,26 +321,26 @@ def _linear(
         readings=readings,
     )
     if stack:
-        near = own = _stack_slopes(task, batch, pool, films)
-        errors = coefficient_errors(task, batch, row, sets, own)
+        near = own = _stack_slopes(chunk, pool, films)
+        errors = coefficient_errors(chunk, row, sets, own)
         groups = Groups(np.arange(len(row)), row, sets, own)
         weighed_films = films
     else:
         weighed_films, groups, errors = fit_with_errors(
-            task, batch, films, slopes_at(task, batch, films), task.effort.fit_steps
+            chunk, films, slopes_at(chunk, films), task.effort.fit_steps
         )
-        own = slopes_at(task, batch, weighed_films)
-        near = slopes_at(task, batch, replace(films, logs=logs))
+        own = slopes_at(chunk, weighed_films)
+        near = slopes_at(chunk, replace(films, logs=logs))
     # Whitened slopes by the log amounts: k and s grow together with the amount.
     white = errors.basis[groups.of, 0]
     by = (own[:, :size] + own[:, size:]) * (sets != NOBODY)[..., None]
     gradient, prior = _prior_of(task, sets, weighed_films.logs)
-    levers = np.einsum("nib,nmb->nmi", white, by)  # whitened slopes
-    data = levers @ np.swapaxes(levers, 1, 2)
+    whitened_slopes = np.einsum("nib,nmb->nmi", white, by)
+    data = whitened_slopes @ np.swapaxes(whitened_slopes, 1, 2)
     # Gauss-Newton: how the amounts move with the readings, and what of a change they follow.
-    gain = np.linalg.solve(data + _prior_curvature(gradient, prior), levers @ white)
-    moved = np.einsum("nmi,nmb->nib", levers, gain)
-    target = task.target(batch.readings)[row]
+    gain = np.linalg.solve(data + _prior_curvature(gradient, prior), whitened_slopes @ white)
+    moved = np.einsum("nmi,nmb->nib", whitened_slopes, gain)
+    target = chunk.target[row]
     # The readings of a stack's fit that was shown have the surface with them; nothing else was
     # fitted.
     residual = target - (
@@ -349,22 +353,22 @@ def _linear(
         shown = gain
     else:
         # What is shown is fitted with errors of its own: how near it comes to each reading.
-        close = near_errors(task, batch).basis[row, 0]
+        close = near_errors(chunk).basis[row, 0]
         by_near = (near[:, :size] + near[:, size:]) * (sets != NOBODY)[..., None]
         held = _prior_curvature(*_prior_of(task, sets, logs))
         steep = np.einsum("nib,nmb->nmi", close, by_near)
         shown = np.linalg.solve(steep @ np.swapaxes(steep, 1, 2) + held, steep @ close)
         by = by_near
     eye = np.eye(readings.shape[1])
-    nuisance = NuisanceMode.of(task, batch)
+    nuisance = NuisanceMode.of(chunk)
     # How the reading that is shown moves: the body, and the surface that takes what is left.
     body = np.einsum("nma,nmb->nab", by, shown)
     missed = eye - body
     surface = (np.swapaxes(nuisance.shapes, 1, 2) @ nuisance.found)[row]
-    free = coefficient_projection(task, batch, groups)[groups.of]
-    slope = seen.slope.reshape(len(batch), -1)[row]
+    free = coefficient_projection(chunk, groups)[groups.of]
+    slope = seen.slope.reshape(len(chunk), -1)[row]
     d = task.discrepancy
-    numbers = (d.freedom or 0.0, min(independent(task), readings.shape[1]), d.trust)
+    numbers = (d.freedom or 0.0, min(task.independent_readings, readings.shape[1]), d.trust)
     unseen = slope[:, :, None]
     return {
         "opaque": np.full(len(row), seen.opaque),
@@ -420,15 +424,14 @@ def _surface(
 
 
 def _stack_slopes(
-    task: IdentificationTask, batch: Measured, pool: Pool, films: Films
+    chunk: Chunk, pool: Pool, films: CandidateFilms
 ) -> Float[np.ndarray, "films errors readings"]:
     """Slopes of stacks' readings by the log of every paint's k, then s."""
     coats = pool.coats[films.row, films.place][:, : films.sets.shape[1]]
     logs = np.where(films.sets == NOBODY, -np.inf, films.logs)
-    given = (films.sets[:, None], coats[:, None], logs[:, None], batch.grounds[films.row])
-    return np.asarray(stack_slopes(task.paints, *(jnp.asarray(a) for a in given), task.optics))[
-        :, 0
-    ]
+    grounds = chunk.spectra.grounds[films.row]
+    given = (jnp.asarray(a) for a in (films.sets[:, None], coats[:, None], logs[:, None], grounds))
+    return np.asarray(stack_slopes(chunk.task.paints, *given, chunk.task.optics))[:, 0]
 
 
 def check_errors(discrepancy: ModelError) -> None:

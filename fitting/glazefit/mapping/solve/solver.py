@@ -110,7 +110,9 @@ class PixelSolver:
         good = np.flatnonzero(status == Status.MAPPED)
         seen = np.maximum(readings[good], 0.0)
         found, way = self._answers(seen)
-        arrays = self._arrays(window, readings, status, good, seen, found, way)
+        arrays = self._arrays(
+            window, readings=readings, status=status, good=good, seen=seen, found=found, way=way
+        )
         tallies: dict[str, float] = {
             words: float(np.sum(status == s)) for s, words in STATUS_WORDS.items()
         }
@@ -152,7 +154,7 @@ class PixelSolver:
         """Arrays by the names of `layout.VARIABLES`."""
         log_fraction_sd, log_thickness_sd = found.spread()
         fractions = found.fractions
-        there = found.members != NOBODY
+        present = found.members != NOBODY
         thickness = np.where(found.opaque, np.nan, np.exp(found.amounts).sum(axis=1))
         parts = {
             "members": found.members,
@@ -162,8 +164,8 @@ class PixelSolver:
             "none": found.none,
             "explained": found.explained,
             "paint_probability": found.paint_probability,
-            "fraction": np.where(there, fractions, np.nan),
-            "fraction_sd": np.where(there, np.minimum(fractions * log_fraction_sd, 0.3), np.nan),
+            "fraction": np.where(present, fractions, np.nan),
+            "fraction_sd": np.where(present, np.minimum(fractions * log_fraction_sd, 0.3), np.nan),
             "thickness": thickness,
             "thickness_sd": thickness * log_thickness_sd,
             "misfit": found.misfit,

@@ -9,7 +9,7 @@ from jaxtyping import Float, Int
 
 from glazejax.radiative.common.threads import in_threads
 
-# Readings vary by this share where paints do (`film.model.errors.BETWEEN_FILMS`), and near black
+# Readings vary by this share where paints do (`ModelError.between_films`), and near black
 # by this.
 _SHARE = 0.03
 _BLACK = 0.03
@@ -137,6 +137,6 @@ def _group_means(
 ) -> Float[np.ndarray, "groups n"]:
     """Means of the spectra of each number that occurs."""
     count = np.bincount(which)
-    there = count > 0
+    occupied = count > 0
     sums = np.stack([np.bincount(which, weights=column) for column in values.T], axis=1)
-    return sums[there] / count[there, None]
+    return sums[occupied] / count[occupied, None]

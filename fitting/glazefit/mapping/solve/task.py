@@ -5,18 +5,19 @@ map depends on.
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Unpack
 
 import numpy as np
 from jaxtyping import ArrayLike, Bool, Float
 
-from glazejax.geometry import Geometry, Instrument, resolve_instrument
+from glazejax.geometry import resolve_instrument
 from glazejax.spectra import describe_grid
 
 from ...film.films import Noise
-from ...film.model.errors import BETWEEN_FILMS, ModelError, Prior
+from ...film.model.errors import ModelError, Prior
 from ...film.model.mixing import Pigments, listed_pigments
-from ...identify.search.searcher import IdentificationOptions, Searcher
+from ...identify.search.options import IdentificationOptions, SearchKeywords, check_keywords
+from ...identify.search.searcher import Searcher
 from .local import check_errors
 from .solver import Image
 from .spots import spot_pigment
@@ -67,12 +68,7 @@ def map_task(
     opaque: bool = False,
     mask: Bool[np.ndarray, "y x"] | str | Path | None = None,
     spots: Mapping[str, Float[np.ndarray, "bands"]] | None = None,
-    instrument: Instrument | Geometry | str | None = None,
-    noise: Noise | None = None,
-    discrepancy: ModelError | None = None,
-    prior: Prior | None = None,
-    max_paints: int = 3,
-    max_coats: int = 1,
+    **search: Unpack[SearchKeywords],
 ) -> MapTask:
     """Options of `glazefit.map_cube`, checked; nothing of the image is read but what it is.
 
@@ -81,6 +77,8 @@ def map_task(
     """
     from glazejax.io import CubeSource, read_mask
 
+    check_keywords("map_task", search, SearchKeywords)
+    chosen = IdentificationOptions(**search)
     if (ground is None) != opaque:
         raise ValueError(
             "opaque films show no ground: leave out ground, or leave out opaque"
@@ -98,9 +96,10 @@ def map_task(
         raise ValueError(f"the mask has {_pixels(np.shape(use))}, the image {_pixels(shape)}")
     use = None if use is None else np.asarray(use, bool)
     # What is expected, with paints taken from spots beside those of the catalogue.
-    seen_by = resolve_instrument(instrument)
-    expected = prior or Prior()
-    errors = discrepancy or BETWEEN_FILMS
+    seen_by = resolve_instrument(chosen.instrument)
+    expected = chosen.prior or Prior()
+    errors = chosen.discrepancy or ModelError.between_films()
+    noise = chosen.noise
     check_errors(errors)
     given = listed_pigments(pigments)
     known = given + [
@@ -112,13 +111,7 @@ def map_task(
     searcher = Searcher.of(
         bands.wavelengths,
         known,
-        IdentificationOptions(
-            instrument=seen_by,
-            discrepancy=errors,
-            prior=expected,
-            max_paints=max_paints,
-            max_coats=max_coats,
-        ),
+        replace(chosen, instrument=seen_by, discrepancy=errors, prior=expected, noise=None),
         opaque=opaque,
     )
     below = None if ground is None else _ground(ground, bands, stored)
@@ -134,8 +127,8 @@ def map_task(
         "noise": None if noise is None else [noise.floor, noise.share],
         "discrepancy": asdict(errors),
         "prior": asdict(expected),
-        "max_paints": max_paints,
-        "max_coats": max_coats,
+        "max_paints": chosen.max_paints,
+        "max_coats": chosen.max_coats,
     }
     coords = {
         axis: (np.asarray(array[axis]), dict(array[axis].attrs))

@@ -8,7 +8,7 @@ from jaxtyping import Bool, Float, Int
 from ...film.model.errors import Prior
 from ...identify.result import log_sds
 from ...identify.search.pool import NOBODY, Pool
-from ...identify.search.weigh import Misfit, Smaller, odds_alike, smaller_sets
+from ...identify.search.weigh import Misfits, Smaller, odds_of_shared_candidates, smaller_sets
 from .local import Local, Searched
 
 # Log amounts are not moved farther: a paint that does next to nothing would go anywhere.
@@ -121,8 +121,13 @@ class Updater:
             np.linalg.norm(local.left + left, axis=-1),
         )
         shape = np.broadcast_to(local.shape, weight.shape)
-        far = Misfit(*distance, shape, np.full(len(moved), self.blur))
-        odds = odds_alike(weight, far, self.order, self.prior)
+        misfits = Misfits(
+            delta_e=distance[0],
+            adjusted_delta_e=distance[1],
+            residual=shape,
+            noise_delta_e=np.full(len(moved), self.blur),
+        )
+        odds = odds_of_shared_candidates(weight, misfits, self.order, self.prior)
         # Candidates that were left out keep their share.
         total = odds.candidates.sum(axis=1) / (1.0 - self.rest) + odds.none
         first = np.argmax(odds.candidates, axis=1)
@@ -164,7 +169,7 @@ def _order(local: Local) -> list[Smaller]:
         covariance=local.covariance[None],
         log_weight=local.log_weight[None],
         readings=nothing,
-        allowed=nothing,
+        adjusted=nothing,
         gloss=local.log_weight[None],
         condition=local.condition[None],
     )

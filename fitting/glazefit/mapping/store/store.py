@@ -100,20 +100,28 @@ class MapStore:
         wanted = plain(whole)
         check_map(path, overwrite=overwrite)
         if path.exists() and any(path.iterdir()) and not overwrite:
-            there = cls(path)
-            if differences := _differences(there.options, wanted):
+            existing = cls(path)
+            if differences := _differences(existing.options, wanted):
                 raise ValueError(
                     f"{path} was begun with other options ({differences}); name another map, or "
                     "replace it with overwrite=True (--overwrite)"
                 )
-            return there
+            return existing
         new = path.with_name(f".{path.name}.new")
         old = path.with_name(f".{path.name}.old")
         for left in (new, old):
             shutil.rmtree(left, ignore_errors=True)
         with explain_full_disk(path, lambda: "nothing of the map was begun"):
             try:
-                lay_out(new, shape, chunk, paints, wanted, attrs or {}, coords or {})
+                lay_out(
+                    new,
+                    shape=shape,
+                    chunk=chunk,
+                    paints=paints,
+                    options=wanted,
+                    attrs=attrs or {},
+                    coords=coords or {},
+                )
                 if path.exists():
                     path.replace(old)
                 new.replace(path)
@@ -322,33 +330,37 @@ def _attributes(path: Path) -> dict[str, Any] | None:
         return None
 
 
-def _differences(there: Mapping[str, Any], wanted: Mapping[str, Any], limit: int = 3) -> str:
+def _differences(existing: Mapping[str, Any], wanted: Mapping[str, Any], limit: int = 3) -> str:
     """In words, how options differ; empty if they do not."""
     names = [
-        name for name in dict.fromkeys([*there, *wanted]) if there.get(name) != wanted.get(name)
+        name
+        for name in dict.fromkeys([*existing, *wanted])
+        if existing.get(name) != wanted.get(name)
     ]
-    words = [_difference(name, there.get(name), wanted.get(name)) for name in names[:limit]]
+    words = [_difference(name, existing.get(name), wanted.get(name)) for name in names[:limit]]
     return "; ".join([*words, *([f"{len(names) - limit} more"] if len(names) > limit else [])])
 
 
-def _difference(name: str, there: Any, wanted: Any) -> str:
+def _difference(name: str, existing: Any, wanted: Any) -> str:
     """How one option differs: both values if they are short, or the parts in which they do."""
-    if isinstance(there, Mapping) and isinstance(wanted, Mapping):
+    if isinstance(existing, Mapping) and isinstance(wanted, Mapping):
         parts = [
-            part for part in dict.fromkeys([*there, *wanted]) if there.get(part) != wanted.get(part)
+            part
+            for part in dict.fromkeys([*existing, *wanted])
+            if existing.get(part) != wanted.get(part)
         ]
         words = [
             f"{part} is "
-            f"{'new' if part not in there else 'gone' if part not in wanted else 'another'}"
+            f"{'new' if part not in existing else 'gone' if part not in wanted else 'another'}"
             for part in parts[:3]
         ]
         return (
             f"{name}: "
             f"{', '.join([*words, *([f'{len(parts) - 3} more'] if len(parts) > 3 else [])])}"
         )
-    if any(isinstance(value, list) and len(value) > 4 for value in (there, wanted)):
-        return f"{name}: {_size(there)} there, {_size(wanted)} now"
-    return f"{name}: {_short(there)} there, {_short(wanted)} now"
+    if any(isinstance(value, list) and len(value) > 4 for value in (existing, wanted)):
+        return f"{name}: {_size(existing)} there, {_size(wanted)} now"
+    return f"{name}: {_short(existing)} there, {_short(wanted)} now"
 
 
 def _size(value: Any) -> str:

@@ -201,9 +201,9 @@ def _round_coats(
         for n in (low, high)
         if span[0] - slack <= n * THICKNESS_STEP <= span[1] + slack
     }
-    there = np.flatnonzero(coat > 0)
-    main = there[np.argmax(coat[there])]
-    others = [paint for paint in there if paint != main]
+    present = np.flatnonzero(coat > 0)
+    main = present[np.argmax(coat[present])]
+    others = [paint for paint in present if paint != main]
     for size in sorted(round_sizes) or [total]:
         ends = [
             (np.floor(coat[p] / total / SHARE_STEP), np.ceil(coat[p] / total / SHARE_STEP))

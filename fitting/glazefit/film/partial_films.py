@@ -115,8 +115,8 @@ def _films(
     seen = []
     assumed = []
     for found in rows.values():
-        there = ["ob" in found or "opaque" in found, "ow" in found]
-        seen.append(there)
+        has_reading = ["ob" in found or "opaque" in found, "ow" in found]
+        seen.append(has_reading)
         over = [found.get(end, found.get(other)) for end, other in (("ob", "ow"), ("ow", "ob"))]
         for what, row in zip(SPECTRA[2:], over, strict=True):
             row = found["opaque"] if row is None else row

@@ -12,7 +12,11 @@ from glazefit.identify.result import STRENGTH, Identification
 from glazefit.identify.search.pool import NOBODY
 from glazefit.identify.search.searcher import check_spectra
 from glazefit.identify.search.unstated_conditions import CONDITIONS
-from glazefit.identify.show.doubts import doubts, may_hold, rests_on
+from glazefit.identify.show.ambiguity import (
+    describe_ambiguity,
+    evidence_relied_on,
+    possible_additions,
+)
 
 GRID = np.arange(400.0, 701.0, 10.0)
 PAINTS = ("ZincWhite", "LeadWhite", "CobaltBlue", "BariumSulphate")
@@ -65,10 +69,10 @@ def test_what_the_film_may_hold_too_is_the_end_of_its_interval():
     found = answer([FIRST, (("CobaltBlue", "BariumSulphate"), [0.9, 0.1], 0.1, 0, CURVE)])
     # Log odds of .1 with independent errors of both logs, .2 each, and of both paints' strength.
     odds = np.log(0.1 / 0.9) + 1.6448536 * np.sqrt(2 * (0.04 + STRENGTH**2))
-    assert may_hold(found, 0) == pytest.approx(
+    assert possible_additions(found, 0) == pytest.approx(
         {"BariumSulphate": 1 / (1 + np.exp(-odds))}, rel=1e-6
     )
-    assert "It may also hold up to 22 % BariumSulphate." in doubts(found, 0)
+    assert "It may also hold up to 22 % BariumSulphate." in describe_ambiguity(found, 0)
 
 
 @pytest.mark.parametrize(
@@ -82,7 +86,7 @@ def test_what_the_film_may_hold_too_is_the_end_of_its_interval():
     ],
 )
 def test_other_films_do_not_say_what_this_one_may_hold(other):
-    assert may_hold(answer([FIRST, other]), 0) == {}
+    assert possible_additions(answer([FIRST, other]), 0) == {}
 
 
 @pytest.mark.parametrize(
@@ -92,13 +96,15 @@ def test_other_films_do_not_say_what_this_one_may_hold(other):
 def test_an_answer_that_rests_on_how_the_film_lies_says_so(condition, words):
     far = off_at(slice(None), 0.02)
     found = answer([FIRST, (("LeadWhite",), [1.0], 0.15, condition, far)])
-    (said,) = rests_on(found, 0)
+    (said,) = evidence_relied_on(found, 0)
     assert words in said
     assert f"{CONDITIONS[condition].words} it is LeadWhite (15%)" in said
     # Of the same pigment nothing rests on it; nor where the other is improbable.
     same = (("CobaltBlue",), [1.0], 0.15, condition, far)
-    assert rests_on(answer([FIRST, same]), 0) == []
-    assert rests_on(answer([FIRST, (("LeadWhite",), [1.0], 0.05, condition, far)]), 0) == []
+    assert evidence_relied_on(answer([FIRST, same]), 0) == []
+    assert (
+        evidence_relied_on(answer([FIRST, (("LeadWhite",), [1.0], 0.05, condition, far)]), 0) == []
+    )
 
 
 @pytest.mark.parametrize(
@@ -114,21 +120,24 @@ def test_an_answer_that_rests_on_an_end_of_the_spectrum_says_so(bands, words):
     other = own.copy()
     other[bands] += 0.03
     found = answer([(*FIRST[:4], own), (("LeadWhite",), [1.0], 0.1, 0, other)])
-    (said,) = rests_on(found, 0)
+    (said,) = evidence_relied_on(found, 0)
     assert words in said
     assert "elsewhere LeadWhite fits as well" in said
     # Off in the middle too: the answer does not rest on the end.
     other[12:15] += 0.03
-    assert rests_on(answer([(*FIRST[:4], own), (("LeadWhite",), [1.0], 0.1, 0, other)]), 0) == []
+    assert (
+        evidence_relied_on(answer([(*FIRST[:4], own), (("LeadWhite",), [1.0], 0.1, 0, other)]), 0)
+        == []
+    )
 
 
 def test_two_names_of_one_pigment_are_no_doubt():
     own, other = off_at(slice(10, 20), 0.004), off_at(slice(-3, None), 0.03)
     found = answer([(*FIRST[:4], own), (("CobaltBlue",), [1.0], 0.1, 0, other)])
-    assert rests_on(found, 0) == []
+    assert evidence_relied_on(found, 0) == []
 
 
 def test_what_nothing_explains_has_no_such_doubts():
     found = answer([FIRST, (("CobaltBlue", "BariumSulphate"), [0.9, 0.1], 0.1, 0, CURVE)])
     nothing = dataclasses.replace(found, none=np.array([0.9]))
-    assert not any("may also hold" in words for words in doubts(nothing, 0))
+    assert not any("may also hold" in words for words in describe_ambiguity(nothing, 0))

@@ -6,7 +6,7 @@ import numpy as np
 
 from glazejax.catalogue import family
 
-from ...film.model.errors import BETWEEN_FILMS
+from ...film.model.errors import ModelError
 from ..result import Candidate, Identification, percent
 
 _TENTH = 10
@@ -22,22 +22,22 @@ _TRACE = 0.01
 _RIVAL = 0.1
 
 
-def doubts(found: Identification, row: int) -> list[str]:
+def describe_ambiguity(found: Identification, row: int) -> list[str]:
     """Sentences on what the spectrum does not tell, and on what the answer rests; none where
     nothing explains it.
     """
     if not found.explained[row]:
-        return [settled] if (settled := doubtful(found, row)) else []
+        return [settled] if (settled := describe_undecided(found, row)) else []
     said = (
-        untold(found, row),
-        hidden_paints(found, row),
-        doubtful(found, row),
-        *rests_on(found, row),
+        describe_indistinguishable(found, row),
+        describe_additions(found, row),
+        describe_undecided(found, row),
+        *evidence_relied_on(found, row),
     )
     return [words for words in said if words]
 
 
-def untold(found: Identification, row: int) -> str:
+def describe_indistinguishable(found: Identification, row: int) -> str:
     """Paints of the first film that the spectrum does not tell from others, in words; empty if
     there are none.
     """
@@ -45,7 +45,9 @@ def untold(found: Identification, row: int) -> str:
     return f"This spectrum does not tell: {'; '.join(pairs)}." if pairs else ""
 
 
-def doubtful(found: Identification, row: int, least: float = 0.05, most: float = 0.95) -> str:
+def describe_undecided(
+    found: Identification, row: int, least: float = 0.05, most: float = 0.95
+) -> str:
     """Paints that may or may not be in the film, in words; empty if there are none."""
     chances = found.paint_probability[row]
     open_ = [i for i in np.argsort(-chances) if least < chances[i] < most]
@@ -58,11 +60,11 @@ def doubtful(found: Identification, row: int, least: float = 0.05, most: float =
     )
 
 
-def hidden_paints(found: Identification, row: int) -> str:
+def describe_additions(found: Identification, row: int) -> str:
     """What the film may hold beside the paints of the first candidate, in words; empty if nothing
     is known of that.
     """
-    shares = sorted(may_hold(found, row).items(), key=lambda pair: -pair[1])
+    shares = sorted(possible_additions(found, row).items(), key=lambda pair: -pair[1])
     parts = [f"{percent(most)} {paint}" for paint, most in shares if most >= _TRACE]
     traces = [paint for paint, most in shares if most < _TRACE]
     said = []
@@ -75,7 +77,7 @@ def hidden_paints(found: Identification, row: int) -> str:
     return f"It may also hold{', or'.join(said)}." if said else ""
 
 
-def may_hold(found: Identification, row: int) -> dict[str, float]:
+def possible_additions(found: Identification, row: int) -> dict[str, float]:
     """Paints that the first candidate has not -> the largest fraction of each that the spectrum
     allows beside it.
 
@@ -100,7 +102,7 @@ def may_hold(found: Identification, row: int) -> dict[str, float]:
     return out
 
 
-def rests_on(found: Identification, row: int) -> list[str]:
+def evidence_relied_on(found: Identification, row: int) -> list[str]:
     """What decides between the first candidate and other pigments, where it is the ground, a
     varnish or an end.
     """
@@ -111,14 +113,21 @@ def rests_on(found: Identification, row: int) -> list[str]:
         for c in ranked[1:]
         if _pigments(c) != _pigments(first) and c.probability >= _LEAST * first.probability
     ]
-    return [words for words in (_lies(first, rivals), *_ends(found, row, ranked, first)) if words]
+    return [
+        words
+        for words in (
+            _relies_on_condition(first, rivals),
+            *_relies_on_spectrum_ends(found, row, ranked, first),
+        )
+        if words
+    ]
 
 
 def _pigments(candidate: Candidate) -> frozenset[str]:
     return frozenset(family(paint) for paint in candidate.paints)
 
 
-def _lies(first: Candidate, rivals: list[Candidate]) -> str:
+def _relies_on_condition(first: Candidate, rivals: list[Candidate]) -> str:
     """Whether the answer rests on how the film lies: on its ground, or on a varnish."""
     other = next((c for c in rivals if c.condition != first.condition), None)
     if other is None or other.probability < _RIVAL * first.probability:
@@ -128,7 +137,9 @@ def _lies(first: Candidate, rivals: list[Candidate]) -> str:
     return f"The answer rests on the {what}: {ways[0]}, {ways[1]} ({other.probability:.0%})."
 
 
-def _ends(found: Identification, row: int, ranked: list[Candidate], first: Candidate) -> list[str]:
+def _relies_on_spectrum_ends(
+    found: Identification, row: int, ranked: list[Candidate], first: Candidate
+) -> list[str]:
     """Whether the first fits better than other pigments by the first or the last tenth of the
     spectrum alone.
     """
@@ -137,10 +148,8 @@ def _ends(found: Identification, row: int, ranked: list[Candidate], first: Candi
     size = max(1, grid.size // _TENTH)
     if grid.size < _TENTH:
         return []
-    sd = np.hypot(
-        measured.noise_sd[row],
-        BETWEEN_FILMS.amplitude + BETWEEN_FILMS.share * measured.readings[row],
-    )
+    usual = ModelError.between_films()
+    sd = np.hypot(measured.noise_sd[row], usual.amplitude + usual.share * measured.readings[row])
 
     def misses(candidate: Candidate) -> np.ndarray:
         """Squared residual of each band, in units of what is expected."""

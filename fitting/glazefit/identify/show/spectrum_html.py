@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 
-from ...film.model.errors import REJECTED
 from ...page.frame import table_html
 from ...page.words import chance_html, words_html
 from ..result import percent
+from ..search.weigh import REJECTED
 from .figures import FITS, draw_residuals, draw_spectra
 from .terminal import micrometres
 

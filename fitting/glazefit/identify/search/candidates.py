@@ -1,0 +1,43 @@
+"""Candidates of spectra: sets from the screen, ranked, the best refined, read as they are seen."""
+
+import numpy as np
+from jaxtyping import Int
+
+from glazejax.radiative.common.threads import in_threads
+
+from .chunk import Chunk
+from .fit import rank
+from .pool import Pool
+from .refine import refine
+from .screen import SetStarts
+from .surface import with_surface
+from .task import IdentificationTask, Measured
+from .two_coats import search_two_coats
+
+CHUNK = 64
+"""Spectra that are fitted at a time."""
+
+
+def find_candidates(task: IdentificationTask, measured: Measured, starts: SetStarts) -> Pool:
+    """Fitted candidates of spectra; `CHUNK` at a time, a few of these side by side."""
+
+    def fit(rows: Int[np.ndarray, "rows"]) -> Pool:
+        # Few sizes, so that little is compiled.
+        padded = np.resize(rows, padded_size(len(rows)))
+        real = np.arange(len(rows))
+        filled_up = Chunk(task, measured.take(padded))
+        chunk = filled_up.take(real)
+        ranked = rank(filled_up, starts.take(padded))
+        pool = refine(chunk, ranked.of(real))
+        if task.max_coats == 2 and task.max_paints > 1 and task.paint_count > 1:
+            pool = pool.of(np.resize(real, len(padded)))
+            pool = search_two_coats(filled_up, pool, ranked).of(real)
+        return with_surface(chunk, pool)
+
+    chunks = np.split(np.arange(len(measured)), range(CHUNK, len(measured), CHUNK))
+    return Pool.join(in_threads(fit, chunks))
+
+
+def padded_size(count: int) -> int:
+    """Spectra that so many are fitted as: 16, or whole chunks."""
+    return 16 if count <= 16 else CHUNK * -(-count // CHUNK)

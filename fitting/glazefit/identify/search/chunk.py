@@ -1,0 +1,102 @@
+"""Spectra that are fitted together, and what is the same for all candidates of each: its errors."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from ...film.model.errors import model_covariance, noise_covariance
+from .task import TYPICAL_READING, IdentificationTask, Measured
+
+# What counts as near when amounts are shown: near black, and for each unit of reflectance.
+_NEAR_BLACK = 0.005
+_NEAR_SHARE = 0.02
+# Error while candidates are looked for, at a reading of 0 over that at a middling one.
+_DARK = 0.1
+
+
+@dataclass(frozen=True)
+class Chunk:
+    """Some spectra as fits take them: what they are to meet, and how well.
+
+    Covariances are (spectra, readings, readings), readings over all grounds in one row. They are
+    worked out anew where they are asked for: kept, they would be what takes most memory.
+    """
+
+    task: IdentificationTask
+    spectra: Measured
+
+    def __len__(self) -> int:
+        return len(self.spectra)
+
+    def take(self, rows: Int[np.ndarray, "rows"]) -> "Chunk":
+        """Some of the spectra, by number."""
+        return Chunk(self.task, self.spectra.take(rows))
+
+    @cached_property
+    def target(self) -> Float[np.ndarray, "spectra readings"]:
+        """Readings without the mean surface: what a candidate's film is to meet."""
+        return self.spectra.flat - self.task.mean_surface
+
+    @cached_property
+    def expectation(self) -> tuple[Float[np.ndarray, "spectra"], ...]:
+        """What is expected of each film, and how its misfit counts: the last four of `Weights`."""
+        prior = self.task.prior
+        freedom = self.task.discrepancy.freedom or 0.0
+        independent = min(self.task.independent_readings, self.target.shape[1])
+        numbers = (prior.spread, prior.concentration_sought, freedom, independent)
+        return tuple(np.full(len(self), float(number)) for number in numbers)
+
+    @cached_property
+    def tolerance(self) -> Float[np.ndarray, "spectra grounds bands"]:
+        """What counts as near to each reading when amounts and gloss are shown."""
+        return tolerance(self.spectra)
+
+    @property
+    def noise_covariance(self) -> Float[np.ndarray, "spectra readings readings"]:
+        """Covariance of noise, of the surface's reflection and of what else is in doubt."""
+        return self._with_doubt(self.spectra.noise_sd)
+
+    @property
+    def tolerance_covariance(self) -> Float[np.ndarray, "spectra readings readings"]:
+        """`noise_covariance` with the tolerance in place of noise: errors that are not alike at
+        neighbouring bands, since amounts that are shown leave no smooth error to the paints.
+        """
+        return self._with_doubt(self.tolerance)
+
+    @property
+    def noiseless_covariance(self) -> Float[np.ndarray, "spectra readings readings"]:
+        """Covariance of the surface's reflection and of what else is in doubt, noise aside."""
+        return self._with_doubt(np.zeros_like(self.spectra.noise_sd))
+
+    def _with_doubt(
+        self, noise_sd: Float[np.ndarray, "spectra grounds bands"]
+    ) -> Float[np.ndarray, "spectra readings readings"]:
+        doubt = self.spectra.doubt.reshape(*self.spectra.doubt.shape[:2], self.target.shape[1])
+        noise = noise_covariance(noise_sd, self.task.surface, self.task.discrepancy)
+        return noise + np.swapaxes(doubt, 1, 2) @ doubt
+
+    @property
+    def smooth_covariance(self) -> Float[np.ndarray, "spectra readings readings"]:
+        """Covariance of the model's own smooth error, paints' coefficients aside."""
+        d = self.task.discrepancy
+        return self._smooth(d.amplitude + d.share * self.spectra.flat)
+
+    @property
+    def ranking_covariance(self) -> Float[np.ndarray, "spectra readings readings"]:
+        """Covariance of one smooth error that stands for all while candidates are looked for."""
+        # Smaller on dark films, whose readings differ by little.
+        dark = _DARK + self.spectra.flat / TYPICAL_READING
+        return self._smooth(self.task.discrepancy.screening * dark)
+
+    def _smooth(
+        self, amplitude: Float[np.ndarray, "spectra readings"]
+    ) -> Float[np.ndarray, "spectra readings readings"]:
+        grounds = self.spectra.readings.shape[1]
+        return model_covariance(self.task.wavelengths, grounds, self.task.discrepancy, amplitude)
+
+
+def tolerance(measured: Measured) -> Float[np.ndarray, "spectra grounds bands"]:
+    """What counts as near to each reading when amounts and gloss are shown."""
+    return np.hypot(measured.noise_sd, _NEAR_BLACK + _NEAR_SHARE * measured.readings)

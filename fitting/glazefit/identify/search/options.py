@@ -1,0 +1,71 @@
+"""How films are identified: options that `identify`, its siblings and a map share."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, TypedDict
+
+from glazejax.geometry import Geometry
+
+from ...film.films import Instrument, Noise
+from ...film.model.errors import ModelError, Prior
+
+
+class SearchKeywords(TypedDict, total=False):
+    """Fields of `IdentificationOptions` that a map of paints takes too."""
+
+    instrument: Instrument | Geometry | str | None
+    noise: Noise | None
+    discrepancy: ModelError | None
+    prior: Prior | None
+    max_paints: int
+    max_coats: int
+
+
+class IdentificationKeywords(SearchKeywords, total=False):
+    """The fields of `IdentificationOptions`, as arguments of the functions that identify."""
+
+    keep: int
+    thorough: bool
+
+
+@dataclass(frozen=True, kw_only=True)
+class IdentificationOptions:
+    """How films are identified.
+
+    Attributes:
+        instrument: a `glazejax.Instrument`, a geometry, or words such as "45:0" for one without a
+            sphere; by default d:8 with the specular part, index 1.5.
+        noise: of a reading; where the spectra themselves are rougher, their roughness counts.
+        discrepancy: of the model; by default `ModelError.between_films()`.
+        prior: what is expected beforehand.
+        max_paints: largest set, 1 to 3.
+        max_coats: 2 tries the best sets as two coats too, in both orders.
+        keep: candidates kept for each spectrum.
+        thorough: fit every pair, and give every set errors of its own: some four times as long for
+            the same first answer in most cases.
+    """
+
+    instrument: Instrument | Geometry | str | None = None
+    noise: Noise | None = None
+    discrepancy: ModelError | None = None
+    prior: Prior | None = None
+    max_paints: int = 3
+    max_coats: int = 1
+    keep: int = 20
+    thorough: bool = False
+
+
+def check_keywords(function: str, given: Mapping[str, Any], known: type) -> None:
+    """Refuse keywords that a function does not take, as Python itself does.
+
+    Args:
+        function: its name.
+        given: its keywords.
+        known: the typed dictionary of those that it takes.
+
+    Raises:
+        TypeError: one that is not among them.
+    """
+    for name in given:
+        if name not in known.__optional_keys__:  # pyright: ignore[reportAttributeAccessIssue]
+            raise TypeError(f"{function}() got an unexpected keyword argument {name!r}")

@@ -1,0 +1,58 @@
+"""Readings of candidates as they are seen: with what the surface adds, and amounts in metres."""
+
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+from .chunk import Chunk
+from .pool import Pool
+
+
+def with_surface(chunk: Chunk, pool: Pool) -> Pool:
+    """The pool with readings as they are seen, and amounts in metres.
+
+    The surface's share, and what else is in doubt, is what each candidate's residual speaks for.
+    """
+    task = chunk.task
+    d = task.discrepancy
+    nuisance = NuisanceMode.of(chunk)
+    off = chunk.target[:, None] - pool.readings
+    found = nuisance.found @ np.swapaxes(off, 1, 2)
+    gloss = np.maximum(d.gloss + d.gloss_sd * found[:, 0], 0.0)
+    seen = pool.readings + gloss[..., None] * task.surface
+    seen = seen + np.swapaxes(found[:, 1:], 1, 2) @ nuisance.shapes[:, 1:]
+    moved = pool.adjusted + d.gloss * task.surface
+    lengths = {
+        name: getattr(pool, name) + np.log(task.prior.thickness) for name in ("logs", "weighed")
+    }
+    return replace(pool, readings=seen, adjusted=moved, gloss=gloss, **lengths)
+
+
+class NuisanceMode(NamedTuple):
+    """What moves all bands of a reading together: the surface, and what else is in doubt.
+
+    Attributes:
+        shapes: what each does per standard deviation.
+        found: how much of each a residual speaks for, shapes by readings.
+    """
+
+    shapes: Float[np.ndarray, "spectra shapes readings"]
+    found: Float[np.ndarray, "spectra shapes readings"]
+
+    @classmethod
+    def of(cls, chunk: Chunk) -> "NuisanceMode":
+        """Ridge regression on the shapes: unit sd beforehand, errors that are not alike at
+        neighbouring bands.
+        """
+        count, readings = chunk.target.shape
+        doubt = chunk.spectra.doubt
+        surface = chunk.task.discrepancy.gloss_sd * chunk.task.surface
+        shapes = np.concatenate(
+            [np.full((count, 1, readings), surface), doubt.reshape(*doubt.shape[:2], readings)],
+            axis=1,
+        )
+        precise = shapes / chunk.tolerance.reshape(count, 1, -1) ** 2
+        normal = precise @ np.swapaxes(shapes, 1, 2) + np.eye(shapes.shape[1])
+        return cls(shapes, np.linalg.solve(normal, precise))
