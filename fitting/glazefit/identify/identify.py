@@ -18,8 +18,9 @@ from glazejax.former_names import accept_former_grounds, accept_former_keywords
 from glazejax.geometry import Geometry, resolve_instrument
 
 from ..film.films import Films, Noise, cards
-from ..film.model.mixing import Pigments
+from ..film.model.mixing import Pigments, listed_pigments
 from ..film.model.response import film_response
+from .families.identify_pigments import has_families, identify_families
 from .result import Identification
 from .search.options import IdentificationKeywords, IdentificationOptions, check_keywords
 from .search.searcher import Searcher
@@ -48,6 +49,17 @@ def identify_chunks(
             if opaque
             else "what is under the paint? Give ground, its internal reflectance such as 0.9, or "
             "opaque=True for films that hide it"
+        )
+    known = listed_pigments(pigments)
+    if has_families(known) and not options.own_films:
+        yield from identify_families(
+            wavelengths, spectra, known, options, ground=ground, opaque=opaque, names=names
+        )
+        return
+    if options.elements or options.without_elements or options.painted is not None:
+        raise ValueError(
+            "elements and years are weighed where families of pigments are sought: use "
+            "catalogue.load('pigments') (--catalogue pigments)"
         )
     searcher = Searcher.of(wavelengths, pigments, options, opaque=opaque)
     measured = searcher.measure(spectra, ground, names)
@@ -94,7 +106,11 @@ def identify(
         opaque: the films hide their ground; their thickness is then unknown.
         names: of the spectra.
         options: the fields of `IdentificationOptions`: instrument, noise, discrepancy, prior,
-            max_paints, max_coats, keep, thorough.
+            max_paints, max_coats, keep, thorough, own_films, elements, without_elements, painted.
+
+    Pigments that have a family and a source, as ``catalogue.load("pigments")`` gives them, are
+    sought by family: which pigment it is in anybody's paint, ``families(row)``, with the exemplars
+    that look most like it as candidates. ``own_films=True`` seeks them as paints.
 
     Returns:
         `Identification`; ``ranked(row)`` lists the explanations of a spectrum, ``none[row]`` is the

@@ -11,6 +11,7 @@ from scipy.special import expit
 from glazejax.catalogue import family
 
 from ..film.model.variation import MIXED, PRIOR, SIZES
+from .families.groups import FamilySet
 from .search.pool import NOBODY, Pool
 from .search.task import Measured
 from .search.unstated_conditions import CONDITIONS
@@ -144,6 +145,8 @@ class Identification:
         condition: under which each was sought, a number of
             `search.unstated_conditions.CONDITIONS`; 0 is what was told.
         opaque: whether the films were said to hide their ground.
+        family_sets: of each spectrum, sets of pigment families, best first, where families were
+            sought; empty where paints were.
     """
 
     measured: Measured
@@ -161,6 +164,7 @@ class Identification:
     fitted: Float[np.ndarray, "spectra candidates grounds bands"]
     condition: Int[np.ndarray, "spectra candidates"]
     opaque: bool
+    family_sets: tuple[tuple[FamilySet, ...], ...] = ()
 
     def __len__(self) -> int:
         return len(self.measured)
@@ -235,13 +239,15 @@ class Identification:
 
     @cached_property
     def rmse(self) -> Float[np.ndarray, "spectra candidates"]:
-        """Root mean square of the residual."""
-        return np.sqrt(np.mean(self.residual**2, axis=(-1, -2)))
+        """Root mean square of the residual, over the bands at which a candidate is known."""
+        return np.sqrt(np.nanmean(self.residual**2, axis=(-1, -2)))
 
     @cached_property
     def angle(self) -> Float[np.ndarray, "spectra candidates"]:
         """Largest spectral angle over the grounds, degrees."""
-        return spectral_angle(self.measured.readings[:, None], self.fitted).max(axis=-1)
+        known = np.isfinite(self.fitted)
+        measured = np.where(known, self.measured.readings[:, None], 0.0)
+        return spectral_angle(measured, np.where(known, self.fitted, 0.0)).max(axis=-1)
 
     @cached_property
     def delta_e(self) -> Float[np.ndarray, "spectra candidates"]:
@@ -297,9 +303,14 @@ class Identification:
         return out
 
     def families(self, row: int) -> list[tuple[tuple[str, ...], float]]:
-        """Sets of pigments, medium and maker aside, and their probabilities by the candidates kept;
-        largest first.
+        """Sets of pigments, medium and maker aside, and their probabilities; largest first.
+
+        Where families were sought, names are those of `glazejax.catalogue.families`, coloured ones
+        first, or of a group such as "a white" where the spectrum does not tell which it is
+        (``family_sets[row]`` says which it may be).
         """
+        if self.family_sets:
+            return [(found.families, found.probability) for found in self.family_sets[row]]
         chances: dict[frozenset[str], float] = {}
         words: dict[frozenset[str], tuple[str, ...]] = {}
         for candidate in self.ranked(row):
@@ -337,6 +348,13 @@ class Identification:
         name = self.measured.names[row]
         if not self.explained[row]:
             return f"{name}: {self.unexplained(row)}"
+        if self.family_sets:
+            first = self.family_sets[row][0]
+            near = " + ".join(self.ranked(row, 1)[0].paints)
+            return (
+                f"{name}: {first.words} (probability {first.probability:.0%}; none of these "
+                f"families {self.none[row]:.0%}); nearest exemplar {near}"
+            )
         best, (_, chance) = self.ranked(row, 1)[0], self.families(row)[0]
         more = f"; these pigments {chance:.0%}" if chance > best.probability + 0.05 else ""
         more += (
@@ -348,6 +366,9 @@ class Identification:
         """Why nothing explains a spectrum."""
         best = self.ranked(row, 1)[0]
         start = "nothing in the catalogue explains this"
+        if self.family_sets:
+            nearest = self.family_sets[row][0].words if self.family_sets[row] else best.mixture
+            return f"{start} (probability {self.none[row]:.0%}); the nearest pigment is {nearest}"
         return (
             f"{start} (probability {self.none[row]:.0%}); the nearest of its films, {best.words}, "
             f"is off by Delta E00 {best.delta_e:.1f}"
@@ -401,7 +422,12 @@ class Identification:
             name: np.concatenate([getattr(part, name) for part in wide])
             for name in (*_OF_SPECTRA, *_OF_CANDIDATES)
         }
-        return replace(wide[0], measured=Measured.join([part.measured for part in wide]), **joined)
+        return replace(
+            wide[0],
+            measured=Measured.join([part.measured for part in wide]),
+            family_sets=tuple(found for part in wide for found in part.family_sets),
+            **joined,
+        )
 
     def _with_places(self, count: int) -> "Identification":
         """The same with empty places up to a count of candidates."""
@@ -422,7 +448,7 @@ _OF_SPECTRA = ("none", "misfit", "paint_probability")
 _OF_CANDIDATES = tuple(
     field.name
     for field in fields(Identification)
-    if field.name not in ("measured", "paints", "opaque", *_OF_SPECTRA)
+    if field.name not in ("measured", "paints", "opaque", "family_sets", *_OF_SPECTRA)
 )
 """Arrays with a row for each spectrum, and with a place for each of its candidates."""
 

@@ -292,7 +292,7 @@ def _readings(
     """What the body reflects over two grounds, with errors of log k and log s."""
     k = kd * np.exp(off[:, 0])
     s = sd * np.exp(off[:, 1])
-    # The table of films ends where nothing shines through: what is thicker reflects as its end does.
+    # The table of films ends where nothing shines through: what is thicker reflects the same.
     thinner = np.minimum(1.0, 0.999 * np.minimum(HIGHEST[0] / k, HIGHEST[1] / s))
     k = k * thinner
     s = s * thinner

@@ -111,7 +111,7 @@ _SHELVES = {"oils": ("revigo", "oil"), "acrylics": ("golden", "acrylic")}
 @functools.cache
 def families() -> dict[str, Family]:
     """All families of pigments, by name."""
-    out = {}
+    out: dict[str, Family] = {}
     for row in _table("families.tsv"):
         out[row["family"]] = Family(
             name=row["family"],
@@ -136,7 +136,7 @@ def families_of(catalogue: str) -> dict[str, str]:
 @functools.cache
 def provenance() -> dict[str, Provenance]:
     """Where each exemplar of ``catalogue.load("pigments")`` is from, by its name."""
-    out = {}
+    out: dict[str, Provenance] = {}
     for row in _table("exemplars.tsv"):
         source = _SOURCES[row["source"]]
         out[row["exemplar"]] = Provenance(
@@ -186,7 +186,7 @@ def read_exemplars(shelves: dict[str, dict[str, Pigment]]) -> dict[str, Pigment]
         if family
     }
     known = provenance()
-    out = {}
+    out: dict[str, Pigment] = {}
     for name, pigment in sorted({**fitted, **paints}.items(), key=lambda pair: pair[0].casefold()):
         origin = known[name]
         out[name] = pigment.renamed(

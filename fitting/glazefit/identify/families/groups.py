@@ -1,6 +1,9 @@
-"""Families that a spectrum often cannot tell from one another, and which have no colour."""
+"""Families that a spectrum often cannot tell from one another, those without colour, and a set of
+families as an answer.
+"""
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 
 GROUPS: Mapping[str, tuple[str, ...]] = {
     "a white": (
@@ -19,9 +22,37 @@ GROUPS: Mapping[str, tuple[str, ...]] = {
 COLOURLESS = frozenset({"a white", "a black", *GROUPS["a white"], *GROUPS["a black"]})
 """What is named last in a set."""
 
-_GROUP_OF = {family: group for group, members in GROUPS.items() for family in members}
+_GROUP_OF: dict[str, str] = {
+    family: group for group, members in GROUPS.items() for family in members
+}
 
 
 def group_of(family: str) -> str:
     """The group of a family, or the family itself where it has none."""
     return _GROUP_OF.get(family, family)
+
+
+@dataclass(frozen=True, kw_only=True)
+class FamilySet:
+    """One answer: the pigments of a film.
+
+    Attributes:
+        families: names of families or of groups, coloured ones first.
+        probability: of this answer.
+        within: of each group that is named: its likeliest families and their probabilities beside
+            one another, best first.
+    """
+
+    families: tuple[str, ...]
+    probability: float
+    within: Mapping[str, tuple[tuple[str, float], ...]]
+
+    @property
+    def words(self) -> str:
+        """Such as ``azurite + a white (lead white 60 %, chalk 30 %)``."""
+        return " + ".join(
+            f"{name} ({', '.join(f'{family} {share:.0%}' for family, share in self.within[name])})"
+            if name in self.within
+            else name
+            for name in self.families
+        )

@@ -6,44 +6,17 @@ group, with its likeliest families.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
 
-from .groups import COLOURLESS, group_of
+from .groups import COLOURLESS, FamilySet, group_of
 from .search import FamilySearch
 
 TOLD = 0.8
 """Share of a group's probability from which one family of it is named."""
 LARGEST = 4
 """Families of a group that are named with it."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class FamilySet:
-    """One answer: the pigments of a film.
-
-    Attributes:
-        families: names of families or of groups, coloured ones first.
-        probability: of this answer.
-        within: of each group that is named: its likeliest families and their probabilities beside
-            one another, best first.
-    """
-
-    families: tuple[str, ...]
-    probability: float
-    within: Mapping[str, tuple[tuple[str, float], ...]]
-
-    @property
-    def words(self) -> str:
-        """Such as ``azurite + a white (lead white 60 %, chalk 30 %)``."""
-        return " + ".join(
-            f"{name} ({', '.join(f'{family} {share:.0%}' for family, share in self.within[name])})"
-            if name in self.within
-            else name
-            for name in self.families
-        )
 
 
 def name_sets(

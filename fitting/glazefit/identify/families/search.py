@@ -226,6 +226,14 @@ class FamilySearch:
         starts = np.flatnonzero(np.diff(np.append(-1, sets[order])))
         return order, starts, np.diff(np.append(starts, len(sets)))
 
+    def bands_of(self, template: int) -> Bool[np.ndarray, "bands"]:
+        """Bands of the range that a template is in, by its number over all ranges."""
+        for one in self.ranges:
+            if template < len(one.templates):
+                return one.bands
+            template -= len(one.templates)
+        raise IndexError(template)
+
     def template(self, number: int) -> tuple[Templates, int]:
         """A template by its number over all ranges: the films of its range, and its row there."""
         for one in self.ranges:
@@ -486,7 +494,7 @@ def calibrate(search: FamilySearch) -> FamilySearch:
     power = max(
         tried, key=lambda p: np.sum(known * np.maximum(tried[p][0] - tried[p][1], _MISTAKE))
     )
-    right, everything, rest = tried[power]
+    _, everything, rest = tried[power]
     # Then how probable none is, with the family and without; both count alike.
     scores = []
     for bias in _BIASES:

@@ -26,6 +26,10 @@ class IdentificationKeywords(SearchKeywords, total=False):
 
     keep: int
     thorough: bool
+    own_films: bool
+    elements: tuple[str, ...]
+    without_elements: tuple[str, ...]
+    painted: int | None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,6 +47,12 @@ class IdentificationOptions:
         keep: candidates kept for each spectrum.
         thorough: fit every pair, and give every set errors of its own: some four times as long for
             the same first answer in most cases.
+        own_films: the catalogue's exemplars are taken to be by the hand that made the films, as
+            those of the oils and acrylics are, and compete as paints; by default pigments that
+            have a family are sought by family.
+        elements, without_elements: chemical symbols that X-ray fluorescence found, and did not
+            find, such as ("Cu",): change how probable families are beforehand.
+        painted: year in which the film was painted: families that were not in use are marked.
     """
 
     instrument: Instrument | Geometry | str | None = None
@@ -53,6 +63,10 @@ class IdentificationOptions:
     max_coats: int = 1
     keep: int = 20
     thorough: bool = False
+    own_films: bool = False
+    elements: tuple[str, ...] = ()
+    without_elements: tuple[str, ...] = ()
+    painted: int | None = None
 
 
 def check_keywords(function: str, given: Mapping[str, Any], known: type) -> None:

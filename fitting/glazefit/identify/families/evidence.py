@@ -1,0 +1,97 @@
+"""What else is known of a painting: elements that X-ray fluorescence found, and the year.
+
+Odds of a set of families are multiplied by how well its composition fits. Fluorescence misses light
+elements and small amounts, and sees layers below, so nothing is ruled out.
+"""
+
+import re
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from jaxtyping import Float
+
+from glazejax.catalogue import Family
+from glazejax.names import nearest_names
+
+MISSED = 0.1
+"""Probability that an element of a pigment in the film is not found."""
+STRAY = 0.25
+"""Probability that an element is found that no pigment of the film holds: of the ground, of a layer
+below, of a drier.
+"""
+LIGHT = frozenset({"H", "C", "N", "O", "F", "Na", "Mg", "Al", "Si", "P", "S", "Cl"})
+"""Elements that fluorescence in air hardly sees: whether they were found says nothing."""
+# The periodic table, by rows.
+_SYMBOLS = frozenset(
+    re.findall(
+        "[A-Z][a-z]?",
+        "HHeLiBeBCNOFNeNaMgAlSiPSClArKCaScTiVCrMnFeCoNiCuZnGaGeAsSeBrKr"
+        "RbSrYZrNbMoTcRuRhPdAgCdInSnSbTeIXeCsBaLaCePrNdPmSmEuGdTbDyHoErTmYbLu"
+        "HfTaWReOsIrPtAuHgTlPbBiPoAtRnFrRaAcThPaU",
+    )
+)
+
+
+def check_elements(symbols: Sequence[str]) -> tuple[str, ...]:
+    """Chemical symbols, each once.
+
+    Raises:
+        ValueError: one does not exist; names the nearest.
+    """
+    for symbol in symbols:
+        if symbol not in _SYMBOLS:
+            near = nearest_names(symbol.capitalize(), sorted(_SYMBOLS), cutoff=0.4)
+            hint = f"; nearest: {', '.join(near)}" if near else ""
+            raise ValueError(
+                f"there is no element {symbol!r}{hint}; write symbols such as Cu, Pb, Hg"
+            )
+    return tuple(dict.fromkeys(symbols))
+
+
+def log_odds_of_elements(
+    sets: Sequence[Sequence[Family]], found: Sequence[str], absent: Sequence[str]
+) -> Float[np.ndarray, "sets"]:
+    """Log of how well each set of families fits what was found, and what was looked for and not
+    found.
+
+    Args:
+        sets: families of each set.
+        found, absent: chemical symbols.
+
+    Raises:
+        ValueError: no such element, or one that is in both.
+    """
+    present = check_elements(found)
+    missing = check_elements(absent)
+    both = [symbol for symbol in present if symbol in missing]
+    if both:
+        raise ValueError(f"{both[0]} is said to be found and not to be found")
+    out = np.zeros(len(sets))
+    for row, families in enumerate(sets):
+        held = {element for family in families for element in family.elements}
+        for symbol in present:
+            if symbol not in LIGHT:
+                out[row] += np.log(1.0 - MISSED if symbol in held else STRAY)
+        for symbol in missing:
+            if symbol not in LIGHT:
+                out[row] += np.log(MISSED if symbol in held else 1.0 - STRAY)
+    return out
+
+
+def describe_anachronism(families: Sequence[str], known: Mapping[str, Family], year: int) -> str:
+    """Which of some families were not in use in a year, in a sentence; empty if all were.
+
+    Args:
+        families: names; groups and unknown names are passed over.
+        known: all families by name.
+        year: negative before Christ.
+    """
+    words = []
+    for name in families:
+        family = known.get(name)
+        if family is None:
+            continue
+        late = family.last_year is not None and year > family.last_year
+        if year < family.first_year or late:
+            words.append(f"{name} was in use {family.in_use}")
+    return f"not of {year}: {'; '.join(words)}" if words else ""

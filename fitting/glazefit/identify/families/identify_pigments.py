@@ -1,0 +1,254 @@
+"""Films of anybody's paint: which families of pigments are in them, with the exemplars that look
+most like them as evidence.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+
+import numpy as np
+from jaxtyping import ArrayLike, Float
+
+from glazejax import Pigment, catalogue
+from glazejax.geometry import resolve_instrument
+from glazejax.spectra import describe_grid, validate_wavelengths
+
+from ...film.films import Noise
+from ...film.model.errors import Prior
+from ...film.shared_bands import means_of_steps
+from ..result import Identification
+from ..search.options import IdentificationOptions
+from ..search.pool import NOBODY
+from ..search.searcher import check_spectra
+from ..search.task import Measured
+from .evidence import log_odds_of_elements
+from .naming import name_sets
+from .search import FamilyOdds, FamilySearch, search_families
+from .templates import usual_thickness
+
+STEP = 10.0
+"""Finer spectra are averaged to this, nm: exemplars are known no finer."""
+# Spectra that are answered together, so that progress can be shown.
+_CHUNK = 256
+# What is computed of a film is shown this far beyond the bands that its exemplars are known at, nm.
+_EDGE = 30.0
+
+
+def has_families(pigments: Sequence[Pigment]) -> bool:
+    """Whether paints can be sought by family: each has one, and a source."""
+    return bool(pigments) and all(paint.family and paint.source for paint in pigments)
+
+
+def identify_families(
+    wavelengths: ArrayLike,
+    spectra: ArrayLike,
+    pigments: Sequence[Pigment],
+    options: IdentificationOptions,
+    *,
+    ground: ArrayLike | None,
+    opaque: bool,
+    names: Sequence[str] | None,
+) -> Iterator[Identification]:
+    """Identifications by family, some spectra at a time.
+
+    Args and errors are those of `glazefit.identify`; each film is read over one ground.
+    """
+    if options.max_coats != 1:
+        raise ValueError(
+            "families of pigments are sought in one coat: use max_coats=1, or own_films=True"
+        )
+    if options.max_paints not in (1, 2, 3):
+        raise ValueError(
+            f"max_paints is {options.max_paints}; sets of 1 or 2 families can be tried"
+        )
+    grid = validate_wavelengths(np.asarray(wavelengths, dtype=np.float64))
+    _check_range(grid, pigments)
+    measured = check_spectra(grid, spectra, ground, names, options.noise or Noise())
+    grounds = measured.readings.shape[1]
+    if grounds != 1:
+        raise ValueError(
+            f"families of pigments are sought from one reading of a film, not {grounds}: give the "
+            "reading over one ground, or own_films=True"
+        )
+    mean = means_of_steps(grid, STEP)
+    if mean is not None:
+        measured = replace(
+            measured,
+            wavelengths=grid @ mean,
+            readings=measured.readings @ mean,
+            grounds=measured.grounds @ mean,
+            doubt=measured.doubt @ mean,
+            noise_sd=measured.noise_sd @ mean,
+        )
+    below = measured.grounds[:, 0]
+    for start in range(0, len(measured), _CHUNK):
+        rows = np.arange(start, min(start + _CHUNK, len(measured)))
+        # Films over one ground share what is computed.
+        different = [None] if opaque else list(dict.fromkeys(map(tuple, below[rows].tolist())))
+        parts = []
+        order: list[int] = []
+        for one in different:
+            own = rows if one is None else rows[(below[rows] == np.array(one)).all(axis=1)]
+            search = _search(measured.wavelengths, pigments, options, one)
+            order += own.tolist()
+            parts.append(_identification(search, measured.take(own), options, opaque))
+        yield _in_order(Identification.join(parts), np.argsort(order))
+
+
+def _check_range(grid: Float[np.ndarray, "bands"], pigments: Sequence[Pigment]) -> None:
+    first = min(float(paint.wavelengths[0]) for paint in pigments)
+    last = max(float(paint.wavelengths[-1]) for paint in pigments)
+    if np.sum((grid >= first) & (grid <= last)) < 3:
+        raise ValueError(
+            f"the spectra have {describe_grid(grid)} and the pigments are known from {first:g} to "
+            f"{last:g} nm: no three bands lie there"
+        )
+
+
+_SEARCHES: dict[tuple[object, ...], FamilySearch] = {}
+"""The last searches that were set up, since that takes some seconds."""
+_MOST_SEARCHES = 4
+
+
+def _search(
+    grid: Float[np.ndarray, "bands"],
+    pigments: Sequence[Pigment],
+    options: IdentificationOptions,
+    ground: tuple[float, ...] | None,
+) -> FamilySearch:
+    instrument = resolve_instrument(options.instrument)
+    prior = options.prior or Prior()
+    key = (
+        tuple(grid.tolist()),
+        tuple(paint.name for paint in pigments),
+        tuple(id(paint.absorption) for paint in pigments),
+        instrument,
+        prior,
+        min(options.max_paints, 2),
+        ground,
+    )
+    if key not in _SEARCHES:
+        while len(_SEARCHES) >= _MOST_SEARCHES:
+            _SEARCHES.pop(next(iter(_SEARCHES)))
+        _SEARCHES[key] = search_families(
+            grid,
+            pigments,
+            opaque=ground is None,
+            ground=None if ground is None else np.array(ground),
+            instrument=instrument,
+            prior=prior,
+            max_paints=min(options.max_paints, 2),
+        )
+    search = _SEARCHES[key]
+    if options.elements or options.without_elements:
+        known = catalogue.families()
+        sets = [
+            [known[search.families[member]] for member in row if member >= 0]
+            for row in search.members
+        ]
+        fits = log_odds_of_elements(sets, options.elements, options.without_elements)
+        search = replace(search, log_prior=search.log_prior + fits)
+    return search
+
+
+def _identification(
+    search: FamilySearch, measured: Measured, options: IdentificationOptions, opaque: bool
+) -> Identification:
+    """Odds of a search as an identification: a candidate is a set of families, shown by the
+    exemplars that look most like the film.
+    """
+    readings = measured.readings[:, 0]
+    odds = search.odds(readings)
+    count = min(options.keep, odds.sets.shape[1])
+    best = np.argsort(-odds.sets, axis=1, kind="stable")[:, :count]
+    rows = np.arange(len(measured))[:, None]
+    thickness = usual_thickness(
+        np.stack([np.median(np.asarray(p.scattering)) for p in search.exemplars])[:, None]
+    )
+    shape = (len(measured), count)
+    members = np.full((*shape, 3), NOBODY)
+    amounts = np.zeros((*shape, 3))
+    covariance = np.zeros((*shape, 3, 3))
+    fitted = np.full((*shape, 1, readings.shape[1]), np.nan)
+    for row in range(len(measured)):
+        for place, number in enumerate(best[row]):
+            _fill_candidate(
+                search,
+                odds,
+                row,
+                int(number),
+                thickness,
+                members[row, place],
+                amounts[row, place],
+                covariance[row, place],
+                fitted[row, place, 0],
+            )
+    probability = odds.sets[rows, best]
+    paint_probability = np.zeros((len(measured), len(search.exemplars)))
+    for place in range(3):
+        there = members[:, :, place] != NOBODY
+        row, column = np.nonzero(there)
+        np.add.at(paint_probability, (row, members[row, column, place]), probability[row, column])
+    return Identification(
+        measured=measured,
+        paints=tuple(paint.name for paint in search.exemplars),
+        members=members,
+        coats=np.zeros(members.shape, dtype=int),
+        amounts=amounts,
+        log_covariance=covariance,
+        probability=probability,
+        none=odds.none,
+        misfit=-odds.evidence,
+        # Other people's paint differs by eye from every exemplar; 'none' alone decides.
+        rejected=np.zeros(shape, dtype=bool),
+        paint_probability=np.minimum(paint_probability, 1.0),
+        gloss=np.ones(shape),
+        fitted=fitted,
+        condition=np.zeros(shape, dtype=int),
+        opaque=opaque,
+        family_sets=tuple(tuple(name_sets(search, chances)) for chances in odds.sets),
+    )
+
+
+def _fill_candidate(
+    search: FamilySearch,
+    odds: FamilyOdds,
+    row: int,
+    number: int,
+    usual: float,
+    members: np.ndarray,
+    amounts: np.ndarray,
+    covariance: np.ndarray,
+    fitted: np.ndarray,
+) -> None:
+    """Write one set of families of one spectrum into its places of a candidate's arrays."""
+    templates, at = search.template(int(odds.best[row, number]))
+    two = templates.members[at, 1] >= 0
+    members[: 1 + two] = templates.members[at, : 1 + two]
+    coat = float(templates.thickness[at])
+    depth = usual * (1.0 if np.isinf(coat) else coat)
+    share = float(odds.fraction[row, number]) if two else 1.0
+    amounts[: 1 + two] = depth * np.array([share, 1.0 - share])[: 1 + two]
+    if two:
+        # Half of the variance of the log odds of the fractions to each log amount.
+        spread = float(odds.fraction_sd[row, number]) / max(share * (1.0 - share), 1e-6)
+        covariance[:2, :2] = 0.5 * spread**2 * np.eye(2)
+    bands = search.bands_of(int(odds.best[row, number]))
+    known = search.wavelengths[bands]
+    near = (search.wavelengths >= known[0] - _EDGE) & (search.wavelengths <= known[-1] + _EDGE)
+    computed = np.interp(search.wavelengths, known, templates.readings[at] + search.surface)
+    fitted[near] = computed[near]
+
+
+def _in_order(found: Identification, order: np.ndarray) -> Identification:
+    """Rows of an identification in another order."""
+    arrays = {
+        name: getattr(found, name)[order]
+        for name, value in vars(found).items()
+        if isinstance(value, np.ndarray)
+    }
+    return replace(
+        found,
+        measured=found.measured.take(order),
+        family_sets=tuple(found.family_sets[int(row)] for row in order),
+        **arrays,
+    )

@@ -1,0 +1,178 @@
+"""The command ``glazejax paints``: families of pigments, their exemplars, and where these are
+from.
+"""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from . import options
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from ..catalogue import Family, Provenance
+    from ..paint.media import Pigment
+
+# Optical thickness that hides the ground, of paint that hardly absorbs, too.
+_THICK = 1e6
+_COS_45 = 0.5**0.5
+# Lines that still have room for their names.
+_LABELS = 14
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command `paints` to the application."""
+    app.command("paints")(paints)
+
+
+def paints(
+    family: Annotated[
+        str,
+        typer.Option(
+            "--family",
+            metavar="NAME",
+            help="One family, such as azurite: its exemplars, and a picture of them with --out.",
+            show_default=False,
+        ),
+    ] = "",
+    out: options.PictureIfNamed = None,
+    csv: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="Also write the exemplars and their provenance as a table.",
+            show_default=False,
+        ),
+    ] = None,
+    overwrite: options.Overwrite = False,
+) -> None:
+    """List the families of pigments that are known, and the paints that stand for them.
+
+    Of each family: formula, Colour Index, when it was in use, how many
+    exemplars there are, of which sources, and their wavelengths.
+
+    Example: glazejax paints --family azurite --out azurite.png
+    """
+    from rich.console import Console
+
+    from .. import catalogue
+    from ..names import nearest_names
+
+    options.check_outputs({"--out": out, "--csv": csv}, overwrite, inputs=[])
+    known = catalogue.families()
+    if family and family not in known:
+        near = nearest_names(family, known, cutoff=0.4)
+        hint = f"; nearest: {', '.join(near)}" if near else ""
+        raise ValueError(f"no family of pigments is called {family!r}{hint}")
+    if out is not None and not family:
+        raise ValueError("--out draws one family: name it by --family, such as --family azurite")
+    console = Console(highlight=False)
+    origins = [
+        origin
+        for origin in catalogue.provenance().values()
+        if not family or origin.family == family
+    ]
+    if family:
+        _print_family(console, known[family], origins)
+    else:
+        _print_families(console, known, origins)
+    if csv is not None:
+        _write(csv, origins, overwrite)
+        console.print(f"Wrote {len(origins)} exemplars to {csv}")
+    if out is not None:
+        _draw(out, known[family], [catalogue.load("pigments")[o.exemplar] for o in origins])
+        console.print(f"Drew {len(origins)} exemplars to {out}")
+
+
+def _print_families(
+    console: "Console", known: "dict[str, Family]", origins: "list[Provenance]"
+) -> None:
+    console.print(f"{'family':<23}{'exemplars':>9}  {'nm':<10}{'Colour Index':<23}in use")
+    for name, about in known.items():
+        own = [origin for origin in origins if origin.family == name]
+        if own:
+            first = min(origin.first_nm for origin in own)
+            last = max(origin.last_nm for origin in own)
+            console.print(
+                f"{name:<23}{len(own):>9}  {f'{first:.0f}-{last:.0f}':<10}{about.colour_index:<23}"
+                f"{about.in_use}",
+                soft_wrap=True,
+            )
+    without = [name for name in known if not any(origin.family == name for origin in origins)]
+    sources = sorted({origin.source for origin in origins})
+    console.print(
+        f"{len(origins)} exemplars of {len(known) - len(without)} families, by {len(sources)} "
+        f"sources: {', '.join(sources)}."
+    )
+    console.print(f"[dim]Known by name, without an exemplar: {', '.join(without)}.[/dim]")
+
+
+def _print_family(console: "Console", about: "Family", origins: "list[Provenance]") -> None:
+    elements = ", ".join(about.elements) or "none that X-ray fluorescence finds"
+    console.print(
+        f"[bold]{about.name}[/bold]: {about.formula}; {about.colour_index}; in use "
+        f"{about.in_use}; elements: {elements}.",
+        markup=True,
+    )
+    if not origins:
+        console.print("There is no exemplar of it.")
+        return
+    for origin in origins:
+        console.print(
+            f"{origin.exemplar.partition('/')[2]}: {origin.paint}; binder "
+            f"{origin.binder or 'not said'}; {origin.first_nm:.0f}-{origin.last_nm:.0f} nm; "
+            f"{_told(origin.told_by)}",
+            soft_wrap=True,
+        )
+    for source in dict.fromkeys(origin.source for origin in origins):
+        one = next(origin for origin in origins if origin.source == source)
+        console.print(f"[dim]{source}: {one.citation} ({one.licence})[/dim]", soft_wrap=True)
+
+
+def _told(how: str) -> str:
+    return how if how.startswith("k/s alone") else f"k and s by {how}"
+
+
+def _write(path: Path, origins: "list[Provenance]", overwrite: bool) -> None:
+    from ..catalogue import Provenance
+    from ..io import write_table
+
+    write_table(
+        path,
+        Provenance._fields,
+        ([getattr(origin, field) for field in Provenance._fields] for origin in origins),
+        overwrite=overwrite,
+    )
+
+
+def _draw(path: Path, about: "Family", pigments: "list[Pigment]") -> None:
+    """Reflectance factors of films that hide their ground, each exemplar one line."""
+    import numpy as np
+
+    from ..plots import label_spectra, picture, style
+    from ..radiative import stack_reflectance_factor
+
+    with style(), picture(path, 7.0, 4.2) as figure:
+        axes = figure.subplots()
+        for pigment in pigments:
+            k = np.asarray(pigment.absorption, dtype=np.float64)
+            s = np.asarray(pigment.scattering, dtype=np.float64)
+            reading = stack_reflectance_factor(
+                (s / (k + s))[:, None],
+                np.full((k.size, 1), _THICK),
+                0.0,
+                cos_incidence=_COS_45,
+                tolerance=1e-4,
+            )
+            axes.plot(
+                pigment.wavelengths,
+                np.asarray(reading),
+                lw=1.0,
+                label=pigment.name.partition("/")[2],
+            )
+        label_spectra(axes, "reflectance factor of a thick film, 45:0", ylim=(0.0, 1.05))
+        axes.set_title(f"{about.name}: {len(pigments)} exemplars")
+        if len(pigments) <= _LABELS:
+            axes.legend()
