@@ -75,7 +75,7 @@ def test_a_measured_ground_cuts_the_wavelengths_to_its_own():
     assert isinstance(stack.ground, Spectrum)
     glaze = stack.glaze()
     assert (glaze.wavelengths[0], glaze.wavelengths[-1]) == (430.0, 600.0)
-    np.testing.assert_allclose(np.asarray(glaze.substrate)[[0, -1]], [0.2, 0.4])
+    np.testing.assert_allclose(np.asarray(glaze.ground)[[0, -1]], [0.2, 0.4])
 
 
 def test_paints_of_two_catalogues_share_their_wavelengths():

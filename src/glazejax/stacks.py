@@ -156,8 +156,8 @@ class Stack:
         if not media:
             raise ValueError("the stack shows no coat: add one, or show one that is hidden")
         ground = self.ground_on(media[0].wavelengths, side)
-        layers = [Layer(medium, coat.total) for medium, coat in zip(media, self.shown, strict=True)]
-        return Glaze(layers, ground, self.refractive_index)
+        coats = [Layer(medium, coat.total) for medium, coat in zip(media, self.shown, strict=True)]
+        return Glaze(coats, ground, self.refractive_index)
 
 
 @lru_cache(maxsize=1)

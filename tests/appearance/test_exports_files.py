@@ -268,7 +268,7 @@ MAP = np.full((2, 2), 3e-6)
             {"thickness": MAP, "ground": np.ones((3, 2))},
             r"maps differ in shape: thickness \(2, 2\), ground \(3, 2\)",
         ),
-        ({"thickness": MAP, "layer": 2}, "layer is 2, but the glaze has 2 layers"),
+        ({"thickness": MAP, "layer": 2}, "layer is 2, but the glaze has 2 coats"),
         ({"fraction": MAP}, "a map of fractions needs a coat of two paints"),
         ({"ground": MAP, "pixel": 1e-5}, "height and normals are those of a thickness map"),
         ({"thickness": MAP, "pixel": 50.0}, "pixel is 50.0; it is a pixel's width in metres"),

@@ -450,7 +450,7 @@ def test_a_recipe_is_stopped_and_one_is_taken(page):
     page.until(lambda: page.all("[data-at=stop]"), "the search")
     page.press("stop")
     page.until(lambda: page.said() == "Stopped.", "the end")
-    page.js("document.querySelector('[data-at=layers]').value = '1'")
+    page.js("document.querySelector('[data-at=max-coats]').value = '1'")
     page.press("find")
     page.until(lambda: page.all("[data-at=take]"), "recipes", 400)
     page.press("take")

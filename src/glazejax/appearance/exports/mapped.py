@@ -71,12 +71,12 @@ class MappedGlaze:
     kinds: tuple[str, ...]
 
     def __post_init__(self) -> None:
-        if not 0 <= self.layer < len(self.glaze.layers):
+        if not 0 <= self.layer < len(self.glaze.coats):
             raise ValueError(
-                f"layer is {self.layer}, but the glaze has {len(self.glaze.layers)} layers, the "
+                f"layer is {self.layer}, but the glaze has {len(self.glaze.coats)} coats, the "
                 "top one is number 0"
             )
-        medium = self.glaze.layers[self.layer].medium
+        medium = self.glaze.coats[self.layer].medium
         if "fraction" in self.kinds and not (
             isinstance(medium, Mixture) and len(medium.pigments) == 2
         ):
@@ -88,17 +88,17 @@ class MappedGlaze:
     def at(self, points: Float[np.ndarray, "points kinds"]) -> Glaze:
         """The glaze at points, each with its values of `kinds`: a batch."""
         given = dict(zip(self.kinds, np.asarray(points, float).T, strict=True))
-        layers = list(self.glaze.layers)
-        own = layers[self.layer]
+        coats = list(self.glaze.coats)
+        own = coats[self.layer]
         medium = own.medium
         thickness = given.get("thickness", own.thickness)
         if "fraction" in given:
             assert isinstance(medium, Mixture)
             share = given["fraction"]
             medium = Mixture(medium.pigments, np.stack([1.0 - share, share], axis=-1), medium.name)
-        layers[self.layer] = Layer(medium, thickness)
-        ground = given["ground"][:, None] if "ground" in given else self.glaze.substrate
-        return Glaze(layers, ground, self.glaze.refractive_index)
+        coats[self.layer] = Layer(medium, thickness)
+        ground = given["ground"][:, None] if "ground" in given else self.glaze.ground
+        return Glaze(coats, ground, self.glaze.refractive_index)
 
 
 def mapped_colours(

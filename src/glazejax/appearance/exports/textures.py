@@ -257,14 +257,14 @@ def _errors(
     found = []
     for k in chosen:
         one = mapped.at(points[k : k + 1])
-        layers = [
-            type(layer)(_plain(layer.medium), np.asarray(layer.thickness).reshape(-1)[0])
-            for layer in one.layers
+        coats = [
+            type(coat)(_plain(coat.medium), np.asarray(coat.thickness).reshape(-1)[0])
+            for coat in one.coats
         ]
-        ground = np.asarray(one.substrate)
+        ground = np.asarray(one.ground)
         truth = angular_colour(
             Glaze(
-                layers,
+                coats,
                 ground.reshape(-1)[0] if ground.size == 1 else ground.reshape(-1),
                 one.refractive_index,
             ),

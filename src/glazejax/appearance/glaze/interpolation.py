@@ -46,7 +46,7 @@ class GlazeTable(NamedTuple):
     refractive_index: Float[Array | np.ndarray, "bands"]
     """Of the surface, band by band."""
     thickness: Float[Array | np.ndarray, "thickness"]
-    """Nodes, m; one entry, the layer's thickness (0 for a glaze without layers), if it does not
+    """Nodes, m; one entry, the layer's thickness (0 for a glaze without coats), if it does not
     vary.
     """
     ranges: tuple[Axis, Axis, Axis]

@@ -65,7 +65,7 @@ def glaze_table(
     """Table of a glaze's reflectance factor, for the angles and thicknesses that a scene has.
 
     Args:
-        glaze: layers on a ground, without batch axes.
+        glaze: coats on a ground, without batch axes.
         wavelengths_nm: (bands,), within the wavelengths of its paints, to which they are resampled.
         angles: ((least, largest) angle of incidence, (least, largest) angle of viewing), degrees in
             air, 0 to 90. Equal ends make an axis of one node.
@@ -133,7 +133,7 @@ class _TableBuilder:
             tolerance,
             depths is not None,
         )
-        bands = glaze.substrate.shape[0]
+        bands = glaze.ground.shape[0]
         self.index = np.asarray(indices(glaze, bands), float)
         self.inside = float(self.index.min())
         own = float(fixed_thickness(glaze, layer)[0])
@@ -249,16 +249,15 @@ def _thickness_range(
     """(least, largest) thickness in m, or None if it does not vary."""
     if thickness is None:
         return None
-    if not 0 <= layer < len(glaze.layers):
+    if not 0 <= layer < len(glaze.coats):
         raise ValueError(
-            f"layer is {layer}, but the glaze has {len(glaze.layers)} layers, the top one is "
-            "number 0"
+            f"layer is {layer}, but the glaze has {len(glaze.coats)} coats, the top one is number 0"
         )
     values = concrete(thickness)
     if values is None or values.size == 0:
         raise ValueError("thickness must be known numbers: the thicknesses of the scene, in metres")
     Layer(
-        glaze.layers[layer].medium, values
+        glaze.coats[layer].medium, values
     )  # refuses what is negative, not finite or not in metres
     low = float(values.min())
     high = float(values.max())
