@@ -17,6 +17,7 @@ from glazejax.commands import main as cli
 from glazejax.commands import render as cli_render
 from glazejax.io import read_spectra
 from glazejax.paint.pigment_table import read_pigments
+from glazejax.stacks import read_stack
 
 W = np.arange(400.0, 701.0, 20.0)
 HEADER = "pigment,wavelength_nm,absorption,scattering,absorption_sd,scattering_sd,identifiable"
@@ -179,12 +180,12 @@ def test_a_stack_is_written_and_drawn(run, tmp_path):
         "--coats", "Red:3um x2, DeepBlue:1um", *options, "--write-stack", "stack.json"
     )
     assert status == 0
-    stack = glazejax.read_stack(tmp_path / "stack.json")
+    stack = read_stack(tmp_path / "stack.json")
     assert [(coat.name, coat.thickness) for coat in stack.coats] == [
         ("Red", 6e-6),
         ("DeepBlue", 1e-6),
     ]
-    assert (stack.ground, stack.geometry, stack.refractive_index) == (0.5, "d:8", 1.4)
+    assert (stack.ground, stack.instrument, stack.refractive_index) == (0.5, "d:8", 1.4)
     status, second, _ = run("--stack", "stack.json", "--overwrite", pigments=None)
     assert status == 0
     # The ladder's coat is another: the two equal coats are one in the file.

@@ -21,6 +21,7 @@ from glazejax.appearance.exports.materialx import Image
 from glazejax.colour import encoded_srgb
 from glazejax.commands.main import make_app
 from glazejax.paint.describe import Coat
+from glazejax.stacks import Stack, write_stack
 
 GRID = np.arange(400.0, 701.0, 20.0)
 COATS = "UltramarineBlue:3um, ZincWhite:20um"
@@ -315,8 +316,8 @@ def test_the_command_fits_openpbr(run, tmp_path, monkeypatch):
 
 
 def test_the_command_reads_a_stack_and_maps(run, tmp_path):
-    stack = gj.Stack((Coat(((1.0, "UltramarineBlue"),), 5e-6, 1),), (), "card")
-    gj.write_stack(tmp_path / "one.json", stack)
+    stack = Stack((Coat(((1.0, "UltramarineBlue"),), 5e-6, 1),), (), "card")
+    write_stack(tmp_path / "one.json", stack)
     np.save(tmp_path / "thin.npy", np.array([[0.0, 1e-6, 4e-6]]))
     np.save(tmp_path / "share.npy", np.array([[0.0, 0.2, 0.8]]))
     words = (tmp_path / "one.json", "--to", "textures")

@@ -12,6 +12,7 @@ import pytest
 import glazejax as gj
 from glazejax.appearance.mitsuba.bsdf import _table
 from glazejax.radiative.common.fresnel import dielectric_reflectance
+from glazejax.stacks import read_stack
 
 from .plugin import BLUE, WAVELENGTHS, direction, factor, interaction, mitsuba_in
 
@@ -159,7 +160,7 @@ def test_what_glaze_bsdf_is_given(unchecked, tmp_path):
 
     text = '{"glazejax": "stack", "ground": 0.5, "coats": [{"paint": {"Eosin": 1}, "um": 1}]}'
     (tmp_path / "glaze.json").write_text(text)
-    stack = gj.read_stack(tmp_path / "glaze.json")
+    stack = read_stack(tmp_path / "glaze.json")
     assert glaze_bsdf(stack) == glaze_bsdf(stack.glaze())
     with pytest.raises(TypeError, match="glaze must be a Glaze, not a list"):
         glaze_bsdf(["Eosin:1um"])  # pyright: ignore[reportArgumentType]

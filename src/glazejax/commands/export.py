@@ -274,7 +274,7 @@ def _stack(text: str, ground: str | None, index: float, pigments: Path | None) -
             hidden=(),
             ground=float(_GROUND),
             refractive_index=index,
-            geometry="45:0",
+            instrument="45:0",
             pigments=own,
         )
     if ground is None:

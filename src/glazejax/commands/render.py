@@ -127,7 +127,7 @@ def render(
         {"--out": out, "--csv": csv, "--write-stack": write_stack}, overwrite, inputs=[stack]
     )
     if given is not None:
-        instrument = given.geometry if instrument is None else instrument
+        instrument = given.instrument if instrument is None else instrument
         refractive_index = (
             given.refractive_index if refractive_index == _INDEX else refractive_index
         )
@@ -287,7 +287,7 @@ def _write_stack(
             hidden=(),
             ground=ground,
             refractive_index=index,
-            geometry=geometry,
+            instrument=geometry,
             pigments=own,
         ),
         overwrite=overwrite,

@@ -36,8 +36,8 @@ def glaze_bsdf(
     variant.
 
     Args:
-        glaze: without batch axes and phase functions; or a stack, such as `glazejax.read_stack`
-            gives; or coats as text, or the path of a stack's JSON.
+        glaze: without batch axes and phase functions; or a `glazejax.stacks.Stack`; or coats as
+            text, or the path of a stack's JSON.
         roughness: alpha of the surface's GGX facets, 0 to 1; 0 is a smooth surface.
         thickness: of coat `layer`, m: a number, a map (rows, columns), or a texture of Mitsuba in
             m. A map becomes a texture in micrometres, so that an optimiser sees numbers near 1. Row
