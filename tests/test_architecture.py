@@ -135,8 +135,8 @@ def test_ways_through_name_files_that_exist():
                 assert any(place.is_file() for place in places), f"{title}: {name}"
 
 
-def _positional_records(module: str) -> Iterator[str]:
-    """Calls of classes with more than six positional arguments."""
+def _positional_calls(module: str) -> Iterator[tuple[str, str]]:
+    """Calls with more than six positional arguments, and the names of what is called."""
     for node in ast.walk(ast.parse(MODULES[module].read_text(encoding="utf-8"))):
         if isinstance(node, ast.Call) and len(node.args) > 6:
             name = (
@@ -144,10 +144,21 @@ def _positional_records(module: str) -> Iterator[str]:
                 if isinstance(node.func, ast.Attribute)
                 else getattr(node.func, "id", "")
             )
-            if name == "cls" or name.lstrip("_")[:1].isupper():
-                yield f"{module}:{node.lineno} {name}"
+            yield name, f"{module}:{node.lineno} {name}"
 
 
 def test_large_records_are_built_by_keyword():
     """Two arrays of one shape that change places are a wrong answer without a sign."""
-    assert [call for module in MODULES for call in _positional_records(module)] == []
+    calls = [call for module in MODULES for call in _positional_calls(module)]
+    assert [where for name, where in calls if name.lstrip("_")[:1].isupper() or name == "cls"] == []
+
+
+def test_functions_of_many_arguments_are_called_by_keyword():
+    """The same holds for functions; `struct.pack` takes as many numbers as its format names."""
+    calls = [
+        call
+        for module in MODULES
+        if module.startswith("glazejax")
+        for call in _positional_calls(module)
+    ]
+    assert [where for name, where in calls if name != "pack"] == []

@@ -201,7 +201,13 @@ def render(
         figure.savefig(out, dpi=100)
     if write_stack is not None:
         _write_stack(
-            write_stack, described, bed, shelf, refractive_index, seen_by.notation, overwrite
+            write_stack,
+            coats=described,
+            bed=bed,
+            shelf=shelf,
+            index=refractive_index,
+            instrument=seen_by.notation,
+            overwrite=overwrite,
         )
     if csv is not None:
         _write_table(csv, rendering, described, overwrite)
@@ -263,7 +269,7 @@ def _write_stack(
     bed: "_Bed",
     shelf: "Mapping[str, Pigment]",
     index: float,
-    geometry: str,
+    instrument: str,
     overwrite: bool,
 ) -> None:
     """Write the stack as JSON; paints that are in no catalogue go along."""
@@ -287,7 +293,7 @@ def _write_stack(
             hidden=(),
             ground=ground,
             refractive_index=index,
-            instrument=geometry,
+            instrument=instrument,
             pigments=own,
         ),
         overwrite=overwrite,

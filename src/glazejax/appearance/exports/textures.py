@@ -121,7 +121,16 @@ def texture_set(
     base = found.base
     wrong = outside(found.plain) > 0
     material = _material(mapped, roughness, coat)
-    errors = _errors(mapped, points, base, found.coat, material, roughness, known, light)
+    errors = _errors(
+        mapped=mapped,
+        points=points,
+        base=base,
+        coat=found.coat,
+        material=material,
+        roughness=roughness,
+        space=known,
+        light=light,
+    )
     result = TextureSet(
         files=files,
         material=material,

@@ -174,7 +174,15 @@ class _TableBuilder:
         a, b = (self.nodes(axis, _ANGLE_NODES[sizes[0]]) for axis in (0, 1))
         depths = self.nodes(2, _THICKNESS_NODES[sizes[1]])
         varied = depths if self.varies else None
-        values = on_nodes(self.glaze, a, b, varied, self.layer, self.tolerance, planned_factor)
+        values = on_nodes(
+            self.glaze,
+            cos_in=a,
+            cos_out=b,
+            depths=varied,
+            layer=self.layer,
+            tolerance=self.tolerance,
+            solve=planned_factor,
+        )
         return GlazeTable(
             cos_in=a,
             cos_out=b,
