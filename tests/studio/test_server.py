@@ -19,7 +19,7 @@ from websockets.typing import Origin
 from glazejax.extras import advice
 from glazejax.stacks import stack_from_dict, write_stack
 from glazejax.studio import jobs, server
-from glazejax.studio.wire import MOST_BYTES, unpack
+from glazejax.studio.messages import MOST_BYTES, unpack
 
 from .browser import Served
 

@@ -13,8 +13,8 @@ from glazejax.stacks import pigment_to_dict, stack_from_dict
 from glazejax.studio import python_lines
 from glazejax.studio.engine import SIZES, Engine
 from glazejax.studio.jobs import Jobs
+from glazejax.studio.messages import pack, unpack
 from glazejax.studio.session import Session
-from glazejax.studio.wire import pack, unpack
 
 STACK = {
     "glazejax": "stack",

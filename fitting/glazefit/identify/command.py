@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 import typer
 
 from glazejax.commands import options, progress
-from glazejax.commands.typed import command_line, ground_file, option
+from glazejax.commands.command_line import command_line, ground_file, option
 
 if TYPE_CHECKING:
     import numpy as np

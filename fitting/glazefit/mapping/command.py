@@ -301,7 +301,7 @@ def map_(
     }
 
     def provenance() -> Any:
-        from glazejax.commands.typed import command_line, ground_file
+        from glazejax.commands.command_line import command_line, ground_file
 
         from .provenance import map_provenance
 

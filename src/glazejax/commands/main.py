@@ -143,8 +143,8 @@ def _run(app: "typer.Typer") -> NoReturn:
         if type(error).__name__ == "NoArgsIsHelpError":
             typer.echo(words)
             sys.exit(_WRONG)
-        told = error.ctx.command_path if getattr(error, "ctx", None) else "glazejax"  # type: ignore[attr-defined]
-        _stop(f"{words[:1].lower()}{words[1:].rstrip('.')} (see {told} --help)")
+        command = error.ctx.command_path if getattr(error, "ctx", None) else "glazejax"  # type: ignore[attr-defined]
+        _stop(f"{words[:1].lower()}{words[1:].rstrip('.')} (see {command} --help)")
     sys.exit(status or 0)
 
 

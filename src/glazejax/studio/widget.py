@@ -89,7 +89,7 @@ def make_widget() -> type:
             tasks: dict[str, str] | None = None,
         ):
             super().__init__(stack=_plain(_USUAL if stack is None else stack))
-            self._session = _Told(self, Engine(), Jobs(tasks))
+            self._session = _WidgetSession(self, Engine(), Jobs(tasks))
             self.on_msg(lambda _, content, buffers: self._session.take(content, buffers))
 
         @traitlets.validate("stack")
@@ -112,7 +112,7 @@ def _plain(stack: Glaze | Stack | dict[str, Any]) -> dict[str, Any]:
     return stack_to_dict(stack if isinstance(stack, Stack) else stack_from_dict(stack))
 
 
-class _Told(Session):
+class _WidgetSession(Session):
     """A session whose answers go through a widget, which keeps what is seen."""
 
     def __init__(self, widget: Any, engine: Engine, jobs: Jobs):

@@ -13,8 +13,8 @@ from ...chebyshev_table import SAFETY, Axis, Mirrored
 from ...interpolated import interpolated
 from ...paint.media import Glaze
 from .coats import Axes, with_variables
+from .ground_split import Parts, factor_of, lagrange
 from .lookup import NUMPY
-from .parts import Parts, factor_of, lagrange
 from .surfaces import Surface, inside
 
 _TRIALS = 6
