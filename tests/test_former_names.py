@@ -1,5 +1,6 @@
 """Names that were changed work for one more version, and say what they are called now."""
 
+from dataclasses import replace
 from typing import Any
 
 import equinox as eqx
@@ -110,6 +111,8 @@ def test_a_glaze_with_another_ground_by_its_former_name():
     with pytest.warns(DeprecationWarning, match="ground now"):
         changed = eqx.tree_at(lambda g: g.substrate, glaze, np.asarray(0.3))
     assert float(changed.ground) == 0.3
+
+    assert eqx.tree_equal(replace(glaze, ground=np.asarray(0.3)), changed)
 
     def seen(glaze):
         return gj.reflectance(glaze, "45:0").sum()

@@ -15,11 +15,11 @@ from jaxtyping import Float
 
 from ...colour import colour_weights, delta_e_2000, white_point, xyz_to_lab
 from ...interpolated import interpolated
-from ...paint.media import Glaze, Layer, Mixture
+from ...paint.media import Glaze, Mixture
 from ...radiative.common.fresnel import cos_refracted
 from ...radiative.common.quadrature import gauss
 from ...spectra import validate_wavelengths
-from ..glaze.solve import indices, on_grid
+from ..glaze.solve import indices, on_grid, with_variables
 from .angles import pair_spectra
 from .lobes import lobe_albedo
 from .rgb import Space, rgb_of_xyz
@@ -88,17 +88,11 @@ class MappedGlaze:
     def at(self, points: Float[np.ndarray, "points kinds"]) -> Glaze:
         """The glaze at points, each with its values of `kinds`: a batch."""
         given = dict(zip(self.kinds, np.asarray(points, float).T, strict=True))
-        coats = list(self.glaze.coats)
-        own = coats[self.layer]
-        medium = own.medium
-        thickness = given.get("thickness", own.thickness)
-        if "fraction" in given:
-            assert isinstance(medium, Mixture)
-            share = given["fraction"]
-            medium = Mixture(medium.pigments, np.stack([1.0 - share, share], axis=-1), medium.name)
-        coats[self.layer] = Layer(medium, thickness)
-        ground = given["ground"][:, None] if "ground" in given else self.glaze.ground
-        return Glaze(coats, ground, self.glaze.refractive_index)
+        glaze = with_variables(
+            self.glaze, self.layer, given.get("thickness"), given.get("fraction")
+        )
+        ground = given["ground"][:, None] if "ground" in given else glaze.ground
+        return Glaze(glaze.coats, ground, glaze.refractive_index)
 
 
 def mapped_colours(

@@ -9,10 +9,18 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ...paint.media import Glaze, Layer
+from ...paint.media import Glaze, Layer, Mixture
 from ...radiative.plan.plan import plan_stacks
 from ...radiative.stack import stack_reflectance_factor
-from ...spectra import Grid, Numbers, as_array, as_float_array, resample, validate_wavelengths
+from ...spectra import (
+    Grid,
+    Numbers,
+    as_array,
+    as_float_array,
+    on_numpy_or_jax,
+    resample,
+    validate_wavelengths,
+)
 
 
 def on_grid(glaze: Glaze, wavelengths_nm: Grid) -> Glaze:
@@ -49,10 +57,22 @@ def on_grid(glaze: Glaze, wavelengths_nm: Grid) -> Glaze:
     return Glaze(coats, ground, index if isinstance(index, float) else at(index))
 
 
-def with_thickness(glaze: Glaze, layer: int, depths: Numbers) -> Glaze:
-    """The glaze with other thicknesses of one layer, (points,), in m."""
+def with_variables(
+    glaze: Glaze, layer: int, thickness: Numbers | None, fraction: Numbers | None = None
+) -> Glaze:
+    """The glaze with other thicknesses, m, and other shares of the second paint of one coat,
+    (points,) each; None leaves the coat's own.
+    """
     coats = list(glaze.coats)
-    coats[layer] = Layer(coats[layer].medium, depths)
+    medium = coats[layer].medium
+    depth = coats[layer].thickness
+    if fraction is not None:
+        assert isinstance(medium, Mixture)
+        shares = on_numpy_or_jax(
+            lambda xp, share: xp.stack([1.0 - share, share], axis=-1), as_array(fraction)
+        )
+        medium = Mixture(medium.pigments, shares, medium.name)
+    coats[layer] = Layer(medium, depth if thickness is None else thickness)
     return Glaze(coats, glaze.ground, glaze.refractive_index)
 
 
@@ -118,6 +138,6 @@ def on_nodes(
         tolerance: of the solver.
         solve: `factor`, whose result is JAX's, or `planned_factor`, whose result is NumPy's.
     """
-    made = glaze if depths is None else with_thickness(glaze, layer, depths)
+    made = glaze if depths is None else with_variables(glaze, layer, depths)
     values = solve(made, cos_in[:, None, None, None], cos_out[:, None, None], tolerance)
     return (np if isinstance(values, np.ndarray) else jnp).moveaxis(values, -1, 0)

@@ -32,7 +32,7 @@ from .solve import (
     on_grid,
     on_nodes,
     planned_factor,
-    with_thickness,
+    with_variables,
 )
 
 __all__ = ["ALL_ANGLES", "GlazeTable", "glaze_table"]
@@ -166,7 +166,7 @@ class _TableBuilder:
 
     def solve(self, points: np.ndarray) -> np.ndarray:
         """Reflectance factor by the solver at points (3, points): (points, bands)."""
-        glaze = with_thickness(self.glaze, self.layer, points[2]) if self.varies else self.glaze
+        glaze = with_variables(self.glaze, self.layer, points[2]) if self.varies else self.glaze
         return planned_factor(glaze, points[0][:, None], points[1][:, None], self.tolerance)
 
     def table(self, sizes: list[int]) -> GlazeTable:

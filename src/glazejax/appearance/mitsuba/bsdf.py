@@ -12,8 +12,9 @@ from typing import Any, NamedTuple
 import jax
 import numpy as np
 
+from ..glaze.solve import with_variables
 from . import table
-from .coats import Axes, check_layer, ground_of, index_of, read_coats, with_variables
+from .coats import Axes, check_layer, ground_of, index_of, read_coats
 from .device import DrJit, renderer
 from .lobes import Facets, Mirror
 from .parameters import Given, read_parameters

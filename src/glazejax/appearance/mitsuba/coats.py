@@ -2,7 +2,6 @@
 text of one.
 """
 
-from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -11,8 +10,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ...paint.describe import parse_coats
-from ...paint.media import MAX_THICKNESS, Glaze, Layer, Mixture
-from ...spectra import Numbers, as_float_array
+from ...paint.media import MAX_THICKNESS, Glaze, Mixture
 from ...stacks import Ground, Stack, parse_stack, read_stack
 from ..glaze.solve import on_grid
 
@@ -97,26 +95,6 @@ def check_layer(glaze: Glaze, layer: int, axes: Axes) -> None:
                 f"coat {layer} is {low:g} to {high:g} m thick; thickness_max must be above 0 and "
                 f"at most {MAX_THICKNESS:g} m (20 micrometres are 20e-6)"
             )
-
-
-def with_variables(
-    glaze: Glaze, layer: int, thickness: Numbers | None, fraction: Numbers | None
-) -> Glaze:
-    """The glaze with other thicknesses (points,) and shares (points,) of one coat, before its
-    bands.
-    """
-    coats = list(glaze.coats)
-    medium = coats[layer].medium
-    depth = coats[layer].thickness
-    if fraction is not None:
-        share = as_float_array(fraction)
-        medium = Mixture(_paints(medium), jnp.stack([1.0 - share, share], axis=-1), medium.name)
-    coats[layer] = Layer(medium, depth if thickness is None else thickness)
-    return Glaze(coats, glaze.ground, glaze.refractive_index)
-
-
-def _paints(medium: object) -> Sequence:
-    return medium.pigments if isinstance(medium, Mixture) else ()
 
 
 def index_of(glaze: Glaze) -> float:
