@@ -170,6 +170,11 @@ def test_a_glaze_over_both_sides_of_a_card(tmp_path):
     (tmp_path / "s.json").write_text(json.dumps({**GIVEN, "ground": "card"}))
     grounds = [gj.Glaze.load(tmp_path / "s.json", side=side).ground for side in ("white", "black")]
     np.testing.assert_allclose(grounds, [WHITE, BLACK])
+
+
+@pytest.mark.usefixtures("unchecked")
+def test_a_card_has_two_sides(tmp_path):
+    (tmp_path / "s.json").write_text(json.dumps(GIVEN))
     with pytest.raises(ValueError, match="side is 'grey'"):
         gj.Glaze.load(tmp_path / "s.json", side="grey")  # pyright: ignore[reportArgumentType]
 
