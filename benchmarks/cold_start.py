@@ -73,7 +73,7 @@ def commands(folder: Path) -> dict[str, list[str]]:
         "import glazefit": ["-c", "import glazefit"],
         "render": [
             "render",
-            "--layers",
+            "--coats",
             "CobaltBlue:5um,ZincWhite:20um",
             "--ground",
             "0.6",

@@ -59,7 +59,7 @@ def main() -> None:
         results(
             f"{target.name:14} {best.distance:5.2f} {independent(best):6.2f} "
             f"{best.metamerism:5.2f} {best.rmse:6.3f} "
-            f"{len(best.coats):6d} {len(best.paints):6d} {alone:5.1f}  {best.layers}"
+            f"{len(best.coats):6d} {len(best.paints):6d} {alone:5.1f}  {best.text}"
         )
     results(
         "check: Delta E 2000 of the glaze solved to 1e-8, both spectra integrated by "

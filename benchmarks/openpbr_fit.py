@@ -21,8 +21,8 @@ from glazejax.appearance.exports.openpbr import LAYERINGS, reflectance_factor
 from glazejax.appearance.exports.rgb import rgb_of_xyz
 from glazejax.appearance.glaze.table import glaze_table
 from glazejax.colour import encoded_srgb
-from glazejax.paint.describe import name_paints, parse_layers
-from glazejax.stacks import all_paints
+from glazejax.paint.describe import name_paints, parse_coats
+from glazejax.stacks import Stack, all_paints
 
 NEEDS = ("matplotlib",)
 
@@ -43,7 +43,7 @@ STACKS: tuple[tuple[str, tuple[str, float, float]], ...] = (
 
 def glaze(coats: str, ground: float, index: float) -> gj.Glaze:
     """A stack of the table."""
-    return gj.Stack(name_paints(parse_layers(coats), all_paints()), (), ground, index).glaze()
+    return Stack(name_paints(parse_coats(coats), all_paints()), (), ground, index).glaze()
 
 
 def main() -> None:

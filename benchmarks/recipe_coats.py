@@ -51,7 +51,7 @@ def main() -> None:
     for one, other in zip(unmixed, mixed, strict=True):
         results(
             f"{one.target.name:14} {one.distance:7.2f} {other.distance:6.2f} {len(one.coats):6d} "
-            f"{'yes' if one.converged else 'no':>7}  {one.layers}"
+            f"{'yes' if one.converged else 'no':>7}  {one.text}"
         )
     for name, some in (("unmixed", unmixed), ("mixed", mixed)):
         distances = np.array([one.distance for one in some])

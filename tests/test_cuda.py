@@ -102,7 +102,7 @@ def test_single_precision_stays_single():
 def glaze(thickness):
     paints = gj.catalogue.load()
     over, under = (paints[name] for name in ("UltramarineBlue", "ChromeYellow"))
-    return gj.Glaze([gj.Layer(over, thickness), gj.Layer(under, 30e-6)], substrate=0.85)
+    return gj.Glaze([gj.Layer(over, thickness), gj.Layer(under, 30e-6)], ground=0.85)
 
 
 @pytest.mark.parametrize("geometry", [gj.Bidirectional(45, 0), gj.Hemispherical(8)])

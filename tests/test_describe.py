@@ -8,7 +8,7 @@ from glazejax.paint.describe import (
     format_length,
     make_media,
     name_paints,
-    parse_layers,
+    parse_coats,
 )
 
 
@@ -33,7 +33,7 @@ from glazejax.paint.describe import (
     ],
 )
 def test_thickness_and_repeats(text, thickness, repeats):
-    (coat,) = parse_layers(text)
+    (coat,) = parse_coats(text)
     assert coat.name == "A"
     assert coat.thickness == pytest.approx(thickness, rel=1e-12)
     assert coat.repeats == repeats
@@ -41,24 +41,24 @@ def test_thickness_and_repeats(text, thickness, repeats):
 
 
 def test_order_is_kept_and_mixtures_are_read():
-    top, below = parse_layers("Eosin:2um, 0.7*ZincWhite + .3 * CobaltBlue : 20um")
+    top, below = parse_coats("Eosin:2um, 0.7*ZincWhite + .3 * CobaltBlue : 20um")
     assert top.parts == ((1.0, "Eosin"),)
     assert below.parts == ((0.7, "ZincWhite"), (0.3, "CobaltBlue"))
     assert below.name == "0.7 ZincWhite + 0.3 CobaltBlue"
 
 
 def test_names_may_hold_blanks_digits_and_hyphens():
-    (coat,) = parse_layers("Viridian 44250-b:3um")
+    (coat,) = parse_coats("Viridian 44250-b:3um")
     assert coat.name == "Viridian 44250-b"
 
 
 @pytest.mark.parametrize(
     ("text", "complaint"),
     [
-        ("", "the list of layers is empty"),
-        ("A", "layer 'A' has no thickness: write paint:thickness"),
-        ("A:12um,,B:2um", "an empty layer"),
-        ("A:12um,", "an empty layer"),
+        ("", "the list of coats is empty"),
+        ("A", "coat 'A' has no thickness: write paint:thickness"),
+        ("A:12um,,B:2um", "an empty coat"),
+        ("A:12um,", "an empty coat"),
         (":12um", "names no paint"),
         ("A:", "has no thickness after the colon: write A:12um"),
         ("A:12", "the thickness 12 has no unit: write 12um"),
@@ -83,7 +83,7 @@ def test_names_may_hold_blanks_digits_and_hyphens():
 )
 def test_bad_text_is_refused_in_one_line(text, complaint):
     with pytest.raises(ValueError, match=complaint) as caught:
-        parse_layers(text)
+        parse_coats(text)
     assert "\n" not in str(caught.value)
 
 
@@ -106,7 +106,7 @@ def test_an_exact_name_wins_over_a_similar_one():
 def test_media_are_made_from_the_shelf():
     w = [400.0, 500.0]
     shelf = {n: Pigment(n, w, [k, k], [1.0, 1.0]) for n, k in (("A", 1.0), ("B", 3.0))}
-    coats = name_paints(parse_layers("a:1um, .25*a+.75*b:1um"), shelf)
+    coats = name_paints(parse_coats("a:1um, .25*a+.75*b:1um"), shelf)
     pure, mixed = make_media(coats, shelf)
     assert pure is shelf["A"]
     assert isinstance(mixed, Mixture)

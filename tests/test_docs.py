@@ -343,8 +343,8 @@ def test_words_of_a_result_are_folded_and_tables_are_not():
 
 def test_help_of_a_command_keeps_its_asterisks_and_its_lines():
     assert (
-        as_markdown("0.7*ZincWhite + 0.3*Eosin, --layers")
-        == "0.7\\*ZincWhite + 0.3\\*Eosin, `--layers`"
+        as_markdown("0.7*ZincWhite + 0.3*Eosin, --coats")
+        == "0.7\\*ZincWhite + 0.3\\*Eosin, `--coats`"
     )
     assert (
         as_markdown("Example: glazejax convert a b --long")

@@ -101,7 +101,7 @@ SPECTRA, FILMS = "spectra.csv", "films.csv"
 JOINT = f"{FILMS} --out found --joint"
 TUBE = "tube.csv --out found"
 USUAL = {
-    "render": "--layers ZincWhite:5um,CobaltBlue:9um",
+    "render": "--coats ZincWhite:5um,CobaltBlue:9um",
     "identify": f"{SPECTRA} --ground 0.5",
     "recover": f"{FILMS} --out found",
     "predict": "1*ZincWhite",
@@ -111,7 +111,7 @@ USUAL = {
     "export": "ZincWhite:5um,CobaltBlue:9um",
 }
 INSTRUMENT = {
-    "--geometry": Reaches("--geometry d:0", geometry, Hemispherical(0.0)),
+    "--instrument": Reaches("--instrument d:0", geometry, Hemispherical(0.0)),
     "--refractive-index": Reaches(
         "--refractive-index 1.4", lambda g: g["instrument"].refractive_index, 1.4
     ),
@@ -126,32 +126,32 @@ BARE_CUBE, WHITE = (
 )
 TABLE: dict[str, dict[str, Reaches | Looked]] = {
     "render": {
-        "--layers": Reaches(
-            "--layers Eosin:7um",
-            lambda g: [x.medium.name for x in g["glaze"].layers],
+        "--coats": Reaches(
+            "--coats Eosin:7um",
+            lambda g: [x.medium.name for x in g["glaze"].coats],
             ["Eosin"],
             base="--out x.png",
         ),
         "--stack": Looked("test_render.py:test_a_stack_is_written_and_drawn"),
         "--write-stack": Looked("test_render.py:test_a_stack_is_written_and_drawn"),
-        "--ground": Reaches("--ground 0.3", lambda g: float(np.mean(g["glaze"].substrate)), 0.3),
+        "--ground": Reaches("--ground 0.3", lambda g: float(np.mean(g["glaze"].ground)), 0.3),
         "--refractive-index": Reaches(
             "--refractive-index 1.4", lambda g: g["glaze"].refractive_index, 1.4
         ),
-        "--geometry": Reaches("--geometry d:8", lambda g: g["geometry"], Hemispherical(8.0)),
+        "--instrument": Reaches("--instrument d:8", lambda g: g["geometry"], Hemispherical(8.0)),
         "--illuminant": Reaches("--illuminant A", lambda g: g["illuminant"], "A"),
         "--observer": Reaches(
             "--observer 10", lambda g: g["observer"].startswith("CIE 1964"), True
         ),
         "--ladder": Reaches("--ladder CobaltBlue", lambda g: g["layer"], 1),
         "--pigments": Reaches(
-            OWN_PAINTS, lambda g: float(g["glaze"].layers[0].medium.absorption[0]), 1000.0
+            OWN_PAINTS, lambda g: float(g["glaze"].coats[0].medium.absorption[0]), 1000.0
         ),
         "--catalogue": Reaches(
             "--catalogue acrylics",
-            lambda g: g["glaze"].layers[0].medium.wavelengths[0],
+            lambda g: g["glaze"].coats[0].medium.wavelengths[0],
             380.0,
-            base="--layers TitaniumWhite:9um",
+            base="--coats TitaniumWhite:9um",
         ),
         "--tolerance": Reaches("--tolerance 0.001", lambda g: g["tolerance"], 0.001),
         "--out": Looked("test_render.py:test_files_are_not_overwritten_unasked"),
@@ -169,13 +169,13 @@ TABLE: dict[str, dict[str, Reaches | Looked]] = {
     },
     "export": {
         "stack": Reaches(
-            "Eosin:7um", lambda g: [x.medium.name for x in g["glaze"].layers], ["Eosin"], base=" "
+            "Eosin:7um", lambda g: [x.medium.name for x in g["glaze"].coats], ["Eosin"], base=" "
         ),
         "--to": Reaches(
             "--to textures --thickness-map thick.npy", bool, True, engine="texture_set"
         ),
         "--out": Looked("appearance/test_exports_files.py:test_the_command_reads_a_stack_and_maps"),
-        "--ground": Reaches("--ground 0.3", lambda g: float(np.mean(g["glaze"].substrate)), 0.3),
+        "--ground": Reaches("--ground 0.3", lambda g: float(np.mean(g["glaze"].ground)), 0.3),
         "--refractive-index": Reaches(
             "--refractive-index 1.4", lambda g: g["glaze"].refractive_index, 1.4
         ),
@@ -209,7 +209,7 @@ TABLE: dict[str, dict[str, Reaches | Looked]] = {
         "--format": Reaches("--format exr", lambda g: g["kind"], "exr", base=TEXTURES),
         "--delta-e": Reaches("--delta-e 0.7", lambda g: g["delta_e"], 0.7, base=TEXTURES),
         "--pigments": Reaches(
-            OWN_PAINTS, lambda g: float(g["glaze"].layers[0].medium.absorption[0]), 1000.0
+            OWN_PAINTS, lambda g: float(g["glaze"].coats[0].medium.absorption[0]), 1000.0
         ),
         "--tolerance": Reaches("--tolerance 0.001", lambda g: g["tolerance"], 0.001),
         "--overwrite": Looked(
@@ -257,7 +257,7 @@ TABLE: dict[str, dict[str, Reaches | Looked]] = {
         ),
         "--samples": Reaches("--samples two", lambda g: tuple(g["names"]), ("two",)),
         "--max-paints": Reaches("--max-paints 1", lambda g: g["max_paints"], 1),
-        "--layers": Reaches("--layers 2", lambda g: g["max_coats"], 2),
+        "--max-coats": Reaches("--max-coats 2", lambda g: g["max_coats"], 2),
         "--thorough": Reaches("--thorough", lambda g: g["thorough"], True),
         **INSTRUMENT,
         "--model-error": Reaches("--model-error 0.02", lambda g: g["discrepancy"].amplitude, 0.02),
@@ -352,7 +352,7 @@ TABLE: dict[str, dict[str, Reaches | Looked]] = {
             ["TitaniumWhite"],
             base=" ",
         ),
-        "--geometry": INSTRUMENT["--geometry"],
+        "--instrument": INSTRUMENT["--instrument"],
         "--refractive-index": INSTRUMENT["--refractive-index"],
         "--illuminant": Looked("fitting/test_variation.py:test_light_and_eye_reach_the_colours"),
         "--observer": Looked("fitting/test_variation.py:test_light_and_eye_reach_the_colours"),
@@ -381,7 +381,7 @@ TABLE: dict[str, dict[str, Reaches | Looked]] = {
         "--observer": Reaches("--observer 10", lambda g: g["observer"], "10"),
         "--max-paints": Reaches("--max-paints 2", lambda g: g["max_paints"], 2),
         "--glazes": Reaches("--glazes", lambda g: g["glazes"], True),
-        "--max-layers": Reaches("--max-layers 1", lambda g: g["max_coats"], 1),
+        "--max-coats": Reaches("--max-coats 1", lambda g: g["max_coats"], 1),
         "--coat-thickness": Reaches(
             "--coat-thickness 2-7", lambda g: g["thickness"], pytest.approx((2e-6, 7e-6))
         ),
@@ -403,7 +403,7 @@ TABLE: dict[str, dict[str, Reaches | Looked]] = {
         "--refractive-index": Reaches(
             "--refractive-index 1.4", lambda g: g["refractive_index"], 1.4
         ),
-        "--geometry": Reaches("--geometry d:8", lambda g: g["instrument"], Hemispherical(8.0)),
+        "--instrument": Reaches("--instrument d:8", lambda g: g["instrument"], Hemispherical(8.0)),
         "--metamerism": Reaches("--metamerism 0.7", lambda g: g["metamerism"], 0.7),
         "--count": Reaches("--count 2", lambda g: g["count"], 2),
         "--seed": Reaches("--seed 7", lambda g: g["seed"], 7),
@@ -519,8 +519,8 @@ TABLE: dict[str, dict[str, Reaches | Looked]] = {
         "--bare": Reaches("--bare", lambda g: 0.5 < grounds(g) < 0.8, True),
         "--opaque": Reaches("--opaque", grounds, None, base=BARE_CUBE),
         "--max-paints": Reaches("--max-paints 1", lambda g: g["max_paints"], 1),
-        "--layers": Reaches("--layers 2", lambda g: g["max_coats"], 2),
-        "--geometry": INSTRUMENT["--geometry"],
+        "--max-coats": Reaches("--max-coats 2", lambda g: g["max_coats"], 2),
+        "--instrument": INSTRUMENT["--instrument"],
         "--refractive-index": INSTRUMENT["--refractive-index"],
         "--noise": Reaches("--noise 0.01", lambda g: g["noise"] and g["noise"].floor, 0.01),
         "--noise-share": Reaches(

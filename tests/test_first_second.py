@@ -84,7 +84,7 @@ def test_import_loads_names_only():
 
 def test_render_is_one_program_and_little_else(tmp_path):
     programs, modules = run(
-        tmp_path, "render", "--layers", "CobaltBlue:5um,0.5*ZincWhite+0.5*Vermillion:20um"
+        tmp_path, "render", "--coats", "CobaltBlue:5um,0.5*ZincWhite+0.5*Vermillion:20um"
     )
     # The solver, and one to give the answer its shape.
     assert programs <= 2
@@ -103,7 +103,7 @@ def test_a_recipe_is_sixteen_programs(tmp_path):
     ("words", "told"),
     [
         (
-            ("render", "--layers", "CobaltBlue:5um"),
+            ("render", "--coats", "CobaltBlue:5um"),
             ("starting", "compiling, then solving", "drawing"),
         ),
         pytest.param(

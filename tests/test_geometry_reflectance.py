@@ -17,6 +17,7 @@ from glazejax import (
     Bidirectional,
     Glaze,
     Hemispherical,
+    Instrument,
     Layer,
     Mixture,
     Pigment,
@@ -245,12 +246,21 @@ def test_slopes_are_finite_at_the_edges():
 
 
 @pytest.mark.usefixtures("unchecked")
-@pytest.mark.parametrize("geometry", [8.0, "45:0", Bidirectional])
-def test_other_geometry_is_refused(geometry):
+@pytest.mark.parametrize("instrument", [8.0, None, Bidirectional])
+def test_what_is_no_instrument_is_refused(instrument):
     with pytest.raises(
-        TypeError, match=r"must be a Bidirectional or .* such as Bidirectional\(45, 0\), not "
+        TypeError, match=r"give a geometry, such as Bidirectional\(45, 0\), its words"
     ):
-        reflectance(Glaze([], 0.5), geometry)
+        reflectance(Glaze([], 0.5), instrument)
+
+
+def test_an_instrument_is_a_geometry_its_words_or_a_whole_one():
+    glaze = Glaze([], 0.5)
+    found = reflectance(glaze, Hemispherical(8.0, False))
+    np.testing.assert_array_equal(reflectance(glaze, "de:8"), found)
+    np.testing.assert_array_equal(reflectance(glaze, Instrument.parse("de:8", 1.4)), found)
+    with pytest.raises(ValueError, match="instrument is '45;0'"):
+        reflectance(glaze, "45;0")
 
 
 @pytest.mark.usefixtures("unchecked")

@@ -96,8 +96,8 @@ def test_words_for_a_geometry(text, geometry, notation, words):
 )
 def test_other_words_are_one_sentence(text, complaint):
     with pytest.raises(ValueError, match=complaint) as error:
-        parse_geometry(text, argument="--geometry")
-    assert str(error.value).startswith(f"--geometry is {text!r}")
+        parse_geometry(text, argument="--instrument")
+    assert str(error.value).startswith(f"--instrument is {text!r}")
     assert "\n" not in str(error.value)
 
 
@@ -153,7 +153,7 @@ def test_one_argument_names_an_instrument_in_four_ways():
 def test_what_names_no_instrument_is_refused(unchecked):
     with pytest.raises(ValueError, match="45;0"):
         resolve_instrument("45;0")
-    with pytest.raises(TypeError, match="Instrument, a geometry, or words"):
+    with pytest.raises(TypeError, match=r"instrument is 45\.0: give a geometry"):
         resolve_instrument(45.0)  # pyright: ignore[reportArgumentType]
 
 

@@ -159,19 +159,19 @@ def test_wrong_thickness(thickness, complaint):
 
 
 @pytest.mark.parametrize(
-    ("substrate", "index", "complaint"),
+    ("ground", "index", "complaint"),
     [
         (83.5, 1.5, "percent"),
-        (-0.1, 1.5, r"substrate must be in \[0, 1\], not -0.1"),
-        ([0.5, 0.6], 1.5, "the 3 bands of the layers"),
+        (-0.1, 1.5, r"ground must be in \[0, 1\], not -0.1"),
+        ([0.5, 0.6], 1.5, "the 3 bands of the coats"),
         (0.5, 0.9, r"refractive_index must be in \[1, 2.5\], not 0.9"),
         (0.5, np.nan, "not nan"),
         (0.5, [1.5, 1.6], "refractive_index has shape"),
     ],
 )
-def test_wrong_glaze(substrate, index, complaint):
+def test_wrong_glaze(ground, index, complaint):
     with pytest.raises(ValueError, match=complaint):
-        Glaze([Layer(RED, 1e-5)], substrate, index)
+        Glaze([Layer(RED, 1e-5)], ground, index)
 
 
 @pytest.mark.usefixtures("unchecked")
@@ -183,7 +183,7 @@ def test_wrong_glaze(substrate, index, complaint):
         (lambda: Layer(RED, [[1e-5], [1e-5, 1e-5]]), "thickness of 'red' .* rows differ in length"),
         (lambda: Glaze(Layer(RED, 1e-5), 0.5), r"must be a list, top first: write \[layer\]"),  # pyright: ignore
         (lambda: Glaze([RED], 0.5), r"must each be a Layer, not a Pigment: write Layer\(paint"),  # pyright: ignore
-        (lambda: Glaze([Layer(RED, 1e-5)], "white"), "substrate must be real numbers, not 'white'"),
+        (lambda: Glaze([Layer(RED, 1e-5)], "white"), "ground must be real numbers, not 'white'"),
         (lambda: Mixture(["red", "blue"], [0.5, 0.5]), "a mixture is of Pigments, not of 'red'"),  # pyright: ignore
     ],
 )
@@ -252,7 +252,7 @@ def test_objects_pass_through_transformations():
         both[1], 2 * 2 * 2 * plain
     )  # weights, coefficients and thickness doubled
     slope = jax.grad(lambda g: g.optical_thickness.sum())(glaze)
-    np.testing.assert_allclose(slope.layers[0].thickness, plain.sum() / 1e-5)
+    np.testing.assert_allclose(slope.coats[0].thickness, plain.sum() / 1e-5)
     # Unflattening must not look at values: transformations put placeholders there.
     leaves, tree = jax.tree.flatten(glaze)
     assert jax.tree.leaves(jax.tree.unflatten(tree, [object()] * len(leaves)))
@@ -282,9 +282,9 @@ def test_integers_become_floats():
 
 def test_representations_are_short():
     glaze = Glaze([Layer(RED, 2e-5)], 0.8)
-    assert repr(glaze) == "Glaze([Layer('red', 20 um)], substrate 0.8, n = 1.5)"
+    assert repr(glaze) == "Glaze([Layer('red', 20 um)], ground 0.8, n = 1.5)"
     single = Glaze([Layer(RED, np.float32(2e-5))], np.float32(0.85), np.full(3, 1.5))
-    assert repr(single) == "Glaze([Layer('red', 20 um)], substrate 0.85, n = (3,))"
+    assert repr(single) == "Glaze([Layer('red', 20 um)], ground 0.85, n = (3,))"
     jax.jit(lambda g: (repr(g), g.albedo)[1])(glaze)
 
 

@@ -117,4 +117,4 @@ def test_errors_name_the_value():
     with pytest.raises(ValueError, match="azimuth must be a finite number"):
         gj.Bidirectional(45.0, 30.0, azimuth=np.nan)
     with pytest.raises(ValueError, match="refractive_index must be a number"):
-        gj.reflectance(gj.Glaze(glaze.layers, 0.4, np.array([1.5, 1.6])), gj.Hemispherical())
+        gj.reflectance(gj.Glaze(glaze.coats, 0.4, np.array([1.5, 1.6])), gj.Hemispherical())

@@ -56,18 +56,18 @@ def test_a_wrong_command_line_is_one_line(run, words, message):
 
 
 VOCABULARY = {
-    "render": "geometry refractive-index ground pigments illuminant observer out csv overwrite",
-    "recover": "geometry refractive-index thickness noise noise-share samples out overwrite seed",
+    "render": "instrument refractive-index ground pigments illuminant observer out csv overwrite",
+    "recover": "instrument refractive-index thickness noise noise-share samples out overwrite seed",
     "identify": (
-        "geometry refractive-index ground thickness noise noise-share model-error pigments only "
+        "instrument refractive-index ground thickness noise noise-share model-error pigments only "
         "samples csv"
     ),
     "posterior": (
-        "geometry refractive-index ground thickness noise noise-share pigments out overwrite "
+        "instrument refractive-index ground thickness noise noise-share pigments out overwrite "
         "seed paint-error"
     ),
     "recipe": (
-        "geometry refractive-index ground coat-thickness pigments only samples observer out csv "
+        "instrument refractive-index ground coat-thickness pigments only samples observer out csv "
         "overwrite seed"
     ),
     "scene": "out overwrite",
@@ -84,6 +84,40 @@ def test_help_has_the_vocabulary(run, command):
         assert f"--{name} " in out
     assert ("--model-error" in out) == (command == "identify")
     assert ("--thickness " in out) == (command in ("recover", "identify", "posterior"))
+
+
+@pytest.mark.parametrize(
+    ("words", "said", "error"),
+    [
+        (
+            ("render", "--layers", "Eosin"),
+            "--layers is called --coats",
+            "coat 'Eosin' has no thick",
+        ),
+        (("render", "--layers=Eosin"), "--layers is called --coats", "coat 'Eosin' has no thick"),
+        (
+            ("render", "--coats", "Eosin:1um", "--geometry", "d"),
+            "--geometry is called --instrument",
+            "--instrument is 'd'",
+        ),
+        (
+            ("recipe", "--lab", "50,0,0", "--max-layers", "9"),
+            "--max-layers is called --max-coats",
+            "max_coats is 9",
+        ),
+        (
+            ("identify", "none.csv", "--layers", "3"),
+            "--layers is called --max-coats",
+            "--max-coats is 3",
+        ),
+    ],
+)
+def test_options_by_their_former_names(run, words, said, error):
+    status, out, err = run(*words)
+    assert (status, out) == (2, "")
+    note, last = err.splitlines()
+    assert note == f"note: {said} now"
+    assert last.startswith(f"error: {error}")
 
 
 @pytest.mark.parametrize(
@@ -292,7 +326,7 @@ def test_a_picture_is_refused_before_it_is_computed(monkeypatch, run, tmp_path):
 
     monkeypatch.setattr(extras, "distribution", without)
     for words in (
-        ("render", "--layers", "Eosin:1um"),
+        ("render", "--coats", "Eosin:1um"),
         ("recipe", "--lab", "50,0,0"),
         ("recover", "--simulate", "--out", "r"),
         ("posterior", "--simulate", "--paints", "Eosin", "--out", "r"),

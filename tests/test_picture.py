@@ -107,21 +107,21 @@ def test_picture_is_written(paints, maps, tmp_path):
         ({"maps": (np.full(SIZE, 1e-6), np.full((3, 3), 1e-6))}, "maps differ in shape"),
         ({"maps": (np.full(7, 1e-6), 1e-6)}, r"map \(h, w\) or one number"),
         ({"maps": (1e-6, 1e-6)}, "glazejax.reflectance"),
-        ({"maps": (np.full(SIZE, 1e-6),)}, "2 layers and 1 thickness maps"),
-        ({"substrate": np.full(SIZE, 84.0)}, "percent"),
-        ({"substrate": np.full(5, 0.5)}, "bands"),
+        ({"maps": (np.full(SIZE, 1e-6),)}, "2 coats and 1 thickness maps"),
+        ({"ground": np.full(SIZE, 84.0)}, "percent"),
+        ({"ground": np.full(5, 0.5)}, "bands"),
         ({"delta_e": 0.0}, "delta_e is 0"),
-        ({"geometry": gj.Bidirectional([10, 20], 0)}, "one angle"),
+        ({"instrument": gj.Bidirectional([10, 20], 0)}, "one angle"),
     ],
 )
 def test_what_is_wrong_is_named(paints, change: dict, words: str):
     asked = {
         "maps": (np.full(SIZE, 1e-6), 1e-6),
-        "substrate": 0.5,
-        "geometry": None,
+        "ground": 0.5,
+        "instrument": None,
         "delta_e": 0.1,
     } | change
     with pytest.raises(ValueError, match=words):
         gj.picture(
-            paints, asked["maps"], asked["substrate"], asked["geometry"], delta_e=asked["delta_e"]
+            paints, asked["maps"], asked["ground"], asked["instrument"], delta_e=asked["delta_e"]
         )

@@ -17,6 +17,7 @@ from glazejax.commands import main as cli
 from glazejax.commands import render as cli_render
 from glazejax.io import read_spectra
 from glazejax.paint.pigment_table import read_pigments
+from glazejax.stacks import read_stack
 
 W = np.arange(400.0, 701.0, 20.0)
 HEADER = "pigment,wavelength_nm,absorption,scattering,absorption_sd,scattering_sd,identifiable"
@@ -70,7 +71,7 @@ def spectrum(pigments_csv, geometry, ground: float | np.ndarray = 0.9, index=1.5
     return np.asarray(glazejax.reflectance(glaze, geometry))
 
 
-STACK = ("--layers", "Red:1um, deep blue:2um")
+STACK = ("--coats", "Red:1um, deep blue:2um")
 
 
 def test_numbers_picture_and_table(run, tmp_path, pigments_csv):
@@ -104,10 +105,14 @@ def test_numbers_picture_and_table(run, tmp_path, pigments_csv):
 @pytest.mark.parametrize(
     ("options", "geometry", "words"),
     [
-        (["--geometry", "45:0"], Bidirectional(45.0, 0.0), "light at 45°, view at 0°, no mirror"),
-        (["--geometry", "30:30:specular"], Bidirectional(30.0, 30.0, True), "mirror reflection in"),
-        (["--geometry", "d:8"], Hemispherical(8.0, True), "sphere at 8°, specular included"),
-        (["--geometry", "20:de"], Hemispherical(20.0, False), "sphere at 20°, specular excluded"),
+        (["--instrument", "45:0"], Bidirectional(45.0, 0.0), "light at 45°, view at 0°, no mirror"),
+        (
+            ["--instrument", "30:30:specular"],
+            Bidirectional(30.0, 30.0, True),
+            "mirror reflection in",
+        ),
+        (["--instrument", "d:8"], Hemispherical(8.0, True), "sphere at 8°, specular included"),
+        (["--instrument", "20:de"], Hemispherical(20.0, False), "sphere at 20°, specular excluded"),
     ],
 )
 def test_geometries(run, tmp_path, pigments_csv, options, geometry, words):
@@ -147,7 +152,7 @@ def test_ground_from_a_file(run, tmp_path, pigments_csv):
 
 def test_mixtures_repeats_and_the_ladder(run, tmp_path, pigments_csv):
     layers = "0.5*Red+0.5*DeepBlue:1um x3, Red:0um, DeepBlue:1um"
-    status, out, _ = run("--layers", layers, "--csv", "s.csv", "--ladder", "deepblue")
+    status, out, _ = run("--coats", layers, "--csv", "s.csv", "--ladder", "deepblue")
     assert status == 0
     shelf = read_pigments(pigments_csv)
     mixed = Mixture([shelf["Red"], shelf["DeepBlue"]], [0.5, 0.5])
@@ -162,9 +167,9 @@ def test_mixtures_repeats_and_the_ladder(run, tmp_path, pigments_csv):
 
 def test_a_stack_is_written_and_drawn(run, tmp_path):
     """The studio's file: what one run wrote the next one draws, own paints included."""
-    options = ("--ground", "0.5", "--geometry", "d:8", "--refractive-index", "1.4")
+    options = ("--ground", "0.5", "--instrument", "d:8", "--refractive-index", "1.4")
     status, _, _ = run(
-        "--layers",
+        "--coats",
         "Red:3um x2, 0.7*ZincWhite+0.3*DeepBlue:1um",
         *options,
         "--write-stack",
@@ -172,15 +177,15 @@ def test_a_stack_is_written_and_drawn(run, tmp_path):
     )
     assert status == 2  # on other wavelengths than the catalogue's: no mixture of the two
     status, first, _ = run(
-        "--layers", "Red:3um x2, DeepBlue:1um", *options, "--write-stack", "stack.json"
+        "--coats", "Red:3um x2, DeepBlue:1um", *options, "--write-stack", "stack.json"
     )
     assert status == 0
-    stack = glazejax.read_stack(tmp_path / "stack.json")
+    stack = read_stack(tmp_path / "stack.json")
     assert [(coat.name, coat.thickness) for coat in stack.coats] == [
         ("Red", 6e-6),
         ("DeepBlue", 1e-6),
     ]
-    assert (stack.ground, stack.geometry, stack.refractive_index) == (0.5, "d:8", 1.4)
+    assert (stack.ground, stack.instrument, stack.refractive_index) == (0.5, "d:8", 1.4)
     status, second, _ = run("--stack", "stack.json", "--overwrite", pigments=None)
     assert status == 0
     # The ladder's coat is another: the two equal coats are one in the file.
@@ -188,7 +193,7 @@ def test_a_stack_is_written_and_drawn(run, tmp_path):
     assert colours[0] == colours[1]
     status, third, _ = run("--stack", "stack.json", "--ground", "0.1", "--overwrite", pigments=None)
     assert re.findall(r"#[0-9a-f]{6}", third)[0] != colours[0]
-    assert run("--stack", "stack.json", "--layers", "Red:1um")[2].startswith(
+    assert run("--stack", "stack.json", "--coats", "Red:1um")[2].startswith(
         "error: --stack stack.json says what"
     )
     status, _, err = run("--stack", "stack.json", "--write-stack", "stack.json", "--overwrite")
@@ -201,14 +206,14 @@ def test_warnings_and_sources(run):
     assert re.search(r"warning: Red at 620-700 nm: measurements fix only k/s", out)
     assert "DeepBlue at" not in out
     assert re.search(r"source: +Red, DeepBlue: from .*pigments.csv", " ".join(out.split()))
-    _, out, _ = run("--layers", "Red:0um,DeepBlue:1um", "--overwrite")
+    _, out, _ = run("--coats", "Red:0um,DeepBlue:1um", "--overwrite")
     assert "warning" not in out
 
 
 def test_gamut_is_said(run):
-    _, out, _ = run("--layers", "DeepBlue:10um")
+    _, out, _ = run("--coats", "DeepBlue:10um")
     assert re.search(r"outside the sRGB gamut, clipped \(would need", out)
-    _, out, _ = run("--layers", "Red:0um", "--overwrite")
+    _, out, _ = run("--coats", "Red:0um", "--overwrite")
     assert "outside the sRGB gamut" not in out
 
 
@@ -224,27 +229,27 @@ def test_lines_fit_the_terminal(run, monkeypatch, width):
 @pytest.mark.parametrize(
     ("arguments", "complaint"),
     [
-        ((), "give the layers, such as --layers"),
-        (("--layers", ""), "the list of layers is empty"),
-        (("--layers", "Red:12"), "the thickness 12 has no unit: write 12um"),
-        (("--layers", "Red:-1um"), "thickness -1um is negative"),
-        (("--layers", "0.5*Red+0.6*DeepBlue:1um"), "fractions sum to 1.1"),
+        ((), "give the coats, such as --coats"),
+        (("--coats", ""), "the list of coats is empty"),
+        (("--coats", "Red:12"), "the thickness 12 has no unit: write 12um"),
+        (("--coats", "Red:-1um"), "thickness -1um is negative"),
+        (("--coats", "0.5*Red+0.6*DeepBlue:1um"), "fractions sum to 1.1"),
         ((*STACK, "--ground", "90"), "--ground is 90; .* looks like percent: write 0.9"),
-        ((*STACK, "--geometry", "d"), "--geometry is 'd'; it must be d:8 or di:8"),
-        ((*STACK, "--geometry", "45:0:specular"), "45:0 the mirror reflection is not in view"),
+        ((*STACK, "--instrument", "d"), "--instrument is 'd'; it must be d:8 or di:8"),
+        ((*STACK, "--instrument", "45:0:specular"), "45:0 the mirror reflection is not in view"),
         ((*STACK, "--ground", "-0.1"), "--ground is -0.1"),
         ((*STACK, "--ground", "nan"), "--ground is nan"),
         ((*STACK, "--ground", "white.csv"), "'white.csv' is neither a number .* nor a file"),
         ((*STACK, "--illuminant", "D66"), "unknown illuminant 'D66'; the nearest are D65"),
         ((*STACK, "--observer", "3"), "unknown observer '3'"),
         ((*STACK, "--refractive-index", "3"), "refractive_index must be in"),
-        ((*STACK, "--geometry", "90:0"), "incidence must lie in"),
+        ((*STACK, "--instrument", "90:0"), "incidence must lie in"),
         (
             (*STACK, "--ladder", "Green"),
-            "'Green' is none of the layers: choose one of Red, DeepBlue",
+            "'Green' is none of the coats: choose one of Red, DeepBlue",
         ),
         (
-            ("--layers", "Red:0um,DeepBlue:1um", "--ladder", "Red"),
+            ("--coats", "Red:0um,DeepBlue:1um", "--ladder", "Red"),
             "0 thick, so there is nothing to repeat",
         ),
         ((*STACK, "--out", "a.txt"), "pictures end in .png"),
@@ -284,13 +289,13 @@ def test_own_pigments_come_before_the_catalogue(run, monkeypatch, tmp_path):
         for name, k in (("Red", 9e9), ("Ochre", 1e5))
     }
     monkeypatch.setattr("glazejax.catalogue.load", lambda _: shelf)
-    status, out, _ = run("--layers", "Red:1um, Ochre:1um", "--csv", "s.csv")
+    status, out, _ = run("--coats", "Red:1um, Ochre:1um", "--csv", "s.csv")
     assert status == 0
     assert "Ochre of the shelf" in out
     assert "Red of the shelf" not in out
     assert "differ in wavelengths; everything is computed at 400-700 nm step 20" in out
     np.testing.assert_array_equal(read_spectra(tmp_path / "s.csv").wavelengths, W)
-    status, _, err = run("--layers", "Ocre:1um", "--out", "b.png")
+    status, _, err = run("--coats", "Ocre:1um", "--out", "b.png")
     assert (status, err) == (2, "error: there is no pigment 'Ocre': the nearest is Ochre\n")
     status, out, _ = run("--list")
     assert status == 0
@@ -323,7 +328,7 @@ def test_the_installed_command(tmp_path):
         )
 
     good = (
-        "--layers",
+        "--coats",
         "PrussianBlue:12um,Vermillion:12um",
         "--ground",
         "0.9",
@@ -335,11 +340,11 @@ def test_the_installed_command(tmp_path):
         assert (done.returncode, done.stderr) == (0, "")
         assert "taken as 25 µm" in " ".join(done.stdout.split())
         assert "warning: PrussianBlue at" in done.stdout
-    wrong = call("--layers", "Ultramarin:12um")
+    wrong = call("--coats", "Ultramarin:12um")
     assert wrong.returncode == 2
     assert wrong.stdout == ""
     assert wrong.stderr.startswith("error: ")
-    wrong = call("--layers", "Ultramarin:12um", "--out", "other.png")
+    wrong = call("--coats", "Ultramarin:12um", "--out", "other.png")
     assert (
         wrong.stderr == "error: there is no pigment 'Ultramarin': the nearest is UltramarineBlue\n"
     )

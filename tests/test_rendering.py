@@ -37,9 +37,9 @@ def alone(layers, ground=None):
 
 
 def test_stack_ground_and_single_layers(result):
-    np.testing.assert_allclose(result.glaze, alone(STACK.layers), atol=TOLERANCE)
+    np.testing.assert_allclose(result.glaze, alone(STACK.coats), atol=TOLERANCE)
     np.testing.assert_allclose(result.ground, alone([]), atol=TOLERANCE)
-    for i, layer in enumerate(STACK.layers):
+    for i, layer in enumerate(STACK.coats):
         np.testing.assert_allclose(result.alone[i], alone([layer]), atol=TOLERANCE)
 
 
@@ -171,5 +171,5 @@ def test_bad_requests():
         render(STACK, GEOMETRY, coats=0)
     with pytest.raises(ValueError, match="single numbers"):
         render(Glaze([Layer(RED, jnp.asarray([1e-6, 2e-6]))], 0.9), GEOMETRY)
-    with pytest.raises(ValueError, match="without layers has no wavelengths"):
+    with pytest.raises(ValueError, match="without coats has no wavelengths"):
         render(Glaze([], 0.9), GEOMETRY)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import glazejax as gj
+import glazejax.stacks
 from glazejax.paint.describe import Coat
 from glazejax.stacks import (
     BLACK,
@@ -13,8 +14,10 @@ from glazejax.stacks import (
     Hiding,
     Spectrum,
     parse_stack,
+    read_stack,
     stack_from_dict,
     stack_to_dict,
+    write_stack,
 )
 
 COATS = [
@@ -35,14 +38,14 @@ MINE = {"wavelengths": GRID, "absorption": [1e4, 2e4, 3e4, 4e4], "scattering": [
 
 def test_a_file_that_was_written_is_read_again(tmp_path):
     stack = stack_from_dict({**GIVEN, "pigments": {"Mine": MINE}})
-    path = gj.write_stack(tmp_path / "stack.json", stack)
-    again = gj.read_stack(path)
+    path = write_stack(tmp_path / "stack.json", stack)
+    again = read_stack(path)
     assert stack_to_dict(again) == stack_to_dict(stack)
     assert again.coats[1] == Coat(((0.9, "ZincWhite"), (0.1, "Eosin")), 20e-6, 1)
     assert again.hidden == (False, True)
     np.testing.assert_allclose(again.pigments["Mine"].absorption, MINE["absorption"])
     with pytest.raises(FileExistsError, match="overwrite=True"):
-        gj.write_stack(path, stack)
+        write_stack(path, stack)
 
 
 def test_the_glaze_is_that_of_the_shown_coats():
@@ -75,7 +78,7 @@ def test_a_measured_ground_cuts_the_wavelengths_to_its_own():
     assert isinstance(stack.ground, Spectrum)
     glaze = stack.glaze()
     assert (glaze.wavelengths[0], glaze.wavelengths[-1]) == (430.0, 600.0)
-    np.testing.assert_allclose(np.asarray(glaze.substrate)[[0, -1]], [0.2, 0.4])
+    np.testing.assert_allclose(np.asarray(glaze.ground)[[0, -1]], [0.2, 0.4])
 
 
 def test_paints_of_two_catalogues_share_their_wavelengths():
@@ -133,4 +136,84 @@ def test_text_that_is_no_stack(tmp_path):
     for text in ("{", "[1]", "NaN"):
         path.write_text(text)
         with pytest.raises(ValueError, match="stack"):
-            gj.read_stack(path)
+            read_stack(path)
+
+
+def test_a_glaze_is_saved_and_loaded(tmp_path):
+    paints = gj.catalogue.load()
+    grid = paints["CobaltBlue"].wavelengths
+    mine = gj.Pigment(
+        "Mine", grid, np.linspace(1e4, 7e4, grid.size) / 3, np.full(grid.size, 1e4 / 7)
+    )
+    other = gj.Pigment("Mine", grid, mine.scattering, mine.absorption)
+    mixture = gj.Mixture([paints["ZincWhite"], mine], [0.7, 0.3])
+    coats = [gj.Layer(paints["CobaltBlue"], 2.3e-6), gj.Layer(mixture, 1e-5), gj.Layer(other, 1e-6)]
+    glaze = gj.Glaze(coats, np.linspace(0.2, 0.9, grid.size), 1.45)
+    path = glaze.save(tmp_path / "glaze.json", instrument="d:8")
+    again = gj.Glaze.load(path)
+    assert [coat.medium.name for coat in again.coats] == [
+        "CobaltBlue",
+        "0.7 ZincWhite + 0.3 Mine",
+        "Mine'",
+    ]
+    seen = gj.reflectance(glaze, "d:8")
+    np.testing.assert_allclose(gj.reflectance(again, "d:8"), seen, atol=1e-9)
+    np.testing.assert_array_equal(again.coats[2].medium.absorption, other.absorption)
+    assert (again.refractive_index, read_stack(path).instrument) == (1.45, "d:8")
+    assert set(json.loads(path.read_text())["pigments"]) == {"Mine", "Mine'"}
+    with pytest.raises(FileExistsError, match="overwrite=True"):
+        glaze.save(path)
+    assert glaze.save(path, overwrite=True) == path
+
+
+def test_a_glaze_over_both_sides_of_a_card(tmp_path):
+    (tmp_path / "s.json").write_text(json.dumps({**GIVEN, "ground": "card"}))
+    grounds = [gj.Glaze.load(tmp_path / "s.json", side=side).ground for side in ("white", "black")]
+    np.testing.assert_allclose(grounds, [WHITE, BLACK])
+
+
+@pytest.mark.usefixtures("unchecked")
+def test_a_card_has_two_sides(tmp_path):
+    (tmp_path / "s.json").write_text(json.dumps(GIVEN))
+    with pytest.raises(ValueError, match="side is 'grey'"):
+        gj.Glaze.load(tmp_path / "s.json", side="grey")  # pyright: ignore[reportArgumentType]
+
+
+COBALT = gj.catalogue.pigment("CobaltBlue")
+FORWARD = gj.Pigment("F", GRID, [1e4] * 4, [1e4] * 4, phase=[1.0, 0.5])
+
+
+@pytest.mark.parametrize(
+    ("glaze", "words"),
+    [
+        (gj.Glaze([], 0.5), "a glaze without coats"),
+        (gj.Glaze([gj.Layer(COBALT, [1e-6, 2e-6])], 0.5), "without batch axes"),
+        (gj.Glaze([gj.Layer(FORWARD, 1e-6)], 0.5), "a phase function"),
+        (
+            gj.Glaze([gj.Layer(COBALT, 1e-6)], 0.5, np.linspace(1.4, 1.5, 31)),
+            "one refractive index",
+        ),
+        (
+            gj.Glaze([gj.Layer(gj.Mixture([COBALT] * 5, [0.2] * 5), 1e-6)], 0.5),
+            "is of 5 paints; a coat has 4 at most",
+        ),
+    ],
+)
+def test_what_no_file_holds_is_said(tmp_path, glaze, words):
+    with pytest.raises(ValueError, match=words):
+        glaze.save(tmp_path / "glaze.json")
+
+
+@pytest.mark.parametrize("name", ["Stack", "read_stack", "write_stack"])
+def test_former_names_of_files(name):
+    with pytest.warns(DeprecationWarning, match=rf"glazejax.stacks.{name} now; glazejax.Glaze"):
+        assert getattr(gj, name) is getattr(glazejax.stacks, name)
+    assert name not in dir(gj)
+
+
+def test_the_instrument_of_a_stack_by_its_former_name():
+    former = {"geometry": "d:8"}
+    with pytest.warns(DeprecationWarning, match="is called instrument now"):
+        stack = glazejax.stacks.Stack((), **former)  # pyright: ignore[reportArgumentType]
+    with pytest.warns(DeprecationWarning, match=r"Stack.geometry is called instrument now"):
+        assert stack.geometry == "d:8"

@@ -28,9 +28,6 @@ from .radiative.stack import split_reflectance_factor as split_reflectance_facto
 from .radiative.stack import stack_hemispherical_reflectance as stack_hemispherical_reflectance
 from .radiative.stack import stack_reflectance_factor as stack_reflectance_factor
 from .reflectance import reflectance as reflectance
-from .stacks import Stack as Stack
-from .stacks import read_stack as read_stack
-from .stacks import write_stack as write_stack
 
 __version__: str
 

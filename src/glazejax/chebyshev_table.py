@@ -63,7 +63,7 @@ class Axis(NamedTuple):
             x = (np.expm1(x) * math.sqrt(self.high / self.curvature) + math.sqrt(soft)) ** 2 - soft
         return np.clip(x, self.low, self.high)
 
-    def held(self, x: Any, xp: ModuleType = jnp) -> Any:
+    def clamp(self, x: Any, xp: ModuleType = jnp) -> Any:
         """x moved into the range, with a whole slope at its ends, where `clip` would halve it."""
         return xp.where(x < self.low, self.low, xp.where(x > self.high, self.high, x))
 
@@ -86,9 +86,9 @@ class Mirrored(NamedTuple):
         """From [-1, 1] to [low, high]."""
         return np.clip(self.high - self._from_above().point(-coordinate), self.low, self.high)
 
-    def held(self, x: Any, xp: ModuleType = jnp) -> Any:
-        """As `Axis.held`."""
-        return Axis(self.low, self.high).held(x, xp)
+    def clamp(self, x: Any, xp: ModuleType = jnp) -> Any:
+        """As `Axis.clamp`."""
+        return Axis(self.low, self.high).clamp(x, xp)
 
 
 _Axis = TypeVar("_Axis", bound=Axis | Mirrored)

@@ -1,9 +1,9 @@
-"""Names of arguments before version 0.2, which still work for that version."""
+"""Names of arguments and attributes before version 0.2, which still work for that version."""
 
 import functools
 import warnings
 from collections.abc import Callable
-from typing import ParamSpec, TypeVar
+from typing import Any, ParamSpec, TypeVar
 
 P = ParamSpec("P")
 T = TypeVar("T")
@@ -89,3 +89,15 @@ def accept_former_grounds(function: Callable[P, T]) -> Callable[P, T]:
         return function(*args, **given)
 
     return call
+
+
+def former_attribute(former: str, new: str) -> property:
+    """A property that gives an attribute by its former name, with a DeprecationWarning."""
+
+    def get(self: Any) -> Any:
+        warnings.warn(
+            f"{type(self).__name__}.{former} is called {new} now", DeprecationWarning, stacklevel=2
+        )
+        return getattr(self, new)
+
+    return property(get, doc=f"`{new}` by its former name.")

@@ -201,7 +201,7 @@ def parse_geometry(text: str, *, argument: str = "geometry") -> Geometry:
             without it, and by reciprocity ``8:d``, ``8:di``, ``8:de``; or the angles of light and
             view, ``45:0``, ``0:45``, ``30:30``. With equal angles, ``30:30:specular`` sees the
             mirror reflection. Any angle in [0, 90) degrees will do.
-        argument: what ``text`` was given as, such as ``--geometry``; errors begin with it.
+        argument: what ``text`` was given as, such as ``--instrument``; errors begin with it.
 
     Raises:
         ValueError: other words, an angle out of range, or a mirror reflection that is not in view.
@@ -309,15 +309,30 @@ def resolve_instrument(
         ValueError: words that name no geometry, see `parse_geometry`.
         TypeError: anything else.
     """
-    if instrument is None:
-        return Instrument(Hemispherical(), refractive_index)
-    if isinstance(instrument, str):
-        return Instrument.parse(instrument, refractive_index)
-    if isinstance(instrument, Bidirectional | Hemispherical):
-        return Instrument(instrument, refractive_index)
     if isinstance(instrument, Instrument):
         return instrument
+    return Instrument(
+        Hemispherical() if instrument is None else geometry_of(instrument), refractive_index
+    )
+
+
+def geometry_of(instrument: "Instrument | Geometry | str") -> Geometry:
+    """The geometry that an `instrument=` argument names, where the paint brings its own index.
+
+    Args:
+        instrument: a whole one, a geometry, or its words, such as ``"45:0"``.
+
+    Raises:
+        ValueError: words that name no geometry, see `parse_geometry`.
+        TypeError: anything else.
+    """
+    if isinstance(instrument, Bidirectional | Hemispherical):
+        return instrument
+    if isinstance(instrument, Instrument):
+        return instrument.geometry
+    if isinstance(instrument, str):
+        return parse_geometry(instrument, argument="instrument")
     raise TypeError(
-        f"instrument is {instrument!r}: give a glazejax.Instrument, a geometry, or words such as "
-        '"45:0"'
+        f"instrument is {instrument!r}: give a geometry, such as Bidirectional(45, 0), its words, "
+        'such as "45:0", or a glazejax.Instrument'
     )

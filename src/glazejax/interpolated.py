@@ -322,7 +322,7 @@ def _values(axes: tuple, coefficients: Any, columns: Any, xp: ModuleType) -> Any
     """Values (channels, points)."""
     bases = []
     for axis, column, count in zip(axes, columns, coefficients.shape, strict=False):
-        bases.append(polynomials(axis.coordinate(axis.held(column, xp), xp), count, xp, axis=0))
+        bases.append(polynomials(axis.coordinate(axis.clamp(column, xp), xp), count, xp, axis=0))
     first, *others = bases
     if coefficients.shape[-1] > _FEW_CHANNELS:
         for basis in others:

@@ -1,4 +1,4 @@
-"""Glazed pictures: layers whose thickness changes from pixel to pixel, to sRGB.
+"""Glazed pictures: coats whose thickness changes from pixel to pixel, to sRGB.
 
 Every pixel is a glaze of its own, but all are points of one function: colour against the few
 numbers that differ from pixel to pixel. That function is computed where it is needed to meet a
@@ -18,7 +18,8 @@ from jaxtyping import Array, Float
 
 from . import colour
 from .extras import require
-from .geometry import Bidirectional, Geometry, Hemispherical
+from .former_names import accept_former_keywords
+from .geometry import Bidirectional, Geometry, Hemispherical, Instrument, geometry_of
 from .interpolated import MOST_AXES, interpolated
 from .paint.media import Glaze, Layer, Mixture, Pigment
 from .radiative.common.fresnel import dielectric_reflectance
@@ -71,11 +72,12 @@ class Picture:
         return f"Picture({' x '.join(map(str, self.srgb.shape[:2]))}: {self.report})"
 
 
+@accept_former_keywords(layers="coats", substrate="ground", geometry="instrument")
 def picture(
-    layers: Sequence[Pigment | Mixture],
+    coats: Sequence[Pigment | Mixture],
     thickness_maps: Sequence[Numbers],
-    substrate: Numbers,
-    geometry: Geometry | None = None,
+    ground: Numbers,
+    instrument: Instrument | Geometry | str | None = None,
     *,
     refractive_index: Numbers = 1.5,
     illuminant: str = "D65",
@@ -84,15 +86,16 @@ def picture(
     full: bool = False,
     savings: Savings = ALL,
 ) -> Picture:
-    """Picture of a glaze whose layers have a thickness map each.
+    """Picture of a glaze whose coats have a thickness map each.
 
     Args:
-        layers: paint of each layer, top first, all on the same wavelengths.
-        thickness_maps: thickness of each layer in m, (h, w) or one number.
-        substrate: reflectance of the ground inside the medium, in [0, 1]: one number, a spectrum
-            (bands,), or a map (h, w) of grey.
-        geometry: where light comes from and from where one looks, one angle each; 45:0 if left out.
-        refractive_index: of all layers, one number or (bands,), in [1, 2.5].
+        coats: paint of each coat, top first, all on the same wavelengths.
+        thickness_maps: thickness of each coat in m, (h, w) or one number.
+        ground: its reflectance inside the medium, in [0, 1]: one number, a spectrum (bands,), or a
+            map (h, w) of grey.
+        instrument: where light comes from and from where one looks, one angle each: a geometry, its
+            words, or an `Instrument`, of which the geometry counts; 45:0 if left out.
+        refractive_index: of all coats, one number or (bands,), in [1, 2.5].
         illuminant, observer: see `glazejax.colour.colour_weights`.
         delta_e: largest CIEDE2000 difference wanted from the full computation.
         full: compute every distinct pixel instead of interpolating.
@@ -103,7 +106,7 @@ def picture(
 
     Raises:
         ValueError: maps of different shapes, none at all, a thickness that is NaN, negative or not
-            in metres, another number of maps than layers, an angle for each of many directions, or
+            in metres, another number of maps than coats, an angle for each of many directions, or
             what `Glaze` and the colour functions refuse.
 
     Notes:
@@ -113,10 +116,10 @@ def picture(
     if not 0 < delta_e < 100:
         raise ValueError(f"delta_e is {delta_e}; it must be positive, such as 0.1")
     inputs = _PictureInputs(
-        layers=layers,
+        paints=coats,
         maps=thickness_maps,
-        substrate=substrate,
-        geometry=geometry,
+        ground=ground,
+        geometry=geometry_of("45:0" if instrument is None else instrument),
         refractive_index=refractive_index,
         illuminant=illuminant,
         observer=observer,
@@ -164,20 +167,20 @@ def picture(
 class _PictureInputs:
     """What the picture shows, checked, as NumPy arrays."""
 
-    def __init__(self, layers, maps, substrate, geometry, refractive_index, illuminant, observer):
-        layers = list(layers)
+    def __init__(self, paints, maps, ground, geometry, refractive_index, illuminant, observer):
+        paints = list(paints)
         maps = [as_array(m) for m in maps]
-        if not layers or len(layers) != len(maps):
+        if not paints or len(paints) != len(maps):
             raise ValueError(
-                f"{len(layers)} layers and {len(maps)} thickness maps: give each layer one map "
+                f"{len(paints)} coats and {len(maps)} thickness maps: give each coat one map "
                 "or number"
             )
-        coats = [Layer(medium, thickness) for medium, thickness in zip(layers, maps, strict=True)]
-        ground = np.asarray(_check_known("substrate", substrate), float)
+        coats = [Layer(medium, thickness) for medium, thickness in zip(paints, maps, strict=True)]
+        ground = np.asarray(_check_known("ground", ground), float)
         thickness = [np.asarray(_check_known("thickness", m), float) for m in maps]
-        names = [f"thickness of {medium.name!r}" for medium in layers] + ["substrate"]
+        names = [f"thickness of {medium.name!r}" for medium in paints] + ["ground"]
         for name, array in zip(names, [*thickness, ground], strict=True):
-            if array.ndim not in ((0, 2) if name != "substrate" else (0, 1, 2)):
+            if array.ndim not in ((0, 2) if name != "ground" else (0, 1, 2)):
                 raise ValueError(
                     f"{name} has shape {array.shape}; it must be a map (h, w) or one number"
                 )
@@ -216,7 +219,7 @@ class _PictureInputs:
         self.extinction = 1e3 * np.asarray(unit.optical_thickness, float)
         self.refractive_index = np.asarray(unit.refractive_index, float)
         self.thickness, self.ground = thickness, ground
-        self.geometry = Bidirectional(45.0, 0.0) if geometry is None else geometry
+        self.geometry = geometry
         self.directions, self.surface = _directions(self.geometry, self.refractive_index)
         grid = unit.wavelengths
         self.weights = colour.colour_weights(grid, illuminant, observer)
@@ -258,10 +261,6 @@ def _directions(
         case Hemispherical():
             viewing = None
             mirror = True
-        case _:
-            raise TypeError(
-                f"geometry must be Bidirectional or Hemispherical, not {type(geometry).__name__}"
-            )
     incidence = np.asarray(geometry.cos_incidence, float)
     if incidence.ndim or (viewing is not None and viewing.ndim):
         raise ValueError(

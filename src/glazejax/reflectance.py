@@ -7,7 +7,8 @@ from typing import Any
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from .geometry import Bidirectional, Geometry, Hemispherical
+from .former_names import accept_former_keywords
+from .geometry import Bidirectional, Geometry, Hemispherical, Instrument, geometry_of
 from .paint.media import Glaze, check_glaze
 from .radiative.common.fresnel import dielectric_reflectance
 from .radiative.stack import (
@@ -17,28 +18,35 @@ from .radiative.stack import (
 )
 
 
+@accept_former_keywords(geometry="instrument")
 def reflectance(
-    glaze: Glaze, geometry: Geometry, *, tolerance: float = 1e-6, method: Method | None = None
+    glaze: Glaze,
+    instrument: Instrument | Geometry | str,
+    *,
+    tolerance: float = 1e-6,
+    method: Method | None = None,
 ) -> Float[Array, "*batch bands"]:
     """Reflectance spectrum of a glaze as an instrument sees it.
 
     Args:
-        glaze: layers on a ground; thicknesses, weights and coefficients may carry leading batch
+        glaze: coats on a ground; thicknesses, weights and coefficients may carry leading batch
             axes.
-        geometry: `Bidirectional` gives the reflectance factor pi L_out / E_in, `Hemispherical` the
-            reflected share of the flux. With its `specular` flag, the Fresnel reflectance of the
-            outer surface is added (for `Bidirectional` only where viewing equals incidence).
+        instrument: a geometry, its words, such as ``"45:0"`` or ``"d:8"``, or an `Instrument`, of
+            which the geometry counts: the index is the glaze's. `Bidirectional` gives the
+            reflectance factor pi L_out / E_in, `Hemispherical` the reflected share of the flux.
+            With its `specular` flag, the Fresnel reflectance of the outer surface is added (for
+            `Bidirectional` only where viewing equals incidence).
         tolerance: absolute error wanted; static.
         method: "ordinates", or "auxiliary" or "manyflux": the same quantity another way. By default
             the first, or "manyflux" where a paint has a phase function: only it can follow that.
 
     Returns:
-        (..., bands); one band if neither layers nor substrate have bands.
+        (..., bands); one band if neither coats nor ground have bands.
 
     Raises:
-        TypeError: `geometry` is neither of the two, or `glaze` is no Glaze.
-        ValueError: the solver refuses `tolerance` or `method`, or a glaze with phase functions has
-            an index that varies or is traced.
+        TypeError: `instrument` is none of these, or `glaze` is no Glaze.
+        ValueError: words that name no geometry, the solver refuses `tolerance` or `method`, or a
+            glaze with phase functions has an index that varies or is traced.
 
     Example:
         >>> from glazejax import Bidirectional, Layer, catalogue
@@ -50,13 +58,14 @@ def reflectance(
     Source: paper A (Shinozawa et al. 2013), section 3.2.
     """
     check_glaze(glaze)
+    geometry = geometry_of(instrument)
     phase = glaze.phase
     if phase is not None and method not in (None, "manyflux"):
         raise ValueError(
             f"method {method!r} takes isotropic scattering only; a paint here has a phase function"
         )
     n = glaze.refractive_index
-    stack = glaze.albedo, glaze.optical_thickness, glaze.substrate
+    stack = glaze.albedo, glaze.optical_thickness, glaze.ground
     given: dict[str, Any] = {"refractive_index": n, "tolerance": tolerance}
     given |= {"method": method or "ordinates"} if phase is None else {"phase": phase}
     match geometry:
@@ -83,11 +92,6 @@ def reflectance(
                     manyflux_hemispherical_reflectance as solve,
                 )
             diffuse = solve(*stack, cos_incidence=geometry.cos_incidence, **given)
-        case _:
-            raise TypeError(
-                "geometry must be a Bidirectional or a Hemispherical, such as Bidirectional(45, "
-                f"0), not {geometry!r}"
-            )
     if not geometry.specular:
         return diffuse
     surface: Array = dielectric_reflectance(jnp.asarray(geometry.cos_incidence), jnp.asarray(n))

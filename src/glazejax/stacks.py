@@ -1,5 +1,5 @@
 """A stack of coats as a small JSON file: what the studio, `glazejax render` and Python hand to one
-another.
+another. `Glaze.save` and `Glaze.load` write and read it; `Stack` is all that such a file holds.
 
     {"glazejax": "stack", "version": 1, "geometry": "45:0", "refractive_index": 1.5, "ground":
      "card", "coats": [{"paint": {"CobaltBlue": 1}, "um": 2}, {"paint": {"ZincWhite": 9, "Eosin":
@@ -16,7 +16,7 @@ names and the acrylics as ``acrylics/NAME``; `pigments` brings own ones: ``{"Min
 
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
@@ -27,7 +27,8 @@ import numpy as np
 from jaxtyping import Float
 
 from . import catalogue
-from .geometry import Geometry, parse_geometry
+from .former_names import accept_former_keywords, former_attribute
+from .geometry import Geometry, Instrument, geometry_of, parse_geometry
 from .io.outputs import check_output
 from .io.source import open_source
 from .paint.describe import Coat, find_name, make_media, name_paints
@@ -65,14 +66,15 @@ Ground: TypeAlias = "float | Literal['white', 'black', 'card'] | Spectrum | Hidi
 
 @dataclass(frozen=True)
 class Stack:
-    """Coats on a ground, as one file or link holds them.
+    """Coats on a ground as one file or link holds them: paints by name, hidden coats, words for the
+    ground. `glaze` makes of it the `glazejax.Glaze` that light meets.
 
     Attributes:
         coats: top first; those that are hidden are among them.
         hidden: one for each coat.
         ground: see the module.
         refractive_index: of all coats.
-        geometry: words of `glazejax.geometry.parse_geometry`.
+        instrument: words of `glazejax.geometry.parse_geometry`.
         pigments: own paints by name.
     """
 
@@ -80,7 +82,7 @@ class Stack:
     hidden: tuple[bool, ...] = ()
     ground: Ground = "card"
     refractive_index: float = 1.5
-    geometry: str = "45:0"
+    instrument: str = "45:0"
     pigments: Mapping[str, Pigment] = field(default_factory=lambda: MappingProxyType({}))
 
     def __post_init__(self) -> None:
@@ -99,10 +101,12 @@ class Stack:
             else coats
         )
 
+    geometry = former_attribute("geometry", "instrument")
+
     @property
     def seen_by(self) -> Geometry:
         """The instrument's geometry."""
-        return parse_geometry(self.geometry)
+        return parse_geometry(self.instrument)
 
     def level(self, side: str = "white") -> "float | Spectrum":
         """Reflectance of the ground; of a card, that of its white or black side."""
@@ -156,8 +160,11 @@ class Stack:
         if not media:
             raise ValueError("the stack shows no coat: add one, or show one that is hidden")
         ground = self.ground_on(media[0].wavelengths, side)
-        layers = [Layer(medium, coat.total) for medium, coat in zip(media, self.shown, strict=True)]
-        return Glaze(layers, ground, self.refractive_index)
+        coats = [Layer(medium, coat.total) for medium, coat in zip(media, self.shown, strict=True)]
+        return Glaze(coats, ground, self.refractive_index)
+
+
+Stack.__init__ = accept_former_keywords(geometry="instrument")(Stack.__init__)
 
 
 @lru_cache(maxsize=1)
@@ -241,11 +248,90 @@ def write_stack(path: str | Path, stack: Stack, *, overwrite: bool = False) -> P
         FileExistsError, FileNotFoundError, IsADirectoryError: see
             `glazejax.io.outputs.check_output`.
     """
+    return _write(path, stack_to_dict(stack), overwrite)
+
+
+def _write(path: str | Path, found: dict[str, Any], overwrite: bool) -> Path:
     path = check_output(path, overwrite=overwrite, switch="overwrite=True")
-    path.write_text(
-        json.dumps(stack_to_dict(stack), indent=1, ensure_ascii=False) + "\n", encoding="utf-8"
-    )
+    path.write_text(json.dumps(found, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
     return path
+
+
+def load_glaze(path: str | Path, side: str = "white") -> Glaze:
+    """`Glaze.load`."""
+    if side not in ("white", "black"):
+        raise ValueError(f"side is {side!r}; of a card it is white or black")
+    return read_stack(path).glaze(side)
+
+
+def save_glaze(
+    path: str | Path,
+    glaze: Glaze,
+    instrument: Instrument | Geometry | str = "45:0",
+    overwrite: bool = False,
+) -> Path:
+    """`Glaze.save`."""
+    return _write(path, stack_to_dict(stack_of(glaze, instrument), digits=17), overwrite)
+
+
+def stack_of(glaze: Glaze, instrument: Instrument | Geometry | str = "45:0") -> Stack:
+    """A glaze as a stack: paints of the catalogues by their names, others as its own.
+
+    Args:
+        glaze: without batch axes and phase functions, of one refractive index.
+        instrument: that it is seen with; single angles.
+
+    Raises:
+        ValueError: a glaze that no stack's file can hold; the message says what of it.
+    """
+    if not glaze.coats:
+        raise ValueError("a glaze without coats is its ground: there is nothing to save")
+    if glaze.phase is not None:
+        raise ValueError("a paint here has a phase function, which a stack's file does not hold")
+    if glaze.optical_thickness.ndim > 2 or glaze.albedo.ndim > 2 or glaze.ground.ndim > 1:
+        raise ValueError("a stack's file holds one glaze, without batch axes")
+    if np.ndim(glaze.refractive_index):
+        raise ValueError("a stack's file holds one refractive index for all wavelengths")
+    own: dict[str, Pigment] = {}
+    coats = tuple(
+        Coat(tuple(_named_parts(coat.medium, own)), float(coat.thickness), 1)
+        for coat in glaze.coats
+    )
+    level = np.asarray(glaze.ground, float)
+    return Stack(
+        coats=coats,
+        ground=float(level) if level.size == 1 else Spectrum(glaze.wavelengths, level),
+        refractive_index=float(glaze.refractive_index),
+        instrument=geometry_of(instrument).notation,
+        pigments=MappingProxyType(own),
+    )
+
+
+def _named_parts(medium: Pigment | Mixture, own: dict[str, Pigment]) -> Iterator[tuple[float, str]]:
+    """(weight, name) of a medium's paints; those that no catalogue has are filed among `own`."""
+    mixed = isinstance(medium, Mixture)
+    paints = medium.pigments if mixed else (medium,)
+    if len(paints) > MOST_PARTS:
+        raise ValueError(
+            f"{medium.name!r} is of {len(paints)} paints; a coat has {MOST_PARTS} at most"
+        )
+    for paint, weight in zip(paints, medium.weights.tolist() if mixed else [1.0], strict=True):
+        shipped = [paint.name, *(f"{group}/{paint.name}" for group in catalogue.names())]
+        name = next((n for n in shipped if n in all_paints() and _same(all_paints()[n], paint)), "")
+        if not name:
+            name = own_name(paint.name)
+            while name in own and not _same(own[name], paint):
+                name += "'"
+            own[name] = paint
+        yield weight, name
+
+
+def _same(one: Pigment, other: Pigment) -> bool:
+    """Whether two paints are one to light."""
+    return same_grid(one.wavelengths, other.wavelengths) and all(
+        np.array_equal(getattr(one, key), getattr(other, key))
+        for key in ("absorption", "scattering")
+    )
 
 
 def parse_stack(text: str) -> Stack:
@@ -300,7 +386,7 @@ def stack_from_dict(given: Any) -> Stack:
         hidden=hidden,
         ground=_ground(given.get("ground", "card"), shelf),
         refractive_index=index,
-        geometry=geometry,
+        instrument=geometry,
         pigments=MappingProxyType(own),
     )
 
@@ -407,20 +493,25 @@ def pigment_from_dict(name: str, given: Any) -> Pigment:
     )
 
 
-def pigment_to_dict(paint: Pigment) -> dict[str, Any]:
+def pigment_to_dict(paint: Pigment, digits: int = 6) -> dict[str, Any]:
     """A paint as a stack brings it; `pigment_from_dict` reads it. Error modes are not in it."""
     found: dict[str, Any] = {"wavelengths": [*map(float, paint.wavelengths)]}
     for key in ("absorption", "scattering", "absorption_sd", "scattering_sd"):
         values = getattr(paint, key)
         if values is not None:
-            found[key] = [float(f"{value:.6g}") for value in np.asarray(values)]
+            found[key] = [float(f"{value:.{digits}g}") for value in np.asarray(values)]
     if paint.identifiable is not None:
         found["identifiable"] = [bool(known) for known in paint.identifiable]
     return found | ({"provenance": paint.provenance} if paint.provenance else {})
 
 
-def stack_to_dict(stack: Stack) -> dict[str, Any]:
-    """What `json.dumps` takes; `stack_from_dict` reads it."""
+def stack_to_dict(stack: Stack, digits: int = 6) -> dict[str, Any]:
+    """What `json.dumps` takes; `stack_from_dict` reads it.
+
+    Args:
+        stack: it.
+        digits: of the coefficients of its own paints.
+    """
     coats = []
     for coat, hidden in zip(stack.coats, stack.hidden, strict=True):
         one: dict[str, Any] = {
@@ -434,8 +525,8 @@ def stack_to_dict(stack: Stack) -> dict[str, Any]:
     elif isinstance(ground, Hiding):
         ground = {"paint": {name: weight for weight, name in ground.parts}}
     found = {"glazejax": "stack", "version": 1, "coats": coats, "ground": ground}
-    found |= {"refractive_index": stack.refractive_index, "geometry": stack.geometry}
-    own = {name: pigment_to_dict(paint) for name, paint in stack.pigments.items()}
+    found |= {"refractive_index": stack.refractive_index, "geometry": stack.instrument}
+    own = {name: pigment_to_dict(paint, digits) for name, paint in stack.pigments.items()}
     return found | ({"pigments": own} if own else {})
 
 

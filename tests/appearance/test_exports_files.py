@@ -21,6 +21,7 @@ from glazejax.appearance.exports.materialx import Image
 from glazejax.colour import encoded_srgb
 from glazejax.commands.main import make_app
 from glazejax.paint.describe import Coat
+from glazejax.stacks import Stack, write_stack
 
 GRID = np.arange(400.0, 701.0, 20.0)
 COATS = "UltramarineBlue:3um, ZincWhite:20um"
@@ -268,7 +269,7 @@ MAP = np.full((2, 2), 3e-6)
             {"thickness": MAP, "ground": np.ones((3, 2))},
             r"maps differ in shape: thickness \(2, 2\), ground \(3, 2\)",
         ),
-        ({"thickness": MAP, "layer": 2}, "layer is 2, but the glaze has 2 layers"),
+        ({"thickness": MAP, "layer": 2}, "layer is 2, but the glaze has 2 coats"),
         ({"fraction": MAP}, "a map of fractions needs a coat of two paints"),
         ({"ground": MAP, "pixel": 1e-5}, "height and normals are those of a thickness map"),
         ({"thickness": MAP, "pixel": 50.0}, "pixel is 50.0; it is a pixel's width in metres"),
@@ -315,8 +316,8 @@ def test_the_command_fits_openpbr(run, tmp_path, monkeypatch):
 
 
 def test_the_command_reads_a_stack_and_maps(run, tmp_path):
-    stack = gj.Stack((Coat(((1.0, "UltramarineBlue"),), 5e-6, 1),), (), "card")
-    gj.write_stack(tmp_path / "one.json", stack)
+    stack = Stack((Coat(((1.0, "UltramarineBlue"),), 5e-6, 1),), (), "card")
+    write_stack(tmp_path / "one.json", stack)
     np.save(tmp_path / "thin.npy", np.array([[0.0, 1e-6, 4e-6]]))
     np.save(tmp_path / "share.npy", np.array([[0.0, 0.2, 0.8]]))
     words = (tmp_path / "one.json", "--to", "textures")

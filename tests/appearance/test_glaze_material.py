@@ -32,7 +32,7 @@ def solved(top: Numbers = 15e-6, index=1.5):
     return gj.stack_reflectance_factor(
         made.albedo,
         made.optical_thickness,
-        made.substrate,
+        made.ground,
         refractive_index=made.refractive_index,
         cos_incidence=COS_IN[:, None],
         cos_viewing=COS_OUT[:, None],

@@ -12,6 +12,7 @@ import pytest
 import glazejax as gj
 from glazejax.appearance.mitsuba.bsdf import _table
 from glazejax.radiative.common.fresnel import dielectric_reflectance
+from glazejax.stacks import read_stack
 
 from .plugin import BLUE, WAVELENGTHS, direction, factor, interaction, mitsuba_in
 
@@ -29,7 +30,7 @@ def paints():
 
 
 def exact(glaze, cos_in, cos_out):
-    stack = glaze.albedo, glaze.optical_thickness, glaze.substrate
+    stack = glaze.albedo, glaze.optical_thickness, glaze.ground
     given = {
         "refractive_index": glaze.refractive_index,
         "cos_incidence": cos_in,
@@ -82,7 +83,7 @@ def test_a_rough_surface_is_that_of_the_solver(mitsuba, paints):
     body, whole = (
         mitsuba.load_dict(glaze_bsdf(glaze, roughness=0.5, gloss=gloss)) for gloss in (False, True)
     )
-    stack = glaze.albedo, glaze.optical_thickness, glaze.substrate
+    stack = glaze.albedo, glaze.optical_thickness, glaze.ground
     for azimuth, (a, b) in zip((0.0, 50.0, 180.0), PAIRS[1:4], strict=True):
         told = np.asarray(
             rough_reflectance_factor(*stack, roughness=0.5, cos_incidence=a, cos_viewing=b)
@@ -119,7 +120,7 @@ def test_textures_of_thickness_fraction_and_ground(mitsuba, paints):
     assert bsdf.table.error < 1e-3
     for u, v in [(0.1, 0.2), (0.9, 0.2), (0.45, 0.8), (0.9, 0.9)]:
         one = gj.Mixture(mixture.pigments, [1 - share[0, int(3 * u)], share[0, int(3 * u)]])
-        layers = [gj.Layer(one, thickness[int(2 * v), int(2 * u)]), glaze.layers[1]]
+        layers = [gj.Layer(one, thickness[int(2 * v), int(2 * u)]), glaze.coats[1]]
         there = gj.Glaze(layers, ground[int(2 * v), 0])
         for pair in PAIRS[:4]:
             found = factor(mitsuba, bsdf, *pair, bands, uv=(u, v))
@@ -133,7 +134,7 @@ def test_a_ground_with_a_spectrum_at_each_place(mitsuba, paints):
     glaze = gj.Glaze([gj.Layer(paints["UltramarineBlue"], 1e-6)], 0.5)
     bsdf = mitsuba.load_dict(glaze_bsdf(glaze, ground=ground))
     for row, column in [(0, 0), (1, 2)]:
-        there = gj.Glaze(glaze.layers, ground[row, column])
+        there = gj.Glaze(glaze.coats, ground[row, column])
         found = factor(mitsuba, bsdf, 0.6, 0.8, uv=((column + 0.5) / 3, (row + 0.5) / 2))
         np.testing.assert_allclose(found, exact(there, 0.6, 0.8), rtol=0, atol=bsdf.table.error)
 
@@ -159,7 +160,7 @@ def test_what_glaze_bsdf_is_given(unchecked, tmp_path):
 
     text = '{"glazejax": "stack", "ground": 0.5, "coats": [{"paint": {"Eosin": 1}, "um": 1}]}'
     (tmp_path / "glaze.json").write_text(text)
-    stack = gj.read_stack(tmp_path / "glaze.json")
+    stack = read_stack(tmp_path / "glaze.json")
     assert glaze_bsdf(stack) == glaze_bsdf(stack.glaze())
     with pytest.raises(TypeError, match="glaze must be a Glaze, not a list"):
         glaze_bsdf(["Eosin:1um"])  # pyright: ignore[reportArgumentType]

@@ -134,7 +134,7 @@ def test_derivatives_by_textures_are_those_of_the_solver(mitsuba):
 
     def factor(thickness, fraction, ground):
         one = gj.Mixture(mixture.pigments, jax.numpy.stack([1 - fraction, fraction]))
-        there = gj.Glaze([gj.Layer(one, thickness * 1e-6), glaze.layers[1]], ground)
+        there = gj.Glaze([gj.Layer(one, thickness * 1e-6), glaze.coats[1]], ground)
         seen = gj.Bidirectional(*np.rad2deg(np.arccos([0.6, cosine])).tolist())
         return gj.reflectance(there, seen)[1]  # at 500 nm
 

@@ -40,7 +40,7 @@ def test_any_thickness_and_any_ground(coats):
         rng.uniform(0, 20e-6, 40) * rng.uniform(0, 1, 40),
     )
     for ground in (0.0, 0.4, 1.0):
-        layers = [gj.Layer(glaze.layers[0].medium, depth[:, None]), glaze.layers[1]]
+        layers = [gj.Layer(glaze.coats[0].medium, depth[:, None]), glaze.coats[1]]
         there = gj.Glaze([gj.Layer(la.medium, la.thickness) for la in layers], 0.0)
         stack = (
             there.albedo[:, 0] if there.albedo.ndim > 3 else there.albedo,
@@ -106,4 +106,4 @@ def test_wavelengths_come_at_even_distances():
     paint = gj.Pigment("p", grid, [1e4] * 4, [2e5] * 4)
     even = on_even_grid(gj.Glaze([gj.Layer(paint, 1e-6)], np.array([0.1, 0.3, 0.4, 0.7])))
     np.testing.assert_allclose(even.wavelengths, np.arange(400, 461, 10))
-    np.testing.assert_allclose(even.substrate, np.linspace(0.1, 0.7, 7), atol=1e-9)
+    np.testing.assert_allclose(even.ground, np.linspace(0.1, 0.7, 7), atol=1e-9)

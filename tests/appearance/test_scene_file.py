@@ -37,7 +37,7 @@ kind = "lambert"
 reflectance = 0.5
 [materials.paint]
 kind = "glaze"
-layers = "UltramarineBlue:5um"
+coats = "UltramarineBlue:5um"
 [objects.floor]
 shape = "plane"
 centre = [0, 0, 0]
@@ -160,8 +160,8 @@ def test_a_small_scene_is_what_its_file_says(write):
             r"\[lights.sun\]: radius is missing",
         ),
         (
-            'layers = "U',
-            'roughness = 2\nlayers = "U',
+            'coats = "U',
+            'roughness = 2\ncoats = "U',
             r"\[materials.paint\] roughness: roughness must be 0 \(smooth\)",
         ),
         (
@@ -207,36 +207,36 @@ def test_a_small_scene_is_what_its_file_says(write):
         (
             '"UltramarineBlue:5um"',
             '"UltramarineBlue"',
-            r"\[materials.paint\] layers: .* has no thickness",
+            r"\[materials.paint\] coats: .* has no thickness",
         ),
         (
             '"UltramarineBlue:5um"',
             '"Ultramarin:5um"',
-            r"\[materials.paint\] layers: .*UltramarineBlue",
+            r"\[materials.paint\] coats: .*UltramarineBlue",
         ),
         (
-            'layers = "U',
-            'refractive_index = 3\nlayers = "U',
+            'coats = "U',
+            'refractive_index = 3\ncoats = "U',
             r"\[materials.paint\]: refractive_index must be in \[1, 2.5\]",
         ),
         (
-            'layers = "U',
-            'thickness_range = ["0um","1um"]\nlayers = "U',
+            'coats = "U',
+            'thickness_range = ["0um","1um"]\ncoats = "U',
             r"thickness_range: has no meaning without",
         ),
         (
-            'layers = "U',
-            'thickness_map = "wedge"\nlayers = "U',
+            'coats = "U',
+            'thickness_map = "wedge"\ncoats = "U',
             r"thickness_range: must be the thickness of black",
         ),
         (
-            'layers = "U',
-            'thickness_map = "m.png"\nthickness_range = ["0um","1um"]\nlayers = "U',
+            'coats = "U',
+            'thickness_map = "m.png"\nthickness_range = ["0um","1um"]\ncoats = "U',
             r"thickness_map: there is",
         ),
         (
-            'layers = "U',
-            'thickness_map = "wedge"\nthickness_layer = 2\nlayers = "U',
+            'coats = "U',
+            'thickness_map = "wedge"\nthickness_layer = 2\ncoats = "U',
             r"thickness_layer: is 2, but there are 1",
         ),
         (
@@ -291,8 +291,8 @@ def test_measured_reflectances_and_maps(write, tmp_path):
     np.save(tmp_path / "map.npy", np.linspace(0, 1, 12).reshape(3, 4))
     text = SMALL.replace("reflectance = 0.5", 'reflectance = "paints.csv:red"')
     text = text.replace(
-        'layers = "U',
-        'thickness_map = "map.npy"\nthickness_range = ["2um", "6um"]\nsubstrate = 0.7\nlayers = "U',
+        'coats = "U',
+        'thickness_map = "map.npy"\nthickness_range = ["2um", "6um"]\nground = 0.7\ncoats = "U',
     )
     scene = scene_file.read_scene(write(text)).scene
     np.testing.assert_allclose(
@@ -358,7 +358,7 @@ def test_area_lights_relief_and_roughness_are_read(write, tmp_path):
         "[1, 0, 0]\n"
         "size = [2, 3]\n[materials.grey]",
     )
-    text = text.replace('layers = "U', 'roughness = 0.25\nlayers = "U')
+    text = text.replace('coats = "U', 'roughness = 0.25\ncoats = "U')
     relief = 'normal = [0, 0, 1]\nsize = [4, 3]\nrelief = "strokes.npy"\nrelief_height = 0.02'
     text = text.replace("normal = [0, 0, 1]\nmaterial", relief + "\nmaterial")
     scene = scene_file.read_scene(write(text)).scene

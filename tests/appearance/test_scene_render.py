@@ -14,8 +14,8 @@ from glazejax import colour
 from glazejax.appearance.scene.draw.intersect import scene_geometry
 from glazejax.appearance.scene.draw.rays import lamps, trace
 from glazejax.appearance.scene.draw.render import render
-from glazejax.appearance.scene.draw.seen import needed_bands
 from glazejax.appearance.scene.draw.shade import radiance, sample_map
+from glazejax.appearance.scene.draw.visibility import needed_bands
 from glazejax.appearance.scene.lights import (
     ParallelLight,
     PointLight,

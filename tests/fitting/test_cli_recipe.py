@@ -50,7 +50,7 @@ def test_patches_of_a_chart(run, tmp_path):
     words = [
         "--patch",
         "dark skin,white",
-        "--max-layers",
+        "--max-coats",
         1,
         "--max-paints",
         2,
@@ -116,7 +116,7 @@ def test_an_interrupt_keeps_what_is_finished(run, monkeypatch):
     real = recipe.recipe_chunks
     monkeypatch.setattr(recipe, "recipe_chunks", cut_short)
     monkeypatch.setattr(recipe, "GROUP", 1)
-    status, out, _ = run("--patch", "red,blue", "--max-layers", 1, "--max-paints", 2, "--count", 1)
+    status, out, _ = run("--patch", "red,blue", "--max-coats", 1, "--max-paints", 2, "--count", 1)
     assert status == 130
     assert "Interrupted: 1 of 2 targets were finished and written" in out
 
@@ -134,7 +134,7 @@ def test_an_interrupt_keeps_what_is_finished(run, monkeypatch):
         (["--lab", "50,0,0", "--samples", "a"], "--samples names spectra of a file"),
         (["--lab", "50,0,0", "--coat-thickness", "50-1"], "must ascend"),
         (["--lab", "50,0,0", "--coat-thickness", "thick"], "--coat-thickness is 'thick'"),
-        (["--lab", "50,0,0", "--geometry", "45"], "--geometry is '45'; it must be d:8 or di:8"),
+        (["--lab", "50,0,0", "--instrument", "45"], "--instrument is '45'; it must be d:8 or di:8"),
         (["--lab", "50,0,0", "--ground", "none.csv"], "'none.csv' is neither a number"),
         (["--lab", "50,0,0", "--only", "Mauve"], "no pigment 'Mauve'"),
         (["--lab", "50,0,0", "--only", "Red", "--without", "Red"], "leave no paint"),
@@ -144,11 +144,11 @@ def test_an_interrupt_keeps_what_is_finished(run, monkeypatch):
         (["--lab", "50,0,0", "--csv", "same", "--json", "same"], "same file"),
         (["--lab", "50,0,0", "--illuminants", "Z"], "unknown illuminant"),
         (
-            ["--lab", "50,0,0", "--glazes", "--max-layers", "7"],
+            ["--lab", "50,0,0", "--glazes", "--max-coats", "7"],
             "max_coats is 7; it must be a whole number from 1 to 6",
         ),
         (
-            ["--lab", "50,0,0", "--max-layers", "6"],
+            ["--lab", "50,0,0", "--max-coats", "6"],
             "max_coats is 6; it must be a whole number from 1 to 4",
         ),
         (

@@ -63,7 +63,7 @@ def test_results_are_those_of_the_library(run, tmp_path, films):
         "res",
         "--thickness",
         "20um",
-        "--geometry",
+        "--instrument",
         "di:8",
     )
     assert (status, err) == (0, "")
@@ -168,9 +168,9 @@ def test_bad_input_is_one_line_and_status_2(run, tmp_path, films):
         ),
         (["nowhere.tsv", "--out", "o", "--joint", "--masstones"], ["leave out --masstones"]),
         ([good, "--out", "o", "--refractive-index", "15"], ["refractive index 15", "[1, 2.5]"]),
-        ([good, "--out", "o", "--geometry", "d:95"], ["--geometry is 'd:95'", "incidence"]),
+        ([good, "--out", "o", "--instrument", "d:95"], ["--instrument is 'd:95'", "incidence"]),
         (
-            [good, "--out", "o", "--geometry", "45:0:specular"],
+            [good, "--out", "o", "--instrument", "45:0:specular"],
             ["the mirror reflection is not in view"],
         ),
         ([good, "--out", "o", "--white", "Chalk"], ["unknown pigment 'Chalk'"]),
@@ -328,7 +328,7 @@ def test_own_tubes_go_into_one_file(run, tmp_path, tubes):
     assert "Scale: that of ZincWhite" in out
     assert "Added Blue, ZincWhite to mine.csv" in out
     assert "What would teach most" in out
-    status, out, err = run(tubes("Red", 480, ("ow",)), "--into", "mine.csv", "--geometry", "di:8")
+    status, out, err = run(tubes("Red", 480, ("ow",)), "--into", "mine.csv", "--instrument", "di:8")
     assert (status, err) == (0, "")
     assert "white card was not measured" in out
     assert "Added Red to mine.csv" in out

@@ -305,7 +305,7 @@ def test_bad_input_is_one_clear_error(paints):
         ({"ground": None}, "what is under the paint"),
         ({"opaque": True}, "opaque films show no ground"),
         ({"spectra": GRID, "wavelengths": good}, "the order of these two arguments"),
-        ({"instrument": "45:0:8"}, "geometry"),
+        ({"instrument": "45:0:8"}, "instrument is '45:0:8'"),
         ({"wavelengths": GRID + 300}, "does not cover the spectra"),
         ({"names": ["a", "b"]}, "2 names were given for 1 spectra"),
     ):

@@ -274,7 +274,7 @@ def test_command_writes_what_it_says(run, tmp_path):
         ),
         (("none.tsv", "--ground", "84", "--out", "x"), "between 0 and 1"),
         (("none.tsv", "--ground", "none.csv", "--out", "x"), "'none.csv' is neither a number"),
-        (("none.tsv", "--geometry", "d", "--out", "x"), "--geometry is 'd'"),
+        (("none.tsv", "--instrument", "d", "--out", "x"), "--instrument is 'd'"),
         (("none.tsv", "--thickness", "0", "--out", "x"), "--thickness is 0"),
         (("none.tsv", "--out", "x", "--resume"), "no chain to resume"),
         (("none.tsv", "--out", "x", "--resume", "--overwrite"), "choose one"),

@@ -5,7 +5,7 @@ import glazejax as gj
 from glazefit import Variation, find_recipes, lab_target, spectral_target
 from glazefit.film.model.variation import MIXED
 from glazejax import colour
-from glazejax.paint.describe import make_media, parse_layers
+from glazejax.paint.describe import make_media, parse_coats
 
 from .palette import GRID, palette
 
@@ -67,7 +67,7 @@ def test_the_glaze_is_what_was_described(found):
     for recipe in (recipe for recipes in found for recipe in recipes[:2]):
         solved = np.asarray(gj.reflectance(recipe.glaze, SEEN))
         np.testing.assert_allclose(recipe.reflectance, solved, atol=2e-5)
-        coats = parse_layers(recipe.layers)
+        coats = parse_coats(recipe.text)
         media = make_media(coats, {p.name: p for p in palette()})
         typed = gj.Glaze([gj.Layer(m, c.thickness) for m, c in zip(media, coats, strict=True)], 0.9)
         np.testing.assert_allclose(gj.reflectance(typed, SEEN), solved, atol=1e-6)
@@ -117,7 +117,7 @@ def test_sensitivity_is_what_a_tenth_more_or_less_does(found):
         for factor in (1.1, 1 / 1.1):
             layers = [
                 gj.Layer(la.medium, la.thickness * (factor if j == i else 1))
-                for j, la in enumerate(recipe.glaze.layers)
+                for j, la in enumerate(recipe.glaze.coats)
             ]
             moved.append(
                 delta_e(colour.lab(GRID, gj.reflectance(gj.Glaze(layers, 0.9), SEEN)), own)
@@ -132,7 +132,7 @@ def test_mixings_differ_as_their_paints_do(found):
     labs = []
     for _ in range(60):
         layers = []
-        for layer in recipe.glaze.layers:
+        for layer in recipe.glaze.coats:
             mixed = isinstance(layer.medium, gj.Mixture)
             paints = layer.medium.pigments if mixed else [layer.medium]
             shares = np.asarray(layer.medium.weights) if mixed else np.ones(1)
@@ -148,7 +148,7 @@ def test_mixings_differ_as_their_paints_do(found):
 @pytest.mark.slow
 def test_one_target_gets_what_it_gets_in_a_batch(found, known):
     alone = find_recipes(spectral_target(GRID, known, name="known"), palette(), count=4)
-    assert alone[0].layers == found[0][0].layers
+    assert alone[0].text == found[0][0].text
 
 
 @pytest.mark.slow

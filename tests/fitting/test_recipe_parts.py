@@ -91,10 +91,10 @@ def test_least_squares_that_did_not_settle_is_said(model, monkeypatch):
 def test_a_recipe_that_did_not_settle_is_named(capsys):
     recipe = find_recipes((60, 10, 10), palette(), max_paints=2, max_coats=1, count=1)[0]
     for settled in (True, False):
-        print_recipes([recipe, replace(recipe, converged=settled)], Console(), "--geometry 45:0")
+        print_recipes([recipe, replace(recipe, converged=settled)], Console(), "--instrument 45:0")
         print_best([[replace(recipe, converged=settled)]], Console())
         said = " ".join(capsys.readouterr().out.split())
-        assert f"glazejax render --layers '{recipe.layers}' --geometry 45:0" in said
+        assert f"glazejax render --coats '{recipe.text}' --instrument 45:0" in said
         assert ("stopped before it had settled for recipe 2:" in said) is not settled
         assert (
             f"stopped before it had settled for the recipe of {recipe.target.name}:" in said

@@ -374,6 +374,6 @@ def test_light_and_eye_reach_the_colours(run):
 def test_geometry_reaches_the_calculation(run, tmp_path):
     colours = []
     for geometry in ("d:8", "45:0"):
-        _, out, _ = run("Vermillion", "--geometry", geometry, "--thickness", "10um")
+        _, out, _ = run("Vermillion", "--instrument", geometry, "--thickness", "10um")
         colours.append(out.split("white")[1].split()[:1])
     assert float(colours[1][0]) < float(colours[0][0])

@@ -381,7 +381,7 @@ kind = "lambert"
 reflectance = "wide.csv:red"
 [materials.paint]
 kind = "glaze"
-layers = "ZincWhite:20um"
+coats = "ZincWhite:20um"
 thickness_map = "map.npy"
 thickness_range = ["0um", "20um"]
 [objects.ball]

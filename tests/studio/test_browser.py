@@ -10,7 +10,7 @@ import pytest
 
 import glazejax as gj
 from glazejax import colour
-from glazejax.stacks import stack_from_dict
+from glazejax.stacks import read_stack, stack_from_dict
 
 from .browser import Page, Served, start_browser
 
@@ -395,7 +395,7 @@ def test_what_is_taken_away_is_what_is_seen(page, downloads):
     )
     page.press("json")
     page.until((downloads / "stack.json").exists, "the stack")
-    assert gj.read_stack(downloads / "stack.json").shown == found.shown
+    assert read_stack(downloads / "stack.json").shown == found.shown
     text = page.until(lambda: page.at("python").get_attribute("value"), "the lines")
     assert 'gj.Layer(oils["CobaltBlue"], 1e-06)' in text
     page.press("png")
@@ -450,7 +450,7 @@ def test_a_recipe_is_stopped_and_one_is_taken(page):
     page.until(lambda: page.all("[data-at=stop]"), "the search")
     page.press("stop")
     page.until(lambda: page.said() == "Stopped.", "the end")
-    page.js("document.querySelector('[data-at=layers]').value = '1'")
+    page.js("document.querySelector('[data-at=max-coats]').value = '1'")
     page.press("find")
     page.until(lambda: page.all("[data-at=take]"), "recipes", 400)
     page.press("take")

@@ -16,11 +16,10 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
 from websockets.typing import Origin
 
-import glazejax as gj
 from glazejax.extras import advice
-from glazejax.stacks import stack_from_dict
+from glazejax.stacks import stack_from_dict, write_stack
 from glazejax.studio import jobs, server
-from glazejax.studio.wire import MOST_BYTES, unpack
+from glazejax.studio.messages import MOST_BYTES, unpack
 
 from .browser import Served
 
@@ -227,7 +226,7 @@ def test_what_can_be_searched_is_registered():
 
 
 def test_the_command_prints_its_link_and_ends_with_ctrl_c(tmp_path):
-    stack = gj.write_stack(tmp_path / "stack.json", stack_from_dict(STACK))
+    stack = write_stack(tmp_path / "stack.json", stack_from_dict(STACK))
     code = (
         "import typer; from glazejax.studio.command import register; app = typer.Typer(); "
         "register(app); "

@@ -13,8 +13,8 @@ from glazejax.stacks import pigment_to_dict, stack_from_dict
 from glazejax.studio import python_lines
 from glazejax.studio.engine import SIZES, Engine
 from glazejax.studio.jobs import Jobs
+from glazejax.studio.messages import pack, unpack
 from glazejax.studio.session import Session
-from glazejax.studio.wire import pack, unpack
 
 STACK = {
     "glazejax": "stack",
@@ -345,7 +345,7 @@ def test_lines_of_python_run_and_give_the_same_spectrum():
         names["spectrum"], gj.reflectance(stack.glaze(), stack.seen_by), atol=1e-9
     )
     own = {"Mine": pigment_to_dict(gj.catalogue.pigment("Eosin"))}
-    assert "read_stack" in python_lines.of(stack_from_dict({**STACK, "pigments": own}))
+    assert "Glaze.load" in python_lines.of(stack_from_dict({**STACK, "pigments": own}))
 
 
 def test_a_check_gives_the_stack_as_it_is_understood(ask):

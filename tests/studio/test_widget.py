@@ -18,13 +18,13 @@ from .browser import start_browser
 pytest.importorskip("anywidget", reason="anywidget is not installed (extra studio)")
 
 from glazejax.studio import Widget, widget
-from glazejax.studio.wire import pack, unpack
+from glazejax.studio.messages import pack, unpack
 
 STACK = {"glazejax": "stack", "coats": [{"paint": {"Eosin": 1}, "um": 4}]}
 
 
 @pytest.fixture
-def told(monkeypatch):
+def wired(monkeypatch):
     """A widget, and what it sends to its page."""
     found: Any = Widget(STACK, tasks={})
     sent = []
@@ -35,8 +35,8 @@ def told(monkeypatch):
     found.close()
 
 
-def test_its_stack_is_read_and_set(told):
-    found: Any = told[0]
+def test_its_stack_is_read_and_set(wired):
+    found: Any = wired[0]
     assert found.stack["coats"] == [{"paint": {"Eosin": 1.0}, "um": 4.0}]
     found.stack = {**STACK, "coats": []}
     assert found.stack["coats"] == []
@@ -49,8 +49,8 @@ def test_its_stack_is_read_and_set(told):
     assert "stack" in found.keys
 
 
-def test_a_question_is_answered_and_what_is_seen_is_kept(told):
-    found, sent = told
+def test_a_question_is_answered_and_what_is_seen_is_kept(wired):
+    found, sent = wired
     found._session.take(
         {"glaze": "question"}, [pack({"type": "see", "stack": found.stack, "view": {}})]
     )
@@ -102,9 +102,9 @@ import(URL.createObjectURL(new Blob([text], {type: "text/javascript"}))).then((m
 
 
 @pytest.mark.browser
-def test_its_page_is_the_same_studio(told, tmp_path):
+def test_its_page_is_the_same_studio(wired, tmp_path):
     """A model that carries messages between Chromium and the widget, as a notebook's does."""
-    found, sent = told
+    found, sent = wired
     browser = start_browser(tmp_path)
     try:
         browser.get("about:blank")

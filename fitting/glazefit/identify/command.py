@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 import typer
 
 from glazejax.commands import options, progress
-from glazejax.commands.typed import command_line, ground_file, option
+from glazejax.commands.command_line import command_line, ground_file, option
 
 if TYPE_CHECKING:
     import numpy as np
@@ -60,7 +60,7 @@ def identify(
     max_paints: Annotated[
         int, typer.Option(help="Largest number of paints in a film: 1, 2 or 3.")
     ] = 3,
-    layers: Annotated[
+    max_coats: Annotated[
         int, typer.Option(help="Coats of a film: 1, or 2 to try two coats as well, in both orders.")
     ] = 1,
     thorough: Annotated[
@@ -69,7 +69,7 @@ def identify(
             "--thorough", help="Fit every pair of paints in full: some five times as long."
         ),
     ] = False,
-    geometry: Annotated[str | None, options.geometry_option(_GEOMETRY)] = None,
+    instrument: Annotated[str | None, options.instrument_option(_GEOMETRY)] = None,
     refractive_index: options.RefractiveIndex = 1.5,
     noise: options.Noise = 0.0005,
     noise_share: options.NoiseShare = 0.002,
@@ -111,7 +111,7 @@ def identify(
     typed = dict(locals())
     if file is None:
         raise ValueError("no FILE was given; name a table of spectra, such as films.tsv")
-    _check_numbers(max_paints, layers, top)
+    _check_numbers(max_paints, max_coats, top)
     usual = options.read_length(thickness)
     outputs = {"--csv": csv, "--residuals": residuals, "--out": out, **_report_files(report)}
     read = {"FILE": file, "--ground": ground_file(ground), "--pigments": pigments}
@@ -119,7 +119,7 @@ def identify(
     from glazejax.commands.main import start_jax
 
     start_jax()
-    seen_by = options.read_geometry(geometry, _GEOMETRY)
+    seen_by = options.read_geometry(instrument, _GEOMETRY)
     if opaque and ground is not None:
         raise ValueError("--opaque films show no ground: leave out --ground, or leave out --opaque")
     if bare and ground is None:
@@ -133,8 +133,9 @@ def identify(
 
     console = Console(highlight=False)
     paints = options.choose_paints(options.read_shelf(pigments, catalogue), only, without)
-    instrument = Instrument(seen_by, refractive_index)
+    seen_with = Instrument(seen_by, refractive_index)
     inputs = input_files(read) if report is not None else []
+<<<<<<< HEAD
     task = _read_spectra(
         file,
         samples,
@@ -145,6 +146,9 @@ def identify(
         paints=paints,
         console=console,
     )
+=======
+    task = _read_spectra(file, samples, ground, bare, opaque, seen_with, paints, console)
+>>>>>>> forward-names
     from .identify import identify_chunks
     from .result import Identification
     from .search.options import IdentificationOptions
@@ -162,10 +166,10 @@ def identify(
         task.spectra,
         paints,
         IdentificationOptions(
-            instrument=instrument,
+            instrument=seen_with,
             **settings,
             max_paints=max_paints,
-            max_coats=layers,
+            max_coats=max_coats,
             keep=max(top, 5 if report is None else _KEPT),
             thorough=thorough,
         ),
@@ -179,7 +183,7 @@ def identify(
 
         report_builder = ReportBuilder(
             paints,
-            instrument,
+            seen_with,
             discrepancy=settings["discrepancy"],
             prior=settings["prior"],
             max_paints=max_paints,
@@ -189,10 +193,17 @@ def identify(
         chunks, len(task.spectra), "compiling, then searching", "searching"
     )
     found = Identification.join(parts)
+<<<<<<< HEAD
     _report(found, console, top=top, csv=csv, residuals=residuals, out=out, overwrite=overwrite)
     if report_builder is not None and report is not None:
         about = _about(typed, task, instrument, settings, paints, inputs)
         beside = report_builder.write(found, about, report, top, overwrite=overwrite)
+=======
+    _report(found, console, top, csv, residuals, out, overwrite)
+    if filing is not None and report is not None:
+        about = _about(typed, task, seen_with, settings, paints, inputs)
+        beside = filing.write(found, about, report, top, overwrite=overwrite)
+>>>>>>> forward-names
         console.print(f"Wrote the report to {report}, and the same as {beside[0]} and {beside[1]}")
     words = f"{len(found)} spectra" if len(found) > 1 else "1 spectrum"
     console.print(
@@ -227,11 +238,11 @@ def _report_files(report: Path | None) -> dict[str, Path | None]:
     return {"--report": report, "the table of --report": table, "the JSON of --report": data}
 
 
-def _check_numbers(max_paints: int, layers: int, top: int) -> None:
+def _check_numbers(max_paints: int, max_coats: int, top: int) -> None:
     if max_paints not in (1, 2, 3):
         raise ValueError(f"--max-paints is {max_paints}; it must be 1, 2 or 3")
-    if layers not in (1, 2):
-        raise ValueError(f"--layers is {layers}; it must be 1 or 2")
+    if max_coats not in (1, 2):
+        raise ValueError(f"--max-coats is {max_coats}; it must be 1 or 2")
     if top < 1:
         raise ValueError(f"--top is {top}; it must be 1 or more")
 
@@ -256,7 +267,7 @@ def _read_spectra(
     from .identify import ground_from_air
 
     def inside(bare: "np.ndarray") -> "np.ndarray":
-        return ground_from_air(bare, instrument.geometry, instrument.refractive_index)
+        return ground_from_air(bare, instrument)
 
     table = read_spectra(file)
     progress.print_notes(console, file, table.notes)
@@ -355,7 +366,7 @@ def _about(
         grounds=task.words,
         notes=task.notes,
         max_paints=typed["max_paints"],
-        max_coats=typed["layers"],
+        max_coats=typed["max_coats"],
         settings={name: asdict(each) for name, each in settings.items()},
         names=task.names,
     )

@@ -157,8 +157,12 @@ def identify_films(
         black, white, _, _ = cards(films, seen_by, options.get("noise") or Noise())
     else:
         bare = np.stack([films.bare_black, films.bare_white])
+<<<<<<< HEAD
         black, white = ground_from_air(bare, seen_by.geometry, seen_by.refractive_index)
     options["instrument"] = seen_by
+=======
+        black, white = ground_from_air(bare, seen_by)
+>>>>>>> forward-names
     return identify(
         films.wavelengths,
         np.stack([films.over_black, films.over_white], axis=1),
@@ -169,17 +173,20 @@ def identify_films(
     )
 
 
+@accept_former_keywords(geometry="instrument")
 def ground_from_air(
     bare: Float[np.ndarray, "*shape"],
-    geometry: Geometry | None = None,
+    instrument: Instrument | Geometry | str | None = None,
     refractive_index: float = 1.5,
 ) -> Float[np.ndarray, "*shape"]:
     """Internal reflectance of grounds from what they read bare, with the same instrument.
 
     Args:
         bare: reflectance as read, as fractions, (...).
-        geometry: of the instrument; by default d:8 with the specular part.
-        refractive_index: of the paint that lies on them later.
+        instrument: it, see `glazejax.geometry.resolve_instrument`; by default d:8 with the specular
+            part.
+        refractive_index: of the paint that lies on them later, where `instrument` is no whole
+            `glazejax.Instrument`, which has its own.
 
     Returns:
         Reflectance as seen from inside the paint, (...).
@@ -192,9 +199,9 @@ def ground_from_air(
         >>> ground_from_air(np.array([0.05, 0.84])).round(2).tolist()
         [0.03, 0.93]
     """
-    instrument = resolve_instrument(geometry, refractive_index)
-    within = np.asarray(bare, dtype=np.float64) - instrument.seen_surface
-    response = film_response(instrument.geometry, instrument.refractive_index)
+    seen_by = resolve_instrument(instrument, refractive_index)
+    within = np.asarray(bare, dtype=np.float64) - seen_by.seen_surface
+    response = film_response(seen_by.geometry, seen_by.refractive_index)
     inside = np.asarray(response.internal(jnp.asarray(within)))
     for wrong, words in (
         (within < -0.01, "less than its surface alone"),

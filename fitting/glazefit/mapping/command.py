@@ -131,10 +131,10 @@ def map_(
     max_paints: Annotated[
         int, typer.Option(help="Largest number of paints in a pixel: 1, 2 or 3.")
     ] = 3,
-    layers: Annotated[
+    max_coats: Annotated[
         int, typer.Option(help="Coats: 1, or 2 to try two coats as well, in both orders.")
     ] = 1,
-    geometry: Annotated[str | None, options.geometry_option(_GEOMETRY)] = None,
+    instrument: Annotated[str | None, options.instrument_option(_GEOMETRY)] = None,
     refractive_index: options.RefractiveIndex = 1.5,
     noise: Annotated[
         float | None,
@@ -191,8 +191,8 @@ def map_(
         raise ValueError("no CUBE was given; name an image of spectra, or try --example")
     if max_paints not in (1, 2, 3):
         raise ValueError(f"--max-paints is {max_paints}; it must be 1, 2 or 3")
-    if layers not in (1, 2):
-        raise ValueError(f"--layers is {layers}; it must be 1 or 2")
+    if max_coats not in (1, 2):
+        raise ValueError(f"--max-coats is {max_coats}; it must be 1 or 2")
     if opaque and ground is not None:
         raise ValueError(
             "--opaque paint shows no ground: leave out --ground, or leave out --opaque"
@@ -235,7 +235,7 @@ def map_(
     }
     given_files = {"--mask": mask, "--white": white, "--dark": dark, "--pigments": pigments}
     _check_outputs(out, {"CUBE": cube, **given_files}, csv, export, report, overwrite)
-    seen_by = options.read_geometry(geometry, _GEOMETRY)
+    seen_by = options.read_geometry(instrument, _GEOMETRY)
     from glazejax.commands.main import start_jax
 
     from .solve.process import few_arenas
@@ -263,12 +263,12 @@ def map_(
     assert cube is not None
     paints = options.choose_paints(options.read_shelf(pigments, catalogue), only, without)
     places = read_spots(spots, [paint.name for paint in paints])
-    instrument = Instrument(seen_by, refractive_index)
+    seen_with = Instrument(seen_by, refractive_index)
     # Workers of a cluster have another folder of their own.
     source = CubeSource(cube.absolute(), **reading)
     opened = source.open()
     progress.print_notes(console, cube, opened.attrs.get("notes", ()))
-    below, words, notes = read_ground_of_cube(ground, bare, opened, paints, instrument)
+    below, words, notes = read_ground_of_cube(ground, bare, opened, paints, seen_with)
     progress.print_notes(console, "--ground", notes)
     given = {"floor": noise, "share": noise_share}
     usual_error = ModelError.between_films()
@@ -281,7 +281,7 @@ def map_(
             out=out,
             mask=mask,
             spots=read_spectra_of_spots(places, opened),
-            instrument=instrument,
+            instrument=seen_with,
             noise=None
             if noise is noise_share is None
             else Noise(**{k: v for k, v in given.items() if v is not None}),
@@ -290,7 +290,7 @@ def map_(
             else replace(usual_error, amplitude=model_error),
             prior=Prior(thickness=usual),
             max_paints=max_paints,
-            max_coats=layers,
+            max_coats=max_coats,
             memory=bound,
             client=client,
             overwrite=overwrite,
@@ -302,7 +302,7 @@ def map_(
     }
 
     def provenance() -> Any:
-        from glazejax.commands.typed import command_line, ground_file
+        from glazejax.commands.command_line import command_line, ground_file
 
         from .provenance import map_provenance
 

@@ -257,6 +257,6 @@ def read_ground_of_cube(
             return below, words, notes
     level = np.broadcast_to(np.asarray(below, np.float64), (int(inside.sum()),))
     if bare:
-        level = ground_from_air(level, instrument.geometry, instrument.refractive_index)
+        level = ground_from_air(level, instrument)
     # Where no paint is known, no ground is asked for.
     return np.interp(grid, grid[inside], level), words, notes

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from glazejax.commands.typed import option
+from glazejax.commands.command_line import option
 from glazejax.io import quick_source_hash
 
 from ..page.inputs import input_files

@@ -16,7 +16,8 @@ import numpy as np
 from jaxtyping import Float
 
 from glazejax import Pigment
-from glazejax.paint.describe import find_name, parse_layers
+from glazejax.paint import describe
+from glazejax.paint.describe import find_name
 
 from .film import MOST_PAINTS
 
@@ -187,7 +188,7 @@ def _coat(entry: str, shelf: Mapping[str, Pigment], spread: float) -> CoatPrior:
     if not all(names):
         raise ValueError(f"coat {entry!r}: there is a + too many; write ZincWhite+CobaltBlue:20um")
     written = f"{names[0] if mixed else paint}:{'1um' if size == UNKNOWN else size}"
-    (read,) = parse_layers(written)
+    (read,) = describe.parse_coats(written)
     thickness = None if size == UNKNOWN else read.total
     given = {"thickness": thickness, "spread": spread if about else 0.0}
     if paint == UNKNOWN:

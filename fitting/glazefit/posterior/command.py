@@ -69,7 +69,7 @@ def posterior(
         str,
         typer.Option(
             metavar="COATS",
-            help="Several coats, top first, written as `glazejax render --layers` takes them, "
+            help="Several coats, top first, written as `glazejax render --coats` takes them, "
             "with ~ before a thickness that is about right and ? for one not known: "
             "Eosin:~5um,ZincWhite+CobaltBlue:? (fractions of the lower coat not known either); "
             "?:? is a coat of unknown paint, whose k and s are found.",
@@ -123,7 +123,7 @@ def posterior(
     ] = _PAINT_ERROR,
     noise: options.Noise = 0.0005,
     noise_share: options.NoiseShare = 0.002,
-    geometry: Annotated[str | None, options.geometry_option(_GEOMETRY)] = None,
+    instrument: Annotated[str | None, options.instrument_option(_GEOMETRY)] = None,
     refractive_index: options.RefractiveIndex = 1.5,
     simulate: Annotated[
         bool,
@@ -150,21 +150,21 @@ def posterior(
 
     start_jax()
     usual = options.read_length(thickness)
-    seen_by = options.read_geometry(geometry, _GEOMETRY)
+    seen_by = options.read_geometry(instrument, _GEOMETRY)
     from rich.console import Console
 
     from ..film.films import Instrument, Noise
     from ..film.model.errors import Prior
 
     console = Console(highlight=False)
-    instrument = Instrument(seen_by, refractive_index)
+    seen_with = Instrument(seen_by, refractive_index)
     errors = Noise(noise, noise_share)
     prior = Prior(thickness=usual, error=paint_error)
     made_of = _Paints(
         names=options.split_names(paints), coats=coats, bands=bands, pigments=pigments, prior=prior
     )
     task = (
-        _simulate(made_of, instrument, errors, seed, console)
+        _simulate(made_of, seen_with, errors, seed, console)
         if simulate
         else _read_measured(file, sample, made_of, ground, errors, console)
     )
@@ -176,7 +176,7 @@ def posterior(
         "resume": resume,
         "overwrite": overwrite,
     }
-    result = _run(task, prior, folder, {"instrument": instrument, "noise": errors, **chain})
+    result = _run(task, prior, folder, {"instrument": seen_with, "noise": errors, **chain})
     _write(result, folder, console)
     if result.chain is not None and result.chain.interrupted:
         kept = result.chain.free.shape[0] * thin

@@ -94,7 +94,7 @@ def recipe(
             show_default=False,
         ),
     ] = None,
-    max_layers: Annotated[
+    max_coats: Annotated[
         int | None,
         typer.Option(
             help=(
@@ -117,7 +117,7 @@ def recipe(
     catalogue: options.CatalogueName = options.OILS,
     ground: Annotated[str | None, options.ground_option(_GROUND)] = None,
     refractive_index: options.RefractiveIndex = 1.5,
-    geometry: Annotated[str | None, options.geometry_option(_GEOMETRY)] = None,
+    instrument: Annotated[str | None, options.instrument_option(_GEOMETRY)] = None,
     metamerism: Annotated[
         float,
         typer.Option(
@@ -153,7 +153,7 @@ def recipe(
     recipes are printed with their colour difference, with what a tenth more
     or less of each coat changes, and with how far a colour is out of reach.
 
-    Example: glazejax recipe --srgb '#8a4b2d' --max-layers 1
+    Example: glazejax recipe --srgb '#8a4b2d' --max-coats 1
 
     Tubes as they are, in up to six coats: glazejax recipe --lab 50,20,30 --glazes
 
@@ -170,7 +170,7 @@ def recipe(
     from glazejax.commands.main import start_jax
 
     start_jax()
-    seen_by = options.read_geometry(geometry, _GEOMETRY)
+    seen_by = options.read_geometry(instrument, _GEOMETRY)
     base = options.read_ground(_GROUND if ground is None else ground)
     from rich.console import Console
 
@@ -198,7 +198,7 @@ def recipe(
         test_illuminant=test_illuminant,
         observer=observer,
         max_paints=max_paints,
-        max_coats=max_layers,
+        max_coats=max_coats,
         glazes=glazes,
         thickness=bounds,
         count=count,
@@ -222,7 +222,7 @@ def recipe(
     with progress.doing("drawing"):
         _write(found, task, out, others, overwrite)
     asked = {
-        "--geometry": geometry or _GEOMETRY,
+        "--instrument": instrument or _GEOMETRY,
         "--ground": ground,
         "--refractive-index": None if refractive_index == 1.5 else refractive_index,
         "--illuminant": None if lights[0] == "D65" else lights[0],

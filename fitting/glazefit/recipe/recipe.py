@@ -16,7 +16,7 @@ import numpy as np
 from jaxtyping import Float
 
 from glazejax import Glaze, Layer, Mixture, colour
-from glazejax.former_names import accept_former_keywords
+from glazejax.former_names import accept_former_keywords, former_attribute
 from glazejax.paint.describe import Coat
 
 from ..film.model.mixing import Pigments
@@ -114,16 +114,18 @@ class Recipe:
         return tuple(dict.fromkeys(name for coat in self.coats for _, name in coat.parts))
 
     @property
-    def layers(self) -> str:
-        """The glaze as `glazejax render --layers` takes it."""
+    def text(self) -> str:
+        """The glaze as `glazejax render --coats` takes it."""
         return ", ".join(map(_type_coat, self.coats))
 
+    layers = former_attribute("layers", "text")
+
     def __repr__(self) -> str:
-        return f"Recipe({self.layers!r} for {self.target.name!r}, Delta E {self.distance:.2f})"
+        return f"Recipe({self.text!r} for {self.target.name!r}, Delta E {self.distance:.2f})"
 
 
 def _type_coat(coat: Coat) -> str:
-    """A coat as `glazejax.paint.describe.parse_layers` reads it."""
+    """A coat as `glazejax.paint.describe.parse_coats` reads it."""
     mixed = " + ".join(f"{share:.6g}*{name}" for share, name in coat.parts)
     return f"{mixed if len(coat.parts) > 1 else coat.name}:{coat.thickness * 1e6:.6g}um"
 

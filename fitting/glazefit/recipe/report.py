@@ -109,7 +109,7 @@ def print_recipes(recipes: Sequence[Recipe], console: Console, seen: str = "") -
     )
     console.print(table)
     console.print(Text(MIXING.format(first.between_mixings), style="dim"))
-    line = f"glazejax render --layers '{first.layers}'"
+    line = f"glazejax render --coats '{first.text}'"
     console.print(
         Text(f"See the first: {' '.join(filter(None, (line, seen)))}", style="dim"), soft_wrap=True
     )
@@ -206,9 +206,7 @@ def if_mixed(recipes: Sequence[Recipe]) -> str:
         return (
             f"Mixing within a coat gains nothing: ΔE00 {mixed.distance:.2f} instead of {here:.2f}."
         )
-    return (
-        f"Mixed within a coat: ΔE00 {mixed.distance:.2f} instead of {here:.2f}, by {mixed.layers}"
-    )
+    return f"Mixed within a coat: ΔE00 {mixed.distance:.2f} instead of {here:.2f}, by {mixed.text}"
 
 
 def all_if_mixed(found: Sequence[Sequence[Recipe]]) -> str:
@@ -271,7 +269,7 @@ def write_json(found: Sequence[Sequence[Recipe]], path: Path) -> None:
 def _plain(recipe: Recipe) -> dict:
     return {
         "target": recipe.target.name,
-        "layers": recipe.layers,
+        "layers": recipe.text,
         "coats": [
             {
                 "thickness_um": round(coat.thickness * 1e6, 6),
@@ -295,7 +293,7 @@ def _plain(recipe: Recipe) -> dict:
         "delta_e_2000_before_solver": None if np.isnan(recipe.before) else recipe.before,
         "mixed": None
         if recipe.mixed is None
-        else {"layers": recipe.mixed.layers, "delta_e_2000": dict(recipe.mixed.delta_e)},
+        else {"layers": recipe.mixed.text, "delta_e_2000": dict(recipe.mixed.delta_e)},
         "wavelengths_nm": recipe.wavelengths.tolist(),
         "reflectance": [round(float(value), 7) for value in recipe.reflectance],
     }

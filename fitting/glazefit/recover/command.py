@@ -112,7 +112,7 @@ def recover(
             show_default=False,
         ),
     ] = None,
-    geometry: Annotated[str | None, options.geometry_option(_GEOMETRY)] = None,
+    instrument: Annotated[str | None, options.instrument_option(_GEOMETRY)] = None,
     refractive_index: options.RefractiveIndex = 1.5,
     simulate: Annotated[
         bool,
@@ -190,7 +190,7 @@ def recover(
 
     start_jax()
     metres = options.read_length(thickness)
-    seen_by = options.read_geometry(geometry, _GEOMETRY)
+    seen_by = options.read_geometry(instrument, _GEOMETRY)
 
     from rich.console import Console
 

@@ -68,7 +68,7 @@ def predict(
     out: options.Csv = None,
     pigments: options.Pigments = None,
     catalogue: options.CatalogueName = options.OILS,
-    geometry: Annotated[str | None, options.geometry_option(_GEOMETRY)] = None,
+    instrument: Annotated[str | None, options.instrument_option(_GEOMETRY)] = None,
     refractive_index: options.RefractiveIndex = 1.5,
     illuminant: options.Illuminant = "D65",
     observer: options.Observer = "10",
@@ -88,7 +88,7 @@ def predict(
     from glazejax.commands.main import start_jax
 
     start_jax()
-    seen_by = options.read_geometry(geometry, _GEOMETRY)
+    seen_by = options.read_geometry(instrument, _GEOMETRY)
     wanted = [options.read_length(text) for text in options.split_names(thickness)]
     if samples and reading is None:
         raise ValueError(
@@ -110,7 +110,7 @@ def predict(
     from .mixture import calibrate_mixture, predict_mixture
 
     console = Console(highlight=False)
-    instrument = Instrument(seen_by, refractive_index)
+    seen_with = Instrument(seen_by, refractive_index)
     found = None
     grid = None
     ground = None
@@ -118,9 +118,9 @@ def predict(
         film = _film(reading, samples, shelf, recipe, console)
         noise = estimate_noise(film)
         with progress.doing("compiling, then fitting the reading"):
-            found = calibrate_mixture(shelf, recipe, film, instrument=instrument, noise=noise)
+            found = calibrate_mixture(shelf, recipe, film, instrument=seen_with, noise=noise)
         grid = film.wavelengths
-        black, white, _, _ = cards(film, instrument, noise)
+        black, white, _, _ = cards(film, seen_with, noise)
         ground = (black[0], white[0])
         own = float(f"{found.thickness[0] * UNIT:.2g}")
         wanted = wanted or ([own] if film.opaque[0] else [0.5 * own, own, 2.0 * own])
@@ -132,14 +132,14 @@ def predict(
             wanted,
             wavelengths=grid,
             ground=ground,
-            instrument=instrument,
+            instrument=seen_with,
             calibrated=found,
         )
     if out is not None:
         _write(made, out, overwrite)
     if found is not None:
         before = predict_mixture(
-            shelf, recipe, wanted, wavelengths=grid, ground=ground, instrument=instrument
+            shelf, recipe, wanted, wavelengths=grid, ground=ground, instrument=seen_with
         )
         _say_reading(found, made, before, (illuminant, observer), console)
     _print(made, found is None, (illuminant, observer), console)

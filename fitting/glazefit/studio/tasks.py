@@ -40,9 +40,8 @@ def recipes(request: Request, report: Report) -> dict[str, Any]:
     """Best five recipes for a colour of the screen or a spectrum.
 
     Args:
-        asked: `stack`, whose ground, index and geometry count; `options` with `srgb` and `layers`,
-            1 or 2; or
-            `wavelengths` and `reflectance` of a spectrum.
+        asked: `stack`, whose ground, index and geometry count; `options` with `max_coats`, 1 or 2,
+            and `srgb`, or `wavelengths` and `reflectance` of a spectrum.
         report: takes words.
 
     Raises:
@@ -67,12 +66,12 @@ def recipes(request: Request, report: Report) -> dict[str, Any]:
         ground=stack.ground_on(paints[0].wavelengths),
         instrument=stack.seen_by,
         refractive_index=stack.refractive_index,
-        max_coats=1 if options.get("layers") == 1 else 2,
+        max_coats=1 if options.get("max_coats") == 1 else 2,
         count=_RECIPES,
     )
     listed = [
         {
-            "words": recipe.layers,
+            "words": recipe.text,
             "delta_e": recipe.distance,
             "between": recipe.between_mixings,
             "in_gamut": recipe.in_gamut,

@@ -34,7 +34,7 @@ def export(
         typer.Argument(
             metavar="STACK",
             help='Coats from top to bottom, "UltramarineBlue:3um, ZincWhite:20um", as `glazejax '
-            "render --layers` takes them, or a JSON file of the studio or of --write-stack.",
+            "render --coats` takes them, or a JSON file of the studio or of --write-stack.",
         ),
     ],
     to: Annotated[
@@ -256,7 +256,7 @@ def _check(to: str, layering: str, kind: str, of_maps: dict[str, Any]) -> None:
 
 def _stack(text: str, ground: str | None, index: float, pigments: Path | None) -> "Stack":
     """The stack of a file, or of coats as typed; options count before a file."""
-    from ..paint.describe import name_paints, parse_layers
+    from ..paint.describe import name_paints, parse_coats
     from ..paint.pigment_table import read_pigments
     from ..stacks import Spectrum, Stack, all_paints, read_stack
 
@@ -268,13 +268,13 @@ def _stack(text: str, ground: str | None, index: float, pigments: Path | None) -
         if index != _INDEX:
             made = replace(made, refractive_index=index)
     else:
-        coats = name_paints(parse_layers(text), {**all_paints(), **own})
+        coats = name_paints(parse_coats(text), {**all_paints(), **own})
         made = Stack(
             coats=coats,
             hidden=(),
             ground=float(_GROUND),
             refractive_index=index,
-            geometry="45:0",
+            instrument="45:0",
             pigments=own,
         )
     if ground is None:
@@ -301,9 +301,9 @@ def _maps(
 
     from ..appearance.scene.file_materials import read_grey
 
-    if not 1 <= layer <= len(glaze.layers):
+    if not 1 <= layer <= len(glaze.coats):
         raise ValueError(
-            f"--layer is {layer}, but there are {len(glaze.layers)} coats, the top one is 1"
+            f"--layer is {layer}, but there are {len(glaze.coats)} coats, the top one is 1"
         )
     maps = {}
     if span is not None and thickness is None:
@@ -319,7 +319,7 @@ def _maps(
             low, high = _range(span)
         else:
             low = 0.0
-            high = float(np.asarray(glaze.layers[layer - 1].thickness))
+            high = float(np.asarray(glaze.coats[layer - 1].thickness))
         maps["thickness"] = low + (high - low) * grey
     for name, path in (("fraction", fraction), ("ground", ground)):
         if path is not None:

@@ -20,6 +20,12 @@ if TYPE_CHECKING:
 # What a shell reports of a wrong command line, and of a program stopped from the keyboard.
 _WRONG = 2
 _INTERRUPTED = 130
+# Options by their names before version 0.2, which still work for that version: those they became.
+_FORMER_OPTIONS = {
+    "--layers": ("--coats", "--max-coats"),
+    "--max-layers": ("--max-coats",),
+    "--geometry": ("--instrument",),
+}
 
 
 def start_jax() -> None:
@@ -63,6 +69,10 @@ def make_app() -> "typer.Typer":
     class Command(typer.core.TyperCommand):
         def get_params(self, ctx: Any) -> list[Any]:
             return without_bool(super().get_params(ctx))
+
+        def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+            known = {name for param in self.params for name in param.opts}
+            return super().parse_args(ctx, [_present_name(word, known) for word in args])
 
     class Group(typer.core.TyperGroup):
         def get_params(self, ctx: Any) -> list[Any]:
@@ -133,9 +143,24 @@ def _run(app: "typer.Typer") -> NoReturn:
         if type(error).__name__ == "NoArgsIsHelpError":
             typer.echo(words)
             sys.exit(_WRONG)
-        told = error.ctx.command_path if getattr(error, "ctx", None) else "glazejax"  # type: ignore[attr-defined]
-        _stop(f"{words[:1].lower()}{words[1:].rstrip('.')} (see {told} --help)")
+        command = error.ctx.command_path if getattr(error, "ctx", None) else "glazejax"  # type: ignore[attr-defined]
+        _stop(f"{words[:1].lower()}{words[1:].rstrip('.')} (see {command} --help)")
     sys.exit(status or 0)
+
+
+def _present_name(word: str, known: set[str]) -> str:
+    """A word of the command line; of an option by its former name the present one, which is said.
+
+    Args:
+        word: such as ``--layers`` or ``--layers=Eosin:3um``.
+        known: the command's options.
+    """
+    former, equals, value = word.partition("=")
+    new = next((name for name in _FORMER_OPTIONS.get(former, ()) if name in known), None)
+    if new is None or former in known:
+        return word
+    print(f"note: {former} is called {new} now", file=sys.stderr)
+    return f"{new}{equals}{value}"
 
 
 def _stop(words: str) -> NoReturn:

@@ -1,8 +1,8 @@
 """The vocabulary of the commands: each shared option once, with one help text and one reader.
 
-Options are annotations, `geometry: Annotated[str | None, geometry_option("d:8")] = None`; readers
-turn what was typed into what the library takes, and name the option in their errors. Old spellings
-are hidden from ``--help``; they work and name the new one.
+Options are annotations, `instrument: Annotated[str | None, instrument_option("d:8")] = None`;
+readers turn what was typed into what the library takes, and name the option in their errors.
+Options by their former names are not in ``--help``; they work and name the new one (`main`).
 """
 
 import re
@@ -160,8 +160,8 @@ Seed = Annotated[
 ]
 
 
-def geometry_option(default: str) -> Any:
-    """``--geometry``, with what a command takes if it is left out."""
+def instrument_option(default: str) -> Any:
+    """``--instrument``, with what a command takes if it is left out."""
     words = (
         "Instrument: d:8 or di:8 (integrating sphere, mirror reflection of the surface "
         "included), de:8 (excluded), "
@@ -171,7 +171,7 @@ def geometry_option(default: str) -> Any:
         "the mirror reflection)."
     )
     return typer.Option(
-        "--geometry", metavar="GEOMETRY", help=f"{words} Default: {default}.", show_default=False
+        "--instrument", metavar="GEOMETRY", help=f"{words} Default: {default}.", show_default=False
     )
 
 
@@ -190,10 +190,10 @@ def split_names(text: str) -> list[str]:
 
 
 def read_geometry(text: str | None, default: str) -> "Geometry":
-    """The geometry of ``--geometry``.
+    """The geometry of ``--instrument``.
 
     Args:
-        text: of ``--geometry``; None if it was not given.
+        text: of ``--instrument``; None if it was not given.
         default: what is taken then.
 
     Raises:
@@ -201,7 +201,7 @@ def read_geometry(text: str | None, default: str) -> "Geometry":
     """
     from ..geometry import parse_geometry
 
-    return parse_geometry(default if text is None else text, argument="--geometry")
+    return parse_geometry(default if text is None else text, argument="--instrument")
 
 
 _LENGTH = r"([-+]?(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?)\s*([a-zµμ]*)"

@@ -31,10 +31,10 @@ def register(app: typer.Typer) -> None:
 
 
 def render(
-    layers: Annotated[
+    coats: Annotated[
         str | None,
         typer.Option(
-            "--layers",
+            "--coats",
             help='Coats from top to bottom: "UltramarineBlue:12um, Vermillion:12um". Mixtures: '
             '"0.7*ZincWhite + 0.3*CobaltBlue:20um". Equal coats: "Eosin:5um x3". Units: um, µm, '
             "mm, nm, m.",
@@ -46,9 +46,9 @@ def render(
         typer.Option(
             "--stack",
             metavar="FILE",
-            help="Coats, ground, index and geometry of a stack that `glazejax studio` or "
+            help="Coats, ground, index and instrument of a stack that `glazejax studio` or "
             "--write-stack wrote, in place "
-            "of --layers. --ground, --geometry and --refractive-index count before it.",
+            "of --coats. --ground, --instrument and --refractive-index count before it.",
             show_default=False,
         ),
     ] = None,
@@ -63,7 +63,7 @@ def render(
     ] = None,
     ground: Annotated[str | None, options.ground_option(_GROUND)] = None,
     refractive_index: options.RefractiveIndex = _INDEX,
-    geometry: Annotated[str | None, options.geometry_option(_GEOMETRY)] = None,
+    instrument: Annotated[str | None, options.instrument_option(_GEOMETRY)] = None,
     illuminant: options.Illuminant = "D65",
     observer: options.Observer = "2",
     out: options.Picture = Path("glaze.png"),
@@ -72,7 +72,7 @@ def render(
     ladder: Annotated[
         str | None,
         typer.Option(
-            help="Paint of the layer that the ladder repeats. Default: the top layer.",
+            help="Paint of the coat that the ladder repeats. Default: the top one.",
             show_default=False,
         ),
     ] = None,
@@ -99,7 +99,7 @@ def render(
     1 to 40 coats of one layer as computed here, beside what "multiply"
     layers of digital painting and stirred paint would give.
 
-    Example: glazejax render --layers "CobaltBlue:1um, ChromeYellow:10um"
+    Example: glazejax render --coats "CobaltBlue:1um, ChromeYellow:10um"
     """
     started = time.perf_counter()
     from rich.console import Console
@@ -110,43 +110,43 @@ def render(
     if list_pigments:
         _list(console, _shelf(pigments, catalogue))
         return
-    if layers is not None and stack is not None:
-        raise ValueError(f"--stack {stack} says what the layers are: leave out --layers")
-    if layers is None and stack is None:
+    if coats is not None and stack is not None:
+        raise ValueError(f"--stack {stack} says what the coats are: leave out --coats")
+    if coats is None and stack is None:
         raise ValueError(
-            'give the layers, such as --layers "UltramarineBlue:12um,Vermillion:12um"; --list '
+            'give the coats, such as --coats "UltramarineBlue:12um,Vermillion:12um"; --list '
             "shows the pigments"
         )
     start_jax()
-    from ..paint.describe import format_length, make_media, name_paints, parse_layers
+    from ..paint.describe import format_length, make_media, name_paints, parse_coats
 
     # Everything that can be wrong is looked at before anything is computed.
     given = None if stack is None else _read_stack(stack)
-    coats = given.shown if given is not None else parse_layers(layers or "")
+    described = given.shown if given is not None else parse_coats(coats or "")
     options.check_outputs(
         {"--out": out, "--csv": csv, "--write-stack": write_stack}, overwrite, inputs=[stack]
     )
     if given is not None:
-        geometry = given.geometry if geometry is None else geometry
+        instrument = given.instrument if instrument is None else instrument
         refractive_index = (
             given.refractive_index if refractive_index == _INDEX else refractive_index
         )
-    seen_by = options.read_geometry(geometry, _GEOMETRY)
+    seen_by = options.read_geometry(instrument, _GEOMETRY)
     from ..colour import find_illuminant, find_observer
 
     illuminant = find_illuminant(illuminant)
     observer = find_observer(observer)
-    shelf = _shelf(pigments, catalogue, [name for coat in coats for _, name in coat.parts])
+    shelf = _shelf(pigments, catalogue, [name for coat in described for _, name in coat.parts])
     if given is not None:
         from ..stacks import paints
 
         shelf = {**shelf, **paints(given)}
-    coats = name_paints(coats, shelf)
-    repeated = _ladder_layer(coats, ladder)
+    described = name_paints(described, shelf)
+    repeated = _ladder_layer(described, ladder)
     below = _ground_of(given) if given is not None and ground is None else None
     bed = _lay(
         below or options.read_ground(_GROUND if ground is None else ground),
-        make_media(coats, shelf),
+        make_media(described, shelf),
     )
 
     from ..paint.media import Glaze, Layer
@@ -156,7 +156,7 @@ def render(
     from .rendering import render as compute
 
     glaze = Glaze(
-        [Layer(medium, coat.total) for medium, coat in zip(bed.media, coats, strict=True)],
+        [Layer(medium, coat.total) for medium, coat in zip(bed.media, described, strict=True)],
         bed.reflectance,
         refractive_index,
     )
@@ -166,7 +166,7 @@ def render(
             glaze,
             seen_by,
             layer=repeated,
-            coat=coats[repeated].thickness,
+            coat=described[repeated].thickness,
             illuminant=illuminant,
             observer=observer,
             tolerance=tolerance,
@@ -174,19 +174,19 @@ def render(
     solved = time.perf_counter() - solving
     seen = seen_by.describe()
     request = report.RenderRequest(
-        coats=coats,
+        coats=described,
         ground=bed.words,
         refractive_index=refractive_index,
         geometry=seen,
         illuminant=illuminant,
         observer=observer,
     )
-    coat = coats[repeated]
-    present = [f"{coat.name} {coat.size}" for coat in coats if coat.total > 0]
+    coat = described[repeated]
+    present = [f"{coat.name} {coat.size}" for coat in described if coat.total > 0]
     with doing("drawing"):
         figure = glaze_figure(
             rendering,
-            [coat.name for coat in coats],
+            [coat.name for coat in described],
             title=" over ".join(present) or "No paint at all",
             subtitle=(
                 f"on a ground of {bed.words}  ·  n = {refractive_index:g}  ·  {seen}  ·  "
@@ -200,9 +200,17 @@ def render(
         # Files first: a pager that closes early must not lose them.
         figure.savefig(out, dpi=100)
     if write_stack is not None:
-        _write_stack(write_stack, coats, bed, shelf, refractive_index, seen_by.notation, overwrite)
+        _write_stack(
+            write_stack,
+            coats=described,
+            bed=bed,
+            shelf=shelf,
+            index=refractive_index,
+            instrument=seen_by.notation,
+            overwrite=overwrite,
+        )
     if csv is not None:
-        _write_table(csv, rendering, coats, overwrite)
+        _write_table(csv, rendering, described, overwrite)
 
     report.print_stack(console, request)
     report.print_spectrum(console, rendering)
@@ -211,7 +219,7 @@ def render(
     report.print_ladder(console, rendering, request)
     used = {
         name: shelf[name]
-        for coat in coats
+        for coat in described
         if coat.total > 0
         for weight, name in coat.parts
         if weight > 0
@@ -261,7 +269,7 @@ def _write_stack(
     bed: "_Bed",
     shelf: "Mapping[str, Pigment]",
     index: float,
-    geometry: str,
+    instrument: str,
     overwrite: bool,
 ) -> None:
     """Write the stack as JSON; paints that are in no catalogue go along."""
@@ -285,7 +293,7 @@ def _write_stack(
             hidden=(),
             ground=ground,
             refractive_index=index,
-            geometry=geometry,
+            instrument=instrument,
             pigments=own,
         ),
         overwrite=overwrite,
@@ -301,10 +309,10 @@ def _ladder_layer(coats: "Sequence[Coat]", ladder: str | None) -> int:
     found = [i for i, coat in enumerate(coats) if same_name(coat.name, ladder)]
     if not found:
         names = ", ".join(dict.fromkeys(coat.name for coat in coats))
-        raise ValueError(f"--ladder {ladder!r} is none of the layers: choose one of {names}")
+        raise ValueError(f"--ladder {ladder!r} is none of the coats: choose one of {names}")
     if coats[found[0]].total == 0:
         raise ValueError(
-            f"--ladder {ladder!r}: this layer is 0 thick, so there is nothing to repeat"
+            f"--ladder {ladder!r}: this coat is 0 thick, so there is nothing to repeat"
         )
     return found[0]
 

@@ -106,14 +106,14 @@ def render(
             `reflectance` and `lab` refuse.
     """
     grid = glaze.wavelengths
-    count = len(glaze.layers)
+    count = len(glaze.coats)
     if not 0 <= layer < count:
         raise ValueError(
             f"the ladder repeats layer {layer}, but layers are numbered 0 to {count - 1}"
         )
     if coats < 1:
         raise ValueError(f"a ladder needs 1 coat or more, not {coats}")
-    thickness = np.array([np.asarray(la.thickness) for la in glaze.layers])
+    thickness = np.array([np.asarray(coat.thickness) for coat in glaze.coats])
     if thickness.ndim != 1:
         raise ValueError("render takes one glaze: thicknesses must be single numbers")
     step = float(thickness[layer]) if coat is None else float(coat)
@@ -134,7 +134,7 @@ def render(
     first = spectra[2 + count]
     steps = spectra[3 + count :]
     multiply = _multiply(ground, first, steps[0], counts, opaque.surface)
-    medium = glaze.layers[layer].medium
+    medium = glaze.coats[layer].medium
     portion = np.stack([np.asarray(medium.absorption), np.asarray(medium.scattering)]) * step
     mixing = _mixing(opaque, portion, steps[0], steps[1], counts, (grid, illuminant, observer))
     return Rendering(
@@ -174,12 +174,12 @@ def _batch(
     opaque = len(paleness)
     # The thickest coat possible is what makes this extinction opaque.
     extinction = _OPAQUE / MAX_THICKNESS
-    layers = []
-    for i, layer in enumerate(glaze.layers):
+    coats = []
+    for i, coat in enumerate(glaze.coats):
         mine = thickness[:, i]
         k, s = (
             np.broadcast_to(c, (len(mine), bands))
-            for c in (layer.medium.absorption, layer.medium.scattering)
+            for c in (coat.medium.absorption, coat.medium.scattering)
         )
         if i == 0:
             k = np.concatenate([k, extinction * paleness**4])
@@ -188,9 +188,9 @@ def _batch(
         else:
             k, s = (np.concatenate([c, np.zeros((opaque, bands))]) for c in (k, s))
             depth = np.concatenate([mine, np.zeros(opaque)])
-        layers.append(Layer(Pigment(layer.medium.name, glaze.wavelengths, k, s), depth))
-    ground = np.broadcast_to(glaze.substrate, (len(thickness), bands))
-    return Glaze(layers, np.concatenate([ground, np.ones((opaque, bands))]), glaze.refractive_index)
+        coats.append(Layer(Pigment(coat.medium.name, glaze.wavelengths, k, s), depth))
+    ground = np.broadcast_to(glaze.ground, (len(thickness), bands))
+    return Glaze(coats, np.concatenate([ground, np.ones((opaque, bands))]), glaze.refractive_index)
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ from . import options, progress
 
 if TYPE_CHECKING:
     from ..appearance.scene.file import SceneFile
-    from ..appearance.scene.rendered import Rendered
+    from ..appearance.scene.render_result import Rendered
 
 
 RENDERERS = ("raycast", "mitsuba")

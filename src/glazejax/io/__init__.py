@@ -6,7 +6,7 @@ Images of any size and kind are opened by `open_cube`.
 
 from .cube import SpectraCube
 from .cubes.hashes import quick_source_hash
-from .cubes.places import Spot, read_mask, read_spot
+from .cubes.regions import Spot, read_mask, read_spot
 from .cubes.source import CubeSource, open_cube
 from .read import read_cube, read_spectra
 from .resample import resample

@@ -62,7 +62,7 @@ def format_length(metres: float) -> str:
     return f"{metres * 1e6:.4g} µm" if metres >= 1e-7 or metres == 0 else f"{metres * 1e9:.4g} nm"
 
 
-def parse_layers(text: str) -> tuple[Coat, ...]:
+def parse_coats(text: str) -> tuple[Coat, ...]:
     """Read the description of a stack.
 
     Args:
@@ -82,25 +82,25 @@ def parse_layers(text: str) -> tuple[Coat, ...]:
             f"there is a semicolon in {text!r}: coats are separated by commas, {_EXAMPLE}"
         )
     if not text.strip():
-        raise ValueError(f"the list of layers is empty: write coats from top to bottom, {_EXAMPLE}")
+        raise ValueError(f"the list of coats is empty: write coats from top to bottom, {_EXAMPLE}")
     return tuple(_coat(entry.strip(), text) for entry in text.split(","))
 
 
 def _coat(entry: str, text: str) -> Coat:
     if not entry:
-        raise ValueError(f"there is an empty layer in {text!r}: remove the comma too many")
+        raise ValueError(f"there is an empty coat in {text!r}: remove the comma too many")
     paint, colon, size = (piece.strip() for piece in entry.rpartition(":"))
     if not colon:
         hint = (
             " (a decimal comma? write 12.5um)" if re.fullmatch(r"\d+\s*[A-Za-zµμ]+", entry) else ""
         )
         raise ValueError(
-            f"layer {entry!r} has no thickness: write paint:thickness, {_EXAMPLE}{hint}"
+            f"coat {entry!r} has no thickness: write paint:thickness, {_EXAMPLE}{hint}"
         )
     if not paint:
-        raise ValueError(f"layer {entry!r} names no paint: write paint:thickness, {_EXAMPLE}")
+        raise ValueError(f"coat {entry!r} names no paint: write paint:thickness, {_EXAMPLE}")
     if not size:
-        raise ValueError(f"layer {entry!r} has no thickness after the colon: write {paint}:12um")
+        raise ValueError(f"coat {entry!r} has no thickness after the colon: write {paint}:12um")
     thickness, repeats = _size(entry, size)
     return Coat(_parts(entry, paint), thickness, repeats)
 
@@ -110,7 +110,7 @@ def _size(entry: str, size: str) -> tuple[float, int]:
     match = _SIZE.match(size)
     if match is None:
         raise ValueError(
-            f"layer {entry!r}: {size!r} is not a thickness: write a number and a unit, like 12um"
+            f"coat {entry!r}: {size!r} is not a thickness: write a number and a unit, like 12um"
         )
     number, unit, rest = match.groups()
     # In '12 x3' the unit is missing, and the x belongs to the repeats.
@@ -118,7 +118,7 @@ def _size(entry: str, size: str) -> tuple[float, int]:
         unit, rest = "", f"{unit}{rest}"
     if not unit:
         raise ValueError(
-            f"layer {entry!r}: the thickness {number} has no unit: write {number}um, mm or nm"
+            f"coat {entry!r}: the thickness {number} has no unit: write {number}um, mm or nm"
         )
     if unit not in UNITS and unit.lower().removesuffix("x") in UNITS and unit.lower().endswith("x"):
         unit = unit[:-1]
@@ -126,17 +126,17 @@ def _size(entry: str, size: str) -> tuple[float, int]:
     scale = UNITS.get(unit, UNITS.get(unit.lower()))
     if scale is None:
         raise ValueError(
-            f"layer {entry!r}: the unit {unit!r} is unknown: use um (or µm), mm, nm or m"
+            f"coat {entry!r}: the unit {unit!r} is unknown: use um (or µm), mm, nm or m"
         )
     repeats = _count(entry, rest) if rest else 1
     thickness = float(number) * scale
     if thickness < 0:
         raise ValueError(
-            f"layer {entry!r}: the thickness {number}{unit} is negative: it must be 0 or more"
+            f"coat {entry!r}: the thickness {number}{unit} is negative: it must be 0 or more"
         )
     if not thickness * repeats <= MAX_THICKNESS:
         raise ValueError(
-            f"layer {entry!r} is {format_length(thickness * repeats)} thick: at most "
+            f"coat {entry!r} is {format_length(thickness * repeats)} thick: at most "
             f"{format_length(MAX_THICKNESS)} is possible; a glaze has some micrometres, written um"
         )
     return thickness, repeats
@@ -146,12 +146,12 @@ def _count(entry: str, rest: str) -> int:
     match = _REPEATS.match(rest)
     if match is None:
         raise ValueError(
-            f"layer {entry!r}: cannot read {rest!r} after the thickness: repeats are written x3"
+            f"coat {entry!r}: cannot read {rest!r} after the thickness: repeats are written x3"
         )
     count = match.group(1)
     if not count.isdecimal() or int(count) < 1:
         raise ValueError(
-            f"layer {entry!r}: the number of coats {count!r} must be a whole number from 1, as x3"
+            f"coat {entry!r}: the number of coats {count!r} must be a whole number from 1, as x3"
         )
     return int(count)
 
@@ -166,16 +166,16 @@ def _parts(entry: str, paint: str) -> tuple[tuple[float, str], ...]:
         weight, star, name = (piece.strip() for piece in term.partition("*"))
         if not star or not name or not re.fullmatch(_NUMBER, weight):
             raise ValueError(
-                f"layer {entry!r}: cannot read {term!r}: write mixtures as "
+                f"coat {entry!r}: cannot read {term!r}: write mixtures as "
                 "0.7*ZincWhite+0.3*CobaltBlue"
             )
         if float(weight) < 0:
-            raise ValueError(f"layer {entry!r}: the fraction {weight} of {name} is negative")
+            raise ValueError(f"coat {entry!r}: the fraction {weight} of {name} is negative")
         parts.append((float(weight), name))
     total = sum(weight for weight, _ in parts)
     if abs(total - 1.0) > 1e-6:
         raise ValueError(
-            f"layer {entry!r}: fractions sum to {total:g}, not to 1: divide them by their sum"
+            f"coat {entry!r}: fractions sum to {total:g}, not to 1: divide them by their sum"
         )
     return tuple(parts)
 

@@ -1,4 +1,4 @@
-"""What a painter describes: pigments, their mixtures, layers and glazes.
+"""What a painter describes: pigments, their mixtures, coats and glazes.
 
 All of them are equinox modules, hence pytrees: they pass through jit, vmap and grad. Values are
 checked when an object is built from concrete numbers; inside a traced function only shapes are.
@@ -13,13 +13,17 @@ from __future__ import annotations
 import functools
 import operator
 from collections.abc import Sequence
-from typing import Any
+from importlib import import_module
+from pathlib import Path
+from typing import Any, Literal
 
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
+from ..former_names import accept_former_keywords, former_attribute
+from ..geometry import Geometry, Instrument
 from ..spectra import (
     Grid,
     Numbers,
@@ -414,74 +418,74 @@ class Layer(eqx.Module):
 
 
 class Glaze(eqx.Module):
-    """Layers of paint on a ground, under one smooth surface.
+    """Coats of paint on a ground, under one smooth surface.
 
     ::
 
             air
         ~~~~~~~~~~~~  smooth surface, refractive index n below it
-         layers[0]
-         layers[1]
+         coats[0]
+         coats[1]
         ============  Lambertian ground
 
     Args:
-        layers: top first, all on the same wavelengths; empty for bare ground.
-        substrate: reflectance of the ground inside the medium, scalar or (..., bands), in [0, 1].
-        refractive_index: of all layers, scalar or (..., bands), in [1, 2.5]. A Python number stays
+        coats: top first, all on the same wavelengths; empty for bare ground.
+        ground: its reflectance inside the medium, scalar or (..., bands), in [0, 1].
+        refractive_index: of all coats, scalar or (..., bands), in [1, 2.5]. A Python number stays
             one and is a constant under equinox's filtered transformations: the solver's fast path.
 
     Raises:
-        ValueError: layers on different grids, shapes that do not match, or values out of range.
+        ValueError: coats on different grids, shapes that do not match, or values out of range.
     """
 
-    layers: tuple[Layer, ...]
-    substrate: Float[Array, "*batch"]
+    coats: tuple[Layer, ...]
+    ground: Float[Array, "*batch"]
     refractive_index: float | Float[Array, "*batch"]
 
-    def __init__(
-        self, layers: Sequence[Layer], substrate: Numbers, refractive_index: Numbers = 1.5
-    ):
-        if isinstance(layers, Layer):
-            raise ValueError("layers must be a list, top first: write [layer] for a single one")
-        layers = tuple(layers)
-        for layer in layers:
-            if not isinstance(layer, Layer):
+    @accept_former_keywords(layers="coats", substrate="ground")
+    def __init__(self, coats: Sequence[Layer], ground: Numbers, refractive_index: Numbers = 1.5):
+        if isinstance(coats, Layer):
+            raise ValueError("coats must be a list, top first: write [layer] for a single one")
+        coats = tuple(coats)
+        for coat in coats:
+            if not isinstance(coat, Layer):
                 raise ValueError(
-                    f"layers must each be a Layer, not {_describe_value(layer)}: "
+                    f"coats must each be a Layer, not {_describe_value(coat)}: "
                     "write Layer(paint, thickness in m)"
                 )
-        substrate = as_array(substrate)
+        ground = as_array(ground)
         index = as_array(refractive_index)
-        _check_grids([(layer.medium.name, layer.medium.wavelengths) for layer in layers])
-        _check_range(
-            "substrate", substrate, 0.0, 1.0, ", which looks like percent: divide it by 100"
-        )
+        _check_grids([(coat.medium.name, coat.medium.wavelengths) for coat in coats])
+        _check_range("ground", ground, 0.0, 1.0, ", which looks like percent: divide it by 100")
         _check_range("refractive_index", index, 1.0, 2.5)
-        if layers:
-            bands = layers[0].medium.wavelengths.size
-            for name, value in (("substrate", substrate), ("refractive_index", index)):
+        if coats:
+            bands = coats[0].medium.wavelengths.size
+            for name, value in (("ground", ground), ("refractive_index", index)):
                 if value.shape[-1:] not in ((), (1,), (bands,)):
                     raise ValueError(
                         f"{name} has shape {value.shape}: its last axis must be the {bands} "
-                        "bands of the layers"
+                        "bands of the coats"
                     )
-        self.layers = layers
-        self.substrate = as_float_array(substrate)
+        self.coats = coats
+        self.ground = as_float_array(ground)
         constant = index.ndim == 0 and isinstance(index, np.ndarray)
         self.refractive_index = float(index) if constant else as_float_array(index)
 
+    layers = former_attribute("layers", "coats")
+    substrate = former_attribute("substrate", "ground")
+
     @property
     def wavelengths(self) -> Float[np.ndarray, "bands"]:
-        """Wavelengths of the layers in nm, (bands,).
+        """Wavelengths of the coats in nm, (bands,).
 
         Raises:
-            ValueError: there are no layers.
+            ValueError: there are no coats.
         """
-        if not self.layers:
+        if not self.coats:
             raise ValueError(
-                "a glaze without layers has no wavelengths of its own: use those of its substrate"
+                "a glaze without coats has no wavelengths of its own: use those of its ground"
             )
-        return self.layers[0].medium.wavelengths
+        return self.coats[0].medium.wavelengths
 
     @property
     def albedo(self) -> Float[Array, "*batch bands layers"]:
@@ -496,7 +500,7 @@ class Glaze(eqx.Module):
             clear = extinction <= _CLEAR
             return xp.where(clear, 0.0, s) / xp.where(clear, 1.0, extinction)
 
-        media = [layer.medium for layer in self.layers]
+        media = [coat.medium for coat in self.coats]
         return self._stack(
             [on_numpy_or_jax(ratio, medium.absorption, medium.scattering) for medium in media]
         )
@@ -510,32 +514,82 @@ class Glaze(eqx.Module):
 
         return self._stack(
             [
-                on_numpy_or_jax(depth, la.medium.absorption, la.medium.scattering, la.thickness)
-                for la in self.layers
+                on_numpy_or_jax(
+                    depth, coat.medium.absorption, coat.medium.scattering, coat.thickness
+                )
+                for coat in self.coats
             ]
         )
 
     @property
     def phase(self) -> Float[Known, "*batch bands layers terms"] | None:
-        """Legendre moments of the layers' phase functions, (..., bands or 1, layers, terms); None:
+        """Legendre moments of the coats' phase functions, (..., bands or 1, layers, terms); None:
         all isotropic.
         """
-        return stack_moments([layer.phase for layer in self.layers])
+        return stack_moments([coat.phase for coat in self.coats])
 
     def _stack(self, spectra: Sequence[Float[Array, "..."]]) -> Float[Array, "*batch bands layers"]:
-        """Spectra of the layers, side by side on a last axis; (..., bands, 0) for bare ground."""
+        """Spectra of the coats, side by side on a last axis; (..., bands, 0) for bare ground."""
         if not spectra:
-            shape = jnp.broadcast_shapes(
-                self.substrate.shape, np.shape(self.refractive_index), (1,)
-            )
-            return jnp.zeros((*shape, 0), dtype=self.substrate.dtype)
+            shape = jnp.broadcast_shapes(self.ground.shape, np.shape(self.refractive_index), (1,))
+            return jnp.zeros((*shape, 0), dtype=self.ground.dtype)
         return on_numpy_or_jax(
             lambda xp, *each: xp.stack(xp.broadcast_arrays(*each), axis=-1), *spectra
         )
 
+    def save(
+        self,
+        path: str | Path,
+        *,
+        instrument: Instrument | Geometry | str = "45:0",
+        overwrite: bool = False,
+    ) -> Path:
+        """Write the glaze as a small JSON file for `load`, the studio and ``glazejax render``.
+
+        Paints of the catalogues stand in it by their names, all others with their k and s; a
+        mixture is named after its parts.
+
+        Args:
+            path: the file; its folder must exist.
+            instrument: what the studio and the command then see it with; single angles.
+            overwrite: replace a file that is there.
+
+        Returns:
+            The path.
+
+        Raises:
+            ValueError: what such a file does not hold: no coats, batch axes, phase functions, an
+                index that varies, more than four paints in a coat.
+            FileExistsError, FileNotFoundError, IsADirectoryError: see
+                `glazejax.io.outputs.check_output`.
+        """
+        return _stacks().save_glaze(path, self, instrument, overwrite)
+
+    @staticmethod
+    def load(path: str | Path, *, side: Literal["white", "black"] = "white") -> "Glaze":
+        """Read a glaze from a file of `save`, the studio or ``glazejax render --write-stack``.
+
+        Args:
+            path: the file; its form is that of `glazejax.stacks`.
+            side: which one counts where the ground is a card, half white and half black.
+
+        Raises:
+            FileNotFoundError: no such file.
+            ValueError: not such a file, or all its coats are hidden; the message says where and
+                what would mend it.
+        """
+        return _stacks().load_glaze(path, side)
+
     def __repr__(self) -> str:
-        ground, index = (_short(value) for value in (self.substrate, self.refractive_index))
-        return f"Glaze([{', '.join(map(repr, self.layers))}], substrate {ground}, n = {index})"
+        ground, index = (_short(value) for value in (self.ground, self.refractive_index))
+        return f"Glaze([{', '.join(map(repr, self.coats))}], ground {ground}, n = {index})"
+
+
+def _stacks() -> Any:
+    """The module of the files, found by its name when it is asked for: it stands above this room,
+    because the names in such a file are those of the catalogues.
+    """
+    return import_module("glazejax.stacks")
 
 
 def check_glaze(glaze: Any) -> None:

@@ -32,8 +32,8 @@ Tell = Callable[[str], None]
 
 
 class Painted(NamedTuple):
-    """Pixels, RGBA in 8 bits, four bytes a number as `wire.pack` carries them, and what is said of
-    them.
+    """Pixels, RGBA in 8 bits, four bytes a number as `messages.pack` carries them, and what is said
+    of them.
     """
 
     pixels: Float[np.ndarray, "pixels"]

@@ -100,8 +100,8 @@ class Jobs:
                     self._tells[name] = tell_for(name)
 
         def hand_over() -> None:
-            for name, told in kept.items():
-                tell_for(name)(told)
+            for name, message in kept.items():
+                tell_for(name)(message)
 
         return names, hand_over
 
@@ -109,16 +109,16 @@ class Jobs:
         if name not in self._tells:
             self.stop(name)
 
-    def _tell(self, name: str, told: dict[str, Any]) -> None:
+    def _tell(self, name: str, message: dict[str, Any]) -> None:
         """To the page, or kept for it if it is an answer and the page is gone."""
         with self._lock:
             tell = self._tells.get(name)
-            if "progress" not in told:
+            if "progress" not in message:
                 self._tells.pop(name, None)
                 if tell is None:
-                    self._unheard[name] = told
+                    self._unheard[name] = message
         if tell is not None:
-            tell(told)
+            tell(message)
 
     def stop(self, name: str) -> None:
         """End a search, if it runs, and forget its answer."""
@@ -150,12 +150,12 @@ class Jobs:
 
         def beat() -> None:
             while not done.wait(_BEAT):
-                told = {
+                state = {
                     "seconds": time.monotonic() - began,
                     "words": words[0],
                     "usual": self._took.get(task),
                 }
-                self._tell(name, {"progress": told})
+                self._tell(name, {"progress": state})
 
         threading.Thread(target=beat, daemon=True).start()
         answer: dict[str, Any] | None = None
@@ -165,11 +165,11 @@ class Jobs:
             process.stdin.write(json.dumps({"target": self.tasks[task], "given": given}) + "\n")
             process.stdin.flush()
             for line in process.stdout:
-                told = json.loads(line)
-                if "words" in told:
-                    words[0] = told["words"]
+                message = json.loads(line)
+                if "words" in message:
+                    words[0] = message["words"]
                 else:
-                    answer = told
+                    answer = message
                     break
         except (OSError, ValueError):
             answer = None

@@ -15,9 +15,8 @@ def of(stack: Stack) -> str:
         return "\n".join(
             [
                 *head,
-                'stack = gj.read_stack("stack.json")  # saved in the studio',
-                "glaze, seen_by = stack.glaze(), stack.seen_by",
-                *_tail("glaze.wavelengths"),
+                'glaze = gj.Glaze.load("stack.json")  # saved in the studio',
+                *_tail(stack),
             ]
         )
     shelf = []
@@ -28,26 +27,24 @@ def of(stack: Stack) -> str:
         shelf.append(f'{group} = gj.catalogue.load("{group}")')
     level = f"{stack.level():g}" if not isinstance(stack.ground, Hiding) else "0.5"
     note = "  # the white half of the card" if stack.ground == "card" else ""
-    layers = [f"    gj.Layer({_medium(coat)}, {coat.total:.6g})," for coat in stack.shown]
-    geometry = (
-        "from glazejax.geometry import parse_geometry\nseen_by = "
-        f'parse_geometry("{stack.geometry}")'
-    )
+    coats = [f"    gj.Layer({_medium(coat)}, {coat.total:.6g})," for coat in stack.shown]
     return "\n".join(
         [
             *head,
             *shelf,
             "glaze = gj.Glaze([",
-            *layers,
+            *coats,
             f"], {level}, {stack.refractive_index:g}){note}",
-            geometry,
-            *_tail("glaze.wavelengths"),
+            *_tail(stack),
         ]
     )
 
 
-def _tail(grid: str) -> list[str]:
-    return ["spectrum = gj.reflectance(glaze, seen_by)", f"print(gj.colour.lab({grid}, spectrum))"]
+def _tail(stack: Stack) -> list[str]:
+    return [
+        f'spectrum = gj.reflectance(glaze, "{stack.instrument}")',
+        "print(gj.colour.lab(glaze.wavelengths, spectrum))",
+    ]
 
 
 def _paint(name: str) -> str:

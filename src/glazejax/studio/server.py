@@ -18,8 +18,8 @@ from ..extras import require
 from . import canvas
 from .engine import Engine
 from .jobs import Jobs
+from .messages import MOST_BYTES, pack
 from .session import Session
-from .wire import MOST_BYTES, pack
 
 HOST = "127.0.0.1"
 _KINDS = {

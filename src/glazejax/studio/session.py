@@ -2,7 +2,7 @@
 notebook.
 
 A session keeps nothing that the page does not have: every question brings its stack, so that a page
-that comes back after a lost connection has lost nothing. Answers are bytes as `wire.pack` makes
+that comes back after a lost connection has lost nothing. Answers are bytes as `messages.pack` makes
 them. What is wrong with a question is one sentence, `{"type": "error", "about": ..., "words":
 ...}`.
 """
@@ -21,7 +21,7 @@ from ..stacks import Stack, all_paints, stack_from_dict, stack_to_dict
 from . import canvas, python_lines, shelf, upload
 from .engine import LADDER, SIZES, Engine, View
 from .jobs import Jobs
-from .wire import MOST_FILE, pack, unpack
+from .messages import MOST_FILE, pack, unpack
 
 Send = Callable[[bytes], None]
 _MOST_LAMPS = 8
@@ -82,7 +82,7 @@ class Session:
             self._page = page
         running, hand_over = self.jobs.come_back(self._page, self._teller)
         listed = [shelf.entry(name, paint) for name, paint in all_paints().items()]
-        told = {
+        answer = {
             "type": "hello",
             "paints": listed,
             "lamps": list(illuminants()),
@@ -92,7 +92,7 @@ class Session:
             "tasks": sorted(self.jobs.tasks),
             "running": [name.partition(" ")[2] for name in running],
         }
-        self.tell(told)
+        self.tell(answer)
         hand_over()
         self._swatches(dict(all_paints()))
 
@@ -117,8 +117,8 @@ class Session:
             self.tell({"type": "status", "words": words})
         seen = self.engine.see(stack, view)
         marks = shelf.doubts(stack)
-        told = {"type": "seen", "number": header.get("number"), "doubts": marks, **seen.words}
-        self.tell(told | {"ms": 1e3 * (time.perf_counter() - began)}, seen.arrays)
+        answer = {"type": "seen", "number": header.get("number"), "doubts": marks, **seen.words}
+        self.tell(answer | {"ms": 1e3 * (time.perf_counter() - began)}, seen.arrays)
 
     def _on_check(self, header: dict[str, Any], arrays: Any, rest: bytes) -> None:
         """A stack of a link or a file: as it is understood, or why not."""
@@ -150,22 +150,22 @@ class Session:
                 "MB at most"
             )
         found = upload.read_upload(name, rest)
-        told: dict[str, Any] = {
+        answer: dict[str, Any] = {
             "type": "file",
             "name": name,
             "kind": found.kind,
             "notes": list(found.notes),
         }
         if found.kind == "paints":
-            told["pigments"] = found.content
-            told["entries"] = [shelf.entry(paint.name, paint) for paint in found.paints.values()]
-            self.tell(told)
+            answer["pigments"] = found.content
+            answer["entries"] = [shelf.entry(paint.name, paint) for paint in found.paints.values()]
+            self.tell(answer)
             self._swatches(found.paints)
             return
         table = found.table
         assert table is not None
         grid = np.asarray(table.wavelengths, float)
-        told |= {
+        answer |= {
             "names": list(table.names),
             "words": describe_grid(grid),
             "films": found.kind == "films",
@@ -178,15 +178,15 @@ class Session:
             arrays["rgb"] = np.round(255 * np.asarray(colour.xyz_to_srgb(xyz, white), float))
             arrays["lab"] = np.asarray(colour.xyz_to_lab(xyz, white), float)
         except ValueError as error:
-            told["notes"].append(str(error))
-        self.tell(told, arrays)
+            answer["notes"].append(str(error))
+        self.tell(answer, arrays)
 
     def _on_canvas(self, header: dict[str, Any], arrays: Any, rest: bytes) -> None:
         """Pixels of thickness maps."""
         began = time.perf_counter()
         stack = _stack(header)
         lamp = _view(header.get("view", {})).lamps[0]
-        told = self._easel.paint(
+        painted = self._easel.paint(
             stack,
             header.get("coats", []),
             arrays,
@@ -197,9 +197,9 @@ class Session:
             "type": "painted",
             "number": header.get("number"),
             "box": header.get("box"),
-            **told.words,
+            **painted.words,
         }
-        self.tell(words | {"ms": 1e3 * (time.perf_counter() - began)}, {"rgba": told.pixels})
+        self.tell(words | {"ms": 1e3 * (time.perf_counter() - began)}, {"rgba": painted.pixels})
 
     def _on_start(self, header: dict[str, Any], arrays: Any, rest: bytes) -> None:
         """A search: recipes for a colour, what is in a film, paints from films."""
@@ -215,7 +215,7 @@ class Session:
 
     def _teller(self, name: str) -> Callable[[dict[str, Any]], None]:
         """Tells the page of its search."""
-        return lambda told: self.tell({"type": "job", "name": name.partition(" ")[2], **told})
+        return lambda message: self.tell({"type": "job", "name": name.partition(" ")[2], **message})
 
     def _on_stop(self, header: dict[str, Any], arrays: Any, rest: bytes) -> None:
         """End a search."""

@@ -8,7 +8,8 @@ from importlib.resources import files
 from typing import Any
 
 from ..extras import require
-from ..stacks import Stack, stack_from_dict, stack_to_dict
+from ..paint.media import Glaze
+from ..stacks import Stack, stack_from_dict, stack_of, stack_to_dict
 from .engine import Engine
 from .jobs import Jobs
 from .session import Session
@@ -64,8 +65,8 @@ def make_widget() -> type:
         """A glaze studio in a notebook.
 
         Args:
-            stack: a `glazejax.Stack`, or what `glazejax.stacks.stack_from_dict` takes; two coats if
-                left out.
+            stack: a `glazejax.Glaze`, a `glazejax.stacks.Stack`, or what
+                `glazejax.stacks.stack_from_dict` takes; two coats if left out.
             tasks: searches, see `glazejax.studio.jobs`; those installed if left out.
 
         Attributes:
@@ -83,10 +84,12 @@ def make_widget() -> type:
         seen = traitlets.Dict(default_value=None, allow_none=True)
 
         def __init__(
-            self, stack: Stack | dict[str, Any] | None = None, tasks: dict[str, str] | None = None
+            self,
+            stack: Glaze | Stack | dict[str, Any] | None = None,
+            tasks: dict[str, str] | None = None,
         ):
             super().__init__(stack=_plain(_USUAL if stack is None else stack))
-            self._session = _Told(self, Engine(), Jobs(tasks))
+            self._session = _WidgetSession(self, Engine(), Jobs(tasks))
             self.on_msg(lambda _, content, buffers: self._session.take(content, buffers))
 
         @traitlets.validate("stack")
@@ -102,12 +105,14 @@ def make_widget() -> type:
     return Widget
 
 
-def _plain(stack: Stack | dict[str, Any]) -> dict[str, Any]:
+def _plain(stack: Glaze | Stack | dict[str, Any]) -> dict[str, Any]:
     """A stack as the page has it, checked."""
+    if isinstance(stack, Glaze):
+        stack = stack_of(stack)
     return stack_to_dict(stack if isinstance(stack, Stack) else stack_from_dict(stack))
 
 
-class _Told(Session):
+class _WidgetSession(Session):
     """A session whose answers go through a widget, which keeps what is seen."""
 
     def __init__(self, widget: Any, engine: Engine, jobs: Jobs):

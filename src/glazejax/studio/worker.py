@@ -24,19 +24,19 @@ def main() -> None:
 def answer(asked: dict[str, Any], out: TextIO) -> None:
     """One search: its progress and its end, a line each."""
 
-    def tell(told: dict[str, Any]) -> None:
-        out.write(json.dumps(told) + "\n")
+    def tell(message: dict[str, Any]) -> None:
+        out.write(json.dumps(message) + "\n")
         out.flush()
 
     module, _, name = asked["target"].partition(":")
     try:
         task = getattr(importlib.import_module(module), name)
-        told = {"result": task(asked["given"], lambda words: tell({"words": words}))}
+        message = {"result": task(asked["given"], lambda words: tell({"words": words}))}
     except (ValueError, ModuleNotFoundError) as error:
-        told = {"error": str(error)}
+        message = {"error": str(error)}
     except Exception as error:  # The page must hear of it.
-        told = {"error": f"the search failed ({type(error).__name__}: {error})"}
-    tell(told)
+        message = {"error": f"the search failed ({type(error).__name__}: {error})"}
+    tell(message)
 
 
 if __name__ == "__main__":

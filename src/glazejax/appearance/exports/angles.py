@@ -150,7 +150,7 @@ def pair_spectra(
     tolerance: float,
 ) -> Float[np.ndarray, "..."]:
     """The same for pairs of angles, of a glaze (pairs, bands) or a batch of glazes."""
-    axes = max(glaze.albedo.ndim - 1, glaze.optical_thickness.ndim - 1, glaze.substrate.ndim)
+    axes = max(glaze.albedo.ndim - 1, glaze.optical_thickness.ndim - 1, glaze.ground.ndim)
     batch = (slice(None), *[None] * axes)
     if roughness > 0:
         from ...radiative.rough.reflectance import rough_reflectance_factor
@@ -158,7 +158,7 @@ def pair_spectra(
         found = rough_reflectance_factor(
             glaze.albedo,
             glaze.optical_thickness,
-            glaze.substrate,
+            glaze.ground,
             roughness=roughness,
             refractive_index=glaze.refractive_index,
             cos_incidence=cos_in[batch],

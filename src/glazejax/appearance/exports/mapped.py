@@ -15,11 +15,11 @@ from jaxtyping import Float
 
 from ...colour import colour_weights, delta_e_2000, white_point, xyz_to_lab
 from ...interpolated import interpolated
-from ...paint.media import Glaze, Layer, Mixture
+from ...paint.media import Glaze, Mixture
 from ...radiative.common.fresnel import cos_refracted
 from ...radiative.common.quadrature import gauss
 from ...spectra import validate_wavelengths
-from ..glaze.solve import indices, on_grid
+from ..glaze.solve import indices, on_grid, with_variables
 from .angles import pair_spectra
 from .lobes import lobe_albedo
 from .rgb import Space, rgb_of_xyz
@@ -71,12 +71,12 @@ class MappedGlaze:
     kinds: tuple[str, ...]
 
     def __post_init__(self) -> None:
-        if not 0 <= self.layer < len(self.glaze.layers):
+        if not 0 <= self.layer < len(self.glaze.coats):
             raise ValueError(
-                f"layer is {self.layer}, but the glaze has {len(self.glaze.layers)} layers, the "
+                f"layer is {self.layer}, but the glaze has {len(self.glaze.coats)} coats, the "
                 "top one is number 0"
             )
-        medium = self.glaze.layers[self.layer].medium
+        medium = self.glaze.coats[self.layer].medium
         if "fraction" in self.kinds and not (
             isinstance(medium, Mixture) and len(medium.pigments) == 2
         ):
@@ -88,17 +88,11 @@ class MappedGlaze:
     def at(self, points: Float[np.ndarray, "points kinds"]) -> Glaze:
         """The glaze at points, each with its values of `kinds`: a batch."""
         given = dict(zip(self.kinds, np.asarray(points, float).T, strict=True))
-        layers = list(self.glaze.layers)
-        own = layers[self.layer]
-        medium = own.medium
-        thickness = given.get("thickness", own.thickness)
-        if "fraction" in given:
-            assert isinstance(medium, Mixture)
-            share = given["fraction"]
-            medium = Mixture(medium.pigments, np.stack([1.0 - share, share], axis=-1), medium.name)
-        layers[self.layer] = Layer(medium, thickness)
-        ground = given["ground"][:, None] if "ground" in given else self.glaze.substrate
-        return Glaze(layers, ground, self.glaze.refractive_index)
+        glaze = with_variables(
+            self.glaze, self.layer, given.get("thickness"), given.get("fraction")
+        )
+        ground = given["ground"][:, None] if "ground" in given else glaze.ground
+        return Glaze(glaze.coats, ground, glaze.refractive_index)
 
 
 def mapped_colours(

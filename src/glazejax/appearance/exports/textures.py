@@ -121,7 +121,16 @@ def texture_set(
     base = found.base
     wrong = outside(found.plain) > 0
     material = _material(mapped, roughness, coat)
-    errors = _errors(mapped, points, base, found.coat, material, roughness, known, light)
+    errors = _errors(
+        mapped=mapped,
+        points=points,
+        base=base,
+        coat=found.coat,
+        material=material,
+        roughness=roughness,
+        space=known,
+        light=light,
+    )
     result = TextureSet(
         files=files,
         material=material,
@@ -257,14 +266,14 @@ def _errors(
     found = []
     for k in chosen:
         one = mapped.at(points[k : k + 1])
-        layers = [
-            type(layer)(_plain(layer.medium), np.asarray(layer.thickness).reshape(-1)[0])
-            for layer in one.layers
+        coats = [
+            type(coat)(_plain(coat.medium), np.asarray(coat.thickness).reshape(-1)[0])
+            for coat in one.coats
         ]
-        ground = np.asarray(one.substrate)
+        ground = np.asarray(one.ground)
         truth = angular_colour(
             Glaze(
-                layers,
+                coats,
                 ground.reshape(-1)[0] if ground.size == 1 else ground.reshape(-1),
                 one.refractive_index,
             ),

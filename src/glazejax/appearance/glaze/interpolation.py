@@ -46,7 +46,7 @@ class GlazeTable(NamedTuple):
     refractive_index: Float[Array | np.ndarray, "bands"]
     """Of the surface, band by band."""
     thickness: Float[Array | np.ndarray, "thickness"]
-    """Nodes, m; one entry, the layer's thickness (0 for a glaze without layers), if it does not
+    """Nodes, m; one entry, the layer's thickness (0 for a glaze without coats), if it does not
     vary.
     """
     ranges: tuple[Axis, Axis, Axis]
@@ -151,13 +151,13 @@ def evaluate(table: GlazeTable, flat: Any, points: Any, xp: ModuleType) -> Any:
         points: cosines of incidence and viewing in air, and thickness in m.
         xp: numpy or jax.numpy, as the arrays are.
     """
-    a, b = (span.held(points[k], xp) for k, span in enumerate(table.ranges[:2]))
+    a, b = (span.clamp(points[k], xp) for k, span in enumerate(table.ranges[:2]))
     weights = _angle_weights(table, 0, a, xp)
     others = [_angle_weights(table, 1, b, xp)]
     if table.thickness.shape[0] > 1:
         span = table.ranges[2]
         others.append(
-            _lagrange(span.coordinate(span.held(points[2], xp), xp), table.thickness.shape[0], xp)
+            _lagrange(span.coordinate(span.clamp(points[2], xp), xp), table.thickness.shape[0], xp)
         )
     # All products at once, and one product of matrices: quicker than axis after axis where there
     # are many bands.

@@ -9,14 +9,22 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ...paint.media import Glaze, Layer
+from ...paint.media import Glaze, Layer, Mixture
 from ...radiative.plan.plan import plan_stacks
 from ...radiative.stack import stack_reflectance_factor
-from ...spectra import Grid, Numbers, as_array, as_float_array, resample, validate_wavelengths
+from ...spectra import (
+    Grid,
+    Numbers,
+    as_array,
+    as_float_array,
+    on_numpy_or_jax,
+    resample,
+    validate_wavelengths,
+)
 
 
 def on_grid(glaze: Glaze, wavelengths_nm: Grid) -> Glaze:
-    """The glaze on the wavelengths of the scene, its substrate with one value for each.
+    """The glaze on the wavelengths of the scene, its ground with one value for each.
 
     Raises:
         ValueError: it has batch axes or phase functions, or the wavelengths reach beyond those of
@@ -30,35 +38,47 @@ def on_grid(glaze: Glaze, wavelengths_nm: Grid) -> Glaze:
         )
     new = validate_wavelengths(wavelengths_nm)
     if (
-        any(layer.thickness.ndim for layer in glaze.layers)
+        any(coat.thickness.ndim for coat in glaze.coats)
         or glaze.albedo.ndim > 2
-        or glaze.substrate.ndim > 1
+        or glaze.ground.ndim > 1
     ):
         raise ValueError(
             "a material is one glaze, without batch axes; give a map of thicknesses as thickness"
         )
-    old = glaze.wavelengths if glaze.layers else new
+    old = glaze.wavelengths if glaze.coats else new
 
     def at(values: Numbers) -> Numbers:
         array = as_array(values)
         return array if array.ndim == 0 or array.shape[-1] == 1 else resample(old, array, new)
 
-    layers = [Layer(layer.medium.resample(new), layer.thickness) for layer in glaze.layers]
-    substrate = jnp.broadcast_to(as_float_array(at(glaze.substrate)), new.shape)
+    coats = [Layer(coat.medium.resample(new), coat.thickness) for coat in glaze.coats]
+    ground = jnp.broadcast_to(as_float_array(at(glaze.ground)), new.shape)
     index = glaze.refractive_index
-    return Glaze(layers, substrate, index if isinstance(index, float) else at(index))
+    return Glaze(coats, ground, index if isinstance(index, float) else at(index))
 
 
-def with_thickness(glaze: Glaze, layer: int, depths: Numbers) -> Glaze:
-    """The glaze with other thicknesses of one layer, (points,), in m."""
-    layers = list(glaze.layers)
-    layers[layer] = Layer(layers[layer].medium, depths)
-    return Glaze(layers, glaze.substrate, glaze.refractive_index)
+def with_variables(
+    glaze: Glaze, layer: int, thickness: Numbers | None, fraction: Numbers | None = None
+) -> Glaze:
+    """The glaze with other thicknesses, m, and other shares of the second paint of one coat,
+    (points,) each; None leaves the coat's own.
+    """
+    coats = list(glaze.coats)
+    medium = coats[layer].medium
+    depth = coats[layer].thickness
+    if fraction is not None:
+        assert isinstance(medium, Mixture)
+        shares = on_numpy_or_jax(
+            lambda xp, share: xp.stack([1.0 - share, share], axis=-1), as_array(fraction)
+        )
+        medium = Mixture(medium.pigments, shares, medium.name)
+    coats[layer] = Layer(medium, depth if thickness is None else thickness)
+    return Glaze(coats, glaze.ground, glaze.refractive_index)
 
 
 def fixed_thickness(glaze: Glaze, layer: int) -> Float[Array, "1"]:
-    """Thickness of the layer as it is, in m; 0 for a glaze without layers."""
-    return glaze.layers[layer].thickness.reshape(1) if glaze.layers else jnp.zeros(1)
+    """Thickness of the layer as it is, in m; 0 for a glaze without coats."""
+    return glaze.coats[layer].thickness.reshape(1) if glaze.coats else jnp.zeros(1)
 
 
 def indices(glaze: Glaze, bands: int) -> Float[Array, "bands"]:
@@ -78,10 +98,10 @@ def factor(
 def planned_factor(
     glaze: Glaze, cos_in: Numbers, cos_out: Numbers, tolerance: float
 ) -> Float[np.ndarray, "..."]:
-    """The same for a known glaze: exchanged directions, hidden layers and equal stacks are computed
+    """The same for a known glaze: exchanged directions, hidden coats and equal stacks are computed
     once or not at all.
 
-    Programs are compiled for few sizes, which serve every glaze of as many layers.
+    Programs are compiled for few sizes, which serve every glaze of as many coats.
     """
     return np.asarray(plan_stacks(**_stack(glaze, cos_in, cos_out, tolerance)).run())
 
@@ -91,7 +111,7 @@ def _stack(glaze: Glaze, cos_in: Numbers, cos_out: Numbers, tolerance: float) ->
     return {
         "albedo": glaze.albedo,
         "optical_thickness": glaze.optical_thickness,
-        "substrate_reflectance": glaze.substrate,
+        "substrate_reflectance": glaze.ground,
         "refractive_index": glaze.refractive_index,
         "cos_incidence": cos_in,
         "cos_viewing": cos_out,
@@ -118,6 +138,6 @@ def on_nodes(
         tolerance: of the solver.
         solve: `factor`, whose result is JAX's, or `planned_factor`, whose result is NumPy's.
     """
-    made = glaze if depths is None else with_thickness(glaze, layer, depths)
+    made = glaze if depths is None else with_variables(glaze, layer, depths)
     values = solve(made, cos_in[:, None, None, None], cos_out[:, None, None], tolerance)
     return (np if isinstance(values, np.ndarray) else jnp).moveaxis(values, -1, 0)

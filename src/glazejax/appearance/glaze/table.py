@@ -32,7 +32,7 @@ from .solve import (
     on_grid,
     on_nodes,
     planned_factor,
-    with_thickness,
+    with_variables,
 )
 
 __all__ = ["ALL_ANGLES", "GlazeTable", "glaze_table"]
@@ -65,7 +65,7 @@ def glaze_table(
     """Table of a glaze's reflectance factor, for the angles and thicknesses that a scene has.
 
     Args:
-        glaze: layers on a ground, without batch axes.
+        glaze: coats on a ground, without batch axes.
         wavelengths_nm: (bands,), within the wavelengths of its paints, to which they are resampled.
         angles: ((least, largest) angle of incidence, (least, largest) angle of viewing), degrees in
             air, 0 to 90. Equal ends make an axis of one node.
@@ -133,7 +133,7 @@ class _TableBuilder:
             tolerance,
             depths is not None,
         )
-        bands = glaze.substrate.shape[0]
+        bands = glaze.ground.shape[0]
         self.index = np.asarray(indices(glaze, bands), float)
         self.inside = float(self.index.min())
         own = float(fixed_thickness(glaze, layer)[0])
@@ -166,7 +166,7 @@ class _TableBuilder:
 
     def solve(self, points: np.ndarray) -> np.ndarray:
         """Reflectance factor by the solver at points (3, points): (points, bands)."""
-        glaze = with_thickness(self.glaze, self.layer, points[2]) if self.varies else self.glaze
+        glaze = with_variables(self.glaze, self.layer, points[2]) if self.varies else self.glaze
         return planned_factor(glaze, points[0][:, None], points[1][:, None], self.tolerance)
 
     def table(self, sizes: list[int]) -> GlazeTable:
@@ -174,7 +174,15 @@ class _TableBuilder:
         a, b = (self.nodes(axis, _ANGLE_NODES[sizes[0]]) for axis in (0, 1))
         depths = self.nodes(2, _THICKNESS_NODES[sizes[1]])
         varied = depths if self.varies else None
-        values = on_nodes(self.glaze, a, b, varied, self.layer, self.tolerance, planned_factor)
+        values = on_nodes(
+            self.glaze,
+            cos_in=a,
+            cos_out=b,
+            depths=varied,
+            layer=self.layer,
+            tolerance=self.tolerance,
+            solve=planned_factor,
+        )
         return GlazeTable(
             cos_in=a,
             cos_out=b,
@@ -249,16 +257,15 @@ def _thickness_range(
     """(least, largest) thickness in m, or None if it does not vary."""
     if thickness is None:
         return None
-    if not 0 <= layer < len(glaze.layers):
+    if not 0 <= layer < len(glaze.coats):
         raise ValueError(
-            f"layer is {layer}, but the glaze has {len(glaze.layers)} layers, the top one is "
-            "number 0"
+            f"layer is {layer}, but the glaze has {len(glaze.coats)} coats, the top one is number 0"
         )
     values = concrete(thickness)
     if values is None or values.size == 0:
         raise ValueError("thickness must be known numbers: the thicknesses of the scene, in metres")
     Layer(
-        glaze.layers[layer].medium, values
+        glaze.coats[layer].medium, values
     )  # refuses what is negative, not finite or not in metres
     low = float(values.min())
     high = float(values.max())

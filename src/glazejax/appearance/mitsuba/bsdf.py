@@ -12,8 +12,9 @@ from typing import Any, NamedTuple
 import jax
 import numpy as np
 
+from ..glaze.solve import with_variables
 from . import table
-from .coats import Axes, check_layer, ground_of, index_of, read_coats, with_variables
+from .coats import Axes, check_layer, ground_of, index_of, read_coats
 from .device import DrJit, renderer
 from .lobes import Facets, Mirror
 from .parameters import Given, read_parameters
@@ -63,7 +64,15 @@ def _table(
         level = None if level is None else np.asarray(level, float)
         index = index_of(glaze)
         surface = Rough(index, roughness) if roughness > 0 else Smooth(index)
-        return body_table(surface, glaze, layer, axes, level, mean_ground, tolerance)
+        return body_table(
+            surface=surface,
+            glaze=glaze,
+            layer=layer,
+            axes=axes,
+            ground=level,
+            mean_ground=mean_ground,
+            tolerance=tolerance,
+        )
 
 
 def bands_of(coats: str, refractive_index: float | None) -> np.ndarray:
@@ -100,15 +109,15 @@ class GlazeBSDF:
         )
         self._ground = self._ground_texture(given)
         self.table: Body = _table(
-            _text_of(given.coats),
-            given.layer,
-            _span(given.thickness, max(given.thickness_max, _LEAST_RANGE)),
-            _span(given.fraction, 1.0),
-            self._ground_key(given),
-            self._mean_ground(),
-            given.refractive_index,
-            given.roughness,
-            given.tolerance,
+            coats=_text_of(given.coats),
+            layer=given.layer,
+            thickness=_span(given.thickness, max(given.thickness_max, _LEAST_RANGE)),
+            fraction=_span(given.fraction, 1.0),
+            ground=self._ground_key(given),
+            mean_ground=self._mean_ground(),
+            refractive_index=given.refractive_index,
+            roughness=given.roughness,
+            tolerance=given.tolerance,
         )
         self._body = DrJit(mi, dr).body(self.table)
         above = self.table.surface

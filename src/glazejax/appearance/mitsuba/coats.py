@@ -2,7 +2,6 @@
 text of one.
 """
 
-from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -10,9 +9,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ...paint.describe import parse_layers
-from ...paint.media import MAX_THICKNESS, Glaze, Layer, Mixture
-from ...spectra import Numbers, as_float_array
+from ...paint.describe import parse_coats
+from ...paint.media import MAX_THICKNESS, Glaze, Mixture
 from ...stacks import Ground, Stack, parse_stack, read_stack
 from ..glaze.solve import on_grid
 
@@ -38,7 +36,7 @@ def read_coats(text: str, refractive_index: float | None = None) -> Glaze:
     """The glaze that a scene file means, on wavelengths at even distances.
 
     Args:
-        text: ``UltramarineBlue:3um, ZincWhite:20um`` (see `glazejax.paint.describe.parse_layers`),
+        text: ``UltramarineBlue:3um, ZincWhite:20um`` (see `glazejax.paint.describe.parse_coats`),
             the path of a stack's JSON, or that JSON itself (`glazejax.stacks`).
         refractive_index: in place of the stack's, 1.5 for coats given as text.
 
@@ -53,13 +51,13 @@ def read_coats(text: str, refractive_index: float | None = None) -> Glaze:
         stack = read_stack(stripped)
     else:
         ground: Ground = GROUND
-        stack = Stack(parse_layers(text), ground=ground)
+        stack = Stack(parse_coats(text), ground=ground)
     try:
         glaze = stack.glaze()
     except ValueError as error:
         raise ValueError(f"coats: {error}") from None
     index = stack.refractive_index if refractive_index is None else refractive_index
-    return on_even_grid(Glaze(glaze.layers, glaze.substrate, index))
+    return on_even_grid(Glaze(glaze.coats, glaze.ground, index))
 
 
 def on_even_grid(glaze: Glaze) -> Glaze:
@@ -77,11 +75,11 @@ def check_layer(glaze: Glaze, layer: int, axes: Axes) -> None:
     Raises:
         ValueError: the message names the coat and the value.
     """
-    if not 0 <= layer < len(glaze.layers):
+    if not 0 <= layer < len(glaze.coats):
         raise ValueError(
-            f"layer is {layer}, but there are {len(glaze.layers)} coats, the top one is number 0"
+            f"layer is {layer}, but there are {len(glaze.coats)} coats, the top one is number 0"
         )
-    medium = glaze.layers[layer].medium
+    medium = glaze.coats[layer].medium
     if axes.fraction is not None and not (
         isinstance(medium, Mixture) and len(medium.pigments) == 2
     ):
@@ -97,26 +95,6 @@ def check_layer(glaze: Glaze, layer: int, axes: Axes) -> None:
                 f"coat {layer} is {low:g} to {high:g} m thick; thickness_max must be above 0 and "
                 f"at most {MAX_THICKNESS:g} m (20 micrometres are 20e-6)"
             )
-
-
-def with_variables(
-    glaze: Glaze, layer: int, thickness: Numbers | None, fraction: Numbers | None
-) -> Glaze:
-    """The glaze with other thicknesses (points,) and shares (points,) of one coat, before its
-    bands.
-    """
-    layers = list(glaze.layers)
-    medium = layers[layer].medium
-    depth = layers[layer].thickness
-    if fraction is not None:
-        share = as_float_array(fraction)
-        medium = Mixture(_paints(medium), jnp.stack([1.0 - share, share], axis=-1), medium.name)
-    layers[layer] = Layer(medium, depth if thickness is None else thickness)
-    return Glaze(layers, glaze.substrate, glaze.refractive_index)
-
-
-def _paints(medium: object) -> Sequence:
-    return medium.pigments if isinstance(medium, Mixture) else ()
 
 
 def index_of(glaze: Glaze) -> float:
@@ -136,4 +114,4 @@ def index_of(glaze: Glaze) -> float:
 
 def ground_of(glaze: Glaze) -> Float[Array, "bands"]:
     """Reflectance of the glaze's own ground in each band."""
-    return jnp.broadcast_to(glaze.substrate, glaze.wavelengths.shape)
+    return jnp.broadcast_to(glaze.ground, glaze.wavelengths.shape)

@@ -36,8 +36,8 @@ def glaze_bsdf(
     variant.
 
     Args:
-        glaze: without batch axes and phase functions; or a stack, such as `glazejax.read_stack`
-            gives; or coats as text, or the path of a stack's JSON.
+        glaze: without batch axes and phase functions; or a `glazejax.stacks.Stack`; or coats as
+            text, or the path of a stack's JSON.
         roughness: alpha of the surface's GGX facets, 0 to 1; 0 is a smooth surface.
         thickness: of coat `layer`, m: a number, a map (rows, columns), or a texture of Mitsuba in
             m. A map becomes a texture in micrometres, so that an optimiser sees numbers near 1. Row
@@ -112,12 +112,12 @@ def _json(
         raise ValueError(
             "a paint here has a phase function: a renderer's table takes isotropic scattering only"
         )
-    if not glaze.layers:
+    if not glaze.coats:
         raise ValueError("a glaze without coats is its ground: use Mitsuba's plastic")
     if (
-        any(la.thickness.ndim for la in glaze.layers)
+        any(coat.thickness.ndim for coat in glaze.coats)
         or glaze.albedo.ndim > 2
-        or glaze.substrate.ndim > 1
+        or glaze.ground.ndim > 1
     ):
         raise ValueError(
             "a material is one glaze, without batch axes; give a map of thicknesses as thickness"
@@ -127,7 +127,7 @@ def _json(
     )
     pigments: dict[str, Any] = {}
     coats = []
-    for number, one in enumerate(glaze.layers):
+    for number, one in enumerate(glaze.coats):
         coats.append(
             {
                 "paint": _parts(one, number, grid, pigments, mixed and number == layer),
@@ -135,9 +135,7 @@ def _json(
             }
         )
     level = (
-        _on(glaze.wavelengths, glaze.substrate, grid)
-        if ground is None
-        else np.asarray(ground, float)
+        _on(glaze.wavelengths, glaze.ground, grid) if ground is None else np.asarray(ground, float)
     )
     if level.shape != grid.shape:
         raise ValueError(f"the ground has {level.size} bands, but the table has {grid.size}")

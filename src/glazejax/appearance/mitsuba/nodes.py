@@ -12,9 +12,10 @@ from numpy.polynomial import chebyshev
 from ...chebyshev_table import SAFETY, Axis, Mirrored
 from ...interpolated import interpolated
 from ...paint.media import Glaze
-from .coats import Axes, with_variables
+from ..glaze.solve import with_variables
+from .coats import Axes
+from .ground_split import Parts, factor_of, lagrange
 from .lookup import NUMPY
-from .parts import Parts, factor_of, lagrange
 from .surfaces import Surface, inside
 
 _TRIALS = 6

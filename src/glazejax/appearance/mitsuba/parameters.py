@@ -1,12 +1,12 @@
 """What a scene file says about a glaze, read from Mitsuba's properties and checked."""
 
-import difflib
 import math
 from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Float
 
+from ...names import nearest_names
 from ...paint.media import MAX_THICKNESS
 
 KNOWN = (
@@ -53,7 +53,7 @@ def read_parameters(mi: Any, props: Any) -> Given:
     """
     names = set(props.keys() if hasattr(props, "keys") else props.property_names())
     for name in sorted(names - set(KNOWN)):
-        near = difflib.get_close_matches(name, KNOWN, n=1)
+        near = nearest_names(name, KNOWN)
         raise ValueError(
             f"a glaze has no {name!r}"
             + (f"; you may mean {near[0]!r}" if near else f"; it has {KNOWN}")

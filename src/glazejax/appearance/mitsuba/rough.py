@@ -23,8 +23,8 @@ from ...radiative.rough.body import Surface as Resolved
 from ...radiative.rough.resolution import FINEST, resolve
 from ...spectra import Numbers
 from . import lookup
+from .ground_split import Parts, evenly, lagrange, split
 from .lookup import NUMPY, Arithmetic
-from .parts import Parts, evenly, lagrange, split
 from .surfaces import in_blocks
 
 _STACKS = 256

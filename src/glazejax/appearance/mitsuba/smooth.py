@@ -8,8 +8,8 @@ from jaxtyping import Float
 
 from ...radiative.stack import stack_reflectance_factor
 from ...spectra import Numbers
+from .ground_split import Parts, evenly, split
 from .lookup import Arithmetic
-from .parts import Parts, evenly, split
 from .surfaces import in_blocks, inside
 
 # Numbers of angles that are tried.

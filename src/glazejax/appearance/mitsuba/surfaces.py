@@ -8,8 +8,8 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 
 from ...spectra import Numbers
+from .ground_split import Parts
 from .lookup import Arithmetic
-from .parts import Parts
 
 
 @runtime_checkable

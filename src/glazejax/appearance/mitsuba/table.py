@@ -19,9 +19,9 @@ from ...paint.media import Glaze
 from ...radiative.common.quadrature import gauss
 from . import lookup
 from .coats import Axes
+from .ground_split import factor_of, lagrange
 from .lookup import NUMPY, Arithmetic, Place
 from .nodes import SOLVER, Nodes, Solver, error_weight, over, solve_nodes
-from .parts import factor_of, lagrange
 from .surfaces import Surface
 
 _ANGLES = (33, 65, 129, 257)

@@ -24,7 +24,7 @@ from .file_materials import read_heights, read_material, read_reflectance
 from .file_table import TomlTable
 from .lights import AreaLight, Light, ParallelLight, PointLight, lamp, measured_lamp
 from .picture import Screen, light_white, picture_xyz, screen_picture
-from .rendered import Rendered
+from .render_result import Rendered
 from .scene import Camera, Scene
 from .shapes import Box, Plane, Shape, Sphere
 

@@ -8,7 +8,7 @@ from jaxtyping import Float
 
 from ...extras import require
 from ...io.source import open_source, refusal, show_path
-from ...paint.describe import format_length, make_media, name_paints, parse_layers
+from ...paint.describe import format_length, make_media, name_paints, parse_coats
 from ...paint.media import MAX_THICKNESS, Glaze, Layer
 from ...spectra import describe_grid, resample
 from ..metals import metal
@@ -54,7 +54,8 @@ def read_material(table: TomlTable, grid: Float[np.ndarray, "bands"], folder: Pa
 def _glaze(table: TomlTable, grid: np.ndarray, folder: Path) -> Glazed:
     from ... import catalogue
 
-    text = table.text("layers")
+    coats_key = table.key("coats", former="layers")
+    text = table.text(coats_key)
     shelf: Any = catalogue.load()
     own = table.text("pigments", "")
     with table.blame("pigments"):
@@ -62,24 +63,25 @@ def _glaze(table: TomlTable, grid: np.ndarray, folder: Path) -> Glazed:
             from ...paint.pigment_table import read_pigments
 
             shelf = {**shelf, **read_pigments(folder / own)}
-    with table.blame("layers"):
-        coats = name_paints(parse_layers(text), shelf)
-        media = [medium.resample(grid) for medium in make_media(coats, shelf)]
-    ground = read_reflectance(table, "substrate", grid, folder, default=0.9)
+    with table.blame(coats_key):
+        described = name_paints(parse_coats(text), shelf)
+        media = [medium.resample(grid) for medium in make_media(described, shelf)]
+    ground_key = table.key("ground", former="substrate")
+    ground = read_reflectance(table, ground_key, grid, folder, default=0.9)
     index = table.number("refractive_index", 1.5)
     with table.blame():
-        layers = [Layer(medium, coat.total) for medium, coat in zip(media, coats, strict=True)]
-        glaze = Glaze(layers, ground, index)
+        coats = [Layer(medium, coat.total) for medium, coat in zip(media, described, strict=True)]
+        glaze = Glaze(coats, ground, index)
     gloss = table.flag("gloss", True)
     roughness = table.number("roughness", 0.0)
-    thickness, layer = _thickness(table, len(layers), folder)
+    thickness, layer = _thickness(table, len(coats), folder)
     with table.blame("roughness"):
         return Glazed(
             glaze=glaze, thickness=thickness, layer=layer, gloss=gloss, roughness=roughness
         )
 
 
-def _thickness(table: TomlTable, layers: int, folder: Path) -> tuple[np.ndarray | None, int]:
+def _thickness(table: TomlTable, coats: int, folder: Path) -> tuple[np.ndarray | None, int]:
     """Map of a layer's thickness, m, and which layer it is, counted from 0."""
     file = table.text("thickness_map", "")
     layer = table.whole("thickness_layer", 1)
@@ -90,9 +92,9 @@ def _thickness(table: TomlTable, layers: int, folder: Path) -> tuple[np.ndarray 
                 "thickness_range", "has no meaning without thickness_map, a grey picture"
             )
         return None, 0
-    if not 1 <= layer <= layers:
+    if not 1 <= layer <= coats:
         raise table.error(
-            "thickness_layer", f"is {layer}, but there are {layers} layers, the top one is 1"
+            "thickness_layer", f"is {layer}, but there are {coats} coats, the top one is 1"
         )
     if (
         not isinstance(span, list)
@@ -106,7 +108,7 @@ def _thickness(table: TomlTable, layers: int, folder: Path) -> tuple[np.ndarray 
     ends = []
     for part in span:
         with table.blame("thickness_range"):
-            ends.append(parse_layers(f"paint:{part}")[0].thickness)
+            ends.append(parse_coats(f"paint:{part}")[0].thickness)
     with table.blame("thickness_map"):
         grey = _WEDGE if file == "wedge" else read_grey(folder / file)
     found = ends[0] + (ends[1] - ends[0]) * grey

@@ -1,6 +1,5 @@
 """One table of a scene file: its values by name, checked, with errors that say where they are."""
 
-import difflib
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any, overload
@@ -8,6 +7,7 @@ from typing import Any, overload
 import numpy as np
 
 from ...io.source import refusal, shorten
+from ...names import nearest_names
 
 _REQUIRED: Any = object()
 _LARGEST = 10**300
@@ -66,7 +66,7 @@ class TomlTable:
         """
         for key in self._content:
             if key not in self._used:
-                near = difflib.get_close_matches(key, self._used, n=1)
+                near = nearest_names(key, self._used)
                 known = (
                     f"did you mean {near[0]!r}?"
                     if near
@@ -82,11 +82,18 @@ class TomlTable:
                 raise self.error(key, "holds a number of too many digits")
             return value
         if default is _REQUIRED:
-            near = difflib.get_close_matches(key, self._content, n=1)
+            near = nearest_names(key, self._content)
             raise self.error(
                 "", f"{key} is missing" + (f"; is {near[0]!r} meant to be it?" if near else "")
             )
         return default
+
+    def key(self, name: str, *, former: str) -> str:
+        """The key of a value: its name, or the one it had before where the file still has that."""
+        if former not in self._content or name in self._content:
+            return name
+        self.note(former, f"is called {name} now")
+        return former
 
     def has(self, key: str) -> bool:
         """Whether a key is there; it need not be asked for otherwise."""
@@ -119,7 +126,7 @@ class TomlTable:
         """One of several texts."""
         value = self.text(key, default)
         if value not in choices:
-            near = difflib.get_close_matches(value, choices, n=1)
+            near = nearest_names(value, choices)
             hint = f"; did you mean {near[0]!r}?" if near else ""
             raise self.error(key, f"{value!r} must be one of {', '.join(choices) or 'none'}{hint}")
         return value

@@ -337,7 +337,7 @@ class Glazed(_GlazedSurface, Material):
         Raises:
             ValueError: names the material and the value.
         """
-        if self.glaze.layers and not same_grid(self.glaze.wavelengths, wavelengths):
+        if self.glaze.coats and not same_grid(self.glaze.wavelengths, wavelengths):
             raise ValueError(
                 f"the glaze of material {name!r} has {describe_grid(self.glaze.wavelengths)}, but "
                 f"the scene has {describe_grid(wavelengths)}: bring its paints there with "
@@ -349,10 +349,9 @@ class Glazed(_GlazedSurface, Material):
             raise ValueError(f"material {name!r}: {error}") from None
         if self.thickness is None:
             return
-        if not 0 <= self.layer < len(self.glaze.layers):
+        if not 0 <= self.layer < len(self.glaze.coats):
             raise ValueError(
-                f"material {name!r}: layer {self.layer} of a glaze of {len(self.glaze.layers)} "
-                "layers"
+                f"material {name!r}: layer {self.layer} of a glaze of {len(self.glaze.coats)} coats"
             )
         if np.ndim(self.thickness) != 2:
             raise ValueError(
@@ -360,7 +359,7 @@ class Glazed(_GlazedSurface, Material):
                 f"{np.shape(self.thickness)}"
             )
         Layer(
-            self.glaze.layers[self.layer].medium, self.thickness
+            self.glaze.coats[self.layer].medium, self.thickness
         )  # refuses what is negative or not in metres
 
     def only_bands(self, keep: Bool[np.ndarray, "bands"], bands: int) -> "Glazed":
@@ -375,12 +374,12 @@ class Glazed(_GlazedSurface, Material):
             )
 
         glaze = self.glaze
-        if glaze.layers:
+        if glaze.coats:
             grid = glaze.wavelengths[chosen]
-            layers = [Layer(layer.medium.resample(grid), layer.thickness) for layer in glaze.layers]
+            coats = [Layer(coat.medium.resample(grid), coat.thickness) for coat in glaze.coats]
         else:
-            layers = []
-        glaze = Glaze(layers, part(glaze.substrate), part(glaze.refractive_index))
+            coats = []
+        glaze = Glaze(coats, part(glaze.ground), part(glaze.refractive_index))
         return Glazed(
             glaze=glaze,
             thickness=self.thickness,

@@ -9,7 +9,7 @@ from jaxtyping import Float, UInt8
 from ...colour import CIE_1931, colour_weights, find_observer
 from ...extras import require
 from ...spectra import Grid, Numbers
-from .rendered import Rendered
+from .render_result import Rendered
 
 if TYPE_CHECKING:
     from ..display.display import Display, Gamut

@@ -129,13 +129,13 @@ def prepare(
     }
     # In single precision rounding leaves about 1e-5.
     effort = choose_effort(
-        stack.tolerance if dtype == jnp.float64 else max(stack.tolerance, 1e-5),
-        media,
-        known,
-        terms,
-        None if thickest is None else float(thickest.max(initial=0.0)),
-        smallest_cosine(*cosines.values()) if least is None else least,
-        stack.streams,
+        tolerance=stack.tolerance if dtype == jnp.float64 else max(stack.tolerance, 1e-5),
+        media=media,
+        moments=known,
+        terms=terms,
+        thickest=None if thickest is None else float(thickest.max(initial=0.0)),
+        least_cosine=smallest_cosine(*cosines.values()) if least is None else least,
+        streams=stack.streams,
         azimuthal=azimuth is not None,
         solution=stack.solution,
     )

@@ -133,7 +133,15 @@ def manyflux_field(
     for cut in np.unique(cuts).tolist():
         rows = np.flatnonzero(cuts == cut)
         parts.append(
-            _opened_field(layers, jnp.asarray(shares[rows], dtype), axes, lit, media, effort, cut)
+            _opened_field(
+                layers=layers,
+                shares=jnp.asarray(shares[rows], dtype),
+                axes=axes,
+                lit=lit,
+                media=media,
+                effort=effort,
+                cut=cut,
+            )
         )
         order.append(rows)
     back = np.argsort(np.concatenate(order))
@@ -194,7 +202,7 @@ def _field(
     return jax.lax.map(at, depths)
 
 
-@functools.partial(jax.jit, static_argnums=(4, 5, 6))
+@functools.partial(jax.jit, static_argnames=("media", "effort", "cut"))
 def _opened_field(
     layers: Layers,
     shares: Array,
@@ -211,7 +219,16 @@ def _opened_field(
 
     def at(share: Array) -> Field:
         # As in `_field`, where the operators count in directions that all media share.
-        stack = opened_stack(layers, media, seen, lit, effort, effort.modes, cut, share)
+        stack = opened_stack(
+            layers=layers,
+            media=media,
+            cos_inside=seen,
+            cos_incidence=lit,
+            effort=effort,
+            modes=effort.modes,
+            cut=cut,
+            share=share,
+        )
         down = (stack.above.below @ stack.below).scaled(
             -1.0
         ).plus_identity().inverse() @ stack.above.down

@@ -49,13 +49,13 @@ class ManyFlux:
             effort = effort_for_indices(directions, *request.indices, thickest, least)
         else:
             effort = choose_effort(
-                request.tolerance,
-                request.fixed_index,
-                None,
-                1,
-                thickest,
-                least,
-                None,
+                tolerance=request.tolerance,
+                media=request.fixed_index,
+                moments=None,
+                terms=1,
+                thickest=thickest,
+                least_cosine=least,
+                streams=None,
                 azimuthal=False,
             )
         each = 4 * request.layers * (effort.width + 1) ** 2 * request.itemsize

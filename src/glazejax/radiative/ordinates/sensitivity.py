@@ -70,13 +70,13 @@ def gradient_of_layers(
     if "albedo" in wanted:
         turn = turning(system.modes)
         slope = by_albedo(
-            system.albedo,
-            system.modes,
-            turn,
-            system.thickness,
-            system.beams,
-            mirrored,
-            solution.fields,
+            albedo=system.albedo,
+            modes=system.modes,
+            turning=turn,
+            thickness=system.thickness,
+            beams=system.beams,
+            mirrored=mirrored,
+            fields=solution.fields,
         )
         gradient["albedo"] = (system.factor * slope)[back].T
     if "optical_thickness" in wanted:

@@ -5,7 +5,7 @@ export function backwardsPanel(store) {
   const colour = el("input", { type: "color", value: "#8a4b2d", "aria-label": "Colour wanted", "data-at": "wanted", oninput: () => { target = null; showTarget(); } });
   const photo = el("canvas.photo", { hidden: true, tabIndex: 0, role: "img", "aria-label": "Photograph: click to pick its colour", "data-at": "photo" });
   const aim = el("p.under", { "data-at": "aim" });
-  const coats = el("select", { "aria-label": "Coats", "data-at": "layers" }, el("option", { value: 1 }, "one coat"), el("option", { value: 2, selected: true }, "up to two coats"));
+  const coats = el("select", { "aria-label": "Coats", "data-at": "max-coats" }, el("option", { value: 1 }, "one coat"), el("option", { value: 2, selected: true }, "up to two coats"));
   const where = el("select", { "aria-label": "Ground below the film", "data-at": "below" },
     ...[["opaque", "the film hides its ground"], ["white", "over a white card"], ["black", "over a black card"], ["ground", "over the stack's ground"]].map(([value, words]) => el("option", { value }, words)));
   const spectra = el("select", { "aria-label": "Which spectrum", "data-at": "which", hidden: true, onchange: () => pick(Number(spectra.value)) });
@@ -67,7 +67,7 @@ export function backwardsPanel(store) {
 
   function start(task) {
     if (!store.tasks.includes(task)) return store.say("Searches need the inverse package, glazefit; it is part of a full installation of glazejax.", "error");
-    const name = `${task} ${Date.now()}`, arrays = {}, options = { layers: Number(coats.value), below: where.value };
+    const name = `${task} ${Date.now()}`, arrays = {}, options = { max_coats: Number(coats.value), below: where.value };
     if (task === "recipes" && !target) options.srgb = colour.value;
     if (task === "recipes" && target) Object.assign(arrays, { wavelengths: Float32Array.from(target.wavelengths), reflectance: Float32Array.from(target.reflectance) });
     if (task !== "recipes") {

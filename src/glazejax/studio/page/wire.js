@@ -1,4 +1,4 @@
-// Messages: a header of JSON, then float32 arrays, as the server's wire.py has them; and the socket that carries them.
+// Messages: a header of JSON, then float32 arrays, as the server's messages.py has them; and the socket that carries them.
 
 export function packMessage(header, arrays = {}, rest = null) {
   const listed = Object.entries(arrays).map(([name, array]) => [name, [array.length]]);

@@ -16,14 +16,14 @@ from jaxtyping import Bool, Int
 from ....colour import CIE_1931, colour_weights
 from ....progress import Progress, no_progress
 from ..materials import Material
-from ..rendered import Rendered, RenderReport
+from ..render_result import Rendered, RenderReport
 from ..scene import Scene
 from ..shapes import vector
 from .gather import Gathered, Surroundings
 from .intersect import scene_geometry
 from .rays import TILE, Lamps, Level, lamps, trace
-from .seen import MaterialsInView, needed_bands
 from .shade import lit_pairs, pixels_from_samples, radiance
+from .visibility import MaterialsInView, needed_bands
 
 # Parts in which progress is counted.
 _PARTS = 1000

@@ -99,7 +99,15 @@ def mitsuba_scene(
         key = (shape.material, mapped and isinstance(shape, Sphere))
         if key not in known:
             known[key] = f"m{len(known)}"
-            bsdf = _bsdf(shape.material, material, grid, key[1], gloss, tolerance, notes)
+            bsdf = _bsdf(
+                name=shape.material,
+                material=material,
+                grid=grid,
+                on_sphere=key[1],
+                gloss=gloss,
+                tolerance=tolerance,
+                notes=notes,
+            )
             found[f"material_{known[key]}"] = bsdf | {"id": known[key]}
         body = mitsuba_shape(shape, folder / f"mesh_{k}.ply", mapped=mapped)
         found[f"shape_{k}"] = body | {"bsdf": {"type": "ref", "id": known[key]}}

@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ....progress import Progress, no_progress
-from ..rendered import Rendered, RenderReport
+from ..render_result import Rendered, RenderReport
 from ..scene import Scene
 from .mitsuba import mitsuba_scene
 from .variants import spectral_variant

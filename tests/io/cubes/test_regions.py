@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from PIL import Image
 
 from glazejax.io import open_cube, quick_source_hash, read_mask, read_spot
-from glazejax.io.cubes.places import inside
+from glazejax.io.cubes.regions import inside
 
 from .images import BANDS, LINES, SAMPLES, envi, image, labelled, zarr
 
@@ -184,7 +184,7 @@ def test_spots(tmp_path):
 def test_spots_in_parts_and_near_one_value(tmp_path, monkeypatch):
     values = 0.7 + 1e-5 * image()
     cube = open_cube(envi(tmp_path, values, dtype="f8"))
-    monkeypatch.setattr("glazejax.io.cubes.places._AT_ONCE", SAMPLES * BANDS)
+    monkeypatch.setattr("glazejax.io.cubes.regions._AT_ONCE", SAMPLES * BANDS)
     spot = read_spot(cube, f"0:{SAMPLES},0:{LINES}")
     part = values.astype("f4").reshape(-1, BANDS).astype(float)
     np.testing.assert_allclose(spot.reflectance, part.mean(0), rtol=1e-12)
