@@ -63,6 +63,39 @@ def identify(
     max_coats: Annotated[
         int, typer.Option(help="Coats of a film: 1, or 2 to try two coats as well, in both orders.")
     ] = 1,
+    own_films: Annotated[
+        bool,
+        typer.Option(
+            "--own-films",
+            help="The films are by the hand that made the catalogue's: seek its paints, not "
+            "families of pigments.",
+        ),
+    ] = False,
+    elements: Annotated[
+        str,
+        typer.Option(
+            metavar="SYMBOLS",
+            help="Elements that X-ray fluorescence found, such as Cu,Pb: weigh for families that "
+            "hold them (--catalogue pigments).",
+            show_default=False,
+        ),
+    ] = "",
+    without_elements: Annotated[
+        str,
+        typer.Option(
+            metavar="SYMBOLS",
+            help="Elements that it looked for and did not find, such as Co,Cr.",
+            show_default=False,
+        ),
+    ] = "",
+    painted: Annotated[
+        int | None,
+        typer.Option(
+            metavar="YEAR",
+            help="Year of the painting, such as 1620: pigments that were not in use are marked.",
+            show_default=False,
+        ),
+    ] = None,
     thorough: Annotated[
         bool,
         typer.Option(
@@ -130,25 +163,34 @@ def identify(
     from ..film.films import Instrument, Noise
     from ..film.model.errors import ModelError, Prior
     from ..page.inputs import input_files
+    from .families.identify_pigments import has_families
 
     console = Console(highlight=False)
     paints = options.choose_paints(options.read_shelf(pigments, catalogue), only, without)
     seen_with = Instrument(seen_by, refractive_index)
+    by_family = has_families(paints) and not own_films
+    if by_family and report is not None:
+        raise ValueError(
+            "--report shows the paints of one hand, which families of pigments are not: leave it "
+            "out, write --csv, or give --own-films"
+        )
+    if (elements or without_elements or painted is not None) and not by_family:
+        raise ValueError(
+            "--elements, --without-elements and --painted weigh families of pigments: give "
+            "--catalogue pigments"
+        )
     inputs = input_files(read) if report is not None else []
-<<<<<<< HEAD
     task = _read_spectra(
         file,
         samples,
         ground=ground,
         bare=bare,
         opaque=opaque,
-        instrument=instrument,
+        instrument=seen_with,
         paints=paints,
+        by_family=by_family,
         console=console,
     )
-=======
-    task = _read_spectra(file, samples, ground, bare, opaque, seen_with, paints, console)
->>>>>>> forward-names
     from .identify import identify_chunks
     from .result import Identification
     from .search.options import IdentificationOptions
@@ -172,6 +214,10 @@ def identify(
             max_coats=max_coats,
             keep=max(top, 5 if report is None else _KEPT),
             thorough=thorough,
+            own_films=own_films,
+            elements=tuple(options.split_names(elements)),
+            without_elements=tuple(options.split_names(without_elements)),
+            painted=painted,
         ),
         ground=task.ground,
         opaque=opaque,
@@ -193,17 +239,19 @@ def identify(
         chunks, len(task.spectra), "compiling, then searching", "searching"
     )
     found = Identification.join(parts)
-<<<<<<< HEAD
-    _report(found, console, top=top, csv=csv, residuals=residuals, out=out, overwrite=overwrite)
+    _report(
+        found,
+        console,
+        top=top,
+        csv=csv,
+        residuals=residuals,
+        out=out,
+        overwrite=overwrite,
+        painted=painted,
+    )
     if report_builder is not None and report is not None:
-        about = _about(typed, task, instrument, settings, paints, inputs)
-        beside = report_builder.write(found, about, report, top, overwrite=overwrite)
-=======
-    _report(found, console, top, csv, residuals, out, overwrite)
-    if filing is not None and report is not None:
         about = _about(typed, task, seen_with, settings, paints, inputs)
-        beside = filing.write(found, about, report, top, overwrite=overwrite)
->>>>>>> forward-names
+        beside = report_builder.write(found, about, report, top, overwrite=overwrite)
         console.print(f"Wrote the report to {report}, and the same as {beside[0]} and {beside[1]}")
     words = f"{len(found)} spectra" if len(found) > 1 else "1 spectrum"
     console.print(
@@ -255,6 +303,7 @@ def _read_spectra(
     opaque: bool,
     instrument: "Instrument",
     paints: "Sequence[Pigment]",
+    by_family: bool,
     console: "Console",
 ) -> _Spectra:
     """Spectra and the grounds below them, on bands that the paints are known at."""
@@ -272,7 +321,12 @@ def _read_spectra(
     table = read_spectra(file)
     progress.print_notes(console, file, table.notes)
     wanted = options.split_names(samples)
-    grid, mean, changes = shared_bands(table.wavelengths, paints)
+    # Each family is known at bands of its own, and what a reading has is used.
+    grid, mean, changes = (
+        (table.wavelengths, np.eye(table.wavelengths.size), ())
+        if by_family
+        else shared_bands(table.wavelengths, paints)
+    )
     notes = (*table.notes, *changes)
     if (
         ground is None
@@ -384,15 +438,20 @@ def _report(
     residuals: Path | None,
     out: Path | None,
     overwrite: bool,
+    painted: int | None,
 ) -> None:
     from .show.plots import plot_identification
     from .show.terminal import (
+        print_families,
         print_identification,
         write_candidates,
         write_residuals,
     )
 
-    print_identification(found, console, top, detailed=8 if len(found) <= 8 else 0)
+    if found.family_sets:
+        print_families(found, console, top, painted)
+    else:
+        print_identification(found, console, top, detailed=8 if len(found) <= 8 else 0)
     if csv is not None:
         write_candidates(found, csv, top, overwrite=overwrite)
         console.print(f"Wrote the explanations to {csv}")

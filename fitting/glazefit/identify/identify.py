@@ -17,7 +17,7 @@ from glazejax import Hemispherical
 from glazejax.former_names import accept_former_grounds, accept_former_keywords
 from glazejax.geometry import Geometry, resolve_instrument
 
-from ..film.films import Films, Noise, cards
+from ..film.films import Films, Instrument, Noise, cards
 from ..film.model.mixing import Pigments, listed_pigments
 from ..film.model.response import film_response
 from .families.identify_pigments import has_families, identify_families
@@ -157,12 +157,8 @@ def identify_films(
         black, white, _, _ = cards(films, seen_by, options.get("noise") or Noise())
     else:
         bare = np.stack([films.bare_black, films.bare_white])
-<<<<<<< HEAD
-        black, white = ground_from_air(bare, seen_by.geometry, seen_by.refractive_index)
-    options["instrument"] = seen_by
-=======
         black, white = ground_from_air(bare, seen_by)
->>>>>>> forward-names
+    options["instrument"] = seen_by
     return identify(
         films.wavelengths,
         np.stack([films.over_black, films.over_white], axis=1),

@@ -76,7 +76,8 @@ CatalogueName = Annotated[
     typer.Option(
         "--catalogue",
         metavar="NAME",
-        help="Catalogue of paints: oils, or acrylics (Golden heavy body).",
+        help="Catalogue of paints: oils, acrylics (Golden heavy body), or pigments (by family, of "
+        "many hands).",
     ),
 ]
 OILS = "oils"

@@ -176,11 +176,11 @@ def _identification(
                 odds,
                 row,
                 int(number),
-                thickness,
-                members[row, place],
-                amounts[row, place],
-                covariance[row, place],
-                fitted[row, place, 0],
+                usual=thickness,
+                members=members[row, place],
+                amounts=amounts[row, place],
+                covariance=covariance[row, place],
+                fitted=fitted[row, place, 0],
             )
     probability = odds.sets[rows, best]
     paint_probability = np.zeros((len(measured), len(search.exemplars)))
@@ -214,6 +214,7 @@ def _fill_candidate(
     odds: FamilyOdds,
     row: int,
     number: int,
+    *,
     usual: float,
     members: np.ndarray,
     amounts: np.ndarray,

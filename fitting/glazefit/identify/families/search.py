@@ -337,7 +337,17 @@ def set_up(
         if max_paints > 1:
             places = np.full((len(pigments), metric.whiten.shape[1]), np.nan)
             places[pure.members[first, 0]] = metric.place(values[first])
-            found.append(_mixed(part, family_of, places, covers, own, response, below))
+            found.append(
+                _mixed(
+                    part,
+                    family_of=family_of,
+                    places=places,
+                    covers=covers,
+                    own=own,
+                    response=response,
+                    below=below,
+                )
+            )
         templates = _joined(found)
         ranges.append(
             Range(
@@ -378,6 +388,7 @@ def set_up(
 
 def _mixed(
     part: Float[np.ndarray, "2 exemplars bands"],
+    *,
     family_of: Int[np.ndarray, "exemplars"],
     places: Float[np.ndarray, "exemplars components"],
     covers: Bool[np.ndarray, "exemplars"],

@@ -2,15 +2,18 @@
 
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from rich.console import Console
 from rich.table import Table
 
+from glazejax import catalogue
 from glazejax.io import write_table
 from glazejax.report import plain_table
 
 from ...page.words import chance
+from ..families.evidence import describe_anachronism
 from ..result import Identification
 from .ambiguity import describe_ambiguity
 
@@ -48,6 +51,53 @@ def print_identification(found: Identification, console: Console, top: int, deta
         console.print()
     for row in range(detailed, len(found)):
         console.print(found.words(row), markup=False)
+
+
+def print_families(
+    found: Identification, console: Console, top: int, painted: int | None = None
+) -> None:
+    """Print the most probable families of pigments of each spectrum, the exemplars that look most
+    like it, and what was not in use when it was painted.
+
+    Args:
+        found: identification by family.
+        console: to print to.
+        top: sets of families for each spectrum.
+        painted: year, or None if it is not known.
+    """
+    known = catalogue.families()
+    for row, name in enumerate(found.measured.names):
+        sets = found.family_sets[row][:top]
+        if found.explained[row]:
+            console.print(
+                f"{name}: {sets[0].words}, probability {sets[0].probability:.0%}", **_AS_IS
+            )
+        else:
+            nearest = f"; the nearest is {sets[0].words}" if sets else ""
+            console.print(
+                f"{name}: no family of the catalogue explains this (probability "
+                f"{found.none[row]:.0%}){nearest}",
+                **_AS_IS,
+            )
+        for family in sets[0].families if sets else ():
+            if family in known:
+                about = known[family]
+                console.print(
+                    f"  {family}: {about.formula}, {about.colour_index}, in use {about.in_use}",
+                    **_AS_IS,
+                )
+        if sets and painted is not None:
+            words = describe_anachronism(sets[0].families, known, painted)
+            if words:
+                console.print(f"  {words}", **_AS_IS)
+        others = [f"{other.words} {other.probability:.0%}" for other in sets[1:]]
+        if others:
+            console.print(f"  or {'; '.join(others)}; none of them {found.none[row]:.0%}", **_AS_IS)
+        near = dict.fromkeys(paint for c in found.ranked(row, top) for paint in c.paints)
+        console.print(f"  nearest exemplars: {', '.join(list(near)[:top])}", style="dim", **_AS_IS)
+
+
+_AS_IS: dict[str, Any] = {"markup": False, "soft_wrap": True}
 
 
 def _verdict(found: Identification, row: int) -> str:
