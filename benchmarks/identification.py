@@ -17,7 +17,6 @@ from contextlib import ExitStack
 from typing import Any
 from unittest import mock
 
-import jax
 import numpy as np
 
 from benchmarks import device
@@ -142,7 +141,7 @@ def profile(results: Results, count: int = 256) -> None:
     """Processor time of each stage, on one core, noise only."""
     modules = {
         name: importlib.import_module(f"glazefit.identify.search.{name}")
-        for name in {m for m, _ in STAGES.values()}
+        for name in {"searcher", "candidates"} | {m for m, _ in STAGES.values()}
     }
     spent = dict.fromkeys(STAGES, 0.0)
 
@@ -150,11 +149,7 @@ def profile(results: Results, count: int = 256) -> None:
         @functools.wraps(work)
         def measured(*args: Any, **options: Any) -> Any:
             began = time.process_time()
-            answer = (
-                jax.tree.map(np.asarray, work(*args, **options))
-                if "ranked" in words
-                else work(*args, **options)
-            )
+            answer = work(*args, **options)
             spent[words] += time.process_time() - began
             return answer
 
