@@ -259,6 +259,25 @@ TABLE: dict[str, dict[str, Reaches | Looked]] = {
         "--max-paints": Reaches("--max-paints 1", lambda g: g["max_paints"], 1),
         "--max-coats": Reaches("--max-coats 2", lambda g: g["max_coats"], 2),
         "--thorough": Reaches("--thorough", lambda g: g["thorough"], True),
+        "--own-films": Reaches("--own-films", lambda g: g["own_films"], True),
+        "--elements": Reaches(
+            "--elements Cu,Pb",
+            lambda g: g["elements"],
+            ("Cu", "Pb"),
+            base=f"{SPECTRA} --opaque --catalogue pigments",
+        ),
+        "--without-elements": Reaches(
+            "--without-elements Co",
+            lambda g: g["without_elements"],
+            ("Co",),
+            base=f"{SPECTRA} --opaque --catalogue pigments",
+        ),
+        "--painted": Reaches(
+            "--painted 1620",
+            lambda g: g["painted"],
+            1620,
+            base=f"{SPECTRA} --opaque --catalogue pigments",
+        ),
         **INSTRUMENT,
         "--model-error": Reaches("--model-error 0.02", lambda g: g["discrepancy"].amplitude, 0.02),
         "--thickness": Reaches(

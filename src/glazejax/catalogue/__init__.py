@@ -135,8 +135,10 @@ def _unknown(name: str, known: tuple[str, ...]) -> str:
 
 
 def names() -> tuple[str, ...]:
-    """Names of the catalogues that ship; the first is the default."""
-    return tuple(_SHIPPED)
+    """Names of the catalogues that ship whose paints are by one hand and on one grid; the first is
+    the default. The catalogue "pigments" is of many hands.
+    """
+    return tuple(name for name in _SHIPPED if name != PIGMENTS)
 
 
 def load(name: str = "oils") -> Catalogue:

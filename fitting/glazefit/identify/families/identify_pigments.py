@@ -124,8 +124,10 @@ def _search(
         instrument,
         prior,
         min(options.max_paints, 2),
-        ground,
     )
+    # How sure a search may be does not hang on the ground: it is learnt over the first one.
+    alike = [search for (*rest, _), search in _SEARCHES.items() if tuple(rest) == key]
+    key = (*key, ground)
     if key not in _SEARCHES:
         while len(_SEARCHES) >= _MOST_SEARCHES:
             _SEARCHES.pop(next(iter(_SEARCHES)))
@@ -137,6 +139,7 @@ def _search(
             instrument=instrument,
             prior=prior,
             max_paints=min(options.max_paints, 2),
+            sureness=(alike[0].power, alike[0].bias) if alike and ground is not None else None,
         )
     search = _SEARCHES[key]
     if options.elements or options.without_elements:

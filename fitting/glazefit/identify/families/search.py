@@ -41,8 +41,8 @@ _BIASES = np.linspace(-4.0, 6.0, 41)
 _MISTAKE = -8.0
 # Exemplars of a source's family that are sought while they are.
 _SOUGHT = 4
-# Readings whose odds are worked out at a time.
-_CHUNK = 128
+# Comparisons of readings with templates that are held at a time.
+_COMPARISONS = 3_000_000
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -128,13 +128,14 @@ class FamilySearch:
             hidden: families that are taken to be unknown, for each reading.
             sources: number of the source whose exemplars are left out, for each reading.
         """
+        step = self.chunk
         parts = [
             self._odds(
-                readings[start : start + _CHUNK],
-                None if hidden is None else hidden[start : start + _CHUNK],
-                None if sources is None else sources[start : start + _CHUNK],
+                readings[start : start + step],
+                None if hidden is None else hidden[start : start + step],
+                None if sources is None else sources[start : start + step],
             )
-            for start in range(0, len(readings), _CHUNK)
+            for start in range(0, len(readings), step)
         ]
         return FamilyOdds(
             **{
@@ -142,6 +143,11 @@ class FamilySearch:
                 for name in FamilyOdds.__dataclass_fields__
             }
         )
+
+    @property
+    def chunk(self) -> int:
+        """Readings that are compared at a time."""
+        return max(1, _COMPARISONS // sum(len(one.templates) for one in self.ranges))
 
     def _odds(
         self,
@@ -252,6 +258,7 @@ def search_families(
     instrument: Instrument | Geometry | str | None = None,
     prior: Prior | None = None,
     max_paints: int = 2,
+    sureness: tuple[float, float] | None = None,
 ) -> FamilySearch:
     """A search among the families of some exemplars, for an instrument and a kind of film.
 
@@ -263,6 +270,8 @@ def search_families(
         instrument: as for `glazefit.identify`.
         prior: how probable films of one and of two pigments are, and of none of the families.
         max_paints: 1 or 2.
+        sureness: power and bias of another search among the same exemplars, over another ground;
+            by default they are learnt.
 
     Raises:
         ValueError: no two exemplars of a family cover the readings' bands, or neither a ground nor
@@ -281,6 +290,7 @@ def search_families(
         sizes=expected.sizes,
         unknown=expected.unknown,
         max_paints=max_paints,
+        sureness=sureness,
     )
 
 
@@ -294,6 +304,7 @@ def set_up(
     sizes: Sequence[float],
     unknown: float,
     max_paints: int = 2,
+    sureness: tuple[float, float] | None = None,
 ) -> FamilySearch:
     """A search that knows how much paints of one family differ, and how sure it may be.
 
@@ -306,6 +317,7 @@ def set_up(
         sizes: how probable films of one and of two pigments are.
         unknown: how probable it is that it is none of the families.
         max_paints: 1 or 2.
+        sureness: power and bias, by default learnt (`calibrate`).
 
     Raises:
         ValueError: no two exemplars of a family cover the readings' bands.
@@ -383,6 +395,8 @@ def set_up(
         ranges=tuple(ranges),
         surface=surface,
     )
+    if sureness is not None:
+        return replace(search, power=sureness[0], bias=sureness[1])
     return calibrate(search)
 
 
@@ -478,26 +492,27 @@ def calibrate(search: FamilySearch) -> FamilySearch:
             for family, source in zip(truth, sources, strict=True)
         ]
     )
-    evidence = np.concatenate(
-        [
-            search._evidence(readings[start : start + _CHUNK], sources[start : start + _CHUNK])
-            for start in range(0, len(readings), _CHUNK)
-        ]
-    )
     hidden = np.zeros((len(rows), len(search.families)), bool)
     hidden[np.arange(len(rows)), truth] = True
     without = search._is_hidden(hidden)
     named = _right_sets(search)[truth]
     each = _weights(search, sources, truth)
     known = each * others
+    # A few readings at a time: log odds of all sets at each power.
+    step = search.chunk
+    log_sets: dict[float, list[np.ndarray]] = {power: [] for power in _POWERS}
+    for start in range(0, len(readings), step):
+        evidence = search._evidence(readings[start : start + step], sources[start : start + step])
+        for power in _POWERS:
+            log_sets[power].append(search._sum_by_set(evidence, power)[0] + search.log_prior)
 
     def at(power: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Log odds of the right sets, of all, and of all without the paint's family."""
-        log_sets = search._sum_by_set(evidence, power)[0] + search.log_prior
+        whole = np.concatenate(log_sets[power])
         return (
-            _log_sum(np.where(named, log_sets, -np.inf)),
-            _log_sum(log_sets),
-            _log_sum(np.where(without, -np.inf, log_sets)),
+            _log_sum(np.where(named, whole, -np.inf)),
+            _log_sum(whole),
+            _log_sum(np.where(without, -np.inf, whole)),
         )
 
     # First how sure one set is beside others, among paints whose family is there.

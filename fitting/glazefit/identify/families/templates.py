@@ -24,7 +24,8 @@ COATS = (0.35, 1.0)
 LIGHT_GROUND = 0.85
 """Internal reflectance of what is then below."""
 THICKNESSES = (0.1, 0.2, 0.4, 0.7, 1.2, 2.0, 4.0)
-"""Thicknesses of coats over a known ground, of usual ones."""
+MIXED_THICKNESSES = (0.2, 0.7, 2.0)
+"""Thicknesses of coats over a known ground, of usual ones: of one paint, and of two."""
 # Exemplars of each family that are mixed: those nearest to the others, one for each part.
 _MIXED = 2
 # Scattering optical thickness that hides the ground.
@@ -101,7 +102,8 @@ def pure_templates(
     count = coefficients.shape[1]
     members = np.column_stack([np.arange(count), np.full(count, -1)])
     fractions = np.tile([1.0, 0.0], (count, 1))
-    return _over(coefficients, response, members, fractions, ground, COATS)
+    levels = (np.inf, *COATS) if ground is None else THICKNESSES
+    return _over(coefficients, response, members, fractions, ground, levels)
 
 
 def mixed_templates(
@@ -131,7 +133,8 @@ def mixed_templates(
     members = np.repeat(np.array(pairs, dtype=int).reshape(-1, 2), len(FRACTIONS), axis=0)
     first = np.tile(FRACTIONS, len(pairs))
     fractions = np.column_stack([first, 1.0 - first])
-    return _over(coefficients, response, members, fractions, ground, ())
+    levels = (np.inf,) if ground is None else MIXED_THICKNESSES
+    return _over(coefficients, response, members, fractions, ground, levels)
 
 
 def typical(places: Float[np.ndarray, "own components"], rows: Int[np.ndarray, "own"]) -> list[int]:
@@ -153,11 +156,10 @@ def _over(
     members: Int[np.ndarray, "films 2"],
     fractions: Float[np.ndarray, "films 2"],
     ground: Float[np.ndarray, "bands"] | None,
-    coats: Sequence[float],
+    levels: Sequence[float],
 ) -> Templates:
-    """Films of these mixtures at all thicknesses that the ground asks for."""
+    """Films of these mixtures at some thicknesses, in usual ones."""
     usual = usual_thickness(coefficients[1])
-    levels = [np.inf, *coats] if ground is None else list(THICKNESSES)
     below = np.full(coefficients.shape[-1], LIGHT_GROUND) if ground is None else ground
     # Coefficients add by mass; where one is not known anything will do.
     k, s = (

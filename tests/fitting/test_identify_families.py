@@ -1,0 +1,387 @@
+"""Families of pigments in anybody's paint: features, the metric, templates, odds, and what is said
+of them.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from benchmarks.paintbench.sources import read_source
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from glazefit import identify
+from glazefit.film.model.response import film_response
+from glazefit.identify.families import evidence, features, metric, naming, search, templates
+from glazefit.identify.families.groups import COLOURLESS, GROUPS, group_of
+from glazejax import Pigment, catalogue, stack_reflectance_factor
+
+GRID = np.arange(420.0, 691.0, 10.0)
+
+
+@pytest.fixture(scope="module")
+def shelf():
+    return list(catalogue.load("pigments").values())
+
+
+@pytest.fixture(scope="module")
+def others(shelf):
+    """Exemplars of all sources but hyperdoc's."""
+    return [paint for paint in shelf if paint.source != "hyperdoc"]
+
+
+@pytest.fixture(scope="module")
+def mockups(shared_data):
+    source = read_source(shared_data / "hyperdoc")
+    camera = source.cameras[0]
+    return source, camera.wavelengths, np.clip(camera.readings, 0.0, 1.0)
+
+
+def rows_of(source, family):
+    return [
+        row
+        for row in source.chosen("pure")
+        if source.families(source.samples[row]) == (family,)
+        and source.samples[row].binder == "Gum arabic"
+    ]
+
+
+# ---- parts ---------------------------------------------------------------------------------------
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.floats(0.3, 1.0), st.integers(0, 2**32 - 1))
+def test_slopes_of_absorbance_do_not_see_a_factor(factor, seed):
+    reading = np.random.default_rng(seed).uniform(0.1, 0.9, GRID.size)
+    steps = GRID.size - 1
+    one = features.features(GRID, reading)
+    other = features.features(GRID, factor * reading)
+    assert other[:steps] == pytest.approx(one[:steps], abs=1e-9)
+    assert other[-1] - one[-1] == pytest.approx(-np.log(factor), abs=1e-9)
+
+
+def test_no_slope_reaches_over_a_gap():
+    grid = np.array([400.0, 410.0, 420.0, 600.0, 610.0, 620.0])
+    reading = np.array([0.2, 0.3, 0.4, 0.9, 0.8, 0.7])
+    found = features.features(grid, reading)
+    assert found.size == 2 * 4 + 1
+    assert found[:4] == pytest.approx(-np.diff(np.log(reading))[[0, 1, 3, 4]])
+
+
+def test_the_metric_finds_the_covariance_within_families():
+    rng = np.random.default_rng(3)
+    spread = np.array([3.0, 1.0, 0.2])
+    middles = rng.normal(0.0, 20.0, (40, 3))
+    families = np.repeat(np.arange(40), 6)
+    points = middles[families] + spread * rng.standard_normal((240, 3))
+    found = metric.learn_metric(points, families, np.arange(240))
+    # Distances within families are alike along all axes once they are whitened.
+    white = found.place(points)
+    within = np.std(white - np.repeat([white[families == f].mean(axis=0) for f in range(40)], 6, 0))
+    each = np.std(
+        white - np.repeat([white[families == f].mean(axis=0) for f in range(40)], 6, 0), axis=0
+    )
+    assert each == pytest.approx(np.full(3, within), rel=0.3)
+    same = found.log_evidence(white[:1], white[1:2])[0, 0]
+    far = found.log_evidence(white[:1], white[-1:])[0, 0]
+    assert same > far
+
+
+def test_a_metric_needs_two_paints_of_a_family():
+    points = np.random.default_rng(0).normal(size=(4, 3))
+    with pytest.raises(ValueError, match="give more exemplars"):
+        metric.learn_metric(points, np.arange(4), np.arange(4))
+
+
+def test_thick_films_are_those_of_the_solver():
+    response = film_response("45:0")
+    ratio = np.geomspace(1e-4, 30.0, 9)
+    found = templates.hiding_body(response, ratio[None])[0]
+    expected = stack_reflectance_factor(
+        (1.0 / (1.0 + ratio))[:, None],
+        np.full((9, 1), 1e5),
+        0.0,
+        cos_incidence=0.5**0.5,
+        tolerance=1e-6,
+    )
+    # The table of films ends at a scattering thickness of 1000, where white still gains a little.
+    assert found == pytest.approx(np.asarray(expected), abs=2e-3)
+
+
+def test_a_mixture_of_one_paint_with_itself_is_that_paint(shelf):
+    two = [paint for paint in shelf if paint.family == "azurite" and paint.source == "hyppigments"]
+    known = templates.coefficients(two[:2], GRID)
+    same = np.stack([known[:, 0], known[:, 0]], axis=1)
+    response = film_response("45:0")
+    pure = templates.pure_templates(same, response, None)
+    mixed = templates.mixed_templates(same, np.array([0, 1]), np.zeros((2, 3)), response, None)
+    thick = pure.readings[np.isinf(pure.thickness)][0]
+    for reading in mixed.readings:
+        assert reading == pytest.approx(thick, abs=1e-6)
+    assert mixed.fractions.sum(axis=1) == pytest.approx(1.0)
+
+
+def test_exemplars_that_do_not_know_a_band_are_missing_there(shelf):
+    oils = [paint for paint in shelf if paint.source == "revigo"][:3]
+    known = templates.coefficients(oils, np.array([650.0, 690.0, 720.0]))
+    assert np.isfinite(known[..., :2]).all()
+    assert np.isnan(known[..., 2]).all()
+
+
+# ---- odds ----------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def found_search(others):
+    return search.search_families(GRID, others, opaque=True, instrument="45:0")
+
+
+def test_probabilities_are_probabilities(found_search):
+    rng = np.random.default_rng(0)
+    odds = found_search.odds(rng.uniform(0.05, 0.9, (7, GRID.size)))
+    assert odds.sets.sum(axis=1) + odds.none == pytest.approx(np.ones(7))
+    assert (odds.sets >= 0).all()
+    assert ((odds.fraction >= 0) & (odds.fraction <= 1)).all()
+
+
+def test_a_hidden_family_is_in_no_answer(found_search):
+    reading = found_search.ranges[0].templates.readings[:1]
+    whole = np.interp(GRID, GRID[found_search.ranges[0].bands], reading[0])[None]
+    family = found_search.family_of[found_search.ranges[0].templates.members[0, 0]]
+    hidden = np.zeros((1, len(found_search.families)), bool)
+    hidden[0, family] = True
+    odds = found_search.odds(whole, hidden=hidden)
+    with_it = (found_search.members == family).any(axis=1)
+    assert odds.sets[0, with_it].max() == 0.0
+    assert odds.none[0] > found_search.odds(whole).none[0]
+
+
+def test_exemplars_of_a_source_that_is_left_out_are_not_compared(found_search):
+    readings, rows = search._exemplars_as_readings(found_search)
+    own = found_search.source_of[rows[:5]]
+    seen = found_search._evidence(readings[:5], own)
+    members = np.concatenate([one.templates.members for one in found_search.ranges])
+    of_members = np.append(found_search.source_of, -1)[members]
+    for row, source in enumerate(own):
+        assert np.isneginf(seen[row, (of_members == source).any(axis=1)]).all()
+
+
+@pytest.mark.parametrize(
+    "family", ["azurite", "vermilion", "malachite", "red ochre", "burnt umber", "minium"]
+)
+def test_mockups_of_another_hand_are_named(mockups, others, family):
+    """Gum arabic on paper, by another laboratory than all exemplars: the oils alone named none."""
+    source, wavelengths, readings = mockups
+    rows = rows_of(source, family)[:1]
+    found = identify(wavelengths, readings[rows], others, opaque=True, instrument="45:0")
+    first = found.families(0)[0][0]
+    coloured = [name for name in first if name not in COLOURLESS]
+    assert coloured in ([family], [group_of(family)])
+    assert found.explained[0]
+    assert found.ranked(0, 1)[0].paints[0] in found.paints
+
+
+def test_a_foreign_source_is_never_its_own_evidence(mockups, shelf, others):
+    source, wavelengths, readings = mockups
+    rows = rows_of(source, "smalt")
+    own = identify(wavelengths, readings[rows], shelf, opaque=True, instrument="45:0")
+    without = identify(wavelengths, readings[rows], others, opaque=True, instrument="45:0")
+    assert own.families(0)[0][0][0] == "smalt"
+    assert own.families(0)[0][1] > without.families(0)[0][1]
+
+
+def test_a_colour_in_white_is_named_by_its_colour(mockups, others):
+    source, wavelengths, readings = mockups
+    row = [sample.name for sample in source.samples].index("16A")
+    assert source.families(source.samples[row]) == ("azurite", "lead white")
+    found = identify(wavelengths, readings[[row]], others, opaque=True, instrument="45:0")
+    first = found.families(0)[0][0]
+    assert [name for name in first if name not in COLOURLESS] == ["azurite"]
+    two = next(candidate for candidate in found.ranked(0) if len(candidate.paints) == 2)
+    assert sum(two.fractions) == pytest.approx(1.0)
+    assert (two.fractions_90[:, 0] <= two.fractions).all()
+    assert (two.fractions <= two.fractions_90[:, 1]).all()
+
+
+def test_a_coat_over_a_ground_is_named_too(others):
+    paint = next(p for p in others if p.name == "azurite/hyppigments-10200")
+    known = templates.coefficients([paint], GRID)
+    thin = templates.pure_templates(known, film_response("45:0"), np.full(GRID.size, 0.85))
+    found = identify(GRID, thin.readings[2:4], others, ground=0.85, instrument="45:0")
+    for row in range(2):
+        assert found.families(row)[0][0] == ("azurite",)
+        assert 0 < found.ranked(row, 1)[0].thickness < 1e-3
+
+
+def test_finer_bands_say_the_same_and_rows_keep_their_order(mockups, others):
+    source, wavelengths, readings = mockups
+    fine = np.arange(400.0, 1000.5, 1.0)
+    rows = rows_of(source, "azurite")[:1] + rows_of(source, "malachite")
+    dense = np.stack([np.interp(fine, wavelengths, readings[row]) for row in rows])
+    found = identify(fine, dense, others, opaque=True, instrument="45:0", names=["a", "m"])
+    assert [found.families(row)[0][0][0] for row in range(2)] == ["azurite", "malachite"]
+    assert found.measured.names == ("a", "m")
+
+
+def test_films_over_different_grounds_keep_their_order(mockups, others):
+    source, wavelengths, readings = mockups
+    bands = (wavelengths >= 420.0) & (wavelengths <= 690.0) & (wavelengths % 10 == 0)
+    rows = rows_of(source, "malachite") + rows_of(source, "azurite")[:1]
+    few = [paint for paint in others if paint.family in ("malachite", "azurite", "vermilion")]
+    grounds = np.array([0.8, 0.3])
+
+    def sought(chosen):
+        return identify(
+            wavelengths[bands],
+            readings[rows][chosen][:, bands],
+            few,
+            ground=grounds[chosen][:, None, None] * np.ones((len(chosen), 1, int(bands.sum()))),
+            instrument="45:0",
+            names=[str(number) for number in chosen],
+        )
+
+    both = sought([0, 1])
+    assert both.measured.names == ("0", "1")
+    assert both.measured.grounds[:, 0, 0] == pytest.approx(grounds)
+    for row in range(2):
+        alone = sought([row])
+        assert both.families(row)[0][0] == alone.families(0)[0][0]
+        assert both.none[row] == pytest.approx(alone.none[0], abs=0.05)
+
+
+# ---- names ---------------------------------------------------------------------------------------
+
+
+def test_a_group_is_named_where_no_family_has_most_of_it(found_search):
+    sets = np.zeros(len(found_search.members))
+
+    def place(*families):
+        numbers = sorted(found_search.families.index(family) for family in families)
+        padded = [*numbers, -1][:2]
+        return int(np.flatnonzero((found_search.members == padded).all(axis=1))[0])
+
+    sets[place("azurite", "lead white")] = 0.3
+    sets[place("azurite", "zinc white")] = 0.3
+    sets[place("azurite")] = 0.2
+    first, second = naming.name_sets(found_search, sets)
+    assert first.families == ("azurite", "a white")
+    assert first.probability == pytest.approx(0.6)
+    assert dict(first.within["a white"]) == pytest.approx({"lead white": 0.5, "zinc white": 0.5})
+    assert second.families == ("azurite",)
+    assert "lead white 50%" in first.words
+    sets[place("azurite", "zinc white")] = 0.05
+    assert naming.name_sets(found_search, sets)[0].families == ("azurite", "lead white")
+
+
+def test_every_family_of_a_group_is_known():
+    known = catalogue.families()
+    for members in GROUPS.values():
+        assert set(members) <= set(known)
+
+
+# ---- elements and years --------------------------------------------------------------------------
+
+
+def test_elements_weigh_and_rule_nothing_out():
+    known = catalogue.families()
+    sets = [[known["azurite"]], [known["ultramarine"]], [known["smalt"]]]
+    with_copper = evidence.log_odds_of_elements(sets, ["Cu"], [])
+    assert with_copper[0] > with_copper[1] == with_copper[2]
+    without = evidence.log_odds_of_elements(sets, [], ["Co"])
+    assert without[2] < without[0] == without[1]
+    # Aluminium is too light for fluorescence in air to tell.
+    assert evidence.log_odds_of_elements(sets, ["Al"], ["Si"]) == pytest.approx(np.zeros(3))
+    assert np.isfinite(with_copper).all()
+
+
+def test_wrong_elements_are_one_sentence(mockups, others):
+    _, wavelengths, readings = mockups
+    with pytest.raises(ValueError, match="there is no element 'Xx'"):
+        identify(wavelengths, readings[:1], others, opaque=True, elements=("Xx",))
+    with pytest.raises(ValueError, match="Cu is said to be found and not to be found"):
+        evidence.log_odds_of_elements([], ["Cu"], ["Cu"])
+
+
+def test_elements_change_odds(mockups, others):
+    source, wavelengths, readings = mockups
+    rows = rows_of(source, "smalt")
+    plain, cobalt, copper = (
+        identify(
+            wavelengths, readings[rows], others, opaque=True, instrument="45:0", elements=elements
+        )
+        for elements in ((), ("Co",), ("Cu",))
+    )
+
+    def chance(found):
+        return sum(p for names, p in found.families(0) if "smalt" in names)
+
+    assert chance(copper) < chance(plain) < chance(cobalt)
+
+
+def test_anachronisms_are_said():
+    known = catalogue.families()
+    words = evidence.describe_anachronism(["Prussian blue", "a white", "azurite"], known, 1620)
+    assert words == "not of 1620: Prussian blue was in use 1704-"
+    assert not evidence.describe_anachronism(["azurite"], known, 1620)
+    assert "smalt" in evidence.describe_anachronism(["smalt"], known, 1950)
+
+
+# ---- what cannot be asked ------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (dict(max_coats=2), "in one coat"),
+        (dict(max_paints=4), "max_paints is 4"),
+        (dict(opaque=False), "what is under the paint"),
+    ],
+)
+def test_what_cannot_be_asked_is_said(others, change, words):
+    asked = {"opaque": True, **change}
+    with pytest.raises(ValueError, match=words):
+        identify(GRID, np.full(GRID.size, 0.5), others, **asked)
+
+
+def test_readings_outside_of_all_ranges_and_several_grounds_are_refused(others):
+    far = np.arange(3000.0, 3101.0, 10.0)
+    with pytest.raises(ValueError, match="no three bands lie there"):
+        identify(far, np.full(far.size, 0.5), others, opaque=True)
+    two = np.full((1, 2, GRID.size), 0.5)
+    with pytest.raises(ValueError, match="from one reading of a film, not 2"):
+        identify(GRID, two, others, ground=np.full((2, GRID.size), 0.5))
+
+
+def test_the_narrow_model_is_kept_for_own_films(shelf):
+    oils = [paint for paint in shelf if paint.source == "revigo"][:4]
+    grid = np.arange(400.0, 701.0, 10.0)
+    reading = np.full((1, grid.size), 0.4)
+    found = identify(grid, reading, oils, ground=0.9, max_paints=1, own_films=True)
+    assert not found.family_sets
+    with pytest.raises(ValueError, match=r"use catalogue\.load"):
+        identify(grid, reading, catalogue.load("oils"), ground=0.9, max_paints=1, painted=1700)
+
+
+def test_paints_without_a_family_are_sought_as_paints():
+    assert not identify_module().has_families(list(catalogue.load("oils").values()))
+    paint = Pigment("mine", GRID, np.ones(GRID.size), np.ones(GRID.size))
+    assert not identify_module().has_families([paint])
+    assert identify_module().has_families([paint.renamed("x", family="smalt", source="me")])
+
+
+def identify_module():
+    from glazefit.identify.families import identify_pigments
+
+    return identify_pigments
+
+
+def test_identifications_by_family_are_joined_and_printed(mockups, others):
+    source, wavelengths, readings = mockups
+    rows = rows_of(source, "azurite")[:2]
+    found = identify(
+        wavelengths, readings[rows], others, opaque=True, instrument="45:0", names=["a", "b"]
+    )
+    both = type(found).join([found, replace(found, measured=found.measured)])
+    assert len(both.family_sets) == 4
+    assert "azurite" in found.words(0)
+    assert "nearest exemplar" in found.words(0)

@@ -1,0 +1,129 @@
+"""The catalogue of pigments by family: what is in it, where it is from, and that it reflects what
+its sources read.
+"""
+
+import numpy as np
+import pytest
+from benchmarks import pigments as maker
+from benchmarks.paintbench.library import grid_readings
+from benchmarks.paintbench.sources import read_kimera, read_rrt
+
+from glazefit.film.model.response import film_response
+from glazefit.identify.families.templates import hiding_body
+from glazejax import catalogue
+
+
+@pytest.fixture(scope="module")
+def shelf():
+    return catalogue.load("pigments")
+
+
+def test_every_exemplar_has_a_family_a_source_and_a_provenance(shelf):
+    known = catalogue.families()
+    origins = catalogue.provenance()
+    assert set(origins) == set(shelf)
+    assert 150 <= len(shelf) <= 400
+    assert len({paint.family for paint in shelf.values()}) >= 45
+    for name, paint in shelf.items():
+        origin = origins[name]
+        assert paint.name == name
+        assert paint.family in known
+        assert name.startswith(f"{paint.family}/{paint.source}-")
+        assert (origin.family, origin.source) == (paint.family, paint.source)
+        assert origin.licence in ("CC BY 4.0", "CC0 1.0", "MIT")
+        assert origin.citation
+        assert origin.told_by
+        assert float(paint.wavelengths[0]) == origin.first_nm
+        assert float(paint.wavelengths[-1]) == origin.last_nm
+        for values in (paint.absorption, paint.scattering):
+            assert np.all(np.isfinite(values))
+            assert np.all(np.asarray(values) > 0)
+
+
+def test_the_pigments_that_a_conservator_meets_first_are_there(shelf):
+    families = {paint.family for paint in shelf.values()}
+    assert families >= {
+        "azurite",
+        "malachite",
+        "smalt",
+        "lead-tin yellow",
+        "orpiment",
+        "yellow ochre",
+        "red ochre",
+        "burnt umber",
+        "raw umber",
+        "verdigris",
+        "indigo",
+        "gamboge",
+        "lead white",
+        "vermilion",
+    }
+
+
+def test_what_is_known_of_a_family():
+    azurite = catalogue.families()["azurite"]
+    assert azurite.elements == ("Cu",)
+    assert azurite.colour_index == "PB30"
+    for family in catalogue.families().values():
+        assert family.last_year is None or family.first_year < family.last_year, family.name
+        assert all(symbol.isalpha() for symbol in family.elements), family.name
+
+
+def test_a_family_survives_another_grid_and_another_name(shelf):
+    paint = next(iter(shelf.values()))
+    grid = np.asarray(paint.wavelengths)[2:-2]
+    for other in (paint.resample(grid), paint.renamed("mine")):
+        assert (other.family, other.source, other.binder) == (
+            paint.family,
+            paint.source,
+            paint.binder,
+        )
+    assert paint.renamed("mine", family="smalt").family == "smalt"
+
+
+def test_films_that_hide_their_ground_reflect_what_was_read(shelf, shared_data):
+    """Kimera's masstones are opaque, so k/s alone must give the reading again."""
+    source = read_kimera(shared_data / "kimera")
+    response = film_response("45:0")
+    for name, paint in shelf.items():
+        if paint.source != "kimera":
+            continue
+        code = name.partition("kimera-")[2].replace("-", " ")
+        rows = [row for row, sample in enumerate(source.samples) if sample.paints == (code,)]
+        grid = np.asarray(paint.wavelengths)
+        read = grid_readings(source, rows, grid).mean(axis=0)
+        ratio = np.asarray(paint.absorption) / np.asarray(paint.scattering)
+        found = hiding_body(response, ratio[None])[0]
+        assert np.sqrt(np.mean((found - read) ** 2)) < 0.01, name
+
+
+def test_a_fit_of_thin_and_thick_coats_meets_both(shared_data):
+    source = read_rrt(shared_data / "rrt")
+    kept = [row for row, s in enumerate(source.samples) if s.paints[0] in ("Azurite", "Gypsum")]
+    (found,) = maker.fit_source(source.take(kept))
+    assert found.family == "azurite"
+    assert found.told_by == "a thin and a thick coat over gypsum"
+    assert found.rms < 0.02
+
+
+def test_tables_round_trip(tmp_path, monkeypatch, shelf):
+    paint = shelf["azurite/rrt-Azurite"]
+    exemplar = maker.Exemplar(
+        name=paint.name,
+        family=paint.family,
+        source=paint.source,
+        binder=paint.binder,
+        paint="Azurite",
+        told_by="coats",
+        wavelengths=np.asarray(paint.wavelengths),
+        absorption=np.asarray(paint.absorption),
+        scattering=np.asarray(paint.scattering),
+        log_sd=np.full((2, paint.wavelengths.size), 0.2),
+        rms=0.01,
+    )
+    maker.write_tables(tmp_path, [exemplar])
+    (again,) = catalogue.read(tmp_path / "exemplars.csv").values()
+    assert np.asarray(again.absorption) == pytest.approx(np.asarray(paint.absorption), rel=1e-3)
+    assert again.identifiable is not None
+    assert again.identifiable.all()
+    assert "azurite/rrt-Azurite\tazurite\trrt" in (tmp_path / "exemplars.tsv").read_text()
