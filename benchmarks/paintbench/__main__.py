@@ -3,12 +3,11 @@ people's measurements.
 
     python -m benchmarks.paintbench [--data DIR] [--extra DIR] [--json FILE] [--out FOLDER]
 
-Prints one table, and writes it, the scores as JSON and the answers of glazejax that are not right.
+Prints one table and every answer of glazejax that is not right, and writes the scores as JSON.
 The README beside this file says what the tasks are and how to enter a source or a method.
 """
 
 import argparse
-import csv
 import json
 from pathlib import Path
 
@@ -28,7 +27,7 @@ NEEDS = ("data/hyperdoc", "data/bath", "data/grillini", "sklearn")
 # Samples of a chart of hundreds; of a quick run one in so many.
 EVERY = 1
 _SHARES = ("first", "three", "refused", "found", "false", "right", "decided")
-_OURS = "glazejax"
+_OURS = FamilyCatalogue.name
 
 
 def main() -> None:
@@ -62,8 +61,9 @@ def main() -> None:
         results = Results("paintbench", options.out, "numpy", "scipy", "scikit-learn")
         for line in lines_of(record):
             results(line)
+        for line in failures_of(record.failures):
+            results(line)
         results.save()
-        write_failures(options.out / "paintbench_failures.tsv", record.failures)
     else:
         print("\n".join(lines_of(record)))
     if options.json:
@@ -128,16 +128,17 @@ def cell(name: str, values: Scores) -> str:
     return f"{value:.2f}" if name == "delta_e" else f"{value:.4f}"
 
 
-def write_failures(path: Path, failures: list[Failure]) -> None:
-    """Answers of glazejax that are not right."""
-    with path.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file, delimiter="\t", lineterminator="\n")
-        writer.writerow(["task", "source", "sample", "truth", "answer"])
-        for failure in failures:
-            if failure.method == _OURS:
-                writer.writerow(
-                    [failure.task, failure.source, failure.sample, failure.truth, failure.answer]
-                )
+def failures_of(failures: list[Failure]) -> list[str]:
+    """Every answer of glazejax that is not right, a line each."""
+    own = [failure for failure in failures if failure.method == _OURS]
+    lines = [f"ANSWERS OF GLAZEJAX THAT ARE NOT RIGHT: {len(own)}", ""]
+    for task in dict.fromkeys(failure.task for failure in own):
+        for source in dict.fromkeys(f.source for f in own if f.task == task):
+            here = [f for f in own if (f.task, f.source) == (task, source)]
+            lines.append(f"{task}, {source}: {len(here)}")
+            lines += [f"  {f.sample}: {f.truth}; said {f.answer}" for f in here]
+            lines.append("")
+    return lines
 
 
 if __name__ == "__main__":

@@ -26,6 +26,7 @@ TEXTS = {
     "src/glazejax/catalogue/ACRYLICS.md": "project/acrylics",
     "src/glazejax/samples/SOURCE.md": "project/samples",
     "src/glazejax/cie/SOURCE.md": "project/cie-tables",
+    "benchmarks/paintbench/README.md": "project/paintbench",
 }
 """Text of the repository -> name of its page."""
 
