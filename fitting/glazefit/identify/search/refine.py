@@ -298,12 +298,13 @@ def _fit(
     grounds, target, *expected = (
         np.asarray(part, kind) for part in (chunk.spectra.grounds, chunk.target, *chunk.expectation)
     )
-    basis, height, logs = (
-        np.asarray(part, kind) for part in (errors.basis, errors.height, films.logs)
-    )
+    basis = np.asarray(errors.basis, kind)
+    height = np.asarray(errors.height, kind)
+    logs = np.asarray(films.logs, kind)
 
     def run(n: np.ndarray) -> Fitted:
-        row, own_group = films.row[n], group[n]
+        row = films.row[n]
+        own_group = group[n]
         weights = Weights(
             target[row], basis[own_group], height[own_group], *(part[row] for part in expected)
         )
