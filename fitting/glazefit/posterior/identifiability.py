@@ -220,9 +220,9 @@ def of_coats(
         for quantity in problem.quantities:
             if quantity.name not in problem.unknowns:
                 continue
-            alike, words = _compare_with_prior(quantity, free[:, b], beforehand)
+            unchanged, words = _compare_with_prior(quantity, free[:, b], beforehand)
             sentences += [where + words] if words else []
-            if not alike and " of coat " in quantity.name:
+            if not unchanged and " of coat " in quantity.name:
                 ties.append(problem.unknowns.index(quantity.name))
         sentences += [where + words for words in _open_directions(free[:, b], problem, ties)]
         spectra = [

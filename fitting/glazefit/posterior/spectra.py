@@ -54,10 +54,10 @@ class SpectraPrior:
     ) -> tuple[Float[np.ndarray, "bands modes"], Float[np.ndarray, "bands others"]]:
         """Modes of log k d and of log s d, each scaled by its standard deviation, largest first."""
         apart = np.sqrt(5.0) * np.abs(wavelengths[:, None] - wavelengths) / self.length
-        alike = (1.0 + apart + apart**2 / 3.0) * np.exp(-apart)
+        correlation = (1.0 + apart + apart**2 / 3.0) * np.exp(-apart)
 
         def principal(level: float, shape: float) -> np.ndarray:
-            values, axes = np.linalg.eigh(level**2 + shape**2 * alike)
+            values, axes = np.linalg.eigh(level**2 + shape**2 * correlation)
             scaled = (axes * np.sqrt(np.maximum(values, 0.0)))[:, ::-1]
             # Variance of each band that the modes from the n-th on carry.
             rest = np.cumsum((scaled**2)[:, ::-1], axis=1)[:, ::-1].max(axis=0)

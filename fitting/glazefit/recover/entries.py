@@ -137,22 +137,22 @@ def _same(recovery: JointRecovery, name: str, existing: Pigment) -> bool:
         paint, existing = (each.resample(recovery.wavelengths) for each in (paint, existing))
     except ValueError:  # another range
         return False
-    alike = [
+    matches = [
         np.allclose(one, other, rtol=1e-4)
         for one, other in (
             (paint.absorption, existing.absorption),
             (paint.scattering, existing.scattering),
         )
     ]
-    if not all(alike):
+    if not all(matches):
         return False
     if paint.error_modes is None:
         return True
     modes = error_modes(paint)
-    own = error_modes(existing)
+    modes_in_file = error_modes(existing)
     # Three digits of a mode are written.
-    return len(own) > max(kept, default=-1) and np.allclose(
-        modes[kept], own[kept], rtol=6e-3, atol=1e-5
+    return len(modes_in_file) > max(kept, default=-1) and np.allclose(
+        modes[kept], modes_in_file[kept], rtol=6e-3, atol=1e-5
     )
 
 

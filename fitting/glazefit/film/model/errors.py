@@ -217,9 +217,13 @@ def model_covariance(
     reading.
     """
     cards = discrepancy.shared + (1.0 - discrepancy.shared) * np.eye(grounds)
-    alike = np.kron(cards, smooth_kernel(wavelengths, discrepancy.length))
+    correlation = np.kron(cards, smooth_kernel(wavelengths, discrepancy.length))
     size = np.asarray(amplitude)
-    return size**2 * alike if size.ndim == 0 else size[..., :, None] * size[..., None, :] * alike
+    return (
+        size**2 * correlation
+        if size.ndim == 0
+        else size[..., :, None] * size[..., None, :] * correlation
+    )
 
 
 def relative_errors(
@@ -238,7 +242,7 @@ def relative_errors(
 
     def both(pigment: Pigment) -> np.ndarray:
         modes = _limit_modes(pigment, discrepancy)
-        held, unstated = (
+        in_modes, unstated = (
             (0.0, discrepancy.unstated) if modes is None else (np.sum(modes**2, axis=0), 0.0)
         )
         pairs = (
@@ -246,7 +250,7 @@ def relative_errors(
             (pigment.scattering, pigment.scattering_sd),
         )
         stated = np.minimum([share(value, sd, unstated) for value, sd in pairs], discrepancy.most)
-        return np.sqrt(np.maximum(stated**2 - held, 0.0))
+        return np.sqrt(np.maximum(stated**2 - in_modes, 0.0))
 
     return np.asarray([both(pigment) for pigment in pigments])
 
@@ -321,12 +325,12 @@ def coefficient_covariance(
     grounds = slopes.shape[-1] // wavelengths.size
     kernel = smooth_kernel(wavelengths, discrepancy.coefficient_length)
 
-    def square(slopes: np.ndarray, alike: np.ndarray) -> np.ndarray:
-        return (np.swapaxes(slopes, -1, -2) @ slopes) * np.tile(alike, (grounds, grounds))
+    def square(slopes: np.ndarray, correlation: np.ndarray) -> np.ndarray:
+        return (np.swapaxes(slopes, -1, -2) @ slopes) * np.tile(correlation, (grounds, grounds))
 
-    own = slopes * np.tile(known, grounds)
+    stated = slopes * np.tile(known, grounds)
     return square(slopes, discrepancy.coefficient**2 * kernel + discrepancy.level**2) + square(
-        own, kernel
+        stated, kernel
     )
 
 

@@ -67,9 +67,8 @@ def rank(chunk: Chunk, starts: SetStarts) -> Pool:
     # In the components of films over a ground like the first.
     table = task.tables.like(chunk.spectra.grounds[0])
     project = table.project
-    fixed, model = (
-        project @ a @ project.T for a in (chunk.noise_covariance, chunk.ranking_covariance)
-    )
+    fixed = project @ chunk.noise_covariance @ project.T
+    model = project @ chunk.ranking_covariance @ project.T
     errors = whiten(fixed, model, task.discrepancy)
     weights = Weights(chunk.target, errors.basis @ project, errors.height, *chunk.expectation)
     ground, weights = jax.tree.map(

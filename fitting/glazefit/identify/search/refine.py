@@ -298,13 +298,16 @@ def _fit(
     grounds, target, *expected = (
         np.asarray(part, kind) for part in (chunk.spectra.grounds, chunk.target, *chunk.expectation)
     )
-    basis, height, logs = (
-        np.asarray(part, kind) for part in (errors.basis, errors.height, films.logs)
-    )
+    basis = np.asarray(errors.basis, kind)
+    height = np.asarray(errors.height, kind)
+    logs = np.asarray(films.logs, kind)
 
     def run(n: np.ndarray) -> Fitted:
-        row, own = films.row[n], group[n]
-        weights = Weights(target[row], basis[own], height[own], *(part[row] for part in expected))
+        row = films.row[n]
+        own_group = group[n]
+        weights = Weights(
+            target[row], basis[own_group], height[own_group], *(part[row] for part in expected)
+        )
         start = map(jnp.asarray, (films.sets[n], logs[n], grounds[row]))
         weights = jax.tree.map(jnp.asarray, weights)
         return fit_films(response, paints, *start, weights, task.middle, steps=jnp.asarray(steps))
@@ -369,7 +372,7 @@ def _slope_change(
     """How far slopes of films are from those of their groups, root mean square of the largest."""
     size = sets.shape[1]
     theirs = groups.sets[groups.of]
-    alike = groups.slopes[groups.of]
+    group_slopes = groups.slopes[groups.of]
     most = np.zeros(len(sets))
     for paint in range(size):
         here = sets[:, paint, None] == theirs
@@ -377,7 +380,7 @@ def _slope_change(
         at = np.argmax(here, axis=1)
         for part in (0, size):
             off = slopes[:, paint + part] - np.where(
-                same, alike[np.arange(len(sets)), at + part], 0.0
+                same, group_slopes[np.arange(len(sets)), at + part], 0.0
             )
             most = np.maximum(most, np.sqrt(np.mean(off**2, axis=-1)))
     return most

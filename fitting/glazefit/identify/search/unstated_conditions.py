@@ -150,14 +150,9 @@ def remove_varnish(
     spread = _LEVELS[level]
     # At this level, at slightly more varnish, and for slightly higher readings.
     absorption = yellow(measured.wavelengths)
-    bare, more_varnish, brighter = (
-        without_varnish(response, readings, thickness * absorption)
-        for readings, thickness in (
-            (body, level),
-            (body, level + _STEP),
-            (body + _HIGHER, level),
-        )
-    )
+    bare = without_varnish(response, body, level * absorption)
+    more_varnish = without_varnish(response, body, (level + _STEP) * absorption)
+    brighter = without_varnish(response, body + _HIGHER, level * absorption)
     more = spread / _STEP * (more_varnish - bare)
     slope = (brighter - bare) / _HIGHER
     doubt = more[:, None]

@@ -84,10 +84,14 @@ def expected_bands(
     # What is expected of the total, next to nothing of the fractions, and what of the surface.
     share = np.concatenate([found.fractions[:, :count], np.zeros((*members.shape[:2], 1))], axis=-1)
     spread = (opaque_prior(prior, known) if found.opaque else prior).spread
-    held = share[..., :, None] * share[..., None, :] / spread**2
-    held = held + np.diag([_LOOSE] * size + [1.0 / max(d.gloss_sd, 1e-6) ** 2])
+    prior_precision = share[..., :, None] * share[..., None, :] / spread**2
+    prior_precision = prior_precision + np.diag(
+        [_LOOSE] * size + [1.0 / max(d.gloss_sd, 1e-6) ** 2]
+    )
     solved = np.linalg.solve(covariance, np.swapaxes(design, -1, -2))
-    fitted = np.swapaxes(design, -1, -2) @ np.linalg.solve(design @ solved + held, design)
+    fitted = np.swapaxes(design, -1, -2) @ np.linalg.solve(
+        design @ solved + prior_precision, design
+    )
     left = np.diagonal(covariance, axis1=-2, axis2=-1) - np.diagonal(fitted, axis1=-2, axis2=-1)
     ends = norm.ppf(0.95) if d.freedom is None else t.ppf(0.95, d.freedom)
     return (float(ends) * np.sqrt(np.maximum(left, 0.0))).reshape(

@@ -321,19 +321,19 @@ def _linear(
         readings=readings,
     )
     if stack:
-        near = own = _stack_slopes(chunk, pool, films)
-        errors = coefficient_errors(chunk, row, sets, own)
-        groups = Groups(np.arange(len(row)), row, sets, own)
+        shown_slopes = weighed_slopes = _stack_slopes(chunk, pool, films)
+        errors = coefficient_errors(chunk, row, sets, weighed_slopes)
+        groups = Groups(np.arange(len(row)), row, sets, weighed_slopes)
         weighed_films = films
     else:
         weighed_films, groups, errors = fit_with_errors(
             chunk, films, slopes_at(chunk, films), task.effort.fit_steps
         )
-        own = slopes_at(chunk, weighed_films)
-        near = slopes_at(chunk, replace(films, logs=logs))
+        weighed_slopes = slopes_at(chunk, weighed_films)
+        shown_slopes = slopes_at(chunk, replace(films, logs=logs))
     # Whitened slopes by the log amounts: k and s grow together with the amount.
     white = errors.basis[groups.of, 0]
-    by = (own[:, :size] + own[:, size:]) * (sets != NOBODY)[..., None]
+    by = (weighed_slopes[:, :size] + weighed_slopes[:, size:]) * (sets != NOBODY)[..., None]
     gradient, prior = _prior_of(task, sets, weighed_films.logs)
     whitened_slopes = np.einsum("nib,nmb->nmi", white, by)
     data = whitened_slopes @ np.swapaxes(whitened_slopes, 1, 2)
@@ -354,11 +354,11 @@ def _linear(
     else:
         # What is shown is fitted with errors of its own: how near it comes to each reading.
         close = near_errors(chunk).basis[row, 0]
-        by_near = (near[:, :size] + near[:, size:]) * (sets != NOBODY)[..., None]
-        held = _prior_curvature(*_prior_of(task, sets, logs))
-        steep = np.einsum("nib,nmb->nmi", close, by_near)
-        shown = np.linalg.solve(steep @ np.swapaxes(steep, 1, 2) + held, steep @ close)
-        by = by_near
+        by_shown = (shown_slopes[:, :size] + shown_slopes[:, size:]) * (sets != NOBODY)[..., None]
+        prior_curvature = _prior_curvature(*_prior_of(task, sets, logs))
+        steep = np.einsum("nib,nmb->nmi", close, by_shown)
+        shown = np.linalg.solve(steep @ np.swapaxes(steep, 1, 2) + prior_curvature, steep @ close)
+        by = by_shown
     eye = np.eye(readings.shape[1])
     nuisance = NuisanceMode.of(chunk)
     # How the reading that is shown moves: the body, and the surface that takes what is left.
