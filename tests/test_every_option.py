@@ -167,6 +167,12 @@ TABLE: dict[str, dict[str, Reaches | Looked]] = {
         "--long": Looked("test_convert.py:test_resampled_and_long"),
         "--overwrite": Looked("test_convert.py:test_existing_files_are_kept"),
     },
+    "paints": {
+        "--family": Looked("test_paints.py:test_a_family_is_listed_and_drawn"),
+        "--out": Looked("test_paints.py:test_a_family_is_listed_and_drawn"),
+        "--csv": Looked("test_paints.py:test_the_exemplars_as_a_table"),
+        "--overwrite": Looked("test_paints.py:test_files_are_kept_unless_asked"),
+    },
     "export": {
         "stack": Reaches(
             "Eosin:7um", lambda g: [x.medium.name for x in g["glaze"].coats], ["Eosin"], base=" "

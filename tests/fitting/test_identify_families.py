@@ -352,6 +352,12 @@ def test_readings_outside_of_all_ranges_and_several_grounds_are_refused(others):
         identify(GRID, two, others, ground=np.full((2, GRID.size), 0.5))
 
 
+def test_too_few_exemplars_are_said(others):
+    few = [paint for paint in others if paint.family == "azurite"][:3]
+    with pytest.raises(ValueError, match="3 exemplars are known at the spectra's bands, too few"):
+        identify(GRID, np.full(GRID.size, 0.5), few, opaque=True)
+
+
 def test_the_narrow_model_is_kept_for_own_films(shelf):
     oils = [paint for paint in shelf if paint.source == "revigo"][:4]
     grid = np.arange(400.0, 701.0, 10.0)

@@ -328,71 +328,37 @@ def set_up(
     source_of = np.array([sources.index(pigment.source) for pigment in pigments])
     known = coefficients(pigments, wavelengths)
     members, number_of = _sets(len(families), max_paints)
-    ranges = []
-    for bands, own in _ranges(np.isfinite(known[0])):
-        part = known[:, :, bands]
-        below = None if ground is None else ground[bands]
-        covers = np.isfinite(part[0]).all(axis=1)
-        pure = pure_templates(part, response, below)
-        usable = np.isfinite(pure.readings).all(axis=1)
-        pure = pure.take(usable)
-        values = features(wavelengths[bands], pure.readings)
-        # One spectrum of each paint teaches how far paints are apart.
-        first = np.unique(pure.members[:, 0], return_index=True)[1]
-        metric = learn_metric(
-            values[first],
-            family_of[pure.members[first, 0]],
-            pure.members[first, 0],
+
+    # In each range a metric of its own, from all exemplars that know its bands.
+    ranges = [
+        _set_up_range(
+            wavelengths[bands],
+            known[:, :, bands],
+            bands=bands,
+            own=own,
+            family_of=family_of,
+            number_of=number_of,
+            response=response,
+            ground=None if ground is None else ground[bands],
+            mixed=max_paints > 1,
         )
-        own_pure = pure.take(own[pure.members[:, 0]])
-        found = [own_pure]
-        if max_paints > 1:
-            places = np.full((len(pigments), metric.whiten.shape[1]), np.nan)
-            places[pure.members[first, 0]] = metric.place(values[first])
-            found.append(
-                _mixed(
-                    part,
-                    family_of=family_of,
-                    places=places,
-                    covers=covers,
-                    own=own,
-                    response=response,
-                    below=below,
-                )
-            )
-        templates = _joined(found)
-        ranges.append(
-            Range(
-                bands=bands,
-                metric=metric,
-                templates=templates,
-                places=metric.place(features(wavelengths[bands], templates.readings)),
-                sets=number_of[tuple(np.sort(np.append(family_of, -1)[templates.members]).T)],
-            )
-        )
+        for bands, own in _ranges(np.isfinite(known[0]))
+    ]
+
+    # Sets without a template, two families that no exemplars share bands of, take no part.
     used = np.unique(np.concatenate([one.sets for one in ranges]))
     renumbered = np.full(len(members), -1)
     renumbered[used] = np.arange(len(used))
-    ranges = [replace(one, sets=renumbered[one.sets]) for one in ranges]
-    members = members[used]
-    single = members[:, 1] < 0
-    shares = np.asarray(sizes[:max_paints], dtype=float)
-    shares = shares / shares.sum() * (1.0 - unknown)
-    log_prior = np.where(
-        single,
-        np.log(shares[0] / max(int(single.sum()), 1)),
-        np.log((shares[1] if max_paints > 1 else 1.0) / max(int((~single).sum()), 1)),
-    )
     search = FamilySearch(
         wavelengths=wavelengths,
         families=families,
         exemplars=tuple(pigments),
         family_of=family_of,
         source_of=source_of,
-        members=members,
-        log_prior=log_prior,
+        members=members[used],
+        log_prior=_log_prior(members[used], sizes[:max_paints], unknown),
         log_prior_none=float(np.log(unknown)),
-        ranges=tuple(ranges),
+        ranges=tuple(replace(one, sets=renumbered[one.sets]) for one in ranges),
         surface=surface,
     )
     if sureness is not None:
@@ -400,28 +366,71 @@ def set_up(
     return calibrate(search)
 
 
-def _mixed(
-    part: Float[np.ndarray, "2 exemplars bands"],
+def _set_up_range(
+    wavelengths: Float[np.ndarray, "bands"],
+    known: Float[np.ndarray, "2 exemplars bands"],
     *,
-    family_of: Int[np.ndarray, "exemplars"],
-    places: Float[np.ndarray, "exemplars components"],
-    covers: Bool[np.ndarray, "exemplars"],
+    bands: Bool[np.ndarray, "all_bands"],
     own: Bool[np.ndarray, "exemplars"],
+    family_of: Int[np.ndarray, "exemplars"],
+    number_of: Int[np.ndarray, "families families"],
     response: FilmResponse,
-    below: Float[np.ndarray, "bands"] | None,
-) -> Templates:
-    """Mixtures of exemplars that know these bands, of which one has no wider range."""
-    rows = np.flatnonzero(covers)
-    mixed = mixed_templates(part[:, rows], family_of[rows], places[rows], response, below)
-    members = rows[mixed.members]
-    narrow = own[members].any(axis=1)
-    mixed = mixed.take(narrow)
-    return Templates(
-        members=members[narrow],
-        fractions=mixed.fractions,
-        thickness=mixed.thickness,
-        readings=mixed.readings,
+    ground: Float[np.ndarray, "bands"] | None,
+    mixed: bool,
+) -> Range:
+    """Metric and templates of one range.
+
+    Args:
+        wavelengths: of its bands.
+        known: k and s of all exemplars there, NaN where they are not known.
+        bands: of the readings.
+        own: exemplars that know no wider range, whose films are this one's.
+        family_of: number of each exemplar's family.
+        number_of: of a set, by its families.
+        response: of the instrument.
+        ground: below the films, or None.
+        mixed: whether films of two families are tried.
+    """
+    pure = pure_templates(known, response, ground)
+    pure = pure.take(np.flatnonzero(np.isfinite(pure.readings).all(axis=1)))
+    values = features(wavelengths, pure.readings)
+
+    # One spectrum of each paint teaches how far paints are apart.
+    exemplars, first = np.unique(pure.members[:, 0], return_index=True)
+    metric = learn_metric(values[first], family_of[exemplars], exemplars)
+
+    parts = [pure.take(np.flatnonzero(own[pure.members[:, 0]]))]
+    if mixed:
+        both = mixed_templates(
+            known[:, exemplars],
+            family_of[exemplars],
+            metric.place(values[first]),
+            response,
+            ground,
+        )
+        both = replace(both, members=exemplars[both.members])
+        # Where both know more bands their mixture is a wider range's.
+        parts.append(both.take(np.flatnonzero(own[both.members].any(axis=1))))
+    templates = _joined(parts)
+    families = np.sort(np.append(family_of, NOBODY)[templates.members], axis=1)
+    return Range(
+        bands=bands,
+        metric=metric,
+        templates=templates,
+        places=metric.place(features(wavelengths, templates.readings)),
+        sets=number_of[families[:, 0], families[:, 1]],
     )
+
+
+def _log_prior(
+    members: Int[np.ndarray, "sets 2"], sizes: Sequence[float], unknown: float
+) -> Float[np.ndarray, "sets"]:
+    """Log probability of each set beforehand: all of one size alike."""
+    of_size = (members >= 0).sum(axis=1)
+    shares = np.asarray(sizes, dtype=float)
+    shares = (1.0 - unknown) * shares / shares.sum()
+    counts = np.bincount(of_size, minlength=len(shares) + 1)[1:]
+    return np.log(shares / np.maximum(counts, 1))[of_size - 1]
 
 
 def _joined(parts: Sequence[Templates]) -> Templates:
@@ -435,7 +444,7 @@ def _joined(parts: Sequence[Templates]) -> Templates:
 
 def _sets(
     families: int, max_paints: int
-) -> tuple[Int[np.ndarray, "sets 2"], Int[np.ndarray, "some some"]]:
+) -> tuple[Int[np.ndarray, "sets 2"], Int[np.ndarray, "families families"]]:
     """Families of each set, and the number of a set by its families, sorted, with -1 first for
     none.
     """
@@ -466,6 +475,12 @@ def _ranges(
         wider = not out or bands.sum() > out[-1].sum()
         if bands.sum() >= 3 and wider and known[:, bands].all(axis=1).sum() >= _FEWEST / 2:
             out.append(bands)
+    if not out:
+        raise ValueError(
+            f"{int(known.any(axis=1).sum())} exemplars are known at the spectra's bands, too few "
+            "to learn how paints of one pigment differ: give more, or seek them as paints by "
+            "own_films=True (--own-films)"
+        )
     covered = [known[:, bands].all(axis=1) for bands in out]
     pairs = []
     for number, bands in enumerate(out):

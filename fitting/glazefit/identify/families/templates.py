@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import jax
 import numpy as np
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Array, Float, Int
 
 from glazejax import Pigment
 
@@ -56,8 +56,8 @@ class Templates:
     def __len__(self) -> int:
         return len(self.members)
 
-    def take(self, rows: Bool[np.ndarray, "templates"] | Int[np.ndarray, "some"]) -> "Templates":
-        """Some of them."""
+    def take(self, rows: Int[np.ndarray, "rows"]) -> "Templates":
+        """Some of them, by number."""
         return Templates(
             members=self.members[rows],
             fractions=self.fractions[rows],
