@@ -19,7 +19,14 @@ from .library import (
     rank_families,
 )
 from .sources import COLOURLESS
-from .spectra import absorbance, cosine_distance, finite_columns, log_ratio, slopes
+from .spectra import (
+    absorbance,
+    complete_rows,
+    cosine_distance,
+    finite_columns,
+    log_ratio,
+    slopes,
+)
 
 Feature = Callable[[Float[np.ndarray, "n bands"]], Float[np.ndarray, "n less"]]
 
@@ -132,7 +139,7 @@ class Unmixing:
             # Where some families lack bands, what all have decides.
             if bands.sum() < 10:
                 bands = np.isfinite(reading)
-                there = np.isfinite(means[:, bands]).all(axis=1)
+                there = complete_rows(means[:, bands])
                 wanted = [family for family, has in zip(wanted, there, strict=True) if has]
                 means = means[there]
             matrix = np.column_stack([means[:, bands].T, np.ones(int(bands.sum()))])
@@ -217,10 +224,10 @@ class Classifier:
 
         learnt = library.take(np.isin(library.families, known_families(library)))
         bands = finite_columns([sought.readings])
-        usable = np.isfinite(learnt.readings[:, bands]).all(axis=1)
+        usable = complete_rows(learnt.readings[:, bands])
         if usable.mean() < 0.5:  # Bands that few sources have are left out.
             bands = bands & (np.isfinite(learnt.readings).mean(axis=0) > 0.5)
-            usable = np.isfinite(learnt.readings[:, bands]).all(axis=1)
+            usable = complete_rows(learnt.readings[:, bands])
         learnt = learnt.take(usable)
         x = self._features(learnt.readings[:, bands])
         model = make_pipeline(

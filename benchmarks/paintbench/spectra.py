@@ -17,8 +17,6 @@ VISIBLE = (415.0, 700.0)
 _OUTER, _INNER = 0.03, 0.65
 _DARKEST = 0.004
 _BRIGHTEST = 0.995
-# Neighbouring bands that a slope is smoothed over.
-_SMOOTH = 3
 
 
 def on_grid(
@@ -83,8 +81,7 @@ def log_ratio(readings: Float[np.ndarray, "*n bands"]) -> Float[np.ndarray, "*n 
 
 def slopes(values: Float[np.ndarray, "*n bands"]) -> Float[np.ndarray, "*n less"]:
     """Differences of neighbouring bands after a running mean over three; shorter by three."""
-    kernel = np.ones(_SMOOTH) / _SMOOTH
-    smooth = np.apply_along_axis(np.convolve, -1, values, kernel, "valid")
+    smooth = (values[..., :-2] + values[..., 1:-1] + values[..., 2:]) / 3.0
     return np.diff(smooth, axis=-1)
 
 
@@ -119,4 +116,9 @@ def thick_film_reading(
 
 def finite_columns(tables: Sequence[Float[np.ndarray, "n bands"]]) -> Bool[np.ndarray, "bands"]:
     """Bands that every row of every table has."""
-    return np.logical_and.reduce([np.isfinite(table).all(axis=0) for table in tables])
+    return np.asarray([np.isfinite(table).all(axis=0) for table in tables]).all(axis=0)
+
+
+def complete_rows(readings: Float[np.ndarray, "n bands"]) -> Bool[np.ndarray, "n"]:
+    """Rows without a missing band."""
+    return np.asarray(np.isfinite(readings).all(axis=1))

@@ -17,7 +17,7 @@ from .library import Answer, Namer, Table, grid_readings, known_families, pure_t
 from .mixers import Foretold, Mixer, Mixtures
 from .program import films_over_cards, over_cards
 from .sources import COLOURLESS, FOREIGN, Sample, Source
-from .spectra import VISIBLE, WHOLE, bounded, within
+from .spectra import VISIBLE, WHOLE, bounded, finite_columns, within
 
 Scores = dict[str, float | int | None]
 Results = dict[str, dict[str, dict[str, Scores]]]
@@ -357,7 +357,7 @@ def mixing_films(
     grid = _MIX_GRID
     films = _films(pieces, paints, grid)
     sought = _films([(source, tests)], paints, grid)
-    both = np.isfinite(films.readings).all(axis=0) & np.isfinite(sought.readings).all(axis=0)
+    both = finite_columns([films.readings, sought.readings])
     return _in_bands(films, both), _in_bands(sought, both)
 
 
@@ -450,7 +450,7 @@ def score_foretold(
         "rmse": float(np.sqrt(np.mean(off**2))),
         "delta_e": delta_e(wavelengths, gain * foretold.readings, seen),
         "inside": float(inside.mean()),
-        "rank": float(spearmanr(foretold.expected, each).statistic) if stated else None,
+        "rank": float(spearmanr(foretold.expected, each)[0]) if stated else None,
     }
 
 

@@ -178,7 +178,7 @@ class FamilySearch:
         self, hidden: Bool[np.ndarray, "spectra families"]
     ) -> Bool[np.ndarray, "spectra sets"]:
         padded = np.concatenate([hidden, np.zeros((len(hidden), 1), bool)], axis=1)
-        return padded[:, self.members].any(axis=-1)
+        return np.asarray(padded[:, self.members].any(axis=-1))
 
     def _evidence(
         self,
