@@ -116,7 +116,7 @@ def thick_film_reading(
 
 def finite_columns(tables: Sequence[Float[np.ndarray, "n bands"]]) -> Bool[np.ndarray, "bands"]:
     """Bands that every row of every table has."""
-    return np.asarray([np.isfinite(table).all(axis=0) for table in tables]).all(axis=0)
+    return np.all([np.isfinite(table).all(axis=0) for table in tables], axis=0)
 
 
 def complete_rows(readings: Float[np.ndarray, "n bands"]) -> Bool[np.ndarray, "n"]:

@@ -450,7 +450,7 @@ def score_foretold(
         "rmse": float(np.sqrt(np.mean(off**2))),
         "delta_e": delta_e(wavelengths, gain * foretold.readings, seen),
         "inside": float(inside.mean()),
-        "rank": float(spearmanr(foretold.expected, each)[0]) if stated else None,
+        "rank": float(np.asarray(spearmanr(foretold.expected, each))[0]) if stated else None,
     }
 
 
