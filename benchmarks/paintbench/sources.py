@@ -15,6 +15,7 @@ import numpy as np
 from jaxtyping import Float
 
 from benchmarks.paintbench.spectra import thick_film_reading
+from glazefit.identify.families.groups import GROUPS
 from glazejax import catalogue
 
 HERE = Path(__file__).parent
@@ -25,19 +26,7 @@ FOREIGN = "foreign"
 """Family of a pigment that is in no family of the list."""
 UNCLEAR = ("", "unclear")
 """Families of what is left out of all tasks that ask for a family."""
-COLOURLESS = frozenset(
-    {
-        "lead white",
-        "zinc white",
-        "titanium white",
-        "zinc sulphide white",
-        "chalk",
-        "barium sulphate",
-        "gypsum",
-        "carbon black",
-        "iron black",
-    }
-)
+COLOURLESS = frozenset((*GROUPS["a white"], *GROUPS["a black"]))
 """Whites, extenders and blacks: of a mixture only the other families are asked for."""
 
 # Further readings than this above 1 are a mistake, such as percent.
