@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from benchmarks.fill import with_marks
-from benchmarks.results import declared, head, module_of, modules
+from benchmarks.results import code_of, declared, head, module_of, modules
 from pages_of_repository import DOCS, RESULTS, write_if_new
 from reading import folded
 
@@ -33,7 +33,7 @@ def _link(app: "Sphinx", name: str, content: list[str]) -> None:
 
 def _about(path: Path) -> str:
     """What a benchmark asks: the first paragraph of its module."""
-    told = ast.get_docstring(ast.parse(module_of(path.stem).read_text("utf-8"))) or ""
+    told = ast.get_docstring(ast.parse(code_of(module_of(path.stem)))) or ""
     return told.partition("\n\n")[0].replace("\n", " ")
 
 

@@ -21,7 +21,7 @@ from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, Literal, NamedTuple, TypeAlias
+from typing import Any, ClassVar, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 from jaxtyping import Float
@@ -101,7 +101,7 @@ class Stack:
             else coats
         )
 
-    geometry = former_attribute("geometry", "instrument")
+    geometry: ClassVar[property] = former_attribute("geometry", "instrument")
 
     @property
     def seen_by(self) -> Geometry:

@@ -15,7 +15,7 @@ import operator
 from collections.abc import Sequence
 from importlib import import_module
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, ClassVar, Literal
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -471,8 +471,8 @@ class Glaze(eqx.Module):
         constant = index.ndim == 0 and isinstance(index, np.ndarray)
         self.refractive_index = float(index) if constant else as_float_array(index)
 
-    layers = former_attribute("layers", "coats")
-    substrate = former_attribute("substrate", "ground")
+    layers: ClassVar[property] = former_attribute("layers", "coats")
+    substrate: ClassVar[property] = former_attribute("substrate", "ground")
 
     @property
     def wavelengths(self) -> Float[np.ndarray, "bands"]:
