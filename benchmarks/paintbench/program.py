@@ -52,7 +52,10 @@ class FamilyCatalogue:
         seen = np.isfinite(sought.readings).all(axis=0)
         # Bands are no finer than exemplars are known.
         bands = np.flatnonzero(seen & (GRID % 10 == 0))
-        search = self._search(bands)
+        try:
+            search = self._search(bands)
+        except ValueError:  # Too few exemplars are left: nothing can be named.
+            return [Answer(ranked=(), doubt=np.inf, refused=True)] * len(sought)
         unknown = np.zeros((len(sought), len(search.families)), dtype=bool)
         for row, family in enumerate(hidden):
             if family in search.families:

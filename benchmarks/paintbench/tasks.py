@@ -27,6 +27,8 @@ LARGEST_GROUP = 4
 """Families that an answer may name together where spectra cannot tell them, and still be right."""
 BINS = 10
 """Of stated probabilities."""
+LEAST_BANDS = 10
+"""A source that has fewer in a task's range takes no part in it."""
 
 # Grid on which mixtures are foretold, nm; grids finer than it are averaged.
 _MIX_GRID = np.arange(420.0, 981.0, 20.0)
@@ -162,7 +164,7 @@ def run_names(sources: Sequence[Source], namers: Sequence[Namer], record: Record
                 bands = within(limits)
                 sought = pure_table([source]).within(bands)
                 sought = sought.take(_tests(sought))
-                if not len(sought):
+                if not len(sought) or seen_bands(sought) < LEAST_BANDS:
                     continue
                 learner = _whole_grid(namer, library, bands)
                 _pigment(task, source, learner, library, _blank(sought, bands), record)
@@ -170,6 +172,11 @@ def run_names(sources: Sequence[Source], namers: Sequence[Namer], record: Record
                     _none(source, learner, library, _blank(sought, bands), record)
                     _mixture(source, learner, library, bands, record)
     record.score_calibration()
+
+
+def seen_bands(table: Table) -> int:
+    """Bands that all samples of a table were read at."""
+    return int(finite_columns([table.readings]).sum())
 
 
 def _whole_grid(namer: Namer, library: Table, bands: Bool[np.ndarray, "bands"]) -> Namer:
