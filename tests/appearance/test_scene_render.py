@@ -311,6 +311,8 @@ def test_measured_lamps(tmp_path):
         lamp_on_bands(np.arange(450.0, 551.0, 10), np.ones(11), GRID)
     with pytest.raises(ValueError, match="power above 0"):
         lamp_on_bands(np.arange(300.0, 800.0, 10), np.zeros(50), GRID)
+    with pytest.raises(ValueError, match=r"power of 1e\+308, where sums overflow"):
+        lamp_on_bands(np.arange(300.0, 800.0, 10), np.full(50, 1e308), GRID)
 
 
 def test_pictures_and_spectra_are_written(tmp_path, rendered):

@@ -106,6 +106,8 @@ def lamp(name: str, wavelengths: Grid, strength: float = 1.0) -> Float[np.ndarra
 
 # A lamp at every nanometre takes some kilobytes, and NumPy's reader a hundred times a file's size.
 _MAX_FILE = 1 << 20
+# Of a lamp, in its own unit: beyond it sums over bands leave the range of numbers.
+_MOST_POWER = 1e250
 
 
 def measured_lamp(
@@ -190,6 +192,10 @@ def lamp_on_bands(
         )
     if not np.all(values >= 0) or not np.any(values > 0):
         raise ValueError(f"{words} must have power above 0 and nowhere below, not {values.min():g}")
+    if values.max() > _MOST_POWER:
+        raise ValueError(
+            f"{words} has a power of {values.max():g}, where sums overflow; give it in another unit"
+        )
     steps = np.diff(grid) if grid.size > 1 else np.array([1.0])
     # The outermost bands reach outwards as far as inwards; there the lamp's last value is repeated
     # if need be.
