@@ -217,10 +217,10 @@ class Classifier:
 
     def _fit(self, library: Table, sought: Table) -> tuple[Any, Bool[np.ndarray, "bands"]]:
         """A model for the bands that the sought readings have and enough of the library, too."""
-        from sklearn.decomposition import PCA
-        from sklearn.linear_model import LogisticRegression
-        from sklearn.pipeline import make_pipeline
-        from sklearn.preprocessing import StandardScaler
+        from sklearn.decomposition import PCA  # pyright: ignore[reportMissingImports]
+        from sklearn.linear_model import LogisticRegression  # pyright: ignore[reportMissingImports]
+        from sklearn.pipeline import make_pipeline  # pyright: ignore[reportMissingImports]
+        from sklearn.preprocessing import StandardScaler  # pyright: ignore[reportMissingImports]
 
         learnt = library.take(np.isin(library.families, known_families(library)))
         bands = finite_columns([sought.readings])
