@@ -2,11 +2,12 @@
 
 import json
 import shutil
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from benchmarks.paintbench import namers, sources, splits, tasks
-from benchmarks.paintbench.library import pure_table
+from benchmarks.paintbench.library import Answer, pure_table
 from benchmarks.paintbench.mixers import AbsorbanceUnmixing, KubelkaMunk, Mixtures
 from benchmarks.paintbench.spectra import GRID, absorbance, cosine_distance, on_grid, slopes
 
@@ -152,6 +153,22 @@ def test_scores_against_their_closed_forms():
     assert tasks.area_under_curve(np.array([2.0, 3.0]), np.array([0.0, 2.0])) == 0.875
     low, high = tasks.interval(0.5, 100)
     assert (low, high) == (pytest.approx(0.4038, abs=1e-4), pytest.approx(0.5962, abs=1e-4))
+
+
+def test_what_is_stated_sums_over_whites_that_do_not_count():
+    answer = Answer(
+        ranked=(
+            (("azurite",), ("lead white", "chalk")),
+            (("malachite",),),
+            (("azurite",),),
+        ),
+        chances=(0.5, 0.3, 0.1),
+        doubt=0.1,
+        refused=False,
+    )
+    assert tasks.stated_chance(answer) == pytest.approx(0.6)
+    white = replace(answer, ranked=((("chalk",),), (("lead white",),), (("chalk",), ("gypsum",))))
+    assert tasks.stated_chance(white) == pytest.approx(0.6)
 
 
 def test_slopes_do_not_see_a_level_and_bands_that_lack_are_left_out():

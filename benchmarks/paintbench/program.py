@@ -10,10 +10,12 @@ from jaxtyping import Bool, Float, Int
 from benchmarks.kubelka_munk import KubelkaMunk
 from glazefit import Films, Identification, identify, predict_mixture, recover_jointly
 from glazefit.film.films import Instrument
+from glazefit.film.model.errors import Prior
 from glazefit.film.model.response import Response, film_response
 from glazefit.identify.families.groups import FamilySet
 from glazefit.identify.families.naming import name_sets
-from glazefit.identify.families.search import FamilySearch, search_families
+from glazefit.identify.families.search import FamilySearch
+from glazefit.identify.families.set_up import UNKNOWN, search_families
 from glazefit.recover.crossvalidation import cross_validate
 from glazefit.recover.joint import UNIT
 from glazefit.recover.prediction import Prediction, predict_films
@@ -30,6 +32,8 @@ _KEPT = 6
 # Thickness that hides the ground, m, in the joint fit's own unit of 25 micrometres.
 _THICK = 5e-3
 _INSTRUMENT = "45:0"
+# What is expected of a sample that is said to be of two paints.
+_OF_TWO = Prior(sizes=(0.02, 0.95, 0.03), unknown=UNKNOWN)
 # Catalogue -> the source that it was made from.
 _MADE_FROM = {"oils": "revigo", "acrylics": "golden"}
 
@@ -43,7 +47,7 @@ class FamilyCatalogue:
         """Choose the exemplars whose source may be learnt from, and the bands that are there."""
         groups = set(library.groups.tolist())
         self._pigments = [p for p in catalogue.load("pigments").values() if p.source in groups]
-        self._searches: dict[bytes, FamilySearch] = {}
+        self._searches: dict[tuple[bytes, bool], FamilySearch] = {}
 
     def answer(self, sought: Table, hidden: Sequence[str | None], pairs: bool) -> list[Answer]:
         """Sets of families of films that are said to hide their ground; groups of families where
@@ -53,7 +57,7 @@ class FamilyCatalogue:
         # Bands are no finer than exemplars are known.
         bands = np.flatnonzero(seen & (GRID % 10 == 0))
         try:
-            search = self._search(bands)
+            search = self._search(bands, pairs)
         except ValueError:  # Too few exemplars are left: nothing can be named.
             return [Answer(ranked=(), doubt=np.inf, refused=True)] * len(sought)
         unknown = np.zeros((len(sought), len(search.families)), dtype=bool)
@@ -62,21 +66,24 @@ class FamilyCatalogue:
                 unknown[row, search.families.index(family)] = True
         odds = search.odds(sought.readings[:, bands], hidden=unknown)
         return [
-            self._answer(name_sets(search, chances), float(none))
-            for chances, none in zip(odds.sets, odds.none, strict=True)
+            self._answer(name_sets(search, chances), float(none), bool(unlike) or none >= 0.5)
+            for chances, none, unlike in zip(odds.sets, odds.none, odds.unlike, strict=True)
         ]
 
-    def _search(self, bands: Int[np.ndarray, "bands"]) -> FamilySearch:
-        key = bands.tobytes()
+    def _search(self, bands: Int[np.ndarray, "bands"], pairs: bool) -> FamilySearch:
+        key = (bands.tobytes(), pairs)
         if key not in self._searches:
             self._searches[key] = search_families(
-                GRID[bands], self._pigments, opaque=True, instrument=_INSTRUMENT
+                GRID[bands],
+                self._pigments,
+                opaque=True,
+                instrument=_INSTRUMENT,
+                prior=_OF_TWO if pairs else None,
             )
         return self._searches[key]
 
     @staticmethod
-    def _answer(found: Sequence[FamilySet], none: float) -> Answer:
-        best = found[:_KEPT]
+    def _answer(found: Sequence[FamilySet], none: float, refused: bool) -> Answer:
         return Answer(
             ranked=tuple(
                 tuple(
@@ -85,11 +92,11 @@ class FamilyCatalogue:
                     else (name,)
                     for name in answer.families
                 )
-                for answer in best
+                for answer in found
             ),
-            chances=tuple(answer.probability for answer in best),
+            chances=tuple(answer.probability for answer in found),
             doubt=none,
-            refused=none > 0.5,
+            refused=refused,
         )
 
 

@@ -211,7 +211,7 @@ def _pigment(
     for answer, truth, sample in zip(answers, truths, sought.samples, strict=True):
         right = bool(answer.ranked) and is_right(answer.ranked[0], truth)
         if answer.chances and task == "pigment":
-            record.state(source.name, namer.name, answer.chances[0], right)
+            record.state(source.name, namer.name, stated_chance(answer), right)
         if not right or answer.refused:
             record.fail(
                 Failure(
@@ -223,6 +223,25 @@ def _pigment(
                     answer=words_of(answer),
                 )
             )
+
+
+def stated_chance(answer: Answer) -> float:
+    """Probability that a method states for what the first set is right or wrong by: its coloured
+    families, whatever whites, extenders and blacks are with them; of a set without any, its first.
+    """
+    wanted = _what_counts(answer.ranked[0])
+    return float(
+        sum(
+            chance
+            for sets, chance in zip(answer.ranked, answer.chances, strict=True)
+            if _what_counts(sets) == wanted
+        )
+    )
+
+
+def _what_counts(sets: Sequence[Sequence[str]]) -> tuple[tuple[str, ...], ...]:
+    with_colour = [tuple(names) for names in sets if not set(names) <= COLOURLESS]
+    return tuple(sorted(with_colour)) if with_colour else tuple(map(tuple, sets[:1]))
 
 
 def words_of(answer: Answer) -> str:

@@ -12,8 +12,17 @@ from hypothesis import strategies as st
 
 from glazefit import identify
 from glazefit.film.model.response import film_response
-from glazefit.identify.families import evidence, features, metric, naming, search, templates
+from glazefit.identify.families import (
+    calibration,
+    evidence,
+    features,
+    metric,
+    naming,
+    set_up,
+    templates,
+)
 from glazefit.identify.families.groups import COLOURLESS, GROUPS, group_of
+from glazefit.identify.families.sureness import WORTHLESS, Sureness
 from glazejax import Pigment, catalogue, stack_reflectance_factor
 
 GRID = np.arange(420.0, 691.0, 10.0)
@@ -60,11 +69,25 @@ def test_slopes_of_absorbance_do_not_see_a_factor(factor, seed):
     assert other[-1] - one[-1] == pytest.approx(-np.log(factor), abs=1e-9)
 
 
+@settings(max_examples=30, deadline=None)
+@given(st.floats(0.3, 3.0), st.integers(0, 2**32 - 1))
+def test_a_thinner_coat_keeps_its_shape(thickness, seed):
+    """-log R of a coat without scattering over white is in proportion to its thickness."""
+    absorbance = np.random.default_rng(seed).uniform(0.1, 1.4, GRID.size)
+    steps = GRID.size - 1
+    one = features.features(GRID, np.exp(-absorbance))
+    other = features.features(GRID, np.exp(-thickness * absorbance))
+    assert other[:steps] == pytest.approx(thickness * one[:steps], abs=1e-9)
+    shape = slice(2 * steps, 3 * steps)
+    assert other[shape] == pytest.approx(one[shape], abs=0.02)
+    assert np.sum(other[shape] ** 2) == pytest.approx(1.0, abs=0.1)
+
+
 def test_no_slope_reaches_over_a_gap():
     grid = np.array([400.0, 410.0, 420.0, 600.0, 610.0, 620.0])
     reading = np.array([0.2, 0.3, 0.4, 0.9, 0.8, 0.7])
     found = features.features(grid, reading)
-    assert found.size == 2 * 4 + 1
+    assert found.size == 4 * 4 + 1
     assert found[:4] == pytest.approx(-np.diff(np.log(reading))[[0, 1, 3, 4]])
 
 
@@ -133,7 +156,7 @@ def test_exemplars_that_do_not_know_a_band_are_missing_there(shelf):
 
 @pytest.fixture(scope="module")
 def found_search(others):
-    return search.search_families(GRID, others, opaque=True, instrument="45:0")
+    return set_up.search_families(GRID, others, opaque=True, instrument="45:0")
 
 
 def test_probabilities_are_probabilities(found_search):
@@ -157,13 +180,82 @@ def test_a_hidden_family_is_in_no_answer(found_search):
 
 
 def test_exemplars_of_a_source_that_is_left_out_are_not_compared(found_search):
-    readings, rows = search._exemplars_as_readings(found_search)
+    readings, rows = calibration._exemplars_as_readings(found_search)
     own = found_search.source_of[rows[:5]]
     seen = found_search._evidence(readings[:5], own)
     members = np.concatenate([one.templates.members for one in found_search.ranges])
     of_members = np.append(found_search.source_of, -1)[members]
     for row, source in enumerate(own):
         assert np.isneginf(seen[row, (of_members == source).any(axis=1)]).all()
+
+
+def test_power_and_sharpness_undo_what_is_too_sure():
+    """Evidence that was made three times too strong comes out three times weaker."""
+    rng = np.random.default_rng(5)
+    truth = rng.integers(0, 4, 4000)
+    right = np.eye(4, dtype=bool)[truth]
+    honest = rng.normal(0.0, 1.0, (4000, 4)) + 2.0 * right
+    # Two normal densities one apart by two: the log of their ratio is two times the reading.
+    log_sets = {1.0: 3.0 * 2.0 * honest, 0.33: 2.0 * honest}
+    found = calibration.learn_power(log_sets, np.zeros(4), right, np.ones(4000))
+    assert found.power == 0.33
+    assert found.sharpness == 1.0
+    stated = found.share(log_sets[0.33], np.zeros((1, 4))).max(axis=1)
+    first = log_sets[0.33].argmax(axis=1) == truth
+    assert stated.mean() == pytest.approx(first.mean(), abs=0.02)
+
+
+def test_none_is_stated_as_often_as_it_is_true():
+    """Of two normal densities, 1 apart, the log odds are a line of slope 1 through the middle."""
+    rng = np.random.default_rng(6)
+    known = rng.normal(1.0, 1.0, 20000)
+    foreign = rng.normal(0.0, 1.0, 20000)
+    weights = np.ones(20000)
+    slope, intercept, least = calibration.learn_none(known, foreign, (weights, weights))
+    assert slope == pytest.approx(1.0, abs=0.05)
+    assert intercept == pytest.approx(-0.5, abs=0.05)
+    assert np.mean(known < least) == pytest.approx(calibration.FALSE_ALARMS, abs=1e-3)
+    sure = Sureness(slope=slope, intercept=intercept, least=least)
+    middle = np.array([[0.5]])
+    assert sure.none(middle, 0.5)[0] == pytest.approx(0.5, abs=0.02)
+    assert sure.none(middle, 0.1)[0] == pytest.approx(0.1, abs=0.02)
+    assert sure.is_unlike(np.array([[least - 0.01], [least + 0.01]])).tolist() == [True, False]
+
+
+def test_evidence_is_sometimes_worthless():
+    log_sets = np.array([[500.0, 0.0, -np.inf]])
+    shares = Sureness().share(log_sets, np.log([[0.2, 0.2, 0.6]]))
+    assert shares.sum() == pytest.approx(1.0)
+    assert shares[0, 1] == pytest.approx(WORTHLESS / 2)
+    assert shares[0, 2] == 0.0
+
+
+def test_few_known_exemplars_are_refused(found_search):
+    """Of sources that leave most of the exemplars, each sought without its own."""
+    readings, rows = calibration._exemplars_as_readings(found_search)
+    shared = np.array(
+        [
+            bool(
+                (
+                    (found_search.family_of == found_search.family_of[row])
+                    & (found_search.source_of != found_search.source_of[row])
+                ).any()
+            )
+            for row in rows
+        ]
+    )
+    left = np.array([np.mean(found_search.source_of != n) for n in found_search.source_of[rows]])
+    shared &= left > 0.5
+    odds = found_search.odds(readings[shared], sources=found_search.source_of[rows[shared]])
+    assert 0 < odds.unlike.mean() < 0.15
+
+
+def test_exemplars_of_one_source_teach_no_sureness(shelf):
+    own = [paint for paint in shelf if paint.source == "hyppigments"]
+    found = set_up.search_families(GRID, own, opaque=True, max_paints=1)
+    assert found.sureness == calibration._UNTAUGHT
+    odds = found.odds(calibration._exemplars_as_readings(found)[0][:3])
+    assert np.isfinite(odds.sets).all()
 
 
 @pytest.mark.parametrize(

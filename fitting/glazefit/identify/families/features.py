@@ -12,6 +12,8 @@ from jaxtyping import Bool, Float
 
 BRIGHTEST, DARKEST = 0.995, 0.008
 """Readings are taken to lie within these: what is darker is the surface's reflection or noise."""
+# Slopes of this length together are hardly a shape: a white's or a black's.
+_FLAT = 0.1
 # Neighbouring bands further apart than this many usual steps have a gap between them.
 _GAP = 1.7
 
@@ -27,8 +29,8 @@ def bounded(readings: Float[np.ndarray, "*n bands"]) -> Float[np.ndarray, "*n ba
 def features(
     wavelengths: Float[np.ndarray, "bands"], readings: Float[np.ndarray, "*n bands"]
 ) -> Float[np.ndarray, "*n features"]:
-    """Slopes of -log R, then of log K/S, each between neighbouring bands; last -log R of the
-    brightest band.
+    """Slopes of -log R, then of log K/S, each between neighbouring bands; the same brought to one
+    length, which a tint and a thin coat leave as it is; last -log R of the brightest band.
 
     Args:
         wavelengths: (bands,), nm, ascending; there may be gaps.
@@ -41,10 +43,17 @@ def features(
     # (1 - R)^2 / 2 R, Kubelka and Munk's K/S of a film that hides its ground.
     ratio = np.log((1.0 - values) ** 2 / (2.0 * values))
     slopes = [_slopes(absorbance, near), _slopes(ratio, near)]
-    return np.concatenate([*slopes, absorbance.min(axis=-1, keepdims=True)], axis=-1)
+    shapes = [_shape(values) for values in slopes]
+    return np.concatenate([*slopes, *shapes, absorbance.min(axis=-1, keepdims=True)], axis=-1)
 
 
 def _slopes(
     values: Float[np.ndarray, "*n bands"], near: Bool[np.ndarray, "steps"]
 ) -> Float[np.ndarray, "*n slopes"]:
     return np.diff(values, axis=-1)[..., near]
+
+
+def _shape(slopes: Float[np.ndarray, "*n slopes"]) -> Float[np.ndarray, "*n slopes"]:
+    """Slopes of one length, but that slopes without any shape stay small."""
+    length = np.sqrt(np.sum(slopes**2, axis=-1, keepdims=True) + _FLAT**2)
+    return np.asarray(slopes / length)

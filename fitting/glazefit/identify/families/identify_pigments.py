@@ -22,7 +22,8 @@ from ..search.searcher import check_spectra
 from ..search.task import Measured
 from .evidence import log_odds_of_elements
 from .naming import name_sets
-from .search import FamilyOdds, FamilySearch, search_families
+from .search import FamilyOdds, FamilySearch
+from .set_up import search_families
 from .templates import usual_thickness
 
 STEP = 10.0
@@ -139,7 +140,7 @@ def _search(
             instrument=instrument,
             prior=prior,
             max_paints=min(options.max_paints, 2),
-            sureness=(alike[0].power, alike[0].bias) if alike and ground is not None else None,
+            sureness=alike[0].sureness if alike and ground is not None else None,
         )
     search = _SEARCHES[key]
     if options.elements or options.without_elements:
@@ -201,8 +202,8 @@ def _identification(
         probability=probability,
         none=odds.none,
         misfit=-odds.evidence,
-        # Other people's paint differs by eye from every exemplar; 'none' alone decides.
-        rejected=np.zeros(shape, dtype=bool),
+        # Other people's paint differs by eye from every exemplar; the evidence decides.
+        rejected=np.broadcast_to(odds.unlike[:, None], shape).copy(),
         paint_probability=np.minimum(paint_probability, 1.0),
         gloss=np.ones(shape),
         fitted=fitted,

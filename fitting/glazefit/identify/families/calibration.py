@@ -1,0 +1,202 @@
+"""How sure a search may be, learnt from its own exemplars: each is sought among those of other
+sources, once with its family and once without.
+"""
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+from scipy.optimize import minimize
+
+from .groups import COLOURLESS, group_of
+from .search import FamilySearch
+from .sureness import Sureness, log_sum
+
+POWERS = (0.15, 0.2, 0.25, 0.33, 0.5, 0.75)
+"""Powers within a set that are tried."""
+SHARPNESSES = (0.8, 1.0, 1.15, 1.3, 1.5, 1.75, 2.0)
+"""Powers between sets that are tried."""
+# Where no two sources share a family: the power that is learnt as a rule.
+_UNTAUGHT = Sureness(power=0.33)
+FALSE_ALARMS = 0.05
+"""Share of paints of a known family that are said to be of none."""
+# The slope of 'none' is pulled to one by a Gaussian of this width.
+_SLOPE_SD = 1.0
+# Exemplars of a source's family that are sought while it is learnt how sure a search may be.
+_SOUGHT = 4
+
+
+def calibrate(search: FamilySearch) -> FamilySearch:
+    """The same search, as sure as what is said of its exemplars comes true: each is sought among
+    those of other sources, with its family and without.
+    """
+    readings, rows = _exemplars_as_readings(search)
+    kept = _few_of_each(search.source_of[rows], search.family_of[rows])
+    readings = readings[kept]
+    rows = rows[kept]
+    sources = search.source_of[rows]
+    truth = search.family_of[rows]
+    others = np.array(
+        [
+            bool(((search.family_of == family) & (search.source_of != source)).any())
+            for family, source in zip(truth, sources, strict=True)
+        ]
+    )
+    if not others.any():  # Of a family by one hand nothing can be learnt.
+        return replace(search, sureness=_UNTAUGHT)
+    hidden = np.zeros((len(rows), len(search.families)), bool)
+    hidden[np.arange(len(rows)), truth] = True
+    without = search._is_hidden(hidden)
+    named = _right_sets(search)[truth]
+    each = _weights(search, sources, truth)
+
+    # A few readings at a time: log odds of all sets at each power.
+    step = search.chunk
+    pieces: dict[float, list[np.ndarray]] = {power: [] for power in POWERS}
+    for start in range(0, len(readings), step):
+        evidence = search._evidence(readings[start : start + step], sources[start : start + step])
+        for power in POWERS:
+            pieces[power].append(search._sum_by_set(evidence, power)[0] + search.log_prior)
+    log_sets = {power: np.concatenate(parts) for power, parts in pieces.items()}
+
+    # First how sure one set is beside others, among paints whose family is there.
+    sureness = learn_power(
+        {power: whole[others] for power, whole in log_sets.items()},
+        search.log_prior,
+        named[others],
+        each[others],
+    )
+    # Then how probable none is, with the family and without.
+    whole = log_sets[sureness.power]
+    slope, intercept, least = learn_none(
+        log_sum(whole[others]),
+        log_sum(np.where(without, -np.inf, whole)),
+        (each[others], each),
+    )
+    sureness = replace(sureness, slope=slope, intercept=intercept, least=least)
+    return replace(search, sureness=sureness)
+
+
+def learn_power(
+    log_sets: Mapping[float, Float[np.ndarray, "readings sets"]],
+    log_prior: Float[np.ndarray, "sets"],
+    right: Bool[np.ndarray, "readings sets"],
+    weights: Float[np.ndarray, "readings"],
+) -> Sureness:
+    """Power with the best mean log probability of the truth, then sharpness with the same.
+
+    Args:
+        log_sets: power -> log evidence of each set, with its prior.
+        log_prior: of the sets.
+        right: which sets name the truth.
+        weights: of the readings.
+    """
+
+    def score(choice: Sureness) -> float:
+        shares = choice.share(log_sets[choice.power], log_prior[None])
+        return float(weights @ np.log(np.sum(shares * right, axis=1)))
+
+    best = max((Sureness(power=power) for power in log_sets), key=score)
+    return max((replace(best, sharpness=sharpness) for sharpness in SHARPNESSES), key=score)
+
+
+def learn_none(
+    with_family: Float[np.ndarray, "known"],
+    without: Float[np.ndarray, "readings"],
+    weights: tuple[Float[np.ndarray, "known"], Float[np.ndarray, "readings"]],
+) -> tuple[float, float, float]:
+    """Slope and intercept of the log odds of 'one of the families' over the log evidence, by
+    logistic regression in which both halves count alike; and the evidence that all but a few
+    readings of a known family exceed.
+
+    Args:
+        with_family: log evidence of readings whose family is there.
+        without: of readings whose family was taken out.
+        weights: of both.
+    """
+    evidence = np.concatenate([with_family, without])
+    is_known = np.concatenate([np.ones(with_family.size), np.zeros(without.size)])
+    each = np.concatenate([w / np.sum(w) for w in weights])
+
+    def loss(line: Float[np.ndarray, "2"]) -> float:
+        odds = line[0] * evidence + line[1]
+        misfit = np.sum(each * np.logaddexp(0.0, np.where(is_known > 0, -odds, odds)))
+        return float(misfit + 0.5 * ((line[0] - 1.0) / _SLOPE_SD) ** 2 / evidence.size)
+
+    found = minimize(loss, np.array([1.0, 0.0]), method="BFGS").x
+    order = np.argsort(with_family)
+    below = np.cumsum(weights[0][order]) / np.sum(weights[0])
+    least = float(with_family[order][np.searchsorted(below, FALSE_ALARMS)])
+    # More evidence never speaks for 'none'.
+    return max(float(found[0]), 0.0), float(found[1]), least
+
+
+def _right_sets(search: FamilySearch) -> Bool[np.ndarray, "families sets"]:
+    """Which sets name a pure paint of each family rightly: by its group, whatever colourless family
+    stands beside a coloured one.
+    """
+    groups = [
+        {group_of(search.families[member]) for member in row if member >= 0}
+        for row in search.members
+    ]
+    out = np.zeros((len(search.families), len(groups)), dtype=bool)
+    for number, family in enumerate(search.families):
+        own = group_of(family)
+        for column, named in enumerate(groups):
+            coloured = named - COLOURLESS
+            out[number, column] = (
+                own in named and not coloured if own in COLOURLESS else coloured == {own}
+            )
+    return out
+
+
+def _few_of_each(
+    sources: Int[np.ndarray, "exemplars"], families: Int[np.ndarray, "exemplars"]
+) -> Int[np.ndarray, "kept"]:
+    """Exemplars of each source's families, evenly through their order, at most some of each."""
+    kept: list[int] = []
+    for pair in sorted(set(zip(sources.tolist(), families.tolist(), strict=True))):
+        own = np.flatnonzero((sources == pair[0]) & (families == pair[1]))
+        places = np.linspace(0, len(own) - 1, min(len(own), _SOUGHT)).round().astype(int)
+        kept += own[places].tolist()
+    return np.array(sorted(kept))
+
+
+def _weights(
+    search: FamilySearch, sources: Int[np.ndarray, "readings"], truth: Int[np.ndarray, "readings"]
+) -> Float[np.ndarray, "readings"]:
+    """Each source counts by the share of the exemplars that are left without it: where most are
+    gone, little is learnt of how sure all of them make. In a source each family counts alike.
+    """
+    of_family = np.array(
+        [
+            np.sum((sources == source) & (truth == family))
+            for source, family in zip(sources, truth, strict=True)
+        ]
+    )
+    share = 1.0 / of_family
+    of_source = np.array([share[sources == source].sum() for source in sources])
+    left = np.array([np.mean(search.source_of != source) for source in sources])
+    return left * share / of_source
+
+
+def _exemplars_as_readings(
+    search: FamilySearch,
+) -> tuple[Float[np.ndarray, "exemplars bands"], Int[np.ndarray, "exemplars"]]:
+    """One film of each exemplar, on all bands; where it is not known, as its last known band."""
+    rows = []
+    readings = []
+    for one in search.ranges:
+        pure = one.templates.members[:, 1] < 0
+        for exemplar in np.unique(one.templates.members[pure, 0]):
+            row = np.flatnonzero(pure & (one.templates.members[:, 0] == exemplar))[0]
+            filled = np.full(search.wavelengths.size, np.nan)
+            filled[one.bands] = one.templates.readings[row]
+            seen = np.isfinite(filled)
+            rows.append(int(exemplar))
+            readings.append(
+                np.interp(search.wavelengths, search.wavelengths[seen], filled[seen])
+                + search.surface
+            )
+    return np.array(readings), np.array(rows)

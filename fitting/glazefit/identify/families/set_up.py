@@ -1,0 +1,271 @@
+"""Setting up a search among families: computed films of all exemplars and of their mixtures, on the
+bands of the readings, and how far paints of one family are apart.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from glazejax import Pigment
+from glazejax.geometry import Geometry, Instrument, resolve_instrument
+
+from ...film.model.errors import Prior
+from ...film.model.response import FilmResponse, film_response
+from ..search.pool import NOBODY
+from .calibration import calibrate
+from .features import features
+from .metric import learn_metric
+from .search import FamilySearch, Range
+from .sureness import Sureness
+from .templates import Templates, coefficients, mixed_templates, pure_templates
+
+UNKNOWN = 0.1
+"""Probability beforehand that a paint is of none of the catalogue's families: they are most that
+were ever painted with.
+"""
+# Shares of the exemplars that must know a band, for the narrowest and for a wider range, and the
+# fewest that make a range of their own.
+_NARROW, _WIDE, _FEWEST = 0.985, 0.45, 25
+
+
+def search_families(
+    wavelengths: Float[np.ndarray, "bands"],
+    pigments: Sequence[Pigment],
+    *,
+    opaque: bool = False,
+    ground: Float[np.ndarray, "bands"] | None = None,
+    instrument: Instrument | Geometry | str | None = None,
+    prior: Prior | None = None,
+    max_paints: int = 2,
+    sureness: Sureness | None = None,
+) -> FamilySearch:
+    """A search among the families of some exemplars, for an instrument and a kind of film.
+
+    Args:
+        wavelengths: of the readings, (bands,), nm, ascending; there may be gaps.
+        pigments: exemplars, each with a family and a source.
+        opaque: the films hide their ground.
+        ground: internal reflectance below films that do not, (bands,).
+        instrument: as for `glazefit.identify`.
+        prior: how probable films of one and of two pigments are, and of none of the families.
+        max_paints: 1 or 2.
+        sureness: of another search among the same exemplars, over another ground; by default it
+            is learnt.
+
+    Raises:
+        ValueError: no two exemplars of a family cover the readings' bands, or neither a ground nor
+            `opaque`.
+    """
+    if (ground is None) != opaque:
+        raise ValueError("what is under the paint? Give ground, or opaque=True")
+    seen_by = resolve_instrument(instrument)
+    expected = prior or Prior(unknown=UNKNOWN)
+    return set_up(
+        wavelengths,
+        pigments,
+        film_response(seen_by.geometry, seen_by.refractive_index),
+        surface=seen_by.seen_surface,
+        ground=ground,
+        sizes=expected.sizes,
+        unknown=expected.unknown,
+        max_paints=max_paints,
+        sureness=sureness,
+    )
+
+
+def set_up(
+    wavelengths: Float[np.ndarray, "bands"],
+    pigments: Sequence[Pigment],
+    response: FilmResponse,
+    *,
+    surface: float,
+    ground: Float[np.ndarray, "bands"] | None,
+    sizes: Sequence[float],
+    unknown: float,
+    max_paints: int = 2,
+    sureness: Sureness | None = None,
+) -> FamilySearch:
+    """A search that knows how much paints of one family differ, and how sure it may be.
+
+    Args:
+        wavelengths: of the readings, (bands,), nm.
+        pigments: exemplars, each with a family and a source.
+        response: of the instrument.
+        surface: what the outer surface adds to its readings.
+        ground: internal reflectance below the films, (bands,), or None for films that hide it.
+        sizes: how probable films of one and of two pigments are.
+        unknown: how probable it is that it is none of the families.
+        max_paints: 1 or 2.
+        sureness: by default learnt (`calibrate`).
+
+    Raises:
+        ValueError: no two exemplars of a family cover the readings' bands.
+    """
+    families = tuple(sorted({pigment.family for pigment in pigments}, key=str.casefold))
+    sources = tuple(sorted({pigment.source for pigment in pigments}))
+    family_of = np.array([families.index(pigment.family) for pigment in pigments])
+    source_of = np.array([sources.index(pigment.source) for pigment in pigments])
+    known = coefficients(pigments, wavelengths)
+    members, number_of = _sets(len(families), max_paints)
+
+    # In each range a metric of its own, from all exemplars that know its bands.
+    ranges = [
+        _set_up_range(
+            wavelengths[bands],
+            known[:, :, bands],
+            bands=bands,
+            own=own,
+            family_of=family_of,
+            number_of=number_of,
+            response=response,
+            ground=None if ground is None else ground[bands],
+            mixed=max_paints > 1,
+        )
+        for bands, own in _ranges(np.isfinite(known[0]))
+    ]
+
+    # Sets without a template, two families that no exemplars share bands of, take no part.
+    used = np.unique(np.concatenate([one.sets for one in ranges]))
+    renumbered = np.full(len(members), -1)
+    renumbered[used] = np.arange(len(used))
+    search = FamilySearch(
+        wavelengths=wavelengths,
+        families=families,
+        exemplars=tuple(pigments),
+        family_of=family_of,
+        source_of=source_of,
+        members=members[used],
+        log_prior=_log_prior(members[used], sizes[:max_paints]),
+        unknown=unknown,
+        ranges=tuple(replace(one, sets=renumbered[one.sets]) for one in ranges),
+        surface=surface,
+        sureness=sureness or Sureness(),
+    )
+    return search if sureness is not None else calibrate(search)
+
+
+def _set_up_range(
+    wavelengths: Float[np.ndarray, "bands"],
+    known: Float[np.ndarray, "2 exemplars bands"],
+    *,
+    bands: Bool[np.ndarray, "all_bands"],
+    own: Bool[np.ndarray, "exemplars"],
+    family_of: Int[np.ndarray, "exemplars"],
+    number_of: Int[np.ndarray, "families families"],
+    response: FilmResponse,
+    ground: Float[np.ndarray, "bands"] | None,
+    mixed: bool,
+) -> Range:
+    """Metric and templates of one range.
+
+    Args:
+        wavelengths: of its bands.
+        known: k and s of all exemplars there, NaN where they are not known.
+        bands: of the readings.
+        own: exemplars that know no wider range, whose films are this one's.
+        family_of: number of each exemplar's family.
+        number_of: of a set, by its families.
+        response: of the instrument.
+        ground: below the films, or None.
+        mixed: whether films of two families are tried.
+    """
+    pure = pure_templates(known, response, ground)
+    pure = pure.take(np.flatnonzero(np.isfinite(pure.readings).all(axis=1)))
+    values = features(wavelengths, pure.readings)
+
+    # One spectrum of each paint teaches how far paints are apart.
+    exemplars, first = np.unique(pure.members[:, 0], return_index=True)
+    metric = learn_metric(values[first], family_of[exemplars], exemplars)
+
+    parts = [pure.take(np.flatnonzero(own[pure.members[:, 0]]))]
+    if mixed:
+        both = mixed_templates(
+            known[:, exemplars],
+            family_of[exemplars],
+            metric.place(values[first]),
+            response,
+            ground,
+        )
+        both = replace(both, members=exemplars[both.members])
+        # Where both know more bands their mixture is a wider range's.
+        parts.append(both.take(np.flatnonzero(own[both.members].any(axis=1))))
+    templates = _joined(parts)
+    families = np.sort(np.append(family_of, NOBODY)[templates.members], axis=1)
+    return Range(
+        bands=bands,
+        metric=metric,
+        templates=templates,
+        places=metric.place(features(wavelengths, templates.readings)),
+        sets=number_of[families[:, 0], families[:, 1]],
+    )
+
+
+def _log_prior(
+    members: Int[np.ndarray, "sets 2"], sizes: Sequence[float]
+) -> Float[np.ndarray, "sets"]:
+    """Log probability of each set beforehand: all of one size alike."""
+    of_size = (members >= 0).sum(axis=1)
+    shares = np.asarray(sizes, dtype=float)
+    shares /= shares.sum()
+    counts = np.bincount(of_size, minlength=len(shares) + 1)[1:]
+    return np.log(shares / np.maximum(counts, 1))[of_size - 1]
+
+
+def _joined(parts: Sequence[Templates]) -> Templates:
+    return Templates(
+        members=np.concatenate([part.members for part in parts]),
+        fractions=np.concatenate([part.fractions for part in parts]),
+        thickness=np.concatenate([part.thickness for part in parts]),
+        readings=np.concatenate([part.readings for part in parts]),
+    )
+
+
+def _sets(
+    families: int, max_paints: int
+) -> tuple[Int[np.ndarray, "sets 2"], Int[np.ndarray, "families families"]]:
+    """Families of each set, and the number of a set by its families, sorted, with -1 first for
+    none.
+    """
+    singles = [(a, -1) for a in range(families)]
+    pairs = [(a, b) for a in range(families) for b in range(a + 1, families)]
+    members = np.array(singles + (pairs if max_paints > 1 else []))
+    number = np.full((families + 1, families + 1), -1)
+    for n, (a, b) in enumerate(members):
+        number[min(a, b), max(a, b)] = n
+    return members, number
+
+
+def _ranges(
+    known: Bool[np.ndarray, "exemplars bands"],
+) -> list[tuple[Bool[np.ndarray, "bands"], Bool[np.ndarray, "exemplars"]]]:
+    """Ranges of bands, nested, and the exemplars of which each is the widest that they know.
+
+    Raises:
+        ValueError: too few exemplars know any band.
+    """
+    share = known.mean(axis=0)
+    if not share.max() > 0:
+        raise ValueError("no exemplar is known at the wavelengths of the spectra")
+    limits = [_NARROW * share.max(), _WIDE, _FEWEST / len(known)]
+    out: list[Bool[np.ndarray, "bands"]] = []
+    for limit in limits:
+        bands = share >= min(limit, share.max())
+        wider = not out or bands.sum() > out[-1].sum()
+        if bands.sum() >= 3 and wider and known[:, bands].all(axis=1).sum() >= _FEWEST / 2:
+            out.append(bands)
+    if not out:
+        raise ValueError(
+            f"{int(known.any(axis=1).sum())} exemplars are known at the spectra's bands, too few "
+            "to learn how paints of one pigment differ: give more, or seek them as paints by "
+            "own_films=True (--own-films)"
+        )
+    covered = [known[:, bands].all(axis=1) for bands in out]
+    pairs = []
+    for number, bands in enumerate(out):
+        wider = np.zeros(len(known), bool)
+        for further in covered[number + 1 :]:
+            wider |= further
+        pairs.append((bands, covered[number] & ~wider))
+    return pairs
