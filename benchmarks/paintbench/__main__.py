@@ -9,6 +9,7 @@ The README beside this file says what the tasks are and how to enter a source or
 
 import argparse
 import json
+from importlib.util import find_spec
 from pathlib import Path
 
 from benchmarks.measured import data_folder
@@ -57,8 +58,11 @@ def main() -> None:
     ]
     record = run(sources, own_films=options.own_films)
     # Scores of sources from outside are no result of the repository's.
+    if find_spec("sklearn") is None:
+        print("left out, scikit-learn is not installed: the linear classifier")
     if options.extra is None and options.data is None:
-        results = Results("paintbench", options.out, "numpy", "scipy", "scikit-learn")
+        learner = ("scikit-learn",) if find_spec("sklearn") else ()
+        results = Results("paintbench", options.out, "numpy", "scipy", *learner)
         for line in lines_of(record):
             results(line)
         for line in failures_of(record.failures):

@@ -3,6 +3,7 @@
 import itertools
 import warnings
 from collections.abc import Callable, Sequence
+from importlib.util import find_spec
 from typing import Any
 
 import numpy as np
@@ -244,12 +245,14 @@ class Classifier:
 
 
 def namers() -> list[Namer]:
-    """All methods of this file."""
-    return [
+    """All methods of this file; without scikit-learn none that needs it."""
+    methods: list[Namer] = [
         Neighbours("spectral angle", [np.asarray]),
         Neighbours("slopes of -log R", [slope_of_absorbance]),
         Neighbours("slopes of log K/S", [slope_of_log_ratio]),
         Neighbours("slopes of both", [slope_of_absorbance, slope_of_log_ratio]),
         Unmixing(),
-        Classifier(),
     ]
+    if find_spec("sklearn"):
+        methods.append(Classifier())
+    return methods

@@ -5,10 +5,11 @@ another's. Where none of a group's families has most of the group's probability,
 group, with its likeliest families.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
+from functools import lru_cache
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float, Int
 
 from .groups import COLOURLESS, FamilySet, group_of
 from .search import FamilySearch
@@ -17,46 +18,69 @@ TOLD = 0.8
 """Share of a group's probability from which one family of it is named."""
 LARGEST = 4
 """Families of a group that are named with it."""
+# Share of an answer's probability below which a set's families are not counted in it.
+_SMALL = 1e-3
 
 
 def name_sets(
     search: FamilySearch, probabilities: Float[np.ndarray, "sets"], least: float = 1e-3
 ) -> list[FamilySet]:
-    """Answers of one spectrum, best first.
+    """Answers of one spectrum, best first: sets that differ by families of a group alone are one.
 
     Args:
         search: that the probabilities are from.
         probabilities: of each of its sets of families.
         least: probability below which an answer is left out.
     """
-    totals: dict[frozenset[str], float] = {}
-    parts: dict[frozenset[str], dict[str, dict[str, float]]] = {}
-    for chance, members in zip(probabilities.tolist(), search.members.tolist(), strict=True):
-        if chance < 1e-3 * least:
-            continue
-        names = [search.families[member] for member in members if member >= 0]
-        groups = frozenset(group_of(name) for name in names)
-        totals[groups] = totals.get(groups, 0.0) + chance
-        within = parts.setdefault(groups, {group: {} for group in groups})
-        for name in names:
-            own = within[group_of(name)]
-            own[name] = own.get(name, 0.0) + chance
-    ordered = sorted(totals, key=lambda groups: -totals[groups])
-    return [_answer(parts[groups], totals[groups]) for groups in ordered if totals[groups] >= least]
+    count, group_of_set = _groups_of_sets(search.families, search.sets)
+    totals = np.bincount(group_of_set, weights=probabilities, minlength=count)
+    ordered = [int(number) for number in np.argsort(-totals, kind="stable")]
+    return [
+        _answer(search, probabilities, group_of_set == number, float(totals[number]))
+        for number in ordered
+        if totals[number] >= least
+    ]
 
 
-def _answer(parts: Mapping[str, Mapping[str, float]], probability: float) -> FamilySet:
+@lru_cache(maxsize=8)
+def _groups_of_sets(
+    families: tuple[str, ...], members: tuple[tuple[int, ...], ...]
+) -> tuple[int, Int[np.ndarray, "sets"]]:
+    """How many different answers there are, by their groups, and number of each set's."""
+    number: dict[frozenset[str], int] = {}
+    of_set = []
+    for row in members:
+        groups = frozenset(group_of(families[member]) for member in row if member >= 0)
+        of_set.append(number.setdefault(groups, len(number)))
+    return len(number), np.array(of_set)
+
+
+def _answer(
+    search: FamilySearch,
+    probabilities: Float[np.ndarray, "sets"],
+    own: Bool[np.ndarray, "sets"],
+    total: float,
+) -> FamilySet:
+    """One answer: the sets whose groups are the same, and their families beside one another."""
+    parts: dict[str, dict[str, float]] = {}
+    own = own & (probabilities > _SMALL * total)
+    for chance, row in zip(probabilities[own].tolist(), search.members[own].tolist(), strict=True):
+        for member in row:
+            if member >= 0:
+                family = search.families[member]
+                held = parts.setdefault(group_of(family), {})
+                held[family] = held.get(family, 0.0) + chance
     names = []
     within = {}
     for group, families in parts.items():
         ranked = sorted(families, key=lambda family: -families[family])
-        total = sum(families.values())
-        if families[ranked[0]] >= TOLD * total:
+        whole = sum(families.values())
+        if families[ranked[0]] >= TOLD * whole:
             names.append(ranked[0])
             continue
         names.append(group)
-        within[group] = tuple((family, families[family] / total) for family in ranked[:LARGEST])
-    return FamilySet(families=coloured_first(names), probability=probability, within=within)
+        within[group] = tuple((family, families[family] / whole) for family in ranked[:LARGEST])
+    return FamilySet(families=coloured_first(names), probability=total, within=within)
 
 
 def coloured_first(names: Sequence[str]) -> tuple[str, ...]:

@@ -6,6 +6,7 @@ worth is learnt from the exemplars (`sureness.py`, `calibration.py`).
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -124,6 +125,11 @@ class FamilySearch:
                 for name in FamilyOdds.__dataclass_fields__
             }
         )
+
+    @cached_property
+    def sets(self) -> tuple[tuple[int, ...], ...]:
+        """Families of each set by number, -1 for none."""
+        return tuple(tuple(row) for row in self.members.tolist())
 
     @property
     def chunk(self) -> int:
