@@ -278,6 +278,7 @@ TABLE: dict[str, dict[str, Reaches | Looked]] = {
             ("Co",),
             base=f"{SPECTRA} --opaque --catalogue pigments",
         ),
+        "--varnish": Reaches("--varnish none", lambda g: g["varnish"], "none"),
         "--painted": Reaches(
             "--painted 1620",
             lambda g: g["painted"],

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 from glazefit import identify
 from glazefit.film.model.response import film_response
+from glazefit.film.model.varnish import under_varnish
 from glazefit.identify.families import (
     calibration,
     evidence,
@@ -23,6 +24,7 @@ from glazefit.identify.families import (
 )
 from glazefit.identify.families.groups import COLOURLESS, GROUPS, group_of
 from glazefit.identify.families.sureness import WORTHLESS, Sureness
+from glazefit.identify.families.varnish import CONDITIONS
 from glazejax import Pigment, catalogue, stack_reflectance_factor
 
 GRID = np.arange(420.0, 691.0, 10.0)
@@ -339,6 +341,51 @@ def test_films_over_different_grounds_keep_their_order(mockups, others):
         alone = sought([row])
         assert both.families(row)[0][0] == alone.families(0)[0][0]
         assert both.none[row] == pytest.approx(alone.none[0], abs=0.05)
+
+
+# ---- varnish -------------------------------------------------------------------------------------
+
+
+def test_a_stated_varnish_names_more_of_what_lies_under_one(mockups, others):
+    """All pure mock-ups, under a yellow varnish that no setting was learnt from."""
+    source, wavelengths, readings = mockups
+    known = {paint.family for paint in others}
+    rows = [
+        row
+        for row in source.chosen("pure")
+        if source.clear(source.samples[row]) and source.families(source.samples[row])[0] in known
+    ]
+    thickness = 0.7 * np.exp((400.0 - wavelengths) / 75.0)
+    seen = under_varnish(film_response("45:0"), readings[rows], thickness)
+
+    def count_right(varnish):
+        found = identify(wavelengths, seen, others, opaque=True, instrument="45:0", varnish=varnish)
+        return sum(
+            group_of(source.families(source.samples[row])[0])
+            in map(group_of, found.families(number)[0][0])
+            for number, row in enumerate(rows)
+        )
+
+    assert count_right("yellowed") >= count_right(None) + 3
+
+
+def test_varnishes_are_covers_of_their_expected_amount():
+    response = film_response("45:0")
+    body = np.full((400, GRID.size), 0.5)
+    thin = CONDITIONS["thin"]
+    random = thin.cover_at_random(response, GRID, body, seed=1)
+    expected = thin.cover(response, GRID, body)
+    assert np.mean(random, axis=0) == pytest.approx(expected[0], abs=0.04)
+    assert (random <= 0.5 + 1e-9).all()
+    # Some are none at all, and none shines.
+    assert random[:, 0].std() > 0.03
+    assert CONDITIONS["none"] is None
+    assert CONDITIONS["unknown"].expected == pytest.approx(0.16)
+
+
+def test_an_unknown_word_for_a_varnish_is_said(others):
+    with pytest.raises(ValueError, match="varnish is 'old'; say one of none, thin, yellowed"):
+        identify(GRID, np.full(GRID.size, 0.5), others, opaque=True, varnish="old")
 
 
 # ---- names ---------------------------------------------------------------------------------------

@@ -4,19 +4,22 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from glazefit import identify
 from glazefit.film.model.optics import Optics
 from glazefit.film.model.response import film_response
 from glazefit.film.model.varnish import DECAY, under_varnish, without_varnish, yellow
+from glazefit.identify.search.options import VARNISHES
 from glazefit.identify.search.task import Measured
 from glazefit.identify.search.unstated_conditions import (
     CONDITIONS,
+    CONDITIONS_OF_VARNISH,
     NOT_OPAQUE,
     OTHER_GROUNDS,
-    VARNISHES,
     Condition,
     remove_varnish,
 )
-from glazejax import Bidirectional, Hemispherical
+from glazejax import Bidirectional, Hemispherical, catalogue
+from glazejax.geometry import resolve_instrument
 
 GRID = np.arange(400.0, 701.0, 10.0)
 WHITE = 0.9
@@ -85,10 +88,59 @@ def test_what_nobody_mentioned_is_possible_and_less_likely_than_what_was_told():
         assert 0.0 < condition.chance < 1.0
         assert condition.ground is None or 0.0 < condition.ground < 1.0
         assert condition.varnish >= 0.0
-    assert all(CONDITIONS[number].varnish > 0 for number in VARNISHES)
+    assert tuple(CONDITIONS_OF_VARNISH) == VARNISHES
+    tried = CONDITIONS_OF_VARNISH["unknown"]
+    assert all(CONDITIONS[number].varnish > 0 for number in tried)
     assert all(CONDITIONS[number].opaque is False for number in NOT_OPAQUE)
-    assert sorted({*VARNISHES, *NOT_OPAQUE, *OTHER_GROUNDS}) == list(range(1, len(CONDITIONS)))
+    assert sorted({*tried, *NOT_OPAQUE, *OTHER_GROUNDS}) == list(range(1, len(CONDITIONS)))
 
 
 def test_yellow_falls_by_e_over_its_length():
     assert yellow(np.array([400.0, 400.0 + DECAY])) == pytest.approx([1.0, np.exp(-1.0)])
+
+
+@pytest.mark.parametrize(
+    ("stated", "under"),
+    [("none", False), ("thin", True), ("unknown", True), ("yellowed", True)],
+)
+def test_what_is_stated_of_a_varnish_says_what_is_tried(stated, under):
+    """A film of one paint under a varnish: nobody sees a varnish who states that there is none."""
+    paints = [
+        paint
+        for name, paint in catalogue.load("oils").items()
+        if name in ("ZincWhite", "PrussianBlue")
+    ]
+    white = next(paint for paint in paints if paint.name == "ZincWhite")
+    grid = np.asarray(white.wavelengths)
+    response = film_response(Hemispherical())
+    depth = 60e-6
+    body = response.body(
+        np.asarray(white.absorption) * depth, np.asarray(white.scattering) * depth, WHITE
+    )
+    surface = resolve_instrument(None).seen_surface
+    level = 0.6 if stated == "yellowed" else 0.2
+    seen = under_varnish(response, np.asarray(body), level * yellow(grid)) + surface
+    found = identify(grid, seen, paints, ground=WHITE, max_paints=1, varnish=stated)
+    best = found.ranked(0)[0]
+    assert ("varnish" in best.condition) == under
+    if stated in ("thin", "yellowed"):
+        assert best.paints == ("ZincWhite",)
+        assert found.none[0] < 0.5
+
+
+def test_a_stated_varnish_that_is_not_there_weighs_little():
+    paints = list(catalogue.load("oils").values())[:4]
+    grid = np.asarray(paints[0].wavelengths)
+    response = film_response(Hemispherical())
+    depth = 40e-6
+    body = response.body(
+        np.asarray(paints[0].absorption) * depth, np.asarray(paints[0].scattering) * depth, WHITE
+    )
+    seen = np.asarray(body) + resolve_instrument(None).seen_surface
+    plain = identify(grid, seen, paints, ground=WHITE, max_paints=1, varnish="none")
+    stated = identify(grid, seen, paints, ground=WHITE, max_paints=1, varnish="yellowed")
+
+    def chance_without(found):
+        return sum(c.probability for c in found.ranked(0) if not c.condition)
+
+    assert chance_without(stated) < chance_without(plain)

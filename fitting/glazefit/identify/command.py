@@ -96,6 +96,14 @@ def identify(
             show_default=False,
         ),
     ] = None,
+    varnish: Annotated[
+        str | None,
+        typer.Option(
+            help="What is known of a varnish: none, thin, yellowed or unknown. Unless said: none "
+            "with --catalogue pigments, else unknown.",
+            show_default=False,
+        ),
+    ] = None,
     thorough: Annotated[
         bool,
         typer.Option(
@@ -164,6 +172,7 @@ def identify(
     from ..film.model.errors import ModelError, Prior
     from ..page.inputs import input_files
     from .families.identify_pigments import has_families
+    from .families.set_up import UNKNOWN
 
     console = Console(highlight=False)
     paints = options.choose_paints(options.read_shelf(pigments, catalogue), only, without)
@@ -201,7 +210,7 @@ def identify(
         "discrepancy": usual_error
         if model_error is None
         else replace(usual_error, amplitude=model_error),
-        "prior": Prior(thickness=usual),
+        "prior": Prior(thickness=usual, unknown=UNKNOWN) if by_family else Prior(thickness=usual),
     }
     chunks = identify_chunks(
         task.wavelengths,
@@ -218,6 +227,7 @@ def identify(
             elements=tuple(options.split_names(elements)),
             without_elements=tuple(options.split_names(without_elements)),
             painted=painted,
+            varnish=varnish,
         ),
         ground=task.ground,
         opaque=opaque,

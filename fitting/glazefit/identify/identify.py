@@ -106,7 +106,8 @@ def identify(
         opaque: the films hide their ground; their thickness is then unknown.
         names: of the spectra.
         options: the fields of `IdentificationOptions`: instrument, noise, discrepancy, prior,
-            max_paints, max_coats, keep, thorough, own_films, elements, without_elements, painted.
+            max_paints, max_coats, keep, thorough, own_films, elements, without_elements, painted,
+            varnish.
 
     Pigments that have a family and a source, as ``catalogue.load("pigments")`` gives them, are
     sought by family: which pigment it is in anybody's paint, ``families(row)``, with the exemplars

@@ -2,7 +2,7 @@
 sources, once with its family and once without.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -27,11 +27,19 @@ _SLOPE_SD = 1.0
 _SOUGHT = 4
 
 
-def calibrate(search: FamilySearch) -> FamilySearch:
+def calibrate(
+    search: FamilySearch,
+    change: Callable[[Float[np.ndarray, "films bands"]], Float[np.ndarray, "films bands"]],
+) -> FamilySearch:
     """The same search, as sure as what is said of its exemplars comes true: each is sought among
     those of other sources, with its family and without.
+
+    Args:
+        search: with all that it compares.
+        change: of readings by what varies from film to film, such as a varnish.
     """
     readings, rows = _exemplars_as_readings(search)
+    readings = change(readings)
     kept = _few_of_each(search.source_of[rows], search.family_of[rows])
     readings = readings[kept]
     rows = rows[kept]

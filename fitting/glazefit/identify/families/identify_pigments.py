@@ -23,7 +23,7 @@ from ..search.task import Measured
 from .evidence import log_odds_of_elements
 from .naming import name_sets
 from .search import FamilyOdds, FamilySearch
-from .set_up import search_families
+from .set_up import UNKNOWN, search_families
 from .templates import usual_thickness
 
 STEP = 10.0
@@ -117,7 +117,8 @@ def _search(
     ground: tuple[float, ...] | None,
 ) -> FamilySearch:
     instrument = resolve_instrument(options.instrument)
-    prior = options.prior or Prior()
+    prior = options.prior or Prior(unknown=UNKNOWN)
+    varnish = options.varnish or "none"
     key = (
         tuple(grid.tolist()),
         tuple(paint.name for paint in pigments),
@@ -125,6 +126,7 @@ def _search(
         instrument,
         prior,
         min(options.max_paints, 2),
+        varnish,
     )
     # How sure a search may be does not hang on the ground: it is learnt over the first one.
     alike = [search for (*rest, _), search in _SEARCHES.items() if tuple(rest) == key]
@@ -140,6 +142,7 @@ def _search(
             instrument=instrument,
             prior=prior,
             max_paints=min(options.max_paints, 2),
+            varnish=varnish,
             sureness=alike[0].sureness if alike and ground is not None else None,
         )
     search = _SEARCHES[key]

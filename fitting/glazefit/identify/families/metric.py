@@ -80,6 +80,7 @@ def learn_metric(
     features: Float[np.ndarray, "exemplars features"],
     families: Int[np.ndarray, "exemplars"],
     paints: Int[np.ndarray, "exemplars"],
+    disturbances: Float[np.ndarray, "draws features"] | None = None,
 ) -> Metric:
     """The metric of some exemplars.
 
@@ -87,6 +88,7 @@ def learn_metric(
         features: of one or more spectra of each paint.
         families: number of the family of each.
         paints: number of the paint of each: spectra of one paint are not compared.
+        disturbances: differences that what lies on a paint may make besides, such as a varnish.
 
     Raises:
         ValueError: no two paints share a family.
@@ -102,14 +104,19 @@ def learn_metric(
     project[-1, -1] = 1.0
     points = centred @ project
 
+    besides = np.zeros((points.shape[1], points.shape[1]))
+    if disturbances is not None:
+        moved = disturbances @ project
+        besides = moved.T @ moved / len(moved)
+
     within = np.cov(points.T) + 1e-9 * np.eye(points.shape[1])
     for _ in range(_ROUNDS):
         whiten = _inverse_root(within)
-        within = _within_families(points, points @ whiten, families, paints)
+        within = _within_families(points, points @ whiten, families, paints) + besides
     whiten = _inverse_root(within)
 
     white = points @ whiten
-    total = _shrink(np.cov(white.T))
+    total = _shrink(np.cov(white.T)) + whiten.T @ besides @ whiten
     spread = _inverse_root(total)
     return Metric(
         mean=mean,

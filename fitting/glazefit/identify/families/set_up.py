@@ -2,7 +2,7 @@
 bands of the readings, and how far paints of one family are apart.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -13,6 +13,7 @@ from glazejax.geometry import Geometry, Instrument, resolve_instrument
 
 from ...film.model.errors import Prior
 from ...film.model.response import FilmResponse, film_response
+from ...film.model.varnish import without_varnish, yellow
 from ..search.pool import NOBODY
 from .calibration import calibrate
 from .features import features
@@ -20,6 +21,7 @@ from .metric import learn_metric
 from .search import FamilySearch, Range
 from .sureness import Sureness
 from .templates import Templates, coefficients, mixed_templates, pure_templates
+from .varnish import CONDITIONS, Varnish
 
 UNKNOWN = 0.1
 """Probability beforehand that a paint is of none of the catalogue's families: they are most that
@@ -39,6 +41,7 @@ def search_families(
     instrument: Instrument | Geometry | str | None = None,
     prior: Prior | None = None,
     max_paints: int = 2,
+    varnish: str = "none",
     sureness: Sureness | None = None,
 ) -> FamilySearch:
     """A search among the families of some exemplars, for an instrument and a kind of film.
@@ -51,6 +54,7 @@ def search_families(
         instrument: as for `glazefit.identify`.
         prior: how probable films of one and of two pigments are, and of none of the families.
         max_paints: 1 or 2.
+        varnish: what is stated of it, a name of `varnish.CONDITIONS`.
         sureness: of another search among the same exemplars, over another ground; by default it
             is learnt.
 
@@ -71,6 +75,7 @@ def search_families(
         sizes=expected.sizes,
         unknown=expected.unknown,
         max_paints=max_paints,
+        varnish=CONDITIONS[varnish],
         sureness=sureness,
     )
 
@@ -85,6 +90,7 @@ def set_up(
     sizes: Sequence[float],
     unknown: float,
     max_paints: int = 2,
+    varnish: Varnish | None = None,
     sureness: Sureness | None = None,
 ) -> FamilySearch:
     """A search that knows how much paints of one family differ, and how sure it may be.
@@ -98,6 +104,7 @@ def set_up(
         sizes: how probable films of one and of two pigments are.
         unknown: how probable it is that it is none of the families.
         max_paints: 1 or 2.
+        varnish: that may lie on the films.
         sureness: by default learnt (`calibrate`).
 
     Raises:
@@ -122,6 +129,7 @@ def set_up(
             response=response,
             ground=None if ground is None else ground[bands],
             mixed=max_paints > 1,
+            varnish=varnish,
         )
         for bands, own in _ranges(np.isfinite(known[0]))
     ]
@@ -143,7 +151,24 @@ def set_up(
         surface=surface,
         sureness=sureness or Sureness(),
     )
-    return search if sureness is not None else calibrate(search)
+    if sureness is not None:
+        return search
+    return calibrate(search, _seen_at_random(search, response, varnish))
+
+
+def _seen_at_random(
+    search: FamilySearch, response: FilmResponse, varnish: Varnish | None
+) -> Callable[[Float[np.ndarray, "films bands"]], Float[np.ndarray, "films bands"]]:
+    """What turns readings under the expected varnish into readings under any."""
+    if varnish is None:
+        return np.asarray
+    expected = varnish.expected * yellow(search.wavelengths)
+
+    def change(readings: Float[np.ndarray, "films bands"]) -> Float[np.ndarray, "films bands"]:
+        bare = without_varnish(response, readings - search.surface, expected)
+        return varnish.cover_at_random(response, search.wavelengths, bare) + search.surface
+
+    return change
 
 
 def _set_up_range(
@@ -157,6 +182,7 @@ def _set_up_range(
     response: FilmResponse,
     ground: Float[np.ndarray, "bands"] | None,
     mixed: bool,
+    varnish: Varnish | None,
 ) -> Range:
     """Metric and templates of one range.
 
@@ -170,14 +196,27 @@ def _set_up_range(
         response: of the instrument.
         ground: below the films, or None.
         mixed: whether films of two families are tried.
+        varnish: that may lie on them.
     """
+
+    def seen(films: Templates) -> Templates:
+        if varnish is None:
+            return films
+        return replace(films, readings=varnish.cover(response, wavelengths, films.readings))
+
     pure = pure_templates(known, response, ground)
     pure = pure.take(np.flatnonzero(np.isfinite(pure.readings).all(axis=1)))
-    values = features(wavelengths, pure.readings)
-
     # One spectrum of each paint teaches how far paints are apart.
     exemplars, first = np.unique(pure.members[:, 0], return_index=True)
-    metric = learn_metric(values[first], family_of[exemplars], exemplars)
+    bodies = pure.readings[first]
+    pure = seen(pure)
+    values = features(wavelengths, pure.readings)
+    metric = learn_metric(
+        values[first],
+        family_of[exemplars],
+        exemplars,
+        None if varnish is None else varnish.differences(response, wavelengths, bodies),
+    )
 
     parts = [pure.take(np.flatnonzero(own[pure.members[:, 0]]))]
     if mixed:
@@ -190,7 +229,7 @@ def _set_up_range(
         )
         both = replace(both, members=exemplars[both.members])
         # Where both know more bands their mixture is a wider range's.
-        parts.append(both.take(np.flatnonzero(own[both.members].any(axis=1))))
+        parts.append(seen(both.take(np.flatnonzero(own[both.members].any(axis=1)))))
     templates = _joined(parts)
     families = np.sort(np.append(family_of, NOBODY)[templates.members], axis=1)
     return Range(

@@ -9,6 +9,9 @@ from glazejax.geometry import Geometry
 from ...film.films import Instrument, Noise
 from ...film.model.errors import ModelError, Prior
 
+VARNISHES = ("none", "thin", "yellowed", "unknown")
+"""What may be said of a varnish."""
+
 
 class SearchKeywords(TypedDict, total=False):
     """Fields of `IdentificationOptions` that a map of paints takes too."""
@@ -30,6 +33,7 @@ class IdentificationKeywords(SearchKeywords, total=False):
     elements: tuple[str, ...]
     without_elements: tuple[str, ...]
     painted: int | None
+    varnish: str | None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,6 +57,8 @@ class IdentificationOptions:
         elements, without_elements: chemical symbols that X-ray fluorescence found, and did not
             find, such as ("Cu",): change how probable families are beforehand.
         painted: year in which the film was painted: families that were not in use are marked.
+        varnish: what is known of a varnish on the films: "none", "thin", "yellowed" or "unknown".
+            By default "none" where families are sought, and "unknown" where paints are.
     """
 
     instrument: Instrument | Geometry | str | None = None
@@ -67,6 +73,13 @@ class IdentificationOptions:
     elements: tuple[str, ...] = ()
     without_elements: tuple[str, ...] = ()
     painted: int | None = None
+    varnish: str | None = None
+
+    def __post_init__(self) -> None:
+        if self.varnish not in (None, *VARNISHES):
+            raise ValueError(
+                f"varnish is {self.varnish!r}; say one of {', '.join(VARNISHES)}, or leave it out"
+            )
 
 
 def check_keywords(function: str, given: Mapping[str, Any], known: type) -> None:

@@ -52,11 +52,13 @@ class Searcher(NamedTuple):
         tasks: for films that let their ground through (False), and for films that hide it (True).
         opaque: whether films are said to hide their ground.
         paints: names of the catalogue's paints.
+        varnish: what was stated of it.
     """
 
     tasks: Mapping[bool, IdentificationTask]
     opaque: bool
     paints: tuple[str, ...]
+    varnish: str = "unknown"
 
     @classmethod
     def of(
@@ -115,7 +117,12 @@ class Searcher(NamedTuple):
                 effort=THOROUGH if options.thorough else USUAL,
                 tables=FilmTables(response, paints, largest, expected.spread),
             )
-        return cls(tasks, opaque, tuple(p.name for p in known))
+        return cls(
+            tasks=tasks,
+            opaque=opaque,
+            paints=tuple(p.name for p in known),
+            varnish=options.varnish or "unknown",
+        )
 
     @property
     def task(self) -> IdentificationTask:
@@ -140,7 +147,10 @@ class Searcher(NamedTuple):
             rows = np.arange(first, min(first + _TOGETHER, len(measured)))
             batch = measured.take(rows)
             pool = find_candidates(self.task, batch, starts.take(rows))
-            yield batch, *search_unstated_conditions(self.tasks, self.opaque, batch, pool)
+            yield (
+                batch,
+                *search_unstated_conditions(self.tasks, self.opaque, batch, pool, self.varnish),
+            )
 
 
 def check_spectra(

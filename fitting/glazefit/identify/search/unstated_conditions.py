@@ -46,12 +46,19 @@ CONDITIONS = (
     Condition("over a darker ground than told", 0.03, ground=_DARK),
 )
 """All that are tried, by number; the first is what was stated."""
-VARNISHES = (1, 2)
+CONDITIONS_OF_VARNISH: dict[str, tuple[int, ...]] = {
+    "none": (),
+    "thin": (1,),
+    "yellowed": (2,),
+    "unknown": (1, 2),
+}
+"""What was stated of a varnish -> numbers of the conditions that are tried for it."""
+_STATED = ("thin", "yellowed")
+# Probability that a varnish which was stated is not there.
+_WITHOUT = 0.05
 NOT_OPAQUE = (3, 4)
 OTHER_GROUNDS = (5, 6, 7)
-"""Numbers of those with a varnish, of those for films said to be opaque, and of those for one
-reading over a ground.
-"""
+"""Numbers of those for films said to be opaque, and of those for one reading over a ground."""
 # Two levels of a varnish that is seen; what is between them is left open.
 _LEVELS = {0.2: 0.15, 0.6: 0.3}
 """Optical thickness at 400 nm -> its standard deviation."""
@@ -63,7 +70,11 @@ _DOUBTFUL = 0.2
 
 
 def search_unstated_conditions(
-    tasks: Mapping[bool, IdentificationTask], opaque: bool, measured: Measured, pool: Pool
+    tasks: Mapping[bool, IdentificationTask],
+    opaque: bool,
+    measured: Measured,
+    pool: Pool,
+    varnish: str = "unknown",
 ) -> tuple[Pool, Odds]:
     """The pool, with candidates under other conditions where what was stated leaves a film in
     doubt; and its odds.
@@ -75,6 +86,7 @@ def search_unstated_conditions(
         opaque: whether they were said to hide it.
         measured: spectra; those in doubt are sought again.
         pool: their candidates as stated.
+        varnish: what was stated of it, a key of `CONDITIONS_OF_VARNISH`.
     """
     prior = tasks[opaque].prior
 
@@ -89,14 +101,27 @@ def search_unstated_conditions(
     everything = np.arange(len(measured))
     if opaque:
         pool = more(pool, NOT_OPAQUE, everything)
+    if varnish in _STATED:
+        pool = more(pool, CONDITIONS_OF_VARNISH[varnish], everything)
+        pool = replace(pool, log_weight=pool.log_weight + _weight_of_stated(varnish, pool))
     odds = odds_of(measured, pool, prior)
     doubtful = everything[odds.none / odds.total > _DOUBTFUL]
     if not len(doubtful):
         return pool, odds
     if measured.readings.shape[1] == 1 and not opaque:
         pool = more(pool, OTHER_GROUNDS, doubtful)
-    pool = more(pool, VARNISHES, doubtful)
+    if varnish not in _STATED:
+        pool = more(pool, CONDITIONS_OF_VARNISH[varnish], doubtful)
     return pool, odds_of(measured, pool, prior)
+
+
+def _weight_of_stated(varnish: str, pool: Pool) -> Float[np.ndarray, "spectra candidates"]:
+    """What is to be added to log weights where a varnish was stated: its own condition weighs as
+    what was stated does, and all others, without it, little.
+    """
+    (number,) = CONDITIONS_OF_VARNISH[varnish]
+    own = -np.log(CONDITIONS[number].chance)
+    return np.where(pool.condition == number, own, np.log(_WITHOUT))
 
 
 class FilmsUnderCondition(NamedTuple):

@@ -1,0 +1,92 @@
+"""A varnish over anybody's paint: how yellow it is is stated, its amount and shape are not known.
+
+A yellowed resin's absorption falls to the red, about exponentially. Computed films are seen under
+the varnish that is expected; what other amounts and steeper or flatter varnishes change of a
+spectrum's features counts as a difference between paints of one family (`metric.py`).
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from ...film.model.response import FilmResponse
+from ...film.model.varnish import DECAY, under_varnish, yellow
+from .features import features
+
+# Natural log of the factor by which a varnish's decay varies.
+_DECAY_SPREAD = 0.4
+# Varnishes that are drawn for each spectrum.
+_DRAWS = 4
+_SEED = 20
+
+
+@dataclass(frozen=True, kw_only=True)
+class Varnish:
+    """What is expected of a varnish.
+
+    Attributes:
+        levels: optical thicknesses at 400 nm that it may be around.
+        spreads: their standard deviations.
+        chances: of each.
+    """
+
+    levels: tuple[float, ...]
+    spreads: tuple[float, ...]
+    chances: tuple[float, ...]
+
+    @property
+    def expected(self) -> float:
+        """Mean optical thickness at 400 nm."""
+        return float(np.dot(self.levels, self.chances))
+
+    def cover(
+        self,
+        response: FilmResponse,
+        wavelengths: Float[np.ndarray, "bands"],
+        bodies: Float[np.ndarray, "films bands"],
+    ) -> Float[np.ndarray, "films bands"]:
+        """Films as they are seen under the expected varnish.
+
+        Args:
+            response: of the instrument.
+            wavelengths: nm.
+            bodies: readings without varnish and without the outer surface's part.
+        """
+        return under_varnish(response, bodies, self.expected * yellow(wavelengths))
+
+    def cover_at_random(
+        self,
+        response: FilmResponse,
+        wavelengths: Float[np.ndarray, "bands"],
+        bodies: Float[np.ndarray, "films bands"],
+        seed: int = _SEED,
+    ) -> Float[np.ndarray, "films bands"]:
+        """Films under varnishes of different amounts and shapes; see `cover`."""
+        rng = np.random.default_rng(seed)
+        which = rng.choice(len(self.levels), len(bodies), p=self.chances)
+        level = rng.normal(np.array(self.levels)[which], np.array(self.spreads)[which])
+        decay = DECAY * np.exp(rng.normal(0.0, _DECAY_SPREAD, len(bodies)))
+        shape = np.stack([yellow(wavelengths, float(one)) for one in decay])
+        return under_varnish(response, bodies, np.maximum(level, 0.0)[:, None] * shape)
+
+    def differences(
+        self,
+        response: FilmResponse,
+        wavelengths: Float[np.ndarray, "bands"],
+        bodies: Float[np.ndarray, "films bands"],
+    ) -> Float[np.ndarray, "draws features"]:
+        """What varnishes change of spectra's features beside the expected one; see `cover`."""
+        repeated = np.repeat(bodies, _DRAWS, axis=0)
+        expected = self.cover(response, wavelengths, repeated)
+        other = self.cover_at_random(response, wavelengths, repeated)
+        return features(wavelengths, other) - features(wavelengths, expected)
+
+
+CONDITIONS: dict[str, Varnish | None] = {
+    "none": None,
+    "thin": Varnish(levels=(0.2,), spreads=(0.15,), chances=(1.0,)),
+    "yellowed": Varnish(levels=(0.6,), spreads=(0.3,), chances=(1.0,)),
+    "unknown": Varnish(levels=(0.0, 0.2, 0.6), spreads=(0.0, 0.15, 0.3), chances=(0.6, 0.2, 0.2)),
+}
+"""What may be stated of a varnish -> what is then expected."""
