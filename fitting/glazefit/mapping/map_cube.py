@@ -82,7 +82,7 @@ def map_cube(
     """Map the paints of an image of spectra into a zarr store, window by window.
 
     A run that was interrupted goes on where it stopped when it is called again with the same
-    options.
+    options. Windows of it that are damaged are warned of (`DamagedWindow`) and mapped anew.
 
     Args:
         cube: the image, or where it is; see `glazejax.io.open_cube`.
@@ -112,7 +112,8 @@ def map_cube(
 
     Raises:
         ValueError: options or shapes that do not fit, an image without a pixel that can be mapped,
-            a map that was begun with other options.
+            a map that was begun with other options, that another run is writing, or that is damaged
+            beyond its windows.
         FileExistsError: `out` is there and is no map.
         OSError: the disk is full; finished windows are kept.
         ModuleNotFoundError: the extra ``cube`` is not installed.
