@@ -191,8 +191,7 @@ def _survey(store: MapStore, task: MapTask, most: int, progress: Progress) -> _S
     """The survey of the image: made, or what a run before has kept."""
     work = store.work
     if "survey" not in work.done():
-        progress(0, 1, "surveying")
-        sample, noise = _sample(task)
+        sample, noise = _sample(task, progress)
         image = task.with_noise(noise).image
         status = classify(sample, image.noise_sd(sample))
         good = np.maximum(sample[status == Status.MAPPED], 0.0)
@@ -203,7 +202,7 @@ def _survey(store: MapStore, task: MapTask, most: int, progress: Progress) -> _S
                 or "the mask leaves none"
             )
             raise ValueError(f"the image has no pixel that can be mapped (of a sample: {words})")
-        found = survey(good, most, _REACH)
+        found = survey(good, most, _REACH, progress)
         checked = good[np.linspace(0, len(good) - 1, min(_CHECKED, len(good))).astype(int)]
         kept = {
             "noise": np.array([noise.floor, noise.share]),
@@ -226,7 +225,7 @@ def _survey(store: MapStore, task: MapTask, most: int, progress: Progress) -> _S
     )
 
 
-def _sample(task: MapTask) -> tuple[Float[np.ndarray, "pixels bands"], Noise]:
+def _sample(task: MapTask, progress: Progress) -> tuple[Float[np.ndarray, "pixels bands"], Noise]:
     """Readings of pixels from all over the image that the mask leaves, and the noise of one
     reading.
     """
@@ -239,6 +238,7 @@ def _sample(task: MapTask) -> tuple[Float[np.ndarray, "pixels bands"], Noise]:
     readings = []
     rough = []
     for number, y in enumerate(lines.tolist()):
+        progress(number, len(lines), "reading")
         use = np.arange(number % step, width, step)
         if image.mask is not None:
             use = use[image.mask[y, use]]
@@ -249,6 +249,7 @@ def _sample(task: MapTask) -> tuple[Float[np.ndarray, "pixels bands"], Noise]:
         readings.append(image.bands.means(block, image.saturated))
         fine = block[:: max(1, len(use) * len(lines) // _NOISE_SAMPLE)]
         rough.append(fine[np.isfinite(fine).all(axis=1)])
+    progress(len(lines), len(lines), "reading")
     if not readings:
         return np.zeros((0, image.bands.wavelengths.size), np.float32), image.noise
     noise = (
