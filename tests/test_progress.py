@@ -6,6 +6,7 @@ import os
 import pty
 import re
 import sys
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -75,3 +76,34 @@ def test_nobody_moves_anything_but_by_this():
         for path in (ROOT / folder).rglob("*.py"):
             found = re.search(r"\b(Progress\(\*|track\(range|console\.status\()", path.read_text())
             assert found is None or path.name == "progress.py", path
+
+
+def test_lines_say_how_far_long_work_is_off_the_terminal(capfd):
+    def wait_for(words: str) -> None:
+        until = time.monotonic() + 10
+        said = ""
+        while words not in said and time.monotonic() < until:
+            time.sleep(0.01)
+            said += capfd.readouterr().err
+        assert words in said
+
+    with progress.lines(0.02) as note:
+        time.sleep(0.1)
+        assert capfd.readouterr() == ("", "")
+        note(3, 1036, "mapping")
+        wait_for("mapping 3 of 1,036, after 0 s\n")
+        # Nothing new is said by a long piece: the time goes on.
+        wait_for("mapping 3 of 1,036, after 1 s\n")
+        note(0, 1, "checking")
+        wait_for("\nchecking, after 1 s\n")
+        note(70_000, None, "reading")
+        wait_for("\nreading 70,000, after ")
+    capfd.readouterr()
+    time.sleep(0.1)
+    assert capfd.readouterr() == ("", "")
+
+
+def test_short_work_says_nothing_off_the_terminal(capfd):
+    with progress.lines() as note:
+        note(1, 2, "mapping")
+    assert capfd.readouterr() == ("", "")

@@ -5,6 +5,10 @@ nothing is lost.
 import csv
 import functools
 import json
+import os
+import signal
+import time
+import warnings
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -95,13 +99,26 @@ class Halves:
         return ChunkMaps(arrays, {"pixels": float(y * x)}, {(0,): one, (0, 1): one})
 
 
+def interrupt() -> None:
+    raise KeyboardInterrupt
+
+
+def terminate() -> None:
+    os.kill(os.getpid(), signal.SIGTERM)
+    # The signal is heard between two steps of Python.
+    time.sleep(5)
+
+
 @pytest.fixture
 def mapped(monkeypatch) -> list[dict]:
-    """What `map_cube` is called with; it maps halves, and is stopped where `stop` says so."""
+    """What `map_cube` is called with; it maps halves, and is stopped where `stop` says so, as
+    `stops` does it.
+    """
     calls: list[dict] = []
 
     def map_cube(source, pigments, *, out, overwrite, progress, client, **given):
         stop = next((call["stop"] for call in calls if "stop" in call), None)
+        stops = next((call["stops"] for call in calls if "stops" in call), interrupt)
         calls.append({"cube": source, "pigments": pigments, "client": client, **given})
         names = [*(p.name for p in pigments), *(given["spots"] or ())]
         shape = source.open().shape[:2]
@@ -131,7 +148,7 @@ def mapped(monkeypatch) -> list[dict]:
         def note(done, total, words):
             progress(done, total, words)
             if done == stop:
-                raise KeyboardInterrupt
+                stops()
 
         run_chunks(store, Halves(len(names)), client, note)
         return open_map(out)
@@ -251,20 +268,52 @@ def test_a_map_its_report_its_table_and_its_exports_are_written(
     ]
 
 
-def test_an_interrupt_keeps_what_is_finished_and_says_how_to_go_on(
-    tmp_path, monkeypatch, cube, mapped
+@pytest.mark.parametrize(
+    ("stops", "status", "words"), [(interrupt, 130, "Interrupted"), (terminate, 143, "Stopped")]
+)
+def test_a_stop_keeps_what_is_finished_and_says_how_to_go_on(
+    tmp_path, monkeypatch, cube, mapped, stops, status, words
 ):
     monkeypatch.chdir(tmp_path)
-    mapped.append({"stop": 2})
-    done = run(cube, "--opaque", "--only", "ZincWhite,Eosin")
-    assert done.exit_code == 130
-    assert "2 of 3 windows are finished and kept in map.zarr; the same command goes on" in " ".join(
-        done.output.split()
-    )
+    before = signal.getsignal(signal.SIGTERM)
+    mapped.append({"stop": 2, "stops": stops})
+    for more, how in (([], ""), (["--overwrite"], " without --overwrite")):
+        done = run(cube, "--opaque", "--only", "ZincWhite,Eosin", *more)
+        assert done.exit_code == status
+        assert (
+            f"{words}: 2 of 3 windows are finished and kept in map.zarr; the same command{how} "
+            "goes on from there." in " ".join(done.output.split())
+        )
+    assert signal.getsignal(signal.SIGTERM) == before
     mapped.clear()
     again = run(cube, "--opaque", "--only", "ZincWhite,Eosin")
     assert again.exception is None, again.output
     assert "110 mapped" in again.output
+
+
+def test_a_damaged_window_is_named(tmp_path, monkeypatch, cube, mapped):
+    monkeypatch.chdir(tmp_path)
+    assert run(cube, "--opaque", "--only", "ZincWhite,Eosin").exception is None
+    Path("map.zarr/misfit/c/1/0").unlink()
+    for named in (1, 0):
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            done = run(cube, "--opaque", "--only", "ZincWhite,Eosin")
+        assert done.exception is None, done.output
+        words = (
+            "window y4-8_x0-10 of map.zarr is damaged (misfit/c/1/0 is missing), and is mapped anew"
+        )
+        assert " ".join(done.output.split()).count(words) == named
+
+
+def test_a_map_that_another_run_writes_is_not_replaced(tmp_path, monkeypatch, cube, mapped):
+    monkeypatch.chdir(tmp_path)
+    assert run(cube, "--opaque", "--only", "ZincWhite,Eosin").exception is None
+    with MapStore.open("map.zarr").writing():
+        done = run(cube, "--opaque", "--only", "ZincWhite,Eosin", "--overwrite")
+    assert str(done.exception) == (
+        "another run is writing map.zarr; wait for it or stop it, or name another map"
+    )
 
 
 def test_an_interrupt_before_there_is_a_map_is_only_that(tmp_path, monkeypatch, cube):
@@ -277,6 +326,10 @@ def test_an_interrupt_before_there_is_a_map_is_only_that(tmp_path, monkeypatch, 
     done = run(cube, "--opaque")
     assert done.exit_code in (1, 130)
     assert "finished" not in done.output
+    monkeypatch.setattr(glazefit.mapping.map_cube, "map_cube", lambda *_, **__: terminate())
+    done = run(cube, "--opaque")
+    assert done.exit_code == 143
+    assert "Stopped: no map was begun." in done.output
 
 
 def test_ground_and_spots_are_measured_in_the_cube(tmp_path, monkeypatch, cube, mapped):

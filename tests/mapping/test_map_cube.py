@@ -1,5 +1,6 @@
 """Maps of a small image, from the image to the store, beside searches of its pixels."""
 
+import os
 from typing import Any
 
 import numpy as np
@@ -18,6 +19,7 @@ from glazefit.mapping.store.store import MapStore
 from glazefit.mapping.store.windows import Window
 from glazejax import Glaze, Hemispherical, Layer, Pigment, reflectance
 from glazejax.geometry import resolve_instrument
+from glazejax.io import CubeSource
 from tests.mapping import small
 
 NOISE = Noise(0.003, 0.0003)
@@ -90,6 +92,22 @@ def test_every_pixel_is_answered_or_marked(made, cube):
     tallies, sets = MapStore.open(out).sums()
     assert tallies["mapped"] == mapped.sum() == sum(one.pixels for one in sets.values())
     assert tallies["no data"] == 3
+
+
+def test_the_bar_moves_in_every_stage(made):
+    said = made[1]
+    assert list(dict.fromkeys(stage for _, _, stage in said)) == [
+        "reading",
+        "surveying",
+        "searching",
+        "checking",
+        "mapping",
+    ]
+    for stage in ("reading", "surveying"):
+        done = [done for done, _, words in said if words == stage]
+        assert len(set(done)) > 20
+        assert done == sorted(done)
+        assert next(d == of for d, of, words in reversed(said) if words == stage)
 
 
 def test_colours_are_those_of_the_spectra(made, cube):
@@ -308,6 +326,40 @@ def test_an_image_that_is_none_is_said(options: dict[str, Any], tmp_path):
     nothing = small.image(np.full((6, 8, 31), np.nan), np.linspace(400.0, 700.0, 31))
     with pytest.raises(ValueError, match=r"no pixel that can be mapped .* 48 no data"):
         map_cube(nothing, small.paints(), out=tmp_path / "map", ground=0.5)
+
+
+def test_an_image_that_changed_is_another(options: dict[str, Any], tmp_path):
+    """Whatever changed in it, the image or its white, and when."""
+    grid = np.linspace(400.0, 700.0, 31)
+    path = tmp_path / "cube.npy"
+    white = tmp_path / "white.npy"
+    np.save(path, np.full((200, 200, 31), 0.4, "f4"))
+    np.save(white, np.full(31, 0.9, "f4"))
+    source = CubeSource(path, wavelengths=tuple(grid.tolist()), white=white)
+    given = dict(options, mask=None, max_paints=1, ground=0.5)
+    made: dict[str, Any] = {"shape": (200, 200), "chunk": (200, 200), "paints": small.PAINTS}
+
+    def begin() -> MapStore:
+        task = map_task(source, small.paints(), **given)
+        return MapStore.create(tmp_path / "map", **made, options=task.options)
+
+    begin()
+    begin()
+    for file in (path, white):
+        content = file.read_bytes()
+        time = file.stat().st_mtime_ns
+        os.utime(file, ns=(0, time + 1))
+        with pytest.raises(ValueError, match=r"other options \(image: time of change is another\)"):
+            begin()
+        # Among its numbers, and as if it had not been touched.
+        place = len(content) * 2 // 3
+        file.write_bytes(content[:place] + b"\x01" * 8 + content[place + 8 :])
+        os.utime(file, ns=(0, time))
+        with pytest.raises(ValueError, match=r"other options \(image: hash is another\)"):
+            begin()
+        file.write_bytes(content)
+        os.utime(file, ns=(0, time))
+    begin()
 
 
 def test_what_is_public_is_there():

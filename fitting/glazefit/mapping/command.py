@@ -2,8 +2,7 @@
 by pixel, out.
 """
 
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -15,8 +14,6 @@ from glazejax.commands import options, progress
 if TYPE_CHECKING:
     import xarray
     from rich.console import Console
-
-    from glazejax.progress import Progress
 
     from .store.store import MapStore
 
@@ -177,7 +174,7 @@ def map_(
 
     The map is a zarr folder that fills window by window. A run that was
     interrupted or killed goes on where it stopped if the same command is given
-    again; --overwrite begins anew.
+    again, and maps damaged windows anew; --overwrite begins anew.
 
     Example: glazejax map painting.hdr --ground 0.9 --report report
     """
@@ -251,6 +248,7 @@ def map_(
     from .map_cube import map_cube
     from .store.run import connect
     from .store.store import MapStore
+    from .terminal import name_damage, say_what_is_kept, show_stages
 
     console = Console(highlight=False)
     if example:
@@ -272,7 +270,12 @@ def map_(
     progress.print_notes(console, "--ground", notes)
     given = {"floor": noise, "share": noise_share}
     usual_error = ModelError.between_films()
-    with _keep_on_interrupt(out, console), connect(scheduler) as client, _bar() as report_progress:
+    with (
+        say_what_is_kept(out, console, overwrite=overwrite),
+        name_damage(console),
+        connect(scheduler) as client,
+        show_stages() as report_progress,
+    ):
         found = map_cube(
             source,
             paints,
@@ -373,56 +376,6 @@ def _example(out: Path, console: "Console") -> dict[str, Any]:
         lines, samples, _ = made.spectra.shape
         console.print(f"Made a painting of {samples} x {lines} pixels: {header}")
     return {"cube": header, "ground": folder / "ground.csv", "without": FOREIGN}
-
-
-@contextmanager
-def _bar() -> "Iterator[Progress]":
-    """A bar for each stage; what is yielded goes to `map_cube` as ``progress``."""
-    from rich.progress import (
-        BarColumn,
-        MofNCompleteColumn,
-        TextColumn,
-        TimeElapsedColumn,
-        TimeRemainingColumn,
-    )
-
-    columns = (
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeElapsedColumn(),
-        TimeRemainingColumn(),
-    )
-    bars: dict[str, Any] = {}
-    with progress.bar(*columns) as shown:
-
-        def report(done: int, total: int | None, stage: str, /) -> None:
-            if stage not in bars:
-                bars[stage] = shown.add_task(stage, total=total)
-            shown.update(bars[stage], completed=done, total=total)
-
-        yield report
-
-
-@contextmanager
-def _keep_on_interrupt(out: Path, console: "Console") -> Iterator[None]:
-    """After Ctrl-C, say what is finished and how to go on."""
-    from .store.store import MapStore
-
-    try:
-        yield
-    except KeyboardInterrupt:
-        try:
-            store = MapStore.open(out)
-        except ValueError:
-            raise KeyboardInterrupt from None
-        done = len(store.done())
-        of = len(store.windows())
-        console.print(
-            f"[yellow]Interrupted: {done} of {of} windows are finished and kept in {out}; the "
-            "same command goes on from there.[/yellow]"
-        )
-        raise typer.Exit(progress.INTERRUPTED) from None
 
 
 def _write(

@@ -82,7 +82,7 @@ def map_cube(
     """Map the paints of an image of spectra into a zarr store, window by window.
 
     A run that was interrupted goes on where it stopped when it is called again with the same
-    options.
+    options. Windows of it that are damaged are warned of (`DamagedWindow`) and mapped anew.
 
     Args:
         cube: the image, or where it is; see `glazejax.io.open_cube`.
@@ -112,7 +112,8 @@ def map_cube(
 
     Raises:
         ValueError: options or shapes that do not fit, an image without a pixel that can be mapped,
-            a map that was begun with other options.
+            a map that was begun with other options, that another run is writing, or that is damaged
+            beyond its windows.
         FileExistsError: `out` is there and is no map.
         OSError: the disk is full; finished windows are kept.
         ModuleNotFoundError: the extra ``cube`` is not installed.
@@ -190,8 +191,7 @@ def _survey(store: MapStore, task: MapTask, most: int, progress: Progress) -> _S
     """The survey of the image: made, or what a run before has kept."""
     work = store.work
     if "survey" not in work.done():
-        progress(0, 1, "surveying")
-        sample, noise = _sample(task)
+        sample, noise = _sample(task, progress)
         image = task.with_noise(noise).image
         status = classify(sample, image.noise_sd(sample))
         good = np.maximum(sample[status == Status.MAPPED], 0.0)
@@ -202,7 +202,7 @@ def _survey(store: MapStore, task: MapTask, most: int, progress: Progress) -> _S
                 or "the mask leaves none"
             )
             raise ValueError(f"the image has no pixel that can be mapped (of a sample: {words})")
-        found = survey(good, most, _REACH)
+        found = survey(good, most, _REACH, progress)
         checked = good[np.linspace(0, len(good) - 1, min(_CHECKED, len(good))).astype(int)]
         kept = {
             "noise": np.array([noise.floor, noise.share]),
@@ -225,7 +225,7 @@ def _survey(store: MapStore, task: MapTask, most: int, progress: Progress) -> _S
     )
 
 
-def _sample(task: MapTask) -> tuple[Float[np.ndarray, "pixels bands"], Noise]:
+def _sample(task: MapTask, progress: Progress) -> tuple[Float[np.ndarray, "pixels bands"], Noise]:
     """Readings of pixels from all over the image that the mask leaves, and the noise of one
     reading.
     """
@@ -238,6 +238,7 @@ def _sample(task: MapTask) -> tuple[Float[np.ndarray, "pixels bands"], Noise]:
     readings = []
     rough = []
     for number, y in enumerate(lines.tolist()):
+        progress(number, len(lines), "reading")
         use = np.arange(number % step, width, step)
         if image.mask is not None:
             use = use[image.mask[y, use]]
@@ -248,6 +249,7 @@ def _sample(task: MapTask) -> tuple[Float[np.ndarray, "pixels bands"], Noise]:
         readings.append(image.bands.means(block, image.saturated))
         fine = block[:: max(1, len(use) * len(lines) // _NOISE_SAMPLE)]
         rough.append(fine[np.isfinite(fine).all(axis=1)])
+    progress(len(lines), len(lines), "reading")
     if not readings:
         return np.zeros((0, image.bands.wavelengths.size), np.float32), image.noise
     noise = (

@@ -49,7 +49,7 @@ def map_provenance(
         versions={name: version(name) for name in _PACKAGES},
         platform=platform.platform(),
         inputs=[("CUBE", str(cube), quick_source_hash(cube)), *inputs],
-        hashed="SHA-256 (of the cube: of names, sizes, and first and last MiB)",
+        hashed="SHA-256 (of the cube: of names, sizes, and samples from all of it)",
         shortcuts=shortcut_words(found.attrs),
         agreement=agreement_words(found.attrs),
         notes=tuple(map(str, found.attrs.get("notes", ()))),

@@ -4,6 +4,7 @@ notes.
 
 import os
 import sys
+import threading
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence, Sized
 from contextlib import contextmanager
@@ -50,6 +51,37 @@ def bar(*columns: "str | ProgressColumn") -> "Bar":
 
     # Off the terminal rich leaves blank lines, which would stand before an error.
     return Bar(*columns, console=Console(stderr=True), transient=True, disable=not moving())
+
+
+@contextmanager
+def lines(every: float = 10.0) -> Iterator[Progress]:
+    """A line on stderr every so many seconds, for long work where no bar may move; what is yielded
+    says how far it is.
+    """
+    began = time.monotonic()
+    ended = threading.Event()
+    latest = ""
+
+    def note(done: int, total: int | None, words: str, /) -> None:
+        nonlocal latest
+        # A stage that is one piece has nothing to count.
+        count = "" if total == 1 else f" {done:,}" if total is None else f" {done:,} of {total:,}"
+        latest = f"{words}{count}"
+
+    def say() -> None:
+        # Long pieces pass without a call: the time shows that it is alive.
+        while not ended.wait(every):
+            if latest:
+                seconds = time.monotonic() - began
+                print(f"{latest}, after {seconds:.0f} s", file=sys.stderr, flush=True)
+
+    thread = threading.Thread(target=say, daemon=True)
+    thread.start()
+    try:
+        yield note
+    finally:
+        ended.set()
+        thread.join()
 
 
 class Collected(NamedTuple):

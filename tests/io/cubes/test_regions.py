@@ -1,6 +1,7 @@
 """Masks from pictures and polygons, spectra of spots, quick hashes."""
 
 import json
+import os
 import shutil
 
 import matplotlib.path
@@ -11,6 +12,7 @@ from hypothesis import strategies as st
 from PIL import Image
 
 from glazejax.io import open_cube, quick_source_hash, read_mask, read_spot
+from glazejax.io.cubes.hashes import time_of_change
 from glazejax.io.cubes.regions import inside
 
 from .images import BANDS, LINES, SAMPLES, envi, image, labelled, zarr
@@ -239,6 +241,18 @@ def test_hash_of_a_large_file_and_of_a_folder(tmp_path):
         file.seek((10 << 30) - 5)
         file.write(b"x")
     assert quick_source_hash(big) != first
+    first = quick_source_hash(big)
+    with big.open("r+b") as file:
+        file.seek(5)
+        file.write(b"x")
+    assert quick_source_hash(big) != first
+    first = quick_source_hash(big)
+    # A hundredth of it, far from both ends.
+    with big.open("r+b") as file:
+        file.seek(3 << 30)
+        for _ in range(100):
+            file.write(b"x" * (1 << 20))
+    assert quick_source_hash(big) != first
     path = zarr(tmp_path, labelled(image()))
     first = quick_source_hash(path)
     assert quick_source_hash(path) == first
@@ -247,3 +261,44 @@ def test_hash_of_a_large_file_and_of_a_folder(tmp_path):
     assert quick_source_hash(path) != first
     with pytest.raises(FileNotFoundError):
         quick_source_hash(tmp_path / "none")
+
+
+@pytest.mark.parametrize("size", [10, 1 << 20])
+def test_hash_of_a_folder_follows_all_its_files(tmp_path, size):
+    for number in range(9):
+        (tmp_path / f"band{number}").write_bytes(bytes([number]) * size)
+    first = quick_source_hash(tmp_path)
+    for number in range(9):
+        file = tmp_path / f"band{number}"
+        file.write_bytes(b"x" * size)
+        assert quick_source_hash(tmp_path) != first
+        file.write_bytes(bytes([number]) * size)
+    assert quick_source_hash(tmp_path) == first
+
+
+def test_hash_and_time_of_an_image_beside_the_header_of_another(tmp_path):
+    h5py = pytest.importorskip("h5py")
+    header = envi(tmp_path, image())
+    other = header.with_suffix(".nc")
+    with h5py.File(other, "w") as file:
+        file["cube"] = image()
+    alone = tmp_path / "alone" / other.name
+    alone.parent.mkdir()
+    shutil.copy(other, alone)
+    assert quick_source_hash(other) == quick_source_hash(alone)
+    os.utime(header, ns=(9, 2**61))
+    assert time_of_change(other) == other.stat().st_mtime_ns
+    assert time_of_change(header) == 2**61
+
+
+def test_time_of_change_is_that_of_the_newest_file(tmp_path):
+    header = envi(tmp_path, image())
+    for file, time in ((header, 5_000), (header.with_suffix(".img"), 7_000)):
+        os.utime(file, ns=(0, time))
+    assert time_of_change(header) == time_of_change(header.with_suffix(".img")) == 7_000
+    path = zarr(tmp_path, labelled(image()))
+    file = max(path.rglob("c/*"))
+    os.utime(file, ns=(0, 2**61))
+    assert time_of_change(path) == 2**61
+    with pytest.raises(FileNotFoundError):
+        time_of_change(tmp_path / "none")

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, Int
 
+from glazejax.progress import Progress, no_progress
 from glazejax.radiative.common.threads import in_threads
 
 # Readings vary by this share where paints do (`ModelError.between_films`), and near black
@@ -75,7 +76,10 @@ def nearest(
 
 
 def spread_out(
-    features: Float[np.ndarray, "spectra directions"], most: int, reach: float
+    features: Float[np.ndarray, "spectra directions"],
+    most: int,
+    reach: float,
+    progress: Progress = no_progress,
 ) -> tuple[Int[np.ndarray, "chosen"], float]:
     """Spectra near which all others lie: each next one is the farthest from those before (Gonzalez
     1985).
@@ -84,13 +88,16 @@ def spread_out(
         features: of the spectra.
         most: spectra at most.
         reach: no more are taken once all others lie within this.
+        progress: called with spectra taken and their largest number.
 
     Returns:
         Numbers of the spectra, and how far the farthest other one is from its nearest.
     """
     chosen = [int(np.argmax(np.sum((features - features.mean(axis=0)) ** 2, axis=1)))]
     apart = np.sum((features - features[chosen[0]]) ** 2, axis=1)
-    while len(chosen) < min(most, len(features)) and apart.max() > reach**2:
+    most = min(most, len(features))
+    while len(chosen) < most and apart.max() > reach**2:
+        progress(len(chosen), most, "surveying")
         chosen.append(int(np.argmax(apart)))
         apart = np.minimum(apart, np.sum((features - features[chosen[-1]]) ** 2, axis=1))
     return np.asarray(chosen), float(np.sqrt(apart.max()))
@@ -111,7 +118,12 @@ class Survey:
     reach: float
 
 
-def survey(sample: Float[np.ndarray, "spectra bands"], most: int, reach: float) -> Survey:
+def survey(
+    sample: Float[np.ndarray, "spectra bands"],
+    most: int,
+    reach: float,
+    progress: Progress = no_progress,
+) -> Survey:
     """Representatives of a sample of spectra: spread out, then moved to the middles of what they
     stand for.
 
@@ -120,15 +132,18 @@ def survey(sample: Float[np.ndarray, "spectra bands"], most: int, reach: float) 
         most: representatives at most.
         reach: wanted distance of every spectrum to its representative, in standard deviations of
             paint's errors.
+        progress: called as they are chosen.
     """
+    progress(0, 1, "surveying")
     features = Features.of(sample)
     found = features(sample)
-    chosen, _ = spread_out(found, most, reach)
+    chosen, _ = spread_out(found, most, reach, progress)
     centres = found[chosen]
     which, apart = nearest(found, centres)
     for _ in range(_ROUNDS):
         centres = _group_means(found, which).astype(np.float32)
         which, apart = nearest(found, centres)
+    progress(len(chosen), len(chosen), "surveying")
     return Survey(features=features, readings=_group_means(sample, which), reach=float(apart.max()))
 
 

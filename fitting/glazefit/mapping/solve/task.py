@@ -29,6 +29,8 @@ if TYPE_CHECKING:
     from glazejax.io import CubeSource
 
 _VERSION = 1
+# Lines of an image in memory that tell it from others.
+_LINES = 64
 
 
 @dataclass(frozen=True)
@@ -201,11 +203,19 @@ def _identity(source: "CubeSource | xarray.DataArray", array: "xarray.DataArray"
         "wavelengths": _digest(np.asarray(array["wavelength"], float)),
     }
     if not isinstance(source, CubeSource):
-        rows = np.linspace(0, array.shape[0] - 1, min(8, array.shape[0])).astype(int)
+        rows = np.linspace(0, array.shape[0] - 1, min(_LINES, array.shape[0])).astype(int)
         return identity | {"some lines": _digest(*(array[int(y)].to_numpy() for y in rows))}
-    from glazejax.io.cubes.hashes import quick_source_hash
+    from glazejax.io.cubes.hashes import quick_source_hash, time_of_change
 
-    return identity | {"source": asdict(source), "hash": quick_source_hash(source.path)}
+    given = asdict(source)
+    # What calibrates the image, beside itself.
+    further = {name: path for name, path in given.items() if isinstance(path, Path)}
+    files = {**further, "path": Path(source.path)}
+    return identity | {
+        "source": given,
+        "hash": {name: quick_source_hash(path) for name, path in files.items()},
+        "time of change": {name: time_of_change(path) for name, path in files.items()},
+    }
 
 
 def _digest(*arrays: Any) -> str:

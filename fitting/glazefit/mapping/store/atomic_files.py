@@ -98,16 +98,23 @@ class KeyedResults:
 
         Raises:
             KeyError: there is none.
-            ValueError: the file is damaged.
+            ValueError: the file is damaged; without it the result is made anew.
         """
         path = self._path(key)
         try:
-            with np.load(path, allow_pickle=False) as kept:
+            # Of a file that it cannot read NumPy leaves its own open.
+            with path.open("rb") as file, np.load(file, allow_pickle=False) as kept:
                 return {name: kept[name] for name in (kept.files if names is None else names)}
         except FileNotFoundError:
             raise KeyError(key) from None
         except (BadZipFile, EOFError, OSError, ValueError) as error:
-            raise ValueError(f"{path} cannot be read: {error}") from None
+            raise ValueError(
+                f"{path} cannot be read ({error}): remove it, and the same run makes it anew"
+            ) from None
+
+    def remove(self, key: str) -> None:
+        """Take a result away."""
+        self._path(key).unlink(missing_ok=True)
 
     def _path(self, key: str) -> Path:
         if not _KEY.fullmatch(key):

@@ -11,14 +11,8 @@ import numpy as np
 
 from ...identify.search.unstated_conditions import CONDITIONS
 from .atomic_files import sync
+from .identity import WORK, sealed
 from .layout import STATUS_WORDS, VARIABLES, Variable, Way
-
-KIND = "glazejax map"
-FORMAT = 2
-"""What the attribute `glazejax` of a map says it is."""
-
-WORK = ".glazejax"
-"""Folder within a map that holds what a run needs to go on."""
 
 
 def plain(value: Any) -> Any:
@@ -58,14 +52,7 @@ def lay_out(
     import zarr
     from zarr.codecs import BloscCodec
 
-    identity = {"kind": KIND, "format": FORMAT, "shape": list(shape), "chunk": list(chunk)}
-    whole = {
-        "Conventions": "CF-1.11",
-        **attrs,
-        "glazejax": identity,
-        "paints": list(paints),
-        "options": options,
-    }
+    whole = {"Conventions": "CF-1.11", **attrs, "paints": list(paints), "options": options}
     group = zarr.create_group(path, attributes=plain(whole))
     packed = BloscCodec(cname="zstd", clevel=1, shuffle="shuffle")
     for variable in VARIABLES:
@@ -98,6 +85,7 @@ def lay_out(
         dimension_names=["paint"],
     )
     names[:] = np.array([*paints], dtype=object)
+    group.update_attributes({"glazejax": sealed(path, plain(shape), plain(chunk), plain(whole))})
     with warnings.catch_warnings():
         # zarr warns that others may not know this list of arrays; without it readers complain of
         # the folder that is no array.

@@ -1,15 +1,19 @@
 """The store of a map: a zarr 3 folder that fills window by window, and goes on after a kill where
 it stopped.
 
-The array ``status`` is written last of a window: where it says that pixels are not done, they are
-not, whatever a killed run left in other arrays. `open_map` shows fill values in their place, and a
-run that goes on does the window again. Sums over a window's sets lie in the folder ``.glazejax``.
+A window's mark, a file in the folder ``.glazejax``, is written last: with sums over the window's
+sets it holds a checksum of each file of the window. A window without a mark is not finished,
+whatever a killed run left in the arrays: `open_map` shows fill values in its place, and a run that
+goes on does it again. A window whose files do not meet their checksums is damaged: `open_map`
+refuses to read it, and a run that goes on does it again, too.
 """
 
 import json
 import shutil
-from collections.abc import Iterator, Mapping, Sequence
+import warnings
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,15 +21,22 @@ import numpy as np
 
 from glazejax.extras import require
 
-from .atomic_files import KeyedResults, explain_full_disk, sync
+from .atomic_files import KeyedResults, explain_full_disk, sync, write_whole
 from .chunk import ChunkMaps, Members, SetSum, add_sets, add_tallies, pack, unpack
-from .create import FORMAT, KIND, WORK, lay_out, plain
+from .create import lay_out, plain
+from .identity import WORK, damaged_files, is_map, read_identity
 from .layout import BY_NAME, VARIABLES, Status, Variable
+from .lock import hold
+from .marks import Marks
 from .windows import Window, windows
 
 if TYPE_CHECKING:
     import xarray
     import zarr
+
+
+class DamagedWindow(UserWarning):
+    """A window that was not as it had been written, and is mapped anew."""
 
 
 class MapStore:
@@ -43,22 +54,12 @@ class MapStore:
     def __init__(self, path: str | Path):
         require("zarr")
         self.path = Path(path)
-        attrs = _attributes(self.path)
-        if attrs is None:
-            raise ValueError(
-                f"{self.path} is no map of glazejax; name the folder that `glazejax map` wrote "
-                "with --out"
-            )
-        identity = attrs["glazejax"]
-        if identity["format"] != FORMAT:
-            raise ValueError(
-                f"{self.path} is a map of format {identity['format']}, written by another "
-                f"glazejax; this one reads format {FORMAT}: make the map again (--overwrite)"
-            )
-        self.shape: tuple[int, int] = (identity["shape"][0], identity["shape"][1])
-        self.chunk: tuple[int, int] = (identity["chunk"][0], identity["chunk"][1])
-        self.paints: tuple[str, ...] = tuple(attrs["paints"])
-        self.options: dict[str, Any] = attrs["options"]
+        self._identity = read_identity(self.path)
+        self.shape: tuple[int, int] = self._identity.shape
+        self.chunk: tuple[int, int] = self._identity.chunk
+        self.paints: tuple[str, ...] = self._identity.paints
+        self.options: dict[str, Any] = self._identity.options
+        self._marks = Marks(self.path, self._identity)
         self._group: zarr.Group | None = None
         self._held = False
 
@@ -89,7 +90,8 @@ class MapStore:
             overwrite: replace a map that is there.
 
         Raises:
-            ValueError: the map that is there was begun with other options.
+            ValueError: the map that is there was begun with other options or is damaged beyond its
+                windows, or another run is writing it.
             FileExistsError: what is there is no map of glazejax.
             FileNotFoundError: the parent folder does not exist.
             OSError: the disk is full.
@@ -99,36 +101,34 @@ class MapStore:
         whole = {**options, "shape": list(shape), "paints": list(paints)}
         wanted = plain(whole)
         check_map(path, overwrite=overwrite)
-        if path.exists() and any(path.iterdir()) and not overwrite:
-            existing = cls(path)
-            if differences := _differences(existing.options, wanted):
-                raise ValueError(
-                    f"{path} was begun with other options ({differences}); name another map, or "
-                    "replace it with overwrite=True (--overwrite)"
-                )
-            return existing
-        new = path.with_name(f".{path.name}.new")
-        old = path.with_name(f".{path.name}.old")
-        for left in (new, old):
-            shutil.rmtree(left, ignore_errors=True)
-        with explain_full_disk(path, lambda: "nothing of the map was begun"):
-            try:
-                lay_out(
-                    new,
-                    shape=shape,
-                    chunk=chunk,
-                    paints=paints,
-                    options=wanted,
-                    attrs=attrs or {},
-                    coords=coords or {},
-                )
+        lay = partial(
+            lay_out,
+            shape=shape,
+            paints=paints,
+            options=wanted,
+            attrs=attrs or {},
+            coords=coords or {},
+        )
+        with hold(path):
+            if path.exists() and any(path.iterdir()) and not overwrite:
+                existing = cls(path)
+                if differences := _differences(existing.options, wanted):
+                    raise ValueError(
+                        f"{path} was begun with other options ({differences}); name another map, "
+                        "or replace it with overwrite=True (--overwrite)"
+                    )
+                existing._mend_files(partial(lay, chunk=existing.chunk))
+                return existing
+            old = path.with_name(f".{path.name}.old")
+            shutil.rmtree(old, ignore_errors=True)
+            with (
+                explain_full_disk(path, lambda: "nothing of the map was begun"),
+                _laid_out(path, partial(lay, chunk=chunk)) as new,
+            ):
                 if path.exists():
                     path.replace(old)
                 new.replace(path)
-            except BaseException:
-                shutil.rmtree(new, ignore_errors=True)
-                raise
-        shutil.rmtree(old, ignore_errors=True)
+            shutil.rmtree(old, ignore_errors=True)
         return cls(path)
 
     @classmethod
@@ -151,12 +151,10 @@ class MapStore:
 
     def done(self) -> set[Window]:
         """The windows that are finished."""
-        # zarr writes no chunk that is all fill, and that of `status` is `UNDONE`.
-        status = BY_NAME["status"]
-        return {window for window in self.windows() if self._file(status, window).exists()}
+        return self._marks.done()
 
     def put(self, window: Window, maps: ChunkMaps) -> None:
-        """Write a window, the status of its pixels last.
+        """Write a window: its arrays, the status of its pixels last of them, then its mark.
 
         Raises:
             ValueError: no window of this map, arrays that do not fit it, or pixels without a
@@ -186,71 +184,106 @@ class MapStore:
                 "make room, then run the same again and it goes on"
             ),
         ):
-            *others, status = sorted(VARIABLES, key=lambda variable: variable.name == "status")
-            for variable in others:
+            # Programs that know no marks go by the status.
+            for variable in sorted(VARIABLES, key=lambda variable: variable.name == "status"):
                 self._write(variable, window, maps)
-            for variable in others:
-                sync(self._file(variable, window))
-            self._sums.put(str(window), pack(maps.tallies, maps.sets))
-            self._write(status, window, maps)
-            sync(self._file(status, window))
-            sync(self._file(status, window).parent)
+            for variable in VARIABLES:
+                sync(self._marks.file(variable, window))
+            sync(self._marks.file(BY_NAME["status"], window).parent)
+            self._marks.put(window, pack(maps.tallies, maps.sets))
+
+    def check_files(self) -> None:
+        """See that metadata and coordinates are as they were written.
+
+        Raises:
+            ValueError: they are not.
+        """
+        if damaged := damaged_files(self.path, self._identity):
+            raise ValueError(
+                f"{self.path} is damaged ({damaged[0]} is missing or not as it was written); run "
+                "the same `glazejax map` again, which writes it anew"
+            )
 
     def sums(self) -> tuple[dict[str, float], dict[Members, SetSum]]:
         """Counts and sums of sets over all finished windows, in the order of the windows whatever
         their order of work.
 
         Raises:
-            ValueError: those of a window cannot be read.
+            ValueError: a window's mark is damaged.
         """
         tallies: dict[str, float] = {}
         sets: dict[Members, SetSum] = {}
         for window in sorted(self.done()):
-            more, further = unpack(self._sums.get(str(window)))
+            more, further = unpack(self._marks.get(window))
             add_tallies(tallies, more)
             add_sets(sets, further)
         return tallies, sets
 
     def note(self, **attrs: Any) -> None:
         """Add attributes to the map, such as what a check of it found."""
+        import zarr
+
         with explain_full_disk(self.path, lambda: "all finished windows are kept"):
-            self._writable().update_attributes(plain(attrs))
+            zarr.open_group(self.path, mode="r+").update_attributes(plain(attrs))
 
     @contextmanager
     def writing(self) -> Iterator[None]:
-        """Hold the map, so that no second run writes it; take away what a killed run left
-        half-written.
+        """Hold the map, so that no second run writes or replaces it; take away what a killed run
+        left half-written, and the marks of damaged windows, of which each is warned.
 
         Raises:
-            ValueError: another run holds it.
+            ValueError: another run holds it, or has replaced it.
         """
         if self._held:
             yield
             return
-        work = self.path / WORK
-        work.mkdir(exist_ok=True)
-        with (work / "lock").open("w") as file:
-            if not _lock(file.fileno()):
+        with hold(self.path):
+            if read_identity(self.path).run != self._identity.run:
                 raise ValueError(
-                    f"another run is writing {self.path}; wait for it, or name another map"
+                    f"another run has replaced {self.path} since this one began; name another map, "
+                    "or run the same again"
                 )
+            work = self.path / WORK
+            work.mkdir(exist_ok=True)
             for left in (*self.path.rglob("*.partial"), *work.rglob("*.part")):
                 left.unlink(missing_ok=True)
+            for damage in self._marks.remove_damaged():
+                warnings.warn(damage, DamagedWindow, stacklevel=4)
+                self.note(complete=False)
             self._held = True
             try:
                 yield
             finally:
                 self._held = False
 
-    @property
-    def _sums(self) -> KeyedResults:
-        return KeyedResults(self.path / WORK / "sums")
+    def _mend_files(self, lay: Callable[[Path], None]) -> None:
+        """Write damaged files of metadata and coordinates anew.
+
+        Args:
+            lay: lays out an empty map like this one in a folder.
+
+        Raises:
+            ValueError: they come out otherwise than they were.
+        """
+        damaged = damaged_files(self.path, self._identity)
+        if not damaged:
+            return
+        with _laid_out(self.path, lay) as new:
+            for name in damaged:
+                (self.path / name).parent.mkdir(parents=True, exist_ok=True)
+                write_whole(self.path / name, (new / name).read_bytes())
+        if damaged_files(self.path, self._identity):
+            raise ValueError(
+                f"{self.path} is damaged ({damaged[0]} is missing or not as it was written): make "
+                "the map again with overwrite=True (--overwrite)"
+            )
 
     def _writable(self) -> "zarr.Group":
         import zarr
 
         if self._group is None:
-            self._group = zarr.open_group(self.path, mode="r+")
+            # The metadata beside each array have checksums; those that are consolidated have none.
+            self._group = zarr.open_group(self.path, mode="r+", use_consolidated=False)
         return self._group
 
     def _write(self, variable: Variable, window: Window, maps: ChunkMaps) -> None:
@@ -259,13 +292,6 @@ class MapStore:
         rows, columns = window.slices
         array: Any = self._writable()[variable.name]
         array[rows, columns] = maps.arrays.get(variable.name, fill).astype(variable.dtype)
-
-    def _file(self, variable: Variable, window: Window) -> Path:
-        """File of an array's window; there is none where the array is all fill."""
-        row = window.y0 // self.chunk[0]
-        column = window.x0 // self.chunk[1]
-        further = ["0"] * len(variable.further)
-        return self.path.joinpath(variable.name, "c", str(row), str(column), *further)
 
 
 def open_map(path: str | Path) -> "xarray.Dataset":
@@ -282,20 +308,20 @@ def open_map(path: str | Path) -> "xarray.Dataset":
         paint; how the map was made stands in the attributes.
 
     Raises:
-        ValueError: there is no map of glazejax.
+        ValueError: there is no map of glazejax, or its metadata or coordinates are damaged; later,
+            when a damaged window is read.
         ModuleNotFoundError: xarray or zarr is not installed.
     """
     require("xarray", "zarr")
     import xarray
     from zarr.storage import LocalStore
 
-    from .partial_store import hide_unfinished
+    from .partial_store import FinishedWindows
 
     store = MapStore.open(path)
-    done = {(window.y0 // store.chunk[0], window.x0 // store.chunk[1]) for window in store.done()}
-    files = LocalStore(store.path, read_only=True)
-    shown = files if len(done) == len(store.windows()) else hide_unfinished(files, done)
-    return xarray.open_zarr(shown, consolidated=True, chunks=None)
+    store.check_files()
+    shown = FinishedWindows(LocalStore(store.path, read_only=True), store._marks)
+    return xarray.open_zarr(shown, consolidated=False, chunks=None)
 
 
 def check_map(path: str | Path, *, overwrite: bool = False) -> bool:
@@ -313,7 +339,7 @@ def check_map(path: str | Path, *, overwrite: bool = False) -> bool:
         raise FileNotFoundError(f"{path}: the folder {path.absolute().parent} does not exist")
     if not path.exists() or (path.is_dir() and not any(path.iterdir())):
         return False
-    if _attributes(path) is None:
+    if not is_map(path):
         words = ", and is not replaced" if overwrite else ""
         raise FileExistsError(
             f"{path} exists and is no map of glazejax{words}; choose another name"
@@ -321,13 +347,18 @@ def check_map(path: str | Path, *, overwrite: bool = False) -> bool:
     return True
 
 
-def _attributes(path: Path) -> dict[str, Any] | None:
-    """Attributes of the map in a folder; None if it holds none."""
+@contextmanager
+def _laid_out(path: Path, lay: Callable[[Path], None]) -> Iterator[Path]:
+    """A new folder beside another, as `lay` fills it; taken away if it is still there in the
+    end.
+    """
+    new = path.with_name(f".{path.name}.new")
+    shutil.rmtree(new, ignore_errors=True)
     try:
-        attrs = json.loads((path / "zarr.json").read_text(encoding="utf-8"))["attributes"]
-        return attrs if attrs["glazejax"]["kind"] == KIND else None
-    except (OSError, ValueError, KeyError, TypeError):
-        return None
+        lay(new)
+        yield new
+    finally:
+        shutil.rmtree(new, ignore_errors=True)
 
 
 def _differences(existing: Mapping[str, Any], wanted: Mapping[str, Any], limit: int = 3) -> str:
@@ -373,20 +404,3 @@ def _size(value: Any) -> str:
 def _short(value: Any) -> str:
     text = "nothing" if value is None else value if isinstance(value, str) else json.dumps(value)
     return text if len(text) <= 60 else f"{text[:57]}..."
-
-
-def _lock(number: int) -> bool:
-    """Lock an open file for this process; the system lets go when the process ends, however it
-    ends.
-    """
-    try:
-        from fcntl import LOCK_EX, LOCK_NB, flock
-    except ImportError:  # Windows
-        return True
-    try:
-        flock(number, LOCK_EX | LOCK_NB)
-    except BlockingIOError:
-        return False
-    except OSError:  # a network drive without locks
-        return True
-    return True

@@ -1,25 +1,33 @@
-"""A quick hash of an image: enough to tell that it is not the one that was mapped, without reading
-all of it.
+"""A quick hash of an image, and its time of change: enough to tell that it is not the one that was
+mapped, without reading all of it.
 """
 
 import hashlib
+import random
+from bisect import bisect_right
+from collections.abc import Iterator, Sequence
+from itertools import accumulate
 from pathlib import Path
 
 from ..sniff import header_beside
-from ..source import explain_errors
+from ..source import explain_errors, open_source
+from .opening import HEADS
 
 _END = 1 << 20
-# A file up to this size, such as a header or the metadata of a store, is hashed whole.
+# Blocks between the ends.
+_BLOCKS = 128
+_BLOCK = 1 << 16
+# Data up to this size are hashed whole, and so is each header or file of metadata.
 _SMALL = 1 << 21
 
 
 def quick_source_hash(path: str | Path) -> str:
-    """SHA-256 of names, sizes, and the first and last MiB of a file (of a small one, all); not of
-    what lies between.
+    """SHA-256 of names and sizes, of headers and metadata, and of samples of the numbers: the first
+    and last MiB, and a block of 64 KiB from each of 128 equal parts between them (of up to 2 MiB,
+    all).
 
-    Of an ENVI image the header and the data are hashed, of a folder all names and sizes, the small
-    text files of its metadata, and the ends of its first and last file. A copy has the same hash
-    wherever it lies.
+    The files of a folder count as one after another. A copy has the same hash wherever it lies.
+    What changed between the samples is not noticed: see `time_of_change`.
 
     Raises:
         FileNotFoundError: no such file.
@@ -28,41 +36,64 @@ def quick_source_hash(path: str | Path) -> str:
     path = Path(path)
     digest = hashlib.sha256()
     with explain_errors(path):
-        if path.is_dir():
-            files = sorted(file for file in path.rglob("*") if file.is_file())
-            for file in files:
-                digest.update(
-                    f"{file.relative_to(path).as_posix()} {file.stat().st_size}\n".encode()
-                )
-            named = [file for file in files if file.suffix == ".json" or file.name.startswith(".z")]
-            data = [file for file in files if file not in set(named)]
-            files = [*named, *data[:1], *data[1:][-1:]]
-        else:
-            files = _together(path)
-        for file in files:
-            _add(digest, file)
+        metadata, data = _parts(path)
+        for file in [*metadata, *data]:
+            name = f"{file.relative_to(path).as_posix()} " if path.is_dir() else ""
+            digest.update(f"{name}{file.stat().st_size}\n".encode())
+        for files in (*([file] for file in metadata), data):
+            for piece in _samples(files):
+                digest.update(piece)
     return digest.hexdigest()
 
 
-def _together(path: Path) -> list[Path]:
-    """A file and what belongs to it: header and data of an ENVI image."""
-    from ..read import envi_file
+def time_of_change(path: str | Path) -> int:
+    """When an image was last written: the latest time of its files, ns since 1970.
 
-    if path.suffix.lower() == ".hdr" or header_beside(path) is not None:
+    Raises:
+        FileNotFoundError: no such file.
+        OSError: the system cannot read it.
+    """
+    path = Path(path)
+    with explain_errors(path):
+        metadata, data = _parts(path)
+        return max((file.stat().st_mtime_ns for file in [*metadata, *data]), default=0)
+
+
+def _parts(path: Path) -> tuple[list[Path], list[Path]]:
+    """Files of an image: headers and metadata, and its numbers."""
+    if path.is_dir():
+        files = sorted(file for file in path.rglob("*") if file.is_file())
+        metadata = [file for file in files if file.suffix == ".json" or file.name.startswith(".z")]
+        return metadata, [file for file in files if file not in set(metadata)]
+    with open_source(path) as source:
+        # A header beside an image of another kind belongs to other data.
+        other = source.head.startswith(HEADS)
+    if path.suffix.lower() == ".hdr" or (not other and header_beside(path) is not None):
+        from ..read import envi_file
+
         envi = envi_file(path)
-        header = header_beside(envi.data) or path
-        return [header, envi.data]
-    return [path]
+        return [envi.path], [envi.data]
+    return [], [path]
 
 
-def _add(digest: "hashlib._Hash", path: Path) -> None:
-    """Size and ends of a file."""
-    size = path.stat().st_size
-    digest.update(f"{size}\n".encode())
-    with path.open("rb") as file:
-        if size <= _SMALL:
-            digest.update(file.read())
-        else:
-            digest.update(file.read(_END))
-            file.seek(size - _END)
-            digest.update(file.read(_END))
+def _samples(files: Sequence[Path]) -> Iterator[bytes]:
+    """Pieces of files that count as one after another; always the same ones of the same sizes."""
+    starts = [0, *accumulate(file.stat().st_size for file in files)]
+    size = starts[-1]
+    if size <= _SMALL:
+        places = [(0, size)]
+    else:
+        # Places that repeat at one distance would meet the same lines in every band.
+        chance = random.Random(size)
+        part = (size - 2 * _END) / _BLOCKS
+        between = [int(_END + (n + chance.random()) * part) for n in range(_BLOCKS)]
+        places = [(0, _END), *((start, _BLOCK) for start in between), (size - _END, _END)]
+    for start, length in places:
+        end = min(start + length, size)
+        while start < end:
+            number = bisect_right(starts, start) - 1
+            upto = min(end, starts[number + 1])
+            with files[number].open("rb") as file:
+                file.seek(start - starts[number])
+                yield file.read(upto - start)
+            start = upto

@@ -29,7 +29,7 @@ def raw_cube(path: Path, dataset: str | None = None, count: int | None = None) -
     if not path.is_dir():
         with open_source(path) as source:
             head = source.head
-            known = head.startswith(_HEADS) or identify(source) in ("envi header", "envi data")
+            known = head.startswith(HEADS) or identify(source) in ("envi header", "envi data")
     with explain_errors(path), whole(path):
         if stored or (head.startswith(_ZIP) and path.suffix.lower() == ".zip"):
             return zarr_cube(path, dataset, count)
@@ -57,6 +57,7 @@ _HDF5 = b"\x89HDF\r\n"
 _NPY = b"\x93NUMPY"
 _ZIP = b"PK\x03\x04"
 _CLASSIC = (b"CDF\x01", b"CDF\x02")
-_HEADS = (_HDF5, _NPY, _ZIP, *_CLASSIC, *TIFF)
+HEADS = (_HDF5, _NPY, _ZIP, *_CLASSIC, *TIFF)
+"""What images of known kinds begin with, whatever lies beside them."""
 # Files that a store of zarr has.
 _ZARR = ("zarr.json", ".zgroup", ".zarray", ".zmetadata")

@@ -1,0 +1,130 @@
+"""What `glazejax map` says while it maps: how far it is, which windows were damaged, and what is
+kept where it is stopped.
+"""
+
+import signal
+import threading
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import typer
+
+from glazejax.commands import progress
+
+from .store.store import DamagedWindow, MapStore
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from glazejax.progress import Progress
+
+_TERMINATED = 128 + signal.SIGTERM
+"""What a shell reports of a program that SIGTERM has stopped."""
+
+
+@contextmanager
+def show_stages() -> "Iterator[Progress]":
+    """A bar for each stage, or a line now and then where no bar may move; what is yielded goes to
+    `map_cube` as ``progress``.
+    """
+    from rich.progress import (
+        BarColumn,
+        MofNCompleteColumn,
+        TextColumn,
+        TimeElapsedColumn,
+        TimeRemainingColumn,
+    )
+
+    if not progress.moving():
+        with progress.lines() as report_lines:
+            yield report_lines
+        return
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeElapsedColumn(),
+        TimeRemainingColumn(),
+    )
+    bars: dict[str, Any] = {}
+    with progress.bar(*columns) as shown:
+
+        def report(done: int, total: int | None, stage: str, /) -> None:
+            if stage not in bars:
+                bars[stage] = shown.add_task(stage, total=total)
+            shown.update(bars[stage], completed=done, total=total)
+
+        yield report
+
+
+@contextmanager
+def name_damage(console: "Console") -> Iterator[None]:
+    """Print in a line each the windows that are warned of as damaged."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("always", DamagedWindow)
+        shown = warnings.showwarning
+
+        def show(message: Warning | str, category: type[Warning], *rest: Any, **more: Any) -> None:
+            if issubclass(category, DamagedWindow):
+                console.print(str(message), style="yellow", markup=False)
+            else:
+                shown(message, category, *rest, **more)
+
+        warnings.showwarning = show
+        yield
+
+
+class _Terminated(KeyboardInterrupt):
+    """SIGTERM, which stops a run as Ctrl-C does."""
+
+
+@contextmanager
+def say_what_is_kept(out: Path, console: "Console", *, overwrite: bool) -> Iterator[None]:
+    """After Ctrl-C or SIGTERM, say what is finished and how to go on.
+
+    Args:
+        out: folder of the map.
+        console: to print to.
+        overwrite: the command has the option ``--overwrite``, by which it would begin anew.
+    """
+    try:
+        with _stopped_by_sigterm():
+            yield
+    except KeyboardInterrupt as stop:
+        terminated = isinstance(stop, _Terminated)
+        try:
+            store = MapStore.open(out)
+        except ValueError:
+            if not terminated:
+                raise stop from None
+            console.print("[yellow]Stopped: no map was begun.[/yellow]")
+            raise typer.Exit(_TERMINATED) from None
+        done = len(store.done())
+        of = len(store.windows())
+        how = " without --overwrite" if overwrite else ""
+        console.print(
+            f"[yellow]{'Stopped' if terminated else 'Interrupted'}: {done} of {of} windows are "
+            f"finished and kept in {out}; the same command{how} goes on from there.[/yellow]"
+        )
+        raise typer.Exit(_TERMINATED if terminated else progress.INTERRUPTED) from None
+
+
+@contextmanager
+def _stopped_by_sigterm() -> Iterator[None]:
+    """Have SIGTERM raise an exception meanwhile."""
+    if threading.current_thread() is not threading.main_thread():
+        # Python hears signals in its main thread alone.
+        yield
+        return
+
+    def stop(*_: Any) -> None:
+        raise _Terminated
+
+    before = signal.signal(signal.SIGTERM, stop)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)

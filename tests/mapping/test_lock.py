@@ -1,0 +1,97 @@
+"""Two runs never write one map, and no dead run keeps a living one from it."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from glazefit.mapping.store import lock
+from glazefit.mapping.store.lock import hold
+from glazefit.mapping.store.run import run_chunks
+
+from .test_store import same, undisturbed  # noqa: F401
+from .toy import Toy, store_at
+
+pytest.importorskip("zarr")
+
+
+def test_a_map_that_another_run_writes_is_not_replaced(tmp_path, undisturbed):  # noqa: F811
+    store = store_at(tmp_path / "map.zarr")
+
+    def replace(done, total, words):
+        if done == 9:
+            with pytest.raises(ValueError, match=r"another run is writing .*map.zarr; wait for it"):
+                store_at(store.path, overwrite=True)
+
+    run_chunks(store, Toy(), progress=replace)
+    same(store, undisturbed)
+
+
+def test_a_map_that_was_replaced_before_it_was_written_is_left_alone(tmp_path):
+    first = store_at(tmp_path / "map.zarr")
+    second = store_at(tmp_path / "map.zarr", overwrite=True)
+    with pytest.raises(ValueError, match=r"another run has replaced .*map.zarr"):
+        run_chunks(first, Toy())
+    assert not second.done()
+
+
+def test_a_run_in_another_process_holds_its_map_until_it_dies(tmp_path):
+    path = tmp_path / "map.zarr"
+    source = Path(__file__).parents[2]
+    paths = [str(source / "src"), str(source / "fitting"), str(source)]
+    with subprocess.Popen(
+        [sys.executable, "-m", "tests.mapping.toy", str(path), "0.2"],
+        env={**os.environ, "PYTHONPATH": os.pathsep.join(paths)},
+        stdout=subprocess.PIPE,
+    ) as run:
+        assert run.stdout is not None
+        assert run.stdout.readline() == b"begun\n"
+        while not store_marks(path):
+            assert run.poll() is None
+        for overwrite in (False, True):
+            with pytest.raises(ValueError, match="another run is writing"):
+                store_at(path, overwrite=overwrite)
+        run.kill()
+    # The file of the killed run is still there, and holds nothing.
+    assert (tmp_path / ".map.zarr.lock").exists()
+    assert store_at(path, overwrite=True).done() == set()
+    assert [file.name for file in tmp_path.iterdir()] == ["map.zarr"]
+
+
+def store_marks(path: Path) -> list[Path]:
+    return list((path / ".glazejax" / "marks").glob("*.npz"))
+
+
+def test_a_map_is_held_by_whatever_name(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "same").symlink_to("map.zarr")
+    with hold(Path("map.zarr")):
+        for name in ("map.zarr", tmp_path / "map.zarr", "same"):
+            with pytest.raises(ValueError, match="another run is writing"), hold(Path(name)):
+                pass
+        with hold(Path("other.zarr")):
+            pass
+    assert sorted(file.name for file in tmp_path.iterdir()) == ["same"]
+
+
+def test_a_file_that_the_run_before_took_away_is_no_lock(tmp_path, monkeypatch):
+    """It was opened here before it was taken away, and locked here after."""
+    taken = []
+    lock_file = lock._lock
+
+    def late(file):
+        if not taken:
+            taken.append(file.name)
+            Path(file.name).unlink()
+        return lock_file(file)
+
+    monkeypatch.setattr(lock, "_lock", late)
+    with (
+        hold(tmp_path / "map"),
+        pytest.raises(ValueError, match="another run"),
+        hold(tmp_path / "map"),
+    ):
+        pass
+    assert taken
