@@ -164,17 +164,17 @@ def as_thick(pairs: dict[str, Work], wanted: dict[str, float], *, swapped: bool)
 
 
 def figure(pairs: dict[str, Work], found: dict[str, np.ndarray]) -> Any:
-    """Figure 2's curves, of the paints that stand for the paper's, and the draws."""
+    """Figure 2's curves, of the same pigments, and the draws."""
     from matplotlib.figure import Figure
 
     from glazejax import catalogue
 
-    paints = catalogue.load()
+    paints = catalogue.load("pigments")
     picture = Figure(figsize=(12, 6.4), layout="constrained")
     halves: Any = picture.subfigures(2, 1)
     top, bottom = halves
     top.suptitle(
-        "k and s of the paints that stand for the paper's, as in its figure 2", fontsize=11
+        "k and s of the catalogue's paints of the paper's pigments, as in its figure 2", fontsize=11
     )
     bottom.suptitle(
         "Table 4: mean difference of 24-bit RGB, h varied by 4 % (x: as the paper prints it)",
@@ -189,8 +189,8 @@ def figure(pairs: dict[str, Work], found: dict[str, np.ndarray]) -> Any:
             axes.semilogy(
                 paint.wavelengths, THINNING * np.asarray(values), color=colour, label=word
             )
-        stands = ", for lead-tin yellow" if letter == "a" else ""
-        axes.set_title(f"({letter}) {name}{stands}", fontsize=10)
+        axes.set_title(f"({letter}) {paint.family}", fontsize=10)
+        axes.set_xlim(WAVELENGTHS[0], WAVELENGTHS[-1])
         axes.set_xlabel("wavelength (nm)")
         if letter == "a":
             axes.set_ylabel("k, s times 0.1 (1/m)")
