@@ -175,7 +175,9 @@ def _of_pair(row: str, pair: str, after: str = "") -> Reader:
 
 _OVER = {
     "own": "here: fixed step over own step, decomposed",
+    "own_counted": "here: fixed step, table counted over own step, decomposed",
     "conventional": "here: fixed step over conventional",
+    "conventional_counted": "here: fixed step, table counted over conventional",
     "own_over_conventional": "here: own step, decomposed over conventional",
     "paper": "paper: fixed step over own step, decomposed",
 }
@@ -183,12 +185,28 @@ for _key, _row in _OVER.items():
     _pairs = [_of_pair(_row, pair) for pair in _PAIRS]
     _style = ".0f %" if _key.startswith("own") else ".1f %"
     add("paper_tables", _style, **{f"{_key}_least": least(*_pairs), f"{_key}_most": most(*_pairs)})
+for _key in ("own", "own_counted", "conventional"):
+    _pairs = [_of_pair(_OVER[_key], pair, "The same with a thicker yellow") for pair in _PAIRS[:3]]
+    _style = ".0f %" if _key.startswith("own") else ".1f %"
+    add(
+        "paper_tables",
+        _style,
+        **{f"{_key}_thicker_least": least(*_pairs), f"{_key}_thicker_most": most(*_pairs)},
+    )
+add("paper_tables", ".0f %", own_together=found(r"counted once: .* (\S+)% of the time of all"))
+add("paper_tables", ".1f", scattering_factor=found(r"known to a factor of (\S+)"))
 _FIXED_STEP, _COARSENED = "fixed step .01", "coarsened to own step .04"
 add(
     "paper_tables",
     ".3f",
     ac_fixed=_of_pair(f"here: {_FIXED_STEP}", "a/c"),
     ac_coarse=_of_pair(f"here: {_COARSENED}", "a/c"),
+)
+add(
+    "paper_tables",
+    ".3f",
+    ac_fixed_thicker=_of_pair(f"here: {_FIXED_STEP}", "a/c", "The same with a thicker yellow"),
+    ac_coarse_thicker=_of_pair(f"here: {_COARSENED}", "a/c", "The same with a thicker yellow"),
 )
 add("paper_tables", ".3f", bc_fixed=_of_pair(f"here: {_FIXED_STEP}", "b/c"))
 add("paper_tables", ".4f", bc_paper=_of_pair(f"paper: {_FIXED_STEP}", "b/c"))
@@ -277,7 +295,19 @@ _draws = {
 }
 for _key, (_low, _high) in _draws.items():
     add("paper_rounding", ".4f", **{f"{_key}_least": _low, f"{_key}_most": _high})
-add("paper_rounding", ".2f", ab_coarse_most=_ends(_COARSENED, "a/b", "Table 4 again")[1])
+_low, _high = _ends(_COARSENED, "a/b", "Table 4 again")
+add("paper_rounding", ".2f", ab_coarse_least=_low, ab_coarse_most=_high)
+for _key, _after in (
+    ("within", "Table 4 again"),
+    ("within_thick", "the first of the pair on top"),
+    ("within_swapped", "the second of the pair on top"),
+    ("within_thicker", "With a thicker yellow"),
+):
+    add(
+        "paper_rounding",
+        ".0f",
+        **{_key: found(r"numbers (\d+) lie within the draws", after=_after)},
+    )
 add(
     "paper_rounding",
     ".0f",
@@ -288,7 +318,9 @@ add("paper_rounding", ".0f %", all_nearer=found(r"fixed step nearer in (\d+)% of
 add(
     "paper_rounding",
     ".3f",
-    rounded_apart=_of_pair("fixed step .01 from the default solver with both", "b/c"),
+    rounded_apart=most(
+        *(_of_pair("fixed step .01 from the default solver with both", pair) for pair in _PAIRS)
+    ),
 )
 for _key, _paint in (("b", "vermilion"), ("a", "lead_tin")):
     add(

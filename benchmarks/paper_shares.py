@@ -34,7 +34,7 @@ from glazejax.radiative.auxiliary.uniform_solver import GridSettings
 
 OWN, FIXED = "own step, decomposed", "fixed step"
 CHOSEN = ("a/b", "b/c", "c/d")
-"""A thick, a middle and a thin pair."""
+"""Every paint once, vermilion and viridian twice."""
 ENDS = (STEPS[0], STEPS[-1])
 GLAZES = (1, 10, 100)
 ASSEMBLIES = {"direct": assembly.direct, "decomposed": assembly.decompose}
