@@ -21,7 +21,7 @@ from .namers import namers
 from .program import FamilyCatalogue, FilmCatalogues, JointFit
 from .sources import Source, read_sources
 from .splits import check_hashes
-from .tasks import Failure, Record, Scores, interval, run_mixing, run_names
+from .tasks import Failure, Record, Scores, interval, run_mixing, run_names, run_own
 
 NEEDS = ("data/hyperdoc", "data/bath", "data/grillini", "sklearn")
 
@@ -88,6 +88,7 @@ def run(sources: list[Source], own_films: bool = False) -> Record:
     progress("names of pigments")
     ours = [FamilyCatalogue(), *([FilmCatalogues()] if own_films else [])]
     run_names(sources, [*ours, *namers()], record)
+    run_own(sources, FamilyCatalogue(), record)
     progress("mixtures")
     run_mixing(
         sources,

@@ -32,6 +32,8 @@ LEAST_BANDS = 10
 
 # Grid on which mixtures are foretold, nm; grids finer than it are averaged.
 _MIX_GRID = np.arange(420.0, 981.0, 20.0)
+# The source that the catalogue of oils was made from.
+_OILS = "revigo"
 # Sources whose readings have an unknown level: a probe held by hand.
 _FREE_LEVEL = ("bath",)
 
@@ -170,8 +172,23 @@ def run_names(sources: Sequence[Source], namers: Sequence[Namer], record: Record
                 _pigment(task, source, learner, library, _blank(sought, bands), record)
                 if task == "pigment":
                     _none(source, learner, library, _blank(sought, bands), record)
-                    _mixture(source, learner, library, bands, record)
+                    _mixture("mixture", source, learner, library, bands, record)
     record.score_calibration()
+
+
+def run_own(sources: Sequence[Source], namer: Namer, record: Record) -> None:
+    """Tasks `pigment_own` and `mixture_own`: the source that the oils are from, with nothing
+    hidden: whether what was made for anybody's paint also serves for the catalogue's own films.
+    """
+    table = pure_table([source for source in sources if not source.extra])
+    bands = within(WHOLE)
+    for source in sources:
+        if source.name != _OILS:
+            continue
+        learner = _whole_grid(namer, table, bands)
+        sought = pure_table([source]).within(bands)
+        _pigment("pigment_own", source, learner, table, _blank(sought, bands), record)
+        _mixture("mixture_own", source, learner, table, bands, record)
 
 
 def seen_bands(table: Table) -> int:
@@ -290,6 +307,7 @@ def area_under_curve(foreign: np.ndarray, known: np.ndarray) -> float:
 
 
 def _mixture(
+    task: str,
     source: Source,
     namer: Namer,
     library: Table,
@@ -314,12 +332,12 @@ def _mixture(
     )
     answers = namer.answer(sought, [None] * len(rows), pairs=True)
     truths = [source.families(sample) for sample in sought.samples]
-    record.add("mixture", source.name, namer.name, score_names(answers, truths))
+    record.add(task, source.name, namer.name, score_names(answers, truths))
     for answer, truth, sample in zip(answers, truths, sought.samples, strict=True):
         if answer.refused or not (answer.ranked and is_right(answer.ranked[0], truth)):
             record.fail(
                 Failure(
-                    task="mixture",
+                    task=task,
                     source=source.name,
                     method=namer.name,
                     sample=sample.name,

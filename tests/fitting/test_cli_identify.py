@@ -182,6 +182,33 @@ def test_films_are_identified_written_and_drawn(table, tmp_path):
     assert "exists; choose another name" in str(run(table, "--csv", paths[0]).exception)
 
 
+def test_a_report_by_family_is_filed(shared_data, tmp_path):
+    """Families with formula, years and nearest exemplars; what a year forbids is marked."""
+    page = tmp_path / "report.html"
+    file = str(shared_data / "hyperdoc" / "reflectance.tsv")
+    words = ["identify", file, "--opaque", "--instrument", "45:0", "--catalogue", "pigments"]
+    words += ["--samples", "01A,41A", "--painted", "1620", "--report", str(page)]
+    result = run(*words[1:])
+    assert result.exit_code == 0, result.output
+    text = page.read_text()
+    assert "2CuCO3·Cu(OH)2" in text
+    assert "PB30" in text
+    assert "gum arabic" in text
+    assert "not of 1620: emerald green was in use 1814-" in text
+    record = json.loads((tmp_path / "report.json").read_text())
+    assert [spot["name"] for spot in record["spots"]] == ["01A", "41A"]
+    first = record["spots"][0]
+    assert first["families"][0]["families"][0] == "azurite"
+    # Exemplars that are known in the visible alone are drawn there alone.
+    known = [value is not None for value in first["explanations"][0]["fitted"][0]]
+    assert any(known)
+    assert len(known) == len(record["measurement"]["wavelengths_nm"])
+    with (tmp_path / "report.csv").open() as lines:
+        rows = list(csv.DictReader(lines))
+    assert float(rows[0]["probability"]) == pytest.approx(first["families"][0]["probability"])
+    assert "exists; choose another name" in str(run(*words[1:]).exception)
+
+
 @pytest.mark.slow
 def test_a_report_is_filed(table, tmp_path):
     page, ground = tmp_path / "report.html", tmp_path / "ground.csv"

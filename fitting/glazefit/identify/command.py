@@ -178,11 +178,6 @@ def identify(
     paints = options.choose_paints(options.read_shelf(pigments, catalogue), only, without)
     seen_with = Instrument(seen_by, refractive_index)
     by_family = has_families(paints) and not own_films
-    if by_family and report is not None:
-        raise ValueError(
-            "--report shows the paints of one hand, which families of pigments are not: leave it "
-            "out, write --csv, or give --own-films"
-        )
     if (elements or without_elements or painted is not None) and not by_family:
         raise ValueError(
             "--elements, --without-elements and --painted weigh families of pigments: give "
@@ -234,7 +229,7 @@ def identify(
         names=task.names,
     )
     report_builder = None
-    if report is not None:
+    if report is not None and not by_family:
         from .show.reporting import ReportBuilder
 
         report_builder = ReportBuilder(
@@ -259,9 +254,14 @@ def identify(
         overwrite=overwrite,
         painted=painted,
     )
-    if report_builder is not None and report is not None:
+    if report is not None:
         about = _about(typed, task, seen_with, settings, paints, inputs)
-        beside = report_builder.write(found, about, report, top, overwrite=overwrite)
+        if report_builder is not None:
+            beside = report_builder.write(found, about, report, top, overwrite=overwrite)
+        else:
+            from .show.family_page import write_family_report
+
+            beside = write_family_report(found, about, report, top, painted, overwrite=overwrite)
         console.print(f"Wrote the report to {report}, and the same as {beside[0]} and {beside[1]}")
     words = f"{len(found)} spectra" if len(found) > 1 else "1 spectrum"
     console.print(

@@ -36,7 +36,8 @@ def draw_spectra(spot: Mapping[str, Any], grid: np.ndarray, grounds: list[str]) 
             for fitted, half in zip(
                 found["fitted"], found["band_90"] or found["fitted"], strict=True
             ):
-                middle = np.asarray(fitted)
+                # What is not known at a band is None there.
+                middle = np.asarray(fitted, dtype=float)
                 half = np.asarray(half)
                 if n == 0 and found["band_90"] is not None:
                     axes.fill_between(

@@ -4,7 +4,7 @@ identification.
 
 import json
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from html import escape
 from pathlib import Path
 
@@ -44,16 +44,39 @@ def write_page(record: Record, path: Path, *, overwrite: bool = False) -> tuple[
         ValueError: see `beside`.
     """
     table, data = beside(path)
+    pieces = page(record, table.name, data.name)
+    write_report(record, pieces, (COLUMNS, table_rows(record)), path, overwrite=overwrite)
+    return table, data
+
+
+def write_report(
+    record: Record,
+    pieces: Iterable[str],
+    rows: tuple[Sequence[str], Iterable[Sequence[object]]],
+    path: Path,
+    *,
+    overwrite: bool,
+) -> None:
+    """Write a page, its table and its JSON: all three, or none.
+
+    Args:
+        record: the JSON.
+        pieces: of the page.
+        rows: names of the table's columns, and its rows.
+        path: of the page.
+        overwrite: whether files that exist may be replaced.
+
+    Raises:
+        FileExistsError, ValueError: see `write_page`.
+    """
+    table, data = beside(path)
     text = json.dumps(record, indent=1, allow_nan=False) + "\n"
     # A spectrum a line; the strings of JSON have no line breaks.
     text = re.sub(r"\[\n[-+\d.eE,\s]*\]", lambda numbers: re.sub(r"\s+", " ", numbers[0]), text)
     # All is made before anything is written, so that no table stands beside an older page.
-    shown = [
-        piece.encode("utf-8", "xmlcharrefreplace") for piece in page(record, table.name, data.name)
-    ]
-    rows = table_bytes(COLUMNS, table_rows(record))
-    write_files({table: [rows], data: [text.encode()], path: shown}, overwrite=overwrite)
-    return table, data
+    shown = [piece.encode("utf-8", "xmlcharrefreplace") for piece in pieces]
+    cells = table_bytes(*rows)
+    write_files({table: [cells], data: [text.encode()], path: shown}, overwrite=overwrite)
 
 
 def page(record: Record, table: str, data: str) -> Iterator[str]:
@@ -79,7 +102,7 @@ def page(record: Record, table: str, data: str) -> Iterator[str]:
             )
             yield spot_html(record, spot, drawn=False)
     yield _method(record)
-    yield _table_section(record, table, data)
+    yield record_section(record, table, data)
     yield END
 
 
@@ -218,7 +241,8 @@ def _method(record: Record) -> str:
     )
 
 
-def _table_section(record: Record, table: str, data: str) -> str:
+def record_section(record: Record, table: str, data: str) -> str:
+    """How it was made, with what, and the files that were read; see `page`."""
     catalogue = record["catalogue"]
     inputs = "".join(
         f"<tr><td>{escape(each['role'])}</td><td><code>{escape(each['name'])}</code></td>"

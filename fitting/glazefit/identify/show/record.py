@@ -80,10 +80,19 @@ def make_record(
         about: how it was made.
         top: explanations of each spectrum.
     """
+    return {
+        "schema": SCHEMA,
+        **describe_run(found, about),
+        "thresholds": {"ruled_out_below": IMPROBABLE, "least_share": LEAST_SHARE},
+        "spots": [_spot(found, contenders, bands, row, top) for row in range(len(found))],
+    }
+
+
+def describe_run(found: Identification, about: Provenance) -> dict[str, Any]:
+    """What was identified, how and with what, as JSON has it; see `make_record`."""
     done = set(found.measured.names)
     left = [name for name in about.names if name not in done]
     return {
-        "schema": SCHEMA,
         "title": about.title,
         "created": about.created.isoformat(timespec="seconds"),
         "complete": not left,
@@ -111,8 +120,6 @@ def make_record(
             "layers": about.max_coats,
             "settings": dict(about.settings),
         },
-        "thresholds": {"ruled_out_below": IMPROBABLE, "least_share": LEAST_SHARE},
-        "spots": [_spot(found, contenders, bands, row, top) for row in range(len(found))],
     }
 
 
@@ -134,7 +141,7 @@ def _spot(
         },
         "not_settled": describe_undecided(found, row),
         "doubts": describe_ambiguity(found, row),
-        "colours": _colours(found, row),
+        "colours": describe_colours(found, row),
         "noise_sd": float(np.median(found.measured.noise_sd[row])),
         "measured": _round_spectra(found.measured.readings[row]),
         "explanations": [
@@ -176,11 +183,13 @@ def _explanation(candidate: Candidate, rank: int, band: np.ndarray | None) -> di
     }
 
 
-def _colours(found: Identification, row: int) -> dict[str, list[str]] | None:
+def describe_colours(found: Identification, row: int) -> dict[str, list[str]] | None:
     """Of the measured spectra and of the best fit over each ground, #rrggbb; None where the bands
     give no colour.
     """
     seen = {"measured": found.measured.readings[row], "fitted": found.fitted[row, 0]}
+    # A film whose paints are not known at all bands has no colour.
+    seen = {what: spectra for what, spectra in seen.items() if np.isfinite(spectra).all()}
     try:
         shades = {what: srgb(found.measured.wavelengths, spectra) for what, spectra in seen.items()}
     except ValueError:

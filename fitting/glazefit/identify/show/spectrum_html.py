@@ -78,7 +78,7 @@ def _figures(record: Record, spot: Record) -> str:
     grounds = record["measurement"]["grounds"]
     fits = spot["explanations"][:FITS]
     keys = "".join(
-        _key(n, fit["words"], chance_html(fit["probability"]))
+        key_html(n, fit["words"], chance_html(fit["probability"]))
         for n, fit in enumerate(fits, start=1)
     )
     names = "; ".join(f"{n}, {fit['words']}" for n, fit in enumerate(fits, start=1))
@@ -108,7 +108,8 @@ def _figures(record: Record, spot: Record) -> str:
     )
 
 
-def _key(number: int, words: str, probability: str) -> str:
+def key_html(number: int, words: str, probability: str) -> str:
+    """One line of a figure, in the list of its keys."""
     dash = ("", ' stroke-dasharray="7 3"', ' stroke-dasharray="2 2.5"')[number - 1]
     return (
         '<li><svg viewBox="0 0 32 12" aria-hidden="true"><line x1="0" x2="32" y1="6" y2="6" '
