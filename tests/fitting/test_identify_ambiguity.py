@@ -3,12 +3,14 @@ are plain.
 """
 
 import dataclasses
+import io
 
 import numpy as np
 import pytest
+from rich.console import Console
 
 from glazefit import Noise
-from glazefit.identify.result import STRENGTH, Identification
+from glazefit.identify.result import STRENGTH, Identification, percent
 from glazefit.identify.search.pool import NOBODY
 from glazefit.identify.search.searcher import check_spectra
 from glazefit.identify.search.unstated_conditions import CONDITIONS
@@ -17,6 +19,7 @@ from glazefit.identify.show.ambiguity import (
     evidence_relied_on,
     possible_additions,
 )
+from glazefit.identify.show.terminal import print_identification
 
 GRID = np.arange(400.0, 701.0, 10.0)
 PAINTS = ("ZincWhite", "LeadWhite", "CobaltBlue", "BariumSulphate")
@@ -141,3 +144,63 @@ def test_what_nothing_explains_has_no_such_doubts():
     found = answer([FIRST, (("CobaltBlue", "BariumSulphate"), [0.9, 0.1], 0.1, 0, CURVE)])
     nothing = dataclasses.replace(found, none=np.array([0.9]))
     assert not any("may also hold" in words for words in describe_ambiguity(nothing, 0))
+
+
+# ---- headlines -----------------------------------------------------------------------------------
+
+
+def open_answer():
+    """Lead white is in three sets of .2 each; the most probable set is without it."""
+    return answer(
+        [
+            (("CobaltBlue",), [1.0], 0.25, 0, CURVE),
+            (("LeadWhite",), [1.0], 0.2, 0, CURVE),
+            (("LeadWhite", "BariumSulphate"), [0.9, 0.1], 0.2, 0, CURVE),
+            (("LeadWhite", "ZincWhite"), [0.8, 0.2], 0.2, 0, CURVE),
+        ]
+    )
+
+
+def test_the_headline_names_what_is_probable_over_all_sets():
+    found = open_answer()
+    assert found.likely_paint(0) == ("LeadWhite", pytest.approx(0.6))
+    assert found.words(0).startswith("spot: most probably with LeadWhite (60%), but it is open")
+    assert "CobaltBlue (25%), is without it" in found.words(0)
+    console = Console(width=200, record=True, file=io.StringIO())
+    print_identification(found, console, top=4, detailed=1)
+    assert "Most probably with LeadWhite (60%)" in console.export_text()
+
+
+def test_a_set_that_holds_the_most_probable_paint_is_the_headline():
+    found = answer([FIRST])
+    assert found.likely_paint(0) is None
+    assert found.words(0).startswith("spot: CobaltBlue (probability 80%")
+
+
+def test_what_is_not_explained_names_the_film_that_is_nearest():
+    far = off_at(slice(None), 0.2)
+    near = off_at(slice(None), 0.03)
+    found = answer(
+        [
+            (("CobaltBlue",), [1.0], 0.05, 0, far),
+            (("LeadWhite",), [1.0], 0.03, 0, near),
+        ]
+    )
+    first, second = found.ranked(0)
+    assert second.delta_e < first.delta_e
+    assert f"LeadWhite, is off by Delta E00 {second.delta_e:.1f}" in found.words(0)
+
+
+def test_a_film_that_hides_its_ground_has_no_thickness_in_the_table():
+    found = dataclasses.replace(answer([FIRST]), amounts=np.full((1, 1, 3), np.nan))
+    console = Console(width=200, record=True, file=io.StringIO())
+    print_identification(found, console, top=1, detailed=1)
+    assert "nan" not in console.export_text()
+
+
+@pytest.mark.parametrize(
+    ("fraction", "words"),
+    [(1.0, "100 %"), (0.0, "0 %"), (0.99997, "> 99.99 %"), (0.00003, "< 0.01 %"), (0.5, "50 %")],
+)
+def test_parts_of_a_whole_are_said_as_parts(fraction, words):
+    assert percent(fraction) == words

@@ -72,7 +72,11 @@ def test_identify_hands_on_all_that_it_is_given(monkeypatch):
         raise Reached(named | vars(options))
 
     monkeypatch.setattr(MODULE, "identify_chunks", stop)
-    given = {name: object() for name in asked(identify)} | {"max_paints": 2, "max_coats": 2}
+    given = {name: object() for name in asked(identify)} | {
+        "max_paints": 2,
+        "max_coats": 2,
+        "varnish": "thin",
+    }
     with pytest.raises(Reached) as reached:
         identify(None, None, None, **given)  # pyright: ignore[reportArgumentType]
     assert reached.value.given == given

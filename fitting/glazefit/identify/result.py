@@ -15,8 +15,10 @@ from .families.groups import FamilySet
 from .search.pool import NOBODY, Pool
 from .search.task import Measured
 from .search.unstated_conditions import CONDITIONS
-from .search.weigh import Odds
+from .search.weigh import UNSEEN, Odds
 
+# Candidates that stand in a table as a rule.
+_LISTED = 5
 # Spectra that are named where a result is printed.
 _SHOWN = 3
 
@@ -113,8 +115,10 @@ def percent(fraction: float) -> str:
     """A fraction with as many digits as a small part needs."""
     value = 100 * float(fraction)
     rest = min(value, 100 - value)  # what the digits must show
+    if rest <= 0.0:
+        return "100 %" if value > 50 else "0 %"
     if rest < 0.005:
-        return "100 %" if value > 50 else "< 0.01 %" if value > 0 else "0 %"
+        return "> 99.99 %" if value > 50 else "< 0.01 %"
     digits = 0 if rest >= 9.5 else 1 if rest >= 0.95 else 2
     return f"{value:.{digits}f} %"
 
@@ -356,6 +360,13 @@ class Identification:
                 f"families {self.none[row]:.0%}); nearest exemplar {near}"
             )
         best, (_, chance) = self.ranked(row, 1)[0], self.families(row)[0]
+        likely = self.likely_paint(row)
+        if likely is not None:
+            paint, share = likely
+            return (
+                f"{name}: most probably with {paint} ({share:.0%}), but it is open with what; the "
+                f"most probable single set, {best.words} ({best.probability:.0%}), is without it"
+            )
         more = f"; these pigments {chance:.0%}" if chance > best.probability + 0.05 else ""
         more += (
             f"; none of these paints {self.none[row]:.0%}" if self.none[row] >= _DOUBTFUL else ""
@@ -368,11 +379,32 @@ class Identification:
         start = "nothing in the catalogue explains this"
         if self.family_sets:
             nearest = self.family_sets[row][0].words if self.family_sets[row] else best.mixture
+            if self.none[row] < 0.5:
+                start = "this looks unlike nearly all paints of the families that are known"
             return f"{start} (probability {self.none[row]:.0%}); the nearest pigment is {nearest}"
-        return (
-            f"{start} (probability {self.none[row]:.0%}); the nearest of its films, {best.words}, "
-            f"is off by Delta E00 {best.delta_e:.1f}"
+        # The nearest in colour of those that are shown.
+        measured = [one for one in self.ranked(row, _LISTED) if np.isfinite(one.delta_e)]
+        nearest = min(measured, key=lambda one: one.delta_e, default=best)
+        off = (
+            f"has the colour (Delta E00 {nearest.delta_e:.1f}) but not the shape of the spectrum"
+            if nearest.delta_e < UNSEEN
+            else f"is off by Delta E00 {nearest.delta_e:.1f}"
         )
+        return (
+            f"{start} (probability {self.none[row]:.0%}); the nearest of its films, "
+            f"{nearest.words}, {off}"
+        )
+
+    def likely_paint(self, row: int) -> tuple[str, float] | None:
+        """A paint that is probably in a film although the most probable set is without it, and its
+        probability: many sets share it. None where the most probable set says it all.
+        """
+        number = int(np.argmax(self.paint_probability[row]))
+        share = float(self.paint_probability[row, number])
+        best = self.ranked(row, 1)[0]
+        if share < 0.5 or self.paints[number] in best.paints:
+            return None
+        return self.paints[number], share
 
     @classmethod
     def of(

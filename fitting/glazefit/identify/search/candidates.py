@@ -13,6 +13,7 @@ from .screen import SetStarts
 from .surface import with_surface
 from .task import IdentificationTask, Measured
 from .two_coats import search_two_coats
+from .weigh import weigh_traces
 
 CHUNK = 64
 """Spectra that are fitted at a time."""
@@ -32,7 +33,7 @@ def find_candidates(task: IdentificationTask, measured: Measured, starts: SetSta
         if task.max_coats == 2 and task.max_paints > 1 and task.paint_count > 1:
             pool = pool.of(np.resize(real, len(padded)))
             pool = search_two_coats(filled_up, pool, ranked).of(real)
-        return with_surface(chunk, pool)
+        return weigh_traces(with_surface(chunk, pool), task.extenders)
 
     chunks = np.split(np.arange(len(measured)), range(CHUNK, len(measured), CHUNK))
     return Pool.join(in_threads(fit, chunks))

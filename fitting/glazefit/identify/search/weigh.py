@@ -1,6 +1,7 @@
 """Probabilities of candidates, and of none of them."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -28,6 +29,27 @@ _SEEN_NOISE = 0.002
 _DRAWS = 8
 # Delta E00 for a residual's root mean square of 1, in the middle of the films that were left out.
 _COLOUR_OF_RMSE = 100.0
+
+
+# Mass fraction of colour in an extender below which a film is the less probable the less there is:
+# in what is nearly clear, traces that nobody would weigh imitate any colour.
+_TRACE = 0.02
+
+
+def weigh_traces(pool: Pool, extenders: Bool[np.ndarray, "paints"]) -> Pool:
+    """The pool with films less probable that are an extender but for a trace of colour.
+
+    Args:
+        pool: candidates with their log amounts.
+        extenders: which paints hardly show in a film of usual thickness.
+    """
+    there = pool.members != NOBODY
+    amounts = np.where(there, np.exp(np.where(there, pool.logs, 0.0)), 0.0)
+    clear = np.append(extenders, False)[pool.members]
+    coloured = np.sum(np.where(clear, 0.0, amounts), axis=-1) / amounts.sum(axis=-1)
+    # What is an extender alone is no trace.
+    share = np.where(coloured > 0.0, np.minimum(coloured / _TRACE, 1.0), 1.0)
+    return replace(pool, log_weight=pool.log_weight + np.log(share))
 
 
 class Misfits(NamedTuple):

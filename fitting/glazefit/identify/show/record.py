@@ -140,7 +140,7 @@ def _spot(
             found.paints[i]: float(chances[i]) for i in np.argsort(-chances, kind="stable")
         },
         "not_settled": describe_undecided(found, row),
-        "doubts": describe_ambiguity(found, row),
+        "doubts": [*_open_words(found, row), *describe_ambiguity(found, row)],
         "colours": describe_colours(found, row),
         "noise_sd": float(np.median(found.measured.noise_sd[row])),
         "measured": _round_spectra(found.measured.readings[row]),
@@ -153,6 +153,18 @@ def _spot(
             for paint in ruled_out(found, contenders, row)
         ],
     }
+
+
+def _open_words(found: Identification, row: int) -> list[str]:
+    """That a paint is probable which the most probable set is without."""
+    likely = found.likely_paint(row) if found.explained[row] else None
+    if likely is None:
+        return []
+    paint, share = likely
+    return [
+        f"It is open: {paint} is in the film with a probability of {share:.0%}, though the most "
+        "probable set is without it."
+    ]
 
 
 def _explanation(candidate: Candidate, rank: int, band: np.ndarray | None) -> dict[str, Any]:

@@ -73,12 +73,7 @@ def print_families(
                 f"{name}: {sets[0].words}, probability {sets[0].probability:.0%}", **_AS_IS
             )
         else:
-            nearest = f"; the nearest is {sets[0].words}" if sets else ""
-            console.print(
-                f"{name}: no family of the catalogue explains this (probability "
-                f"{found.none[row]:.0%}){nearest}",
-                **_AS_IS,
-            )
+            console.print(f"{name}: {found.unexplained(row)}", **_AS_IS)
         for family in sets[0].families if sets else ():
             if family in known:
                 about = known[family]
@@ -104,6 +99,9 @@ def _verdict(found: Identification, row: int) -> str:
     if not found.explained[row]:
         words = found.unexplained(row)
         return f"{words[0].upper()}{words[1:]}."
+    if found.likely_paint(row) is not None:
+        words = found.words(row).partition(": ")[2]
+        return f"{words[0].upper()}{words[1:]}."
     best, (pigments, chance) = found.ranked(row, 1)[0], found.families(row)[0]
     words = f"Pigments: {' + '.join(pigments)} ({chance:.0%}). Most probable film: {best.words}."
     return f"{words} That none of these paints explain it: {found.none[row]:.1%}."
@@ -123,8 +121,11 @@ def _table(found: Identification, row: int, top: int) -> Table:
     for candidate in found.ranked(row, top):
         cells = [chance(candidate.probability)]
         if not found.opaque:
+            # A film that hides its ground has no thickness that could be told.
             cells.append(
                 f"{micrometres(candidate.thickness)} ± {micrometres(candidate.thickness_sd)} µm"
+                if np.isfinite(candidate.thickness)
+                else "-"
             )
         colour = "-" if np.isnan(candidate.delta_e) else f"{candidate.delta_e:.2f}"
         table.add_row(
