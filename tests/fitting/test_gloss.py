@@ -6,13 +6,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from glazefit import Films, Instrument, Noise, recover_jointly, simulate_films
+from glazefit import Films, Instrument, ModelError, Noise, identify, recover_jointly, simulate_films
 from glazefit.film.gloss import measure_gloss
 from glazefit.film.model.response import film_response
 from glazefit.recover.experimental_design import _Candidate, _planning_bands, _pose
 from glazefit.recover.joint import UNIT
 from glazefit.recover.joint_problem import readings
-from glazejax import Hemispherical
+from glazejax import Bidirectional, Hemispherical, catalogue
 
 GRID = np.arange(400.0, 701.0, 20.0)
 RECIPES = {"blue": {"Blue": 1.0}, "white": {"White": 1.0}, "tint": {"Blue": 1.0, "White": 9.0}}
@@ -96,3 +96,34 @@ def test_readings_that_do_not_go_together(films, change, specular, words):
     with_it, without = change(*films)
     with pytest.raises(ValueError, match=words):
         measure_gloss(with_it, without, Instrument(Hemispherical(8.0, specular=specular)))
+
+
+@pytest.mark.parametrize("haze", [0.0, 0.01, 0.02])
+def test_haze_at_45_0_refuses_no_film_that_is_known(haze):
+    """An instrument that leaves out the mirror reflection sees some of a matt surface's."""
+    oils = catalogue.load("oils")
+    names = ("Vermillion", "CobaltBlue", "LeadWhite", "ChromeYellow", "BoneBlack", "Minium")
+    paints = [oils[name] for name in names]
+    grid = np.asarray(paints[0].wavelengths)
+    response = film_response(Bidirectional(45, 0))
+    depth = 60e-6
+    films = np.stack(
+        [
+            response.body(
+                np.asarray(paint.absorption) * depth, np.asarray(paint.scattering) * depth, 0.8
+            )
+            for paint in paints
+        ]
+    )
+    found = identify(
+        grid, np.asarray(films) + haze, oils, ground=0.8, instrument="45:0", max_paints=1
+    )
+    for row, name in enumerate(names):
+        assert found.explained[row], found.words(row)
+        assert name in found.ranked(row, 1)[0].paints[0]
+
+
+def test_haze_widens_no_surface_that_is_seen_whole():
+    usual = ModelError.between_films()
+    assert usual.surface_sd(0.04) == pytest.approx(0.35 * 0.04)
+    assert usual.surface_sd(0.0) == usual.haze > 0

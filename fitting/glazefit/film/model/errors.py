@@ -46,6 +46,8 @@ class ModelError:
         scales, weights: factors of all of these, and how probable each is.
         gloss, gloss_sd: share of the surface's reflection that is seen, and how it varies between
             films.
+        haze: standard deviation of what a surface adds to all readings alike, at the least: also
+            an instrument that leaves out the mirror reflection sees some of a matt film's.
         freedom: of Student's t that a whole spectrum's misfit follows when candidates are weighed:
             some films are met far worse than others. None takes Gaussian errors at each of the
             scales.
@@ -75,6 +77,7 @@ class ModelError:
     weights: tuple[float, ...] = (0.1, 0.3, 0.4, 0.2)
     gloss: float = 1.0
     gloss_sd: float = 0.35
+    haze: float = 0.0
     freedom: float | None = None
     apart: float = 30.0
     trust: float = 0.35
@@ -120,7 +123,16 @@ class ModelError:
             weights=(1.0,),
             freedom=5.0,
             trust=1.0,
+            haze=0.01,
         )
+
+    def surface_sd(self, surface: float) -> float:
+        """Standard deviation of what the surface adds to a reading.
+
+        Args:
+            surface: what a smooth one adds, as the instrument sees it.
+        """
+        return max(self.gloss_sd * surface, self.haze)
 
 
 @dataclass(frozen=True)
@@ -420,7 +432,7 @@ def noise_covariance(
 ) -> Float[np.ndarray, "*n readings readings"]:
     """Covariance of what no scale changes: noise, and the surface's reflection."""
     variance = noise_sd.reshape(*noise_sd.shape[:-2], -1) ** 2
-    return variance[..., None] * np.eye(variance.shape[-1]) + (discrepancy.gloss_sd * surface) ** 2
+    return variance[..., None] * np.eye(variance.shape[-1]) + discrepancy.surface_sd(surface) ** 2
 
 
 @dataclass(frozen=True)

@@ -20,8 +20,10 @@ def with_surface(chunk: Chunk, pool: Pool) -> Pool:
     nuisance = NuisanceMode.of(chunk)
     off = chunk.target[:, None] - pool.readings
     found = nuisance.found @ np.swapaxes(off, 1, 2)
-    gloss = np.maximum(d.gloss + d.gloss_sd * found[:, 0], 0.0)
-    seen = pool.readings + gloss[..., None] * task.surface
+    added = np.maximum(d.gloss * task.surface + d.surface_sd(task.surface) * found[:, 0], 0.0)
+    # As a share of a smooth surface's; an instrument that sees none of that has no such share.
+    gloss = added / task.surface if task.surface > 0 else np.ones_like(added)
+    seen = pool.readings + added[..., None]
     seen = seen + np.swapaxes(found[:, 1:], 1, 2) @ nuisance.shapes[:, 1:]
     moved = pool.adjusted + d.gloss * task.surface
     lengths = {
@@ -48,7 +50,7 @@ class NuisanceMode(NamedTuple):
         """
         count, readings = chunk.target.shape
         doubt = chunk.spectra.doubt
-        surface = chunk.task.discrepancy.gloss_sd * chunk.task.surface
+        surface = chunk.task.discrepancy.surface_sd(chunk.task.surface)
         shapes = np.concatenate(
             [np.full((count, 1, readings), surface), doubt.reshape(*doubt.shape[:2], readings)],
             axis=1,

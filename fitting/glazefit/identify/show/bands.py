@@ -79,15 +79,15 @@ def expected_bands(
     moved = np.where(
         (members == NOBODY)[..., None], 0.0, slopes[..., :size, :] + slopes[..., size:, :]
     )
-    surface = np.full((*moved.shape[:2], 1, moved.shape[-1]), instrument.seen_surface)
+    # What it adds, in standard deviations.
+    sd = max(d.surface_sd(instrument.seen_surface), 1e-9)
+    surface = np.full((*moved.shape[:2], 1, moved.shape[-1]), sd)
     design = np.concatenate([moved, surface], axis=-2)
     # What is expected of the total, next to nothing of the fractions, and what of the surface.
     share = np.concatenate([found.fractions[:, :count], np.zeros((*members.shape[:2], 1))], axis=-1)
     spread = (opaque_prior(prior, known) if found.opaque else prior).spread
     prior_precision = share[..., :, None] * share[..., None, :] / spread**2
-    prior_precision = prior_precision + np.diag(
-        [_LOOSE] * size + [1.0 / max(d.gloss_sd, 1e-6) ** 2]
-    )
+    prior_precision = prior_precision + np.diag([_LOOSE] * size + [1.0])
     solved = np.linalg.solve(covariance, np.swapaxes(design, -1, -2))
     fitted = np.swapaxes(design, -1, -2) @ np.linalg.solve(
         design @ solved + prior_precision, design

@@ -147,10 +147,9 @@ def find_contenders(
     unknowns, fitted = (np.asarray(a)[: len(measured)] for a in fits)
     response_to_shift = np.einsum("srt,sr->st", white, white.sum(axis=-1))
     off = readings[:, None] - fitted
-    gloss = discrepancy.gloss + discrepancy.gloss_sd**2 * surface * np.einsum(
-        "scr,sr->sc", off, response_to_shift
-    )
-    fitted = fitted + np.maximum(gloss, 0.0)[..., None] * surface
+    shift = np.einsum("scr,sr->sc", off, response_to_shift)
+    added = discrepancy.gloss * surface + discrepancy.surface_sd(surface) ** 2 * shift
+    fitted = fitted + np.maximum(added, 0.0)[..., None]
     shares = np.where(
         sets == NOBODY, 0.0, np.asarray(_shares(jnp.asarray(unknowns), jnp.asarray(sets)))
     )
