@@ -1,5 +1,6 @@
 import csv
 import hashlib
+import importlib
 import json
 import subprocess
 import sys
@@ -180,6 +181,26 @@ def test_films_are_identified_written_and_drawn(table, tmp_path):
     )
     assert paths[2].stat().st_size > 10_000
     assert "exists; choose another name" in str(run(table, "--csv", paths[0]).exception)
+
+
+def test_a_whole_image_is_told_of_maps_before_it_is_searched(tmp_path, monkeypatch):
+    """Nothing is searched here: the note comes first."""
+    monkeypatch.setattr(importlib.import_module("glazefit.identify.command"), "_MANY", 3)
+    file = tmp_path / "many.csv"
+    rows = [[f"p{n}", *np.full(GRID.size, 0.3 + 0.01 * n)] for n in range(4)]
+    write_table(file, ["name", *(f"{w:g}" for w in GRID)], rows)
+
+    def stop(*given, **named):
+        raise KeyError("reached")
+
+    monkeypatch.setattr(
+        importlib.import_module("glazefit.identify.identify"), "identify_chunks", stop
+    )
+    result = run(file, "--opaque")
+    assert "reached" in str(result.exception)
+    words = " ".join(result.output.split())
+    assert "4 spectra are sought one by one" in words
+    assert "glazejax map" in words
 
 
 def test_a_report_by_family_is_filed(shared_data, tmp_path):

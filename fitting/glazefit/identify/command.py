@@ -23,6 +23,8 @@ if TYPE_CHECKING:
     from .show.record import Provenance
 
 _GEOMETRY = "d:8"
+# Spectra from which on a map is the better way.
+_MANY = 2000
 # Candidates kept for a report, which says of every paint how near it comes.
 _KEPT = 40
 
@@ -358,6 +360,12 @@ def _read_spectra(
             notes=notes,
         )
     rows = options.choose_rows(file, table.names, wanted)
+    if len(rows) > _MANY:
+        note = (
+            f"{len(rows)} spectra are sought one by one; an image is done far sooner by glazejax "
+            "map, and --samples chooses some (Ctrl-C keeps what is finished)"
+        )
+        progress.print_notes(console, file, (note,))
     spectra = table.reflectance[rows] @ mean
     names = tuple(table.names[i] for i in rows)
     if ground is None and not opaque:
