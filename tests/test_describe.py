@@ -132,3 +132,10 @@ def test_bands_in_words():
     w = np.arange(400.0, 480.0, 10.0)
     assert describe_bands(w, np.array([1, 1, 1, 0, 1, 0, 0, 1], bool)) == "400-420, 440, 470 nm"
     assert describe_bands(w, np.zeros(8, bool)) == ""
+
+
+def test_a_missing_plus_is_said():
+    with pytest.raises(ValueError, match=r"stands a \+, such as 10 Vermillion \+ 90 ZincWhite"):
+        find_name("Vermillion 90 ZincWhite", ["Vermillion", "ZincWhite"])
+    with pytest.raises(ValueError, match="the nearest is Red 2"):
+        find_name("Red 3", ["Red 2"])

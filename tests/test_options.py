@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from glazejax import extras
+from glazejax import catalogue, extras
 from glazejax.commands import main as cli
 from glazejax.commands import options, progress
 
@@ -230,6 +230,15 @@ def test_paints_of_a_shelf(tmp_path):
         options.choose_paints(shelf, "Red", "Red")
     with pytest.raises(ValueError, match="no pigment 'Mauve'"):
         options.choose_paints(shelf, "Mauve")
+
+
+@pytest.mark.parametrize("name", ["Titanium", "acrylics:TitaniumWhite", "titanium white"])
+def test_a_paint_of_another_catalogue_is_pointed_out(name):
+    with pytest.raises(ValueError, match=r"the acrylics have TitaniumWhite \(--catalogue acrylics"):
+        options.choose_paints(catalogue.load("oils"), name)
+    with pytest.raises(ValueError, match="there is no pigment 'Nonsense'") as nowhere:
+        options.choose_paints(catalogue.load("oils"), "Nonsense")
+    assert "--catalogue" not in str(nowhere.value)
 
 
 def test_no_two_options_write_one_file(tmp_path, monkeypatch):

@@ -373,14 +373,41 @@ def choose_paints(
     Raises:
         ValueError: a name that the shelf does not have, or no paint is left.
     """
-    from ..paint.describe import find_name
-
-    chosen = [find_name(name, shelf) for name in split_names(only)] or list(shelf)
-    left_out = {find_name(name, shelf) for name in split_names(without)}
+    chosen = [_choose_name(name, shelf) for name in split_names(only)] or list(shelf)
+    left_out = {_choose_name(name, shelf) for name in split_names(without)}
     kept = [shelf[name] for name in dict.fromkeys(chosen) if name not in left_out]
     if not kept:
         raise ValueError("--only and --without leave no paint: name fewer in --without")
     return kept
+
+
+def _choose_name(name: str, shelf: "Mapping[str, Pigment]") -> str:
+    """The paint of a shelf that is meant.
+
+    Raises:
+        ValueError: the shelf has none; says which catalogue that ships has one.
+    """
+    from .. import catalogue
+    from ..names import nearest_names
+    from ..paint.describe import find_name
+
+    try:
+        return find_name(name, shelf)
+    except ValueError as error:
+        wanted = name.rpartition(":")[2]
+        found = {
+            other: near
+            for other in catalogue.names()
+            if not set(shelf) >= set(catalogue.load(other))
+            and (near := nearest_names(wanted, catalogue.load(other), cutoff=0.9))
+        }
+        if not found:
+            raise
+        words = "; ".join(
+            f"the {other} have {', '.join(near)} (--catalogue {other})"
+            for other, near in found.items()
+        )
+        raise ValueError(f"{error}; {words}") from None
 
 
 def choose_rows(

@@ -197,6 +197,11 @@ def find_name(name: str, names: Iterable[str]) -> str:
     key = _plain(name)
     if key in known:
         return known[key]
+    if re.search(r"\S\s+\d+(\.\d+)?\s+\S", name):
+        raise ValueError(
+            f"there is no pigment {name!r}: between two paints of a mixture stands a +, such as "
+            "10 Vermillion + 90 ZincWhite"
+        )
     near = nearest_names(name, known.values(), fold=_plain)
     choice = (
         f"the nearest {'is' if len(near) == 1 else 'are'} {', '.join(near)}" if near else ALL_NAMES
