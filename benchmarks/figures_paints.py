@@ -301,3 +301,46 @@ for _key, _words in (("uncompiled", "not compiled"), ("one", "one walker at a ti
         ".0f times",
         **{f"{_key}_least": _walkers(_words, min), f"{_key}_most": _walkers(_words, max)},
     )
+
+# Pigments in anybody's paint.
+
+
+def _bench(task: str, source: str, method: str, column: int) -> Reader:
+    """A share of the bench of real paint, of a task's row: columns are counted from 1."""
+    others = r"(?:[\d.]+% \(\d+%-\d+%\) +)" * (column - 1)
+    return found(rf"(?s)^{task} +n .*?^{source} +{method} +\d+ +{others}([\d.]+)%")
+
+
+for _key, _task, _source in (
+    ("hyperdoc", "PIGMENT", "hyperdoc"),
+    ("chart", "PIGMENT", "hyppigments"),
+    ("acrylics", "PIGMENT", "kimera"),
+    ("visible", "PIGMENT_VISIBLE", "hyperdoc"),
+):
+    add(
+        "paintbench",
+        ".0f %",
+        **{
+            f"{_key}_first": _bench(_task, _source, "glazejax", 1),
+            f"{_key}_three": _bench(_task, _source, "glazejax", 2),
+            f"{_key}_neighbour": _bench(_task, _source, "slopes of both", 1),
+            f"{_key}_classifier": _bench(_task, _source, "linear classifier", 1),
+        },
+    )
+add(
+    "paintbench",
+    ".0f %",
+    none_found=_bench("NONE", "hyperdoc", "glazejax", 1),
+    none_false=_bench("NONE", "hyperdoc", "glazejax", 2),
+    mixed_bath=_bench("MIXTURE", "bath", "glazejax", 1),
+    mixed_grillini=_bench("MIXTURE", "grillini", "glazejax", 1),
+    own_pure=_bench("PIGMENT_OWN", "revigo", "glazejax", 1),
+    own_mixed=_bench("MIXTURE_OWN", "revigo", "glazejax", 1),
+)
+add(
+    "pigment_speed",
+    ".1f s",
+    first_use=found(r"first use.*all pigments +(\S+)"),
+    thousand=found(r"1000 spectra of 61 bands.*: +(\S+) set up"),
+    fine=found(r"10 spectra of 2151 bands.*: +(\S+) set up"),
+)

@@ -402,14 +402,27 @@ def test_a_group_is_named_where_no_family_has_most_of_it(found_search):
     sets[place("azurite", "lead white")] = 0.3
     sets[place("azurite", "zinc white")] = 0.3
     sets[place("azurite")] = 0.2
+    sets[place("malachite")] = 0.1
     first, second = naming.name_sets(found_search, sets)
+    # The white that is most probable beside it is named; the probability is azurite's.
     assert first.families == ("azurite", "a white")
-    assert first.probability == pytest.approx(0.6)
+    assert first.probability == pytest.approx(0.8)
     assert dict(first.within["a white"]) == pytest.approx({"lead white": 0.5, "zinc white": 0.5})
-    assert second.families == ("azurite",)
+    assert second.families == ("malachite",)
     assert "lead white 50%" in first.words
     sets[place("azurite", "zinc white")] = 0.05
     assert naming.name_sets(found_search, sets)[0].families == ("azurite", "lead white")
+    sets[place("azurite")] = 0.5
+    assert naming.name_sets(found_search, sets)[0].families == ("azurite",)
+    # Without a colour, whites alone and a white with a black are different answers.
+    sets[:] = 0.0
+    sets[place("lead white")] = 0.4
+    sets[place("carbon black", "lead white")] = 0.5
+    sets[place("chalk", "zinc white")] = 0.1
+    found = {answer.families: answer.probability for answer in naming.name_sets(found_search, sets)}
+    assert found[("carbon black", "lead white")] == pytest.approx(0.5)
+    assert sum(found.values()) == pytest.approx(1.0)
+    assert len(found) == 2
 
 
 def test_every_family_of_a_group_is_known():

@@ -38,7 +38,8 @@ class FamilySet:
 
     Attributes:
         families: names of families or of groups, coloured ones first.
-        probability: of this answer.
+        probability: of its coloured families, whatever whites, extenders and blacks are with them;
+            of an answer without a colour, of its groups.
         within: of each group that is named: its likeliest families and their probabilities beside
             one another, best first.
     """

@@ -2,7 +2,9 @@
 
 Whites and extenders, blacks, and iron oxides differ from one another by less than one maker's from
 another's. Where none of a group's families has most of the group's probability, the answer is the
-group, with its likeliest families.
+group, with its likeliest families. What white or black stands beside a colour changes a spectrum
+less than the colour does: films of the same colours are one answer, which names the companion that
+is most probable.
 """
 
 from collections.abc import Sequence
@@ -25,7 +27,8 @@ _SMALL = 1e-3
 def name_sets(
     search: FamilySearch, probabilities: Float[np.ndarray, "sets"], least: float = 1e-3
 ) -> list[FamilySet]:
-    """Answers of one spectrum, best first: sets that differ by families of a group alone are one.
+    """Answers of one spectrum, best first: sets of the same colours, or of the same groups where
+    there is no colour, are one.
 
     Args:
         search: that the probabilities are from.
@@ -46,12 +49,13 @@ def name_sets(
 def _groups_of_sets(
     families: tuple[str, ...], members: tuple[tuple[int, ...], ...]
 ) -> tuple[int, Int[np.ndarray, "sets"]]:
-    """How many different answers there are, by their groups, and number of each set's."""
+    """How many different answers there are, by their colours, and number of each set's."""
     number: dict[frozenset[str], int] = {}
     of_set = []
     for row in members:
         groups = frozenset(group_of(families[member]) for member in row if member >= 0)
-        of_set.append(number.setdefault(groups, len(number)))
+        answer = groups - COLOURLESS or groups
+        of_set.append(number.setdefault(answer, len(number)))
     return len(number), np.array(of_set)
 
 
@@ -61,15 +65,27 @@ def _answer(
     own: Bool[np.ndarray, "sets"],
     total: float,
 ) -> FamilySet:
-    """One answer: the sets whose groups are the same, and their families beside one another."""
-    parts: dict[str, dict[str, float]] = {}
+    """One answer: sets of the same colours, with the companion that is most probable, and families
+    of a group beside one another.
+    """
     own = own & (probabilities > _SMALL * total)
-    for chance, row in zip(probabilities[own].tolist(), search.members[own].tolist(), strict=True):
-        for member in row:
-            if member >= 0:
-                family = search.families[member]
-                held = parts.setdefault(group_of(family), {})
-                held[family] = held.get(family, 0.0) + chance
+    chances = probabilities[own].tolist()
+    named = [
+        [(group_of(name), name) for name in (search.families[m] for m in row if m >= 0)]
+        for row in search.members[own].tolist()
+    ]
+    # Which groups together have most of it: a colour alone, or with a white, or with a black.
+    of_groups: dict[frozenset[str], float] = {}
+    for chance, members in zip(chances, named, strict=True):
+        key = frozenset(group for group, _ in members)
+        of_groups[key] = of_groups.get(key, 0.0) + chance
+    groups = max(of_groups, key=lambda key: of_groups[key])
+
+    parts: dict[str, dict[str, float]] = {group: {} for group in groups}
+    for chance, members in zip(chances, named, strict=True):
+        for group, family in members:
+            if group in groups:
+                parts[group][family] = parts[group].get(family, 0.0) + chance
     names = []
     within = {}
     for group, families in parts.items():
