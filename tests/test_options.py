@@ -357,3 +357,19 @@ def test_a_picture_is_refused_before_it_is_computed(monkeypatch, run, tmp_path):
 def test_a_catalogue_of_no_name_or_beside_own_paints_is_refused(path, name, words):
     with pytest.raises(ValueError, match=words):
         options.read_shelf(path, name)
+
+
+@pytest.mark.parametrize("error", [RuntimeError("Unknown backend foo"), AssertionError()])
+def test_a_device_that_is_not_there_is_said(monkeypatch, error):
+    """JAX fails in two ways: for a name that it does not know, and for CUDA without its plug-in."""
+    import jax
+
+    def fail():
+        raise error
+
+    monkeypatch.setenv("JAX_PLATFORMS", "foo")
+    monkeypatch.setattr(jax, "devices", fail)
+    with pytest.raises(ValueError, match="JAX_PLATFORMS is 'foo', and JAX finds no such device"):
+        cli._check_platforms()
+    monkeypatch.delenv("JAX_PLATFORMS")
+    cli._check_platforms()

@@ -7,6 +7,7 @@ imports the inverse one. Heavy imports belong inside the commands that need them
 
 import gc
 import logging
+import os
 import sys
 from importlib.metadata import entry_points, version
 from typing import TYPE_CHECKING, Annotated, Any, NoReturn
@@ -47,7 +48,28 @@ def start_jax() -> None:
         # XLA reports every program it takes from that cache as an error, harmlessly, and for pages.
         jax.config.update("jax_logging_level", "CRITICAL")
         jax.config.update("jax_enable_x64", True)
+        _check_platforms()
         keep_programs()
+
+
+def _check_platforms() -> None:
+    """Say which device was asked for and is not there, before a program is compiled for it.
+
+    Raises:
+        ValueError: `JAX_PLATFORMS` names none that JAX finds.
+    """
+    import jax
+
+    asked = os.environ.get("JAX_PLATFORMS", "")
+    if not asked:
+        return
+    try:
+        jax.devices()
+    except (RuntimeError, AssertionError):  # The latter without the plug-in for CUDA.
+        raise ValueError(
+            f"JAX_PLATFORMS is {asked!r}, and JAX finds no such device here: unset it, or set "
+            "JAX_PLATFORMS=cpu"
+        ) from None
 
 
 def make_app() -> "typer.Typer":
