@@ -4,7 +4,8 @@ import re
 from pathlib import Path
 from typing import Literal
 
-from .source import HEAD, Source, is_there, open_source
+from .formats.above import lines_above
+from .source import Source, is_there, open_source
 
 Kind = Literal[
     "table", "columns", "cgats", "cxf", "jcamp", "json", "envi header", "envi data", "asd"
@@ -65,7 +66,7 @@ def identify(source: Source) -> Kind:
         return "cgats"
     if "\ufffd" in text and header_beside(source.path):
         return "envi data"
-    return "columns" if _is_columns(text, len(head) == HEAD) else "table"
+    return "columns" if lines_above(source)[1] else "table"
 
 
 def header_beside(path: Path) -> Path | None:
@@ -98,20 +99,3 @@ def _is_jcamp(text: str) -> bool:
         if start and not start.startswith(("##", "$$")):
             return False
     return False
-
-
-def _is_columns(text: str, cut: bool) -> bool:
-    """Whether the text is numbers only, in columns that blanks or tabs separate, as spectrometers
-    write them.
-    """
-    lines = [
-        line for line in text.splitlines() if line.strip() and not line.lstrip().startswith("#")
-    ]
-    if cut:
-        lines = lines[:-1]
-    if len(lines) < 3 or len(lines[0].split()) < 2:
-        return False
-    try:
-        return all(len([float(cell) for cell in line.split()]) >= 2 for line in lines[:3])
-    except ValueError:
-        return False

@@ -13,6 +13,7 @@ from ..cube import SpectraCube, with_gaps
 from ..finish import RawSpectra, in_order, nanometres, unit_of
 from ..source import Source, explain_errors, is_there, open_source, refusal, show_path
 from ..spectra_table import SpectraTable
+from ..words import read_number
 
 _NEEDED = ("samples", "lines", "bands", "data type", "interleave", "byte order")
 _LIBRARY = "ENVI Spectral Library"
@@ -312,7 +313,7 @@ class EnviFile:
         values = np.empty(count)
         for i, text in enumerate(texts):
             try:
-                values[i] = float(text)
+                values[i] = read_number(text)
             except ValueError as error:
                 raise self.error(f"wavelength number {i + 1}: {error}") from None
         if not np.isfinite(values).all():
@@ -352,6 +353,7 @@ class EnviFile:
         """Whole number in a field of the header; 0 where it is left out."""
         text = str(self.header.get(title, 0)).strip()
         try:
+            read_number(text)
             value = int(text)
         except ValueError:
             raise self.error(
@@ -369,7 +371,7 @@ class EnviFile:
         if not text:
             return None
         try:
-            return float(text)
+            return read_number(text)
         except ValueError:
             raise self.error(f"{title!r} in the header is {text[:30]!r}, not a number") from None
 

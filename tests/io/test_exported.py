@@ -1,0 +1,155 @@
+"""Files as instruments' software exports them: their own lines above, colours beside the bands."""
+
+import numpy as np
+import pytest
+
+from glazejax.io import read_spectra
+
+from .samples import GRID, same, spectra
+
+R = spectra(2)
+RED, BLUE = (100 * R).round(3)
+BANDS = ",".join(f"{w:g}" for w in GRID)
+
+
+def put(tmp_path, text, name="film.txt"):
+    path = tmp_path / name
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def cells(values):
+    return ",".join(f"{value:.3f}" for value in values)
+
+
+def columns(*spectra, grid=GRID):
+    return "".join(",".join(map(str, row)) + "\n" for row in zip(grid, *spectra, strict=True))
+
+
+SPECTRAMAGIC = (
+    "Instrument name,CM-700d\nSerial No.,123,456\nMeasured (nm),400,700\n\n"
+    "No.,Data Name,Date,L*(D65),a*(D65),"
+    + ",".join(f"SCI_{w:g}nm" for w in GRID)
+    + ","
+    + ",".join(f"SCE_{w:g}nm" for w in GRID)
+    + f"\n1,red,1/5/2024,40.1,-3.2,{cells(RED)},{cells(RED - 4)}"
+    + f"\n2,blue,1/5/2024,30,0,{cells(BLUE)},{cells(BLUE - 4)}\n"
+)
+
+
+@pytest.mark.parametrize("delimiter", [",", "\t"])
+def test_both_readings_of_spectramagic_are_rows(tmp_path, delimiter):
+    table = read_spectra(put(tmp_path, SPECTRAMAGIC.replace(",", delimiter)))
+    values = np.stack([RED, RED - 4, BLUE, BLUE - 4]) / 100
+    same(table, GRID, values, ["red SCI", "red SCE", "blue SCI", "blue SCE"], atol=1e-9)
+    assert table.attributes["a*(D65)"] == ("-3.2", "-3.2", "0", "0")
+    assert table.notes[:3] == [
+        "4 lines above the table are not read",
+        "columns that are no bands are kept beside the spectra: No., Date, L*(D65), a*(D65)",
+        "each line gives a spectrum for each kind of reading: NAME SCI (specular component "
+        "included, d:8), NAME SCE (specular component excluded, de:8)",
+    ]
+
+
+def test_a_column_that_says_the_reading_tells_names_apart(tmp_path):
+    text = f"Data Name,SCI/SCE,{BANDS}\nred,SCI,{cells(RED)}\nred,SCE,{cells(RED - 4)}\n"
+    assert read_spectra(put(tmp_path, text)).names == ("red SCI", "red SCE")
+
+
+def test_readings_at_other_wavelengths_are_refused(tmp_path):
+    text = "Name,SCI 400,SCI 410,SCE 400,SCE 420\nred,10,20,5,15\n"
+    with pytest.raises(ValueError, match="bands of SCE are others than those of SCI"):
+        read_spectra(put(tmp_path, text))
+
+
+@pytest.mark.parametrize(
+    "title",
+    [
+        "{} nm",
+        "R{}",
+        "%R {}",
+        "R {} nm",
+        "nm{}",
+        "SPIN {}",
+        "SCI {}[nm]",
+        "{}nm(SCI)",
+        "SPECTRAL_NM_{}",
+        "{} nm (%)",
+    ],
+)
+def test_titles_of_bands_as_makers_write_them(tmp_path, title):
+    header = ",".join(title.format(f"{w:g}") for w in GRID)
+    table = read_spectra(put(tmp_path, f"Sample,{header}\nred,{cells(RED)}\n"))
+    same(table, GRID, [RED / 100], ["red"], atol=1e-9)
+
+
+def test_one_kind_of_reading_keeps_names_and_is_said(tmp_path):
+    table = read_spectra(put(tmp_path, "Name,SCE 400,SCE 410\nred,10,20\n"))
+    assert table.names == ("red",)
+    assert table.notes[0] == "all bands are taken as specular component excluded, de:8"
+
+
+@pytest.mark.parametrize("count", [3, len(GRID)])
+def test_colours_stand_beside_bands(tmp_path, count):
+    text = f"Name,L*,a*,b*,X,Y,Z,{','.join(BANDS.split(',')[:count])}\n"
+    text += f"red,40,30,-20,1,2,3,{cells(RED[:count])}\n"
+    table = read_spectra(put(tmp_path, text))
+    same(table, GRID[:count], [RED[:count] / 100], ["red"], atol=1e-9)
+    assert table.attributes["b*"] == ("-20",)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "nm,red\n" + columns(RED[::-1], grid=GRID[::-1]),
+        f"Name,{','.join(BANDS.split(',')[::-1])}\nred,{cells(RED[::-1])}\n",
+        '"red - RawData"\n"Wavelength nm.","R%"\n' + columns(RED[::-1], grid=GRID[::-1]),
+    ],
+)
+def test_descending_wavelengths_are_sorted_and_said(tmp_path, text):
+    table = read_spectra(put(tmp_path, text))
+    np.testing.assert_array_equal(table.wavelengths, GRID)
+    np.testing.assert_allclose(table.reflectance[0], RED / 100, atol=1e-5)
+    assert "bands were sorted by wavelength" in table.notes
+
+
+OCEAN = "Data from film.txt Node\n\nDate: Fri Jan 05 10:00:00 CET 2024\nScans to average: 10\n"
+OCEAN += "Number of Pixels in Spectrum: 31\n>>>>>Begin Spectral Data<<<<<\n"
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        columns(RED),
+        columns(RED).replace(",", ";").replace(".", ","),
+        columns(RED).replace(",", "\t").replace(".", ","),
+        columns(RED).replace(",", "\t"),
+        "red ochre\nmeasured in the church: 1/5/2024\n" + columns(RED),
+        OCEAN + columns(RED).replace(",", "\t"),
+        OCEAN.replace(".", ",") + columns(RED).replace(",", "\t").replace(".", ","),
+        OCEAN + columns(RED).replace(",", "\t") + ">>>>>End Processed Spectral Data<<<<<\n",
+    ],
+)
+def test_two_columns_without_a_header(tmp_path, text):
+    table = read_spectra(put(tmp_path, text))
+    same(table, GRID, [RED / 100], ["film"], atol=1e-9)
+    assert ("table" in table.notes[0]) == (not text.startswith("400"))
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["nm,red\n" + "400,12,5\n410,13,5\n420,14,5\n", "X,Y\n" + columns(RED), "\n\nX,Y\n1,2\n"],
+)
+def test_titles_that_lack_something_are_no_lines_above(tmp_path, text):
+    with pytest.raises(ValueError, match="header"):
+        read_spectra(put(tmp_path, text))
+
+
+def test_lines_above_in_another_encoding(tmp_path):
+    path = tmp_path / "film.csv"
+    path.write_bytes(
+        ("Gerät;CM-700d;1;2\n\nWellenlänge;Weiß\n400;12,5\n410;13,5\n").encode("cp1252")
+    )
+    table = read_spectra(path)
+    assert table.names == ("Weiß",)
+    assert "2 lines above the table are not read" in table.notes
