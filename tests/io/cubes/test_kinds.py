@@ -106,6 +106,24 @@ def test_missing_data_are_nan(tmp_path, dtype):
     assert np.isfinite(cube[4, 5, 2])
 
 
+@pytest.mark.parametrize("dtype", ["i2", "f4"])
+def test_a_mark_that_is_not_declared_is_missing_and_said(tmp_path, dtype):
+    values = image()
+    clean = envi(tmp_path, values, dtype=dtype, name="clean")
+    mark = -9999.0 if dtype == "f4" else -0.9999
+    values[:3, :4] = mark
+    path = envi(tmp_path, values, dtype=dtype)
+    cube = open_cube(path)
+    assert np.isnan(cube.values[:3, :4]).all()
+    assert np.isfinite(cube.values[3:]).all()
+    older = read_cube(path)
+    np.testing.assert_array_equal(np.isnan(older[:, :]), np.isnan(cube.values))
+    assert len(older.table()) == LINES * SAMPLES - 12
+    for notes in (cube.attrs["notes"], older.notes):
+        assert any("-9999, which no reading is" in note for note in notes)
+    assert not any("-9999" in note for note in open_cube(clean).attrs["notes"])
+
+
 def test_percent_and_given_scales(tmp_path):
     values = image()
     assert open_cube(envi(tmp_path, values * 100, dtype="f4")).attrs["unit"] == "percent"

@@ -4,12 +4,13 @@ import re
 from collections.abc import Iterator
 from math import prod
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float, Int
 
 from ...spectra import validate_wavelengths
-from ..cube import SpectraCube, with_gaps
+from ..cube import MARK_WORDS, USUAL_MARK, SpectraCube, can_hold_mark, with_gaps
 from ..finish import RawSpectra, in_order, nanometres, unit_of
 from ..source import Source, explain_errors, is_there, open_source, refusal, show_path
 from ..spectra_table import SpectraTable
@@ -226,17 +227,20 @@ class EnviFile:
             raise self.error(error) from None
         raw = self.mapped()
         declared = self.declared_scale
+        mark = USUAL_MARK if self.ignore is None and can_hold_mark(self._dtype) else self.ignore
         probe = SpectraCube(
             wavelengths=grid,
             raw=raw,
             bands=bands,
             scale=declared or 1.0,
-            ignore=self.ignore,
+            ignore=mark,
             notes=notes,
             format="ENVI image",
             unit="fraction",
             path=self.path,
         )
+        if self.ignore is None and mark is not None and (_sample(probe, raw) == mark).any():
+            notes.append(MARK_WORDS)
         try:
             scale, unit, told = unit_of(
                 _bright(probe),
@@ -250,7 +254,7 @@ class EnviFile:
             raw=raw,
             bands=bands,
             scale=scale,
-            ignore=self.ignore,
+            ignore=mark,
             notes=[*notes, *told],
             format="ENVI image",
             unit=unit,
@@ -391,11 +395,17 @@ class EnviFile:
         return scale
 
 
-def _bright(cube: SpectraCube) -> float:
-    """What the brightest bands of 99 % of the pixels of a sample stay below."""
+def _sample(cube: SpectraCube, values: Any) -> np.ndarray:
+    """Pixels from all over an image, of its own numbers or of reflectance."""
     lines, samples, _ = cube.shape
     step = max(1, round(np.sqrt(lines * samples / _PROBE)))
-    pixels = cube[::step, ::step].reshape(-1, cube.bands.size)
+    pixels = np.asarray(values[::step, ::step])
+    return pixels.reshape(-1, pixels.shape[-1])
+
+
+def _bright(cube: SpectraCube) -> float:
+    """What the brightest bands of 99 % of the pixels of a sample stay below."""
+    pixels = _sample(cube, cube)
     pixels = pixels[np.isfinite(pixels).all(axis=1)]
     if not len(pixels):
         raise refusal(cube.path, "no pixel has data at every wavelength")
