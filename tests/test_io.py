@@ -240,13 +240,6 @@ def test_declared_unit(tmp_path):
     assert read_spectra(put(tmp_path, dark)).reflectance.max() == 0.6
 
 
-def test_workbooks_are_named(tmp_path):
-    with pytest.raises(
-        ValueError, match="Excel workbook or another zip archive; export the table as UTF-8 CSV"
-    ):
-        read_spectra(put(tmp_path, b"PK\x03\x04rest", "t.xlsx"))
-
-
 def test_names_do_not_decide_the_format(tmp_path):
     assert read_spectra(put(tmp_path, WIDE, "t.cxf")).format == "CSV table, a sample a row"
     assert read_spectra(put(tmp_path, WIDE.replace("Name", "ENVI"), "t.hdr")).names == (

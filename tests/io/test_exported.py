@@ -153,3 +153,69 @@ def test_lines_above_in_another_encoding(tmp_path):
     table = read_spectra(path)
     assert table.names == ("Weiß",)
     assert "2 lines above the table are not read" in table.notes
+
+
+def test_ends_where_a_spectrometer_reads_noise_are_left_out(tmp_path):
+    values = RED.copy()
+    values[[1, 28]] = -7.0, 900.0
+    table = read_spectra(put(tmp_path, OCEAN + columns(values).replace(",", "\t")))
+    same(table, GRID[2:28], [RED[2:28] / 100], ["film"], atol=1e-9)
+    assert "5 bands at the ends are left out: they hold noise alone" in table.notes
+    values[15] = -7.0
+    with pytest.raises(ValueError, match="'film' is negative"):
+        read_spectra(put(tmp_path, OCEAN + columns(values).replace(",", "\t")))
+
+
+SVC = "/*** Spectra Vista SIG Data ***/\nname= HR.1.sig\ninstrument= HI: 1 (HR-1024i)\n"
+SVC += "units= Radiance, Radiance\ncomm= red panel\ndata= \n"
+
+
+def svc(grid, values):
+    return SVC + "".join(f"{w:.1f}  2.0  1.0  {r:.3f}\n" for w, r in zip(grid, values, strict=True))
+
+
+def test_svc_reads_its_last_column(tmp_path):
+    table = read_spectra(put(tmp_path, svc(GRID, RED), "film.sig"))
+    same(table, GRID, [RED / 100], ["red panel"], atol=1e-9)
+    assert table.format == "SVC text (.sig)"
+    assert "last column" in table.notes[0]
+
+
+def test_svc_detectors_that_overlap_change_in_the_middle(tmp_path):
+    first, second = GRID[:21], GRID[17:] + 3
+    table = read_spectra(put(tmp_path, svc([*first, *second], [*RED[:21], *BLUE[17:]])))
+    # The overlap is 573 to 600 nm.
+    assert "detectors overlap: the change is at 586.5 nm" in table.notes
+    np.testing.assert_allclose(table.wavelengths, [*GRID[:19], *(GRID[19:] + 3)])
+    np.testing.assert_allclose(table.reflectance[0], [*RED[:19] / 100, *BLUE[19:] / 100], atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("text", "complaint"),
+    [
+        (SVC, "without numbers below 'data='"),
+        (SVC + "400 1 2\n", "line 7: '400 1 2' are not four numbers"),
+        (SVC + "400 1 2 1_0\n", "line 7: '400 1 2 1_0' are not four numbers"),
+    ],
+)
+def test_errors_of_svc(tmp_path, text, complaint):
+    with pytest.raises(ValueError, match=complaint):
+        read_spectra(put(tmp_path, text))
+
+
+@pytest.mark.parametrize("version", [b"K", b"L", b"M"])
+def test_galactic_spc_is_named(tmp_path, version):
+    path = tmp_path / "film.spc"
+    path.write_bytes(b"\x00" + version + bytes(600))
+    with pytest.raises(ValueError, match=r"a Galactic SPC file .* as JCAMP-DX or as text"):
+        read_spectra(path)
+
+
+def test_i1profiler_names_with_blanks_stand_between_tabs(tmp_path):
+    fields = "\t".join(["SAMPLE_ID", "SAMPLE_NAME", *(f"SPECTRAL_NM{w:g}" for w in GRID)])
+    row = "\t".join(f"{value / 100:.5f}" for value in RED)
+    text = (
+        f'CGATS.17\nORIGINATOR\t"i1Profiler"\nNUMBER_OF_FIELDS\t33\nBEGIN_DATA_FORMAT\n{fields}\n'
+    )
+    text += f"END_DATA_FORMAT\nNUMBER_OF_SETS\t1\nBEGIN_DATA\n1\tlight red\t{row}\t\nEND_DATA\n"
+    same(read_spectra(put(tmp_path, text)), GRID, [RED / 100], ["light red"], atol=1e-9)

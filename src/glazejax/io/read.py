@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from ..progress import Progress
 from .cube import SpectraCube
 from .finish import finish
+from .formats.workbook import split_sheet
 from .sniff import Kind, header_beside, identify
 from .source import Source, open_source
 from .spectra_table import SpectraTable
@@ -23,6 +24,8 @@ _READERS = {
     "jcamp": ("jcamp", "read_jcamp"),
     "asd": ("asd", "read_asd"),
     "json": ("listing", "read_listing"),
+    "svc": ("svc", "read_svc"),
+    "workbook": ("workbook", "read_workbook"),
 }
 
 
@@ -51,12 +54,13 @@ def read_spectra(path: str | Path, *, progress: Progress | None = None) -> Spect
             mend it.
     """
     path = Path(path)
-    with open_source(path, progress=progress) as source:
+    file, sheet = split_sheet(path)
+    with open_source(file, progress=progress) as source:
         kind = identify(source)
         if kind not in ("envi header", "envi data"):
             module, name = _READERS[kind]
             reader = getattr(import_module(f".formats.{module}", __package__), name)
-            return finish(reader(source), path)
+            return finish(reader(source, sheet) if sheet else reader(source), path)
         envi = _envi(source, kind)
         return finish(envi.library(), path) if envi.is_library else envi.cube().table()
 

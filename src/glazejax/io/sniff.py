@@ -8,7 +8,17 @@ from .formats.above import lines_above
 from .source import Source, is_there, open_source
 
 Kind = Literal[
-    "table", "columns", "cgats", "cxf", "jcamp", "json", "envi header", "envi data", "asd"
+    "table",
+    "columns",
+    "cgats",
+    "cxf",
+    "jcamp",
+    "json",
+    "envi header",
+    "envi data",
+    "asd",
+    "svc",
+    "workbook",
 ]
 
 _CGATS = re.compile(
@@ -22,7 +32,6 @@ _XML = re.compile(r"\A\s*<[?!A-Za-z]")
 _JSON = re.compile(r"\A\s*(\[\s*[\[{\]]|\{\s*[\"}])")
 # How files begin that are no spectra, and what they are.
 _OTHERS = {
-    b"PK\x03\x04": "an Excel workbook or another zip archive; export the table as UTF-8 CSV",
     b"\xd0\xcf\x11\xe0": (
         "an old Excel workbook or another Office file; export the table as UTF-8 CSV"
     ),
@@ -42,20 +51,30 @@ def identify(source: Source) -> Kind:
     """Format of a file; ``table`` if its content tells none.
 
     Raises:
-        ValueError: it is a workbook, a picture, an archive or a PDF.
+        ValueError: it is an SPC file, a picture, an archive or a PDF.
     """
     head = source.head
     for start, words in _OTHERS.items():
         # The data of an ENVI image may begin with any bytes.
         if head.startswith(start) and not header_beside(source.path):
             raise source.error(words)
+    if head.startswith(b"PK\x03\x04") and not header_beside(source.path):
+        return "workbook"
     if b"\0" in head:
         if head.startswith(_ASD):
             return "asd"
-        return "envi data" if header_beside(source.path) else "table"
+        if header_beside(source.path):
+            return "envi data"
+        if head[1:2] in (b"K", b"L", b"M"):
+            raise source.error(
+                "a Galactic SPC file (GRAMS); export it from its software as JCAMP-DX or as text"
+            )
+        return "table"
     text = head.decode("utf-8-sig", errors="replace")
     if text.split("\n", 1)[0].strip() == "ENVI":
         return "envi header"
+    if text.startswith("/*** Spectra Vista"):
+        return "svc"
     if _XML.match(text):
         return "cxf"
     if _JSON.match(text):

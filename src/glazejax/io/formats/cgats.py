@@ -123,6 +123,10 @@ def _sheets(source: Source) -> list[_Sheet]:
         if state == "format":
             sheets[-1].fields += cells
         elif state == "data":
+            by_tab = [cell.strip().strip('"') for cell in line.rstrip("\t").split("\t")]
+            if len(cells) != len(sheets[-1].fields) == len(by_tab):
+                # Names with blanks stand without quotes where tabs separate.
+                cells = by_tab
             sheets[-1].sets.append((number, cells))
         elif len(cells) > 1:
             keywords[first] = cells[1]

@@ -29,6 +29,7 @@ from .above import (
     not_read,
     numbers_of,
 )
+from .noisy_ends import without_noisy_ends
 
 _WAVENUMBER_TITLE = re.compile(
     r"^(wave\s*numbers?|wellenzahl|nombres? d.onde|\W*(1/cm|cm\^?[-⁻][1¹]))", re.IGNORECASE
@@ -606,10 +607,12 @@ def read_columns(source: Source) -> RawSpectra:
     else:
         names = [f"column {i}" for i in range(2, width + 1)]
         notes.append("there is no header: spectra are named by their column")
-    return RawSpectra(
+    raw = RawSpectra(
         wavelengths=wavelengths,
         names=names,
         values=table[:, 1:].T,
         format="columns of numbers without a header",
         notes=notes,
     )
+    # Lines above are a spectrometer's; without them, a person may have made the file.
+    return without_noisy_ends(raw) if above else raw
