@@ -2,8 +2,10 @@
 
 import csv
 import io
+import warnings
 import zipfile
 from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
@@ -61,26 +63,23 @@ def read_workbook(source: Source, sheet: str = "") -> RawSpectra:
     except ImportError:
         raise source.error(f"an Excel workbook: {advice('openpyxl')}") from None
     content = io.BytesIO(source.content())
-    try:
-        with zipfile.ZipFile(content) as archive:
-            size = sum(entry.file_size for entry in archive.infolist())
-        if size > _MOST_BYTES:
-            raise source.error("larger than is read of a workbook; export the sheet as UTF-8 CSV")
+    with _whole(source), zipfile.ZipFile(content) as archive:
+        size = sum(entry.file_size for entry in archive.infolist())
+    if size > _MOST_BYTES:
+        raise source.error("larger than is read of a workbook; export the sheet as UTF-8 CSV")
+    with _whole(source):
         book = openpyxl.load_workbook(content, read_only=True, data_only=True)
         names = [page.title for page in book.worksheets]
-        if not names:
-            raise source.error("the workbook has no sheet of cells")
-        if sheet and sheet not in names:
-            near = nearest_names(sheet, names) or names[:6]
-            raise source.error(f"there is no sheet {sheet!r}; there are {', '.join(near)}")
-        name = sheet or names[0]
-        rows = _rows(source, book.worksheets[names.index(name)])
-    except ValueError as error:
-        if str(error).startswith(str(source.path)):
-            raise
-        raise _damaged(source, error) from None
-    except Exception as error:  # what openpyxl and its XML say of damaged files is of all types
-        raise _damaged(source, error) from None
+    if not names:
+        raise source.error("the workbook has no sheet of cells")
+    if sheet and sheet not in names:
+        near = nearest_names(sheet, names) or names[:6]
+        raise source.error(f"there is no sheet {sheet!r}; there are {', '.join(near)}")
+    name = sheet or names[0]
+    with _whole(source):
+        rows = _rows(book.worksheets[names.index(name)])
+    if rows is None:
+        raise source.error(f"more than {_MOST_CELLS} cells; export the sheet as UTF-8 CSV")
     if len(names) > 1:
         source.notes.append(f"sheet {name!r} was read; there are {', '.join(names[:6])}")
     page = _Sheet(source, rows)
@@ -88,15 +87,24 @@ def read_workbook(source: Source, sheet: str = "") -> RawSpectra:
     return replace(raw, format=raw.format.replace("TSV table", "Excel workbook"))
 
 
-def _damaged(source: Source, error: Exception) -> ValueError:
-    return source.error(
-        "not a whole Excel workbook (.xlsx), or another zip archive "
-        f"({type(error).__name__}); export the table as UTF-8 CSV"
-    )
+@contextmanager
+def _whole(source: Source) -> Iterator[None]:
+    """What openpyxl, zipfile and their XML say of a damaged file, in one sentence; their warnings
+    are of what is not read here.
+    """
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            yield
+    except Exception as error:
+        raise source.error(
+            "not a whole Excel workbook (.xlsx), or another zip archive "
+            f"({type(error).__name__}); export the table as UTF-8 CSV"
+        ) from None
 
 
-def _rows(source: Source, page: Any) -> list[str]:
-    """Rows of a sheet, separated by tabs."""
+def _rows(page: Any) -> list[str] | None:
+    """Rows of a sheet, separated by tabs; None if there are too many cells."""
     # A sheet may claim any size.
     page.reset_dimensions()
     rows = []
@@ -104,7 +112,7 @@ def _rows(source: Source, page: Any) -> list[str]:
     for row in page.iter_rows(values_only=True):
         count += len(row) + 1
         if count > _MOST_CELLS:
-            raise source.error(f"more than {_MOST_CELLS} cells; export the sheet as UTF-8 CSV")
+            return None
         words = ["" if cell is None else " ".join(str(cell).split()) for cell in row]
         while words and not words[-1]:
             words.pop()
