@@ -454,9 +454,11 @@ def _fixed(rows: int, bands: int) -> Callable[[bytes, Any], str]:
 
 def _lines(content: bytes, found: Any) -> str:
     text = content.decode("utf-8-sig", "replace")
+    said = [re.match(r"(?:line )?(\d+) .*not read", note) for note in found.notes]
+    above = next((int(match[1]) for match in said if match), 0)
     lines = [
         line
-        for line in text.splitlines()
+        for line in text.splitlines()[above:]
         if line.strip(" \t,;") and not line.lstrip().startswith("#")
     ]
     rows, bands = len(found), found.wavelengths.size

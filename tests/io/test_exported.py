@@ -145,6 +145,19 @@ def test_titles_that_lack_something_are_no_lines_above(tmp_path, text):
         read_spectra(put(tmp_path, text))
 
 
+@pytest.mark.parametrize(
+    "text",
+    [
+        f"red,{cells(RED)}\nName,{BANDS}\nblue,{cells(BLUE)}\n",
+        "640,50\nnm,red\n" + columns(RED),
+        "640;50;3\n\nred\n" + columns(RED, BLUE).replace(",", ";"),
+    ],
+)
+def test_rows_above_their_header_are_refused(tmp_path, text):
+    with pytest.raises(ValueError, match="line 1: a row of the table stands above its beginning"):
+        read_spectra(put(tmp_path, text))
+
+
 def test_lines_above_in_another_encoding(tmp_path):
     path = tmp_path / "film.csv"
     path.write_bytes(

@@ -63,8 +63,17 @@ def lines_above(source: Source) -> tuple[int, bool]:
     A header is a line with two wavelengths or more, or whose first title is that of wavelengths,
     and numbers below. Where there is none, the first line of data is one; its reader says what it
     lacks.
+
+    Raises:
+        ValueError: a row of numbers, as long as the table's, stands above it.
     """
-    lines = source.first_lines
+    start, numbers = _start(source.first_lines)
+    _check_above(source, start)
+    return start, numbers
+
+
+def _start(lines: list[str]) -> tuple[int, bool]:
+    """The same of a file's first lines."""
     for number, line in enumerate(lines[:_MOST], start=1):
         if _BEGIN.fullmatch(line.strip()):
             return number, True
@@ -90,6 +99,24 @@ def lines_above(source: Source) -> tuple[int, bool]:
                 return (data[k - 1][0] if k > 1 else 0), False
             return (i if k else 0), True
     return 0, False
+
+
+def _check_above(source: Source, start: int) -> None:
+    """Refuse rows of the table that stand above its header."""
+    lines = source.first_lines
+    table = next((line for line in lines[start:] if is_data(line)), "")
+    width = len(_cells(table))
+    for number, line in enumerate(lines[:start], start=1):
+        if not is_data(line):
+            continue
+        first, *others = _cells(line)
+        # Two or three numbers may be the instrument's own.
+        is_row = _is_value(first) or width > _FEW
+        if is_row and 1 + len(others) == width and all(map(_is_value, others)):
+            raise source.error(
+                f"a row of the table stands above its beginning on line {start + 1}; move it down",
+                number,
+            )
 
 
 def not_read(above: int) -> str:

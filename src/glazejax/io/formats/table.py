@@ -16,7 +16,7 @@ from jaxtyping import Float
 
 from ...spectra import validate_wavelengths
 from ..finish import MAX_NOISE, RawSpectra, nanometres
-from ..source import Source
+from ..source import Source, shorten
 from ..words import read_number, unshielded
 from .above import (
     END,
@@ -376,7 +376,7 @@ def _only_bands(cells: _Cells, first: tuple[int, str], attributes: dict[str, lis
     # A column may say of each line which kind of reading it is.
     kind_at = next((i for i in others if _KIND_TITLE.search(header[i])), None)
     if others:
-        titles = ", ".join(header[i] for i in others)
+        titles = shorten(", ".join(header[i] for i in others))
         cells.source.notes.append(
             f"columns that are no bands are kept beside the spectra: {titles}"
         )
