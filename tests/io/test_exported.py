@@ -145,6 +145,21 @@ def test_titles_that_lack_something_are_no_lines_above(tmp_path, text):
         read_spectra(put(tmp_path, text))
 
 
+def test_titles_are_said_on_one_line(tmp_path):
+    table = read_spectra(put(tmp_path, f"Name,\x7fa,{BANDS}\nred,1,{cells(RED)}\n"))
+    assert all(note.isprintable() for note in table.notes)
+
+
+def test_two_or_three_numbers_may_be_the_instruments_own(tmp_path):
+    text = "Scans,10\nSerial No.,123\nnm,red\n" + columns(RED)
+    assert read_spectra(put(tmp_path, text)).names == ("red",)
+
+
+def test_samples_of_a_table_of_wavelengths_may_be_called_as_bands_are(tmp_path):
+    table = read_spectra(put(tmp_path, "wavelength,R400,R410\n400,10,20\n410,30,40\n"))
+    assert table.names == ("R400", "R410")
+
+
 @pytest.mark.parametrize(
     "text",
     [
@@ -179,6 +194,20 @@ def test_ends_where_a_spectrometer_reads_noise_are_left_out(tmp_path):
         read_spectra(put(tmp_path, OCEAN + columns(values).replace(",", "\t")))
 
 
+def test_what_a_person_may_have_written_keeps_its_ends(tmp_path):
+    values = RED.copy()
+    values[0] = -7.0
+    with pytest.raises(ValueError, match="'film' is negative"):
+        read_spectra(put(tmp_path, columns(values)))
+
+
+def test_noisy_ends_of_wavelengths_that_descend(tmp_path):
+    values = RED.copy()
+    values[[1, 28]] = -7.0, 900.0
+    text = OCEAN + columns(values[::-1], grid=GRID[::-1]).replace(",", "\t")
+    same(read_spectra(put(tmp_path, text)), GRID[2:28], [RED[2:28] / 100], ["film"], atol=1e-9)
+
+
 SVC = "/*** Spectra Vista SIG Data ***/\nname= HR.1.sig\ninstrument= HI: 1 (HR-1024i)\n"
 SVC += "units= Radiance, Radiance\ncomm= red panel\ndata= \n"
 
@@ -192,6 +221,11 @@ def test_svc_reads_its_last_column(tmp_path):
     same(table, GRID, [RED / 100], ["red panel"], atol=1e-9)
     assert table.format == "SVC text (.sig)"
     assert "last column" in table.notes[0]
+
+
+def test_svc_is_percent_however_dark(tmp_path):
+    table = read_spectra(put(tmp_path, svc(GRID, RED / 100)))
+    np.testing.assert_allclose(table.reflectance[0], RED / 1e4, atol=1e-5)
 
 
 def test_svc_detectors_that_overlap_change_in_the_middle(tmp_path):

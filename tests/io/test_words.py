@@ -6,6 +6,7 @@ from hypothesis import strategies as st
 
 from glazejax.io import SpectraTable, read_spectra, write_spectra, write_table
 from glazejax.io.words import shielded, unshielded
+from glazejax.paint.pigment_table import read_pigments
 
 from .samples import CGATS, GRID, jcamp_block, spectra
 
@@ -53,3 +54,19 @@ def test_python_s_own_and_other_scripts_digits_are_no_numbers(tmp_path, text, wo
     with pytest.raises(ValueError, match=r"t\.csv") as error:
         read_spectra(path)
     assert "\n" not in str(error.value)
+
+
+def test_shields_come_off_in_every_layout(tmp_path):
+    path = tmp_path / "t.csv"
+    path.write_text("sample,wavelength,reflectance\n'=1,400,.1\n'=1,410,.2\n")
+    assert read_spectra(path).names == ("=1",)
+    path.write_text(CGATS.replace("blue", "'=1"))
+    assert read_spectra(path).names[1] == "=1"
+
+
+def test_a_pigment_s_name_is_no_formula_and_reads_back(tmp_path):
+    path = tmp_path / "paints.csv"
+    rows = [["=1+1", nm, 10.0, 20.0] for nm in (400, 500)]
+    write_table(path, ["pigment", "wavelength_nm", "absorption", "scattering"], rows)
+    assert path.read_text().splitlines()[1].startswith("'=1+1,")
+    assert list(read_pigments(path)) == ["=1+1"]

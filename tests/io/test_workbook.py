@@ -1,6 +1,7 @@
 """Excel workbooks that openpyxl writes."""
 
 import io
+import re
 import sys
 import zipfile
 
@@ -8,6 +9,7 @@ import numpy as np
 import pytest
 
 from glazejax.io import read_sample, read_spectra
+from glazejax.io.formats import workbook
 
 from .samples import GRID, complains, same, spectra
 
@@ -79,6 +81,21 @@ def test_what_unpacks_to_too_much_is_refused_before_it_is_unpacked(book):
     with zipfile.ZipFile(book, "a", zipfile.ZIP_DEFLATED) as archive:
         archive.writestr("zeros", bytes(1 << 28))
     with pytest.raises(ValueError, match="larger than is read of a workbook"):
+        read_spectra(book)
+
+
+def test_a_size_that_a_sheet_claims_is_not_believed(book):
+    changed = book.with_name("claims.xlsx")
+    with zipfile.ZipFile(book) as old, zipfile.ZipFile(changed, "w") as new:
+        for name in old.namelist():
+            claim = re.sub(rb'<dimension ref="[^"]*"', b'<dimension ref="A1:B2"', old.read(name))
+            new.writestr(name, claim)
+    same(read_spectra(changed), GRID, R, ["red light 0", "red light 1"], atol=1e-12)
+
+
+def test_more_cells_than_a_table_has_are_refused(book, monkeypatch):
+    monkeypatch.setattr(workbook, "_MOST_CELLS", 50)
+    with pytest.raises(ValueError, match="more than 50 cells"):
         read_spectra(book)
 
 
