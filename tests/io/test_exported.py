@@ -145,6 +145,11 @@ def test_titles_that_lack_something_are_no_lines_above(tmp_path, text):
         read_spectra(put(tmp_path, text))
 
 
+def test_bright_rows_of_numbers_are_no_header(tmp_path):
+    text = "".join(f"{w:g},101,102,103,104\n" for w in GRID)
+    assert len(read_spectra(put(tmp_path, text))) == 4
+
+
 def test_titles_are_said_on_one_line(tmp_path):
     table = read_spectra(put(tmp_path, f"Name,\x7fa,{BANDS}\nred,1,{cells(RED)}\n"))
     assert all(note.isprintable() for note in table.notes)

@@ -11,6 +11,7 @@ import tifffile
 import zarr as zarr_package
 
 from glazejax.io import open_cube, read_cube
+from glazejax.io.cubes import probe
 
 from .images import (
     KINDS,
@@ -122,6 +123,14 @@ def test_a_mark_that_is_not_declared_is_missing_and_said(tmp_path, dtype):
     for notes in (cube.attrs["notes"], older.notes):
         assert any("-9999, which no reading is" in note for note in notes)
     assert not any("-9999" in note for note in open_cube(clean).attrs["notes"])
+
+
+def test_a_mark_in_a_corner_alone_is_said(tmp_path, monkeypatch):
+    monkeypatch.setattr(probe, "_TILE", 2)
+    values = image()
+    values[0, 0] = -9999.0
+    cube = open_cube(envi(tmp_path, values, dtype="f4"))
+    assert any("-9999" in note for note in cube.attrs["notes"])
 
 
 def test_percent_and_given_scales(tmp_path):

@@ -12,14 +12,13 @@ _LIT = (450.0, 650.0)
 
 
 def without_noisy_ends(raw: RawSpectra) -> RawSpectra:
-    """Spectra without the bands at either end that no reflectance gives: up to the last from below,
-    and down to the first from above, that reads less than -0.01, more than 3, or no number.
+    """Spectra without the bands at either end that no reflectance gives: all up to the innermost
+    that reads less than -0.01, more than 3, or no number.
 
     Nothing changes if there are such bands from 450 to 650 nm: a reader refuses them by name.
     """
-    order = np.argsort(raw.wavelengths, kind="stable")
-    grid = raw.wavelengths[order]
-    values = raw.values[:, order]
+    grid = raw.wavelengths
+    values = raw.values
     lit = (grid >= _LIT[0]) & (grid <= _LIT[1])
     if not lit.any():
         return raw
