@@ -106,7 +106,11 @@ def test_slightly_negative_readings_are_noise(tmp_path):
         ("400,0.1,0.2\n410,0.1,0.2\n", "line 1: numbers only, where a header should be"),
         ("Name,400,410,4l0\nx,1,2,3\n", "line 1: column '4l0' is not a wavelength"),
         ("Name,400,420,410\nx,1,2,3\n", "must ascend: number 3 is 410 nm after 420 nm"),
-        ("wavelength,a\n400,.1\n390,.2\n", "must ascend: number 2"),
+        ("wavelength,a\n400,.1\n390,.2\n395,.2\n", "must ascend: number 2"),
+        (
+            "Name,400,410,410\nx,1,2,3\n",
+            "wavelengths must differ: 410 nm is given twice; leave one",
+        ),
         ("wavelength,a\n400,.1\nx,.2\n", "line 3: column 'wavelength': 'x' is not a wavelength"),
         ("Name,400,410\nred,.1,.2\nblue,.1\n", "line 3: 2 cells where the header has 3"),
         ("Name,400,410\nred,.1,.2\nblue,.1,.2,.3\n", "line 3: 4 cells where the header has 3"),
@@ -234,13 +238,6 @@ def test_declared_unit(tmp_path):
     np.testing.assert_allclose(table.reflectance, [[0.005, 0.006]])
     assert table.notes == ["values are in percent; divided by 100"]
     assert read_spectra(put(tmp_path, dark)).reflectance.max() == 0.6
-
-
-def test_workbooks_are_named(tmp_path):
-    with pytest.raises(
-        ValueError, match="Excel workbook or another zip archive; export the table as UTF-8 CSV"
-    ):
-        read_spectra(put(tmp_path, b"PK\x03\x04rest", "t.xlsx"))
 
 
 def test_names_do_not_decide_the_format(tmp_path):

@@ -36,7 +36,7 @@ def test_grid_is_copied_and_locked():
     ("grid", "complaint"),
     [
         ([400, 420, 410], "number 3 is 410 nm after 420 nm"),
-        ([400, 400], "number 2 is 400 nm after 400 nm"),
+        ([400, 410, 400], "400 nm is given twice; leave one out"),
         ([400, np.nan], "number 2 is nan"),
         ([0, 400], "number 1 is 0 nm"),
         ([400, np.inf], "number 2 is inf"),

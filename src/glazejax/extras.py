@@ -11,6 +11,7 @@ _EXTRAS = {
     "matplotlib": ("matplotlib", "plots"),
     "corner": ("corner", "plots"),
     "colour_cxf": ("colour-cxf", "formats"),
+    "openpyxl": ("openpyxl", "formats"),
     "arviz": ("arviz", "arviz"),
     "h5py": ("h5py", "arviz"),
     "trimesh": ("trimesh", "scene"),

@@ -109,6 +109,10 @@ def validate_wavelengths(wavelengths: Grid) -> Float[np.ndarray, "bands"]:
         raise ValueError(
             f"wavelengths must be finite and positive: number {i + 1} is {grid[i]:g} nm"
         )
+    if (again := np.flatnonzero(np.diff(np.sort(grid)) == 0)).size:
+        raise ValueError(
+            f"wavelengths must differ: {np.sort(grid)[again[0]]:g} nm is given twice; leave one out"
+        )
     falls = np.flatnonzero(np.diff(grid) <= 0)
     if falls.size:
         i = int(falls[0]) + 1

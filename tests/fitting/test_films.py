@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from glazefit import Films, Instrument, Noise, read_films
+from glazefit import Films, Instrument, Noise, read_films, read_loose_films
 from glazefit.film.films import card_reflectance, cards, diffuse_internal_reflectance
 from glazefit.film.readers import is_masstone, read_recipes, readable_names
 from glazejax import Hemispherical
@@ -171,3 +171,19 @@ def test_films_check_what_they_are_given(write):
 def test_noise_must_be_positive(floor, share):
     with pytest.raises(ValueError, match="noise"):
         Noise(floor, share)
+
+
+def test_of_both_kinds_of_readings_those_with_the_specular_component_are_films(tmp_path):
+    ends = ("b", "w", "ob", "ow")
+    grid = np.arange(400.0, 701.0, 50.0)
+    values = {end: np.full(grid.size, 0.2 + 0.1 * i) for i, end in enumerate(ends)}
+    bands = [f"{word}_{nm:g}nm" for word in ("SCI", "SCE") for nm in grid]
+    rows = [[f"red_{end}", *values[end], *(values[end] - 0.04)] for end in ends]
+    path = tmp_path / "films.csv"
+    path.write_text("\n".join(",".join(map(str, row)) for row in [["Name", *bands], *rows]))
+    films = read_films(path)
+    assert films.names == ("red",)
+    np.testing.assert_array_equal(films.over_white[0], values["ow"])
+    assert "readings with the specular component included (SCI) are used" in films.notes[-1]
+    without = read_loose_films(path, specular=False)
+    np.testing.assert_allclose(without.over_white[0], values["ow"] - 0.04)

@@ -8,6 +8,7 @@ import struct
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -324,6 +325,19 @@ def subjects() -> dict[str, Subject]:
         "columns without a header": Subject(
             "columns.txt", columns.encode(), read_spectra, counts=_lines
         ),
+        "SpectraMagic": Subject("both.csv", _spectramagic().encode(), read_spectra),
+        "Ocean Optics": Subject(
+            "ocean.txt",
+            f"Date: x\nScans: 3\n>>>>>Begin Spectral Data<<<<<\n{columns}".encode(),
+            read_spectra,
+        ),
+        "SVC": Subject(
+            "panel.sig",
+            b"/*** Spectra Vista SIG Data ***/\ncomm= red\ndata= \n"
+            + b"".join(b"%d.0  2.0  1.0  %d.5\n" % (w, w // 10) for w in range(400, 701, 10)),
+            read_spectra,
+        ),
+        **_workbooks(),
         "CGATS": Subject("chart.txt", CGATS.encode(), read_spectra, counts=_cgats),
         "CxF3": Subject("chart.cxf", CXF.encode(), read_spectra, counts=_cxf),
         "JCAMP-DX pairs": Subject("pairs.dx", jcamp_block().encode(), read_spectra, counts=_jcamp),
@@ -392,6 +406,27 @@ radius = 1.0
 """
 
 
+def _spectramagic() -> str:
+    bands = [f"{word}_{w:g}nm" for word in ("SCI", "SCE") for w in GRID]
+    rows = [["Instrument", "CM-700d"], [], ["Data Name", "L*(D65)", *bands]]
+    rows += [[f"red {i}", "50.5", *map(str, [*row, *row])] for i, row in enumerate(spectra(2))]
+    return "\n".join(",".join(row) for row in rows)
+
+
+def _workbooks() -> dict[str, Subject]:
+    """A workbook, where the package that writes it is installed."""
+    try:
+        openpyxl = import_module("openpyxl")
+    except ImportError:
+        return {}
+    book = openpyxl.Workbook()
+    for row in (["Name", *map(float, GRID)], ["red", *spectra(1)[0].tolist()]):
+        book.active.append(row)
+    file = io.BytesIO()
+    book.save(file)
+    return {"workbook": Subject("films.xlsx", file.getvalue(), read_spectra)}
+
+
 def _envi(fields: dict[str, object]) -> bytes:
     lines = [f"{title} = {text}" for title, text in fields.items() if text is not None]
     return "\n".join(["ENVI", *lines, ""]).encode()
@@ -419,9 +454,11 @@ def _fixed(rows: int, bands: int) -> Callable[[bytes, Any], str]:
 
 def _lines(content: bytes, found: Any) -> str:
     text = content.decode("utf-8-sig", "replace")
+    said = [re.match(r"(?:line )?(\d+) .*not read", note) for note in found.notes]
+    above = next((int(match[1]) for match in said if match), 0)
     lines = [
         line
-        for line in text.splitlines()
+        for line in text.splitlines()[above:]
         if line.strip(" \t,;") and not line.lstrip().startswith("#")
     ]
     rows, bands = len(found), found.wavelengths.size

@@ -98,7 +98,7 @@ def test_second_table_has_the_spectra(tmp_path):
             PLAIN.replace("SPECTRAL_NM", "CMYK_"),
             "without spectra: no field such as SPECTRAL_NM_400",
         ),
-        (PLAIN.replace("NM410", "NM400"), "must ascend"),
+        (PLAIN.replace("NM410", "NM400"), "400 nm is given twice"),
         (PLAIN.replace("0.10", "10").replace("0.20", "20"), "mixed"),
         (PLAIN.replace("0.10", "-0.3"), "'red, light' is negative"),
         (PLAIN.replace("NUMBER_OF_SETS", "SPECTRAL_NORM 0\nNUMBER_OF_SETS"), "must be positive"),

@@ -112,7 +112,7 @@ def bad(values, where, value):
         (None, {"wavelength": None}, "no wavelengths; add"),
         (None, {"wavelength": "{400, 410}"}, "2 wavelengths for 31 bands"),
         (None, {"wavelength": "{" + ",".join(["x"] * 31) + "}"}, "could not convert"),
-        (None, {"wavelength": "{" + ",".join(["500"] * 31) + "}"}, "must ascend"),
+        (None, {"wavelength": "{" + ",".join(["500"] * 31) + "}"}, "500 nm is given twice"),
         (None, {"wavelength_units": "GHz"}, "wavelengths are in 'GHz'"),
         (
             None,

@@ -80,3 +80,12 @@ def test_units_that_are_none():
     for wrong in (0.0, -1.0):
         with pytest.raises(ValueError, match="must be positive"):
             nanometres(np.array([wrong, 16000.0]), "1/cm")
+
+
+def test_whole_wavelengths_in_wavenumbers_stay_whole():
+    grid = np.arange(400.0, 701.0, 10.0)
+    for decimals in (1, 2, 3):
+        found, _ = nanometres(np.round(1e7 / grid, decimals), "1/cm")
+        np.testing.assert_array_equal(found, grid)
+    fine = np.array([10000.0, 9998.0, 9996.0])
+    np.testing.assert_array_equal(nanometres(fine, "1/cm")[0], 1e7 / fine)

@@ -26,7 +26,7 @@ from glazejax.io.source import refusal
 from glazejax.spectra import describe_grid
 
 from .films import SPECTRA, Films, usual_cards
-from .readers import ROWS
+from .readers import ROWS, one_reading
 from .shared_bands import FINEST, means_of_steps
 
 USUAL_RANGE = (380.0, 780.0)
@@ -38,7 +38,7 @@ _TINT = re.compile(
 )
 
 
-def read_loose_films(path: str | Path) -> Films:
+def read_loose_films(path: str | Path, *, specular: bool = True) -> Films:
     """Read films of which not every reading is there: over one card or two, or opaque, with or
     without their cards.
 
@@ -50,6 +50,8 @@ def read_loose_films(path: str | Path) -> Films:
 
     Args:
         path: any table that `glazejax.io.read_spectra` reads; a fraction or percent, nm.
+        specular: of a table of both, whether readings with the specular component are taken
+            (NAME_ob SCI) or those without (NAME_ob SCE).
 
     Returns:
         The films; their notes say what was assumed.
@@ -59,7 +61,7 @@ def read_loose_films(path: str | Path) -> Films:
         ValueError: the table is not legal (see `glazejax.io.read_spectra`), cards without paint, or
             a name whose ending is nearly right. The message is one line and says which.
     """
-    table = read_spectra(path)
+    table = one_reading(read_spectra(path), specular=specular)
     rows: dict[str, dict[str, int]] = {}
     for number, name in enumerate(table.names):
         film, _, ending = name.rpartition("_")

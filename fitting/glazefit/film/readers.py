@@ -5,6 +5,7 @@ X, `X_ob` and
 `X_ow` its paint over them; tab, comma or semicolon separated, percent or fraction.
 """
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -29,7 +30,8 @@ def read_films(path: str | Path) -> Films:
 
     Any table that `glazejax.io.read_spectra` reads will do, if its spectra come in fours: NAME_b,
     NAME_w, NAME_ob and NAME_ow, the bare black and white card and the paint over each.
-    `read_loose_films` reads tables that lack some.
+    `read_loose_films` reads tables that lack some. Of readings with the specular component and
+    without (NAME_b SCI, NAME_b SCE) the former are taken.
 
     Args:
         path: the table, in fractions or percent; its wavelengths in nm.
@@ -42,11 +44,33 @@ def read_films(path: str | Path) -> Films:
         ValueError: the table is not legal (see `read_spectra`), a name has no such ending, or a
             film lacks one of its four rows. The message is one line and says which.
     """
-    table = read_spectra(path)
+    table = one_reading(read_spectra(path))
     try:
         return films_of(table)
     except ValueError as error:
         raise refusal(path, error) from None
+
+
+def one_reading(table: SpectraTable, *, specular: bool = True) -> SpectraTable:
+    """Spectra read with the specular component (or without), of a table that has both as NAME SCI
+    and NAME SCE, as `glazejax.io.read_spectra` names them; any other table as it is.
+    """
+    kinds = (("SCI", "SPIN"), ("SCE", "SPEX"))
+    ends = [next((i for i in (0, 1) if name.endswith(kinds[i])), None) for name in table.names]
+    if set(ends) != {0, 1}:
+        return table
+    kept = [row for row, end in enumerate(ends) if end == (0 if specular else 1)]
+    word = "included (SCI)" if specular else "excluded (SCE)"
+    return replace(
+        table,
+        names=tuple(table.names[row].rpartition(" ")[0] for row in kept),
+        reflectance=table.reflectance[kept],
+        attributes={},
+        notes=[
+            *table.notes,
+            f"of both kinds, readings with the specular component {word} are used",
+        ],
+    )
 
 
 def films_of(table: SpectraTable) -> Films:

@@ -99,7 +99,10 @@ def _measured_gloss(
 
     grid = films.wavelengths
     other = crop(
-        average(read_loose_films(path)), grid[0], grid[-1], "as the films with the specular part"
+        average(read_loose_films(path, specular=False)),
+        grid[0],
+        grid[-1],
+        "as the films with the specular part",
     )
     progress.print_notes(console, path, other.notes)
     found = measure_gloss(films, other, instrument)

@@ -26,8 +26,8 @@ def convert(
         Path,
         typer.Argument(
             metavar="IN",
-            help="File of spectra: CSV, TSV, ENVI (.hdr or its data), CGATS, CxF3, JCAMP-DX, ASD "
-            "or JSON; the content tells which.",
+            help="File of spectra: CSV, TSV, Excel (FILE.xlsx:SHEET), ENVI (.hdr or its data), "
+            "CGATS, CxF3, JCAMP-DX, ASD, SVC or JSON; the content tells which.",
         ),
     ],
     target: Annotated[

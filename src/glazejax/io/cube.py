@@ -13,6 +13,11 @@ from .spectra_table import SpectraTable
 
 # A table of more pixels than this is no table any more; 200 bands of float64 take 160 MB.
 MAX_PIXELS = 100_000
+# What files leave in place of missing data without a word; no reading is so far below 0.
+USUAL_MARK = -9999.0
+MARK_WORDS = (
+    "-9999, which no reading is, was taken for missing data, though the file does not say so"
+)
 
 
 @dataclass(frozen=True)
@@ -97,6 +102,11 @@ def with_gaps(raw: np.ndarray, ignore: float | None) -> Float[np.ndarray, "..."]
     if ignore is not None:
         values[is_mark(raw, ignore)] = np.nan
     return values
+
+
+def can_hold_mark(dtype: np.dtype[Any]) -> bool:
+    """Whether numbers of a type can be `USUAL_MARK`."""
+    return dtype.kind in "fi" and dtype.itemsize > 1
 
 
 def is_mark(raw: np.ndarray, mark: float) -> Bool[np.ndarray, "..."]:

@@ -294,8 +294,23 @@ def nanometres(
     if word in {"1/cm", "cm-1", "cm^-1", "wavenumber", "wavenumbers"}:
         if not (wavelengths > 0).all():
             raise ValueError("wavenumbers must be positive")
-        return 1e7 / wavelengths, ["wavenumbers in 1/cm were turned into wavelengths"]
+        return _whole(wavelengths), ["wavenumbers in 1/cm were turned into wavelengths"]
     raise ValueError(f"wavelengths are in {unit!r}; known units are nm, um, angstrom, m and 1/cm")
+
+
+def _whole(wavenumbers: Float[np.ndarray, "bands"]) -> Float[np.ndarray, "bands"]:
+    """Wavelengths in nm of wavenumbers in 1/cm; whole ones if all are, to the digits of the file.
+
+    14285.7 is 700.0007 nm, and would lie beyond a paint that is known up to 700 nm.
+    """
+    found = 1e7 / wavenumbers
+    decimals = next((n for n in range(9) if (np.round(wavenumbers, n) == wavenumbers).all()), None)
+    if decimals is None:
+        return found
+    slack = 0.5 * 10.0**-decimals * found**2 / 1e7
+    near = np.round(found)
+    whole = (np.abs(found - near) <= slack).all() and np.unique(near).size == near.size
+    return near if whole else found
 
 
 def in_order(

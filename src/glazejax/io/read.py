@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from ..progress import Progress
 from .cube import SpectraCube
 from .finish import finish
+from .formats.workbook import split_sheet
 from .sniff import Kind, header_beside, identify
 from .source import Source, open_source
 from .spectra_table import SpectraTable
@@ -23,24 +24,29 @@ _READERS = {
     "jcamp": ("jcamp", "read_jcamp"),
     "asd": ("asd", "read_asd"),
     "json": ("listing", "read_listing"),
+    "svc": ("svc", "read_svc"),
+    "workbook": ("workbook", "read_workbook"),
 }
 
 
 def read_spectra(path: str | Path, *, progress: Progress | None = None) -> SpectraTable:
     """Read reflectance spectra, in any format that is known.
 
-    CSV or TSV, wide, long or longest; columns of numbers without a header; ENVI spectral libraries
+    CSV or TSV, wide, long or longest, also below lines of an instrument's own; columns of numbers
+    without a header; Excel workbooks (the first sheet, or FILE.xlsx:SHEET); ENVI spectral libraries
     and images (header or data file named; of an image every pixel); CGATS text; CxF3; JCAMP-DX;
-    ASD; and JSON lists of wavelengths and spectra, as Kimera's. The content tells which, not the
-    name. Values are fractions or percent, as the file says or as `glazejax.spectra.as_fraction`
-    detects; the table says in `notes` what was changed. A pipe such as ``/dev/stdin`` reads as a
-    file does. Tables are read in pieces and may be large.
+    ASD; SVC; and JSON lists of wavelengths and spectra, as Kimera's. The content tells which, not
+    the name. Of readings with the specular component (SCI) and without (SCE) each is a spectrum,
+    ``NAME SCI`` and ``NAME SCE``. Wavelengths that descend are sorted. Values are fractions or
+    percent, as the file says or as `glazejax.spectra.as_fraction` detects; the table says in
+    `notes` what was changed. A pipe such as ``/dev/stdin`` reads as a file does. Tables are read in
+    pieces and may be large.
 
     Two samples of one name are an error in a text table, which can be mended by hand; in the other
     formats the second becomes ``name (2)``, with a note.
 
     Args:
-        path: of the file.
+        path: of the file, or FILE.xlsx:SHEET.
         progress: called as it is read with the bytes read, those of the file (None for a pipe), and
             'reading'.
 
@@ -51,12 +57,13 @@ def read_spectra(path: str | Path, *, progress: Progress | None = None) -> Spect
             mend it.
     """
     path = Path(path)
-    with open_source(path, progress=progress) as source:
+    file, sheet = split_sheet(path)
+    with open_source(file, progress=progress) as source:
         kind = identify(source)
         if kind not in ("envi header", "envi data"):
             module, name = _READERS[kind]
             reader = getattr(import_module(f".formats.{module}", __package__), name)
-            return finish(reader(source), path)
+            return finish(reader(source, sheet) if sheet else reader(source), path)
         envi = _envi(source, kind)
         return finish(envi.library(), path) if envi.is_library else envi.cube().table()
 

@@ -5,6 +5,7 @@ measured.
 from dataclasses import replace
 from pathlib import Path
 
+from .formats.workbook import split_sheet
 from .read import read_spectra
 from .source import is_there
 from .spectra_table import SpectraTable, there_are
@@ -30,6 +31,7 @@ def read_sample(text: str, *, folder: str | Path = "", argument: str = "") -> Sp
 
     Args:
         text: `FILE` or `FILE:SAMPLE`; the sample may be left out of a file that holds one spectrum.
+            `FILE.xlsx:SHEET:SAMPLE` is of another sheet than the first.
         folder: where a relative FILE is looked for.
         argument: what ``text`` was given as, such as ``--ground``; errors begin with it.
 
@@ -43,7 +45,7 @@ def read_sample(text: str, *, folder: str | Path = "", argument: str = "") -> Sp
     """
     lead = f"{argument} " if argument else ""
     path, sample = split_sample(text, folder)
-    if not is_there(path):
+    if not is_there(split_sheet(path)[0]):
         raise FileNotFoundError(
             f"{lead}{text!r} is neither a number from 0 to 1, such as 0.9, nor a file"
         )

@@ -4,10 +4,21 @@ import re
 from pathlib import Path
 from typing import Literal
 
-from .source import HEAD, Source, is_there, open_source
+from .formats.above import lines_above
+from .source import Source, is_there, open_source
 
 Kind = Literal[
-    "table", "columns", "cgats", "cxf", "jcamp", "json", "envi header", "envi data", "asd"
+    "table",
+    "columns",
+    "cgats",
+    "cxf",
+    "jcamp",
+    "json",
+    "envi header",
+    "envi data",
+    "asd",
+    "svc",
+    "workbook",
 ]
 
 _CGATS = re.compile(
@@ -21,7 +32,6 @@ _XML = re.compile(r"\A\s*<[?!A-Za-z]")
 _JSON = re.compile(r"\A\s*(\[\s*[\[{\]]|\{\s*[\"}])")
 # How files begin that are no spectra, and what they are.
 _OTHERS = {
-    b"PK\x03\x04": "an Excel workbook or another zip archive; export the table as UTF-8 CSV",
     b"\xd0\xcf\x11\xe0": (
         "an old Excel workbook or another Office file; export the table as UTF-8 CSV"
     ),
@@ -41,20 +51,30 @@ def identify(source: Source) -> Kind:
     """Format of a file; ``table`` if its content tells none.
 
     Raises:
-        ValueError: it is a workbook, a picture, an archive or a PDF.
+        ValueError: it is an SPC file, a picture, an archive or a PDF.
     """
     head = source.head
     for start, words in _OTHERS.items():
         # The data of an ENVI image may begin with any bytes.
         if head.startswith(start) and not header_beside(source.path):
             raise source.error(words)
+    if head.startswith(b"PK\x03\x04") and not header_beside(source.path):
+        return "workbook"
     if b"\0" in head:
         if head.startswith(_ASD):
             return "asd"
-        return "envi data" if header_beside(source.path) else "table"
+        if header_beside(source.path):
+            return "envi data"
+        if head[1:2] in (b"K", b"L", b"M"):
+            raise source.error(
+                "a Galactic SPC file (GRAMS); export it from its software as JCAMP-DX or as text"
+            )
+        return "table"
     text = head.decode("utf-8-sig", errors="replace")
     if text.split("\n", 1)[0].strip() == "ENVI":
         return "envi header"
+    if text.startswith("/*** Spectra Vista"):
+        return "svc"
     if _XML.match(text):
         return "cxf"
     if _JSON.match(text):
@@ -65,7 +85,7 @@ def identify(source: Source) -> Kind:
         return "cgats"
     if "\ufffd" in text and header_beside(source.path):
         return "envi data"
-    return "columns" if _is_columns(text, len(head) == HEAD) else "table"
+    return "columns" if lines_above(source)[1] else "table"
 
 
 def header_beside(path: Path) -> Path | None:
@@ -98,20 +118,3 @@ def _is_jcamp(text: str) -> bool:
         if start and not start.startswith(("##", "$$")):
             return False
     return False
-
-
-def _is_columns(text: str, cut: bool) -> bool:
-    """Whether the text is numbers only, in columns that blanks or tabs separate, as spectrometers
-    write them.
-    """
-    lines = [
-        line for line in text.splitlines() if line.strip() and not line.lstrip().startswith("#")
-    ]
-    if cut:
-        lines = lines[:-1]
-    if len(lines) < 3 or len(lines[0].split()) < 2:
-        return False
-    try:
-        return all(len([float(cell) for cell in line.split()]) >= 2 for line in lines[:3])
-    except ValueError:
-        return False

@@ -172,6 +172,13 @@ class Source:
             number += 1
             yield number, line
 
+    @property
+    def first_lines(self) -> list[str]:
+        """Lines of the head as `lines` gives them, up to the last that is whole."""
+        encoding = "cp1252" if self._is_old_text() else "utf-8-sig"
+        lines = self.head.decode(encoding, errors="replace").splitlines()
+        return lines[:-1] if len(self.head) == HEAD else lines
+
     def error(self, complaint: object, line: int | None = None) -> ValueError:
         """What is wrong with the file, and on which line."""
         return refusal(self.path, complaint, line)

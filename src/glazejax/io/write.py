@@ -14,6 +14,7 @@ from ..whole_file import whole_file
 from .finish import MAX_DECLARED, different, plain_name
 from .outputs import check_output
 from .spectra_table import SpectraTable, list_names
+from .words import shielded
 
 
 def write_table(
@@ -30,7 +31,8 @@ def write_table(
     Args:
         path: file to write; its folder must exist.
         header: titles of the columns.
-        rows: cells of each row; numbers are written so that they read back exactly.
+        rows: cells of each row; numbers are written so that they read back exactly, texts that
+            begin with = + - or @ with an apostrophe before them.
         overwrite: whether a file that exists may be replaced.
 
     Raises:
@@ -59,7 +61,7 @@ def table_bytes(
     """
     text = io.StringIO()
     writer = csv.writer(text, delimiter=delimiter, lineterminator="\n")
-    writer.writerow(header)
+    writer.writerow([_plain(title) for title in header])
     for number, row in enumerate(rows, start=1):
         if len(row) != len(header):
             raise ValueError(
@@ -71,8 +73,10 @@ def table_bytes(
 
 def _plain(cell: object) -> object:
     """Array scalars as Python's own, which print all their digits whatever NumPy's print options
-    are.
+    are; texts that no spreadsheet takes for a formula.
     """
+    if isinstance(cell, str):
+        return shielded(cell)
     if not hasattr(cell, "dtype"):
         return cell
     scalar = np.asarray(cell)[()]
@@ -204,7 +208,7 @@ def write_files(files: Mapping[Path, Iterable[bytes]], *, overwrite: bool = Fals
 
 def _format_csv(table: SpectraTable, path: Path, long: bool) -> Iterator[bytes]:
     """Table as text, in pieces; names are quoted, so that no letter in them is taken for a
-    delimiter or a comment.
+    delimiter or a comment, and begin with an apostrophe where they would be a formula.
 
     Raises:
         ValueError: a long table of names that are numbers (at once, not while it is written).
@@ -215,8 +219,9 @@ def _format_csv(table: SpectraTable, path: Path, long: bool) -> Iterator[bytes]:
         )
     grid = [int(nm) if nm.is_integer() else nm for nm in table.wavelengths.tolist()]
     values = table.reflectance.T if long else table.reflectance
-    header = ["wavelength_nm", *table.names] if long else ["Name", *grid]
-    first: Sequence[object] = grid if long else table.names
+    names = [shielded(name) for name in table.names]
+    header = ["wavelength_nm", *names] if long else ["Name", *grid]
+    first: Sequence[object] = grid if long else names
 
     def pieces() -> Iterator[bytes]:
         text = io.StringIO()

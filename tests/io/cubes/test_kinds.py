@@ -11,6 +11,7 @@ import tifffile
 import zarr as zarr_package
 
 from glazejax.io import open_cube, read_cube
+from glazejax.io.cubes import probe
 
 from .images import (
     KINDS,
@@ -104,6 +105,32 @@ def test_missing_data_are_nan(tmp_path, dtype):
     assert np.isnan(cube[2, 3]).all()
     assert np.isnan(cube[4, 5, 1])
     assert np.isfinite(cube[4, 5, 2])
+
+
+@pytest.mark.parametrize("dtype", ["i2", "f4"])
+def test_a_mark_that_is_not_declared_is_missing_and_said(tmp_path, dtype):
+    values = image()
+    clean = envi(tmp_path, values, dtype=dtype, name="clean")
+    mark = -9999.0 if dtype == "f4" else -0.9999
+    values[:3, :4] = mark
+    path = envi(tmp_path, values, dtype=dtype)
+    cube = open_cube(path)
+    assert np.isnan(cube.values[:3, :4]).all()
+    assert np.isfinite(cube.values[3:]).all()
+    older = read_cube(path)
+    np.testing.assert_array_equal(np.isnan(older[:, :]), np.isnan(cube.values))
+    assert len(older.table()) == LINES * SAMPLES - 12
+    for notes in (cube.attrs["notes"], older.notes):
+        assert any("-9999, which no reading is" in note for note in notes)
+    assert not any("-9999" in note for note in open_cube(clean).attrs["notes"])
+
+
+def test_a_mark_in_a_corner_alone_is_said(tmp_path, monkeypatch):
+    monkeypatch.setattr(probe, "_TILE", 2)
+    values = image()
+    values[0, 0] = -9999.0
+    cube = open_cube(envi(tmp_path, values, dtype="f4"))
+    assert any("-9999" in note for note in cube.attrs["notes"])
 
 
 def test_percent_and_given_scales(tmp_path):

@@ -7,6 +7,7 @@ from jaxtyping import Float
 
 from ..finish import nanometres
 from ..source import explain_errors, open_source, refusal
+from ..words import read_number
 
 
 def read_numbers(given: tuple[float, ...] | Path) -> Float[np.ndarray, "stored"]:
@@ -64,6 +65,6 @@ def column(path: Path) -> Float[np.ndarray, "rows"]:
         for word in line.partition("#")[0].replace(",", " ").split()
     ]
     try:
-        return np.array([float(word) for word in words], np.float64)
+        return np.array([read_number(word) for word in words], np.float64)
     except ValueError as error:
         raise refusal(path, f"not a list of numbers: {error}") from None

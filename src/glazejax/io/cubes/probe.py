@@ -36,6 +36,20 @@ def bright(raw: RawCube, bands: Int[np.ndarray, "bands"]) -> float | None:
     return float(np.quantile(np.where(np.isfinite(pixels), pixels, -np.inf).max(axis=1), 0.99))
 
 
+def holds(raw: RawCube, mark: float) -> bool:
+    """Whether a stored number is found in one band of the same tiles or of the corners."""
+    lines, samples, _ = raw.shape
+    places = [
+        (_tile(lines, i, _ACROSS), _tile(samples, j, _ACROSS))
+        for i in range(_ACROSS)
+        for j in range(_ACROSS)
+    ]
+    edges = [[slice(0, 1), slice(size - 1, size)] for size in (lines, samples)]
+    places += [(y, x) for y in edges[0] for x in edges[1]]
+    band = np.zeros(1, int)
+    return any((raw.block(y, x, band) == mark).any() for y, x in places)
+
+
 def _tile(size: int, number: int, across: int) -> slice:
     """A short run of lines or samples, in the middle of the given one of so many equal parts."""
     start = max(0, int((number + 0.5) / across * size) - _TILE // 2)

@@ -2,7 +2,7 @@
 `xarray.DataArray`.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -11,12 +11,13 @@ from jaxtyping import Float, Int
 
 from ...extras import require
 from ...spectra import describe_grid, validate_wavelengths
+from ..cube import MARK_WORDS, USUAL_MARK, can_hold_mark
 from ..finish import in_order, unit_of
 from ..source import refusal
 from .calibration import calibration
 from .numbers import read_numbers
 from .opening import raw_cube
-from .probe import bright
+from .probe import bright, holds
 from .raw import RawCube
 
 if TYPE_CHECKING:
@@ -65,6 +66,10 @@ class CubeSource:
         given = None if self.wavelengths is None else read_numbers(self.wavelengths)
         raw = raw_cube(Path(self.path), self.dataset, None if given is None else given.size)
         notes = list(raw.notes)
+        if not raw.ignore and can_hold_mark(raw.dtype):
+            raw = replace(raw, ignore=(USUAL_MARK,))
+            if holds(raw, USUAL_MARK):
+                notes.append(MARK_WORDS)
         stored = _stored_wavelengths(raw, given, notes)
         grid, groups = _grid(raw, stored, self.bands, self.binning[2], notes)
         window = _window(raw, self.window, self.binning, notes)

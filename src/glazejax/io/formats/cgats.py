@@ -10,6 +10,7 @@ import numpy as np
 
 from ..finish import RawSpectra
 from ..source import Source
+from ..words import read_number, unshielded
 
 _CELL = re.compile(r'"([^"]*)"|(\S+)')
 # SPECTRAL_NM_380, SPECTRAL_NM380, SPECTRAL_380, SPEC_380, R_380, nm380, 380nm, 380
@@ -66,7 +67,7 @@ def read_cgats(source: Source) -> RawSpectra:
             raise source.error(
                 f"{len(cells)} values where there are {len(sheet.fields)} fields", line
             )
-        names.append(str(number) if name_at is None else cells[name_at])
+        names.append(str(number) if name_at is None else unshielded(cells[name_at]))
         rows.append([_value(source, line, sheet.fields[at], cells[at]) for at in bands])
     scale = _scale(source, sheet)
     others = [at for at in range(len(sheet.fields)) if at not in bands and at != name_at]
@@ -122,6 +123,10 @@ def _sheets(source: Source) -> list[_Sheet]:
         if state == "format":
             sheets[-1].fields += cells
         elif state == "data":
+            by_tab = [cell.strip().strip('"') for cell in line.rstrip("\t").split("\t")]
+            if len(cells) != len(sheets[-1].fields) == len(by_tab):
+                # Names with blanks stand without quotes where tabs separate.
+                cells = by_tab
             sheets[-1].sets.append((number, cells))
         elif len(cells) > 1:
             keywords[first] = cells[1]
@@ -183,7 +188,7 @@ def _scale(source: Source, sheet: _Sheet) -> float | None:
 def _value(source: Source, line: int | None, title: str, cell: str) -> float:
     """Number in a cell; a decimal comma is understood."""
     try:
-        value = float(cell.replace(",", "."))
+        value = read_number(cell.replace(",", "."))
     except ValueError:
         value = math.nan
     if not math.isfinite(value):

@@ -12,6 +12,7 @@ from ...spectra import describe_grid
 from ..finish import MAX_DECLARED, RawSpectra
 from ..source import Source
 from ..spectra_table import SpectraTable
+from ..words import is_number
 
 _NAMESPACE = b"colorexchangeformat.com/CxF3-core"
 # Each tag takes about a kilobyte when it is read, each word a quarter of one.
@@ -121,7 +122,7 @@ def _wavelengths(source: Source, name: str, spectrum: Any, measured: Any) -> np.
         raise source.error(f"the spectrum of {name!r} is empty")
     # Where one of the numbers is none, the library leaves the whole text, or that word, as it is.
     words = spectrum.value.split() if isinstance(spectrum.value, str) else spectrum.value
-    wrong = [word for word in words if not _is_number(word)]
+    wrong = [word for word in words if not is_number(str(word))]
     if wrong:
         raise source.error(f"the spectrum of {name!r} holds {str(wrong[0])[:20]!r}, not a number")
     start = (
@@ -197,14 +198,6 @@ def format_cxf(table: SpectraTable) -> bytes:
         ),
     )
     return cxf.write_cxf(document)
-
-
-def _is_number(word: Any) -> bool:
-    try:
-        float(word)
-    except (TypeError, ValueError):
-        return False
-    return True
 
 
 def _one_line(error: BaseException) -> str:

@@ -4,15 +4,17 @@ import re
 from collections.abc import Iterator
 from math import prod
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float, Int
 
 from ...spectra import validate_wavelengths
-from ..cube import SpectraCube, with_gaps
+from ..cube import MARK_WORDS, USUAL_MARK, SpectraCube, can_hold_mark, with_gaps
 from ..finish import RawSpectra, in_order, nanometres, unit_of
 from ..source import Source, explain_errors, is_there, open_source, refusal, show_path
 from ..spectra_table import SpectraTable
+from ..words import read_number
 
 _NEEDED = ("samples", "lines", "bands", "data type", "interleave", "byte order")
 _LIBRARY = "ENVI Spectral Library"
@@ -225,17 +227,20 @@ class EnviFile:
             raise self.error(error) from None
         raw = self.mapped()
         declared = self.declared_scale
+        mark = USUAL_MARK if self.ignore is None and can_hold_mark(self._dtype) else self.ignore
         probe = SpectraCube(
             wavelengths=grid,
             raw=raw,
             bands=bands,
             scale=declared or 1.0,
-            ignore=self.ignore,
+            ignore=mark,
             notes=notes,
             format="ENVI image",
             unit="fraction",
             path=self.path,
         )
+        if self.ignore is None and mark is not None and (_sample(probe, raw) == mark).any():
+            notes.append(MARK_WORDS)
         try:
             scale, unit, told = unit_of(
                 _bright(probe),
@@ -249,7 +254,7 @@ class EnviFile:
             raw=raw,
             bands=bands,
             scale=scale,
-            ignore=self.ignore,
+            ignore=mark,
             notes=[*notes, *told],
             format="ENVI image",
             unit=unit,
@@ -312,7 +317,7 @@ class EnviFile:
         values = np.empty(count)
         for i, text in enumerate(texts):
             try:
-                values[i] = float(text)
+                values[i] = read_number(text)
             except ValueError as error:
                 raise self.error(f"wavelength number {i + 1}: {error}") from None
         if not np.isfinite(values).all():
@@ -352,6 +357,7 @@ class EnviFile:
         """Whole number in a field of the header; 0 where it is left out."""
         text = str(self.header.get(title, 0)).strip()
         try:
+            read_number(text)
             value = int(text)
         except ValueError:
             raise self.error(
@@ -369,7 +375,7 @@ class EnviFile:
         if not text:
             return None
         try:
-            return float(text)
+            return read_number(text)
         except ValueError:
             raise self.error(f"{title!r} in the header is {text[:30]!r}, not a number") from None
 
@@ -389,11 +395,17 @@ class EnviFile:
         return scale
 
 
-def _bright(cube: SpectraCube) -> float:
-    """What the brightest bands of 99 % of the pixels of a sample stay below."""
+def _sample(cube: SpectraCube, values: Any) -> np.ndarray:
+    """Pixels from all over an image, of its own numbers or of reflectance."""
     lines, samples, _ = cube.shape
     step = max(1, round(np.sqrt(lines * samples / _PROBE)))
-    pixels = cube[::step, ::step].reshape(-1, cube.bands.size)
+    pixels = np.asarray(values[::step, ::step])
+    return pixels.reshape(-1, pixels.shape[-1])
+
+
+def _bright(cube: SpectraCube) -> float:
+    """What the brightest bands of 99 % of the pixels of a sample stay below."""
+    pixels = _sample(cube, cube)
     pixels = pixels[np.isfinite(pixels).all(axis=1)]
     if not len(pixels):
         raise refusal(cube.path, "no pixel has data at every wavelength")

@@ -15,6 +15,7 @@ from jaxtyping import Float
 
 from ..finish import RawSpectra, nanometres
 from ..source import Source
+from ..words import read_number
 
 _REFLECTANCE = {
     "reflectance": None,
@@ -163,7 +164,7 @@ def _label(source: Source, name: str, block: _Block, label: str) -> float | None
     if text is None:
         return None
     try:
-        value = float(text.replace(",", ".", 1))
+        value = read_number(text.replace(",", ".", 1))
     except ValueError:
         value = np.nan
     if not np.isfinite(value):
@@ -192,7 +193,7 @@ def _pairs(
     for line, text in block.data:
         words = [word for word in re.split(r"[,;\s]", text) if word]
         try:
-            numbers.extend(array("d", map(float, words)))
+            numbers.extend(array("d", map(read_number, words)))
         except ValueError:
             raise source.error(
                 f"{name!r} is damaged: {text[:40]!r} are not pairs of numbers", line

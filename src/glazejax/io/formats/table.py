@@ -4,27 +4,33 @@ column.
 
 import bisect
 import csv
+import io
 import math
 import re
 from array import array
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float
 
 from ...spectra import validate_wavelengths
 from ..finish import MAX_NOISE, RawSpectra, nanometres
-from ..source import Source
-
-# In the languages whose spreadsheets write such tables, too.
-_WAVELENGTH_TITLE = re.compile(
-    r"^(wave\s*length|wl\b|wvl?\b|lambda|λ|nm\b|\[?nm\]?$|wellenl(ä|ae?)nge|longueurs? "
-    r"d.onde|lunghezz[ae] d.onda|"
-    r"longitud(es)? de onda|comprimentos? de "
-    r"onda|golflengte|v(å|aa?)gl(ä|ae?)ngd|bølgel(æ|ae)ngde|długość fali)",
-    re.IGNORECASE,
+from ..source import Source, shorten
+from ..words import read_number, unshielded
+from .above import (
+    END,
+    WAVELENGTH_TITLE,
+    Band,
+    band,
+    delimiter_of,
+    is_data,
+    lines_above,
+    not_read,
+    numbers_of,
 )
+from .noisy_ends import without_noisy_ends
+
 _WAVENUMBER_TITLE = re.compile(
     r"^(wave\s*numbers?|wellenzahl|nombres? d.onde|\W*(1/cm|cm\^?[-⁻][1¹]))", re.IGNORECASE
 )
@@ -36,6 +42,14 @@ _LAYOUTS = (
     "column"
 )
 _NANOMETRES = re.compile(r"\s*\[?\(?nm\)?\]?$", re.IGNORECASE)
+_NAMES = {"name", "data name", "sample name", "sample", "sample id"}
+_SPECULAR = {
+    "SCI": "specular component included, d:8",
+    "SPIN": "specular component included, d:8",
+    "SCE": "specular component excluded, de:8",
+    "SPEX": "specular component excluded, de:8",
+}
+_KIND_TITLE = re.compile(r"SCI\W*SCE|specular", re.IGNORECASE)
 _KINDS = {"\t": "TSV", ",": "CSV", ";": "semicolon-separated", " ": "blank-separated"}
 # What a table may hold: 2 GB of numbers, and names of as many spectra.
 _MAX_VALUES = 1 << 28
@@ -81,7 +95,9 @@ class _Cells:
 
         None for the slow way, which says what is wrong.
         """
-        if '"' in text:
+        # Python reads 1_0 and other scripts' digits, which no instrument writes.
+        values = text.partition(self.delimiter)[2]
+        if '"' in text or "_" in values or not values.isascii():
             return None
         cells = _plain(text, self.delimiter)
         while len(cells) > len(self.header) and not cells[-1].strip():
@@ -121,6 +137,7 @@ def read_table(source: Source) -> RawSpectra:
     first = next(cells.lines, None)
     if first is None:
         raise source.error("there is a header but no data below it")
+    attributes: dict[str, list[str]] = {}
     if (order := _triples(cells)) is not None:
         names, wavelengths, values = _read_triples(cells, first, *order)
         layout = "a value a row"
@@ -128,7 +145,8 @@ def read_table(source: Source) -> RawSpectra:
         names, wavelengths, values = _read_long(cells, first)
         layout = "a sample a column"
     else:
-        names, wavelengths, values = _read_wide(cells, first)
+        samples = _only_bands(cells, first, attributes)
+        names, wavelengths, values = _read_wide(samples, next(samples.lines))
         layout = "a sample a row"
     kind = f"{_KINDS[cells.delimiter]} table, {layout}"
     return RawSpectra(
@@ -138,6 +156,7 @@ def read_table(source: Source) -> RawSpectra:
         format=kind,
         notes=source.notes,
         scale=scale,
+        attributes=attributes,
         by_hand=True,
     )
 
@@ -148,16 +167,19 @@ def _read_header(source: Source) -> tuple[_Cells, float | None]:
     """
     scale = None
     lines = source.lines()
+    above, _ = lines_above(source)
+    if above:
+        source.notes.append(not_read(above))
     for number, line in lines:
         if number == 1 and (said := _UNIT.match(line)):
             scale = {"fraction": 1.0, "percent": 100.0}[said[1].lower()]
-        if _is_data(line):
+        if number > above and is_data(line):
             break
     else:
         raise source.error("the file is empty")
-    below = ((number, line) for number, line in lines if _is_data(line))
+    below = ((number, line) for number, line in lines if is_data(line))
     cells = _Cells(
-        source=source, delimiter=_sniff(line), header_line=number, header=[], lines=below
+        source=source, delimiter=delimiter_of(line), header_line=number, header=[], lines=below
     )
     cells.header.extend(_split(cells, number, line))
     while cells.header and not cells.header[-1]:
@@ -165,20 +187,6 @@ def _read_header(source: Source) -> tuple[_Cells, float | None]:
     if len(cells.header) < 2:
         raise cells.error(number, f"the header has one column only; {_LAYOUTS}")
     return cells, scale
-
-
-def _is_data(line: str) -> bool:
-    """Whether a line is neither blank nor a comment."""
-    return bool(line.strip(" \t,;")) and not line.lstrip().startswith("#")
-
-
-def _sniff(header: str) -> str:
-    """Delimiter of a header line; a blank if there is no better one."""
-    # Outside quotes only, so that a quoted title may hold a comma.
-    bare = re.sub(r'"[^"]*"', "", header)
-    counts = {delimiter: bare.count(delimiter) for delimiter in "\t;,"}
-    best = max(counts, key=lambda delimiter: counts[delimiter])
-    return best if counts[best] else " "
 
 
 def _split(cells: _Cells, number: int, line: str) -> list[str]:
@@ -208,7 +216,7 @@ def _number(cell: str, delimiter: str) -> float | None:
     if delimiter != ",":
         cell = cell.replace(",", ".")
     try:
-        value = float(cell)
+        value = read_number(cell)
     except ValueError:
         return None
     return value if math.isfinite(value) else None
@@ -219,22 +227,35 @@ def _wavelength(cell: str, delimiter: str) -> float | None:
     return _number(_NANOMETRES.sub("", cell), delimiter)
 
 
+def _band_of(cells: _Cells, title: str) -> Band | None:
+    """Band of a column by its title, or None; samples of a table that begins with wavelengths may
+    be called R100.
+    """
+    value = _wavelength(title, cells.delimiter)
+    if value is not None:
+        return Band(value, "")
+    return None if WAVELENGTH_TITLE.match(cells.header[0]) else band(title)
+
+
 def _is_long(cells: _Cells, first: tuple[int, str]) -> bool:
     """Whether samples are columns; refuses a header that names wavelengths in neither way."""
-    titles = [_wavelength(cell, cells.delimiter) for cell in cells.header[1:]]
-    numeric = [value for value in titles if value is not None]
+    titles = [_band_of(cells, title) for title in cells.header[1:]]
+    numeric = [found.wavelength for found in titles if found is not None]
     if len(numeric) == len(titles) and _number(cells.header[0], cells.delimiter) is not None:
         raise cells.error(
             cells.header_line,
             f"numbers only, where a header should be; put one above, such as 'nm,name'; {_LAYOUTS}",
         )
     leading = _wavelength(cells.split(*first)[0], cells.delimiter)
-    titled = bool(_WAVELENGTH_TITLE.match(cells.header[0])) and leading is not None
+    titled = bool(WAVELENGTH_TITLE.match(cells.header[0])) and leading is not None
     # Samples may be numbered 1, 2, 3; a wavelength in nm has three digits at least.
     if 2 * len(numeric) > len(titles) and not (titled and max(numeric) < 100):
         return False
     if titled and titles:
         return True
+    # Colours may stand beside few bands.
+    if len(numeric) > 1 and min(numeric) >= 100:
+        return False
     if _WAVENUMBER_TITLE.match(cells.header[0]):
         raise cells.error(
             cells.header_line,
@@ -244,9 +265,12 @@ def _is_long(cells: _Cells, first: tuple[int, str]) -> bool:
 
 
 def _check_grid(cells: _Cells, wavelengths: Sequence[float]) -> Float[np.ndarray, "bands"]:
-    """Legal grid, or an error that names the file."""
+    """Legal grid, or an error that names the file; one that descends is legal."""
+    grid = np.asarray(wavelengths)
     try:
-        return validate_wavelengths(np.asarray(wavelengths))
+        if np.all(np.diff(grid) < 0):
+            return validate_wavelengths(grid[::-1])[::-1]
+        return validate_wavelengths(grid)
     except ValueError as error:
         raise cells.source.error(error) from None
 
@@ -312,17 +336,85 @@ def _with_first(
     yield from rest
 
 
+def _only_bands(cells: _Cells, first: tuple[int, str], attributes: dict[str, list[str]]) -> _Cells:
+    """Table of names and bands alone; it begins with the line that was read already.
+
+    What stands beside the bands, such as L*a*b*, fills the attributes. Bands with the specular
+    component (SCI) and without (SCE) become rows of their own, NAME SCI and NAME SCE.
+
+    Raises:
+        ValueError: a title that begins as a number is no wavelength, or the bands with the specular
+            component are others than those without.
+    """
+    header = cells.header
+    bands: dict[str, dict[int, float]] = {}
+    others: list[int] = []
+    for i, title in enumerate(header):
+        found = _band_of(cells, title) if i else None
+        if found is not None:
+            bands.setdefault(found.specular, {})[i] = found.wavelength
+        elif i and (not title or title[0].isdigit()):
+            raise cells.error(cells.header_line, f"column {title!r} is not a wavelength in nm")
+        else:
+            others.append(i)
+    one, *more = bands.items()
+    for specular, grid in more:
+        if list(grid.values()) != list(one[1].values()):
+            raise cells.error(
+                cells.header_line,
+                f"bands of {specular or 'no name'} are others than those of {one[0] or 'no name'}; "
+                "export both at the same wavelengths",
+            )
+    lines = _with_first(first, cells.lines)
+    if len(others) == 1 and not more:
+        if one[0]:
+            cells.source.notes.append(f"all bands are taken as {_SPECULAR[one[0]]}")
+        return replace(cells, lines=lines)
+    named = [i for i in others if header[i].lower() in _NAMES]
+    name_at = named[0] if named else 0
+    others.remove(name_at)
+    # A column may say of each line which kind of reading it is.
+    kind_at = next((i for i in others if _KIND_TITLE.search(header[i])), None)
+    if others:
+        titles = shorten(", ".join(header[i] for i in others))
+        cells.source.notes.append(
+            f"columns that are no bands are kept beside the spectra: {titles}"
+        )
+    if more:
+        words = ", ".join(f"NAME {word} ({_SPECULAR[word]})" for word in bands if word)
+        cells.source.notes.append(f"each line gives a spectrum for each kind of reading: {words}")
+    columns: list[list[str]] = [attributes.setdefault(header[i], []) for i in others]
+
+    def rows() -> Iterator[tuple[int, str]]:
+        for number, text in lines:
+            row = cells.split(number, text)
+            for word, at in bands.items():
+                for column, i in zip(columns, others, strict=True):
+                    column.append(row[i])
+                kind = word if more else "" if kind_at is None else row[kind_at]
+                name = f"{row[name_at]} {kind}".strip() if row[name_at] else ""
+                yield number, _tab_separated([name, *(row[i] for i in at)])
+
+    return replace(
+        cells,
+        delimiter="\t",
+        header=[header[name_at], *(header[i] for i in one[1])],
+        lines=rows(),
+    )
+
+
+def _tab_separated(row: Sequence[str]) -> str:
+    text = io.StringIO()
+    csv.writer(text, delimiter="\t", lineterminator="").writerow(row)
+    return text.getvalue()
+
+
 def _read_wide(
     cells: _Cells, first: tuple[int, str]
 ) -> tuple[list[str], Float[np.ndarray, "bands"], Float[np.ndarray, "rows bands"]]:
     """Names, wavelengths and values of a table with a sample a row."""
-    wavelengths = []
-    for title in cells.header[1:]:
-        value = _wavelength(title, cells.delimiter)
-        if value is None:
-            raise cells.error(cells.header_line, f"column {title!r} is not a wavelength in nm")
-        wavelengths.append(value)
-    grid = _check_grid(cells, wavelengths)
+    found = [_band_of(cells, title) for title in cells.header[1:]]
+    grid = _check_grid(cells, [each.wavelength for each in found if each is not None])
     names: list[str] = []
     # 16 bytes a name instead of the 150 of a dictionary.
     lines = array("q")
@@ -336,7 +428,7 @@ def _read_wide(
                 else f"more than {_MAX_SPECTRA} samples so far; split the table"
             )
             raise cells.error(number, wrong)
-        names.append(name)
+        names.append(unshielded(name))
         lines.append(number)
         hashes.append(hash(name))
 
@@ -358,7 +450,7 @@ def _read_long(
     for name in cells.header[1:]:
         _check_name(cells, cells.header_line, name, lines)
         lines[name] = cells.header_line
-    names = list(lines)
+    names = [unshielded(name) for name in lines]
     wavelengths = array("d")
 
     def start(number: int, cell: str) -> None:
@@ -389,7 +481,7 @@ def _triples(cells: _Cells) -> tuple[int, int, int] | None:
     """
     if len(cells.header) != 3:
         return None
-    titled = [i for i, title in enumerate(cells.header) if _WAVELENGTH_TITLE.match(title)]
+    titled = [i for i, title in enumerate(cells.header) if WAVELENGTH_TITLE.match(title)]
     valued = [i for i, title in enumerate(cells.header) if _VALUE_TITLE.match(title)]
     named = [i for i, title in enumerate(cells.header) if _NAME_TITLE.match(title)]
     if len(titled) == len(valued) == len(named) == 1 and len({*titled, *valued, *named}) == 3:
@@ -435,7 +527,7 @@ def _read_triples(
             raise cells.error(
                 number, "more samples, wavelengths or values so far than a table may hold; split it"
             )
-    names = list(rows)
+    names = [unshielded(name) for name in rows]
     grid = _check_grid(cells, sorted(columns))
     # Columns in the order of their wavelengths, not of the file.
     rank = np.argsort(np.argsort(np.fromiter(columns, float)))
@@ -479,13 +571,16 @@ def read_columns(source: Source) -> RawSpectra:
     """
     numbers = array("d")
     width = 0
+    above, _ = lines_above(source)
     # Only comments may be in another encoding, and they are skipped.
     for number, line in source.lines(damaged="replace"):
-        cells = line.split()
-        if not cells or cells[0].startswith("#"):
+        if END.match(line):
+            break
+        if number <= above or not is_data(line):
             continue
+        cells = numbers_of(line)
         try:
-            row = array("d", map(float, cells))
+            row = array("d", map(read_number, cells))
         except ValueError:
             raise source.error(f"{line.strip()[:40]!r} are not numbers only", number) from None
         width = width or len(row)
@@ -504,12 +599,20 @@ def read_columns(source: Source) -> RawSpectra:
         raise source.error(
             f"numbers only, and the first column does not run through wavelengths; {_LAYOUTS}"
         )
-    names = [f"column {i}" for i in range(2, width + 1)]
-    notes.append("there is no header: spectra are named by their column")
-    return RawSpectra(
+    if above:
+        notes.append(not_read(above))
+    if width == 2:
+        names = [source.path.stem]
+        notes.append("there is no header: the spectrum is named as its file")
+    else:
+        names = [f"column {i}" for i in range(2, width + 1)]
+        notes.append("there is no header: spectra are named by their column")
+    raw = RawSpectra(
         wavelengths=wavelengths,
         names=names,
         values=table[:, 1:].T,
         format="columns of numbers without a header",
         notes=notes,
     )
+    # Lines above are a spectrometer's; without them, a person may have made the file.
+    return without_noisy_ends(raw) if above else raw

@@ -1,0 +1,73 @@
+"""SVC .sig files (Spectra Vista HR-1024i and its kin): a text of one spectrum a file.
+
+Below the line ``data=`` stand wavelength in nm, reading of the white reference, reading of the
+sample, and their ratio in percent.
+"""
+
+import numpy as np
+from jaxtyping import Float
+
+from ..finish import RawSpectra
+from ..source import Source
+from ..words import read_number
+from .noisy_ends import without_noisy_ends
+
+
+def read_svc(source: Source) -> RawSpectra:
+    """Read the reflectance of a .sig file: its last column, percent.
+
+    Where detectors overlap, each is read up to the middle of the overlap.
+
+    Raises:
+        ValueError: there is no line ``data=`` or nothing below it, or a line there is not four
+            numbers.
+    """
+    name = source.path.stem
+    rows: list[list[float]] = []
+    begun = False
+    for number, line in source.lines(damaged="replace"):
+        if not begun:
+            title, _, value = line.partition("=")
+            begun = title.strip() == "data"
+            if title.strip() == "comm" and value.strip():
+                name = value.strip()
+            continue
+        if not line.strip():
+            continue
+        try:
+            row = [read_number(word) for word in line.split()]
+        except ValueError:
+            row = []
+        if len(row) != 4:
+            raise source.error(f"{line.strip()[:40]!r} are not four numbers", number)
+        rows.append(row)
+    if not rows:
+        raise source.error("an SVC file without numbers below 'data='; was it cut short?")
+    table = np.array(rows)
+    notes = ["the last column, percent of the white reference, is the reflectance"]
+    kept = _one_detector_each(table[:, 0], notes)
+    return without_noisy_ends(
+        RawSpectra(
+            wavelengths=table[kept, 0],
+            names=[name],
+            values=table[kept, 3][None],
+            format="SVC text (.sig)",
+            notes=notes,
+            scale=100.0,
+        )
+    )
+
+
+def _one_detector_each(
+    wavelengths: Float[np.ndarray, "rows"], notes: list[str]
+) -> Float[np.ndarray, "kept"]:
+    """Rows without those of one detector where another is read; the file has one detector after
+    the other.
+    """
+    kept = np.arange(wavelengths.size)
+    for fall in np.flatnonzero(np.diff(wavelengths) <= 0):
+        middle = (wavelengths[fall] + wavelengths[fall + 1]) / 2
+        notes.append(f"detectors overlap: the change is at {middle:g} nm")
+        before = (kept <= fall) & (wavelengths[kept] <= middle)
+        kept = kept[before | ((kept > fall) & (wavelengths[kept] > middle))]
+    return kept

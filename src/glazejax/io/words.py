@@ -1,0 +1,39 @@
+"""Words of tables: numbers told strictly, and names that no spreadsheet takes for a formula."""
+
+import re
+
+_FORMULA = re.compile(r"'*[=+\-@]")
+
+
+def read_number(word: str) -> float:
+    """Number that a word spells in ASCII: Python's own spellings with ``_`` or in other scripts'
+    digits are slips of a hand or an encoding.
+
+    Raises:
+        ValueError: it spells none.
+    """
+    if "_" in word or not word.isascii():
+        raise ValueError(f"{word[:30]!r} is not a number; write it with the digits 0 to 9")
+    return float(word)
+
+
+def is_number(word: str) -> bool:
+    """Whether `read_number` reads it."""
+    try:
+        read_number(word)
+    except ValueError:
+        return False
+    return True
+
+
+def shielded(name: str) -> str:
+    """Name as a table holds it: one that begins as a formula does gets an apostrophe before it.
+
+    Quotation marks would not help: a spreadsheet computes ``"=1+1"`` as well. Numbers stay.
+    """
+    return f"'{name}" if _FORMULA.match(name) and not is_number(name) else name
+
+
+def unshielded(name: str) -> str:
+    """Name that `shielded` wrote."""
+    return name[1:] if name.startswith("'") and _FORMULA.match(name) else name

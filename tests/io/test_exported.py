@@ -1,0 +1,273 @@
+"""Files as instruments' software exports them: their own lines above, colours beside the bands."""
+
+import numpy as np
+import pytest
+
+from glazejax.io import read_spectra
+
+from .samples import GRID, same, spectra
+
+R = spectra(2)
+RED, BLUE = (100 * R).round(3)
+BANDS = ",".join(f"{w:g}" for w in GRID)
+
+
+def put(tmp_path, text, name="film.txt"):
+    path = tmp_path / name
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def cells(values):
+    return ",".join(f"{value:.3f}" for value in values)
+
+
+def columns(*spectra, grid=GRID):
+    return "".join(",".join(map(str, row)) + "\n" for row in zip(grid, *spectra, strict=True))
+
+
+SPECTRAMAGIC = (
+    "Instrument name,CM-700d\nSerial No.,123,456\nMeasured (nm),400,700\n\n"
+    "No.,Data Name,Date,L*(D65),a*(D65),"
+    + ",".join(f"SCI_{w:g}nm" for w in GRID)
+    + ","
+    + ",".join(f"SCE_{w:g}nm" for w in GRID)
+    + f"\n1,red,1/5/2024,40.1,-3.2,{cells(RED)},{cells(RED - 4)}"
+    + f"\n2,blue,1/5/2024,30,0,{cells(BLUE)},{cells(BLUE - 4)}\n"
+)
+
+
+@pytest.mark.parametrize("delimiter", [",", "\t"])
+def test_both_readings_of_spectramagic_are_rows(tmp_path, delimiter):
+    table = read_spectra(put(tmp_path, SPECTRAMAGIC.replace(",", delimiter)))
+    values = np.stack([RED, RED - 4, BLUE, BLUE - 4]) / 100
+    same(table, GRID, values, ["red SCI", "red SCE", "blue SCI", "blue SCE"], atol=1e-9)
+    assert table.attributes["a*(D65)"] == ("-3.2", "-3.2", "0", "0")
+    assert table.notes[:3] == [
+        "4 lines above the table are not read",
+        "columns that are no bands are kept beside the spectra: No., Date, L*(D65), a*(D65)",
+        "each line gives a spectrum for each kind of reading: NAME SCI (specular component "
+        "included, d:8), NAME SCE (specular component excluded, de:8)",
+    ]
+
+
+def test_a_column_that_says_the_reading_tells_names_apart(tmp_path):
+    text = f"Data Name,SCI/SCE,{BANDS}\nred,SCI,{cells(RED)}\nred,SCE,{cells(RED - 4)}\n"
+    assert read_spectra(put(tmp_path, text)).names == ("red SCI", "red SCE")
+
+
+def test_readings_at_other_wavelengths_are_refused(tmp_path):
+    text = "Name,SCI 400,SCI 410,SCE 400,SCE 420\nred,10,20,5,15\n"
+    with pytest.raises(ValueError, match="bands of SCE are others than those of SCI"):
+        read_spectra(put(tmp_path, text))
+
+
+@pytest.mark.parametrize(
+    "title",
+    [
+        "{} nm",
+        "R{}",
+        "%R {}",
+        "R {} nm",
+        "nm{}",
+        "SPIN {}",
+        "SCI {}[nm]",
+        "{}nm(SCI)",
+        "SPECTRAL_NM_{}",
+        "{} nm (%)",
+    ],
+)
+def test_titles_of_bands_as_makers_write_them(tmp_path, title):
+    header = ",".join(title.format(f"{w:g}") for w in GRID)
+    table = read_spectra(put(tmp_path, f"Sample,{header}\nred,{cells(RED)}\n"))
+    same(table, GRID, [RED / 100], ["red"], atol=1e-9)
+
+
+def test_one_kind_of_reading_keeps_names_and_is_said(tmp_path):
+    table = read_spectra(put(tmp_path, "Name,SCE 400,SCE 410\nred,10,20\n"))
+    assert table.names == ("red",)
+    assert table.notes[0] == "all bands are taken as specular component excluded, de:8"
+
+
+@pytest.mark.parametrize("count", [3, len(GRID)])
+def test_colours_stand_beside_bands(tmp_path, count):
+    text = f"Name,L*,a*,b*,X,Y,Z,{','.join(BANDS.split(',')[:count])}\n"
+    text += f"red,40,30,-20,1,2,3,{cells(RED[:count])}\n"
+    table = read_spectra(put(tmp_path, text))
+    same(table, GRID[:count], [RED[:count] / 100], ["red"], atol=1e-9)
+    assert table.attributes["b*"] == ("-20",)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "nm,red\n" + columns(RED[::-1], grid=GRID[::-1]),
+        f"Name,{','.join(BANDS.split(',')[::-1])}\nred,{cells(RED[::-1])}\n",
+        '"red - RawData"\n"Wavelength nm.","R%"\n' + columns(RED[::-1], grid=GRID[::-1]),
+    ],
+)
+def test_descending_wavelengths_are_sorted_and_said(tmp_path, text):
+    table = read_spectra(put(tmp_path, text))
+    np.testing.assert_array_equal(table.wavelengths, GRID)
+    np.testing.assert_allclose(table.reflectance[0], RED / 100, atol=1e-5)
+    assert "bands were sorted by wavelength" in table.notes
+
+
+OCEAN = "Data from film.txt Node\n\nDate: Fri Jan 05 10:00:00 CET 2024\nScans to average: 10\n"
+OCEAN += "Number of Pixels in Spectrum: 31\n>>>>>Begin Spectral Data<<<<<\n"
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        columns(RED),
+        columns(RED).replace(",", ";").replace(".", ","),
+        columns(RED).replace(",", "\t").replace(".", ","),
+        columns(RED).replace(",", "\t"),
+        "red ochre\nmeasured in the church: 1/5/2024\n" + columns(RED),
+        OCEAN + columns(RED).replace(",", "\t"),
+        OCEAN.replace(".", ",") + columns(RED).replace(",", "\t").replace(".", ","),
+        OCEAN + columns(RED).replace(",", "\t") + ">>>>>End Processed Spectral Data<<<<<\n",
+    ],
+)
+def test_two_columns_without_a_header(tmp_path, text):
+    table = read_spectra(put(tmp_path, text))
+    same(table, GRID, [RED / 100], ["film"], atol=1e-9)
+    assert ("table" in table.notes[0]) == (not text.startswith("400"))
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["nm,red\n" + "400,12,5\n410,13,5\n420,14,5\n", "X,Y\n" + columns(RED), "\n\nX,Y\n1,2\n"],
+)
+def test_titles_that_lack_something_are_no_lines_above(tmp_path, text):
+    with pytest.raises(ValueError, match="header"):
+        read_spectra(put(tmp_path, text))
+
+
+def test_bright_rows_of_numbers_are_no_header(tmp_path):
+    text = "".join(f"{w:g},101,102,103,104\n" for w in GRID)
+    assert len(read_spectra(put(tmp_path, text))) == 4
+
+
+def test_titles_are_said_on_one_line(tmp_path):
+    table = read_spectra(put(tmp_path, f"Name,\x7fa,{BANDS}\nred,1,{cells(RED)}\n"))
+    assert all(note.isprintable() for note in table.notes)
+
+
+def test_two_or_three_numbers_may_be_the_instruments_own(tmp_path):
+    text = "Scans,10\nSerial No.,123\nnm,red\n" + columns(RED)
+    assert read_spectra(put(tmp_path, text)).names == ("red",)
+
+
+def test_samples_of_a_table_of_wavelengths_may_be_called_as_bands_are(tmp_path):
+    table = read_spectra(put(tmp_path, "wavelength,R400,R410\n400,10,20\n410,30,40\n"))
+    assert table.names == ("R400", "R410")
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        f"red,{cells(RED)}\nName,{BANDS}\nblue,{cells(BLUE)}\n",
+        "640,50\nnm,red\n" + columns(RED),
+        "640;50;3\n\nred\n" + columns(RED, BLUE).replace(",", ";"),
+    ],
+)
+def test_rows_above_their_header_are_refused(tmp_path, text):
+    with pytest.raises(ValueError, match="line 1: a row of the table stands above its beginning"):
+        read_spectra(put(tmp_path, text))
+
+
+def test_lines_above_in_another_encoding(tmp_path):
+    path = tmp_path / "film.csv"
+    path.write_bytes(
+        ("Gerät;CM-700d;1;2\n\nWellenlänge;Weiß\n400;12,5\n410;13,5\n").encode("cp1252")
+    )
+    table = read_spectra(path)
+    assert table.names == ("Weiß",)
+    assert "2 lines above the table are not read" in table.notes
+
+
+def test_ends_where_a_spectrometer_reads_noise_are_left_out(tmp_path):
+    values = RED.copy()
+    values[[1, 28]] = -7.0, 900.0
+    table = read_spectra(put(tmp_path, OCEAN + columns(values).replace(",", "\t")))
+    same(table, GRID[2:28], [RED[2:28] / 100], ["film"], atol=1e-9)
+    assert "5 bands at the ends are left out: they hold noise alone" in table.notes
+    values[15] = -7.0
+    with pytest.raises(ValueError, match="'film' is negative"):
+        read_spectra(put(tmp_path, OCEAN + columns(values).replace(",", "\t")))
+
+
+def test_what_a_person_may_have_written_keeps_its_ends(tmp_path):
+    values = RED.copy()
+    values[0] = -7.0
+    with pytest.raises(ValueError, match="'film' is negative"):
+        read_spectra(put(tmp_path, columns(values)))
+
+
+def test_noisy_ends_of_wavelengths_that_descend(tmp_path):
+    values = RED.copy()
+    values[[1, 28]] = -7.0, 900.0
+    text = OCEAN + columns(values[::-1], grid=GRID[::-1]).replace(",", "\t")
+    same(read_spectra(put(tmp_path, text)), GRID[2:28], [RED[2:28] / 100], ["film"], atol=1e-9)
+
+
+SVC = "/*** Spectra Vista SIG Data ***/\nname= HR.1.sig\ninstrument= HI: 1 (HR-1024i)\n"
+SVC += "units= Radiance, Radiance\ncomm= red panel\ndata= \n"
+
+
+def svc(grid, values):
+    return SVC + "".join(f"{w:.1f}  2.0  1.0  {r:.3f}\n" for w, r in zip(grid, values, strict=True))
+
+
+def test_svc_reads_its_last_column(tmp_path):
+    table = read_spectra(put(tmp_path, svc(GRID, RED), "film.sig"))
+    same(table, GRID, [RED / 100], ["red panel"], atol=1e-9)
+    assert table.format == "SVC text (.sig)"
+    assert "last column" in table.notes[0]
+
+
+def test_svc_is_percent_however_dark(tmp_path):
+    table = read_spectra(put(tmp_path, svc(GRID, RED / 100)))
+    np.testing.assert_allclose(table.reflectance[0], RED / 1e4, atol=1e-5)
+
+
+def test_svc_detectors_that_overlap_change_in_the_middle(tmp_path):
+    first, second = GRID[:21], GRID[17:] + 3
+    table = read_spectra(put(tmp_path, svc([*first, *second], [*RED[:21], *BLUE[17:]])))
+    # The overlap is 573 to 600 nm.
+    assert "detectors overlap: the change is at 586.5 nm" in table.notes
+    np.testing.assert_allclose(table.wavelengths, [*GRID[:19], *(GRID[19:] + 3)])
+    np.testing.assert_allclose(table.reflectance[0], [*RED[:19] / 100, *BLUE[19:] / 100], atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("text", "complaint"),
+    [
+        (SVC, "without numbers below 'data='"),
+        (SVC + "400 1 2\n", "line 7: '400 1 2' are not four numbers"),
+        (SVC + "400 1 2 1_0\n", "line 7: '400 1 2 1_0' are not four numbers"),
+    ],
+)
+def test_errors_of_svc(tmp_path, text, complaint):
+    with pytest.raises(ValueError, match=complaint):
+        read_spectra(put(tmp_path, text))
+
+
+@pytest.mark.parametrize("version", [b"K", b"L", b"M"])
+def test_galactic_spc_is_named(tmp_path, version):
+    path = tmp_path / "film.spc"
+    path.write_bytes(b"\x00" + version + bytes(600))
+    with pytest.raises(ValueError, match=r"a Galactic SPC file .* as JCAMP-DX or as text"):
+        read_spectra(path)
+
+
+def test_i1profiler_names_with_blanks_stand_between_tabs(tmp_path):
+    fields = "\t".join(["SAMPLE_ID", "SAMPLE_NAME", *(f"SPECTRAL_NM{w:g}" for w in GRID)])
+    row = "\t".join(f"{value / 100:.5f}" for value in RED)
+    text = (
+        f'CGATS.17\nORIGINATOR\t"i1Profiler"\nNUMBER_OF_FIELDS\t33\nBEGIN_DATA_FORMAT\n{fields}\n'
+    )
+    text += f"END_DATA_FORMAT\nNUMBER_OF_SETS\t1\nBEGIN_DATA\n1\tlight red\t{row}\t\nEND_DATA\n"
+    same(read_spectra(put(tmp_path, text)), GRID, [RED / 100], ["light red"], atol=1e-9)
