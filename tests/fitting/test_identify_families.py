@@ -373,6 +373,9 @@ def test_varnishes_are_covers_of_their_expected_amount():
     response = film_response("45:0")
     body = np.full((400, GRID.size), 0.5)
     thin = CONDITIONS["thin"]
+    unknown = CONDITIONS["unknown"]
+    assert thin is not None
+    assert unknown is not None
     random = thin.cover_at_random(response, GRID, body, seed=1)
     expected = thin.cover(response, GRID, body)
     assert np.mean(random, axis=0) == pytest.approx(expected[0], abs=0.04)
@@ -380,7 +383,7 @@ def test_varnishes_are_covers_of_their_expected_amount():
     # Some are none at all, and none shines.
     assert random[:, 0].std() > 0.03
     assert CONDITIONS["none"] is None
-    assert CONDITIONS["unknown"].expected == pytest.approx(0.16)
+    assert unknown.expected == pytest.approx(0.16)
 
 
 def test_an_unknown_word_for_a_varnish_is_said(others):
