@@ -383,7 +383,7 @@ def test_varnishes_are_covers_of_their_expected_amount():
     # Some are none at all, and none shines.
     assert random[:, 0].std() > 0.03
     assert CONDITIONS["none"] is None
-    assert unknown.expected == pytest.approx(0.16)
+    assert unknown.mean_thickness == pytest.approx(0.16)
 
 
 def test_an_unknown_word_for_a_varnish_is_said(others):

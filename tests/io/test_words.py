@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from glazejax.io import SpectraTable, read_spectra, write_spectra, write_table
-from glazejax.io.words import shielded, unshielded
+from glazejax.io.words import shield_name, unshield_name
 from glazejax.paint.pigment_table import read_pigments
 
 from .samples import CGATS, GRID, jcamp_block, spectra
@@ -33,7 +33,7 @@ def test_texts_of_results_are_no_formulas_and_numbers_stay(tmp_path):
 
 @given(st.text())
 def test_shields_come_off_again(name):
-    assert unshielded(shielded(name)) == name
+    assert unshield_name(shield_name(name)) == name
 
 
 @pytest.mark.parametrize("word", ["1_0", "١٠", "１０"])

@@ -19,7 +19,7 @@ from jaxtyping import Float
 
 from glazejax import Pigment
 from glazejax.io.outputs import check_output
-from glazejax.io.words import shielded, unshielded
+from glazejax.io.words import shield_name, unshield_name
 from glazejax.paint.describe import format_length
 from glazejax.paint.pigment_table import read_pigments
 from glazejax.whole_file import whole_file
@@ -297,7 +297,7 @@ def add_entries(
     writer.writerow(wide)
     name_column = header.index("pigment")
     for row in cells[1:]:
-        if unshielded(row[name_column].strip()) not in names:
+        if unshield_name(row[name_column].strip()) not in names:
             fill = [empty if "_mode_" in title else "" for title in wide[len(header) :]]
             writer.writerow([*row, *fill])
     for entry in made:
@@ -333,7 +333,7 @@ def _rows(entry: Entry, titles: Sequence[str]) -> list[list[str]]:
     for column, mode in entry.modes.items():
         values[f"k_mode_{column + 1}"], values[f"s_mode_{column + 1}"] = mode
     words = {
-        "pigment": [shielded(paint.name)] * grid.size,
+        "pigment": [shield_name(paint.name)] * grid.size,
         "identifiable": [str(bool(flag)) for flag in known],
     }
 

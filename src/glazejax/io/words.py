@@ -26,7 +26,7 @@ def is_number(word: str) -> bool:
     return True
 
 
-def shielded(name: str) -> str:
+def shield_name(name: str) -> str:
     """Name as a table holds it: one that begins as a formula does gets an apostrophe before it.
 
     Quotation marks would not help: a spreadsheet computes ``"=1+1"`` as well. Numbers stay.
@@ -34,6 +34,6 @@ def shielded(name: str) -> str:
     return f"'{name}" if _FORMULA.match(name) and not is_number(name) else name
 
 
-def unshielded(name: str) -> str:
-    """Name that `shielded` wrote."""
+def unshield_name(name: str) -> str:
+    """Name that `shield_name` wrote."""
     return name[1:] if name.startswith("'") and _FORMULA.match(name) else name

@@ -14,7 +14,7 @@ from ..whole_file import whole_file
 from .finish import MAX_DECLARED, different, plain_name
 from .outputs import check_output
 from .spectra_table import SpectraTable, list_names
-from .words import shielded
+from .words import shield_name
 
 
 def write_table(
@@ -76,7 +76,7 @@ def _plain(cell: object) -> object:
     are; texts that no spreadsheet takes for a formula.
     """
     if isinstance(cell, str):
-        return shielded(cell)
+        return shield_name(cell)
     if not hasattr(cell, "dtype"):
         return cell
     scalar = np.asarray(cell)[()]
@@ -219,7 +219,7 @@ def _format_csv(table: SpectraTable, path: Path, long: bool) -> Iterator[bytes]:
         )
     grid = [int(nm) if nm.is_integer() else nm for nm in table.wavelengths.tolist()]
     values = table.reflectance.T if long else table.reflectance
-    names = [shielded(name) for name in table.names]
+    names = [shield_name(name) for name in table.names]
     header = ["wavelength_nm", *names] if long else ["Name", *grid]
     first: Sequence[object] = grid if long else names
 

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from ..io.source import Source, open_source, show_path
-from ..io.words import read_number, unshielded
+from ..io.words import read_number, unshield_name
 from .media import Pigment
 
 _NEEDED = ("pigment", "wavelength_nm", "absorption", "scattering")
@@ -86,7 +86,7 @@ def read_pigments(path: str | Path, provenance: str = "") -> dict[str, Pigment]:
 
 def _add(pigments: dict[str, _Columns], error: _Refusal, row: dict[str, str]) -> None:
     """Append a line of the file to its pigment."""
-    name = unshielded(row["pigment"])
+    name = unshield_name(row["pigment"])
     if not name:
         raise error("the pigment has no name")
     columns = pigments.setdefault(name, {})

@@ -162,7 +162,7 @@ def _seen_at_random(
     """What turns readings under the expected varnish into readings under any."""
     if varnish is None:
         return np.asarray
-    expected = varnish.expected * yellow(search.wavelengths)
+    expected = varnish.mean_thickness * yellow(search.wavelengths)
 
     def change(readings: Float[np.ndarray, "films bands"]) -> Float[np.ndarray, "films bands"]:
         bare = without_varnish(response, readings - search.surface, expected)
@@ -199,7 +199,7 @@ def _set_up_range(
         varnish: that may lie on them.
     """
 
-    def seen(films: Templates) -> Templates:
+    def cover(films: Templates) -> Templates:
         if varnish is None:
             return films
         return replace(films, readings=varnish.cover(response, wavelengths, films.readings))
@@ -209,7 +209,7 @@ def _set_up_range(
     # One spectrum of each paint teaches how far paints are apart.
     exemplars, first = np.unique(pure.members[:, 0], return_index=True)
     bodies = pure.readings[first]
-    pure = seen(pure)
+    pure = cover(pure)
     values = features(wavelengths, pure.readings)
     metric = learn_metric(
         values[first],
@@ -229,7 +229,7 @@ def _set_up_range(
         )
         both = replace(both, members=exemplars[both.members])
         # Where both know more bands their mixture is a wider range's.
-        parts.append(seen(both.take(np.flatnonzero(own[both.members].any(axis=1)))))
+        parts.append(cover(both.take(np.flatnonzero(own[both.members].any(axis=1)))))
     templates = _joined(parts)
     families = np.sort(np.append(family_of, NOBODY)[templates.members], axis=1)
     return Range(

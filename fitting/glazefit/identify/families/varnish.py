@@ -36,7 +36,7 @@ class Varnish:
     chances: tuple[float, ...]
 
     @property
-    def expected(self) -> float:
+    def mean_thickness(self) -> float:
         """Mean optical thickness at 400 nm."""
         return float(np.dot(self.levels, self.chances))
 
@@ -53,7 +53,7 @@ class Varnish:
             wavelengths: nm.
             bodies: readings without varnish and without the outer surface's part.
         """
-        return under_varnish(response, bodies, self.expected * yellow(wavelengths))
+        return under_varnish(response, bodies, self.mean_thickness * yellow(wavelengths))
 
     def cover_at_random(
         self,

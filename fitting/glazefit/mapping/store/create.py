@@ -11,7 +11,7 @@ import numpy as np
 
 from ...identify.search.unstated_conditions import CONDITIONS
 from .atomic_files import sync
-from .identity import WORK, sealed
+from .identity import WORK, seal_attributes
 from .layout import STATUS_WORDS, VARIABLES, Variable, Way
 
 
@@ -85,7 +85,9 @@ def lay_out(
         dimension_names=["paint"],
     )
     names[:] = np.array([*paints], dtype=object)
-    group.update_attributes({"glazejax": sealed(path, plain(shape), plain(chunk), plain(whole))})
+    group.update_attributes(
+        {"glazejax": seal_attributes(path, plain(shape), plain(chunk), plain(whole))}
+    )
     with warnings.catch_warnings():
         # zarr warns that others may not know this list of arrays; without it readers complain of
         # the folder that is no array.

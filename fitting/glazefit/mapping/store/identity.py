@@ -44,7 +44,7 @@ class Identity:
     files: dict[str, int]
 
 
-def sealed(
+def seal_attributes(
     path: Path, shape: list[int], chunk: list[int], attrs: Mapping[str, Any]
 ) -> dict[str, Any]:
     """The attribute `glazejax` of a map whose files of metadata and coordinates are written.

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..finish import RawSpectra
 from ..source import Source
-from ..words import read_number, unshielded
+from ..words import read_number, unshield_name
 
 _CELL = re.compile(r'"([^"]*)"|(\S+)')
 # SPECTRAL_NM_380, SPECTRAL_NM380, SPECTRAL_380, SPEC_380, R_380, nm380, 380nm, 380
@@ -67,7 +67,7 @@ def read_cgats(source: Source) -> RawSpectra:
             raise source.error(
                 f"{len(cells)} values where there are {len(sheet.fields)} fields", line
             )
-        names.append(str(number) if name_at is None else unshielded(cells[name_at]))
+        names.append(str(number) if name_at is None else unshield_name(cells[name_at]))
         rows.append([_value(source, line, sheet.fields[at], cells[at]) for at in bands])
     scale = _scale(source, sheet)
     others = [at for at in range(len(sheet.fields)) if at not in bands and at != name_at]

@@ -17,7 +17,7 @@ from jaxtyping import Float
 from ...spectra import validate_wavelengths
 from ..finish import MAX_NOISE, RawSpectra, nanometres
 from ..source import Source, shorten
-from ..words import read_number, unshielded
+from ..words import read_number, unshield_name
 from .above import (
     END,
     WAVELENGTH_TITLE,
@@ -393,7 +393,7 @@ def _only_bands(cells: _Cells, first: tuple[int, str], attributes: dict[str, lis
                     column.append(row[i])
                 kind = word if more else "" if kind_at is None else row[kind_at]
                 name = f"{row[name_at]} {kind}".strip() if row[name_at] else ""
-                yield number, _tab_separated([name, *(row[i] for i in at)])
+                yield number, _join_by_tabs([name, *(row[i] for i in at)])
 
     return replace(
         cells,
@@ -403,7 +403,7 @@ def _only_bands(cells: _Cells, first: tuple[int, str], attributes: dict[str, lis
     )
 
 
-def _tab_separated(row: Sequence[str]) -> str:
+def _join_by_tabs(row: Sequence[str]) -> str:
     text = io.StringIO()
     csv.writer(text, delimiter="\t", lineterminator="").writerow(row)
     return text.getvalue()
@@ -428,7 +428,7 @@ def _read_wide(
                 else f"more than {_MAX_SPECTRA} samples so far; split the table"
             )
             raise cells.error(number, wrong)
-        names.append(unshielded(name))
+        names.append(unshield_name(name))
         lines.append(number)
         hashes.append(hash(name))
 
@@ -450,7 +450,7 @@ def _read_long(
     for name in cells.header[1:]:
         _check_name(cells, cells.header_line, name, lines)
         lines[name] = cells.header_line
-    names = [unshielded(name) for name in lines]
+    names = [unshield_name(name) for name in lines]
     wavelengths = array("d")
 
     def start(number: int, cell: str) -> None:
@@ -527,7 +527,7 @@ def _read_triples(
             raise cells.error(
                 number, "more samples, wavelengths or values so far than a table may hold; split it"
             )
-    names = [unshielded(name) for name in rows]
+    names = [unshield_name(name) for name in rows]
     grid = _check_grid(cells, sorted(columns))
     # Columns in the order of their wavelengths, not of the file.
     rank = np.argsort(np.argsort(np.fromiter(columns, float)))
