@@ -229,7 +229,8 @@ def _fill_candidate(
     fitted: np.ndarray,
 ) -> None:
     """Write one set of families of one spectrum into its places of a candidate's arrays."""
-    templates, at = search.template(int(odds.best[row, number]))
+    found, at = search.locate(int(odds.best[row, number]))
+    templates = found.templates
     two = templates.members[at, 1] >= 0
     members[: 1 + two] = templates.members[at, : 1 + two]
     coat = float(templates.thickness[at])
@@ -240,8 +241,7 @@ def _fill_candidate(
         # Half of the variance of the log odds of the fractions to each log amount.
         spread = float(odds.fraction_sd[row, number]) / max(share * (1.0 - share), 1e-6)
         covariance[:2, :2] = 0.5 * spread**2 * np.eye(2)
-    bands = search.bands_of(int(odds.best[row, number]))
-    known = search.wavelengths[bands]
+    known = search.wavelengths[found.bands]
     near = (search.wavelengths >= known[0] - _EDGE) & (search.wavelengths <= known[-1] + _EDGE)
     computed = np.interp(search.wavelengths, known, templates.readings[at] + search.surface)
     fitted[near] = computed[near]

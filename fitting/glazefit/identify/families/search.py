@@ -216,18 +216,10 @@ class FamilySearch:
         starts = np.flatnonzero(np.diff(np.append(-1, sets[order])))
         return order, starts, np.diff(np.append(starts, len(sets)))
 
-    def bands_of(self, template: int) -> Bool[np.ndarray, "bands"]:
-        """Bands of the range that a template is in, by its number over all ranges."""
+    def locate(self, template: int) -> tuple[Range, int]:
+        """The range of a template by its number over all ranges, and its row there."""
         for one in self.ranges:
             if template < len(one.templates):
-                return one.bands
+                return one, template
             template -= len(one.templates)
         raise IndexError(template)
-
-    def template(self, number: int) -> tuple[Templates, int]:
-        """A template by its number over all ranges: the films of its range, and its row there."""
-        for one in self.ranges:
-            if number < len(one.templates):
-                return one.templates, number
-            number -= len(one.templates)
-        raise IndexError(number)
