@@ -5,7 +5,7 @@ sample, and their ratio in percent.
 """
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from ..finish import RawSpectra
 from ..source import Source
@@ -60,7 +60,7 @@ def read_svc(source: Source) -> RawSpectra:
 
 def _one_detector_each(
     wavelengths: Float[np.ndarray, "rows"], notes: list[str]
-) -> Float[np.ndarray, "kept"]:
+) -> Int[np.ndarray, "kept"]:
     """Rows without those of one detector where another is read; the file has one detector after
     the other.
     """
