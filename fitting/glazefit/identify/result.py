@@ -348,15 +348,18 @@ class Identification:
         return out
 
     def words(self, row: int) -> str:
+        """One sentence on a spectrum, after its name."""
+        return f"{self.measured.names[row]}: {self.verdict(row)}"
+
+    def verdict(self, row: int) -> str:
         """One sentence on a spectrum."""
-        name = self.measured.names[row]
         if not self.explained[row]:
-            return f"{name}: {self.unexplained(row)}"
+            return self.unexplained(row)
         if self.family_sets:
             first = self.family_sets[row][0]
             near = " + ".join(self.ranked(row, 1)[0].paints)
             return (
-                f"{name}: {first.words} (probability {first.probability:.0%}; none of these "
+                f"{first.words} (probability {first.probability:.0%}; none of these "
                 f"families {self.none[row]:.0%}); nearest exemplar {near}"
             )
         best, (_, chance) = self.ranked(row, 1)[0], self.families(row)[0]
@@ -364,14 +367,14 @@ class Identification:
         if likely is not None:
             paint, share = likely
             return (
-                f"{name}: most probably with {paint} ({share:.0%}), but it is open with what; the "
+                f"most probably with {paint} ({share:.0%}), but it is open with what; the "
                 f"most probable single set, {best.words} ({best.probability:.0%}), is without it"
             )
         more = f"; these pigments {chance:.0%}" if chance > best.probability + 0.05 else ""
         more += (
             f"; none of these paints {self.none[row]:.0%}" if self.none[row] >= _DOUBTFUL else ""
         )
-        return f"{name}: {best.words} (probability {best.probability:.0%}{more})"
+        return f"{best.words} (probability {best.probability:.0%}{more})"
 
     def unexplained(self, row: int) -> str:
         """Why nothing explains a spectrum."""

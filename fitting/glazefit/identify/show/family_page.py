@@ -14,12 +14,11 @@ from ...page.words import chance_html, words_html
 from ..families.evidence import describe_anachronism
 from ..result import Candidate, Identification
 from .figures import FITS, draw_spectra
-from .page import DRAWN, beside, record_section, write_report
-from .record import Provenance, describe_colours, describe_run
+from .page import beside, record_section, spots_html, write_report
+from .record import Provenance, describe_colours, describe_run, round_spectra
 from .spectrum_html import Record, key_html, swatches
 
 _SCHEMA = {"name": "glazejax identify families report", "version": 1}
-_DIGITS = 6
 _COLUMNS = (
     "spot",
     "explained",
@@ -86,10 +85,10 @@ def _spot(found: Identification, row: int, top: int, painted: int | None) -> dic
         "id": f"spot-{row + 1}",
         "name": found.measured.names[row],
         "explained": bool(found.explained[row]),
-        "words": found.words(row).partition(": ")[2],
+        "words": found.verdict(row),
         "none_of_these": float(found.none[row]),
         "colours": describe_colours(found, row),
-        "measured": np.round(found.measured.readings[row], _DIGITS).tolist(),
+        "measured": round_spectra(found.measured.readings[row]),
         "families": [
             {
                 "rank": rank,
@@ -121,7 +120,6 @@ def _spot(found: Identification, row: int, top: int, painted: int | None) -> dic
 
 def _exemplar(candidate: Candidate) -> dict[str, Any]:
     known = catalogue.provenance()
-    spectra = np.round(candidate.fitted, _DIGITS)
     return {
         "words": candidate.mixture,
         "probability": candidate.probability,
@@ -134,7 +132,9 @@ def _exemplar(candidate: Candidate) -> dict[str, Any]:
             }
             for name in candidate.paints
         ],
-        "fitted": [[None if np.isnan(x) else x for x in line] for line in spectra.tolist()],
+        "fitted": [
+            [None if np.isnan(x) else x for x in line] for line in round_spectra(candidate.fitted)
+        ],
         "band_90": None,
     }
 
@@ -162,10 +162,7 @@ def _page(record: Record, table: str, data: str) -> Iterator[str]:
     yield page_start(f"Pigments: {record['title']}", _head(record))
     yield _summary(record)
     yield "<h2>Spots</h2>\n"
-    if len(record["spots"]) > DRAWN:
-        yield f"<p>Spectra are drawn for the first {DRAWN} spots.</p>\n"
-    for number, spot in enumerate(record["spots"]):
-        yield _spot_html(record, spot, drawn=number < DRAWN)
+    yield from spots_html(record, data, _spot_html)
     yield _method(record)
     yield record_section(record, table, data)
     yield END

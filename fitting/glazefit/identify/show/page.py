@@ -4,7 +4,7 @@ identification.
 
 import json
 import re
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from html import escape
 from pathlib import Path
 
@@ -84,6 +84,20 @@ def page(record: Record, table: str, data: str) -> Iterator[str]:
     yield page_start(f"Paint identification: {record['title']}", _head(record))
     yield _summary(record)
     yield "<h2>Spots</h2>\n"
+    yield from spots_html(record, data, spot_html)
+    yield _method(record)
+    yield record_section(record, table, data)
+    yield END
+
+
+def spots_html(record: Record, data: str, draw: Callable[..., str]) -> Iterator[str]:
+    """All spots, piece by piece, the first of them with their spectra.
+
+    Args:
+        record: of the page.
+        data: name of the JSON beside it.
+        draw: HTML of one spot, called as `spot_html`.
+    """
     if len(record["spots"]) > DRAWN:
         yield (
             f"<p>Spectra are drawn for the first {DRAWN} spots; those of all are in "
@@ -92,7 +106,7 @@ def page(record: Record, table: str, data: str) -> Iterator[str]:
     last = DRAWN
     for number, spot in enumerate(record["spots"]):
         try:
-            yield spot_html(record, spot, drawn=number < last)
+            yield draw(record, spot, drawn=number < last)
         except KeyboardInterrupt:
             # What takes long is drawing: an interrupt ends that, and the page is still filed.
             last = number
@@ -100,10 +114,7 @@ def page(record: Record, table: str, data: str) -> Iterator[str]:
                 "<p>Interrupted: from here on spectra are not drawn; they are in "
                 f"{escape(data)}.</p>\n"
             )
-            yield spot_html(record, spot, drawn=False)
-    yield _method(record)
-    yield record_section(record, table, data)
-    yield END
+            yield draw(record, spot, drawn=False)
 
 
 def _head(record: Record) -> str:

@@ -143,7 +143,7 @@ def _spot(
         "doubts": [*_open_words(found, row), *describe_ambiguity(found, row)],
         "colours": describe_colours(found, row),
         "noise_sd": float(np.median(found.measured.noise_sd[row])),
-        "measured": _round_spectra(found.measured.readings[row]),
+        "measured": round_spectra(found.measured.readings[row]),
         "explanations": [
             _explanation(candidate, rank, bands[row, rank - 1] if rank <= bands.shape[1] else None)
             for rank, candidate in enumerate(ranked, start=1)
@@ -190,8 +190,8 @@ def _explanation(candidate: Candidate, rank: int, band: np.ndarray | None) -> di
             }
             for n, name in enumerate(candidate.paints)
         ],
-        "fitted": _round_spectra(candidate.fitted),
-        "band_90": None if band is None else _round_spectra(band),
+        "fitted": round_spectra(candidate.fitted),
+        "band_90": None if band is None else round_spectra(band),
     }
 
 
@@ -219,7 +219,8 @@ def _numbers(values: np.ndarray) -> list[float] | None:
     return [float(value) for value in values] if np.isfinite(values).all() else None
 
 
-def _round_spectra(spectra: np.ndarray) -> list:
+def round_spectra(spectra: np.ndarray) -> list:
+    """Spectra with as many digits as are filed."""
     return np.round(spectra, _DIGITS).tolist()
 
 

@@ -100,7 +100,7 @@ def _verdict(found: Identification, row: int) -> str:
         words = found.unexplained(row)
         return f"{words[0].upper()}{words[1:]}."
     if found.likely_paint(row) is not None:
-        words = found.words(row).partition(": ")[2]
+        words = found.verdict(row)
         return f"{words[0].upper()}{words[1:]}."
     best, (pigments, chance) = found.ranked(row, 1)[0], found.families(row)[0]
     words = f"Pigments: {' + '.join(pigments)} ({chance:.0%}). Most probable film: {best.words}."
