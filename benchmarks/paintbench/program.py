@@ -3,6 +3,7 @@
 """
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -10,12 +11,11 @@ from jaxtyping import Bool, Float, Int
 from benchmarks.kubelka_munk import KubelkaMunk
 from glazefit import Films, Identification, identify, predict_mixture, recover_jointly
 from glazefit.film.films import Instrument
-from glazefit.film.model.errors import Prior
 from glazefit.film.model.response import Response, film_response
 from glazefit.identify.families.groups import FamilySet
 from glazefit.identify.families.naming import name_sets
 from glazefit.identify.families.search import FamilySearch
-from glazefit.identify.families.set_up import UNKNOWN, search_families
+from glazefit.identify.families.set_up import EXPECTED, search_families
 from glazefit.recover.crossvalidation import cross_validate
 from glazefit.recover.joint import UNIT
 from glazefit.recover.prediction import Prediction, predict_films
@@ -33,7 +33,7 @@ _KEPT = 6
 _THICK = 5e-3
 _INSTRUMENT = "45:0"
 # What is expected of a sample that is said to be of two paints.
-_OF_TWO = Prior(sizes=(0.02, 0.95, 0.03), unknown=UNKNOWN)
+_OF_TWO = replace(EXPECTED, sizes=(0.02, 0.95, 0.03))
 # Catalogue -> the source that it was made from.
 _MADE_FROM = {"oils": "revigo", "acrylics": "golden"}
 

@@ -174,7 +174,7 @@ def identify(
     from ..film.model.errors import ModelError, Prior
     from ..page.inputs import input_files
     from .families.identify_pigments import has_families
-    from .families.set_up import UNKNOWN
+    from .families.set_up import EXPECTED
 
     console = Console(highlight=False)
     paints = options.choose_paints(options.read_shelf(pigments, catalogue), only, without)
@@ -207,7 +207,7 @@ def identify(
         "discrepancy": usual_error
         if model_error is None
         else replace(usual_error, amplitude=model_error),
-        "prior": Prior(thickness=usual, unknown=UNKNOWN) if by_family else Prior(thickness=usual),
+        "prior": replace(EXPECTED if by_family else Prior(), thickness=usual),
     }
     chunks = identify_chunks(
         task.wavelengths,
@@ -360,7 +360,7 @@ def _read_spectra(
             notes=notes,
         )
     rows = options.choose_rows(file, table.names, wanted)
-    if len(rows) > _MANY:
+    if len(rows) > _MANY and not by_family:
         note = (
             f"{len(rows)} spectra are sought one by one; an image is done far sooner by glazejax "
             "map, and --samples chooses some (Ctrl-C keeps what is finished)"

@@ -14,6 +14,10 @@ from .response import FilmResponse, ground_below
 
 DECAY = 60.0
 """Wavelengths over which a yellowed resin's absorption falls to 1/e, nm."""
+AMOUNTS = {"thin": (0.2, 0.15), "yellowed": (0.6, 0.3)}
+"""Varnishes that are seen -> optical thickness at 400 nm, and its standard deviation: what is
+between them is left open.
+"""
 _FIRST = 400.0
 
 

@@ -36,10 +36,11 @@ def calibrate(
 
     Args:
         search: with all that it compares.
-        change: of readings by what varies from film to film, such as a varnish.
+        change: of readings without the surface's part, by what varies from film to film, such as a
+            varnish.
     """
     readings, rows = _exemplars_as_readings(search)
-    readings = change(readings)
+    readings = change(readings - search.surface) + search.surface
     kept = _few_of_each(search.source_of[rows], search.family_of[rows])
     readings = readings[kept]
     rows = rows[kept]

@@ -13,7 +13,6 @@ from glazejax.geometry import resolve_instrument
 from glazejax.spectra import describe_grid, validate_wavelengths
 
 from ...film.films import Noise
-from ...film.model.errors import Prior
 from ...film.shared_bands import means_of_steps
 from ..result import Identification
 from ..search.options import IdentificationOptions
@@ -23,7 +22,7 @@ from ..search.task import Measured
 from .evidence import log_odds_of_elements
 from .naming import name_sets
 from .search import FamilyOdds, FamilySearch
-from .set_up import UNKNOWN, search_families
+from .set_up import EXPECTED, search_families
 from .templates import usual_thickness
 
 STEP = 10.0
@@ -117,7 +116,7 @@ def _search(
     ground: tuple[float, ...] | None,
 ) -> FamilySearch:
     instrument = resolve_instrument(options.instrument)
-    prior = options.prior or Prior(unknown=UNKNOWN)
+    prior = options.prior or EXPECTED
     varnish = options.varnish or "none"
     key = (
         tuple(grid.tolist()),

@@ -2,7 +2,7 @@
 bands of the readings, and how far paints of one family are apart.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -13,7 +13,6 @@ from glazejax.geometry import Geometry, Instrument, resolve_instrument
 
 from ...film.model.errors import Prior
 from ...film.model.response import FilmResponse, film_response
-from ...film.model.varnish import without_varnish, yellow
 from ..search.pool import NOBODY
 from .calibration import calibrate
 from .features import features
@@ -23,10 +22,8 @@ from .sureness import Sureness
 from .templates import Templates, coefficients, mixed_templates, pure_templates
 from .varnish import CONDITIONS, Varnish
 
-UNKNOWN = 0.1
-"""Probability beforehand that a paint is of none of the catalogue's families: they are most that
-were ever painted with.
-"""
+EXPECTED = Prior(unknown=0.1)
+"""What is expected of a film: the catalogue's families are most that were ever painted with."""
 # Shares of the exemplars that must know a band, for the narrowest and for a wider range, and the
 # fewest that make a range of their own.
 _NARROW, _WIDE, _FEWEST = 0.985, 0.45, 25
@@ -65,7 +62,7 @@ def search_families(
     if (ground is None) != opaque:
         raise ValueError("what is under the paint? Give ground, or opaque=True")
     seen_by = resolve_instrument(instrument)
-    expected = prior or Prior(unknown=UNKNOWN)
+    expected = prior or EXPECTED
     return set_up(
         wavelengths,
         pigments,
@@ -153,22 +150,13 @@ def set_up(
     )
     if sureness is not None:
         return search
-    return calibrate(search, _seen_at_random(search, response, varnish))
 
+    def change(bodies: Float[np.ndarray, "films bands"]) -> Float[np.ndarray, "films bands"]:
+        if varnish is None:
+            return bodies
+        return varnish.exchange_at_random(response, wavelengths, bodies)
 
-def _seen_at_random(
-    search: FamilySearch, response: FilmResponse, varnish: Varnish | None
-) -> Callable[[Float[np.ndarray, "films bands"]], Float[np.ndarray, "films bands"]]:
-    """What turns readings under the expected varnish into readings under any."""
-    if varnish is None:
-        return np.asarray
-    expected = varnish.mean_thickness * yellow(search.wavelengths)
-
-    def change(readings: Float[np.ndarray, "films bands"]) -> Float[np.ndarray, "films bands"]:
-        bare = without_varnish(response, readings - search.surface, expected)
-        return varnish.cover_at_random(response, search.wavelengths, bare) + search.surface
-
-    return change
+    return calibrate(search, change)
 
 
 def _set_up_range(

@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ...film.model.response import FilmResponse
-from ...film.model.varnish import DECAY, under_varnish, yellow
+from ...film.model.varnish import AMOUNTS, DECAY, under_varnish, without_varnish, yellow
 from .features import features
 
 # Natural log of the factor by which a varnish's decay varies.
@@ -70,6 +70,17 @@ class Varnish:
         shape = np.stack([yellow(wavelengths, float(one)) for one in decay])
         return under_varnish(response, bodies, np.maximum(level, 0.0)[:, None] * shape)
 
+    def exchange_at_random(
+        self,
+        response: FilmResponse,
+        wavelengths: Float[np.ndarray, "bands"],
+        bodies: Float[np.ndarray, "films bands"],
+    ) -> Float[np.ndarray, "films bands"]:
+        """Films under the expected varnish as they are seen under others; see `cover`."""
+        expected = self.mean_thickness * yellow(wavelengths)
+        bare = without_varnish(response, bodies, expected)
+        return self.cover_at_random(response, wavelengths, bare)
+
     def differences(
         self,
         response: FilmResponse,
@@ -83,10 +94,18 @@ class Varnish:
         return features(wavelengths, other) - features(wavelengths, expected)
 
 
+def _of_amounts(**chances: float) -> Varnish:
+    """A varnish that may be one of `AMOUNTS`, and none at all with the rest of the chances."""
+    levels, spreads = zip((0.0, 0.0), *(AMOUNTS[name] for name in chances), strict=True)
+    return Varnish(
+        levels=levels, spreads=spreads, chances=(1.0 - sum(chances.values()), *chances.values())
+    )
+
+
 CONDITIONS: dict[str, Varnish | None] = {
     "none": None,
-    "thin": Varnish(levels=(0.2,), spreads=(0.15,), chances=(1.0,)),
-    "yellowed": Varnish(levels=(0.6,), spreads=(0.3,), chances=(1.0,)),
-    "unknown": Varnish(levels=(0.0, 0.2, 0.6), spreads=(0.0, 0.15, 0.3), chances=(0.6, 0.2, 0.2)),
+    "thin": _of_amounts(thin=1.0),
+    "yellowed": _of_amounts(yellowed=1.0),
+    "unknown": _of_amounts(thin=0.2, yellowed=0.2),
 }
 """What may be stated of a varnish -> what is then expected."""

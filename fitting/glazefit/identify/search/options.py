@@ -8,8 +8,9 @@ from glazejax.geometry import Geometry
 
 from ...film.films import Instrument, Noise
 from ...film.model.errors import ModelError, Prior
+from ...film.model.varnish import AMOUNTS
 
-VARNISHES = ("none", "thin", "yellowed", "unknown")
+VARNISHES = ("none", *AMOUNTS, "unknown")
 """What may be said of a varnish."""
 
 

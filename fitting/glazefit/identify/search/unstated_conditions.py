@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from ...film.model.response import FilmResponse
-from ...film.model.varnish import under_varnish, without_varnish, yellow
+from ...film.model.varnish import AMOUNTS, under_varnish, without_varnish, yellow
 from .candidates import find_candidates
 from .pool import Pool
 from .screen import first_starts
@@ -37,8 +37,8 @@ _DARK = 0.04
 """Internal reflectances of grounds that nobody named."""
 CONDITIONS = (
     Condition("", 1.0),
-    Condition(_VARNISHED, 0.08, varnish=0.2),
-    Condition(_VARNISHED, 0.08, varnish=0.6),
+    Condition(_VARNISHED, 0.08, varnish=AMOUNTS["thin"][0]),
+    Condition(_VARNISHED, 0.08, varnish=AMOUNTS["yellowed"][0]),
     Condition("over a light ground", 0.4, ground=_LIGHT, opaque=False),
     Condition("over a dark ground", 0.1, ground=_DARK, opaque=False),
     Condition("hiding its ground", 0.05, opaque=True),
@@ -59,8 +59,7 @@ _WITHOUT = 0.05
 NOT_OPAQUE = (3, 4)
 OTHER_GROUNDS = (5, 6, 7)
 """Numbers of those for films said to be opaque, and of those for one reading over a ground."""
-# Two levels of a varnish that is seen; what is between them is left open.
-_LEVELS = {0.2: 0.15, 0.6: 0.3}
+_LEVELS = dict(AMOUNTS.values())
 """Optical thickness at 400 nm -> its standard deviation."""
 # By which a varnish's thickness and a reading are changed for a slope.
 _STEP = 0.01
