@@ -1,5 +1,6 @@
 """The store of a map: what was written reads back, and what was not finished is not there."""
 
+import asyncio
 import errno
 import json
 import os
@@ -9,6 +10,7 @@ import sys
 import time
 import warnings
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -100,6 +102,28 @@ def test_others_open_the_store_without_a_word(undisturbed: MapStore):
     assert set(dataset.data_vars) == {variable.name for variable in VARIABLES}
     # Whatever order the disk has them in.
     assert list(ours.data_vars) == sorted(variable.name for variable in VARIABLES)
+
+
+def test_variables_stand_in_one_order_however_long_each_takes(
+    undisturbed: MapStore, monkeypatch: pytest.MonkeyPatch
+):
+    """zarr reads arrays side by side, and lists them as they come."""
+    from glazefit.mapping.store.partial_store import FinishedWindows
+
+    read = FinishedWindows.get
+    names = sorted(variable.name for variable in VARIABLES)
+
+    async def slowly(self: FinishedWindows, key: str, *rest: Any, **more: Any) -> Any:
+        name = key.partition("/")[0]
+        if name in names:
+            await asyncio.sleep(0.02 * (len(names) - names.index(name)))
+        return await read(self, key, *rest, **more)
+
+    monkeypatch.setattr(FinishedWindows, "get", slowly)
+    found = open_map(undisturbed.path)
+    assert list(found.data_vars) == names
+    assert {"y", "x", "paint"} <= set(found.coords)
+    assert found.attrs["paints"]
 
 
 def test_sums_are_those_of_the_windows_in_order(undisturbed: MapStore):

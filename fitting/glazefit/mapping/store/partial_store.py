@@ -55,6 +55,6 @@ class FinishedWindows(WrapperStore[LocalStore]):
 
     async def list_dir(self, prefix: str) -> AsyncIterator[str]:
         """Names in a folder, without that of our own work, which is no array."""
-        names = [name async for name in super().list_dir(prefix) if name != WORK]
-        for name in sorted(names):
-            yield name
+        async for name in super().list_dir(prefix):
+            if name != WORK:
+                yield name

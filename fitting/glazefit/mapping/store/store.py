@@ -321,7 +321,10 @@ def open_map(path: str | Path) -> "xarray.Dataset":
     store = MapStore.open(path)
     store.check_files()
     shown = FinishedWindows(LocalStore(store.path, read_only=True), store._marks)
-    return xarray.open_zarr(shown, consolidated=False, chunks=None)
+    found = xarray.open_zarr(shown, consolidated=False, chunks=None)
+    # zarr lists arrays as they come, and reads them side by side.
+    ordered = {name: found[name] for name in sorted(map(str, found.data_vars))}
+    return xarray.Dataset(ordered, coords=found.coords, attrs=found.attrs)
 
 
 def check_map(path: str | Path, *, overwrite: bool = False) -> bool:
