@@ -18,9 +18,12 @@ from glazejax.former_names import accept_former_grounds, accept_former_keywords
 from glazejax.geometry import Geometry, resolve_instrument
 
 from ..film.films import Films, Instrument, Noise, cards
+from ..film.model.errors import Prior
 from ..film.model.mixing import Pigments, listed_pigments
 from ..film.model.response import film_response
+from .coats.weigh_coats import weigh_coats
 from .families.identify_pigments import has_families, identify_families
+from .families.templates import usual_thickness
 from .result import Identification
 from .search.options import IdentificationKeywords, IdentificationOptions, check_keywords
 from .search.searcher import Searcher
@@ -52,9 +55,12 @@ def identify_chunks(
         )
     known = listed_pigments(pigments)
     if has_families(known) and not options.own_films:
-        yield from identify_families(
+        scattering = [np.median(np.asarray(paint.scattering)) for paint in known]
+        coat = usual_thickness(np.array(scattering)[:, None])
+        for found in identify_families(
             wavelengths, spectra, known, options, ground=ground, opaque=opaque, names=names
-        )
+        ):
+            yield found if options.max_coats == 1 else weigh_coats(found, known, options, coat)
         return
     if options.elements or options.without_elements or options.painted is not None:
         raise ValueError(
@@ -64,9 +70,13 @@ def identify_chunks(
     searcher = Searcher.of(wavelengths, pigments, options, opaque=opaque)
     measured = searcher.measure(spectra, ground, names)
     for batch, pool, odds in searcher.search(measured):
-        yield Identification.of(
+        found = Identification.of(
             batch, pool, odds, paints=searcher.paints, opaque=opaque, keep=options.keep
         )
+        # Over several grounds two coats are fitted like others, and weigh what their fit does.
+        if options.max_coats > 1 and batch.readings.shape[1] == 1:
+            found = weigh_coats(found, known, options, (options.prior or Prior()).thickness)
+        yield found
 
 
 def _check_order(wavelengths: ArrayLike, spectra: ArrayLike) -> None:

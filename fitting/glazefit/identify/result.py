@@ -11,6 +11,7 @@ from scipy.special import expit
 from glazejax.catalogue import family
 
 from ..film.model.variation import MIXED, PRIOR, SIZES
+from .coats.odds import CoatsOdds
 from .families.groups import FamilySet
 from .search.pool import NOBODY, Pool
 from .search.task import Measured
@@ -151,6 +152,8 @@ class Identification:
         opaque: whether the films were said to hide their ground.
         family_sets: of each spectrum, sets of pigment families, best first, where families were
             sought; empty where paints were.
+        coats_odds: of each spectrum, how the paints of the best sets may lie, most probable set
+            first; empty where one coat alone was tried, or films were read over several grounds.
     """
 
     measured: Measured
@@ -169,6 +172,7 @@ class Identification:
     condition: Int[np.ndarray, "spectra candidates"]
     opaque: bool
     family_sets: tuple[tuple[FamilySet, ...], ...] = ()
+    coats_odds: tuple[tuple[CoatsOdds, ...], ...] = ()
 
     def __len__(self) -> int:
         return len(self.measured)
@@ -198,11 +202,36 @@ class Identification:
         return (self.none < 0.5) & ~self.rejected[:, 0]
 
     @property
-    def two_coats(self) -> Float[np.ndarray, "spectra"]:
-        """Probability that the film has two coats, over the candidates kept; 0 where one coat alone
-        was tried.
+    def coats_probability(self) -> Float[np.ndarray, "spectra"]:
+        """Probability that a film has more than one coat, if paints of the catalogue explain it; 0
+        where one coat alone was tried.
+
+        From `coats_odds` where these were weighed, which is from readings over one ground; else
+        over the candidates kept.
         """
-        return np.where((self.coats > 0).any(axis=-1), self.probability, 0.0).sum(axis=1)
+        kept = np.where((self.coats > 0).any(axis=-1), self.probability, 0.0).sum(axis=1)
+        for row, own in enumerate(self.coats_odds):
+            if own:
+                kept[row] = sum(one.share * one.layered for one in own)
+        return kept
+
+    def reordered(
+        self,
+        order: Int[np.ndarray, "spectra candidates"],
+        probability: Float[np.ndarray, "spectra candidates"],
+        coats_odds: tuple[tuple[CoatsOdds, ...], ...],
+    ) -> "Identification":
+        """The candidates in another order, with other probabilities.
+
+        Args:
+            order: number of the candidate at each place.
+            probability: of these.
+            coats_odds: of each spectrum.
+        """
+        rows = np.arange(len(order))[:, None]
+        arrays = {name: getattr(self, name)[rows, order] for name in _OF_CANDIDATES}
+        arrays["probability"] = probability
+        return replace(self, coats_odds=coats_odds, **arrays)
 
     @cached_property
     def fractions(self) -> Float[np.ndarray, "spectra candidates 3"]:
@@ -461,6 +490,7 @@ class Identification:
             wide[0],
             measured=Measured.join([part.measured for part in wide]),
             family_sets=tuple(found for part in wide for found in part.family_sets),
+            coats_odds=tuple(odds for part in wide for odds in part.coats_odds),
             **joined,
         )
 
@@ -483,7 +513,7 @@ _OF_SPECTRA = ("none", "misfit", "paint_probability")
 _OF_CANDIDATES = tuple(
     field.name
     for field in fields(Identification)
-    if field.name not in ("measured", "paints", "opaque", "family_sets", *_OF_SPECTRA)
+    if field.name not in ("measured", "paints", "opaque", "family_sets", "coats_odds", *_OF_SPECTRA)
 )
 """Arrays with a row for each spectrum, and with a place for each of its candidates."""
 

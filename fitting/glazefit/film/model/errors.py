@@ -164,7 +164,7 @@ class Prior:
     spread: float = 0.7
     concentration: float | None = None
     sizes: tuple[float, ...] = (0.4, 0.57, 0.03)
-    stacked: float = 0.3
+    stacked: float = 0.5
     extender: float = 0.1
     unknown: float = 0.4
     error: float = 0.05

@@ -52,10 +52,8 @@ def identify_families(
 
     Args and errors are those of `glazefit.identify`; each film is read over one ground.
     """
-    if options.max_coats != 1:
-        raise ValueError(
-            "families of pigments are sought in one coat: use max_coats=1, or own_films=True"
-        )
+    if options.max_coats not in (1, 2, 3):
+        raise ValueError(f"max_coats is {options.max_coats}; 1, 2 or 3 coats can be tried")
     if options.max_paints not in (1, 2, 3):
         raise ValueError(
             f"max_paints is {options.max_paints}; sets of 1 or 2 families can be tried"

@@ -80,13 +80,8 @@ class Searcher(NamedTuple):
             raise ValueError(
                 f"max_paints is {options.max_paints}; sets of 1, 2 or 3 paints can be tried"
             )
-        if options.max_coats not in (1, 2):
-            raise ValueError(f"max_coats is {options.max_coats}; one coat or two can be tried")
-        if options.max_coats == 2 and opaque:
-            raise ValueError(
-                "two coats need to know the ground; an opaque film shows its top coat only: use "
-                "max_coats=1"
-            )
+        if options.max_coats not in (1, 2, 3):
+            raise ValueError(f"max_coats is {options.max_coats}; 1, 2 or 3 coats can be tried")
         instrument = resolve_instrument(options.instrument)
         discrepancy = options.discrepancy or ModelError.between_films()
         prior = options.prior or Prior()
@@ -113,7 +108,8 @@ class Searcher(NamedTuple):
                 prior=expected,
                 extenders=extenders,
                 max_paints=largest,
-                max_coats=options.max_coats,
+                # Stacks are fitted where the ground shows; three coats and opaque ones are weighed.
+                max_coats=1 if opaque else min(options.max_coats, 2),
                 effort=THOROUGH if options.thorough else USUAL,
                 tables=FilmTables(response, paints, largest, expected.spread),
             )

@@ -135,7 +135,7 @@ def _spot(
         "explained": explained,
         "words": ranked[0].words if explained else found.unexplained(row),
         "none_of_these": float(found.none[row]),
-        "two_coats": float(found.two_coats[row]),
+        "two_coats": float(found.coats_probability[row]),
         "paint_probability": {
             found.paints[i]: float(chances[i]) for i in np.argsort(-chances, kind="stable")
         },

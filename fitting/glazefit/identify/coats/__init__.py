@@ -1,0 +1,1 @@
+"""Is a film a mixture, or one paint over another?"""

@@ -1,0 +1,309 @@
+"""How probable a reading is if its paints lie in a certain way, whatever their amounts.
+
+A sum over a grid of amounts. At each node the reading errs by: k and s of the library (as far as
+one pure reading tells k/s), a smooth curve of the model's own, the surface, and what amounts
+between two nodes would change; further by a gain, and by a share of the area in which a part of
+the film is missing: a coat that lies in patches, a mixture that is not stirred well. These two are
+integrated in closed form.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+from scipy.interpolate import make_interp_spline
+from scipy.special import log_ndtr, logsumexp
+
+from ...film.model.errors import smooth_kernel
+from .arrangement import Arrangement
+from .readings import LOG_AMOUNTS, NODES, GridReadings
+
+# Amounts between two nodes of the solver's grid, by the number of paints; readings between them are
+# interpolated by cubic splines.
+_FINER = {1: 6, 2: 4, 3: 2}
+# Bands beyond this, nm, are another detector's.
+_SECOND_CAMERA = 1005.0
+# k and s are related to the reading of a film that hides its ground as K/S = 2 k / (.75 s).
+_RATIO = 2.0 / 0.75
+
+
+@dataclass(frozen=True, kw_only=True)
+class CoatErrors:
+    """What a reading errs by when coats are told from mixtures.
+
+    Attributes:
+        amplitude: standard deviation of the model's own smooth error, in reflectance.
+        length: over which that stays alike, nm.
+        noise: of a single band.
+        offset: of the surface's part, the same in all bands.
+        gains, gain_weights: standard deviations of the relative level, and how probable each is:
+            an instrument that rests on the film, and a probe held by hand.
+        coefficient: standard deviation of log k, beside what one reading leaves open.
+        pure_reading: of the pure paint's reading that k/s was told from.
+        most: largest standard deviation of log k that counts.
+        coefficient_length: over which log k errs alike, nm.
+        second_camera: offset of bands beyond 1 micrometre, which have a detector of their own.
+        patchy: probability that a part of the film is missing in places.
+        patch: standard deviation of the share of the area in which it is.
+        scales, weights: factors of all of these together, and how probable each is.
+        spread: standard deviation of the log of a coat's thickness.
+    """
+
+    amplitude: float = 0.02
+    length: float = 60.0
+    noise: float = 0.003
+    offset: float = 0.015
+    gains: tuple[float, ...] = (0.04, 0.4)
+    gain_weights: tuple[float, ...] = (0.95, 0.05)
+    coefficient: float = 0.1
+    pure_reading: float = 0.01
+    most: float = 0.7
+    coefficient_length: float = 100.0
+    second_camera: float = 0.02
+    patchy: float = 0.1
+    patch: float = 0.2
+    scales: tuple[float, ...] = (0.5, 1.0, 2.0, 4.0)
+    weights: tuple[float, ...] = (0.25, 0.4, 0.25, 0.1)
+    spread: float = 0.9
+
+
+class Evidence(NamedTuple):
+    """What some films tell of an arrangement.
+
+    Attributes:
+        log: log evidence of each film.
+        log_amounts: mean of the logs of the paints' amounts, in usual ones, (films, paints).
+        log_amounts_sd: standard deviations.
+        readings: at these amounts, (films, bands), without the outer surface's part.
+    """
+
+    log: Float[np.ndarray, "films"]
+    log_amounts: Float[np.ndarray, "films paints"]
+    log_amounts_sd: Float[np.ndarray, "films paints"]
+    readings: Float[np.ndarray, "films bands"]
+
+
+def coefficient_sd(
+    absorption: Float[np.ndarray, "paints bands"],
+    scattering: Float[np.ndarray, "paints bands"],
+    errors: CoatErrors,
+) -> Float[np.ndarray, "paints bands"]:
+    """Standard deviation of log k where k/s is known from a reading of a film that hides its ground:
+    large where that film is nearly black or nearly white.
+
+    By Kubelka and Munk: R = a - sqrt(a^2 - 1), a = 1 + K/S.
+    """
+    ratio = _RATIO * absorption / scattering
+    a = 1.0 + ratio
+    # dR / d log(K/S).
+    slope = ratio * (a / np.sqrt(np.maximum(a**2 - 1.0, 1e-12)) - 1.0)
+    told = errors.pure_reading / np.maximum(slope, 1e-4)
+    return np.minimum(np.hypot(errors.coefficient, told), errors.most)
+
+
+def log_prior(arrangement: Arrangement, spread: float) -> Float[np.ndarray, "nodes block"]:
+    """Log of how probable each place of the finer grid is beforehand: each coat's thickness is
+    log-normal, the fractions of its paints are uniform.
+    """
+    own = arrangement.paints
+    logs = _finer_amounts(len(own))
+    column = {place: number for number, place in enumerate(own)}
+    out = np.zeros(logs.shape[:2])
+    for coat in arrangement.coats:
+        inside = logs[..., [column[place] for place in coat]]
+        whole = logsumexp(inside, axis=-1)
+        out -= 0.5 * (whole / spread) ** 2
+        # From fractions to logs of amounts: a factor of each fraction.
+        if len(coat) > 1:
+            out += np.sum(inside - whole[..., None], axis=-1)
+    return out - logsumexp(out)
+
+
+def _axis(count: int) -> tuple[Float[np.ndarray, "nodes"], Float[np.ndarray, "nodes parts"]]:
+    """Nodes along one amount, and the places of the finer grid around each."""
+    nodes = np.linspace(*LOG_AMOUNTS, NODES[count])
+    parts = (np.arange(_FINER[count]) + 0.5) / _FINER[count] - 0.5
+    return nodes, nodes[:, None] + parts * (nodes[1] - nodes[0])
+
+
+def _in_blocks(
+    box: Float[np.ndarray, "..."], count: int, values: int
+) -> Float[np.ndarray, "nodes block values"]:
+    """Values on the whole finer grid, node by node of the coarse one."""
+    coarse, finer = NODES[count], _FINER[count]
+    apart = box.reshape(*[part for _ in range(count) for part in (coarse, finer)], values)
+    nodes_first = [2 * axis for axis in range(count)] + [2 * axis + 1 for axis in range(count)]
+    return apart.transpose(*nodes_first, 2 * count).reshape(coarse**count, finer**count, values)
+
+
+def _finer_amounts(count: int) -> Float[np.ndarray, "nodes block paints"]:
+    along = _axis(count)[1].ravel()
+    grid = np.meshgrid(*[along] * count, indexing="ij")
+    return _in_blocks(np.stack(grid, axis=-1), count, count)
+
+
+def _finer(
+    values: Float[np.ndarray, "nodes bands"], count: int
+) -> Float[np.ndarray, "nodes block bands"]:
+    """Values at the coarse nodes, by cubic splines on the finer grid."""
+    bands = values.shape[-1]
+    nodes, places = _axis(count)
+    weights = make_interp_spline(nodes, np.eye(nodes.size))(places.ravel())
+    box = values.reshape(*[nodes.size] * count, bands)
+    for axis in range(count):
+        box = np.moveaxis(np.tensordot(weights, box, axes=(1, axis)), 0, axis)
+    return _in_blocks(box, count, bands)
+
+
+def weigh_arrangement(
+    bodies: Float[np.ndarray, "films bands"],
+    arrangement: Arrangement,
+    table: GridReadings,
+    deviations: Float[np.ndarray, "paints bands"],
+    wavelengths: Float[np.ndarray, "bands"],
+    errors: CoatErrors,
+) -> Evidence:
+    """Evidence of films for one arrangement.
+
+    Args:
+        bodies: readings without the outer surface's part.
+        arrangement: how the paints lie.
+        table: what that reads.
+        deviations: standard deviations of log k of the arrangement's paints.
+        wavelengths: of the bands, nm.
+        errors: what a reading errs by.
+    """
+    count = len(arrangement.paints)
+
+    # Errors at each node of the coarse grid, whitened by the inverse of their root.
+    covariance = _covariance(table, count, deviations, wavelengths, errors)
+    root = np.linalg.cholesky(covariance)
+    to_white = np.swapaxes(np.linalg.inv(root), 1, 2)
+    log_volume = np.log(np.diagonal(root, axis1=1, axis2=2)).sum(axis=1)
+
+    # Each place of the finer grid takes the errors of its node.
+    readings = _finer(table.readings, count)
+    log_likelihood = _log_likelihood(
+        bodies @ to_white,
+        readings @ to_white,
+        [(_finer(patch, count) - readings) @ to_white for patch in table.patches],
+        errors,
+    )
+    log_likelihood -= log_volume[:, None, None]
+
+    posterior = log_likelihood + log_prior(arrangement, errors.spread)[..., None]
+    posterior = posterior.reshape(-1, len(bodies))
+    total = np.asarray(logsumexp(posterior, axis=0))
+    share = np.exp(posterior - total)
+    logs = _finer_amounts(count).reshape(-1, count)
+    mean = share.T @ logs
+    variance = share.T @ logs**2 - mean**2
+    return Evidence(
+        log=total,
+        log_amounts=mean,
+        log_amounts_sd=np.sqrt(np.maximum(variance, 0.0)),
+        readings=readings.reshape(len(logs), -1)[np.argmax(posterior, axis=0)],
+    )
+
+
+def _covariance(
+    table: GridReadings,
+    count: int,
+    deviations: Float[np.ndarray, "paints bands"],
+    wavelengths: Float[np.ndarray, "bands"],
+    errors: CoatErrors,
+) -> Float[np.ndarray, "nodes bands bands"]:
+    """Of the readings at each node of the coarse grid, gain and patches aside."""
+    bands = wavelengths.size
+    fixed = errors.amplitude**2 * smooth_kernel(wavelengths, errors.length)
+    fixed += errors.noise**2 * np.eye(bands) + errors.offset**2
+    beyond = wavelengths > _SECOND_CAMERA
+    if beyond.any() and not beyond.all():
+        fixed += errors.second_camera**2 * np.outer(beyond, beyond)
+
+    # What errors of each paint's k cause.
+    caused = table.slopes * deviations[:, None]
+    own = np.einsum("pni,pnj->nij", caused, caused, optimize=True)
+    covariance = fixed + own * smooth_kernel(wavelengths, errors.coefficient_length)
+
+    # What amounts between the places of the finer grid would change.
+    apart = (LOG_AMOUNTS[1] - LOG_AMOUNTS[0]) / (NODES[count] - 1)
+    between = apart / _FINER[count]
+    box = table.readings.reshape(*[NODES[count]] * count, bands)
+    for axis in range(count):
+        change = np.gradient(box, apart, axis=axis).reshape(-1, bands) * (0.6 * between)
+        covariance += change[:, :, None] * change[:, None, :]
+    return covariance
+
+
+def _log_likelihood(
+    seen: Float[np.ndarray, "nodes films bands"],
+    computed: Float[np.ndarray, "nodes block bands"],
+    patches: Sequence[Float[np.ndarray, "nodes block bands"]],
+    errors: CoatErrors,
+) -> Float[np.ndarray, "nodes block films"]:
+    """Of films at places whose errors are those of their node; readings are whitened by these.
+
+    Args:
+        seen: readings of the films.
+        computed: at the places.
+        patches: what a part that is missing everywhere would change.
+        errors: gains, patches and scales.
+    """
+    films = np.swapaxes(seen, 1, 2)
+    size = np.sum(computed**2, axis=-1)[..., None]
+    across = computed @ films
+    off = np.sum(seen**2, axis=-1)[:, None] - 2.0 * across + size
+    along = across - size
+    parts = []
+    for gain, gain_weight in zip(errors.gains, errors.gain_weights, strict=True):
+        # The gain is Gaussian: its direction is taken out, and its volume counted.
+        volume = 1.0 + gain**2 * size
+        left = off - gain**2 * along**2 / volume
+        whole = gain_weight * (1.0 - errors.patchy if patches else 1.0)
+        parts += _over_scales(left, volume, whole, seen.shape[-1], errors)
+        for patch in patches:
+            with_gain = np.sum(patch * computed, axis=-1)[..., None]
+            own = np.sum(patch**2, axis=-1)[..., None]
+            length = own - gain**2 * with_gain**2 / volume
+            product = patch @ films - with_gain - gain**2 * with_gain * along / volume
+            chance = gain_weight * errors.patchy / len(patches)
+            parts += _over_scales(
+                left, volume, chance, seen.shape[-1], errors, patch=(length, product)
+            )
+    return np.asarray(logsumexp(parts, axis=0))
+
+
+def _over_scales(
+    left: Float[np.ndarray, "nodes block films"],
+    volume: Float[np.ndarray, "nodes block 1"],
+    chance: float,
+    bands: int,
+    errors: CoatErrors,
+    patch: tuple[np.ndarray, np.ndarray] | None = None,
+) -> list[Float[np.ndarray, "nodes block films"]]:
+    """Log likelihood with all errors larger or smaller by each scale, and with a patch or without."""
+    out = []
+    for scale, weight in zip(errors.scales, errors.weights, strict=True):
+        value = -0.5 * left / scale**2 - 0.5 * np.log(volume) - bands * np.log(scale)
+        if patch is not None:
+            length, product = (part / scale**2 for part in patch)
+            value = value + _log_patch(length, product, errors.patch)
+        out.append(value + np.log(chance * weight))
+    return out
+
+
+def _log_patch(
+    length: Float[np.ndarray, "nodes block #films"],
+    product: Float[np.ndarray, "nodes block films"],
+    deviation: float,
+) -> Float[np.ndarray, "nodes block films"]:
+    """Log of the integral over a share above 0, half a Gaussian beforehand, of how much better it
+    meets a film.
+    """
+    precision = length + 1.0 / deviation**2
+    mean = product / precision
+    log_mass = log_ndtr(mean * np.sqrt(precision))
+    return np.log(2.0 / deviation) + 0.5 * mean**2 * precision - 0.5 * np.log(precision) + log_mass

@@ -1,0 +1,53 @@
+"""Odds of mixture and superposition, as an answer gives them."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+DECIDED = 0.9
+"""Probability from which a verdict counts as told."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class CoatsOdds:
+    """How one set of paints may lie in a film, whatever their amounts.
+
+    Attributes:
+        paints: names of the set.
+        chances: probability of each arrangement, in words such as "Azurite + LeadWhite", "LeadWhite
+            over Azurite" or "Azurite"; together 1.
+        layered: probability of more than one coat.
+        share: probability of this set among all that were weighed.
+        reason: why the spectrum does not tell; empty where it does.
+        amounts_90: 90 % intervals of the paints' amounts in the most probable arrangement, m; NaN
+            for films that hide their ground, and for a paint that is not in it. (paints, 2).
+    """
+
+    paints: tuple[str, ...]
+    chances: Mapping[str, float]
+    layered: float
+    share: float
+    reason: str
+    amounts_90: Float[np.ndarray, "paints 2"]
+
+    @property
+    def most_probable(self) -> str:
+        """The arrangement, in words."""
+        return max(self.chances, key=lambda words: self.chances[words])
+
+    def words(self) -> str:
+        """One sentence."""
+        best = self.most_probable
+        several = " over " in best
+        if self.reason:
+            return (
+                f"whether these paints were mixed or laid one over another is open "
+                f"({self.layered:.0%} for several coats): {self.reason}"
+            )
+        if several:
+            return f"laid one over another: {best} ({self.chances[best]:.0%})"
+        if len(self.paints) > 1 and " + " in best:
+            return f"mixed, not laid one over another ({1.0 - self.layered:.0%} for one coat)"
+        return f"one coat ({1.0 - self.layered:.0%})"
