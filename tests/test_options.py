@@ -55,6 +55,55 @@ def test_a_wrong_command_line_is_one_line(run, words, message):
     assert err.count("\n") == 1
 
 
+BOXES = ["Used most", "What it is given", "What it tries", "What it writes", "Fine points"]
+
+
+@pytest.mark.parametrize(
+    "command", ["export", "identify", "map", "posterior", "predict", "recipe", "recover", "render"]
+)
+def test_help_has_the_five_usual_options_first_and_all_others_in_boxes(run, command):
+    function = command_group().commands[command].callback
+    boxes = function.help_groups.boxes
+    named = [name for names in boxes.values() for name in names]
+    there = [p.opts[0] for p in command_group().commands[command].params if p.opts[0][:1] == "-"]
+    assert named == there, "each option stands in one box, and the help has their order"
+    assert len(boxes["Used most"]) == 5
+    _, out, _ = run(command, "--help")
+    places = [out.find(f"─ {title} ─") for title in BOXES if boxes[title]]
+    assert -1 not in places
+    assert places == sorted(places)
+    assert "─ Options ─" not in out
+    for name in boxes["Used most"]:
+        assert places[0] < out.index(f" {name} ", places[0]) < places[1]
+
+
+def test_commands_with_many_options_have_boxes():
+    for command in command_group().commands.values():
+        assert len(command.params) < 10 or hasattr(command.callback, "help_groups"), command.name
+
+
+def command_group():
+    import typer.main
+
+    return typer.main.get_command(cli.make_app())
+
+
+def test_a_shell_completes_commands_and_options(run, monkeypatch):
+    """What `--install-completion` puts into a shell asks for completions in this way."""
+    for typed, expected in (("glazejax iden", "identify"), ("glazejax map --cata", "--catalogue")):
+        monkeypatch.setenv("_GLAZEJAX_COMPLETE", "complete_bash")
+        monkeypatch.setenv("COMP_WORDS", typed)
+        monkeypatch.setenv("COMP_CWORD", str(typed.count(" ")))
+        assert run()[:2] == (0, f"{expected}\n")
+
+
+def test_the_script_of_a_shell_is_shown(run, monkeypatch):
+    monkeypatch.setenv("_TYPER_COMPLETE_TEST_DISABLE_SHELL_DETECTION", "1")
+    status, out, _ = run("--show-completion", "bash")
+    assert status == 0
+    assert "_GLAZEJAX_COMPLETE=complete_bash" in out
+
+
 VOCABULARY = {
     "render": "instrument refractive-index ground pigments illuminant observer out csv overwrite",
     "recover": "instrument refractive-index thickness noise noise-share samples out overwrite seed",

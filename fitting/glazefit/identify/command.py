@@ -11,6 +11,7 @@ import typer
 
 from glazejax.commands import options, progress
 from glazejax.commands.command_line import command_line, ground_file, option
+from glazejax.commands.help_groups import help_groups
 
 if TYPE_CHECKING:
     import numpy as np
@@ -34,6 +35,16 @@ def register(app: typer.Typer) -> None:
     app.command("identify")(identify)
 
 
+@help_groups(
+    usual="--ground --catalogue --only --out --report",
+    given=(
+        "--samples --bare --opaque --pigments --without --elements --without-elements "
+        "--painted --varnish --own-films --instrument"
+    ),
+    tried="--max-paints --max-coats --thorough",
+    written="--top --csv --residuals --overwrite",
+    fine="--thickness --refractive-index --noise --noise-share --model-error",
+)
 def identify(
     file: Annotated[
         Path | None,

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from glazejax.commands import options, progress
+from glazejax.commands.help_groups import help_groups
 
 if TYPE_CHECKING:
     import xarray
@@ -30,6 +31,19 @@ def _option(text: str, metavar: str = "") -> Any:
     return typer.Option(help=text, metavar=metavar or None, show_default=False)
 
 
+@help_groups(
+    usual="--ground --catalogue --only --out --report",
+    given=(
+        "--wavelengths --dataset --white --dark --white-reflectance --scale --window --mask "
+        "--bin --bands --pigments --without --spot --bare --opaque --instrument"
+    ),
+    tried="--max-paints --max-coats --example",
+    written="--csv --export --overwrite",
+    fine=(
+        "--thickness --refractive-index --noise --noise-share --model-error --memory "
+        "--scheduler"
+    ),
+)
 def map_(
     cube: Annotated[
         Path | None,

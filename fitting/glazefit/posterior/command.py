@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 import typer
 
 from glazejax.commands import options, progress
+from glazejax.commands.help_groups import help_groups
 from glazejax.extras import require
 
 if TYPE_CHECKING:
@@ -37,6 +38,13 @@ def register(app: typer.Typer) -> None:
     app.command("posterior")(posterior)
 
 
+@help_groups(
+    usual="--paints --coats --ground --out --steps",
+    given="--sample --pigments --catalogue --instrument --thickness --paint-error",
+    tried="--bands --simulate",
+    written="--resume --overwrite",
+    fine="--walkers --thin --noise --noise-share --refractive-index --seed",
+)
 def posterior(
     file: Annotated[
         Path | None,

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from glazejax.commands import options, progress
+from glazejax.commands.help_groups import help_groups
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -28,6 +29,16 @@ def register(app: typer.Typer) -> None:
     app.command("recipe")(recipe)
 
 
+@help_groups(
+    usual="--lab --srgb --spectrum --only --out",
+    given=(
+        "--samples --colourchecker --patch --pigments --catalogue --without --ground "
+        "--instrument"
+    ),
+    tried="--glazes --max-paints --max-coats --coat-thickness --illuminants --test-illuminant",
+    written="--count --csv --json --spectra --overwrite",
+    fine="--metamerism --observer --refractive-index --seed",
+)
 def recipe(
     lab: Annotated[
         str | None,

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from glazejax.commands import options, progress
+from glazejax.commands.help_groups import help_groups
 from glazejax.extras import require
 
 from .settings import Output, PriorKnowledge
@@ -25,6 +26,13 @@ def register(app: typer.Typer) -> None:
     app.command("recover")(recover)
 
 
+@help_groups(
+    usual="--out --into --white --thickness --joint",
+    given="--samples --masstones --names --wet-film --excluded --catalogue --instrument",
+    tried="--law --check --simulate",
+    written="--plots --overwrite",
+    fine="--noise --noise-share --refractive-index --seed",
+)
 def recover(
     file: Annotated[
         Path | None,

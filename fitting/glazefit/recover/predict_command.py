@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from glazejax.commands import options, progress
+from glazejax.commands.help_groups import help_groups
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -32,6 +33,12 @@ def register(app: typer.Typer) -> None:
     app.command("predict")(predict)
 
 
+@help_groups(
+    usual="--reading --thickness --pigments --catalogue --csv",
+    given="--samples --instrument",
+    written="--overwrite",
+    fine="--illuminant --observer --refractive-index",
+)
 def predict(
     mixture: Annotated[
         str,

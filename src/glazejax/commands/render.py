@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, NamedTuple
 import typer
 
 from . import options
+from .help_groups import help_groups
 
 if TYPE_CHECKING:
     import numpy as np
@@ -30,6 +31,12 @@ def register(app: typer.Typer) -> None:
     app.command("render")(render)
 
 
+@help_groups(
+    usual="--coats --ground --catalogue --out --list",
+    given="--stack --pigments --instrument --illuminant --observer",
+    written="--csv --write-stack --ladder --overwrite",
+    fine="--refractive-index --tolerance",
+)
 def render(
     coats: Annotated[
         str | None,
