@@ -281,13 +281,47 @@ def test_paints_of_a_shelf(tmp_path):
         options.choose_paints(shelf, "Mauve")
 
 
-@pytest.mark.parametrize("name", ["Titanium", "acrylics:TitaniumWhite", "titanium white"])
+@pytest.mark.parametrize("name", ["Titanium", "titanium white", "TitanumWhite"])
 def test_a_paint_of_another_catalogue_is_pointed_out(name):
-    with pytest.raises(ValueError, match=r"the acrylics have TitaniumWhite \(--catalogue acrylics"):
+    with pytest.raises(ValueError, match="acrylics:TitaniumWhite") as elsewhere:
         options.choose_paints(catalogue.load("oils"), name)
+    assert "--catalogue" not in str(elsewhere.value)
     with pytest.raises(ValueError, match="there is no pigment 'Nonsense'") as nowhere:
         options.choose_paints(catalogue.load("oils"), "Nonsense")
-    assert "--catalogue" not in str(nowhere.value)
+    assert "acrylics" not in str(nowhere.value)
+    with pytest.raises(ValueError, match=r"the nearest are ZincWhite, ZincWhiteLinseed$"):
+        options.choose_paints(catalogue.load("oils"), "Zinc")
+
+
+@pytest.mark.parametrize("name", ["acrylics:TitaniumWhite", "acrylics/titanium white"])
+def test_a_paint_of_another_catalogue_is_found_by_both(name, capsys):
+    oils = catalogue.load("oils")
+    white, zinc = options.choose_paints(oils, f"{name},ZincWhite")
+    assert (white.name, zinc.name) == ("acrylics:TitaniumWhite", "ZincWhite")
+    np.testing.assert_array_equal(
+        white.scattering, catalogue.load("acrylics")["TitaniumWhite"].scattering
+    )
+    assert "a length of its own" in capsys.readouterr().err
+    (plain,) = options.choose_paints(catalogue.load("acrylics"), f"{name},TitaniumWhite")
+    assert plain.name == "TitaniumWhite"
+    kept = options.choose_paints(oils, without="oils:ZincWhite")
+    assert [paint.name for paint in kept] == [name for name in oils if name != "ZincWhite"]
+    assert capsys.readouterr().err == ""
+
+
+def test_own_paints_stand_beside_a_catalogue_that_is_named(tmp_path, capsys):
+    path = tmp_path / "mine.csv"
+    rows = [f"{name},{nm},1,1,0,0,True" for name in ("ZincWhite", "Mine") for nm in (400, 500)]
+    path.write_text("\n".join([HEADER, *rows]))
+    assert list(options.read_shelf(path)) == ["ZincWhite", "Mine"]
+    assert capsys.readouterr().err == ""
+    both = options.read_shelf(path, "oils")
+    assert list(both) == [*catalogue.load("oils"), "Mine"]
+    assert float(both["ZincWhite"].absorption[0]) == 1
+    assert capsys.readouterr().err == (f"note: ZincWhite: that of {path} is taken, not of oils\n")
+    theirs = options.choose_paints(both, "oils:ZincWhite,ZincWhite")
+    assert [paint.name for paint in theirs] == ["oils:ZincWhite", "ZincWhite"]
+    assert float(theirs[0].absorption[0]) != 1
 
 
 def test_no_two_options_write_one_file(tmp_path, monkeypatch):
@@ -396,16 +430,10 @@ def test_a_picture_is_refused_before_it_is_computed(monkeypatch, run, tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.parametrize(
-    ("path", "name", "words"),
-    [
-        (None, "oil", "there is no catalogue 'oil'; choose from oils, acrylics"),
-        (Path("own.csv"), "acrylics", "leave out --catalogue, or leave out --pigments"),
-    ],
-)
-def test_a_catalogue_of_no_name_or_beside_own_paints_is_refused(path, name, words):
-    with pytest.raises(ValueError, match=words):
-        options.read_shelf(path, name)
+@pytest.mark.parametrize("path", [None, Path("own.csv")])
+def test_a_catalogue_of_no_name_is_refused(path):
+    with pytest.raises(ValueError, match="there is no catalogue 'oil'; choose from oils, acrylics"):
+        options.read_shelf(path, "oil")
 
 
 @pytest.mark.parametrize("error", [RuntimeError("Unknown backend foo"), AssertionError()])

@@ -201,6 +201,16 @@ def test_a_stack_is_written_and_drawn(run, tmp_path):
     assert "a file that is read" in err
 
 
+def test_a_paint_of_another_catalogue_has_the_studios_name_in_a_stack(run, tmp_path):
+    coats = "acrylics:TitaniumWhite:9um, CobaltBlue:2um"
+    status, out, _ = run("--coats", coats, "--write-stack", "two.json", pigments=None)
+    assert status == 0
+    assert "acrylics:TitaniumWhite" in out
+    stack = read_stack(tmp_path / "two.json")
+    assert [coat.name for coat in stack.coats] == ["acrylics/TitaniumWhite", "CobaltBlue"]
+    assert dict(stack.pigments) == {}
+
+
 def test_warnings_and_sources(run):
     _, out, _ = run(*STACK)
     assert re.search(r"warning: Red at 620-700 nm: measurements fix only k/s", out)

@@ -40,8 +40,7 @@ def _option(text: str, metavar: str = "") -> Any:
     tried="--max-paints --max-coats --example",
     written="--csv --export --overwrite",
     fine=(
-        "--thickness --refractive-index --noise --noise-share --model-error --memory "
-        "--scheduler"
+        "--thickness --refractive-index --noise --noise-share --model-error --memory --scheduler"
     ),
 )
 def map_(
@@ -109,7 +108,7 @@ def map_(
         str, _option("First and last wavelength that are used, nm: 420-700.", "NM-NM")
     ] = "",
     pigments: options.Pigments = None,
-    catalogue: options.CatalogueName = options.OILS,
+    catalogue: options.CatalogueName = None,
     only: options.Only = "",
     without: options.Without = "",
     spot: Annotated[
@@ -270,7 +269,7 @@ def map_(
         cube = made["cube"]
         if not (opaque or ground):
             ground = str(made["ground"])
-        if not (pigments or only or without or catalogue != options.OILS):
+        if not (pigments or only or without or catalogue not in (None, options.OILS)):
             without = made["without"]
     assert cube is not None
     paints = options.choose_paints(options.read_shelf(pigments, catalogue), only, without)

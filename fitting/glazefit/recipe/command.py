@@ -32,8 +32,7 @@ def register(app: typer.Typer) -> None:
 @help_groups(
     usual="--lab --srgb --spectrum --only --out",
     given=(
-        "--samples --colourchecker --patch --pigments --catalogue --without --ground "
-        "--instrument"
+        "--samples --colourchecker --patch --pigments --catalogue --without --ground --instrument"
     ),
     tried="--glazes --max-paints --max-coats --coat-thickness --illuminants --test-illuminant",
     written="--count --csv --json --spectra --overwrite",
@@ -125,7 +124,7 @@ def recipe(
     only: options.Only = "",
     without: options.Without = "",
     pigments: options.Pigments = None,
-    catalogue: options.CatalogueName = options.OILS,
+    catalogue: options.CatalogueName = None,
     ground: Annotated[str | None, options.ground_option(_GROUND)] = None,
     refractive_index: options.RefractiveIndex = 1.5,
     instrument: Annotated[str | None, options.instrument_option(_GEOMETRY)] = None,
@@ -238,7 +237,7 @@ def recipe(
         "--refractive-index": None if refractive_index == 1.5 else refractive_index,
         "--illuminant": None if lights[0] == "D65" else lights[0],
         "--observer": None if str(observer) == "2" else observer,
-        "--catalogue": None if catalogue == options.OILS else catalogue,
+        "--catalogue": catalogue,
         "--pigments": pigments,
     }
     seen = shlex.join(

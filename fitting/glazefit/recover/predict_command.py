@@ -74,7 +74,7 @@ def predict(
     ] = "",
     out: options.Csv = None,
     pigments: options.Pigments = None,
-    catalogue: options.CatalogueName = options.OILS,
+    catalogue: options.CatalogueName = None,
     instrument: Annotated[str | None, options.instrument_option(_GEOMETRY)] = None,
     refractive_index: options.RefractiveIndex = 1.5,
     illuminant: options.Illuminant = "D65",
@@ -102,12 +102,15 @@ def predict(
             "--samples is for the film of --reading; leave it out, or give --reading FILE"
         )
     from glazejax.colour import find_illuminant, find_observer
-    from glazejax.paint.describe import find_name
 
     illuminant = find_illuminant(illuminant)
     observer = find_observer(observer)
     shelf = options.read_shelf(pigments, catalogue)
-    recipe = {find_name(name, shelf): weight for name, weight in recipe.items()}
+    mixed = options.find_paints(recipe, shelf)
+    if len(mixed) < len(recipe):
+        raise ValueError(f"a paint is named twice in {mixture!r}; add its weights up")
+    recipe = dict(zip(mixed, recipe.values(), strict=True))
+    shelf = shelf | mixed
 
     from rich.console import Console
 

@@ -56,7 +56,7 @@ def sort_options(function: Any, params: list[Any]) -> list[Any]:
     last = len(place)
     return sorted(
         params,
-        key=lambda param: -1
-        if param.param_type_name == "argument"
-        else place.get(param.opts[0], last),
+        key=lambda param: (
+            -1 if param.param_type_name == "argument" else place.get(param.opts[0], last)
+        ),
     )

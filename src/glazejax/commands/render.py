@@ -92,7 +92,7 @@ def render(
             show_default=False,
         ),
     ] = None,
-    catalogue: options.CatalogueName = options.OILS,
+    catalogue: options.CatalogueName = None,
     tolerance: Annotated[
         float, typer.Option(help="Largest error of a reflectance that you accept.")
     ] = 1e-6,
@@ -286,13 +286,22 @@ def _write_stack(
     ground = bed.reflectance
     if not isinstance(ground, int | float):
         ground = Spectrum(bed.media[0].wavelengths, ground)
-    named = {name: shelf[name] for coat in coats for _, name in coat.parts}
+    # The studio has a stroke where the command has a colon: acrylics/TitaniumWhite.
+    in_studio = {
+        name: stroke if (stroke := name.replace(":", "/")) in known else name
+        for coat in coats
+        for _, name in coat.parts
+    }
     # One of another catalogue, or one's own: the same name in the studio would be another paint.
     own = {
-        name: paint
-        for name, paint in named.items()
-        if name not in known or known[name].provenance != paint.provenance
+        new: shelf[name]
+        for name, new in in_studio.items()
+        if new not in known or known[new].provenance != shelf[name].provenance
     }
+    coats = [
+        coat._replace(parts=tuple((share, in_studio[name]) for share, name in coat.parts))
+        for coat in coats
+    ]
     write_stack(
         path,
         Stack(
@@ -324,8 +333,12 @@ def _ladder_layer(coats: "Sequence[Coat]", ladder: str | None) -> int:
     return found[0]
 
 
-def _shelf(path: Path | None, catalogue: str, names: Sequence[str] = ()) -> "Mapping[str, Pigment]":
-    """Own pigments, and a catalogue behind them unless nothing is wanted from it."""
+def _shelf(
+    path: Path | None, catalogue: str | None, names: Sequence[str] = ()
+) -> "Mapping[str, Pigment]":
+    """Own pigments, and a catalogue behind them unless nothing is wanted from it; for names of
+    paints, those of all catalogues as ``acrylics:TitaniumWhite`` too.
+    """
     from ..paint.describe import find_name
     from ..paint.pigment_table import read_pigments
 
@@ -338,7 +351,8 @@ def _shelf(path: Path | None, catalogue: str, names: Sequence[str] = ()) -> "Map
             pass
         else:
             return own
-    return {**options.read_shelf(None, catalogue), **own}
+    shelf = {**options.read_shelf(None, catalogue), **own}
+    return options.all_named(shelf) if names else shelf
 
 
 def _list(console, shelf: "Mapping[str, Pigment]") -> None:
