@@ -125,7 +125,7 @@ def render(
             "shows the pigments"
         )
     start_jax()
-    from ..paint.describe import format_length, make_media, name_paints, parse_coats
+    from ..paint.describe import format_length, name_paints, parse_coats
 
     # Everything that can be wrong is looked at before anything is computed.
     given = None if stack is None else _read_stack(stack)
@@ -153,7 +153,8 @@ def render(
     below = _ground_of(given) if given is not None and ground is None else None
     bed = _lay(
         below or options.read_ground(_GROUND if ground is None else ground),
-        make_media(described, shelf),
+        described,
+        shelf,
     )
 
     from ..paint.media import Glaze, Layer
@@ -371,12 +372,16 @@ class _Bed(NamedTuple):
     notes: list[str]
 
 
-def _lay(ground: options.Ground, media: "list[Pigment | Mixture]") -> _Bed:
-    """Bring the ground and everything on it to the wavelengths that all of it covers."""
+def _lay(
+    ground: options.Ground, coats: "Sequence[Coat]", shelf: "Mapping[str, Pigment]"
+) -> _Bed:
+    """Bring the ground and all paints on it to the wavelengths that all of it covers."""
+    from ..paint.describe import make_media
     from ..spectra import describe_grid, same_grid
 
     notes = list(ground.notes)
-    grids = [medium.wavelengths for medium in media]
+    used = {name: shelf[name] for coat in coats for _, name in coat.parts}
+    grids = [paint.wavelengths for paint in used.values()]
     if ground.wavelengths is not None:
         grids.append(ground.wavelengths)
     low = max(g[0] for g in grids)
@@ -392,8 +397,11 @@ def _lay(ground: options.Ground, media: "list[Pigment | Mixture]") -> _Bed:
             "pigments and ground differ in wavelengths; everything is computed at "
             f"{describe_grid(grid)}"
         )
-        media = [m if same_grid(grid, m.wavelengths) else m.resample(grid) for m in media]
-    return _Bed(media, ground.on(grid), ground.words, notes)
+        used = {
+            name: paint if same_grid(grid, paint.wavelengths) else paint.resample(grid)
+            for name, paint in used.items()
+        }
+    return _Bed(make_media(coats, used), ground.on(grid), ground.words, notes)
 
 
 def _remarks(used: "Mapping[str, Pigment]") -> list[tuple[str, str]]:
