@@ -426,6 +426,12 @@ TABLE: dict[str, dict[str, Reaches | Looked]] = {
         "--without": Reaches(
             "--without Eosin", lambda g: "Eosin" in [*map(name_of, g["pigments"])], False
         ),
+        "--modern": Reaches(
+            f"--modern {OWN_PAINTS} --catalogue oils",
+            lambda g: {"EmeraldGreen", "Own", "ZincWhite"} & {*map(name_of, g["pigments"])},
+            {"Own", "ZincWhite"},
+            base=f"--lab 50,20,30 {OWN_PAINTS} --catalogue oils",
+        ),
         "--pigments": Reaches(
             OWN_PAINTS, lambda g: [*map(name_of, g["pigments"])], ["ZincWhite", "Own"]
         ),

@@ -14,6 +14,8 @@ from glazejax.commands.help_groups import help_groups
 if TYPE_CHECKING:
     from rich.console import Console
 
+    from glazejax import Pigment
+
     from .recipe import Recipe
     from .targets import Target
     from .task import Task
@@ -32,7 +34,8 @@ def register(app: typer.Typer) -> None:
 @help_groups(
     usual="--lab --srgb --spectrum --only --out",
     given=(
-        "--samples --colourchecker --patch --pigments --catalogue --without --ground --instrument"
+        "--samples --colourchecker --patch --pigments --catalogue --without --modern --ground "
+        "--instrument"
     ),
     tried="--glazes --max-paints --max-coats --coat-thickness --illuminants --test-illuminant",
     written="--count --csv --json --spectra --overwrite",
@@ -123,6 +126,14 @@ def recipe(
     ] = None,
     only: options.Only = "",
     without: options.Without = "",
+    modern: Annotated[
+        bool,
+        typer.Option(
+            "--modern",
+            help="Leave out paints that are poisonous, or rarely or no longer sold; your own all "
+            "stay.",
+        ),
+    ] = False,
     pigments: options.Pigments = None,
     catalogue: options.CatalogueName = None,
     ground: Annotated[str | None, options.ground_option(_GROUND)] = None,
@@ -198,6 +209,7 @@ def recipe(
     if spectra is not None and not all(target.spectral for target in targets):
         raise ValueError("--spectra: the target is a colour and has no spectrum; leave it out")
     paints = options.choose_paints(options.read_shelf(pigments, catalogue), only, without)
+    paints = _modern(paints) if modern else paints
     task = make_task(
         targets,
         paints,
@@ -248,6 +260,23 @@ def recipe(
     console.print(f"wrote {files}", markup=False)
     if how.interrupted:
         progress.stop_interrupted(console, len(found), len(targets), "targets")
+
+
+def _modern(paints: "list[Pigment]") -> "list[Pigment]":
+    """Paints that are neither poisonous nor hard to buy.
+
+    Raises:
+        ValueError: there is none.
+    """
+    from glazejax import catalogue
+
+    kept = [paint for paint in paints if not catalogue.caution(paint)]
+    if not kept:
+        words = "; ".join(f"{paint.name}: {catalogue.caution(paint)}" for paint in paints[:4])
+        raise ValueError(
+            f"--modern leaves no paint ({words}): name others, such as --catalogue acrylics"
+        )
+    return kept
 
 
 def _targets(

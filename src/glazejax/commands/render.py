@@ -372,9 +372,7 @@ class _Bed(NamedTuple):
     notes: list[str]
 
 
-def _lay(
-    ground: options.Ground, coats: "Sequence[Coat]", shelf: "Mapping[str, Pigment]"
-) -> _Bed:
+def _lay(ground: options.Ground, coats: "Sequence[Coat]", shelf: "Mapping[str, Pigment]") -> _Bed:
     """Bring the ground and all paints on it to the wavelengths that all of it covers."""
     from ..paint.describe import make_media
     from ..spectra import describe_grid, same_grid
