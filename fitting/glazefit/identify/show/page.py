@@ -83,7 +83,7 @@ def page(record: Record, table: str, data: str) -> Iterator[str]:
     """The page, piece by piece; `table` and `data` are names of the files beside it."""
     yield page_start(f"Paint identification: {record['title']}", _head(record))
     yield _summary(record)
-    yield "<h2>Spots</h2>\n"
+    yield '<h2 class="spots">Spots</h2>\n'
     yield from spots_html(record, data, spot_html)
     yield _method(record)
     yield record_section(record, table, data)
