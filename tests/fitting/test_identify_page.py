@@ -19,7 +19,7 @@ from glazefit.identify.search.pool import NOBODY
 from glazefit.identify.search.task import Measured
 from glazefit.identify.show.contenders import Contenders
 from glazefit.identify.show.figures import draw_spectra
-from glazefit.identify.show.page import DRAWN, page, write_page
+from glazefit.identify.show.page import DRAWN, LISTED, page, write_page
 from glazefit.identify.show.record import Provenance, make_record, table_rows
 from glazefit.identify.show.ruled_out import ruled_out
 from glazefit.page.inputs import input_files
@@ -507,3 +507,14 @@ def test_a_spot_is_printed_on_a_page(tmp_path, paper):
 def pages(data: str) -> int:
     """Pages of a PDF, as base64."""
     return len(re.findall(rb"/Type\s*/Page\b", base64.b64decode(data)))
+
+
+def test_a_large_catalogue_is_listed_in_the_json_alone():
+    filed = record(identification())
+    filed["catalogue"] |= {"paints": [f"Paint{n}" for n in range(LISTED + 1)], "provenance": "many"}
+    words = parsed(filed).words[""]
+    assert f"{LISTED + 1} paints, which report.json lists" in words
+    assert "Paint7" not in words
+    assert "that of each paint, in report.json" in words
+    filed["catalogue"]["paints"].pop()
+    assert "Paint7, Paint8" in parsed(filed).words[""]

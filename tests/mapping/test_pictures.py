@@ -137,6 +137,9 @@ def test_a_film_that_hides_its_ground_shows_shares_and_no_amounts(dataset):
     # Nothing of a paint is known to be nothing.
     assert (seen.paint_amount[..., paint][seen.paint_share[..., paint] == 0] == 0).all()
     assert np.isfinite([each.scale.high for each in numbers_of(seen)]).all()
+    # Its thickness is nowhere known: no picture that is grey all over.
+    assert {"thickness", "probability"} & {each.key for each in numbers_of(seen)} == {"probability"}
+    assert all(np.isfinite(each.values).any() for each in numbers_of(seen))
 
 
 def test_the_legend_map_has_the_colour_of_each_set_and_stripes_for_none(look):

@@ -18,6 +18,8 @@ from .spectrum_html import Record, length_html, number_html, spot_html, swatches
 
 DRAWN = 60
 """Spots whose spectra are drawn; those of all are in the JSON."""
+LISTED = 60
+"""Paints of a catalogue that the page lists; those of a larger one are in the JSON."""
 
 
 def beside(path: Path) -> tuple[Path, Path]:
@@ -265,12 +267,13 @@ def record_section(record: Record, table: str, data: str) -> str:
             f"<tr><td>catalogue</td><td><code>{escape(catalogue['file'])}</code> of glazejax "
             f"{record['versions']['glazejax']}</td><td><code>{catalogue['sha256']}</code></td></tr>\n"
         )
-    paints = (
-        f"<dt>Catalogue</dt><dd>{escape(catalogue['name'])}: "
-        f"{escape(', '.join(catalogue['paints']))}</dd>"
-    )
+    count = len(catalogue["paints"])
+    listed = count <= LISTED
+    words = ", ".join(catalogue["paints"]) if listed else f"{count} paints, which {data} lists"
+    paints = f"<dt>Catalogue</dt><dd>{escape(catalogue['name'])}: {escape(words)}</dd>"
     if catalogue.get("provenance"):
-        paints += f"<dt>Its source</dt><dd>{escape(catalogue['provenance'])}</dd>"
+        source = catalogue["provenance"] if listed else f"that of each paint, in {data}"
+        paints += f"<dt>Its source</dt><dd>{escape(source)}</dd>"
     versions = ", ".join(f"{name} {number}" for name, number in record["versions"].items())
     return (
         f"<h2>Record</h2>\n<dl><dt>Command</dt><dd><code>{escape(record['command'])}</code></dd>"

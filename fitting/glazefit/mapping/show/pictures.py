@@ -105,11 +105,11 @@ def _box(area: Bool[np.ndarray, "rows columns"], half: int) -> Float[np.ndarray,
 
 
 def numbers_of(look: Overview) -> list[MapPicture]:
-    """Maps of numbers that hold for the whole film."""
+    """Maps of numbers that hold for the whole film; one that is nowhere known has none."""
     means = look.means
     thick = means["thickness"] * 1e6
     top = _top(thick, 98.0, 1.0)
-    return [
+    shown = [
         MapPicture(
             key="probability",
             title="How sure: probability of the most probable set",
@@ -156,6 +156,7 @@ def numbers_of(look: Overview) -> list[MapPicture]:
             scale=Scale("inferno", 0.0, _top(means["rmse"], 99.5, 0.001)),
         ),
     ]
+    return [each for each in shown if np.isfinite(each.values).any()]
 
 
 def paint_pictures(look: Overview, paint: int) -> list[MapPicture]:
