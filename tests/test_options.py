@@ -5,6 +5,7 @@ are missing.
 import sys
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -82,7 +83,7 @@ def test_commands_with_many_options_have_boxes():
         assert len(command.params) < 10 or hasattr(command.callback, "help_groups"), command.name
 
 
-def command_group():
+def command_group() -> Any:
     import typer.main
 
     return typer.main.get_command(cli.make_app())

@@ -20,6 +20,7 @@ def whole_parts(shares: Sequence[float]) -> tuple[int, ...]:
     """
     least = min(shares)
     total = sum(shares)
+    parts: list[int] = []
     for smallest in range(1, _MOST + 1):
         parts = [round(share / least * smallest) for share in shares]
         whole = sum(parts)
