@@ -93,6 +93,12 @@ def test_what_a_painter_of_today_may_not_want():
             ),
             "poisonous (cadmium)",
         ),
+        (
+            lambda: catalogue.pigment("CadmiumOrange", "acrylics").renamed(
+                "acrylics/CadmiumOrange"
+            ),
+            "poisonous (cadmium)",
+        ),
         (lambda: catalogue.pigment("PyrroleRed", "acrylics"), ""),
         (lambda: catalogue.pigment("LeadWhite").renamed("LeadWhite", provenance="mine"), ""),
     ],

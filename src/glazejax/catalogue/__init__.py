@@ -222,7 +222,9 @@ def caution(paint: Pigment) -> str:
         'poisonous (arsenic), no longer sold'
     """
     shelf = next((n for n, s in _SHIPPED.items() if s.provenance == paint.provenance), "")
-    known = families_of(shelf).get(paint.name.rpartition(":")[2], "")
+    # A paint of another catalogue than the oils may have that before its name.
+    name = paint.name.replace("/", ":").rpartition(":")[2]
+    known = families_of(shelf).get(name, "")
     about = families().get(paint.family or known)
     return "" if about is None else about.caution
 
