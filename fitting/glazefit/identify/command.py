@@ -435,8 +435,8 @@ def _about(
     own = typed["pigments"]
     name = typed["catalogue"] or (options.OILS if own is None else None)
     words = " and ".join(str(each) for each in (own, name) if each is not None)
-    scales = filter(None, map(catalogue.assumed_scale, paints))
-    shelf: dict[str, Any] = {"name": words, "scale": next(scales, None)}
+    scales = dict.fromkeys(filter(None, map(catalogue.assumed_scale, paints)))
+    shelf: dict[str, Any] = {"name": words, "scale": "; ".join(scales) or None}
     if name is not None:
         shelf["file"], shelf["sha256"] = catalogue.checksum(name)
     return Provenance(
