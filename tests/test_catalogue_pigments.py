@@ -69,6 +69,49 @@ def test_what_is_known_of_a_family():
         assert all(symbol.isalpha() for symbol in family.elements), family.name
 
 
+def test_what_a_painter_of_today_may_not_want():
+    known = catalogue.families()
+    for family in known.values():
+        assert family.sold in ("", "rarely", "no longer"), family.name
+        # Eosin is a lake of lead at times; smalt and cobalt violet hold arsenic at times.
+        if set(family.elements) & {"Pb", "Hg", "Cd", "As"}:
+            sometimes = family.name in ("eosin", "smalt", "cobalt violet")
+            assert bool(family.poison) is not sometimes, family.name
+    assert known["cadmium red"].caution == "poisonous (cadmium)"
+    assert known["titanium white"].caution == ""
+
+
+@pytest.mark.parametrize(
+    ("paint", "words"),
+    [
+        (lambda: catalogue.pigment("LeadWhite"), "poisonous (lead), rarely sold"),
+        (lambda: catalogue.pigment("ChromeYellowOtero"), "poisonous (lead chromate), rarely sold"),
+        (lambda: catalogue.pigment("UltramarineBlue"), ""),
+        (
+            lambda: catalogue.pigment("CadmiumOrange", "acrylics").renamed(
+                "acrylics:CadmiumOrange"
+            ),
+            "poisonous (cadmium)",
+        ),
+        (
+            lambda: catalogue.pigment("CadmiumOrange", "acrylics").renamed(
+                "acrylics/CadmiumOrange"
+            ),
+            "poisonous (cadmium)",
+        ),
+        (lambda: catalogue.pigment("PyrroleRed", "acrylics"), ""),
+        (lambda: catalogue.pigment("LeadWhite").renamed("LeadWhite", provenance="mine"), ""),
+    ],
+)
+def test_a_paint_is_marked_by_its_pigment(paint, words):
+    assert catalogue.caution(paint()) == words
+
+
+def test_an_exemplar_is_marked_by_its_family(shelf):
+    for paint in shelf.values():
+        assert catalogue.caution(paint) == catalogue.families()[paint.family].caution
+
+
 def test_a_family_survives_another_grid_and_another_name(shelf):
     paint = next(iter(shelf.values()))
     grid = np.asarray(paint.wavelengths)[2:-2]

@@ -328,6 +328,13 @@ TABLE: dict[str, dict[str, Reaches | Looked]] = {
             base=TUBE,
             engine="recover_jointly",
         ),
+        "--catalogue": Reaches(
+            "--catalogue acrylics --white TitaniumWhite",
+            lambda g: [*(g["pigments"] or ())],
+            ["TitaniumWhite"],
+            base="acrylic.csv --out found",
+            engine="recover_jointly",
+        ),
         "--wet-film": Reaches(
             "--wet-film 80um±20%",
             lambda g: (g["gauge"].typical, g["gauge"].error),
@@ -419,6 +426,12 @@ TABLE: dict[str, dict[str, Reaches | Looked]] = {
         "--without": Reaches(
             "--without Eosin", lambda g: "Eosin" in [*map(name_of, g["pigments"])], False
         ),
+        "--modern": Reaches(
+            f"--modern {OWN_PAINTS} --catalogue oils",
+            lambda g: {"EmeraldGreen", "Own", "ZincWhite"} & {*map(name_of, g["pigments"])},
+            {"Own", "ZincWhite"},
+            base=f"--lab 50,20,30 {OWN_PAINTS} --catalogue oils",
+        ),
         "--pigments": Reaches(
             OWN_PAINTS, lambda g: [*map(name_of, g["pigments"])], ["ZincWhite", "Own"]
         ),
@@ -468,6 +481,12 @@ TABLE: dict[str, dict[str, Reaches | Looked]] = {
             lambda g: float(g["pigments"][0].absorption[0]),
             1000.0,
             base=f"{FILMS} --sample one --paints ZincWhite --out found",
+        ),
+        "--catalogue": Reaches(
+            "--catalogue acrylics --paints TitaniumWhite",
+            lambda g: [*map(name_of, g["pigments"])],
+            ["TitaniumWhite"],
+            base=f"{FILMS} --sample one --paints acrylics:CadmiumOrange --out found",
         ),
         "--ground": Reaches(
             "--ground 0.3",
@@ -609,6 +628,10 @@ def _reach(monkeypatch: pytest.MonkeyPatch) -> Callable[[str, str], Reached | No
     table("one.csv", {f"one_{end}": value for end, value in cards.items()})
     mixed = ("Blue", "Blue 1:3 ZincWhite", "Blue 1:3 Own")
     table("tube.csv", {f"{film}_{end}": value for film in mixed for end, value in cards.items()})
+    acrylic = ("Blue", "Blue 1:3 TitaniumWhite")
+    table(
+        "acrylic.csv", {f"{film}_{end}": value for film in acrylic for end, value in cards.items()}
+    )
     Path("mixtures.tsv").write_text("one\tRed-White|100-0\ntwo\tRed-White|40-60\n")
     Path("other.tsv").write_text("one\tUmber|100\ntwo\tUmber-White|40-60\n")
     paints = [

@@ -5,6 +5,7 @@ are missing.
 import sys
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -53,6 +54,55 @@ def test_a_wrong_command_line_is_one_line(run, words, message):
     assert message in err
     assert "--help)" in err
     assert err.count("\n") == 1
+
+
+BOXES = ["Used most", "What it is given", "What it tries", "What it writes", "Fine points"]
+
+
+@pytest.mark.parametrize(
+    "command", ["export", "identify", "map", "posterior", "predict", "recipe", "recover", "render"]
+)
+def test_help_has_the_five_usual_options_first_and_all_others_in_boxes(run, command):
+    function = command_group().commands[command].callback
+    boxes = function.help_groups.boxes
+    named = [name for names in boxes.values() for name in names]
+    there = [p.opts[0] for p in command_group().commands[command].params if p.opts[0][:1] == "-"]
+    assert named == there, "each option stands in one box, and the help has their order"
+    assert len(boxes["Used most"]) == 5
+    _, out, _ = run(command, "--help")
+    places = [out.find(f"─ {title} ─") for title in BOXES if boxes[title]]
+    assert -1 not in places
+    assert places == sorted(places)
+    assert "─ Options ─" not in out
+    for name in boxes["Used most"]:
+        assert places[0] < out.index(f" {name} ", places[0]) < places[1]
+
+
+def test_commands_with_many_options_have_boxes():
+    for command in command_group().commands.values():
+        assert len(command.params) < 10 or hasattr(command.callback, "help_groups"), command.name
+
+
+def command_group() -> Any:
+    import typer.main
+
+    return typer.main.get_command(cli.make_app())
+
+
+def test_a_shell_completes_commands_and_options(run, monkeypatch):
+    """What `--install-completion` puts into a shell asks for completions in this way."""
+    for typed, expected in (("glazejax iden", "identify"), ("glazejax map --cata", "--catalogue")):
+        monkeypatch.setenv("_GLAZEJAX_COMPLETE", "complete_bash")
+        monkeypatch.setenv("COMP_WORDS", typed)
+        monkeypatch.setenv("COMP_CWORD", str(typed.count(" ")))
+        assert run()[:2] == (0, f"{expected}\n")
+
+
+def test_the_script_of_a_shell_is_shown(run, monkeypatch):
+    monkeypatch.setenv("_TYPER_COMPLETE_TEST_DISABLE_SHELL_DETECTION", "1")
+    status, out, _ = run("--show-completion", "bash")
+    assert status == 0
+    assert "_GLAZEJAX_COMPLETE=complete_bash" in out
 
 
 VOCABULARY = {
@@ -232,13 +282,47 @@ def test_paints_of_a_shelf(tmp_path):
         options.choose_paints(shelf, "Mauve")
 
 
-@pytest.mark.parametrize("name", ["Titanium", "acrylics:TitaniumWhite", "titanium white"])
+@pytest.mark.parametrize("name", ["Titanium", "titanium white", "TitanumWhite"])
 def test_a_paint_of_another_catalogue_is_pointed_out(name):
-    with pytest.raises(ValueError, match=r"the acrylics have TitaniumWhite \(--catalogue acrylics"):
+    with pytest.raises(ValueError, match="acrylics:TitaniumWhite") as elsewhere:
         options.choose_paints(catalogue.load("oils"), name)
+    assert "--catalogue" not in str(elsewhere.value)
     with pytest.raises(ValueError, match="there is no pigment 'Nonsense'") as nowhere:
         options.choose_paints(catalogue.load("oils"), "Nonsense")
-    assert "--catalogue" not in str(nowhere.value)
+    assert "acrylics" not in str(nowhere.value)
+    with pytest.raises(ValueError, match=r"the nearest are ZincWhite, ZincWhiteLinseed$"):
+        options.choose_paints(catalogue.load("oils"), "Zinc")
+
+
+@pytest.mark.parametrize("name", ["acrylics:TitaniumWhite", "acrylics/titanium white"])
+def test_a_paint_of_another_catalogue_is_found_by_both(name, capsys):
+    oils = catalogue.load("oils")
+    white, zinc = options.choose_paints(oils, f"{name},ZincWhite")
+    assert (white.name, zinc.name) == ("acrylics:TitaniumWhite", "ZincWhite")
+    np.testing.assert_array_equal(
+        white.scattering, catalogue.load("acrylics")["TitaniumWhite"].scattering
+    )
+    assert "a length of its own" in capsys.readouterr().err
+    (plain,) = options.choose_paints(catalogue.load("acrylics"), f"{name},TitaniumWhite")
+    assert plain.name == "TitaniumWhite"
+    kept = options.choose_paints(oils, without="oils:ZincWhite")
+    assert [paint.name for paint in kept] == [name for name in oils if name != "ZincWhite"]
+    assert capsys.readouterr().err == ""
+
+
+def test_own_paints_stand_beside_a_catalogue_that_is_named(tmp_path, capsys):
+    path = tmp_path / "mine.csv"
+    rows = [f"{name},{nm},1,1,0,0,True" for name in ("ZincWhite", "Mine") for nm in (400, 500)]
+    path.write_text("\n".join([HEADER, *rows]))
+    assert list(options.read_shelf(path)) == ["ZincWhite", "Mine"]
+    assert capsys.readouterr().err == ""
+    both = options.read_shelf(path, "oils")
+    assert list(both) == [*catalogue.load("oils"), "Mine"]
+    assert float(both["ZincWhite"].absorption[0]) == 1
+    assert capsys.readouterr().err == (f"note: ZincWhite: that of {path} is taken, not of oils\n")
+    theirs = options.choose_paints(both, "oils:ZincWhite,ZincWhite")
+    assert [paint.name for paint in theirs] == ["oils:ZincWhite", "ZincWhite"]
+    assert float(theirs[0].absorption[0]) != 1
 
 
 def test_no_two_options_write_one_file(tmp_path, monkeypatch):
@@ -347,16 +431,10 @@ def test_a_picture_is_refused_before_it_is_computed(monkeypatch, run, tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.parametrize(
-    ("path", "name", "words"),
-    [
-        (None, "oil", "there is no catalogue 'oil'; choose from oils, acrylics"),
-        (Path("own.csv"), "acrylics", "leave out --catalogue, or leave out --pigments"),
-    ],
-)
-def test_a_catalogue_of_no_name_or_beside_own_paints_is_refused(path, name, words):
-    with pytest.raises(ValueError, match=words):
-        options.read_shelf(path, name)
+@pytest.mark.parametrize("path", [None, Path("own.csv")])
+def test_a_catalogue_of_no_name_is_refused(path):
+    with pytest.raises(ValueError, match="there is no catalogue 'oil'; choose from oils, acrylics"):
+        options.read_shelf(path, "oil")
 
 
 @pytest.mark.parametrize("error", [RuntimeError("Unknown backend foo"), AssertionError()])

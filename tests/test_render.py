@@ -173,9 +173,11 @@ def test_a_stack_is_written_and_drawn(run, tmp_path):
         "Red:3um x2, 0.7*ZincWhite+0.3*DeepBlue:1um",
         *options,
         "--write-stack",
-        "stack.json",
+        "mixed.json",
+        "--out",
+        "mixed.png",
     )
-    assert status == 2  # on other wavelengths than the catalogue's: no mixture of the two
+    assert status == 0  # on other wavelengths than the catalogue's: those that both have
     status, first, _ = run(
         "--coats", "Red:3um x2, DeepBlue:1um", *options, "--write-stack", "stack.json"
     )
@@ -199,6 +201,16 @@ def test_a_stack_is_written_and_drawn(run, tmp_path):
     status, _, err = run("--stack", "stack.json", "--write-stack", "stack.json", "--overwrite")
     assert status == 2
     assert "a file that is read" in err
+
+
+def test_a_paint_of_another_catalogue_has_the_studios_name_in_a_stack(run, tmp_path):
+    coats = "acrylics:TitaniumWhite:9um, CobaltBlue:2um"
+    status, out, _ = run("--coats", coats, "--write-stack", "two.json", pigments=None)
+    assert status == 0
+    assert "acrylics:TitaniumWhite" in out
+    stack = read_stack(tmp_path / "two.json")
+    assert [coat.name for coat in stack.coats] == ["acrylics/TitaniumWhite", "CobaltBlue"]
+    assert dict(stack.pigments) == {}
 
 
 def test_warnings_and_sources(run):

@@ -196,9 +196,13 @@ def _commands() -> str:
         # Markdown, too.
         words = as_markdown(inspect.cleandoc(command.help or "").replace("\b\n", ""))
         lines += [f"## glazejax {name}", "", words, "", "| option | what it does |", "|---|---|"]
+        box = None
         for one in command.params:
             if getattr(one, "hidden", False) or one.name == "help":
                 continue
+            if (title := getattr(one, "rich_help_panel", None)) != box:
+                lines.append(f"| **{title}** | |")
+                box = title
             flags = ", ".join(f"`{flag}`" for flag in [*one.opts, *one.secondary_opts])
             if one.param_type_name == "argument":
                 flags = f"`{(one.metavar or one.name).upper()}`"

@@ -83,6 +83,10 @@ def table(tmp_path_factory):
             "the table of --report is films.csv, a file that is read",
         ),
         (["films.csv", "--out", "picture.txt"], "pictures end in"),
+        (
+            ["films.csv", "--pigments", "mine.csv", "--catalogue", "pigments"],
+            "the paints of mine.csv have none: choose --catalogue oils or acrylics",
+        ),
     ],
 )
 def test_wrong_options_are_one_error_before_anything_is_computed(arguments, complaint):

@@ -138,6 +138,10 @@ def test_an_interrupt_keeps_what_is_finished(run, monkeypatch):
         (["--lab", "50,0,0", "--ground", "none.csv"], "'none.csv' is neither a number"),
         (["--lab", "50,0,0", "--only", "Mauve"], "no pigment 'Mauve'"),
         (["--lab", "50,0,0", "--only", "Red", "--without", "Red"], "leave no paint"),
+        (
+            ["--lab", "50,0,0", "--catalogue", "oils", "--only", "LeadWhite,Minium", "--modern"],
+            "--modern leaves no paint (LeadWhite: poisonous (lead), rarely sold; Minium:",
+        ),
         (["--lab", "50,0,0", "--out", "a.txt"], "pictures end in"),
         (["--lab", "50,0,0", "--csv", "no/a.csv"], "does not exist"),
         (["--lab", "50,0,0", "--spectra", "s.csv"], "has no spectrum"),

@@ -173,7 +173,23 @@ def test_bad_input_is_one_line_and_status_2(run, tmp_path, films):
             [good, "--out", "o", "--instrument", "45:0:specular"],
             ["the mirror reflection is not in view"],
         ),
-        ([good, "--out", "o", "--white", "Chalk"], ["unknown pigment 'Chalk'"]),
+        ([good, "--out", "o", "--white", "Chalk"], ["no pigment 'Chalk'"]),
+        (
+            [good, "--out", "o", "--white", "TitaniumWhite"],
+            ["the nearest is acrylics:TitaniumWhite"],
+        ),
+        (
+            [good, "--out", "o", "--white", "acrylics:TitaniumWhite"],
+            ["no film holds TitaniumWhite"],
+        ),
+        (
+            [good, "--out", "o", "--catalogue", "acrylics"],
+            ["--catalogue acrylics says where the white", "add --white NAME or --simulate"],
+        ),
+        (
+            ["--simulate", "--out", "o", "--catalogue", "pigments"],
+            ["--catalogue is 'pigments'", "oils or acrylics"],
+        ),
         ([good, "--out", "o", "--white", "ZincWhite"], ["no film holds ZincWhite", "01A, 02B"]),
         ([good, "--out", "o", "--wet-film", "thick"], ["--wet-film is 'thick'"]),
         ([good, "--out", "o", "--wet-film", "03A=20um"], ["--wet-film: no film is called '03A'"]),
@@ -187,7 +203,7 @@ def test_bad_input_is_one_line_and_status_2(run, tmp_path, films):
         ([good, "--simulate", "--out", "o"], ["--simulate needs no data"]),
         (
             ["--simulate", "--out", "o", "--samples", "Vermilion"],
-            ["unknown pigment 'Vermilion'", "'Vermillion'"],
+            ["no pigment 'Vermilion'", "Vermillion"],
         ),
     ]
     for words, parts in cases:

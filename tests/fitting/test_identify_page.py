@@ -2,6 +2,7 @@
 from elsewhere.
 """
 
+import base64
 import csv
 import importlib
 import json
@@ -18,10 +19,12 @@ from glazefit.identify.search.pool import NOBODY
 from glazefit.identify.search.task import Measured
 from glazefit.identify.show.contenders import Contenders
 from glazefit.identify.show.figures import draw_spectra
-from glazefit.identify.show.page import DRAWN, page, write_page
+from glazefit.identify.show.page import DRAWN, LISTED, page, write_page
 from glazefit.identify.show.record import Provenance, make_record, table_rows
 from glazefit.identify.show.ruled_out import ruled_out
 from glazefit.page.inputs import input_files
+
+from ..studio.browser import start_browser
 
 # `glazefit.identify` is the function too, so that the name alone does not lead there.
 MODULE = importlib.import_module("glazefit.identify.show.spectrum_html")
@@ -444,3 +447,74 @@ def test_files_that_were_read_are_hashed_with_the_other_half_of_a_pair(tmp_path)
         "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad"
     }
     assert input_files({"FILE": tmp_path / "gone"})[0]["sha256"] is None
+
+
+def test_what_a_page_of_paper_has_no_room_for_is_named_there():
+    filed = crowded(record(identification()))
+    seen = parsed(filed)
+    rows = [given.get("class") or "" for tag, given in seen.tags if tag == "tr"]
+    assert sum("more" in names for names in rows) == 2 * (2 * 4 + 16 + 2)
+    for spot, words in zip(
+        filed["spots"], (seen.words["spot-1"], seen.words["spot-2"]), strict=True
+    ):
+        said = words[words.index("Also, in the files beside this page: ") :]
+        assert "2 less probable" in said
+        printed = [paint["paint"] for paint in spot["ruled_out"] if f"{paint['paint']}:" in words]
+        assert printed == [paint["paint"] for paint in spot["ruled_out"]]
+        assert spot["ruled_out"][-1]["paint"] in said.rpartition("beside this page: ")[2]
+
+
+def crowded(filed: dict) -> dict:
+    """The same with five sets of three paints for each spot, many paints that are ruled out, and
+    much that is open.
+    """
+    for spot in filed["spots"]:
+        first = spot["explanations"][0]
+        three = [*first["paints"], first["paints"][0]]
+        spot["explanations"] = [{**first, "rank": n, "paints": three} for n in range(1, 6)]
+        one = spot["ruled_out"][0]
+        spot["ruled_out"] = [
+            {
+                **one,
+                "paint": f"Paint{n}",
+                "kind": ("misfit", "trace", "worse", "unneeded")[n // 6],
+                "reason": f"Paint{n}: the best film with it is off by Delta E00 7.1, and more.",
+            }
+            for n in range(24)
+        ]
+        spot["doubts"] = ["It may also hold up to 97.8 % ChromeYellowPoppyseed or as much. " * 8]
+    return filed
+
+
+@pytest.mark.browser
+@pytest.mark.parametrize("paper", [(8.27, 11.69), (8.5, 11.0)], ids=["A4", "Letter"])
+def test_a_spot_is_printed_on_a_page(tmp_path, paper):
+    """A page for the summary, one for each spot, and what there is to say of the method."""
+    filed = crowded(record(identification(names=("one", "two", "three"))))
+    write_page(filed, tmp_path / "report.html")
+    browser = start_browser(tmp_path)
+    try:
+        browser.get((tmp_path / "report.html").as_uri())
+        found = browser.execute_cdp_cmd(
+            "Page.printToPDF", {"paperWidth": paper[0], "paperHeight": paper[1]}
+        )
+    finally:
+        browser.quit()
+    summary, method = 1, 1
+    assert pages(found["data"]) == summary + 3 + method
+
+
+def pages(data: str) -> int:
+    """Pages of a PDF, as base64."""
+    return len(re.findall(rb"/Type\s*/Page\b", base64.b64decode(data)))
+
+
+def test_a_large_catalogue_is_listed_in_the_json_alone():
+    filed = record(identification())
+    filed["catalogue"] |= {"paints": [f"Paint{n}" for n in range(LISTED + 1)], "provenance": "many"}
+    words = parsed(filed).words[""]
+    assert f"{LISTED + 1} paints, which report.json lists" in words
+    assert "Paint7" not in words
+    assert "that of each paint, in report.json" in words
+    filed["catalogue"]["paints"].pop()
+    assert "Paint7, Paint8" in parsed(filed).words[""]

@@ -1,3 +1,4 @@
+import json
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -11,13 +12,14 @@ from glazefit.film.colour_metric import lab_metric
 from glazefit.film.films import Instrument
 from glazefit.recipe import refine as refine_module
 from glazefit.recipe.model import Optics, empty_slots, fill_slots, make_model, readings
+from glazefit.recipe.parts import CLOSE, whole_parts
 from glazefit.recipe.refine import refine
-from glazefit.recipe.report import print_best, print_recipes
+from glazefit.recipe.report import describe_coat, print_best, print_recipes, write_json
 from glazefit.recipe.screen import Stacks, TargetArrays, _sensible
 from glazefit.recipe.selection import Scored, pack_coats, roundings, select
 from glazefit.recipe.sobol import scrambled_sobol
 from glazefit.recipe.targets import colourchecker_targets, lab_target, spectral_target, srgb_target
-from glazejax import Bidirectional, colour
+from glazejax import Bidirectional, catalogue, colour
 
 from .palette import GRID, palette
 
@@ -99,6 +101,51 @@ def test_a_recipe_that_did_not_settle_is_named(capsys):
         assert (
             f"stopped before it had settled for the recipe of {recipe.target.name}:" in said
         ) is not settled
+
+
+@pytest.mark.parametrize(
+    ("shares", "parts"),
+    [
+        ((0.84, 0.15, 0.01), (84, 15, 1)),
+        ((0.505, 0.495), (1, 1)),
+        ((0.667, 0.333), (2, 1)),
+        ((1.0,), (1,)),
+    ],
+)
+def test_parts_are_whole_numbers(shares, parts):
+    assert whole_parts(shares) == parts
+
+
+def test_parts_stand_to_each_other_as_shares_do():
+    rng = np.random.default_rng(2)
+    for count in (2, 3, 4) * 50:
+        shares = rng.dirichlet(np.full(count, 0.4))
+        shares = np.maximum(shares, 0.001)
+        shares = shares / shares.sum()
+        parts = np.array(whole_parts(shares))
+        assert parts.min() >= 1
+        np.testing.assert_allclose(parts / parts.sum(), shares, rtol=CLOSE)
+
+
+def test_what_is_poisonous_is_marked_and_parts_stand_beside_per_cent(capsys, tmp_path):
+    oils = catalogue.load("oils")
+    recipe = find_recipes(
+        (78, 20, 25), [oils["Minium"], oils["ZincWhite"]], max_coats=1, max_paints=2, count=1
+    )[0]
+    assert recipe.cautions == {"Minium": "poisonous (lead), rarely sold"}
+    (coat,) = recipe.coats
+    parts = whole_parts([share for share, _ in coat.parts])
+    print_recipes([recipe], Console(width=100))
+    said = capsys.readouterr().out
+    assert f"{' : '.join(map(str, parts))} " in said
+    assert "% Minium ! " in said
+    assert "% ZincWhite ! " not in said
+    assert "! Minium: poisonous (lead), rarely sold (--modern" in " ".join(said.split())
+    assert describe_coat(coat).replace("\u00a0", " ").endswith(f"({' : '.join(map(str, parts))})")
+    write_json([[recipe]], tmp_path / "r.json")
+    found = json.loads((tmp_path / "r.json").read_text())[0][0]
+    assert list(found["coats"][0]["parts"].values()) == list(parts)
+    assert found["cautions"] == recipe.cautions
 
 
 def test_the_metric_is_the_colour_difference_of_small_steps():

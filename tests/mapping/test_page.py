@@ -16,7 +16,7 @@ from glazefit.mapping.store.layout import Status, Way
 
 from .truth_map import GRID, truth_map
 
-pytest.importorskip("xarray")
+xr = pytest.importorskip("xarray")
 ABOUT = Provenance(
     "a <b>painting</b>",
     created="2026-01-02, 03:04",
@@ -187,3 +187,17 @@ def test_a_small_spectrum_has_the_mean_at_its_height():
     assert np.interp(y, (y[2], y[0]), (1, 0)) == pytest.approx(mean, abs=0.01)
     assert lines[0] == lines[1]
     assert _spectra(None, grid, "a") == "–"
+
+
+def test_pictures_fill_their_row(made, tmp_path):
+    """True colour, sets and false colour stand side by side; without the last, two do."""
+    dataset, tallies, sets = made
+    scene = painting((64, 96), GRID, seed=2)
+    cube = xr.DataArray(
+        scene.rows(0, 64), dims=("y", "x", "wavelength"), coords={"wavelength": GRID}
+    )
+    for given, kind, count in ((cube, "maps three", 3), (None, "maps", 2)):
+        folder = tmp_path / str(count)
+        written = write_report(dataset, tallies, sets, ABOUT, folder, cube=given)
+        row = written.read_text().partition(f'<div class="{kind}">')[2].partition("<h2>")[0]
+        assert row.count("<figure>") == count

@@ -6,12 +6,16 @@ import numpy as np
 import pytest
 from benchmarks.known_painting import painting
 
-from glazefit.mapping.show.overview import overview, square_means
-from glazefit.mapping.show.pictures import (
+from glazefit.mapping.show.legend import (
     BLANK,
-    LEGEND,
+    MOST_SETS,
     OTHERS,
     STRIPES,
+    legend_colours,
+    seen_colours,
+)
+from glazefit.mapping.show.overview import overview, square_means
+from glazefit.mapping.show.pictures import (
     MapPicture,
     Scale,
     colour_numbers,
@@ -23,32 +27,15 @@ from glazefit.mapping.show.pictures import (
     numbers_of,
     own_colours,
     paint_pictures,
+    set_colours,
 )
 from glazefit.mapping.store.layout import Status, Way
+from glazejax.colour import delta_e_2000
+from glazejax.plots import hex_colour
 
 from .truth_map import GRID, truth_map
 
 pytest.importorskip("xarray")
-# One or two kinds of cones missing, on linear sRGB: G. Machado, M. Oliveira, L. Fernandes, IEEE
-# TVCG 15:1291 (2009).
-CONES = {
-    "three": np.eye(3),
-    "no long": [
-        [0.152286, 1.052583, -0.204868],
-        [0.114503, 0.786281, 0.099216],
-        [-0.003882, -0.048116, 1.051998],
-    ],
-    "no middle": [
-        [0.367322, 0.860646, -0.227968],
-        [0.280085, 0.672501, 0.047413],
-        [-0.01182, 0.04294, 0.968881],
-    ],
-    "no short": [
-        [1.255528, -0.076749, -0.178779],
-        [-0.078411, 0.930809, 0.147602],
-        [0.004733, 0.691367, 0.3039],
-    ],
-}
 
 
 @pytest.fixture(scope="module")
@@ -150,15 +137,18 @@ def test_a_film_that_hides_its_ground_shows_shares_and_no_amounts(dataset):
     # Nothing of a paint is known to be nothing.
     assert (seen.paint_amount[..., paint][seen.paint_share[..., paint] == 0] == 0).all()
     assert np.isfinite([each.scale.high for each in numbers_of(seen)]).all()
+    # Its thickness is nowhere known: no picture that is grey all over.
+    assert {"thickness", "probability"} & {each.key for each in numbers_of(seen)} == {"probability"}
+    assert all(np.isfinite(each.values).any() for each in numbers_of(seen))
 
 
 def test_the_legend_map_has_the_colour_of_each_set_and_stripes_for_none(look):
     image = legend_map(look)
     times = image.shape[1] // 128
     small = image[times // 2 :: times, times // 2 :: times]
-    for members, colour in zip(legend_sets(look), LEGEND, strict=False):
+    for members, colour in zip(legend_sets(look), set_colours(look), strict=True):
         assert (small[look.where(members)] == rgb(colour)).all()
-    rest = np.any([look.where(members) for members in look.ranked[len(LEGEND) :]], axis=0)
+    rest = np.any([look.where(members) for members in look.ranked[MOST_SETS:]], axis=0)
     assert (small[rest] == rgb(OTHERS)).all()
     assert rest.any()
     assert (small[look.examples["status"] != Status.MAPPED] == rgb(BLANK)).all()
@@ -175,18 +165,36 @@ def test_numbers_of_sets_stand_within_them(look):
         assert look.where(members)[int(y * 96), int(x * 128)]
 
 
-def test_colours_of_the_legend_differ_for_everybody():
-    from glazejax.colour import delta_e_2000, srgb_to_xyz, xyz_to_lab
+def apart(colours: list[str]) -> float:
+    """The least CIEDE2000 between two colours, whoever looks."""
+    shades = np.array([rgb(colour) for colour in colours]) / 255.0
+    pairs = np.array(list(itertools.combinations(range(len(colours)), 2)))
+    seen = seen_colours(shades)
+    assert len(seen) == 4
+    return float(delta_e_2000(seen[:, pairs[:, 0]], seen[:, pairs[:, 1]]).min())
 
-    encoded = np.array([rgb(colour) for colour in (*LEGEND, OTHERS, BLANK)]) / 255.0
-    linear = np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4)
-    for who, cones in CONES.items():
-        seen = np.clip(linear @ np.transpose(cones), 0, 1)
-        shown = np.where(seen <= 0.0031308, 12.92 * seen, 1.055 * seen ** (1 / 2.4) - 0.055)
-        lab = np.asarray(xyz_to_lab(srgb_to_xyz(shown), srgb_to_xyz(np.ones(3))))
-        pairs = np.array(list(itertools.combinations(range(len(lab)), 2)))
-        apart = np.asarray(delta_e_2000(lab[pairs[:, 0]], lab[pairs[:, 1]]))
-        assert apart.min() > 10, (who, pairs[apart.argmin()])
+
+def test_colours_of_the_legend_differ_for_everybody(look):
+    rng = np.random.default_rng(0)
+    painted = [hex_colour(shade) for shade in rng.uniform(0, (1.0, 0.7, 0.5), (MOST_SETS, 3))]
+    for own in (own_colours(look), painted, ["#d8d2c0"] * MOST_SETS):
+        assert apart([*legend_colours(own), OTHERS, BLANK]) > 10
+    assert legend_colours([]) == []
+
+
+def test_colours_of_the_legend_take_after_the_paints(look):
+    """The largest sets have their own colours; of further ones most keep their hue."""
+    own = own_colours(look)
+    assert set_colours(look) == legend_colours(own)
+    for colours in (["#b32e25", "#160959", "#009d54", "#f7b300"], ["#010101", "#5a2d0c"]):
+        assert apart(colours) > 10
+        assert legend_colours(colours) == colours
+    oils = ["#b32e25", "#d42a00", "#f05100", "#002e8c", "#160959", "#00352e", "#009d54", "#ebeded"]
+    shades, made = (
+        np.array([rgb(colour) for colour in each]) for each in (oils, legend_colours(oils))
+    )
+    # The strongest of red, green and blue is that of the paint, but for white.
+    assert (shades.argmax(axis=1) == made.argmax(axis=1))[:-1].all()
 
 
 def test_own_colours_are_those_of_the_paint(look):

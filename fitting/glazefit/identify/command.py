@@ -11,6 +11,7 @@ import typer
 
 from glazejax.commands import options, progress
 from glazejax.commands.command_line import command_line, ground_file, option
+from glazejax.commands.help_groups import help_groups
 
 if TYPE_CHECKING:
     import numpy as np
@@ -34,6 +35,16 @@ def register(app: typer.Typer) -> None:
     app.command("identify")(identify)
 
 
+@help_groups(
+    usual="--ground --catalogue --only --out --report",
+    given=(
+        "--samples --bare --opaque --pigments --without --elements --without-elements "
+        "--painted --varnish --own-films --instrument"
+    ),
+    tried="--max-paints --max-coats --thorough",
+    written="--top --csv --residuals --overwrite",
+    fine="--thickness --refractive-index --noise --noise-share --model-error",
+)
 def identify(
     file: Annotated[
         Path | None,
@@ -55,7 +66,7 @@ def identify(
     ] = False,
     opaque: Annotated[bool, typer.Option("--opaque", help="The films hide their ground.")] = False,
     pigments: options.Pigments = None,
-    catalogue: options.CatalogueName = options.OILS,
+    catalogue: options.CatalogueName = None,
     only: options.Only = "",
     without: options.Without = "",
     samples: options.Samples = "",
@@ -155,6 +166,11 @@ def identify(
     if file is None:
         raise ValueError("no FILE was given; name a table of spectra, such as films.tsv")
     _check_numbers(max_paints, max_coats, top)
+    if pigments is not None and catalogue == "pigments" and not own_films:
+        raise ValueError(
+            f"--catalogue pigments is sought by family, and the paints of {pigments} have none: "
+            "choose --catalogue oils or acrylics beside them, or leave out --pigments"
+        )
     usual = options.read_length(thickness)
     outputs = {"--csv": csv, "--residuals": residuals, "--out": out, **_report_files(report)}
     read = {"FILE": file, "--ground": ground_file(ground), "--pigments": pigments}
@@ -416,10 +432,12 @@ def _about(
 
     from .show.record import Provenance
 
-    name = typed["catalogue"]
     own = typed["pigments"]
-    shelf: dict[str, Any] = {"name": str(own or name), "scale": catalogue.assumed_scale(paints[0])}
-    if own is None:
+    name = typed["catalogue"] or (options.OILS if own is None else None)
+    words = " and ".join(str(each) for each in (own, name) if each is not None)
+    scales = dict.fromkeys(filter(None, map(catalogue.assumed_scale, paints)))
+    shelf: dict[str, Any] = {"name": words, "scale": "; ".join(scales) or None}
+    if name is not None:
         shelf["file"], shelf["sha256"] = catalogue.checksum(name)
     return Provenance(
         title=typed["file"].name,

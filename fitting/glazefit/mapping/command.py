@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from glazejax.commands import options, progress
+from glazejax.commands.help_groups import help_groups
 
 if TYPE_CHECKING:
     import xarray
@@ -30,6 +31,18 @@ def _option(text: str, metavar: str = "") -> Any:
     return typer.Option(help=text, metavar=metavar or None, show_default=False)
 
 
+@help_groups(
+    usual="--ground --catalogue --only --out --report",
+    given=(
+        "--wavelengths --dataset --white --dark --white-reflectance --scale --window --mask "
+        "--bin --bands --pigments --without --spot --bare --opaque --instrument"
+    ),
+    tried="--max-paints --max-coats --example",
+    written="--csv --export --overwrite",
+    fine=(
+        "--thickness --refractive-index --noise --noise-share --model-error --memory --scheduler"
+    ),
+)
 def map_(
     cube: Annotated[
         Path | None,
@@ -95,7 +108,7 @@ def map_(
         str, _option("First and last wavelength that are used, nm: 420-700.", "NM-NM")
     ] = "",
     pigments: options.Pigments = None,
-    catalogue: options.CatalogueName = options.OILS,
+    catalogue: options.CatalogueName = None,
     only: options.Only = "",
     without: options.Without = "",
     spot: Annotated[
@@ -256,7 +269,7 @@ def map_(
         cube = made["cube"]
         if not (opaque or ground):
             ground = str(made["ground"])
-        if not (pigments or only or without or catalogue != options.OILS):
+        if not (pigments or only or without or catalogue not in (None, options.OILS)):
             without = made["without"]
     assert cube is not None
     paints = options.choose_paints(options.read_shelf(pigments, catalogue), only, without)

@@ -1,6 +1,6 @@
 """The command `glazejax posterior`: one measured film in, what is known of it out."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 import typer
 
 from glazejax.commands import options, progress
+from glazejax.commands.help_groups import help_groups
 from glazejax.extras import require
 
 if TYPE_CHECKING:
@@ -37,6 +38,13 @@ def register(app: typer.Typer) -> None:
     app.command("posterior")(posterior)
 
 
+@help_groups(
+    usual="--paints --coats --ground --out --steps",
+    given="--sample --pigments --catalogue --instrument --thickness --paint-error",
+    tried="--bands --simulate",
+    written="--resume --overwrite",
+    fine="--walkers --thin --noise --noise-share --refractive-index --seed",
+)
 def posterior(
     file: Annotated[
         Path | None,
@@ -83,6 +91,7 @@ def posterior(
         ),
     ] = False,
     pigments: options.Pigments = None,
+    catalogue: options.CatalogueName = None,
     ground: Annotated[str | None, options.ground_option()] = None,
     thickness: options.Thickness = "25um",
     steps: Annotated[
@@ -161,7 +170,11 @@ def posterior(
     errors = Noise(noise, noise_share)
     prior = Prior(thickness=usual, error=paint_error)
     made_of = _Paints(
-        names=options.split_names(paints), coats=coats, bands=bands, pigments=pigments, prior=prior
+        names=options.split_names(paints),
+        coats=coats,
+        bands=bands,
+        shelf={} if bands else options.read_shelf(pigments, catalogue),
+        prior=prior,
     )
     task = (
         _simulate(made_of, seen_with, errors, seed, console)
@@ -197,7 +210,7 @@ class _Paints(NamedTuple):
     names: list[str]
     coats: str
     bands: bool
-    pigments: Path | None
+    shelf: "Mapping[str, Pigment]"
     prior: "Prior"
 
 
@@ -270,7 +283,7 @@ def _simulate(
     from .coats import CoatPrior
 
     usual = made_of.prior.thickness
-    paints = _paints(made_of.names, made_of.pigments)
+    paints = _paints(made_of.names, made_of.shelf)
     coats = _coats(made_of) or (CoatPrior(paints),)
     if any(coat.unknown for coat in coats):
         raise ValueError(
@@ -330,7 +343,7 @@ def _read_measured(
         return _Task(film, [])
     if made_of.coats:
         return _Task(film, [], _coats(made_of))
-    return _Task(film, _paints(made_of.names or _recipe(file, sample), made_of.pigments))
+    return _Task(film, _paints(made_of.names or _recipe(file, sample), made_of.shelf))
 
 
 def _coats(made_of: _Paints) -> "tuple[CoatPrior, ...]":
@@ -339,7 +352,7 @@ def _coats(made_of: _Paints) -> "tuple[CoatPrior, ...]":
 
     if not made_of.coats:
         return ()
-    return parse_coats(made_of.coats, options.read_shelf(made_of.pigments), made_of.prior.spread)
+    return parse_coats(made_of.coats, options.all_named(made_of.shelf), made_of.prior.spread)
 
 
 def _film(file: Path, sample: str, console: "Console") -> "Films":
@@ -393,11 +406,8 @@ def _recipe(file: Path, sample: str) -> list[str]:
     return list(found)
 
 
-def _paints(names: list[str], pigments: Path | None) -> "list[Pigment]":
-    from glazejax.paint.describe import find_name
-
-    shelf = options.read_shelf(pigments)
-    return [shelf[find_name(name, shelf)] for name in names]
+def _paints(names: list[str], shelf: "Mapping[str, Pigment]") -> "list[Pigment]":
+    return list(options.find_paints(names, shelf).values())
 
 
 def _run(task: _Task, prior: "Prior", out: Path, given: dict[str, Any]) -> "Posterior":

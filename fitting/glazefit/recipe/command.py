@@ -9,9 +9,12 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from glazejax.commands import options, progress
+from glazejax.commands.help_groups import help_groups
 
 if TYPE_CHECKING:
     from rich.console import Console
+
+    from glazejax import Pigment
 
     from .recipe import Recipe
     from .targets import Target
@@ -28,6 +31,16 @@ def register(app: typer.Typer) -> None:
     app.command("recipe")(recipe)
 
 
+@help_groups(
+    usual="--lab --srgb --spectrum --only --out",
+    given=(
+        "--samples --colourchecker --patch --pigments --catalogue --without --modern --ground "
+        "--instrument"
+    ),
+    tried="--glazes --max-paints --max-coats --coat-thickness --illuminants --test-illuminant",
+    written="--count --csv --json --spectra --overwrite",
+    fine="--metamerism --observer --refractive-index --seed",
+)
 def recipe(
     lab: Annotated[
         str | None,
@@ -113,8 +126,16 @@ def recipe(
     ] = None,
     only: options.Only = "",
     without: options.Without = "",
+    modern: Annotated[
+        bool,
+        typer.Option(
+            "--modern",
+            help="Leave out paints that are poisonous, or rarely or no longer sold; your own all "
+            "stay.",
+        ),
+    ] = False,
     pigments: options.Pigments = None,
-    catalogue: options.CatalogueName = options.OILS,
+    catalogue: options.CatalogueName = None,
     ground: Annotated[str | None, options.ground_option(_GROUND)] = None,
     refractive_index: options.RefractiveIndex = 1.5,
     instrument: Annotated[str | None, options.instrument_option(_GEOMETRY)] = None,
@@ -188,6 +209,7 @@ def recipe(
     if spectra is not None and not all(target.spectral for target in targets):
         raise ValueError("--spectra: the target is a colour and has no spectrum; leave it out")
     paints = options.choose_paints(options.read_shelf(pigments, catalogue), only, without)
+    paints = _modern(paints) if modern else paints
     task = make_task(
         targets,
         paints,
@@ -227,7 +249,7 @@ def recipe(
         "--refractive-index": None if refractive_index == 1.5 else refractive_index,
         "--illuminant": None if lights[0] == "D65" else lights[0],
         "--observer": None if str(observer) == "2" else observer,
-        "--catalogue": None if catalogue == options.OILS else catalogue,
+        "--catalogue": catalogue,
         "--pigments": pigments,
     }
     seen = shlex.join(
@@ -238,6 +260,23 @@ def recipe(
     console.print(f"wrote {files}", markup=False)
     if how.interrupted:
         progress.stop_interrupted(console, len(found), len(targets), "targets")
+
+
+def _modern(paints: "list[Pigment]") -> "list[Pigment]":
+    """Paints that are neither poisonous nor hard to buy.
+
+    Raises:
+        ValueError: there is none.
+    """
+    from glazejax import catalogue
+
+    kept = [paint for paint in paints if not catalogue.caution(paint)]
+    if not kept:
+        words = "; ".join(f"{paint.name}: {catalogue.caution(paint)}" for paint in paints[:4])
+        raise ValueError(
+            f"--modern leaves no paint ({words}): name others, such as --catalogue acrylics"
+        )
+    return kept
 
 
 def _targets(

@@ -15,7 +15,7 @@ from typing import Unpack, overload
 import numpy as np
 from jaxtyping import Float
 
-from glazejax import Glaze, Layer, Mixture, colour
+from glazejax import Glaze, Layer, Mixture, catalogue, colour
 from glazejax.former_names import accept_former_keywords, former_attribute
 from glazejax.paint.describe import Coat
 
@@ -97,6 +97,16 @@ class Recipe:
     steps: int = 0
     before: float = np.nan
     mixed: "Recipe | None" = None
+
+    @property
+    def cautions(self) -> dict[str, str]:
+        """Paints of it that are poisonous or hard to buy, and which, in words
+        (`glazejax.catalogue.caution`).
+        """
+        media = [layer.medium for layer in self.glaze.coats]
+        paints = [p for m in media for p in (m.pigments if isinstance(m, Mixture) else [m])]
+        found = {paint.name: catalogue.caution(paint) for paint in paints}
+        return {name: words for name, words in found.items() if words}
 
     @property
     def in_gamut(self) -> bool:

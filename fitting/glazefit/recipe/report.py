@@ -17,6 +17,7 @@ from glazejax.plots import hex_colour
 from glazejax.report import plain_table, swatch
 from glazejax.spectra import resample
 
+from .parts import describe_parts, whole_parts
 from .recipe import Recipe
 from .selection import IN_GAMUT
 from .targets import Target
@@ -31,6 +32,7 @@ CSV_COLUMNS = (
     "thickness_um",
     "paint",
     "share",
+    "parts",
     "delta_e_per_10_percent",
     "delta_e_between_mixings",
 )
@@ -40,6 +42,9 @@ MIXING = (
     "thickness."
 )
 
+MARK = " !"
+"""Stands behind a paint that is poisonous or hard to buy."""
+
 # A gain of less is not worth mixing.
 _SEEN = 0.05
 
@@ -47,13 +52,14 @@ NO_BREAK = "\u00a0"
 
 
 def describe_coat(coat: Coat) -> str:
-    """A coat in words, such as ``3.5 µm · 89.1 % ZincWhite + 10.9 % EmeraldGreen``; lines may break
-    between paints.
+    """A coat in words, such as ``3.5 µm · 89.1 % ZincWhite + 10.9 % EmeraldGreen (8 : 1)``; lines
+    may break between paints.
     """
     size = f"{coat.thickness * 1e6:.1f} µm{' ·' if len(coat.parts) > 1 else ''}"
-    return f"{size} {' + '.join(_parts(coat))}".replace(" ", NO_BREAK).replace(
-        f"{NO_BREAK}+{NO_BREAK}", f"{NO_BREAK}+ "
-    )
+    words = f"{size} {' + '.join(_parts(coat))}".replace(" ", NO_BREAK)
+    words = words.replace(f"{NO_BREAK}+{NO_BREAK}", f"{NO_BREAK}+ ")
+    parts = describe_parts(coat).replace(" ", NO_BREAK)
+    return f"{words} ({parts})" if parts else words
 
 
 def _parts(coat: Coat) -> list[str]:
@@ -109,6 +115,7 @@ def print_recipes(recipes: Sequence[Recipe], console: Console, seen: str = "") -
     )
     console.print(table)
     console.print(Text(MIXING.format(first.between_mixings), style="dim"))
+    _print_cautions(recipes, console)
     line = f"glazejax render --coats '{first.text}'"
     console.print(
         Text(f"See the first: {' '.join(filter(None, (line, seen)))}", style="dim"), soft_wrap=True
@@ -136,6 +143,7 @@ def print_best(found: Sequence[Sequence[Recipe]], console: Console) -> None:
     console.print(
         Text(MIXING.format(np.mean([best.between_mixings for best, *_ in found])), style="dim")
     )
+    _print_cautions([best for best, *_ in found], console)
     for best, *_ in found:
         if not best.in_gamut:
             console.print(Text(out_of_reach(best), style="yellow"))
@@ -167,24 +175,39 @@ def _test_lines(recipe: Recipe) -> bool:
 
 
 def _table(titles: Sequence[str]) -> Table:
-    columns = (*titles, "mixing", "µm", "coats, top first", "per 10 %")
+    columns = (*titles, "mixing", "µm", "coats, top first", "parts", "per 10 %")
     words = [
         number
         for number, title in enumerate(columns)
         if number == 0 or title in ("", "coats, top first")
     ]
     table = plain_table(*columns, words=words, padding=(0, 1), header_style="dim", pad_edge=False)
-    table.columns[-2].ratio = 1
+    table.columns[-3].ratio = 1
     return table
 
 
 def _add_coats(table: Table, cells: Sequence[str | Text], recipe: Recipe) -> None:
     """A row a coat; what holds for the recipe stands in the first."""
+    cautions = recipe.cautions
     for number, (coat, change) in enumerate(zip(recipe.coats, recipe.sensitivity, strict=True)):
         lead = list(cells) if number == 0 else [""] * len(cells)
+        marks = ["" if name not in cautions else MARK for _, name in coat.parts]
+        lines = [f"{words}{mark}" for words, mark in zip(_parts(coat), marks, strict=True)]
         table.add_row(
-            *lead, f"{coat.thickness * 1e6:.1f}", "\n".join(_parts(coat)), f"{change:.2f}"
+            *lead,
+            f"{coat.thickness * 1e6:.1f}",
+            "\n".join(lines),
+            describe_parts(coat),
+            f"{change:.2f}",
         )
+
+
+def _print_cautions(recipes: Sequence[Recipe], console: Console) -> None:
+    """A line on each paint that is marked."""
+    cautions = {name: words for recipe in recipes for name, words in recipe.cautions.items()}
+    if cautions:
+        words = "; ".join(f"{name}: {words}" for name, words in cautions.items())
+        console.print(Text(f"{MARK.strip()} {words} (--modern leaves such paints out).", "yellow"))
 
 
 def out_of_reach(recipe: Recipe) -> str:
@@ -243,7 +266,8 @@ def _rows(found: Sequence[Sequence[Recipe]]) -> Iterator[tuple]:
             for number, (coat, change) in enumerate(
                 zip(recipe.coats, recipe.sensitivity, strict=True), 1
             ):
-                for share, paint in coat.parts:
+                parts = whole_parts([share for share, _ in coat.parts])
+                for (share, paint), part in zip(coat.parts, parts, strict=True):
                     yield (
                         recipe.target.name,
                         rank,
@@ -254,6 +278,7 @@ def _rows(found: Sequence[Sequence[Recipe]]) -> Iterator[tuple]:
                         f"{coat.thickness * 1e6:.6g}",
                         paint,
                         f"{share:.6g}",
+                        part,
                         text(change, 3),
                         text(recipe.between_mixings, 2),
                     )
@@ -274,10 +299,18 @@ def _plain(recipe: Recipe) -> dict:
             {
                 "thickness_um": round(coat.thickness * 1e6, 6),
                 "paints": {name: share for share, name in coat.parts},
+                "parts": dict(
+                    zip(
+                        (name for _, name in coat.parts),
+                        whole_parts([share for share, _ in coat.parts]),
+                        strict=True,
+                    )
+                ),
                 "delta_e_per_10_percent": change,
             }
             for coat, change in zip(recipe.coats, recipe.sensitivity, strict=True)
         ],
+        "cautions": dict(recipe.cautions),
         "delta_e_2000": dict(recipe.delta_e),
         "delta_e_2000_unrounded": recipe.unrounded,
         "delta_e_between_mixings": recipe.between_mixings,

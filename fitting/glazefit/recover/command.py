@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from glazejax.commands import options, progress
+from glazejax.commands.help_groups import help_groups
 from glazejax.extras import require
 
 from .settings import Output, PriorKnowledge
@@ -25,6 +26,13 @@ def register(app: typer.Typer) -> None:
     app.command("recover")(recover)
 
 
+@help_groups(
+    usual="--out --into --white --thickness --joint",
+    given="--samples --masstones --names --wet-film --excluded --catalogue --instrument",
+    tried="--law --check --simulate",
+    written="--plots --overwrite",
+    fine="--noise --noise-share --refractive-index --seed",
+)
 def recover(
     file: Annotated[
         Path | None,
@@ -68,10 +76,11 @@ def recover(
         typer.Option(
             metavar="NAME",
             help="The white of the tints is known, and sets the scale: a paint of --into, or of "
-            "the catalogue (ZincWhite, acrylics:TitaniumWhite).",
+            "--catalogue (ZincWhite), or acrylics:TitaniumWhite.",
             show_default=False,
         ),
     ] = "",
+    catalogue: options.CatalogueName = None,
     wet_film: Annotated[
         str,
         typer.Option(
@@ -181,7 +190,8 @@ def recover(
     # other.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     _check(file, simulate)
-    knowledge = PriorKnowledge(into, white, wet_film, excluded)
+    shelf = _catalogue(catalogue, bool(white) or simulate)
+    knowledge = PriorKnowledge(into, white, wet_film, excluded, shelf)
     _check_joint(joint, law, check, simulate, masstones, knowledge)
     if plots:
         require("matplotlib")
@@ -211,7 +221,7 @@ def recover(
     )
     if simulate:
         given["noise"] = said or Noise()
-        films = _simulate(samples, metres, given, seed, console)
+        films = _simulate(samples, metres, given=given, seed=seed, shelf=shelf, console=console)
     else:
         assert file is not None
         films = _films(file, samples, console)
@@ -250,7 +260,7 @@ def recover(
     recovery = Recovery.join(parts)
     _report(recovery, how, results)
     if simulate:
-        _compare(recovery, metres, console)
+        _compare(recovery, metres, shelf, console)
     if how.interrupted:
         progress.stop_interrupted(console, len(recovery), len(films), "films")
 
@@ -263,6 +273,22 @@ def _check(file: Path | None, simulate: bool) -> None:
             "no FILE was given; name a table of spectra, or try: glazejax recover --simulate "
             "--out demo"
         )
+
+
+def _catalogue(name: str | None, used: bool) -> str:
+    """The catalogue that the white of tints is of, or the paints to simulate."""
+    from glazejax.catalogue import names
+
+    if name is None:
+        return options.OILS
+    if name not in names():
+        raise ValueError(f"--catalogue is {name!r}; recover takes {' or '.join(names())}")
+    if not used:
+        raise ValueError(
+            f"--catalogue {name} says where the white of tints is from, or what is simulated: add "
+            "--white NAME or --simulate, or leave it out"
+        )
+    return name
 
 
 def _check_joint(
@@ -347,17 +373,19 @@ def _readable(films: "Films", recipes: dict[str, dict[str, float]]) -> "Films":
 
 
 def _simulate(
-    samples: str, thickness: float, given: "dict[str, Any]", seed: int, console: "Console"
+    samples: str,
+    thickness: float,
+    given: "dict[str, Any]",
+    seed: int,
+    shelf: str,
+    console: "Console",
 ) -> "Films":
     from glazejax import catalogue
     from glazejax.paint.describe import format_length
 
     from ..film.simulate import simulate_paints
 
-    known = catalogue.load()
-    paints = [catalogue.pigment(name) for name in options.split_names(samples)] or list(
-        known.values()
-    )
+    paints = options.choose_paints(catalogue.load(shelf), samples)
     console.print(
         f"[bold]Simulated data:[/bold] spectra of {len(paints)} catalogue paints, "
         f"{format_length(thickness)} thick, "
@@ -387,13 +415,13 @@ def _report(recovery: "Recovery", how: progress.Collected, results: Output) -> N
     console.print(f"Wrote pigments.csv{pictures} to {out}")
 
 
-def _compare(recovery: "Recovery", thickness: float, console: "Console") -> None:
+def _compare(recovery: "Recovery", thickness: float, shelf: str, console: "Console") -> None:
     """Say how often the simulated truth lies in the error bands."""
     import numpy as np
 
     from glazejax import catalogue
 
-    known = catalogue.load()
+    known = options.find_paints(recovery.films.names, catalogue.load(shelf))
     truth = np.stack(
         [
             np.stack([known[name].absorption, known[name].scattering], axis=-1) * thickness

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from glazejax.commands import options, progress
-from glazejax.paint.describe import find_name, format_length
+from glazejax.paint.describe import format_length
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -25,6 +25,8 @@ if TYPE_CHECKING:
 _SAME = 0.1
 """Standard deviation of the log of thicknesses that one bar drew."""
 _LISTED = 3
+# What tints would be made with, where no white is named.
+_WHITES = ("ZincWhite", "TitaniumWhite")
 
 
 def recover_together(
@@ -56,7 +58,7 @@ def recover_together(
     out, metres, _, overwrite, console = results
     recipes = recipes_from_names(films.names, listed)
     file = None if knowledge.into is None else PaintFile.open(knowledge.into, "--into")
-    known = known_paints(recipes, file, knowledge.white, overwrite)
+    known = known_paints(recipes, file, knowledge.white, overwrite, knowledge.catalogue)
     gauge = read_gauge(knowledge.wet_film, films.names)
     fitted = average(films)
     for paint in known.values():
@@ -87,7 +89,14 @@ def recover_together(
     if file is not None:
         _write_entries(recovery, file, results)
     if not listed or knowledge.any:
-        _print_next_films(recovery, known, gauge, unit, results)
+        _print_next_films(
+            recovery,
+            known,
+            gauge=gauge,
+            unit=unit,
+            catalogue=knowledge.catalogue,
+            results=results,
+        )
 
 
 def _measured_gloss(
@@ -119,8 +128,10 @@ def known_paints(
     file: "PaintFile | None",
     white: str,
     overwrite: bool,
+    catalogue: str = options.OILS,
 ) -> "dict[str, Pigment]":
-    """Paints of the recipes that are known: those of the file, and the white.
+    """Paints of the recipes that are known: those of the file, and the white, which is one of the
+    file or of a catalogue.
 
     Raises:
         ValueError: a white that neither the file nor a catalogue has or that no film holds, or
@@ -133,13 +144,13 @@ def known_paints(
     pure = {p for recipe in recipes.values() if len(recipe) == 1 for p in recipe}
     known = {p: in_file[p] for p in paints if p in in_file}
     if white:
-        paint = _white(white, in_file)
+        paint = _white(white, in_file, catalogue)
         if paint.name not in paints:
             raise ValueError(
                 f"--white {white}: no film holds {paint.name}; the films are of {', '.join(paints)}"
             )
         known[paint.name] = paint
-    chosen = _white(white, in_file).name if white else ""
+    chosen = _white(white, in_file, catalogue).name if white else ""
     if overwrite:
         known = {p: paint for p, paint in known.items() if p not in pure or p == chosen}
     if paints and len(known) == len(paints):
@@ -151,16 +162,13 @@ def known_paints(
     return known
 
 
-def _white(text: str, pigments: "Mapping[str, Pigment]") -> "Pigment":
+def _white(text: str, own: "Mapping[str, Pigment]", name: str) -> "Pigment":
+    """The white that is meant, under the name that it has in films."""
     from glazejax import catalogue
 
-    shelf, colon, name = text.rpartition(":")
-    if not colon and pigments:
-        try:
-            return pigments[find_name(name, pigments)]
-        except ValueError:
-            pass
-    return catalogue.pigment(name, shelf or options.OILS)
+    found = options.find_paints([text], {**catalogue.load(name), **own})
+    (paint,) = found.values()
+    return paint.renamed(paint.name.rpartition(":")[2])
 
 
 _SPREAD = re.compile(r"(?P<length>[^±+]*?)\s*(?:±|\+/?-)\s*(?P<share>\d+(?:\.\d+)?)\s*%")
@@ -292,15 +300,17 @@ def _print_next_films(
     known: "Mapping[str, Pigment]",
     gauge: "Gauge | None",
     unit: float,
+    catalogue: str,
     results: "Output",
 ) -> None:
-    from glazejax import catalogue
+    from glazejax.catalogue import load
 
     from .experimental_design import rank_next_films
 
     console = results.console
     new = [paint for paint in recovery.paints if paint not in recovery.known]
-    stand_in = catalogue.pigment("ZincWhite")
+    shelf = load(catalogue)
+    stand_in = next(shelf[name] for name in _WHITES if name in shelf)
     for paint in new[:_LISTED]:
         found = rank_next_films(
             recovery, paint, pigments=known, gauge=gauge, unit=unit, white=stand_in

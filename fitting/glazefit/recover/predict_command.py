@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from glazejax.commands import options, progress
+from glazejax.commands.help_groups import help_groups
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -32,6 +33,12 @@ def register(app: typer.Typer) -> None:
     app.command("predict")(predict)
 
 
+@help_groups(
+    usual="--reading --thickness --pigments --catalogue --csv",
+    given="--samples --instrument",
+    written="--overwrite",
+    fine="--illuminant --observer --refractive-index",
+)
 def predict(
     mixture: Annotated[
         str,
@@ -67,7 +74,7 @@ def predict(
     ] = "",
     out: options.Csv = None,
     pigments: options.Pigments = None,
-    catalogue: options.CatalogueName = options.OILS,
+    catalogue: options.CatalogueName = None,
     instrument: Annotated[str | None, options.instrument_option(_GEOMETRY)] = None,
     refractive_index: options.RefractiveIndex = 1.5,
     illuminant: options.Illuminant = "D65",
@@ -95,12 +102,15 @@ def predict(
             "--samples is for the film of --reading; leave it out, or give --reading FILE"
         )
     from glazejax.colour import find_illuminant, find_observer
-    from glazejax.paint.describe import find_name
 
     illuminant = find_illuminant(illuminant)
     observer = find_observer(observer)
     shelf = options.read_shelf(pigments, catalogue)
-    recipe = {find_name(name, shelf): weight for name, weight in recipe.items()}
+    mixed = options.find_paints(recipe, shelf)
+    if len(mixed) < len(recipe):
+        raise ValueError(f"a paint is named twice in {mixture!r}; add its weights up")
+    recipe = dict(zip(mixed, recipe.values(), strict=True))
+    shelf = shelf | mixed
 
     from rich.console import Console
 

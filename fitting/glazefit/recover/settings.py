@@ -3,6 +3,8 @@
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
+from glazejax.commands import options
+
 if TYPE_CHECKING:
     from rich.console import Console
 
@@ -21,13 +23,14 @@ class Output(NamedTuple):
 
 class PriorKnowledge(NamedTuple):
     """What the user says beside the films: own paints, the white, thicknesses, readings without the
-    specular part.
+    specular part, and the catalogue that the white is sought in.
     """
 
     into: Path | None
     white: str
     wet_film: str
     excluded: Path | None = None
+    catalogue: str = options.OILS
 
     @property
     def any(self) -> bool:

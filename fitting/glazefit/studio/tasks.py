@@ -47,6 +47,7 @@ def recipes(request: Request, report: Report) -> dict[str, Any]:
     Raises:
         ValueError: what `glazefit.find_recipes` refuses.
     """
+    from ..recipe.parts import describe_parts
     from ..recipe.recipe import find_recipes
     from ..recipe.targets import spectral_target, srgb_target
 
@@ -74,6 +75,8 @@ def recipes(request: Request, report: Report) -> dict[str, Any]:
             "words": recipe.text,
             "delta_e": recipe.distance,
             "between": recipe.between_mixings,
+            "parts": " over ".join(filter(None, map(describe_parts, recipe.coats))),
+            "cautions": "; ".join(f"{name}: {why}" for name, why in recipe.cautions.items()),
             "in_gamut": recipe.in_gamut,
             "rgb": _rgb(recipe.wavelengths, recipe.reflectance),
             "stack": _stack(

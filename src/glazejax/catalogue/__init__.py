@@ -213,6 +213,22 @@ def family(name: str) -> str:
     return _FAMILIES.get(name, name)
 
 
+def caution(paint: Pigment) -> str:
+    """Why a painter of today may want another paint: that its pigment is poisonous, or rarely or
+    no longer sold, as `families` says; empty if nothing speaks against it, or for one's own paint.
+
+    Example:
+        >>> caution(pigment("EmeraldGreen"))
+        'poisonous (arsenic), no longer sold'
+    """
+    shelf = next((n for n, s in _SHIPPED.items() if s.provenance == paint.provenance), "")
+    # A paint of another catalogue than the oils may have that before its name.
+    name = paint.name.replace("/", ":").rpartition(":")[2]
+    known = families_of(shelf).get(name, "")
+    about = families().get(paint.family or known)
+    return "" if about is None else about.caution
+
+
 def checksum(name: str = "oils") -> tuple[str, str]:
     """File of a catalogue and the SHA-256 of its content, as ``sha256sum`` prints it.
 

@@ -25,6 +25,12 @@ class Family(NamedTuple):
         colour_index: names in the Colour Index.
         in_use: when it was used in paint, in words.
         first_year, last_year: the same as years, negative before Christ; None if it still is.
+        poison: what in it is poisonous; empty where nothing is known to be. Compounds of lead,
+            arsenic and chromium(VI), and cadmium sulphide, are classified in Annex VI of
+            Regulation (EC) No 1272/2008; mercury sulphide, cadmium in other pigments and copper
+            acetate are named for what they hold.
+        sold: "rarely" where it is sold as a powder or by few makers only, "no longer" where it is
+            not sold as artists' paint; empty where it is.
     """
 
     name: str
@@ -34,6 +40,17 @@ class Family(NamedTuple):
     in_use: str
     first_year: int
     last_year: int | None
+    poison: str = ""
+    sold: str = ""
+
+    @property
+    def caution(self) -> str:
+        """Why a painter of today may want another paint, such as ``poisonous (lead), rarely sold``;
+        empty if nothing speaks against it.
+        """
+        poison = f"poisonous ({self.poison})" if self.poison else ""
+        sold = f"{self.sold} sold" if self.sold else ""
+        return ", ".join(filter(None, (poison, sold)))
 
 
 class Provenance(NamedTuple):
@@ -121,6 +138,8 @@ def families() -> dict[str, Family]:
             in_use=row["in_use"],
             first_year=int(row["first_year"]),
             last_year=int(row["last_year"]) if row["last_year"] else None,
+            poison=row["poison"],
+            sold=row["sold"],
         )
     return out
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from . import options
+from .help_groups import help_groups
 
 if TYPE_CHECKING:
     import numpy as np
@@ -28,6 +29,13 @@ def register(app: typer.Typer) -> None:
     app.command("export")(export)
 
 
+@help_groups(
+    usual="--to --out --ground --thickness-map --format",
+    given="--thickness-range --fraction-map --ground-map --layer --pixel --pigments --roughness",
+    tried="--layering --coat",
+    written="--space --overwrite",
+    fine="--illuminant --observer --refractive-index --delta-e --tolerance",
+)
 def export(
     stack: Annotated[
         str,

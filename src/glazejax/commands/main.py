@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 
 from ..extras import advice
 from .cache import keep_programs
+from .help_groups import sort_options
 
 if TYPE_CHECKING:
     import typer
@@ -89,8 +90,12 @@ def make_app() -> "typer.Typer":
         return params
 
     class Command(typer.core.TyperCommand):
+        def __init__(self, *args: Any, **settings: Any) -> None:
+            super().__init__(*args, **settings)
+            self.params = sort_options(self.callback, self.params)
+
         def get_params(self, ctx: Any) -> list[Any]:
-            return without_bool(super().get_params(ctx))
+            return without_bool(sort_options(self.callback, super().get_params(ctx)))
 
         def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
             known = {name for param in self.params for name in param.opts}
@@ -109,7 +114,6 @@ def make_app() -> "typer.Typer":
         cls=Group,
         help="Colour of stacked paint glazes: from pigments to reflectance, and back.",
         no_args_is_help=True,
-        add_completion=False,
         pretty_exceptions_enable=False,
     )
 

@@ -6,7 +6,7 @@ Options by their former names are not in ``--help``; they work and name the new 
 """
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
@@ -65,19 +65,20 @@ Pigments = Annotated[
         "--pigments",
         metavar="FILE",
         help=(
-            "Your own paints instead of the catalogue's: a pigments.csv as `glazejax recover` "
-            "writes it."
+            "Your own paints instead of the catalogue's, or with --catalogue beside them: a "
+            "pigments.csv as `glazejax recover` writes it. Where both have a name, yours counts."
         ),
         show_default=False,
     ),
 ]
 CatalogueName = Annotated[
-    str,
+    str | None,
     typer.Option(
         "--catalogue",
         metavar="NAME",
         help="Catalogue of paints: oils, acrylics (Golden heavy body), or pigments (by family, of "
-        "many hands).",
+        "many hands). Default: oils.",
+        show_default=False,
     ),
 ]
 OILS = "oils"
@@ -86,7 +87,8 @@ Only = Annotated[
     typer.Option(
         "--only",
         metavar="NAMES",
-        help="Only these paints, such as ZincWhite,Eosin.",
+        help="Only these paints, such as ZincWhite,Eosin or, of another catalogue, "
+        "acrylics:TitaniumWhite.",
         show_default=False,
     ),
 ]
@@ -346,23 +348,26 @@ def read_ground(text: str, argument: str = "--ground", *, bare: bool = False) ->
     )
 
 
-def read_shelf(path: Path | None, name: str = OILS) -> "dict[str, Pigment]":
-    """Paints of ``--pigments``, or of the catalogue that ``--catalogue`` names.
+def read_shelf(path: Path | None, name: str | None = None) -> "dict[str, Pigment]":
+    """Paints of ``--pigments``, of the catalogue that ``--catalogue`` names, or of both.
+
+    Where both have a name, the own paint is taken, and that is said.
+
+    Args:
+        path: of own paints, or None.
+        name: of a catalogue; None is the oils, or with own paints no catalogue.
 
     Raises:
-        ValueError: there is no catalogue of that name, or both options are given.
+        ValueError: there is no catalogue of that name, or the file is no table of paints.
     """
     from .. import catalogue
     from ..paint.pigment_table import read_pigments
 
-    if path is None:
-        return dict(catalogue.load(name))
-    if name != OILS:
-        raise ValueError(
-            "--pigments takes the place of the catalogue: leave out --catalogue, or leave out "
-            "--pigments"
-        )
-    return dict(read_pigments(path))
+    shelf = {} if path is not None and name is None else dict(catalogue.load(name or OILS))
+    own = {} if path is None else dict(read_pigments(path))
+    if both := [paint for paint in own if paint in shelf]:
+        typer.echo(f"note: {', '.join(both)}: that of {path} is taken, not of {name}", err=True)
+    return shelf | own
 
 
 def choose_paints(
@@ -371,43 +376,48 @@ def choose_paints(
     """Paints of a shelf that ``--only`` names, or all, but those that ``--without`` names.
 
     Raises:
-        ValueError: a name that the shelf does not have, or no paint is left.
+        ValueError: a name that neither the shelf nor a catalogue has, or no paint is left.
     """
-    chosen = [_choose_name(name, shelf) for name in split_names(only)] or list(shelf)
-    left_out = {_choose_name(name, shelf) for name in split_names(without)}
-    kept = [shelf[name] for name in dict.fromkeys(chosen) if name not in left_out]
+    chosen = find_paints(split_names(only), shelf) or shelf
+    left_out = find_paints(split_names(without), shelf)
+    kept = [paint for name, paint in chosen.items() if name not in left_out]
     if not kept:
         raise ValueError("--only and --without leave no paint: name fewer in --without")
     return kept
 
 
-def _choose_name(name: str, shelf: "Mapping[str, Pigment]") -> str:
-    """The paint of a shelf that is meant.
+def find_paints(names: Iterable[str], shelf: "Mapping[str, Pigment]") -> "dict[str, Pigment]":
+    """Paints that are meant, by their full names: of a shelf, or of any catalogue with one of its
+    own grid, such as ``acrylics:TitaniumWhite``.
 
     Raises:
-        ValueError: the shelf has none; says which catalogue that ships has one.
+        ValueError: a name that none of them has; the message names the nearest.
     """
     from .. import catalogue
-    from ..names import nearest_names
     from ..paint.describe import find_name
 
-    try:
-        return find_name(name, shelf)
-    except ValueError as error:
-        wanted = name.rpartition(":")[2]
-        found = {
-            other: near
-            for other in catalogue.names()
-            if not set(shelf) >= set(catalogue.load(other))
-            and (near := nearest_names(wanted, catalogue.load(other), cutoff=0.9))
-        }
-        if not found:
-            raise
-        words = "; ".join(
-            f"the {other} have {', '.join(near)} (--catalogue {other})"
-            for other, near in found.items()
+    known = all_named(shelf)
+    found = [known[find_name(name, known)] for name in names]
+    if len(set(filter(None, map(catalogue.assumed_scale, found)))) > 1:
+        typer.echo(
+            "note: each catalogue takes a length of its own for granted: amounts of its paints "
+            "beside those of another may all be off by one factor",
+            err=True,
         )
-        raise ValueError(f"{error}; {words}") from None
+    return {paint.name: paint for paint in found}
+
+
+def all_named(shelf: "Mapping[str, Pigment]") -> "dict[str, Pigment]":
+    """A shelf, and behind it each paint of each catalogue as ``CATALOGUE:NAME``."""
+    from .. import catalogue
+
+    known = dict(shelf)
+    for other in catalogue.names():
+        for name, paint in catalogue.load(other).items():
+            full = f"{other}:{name}"
+            same = name in shelf and shelf[name].provenance == paint.provenance
+            known[full] = shelf[name] if same else paint.renamed(full)
+    return known
 
 
 def choose_rows(

@@ -113,7 +113,7 @@ def _print_family(console: "Console", about: "Family", origins: "list[Provenance
     elements = ", ".join(about.elements) or "none that X-ray fluorescence finds"
     console.print(
         f"[bold]{about.name}[/bold]: {about.formula}; {about.colour_index}; in use "
-        f"{about.in_use}; elements: {elements}.",
+        f"{about.in_use}; elements: {elements}{f'; {about.caution}' if about.caution else ''}.",
         markup=True,
     )
     if not origins:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, NamedTuple
 import typer
 
 from . import options
+from .help_groups import help_groups
 
 if TYPE_CHECKING:
     import numpy as np
@@ -30,6 +31,12 @@ def register(app: typer.Typer) -> None:
     app.command("render")(render)
 
 
+@help_groups(
+    usual="--coats --ground --catalogue --out --list",
+    given="--stack --pigments --instrument --illuminant --observer",
+    written="--csv --write-stack --ladder --overwrite",
+    fine="--refractive-index --tolerance",
+)
 def render(
     coats: Annotated[
         str | None,
@@ -85,7 +92,7 @@ def render(
             show_default=False,
         ),
     ] = None,
-    catalogue: options.CatalogueName = options.OILS,
+    catalogue: options.CatalogueName = None,
     tolerance: Annotated[
         float, typer.Option(help="Largest error of a reflectance that you accept.")
     ] = 1e-6,
@@ -118,7 +125,7 @@ def render(
             "shows the pigments"
         )
     start_jax()
-    from ..paint.describe import format_length, make_media, name_paints, parse_coats
+    from ..paint.describe import format_length, name_paints, parse_coats
 
     # Everything that can be wrong is looked at before anything is computed.
     given = None if stack is None else _read_stack(stack)
@@ -146,7 +153,8 @@ def render(
     below = _ground_of(given) if given is not None and ground is None else None
     bed = _lay(
         below or options.read_ground(_GROUND if ground is None else ground),
-        make_media(described, shelf),
+        described,
+        shelf,
     )
 
     from ..paint.media import Glaze, Layer
@@ -279,13 +287,22 @@ def _write_stack(
     ground = bed.reflectance
     if not isinstance(ground, int | float):
         ground = Spectrum(bed.media[0].wavelengths, ground)
-    named = {name: shelf[name] for coat in coats for _, name in coat.parts}
+    # The studio has a stroke where the command has a colon: acrylics/TitaniumWhite.
+    in_studio = {
+        name: stroke if (stroke := name.replace(":", "/")) in known else name
+        for coat in coats
+        for _, name in coat.parts
+    }
     # One of another catalogue, or one's own: the same name in the studio would be another paint.
     own = {
-        name: paint
-        for name, paint in named.items()
-        if name not in known or known[name].provenance != paint.provenance
+        new: shelf[name]
+        for name, new in in_studio.items()
+        if new not in known or known[new].provenance != shelf[name].provenance
     }
+    coats = [
+        coat._replace(parts=tuple((share, in_studio[name]) for share, name in coat.parts))
+        for coat in coats
+    ]
     write_stack(
         path,
         Stack(
@@ -317,8 +334,12 @@ def _ladder_layer(coats: "Sequence[Coat]", ladder: str | None) -> int:
     return found[0]
 
 
-def _shelf(path: Path | None, catalogue: str, names: Sequence[str] = ()) -> "Mapping[str, Pigment]":
-    """Own pigments, and a catalogue behind them unless nothing is wanted from it."""
+def _shelf(
+    path: Path | None, catalogue: str | None, names: Sequence[str] = ()
+) -> "Mapping[str, Pigment]":
+    """Own pigments, and a catalogue behind them unless nothing is wanted from it; for names of
+    paints, those of all catalogues as ``acrylics:TitaniumWhite`` too.
+    """
     from ..paint.describe import find_name
     from ..paint.pigment_table import read_pigments
 
@@ -331,7 +352,8 @@ def _shelf(path: Path | None, catalogue: str, names: Sequence[str] = ()) -> "Map
             pass
         else:
             return own
-    return {**options.read_shelf(None, catalogue), **own}
+    shelf = {**options.read_shelf(None, catalogue), **own}
+    return options.all_named(shelf) if names else shelf
 
 
 def _list(console, shelf: "Mapping[str, Pigment]") -> None:
@@ -350,12 +372,14 @@ class _Bed(NamedTuple):
     notes: list[str]
 
 
-def _lay(ground: options.Ground, media: "list[Pigment | Mixture]") -> _Bed:
-    """Bring the ground and everything on it to the wavelengths that all of it covers."""
+def _lay(ground: options.Ground, coats: "Sequence[Coat]", shelf: "Mapping[str, Pigment]") -> _Bed:
+    """Bring the ground and all paints on it to the wavelengths that all of it covers."""
+    from ..paint.describe import make_media
     from ..spectra import describe_grid, same_grid
 
     notes = list(ground.notes)
-    grids = [medium.wavelengths for medium in media]
+    used = {name: shelf[name] for coat in coats for _, name in coat.parts}
+    grids = [paint.wavelengths for paint in used.values()]
     if ground.wavelengths is not None:
         grids.append(ground.wavelengths)
     low = max(g[0] for g in grids)
@@ -371,8 +395,11 @@ def _lay(ground: options.Ground, media: "list[Pigment | Mixture]") -> _Bed:
             "pigments and ground differ in wavelengths; everything is computed at "
             f"{describe_grid(grid)}"
         )
-        media = [m if same_grid(grid, m.wavelengths) else m.resample(grid) for m in media]
-    return _Bed(media, ground.on(grid), ground.words, notes)
+        used = {
+            name: paint if same_grid(grid, paint.wavelengths) else paint.resample(grid)
+            for name, paint in used.items()
+        }
+    return _Bed(make_media(coats, used), ground.on(grid), ground.words, notes)
 
 
 def _remarks(used: "Mapping[str, Pigment]") -> list[tuple[str, str]]:

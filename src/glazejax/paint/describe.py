@@ -184,7 +184,8 @@ ALL_NAMES = "`glazejax render --list` shows all names"
 
 
 def find_name(name: str, names: Iterable[str]) -> str:
-    """The one of `names` that is meant; case, blanks, hyphens and underscores do not matter.
+    """The one of `names` that is meant; case, blanks, hyphens and underscores do not matter, and
+    the catalogue of a paint stands before a colon or a stroke.
 
     Raises:
         ValueError: none of them; the message lists the nearest.
@@ -203,6 +204,8 @@ def find_name(name: str, names: Iterable[str]) -> str:
             "10 Vermillion + 90 ZincWhite"
         )
     near = nearest_names(name, known.values(), fold=_plain)
+    # The same paint of a catalogue, behind that of the shelf.
+    near = [full for full in near if full.rpartition(":")[2] not in near or ":" not in full]
     choice = (
         f"the nearest {'is' if len(near) == 1 else 'are'} {', '.join(near)}" if near else ALL_NAMES
     )
@@ -210,7 +213,7 @@ def find_name(name: str, names: Iterable[str]) -> str:
 
 
 def _plain(name: str) -> str:
-    return re.sub(r"[\s_-]+", "", name).lower()
+    return re.sub(r"[\s_-]+", "", name).lower().replace("/", ":")
 
 
 def same_name(first: str, second: str) -> bool:

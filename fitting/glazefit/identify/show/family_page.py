@@ -161,7 +161,7 @@ def _rows(record: Record) -> Iterator[list[object]]:
 def _page(record: Record, table: str, data: str) -> Iterator[str]:
     yield page_start(f"Pigments: {record['title']}", _head(record))
     yield _summary(record)
-    yield "<h2>Spots</h2>\n"
+    yield '<h2 class="spots">Spots</h2>\n'
     yield from spots_html(record, data, _spot_html)
     yield _method(record)
     yield record_section(record, table, data)
@@ -228,7 +228,7 @@ def _spot_html(record: Record, spot: Record, *, drawn: bool) -> str:
     )
     warn = "" if spot["explained"] else " warn"
     return (
-        f'<article id="{spot["id"]}" aria-label="spot {escape(spot["name"])}">\n'
+        f'<article class="spot" id="{spot["id"]}" aria-label="spot {escape(spot["name"])}">\n'
         f'<div class="first">\n<h3>{escape(spot["name"])}</h3>\n'
         f'<p class="verdict{warn}"><strong>{words_html(_sentence(spot["words"]))}</strong></p>\n'
         f"{_figure(record, spot) if drawn else ''}</div>\n"

@@ -18,6 +18,8 @@ from .spectrum_html import Record, length_html, number_html, spot_html, swatches
 
 DRAWN = 60
 """Spots whose spectra are drawn; those of all are in the JSON."""
+LISTED = 60
+"""Paints of a catalogue that the page lists; those of a larger one are in the JSON."""
 
 
 def beside(path: Path) -> tuple[Path, Path]:
@@ -83,7 +85,7 @@ def page(record: Record, table: str, data: str) -> Iterator[str]:
     """The page, piece by piece; `table` and `data` are names of the files beside it."""
     yield page_start(f"Paint identification: {record['title']}", _head(record))
     yield _summary(record)
-    yield "<h2>Spots</h2>\n"
+    yield '<h2 class="spots">Spots</h2>\n'
     yield from spots_html(record, data, spot_html)
     yield _method(record)
     yield record_section(record, table, data)
@@ -265,12 +267,13 @@ def record_section(record: Record, table: str, data: str) -> str:
             f"<tr><td>catalogue</td><td><code>{escape(catalogue['file'])}</code> of glazejax "
             f"{record['versions']['glazejax']}</td><td><code>{catalogue['sha256']}</code></td></tr>\n"
         )
-    paints = (
-        f"<dt>Catalogue</dt><dd>{escape(catalogue['name'])}: "
-        f"{escape(', '.join(catalogue['paints']))}</dd>"
-    )
+    count = len(catalogue["paints"])
+    listed = count <= LISTED
+    words = ", ".join(catalogue["paints"]) if listed else f"{count} paints, which {data} lists"
+    paints = f"<dt>Catalogue</dt><dd>{escape(catalogue['name'])}: {escape(words)}</dd>"
     if catalogue.get("provenance"):
-        paints += f"<dt>Its source</dt><dd>{escape(catalogue['provenance'])}</dd>"
+        source = catalogue["provenance"] if listed else f"that of each paint, in {data}"
+        paints += f"<dt>Its source</dt><dd>{escape(source)}</dd>"
     versions = ", ".join(f"{name} {number}" for name, number in record["versions"].items())
     return (
         f"<h2>Record</h2>\n<dl><dt>Command</dt><dd><code>{escape(record['command'])}</code></dd>"

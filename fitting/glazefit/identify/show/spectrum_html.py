@@ -23,6 +23,9 @@ _KINDS = {
 # thickest film there is.
 _LEAST_UM = 0.001
 _MOST_UM = 1e4
+# Of a spot's tables, what is printed on its page; the screen has all.
+_PRINTED_FITS = 3
+_PRINTED_PAINTS = 8
 
 Record = Mapping[str, Any]
 
@@ -62,7 +65,7 @@ def spot_html(record: Record, spot: Record, *, drawn: bool) -> str:
             f"<p>Measured {swatches(spot, 'measured')} fitted {swatches(spot, 'fitted')}</p>\n"
         )
     return (
-        f'<article id="{spot["id"]}" aria-label="spot {name}">\n<div '
+        f'<article class="spot" id="{spot["id"]}" aria-label="spot {name}">\n<div '
         f'class="first">\n<h3>{name}</h3>\n'
         f'<p class="verdict{"" if spot["explained"] else " warn"}">{verdict}</p>\n'
         f"<p>{' '.join(doubts)}</p>\n"
@@ -123,17 +126,19 @@ def _explanations(record: Record, spot: Record) -> str:
     opaque = record["measurement"]["opaque"]
     columns = 2 if opaque else 3
     body = ""
-    for found in spot["explanations"]:
+    for number, found in enumerate(spot["explanations"]):
+        beyond = number >= _PRINTED_FITS
         thick = (
             ""
             if opaque
             else f"thickness {length_html(found['thickness_um'], found['thickness_90_um'])} µm, "
         )
-        body += (
-            f'<tr class="lead"><th colspan="{columns}" scope="rowgroup">{found["rank"]}: '
-            "probability "
+        body += _row(
+            f'<th colspan="{columns}" scope="rowgroup">{found["rank"]}: probability '
             f'{chance_html(found["probability"])} <span class="faint">{thick}ΔE00 '
-            f"{number_html(found['delta_e_2000'], 2)}, RMSE {found['rmse']:.4f}</span></th></tr>\n"
+            f"{number_html(found['delta_e_2000'], 2)}, RMSE {found['rmse']:.4f}</span></th>",
+            kind="lead",
+            beyond=beyond,
         )
         stacked = any(paint["coat"] > 1 for paint in found["paints"])
         for paint in found["paints"]:
@@ -144,17 +149,20 @@ def _explanations(record: Record, spot: Record) -> str:
                 if opaque
                 else f'<td class="n">{length_html(paint["amount_um"], paint["amount_90_um"])}</td>'
             )
-            body += (
-                f"<tr><td>{escape(paint['name'])}{coat}</td><td "
-                f'class="n">{share}</td>{amount}</tr>\n'
+            body += _row(
+                f'<td>{escape(paint["name"])}{coat}</td><td class="n">{share}</td>{amount}',
+                beyond=beyond,
             )
     amount = "" if opaque else '<th class="n">Amount, µm</th>'
+    left = len(spot["explanations"]) - _PRINTED_FITS
     return (
         f'<h4>{"Shares" if opaque else "Amounts"}</h4>\n<p class="faint">With 90\u202f% '
         "intervals, if the film is of "
         "these paints. Share: by mass, of all paint in the film."
         f"{'' if opaque else ' Amount: thickness times share.'}</p>\n"
-    ) + table_html(f'<th>Paint</th><th class="n">Share</th>{amount}', body, ' class="amounts"')
+        + table_html(f'<th>Paint</th><th class="n">Share</th>{amount}', body, ' class="amounts"')
+        + _not_printed(f"{left} less probable" if left > 0 else "")
+    )
 
 
 def _ruled_out(spot: Record) -> str:
@@ -162,27 +170,47 @@ def _ruled_out(spot: Record) -> str:
         return "<h4>Ruled out</h4>\n<p>No paint of the catalogue.</p>\n"
     body = ""
     kind = ""
-    for paint in spot["ruled_out"]:
+    for number, paint in enumerate(spot["ruled_out"]):
+        beyond = number >= _PRINTED_PAINTS
         if paint["kind"] != kind:
             kind = paint["kind"]
-            body += f'<tr class="kind"><th colspan="4" scope="rowgroup">{_KINDS[kind]}</th></tr>\n'
-        body += (
-            f"<tr><td>{words_html(paint['reason'])}</td><td "
-            f'class="wide">{words_html(paint["film"])}</td>'
-            f'<td class="n">{number_html(paint["delta_e"], 1)}</td><td class="n '
-            f'wide">{paint["rmse"]:.4f}</td></tr>\n'
+            heading = f'<th colspan="4" scope="rowgroup">{_KINDS[kind]}</th>'
+            body += _row(heading, kind="kind", beyond=beyond)
+        body += _row(
+            f"<td>{words_html(paint['reason'])}</td>"
+            f'<td class="wide">{words_html(paint["film"])}</td>'
+            f'<td class="n">{number_html(paint["delta_e"], 1)}</td>'
+            f'<td class="n wide">{paint["rmse"]:.4f}</td>',
+            beyond=beyond,
         )
+    left = [paint["paint"] for paint in spot["ruled_out"][_PRINTED_PAINTS:]]
     return (
         '<h4>Ruled out, and why</h4>\n<p class="faint">Paints that do not fit, or with a '
         "probability "
         "below 1\u202f%, judged by the nearest film with at least 1\u202f% of each: a smaller "
         "trace can hide in any "
         "film.</p>\n"
-    ) + table_html(
-        '<th>Why</th><th class="wide">Nearest film with it</th><th class="n">ΔE00</th>'
-        '<th class="n wide">RMSE</th>',
-        body,
+        + table_html(
+            '<th>Why</th><th class="wide">Nearest film with it</th><th class="n">ΔE00</th>'
+            '<th class="n wide">RMSE</th>',
+            body,
+            ' class="ruled"',
+        )
+        + _not_printed(", ".join(left))
     )
+
+
+def _row(cells: str, *, kind: str = "", beyond: bool = False) -> str:
+    """A row of a table; one beyond what a page holds is on the screen only."""
+    classes = " ".join(filter(None, (kind, "more" if beyond else "")))
+    named = f' class="{classes}"' if classes else ""
+    return f"<tr{named}>{cells}</tr>\n"
+
+
+def _not_printed(what: str) -> str:
+    """What a page says of the rows that it has no room for."""
+    words = f"Also, in the files beside this page: {what}."
+    return f'<p class="paper faint">{escape(words)}</p>\n' if what else ""
 
 
 def swatches(spot: Record, what: str) -> str:

@@ -153,7 +153,7 @@ def page(
     title = f"Map of paints: {provenance.title}"
     yield page_start(title, _head(look, provenance), style=style, images="data:")
     yield _summary(look)
-    yield '<div class="maps">\n' + _figure(
+    yield f'<div class="maps{"" if false is None else " three"}">\n' + _figure(
         look, enlarge(look.colour), "True colour", "sRGB for daylight D65."
     )
     yield _legend_figure(look)

@@ -8,8 +8,9 @@ from jaxtyping import Float
 
 from ...page.words import chance_html, words_html
 from ..store.chunk import Members, SetSum
+from .legend import OTHERS
 from .overview import Overview
-from .pictures import LEGEND, OTHERS, found_paints, own_colours
+from .pictures import found_paints, own_colours, set_colours
 
 SHOWN = 40
 """Sets that have a row of their own."""
@@ -40,10 +41,11 @@ def sets_table(
 ) -> str:
     """Sets, the largest first, with mean spectra beside their fits."""
     colours = own_colours(look, SHOWN)
+    legend = set_colours(look)
     area = '<th class="n wide">Area, cm²</th>' if look.pixel_area is not None else ""
     rows = ""
     for n, members in enumerate(look.ranked[:SHOWN]):
-        colour = LEGEND[n] if n < len(LEGEND) else OTHERS
+        colour = legend[n] if n < len(legend) else OTHERS
         rows += (
             f'<tr><td class="n">{n + 1}</td><td><span class="key" '
             f'style="background:{colour}"></span> '

@@ -16,41 +16,12 @@ from glazejax.plots import FAINT, INK, hex_colour, picture
 
 from ..store.chunk import Members
 from ..store.layout import Status
+from .legend import BLANK, MOST_SETS, OTHERS, STRIPES, legend_colours
 from .overview import Overview
 
 if TYPE_CHECKING:
     import xarray as xr
 
-LEGEND = (
-    "#cc6677",
-    "#332288",
-    "#ddcc77",
-    "#117733",
-    "#88ccee",
-    "#e69f00",
-    "#8668e1",
-    "#2b0d0d",
-    "#864968",
-    "#a486a4",
-    "#680de1",
-    "#c2ffc2",
-    "#e12b49",
-    "#0d490d",
-    "#0d0d2b",
-)
-"""Colours of sets in the legend map, the largest set's first; no two are near for people who see
-few colours, either.
-
-Source: the first from P. Tol, Colour Schemes (2021), muted, and M. Okabe and K. Ito (2008); each
-further one is the colour farthest from all before it by CIEDE2000, as seen with three, or two kinds
-of cones (Machado et al. 2009).
-"""
-OTHERS = "#b8b3bb"
-"""Colour of all further sets."""
-STRIPES = ("#8a8a8a", "#f2f2f2")
-"""Stripes where no set of the catalogue explains a pixel."""
-BLANK = "#ffffff"
-"""Colour of what was not mapped in the legend map."""
 UNKNOWN = "#c4c4c4"
 """Colour where a number is not known in its map."""
 
@@ -81,7 +52,12 @@ class MapPicture(NamedTuple):
 
 def legend_sets(look: Overview) -> list[Members]:
     """The sets that have a colour of their own, largest first."""
-    return look.ranked[: len(LEGEND)]
+    return look.ranked[:MOST_SETS]
+
+
+def set_colours(look: Overview) -> list[str]:
+    """Colours of these sets in the legend, each like the set itself."""
+    return legend_colours(own_colours(look))
 
 
 def legend_map(look: Overview) -> RGB:
@@ -91,7 +67,7 @@ def legend_map(look: Overview) -> RGB:
     status = look.examples["status"]
     found = np.full((*status.shape, 3), _rgb(BLANK), np.uint8)
     found[(status == Status.MAPPED) & (look.examples["explained"] > 0)] = _rgb(OTHERS)
-    for members, colour in zip(legend_sets(look), LEGEND, strict=False):
+    for members, colour in zip(legend_sets(look), set_colours(look), strict=True):
         found[look.where(members)] = _rgb(colour)
     found = enlarge(found)
     none = enlarge(look.where(()))
@@ -129,11 +105,11 @@ def _box(area: Bool[np.ndarray, "rows columns"], half: int) -> Float[np.ndarray,
 
 
 def numbers_of(look: Overview) -> list[MapPicture]:
-    """Maps of numbers that hold for the whole film."""
+    """Maps of numbers that hold for the whole film; one that is nowhere known has none."""
     means = look.means
     thick = means["thickness"] * 1e6
     top = _top(thick, 98.0, 1.0)
-    return [
+    shown = [
         MapPicture(
             key="probability",
             title="How sure: probability of the most probable set",
@@ -180,6 +156,7 @@ def numbers_of(look: Overview) -> list[MapPicture]:
             scale=Scale("inferno", 0.0, _top(means["rmse"], 99.5, 0.001)),
         ),
     ]
+    return [each for each in shown if np.isfinite(each.values).any()]
 
 
 def paint_pictures(look: Overview, paint: int) -> list[MapPicture]:
@@ -383,10 +360,10 @@ def _write_legend(look: Overview, path: Path, own: Sequence[str]) -> None:
         rows = [
             (f"{n}  {look.words(m)}", colour, mixed, look.sets[m])
             for n, (m, colour, mixed) in enumerate(
-                zip(legend_sets(look), LEGEND, own, strict=False), start=1
+                zip(legend_sets(look), set_colours(look), own, strict=True), start=1
             )
         ]
-        rest = sum(look.sets[m] for m in look.ranked[len(LEGEND) :])
+        rest = sum(look.sets[m] for m in look.ranked[MOST_SETS:])
         rows += [("further sets", OTHERS, None, rest)] if rest else []
         rows += [("none of these paints", None, None, look.sets[()])] if look.sets.get(()) else []
         high = min(0.34, (tall - 0.3) / max(len(rows), 1))
@@ -406,7 +383,7 @@ def _write_legend(look: Overview, path: Path, own: Sequence[str]) -> None:
             )
 
 
-def own_colours(look: Overview, most: int = len(LEGEND)) -> list[str]:
+def own_colours(look: Overview, most: int = MOST_SETS) -> list[str]:
     """True colour of the largest sets, the mean over the pixels of each."""
     found = []
     for members in look.ranked[:most]:

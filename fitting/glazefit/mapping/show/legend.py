@@ -1,0 +1,93 @@
+"""Colours of a legend: each like the paint that it stands for, and none like another's, for people
+who see few colours, either.
+"""
+
+import itertools
+from collections.abc import Sequence
+
+import numpy as np
+from jaxtyping import Float
+
+from glazejax.colour import delta_e_2000, srgb_to_xyz, xyz_to_lab
+from glazejax.plots import hex_colour
+
+MOST_SETS = 15
+"""Sets that have a colour of their own."""
+OTHERS = "#b8b3bb"
+"""Colour of all further sets."""
+STRIPES = ("#8a8a8a", "#f2f2f2")
+"""Stripes where no set of the catalogue explains a pixel."""
+BLANK = "#ffffff"
+"""Colour of what was not mapped in the legend map."""
+APART = 11.0
+"""CIEDE2000 that two colours differ by, whoever looks."""
+
+# One or two kinds of cones missing, on linear sRGB: G. Machado, M. Oliveira, L. Fernandes, IEEE
+# TVCG 15:1291 (2009).
+CONES = {
+    "three": np.eye(3),
+    "no long": np.array(
+        [
+            [0.152286, 1.052583, -0.204868],
+            [0.114503, 0.786281, 0.099216],
+            [-0.003882, -0.048116, 1.051998],
+        ]
+    ),
+    "no middle": np.array(
+        [
+            [0.367322, 0.860646, -0.227968],
+            [0.280085, 0.672501, 0.047413],
+            [-0.01182, 0.04294, 0.968881],
+        ]
+    ),
+    "no short": np.array(
+        [
+            [1.255528, -0.076749, -0.178779],
+            [-0.078411, 0.930809, 0.147602],
+            [0.004733, 0.691367, 0.3039],
+        ]
+    ),
+}
+# Levels of red, green and blue that are tried.
+_LEVELS = 13
+
+Shades = Float[np.ndarray, "colours 3"]
+
+
+def legend_colours(own: Sequence[str]) -> list[str]:
+    """A colour for each set: the one nearest to its own that is `APART` from all before it, as seen
+    with three or two kinds of cones; where there is none, the one farthest from all before it.
+
+    Args:
+        own: what sets look like, #rrggbb, the most important first.
+
+    Returns:
+        As many colours, #rrggbb.
+    """
+    shades = np.array([_shade(colour) for colour in own]).reshape(-1, 3)
+    levels = np.linspace(0.0, 1.0, _LEVELS)
+    grid = np.array(list(itertools.product(levels, levels, levels)))
+    tried = np.concatenate([shades, grid])
+    seen = seen_colours(tried)
+    taken = seen_colours(np.array([_shade(colour) for colour in (OTHERS, BLANK, *STRIPES)]))
+    room = delta_e_2000(seen[:, :, None], taken[:, None]).min(axis=(0, 2))
+    found = []
+    for shade in seen_colours(shades)[0]:
+        off = delta_e_2000(seen[0], shade)
+        best = int(np.where(room >= APART, off, np.inf).argmin())
+        best = best if room[best] >= APART else int(room.argmax())
+        found.append(hex_colour(tried[best]))
+        room = np.minimum(room, delta_e_2000(seen, seen[:, best, None]).min(axis=0))
+    return found
+
+
+def seen_colours(shades: Shades) -> Float[np.ndarray, "eyes colours 3"]:
+    """L*a*b* of encoded sRGB, as seen with each of `CONES`."""
+    linear = np.where(shades <= 0.04045, shades / 12.92, ((shades + 0.055) / 1.055) ** 2.4)
+    seen = np.stack([np.clip(linear @ cones.T, 0, 1) for cones in CONES.values()])
+    encoded = np.where(seen <= 0.0031308, 12.92 * seen, 1.055 * seen ** (1 / 2.4) - 0.055)
+    return np.asarray(xyz_to_lab(srgb_to_xyz(encoded), srgb_to_xyz(np.ones(3))))
+
+
+def _shade(colour: str) -> list[float]:
+    return [int(colour[n : n + 2], 16) / 255 for n in (1, 3, 5)]

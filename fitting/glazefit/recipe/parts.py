@@ -1,0 +1,39 @@
+"""What a painter weighs out: parts in whole numbers beside per cent."""
+
+from collections.abc import Sequence
+
+from glazejax.paint.describe import Coat
+
+CLOSE = 0.08
+"""How far each share may be from that of the parts, as a share of itself."""
+_MOST = 100
+
+
+def whole_parts(shares: Sequence[float]) -> tuple[int, ...]:
+    """The smallest whole numbers that stand to each other as shares do, to 8 % of each.
+
+    Args:
+        shares: above 0, in any unit.
+
+    Returns:
+        As many whole numbers from 1 on: 84, 15, 1 for 0.84, 0.15, 0.01.
+    """
+    least = min(shares)
+    total = sum(shares)
+    parts: list[int] = []
+    for smallest in range(1, _MOST + 1):
+        parts = [round(share / least * smallest) for share in shares]
+        whole = sum(parts)
+        if all(
+            abs(part / whole - share / total) <= CLOSE * share / total
+            for part, share in zip(parts, shares, strict=True)
+        ):
+            break
+    return tuple(parts)
+
+
+def describe_parts(coat: Coat) -> str:
+    """Parts of a coat's paints in their order, such as ``84 : 15 : 1``; empty of one paint."""
+    if len(coat.parts) == 1:
+        return ""
+    return " : ".join(map(str, whole_parts([share for share, _ in coat.parts])))

@@ -1,0 +1,62 @@
+"""The order of a command's ``--help``: the usual options first, then what it is given, what it
+tries, what it writes, and fine points, each in a box of its own.
+"""
+
+from collections.abc import Callable
+from typing import Any, NamedTuple, TypeVar
+
+_Function = TypeVar("_Function", bound=Callable[..., Any])
+
+
+class HelpGroups(NamedTuple):
+    """Names of options as they are typed, with blanks between; each field is a box of the help."""
+
+    usual: str
+    given: str = ""
+    tried: str = ""
+    written: str = ""
+    fine: str = ""
+
+    @property
+    def boxes(self) -> dict[str, list[str]]:
+        """Options by the title of their box, in the order of the help."""
+        titles = ("Used most", "What it is given", "What it tries", "What it writes", "Fine points")
+        return {title: names.split() for title, names in zip(titles, self, strict=True)}
+
+
+def help_groups(**names: str) -> Callable[[_Function], _Function]:
+    """Order the options of a command's function in its ``--help``.
+
+    Args:
+        names: fields of `HelpGroups`.
+    """
+
+    def mark(function: _Function) -> _Function:
+        setattr(function, "help_groups", HelpGroups(**names))  # noqa: B010
+        return function
+
+    return mark
+
+
+def sort_options(function: Any, params: list[Any]) -> list[Any]:
+    """Options in the order of their boxes, each with its title; arguments stay in front.
+
+    Args:
+        function: of the command; without groups, nothing changes.
+        params: arguments and options as the function has them, then ``--help``.
+    """
+    groups = getattr(function, "help_groups", None)
+    if groups is None:
+        return params
+    box_of = {name: title for title, names in groups.boxes.items() for name in names}
+    place = {name: number for number, name in enumerate(box_of)}
+    for param in params:
+        if param.param_type_name == "option":
+            param.rich_help_panel = box_of.get(param.opts[0], "Fine points")
+    last = len(place)
+    return sorted(
+        params,
+        key=lambda param: (
+            -1 if param.param_type_name == "argument" else place.get(param.opts[0], last)
+        ),
+    )
