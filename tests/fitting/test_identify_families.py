@@ -487,7 +487,7 @@ def test_anachronisms_are_said():
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        (dict(max_coats=2), "in one coat"),
+        (dict(max_coats=4), "max_coats is 4"),
         (dict(max_paints=4), "max_paints is 4"),
         (dict(opaque=False), "what is under the paint"),
     ],

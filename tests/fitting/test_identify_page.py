@@ -218,7 +218,7 @@ def test_the_table_and_the_json_hold_the_numbers_exactly(tmp_path):
     )
     spot = filed["spots"][0]
     np.testing.assert_allclose(spot["explanations"][1]["fitted"], found.fitted[0, 1], atol=1e-6)
-    assert spot["two_coats"] == 0.3
+    assert spot["coats_probability"] == 0.3
 
 
 def test_names_are_text_and_nothing_comes_from_elsewhere():

@@ -74,7 +74,11 @@ def identify(
         int, typer.Option(help="Largest number of paints in a film: 1, 2 or 3.")
     ] = 3,
     max_coats: Annotated[
-        int, typer.Option(help="Coats of a film: 1, or 2 to try two coats as well, in both orders.")
+        int,
+        typer.Option(
+            help="Most coats: 2 says whether two paints were mixed or laid one over the other, 3 "
+            "does so for three, some ten seconds a spectrum."
+        ),
     ] = 1,
     own_films: Annotated[
         bool,
@@ -317,8 +321,8 @@ def _report_files(report: Path | None) -> dict[str, Path | None]:
 def _check_numbers(max_paints: int, max_coats: int, top: int) -> None:
     if max_paints not in (1, 2, 3):
         raise ValueError(f"--max-paints is {max_paints}; it must be 1, 2 or 3")
-    if max_coats not in (1, 2):
-        raise ValueError(f"--max-coats is {max_coats}; it must be 1 or 2")
+    if max_coats not in (1, 2, 3):
+        raise ValueError(f"--max-coats is {max_coats}; it must be 1, 2 or 3")
     if top < 1:
         raise ValueError(f"--top is {top}; it must be 1 or more")
 

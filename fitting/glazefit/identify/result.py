@@ -215,6 +215,15 @@ class Identification:
                 kept[row] = sum(one.share * one.layered for one in own)
         return kept
 
+    def coats_words(self, row: int) -> str:
+        """One sentence on how the paints of the most probable set lie, mixed or one over another;
+        empty where that was not weighed.
+        """
+        own = self.coats_odds[row] if self.coats_odds else ()
+        if not own:
+            return ""
+        return f"{' and '.join(own[0].paints)}: {own[0].words()}"
+
     def reordered(
         self,
         order: Int[np.ndarray, "spectra candidates"],

@@ -38,10 +38,8 @@ def arrangements(count: int, max_coats: int) -> list[Arrangement]:
         count: of paints.
         max_coats: most coats.
     """
-    found = [
-        Arrangement(coats) for coats in _orders(tuple(range(count))) if len(coats) <= max_coats
-    ]
-    return sorted(found, key=lambda one: len(one.coats))
+    orders = [coats for coats in _orders(tuple(range(count))) if len(coats) <= max_coats]
+    return [Arrangement(coats) for coats in sorted(orders, key=len)]
 
 
 def _orders(paints: tuple[int, ...]) -> Iterator[tuple[tuple[int, ...], ...]]:

@@ -90,8 +90,8 @@ def coefficient_sd(
     scattering: Float[np.ndarray, "paints bands"],
     errors: CoatErrors,
 ) -> Float[np.ndarray, "paints bands"]:
-    """Standard deviation of log k where k/s is known from a reading of a film that hides its ground:
-    large where that film is nearly black or nearly white.
+    """Standard deviation of log k where a film that hides its ground told k/s: large where that
+    film is nearly black or nearly white.
 
     By Kubelka and Munk: R = a - sqrt(a^2 - 1), a = 1 + K/S.
     """
@@ -284,7 +284,7 @@ def _over_scales(
     errors: CoatErrors,
     patch: tuple[np.ndarray, np.ndarray] | None = None,
 ) -> list[Float[np.ndarray, "nodes block films"]]:
-    """Log likelihood with all errors larger or smaller by each scale, and with a patch or without."""
+    """Log likelihood with all errors larger or smaller by each scale, with a patch or without."""
     out = []
     for scale, weight in zip(errors.scales, errors.weights, strict=True):
         value = -0.5 * left / scale**2 - 0.5 * np.log(volume) - bands * np.log(scale)

@@ -31,8 +31,8 @@ STEP = 10.0
 # Sets that are weighed for a spectrum, and the least share of all sets of their size.
 _MOST_SETS = 2
 _LEAST_SHARE = 0.05
-# A library rarely tells k and s of a paint apart: each paint's scattering may also be so much less, with
-# this probability.
+# A library rarely tells k and s of a paint apart: each paint's scattering may also be so much
+# less, with this probability.
 _FAINT = 0.1
 _FAINT_CHANCE = 0.2
 # Root mean square of a difference between two readings that the model's own errors do not cover.
@@ -120,7 +120,9 @@ def weigh_coats(
 
 
 def _best_sets(found: Identification, row: int, max_coats: int) -> list[tuple[int, ...]]:
-    """The most probable sets of two paints, however they lie; with three coats of three paints too."""
+    """The most probable sets of two paints, however they lie; of three where three coats are
+    tried.
+    """
     chances: dict[tuple[int, ...], float] = {}
     for members, chance in zip(found.members[row], found.probability[row], strict=True):
         own = tuple(sorted(int(member) for member in members if member != NOBODY))

@@ -87,6 +87,8 @@ def _spot(found: Identification, row: int, top: int, painted: int | None) -> dic
         "explained": bool(found.explained[row]),
         "words": found.verdict(row),
         "none_of_these": float(found.none[row]),
+        "coats_probability": float(found.coats_probability[row]),
+        "coats": found.coats_words(row),
         "colours": describe_colours(found, row),
         "measured": round_spectra(found.measured.readings[row]),
         "families": [
@@ -227,11 +229,12 @@ def _spot_html(record: Record, spot: Record, *, drawn: bool) -> str:
         for one in spot["pigments"]
     )
     warn = "" if spot["explained"] else " warn"
+    coats = f"<p>{words_html(spot['coats'])}.</p>\n" if spot["coats"] else ""
     return (
         f'<article class="spot" id="{spot["id"]}" aria-label="spot {escape(spot["name"])}">\n'
         f'<div class="first">\n<h3>{escape(spot["name"])}</h3>\n'
         f'<p class="verdict{warn}"><strong>{words_html(_sentence(spot["words"]))}</strong></p>\n'
-        f"{_figure(record, spot) if drawn else ''}</div>\n"
+        f"{coats}{_figure(record, spot) if drawn else ''}</div>\n"
         "<h4>Pigments</h4>\n"
         + table_html(
             '<th class="n">Rank</th><th>Families</th><th class="n">Probability</th>', answers

@@ -194,7 +194,7 @@ def _summary_row(record: Record, spot: Record) -> str:
     coats = (
         ""
         if record["method"]["layers"] == 1
-        else f'<td class="n wide">{chance_html(spot["two_coats"])}</td>'
+        else f'<td class="n wide">{chance_html(spot["coats_probability"])}</td>'
     )
     return (
         f'<tr><td><a href="#{spot["id"]}">{escape(spot["name"])}</a></td><td '
@@ -227,12 +227,12 @@ def _method(record: Record) -> str:
         "are fitted.",
         "For a paint that was not found, films of it alone, with every other paint, and beside "
         "the most probable paints were fitted in one "
-        f"coat{', and the two coats that were found count too' if layers > 1 else ''}. The one "
+        f"coat{', and the coats that were found count too' if layers > 1 else ''}. The one "
         "that is nearest in its spectrum is named.",
     ]
     if layers == 1:
         points.append(
-            "Two coats were not tried: a spot of several coats is described as if they were mixed."
+            "More than one coat was not tried: a spot of several coats is described as if they were mixed."
         )
     if opaque:
         points.append(

@@ -135,7 +135,8 @@ def _spot(
         "explained": explained,
         "words": ranked[0].words if explained else found.unexplained(row),
         "none_of_these": float(found.none[row]),
-        "two_coats": float(found.coats_probability[row]),
+        "coats_probability": float(found.coats_probability[row]),
+        "coats": found.coats_words(row),
         "paint_probability": {
             found.paints[i]: float(chances[i]) for i in np.argsort(-chances, kind="stable")
         },

@@ -50,7 +50,10 @@ def spot_html(record: Record, spot: Record, *, drawn: bool) -> str:
     none = f"That none of these paints explain it: {chance_html(spot['none_of_these'])}."
     doubts = [none] if spot["explained"] else []
     if record["method"]["layers"] > 1:
-        doubts.append(f"That the film has two coats: {chance_html(spot['two_coats'])}.")
+        several = chance_html(spot["coats_probability"])
+        doubts.append(f"That the film has more than one coat: {several}.")
+        if spot["coats"]:
+            doubts.append(f"{words_html(spot['coats'])}.")
     doubts += [words_html(words) for words in spot["doubts"]]
     least = record["thresholds"]["ruled_out_below"]
     likely = [

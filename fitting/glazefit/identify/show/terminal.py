@@ -30,6 +30,7 @@ COLUMNS = (
     "gloss",
     "none_of_these",
     "explained",
+    "coats_probability",
 )
 
 
@@ -46,6 +47,8 @@ def print_identification(found: Identification, console: Console, top: int, deta
     for row in range(min(detailed, len(found))):
         console.print(_table(found, row, top))
         console.print(f"[bold]{_verdict(found, row)}[/bold]")
+        if words := found.coats_words(row):
+            console.print(words, **_AS_IS)
         for doubt in describe_ambiguity(found, row):
             console.print(f"[dim]{doubt}[/dim]")
         console.print()
@@ -88,6 +91,8 @@ def print_families(
         others = [f"{other.words} {other.probability:.0%}" for other in sets[1:]]
         if others:
             console.print(f"  or {'; '.join(others)}; none of them {found.none[row]:.0%}", **_AS_IS)
+        if words := found.coats_words(row):
+            console.print(f"  {words}", **_AS_IS)
         near = dict.fromkeys(paint for c in found.ranked(row, top) for paint in c.paints)
         console.print(f"  nearest exemplars: {', '.join(list(near)[:top])}", style="dim", **_AS_IS)
 
@@ -159,7 +164,12 @@ def rows(found: Identification, top: int) -> Iterator[list[object]]:
             )
             colour = "" if np.isnan(candidate.delta_e) else candidate.delta_e
             cells += [*thick, candidate.rmse, candidate.angle, colour, candidate.gloss]
-            yield [*cells, found.none[row], bool(found.explained[row])]
+            yield [
+                *cells,
+                found.none[row],
+                bool(found.explained[row]),
+                found.coats_probability[row],
+            ]
 
 
 def write_candidates(
