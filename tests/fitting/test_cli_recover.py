@@ -284,7 +284,7 @@ def test_mixtures_are_left_out_when_asked(run, tmp_path):
     )
     assert status == 0
     assert "4 mixtures: ΔE00" in out
-    assert "From one mixing to the next expect ΔE00" in " ".join(out.split())
+    assert "Two mixings of one recipe differ by about ΔE00" in " ".join(out.split())
     with (tmp_path / "res" / "left_out.csv").open() as table:
         rows = list(csv.DictReader(table))
     assert [row["film"] for row in rows] == names[2:]

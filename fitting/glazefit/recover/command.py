@@ -78,8 +78,8 @@ def recover(
             "--wet-film",
             metavar="LENGTHS",
             help="What a gauge or the gap of a drawdown bar says of films: 100um, 100um±20%, "
-            "'Red=100um,Blue=50um', or 'same' (one bar of unknown gap). Of acrylics, which lose "
-            "about half as they dry, the dry thickness.",
+            "'Red=100um,Blue=50um', or 'same' (all by one bar, whose gap is not known). Of "
+            "acrylics, which lose about half as they dry, the dry thickness.",
             show_default=False,
         ),
     ] = "",

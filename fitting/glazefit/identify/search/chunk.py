@@ -55,7 +55,9 @@ class Chunk:
 
     @property
     def noise_covariance(self) -> Float[np.ndarray, "spectra readings readings"]:
-        """Covariance of noise, of the surface's reflection and of what else is in doubt."""
+        """Covariance of the readings' errors that come from noise, from the unknown gloss, and from
+        other unknowns such as the amount of a varnish (`Measured.doubt`).
+        """
         return self._with_doubt(self.spectra.noise_sd)
 
     @property
@@ -67,7 +69,7 @@ class Chunk:
 
     @property
     def noiseless_covariance(self) -> Float[np.ndarray, "spectra readings readings"]:
-        """Covariance of the surface's reflection and of what else is in doubt, noise aside."""
+        """`noise_covariance` without the noise: unknown gloss and other unknowns alone."""
         return self._with_doubt(np.zeros_like(self.spectra.noise_sd))
 
     def _with_doubt(

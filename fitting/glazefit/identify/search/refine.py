@@ -93,7 +93,7 @@ class CandidateFilms:
 
     @property
     def log_weight_lost(self) -> Float[np.ndarray, "films"]:
-        """Log weight by which each stays behind the best of its spectrum."""
+        """How much lower the log weight of each is than that of the best of its spectrum."""
         best = np.full(self.row.max() + 1, -np.inf)
         np.maximum.at(best, self.row, self.log_weight)
         return best[self.row] - self.log_weight
@@ -125,9 +125,10 @@ def refine(chunk: Chunk, pool: Pool) -> Pool:
     """The best of a pool with errors of their own, and with amounts that come near the readings, as
     a mixture is shown.
 
-    Those far behind have a weight of -inf. With errors of its paints' coefficients allowed, the
-    most probable amounts may leave to those errors what other amounts would meet: probabilities
-    follow from that, but nobody would mix it.
+    Sets far behind the best get a weight of -inf. Two kinds of amounts are kept. The most probable
+    ones allow for errors of the paints' k and s, and probabilities follow from them. But they may
+    put down to such errors what slightly other amounts would explain, so that a mixture by them
+    would miss the reading. The amounts that are shown are therefore fitted without these errors.
     """
     task = chunk.task
     pool = pool.best(task.effort.kept_sets)

@@ -18,6 +18,8 @@ _WORSE = 1.1
 _NAMED = 0.001
 # Below this share a paint that may be there is a trace, and its share is not said.
 _TRACE = 0.01
+# So many paints that the film may hold are named; the others are counted.
+_LISTED = 3
 # Share of the first's probability at which a film under another condition counts.
 _RIVAL = 0.1
 
@@ -65,16 +67,19 @@ def describe_additions(found: Identification, row: int) -> str:
     is known of that.
     """
     shares = sorted(possible_additions(found, row).items(), key=lambda pair: -pair[1])
-    parts = [f"{percent(most)} {paint}" for paint, most in shares if most >= _TRACE]
-    traces = [paint for paint, most in shares if most < _TRACE]
-    said = []
-    if parts:
-        said.append(
-            f"{', one of them at a time,' if len(parts) > 1 else ''} up to {' or '.join(parts)}"
-        )
+    if not shares:
+        return ""
+    listed = shares[:_LISTED]
+    said = [f"up to {percent(most)} {paint}" for paint, most in listed if most >= _TRACE]
+    traces = [paint for paint, most in listed if most < _TRACE]
     if traces:
-        said.append(f" traces (below {percent(_TRACE)}) of {' or '.join(traces)}")
-    return f"It may also hold{', or'.join(said)}." if said else ""
+        said.append(f"a trace (below {percent(_TRACE)}) of {' or '.join(traces)}")
+    others = len(shares) - len(listed)
+    if others:
+        said.append(f"less of {others} other{'s' if others > 1 else ''}")
+    one = "one more paint: " if len(shares) > 1 else ""
+    several = f"{', '.join(said[:-1])}, or " if len(said) > 1 else ""
+    return f"It may also hold {one}{several}{said[-1]}."
 
 
 def possible_additions(found: Identification, row: int) -> dict[str, float]:

@@ -17,7 +17,7 @@ _KINDS = {
     "misfit": f"Ruled out: a person sees that no film with it fits (ΔE00 above {REJECTED:g})",
     "trace": "Ruled out but for a trace",
     "worse": "Improbable: others fit better",
-    "unneeded": "Improbable, though it fits as well: nothing calls for it",
+    "unneeded": "Improbable, though it fits as well: a film without it is more probable",
 }
 # Lengths in um beyond which an interval says no more: far below a grain of pigment, and the
 # thickest film there is.
