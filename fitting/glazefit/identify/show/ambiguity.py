@@ -44,7 +44,7 @@ def describe_indistinguishable(found: Identification, row: int) -> str:
     there are none.
     """
     pairs = [" or ".join((paint, *others)) for paint, others in found.not_told(row).items()]
-    return f"This spectrum does not tell: {'; '.join(pairs)}." if pairs else ""
+    return f"This spectrum does not tell whether it is {'; '.join(pairs)}." if pairs else ""
 
 
 def describe_undecided(
@@ -138,8 +138,8 @@ def _relies_on_condition(first: Candidate, rivals: list[Candidate]) -> str:
     if other is None or other.probability < _RIVAL * first.probability:
         return ""
     what = "varnish" if any("varnish" in c.condition for c in (first, other)) else "ground"
-    ways = [f"{c.condition or 'as told'} it is {c.mixture}" for c in (first, other)]
-    return f"The answer rests on the {what}: {ways[0]}, {ways[1]} ({other.probability:.0%})."
+    ways = [f"{c.condition or 'as stated'} it is {c.mixture}" for c in (first, other)]
+    return f"The answer rests on the {what}: {ways[0]}, but {ways[1]} ({other.probability:.0%})."
 
 
 def _relies_on_spectrum_ends(

@@ -44,10 +44,11 @@ def spot_html(record: Record, spot: Record, *, drawn: bool) -> str:
             )
     else:
         verdict = f"<strong>{words_html(spot['words'][0].upper() + spot['words'][1:])}.</strong>"
-    none = f"That none of these paints explain it: {chance_html(spot['none_of_these'])}."
+    unexplained = chance_html(spot["none_of_these"])
+    none = f"Probability that none of these paints explains it: {unexplained}."
     doubts = [none] if spot["explained"] else []
     if record["method"]["layers"] > 1:
-        doubts.append(f"That the film has two coats: {chance_html(spot['two_coats'])}.")
+        doubts.append(f"Probability that the film has two coats: {chance_html(spot['two_coats'])}.")
     doubts += [words_html(words) for words in spot["doubts"]]
     least = record["thresholds"]["ruled_out_below"]
     likely = [
