@@ -99,7 +99,7 @@ def recover(
         typer.Option(
             "--noise",
             help="Noise of the instrument near black: standard deviation of a reflectance. "
-            "Default: told from how rough the spectra are, 0.0005 or more.",
+            "Default: estimated from how rough the spectra are, 0.0005 or more.",
             show_default=False,
         ),
     ] = None,
@@ -300,7 +300,7 @@ def _noise(films: "Films", console: "Console") -> "Noise":
     found = estimate_noise(films)
     if found != Noise():
         console.print(
-            f"Noise of a reading R, told from how rough the spectra are: {found.floor:.2g} + "
+            f"Noise of a reading R, estimated from how rough the spectra are: {found.floor:.2g} + "
             f"{found.share:.2g} R [dim](--noise, --noise-share)[/dim]"
         )
     return found
