@@ -243,8 +243,8 @@ def model_covariance(
 def relative_errors(
     pigments: Sequence[Pigment], discrepancy: ModelError
 ) -> Float[np.ndarray, "paints 2 bands"]:
-    """Standard deviations of log k and log s that pigments carry beside their error modes, as far
-    as the discrepancy counts them: what their stated ones are more than their modes hold.
+    """Standard deviations of log k and log s that pigments state, `most` of the discrepancy at
+    most, without the part that their error modes hold.
     """
 
     def share(value: Array, sd: Array | None, unstated: float) -> np.ndarray:
@@ -272,9 +272,7 @@ def relative_errors(
 def _limit_modes(
     pigment: Pigment, discrepancy: ModelError
 ) -> Float[np.ndarray, "modes 2 bands"] | None:
-    """A pigment's error modes; where they are larger together than the discrepancy's `most`, as
-    small as that.
-    """
+    """A pigment's error modes, made smaller where together they exceed the discrepancy's `most`."""
     if pigment.error_modes is None:
         return None
     modes = np.asarray(pigment.error_modes, dtype=np.float64)
@@ -285,11 +283,9 @@ def _limit_modes(
 def error_modes(
     pigments: Sequence[Pigment], discrepancy: ModelError
 ) -> Float[np.ndarray, "paints 2 bands modes"]:
-    """Errors of log k and log s that pigments carry as modes; those of one provenance share theirs,
-    others add more.
+    """Error modes of log k and log s of all pigments: those of one provenance share their modes.
 
-    Where a paint's modes together are larger than the discrepancy's `most` they are made as small
-    as that.
+    A pigment's modes are made smaller where together they exceed the discrepancy's `most`.
     """
     sources: dict[str, int] = {}
     for pigment in pigments:
@@ -432,7 +428,7 @@ def _draw_scale(
 def noise_covariance(
     noise_sd: Float[np.ndarray, "*n grounds bands"], surface: float, discrepancy: ModelError
 ) -> Float[np.ndarray, "*n readings readings"]:
-    """Covariance of what no scale changes: noise, and the surface's reflection."""
+    """Covariance of the errors that `ModelError.scales` leaves alone: noise, and gloss."""
     variance = noise_sd.reshape(*noise_sd.shape[:-2], -1) ** 2
     return variance[..., None] * np.eye(variance.shape[-1]) + discrepancy.surface_sd(surface) ** 2
 

@@ -62,8 +62,8 @@ class Chunk:
 
     @property
     def tolerance_covariance(self) -> Float[np.ndarray, "spectra readings readings"]:
-        """`noise_covariance` with the tolerance in place of noise: errors that are not alike at
-        neighbouring bands, since amounts that are shown leave no smooth error to the paints.
+        """`noise_covariance` with the tolerance in place of noise, for the amounts that are shown:
+        these must not put a residual down to smooth errors of the paints.
         """
         return self._with_doubt(self.tolerance)
 

@@ -289,7 +289,7 @@ def _fit(
     steps: int,
     single: bool = False,
 ) -> Fitted:
-    """Films fitted with errors of their own, where `group` says which of them are each one's.
+    """Films fitted with the errors of their groups; `group` numbers the errors of each film.
 
     In single precision evidences are good to a thousandth.
     """
@@ -349,9 +349,9 @@ def fit_films(
 
 
 def by_blocks(count: int, block: int, run: Callable[[Int[np.ndarray, "block"]], Any]) -> Any:
-    """What `run` says of films by number, `block` at a time, as numpy arrays for all of them.
+    """Results of `run` for all films, as numpy arrays; it is called with numbers of `block` films.
 
-    The last block is filled up with films again: one shape, one program.
+    The last block is filled up with films that were there before: one shape, one program.
     """
     parts = []
     for first in range(0, count, block):
@@ -394,7 +394,7 @@ def _nearest(chunk: Chunk, films: CandidateFilms) -> CandidateFilms:
 
 
 def near_errors(chunk: Chunk) -> Whitening:
-    """Errors with which amounts are found that are shown, of each spectrum."""
+    """Errors of each spectrum that count when the amounts to be shown are fitted."""
     fixed = chunk.tolerance_covariance
     return whiten(fixed, np.zeros_like(fixed), chunk.task.discrepancy)
 
@@ -405,10 +405,9 @@ def move_readings(
     readings: Float[np.ndarray, "films readings"],
     groups: Groups,
 ) -> Float[np.ndarray, "films readings"]:
-    """Readings moved as the errors of their paints' coefficients most probably move them to what
-    was seen.
+    """Readings of films, changed by the most probable errors of their paints' k and s.
 
-    A film of the right paints is met once these are allowed for; one of others is not.
+    A film of the right paints then agrees with what was measured; one of other paints does not.
 
     Args:
         chunk: the spectra.
@@ -423,8 +422,8 @@ def move_readings(
 def coefficient_projection(
     chunk: Chunk, groups: Groups
 ) -> Float[np.ndarray, "groups readings readings"]:
-    """Matrix from what a film misses to the part that the errors of its paints' coefficients most
-    probably make.
+    """Matrix from a film's residual to the part of it that errors of its paints' k and s most
+    probably cause.
     """
     task = chunk.task
     # What the pigments say of their errors, and no more.

@@ -47,8 +47,8 @@ class NuisanceMode(NamedTuple):
 
     @classmethod
     def of(cls, chunk: Chunk) -> "NuisanceMode":
-        """Ridge regression on the shapes: unit sd beforehand, errors that are not alike at
-        neighbouring bands.
+        """Ridge regression on the shapes, each with a standard deviation of 1 beforehand; errors
+        are independent from band to band.
         """
         count, readings = chunk.target.shape
         doubt = chunk.spectra.doubt
