@@ -1,4 +1,4 @@
-"""The gallery picture of the README: glazes on thick paint, on a table by a window, and in the
+"""The gallery picture of the docs: glazes on thick paint, on a table by a window, and in the
 evening by a lamp.
 
     python -m benchmarks.gallery [--out FOLDER] [--size WIDTHxHEIGHT] [--samples N] [--only

@@ -1,4 +1,4 @@
-"""What the pictures of the README are put together from: a window, painted panels, a
+"""What the pictures of the docs are put together from: a window, painted panels, a
 wooden table.
 """
 

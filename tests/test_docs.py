@@ -220,7 +220,7 @@ def test_the_python_of_the_first_steps_runs(page, tmp_path):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["what-there-is", "exports", "studio"])
+@pytest.mark.parametrize("name", ["interpolation", "varnish", "exports", "studio"])
 def test_the_python_of_a_page_runs(name, tmp_path):
     """All blocks of a page as one program. What docs/mitsuba.md shows takes minutes;
     tests/appearance has its like.
@@ -288,6 +288,53 @@ def test_the_site_asks_no_other_host():
         "<link> asks for //fonts/x.css"
     ]
     assert faults_of('<img src="c.png">') == ["the picture c.png has no words (alt)"]
+
+
+@pytest.mark.browser
+def test_a_long_table_shows_the_rows_with_all_words_that_are_typed(tmp_path):
+    from .studio.browser import start_browser
+
+    rows = "".join(f"<tr><td>paint {n}</td><td>k<wbr/>_s of {n}</td></tr>" for n in range(40))
+    page = tmp_path / "page.html"
+    script = (DOCS / "_static" / "filter.js").as_uri()
+    page.write_text(
+        f'<meta charset="utf-8"><script src="{script}"></script><article>'
+        f"<table><tbody>{rows}</tbody></table><table><tbody><tr><td>short</td></tr></tbody></table>"
+        "</article>"
+    )
+    browser = start_browser(tmp_path)
+    try:
+        browser.get(page.as_uri())
+        (field,) = browser.find_elements("css selector", "input")
+
+        def shown() -> list[str]:
+            return [
+                row.text
+                for row in browser.find_elements("css selector", "tr")
+                if row.is_displayed()
+            ]
+
+        assert len(shown()) == 41
+        field.send_keys("K_S 12")
+        assert shown() == ["paint 12 k_s of 12", "short"]
+        assert browser.find_element("css selector", "[role=status]").text == "1 of 40 rows"
+        field.clear()
+        field.send_keys(" ")
+        assert len(shown()) == 41
+    finally:
+        browser.quit()
+
+
+def test_what_to_cite_stands_on_the_page():
+    """Titles, doi and families of authors of CITATION.cff."""
+    wanted = re.findall(
+        r"^ +(?:- )?(?:title|doi|family-names): (.+)$",
+        (ROOT / "CITATION.cff").read_text("utf-8"),
+        re.MULTILINE,
+    )
+    page = (DOCS / "cite.md").read_text("utf-8")
+    assert wanted
+    assert not [words for words in wanted if words not in page]
 
 
 def test_types_of_the_reference_are_links():

@@ -300,7 +300,7 @@ def test_mixtures_are_left_out_when_asked(run, tmp_path):
     )
     assert status == 0
     assert "4 mixtures: ΔE00" in out
-    assert "From one mixing to the next expect ΔE00" in " ".join(out.split())
+    assert "Two mixings of one recipe differ by about ΔE00" in " ".join(out.split())
     with (tmp_path / "res" / "left_out.csv").open() as table:
         rows = list(csv.DictReader(table))
     assert [row["film"] for row in rows] == names[2:]
@@ -394,6 +394,6 @@ def test_rough_spectra_are_said_to_be_noisy(run, tmp_path):
     films = simulate_films(GRID, k, np.ones_like(k), names=["01A"], noise=Noise(0.004, 0.0))
     status, out, _ = run(write(tmp_path / "f.tsv", films), "--out", "res", "--no-plots")
     assert status == 0
-    assert "Noise of a reading R, told from how rough the spectra are: 0.00" in out
+    assert "Noise of a reading R, estimated from how rough the spectra are: 0.00" in out
     status, out, _ = run(tmp_path / "f.tsv", "--out", "told", "--no-plots", "--noise", "0.004")
     assert "how rough" not in out

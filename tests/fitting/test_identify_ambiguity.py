@@ -22,7 +22,7 @@ from glazefit.identify.show.ambiguity import (
 from glazefit.identify.show.terminal import print_identification
 
 GRID = np.arange(400.0, 701.0, 10.0)
-PAINTS = ("ZincWhite", "LeadWhite", "CobaltBlue", "BariumSulphate")
+PAINTS = ("ZincWhite", "LeadWhite", "CobaltBlue", "BariumSulphate", "Eosin", "Vermillion")
 CURVE = np.linspace(0.3, 0.6, GRID.size)
 
 
@@ -76,6 +76,22 @@ def test_what_the_film_may_hold_too_is_the_end_of_its_interval():
         {"BariumSulphate": 1 / (1 + np.exp(-odds))}, rel=1e-6
     )
     assert "It may also hold up to 22 % BariumSulphate." in describe_ambiguity(found, 0)
+
+
+def test_of_many_paints_that_the_film_may_hold_too_the_first_are_named_and_the_others_counted():
+    shares = {"LeadWhite": 0.3, "ZincWhite": 0.1, "Eosin": 3e-3, "Vermillion": 2e-3}
+    beside = [
+        (("CobaltBlue", paint), [1 - share, share], 0.03, 0, CURVE)
+        for paint, share in shares.items()
+    ]
+    (said,) = [
+        words for words in describe_ambiguity(answer([FIRST, *beside]), 0) if "hold" in words
+    ]
+    most = [percent(most) for most in possible_additions(answer([FIRST, *beside]), 0).values()]
+    assert said == (
+        f"It may also hold one more paint: up to {most[0]} LeadWhite, up to {most[1]} ZincWhite, "
+        "a trace (below 1.0 %) of Eosin, or less of 1 other."
+    )
 
 
 @pytest.mark.parametrize(
@@ -164,7 +180,7 @@ def open_answer():
 def test_the_headline_names_what_is_probable_over_all_sets():
     found = open_answer()
     assert found.likely_paint(0) == ("LeadWhite", pytest.approx(0.6))
-    assert found.words(0).startswith("spot: most probably with LeadWhite (60%), but it is open")
+    assert found.words(0).startswith("spot: most probably with LeadWhite (60%), but what is")
     assert "CobaltBlue (25%), is without it" in found.words(0)
     console = Console(width=200, record=True, file=io.StringIO())
     print_identification(found, console, top=4, detailed=1)

@@ -319,7 +319,7 @@ def test_command_says_how_sure_it_is(run, tmp_path):
     assert (status, err) == (0, "")
     assert "10 µm" in out
     assert "30 µm" in out
-    assert "from one mixing of Vermillion+ZincWhite to the next" in out
+    assert "Two mixings of Vermillion+ZincWhite differ by about ΔE00" in out
     with (tmp_path / "p.csv").open() as file:
         rows = list(csv.DictReader(file))
     assert {row["film"] for row in rows} == {"10 µm", "30 µm"}

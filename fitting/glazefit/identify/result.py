@@ -405,7 +405,7 @@ class Identification:
         if likely is not None:
             paint, share = likely
             return (
-                f"most probably with {paint} ({share:.0%}), but it is open with what; the "
+                f"most probably with {paint} ({share:.0%}), but what is beside it is open; the "
                 f"most probable single set, {best.words} ({best.probability:.0%}), is without it"
             )
         more = f"; these pigments {chance:.0%}" if chance > best.probability + 0.05 else ""

@@ -58,7 +58,10 @@ def map_(
     out: Annotated[
         Path,
         typer.Option(
-            "--out", "-o", metavar="FOLDER", help="Map to write, a zarr folder; one begun goes on."
+            "--out",
+            "-o",
+            metavar="FOLDER",
+            help="Map to write, a zarr folder. If it was begun before, it goes on.",
         ),
     ] = Path("map.zarr"),
     wavelengths: Annotated[
@@ -114,8 +117,8 @@ def map_(
     spot: Annotated[
         list[str] | None,
         _option(
-            "A further paint, as the cube has it at x,y, at x0:x1,y0:y1 or in mask.png; can be "
-            "repeated.",
+            "One more paint: its spectrum is read from the cube at x,y, at x0:x1,y0:y1 or in "
+            "mask.png; can be repeated.",
             "NAME=x,y",
         ),
     ] = None,
@@ -157,7 +160,7 @@ def map_(
     model_error: options.ModelError = None,
     thickness: options.Thickness = "25um",
     memory: Annotated[
-        str, typer.Option(metavar="SIZE", help="Bound of the memory that is used, such as 4GiB.")
+        str, typer.Option(metavar="SIZE", help="Most memory that the run may use, such as 4GiB.")
     ] = "2GiB",
     scheduler: Annotated[
         str | None,

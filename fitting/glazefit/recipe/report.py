@@ -37,10 +37,7 @@ CSV_COLUMNS = (
     "delta_e_between_mixings",
 )
 
-MIXING = (
-    "Expect ΔE00 {:.1f} from one mixing to the next (column mixing); per 10 %: of a coat's "
-    "thickness."
-)
+MIXING = "Column mixing: the same recipe, mixed twice, differs by about ΔE00 {:.1f}."
 
 MARK = " !"
 """Stands behind a paint that is poisonous or hard to buy."""

@@ -87,8 +87,8 @@ def recover(
             "--wet-film",
             metavar="LENGTHS",
             help="What a gauge or the gap of a drawdown bar says of films: 100um, 100um±20%, "
-            "'Red=100um,Blue=50um', or 'same' (one bar of unknown gap). Of acrylics, which lose "
-            "about half as they dry, the dry thickness.",
+            "'Red=100um,Blue=50um', or 'same' (all by one bar, whose gap is not known). Of "
+            "acrylics, which lose about half as they dry, the dry thickness.",
             show_default=False,
         ),
     ] = "",
@@ -108,7 +108,7 @@ def recover(
         typer.Option(
             "--noise",
             help="Noise of the instrument near black: standard deviation of a reflectance. "
-            "Default: told from how rough the spectra are, 0.0005 or more.",
+            "Default: estimated from how rough the spectra are, 0.0005 or more.",
             show_default=False,
         ),
     ] = None,
@@ -326,7 +326,7 @@ def _noise(films: "Films", console: "Console") -> "Noise":
     found = estimate_noise(films)
     if found != Noise():
         console.print(
-            f"Noise of a reading R, told from how rough the spectra are: {found.floor:.2g} + "
+            f"Noise of a reading R, estimated from how rough the spectra are: {found.floor:.2g} + "
             f"{found.share:.2g} R [dim](--noise, --noise-share)[/dim]"
         )
     return found

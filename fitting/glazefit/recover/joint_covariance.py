@@ -27,8 +27,8 @@ class JointCovariance(NamedTuple):
 
     Attributes:
         factors: of the normal matrix.
-        modes: how the others move the coefficients.
-        with_others: covariance of the others with the coefficients.
+        modes: how each of the fit's other unknowns moves the coefficients.
+        with_others: covariance of these other unknowns with the coefficients.
     """
 
     factors: Factors
@@ -51,8 +51,8 @@ class JointCovariance(NamedTuple):
         Args:
             size: factor of each coefficient's error, 0 for those that do not matter.
             count: of the modes, at most.
-            known: others by number that are taken to be known.
-            slopes: of the coefficients by each of these.
+            known: numbers of other unknowns whose values are taken as known.
+            slopes: of the coefficients by each of these unknowns.
         """
         with_known = self.with_others[list(known)]
 

@@ -173,8 +173,8 @@ class JointRecovery(FittedFilms):
         """What the films leave open in log k and log s of all paints together: the largest modes of
         the covariance.
 
-        A coefficient that is known worse than to a factor of exp(`MOST_ERROR`) counts as known to
-        that: errors are used to first order, which says nothing beyond.
+        A coefficient that is not known to a factor of exp(`MOST_ERROR`) counts as known to that
+        factor: errors are propagated by first derivatives, which do not hold for larger ones.
         """
         sd = np.sqrt(np.diagonal(self.log_covariance, axis1=1, axis2=2))
         modes = self.whole_covariance.largest(

@@ -84,8 +84,8 @@ def predict(
     """What a mixture of known paints will look like, and how sure that is.
 
     The colour over a usual black and white card (or those of --reading),
-    with the colour difference to be expected: from one mixing to the next,
-    and from what is not known of the paints. A reading of one film tells
+    with the colour difference to be expected: between two mixings of it,
+    and because the paints are not known exactly. A reading of one film tells
     how strong the mixture came out; its other films are then known better.
 
     Example: glazejax predict "10 Vermillion + 90 ZincWhite"
@@ -285,9 +285,9 @@ def _print(
             for part in made[0].deviations
         }
         console.print(
-            f"Expect ΔE00 {next_one:.1f} from one mixing of {mixture} to the next. What is not "
-            f"known of the paints adds {parts['scale']:.1f} by their scale and "
-            f"{parts['paint']:.1f} by the shape of their k and s."
+            f"Two mixings of {mixture} differ by about ΔE00 {next_one:.1f}. The paints are not "
+            f"known exactly either: that adds {parts['scale']:.1f} by the level of their k and s, "
+            f"and {parts['paint']:.1f} by their shape."
         )
         console.print("[dim]A reading of one film of it narrows that: --reading FILE.[/dim]")
 

@@ -344,7 +344,7 @@ def print_left_out(out: LeftOut, console: Console) -> None:
         f"What they were expected to be off, ΔE00 {out.expected.mean():.1f} on average, comes "
         f"from the film ({parts['film']:.1f}, as the other films left out show), from the scale "
         f"of its paints ({parts['scale']:.1f}) and from the shape of their k and s "
-        f"({parts['paint']:.1f}). From one mixing to the next expect ΔE00 "
+        f"({parts['paint']:.1f}). Two mixings of one recipe differ by about ΔE00 "
         f"{np.mean([found.between_mixings() for found in out.predictions]):.1f}."
     )
     if not out.complete:

@@ -27,33 +27,35 @@ from glazejax.former_names import accept_former_keywords
 class ModelError:
     """Errors of the model; `ModelError.between_films()` has those that films showed.
 
-    Its numbers are how it is done, and may change; their sizes are those of films that were left
-    out of a joint fit, `benchmarks/identification.py`: far from small.
+    Its fields may change between versions. Their sizes are those of films that were left out of a
+    joint fit (`benchmarks/identification.py`), and are far from small.
 
     Attributes:
-        coefficient: standard deviation of the log of a paint's k, and of its s, beside what the
-            pigment says.
-        coefficient_length: over which these errors, and the pigment's own, stay alike, nm.
+        coefficient: standard deviation of the log of a paint's k, and of its s, added to what the
+            pigment states.
+        coefficient_length: distance over which these errors, and those that the pigment states,
+            stay alike, nm.
         level: standard deviation of a further error of log k, and of log s, that is the same at all
             wavelengths.
-        most: largest relative standard deviation of a pigment that counts; to first order, more
-            means nothing.
-        unstated: taken for a pigment without standard deviations.
-        amplitude: standard deviation of the model's own smooth error, in reflectance,
-        share: and for each unit of reflectance.
-        length: over which that stays alike, nm.
-        shared: its correlation between grounds, in [0, 1].
-        scales, weights: factors of all of these, and how probable each is.
+        most: a pigment's relative standard deviation counts as this much at most. Errors are
+            propagated by first derivatives, which do not hold for larger ones.
+        unstated: relative standard deviation of a pigment that states none.
+        amplitude: standard deviation of the model's own smooth error at a reflectance of 0.
+        share: by how much that grows for each unit of reflectance.
+        length: distance over which the smooth error stays alike, nm.
+        shared: correlation of the smooth error between grounds, in [0, 1].
+        scales, weights: factors by which all of these may be larger, and how probable each is.
         gloss, gloss_sd: share of the surface's reflection that is seen, and how it varies between
             films.
-        haze: standard deviation of what a surface adds to all readings alike, at the least: also
-            an instrument that leaves out the mirror reflection sees some of a matt film's.
-        freedom: of Student's t that a whole spectrum's misfit follows when candidates are weighed:
-            some films are met far worse than others. None takes Gaussian errors at each of the
-            scales.
-        apart: wavelengths nearer than this count as one reading when candidates are weighed, nm:
-            what is left over is alike at neighbouring bands in ways that no covariance describes,
-            and a finer grid tells no more.
+        haze: least standard deviation of what a surface adds to all readings alike. It is not 0
+            even where the instrument leaves out the mirror reflection, for it sees some of a matt
+            film's.
+        freedom: degrees of freedom of Student's t, which a whole spectrum's misfit follows when
+            candidates are weighed, since some films are met far worse than others. None takes
+            Gaussian errors at each of the scales.
+        apart: wavelengths nearer than this count as one reading when candidates are weighed, nm.
+            Residuals at neighbouring bands are alike in ways that no covariance describes, so that
+            a finer grid tells no more.
         trust: power of the likelihood when candidates are weighed (a tempered posterior: Miller and
             Dunson, J. Am. Stat. Assoc. 114 (2019) 1113). Errors are not quite Gaussian: with 1,
             films that were left out of a fit were explained wrongly at a stated 90 % half of the
@@ -241,8 +243,8 @@ def model_covariance(
 def relative_errors(
     pigments: Sequence[Pigment], discrepancy: ModelError
 ) -> Float[np.ndarray, "paints 2 bands"]:
-    """Standard deviations of log k and log s that pigments carry beside their error modes, as far
-    as the discrepancy counts them: what their stated ones are more than their modes hold.
+    """Standard deviations of log k and log s that pigments state, `most` of the discrepancy at
+    most, without the part that their error modes hold.
     """
 
     def share(value: Array, sd: Array | None, unstated: float) -> np.ndarray:
@@ -270,9 +272,7 @@ def relative_errors(
 def _limit_modes(
     pigment: Pigment, discrepancy: ModelError
 ) -> Float[np.ndarray, "modes 2 bands"] | None:
-    """A pigment's error modes; where they are larger together than the discrepancy's `most`, as
-    small as that.
-    """
+    """A pigment's error modes, made smaller where together they exceed the discrepancy's `most`."""
     if pigment.error_modes is None:
         return None
     modes = np.asarray(pigment.error_modes, dtype=np.float64)
@@ -283,11 +283,9 @@ def _limit_modes(
 def error_modes(
     pigments: Sequence[Pigment], discrepancy: ModelError
 ) -> Float[np.ndarray, "paints 2 bands modes"]:
-    """Errors of log k and log s that pigments carry as modes; those of one provenance share theirs,
-    others add more.
+    """Error modes of log k and log s of all pigments: those of one provenance share their modes.
 
-    Where a paint's modes together are larger than the discrepancy's `most` they are made as small
-    as that.
+    A pigment's modes are made smaller where together they exceed the discrepancy's `most`.
     """
     sources: dict[str, int] = {}
     for pigment in pigments:
@@ -430,7 +428,7 @@ def _draw_scale(
 def noise_covariance(
     noise_sd: Float[np.ndarray, "*n grounds bands"], surface: float, discrepancy: ModelError
 ) -> Float[np.ndarray, "*n readings readings"]:
-    """Covariance of what no scale changes: noise, and the surface's reflection."""
+    """Covariance of the errors that `ModelError.scales` leaves alone: noise, and gloss."""
     variance = noise_sd.reshape(*noise_sd.shape[:-2], -1) ** 2
     return variance[..., None] * np.eye(variance.shape[-1]) + discrepancy.surface_sd(surface) ** 2
 

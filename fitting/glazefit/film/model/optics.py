@@ -23,7 +23,9 @@ class Optics(NamedTuple):
 
     @classmethod
     def of(cls, instrument: Instrument | Geometry | str, refractive_index: float = 1.5) -> "Optics":
-        """Plain numbers of an instrument; the index counts where it is no whole one."""
+        """Plain numbers of an instrument; an `Instrument` has its own index, words and geometries
+        take `refractive_index`.
+        """
         seen_by = resolve_instrument(instrument, refractive_index)
         geometry = seen_by.geometry
         viewing = (

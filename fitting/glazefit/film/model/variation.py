@@ -76,8 +76,8 @@ def learn(
     """Sizes of film errors from films that were left out, by maximum posterior (EM for a mixture's
     weights).
 
-    A film tells of its own paint, which is the one of it that is in fewest films: whites and blacks
-    that everything is mixed with are judged by what they have alone.
+    A film counts for one of its paints, the one that is in fewest films. So whites and blacks,
+    which everything is mixed with, are judged by their pure films alone.
 
     Args:
         evidence: one of each film.

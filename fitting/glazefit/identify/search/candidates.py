@@ -40,5 +40,5 @@ def find_candidates(task: IdentificationTask, measured: Measured, starts: SetSta
 
 
 def padded_size(count: int) -> int:
-    """Spectra that so many are fitted as: 16, or whole chunks."""
+    """To how many spectra a batch is filled up before it is fitted: 16, or whole chunks."""
     return 16 if count <= 16 else CHUNK * -(-count // CHUNK)

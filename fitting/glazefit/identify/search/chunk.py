@@ -55,19 +55,21 @@ class Chunk:
 
     @property
     def noise_covariance(self) -> Float[np.ndarray, "spectra readings readings"]:
-        """Covariance of noise, of the surface's reflection and of what else is in doubt."""
+        """Covariance of the readings' errors that come from noise, from the unknown gloss, and from
+        other unknowns such as the amount of a varnish (`Measured.doubt`).
+        """
         return self._with_doubt(self.spectra.noise_sd)
 
     @property
     def tolerance_covariance(self) -> Float[np.ndarray, "spectra readings readings"]:
-        """`noise_covariance` with the tolerance in place of noise: errors that are not alike at
-        neighbouring bands, since amounts that are shown leave no smooth error to the paints.
+        """`noise_covariance` with the tolerance in place of noise, for the amounts that are shown:
+        these must not put a residual down to smooth errors of the paints.
         """
         return self._with_doubt(self.tolerance)
 
     @property
     def noiseless_covariance(self) -> Float[np.ndarray, "spectra readings readings"]:
-        """Covariance of the surface's reflection and of what else is in doubt, noise aside."""
+        """`noise_covariance` without the noise: unknown gloss and other unknowns alone."""
         return self._with_doubt(np.zeros_like(self.spectra.noise_sd))
 
     def _with_doubt(

@@ -59,8 +59,8 @@ class Pool:
         return Pool(*(part[rows] for part in self.parts))
 
     def spread(self, rows: Int[np.ndarray, "rows"], count: int) -> "Pool":
-        """The same pool as that of some among `count` spectra; the others have nothing that can be
-        so.
+        """This pool as rows of one of `count` spectra; the other rows are empty, with a weight of
+        -inf.
         """
         parts = [np.zeros((count, *part.shape[1:]), part.dtype) for part in self.parts]
         for part, mine in zip(parts, self.parts, strict=True):

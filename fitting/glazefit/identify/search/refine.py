@@ -93,7 +93,7 @@ class CandidateFilms:
 
     @property
     def log_weight_lost(self) -> Float[np.ndarray, "films"]:
-        """Log weight by which each stays behind the best of its spectrum."""
+        """How much lower the log weight of each is than that of the best of its spectrum."""
         best = np.full(self.row.max() + 1, -np.inf)
         np.maximum.at(best, self.row, self.log_weight)
         return best[self.row] - self.log_weight
@@ -125,9 +125,10 @@ def refine(chunk: Chunk, pool: Pool) -> Pool:
     """The best of a pool with errors of their own, and with amounts that come near the readings, as
     a mixture is shown.
 
-    Those far behind have a weight of -inf. With errors of its paints' coefficients allowed, the
-    most probable amounts may leave to those errors what other amounts would meet: probabilities
-    follow from that, but nobody would mix it.
+    Sets far behind the best get a weight of -inf. Two kinds of amounts are kept. The most probable
+    ones allow for errors of the paints' k and s, and probabilities follow from them. But they may
+    put down to such errors what slightly other amounts would explain, so that a mixture by them
+    would miss the reading. The amounts that are shown are therefore fitted without these errors.
     """
     task = chunk.task
     pool = pool.best(task.effort.kept_sets)
@@ -288,7 +289,7 @@ def _fit(
     steps: int,
     single: bool = False,
 ) -> Fitted:
-    """Films fitted with errors of their own, where `group` says which of them are each one's.
+    """Films fitted with the errors of their groups; `group` numbers the errors of each film.
 
     In single precision evidences are good to a thousandth.
     """
@@ -348,9 +349,9 @@ def fit_films(
 
 
 def by_blocks(count: int, block: int, run: Callable[[Int[np.ndarray, "block"]], Any]) -> Any:
-    """What `run` says of films by number, `block` at a time, as numpy arrays for all of them.
+    """Results of `run` for all films, as numpy arrays; it is called with numbers of `block` films.
 
-    The last block is filled up with films again: one shape, one program.
+    The last block is filled up with films that were there before: one shape, one program.
     """
     parts = []
     for first in range(0, count, block):
@@ -393,7 +394,7 @@ def _nearest(chunk: Chunk, films: CandidateFilms) -> CandidateFilms:
 
 
 def near_errors(chunk: Chunk) -> Whitening:
-    """Errors with which amounts are found that are shown, of each spectrum."""
+    """Errors of each spectrum that count when the amounts to be shown are fitted."""
     fixed = chunk.tolerance_covariance
     return whiten(fixed, np.zeros_like(fixed), chunk.task.discrepancy)
 
@@ -404,10 +405,9 @@ def move_readings(
     readings: Float[np.ndarray, "films readings"],
     groups: Groups,
 ) -> Float[np.ndarray, "films readings"]:
-    """Readings moved as the errors of their paints' coefficients most probably move them to what
-    was seen.
+    """Readings of films, changed by the most probable errors of their paints' k and s.
 
-    A film of the right paints is met once these are allowed for; one of others is not.
+    A film of the right paints then agrees with what was measured; one of other paints does not.
 
     Args:
         chunk: the spectra.
@@ -422,8 +422,8 @@ def move_readings(
 def coefficient_projection(
     chunk: Chunk, groups: Groups
 ) -> Float[np.ndarray, "groups readings readings"]:
-    """Matrix from what a film misses to the part that the errors of its paints' coefficients most
-    probably make.
+    """Matrix from a film's residual to the part of it that errors of its paints' k and s most
+    probably cause.
     """
     task = chunk.task
     # What the pigments say of their errors, and no more.

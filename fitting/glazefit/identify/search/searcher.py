@@ -122,7 +122,7 @@ class Searcher(NamedTuple):
 
     @property
     def task(self) -> IdentificationTask:
-        """For films as they were told to be."""
+        """The task for films as they were stated to be."""
         return self.tasks[self.opaque]
 
     def measure(

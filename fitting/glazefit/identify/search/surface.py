@@ -13,7 +13,8 @@ from .pool import Pool
 def with_surface(chunk: Chunk, pool: Pool) -> Pool:
     """The pool with readings as they are seen, and amounts in metres.
 
-    The surface's share, and what else is in doubt, is what each candidate's residual speaks for.
+    How much the surface adds, and the other unknowns of `Measured.doubt`, are estimated from each
+    candidate's residual.
     """
     task = chunk.task
     d = task.discrepancy
@@ -33,11 +34,12 @@ def with_surface(chunk: Chunk, pool: Pool) -> Pool:
 
 
 class NuisanceMode(NamedTuple):
-    """What moves all bands of a reading together: the surface, and what else is in doubt.
+    """What moves all bands of a reading together: the surface, and the unknowns of
+    `Measured.doubt`.
 
     Attributes:
         shapes: what each does per standard deviation.
-        found: how much of each a residual speaks for, shapes by readings.
+        found: matrix that estimates how much of each is in a residual, shapes by readings.
     """
 
     shapes: Float[np.ndarray, "spectra shapes readings"]
@@ -45,8 +47,8 @@ class NuisanceMode(NamedTuple):
 
     @classmethod
     def of(cls, chunk: Chunk) -> "NuisanceMode":
-        """Ridge regression on the shapes: unit sd beforehand, errors that are not alike at
-        neighbouring bands.
+        """Ridge regression on the shapes, each with a standard deviation of 1 beforehand; errors
+        are independent from band to band.
         """
         count, readings = chunk.target.shape
         doubt = chunk.spectra.doubt

@@ -13,7 +13,7 @@ from ...film.model.optics import Optics
 from ...film.model.response import FilmResponse
 from .table import FilmTables, Paints
 
-# Of the errors that rank sets of paints before each is fitted.
+# A middling reflectance: errors that rank sets of paints are stated for it.
 TYPICAL_READING = 0.3
 
 
@@ -21,22 +21,27 @@ class Effort(NamedTuple):
     """What a search looks at, and what it takes as alike.
 
     Attributes:
-        fitted_pairs: sets of two paints that are fitted, after all were compared with the spectrum
-            on a grid of amounts.
-        kept_sets: sets that are fitted with errors of their own.
-        fit_within: log weight by which these may stay behind the best while all have the same
-            errors.
-        refit_within: the same with errors of their own, to be fitted again where they then stand.
-        show_within: the same, to be an answer at all.
-        trace_effect: a paint that does less than this to the readings (root mean square, per unit
-            of the logarithm of its k and s) is a trace: films that differ by traces share their
-            errors.
-        refit_beyond: how far that may be from where the errors were worked out.
-        ranking_steps: damped steps of a fit while sets are ranked.
-        fit_steps: the same with errors of their own.
-        refit_steps: the same again with these.
-        amount_steps: the same to the amounts that are shown.
-        single_precision: whether sets are weighed in it; amounts that are shown never are.
+        fitted_pairs: number of pairs of paints that are fitted, the best of all pairs by a coarse
+            grid of amounts.
+        kept_sets: number of sets that go on to the second fit. The first fit gives all sets the
+            same errors; the second gives each set the errors of its own paints.
+        fit_within: a set goes on to the second fit if its log weight after the first is at most
+            this much below the best set's.
+        refit_within: a set is fitted a third time, its errors worked out anew, if its log weight
+            after the second fit is at most this much below the best set's.
+        show_within: a set is an answer if its log weight at the end is at most this much below
+            the best set's.
+        trace_effect: a paint is a trace if it changes the readings by less than this (root mean
+            square, per unit of the logarithm of its k and s). Sets that differ only by traces
+            share their errors.
+        refit_beyond: a set is fitted a third time only if the effect of a paint has changed by more
+            than this since its errors were worked out.
+        ranking_steps: damped steps of the first fit.
+        fit_steps: those of the second.
+        refit_steps: those of the third.
+        amount_steps: those of the fit that finds the amounts to show.
+        single_precision: whether probabilities are computed in single precision; the amounts
+            shown never are.
     """
 
     fitted_pairs: int
@@ -67,8 +72,9 @@ USUAL = Effort(
     amount_steps=8,
     single_precision=True,
 )
-"""Told from `THOROUGH` by one first answer in a hundred or two, where several sets explain a film
-about as well (`python -m benchmarks.identification`)."""
+"""What is used unless more is asked for. In one or two films of a hundred, which several sets
+explain about equally well, `THOROUGH` puts another set first (`python -m
+benchmarks.identification`)."""
 THOROUGH = Effort(
     fitted_pairs=10_000,
     kept_sets=120,
@@ -83,7 +89,7 @@ THOROUGH = Effort(
     amount_steps=14,
     single_precision=False,
 )
-"""Every pair is fitted, and all that may matter have errors of their own."""
+"""Every pair is fitted, and every set that may matter with the errors of its own paints."""
 
 
 @dataclass(frozen=True)

@@ -78,7 +78,8 @@ def search_unstated_conditions(
     """The pool, with candidates under other conditions where what was stated leaves a film in
     doubt; and its odds.
 
-    Films that were said to hide their ground are always tried without: one reading cannot say.
+    A film that was said to hide its ground is always tried as one that does not, too: one reading
+    over one ground cannot show which is so.
 
     Args:
         tasks: for films that let the ground through, and for films that hide it.

@@ -37,7 +37,7 @@ _TRACE = 0.02
 
 
 def weigh_traces(pool: Pool, extenders: Bool[np.ndarray, "paints"]) -> Pool:
-    """The pool with films less probable that are an extender but for a trace of colour.
+    """The pool, in which films of an extender with a mere trace of colour are less probable.
 
     Args:
         pool: candidates with their log amounts.
@@ -156,8 +156,8 @@ def _beside_none(
     misfits: Misfits,
     prior: Prior,
 ) -> Odds:
-    """With the odds of none: the better a film is met, the less probable it is, also below what is
-    seen.
+    """Odds with those of none beside them: the smaller the misfit the less probable is none, even
+    where nobody would see the misfit.
     """
     kept = odds / odds.sum(axis=1, keepdims=True)
     met = np.exp(
@@ -207,11 +207,11 @@ def simplest(
     delta_e: Float[np.ndarray, "spectra candidates"],
     odds: Float[np.ndarray, "spectra candidates"],
 ) -> Float[np.ndarray, "spectra candidates"]:
-    """Odds with those of a set and of the same set less one paint changed over, where that paint
-    earns nothing.
+    """Odds in which a set and the same set less one paint change places where that paint is not
+    needed.
 
-    A paint earns its place by evidence or by a difference that is seen; else the simpler film comes
-    first.
+    A paint is needed if it raises the evidence enough, or makes a difference that can be seen. Else
+    the simpler film comes first.
     """
     odds = odds.copy()
     for n, less in order:

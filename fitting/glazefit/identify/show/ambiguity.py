@@ -18,6 +18,8 @@ _WORSE = 1.1
 _NAMED = 0.001
 # Below this share a paint that may be there is a trace, and its share is not said.
 _TRACE = 0.01
+# So many paints that the film may hold are named; the others are counted.
+_LISTED = 3
 # Share of the first's probability at which a film under another condition counts.
 _RIVAL = 0.1
 
@@ -42,7 +44,7 @@ def describe_indistinguishable(found: Identification, row: int) -> str:
     there are none.
     """
     pairs = [" or ".join((paint, *others)) for paint, others in found.not_told(row).items()]
-    return f"This spectrum does not tell: {'; '.join(pairs)}." if pairs else ""
+    return f"This spectrum does not tell whether it is {'; '.join(pairs)}." if pairs else ""
 
 
 def describe_undecided(
@@ -65,16 +67,19 @@ def describe_additions(found: Identification, row: int) -> str:
     is known of that.
     """
     shares = sorted(possible_additions(found, row).items(), key=lambda pair: -pair[1])
-    parts = [f"{percent(most)} {paint}" for paint, most in shares if most >= _TRACE]
-    traces = [paint for paint, most in shares if most < _TRACE]
-    said = []
-    if parts:
-        said.append(
-            f"{', one of them at a time,' if len(parts) > 1 else ''} up to {' or '.join(parts)}"
-        )
+    if not shares:
+        return ""
+    listed = shares[:_LISTED]
+    said = [f"up to {percent(most)} {paint}" for paint, most in listed if most >= _TRACE]
+    traces = [paint for paint, most in listed if most < _TRACE]
     if traces:
-        said.append(f" traces (below {percent(_TRACE)}) of {' or '.join(traces)}")
-    return f"It may also hold{', or'.join(said)}." if said else ""
+        said.append(f"a trace (below {percent(_TRACE)}) of {' or '.join(traces)}")
+    others = len(shares) - len(listed)
+    if others:
+        said.append(f"less of {others} other{'s' if others > 1 else ''}")
+    one = "one more paint: " if len(shares) > 1 else ""
+    several = f"{', '.join(said[:-1])}, or " if len(said) > 1 else ""
+    return f"It may also hold {one}{several}{said[-1]}."
 
 
 def possible_additions(found: Identification, row: int) -> dict[str, float]:
@@ -133,8 +138,8 @@ def _relies_on_condition(first: Candidate, rivals: list[Candidate]) -> str:
     if other is None or other.probability < _RIVAL * first.probability:
         return ""
     what = "varnish" if any("varnish" in c.condition for c in (first, other)) else "ground"
-    ways = [f"{c.condition or 'as told'} it is {c.mixture}" for c in (first, other)]
-    return f"The answer rests on the {what}: {ways[0]}, {ways[1]} ({other.probability:.0%})."
+    ways = [f"{c.condition or 'as stated'} it is {c.mixture}" for c in (first, other)]
+    return f"The answer rests on the {what}: {ways[0]}, but {ways[1]} ({other.probability:.0%})."
 
 
 def _relies_on_spectrum_ends(

@@ -29,8 +29,8 @@ class RuledOut(NamedTuple):
         delta_e: of that film; NaN where the bands give no colour.
         rmse: of its residual.
         kind: "misfit" (a person sees that it does not fit), "trace" (the same, but a trace stays
-            possible), "worse" (others fit better), or "unneeded" (it fits as well, and nothing
-            calls for it).
+            possible), "worse" (others fit better), or "unneeded" (it fits as well, but a film
+            without it is more probable).
         reason: one sentence.
     """
 
@@ -99,7 +99,10 @@ def _judge(
         )
     else:
         kind = "unneeded"
-        reason = f"fits as well ({by}) with {percent(shares[0])} of it, but nothing calls for it"
+        reason = (
+            f"a film with {percent(shares[0])} of it fits as well ({by}), but a film without it "
+            "is more probable"
+        )
     chance = float(found.paint_probability[row, paint])
     if kind == "misfit" and shares[0] < 2 * LEAST_SHARE and len(shown) > 1:
         reason += f", with as little as {percent(shares[0])} of it"

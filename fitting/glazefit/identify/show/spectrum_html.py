@@ -17,7 +17,7 @@ _KINDS = {
     "misfit": f"Ruled out: a person sees that no film with it fits (ΔE00 above {REJECTED:g})",
     "trace": "Ruled out but for a trace",
     "worse": "Improbable: others fit better",
-    "unneeded": "Improbable, though it fits as well: nothing calls for it",
+    "unneeded": "Improbable, though it fits as well: a film without it is more probable",
 }
 # Lengths in um beyond which an interval says no more: far below a grain of pigment, and the
 # thickest film there is.
@@ -47,11 +47,12 @@ def spot_html(record: Record, spot: Record, *, drawn: bool) -> str:
             )
     else:
         verdict = f"<strong>{words_html(spot['words'][0].upper() + spot['words'][1:])}.</strong>"
-    none = f"That none of these paints explain it: {chance_html(spot['none_of_these'])}."
+    unexplained = chance_html(spot["none_of_these"])
+    none = f"Probability that none of these paints explains it: {unexplained}."
     doubts = [none] if spot["explained"] else []
     if record["method"]["layers"] > 1:
         several = chance_html(spot["coats_probability"])
-        doubts.append(f"That the film has more than one coat: {several}.")
+        doubts.append(f"Probability that the film has more than one coat: {several}.")
         if spot["coats"]:
             doubts.append(f"{words_html(spot['coats'])}.")
     doubts += [words_html(words) for words in spot["doubts"]]

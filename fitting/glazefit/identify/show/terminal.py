@@ -109,7 +109,7 @@ def _verdict(found: Identification, row: int) -> str:
         return f"{words[0].upper()}{words[1:]}."
     best, (pigments, chance) = found.ranked(row, 1)[0], found.families(row)[0]
     words = f"Pigments: {' + '.join(pigments)} ({chance:.0%}). Most probable film: {best.words}."
-    return f"{words} That none of these paints explain it: {found.none[row]:.1%}."
+    return f"{words} Probability that none of these paints explains it: {found.none[row]:.1%}."
 
 
 def _table(found: Identification, row: int, top: int) -> Table:

@@ -198,7 +198,8 @@ def paints_table(look: Overview) -> str:
         )
     never = [escape(name) for n, name in enumerate(look.paints) if n not in order]
     last = (
-        f"<p>Nowhere in the most probable set, nor more likely than not: {', '.join(never)}.</p>\n"
+        "<p>In no pixel’s most probable set, and nowhere with a probability above ½: "
+        f"{', '.join(never)}.</p>\n"
         if never
         else ""
     )

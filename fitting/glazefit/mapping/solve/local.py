@@ -419,7 +419,7 @@ def _wide(values: np.ndarray, *axes: int) -> np.ndarray:
 def _surface(
     seen: FilmsUnderCondition, pool: Pool, row: np.ndarray, place: np.ndarray
 ) -> np.ndarray:
-    """What was added to the readings of stacks for the surface and what else is in doubt."""
+    """What the surface adds to the readings of stacks, by each candidate's gloss."""
     return pool.gloss[row, place][:, None] * seen.task.surface
 
 

@@ -1,10 +1,10 @@
 """Colours of a glaze that changes from pixel to pixel, as OpenPBR takes them: of the body, and of a
 coat above it.
 
-Which body comes nearest to the reflectance factor at all angles is a weighted mean of it, so that a
-spectrum, or its XYZ, goes through it as the reflectance does. These means are functions of the few
-numbers that differ between pixels; they are computed where that is needed, and interpolated for all
-pixels, as in `glazejax.picture`.
+The body that matches best has one number a wavelength: a weighted mean of the reflectance factor
+over all angles. A mean is linear, so that XYZ may be averaged in place of spectra. These means
+depend on the few numbers that differ between pixels. They are computed for some values of these,
+and interpolated for all pixels, as in `glazejax.picture`.
 """
 
 from dataclasses import dataclass
@@ -42,7 +42,7 @@ class Colours(NamedTuple):
     """What a map becomes.
 
     Attributes:
-        plain: (points, 3), linear RGB of the body that comes nearest without a coat, not clipped.
+        plain: (points, 3), linear RGB of the body that matches best without a coat; not clipped.
         base: (points, 3), linear RGB of the body, in [0, 1]; one colour where there is a coat.
         coat: (points, 3), linear RGB in (0, 1], or None without a coat.
         delta_e: estimated largest CIEDE2000 of the interpolation.

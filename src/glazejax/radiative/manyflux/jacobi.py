@@ -21,7 +21,7 @@ def symmetric_eigen(
     derivatives.
 
     Args:
-        a: (..., n, n), symmetric; better scaled than positive definite is not needed.
+        a: (..., n, n), symmetric. It need not be positive definite, nor scaled beforehand.
 
     Source: Golub and Van Loan, Matrix Computations, 8.5; rounds as in a tournament (Brent and Luk
     1985).

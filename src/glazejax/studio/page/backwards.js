@@ -116,7 +116,7 @@ export function backwardsPanel(store) {
   function showRecipes(result, seconds) {
     const unit = result.recipes[0]?.in_gamut === false ? `; ${result.words}` : "";
     found.replaceChildren(el("h3", {}, `Recipes for ${result.target}`), el("p.under", {}, `best first, found in ${seconds.toFixed(0)} s${unit}`),
-      ...result.recipes.map((one) => card(one.rgb, `ΔE00 ${one.delta_e.toFixed(2)}`, [one.stack.coats.map((coat) => store.words(coat)).join(" over "), one.parts && `parts ${one.parts}`, `± ${one.between.toFixed(1)} from one mixing to the next`, one.cautions].filter(Boolean), one.stack, "The recipe is the stack now; undo brings back what was there.")));
+      ...result.recipes.map((one) => card(one.rgb, `ΔE00 ${one.delta_e.toFixed(2)}`, [one.stack.coats.map((coat) => store.words(coat)).join(" over "), one.parts && `parts ${one.parts}`, `two mixings differ by ${one.between.toFixed(1)}`, one.cautions].filter(Boolean), one.stack, "The recipe is the stack now; undo brings back what was there.")));
   }
   // Paints as the shelf calls them.
   const named = (one) => Object.keys(Object.assign({}, ...(one.stack?.coats ?? []).map((coat) => coat.paint))).sort((a, b) => b.length - a.length)
