@@ -232,8 +232,8 @@ def _method(record: Record) -> str:
     ]
     if layers == 1:
         points.append(
-            "More than one coat was not tried: a spot of several coats is described as if they were "
-            "mixed."
+            "More than one coat was not tried: a spot of several coats is described as if they "
+            "were mixed."
         )
     if opaque:
         points.append(
