@@ -16,6 +16,7 @@ from benchmarks.measured import data_folder
 from benchmarks.results import Results, add_option, progress
 from glazejax.commands.main import start_jax
 
+from .coats import run_coats
 from .mixers import AbsorbanceUnmixing, KubelkaMunk
 from .namers import namers
 from .program import FamilyCatalogue, FilmCatalogues, JointFit
@@ -95,9 +96,9 @@ def run(sources: list[Source], own_films: bool = False) -> Record:
         [JointFit, KubelkaMunk, lambda: KubelkaMunk(pairs=True), AbsorbanceUnmixing],
         record,
     )
+    progress("coats")
+    run_coats(sources, record)
     progress()
-    # Filled by a method that tells layers from mixtures; there is none yet.
-    record.results.setdefault("coats", {})
     return record
 
 
@@ -105,9 +106,6 @@ def lines_of(record: Record) -> list[str]:
     """One table a task: a line for each source and method, shares with their 95 % intervals."""
     lines = []
     for task, by_source in record.results.items():
-        if not by_source:
-            lines += [f"{task}: no method does this yet", ""]
-            continue
         scores = list(next(iter(next(iter(by_source.values())).values())))
         lines.append(
             f"{task.upper():<14}{'':<30}{'n':>6}" + "".join(f"{s:>20}" for s in scores[1:])
