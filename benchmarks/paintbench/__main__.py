@@ -48,6 +48,9 @@ def main() -> None:
         action="store_true",
         help="identify among the oils and acrylics alone, too: some minutes for each source",
     )
+    parser.add_argument(
+        "--coats", action="store_true", help="only the task coats, with a result of its own"
+    )
     add_option(parser, every=23)
     parser.add_argument("--every", type=int, default=EVERY, help=argparse.SUPPRESS)
     options = parser.parse_args()
@@ -57,6 +60,14 @@ def main() -> None:
         thinned(source, options.every)
         for source in read_sources(options.data or data_folder(), options.extra)
     ]
+    if options.coats:
+        coats = Record()
+        run_coats(sources, coats)
+        results = Results("paintbench_coats", options.out, "numpy", "scipy")
+        for line in lines_of(coats):
+            results(line)
+        results.save()
+        return
     record = run(sources, own_films=options.own_films)
     # Scores of sources from outside are no result of the repository's.
     if find_spec("sklearn") is None:

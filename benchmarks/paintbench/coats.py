@@ -105,6 +105,12 @@ class _Libraries:
 
     def of(self, binder: str, pair: frozenset[str]) -> dict[str, Pigment]:
         """Paints of a binder by code."""
+        mixed = any(
+            sample.kind == "mixture" and sample.binder == binder and set(sample.paints) == pair
+            for sample in self._source.samples
+        )
+        if not mixed:
+            pair = frozenset()
         if (binder, pair) not in self._known:
             self._known[binder, pair] = self._recover(binder, pair)
         return self._known[binder, pair]
