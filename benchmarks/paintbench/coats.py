@@ -5,6 +5,7 @@ mixture of the two that are asked for; or that of another binder is taken. What 
 """
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
@@ -174,7 +175,7 @@ def _chance(
         return np.nan
     pigments = [fitting[0][code].resample(_GRID[bands]) for code in sample.paints]
     bare = _bare(source, sample.binder)
-    below = {"opaque": True}
+    below: dict[str, Any] = {"opaque": True}
     if bare is not None:
         ground = ground_from_air(np.clip(bare[bands], 0.06, _BRIGHTEST), _INSTRUMENT)
         below = {"ground": ground}

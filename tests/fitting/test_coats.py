@@ -2,13 +2,15 @@
 forms, and on measured ones.
 """
 
+from typing import Any
+
 import numpy as np
 import pytest
+from benchmarks.measured import data_folder
+from benchmarks.paintbench.sources import read_sources
 from scipy.integrate import quad
 from scipy.stats import multivariate_normal, norm
 
-from benchmarks.measured import data_folder
-from benchmarks.paintbench.sources import read_sources
 from glazefit import identify
 from glazefit.film.model.optics import Optics
 from glazefit.film.model.response import film_response
@@ -106,17 +108,18 @@ def test_a_gain_is_integrated_as_a_gaussian():
     np.testing.assert_allclose(found - 3.0 * np.log(2.0 * np.pi), exact, rtol=1e-10)
 
 
+def _better(share, length, product):
+    moved = product * share - 0.5 * length * share**2
+    return 2.0 * norm.pdf(share, scale=0.2) * np.exp(moved)
+
+
 def test_a_patch_is_integrated_over_shares_above_zero():
     rng = np.random.default_rng(2)
     patch, seen = rng.normal(size=(2, 5))
     for sign in (1.0, -1.0):
         length, product = float(patch @ patch), float(sign * patch @ seen)
 
-        def better(share):
-            moved = product * share - 0.5 * length * share**2
-            return 2.0 * norm.pdf(share, scale=0.2) * np.exp(moved)
-
-        exact = quad(better, 0.0, 5.0)[0]
+        exact = quad(_better, 0.0, 5.0, args=(length, product))[0]
         found = evidence_module._log_patch(np.array([[[length]]]), np.array([[[product]]]), 0.2)
         assert found.item() == pytest.approx(np.log(exact), abs=1e-8)
 
@@ -134,7 +137,9 @@ def test_evidence_tells_the_amounts(oils):
 
 
 def odds(spectrum, paints, **options):
-    given = dict(ground=GROUND, instrument="45:0", max_paints=2, max_coats=2) | options
+    given: dict[str, Any] = (
+        dict(ground=GROUND, instrument="45:0", max_paints=2, max_coats=2) | options
+    )
     return identify(GRID, spectrum, paints, **given)
 
 
