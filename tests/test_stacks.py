@@ -121,6 +121,10 @@ def test_paints_of_two_catalogues_share_their_wavelengths():
         ({"ground": {"wavelengths": GRID, "reflectance": [0.1, 0.2]}}, "one reflectance"),
         ({"geometry": "sideways"}, "geometry is 'sideways'"),
         ({"refractive_index": 3}, "refractive_index is 3"),
+        ({"refractive_index": 10**400}, "refractive_index is 1000.*; it must be a number"),
+        ({"ground": 10**400}, "the ground is 1000.*; it must be a number"),
+        ({"coats": [{"paint": {"Eosin": 10**400}, "um": 1}]}, "the part of Eosin is 1000"),
+        ({"coats": [{"paint": {"Eosin": 1}, "um": 10**400}]}, '"um" is 1000.*; it must be'),
         ({"pigments": {"Mine": {"wavelengths": GRID}}}, "paint 'Mine' must have"),
         ({"pigments": {"Mine": {**MINE, "absorption": [1, 2, 3, -4]}}}, "absorption of 'Mine'"),
     ],
@@ -129,6 +133,7 @@ def test_what_is_wrong_is_one_sentence(change, words):
     with pytest.raises(ValueError, match=words) as raised:
         parse_stack(json.dumps({**GIVEN, **change}))
     assert "\n" not in str(raised.value)
+    assert len(str(raised.value)) < 300
 
 
 def test_text_that_is_no_stack(tmp_path):

@@ -6,6 +6,7 @@ import re
 import subprocess
 import sys
 from concurrent.futures import ThreadPoolExecutor
+from typing import get_args
 
 import hypothesis.strategies as st
 import jax
@@ -18,6 +19,7 @@ from glazejax import stack_hemispherical_reflectance, stack_reflectance_factor
 from glazejax.radiative.common.directions import half_range
 from glazejax.radiative.common.fresnel import dielectric_reflectance
 from glazejax.radiative.ordinates.resolution import resolve_known
+from glazejax.radiative.stack import Method
 from tests.tolerances import ROUNDING
 
 from .cases import (
@@ -281,6 +283,30 @@ def test_bad_input_says_what_and_how_to_mend(change, message):
     with pytest.raises(ValueError, match=message) as error:
         stack_reflectance_factor(**given)
     assert "\n" not in str(error.value)
+
+
+@pytest.mark.single
+@pytest.mark.parametrize("method", get_args(Method))
+def test_traced_values_out_of_range_are_nan_and_the_others_as_they_are(method):
+    """In a compiled program, where nothing can be raised; each stack of a batch for itself."""
+    names = ("substrate_reflectance", "refractive_index", "cos_incidence", "cos_viewing")
+    usual = [0.5, 0.9, 1.0, 0.5, 0.5, 1.5, 0.7, 0.9]
+    wrong = [(0, 1.2), (1, -0.1), (2, -1.0), (3, np.inf), (4, 1.2), (4, -0.1), (5, 0.9), (5, 2.6)]
+    wrong += [(6, 1.1), (6, 0.0), (7, 1.1), (7, -0.2), (0, np.nan)]
+    rows = np.tile(usual, (len(wrong) + 1, 1))
+    for row, (column, value) in zip(rows, wrong, strict=False):
+        row[column] = value
+
+    @jax.jit
+    def seen(table):
+        rest = dict(zip(names, table[:, 4:].T, strict=True))
+        return stack_reflectance_factor(
+            table[:, :2], table[:, 2:4], **rest, tolerance=1e-2, method=method
+        )
+
+    values = np.asarray(seen(jnp.asarray(rows)))
+    assert np.all(np.isnan(values[:-1]))
+    assert values[-1] == pytest.approx(0.07685, abs=1e-4)
 
 
 @pytest.mark.usefixtures("unchecked")

@@ -112,7 +112,8 @@ def stack_reflectance_factor(
 
     Raises:
         ValueError: a value out of range, NaN, shapes that do not broadcast, or an unknown method;
-            the message names the argument and the value. Values that are traced cannot be checked.
+            the message names the argument and the value. Where a value that is traced is out of
+            its range, the result is NaN.
 
     Notes:
         `tolerance` picks the number of directions: for an index that is a number by their error in
