@@ -27,6 +27,7 @@ from .common.inputs import (
     concrete,
     plain_number,
 )
+from .common.rounding import FINEST_SINGLE, warn_of_rounding
 from .common.solver import Request, Solver
 from .common.split import Split
 from .common.stack_arrays import Stack
@@ -40,11 +41,6 @@ LEAST_SLOPING_INDEX = 1.0 + 1e-4
 """Nearer to one a slope by the index drowns in the quadrature's error, but for the
 default method.
 """
-FINEST_SINGLE = 1e-5
-"""Smallest tolerance that any method meets in single precision, but for thick layers that absorb
-little: docs/errors.md. `Solver.finest` is that in double precision.
-"""
-
 _DEFAULT_TOLERANCE = 1e-6
 
 # So many known stacks go to all cores at once.
@@ -301,9 +297,19 @@ def _prepare(
     if fixed is None and high == 1.0:
         high = 1.001  # an array may be differentiated by, and slopes at one are those just above it
     solver = _SOLVERS[method]
+    single = dtype == jnp.float32
+    if single and solver.rounding is not None:
+        warn_of_rounding(
+            solver.rounding,
+            inputs.albedo,
+            inputs.optical_thickness,
+            tolerance,
+            words="take method 'ordinates', or ",
+            stacklevel=5,
+        )
     resolution, chunk = solver.resolve(
         Request(
-            tolerance=_within_reach(tolerance, method, single=dtype == jnp.float32),
+            tolerance=_within_reach(tolerance, method, single=single),
             indices=(low, high),
             fixed_index=fixed,
             optical_thickness=inputs.optical_thickness,

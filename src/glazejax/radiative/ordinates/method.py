@@ -4,6 +4,7 @@ from jaxtyping import Array
 
 from ..common.directions import Resolution, resolve
 from ..common.inputs import smallest_cosine
+from ..common.rounding import Rounding
 from ..common.solver import Request
 from ..common.split import Split
 from ..common.stack_arrays import Stack
@@ -24,6 +25,7 @@ class Ordinates:
     """The default method; see `ordinates.solver`."""
 
     finest: float = 1e-10
+    rounding: Rounding | None = None
     slopes_at_index_one: bool = True
     splits: bool = True
 
