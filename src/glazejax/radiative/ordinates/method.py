@@ -31,12 +31,10 @@ class Ordinates:
 
     def resolve(self, request: Request) -> tuple[Resolution, int]:
         """Directions, and how many stacks go through at a time."""
-        least = 1.0
+        # Where light grazes, what leaves along it matters too; all of it does in a flux.
+        least = smallest_cosine(request.cos_incidence)
         if request.cos_viewing is not None:
-            # Of all that leaves, little grazes; light alone may.
-            least = max(
-                smallest_cosine(request.cos_incidence), smallest_cosine(request.cos_viewing)
-            )
+            least = max(least, smallest_cosine(request.cos_viewing))
         resolution = (
             resolve(request.tolerance, *request.indices, least)
             if request.fixed_index is None
