@@ -2,6 +2,8 @@
 limits.
 """
 
+from typing import cast
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -19,8 +21,8 @@ from glazefit import (
 )
 from glazefit.film.model.errors import smooth_kernel
 from glazefit.posterior.coats import parse_coats
-from glazefit.posterior.stack import pose_stack
-from glazefit.posterior.stack_errors import pose_stack_errors
+from glazefit.posterior.stack import StackResiduals, pose_stack
+from glazefit.posterior.stack_errors import Solved, pose_stack_errors
 from glazejax import Glaze, Hemispherical, Layer, Mixture, Pigment, reflectance
 
 GRID = np.arange(400.0, 701.0, 50.0)
@@ -305,6 +307,20 @@ def test_likelihood_holds_the_paints_errors():
 
 
 COEFFICIENTS = ("absorption", "scattering")
+
+
+def test_an_unknown_paint_has_no_error_of_its_coefficients():
+    """Its spectra are sought: an error of them would be counted twice. Those of the body stay."""
+    logs = np.log(np.full((1, 4, GRID.size), 0.5))
+    grounds = np.full((1, GRID.size, 2), 0.5)
+    by_log = {}
+    for name, coats in (("known", COATS), ("unknown", UNKNOWN)):
+        layout = cast(StackResiduals, problem_of(coats).residuals).layout
+        slopes = Solved(layout).slopes(logs, grounds)
+        by_log[name] = slopes.by_log.reshape(2, 2, GRID.size, 2)
+    assert np.all(by_log["known"] != 0)
+    np.testing.assert_array_equal(by_log["unknown"][0], 0)
+    np.testing.assert_allclose(by_log["unknown"][1], by_log["known"][1], rtol=1e-6)
 
 
 def test_slopes_of_residuals_are_those_of_their_differences():
