@@ -25,7 +25,7 @@ from glazefit.film.model.errors import (
 )
 from glazefit.film.model.response import film_response
 from glazefit.film.numerics.least_squares import inverse_small
-from glazefit.identify.search.fit import Weights, fit_sets, log_prior, log_set_prior
+from glazefit.identify.search.fit import Fitted, Weights, fit_sets, log_prior, log_set_prior, pool_of
 from glazefit.identify.search.options import IdentificationOptions
 from glazefit.identify.search.screen import grow, score, unique_best
 from glazefit.identify.search.searcher import Searcher
@@ -427,6 +427,27 @@ def test_sets_of_a_size_share_what_is_expected_of_it(largest):
         wide = np.pad(sets, ((0, 0), (0, 3 - size)), constant_values=-1)
         np.testing.assert_allclose(np.exp(log_set_prior(cast(Any, task), wide)), found)
     assert np.exp(log_set_prior(cast(Any, task), np.full((1, 3), -1)))[0] == 0
+
+
+def test_a_first_fit_weighs_by_evidence_and_by_what_was_expected():
+    task = SimpleNamespace(
+        prior=Prior(),
+        max_paints=2,
+        paint_count=4,
+        extenders=np.array([False, False, True, False]),
+        discrepancy=SimpleNamespace(trust=0.5),
+    )
+    sets = np.array([[[0, -1], [1, 2], [0, 3]]])
+    fitted = Fitted(
+        jnp.zeros((1, 3, 2)),
+        jnp.zeros((1, 3, 2, 2)),
+        jnp.array([[1.0, 2.0, -3.0]]),
+        jnp.zeros((1, 3, 1)),
+    )
+    found = pool_of(cast(Any, task), sets, fitted, log_share=-0.25).log_weight
+    expected = 0.5 * np.array([[1.0, 2.0, -3.0]]) - 0.25
+    np.testing.assert_allclose(found, expected + log_set_prior(cast(Any, task), sets))
+    assert np.ptp(log_set_prior(cast(Any, task), sets)) > 1
 
 
 def test_what_is_expected_of_sets_is_in_the_weight_of_every_candidate():
