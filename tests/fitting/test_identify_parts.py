@@ -25,7 +25,14 @@ from glazefit.film.model.errors import (
 )
 from glazefit.film.model.response import film_response
 from glazefit.film.numerics.least_squares import inverse_small
-from glazefit.identify.search.fit import Fitted, Weights, fit_sets, log_prior, log_set_prior, pool_of
+from glazefit.identify.search.fit import (
+    Fitted,
+    Weights,
+    fit_sets,
+    log_prior,
+    log_set_prior,
+    pool_of,
+)
 from glazefit.identify.search.options import IdentificationOptions
 from glazefit.identify.search.screen import grow, score, unique_best
 from glazefit.identify.search.searcher import Searcher
