@@ -4,6 +4,7 @@ value.
 
 import re
 import tomllib
+from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -533,7 +534,7 @@ def test_without_a_terminal_lines_say_how_far_a_picture_is(
 ):
     from glazejax.commands import progress
 
-    monkeypatch.setattr(progress.lines.__wrapped__, "__defaults__", (0.01,))
+    monkeypatch.setattr(progress, "lines", partial(progress.lines, 0.01))
     done = run(write(SMALL), "-o", tmp_path / "a.png")
     assert done.exit_code == 0
     found = [
