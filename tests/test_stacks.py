@@ -13,6 +13,7 @@ from glazejax.stacks import (
     WHITE,
     Hiding,
     Spectrum,
+    Stack,
     parse_stack,
     read_stack,
     stack_from_dict,
@@ -85,6 +86,17 @@ def test_paints_of_two_catalogues_share_their_wavelengths():
     coats = [{"paint": {"acrylics/TitaniumWhite": 1}, "um": 9}, {"paint": {"Eosin": 1}, "um": 3}]
     glaze = stack_from_dict({**GIVEN, "coats": coats}).glaze()
     assert (glaze.wavelengths[0], glaze.wavelengths[-1]) == (400.0, 700.0)
+
+
+def test_what_a_file_need_not_say():
+    coats = [{"paint": {"CobaltBlue": 1}, "um": 2}]
+    found = stack_from_dict({"glazejax": "stack", "coats": coats})
+    for given in (found, Stack(found.coats)):
+        assert given.refractive_index == 1.5
+        assert given.instrument == "45:0"
+        assert given.ground == "card"
+        assert given.hidden == (False,)
+    assert stack_from_dict({"glazejax": "stack", "version": 1, "coats": coats}) == found
 
 
 @pytest.mark.parametrize(

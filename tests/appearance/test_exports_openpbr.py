@@ -109,6 +109,20 @@ def test_a_white_material_reflects_everything(layering):
     np.testing.assert_allclose(mean, 1.0, atol=2e-4)
 
 
+# MaterialX darkens by the colour alone.
+@pytest.mark.parametrize("layering", [name for name in LAYERINGS if name != "materialx"])
+def test_the_weight_of_the_base_is_a_factor_of_its_colour(layering):
+    """Below a coat that darkens it, too."""
+    rest = {"coat_weight": 0.7, "coat_darkening": 1.0, "coat_ior": 1.6, "specular_ior": 1.5}
+    half = OpenPBR(base_color=(0.8, 0.4, 0.2), base_weight=0.5, **rest)
+    whole = OpenPBR(base_color=(0.4, 0.2, 0.1), base_weight=1.0, **rest)
+    seen = [
+        reflectance_factor(material, COSINES, np.full(5, 0.7), np.full(5, 120.0), layering=layering)
+        for material in (half, whole)
+    ]
+    np.testing.assert_allclose(*seen, rtol=1e-12)
+
+
 @pytest.mark.parametrize("layering", LAYERINGS)
 def test_a_coat_adds_its_mirror_and_takes_light_away(layering):
     coated = OpenPBR(base_color=(0.5, 0.5, 0.5), specular_ior=1.5, coat_weight=1.0, coat_ior=1.5)
