@@ -3,6 +3,7 @@ found again.
 """
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -113,7 +114,12 @@ def test_a_white_material_reflects_everything(layering):
 @pytest.mark.parametrize("layering", [name for name in LAYERINGS if name != "materialx"])
 def test_the_weight_of_the_base_is_a_factor_of_its_colour(layering):
     """Below a coat that darkens it, too."""
-    rest = {"coat_weight": 0.7, "coat_darkening": 1.0, "coat_ior": 1.6, "specular_ior": 1.5}
+    rest: dict[str, Any] = {
+        "coat_weight": 0.7,
+        "coat_darkening": 1.0,
+        "coat_ior": 1.6,
+        "specular_ior": 1.5,
+    }
     half = OpenPBR(base_color=(0.8, 0.4, 0.2), base_weight=0.5, **rest)
     whole = OpenPBR(base_color=(0.4, 0.2, 0.1), base_weight=1.0, **rest)
     seen = [
