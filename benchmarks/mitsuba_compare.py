@@ -25,13 +25,13 @@ import glazejax as gj
 from benchmarks.results import Results, add_option
 from benchmarks.strokes import brush_strokes
 from glazejax.appearance.metals import metal
+from glazejax.appearance.mitsuba.variants import usable_variant
 from glazejax.appearance.scene.draw.intersect import scene_geometry
 from glazejax.appearance.scene.draw.rays import lamps, trace
 from glazejax.appearance.scene.draw.render import render
 from glazejax.appearance.scene.lights import ParallelLight, PointLight
 from glazejax.appearance.scene.materials import Conductor, Glazed, Lambert, Material
 from glazejax.appearance.scene.path.path_trace import PathTraced, path_trace
-from glazejax.appearance.scene.path.variants import usable_variant
 from glazejax.appearance.scene.scene import Camera, Scene
 from glazejax.appearance.scene.shapes import Box, Plane, Shape, Sphere
 

@@ -71,6 +71,30 @@ def test_a_folder_that_is_named_counts(tmp_path):
     assert list((tmp_path / "new").glob("*-cache"))
 
 
+@pytest.mark.skipif(not hasattr(os, "geteuid"), reason="folders have no such owners here")
+def test_a_folder_that_others_may_write_is_not_taken(tmp_path):
+    """Who can put a program there has it run."""
+    shared = tmp_path / "shared"
+    shared.mkdir()
+    for mode in (0o777, 0o770):
+        shared.chmod(mode)
+        said = run(tmp_path, GLAZEJAX_CACHE=str(shared))
+        assert _NOTE.fullmatch(said)
+        assert f"{shared} may be written by others" in said
+        assert not list(shared.iterdir())
+    shared.chmod(0o700)
+    if os.geteuid() == 0:
+        os.chown(shared, 12345, -1)
+        assert "belongs to another user" in run(tmp_path, GLAZEJAX_CACHE=str(shared))
+    # One's own, which an older version has made, is closed.
+    own = tmp_path / ".cache" / "glazejax" / "xla"
+    own.mkdir(parents=True)
+    own.chmod(0o775)
+    assert run(tmp_path) == ""
+    assert own.stat().st_mode & 0o777 == 0o755
+    assert programs(tmp_path)
+
+
 @pytest.mark.slow
 def test_a_disk_that_fills_up_and_is_emptied(tmp_path):
     """What could be written in part only is taken out again: the next run would stumble over it for

@@ -19,8 +19,8 @@ import numpy as np
 import pytest
 from benchmarks.fill import MADE, documents
 
+from glazejax.appearance.mitsuba.variants import works
 from glazejax.appearance.scene.file import example
-from glazejax.appearance.scene.path.variants import works
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"

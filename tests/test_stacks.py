@@ -13,6 +13,7 @@ from glazejax.stacks import (
     WHITE,
     Hiding,
     Spectrum,
+    Stack,
     parse_stack,
     read_stack,
     stack_from_dict,
@@ -87,6 +88,17 @@ def test_paints_of_two_catalogues_share_their_wavelengths():
     assert (glaze.wavelengths[0], glaze.wavelengths[-1]) == (400.0, 700.0)
 
 
+def test_what_a_file_need_not_say():
+    coats = [{"paint": {"CobaltBlue": 1}, "um": 2}]
+    found = stack_from_dict({"glazejax": "stack", "coats": coats})
+    for given in (found, Stack(found.coats)):
+        assert given.refractive_index == 1.5
+        assert given.instrument == "45:0"
+        assert given.ground == "card"
+        assert given.hidden == (False,)
+    assert stack_from_dict({"glazejax": "stack", "version": 1, "coats": coats}) == found
+
+
 @pytest.mark.parametrize(
     ("change", "words"),
     [
@@ -121,6 +133,10 @@ def test_paints_of_two_catalogues_share_their_wavelengths():
         ({"ground": {"wavelengths": GRID, "reflectance": [0.1, 0.2]}}, "one reflectance"),
         ({"geometry": "sideways"}, "geometry is 'sideways'"),
         ({"refractive_index": 3}, "refractive_index is 3"),
+        ({"refractive_index": 10**400}, "refractive_index is 1000.*; it must be a number"),
+        ({"ground": 10**400}, "the ground is 1000.*; it must be a number"),
+        ({"coats": [{"paint": {"Eosin": 10**400}, "um": 1}]}, "the part of Eosin is 1000"),
+        ({"coats": [{"paint": {"Eosin": 1}, "um": 10**400}]}, '"um" is 1000.*; it must be'),
         ({"pigments": {"Mine": {"wavelengths": GRID}}}, "paint 'Mine' must have"),
         ({"pigments": {"Mine": {**MINE, "absorption": [1, 2, 3, -4]}}}, "absorption of 'Mine'"),
     ],
@@ -129,6 +145,7 @@ def test_what_is_wrong_is_one_sentence(change, words):
     with pytest.raises(ValueError, match=words) as raised:
         parse_stack(json.dumps({**GIVEN, **change}))
     assert "\n" not in str(raised.value)
+    assert len(str(raised.value)) < 300
 
 
 def test_text_that_is_no_stack(tmp_path):

@@ -7,7 +7,7 @@ from typing import Any
 import jax.numpy as jnp
 import numpy as np
 
-from glazejax.radiative.stack import FINEST_SINGLE
+from glazejax.radiative.common.rounding import FINEST_SINGLE
 
 DTYPE = np.dtype(jnp.result_type(float))
 """Double, or single with GLAZEJAX_TEST_X64=0."""

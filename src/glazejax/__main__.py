@@ -1,6 +1,11 @@
 """`python -m glazejax`: the command."""
 
-from .commands.main import main
+import sys
+
+try:
+    from .commands.main import run_command
+except KeyboardInterrupt:
+    sys.exit(130)
 
 if __name__ == "__main__":
-    main()
+    run_command()

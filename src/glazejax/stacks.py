@@ -401,7 +401,8 @@ def _coat(number: int, given: Any, shelf: Mapping[str, Pigment]) -> Coat:
     thickest = MAX_THICKNESS * 1e6
     if (um := _real(given["um"])) is None:
         raise ValueError(
-            f'{where}: "um" is {given["um"]!r}; it must be a number of micrometres, without a unit'
+            f'{where}: "um" is {given["um"]!r:.60}; it must be a number of micrometres, '
+            "without a unit"
         )
     if not 0 <= um <= thickest:
         raise ValueError(
@@ -421,7 +422,7 @@ def _parts(where: str, given: Any, shelf: Mapping[str, Pigment]) -> tuple[tuple[
     for name, value in given.items():
         if (weight := _real(value)) is None or not 0 <= weight <= 1e9:
             raise ValueError(
-                f"{where}: the part of {name} is {value}; it must be a number from 0 on"
+                f"{where}: the part of {name} is {value!r:.60}; it must be a number from 0 on"
             )
         try:
             weights[find_name(name, shelf)] = weight
@@ -536,16 +537,21 @@ def _short(value: float) -> float:
 
 
 def _real(value: Any) -> float | None:
-    return (
-        float(value)
-        if isinstance(value, int | float) and math.isfinite(value) and value is not True
-        else None
-    )
+    """A finite number of a file; None for all else, and for one with more digits than fit."""
+    if not isinstance(value, int | float) or isinstance(value, bool):
+        return None
+    try:
+        number = float(value)
+    except OverflowError:
+        return None
+    return number if math.isfinite(number) else None
 
 
 def _number(what: str, given: Any, low: float, high: float) -> float:
     if (value := _real(given)) is None or not low <= value <= high:
-        raise ValueError(f"{what} is {given!r}; it must be a number between {low:g} and {high:g}")
+        raise ValueError(
+            f"{what} is {given!r:.60}; it must be a number between {low:g} and {high:g}"
+        )
     return value
 
 

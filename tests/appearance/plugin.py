@@ -7,7 +7,7 @@ import functools
 import numpy as np
 import pytest
 
-from glazejax.appearance.scene.path.variants import works
+from glazejax.appearance.mitsuba.variants import works
 
 WAVELENGTHS = np.arange(400.0, 701.0, 10.0)
 BLUE = "UltramarineBlue:3um, ZincWhite:20um"

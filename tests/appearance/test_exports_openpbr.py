@@ -3,6 +3,7 @@ found again.
 """
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -54,6 +55,31 @@ def test_a_white_rough_body_keeps_all_light(roughness):
         np.testing.assert_allclose(found, 1.0, atol=1e-4)
 
 
+@pytest.mark.parametrize("roughness", [0.3, 1.0])
+def test_light_that_facets_send_to_facets_is_coloured_by_each(roughness):
+    """Of light from all sides a share m leaves after each bounce: c m (1 + c (1 - m) + ...)."""
+    colour = np.array([0.2, 0.5, 0.9])
+    nodes, weights = np.polynomial.legendre.leggauss(8)
+    cosines = 0.5 * (nodes + 1)
+
+    def albedo(colour, *, bounces: bool) -> np.ndarray:
+        # What is given back of a nearly black body is nothing.
+        scale = 1.0 if bounces else 1e-9
+        towards = [
+            hemisphere(lambda *at: diffuse_factor(scale * colour, roughness, *at), cosine) / scale
+            for cosine in cosines
+        ]
+        return (weights * cosines) @ np.array(towards)
+
+    leaving = albedo(np.ones(3), bounces=False)[0]
+    assert 0.5 < leaving < 0.99
+    np.testing.assert_allclose(
+        albedo(colour, bounces=True),
+        colour * leaving / (1.0 - colour * (1.0 - leaving)),
+        atol=1e-3,
+    )
+
+
 @pytest.mark.parametrize("alpha", [0.15, 0.5, 1.0])
 @pytest.mark.parametrize("index", [1.3, 1.8])
 def test_the_albedo_of_a_rough_surface_is_that_of_its_lobe(alpha, index):
@@ -82,6 +108,25 @@ def test_a_white_material_reflects_everything(layering):
         mu = 0.5 * (nodes + 1)
         mean = np.array([weights * mu @ directional_albedo(plain, mu, layering=layering)])
     np.testing.assert_allclose(mean, 1.0, atol=2e-4)
+
+
+# MaterialX darkens by the colour alone.
+@pytest.mark.parametrize("layering", [name for name in LAYERINGS if name != "materialx"])
+def test_the_weight_of_the_base_is_a_factor_of_its_colour(layering):
+    """Below a coat that darkens it, too."""
+    rest: dict[str, Any] = {
+        "coat_weight": 0.7,
+        "coat_darkening": 1.0,
+        "coat_ior": 1.6,
+        "specular_ior": 1.5,
+    }
+    half = OpenPBR(base_color=(0.8, 0.4, 0.2), base_weight=0.5, **rest)
+    whole = OpenPBR(base_color=(0.4, 0.2, 0.1), base_weight=1.0, **rest)
+    seen = [
+        reflectance_factor(material, COSINES, np.full(5, 0.7), np.full(5, 120.0), layering=layering)
+        for material in (half, whole)
+    ]
+    np.testing.assert_allclose(*seen, rtol=1e-12)
 
 
 @pytest.mark.parametrize("layering", LAYERINGS)

@@ -2,7 +2,9 @@
 value.
 """
 
+import re
 import tomllib
+from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -525,6 +527,20 @@ def test_a_path_traced_picture_that_was_interrupted_says_so(
     assert done.exit_code == 130
     assert out.is_file()
     assert "25% of the paths are followed, so that noise is left" in done.output
+
+
+def test_without_a_terminal_lines_say_how_far_a_picture_is(
+    write, tmp_path, quiet_start, monkeypatch
+):
+    from glazejax.commands import progress
+
+    monkeypatch.setattr(progress, "lines", partial(progress.lines, 0.01))
+    done = run(write(SMALL), "-o", tmp_path / "a.png")
+    assert done.exit_code == 0
+    found = [
+        line for line in done.stderr.splitlines() if re.search(r" of [\d,]+, after \d+ s$", line)
+    ]
+    assert found
 
 
 def test_an_interrupted_command_writes_what_is_done(write, tmp_path, quiet_start, monkeypatch):

@@ -11,11 +11,11 @@ import pytest
 from benchmarks.mitsuba_compare import cases, differences, on_objects, ours, theirs
 
 import glazejax as gj
+from glazejax.appearance.mitsuba import variants
 from glazejax.appearance.scene.draw.render import render
 from glazejax.appearance.scene.lights import AreaLight, ParallelLight
 from glazejax.appearance.scene.materials import Conductor, Glazed, Lambert, Phong
 from glazejax.appearance.scene.path import path_trace as tracing
-from glazejax.appearance.scene.path import variants
 from glazejax.appearance.scene.path.mitsuba import mitsuba_scene
 from glazejax.appearance.scene.path.path_trace import passes_of, path_trace
 from glazejax.appearance.scene.scene import Camera, Scene
@@ -202,12 +202,24 @@ def test_a_users_own_variant_stays(mi):
 
 def test_a_variant_that_aborts_is_not_taken(mi, monkeypatch):
     variants.usable_variant.cache_clear()
+    variants.works.cache_clear()
     monkeypatch.setattr(variants, "_PROBE", "import os; os.abort()")
     try:
         assert variants.usable_variant() == "scalar_spectral"
         assert not variants.works("llvm_ad_spectral")
+        # A user's own choice is refused before its first picture, where LLVM is one of those.
+        monkeypatch.setattr("drjit.detail.llvm_version", lambda: (15, 0, 6))
+        with pytest.raises(
+            ValueError, match=r"with LLVM 15 .* ends the process here: install LLVM"
+        ):
+            variants.check_llvm("llvm_ad_spectral")
+        monkeypatch.setattr("drjit.detail.llvm_version", lambda: (19, 1, 7))
+        variants.check_llvm("llvm_ad_spectral")
+        variants.check_llvm("scalar_spectral")
+        variants.check_llvm(None)
     finally:
         variants.usable_variant.cache_clear()
+        variants.works.cache_clear()
     assert not variants.is_spectral("llvm_ad_rgb")
     assert not variants.is_spectral("scalar_spectral_polarized")
     assert not variants.is_spectral(None)

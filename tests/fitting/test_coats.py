@@ -1,247 +1,466 @@
-"""Mixed, or laid one over another: odds against films that the forward solver made, against closed
-forms, and on measured ones.
+"""Films of several coats: what is found of each, against films that the public solver makes, and
+limits.
 """
 
-from typing import Any
+from typing import cast
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
-from benchmarks.measured import data_folder
-from benchmarks.paintbench.sources import read_sources
-from scipy.integrate import quad
-from scipy.stats import multivariate_normal, norm
 
-from glazefit import identify
-from glazefit.film.model.optics import Optics
-from glazefit.film.model.response import film_response
-from glazefit.identify.coats import evidence as evidence_module
-from glazefit.identify.coats.arrangement import Arrangement, arrangements
-from glazefit.identify.coats.evidence import CoatErrors, log_prior, weigh_arrangement
-from glazefit.identify.coats.readings import Paints, Solver, grid_readings
-from glazejax import Bidirectional, Glaze, Layer, Mixture, catalogue, reflectance
+from glazefit import (
+    CoatPrior,
+    Instrument,
+    Noise,
+    Prior,
+    Reading,
+    SpectraPrior,
+    posterior_of_coats,
+    posterior_of_film,
+)
+from glazefit.film.model.errors import smooth_kernel
+from glazefit.posterior.coats import parse_coats
+from glazefit.posterior.stack import StackResiduals, pose_stack
+from glazefit.posterior.stack_errors import Solved, pose_stack_errors
+from glazejax import Glaze, Hemispherical, Layer, Mixture, Pigment, reflectance
 
-GRID = np.arange(420.0, 701.0, 20.0)
-GROUND = np.linspace(0.6, 0.85, GRID.size)
-MIXED = Arrangement(((0, 1),))
-OVER = Arrangement(((0,), (1,)))
-SEEN = Bidirectional(45, 0)
+GRID = np.arange(400.0, 701.0, 50.0)
+INSTRUMENT, NOISE, PRIOR = Instrument(), Noise(), Prior()
+
+
+def paint(name: str, absorption, scattering) -> Pigment:
+    ones = np.ones(GRID.size)
+    return Pigment(name, GRID, absorption * ones, scattering * ones)
+
+
+RED = paint("red", np.geomspace(3e5, 3e3, GRID.size), 5e3)
+BLUE = paint("blue", np.geomspace(2e3, 2e5, GRID.size), 2e4)
+WHITE = paint("white", np.geomspace(2e3, 1e2, GRID.size), 4e5)
+SHELF = {p.name: p for p in (RED, BLUE, WHITE)}
+
+
+def read(
+    layers: list[Layer],
+    grounds: tuple[float, ...] = (0.03, 0.93),
+    seed: int = 0,
+    gloss: float = 0.6,
+) -> Reading:
+    """What a noisy instrument reads on the layers, by a method of the solver that the posterior
+    does not use.
+    """
+    glazes = [Glaze(layers, g) for g in grounds]
+    bare = np.stack(
+        [
+            np.asarray(
+                reflectance(
+                    g, Hemispherical(8.0, specular=False), tolerance=1e-5, method="manyflux"
+                )
+            )
+            for g in glazes
+        ],
+        axis=-1,
+    )
+    exact = bare + gloss * INSTRUMENT.seen_surface
+    seen = exact + NOISE.sd(exact) * np.random.default_rng(seed).standard_normal(exact.shape)
+    under = np.broadcast_to(grounds, exact.shape)
+    names = tuple(f"ground {g:g}" for g in grounds)
+    return Reading("film", GRID, seen, under, NOISE.sd(exact), np.zeros_like(exact), names)
+
+
+def glazed(thickness: float = 8e-6, fraction: float = 0.3, body: float = 30e-6) -> list[Layer]:
+    return [Layer(RED, thickness), Layer(Mixture([BLUE, WHITE], [fraction, 1 - fraction]), body)]
+
+
+COATS = [CoatPrior([RED]), CoatPrior([BLUE, WHITE])]
 
 
 @pytest.fixture(scope="module")
-def oils():
-    paints = catalogue.load()
-    return [paints[name].resample(GRID) for name in ("CobaltBlue", "LeadWhite", "ChromeYellow")]
+def sampled():
+    """A glaze over a body of two paints, nothing known but the paints."""
+    return posterior_of_coats(
+        read(glazed()), COATS, steps=900, thin=3
+    )  # as long as the other chain: one program
 
 
-def solver():
-    return Solver(Optics.of("45:0"), film_response("45:0"))
+def rows(posterior) -> dict:
+    return {row.quantity: row for row in posterior.summary()}
 
 
-def in_usual_coats(paints, usual=25e-6):
-    return Paints(
-        absorption=usual * np.array([np.asarray(paint.absorption) for paint in paints]),
-        scattering=usual * np.array([np.asarray(paint.scattering) for paint in paints]),
+@pytest.mark.slow
+def test_every_coat_is_found(sampled):
+    found = rows(sampled)
+    truth = {
+        "thickness of coat 1": 8e-6,
+        "fraction blue of coat 2": 0.3,
+        "fraction white of coat 2": 0.7,
+        "thickness of coat 2": 30e-6,
+        "gloss": 0.6,
+    }
+    assert set(found) == {*truth, "model error"}
+    for name, value in truth.items():
+        assert found[name].median == pytest.approx(value, abs=4 * found[name].sd), name
+    assert found["thickness of coat 1"].sd < 0.05 * 8e-6
+    assert found["thickness of coat 2"].sd < 0.2 * 30e-6
+    assert sampled.chain is not None
+    assert np.isfinite(sampled.chain.log_probability).all()
+    np.testing.assert_allclose(
+        sampled.draws["fraction blue of coat 2"] + sampled.draws["fraction white of coat 2"],
+        1.0,
+        rtol=1e-12,
     )
 
 
-def read(coats, ground=GROUND):
-    return np.asarray(reflectance(Glaze(coats, ground), SEEN))
+@pytest.mark.slow
+def test_chain_and_laplace_agree_where_laplace_is_trusted(sampled):
+    if sampled.laplace.trusted.all():
+        for name in ("thickness of coat 1", "thickness of coat 2"):
+            low, high = np.quantile(sampled.draws[name], (0.05, 0.95))
+            ends = np.quantile(sampled.laplace_draws[name], (0.05, 0.95))
+            np.testing.assert_allclose(ends, (low, high), atol=0.25 * (high - low))
+
+
+@pytest.mark.slow
+def test_arviz_has_every_coat(sampled):
+    data = sampled.inference_data
+    assert {"thickness_of_coat_1", "thickness_of_coat_2", "gloss", "fraction"} <= set(
+        data.posterior
+    )
+    assert list(data.posterior["paint"].values) == ["blue of coat 2", "white of coat 2"]
+    spectra = data.posterior_predictive["reflectance"].values.reshape(-1, GRID.size, 2)
+    np.testing.assert_allclose(np.median(spectra, axis=0), sampled.films[0].reflectance, atol=0.01)
+
+
+@pytest.mark.slow
+def test_what_a_hiding_coat_hides_is_named():
+    """Under a coat that hides everything the lower coat's posterior is its prior, and the answer
+    says so.
+    """
+    tar = paint("tar", 3e5, 5e5)
+    film = read([Layer(tar, 60e-6), glazed()[1]])
+    result = posterior_of_coats(film, [CoatPrior([tar], 60e-6, 0.3), COATS[1]], steps=900, thin=3)
+    sentences = result.identifiability.sentences
+    for name in ("thickness of coat 2", "fraction blue of coat 2"):
+        assert f"{name}: not told by these readings: its posterior is its prior" in sentences
+    low, high = np.quantile(result.draws["thickness of coat 2"], (0.05, 0.95))
+    assert np.log(high / low) == pytest.approx(2 * 1.645 * PRIOR.spread, rel=0.15)
+
+
+@pytest.mark.slow
+def test_nothing_of_a_told_stack_is_called_open(sampled):
+    assert not [s for s in sampled.identifiability.sentences if "thickness" in s or "fraction" in s]
+
+
+@pytest.fixture(scope="module")
+def single():
+    """The body alone, by the film's own posterior."""
+    film = read(glazed()[1:])
+    return film, posterior_of_film(film, [BLUE, WHITE], steps=0)
+
+
+def assert_same(found: dict, expected: dict, names: dict[str, str]) -> None:
+    for mine, other in names.items():
+        here, there = found[mine], expected[other]
+        width = there.upper - there.lower
+        np.testing.assert_allclose(
+            [here.lower, here.median, here.upper],
+            [there.lower, there.median, there.upper],
+            atol=0.1 * width,
+            err_msg=mine,
+        )
+
+
+@pytest.mark.slow
+def test_a_stack_of_one_coat_is_a_film(single):
+    film, expected = single
+    result = posterior_of_coats(film, COATS[1:], steps=0)
+    same = {f"{n} of coat 1": n for n in ("fraction blue", "fraction white", "thickness")}
+    assert_same(
+        rows(result), rows(expected), same | {"gloss": "gloss", "model error": "model error"}
+    )
+    np.testing.assert_allclose(result.laplace.modes[0, 0], expected.laplace.modes[0, 0], atol=3e-3)
+
+
+@pytest.mark.slow
+def test_a_coat_of_hardly_any_thickness_changes_nothing_and_is_not_told(single):
+    film, expected = single
+    result = posterior_of_coats(film, [CoatPrior([RED], 1e-11, 0.5), COATS[1]], steps=0)
+    same = {f"{n} of coat 2": n for n in ("fraction blue", "thickness")}
+    assert_same(rows(result), rows(expected), same | {"gloss": "gloss"})
+    assert "thickness of coat 1: not told by these readings: its posterior is its prior" in (
+        result.identifiability.sentences
+    )
+
+
+def problem_of(coats, film=None):
+    return pose_stack([film or read(glazed())], [coats], INSTRUMENT, PRIOR, SpectraPrior())
+
+
+UNKNOWN = [CoatPrior(), CoatPrior([BLUE, WHITE], 30e-6, fractions=[0.3, 0.7])]
+
+
+def test_readings_are_the_public_solvers():
+    """At the truth, of known coats and of an unknown one whose spectra are sums of the modes."""
+    problem = problem_of(COATS)
+    data = jax.tree.map(lambda a: a[0], problem.data)
+    free = jnp.array([np.log(8e-6 / 25e-6), np.log(0.3 / 0.7), np.log(30e-6 / 25e-6), 0.4, 0.0])
+    over = [
+        np.asarray(reflectance(Glaze(glazed(), g), Hemispherical(8.0, specular=False)))
+        for g in (0.03, 0.93)
+    ]
+    surface = INSTRUMENT.seen_surface / (1 + np.exp(-0.4))
+    np.testing.assert_allclose(
+        problem.fitted(free, data, problem.shared), np.stack(over, axis=-1) + surface, atol=2e-4
+    )
+    problem = problem_of(UNKNOWN)
+    data = jax.tree.map(lambda a: a[0], problem.data)
+    free = np.random.default_rng(0).standard_normal(problem.dims)
+    named = {q.name: float(q.values(free)) for q in problem.quantities}
+    k, s = (
+        np.array([named[f"{what} at {w:g} nm"] for w in GRID]) / 1e-5
+        for what in ("absorption", "scattering")
+    )
+    layers = [Layer(paint("x", k, s), 1e-5), glazed()[1]]
+    over = [
+        np.asarray(reflectance(Glaze(layers, g), Hemispherical(8.0, specular=False)))
+        for g in (0.03, 0.93)
+    ]
+    surface = INSTRUMENT.seen_surface * named["gloss"]
+    fitted = problem.fitted(jnp.asarray(free), data, problem.shared)
+    np.testing.assert_allclose(fitted, np.stack(over, axis=-1) + surface, atol=2e-4)
+    np.testing.assert_allclose(named["ratio at 400 nm"], k[0] / s[0])
+
+
+@pytest.mark.parametrize("coats", [COATS, UNKNOWN], ids=["known", "unknown"])
+def test_prior_is_what_the_log_probability_says(coats):
+    problem = problem_of(coats)
+    free = problem.prior_draws(np.random.default_rng(0), 3000)
+    prior = (
+        problem.log_probability(free[:, None])[:, 0] - problem.log_likelihood(free[:, None])[:, 0]
+    )
+    names = problem.unknowns
+    expected = np.zeros(len(free))
+    for name, x in zip(names, free.T, strict=True):
+        if name.startswith("thickness"):
+            expected -= 0.5 * (x / PRIOR.spread) ** 2
+        elif name.startswith("mode "):
+            expected -= 0.5 * x**2
+        elif name == "model error":
+            expected -= 0.5 * ((x - np.log(PRIOR.error)) / PRIOR.error_spread) ** 2
+        else:
+            share = 1 / (1 + np.exp(-x))
+            expected += np.log(share * (1 - share))
+    far = np.isfinite(prior)
+    assert far.mean() > 0.99
+    np.testing.assert_allclose(prior[far], expected[far], atol=1e-5)
+    np.testing.assert_allclose(np.cov(free, rowvar=False), problem.prior_covariance, atol=0.3)
+
+
+def test_likelihood_holds_the_paints_errors():
+    """W and b against diag(v) + e^2 J K J^T, with J by finite differences of the public solver."""
+    film = read(glazed())
+    problem, found = pose_stack_errors(problem_of(COATS, film), [film], PRIOR)
+    data, point = jax.tree.map(lambda a: np.asarray(a[0]), problem.data), found.points[0, 0]
+    named = {q.name: float(q.values(point)) for q in problem.quantities}
+    blue = named["fraction blue of coat 2"]
+    off = np.exp(data.shift).reshape(2, 2, -1)
+    body = [
+        blue * np.asarray(getattr(BLUE, w)) + (1 - blue) * np.asarray(getattr(WHITE, w))
+        for w in COEFFICIENTS
+    ]
+    coats = [[np.asarray(RED.absorption), np.asarray(RED.scattering)], body]
+    thick = [named["thickness of coat 1"], named["thickness of coat 2"]]
+
+    def readings(errors: np.ndarray) -> np.ndarray:
+        layers = [
+            Layer(
+                paint(
+                    str(n),
+                    k * off[n, 0] * np.exp(errors[n, 0]),
+                    s * off[n, 1] * np.exp(errors[n, 1]),
+                ),
+                thick[n],
+            )
+            for n, (k, s) in enumerate(coats)
+        ]
+        how = Hemispherical(8.0, specular=False)
+        return np.stack(
+            [np.asarray(reflectance(Glaze(layers, g), how, tolerance=1e-8)) for g in (0.03, 0.93)],
+            axis=-1,
+        )
+
+    smooth, size, rows_ = smooth_kernel(GRID, PRIOR.error_length), 1e-3, film.sd.size
+    caused = np.zeros((rows_, rows_))
+    for coat in range(2):
+        for which in range(2):
+            step = np.zeros((2, 2, 1))
+            step[coat, which] = size
+            slope = (readings(step) - readings(-step)) / (2 * size)
+            # Bands do not meet, so one step of all bands gives the whole slope.
+            wide = np.einsum("bg,bc->bgc", slope, np.eye(GRID.size)).reshape(rows_, -1)
+            caused += wide @ smooth @ wide.T
+    back = np.linalg.inv(data.whiten)
+    np.testing.assert_allclose(back @ back.T, np.diag(film.sd.ravel() ** 2), atol=1e-9)
+    np.testing.assert_allclose(
+        (back * data.spread**2) @ back.T, caused, atol=0.02 * np.abs(caused).max()
+    )
+
+
+COEFFICIENTS = ("absorption", "scattering")
+
+
+def test_an_unknown_paint_has_no_error_of_its_coefficients():
+    """Its spectra are sought: an error of them would be counted twice. Those of the body stay."""
+    logs = np.log(np.full((1, 4, GRID.size), 0.5))
+    grounds = np.full((1, GRID.size, 2), 0.5)
+    by_log = {}
+    for name, coats in (("known", COATS), ("unknown", UNKNOWN)):
+        layout = cast(StackResiduals, problem_of(coats).residuals).layout
+        slopes = Solved(layout).slopes(logs, grounds)
+        by_log[name] = slopes.by_log.reshape(2, 2, GRID.size, 2)
+    assert np.all(by_log["known"] != 0)
+    np.testing.assert_array_equal(by_log["unknown"][0], 0)
+    np.testing.assert_allclose(by_log["unknown"][1], by_log["known"][1], rtol=1e-6)
+
+
+def test_slopes_of_residuals_are_those_of_their_differences():
+    problem = problem_of(COATS)
+    data = jax.tree.map(lambda a: a[0], problem.data)
+    free = jnp.asarray(problem.prior_draws(np.random.default_rng(3), 1)[0])
+
+    def height(free):
+        return jnp.sum(problem.residuals(free, data, problem.shared) ** 2)
+
+    slope = jax.grad(height)(free)
+    for i in range(problem.dims):
+        step = 1e-5 * np.eye(problem.dims)[i]
+        assert float(slope[i]) == pytest.approx(
+            float(height(free + step) - height(free - step)) / 2e-5, rel=1e-4, abs=1e-2
+        )
+
+
+SMOOTH = paint("glaze", np.geomspace(2e4, 1e5, GRID.size), 3e4)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("grounds", [(0.03, 0.93), (0.93,)], ids=["two grounds", "one ground"])
+def test_an_unknown_paint_over_a_known_body(grounds):
+    """k and s of the upper coat, with the solver's films; what one ground does not tell of s stays
+    wide.
+    """
+    film = read([Layer(SMOOTH, 10e-6), Layer(WHITE, 15e-6)], grounds, gloss=0.9)
+    prior = Prior(error=0.003, error_spread=0.5)
+    result = posterior_of_coats(
+        film, [CoatPrior(), CoatPrior([WHITE], 15e-6)], prior=prior, steps=0
+    )
+    found = rows(result)
+    for band, wavelength in enumerate(GRID):
+        k = 10e-6 * float(SMOOTH.absorption[band])
+        row = found[f"absorption at {wavelength:g} nm"]
+        assert row.lower / 1.3 < k < row.upper * 1.3
+    spectra = result.spectra()
+    assert (
+        spectra["absorption"].shape
+        == spectra["ratio"].shape
+        == (len(result.laplace.sample), GRID.size)
+    )
+    assert result.inference_data.posterior["absorption"].dims[-1] == "wavelength"
+    # One reading a band cannot tell two numbers.
+    assert any(s.startswith("unknown paint") for s in result.identifiability.sentences) == (
+        len(grounds) == 1
+    )
+
+
+def test_modes_hold_the_spectra_of_the_prior():
+    """Their covariance is that of the process, but for a fiftieth of k or s at most; written out at
+    two bands.
+    """
+    prior, grid = SpectraPrior(), np.arange(400.0, 701.0, 10.0)
+    for modes, level, shape in zip(
+        prior.modes(grid),
+        (prior.absorption_level, prior.scattering_level),
+        (prior.absorption_shape, prior.scattering_shape),
+        strict=True,
+    ):
+        assert modes.shape[1] < grid.size
+        covariance = modes @ modes.T
+        np.testing.assert_allclose(np.diag(covariance), level**2 + shape**2, atol=0.02**2)
+        x = np.sqrt(5.0) * 100.0 / prior.length
+        alike = (1 + x + x**2 / 3) * np.exp(-x)
+        assert covariance[5, 15] == pytest.approx(level**2 + shape**2 * alike, abs=0.02**2)
+
+
+def test_words_for_coats():
+    coats = parse_coats("red:~5um x2, 0.25*blue + 0.75*white:20um, Blue+white:?", SHELF, 0.4)
+    assert [[p.name for p in coat.paints] for coat in coats] == [
+        ["red"],
+        ["blue", "white"],
+        ["blue", "white"],
+    ]
+    assert [coat.thickness for coat in coats] == [pytest.approx(10e-6), pytest.approx(20e-6), None]
+    assert [coat.spread for coat in coats] == [0.4, 0.0, 0.0]
+    assert [coat.open_thickness for coat in coats] == [True, False, True]
+    assert [coat.open_fractions for coat in coats] == [False, False, True]
+    np.testing.assert_allclose(coats[1].shares, [0.25, 0.75])
+    (unknown, body) = parse_coats("?, white:1mm", SHELF, 0.4)
+    assert unknown.unknown
+    assert unknown.thickness is None
+    assert parse_coats("?:12um, white:1mm", SHELF, 0.4)[0].thickness == pytest.approx(12e-6)
+    assert not body.open_thickness
 
 
 @pytest.mark.parametrize(
-    ("paints", "coats", "count"), [(2, 2, 3), (3, 3, 13), (3, 2, 7), (3, 1, 1)]
+    ("text", "message"),
+    [
+        ("", "list of coats is empty"),
+        ("red", "write PAINT:THICKNESS"),
+        ("red:", "write PAINT:THICKNESS"),
+        ("red:~", "after ~ comes a thickness"),
+        ("red:~?", "after ~ comes a thickness"),
+        ("red:5", "has no unit"),
+        ("blue+:5um", "a \\+ too many"),
+        ("0.5*blue+0.6*white:5um", "fractions sum to 1.1"),
+        ("reed:5um", "no pigment 'reed'"),
+        ("?:?,?:?", "paints of coats 1 and 2 are unknown"),
+        ("?:~5um", "say its thickness exactly"),
+        ("red:5um," * 6 + "red:5um", "7 coats"),
+        ("blue+blue:5um", "'blue' is listed twice"),
+    ],
 )
-def test_every_way_to_lie_is_there_once(paints, coats, count):
-    ways = arrangements(paints, coats)
-    assert len(set(ways)) == len(ways) == count
-    assert all(way.paints == tuple(range(paints)) for way in ways)
-    assert len(ways[0].coats) == 1
+def test_wrong_words_are_refused(text, message):
+    with pytest.raises(ValueError, match=message):
+        parse_coats(text, SHELF, 0.4)
 
 
-def test_ways_are_named_top_first():
-    assert Arrangement(((1,), (0,))).words(["a", "b"]) == "b over a"
-    assert Arrangement(((0, 2), (1,))).words("abc") == "(a + c) over b"
-    assert MIXED.words("ab") == "a + b"
-
-
-def test_readings_on_the_grid_are_those_of_the_forward_solver(oils):
-    paints = oils[:2]
-    table = grid_readings(OVER, in_usual_coats(paints), solver(), GROUND)
-    nodes = np.linspace(-3.6, 3.2, 15)
-    for top, below in ((3, 9), (8, 4)):
-        coats = [
-            Layer(paint, 25e-6 * np.exp(nodes[number]))
-            for paint, number in zip(paints, (top, below), strict=True)
-        ]
-        np.testing.assert_allclose(table.readings[15 * top + below], read(coats), atol=2e-3)
-        # Where the upper coat is missing, the lower one is seen.
-        np.testing.assert_allclose(table.patches[0, 15 * top + below], read(coats[1:]), atol=2e-3)
-
-
-def test_a_film_that_hides_does_not_know_its_ground(oils):
-    table = grid_readings(MIXED, in_usual_coats(oils[:2]), solver(), None)
-    same = read([Layer(Mixture(oils[:2], [0.5, 0.5]), 5e-3)], 0.1)
-    np.testing.assert_allclose(table.readings[15 * 7 + 7], same, atol=2e-3)
-
-
-def test_the_prior_sums_to_one_and_fractions_are_uniform():
-    for way in (MIXED, OVER):
-        assert np.exp(log_prior(way, 0.9)).sum() == pytest.approx(1.0)
-    logs = evidence_module._finer_amounts(2)
-    fraction = 1.0 / (1.0 + np.exp(logs[..., 1] - logs[..., 0]))
-    weight = np.exp(log_prior(MIXED, 0.9))
-    for low, high in ((0.1, 0.3), (0.4, 0.6), (0.6, 0.9)):
-        share = weight[(fraction > low) & (fraction < high)].sum()
-        assert share == pytest.approx(high - low, abs=0.03)
-
-
-def test_a_gain_is_integrated_as_a_gaussian():
-    rng = np.random.default_rng(1)
-    computed = rng.normal(size=(1, 1, 6))
-    seen = rng.normal(size=(1, 3, 6))
-    errors = CoatErrors(
-        gains=(0.3,), gain_weights=(1.0,), scales=(1.0,), weights=(1.0,), patchy=0.0
-    )
-    found = evidence_module._log_likelihood(seen, computed, [], errors)[0, 0]
-    covariance = np.eye(6) + 0.09 * np.outer(computed[0, 0], computed[0, 0])
-    exact = multivariate_normal(computed[0, 0], covariance).logpdf(seen[0])
-    np.testing.assert_allclose(found - 3.0 * np.log(2.0 * np.pi), exact, rtol=1e-10)
-
-
-def _better(share, length, product):
-    moved = product * share - 0.5 * length * share**2
-    return 2.0 * norm.pdf(share, scale=0.2) * np.exp(moved)
-
-
-def test_a_patch_is_integrated_over_shares_above_zero():
-    rng = np.random.default_rng(2)
-    patch, seen = rng.normal(size=(2, 5))
-    for sign in (1.0, -1.0):
-        length, product = float(patch @ patch), float(sign * patch @ seen)
-
-        exact = quad(_better, 0.0, 5.0, args=(length, product))[0]
-        found = evidence_module._log_patch(np.array([[[length]]]), np.array([[[product]]]), 0.2)
-        assert found.item() == pytest.approx(np.log(exact), abs=1e-8)
-
-
-def test_evidence_tells_the_amounts(oils):
-    paints = oils[:2]
-    coats = [Layer(paints[0], 10e-6), Layer(paints[1], 30e-6)]
-    table = grid_readings(OVER, in_usual_coats(paints), solver(), GROUND)
-    small = CoatErrors(amplitude=0.002, offset=0.001, coefficient=0.01, pure_reading=0.0)
-    deviations = np.full((2, GRID.size), 0.01)
-    found = weigh_arrangement(read(coats)[None], OVER, table, deviations, GRID, small)
-    off = found.log_amounts[0] - np.log([10.0 / 25.0, 30.0 / 25.0])
-    assert np.all(np.abs(off) < 3.0 * found.log_amounts_sd[0] + 0.05)
-    assert off[0] == pytest.approx(0.0, abs=0.1)
-
-
-def odds(spectrum, paints, **options):
-    given: dict[str, Any] = (
-        dict(ground=GROUND, instrument="45:0", max_paints=2, max_coats=2) | options
-    )
-    return identify(GRID, spectrum, paints, **given)
-
-
-def test_a_mixture_and_a_superposition_are_told(oils):
-    blue, white, yellow = oils
-    films = np.array(
-        [
-            read([Layer(Mixture([blue, white], [0.3, 0.7]), 30e-6)]),
-            read([Layer(white, 6e-6), Layer(blue, 25e-6)]),
-            read([Layer(blue, 4e-6), Layer(yellow, 40e-6)]),
-        ]
-    )
-    found = odds(films, oils)
-    assert found.coats_probability[0] < 0.1
-    assert found.coats_probability[1:].min() > 0.9
-    assert found.coats_odds[1][0].most_probable == "LeadWhite over CobaltBlue"
-    assert found.coats_odds[2][0].most_probable == "CobaltBlue over ChromeYellow"
-    for own in found.coats_odds:
-        assert sum(one.share for one in own) == pytest.approx(1.0)
-        for one in own:
-            assert sum(one.chances.values()) == pytest.approx(1.0)
-    # What is named agrees with the odds.
-    assert any(found.ranked(1)[0].coats)
-    assert not any(found.ranked(0)[0].coats)
-    assert "mixed" in found.coats_words(0)
-    assert "laid one over another" in found.coats_words(1)
-
-
-def test_an_upper_coat_that_hides_leaves_it_open(oils):
-    blue, white, _ = oils
-    found = odds(read([Layer(white, 400e-6), Layer(blue, 25e-6)]), [blue, white])
-    assert 0.1 < found.coats_probability[0] < 0.9
-    assert "hides" in found.coats_odds[0][0].reason
-    assert "open" in found.coats_words(0)
-
-
-def test_one_coat_is_not_asked_unless_told(oils):
-    found = odds(read([Layer(oils[0], 20e-6)]), oils, max_coats=1)
-    assert found.coats_odds == ()
-    assert found.coats_probability[0] == 0.0
-    assert found.coats_words(0) == ""
-
-
-@pytest.mark.slow
-def test_three_coats_are_told(oils):
-    blue, white, yellow = oils
-    film = read([Layer(blue, 3e-6), Layer(white, 12e-6), Layer(yellow, 40e-6)])
-    found = odds(film, oils, max_paints=3, max_coats=3)
-    three = next(one for one in found.coats_odds[0] if len(one.paints) == 3)
-    assert len(three.chances) == 3 + 13
-    assert three.layered > 0.9
-
-
-@pytest.mark.slow
-def test_stated_probabilities_come_true_in_simulation(oils):
-    """Draws of amounts, lies, gains and smooth errors as the odds expect them."""
-    rng = np.random.default_rng(5)
-    errors = CoatErrors()
-    pair = oils[:2]
-    paints = in_usual_coats(pair)
-    ways = arrangements(2, 2)
-    tables = {way: grid_readings(way, paints, solver(), GROUND) for way in ways}
-    smooth = errors.amplitude**2 * evidence_module.smooth_kernel(GRID, errors.length)
-    smooth += errors.noise**2 * np.eye(GRID.size) + errors.offset**2
-    films = []
-    truths = []
-    for number in range(120):
-        way = ways[0] if number % 2 else ways[1 + number // 2 % 2]
-        weight = np.exp(log_prior(way, errors.spread)).sum(axis=1)
-        node = rng.choice(len(weight), p=weight)
-        moved = tables[way].readings[node] * (1.0 + errors.gains[0] * rng.normal())
-        films.append(moved + rng.multivariate_normal(np.zeros(GRID.size), smooth))
-        truths.append(way != ways[0])
-    found = odds(np.clip(films, 0.0, 1.4), pair)
-    chance = found.coats_probability
-    truth = np.array(truths, dtype=float)
-    # Stated chances come true within their counting error, and tell.
-    spread = np.sqrt(np.sum(chance * (1.0 - chance)))
-    assert abs(chance.sum() - truth.sum()) < 3.0 * spread
-    decided = np.maximum(chance, 1.0 - chance) > 0.9
-    assert decided.mean() > 0.3
-    assert ((chance > 0.5) == truth)[decided].mean() > 0.85
-
-
-@pytest.mark.slow
-def test_measured_glazes_and_mixtures_are_told_by_family():
-    try:
-        sources = {source.name: source for source in read_sources(data_folder(), None)}
-    except FileNotFoundError:
-        pytest.skip("the measured data are not at hand")
-    bath = sources["bath"]
-    rows = [row for row in bath.chosen("mixture") if bath.samples[row].paints == ("RL", "LTY")]
-    camera = bath.cameras[0]
-    grid = np.arange(410.0, 981.0, 10.0)
-    spectra = [np.interp(grid, camera.wavelengths, camera.readings[row]) for row in rows]
-    found = identify(
-        grid,
-        np.clip(spectra, 0.0, 1.4),
-        catalogue.load("pigments"),
-        opaque=True,
-        instrument="45:0",
-        max_coats=2,
-    )
-    assert len(found.coats_odds) == len(rows)
-    assert np.mean(found.coats_probability < 0.9) >= 0.8
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: CoatPrior([RED], -1e-6), "must be in \\[0, 0.01\\]"),
+        (lambda: CoatPrior([RED], 20.0), "in metres"),
+        (lambda: CoatPrior([RED], 1e-6, -0.1), "spread -0.1"),
+        (lambda: CoatPrior([RED], spread=0.3), "no thickness to spread about"),
+        (lambda: CoatPrior([RED], 0.0, 0.3), "cannot be about 0 thick"),
+        (lambda: CoatPrior([RED, BLUE], fractions=[1.0]), "2 paints but 1 fractions"),
+        (lambda: CoatPrior([RED, BLUE], fractions=[0.9, 0.2]), "sum to 1"),
+        (lambda: CoatPrior([RED, RED]), "listed twice"),
+        (lambda: SpectraPrior(length=0.0), "length is 0"),
+        (lambda: posterior_of_coats(read(glazed()), []), "0 coats"),
+        (
+            lambda: posterior_of_coats(read(glazed()), [CoatPrior(), CoatPrior()]),
+            "coats 1 and 2 are unknown",
+        ),
+        (
+            lambda: pose_stack(
+                [read(glazed())] * 2,
+                [COATS, [CoatPrior([RED], 1e-6, 0.1), COATS[1]]],
+                INSTRUMENT,
+                PRIOR,
+                SpectraPrior(),
+            ),
+            "coat 1 is expected to be of other thickness",
+        ),
+    ],
+)
+def test_bad_input(call, message):
+    with pytest.raises(ValueError, match=message):
+        call()

@@ -1,5 +1,8 @@
 """The parts of an identification, each against an independent calculation."""
 
+from types import SimpleNamespace
+from typing import Any, cast
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -22,10 +25,20 @@ from glazefit.film.model.errors import (
 )
 from glazefit.film.model.response import film_response
 from glazefit.film.numerics.least_squares import inverse_small
-from glazefit.identify.search.fit import Weights, fit_sets, log_prior
+from glazefit.identify.search.fit import (
+    Fitted,
+    Weights,
+    fit_sets,
+    log_prior,
+    log_set_prior,
+    pool_of,
+)
+from glazefit.identify.search.options import IdentificationOptions
 from glazefit.identify.search.screen import grow, score, unique_best
+from glazefit.identify.search.searcher import Searcher
 from glazefit.identify.search.table import FilmTables, Paints, amounts_grid, film_table, sets_of
 from glazefit.identify.search.two_coats import orders
+from glazefit.mapping.solve.local import as_measured
 from glazejax import Hemispherical, Pigment
 from glazejax.io import read_spectra
 
@@ -399,3 +412,75 @@ def test_shades_of_printed_charts_beat_the_spectral_angle(shared_data):
     names = [name.rpartition("_")[0] for name in table.names[::4]]
     match = ShadeLibrary(names, table.wavelengths, spectra[:, [0, 1, 2]]).match(spectra[:, 3])
     assert np.mean(np.array(match.best) == np.array(names)) > 0.9  # nearest spectral angle: .417
+
+
+@pytest.mark.parametrize("largest", [1, 2, 3])
+def test_sets_of_a_size_share_what_is_expected_of_it(largest):
+    """Every set of a size is as probable, but with an extender in it by `Prior.extender`; alone an
+    extender is a paint like others.
+    """
+    prior = Prior(sizes=(0.5, 0.3, 0.2), extender=0.25)
+    extenders = np.array([False, True, False, False, True])
+    task = SimpleNamespace(
+        prior=prior, max_paints=largest, paint_count=len(extenders), extenders=extenders
+    )
+    shares = np.array(prior.sizes[:largest]) / sum(prior.sizes[:largest])
+    for size in range(1, largest + 1):
+        sets = sets_of(len(extenders), size)
+        found = np.exp(log_set_prior(cast(Any, task), sets))
+        hardly = extenders[sets].sum(axis=1) if size > 1 else np.zeros(len(sets))
+        np.testing.assert_allclose(found, shares[size - 1] / len(sets) * 0.25**hardly)
+        # Room that no paint fills changes nothing.
+        wide = np.pad(sets, ((0, 0), (0, 3 - size)), constant_values=-1)
+        np.testing.assert_allclose(np.exp(log_set_prior(cast(Any, task), wide)), found)
+    assert np.exp(log_set_prior(cast(Any, task), np.full((1, 3), -1)))[0] == 0
+
+
+def test_a_first_fit_weighs_by_evidence_and_by_what_was_expected():
+    task = SimpleNamespace(
+        prior=Prior(),
+        max_paints=2,
+        paint_count=4,
+        extenders=np.array([False, False, True, False]),
+        discrepancy=SimpleNamespace(trust=0.5),
+    )
+    sets = np.array([[[0, -1], [1, 2], [0, 3]]])
+    fitted = Fitted(
+        jnp.zeros((1, 3, 2)),
+        jnp.zeros((1, 3, 2, 2)),
+        jnp.array([[1.0, 2.0, -3.0]]),
+        jnp.zeros((1, 3, 1)),
+    )
+    found = pool_of(cast(Any, task), sets, fitted, log_share=-0.25).log_weight
+    expected = 0.5 * np.array([[1.0, 2.0, -3.0]]) - 0.25
+    np.testing.assert_allclose(found, expected + log_set_prior(cast(Any, task), sets))
+    assert np.ptp(log_set_prior(cast(Any, task), sets)) > 1
+
+
+def test_what_is_expected_of_sets_is_in_the_weight_of_every_candidate():
+    """As they are first fitted, and again with errors of their own: another prior of the number of
+    paints moves the weights by the ratio of the two, and nothing else.
+    """
+    paints = [
+        Pigment(name, GRID, np.full(GRID.size, k) * np.linspace(1, turn, GRID.size), np.full(7, s))
+        for name, k, s, turn in (("a", 2e4, 4e4, 3), ("b", 5e4, 2e4, 0.2), ("c", 1e3, 9e4, 1))
+    ]
+    reading = np.linspace(0.5, 0.25, GRID.size)[None]
+    weights = {}
+    sizes = {"few": (0.8, 0.2, 0.1), "many": (0.2, 0.8, 0.1)}
+    # Errors are made linear where the most probable film of a group is, which moves a little.
+    for name, shares in sizes.items():
+        options = IdentificationOptions(max_paints=2, prior=Prior(sizes=shares))
+        searcher = Searcher.of(GRID, paints, options)
+        spectra = as_measured(searcher, reading, np.full_like(reading, 0.003), np.full(7, 0.8))
+        ((_, pool, _),) = searcher.search(spectra)
+        weights[name] = {
+            (*pool.members[0, n].tolist(), int(pool.condition[0, n])): pool.log_weight[0, n]
+            for n in np.flatnonzero(np.isfinite(pool.log_weight[0]))
+        }
+    both = set(weights["few"]) & set(weights["many"])
+    assert {sum(paint >= 0 for paint in key[:3]) for key in both} == {1, 2}
+    for key in both:
+        size = sum(paint >= 0 for paint in key[:3])
+        expected = np.log(sizes["many"][size - 1] / sizes["few"][size - 1])
+        assert weights["many"][key] - weights["few"][key] == pytest.approx(expected, abs=0.05), key

@@ -271,3 +271,13 @@ def test_i1profiler_names_with_blanks_stand_between_tabs(tmp_path):
     )
     text += f"END_DATA_FORMAT\nNUMBER_OF_SETS\t1\nBEGIN_DATA\n1\tlight red\t{row}\t\nEND_DATA\n"
     same(read_spectra(put(tmp_path, text)), GRID, [RED / 100], ["light red"], atol=1e-9)
+
+
+def test_three_rows_of_two_numbers_are_a_table_below_any_lines(tmp_path):
+    path = tmp_path / "film.csv"
+    above = "An instrument\nSerial 12\n"
+    path.write_text(f"{above}400,0.10\n450,0.20\n500,0.30\n")
+    assert read_spectra(path).wavelengths.tolist() == [400.0, 450.0, 500.0]
+    path.write_text(f"{above}400,0.10\n450,0.20\n")
+    with pytest.raises(ValueError, match="no wavelengths in the header"):
+        read_spectra(path)

@@ -3,9 +3,13 @@ survived.
 """
 
 import os
+import re
 import signal
+import socket
 import sys
+import threading
 import time
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -223,15 +227,34 @@ def test_a_cluster_without_workers_ends_in_a_sentence(tmp_path, monkeypatch):
         finish(["a"], precision, KeyedResults(tmp_path), client)
 
 
-def test_no_scheduler_is_said_in_one_line():
-    with (
-        pytest.raises(
-            ValueError, match=r"--scheduler tcp://127\.0\.0\.1:1: no dask scheduler answers there"
-        ) as found,
-        connect("tcp://127.0.0.1:1", seconds=0.5),
-    ):
+@pytest.mark.parametrize(
+    "address", ["tcp://127.0.0.1:1", "no://127.0.0.1:1", "127.0.0.1:port", "", "tls://127.0.0.1:1"]
+)
+def test_no_scheduler_is_said_in_one_line(address):
+    words = re.escape(f"--scheduler {address}: no dask scheduler answers there")
+    with pytest.raises(ValueError, match=words) as found, connect(address, seconds=0.5):
         pass
     assert "\n" not in str(found.value)
+
+
+def test_a_server_of_another_kind_is_no_scheduler():
+    def answer():
+        with suppress(OSError):
+            while True:
+                with server.accept()[0] as one:
+                    one.sendall(b"HTTP/1.0 400 Bad Request\r\n\r\n")
+
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        threading.Thread(target=answer, daemon=True).start()
+        address = f"tcp://127.0.0.1:{server.getsockname()[1]}"
+        with (
+            pytest.raises(ValueError, match="no dask scheduler answers there"),
+            connect(address, seconds=0.5),
+        ):
+            pass
+
+
+def test_without_an_address_there_is_no_client():
     with connect(None) as client:
         assert client is None
 

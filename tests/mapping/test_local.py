@@ -97,6 +97,25 @@ def test_at_a_representative_it_is_the_search(problem):
     np.testing.assert_array_equal(found.explained, whole.explained)
 
 
+def test_candidates_that_were_left_out_keep_their_share(problem):
+    """Of all odds of candidates a share r is of those left out: the others have 1 - r, and none
+    against all of them has less.
+    """
+    readings = problem.readings.astype("f4")
+    left_out = 0.3
+
+    def answers(rest: float):
+        known = dataclasses.replace(problem.known, rest=np.full_like(problem.known.rest, rest))
+        return Atlas.of(Features.of(readings), known, problem.searcher.task.prior).answers(
+            readings
+        )[0]
+
+    without, found = answers(0.0), answers(left_out)
+    whole = (1.0 - without.none) / (1.0 - left_out) + without.none
+    np.testing.assert_allclose(found.probability, without.probability / whole, rtol=1e-5)
+    np.testing.assert_allclose(found.none, without.none / whole, rtol=1e-5)
+
+
 @pytest.mark.slow
 def test_near_a_representative_it_follows_the_search(problem):
     """Weights of candidates, amounts, fits and Delta E move as those of a new search do."""

@@ -350,6 +350,20 @@ def test_a_disk_that_is_full_at_once_leaves_nothing(tmp_path, monkeypatch):
     assert not list(tmp_path.iterdir())
 
 
+def test_a_disk_that_is_full_in_the_survey_names_the_file_and_the_remedy(tmp_path, monkeypatch):
+    results = KeyedResults(tmp_path / "work")
+    results.put("survey", {"a": np.zeros(3)})
+
+    def full(number: int):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(os, "fsync", full)
+    with pytest.raises(OSError, match="the disk is full; make room, then run the same") as found:
+        results.put("search-0000", {"a": np.zeros(3)})
+    assert found.value.filename == str(tmp_path / "work" / "search-0000.npz")
+    assert [path.name for path in results.folder.iterdir()] == ["survey.npz"]
+
+
 def test_results_by_key_are_whole_or_not_there(tmp_path, monkeypatch):
     results = KeyedResults(tmp_path / "work")
     asked: list[str] = []

@@ -122,6 +122,29 @@ def cosines_in_air_at_eigenvalues(albedo: float) -> np.ndarray:
     return air
 
 
+def test_the_slowest_mode_keeps_its_digits_as_absorption_goes():
+    """Its eigenvalue goes with 1 - q; the difference that it is far from there has no digits left.
+    Directions that are traced take another way than those that are known.
+    """
+    directions = whole_range(INDEX, resolve_known(TOLERANCE, INDEX))
+    assert directions is not None
+    mu, weights = (np.asarray(a) for a in directions[:2])
+    absorbed = np.array([0.9, 0.31, 0.299, 0.1, 1e-3, 1e-6, 1e-9, 1e-12, 0.0])
+    q = jnp.asarray(1.0 - absorbed)
+    traced = jax.jit(lambda mu, weights: layer_modes(q, mu, weights).decay_squared)
+    slowest = np.asarray(traced(mu, weights))[:, 0]
+    # The dispersion relation of a slow mode, with its sums as they are: 1 - q = q lambda sum ...
+    exact = []
+    for albedo, lost in zip(np.asarray(q), 1.0 - np.asarray(q), strict=True):
+        root = 0.0
+        for _ in range(200):
+            root = lost / (albedo * np.sum(weights * mu**2 / (1.0 - root * mu**2)))
+        exact.append(root)
+    np.testing.assert_allclose(slowest[3:], exact[3:], rtol=2e-12)
+    known = np.asarray(layer_modes(q, mu, weights).decay_squared)[:, 0]
+    np.testing.assert_allclose(slowest, known, rtol=1e-11)
+
+
 def test_a_beam_at_an_eigenvalue_is_like_those_beside_it():
     """No beam is special: value and slopes at an eigenvalue are the interpolation between beams on
     both sides.

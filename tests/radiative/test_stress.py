@@ -5,7 +5,9 @@ import os
 import re
 import subprocess
 import sys
+import warnings
 from concurrent.futures import ThreadPoolExecutor
+from typing import get_args
 
 import hypothesis.strategies as st
 import jax
@@ -17,7 +19,9 @@ from hypothesis import example, given
 from glazejax import stack_hemispherical_reflectance, stack_reflectance_factor
 from glazejax.radiative.common.directions import half_range
 from glazejax.radiative.common.fresnel import dielectric_reflectance
+from glazejax.radiative.common.rounding import Rounding, warn_of_rounding
 from glazejax.radiative.ordinates.resolution import resolve_known
+from glazejax.radiative.stack import Method
 from tests.tolerances import ROUNDING
 
 from .cases import (
@@ -281,6 +285,93 @@ def test_bad_input_says_what_and_how_to_mend(change, message):
     with pytest.raises(ValueError, match=message) as error:
         stack_reflectance_factor(**given)
     assert "\n" not in str(error.value)
+
+
+@pytest.mark.single
+@pytest.mark.parametrize("method", get_args(Method))
+def test_traced_values_out_of_range_are_nan_and_the_others_as_they_are(method):
+    """In a compiled program, where nothing can be raised; each stack of a batch for itself."""
+    names = ("substrate_reflectance", "refractive_index", "cos_incidence", "cos_viewing")
+    usual = [0.5, 0.9, 1.0, 0.5, 0.5, 1.5, 0.7, 0.9]
+    wrong = [(0, 1.2), (1, -0.1), (2, -1.0), (3, np.inf), (4, 1.2), (4, -0.1), (5, 0.9), (5, 2.6)]
+    wrong += [(6, 1.1), (6, 0.0), (7, 1.1), (7, -0.2), (0, np.nan)]
+    rows = np.tile(usual, (len(wrong) + 1, 1))
+    for row, (column, value) in zip(rows, wrong, strict=False):
+        row[column] = value
+
+    @jax.jit
+    def seen(table):
+        rest = dict(zip(names, table[:, 4:].T, strict=True))
+        return stack_reflectance_factor(
+            table[:, :2], table[:, 2:4], **rest, tolerance=1e-2, method=method
+        )
+
+    values = np.asarray(seen(jnp.asarray(rows)))
+    assert np.all(np.isnan(values[:-1]))
+    assert values[-1] == pytest.approx(0.07685, abs=1e-4)
+
+
+_ROUNDING = """
+import warnings
+import numpy as np
+from glazejax import stack_hemispherical_reflectance as hemispherical
+from glazejax.radiative import manyflux
+
+def said(function, absorbed, thickness, **how):
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        value = function([1 - absorbed], [thickness], 0.5, **how)
+    words = " ".join(str(one.message) for one in caught)
+    assert all(one.filename == "<string>" for one in caught)
+    return float(value), float(words.split("about ")[1].split()[0]) if words else 0.0, words
+
+for absorbed, thickness in [(0, 1e3), (0, 1e5), (2.0**-20, 1e4), (2.0**-20, 3e5)]:
+    true, error, words = said(hemispherical, absorbed, thickness, tolerance=1e-4)
+    assert words == ""
+    for function, how in [
+        (hemispherical, {"method": "auxiliary"}),
+        (hemispherical, {"method": "manyflux"}),
+        (manyflux.manyflux_hemispherical_reflectance, {"solution": "doubling"}),
+        (manyflux.manyflux_hemispherical_reflectance, {"solution": "modes"}),
+    ]:
+        value, error, words = said(function, absorbed, thickness, tolerance=1e-4, **how)
+        assert abs(value - true) < 2 * max(error, 1e-4), (absorbed, thickness, how, value - true)
+        if error:
+            assert "jax_enable_x64" in words and ("'ordinates'" in words) == ("method" in how)
+        assert error or (absorbed, thickness) != (0, 1e5)
+        if absorbed:
+            assert not said(function, 0.1, thickness, tolerance=1e-4, **how)[2]
+"""
+
+
+@pytest.mark.slow
+def test_single_precision_says_what_rounding_leaves_of_layers_that_absorb_nothing():
+    done = subprocess.run(
+        [sys.executable, "-c", _ROUNDING],
+        capture_output=True,
+        text=True,
+        timeout=240,
+        env=os.environ | {"JAX_ENABLE_X64": "0"},
+    )
+    assert done.returncode == 0, done.stderr
+
+
+def test_what_rounding_leaves_grows_with_the_depth_that_light_reaches():
+    def said(albedo, thickness, tolerance=1e-4):
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always")
+            warn_of_rounding(Rounding(1e-6, 1e4), albedo, thickness, tolerance, stacklevel=1)
+        return [float(str(one.message).split("about ")[1].split()[0]) for one in caught]
+
+    assert said([1.0], [1e3]) == [1e-3]
+    assert said([1.0], [1e7]) == [1e-2]  # no further
+    assert said([1.0, 1.0], [5e2, 5e2]) == [1e-3]  # as one layer
+    assert said([[0.5], [1 - 1e-6]], [1e9]) == [5e-4]  # the worst stack
+    assert not said([0.5], [1e9])
+    assert not said([1.0], [1e3], tolerance=1e-3)
+    assert not said([1.0], [10.0], tolerance=1e-9)  # single precision has no more than 1e-5
+    assert not said(np.zeros((0, 1)), [1e9])
+    assert not jax.jit(lambda q: jnp.asarray(said(q, [1e9])))(jnp.ones(1)).size
 
 
 @pytest.mark.usefixtures("unchecked")

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from glazejax.commands import progress
+from glazejax.commands import interrupts, progress
 
 from .store.store import DamagedWindow, MapStore
 
@@ -20,9 +20,6 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from glazejax.progress import Progress
-
-_TERMINATED = 128 + signal.SIGTERM
-"""What a shell reports of a program that SIGTERM has stopped."""
 
 
 @contextmanager
@@ -90,26 +87,28 @@ def say_what_is_kept(out: Path, console: "Console", *, overwrite: bool) -> Itera
         console: to print to.
         overwrite: the command has the option ``--overwrite``, by which it would begin anew.
     """
-    try:
-        with _stopped_by_sigterm():
-            yield
-    except KeyboardInterrupt as stop:
-        terminated = isinstance(stop, _Terminated)
+
+    def kept(stopped: str = "Interrupted") -> str:
         try:
             store = MapStore.open(out)
         except ValueError:
-            if not terminated:
-                raise stop from None
-            console.print("[yellow]Stopped: no map was begun.[/yellow]")
-            raise typer.Exit(_TERMINATED) from None
+            return f"{stopped}: no map was begun."
         done = len(store.done())
         of = len(store.windows())
         how = " without --overwrite" if overwrite else ""
-        console.print(
-            f"[yellow]{'Stopped' if terminated else 'Interrupted'}: {done} of {of} windows are "
-            f"finished and kept in {out}; the same command{how} goes on from there.[/yellow]"
+        return (
+            f"{stopped}: {done} of {of} windows are finished and kept in {out}; the same "
+            f"command{how} goes on from there."
         )
-        raise typer.Exit(_TERMINATED if terminated else progress.INTERRUPTED) from None
+
+    try:
+        with _stopped_by_sigterm(), interrupts.keeping(kept):
+            yield
+    except KeyboardInterrupt as stop:
+        terminated = isinstance(stop, _Terminated)
+        words = kept("Stopped") if terminated else kept()
+        console.print(words, style="yellow", markup=False)
+        raise typer.Exit(interrupts.TERMINATED if terminated else interrupts.INTERRUPTED) from None
 
 
 @contextmanager
@@ -121,6 +120,7 @@ def _stopped_by_sigterm() -> Iterator[None]:
         return
 
     def stop(*_: Any) -> None:
+        interrupts.note_signal()
         raise _Terminated
 
     before = signal.signal(signal.SIGTERM, stop)

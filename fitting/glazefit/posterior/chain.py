@@ -373,9 +373,9 @@ def _gentle_interrupt() -> Iterator[threading.Event]:
     before = signal.getsignal(signal.SIGINT)
 
     def note(number: int, frame: Any) -> None:
-        del number, frame
+        if asked.is_set() and callable(before):
+            before(number, frame)
         asked.set()
-        signal.signal(signal.SIGINT, before)
 
     signal.signal(signal.SIGINT, note)
     try:

@@ -6,6 +6,7 @@ What goes wrong with the folder costs the time that it saves, and one sentence.
 
 import os
 import re
+import stat
 import sys
 import tempfile
 import warnings
@@ -15,6 +16,7 @@ from typing import Any
 _COMPLAINT = re.compile(
     r"Error (reading|writing) persistent compilation cache entry for '([^']*)': (.*)", re.DOTALL
 )
+_OTHERS = stat.S_IWGRP | stat.S_IWOTH
 _told = False
 
 
@@ -25,7 +27,12 @@ def keep_programs() -> None:
     try:
         named = os.environ.get("GLAZEJAX_CACHE")
         folder = Path(named) if named else Path.home() / ".cache" / "glazejax" / "xla"
-        folder.mkdir(parents=True, exist_ok=True)
+        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+        if not named:
+            _close(folder)
+        if (whose := _others(folder)) is not None:
+            _tell(f"{folder} {whose}, and programs are run as they are found")
+            return
         # A folder's permissions do not tell whether its disk is read-only or full.
         with tempfile.TemporaryFile(dir=folder) as file:
             file.write(bytes(4096))
@@ -36,6 +43,23 @@ def keep_programs() -> None:
     jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
     jax.config.update("jax_persistent_cache_min_entry_size_bytes", -1)
     _listen(folder)
+
+
+def _close(folder: Path) -> None:
+    """Take from others what an old umask has let them write in a folder of one's own."""
+    found = folder.stat()
+    if hasattr(os, "geteuid") and found.st_uid == os.geteuid() and found.st_mode & _OTHERS:
+        folder.chmod(stat.S_IMODE(found.st_mode) & ~_OTHERS)
+
+
+def _others(folder: Path) -> str | None:
+    """How somebody else may write to a folder; None where nobody may, or nobody says who."""
+    if not hasattr(os, "geteuid"):
+        return None
+    found = folder.stat()
+    if found.st_uid != os.geteuid():
+        return "belongs to another user"
+    return "may be written by others" if found.st_mode & _OTHERS else None
 
 
 def _listen(folder: Path) -> None:

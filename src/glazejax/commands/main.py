@@ -9,19 +9,17 @@ import gc
 import logging
 import os
 import sys
-from importlib.metadata import entry_points, version
 from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 
 from ..extras import advice
-from .cache import keep_programs
+from . import interrupts
 from .help_groups import sort_options
 
 if TYPE_CHECKING:
     import typer
 
-# What a shell reports of a wrong command line, and of a program stopped from the keyboard.
+# What a shell reports of a wrong command line.
 _WRONG = 2
-_INTERRUPTED = 130
 # Options by their names before version 0.2, which still work for that version: those they became.
 _FORMER_OPTIONS = {
     "--layers": ("--coats", "--max-coats"),
@@ -36,6 +34,7 @@ def start_jax() -> None:
     A second run of the same command then takes 40 to 65 % of the first one's time
     (`benchmarks.cold_start`).
     """
+    from .cache import keep_programs
     from .progress import doing
 
     # Python's search for circles of garbage, at its default of every 700 objects, is a fifth of a
@@ -43,7 +42,7 @@ def start_jax() -> None:
     gc.set_threshold(100_000, 20, 50)
     # It says for lines how it gets on where it can't keep a list of fonts.
     logging.getLogger("matplotlib").setLevel(logging.ERROR)
-    with doing("starting"):
+    with doing("starting"), interrupts.loading():
         import jax
 
         # XLA reports every program it takes from that cache as an error, harmlessly, and for pages.
@@ -79,6 +78,8 @@ def make_app() -> "typer.Typer":
     Raises:
         ModuleNotFoundError: typer is not installed.
     """
+    from importlib.metadata import entry_points, version
+
     import typer
     import typer.core
 
@@ -135,11 +136,20 @@ def make_app() -> "typer.Typer":
     return app
 
 
+def run_command() -> None:
+    """Entry point: `main` in a process of its own, which ends at once at Ctrl-C."""
+    interrupts.watch()
+    main()
+
+
 def main() -> None:
-    """Entry point: run a sub-command; what the user can mend ends as one line and exit status 2."""
+    """Run a sub-command; what the user can mend ends as one line and exit status 2."""
     try:
-        app = make_app()
+        with interrupts.loading():
+            app = make_app()
         _run(app)
+    except KeyboardInterrupt:
+        interrupts.leave()
     except ModuleNotFoundError as error:
         if (words := advice(error.name)) is None:
             raise
@@ -163,7 +173,7 @@ def _run(app: "typer.Typer") -> NoReturn:
     try:
         status = app(prog_name="glazejax", standalone_mode=False)
     except typer.Abort:
-        sys.exit(_INTERRUPTED)
+        interrupts.leave()
     except usage_error as error:
         words = error.format_message()  # type: ignore[attr-defined]
         if type(error).__name__ == "NoArgsIsHelpError":
@@ -171,6 +181,8 @@ def _run(app: "typer.Typer") -> NoReturn:
             sys.exit(_WRONG)
         command = error.ctx.command_path if getattr(error, "ctx", None) else "glazejax"  # type: ignore[attr-defined]
         _stop(f"{words[:1].lower()}{words[1:].rstrip('.')} (see {command} --help)")
+    if status in (interrupts.INTERRUPTED, interrupts.TERMINATED):
+        interrupts.leave(status=status)
     sys.exit(status or 0)
 
 

@@ -14,14 +14,12 @@ from typing import TYPE_CHECKING, NamedTuple, NoReturn, TypeVar
 import typer
 
 from ..progress import Progress
+from .interrupts import INTERRUPTED, keeping
 
 if TYPE_CHECKING:
     from rich.console import Console
     from rich.progress import Progress as Bar
     from rich.progress import ProgressColumn
-
-INTERRUPTED = 130
-"""What a shell reports of a program stopped from the keyboard."""
 
 Part = TypeVar("Part", bound=Sized)
 
@@ -113,9 +111,12 @@ def collect(
     interrupted = False
     began = time.perf_counter()
     warm = 0.0
-    with bar(
-        TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn()
-    ) as progress:
+    columns = TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn()
+    # Parts that are finished are worth waiting for the one that runs.
+    with (
+        bar(*columns, TimeElapsedColumn()) as progress,
+        keeping(lambda: None if parts else "Interrupted: nothing was finished."),
+    ):
         task = progress.add_task(first, total=total)
         try:
             for part in chunks:

@@ -1,6 +1,8 @@
 """The command ``glazejax scene``: a scene file in, a picture and its spectra out."""
 
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -11,6 +13,7 @@ from . import options, progress
 if TYPE_CHECKING:
     from ..appearance.scene.file import SceneFile
     from ..appearance.scene.render_result import Rendered
+    from ..progress import Progress
 
 
 RENDERERS = ("raycast", "mitsuba")
@@ -180,10 +183,28 @@ def _resize(found: "SceneFile", text: str) -> "SceneFile":
 
 
 def _render(found: "SceneFile", spectral: bool, samples: int, renderer: str) -> "Rendered":
-    """The picture, with a progress bar on the terminal."""
-    from rich.progress import BarColumn, TextColumn, TimeRemainingColumn
+    """The picture, with a bar on the terminal, or a line now and then where none may move."""
+    with _shown() as report:
+        if renderer == "mitsuba":
+            from ..appearance.scene.path.path_trace import path_trace
 
-    from ..appearance.scene.draw.render import render
+            return path_trace(
+                found.scene, samples=samples, tolerance=found.tolerance, progress=report
+            )
+        from ..appearance.scene.draw.render import render
+
+        return render(found.scene, spectral=spectral, tolerance=found.tolerance, progress=report)
+
+
+@contextmanager
+def _shown() -> "Iterator[Progress]":
+    """How far the picture is, on stderr."""
+    if not progress.moving():
+        with progress.lines() as report_lines:
+            report_lines(0, 1, "reading")
+            yield report_lines
+        return
+    from rich.progress import BarColumn, TextColumn, TimeRemainingColumn
 
     share = TextColumn("{task.percentage:>3.0f} %")
     with progress.bar(
@@ -191,16 +212,10 @@ def _render(found: "SceneFile", spectral: bool, samples: int, renderer: str) -> 
     ) as shown:
         task = shown.add_task("reading", total=1.0)
 
-        def report(done: int, total: int | None, words: str) -> None:
+        def report(done: int, total: int | None, words: str, /) -> None:
             shown.update(task, completed=done, total=total, description=words)
 
-        if renderer == "mitsuba":
-            from ..appearance.scene.path.path_trace import path_trace
-
-            return path_trace(
-                found.scene, samples=samples, tolerance=found.tolerance, progress=report
-            )
-        return render(found.scene, spectral=spectral, tolerance=found.tolerance, progress=report)
+        yield report
 
 
 def _write(found: "SceneFile", rendered: "Rendered", out: Path, spectral: Path | None) -> None:

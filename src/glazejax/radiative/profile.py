@@ -80,7 +80,8 @@ def profile_reflectance_factor(
 
     Raises:
         ValueError: a value out of range, shapes that do not fit, an unknown method, or a profile
-            that varies too fast to be resolved. Values that are traced cannot be checked.
+            that varies too fast to be resolved. Where a value that is traced is out of its
+            range, the result is NaN.
 
     Notes:
         Callables should be smooth; a kink belongs into samples, a step is best made of two layers

@@ -27,6 +27,7 @@ from .common.inputs import (
     concrete,
     plain_number,
 )
+from .common.rounding import FINEST_SINGLE, warn_of_rounding
 from .common.solver import Request, Solver
 from .common.split import Split
 from .common.stack_arrays import Stack
@@ -40,11 +41,6 @@ LEAST_SLOPING_INDEX = 1.0 + 1e-4
 """Nearer to one a slope by the index drowns in the quadrature's error, but for the
 default method.
 """
-FINEST_SINGLE = 1e-5
-"""Smallest tolerance that any method meets in single precision, but for thick layers that absorb
-little: docs/errors.md. `Solver.finest` is that in double precision.
-"""
-
 _DEFAULT_TOLERANCE = 1e-6
 
 # So many known stacks go to all cores at once.
@@ -112,7 +108,8 @@ def stack_reflectance_factor(
 
     Raises:
         ValueError: a value out of range, NaN, shapes that do not broadcast, or an unknown method;
-            the message names the argument and the value. Values that are traced cannot be checked.
+            the message names the argument and the value. Where a value that is traced is out of
+            its range, the result is NaN.
 
     Notes:
         `tolerance` picks the number of directions: for an index that is a number by their error in
@@ -121,10 +118,11 @@ def stack_reflectance_factor(
         albedo up to 1 - 1e-6, grounds 0 to 1 and cosines 0.05 to 1 at indices from 1 to 2.5 against
         a run with more than twice the directions, so that the worst of them stays below the
         tolerance (`python -m benchmarks.calibrate_directions` repeats it). Where light and view
-        both graze a medium of an index near one, inside too, there are more directions, for cosines
-        down to 1e-4; a cosine that is traced counts as that. A tolerance below 1e-10 (1e-8 by
-        "auxiliary") is met as that, and a warning says so. In float32, rounding leaves about 1e-5:
-        the default is met as that, and anything below it with a warning.
+        both graze a medium of an index near one, inside too, or light alone where all that leaves
+        is counted, there are more directions, for cosines down to 1e-4; a cosine that is traced
+        counts as that. A tolerance below 1e-10 (1e-8 by "auxiliary") is met as that, and a warning
+        says so. In float32, rounding leaves about 1e-5: the default is met as that, and anything
+        below it with a warning.
 
         The derivative by an index of exactly one is the one from above, for there is none below. It
         is the limit in closed form (method "ordinates"). Just above one, it holds to some
@@ -300,9 +298,19 @@ def _prepare(
     if fixed is None and high == 1.0:
         high = 1.001  # an array may be differentiated by, and slopes at one are those just above it
     solver = _SOLVERS[method]
+    single = dtype == jnp.float32
+    if single and solver.rounding is not None:
+        warn_of_rounding(
+            solver.rounding,
+            inputs.albedo,
+            inputs.optical_thickness,
+            tolerance,
+            words="take method 'ordinates', or ",
+            stacklevel=5,
+        )
     resolution, chunk = solver.resolve(
         Request(
-            tolerance=_within_reach(tolerance, method, single=dtype == jnp.float32),
+            tolerance=_within_reach(tolerance, method, single=single),
             indices=(low, high),
             fixed_index=fixed,
             optical_thickness=inputs.optical_thickness,

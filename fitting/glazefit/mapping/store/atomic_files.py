@@ -90,8 +90,11 @@ class KeyedResults:
         named: dict[str, Any] = dict(result)
         np.savez(file, **named)
         path = self._path(key)
-        self.folder.mkdir(parents=True, exist_ok=True)
-        write_whole(path, file.getvalue())
+        with explain_full_disk(
+            path, lambda: "make room, then run the same again: what is finished is kept"
+        ):
+            self.folder.mkdir(parents=True, exist_ok=True)
+            write_whole(path, file.getvalue())
 
     def get(self, key: str, names: Sequence[str] | None = None) -> dict[str, np.ndarray]:
         """The result of a key, or some of its arrays.

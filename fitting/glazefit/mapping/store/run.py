@@ -124,7 +124,8 @@ def connect(address: str | None, seconds: float = 20.0) -> "Iterator[Client | No
 
     try:
         client = Client(address, timeout=seconds, set_as_default=False)
-    except (OSError, ValueError) as error:
+    # The last two: TLS without certificates, and a server of another kind, which answers no sense.
+    except (OSError, ValueError, TypeError, MemoryError) as error:
         words = str(error).splitlines()[0] if str(error) else type(error).__name__
         raise ValueError(
             f"--scheduler {address}: no dask scheduler answers there ({words}); start one with "

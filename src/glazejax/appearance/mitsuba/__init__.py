@@ -7,7 +7,8 @@ docs/mitsuba.md.
 
 from .describe import glaze_bsdf
 from .registration import register, register_if_set
+from .variants import usable_variant
 
-__all__ = ["glaze_bsdf", "register"]
+__all__ = ["glaze_bsdf", "register", "usable_variant"]
 
 register_if_set()

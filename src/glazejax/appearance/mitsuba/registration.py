@@ -5,6 +5,7 @@ from typing import Any
 
 from .bsdf import GlazeBSDF
 from .device import renderer
+from .variants import check_llvm
 
 _callbacks: list[Any] = []
 
@@ -15,9 +16,12 @@ def register() -> None:
 
     Raises:
         ModuleNotFoundError: Mitsuba is not installed.
-        ValueError: no variant is set, or one without spectra.
+        ValueError: no variant is set, one without spectra, or one of LLVM's where the LLVM that is
+            found ends the process.
     """
-    _attach(renderer()[0])
+    mi = renderer()[0]
+    check_llvm(mi.variant())
+    _attach(mi)
 
 
 def _attach(mi: Any) -> None:

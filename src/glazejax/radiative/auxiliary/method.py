@@ -4,6 +4,7 @@ import numpy as np
 from jaxtyping import Array
 
 from ..common.inputs import concrete
+from ..common.rounding import Rounding
 from ..common.solver import Request
 from ..common.split import Split
 from ..common.stack_arrays import Stack
@@ -18,6 +19,7 @@ class Auxiliary:
     """Shares no approximation with the default method; see `auxiliary.graded`."""
 
     finest: float = 1e-8
+    rounding: Rounding | None = Rounding(each=1e-7, deepest=4e4)
     slopes_at_index_one: bool = False
     splits: bool = True
 

@@ -24,9 +24,9 @@ LEAST_COSINE = 1e-4
 # Numbers up to which NumPy does what must be done to a known array.
 _SMALL = 1 << 16
 
-_RANGES: dict[str, tuple[str, Callable[[np.ndarray], np.ndarray]]] = {
+_RANGES: dict[str, tuple[str, Callable[[Any], Any]]] = {
     "albedo": ("in [0, 1]", lambda x: (x >= 0) & (x <= 1)),
-    "optical_thickness": (">= 0 and finite", lambda x: (x >= 0) & np.isfinite(x)),
+    "optical_thickness": (">= 0 and finite", lambda x: (x >= 0) & (x < np.inf)),
     "substrate_reflectance": ("in [0, 1] (a fraction, not percent)", lambda x: (x >= 0) & (x <= 1)),
     "refractive_index": ("in [1, 2.5]", lambda x: (x >= INDEX_RANGE[0]) & (x <= INDEX_RANGE[1])),
     "cos_incidence": ("in (0, 1] (a cosine, not an angle)", lambda x: (x > 0) & (x <= 1)),
@@ -216,12 +216,16 @@ def batch_of_stacks(
     Raises:
         ValueError: a known value out of range, axes of layers that do not fit, or shapes that do
             not broadcast.
+
+    A value that is traced can't be refused; out of its range it is NaN here, and so is the result.
     """
     check_given({name: given[name] for name in (*_OF_LAYERS, "substrate_reflectance")})
     check_values(given)
     dtype = dtype or jnp.result_type(float)
     arrays = {
-        name: _as_array(value, dtype, xp) for name, value in given.items() if value is not None
+        name: _in_range(name, _as_array(value, dtype, xp))
+        for name, value in given.items()
+        if value is not None
     }
     albedo, thickness, layers = at_least_one_layer(*(arrays[name] for name in _OF_LAYERS), xp=xp)
     arrays |= {"albedo": albedo, "optical_thickness": thickness}
@@ -237,6 +241,14 @@ def _as_array(value: Any, dtype: Any, xp: Any) -> Any:
     # that.
     plain = isinstance(value, np.ndarray | np.generic | float | int)
     return xp.asarray(np.asarray(value, dtype) if plain else value, dtype)
+
+
+def _in_range(name: str, array: Any) -> Any:
+    """An array as it is, but NaN where JAX traces it and it is out of the argument's range."""
+    if concrete(array) is not None:
+        return array
+    _, test = _RANGES[name]
+    return jnp.where(test(array), array, jnp.nan)
 
 
 def flat_batch(array: Any, batch: tuple[int, ...], *last: int) -> Any:

@@ -6,6 +6,7 @@ from jaxtyping import Array
 
 from .chunks import chunk_bytes
 from .inputs import Numbers
+from .rounding import Rounding
 from .split import Split
 from .stack_arrays import Stack
 
@@ -51,6 +52,11 @@ class Solver(Protocol):
     @property
     def finest(self) -> float:
         """Smallest tolerance that is met in double precision."""
+        ...
+
+    @property
+    def rounding(self) -> Rounding | None:
+        """How single precision's errors grow with depth; None where they do not."""
         ...
 
     @property

@@ -23,11 +23,13 @@ from ..common.inputs import (
     smallest_cosine,
 )
 from ..common.phase import check_moments, isotropic
+from ..common.rounding import FINEST_SINGLE, warn_of_rounding
 from . import joined as manyflux_joined
 from . import solve as manyflux_solve
 from .effort import Effort, Solution, choose_effort
 from .ground import GroundTable
 from .media import Media
+from .method import ROUNDING
 from .solve import Layers
 
 # Bytes of one chunk's matrices.
@@ -127,9 +129,9 @@ def prepare(
     angles = {name: flat[name] for name in cosines} | {
         n: flat_batch(a, given.batch) for n, a in turned.items()
     }
-    # In single precision rounding leaves about 1e-5.
+    single = dtype == jnp.float32
     effort = choose_effort(
-        tolerance=stack.tolerance if dtype == jnp.float64 else max(stack.tolerance, 1e-5),
+        tolerance=max(stack.tolerance, FINEST_SINGLE) if single else stack.tolerance,
         media=media,
         moments=known,
         terms=terms,
@@ -139,6 +141,14 @@ def prepare(
         azimuthal=azimuth is not None,
         solution=stack.solution,
     )
+    if single:
+        warn_of_rounding(
+            ROUNDING[stack.solution],
+            stack.albedo,
+            stack.optical_thickness,
+            stack.tolerance,
+            stacklevel=4,
+        )
     return CheckedBatch(
         layers=layers,
         angles=angles,

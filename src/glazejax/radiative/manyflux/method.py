@@ -15,6 +15,7 @@ from jaxtyping import Array
 
 from ..common.directions import resolve
 from ..common.inputs import concrete, smallest_cosine
+from ..common.rounding import Rounding
 from ..common.solver import Request
 from ..common.split import Split
 from ..common.stack_arrays import Stack
@@ -26,11 +27,18 @@ if TYPE_CHECKING:
 # second-level cache.
 _CHUNK_BYTES = 2**20
 
+ROUNDING: dict[str, Rounding] = {
+    "doubling": Rounding(each=6e-6, deepest=2e3),
+    "modes": Rounding(each=4e-6, deepest=2.5e5),
+}
+"""By the solution of `manyflux.effort.Solution`."""
+
 
 class ManyFlux:
     """Layer operators by doubling; see `manyflux.solve`."""
 
     finest: float = 1e-10
+    rounding: Rounding | None = ROUNDING["doubling"]
     slopes_at_index_one: bool = False
     splits: bool = False
 

@@ -4,6 +4,7 @@ from jaxtyping import Array
 
 from ..common.directions import Resolution, resolve
 from ..common.inputs import smallest_cosine
+from ..common.rounding import Rounding
 from ..common.solver import Request
 from ..common.split import Split
 from ..common.stack_arrays import Stack
@@ -24,17 +25,16 @@ class Ordinates:
     """The default method; see `ordinates.solver`."""
 
     finest: float = 1e-10
+    rounding: Rounding | None = None
     slopes_at_index_one: bool = True
     splits: bool = True
 
     def resolve(self, request: Request) -> tuple[Resolution, int]:
         """Directions, and how many stacks go through at a time."""
-        least = 1.0
+        # Where light grazes, what leaves along it matters too; all of it does in a flux.
+        least = smallest_cosine(request.cos_incidence)
         if request.cos_viewing is not None:
-            # Of all that leaves, little grazes; light alone may.
-            least = max(
-                smallest_cosine(request.cos_incidence), smallest_cosine(request.cos_viewing)
-            )
+            least = max(least, smallest_cosine(request.cos_viewing))
         resolution = (
             resolve(request.tolerance, *request.indices, least)
             if request.fixed_index is None

@@ -13,10 +13,10 @@ import numpy as np
 from jaxtyping import Float
 
 from ....progress import Progress, no_progress
+from ...mitsuba.variants import spectral_variant
 from ..render_result import Rendered, RenderReport
 from ..scene import Scene
 from .mitsuba import mitsuba_scene
-from .variants import spectral_variant
 
 MOST_SAMPLES = 1 << 20
 # Fewest passes, and the most rays of one: more would fill the memory.

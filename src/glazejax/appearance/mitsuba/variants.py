@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import cache
 
-from ....extras import require
+from ...extras import require
 
 # Fast first.
 SPECTRAL = ("llvm_ad_spectral", "scalar_spectral")
@@ -27,6 +27,11 @@ sys.exit(0 if float(mi.TensorXf(mi.render(mi.load_dict(scene), spp=4)).array[0])
 """
 
 
+# The last LLVM with which Dr.Jit ends the process, on new processors; older ones it does not take.
+_DOUBTFUL = 15
+
+
+@cache
 def works(variant: str) -> bool:
     """Whether a variant of Mitsuba renders here; tried in a process of its own, which may be
     aborted.
@@ -64,6 +69,25 @@ def usable_variant() -> str:
     return next((variant for variant in there[:-1] if works(variant)), there[-1])
 
 
+def check_llvm(variant: str | None) -> None:
+    """Refuse a variant that would end the process at its first picture.
+
+    Raises:
+        ValueError: it is one of LLVM's, and the LLVM that is found here aborts.
+    """
+    if variant is None or not variant.startswith("llvm"):
+        return
+    import drjit  # pyright: ignore[reportMissingImports]
+
+    major = drjit.detail.llvm_version()[0]
+    if major <= _DOUBTFUL and not works(variant):
+        raise ValueError(
+            f"with LLVM {major} Mitsuba's variant {variant} ends the process here: install LLVM 19 "
+            "(Debian: apt-get install libllvm19), name it in DRJIT_LIBLLVM_PATH, or write "
+            'mitsuba.set_variant("scalar_spectral")'
+        )
+
+
 def is_spectral(variant: str | None) -> bool:
     """Whether scenes of this program can be rendered in a variant: with spectra, without
     polarisation.
@@ -81,6 +105,7 @@ def spectral_variant() -> Iterator[str]:
 
     before = mi.variant()
     if is_spectral(before):
+        check_llvm(before)
         yield str(before)
         return
     found = usable_variant()

@@ -1,0 +1,247 @@
+"""Mixed, or laid one over another: odds against films that the forward solver made, against closed
+forms, and on measured ones.
+"""
+
+from typing import Any
+
+import numpy as np
+import pytest
+from benchmarks.measured import data_folder
+from benchmarks.paintbench.sources import read_sources
+from scipy.integrate import quad
+from scipy.stats import multivariate_normal, norm
+
+from glazefit import identify
+from glazefit.film.model.optics import Optics
+from glazefit.film.model.response import film_response
+from glazefit.identify.coats import evidence as evidence_module
+from glazefit.identify.coats.arrangement import Arrangement, arrangements
+from glazefit.identify.coats.evidence import CoatErrors, log_prior, weigh_arrangement
+from glazefit.identify.coats.readings import Paints, Solver, grid_readings
+from glazejax import Bidirectional, Glaze, Layer, Mixture, catalogue, reflectance
+
+GRID = np.arange(420.0, 701.0, 20.0)
+GROUND = np.linspace(0.6, 0.85, GRID.size)
+MIXED = Arrangement(((0, 1),))
+OVER = Arrangement(((0,), (1,)))
+SEEN = Bidirectional(45, 0)
+
+
+@pytest.fixture(scope="module")
+def oils():
+    paints = catalogue.load()
+    return [paints[name].resample(GRID) for name in ("CobaltBlue", "LeadWhite", "ChromeYellow")]
+
+
+def solver():
+    return Solver(Optics.of("45:0"), film_response("45:0"))
+
+
+def in_usual_coats(paints, usual=25e-6):
+    return Paints(
+        absorption=usual * np.array([np.asarray(paint.absorption) for paint in paints]),
+        scattering=usual * np.array([np.asarray(paint.scattering) for paint in paints]),
+    )
+
+
+def read(coats, ground=GROUND):
+    return np.asarray(reflectance(Glaze(coats, ground), SEEN))
+
+
+@pytest.mark.parametrize(
+    ("paints", "coats", "count"), [(2, 2, 3), (3, 3, 13), (3, 2, 7), (3, 1, 1)]
+)
+def test_every_way_to_lie_is_there_once(paints, coats, count):
+    ways = arrangements(paints, coats)
+    assert len(set(ways)) == len(ways) == count
+    assert all(way.paints == tuple(range(paints)) for way in ways)
+    assert len(ways[0].coats) == 1
+
+
+def test_ways_are_named_top_first():
+    assert Arrangement(((1,), (0,))).words(["a", "b"]) == "b over a"
+    assert Arrangement(((0, 2), (1,))).words("abc") == "(a + c) over b"
+    assert MIXED.words("ab") == "a + b"
+
+
+def test_readings_on_the_grid_are_those_of_the_forward_solver(oils):
+    paints = oils[:2]
+    table = grid_readings(OVER, in_usual_coats(paints), solver(), GROUND)
+    nodes = np.linspace(-3.6, 3.2, 15)
+    for top, below in ((3, 9), (8, 4)):
+        coats = [
+            Layer(paint, 25e-6 * np.exp(nodes[number]))
+            for paint, number in zip(paints, (top, below), strict=True)
+        ]
+        np.testing.assert_allclose(table.readings[15 * top + below], read(coats), atol=2e-3)
+        # Where the upper coat is missing, the lower one is seen.
+        np.testing.assert_allclose(table.patches[0, 15 * top + below], read(coats[1:]), atol=2e-3)
+
+
+def test_a_film_that_hides_does_not_know_its_ground(oils):
+    table = grid_readings(MIXED, in_usual_coats(oils[:2]), solver(), None)
+    same = read([Layer(Mixture(oils[:2], [0.5, 0.5]), 5e-3)], 0.1)
+    np.testing.assert_allclose(table.readings[15 * 7 + 7], same, atol=2e-3)
+
+
+def test_the_prior_sums_to_one_and_fractions_are_uniform():
+    for way in (MIXED, OVER):
+        assert np.exp(log_prior(way, 0.9)).sum() == pytest.approx(1.0)
+    logs = evidence_module._finer_amounts(2)
+    fraction = 1.0 / (1.0 + np.exp(logs[..., 1] - logs[..., 0]))
+    weight = np.exp(log_prior(MIXED, 0.9))
+    for low, high in ((0.1, 0.3), (0.4, 0.6), (0.6, 0.9)):
+        share = weight[(fraction > low) & (fraction < high)].sum()
+        assert share == pytest.approx(high - low, abs=0.03)
+
+
+def test_a_gain_is_integrated_as_a_gaussian():
+    rng = np.random.default_rng(1)
+    computed = rng.normal(size=(1, 1, 6))
+    seen = rng.normal(size=(1, 3, 6))
+    errors = CoatErrors(
+        gains=(0.3,), gain_weights=(1.0,), scales=(1.0,), weights=(1.0,), patchy=0.0
+    )
+    found = evidence_module._log_likelihood(seen, computed, [], errors)[0, 0]
+    covariance = np.eye(6) + 0.09 * np.outer(computed[0, 0], computed[0, 0])
+    exact = multivariate_normal(computed[0, 0], covariance).logpdf(seen[0])
+    np.testing.assert_allclose(found - 3.0 * np.log(2.0 * np.pi), exact, rtol=1e-10)
+
+
+def _better(share, length, product):
+    moved = product * share - 0.5 * length * share**2
+    return 2.0 * norm.pdf(share, scale=0.2) * np.exp(moved)
+
+
+def test_a_patch_is_integrated_over_shares_above_zero():
+    rng = np.random.default_rng(2)
+    patch, seen = rng.normal(size=(2, 5))
+    for sign in (1.0, -1.0):
+        length, product = float(patch @ patch), float(sign * patch @ seen)
+
+        exact = quad(_better, 0.0, 5.0, args=(length, product))[0]
+        found = evidence_module._log_patch(np.array([[[length]]]), np.array([[[product]]]), 0.2)
+        assert found.item() == pytest.approx(np.log(exact), abs=1e-8)
+
+
+def test_evidence_tells_the_amounts(oils):
+    paints = oils[:2]
+    coats = [Layer(paints[0], 10e-6), Layer(paints[1], 30e-6)]
+    table = grid_readings(OVER, in_usual_coats(paints), solver(), GROUND)
+    small = CoatErrors(amplitude=0.002, offset=0.001, coefficient=0.01, pure_reading=0.0)
+    deviations = np.full((2, GRID.size), 0.01)
+    found = weigh_arrangement(read(coats)[None], OVER, table, deviations, GRID, small)
+    off = found.log_amounts[0] - np.log([10.0 / 25.0, 30.0 / 25.0])
+    assert np.all(np.abs(off) < 3.0 * found.log_amounts_sd[0] + 0.05)
+    assert off[0] == pytest.approx(0.0, abs=0.1)
+
+
+def odds(spectrum, paints, **options):
+    given: dict[str, Any] = (
+        dict(ground=GROUND, instrument="45:0", max_paints=2, max_coats=2) | options
+    )
+    return identify(GRID, spectrum, paints, **given)
+
+
+def test_a_mixture_and_a_superposition_are_told(oils):
+    blue, white, yellow = oils
+    films = np.array(
+        [
+            read([Layer(Mixture([blue, white], [0.3, 0.7]), 30e-6)]),
+            read([Layer(white, 6e-6), Layer(blue, 25e-6)]),
+            read([Layer(blue, 4e-6), Layer(yellow, 40e-6)]),
+        ]
+    )
+    found = odds(films, oils)
+    assert found.coats_probability[0] < 0.1
+    assert found.coats_probability[1:].min() > 0.9
+    assert found.coats_odds[1][0].most_probable == "LeadWhite over CobaltBlue"
+    assert found.coats_odds[2][0].most_probable == "CobaltBlue over ChromeYellow"
+    for own in found.coats_odds:
+        assert sum(one.share for one in own) == pytest.approx(1.0)
+        for one in own:
+            assert sum(one.chances.values()) == pytest.approx(1.0)
+    # What is named agrees with the odds.
+    assert any(found.ranked(1)[0].coats)
+    assert not any(found.ranked(0)[0].coats)
+    assert "mixed" in found.coats_words(0)
+    assert "laid one over another" in found.coats_words(1)
+
+
+def test_an_upper_coat_that_hides_leaves_it_open(oils):
+    blue, white, _ = oils
+    found = odds(read([Layer(white, 400e-6), Layer(blue, 25e-6)]), [blue, white])
+    assert 0.1 < found.coats_probability[0] < 0.9
+    assert "hides" in found.coats_odds[0][0].reason
+    assert "open" in found.coats_words(0)
+
+
+def test_one_coat_is_not_asked_unless_told(oils):
+    found = odds(read([Layer(oils[0], 20e-6)]), oils, max_coats=1)
+    assert found.coats_odds == ()
+    assert found.coats_probability[0] == 0.0
+    assert found.coats_words(0) == ""
+
+
+@pytest.mark.slow
+def test_three_coats_are_told(oils):
+    blue, white, yellow = oils
+    film = read([Layer(blue, 3e-6), Layer(white, 12e-6), Layer(yellow, 40e-6)])
+    found = odds(film, oils, max_paints=3, max_coats=3)
+    three = next(one for one in found.coats_odds[0] if len(one.paints) == 3)
+    assert len(three.chances) == 3 + 13
+    assert three.layered > 0.9
+
+
+@pytest.mark.slow
+def test_stated_probabilities_come_true_in_simulation(oils):
+    """Draws of amounts, lies, gains and smooth errors as the odds expect them."""
+    rng = np.random.default_rng(5)
+    errors = CoatErrors()
+    pair = oils[:2]
+    paints = in_usual_coats(pair)
+    ways = arrangements(2, 2)
+    tables = {way: grid_readings(way, paints, solver(), GROUND) for way in ways}
+    smooth = errors.amplitude**2 * evidence_module.smooth_kernel(GRID, errors.length)
+    smooth += errors.noise**2 * np.eye(GRID.size) + errors.offset**2
+    films = []
+    truths = []
+    for number in range(120):
+        way = ways[0] if number % 2 else ways[1 + number // 2 % 2]
+        weight = np.exp(log_prior(way, errors.spread)).sum(axis=1)
+        node = rng.choice(len(weight), p=weight)
+        moved = tables[way].readings[node] * (1.0 + errors.gains[0] * rng.normal())
+        films.append(moved + rng.multivariate_normal(np.zeros(GRID.size), smooth))
+        truths.append(way != ways[0])
+    found = odds(np.clip(films, 0.0, 1.4), pair)
+    chance = found.coats_probability
+    truth = np.array(truths, dtype=float)
+    # Stated chances come true within their counting error, and tell.
+    spread = np.sqrt(np.sum(chance * (1.0 - chance)))
+    assert abs(chance.sum() - truth.sum()) < 3.0 * spread
+    decided = np.maximum(chance, 1.0 - chance) > 0.9
+    assert decided.mean() > 0.3
+    assert ((chance > 0.5) == truth)[decided].mean() > 0.85
+
+
+@pytest.mark.slow
+def test_measured_glazes_and_mixtures_are_told_by_family():
+    try:
+        sources = {source.name: source for source in read_sources(data_folder(), None)}
+    except FileNotFoundError:
+        pytest.skip("the measured data are not at hand")
+    bath = sources["bath"]
+    rows = [row for row in bath.chosen("mixture") if bath.samples[row].paints == ("RL", "LTY")]
+    camera = bath.cameras[0]
+    grid = np.arange(410.0, 981.0, 10.0)
+    spectra = [np.interp(grid, camera.wavelengths, camera.readings[row]) for row in rows]
+    found = identify(
+        grid,
+        np.clip(spectra, 0.0, 1.4),
+        catalogue.load("pigments"),
+        opaque=True,
+        instrument="45:0",
+        max_coats=2,
+    )
+    assert len(found.coats_odds) == len(rows)
+    assert np.mean(found.coats_probability < 0.9) >= 0.8
