@@ -301,8 +301,12 @@ def sample(
     that is all.
     """
     approximate = laplace(problem, found, seed=options.seed)
-    if options.steps == 0:
+    if options.length == 0:
         return Posterior(problem, films, approximate, None)
+    if options.sampler == "hmc":
+        from .hamiltonian import run_hamiltonian
+
+        return Posterior(problem, films, approximate, run_hamiltonian(problem, approximate, options))
     from .chain import run_chain
 
     walkers = options.walkers_for(problem.dims)

@@ -26,6 +26,7 @@ from ..film.model.errors import Prior
 from ..film.model.optics import Optics
 from ..film.numerics.least_squares import root_of_log1p
 from ..film.reading import Reading
+from . import stack_table
 from .bands import reading_parts
 from .coats import CoatPrior
 from .film import log_fractions
@@ -57,6 +58,8 @@ class StackData(NamedTuple):
     offset: Float[Array, "*blocks bands grounds"]
     whiten: Float[Array, "*blocks rows rows"]
     spread: Float[Array, "*blocks rows"]  # roots of b
+    # Of the unknown coat, where nothing else is unknown of any coat (see `stack_table`).
+    table: stack_table.StackTable | None = None
 
 
 class StackShared(NamedTuple):
@@ -94,6 +97,14 @@ def optical(
             )
         )
     return jnp.stack(coats, axis=-1)
+
+
+def off_by_errors(
+    layout: Layout, free: Float[Array, "dims"], data: StackData, shared: StackShared
+) -> Float[Array, "2 bands coats"]:
+    """`optical`, with the likeliest errors of the paints."""
+    off = jnp.moveaxis(data.shift.reshape(len(layout.sizes), 2, -1), 0, -1)
+    return optical(layout, free, data, shared) * jnp.exp(off)
 
 
 def surface(layout: Layout, free: Float[Array, "dims"], shared: StackShared) -> Float[Array, ""]:
@@ -136,12 +147,19 @@ class StackResiduals:
         """Of one film."""
         layout = self.layout
         places = self.layout.places
-        off = jnp.moveaxis(data.shift.reshape(len(layout.sizes), 2, -1), 0, -1)
-        coats = optical(layout, free, data, shared) * jnp.exp(off)
-        mean = surface(layout, free, shared) + body(layout, coats, data.ground) + data.offset
-        root = jnp.exp(free[places.error]) * data.spread
-        misfit = data.whiten @ (data.reading - mean).reshape(-1) / jnp.sqrt(1.0 + root**2)
-        parts = [misfit, root_of_log1p(root)]
+        coats = off_by_errors(layout, free, data, shared)
+        above = surface(layout, free, shared)
+        if data.table is None:
+            mean = above + body(layout, coats, data.ground) + data.offset
+            root = jnp.exp(free[places.error]) * data.spread
+            misfit = data.whiten @ (data.reading - mean).reshape(-1) / jnp.sqrt(1.0 + root**2)
+            parts = [misfit, root_of_log1p(root)]
+        else:
+            unknown = coats[..., layout.unknown_coat]
+            seen, slopes = stack_table.body_and_slopes(data.table, unknown)
+            off = data.reading - above - seen
+            size = jnp.exp(free[places.error])
+            parts = [stack_table.misfit(data.table, off, slopes, size)]
         for n, sought in enumerate(layout.fractions):
             if sought:
                 parts.append(

@@ -17,11 +17,20 @@ from jaxtyping import Array, Float
 
 from ..film.model.errors import Prior, smooth_kernel
 from ..film.reading import Reading
-from .film_errors import Slopes, expand, settle
+from .film_errors import Slopes, expand, settle, variance_of
 from .laplace import Modes, climb, find_modes
 from .layout import Layout
 from .problem import Problem
-from .stack import TOLERANCE, StackData, StackResiduals, StackShared, optical, surface
+from .stack import (
+    TOLERANCE,
+    StackData,
+    StackResiduals,
+    StackShared,
+    off_by_errors,
+    optical,
+    surface,
+)
+from .stack_table import can_be_tabulated, tabulated
 
 _STARTS = 8
 # Standard deviation of a reading that the first fit takes for granted: that of paints some per cent
@@ -101,4 +110,18 @@ def pose_stack_errors(
     )
     logs, _ = how.at(problem, first.points[:, 0])
     problem = expand(problem, films, how, logs, np.zeros_like(logs), smooth)
-    return settle(problem, films, how, climb(problem, first.points), smooth)
+    problem, found = settle(problem, films, how, climb(problem, first.points), smooth)
+    if not can_be_tabulated(layout):
+        return problem, found
+    coats = np.asarray(_off(layout, found.points[:, 0], problem.data, problem.shared))
+    logs = np.log(np.maximum(np.moveaxis(coats, -1, 1), 1e-9)).reshape(len(films), -1, coats.shape[2])
+    slopes = how.slopes(logs, np.asarray(problem.data.ground))
+    problem = tabulated(problem, coats, smooth, variance_of(films, slopes), TOLERANCE)
+    return problem, climb(problem, found.points)
+
+
+@functools.partial(jax.jit, static_argnums=0)
+def _off(
+    layout: Layout, free: Float[Array, "films dims"], data: StackData, shared: StackShared
+) -> Float[Array, "films 2 bands coats"]:
+    return jax.vmap(lambda f, d: off_by_errors(layout, f, d, shared))(free, data)
