@@ -168,7 +168,7 @@ def _likeliest(
         jacobian = _jacobian(slopes)
         carried = jacobian @ delta.reshape(len(films), -1, 1)
         left = (unexplained - slopes.body).reshape(carried.shape) + carried
-        variance = variance_of(films, slopes).reshape(len(films), -1)
+        variance = _variance(films, slopes).reshape(len(films), -1)
         back = share * _prior_times(smooth, jacobian)
         covariance = jacobian @ back + np.eye(variance.shape[1]) * variance[:, None, :]
         step = (back @ np.linalg.solve(covariance, left)).reshape(delta.shape) - delta
@@ -200,7 +200,7 @@ def _prior_times(
     )
 
 
-def variance_of(films: Sequence[Reading], slopes: Slopes) -> Float[np.ndarray, "films bands grounds"]:
+def _variance(films: Sequence[Reading], slopes: Slopes) -> Float[np.ndarray, "films bands grounds"]:
     """Of the readings by the instrument's noise and the grounds' own error."""
     through = slopes.by_ground * np.stack([film.ground_sd for film in films])
     return np.stack([film.sd for film in films]) ** 2 + through**2
@@ -218,7 +218,7 @@ def expand(
     k d and log s d.
     """
     slopes = how.slopes(logs, np.asarray(problem.data.ground))
-    root = 1.0 / np.sqrt(variance_of(films, slopes).reshape(len(films), -1))
+    root = 1.0 / np.sqrt(_variance(films, slopes).reshape(len(films), -1))
     jacobian = _jacobian(slopes)
     offset = -(jacobian @ delta.reshape(len(films), -1, 1)).reshape(slopes.body.shape)
     scaled = jacobian * root[..., None]

@@ -39,9 +39,9 @@ class Sampling:
             (`glazefit.posterior.hamiltonian`); "emcee", an ensemble that needs none
             (`glazefit.posterior.chain`); or "importance", draws of Laplace's approximation weighted
             by the posterior, without a chain: quick, and good where its tail index says so.
-        steps: of the whole chain, by default 1000 of hmc, its warm-up not counted, and 5000 of emcee;
+        steps: of the whole chain, by default 100 of hmc, its way from the prior not counted, and 5000 of emcee;
             a resumed one goes on until it has as many; 0 for Laplace's approximation alone.
-        walkers: chains of hmc, at least 2 and by default 8; or of emcee's ensemble, even, by default
+        walkers: chains of hmc, at least 2 and by default 128; or of emcee's ensemble, even, by default
             32 or as many as the unknowns need.
         thin: every how many steps one is kept; by default each of hmc, every fifth of emcee.
         seed: of all random numbers. A resumed chain goes on with its own.
@@ -72,11 +72,7 @@ class Sampling:
                 stacklevel=4,
             )
             object.__setattr__(self, "progress", no_progress)
-        if self.sampler not in SAMPLERS:
-            raise ValueError(
-                f"the sampler is {self.sampler!r}; choose {', '.join(SAMPLERS[:-1])} or "
-                f"{SAMPLERS[-1]}"
-            )
+        check_sampler(self.sampler, "sampler")
         if self.steps is not None and self.steps < 0:
             raise ValueError(
                 f"{self.steps} steps were asked for; ask for some thousands, or for 0 to sample "
@@ -123,3 +119,15 @@ class Sampling:
                 f"{walkers} walkers are not enough, or odd; take an even number of at least "
                 f"{least}, such as {_WALKERS[self.sampler]}"
             )
+
+
+def check_sampler(word: str, argument: str) -> None:
+    """Whether there is such a sampler.
+
+    Raises:
+        ValueError: there is none; says which there are.
+    """
+    if word not in SAMPLERS:
+        raise ValueError(
+            f"{argument} is {word!r}; it must be {', '.join(SAMPLERS[:-1])} or {SAMPLERS[-1]}"
+        )

@@ -99,14 +99,6 @@ def optical(
     return jnp.stack(coats, axis=-1)
 
 
-def off_by_errors(
-    layout: Layout, free: Float[Array, "dims"], data: StackData, shared: StackShared
-) -> Float[Array, "2 bands coats"]:
-    """`optical`, with the likeliest errors of the paints."""
-    off = jnp.moveaxis(data.shift.reshape(len(layout.sizes), 2, -1), 0, -1)
-    return optical(layout, free, data, shared) * jnp.exp(off)
-
-
 def surface(layout: Layout, free: Float[Array, "dims"], shared: StackShared) -> Float[Array, ""]:
     """What the surface adds to a reading."""
     at = layout.places.gloss
@@ -147,19 +139,19 @@ class StackResiduals:
         """Of one film."""
         layout = self.layout
         places = self.layout.places
-        coats = off_by_errors(layout, free, data, shared)
+        coats = optical(layout, free, data, shared)
         above = surface(layout, free, shared)
+        size = jnp.exp(free[places.error])
         if data.table is None:
-            mean = above + body(layout, coats, data.ground) + data.offset
-            root = jnp.exp(free[places.error]) * data.spread
+            off = jnp.moveaxis(data.shift.reshape(len(layout.sizes), 2, -1), 0, -1)
+            mean = above + body(layout, coats * jnp.exp(off), data.ground) + data.offset
+            root = size * data.spread
             misfit = data.whiten @ (data.reading - mean).reshape(-1) / jnp.sqrt(1.0 + root**2)
             parts = [misfit, root_of_log1p(root)]
         else:
-            unknown = coats[..., layout.unknown_coat]
-            seen, slopes = stack_table.body_and_slopes(data.table, unknown)
-            off = data.reading - above - seen
-            size = jnp.exp(free[places.error])
-            parts = [stack_table.misfit(data.table, off, slopes, size)]
+            seen = stack_table.look_up(data.table, coats[..., layout.unknown_coat])
+            off = data.reading - above - seen.body
+            parts = [stack_table.misfit(data.table, off, seen, size)]
         for n, sought in enumerate(layout.fractions):
             if sought:
                 parts.append(

@@ -2,7 +2,8 @@
 solver's own slopes.
 
 The first slopes are those at the stack that fits best if readings were as wrong as paints of a
-usual error make them.
+usual error make them. Where only one coat's k and s are open, posteriors are wide, and slopes are those
+of each place in them (`glazefit.posterior.stack_table`).
 """
 
 import functools
@@ -17,19 +18,11 @@ from jaxtyping import Array, Float
 
 from ..film.model.errors import Prior, smooth_kernel
 from ..film.reading import Reading
-from .film_errors import Slopes, expand, settle, variance_of
+from .film_errors import Slopes, expand, settle
 from .laplace import Modes, climb, find_modes
 from .layout import Layout
 from .problem import Problem
-from .stack import (
-    TOLERANCE,
-    StackData,
-    StackResiduals,
-    StackShared,
-    off_by_errors,
-    optical,
-    surface,
-)
+from .stack import TOLERANCE, StackData, StackResiduals, StackShared, optical, surface
 from .stack_table import can_be_tabulated, tabulated
 
 _STARTS = 8
@@ -102,6 +95,11 @@ def pose_stack_errors(
     layout = problem.residuals.layout
     how = Solved(layout)
     smooth = smooth_kernel(films[0].wavelengths, prior.error_length)
+    if can_be_tabulated(layout):
+        nothing = np.zeros((len(films), problem.dims))
+        coats, _ = _at(layout, nothing, problem.data, problem.shared)
+        problem = tabulated(problem, np.asarray(coats), films, smooth, TOLERANCE)
+        return problem, find_modes(problem, starts=_STARTS, seed=seed)
     rough = [np.eye(film.sd.size) / np.hypot(film.sd, _ROUGH).ravel() for film in films]
     first = find_modes(
         replace(problem, data=problem.data._replace(whiten=jnp.asarray(np.stack(rough)))),
@@ -110,18 +108,4 @@ def pose_stack_errors(
     )
     logs, _ = how.at(problem, first.points[:, 0])
     problem = expand(problem, films, how, logs, np.zeros_like(logs), smooth)
-    problem, found = settle(problem, films, how, climb(problem, first.points), smooth)
-    if not can_be_tabulated(layout):
-        return problem, found
-    coats = np.asarray(_off(layout, found.points[:, 0], problem.data, problem.shared))
-    logs = np.log(np.maximum(np.moveaxis(coats, -1, 1), 1e-9)).reshape(len(films), -1, coats.shape[2])
-    slopes = how.slopes(logs, np.asarray(problem.data.ground))
-    problem = tabulated(problem, coats, smooth, variance_of(films, slopes), TOLERANCE)
-    return problem, climb(problem, found.points)
-
-
-@functools.partial(jax.jit, static_argnums=0)
-def _off(
-    layout: Layout, free: Float[Array, "films dims"], data: StackData, shared: StackShared
-) -> Float[Array, "films 2 bands coats"]:
-    return jax.vmap(lambda f, d: off_by_errors(layout, f, d, shared))(free, data)
+    return settle(problem, films, how, climb(problem, first.points), smooth)

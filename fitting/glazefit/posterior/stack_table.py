@@ -9,6 +9,7 @@ none. One set of slopes for all of a wide posterior would make one end of it too
 """
 
 import functools
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -19,6 +20,8 @@ from jaxtyping import Array, Float
 
 from ..film.model.optics import Optics
 from ..film.model.spline import HIGHEST, locate, nodes_of, patches
+from ..film.numerics.least_squares import root_of_log1p
+from ..film.reading import Reading
 from .layout import Layout
 from .problem import Problem
 
@@ -28,11 +31,12 @@ _NODES = 56
 class StackTable(NamedTuple):
     """Of films."""
 
-    # The reading over each ground, then its slope by each error: log k and log s of each known coat.
+    # Readings over each ground, their slopes by each ground, then by each error: log k and log s of
+    # each known coat.
     values: Float[Array, "*films bands cells 4 4 numbers"]
-    errors: Float[Array, "*films errors bands"]  # about which the slopes are taken
     smooth: Float[Array, "*films bands bands"]  # covariance of errors of size 1
-    precision: Float[Array, "*films bands grounds"]  # one over the readings' standard deviations
+    sd: Float[Array, "*films bands grounds"]
+    ground_sd: Float[Array, "*films bands grounds"]
 
 
 def can_be_tabulated(layout: Layout) -> bool:
@@ -43,31 +47,28 @@ def can_be_tabulated(layout: Layout) -> bool:
 def tabulated(
     problem: Problem,
     coats: Float[np.ndarray, "films 2 bands coats"],
+    films: Sequence[Reading],
     smooth: Float[np.ndarray, "bands bands"],
-    variance: Float[np.ndarray, "films bands grounds"],
     tolerance: float,
 ) -> Problem:
     """The problem of a stack with its table.
 
     Args:
-        problem: of `glazefit.posterior.stack`, its errors settled, for which `can_be_tabulated`.
-        coats: k d and s d of all coats with their likeliest errors; those of the unknown coat do not
-            matter.
+        problem: of `glazefit.posterior.stack`, for which `can_be_tabulated`.
+        coats: k d and s d of all coats, without errors; those of the unknown coat do not matter.
+        films: as measured.
         smooth: covariance of errors of size 1.
-        variance: of the readings, without such errors.
         tolerance: of the solver.
     """
     layout = problem.residuals.layout  # pyright: ignore[reportAttributeAccessIssue]
-    films, bands, _ = variance.shape
-    known = [n for n in range(len(layout.sizes)) if n != layout.unknown_coat]
-    errors = np.asarray(problem.data.shift).reshape(films, -1, 2, bands)[:, known]
     ground = np.asarray(problem.data.ground)
+    bands = ground.shape[1]
     values = [_of_film(layout, *film, tolerance) for film in zip(coats, ground, strict=True)]
     table = StackTable(
         values=jnp.asarray(np.stack(values)),
-        errors=jnp.asarray(errors.reshape(films, -1, bands)),
-        smooth=jnp.asarray(np.broadcast_to(smooth, (films, bands, bands))),
-        precision=jnp.asarray(1.0 / np.sqrt(variance)),
+        smooth=jnp.asarray(np.broadcast_to(smooth, (len(films), bands, bands))),
+        sd=jnp.asarray(np.stack([film.sd for film in films])),
+        ground_sd=jnp.asarray(np.stack([film.ground_sd for film in films])),
     )
     return replace(problem, data=problem.data._replace(table=table), bands=bands)
 
@@ -98,56 +99,60 @@ def _solved(
     ground: Float[Array, "grounds"],
     tolerance: float,
 ) -> Float[Array, "numbers nodes"]:
-    """Readings over each ground, then their slopes."""
-    wide = jnp.broadcast_to(
-        stack[:, :, None], (*stack.shape[:2], ground.shape[0], stack.shape[2])
-    )
+    """Numbers of a `StackTable`."""
+    shape = (stack.shape[1], ground.shape[0])
+    wide = jnp.broadcast_to(stack[:, :, None], (2, *shape, stack.shape[2]))
 
-    def total(stack: Array) -> tuple[Array, Array]:
+    def total(stack: Array, ground: Array) -> tuple[Array, Array]:
         seen = optics.body(*stack, ground, tolerance)
         return jnp.sum(seen), seen
 
-    slopes, seen = jax.grad(total, has_aux=True)(wide)
+    slope = jax.grad(total, argnums=(0, 1), has_aux=True)
+    (by_coats, by_ground), seen = slope(wide, jnp.broadcast_to(ground, shape))
     # By logarithms; those of the unknown coat are no errors.
-    by_log = jnp.delete(slopes * wide, unknown, axis=-1)
-    by_log = jnp.moveaxis(by_log, (3, 0, 2), (0, 1, 2)).reshape(-1, stack.shape[1])
-    return jnp.concatenate([seen.T, by_log])
+    by_log = jnp.delete(by_coats * wide, unknown, axis=-1)
+    by_log = jnp.moveaxis(by_log, (3, 0, 2), (0, 1, 2)).reshape(-1, shape[0])
+    return jnp.concatenate([seen.T, by_ground.T, by_log])
 
 
-def body_and_slopes(
-    table: StackTable, thickness: Float[Array, "2 bands"]
-) -> tuple[Float[Array, "bands grounds"], Float[Array, "errors bands grounds"]]:
-    """What the coats read, from k d and s d of the unknown one, and its slopes by the known coats'
-    errors.
-    """
+class Seen(NamedTuple):
+    """What the coats read, without errors and the surface's part, and its slopes."""
+
+    body: Float[Array, "bands grounds"]
+    by_ground: Float[Array, "bands grounds"]
+    by_log: Float[Array, "errors bands grounds"] | None  # none if no coat is known
+
+
+def look_up(table: StackTable, thickness: Float[Array, "2 bands"]) -> Seen:
+    """From k d and s d of the unknown coat."""
     row, over = locate(jnp, thickness[0], HIGHEST[0], _NODES)
     column, across = locate(jnp, thickness[1], HIGHEST[1], _NODES)
     cell = row * (_NODES - 1) + column
     patch = table.values.at[jnp.arange(len(cell)), cell].get(mode="promise_in_bounds")
     weights = over[:, :, None] * across[:, None, :]
     numbers = jnp.sum(patch * weights[..., None], axis=(1, 2))
-    bands, grounds = table.precision.shape
-    slopes = numbers[:, grounds:].reshape(bands, -1, grounds)
-    return numbers[:, :grounds], jnp.moveaxis(slopes, 1, 0)
+    bands, grounds = table.sd.shape
+    body, by_ground, *by_log = jnp.moveaxis(numbers.reshape(bands, -1, grounds), 1, 0)
+    return Seen(body=body, by_ground=by_ground, by_log=jnp.stack(by_log) if by_log else None)
 
 
 def misfit(
-    table: StackTable,
-    off: Float[Array, "bands grounds"],
-    slopes: Float[Array, "errors bands grounds"],
-    size: Float[Array, ""],
+    table: StackTable, off: Float[Array, "bands grounds"], seen: Seen, size: Float[Array, ""]
 ) -> Float[Array, "rows"]:
-    """Residuals of readings that are off by this from those of the likeliest errors, with errors of
-    this size, and of the determinant of their covariance.
+    """Residuals of readings that are off by this, where the known coats have errors of this size,
+    and of the determinant of the readings' covariance.
     """
     rows = off.size
-    # Linear in the errors, about the likeliest.
-    off = off + jnp.sum(slopes * table.errors[:, :, None], axis=0)
-    scaled = slopes * table.precision
+    through = seen.by_ground * table.ground_sd / table.sd
+    precision = 1.0 / (table.sd * jnp.sqrt(1.0 + through**2))
+    white = (off * precision).reshape(-1)
+    noise = root_of_log1p(through).reshape(-1)
+    if seen.by_log is None:
+        return jnp.concatenate([white, noise])
+    scaled = seen.by_log * precision
     caused = jnp.einsum("ebg,bc,ech->bgch", scaled, table.smooth, scaled).reshape(rows, rows)
     root = jnp.linalg.cholesky(jnp.eye(rows) + size**2 * caused)
-    white = jax.scipy.linalg.solve_triangular(
-        root, (off * table.precision).reshape(-1), lower=True
-    )
+    white = jax.scipy.linalg.solve_triangular(root, white, lower=True)
     # The diagonal is 1 or more; with a constant added its logarithm has a smooth root.
-    return jnp.concatenate([white, jnp.sqrt(1.0 + 2.0 * jnp.log(jnp.diagonal(root)))])
+    determinant = jnp.sqrt(1.0 + 2.0 * jnp.log(jnp.diagonal(root)))
+    return jnp.concatenate([white, noise, determinant])
