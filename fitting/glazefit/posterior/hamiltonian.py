@@ -1,12 +1,13 @@
 """Sampling with gradients: Hamiltonian Monte Carlo, all chains of all blocks in one compiled program.
 
 A posterior may be a thin and bent sheet, a thousandth as thick as long, or several of them: readings
-are good to a thousandth, and an opaque coat tells only k/s. A chain that begins at a mode then stays
-near it, and looks as if it had converged there. So chains begin where the posterior is wide: many
-draws of the prior are led to the posterior through powers of the likelihood, 0 to 1, by sequential
-Monte Carlo (Del Moral, Doucet and Jasra, J. R. Stat. Soc. B 68 (2006) 411): weighted, drawn again,
-and moved. When the power is 1 they are draws of the posterior, in the right shares, and each begins
-a chain.
+are good to a thousandth, an opaque coat tells only k/s, and a thin one reads as well. A chain that
+begins at a mode stays near it, and looks as if it had converged there; draws of the prior led to the
+posterior lose modes that are narrow. So many draws begin about all modes that least squares found,
+and in the prior, and are led to the posterior by sequential Monte Carlo (Del Moral, Doucet and Jasra,
+J. R. Stat. Soc. B 68 (2006) 411): along begin^(1 - power) posterior^power, with powers from 0 to 1,
+they are weighted, drawn again, and moved. When the power is 1 they are draws of the posterior, in the
+right shares, and each begins a chain.
 
 Each move is a trajectory of leapfrog steps in coordinates in which the draws are about round; its
 length is drawn anew each time, up to half a turn, so that no direction comes back to where it began
@@ -38,7 +39,7 @@ from .sampling import Sampling
 # Moves after each rise of the power, and at the posterior before the first that is kept, in two
 # windows.
 _MOVES = 3
-_WARM_UP = (30, 30)
+_WARM_UP = (10, 20)
 # The power rises until the weights of this share of the draws are left.
 _LEFT = 0.5
 _MOST_RISES = 200
@@ -47,21 +48,28 @@ _PIECE = 50
 # Length of a trajectory at most, half a turn, and leapfrog steps at most on the way and there.
 _HALF_TURN = np.pi
 _MOST_ON_THE_WAY = 16
-_MOST = 64
+_MOST = 32
 _JUMP = 10
 _ACCEPT = 0.8
 _FIRST_STEP = 0.3
 _GAIN = 1.0
+# Beginnings: how much wider than Laplace's variances, and which share of the draws is the prior's.
+_WIDER = 2.0
+_OF_PRIOR = 0.3
+_PRIOR_DRAWS = 4000
 # Number of the first step that is kept, beyond any of the way there.
 _SAMPLING = 100_000
+_BEGINNING = 1_000_000
 
 
 class Here(NamedTuple):
-    """Where all chains are; height and slope are those of prior times likelihood to the power."""
+    """Where all chains are; height and slope are those of the log-density on the way, the gain is by
+    how much the posterior is above the beginning.
+    """
 
     free: Float[Array, "chains blocks dims"]
     height: Float[Array, "chains blocks"]
-    likelihood: Float[Array, "chains blocks"]
+    gain: Float[Array, "chains blocks"]
     slope: Float[Array, "chains blocks dims"]
 
 
@@ -73,42 +81,65 @@ class Tuning(NamedTuple):
 
 
 class Gaussians(NamedTuple):
-    """Laplace's, to be drawn from."""
+    """A mixture of Gaussians for each block."""
 
-    modes: Float[Array, "blocks modes dims"]
-    roots: Float[Array, "blocks modes dims dims"]
-    log_weights: Float[Array, "blocks modes"]
+    means: Float[Array, "*blocks parts dims"]
+    roots: Float[Array, "*blocks parts dims dims"]
+    inverses: Float[Array, "*blocks parts dims dims"]  # of the roots
+    log_weights: Float[Array, "*blocks parts"]
 
     @classmethod
-    def of(cls, approximation: Laplace) -> "Gaussians":
-        """The same in arrays of JAX."""
-        with np.errstate(divide="ignore"):
-            log_weights = np.log(approximation.weights)
-        return cls(
-            modes=jnp.asarray(approximation.modes),
-            roots=jnp.asarray(np.linalg.cholesky(approximation.covariances)),
-            log_weights=jnp.asarray(np.maximum(log_weights, -700.0)),
-        )
+    def of(
+        cls,
+        means: Float[np.ndarray, "blocks parts dims"],
+        covariances: Float[np.ndarray, "blocks parts dims dims"],
+        weights: Float[np.ndarray, "blocks parts"],
+    ) -> "Gaussians":
+        """From means and covariances."""
+        roots = np.linalg.cholesky(covariances)
+        log_weights = np.log(np.maximum(weights, 1e-300))
+        return cls(*map(jnp.asarray, (means, roots, np.linalg.inv(roots), log_weights)))
 
     def draw(self, key: Array, chains: int) -> Float[Array, "chains blocks dims"]:
         """One draw for each chain and block."""
         which, noise = jax.random.split(key)
-        blocks, _, dims = self.modes.shape
+        blocks, _, dims = self.means.shape
         chosen = jax.random.categorical(which, self.log_weights, shape=(chains, blocks))
         at = jnp.arange(blocks), chosen
         steps = jax.random.normal(noise, (chains, blocks, dims))
-        return self.modes[at] + jnp.einsum("cbij,cbj->cbi", self.roots[at], steps)
+        return self.means[at] + jnp.einsum("cbij,cbj->cbi", self.roots[at], steps)
 
-    def log_density(
-        self, free: Float[Array, "chains blocks dims"]
-    ) -> Float[Array, "chains blocks"]:
-        """Up to a constant."""
-        off = free[:, :, None, :] - self.modes
-        roots = jnp.broadcast_to(self.roots, (*off.shape, off.shape[-1]))
-        white = jax.scipy.linalg.solve_triangular(roots, off[..., None], lower=True)[..., 0]
-        diagonal = jnp.diagonal(self.roots, axis1=-2, axis2=-1)
-        height = -0.5 * jnp.sum(white**2, axis=-1) - jnp.sum(jnp.log(diagonal), axis=-1)
-        return jax.scipy.special.logsumexp(self.log_weights + height, axis=-1)
+    def log_density(self, free: Float[Array, "dims"]) -> Float[Array, ""]:
+        """Of one block, up to a constant."""
+        white = jnp.einsum("pij,pj->pi", self.inverses, free - self.means)
+        diagonal = jnp.diagonal(self.inverses, axis1=-2, axis2=-1)
+        height = jnp.sum(jnp.log(diagonal), axis=-1) - 0.5 * jnp.sum(white**2, axis=-1)
+        return jax.scipy.special.logsumexp(self.log_weights + height)
+
+
+def beginning(problem: Problem, approximation: Laplace, rng: np.random.Generator) -> Gaussians:
+    """Where draws begin: Laplace's Gaussians, made wider, each mode with a share of its own however
+    low it is, and a Gaussian as wide as the prior.
+    """
+    prior = problem.prior_draws(rng, _PRIOR_DRAWS)
+    blocks, _, dims = approximation.modes.shape
+    real = approximation.weights > 0
+    weights = 0.5 * approximation.weights + 0.5 * real / real.sum(axis=1, keepdims=True)
+    return Gaussians.of(
+        np.concatenate(
+            [approximation.modes, np.broadcast_to(prior.mean(axis=0), (blocks, 1, dims))], axis=1
+        ),
+        np.concatenate(
+            [
+                _WIDER * approximation.covariances,
+                np.broadcast_to(np.cov(prior, rowvar=False), (blocks, 1, dims, dims)),
+            ],
+            axis=1,
+        ),
+        np.concatenate(
+            [(1.0 - _OF_PRIOR) * weights, np.full((blocks, 1), _OF_PRIOR)], axis=1
+        ),
+    )
 
 
 class Piece(NamedTuple):
@@ -124,7 +155,8 @@ class Model(NamedTuple):
 
     data: Any
     shared: Any
-    gaussians: Gaussians
+    laplace: Gaussians
+    begin: Gaussians
     key: Array
 
 
@@ -138,43 +170,42 @@ class Span(NamedTuple):
     most: int | Array  # leapfrog steps
 
 
-@functools.partial(jax.jit, static_argnames=("residuals", "prior_rows"))
+@functools.partial(jax.jit, static_argnames="residuals")
 def heights(
     residuals: Any,
-    prior_rows: int,
     model: Model,
     free: Float[Array, "chains blocks dims"],
     power: Float[Array, "blocks"],
 ) -> Here:
-    """Log-probability with the likelihood to a power, and its slope; what overflows is impossible,
-    and flat.
-    """
+    """Log-density on the way and its slope; what overflows is impossible, and flat."""
 
-    def height(free: Array, data: Any, power: Array) -> tuple[Array, Array]:
-        squares = residuals(free, data, model.shared) ** 2
-        likelihood = -0.5 * jnp.sum(squares[:-prior_rows])
-        return power * likelihood - 0.5 * jnp.sum(squares[-prior_rows:]), likelihood
+    def height(free: Array, data: Any, begin: Gaussians, power: Array) -> tuple[Array, Array]:
+        posterior = -0.5 * jnp.sum(residuals(free, data, model.shared) ** 2)
+        first = begin.log_density(free)
+        return power * posterior + (1.0 - power) * first, posterior - first
 
     slope = jax.vmap(jax.value_and_grad(height, has_aux=True))
-    (values, likelihood), slopes = jax.vmap(lambda chain: slope(chain, model.data, power))(free)
+    (values, gains), slopes = jax.vmap(
+        lambda chain: slope(chain, model.data, model.begin, power)
+    )(free)
     sound = jnp.isfinite(values)
     return Here(
         free=free,
         height=jnp.where(sound, values, -jnp.inf),
-        likelihood=jnp.where(sound, likelihood, -jnp.inf),
+        gain=jnp.where(sound, gains, -jnp.inf),
         slope=jnp.where(jnp.isfinite(slopes), slopes, 0.0),
     )
 
 
-@functools.partial(jax.jit, static_argnames=("residuals", "prior_rows"))
+@functools.partial(jax.jit, static_argnames="residuals")
 def _steps(
-    residuals: Any, prior_rows: int, model: Model, here: Here, tuning: Tuning, span: Span
+    residuals: Any, model: Model, here: Here, tuning: Tuning, span: Span
 ) -> tuple[Here, Tuning, Piece]:
     """Some steps of all chains, from where the last ones left them."""
     chains, blocks, dims = here.free.shape
 
     def at(free: Array) -> Here:
-        return heights(residuals, prior_rows, model, free, span.power)
+        return heights(residuals, model, free, span.power)
 
     def trajectory(here: Here, tuning: Tuning, key: Array) -> tuple[Here, Array]:
         length, kick = jax.random.split(key)
@@ -200,8 +231,11 @@ def _steps(
 
     def jump(here: Here, tuning: Tuning, key: Array) -> tuple[Here, Array]:
         del tuning
-        end = at(model.gaussians.draw(key, chains).astype(here.free.dtype))
-        density = model.gaussians.log_density
+        end = at(model.laplace.draw(key, chains).astype(here.free.dtype))
+
+        def density(free: Array) -> Array:
+            return jax.vmap(jax.vmap(Gaussians.log_density), (None, 0))(model.laplace, free)
+
         return end, end.height - here.height + density(here.free) - density(end.free)
 
     def one(i: Array, state: tuple[Here, Tuning, Piece]) -> tuple[Here, Tuning, Piece]:
@@ -245,7 +279,10 @@ class _Sampler:
         self._model = Model(
             data=problem.data,
             shared=problem.shared,
-            gaussians=Gaussians.of(approximation),
+            laplace=Gaussians.of(
+                approximation.modes, approximation.covariances, approximation.weights
+            ),
+            begin=beginning(problem, approximation, self._rng),
             key=jax.random.key(options.seed),
         )
         self.power = np.zeros(len(problem.blocks))
@@ -254,40 +291,31 @@ class _Sampler:
         """Chains at these places."""
         problem = self._problem
         power = jnp.asarray(self.power)
-        return heights(
-            problem.residuals, problem.prior_rows, self._model, jnp.asarray(free), power
-        )
+        return heights(problem.residuals, self._model, jnp.asarray(free), power)
 
     def steps(self, here: Here, tuning: Tuning, span: Span) -> tuple[Here, Tuning, Piece]:
         """See `_steps`."""
         problem = self._problem
         return _steps(
-            problem.residuals,
-            problem.prior_rows,
-            self._model,
-            here,
-            tuning,
-            Span(*map(jnp.asarray, span)),
+            problem.residuals, self._model, here, tuning, Span(*map(jnp.asarray, span))
         )
 
     def first(self, chains: int) -> tuple[Here, Tuning]:
-        """Draws of the prior."""
-        blocks = len(self._problem.blocks)
-        free = self._problem.prior_draws(self._rng, chains * blocks)
-        covariance = np.broadcast_to(
-            self._problem.prior_covariance, (blocks, *self._problem.prior_covariance.shape)
-        )
+        """Draws of the beginning."""
+        model = self._model
+        free = np.asarray(model.begin.draw(jax.random.fold_in(model.key, _BEGINNING), chains))
+        blocks = free.shape[1]
         tuning = Tuning(
-            root=jnp.asarray(np.linalg.cholesky(covariance)),
+            root=rounded(free, model.begin.roots[:, -1]),
             log_step=jnp.full(blocks, np.log(_FIRST_STEP)),
         )
-        return self.at(free.reshape(chains, blocks, -1)), tuning
+        return self.at(free), tuning
 
     def rise(self, here: Here, tuning: Tuning) -> tuple[Here, Tuning]:
-        """The next power of each block's likelihood, and draws taken again by weight."""
-        likelihood = np.asarray(here.likelihood, float)
-        power = next_power(likelihood, self.power)
-        logs = (power - self.power) * np.nan_to_num(likelihood, neginf=-1e30)
+        """The next power of each block, and draws taken again by weight."""
+        gain = np.asarray(here.gain, float)
+        power = next_power(gain, self.power)
+        logs = (power - self.power) * np.nan_to_num(gain, neginf=-1e30)
         chosen = again(logs, self._rng)
         self.power = power
         free = np.take_along_axis(np.asarray(here.free), chosen[..., None], axis=0)
@@ -295,10 +323,10 @@ class _Sampler:
 
 
 def next_power(
-    likelihood: Float[np.ndarray, "chains blocks"], power: Float[np.ndarray, "blocks"]
+    gain: Float[np.ndarray, "chains blocks"], power: Float[np.ndarray, "blocks"]
 ) -> Float[np.ndarray, "blocks"]:
     """As far as half the draws keep their weight, by bisection, at most 1."""
-    logs = np.nan_to_num(likelihood, neginf=-1e30)
+    logs = np.nan_to_num(gain, neginf=-1e30)
     logs = logs - logs.max(axis=0)
 
     def enough(to: np.ndarray) -> np.ndarray:
@@ -386,7 +414,7 @@ def _begin(
         span = Span(done, _MOVES, sampler.power, learning=True, most=_MOST_ON_THE_WAY)
         here, tuning, _ = sampler.steps(here, tuning, span)
         done += _MOVES
-        progress(done, None, "from the prior to the posterior")
+        progress(done, None, "leading draws to the posterior")
         if stop():
             return None
         if np.all(sampler.power == 1.0):

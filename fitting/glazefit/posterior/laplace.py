@@ -27,7 +27,7 @@ from ..film.numerics.least_squares import damped_solution, levenberg_marquardt, 
 from .problem import Problem
 
 TRUSTED_TAIL = 0.7
-_MODES = 3
+_MODES = 6
 _DRAWS_A_START = 48
 _STEPS = 60
 _SETTLED = 1e-6
@@ -48,7 +48,7 @@ class Modes(NamedTuple):
 
 @dataclass(frozen=True)
 class Laplace:
-    """Gaussians in the free unknowns, up to three a block.
+    """Gaussians in the free unknowns, up to six a block.
 
     Attributes:
         modes: best first, (blocks, modes, dims).

@@ -26,6 +26,8 @@ from .stack import TOLERANCE, StackData, StackResiduals, StackShared, optical, s
 from .stack_table import can_be_tabulated, tabulated
 
 _STARTS = 8
+# An opaque coat and a thin one may read alike, and each is a narrow valley.
+_MANY_STARTS = 24
 # Standard deviation of a reading that the first fit takes for granted: that of paints some per cent
 # off.
 _ROUGH = 0.02
@@ -99,7 +101,7 @@ def pose_stack_errors(
         nothing = np.zeros((len(films), problem.dims))
         coats, _ = _at(layout, nothing, problem.data, problem.shared)
         problem = tabulated(problem, np.asarray(coats), films, smooth, TOLERANCE)
-        return problem, find_modes(problem, starts=_STARTS, seed=seed)
+        return problem, find_modes(problem, starts=_MANY_STARTS, seed=seed)
     rough = [np.eye(film.sd.size) / np.hypot(film.sd, _ROUGH).ravel() for film in films]
     first = find_modes(
         replace(problem, data=problem.data._replace(whiten=jnp.asarray(np.stack(rough)))),
