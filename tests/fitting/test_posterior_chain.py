@@ -55,7 +55,9 @@ def start(problem, walkers=20, seed=0):
 @pytest.mark.usefixtures("unchecked")  # a stand-in is sampled
 def test_blocks_of_very_different_size_are_all_sampled_rightly():
     problem = Gaussians()
-    chain = run_chain(problem, start(problem), Sampling(sampler="emcee", steps=12000, thin=4, seed=3))  # pyright: ignore[reportArgumentType]
+    chain = run_chain(
+        problem, start(problem), Sampling(sampler="emcee", steps=12000, thin=4, seed=3)
+    )  # pyright: ignore[reportArgumentType]
     free = chain.free[200:].reshape(-1, 3, 3)
     tau = autocorrelation_times(chain.free[200:].reshape(*chain.free[200:].shape[:2], -1)).reshape(
         3, 3

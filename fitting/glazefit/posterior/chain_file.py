@@ -38,9 +38,7 @@ class DrawsFile:
         self.tuning: Sequence[np.ndarray] = ()
 
     @classmethod
-    def open(
-        cls, fingerprint: str, shape: tuple[int, int, int], options: Sampling
-    ) -> "DrawsFile":
+    def open(cls, fingerprint: str, shape: tuple[int, int, int], options: Sampling) -> "DrawsFile":
         """New, or found again.
 
         Args:

@@ -136,9 +136,7 @@ def beginning(problem: Problem, approximation: Laplace, rng: np.random.Generator
             ],
             axis=1,
         ),
-        np.concatenate(
-            [(1.0 - _OF_PRIOR) * weights, np.full((blocks, 1), _OF_PRIOR)], axis=1
-        ),
+        np.concatenate([(1.0 - _OF_PRIOR) * weights, np.full((blocks, 1), _OF_PRIOR)], axis=1),
     )
 
 
@@ -185,9 +183,9 @@ def heights(
         return power * posterior + (1.0 - power) * first, posterior - first
 
     slope = jax.vmap(jax.value_and_grad(height, has_aux=True))
-    (values, gains), slopes = jax.vmap(
-        lambda chain: slope(chain, model.data, model.begin, power)
-    )(free)
+    (values, gains), slopes = jax.vmap(lambda chain: slope(chain, model.data, model.begin, power))(
+        free
+    )
     sound = jnp.isfinite(values)
     return Here(
         free=free,
@@ -296,9 +294,7 @@ class _Sampler:
     def steps(self, here: Here, tuning: Tuning, span: Span) -> tuple[Here, Tuning, Piece]:
         """See `_steps`."""
         problem = self._problem
-        return _steps(
-            problem.residuals, self._model, here, tuning, Span(*map(jnp.asarray, span))
-        )
+        return _steps(problem.residuals, self._model, here, tuning, Span(*map(jnp.asarray, span)))
 
     def first(self, chains: int) -> tuple[Here, Tuning]:
         """Draws of the beginning."""
@@ -381,9 +377,7 @@ def run_hamiltonian(problem: Problem, approximation: Laplace, options: Sampling)
         FileNotFoundError: `resume` was, and there is none.
     """
     chains = options.walkers_for(problem.dims)
-    kept = DrawsFile.open(
-        problem.fingerprint, (chains, len(problem.blocks), problem.dims), options
-    )
+    kept = DrawsFile.open(problem.fingerprint, (chains, len(problem.blocks), problem.dims), options)
     sampler = _Sampler(problem, approximation, options)
     with gentle_interrupt() as asked:
         if kept.steps == 0:

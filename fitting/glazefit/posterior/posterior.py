@@ -321,7 +321,9 @@ def sample(
     if options.sampler == "hmc":
         from .hamiltonian import run_hamiltonian
 
-        return Posterior(problem, films, approximate, run_hamiltonian(problem, approximate, options))
+        return Posterior(
+            problem, films, approximate, run_hamiltonian(problem, approximate, options)
+        )
     from .chain import run_chain
 
     walkers = options.walkers_for(problem.dims)

@@ -181,7 +181,9 @@ def _spline_weights(thickness: Array, highest: float) -> tuple[Array, Array, Arr
     """
     cell, near, far = place(jnp, thickness, highest, _NODES)
     slopes = (-(near**2), far * (3.0 * far - 4.0), near * (4.0 - 3.0 * near), far**2)
-    scale = jnp.where(thickness < highest, 0.5 * cells_per_unit(highest, _NODES) / (BEND + thickness), 0.0)
+    scale = jnp.where(
+        thickness < highest, 0.5 * cells_per_unit(highest, _NODES) / (BEND + thickness), 0.0
+    )
     return (
         cell,
         jnp.stack(weights(near, far), axis=-1),
