@@ -142,7 +142,7 @@ def test_resumed_chain_equals_the_uninterrupted_one_and_files_are_guarded(tmp_pa
         posterior_of_bands(film(), steps=24, path=path, **SHORT)
     with pytest.raises(ValueError, match="another problem"):
         posterior_of_bands(film(9), steps=60, thin=2, path=path, resume=True, **SHORT)
-    with pytest.raises(ValueError, match="every 2. step"):
+    with pytest.raises(ValueError, match=r"every 2\. step"):
         posterior_of_bands(film(), steps=60, thin=3, path=path, resume=True, **SHORT)
     with pytest.raises(ValueError, match="no chain of emcee"):
         posterior_of_bands(film(), steps=60, path=path, resume=True, sampler="emcee")

@@ -157,6 +157,8 @@ class Convergence:
         length: steps kept.
         discarded: steps left out at the start.
         apart: R-hat of each block, (blocks,): that of the quantity whose walkers differ most.
+        enough: autocorrelation times that are needed; 0 where walkers are many and short, and begin
+            at draws of the posterior.
     """
 
     times: Float[np.ndarray, "blocks"]
@@ -164,11 +166,12 @@ class Convergence:
     length: int
     discarded: int
     apart: Float[np.ndarray, "blocks"] | float = 1.0
+    enough: float = ENOUGH_TIMES
 
     @property
     def converged(self) -> np.ndarray:
         """By block, (blocks,)."""
-        long = self.length >= ENOUGH_TIMES * self.times
+        long = self.length >= self.enough * self.times
         return long & (self.samples >= ENOUGH_SAMPLES) & (np.asarray(self.apart) < MOST_APART)
 
     def words(self) -> str:
@@ -180,10 +183,8 @@ class Convergence:
             f"{worst:.0f} steps, {self.samples.min():.0f} effective samples, R-hat "
             f"{np.max(self.apart):.2f}"
         )
-        rule = (
-            f"{ENOUGH_TIMES:.0f} times and {ENOUGH_SAMPLES:.0f} samples are needed, and an R-hat "
-            f"below {MOST_APART:g}"
-        )
+        times = f"{self.enough:.0f} times and " if self.enough else ""
+        rule = f"{times}{ENOUGH_SAMPLES:.0f} samples are needed, and an R-hat below {MOST_APART:g}"
         if good.all():
             return f"converged: {numbers} ({rule})"
         if not np.isfinite(worst):
@@ -192,8 +193,8 @@ class Convergence:
                 f"time ({rule})"
             )
         where = "" if good.size == 1 else f" in {np.sum(~good)} of {good.size} blocks"
-        more = int(np.ceil(1.2 * ENOUGH_TIMES * worst / 100.0) * 100) + self.discarded
-        if np.max(self.apart) >= MOST_APART:
+        more = int(np.ceil(1.2 * self.enough * worst / 100.0) * 100) + self.discarded
+        if np.max(self.apart) >= MOST_APART or not self.enough:
             # Times of walkers that have not met are too short.
             more = max(more, 4 * (self.length + self.discarded))
         return f"not converged{where}: {numbers} ({rule}); a chain of about {more} steps would do"
@@ -227,13 +228,14 @@ def convergence(
         (steps - start) * chain.thin,
         start * chain.thin,
         apart=apart,
+        enough=ENOUGH_TIMES if chain.sampler == "emcee" else 0.0,
     )
 
 
 def scale_reduction(values: Float[np.ndarray, "steps walkers n"]) -> Float[np.ndarray, "n"]:
-    """Split R-hat of each column: the standard deviation of all halves of walkers together over that
-    of each by itself (Gelman et al., Bayesian Data Analysis, 3rd ed., 11.4); infinite for a chain
-    too short or stuck.
+    """Split R-hat of each column: the standard deviation of all halves of walkers together over
+    that of each by itself (Gelman et al., Bayesian Data Analysis, 3rd ed., 11.4); infinite for a
+    chain too short or stuck.
     """
     half = len(values) // 2
     if half < 4:

@@ -1,5 +1,5 @@
-"""Draws of `glazefit.posterior.hamiltonian`, in memory or in an HDF5 file, with what a resumed chain
-goes on from.
+"""Draws of `glazefit.posterior.hamiltonian`, in memory or in an HDF5 file, with what a resumed
+chain goes on from.
 """
 
 import os

@@ -98,7 +98,7 @@ def posterior(
         int | None,
         typer.Option(
             help=(
-                "Steps of the whole chain; 0 for Laplace's standard errors alone. Default: 100 of "
+                "Steps of the whole chain; 0 for Laplace's standard errors alone. Default: 200 of "
                 "hmc, 5000 of emcee."
             ),
             show_default=False,

@@ -1,22 +1,24 @@
-"""Sampling with gradients: Hamiltonian Monte Carlo, all chains of all blocks in one compiled program.
+"""Sampling with gradients: Hamiltonian Monte Carlo, all chains of all blocks in one compiled
+program.
 
-A posterior may be a thin and bent sheet, a thousandth as thick as long, or several of them: readings
-are good to a thousandth, an opaque coat tells only k/s, and a thin one reads as well. A chain that
-begins at a mode stays near it, and looks as if it had converged there; draws of the prior led to the
-posterior lose modes that are narrow. So many draws begin about all modes that least squares found,
-and in the prior, and are led to the posterior by sequential Monte Carlo (Del Moral, Doucet and Jasra,
-J. R. Stat. Soc. B 68 (2006) 411): along begin^(1 - power) posterior^power, with powers from 0 to 1,
-they are weighted, drawn again, and moved. When the power is 1 they are draws of the posterior, in the
-right shares, and each begins a chain.
+A posterior may be a thin and bent sheet, a thousandth as thick as long, or several of them:
+readings are good to a thousandth, an opaque coat tells only k/s, and a thin one reads as well. A
+chain that begins at a mode stays near it, and looks as if it had converged there; draws of the
+prior led to the posterior lose modes that are narrow. So many draws begin about all modes that
+least squares found, and in the prior, and are led to the posterior by sequential Monte Carlo (Del
+Moral, Doucet and Jasra, J. R. Stat. Soc. B 68 (2006) 411): along begin^(1 - power)
+posterior^power, with powers from 0 to 1, they are weighted, drawn again, and moved. When the power
+is 1 they are draws of the posterior, in the right shares, and each begins a chain.
 
 Each move is a trajectory of leapfrog steps in coordinates in which the draws are about round; its
-length is drawn anew each time, up to half a turn, so that no direction comes back to where it began
-(Neal 2011, Handbook of Markov Chain Monte Carlo, chapter 5). Steps are as long as keeps four in five
-trajectories. Once the power is 1 every tenth move is a draw from Laplace's Gaussians instead, taken
-or refused by Metropolis and Hastings: where Laplace is good, chains are as good as independent draws.
+length is drawn anew each time, up to half a turn, so that no direction comes back to where it
+began (Neal 2011, Handbook of Markov Chain Monte Carlo, chapter 5). Steps are as long as keeps four
+in five trajectories. Once the power is 1 every tenth move is a draw from Laplace's Gaussians
+instead, taken or refused by Metropolis and Hastings: where Laplace is good, chains are as good as
+independent draws.
 
-Random numbers follow from the seed and the number of the step, so that a chain that is resumed is the
-one that was never stopped.
+Random numbers follow from the seed and the number of the step, so that a chain that is resumed is
+the one that was never stopped.
 """
 
 import functools
@@ -63,8 +65,8 @@ _BEGINNING = 1_000_000
 
 
 class Here(NamedTuple):
-    """Where all chains are; height and slope are those of the log-density on the way, the gain is by
-    how much the posterior is above the beginning.
+    """Where all chains are; height and slope are those of the log-density on the way, the gain is
+    by how much the posterior is above the beginning.
     """
 
     free: Float[Array, "chains blocks dims"]

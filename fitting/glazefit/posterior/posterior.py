@@ -183,9 +183,10 @@ class Posterior:
         if self.convergence is None and self.weighted:
             tail = float(self.laplace.tail.max())
             good = "good" if self.laplace.trusted.all() else "not to be trusted"
+            count = np.min(self.laplace.effective)
             return (
-                f"weighted draws of Laplace's approximation, {good}: {np.min(self.laplace.effective):.0f} "
-                f"effective samples, tail index {tail:.2f} (below {TRUSTED_TAIL:g} is needed)"
+                f"weighted draws of Laplace's approximation, {good}: {count:.0f} effective "
+                f"samples, tail index {tail:.2f} (below {TRUSTED_TAIL:g} is needed)"
             )
         if self.convergence is None:
             return "nothing was sampled: these are Laplace's standard errors"

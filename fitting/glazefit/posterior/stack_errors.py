@@ -2,8 +2,8 @@
 solver's own slopes.
 
 The first slopes are those at the stack that fits best if readings were as wrong as paints of a
-usual error make them. Where only one coat's k and s are open, posteriors are wide, and slopes are those
-of each place in them (`glazefit.posterior.stack_table`).
+usual error make them. Where only one coat's k and s are open, posteriors are wide, and slopes are
+those of each place in them (`glazefit.posterior.stack_table`).
 """
 
 import functools

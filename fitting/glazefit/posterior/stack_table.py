@@ -2,10 +2,10 @@
 of the solver, at a tenth of its cost.
 
 Where the other coats' paints, fractions and thicknesses are all known, what a band reads over one
-ground depends on k d and s d of the unknown coat alone. A bicubic spline through solved stacks gives
-it well below the solver's own tolerance, and beside it how the reading hangs on errors of the known
-coats' k and s. Those slopes vary: a clear coat shows every error of the coat below, an opaque one
-none. One set of slopes for all of a wide posterior would make one end of it too sure.
+ground depends on k d and s d of the unknown coat alone. A bicubic spline through solved stacks
+gives it well below the solver's own tolerance, and beside it how the reading hangs on errors of
+the known coats' k and s. Those slopes vary: a clear coat shows every error of the coat below, an
+opaque one none. One set of slopes for all of a wide posterior would make one end of it too sure.
 """
 
 import functools

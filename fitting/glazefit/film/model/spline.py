@@ -14,7 +14,9 @@ HIGHEST = (300.0, 1000.0)
 """Largest k d and s d of a table; a coat beyond is opaque and taken at the end."""
 
 BEND = 0.01
-"""Below this a coat's reflectance is linear in k d and s d; above it varies with their logarithms."""
+"""Below this a coat's reflectance is linear in k d and s d; above it varies with their
+logarithms.
+"""
 
 
 def nodes_of(count: int) -> tuple[Float[np.ndarray, "nodes"], Float[np.ndarray, "nodes"]]:
