@@ -388,7 +388,10 @@ def run_hamiltonian(problem: Problem, approximation: Laplace, options: Sampling)
                 return kept.chain(interrupted=True)
             here, tuning = begun
         else:
-            here, tuning = Here(*kept.here), Tuning(*kept.tuning)
+            here, tuning = (
+                Here(*map(jnp.asarray, kept.here)),
+                Tuning(*map(jnp.asarray, kept.tuning)),
+            )
         ones = np.ones(len(problem.blocks))
         while kept.steps < options.length and not asked.is_set():
             count = min(_PIECE, options.length - kept.steps)

@@ -104,7 +104,7 @@ def _solved(
     wide = jnp.broadcast_to(stack[:, :, None], (2, *shape, stack.shape[2]))
 
     def total(stack: Array, ground: Array) -> tuple[Array, Array]:
-        seen = optics.body(*stack, ground, tolerance)
+        seen = optics.body(stack[0], stack[1], ground, tolerance)
         return jnp.sum(seen), seen
 
     slope = jax.grad(total, argnums=(0, 1), has_aux=True)
