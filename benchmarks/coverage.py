@@ -167,7 +167,7 @@ def of_paints(films: Sequence[Any], truth: Truth, seed: int) -> tuple[dict[str, 
         problem,
         tuple(films),
         modes,
-        Sampling(steps=STEPS, walkers=WALKERS, thin=THIN, seed=seed),
+        Sampling(sampler="emcee", steps=STEPS, walkers=WALKERS, thin=THIN, seed=seed),
     )
     assert posterior.convergence is not None
     return shares(
@@ -188,7 +188,7 @@ def of_bands(films: Sequence[Any], truth: Truth, seed: int) -> tuple[dict[str, R
         problem,
         tuple(thinned),
         find_modes(problem),
-        Sampling(steps=BAND_STEPS, walkers=WALKERS, thin=THIN, seed=seed),
+        Sampling(sampler="emcee", steps=BAND_STEPS, walkers=WALKERS, thin=THIN, seed=seed),
     )
     assert posterior.convergence is not None
     bands = {name: truth.quantities[name][:, ::3] for name in ("absorption", "scattering", "ratio")}

@@ -183,7 +183,7 @@ def find(simulated: Simulated, steps: int, seed: int) -> tuple[dict[str, Found],
         problem,
         tuple(films),
         modes,
-        Sampling(steps=steps, walkers=walkers, thin=THIN, seed=seed),
+        Sampling(sampler="emcee", steps=steps, walkers=walkers, thin=THIN, seed=seed),
     )
     before = problem.draws(problem.prior_draws(np.random.default_rng(seed), 4000)[:, None])
     found = {}

@@ -497,6 +497,7 @@ TABLE: dict[str, dict[str, Reaches | Looked]] = {
         "--thickness": Reaches(
             "--thickness 40um", lambda g: g["prior"].thickness, pytest.approx(40e-6)
         ),
+        "--sampler": Reaches("--sampler emcee", lambda g: g["sampler"], "emcee"),
         "--steps": Reaches("--steps 70", lambda g: g["steps"], 70),
         "--walkers": Reaches("--walkers 48", lambda g: g["walkers"], 48),
         "--thin": Reaches("--thin 3", lambda g: g["thin"], 3),
@@ -719,7 +720,7 @@ def test_the_computation_gets_what_the_option_says(
         (
             "posterior",
             Sampling,
-            {"steps", "walkers", "thin", "seed", "resume", "overwrite"},
+            {"sampler", "steps", "walkers", "thin", "seed", "resume", "overwrite"},
         ),
         (
             "recipe",

@@ -8,6 +8,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from scipy.stats import multivariate_normal
 
 from glazefit import (
     CoatPrior,
@@ -21,8 +22,9 @@ from glazefit import (
 )
 from glazefit.film.model.errors import smooth_kernel
 from glazefit.posterior.coats import parse_coats
-from glazefit.posterior.stack import StackResiduals, pose_stack
+from glazefit.posterior.stack import StackResiduals, body, optical, pose_stack, surface
 from glazefit.posterior.stack_errors import Solved, pose_stack_errors
+from glazefit.posterior.stack_table import look_up
 from glazejax import Glaze, Hemispherical, Layer, Mixture, Pigment, reflectance
 
 GRID = np.arange(400.0, 701.0, 50.0)
@@ -464,3 +466,50 @@ def test_wrong_words_are_refused(text, message):
 def test_bad_input(call, message):
     with pytest.raises(ValueError, match=message):
         call()
+
+
+def test_a_table_of_an_unknown_coat_reads_as_the_solver():
+    """Readings, and slopes by errors of the coat below, at draws of the prior; by the solver."""
+    film = read([Layer(RED, 8e-6), Layer(WHITE, 15e-6)])
+    coats = [CoatPrior(), CoatPrior([WHITE], 15e-6)]
+    problem, _ = pose_stack_errors(problem_of(coats, film), [film], PRIOR)
+    assert isinstance(problem.residuals, StackResiduals)
+    layout = problem.residuals.layout
+    data = jax.tree.map(lambda a: a[0], problem.data)
+    for free in problem.prior_draws(np.random.default_rng(1), 4):
+        thickness = optical(layout, jnp.asarray(free), data, problem.shared)
+        seen = look_up(data.table, thickness[..., 0])
+
+        def solved(off: float, which: int, thickness=thickness):
+            changed = thickness.at[which, :, 1].multiply(np.exp(off))
+            return np.asarray(body(layout, changed, data.ground))
+
+        np.testing.assert_allclose(seen.body, solved(0.0, 0), atol=2e-4)
+        for which in range(2):
+            slope = (solved(0.05, which) - solved(-0.05, which)) / 0.1
+            np.testing.assert_allclose(seen.by_log[which], slope, atol=2e-3)
+
+
+def test_the_likelihood_of_an_unknown_coat_is_the_gaussian_of_noise_and_errors():
+    """Against SciPy's density with the covariance diag(v) + e^2 J K J^T, differences of two places."""
+    film = read([Layer(RED, 8e-6), Layer(WHITE, 15e-6)])
+    coats = [CoatPrior(), CoatPrior([WHITE], 15e-6)]
+    problem, found = pose_stack_errors(problem_of(coats, film), [film], PRIOR)
+    assert isinstance(problem.residuals, StackResiduals)
+    layout = problem.residuals.layout
+    data = jax.tree.map(lambda a: a[0], problem.data)
+    places = found.points[0, :1] + np.array([[0.0], [0.02]]) * np.ones(problem.dims)
+    smooth, heights = smooth_kernel(GRID, PRIOR.error_length), []
+    for free in places:
+        thickness = optical(layout, jnp.asarray(free), data, problem.shared)
+        seen = look_up(data.table, thickness[..., 0])
+        jacobian = np.einsum("ebg,bc->bgec", np.asarray(seen.by_log), np.eye(GRID.size))
+        jacobian = jacobian.reshape(film.sd.size, 2, GRID.size)
+        caused = sum(jacobian[:, e] @ smooth @ jacobian[:, e].T for e in range(2))
+        covariance = np.diag(film.sd.ravel() ** 2) + np.exp(2 * free[-1]) * caused
+        mean = np.asarray(seen.body) + float(surface(layout, jnp.asarray(free), problem.shared))
+        heights.append(
+            multivariate_normal(mean.ravel(), covariance).logpdf(film.reflectance.ravel())
+        )
+    likelihood = problem.log_likelihood(places[:, None])[:, 0]
+    assert likelihood[1] - likelihood[0] == pytest.approx(heights[1] - heights[0], rel=1e-4)

@@ -23,7 +23,7 @@ from glazejax.commands.main import main
 from tests.fitting.test_cli_recover import write
 
 GRID = np.arange(400.0, 701.0, 50.0)
-SHORT: dict[str, Any] = {"walkers": 12, "thin": 2}
+SHORT: dict[str, Any] = {"sampler": "emcee", "walkers": 12, "thin": 2}
 
 
 def film(seed: int = 0):
@@ -55,7 +55,9 @@ def start(problem, walkers=20, seed=0):
 @pytest.mark.usefixtures("unchecked")  # a stand-in is sampled
 def test_blocks_of_very_different_size_are_all_sampled_rightly():
     problem = Gaussians()
-    chain = run_chain(problem, start(problem), Sampling(steps=12000, thin=4, seed=3))  # pyright: ignore[reportArgumentType]
+    chain = run_chain(
+        problem, start(problem), Sampling(sampler="emcee", steps=12000, thin=4, seed=3)
+    )  # pyright: ignore[reportArgumentType]
     free = chain.free[200:].reshape(-1, 3, 3)
     tau = autocorrelation_times(chain.free[200:].reshape(*chain.free[200:].shape[:2], -1)).reshape(
         3, 3
@@ -200,7 +202,7 @@ def test_files_are_guarded(tmp_path):
     with pytest.raises(ValueError, match="another problem"):
         posterior_of_bands(film(seed=9), steps=40, path=path, resume=True, **SHORT)
     with pytest.raises(ValueError, match="12 walkers"):
-        posterior_of_bands(film(), steps=40, path=path, resume=True, walkers=14, thin=2)
+        posterior_of_bands(film(), steps=40, path=path, resume=True, **SHORT | {"walkers": 14})
     posterior_of_bands(film(), steps=20, path=path, overwrite=True, **SHORT)
     (tmp_path / "not.h5").write_text("no")
     with pytest.raises(ValueError, match="no chain of emcee"):
@@ -224,11 +226,13 @@ def run(monkeypatch, tmp_path, capsys):
     return call
 
 
-def test_command_writes_what_it_says(run, tmp_path):
+@pytest.mark.parametrize(("sampler", "steps"), [("emcee", "300"), ("hmc", "10")])
+def test_command_writes_what_it_says(run, tmp_path, sampler, steps):
     import arviz
 
     file = write(tmp_path / "films.tsv", film())
-    options = (file, "--bands", "--steps", "300", "--walkers", "12", "--thin", "2")
+    options = (file, "--bands", "--sampler", sampler, "--steps", steps, "--walkers", "12")
+    options += ("--thin", "2")
     status, out, _ = run(*options, "--out", "r")
     assert status == 0
     assert "percent" in out
@@ -276,6 +280,10 @@ def test_command_writes_what_it_says(run, tmp_path):
         (("none.tsv", "--ground", "none.csv", "--out", "x"), "'none.csv' is neither a number"),
         (("none.tsv", "--instrument", "d", "--out", "x"), "--instrument is 'd'"),
         (("none.tsv", "--thickness", "0", "--out", "x"), "--thickness is 0"),
+        (
+            ("none.tsv", "--sampler", "nuts", "--out", "x"),
+            "--sampler is 'nuts'; it must be hmc, emcee or importance",
+        ),
         (("none.tsv", "--out", "x", "--resume"), "no chain to resume"),
         (("none.tsv", "--out", "x", "--resume", "--overwrite"), "choose one"),
         (("none.tsv",), "--out FOLDER"),

@@ -5,7 +5,6 @@ import pytest
 
 from glazefit.film.model.optics import Optics
 from glazefit.film.model.response import (
-    _BEND,
     _NODES,
     HIGHEST,
     SHIPPED,
@@ -13,6 +12,7 @@ from glazefit.film.model.response import (
     _load_shipped,
     film_response,
 )
+from glazefit.film.model.spline import BEND
 from glazejax import Bidirectional, Hemispherical
 from glazejax.radiative.stack import stack_hemispherical_reflectance, stack_reflectance_factor
 
@@ -120,7 +120,7 @@ def test_tables_that_ship_are_the_solver_s(name):
     rows, columns = np.random.default_rng(2).integers(0, _NODES, (2, 100))
     rows[:4], columns[:4] = (0, 0, -1, -1), (0, -1, 0, -1)
     kd, sd = (
-        _BEND * np.expm1(np.linspace(0.0, np.log1p(highest / _BEND), _NODES))[place]
+        BEND * np.expm1(np.linspace(0.0, np.log1p(highest / BEND), _NODES))[place]
         for highest, place in zip(HIGHEST, (rows, columns), strict=True)
     )
     grounds = np.array([0.0, 0.5, 1.0])

@@ -1,1 +1,1 @@
-"""How sure: Laplace and emcee on the unknowns of films and bands."""
+"""How sure: Laplace and chains on the unknowns of films and bands."""

@@ -8,7 +8,8 @@ done in each block by itself: every block takes a step of two unknowns, or seven
 alone. The rest, the random numbers, the file and the autocorrelation times, is emcee's.
 
 A chain counts as converged in a block if what is kept of it is 50 autocorrelation times long,
-emcee's own rule, and its effective sample size is 400 or more.
+emcee's own rule, its effective sample size is 400 or more, and its R-hat below 1.05: walkers that
+never met have short times, each about its own place.
 """
 
 import os
@@ -36,8 +37,12 @@ ENOUGH_TIMES = 50.0
 ENOUGH_SAMPLES = 400.0
 """Effective samples that it must hold."""
 
+MOST_APART = 1.05
+"""R-hat that it must stay below: how much wider all walkers together are than each by itself."""
+
 GROUP = "mcmc"
-_MARK = "problem"
+MARK = "problem"
+"""Where a file keeps the fingerprint of its problem."""
 
 Ensemble = Float[np.ndarray, "walkers blocks dims"]
 
@@ -130,6 +135,7 @@ class Chain:
         accepted: mean share of proposals accepted.
         thin: steps between two that are kept.
         interrupted: whether it was stopped before it was done.
+        sampler: that made it, "emcee" or "hmc".
     """
 
     free: Float[np.ndarray, "steps walkers blocks dims"]
@@ -137,6 +143,7 @@ class Chain:
     accepted: float
     thin: int
     interrupted: bool = False
+    sampler: str = "emcee"
 
 
 @dataclass(frozen=True)
@@ -149,17 +156,23 @@ class Convergence:
         samples: effective sample size of each block, (blocks,).
         length: steps kept.
         discarded: steps left out at the start.
+        apart: R-hat of each block, (blocks,): that of the quantity whose walkers differ most.
+        enough: autocorrelation times that are needed; 0 where walkers are many and short, and begin
+            at draws of the posterior.
     """
 
     times: Float[np.ndarray, "blocks"]
     samples: Float[np.ndarray, "blocks"]
     length: int
     discarded: int
+    apart: Float[np.ndarray, "blocks"] | float = 1.0
+    enough: float = ENOUGH_TIMES
 
     @property
     def converged(self) -> np.ndarray:
         """By block, (blocks,)."""
-        return (self.length >= ENOUGH_TIMES * self.times) & (self.samples >= ENOUGH_SAMPLES)
+        long = self.length >= self.enough * self.times
+        return long & (self.samples >= ENOUGH_SAMPLES) & (np.asarray(self.apart) < MOST_APART)
 
     def words(self) -> str:
         """One sentence, with the reason."""
@@ -167,9 +180,11 @@ class Convergence:
         worst = float(self.times.max())
         numbers = (
             f"{self.length} steps kept, {_ratio(self.length, worst)} autocorrelation times of "
-            f"{worst:.0f} steps, {self.samples.min():.0f} effective samples"
+            f"{worst:.0f} steps, {self.samples.min():.0f} effective samples, R-hat "
+            f"{np.max(self.apart):.2f}"
         )
-        rule = f"{ENOUGH_TIMES:.0f} times and {ENOUGH_SAMPLES:.0f} samples are needed"
+        times = f"{self.enough:.0f} times and " if self.enough else ""
+        rule = f"{times}{ENOUGH_SAMPLES:.0f} samples are needed, and an R-hat below {MOST_APART:g}"
         if good.all():
             return f"converged: {numbers} ({rule})"
         if not np.isfinite(worst):
@@ -178,7 +193,10 @@ class Convergence:
                 f"time ({rule})"
             )
         where = "" if good.size == 1 else f" in {np.sum(~good)} of {good.size} blocks"
-        more = int(np.ceil(1.2 * ENOUGH_TIMES * worst / 100.0) * 100) + self.discarded
+        more = int(np.ceil(1.2 * self.enough * worst / 100.0) * 100) + self.discarded
+        if np.max(self.apart) >= MOST_APART or not self.enough:
+            # Times of walkers that have not met are too short.
+            more = max(more, 4 * (self.length + self.discarded))
         return f"not converged{where}: {numbers} ({rule}); a chain of about {more} steps would do"
 
 
@@ -203,9 +221,31 @@ def convergence(
     start = min(steps // 2, max(steps // 10, int(5 * finite.max()) if finite.size else 0))
     times = autocorrelation_times(flat[start:]).reshape(blocks, count).max(axis=1)
     samples = np.where(np.isfinite(times), (steps - start) * walkers / times, 0.0)
+    apart = scale_reduction(flat[start:]).reshape(blocks, count).max(axis=1)
     return Convergence(
-        times * chain.thin, samples, (steps - start) * chain.thin, start * chain.thin
+        times * chain.thin,
+        samples,
+        (steps - start) * chain.thin,
+        start * chain.thin,
+        apart=apart,
+        enough=ENOUGH_TIMES if chain.sampler == "emcee" else 0.0,
     )
+
+
+def scale_reduction(values: Float[np.ndarray, "steps walkers n"]) -> Float[np.ndarray, "n"]:
+    """Split R-hat of each column: the standard deviation of all halves of walkers together over
+    that of each by itself (Gelman et al., Bayesian Data Analysis, 3rd ed., 11.4); infinite for a
+    chain too short or stuck.
+    """
+    half = len(values) // 2
+    if half < 4:
+        return np.full(values.shape[-1], np.inf)
+    halves = np.concatenate([values[:half], values[-half:]], axis=1)
+    within = halves.var(axis=0, ddof=1).mean(axis=0)
+    between = halves.mean(axis=0).var(axis=0, ddof=1)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        found = np.sqrt((half - 1.0) / half + between / within)
+    return np.where(np.isfinite(found), found, np.inf)
 
 
 def autocorrelation_times(values: Float[np.ndarray, "steps walkers n"]) -> Float[np.ndarray, "n"]:
@@ -236,8 +276,8 @@ def run_chain(
         FileExistsError: there is such a file, and neither `resume` nor `overwrite` was asked for.
         FileNotFoundError: `resume` was, and there is none.
     """
-    steps = options.steps
-    thin = options.thin
+    steps = options.length
+    thin = options.every
     path = None if options.path is None else Path(options.path)
     walkers, blocks, dims = start.shape
     backend = (
@@ -282,7 +322,7 @@ def run_chain(
             thin_by=thin,
             skip_initial_state_check=True,
         )
-        with _gentle_interrupt() as asked:
+        with gentle_interrupt() as asked:
             for kept, _ in enumerate(run, start=done + 1):
                 options.progress(kept * thin, steps, "sampling")
                 if asked.is_set():
@@ -330,7 +370,7 @@ def _backend(
         if not backend.initialized:
             raise ValueError(f"{path}: this file holds no chain of emcee")
         with h5py.File(path, "r") as file:
-            mark = file[GROUP].attrs.get(_MARK)
+            mark = file[GROUP].attrs.get(MARK)
             kept = int(file[GROUP].attrs.get("thin", 0))
         if mark != problem.fingerprint:
             raise ValueError(
@@ -359,12 +399,12 @@ def _mark(path: Path, problem: Problem, thin: int) -> None:
     import h5py
 
     with h5py.File(path, "a") as file:
-        file[GROUP].attrs[_MARK] = problem.fingerprint
+        file[GROUP].attrs[MARK] = problem.fingerprint
         file[GROUP].attrs["thin"] = thin
 
 
 @contextmanager
-def _gentle_interrupt() -> Iterator[threading.Event]:
+def gentle_interrupt() -> Iterator[threading.Event]:
     """Ctrl-C sets the event, so that a step is never cut in two; a second one stops at once."""
     asked = threading.Event()
     if threading.current_thread() is not threading.main_thread():

@@ -94,23 +94,45 @@ def posterior(
     catalogue: options.CatalogueName = None,
     ground: Annotated[str | None, options.ground_option()] = None,
     thickness: options.Thickness = "25um",
+    sampler: Annotated[
+        str | None,
+        typer.Option(
+            metavar="WORD",
+            help="hmc follows the posterior's slopes; emcee is an ensemble that needs none; "
+            "importance weights Laplace's draws, without a chain, and says whether that is good "
+            "enough. Default: hmc; emcee with --bands.",
+        ),
+    ] = None,
     steps: Annotated[
-        int,
-        typer.Option(help="Steps of the whole emcee chain; 0 for Laplace's standard errors alone."),
-    ] = 5000,
+        int | None,
+        typer.Option(
+            help=(
+                "Steps of the whole chain; 0 for Laplace's standard errors alone. Default: 200 of "
+                "hmc, 5000 of emcee."
+            ),
+            show_default=False,
+        ),
+    ] = None,
     walkers: Annotated[
         int | None,
         typer.Option(
             help=(
-                "Walkers of emcee's ensemble, an even number. Default: 32, or more where --coats "
-                "has many unknowns."
+                "How many chains of hmc, or walkers of emcee's ensemble, an even number. Default: "
+                "128; 32, or more where --coats has many unknowns."
             ),
             show_default=False,
         ),
     ] = None,
     thin: Annotated[
-        int, typer.Option(help="Keep every so many-th step: 5 keeps steps 5, 10, 15, ...")
-    ] = 5,
+        int | None,
+        typer.Option(
+            help=(
+                "Keep every so many-th step: 5 keeps steps 5, 10, 15, ... Default: 1 of hmc, 5 of "
+                "emcee."
+            ),
+            show_default=False,
+        ),
+    ] = None,
     seed: options.Seed = 0,
     resume: Annotated[
         bool,
@@ -144,7 +166,7 @@ def posterior(
     """How well a film is known: its paints and thickness, coat by coat, or its k and s, each with
     an error.
 
-    Prints medians and 90 % intervals by emcee (the posterior) beside Laplace's
+    Prints medians and 90 % intervals of the posterior beside Laplace's
     standard errors, and says what the measurement cannot tell.
 
     Writes chain.h5, posterior.nc (for ArviZ), summary.csv, corner.png, bands.png.
@@ -152,6 +174,10 @@ def posterior(
 
     Try it without data: glazejax posterior --simulate --paints CobaltBlue,ZincWhite --out demo
     """
+    from .sampling import Sampling, check_sampler
+
+    sampler = sampler or ("emcee" if bands else "hmc")
+    check_sampler(sampler, "--sampler")
     _check(file, sample, paints=paints, coats=coats, bands=bands, simulate=simulate, ground=ground)
     require("matplotlib", "corner", "arviz", "h5py")
     folder = _check_folder(out, resume, overwrite)
@@ -182,6 +208,7 @@ def posterior(
         else _read_measured(file, sample, made_of, ground, errors, console)
     )
     chain = {
+        "sampler": sampler,
         "steps": steps,
         "walkers": walkers,
         "thin": thin,
@@ -192,9 +219,10 @@ def posterior(
     result = _run(task, prior, folder, {"instrument": seen_with, "noise": errors, **chain})
     _write(result, folder, console)
     if result.chain is not None and result.chain.interrupted:
-        kept = result.chain.free.shape[0] * thin
+        kept = result.chain.free.shape[0] * result.chain.thin
+        total = Sampling(sampler=sampler, steps=steps, thin=thin).length  # pyright: ignore[reportArgumentType]
         console.print(
-            f"[yellow]Interrupted: {kept} of {steps} steps are kept in {folder / CHAIN}. To go "
+            f"[yellow]Interrupted: {kept} of {total} steps are kept in {folder / CHAIN}. To go "
             "on, give the same command with --resume (and without --overwrite).[/yellow]"
         )
         raise typer.Exit(progress.INTERRUPTED)

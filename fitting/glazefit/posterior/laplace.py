@@ -27,7 +27,7 @@ from ..film.numerics.least_squares import damped_solution, levenberg_marquardt, 
 from .problem import Problem
 
 TRUSTED_TAIL = 0.7
-_MODES = 3
+_MODES = 6
 _DRAWS_A_START = 48
 _STEPS = 60
 _SETTLED = 1e-6
@@ -48,7 +48,7 @@ class Modes(NamedTuple):
 
 @dataclass(frozen=True)
 class Laplace:
-    """Gaussians in the free unknowns, up to three a block.
+    """Gaussians in the free unknowns, up to six a block.
 
     Attributes:
         modes: best first, (blocks, modes, dims).
@@ -58,6 +58,7 @@ class Laplace:
         sample: draws of the free unknowns, by weight where the index allows, (draws, blocks, dims).
         settled: whether least squares came to an end at each mode, (blocks, modes); False where
             there is none.
+        effective: how many independent draws the weighted ones are worth, (blocks,).
     """
 
     modes: Float[np.ndarray, "blocks modes dims"]
@@ -66,6 +67,7 @@ class Laplace:
     tail: Float[np.ndarray, "blocks"]
     sample: Float[np.ndarray, "draws blocks dims"]
     settled: Bool[np.ndarray, "blocks modes"]
+    effective: Float[np.ndarray, "blocks"] | float = np.nan
 
     @property
     def converged(self) -> Bool[np.ndarray, "blocks"]:
@@ -205,8 +207,8 @@ def laplace(problem: Problem, found: Modes, *, seed: int = 0, draws: int = 4000)
         sample=nothing,
         settled=settled,
     )
-    tail, sample = _importance(problem, first, draws, seed)
-    return replace(first, tail=tail, sample=sample)
+    tail, sample, effective = _importance(problem, first, draws, seed)
+    return replace(first, tail=tail, sample=sample, effective=effective)
 
 
 def _distinct(
@@ -246,9 +248,13 @@ def _inverse(hessians: np.ndarray, prior: np.ndarray) -> np.ndarray:
 
 def _importance(
     problem: Problem, gaussian: Laplace, draws: int, seed: int
-) -> tuple[Float[np.ndarray, "blocks"], Float[np.ndarray, "draws blocks dims"]]:
-    """Pareto index of the importance weights of draws from the Gaussians, and the draws taken again
-    by weight.
+) -> tuple[
+    Float[np.ndarray, "blocks"],
+    Float[np.ndarray, "draws blocks dims"],
+    Float[np.ndarray, "blocks"],
+]:
+    """Pareto index of the importance weights of draws from the Gaussians, the draws taken again by
+    weight, and what they are worth.
     """
     with warnings.catch_warnings():
         # ArviZ announces its next version at import.
@@ -272,4 +278,6 @@ def _importance(
     for b in np.flatnonzero(tail < TRUSTED_TAIL):
         summed = np.cumsum(np.exp(smooth[b] - smooth[b].max()))
         free[:, b] = free[np.searchsorted(summed / summed[-1], places), b]
-    return tail, free
+    weights = np.exp(smooth - smooth.max(axis=1, keepdims=True))
+    effective = weights.sum(axis=1) ** 2 / (weights**2).sum(axis=1)
+    return tail, free, effective

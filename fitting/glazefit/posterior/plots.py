@@ -124,7 +124,7 @@ def _legend(figure: Any, posterior: Posterior) -> None:
 
     lines = [Line2D([], [], color=LAPLACE, label="Laplace")]
     if posterior.chain is not None:
-        lines.insert(0, Line2D([], [], color=SAMPLED, label="emcee"))
+        lines.insert(0, Line2D([], [], color=SAMPLED, label=posterior.chain.sampler))
     figure.legend(
         handles=lines,
         loc="upper right",
@@ -186,7 +186,7 @@ def _corner_of_bands(posterior: Posterior, path: str | Path) -> None:
         for panel in panels[len(chosen) :]:
             panel.set_axis_off()
         figure.suptitle(
-            f"{posterior.films[0].name}: contours of 50 and 90 %, emcee blue, Laplace orange; "
+            f"{posterior.films[0].name}: contours of 50 and 90 %, the chain blue, Laplace orange; "
             f"{_subtitle(posterior)}",
             fontsize=10,
         )
@@ -285,7 +285,7 @@ def _reading_sd(
 
 
 def _optical_bands(posterior: Posterior, path: str | Path) -> None:
-    """k d and s d, and their ratio, with bands of 90 % by emcee and by Laplace."""
+    """k d and s d, and their ratio, with bands of 90 % by the chain and by Laplace."""
     film = posterior.films[0]
     grid = posterior.films[0].wavelengths
     drawn = posterior.spectra()

@@ -20,7 +20,7 @@ def print_posterior(posterior: Posterior, console: Console) -> None:
     rows = posterior.summary()
     spectral = {q.name for q in posterior.problem.quantities if q.spectrum}
     plain = [row for row in rows if row.quantity not in spectral]
-    console.print(_table(posterior, Summary(plain, sampled=rows.sampled)))
+    console.print(_table(posterior, Summary(plain, sampled=rows.sampled, by=rows.by)))
     if spectral:
         console.print(_spectra(posterior))
     for sentence in posterior.identifiability.sentences:

@@ -3,19 +3,26 @@
 import warnings
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TypedDict
+from typing import Literal, TypedDict, get_args
 
 from glazejax.progress import Progress, no_progress
 
-_WALKERS = 32
+Sampler = Literal["hmc", "emcee", "importance"]
+"""How a posterior is sampled."""
+
+SAMPLERS: tuple[str, ...] = get_args(Sampler)
+_STEPS = {"hmc": 200, "emcee": 5000, "importance": 0}
+_EVERY = {"hmc": 1, "emcee": 5, "importance": 1}
+_WALKERS = {"hmc": 128, "emcee": 32, "importance": 1}
 
 
 class SamplingOptions(TypedDict, total=False):
     """The fields of `Sampling`, as arguments of the functions that sample."""
 
-    steps: int
+    sampler: Sampler
+    steps: int | None
     walkers: int | None
-    thin: int
+    thin: int | None
     seed: int
     path: str | Path | None
     resume: bool
@@ -28,10 +35,16 @@ class Sampling:
     """Options of the chain.
 
     Attributes:
-        steps: of the whole chain, a resumed one goes on until it has as many; 0 for Laplace's
+        sampler: "hmc", Hamiltonian Monte Carlo, which follows the posterior's slopes
+            (`glazefit.posterior.hamiltonian`); "emcee", an ensemble that needs none
+            (`glazefit.posterior.chain`); or "importance", draws of Laplace's approximation weighted
+            by the posterior, without a chain: quick, and good where its tail index says so.
+        steps: of the whole chain, by default 200 of hmc, the way there not counted, and
+            5000 of emcee; a resumed one goes on until it has as many; 0 for Laplace's
             approximation alone.
-        walkers: of the ensemble, even; by default 32, or as many as the unknowns need.
-        thin: every how many steps one is kept.
+        walkers: chains of hmc, at least 2 and by default 128; or of emcee's ensemble, even, by
+            default 32 or as many as the unknowns need.
+        thin: every how many steps one is kept; by default each of hmc, every fifth of emcee.
         seed: of all random numbers. A resumed chain goes on with its own.
         path: HDF5 file that every kept step is written to; none keeps the chain in memory.
         resume: go on with the chain in it.
@@ -39,12 +52,13 @@ class Sampling:
         progress: called at each step that is kept.
 
     Raises:
-        ValueError: numbers of steps, or of walkers, that make no chain.
+        ValueError: no such sampler, or numbers of steps, or of walkers, that make no chain.
     """
 
-    steps: int = 5000
+    sampler: Sampler = "hmc"
+    steps: int | None = None
     walkers: int | None = None
-    thin: int = 5
+    thin: int | None = None
     seed: int = 0
     path: str | Path | None = None
     resume: bool = False
@@ -59,20 +73,33 @@ class Sampling:
                 stacklevel=4,
             )
             object.__setattr__(self, "progress", no_progress)
-        if self.steps < 0:
+        check_sampler(self.sampler, "sampler")
+        if self.steps is not None and self.steps < 0:
             raise ValueError(
                 f"{self.steps} steps were asked for; ask for some thousands, or for 0 to sample "
                 "nothing"
             )
-        if self.thin < 1:
+        if self.every < 1:
             raise ValueError(f"thin is {self.thin}; keep every step with 1, or every fifth with 5")
-        if 0 < self.steps < self.thin:
+        if 0 < self.length < self.every:
             raise ValueError(
-                f"{self.steps} steps are fewer than one kept step ({self.thin}); ask for some "
+                f"{self.steps} steps are fewer than one kept step ({self.every}); ask for some "
                 "thousands, such as 4000"
             )
         if self.walkers is not None:
-            _check_walkers(self.walkers, 2)
+            self._check_walkers(self.walkers, 2)
+
+    @property
+    def length(self) -> int:
+        """Steps of the whole chain."""
+        if self.sampler == "importance":
+            return 0
+        return _STEPS[self.sampler] if self.steps is None else self.steps
+
+    @property
+    def every(self) -> int:
+        """Steps between two that are kept."""
+        return _EVERY[self.sampler] if self.thin is None else self.thin
 
     def walkers_for(self, dims: int) -> int:
         """Walkers for so many unknowns.
@@ -80,16 +107,28 @@ class Sampling:
         Raises:
             ValueError: too few were asked for.
         """
-        least = 2 * dims + 2
+        least = 2 * dims + 2 if self.sampler == "emcee" else 2
         if self.walkers is None:
-            return max(_WALKERS, least)
-        _check_walkers(self.walkers, least)
+            return max(_WALKERS[self.sampler], least)
+        self._check_walkers(self.walkers, least)
         return self.walkers
 
+    def _check_walkers(self, walkers: int, least: int) -> None:
+        odd = self.sampler == "emcee" and walkers % 2
+        if walkers < least or odd:
+            raise ValueError(
+                f"{walkers} walkers are not enough, or odd; take an even number of at least "
+                f"{least}, such as {_WALKERS[self.sampler]}"
+            )
 
-def _check_walkers(walkers: int, least: int) -> None:
-    if walkers < least or walkers % 2:
+
+def check_sampler(word: str, argument: str) -> None:
+    """Whether there is such a sampler.
+
+    Raises:
+        ValueError: there is none; says which there are.
+    """
+    if word not in SAMPLERS:
         raise ValueError(
-            f"{walkers} walkers are not enough, or odd; take an even number of at least {least}, "
-            "such as 32"
+            f"{argument} is {word!r}; it must be {', '.join(SAMPLERS[:-1])} or {SAMPLERS[-1]}"
         )

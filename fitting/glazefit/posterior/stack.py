@@ -26,6 +26,7 @@ from ..film.model.errors import Prior
 from ..film.model.optics import Optics
 from ..film.numerics.least_squares import root_of_log1p
 from ..film.reading import Reading
+from . import stack_table
 from .bands import reading_parts
 from .coats import CoatPrior
 from .film import log_fractions
@@ -57,6 +58,8 @@ class StackData(NamedTuple):
     offset: Float[Array, "*blocks bands grounds"]
     whiten: Float[Array, "*blocks rows rows"]
     spread: Float[Array, "*blocks rows"]  # roots of b
+    # Of the unknown coat, where nothing else is unknown of any coat (see `stack_table`).
+    table: stack_table.StackTable | None = None
 
 
 class StackShared(NamedTuple):
@@ -136,12 +139,19 @@ class StackResiduals:
         """Of one film."""
         layout = self.layout
         places = self.layout.places
-        off = jnp.moveaxis(data.shift.reshape(len(layout.sizes), 2, -1), 0, -1)
-        coats = optical(layout, free, data, shared) * jnp.exp(off)
-        mean = surface(layout, free, shared) + body(layout, coats, data.ground) + data.offset
-        root = jnp.exp(free[places.error]) * data.spread
-        misfit = data.whiten @ (data.reading - mean).reshape(-1) / jnp.sqrt(1.0 + root**2)
-        parts = [misfit, root_of_log1p(root)]
+        coats = optical(layout, free, data, shared)
+        above = surface(layout, free, shared)
+        size = jnp.exp(free[places.error])
+        if data.table is None:
+            off = jnp.moveaxis(data.shift.reshape(len(layout.sizes), 2, -1), 0, -1)
+            mean = above + body(layout, coats * jnp.exp(off), data.ground) + data.offset
+            root = size * data.spread
+            misfit = data.whiten @ (data.reading - mean).reshape(-1) / jnp.sqrt(1.0 + root**2)
+            parts = [misfit, root_of_log1p(root)]
+        else:
+            seen = stack_table.look_up(data.table, coats[..., layout.unknown_coat])
+            off = data.reading - above - seen.body
+            parts = [stack_table.misfit(data.table, off, seen, size)]
         for n, sought in enumerate(layout.fractions):
             if sought:
                 parts.append(

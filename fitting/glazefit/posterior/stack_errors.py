@@ -2,7 +2,8 @@
 solver's own slopes.
 
 The first slopes are those at the stack that fits best if readings were as wrong as paints of a
-usual error make them.
+usual error make them. Where only one coat's k and s are open, posteriors are wide, and slopes are
+those of each place in them (`glazefit.posterior.stack_table`).
 """
 
 import functools
@@ -22,8 +23,11 @@ from .laplace import Modes, climb, find_modes
 from .layout import Layout
 from .problem import Problem
 from .stack import TOLERANCE, StackData, StackResiduals, StackShared, optical, surface
+from .stack_table import can_be_tabulated, tabulated
 
 _STARTS = 8
+# An opaque coat and a thin one may read alike, and each is a narrow valley.
+_MANY_STARTS = 24
 # Standard deviation of a reading that the first fit takes for granted: that of paints some per cent
 # off.
 _ROUGH = 0.02
@@ -93,6 +97,11 @@ def pose_stack_errors(
     layout = problem.residuals.layout
     how = Solved(layout)
     smooth = smooth_kernel(films[0].wavelengths, prior.error_length)
+    if can_be_tabulated(layout):
+        nothing = np.zeros((len(films), problem.dims))
+        coats, _ = _at(layout, nothing, problem.data, problem.shared)
+        problem = tabulated(problem, np.asarray(coats), films, smooth, TOLERANCE)
+        return problem, find_modes(problem, starts=_MANY_STARTS, seed=seed)
     rough = [np.eye(film.sd.size) / np.hypot(film.sd, _ROUGH).ravel() for film in films]
     first = find_modes(
         replace(problem, data=problem.data._replace(whiten=jnp.asarray(np.stack(rough)))),

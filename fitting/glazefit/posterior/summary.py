@@ -82,13 +82,16 @@ class Summary(list[Row]):
 
     Attributes:
         sampled: whether there is a chain; else all numbers are Laplace's.
+        by: what made it.
     """
 
     sampled: bool
+    by: str
 
-    def __init__(self, rows: Iterable[Row], *, sampled: bool) -> None:
+    def __init__(self, rows: Iterable[Row], *, sampled: bool, by: str = "emcee") -> None:
         super().__init__(rows)
         self.sampled = sampled
+        self.by = by
 
     def cells(self) -> tuple[list[str], list[list[str]]]:
         """Titles and lines of the table, as text."""
@@ -97,7 +100,7 @@ class Summary(list[Row]):
 
     def _by_quantity(self) -> tuple[list[str], list[list[str]]]:
         titles = (
-            ["emcee", "sd", "Laplace", "sd", "Laplace"]
+            [self.by, "sd", "Laplace", "sd", "Laplace"]
             if self.sampled
             else ["Laplace", "sd", "its own test"]
         )

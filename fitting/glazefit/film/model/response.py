@@ -35,12 +35,8 @@ from glazejax.radiative.common.inputs import concrete
 from glazejax.spectra import as_array, on_numpy_or_jax, small
 
 from .optics import Optics
+from .spline import BEND, HIGHEST, cells_per_unit, locate, nodes_of, patches, place, weights
 
-HIGHEST = (300.0, 1000.0)
-"""Largest k d and s d of the table; a film beyond is opaque and taken at the end."""
-
-# Below this a film's reflectance is linear in k d and s d; above it varies with their logarithms.
-_BEND = 0.01
 _NODES = 80
 _TOLERANCE = 1e-6
 _CHUNK = 3200
@@ -169,8 +165,8 @@ def _over(_: Any, black: Any, gain: Any, back: Any, ground: Any) -> Any:
 
 def _numbers(xp: Any, patches: Any, absorption: Any, scattering: Any) -> tuple[Any, Any, Any]:
     """`FilmResponse.numbers` by NumPy or JAX."""
-    row, row_weights = _locate(xp, absorption, HIGHEST[0])
-    column, column_weights = _locate(xp, scattering, HIGHEST[1])
+    row, row_weights = locate(xp, absorption, HIGHEST[0], _NODES)
+    column, column_weights = locate(xp, scattering, HIGHEST[1], _NODES)
     cell = row * (_NODES - 1) + column
     patch = patches[cell] if xp is np else patches.at[cell].get(mode="promise_in_bounds")
     # A sum of products: XLA on the CPU takes six times as long for the same as an einsum.
@@ -179,43 +175,20 @@ def _numbers(xp: Any, patches: Any, absorption: Any, scattering: Any) -> tuple[A
     return values[..., 0], values[..., 1], values[..., 2]
 
 
-def _locate(xp: Any, thickness: Any, highest: float) -> tuple[Any, Any]:
-    """Cell and the four cubic B-spline weights of each value, (...) and (..., 4)."""
-    cell, near, far = _place(xp, thickness, highest)
-    return cell, xp.stack(_weights(near, far), axis=-1)
-
-
 def _spline_weights(thickness: Array, highest: float) -> tuple[Array, Array, Array]:
     """Cell, weights and the derivatives of the weights by the optical thickness, which are 0 beyond
     the table.
     """
-    cell, near, far = _place(jnp, thickness, highest)
+    cell, near, far = place(jnp, thickness, highest, _NODES)
     slopes = (-(near**2), far * (3.0 * far - 4.0), near * (4.0 - 3.0 * near), far**2)
-    scale = jnp.where(thickness < highest, 0.5 * _scale(highest) / (_BEND + thickness), 0.0)
+    scale = jnp.where(
+        thickness < highest, 0.5 * cells_per_unit(highest, _NODES) / (BEND + thickness), 0.0
+    )
     return (
         cell,
-        jnp.stack(_weights(near, far), axis=-1),
+        jnp.stack(weights(near, far), axis=-1),
         jnp.stack(slopes, axis=-1) * scale[..., None],
     )
-
-
-def _scale(highest: float) -> float:
-    """Cells for each unit of the logarithm."""
-    return float((_NODES - 1) / np.log1p(highest / _BEND))
-
-
-def _place(xp: Any, thickness: Any, highest: float) -> tuple[Any, Any, Any]:
-    """Cell of each value, and how far it lies from the cell's upper and from its lower end."""
-    place = xp.clip(xp.log1p(thickness / _BEND) * _scale(highest), 0.0, _NODES - 1)
-    cell = xp.minimum(xp.floor(place if xp is np else jax.lax.stop_gradient(place)), _NODES - 2)
-    far = place - cell
-    return cell.astype(np.int32), 1.0 - far, far
-
-
-def _weights(near: Any, far: Any) -> tuple[Any, Any, Any, Any]:
-    """Of the four cubic B-splines that reach into a cell."""
-    middle = (4.0 - 6.0 * far**2 + 3.0 * far**3) / 6.0, (4.0 - 6.0 * near**2 + 3.0 * near**3) / 6.0
-    return (near**3 / 6.0, *middle, far**3 / 6.0)
 
 
 def film_response(
@@ -249,26 +222,8 @@ def film_response(
 @functools.lru_cache(maxsize=8)
 def _patches(optics: Optics) -> Float[np.ndarray, "cells 4 4 3"]:
     """Spline coefficients from solved films."""
-    inverse = np.linalg.inv(_not_a_knot(_NODES))[:, :_NODES]
     values = _load_shipped(optics)
-    values = solved_table(optics) if values is None else values
-    coefficients = np.einsum("ai,bj,cij->abc", inverse, inverse, values, optimize=True)
-    windows = np.lib.stride_tricks.sliding_window_view(coefficients, (4, 4), axis=(0, 1))
-    return np.ascontiguousarray(np.moveaxis(windows, 2, -1)).reshape(-1, 4, 4, 3)
-
-
-def _not_a_knot(nodes: int) -> Float[np.ndarray, "n n"]:
-    """Matrix from a uniform cubic B-spline's nodes + 2 coefficients to its values and two end
-    conditions.
-
-    The conditions say that the third derivative does not jump at the second and the last but one
-    node.
-    """
-    matrix = np.zeros((nodes + 2, nodes + 2))
-    for node in range(nodes):
-        matrix[node, node : node + 3] = np.array([1.0, 4.0, 1.0]) / 6.0
-    matrix[nodes, :5] = matrix[nodes + 1, -5:] = [1.0, -4.0, 6.0, -4.0, 1.0]
-    return matrix
+    return patches(solved_table(optics) if values is None else values)
 
 
 def _load_shipped(optics: Optics) -> Float[np.ndarray, "3 nodes nodes"] | None:
@@ -282,13 +237,7 @@ def _load_shipped(optics: Optics) -> Float[np.ndarray, "3 nodes nodes"] | None:
 
 def solved_table(optics: Optics) -> Float[np.ndarray, "3 nodes nodes"]:
     """Black, gain and back at the nodes, by the solver."""
-    kd, sd = np.meshgrid(
-        *(
-            _BEND * np.expm1(np.linspace(0.0, np.log1p(highest / _BEND), _NODES))
-            for highest in HIGHEST
-        ),
-        indexing="ij",
-    )
+    kd, sd = np.meshgrid(*nodes_of(_NODES), indexing="ij")
 
     @jax.jit
     def over_three_grounds(kd: Array, sd: Array) -> Array:

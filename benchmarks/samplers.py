@@ -1,0 +1,148 @@
+"""Effective draws a second of each sampler of a posterior, with R-hat and coverage beside.
+
+    python -m benchmarks.samplers [--films 6] [--seed 0] [--out FOLDER]
+
+Problems: films of two paints; a film band by band; a coat of unknown paint over a known one, over two
+grounds. Films are sampled one by one, each from modes that are known, first once to compile: seconds
+are those of the second time, with its way from the beginning to the first draw that is kept. Effective
+draws are those of the quantity that is worst mixed, over all chains, by ArviZ's estimate, which a
+chain that never met the others lowers; so they can be compared between samplers. Held is the share
+of truths within 90 % intervals, over all quantities: few films, and a hint only.
+
+hmc and importance are `glazefit.posterior`'s, emcee is as it is there. NumPyro's AIES, an affine
+invariant ensemble in JAX, is told where numpyro is installed.
+"""
+
+import argparse
+import importlib.util
+import time
+import warnings
+from typing import Any, NamedTuple
+
+import jax
+import numpy as np
+
+from benchmarks.calibration_ranks import KINDS, Posed
+from benchmarks.results import Results, add_option, progress
+
+SETTINGS: dict[str, dict[str, Any]] = {
+    "hmc": {"sampler": "hmc"},
+    "emcee": {"sampler": "emcee", "steps": 2000},
+    "importance": {"sampler": "importance"},
+}
+TITLES = {
+    "film": "films of two paints",
+    "bands": "a film band by band",
+    "two grounds": "a coat of unknown paint, two grounds",
+}
+# Of the generator that draws films: two paints.
+TWO_PAINTS = 1
+
+
+class Measured(NamedTuple):
+    """Of one film."""
+
+    seconds: float
+    effective: float
+    apart: float
+    held: float
+
+
+def one_of(posed: Posed, film: int) -> Posed:
+    """One film of some that were posed side by side."""
+    from dataclasses import replace
+
+    blocks = len(posed.problem.blocks) // len(posed.films)
+    rows = slice(film * blocks, (film + 1) * blocks)
+    data = jax.tree.map(lambda a: a[rows], posed.problem.data)
+    problem = replace(posed.problem, data=data, blocks=posed.problem.blocks[rows])
+    modes = type(posed.modes)(*(a[rows] for a in posed.modes))
+    truth = {name: values[rows] for name, values in posed.truth.items()}
+    return Posed(problem, posed.films[film : film + 1], modes, truth)
+
+
+def measured(posed: Posed, settings: dict[str, Any], seed: int) -> Measured:
+    """A film's posterior, sampled twice; the second time counts."""
+    from glazefit.posterior.posterior import sample
+    from glazefit.posterior.sampling import Sampling
+
+    for again in range(2):
+        began = time.perf_counter()
+        posterior = sample(
+            posed.problem, posed.films, posed.modes, Sampling(seed=seed + again, **settings)
+        )
+        seconds = time.perf_counter() - began
+    held = []
+    for name, draws in posterior.draws.items():
+        if name in posed.truth:
+            below = (draws < posed.truth[name]).mean(axis=(0, 1))
+            held.append(np.abs(below - 0.5) <= 0.45)
+    if posterior.chain is None:
+        good = posterior.laplace.trusted.all()
+        effective = float(np.min(posterior.laplace.effective)) if good else 0.0
+        return Measured(seconds, effective, float("nan"), float(np.mean(held)))
+    state = posterior.convergence
+    assert state is not None
+    return Measured(
+        seconds, effective_draws(posterior), float(np.max(state.apart)), float(np.mean(held))
+    )
+
+
+def effective_draws(posterior: Any) -> float:
+    """Of the quantity that is worst mixed."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        import arviz
+
+        least = np.inf
+        for quantity in posterior.problem.quantities:
+            draws = posterior.draws[quantity.name]
+            scaled = np.log(draws) if quantity.logarithmic else draws
+            for block in range(scaled.shape[-1]):
+                least = min(least, float(arviz.ess(np.swapaxes(scaled[..., block], 0, 1))))
+    return least
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--films", type=int, default=6, help="of each problem")
+    parser.add_argument("--seed", type=int, default=0)
+    add_option(parser, films=1)
+    options = parser.parse_args()
+    if options.quick:
+        SETTINGS["emcee"]["steps"] = 50
+        SETTINGS["hmc"]["steps"] = 10
+    jax.config.update("jax_enable_x64", True)
+    say = Results("samplers", options.out, "emcee")
+    say(
+        f"Effective draws a second by sampler, medians of {options.films} films (seed "
+        f"{options.seed})"
+    )
+    for kind in list(TITLES)[: 1 if options.quick else None]:
+        rng = np.random.default_rng([options.seed, list(KINDS).index(kind)])
+        posed = KINDS[kind](options.films, rng, TWO_PAINTS)
+        say(f"\n{TITLES[kind]}")
+        say(f"{'':<12}{'seconds':>9}{'effective':>11}{'a second':>10}{'R-hat':>7}{'held':>6}")
+        for name, settings in SETTINGS.items():
+            found = []
+            for film in range(options.films):
+                progress(f"{kind}, {name}: {film} of {options.films}")
+                found.append(measured(one_of(posed, film), settings, options.seed))
+            progress()
+            seconds, effective, apart, held = np.array(found).T
+            say(
+                f"{name:<12}{np.median(seconds):>9.2f}{np.median(effective):>11.0f}"
+                f"{np.median(effective / seconds):>10.0f}{np.median(apart):>7.2f}{held.mean():>6.0%}"
+            )
+            say.save()
+    if importlib.util.find_spec("numpyro") is None:
+        say("\nNumPyro's AIES was not measured: numpyro is not installed.")
+    else:
+        say("\nNumPyro's AIES was not measured: it samples one film of a model written for it.")
+    say.save()
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,76 @@
+"""Bicubic splines over two optical thicknesses: nodes, coefficients around each cell, and weights.
+
+What a coat reflects is smooth in log(c + k d) and log(c + s d), down to coats that do not absorb or
+scatter at all. `xp` is numpy or jax.numpy.
+"""
+
+from typing import Any
+
+import jax
+import numpy as np
+from jaxtyping import Float
+
+HIGHEST = (300.0, 1000.0)
+"""Largest k d and s d of a table; a coat beyond is opaque and taken at the end."""
+
+BEND = 0.01
+"""Below this a coat's reflectance is linear in k d and s d; above it varies with their
+logarithms.
+"""
+
+
+def nodes_of(count: int) -> tuple[Float[np.ndarray, "nodes"], Float[np.ndarray, "nodes"]]:
+    """Values of k d and of s d at so many nodes an axis."""
+    k, s = (
+        BEND * np.expm1(np.linspace(0.0, np.log1p(highest / BEND), count)) for highest in HIGHEST
+    )
+    return k, s
+
+
+def patches(values: Float[np.ndarray, "n nodes nodes"]) -> Float[np.ndarray, "cells 4 4 n"]:
+    """Spline coefficients around each cell, from values at the nodes of k d and s d."""
+    count = values.shape[-1]
+    inverse = np.linalg.inv(not_a_knot(count))[:, :count]
+    coefficients = np.einsum("ai,bj,cij->abc", inverse, inverse, values, optimize=True)
+    windows = np.lib.stride_tricks.sliding_window_view(coefficients, (4, 4), axis=(0, 1))
+    return np.ascontiguousarray(np.moveaxis(windows, 2, -1)).reshape(-1, 4, 4, len(values))
+
+
+def not_a_knot(nodes: int) -> Float[np.ndarray, "n n"]:
+    """Matrix from a uniform cubic B-spline's nodes + 2 coefficients to its values and two end
+    conditions.
+
+    The conditions say that the third derivative does not jump at the second and the last but one
+    node.
+    """
+    matrix = np.zeros((nodes + 2, nodes + 2))
+    for node in range(nodes):
+        matrix[node, node : node + 3] = np.array([1.0, 4.0, 1.0]) / 6.0
+    matrix[nodes, :5] = matrix[nodes + 1, -5:] = [1.0, -4.0, 6.0, -4.0, 1.0]
+    return matrix
+
+
+def cells_per_unit(highest: float, nodes: int) -> float:
+    """Cells for each unit of the logarithm."""
+    return float((nodes - 1) / np.log1p(highest / BEND))
+
+
+def place(xp: Any, thickness: Any, highest: float, nodes: int) -> tuple[Any, Any, Any]:
+    """Cell of each value, and how far it lies from the cell's upper and from its lower end."""
+    at = xp.log1p(thickness / BEND) * cells_per_unit(highest, nodes)
+    at = xp.clip(at, 0.0, nodes - 1)
+    cell = xp.minimum(xp.floor(at if xp is np else jax.lax.stop_gradient(at)), nodes - 2)
+    far = at - cell
+    return cell.astype(np.int32), 1.0 - far, far
+
+
+def weights(near: Any, far: Any) -> tuple[Any, Any, Any, Any]:
+    """Of the four cubic B-splines that reach into a cell."""
+    middle = (4.0 - 6.0 * far**2 + 3.0 * far**3) / 6.0, (4.0 - 6.0 * near**2 + 3.0 * near**3) / 6.0
+    return (near**3 / 6.0, *middle, far**3 / 6.0)
+
+
+def locate(xp: Any, thickness: Any, highest: float, nodes: int) -> tuple[Any, Any]:
+    """Cell and the four weights of each value, (...) and (..., 4)."""
+    cell, near, far = place(xp, thickness, highest, nodes)
+    return cell, xp.stack(weights(near, far), axis=-1)

@@ -1,0 +1,173 @@
+"""Draws of `glazefit.posterior.hamiltonian`, in memory or in an HDF5 file, with what a resumed
+chain goes on from.
+"""
+
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+from glazejax.extras import require
+
+from .chain import GROUP as EMCEE
+from .chain import MARK, Chain
+from .sampling import Sampling
+
+GROUP = "hmc"
+
+
+class DrawsFile:
+    """What was drawn so far.
+
+    Attributes:
+        steps: drawn, kept or not.
+        here, tuning: arrays that the next step goes on from; empty before the first.
+    """
+
+    def __init__(self, path: Path | None, thin: int) -> None:
+        self._path = path
+        self._thin = thin
+        self._free: list[np.ndarray] = []
+        self._height: list[np.ndarray] = []
+        self._accepted = 0.0
+        self.steps = 0
+        self.here: Sequence[np.ndarray] = ()
+        self.tuning: Sequence[np.ndarray] = ()
+
+    @classmethod
+    def open(cls, fingerprint: str, shape: tuple[int, int, int], options: Sampling) -> "DrawsFile":
+        """New, or found again.
+
+        Args:
+            fingerprint: of the problem.
+            shape: chains, blocks and unknowns.
+            options: with the path and what to do with a file that is there.
+
+        Raises:
+            ValueError: a file whose chain is of another problem or other settings, or that is none.
+            FileExistsError, FileNotFoundError: see `glazefit.posterior.chain.run_chain`.
+        """
+        path = None if options.path is None else Path(options.path)
+        kept = cls(path, options.every)
+        if path is None:
+            return kept
+        require("h5py")
+        import h5py
+
+        if options.resume:
+            kept._read(path, fingerprint, shape)
+            return kept
+        if path.exists() and not options.overwrite:
+            raise FileExistsError(
+                f"{path}: there is a chain already; resume it, choose another name, or ask to "
+                "overwrite it"
+            )
+        if path.exists():
+            os.remove(path)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with h5py.File(path, "w") as file:
+            group = file.create_group(GROUP)
+            group.attrs.update({MARK: fingerprint, "thin": options.every, "steps": 0})
+            group.attrs["accepted"] = 0.0
+            for name, each in (("chain", shape), ("log_prob", shape[:2])):
+                group.create_dataset(name, (0, *each), maxshape=(None, *each), dtype="f8")
+        return kept
+
+    def _read(self, path: Path, fingerprint: str, shape: tuple[int, int, int]) -> None:
+        import h5py
+
+        if not path.is_file():
+            raise FileNotFoundError(
+                f"{path}: there is no chain to resume; leave out the request to resume, to start "
+                "one"
+            )
+        if not h5py.is_hdf5(path):
+            raise ValueError(f"{path}: this file holds no chain of emcee or hmc")
+        with h5py.File(path, "r") as file:
+            if GROUP not in file:
+                found = "a chain of emcee" if EMCEE in file else "no chain of emcee or hmc"
+                raise ValueError(
+                    f"{path}: this file holds {found}"
+                    + ('; resume it with the sampler "emcee"' if EMCEE in file else "")
+                )
+            group: Any = file[GROUP]
+            if group.attrs[MARK] != fingerprint:
+                raise ValueError(
+                    f"{path}: the chain is of another problem (film, paints, noise or prior "
+                    "differ); resume it with the settings that it was started with, or start "
+                    "another chain elsewhere"
+                )
+            chains, thin = group["chain"].shape[1], int(group.attrs["thin"])
+            if chains != shape[0] or thin != self._thin:
+                raise ValueError(
+                    f"{path}: the chain has {chains} walkers and keeps every {thin}. step, not "
+                    f"{shape[0]} and {self._thin}; ask for the same"
+                )
+            self.steps = int(group.attrs["steps"])
+            self._accepted = float(group.attrs["accepted"])
+            self._free = [group["chain"][:]]
+            self._height = [group["log_prob"][:]]
+            self.here = _numbered(group, "here")
+            self.tuning = _numbered(group, "tuning")
+
+    def add(
+        self,
+        free: Float[Any, "steps chains blocks dims"],
+        height: Float[Any, "steps chains blocks"],
+        accepted: float,
+        here: Sequence[Any],
+        tuning: Sequence[Any],
+    ) -> None:
+        """Keep some steps; `accepted` is the sum of their shares."""
+        chosen = np.arange(self.steps + 1, self.steps + len(free) + 1) % self._thin == 0
+        self._free.append(np.asarray(free)[chosen])
+        self._height.append(np.asarray(height)[chosen])
+        self._accepted += accepted
+        self.steps += len(free)
+        self.here = [np.asarray(a) for a in here]
+        self.tuning = [np.asarray(a) for a in tuning]
+        if self._path is None:
+            return
+        import h5py
+
+        with h5py.File(self._path, "a") as file:
+            group: Any = file[GROUP]
+            for name, new in (("chain", self._free[-1]), ("log_prob", self._height[-1])):
+                group[name].resize(len(group[name]) + len(new), axis=0)
+                group[name][len(group[name]) - len(new) :] = new
+            for what, arrays in (("here", self.here), ("tuning", self.tuning)):
+                for n, array in enumerate(arrays):
+                    name = f"{what} {n}"
+                    if name in group:
+                        del group[name]
+                    group[name] = array
+            group.attrs.update({"steps": self.steps, "accepted": self._accepted})
+
+    def chain(self, *, interrupted: bool) -> Chain:
+        """What is kept.
+
+        Raises:
+            ValueError: nothing is.
+        """
+        if not sum(map(len, self._free)):
+            raise ValueError(
+                "the chain was stopped before its first step was kept; there is nothing to report"
+            )
+        return Chain(
+            free=np.concatenate(self._free),
+            log_probability=np.concatenate(self._height),
+            accepted=self._accepted / self.steps,
+            thin=self._thin,
+            interrupted=interrupted,
+            sampler=GROUP,
+        )
+
+
+def _numbered(group: Any, what: str) -> list[np.ndarray]:
+    names = sorted(
+        (name for name in group if name.startswith(f"{what} ")), key=lambda n: int(n.split()[1])
+    )
+    return [np.asarray(group[name]) for name in names]

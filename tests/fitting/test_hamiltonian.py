@@ -1,0 +1,205 @@
+"""Chains with gradients against closed forms, and what becomes of their files and interrupts."""
+
+import os
+import signal
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from glazefit import Instrument, Noise, posterior_of_bands, simulate_films
+from glazefit.film.reading import readings
+from glazefit.posterior.bands import join_bands, pose_bands, prior_draws
+from glazefit.posterior.chain import scale_reduction
+from glazefit.posterior.hamiltonian import again, next_power, run_hamiltonian
+from glazefit.posterior.laplace import find_modes, laplace
+from glazefit.posterior.posterior import sample
+from glazefit.posterior.problem import Problem, Quantity
+from glazefit.posterior.sampling import Sampling
+
+GRID = np.arange(400.0, 701.0, 50.0)
+WIDE = 10.0
+# Far from round, and each block otherwise.
+SHARP = np.array([[[30.0, 29.0], [0.0, 1.0]], [[1.0, 0.0], [0.0, 0.2]], [[5.0, -3.0], [1.0, 4.0]]])
+WHERE = np.array([[1.0, -1.0], [8.0, 8.0], [0.0, 3.0]])
+
+
+def line(free, data, shared):
+    """A Gaussian likelihood and a Gaussian prior."""
+    sharp, where = data
+    return jnp.concatenate([sharp @ (free - where), free / WIDE])
+
+
+def ring(free, data, shared):
+    """Two places where the first unknown may be, beyond a high wall; a wide prior about the right
+    one.
+    """
+    del data, shared
+    return jnp.concatenate([(free[:1] ** 2 - 9.0) / 0.5, free - jnp.asarray([0.1, 0.0])])
+
+
+def problem_of(residuals: Any, data: Any, blocks: int, centre=(0.0, 0.0), width=WIDE) -> Problem:
+    def draws(rng: np.random.Generator, n: int) -> np.ndarray:
+        return np.asarray(centre) + width * rng.standard_normal((n, 2))
+
+    return Problem(
+        kind="bands",
+        blocks=tuple(f"{n} nm" for n in range(blocks)),
+        unknowns=("x", "y"),
+        residuals=residuals,
+        fitted=residuals,
+        prior_rows=2,
+        data=data,
+        shared=None,
+        quantities=(
+            Quantity("x", False, lambda free: free[..., 0]),
+            Quantity("y", False, lambda free: free[..., 1]),
+        ),
+        prior_draws=draws,
+        prior_covariance=width**2 * np.eye(2),
+        bands=1,
+        fingerprint="known",
+    )
+
+
+def gaussians() -> Problem:
+    return problem_of(line, (jnp.asarray(SHARP), jnp.asarray(WHERE)), 3)
+
+
+def sampled(problem: Problem, **options):
+    return run_hamiltonian(problem, laplace(problem, find_modes(problem)), Sampling(**options))
+
+
+def test_gaussian_posteriors_are_met():
+    free = sampled(gaussians(), steps=100, seed=1).free
+    for block, (sharp, where) in enumerate(zip(SHARP, WHERE, strict=True)):
+        precision = sharp.T @ sharp + np.eye(2) / WIDE**2
+        covariance = np.linalg.inv(precision)
+        draws = free[:, :, block].reshape(-1, 2)
+        off = (draws.mean(axis=0) - covariance @ sharp.T @ sharp @ where) / np.sqrt(
+            np.diag(covariance)
+        )
+        assert np.abs(off).max() < 0.06
+        np.testing.assert_allclose(
+            np.linalg.solve(covariance, np.cov(draws, rowvar=False)), np.eye(2), atol=0.12
+        )
+
+
+def test_two_modes_have_their_shares():
+    """Against a sum over a grid; least squares finds both, and chains begin in both by their
+    weight.
+    """
+    problem = problem_of(ring, jnp.zeros((1, 1)), 1, centre=(0.1, 0.0), width=1.0)
+    x = np.linspace(-5, 5, 20001)
+    weight = np.exp(-0.5 * (((x**2 - 9) / 0.5) ** 2 + (x - 0.1) ** 2))
+    share = weight[x > 0].sum() / weight.sum()
+    free = sampled(problem, steps=100, seed=2).free
+    assert (free[..., 0] > 0).mean() == pytest.approx(share, abs=0.05)
+
+
+def test_a_seed_gives_its_chain_and_another_seed_another():
+    first, second, other = (sampled(gaussians(), steps=20, seed=s).free for s in (3, 3, 4))
+    np.testing.assert_array_equal(first, second)
+    assert np.abs(first - other).max() > 0
+
+
+def test_power_rises_until_half_of_the_weight_is_left():
+    likelihood = -np.abs(np.random.default_rng(0).standard_normal((400, 2))) * [50.0, 1e-3]
+    power = next_power(likelihood, np.zeros(2))
+    weights = np.exp(power * (likelihood - likelihood.max(axis=0)))
+    left = weights.sum(axis=0) ** 2 / (weights**2).sum(axis=0) / 400
+    assert left[0] == pytest.approx(0.5, abs=0.01)
+    assert power[1] == 1.0
+
+
+def test_draws_are_taken_again_by_weight():
+    chosen = again(np.log([[0.5], [1e-300], [0.25], [0.25]]), np.random.default_rng(0))
+    assert sorted(chosen[:, 0]) == [0, 0, 2, 3]
+
+
+def test_walkers_that_never_met_are_told_apart():
+    rng = np.random.default_rng(0)
+    together = rng.standard_normal((200, 8, 1))
+    assert scale_reduction(together)[0] < 1.02
+    assert scale_reduction(together + 3.0 * (np.arange(8) > 3)[:, None])[0] > 1.5
+    assert np.isinf(scale_reduction(np.zeros((200, 8, 1)))[0])
+
+
+def film(seed: int = 0):
+    k, s = np.geomspace(0.05, 0.5, GRID.size)[None], np.full((1, GRID.size), 1.0)
+    return simulate_films(GRID, k, s, names=["film"], seed=seed)
+
+
+SHORT: dict[str, Any] = {"sampler": "hmc", "walkers": 16}
+
+
+def test_resumed_chain_equals_the_uninterrupted_one_and_files_are_guarded(tmp_path):
+    path = tmp_path / "c.h5"
+    whole = posterior_of_bands(film(), steps=60, thin=2, **SHORT).chain
+    posterior_of_bands(film(), steps=24, thin=2, path=path, **SHORT)
+    with pytest.raises(FileExistsError, match="a chain already"):
+        posterior_of_bands(film(), steps=24, path=path, **SHORT)
+    with pytest.raises(ValueError, match="another problem"):
+        posterior_of_bands(film(9), steps=60, thin=2, path=path, resume=True, **SHORT)
+    with pytest.raises(ValueError, match=r"every 2\. step"):
+        posterior_of_bands(film(), steps=60, thin=3, path=path, resume=True, **SHORT)
+    with pytest.raises(ValueError, match="no chain of emcee"):
+        posterior_of_bands(film(), steps=60, path=path, resume=True, sampler="emcee")
+    rest = posterior_of_bands(film(), steps=60, thin=2, path=path, resume=True, **SHORT).chain
+    assert whole is not None
+    assert rest is not None
+    np.testing.assert_array_equal(rest.free, whole.free)
+    np.testing.assert_array_equal(rest.log_probability, whole.log_probability)
+    with pytest.raises(FileNotFoundError, match="no chain to resume"):
+        posterior_of_bands(film(), path=tmp_path / "none.h5", resume=True, **SHORT)
+    posterior_of_bands(film(), steps=20, path=path, overwrite=True, **SHORT)
+
+
+def test_interrupt_keeps_what_is_done(tmp_path):
+    def stop(done: int, total: int | None, words: str, /) -> None:
+        if words == "sampling" and done == 50:
+            os.kill(os.getpid(), signal.SIGINT)
+
+    path = tmp_path / "c.h5"
+    stopped = posterior_of_bands(film(), steps=120, path=path, progress=stop, **SHORT)
+    assert stopped.chain is not None
+    assert stopped.chain.interrupted
+    assert stopped.words().startswith("stopped early")
+    assert len(stopped.chain.free) == 50
+    rest = posterior_of_bands(film(), steps=120, path=path, resume=True, **SHORT)
+    assert rest.chain is not None
+    assert len(rest.chain.free) == 120
+
+
+def test_interrupt_on_the_way_says_that_nothing_is_kept():
+    def stop(done: int, total: int | None, words: str, /) -> None:
+        os.kill(os.getpid(), signal.SIGINT)
+
+    with pytest.raises(ValueError, match="stopped before its first step was kept"):
+        posterior_of_bands(film(), progress=stop, **SHORT)
+
+
+def test_weights_alone_say_whether_they_can_be_trusted():
+    result = posterior_of_bands(film(), sampler="importance")
+    assert result.chain is None
+    assert result.words().startswith("weighted draws")
+    assert "tail index" in result.words()
+
+
+@pytest.mark.slow
+def test_nine_of_ten_intervals_hold_the_truth():
+    """Band by band, truths drawn from the prior and read with the instrument's noise."""
+    films, bands = 40, GRID.size
+    rng = np.random.default_rng(5)
+    logs = prior_draws(rng, films * bands).reshape(films, bands, 2)
+    k, s = np.exp(logs[..., 0] + logs[..., 1]), np.exp(logs[..., 1])
+    names = [f"film {n}" for n in range(films)]
+    simulated = simulate_films(GRID, k, s, names=names, seed=6)
+    posed = [pose_bands(r, 1.0, Instrument()) for r in readings(simulated, Instrument(), Noise())]
+    problem = join_bands(posed)
+    posterior = sample(problem, (), find_modes(problem), Sampling(sampler="hmc", steps=40))
+    for name, truth in (("absorption", k), ("scattering", s), ("ratio", k / s)):
+        ranks = (posterior.draws[name] < truth.reshape(-1)).mean(axis=(0, 1))
+        held = (np.abs(ranks - 0.5) < 0.45).reshape(films, bands).mean(axis=1)
+        assert held.mean() == pytest.approx(0.9, abs=4 * max(held.std() / np.sqrt(films), 0.01))
