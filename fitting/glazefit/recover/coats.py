@@ -41,6 +41,8 @@ _COMMON = 1e-3
 # for how many films `SPREAD` speaks beside those that were measured.
 _LAW_SD, _LIKE_FILMS = 0.2, 4.0
 _ROUNDS = 3
+# Least standard deviation of log(s d) that is expected of a paint of several coats.
+_BROAD = 1.5
 # A ladder whose own word on log(s d) is less sure than this teaches nothing.
 _SILENT = 0.95
 # How sure the mean, and the log of the spread, of `BRUSHED` are for another hand and brush.
@@ -310,6 +312,11 @@ def recover_coats(
             if (level := _without_expected(_level(one), told[paint])) is not None
         }
         told = {paint: learn_scattering(levels, without=paint, usual=expected) for paint in names}
+        for paint in names:
+            if len({coat.coats for coat in said.values() if coat.paint == paint}) > 1:
+                # Several coats speak for themselves. A tight expectation would rather have two
+                # films be as thick by chance than one of a paint that hides.
+                told[paint] = told[paint]._replace(sd=max(told[paint].sd, _BROAD))
         found = {
             paint: _fit(
                 films.take([row for row, name in enumerate(films.names) if said[name][0] == paint]),

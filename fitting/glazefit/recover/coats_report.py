@@ -46,9 +46,9 @@ def print_coats(
     console.print(table)
     learnt = max((len(told.learnt_from) for told in recovery.expected.values()), default=0)
     console.print(
-        "[dim]s d: scattering times thickness of one coat, mean over the bands, × or ÷ one standard "
-        f"deviation; 'as others say' is learnt from {learnt} other paints at most, never from "
-        "the paint itself.[/dim]"
+        "[dim]s d: scattering times thickness of one coat, mean over the bands, × or ÷ one "
+        f"standard deviation; 'as others say' is learnt from {learnt} other paints at most, "
+        "never from the paint itself.[/dim]"
     )
     for prediction in foretold:
         thickest = recovery.thickest(prediction.paint)

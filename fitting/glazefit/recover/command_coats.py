@@ -1,4 +1,4 @@
-"""`glazejax recover` where films are coats of a brush: what is given, and the files that come of it."""
+"""`glazejax recover` where films are coats of a brush: what is given, and what comes of it."""
 
 import time
 from typing import TYPE_CHECKING, Any
