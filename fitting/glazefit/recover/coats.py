@@ -65,11 +65,13 @@ class CoatScattering(NamedTuple):
     mean: float
     sd: float
     learnt_from: tuple[str, ...] = ()
-    """Paints; none where it is what `python -m benchmarks.ladders` found for brushed coats."""
+    """Paints; none where it was assumed."""
 
 
 BRUSHED = CoatScattering(0.0, 1.0)
-"""Of coats whose fellows tell nothing."""
+"""Of coats whose fellows tell nothing: assumed, between the lightest shades of a printed chart and
+thin coats on gypsum, with a factor of e for what is not known of the brush.
+"""
 
 
 class NamedCoat(NamedTuple):
