@@ -248,6 +248,27 @@ add(
     advice_seconds=found(r"what to measure next: (\S+) s"),
 )
 
+# Coats of a brush.
+_LEARNT, _LAST = "glazejax, learnt from the others", "the same as the last coat"
+_FILMLIKE, _FORMULA = "glazejax, as any film", "Kubelka-Munk, learnt from the others"
+for _key, _after in (("", "Simulated by glazejax"), ("chart_", "Chart of pigments")):
+    for _name, _row in (("", _LEARNT), ("film_", _FILMLIKE), ("km_", _FORMULA), ("same_", _LAST)):
+        add(
+            "ladders",
+            ".1f",
+            **{
+                f"{_key}{_name}{_what}": cell(_row, _column, after=_after)
+                for _column, _what in enumerate(("second", "third", "both"))
+            },
+        )
+add(
+    "ladders",
+    ".0f %",
+    held=cell(_LEARNT, 3, after="Simulated by glazejax"),
+    chart_held_second=cell(_LEARNT, 3, after="Chart of pigments"),
+    chart_held_both=cell(_LEARNT, 5, after="Chart of pigments"),
+)
+
 # Posteriors.
 _FILM, _BANDS = (
     ("thickness", "gloss", "model error", "fraction"),

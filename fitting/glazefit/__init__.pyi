@@ -35,6 +35,10 @@ from .recipe.targets import colourchecker_targets as colourchecker_targets
 from .recipe.targets import lab_target as lab_target
 from .recipe.targets import spectral_target as spectral_target
 from .recipe.targets import srgb_target as srgb_target
+from .recover.coats import CoatPrediction as CoatPrediction
+from .recover.coats import CoatRecovery as CoatRecovery
+from .recover.coats import predict_next_coat as predict_next_coat
+from .recover.coats import recover_coats as recover_coats
 from .recover.crossvalidation import LeftOut as LeftOut
 from .recover.crossvalidation import cross_validate as cross_validate
 from .recover.entries import add_paints as add_paints

@@ -41,7 +41,7 @@ def recover(
             help="Table of spectra. Rows of a film: NAME_ob and NAME_ow (paint over black, over "
             "white), or one of them, or NAME alone (it hides what is below); NAME_b and NAME_w "
             "(its bare cards), or card_b and card_w. A film called 'Blue 1:10 White' is that "
-            "tint. CSV or TSV, percent or fractions.",
+            "tint, and 'Blue 2 coats' is two coats of a brush. CSV or TSV, percent or fractions.",
             show_default=False,
         ),
     ] = None,
@@ -181,6 +181,11 @@ def recover(
     k and s follow from the thickness: films twice as thick have half the
     k and s.
 
+    Films called 'Smalt 1 coat', 'Smalt 2 coats' are brushed coats of unknown
+    thickness, each on a ground that was read bare (NAME_w): k and s are then
+    for one coat, and next_coats.csv foretells the next two coats of each
+    paint with 90 % bands.
+
     Own tubes: a masstone and one tint over a black-and-white card will do:
     glazejax recover blue.csv --white ZincWhite --into mine.csv
 
@@ -226,6 +231,20 @@ def recover(
         assert file is not None
         films = _films(file, samples, console)
         given["noise"] = said or _noise(films, console)
+        from .command_coats import are_coats, recover_from_coats
+
+        refused = {
+            "--joint": joint,
+            "--masstones": masstones,
+            "--names": names,
+            "--into": into,
+            "--white": white,
+            "--wet-film": wet_film,
+            "--excluded": excluded,
+        }
+        if are_coats(films, refused):
+            recover_from_coats(films, given, results)
+            return
         recipes, beside = _recipes(file, names)
         if masstones:
             films = _masstones(films, recipes, beside)

@@ -135,13 +135,13 @@ def write_pigments(
         recovery.absorption_sd,
         recovery.scattering_sd,
     )
-    rows = _band_rows(
+    rows = band_rows(
         recovery.films.names, recovery.films.wavelengths, [column / thickness for column in columns]
     )
-    write_table(path, PIGMENT_COLUMNS, _flag_rows(rows, recovery.identifiable), overwrite=overwrite)
+    write_table(path, PIGMENT_COLUMNS, flag_rows(rows, recovery.identifiable), overwrite=overwrite)
 
 
-def _band_rows(
+def band_rows(
     names: Sequence[str],
     wavelengths: Float[np.ndarray, "bands"],
     columns: Sequence[Float[np.ndarray, "names bands"]],
@@ -152,10 +152,10 @@ def _band_rows(
             yield name, f"{wavelength:g}", *(f"{column[i, j]:.6g}" for column in columns)
 
 
-def _flag_rows(
+def flag_rows(
     rows: Iterator[tuple[object, ...]], flags: Bool[np.ndarray, "names bands"]
 ) -> Iterator[tuple[object, ...]]:
-    """The rows of `_band_rows`, each with whether k and s are told apart."""
+    """The rows of `band_rows`, each with whether k and s are told apart."""
     return ((*row, flag) for row, flag in zip(rows, flags.ravel().tolist(), strict=True))
 
 
@@ -172,7 +172,7 @@ def write_fits(recovery: Recovery, path: Path, *, overwrite: bool = False) -> No
         "fitted_over_white",
     )
     columns = [recovery.ratio, recovery.ratio_sd, recovery.fitted_black, recovery.fitted_white]
-    rows = _band_rows(recovery.films.names, recovery.films.wavelengths, columns)
+    rows = band_rows(recovery.films.names, recovery.films.wavelengths, columns)
     write_table(path, header, rows, overwrite=overwrite)
 
 
@@ -187,12 +187,12 @@ def write_plots(
     """Draw every paint to its own file, and call `step` after each."""
     from .plots import plot_paint
 
-    for row, path in enumerate(_pictures(recovery.films.names, folder)):
+    for row, path in enumerate(pictures_of(recovery.films.names, folder)):
         plot_paint(recovery, row, thickness, path)
         step()
 
 
-def _pictures(names: Sequence[str], folder: Path) -> Iterator[Path]:
+def pictures_of(names: Sequence[str], folder: Path) -> Iterator[Path]:
     """A file for each name, all different also where the file system takes capitals for small
     letters.
     """
@@ -275,7 +275,7 @@ def write_joint_pigments(
     """
     k = recovery.absorption / thickness
     s = recovery.scattering / thickness
-    rows = _band_rows(
+    rows = band_rows(
         recovery.paints,
         recovery.wavelengths,
         [k, s, k * recovery.log_sd[0], s * recovery.log_sd[1]],
@@ -284,7 +284,7 @@ def write_joint_pigments(
     # (paints, bands, 2 modes): of log k, then of log s.
     numbers = np.moveaxis(modes, (2, 3), (0, 1)).transpose(0, 1, 3, 2).reshape(-1, 2 * len(modes))
     titles = [f"{what}_mode_{i + 1}" for what in "ks" for i in range(len(modes))]
-    flagged = _flag_rows(rows, recovery.identifiable)
+    flagged = flag_rows(rows, recovery.identifiable)
     joined = (
         (*row, *map(mode_cell, more.tolist())) for row, more in zip(flagged, numbers, strict=True)
     )
@@ -378,6 +378,6 @@ def write_joint_plots(
     """Draw every paint to its own file, and call `step` after each."""
     from .plots import plot_joint_paint
 
-    for row, path in enumerate(_pictures(recovery.paints, folder)):
+    for row, path in enumerate(pictures_of(recovery.paints, folder)):
         plot_joint_paint(recovery, row, thickness, path)
         step()

@@ -1,0 +1,575 @@
+"""Ladders of coats: the same paint brushed once, twice, three times, each on a ground that was read
+bare; and the coat that comes next.
+
+How thick a brushed coat is nobody knows. So the unit of length is the paint's own typical coat: a
+film of n coats is n units thick, give or take a factor, and k and s are optical thicknesses of one
+coat. They are relative: no number here is a length.
+
+One coat over one ground tells one number at each band, and k d and s d are two. What tells them
+apart is what coats of other paints scatter: the log of scattering times thickness of one coat is
+learnt from the ladders of all paints but the one in question (`learn_scattering`), and expected of
+that one. Ladders of two coats and more tell k from s themselves, and then hardly feel it.
+"""
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from glazejax.colour import delta_e_of_spectra
+from glazejax.geometry import resolve_instrument
+from glazejax.spectra import describe_grid
+
+from ..film.films import Films, InstrumentLike, Noise, card_reflectance, cards
+from ..film.model.errors import smooth_kernel
+from ..film.model.response import HIGHEST, Response, film_response
+from ..film.noise import estimate_noise
+from .constraints import Gauge
+from .joint import UNIT, recover_jointly
+from .joint_problem import Expectations, Unknowns
+from .joint_result import JointRecovery
+
+SPREAD = 0.3
+"""Standard deviation of the log of a film's thickness about its number of coats."""
+_COMMON = 1e-3
+# How far the thickness of two coats may be from twice that of one: of the log, for all paints; and
+# for how many films `SPREAD` speaks beside those that were measured.
+_LAW_SD, _LIKE_FILMS = 0.2, 4.0
+_ROUNDS = 3
+# Least standard deviation of log(s d) that is expected of a paint of several coats.
+_BROAD = 1.5
+# A ladder whose own word on log(s d) is less sure than this teaches nothing.
+_SILENT = 0.95
+# How sure the mean, and the log of the spread, of `BRUSHED` are for another hand and brush.
+_MEAN_SD, _LOG_SPREAD_SD = 0.7, 0.4
+# The model's own error of a further coat: smooth over so many nm, for readings 0 and 1.
+_LENGTH, _ERROR_FLOOR, _ERROR_SHARE = 100.0, 0.003, 0.01
+_MOST_COATS = 20.0
+_POINTS, _REFINEMENTS, _SPAN = 25, 4, 4.0
+
+_NAME = re.compile(
+    r"(?P<paint>\S.*?)\s+(?P<coats>\d+(?:\.\d+)?)\s+coats?(?:\s+(?P<square>\S.*))?", re.IGNORECASE
+)
+
+
+class CoatScattering(NamedTuple):
+    """What is expected of the log of scattering times thickness of one brushed coat, averaged over
+    the bands.
+    """
+
+    mean: float
+    sd: float
+    learnt_from: tuple[str, ...] = ()
+    """Paints; none where it was assumed."""
+
+
+BRUSHED = CoatScattering(0.0, 1.0)
+"""Of coats whose fellows tell nothing: assumed, between the lightest shades of a printed chart and
+thin coats on gypsum, with a factor of e for what is not known of the brush.
+"""
+
+
+class NamedCoat(NamedTuple):
+    """What a film's name says of it."""
+
+    paint: str
+    coats: float
+
+
+def coat_of(name: str) -> NamedCoat | None:
+    """Paint and number of coats of a film that is called by them, such as ``Smalt 2 coats`` or
+    ``Smalt 2 coats left``; None if it is not.
+
+    Example:
+        >>> coat_of("Red ochre 1 coat")
+        NamedCoat(paint='Red ochre', coats=1.0)
+    """
+    match = _NAME.fullmatch(name)
+    return NamedCoat(match["paint"], float(match["coats"])) if match else None
+
+
+class CoatFilm(NamedTuple):
+    """A film as it was read: over white where it was read over both."""
+
+    name: str
+    coats: float
+    reflectance: Float[np.ndarray, "bands"]
+    ground: Float[np.ndarray, "bands"]  # bare
+
+
+class CoatLaw(NamedTuple):
+    """How thick films of some coats are, in typical coats, learnt over paints."""
+
+    off: Mapping[float, float]
+    """Number of coats -> log of the thickness less that of the number."""
+    spread: float
+    """Standard deviation of the log of a film's thickness about that."""
+
+    def log_thickness(self, coats: float) -> float:
+        """Log of the expected thickness."""
+        return float(np.log(coats) + self.off.get(coats, 0.0))
+
+    def sd(self, coats: float) -> float:
+        """Standard deviation of the log of a further film's thickness."""
+        return float(np.hypot(self.spread, 0.0 if coats in self.off else _LAW_SD))
+
+
+@dataclass(frozen=True)
+class CoatRecovery:
+    """Paints recovered from coats; k and s are optical thicknesses of one coat of each paint.
+
+    Attributes:
+        films: as measured.
+        paints: by name, each recovered from its own films.
+        coats: film -> number of coats.
+        expected: paint -> what was expected of its scattering, learnt from the others.
+        law: how thick films of some coats are.
+        response: model of one film.
+    """
+
+    films: Films
+    paints: Mapping[str, JointRecovery]
+    coats: Mapping[str, float]
+    expected: Mapping[str, CoatScattering]
+    law: CoatLaw
+    response: Response
+
+    def __repr__(self) -> str:
+        return f"CoatRecovery({', '.join(self.paints)} from {len(self.films)} films)"
+
+    @property
+    def wavelengths(self) -> Float[np.ndarray, "bands"]:
+        """nm, (bands,)."""
+        return self.films.wavelengths
+
+    def film(self, name: str) -> CoatFilm:
+        """A film as it was read.
+
+        Raises:
+            ValueError: there is none of that name.
+        """
+        films = self.films.select([name])
+        card = int(films.seen[0, 1])
+        over = (films.over_black, films.over_white)[card]
+        bare = (films.bare_black, films.bare_white)[card]
+        return CoatFilm(name, self.coats[name], over[0], bare[0])
+
+    def thickest(self, paint: str) -> CoatFilm:
+        """The film of a paint with the most coats, the first of several.
+
+        Raises:
+            ValueError: no coats of that paint were recovered.
+        """
+        return self.film(max(self._found(paint).films.names, key=self.coats.__getitem__))
+
+    def scattering(self, paint: str) -> CoatScattering:
+        """Log of s d of one coat, averaged over the bands, as it was found."""
+        return _level(self._found(paint))
+
+    def _found(self, paint: str) -> JointRecovery:
+        if paint not in self.paints:
+            raise ValueError(
+                f"no coats of {paint!r} were recovered; there are {', '.join(self.paints)}"
+            )
+        return self.paints[paint]
+
+
+@dataclass(frozen=True)
+class CoatPrediction:
+    """A film of some coats that was not seen.
+
+    Attributes:
+        paint, coats: of the film.
+        wavelengths: nm, (bands,).
+        draws: reflectance as it may be, (draws, bands).
+    """
+
+    paint: str
+    coats: float
+    wavelengths: Float[np.ndarray, "bands"]
+    draws: Float[np.ndarray, "draws bands"]
+
+    def __repr__(self) -> str:
+        return (
+            f"CoatPrediction({self.coats:g} coats of {self.paint}, "
+            f"{describe_grid(self.wavelengths)})"
+        )
+
+    @property
+    def reflectance(self) -> Float[np.ndarray, "bands"]:
+        """Median of the draws."""
+        return np.median(self.draws, axis=0)
+
+    def interval(
+        self, level: float = 0.9
+    ) -> tuple[Float[np.ndarray, "bands"], Float[np.ndarray, "bands"]]:
+        """Lower and upper end of the band that holds this share of the draws.
+
+        Raises:
+            ValueError: a level outside (0, 1).
+        """
+        if not 0 < level < 1:
+            raise ValueError(f"the level is {level:g}; give a share between 0 and 1, such as 0.9")
+        low, high = np.quantile(self.draws, [(1 - level) / 2, (1 + level) / 2], axis=0)
+        return low, high
+
+    def delta_e(
+        self,
+        measured: Float[np.ndarray, "*n bands"],
+        illuminant: str = "D65",
+        observer: str | int = 10,
+    ) -> Float[np.ndarray, "*n"]:
+        """CIEDE2000 between the prediction and other spectra."""
+        return np.asarray(
+            delta_e_of_spectra(
+                self.wavelengths,
+                self.reflectance,
+                measured,
+                illuminant=illuminant,
+                observer=observer,
+            )
+        )
+
+    def expected_error(self, illuminant: str = "D65", observer: str | int = 10) -> float:
+        """Mean CIEDE2000 that the prediction is expected to be off."""
+        return float(self.delta_e(self.draws, illuminant, observer).mean())
+
+
+def recover_coats(
+    films: Films,
+    *,
+    coats: Mapping[str, float] | None = None,
+    paints: Mapping[str, str] | None = None,
+    instrument: InstrumentLike | None = None,
+    noise: Noise | None = None,
+    expected: CoatScattering | None = None,
+    learn: bool = True,
+    spread: float = SPREAD,
+    response: Response | None = None,
+) -> CoatRecovery:
+    """Absorption and scattering of one coat of each paint, from films of one coat or several.
+
+    Each paint is recovered from its own films, each of a thickness of its own about its number of
+    coats. What is expected of its scattering is learnt from the other paints.
+
+    Args:
+        films: over a ground that was read bare, beside or before; films of one paint may lie on
+            different grounds.
+        coats: film -> number of coats; by default as the films' names say (`coat_of`).
+        paints: film -> paint; by default as the names say.
+        instrument: by default d:8 with the specular part, refractive index 1.5.
+        noise: of a reading, by default told from the readings' roughness.
+        expected: of the scattering of a coat before the other paints are asked, by default
+            `BRUSHED`.
+        learn: whether the other paints are asked.
+        spread: standard deviation of the log of a film's thickness about its number of coats.
+        response: model of one film, by default that of the instrument.
+
+    Raises:
+        ValueError: no film; a film whose name says no coats, whose ground was not read, or that is
+            said to hide it; a number of coats out of range.
+    """
+    if len(films) == 0:
+        raise ValueError("there are no films to recover")
+    if not 0 < spread <= 2:
+        raise ValueError(f"the spread is {spread:g}; it must be above 0 and at most 2")
+    said = {name: _said(name, coats, paints) for name in films.names}
+    _check_grounds(films)
+    instrument = resolve_instrument(instrument)
+    noise = noise or estimate_noise(films)
+    cards(films, instrument, noise)  # refuse bad grounds before the first paint
+    response = response or film_response(instrument)
+    expected = expected or BRUSHED
+    names = dict.fromkeys(coat.paint for coat in said.values())
+
+    def fit(paint: str, told: CoatScattering, start: JointRecovery | None = None) -> JointRecovery:
+        rows = [row for row, name in enumerate(films.names) if said[name].paint == paint]
+        own = films.take(rows)
+        return recover_jointly(
+            own,
+            {name: {paint: 1.0} for name in own.names},
+            instrument=instrument,
+            noise=noise,
+            expectations=Expectations(thickness=spread, level_s=(told.mean, told.sd)),
+            start=None if start is None else start.unknowns,
+            response=response,
+            gauge=Gauge({name: said[name].coats * UNIT for name in own.names}, spread, _COMMON),
+            unit=UNIT,
+        )
+
+    law = CoatLaw({coat.coats: 0.0 for coat in said.values()}, spread)
+    # Each paint is told what the others say, over again, as that changes what each says.
+    told = dict.fromkeys(names, expected)
+    found: dict[str, JointRecovery] = {}
+    rounds = _ROUNDS if learn and len(names) > 1 else 0
+    for turn in range(rounds + 1):
+        levels = {
+            paint: level
+            for paint, one in found.items()
+            if (level := _without_expected(_level(one), told[paint])) is not None
+        }
+        told = {paint: learn_scattering(levels, without=paint, usual=expected) for paint in names}
+        for paint in names:
+            if len({coat.coats for coat in said.values() if coat.paint == paint}) > 1:
+                # Several coats speak for themselves. A tight expectation would rather have two
+                # films be as thick by chance than one of a paint that hides.
+                told[paint] = told[paint]._replace(sd=max(told[paint].sd, _BROAD))
+        found = {
+            paint: _fit(
+                films.take([row for row, name in enumerate(films.names) if said[name][0] == paint]),
+                said,
+                law,
+                Expectations(thickness=law.spread, level_s=(told[paint].mean, told[paint].sd)),
+                start=found[paint].unknowns if paint in found else None,
+                given={"instrument": instrument, "noise": noise, "response": response},
+            )
+            for paint in names
+        }
+        if turn < rounds:
+            law = _learn_law(found, said, law, spread)
+    return CoatRecovery(
+        films=films,
+        paints=found,
+        coats={name: coat.coats for name, coat in said.items()},
+        expected=told,
+        law=law,
+        response=response,
+    )
+
+
+def _fit(
+    films: Films,
+    said: Mapping[str, NamedCoat],
+    law: CoatLaw,
+    expectations: Expectations,
+    *,
+    start: Unknowns | None,
+    given: dict[str, Any],
+) -> JointRecovery:
+    """Joint recovery of the films of one paint."""
+    thickness = {name: float(np.exp(law.log_thickness(said[name].coats))) for name in films.names}
+    return recover_jointly(
+        films,
+        {name: {said[name].paint: 1.0} for name in films.names},
+        expectations=expectations,
+        start=start,
+        gauge=Gauge({name: d * UNIT for name, d in thickness.items()}, law.spread, _COMMON),
+        unit=UNIT,
+        **given,
+    )
+
+
+def _learn_law(
+    found: Mapping[str, JointRecovery],
+    said: Mapping[str, NamedCoat],
+    law: CoatLaw,
+    spread: float,
+) -> CoatLaw:
+    """One step of expectation and maximisation: how thick films of each number of coats are, and
+    how they differ.
+    """
+    off: dict[float, list[float]] = {coats: [] for coats in law.off}
+    squares = []
+    for one in found.values():
+        sd = np.sqrt(np.diagonal(one.shared_covariance))[:: one.unknowns.films.shape[1]]
+        for row, name in enumerate(one.films.names):
+            coats = said[name].coats
+            log_d = float(one.unknowns.films[row, 0])
+            off[coats].append(log_d - np.log(coats))
+            squares.append((log_d - law.log_thickness(coats)) ** 2 + sd[row] ** 2)
+    held = (law.spread / _LAW_SD) ** 2
+    shifts = {coats: sum(values) / (len(values) + held) for coats, values in off.items()}
+    variance = (sum(squares) + _LIKE_FILMS * spread**2) / (len(squares) + _LIKE_FILMS)
+    return CoatLaw(shifts, float(np.sqrt(variance)))
+
+
+def learn_scattering(
+    levels: Mapping[str, CoatScattering], *, without: str = "", usual: CoatScattering = BRUSHED
+) -> CoatScattering:
+    """What coats of some paints say of the scattering of a coat of another paint.
+
+    The logs are taken as normal about a mean, with a spread between paints, both unknown: mean and
+    standard deviation of what is to be expected of one more paint, by summing over a grid of both.
+
+    Args:
+        levels: paint -> log of s d of one coat as its own films say.
+        without: the paint in question, which must not speak for itself.
+        usual: what was expected beforehand.
+    """
+    others = {paint: level for paint, level in levels.items() if paint != without}
+    means = usual.mean + np.linspace(-4.0, 4.0, 161) * _MEAN_SD
+    spreads = usual.sd * np.exp(np.linspace(-3.0, 3.0, 61) * _LOG_SPREAD_SD)
+    log_weight = -0.5 * ((means - usual.mean) / _MEAN_SD)[:, None] ** 2
+    log_weight = log_weight - 0.5 * (np.log(spreads / usual.sd) / _LOG_SPREAD_SD)[None] ** 2
+    for level in others.values():
+        variance = spreads**2 + level.sd**2
+        log_weight = log_weight - 0.5 * (level.mean - means[:, None]) ** 2 / variance
+        log_weight = log_weight - 0.5 * np.log(variance)
+    if not others:
+        return usual
+    weight = np.exp(log_weight - log_weight.max())
+    weight /= weight.sum()
+    mean = float(weight.sum(axis=1) @ means)
+    variance = float(weight.sum(axis=1) @ (means - mean) ** 2 + weight.sum(axis=0) @ spreads**2)
+    return CoatScattering(mean, float(np.sqrt(variance)), tuple(others))
+
+
+def predict_next_coat(
+    recovery: CoatRecovery,
+    paint: str,
+    coats: float,
+    ground: Float[np.ndarray, "bands"],
+    *,
+    seed: int = 0,
+) -> CoatPrediction:
+    """Foretell a film of some coats of a paint over a ground.
+
+    Each draw takes scattering and thicknesses as the fit leaves them open, the absorption with
+    which they meet the paint's readings, a thickness for the new film, and errors of the model.
+
+    Args:
+        recovery: of the paint, and others.
+        paint: its name.
+        coats: number of coats of the film, 0.1 to 20.
+        ground: reading of the bare ground, (bands,), fractions.
+        seed: of the draws.
+
+    Raises:
+        ValueError: a paint that was not recovered, a number of coats out of range, or a ground of
+            another length or that cannot be one.
+    """
+    found = recovery._found(paint)
+    instrument = found.instrument
+    if not 0.1 <= coats <= _MOST_COATS:
+        raise ValueError(f"{coats:g} coats of {paint}; give a number from 0.1 to {_MOST_COATS:g}")
+    bare = np.asarray(ground, dtype=np.float64)
+    grid = recovery.wavelengths
+    if bare.shape != grid.shape:
+        raise ValueError(
+            f"the ground has shape {bare.shape}; the films have {grid.size} bands, "
+            f"{describe_grid(grid)}"
+        )
+    if not (np.isfinite(bare).all() and bare.min() >= 0 and bare.max() <= 1.2):
+        raise ValueError("the ground's reflectance must lie between 0 and 1, as fractions")
+    inside = np.clip(card_reflectance(bare, instrument)[0], 0.0, 1.0)
+    # Another stream than that of the recovery's draws, which start from a seed too.
+    rng = np.random.default_rng((seed, 1))
+    draws = found.draws
+    count = len(draws.bands)
+    films = found.films
+    black, white, _, _ = cards(films, instrument, found.noise)
+    gloss = np.exp(draws.paints[:, :1, 0] + draws.films[:, :, 1])
+    readings = np.stack([films.over_black, films.over_white], axis=1)
+    # (draws, films, cards, bands): what comes from below the surface.
+    body = readings - (gloss * instrument.seen_surface)[:, :, None, None]
+    log_k = _absorption_that_meets(
+        jnp.asarray(draws.bands[:, :, 0]),
+        jnp.asarray(draws.bands[:, :, 1]),
+        jnp.asarray(draws.films[:, :, 0]),
+        jnp.asarray(np.stack([black, white], axis=1)),
+        jnp.asarray(body),
+        jnp.asarray(films.seen[:, :, None] / found.residual_sd),
+        response=recovery.response,
+    )
+    law = recovery.law
+    thickness = law.log_thickness(coats) + law.sd(coats) * rng.standard_normal((count, 1))
+    kd = np.minimum(np.exp(np.asarray(log_k) + thickness), HIGHEST[0])
+    sd = np.minimum(np.exp(draws.bands[:, :, 1] + thickness), HIGHEST[1])
+    seen = np.asarray(recovery.response.body(jnp.asarray(kd), jnp.asarray(sd), jnp.asarray(inside)))
+    expected = found.expectations
+    surface = draws.paints[:, 0, 0] + expected.gloss * rng.standard_normal(count)
+    seen = seen + instrument.seen_surface * np.exp(surface)[:, None]
+    smooth = rng.multivariate_normal(np.zeros(grid.size), smooth_kernel(grid, _LENGTH), size=count)
+    off = (_ERROR_FLOOR + _ERROR_SHARE * seen) * smooth
+    off = off + found.noise.sd(seen) * rng.standard_normal(seen.shape)
+    return CoatPrediction(paint, float(coats), grid, np.maximum(seen + off, 0.0))
+
+
+def _said(
+    name: str, coats: Mapping[str, float] | None, paints: Mapping[str, str] | None
+) -> NamedCoat:
+    """Paint and coats of a film, by what was given or by its name."""
+    named = coat_of(name)
+    paint = (paints or {}).get(name) or (named.paint if named else None)
+    number = (coats or {}).get(name) or (named.coats if named else None)
+    if paint is None or number is None:
+        raise ValueError(
+            f"film {name!r} does not say its paint and number of coats; call it "
+            "'PAINT 1 coat', 'PAINT 2 coats', ..."
+        )
+    if not 0.1 <= number <= _MOST_COATS:
+        raise ValueError(f"film {name!r} has {number:g} coats; they must be 0.1 to {_MOST_COATS:g}")
+    return NamedCoat(paint, float(number))
+
+
+def _check_grounds(films: Films) -> None:
+    hides = [name for name, flag in zip(films.names, films.opaque, strict=True) if flag]
+    if hides:
+        raise ValueError(
+            f"coats of {hides[0]!r} lie on a ground that counts: name its rows '{hides[0]}_ow' and "
+            f"'{hides[0]}_w' (the bare ground beside it), on a dark ground _ob and _b"
+        )
+    unread = np.argwhere(films.assumed & films.seen)
+    if len(unread):
+        row, card = (int(n) for n in unread[0])
+        name, ending = films.names[row], "bw"[card]
+        raise ValueError(
+            f"the bare ground of {name!r} was not read: add a row '{name}_{ending}', or "
+            f"'card_{ending}' for all films"
+        )
+
+
+def _level(found: JointRecovery) -> CoatScattering:
+    """Log of s d of one coat, averaged over the bands, and its standard deviation."""
+    logs = np.asarray(found.draws.bands)[:, :, 1].mean(axis=1)
+    return CoatScattering(float(np.log(found.scattering[0]).mean()), float(logs.std()))
+
+
+def _without_expected(level: CoatScattering, expected: CoatScattering) -> CoatScattering | None:
+    """What the films alone say, without what was expected beforehand; None if that is nothing."""
+    if level.sd >= _SILENT * expected.sd:
+        return None
+    precision = 1.0 / level.sd**2 - 1.0 / expected.sd**2
+    mean = (level.mean / level.sd**2 - expected.mean / expected.sd**2) / precision
+    return CoatScattering(mean, float(precision**-0.5))
+
+
+@jax.jit
+def _absorption_that_meets(
+    log_absorption: Float[Array, "draws bands"],
+    log_scattering: Float[Array, "draws bands"],
+    log_thickness: Float[Array, "draws films"],
+    ground: Float[Array, "films cards bands"],
+    body: Float[Array, "draws films cards bands"],
+    weight: Float[Array, "films cards bands"],
+    response: Response,
+) -> Float[Array, "draws bands"]:
+    """Log of k of one coat with which each draw of scattering and thicknesses meets the readings
+    best, by scanning and scanning again.
+    """
+
+    def one(draw: tuple[Array, Array, Array, Array]) -> Array:
+        start, log_s, log_d, wanted = draw
+
+        def cost(log_k: Array) -> Array:
+            kd = jnp.exp(log_k + log_d[:, None])[:, None]
+            sd = jnp.exp(log_s + log_d[:, None])[:, None]
+            off = (response.body(kd, sd, ground) - wanted) * weight
+            # A weak pull settles what no reading tells.
+            return jnp.sum(off**2, axis=(0, 1)) + 0.01 * (log_k - start) ** 2
+
+        centre = start
+        half = _SPAN
+        for _ in range(_REFINEMENTS):
+            points = centre + half * jnp.linspace(-1.0, 1.0, _POINTS)[:, None]
+            best = jnp.argmin(jax.vmap(cost)(points), axis=0)
+            centre = jnp.take_along_axis(points, best[None], axis=0)[0]
+            half = 4.0 * half / _POINTS
+        return centre
+
+    return jax.lax.map(one, (log_absorption, log_scattering, log_thickness, body))

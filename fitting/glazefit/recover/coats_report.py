@@ -1,0 +1,175 @@
+"""What a recovery from coats tells its user: a table on the screen, and the files it leaves."""
+
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+
+import numpy as np
+from rich.console import Console
+
+from glazejax.io import write_table
+from glazejax.report import plain_table
+
+from .coats import CoatPrediction, CoatRecovery, CoatScattering
+from .report import PIGMENT_COLUMNS, band_rows, flag_rows, pictures_of
+
+FILM_COLUMNS = (
+    "film",
+    "paint",
+    "coats",
+    "relative_thickness",
+    "relative_thickness_sd",
+    "rmse",
+    "delta_e",
+)
+NEXT_COLUMNS = ("paint", "coats", "wavelength_nm", "reflectance", "low_90", "high_90")
+
+
+def print_coats(
+    recovery: CoatRecovery, foretold: Sequence[CoatPrediction], console: Console, seconds: float
+) -> None:
+    """Print a line a paint, and what is foretold of each."""
+    title = (
+        f"{len(recovery.paints)} paints from {len(recovery.films)} films of coats in "
+        f"{seconds:.1f} s"
+    )
+    table = plain_table("paint", "coats", "s d of one coat", "as others say", "met to", title=title)
+    for paint, found in recovery.paints.items():
+        coats = ", ".join(f"{recovery.coats[name]:g}" for name in found.films.names)
+        expected = recovery.expected[paint]
+        table.add_row(
+            paint,
+            coats,
+            _factor(recovery.scattering(paint)),
+            _factor(expected),
+            f"ΔE00 {found.delta_e().mean():.1f}",
+        )
+    console.print(table)
+    learnt = max((len(told.learnt_from) for told in recovery.expected.values()), default=0)
+    console.print(
+        "[dim]s d: scattering times thickness of one coat, mean over the bands, × or ÷ one "
+        f"standard deviation; 'as others say' is learnt from {learnt} other paints at most, "
+        "never from the paint itself.[/dim]"
+    )
+    for prediction in foretold:
+        thickest = recovery.thickest(prediction.paint)
+        change = float(prediction.delta_e(thickest.reflectance))
+        console.print(
+            f"{prediction.paint}, {prediction.coats:g} coats on the ground of {thickest.name!r}: "
+            f"ΔE00 {change:.1f} from that film, foretold to ΔE00 {prediction.expected_error():.1f}."
+        )
+    law = recovery.law
+    console.print(
+        f"Films of equal coats differ in thickness by {np.expm1(law.spread):.0%}"
+        + "".join(
+            f"; {coats:g} coats are as thick as {np.exp(law.log_thickness(coats)):.2g}"
+            for coats in law.off
+            if coats > 1
+        )
+        + ". [bold]The unit is a typical coat: no length was measured.[/bold]"
+    )
+    for paint, found in recovery.paints.items():
+        if not found.converged:
+            console.print(
+                f"[yellow]{paint}: the solver did not settle in {found.steps} steps.[/yellow]"
+            )
+
+
+def write_coats(
+    recovery: CoatRecovery,
+    foretold: Sequence[CoatPrediction],
+    thickness: float,
+    folder: Path,
+    *,
+    overwrite: bool = False,
+) -> None:
+    """Write `pigments.csv` (k and s in 1/m, if a coat is this thick, m), `films.csv`, and
+    `next_coats.csv`, the films foretold with their 90 % bands.
+    """
+    write_table(
+        folder / "pigments.csv",
+        PIGMENT_COLUMNS,
+        _pigment_rows(recovery, thickness),
+        overwrite=overwrite,
+    )
+    write_table(folder / "films.csv", FILM_COLUMNS, _film_rows(recovery), overwrite=overwrite)
+    write_table(folder / "next_coats.csv", NEXT_COLUMNS, _next_rows(foretold), overwrite=overwrite)
+
+
+def plot_coats(
+    recovery: CoatRecovery,
+    foretold: Sequence[CoatPrediction],
+    folder: Path,
+    step: Callable[[], object] = lambda: None,
+) -> None:
+    """Draw the ladder of every paint, read and fitted, with the films foretold and their 90 %
+    bands, to its own file, and call `step` after each.
+    """
+    from glazejax.plots import label_spectra, picture
+
+    grid = recovery.wavelengths
+    for (paint, found), path in zip(
+        recovery.paints.items(), pictures_of(list(recovery.paints), folder), strict=True
+    ):
+        coming = [prediction for prediction in foretold if prediction.paint == paint]
+        with picture(path, 6, 4.2) as figure:
+            spectra = figure.subplots()
+            for row, name in enumerate(found.films.names):
+                (line,) = spectra.plot(grid, found.fitted_white[row], label=f"{name}, fitted")
+                read = recovery.film(name).reflectance
+                spectra.plot(grid, read, "o", color=line.get_color(), ms=4, mfc="none")
+            for prediction in coming:
+                (line,) = spectra.plot(
+                    grid,
+                    prediction.reflectance,
+                    "--",
+                    label=f"{prediction.coats:g} coats, foretold",
+                )
+                spectra.fill_between(
+                    grid, *prediction.interval(), color=line.get_color(), alpha=0.15, lw=0
+                )
+            ground = recovery.thickest(paint).ground
+            spectra.plot(grid, ground, ":", color="0.6", lw=1, label="bare ground")
+            label_spectra(spectra, ylim=(0, 1))
+            spectra.legend()
+            spectra.set_title(paint)
+        step()
+
+
+def _pigment_rows(recovery: CoatRecovery, thickness: float) -> Iterator[tuple[object, ...]]:
+    for paint, found in recovery.paints.items():
+        k = found.absorption / thickness
+        s = found.scattering / thickness
+        columns = [k, s, k * found.log_sd[0], s * found.log_sd[1]]
+        yield from flag_rows(band_rows([paint], found.wavelengths, columns), found.identifiable)
+
+
+def _film_rows(recovery: CoatRecovery) -> Iterator[tuple[object, ...]]:
+    for paint, found in recovery.paints.items():
+        sd = np.sqrt(np.diagonal(found.shared_covariance))[:: found.unknowns.films.shape[1]]
+        difference = np.where(found.films.seen, found.delta_e(), np.nan)
+        for row, name in enumerate(found.films.names):
+            yield (
+                name,
+                paint,
+                f"{recovery.coats[name]:g}",
+                f"{found.thickness[row]:.4g}",
+                f"{found.thickness[row] * sd[row]:.2g}",
+                f"{found.rmse[row]:.5f}",
+                f"{np.nanmean(difference[row]):.3f}",
+            )
+
+
+def _next_rows(foretold: Sequence[CoatPrediction]) -> Iterator[tuple[object, ...]]:
+    for prediction in foretold:
+        columns = (prediction.reflectance, *prediction.interval(0.9))
+        for band, wavelength in enumerate(prediction.wavelengths):
+            yield (
+                prediction.paint,
+                f"{prediction.coats:g}",
+                f"{wavelength:g}",
+                *(f"{column[band]:.5f}" for column in columns),
+            )
+
+
+def _factor(level: CoatScattering) -> str:
+    return f"{np.exp(level.mean):.2g} ×÷ {np.exp(level.sd):.2g}"

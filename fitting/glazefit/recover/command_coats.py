@@ -1,0 +1,83 @@
+"""`glazejax recover` where films are coats of a brush: what is given, and what comes of it."""
+
+import time
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from glazejax.commands import progress
+from glazejax.paint.describe import format_length
+
+if TYPE_CHECKING:
+    from ..film.films import Films
+    from .settings import Output
+
+_NEXT = (1.0, 2.0)
+"""Further coats that are foretold of each paint."""
+
+
+def are_coats(films: "Films", refused: dict[str, Any]) -> bool:
+    """Whether the films of a table are coats, by their names.
+
+    Args:
+        films: as read.
+        refused: option -> what was given, of options that are not for coats.
+
+    Raises:
+        ValueError: some are and some are not, or an option was given that is not for coats.
+    """
+    from .coats import coat_of
+
+    named = [name for name in films.names if coat_of(name)]
+    if not named:
+        return False
+    other = next((name for name in films.names if not coat_of(name)), None)
+    if other is not None:
+        raise ValueError(
+            f"{named[0]!r} is a film of coats and {other!r} is not: put coats into a table of "
+            "their own, each film called 'PAINT 1 coat', 'PAINT 2 coats', ..."
+        )
+    for option, given in refused.items():
+        if given:
+            raise ValueError(f"{option} is not for coats, such as {named[0]!r}; leave it out")
+    return True
+
+
+def recover_from_coats(films: "Films", given: dict[str, Any], results: "Output") -> None:
+    """Recover paints from their coats, and foretell the next ones.
+
+    Args:
+        films: as read.
+        given: instrument and noise.
+        results: where they go.
+    """
+    from ..film.partial_films import average
+    from .coats import predict_next_coat, recover_coats
+    from .coats_report import plot_coats, print_coats, write_coats
+
+    out, metres, plots, overwrite, console = results
+    fitted = average(films)
+    progress.print_notes(console, "films", fitted.notes[len(films.notes) :])
+    with progress.doing("compiling, then fitting the coats of each paint"):
+        began = time.perf_counter()
+        recovery = recover_coats(fitted, **given)
+        foretold = []
+        for paint in recovery.paints:
+            last = recovery.thickest(paint)
+            foretold += [
+                predict_next_coat(recovery, paint, np.floor(last.coats) + more, last.ground)
+                for more in _NEXT
+            ]
+        seconds = time.perf_counter() - began
+    print_coats(recovery, foretold, console, seconds)
+    assert out is not None
+    out.mkdir(parents=True, exist_ok=True)
+    write_coats(recovery, foretold, metres, out, overwrite=overwrite)
+    if plots:
+        plot_coats(recovery, foretold, out, progress.drawing(len(recovery.paints)))
+    console.print(
+        f"In pigments.csv a coat is taken as {format_length(metres)}. Wrote pigments.csv, "
+        "films.csv, next_coats.csv"
+        + (f" and {len(recovery.paints)} pictures" if plots else "")
+        + f" to {out}"
+    )

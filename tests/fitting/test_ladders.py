@@ -1,0 +1,279 @@
+"""Ladders of coats: k and s of one coat, what other paints teach of it, and the next coat."""
+
+import csv
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import glazejax.commands.main
+from glazefit import Films, Noise
+from glazefit.film.films import card_reflectance
+from glazefit.film.model.response import film_response
+from glazefit.film.partial_films import read_loose_films
+from glazefit.recover.coats import (
+    CoatScattering,
+    coat_of,
+    learn_scattering,
+    predict_next_coat,
+    recover_coats,
+)
+from glazejax.colour import delta_e_of_spectra
+from glazejax.commands.main import main
+from glazejax.geometry import resolve_instrument
+
+GRID = np.arange(400.0, 701.0, 20.0)
+INSTRUMENT = resolve_instrument("45:0")
+GROUND = 0.85 - 0.1 * np.exp(-(GRID - 400) / 60)
+NOISE = Noise(0.001, 0.002)
+RED = 0.02 + 0.8 / (1 + np.exp((GRID - 580) / 15))
+BLUE = 0.02 + 0.8 / (1 + np.exp((500 - GRID) / 15))
+
+
+def read_coat(k, s, thickness, rng, ground=GROUND):
+    """Reading of a film of k d and s d for one coat."""
+    inside = card_reflectance(ground, INSTRUMENT)[0]
+    kd, sd = (np.broadcast_to(x, GRID.shape) * thickness for x in (k, s))
+    exact = np.asarray(film_response(INSTRUMENT).body(kd, sd, inside))
+    return exact + NOISE.sd(exact) * rng.standard_normal(GRID.size)
+
+
+def table(rows) -> Films:
+    """Films from (name, reading, ground)."""
+    names, readings, grounds = zip(*rows, strict=True)
+    count = len(names)
+    return Films(
+        names=names,
+        wavelengths=GRID,
+        bare_black=np.full((count, GRID.size), 0.05),
+        bare_white=np.array(grounds),
+        over_black=np.array(readings),
+        over_white=np.array(readings),
+        seen=np.tile([False, True], (count, 1)),
+        assumed=np.tile([True, False], (count, 1)),
+    )
+
+
+def ladder(paint, k, s, coats, seed=0, spread=0.0):
+    rng = np.random.default_rng(seed)
+    return [
+        (
+            f"{paint} {n} coat{'s' * (n > 1)}",
+            read_coat(k, s, n * np.exp(spread * rng.standard_normal()), rng),
+            GROUND,
+        )
+        for n in range(1, coats + 1)
+    ]
+
+
+def recovered(rows, **given):
+    return recover_coats(table(rows), **({"instrument": INSTRUMENT, "noise": NOISE} | given))
+
+
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        ("Smalt 1 coat", ("Smalt", 1.0)),
+        ("Red ochre 3 coats", ("Red ochre", 3.0)),
+        ("Red 42 2 coats left", ("Red 42", 2.0)),
+        ("Smalt 1.5 Coats", ("Smalt", 1.5)),
+        ("Smalt", None),
+        ("Red 1:10 White", None),
+        ("2 coats", None),
+    ],
+)
+def test_names_say_paint_and_coats(name, said):
+    assert coat_of(name) == said
+
+
+def test_three_coats_tell_k_from_s():
+    scattering = np.linspace(0.9, 0.5, GRID.size)
+    found = recovered(ladder("Red", RED, scattering, 3))
+    red = found.paints["Red"]
+    # Thickness is known to some 17 % from three films that may each be off by 30 %.
+    assert np.log(red.scattering[0] / scattering).mean() == pytest.approx(0.0, abs=0.3)
+    ratio = np.log(red.absorption[0] / red.scattering[0] * scattering / RED)
+    assert np.abs(ratio).max() < 0.3
+    assert np.all(np.abs(np.log(red.absorption[0] / RED)) < 2.5 * red.log_sd[0, 0])
+    assert red.identifiable.mean() > 0.5
+
+
+def test_learning_leaves_the_paint_in_question_out():
+    levels = {name: CoatScattering(1.5, 0.1) for name in "abcdef"}
+    asked = learn_scattering({**levels, "x": CoatScattering(-4.0, 0.01)}, without="x")
+    assert asked == learn_scattering(levels)
+    assert asked.learnt_from == tuple("abcdef")
+    assert asked.mean == pytest.approx(1.5, abs=0.2)
+    # Paints that scatter alike leave less open.
+    assert asked.sd < 0.7 < learn_scattering({}).sd
+
+
+def test_others_tell_what_one_coat_does_not():
+    # All brushed thick: a coat hides far more than coats usually do.
+    others = [
+        row
+        for number, k in enumerate((0.3 * RED + 0.2, 2 * BLUE, 0.5 * BLUE + 0.1, 4 * RED))
+        for row in ladder(f"Other {number}", k, 3.5, 3, seed=number)
+    ]
+    asked = ladder("Red", RED, 3.5, 2, seed=9)
+    taught = recovered([*others, asked[0]])
+    alone = recovered([asked[0]])
+    assert taught.expected["Red"].learnt_from == tuple(f"Other {n}" for n in range(4))
+    assert "Other 1" not in taught.expected["Other 1"].learnt_from
+    assert taught.expected["Red"].mean > 0.7
+    off = [
+        float(predict_next_coat(found, "Red", 2, GROUND).delta_e(asked[1][1]))
+        for found in (taught, alone)
+    ]
+    assert off[0] < off[1]
+
+
+def test_two_coats_foretell_the_third_better_than_the_second_does():
+    rows = ladder("Blue", BLUE, 0.1, 3)
+    found = recovered(rows[:2])
+    third = predict_next_coat(found, "Blue", 3, GROUND)
+    same = float(delta_e_of_spectra(GRID, rows[1][1], rows[2][1], observer=10))
+    assert float(third.delta_e(rows[2][1])) < 0.7 * same
+    assert third.expected_error() > 0
+    # Over another ground too.
+    dark = np.full(GRID.size, 0.2)
+    other = predict_next_coat(found, "Blue", 3, dark)
+    truth = read_coat(BLUE, 0.1, 3, np.random.default_rng(1), dark)
+    low, high = other.interval(0.99)
+    assert np.mean((truth >= low) & (truth <= high)) > 0.9
+
+
+def test_a_further_film_is_as_thick_as_chance_has_it():
+    # Clear paint: the log of what it absorbs is the log of its thickness. That of the film that
+    # was read and that of the one foretold vary independently.
+    found = recovered(ladder("Clear", 0.15, 0.002, 1), expected=CoatScattering(-6.0, 0.5))
+    again = predict_next_coat(found, "Clear", 1, GROUND)
+    rng = np.random.default_rng(3)
+    thickness = np.exp(0.3 * np.sqrt(2) * rng.standard_normal(200))
+    truth = np.array([read_coat(0.15, 0.002, d, rng) for d in thickness])
+    spreads = [np.log(x / GROUND).mean(axis=1).std() for x in (again.draws, truth)]
+    assert spreads[0] == pytest.approx(spreads[1], rel=0.25)
+
+
+def test_bands_hold_ninety_per_cent_of_truths():
+    rng = np.random.default_rng(5)
+    expected = CoatScattering(-0.3, 0.6)
+    rows, truths = [], {}
+    for number in range(40):
+        k = np.exp(rng.normal(-1.5, 1.0)) * (RED if number % 2 else BLUE)
+        s = np.exp(expected.mean + expected.sd * rng.standard_normal())
+        first, second = ladder(f"P{number}", k, s, 2, seed=100 + number, spread=0.3)
+        rows.append(first)
+        truths[f"P{number}"] = second[1]
+    found = recovered(rows, expected=expected, learn=False)
+    inside = []
+    for paint, truth in truths.items():
+        low, high = predict_next_coat(found, paint, 2, GROUND).interval()
+        inside.append(np.mean((truth >= low) & (truth <= high)))
+    assert 0.8 < np.mean(inside) < 0.98
+
+
+def test_wrong_films_are_refused():
+    red = ladder("Red", RED, 0.5, 1)
+    good = table(red)
+    with pytest.raises(ValueError, match="'Umber' does not say its paint and number of coats"):
+        recover_coats(table([("Umber", *red[0][1:])]))
+    with pytest.raises(ValueError, match=r"99 coats; they must be 0\.1 to 20"):
+        recover_coats(table([("Red 99 coats", *red[0][1:])]))
+    with pytest.raises(ValueError, match="spread is 0; it must be above 0"):
+        recover_coats(good, spread=0.0)
+    with pytest.raises(ValueError, match="'Red 1 coat' was not read: add a row 'Red 1 coat_w'"):
+        recover_coats(replace(good, assumed=np.ones((1, 2), bool)))
+    with pytest.raises(ValueError, match="name its rows 'Red 1 coat_ow' and 'Red 1 coat_w'"):
+        recover_coats(replace(good, opaque=np.ones(1, bool)))
+
+
+def test_wrong_wishes_are_refused():
+    found = recovered(ladder("Red", RED, 0.5, 1))
+    with pytest.raises(ValueError, match="no coats of 'Rde' were recovered; there are Red"):
+        predict_next_coat(found, "Rde", 2, GROUND)
+    with pytest.raises(ValueError, match="0 coats of Red; give a number"):
+        predict_next_coat(found, "Red", 0, GROUND)
+    with pytest.raises(ValueError, match=r"shape \(3,\); the films have 16 bands"):
+        predict_next_coat(found, "Red", 2, GROUND[:3])
+    with pytest.raises(ValueError, match="as fractions"):
+        predict_next_coat(found, "Red", 2, 100 * GROUND)
+    with pytest.raises(ValueError, match="the level is 90"):
+        predict_next_coat(found, "Red", 2, GROUND).interval(90)
+
+
+@pytest.fixture
+def run(monkeypatch, tmp_path, capsys):
+    """Run `glazejax recover`; gives exit status, output and errors."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(glazejax.commands.main, "start_jax", lambda: None)
+    monkeypatch.setenv("COLUMNS", "200")
+
+    def call(*words):
+        monkeypatch.setattr(sys, "argv", ["glazejax", "recover", *map(str, words)])
+        with pytest.raises(SystemExit) as stop:
+            main()
+        out, err = capsys.readouterr()
+        return stop.value.code or 0, out, err
+
+    return call
+
+
+def written(path, rows, ends=("_ow", "_w"), more=()):
+    lines = [["Name", *(f"{w:g}" for w in GRID)]]
+    for name, *spectra in rows:
+        lines += [
+            [name + end, *(f"{v:.5f}" for v in values)]
+            for end, values in zip(ends, spectra, strict=False)
+        ]
+    lines += [[name, *(f"{v:.5f}" for v in GROUND)] for name in more]
+    path.write_text("\n".join(",".join(line) for line in lines) + "\n")
+    return path
+
+
+def test_the_command_foretells_the_next_coats(run, tmp_path):
+    rows = [*ladder("Red", RED, 0.5, 3), *ladder("Blue", BLUE, 0.5, 1)]
+    file = written(tmp_path / "ladder.csv", rows)
+    status, out, err = run(file, "--out", "res", "--instrument", "45:0")
+    assert (status, err) == (0, "")
+    assert "no length was measured" in out
+    with (tmp_path / "res" / "next_coats.csv").open() as text:
+        coming = list(csv.DictReader(text))
+    assert {(row["paint"], row["coats"]) for row in coming} == {
+        ("Red", "4"),
+        ("Red", "5"),
+        ("Blue", "2"),
+        ("Blue", "3"),
+    }
+    assert all(float(r["low_90"]) <= float(r["reflectance"]) <= float(r["high_90"]) for r in coming)
+    # The same as the library's.
+    films = read_loose_films(file)
+    found = recover_coats(films, instrument="45:0")
+    mine = predict_next_coat(found, "Blue", 2, rows[-1][2]).reflectance
+    theirs = [float(r["reflectance"]) for r in coming if (r["paint"], r["coats"]) == ("Blue", "2")]
+    np.testing.assert_allclose(mine, theirs, atol=1e-4)
+    assert (tmp_path / "res" / "Red.png").is_file()
+
+
+@pytest.mark.parametrize(
+    ("more", "words", "said"),
+    [
+        (["Umber_ow", "Umber_w"], (), "'Red 1 coat' is a film of coats and 'Umber' is not"),
+        ([], ("--white", "ZincWhite"), "--white is not for coats"),
+        ([], ("--joint",), "--joint is not for coats"),
+    ],
+)
+def test_what_is_not_for_coats_is_refused(run, tmp_path, more, words, said):
+    file = written(tmp_path / "ladder.csv", ladder("Red", RED, 0.5, 1), more=more)
+    status, _, err = run(file, "--out", "res", *words)
+    assert status == 2
+    assert said in " ".join(err.split())
+    assert not (tmp_path / "res").exists()
+
+
+def test_a_ground_that_was_not_read_is_one_error(run, tmp_path):
+    file = written(tmp_path / "ladder.csv", ladder("Red", RED, 0.5, 1), ends=("_ow",))
+    status, _, err = run(file, "--out", "res")
+    assert status == 2
+    assert "the bare ground of 'Red 1 coat' was not read" in " ".join(err.split())
