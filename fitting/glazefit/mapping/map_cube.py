@@ -6,9 +6,9 @@ it. What that costs is measured on pixels that are searched themselves.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple, Unpack
+from typing import TYPE_CHECKING, Any, NamedTuple, Unpack
 
 import numpy as np
 from jaxtyping import ArrayLike, Bool, Float
@@ -27,6 +27,7 @@ from .solve.process import give_back, one_thread_each
 from .solve.solver import PixelSolver
 from .solve.survey import Features, survey
 from .solve.task import MapTask, map_task
+from .solve.unexplained import choose_spots
 from .solve.working_bands import classify
 from .store.layout import STATUS_WORDS, Status
 from .store.run import client_in_scope, finish, run_chunks
@@ -173,8 +174,25 @@ def map_cube(
             reach=surveyed.reach,
             agreement={name: value.tolist() for name, value in store.work.get("checked").items()},
             tallies=tallies,
+            spots=_spots(store, task, tallies),
         )
     return open_map(out)
+
+
+def _spots(store: MapStore, task: MapTask, tallies: Mapping[str, float]) -> list[dict[str, Any]]:
+    """Spectra that no paints explain and that may be paints, as the map's attribute holds them."""
+    bare = np.ones(task.image.bands.wavelengths.size)
+    if task.ground is not None:
+        nothing = np.zeros(len(bare))
+        own = task.searcher.task
+        bare = np.asarray(own.response.body(nothing, nothing, task.ground)) + own.surface
+    spots = choose_spots(
+        store.unexplained(),
+        bare,
+        tallies[STATUS_WORDS[Status.MAPPED]],
+        task.searcher.paints,
+    )
+    return [asdict(spot) for spot in spots]
 
 
 class _Surveyed(NamedTuple):

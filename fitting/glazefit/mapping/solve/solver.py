@@ -17,6 +17,7 @@ from .atlas import Atlas
 from .local import search_locally
 from .process import give_back, one_thread_each
 from .survey import spread_out
+from .unexplained import gather
 from .update import Answers
 from .working_bands import WorkingBands, classify
 
@@ -118,7 +119,16 @@ class PixelSolver:
         }
         tallies |= {f"way {w.name.lower()}": float(np.sum(way == w)) for w in Way if w}
         tallies["explained"] = float(found.explained.sum())
-        return ChunkMaps(arrays, tallies, _sums(found, seen))
+        own = np.flatnonzero(~found.explained)
+        places = np.stack(np.unravel_index(good[own], window.shape), axis=1)
+        return ChunkMaps(
+            arrays=arrays,
+            tallies=tallies,
+            sets=_sums(found, seen),
+            unexplained=gather(
+                seen[own], self.atlas.features(seen[own]), places + (window.y0, window.x0)
+            ),
+        )
 
     def _answers(self, seen: Float[np.ndarray, "spectra bands"]) -> tuple[Answers, np.ndarray]:
         """Answers for good pixels, and the way of each."""
