@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from html import escape
 from importlib.resources import files
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -19,6 +19,7 @@ from ..store.chunk import Members, SetSum
 from ..store.layout import STATUS_WORDS, Status, Way
 from .overview import Overview, overview
 from .page_sets import paints_table, sets_table, share_html
+from .page_spots import spots_html
 from .pictures import (
     RGB,
     MapPicture,
@@ -122,7 +123,15 @@ def write_report(
     numbers = numbers_of(look)
     paints = [paint_pictures(look, paint) for paint in found_paints(look)]
     pieces = page(
-        look, tallies, sets, provenance, grid=grid, numbers=numbers, paints=paints, false=false
+        look,
+        tallies,
+        sets,
+        provenance,
+        grid=grid,
+        numbers=numbers,
+        paints=paints,
+        false=false,
+        spots=dataset.attrs.get("spots", ()),
     )
     shown = [piece.encode("utf-8", "xmlcharrefreplace") for piece in pieces]
     (folder / "pictures").mkdir(parents=True, exist_ok=True)
@@ -147,6 +156,7 @@ def page(
     numbers: Sequence[MapPicture],
     paints: Sequence[Sequence[MapPicture]],
     false: tuple[RGB, str] | None,
+    spots: Sequence[Mapping[str, Any]] = (),
 ) -> Iterator[str]:
     """The page, piece by piece."""
     style = files("glazefit.mapping.show").joinpath("page.css").read_text(encoding="utf-8")
@@ -186,6 +196,7 @@ def page(
             + "".join(_number_figure(look, each) for each in both)
             + "</div>\n"
         )
+    yield spots_html(look, spots, grid)
     yield _unknown(provenance)
     yield _how_made(look, tallies, provenance)
     yield END

@@ -6,7 +6,7 @@ The purest are found by successive projection (Araujo et al., Chemom. Intell. La
 films of those before it, thinner and mixed, would read.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -133,7 +133,7 @@ def choose_spots(
 
 
 def spot_paints(
-    spots: Sequence[Spot],
+    spots: Mapping[str, Float[np.ndarray, "bands"]],
     wavelengths: Float[np.ndarray, "bands"],
     ends: tuple[float, float],
     paints: Sequence[Pigment],
@@ -143,7 +143,7 @@ def spot_paints(
     over the paints that are known; see `spot_pigment`.
 
     Args:
-        spots: that are offered.
+        spots: readings by name.
         wavelengths: of their readings, nm.
         ends: first and last wavelength of the image: beyond the outermost readings k and s go on
             as there.
@@ -152,11 +152,11 @@ def spot_paints(
     """
     grid = np.unique(np.clip([ends[0], *wavelengths, ends[1]], *ends))
     made = []
-    for spot in spots:
+    for name, spot in spots.items():
         # No hiding paint reads less than its surface, or more than all light.
-        reading = np.clip(spot.reading, instrument.seen_surface, 1.0)
+        reading = np.clip(spot, instrument.seen_surface, 1.0)
         reading = np.interp(grid, wavelengths, reading)
-        made.append(spot_pigment(spot.name, grid, reading, paints, instrument))
+        made.append(spot_pigment(name, grid, reading, paints, instrument))
     return made
 
 
