@@ -62,4 +62,3 @@ def write_spots(
     ]
     write_pigments(files[1], [*paints, *made], comments, overwrite=overwrite)
     return files
-

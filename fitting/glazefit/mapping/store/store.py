@@ -225,7 +225,9 @@ class MapStore:
         Raises:
             ValueError: a mark is damaged.
         """
-        return Unexplained.join([unpack(self._marks.get(w)).unexplained for w in sorted(self.done())])
+        return Unexplained.join(
+            [unpack(self._marks.get(w)).unexplained for w in sorted(self.done())]
+        )
 
     def note(self, **attrs: Any) -> None:
         """Add attributes to the map, such as what a check of it found."""
