@@ -22,6 +22,7 @@ from ..film.noise import spectra_noise
 from ..identify.search.options import SearchKeywords, check_keywords
 from .solve.agreement import compare
 from .solve.atlas import Atlas
+from .solve.coats import StackSearch
 from .solve.local import Searched, search_locally
 from .solve.process import give_back, one_thread_each
 from .solve.solver import PixelSolver
@@ -164,6 +165,7 @@ def map_cube(
             ground=task.ground,
             atlas=atlas,
             reach=surveyed.reach,
+            stacks=task.stack_search(surveyed.features),
         )
         run_chunks(store, solver, client, progress)
         tallies, _ = store.sums()
@@ -293,7 +295,8 @@ def _atlas(
         give_back()
         progress(done, total, words)
 
-    finish(keys, _Pieces(task, surveyed.readings), work, client, note, "searching")
+    pieces = _Pieces(task, surveyed.readings, task.stack_search(surveyed.features))
+    finish(keys, pieces, work, client, note, "searching")
     found = Searched.from_parts(len(keys), lambda n, name: work.get(keys[n], [name])[name])
     return Atlas.of(surveyed.features, found, task.searcher.task.prior)
 
@@ -304,6 +307,7 @@ class _Pieces:
 
     task: MapTask
     readings: Float[np.ndarray, "representatives bands"]
+    stacks: StackSearch | None
 
     def __call__(self, key: str) -> dict[str, np.ndarray]:
         first = int(key.rpartition("-")[2]) * _PIECE
@@ -311,7 +315,11 @@ class _Pieces:
         task = self.task
         with one_thread_each():
             return search_locally(
-                task.searcher, batch, task.image.noise_sd(batch), task.ground
+                task.searcher,
+                batch,
+                task.image.noise_sd(batch),
+                task.ground,
+                stacks=self.stacks,
             ).arrays()
 
 

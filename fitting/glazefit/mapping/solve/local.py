@@ -37,6 +37,7 @@ from ...identify.search.task import IdentificationTask, Measured
 from ...identify.search.two_coats import stack_slopes
 from ...identify.search.unstated_conditions import FilmsUnderCondition, films_under
 from ...identify.search.weigh import Odds
+from .coats import StackSearch, search_coats, table_optics
 
 # Candidates of a representative that are kept: those with this share of the best explanations, and
 # so many at most.
@@ -161,6 +162,7 @@ def search_locally(
     readings: Float[np.ndarray, "spectra bands"],
     noise_sd: np.ndarray,
     ground: np.ndarray | None,
+    stacks: StackSearch | None = None,
 ) -> Searched:
     """Search spectra in full, and make what is found linear about each.
 
@@ -169,9 +171,11 @@ def search_locally(
         readings: of the spectra.
         noise_sd: of their readings, the same shape.
         ground: internal reflectance, (bands,); None where films hide it.
+        stacks: the search for two coats; None for one coat.
     """
     measured = as_measured(searcher, readings, noise_sd, ground)
-    return Searched.join([_local_models(searcher, *found) for found in searcher.search(measured)])
+    found = search_coats(searcher, stacks, measured)
+    return Searched.join([_local_models(searcher, *part) for part in found])
 
 
 def as_measured(
@@ -431,7 +435,8 @@ def _stack_slopes(
     logs = np.where(films.sets == NOBODY, -np.inf, films.logs)
     grounds = chunk.spectra.grounds[films.row]
     given = (jnp.asarray(a) for a in (films.sets[:, None], coats[:, None], logs[:, None], grounds))
-    return np.asarray(stack_slopes(chunk.task.paints, *given, chunk.task.optics))[:, 0]
+    optics = table_optics(chunk.task.response)
+    return np.asarray(stack_slopes(chunk.task.paints, *given, optics))[:, 0]
 
 
 def check_errors(discrepancy: ModelError) -> None:
