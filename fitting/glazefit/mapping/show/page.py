@@ -21,6 +21,8 @@ from .overview import Overview, overview
 from .page_sets import paints_table, sets_table, share_html
 from .page_spots import spots_html
 from .pictures import (
+    LEGEND,
+    OTHERS,
     RGB,
     MapPicture,
     colour_numbers,
@@ -34,6 +36,7 @@ from .pictures import (
     own_colours,
     paint_pictures,
     png,
+    upper_map,
     write_pictures,
 )
 
@@ -184,6 +187,8 @@ def page(
         + "".join(_number_figure(look, each) for each in numbers)
         + "</div>\n"
     )
+    if look.two_coats_sought:
+        yield _coats_html(look)
     yield "<h2>Paints</h2>\n" + paints_table(look)
     if paints:
         yield (
@@ -319,6 +324,26 @@ def _number_figure(look: Overview, shown: MapPicture) -> str:
         f"</span>{shown.scale.high:g}{escape(unit)}{more}</div>"
     )
     return _figure(look, colour_numbers(shown), shown.title, shown.words, after=after)
+
+
+def _coats_html(look: Overview) -> str:
+    """Which paint lies on top, where the most probable set lies in two coats."""
+    ranked, which = look.upper
+    total = max(int(np.sum(look.examples["status"] == Status.MAPPED)), 1)
+    keys = "".join(
+        f'<li><span class="key" style="background:{LEGEND[n] if n < len(LEGEND) else OTHERS}">'
+        f"</span> {escape(look.words(paints))}, {share_html(int(np.sum(which == n)), total)}</li>\n"
+        for n, paints in enumerate(ranked)
+    )
+    words = (
+        "Which paint lies on top, where two coats are most probable; white elsewhere. Two coats "
+        "are sought where one fits poorly or leaves open what a pixel is."
+    )
+    return (
+        '<h2>Coats</h2>\n<div class="maps">\n'
+        + _figure(look, upper_map(look), "Upper coat", words)
+        + f"</div>\n<ul>\n{keys or '<li>Two coats are most probable nowhere.</li>'}</ul>\n"
+    )
 
 
 def _unknown(provenance: Provenance) -> str:

@@ -36,7 +36,7 @@ _UPPER = (0.04, 0.12, 0.35, 0.8, 1.8)
 _LOWER = (0.5, 1.3)
 _SHARES = (0.03, 0.12, 0.35, 0.65, 0.9)
 # Stacks of each spectrum that are fitted, by the number of their paints.
-_FITTED = {2: 4, 3: 8}
+_FITTED = {2: 3, 3: 5}
 # How probable a body of one paint and of two is under another paint.
 _BODIES = {2: 0.5, 3: 0.5}
 _ROUNDS = 2
