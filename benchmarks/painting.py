@@ -64,9 +64,10 @@ def main() -> None:
     )
     parser.add_argument("--child", type=Path, help=argparse.SUPPRESS)
     parser.add_argument("--workers", type=int, default=0, help=argparse.SUPPRESS)
+    parser.add_argument("--coats", type=int, default=1, help=argparse.SUPPRESS)
     options = parser.parse_args()
     if options.child is not None:
-        _child(options.child, options.workers)
+        _child(options.child, options.workers, options.coats)
         return
     if options.mosaic:
         results = Results("painting_mosaic", options.out, "zarr")
@@ -114,7 +115,7 @@ def _size(
         print(f"painted {side} x {side} in {time.perf_counter() - start:.0f} s", flush=True)
     if first:
         # Programs are compiled once and kept, as on a second call of the command.
-        _run(where, 0)
+        map_painting(where)
         results(
             "Seconds by stage, and peak memory of the process; programs were compiled by a run "
             "before."
@@ -123,7 +124,7 @@ def _size(
             f"{'pixels':>12}{'bands':>7}{'survey':>9}{'search':>9}{'check':>9}{'map':>9}{'all':>9}{'pixels/s':>10}"
             f"{'GiB':>7}{'closed form':>13}{'own search':>12}{'saved':>8}"
         )
-    said = _run(where, 0)
+    said = map_painting(where)
     stages, tallies = said["stages"], said["tallies"]
     mapped = tallies["mapped"]
     # What a search of every pixel would take at the pace at which the representatives were
@@ -152,8 +153,8 @@ def _exponents(results: Results, runs: list[tuple[int, float]]) -> None:
     )
 
 
-def _run(where: Path, workers: int) -> dict:
-    """Map a painting in a process of its own."""
+def map_painting(where: Path, workers: int = 0, coats: int = 1) -> dict:
+    """Map a painting in a process of its own, into map.zarr (dask.zarr with workers)."""
     words = [
         sys.executable,
         "-m",
@@ -162,6 +163,8 @@ def _run(where: Path, workers: int) -> dict:
         str(where),
         "--workers",
         str(workers),
+        "--coats",
+        str(coats),
     ]
     done = subprocess.run(words, capture_output=True, text=True, check=False)
     if done.returncode:
@@ -169,7 +172,7 @@ def _run(where: Path, workers: int) -> dict:
     return json.loads(done.stdout.splitlines()[-1])
 
 
-def _child(where: Path, workers: int) -> None:
+def _child(where: Path, workers: int, coats: int) -> None:
     """What `glazejax map` does, with the times of its stages as one line of JSON."""
     from contextlib import ExitStack
 
@@ -214,6 +217,7 @@ def _child(where: Path, workers: int) -> None:
             ground=ground,
             out=out,
             client=client,
+            max_coats=coats,
             overwrite=True,
             progress=note_stage,
         )
@@ -325,8 +329,8 @@ def _mosaic(results: Results, folder: Path, side: int, pixels: int) -> None:
         write_painting(where, scene, "uint16")
         write_pigments(where / PAINTS, scene.paints)
     # Programs are compiled once and kept, as on a second call of the command.
-    _run(where, 0)
-    said = _run(where, 0)
+    map_painting(where)
+    said = map_painting(where)
     found = open_map(where / "map.zarr")
     _, truth, places = sampled(scene, pixels)
     arrays = {str(name): found[name].values[places[:, 0], places[:, 1]] for name in found.data_vars}
@@ -390,7 +394,7 @@ def _dask(results: Results, where: Path) -> None:
     """The smallest painting here and by two workers of a dask cluster."""
     from glazefit import open_map
 
-    _run(where, 2)
+    map_painting(where, workers=2)
     here, there = open_map(where / "map.zarr"), open_map(where / "dask.zarr")
     worst, differ = 0.0, 0
     for name in here.data_vars:
