@@ -328,8 +328,6 @@ def _mosaic(results: Results, folder: Path, side: int, pixels: int) -> None:
         shutil.rmtree(where, ignore_errors=True)
         write_painting(where, scene, "uint16")
         write_pigments(where / PAINTS, scene.paints)
-    # Programs are compiled once and kept, as on a second call of the command.
-    map_painting(where)
     said = map_painting(where)
     found = open_map(where / "map.zarr")
     _, truth, places = sampled(scene, pixels)

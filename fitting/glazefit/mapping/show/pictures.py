@@ -104,9 +104,7 @@ def legend_map(look: Overview) -> RGB:
 
 
 def upper_map(look: Overview) -> RGB:
-    """Paints of the upper coat by colour, in the order of `Overview.upper`; white where there is one
-    coat.
-    """
+    """Paints of the upper coat by colour, in the order of `Overview.upper`; white for one coat."""
     ranked, which = look.upper
     found = np.full((*which.shape, 3), _rgb(BLANK), np.uint8)
     for number in range(len(ranked)):

@@ -1,5 +1,5 @@
-"""Two coats in a map: spectra that one coat leaves in doubt are compared with a table of stacks over
-the map's one ground, and the nearest of these are fitted.
+"""Two coats in a map: spectra that one coat leaves in doubt are compared with a table of stacks
+over the map's one ground, and the nearest of these are fitted.
 
 What lies below a coat counts as one Lambertian ground, as under a varnish: so a stack is two looks
 at the table of single films, some thousand times as fast as the solver.

@@ -162,7 +162,7 @@ class PixelSolver:
         return found, way
 
     def _coats(self, found: Answers) -> dict[str, np.ndarray]:
-        """What is said of two coats, by the names of `layout.VARIABLES`; NaN where one is sought."""
+        """Arrays of two coats, by the names of `layout.VARIABLES`; none where one is sought."""
         if self.stacks is None:
             return {}
         thickness, sd = found.top()

@@ -111,7 +111,7 @@ def add_sets(into: dict[Members, SetSum], more: Mapping[Members, SetSum]) -> Non
 
 
 def pack(maps: ChunkMaps) -> dict[str, np.ndarray]:
-    """All of a window but its arrays, by name; `unpack` gives the same numbers back, bit for bit."""
+    """All of a window but its arrays, by name; `unpack` gives the same numbers back."""
     sets = maps.sets
     sums = list(sets.values())
     longest = max((len(members) for members in sets), default=0)
