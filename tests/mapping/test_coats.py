@@ -23,7 +23,7 @@ from glazejax import Glaze, Hemispherical, Layer, Mixture, catalogue, reflectanc
 from tests.mapping import small
 
 GRID = np.linspace(400.0, 700.0, 31)
-GROUND = np.full(GRID.size, 0.6)
+GROUND = np.full(GRID.size, 0.2)
 NAMES = ("Eosin", "LeadWhite", "EmeraldGreen", "ChromeYellow")
 NOISE = Noise(0.002, 0.0)
 

@@ -40,7 +40,8 @@ _FITTED = {2: 3, 3: 5}
 # How probable a body of one paint and of two is under another paint.
 _BODIES = {2: 0.5, 3: 0.5}
 _ROUNDS = 2
-_TOGETHER = 64
+# Spectra that are fitted together: one shape, one program.
+_TOGETHER = 32
 # Odds of the first candidate below which one coat leaves a spectrum in doubt.
 _OPEN = 0.9
 # Misfit (Delta E00) above which one coat does.
@@ -154,6 +155,13 @@ class StackSearch:
 
     def candidates(self, measured: Measured) -> Pool:
         """The best stacks of spectra, fitted."""
+        parts = [
+            self._candidates(measured.take(np.arange(first, min(first + _TOGETHER, len(measured)))))
+            for first in range(0, len(measured), _TOGETHER)
+        ]
+        return Pool.join(parts)
+
+    def _candidates(self, measured: Measured) -> Pool:
         features = self.features(measured.readings[:, 0])
         pools = [self._fit(measured, features, size, table) for size, table in self.tables.items()]
         pool = pools[0]
@@ -164,9 +172,8 @@ class StackSearch:
     def _fit(self, measured: Measured, features: np.ndarray, size: int, table: Stacks) -> Pool:
         task = self.task
         sets, logs = _nearest_stacks(features, table, _FITTED[size])
-        # Few shapes, so that little is compiled.
         count = len(measured)
-        rows = np.resize(np.arange(count), _TOGETHER * -(-count // _TOGETHER))
+        rows = np.resize(np.arange(count), _TOGETHER)
         chunk = Chunk(task, measured.take(rows))
         sets, logs = sets[rows], logs[rows]
         coats = np.broadcast_to(np.array([0] + [1] * (size - 1), np.int32), sets.shape)

@@ -44,6 +44,7 @@ from .coats import StackSearch, search_coats, table_optics
 _LEAST = 3e-4
 _MOST = 16
 _BLOCK = 256
+_STACKS = 64
 _STEP = 1e-3
 _terms = jax.jit(jax.vmap(prior_terms, in_axes=(0, 0, None, None)))
 
@@ -433,10 +434,15 @@ def _stack_slopes(
     """Slopes of stacks' readings by the log of every paint's k, then s."""
     coats = pool.coats[films.row, films.place][:, : films.sets.shape[1]]
     logs = np.where(films.sets == NOBODY, -np.inf, films.logs)
-    grounds = chunk.spectra.grounds[films.row]
-    given = (jnp.asarray(a) for a in (films.sets[:, None], coats[:, None], logs[:, None], grounds))
+    # An image has one ground: stacks of any spectra are as those of one.
+    ground = jnp.asarray(chunk.spectra.grounds[:1])
     optics = table_optics(chunk.task.response)
-    return np.asarray(stack_slopes(chunk.task.paints, *given, optics))[:, 0]
+
+    def run(rows: np.ndarray) -> jax.Array:
+        given = (jnp.asarray(a[None, rows]) for a in (films.sets, coats, logs))
+        return stack_slopes(chunk.task.paints, *given, ground, optics)[0]
+
+    return by_blocks(len(films.sets), _STACKS, run)
 
 
 def check_errors(discrepancy: ModelError) -> None:
