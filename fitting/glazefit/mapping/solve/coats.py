@@ -151,7 +151,11 @@ class StackSearch:
             features.append(flat.reshape(int(own.sum()), -1, flat.shape[-1]))
             paints.append(np.column_stack([np.full(int(own.sum()), top), index[own]]))
         points = [(u, *amounts) for amounts in lower for u in upper]
-        return Stacks(np.concatenate(paints), np.log(points), np.concatenate(features))
+        return Stacks(
+            paints=np.concatenate(paints).astype(np.int32),
+            logs=np.log(points),
+            features=np.concatenate(features),
+        )
 
     def candidates(self, measured: Measured) -> Pool:
         """The best stacks of spectra, fitted."""
@@ -176,7 +180,7 @@ class StackSearch:
         rows = np.resize(np.arange(count), _TOGETHER)
         chunk = Chunk(task, measured.take(rows))
         sets, logs = sets[rows], logs[rows]
-        coats = np.broadcast_to(np.array([0] + [1] * (size - 1), np.int32), sets.shape)
+        coats = np.broadcast_to(np.array([0] + [1] * (size - 1), jnp.result_type(int)), sets.shape)
         films = task.paints, jnp.asarray(sets), jnp.asarray(coats)
         ground = jnp.asarray(chunk.spectra.grounds, float)
         target, *expected = (

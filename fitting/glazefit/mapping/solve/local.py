@@ -432,7 +432,8 @@ def _stack_slopes(
     chunk: Chunk, pool: Pool, films: CandidateFilms
 ) -> Float[np.ndarray, "films errors readings"]:
     """Slopes of stacks' readings by the log of every paint's k, then s."""
-    coats = pool.coats[films.row, films.place][:, : films.sets.shape[1]]
+    size = films.sets.shape[1]
+    coats = pool.coats[films.row, films.place][:, :size].astype(jnp.result_type(int))
     logs = np.where(films.sets == NOBODY, -np.inf, films.logs)
     # An image has one ground: stacks of any spectra are as those of one.
     ground = jnp.asarray(chunk.spectra.grounds[:1])
