@@ -193,9 +193,7 @@ for _key, _row in (
         ".0f %",
         **{f"{_key}_none": cell(_row, 1), f"{_key}_again": cell(_row, 2)},
     )
-add("painting_coats", ".1f times", longer=found(r"(\S+) times as long"))
 for _key, _row in (
-    ("one", "one coat"),
     ("two", "two coats"),
     ("foliage", "foliage in light"),
     ("robe", "red robe"),
@@ -205,7 +203,6 @@ for _key, _row in (
         "painting_coats",
         ".0f %",
         **{
-            f"{_key}_said": cell(_row, 1, after="thickness"),
             f"{_key}_upper": cell(_row, 2, after="thickness"),
         },
     )
