@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 from scipy.ndimage import gaussian_filter
 
 from benchmarks.known_painting import PLACES, TRUTH
@@ -89,7 +89,7 @@ class Mosaic:
             np.clip(row, 0, rows - 1).astype(int), np.clip(column, 0, columns - 1).astype(int)
         ]
 
-    def inside(self, y0: int, y1: int) -> np.ndarray:
+    def inside(self, y0: int, y1: int) -> Bool[np.ndarray, "rows columns"]:
         """Which pixels of rows y0 to y1 see next to nothing but one film."""
         found = np.ones((y1 - y0, self.shape[1]), bool)
         around = np.pad(self.labels(y0 - _EDGE, y1 + _EDGE), ((0, 0), (_EDGE, _EDGE)), mode="edge")
@@ -126,7 +126,7 @@ class Mosaic:
             parts = sorted((number_of[name], share) for name, share in recipe.items())
             members[film, : len(parts)] = [number for number, _ in parts]
             shares[film, : len(parts)] = [share for _, share in parts]
-        foreign = (members >= len(self.paints)).any(axis=1)
+        foreign = np.asarray((members >= len(self.paints)).any(axis=1))
         found = {
             "members": members[labels],
             "coats": np.zeros((*labels.shape, PLACES)),

@@ -7,6 +7,7 @@ makes of them.
 import argparse
 import tempfile
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -18,6 +19,9 @@ from glazefit.mapping.spot_files import write_spots
 from glazejax import catalogue
 from glazejax.geometry import resolve_instrument
 from glazejax.paint.pigment_table import write_pigments
+
+if TYPE_CHECKING:
+    import xarray
 
 NEEDS = ("zarr",)
 
@@ -96,7 +100,7 @@ def _offered(
     return offered
 
 
-def _none(found, here: np.ndarray) -> float:
+def _none(found: "xarray.Dataset", here: Any) -> float:
     """Share of pixels that no paints explain."""
     return 1.0 - float(found["explained"].values[here].mean())
 
