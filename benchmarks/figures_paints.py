@@ -154,6 +154,64 @@ for _key, _row in (
     )
     add("painting", ".3f", **{f"{_key}_shares": cell(_row, 6)})
 add("painting", ".0f %", map_two_coats=cell("map_cube", 2))
+for _key, _row in (
+    ("pairs", "spectral angle, and pairs"),
+    ("film", "Kubelka-Munk, film on ground"),
+    ("map", "map_cube"),
+    ("edges", "map_cube, off edges"),
+):
+    add(
+        "painting_mosaic",
+        ".0f %",
+        **{
+            f"{_key}_right": cell(_row, 0),
+            f"{_key}_pigments": cell(_row, 4),
+            f"{_key}_false": cell(_row, 8),
+            f"{_key}_found": cell(_row, 9),
+        },
+    )
+add(
+    "painting_mosaic",
+    ".0f",
+    films=found(r"bands: (\d+) measured"),
+    foreign=found(r"white card, (\d+) of them"),
+    paints=found(r"The (\d+) paints"),
+)
+add(
+    "painting_spots",
+    ".0f",
+    offered=found(r"paints offered: (\d+) of"),
+    paints=found(r"paints offered: \d+ of (\d+)"),
+)
+for _key, _row in (
+    ("viridian", "ViridianGreen"),
+    ("cochineal", "Cochineal"),
+    ("emerald", "EmeraldGreen"),
+):
+    add(
+        "painting_spots",
+        ".0f %",
+        **{f"{_key}_none": cell(_row, 1), f"{_key}_again": cell(_row, 2)},
+    )
+for _key, _row in (
+    ("two", "two coats"),
+    ("foliage", "foliage in light"),
+    ("robe", "red robe"),
+    ("mantle", "blue mantle"),
+):
+    add(
+        "painting_coats",
+        ".0f %",
+        **{
+            f"{_key}_upper": cell(_row, 2, after="thickness"),
+        },
+    )
+add(
+    "painting_coats",
+    ".0f %",
+    sets=cell("map_cube, 2 coats", 2),
+    sets_of_one=cell("map_cube, 1 coat", 2),
+)
 
 # Catalogue and recovery.
 add(

@@ -10,6 +10,7 @@ import functools
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Protocol
 
 import numpy as np
 from jaxtyping import Float
@@ -41,6 +42,48 @@ TRUTH = {
     "foreign": "bool",
 }
 """Arrays of the truth; the first three have `PLACES` columns."""
+
+
+class Scenery(Protocol):
+    """What can be written, mapped and compared: a `Painting`, or a mosaic of measured films."""
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """(y, x) in pixels."""
+        ...
+
+    @property
+    def wavelengths(self) -> Float[np.ndarray, "bands"]:
+        """Of the bands, nm."""
+        ...
+
+    @property
+    def paints(self) -> list[Pigment]:
+        """Paints that a map is to be given."""
+        ...
+
+    @property
+    def ground(self) -> Float[np.ndarray, "bands"]:
+        """Its internal reflectance."""
+        ...
+
+    @property
+    def seed(self) -> int:
+        """Of all that is drawn at random."""
+        ...
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Paints by the number that the truth gives them."""
+        ...
+
+    def rows(self, y0: int, y1: int) -> Float[np.ndarray, "rows x bands"]:
+        """Reflectance of some rows."""
+        ...
+
+    def truth(self, y0: int, y1: int) -> dict[str, np.ndarray]:
+        """What they are painted with, by the names of `TRUTH`."""
+        ...
 
 
 @dataclass(frozen=True)
@@ -287,7 +330,7 @@ def _table(number: int, wavelengths: tuple[float, ...], ground: tuple[float, ...
 
 def write_painting(
     folder: str | Path,
-    painting: Painting,
+    painting: Scenery,
     dtype: str = "float32",
     *,
     interleave: str = "bil",
@@ -347,7 +390,7 @@ def write_painting(
     return header
 
 
-def _header(painting: Painting, dtype: str, interleave: str) -> str:
+def _header(painting: Scenery, dtype: str, interleave: str) -> str:
     fields = {
         "description": "{Painting made by benchmarks.known_painting, seed "
         + f"{painting.seed}"

@@ -3,10 +3,12 @@ search, and rivals.
 
     python -m benchmarks.painting [--megapixels 0.1 1 10] [--bands 200] [--folder FOLDER] [--checked
     2000] [--no-dask]
+    python -m benchmarks.painting --mosaic [--megapixels 1] [--checked 2000]
 
 Each painting is written to disk first (10 megapixels of 200 bands take 4 GB as 16-bit integers),
 then mapped by a process of its own, as `glazejax map` does, whose time and peak memory are taken.
-Cubes stay in the folder and are used again.
+Cubes stay in the folder and are used again. `--mosaic` maps measured films instead, see
+`benchmarks.painting_mosaic`.
 """
 
 import argparse
@@ -17,18 +19,30 @@ import subprocess
 import sys
 import tempfile
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from benchmarks.known_painting import painting, write_painting
 from benchmarks.known_painting_scene import FOREIGN
-from benchmarks.painting_rivals import Row, answer_of_map, by_coats, compared, sampled, score, table
+from benchmarks.painting_rivals import (
+    Row,
+    answer_of_map,
+    by_coats,
+    compared,
+    only,
+    sampled,
+    score,
+    table,
+)
 from benchmarks.results import Results, add_option
 
 NEEDS = ("zarr", "dask", "distributed")
 
 _SEED, _OTHER = 3, 4
+PAINTS = "paints.csv"
+"""Paints that the map is given, beside a cube; without such a file the oils that ship."""
 
 
 def main() -> None:
@@ -45,11 +59,22 @@ def main() -> None:
         "--checked", type=int, default=2000, help="pixels that are searched in full"
     )
     parser.add_argument("--no-dask", action="store_true")
+    parser.add_argument(
+        "--mosaic", action="store_true", help="measured films in place of computed spectra"
+    )
     parser.add_argument("--child", type=Path, help=argparse.SUPPRESS)
     parser.add_argument("--workers", type=int, default=0, help=argparse.SUPPRESS)
+    parser.add_argument("--coats", type=int, default=1, help=argparse.SUPPRESS)
     options = parser.parse_args()
     if options.child is not None:
-        _child(options.child, options.workers)
+        _child(options.child, options.workers, options.coats)
+        return
+    if options.mosaic:
+        results = Results("painting_mosaic", options.out, "zarr")
+        side = round((1e6 * min(options.megapixels, key=lambda size: abs(size - 1.0))) ** 0.5)
+        with tempfile.TemporaryDirectory() as temporary:
+            _mosaic(results, options.folder or Path(temporary), side, options.checked)
+        results.save()
         return
     results = Results("painting", options.out, "zarr", "dask")
     with tempfile.TemporaryDirectory() as temporary:
@@ -90,7 +115,7 @@ def _size(
         print(f"painted {side} x {side} in {time.perf_counter() - start:.0f} s", flush=True)
     if first:
         # Programs are compiled once and kept, as on a second call of the command.
-        _run(where, 0)
+        map_painting(where)
         results(
             "Seconds by stage, and peak memory of the process; programs were compiled by a run "
             "before."
@@ -99,7 +124,7 @@ def _size(
             f"{'pixels':>12}{'bands':>7}{'survey':>9}{'search':>9}{'check':>9}{'map':>9}{'all':>9}{'pixels/s':>10}"
             f"{'GiB':>7}{'closed form':>13}{'own search':>12}{'saved':>8}"
         )
-    said = _run(where, 0)
+    said = map_painting(where)
     stages, tallies = said["stages"], said["tallies"]
     mapped = tallies["mapped"]
     # What a search of every pixel would take at the pace at which the representatives were
@@ -128,8 +153,8 @@ def _exponents(results: Results, runs: list[tuple[int, float]]) -> None:
     )
 
 
-def _run(where: Path, workers: int) -> dict:
-    """Map a painting in a process of its own."""
+def map_painting(where: Path, workers: int = 0, coats: int = 1) -> dict:
+    """Map a painting in a process of its own, into map.zarr (dask.zarr with workers)."""
     words = [
         sys.executable,
         "-m",
@@ -138,6 +163,8 @@ def _run(where: Path, workers: int) -> dict:
         str(where),
         "--workers",
         str(workers),
+        "--coats",
+        str(coats),
     ]
     done = subprocess.run(words, capture_output=True, text=True, check=False)
     if done.returncode:
@@ -145,7 +172,7 @@ def _run(where: Path, workers: int) -> dict:
     return json.loads(done.stdout.splitlines()[-1])
 
 
-def _child(where: Path, workers: int) -> None:
+def _child(where: Path, workers: int, coats: int) -> None:
     """What `glazejax map` does, with the times of its stages as one line of JSON."""
     from contextlib import ExitStack
 
@@ -162,7 +189,9 @@ def _child(where: Path, workers: int) -> None:
     from glazejax.io import read_spectra
 
     ground = read_spectra(where / "ground.csv").reflectance[0]
-    paints = [paint for name, paint in catalogue.load().items() if name not in FOREIGN]
+    own = where / PAINTS
+    shelf = catalogue.read(own) if own.exists() else catalogue.load()
+    paints = [paint for name, paint in shelf.items() if name not in FOREIGN]
     begun: list[tuple[str, float]] = []
 
     def note_stage(done: int, total: int | None, stage: str) -> None:
@@ -188,6 +217,7 @@ def _child(where: Path, workers: int) -> None:
             ground=ground,
             out=out,
             client=client,
+            max_coats=coats,
             overwrite=True,
             progress=note_stage,
         )
@@ -285,6 +315,57 @@ def _truth(
         results(line)
 
 
+def _mosaic(results: Results, folder: Path, side: int, pixels: int) -> None:
+    """Measured films as a camera sees them, mapped beside the rivals."""
+    from benchmarks.painting_mosaic import BLUR, GAIN, NOISE, mosaic
+    from glazefit import open_map
+    from glazejax.paint.pigment_table import write_pigments
+
+    scene = mosaic((side, side), _SEED)
+    other = mosaic((480, 640), _OTHER, scene.paints)
+    where = folder / f"mosaic-{side}x{side}"
+    if not (where / "painting.hdr").exists():
+        shutil.rmtree(where, ignore_errors=True)
+        write_painting(where, scene, "uint16")
+        write_pigments(where / PAINTS, scene.paints)
+    said = map_painting(where)
+    found = open_map(where / "map.zarr")
+    _, truth, places = sampled(scene, pixels)
+    arrays = {str(name): found[name].values[places[:, 0], places[:, 1]] for name in found.data_vars}
+    inside = np.array([scene.inside(y, y + 1)[0, x] for y, x in places.tolist()])
+    count = len(scene.recipes)
+    foreign = sum(bool(set(recipe) & set(scene.foreign)) for recipe in scene.recipes)
+    results(
+        f"Mosaic of {side} x {side} pixels and {len(scene.wavelengths)} bands: {count} measured "
+        f"films over a white card, {foreign} of them with"
+    )
+    results(
+        f"foreign paint ({', '.join(scene.foreign)}). The {len(scene.paints)} paints are those of "
+        "a joint fit without all of these films."
+    )
+    results(
+        f"Put on: noise {NOISE:g}, light that varies by {GAIN:.0%}, blur of {BLUR:g} pixels. "
+        f"{pixels} pixels, {inside.sum()} of them off the edges of tiles;"
+    )
+    results("rivals choose cut and threshold on another mosaic of the same films.")
+    results()
+    rows = compared(scene, other, pixels)
+    answer = replace(answer_of_map(arrays), thickness=np.full(len(places), np.nan))
+    seconds = said["seconds"] / side**2
+    for name, (true, told) in {
+        "map_cube": (truth, answer),
+        "map_cube, off edges": only(truth, answer, inside),
+    }.items():
+        by = by_coats(true, told, scene.names)
+        rows.append(Row(name, score(true, told, scene.names), seconds, by))
+    for line in table(
+        [row._replace(score=row.score._replace(amount_error=np.nan)) for row in rows]
+    ):
+        results(line)
+    results()
+    results(f"seconds {said['seconds']:.1f}, peak memory {said['gib']:.2f} GiB")
+
+
 def _at_image_bands(scene, paints) -> float:
     """Seconds of a full search at every second band, in the second of two runs."""
     from glazefit import IdentificationOptions, Noise
@@ -311,7 +392,7 @@ def _dask(results: Results, where: Path) -> None:
     """The smallest painting here and by two workers of a dask cluster."""
     from glazefit import open_map
 
-    _run(where, 2)
+    map_painting(where, workers=2)
     here, there = open_map(where / "map.zarr"), open_map(where / "dask.zarr")
     worst, differ = 0.0, 0
     for name in here.data_vars:

@@ -18,7 +18,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy.optimize import nnls
 
-from benchmarks.known_painting import PLACES, Painting, painting
+from benchmarks.known_painting import PLACES, Scenery, painting
 from benchmarks.results import Results, add_option
 from glazefit.film.films import Instrument, diffuse_internal_reflectance
 from glazejax import Glaze, Hemispherical, Layer, Mixture, Pigment, reflectance
@@ -113,7 +113,7 @@ Method = Callable[[Spectra], Unmixed]
 
 
 def sampled(
-    scene: Painting, pixels: int, seed: int = 0
+    scene: Scenery, pixels: int, seed: int = 0
 ) -> tuple[Spectra, Truth, Int[np.ndarray, "pixels 2"]]:
     """Readings and truth of pixels drawn at random, and where they are (y, x)."""
     height, width = scene.shape
@@ -542,7 +542,7 @@ class Row(NamedTuple):
     choice: Choice | None = None
 
 
-def compared(scene: Painting, other: Painting, pixels: int = 2000) -> list[Row]:
+def compared(scene: Scenery, other: Scenery, pixels: int = 2000) -> list[Row]:
     """Scores of all rivals on pixels of a painting; each chooses its cut and threshold on another
     painting.
 

@@ -1,7 +1,8 @@
 import numpy as np
 import pytest
 
-from glazejax.paint.pigment_table import read_pigments
+from glazejax import Pigment, catalogue
+from glazejax.paint.pigment_table import read_pigments, write_pigments
 
 HEADER = "pigment,wavelength_nm,absorption,scattering,absorption_sd,scattering_sd,identifiable\n"
 GOOD = (
@@ -28,6 +29,26 @@ def test_pigments_are_read(tmp_path):
     np.testing.assert_array_equal(b.scattering, [2, 4])
     assert b.scattering_sd is None
     assert "pigments.csv" in a.provenance
+
+
+def test_pigments_that_were_written_read_back(tmp_path):
+    oil = catalogue.pigment("ViridianGreen")
+    plain = Pigment("=Spot, 1", [400.0, 500.0], [1.5, 2.0], [3.0, 0.1])
+    path = tmp_path / "mine.csv"
+    write_pigments(path, [oil, plain], ["found in a map"])
+    found = read_pigments(path)
+    assert list(found) == [oil.name, plain.name]
+    for one in (oil, plain):
+        again = found[one.name]
+        for name in ("absorption", "scattering", "absorption_sd", "scattering_sd", "error_modes"):
+            wanted, got = getattr(one, name), getattr(again, name)
+            assert (wanted is None) == (got is None), name
+            if wanted is not None:
+                np.testing.assert_array_equal(got, wanted)
+    np.testing.assert_array_equal(found[oil.name].identifiable, oil.identifiable)
+    assert "found in a map" in found[plain.name].provenance
+    with pytest.raises(FileExistsError):
+        write_pigments(path, [plain])
 
 
 def test_columns_in_any_order_comments_and_extras(tmp_path):

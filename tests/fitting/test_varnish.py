@@ -49,6 +49,26 @@ def test_varnish_comes_off_again():
     assert lost[0] < 0.5 * lost[-1]
 
 
+@pytest.mark.parametrize("reading", [0.0, 0.039, 0.95])
+def test_a_film_that_no_paint_under_a_varnish_reads_is_finite(reading):
+    """Brighter in the blue than any paint under the varnish is not possible; darker may be noise."""
+    response, surface = film_response(Hemispherical()), 0.04
+    whole = np.full((1, 1, GRID.size), reading)
+    film = Measured(
+        names=("film",),
+        wavelengths=GRID,
+        readings=whole,
+        grounds=np.full_like(whole, 0.9),
+        noise_sd=np.full_like(whole, 1e-4),
+        doubt=np.empty((1, 0, 1, GRID.size)),
+    )
+    found, change = remove_varnish(film, response, surface, 0.6)
+    for values in (found.readings, found.noise_sd, found.doubt):
+        assert np.isfinite(values).all()
+    assert (found.noise_sd > 0).all()
+    assert np.isnan(change).all() == (reading > 0.9)
+
+
 def test_a_film_taken_from_under_a_varnish_keeps_what_is_not_known():
     """Readings as of the bare film; noise, doubt and volume by finite differences of taking the
     varnish off.

@@ -146,6 +146,20 @@ def test_pixels_are_answered_as_a_search_answers_them(made, cube, options: dict[
     assert np.median(np.abs(fitted / whole.rmse[:, 0] - 1.0)[same]) < 0.02
 
 
+def test_what_no_paint_explains_is_offered_as_paints(made):
+    found, _, out = made
+    none = (found["status"].values == Status.MAPPED) & (found["explained"].values == 0)
+    kept = MapStore.open(out).unexplained()
+    assert kept.pixels.sum() == none.sum() > 0
+    spots = found.attrs["spots"]
+    assert 0 < len(spots) <= 10
+    for spot in spots:
+        assert none[tuple(spot["place"])]
+        assert len(spot["reading"]) == len(found.attrs["working_wavelengths"])
+        assert spot["pixels"] <= none.sum()
+    assert np.isnan(found["coats_probability"].values).all()
+
+
 def test_the_map_says_how_far_it_agrees(made):
     agreement = made[0].attrs["agreement"]
     assert agreement["pixels"] == 96

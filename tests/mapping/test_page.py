@@ -10,7 +10,7 @@ import pytest
 from benchmarks.known_painting import painting
 
 from glazefit.mapping.show.page import _WAYS, Provenance, write_report
-from glazefit.mapping.show.page_sets import _spectra
+from glazefit.mapping.show.page_sets import spectra_svg
 from glazefit.mapping.store.chunk import SetSum
 from glazefit.mapping.store.layout import Status, Way
 
@@ -180,13 +180,13 @@ def test_a_map_that_is_not_finished_or_empty_says_so(made, tmp_path):
 def test_a_small_spectrum_has_the_mean_at_its_height():
     grid = np.array([400.0, 500.0, 600.0, 700.0])
     mean = np.array([0.0, 0.5, 1.0, 0.25])
-    drawn = _spectra(SetSum(4, 4 * mean, 4 * mean, 4 * mean**2, (0.0, 0)), grid, "a")
+    drawn = spectra_svg(SetSum(4, 4 * mean, 4 * mean, 4 * mean**2, (0.0, 0)), grid, "a")
     lines = re.findall(r'polyline points="([^"]*)"', drawn)
     y = [float(pair.split(",")[1]) for pair in lines[0].split()]
     # The lower edge is 0 and the upper 1.
     assert np.interp(y, (y[2], y[0]), (1, 0)) == pytest.approx(mean, abs=0.01)
     assert lines[0] == lines[1]
-    assert _spectra(None, grid, "a") == "–"
+    assert spectra_svg(None, grid, "a") == "–"
 
 
 def test_pictures_fill_their_row(made, tmp_path):

@@ -255,13 +255,16 @@ def map_(
 
     few_arenas()
     start_jax()
+    import numpy as np
     from rich.console import Console
 
     from glazejax.io import CubeSource
 
     from ..film.films import Instrument, Noise
     from ..film.model.errors import ModelError, Prior
+    from . import spot_files
     from .map_cube import map_cube
+    from .solve.spots import spot_pigment
     from .store.run import connect
     from .store.store import MapStore
     from .terminal import name_damage, say_what_is_kept, show_stages
@@ -282,6 +285,7 @@ def map_(
     source = CubeSource(cube.absolute(), **reading)
     opened = source.open()
     progress.print_notes(console, cube, opened.attrs.get("notes", ()))
+    measured_spots = read_spectra_of_spots(places, opened)
     below, words, notes = read_ground_of_cube(ground, bare, opened, paints, seen_with)
     progress.print_notes(console, "--ground", notes)
     given = {"floor": noise, "share": noise_share}
@@ -299,7 +303,7 @@ def map_(
             opaque=opaque,
             out=out,
             mask=mask,
-            spots=read_spectra_of_spots(places, opened),
+            spots=measured_spots,
             instrument=seen_with,
             noise=None
             if noise is noise_share is None
@@ -330,6 +334,19 @@ def map_(
             command_line(map_, "map", typed, ("cube",)), typed, source.path, read, found, facts
         )
 
+    def write_spots(folder: Path) -> list[Path]:
+        grid = np.asarray(opened["wavelength"], float)
+        every = [
+            *paints,
+            *(
+                spot_pigment(name, grid, spectrum, paints, seen_with)
+                for name, spectrum in measured_spots.items()
+            ),
+        ]
+        return spot_files.write_spots(
+            folder, found, grid, every, instrument=seen_with, overwrite=overwrite
+        )
+
     console.print(f"Wrote the map to {out}")
     _write(
         MapStore.open(out),
@@ -341,6 +358,7 @@ def map_(
         report=report,
         overwrite=overwrite,
         provenance=provenance,
+        write_spots=write_spots,
     )
 
 
@@ -404,6 +422,7 @@ def _write(
     report: Path | None,
     overwrite: bool,
     provenance: Callable[[], Any],
+    write_spots: Callable[[Path], list[Path]],
 ) -> None:
     """Print the map, and write what was asked for beside it."""
     from .show.report import print_map, write_sets
@@ -429,3 +448,8 @@ def _write(
                 found, tallies, sets, provenance(), report, cube=opened, overwrite=overwrite
             )
         console.print(f"Wrote the report to {page}")
+        if files := write_spots(report):
+            console.print(
+                f"Wrote spectra that no paint explains to {files[0]}, and with them as paints "
+                f"{files[1]}, for --pigments"
+            )

@@ -6,9 +6,9 @@ it. What that costs is measured on pixels that are searched themselves.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple, Unpack
+from typing import TYPE_CHECKING, Any, NamedTuple, Unpack
 
 import numpy as np
 from jaxtyping import ArrayLike, Bool, Float
@@ -22,11 +22,13 @@ from ..film.noise import spectra_noise
 from ..identify.search.options import SearchKeywords, check_keywords
 from .solve.agreement import compare
 from .solve.atlas import Atlas
+from .solve.coats import StackSearch
 from .solve.local import Searched, search_locally
 from .solve.process import give_back, one_thread_each
 from .solve.solver import PixelSolver
 from .solve.survey import Features, survey
 from .solve.task import MapTask, map_task
+from .solve.unexplained import choose_spots
 from .solve.working_bands import classify
 from .store.layout import STATUS_WORDS, Status
 from .store.run import client_in_scope, finish, run_chunks
@@ -163,6 +165,7 @@ def map_cube(
             ground=task.ground,
             atlas=atlas,
             reach=surveyed.reach,
+            stacks=task.stack_search(surveyed.features),
         )
         run_chunks(store, solver, client, progress)
         tallies, _ = store.sums()
@@ -173,8 +176,25 @@ def map_cube(
             reach=surveyed.reach,
             agreement={name: value.tolist() for name, value in store.work.get("checked").items()},
             tallies=tallies,
+            spots=_spots(store, task, tallies),
         )
     return open_map(out)
+
+
+def _spots(store: MapStore, task: MapTask, tallies: Mapping[str, float]) -> list[dict[str, Any]]:
+    """Spectra that no paints explain and that may be paints, as the map's attribute holds them."""
+    bare = np.ones(task.image.bands.wavelengths.size)
+    if task.ground is not None:
+        nothing = np.zeros(len(bare))
+        own = task.searcher.task
+        bare = np.asarray(own.response.body(nothing, nothing, task.ground)) + own.surface
+    spots = choose_spots(
+        store.unexplained(),
+        bare,
+        tallies[STATUS_WORDS[Status.MAPPED]],
+        task.searcher.paints,
+    )
+    return [asdict(spot) for spot in spots]
 
 
 class _Surveyed(NamedTuple):
@@ -275,7 +295,8 @@ def _atlas(
         give_back()
         progress(done, total, words)
 
-    finish(keys, _Pieces(task, surveyed.readings), work, client, note, "searching")
+    pieces = _Pieces(task, surveyed.readings, task.stack_search(surveyed.features))
+    finish(keys, pieces, work, client, note, "searching")
     found = Searched.from_parts(len(keys), lambda n, name: work.get(keys[n], [name])[name])
     return Atlas.of(surveyed.features, found, task.searcher.task.prior)
 
@@ -286,6 +307,7 @@ class _Pieces:
 
     task: MapTask
     readings: Float[np.ndarray, "representatives bands"]
+    stacks: StackSearch | None
 
     def __call__(self, key: str) -> dict[str, np.ndarray]:
         first = int(key.rpartition("-")[2]) * _PIECE
@@ -293,7 +315,11 @@ class _Pieces:
         task = self.task
         with one_thread_each():
             return search_locally(
-                task.searcher, batch, task.image.noise_sd(batch), task.ground
+                task.searcher,
+                batch,
+                task.image.noise_sd(batch),
+                task.ground,
+                stacks=self.stacks,
             ).arrays()
 
 

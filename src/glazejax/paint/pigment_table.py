@@ -1,11 +1,11 @@
-"""Tables of fitted pigments, one line for each pigment and wavelength, as ``glazejax recover``
-writes them.
+"""Tables of fitted pigments, one line for each pigment and wavelength, as ``glazejax recover`` and
+``glazejax map`` write them.
 """
 
 import csv
 import math
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from pathlib import Path
 
@@ -13,6 +13,7 @@ import numpy as np
 
 from ..io.source import Source, open_source, show_path
 from ..io.words import read_number, unshield_name
+from ..io.write import table_bytes, write_files
 from .media import Pigment
 
 _NEEDED = ("pigment", "wavelength_nm", "absorption", "scattering")
@@ -149,3 +150,50 @@ def _pigment(source: Source, name: str, columns: _Columns, provenance: str) -> P
         )
     except ValueError as error:
         raise source.error(f"pigment {name!r}: {error}") from None
+
+
+def write_pigments(
+    path: str | Path,
+    pigments: Iterable[Pigment],
+    comments: Sequence[str] = (),
+    *,
+    overwrite: bool = False,
+) -> None:
+    """Write pigments so that `read_pigments` gives the same numbers back.
+
+    Args:
+        path: the CSV; its folder must exist.
+        pigments: with k and s of one spectrum each.
+        comments: lines above the table, kept as the pigments' provenance.
+        overwrite: whether a file that exists may be replaced.
+
+    Raises:
+        FileExistsError: the file exists and `overwrite` is false.
+        FileNotFoundError: its folder does not exist.
+        ValueError: a pigment is a batch.
+    """
+    known = list(pigments)
+    modes = [None if p.error_modes is None else np.asarray(p.error_modes) for p in known]
+    most = max((len(own) for own in modes if own is not None), default=0)
+    titles = [*_NEEDED, *_OPTIONAL, *(f"{w}_mode_{n + 1}" for w in "ks" for n in range(most))]
+    rows = []
+    for pigment, own in zip(known, modes, strict=True):
+        k, s = np.asarray(pigment.absorption), np.asarray(pigment.scattering)
+        if k.ndim != 1 or s.ndim != 1:
+            raise ValueError(f"pigment {pigment.name!r} is a batch: write its members one by one")
+        sds = [
+            np.full(k.size, np.nan) if sd is None else np.asarray(sd)
+            for sd in (pigment.absorption_sd, pigment.scattering_sd)
+        ]
+        told = pigment.identifiable
+        left_open = np.full((2, most, k.size), np.nan)
+        if own is not None:
+            left_open[:, : len(own)] = own.swapaxes(0, 1)
+        numbers = np.concatenate([np.stack([*sds]), left_open.reshape(2 * most, k.size)])
+        for band, nm in enumerate(np.asarray(pigment.wavelengths)):
+            cells = ["" if np.isnan(value) else value for value in numbers[:, band]]
+            known_there = "true" if told is None or told[band] else "false"
+            row = [pigment.name, nm, k[band], s[band], *cells[:2], known_there, *cells[2:]]
+            rows.append(row)
+    notes = "".join(f"# {line}\n" for line in comments).encode()
+    write_files({Path(path): [notes, table_bytes(titles, rows)]}, overwrite=overwrite)

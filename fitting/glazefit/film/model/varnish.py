@@ -19,6 +19,8 @@ AMOUNTS = {"thin": (0.2, 0.15), "yellowed": (0.6, 0.3)}
 between them is left open.
 """
 _FIRST = 400.0
+# Internal reflectances of paint, with what noise may feign.
+_PAINT = (-0.5, 1.0)
 
 
 def yellow(
@@ -59,6 +61,17 @@ def without_varnish(
     below = ground_below(np.asarray(body) - dark, gain, back)
     clear, gain, back = _through(response, np.zeros_like(thickness))
     return clear + gain * below / (1.0 - back * below)
+
+
+def limits_under(
+    response: FilmResponse, thickness: Float[np.ndarray, "bands"]
+) -> tuple[Float[np.ndarray, "bands"], Float[np.ndarray, "bands"]]:
+    """What paint reads under a varnish at least and at most, outer surface aside: beyond, the
+    inverse of `under_varnish` makes any number.
+    """
+    dark, gain, back = _through(response, thickness)
+    low, high = (dark + gain * below / (1.0 - back * below) for below in _PAINT)
+    return low, high
 
 
 def _through(

@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from ...film.model.response import FilmResponse
-from ...film.model.varnish import AMOUNTS, under_varnish, without_varnish, yellow
+from ...film.model.varnish import AMOUNTS, limits_under, under_varnish, without_varnish, yellow
 from .candidates import find_candidates
 from .pool import Pool
 from .screen import first_starts
@@ -64,6 +64,8 @@ _LEVELS = dict(AMOUNTS.values())
 # By which a varnish's thickness and a reading are changed for a slope.
 _STEP = 0.01
 _HIGHER = 1e-4
+# Readings beyond what paint reads under a varnish, in standard deviations, that are no noise.
+_SURE = 4.0
 # Probability of none above which a film is sought again.
 _DOUBTFUL = 0.2
 
@@ -161,7 +163,8 @@ def films_under(
 def remove_varnish(
     measured: Measured, response: FilmResponse, surface: float, level: float
 ) -> tuple[Measured, Float[np.ndarray, "spectra grounds bands"]]:
-    """Spectra as they would be without a varnish, and their slopes by the readings under it.
+    """Spectra as they would be without a varnish, and their slopes by the readings under it; NaN
+    for spectra that no paint reads under it.
 
     How much varnish there is is left open: an error of a known shape.
 
@@ -171,10 +174,12 @@ def remove_varnish(
         surface: what the outer surface adds to a reading.
         level: optical thickness of the varnish at 400 nm, one of those that are tried.
     """
-    body = measured.readings - surface
+    absorption = yellow(measured.wavelengths)
+    read = measured.readings - surface
+    body = np.clip(read, *limits_under(response, level * absorption))
+    possible = (np.abs(read - body) <= _SURE * measured.noise_sd).all(axis=(1, 2), keepdims=True)
     spread = _LEVELS[level]
     # At this level, at slightly more varnish, and for slightly higher readings.
-    absorption = yellow(measured.wavelengths)
     bare = without_varnish(response, body, level * absorption)
     more_varnish = without_varnish(response, body, (level + _STEP) * absorption)
     brighter = without_varnish(response, body + _HIGHER, level * absorption)
@@ -184,7 +189,7 @@ def remove_varnish(
     changed = replace(
         measured, readings=bare + surface, noise_sd=measured.noise_sd * slope, doubt=doubt
     )
-    return changed, slope
+    return changed, np.where(possible, slope, np.nan)
 
 
 def pool_under(number: int, seen: FilmsUnderCondition, pool: Pool) -> Pool:

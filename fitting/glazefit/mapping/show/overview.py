@@ -24,7 +24,17 @@ MOST = (1600, 1200)
 _PAINT_WIDTH = 640
 # Pixels looked at together, for memory.
 _PIXELS = 2**20
-_MEANS = ("probability", "none", "thickness", "thickness_sd", "misfit", "rmse")
+_MEANS = (
+    "probability",
+    "none",
+    "thickness",
+    "thickness_sd",
+    "coats_probability",
+    "top_thickness",
+    "top_thickness_sd",
+    "misfit",
+    "rmse",
+)
 _EXAMPLES = ("members", "coats", "fraction", "explained", "probability", "thickness", "status")
 
 
@@ -91,6 +101,31 @@ class Overview:
     def words(self, members: Members) -> str:
         """Names of a set's paints."""
         return set_words(members, self.paints) or "none of these paints"
+
+    @cached_property
+    def two_coats_sought(self) -> bool:
+        """Whether two coats were sought anywhere."""
+        return bool(np.isfinite(self.means["coats_probability"]).any())
+
+    @cached_property
+    def upper(self) -> tuple[list[Members], Int[np.ndarray, "rows columns"]]:
+        """Paints of the upper coat where the most probable set lies in two: sets of paints, that of
+        the largest area first, and the number of each pixel's; -1 where there is one coat.
+        """
+        members = self.examples["members"].astype(int)
+        here = (self.examples["coats"] > 0).any(axis=-1) & (self.examples["explained"] > 0)
+        here &= self.examples["status"] == Status.MAPPED
+        top = np.where(self.examples["coats"] == 0, members, -1)
+        found: dict[Members, list[int]] = {}
+        for place, paints in enumerate(top[here]):
+            found.setdefault(tuple(int(p) for p in paints if p >= 0), []).append(place)
+        ranked = sorted(found, key=lambda paints: (-len(found[paints]), paints))
+        numbers = np.empty(int(here.sum()), int)
+        for number, paints in enumerate(ranked):
+            numbers[found[paints]] = number
+        which = np.full(here.shape, -1)
+        which[here] = numbers
+        return ranked, which
 
     def where(self, members: Members) -> Bool[np.ndarray, "rows columns"]:
         """Which pixels of `examples` have a set."""

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from html import escape
 from importlib.resources import files
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -19,7 +19,10 @@ from ..store.chunk import Members, SetSum
 from ..store.layout import STATUS_WORDS, Status, Way
 from .overview import Overview, overview
 from .page_sets import paints_table, sets_table, share_html
+from .page_spots import spots_html
 from .pictures import (
+    LEGEND,
+    OTHERS,
     RGB,
     MapPicture,
     colour_numbers,
@@ -33,6 +36,7 @@ from .pictures import (
     own_colours,
     paint_pictures,
     png,
+    upper_map,
     write_pictures,
 )
 
@@ -122,7 +126,15 @@ def write_report(
     numbers = numbers_of(look)
     paints = [paint_pictures(look, paint) for paint in found_paints(look)]
     pieces = page(
-        look, tallies, sets, provenance, grid=grid, numbers=numbers, paints=paints, false=false
+        look,
+        tallies,
+        sets,
+        provenance,
+        grid=grid,
+        numbers=numbers,
+        paints=paints,
+        false=false,
+        spots=dataset.attrs.get("spots", ()),
     )
     shown = [piece.encode("utf-8", "xmlcharrefreplace") for piece in pieces]
     (folder / "pictures").mkdir(parents=True, exist_ok=True)
@@ -147,6 +159,7 @@ def page(
     numbers: Sequence[MapPicture],
     paints: Sequence[Sequence[MapPicture]],
     false: tuple[RGB, str] | None,
+    spots: Sequence[Mapping[str, Any]] = (),
 ) -> Iterator[str]:
     """The page, piece by piece."""
     style = files("glazefit.mapping.show").joinpath("page.css").read_text(encoding="utf-8")
@@ -174,6 +187,8 @@ def page(
         + "".join(_number_figure(look, each) for each in numbers)
         + "</div>\n"
     )
+    if look.two_coats_sought:
+        yield _coats_html(look)
     yield "<h2>Paints</h2>\n" + paints_table(look)
     if paints:
         yield (
@@ -186,6 +201,7 @@ def page(
             + "".join(_number_figure(look, each) for each in both)
             + "</div>\n"
         )
+    yield spots_html(look, spots, grid)
     yield _unknown(provenance)
     yield _how_made(look, tallies, provenance)
     yield END
@@ -308,6 +324,26 @@ def _number_figure(look: Overview, shown: MapPicture) -> str:
         f"</span>{shown.scale.high:g}{escape(unit)}{more}</div>"
     )
     return _figure(look, colour_numbers(shown), shown.title, shown.words, after=after)
+
+
+def _coats_html(look: Overview) -> str:
+    """Which paint lies on top, where the most probable set lies in two coats."""
+    ranked, which = look.upper
+    total = max(int(np.sum(look.examples["status"] == Status.MAPPED)), 1)
+    keys = "".join(
+        f'<li><span class="key" style="background:{LEGEND[n] if n < len(LEGEND) else OTHERS}">'
+        f"</span> {escape(look.words(paints))}, {share_html(int(np.sum(which == n)), total)}</li>\n"
+        for n, paints in enumerate(ranked)
+    )
+    words = (
+        "Which paint lies on top, where two coats are most probable; white elsewhere. Two coats "
+        "are sought where one fits poorly or leaves open what a pixel is."
+    )
+    return (
+        '<h2>Coats</h2>\n<div class="maps">\n'
+        + _figure(look, upper_map(look), "Upper coat", words)
+        + f"</div>\n<ul>\n{keys or '<li>Two coats are most probable nowhere.</li>'}</ul>\n"
+    )
 
 
 def _unknown(provenance: Provenance) -> str:

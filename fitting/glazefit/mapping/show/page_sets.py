@@ -52,7 +52,7 @@ def sets_table(
             f'<span class="swatch" style="background:{colours[n]}" '
             f'title="{colours[n]}"></span></td>'
             f"<td>{_paints_html(look, members)}</td>{_numbers(look, members, sums)}"
-            f'<td class="spectrum">{_spectra(sums.get(members), grid, look.words(members))}</td>'
+            f'<td class="spectrum">{spectra_svg(sums.get(members), grid, look.words(members))}</td>'
             "</tr>\n"
         )
     rest = look.ranked[SHOWN:]
@@ -72,7 +72,7 @@ def sets_table(
             "paints</em></td>"
             f'<td class="n">{share_html(look.sets[()], look.mapped)}</td>{cell}<td class="n"></td>'
             '<td class="n wide"></td><td '
-            f'class="spectrum">{_spectra(sums.get(()), grid, "none of these paints")}'
+            f'class="spectrum">{spectra_svg(sums.get(()), grid, "none of these paints")}'
             "</td></tr>\n"
         )
     return (
@@ -133,7 +133,7 @@ def _numbers(look: Overview, members: Members, sums: Mapping[Members, SetSum]) -
     )
 
 
-def _spectra(sums: SetSum | None, grid: Float[np.ndarray, "bands"], words: str) -> str:
+def spectra_svg(sums: SetSum | None, grid: Float[np.ndarray, "bands"], words: str) -> str:
     """Mean of the readings with their spread, and the mean of the fits."""
     if sums is None or not sums.pixels:
         return "–"

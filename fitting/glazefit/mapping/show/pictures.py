@@ -79,6 +79,16 @@ def legend_map(look: Overview) -> RGB:
     return found
 
 
+def upper_map(look: Overview) -> RGB:
+    """Paints of the upper coat by colour, in the order of `Overview.upper`; white for one coat."""
+    ranked, which = look.upper
+    found = np.full((*which.shape, 3), _rgb(BLANK), np.uint8)
+    for number in range(len(ranked)):
+        colour = LEGEND[number] if number < len(LEGEND) else OTHERS
+        found[which == number] = _rgb(colour)
+    return enlarge(found)
+
+
 def legend_places(look: Overview) -> dict[Members, tuple[float, float]]:
     """Where the number of each set of the legend stands: x and y from 0 to 1, in the middle of its
     densest part.
@@ -154,6 +164,36 @@ def numbers_of(look: Overview) -> list[MapPicture]:
             words="Root mean square of measured less fitted reflectance.",
             values=means["rmse"],
             scale=Scale("inferno", 0.0, _top(means["rmse"], 99.5, 0.001)),
+        ),
+        *(_coats_of(look) if look.two_coats_sought else []),
+    ]
+
+
+def _coats_of(look: Overview) -> list[MapPicture]:
+    """Maps of two coats."""
+    thick = look.means["top_thickness"] * 1e6
+    spread = look.means["top_thickness_sd"] * 1e6
+    return [
+        MapPicture(
+            key="coats_probability",
+            title="Two coats",
+            words="Probability that one coat lies over another.",
+            values=look.means["coats_probability"],
+            scale=Scale("viridis", 0.0, 1.0),
+        ),
+        MapPicture(
+            key="top_thickness",
+            title="Thickness of the upper coat",
+            words="Grey where the most probable set lies in one coat.",
+            values=thick,
+            scale=Scale("viridis", 0.0, _top(thick, 98.0, 1.0), "µm"),
+        ),
+        MapPicture(
+            key="top_thickness_sd",
+            title="Upper coat: its standard deviation",
+            words="How well its thickness is known, if these are the coats.",
+            values=spread,
+            scale=Scale("viridis", 0.0, _top(spread, 98.0, 0.1), "µm"),
         ),
     ]
     return [each for each in shown if np.isfinite(each.values).any()]
@@ -296,6 +336,10 @@ def write_pictures(
     for name, title, image in plain:
         written.append(folder / f"{name}.png")
         with _frame(written[-1], title, image):
+            pass
+    if look.two_coats_sought:
+        written.append(folder / "upper_coat.png")
+        with _frame(written[-1], "Upper coat", upper_map(look)):
             pass
     written.append(folder / "sets.png")
     _write_legend(look, written[-1], own)

@@ -9,7 +9,9 @@ from jaxtyping import Float
 from ...identify.result import Identification, log_sds
 from ...identify.search.pool import NOBODY
 from .atlas import Atlas
+from .coats import search_coats
 from .local import as_measured
+from .survey import Features
 from .task import MapTask
 
 _KEPT = 3
@@ -53,11 +55,14 @@ def compare(task: MapTask, atlas: Atlas, readings: Float[np.ndarray, "spectra ba
     found, _ = atlas.answers(readings.astype(np.float32))
     thickness = np.where(found.opaque, np.nan, np.exp(found.amounts.astype(float)).sum(axis=1))
     arrays = {name: getattr(found, name) for name in ("members", "explained", "paint_probability")}
-    return agreement(task, readings, arrays | {"thickness": thickness})
+    return agreement(task, readings, arrays | {"thickness": thickness}, atlas.features)
 
 
 def agreement(
-    task: MapTask, readings: Float[np.ndarray, "spectra bands"], mapped: Mapping[str, np.ndarray]
+    task: MapTask,
+    readings: Float[np.ndarray, "spectra bands"],
+    mapped: Mapping[str, np.ndarray],
+    features: Features | None = None,
 ) -> Agreement:
     """A map's answers for pixels beside a search of each.
 
@@ -65,12 +70,14 @@ def agreement(
         task: of the map, with its noise.
         readings: of good pixels, at the working bands.
         mapped: the map's `members`, `explained`, `paint_probability` and `thickness` for these.
+        features: by which two coats are sought; by default those of the readings.
     """
     searcher = task.searcher
     measured = as_measured(searcher, readings, task.image.noise_sd(readings), task.ground)
+    stacks = task.stack_search(features or Features.of(readings))
     parts = [
         Identification.of(*one, paints=searcher.paints, opaque=searcher.opaque, keep=_KEPT)
-        for one in searcher.search(measured)
+        for one in search_coats(searcher, stacks, measured)
     ]
     whole = Identification.join(parts)
     members = whole.members[:, 0]

@@ -37,12 +37,14 @@ from ...identify.search.task import IdentificationTask, Measured
 from ...identify.search.two_coats import stack_slopes
 from ...identify.search.unstated_conditions import FilmsUnderCondition, films_under
 from ...identify.search.weigh import Odds
+from .coats import StackSearch, search_coats, table_optics
 
 # Candidates of a representative that are kept: those with this share of the best explanations, and
 # so many at most.
 _LEAST = 3e-4
 _MOST = 16
 _BLOCK = 256
+_STACKS = 64
 _STEP = 1e-3
 _terms = jax.jit(jax.vmap(prior_terms, in_axes=(0, 0, None, None)))
 
@@ -161,6 +163,7 @@ def search_locally(
     readings: Float[np.ndarray, "spectra bands"],
     noise_sd: np.ndarray,
     ground: np.ndarray | None,
+    stacks: StackSearch | None = None,
 ) -> Searched:
     """Search spectra in full, and make what is found linear about each.
 
@@ -169,9 +172,11 @@ def search_locally(
         readings: of the spectra.
         noise_sd: of their readings, the same shape.
         ground: internal reflectance, (bands,); None where films hide it.
+        stacks: the search for two coats; None for one coat.
     """
     measured = as_measured(searcher, readings, noise_sd, ground)
-    return Searched.join([_local_models(searcher, *found) for found in searcher.search(measured)])
+    found = search_coats(searcher, stacks, measured)
+    return Searched.join([_local_models(searcher, *part) for part in found])
 
 
 def as_measured(
@@ -427,11 +432,18 @@ def _stack_slopes(
     chunk: Chunk, pool: Pool, films: CandidateFilms
 ) -> Float[np.ndarray, "films errors readings"]:
     """Slopes of stacks' readings by the log of every paint's k, then s."""
-    coats = pool.coats[films.row, films.place][:, : films.sets.shape[1]]
+    size = films.sets.shape[1]
+    coats = pool.coats[films.row, films.place][:, :size].astype(jnp.result_type(int))
     logs = np.where(films.sets == NOBODY, -np.inf, films.logs)
-    grounds = chunk.spectra.grounds[films.row]
-    given = (jnp.asarray(a) for a in (films.sets[:, None], coats[:, None], logs[:, None], grounds))
-    return np.asarray(stack_slopes(chunk.task.paints, *given, chunk.task.optics))[:, 0]
+    # An image has one ground: stacks of any spectra are as those of one.
+    ground = jnp.asarray(chunk.spectra.grounds[:1])
+    optics = table_optics(chunk.task.response)
+
+    def run(rows: np.ndarray) -> jax.Array:
+        given = (jnp.asarray(a[None, rows]) for a in (films.sets, coats, logs))
+        return stack_slopes(chunk.task.paints, *given, ground, optics)[0]
+
+    return by_blocks(len(films.sets), _STACKS, run)
 
 
 def check_errors(discrepancy: ModelError) -> None:

@@ -14,9 +14,11 @@ from ..store.chunk import ChunkMaps, SetSum
 from ..store.layout import BY_NAME, STATUS_WORDS, Status, Way
 from ..store.windows import Window
 from .atlas import Atlas
+from .coats import StackSearch
 from .local import search_locally
 from .process import give_back, one_thread_each
 from .survey import spread_out
+from .unexplained import gather
 from .update import Answers
 from .working_bands import WorkingBands, classify
 
@@ -90,6 +92,7 @@ class PixelSolver:
         ground: internal reflectance at the working bands; None where films hide it.
         atlas: of the representatives.
         reach: how far from a representative its answer is taken.
+        stacks: the search for two coats; None for one coat.
     """
 
     image: Image
@@ -97,6 +100,7 @@ class PixelSolver:
     ground: Float[np.ndarray, "bands"] | None
     atlas: Atlas
     reach: float
+    stacks: StackSearch | None = None
 
     def solve(self, window: Window) -> ChunkMaps:
         """Maps of a window, from it alone."""
@@ -118,7 +122,17 @@ class PixelSolver:
         }
         tallies |= {f"way {w.name.lower()}": float(np.sum(way == w)) for w in Way if w}
         tallies["explained"] = float(found.explained.sum())
-        return ChunkMaps(arrays, tallies, _sums(found, seen))
+        own = np.flatnonzero(~found.explained)
+        corner = window.y0, window.x0
+        places = np.stack(np.unravel_index(good[own], window.shape), axis=1)
+        return ChunkMaps(
+            arrays=arrays,
+            tallies=tallies,
+            sets=_sums(found, seen),
+            unexplained=gather(
+                seen[own], self.atlas.features(seen[own]), places + np.array(corner)
+            ),
+        )
 
     def _answers(self, seen: Float[np.ndarray, "spectra bands"]) -> tuple[Answers, np.ndarray]:
         """Answers for good pixels, and the way of each."""
@@ -131,7 +145,13 @@ class PixelSolver:
             middles = seen[far[chosen]]
             own = Atlas.of(
                 self.atlas.features,
-                search_locally(self.searcher, middles, self.image.noise_sd(middles), self.ground),
+                search_locally(
+                    self.searcher,
+                    middles,
+                    self.image.noise_sd(middles),
+                    self.ground,
+                    stacks=self.stacks,
+                ),
                 self.atlas.prior,
             )
             more, distance = own.answers(seen[far])
@@ -140,6 +160,17 @@ class PixelSolver:
             way[far[better]] = int(Way.NEIGHBOUR)
             way[far[chosen]] = int(Way.SEARCHED)
         return found, way
+
+    def _coats(self, found: Answers) -> dict[str, np.ndarray]:
+        """Arrays of two coats, by the names of `layout.VARIABLES`; none where one is sought."""
+        if self.stacks is None:
+            return {}
+        thickness, sd = found.top()
+        return {
+            "coats_probability": found.coats_probability,
+            "top_thickness": thickness,
+            "top_thickness_sd": sd,
+        }
 
     def _arrays(
         self,
@@ -168,6 +199,7 @@ class PixelSolver:
             "fraction_sd": np.where(present, np.minimum(fractions * log_fraction_sd, 0.3), np.nan),
             "thickness": thickness,
             "thickness_sd": thickness * log_thickness_sd,
+            **self._coats(found),
             "misfit": found.misfit,
             "rmse": np.sqrt(np.mean((seen - found.fitted) ** 2, axis=1)),
             "way": way,

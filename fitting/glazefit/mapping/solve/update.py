@@ -33,6 +33,7 @@ class Answers:
     covariance: Float[np.ndarray, "spectra 3 3"]
     misfit: Float[np.ndarray, "spectra"]
     fitted: Float[np.ndarray, "spectra bands"]
+    coats_probability: Float[np.ndarray, "spectra"]  # that there is more than one coat
 
     def put(self, rows: np.ndarray, others: "Answers") -> None:
         """Write others' answers into some rows."""
@@ -60,6 +61,7 @@ class Answers:
             covariance=np.zeros((spectra, 3, 3), real),
             misfit=np.full(spectra, np.nan, real),
             fitted=np.full((spectra, bands), np.nan, real),
+            coats_probability=np.full(spectra, np.nan, real),
         )
 
     @property
@@ -71,6 +73,19 @@ class Answers:
     def spread(self) -> tuple[Float[np.ndarray, "spectra 3"], Float[np.ndarray, "spectra"]]:
         """Standard deviations of the logs of the fractions and of the thickness."""
         return log_sds(self.members, self.fractions, self.covariance)[1:]
+
+    def top(self) -> tuple[Float[np.ndarray, "spectra"], Float[np.ndarray, "spectra"]]:
+        """Thickness of the upper coat and its standard deviation, m; NaN where the set lies in
+        one coat.
+        """
+        stacked = (self.coats > 0).any(axis=1)
+        above = (self.members != NOBODY) & (self.coats == 0)
+        amounts = np.where(above, np.exp(self.amounts), 0.0)
+        thickness = amounts.sum(axis=1)
+        share = amounts / np.maximum(thickness, 1e-30)[:, None]
+        variance = np.einsum("np,npq,nq->n", share, self.covariance, share)
+        sd = thickness * np.sqrt(np.maximum(variance, 0.0))
+        return np.where(stacked, thickness, np.nan), np.where(stacked, sd, np.nan)
 
 
 class Updater:
@@ -96,6 +111,7 @@ class Updater:
         self.present = (
             (local.members[..., None] == np.arange(paints)).any(axis=1).astype(np.float32)
         )
+        self.stacked = (local.coats > 0).any(axis=1).astype(np.float32)
         count, bands = local.off.shape
         # All that is linear in the readings, by one product.
         parts = [local.off_by, local.logs_by, local.seen_by, local.left_by]
@@ -154,6 +170,7 @@ class Updater:
             covariance=local.covariance[first],
             misfit=odds.misfit,
             fitted=fitted,
+            coats_probability=(odds.candidates @ self.stacked) / total,
         )
 
 

@@ -1,14 +1,14 @@
-"""What is known of a window once it is solved: its arrays, its counts, and sums over the pixels of
-each set.
+"""What is known of a window once it is solved: its arrays, its counts, sums over the pixels of each
+set, and spectra that no set explains.
 """
 
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Self
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 Members = tuple[int, ...]
 """Paints of a set by number, ascending; () where none of the paints explain a pixel."""
@@ -45,6 +45,42 @@ class SetSum:
         )
 
 
+@dataclass(frozen=True)
+class Unexplained:
+    """Spectra that no paints explain, in groups of like ones.
+
+    Attributes:
+        pixels: of each group.
+        readings: means of the groups, at the working bands.
+        places: (y, x) of the pixel next to each mean.
+    """
+
+    pixels: Int[np.ndarray, "groups"]
+    readings: Float[np.ndarray, "groups bands"]
+    places: Int[np.ndarray, "groups 2"]
+
+    @classmethod
+    def nothing(cls) -> Self:
+        """No spectra."""
+        return cls(
+            pixels=np.zeros(0, np.int64),
+            readings=np.zeros((0, 0)),
+            places=np.zeros((0, 2), np.int64),
+        )
+
+    @classmethod
+    def join(cls, parts: Sequence[Self]) -> Self:
+        """Groups of all parts."""
+        some = [part for part in parts if len(part.pixels)]
+        if not some:
+            return cls.nothing()
+        return cls(
+            pixels=np.concatenate([part.pixels for part in some]),
+            readings=np.concatenate([part.readings for part in some]),
+            places=np.concatenate([part.places for part in some]),
+        )
+
+
 @dataclass
 class ChunkMaps:
     """Maps of one window.
@@ -53,11 +89,13 @@ class ChunkMaps:
         arrays: by the names of `layout.VARIABLES`, (y, x, ...); what is left out is filled.
         tallies: counts that are summed over windows, such as pixels of each status.
         sets: sums over the pixels of each set.
+        unexplained: spectra of those that no set explains.
     """
 
     arrays: dict[str, np.ndarray]
     tallies: dict[str, float] = field(default_factory=dict)
     sets: dict[Members, SetSum] = field(default_factory=dict)
+    unexplained: Unexplained = field(default_factory=Unexplained.nothing)
 
 
 def add_tallies(into: dict[str, float], more: Mapping[str, float]) -> None:
@@ -72,12 +110,13 @@ def add_sets(into: dict[Members, SetSum], more: Mapping[Members, SetSum]) -> Non
         into[members] = into[members] + one if members in into else one
 
 
-def pack(tallies: Mapping[str, float], sets: Mapping[Members, SetSum]) -> dict[str, np.ndarray]:
-    """Counts and sums as arrays by name; `unpack` gives the same numbers back, bit for bit."""
+def pack(maps: ChunkMaps) -> dict[str, np.ndarray]:
+    """All of a window but its arrays, by name; `unpack` gives the same numbers back."""
+    sets = maps.sets
     sums = list(sets.values())
     longest = max((len(members) for members in sets), default=0)
     return {
-        "tallies": np.frombuffer(json.dumps(dict(tallies)).encode(), np.uint8),
+        "tallies": np.frombuffer(json.dumps(maps.tallies).encode(), np.uint8),
         "members": np.array([[*m, *[-1] * (longest - len(m))] for m in sets], np.int32).reshape(
             len(sets), longest
         ),
@@ -87,11 +126,14 @@ def pack(tallies: Mapping[str, float], sets: Mapping[Members, SetSum]) -> dict[s
         "spectrum": _stack(one.spectrum for one in sums),
         "fitted": _stack(one.fitted for one in sums),
         "square": _stack(one.square for one in sums),
+        "unexplained_pixels": np.asarray(maps.unexplained.pixels, np.int64),
+        "unexplained_readings": np.asarray(maps.unexplained.readings, np.float64),
+        "unexplained_places": np.asarray(maps.unexplained.places, np.int64),
     }
 
 
-def unpack(parts: Mapping[str, np.ndarray]) -> tuple[dict[str, float], dict[Members, SetSum]]:
-    """Counts and sums of what `pack` made."""
+def unpack(parts: Mapping[str, np.ndarray]) -> ChunkMaps:
+    """What `pack` kept of a window; its arrays are left out."""
     sets = {
         tuple(int(m) for m in members if m >= 0): SetSum(
             pixels=int(parts["pixels"][i]),
@@ -102,7 +144,17 @@ def unpack(parts: Mapping[str, np.ndarray]) -> tuple[dict[str, float], dict[Memb
         )
         for i, members in enumerate(parts["members"])
     }
-    return json.loads(parts["tallies"].tobytes()), sets
+    unexplained = Unexplained(
+        pixels=parts["unexplained_pixels"],
+        readings=parts["unexplained_readings"],
+        places=parts["unexplained_places"],
+    )
+    return ChunkMaps(
+        arrays={},
+        tallies=json.loads(parts["tallies"].tobytes()),
+        sets=sets,
+        unexplained=unexplained,
+    )
 
 
 def _stack(spectra: Iterable[Float[np.ndarray, "bands"]]) -> Float[np.ndarray, "sets bands"]:

@@ -11,7 +11,7 @@ from uuid import uuid4
 from zlib import crc32
 
 KIND = "glazejax map"
-FORMAT = 3
+FORMAT = 4
 """What the attribute `glazejax` of a map says it is. The order of `layout.VARIABLES` is part of the
 format.
 """

@@ -139,6 +139,27 @@ VARIABLES = (
         words="its standard deviation",
     ),
     Variable(
+        name="coats_probability",
+        dtype="float32",
+        fill=float("nan"),
+        unit="1",
+        words="probability of two coats; NaN where one was sought",
+    ),
+    Variable(
+        name="top_thickness",
+        dtype="float32",
+        fill=float("nan"),
+        unit="m",
+        words="thickness of the upper coat; NaN where the set lies in one",
+    ),
+    Variable(
+        name="top_thickness_sd",
+        dtype="float32",
+        fill=float("nan"),
+        unit="m",
+        words="its standard deviation",
+    ),
+    Variable(
         name="misfit",
         dtype="float32",
         fill=float("nan"),

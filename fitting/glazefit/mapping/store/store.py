@@ -22,7 +22,7 @@ import numpy as np
 from glazejax.extras import require
 
 from .atomic_files import KeyedResults, explain_full_disk, sync, write_whole
-from .chunk import ChunkMaps, Members, SetSum, add_sets, add_tallies, pack, unpack
+from .chunk import ChunkMaps, Members, SetSum, Unexplained, add_sets, add_tallies, pack, unpack
 from .create import lay_out, plain
 from .identity import WORK, damaged_files, is_map, read_identity
 from .layout import BY_NAME, VARIABLES, Status, Variable
@@ -190,7 +190,7 @@ class MapStore:
             for variable in VARIABLES:
                 sync(self._marks.file(variable, window))
             sync(self._marks.file(BY_NAME["status"], window).parent)
-            self._marks.put(window, pack(maps.tallies, maps.sets))
+            self._marks.put(window, pack(maps))
 
     def check_files(self) -> None:
         """See that metadata and coordinates are as they were written.
@@ -214,10 +214,20 @@ class MapStore:
         tallies: dict[str, float] = {}
         sets: dict[Members, SetSum] = {}
         for window in sorted(self.done()):
-            more, further = unpack(self._marks.get(window))
-            add_tallies(tallies, more)
-            add_sets(sets, further)
+            kept = unpack(self._marks.get(window))
+            add_tallies(tallies, kept.tallies)
+            add_sets(sets, kept.sets)
         return tallies, sets
+
+    def unexplained(self) -> Unexplained:
+        """Spectra of all finished windows that no paints explain.
+
+        Raises:
+            ValueError: a mark is damaged.
+        """
+        return Unexplained.join(
+            [unpack(self._marks.get(w)).unexplained for w in sorted(self.done())]
+        )
 
     def note(self, **attrs: Any) -> None:
         """Add attributes to the map, such as what a check of it found."""

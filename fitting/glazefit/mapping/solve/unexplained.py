@@ -1,0 +1,174 @@
+"""Spectra that no paints explain: gathered window by window, then brought to a few that may be
+paints of their own, the purest first.
+
+The purest are found by successive projection (Araujo et al., Chemom. Intell. Lab. Syst. 57 (2001)
+65): the spectrum farthest from the bare ground comes first, each next one is farthest from all that
+films of those before it, thinner and mixed, would read.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+from scipy.optimize import nnls
+
+from glazejax import Pigment
+from glazejax.geometry import Instrument
+
+from ..store.chunk import Unexplained
+from .spots import spot_pigment
+from .survey import nearest, spread_out
+
+# Groups of a window, and how far spectra of one group lie from its middle, in standard deviations
+# of paint's errors.
+_GROUPS = 64
+_REACH = 2.0
+SPOTS = 10
+"""Spectra that are offered as paints, at most."""
+# Share of the mapped pixels, and number, that a spot needs.
+_LEAST_SHARE = 2e-4
+_LEAST = 4
+# Root mean square of -log R below which spots before it explain a spectrum.
+_MET = 0.12
+# Cosine of two spectra of -log R that have one shape, and of those that are averaged.
+_ALIKE = 0.97
+_SAME = 0.995
+# Length of those that are averaged, over that of the purest.
+_PURE = 0.9
+# Added to reflectances, so that noise near black does not decide.
+_BLACK = 0.01
+# Groups that are compared at a time.
+_MOST = 2000
+
+
+def gather(
+    readings: Float[np.ndarray, "spectra bands"],
+    features: Float[np.ndarray, "spectra directions"],
+    places: Float[np.ndarray, "spectra 2"],
+) -> Unexplained:
+    """Spectra of one window in groups of like ones; the groups' middles reach its extremes.
+
+    Args:
+        readings: that no set explains.
+        features: by which they are compared, `survey.Features`.
+        places: (y, x) of each.
+    """
+    if not len(readings):
+        return Unexplained.nothing()
+    chosen, _ = spread_out(features, _GROUPS, _REACH)
+    which, _ = nearest(features, features[chosen])
+    used, which = np.unique(which, return_inverse=True)
+    pixels = np.bincount(which)
+    sums = np.stack([np.bincount(which, weights=band) for band in readings.T], axis=1)
+    return Unexplained(
+        pixels=pixels, readings=sums / pixels[:, None], places=places[chosen[used]].astype(np.int64)
+    )
+
+
+@dataclass(frozen=True)
+class Spot:
+    """A spectrum that may be a paint's.
+
+    Attributes:
+        name: of the paint that it would be.
+        pixels: of all unexplained spectra of its shape.
+        place: (y, x) of a pixel where it lies.
+        reading: at the working bands.
+    """
+
+    name: str
+    pixels: int
+    place: tuple[int, int]
+    reading: Float[np.ndarray, "bands"]
+
+
+def choose_spots(
+    found: Unexplained,
+    bare: Float[np.ndarray, "bands"],
+    mapped: float,
+    taken: Sequence[str] = (),
+    most: int = SPOTS,
+) -> list[Spot]:
+    """The purest of spectra that no paints explain.
+
+    Args:
+        found: of all windows.
+        bare: what the ground reads without paint; 1 where films hide it.
+        mapped: pixels that were mapped: a spot needs a share of them.
+        taken: names that paints have already.
+        most: spots at most.
+    """
+    if not len(found.pixels):
+        return []
+    some = np.argsort(-found.pixels, kind="stable")[:_MOST]
+    pixels = found.pixels[some]
+    depth = np.log((bare + _BLACK) / (np.maximum(found.readings[some], 0.0) + _BLACK))
+    size = np.linalg.norm(depth, axis=1)
+    shape = depth / np.maximum(size, 1e-9)[:, None]
+    alike = shape @ shape.T
+    enough = (alike > _ALIKE) @ pixels >= max(_LEAST, _LEAST_SHARE * mapped)
+    names = _free_names(taken)
+    spots: list[Spot] = []
+    ends = np.zeros((depth.shape[1], 0))
+    while len(spots) < most:
+        left = np.array([nnls(ends, one)[1] for one in depth]) if ends.size else size
+        left = np.where(enough, left, 0.0) / np.sqrt(depth.shape[1])
+        purest = int(np.argmax(left))
+        if left[purest] < _MET:
+            break
+        own = (alike[purest] > _SAME) & (size > _PURE * size[purest])
+        weight = np.where(own, pixels, 0) / pixels[own].sum()
+        y, x = found.places[some[purest]].tolist()
+        spots.append(
+            Spot(
+                name=names(),
+                pixels=int(pixels[alike[purest] > _ALIKE].sum()),
+                place=(y, x),
+                reading=weight @ found.readings[some],
+            )
+        )
+        ends = np.column_stack([ends, weight @ depth])
+    return spots
+
+
+def spot_paints(
+    spots: Mapping[str, Float[np.ndarray, "bands"]],
+    wavelengths: Float[np.ndarray, "bands"],
+    ends: tuple[float, float],
+    paints: Sequence[Pigment],
+    instrument: Instrument,
+) -> list[Pigment]:
+    """Paints that read as spots do where they hide their ground: k/s from the spectrum, s pooled
+    over the paints that are known; see `spot_pigment`.
+
+    Args:
+        spots: readings by name.
+        wavelengths: of their readings, nm.
+        ends: first and last wavelength of the image: beyond the outermost readings k and s go on
+            as there.
+        paints: of the catalogue.
+        instrument: that read the image.
+    """
+    grid = np.unique(np.clip([ends[0], *wavelengths, ends[1]], *ends))
+    made = []
+    for name, spot in spots.items():
+        # No hiding paint reads less than its surface, or more than all light.
+        reading = np.clip(spot, instrument.seen_surface, 1.0)
+        reading = np.interp(grid, wavelengths, reading)
+        made.append(spot_pigment(name, grid, reading, paints, instrument))
+    return made
+
+
+def _free_names(taken: Sequence[str]) -> Callable[[], str]:
+    """Spot1, Spot2, ... as far as no paint is called so."""
+    number = 0
+
+    def next_name() -> str:
+        nonlocal number
+        number += 1
+        while f"Spot{number}" in taken:
+            number += 1
+        return f"Spot{number}"
+
+    return next_name

@@ -1,0 +1,64 @@
+"""Spectra that no paints explain, as files beside the report: their readings, and paints for a
+second map.
+"""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from jaxtyping import Float
+
+from glazejax import Pigment
+from glazejax.geometry import Instrument
+from glazejax.io.write import write_table
+from glazejax.paint.pigment_table import write_pigments
+
+from .show.page_spots import PAINTS, SPECTRA
+from .solve.unexplained import spot_paints
+
+if TYPE_CHECKING:
+    import xarray
+
+
+def write_spots(
+    folder: Path,
+    found: "xarray.Dataset",
+    grid: Float[np.ndarray, "stored"],
+    paints: Sequence[Pigment],
+    *,
+    instrument: Instrument,
+    overwrite: bool = False,
+) -> list[Path]:
+    """Write the spectra that no paints explain, and a table of paints that has them too.
+
+    Args:
+        folder: of the report.
+        found: the map.
+        grid: wavelengths of the image, nm.
+        paints: that were tried.
+        instrument: that read the image.
+        overwrite: whether files that exist may be replaced.
+
+    Returns:
+        The two files; none where the map has no such spectra.
+    """
+    spots = {
+        str(spot["name"]): np.asarray(spot["reading"], float)
+        for spot in found.attrs.get("spots", ())
+    }
+    if not spots:
+        return []
+    files = [folder / SPECTRA, folder / PAINTS]
+    bands = np.asarray(found.attrs["working_wavelengths"], float)
+    rows = [[nm, *(reading[n] for reading in spots.values())] for n, nm in enumerate(bands)]
+    write_table(files[0], ["wavelength_nm", *spots], rows, overwrite=overwrite)
+    first = max([grid[0], *(float(p.wavelengths[0]) for p in paints)])
+    last = min([grid[-1], *(float(p.wavelengths[-1]) for p in paints)])
+    made = spot_paints(spots, bands, (float(first), float(last)), paints, instrument)
+    comments = [
+        f"glazejax map: the paints that were tried, and {', '.join(spots)}: spectra that none of "
+        "them explains, taken as thick paint; s is the median of the others."
+    ]
+    write_pigments(files[1], [*paints, *made], comments, overwrite=overwrite)
+    return files
