@@ -416,6 +416,35 @@ add(
     own_pure=_bench("PIGMENT_OWN", "revigo", "glazejax", 1),
     own_mixed=_bench("MIXTURE_OWN", "revigo", "glazejax", 1),
 )
+
+
+def _coats(source: str, method: str, column: int) -> Figure:
+    """A share of one line of the task that tells coats from mixtures."""
+    others = r"(?:[\d.]+% \(\d+%-\d+%\) +)" * (column - 1)
+    return found(rf"(?m)^{source} +{method} +\d+ +{others}([\d.]+)%")
+
+
+for _key, _source, _method in (
+    ("own", "hyperdoc", "glazejax, its own binder"),
+    ("visible", "hyperdoc", "glazejax, 410-700 nm"),
+    ("other", "hyperdoc", "glazejax, another binder"),
+    ("probe", "bath", "glazejax, its own binder"),
+):
+    add(
+        "paintbench_coats",
+        ".0f %",
+        **{
+            f"{_key}_right": _coats(_source, _method, 1),
+            f"{_key}_decided": _coats(_source, _method, 2),
+            f"{_key}_right_decided": _coats(_source, _method, 3),
+        },
+    )
+add(
+    "paintbench_coats",
+    ".0f %",
+    neighbour=_coats("hyperdoc", "nearest by derivative", 1),
+    probe_neighbour=_coats("bath", "nearest by derivative", 1),
+)
 add(
     "pigment_speed",
     ".1f s",

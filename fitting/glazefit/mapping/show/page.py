@@ -21,8 +21,6 @@ from .overview import Overview, overview
 from .page_sets import paints_table, sets_table, share_html
 from .page_spots import spots_html
 from .pictures import (
-    LEGEND,
-    OTHERS,
     RGB,
     MapPicture,
     colour_numbers,
@@ -36,6 +34,7 @@ from .pictures import (
     own_colours,
     paint_pictures,
     png,
+    upper_colours,
     upper_map,
     write_pictures,
 )
@@ -331,9 +330,9 @@ def _coats_html(look: Overview) -> str:
     ranked, which = look.upper
     total = max(int(np.sum(look.examples["status"] == Status.MAPPED)), 1)
     keys = "".join(
-        f'<li><span class="key" style="background:{LEGEND[n] if n < len(LEGEND) else OTHERS}">'
-        f"</span> {escape(look.words(paints))}, {share_html(int(np.sum(which == n)), total)}</li>\n"
-        for n, paints in enumerate(ranked)
+        f'<li><span class="key" style="background:{colour}"></span> {escape(look.words(paints))}, '
+        f"{share_html(int(np.sum(which == n)), total)}</li>\n"
+        for n, (paints, colour) in enumerate(zip(ranked, upper_colours(look), strict=True))
     )
     words = (
         "Which paint lies on top, where two coats are most probable; white elsewhere. Two coats "

@@ -81,12 +81,18 @@ def legend_map(look: Overview) -> RGB:
 
 def upper_map(look: Overview) -> RGB:
     """Paints of the upper coat by colour, in the order of `Overview.upper`; white for one coat."""
-    ranked, which = look.upper
+    _, which = look.upper
     found = np.full((*which.shape, 3), _rgb(BLANK), np.uint8)
-    for number in range(len(ranked)):
-        colour = LEGEND[number] if number < len(LEGEND) else OTHERS
+    for number, colour in enumerate(upper_colours(look)):
         found[which == number] = _rgb(colour)
     return enlarge(found)
+
+
+def upper_colours(look: Overview) -> list[str]:
+    """Colour of each paint of the upper coat, after the true colour of where it lies on top."""
+    ranked, which = look.upper
+    own = [_mean_colour(look, which == number) for number in range(min(len(ranked), MOST_SETS))]
+    return legend_colours(own) + [OTHERS] * (len(ranked) - len(own))
 
 
 def legend_places(look: Overview) -> dict[Members, tuple[float, float]]:
@@ -167,6 +173,7 @@ def numbers_of(look: Overview) -> list[MapPicture]:
         ),
         *(_coats_of(look) if look.two_coats_sought else []),
     ]
+    return [each for each in shown if np.isfinite(each.values).any()]
 
 
 def _coats_of(look: Overview) -> list[MapPicture]:
@@ -196,7 +203,6 @@ def _coats_of(look: Overview) -> list[MapPicture]:
             scale=Scale("viridis", 0.0, _top(spread, 98.0, 0.1), "µm"),
         ),
     ]
-    return [each for each in shown if np.isfinite(each.values).any()]
 
 
 def paint_pictures(look: Overview, paint: int) -> list[MapPicture]:
@@ -429,15 +435,14 @@ def _write_legend(look: Overview, path: Path, own: Sequence[str]) -> None:
 
 def own_colours(look: Overview, most: int = MOST_SETS) -> list[str]:
     """True colour of the largest sets, the mean over the pixels of each."""
-    found = []
-    for members in look.ranked[:most]:
-        area = look.where(members)
-        # Light adds, encoded values do not; the square is near enough to sRGB's curve for a swatch.
-        mean = (
-            np.sqrt(np.mean((look.colour[area] / 255.0) ** 2, axis=0)) if area.any() else np.ones(3)
-        )
-        found.append(hex_colour(mean))
-    return found
+    return [_mean_colour(look, look.where(members)) for members in look.ranked[:most]]
+
+
+def _mean_colour(look: Overview, area: Bool[np.ndarray, "rows columns"]) -> str:
+    if not area.any():
+        return hex_colour(np.ones(3))
+    # Light adds, encoded values do not; the square is near enough to sRGB's curve for a swatch.
+    return hex_colour(np.sqrt(np.mean((look.colour[area] / 255.0) ** 2, axis=0)))
 
 
 def _top(values: np.ndarray, percentile: float, least: float) -> float:
