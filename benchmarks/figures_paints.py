@@ -418,7 +418,7 @@ add(
 )
 
 
-def _coats(source: str, method: str, column: int) -> Figure:
+def _coats(source: str, method: str, column: int) -> Reader:
     """A share of one line of the task that tells coats from mixtures."""
     others = r"(?:[\d.]+% \(\d+%-\d+%\) +)" * (column - 1)
     return found(rf"(?m)^{source} +{method} +\d+ +{others}([\d.]+)%")
