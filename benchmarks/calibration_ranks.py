@@ -216,7 +216,7 @@ def main() -> None:
         for group in range(-(-count // GROUP)):
             progress(f"{kind}: {group * GROUP} of {count}")
             posed = KINDS[kind](min(GROUP, count - group * GROUP), rng, group)
-            few = {"steps": 10} if options.quick else FEWER.get(kind, {})
+            few: dict[str, Any] = {"steps": 10} if options.quick else FEWER.get(kind, {})
             groups.append(ranked(posed, Sampling(seed=options.seed + group, **few)))
         progress()
         found[kind] = gathered(groups)

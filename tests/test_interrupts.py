@@ -3,6 +3,7 @@
 import signal
 import subprocess
 import sys
+import threading
 import time
 
 import pytest
@@ -22,9 +23,15 @@ with {context}:
 """
 
 
+def hear_ctrl_c() -> None:
+    """A shell starts what runs in the background deaf to Ctrl-C; a terminal's commands hear it."""
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
 def started(program: str) -> subprocess.Popen[str]:
     process = subprocess.Popen(
         [sys.executable, "-c", program],
+        preexec_fn=hear_ctrl_c,
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
@@ -63,7 +70,11 @@ def test_what_is_finished_is_waited_for_once():
     process = started(_BUSY.format(context="interrupts.keeping(lambda: None)"))
     assert process.stderr is not None
     process.send_signal(signal.SIGINT)
+    # Nothing waits for ever where the sentence does not come.
+    guard = threading.Timer(20.0, process.kill)
+    guard.start()
     assert "Ctrl-C again ends at once" in process.stderr.readline()
+    guard.cancel()
     assert process.poll() is None
     status, said = interrupted(process)
     assert status == 130
@@ -74,7 +85,10 @@ def test_where_python_runs_it_is_an_exception_as_ever():
     program = _BUSY.replace("hashlib.pbkdf2_hmac", "while True: pass #")
     process = started(program.format(context="interrupts.keeping(lambda: 'kept')"))
     process.send_signal(signal.SIGINT)
-    assert process.communicate(timeout=20) == ("heard\n", "")
+    try:
+        assert process.communicate(timeout=20) == ("heard\n", "")
+    finally:
+        process.kill()
     assert process.returncode == 0
 
 
@@ -101,6 +115,7 @@ except KeyboardInterrupt:
 def test_no_traceback_while_modules_load(after):
     process = subprocess.Popen(
         [sys.executable, "-m", "glazejax", "recipe", "--help"],
+        preexec_fn=hear_ctrl_c,
         stdout=subprocess.DEVNULL,
         stderr=subprocess.PIPE,
         text=True,

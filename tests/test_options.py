@@ -156,9 +156,9 @@ def test_help_has_the_vocabulary(run, command):
             "max_coats is 9",
         ),
         (
-            ("identify", "none.csv", "--layers", "3"),
+            ("identify", "none.csv", "--layers", "4"),
             "--layers is called --max-coats",
-            "--max-coats is 3",
+            "--max-coats is 4",
         ),
     ],
 )

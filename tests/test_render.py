@@ -6,6 +6,7 @@ import os
 import re
 import subprocess
 import sys
+from importlib.metadata import entry_points
 
 import numpy as np
 import pytest
@@ -52,7 +53,14 @@ def run(tmp_path, monkeypatch, capsys, pigments_csv):
             return cli_render.register
 
     def call(*arguments, pigments=pigments_csv):
-        monkeypatch.setattr(cli, "entry_points", lambda group: [OnlyRender])
+        monkeypatch.setattr(
+            "importlib.metadata.entry_points",
+            lambda **wanted: (
+                [OnlyRender]
+                if wanted.get("group") == "glazejax.commands"
+                else entry_points(**wanted)
+            ),
+        )
         # The settings of a command must not leak into the tests that follow.
         monkeypatch.setattr(cli, "start_jax", lambda: None)
         own = [] if pigments is None else ["--pigments", str(pigments)]

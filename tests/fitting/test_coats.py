@@ -479,6 +479,7 @@ def test_a_table_of_an_unknown_coat_reads_as_the_solver():
     for free in problem.prior_draws(np.random.default_rng(1), 4):
         thickness = optical(layout, jnp.asarray(free), data, problem.shared)
         seen = look_up(data.table, thickness[..., 0])
+        assert seen.by_log is not None
 
         def solved(off: float, which: int, thickness=thickness):
             changed = thickness.at[which, :, 1].multiply(np.exp(off))
@@ -503,6 +504,7 @@ def test_the_likelihood_of_an_unknown_coat_is_the_gaussian_of_noise_and_errors()
     for free in places:
         thickness = optical(layout, jnp.asarray(free), data, problem.shared)
         seen = look_up(data.table, thickness[..., 0])
+        assert seen.by_log is not None
         jacobian = np.einsum("ebg,bc->bgec", np.asarray(seen.by_log), np.eye(GRID.size))
         jacobian = jacobian.reshape(film.sd.size, 2, GRID.size)
         caused = sum(jacobian[:, e] @ smooth @ jacobian[:, e].T for e in range(2))

@@ -80,7 +80,7 @@ def test_readings_on_the_grid_are_those_of_the_forward_solver(oils):
 
 def test_a_film_that_hides_does_not_know_its_ground(oils):
     table = grid_readings(MIXED, in_usual_coats(oils[:2]), solver(), None)
-    same = read([Layer(Mixture(oils[:2], [0.5, 0.5]), 5e-3)], 0.1)
+    same = read([Layer(Mixture(oils[:2], [0.5, 0.5]), 5e-3)], np.full(GRID.size, 0.1))
     np.testing.assert_allclose(table.readings[15 * 7 + 7], same, atol=2e-3)
 
 
@@ -104,7 +104,7 @@ def test_a_gain_is_integrated_as_a_gaussian():
     )
     found = evidence_module._log_likelihood(seen, computed, [], errors)[0, 0]
     covariance = np.eye(6) + 0.09 * np.outer(computed[0, 0], computed[0, 0])
-    exact = multivariate_normal(computed[0, 0], covariance).logpdf(seen[0])
+    exact = multivariate_normal.logpdf(seen[0], computed[0, 0], covariance)
     np.testing.assert_allclose(found - 3.0 * np.log(2.0 * np.pi), exact, rtol=1e-10)
 
 

@@ -24,6 +24,7 @@ from tests.fitting.test_cli_recover import write
 
 GRID = np.arange(400.0, 701.0, 50.0)
 SHORT: dict[str, Any] = {"sampler": "emcee", "walkers": 12, "thin": 2}
+OTHER: dict[str, Any] = {**SHORT, "walkers": 14}
 
 
 def film(seed: int = 0):
@@ -55,9 +56,8 @@ def start(problem, walkers=20, seed=0):
 @pytest.mark.usefixtures("unchecked")  # a stand-in is sampled
 def test_blocks_of_very_different_size_are_all_sampled_rightly():
     problem = Gaussians()
-    chain = run_chain(
-        problem, start(problem), Sampling(sampler="emcee", steps=12000, thin=4, seed=3)
-    )  # pyright: ignore[reportArgumentType]
+    settings = Sampling(sampler="emcee", steps=12000, thin=4, seed=3)
+    chain = run_chain(problem, start(problem), settings)  # pyright: ignore[reportArgumentType]
     free = chain.free[200:].reshape(-1, 3, 3)
     tau = autocorrelation_times(chain.free[200:].reshape(*chain.free[200:].shape[:2], -1)).reshape(
         3, 3
@@ -202,7 +202,7 @@ def test_files_are_guarded(tmp_path):
     with pytest.raises(ValueError, match="another problem"):
         posterior_of_bands(film(seed=9), steps=40, path=path, resume=True, **SHORT)
     with pytest.raises(ValueError, match="12 walkers"):
-        posterior_of_bands(film(), steps=40, path=path, resume=True, **SHORT | {"walkers": 14})
+        posterior_of_bands(film(), steps=40, path=path, resume=True, **OTHER)
     posterior_of_bands(film(), steps=20, path=path, overwrite=True, **SHORT)
     (tmp_path / "not.h5").write_text("no")
     with pytest.raises(ValueError, match="no chain of emcee"):

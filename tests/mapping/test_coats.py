@@ -62,7 +62,9 @@ def test_a_coat_sees_what_lies_below_as_one_diffuse_ground():
     k, s = np.exp(rng.uniform(-3, 1, (2, 40, 2)))
     ground = rng.uniform(0.1, 0.9, 40)
     np.testing.assert_allclose(
-        table.body(k, s, ground, 0.0), solver.body(k, s, ground, 1e-5), atol=0.01
+        table.body(k, s, ground, 0.0),  # pyright: ignore[reportArgumentType]
+        solver.body(k, s, ground, 1e-5),  # pyright: ignore[reportArgumentType]
+        atol=0.01,
     )
 
 

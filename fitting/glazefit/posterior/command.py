@@ -41,7 +41,7 @@ def register(app: typer.Typer) -> None:
 @help_groups(
     usual="--paints --coats --ground --out --steps",
     given="--sample --pigments --catalogue --instrument --thickness --paint-error",
-    tried="--bands --simulate",
+    tried="--bands --sampler --simulate",
     written="--resume --overwrite",
     fine="--walkers --thin --noise --noise-share --refractive-index --seed",
 )

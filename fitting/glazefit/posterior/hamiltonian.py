@@ -164,7 +164,7 @@ class Span(NamedTuple):
     """Which steps are taken, and how; a compiled program's arguments."""
 
     first: int | Array
-    count: int | Array
+    number: int | Array
     power: Float[np.ndarray, "blocks"] | Array
     learning: bool | Array
     most: int | Array  # leapfrog steps
@@ -185,9 +185,10 @@ def heights(
         return power * posterior + (1.0 - power) * first, posterior - first
 
     slope = jax.vmap(jax.value_and_grad(height, has_aux=True))
-    (values, gains), slopes = jax.vmap(lambda chain: slope(chain, model.data, model.begin, power))(
-        free
-    )
+    found: tuple[tuple[Array, Array], Array] = jax.vmap(
+        lambda chain: slope(chain, model.data, model.begin, power)
+    )(free)
+    (values, gains), slopes = found
     sound = jnp.isfinite(values)
     return Here(
         free=free,
@@ -243,7 +244,8 @@ def _steps(
         number = span.first + i
         move, coin = jax.random.split(jax.random.fold_in(model.key, number))
         jumps = (number % _JUMP == _JUMP - 1) & jnp.all(span.power == 1.0)
-        end, gain = jax.lax.cond(jumps, jump, trajectory, here, tuning, move)
+        moved: tuple[Here, Array] = jax.lax.cond(jumps, jump, trajectory, here, tuning, move)
+        end, gain = moved
         gain = jnp.where(jnp.isnan(gain), -jnp.inf, gain)
         chance = jnp.minimum(1.0, jnp.exp(gain))
         takes = jax.random.uniform(coin, chance.shape, chance.dtype) < chance
@@ -263,7 +265,7 @@ def _steps(
         height=jnp.zeros((_PIECE, *here.height.shape), here.height.dtype),
         accepted=jnp.zeros((), here.height.dtype),
     )
-    return jax.lax.fori_loop(0, span.count, one, (here, tuning, empty))
+    return jax.lax.fori_loop(0, span.number, one, (here, tuning, empty))
 
 
 def _chosen(takes: Bool[Array, "chains blocks"], new: Array, old: Array) -> Array:

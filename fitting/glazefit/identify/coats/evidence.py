@@ -113,12 +113,12 @@ def log_prior(arrangement: Arrangement, spread: float) -> Float[np.ndarray, "nod
     out = np.zeros(logs.shape[:2])
     for coat in arrangement.coats:
         inside = logs[..., [column[place] for place in coat]]
-        whole = logsumexp(inside, axis=-1)
+        whole = np.asarray(logsumexp(inside, axis=-1))
         out -= 0.5 * (whole / spread) ** 2
         # From fractions to logs of amounts: a factor of each fraction.
         if len(coat) > 1:
             out += np.sum(inside - whole[..., None], axis=-1)
-    return out - logsumexp(out)
+    return out - np.asarray(logsumexp(out))
 
 
 def _axis(count: int) -> tuple[Float[np.ndarray, "nodes"], Float[np.ndarray, "nodes parts"]]:

@@ -228,7 +228,7 @@ def _odds_of(
     """Odds of one film for one set, and the log of the set's whole weight."""
     names = [library.names[member] for member in members]
     logs = np.array([one.log_prior + one.evidence.log[number] for one in weighed])
-    total = float(logsumexp(logs))
+    total = float(np.asarray(logsumexp(logs)))
     chances = np.exp(logs - total)
     layered = float(sum(chances[n] for n, one in enumerate(weighed) if _several(one)))
     best = weighed[int(np.argmax(chances))]
