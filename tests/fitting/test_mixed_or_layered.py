@@ -104,7 +104,8 @@ def test_a_gain_is_integrated_as_a_gaussian():
     )
     found = evidence_module._log_likelihood(seen, computed, [], errors)[0, 0]
     covariance = np.eye(6) + 0.09 * np.outer(computed[0, 0], computed[0, 0])
-    exact = multivariate_normal.logpdf(seen[0], computed[0, 0], covariance)
+    gaussian: Any = multivariate_normal
+    exact = gaussian.logpdf(seen[0], computed[0, 0], covariance)
     np.testing.assert_allclose(found - 3.0 * np.log(2.0 * np.pi), exact, rtol=1e-10)
 
 

@@ -128,7 +128,7 @@ def _parts(arrangement: Arrangement, count: int, hides: bool) -> list[Float[np.n
         there = np.ones(count)
         there[list(arrangement.coats[0])] = 0.0
         return [there]
-    paints = arrangement.coats[0]
+    paints = arrangement.paints
     if len(paints) == 1:
         return [] if hides else [np.zeros(count)]
     return [np.eye(count)[place] for place in paints]
