@@ -418,12 +418,6 @@ add(
 )
 
 
-def _coats(source: str, method: str, column: int) -> Reader:
-    """A share of one line of the task that tells coats from mixtures."""
-    others = r"(?:[\d.]+% \(\d+%-\d+%\) +)" * (column - 1)
-    return found(rf"(?m)^{source} +{method} +\d+ +{others}([\d.]+)%")
-
-
 for _key, _source, _method in (
     ("own", "hyperdoc", "glazejax, its own binder"),
     ("visible", "hyperdoc", "glazejax, 410-700 nm"),
@@ -434,16 +428,16 @@ for _key, _source, _method in (
         "paintbench_coats",
         ".0f %",
         **{
-            f"{_key}_right": _coats(_source, _method, 1),
-            f"{_key}_decided": _coats(_source, _method, 2),
-            f"{_key}_right_decided": _coats(_source, _method, 3),
+            f"{_key}_right": _bench("COATS", _source, _method, 1),
+            f"{_key}_decided": _bench("COATS", _source, _method, 2),
+            f"{_key}_right_decided": _bench("COATS", _source, _method, 3),
         },
     )
 add(
     "paintbench_coats",
     ".0f %",
-    neighbour=_coats("hyperdoc", "nearest by derivative", 1),
-    probe_neighbour=_coats("bath", "nearest by derivative", 1),
+    neighbour=_bench("COATS", "hyperdoc", "nearest by derivative", 1),
+    probe_neighbour=_bench("COATS", "bath", "nearest by derivative", 1),
 )
 add(
     "pigment_speed",

@@ -374,7 +374,7 @@ def srgb_to_xyz(encoded: Numbers) -> Float[np.ndarray, "*batch 3"]:
 
     Source: IEC 61966-2-1:1999; matrices from its primaries, not rounded.
     """
-    return _linear_srgb(np, np.asarray(encoded, float)) @ _screen().T
+    return linear_srgb(np.asarray(encoded, float)) @ _screen().T
 
 
 def srgb_to_lab(encoded: Numbers) -> Float[Array, "*batch 3"]:
@@ -452,11 +452,11 @@ def _lab_of_xyz(xp: ModuleType, values: Any, white: Any) -> Any:
 
 
 def _lab_of_srgb(xp: ModuleType, values: Any, matrix: Any, white: Any) -> Any:
-    return _lab_of_xyz(xp, matmul(xp, _linear_srgb(xp, values), matrix), white)
+    return _lab_of_xyz(xp, matmul(xp, linear_srgb(values, xp), matrix), white)
 
 
-def _linear_srgb(xp: ModuleType, values: Any) -> Any:
-    """Linear values of encoded ones: `encoded_srgb` backwards."""
+def linear_srgb(values: Any, xp: ModuleType = np) -> Any:
+    """Linear values of encoded sRGB: `encoded_srgb` backwards; `xp` as there."""
     # The end of the straight part, encoded.
     return xp.where(
         values <= 12.92 * _STRAIGHT, values / 12.92, ((abs(values) + 0.055) / 1.055) ** 2.4

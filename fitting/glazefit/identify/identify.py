@@ -23,7 +23,7 @@ from ..film.model.mixing import Pigments, listed_pigments
 from ..film.model.response import film_response
 from .coats.weigh_coats import weigh_coats
 from .families.identify_pigments import has_families, identify_families
-from .families.templates import usual_thickness
+from .families.templates import usual_coat
 from .result import Identification
 from .search.options import IdentificationKeywords, IdentificationOptions, check_keywords
 from .search.searcher import Searcher
@@ -55,12 +55,12 @@ def identify_chunks(
         )
     known = listed_pigments(pigments)
     if has_families(known) and not options.own_films:
-        scattering = [np.median(np.asarray(paint.scattering)) for paint in known]
-        coat = usual_thickness(np.array(scattering)[:, None])
         for found in identify_families(
             wavelengths, spectra, known, options, ground=ground, opaque=opaque, names=names
         ):
-            yield found if options.max_coats == 1 else weigh_coats(found, known, options, coat)
+            if options.max_coats > 1:
+                found = weigh_coats(found, known, options, usual_coat(known))
+            yield found
         return
     if options.elements or options.without_elements or options.painted is not None:
         raise ValueError(

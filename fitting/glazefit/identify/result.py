@@ -25,8 +25,8 @@ _SHOWN = 3
 
 # Standard deviation of a logarithm beyond which nothing is known.
 _OPEN = 50.0
-# Standard deviations from the middle of a Gaussian to the ends of its central 90 %.
-_NINETY = np.array([-1.6448536269514722, 1.6448536269514722])
+NINETY = np.array([-1.6448536269514722, 1.6448536269514722])
+"""Standard deviations from the middle of a Gaussian to the ends of its central 90 %."""
 STRENGTH = float(
     np.hypot(MIXED.level, MIXED.coefficient) * np.sqrt(np.dot(PRIOR, np.square(SIZES)))
 )
@@ -254,12 +254,12 @@ class Identification:
     @cached_property
     def amounts_90(self) -> Float[np.ndarray, "spectra candidates 3 2"]:
         """90 % intervals of the amounts if the film is of these paints, m: log-normal."""
-        return self.amounts[..., None] * np.exp(self._log_sd[0][..., None] * _NINETY)
+        return self.amounts[..., None] * np.exp(self._log_sd[0][..., None] * NINETY)
 
     @cached_property
     def thickness_90(self) -> Float[np.ndarray, "spectra candidates 2"]:
         """90 % intervals of the thickness if the film is of these paints, m: log-normal."""
-        return self.amounts.sum(axis=-1)[..., None] * np.exp(self._log_sd[2][..., None] * _NINETY)
+        return self.amounts.sum(axis=-1)[..., None] * np.exp(self._log_sd[2][..., None] * NINETY)
 
     @cached_property
     def fractions_90(self) -> Float[np.ndarray, "spectra candidates 3 2"]:
@@ -270,7 +270,7 @@ class Identification:
         inside = (share > 0) & (share < 1)
         safe = np.where(inside, share, 0.5)
         # d log odds = d log f / (1 - f).
-        moved = (self._log_sd[1] / (1.0 - safe))[..., None] * _NINETY
+        moved = (self._log_sd[1] / (1.0 - safe))[..., None] * NINETY
         ends = expit(np.log(safe / (1.0 - safe))[..., None] + moved)
         return np.where(inside[..., None], ends, share[..., None])
 

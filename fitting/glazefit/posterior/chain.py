@@ -19,7 +19,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 import emcee
 import numpy as np
@@ -360,30 +360,28 @@ def _backend(
     require("h5py")
     import h5py
 
-    if resume:
-        if not path.is_file():
-            raise FileNotFoundError(
-                f"{path}: there is no chain to resume; leave out the request to resume, to start "
-                "one"
-            )
-        backend = emcee.backends.HDFBackend(str(path), name=GROUP)
-        if not backend.initialized:
-            raise ValueError(f"{path}: this file holds no chain of emcee")
-        with h5py.File(path, "r") as file:
-            mark = file[GROUP].attrs.get(MARK)
-            kept = int(file[GROUP].attrs.get("thin", 0))
-        if mark != problem.fingerprint:
-            raise ValueError(
-                f"{path}: the chain is of another problem (film, paints, noise or prior differ); "
-                "resume it with the settings that it was started with, or start another chain "
-                "elsewhere"
-            )
-        if backend.shape != shape or kept != thin:
-            raise ValueError(
-                f"{path}: the chain has {backend.shape[0]} walkers and keeps every {kept}. step, "
-                f"not {shape[0]} and {thin}; ask for the same"
-            )
-        return backend
+    if not resume:
+        begin_file(path, overwrite=overwrite)
+        return emcee.backends.HDFBackend(str(path), name=GROUP)
+    check_resumed(path)
+    backend: Any = emcee.backends.HDFBackend(str(path), name=GROUP)
+    if not backend.initialized:
+        raise ValueError(f"{path}: this file holds no chain of emcee")
+    with h5py.File(path, "r") as file:
+        mark = file[GROUP].attrs.get(MARK)
+        kept = int(file[GROUP].attrs.get("thin", 0))
+    check_same_problem(path, mark, problem.fingerprint)
+    if backend.shape != shape or kept != thin:
+        refuse_settings(path, (backend.shape[0], kept), (shape[0], thin))
+    return backend
+
+
+def begin_file(path: Path, *, overwrite: bool) -> None:
+    """Make room for the file of a new chain.
+
+    Raises:
+        FileExistsError: there is such a file, and it may not be replaced.
+    """
     if path.exists() and not overwrite:
         raise FileExistsError(
             f"{path}: there is a chain already; resume it, choose another name, or ask to "
@@ -392,7 +390,44 @@ def _backend(
     if path.exists():
         os.remove(path)
     path.parent.mkdir(parents=True, exist_ok=True)
-    return emcee.backends.HDFBackend(str(path), name=GROUP)
+
+
+def check_resumed(path: Path) -> None:
+    """That there is a file to go on from.
+
+    Raises:
+        FileNotFoundError: there is none.
+    """
+    if not path.is_file():
+        raise FileNotFoundError(
+            f"{path}: there is no chain to resume; leave out the request to resume, to start one"
+        )
+
+
+def check_same_problem(path: Path, mark: object, fingerprint: str) -> None:
+    """That a file's chain is of this problem.
+
+    Raises:
+        ValueError: it is of another.
+    """
+    if mark != fingerprint:
+        raise ValueError(
+            f"{path}: the chain is of another problem (film, paints, noise or prior differ); "
+            "resume it with the settings that it was started with, or start another chain "
+            "elsewhere"
+        )
+
+
+def refuse_settings(path: Path, kept: tuple[int, int], asked: tuple[int, int]) -> NoReturn:
+    """Say that a file's walkers and thinning are others than those asked for.
+
+    Raises:
+        ValueError: always.
+    """
+    raise ValueError(
+        f"{path}: the chain has {kept[0]} walkers and keeps every {kept[1]}. step, not {asked[0]} "
+        f"and {asked[1]}; ask for the same"
+    )
 
 
 def _mark(path: Path, problem: Problem, thin: int) -> None:

@@ -2,7 +2,6 @@
 chain goes on from.
 """
 
-import os
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -13,7 +12,7 @@ from jaxtyping import Float
 from glazejax.extras import require
 
 from .chain import GROUP as EMCEE
-from .chain import MARK, Chain
+from .chain import MARK, Chain, begin_file, check_resumed, check_same_problem, refuse_settings
 from .sampling import Sampling
 
 GROUP = "hmc"
@@ -60,14 +59,7 @@ class DrawsFile:
         if options.resume:
             kept._read(path, fingerprint, shape)
             return kept
-        if path.exists() and not options.overwrite:
-            raise FileExistsError(
-                f"{path}: there is a chain already; resume it, choose another name, or ask to "
-                "overwrite it"
-            )
-        if path.exists():
-            os.remove(path)
-        path.parent.mkdir(parents=True, exist_ok=True)
+        begin_file(path, overwrite=options.overwrite)
         with h5py.File(path, "w") as file:
             group = file.create_group(GROUP)
             group.attrs.update({MARK: fingerprint, "thin": options.every, "steps": 0})
@@ -79,11 +71,7 @@ class DrawsFile:
     def _read(self, path: Path, fingerprint: str, shape: tuple[int, int, int]) -> None:
         import h5py
 
-        if not path.is_file():
-            raise FileNotFoundError(
-                f"{path}: there is no chain to resume; leave out the request to resume, to start "
-                "one"
-            )
+        check_resumed(path)
         if not h5py.is_hdf5(path):
             raise ValueError(f"{path}: this file holds no chain of emcee or hmc")
         with h5py.File(path, "r") as file:
@@ -94,18 +82,10 @@ class DrawsFile:
                     + ('; resume it with the sampler "emcee"' if EMCEE in file else "")
                 )
             group: Any = file[GROUP]
-            if group.attrs[MARK] != fingerprint:
-                raise ValueError(
-                    f"{path}: the chain is of another problem (film, paints, noise or prior "
-                    "differ); resume it with the settings that it was started with, or start "
-                    "another chain elsewhere"
-                )
+            check_same_problem(path, group.attrs[MARK], fingerprint)
             chains, thin = group["chain"].shape[1], int(group.attrs["thin"])
             if chains != shape[0] or thin != self._thin:
-                raise ValueError(
-                    f"{path}: the chain has {chains} walkers and keeps every {thin}. step, not "
-                    f"{shape[0]} and {self._thin}; ask for the same"
-                )
+                refuse_settings(path, (chains, thin), (shape[0], self._thin))
             self.steps = int(group.attrs["steps"])
             self._accepted = float(group.attrs["accepted"])
             self._free = [group["chain"][:]]

@@ -216,11 +216,10 @@ def _attributes(posterior: Posterior) -> dict[str, Any]:
     state = posterior.convergence
     chain = posterior.chain
     if state is not None and chain is not None:
+        library = "emcee" if chain.sampler == "emcee" else "glazejax"
         found |= {
-            "inference_library": "emcee" if chain.sampler == "emcee" else "glazejax",
-            "inference_library_version": version(
-                "emcee" if chain.sampler == "emcee" else "glazejax"
-            ),
+            "inference_library": library,
+            "inference_library_version": version(library),
             "sampler": chain.sampler,
             "autocorrelation_time": [float(t) for t in state.times],
             "effective_samples": [float(n) for n in state.samples],

@@ -33,6 +33,7 @@ from .constraints import Gauge
 from .joint import UNIT, recover_jointly
 from .joint_problem import Expectations, Unknowns
 from .joint_result import JointRecovery
+from .prediction import interval_of
 
 SPREAD = 0.3
 """Standard deviation of the log of a film's thickness about its number of coats."""
@@ -213,10 +214,7 @@ class CoatPrediction:
         Raises:
             ValueError: a level outside (0, 1).
         """
-        if not 0 < level < 1:
-            raise ValueError(f"the level is {level:g}; give a share between 0 and 1, such as 0.9")
-        low, high = np.quantile(self.draws, [(1 - level) / 2, (1 + level) / 2], axis=0)
-        return low, high
+        return interval_of(self.draws, level)
 
     def delta_e(
         self,
@@ -286,21 +284,6 @@ def recover_coats(
     response = response or film_response(instrument)
     expected = expected or BRUSHED
     names = dict.fromkeys(coat.paint for coat in said.values())
-
-    def fit(paint: str, told: CoatScattering, start: JointRecovery | None = None) -> JointRecovery:
-        rows = [row for row, name in enumerate(films.names) if said[name].paint == paint]
-        own = films.take(rows)
-        return recover_jointly(
-            own,
-            {name: {paint: 1.0} for name in own.names},
-            instrument=instrument,
-            noise=noise,
-            expectations=Expectations(thickness=spread, level_s=(told.mean, told.sd)),
-            start=None if start is None else start.unknowns,
-            response=response,
-            gauge=Gauge({name: said[name].coats * UNIT for name in own.names}, spread, _COMMON),
-            unit=UNIT,
-        )
 
     law = CoatLaw({coat.coats: 0.0 for coat in said.values()}, spread)
     # Each paint is told what the others say, over again, as that changes what each says.

@@ -96,10 +96,7 @@ class Prediction:
         Raises:
             ValueError: a level outside (0, 1).
         """
-        if not 0 < level < 1:
-            raise ValueError(f"the level is {level:g}; give a share between 0 and 1, such as 0.9")
-        low, high = np.quantile(self.draws, [(1 - level) / 2, (1 + level) / 2], axis=0)
-        return low, high
+        return interval_of(self.draws, level)
 
     def delta_e(
         self,
@@ -157,6 +154,20 @@ class Prediction:
     def with_variation(self, variation: Variation) -> "Prediction":
         """The same with other sizes of the film's own errors."""
         return replace(self, variation=variation)
+
+
+def interval_of(
+    draws: Float[np.ndarray, "draws *n"], level: float
+) -> tuple[Float[np.ndarray, "*n"], Float[np.ndarray, "*n"]]:
+    """Lower and upper end of the band that holds this share of draws.
+
+    Raises:
+        ValueError: a level outside (0, 1).
+    """
+    if not 0 < level < 1:
+        raise ValueError(f"the level is {level:g}; give a share between 0 and 1, such as 0.9")
+    low, high = np.quantile(draws, [(1 - level) / 2, (1 + level) / 2], axis=0)
+    return low, high
 
 
 def predict_films(

@@ -18,7 +18,7 @@ from ...film.model.optics import Optics
 from ...film.model.response import film_response
 from ...film.shared_bands import means_of_steps
 from ..families.templates import coefficients
-from ..result import Identification
+from ..result import NINETY, Identification
 from ..search.options import IdentificationOptions
 from ..search.pool import NOBODY
 from .arrangement import Arrangement, arrangements
@@ -37,8 +37,6 @@ _FAINT = 0.1
 _FAINT_CHANCE = 0.2
 # Root mean square of a difference between two readings that the model's own errors do not cover.
 _SEEN = 0.03
-# Standard deviations from the middle of a Gaussian to the ends of its central 90 %.
-_NINETY = np.array([-1.6448536269514722, 1.6448536269514722])
 
 
 class _Library(NamedTuple):
@@ -235,7 +233,7 @@ def _odds_of(
     amounts = np.full((len(members), 2), np.nan)
     if not opaque:
         middle = best.evidence.log_amounts[number][:, None]
-        spread = best.evidence.log_amounts_sd[number][:, None] * _NINETY
+        spread = best.evidence.log_amounts_sd[number][:, None] * NINETY
         amounts[list(best.arrangement.paints)] = library.usual * np.exp(middle + spread)
     odds = CoatsOdds(
         paints=tuple(names),

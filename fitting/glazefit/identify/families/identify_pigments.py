@@ -23,7 +23,7 @@ from .evidence import log_odds_of_elements
 from .naming import name_sets
 from .search import FamilyOdds, FamilySearch
 from .set_up import EXPECTED, search_families
-from .templates import usual_thickness
+from .templates import usual_coat
 
 STEP = 10.0
 """Finer spectra are averaged to this, nm: exemplars are known no finer."""
@@ -165,9 +165,7 @@ def _identification(
     count = min(options.keep, odds.sets.shape[1])
     best = np.argsort(-odds.sets, axis=1, kind="stable")[:, :count]
     rows = np.arange(len(measured))[:, None]
-    thickness = usual_thickness(
-        np.stack([np.median(np.asarray(p.scattering)) for p in search.exemplars])[:, None]
-    )
+    thickness = usual_coat(search.exemplars)
     shape = (len(measured), count)
     members = np.full((*shape, 3), NOBODY)
     amounts = np.zeros((*shape, 3))

@@ -81,6 +81,14 @@ def coefficients(
     return out
 
 
+def usual_coat(pigments: Sequence[Pigment]) -> float:
+    """Thickness at which the median exemplar scatters twice on the way through, each by its median
+    over the bands, m.
+    """
+    scattering = np.stack([np.median(np.asarray(pigment.scattering)) for pigment in pigments])
+    return usual_thickness(scattering[:, None])
+
+
 def usual_thickness(scattering: Float[np.ndarray, "exemplars bands"]) -> float:
     """Thickness at which the median exemplar scatters twice on the way through, m."""
     return float(2.0 / np.nanmedian(scattering))

@@ -8,6 +8,7 @@ no stack well, so each is tried at a coarse grid of amounts first.
 import functools
 import itertools
 from dataclasses import replace
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -48,14 +49,17 @@ def search_two_coats(chunk: Chunk, pool: Pool, ranked: Pool) -> Pool:
         sets = np.take_along_axis(ranked.members, best[..., None], axis=1)[..., :paints]
         sets = np.repeat(sets, len(ways), axis=1)
         coats = np.broadcast_to(np.tile(ways, (keep, 1)), sets.shape)
-        fitted, slopes = _fit_stacks(chunk, sets, coats, weights)
-        stacks = pool_of(task, sets, fitted, coats, np.log(task.prior.stacked / len(ways)))
-        row = np.repeat(np.arange(len(chunk)), sets.shape[1])
-        groups = Groups(
-            np.arange(len(row)), row, *(a.reshape(len(row), *a.shape[2:]) for a in (sets, slopes))
+        logs = stack_starts(
+            task.paints,
+            jnp.asarray(sets),
+            jnp.asarray(coats),
+            jnp.asarray(chunk.spectra.grounds, float),
+            weights,
+            optics=task.optics,
+            middle=task.middle,
         )
-        near = move_readings(chunk, row, stacks.readings.reshape(len(row), -1), groups)
-        stacks = replace(stacks, adjusted=near.reshape(stacks.readings.shape))
+        share = float(np.log(task.prior.stacked / len(ways)))
+        stacks = fit_with_own_errors(chunk, sets, coats, logs, share)
         struck = ~np.isfinite(np.take_along_axis(weight, best, axis=1))
         stacks.log_weight[np.repeat(struck, len(ways), axis=1)] = -np.inf
         pool = pool.merge(stacks)
@@ -68,34 +72,49 @@ def orders(size: int) -> Int[np.ndarray, "orders size"]:
     return np.asarray(ways, dtype=np.int32).reshape(-1, size)
 
 
-def _fit_stacks(
-    chunk: Chunk, sets: np.ndarray, coats: np.ndarray, weights: Weights
-) -> tuple[Fitted, np.ndarray]:
-    """Stacks with errors of their own, and slopes near the fit; `weights` says where to start."""
+def fit_with_own_errors(
+    chunk: Chunk,
+    sets: Int[np.ndarray, "spectra sets size"],
+    coats: Int[np.ndarray, "spectra sets size"],
+    logs: Float[Array | np.ndarray, "spectra sets size"],
+    log_share: float = 0.0,
+) -> Pool:
+    """Stacks fitted with the errors of their own paints, as candidates.
+
+    Args:
+        chunk: spectra.
+        sets: paints of each stack.
+        coats: coat of each paint.
+        logs: log amounts to start from.
+        log_share: how probable this kind of stack is among its kinds.
+    """
     task = chunk.task
     films = task.paints, jnp.asarray(sets), jnp.asarray(coats)
     ground = jnp.asarray(chunk.spectra.grounds, float)
-    logs = stack_starts(*films, ground, weights, task.optics, task.middle)
     row = np.repeat(np.arange(len(chunk)), sets.shape[1])
     count = sets.shape[:2]
     target, *expected = (
         np.broadcast_to(part[:, None], (*count, *part.shape[1:]))
         for part in (chunk.target, *chunk.expectation)
     )
-    fitted = None
-    slopes = None
+
+    def flat(array: np.ndarray) -> np.ndarray:
+        return array.reshape(len(row), *array.shape[2:])
+
+    at = jnp.asarray(logs)
+    fitted: Any = None
+    slopes = np.zeros(0)
     for _ in range(_ROUNDS):
-        slopes = np.asarray(stack_slopes(*films, logs, ground, task.optics))
-        errors = coefficient_errors(
-            chunk, row, *(a.reshape(len(row), *a.shape[2:]) for a in (sets, slopes))
-        )
+        slopes = np.asarray(stack_slopes(*films, at, ground, task.optics))
+        errors = coefficient_errors(chunk, row, flat(sets), flat(slopes))
         basis, height = (a.reshape(*count, *a.shape[1:]) for a in (errors.basis, errors.height))
         own = jax.tree.map(jnp.asarray, Weights(target, basis, height, *expected))
-        fitted = fit_stacks(*films, logs, ground, own, task.optics, task.middle)
-        logs = fitted.logs
-    assert fitted is not None
-    assert slopes is not None
-    return fitted, slopes
+        fitted = fit_stacks(*films, at, ground, own, task.optics, task.middle)
+        at = fitted.logs
+    stacks = pool_of(task, sets, fitted, coats, log_share)
+    groups = Groups(np.arange(len(row)), row, flat(sets), flat(slopes))
+    near = move_readings(chunk, row, flat(stacks.readings), groups)
+    return replace(stacks, adjusted=near.reshape(stacks.readings.shape))
 
 
 @functools.partial(jax.jit, static_argnames=("optics", "middle"))

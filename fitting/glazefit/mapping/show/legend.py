@@ -8,7 +8,13 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Float
 
-from glazejax.colour import delta_e_2000, srgb_to_xyz, xyz_to_lab
+from glazejax.colour import (
+    delta_e_2000,
+    encoded_srgb,
+    linear_srgb,
+    srgb_to_xyz,
+    xyz_to_lab,
+)
 from glazejax.plots import hex_colour
 
 MOST_SETS = 15
@@ -83,10 +89,9 @@ def legend_colours(own: Sequence[str]) -> list[str]:
 
 def seen_colours(shades: Shades) -> Float[np.ndarray, "eyes colours 3"]:
     """L*a*b* of encoded sRGB, as seen with each of `CONES`."""
-    linear = np.where(shades <= 0.04045, shades / 12.92, ((shades + 0.055) / 1.055) ** 2.4)
+    linear = linear_srgb(shades)
     seen = np.stack([np.clip(linear @ cones.T, 0, 1) for cones in CONES.values()])
-    encoded = np.where(seen <= 0.0031308, 12.92 * seen, 1.055 * seen ** (1 / 2.4) - 0.055)
-    return np.asarray(xyz_to_lab(srgb_to_xyz(encoded), srgb_to_xyz(np.ones(3))))
+    return np.asarray(xyz_to_lab(srgb_to_xyz(encoded_srgb(seen)), srgb_to_xyz(np.ones(3))))
 
 
 def _shade(colour: str) -> list[float]:

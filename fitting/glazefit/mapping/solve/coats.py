@@ -18,13 +18,12 @@ from jaxtyping import Array, Bool, Float, Int
 
 from ...film.model.response import FilmResponse
 from ...identify.search.chunk import Chunk
-from ...identify.search.fit import Weights, log_set_prior, pool_of
+from ...identify.search.fit import log_set_prior
 from ...identify.search.pool import Pool
-from ...identify.search.refine import Groups, coefficient_errors, move_readings
 from ...identify.search.searcher import Searcher
 from ...identify.search.surface import with_surface
 from ...identify.search.task import IdentificationTask, Measured
-from ...identify.search.two_coats import fit_stacks, stack_slopes
+from ...identify.search.two_coats import fit_with_own_errors
 from ...identify.search.weigh import Odds, odds_of
 from .survey import Features
 
@@ -39,7 +38,6 @@ _SHARES = (0.03, 0.12, 0.35, 0.65, 0.9)
 _FITTED = {2: 3, 3: 5}
 # How probable a body of one paint and of two is under another paint.
 _BODIES = {2: 0.5, 3: 0.5}
-_ROUNDS = 2
 # Spectra that are fitted together: one shape, one program.
 _TOGETHER = 32
 # Odds of the first candidate below which one coat leaves a spectrum in doubt.
@@ -181,38 +179,13 @@ class StackSearch:
         chunk = Chunk(task, measured.take(rows))
         sets, logs = sets[rows], logs[rows]
         coats = np.broadcast_to(np.array([0] + [1] * (size - 1), jnp.result_type(int)), sets.shape)
-        films = task.paints, jnp.asarray(sets), jnp.asarray(coats)
-        ground = jnp.asarray(chunk.spectra.grounds, float)
-        target, *expected = (
-            np.broadcast_to(part[:, None], (*sets.shape[:2], *part.shape[1:]))
-            for part in (chunk.target, *chunk.expectation)
-        )
-        row = np.repeat(np.arange(len(chunk)), sets.shape[1])
-
-        def flat(a: np.ndarray) -> np.ndarray:
-            return a.reshape(len(row), *a.shape[2:])
-
-        fitted: Any = None
-        slopes = np.zeros(0)
-        for _ in range(_ROUNDS):
-            slopes = np.asarray(stack_slopes(*films, jnp.asarray(logs), ground, task.optics))
-            errors = coefficient_errors(chunk, row, flat(sets), flat(slopes))
-            basis, height = (
-                a.reshape(*sets.shape[:2], *a.shape[1:]) for a in (errors.basis, errors.height)
-            )
-            own = jax.tree.map(jnp.asarray, Weights(target, basis, height, *expected))
-            fitted = fit_stacks(*films, jnp.asarray(logs), ground, own, task.optics, task.middle)
-            logs = np.asarray(fitted.logs)
         kinds = task.paint_count * np.prod(
             [(task.paint_count - 1 - n) / (n + 1) for n in range(size - 1)]
         )
         share = np.log(task.prior.stacked * _BODIES[size] / kinds)
         share = share - log_set_prior(task, sets)
-        pool = pool_of(task, sets, fitted, coats)
+        pool = fit_with_own_errors(chunk, sets, coats, logs)
         pool = replace(pool, log_weight=pool.log_weight + share)
-        groups = Groups(np.arange(len(row)), row, flat(sets), flat(slopes))
-        near = move_readings(chunk, row, flat(pool.readings), groups)
-        pool = replace(pool, adjusted=near.reshape(pool.readings.shape))
         return with_surface(chunk, pool).of(np.arange(count))
 
 
