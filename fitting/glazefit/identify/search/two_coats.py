@@ -173,7 +173,7 @@ def stack_readings(
         optics: cosines and index.
         tolerance: of the solver.
     """
-    place = jnp.where(coats[:, None] == jnp.arange(2), amounts[:, None], 0.0)
+    place = jnp.where(coats[:, None] == jnp.arange(2, dtype=coats.dtype), amounts[:, None], 0.0)
     layers_k = jnp.einsum("ml,mb->bl", place, k)
     layers_s = jnp.einsum("ml,mb->bl", place, s)
     return optics.body(layers_k, layers_s, ground, tolerance)
