@@ -51,8 +51,10 @@ def main() -> None:
     parser.add_argument(
         "--coats", action="store_true", help="only the task coats, with a result of its own"
     )
-    add_option(parser, every=23)
+    add_option(parser, every=23, pairs=2)
     parser.add_argument("--every", type=int, default=EVERY, help=argparse.SUPPRESS)
+    # Mixtures, and superpositions, that the task coats asks for in each source.
+    parser.add_argument("--pairs", type=int, default=None, help=argparse.SUPPRESS)
     options = parser.parse_args()
     check_hashes()
     start_jax()
@@ -62,13 +64,13 @@ def main() -> None:
     ]
     if options.coats:
         coats = Record()
-        run_coats(sources, coats)
+        run_coats(sources, coats, options.pairs)
         results = Results("paintbench_coats", options.out, "numpy", "scipy")
         for line in lines_of(coats):
             results(line)
         results.save()
         return
-    record = run(sources, own_films=options.own_films)
+    record = run(sources, own_films=options.own_films, pairs=options.pairs)
     # Scores of sources from outside are no result of the repository's.
     if find_spec("sklearn") is None:
         print("left out, scikit-learn is not installed: the linear classifier")
@@ -94,8 +96,14 @@ def thinned(source: Source, every: int) -> Source:
     return source.take(range(0, len(source.samples), every))
 
 
-def run(sources: list[Source], own_films: bool = False) -> Record:
-    """All tasks; with identification among the oils and acrylics alone, if asked."""
+def run(sources: list[Source], own_films: bool = False, pairs: int | None = None) -> Record:
+    """All tasks; with identification among the oils and acrylics alone, if asked.
+
+    Args:
+        sources: of samples.
+        own_films: whether paints are sought among the oils and acrylics, too.
+        pairs: mixtures, and superpositions, that the task coats takes of each source; None for all.
+    """
     record = Record()
     progress("names of pigments")
     ours = [FamilyCatalogue(), *([FilmCatalogues()] if own_films else [])]
@@ -108,7 +116,7 @@ def run(sources: list[Source], own_films: bool = False) -> Record:
         record,
     )
     progress("coats")
-    run_coats(sources, record)
+    run_coats(sources, record, pairs)
     progress()
     return record
 

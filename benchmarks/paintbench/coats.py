@@ -31,10 +31,16 @@ VISIBLE = "glazejax, 410-700 nm"
 NEIGHBOUR = "nearest by derivative"
 
 
-def run_coats(sources: Sequence[Source], record: Record) -> None:
-    """Score glazejax, and the nearest of the other pairs' samples by the first derivative."""
+def run_coats(sources: Sequence[Source], record: Record, most: int | None = None) -> None:
+    """Score glazejax, and the nearest of the other pairs' samples by the first derivative.
+
+    Args:
+        sources: of samples.
+        record: that the scores go to.
+        most: mixtures, and superpositions, that are taken of each source; None for all.
+    """
     for source in sources:
-        rows = _rows(source)
+        rows = _rows(source, most)
         truths = np.array([source.samples[row].kind == "layers" for row in rows])
         if not truths.any() or truths.all():
             continue
@@ -59,15 +65,14 @@ def run_coats(sources: Sequence[Source], record: Record) -> None:
         record.add("coats", source.name, NEIGHBOUR, _score(near, truths))
 
 
-def _rows(source: Source) -> list[int]:
-    """Samples of two paints that were read pure too."""
+def _rows(source: Source, most: int | None) -> list[int]:
+    """Samples of two paints that were read pure too, at most so many of each kind."""
     pure = {sample.paints[0] for sample in source.samples if sample.kind == "pure"}
-    return [
-        row
-        for kind in ("mixture", "layers")
-        for row in source.chosen(kind)
-        if len(source.samples[row].paints) == 2 and set(source.samples[row].paints) <= pure
-    ]
+    rows = []
+    for kind in ("mixture", "layers"):
+        samples = ((row, source.samples[row].paints) for row in source.chosen(kind))
+        rows += [row for row, two in samples if len(two) == 2 and set(two) <= pure][:most]
+    return rows
 
 
 def _score(chances: Float[np.ndarray, "samples"], truths: np.ndarray) -> Scores:
