@@ -6,6 +6,7 @@ geometry, the same on the command line and in Python: ``d:8``, ``de:8``, ``45:0`
 
 from __future__ import annotations
 
+import functools
 from dataclasses import dataclass, field
 
 import equinox as eqx
@@ -193,6 +194,7 @@ class Hemispherical(eqx.Module):
 Geometry = Bidirectional | Hemispherical
 
 
+@functools.lru_cache(maxsize=256)
 def parse_geometry(text: str, *, argument: str = "geometry") -> Geometry:
     """Read the words for a geometry.
 

@@ -9,7 +9,7 @@ from jaxtyping import Array, Float
 
 from .former_names import accept_former_keywords
 from .geometry import Bidirectional, Geometry, Hemispherical, Instrument, geometry_of
-from .paint.media import Glaze, check_glaze
+from .paint.media import Glaze, check_glaze, optics_of
 from .radiative.common.fresnel import dielectric_reflectance
 from .radiative.stack import (
     Method,
@@ -65,7 +65,7 @@ def reflectance(
             f"method {method!r} takes isotropic scattering only; a paint here has a phase function"
         )
     n = glaze.refractive_index
-    stack = glaze.albedo, glaze.optical_thickness, glaze.ground
+    stack = *optics_of(glaze), glaze.ground
     given: dict[str, Any] = {"refractive_index": n, "tolerance": tolerance}
     given |= {"method": method or "ordinates"} if phase is None else {"phase": phase}
     match geometry:

@@ -61,9 +61,9 @@ def small(*arrays: Any) -> bool:
     return known and sum(array.size for array in arrays) <= _SMALL
 
 
-def on_numpy_or_jax(function: Callable[..., Any], *arrays: Any) -> Float[Array, "..."]:
-    """``function(numpy or jax.numpy, *arrays)`` as a JAX array: by NumPy where all arrays are known
-    and small.
+def numpy_or_jax(function: Callable[..., Any], *arrays: Any) -> Any:
+    """``function(numpy or jax.numpy, *arrays)``, an array of the library that computed it: NumPy
+    where all arrays are known and small.
 
     JAX compiles a program for each operation and each shape. That takes some 20 ms, and is what the
     first answer waits for; NumPy takes microseconds.
@@ -71,7 +71,12 @@ def on_numpy_or_jax(function: Callable[..., Any], *arrays: Any) -> Float[Array, 
     if not small(*arrays):
         return function(jnp, *arrays)
     with np.errstate(all="ignore"):
-        return jnp.asarray(function(np, *map(np.asarray, arrays)))
+        return function(np, *map(np.asarray, arrays))
+
+
+def on_numpy_or_jax(function: Callable[..., Any], *arrays: Any) -> Float[Array, "..."]:
+    """What `numpy_or_jax` computes, as a JAX array."""
+    return jnp.asarray(numpy_or_jax(function, *arrays))
 
 
 def matmul(xp: Any, one: Any, other: Any) -> Any:

@@ -34,6 +34,7 @@ from ..spectra import (
     describe_grid,
     interpolation_matrix,
     matmul,
+    numpy_or_jax,
     on_numpy_or_jax,
     same_grid,
     validate_wavelengths,
@@ -328,12 +329,12 @@ class Mixture(eqx.Module):
     @property
     def absorption(self) -> Float[Array, "*batch bands"]:
         """Absorption k in 1/m, (..., bands)."""
-        return self._blend([p.absorption for p in self.pigments])
+        return jnp.asarray(_blend(self.weights, [p.absorption for p in self.pigments]))
 
     @property
     def scattering(self) -> Float[Array, "*batch bands"]:
         """Scattering s in 1/m, (..., bands)."""
-        return self._blend([p.scattering for p in self.pigments])
+        return jnp.asarray(_blend(self.weights, [p.scattering for p in self.pigments]))
 
     @property
     def phase(self) -> Float[Array, "*batch bands terms"] | None:
@@ -342,16 +343,6 @@ class Mixture(eqx.Module):
         """
         parts = [self.weights[..., i, None] * p.scattering for i, p in enumerate(self.pigments)]
         return mix_moments([p.phase for p in self.pigments], parts)
-
-    def _blend(self, spectra: Sequence[Float[Array, "... bands"]]) -> Float[Array, "*batch bands"]:
-        """Sum of spectra, weighted."""
-
-        def total(_: Any, weights: Any, *parts: Any) -> Any:
-            return functools.reduce(
-                operator.add, [weights[..., i, None] * part for i, part in enumerate(parts)]
-            )
-
-        return on_numpy_or_jax(total, self.weights, *spectra)
 
     def resample(self, wavelengths: Grid) -> "Mixture":
         """The same mixture on another grid (nm); see `Pigment.resample`."""
@@ -494,32 +485,12 @@ class Glaze(eqx.Module):
         Where k + s = 0 it is 0, with zero gradient: there a layer's derivative with respect to s is
         that with respect to k, since the albedo of nothing has no limit.
         """
-
-        def ratio(xp: Any, k: Any, s: Any) -> Any:
-            extinction = k + s
-            clear = extinction <= _CLEAR
-            return xp.where(clear, 0.0, s) / xp.where(clear, 1.0, extinction)
-
-        media = [coat.medium for coat in self.coats]
-        return self._stack(
-            [on_numpy_or_jax(ratio, medium.absorption, medium.scattering) for medium in media]
-        )
+        return jnp.asarray(optics_of(self)[0])
 
     @property
     def optical_thickness(self) -> Float[Array, "*batch bands layers"]:
         """Optical thickness (k + s) d, (..., bands, layers), top layer first."""
-
-        def depth(_: Any, k: Any, s: Any, thickness: Any) -> Any:
-            return (k + s) * thickness[..., None]
-
-        return self._stack(
-            [
-                on_numpy_or_jax(
-                    depth, coat.medium.absorption, coat.medium.scattering, coat.thickness
-                )
-                for coat in self.coats
-            ]
-        )
+        return jnp.asarray(optics_of(self)[1])
 
     @property
     def phase(self) -> Float[Known, "*batch bands layers terms"] | None:
@@ -527,15 +498,6 @@ class Glaze(eqx.Module):
         all isotropic.
         """
         return stack_moments([coat.phase for coat in self.coats])
-
-    def _stack(self, spectra: Sequence[Float[Array, "..."]]) -> Float[Array, "*batch bands layers"]:
-        """Spectra of the coats, side by side on a last axis; (..., bands, 0) for bare ground."""
-        if not spectra:
-            shape = jnp.broadcast_shapes(self.ground.shape, np.shape(self.refractive_index), (1,))
-            return jnp.zeros((*shape, 0), dtype=self.ground.dtype)
-        return on_numpy_or_jax(
-            lambda xp, *each: xp.stack(xp.broadcast_arrays(*each), axis=-1), *spectra
-        )
 
     def save(
         self,
@@ -590,6 +552,67 @@ def _stacks() -> Any:
     because the names in such a file are those of the catalogues.
     """
     return import_module("glazejax.stacks")
+
+
+# ---- what the solver takes -------------------------------------------------------------------
+#
+# NumPy arrays where all is known and small: the way to JAX and back costs more than the sums do.
+# Functions and no methods, since equinox binds each method as a module of its own, which costs more
+# still.
+
+
+def optics_of(glaze: Glaze) -> tuple[Float[Known, "..."], Float[Known, "..."]]:
+    """Albedo and optical thickness of all coats, each (..., bands, layers), top layer first."""
+    albedo = []
+    thickness = []
+    for coat in glaze.coats:
+        k, s = _coefficients(coat.medium)
+        albedo.append(numpy_or_jax(_ratio, k, s))
+        thickness.append(numpy_or_jax(_depth, k, s, coat.thickness))
+    return _stack(glaze, albedo), _stack(glaze, thickness)
+
+
+def _coefficients(medium: Pigment | Mixture) -> tuple[Float[Known, "..."], Float[Known, "..."]]:
+    """k and s in 1/m, (..., bands)."""
+    if isinstance(medium, Pigment):
+        return medium.absorption, medium.scattering
+    k = _blend(medium.weights, [p.absorption for p in medium.pigments])
+    s = _blend(medium.weights, [p.scattering for p in medium.pigments])
+    return k, s
+
+
+def _blend(
+    weights: Float[Known, "*batch pigments"], spectra: Sequence[Float[Array, "... bands"]]
+) -> Float[Known, "*batch bands"]:
+    """Sum of spectra, weighted."""
+
+    def total(_: Any, weights: Any, *parts: Any) -> Any:
+        return functools.reduce(
+            operator.add, [weights[..., i, None] * part for i, part in enumerate(parts)]
+        )
+
+    return numpy_or_jax(total, weights, *spectra)
+
+
+def _ratio(xp: Any, k: Any, s: Any) -> Any:
+    extinction = k + s
+    clear = extinction <= _CLEAR
+    return xp.where(clear, 0.0, s) / xp.where(clear, 1.0, extinction)
+
+
+def _depth(xp: Any, k: Any, s: Any, thickness: Any) -> Any:
+    del xp
+    return (k + s) * thickness[..., None]
+
+
+def _stack(
+    glaze: Glaze, spectra: Sequence[Float[Known, "..."]]
+) -> Float[Known, "*batch bands layers"]:
+    """Spectra of the coats, side by side on a last axis; (..., bands, 0) for bare ground."""
+    if not spectra:
+        shape = jnp.broadcast_shapes(glaze.ground.shape, np.shape(glaze.refractive_index), (1,))
+        return jnp.zeros((*shape, 0), dtype=glaze.ground.dtype)
+    return numpy_or_jax(lambda xp, *each: xp.stack(xp.broadcast_arrays(*each), axis=-1), *spectra)
 
 
 def check_glaze(glaze: Any) -> None:

@@ -201,7 +201,7 @@ _OF_LAYERS = ("albedo", "optical_thickness")
 def batch_of_stacks(
     given: Mapping[str, Any],
     *,
-    xp: Any = jnp,
+    xp: Any = None,
     dtype: Any = None,
     shapes: Mapping[str, tuple[int, ...]] | None = None,
 ) -> BatchOfStacks:
@@ -209,7 +209,7 @@ def batch_of_stacks(
 
     Args:
         given: by name, albedo and optical_thickness among them; None is an argument not given.
-        xp: numpy or jax.numpy.
+        xp: numpy or jax.numpy; by default numpy where all is known and small.
         dtype: of the arrays; by default JAX's, single or double.
         shapes: batch shapes of what else must broadcast, by name.
 
@@ -222,6 +222,8 @@ def batch_of_stacks(
     check_given({name: given[name] for name in (*_OF_LAYERS, "substrate_reflectance")})
     check_values(given)
     dtype = dtype or jnp.result_type(float)
+    if xp is None:
+        xp = np if _known_and_small(given) else jnp
     arrays = {
         name: _in_range(name, _as_array(value, dtype, xp))
         for name, value in given.items()
@@ -234,6 +236,13 @@ def batch_of_stacks(
         for name, array in arrays.items()
     }
     return BatchOfStacks(arrays, batch_shape({**own, **(shapes or {})}), layers)
+
+
+def _known_and_small(given: Mapping[str, Any]) -> bool:
+    """Whether JAX traces nothing, and NumPy is done before an array has found its way to JAX."""
+    leaves = jax.tree.leaves(dict(given))
+    known = not any(isinstance(leaf, Tracer) for leaf in leaves)
+    return known and sum(map(np.size, leaves)) <= _SMALL
 
 
 def _as_array(value: Any, dtype: Any, xp: Any) -> Any:
