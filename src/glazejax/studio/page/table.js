@@ -1,0 +1,129 @@
+// Colour over the thickness of brushed coats: computed at few points, read for every pixel.
+import { deltaE2000, lab, over, parseGeometry, reflect, srgb, whiteOf, xyz } from "./solver.js";
+
+// By the number of brushed coats: points that are computed, while a hand moves and afterwards; points between them by
+// polynomials; and entries of the table that pixels read.
+const QUICK = [9, 6, 4];
+const EXACT = [25, 13, 8];
+const SMOOTH = [4096, 128, 33];
+const ENTRIES = [4096, 512, 96];
+export const MOST_BRUSHED = 3;
+// Places where colours are compared with the full computation.
+const CHECKS = 6;
+
+// Chebyshev points on [0, 1], and the weights that a place takes of values there (the barycentric formula).
+function chebyshev(count) {
+  const nodes = Array.from({ length: count }, (_, i) => 0.5 * (1 - Math.cos((Math.PI * i) / (count - 1))));
+  const signs = nodes.map((_, i) => (i % 2 ? -1 : 1) * (i === 0 || i === count - 1 ? 0.5 : 1));
+  const at = (x) => {
+    const hit = nodes.findIndex((node) => Math.abs(node - x) < 1e-12);
+    const terms = nodes.map((node, i) => (hit >= 0 ? Number(i === hit) : signs[i] / (x - node)));
+    const sum = terms.reduce((all, term) => all + term, 0);
+    return terms.map((term) => term / sum);
+  };
+  return { nodes, at };
+}
+
+// One axis of an array (outer, n, inner) taken to other points, each a list of [index, weight].
+function along(values, outer, n, inner, points) {
+  const found = new Float32Array(outer * points.length * inner);
+  for (let o = 0; o < outer; o++) {
+    points.forEach((taps, p) => {
+      const to = (o * points.length + p) * inner;
+      for (const [index, weight] of taps) {
+        const from = (o * n + index) * inner;
+        for (let i = 0; i < inner; i++) found[to + i] += weight * values[from + i];
+      }
+    });
+  }
+  return found;
+}
+
+// All axes of an array (n, n, ..., channels).
+function everyAxis(values, axes, n, channels, points) {
+  for (let axis = 0; axis < axes; axis++) {
+    values = along(values, points.length ** axis, n, n ** (axes - axis - 1) * channels, points);
+  }
+  return values;
+}
+
+const even = (count) => Array.from({ length: count }, (_, i) => i / (count - 1));
+const polynomial = (rule, places) => places.map((x) => rule.at(x).map((weight, i) => [i, weight]));
+const straight = (n, places) => places.map((x) => {
+  const left = Math.min(n - 2, Math.floor(x * (n - 1))), share = x * (n - 1) - left;
+  return [[left, 1 - share], [left + 1, share]];
+});
+
+/* A table for brushed coats: `brushed` has each one's place among those shown and the top of its range in µm. Entries are
+ * even in the root of the thickness, where colours change fastest. */
+export function makeTable(eye, stack, brushed, lamp, quick) {
+  const axes = brushed.length, coats = eye.shown(stack), grid = eye.grid(stack, coats), layers = eye.layers(stack, coats, grid);
+  const weights = eye.under(lamp, grid), white = whiteOf(weights), geometry = [parseGeometry(stack.geometry)];
+  const settings = { index: stack.refractive_index, bands: grid.length };
+  const grounds = stack.ground === "card" ? [eye.data.white, eye.data.black] : [eye.level(stack, grid)];
+  const channels = 3 * grounds.length, count = (quick ? QUICK : EXACT)[axes - 1], rule = chebyshev(count);
+  const exact = (places) => {
+    const given = layers.slice();
+    brushed.forEach(([at, top], axis) => { given[at] = { ...given[at], thickness: top * 1e-6 * places[axis] ** 2 }; });
+    const [found] = reflect(given, geometry, settings);
+    // Cube roots: even steps look alike in the dark and in the light.
+    return grounds.flatMap((ground) => xyz(over(found, ground), weights).map((value) => Math.cbrt(value)));
+  };
+  const values = new Float32Array(count ** axes * channels);
+  for (let at = 0; at < count ** axes; at++) {
+    const places = brushed.map((_, axis) => rule.nodes[Math.floor(at / count ** (axes - axis - 1)) % count]);
+    values.set(exact(places), at * channels);
+  }
+  // Colours, first on a smooth grid, then as entries.
+  const smooth = SMOOTH[axes - 1], roots = everyAxis(values, axes, count, channels, polynomial(rule, even(smooth)));
+  for (let i = 0; i < roots.length; i += 3) roots.set(srgb([roots[i] ** 3, roots[i + 1] ** 3, roots[i + 2] ** 3], white), i);
+  const size = quick ? smooth : ENTRIES[axes - 1];
+  const encoded = size === smooth ? roots : everyAxis(roots, axes, smooth, channels, straight(smooth, even(size)));
+  const entries = new Uint32Array(encoded.length / 3), bytes = new Uint8ClampedArray(entries.buffer), beyond = new Uint8Array(entries.length);
+  for (let i = 0, at = 0; i < entries.length; i++, at += 3) {
+    for (let c = 0; c < 3; c++) {
+      const value = encoded[at + c];
+      bytes[4 * i + c] = 255 * value;
+      if (value < -0.002 || value > 1.002) beyond[i] = 1;
+    }
+    bytes[4 * i + 3] = 255;
+  }
+  return { axes, size, sides: grounds.length, tops: brushed.map(([, top]) => top), entries, beyond, error: quick ? null : error() };
+
+  // The largest difference at some places, by the polynomials.
+  function error() {
+    let worst = 0;
+    for (let check = 1; check <= CHECKS; check++) {
+      const places = brushed.map((_, axis) => (check * [0.618, 0.755, 0.57][axis]) % 1), wanted = exact(places);
+      const found = brushed.reduce((left, _, axis) => along(left, 1, count, left.length / count, [rule.at(places[axis]).map((weight, i) => [i, weight])]), values);
+      for (let at = 0; at < channels; at += 3) {
+        const [one, other] = [wanted, [...found]].map((roots) => lab(roots.slice(at, at + 3).map((root) => root ** 3), white));
+        worst = Math.max(worst, deltaE2000(one, other));
+      }
+    }
+    return worst;
+  }
+}
+
+/* Colours of a box of pixels: `maps` are thicknesses in µm of each brushed coat, all `width` wide, or one number where a
+ * coat is even; the right half of a card is black. Returns the pixels, and the share outside sRGB. */
+export function readTable(table, maps, width, { x, y, w, h }) {
+  const pixels = new Uint32Array(w * h), { axes, size, sides, entries, beyond } = table, last = size - 1, half = width / 2;
+  const scale = table.tops.map((top) => 1 / top), even = maps.map((map) => typeof map === "number");
+  const place = (thickness, axis) => Math.min(last, Math.floor(Math.sqrt(thickness * scale[axis]) * last + 0.5));
+  const fixed = maps.map((map, axis) => (even[axis] ? place(map, axis) : 0));
+  const [one, two, three] = maps;
+  let outside = 0;
+  for (let row = 0, at = 0; row < h; row++) {
+    const from = (y + row) * width + x;
+    for (let column = 0; column < w; column++, at++) {
+      let entry = even[0] ? fixed[0] : Math.min(last, (Math.sqrt(one[from + column] * scale[0]) * last + 0.5) | 0);
+      if (axes > 1) entry = entry * size + (even[1] ? fixed[1] : Math.min(last, (Math.sqrt(two[from + column] * scale[1]) * last + 0.5) | 0));
+      if (axes > 2) entry = entry * size + (even[2] ? fixed[2] : Math.min(last, (Math.sqrt(three[from + column] * scale[2]) * last + 0.5) | 0));
+      if (sides > 1) entry = 2 * entry + (x + column >= half ? 1 : 0);
+      pixels[at] = entries[entry];
+      outside += beyond[entry];
+    }
+  }
+  return { pixels: new Uint8ClampedArray(pixels.buffer), outside: outside / (w * h) };
+}
