@@ -18,7 +18,7 @@ const remember = (text) => {
   history.replaceState(null, "", text);
 };
 const data = own ? JSON.parse(own.textContent) : null;
-const { store, check } = mount(document.getElementById("studio"), wire, { begin: fragment, remember, data });
+const { store, check } = mount(document.getElementById("studio"), wire, { begin: () => fragment() || (data?.begin && JSON.stringify(data.begin)), remember, data });
 addEventListener("hashchange", () => {
   if (location.hash !== mine && location.hash.length > 1) check(fragment());
 });
