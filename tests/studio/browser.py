@@ -31,7 +31,7 @@ class Served:
     def __init__(self, port: int = 0, token: str = "", tasks: dict[str, str] = TASKS):
         self.studio = Studio(port, tasks)
         self.studio.token = token or self.studio.token
-        self._thread = threading.Thread(target=self.studio.run, kwargs={"warm": False}, daemon=True)
+        self._thread = threading.Thread(target=self.studio.run, daemon=True)
         self._thread.start()
 
     def stop(self) -> None:

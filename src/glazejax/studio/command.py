@@ -1,4 +1,4 @@
-"""The command `glazejax studio`: a page where stacks of paint are played with, local or as a file."""
+"""The command `glazejax studio`: a page to play with stacks of paint, local or as a file."""
 
 import contextlib
 import os
@@ -67,9 +67,7 @@ def studio(
         raise ValueError(
             f"--port is {port}; it must be between 0 and 65535, 0 for any that is free"
         )
-    options.check_outputs(
-        {"--page": page}, overwrite, pictures=(), inputs=[stack, catalogue]
-    )
+    options.check_outputs({"--page": page}, overwrite, pictures=(), inputs=[stack, catalogue])
     begin = None if stack is None else _stack(stack)
     from ..commands.main import start_jax
 

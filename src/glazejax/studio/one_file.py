@@ -58,7 +58,9 @@ def bundle(last: str) -> str:
         if _DEFAULT.search(text):
             text = _DEFAULT.sub("const standard = ", text)
             names.append("default: standard")
-        parts.append(f"modules.{name} = (() => {{\n{text}\nreturn {{ {', '.join(names)} }};\n}})();")
+        parts.append(
+            f"modules.{name} = (() => {{\n{text}\nreturn {{ {', '.join(names)} }};\n}})();"
+        )
     if "standard" in parts[-1]:
         parts.append(f"export default modules.{last}.default;")
     return "\n".join(parts)
@@ -69,9 +71,7 @@ def _taken(names: str, module: str) -> str:
     return f"const {{ {names.strip().replace(' as ', ': ')} }} = modules.{module};"
 
 
-def one_file(
-    own: Mapping[str, Pigment] | None = None, begin: dict[str, Any] | None = None
-) -> str:
+def one_file(own: Mapping[str, Pigment] | None = None, begin: dict[str, Any] | None = None) -> str:
     """The whole studio as one HTML file: it opens from a disk and asks no host for anything.
 
     Args:

@@ -42,7 +42,8 @@ def make_widget() -> type:
         Attributes:
             stack: what is stacked, as `stack_to_dict` gives it; set it, and the page follows.
             seen: wavelengths, reflectance (on the ground, of a card on white), L*a*b* and sRGB (8
-                bits) of the stack under the first lamp, as the page computed them; None until it has.
+                bits) of the stack under the first lamp, as the page computed them; None until it
+                has.
 
         Raises:
             ValueError: a stack that is none.

@@ -4,7 +4,7 @@ import { deltaE2000, lab, over, parseGeometry, reflect, srgb, whiteOf, xyz } fro
 // By the number of brushed coats: points that are computed, while a hand moves and afterwards; points between them by
 // polynomials; and entries of the table that pixels read.
 const QUICK = [9, 6, 4];
-const EXACT = [25, 13, 8];
+const EXACT = [25, 13, 10];
 const SMOOTH = [4096, 128, 33];
 const ENTRIES = [4096, 512, 96];
 export const MOST_BRUSHED = 3;

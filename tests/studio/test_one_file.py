@@ -1,0 +1,108 @@
+"""The page as one file, opened from a disk in a Chromium: all of it without a server."""
+
+import json
+from urllib.parse import quote
+
+import numpy as np
+import pytest
+from selenium.webdriver import ActionChains
+
+from glazejax.studio.one_file import one_file
+
+from .browser import Page, start_browser
+from .test_browser import TWO, check_swatch, expected, fragment
+
+pytestmark = pytest.mark.browser
+
+
+@pytest.fixture(scope="module")
+def browser(tmp_path_factory):
+    found = start_browser(tmp_path_factory.mktemp("downloads"))
+    yield found
+    found.quit()
+
+
+@pytest.fixture(scope="module")
+def link(tmp_path_factory):
+    path = tmp_path_factory.mktemp("page") / "studio.html"
+    path.write_text(one_file(), encoding="utf-8")
+    return path.as_uri()
+
+
+@pytest.fixture
+def page(browser, link):
+    found = Page(browser, link)
+    found.open(fragment({**TWO, "coats": []}))
+    yield found
+    assert found.errors() == []
+    browser.execute_script("document.querySelector('#studio').replaceChildren()")
+
+
+def test_a_stack_is_made_dragged_lit_linked_and_undone(page, browser):
+    for name in ("ZincWhite", "ChromeYellow", "CobaltBlue"):
+        page.click(f".tile[data-paint='{name}'] .paint")
+    page.settle()
+    page.slide(page.at("slider"), 0.0)
+    stack = page.stack()
+    assert [list(coat["paint"])[0] for coat in stack["coats"]] == [
+        "CobaltBlue",
+        "ChromeYellow",
+        "ZincWhite",
+    ]
+    assert stack["coats"][0]["um"] == 1
+    check_swatch(page, stack)
+    page.js(
+        "const s = document.querySelector('[data-at=lamp-0]'); s.value = 'A'; "
+        "s.dispatchEvent(new Event('change'))"
+    )
+    page.settle()
+    assert np.abs(page.pixel("swatch", 0.25, 0.5) - expected(stack, "white", "A")).max() <= 1
+    address = browser.current_url
+    page.press("undo")
+    page.settle()
+    assert page.stack()["coats"][0]["um"] == 10
+    browser.get("about:blank")
+    browser.get(address)
+    page.until(lambda: page.js("return document.querySelector('#studio')?.dataset.seen"), "colours")
+    page.settle()
+    assert page.stack()["coats"] == stack["coats"]
+
+
+def test_it_is_brushed(page):
+    page.open(fragment(TWO))
+    page.press("tab-canvas")
+    canvas = page.at("easel")
+    page.until(lambda: page.js("return arguments[0].dataset.done", canvas), "the canvas")
+    drag = ActionChains(page.browser).move_to_element_with_offset(canvas, -140, 0).click_and_hold()
+    for _ in range(8):
+        drag = drag.move_by_offset(35, 0)
+    drag.release().perform()
+    page.until(lambda: "within" in page.at("easel-state").text, "the colours")
+    no_blue = {**TWO, "coats": [{**TWO["coats"][0], "um": 0}, TWO["coats"][1]]}
+    for y, stack in ((0.1, no_blue), (0.5, TWO)):
+        assert np.abs(page.pixel("easel", 0.35, y) - expected(stack, "white")).max() <= 2
+
+
+def test_it_asks_no_host_for_anything(page):
+    page.open(fragment(TWO))
+    asked = page.js("return performance.getEntriesByType('resource').map((one) => one.name)")
+    assert [name for name in asked if not name.startswith(("data:", "blob:"))] == []
+
+
+def test_what_needs_python_is_said(page, tmp_path):
+    path = tmp_path / "film.csv"
+    path.write_text("Name,400,500\na,0.1,0.2\n")
+    page.drop(path)
+    page.until(lambda: "glazejax studio" in page.said(), "the sentence")
+    path = tmp_path / "stack.json"
+    path.write_text(json.dumps(TWO))
+    page.drop(path)
+    page.until(lambda: len(page.all(".coat")) == 2, "the stack")
+
+
+def test_a_bad_link_is_one_sentence(page):
+    page.open(
+        "#" + quote('{"glazejax": "stack", "coats": [{"paint": {"CobaltBleu": 1}, "um": 1}]}')
+    )
+    assert "There is no pigment 'CobaltBleu'" in page.said()
+    assert len(page.all(".coat")) == 3
