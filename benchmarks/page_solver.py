@@ -77,7 +77,8 @@ def _some(
     albedo = np.moveaxis(s[chosen], 1, 2) / extinction
     stack = albedo, extinction * thickness[:, None], ground[:, None]
     seen = parse_geometry(geometry)
-    settings: dict[str, Any] = {"refractive_index": _INDEX, "cos_incidence": seen.cos_incidence}
+    light = float(np.asarray(seen.cos_incidence))
+    settings: dict[str, Any] = {"refractive_index": _INDEX, "cos_incidence": light}
     if isinstance(seen, Hemispherical):
         found = np.asarray(stack_hemispherical_reflectance(*stack, **settings), float)
     else:
@@ -85,7 +86,7 @@ def _some(
         settings["cos_viewing"] = seen.cos_viewing
         found = np.asarray(stack_reflectance_factor(*stack, **settings), float)
     if seen.sees_surface:
-        found = found + float(dielectric_reflectance(float(seen.cos_incidence), _INDEX))
+        found = found + float(dielectric_reflectance(light, _INDEX))
     lab = np.asarray(colour.lab(paints[0].wavelengths, found, illuminant=_LAMP), float)
     return [
         {

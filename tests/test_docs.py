@@ -220,7 +220,7 @@ def test_the_python_of_the_first_steps_runs(page, tmp_path):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["interpolation", "varnish", "exports", "studio"])
+@pytest.mark.parametrize("name", ["interpolation", "varnish", "exports", "studio-guide"])
 def test_the_python_of_a_page_runs(name, tmp_path):
     """All blocks of a page as one program. What docs/mitsuba.md shows takes minutes;
     tests/appearance has its like.

@@ -51,14 +51,15 @@ def entry(name: str, paint: Pigment) -> dict[str, Any]:
     """What the page says of a paint."""
     group, slash, own = name.partition("/")
     known = paint.identifiable
-    unsure = known is not None and not known.all()
+    bands = paint.wavelengths
+    unknown = "" if known is None or known.all() else describe_bands(bands, ~known)
     return {
         "name": name,
         "label": _space_words(own if slash and group in catalogue.names() else name),
         "group": _group(name, paint),
         "provenance": paint.provenance or "no provenance is stated",
-        "bands": describe_grid(paint.wavelengths),
-        "unknown": describe_bands(paint.wavelengths, ~known) if unsure else "",
+        "bands": describe_grid(bands),
+        "unknown": unknown,
     }
 
 
