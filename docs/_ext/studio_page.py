@@ -1,6 +1,5 @@
-"""The studio itself on the site: `studio.html`, the page that `glazejax studio --page` writes, and its
-solver as a module of its own, `solver.js`, with what it needs to know of paints and lamps,
-`paints.json`.
+"""The studio itself on the site: `studio.html`, the page that `glazejax studio --page` writes, its
+solver as a module of its own, `solver.js`, and paints and lamps for that, `paints.json`.
 """
 
 import json

@@ -44,7 +44,7 @@ def test_a_stack_is_made_dragged_lit_linked_and_undone(page, browser):
     page.settle()
     page.slide(page.at("slider"), 0.0)
     stack = page.stack()
-    assert [list(coat["paint"])[0] for coat in stack["coats"]] == [
+    assert [next(iter(coat["paint"])) for coat in stack["coats"]] == [
         "CobaltBlue",
         "ChromeYellow",
         "ZincWhite",
@@ -106,3 +106,19 @@ def test_a_bad_link_is_one_sentence(page):
     )
     assert "There is no pigment 'CobaltBleu'" in page.said()
     assert len(page.all(".coat")) == 3
+
+
+def test_it_finds_recipes_by_itself(page):
+    """Within half a second of colour, of the page's own table, and one is taken."""
+    page.press("tab-backwards")
+    page.press("nearest")
+    page.until(lambda: page.all("[data-at=take]"), "recipes")
+    assert "the page's own search" in page.js("return document.querySelector('.found').textContent")
+    assert not page.at("find").is_displayed()
+    page.press("take")
+    page.press("tab-look")
+    page.settle()
+    stack = page.stack()
+    wanted = np.array([0x8A, 0x4B, 0x2D])
+    assert np.abs(expected(stack, "white") - wanted).max() <= 6
+    check_swatch(page, stack)

@@ -21,6 +21,7 @@ _MODULES = (
     "check",
     "lines",
     "table",
+    "search",
     "store",
     "shelf",
     "coats",

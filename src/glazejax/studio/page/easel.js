@@ -3,6 +3,9 @@ import { context2d, el, save } from "./dom.js";
 import { SIZE } from "./store.js";
 import { MOST_BRUSHED, makeTable, readTable } from "./table.js";
 
+// Strokes that can be taken back.
+const MOST_STEPS = 24;
+
 export function easelPanel(store) {
   const canvas = el("canvas.easel", { width: SIZE, height: SIZE, tabIndex: 0, role: "img", "aria-label": `Canvas, ${SIZE} by ${SIZE}; the selected coat is brushed`, "data-at": "easel" });
   const pen = context2d(canvas);
@@ -85,6 +88,8 @@ export function easelPanel(store) {
     const coat = coatNow();
     if (!coat) return store.say("No coat is shown: add one to brush with.", "error");
     store.past.push(store.snapshot());
+    // Each step holds a map of its own.
+    while (store.past.length > MOST_STEPS) store.past.shift();
     store.future = [];
     store.lastKey = null;
     const first = !store.maps.has(coat.id);
@@ -105,6 +110,12 @@ export function easelPanel(store) {
   }
 
   let stroke = null;
+  function begin(coat, at) {
+    const before = store.maps.get(coat.id);
+    edit((map) => map.slice());
+    stroke = { coat, map: store.maps.get(coat.id), at };
+    heights.set(stroke.map, before && heights.has(before) ? heights.get(before) : 0);
+  }
   function place(event) {
     const box = canvas.getBoundingClientRect();
     return { x: ((event.clientX - box.left) / box.width) * SIZE, y: ((event.clientY - box.top) / box.height) * SIZE,
@@ -115,8 +126,7 @@ export function easelPanel(store) {
     if (!coat) return store.say("No coat is shown: add one to brush with.", "error");
     canvas.setPointerCapture?.(event.pointerId);
     event.preventDefault();
-    edit((map) => map.slice());
-    stroke = { coat, map: store.maps.get(coat.id), at: place(event) };
+    begin(coat, place(event));
     dab(stroke.at, stroke.at);
   };
   canvas.onpointermove = (event) => {
@@ -138,7 +148,8 @@ export function easelPanel(store) {
       const x = from.x + ((to.x - from.x) * n) / steps, y = from.y + ((to.y - from.y) * n) / steps;
       box = join(box, spot(map, x, y, radius, kind, to.force, coat.um));
     }
-    heights.delete(map);
+    // What a stroke can reach at most; to look through a million pixels takes longer than to paint them.
+    heights.set(map, Math.max(heights.get(map), kind === "wipe" ? 0 : kind === "wash" ? 4 * coat.um : (coat.um * Math.max(from.force, to.force)) / 0.6));
     if (box && box.w > 0 && box.h > 0) ask(box);
   }
   // One touch: soft at its edge. A brush lays up to the coat's thickness, a wash a little more each time.
@@ -170,9 +181,8 @@ export function easelPanel(store) {
       Object.assign(ring.style, { width: `${across}px`, height: `${across}px`, left: `${canvas.offsetLeft + cross.x * scale - across / 2}px`, top: `${canvas.offsetTop + cross.y * scale - across / 2}px` });
       state.textContent = `brush at ${cross.x}, ${cross.y}; space lays paint`;
     } else if (event.key === " ") {
-      edit((map) => map.slice());
-      const coat = coatNow();
-      stroke = { coat, map: store.maps.get(coat.id), at: { ...cross } };
+      if (!coatNow()) return;
+      begin(coatNow(), { ...cross });
       dab(cross, cross);
       stroke = null;
     } else return;

@@ -546,11 +546,20 @@ const CONES_BACK = [[0.9869929054667121, -0.14705425642099013, 0.159962651663731
   [0.43230526972339456, 0.5183602715367776, 0.049291228212855594], [-0.008528664575177328, 0.04004282165408487, 0.96848669578755]];
 const times = (matrix, vector) => matrix.map((row) => row[0] * vector[0] + row[1] * vector[1] + row[2] * vector[2]);
 
-/** Encoded sRGB of XYZ under a white, adapted by Bradford's method; outside [0, 1] where a screen cannot show it. */
-export function srgb(values, white) {
+/** Linear sRGB of XYZ under a white, adapted by Bradford's method. */
+export function linearSrgb(values, white) {
   const [seen, given, wanted] = [values, white, SCREEN_WHITE].map((one) => times(CONES, one));
-  const adapted = times(CONES_BACK, seen.map((cone, i) => (cone * wanted[i]) / given[i]));
-  return times(SCREEN, adapted).map((light) => (light <= 0.0031308 ? 12.92 * light : 1.055 * light ** (1 / 2.4) - 0.055));
+  return times(SCREEN, times(CONES_BACK, seen.map((cone, i) => (cone * wanted[i]) / given[i])));
+}
+
+/** A linear value as a screen's, from 0 to 1. */
+export function encode(light) {
+  return light <= 0.0031308 ? 12.92 * light : 1.055 * light ** (1 / 2.4) - 0.055;
+}
+
+/** Encoded sRGB of XYZ under a white; outside [0, 1] where a screen cannot show it. */
+export function srgb(values, white) {
+  return linearSrgb(values, white).map(encode);
 }
 
 /** CIE 1976 L*a*b* of encoded sRGB, from 0 to 1. */

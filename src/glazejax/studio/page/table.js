@@ -1,11 +1,12 @@
 // Colour over the thickness of brushed coats: computed at few points, read for every pixel.
-import { deltaE2000, lab, over, parseGeometry, reflect, srgb, whiteOf, xyz } from "./solver.js";
+import { deltaE2000, encode, lab, linearSrgb, over, parseGeometry, reflect, whiteOf, xyz } from "./solver.js";
 
 // By the number of brushed coats: points that are computed, while a hand moves and afterwards; points between them by
 // polynomials; and entries of the table that pixels read.
 const QUICK = [9, 6, 4];
 const EXACT = [25, 13, 10];
 const SMOOTH = [4096, 128, 33];
+const ROUGH = [1024, 64, 20];
 const ENTRIES = [4096, 512, 96];
 export const MOST_BRUSHED = 3;
 // Places where colours are compared with the full computation.
@@ -57,7 +58,10 @@ const straight = (n, places) => places.map((x) => {
 /* A table for brushed coats: `brushed` has each one's place among those shown and the top of its range in µm. Entries are
  * even in the root of the thickness, where colours change fastest. */
 export function makeTable(eye, stack, brushed, lamp, quick) {
-  const axes = brushed.length, coats = eye.shown(stack), grid = eye.grid(stack, coats), layers = eye.layers(stack, coats, grid);
+  const axes = brushed.length, coats = eye.shown(stack), bands = eye.grid(stack, coats);
+  // Every other band will do while a hand moves.
+  const grid = quick && bands.length > 20 ? bands.filter((_, i) => i % 2 === 0 || i === bands.length - 1) : bands;
+  const layers = eye.layers(stack, coats, grid);
   const weights = eye.under(lamp, grid), white = whiteOf(weights), geometry = [parseGeometry(stack.geometry)];
   const settings = { index: stack.refractive_index, bands: grid.length };
   const grounds = stack.ground === "card" ? [eye.data.white, eye.data.black] : [eye.level(stack, grid)];
@@ -75,8 +79,13 @@ export function makeTable(eye, stack, brushed, lamp, quick) {
     values.set(exact(places), at * channels);
   }
   // Colours, first on a smooth grid, then as entries.
-  const smooth = SMOOTH[axes - 1], roots = everyAxis(values, axes, count, channels, polynomial(rule, even(smooth)));
-  for (let i = 0; i < roots.length; i += 3) roots.set(srgb([roots[i] ** 3, roots[i + 1] ** 3, roots[i + 2] ** 3], white), i);
+  const smooth = (quick ? ROUGH : SMOOTH)[axes - 1];
+  const roots = everyAxis(values, axes, count, channels, polynomial(rule, even(smooth)));
+  const columns = [0, 1, 2].map((c) => linearSrgb([0, 1, 2].map((one) => Number(one === c)), white));
+  for (let i = 0; i < roots.length; i += 3) {
+    const x = roots[i] ** 3, y = roots[i + 1] ** 3, z = roots[i + 2] ** 3;
+    for (let c = 0; c < 3; c++) roots[i + c] = encode(columns[0][c] * x + columns[1][c] * y + columns[2][c] * z);
+  }
   const size = quick ? smooth : ENTRIES[axes - 1];
   const encoded = size === smooth ? roots : everyAxis(roots, axes, smooth, channels, straight(smooth, even(size)));
   const entries = new Uint32Array(encoded.length / 3), bytes = new Uint8ClampedArray(entries.buffer), beyond = new Uint8Array(entries.length);
@@ -88,7 +97,7 @@ export function makeTable(eye, stack, brushed, lamp, quick) {
     }
     bytes[4 * i + 3] = 255;
   }
-  return { axes, size, sides: grounds.length, tops: brushed.map(([, top]) => top), entries, beyond, error: quick ? null : error() };
+  return { size, sides: grounds.length, tops: brushed.map(([, top]) => top), entries, beyond, error: quick ? null : error() };
 
   // The largest difference at some places, by the polynomials.
   function error() {
@@ -105,23 +114,26 @@ export function makeTable(eye, stack, brushed, lamp, quick) {
   }
 }
 
-/* Colours of a box of pixels: `maps` are thicknesses in µm of each brushed coat, all `width` wide, or one number where a
- * coat is even; the right half of a card is black. Returns the pixels, and the share outside sRGB. */
+/* Colours of a box of pixels: `maps` are thicknesses in µm of each brushed coat, all `width` wide, none above its top, or
+ * one number where a coat is even; the right half of a card is black. Returns the pixels, and the share outside sRGB. */
 export function readTable(table, maps, width, { x, y, w, h }) {
-  const pixels = new Uint32Array(w * h), { axes, size, sides, entries, beyond } = table, last = size - 1, half = width / 2;
-  const scale = table.tops.map((top) => 1 / top), even = maps.map((map) => typeof map === "number");
-  const place = (thickness, axis) => Math.min(last, Math.floor(Math.sqrt(thickness * scale[axis]) * last + 0.5));
-  const fixed = maps.map((map, axis) => (even[axis] ? place(map, axis) : 0));
-  const [one, two, three] = maps;
+  const pixels = new Uint32Array(w * h), rows = new Uint32Array(w), { size, sides, entries, beyond } = table, half = width / 2;
   let outside = 0;
-  for (let row = 0, at = 0; row < h; row++) {
-    const from = (y + row) * width + x;
-    for (let column = 0; column < w; column++, at++) {
-      let entry = even[0] ? fixed[0] : Math.min(last, (Math.sqrt(one[from + column] * scale[0]) * last + 0.5) | 0);
-      if (axes > 1) entry = entry * size + (even[1] ? fixed[1] : Math.min(last, (Math.sqrt(two[from + column] * scale[1]) * last + 0.5) | 0));
-      if (axes > 2) entry = entry * size + (even[2] ? fixed[2] : Math.min(last, (Math.sqrt(three[from + column] * scale[2]) * last + 0.5) | 0));
-      if (sides > 1) entry = 2 * entry + (x + column >= half ? 1 : 0);
-      pixels[at] = entries[entry];
+  for (let row = 0; row < h; row++) {
+    const from = (y + row) * width + x, to = row * w;
+    rows.fill(0);
+    maps.forEach((map, axis) => {
+      const scale = 1 / table.tops[axis], last = size - 1;
+      if (typeof map === "number") {
+        const place = (Math.sqrt(map * scale) * last + 0.5) | 0;
+        for (let i = 0; i < w; i++) rows[i] = rows[i] * size + place;
+      } else {
+        for (let i = 0; i < w; i++) rows[i] = rows[i] * size + ((Math.sqrt(map[from + i] * scale) * last + 0.5) | 0);
+      }
+    });
+    for (let i = 0; i < w; i++) {
+      const entry = sides > 1 ? 2 * rows[i] + (x + i >= half ? 1 : 0) : rows[i];
+      pixels[to + i] = entries[entry];
       outside += beyond[entry];
     }
   }
