@@ -1,8 +1,8 @@
 // Take away: pictures, tables, the stack as a file, as Python and as a link.
 import { el, hex, save } from "./dom.js";
 import { pythonLines } from "./lines.js";
-import { ROW, colourAt } from "./look.js";
-import { LADDER } from "./seen.js";
+import { colourAt } from "./look.js";
+import { LADDER, ROW } from "./seen.js";
 
 export function stackLink(store) {
   return `#${encodeURIComponent(JSON.stringify(store.plain()))}`;

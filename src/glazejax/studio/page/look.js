@@ -2,10 +2,7 @@
 import { context2d, css, el, hex, outside } from "./dom.js";
 import { checkLamp } from "./check.js";
 import { spectrumPlot } from "./plot.js";
-import { LADDER } from "./seen.js";
-
-// Rows of the answer; the ladder's follow.
-export const ROW = { ground: 0, white: 1, black: 2, angle: 3, bare: 4, bareWhite: 5, bareBlack: 6, ladder: 7 };
+import { LADDER, ROW } from "./seen.js";
 
 export function colourAt(seen, lamp, row) {
   const { rgb, encoded } = row < ROW.ladder ? seen.colours[lamp][row] : seen.ladder[row - ROW.ladder];

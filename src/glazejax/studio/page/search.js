@@ -40,9 +40,12 @@ export class Recipes {
 
   // Glazes of a shelf's group over a ground, with their colours. Two coats are tabled as one over a ground that reflects
   // what the other does: near enough to choose by.
-  async table(group, base) {
+  table(group, base) {
     const key = JSON.stringify([group, base]);
-    if (this.tables.has(key)) return this.tables.get(key);
+    if (!this.tables.has(key)) this.tables.set(key, this.made(group, base));
+    return this.tables.get(key);
+  }
+  async made(group, base) {
     const names = this.groups.get(group).map((entry) => entry.name), glazes = [], below = [], above = [];
     let begun = performance.now();
     const rest = async () => {
@@ -87,7 +90,6 @@ export class Recipes {
       }
       await rest();
     }
-    this.tables.set(key, glazes);
     return glazes;
   }
 

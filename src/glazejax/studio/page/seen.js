@@ -3,6 +3,8 @@ import { MOST_COATS, colourWeights, deltaE2000, linear, looks, medium, mixture, 
 
 // Coats of the ladder's steps.
 export const LADDER = [1, 2, 3, 5, 8, 13, 21, 34];
+// Spectra of what is seen, in this order; the ladder's follow.
+export const ROW = { ground: 0, white: 1, black: 2, angle: 3, bare: 4, bareWhite: 5, bareBlack: 6, ladder: 7 };
 // Thickness of a thin glaze on the shelf, µm.
 const THIN = 5;
 // Relative step of k and s for their slopes.
@@ -20,6 +22,7 @@ export class Eye {
     this.paints = new Map(data.paints.filter((entry) => entry.curves).map((entry) => [entry.name, { ...entry.curves, provenance: entry.provenance }]));
     this.media = new Map();
     this.weights = new Map();
+    this.masstones = new Map();
   }
 
   // A paint's coefficients; own ones come with the stack.
@@ -173,6 +176,17 @@ export class Eye {
       found.push(at.map((band, i) => paint.step * (paint.unpacked[k + band] * byK[i] + paint.unpacked[s + band] * byS[i])));
     }
     return found;
+  }
+
+  // 8-bit colour of a mixture that hides.
+  masstone(paint, own) {
+    const key = JSON.stringify([paint, Object.keys(paint).map((name) => own?.[name])]);
+    if (!this.masstones.has(key)) {
+      const stack = { pigments: own, ground: "white" }, coats = [{ paint, um: this.data.thickest }], grid = this.grid(stack, coats);
+      const [found] = reflect(this.layers(stack, coats, grid), [parseGeometry("45:0")]);
+      this.masstones.set(key, looks(over(found, this.data.white), this.under("D65", grid)).rgb);
+    }
+    return this.masstones.get(key);
   }
 
   // A paint as the shelf shows it: hiding, and as a thin glaze over white; whether sRGB lacks a colour.
