@@ -118,7 +118,8 @@ class Page:
     def stack(self) -> dict[str, Any]:
         """The stack that the link holds."""
         time.sleep(0.4)
-        return json.loads(self.js("return decodeURIComponent(location.hash.slice(1))"))
+        code = "return decodeURIComponent(location.hash.slice(1).split('&')[0])"
+        return json.loads(self.js(code))
 
     def pixel(self, name: str, x: float, y: float) -> np.ndarray:
         """Colour of a canvas at a share of its width and height."""

@@ -122,3 +122,33 @@ def test_it_finds_recipes_by_itself(page):
     wanted = np.array([0x8A, 0x4B, 0x2D])
     assert np.abs(expected(stack, "white") - wanted).max() <= 6
     check_swatch(page, stack)
+
+
+def test_all_that_is_on_the_page_is_in_its_link(page, browser):
+    """Lamps, angles, the pinned colour and what was brushed come back with the link."""
+    page.open(fragment(TWO))
+    page.press("pin")
+    page.js(
+        "const s = document.querySelector('[data-at=lamp-1]'); s.value = 'FL2'; "
+        "s.dispatchEvent(new Event('change'))"
+    )
+    page.slide(page.at("angle-light"), 20)
+    page.press("tab-canvas")
+    canvas = page.at("easel")
+    ActionChains(page.browser).move_to_element_with_offset(canvas, -100, 0).click().perform()
+    page.until(lambda: "maps" in browser.current_url, "the link")
+    address = browser.current_url
+    page.js("document.querySelector('#studio').replaceChildren()")
+    page.open("#" + address.partition("#")[2])
+    assert page.at("lamp-1").get_attribute("value") == "FL2"
+    assert page.at("angle-light").get_attribute("value") == "20"
+    assert page.at("pin").text == "Unpin"
+    page.press("tab-canvas")
+    no_blue = {**TWO, "coats": [{**TWO["coats"][0], "um": 0}, TWO["coats"][1]]}
+    found = expected(no_blue, "white")
+    page.until(lambda: np.abs(page.pixel("easel", 0.1, 0.1) - found).max() <= 2, "the bare canvas")
+    far = page.js(
+        "const c = arguments[0], b = c.getBoundingClientRect(); return 0.5 - 100 / b.width", page.at("easel")
+    )
+    thick = expected(TWO, "white")
+    assert np.abs(page.pixel("easel", far, 0.5) - thick).max() < np.abs(found - thick).max() / 2

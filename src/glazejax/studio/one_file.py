@@ -23,6 +23,7 @@ _MODULES = (
     "table",
     "search",
     "store",
+    "link",
     "shelf",
     "coats",
     "plot",

@@ -1,12 +1,9 @@
 // Take away: pictures, tables, the stack as a file, as Python and as a link.
 import { el, hex, save } from "./dom.js";
 import { pythonLines } from "./lines.js";
+import { writeLink } from "./link.js";
 import { colourAt } from "./look.js";
 import { LADDER, ROW } from "./seen.js";
-
-export function stackLink(store) {
-  return `#${encodeURIComponent(JSON.stringify(store.plain()))}`;
-}
 
 export function spectraTable(store) {
   const { seen } = store;
@@ -60,8 +57,8 @@ export function awayPanel(store) {
     pen.canvas.toBlob((blob) => save("glaze.png", blob, "image/png"));
   }
   function show() {
-    address.value = location.href.split("#")[0] + stackLink(store);
     if (panel.hidden || !store.eye) return;
+    address.value = location.href.split("#")[0] + writeLink(store);
     code.value = pythonLines(store.plain(), store.eye.data);
     code.rows = code.value.split("\n").length;
   }

@@ -17,7 +17,7 @@ export function backwardsPanel(store) {
   const identify = el("button", { type: "button", "data-at": "identify", disabled: true, onclick: () => start("identify") }, "Which paints are in it?");
   let target = null, table = null;
   const panel = el("section.panel.backwards", { "aria-label": "Backwards: from colour to paint" },
-    el("p.about", {}, "Pick a colour, or drop a spectrum or a photograph on the page and pick in it."),
+    el("p.about", {}, store.alone ? "Pick a colour, or drop a photograph on the page and pick in it." : "Pick a colour, or drop a spectrum or a photograph on the page and pick in it."),
     el("div.bar", {}, colour, coats, nearest, find), aim, photo,
     el("h3", { hidden: store.alone }, "A measured film"),
     el("p.under.none", { hidden: store.alone }, "Drop a spectrum (CSV, or what spectrometers write) to ask which paints are in it."),

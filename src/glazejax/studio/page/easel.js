@@ -137,7 +137,10 @@ export function easelPanel(store) {
       stroke.at = to;
     }
   };
-  const end = () => { stroke = null; };
+  const end = () => {
+    if (stroke) store.tell("brushed");
+    stroke = null;
+  };
   canvas.onpointerup = canvas.onpointercancel = end;
 
   function dab(from, to) {
@@ -184,7 +187,7 @@ export function easelPanel(store) {
       if (!coatNow()) return;
       begin(coatNow(), { ...cross });
       dab(cross, cross);
-      stroke = null;
+      end();
     } else return;
     event.preventDefault();
   };

@@ -45,8 +45,7 @@ export function lookPanel(store) {
   const numbers = el("dl.numbers", { "data-at": "numbers" });
   const pin = el("button.quiet", { type: "button", "data-at": "pin", onclick: () => {
     if (store.pinned) store.pinned = null;
-    else if (store.seen) store.pinned = { lab: store.seen.colours[0][ROW.ground].lab, css: colourAt(store.seen, 0, ROW.ground).css };
-    store.tell("pinned");
+    else if (store.seen) store.pin(store.seen.colours[0][ROW.ground].lab);
     store.look();
   } }, "Pin this colour");
   const lamps = el("div.lamps", { role: "group", "aria-label": "The same under several lamps" });
@@ -58,6 +57,10 @@ export function lookPanel(store) {
   const angle = { swatch: el("canvas.small", { role: "img", "aria-label": "The paint at another angle", "data-at": "angle" }) };
   for (const [key, words] of [["light", "Light"], ["view", "View"]]) {
     const output = el("output", {}, `${store.view[key]}°`);
+    store.on("view", () => {
+      angle[key].querySelector("input").value = store.view[key];
+      output.textContent = `${store.view[key]}°`;
+    });
     angle[key] = el("label.angle", {}, words, el("input", {
       type: "range", min: 0, max: 80, step: 1, value: store.view[key], "data-at": `angle-${key}`, "aria-label": `Angle of ${key}, degrees from upright`,
       oninput: (event) => { store.view[key] = Number(event.target.value); output.textContent = `${event.target.value}°`; store.look(); },

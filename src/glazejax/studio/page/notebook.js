@@ -35,7 +35,7 @@ function render({ model, el: place }) {
     model.set("stack", plain);
     model.save_changes();
   };
-  const { store, check } = mount(root, wire, { begin: () => JSON.stringify(model.get("stack")), remember });
+  const { store, check } = mount(root, wire, { begin: () => [JSON.stringify(model.get("stack"))], remember });
   store.on("rest", () => {
     const { wavelengths, spectra, colours } = store.seen, { lab, rgb } = colours[0][0];
     model.set("seen", { wavelengths: [...wavelengths], reflectance: [...spectra[0]], lab, rgb });

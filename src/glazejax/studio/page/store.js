@@ -1,6 +1,7 @@
 // What was made: the stack, how it is looked at, the maps of the canvas, and the way back through all of it.
-import { outside, thickness } from "./dom.js";
+import { hex, outside, thickness } from "./dom.js";
 import { Eye, Sentence } from "./seen.js";
+import { SCREEN_WHITE, srgb, xyzOfLab } from "./solver.js";
 
 const KEPT = 60;
 export const THINNEST = 0.1;
@@ -16,6 +17,10 @@ export function fresh() {
   };
 }
 
+export function freshView() {
+  return { lamps: ["D65", "A", "FL11", "LED-B3"], light: 45, view: 60 };
+}
+
 let marks = 0;
 const mark = (coat) => ({ ...coat, id: coat.id ?? `coat${++marks}` });
 
@@ -28,7 +33,7 @@ export class Store {
     this.swatches = new Map();
     this.lamps = [];
     this.ownLamps = {};
-    this.view = { lamps: ["D65", "A", "FL11", "LED-B3"], light: 45, view: 60 };
+    this.view = freshView();
     this.selected = this.stack.coats[0].id;
     this.pinned = null;
     this.maps = new Map();
@@ -193,6 +198,11 @@ export class Store {
       });
       this.tell("busy", false);
     }, 40);
+  }
+  pin(lab) {
+    const shown = srgb(xyzOfLab(lab, SCREEN_WHITE), SCREEN_WHITE).map((value) => 255 * Math.min(1, Math.max(0, value)));
+    this.pinned = { lab, css: hex(shown) };
+    this.tell("pinned");
   }
   // What can be mended is said in a sentence; all else is a fault of the page.
   attempt(about, call) {

@@ -1,9 +1,10 @@
 // The studio: one store, its panels, and what the server says.
-import { awayPanel, stackLink } from "./away.js";
+import { awayPanel } from "./away.js";
 import { backwardsPanel } from "./backwards.js";
 import { coatsPanel } from "./coats.js";
 import { el } from "./dom.js";
 import { easelPanel } from "./easel.js";
+import { takeView, writeLink } from "./link.js";
 import { lookPanel } from "./look.js";
 import { shelfPanel } from "./shelf.js";
 import { parseStack } from "./check.js";
@@ -66,8 +67,8 @@ export function mount(root, wire, { begin = null, remember = null, data = null }
   function start(data) {
     store.learn(data);
     begun = true;
-    const given = begin?.();
-    if (given) check(given);
+    const [stack, view] = begin?.() ?? [];
+    if (stack) check(stack, view);
     else store.changed();
   }
   wire.onopen = () => {
@@ -126,11 +127,12 @@ export function mount(root, wire, { begin = null, remember = null, data = null }
     store.swatch(Object.keys(header.pigments));
   }
   store.on("paints", take);
-  function check(text) {
+  function check(text, view) {
     store.attempt("check", () => {
       store.take(parseStack(text, store.eye.data));
       store.past = [];
       store.tell("history");
+      if (view) takeView(view, store).catch((error) => refuse(error.message, "view"));
     });
     if (!store.seen) store.changed();
   }
@@ -161,12 +163,14 @@ export function mount(root, wire, { begin = null, remember = null, data = null }
     for (const file of event.dataTransfer.files) store.tell("file", file);
   });
 
-  // The link follows the stack, some moments later ------------------------------------------------------------------------
+  // The link follows what is on the page, some moments later ------------------------------------------------------------------------
   let later = null;
-  store.on("stack", () => {
-    clearTimeout(later);
-    if (remember) later = setTimeout(() => remember(stackLink(store), store.plain()), 250);
-  });
+  for (const change of ["stack", "rest", "brushed"]) {
+    store.on(change, () => {
+      clearTimeout(later);
+      if (remember) later = setTimeout(() => remember(writeLink(store), store.plain()), 250);
+    });
+  }
   root.addEventListener("keydown", (event) => {
     if (!(event.ctrlKey || event.metaKey) || /^(text|search|number|textarea)$/.test(event.target.type ?? "")) return;
     const key = event.key.toLowerCase();
