@@ -595,7 +595,7 @@ def test_by_keyboard_alone(page):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("width", [1440, 1024, 390])
+@pytest.mark.parametrize("width", [2560, 1440, 1024, 390])
 def test_nothing_is_wider_than_the_page(page, width):
     command = {"width": width, "height": 900, "deviceScaleFactor": 1, "mobile": False}
     page.browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", command)

@@ -148,7 +148,8 @@ def test_all_that_is_on_the_page_is_in_its_link(page, browser):
     found = expected(no_blue, "white")
     page.until(lambda: np.abs(page.pixel("easel", 0.1, 0.1) - found).max() <= 2, "the bare canvas")
     far = page.js(
-        "const c = arguments[0], b = c.getBoundingClientRect(); return 0.5 - 100 / b.width", page.at("easel")
+        "const c = arguments[0], b = c.getBoundingClientRect(); return 0.5 - 100 / b.width",
+        page.at("easel"),
     )
     thick = expected(TWO, "white")
     assert np.abs(page.pixel("easel", far, 0.5) - thick).max() < np.abs(found - thick).max() / 2

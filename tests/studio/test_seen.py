@@ -3,6 +3,7 @@ one sentence.
 """
 
 import json
+import re
 from functools import cache
 
 import numpy as np
@@ -11,6 +12,7 @@ import pytest
 import glazejax as gj
 from glazejax import colour
 from glazejax.stacks import MOST_COATS, pigment_to_dict, stack_from_dict
+from glazejax.studio.one_file import page_text
 from glazejax.studio.page_data import page_data
 
 from .node import run
@@ -306,3 +308,36 @@ def test_brushed_pixels_are_those_of_a_full_computation(coats):
 
 def maps_of(maps: list) -> list:
     return [one.tolist() for one in maps]
+
+
+def contrast(one: np.ndarray, other: np.ndarray) -> float:
+    """Of two colours in 8 bits (WCAG 2.2, 1.4.3)."""
+    light = [float(colour.srgb_to_xyz(np.asarray(rgb) / 255)[1]) for rgb in (one, other)]
+    return (max(light) + 0.05) / (min(light) + 0.05)
+
+
+def test_words_are_read_on_every_ground_of_the_page():
+    """In light and dark, and on the colour of any paint."""
+    schemes = re.findall(r"\.glaze-studio \{\n(.*?)\}", page_text("style.css"), re.DOTALL)[:2]
+    for scheme in schemes:
+        hexes = dict(re.findall(r"--(\w+): #(\w+);", scheme))
+        rgb = {
+            name: np.array(
+                [
+                    int(c, 16)
+                    for c in re.findall("..", h if len(h) == 6 else re.sub("(.)", r"\1\1", h))
+                ]
+            )
+            for name, h in hexes.items()
+        }
+        for ink in ("ink", "soft"):
+            for ground in ("page", "panel", "field"):
+                assert contrast(rgb[ink], rgb[ground]) >= 4.5, (ink, ground, scheme)
+    colours = np.random.default_rng(0).integers(0, 256, (300, 3)).tolist()
+    code = """
+        globalThis.matchMedia = () => ({ matches: false });
+        const { inkOn } = await load("dom");
+        return given.map((rgb) => (inkOn(rgb) === "#000" ? 0 : 255));
+    """
+    for ink, ground in zip(run(code, colours), colours, strict=True):
+        assert contrast(np.full(3, ink), np.array(ground)) >= 4.5
