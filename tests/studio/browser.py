@@ -21,8 +21,8 @@ TASKS = {
     "recover": "glazefit.studio.tasks:recovery",
 }
 _NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
-WAIT = 120.0
-"""Seconds for what may compile first."""
+WAIT = 60.0
+"""Seconds for what takes longest."""
 
 
 class Served:

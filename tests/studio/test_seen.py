@@ -12,7 +12,7 @@ import pytest
 import glazejax as gj
 from glazejax import colour
 from glazejax.stacks import MOST_COATS, pigment_to_dict, stack_from_dict
-from glazejax.studio.one_file import page_text
+from glazejax.studio.one_file import bundle, page_text
 from glazejax.studio.page_data import page_data
 
 from .node import run
@@ -308,6 +308,13 @@ def test_brushed_pixels_are_those_of_a_full_computation(coats):
 
 def maps_of(maps: list) -> list:
     return [one.tolist() for one in maps]
+
+
+def test_the_pages_modules_as_one_text_are_a_program():
+    """Nothing to import or export is left, and it is read to its end."""
+    text = bundle("main")
+    assert re.search(r"^(import|export) ", text, re.MULTILINE) is None
+    assert run("new Function(given); return true;", text)
 
 
 def contrast(one: np.ndarray, other: np.ndarray) -> float:

@@ -1,7 +1,7 @@
 // The canvas: a map of thickness for each brushed coat, turned into colour by a table.
 import { context2d, el, save } from "./dom.js";
 import { SIZE } from "./store.js";
-import { MOST_BRUSHED, makeTable, readTable } from "./table.js";
+import { MOST_BRUSHED, makeTable, readTable, tableSteps } from "./table.js";
 
 // Strokes that can be taken back.
 const MOST_STEPS = 24;
@@ -31,19 +31,29 @@ export function easelPanel(store) {
   };
   const tables = new Map();
   let later = null;
-  function tableOf(brushed, quick) {
+  // A table that is there, or a quick one, and how a fine one is made.
+  function tableOf(brushed) {
     const stack = store.plain(), shown = stack.coats.filter((coat) => !coat.hidden), lamp = store.lampOf(store.view.lamps[0]);
     const given = brushed.map(([coat, i]) => [i, top(coat)]);
     // Its own thickness does not matter to a brushed coat's table.
     for (const [i] of given) shown[i].um = 0;
     const key = JSON.stringify([stack, given, lamp]);
-    if (!tables.has(key) || (!quick && tables.get(key).error === null)) {
+    if (!tables.has(key)) {
       if (tables.size > 3) tables.delete(tables.keys().next().value);
-      tables.set(key, makeTable(store.eye, stack, given, lamp, quick));
+      tables.set(key, makeTable(store.eye, stack, given, lamp, true));
     }
-    return tables.get(key);
+    return { table: tables.get(key), refine: () => refine(key, tableSteps(store.eye, stack, given, lamp, false)) };
   }
-  function ask(box, quick = true) {
+  // Step by step: a stroke that begins meanwhile does not wait.
+  function refine(key, steps) {
+    const { done, value } = steps.next();
+    if (!done) later = setTimeout(() => refine(key, steps), 0);
+    else {
+      tables.set(key, value);
+      ask(whole());
+    }
+  }
+  function ask(box) {
     if (panel.hidden || !store.eye) return;
     const shown = store.shown;
     let brushed = shown.map((coat, i) => [coat, i]).filter(([coat]) => store.maps.has(coat.id));
@@ -51,7 +61,7 @@ export function easelPanel(store) {
     if (!brushed.length) brushed = [[shown[0], 0]];
     if (brushed.length > MOST_BRUSHED) { state.textContent = `${brushed.length} coats are brushed, and ${MOST_BRUSHED} can be at once: make one even again, or hide one.`; return; }
     store.attempt("canvas", () => {
-      const begun = performance.now(), table = tableOf(brushed, quick), made = performance.now();
+      const begun = performance.now(), { table, refine } = tableOf(brushed), made = performance.now();
       const { pixels, outside } = readTable(table, brushed.map(([coat]) => store.maps.get(coat.id) ?? coat.um), SIZE, box);
       pen.putImageData(new ImageData(pixels, box.w, box.h), box.x, box.y);
       canvas.dataset.table = (made - begun).toFixed(1);
@@ -59,7 +69,7 @@ export function easelPanel(store) {
       canvas.dataset.done = Number(canvas.dataset.done ?? 0) + 1;
       if (table.error === null) {
         clearTimeout(later);
-        later = setTimeout(() => ask(whole(), false), 200);
+        later = setTimeout(refine, 200);
       } else {
         state.textContent = `colours within ΔE00 ${table.error.toFixed(2)} of the full computation${outside > 0.001 ? `; ◢ ${(100 * outside).toFixed(0)} % of what changed is outside sRGB, the nearest is shown` : ""}`;
       }

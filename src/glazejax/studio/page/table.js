@@ -7,10 +7,12 @@ const QUICK = [9, 6, 4];
 const EXACT = [25, 13, 10];
 const SMOOTH = [4096, 128, 33];
 const ROUGH = [1024, 64, 20];
-const ENTRIES = [4096, 512, 96];
+const ENTRIES = [4096, 512, 64];
 export const MOST_BRUSHED = 3;
 // Places where colours are compared with the full computation.
 const CHECKS = 6;
+// Milliseconds that a page may stand still while a table is made beside it.
+const SLICE = 12;
 
 // Chebyshev points on [0, 1], and the weights that a place takes of values there (the barycentric formula).
 function chebyshev(count) {
@@ -56,8 +58,8 @@ const straight = (n, places) => places.map((x) => {
 });
 
 /* A table for brushed coats: `brushed` has each one's place among those shown and the top of its range in µm. Entries are
- * even in the root of the thickness, where colours change fastest. */
-export function makeTable(eye, stack, brushed, lamp, quick) {
+ * even in the root of the thickness, where colours change fastest. Made step by step, so that a page can go on. */
+export function* tableSteps(eye, stack, brushed, lamp, quick) {
   const axes = brushed.length, coats = eye.shown(stack), bands = eye.grid(stack, coats);
   // Every other band will do while a hand moves.
   const grid = quick && bands.length > 20 ? bands.filter((_, i) => i % 2 === 0 || i === bands.length - 1) : bands;
@@ -74,20 +76,27 @@ export function makeTable(eye, stack, brushed, lamp, quick) {
     return grounds.flatMap((ground) => xyz(over(found, ground), weights).map((value) => Math.cbrt(value)));
   };
   const values = new Float32Array(count ** axes * channels);
-  for (let at = 0; at < count ** axes; at++) {
+  for (let at = 0, begun = performance.now(); at < count ** axes; at++) {
+    if (performance.now() - begun > SLICE) {
+      yield;
+      begun = performance.now();
+    }
     const places = brushed.map((_, axis) => rule.nodes[Math.floor(at / count ** (axes - axis - 1)) % count]);
     values.set(exact(places), at * channels);
   }
   // Colours, first on a smooth grid, then as entries.
   const smooth = (quick ? ROUGH : SMOOTH)[axes - 1];
   const roots = everyAxis(values, axes, count, channels, polynomial(rule, even(smooth)));
+  yield;
   const columns = [0, 1, 2].map((c) => linearSrgb([0, 1, 2].map((one) => Number(one === c)), white));
   for (let i = 0; i < roots.length; i += 3) {
     const x = roots[i] ** 3, y = roots[i + 1] ** 3, z = roots[i + 2] ** 3;
     for (let c = 0; c < 3; c++) roots[i + c] = encode(columns[0][c] * x + columns[1][c] * y + columns[2][c] * z);
   }
+  yield;
   const size = quick ? smooth : ENTRIES[axes - 1];
   const encoded = size === smooth ? roots : everyAxis(roots, axes, smooth, channels, straight(smooth, even(size)));
+  yield;
   const entries = new Uint32Array(encoded.length / 3), bytes = new Uint8ClampedArray(entries.buffer), beyond = new Uint8Array(entries.length);
   for (let i = 0, at = 0; i < entries.length; i++, at += 3) {
     for (let c = 0; c < 3; c++) {
@@ -111,6 +120,15 @@ export function makeTable(eye, stack, brushed, lamp, quick) {
       }
     }
     return worst;
+  }
+}
+
+// The same at once.
+export function makeTable(...given) {
+  const steps = tableSteps(...given);
+  for (;;) {
+    const { done, value } = steps.next();
+    if (done) return value;
   }
 }
 
