@@ -439,12 +439,27 @@ for _key, _row in (
     ("three_coats", "slider to swatch drawn, 3 coats"),
     ("eight_coats", "slider to swatch drawn, 8 coats"),
     ("brush", "touch of the brush to pixels"),
-    ("canvas", "all 512 x 512 pixels anew"),
+    ("canvas", "all 1024 x 1024 pixels anew"),
+    ("canvas_slider", "slider to the canvas, 2 brushed"),
 ):
     add("studio", ".0f ms", **{f"{_key}_median": cell(_row, 0), f"{_key}_95": cell(_row, 1)})
 add(
     "studio",
     ".1f s",
-    first_start=found(r"first start.*page usable (\S+) s later"),
-    second_start=found(r"second start.*page usable (\S+) s later"),
+    served_start=found(r"served:.*page usable (\S+) s later"),
+    one_file_start=found(r"one file:.*page usable after (\S+) s"),
+)
+add("studio", ".2f MB", one_file_megabytes=found(r"one file: (\S+) MB"))
+add(
+    "page_solver",
+    ".1e",
+    largest=found(r"error of the reflectance, largest: (\S+),"),
+    median=found(r"error of the reflectance.*median: (\S+)"),
+)
+add("page_solver", ".3f", delta_e=found(r"CIEDE2000, largest: (\S+)"))
+add(
+    "page_solver",
+    ".2f ms",
+    one_coat=found(r"milliseconds for 1 coat, 31 bands: (\S+)"),
+    eight_coats=found(r"milliseconds for 8 coats, 31 bands: (\S+)"),
 )

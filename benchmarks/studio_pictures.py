@@ -72,7 +72,7 @@ def paint(browser: Any) -> None:
     click(browser, "tab-canvas")
     done = "return document.querySelector('[data-at=easel]').dataset.done"
     until(lambda: browser.execute_script(done))
-    browser.execute_script("document.querySelector('[data-at=brush]').value = 26")
+    browser.execute_script("document.querySelector('[data-at=brush]').value = 52")
     for coat, across in ((1, True), (0, False)):
         for offset in (0.2, 0.38, 0.56, 0.74):
             browser.execute_script(_STROKES, coat, across, offset)
@@ -95,7 +95,7 @@ def main() -> None:
         server = Server(Path(folder) / "cache")
         try:
             open_page(browser, server.link, STACK)
-            time.sleep(20)  # the shelf of acrylics, too
+            time.sleep(1)
             for width, height, name in (
                 (1024, 1000, "studio-1024"),
                 (390, 844, "studio-390"),

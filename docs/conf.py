@@ -36,6 +36,7 @@ extensions = [
     "gallery",
     "reading",
     "notebook_times",
+    "studio_page",
     "offline",
 ]
 exclude_patterns = ["_build", "_ext"]

@@ -293,3 +293,11 @@ def test_far_bands_may_be_as_coarse_as_they_like():
     weights = gc.colour_weights(far)
     np.testing.assert_allclose(weights[: visible.size], gc.colour_weights(visible), atol=1e-4)
     np.testing.assert_allclose(weights[visible.size :], 0.0, atol=1e-4)
+
+
+def test_a_lamp_whose_sums_would_overflow_is_refused():
+    grid = np.arange(400.0, 701.0, 10.0)
+    with pytest.raises(ValueError, match=r"power is 1e\+308; it is relative"):
+        gc.lamp_weights(grid, grid, np.full(31, 1e308))
+    strong = gc.lamp_weights(grid, grid, np.full(31, 1e99))
+    np.testing.assert_allclose(strong, gc.lamp_weights(grid, grid, np.ones(31)), rtol=1e-12)

@@ -8,6 +8,7 @@ import ast
 import doctest
 import importlib
 import inspect
+import json
 import re
 import shutil
 import subprocess
@@ -33,6 +34,7 @@ from pages_of_repository import TEXTS, links_for_site  # noqa: E402
 from reading import code_that_breaks, folded, modules_that_break, pictures_that_open  # noqa: E402
 from reference import as_markdown  # noqa: E402
 from results import with_links  # noqa: E402
+from studio_page import write_studio  # noqa: E402
 
 PAGES = [*documents(), *(ROOT / text for text in TEXTS)]
 NOTEBOOKS = [
@@ -220,7 +222,7 @@ def test_the_python_of_the_first_steps_runs(page, tmp_path):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["interpolation", "varnish", "exports", "studio"])
+@pytest.mark.parametrize("name", ["interpolation", "varnish", "exports", "studio-guide"])
 def test_the_python_of_a_page_runs(name, tmp_path):
     """All blocks of a page as one program. What docs/mitsuba.md shows takes minutes;
     tests/appearance has its like.
@@ -288,6 +290,19 @@ def test_the_site_asks_no_other_host():
         "<link> asks for //fonts/x.css"
     ]
     assert faults_of('<img src="c.png">') == ["the picture c.png has no words (alt)"]
+
+
+def test_the_site_carries_the_studio_and_its_solver(tmp_path):
+    write_studio(tmp_path)
+    page = (tmp_path / "studio.html").read_text("utf-8")
+    assert faults_of(page) == []
+    assert "CobaltBlue" in page
+    assert "export function reflect" in (tmp_path / "solver.js").read_text("utf-8")
+    assert {"paints", "lamps", "eye"} <= set(
+        json.loads((tmp_path / "paints.json").read_text("utf-8"))
+    )
+    for text in ("index.md", "studio-guide.md"):
+        assert 'href="studio.html"' in (DOCS / text).read_text("utf-8")
 
 
 @pytest.mark.browser

@@ -454,6 +454,9 @@ TABLE: dict[str, dict[str, Reaches | Looked]] = {
     },
     "studio": {
         "stack": Looked("studio/test_server.py:test_options_of_the_command"),
+        "--page": Looked("studio/test_server.py:test_the_page_as_one_file"),
+        "--catalogue": Looked("studio/test_server.py:test_the_page_as_one_file"),
+        "--overwrite": Looked("studio/test_server.py:test_the_page_as_one_file"),
         "--no-open": Looked("studio/test_server.py:test_options_of_the_command"),
         "--port": Looked("studio/test_server.py:test_options_of_the_command"),
     },

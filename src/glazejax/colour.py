@@ -62,6 +62,8 @@ _END = 780
 _MAX_STEP = 40.0
 # Share of a tristimulus value that may rest on repeating the end bands; 420-680 nm stays below .07.
 _MAX_GUESSED = 0.1
+# A lamp's relative power, at most.
+_MOST_POWER = 1e100
 # IEC 61966-2-1: chromaticities of the primaries and of white, and the light up to which the
 # encoding is straight.
 SRGB_PRIMARIES = ((0.64, 0.33), (0.30, 0.60), (0.15, 0.06))
@@ -179,6 +181,12 @@ def lamp_weights(
     if values.shape != lamp.shape or not np.all(np.isfinite(values)) or values.min() < 0:
         raise ValueError(
             "a lamp needs one power for each wavelength, each a finite number from 0 on"
+        )
+    # Sums of more overflow, and colours would be NaN.
+    if values.max() > _MOST_POWER:
+        raise ValueError(
+            f"a lamp's power is {values.max():g}; it is relative: write numbers up to "
+            f"{_MOST_POWER:g}"
         )
     if lamp[0] > 420 or lamp[-1] < 680:
         raise ValueError(

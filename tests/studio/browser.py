@@ -21,8 +21,8 @@ TASKS = {
     "recover": "glazefit.studio.tasks:recovery",
 }
 _NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
-WAIT = 120.0
-"""Seconds for what may compile first."""
+WAIT = 60.0
+"""Seconds for what takes longest."""
 
 
 class Served:
@@ -31,7 +31,7 @@ class Served:
     def __init__(self, port: int = 0, token: str = "", tasks: dict[str, str] = TASKS):
         self.studio = Studio(port, tasks)
         self.studio.token = token or self.studio.token
-        self._thread = threading.Thread(target=self.studio.run, kwargs={"warm": False}, daemon=True)
+        self._thread = threading.Thread(target=self.studio.run, daemon=True)
         self._thread.start()
 
     def stop(self) -> None:
@@ -118,7 +118,8 @@ class Page:
     def stack(self) -> dict[str, Any]:
         """The stack that the link holds."""
         time.sleep(0.4)
-        return json.loads(self.js("return decodeURIComponent(location.hash.slice(1))"))
+        code = "return decodeURIComponent(location.hash.slice(1).split('&')[0])"
+        return json.loads(self.js(code))
 
     def pixel(self, name: str, x: float, y: float) -> np.ndarray:
         """Colour of a canvas at a share of its width and height."""

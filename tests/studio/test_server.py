@@ -245,38 +245,6 @@ def test_the_command_prints_its_link_and_ends_with_ctrl_c(tmp_path):
     assert "The studio is closed" in process.stdout.read()
 
 
-@pytest.mark.slow
-def test_ctrl_c_while_programs_are_compiled_ends_without_a_crash():
-    code = """
-import itertools, jax
-from glazejax.studio import command, server
-def compile_for_ever(studio):
-    import jax.numpy as jnp
-    for n in itertools.count():
-        def long(x):
-            for i in range(300):
-                x = jnp.sin(x * (n + i)) @ jnp.cos(x + i)
-            return x
-        jax.jit(long)(jnp.ones((3, 3)))
-server.Studio._warm = compile_for_ever
-command.serve(0, "", open_browser=False)
-"""
-    process = subprocess.Popen(
-        [sys.executable, "-c", code],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        env=os.environ,
-    )
-    assert process.stdout is not None
-    link = process.stdout.readline().removeprefix("The studio is at ").strip()
-    assert get(link)[0] == 200
-    time.sleep(5)
-    process.send_signal(signal.SIGINT)
-    _, complaints = process.communicate(timeout=60)
-    assert (process.returncode, complaints) == (0, "")
-
-
 def test_options_of_the_command(monkeypatch, tmp_path):
     import typer
 
@@ -288,16 +256,53 @@ def test_options_of_the_command(monkeypatch, tmp_path):
     monkeypatch.setattr(
         command,
         "serve",
-        lambda port, fragment, open_browser: called.append((port, fragment, open_browser)),
+        lambda port, fragment, open_browser, own: called.append(
+            (port, fragment, open_browser, list(own))
+        ),
     )
     run = CliRunner()
     assert run.invoke(app, []).exit_code == 0
     assert run.invoke(app, ["--no-open", "--port", "8123"]).exit_code == 0
-    assert called == [(0, "", True), (8123, "", False)]
+    rows = [f"Mine,{w},1000,50000" for w in range(400, 701, 10)]
+    mine = tmp_path / "mine.csv"
+    mine.write_text("\n".join(["pigment,wavelength_nm,absorption,scattering", *rows]) + "\n")
+    assert run.invoke(app, ["--catalogue", str(mine)]).exit_code == 0
+    assert called == [(0, "", True, []), (8123, "", False, []), (0, "", True, ["Mine"])]
     wrong = run.invoke(app, ["--port", "99999"])
     assert "--port is 99999" in str(wrong.exception)
     missing = run.invoke(app, [str(tmp_path / "none.json")])
     assert isinstance(missing.exception, FileNotFoundError)
+
+
+def test_the_page_as_one_file(tmp_path):
+    """Own paints and a stack to begin with are in it, and no host is named; nothing is replaced."""
+    import typer
+
+    from glazejax.studio import command
+
+    app, run = typer.Typer(), CliRunner()
+    command.register(app)
+    stack = write_stack(tmp_path / "stack.json", stack_from_dict(STACK))
+    mine, page = tmp_path / "mine.csv", tmp_path / "studio.html"
+    rows = [f"Mine</script>,{w},1000,50000" for w in range(400, 701, 10)]
+    mine.write_text("\n".join(["pigment,wavelength_nm,absorption,scattering", *rows]) + "\n")
+    given = [str(stack), "--page", str(page), "--catalogue", str(mine)]
+    done = run.invoke(app, given)
+    assert done.exit_code == 0, done.exception
+    assert "MB" in done.output
+    text = page.read_text()
+    assert len(text.encode()) < 1_000_000
+    assert text.count("</script>") == 2
+    data = json.loads(text.partition('id="data">')[2].partition("</script>")[0])
+    assert data["begin"]["coats"][0]["paint"] == {"Eosin": 1.0}
+    assert data["paints"][-1]["name"] == "Mine</script> (own)"
+    assert "default-src 'none'" in text
+    for word in ("src=", "@import", "https://", "fetch("):
+        assert word not in text, word
+    again = run.invoke(app, given)
+    assert isinstance(again.exception, FileExistsError)
+    assert "--overwrite" in str(again.exception)
+    assert run.invoke(app, [*given, "--overwrite"]).exit_code == 0
 
 
 def test_a_port_that_is_taken_is_one_sentence(served):

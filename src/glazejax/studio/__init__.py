@@ -1,10 +1,9 @@
 """The glaze studio: a local page, and a widget for notebooks, where stacks of paint are played
 with, live.
 
-The page is plain ES modules in `page/`. It knows no optics: `engine` answers each change with
-spectra and colours from
-`glazejax.reflectance`, `session` reads messages, `server` guards the door, `jobs` runs searches
-beside it.
+The page is plain ES modules in `page/`, which compute every colour themselves (`page/solver.js`)
+from what `page_data` gives them; `one_file` joins all of it into one text. For what needs Python
+`session` reads messages, `server` guards the door, `jobs` runs searches beside it.
 """
 
 from typing import TYPE_CHECKING, Any

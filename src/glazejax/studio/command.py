@@ -1,12 +1,18 @@
-"""The command `glazejax studio`: a local page where stacks of paint are played with."""
+"""The command `glazejax studio`: a page to play with stacks of paint, local or as a file."""
 
 import contextlib
 import os
 import sys
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+
+from ..commands import options
+
+if TYPE_CHECKING:
+    from ..paint.media import Pigment
 
 
 def register(app: typer.Typer) -> None:
@@ -23,10 +29,27 @@ def studio(
             show_default=False,
         ),
     ] = None,
+    page: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE.html",
+            help="Write the page into this one file, which opens anywhere, offline, and end.",
+            show_default=False,
+        ),
+    ] = None,
+    catalogue: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE.csv",
+            help="Your own paints beside the catalogues', as `recover` writes them.",
+            show_default=False,
+        ),
+    ] = None,
     no_open: Annotated[
         bool, typer.Option("--no-open", help="Print the link, and open no browser.")
     ] = False,
     port: Annotated[int, typer.Option(help="Port on this computer; 0 for any that is free.")] = 0,
+    overwrite: options.Overwrite = False,
 ) -> None:
     """Stack coats of paint in a browser, and see them at once.
 
@@ -34,37 +57,65 @@ def studio(
     sliders, spectrum and colour under several lamps, a canvas, recipes for
     a colour, paints in a spectrum. Ctrl-C ends it.
 
+    With --page the page is written instead, as one file for anybody: it
+    opens from a disk and on a phone, and needs neither Python nor a net.
+    Only searches and measured files stay with the studio itself.
+
     Example: glazejax studio
     """
     if not 0 <= port <= 65535:
         raise ValueError(
             f"--port is {port}; it must be between 0 and 65535, 0 for any that is free"
         )
-    fragment = "" if stack is None else _fragment(stack)
+    options.check_outputs({"--page": page}, overwrite, pictures=(), inputs=[stack, catalogue])
+    begin = None if stack is None else _stack(stack)
     from ..commands.main import start_jax
 
     start_jax()
-    serve(port, fragment, open_browser=not no_open)
+    own = {} if catalogue is None else _own(catalogue)
+    if page is None:
+        serve(port, _fragment(begin), open_browser=not no_open, own=own)
+        return
+    from .one_file import one_file
+
+    text = one_file(own, begin)
+    page.write_text(text, encoding="utf-8")
+    typer.echo(f"{page}: the studio as one file of {len(text.encode()) / 1e6:.2f} MB.")
 
 
-def _fragment(path: Path) -> str:
+def _stack(path: Path) -> dict[str, Any]:
+    """A stack as the page has it."""
+    from ..stacks import read_stack, stack_to_dict
+
+    return stack_to_dict(read_stack(path))
+
+
+def _own(path: Path) -> "dict[str, Pigment]":
+    """One's own paints, by names that no catalogue has."""
+    from ..paint.pigment_table import read_pigments
+    from .upload import own_names
+
+    return own_names(read_pigments(path))
+
+
+def _fragment(stack: dict[str, Any] | None) -> str:
     """A stack as the fragment of a link."""
     import json
     from urllib.parse import quote
 
-    from ..stacks import read_stack, stack_to_dict
-
-    return "#" + quote(
-        json.dumps(stack_to_dict(read_stack(path)), separators=(",", ":"), ensure_ascii=False)
-    )
+    if stack is None:
+        return ""
+    return "#" + quote(json.dumps(stack, separators=(",", ":"), ensure_ascii=False))
 
 
-def serve(port: int, fragment: str, *, open_browser: bool) -> None:
+def serve(
+    port: int, fragment: str, *, open_browser: bool, own: "Mapping[str, Pigment] | None" = None
+) -> None:
     """Start the server, say where it is, and serve until Ctrl-C; then the process ends."""
     from .server import Studio
 
     try:
-        server = Studio(port)
+        server = Studio(port, own=own)
     except OSError as error:
         raise ValueError(
             f"--port {port} cannot be used ({error.strerror}); leave it out for a free one"
@@ -82,7 +133,7 @@ def serve(port: int, fragment: str, *, open_browser: bool) -> None:
     with contextlib.suppress(KeyboardInterrupt):
         server.run()
     typer.echo("The studio is closed. What you made lives on in its link, and in what you saved.")
-    # A thread may still be compiling for a page, and Python's own end under it is a crash.
+    # A thread may still read a file for a page, and nobody waits for it.
     sys.stdout.flush()
     sys.stderr.flush()
     os._exit(0)

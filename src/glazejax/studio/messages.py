@@ -15,7 +15,7 @@ import numpy as np
 from jaxtyping import Float
 
 MOST_BYTES = 24 << 20
-"""Of one message: three maps of 1024 x 1024 pixels and some more."""
+"""Of one message: a dropped file and some more."""
 MOST_FILE = 16 << 20
 """Of a dropped file."""
 _MOST_ARRAYS = 32

@@ -6,19 +6,18 @@ Origin of every request must be this server's own; the page may load nothing fro
 """
 
 import asyncio
-import contextlib
 import secrets
 import socket
-import threading
+from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
 from importlib.resources import files
 from typing import Any
 
 from ..extras import require
-from . import canvas
-from .engine import Engine
+from ..paint.media import Pigment
 from .jobs import Jobs
 from .messages import MOST_BYTES, pack
+from .page_data import page_data
 from .session import Session
 
 HOST = "127.0.0.1"
@@ -36,13 +35,19 @@ class Studio:
     Args:
         port: to listen on; 0 for a free one.
         tasks: searches, see `glazejax.studio.jobs`; those installed if left out.
+        own: paints beside the catalogues', by names that no catalogue has.
 
     Raises:
         ModuleNotFoundError: a package of the extra `studio` is not installed.
         OSError: the port is taken.
     """
 
-    def __init__(self, port: int = 0, tasks: dict[str, str] | None = None):
+    def __init__(
+        self,
+        port: int = 0,
+        tasks: dict[str, str] | None = None,
+        own: Mapping[str, Pigment] | None = None,
+    ):
         require("starlette", "uvicorn", "websockets")
         self.token: str = secrets.token_urlsafe(24)
         self._socket = socket.socket()
@@ -51,22 +56,20 @@ class Studio:
         # From here on a browser waits for its answer instead of being refused.
         self._socket.listen(128)
         self.port: int = self._socket.getsockname()[1]
-        self.engine: Engine = Engine()
         self.jobs: Jobs = Jobs(tasks)
         self._hosts = {f"{HOST}:{self.port}", f"localhost:{self.port}"}
         self._server: Any = None
+        self._data = page_data(own)
 
     @property
     def link(self) -> str:
         """The page's address, token included."""
         return f"http://{HOST}:{self.port}/{self.token}/"
 
-    def run(self, *, warm: bool = True) -> None:
+    def run(self) -> None:
         """Serve until `stop`, or Ctrl-C."""
         import uvicorn
 
-        if warm:
-            threading.Thread(target=self._warm, daemon=True).start()
         settings = uvicorn.Config(
             self.app(),
             log_level="error",
@@ -87,12 +90,6 @@ class Studio:
         """End `run`, from another thread."""
         if self._server is not None:
             self._server.should_exit = self._server.force_exit = True
-
-    def _warm(self) -> None:
-        """Compile what a page will ask first."""
-        with contextlib.suppress(ValueError):  # A page that asks the same is told.
-            self.engine.warm()
-            canvas.warm(self.engine)
 
     def refusal(self, headers: Any, token: str, *, socket: bool) -> str:
         """Why a request is refused, in words; empty if it is not."""
@@ -121,7 +118,7 @@ class Studio:
         from starlette.routing import Route, WebSocketRoute
         from starlette.websockets import WebSocket
 
-        # So that one page's long compilation keeps no other waiting.
+        # So that one page's large file keeps no other waiting.
         pool = ThreadPoolExecutor(6)
         page = files("glazejax.studio").joinpath("page")
         policy = (
@@ -170,7 +167,7 @@ class Studio:
                 while True:
                     await socket.send_bytes(await answers.get())
 
-            session = Session(self.engine, self.jobs, send)
+            session = Session(self.jobs, send, self._data)
             sending = asyncio.create_task(sender())
             waiting: set[asyncio.Future[None]] = set()
             try:

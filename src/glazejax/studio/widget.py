@@ -2,52 +2,22 @@
 of a socket.
 """
 
-import re
 from functools import cache
-from importlib.resources import files
 from typing import Any
 
 from ..extras import require
 from ..paint.media import Glaze
 from ..stacks import Stack, stack_from_dict, stack_of, stack_to_dict
-from .engine import Engine
 from .jobs import Jobs
+from .one_file import bundle, page_text
 from .session import Session
 
-# In the order in which they need one another.
-_MODULES = (
-    "dom",
-    "wire",
-    "store",
-    "shelf",
-    "coats",
-    "plot",
-    "look",
-    "easel",
-    "backwards",
-    "away",
-    "studio",
-    "notebook",
-)
 _USUAL = {
     "glazejax": "stack",
     "version": 1,
     "coats": [{"paint": {"CobaltBlue": 1}, "um": 0.5}, {"paint": {"ZincWhite": 1}, "um": 8}],
     "ground": "card",
 }
-
-
-def bundle() -> str:
-    """The page's modules as one, for hosts that take a single text."""
-    page = files("glazejax.studio").joinpath("page")
-    parts = []
-    for name in _MODULES:
-        text = page.joinpath(f"{name}.js").read_text(encoding="utf-8")
-        text = re.sub(r"^import .*?;\n", "", text, flags=re.MULTILINE)
-        # Only the last module's default is the widget's; renamed imports keep their names by an
-        # alias.
-        parts.append(re.sub(r"^export (?!default)", "", text, flags=re.MULTILINE))
-    return "\n".join(parts)
 
 
 @cache
@@ -72,16 +42,17 @@ def make_widget() -> type:
         Attributes:
             stack: what is stacked, as `stack_to_dict` gives it; set it, and the page follows.
             seen: wavelengths, reflectance (on the ground, of a card on white), L*a*b* and sRGB (8
-                bits) of the stack under the first lamp; None until the page has asked.
+                bits) of the stack under the first lamp, as the page computed them; None until it
+                has.
 
         Raises:
             ValueError: a stack that is none.
         """
 
-        _esm = bundle()
-        _css = files("glazejax.studio").joinpath("page", "style.css").read_text(encoding="utf-8")
+        _esm = bundle("notebook")
+        _css = page_text("style.css")
         stack = traitlets.Any().tag(sync=True)
-        seen = traitlets.Dict(default_value=None, allow_none=True)
+        seen = traitlets.Dict(default_value=None, allow_none=True).tag(sync=True)
 
         def __init__(
             self,
@@ -89,7 +60,7 @@ def make_widget() -> type:
             tasks: dict[str, str] | None = None,
         ):
             super().__init__(stack=_plain(_USUAL if stack is None else stack))
-            self._session = _WidgetSession(self, Engine(), Jobs(tasks))
+            self._session = _WidgetSession(self, Jobs(tasks))
             self.on_msg(lambda _, content, buffers: self._session.take(content, buffers))
 
         @traitlets.validate("stack")
@@ -113,23 +84,12 @@ def _plain(stack: Glaze | Stack | dict[str, Any]) -> dict[str, Any]:
 
 
 class _WidgetSession(Session):
-    """A session whose answers go through a widget, which keeps what is seen."""
+    """A session whose answers go through a widget."""
 
-    def __init__(self, widget: Any, engine: Engine, jobs: Jobs):
-        super().__init__(engine, jobs, lambda message: widget.send({"glaze": "answer"}, [message]))
-        self._widget = widget
+    def __init__(self, widget: Any, jobs: Jobs):
+        super().__init__(jobs, lambda message: widget.send({"glaze": "answer"}, [message]))
 
     def take(self, content: Any, buffers: Any) -> None:
         """A message of the page."""
         if isinstance(content, dict) and content.get("glaze") == "question" and buffers:
             self.handle(bytes(buffers[0]))
-
-    def tell(self, header: Any, arrays: Any = None) -> None:
-        if header["type"] == "seen" and arrays is not None:
-            self._widget.seen = {
-                "wavelengths": arrays["wavelengths"].tolist(),
-                "reflectance": arrays["spectra"][0].tolist(),
-                "lab": arrays["lab"][0].tolist(),
-                "rgb": arrays["rgb"][0, 0].tolist(),
-            }
-        super().tell(header, arrays)

@@ -1,15 +1,14 @@
 // Take away: pictures, tables, the stack as a file, as Python and as a link.
 import { el, hex, save } from "./dom.js";
-import { ROW, colourAt } from "./look.js";
-
-export function stackLink(store) {
-  return `#${encodeURIComponent(JSON.stringify(store.plain()))}`;
-}
+import { pythonLines } from "./lines.js";
+import { writeLink } from "./link.js";
+import { colourAt } from "./look.js";
+import { LADDER, ROW } from "./seen.js";
 
 export function spectraTable(store) {
-  const { seen } = store, bands = seen.wavelengths.length;
+  const { seen } = store;
   const named = [["ground", ROW.ground], ["over_white", ROW.white], ["over_black", ROW.black], ["bare_ground", ROW.bare], ["bare_white", ROW.bareWhite], ["bare_black", ROW.bareBlack]];
-  const rows = named.map(([name, row]) => [name, ...seen.spectra.subarray(row * bands, (row + 1) * bands)]);
+  const rows = named.map(([name, row]) => [name, ...seen.spectra[row]]);
   return [["Name", ...seen.wavelengths], ...rows].map((row) => row.map((cell) => (typeof cell === "number" ? +cell.toPrecision(7) : cell)).join(",")).join("\n") + "\n";
 }
 
@@ -17,7 +16,7 @@ export function awayPanel(store) {
   const code = el("textarea.code", { readOnly: true, rows: 12, spellcheck: false, "aria-label": "The stack as Python", "data-at": "python" });
   const address = el("input", { readOnly: true, "aria-label": "Link that holds the stack", "data-at": "link" });
   const button = (words, at, call) => el("button", { type: "button", "data-at": at, onclick: call }, words);
-  const need = (call) => () => (store.seen ? call() : store.say("Nothing is seen yet: wait for the first colours.", "error"));
+  const need = (call) => () => (store.seen?.ladder.length ? call() : store.say("Nothing is seen yet: wait for the first colours.", "error"));
   const file = el("input", { type: "file", accept: ".json", hidden: true, onchange: () => { for (const one of file.files) store.tell("file", one); file.value = ""; } });
   const panel = el("section.panel.away", { "aria-label": "Take away" },
     el("div.bar", {}, button("Picture as PNG", "png", need(picture)), button("Spectra as CSV", "csv", need(() => save("spectra.csv", spectraTable(store), "text/csv"))),
@@ -42,7 +41,7 @@ export function awayPanel(store) {
     fill(colourAt(seen, 0, card ? ROW.bareBlack : ROW.bare).css, 600, 40, 560, 480);
     fill(colourAt(seen, 0, left).css, 40, 90, 560, 380);
     fill(colourAt(seen, 0, right).css, 600, 90, 560, 380);
-    const lamps = seen.rgb.shape[0];
+    const lamps = seen.colours.length;
     pen.font = "20px system-ui, sans-serif";
     for (let i = 0; i < lamps; i++) {
       const x = 40 + (i * 1120) / lamps, w = 1120 / lamps - 10;
@@ -51,19 +50,18 @@ export function awayPanel(store) {
       fill("#101010", x, 0, 0, 0);
       pen.fillText(store.view.lamps[i], x, 645);
     }
-    store.steps.forEach((_, i) => fill(colourAt(seen, 0, ROW.ladder + i).css, 40 + (i * 1120) / store.steps.length, 665, 1120 / store.steps.length, 60));
+    LADDER.forEach((_, i) => fill(colourAt(seen, 0, ROW.ladder + i).css, 40 + (i * 1120) / LADDER.length, 665, 1120 / LADDER.length, 60));
     pen.fillStyle = "#101010";
     pen.fillText(`${store.shown.map((coat) => store.words(coat)).join(" over ")}`.slice(0, 110), 40, 765);
-    pen.fillText(`${hex(colourAt(seen, 0, left).rgb)}; ${seen.geometry}; ladder of ${store.steps.join(", ")} coats`, 40, 795);
+    pen.fillText(`${hex(colourAt(seen, 0, left).rgb)}; ${seen.geometry}; ladder of ${LADDER.join(", ")} coats`, 40, 795);
     pen.canvas.toBlob((blob) => save("glaze.png", blob, "image/png"));
   }
-  let later = null;
   function show() {
-    address.value = location.href.split("#")[0] + stackLink(store);
-    clearTimeout(later);
-    if (!panel.hidden) later = setTimeout(() => store.link.send({ type: "lines", stack: store.plain() }), 150);
+    if (panel.hidden || !store.eye) return;
+    address.value = location.href.split("#")[0] + writeLink(store);
+    code.value = pythonLines(store.plain(), store.eye.data);
+    code.rows = code.value.split("\n").length;
   }
-  store.on("lines", (header) => { code.value = header.text; code.rows = header.text.split("\n").length; });
   store.on("stack", show);
   store.on("tab", show);
   return panel;

@@ -1,5 +1,6 @@
 // Backwards: recipes for a colour, what is in a spectrum, paints from films; searches run beside, and can be stopped.
 import { el, hex } from "./dom.js";
+import { Recipes, labOf } from "./search.js";
 
 export function backwardsPanel(store) {
   const colour = el("input", { type: "color", value: "#8a4b2d", "aria-label": "Colour wanted", "data-at": "wanted", oninput: () => { target = null; showTarget(); } });
@@ -11,15 +12,38 @@ export function backwardsPanel(store) {
   const spectra = el("select", { "aria-label": "Which spectrum", "data-at": "which", hidden: true, onchange: () => pick(Number(spectra.value)) });
   const found = el("div.found", { "aria-live": "polite" });
   const jobs = el("div.jobs");
-  const find = el("button", { type: "button", "data-at": "find", onclick: () => start("recipes") }, "Find recipes");
+  const nearest = el("button", { type: "button", "data-at": "nearest", onclick: () => ownSearch() }, "Find recipes here");
+  const find = el("button", { type: "button", "data-at": "find", hidden: store.alone, onclick: () => start("recipes") }, "Search further");
   const identify = el("button", { type: "button", "data-at": "identify", disabled: true, onclick: () => start("identify") }, "Which paints are in it?");
   let target = null, table = null;
   const panel = el("section.panel.backwards", { "aria-label": "Backwards: from colour to paint" },
-    el("p.about", {}, "Pick a colour, or drop a spectrum or a photograph on the page and pick in it."),
-    el("div.bar", {}, colour, coats, find), aim, photo,
-    el("h3", {}, "A measured film"),
-    el("p.under.none", {}, "Drop a spectrum (CSV, or what spectrometers write) to ask which paints are in it."),
-    el("div.bar", {}, spectra, where, identify), jobs, found);
+    el("p.about", {}, store.alone ? "Pick a colour, or drop a photograph on the page and pick in it." : "Pick a colour, or drop a spectrum or a photograph on the page and pick in it."),
+    el("div.bar", {}, colour, coats, nearest, find), aim, photo,
+    el("h3", { hidden: store.alone }, "A measured film"),
+    el("p.under.none", { hidden: store.alone }, "Drop a spectrum (CSV, or what spectrometers write) to ask which paints are in it."),
+    el("div.bar", { hidden: store.alone }, spectra, where, identify), jobs, found);
+
+  // The page's own search: its table is made while the tab is looked at.
+  let search = null, known = 0;
+  const base = () => ({ ...store.plain(), coats: [], pigments: store.own });
+  function searcher() {
+    if (!search || known !== store.entries.size) search = new Recipes(store.eye, [...store.entries.values()]);
+    known = store.entries.size;
+    return search;
+  }
+  store.on("tab", () => {
+    if (!panel.hidden && store.eye) searcher().find([50, 0, 0], base(), { polished: 0 });
+  });
+  async function ownSearch() {
+    const begun = performance.now(), wanted = target ?? colour.value;
+    nearest.disabled = true;
+    try {
+      const { recipes, tabled } = await searcher().find(labOf(wanted, store.eye), base(), { most: Number(coats.value) });
+      showFound(target?.name ?? colour.value, recipes, `the page's own search: ${tabled} glazes in its table, the nearest polished; ${((performance.now() - begun) / 1000).toFixed(1)} s`);
+    } finally {
+      nearest.disabled = false;
+    }
+  }
 
   function showTarget() {
     aim.textContent = target ? `Wanted: the spectrum ${target.name}` : `Wanted: ${colour.value} under ${"D65"}`;
@@ -115,8 +139,11 @@ export function backwardsPanel(store) {
   }
   function showRecipes(result, seconds) {
     const unit = result.recipes[0]?.in_gamut === false ? `; ${result.words}` : "";
-    found.replaceChildren(el("h3", {}, `Recipes for ${result.target}`), el("p.under", {}, `best first, found in ${seconds.toFixed(0)} s${unit}`),
-      ...result.recipes.map((one) => card(one.rgb, `ΔE00 ${one.delta_e.toFixed(2)}`, [one.stack.coats.map((coat) => store.words(coat)).join(" over "), one.parts && `parts ${one.parts}`, `two mixings differ by ${one.between.toFixed(1)}`, one.cautions].filter(Boolean), one.stack, "The recipe is the stack now; undo brings back what was there.")));
+    showFound(result.target, result.recipes, `best first, found in ${seconds.toFixed(0)} s${unit}`);
+  }
+  function showFound(name, recipes, words) {
+    found.replaceChildren(el("h3", {}, `Recipes for ${name}`), el("p.under", {}, words),
+      ...recipes.map((one) => card(one.rgb, `ΔE00 ${one.delta_e.toFixed(2)}`, [one.stack.coats.map((coat) => store.words(coat)).join(" over "), one.parts && `parts ${one.parts}`, one.between !== undefined && `two mixings differ by ${one.between.toFixed(1)}`, one.cautions].filter(Boolean), one.stack, "The recipe is the stack now; undo brings back what was there.")));
   }
   // Paints as the shelf calls them.
   const named = (one) => Object.keys(Object.assign({}, ...(one.stack?.coats ?? []).map((coat) => coat.paint))).sort((a, b) => b.length - a.length)

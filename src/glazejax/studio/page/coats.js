@@ -1,6 +1,7 @@
 // The stack: coats top first, each with a slider, a number, its paints, and a handle to move it by hand or by arrow keys.
+import { ROW } from "./seen.js";
 import { THICKEST, THINNEST } from "./store.js";
-import { el, hex, icon } from "./dom.js";
+import { el, hex, icon, inkOn, thickness } from "./dom.js";
 
 const toSlider = (um) => Math.log10(Math.max(THINNEST, Math.min(THICKEST, um)));
 const fromSlider = (value) => +(10 ** value).toPrecision(3);
@@ -10,10 +11,11 @@ const GROUNDS = [["card", "Card, white and black"], ["white", "White"], ["black"
 export function coatsPanel(store) {
   const list = el("ol.coats", { "aria-label": "Coats, top first" });
   const ground = el("div.ground");
+  const section = el("div.section", { role: "group", "aria-label": "Cross-section, top first", "data-at": "section" });
   const undo = el("button.quiet", { type: "button", "data-at": "undo", title: "Undo (Ctrl+Z)", onclick: () => store.undo() }, "Undo");
   const redo = el("button.quiet", { type: "button", "data-at": "redo", title: "Redo (Ctrl+Y)", onclick: () => store.redo() }, "Redo");
   const panel = el("section.panel.stack", { "aria-label": "Stack of coats" },
-    el("header", {}, el("h2", {}, "Stack"), el("span.grow"), undo, redo), list, ground);
+    el("header", {}, el("h2", {}, "Stack"), el("span.grow"), undo, redo), section, list, ground);
   let drawn = "";
 
   function part(coat, name) {
@@ -102,10 +104,38 @@ export function coatsPanel(store) {
     return node;
   }
 
+  // As under a microscope: coats one over another, thin ones drawn thicker than they are.
+  function showSection() {
+    if (!store.eye) return;
+    const cut = (tag, rgb, words, given = {}) => {
+      const strip = el(tag, given, el("span", {}, words));
+      Object.assign(strip.style, { background: hex(rgb), color: inkOn(rgb) });
+      return strip;
+    };
+    section.replaceChildren(...store.shown.map((coat) => {
+      const strip = cut("button.strip", store.eye.masstone(coat.paint, store.own), store.label(coat), {
+        type: "button", title: `Select ${store.words(coat)}`, "aria-pressed": String(store.selected === coat.id), onclick: () => select(coat.id) });
+      strip.append(el("small", {}, thickness(coat.um)));
+      strip.style.flexGrow = Math.log2(1 + 4 * coat.um).toFixed(3);
+      return strip;
+    }), groundStrip(cut));
+  }
+  function groundStrip(cut) {
+    const now = store.stack.ground;
+    if (now?.paint) return cut("div.strip.below", store.eye.masstone(now.paint, store.own), store.label(now));
+    if (now?.wavelengths) return cut("div.strip.below", [150, 150, 150], "measured ground");
+    const seen = store.seen?.colours[0], rgb = seen?.[ROW.bare].rgb ?? [237, 237, 237];
+    const strip = cut("div.strip.below", rgb, now === "card" ? "card" : typeof now === "number" ? `grey ${now}` : now);
+    if (now === "card" && seen) strip.style.background = `linear-gradient(90deg, ${hex(rgb)} 50%, ${hex(seen[ROW.bareBlack].rgb)} 50%)`;
+    return strip;
+  }
+  store.on("seen", showSection);
+
   function select(id) {
     if (store.selected === id) return;
     store.selected = id;
     mark();
+    showSection();
     store.tell("selected");
     store.look();
   }

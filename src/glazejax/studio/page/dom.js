@@ -40,6 +40,12 @@ export function hex(rgb) {
   return "#" + [...rgb].map((value) => Math.round(value).toString(16).padStart(2, "0")).join("");
 }
 
+// Black or white, whichever is read on a colour: by the luminance at which both have the same contrast.
+export function inkOn(rgb) {
+  const [r, g, b] = [...rgb].map((value) => (value / 255 <= 0.04045 ? value / 255 / 12.92 : ((value / 255 + 0.055) / 1.055) ** 2.4));
+  return 0.2126 * r + 0.7152 * g + 0.0722 * b > 0.179 ? "#000" : "#fff";
+}
+
 // Unclipped sRGB that a screen cannot show: by more than half a step of 255.
 export function outside(encoded) {
   return [...encoded].some((value) => value < -0.002 || value > 1.002);

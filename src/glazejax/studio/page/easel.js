@@ -1,13 +1,15 @@
-// The canvas: a map of thickness for each brushed coat, brushed here, turned into colour by the server.
+// The canvas: a map of thickness for each brushed coat, turned into colour by a table.
 import { context2d, el, save } from "./dom.js";
 import { SIZE } from "./store.js";
+import { MOST_BRUSHED, makeTable, readTable, tableSteps } from "./table.js";
 
-const MOST_BRUSHED = 3;
+// Strokes that can be taken back.
+const MOST_STEPS = 24;
 
 export function easelPanel(store) {
-  const canvas = el("canvas.easel", { width: SIZE, height: SIZE, tabIndex: 0, role: "img", "aria-label": "Canvas, 512 by 512; the selected coat is brushed", "data-at": "easel" });
+  const canvas = el("canvas.easel", { width: SIZE, height: SIZE, tabIndex: 0, role: "img", "aria-label": `Canvas, ${SIZE} by ${SIZE}; the selected coat is brushed`, "data-at": "easel" });
   const pen = context2d(canvas);
-  const size = el("input", { type: "range", min: 2, max: 90, value: 24, "aria-label": "Size of the brush", "data-at": "brush" });
+  const size = el("input", { type: "range", min: 4, max: 180, value: 48, "aria-label": "Size of the brush", "data-at": "brush" });
   const tool = el("select", { "aria-label": "Tool", "data-at": "tool" }, ...[["brush", "Brush: lay the coat"], ["wash", "Wash: lay it thin, soft"], ["wipe", "Wipe: take it off"]].map(([value, words]) => el("option", { value }, words)));
   const ring = el("span.ring", { hidden: true, "aria-hidden": "true" });
   const which = el("p.under"), state = el("p.under", { "aria-live": "polite", "data-at": "easel-state" });
@@ -20,44 +22,59 @@ export function easelPanel(store) {
       button("Load map", "load-map", () => file.click()), button("Map as PNG", "map-png", () => asPng()), button("Map as NPY", "map-npy", () => asNpy()), file),
     which, el("div.stage", {}, canvas, ring), state);
 
-  // Colours: one question at a time; what changed meanwhile is asked next, as one box.
-  let waiting = null, dirty = null, sent = 0;
+  // Colours: a quick table while a hand moves a slider, a fine one as it rests.
   const whole = () => ({ x: 0, y: 0, w: SIZE, h: SIZE });
   const join = (a, b) => {
     if (!a) return b;
     const x = Math.min(a.x, b.x), y = Math.min(a.y, b.y);
     return { x, y, w: Math.max(a.x + a.w, b.x + b.w) - x, h: Math.max(a.y + a.h, b.y + b.h) - y };
   };
-  function ask(box) {
-    if (panel.hidden) { dirty = whole(); return; }
-    dirty = join(dirty, box);
-    if (waiting !== null || !dirty) return;
-    const shown = store.shown;
-    const brushed = shown.map((coat, i) => [coat, i]).filter(([coat]) => store.maps.has(coat.id));
-    if (!shown.length) { state.textContent = "No coat is shown: add one first."; return; }
-    if (!brushed.length) brushed.push([shown[0], 0]);
-    if (brushed.length > MOST_BRUSHED) { state.textContent = `${brushed.length} coats are brushed, and ${MOST_BRUSHED} can be at once: make one even again, or hide one.`; return; }
-    const { x, y, w, h } = dirty, arrays = {}, tops = [];
-    brushed.forEach(([coat, i], n) => {
-      const map = store.maps.get(coat.id), piece = new Float32Array(w * h);
-      if (map) for (let r = 0; r < h; r++) piece.set(map.subarray((y + r) * SIZE + x, (y + r) * SIZE + x + w), r * w);
-      else piece.fill(coat.um);
-      arrays[n] = piece;
-      tops.push([i, top(coat)]);
-    });
-    if (store.stack.ground === "card") {
-      const side = new Float32Array(w * h);
-      for (let i = 0; i < w * h; i++) side[i] = x + (i % w) >= SIZE / 2 ? 1 : 0;
-      arrays.side = side;
+  const tables = new Map();
+  let later = null;
+  // A table that is there, or a quick one, and how a fine one is made.
+  function tableOf(brushed) {
+    const stack = store.plain(), shown = stack.coats.filter((coat) => !coat.hidden), lamp = store.lampOf(store.view.lamps[0]);
+    const given = brushed.map(([coat, i]) => [i, top(coat)]);
+    // Its own thickness does not matter to a brushed coat's table.
+    for (const [i] of given) shown[i].um = 0;
+    const key = JSON.stringify([stack, given, lamp]);
+    if (!tables.has(key)) {
+      if (tables.size > 3) tables.delete(tables.keys().next().value);
+      tables.set(key, makeTable(store.eye, stack, given, lamp, true));
     }
-    const number = `canvas${++sent}`;
-    if (store.link.send({ type: "canvas", number, box: dirty, coats: tops, stack: store.plain(), view: { lamps: [store.lampOf(store.view.lamps[0])] } }, arrays)) {
-      waiting = number;
-      asked = performance.now();
-      dirty = null;
+    return { table: tables.get(key), refine: () => refine(key, tableSteps(store.eye, stack, given, lamp, false)) };
+  }
+  // Step by step: a stroke that begins meanwhile does not wait.
+  function refine(key, steps) {
+    const { done, value } = steps.next();
+    if (!done) later = setTimeout(() => refine(key, steps), 0);
+    else {
+      tables.set(key, value);
+      ask(whole());
     }
   }
-  let asked = 0;
+  function ask(box) {
+    if (panel.hidden || !store.eye) return;
+    const shown = store.shown;
+    let brushed = shown.map((coat, i) => [coat, i]).filter(([coat]) => store.maps.has(coat.id));
+    if (!shown.length) { state.textContent = "No coat is shown: add one first."; return; }
+    if (!brushed.length) brushed = [[shown[0], 0]];
+    if (brushed.length > MOST_BRUSHED) { state.textContent = `${brushed.length} coats are brushed, and ${MOST_BRUSHED} can be at once: make one even again, or hide one.`; return; }
+    store.attempt("canvas", () => {
+      const begun = performance.now(), { table, refine } = tableOf(brushed), made = performance.now();
+      const { pixels, outside } = readTable(table, brushed.map(([coat]) => store.maps.get(coat.id) ?? coat.um), SIZE, box);
+      pen.putImageData(new ImageData(pixels, box.w, box.h), box.x, box.y);
+      canvas.dataset.table = (made - begun).toFixed(1);
+      canvas.dataset.took = (performance.now() - begun).toFixed(1);
+      canvas.dataset.done = Number(canvas.dataset.done ?? 0) + 1;
+      if (table.error === null) {
+        clearTimeout(later);
+        later = setTimeout(refine, 200);
+      } else {
+        state.textContent = `colours within ΔE00 ${table.error.toFixed(2)} of the full computation${outside > 0.001 ? `; ◢ ${(100 * outside).toFixed(0)} % of what changed is outside sRGB, the nearest is shown` : ""}`;
+      }
+    });
+  }
   // The table's range: powers of two, so that it is seldom made anew.
   const top = (coat) => Math.min(1000, 2 ** Math.ceil(Math.log2(Math.max(0.5, tallest(coat)))));
   const heights = new WeakMap();
@@ -67,24 +84,6 @@ export function easelPanel(store) {
     if (!heights.has(map)) heights.set(map, map.reduce((most, value) => Math.max(most, value), 0));
     return heights.get(map);
   }
-
-  store.on("painted", (header, arrays) => {
-    const { x, y, w, h } = header.box;
-    pen.putImageData(new ImageData(new Uint8ClampedArray(arrays.rgba.slice().buffer), w, h), x, y);
-    state.textContent = `colours within ΔE00 ${header.error.toFixed(2)} of the full computation${header.outside > 0.001 ? `; ◢ ${(100 * header.outside).toFixed(0)} % of what changed is outside sRGB, the nearest is shown` : ""}`;
-    canvas.dataset.ms = header.ms;
-    canvas.dataset.took = (performance.now() - asked).toFixed(1);
-    canvas.dataset.done = Number(canvas.dataset.done ?? 0) + 1;
-    waiting = null;
-    if (dirty) ask(dirty);
-  });
-  store.on("failed", (header) => {
-    if (header.about !== "canvas") return;
-    waiting = null;
-    state.textContent = header.words;
-  });
-  store.on("lost", () => { if (waiting !== null) { waiting = null; dirty = whole(); } });
-  store.on("back", () => { if (!panel.hidden) ask(whole()); });
 
   // Brushing ----------------------------------------------------------------------------------------------------------
   const coatNow = () => {
@@ -99,6 +98,8 @@ export function easelPanel(store) {
     const coat = coatNow();
     if (!coat) return store.say("No coat is shown: add one to brush with.", "error");
     store.past.push(store.snapshot());
+    // Each step holds a map of its own.
+    while (store.past.length > MOST_STEPS) store.past.shift();
     store.future = [];
     store.lastKey = null;
     const first = !store.maps.has(coat.id);
@@ -119,6 +120,12 @@ export function easelPanel(store) {
   }
 
   let stroke = null;
+  function begin(coat, at) {
+    const before = store.maps.get(coat.id);
+    edit((map) => map.slice());
+    stroke = { coat, map: store.maps.get(coat.id), at };
+    heights.set(stroke.map, before && heights.has(before) ? heights.get(before) : 0);
+  }
   function place(event) {
     const box = canvas.getBoundingClientRect();
     return { x: ((event.clientX - box.left) / box.width) * SIZE, y: ((event.clientY - box.top) / box.height) * SIZE,
@@ -129,8 +136,7 @@ export function easelPanel(store) {
     if (!coat) return store.say("No coat is shown: add one to brush with.", "error");
     canvas.setPointerCapture?.(event.pointerId);
     event.preventDefault();
-    edit((map) => map.slice());
-    stroke = { coat, map: store.maps.get(coat.id), at: place(event) };
+    begin(coat, place(event));
     dab(stroke.at, stroke.at);
   };
   canvas.onpointermove = (event) => {
@@ -141,7 +147,10 @@ export function easelPanel(store) {
       stroke.at = to;
     }
   };
-  const end = () => { stroke = null; };
+  const end = () => {
+    if (stroke) store.tell("brushed");
+    stroke = null;
+  };
   canvas.onpointerup = canvas.onpointercancel = end;
 
   function dab(from, to) {
@@ -152,7 +161,8 @@ export function easelPanel(store) {
       const x = from.x + ((to.x - from.x) * n) / steps, y = from.y + ((to.y - from.y) * n) / steps;
       box = join(box, spot(map, x, y, radius, kind, to.force, coat.um));
     }
-    heights.delete(map);
+    // What a stroke can reach at most; to look through a million pixels takes longer than to paint them.
+    heights.set(map, Math.max(heights.get(map), kind === "wipe" ? 0 : kind === "wash" ? 4 * coat.um : (coat.um * Math.max(from.force, to.force)) / 0.6));
     if (box && box.w > 0 && box.h > 0) ask(box);
   }
   // One touch: soft at its edge. A brush lays up to the coat's thickness, a wash a little more each time.
@@ -175,7 +185,7 @@ export function easelPanel(store) {
   canvas.onblur = () => { ring.hidden = true; };
   const cross = { x: SIZE / 2, y: SIZE / 2, force: 0.6 };
   canvas.onkeydown = (event) => {
-    const step = { ArrowLeft: [-8, 0], ArrowRight: [8, 0], ArrowUp: [0, -8], ArrowDown: [0, 8] }[event.key];
+    const step = { ArrowLeft: [-16, 0], ArrowRight: [16, 0], ArrowUp: [0, -16], ArrowDown: [0, 16] }[event.key];
     if (step) {
       cross.x = Math.max(0, Math.min(SIZE - 1, cross.x + step[0]));
       cross.y = Math.max(0, Math.min(SIZE - 1, cross.y + step[1]));
@@ -184,11 +194,10 @@ export function easelPanel(store) {
       Object.assign(ring.style, { width: `${across}px`, height: `${across}px`, left: `${canvas.offsetLeft + cross.x * scale - across / 2}px`, top: `${canvas.offsetTop + cross.y * scale - across / 2}px` });
       state.textContent = `brush at ${cross.x}, ${cross.y}; space lays paint`;
     } else if (event.key === " ") {
-      edit((map) => map.slice());
-      const coat = coatNow();
-      stroke = { coat, map: store.maps.get(coat.id), at: { ...cross } };
+      if (!coatNow()) return;
+      begin(coatNow(), { ...cross });
       dab(cross, cross);
-      stroke = null;
+      end();
     } else return;
     event.preventDefault();
   };

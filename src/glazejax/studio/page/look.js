@@ -1,13 +1,11 @@
 // Seen at once: the swatch over its card, numbers, lamps side by side, another angle, the ladder and the spectrum.
 import { context2d, css, el, hex, outside } from "./dom.js";
+import { checkLamp } from "./check.js";
 import { spectrumPlot } from "./plot.js";
-
-// Rows of the answer; the ladder's follow.
-export const ROW = { ground: 0, white: 1, black: 2, angle: 3, bare: 4, bareWhite: 5, bareBlack: 6, ladder: 7 };
+import { LADDER, ROW } from "./seen.js";
 
 export function colourAt(seen, lamp, row) {
-  const rows = seen.rgb.shape[1], at = 3 * (lamp * rows + row);
-  const rgb = seen.rgb.subarray(at, at + 3), encoded = seen.encoded.subarray(at, at + 3);
+  const { rgb, encoded } = row < ROW.ladder ? seen.colours[lamp][row] : seen.ladder[row - ROW.ladder];
   return { rgb, encoded, css: css(rgb, encoded), outside: outside(encoded) };
 }
 
@@ -47,8 +45,7 @@ export function lookPanel(store) {
   const numbers = el("dl.numbers", { "data-at": "numbers" });
   const pin = el("button.quiet", { type: "button", "data-at": "pin", onclick: () => {
     if (store.pinned) store.pinned = null;
-    else if (store.seen) store.pinned = { lab: [...store.seen.lab.subarray(0, 3)], css: colourAt(store.seen, 0, ROW.ground).css };
-    store.tell("pinned");
+    else if (store.seen) store.pin(store.seen.colours[0][ROW.ground].lab);
     store.look();
   } }, "Pin this colour");
   const lamps = el("div.lamps", { role: "group", "aria-label": "The same under several lamps" });
@@ -60,6 +57,10 @@ export function lookPanel(store) {
   const angle = { swatch: el("canvas.small", { role: "img", "aria-label": "The paint at another angle", "data-at": "angle" }) };
   for (const [key, words] of [["light", "Light"], ["view", "View"]]) {
     const output = el("output", {}, `${store.view[key]}°`);
+    store.on("view", () => {
+      angle[key].querySelector("input").value = store.view[key];
+      output.textContent = `${store.view[key]}°`;
+    });
     angle[key] = el("label.angle", {}, words, el("input", {
       type: "range", min: 0, max: 80, step: 1, value: store.view[key], "data-at": `angle-${key}`, "aria-label": `Angle of ${key}, degrees from upright`,
       oninput: (event) => { store.view[key] = Number(event.target.value); output.textContent = `${event.target.value}°`; store.look(); },
@@ -79,22 +80,21 @@ export function lookPanel(store) {
 
   const lampFile = el("input", { type: "file", accept: ".csv,.txt,.tsv", hidden: true, "data-at": "lamp-file", onchange: () => { if (lampFile.files[0]) ownLamp(lampFile.files[0]); lampFile.value = ""; } });
   panel.querySelector(".lamps-head").append(lampFile);
-  // A lamp of one's own: two columns, nm and relative power; the server says whether it will do.
+  // A lamp of one's own: two columns, nm and relative power.
   async function ownLamp(file) {
     if (file.size > 1 << 20) return store.say(`${file.name} is larger than 1 MB; a lamp is two columns, nm and power.`, "error");
     const rows = (await file.text()).split(/\r?\n/).map((line) => line.split(/[,;\t ]+/).map(Number)).filter((row) => row.length >= 2 && row.slice(0, 2).every(Number.isFinite));
     if (rows.length < 2) return store.say(`${file.name} is no lamp: it needs two columns of numbers, nm and relative power.`, "error");
     rows.sort((a, b) => a[0] - b[0]);
     const name = file.name.replace(/\.[^.]*$/, "").slice(0, 40);
-    store.link.send({ type: "lamp", lamp: { name, wavelengths: rows.map((row) => row[0]), power: rows.map((row) => row[1]) } });
+    store.attempt("lamp", () => {
+      store.ownLamps[name] = checkLamp({ name, wavelengths: rows.map((row) => row[0]), power: rows.map((row) => row[1]) });
+      store.view.lamps[store.view.lamps.length - 1] = name;
+      drawnLamps = "";
+      store.tell("lamps");
+      store.look();
+    });
   }
-  store.on("lamp", (header) => {
-    store.ownLamps[header.lamp.name] = header.lamp;
-    store.view.lamps[store.view.lamps.length - 1] = header.lamp.name;
-    drawnLamps = "";
-    store.tell("lamps");
-    store.look();
-  });
 
   let drawnLamps = "";
   function buildLamps() {
@@ -116,11 +116,11 @@ export function lookPanel(store) {
     if (!seen) return;
     drawSwatch(swatch, seen, 0, store.stack.ground);
     [...lamps.children].forEach((figure, i) => {
-      if (i >= seen.rgb.shape[0]) return;
+      if (i >= seen.colours.length) return;
       drawSwatch(figure.querySelector("canvas"), seen, i, store.stack.ground);
-      const lab = seen.lab.subarray(3 * i, 3 * i + 3);
+      const { lab } = seen.colours[i][ROW.ground];
       const beyond = (store.stack.ground === "card" ? [ROW.white, ROW.black] : [ROW.ground]).some((row) => colourAt(seen, i, row).outside);
-      figure.querySelector(".lab").textContent = [...lab].map((value) => value.toFixed(0)).join(" ") + (beyond ? " ◢" : "");
+      figure.querySelector(".lab").textContent = lab.map((value) => value.toFixed(0)).join(" ") + (beyond ? " ◢" : "");
     });
     const pen = fitted(angle.swatch), { width, height } = angle.swatch;
     pen.fillStyle = colourAt(seen, 0, ROW.ground).css;
@@ -136,10 +136,10 @@ export function lookPanel(store) {
     under.textContent = `${said}; ${seen.geometry}`;
     if (beyond.length) under.append(el("span.beyond", { title: "The screen's sRGB cannot show this colour" }, `◢ outside sRGB over ${beyond.join(" and ")}: the nearest is shown`));
 
-    const lab = seen.lab.subarray(0, 3), main = colourAt(seen, 0, ROW.ground);
+    const { lab } = seen.colours[0][ROW.ground], main = colourAt(seen, 0, ROW.ground);
     const facts = [["L*", lab[0].toFixed(1)], ["a*", lab[1].toFixed(1)], ["b*", lab[2].toFixed(1)], ["sRGB", hex(main.rgb) + (main.outside ? " ◢" : "")]];
     if (onCard) facts.push(["over black", hex(colourAt(seen, 0, ROW.black).rgb)]);
-    if (store.pinned && seen.delta.length) facts.push(["ΔE00 to pinned", seen.delta[0].toFixed(2)]);
+    if (store.pinned && seen.delta !== null) facts.push(["ΔE00 to pinned", seen.delta.toFixed(2)]);
     numbers.replaceChildren(...facts.map(([name, value]) => el("div", {}, el("dt", {}, name), el("dd", {}, value))));
     if (store.pinned) {
       const spot = el("span.spot", { title: "The pinned colour" });
@@ -148,19 +148,24 @@ export function lookPanel(store) {
     }
     pin.textContent = store.pinned ? "Unpin" : "Pin this colour";
 
-    // The server repeats the selected coat, or the uppermost where that one is hidden.
+    plot.show(seen, store);
+    marks.replaceChildren(...seen.doubts.map((words) => el("li", {}, words)));
+  }
+  function showRest() {
+    const seen = store.seen;
+    // The selected coat is repeated, or the uppermost where that one is hidden.
     const coat = store.shown[store.viewNow().repeated];
-    ladder.setAttribute("aria-label", coat ? `1 to ${store.steps.at(-1)} coats of ${store.label(coat)}` : "No coat");
+    ladder.setAttribute("aria-label", coat ? `1 to ${LADDER.at(-1)} coats of ${store.label(coat)}` : "No coat");
     ladderTitle.textContent = coat ? `Ladder of coats: ${store.label(coat)}` : "Ladder of coats";
-    ladder.replaceChildren(...store.steps.map((count, i) => {
+    ladder.replaceChildren(...LADDER.map((count, i) => {
       const step = el(colourAt(seen, 0, ROW.ladder + i).outside ? "span.clipped" : "span", { title: `${count} ${count === 1 ? "coat" : "coats"}` }, el("small", {}, `${count}×`));
       step.style.setProperty("--paint", colourAt(seen, 0, ROW.ladder + i).css);
       return step;
     }));
     plot.show(seen, store);
-    marks.replaceChildren(...seen.doubts.map((words) => el("li", {}, words)));
   }
   store.on("seen", show);
+  store.on("rest", showRest);
   store.on("lamps", buildLamps);
   store.on("stack", () => { geometry.value = store.stack.geometry; if (geometry.value !== store.stack.geometry) { geometry.append(el("option", { value: store.stack.geometry }, store.stack.geometry)); geometry.value = store.stack.geometry; } });
   new ResizeObserver(show).observe(swatch);

@@ -1,4 +1,4 @@
-// The studio in a notebook: an anywidget whose messages go to the kernel.
+// The studio in a notebook: an anywidget whose searches and files go to the kernel, and what is seen too.
 import { mount } from "./studio.js";
 import { packMessage, unpackMessage } from "./wire.js";
 
@@ -35,7 +35,12 @@ function render({ model, el: place }) {
     model.set("stack", plain);
     model.save_changes();
   };
-  const { check } = mount(root, wire, { begin: () => JSON.stringify(model.get("stack")), remember });
+  const { store, check } = mount(root, wire, { begin: () => [JSON.stringify(model.get("stack"))], remember });
+  store.on("rest", () => {
+    const { wavelengths, spectra, colours } = store.seen, { lab, rgb } = colours[0][0];
+    model.set("seen", { wavelengths: [...wavelengths], reflectance: [...spectra[0]], lab, rgb });
+    model.save_changes();
+  });
   const follow = () => {
     const text = JSON.stringify(model.get("stack"));
     if (text !== mine) check(text);

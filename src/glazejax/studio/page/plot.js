@@ -11,9 +11,8 @@ export function spectrumPlot() {
 
   function show(seen, store) {
     const grid = seen.wavelengths, [low, high] = [grid[0], grid[grid.length - 1]];
-    const bands = grid.length;
-    const row = (i) => seen.spectra.subarray(i * bands, (i + 1) * bands);
-    const most = Math.max(1, ...seen.spectra) > 1.02 ? 1.2 : 1;
+    const row = (i) => seen.spectra[i];
+    const most = Math.max(1, ...seen.spectra.map((each) => Math.max(...each))) > 1.02 ? 1.2 : 1;
     const x = (nm) => LEFT + ((nm - low) / (high - low || 1)) * (W - LEFT - RIGHT);
     const y = (r) => TOP + (1 - r / most) * (H - TOP - BOTTOM);
     const path = (values) => [...values].map((r, i) => `${i ? "L" : "M"}${x(grid[i]).toFixed(1)} ${y(r).toFixed(1)}`).join("");
@@ -30,7 +29,7 @@ export function spectrumPlot() {
       parts.push(svg("line", { x1: x(nm), x2: x(nm), y1: H - BOTTOM, y2: H - BOTTOM + 4, class: "tick" }), text);
     }
     const main = row(0);
-    if (seen.sd.length) {
+    if (seen.sd) {
       const upper = main.map((r, i) => Math.min(most, r + NINETY * seen.sd[i]));
       const lower = main.map((r, i) => Math.max(0, r - NINETY * seen.sd[i]));
       const back = [...lower].map((r, i) => `L${x(grid[i]).toFixed(1)} ${y(r).toFixed(1)}`).reverse().join("");
@@ -42,7 +41,7 @@ export function spectrumPlot() {
     parts.push(svg("path", { d: path(main), class: "main", "data-at": "curve" }));
     picture.replaceChildren(...parts);
     picture.setAttribute("aria-label", `Reflectance from ${low} to ${high} nm, between ${Math.min(...main).toFixed(2)} and ${Math.max(...main).toFixed(2)}`);
-    const band = seen.sd.length ? "grey: 90 % band of the catalogue's errors" : seen.rest;
+    const band = seen.sd ? "grey: 90 % band of the catalogue's errors" : seen.rest;
     words.textContent = `line: reflectance ${card ? "over white" : "on the ground"}; dashed: over black${card ? "" : "; thin: over white"}${band ? `; ${band}` : ""}`;
   }
   return { node, show };

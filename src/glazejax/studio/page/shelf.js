@@ -1,4 +1,4 @@
-// The shelf: every paint as two swatches, with search, provenance and a mark where k or s is not known.
+// The shelf: every paint as a tube beside its drawdown, thick to thin, with search, provenance and a mark where k or s is not known.
 import { el, hex } from "./dom.js";
 
 const TITLES = { own: "Your own", oils: "Oils", acrylics: "Acrylics" };
@@ -27,8 +27,9 @@ export function shelfPanel(store) {
   function tile(entry) {
     const [thick, thin, beyond = []] = store.swatches.get(entry.name) ?? [];
     const chip = el("span.chip", { "aria-hidden": "true" });
-    const upper = el("span.thick"), lower = el("span.thin");
+    const tube = el("span.tube", { "aria-hidden": "true" }, el("span.label")), upper = el("span.thick"), lower = el("span.thin");
     if (thick) {
+      tube.firstChild.style.background = hex(thick);
       upper.style.background = hex(thick);
       lower.style.background = hex(thin);
       upper.classList.toggle("clipped", !!beyond[0]);
@@ -44,7 +45,7 @@ export function shelfPanel(store) {
       el("button.paint", {
         type: "button", title: `Lay ${words} on top`, "aria-label": `Lay ${words} on top`,
         onclick: () => store.add({ [entry.name]: 1 }, 10), onfocus: tell, onmouseenter: tell,
-      }, chip, el("span.name", {}, entry.label, entry.unknown ? el("sup", { title: `k and s not told apart at ${entry.unknown}` }, "?") : null)),
+      }, tube, chip, el("span.name", {}, entry.label, entry.unknown ? el("sup", { title: `k and s not told apart at ${entry.unknown}` }, "?") : null)),
       el("button.mix", {
         type: "button", title: `Mix ${entry.label} into the selected coat`, "aria-label": `Mix ${entry.label} into the selected coat`,
         onclick: () => mix(entry),

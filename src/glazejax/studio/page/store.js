@@ -1,10 +1,12 @@
 // What was made: the stack, how it is looked at, the maps of the canvas, and the way back through all of it.
-import { thickness } from "./dom.js";
+import { hex, outside, thickness } from "./dom.js";
+import { Eye, Sentence } from "./seen.js";
+import { SCREEN_WHITE, srgb, xyzOfLab } from "./solver.js";
 
 const KEPT = 60;
 export const THINNEST = 0.1;
 export const THICKEST = 200;
-export const SIZE = 512;
+export const SIZE = 1024;
 
 export function fresh() {
   return {
@@ -13,6 +15,10 @@ export function fresh() {
     refractive_index: 1.5,
     geometry: "45:0",
   };
+}
+
+export function freshView() {
+  return { lamps: ["D65", "A", "FL11", "LED-B3"], light: 45, view: 60 };
 }
 
 let marks = 0;
@@ -27,17 +33,37 @@ export class Store {
     this.swatches = new Map();
     this.lamps = [];
     this.ownLamps = {};
-    this.view = { lamps: ["D65", "A", "FL11", "LED-B3"], light: 45, view: 60 };
+    this.view = freshView();
     this.selected = this.stack.coats[0].id;
     this.pinned = null;
     this.maps = new Map();
     this.seen = null;
+    this.eye = null;
     this.past = [];
     this.future = [];
     this.listeners = {};
-    this.number = 0;
-    this.waiting = null;
-    this.again = false;
+    this.later = null;
+    this.alone = false;
+    this.tasks = [];
+    this.mostFile = 16 << 20;
+  }
+
+  // What the page knows of paints and lamps: from here on it sees.
+  learn(data) {
+    this.eye = new Eye(data);
+    for (const entry of data.paints) this.entries.set(entry.name, entry);
+    Object.assign(this.own, data.own);
+    this.lamps = Object.keys(data.lamps);
+    this.swatch([...this.entries.keys()]);
+    this.tell("lamps");
+  }
+  // What paints look like: hiding, thin over white, and whether a screen lacks either.
+  swatch(names) {
+    for (const name of names) {
+      const looks = this.eye.swatch(name, this.own);
+      this.swatches.set(name, [...looks.map((one) => one.rgb), looks.map((one) => outside(one.encoded))]);
+    }
+    this.tell("shelf");
   }
 
   on(name, call) {
@@ -107,6 +133,7 @@ export class Store {
     for (const name of Object.keys(given.pigments ?? {})) {
       if (!this.entries.has(name))
         this.entries.set(name, { name, label: name, group: "own", provenance: "came with a stack", unknown: "" });
+      this.swatch([name]);
     }
     this.change(null, (stack) => {
       stack.coats = given.coats.map((coat) => mark({ paint: coat.paint, um: coat.um, hidden: coat.hidden || undefined }));
@@ -152,26 +179,39 @@ export class Store {
       ...(this.pinned ? { pinned: this.pinned.lab } : {}),
     };
   }
+  // The swatch at once; ladder and band when the hand rests.
   look() {
-    if (this.waiting !== null) {
-      this.again = true;
-      return;
-    }
-    const number = ++this.number;
-    this.asked = performance.now();
-    if (this.link.send({ type: "see", number, stack: this.plain(), view: this.viewNow() })) this.waiting = number;
+    if (!this.eye) return;
+    clearTimeout(this.later);
     this.tell("busy", true);
+    this.attempt("see", () => {
+      const begun = performance.now();
+      const found = this.eye.see(this.plain(), this.viewNow());
+      // The ladder stays until the next one is there.
+      this.seen = { ladder: this.seen?.ladder ?? [], sd: null, rest: "", ...found };
+      this.tell("seen", performance.now() - begun);
+    });
+    this.later = setTimeout(() => {
+      this.attempt("see", () => {
+        Object.assign(this.seen, this.eye.rest(this.plain(), this.viewNow()));
+        this.tell("rest");
+      });
+      this.tell("busy", false);
+    }, 40);
   }
-  answered(number) {
-    if (number !== this.waiting) return;
-    this.waiting = null;
-    if (this.again) {
-      this.again = false;
-      this.look();
-    } else this.tell("busy", false);
+  pin(lab) {
+    const shown = srgb(xyzOfLab(lab, SCREEN_WHITE), SCREEN_WHITE).map((value) => 255 * Math.min(1, Math.max(0, value)));
+    this.pinned = { lab, css: hex(shown) };
+    this.tell("pinned");
   }
-  lost() {
-    this.waiting = null;
-    this.again = false;
+  // What can be mended is said in a sentence; all else is a fault of the page.
+  attempt(about, call) {
+    try {
+      call();
+      this.tell("mended", about);
+    } catch (error) {
+      if (!(error instanceof Sentence)) throw error;
+      this.tell("refused", error.message, about);
+    }
   }
 }

@@ -1,21 +1,22 @@
 // The studio: one store, its panels, and what the server says.
-import { awayPanel, stackLink } from "./away.js";
+import { awayPanel } from "./away.js";
 import { backwardsPanel } from "./backwards.js";
 import { coatsPanel } from "./coats.js";
 import { el } from "./dom.js";
 import { easelPanel } from "./easel.js";
+import { takeView, writeLink } from "./link.js";
 import { lookPanel } from "./look.js";
 import { shelfPanel } from "./shelf.js";
+import { parseStack } from "./check.js";
 import { Store } from "./store.js";
 
-export function mount(root, wire, { begin = null, remember = null } = {}) {
+/* `wire` carries searches and files to a Python behind the page; a page that has its `data` at once needs none. */
+export function mount(root, wire, { begin = null, remember = null, data = null } = {}) {
   const store = new Store(wire);
-  store.steps = [1, 2, 3, 5, 8, 13, 21, 34];
-  store.tasks = [];
-  store.mostFile = 16 << 20;
+  store.alone = !!data;
 
   const line = el("p.line", { role: "status", "aria-live": "polite", "data-at": "line" });
-  const state = el("span.state", { "data-at": "state" }, "connecting");
+  const state = el("span.state", { "data-at": "state" }, data ? "" : "connecting");
   const panels = { look: lookPanel(store), canvas: easelPanel(store), backwards: backwardsPanel(store), away: awayPanel(store) };
   const names = { look: "Look", canvas: "Canvas", backwards: "Backwards", away: "Take away" };
   const tabs = el("nav.tabs", { role: "tablist", "aria-label": "Views" });
@@ -59,10 +60,17 @@ export function mount(root, wire, { begin = null, remember = null } = {}) {
   });
   const spoken = (words) => words.charAt(0).toUpperCase() + words.slice(1) + (/[.!?]$/.test(words) ? "" : ".");
 
-  // The server ----------------------------------------------------------------------------------------------------------
+  // Who answers -----------------------------------------------------------------------------------------------------------
   let begun = false, there = false;
   // By which searches find this page again after a lost connection.
   const page = Array.from({ length: 3 }, () => Math.random().toString(36).slice(2)).join("");
+  function start(data) {
+    store.learn(data);
+    begun = true;
+    const [stack, view] = begin?.() ?? [];
+    if (stack) check(stack, view);
+    else store.changed();
+  }
   wire.onopen = () => {
     there = true;
     state.textContent = "ready";
@@ -70,52 +78,21 @@ export function mount(root, wire, { begin = null, remember = null } = {}) {
     wire.send({ type: "hello", page });
     if (begun) {
       store.say("The studio is back; nothing was lost.");
-      store.look();
       store.tell("back");
     }
   };
   wire.onlost = () => {
-    store.lost();
     store.tell("lost");
     state.textContent = "not connected";
     state.dataset.kind = "error";
-    if (there || !begun) store.say("The studio does not answer; what you made is kept here, and it goes on when the studio is back. If it was closed, save the stack under Take away and start glazejax studio again.", "error");
+    if (there || !begun) store.say("The studio does not answer; what you made is kept here, and colours go on. For searches and files, start glazejax studio again.", "error");
     there = false;
   };
   const answers = {
     hello(header) {
-      for (const entry of header.paints) store.entries.set(entry.name, entry);
-      Object.assign(store, { lamps: header.lamps, steps: header.ladder, tasks: header.tasks, mostFile: header.most_file });
-      store.tell("shelf");
-      store.tell("lamps");
+      Object.assign(store, { tasks: header.tasks, mostFile: header.most_file });
+      if (!begun) start(header.data);
       store.tell("running", header.running);
-      if (begun) return;
-      begun = true;
-      const given = begin?.();
-      if (given) check(given);
-      else store.changed();
-    },
-    shelf(header, arrays) {
-      header.names.forEach((name, i) => store.swatches.set(name, [arrays.thick.slice(3 * i, 3 * i + 3), arrays.thin.slice(3 * i, 3 * i + 3), arrays.outside.slice(2 * i, 2 * i + 2)]));
-      store.tell("shelf");
-      store.tell("swatches");
-    },
-    seen(header, arrays) {
-      store.seen = { ...header, ...arrays };
-      for (const key of Object.keys(arrays)) store.seen[key].shape = arrays[key].shape;
-      state.textContent = "ready";
-      // What was wrong with the last question is over with this answer.
-      if (line.dataset.about === "see") store.say("");
-      store.tell("seen");
-      root.dataset.ms = header.ms;
-      root.dataset.seen = header.number;
-      root.dataset.took = (performance.now() - store.asked).toFixed(1);
-      store.answered(header.number);
-    },
-    checked(header) {
-      store.take(header.stack);
-      store.past = [];
-      store.tell("history");
     },
     file(header, arrays) {
       if (header.notes?.length) store.say(header.notes.join("; "));
@@ -124,40 +101,40 @@ export function mount(root, wire, { begin = null, remember = null } = {}) {
         store.say(`${Object.keys(header.pigments).length} paints of ${header.name} are on the shelf.`);
       } else store.tell("spectra", header, arrays);
     },
-    lamp: (header) => store.tell("lamp", header),
-    lines: (header) => store.tell("lines", header),
-    painted(header, arrays) {
-      state.textContent = "ready";
-      store.tell("painted", header, arrays);
-    },
     job: (header) => store.tell("job", header),
-    stack: (header) => { if (JSON.stringify(header.stack) !== JSON.stringify(store.plain())) store.take(header.stack); },
-    status(header) {
-      state.textContent = header.words;
-    },
     error(header) {
-      store.say(spoken(header.words), "error");
-      line.dataset.about = header.about;
-      state.textContent = "ready";
+      refuse(header.words, header.about);
       store.tell("failed", header);
-      if (header.about === "see") store.answered(header.number);
-      if (header.about === "check" && !store.seen) store.changed();
     },
   };
   wire.onmessage = (header, arrays) => answers[header.type]?.(header, arrays);
+  function refuse(words, about) {
+    store.say(spoken(words), "error");
+    line.dataset.about = about;
+  }
+  store.on("refused", refuse);
+  // What was wrong with the last stack is over with the next that is seen.
+  store.on("mended", (about) => { if (line.dataset.about === about) store.say(""); });
+  let number = 0;
+  store.on("seen", (ms) => {
+    if (ms === undefined) return;
+    root.dataset.ms = ms.toFixed(1);
+    root.dataset.seen = ++number;
+  });
   function take(header) {
     Object.assign(store.own, header.pigments);
     for (const entry of header.entries ?? []) store.entries.set(entry.name, { ...entry, group: "own" });
-    store.tell("shelf");
+    store.swatch(Object.keys(header.pigments));
   }
   store.on("paints", take);
-  function check(text) {
-    try {
-      wire.send({ type: "check", stack: JSON.parse(text) });
-    } catch {
-      store.say("The link's stack cannot be read: it was cut short, or is of something else.", "error");
-      if (!store.seen) store.changed();
-    }
+  function check(text, view) {
+    store.attempt("check", () => {
+      store.take(parseStack(text, store.eye.data));
+      store.past = [];
+      store.tell("history");
+      if (view) takeView(view, store).catch((error) => refuse(error.message, "view"));
+    });
+    if (!store.seen) store.changed();
   }
 
   // Files ---------------------------------------------------------------------------------------------------------------
@@ -173,7 +150,9 @@ export function mount(root, wire, { begin = null, remember = null } = {}) {
     const content = new Uint8Array(await file.arrayBuffer());
     const head = new TextDecoder().decode(content.subarray(0, 4000));
     if (head.trimStart().startsWith("{") && head.includes('"glazejax"')) return check(new TextDecoder().decode(content));
-    if (!wire.send({ type: "file", name: file.name }, {}, content)) store.say("The studio is not there at the moment; drop the file again when it is back.", "error");
+    if (wire.send({ type: "file", name: file.name }, {}, content)) return;
+    store.say(store.alone ? `${file.name} is for the studio with Python behind it (glazejax studio); this page alone opens stacks, lamps and photographs.`
+      : "The studio is not there at the moment; drop the file again when it is back.", "error");
   });
   root.addEventListener("dragover", (event) => { if (event.dataTransfer?.types.includes("Files")) { event.preventDefault(); root.classList.add("over"); } });
   root.addEventListener("dragleave", (event) => { if (!root.contains(event.relatedTarget)) root.classList.remove("over"); });
@@ -184,12 +163,14 @@ export function mount(root, wire, { begin = null, remember = null } = {}) {
     for (const file of event.dataTransfer.files) store.tell("file", file);
   });
 
-  // The link follows the stack, some moments later ------------------------------------------------------------------------
+  // The link follows what is on the page, some moments later ------------------------------------------------------------------------
   let later = null;
-  store.on("stack", () => {
-    clearTimeout(later);
-    if (remember) later = setTimeout(() => remember(stackLink(store), store.plain()), 250);
-  });
+  for (const change of ["stack", "rest", "brushed"]) {
+    store.on(change, () => {
+      clearTimeout(later);
+      if (remember) later = setTimeout(() => remember(writeLink(store), store.plain()), 250);
+    });
+  }
   root.addEventListener("keydown", (event) => {
     if (!(event.ctrlKey || event.metaKey) || /^(text|search|number|textarea)$/.test(event.target.type ?? "")) return;
     const key = event.key.toLowerCase();
@@ -199,5 +180,6 @@ export function mount(root, wire, { begin = null, remember = null } = {}) {
     event.preventDefault();
   });
   open("look");
+  if (data) start(data);
   return { store, check };
 }

@@ -66,3 +66,13 @@ export class SocketLink {
     return true;
   }
 }
+
+// A page by itself: nobody to ask.
+export class NoLink {
+  get there() {
+    return false;
+  }
+  send() {
+    return false;
+  }
+}

@@ -1,0 +1,609 @@
+/**
+ * Light in layered paint: what coats over a ground reflect, and what colour that is. No dependencies, no state.
+ *
+ * ```js
+ * import { colourWeights, looks, medium, parseGeometry, reflect, over, srgb } from "./solver.js";
+ *
+ * const blue = medium({ absorption, scattering }); // 1/m, a number for each band
+ * const under = colourWeights(wavelengths, lamp, observer);
+ * const [coats] = reflect([{ medium: blue, thickness: 2e-6 }], [parseGeometry("45:0")]);
+ * const spectrum = over(coats, 0.93); // on a ground of this internal reflectance, a number or an array
+ * const { rgb } = looks(spectrum, under);
+ * ```
+ *
+ * Each coat is homogeneous and scatters isotropically, with its own absorption k and scattering s; all share one
+ * refractive index, under a smooth surface; the ground is Lambertian. Collimated light falls in, and is seen from one
+ * direction or by an integrating sphere. Light is followed in a dozen directions inside the paint (discrete ordinates in
+ * even-parity form), each coat by its modes in closed form: an empty coat, an opaque one, one without absorption or
+ * without scattering are nothing special. It is glazejax's default solver with fixed directions; method and sources are
+ * in glazejax/radiative/ordinates/solver.py, and names of variables are the same.
+ *
+ * Licence: Apache-2.0, as glazejax.
+ *
+ * @typedef {object} Medium What a coat is made of; `medium` makes it.
+ * @property {number} bands
+ * @property {Float64Array} extinction k + s of each band, 1/m.
+ * @property {Float64Array} albedo s/(k + s) of each band.
+ *
+ * @typedef {{medium: Medium, thickness: number}} Coat Thickness in metres.
+ *
+ * @typedef {object} Geometry How paint is lit and seen.
+ * @property {number} light Angle of the light from the normal, degrees.
+ * @property {number | null} view Angle of the view; null where a sphere collects all that is reflected.
+ * @property {boolean} specular Whether the surface's own mirror reflection is seen.
+ *
+ * @typedef {object} Coats What coats do, whatever lies below: R(ground) = bare + through ground/(1 - back ground).
+ * @property {Float64Array} bare Reflectance of each band on a ground that reflects nothing.
+ * @property {Float64Array} through Light that reaches the ground, times the share of what leaves it that is seen.
+ * @property {Float64Array} back Share of what leaves the ground that comes back to it.
+ */
+
+/** Coats at most: as many as the studio shows; nothing in here depends on it. */
+export const MOST_COATS = 8;
+
+// Directions inside the paint --------------------------------------------------------------------------------------------
+
+// Nodes that can leave the paint, and those that are totally reflected; below the second index the rise of the internal
+// reflectance is steep and takes more.
+const LEAVING = 5;
+const TRAPPED = 5;
+const NEAR_ONE = 1.07;
+const LEAVING_NEAR_ONE = 12;
+// How trapped nodes crowd towards grazing, where light fades fastest.
+const CROWDING = 1.2;
+
+/** Nodes, descending, and weights of Gauss's rule on [0, 1]. */
+function gauss(count) {
+  const nodes = [], weights = [];
+  for (let i = 0; i < count; i++) {
+    let x = Math.cos((Math.PI * (i + 0.75)) / (count + 0.5)), slope = 1;
+    for (let step = 0; step < 20; step++) {
+      let [before, now] = [1, x];
+      for (let k = 2; k <= count; k++) [before, now] = [now, ((2 * k - 1) * x * now - (k - 1) * before) / k];
+      slope = (count * (x * now - before)) / (x * x - 1);
+      x -= now / slope;
+    }
+    nodes.push(0.5 * (1 + x));
+    weights.push(1 / ((1 - x * x) * slope * slope));
+  }
+  return { nodes, weights };
+}
+
+/** The same, crowded at zero by x = (e^(c y^2) - 1)/(e^c - 1). */
+function gradedGauss(count, c) {
+  const { nodes, weights } = gauss(count), scale = Math.expm1(c);
+  return {
+    nodes: nodes.map((y) => Math.expm1(c * y * y) / scale),
+    weights: weights.map((w, i) => (w * 2 * c * nodes[i] * Math.exp(c * nodes[i] ** 2)) / scale),
+  };
+}
+
+/** Cosine inside a medium of a beam that comes from air. */
+export function refracted(cosine, index) {
+  return Math.sqrt((index - 1) * (index + 1) + cosine * cosine) / index;
+}
+
+/** Fresnel reflectance of a smooth surface for unpolarised light from air. */
+export function fresnel(cosine, index) {
+  const inside = index * refracted(cosine, index);
+  const s = (cosine - inside) / (cosine + inside);
+  const p = (index * index * cosine - inside) / (index * index * cosine + inside);
+  return 0.5 * (s * s + p * p);
+}
+
+const surfaces = new Map();
+
+/** Directions inside paint of an index: cosines `mu`, weights, and what the surface does to each. */
+function surfaceOf(index) {
+  if (surfaces.has(index)) return surfaces.get(index);
+  const steep = index < NEAR_ONE;
+  const leaving = steep ? gradedGauss(LEAVING_NEAR_ONE, 2.8) : gauss(LEAVING);
+  const critical = Math.sqrt((index - 1) * (index + 1)) / index;
+  const trapped = critical > 0 ? gradedGauss(TRAPPED, CROWDING) : { nodes: [], weights: [] };
+  const inside = leaving.nodes.map((cosine) => refracted(cosine, index));
+  const mu = [...inside, ...trapped.nodes.map((node) => critical * node)];
+  let w = [
+    ...leaving.weights.map((weight, i) => (weight * leaving.nodes[i]) / (index * index * inside[i])),
+    ...trapped.weights.map((weight) => critical * weight),
+  ];
+  const reflected = [...leaving.nodes.map((cosine) => fresnel(cosine, index)), ...trapped.nodes.map(() => 1)];
+  // Sums of w and of w mu are 1 and 1/2 exactly: without that, paint that absorbs nothing would lose light.
+  const moment = (power) => w.reduce((sum, weight, i) => sum + weight * mu[i] ** power, 0);
+  const [m0, m1, m2] = [moment(0), moment(1), moment(2)], whole = m0 * m2 - m1 * m1;
+  const constant = ((1 - m0) * m2 - (0.5 - m1) * m1) / whole, linear = ((0.5 - m1) * m0 - (1 - m0) * m1) / whole;
+  w = w.map((weight, i) => weight * (1 + constant + linear * mu[i]));
+  const found = {
+    index,
+    n: mu.length,
+    mu: Float64Array.from(mu),
+    weights: Float64Array.from(w),
+    root: Float64Array.from(w, Math.sqrt),
+    poles: Float64Array.from(mu, (cosine) => 1 / (cosine * cosine)),
+    strengths: Float64Array.from(w, (weight, i) => weight / (mu[i] * mu[i])),
+    impedance: Float64Array.from(reflected, (r, i) => (1 - r) / ((1 + r) * mu[i])),
+    letOut: Float64Array.from(reflected, (r, i) => (Math.sqrt(w[i]) * (1 - r)) / (1 + r)),
+  };
+  found.room = workspace(found.n);
+  surfaces.set(index, found);
+  return found;
+}
+
+// One coat ---------------------------------------------------------------------------------------------------------------
+
+/**
+ * Paint, from its coefficients.
+ *
+ * @param {{absorption: ArrayLike<number>, scattering: ArrayLike<number>}} paint 1/m, a number for each band.
+ * @returns {Medium} Keep it: its modes are computed once and kept with it.
+ */
+export function medium({ absorption, scattering }) {
+  const extinction = Float64Array.from(absorption, (k, i) => k + scattering[i]);
+  const albedo = Float64Array.from(scattering, (s, i) => (extinction[i] > 1e-12 ? s / extinction[i] : 0));
+  return { bands: extinction.length, extinction, albedo, modes: new Map() };
+}
+
+/**
+ * A mixture: coefficients add by weight.
+ *
+ * @param {{absorption: ArrayLike<number>, scattering: ArrayLike<number>, weight: number}[]} parts On the same bands.
+ */
+export function mixture(parts) {
+  const total = parts.reduce((sum, part) => sum + part.weight, 0);
+  const mixed = (what) => Float64Array.from(parts[0][what], (_, i) =>
+    parts.reduce((sum, part) => sum + (part.weight / total) * part[what][i], 0));
+  return { absorption: mixed("absorption"), scattering: mixed("scattering") };
+}
+
+/**
+ * Modes of paint of albedo q: sigma = vectors y, y'' = decay y - source.
+ *
+ * The eigenvalues of diag(1/mu^2) - q z z^T lie one between each pair of poles 1/mu^2: roots of a secular equation, found
+ * by the two-pole iteration of Bunch, Nielsen and Sorensen (Numer. Math. 31, 1978) for r = (pole - decay)/q.
+ */
+function modesOf(surface, q) {
+  const { n, mu, weights, poles, strengths } = surface;
+  const decay = new Float64Array(n), coupling = new Float64Array(n), vectors = new Float64Array(n * n);
+  for (let j = 0; j < n; j++) {
+    const gap = j ? poles[j] - poles[j - 1] : poles[0], limit = gap / Math.max(q, 1e-300);
+    let r = j ? Math.min(strengths[j], 0.5 * limit) : limit;
+    for (let step = 0; step < 9 && q > 0; step++) {
+      let [s, p, pull, push] = [0, 0, 0, 0];
+      for (let i = 0; i < n; i++) {
+        if (i === j) continue;
+        const apart = poles[i] - poles[j] + q * r, ratio = strengths[i] / apart, slope = ratio / apart;
+        if (i > j) {
+          s += slope;
+          p += ratio - q * r * slope;
+        } else {
+          pull += slope;
+          push += ratio;
+        }
+      }
+      const rest = gap - q * r, near = strengths[j] + q * q * s * r * r, far = q * pull * rest * rest;
+      const c = 1 - q * p - q * push - q * pull * rest, b = c * gap + near * q + far;
+      const root = Math.sqrt(Math.max(b * b - 4 * c * q * near * gap, 0));
+      const next = j === 0 ? near / c : b > 0 ? (2 * near * gap) / (b + root) : (0.5 * (b - root)) / (c * q);
+      const moved = Math.abs(next - r);
+      r = Math.min(Math.max(next, 1e-300), limit);
+      if (moved < 1e-14 * r) break;
+    }
+    if (q === 0) r = strengths[j];
+    decay[j] = poles[j] - q * r;
+    let square = 0;
+    for (let i = 0; i < n; i++) {
+      const z = Math.sqrt(strengths[i]), value = i === j ? z / r : (q * z) / (poles[i] - poles[j] + q * r);
+      vectors[i * n + j] = value;
+      square += value * value;
+    }
+    coupling[j] = 1 / Math.sqrt(square);
+    for (let i = 0; i < n; i++) vectors[i * n + j] *= coupling[j];
+  }
+  if (q > 0.7) {
+    // The slowest mode vanishes with 1 - q: from there it keeps its digits.
+    let second = 0;
+    for (let i = 0; i < n; i++) second += (weights[i] * mu[i] ** 2) / (1 - decay[0] * mu[i] ** 2);
+    decay[0] = (1 - q) / (q * second);
+  }
+  const turned = vectors.map((_, at) => vectors[(at % n) * n + Math.floor(at / n)]);
+  return { decay, coupling, vectors, turned };
+}
+
+// (e^-aD - e^-bD)/(b - a), regular at a = b; the caller has expm1 of both.
+function twoDecays(a, b, depth, fadedA, fadedB) {
+  const x = (b - a) * depth;
+  if (Math.abs(x) > 0.1) return (fadedA - fadedB) / (b - a);
+  return depth * (1 + fadedA) * (x === 0 ? 1 : -Math.expm1(-x) / x);
+}
+
+// Modes slower than this take the form that is even in kappa; no beam resonates with them.
+const SLOW = 0.25;
+// Coats thinner than this, in units of mode and beam, take a series of what a beam excites.
+const THIN = 1e-4;
+
+/** Room for one coat's modes, made once. */
+function workspace(n) {
+  const vector = () => new Float64Array(n), matrix = () => new Float64Array(n * n), four = (make) => [0, 1].map(make);
+  return {
+    half: matrix(), inner: matrix(), work: matrix(), lam: vector(), kappa: vector(), faded: vector(), tanh: vector(), sech: vector(),
+    scale: vector(), through: vector(), even: vector(), top: four(vector), bottom: four(vector), apart: four(vector), driven: four(vector), loads: four(vector),
+  };
+}
+
+/**
+ * A beam's work on the modes of a coat: integrals of e^(-a t) with the mode that is one at the top face and zero at the
+ * bottom one, and the other way round; `apart` is int e^(-kappa (D - t)) e^(-a t).
+ */
+function excite(room, a, gone, depth, beam, n) {
+  const top = room.top[beam], bottom = room.bottom[beam], apart = room.apart[beam];
+  for (let j = 0; j < n; j++) {
+    const lam = room.lam[j], kappa = room.kappa[j], faded = room.faded[j], fade = 1 + faded;
+    apart[j] = twoDecays(kappa, a, depth, faded, gone);
+    if (lam * depth * depth < THIN * THIN && a * depth < THIN) {
+      const x = lam * depth * depth, y = a * depth;
+      top[j] = depth * (1 / 2 - y / 6 + (y * y - x) / 24);
+      bottom[j] = depth * (1 / 2 - y / 3 + (3 * y * y - x) / 24);
+    } else if (lam < SLOW) {
+      const bend = (lam * room.tanh[j]) / (1 + room.sech[j]), rate = -gone / room.tanh[j], divisor = a * a - lam;
+      top[j] = (a - bend - room.sech[j] * rate) / divisor;
+      bottom[j] = (rate - bend - a * (1 + gone)) / divisor;
+    } else {
+      const together = -(faded + gone + faded * gone) / (kappa + a), divisor = -faded * (1 + fade);
+      top[j] = (together - fade * apart[j]) / divisor;
+      bottom[j] = (apart[j] - fade * together) / divisor;
+    }
+  }
+}
+
+/** Light that a coat gives from beam a to beam b while its faces let no more of it in or out. */
+function scatterWithin(room, coupling, a, b, goneA, goneB, q, n) {
+  const single = -(goneA + goneB + goneA * goneB) / (a + b);
+  let again = 0;
+  for (let j = 0; j < n; j++) {
+    const kappa = room.kappa[j], faded = room.faded[j], square = coupling[j] * coupling[j];
+    if (room.lam[j] < SLOW) {
+      again += (square * (room.top[1][j] + (1 + goneA) * room.bottom[1][j] - single)) / (a * a - room.lam[j]);
+      continue;
+    }
+    const lesser = kappa < a ? -(faded + goneB + faded * goneB) / (kappa + b) : single;
+    const area = (lesser - (1 + goneB) * room.apart[0][j]) / ((kappa < a ? a : kappa) + b);
+    again += (square * (area - room.apart[0][j] * room.bottom[1][j])) / (a + kappa);
+  }
+  return q * (single + q * again);
+}
+
+// Matrices, n x n, row by row -----------------------------------------------------------------------------------------------
+
+// out = a b^T, four sums at a time.
+function productTurned(out, a, b, n) {
+  for (let i = 0; i < n; i += 2) {
+    const nextRow = i + 1 < n ? n : 0;
+    for (let j = 0; j < n; j += 2) {
+      const nextColumn = j + 1 < n ? n : 0;
+      let [p, q, s, t, u, v] = [i * n, j * n, 0, 0, 0, 0];
+      for (let k = 0; k < n; k++, p++, q++) {
+        const x = a[p], y = a[p + nextRow], z = b[q], w = b[q + nextColumn];
+        s += x * z;
+        t += x * w;
+        u += y * z;
+        v += y * w;
+      }
+      const at = i * n + j;
+      out[at] = s;
+      if (nextColumn) out[at + 1] = t;
+      if (nextRow) out[at + n] = u;
+      if (nextRow && nextColumn) out[at + n + 1] = v;
+    }
+  }
+}
+
+// a becomes its inverse; it is symmetric and positive definite, so no pivoting is needed.
+function invert(a, n) {
+  for (let k = 0; k < n; k++) {
+    const pivot = 1 / a[k * n + k];
+    for (let i = 0; i < n; i++) {
+      if (i === k) continue;
+      const factor = a[i * n + k] * pivot;
+      for (let j = 0; j < n; j++) a[i * n + j] -= factor * a[k * n + j];
+      a[i * n + k] = -factor;
+    }
+    for (let j = 0; j < n; j++) a[k * n + j] *= pivot;
+    a[k * n + k] = pivot;
+  }
+}
+
+// out = a x, row by row.
+function apply(out, a, x, n) {
+  for (let i = 0; i < n; i++) {
+    let sum = 0;
+    for (let k = 0; k < n; k++) sum += a[i * n + k] * x[k];
+    out[i] = sum;
+  }
+  return out;
+}
+
+function dot(a, b) {
+  let sum = 0;
+  for (let i = 0; i < a.length; i++) sum += a[i] * b[i];
+  return sum;
+}
+
+// Coats over one another -----------------------------------------------------------------------------------------------------
+
+/**
+ * What coats do to light, whatever they lie on.
+ *
+ * The half of the stack above a depth is delta = Z sigma - source there: it begins as the surface and takes in one coat
+ * after the other, so that all geometries and all grounds share that work.
+ *
+ * @param {Coat[]} coats Top first; those of no thickness are absent.
+ * @param {Geometry[]} geometries
+ * @param {{index?: number, bands?: number}} [settings] Refractive index of the paint, from 1 to 2.5; number of bands,
+ *   where there may be no coat.
+ * @returns {Coats[]} One for each geometry.
+ */
+export function reflect(coats, geometries, { index = 1.5, bands = coats[0]?.medium.bands ?? 1 } = {}) {
+  const surface = surfaceOf(index), { n, mu, root, room } = surface;
+  const seen = geometries.map((geometry) => lightPath(geometry, surface, bands));
+  for (let band = 0; band < bands; band++) {
+    room.half.fill(0);
+    for (let i = 0; i < n; i++) room.half[i * n + i] = surface.impedance[i];
+    for (const one of seen) {
+      one.source[0].fill(0);
+      one.source[1].set(one.outside);
+      one.left = [1, 1];
+      one.total = 0;
+    }
+    for (const { medium: paint, thickness } of coats) {
+      const depth = paint.extinction[band] * thickness;
+      if (depth > ABSENT) takeIn(room, seen, modesAt(paint, surface, band), paint.albedo[band], depth, n);
+    }
+    // Below lies a ground that reflects nothing, or one that sends light into all directions evenly.
+    for (let i = 0; i < n; i++) room.half[i * n + i] += 1 / mu[i];
+    invert(room.half, n);
+    const even = apply(room.even, room.half, root, n), within = dot(root, even);
+    for (const { coats: found, beams, factor, mirror, left, total, source } of seen) {
+      const light = left[0] / beams[0], view = beams.length > 1 ? left[1] / beams[1] : 0;
+      // A ground adds 4 rho/(1 + rho) times one pattern of directions: Sherman and Morrison's formula, in rho.
+      found.bare[band] = factor * (total + dot(apply(room.loads[0], room.half, source[0], n), source[1])) + mirror;
+      found.through[band] = 4 * factor * (light + dot(even, source[0])) * (view + dot(even, source[1]));
+      found.back[band] = 4 * within - 1;
+    }
+  }
+  return seen.map((one) => one.coats);
+}
+
+// Coats of less optical thickness are as good as absent.
+const ABSENT = 1e-10;
+
+/** Light's way in and out for a geometry, what of it is left below the coats taken in, and what drives the half. */
+function lightPath({ light, view, specular }, { n, index, letOut }, bands) {
+  const cosines = (view === null ? [light] : [light, view]).map((angle) => Math.cos((angle * Math.PI) / 180));
+  const beams = cosines.map((cosine) => 1 / refracted(cosine, index));
+  const letIn = cosines.map((cosine, i) => (1 - fresnel(cosine, index)) * beams[i]);
+  const mirrored = specular && (view === null || view === light);
+  return {
+    beams,
+    factor: view === null ? letIn[0] : (letIn[0] * letIn[1]) / (4 * index * index),
+    mirror: mirrored ? fresnel(cosines[0], index) : 0,
+    // A sphere sees whatever is let out.
+    outside: view === null ? letOut : new Float64Array(n),
+    source: [new Float64Array(n), new Float64Array(n)],
+    left: [1, 1],
+    total: 0,
+    coats: { bare: new Float64Array(bands), through: new Float64Array(bands), back: new Float64Array(bands) },
+  };
+}
+
+function modesAt(paint, surface, band) {
+  if (!paint.modes.has(surface.index)) paint.modes.set(surface.index, []);
+  return (paint.modes.get(surface.index)[band] ??= modesOf(surface, paint.albedo[band]));
+}
+
+/** The half above takes in a coat. */
+function takeIn(room, seen, { decay, coupling, vectors, turned }, q, depth, n) {
+  const { half, inner, work, scale, through, tanh, sech } = room;
+  for (let j = 0; j < n; j++) {
+    const lam = decay[j], kappa = Math.sqrt(Math.max(lam, 1e-300));
+    const faded = Math.expm1(-kappa * depth), fade = 1 + faded, norm = 1 / (1 + fade * fade);
+    tanh[j] = kappa * depth < 1e-20 ? depth : (-faded * (1 + fade) * norm) / kappa;
+    sech[j] = 2 * fade * norm;
+    room.lam[j] = lam;
+    room.kappa[j] = kappa;
+    room.faded[j] = faded;
+    scale[j] = Math.sqrt(tanh[j] / depth);
+    through[j] = sech[j] / scale[j];
+  }
+  // The half in the coat's modes, and (1 + D Z)^-1.
+  productTurned(work, turned, half, n);
+  productTurned(inner, work, turned, n);
+  for (let i = 0; i < n; i++) {
+    for (let j = 0; j < n; j++) inner[i * n + j] *= depth * scale[i] * scale[j];
+    inner[i * n + i] += 1;
+  }
+  invert(inner, n);
+  for (const one of seen) {
+    const { beams, source, left } = one, [a, b] = beams, gone = beams.map((beam) => Math.expm1(-beam * depth));
+    beams.forEach((beam, i) => excite(room, beam, gone[i], depth, i, n));
+    if (beams.length > 1) one.total += left[0] * left[1] * scatterWithin(room, coupling, a, b, gone[0], gone[1], q, n);
+    for (let i = 0; i < 2; i++) {
+      const driven = apply(room.driven[i], turned, source[i], n), strength = i < beams.length ? q * left[i] : 0;
+      for (let j = 0; j < n; j++) driven[j] = scale[j] * (driven[j] + strength * coupling[j] * room.top[i][j]);
+    }
+    const passed = apply(room.loads[0], inner, room.driven[0], n);
+    one.total += depth * dot(room.driven[1], passed);
+    apply(room.loads[1], inner, room.driven[1], n);
+    for (let i = 0; i < 2; i++) {
+      const loads = room.loads[i], strength = i < beams.length ? q * left[i] : 0;
+      for (let j = 0; j < n; j++) loads[j] = through[j] * loads[j] + strength * coupling[j] * room.bottom[i][j];
+      apply(source[i], vectors, loads, n);
+      if (i < beams.length) left[i] *= 1 + gone[i];
+    }
+  }
+  // Z = Y [lambda T + S Z (1 + D Z)^-1 S] Y^T.
+  for (let i = 0; i < n; i++) {
+    for (let j = 0; j < n; j++) inner[i * n + j] *= -(through[i] * through[j]) / depth;
+    inner[i * n + i] += (through[i] * through[i]) / depth + room.lam[i] * tanh[i];
+  }
+  productTurned(work, vectors, inner, n);
+  productTurned(half, work, vectors, n);
+}
+
+/**
+ * Coats on a ground.
+ *
+ * @param {Coats} coats
+ * @param {number | ArrayLike<number>} ground Internal reflectance: a usual white card has .93, a black one .025.
+ * @returns {Float64Array} Reflectance factor, or reflectance for a sphere, of each band.
+ */
+export function over({ bare, through, back }, ground) {
+  return bare.map((value, i) => {
+    const rho = typeof ground === "number" ? ground : ground[i];
+    return value + (through[i] * rho) / (1 - back[i] * rho);
+  });
+}
+
+/**
+ * Words for a geometry: `45:0`, `d:8` or `di:8` (a sphere, gloss included), `de:8` (excluded), `30:30:specular`.
+ *
+ * @returns {Geometry | null} null where they name none.
+ */
+export function parseGeometry(text) {
+  const parts = String(text).replaceAll("/", ":").split(":").map((part) => part.trim().toLowerCase().replace(/°$/, ""));
+  const mirror = parts.length === 3 && parts[2] === "specular";
+  const pair = mirror ? parts.slice(0, 2) : parts, spheres = { d: true, di: true, de: false };
+  const sphere = pair.filter((part) => part in spheres), angles = pair.filter((part) => !(part in spheres)).map(Number);
+  if (pair.length !== 2 || pair.includes("") || !angles.length || (sphere.length && mirror)) return null;
+  if (!angles.every((angle) => angle >= 0 && angle < 90) || (mirror && angles[0] !== angles[1])) return null;
+  return sphere.length ? { light: angles[0], view: null, specular: spheres[sphere[0]] } : { light: angles[0], view: angles[1], specular: mirror };
+}
+
+// Colour -------------------------------------------------------------------------------------------------------------------
+
+/**
+ * Weights that turn reflectance into XYZ under a lamp, Y = 1 for white: ASTM E2022's on even grids, the same way on others.
+ *
+ * @param {ArrayLike<number>} wavelengths nm, ascending, of the spectra.
+ * @param {{wavelengths: ArrayLike<number>, power: ArrayLike<number>}} lamp Relative power, linear between its bands.
+ * @param {{start: number, x: ArrayLike<number>, y: ArrayLike<number>, z: ArrayLike<number>}} observer Colour matching
+ *   functions at every nanometre from `start`.
+ * @returns {Float64Array[]} For X, Y and Z, a number for each band; their sums are the white point.
+ */
+export function colourWeights(wavelengths, lamp, observer) {
+  const bands = wavelengths.length, last = bands - 1, weights = [0, 1, 2].map(() => new Float64Array(bands));
+  const curves = [observer.x, observer.y, observer.z];
+  const power = Float64Array.from(observer.y, (_, i) => linear(lamp.wavelengths, lamp.power, observer.start + i));
+  const scale = 1 / dot(power, observer.y);
+  for (let i = 0; i < power.length; i++) {
+    // Lagrange's cubic through the four nearest bands, a parabola at the ends, constant beyond.
+    const x = Math.min(Math.max(observer.start + i, wavelengths[0]), wavelengths[last]);
+    let left = 0;
+    while (left < last - 1 && wavelengths[left + 1] <= x) left++;
+    const nodes = [left - 1, left, left + 1, left + 2].filter((node) => node >= 0 && node <= last);
+    for (const node of nodes) {
+      let term = scale * power[i];
+      for (const other of nodes) if (other !== node) term *= (x - wavelengths[other]) / (wavelengths[node] - wavelengths[other]);
+      for (let c = 0; c < 3; c++) weights[c][node] += term * curves[c][i];
+    }
+  }
+  return weights;
+}
+
+/** Values at x of a curve, linear between its points and constant beyond them. */
+export function linear(points, values, x) {
+  let right = 0;
+  while (right < points.length && points[right] <= x) right++;
+  if (right === 0) return values[0];
+  if (right === points.length) return values[right - 1];
+  const share = (x - points[right - 1]) / (points[right] - points[right - 1]);
+  return values[right - 1] + share * (values[right] - values[right - 1]);
+}
+
+/** XYZ of a spectrum. */
+export function xyz(spectrum, weights) {
+  return weights.map((each) => dot(each, spectrum));
+}
+
+/** XYZ of white under the lamp of these weights. */
+export function whiteOf(weights) {
+  return weights.map((each) => each.reduce((sum, value) => sum + value, 0));
+}
+
+/** CIE 1976 L*a*b* of XYZ relative to a white. */
+export function lab(values, white) {
+  const [x, y, z] = values.map((value, i) => {
+    const ratio = value / white[i];
+    return ratio <= (6 / 29) ** 3 ? ratio / (3 * (6 / 29) ** 2) + 4 / 29 : Math.cbrt(ratio);
+  });
+  return [116 * y - 16, 500 * (x - y), 200 * (y - z)];
+}
+
+/** XYZ of L*a*b* relative to a white: `lab` backwards. */
+export function xyzOfLab([lightness, a, b], white) {
+  const y = (lightness + 16) / 116;
+  return [y + a / 500, y, y - b / 200].map((value, i) => white[i] * (value <= 6 / 29 ? 3 * (6 / 29) ** 2 * (value - 4 / 29) : value ** 3));
+}
+
+// XYZ to linear sRGB (IEC 61966-2-1, from its primaries), its white, and Bradford's cones.
+const SCREEN = [[3.2409699419045226, -1.537383177570094, -0.4986107602930034], [-0.9692436362808796, 1.8759675015077202, 0.04155505740717559],
+  [0.05563007969699366, -0.20397695888897652, 1.0569715142428786]];
+export const SCREEN_WHITE = [0.9504559270516716, 1, 1.0890577507598784];
+const CONES = [[0.8951, 0.2664, -0.1614], [-0.7502, 1.7135, 0.0367], [0.0389, -0.0685, 1.0296]];
+const CONES_BACK = [[0.9869929054667121, -0.14705425642099013, 0.15996265166373122],
+  [0.43230526972339456, 0.5183602715367776, 0.049291228212855594], [-0.008528664575177328, 0.04004282165408487, 0.96848669578755]];
+const times = (matrix, vector) => matrix.map((row) => row[0] * vector[0] + row[1] * vector[1] + row[2] * vector[2]);
+
+/** Linear sRGB of XYZ under a white, adapted by Bradford's method. */
+export function linearSrgb(values, white) {
+  const [seen, given, wanted] = [values, white, SCREEN_WHITE].map((one) => times(CONES, one));
+  return times(SCREEN, times(CONES_BACK, seen.map((cone, i) => (cone * wanted[i]) / given[i])));
+}
+
+/** A linear value as a screen's, from 0 to 1. */
+export function encode(light) {
+  return light <= 0.0031308 ? 12.92 * light : 1.055 * light ** (1 / 2.4) - 0.055;
+}
+
+/** Encoded sRGB of XYZ under a white; outside [0, 1] where a screen cannot show it. */
+export function srgb(values, white) {
+  return linearSrgb(values, white).map(encode);
+}
+
+/** CIE 1976 L*a*b* of encoded sRGB, from 0 to 1. */
+export function labOfSrgb(encoded) {
+  const light = encoded.map((value) => (value <= 0.04045 ? value / 12.92 : ((value + 0.055) / 1.055) ** 2.4));
+  return lab(times(SCREEN_BACK, light), SCREEN_WHITE);
+}
+const SCREEN_BACK = [[0.41239079926595934, 0.357584339383878, 0.1804807884018343], [0.21263900587151027, 0.715168678767756, 0.07219231536073371],
+  [0.01933081871559182, 0.11919477979462598, 0.9505321522496607]];
+
+/**
+ * A spectrum's colour: XYZ, L*a*b*, encoded sRGB as it is, and in 8 bits.
+ *
+ * @param {ArrayLike<number>} spectrum
+ * @param {Float64Array[]} weights Of `colourWeights`.
+ */
+export function looks(spectrum, weights) {
+  const white = whiteOf(weights), values = xyz(spectrum, weights), encoded = srgb(values, white);
+  return { xyz: values, lab: lab(values, white), encoded, rgb: encoded.map((value) => Math.round(255 * Math.min(1, Math.max(0, value)))) };
+}
+
+/** CIEDE2000 between two L*a*b* (G. Sharma, W. Wu, E. N. Dalal, Color Research and Application 30 (2005) 21). */
+export function deltaE2000([l1, a1, b1], [l2, a2, b2]) {
+  const rad = Math.PI / 180, bend = (chroma) => Math.sqrt(chroma ** 7 / (chroma ** 7 + 25 ** 7));
+  const stretch = 1 + (1 - bend((Math.hypot(a1, b1) + Math.hypot(a2, b2)) / 2)) / 2;
+  const [c1, c2] = [Math.hypot(stretch * a1, b1), Math.hypot(stretch * a2, b2)];
+  const [h1, h2] = [[a1, b1], [a2, b2]].map(([a, b]) => (Math.atan2(b, stretch * a) / rad + 360) % 360);
+  const grey = c1 * c2 === 0;
+  let turn = grey ? 0 : h2 - h1;
+  turn += turn > 180 ? -360 : turn < -180 ? 360 : 0;
+  const total = h1 + h2, far = total < 360 ? total + 360 : total - 360;
+  const hue = grey ? total : (Math.abs(h1 - h2) > 180 ? far : total) / 2, chroma = (c1 + c2) / 2;
+  const cos = (factor, shift) => Math.cos((factor * hue + shift) * rad);
+  const weight = 1 - 0.17 * cos(1, -30) + 0.24 * cos(2, 0) + 0.32 * cos(3, 6) - 0.2 * cos(4, -63);
+  const middle = ((l1 + l2) / 2 - 50) ** 2;
+  const byLightness = (l2 - l1) / (1 + (0.015 * middle) / Math.sqrt(20 + middle));
+  const byChroma = (c2 - c1) / (1 + 0.045 * chroma);
+  const byHue = (2 * Math.sqrt(c1 * c2) * Math.sin((turn / 2) * rad)) / (1 + 0.015 * chroma * weight);
+  const rotation = -2 * bend(chroma) * Math.sin(60 * Math.exp(-(((hue - 275) / 25) ** 2)) * rad);
+  return Math.sqrt(byLightness ** 2 + byChroma ** 2 + byHue ** 2 + rotation * byChroma * byHue);
+}

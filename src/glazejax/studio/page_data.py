@@ -1,0 +1,102 @@
+"""What the page knows: paints with their coefficients and errors, lamps and the eye, as plain JSON.
+
+The page computes every colour itself, from these numbers, with `page/solver.js`.
+"""
+
+import base64
+import re
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from .. import catalogue, cie
+from ..colour import CIE_1931
+from ..paint.describe import describe_bands
+from ..paint.media import MAX_THICKNESS, Pigment
+from ..spectra import describe_grid
+from ..stacks import BLACK, MOST_COATS, MOST_PARTS, WHITE, all_paints, pigment_to_dict
+
+# What is seen of the eye's curves, nm.
+_EYE = (360, 780)
+
+
+def page_data(own: Mapping[str, Pigment] | None = None) -> dict[str, Any]:
+    """All that the page needs to know, and own paints beside the catalogues'.
+
+    Args:
+        own: by names that no catalogue has, see `glazejax.stacks.own_name`.
+
+    Returns:
+        `paints`, each as `entry` has it, with its coefficients; `own`, coefficients of own paints,
+        as a stack's file brings them; `lamps`, `eye`, and the stack's limits.
+    """
+    shelf = all_paints()
+    listed = [entry(name, paint) | {"curves": _curves(paint)} for name, paint in shelf.items()]
+    added = own or {}
+    return {
+        "paints": listed + [entry(name, paint) for name, paint in added.items()],
+        "own": {name: pigment_to_dict(paint) for name, paint in added.items()},
+        "lamps": {name: _lamp(curve) for name, curve in cie.illuminants().items()},
+        "eye": _eye(),
+        "white": WHITE,
+        "black": BLACK,
+        "thickest": MAX_THICKNESS * 1e6,
+        "most_coats": MOST_COATS,
+        "most_parts": MOST_PARTS,
+    }
+
+
+def entry(name: str, paint: Pigment) -> dict[str, Any]:
+    """What the page says of a paint."""
+    group, slash, own = name.partition("/")
+    known = paint.identifiable
+    bands = paint.wavelengths
+    unknown = "" if known is None or known.all() else describe_bands(bands, ~known)
+    return {
+        "name": name,
+        "label": _space_words(own if slash and group in catalogue.names() else name),
+        "group": _group(name, paint),
+        "provenance": paint.provenance or "no provenance is stated",
+        "bands": describe_grid(bands),
+        "unknown": unknown,
+    }
+
+
+def _space_words(name: str) -> str:
+    """A catalogue's name as people write it: ``Chrome Yellow``."""
+    return re.sub(r"(?<=[a-z0-9])(?=[A-Z])", " ", name)
+
+
+def _group(name: str, paint: Pigment) -> str:
+    first, *others = catalogue.names()
+    prefix = name.partition("/")[0]
+    if prefix in others:
+        return prefix
+    return first if catalogue.assumed_scale(paint) else "own"
+
+
+def _curves(paint: Pigment) -> dict[str, Any]:
+    """Coefficients of a shipped paint, with the modes of its errors in 16 bits."""
+    found = pigment_to_dict(paint)
+    for key in ("identifiable", "provenance"):
+        found.pop(key, None)
+    if paint.error_modes is None:
+        return found
+    modes = np.asarray(paint.error_modes, float)
+    step = float(np.abs(modes).max()) / 32767 or 1.0
+    packed = base64.b64encode(np.round(modes / step).astype("<i2").tobytes()).decode()
+    return found | {"modes": packed, "step": step}
+
+
+def _lamp(curve: cie.Curve) -> dict[str, Any]:
+    return {"wavelengths": curve.wavelengths.tolist(), "power": curve.values.tolist()}
+
+
+def _eye() -> dict[str, Any]:
+    """Colour matching functions at every nanometre."""
+    found: dict[str, Any] = {"start": _EYE[0]}
+    for name, curve in zip("xyz", cie.observers()[CIE_1931], strict=True):
+        inside = (curve.wavelengths >= _EYE[0]) & (curve.wavelengths <= _EYE[1])
+        found[name] = curve.values[inside].tolist()
+    return found

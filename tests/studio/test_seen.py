@@ -1,0 +1,350 @@
+"""What the page computes by itself, in node: spectra and colours are the library's, what is wrong is
+one sentence.
+"""
+
+import json
+import re
+from functools import cache
+
+import numpy as np
+import pytest
+
+import glazejax as gj
+from glazejax import colour
+from glazejax.stacks import MOST_COATS, pigment_to_dict, stack_from_dict
+from glazejax.studio.one_file import bundle, page_text
+from glazejax.studio.page_data import page_data
+
+from .node import run
+
+STACK = {
+    "glazejax": "stack",
+    "coats": [
+        {"paint": {"CobaltBlue": 1}, "um": 1},
+        {"paint": {"ZincWhite": 3, "Vermillion": 1}, "um": 9},
+    ],
+    "ground": "card",
+    "geometry": "45:0",
+}
+VIEW = {"lamps": ["D65", "FL11"], "light": 30, "view": 50, "pinned": [50, 0, 0], "repeated": 0}
+
+_SEE = """
+    const { Eye } = await load("seen"), { checkStack } = await load("check");
+    const eye = new Eye(given.data), stack = checkStack(given.stack, given.data);
+    return { ...eye.see(stack, given.view), ...eye.rest(stack, given.view) };
+"""
+_CHECK = """
+    const { checkStack, checkLamp, parseStack } = await load("check"), { Eye } = await load("seen");
+    return given.all.map((one) => {
+        try {
+            if (one.lamp) return checkLamp(one.lamp);
+            const stack = one.text ? parseStack(one.text, given.data) : checkStack(one.stack, given.data);
+            new Eye(given.data).see(stack, { lamps: ["D65"], light: 45, view: 60 });
+            return stack;
+        } catch (error) {
+            return `${error.constructor.name}: ${error.message}`;
+        }
+    });
+"""
+
+
+@cache
+def known() -> dict:
+    return page_data()
+
+
+def see(stack: dict, view: dict = VIEW) -> dict:
+    return run(_SEE, {"data": known(), "stack": stack, "view": view})
+
+
+def check(*given: dict) -> list:
+    return run(_CHECK, {"data": known(), "all": list(given)})
+
+
+@pytest.mark.parametrize(
+    "coats",
+    [STACK["coats"], [{"paint": {"acrylics/TitaniumWhite": 1, "Eosin": 1}, "um": 7}]],
+    ids=["oils", "of two grids"],
+)
+def test_spectra_and_colours_are_those_of_the_library(coats):
+    given = {**STACK, "coats": coats}
+    found = see(given)
+    stack = stack_from_dict(given)
+    grid = stack.glaze().wavelengths
+    np.testing.assert_allclose(found["wavelengths"], grid)
+    for row, (side, geometry) in enumerate(
+        [
+            ("white", stack.seen_by),
+            ("white", stack.seen_by),
+            ("black", stack.seen_by),
+            ("white", gj.Bidirectional(30, 50)),
+        ]
+    ):
+        expected = np.asarray(gj.reflectance(stack.glaze(side), geometry))
+        np.testing.assert_allclose(found["spectra"][row], expected, atol=1e-4)
+        rgb = 255 * np.asarray(colour.srgb(grid, expected, illuminant="FL11"))
+        assert np.abs(found["colours"][1][row]["rgb"] - rgb).max() <= 1
+    lab = np.asarray(colour.lab(grid, np.array(found["spectra"][0])))
+    np.testing.assert_allclose(found["colours"][0][0]["lab"], lab, atol=1e-6)
+    assert found["delta"] == pytest.approx(colour.delta_e_2000([50.0, 0, 0], lab), abs=1e-6)
+    # The ladder repeats the first coat.
+    thick = stack_from_dict(
+        {**given, "coats": [{**coats[0], "um": 3 * coats[0]["um"]}, *coats[1:]]}
+    )
+    lab = colour.lab(grid, gj.reflectance(thick.glaze(), stack.seen_by))
+    np.testing.assert_allclose(found["ladder"][2]["lab"], lab, atol=0.05)
+
+
+@pytest.mark.parametrize("geometry", ["d:8", "30:30:specular"])
+def test_the_surface_is_added_where_it_is_seen(geometry):
+    found = see({**STACK, "geometry": geometry})
+    stack = stack_from_dict({**STACK, "geometry": geometry})
+    expected = gj.reflectance(stack.glaze(), stack.seen_by)
+    np.testing.assert_allclose(found["spectra"][0], expected, atol=1e-4)
+
+
+@pytest.mark.parametrize(
+    "ground",
+    [
+        0.4,
+        {"paint": {"ChromeYellow": 1}},
+        {"wavelengths": [400, 500, 700], "reflectance": [0.1, 0.9, 0.4]},
+    ],
+    ids=["grey", "paint that hides", "measured"],
+)
+def test_grounds_are_those_of_the_library(ground):
+    stack = stack_from_dict({**STACK, "ground": ground})
+    found = see({**STACK, "ground": ground})
+    expected = gj.reflectance(stack.glaze(), stack.seen_by)
+    np.testing.assert_allclose(found["spectra"][0], expected, atol=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("paint", "um", "ground"),
+    [
+        ({"CobaltBlue": 1}, 0.3, 0.93),
+        ({"ZincWhite": 1}, 4, 0.025),
+        ({"ZincWhite": 3, "Vermillion": 1}, 3, 0.025),
+    ],
+)
+def test_the_band_is_that_of_the_paints_errors(paint, um, ground):
+    """Against the spread of spectra of paints drawn as `Pigment.error_modes` says; one z for all of
+    a provenance.
+    """
+    found = see({**STACK, "coats": [{"paint": paint, "um": um}], "ground": ground})
+    z, mixed = None, np.zeros((2, 400, 31))
+    for name, part in paint.items():
+        one = gj.catalogue.pigment(name)
+        modes = np.asarray(one.error_modes)
+        # So near that log k and log s are straight.
+        z = 0.05 * np.random.default_rng(0).standard_normal((400, len(modes))) if z is None else z
+        both = np.stack([np.asarray(one.absorption), np.asarray(one.scattering)])[:, None]
+        mixed += part / sum(paint.values()) * both * np.exp(z @ modes.swapaxes(0, 1))
+    grid = gj.catalogue.pigment("Eosin").wavelengths
+    drawn = gj.Glaze([gj.Layer(gj.Pigment("drawn", grid, *mixed), np.full(400, um * 1e-6))], ground)
+    spread = np.asarray(gj.reflectance(drawn, gj.Bidirectional(45, 0))).std(axis=0) / 0.05
+    np.testing.assert_allclose(found["sd"], spread, rtol=0.15, atol=2e-4)
+    assert spread.max() > 0.002
+
+
+def test_the_band_of_an_own_paint_is_that_of_its_standard_deviations():
+    """Each band on its own, against two drawn a little larger."""
+    one = gj.catalogue.pigment("Vermillion")
+    sd = {"absorption_sd": 0.1 * np.asarray(one.absorption), "scattering_sd": np.zeros(31)}
+    mine = gj.Pigment("Mine", one.wavelengths, one.absorption, one.scattering, **sd)
+    stack = {**STACK, "coats": [{"paint": {"Mine": 1}, "um": 3}]}
+    found = see({**stack, "pigments": {"Mine": pigment_to_dict(mine)}})
+    more = gj.Pigment("more", one.wavelengths, 1.001 * np.asarray(one.absorption), one.scattering)
+    spectra = [
+        np.asarray(gj.reflectance(gj.Glaze([gj.Layer(paint, 3e-6)], 0.93), "45:0"))
+        for paint in (one, more)
+    ]
+    np.testing.assert_allclose(
+        found["sd"], 100 * np.abs(spectra[1] - spectra[0]), rtol=0.05, atol=1e-5
+    )
+
+
+def test_a_paint_that_does_not_say_how_sure_it_is_has_no_band():
+    found = see({**STACK, "coats": [{"paint": {"acrylics/TitaniumWhite": 1}, "um": 9}]})
+    assert found["sd"] is None
+    assert "TitaniumWhite" in found["rest"]
+
+
+def test_paints_of_which_only_k_over_s_is_known_are_named():
+    found = see({**STACK, "coats": [{"paint": {"LeadWhite": 1}, "um": 9}]})
+    assert any("LeadWhite" in words and "only k/s is known" in words for words in found["doubts"])
+    assert see(STACK)["doubts"] == []
+
+
+def test_a_bare_card_is_seen_too():
+    found = see({**STACK, "coats": []})
+    assert found["spectra"][0] == found["spectra"][5]
+
+
+def test_the_shelf_shows_paints_as_they_are():
+    names = ["Eosin", "LeadWhite", "acrylics/CobaltBlue"]
+    code = """
+        const { Eye } = await load("seen"), eye = new Eye(given.data);
+        return given.names.map((name) => eye.swatch(name).map((one) => one.rgb));
+    """
+    for name, rgb in zip(names, run(code, {"data": known(), "names": names}), strict=True):
+        catalogue, _, own = name.rpartition("/")
+        paint = gj.catalogue.load(catalogue or "oils")[own]
+        for thickness, shown in zip((0.01, 5e-6), rgb, strict=True):
+            spectrum = gj.reflectance(gj.Glaze([gj.Layer(paint, thickness)], 0.93), "45:0")
+            expected = 255 * np.asarray(colour.srgb(paint.wavelengths, spectrum))
+            assert np.abs(shown - expected).max() <= 1, name
+
+
+BAD = [
+    ({"stack": {}}, "this is no stack"),
+    ({"stack": {**STACK, "version": 9}}, "of version 9"),
+    ({"stack": {**STACK, "coat": []}}, "has no 'coat'"),
+    ({"text": '{"glazejax": "sta'}, "cut short"),
+    ({"stack": {**STACK, "coats": STACK["coats"] * 5}}, "8 at most"),
+    ({"stack": {**STACK, "coats": STACK["coats"] * 51}}, f"{MOST_COATS} coats at most"),
+    ({"stack": {**STACK, "coats": [{"paint": {"Eosin": 1}, "um": 1e9}]}}, "between 0 and 10000"),
+    ({"stack": {**STACK, "coats": [{"paint": {"Eosin": 1}, "um": "5 um"}]}}, "without a unit"),
+    ({"stack": {**STACK, "coats": [{"paint": {"Eosin": 0}, "um": 5}]}}, "all parts are 0"),
+    (
+        {"stack": {**STACK, "coats": [{"paint": {"CobaltBleu": 1}, "um": 5}]}},
+        "nearest is CobaltBlue",
+    ),
+    ({"stack": {**STACK, "ground": 40}}, "the ground is 40"),
+    ({"stack": {**STACK, "ground": "red"}}, "white, black or card"),
+    ({"stack": {**STACK, "geometry": "45:95"}}, 'geometry is "45:95"'),
+    ({"stack": {**STACK, "refractive_index": 0.9}}, "between 1 and 2.5"),
+    ({"stack": {**STACK, "pigments": {"A": {"wavelengths": [1]}}}}, "absorption and scattering"),
+    ({"lamp": {"name": "x", "wavelengths": [800, 900], "power": [1, 1]}}, "420 to 680 nm"),
+    ({"lamp": {"name": "x", "wavelengths": [400, 700], "power": [0, 0]}}, "gives no light"),
+    ({"lamp": {"name": "x", "wavelengths": [400, 700], "power": [1e308, 1e308]}}, "0 to 1e100"),
+]
+
+
+def test_what_is_wrong_is_one_sentence():
+    for (given, words), said in zip(BAD, check(*(one for one, _ in BAD)), strict=True):
+        assert isinstance(said, str), given
+        assert said.startswith("Sentence: "), said
+        assert words in said, said
+        assert "\n" not in said
+
+
+def test_a_whole_number_of_400_digits_is_one_sentence():
+    """In a link's text: no float holds it."""
+    huge = "9" * 400
+    text = json.dumps(STACK).replace('"um": 9', f'"um": {huge}')
+    [thickness] = check({"text": text})
+    assert "must be a number of micrometres" in thickness
+    with pytest.raises(ValueError, match="must be a number of micrometres"):
+        stack_from_dict(json.loads(text))
+
+
+JUNK = (None, True, -1, 1e30, "", "x", [], [1, "a"], {}, {"a": 1}, ["D65", 3], [[0, 1]])
+
+
+def test_junk_in_any_place_is_refused_and_never_a_fault():
+    places = ("coats", "ground", "geometry", "refractive_index", "pigments", "version")
+    given = [{"stack": {**STACK, place: junk}} for place in places for junk in JUNK]
+    given += [{"stack": {**STACK, "coats": [junk]}} for junk in JUNK]
+    given += [{"lamp": {"name": "x", "wavelengths": a, "power": b}} for a in JUNK for b in JUNK]
+    for one, said in zip(given, check(*given), strict=True):
+        assert not isinstance(said, str) or said.startswith("Sentence: "), (one, said)
+
+
+def test_a_check_gives_the_stack_as_it_is_understood():
+    [found] = check({"stack": {**STACK, "coats": [{"paint": {"cobalt blue": 5}, "um": 2}]}})
+    assert found["coats"] == [{"paint": {"CobaltBlue": 5}, "um": 2}]
+
+
+def test_lines_of_python_run_and_give_the_same_spectrum():
+    code = 'return (await load("lines")).pythonLines(given.stack, given.data);'
+    whole = {**STACK, "refractive_index": 1.5}
+    text = run(code, {"data": known(), "stack": whole})
+    assert len(text.splitlines()) <= 12
+    names = {}
+    exec(text.replace("print(", "found = ("), names)
+    stack = stack_from_dict(STACK)
+    expected = gj.reflectance(stack.glaze(), stack.seen_by)
+    np.testing.assert_allclose(names["spectrum"], expected, atol=1e-9)
+    own = {"Mine": pigment_to_dict(gj.catalogue.pigment("Eosin"))}
+    assert "Glaze.load" in run(code, {"data": known(), "stack": {**whole, "pigments": own}})
+
+
+@pytest.mark.parametrize("coats", [1, 2, 3])
+def test_brushed_pixels_are_those_of_a_full_computation(coats):
+    rng = np.random.default_rng(1)
+    given = {**STACK, "coats": [*STACK["coats"], {"paint": {"LeadWhite": 1}, "um": 2}]}
+    tops = [4.0, 32.0, 8.0][:coats]
+    maps = [top * rng.random(300) for top in tops]
+    code = """
+        const { Eye } = await load("seen"), { checkStack } = await load("check");
+        const { makeTable, readTable } = await load("table"), eye = new Eye(given.data);
+        const stack = checkStack(given.stack, given.data), width = 300;
+        const table = makeTable(eye, stack, given.tops.map((top, i) => [i, top]), "D65", false);
+        const maps = given.maps.map((map) => Float32Array.from(map));
+        const { pixels } = readTable(table, maps, width, { x: 0, y: 0, w: width, h: 1 });
+        return { pixels, error: table.error };
+    """
+    found = run(code, {"data": known(), "stack": given, "tops": tops, "maps": maps_of(maps)})
+    pixels = np.array(found["pixels"]).reshape(-1, 4)
+    stack = stack_from_dict(given)
+    thickness = [
+        1e-6 * maps[i] if i < coats else np.full(300, 1e-6 * coat["um"])
+        for i, coat in enumerate(given["coats"])
+    ]
+    layers = [gj.Layer(medium, t) for medium, t in zip(stack.media(), thickness, strict=True)]
+    ground = np.where(np.arange(300) < 150, 0.93, 0.025)[:, None]
+    spectra = gj.reflectance(gj.Glaze(layers, ground), stack.seen_by)
+    wanted = np.asarray(colour.srgb(stack.glaze().wavelengths, spectra))
+    white = colour.srgb_to_xyz(np.ones(3))
+    lab = [
+        colour.xyz_to_lab(colour.srgb_to_xyz(rgb), white) for rgb in (pixels[:, :3] / 255, wanted)
+    ]
+    assert found["error"] < 0.5
+    # 8 bits are up to 0.5 of a Delta E in the dark.
+    assert np.percentile(colour.delta_e_2000(*lab), 95) < (0.6 if coats < 3 else 1.2)
+    assert np.all(pixels[:, 3] == 255)
+
+
+def maps_of(maps: list) -> list:
+    return [one.tolist() for one in maps]
+
+
+def test_the_pages_modules_as_one_text_are_a_program():
+    """Nothing to import or export is left, and it is read to its end."""
+    text = bundle("main")
+    assert re.search(r"^(import|export) ", text, re.MULTILINE) is None
+    assert run("new Function(given); return true;", text)
+
+
+def contrast(one: np.ndarray, other: np.ndarray) -> float:
+    """Of two colours in 8 bits (WCAG 2.2, 1.4.3)."""
+    light = [float(colour.srgb_to_xyz(np.asarray(rgb) / 255)[1]) for rgb in (one, other)]
+    return (max(light) + 0.05) / (min(light) + 0.05)
+
+
+def test_words_are_read_on_every_ground_of_the_page():
+    """In light and dark, and on the colour of any paint."""
+    schemes = re.findall(r"\.glaze-studio \{\n(.*?)\}", page_text("style.css"), re.DOTALL)[:2]
+    for scheme in schemes:
+        hexes = dict(re.findall(r"--(\w+): #(\w+);", scheme))
+        rgb = {
+            name: np.array(
+                [
+                    int(c, 16)
+                    for c in re.findall("..", h if len(h) == 6 else re.sub("(.)", r"\1\1", h))
+                ]
+            )
+            for name, h in hexes.items()
+        }
+        for ink in ("ink", "soft"):
+            for ground in ("page", "panel", "field"):
+                assert contrast(rgb[ink], rgb[ground]) >= 4.5, (ink, ground, scheme)
+    colours = np.random.default_rng(0).integers(0, 256, (300, 3)).tolist()
+    code = """
+        globalThis.matchMedia = () => ({ matches: false });
+        const { inkOn } = await load("dom");
+        return given.map((rgb) => (inkOn(rgb) === "#000" ? 0 : 255));
+    """
+    for ink, ground in zip(run(code, colours), colours, strict=True):
+        assert contrast(np.full(3, ink), np.array(ground)) >= 4.5

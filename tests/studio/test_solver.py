@@ -1,0 +1,16 @@
+"""The page's solver in node: within 1e-4 of the library, and the rest of what its own test says."""
+
+import shutil
+
+import pytest
+from benchmarks.page_solver import run_node, write_table
+
+
+def test_the_pages_solver_is_the_librarys(tmp_path):
+    if shutil.which("node") is None:
+        pytest.skip("no node here, which runs the page's solver (Debian: apt-get install nodejs)")
+    table = tmp_path / "stacks.json"
+    write_table(table, 2000)
+    said = run_node(table)
+    assert "page solver: stacks: 2004" in said
+    assert "# skipped 0" in said
