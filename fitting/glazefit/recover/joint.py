@@ -111,7 +111,16 @@ def recover_jointly(
     shares = law.shares(weights, paints)
     expected = expectations or Expectations()
     pigments = pigments or {}
-    constraints = gather_constraints(films, paints, pigments, gauge, unit, expected.thickness)
+    constraints = gather_constraints(
+        films,
+        paints,
+        pigments,
+        gauge,
+        unit,
+        expected.thickness,
+        scale=expected.scale,
+        gain=expected.gain,
+    )
     measured_gloss = np.array([(gloss or {}).get(name, np.nan) for name in films.names])
     problem = pose(
         films,
@@ -187,7 +196,13 @@ def pose(
 ) -> JointProblem:
     """Arrays of a joint problem."""
     constraints = constraints or gather_constraints(
-        films, ["" for _ in range(shares.shape[1])], {}, None, 1.0, expected.thickness
+        films,
+        ["" for _ in range(shares.shape[1])],
+        {},
+        None,
+        1.0,
+        expected.thickness,
+        gain=expected.gain,
     )
     black, white, sd_black, sd_white = cards(films, instrument, noise)
     measured = np.stack([films.over_black, films.over_white], axis=-1)
@@ -245,6 +260,7 @@ def pose(
         "band_modes": constraints.band_modes,
         "ground_modes": constraints.ground_modes,
         "thickness_modes": constraints.thickness_modes,
+        "gain_modes": constraints.gain_modes,
     }
     return JointProblem(**{name: jnp.asarray(array) for name, array in arrays.items()})
 

@@ -19,10 +19,17 @@ from glazejax.geometry import resolve_instrument
 from glazejax.paint.describe import format_length
 
 from ..film.films import Films, InstrumentLike, Noise, usual_cards
-from ..film.model.errors import ModelError, error_modes, relative_errors, smooth_kernel
+from ..film.model.errors import (
+    ModelError,
+    draw_model_errors,
+    error_modes,
+    relative_errors,
+    smooth_kernel,
+)
 from ..film.model.mixing import MixingLaw
 from ..film.model.response import HIGHEST, Response, film_response
-from ..film.model.variation import MIXED, Variation
+from ..film.model.variation import MIXED, Spread, Variation
+from .constraints import Gauge
 from .joint import UNIT, recover_jointly
 from .joint_problem import Expectations
 from .joint_result import JointRecovery
@@ -33,6 +40,8 @@ _SHAPES = 8
 # A reading of the mixture itself counts as far as the optics is exact, not as a paint between
 # films.
 _CLOSE = Expectations(model_floor=0.003, model_share=0.003)
+# Its errors are alike at neighbouring bands and over both cards.
+_ALIKE = ModelError(amplitude=1.0, length=60.0, scales=(1.0,), weights=(1.0,))
 
 Modes = Float[np.ndarray, "modes 2 bands"]
 
@@ -96,7 +105,7 @@ def predict_mixture(
 
     Args:
         pigments, recipe, wavelengths, law, variation: as for `mix`.
-        thickness: m.
+        thickness: m; with `calibrated` on the scale of its film, which is as thick as was found.
         ground: internal reflectance of the black and the white ground, each a number or (bands,);
             by default usual cards.
         instrument: by default d:8 with the specular part, refractive index 1.5.
@@ -124,8 +133,7 @@ def predict_mixture(
     else:
         grid = calibrated.wavelengths
         k, s = (found[0] / UNIT for found in (calibrated.absorption, calibrated.scattering))
-        drawn = calibrated.draws.bands - calibrated.unknowns.bands  # (draws, bands, 2)
-        off = {"paint": np.swapaxes(drawn, 1, 2)}
+        off = {"paint": _drawn_mixture(calibrated)}
         gloss = calibrated.gloss
     empty = np.zeros((len(next(iter(off.values()))), 2, grid.size))
     grounds = (
@@ -145,6 +153,10 @@ def predict_mixture(
             part: _readings(response, k * metres, s * metres, o, grounds) - mean
             for part, o in off.items()
         }
+        if calibrated is not None:
+            spread["paint"] = spread["paint"] + _drawn_readings(
+                calibrated, instrument.seen_surface, mean + surface
+            )
         deviations = {part: spread.get(part, empty) for part in ("scale", "paint", "film")}
         over_black, over_white = mean + surface
         out.append(
@@ -173,9 +185,14 @@ def calibrate_mixture(
     instrument: InstrumentLike | None = None,
     noise: Noise | None = None,
     response: Response | None = None,
+    spread: Spread | None = None,
+    gauge: Gauge | None = None,
 ) -> JointRecovery:
     """k and s of one mixture, from its paints and a reading of it: above all how strong it came
     out.
+
+    Thickness, strength, scattering and the reading's gain are open together, each as far as films
+    scatter: what one reading cannot tell apart stays in the errors.
 
     Args:
         pigments, recipe, law, variation: as for `mix`.
@@ -183,6 +200,10 @@ def calibrate_mixture(
         instrument: by default d:8 with the specular part, refractive index 1.5.
         noise: of a reading, by default told from its roughness.
         response: model of one film, by default that of the instrument.
+        spread: how far films scatter in thickness and gain: what films that were left out taught
+            (`learn_spread`), by default what revigo's did.
+        gauge: thicknesses of the films, in metres on the scale of the paints; by default each is
+            about `glazefit.recover.joint.UNIT`.
 
     Returns:
         A joint recovery whose only paint is the mixture: `pigment` gives its k and s, `thickness`
@@ -193,16 +214,56 @@ def calibrate_mixture(
         ValueError: as `mix` and `recover_jointly`.
     """
     mixture = mix(pigments, recipe, wavelengths=films.wavelengths, law=law, variation=variation)
+    spread = spread or Spread()
+    # One film of known paints: their scale is its own.
+    expectations = _CLOSE._replace(thickness=spread.thickness, gain=spread.gain, scale=0.0)
     return recover_jointly(
         films,
         {film: {mixture.name: 1.0} for film in films.names},
         instrument=instrument,
         noise=noise,
-        expectations=_CLOSE,
+        expectations=expectations,
         response=response,
         pigments={mixture.name: mixture},
+        gauge=gauge,
         unit=UNIT,
     )
+
+
+def _drawn_mixture(calibrated: JointRecovery) -> Float[np.ndarray, "draws 2 bands"]:
+    """Errors of log k and log s of a film as thick as those that were read, or as many times as
+    thick.
+
+    A stronger mixture goes with a thinner film: their product is known better than either.
+    """
+    bands = calibrated.draws.bands - calibrated.unknowns.bands
+    films = calibrated.draws.films - calibrated.unknowns.films
+    through = ~calibrated.films.opaque
+    depth = films[:, through, 0].mean(axis=1) if through.any() else np.zeros(len(films))
+    return np.swapaxes(bands, 1, 2) + depth[:, None, None]
+
+
+def _drawn_readings(
+    calibrated: JointRecovery, seen_surface: float, expected: Float[np.ndarray, "2 bands"]
+) -> Float[np.ndarray, "draws 2 bands"]:
+    """What else a reading may be off: its surface, its gain, and the model.
+
+    Args:
+        calibrated: what was found.
+        seen_surface: reflectance of a smooth surface, as it is seen.
+        expected: reflectance over black and white.
+    """
+    best = calibrated.unknowns
+    drawn = calibrated.draws
+    count = len(drawn.paints)
+    rng = np.random.default_rng(1)
+    size = calibrated.expectations
+    log_gloss = drawn.paints[:, 0, 0] + drawn.films[:, 0, 1]
+    gloss = np.exp(log_gloss) - np.exp(best.paints[0, 0] + best.films[0, 1])
+    gain = size.gain * rng.standard_normal((count, 2, 1))
+    model = draw_model_errors(rng, count, 2, calibrated.wavelengths, _ALIKE)
+    level = size.model_floor + size.model_share * expected
+    return seen_surface * gloss[:, None, None] + gain * expected + level * model
 
 
 def _paints(pigments: Mapping[str, Pigment], recipe: Mapping[str, float]) -> dict[str, Pigment]:
