@@ -99,6 +99,7 @@ def predict_mixture(
     law: MixingLaw | None = None,
     variation: Variation | None = None,
     calibrated: JointRecovery | None = None,
+    response: Response | None = None,
 ) -> list[Prediction]:
     """What a mixture of known paints will look like at some thicknesses, over a black and a white
     ground.
@@ -110,6 +111,7 @@ def predict_mixture(
             by default usual cards.
         instrument: by default d:8 with the specular part, refractive index 1.5.
         calibrated: what `calibrate_mixture` found; then it is that mixing which is foretold.
+        response: model of one film, by default that of the instrument.
 
     Returns:
         A `Prediction` for each thickness, whose relative thickness is in units of
@@ -119,7 +121,7 @@ def predict_mixture(
         ValueError: as `mix`, or a thickness that is not positive.
     """
     instrument = resolve_instrument(instrument)
-    response = film_response(instrument)
+    response = response or film_response(instrument)
     paints = tuple(paint for paint, weight in recipe.items() if weight > 0)
     if calibrated is None:
         k, s, parts, _ = _mix(pigments, recipe, wavelengths, law, "")
