@@ -374,6 +374,12 @@ TABLE: dict[str, dict[str, Reaches | Looked]] = {
             ("two",),
             base="1*ZincWhite --reading one.csv",
         ),
+        "--film-thickness": Reaches(
+            "--reading one.csv --film-thickness 40um±5%",
+            lambda g: (g["gauge"].typical, g["gauge"].error),
+            (pytest.approx(40e-6), 0.05),
+            engine="calibrate_mixture",
+        ),
         "--thickness": Reaches(
             "--thickness 5um,40um", lambda g: g["thickness"], pytest.approx([5e-6, 40e-6])
         ),

@@ -135,7 +135,7 @@ def predict_mixture(
     else:
         grid = calibrated.wavelengths
         k, s = (found[0] / UNIT for found in (calibrated.absorption, calibrated.scattering))
-        off = {"paint": _drawn_mixture(calibrated)}
+        off = {"paint": drawn_mixture(calibrated)}
         gloss = calibrated.gloss
     empty = np.zeros((len(next(iter(off.values()))), 2, grid.size))
     grounds = (
@@ -150,9 +150,11 @@ def predict_mixture(
             raise ValueError(
                 f"a thickness of {metres:g} m; it must be above 0, in metres, such as 25e-6"
             )
-        mean = _readings(response, k * metres, s * metres, np.zeros((1, 2, grid.size)), grounds)[0]
+        mean = film_readings(
+            response, k * metres, s * metres, np.zeros((1, 2, grid.size)), grounds
+        )[0]
         spread = {
-            part: _readings(response, k * metres, s * metres, o, grounds) - mean
+            part: film_readings(response, k * metres, s * metres, o, grounds) - mean
             for part, o in off.items()
         }
         if calibrated is not None:
@@ -232,7 +234,7 @@ def calibrate_mixture(
     )
 
 
-def _drawn_mixture(calibrated: JointRecovery) -> Float[np.ndarray, "draws 2 bands"]:
+def drawn_mixture(calibrated: JointRecovery) -> Float[np.ndarray, "draws 2 bands"]:
     """Errors of log k and log s of a film as thick as those that were read, or as many times as
     thick.
 
@@ -345,7 +347,7 @@ def _each(
     return out.reshape(-1, paints, 2, modes.shape[3])
 
 
-def _readings(
+def film_readings(
     response: Response,
     kd: Float[np.ndarray, "bands"],
     sd: Float[np.ndarray, "bands"],

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from glazejax import Pigment
 
     from ..film.films import Films
+    from .experimental_design import NextFilms
     from .joint_result import JointRecovery
     from .prediction import Prediction
 
@@ -35,7 +36,7 @@ def register(app: typer.Typer) -> None:
 
 @help_groups(
     usual="--reading --thickness --pigments --catalogue --csv",
-    given="--samples --instrument",
+    given="--samples --film-thickness --instrument",
     written="--overwrite",
     fine="--illuminant --observer --refractive-index",
 )
@@ -60,6 +61,16 @@ def predict(
         ),
     ] = None,
     samples: options.Samples = "",
+    film_thickness: Annotated[
+        str,
+        typer.Option(
+            "--film-thickness",
+            metavar="LENGTH",
+            help="Of the film of --reading as a gauge says, on the scale of the paints: 20um, or "
+            "20um±20%.",
+            show_default=False,
+        ),
+    ] = "",
     thickness: Annotated[
         str,
         typer.Option(
@@ -97,10 +108,11 @@ def predict(
     start_jax()
     seen_by = options.read_geometry(instrument, _GEOMETRY)
     wanted = [options.read_length(text) for text in options.split_names(thickness)]
-    if samples and reading is None:
-        raise ValueError(
-            "--samples is for the film of --reading; leave it out, or give --reading FILE"
-        )
+    for option, value in (("--samples", samples), ("--film-thickness", film_thickness)):
+        if value and reading is None:
+            raise ValueError(
+                f"{option} is for the film of --reading; leave it out, or give --reading FILE"
+            )
     from glazejax.colour import find_illuminant, find_observer
 
     illuminant = find_illuminant(illuminant)
@@ -116,6 +128,7 @@ def predict(
 
     from ..film.films import Instrument, cards
     from ..film.noise import estimate_noise
+    from .command_joint import read_gauge
     from .joint import UNIT
     from .mixture import calibrate_mixture, predict_mixture
 
@@ -127,8 +140,11 @@ def predict(
     if reading is not None:
         film = _film(reading, samples, shelf, recipe, console)
         noise = estimate_noise(film)
+        gauge = read_gauge(film_thickness, film.names, "--film-thickness")
         with progress.doing("compiling, then fitting the reading"):
-            found = calibrate_mixture(shelf, recipe, film, instrument=seen_with, noise=noise)
+            found = calibrate_mixture(
+                shelf, recipe, film, instrument=seen_with, noise=noise, gauge=gauge
+            )
         grid = film.wavelengths
         black, white, _, _ = cards(film, seen_with, noise)
         ground = (black[0], white[0])
@@ -153,6 +169,10 @@ def predict(
         )
         _say_reading(found, made, before, (illuminant, observer), console)
     _print(made, found is None, (illuminant, observer), console)
+    if found is not None:
+        from .next_reading import rank_next_readings
+
+        _say_next(rank_next_readings(found, wanted, ground=ground, instrument=seen_with), console)
     if out is not None:
         console.print(f"Wrote {out}", markup=False)
 
@@ -245,6 +265,15 @@ def _say_reading(
         console.print(
             f"[yellow]The reading is met no nearer than ΔE00 {fit.max():.1f}: is the mixture "
             "what was said?[/yellow]"
+        )
+
+
+def _say_next(further: "NextFilms", console: "Console") -> None:
+    best = further.films[0]
+    if best.expected < further.now:
+        console.print(
+            f"What would help most: a reading of {best.film}. Films above would then be known to "
+            f"ΔE00 {best.expected:.1f}, where now it is {further.now:.1f}."
         )
 
 
