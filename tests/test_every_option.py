@@ -409,6 +409,9 @@ TABLE: dict[str, dict[str, Reaches | Looked]] = {
             ["two"],
             base=f"--spectrum {SPECTRA}",
         ),
+        "--after": Looked("fitting/test_addition.py:test_command_says_what_to_add"),
+        "--mixed": Looked("fitting/test_addition.py:test_command_says_what_to_add"),
+        "--batch": Looked("fitting/test_addition.py:test_command_says_what_to_add"),
         "--colourchecker": Reaches("--colourchecker", lambda g: len(g["targets"]), 24, base=" "),
         "--patch": Reaches("--patch white", lambda g: len(g["targets"]), 1, base="--colourchecker"),
         "--illuminants": Reaches(

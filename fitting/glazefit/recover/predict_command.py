@@ -101,7 +101,7 @@ def predict(
 
     Example: glazejax predict "10 Vermillion + 90 ZincWhite"
     """
-    recipe = read_recipe(mixture)
+    read_recipe(mixture)
     options.check_outputs({"--csv": out}, overwrite)
     from glazejax.commands.main import start_jax
 
@@ -117,12 +117,7 @@ def predict(
 
     illuminant = find_illuminant(illuminant)
     observer = find_observer(observer)
-    shelf = options.read_shelf(pigments, catalogue)
-    mixed = options.find_paints(recipe, shelf)
-    if len(mixed) < len(recipe):
-        raise ValueError(f"a paint is named twice in {mixture!r}; add its weights up")
-    recipe = dict(zip(mixed, recipe.values(), strict=True))
-    shelf = shelf | mixed
+    recipe, shelf = read_mixture(mixture, options.read_shelf(pigments, catalogue))
 
     from rich.console import Console
 
@@ -138,7 +133,7 @@ def predict(
     grid = None
     ground = None
     if reading is not None:
-        film = _film(reading, samples, shelf, recipe, console)
+        film = read_film(reading, samples, shelf, recipe, console)
         noise = estimate_noise(film)
         gauge = read_gauge(film_thickness, film.names, "--film-thickness")
         with progress.doing("compiling, then fitting the reading"):
@@ -203,14 +198,29 @@ def read_recipe(text: str) -> dict[str, float]:
     return recipe
 
 
-def _film(
+def read_mixture(
+    text: str, shelf: "dict[str, Pigment]"
+) -> "tuple[dict[str, float], dict[str, Pigment]]":
+    """Paints of a shelf or a catalogue, by their full names, and weights; and the shelf with them.
+
+    Raises:
+        ValueError: as `read_recipe`, or a name that is not known.
+    """
+    recipe = read_recipe(text)
+    mixed = options.find_paints(recipe, shelf)
+    if len(mixed) < len(recipe):
+        raise ValueError(f"a paint is named twice in {text!r}; add its weights up")
+    return dict(zip(mixed, recipe.values(), strict=True)), shelf | mixed
+
+
+def read_film(
     path: Path,
     samples: str,
     shelf: "Mapping[str, Pigment]",
     recipe: Mapping[str, float],
     console: "Console",
 ) -> "Films":
-    """The one film that was read, on a grid that all paints cover."""
+    """The one film that was read, on a grid that all paints of the recipe cover."""
     from ..film.partial_films import average, crop, read_loose_films
 
     films = read_loose_films(path)
