@@ -12,6 +12,7 @@ import pytest
 
 import glazejax.commands.main
 from glazefit import Films, Noise, simulate_films
+from glazefit.film.films import SPECTRA
 from glazefit.film.model.errors import ModelError, relative_errors
 from glazefit.film.model.variation import (
     PRIOR,
@@ -264,6 +265,31 @@ def test_a_reading_that_is_too_bright_is_gain_as_far_as_films_have_it(paints):
         low, high = made.interval()
         widths.append(np.mean((high - low) / made.reflectance))
     assert widths[1] > np.hypot(widths[0], 0.2)
+
+
+def test_a_reading_in_a_few_bands_tells_the_others(paints):
+    """Four filters of a camera: the strength that they tell holds between them."""
+    films = painted(paints, TINT, 0.6, [20e-6], noise=Noise())
+    few = [2, 6, 10, 13]
+    read = dataclasses.replace(
+        films,
+        wavelengths=GRID[few],
+        **{what: getattr(films, what)[:, few] for what in SPECTRA},
+    )
+    found = calibrate_mixture(paints, TINT, read, noise=Noise(), wavelengths=GRID)
+    np.testing.assert_array_equal(found.wavelengths, GRID)
+    length = [20e-6]
+    (before,) = predict_mixture(paints, TINT, length, wavelengths=GRID)
+    length = [found.thickness[0] * UNIT]
+    (after,) = predict_mixture(paints, TINT, length, wavelengths=GRID, calibrated=found)
+    off = [p.delta_e(films.over_black, films.over_white).mean() for p in (before, after)]
+    assert off[1] < 0.2 * off[0]
+    low, high = after.interval(0.98)
+    truth = np.stack([films.over_black[0], films.over_white[0]])
+    assert np.mean((low <= truth) & (truth <= high)) > 0.9
+    # What was not read is not fitted.
+    np.testing.assert_array_equal(found.films.over_black[0, few], read.over_black[0])
+    np.testing.assert_array_equal(found.residual[:, :, [0, 1, 3]], 0.0)
 
 
 def test_the_film_that_was_read_is_the_yardstick(paints):

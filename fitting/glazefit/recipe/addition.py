@@ -144,7 +144,9 @@ def next_addition(
         if distance < nearest - _WORTH:
             nearest, chosen, amounts = distance, names, added
     grams = {paint: float(batch * a) for paint, a in zip(chosen, amounts, strict=True)}
-    film = _foretell(made, shelf, grams, batch, metres, base, seen_by)
+    film = _foretell(
+        made, shelf, grams, batch=batch, metres=metres, ground=base, instrument=seen_by
+    )
     expected = float(film.expected_errors(light, eye)[1])
     return Addition(
         target=target,
@@ -185,6 +187,7 @@ def _foretell(
     made: Pigment,
     shelf: Mapping[str, Pigment],
     grams: Mapping[str, float],
+    *,
     batch: float,
     metres: float,
     ground: Float[np.ndarray, "bands"],

@@ -61,7 +61,7 @@ def recover_jointly(
     noise: Noise | None = None,
     law: MixingLaw | None = None,
     expectations: Expectations | None = None,
-    use: Float[np.ndarray, "films"] | None = None,
+    use: Float[np.ndarray, "films"] | Float[np.ndarray, "films bands"] | None = None,
     start: Unknowns | None = None,
     max_steps: int = MAX_STEPS,
     response: Response | None = None,
@@ -81,7 +81,7 @@ def recover_jointly(
         law: mixing law, by default linear by mass.
         expectations: what is expected beforehand.
         use: (films,), 0 for films that are held out and predicted, 1 for the others; by default all
-            ones.
+            ones. Or (films, bands), 0 for bands that were not read.
         start: where to start, such as `JointRecovery.unknowns` of a fit of the same films.
         max_steps: of the solver, in each of its two stages.
         response: model of one film, by default that of the instrument
@@ -104,9 +104,8 @@ def recover_jointly(
         raise ValueError("there are no films to recover")
     instrument = resolve_instrument(instrument)
     law = law or MixingLaw()
-    noise = noise or estimate_noise(
-        films if use is None else films.take(np.flatnonzero(use).tolist())
-    )
+    used = np.ones((len(films), 1)) if use is None else np.reshape(use, (len(films), -1))
+    noise = noise or estimate_noise(films.take(np.flatnonzero(used.any(axis=1)).tolist()))
     paints, weights = weight_table(films.names, recipes)
     shares = law.shares(weights, paints)
     expected = expectations or Expectations()
@@ -133,7 +132,7 @@ def recover_jointly(
         gloss=measured_gloss,
     )
     deviation = np.moveaxis(1.0 / np.asarray(problem.weight), 0, -1)
-    kept = films.seen if use is None else films.seen * use[:, None]
+    kept = films.seen * used.T[..., None]
     problem = problem._replace(weight=jnp.asarray(np.asarray(problem.weight) * kept))
     response = response or film_response(instrument)
     if start is None:

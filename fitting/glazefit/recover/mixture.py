@@ -9,16 +9,17 @@ thicknesses and grounds is that same mixing, no more another one.
 """
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from glazejax import Pigment
 from glazejax.geometry import resolve_instrument
 from glazejax.paint.describe import format_length
 
-from ..film.films import Films, InstrumentLike, Noise, usual_cards
+from ..film.films import SPECTRA, Films, InstrumentLike, Noise, usual_cards
 from ..film.model.errors import (
     ModelError,
     draw_model_errors,
@@ -29,6 +30,7 @@ from ..film.model.errors import (
 from ..film.model.mixing import MixingLaw
 from ..film.model.response import HIGHEST, Response, film_response
 from ..film.model.variation import MIXED, Spread, Variation
+from ..film.noise import estimate_noise
 from .constraints import Gauge
 from .joint import UNIT, recover_jointly
 from .joint_problem import Expectations
@@ -191,6 +193,7 @@ def calibrate_mixture(
     response: Response | None = None,
     spread: Spread | None = None,
     gauge: Gauge | None = None,
+    wavelengths: Float[np.ndarray, "bands"] | None = None,
 ) -> JointRecovery:
     """k and s of one mixture, from its paints and a reading of it: above all how strong it came
     out.
@@ -208,6 +211,8 @@ def calibrate_mixture(
             best (`python -m benchmarks.prediction` chooses it anew without each film).
         gauge: thicknesses of the films, in metres on the scale of the paints; by default each is
             about `glazefit.recover.joint.UNIT`.
+        wavelengths: nm, on which the mixture is sought beside those of the reading, which may be
+            few: filters of a camera, say. By default those of the reading alone.
 
     Returns:
         A joint recovery whose only paint is the mixture: `pigment` gives its k and s, `thickness`
@@ -217,21 +222,47 @@ def calibrate_mixture(
     Raises:
         ValueError: as `mix` and `recover_jointly`.
     """
+    noise = noise or estimate_noise(films)
+    films, read = _spread_bands(films, wavelengths)
     mixture = mix(pigments, recipe, wavelengths=films.wavelengths, law=law, variation=variation)
     spread = spread or Spread()
-    # One film of known paints: their scale is its own.
-    expectations = _CLOSE._replace(thickness=spread.thickness, gain=spread.gain, scale=0.0)
-    return recover_jointly(
+    found = recover_jointly(
         films,
         {film: {mixture.name: 1.0} for film in films.names},
         instrument=instrument,
         noise=noise,
-        expectations=expectations,
+        # Films of known paints: their scale is the films' own.
+        expectations=_CLOSE._replace(thickness=spread.thickness, gain=spread.gain, scale=0.0),
+        use=np.tile(read.astype(float), (len(films), 1)),
         response=response,
         pigments={mixture.name: mixture},
         gauge=gauge,
         unit=UNIT,
     )
+    if read.all():
+        return found
+    # What was not read is as it was found to be.
+    filled = replace(
+        films,
+        over_black=np.where(read, films.over_black, found.fitted_black),
+        over_white=np.where(read, films.over_white, found.fitted_white),
+    )
+    return replace(found, films=filled)
+
+
+def _spread_bands(
+    films: Films, wavelengths: Float[np.ndarray, "bands"] | None
+) -> tuple[Films, Bool[np.ndarray, "bands"]]:
+    """Films at further wavelengths, interpolated, and at which they were read."""
+    own = films.wavelengths
+    grid = own if wavelengths is None else np.union1d(own, wavelengths)
+    if grid.size == own.size:
+        return films, np.ones(own.size, dtype=bool)
+    wider = {
+        what: np.stack([np.interp(grid, own, row) for row in getattr(films, what)])
+        for what in SPECTRA
+    }
+    return replace(films, wavelengths=grid, **wider), np.isin(grid, own)
 
 
 def drawn_mixture(calibrated: JointRecovery) -> Float[np.ndarray, "draws 2 bands"]:

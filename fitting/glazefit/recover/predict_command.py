@@ -13,6 +13,8 @@ from glazejax.commands import options, progress
 from glazejax.commands.help_groups import help_groups
 
 if TYPE_CHECKING:
+    import numpy as np
+    from jaxtyping import Float
     from rich.console import Console
 
     from glazejax import Pigment
@@ -26,6 +28,8 @@ _GEOMETRY = "d:8"
 _USUAL = "25um"
 _FAR = 2.0
 """Delta E00 of a reading from its fit beyond which the mixture may be another one."""
+_COARSE = 20.0
+"""Bands farther apart than this, nm, give no colour by themselves."""
 _PART = re.compile(r"(?:(?P<weight>\d+\.?\d*|\.\d+)(?:\s*[%*]\s*|\s+))?(?P<name>\S.*)")
 
 
@@ -138,10 +142,16 @@ def predict(
         gauge = read_gauge(film_thickness, film.names, "--film-thickness")
         with progress.doing("compiling, then fitting the reading"):
             found = calibrate_mixture(
-                shelf, recipe, film, instrument=seen_with, noise=noise, gauge=gauge
+                shelf,
+                recipe,
+                film,
+                instrument=seen_with,
+                noise=noise,
+                gauge=gauge,
+                wavelengths=_between(film, shelf, recipe),
             )
-        grid = film.wavelengths
-        black, white, _, _ = cards(film, seen_with, noise)
+        grid = found.wavelengths
+        black, white, _, _ = cards(found.films, seen_with, noise)
         ground = (black[0], white[0])
         own = float(f"{found.thickness[0] * UNIT:.2g}")
         wanted = wanted or ([own] if film.opaque[0] else [0.5 * own, own, 2.0 * own])
@@ -237,6 +247,17 @@ def read_film(
         films = crop(films, grid[0], grid[-1], f"{name} is known there only")
     progress.print_notes(console, path, films.notes)
     return films
+
+
+def _between(
+    film: "Films", shelf: "Mapping[str, Pigment]", recipe: Mapping[str, float]
+) -> "Float[np.ndarray, 'bands'] | None":
+    """Wavelengths that a reading of few bands is completed at; None where it has enough."""
+    import numpy as np
+
+    if film.wavelengths.size > 1 and np.diff(film.wavelengths).max() <= _COARSE:
+        return None
+    return np.asarray(shelf[next(iter(recipe))].wavelengths)
 
 
 def _say_reading(
