@@ -223,14 +223,10 @@ add(
     white=cell("mean", 7),
 )
 add("acrylics", ".1f", most=most(*(cell("max", k) for k in range(8))))
-_READINGS = [
-    (f"{name}_{one}_", optics, card)
-    for name, optics in (("reading", "glazejax"), ("km_reading", "Kubelka-Munk"))
-    for one, card in (
-        ("white", "black by the reading over white"),
-        ("black", "white by that over black"),
-    )
-]
+_READINGS = {
+    "white": "black by the reading over white",
+    "black": "white by that over black",
+}
 add(
     "prediction",
     ".2f",
@@ -241,8 +237,8 @@ add(
     simulated_median=cell("0%", 1, after="scatter of strength"),
     scattered=cell("20%", 0, after="scatter of strength"),
     **{
-        f"{name}{what}": found(rf"^{optics}, {card}: {words}")
-        for name, optics, card in _READINGS
+        f"reading_{card}_{what}": found(rf"^glazejax, {line}: {words}")
+        for card, line in _READINGS.items()
         for what, words in (
             ("without", r"without it (\S+) \("),
             ("without_median", r"without it \S+ \((\S+)\)"),
@@ -250,6 +246,11 @@ add(
             ("with_median", r".* with it \S+ \((\S+)\)"),
             ("rank", r".*%, (\S+);"),
         )
+    },
+    **{
+        f"km_reading_{card}_{what}": found(rf"^Kubelka-Munk, {line}: .* with it {words}")
+        for card, line in _READINGS.items()
+        for what, words in (("with", r"(\S+) \("), ("with_median", r"\S+ \((\S+)\)"))
     },
     correlation=cell("rank correlation of said and true errors", 0),
 )
@@ -266,8 +267,9 @@ add(
     ".0f %",
     in_band=cell("readings within the 90 % band", 0),
     **{
-        f"{name}inside": found(rf"^{optics}, {card}: .*, (\S+)%,")
-        for name, optics, card in _READINGS
+        f"{name}_{card}_inside": found(rf"^{optics}, {line}: .*, (\S+)%,")
+        for name, optics in (("reading", "glazejax"), ("km_reading", "Kubelka-Munk"))
+        for card, line in _READINGS.items()
     },
 )
 add(
@@ -275,8 +277,8 @@ add(
     ".0f",
     films=found(r"^all +(\d+) films"),
     **{
-        f"{name}above": found(rf"^{optics}, {card}: .*; (\d+) of \d+ above 3")
-        for name, optics, card in _READINGS
+        f"reading_{card}_above": found(rf"^glazejax, {line}: .*; (\d+) of \d+ above 3")
+        for card, line in _READINGS.items()
     },
 )
 add(

@@ -32,10 +32,10 @@ def register(app: typer.Typer) -> None:
 
 
 @help_groups(
-    usual="--lab --srgb --spectrum --only --after --mixed --batch --out",
+    usual="--lab --srgb --spectrum --only --out",
     given=(
-        "--samples --colourchecker --patch --pigments --catalogue --without --modern --ground "
-        "--instrument"
+        "--samples --colourchecker --patch --after --mixed --batch --pigments --catalogue "
+        "--without --modern --ground --instrument"
     ),
     tried="--glazes --max-paints --max-coats --coat-thickness --illuminants --test-illuminant",
     written="--count --csv --json --spectra --overwrite",
