@@ -8,6 +8,7 @@ came out. Paints are added to it, one or two, and nothing can be taken away.
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
@@ -17,7 +18,7 @@ from glazejax import Pigment, colour
 from glazejax.geometry import resolve_instrument
 
 from ..film.films import InstrumentLike
-from ..film.model.response import film_response
+from ..film.model.response import Response, film_response
 from ..film.model.variation import SIZES, Variation
 from ..recover.joint import UNIT
 from ..recover.joint_result import JointRecovery
@@ -94,113 +95,133 @@ def next_addition(
     if not 0 < batch < np.inf:
         raise ValueError(f"the batch is {batch:g} g; it must be above 0, such as 20")
     seen_by = resolve_instrument(instrument)
-    response = film_response(seen_by)
     grid = calibrated.wavelengths
     light = colour.find_illuminant(illuminant)
     eye = colour.find_observer(observer)
-    aim = target.lab(light, eye)
     name = calibrated.paints[0]
-    made = calibrated.pigment(name, UNIT, provenance=name)
-    shelf = {paint.name: paint.resample(grid) for paint in pigments}
     hides = bool(calibrated.films.opaque[0])
-    metres = _THICK if hides else float(calibrated.thickness[0]) * UNIT
-    base = np.broadcast_to(np.asarray(ground, dtype=float), grid.shape)
-    surface = seen_by.seen_surface * float(calibrated.gloss[0])
-
-    def labs(
-        names: Sequence[str], amounts: Float[np.ndarray, "tried paints"]
-    ) -> Float[np.ndarray, "tried 3"]:
-        total = 1.0 + amounts.sum(axis=1, keepdims=True)
-        k, s = (
-            (np.asarray(getattr(made, what)) + amounts @ _table(shelf, names, what)) / total
-            for what in ("absorption", "scattering")
-        )
-        nothing = np.zeros((len(amounts), 2, grid.size))
-        body = film_readings(response, k * metres, s * metres, nothing, (base,))[:, 0]
-        return np.asarray(colour.lab(grid, body + surface, illuminant=light, observer=eye))
-
-    def distances(names: Sequence[str], amounts: np.ndarray) -> Float[np.ndarray, "tried"]:
-        return np.asarray(colour.delta_e_2000(labs(names, amounts), aim))
-
-    nothing = np.zeros((1, 0))
-    now = labs((), nothing)[0]
-    before = float(distances((), nothing)[0])
-    steps = np.geomspace(_LEAST, _MOST, _STEPS)
-    alone = {paint: float(distances((paint,), steps[:, None]).min()) for paint in shelf}
-    best = sorted(alone, key=lambda paint: alone[paint])[:_TRIED_TOGETHER]
-    chosen: tuple[str, ...] = ()
-    amounts = np.zeros(0)
-    nearest = before
-    coarse = np.geomspace(_LEAST, _MOST, _STEPS // 2)
-    for count in (1, 2):
-        tried = np.stack(np.meshgrid(*[(steps, coarse)[count - 1]] * count), axis=-1)
-        found = [
-            _refine(lambda a, names=names: distances(names, a), names, tried.reshape(-1, count))
-            for names in combinations(best[: 1 if count == 1 else None], count)
-        ]
-        if not found:
-            continue
-        distance, names, added = min(found, key=lambda item: item[0])
-        if distance < nearest - _WORTH:
-            nearest, chosen, amounts = distance, names, added
-    grams = {paint: float(batch * a) for paint, a in zip(chosen, amounts, strict=True)}
-    film = _foretell(
-        made, shelf, grams, batch=batch, metres=metres, ground=base, instrument=seen_by
+    pot = _Pot(
+        made=calibrated.pigment(name, UNIT, provenance=name),
+        shelf={paint.name: paint.resample(grid) for paint in pigments},
+        thickness=_THICK if hides else float(calibrated.thickness[0]) * UNIT,
+        ground=np.broadcast_to(np.asarray(ground, dtype=float), grid.shape),
+        surface=seen_by.seen_surface * float(calibrated.gloss[0]),
+        response=film_response(seen_by),
+        aim=target.lab(light, eye),
+        eye=(light, eye),
     )
-    expected = float(film.expected_errors(light, eye)[1])
+    nothing = _Tried(float(pot.distances((), np.zeros((1, 0)))[0]), (), np.zeros(0))
+    best = _search(pot, nothing)
+    grams = {paint: float(batch * a) for paint, a in zip(best.paints, best.amounts, strict=True)}
+    film = _foretell(pot, grams, batch, seen_by)
     return Addition(
         target=target,
         grams=grams,
         batch=batch,
-        thickness=None if hides else metres,
-        before=before,
-        after=nearest,
-        lab_before=now,
-        lab_after=labs(chosen, amounts[None])[0],
-        expected=expected,
+        thickness=None if hides else pot.thickness,
+        before=nothing.distance,
+        after=best.distance,
+        lab_before=pot.labs((), np.zeros((1, 0)))[0],
+        lab_after=pot.labs(best.paints, best.amounts[None])[0],
+        expected=float(film.expected_errors(light, eye)[1]),
         film=film,
     )
 
 
-def _table(
-    shelf: Mapping[str, Pigment], names: Sequence[str], what: str
-) -> Float[np.ndarray, "paints bands"]:
-    bands = next(iter(shelf.values())).wavelengths.size
-    rows = [np.asarray(getattr(shelf[name], what)) for name in names]
-    return np.stack(rows) if rows else np.zeros((0, bands))
+class _Tried(NamedTuple):
+    """Amounts of some paints to one of the mixture, and how far that is from the target."""
+
+    distance: float
+    paints: tuple[str, ...]
+    amounts: Float[np.ndarray, "paints"]
 
 
-def _refine(
-    distances, names: tuple[str, ...], tried: Float[np.ndarray, "tried paints"]
-) -> tuple[float, tuple[str, ...], Float[np.ndarray, "paints"]]:
+@dataclass(frozen=True)
+class _Pot:
+    """The mixture, what may be added, and the film and eye that judge it."""
+
+    made: Pigment
+    shelf: Mapping[str, Pigment]
+    thickness: float
+    ground: Float[np.ndarray, "bands"]
+    surface: float
+    response: Response
+    aim: Float[np.ndarray, "3"]
+    eye: tuple[str, str]
+
+    def labs(
+        self, paints: Sequence[str], amounts: Float[np.ndarray, "tried paints"]
+    ) -> Float[np.ndarray, "tried 3"]:
+        """Colours after some amounts are added to one of the mixture."""
+        grid = self.made.wavelengths
+        total = 1.0 + amounts.sum(axis=1, keepdims=True)
+        kd, sd = (
+            self.thickness
+            * (np.asarray(getattr(self.made, what)) + amounts @ self._table(paints, what))
+            / total
+            for what in ("absorption", "scattering")
+        )
+        nothing = np.zeros((len(amounts), 2, grid.size))
+        body = film_readings(self.response, kd, sd, nothing, (self.ground,))[:, 0]
+        light, eye = self.eye
+        seen = body + self.surface
+        return np.asarray(colour.lab(grid, seen, illuminant=light, observer=eye))
+
+    def distances(
+        self, paints: Sequence[str], amounts: Float[np.ndarray, "tried paints"]
+    ) -> Float[np.ndarray, "tried"]:
+        """CIEDE2000 of these from the target."""
+        return np.asarray(colour.delta_e_2000(self.labs(paints, amounts), self.aim))
+
+    def _table(self, paints: Sequence[str], what: str) -> Float[np.ndarray, "paints bands"]:
+        rows = [np.asarray(getattr(self.shelf[paint], what)) for paint in paints]
+        return np.stack(rows) if rows else np.zeros((0, self.made.wavelengths.size))
+
+
+def _search(pot: _Pot, nothing: _Tried) -> _Tried:
+    """The paint, or the two, that bring the colour nearest; nothing, if that is not seen."""
+    steps = np.geomspace(_LEAST, _MOST, _STEPS)
+    alone = {paint: float(pot.distances((paint,), steps[:, None]).min()) for paint in pot.shelf}
+    near = sorted(alone, key=lambda paint: alone[paint])[:_TRIED_TOGETHER]
+    best = nothing
+    for paints in (near[:1], near):
+        count = min(len(paints), 2)
+        each = steps if count == 1 else steps[::2]
+        tried = np.stack(np.meshgrid(*[each] * count), axis=-1).reshape(-1, count)
+        found = min(
+            (_refine(pot, names, tried) for names in combinations(paints, count)),
+            key=lambda tried: tried.distance,
+        )
+        if found.distance < best.distance - _WORTH:
+            best = found
+    return best
+
+
+def _refine(pot: _Pot, paints: tuple[str, ...], tried: Float[np.ndarray, "tried paints"]) -> _Tried:
     """The nearest of the amounts that were tried, and from there downhill."""
-    start = np.log(tried[int(distances(tried).argmin())])
+    start = np.log(tried[int(pot.distances(paints, tried).argmin())])
+
+    def amounts(logs: np.ndarray) -> np.ndarray:
+        return np.exp(np.minimum(logs, np.log(_MOST)))
 
     def off(logs: np.ndarray) -> float:
-        return float(distances(np.exp(np.minimum(logs, np.log(_MOST)))[None])[0])
+        return float(pot.distances(paints, amounts(logs)[None])[0])
 
     found = minimize(off, start, method="Nelder-Mead", options={"xatol": 1e-3, "fatol": 1e-3})
-    return float(found.fun), names, np.exp(np.minimum(found.x, np.log(_MOST)))
+    return _Tried(float(found.fun), paints, amounts(found.x))
 
 
 def _foretell(
-    made: Pigment,
-    shelf: Mapping[str, Pigment],
-    grams: Mapping[str, float],
-    *,
-    batch: float,
-    metres: float,
-    ground: Float[np.ndarray, "bands"],
-    instrument: InstrumentLike,
+    pot: _Pot, grams: Mapping[str, float], batch: float, instrument: InstrumentLike
 ) -> Prediction:
     """The film after the addition, over black and over its ground."""
-    added = {paint: mix(shelf, {paint: 1.0}, name=paint) for paint in grams}
+    added = {paint: mix(pot.shelf, {paint: 1.0}, name=paint) for paint in grams}
     (film,) = predict_mixture(
-        {made.name: made} | added,
-        {made.name: batch} | dict(grams),
-        [metres],
-        wavelengths=made.wavelengths,
-        ground=(0.0, ground),
+        {pot.made.name: pot.made} | added,
+        {pot.made.name: batch} | dict(grams),
+        [pot.thickness],
+        wavelengths=pot.made.wavelengths,
+        ground=(0.0, pot.ground),
         instrument=instrument,
         variation=_THE_SAME,
     )
