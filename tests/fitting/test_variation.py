@@ -450,7 +450,11 @@ def test_command_learns_from_a_reading(run, tmp_path, paints):
     status, out, err = run("10 Vermillion + 90 ZincWhite", "--reading", file)
     assert (status, err) == (0, "")
     assert "Reading mine: met to" in out
-    assert "What would help most: a reading of a film" in out
+    assert "No further reading of it would tell much more." in out
+    white = write(tmp_path / "white.tsv", films, ("b", "w", "ow"))
+    status, out, err = run("10 Vermillion + 90 ZincWhite", "--reading", white)
+    assert (status, err) == (0, "")
+    assert "What would help most: a reading of the same film over black." in out
     before, after = out.split("ΔE00")[2].split()[0], out.split("without the reading,")[1].split()[0]
     assert float(after) < 0.5 * float(before)
     assert "to the next" not in out

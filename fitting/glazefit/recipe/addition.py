@@ -26,9 +26,11 @@ from ..recover.mixture import film_readings, mix, predict_mixture
 from ..recover.prediction import Prediction
 from .targets import Target
 
-# Grams to a gram of the mixture: a drop on a knife, and three times as much.
+# Grams to a gram of the mixture: from a trace on a knife to as much again.
 _LEAST = 1e-3
-_MOST = 3.0
+_MOST = 1.0
+# Delta E00 that as much again must bring: paint is not added by the pound for what is hardly seen.
+_DEAR = 1.0
 _STEPS = 40
 _TRIED_TOGETHER = 6
 # A second paint must bring the colour this much nearer, and so must the first.
@@ -119,8 +121,8 @@ def next_addition(
         grams=grams,
         batch=batch,
         thickness=None if hides else pot.thickness,
-        before=nothing.distance,
-        after=best.distance,
+        before=nothing.cost,
+        after=float(pot.distances(best.paints, best.amounts[None])[0]),
         lab_before=pot.labs((), np.zeros((1, 0)))[0],
         lab_after=pot.labs(best.paints, best.amounts[None])[0],
         expected=float(film.expected_errors(light, eye)[1]),
@@ -129,9 +131,11 @@ def next_addition(
 
 
 class _Tried(NamedTuple):
-    """Amounts of some paints to one of the mixture, and how far that is from the target."""
+    """Amounts of some paints to one of the mixture, and how far that is from the target: with what
+    they cost.
+    """
 
-    distance: float
+    cost: float
     paints: tuple[str, ...]
     amounts: Float[np.ndarray, "paints"]
 
@@ -173,6 +177,12 @@ class _Pot:
         """CIEDE2000 of these from the target."""
         return np.asarray(colour.delta_e_2000(self.labs(paints, amounts), self.aim))
 
+    def costs(
+        self, paints: Sequence[str], amounts: Float[np.ndarray, "tried paints"]
+    ) -> Float[np.ndarray, "tried"]:
+        """Distances, and what the amounts cost."""
+        return self.distances(paints, amounts) + _DEAR * amounts.sum(axis=1)
+
     def _table(self, paints: Sequence[str], what: str) -> Float[np.ndarray, "paints bands"]:
         rows = [np.asarray(getattr(self.shelf[paint], what)) for paint in paints]
         return np.stack(rows) if rows else np.zeros((0, self.made.wavelengths.size))
@@ -181,7 +191,7 @@ class _Pot:
 def _search(pot: _Pot, nothing: _Tried) -> _Tried:
     """The paint, or the two, that bring the colour nearest; nothing, if that is not seen."""
     steps = np.geomspace(_LEAST, _MOST, _STEPS)
-    alone = {paint: float(pot.distances((paint,), steps[:, None]).min()) for paint in pot.shelf}
+    alone = {paint: float(pot.costs((paint,), steps[:, None]).min()) for paint in pot.shelf}
     near = sorted(alone, key=lambda paint: alone[paint])[:_TRIED_TOGETHER]
     best = nothing
     for paints in (near[:1], near):
@@ -190,22 +200,22 @@ def _search(pot: _Pot, nothing: _Tried) -> _Tried:
         tried = np.stack(np.meshgrid(*[each] * count), axis=-1).reshape(-1, count)
         found = min(
             (_refine(pot, names, tried) for names in combinations(paints, count)),
-            key=lambda tried: tried.distance,
+            key=lambda tried: tried.cost,
         )
-        if found.distance < best.distance - _WORTH:
+        if found.cost < best.cost - _WORTH:
             best = found
     return best
 
 
 def _refine(pot: _Pot, paints: tuple[str, ...], tried: Float[np.ndarray, "tried paints"]) -> _Tried:
     """The nearest of the amounts that were tried, and from there downhill."""
-    start = np.log(tried[int(pot.distances(paints, tried).argmin())])
+    start = np.log(tried[int(pot.costs(paints, tried).argmin())])
 
     def amounts(logs: np.ndarray) -> np.ndarray:
         return np.exp(np.minimum(logs, np.log(_MOST)))
 
     def off(logs: np.ndarray) -> float:
-        return float(pot.distances(paints, amounts(logs)[None])[0])
+        return float(pot.costs(paints, amounts(logs)[None])[0])
 
     found = minimize(off, start, method="Nelder-Mead", options={"xatol": 1e-3, "fatol": 1e-3})
     return _Tried(float(found.fun), paints, amounts(found.x))

@@ -89,7 +89,9 @@ def _print(addition: "Addition", reading: Path, console: "Console") -> None:
             f"{addition.before:.1f} by as much as can be seen."
         )
         return
-    amounts = " and ".join(f"{grams:.2g} g {paint}" for paint, grams in addition.grams.items())
+    amounts = " and ".join(
+        f"{float(f'{grams:.2g}'):g} g {paint}" for paint, grams in addition.grams.items()
+    )
     console.print(
         f"Add {amounts} to {addition.batch:g} g of it, weighed as they come from the tube. Expect "
         f"ΔE00 {addition.after:.1f} from the target, give or take {addition.expected:.1f}."

@@ -28,6 +28,8 @@ _GEOMETRY = "d:8"
 _USUAL = "25um"
 _FAR = 2.0
 """Delta E00 of a reading from its fit beyond which the mixture may be another one."""
+_SEEN = 0.1
+"""Delta E00 that a further reading must bring to be named."""
 _COARSE = 20.0
 """Bands farther apart than this, nm, give no colour by themselves."""
 _PART = re.compile(r"(?:(?P<weight>\d+\.?\d*|\.\d+)(?:\s*[%*]\s*|\s+))?(?P<name>\S.*)")
@@ -301,11 +303,13 @@ def _say_reading(
 
 def _say_next(further: "NextFilms", console: "Console") -> None:
     best = further.films[0]
-    if best.expected < further.now:
-        console.print(
-            f"What would help most: a reading of {best.film}. Films above would then be known to "
-            f"ΔE00 {best.expected:.1f}, where now it is {further.now:.1f}."
-        )
+    if further.now - best.expected < _SEEN:
+        console.print("No further reading of it would tell much more.")
+        return
+    console.print(
+        f"What would help most: a reading of {best.film}. What is open of this mixture makes "
+        f"ΔE00 {further.now:.1f} in the films above, and would then make {best.expected:.1f}."
+    )
 
 
 def _print(
