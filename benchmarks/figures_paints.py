@@ -223,6 +223,10 @@ add(
     white=cell("mean", 7),
 )
 add("acrylics", ".1f", most=most(*(cell("max", k) for k in range(8))))
+_READINGS = {
+    "white": "black by the reading over white",
+    "black": "white by that over black",
+}
 add(
     "prediction",
     ".2f",
@@ -232,10 +236,22 @@ add(
     simulated=cell("0%", 0, after="scatter of strength"),
     simulated_median=cell("0%", 1, after="scatter of strength"),
     scattered=cell("20%", 0, after="scatter of strength"),
-    without_reading=found(r"^without it (\S+) \("),
-    without_reading_median=found(r"^without it \S+ \((\S+)\)"),
-    reading=found(r"with it (\S+) \("),
-    reading_median=found(r"with it \S+ \((\S+)\)"),
+    **{
+        f"reading_{card}_{what}": found(rf"^glazejax, {line}: {words}")
+        for card, line in _READINGS.items()
+        for what, words in (
+            ("without", r"without it (\S+) \("),
+            ("without_median", r"without it \S+ \((\S+)\)"),
+            ("with", r".* with it (\S+) \("),
+            ("with_median", r".* with it \S+ \((\S+)\)"),
+            ("rank", r".*%, (\S+);"),
+        )
+    },
+    **{
+        f"km_reading_{card}_{what}": found(rf"^Kubelka-Munk, {line}: .* with it {words}")
+        for card, line in _READINGS.items()
+        for what, words in (("with", r"(\S+) \("), ("with_median", r"\S+ \((\S+)\)"))
+    },
     correlation=cell("rank correlation of said and true errors", 0),
 )
 add(
@@ -250,13 +266,20 @@ add(
     "prediction",
     ".0f %",
     in_band=cell("readings within the 90 % band", 0),
-    reading_in_band=found(r"with it .*, (\S+)%;"),
+    **{
+        f"{name}_{card}_inside": found(rf"^{optics}, {line}: .*, (\S+)%,")
+        for name, optics in (("reading", "glazejax"), ("km_reading", "Kubelka-Munk"))
+        for card, line in _READINGS.items()
+    },
 )
 add(
     "prediction",
     ".0f",
     films=found(r"^all +(\d+) films"),
-    reading_off=found(r"; (\d+) of \d+ above 3"),
+    **{
+        f"reading_{card}_above": found(rf"^glazejax, {line}: .*; (\d+) of \d+ above 3")
+        for card, line in _READINGS.items()
+    },
 )
 add(
     "prediction",

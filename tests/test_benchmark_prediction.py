@@ -74,3 +74,13 @@ def test_a_scan_of_other_code_starts_anew(scanned, monkeypatch, before):
     monkeypatch.setattr(prediction, "commit", lambda: before.replace("1a2b3c4", "5d6e7f8"))
     run()
     assert len(fitted) == 2 * len(prediction.SCAN)
+
+
+def test_a_film_has_no_say_in_how_far_films_scatter():
+    """Two spreads, over two cards: what one film alone gains by the second is chosen for the
+    others, not for itself.
+    """
+    off = np.ones((2, 2, 3))
+    off[1, :, 0] = 0.1
+    off[1, :, 1:] = 1.1
+    np.testing.assert_array_equal(prediction.choose_without(off), [0, 1, 1])

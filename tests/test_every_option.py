@@ -374,6 +374,12 @@ TABLE: dict[str, dict[str, Reaches | Looked]] = {
             ("two",),
             base="1*ZincWhite --reading one.csv",
         ),
+        "--film-thickness": Reaches(
+            "--reading one.csv --film-thickness 40um±5%",
+            lambda g: (g["gauge"].typical, g["gauge"].error),
+            (pytest.approx(40e-6), 0.05),
+            engine="calibrate_mixture",
+        ),
         "--thickness": Reaches(
             "--thickness 5um,40um", lambda g: g["thickness"], pytest.approx([5e-6, 40e-6])
         ),
@@ -403,6 +409,9 @@ TABLE: dict[str, dict[str, Reaches | Looked]] = {
             ["two"],
             base=f"--spectrum {SPECTRA}",
         ),
+        "--after": Looked("fitting/test_addition.py:test_command_says_what_to_add"),
+        "--mixed": Looked("fitting/test_addition.py:test_command_says_what_to_add"),
+        "--batch": Looked("fitting/test_addition.py:test_command_says_what_to_add"),
         "--colourchecker": Reaches("--colourchecker", lambda g: len(g["targets"]), 24, base=" "),
         "--patch": Reaches("--patch white", lambda g: len(g["targets"]), 1, base="--colourchecker"),
         "--illuminants": Reaches(

@@ -4,6 +4,7 @@ from .film.films import Noise as Noise
 from .film.model.errors import ModelError as ModelError
 from .film.model.errors import Prior as Prior
 from .film.model.mixing import MixingLaw as MixingLaw
+from .film.model.variation import Spread as Spread
 from .film.model.variation import Variation as Variation
 from .film.partial_films import read_loose_films as read_loose_films
 from .film.partial_films import recipes_from_names as recipes_from_names
@@ -28,6 +29,8 @@ from .posterior.posterior import posterior_of_bands as posterior_of_bands
 from .posterior.posterior import posterior_of_film as posterior_of_film
 from .posterior.spectra import SpectraPrior as SpectraPrior
 from .posterior.stack_posterior import posterior_of_coats as posterior_of_coats
+from .recipe.addition import Addition as Addition
+from .recipe.addition import next_addition as next_addition
 from .recipe.recipe import Recipe as Recipe
 from .recipe.recipe import find_recipes as find_recipes
 from .recipe.targets import Target as Target
@@ -48,6 +51,7 @@ from .recover.joint_result import JointRecovery as JointRecovery
 from .recover.mixture import calibrate_mixture as calibrate_mixture
 from .recover.mixture import mix as mix
 from .recover.mixture import predict_mixture as predict_mixture
+from .recover.next_reading import rank_next_readings as rank_next_readings
 from .recover.prediction import Prediction as Prediction
 from .recover.prediction import predict_films as predict_films
 from .recover.result import Recovery as Recovery

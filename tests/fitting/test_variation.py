@@ -12,17 +12,21 @@ import pytest
 
 import glazejax.commands.main
 from glazefit import Films, Noise, simulate_films
+from glazefit.film.films import SPECTRA
 from glazefit.film.model.errors import ModelError, relative_errors
 from glazefit.film.model.variation import (
     PRIOR,
     SIZES,
     SizeEvidence,
+    Spread,
     Variation,
     learn,
     log_likelihood,
 )
+from glazefit.recover.constraints import Gauge
 from glazefit.recover.joint import UNIT
-from glazefit.recover.mixture import calibrate_mixture, mix, predict_mixture
+from glazefit.recover.mixture import calibrate_mixture, drawn_mixture, mix, predict_mixture
+from glazefit.recover.next_reading import rank_next_readings
 from glazefit.recover.predict_command import read_recipe
 from glazejax import Pigment, catalogue, colour
 from glazejax.commands.main import main
@@ -213,6 +217,118 @@ def test_one_card_leaves_the_thickness_open(paints):
     assert off[0] < 3 * found.expected_error()
 
 
+def test_a_gauge_moves_what_one_card_cannot_tell(paints):
+    """The thickness that is said is nearly what is found; the rest is strength."""
+    films = painted(paints, TINT, 1.0, [20e-6])
+    alone = dataclasses.replace(films, seen=np.array([[False, True]]))
+    thin, thick = (
+        calibrate_mixture(
+            paints, TINT, alone, noise=Noise(), gauge=Gauge({"f0": metres}, 0.02, 0.02)
+        )
+        for metres in (15e-6, 30e-6)
+    )
+    assert thick.thickness[0] / thin.thickness[0] == pytest.approx(2.0, rel=0.2)
+    k, s = (
+        np.mean(np.log(getattr(thin, what) / getattr(thick, what)))
+        for what in ("absorption", "scattering")
+    )
+    assert min(k, s) > 0.1
+
+
+def test_films_that_scatter_less_are_known_better(paints):
+    films = painted(paints, TINT, 1.0, [25e-6])
+    alone = dataclasses.replace(films, seen=np.array([[False, True]]))
+    sd = [
+        calibrate_mixture(paints, TINT, alone, noise=Noise(), spread=Spread(thickness))
+        .draws.films[:, 0, 0]
+        .std()
+        for thickness in (0.02, 0.3)
+    ]
+    assert sd[0] < 0.022
+    assert sd[1] > 3 * sd[0]
+
+
+def test_a_reading_that_is_too_bright_is_gain_as_far_as_films_have_it(paints):
+    """A factor of 1.1 at all bands: with a gain it is met far better, and bands are wider by it."""
+    films = painted(paints, TINT, 1.0, [25e-6])
+    bright = dataclasses.replace(
+        films, over_white=1.1 * films.over_white, seen=np.array([[False, True]])
+    )
+    tied, free = (
+        calibrate_mixture(paints, TINT, bright, noise=Noise(), spread=Spread(0.02, gain))
+        for gain in (0.0, 0.1)
+    )
+    assert free.chi_square[0] < 0.5 * tied.chi_square[0]
+    widths = []
+    for found in (tied, free):
+        (made,) = predict_mixture(paints, TINT, [25e-6], wavelengths=GRID, calibrated=found)
+        low, high = made.interval()
+        widths.append(np.mean((high - low) / made.reflectance))
+    assert widths[1] > np.hypot(widths[0], 0.2)
+
+
+def test_a_reading_in_a_few_bands_tells_the_others(paints):
+    """Four filters of a camera: the strength that they tell holds between them."""
+    films = painted(paints, TINT, 0.6, [20e-6], noise=Noise())
+    few = [2, 6, 10, 13]
+    read = dataclasses.replace(
+        films,
+        wavelengths=GRID[few],
+        **{what: getattr(films, what)[:, few] for what in SPECTRA},
+    )
+    found = calibrate_mixture(paints, TINT, read, noise=Noise(), wavelengths=GRID)
+    np.testing.assert_array_equal(found.wavelengths, GRID)
+    length = [20e-6]
+    (before,) = predict_mixture(paints, TINT, length, wavelengths=GRID)
+    length = [found.thickness[0] * UNIT]
+    (after,) = predict_mixture(paints, TINT, length, wavelengths=GRID, calibrated=found)
+    off = [p.delta_e(films.over_black, films.over_white).mean() for p in (before, after)]
+    assert off[1] < 0.2 * off[0]
+    low, high = after.interval(0.98)
+    truth = np.stack([films.over_black[0], films.over_white[0]])
+    assert np.mean((low <= truth) & (truth <= high)) > 0.9
+    # What was not read is not fitted.
+    np.testing.assert_array_equal(found.films.over_black[0, few], read.over_black[0])
+    np.testing.assert_array_equal(found.residual[:, :, [0, 1, 3]], 0.0)
+
+
+def test_the_film_that_was_read_is_the_yardstick(paints):
+    """Over white a stronger and thinner film looks the same: what is known of the product is not
+    lost in the bands of that film.
+    """
+    films = painted(paints, TINT, 1.0, [25e-6])
+    found = calibrate_mixture(paints, TINT, films, noise=Noise())
+    depth = found.draws.films[:, 0, 0]
+    log_s = found.draws.bands[:, :, 1].mean(axis=1)
+    together = np.std(depth + log_s - found.unknowns.films[0, 0])
+    assert together < 0.7 * np.std(log_s)
+    off = drawn_mixture(found)
+    assert np.std(off[:, 1].mean(axis=1)) == pytest.approx(together, rel=1e-6)
+
+
+def test_the_other_card_is_the_reading_that_helps_most(paints):
+    """And with it films are known about as well as was foretold."""
+    films = painted(paints, TINT, 0.8, [20e-6])
+    white, both = (
+        calibrate_mixture(paints, TINT, dataclasses.replace(films, seen=np.array([seen])))
+        for seen in ([False, True], [True, True])
+    )
+    length = [20e-6]
+    further = rank_next_readings(white, length)
+    expected = [film.expected for film in further.films]
+    assert expected == sorted(expected)
+    assert expected[0] < further.now
+    assert further.films[0].film == "the same film over black"
+    assert not any("over white" in film.film and "same" in film.film for film in further.films)
+    known = rank_next_readings(both, length).now
+    assert expected[0] == pytest.approx(known, rel=0.5)
+    hides = dataclasses.replace(films, opaque=np.array([True]))
+    opaque = rank_next_readings(calibrate_mixture(paints, TINT, hides), length)
+    assert {film.film for film in opaque.films} == {
+        f"a film {words} as thick over black and white" for words in ("half", "twice")
+    }
+
+
 def test_a_prediction_without_errors_is_the_film(paints):
     films = painted(paints, TINT, 1.0, [12e-6])
     (found,) = predict_mixture(paints, TINT, [12e-6], wavelengths=GRID)
@@ -334,6 +450,11 @@ def test_command_learns_from_a_reading(run, tmp_path, paints):
     status, out, err = run("10 Vermillion + 90 ZincWhite", "--reading", file)
     assert (status, err) == (0, "")
     assert "Reading mine: met to" in out
+    assert "No further reading of it would tell much more." in out
+    white = write(tmp_path / "white.tsv", films, ("b", "w", "ow"))
+    status, out, err = run("10 Vermillion + 90 ZincWhite", "--reading", white)
+    assert (status, err) == (0, "")
+    assert "What would help most: a reading of the same film over black." in out
     before, after = out.split("ΔE00")[2].split()[0], out.split("without the reading,")[1].split()[0]
     assert float(after) < 0.5 * float(before)
     assert "to the next" not in out

@@ -34,8 +34,8 @@ def register(app: typer.Typer) -> None:
 @help_groups(
     usual="--lab --srgb --spectrum --only --out",
     given=(
-        "--samples --colourchecker --patch --pigments --catalogue --without --modern --ground "
-        "--instrument"
+        "--samples --colourchecker --patch --after --mixed --batch --pigments --catalogue "
+        "--without --modern --ground --instrument"
     ),
     tried="--glazes --max-paints --max-coats --coat-thickness --illuminants --test-illuminant",
     written="--count --csv --json --spectra --overwrite",
@@ -63,6 +63,34 @@ def recipe(
         ),
     ] = None,
     samples: options.Samples = "",
+    after: Annotated[
+        Path | None,
+        typer.Option(
+            "--after",
+            metavar="FILE",
+            help="I mixed it, and it came out like this: spectra of one film of it, as predict "
+            "--reading takes them. Says what to add. With --mixed.",
+            show_default=False,
+        ),
+    ] = None,
+    mixed: Annotated[
+        str,
+        typer.Option(
+            "--mixed",
+            metavar="MIXTURE",
+            help="What was mixed for --after: '10 Vermillion + 90 ZincWhite', by weight.",
+            show_default=False,
+        ),
+    ] = "",
+    batch: Annotated[
+        float | None,
+        typer.Option(
+            "--batch",
+            metavar="GRAMS",
+            help="How much of it there is. Default: the weights of --mixed are grams.",
+            show_default=False,
+        ),
+    ] = None,
     colourchecker: Annotated[
         bool,
         typer.Option("--colourchecker", help="The 24 measured patches of a ColorChecker chart."),
@@ -179,10 +207,21 @@ def recipe(
     Tubes as they are, in up to six coats: glazejax recipe --lab 50,20,30 --glazes
 
     For many colours at once: glazejax recipe --colourchecker
+
+    Mixed, and not quite it: glazejax recipe --lab 50,20,30 --after film.csv --mixed '10
+    Vermillion + 90 ZincWhite' says what to add, in grams.
     """
     started = time.perf_counter()
     others = {"--csv": csv, "--json": json, "--spectra": spectra}
-    options.check_outputs({"--out": out} | others, overwrite)
+    if (after is None) != (not mixed) or (batch is not None and after is None):
+        raise ValueError(
+            "--after FILE, --mixed MIXTURE and --batch GRAMS go together: what was mixed, and how "
+            "it came out"
+        )
+    if after is None:
+        options.check_outputs({"--out": out} | others, overwrite)
+    elif named := [option for option, path in others.items() if path is not None]:
+        raise ValueError(f"{named[0]} is for recipes; --after writes nothing: leave it out")
     lights = options.split_names(illuminants)
     bounds = options.read_lengths(
         _COATS if coat_thickness is None else coat_thickness, "--coat-thickness"
@@ -195,11 +234,13 @@ def recipe(
     base = options.read_ground(_GROUND if ground is None else ground)
     from rich.console import Console
 
+    from glazejax.geometry import resolve_instrument
+
     targets, notes = _targets(
         lab,
         srgb,
         spectrum,
-        samples=samples,
+        samples="" if after is not None and spectrum is None else samples,
         chart=colourchecker or bool(patch),
         patch=patch,
         lights=lights,
@@ -208,8 +249,28 @@ def recipe(
 
     if spectra is not None and not all(target.spectral for target in targets):
         raise ValueError("--spectra: the target is a colour and has no spectrum; leave it out")
-    paints = options.choose_paints(options.read_shelf(pigments, catalogue), only, without)
+    shelf = options.read_shelf(pigments, catalogue)
+    paints = options.choose_paints(shelf, only, without)
     paints = _modern(paints) if modern else paints
+    if after is not None:
+        from .command_after import say_addition
+
+        if len(targets) > 1:
+            raise ValueError(f"--after is for one target, and there are {len(targets)}")
+        say_addition(
+            targets[0],
+            after,
+            mixed,
+            batch,
+            samples="" if spectrum is not None else samples,
+            shelf=shelf,
+            paints=paints,
+            ground=base,
+            instrument=resolve_instrument(seen_by, refractive_index),
+            eye=(lights[0], observer),
+            console=Console(highlight=False),
+        )
+        return
     task = make_task(
         targets,
         paints,

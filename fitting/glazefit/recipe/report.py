@@ -47,6 +47,27 @@ _SEEN = 0.05
 
 NO_BREAK = "\u00a0"
 
+BRUSHED = 25e-6
+"""Thickness of one coat as a brush lays it, m: assumed, as are those of the oils' own films."""
+DENSITY = 1.5e6
+"""Of paint from a tube, g/m3: assumed; whites are denser, lakes lighter."""
+# A coat as far from a brushed one as this counts as one.
+_ONE_COAT = 1.5
+
+
+def in_painters_terms(thickness: float) -> str:
+    """A thickness (m) in grams to the square metre and in coats of a brush, which are a guess."""
+    coats = thickness / BRUSHED
+    size, mass = (float(f"{value:.2g}") for value in (thickness * 1e6, thickness * DENSITY))
+    grams = f"{size:g} µm, about {mass:g} g/m²"
+    if coats > _ONE_COAT:
+        laid = f"{coats:.0f} brushed coats"
+    elif coats > 1 / _ONE_COAT:
+        laid = "one brushed coat"
+    else:
+        laid = f"one coat thinned about 1:{max(1 / coats - 1, 1):.0f} with medium"
+    return f"{grams}, {laid} (a guess: 1.5 g/ml, {BRUSHED * 1e6:g} µm a coat)"
+
 
 def describe_coat(coat: Coat) -> str:
     """A coat in words, such as ``3.5 µm · 89.1 % ZincWhite + 10.9 % EmeraldGreen (8 : 1)``; lines
@@ -112,6 +133,9 @@ def print_recipes(recipes: Sequence[Recipe], console: Console, seen: str = "") -
     )
     console.print(table)
     console.print(Text(MIXING.format(first.between_mixings), style="dim"))
+    for number, coat in enumerate(first.coats, 1):
+        words = f"Coat {number} of the first: {in_painters_terms(coat.thickness)}."
+        console.print(Text(words, style="dim"))
     _print_cautions(recipes, console)
     line = f"glazejax render --coats '{first.text}'"
     console.print(

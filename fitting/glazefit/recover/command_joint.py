@@ -174,8 +174,9 @@ def _white(text: str, own: "Mapping[str, Pigment]", name: str) -> "Pigment":
 _SPREAD = re.compile(r"(?P<length>[^±+]*?)\s*(?:±|\+/?-)\s*(?P<share>\d+(?:\.\d+)?)\s*%")
 
 
-def read_gauge(text: str, films: Sequence[str]) -> "Gauge | None":
-    """Thicknesses of ``--wet-film``; None if it is empty, or says that one bar drew them all.
+def read_gauge(text: str, films: Sequence[str], option: str = "--wet-film") -> "Gauge | None":
+    """Thicknesses of an option such as ``--wet-film``; None if it is empty, or says that one bar
+    drew all films.
 
     Raises:
         ValueError: no length, or a film that there is not.
@@ -189,13 +190,11 @@ def read_gauge(text: str, films: Sequence[str]) -> "Gauge | None":
     for part in options.split_names(text):
         film, equals, length = part.rpartition("=")
         spread = _SPREAD.fullmatch(length.strip())
-        metres = options.read_length(spread["length"] if spread else length, "--wet-film")
+        metres = options.read_length(spread["length"] if spread else length, option)
         errors += [float(spread["share"]) / 100] if spread else []
         film = film.strip()
         if equals and film not in films:
-            raise ValueError(
-                f"--wet-film: no film is called {film!r}; there are {', '.join(films)}"
-            )
+            raise ValueError(f"{option}: no film is called {film!r}; there are {', '.join(films)}")
         lengths |= dict.fromkeys([film] if equals else films, metres)
     return Gauge(lengths, error=max(errors)) if errors else Gauge(lengths)
 

@@ -102,6 +102,7 @@ class Constraints(NamedTuple):
     band_modes: Float[np.ndarray, "others bands local"]
     ground_modes: Float[np.ndarray, "others films 2"]
     thickness_modes: Float[np.ndarray, "others films"]
+    gain_modes: Float[np.ndarray, "others films 2"]
     modes_of: Mapping[str, Modes]
 
 
@@ -112,6 +113,9 @@ def gather_constraints(
     gauge: Gauge | None,
     unit: float,
     spread: float,
+    *,
+    scale: float = SCALE,
+    gain: float = 0.0,
 ) -> Constraints:
     """Arrays of what is known.
 
@@ -122,6 +126,8 @@ def gather_constraints(
         gauge: thicknesses.
         unit: thickness of a film of unit relative thickness, m.
         spread: standard deviation of the log of a film's thickness where there is no gauge.
+        scale: of the log of a factor of all thicknesses, where there is a known paint.
+        gain: of the log of each reading's gain.
 
     Raises:
         ValueError: a known paint does not cover the films' wavelengths, or the gauge names a film
@@ -141,12 +147,13 @@ def gather_constraints(
             logs[:, place] = np.log(np.maximum(np.asarray(values) * unit, 1e-7))
         groups.setdefault(paint.provenance, {})[column] = paint
     band_modes, modes_of = _paint_modes(groups, bands, count)
-    thickness, thickness_sd, scale = _thicknesses(
-        films, gauge, unit, spread, known=bool(flags.any())
+    thickness, thickness_sd, factor = _thicknesses(
+        films, gauge, unit, spread, scale if flags.any() else 0.0
     )
     levels = _card_levels(films)
-    parts = len(band_modes), len(levels), len(scale)
-    others = sum(parts)
+    gains = _gains(films, gain)
+    ends = np.cumsum([len(band_modes), len(levels), len(factor), len(gains)])
+    others = int(ends[-1])
     constraints = Constraints(
         logs=logs,
         known=flags,
@@ -155,11 +162,13 @@ def gather_constraints(
         band_modes=np.zeros((others, bands, 2 * count)),
         ground_modes=np.zeros((others, len(films), 2)),
         thickness_modes=np.zeros((others, len(films))),
+        gain_modes=np.zeros((others, len(films), 2)),
         modes_of=modes_of,
     )
-    constraints.band_modes[: parts[0]] = band_modes
-    constraints.ground_modes[parts[0] : parts[0] + parts[1]] = levels
-    constraints.thickness_modes[parts[0] + parts[1] :] = scale
+    constraints.band_modes[: ends[0]] = band_modes
+    constraints.ground_modes[ends[0] : ends[1]] = levels
+    constraints.thickness_modes[ends[1] : ends[2]] = factor
+    constraints.gain_modes[ends[2] :] = gains
     return constraints
 
 
@@ -233,7 +242,7 @@ def error_modes(paint: Pigment) -> Float[np.ndarray, "modes 2 bands"]:
 
 
 def _thicknesses(
-    films: Films, gauge: Gauge | None, unit: float, spread: float, *, known: bool
+    films: Films, gauge: Gauge | None, unit: float, spread: float, scale: float
 ) -> tuple[
     Float[np.ndarray, "films"], Float[np.ndarray, "films"], Float[np.ndarray, "modes films"]
 ]:
@@ -243,7 +252,7 @@ def _thicknesses(
     count = len(films)
     mean = np.zeros(count)
     sd = np.full(count, spread)
-    common = SCALE if known else 0.0
+    common = scale
     if gauge is not None:
         for film in gauge.thickness:
             if film not in films.names:
@@ -264,3 +273,11 @@ def _card_levels(films: Films) -> Float[np.ndarray, "modes films 2"]:
     for card in range(2):
         modes[card, :, card] = CARD_LEVELS[card] * needed[:, card]
     return modes[needed.any(axis=0)]
+
+
+def _gains(films: Films, gain: float) -> Float[np.ndarray, "modes films 2"]:
+    """The log of each reading's gain: one of its own for all that was read."""
+    read = np.argwhere(films.seen) if gain else np.zeros((0, 2), dtype=int)
+    modes = np.zeros((len(read), len(films), 2))
+    modes[np.arange(len(read)), read[:, 0], read[:, 1]] = gain
+    return modes

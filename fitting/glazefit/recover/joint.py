@@ -61,7 +61,7 @@ def recover_jointly(
     noise: Noise | None = None,
     law: MixingLaw | None = None,
     expectations: Expectations | None = None,
-    use: Float[np.ndarray, "films"] | None = None,
+    use: Float[np.ndarray, "films"] | Float[np.ndarray, "films bands"] | None = None,
     start: Unknowns | None = None,
     max_steps: int = MAX_STEPS,
     response: Response | None = None,
@@ -81,7 +81,7 @@ def recover_jointly(
         law: mixing law, by default linear by mass.
         expectations: what is expected beforehand.
         use: (films,), 0 for films that are held out and predicted, 1 for the others; by default all
-            ones.
+            ones. Or (films, bands), 0 for bands that were not read.
         start: where to start, such as `JointRecovery.unknowns` of a fit of the same films.
         max_steps: of the solver, in each of its two stages.
         response: model of one film, by default that of the instrument
@@ -104,14 +104,22 @@ def recover_jointly(
         raise ValueError("there are no films to recover")
     instrument = resolve_instrument(instrument)
     law = law or MixingLaw()
-    noise = noise or estimate_noise(
-        films if use is None else films.take(np.flatnonzero(use).tolist())
-    )
+    used = np.ones((len(films), 1)) if use is None else np.reshape(use, (len(films), -1))
+    noise = noise or estimate_noise(films.take(np.flatnonzero(used.any(axis=1)).tolist()))
     paints, weights = weight_table(films.names, recipes)
     shares = law.shares(weights, paints)
     expected = expectations or Expectations()
     pigments = pigments or {}
-    constraints = gather_constraints(films, paints, pigments, gauge, unit, expected.thickness)
+    constraints = gather_constraints(
+        films,
+        paints,
+        pigments,
+        gauge,
+        unit,
+        expected.thickness,
+        scale=expected.scale,
+        gain=expected.gain,
+    )
     measured_gloss = np.array([(gloss or {}).get(name, np.nan) for name in films.names])
     problem = pose(
         films,
@@ -124,7 +132,7 @@ def recover_jointly(
         gloss=measured_gloss,
     )
     deviation = np.moveaxis(1.0 / np.asarray(problem.weight), 0, -1)
-    kept = films.seen if use is None else films.seen * use[:, None]
+    kept = films.seen * used.T[..., None]
     problem = problem._replace(weight=jnp.asarray(np.asarray(problem.weight) * kept))
     response = response or film_response(instrument)
     if start is None:
@@ -187,7 +195,13 @@ def pose(
 ) -> JointProblem:
     """Arrays of a joint problem."""
     constraints = constraints or gather_constraints(
-        films, ["" for _ in range(shares.shape[1])], {}, None, 1.0, expected.thickness
+        films,
+        ["" for _ in range(shares.shape[1])],
+        {},
+        None,
+        1.0,
+        expected.thickness,
+        gain=expected.gain,
     )
     black, white, sd_black, sd_white = cards(films, instrument, noise)
     measured = np.stack([films.over_black, films.over_white], axis=-1)
@@ -245,6 +259,7 @@ def pose(
         "band_modes": constraints.band_modes,
         "ground_modes": constraints.ground_modes,
         "thickness_modes": constraints.thickness_modes,
+        "gain_modes": constraints.gain_modes,
     }
     return JointProblem(**{name: jnp.asarray(array) for name, array in arrays.items()})
 

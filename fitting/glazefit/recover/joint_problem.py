@@ -13,9 +13,9 @@ squares: residuals of the readings, the curvature of log k and log s along the w
 steps of log s where a paint is nearly black, and the priors.
 
 What else may be off, all standard normal beforehand, are the `others` (see `known`): error modes of
-paints that are known already, the level of cards that were not measured, and a factor of all
-thicknesses. They are added to the bands' and the films' unknowns, which are then deviations;
-`totals` adds them up.
+paints that are known already, the level of cards that were not measured, a factor of all
+thicknesses, and a factor of each reading. They are added to the bands' and the films'
+unknowns, which are then deviations; `totals` adds them up.
 """
 
 from typing import NamedTuple
@@ -77,6 +77,11 @@ class Expectations(NamedTuple):
     """
     level_s: tuple[float, float] = (1.0, 1.5)
     """The same of log(s d)."""
+    scale: float = 1.0
+    """Of the log of a factor of all thicknesses where paints are known: theirs may be in another
+    unit than the films'."""
+    gain: float = 0.0
+    """Of the log of a factor of all bands of one reading: texture, and how the film was held."""
     model_floor: float = 0.01
     """What the model itself may be off, added to the noise: near black,"""
     model_share: float = 0.01
@@ -124,6 +129,7 @@ class JointProblem(NamedTuple):
     band_modes: Float[Array, "others bands local"]
     ground_modes: Float[Array, "others films 2"]  # of log(rho / (1 - rho))
     thickness_modes: Float[Array, "others films"]
+    gain_modes: Float[Array, "others films 2"]
 
 
 class JointResiduals(NamedTuple):
@@ -186,7 +192,8 @@ def readings(
         + problem.gloss
         + whole.films[:, 1]
     )
-    return problem.surface * gloss[:, None] + response.body(kd[..., None], sd[..., None], ground)
+    seen = problem.surface * gloss[:, None] + response.body(kd[..., None], sd[..., None], ground)
+    return seen * jnp.exp(jnp.einsum("o,ofc->fc", unknowns.others, problem.gain_modes))
 
 
 def residuals(unknowns: Unknowns, args: tuple[JointProblem, Response]) -> JointResiduals:

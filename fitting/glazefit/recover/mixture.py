@@ -9,20 +9,29 @@ thicknesses and grounds is that same mixing, no more another one.
 """
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from glazejax import Pigment
 from glazejax.geometry import resolve_instrument
 from glazejax.paint.describe import format_length
 
-from ..film.films import Films, InstrumentLike, Noise, usual_cards
-from ..film.model.errors import ModelError, error_modes, relative_errors, smooth_kernel
+from ..film.films import SPECTRA, Films, InstrumentLike, Noise, usual_cards
+from ..film.model.errors import (
+    ModelError,
+    draw_model_errors,
+    error_modes,
+    relative_errors,
+    smooth_kernel,
+)
 from ..film.model.mixing import MixingLaw
 from ..film.model.response import HIGHEST, Response, film_response
-from ..film.model.variation import MIXED, Variation
+from ..film.model.variation import MIXED, Spread, Variation
+from ..film.noise import estimate_noise
+from .constraints import Gauge
 from .joint import UNIT, recover_jointly
 from .joint_problem import Expectations
 from .joint_result import JointRecovery
@@ -32,7 +41,9 @@ _DRAWS = 256
 _SHAPES = 8
 # A reading of the mixture itself counts as far as the optics is exact, not as a paint between
 # films.
-_CLOSE = Expectations(model_floor=0.003, model_share=0.003)
+_CLOSE = Expectations(model_floor=0.002, model_share=0.006)
+# Its errors are alike at neighbouring bands and over both cards.
+_ALIKE = ModelError(amplitude=1.0, length=60.0, scales=(1.0,), weights=(1.0,))
 
 Modes = Float[np.ndarray, "modes 2 bands"]
 
@@ -90,17 +101,19 @@ def predict_mixture(
     law: MixingLaw | None = None,
     variation: Variation | None = None,
     calibrated: JointRecovery | None = None,
+    response: Response | None = None,
 ) -> list[Prediction]:
     """What a mixture of known paints will look like at some thicknesses, over a black and a white
     ground.
 
     Args:
         pigments, recipe, wavelengths, law, variation: as for `mix`.
-        thickness: m.
+        thickness: m; with `calibrated` on the scale of its film, which is as thick as was found.
         ground: internal reflectance of the black and the white ground, each a number or (bands,);
             by default usual cards.
         instrument: by default d:8 with the specular part, refractive index 1.5.
         calibrated: what `calibrate_mixture` found; then it is that mixing which is foretold.
+        response: model of one film, by default that of the instrument.
 
     Returns:
         A `Prediction` for each thickness, whose relative thickness is in units of
@@ -110,7 +123,7 @@ def predict_mixture(
         ValueError: as `mix`, or a thickness that is not positive.
     """
     instrument = resolve_instrument(instrument)
-    response = film_response(instrument)
+    response = response or film_response(instrument)
     paints = tuple(paint for paint, weight in recipe.items() if weight > 0)
     if calibrated is None:
         k, s, parts, _ = _mix(pigments, recipe, wavelengths, law, "")
@@ -124,8 +137,7 @@ def predict_mixture(
     else:
         grid = calibrated.wavelengths
         k, s = (found[0] / UNIT for found in (calibrated.absorption, calibrated.scattering))
-        drawn = calibrated.draws.bands - calibrated.unknowns.bands  # (draws, bands, 2)
-        off = {"paint": np.swapaxes(drawn, 1, 2)}
+        off = {"paint": drawn_mixture(calibrated)}
         gloss = calibrated.gloss
     empty = np.zeros((len(next(iter(off.values()))), 2, grid.size))
     grounds = (
@@ -140,11 +152,17 @@ def predict_mixture(
             raise ValueError(
                 f"a thickness of {metres:g} m; it must be above 0, in metres, such as 25e-6"
             )
-        mean = _readings(response, k * metres, s * metres, np.zeros((1, 2, grid.size)), grounds)[0]
+        mean = film_readings(
+            response, k * metres, s * metres, np.zeros((1, 2, grid.size)), grounds
+        )[0]
         spread = {
-            part: _readings(response, k * metres, s * metres, o, grounds) - mean
+            part: film_readings(response, k * metres, s * metres, o, grounds) - mean
             for part, o in off.items()
         }
+        if calibrated is not None:
+            spread["paint"] = spread["paint"] + _drawn_readings(
+                calibrated, instrument.seen_surface, mean + surface
+            )
         deviations = {part: spread.get(part, empty) for part in ("scale", "paint", "film")}
         over_black, over_white = mean + surface
         out.append(
@@ -173,9 +191,15 @@ def calibrate_mixture(
     instrument: InstrumentLike | None = None,
     noise: Noise | None = None,
     response: Response | None = None,
+    spread: Spread | None = None,
+    gauge: Gauge | None = None,
+    wavelengths: Float[np.ndarray, "bands"] | None = None,
 ) -> JointRecovery:
     """k and s of one mixture, from its paints and a reading of it: above all how strong it came
     out.
+
+    Thickness, strength, scattering and the reading's gain are open together, each as far as films
+    scatter: what one reading cannot tell apart stays in the errors.
 
     Args:
         pigments, recipe, law, variation: as for `mix`.
@@ -183,6 +207,12 @@ def calibrate_mixture(
         instrument: by default d:8 with the specular part, refractive index 1.5.
         noise: of a reading, by default told from its roughness.
         response: model of one film, by default that of the instrument.
+        spread: how far films scatter in thickness and gain, by default what foretells revigo's
+            best (`python -m benchmarks.prediction` chooses it anew without each film).
+        gauge: thicknesses of the films, in metres on the scale of the paints; by default each is
+            about `glazefit.recover.joint.UNIT`.
+        wavelengths: nm, on which the mixture is sought beside those of the reading, which may be
+            few: filters of a camera, say. By default those of the reading alone.
 
     Returns:
         A joint recovery whose only paint is the mixture: `pigment` gives its k and s, `thickness`
@@ -192,17 +222,83 @@ def calibrate_mixture(
     Raises:
         ValueError: as `mix` and `recover_jointly`.
     """
+    noise = noise or estimate_noise(films)
+    films, read = _spread_bands(films, wavelengths)
     mixture = mix(pigments, recipe, wavelengths=films.wavelengths, law=law, variation=variation)
-    return recover_jointly(
+    spread = spread or Spread()
+    found = recover_jointly(
         films,
         {film: {mixture.name: 1.0} for film in films.names},
         instrument=instrument,
         noise=noise,
-        expectations=_CLOSE,
+        # Films of known paints: their scale is the films' own.
+        expectations=_CLOSE._replace(thickness=spread.thickness, gain=spread.gain, scale=0.0),
+        use=np.tile(read.astype(float), (len(films), 1)),
         response=response,
         pigments={mixture.name: mixture},
+        gauge=gauge,
         unit=UNIT,
     )
+    if read.all():
+        return found
+    # What was not read is as it was found to be.
+    filled = replace(
+        films,
+        over_black=np.where(read, films.over_black, found.fitted_black),
+        over_white=np.where(read, films.over_white, found.fitted_white),
+    )
+    return replace(found, films=filled)
+
+
+def _spread_bands(
+    films: Films, wavelengths: Float[np.ndarray, "bands"] | None
+) -> tuple[Films, Bool[np.ndarray, "bands"]]:
+    """Films at further wavelengths, interpolated, and at which they were read."""
+    own = films.wavelengths
+    grid = own if wavelengths is None else np.union1d(own, wavelengths)
+    if grid.size == own.size:
+        return films, np.ones(own.size, dtype=bool)
+    wider = {
+        what: np.stack([np.interp(grid, own, row) for row in getattr(films, what)])
+        for what in SPECTRA
+    }
+    return replace(films, wavelengths=grid, **wider), np.isin(grid, own)
+
+
+def drawn_mixture(calibrated: JointRecovery) -> Float[np.ndarray, "draws 2 bands"]:
+    """Errors of log k and log s of a film as thick as those that were read, or as many times as
+    thick.
+
+    A stronger mixture goes with a thinner film: their product is known better than either.
+    """
+    bands = calibrated.draws.bands - calibrated.unknowns.bands
+    films = calibrated.draws.films - calibrated.unknowns.films
+    through = ~calibrated.films.opaque
+    depth = films[:, through, 0].mean(axis=1) if through.any() else np.zeros(len(films))
+    return np.swapaxes(bands, 1, 2) + depth[:, None, None]
+
+
+def _drawn_readings(
+    calibrated: JointRecovery, seen_surface: float, expected: Float[np.ndarray, "2 bands"]
+) -> Float[np.ndarray, "draws 2 bands"]:
+    """What else a reading may be off: its surface, its gain, and the model.
+
+    Args:
+        calibrated: what was found.
+        seen_surface: reflectance of a smooth surface, as it is seen.
+        expected: reflectance over black and white.
+    """
+    best = calibrated.unknowns
+    drawn = calibrated.draws
+    count = len(drawn.paints)
+    rng = np.random.default_rng(1)
+    size = calibrated.expectations
+    log_gloss = drawn.paints[:, 0, 0] + drawn.films[:, 0, 1]
+    gloss = np.exp(log_gloss) - np.exp(best.paints[0, 0] + best.films[0, 1])
+    gain = size.gain * rng.standard_normal((count, 2, 1))
+    model = draw_model_errors(rng, count, 2, calibrated.wavelengths, _ALIKE)
+    level = size.model_floor + size.model_share * expected
+    return seen_surface * gloss[:, None, None] + gain * expected + level * model
 
 
 def _paints(pigments: Mapping[str, Pigment], recipe: Mapping[str, float]) -> dict[str, Pigment]:
@@ -282,7 +378,7 @@ def _each(
     return out.reshape(-1, paints, 2, modes.shape[3])
 
 
-def _readings(
+def film_readings(
     response: Response,
     kd: Float[np.ndarray, "bands"],
     sd: Float[np.ndarray, "bands"],

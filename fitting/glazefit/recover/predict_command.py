@@ -13,11 +13,14 @@ from glazejax.commands import options, progress
 from glazejax.commands.help_groups import help_groups
 
 if TYPE_CHECKING:
+    import numpy as np
+    from jaxtyping import Float
     from rich.console import Console
 
     from glazejax import Pigment
 
     from ..film.films import Films
+    from .experimental_design import NextFilms
     from .joint_result import JointRecovery
     from .prediction import Prediction
 
@@ -25,6 +28,10 @@ _GEOMETRY = "d:8"
 _USUAL = "25um"
 _FAR = 2.0
 """Delta E00 of a reading from its fit beyond which the mixture may be another one."""
+_SEEN = 0.1
+"""Delta E00 that a further reading must bring to be named."""
+_COARSE = 20.0
+"""Bands farther apart than this, nm, give no colour by themselves."""
 _PART = re.compile(r"(?:(?P<weight>\d+\.?\d*|\.\d+)(?:\s*[%*]\s*|\s+))?(?P<name>\S.*)")
 
 
@@ -35,7 +42,7 @@ def register(app: typer.Typer) -> None:
 
 @help_groups(
     usual="--reading --thickness --pigments --catalogue --csv",
-    given="--samples --instrument",
+    given="--samples --film-thickness --instrument",
     written="--overwrite",
     fine="--illuminant --observer --refractive-index",
 )
@@ -60,6 +67,16 @@ def predict(
         ),
     ] = None,
     samples: options.Samples = "",
+    film_thickness: Annotated[
+        str,
+        typer.Option(
+            "--film-thickness",
+            metavar="LENGTH",
+            help="Of the film of --reading as a gauge says, on the scale of the paints: 20um, or "
+            "20um±20%.",
+            show_default=False,
+        ),
+    ] = "",
     thickness: Annotated[
         str,
         typer.Option(
@@ -90,32 +107,29 @@ def predict(
 
     Example: glazejax predict "10 Vermillion + 90 ZincWhite"
     """
-    recipe = read_recipe(mixture)
+    read_recipe(mixture)
     options.check_outputs({"--csv": out}, overwrite)
     from glazejax.commands.main import start_jax
 
     start_jax()
     seen_by = options.read_geometry(instrument, _GEOMETRY)
     wanted = [options.read_length(text) for text in options.split_names(thickness)]
-    if samples and reading is None:
-        raise ValueError(
-            "--samples is for the film of --reading; leave it out, or give --reading FILE"
-        )
+    for option, value in (("--samples", samples), ("--film-thickness", film_thickness)):
+        if value and reading is None:
+            raise ValueError(
+                f"{option} is for the film of --reading; leave it out, or give --reading FILE"
+            )
     from glazejax.colour import find_illuminant, find_observer
 
     illuminant = find_illuminant(illuminant)
     observer = find_observer(observer)
-    shelf = options.read_shelf(pigments, catalogue)
-    mixed = options.find_paints(recipe, shelf)
-    if len(mixed) < len(recipe):
-        raise ValueError(f"a paint is named twice in {mixture!r}; add its weights up")
-    recipe = dict(zip(mixed, recipe.values(), strict=True))
-    shelf = shelf | mixed
+    recipe, shelf = read_mixture(mixture, options.read_shelf(pigments, catalogue))
 
     from rich.console import Console
 
     from ..film.films import Instrument, cards
     from ..film.noise import estimate_noise
+    from .command_joint import read_gauge
     from .joint import UNIT
     from .mixture import calibrate_mixture, predict_mixture
 
@@ -125,12 +139,21 @@ def predict(
     grid = None
     ground = None
     if reading is not None:
-        film = _film(reading, samples, shelf, recipe, console)
+        film = read_film(reading, samples, shelf, recipe, console)
         noise = estimate_noise(film)
+        gauge = read_gauge(film_thickness, film.names, "--film-thickness")
         with progress.doing("compiling, then fitting the reading"):
-            found = calibrate_mixture(shelf, recipe, film, instrument=seen_with, noise=noise)
-        grid = film.wavelengths
-        black, white, _, _ = cards(film, seen_with, noise)
+            found = calibrate_mixture(
+                shelf,
+                recipe,
+                film,
+                instrument=seen_with,
+                noise=noise,
+                gauge=gauge,
+                wavelengths=_between(film, shelf, recipe),
+            )
+        grid = found.wavelengths
+        black, white, _, _ = cards(found.films, seen_with, noise)
         ground = (black[0], white[0])
         own = float(f"{found.thickness[0] * UNIT:.2g}")
         wanted = wanted or ([own] if film.opaque[0] else [0.5 * own, own, 2.0 * own])
@@ -153,6 +176,10 @@ def predict(
         )
         _say_reading(found, made, before, (illuminant, observer), console)
     _print(made, found is None, (illuminant, observer), console)
+    if found is not None:
+        from .next_reading import rank_next_readings
+
+        _say_next(rank_next_readings(found, wanted, ground=ground, instrument=seen_with), console)
     if out is not None:
         console.print(f"Wrote {out}", markup=False)
 
@@ -183,14 +210,29 @@ def read_recipe(text: str) -> dict[str, float]:
     return recipe
 
 
-def _film(
+def read_mixture(
+    text: str, shelf: "dict[str, Pigment]"
+) -> "tuple[dict[str, float], dict[str, Pigment]]":
+    """Paints of a shelf or a catalogue, by their full names, and weights; and the shelf with them.
+
+    Raises:
+        ValueError: as `read_recipe`, or a name that is not known.
+    """
+    recipe = read_recipe(text)
+    mixed = options.find_paints(recipe, shelf)
+    if len(mixed) < len(recipe):
+        raise ValueError(f"a paint is named twice in {text!r}; add its weights up")
+    return dict(zip(mixed, recipe.values(), strict=True)), shelf | mixed
+
+
+def read_film(
     path: Path,
     samples: str,
     shelf: "Mapping[str, Pigment]",
     recipe: Mapping[str, float],
     console: "Console",
 ) -> "Films":
-    """The one film that was read, on a grid that all paints cover."""
+    """The one film that was read, on a grid that all paints of the recipe cover."""
     from ..film.partial_films import average, crop, read_loose_films
 
     films = read_loose_films(path)
@@ -207,6 +249,17 @@ def _film(
         films = crop(films, grid[0], grid[-1], f"{name} is known there only")
     progress.print_notes(console, path, films.notes)
     return films
+
+
+def _between(
+    film: "Films", shelf: "Mapping[str, Pigment]", recipe: Mapping[str, float]
+) -> "Float[np.ndarray, 'bands'] | None":
+    """Wavelengths that a reading of few bands is completed at; None where it has enough."""
+    import numpy as np
+
+    if film.wavelengths.size > 1 and np.diff(film.wavelengths).max() <= _COARSE:
+        return None
+    return np.asarray(shelf[next(iter(recipe))].wavelengths)
 
 
 def _say_reading(
@@ -246,6 +299,17 @@ def _say_reading(
             f"[yellow]The reading is met no nearer than ΔE00 {fit.max():.1f}: is the mixture "
             "what was said?[/yellow]"
         )
+
+
+def _say_next(further: "NextFilms", console: "Console") -> None:
+    best = further.films[0]
+    if further.now - best.expected < _SEEN:
+        console.print("No further reading of it would tell much more.")
+        return
+    console.print(
+        f"What would help most: a reading of {best.film}. What is open of this mixture makes "
+        f"ΔE00 {further.now:.1f} in the films above, and would then make {best.expected:.1f}."
+    )
 
 
 def _print(

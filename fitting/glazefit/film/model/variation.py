@@ -38,6 +38,15 @@ _NOISE = 0.003
 Weights = Float[np.ndarray, "sizes"]
 
 
+class Spread(NamedTuple):
+    """How far films of a set scatter beside what they are made of, as standard deviations."""
+
+    thickness: float = 0.25
+    """Of the log of a film's thickness, about that in whose unit its paints' k and s are."""
+    gain: float = 0.01
+    """Of the log of a factor of one reading: texture, and where on the film it was taken."""
+
+
 class SizeEvidence(NamedTuple):
     """What one film that was left out showed."""
 

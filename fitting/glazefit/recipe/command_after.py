@@ -1,0 +1,105 @@
+"""``glazejax recipe --after READING``: a mixture came out like this; what is to be added?"""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from glazejax.commands import progress
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from glazejax import Pigment
+    from glazejax.commands.options import Ground
+    from glazejax.geometry import Instrument
+
+    from .addition import Addition
+    from .targets import Target
+
+
+def say_addition(
+    target: "Target",
+    reading: Path,
+    mixed: str,
+    batch: float | None,
+    *,
+    samples: str,
+    shelf: "dict[str, Pigment]",
+    paints: "Sequence[Pigment]",
+    ground: "Ground",
+    instrument: "Instrument",
+    eye: tuple[str, str],
+    console: "Console",
+) -> None:
+    """Calibrate the mixture by its reading, and say what to add.
+
+    Args:
+        target: that is sought.
+        reading: file of one film of the mixture.
+        mixed: paints and weights of it.
+        batch: grams of it; None if the weights are grams.
+        samples: name of the film, if the file has several.
+        shelf: paints by name.
+        paints: that may be added.
+        ground: below the film.
+        instrument: of the reading, and of the colour.
+        eye: illuminant and observer.
+        console: to print to.
+    """
+    from ..film.noise import estimate_noise
+    from ..recover.mixture import calibrate_mixture
+    from ..recover.predict_command import read_film, read_mixture
+    from .addition import next_addition
+
+    recipe, known = read_mixture(mixed, shelf)
+    mass = sum(recipe.values()) if batch is None else batch
+    film = read_film(reading, samples, known | {p.name: p for p in paints}, recipe, console)
+    with progress.doing("compiling, then fitting the reading"):
+        found = calibrate_mixture(
+            known, recipe, film, instrument=instrument, noise=estimate_noise(film)
+        )
+        addition = next_addition(
+            found,
+            target,
+            paints,
+            mass,
+            ground=ground.on(film.wavelengths),
+            instrument=instrument,
+            illuminant=eye[0],
+            observer=eye[1],
+        )
+    _print(addition, reading, console)
+
+
+def _print(addition: "Addition", reading: Path, console: "Console") -> None:
+    from glazejax.report import plain_table
+
+    from .report import in_painters_terms
+
+    table = plain_table("", "L*", "a*", "b*", "ΔE00 to the target", words=(0,))
+    rows = [("as it came out", addition.lab_before, addition.before)]
+    if addition.grams:
+        rows.append(("after the addition", addition.lab_after, addition.after))
+    for words, lab, distance in rows:
+        table.add_row(words, *(f"{value:.1f}" for value in lab), f"{distance:.1f}")
+    console.print(table)
+    if not addition.grams:
+        console.print(
+            f"Add nothing: none of these paints, nor two of them, brings it nearer than ΔE00 "
+            f"{addition.before:.1f} by as much as can be seen."
+        )
+        return
+    amounts = " and ".join(
+        f"{float(f'{grams:.2g}'):g} g {paint}" for paint, grams in addition.grams.items()
+    )
+    console.print(
+        f"Add {amounts} to {addition.batch:g} g of it, weighed as they come from the tube. Expect "
+        f"ΔE00 {addition.after:.1f} from the target, give or take {addition.expected:.1f}."
+    )
+    if addition.expected > addition.before - addition.after:
+        console.print("Add half of it first, and read again: more cannot be taken out.")
+    if addition.thickness is not None:
+        console.print(
+            f"[dim]Of a film as thick as that of {reading.name}: "
+            f"{in_painters_terms(addition.thickness)}.[/dim]"
+        )

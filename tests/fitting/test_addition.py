@@ -1,0 +1,140 @@
+"""What to add to a mixture that was made and read."""
+
+import sys
+
+import numpy as np
+import pytest
+
+import glazejax.commands.main
+from glazefit import Noise
+from glazefit.recipe.addition import next_addition
+from glazefit.recipe.report import in_painters_terms
+from glazefit.recipe.targets import lab_target
+from glazefit.recover.mixture import calibrate_mixture, predict_mixture
+from glazejax import catalogue, colour
+from glazejax.commands.main import main
+from tests.fitting.test_variation import GRID, TINT, painted, write
+
+WHITE_GROUND = 0.9
+
+
+@pytest.fixture(scope="module")
+def paints():
+    return {
+        name: catalogue.pigment(name).resample(GRID)
+        for name in ("Vermillion", "ZincWhite", "BoneBlack")
+    }
+
+
+@pytest.fixture(scope="module")
+def weak(paints):
+    """The mixture of which only six tenths of the colour came through, read over both cards."""
+    return painted(paints, TINT, 0.6, [25e-6], ["mine"], Noise())
+
+
+@pytest.fixture(scope="module")
+def calibrated(paints, weak):
+    return calibrate_mixture(paints, TINT, weak, noise=Noise())
+
+
+def colour_of(paints, recipe, metres):
+    (film,) = predict_mixture(
+        paints, recipe, [metres], wavelengths=GRID, ground=(0.0, WHITE_GROUND)
+    )
+    return np.asarray(colour.lab(GRID, film.over_white))
+
+
+def test_what_was_too_weak_gets_more_colour(paints, calibrated):
+    """100 g with 6 parts that count and 90 of white: 4 g more are what was meant."""
+    metres = float(calibrated.thickness[0]) * 25e-6
+    aim = lab_target(colour_of(paints, TINT, metres))
+    found = next_addition(calibrated, aim, [*paints.values()], 100.0, ground=WHITE_GROUND)
+    assert found.grams["Vermillion"] == pytest.approx(4.0, rel=0.25)
+    assert found.before > 3.0
+    assert found.after < 0.3 * found.before
+    assert 0.0 < found.expected < found.before
+    half = next_addition(calibrated, aim, [*paints.values()], 50.0, ground=WHITE_GROUND)
+    assert half.grams["Vermillion"] == pytest.approx(0.5 * found.grams["Vermillion"])
+    assert found.film.delta_e(found.film.over_black, found.film.over_white)[1] < 1e-6
+
+
+def test_what_is_right_gets_nothing(paints, calibrated):
+    metres = float(calibrated.thickness[0]) * 25e-6
+    name = calibrated.paints[0]
+    made = {name: calibrated.pigment(name, 25e-6)}
+    aim = lab_target(colour_of(made, {name: 1.0}, metres))
+    found = next_addition(calibrated, aim, [*paints.values()], 100.0, ground=WHITE_GROUND)
+    assert found.grams == {}
+    assert found.after == found.before < 0.2
+
+
+def test_a_colour_between_two_paints_needs_both(paints, calibrated):
+    """Darker and redder: one paint alone does either."""
+    metres = float(calibrated.thickness[0]) * 25e-6
+    name = calibrated.paints[0]
+    made = paints | {name: calibrated.pigment(name, 25e-6)}
+    aim = lab_target(colour_of(made, {name: 100.0, "Vermillion": 20.0, "BoneBlack": 3.0}, metres))
+    found = next_addition(calibrated, aim, [*paints.values()], 100.0, ground=WHITE_GROUND)
+    assert set(found.grams) == {"Vermillion", "BoneBlack"}
+    assert found.grams["Vermillion"] == pytest.approx(20.0, rel=0.05)
+    assert found.grams["BoneBlack"] == pytest.approx(3.0, rel=0.05)
+    assert found.after < 0.1
+
+
+@pytest.mark.parametrize("batch", [0.0, -1.0, np.nan, np.inf])
+def test_a_batch_weighs_something(paints, calibrated, batch):
+    with pytest.raises(ValueError, match="the batch is"):
+        next_addition(calibrated, lab_target((50, 20, 30)), [*paints.values()], batch)
+
+
+@pytest.mark.parametrize(
+    ("metres", "words"),
+    [
+        (2.4e-6, "2.4 µm, about 3.6 g/m², one coat thinned about 1:9 with medium"),
+        (25e-6, "25 µm, about 38 g/m², one brushed coat"),
+        (100e-6, "100 µm, about 150 g/m², 4 brushed coats"),
+    ],
+)
+def test_a_thickness_in_painters_terms(metres, words):
+    said = in_painters_terms(metres)
+    assert words in said
+    assert "guess" in said
+
+
+@pytest.fixture
+def run(monkeypatch, tmp_path, capsys):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(glazejax.commands.main, "start_jax", lambda: None)
+    monkeypatch.setenv("COLUMNS", "150")
+
+    def call(*words):
+        monkeypatch.setattr(sys, "argv", ["glazejax", "recipe", *map(str, words)])
+        with pytest.raises(SystemExit) as stop:
+            main()
+        out, err = capsys.readouterr()
+        return stop.value.code or 0, " ".join(out.split()), err
+
+    return call
+
+
+def test_command_says_what_to_add(run, tmp_path, weak):
+    file = write(tmp_path / "mine.tsv", weak)
+    asked = ("--lab", "60,45,30", "--after", file, "--instrument", "d:8")
+    mixed = ("--mixed", "10 Vermillion + 90 ZincWhite")
+    status, out, err = run(*asked, *mixed, "--only", "Vermillion,BoneBlack", "--batch", 20)
+    assert (status, err) == (0, "")
+    assert "g Vermillion" in out
+    assert "to 20 g of it, weighed as they come from the tube" in out
+    assert "as it came out" in out
+    assert "after the addition" in out
+    assert not (tmp_path / "recipes.png").exists()
+    for words, said in (
+        ((*asked,), "--mixed MIXTURE"),
+        (("--lab", "60,45,30", *mixed), "--after FILE"),
+        ((*asked, *mixed, "--csv", "x.csv"), "--csv is for recipes"),
+        ((*asked, *mixed, "--batch", "-3"), "the batch is -3 g"),
+    ):
+        status, _, err = run(*words)
+        assert status == 2
+        assert said in err
+        assert err.count("\n") == 1
