@@ -284,8 +284,6 @@ add(
 add(
     "prediction",
     ".1f s",
-    fit_first=found(r"\(first; compiled\) +([\d.]+);"),
-    fit_again=found(r"\(first; compiled\) +[\d.]+; ([\d.]+)"),
 )
 
 # Own tubes.
@@ -390,6 +388,16 @@ for _key, _words in (
         ".0f %",
         **{_key: cell("all", 2, after=_words), f"{_key}_error": cell("all", 4, after=_words)},
     )
+for _key, _words in (("two_grounds", "two grounds: "), ("one_ground", "one ground: ")):
+    add(
+        "calibration_ranks",
+        ".0f %",
+        **{
+            _key: found(_words + r"[\s\S]*?\nall\s+\d+\s+(\d+)%"),
+            f"{_key}_error": found(_words + r"[\s\S]*?\nall\s+\d+\s+\d+% \+- (\d+)%"),
+        },
+    )
+add("calibration_ranks", ".0f", films=found(r"two grounds: (\d+) films"))
 
 
 def _walkers(pattern: str, choose: Callable[[list[float]], float]) -> Reader:
