@@ -281,10 +281,6 @@ add(
         for card, line in _READINGS.items()
     },
 )
-add(
-    "prediction",
-    ".1f s",
-)
 
 # Own tubes.
 _TUBES = [
