@@ -17,6 +17,7 @@ from glazefit.film.model.errors import ModelError, relative_errors
 from glazefit.film.model.variation import (
     PRIOR,
     SIZES,
+    UNSTEADY,
     SizeEvidence,
     Spread,
     Variation,
@@ -119,6 +120,15 @@ def test_a_paint_that_surprised_is_expected_to_again():
     assert calm < both < wild
     # Of several paints the one that varies most decides.
     assert found.size_of(["calm", "wild"]) == wild
+
+
+def test_paint_whose_films_are_far_off_is_probably_unsteady():
+    rng = np.random.default_rng(3)
+    found = learn(evidence(0.3, 24, "calm", rng) + evidence(3.0, 4, "wild", rng))
+    assert found.unsteady["wild"] > 0.9 > 0.1 > found.unsteady["calm"]
+    # A film that says nothing leaves what was expected.
+    silent = SizeEvidence("a film", frozenset({"new"}), np.zeros(len(SIZES)))
+    assert learn([silent]).unsteady["new"] == pytest.approx(UNSTEADY)
 
 
 def test_likelihood_is_that_of_a_gaussian():

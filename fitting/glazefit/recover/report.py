@@ -53,6 +53,8 @@ LEFT_OUT_COLUMNS = (
 )
 # A weight that the fit wants changed by more than this is worth a second look at the recipe.
 _SUSPECT = 0.3
+# A paint that is this probably unsteady is named.
+_LIKELY = 0.5
 
 
 def print_summary(recovery: Recovery, console: Console, seconds: float, first: float) -> None:
@@ -347,6 +349,14 @@ def print_left_out(out: LeftOut, console: Console) -> None:
         f"({parts['paint']:.1f}). Two mixings of one recipe differ by about ΔE00 "
         f"{np.mean([found.between_mixings() for found in out.predictions]):.1f}."
     )
+    unsteady = {p: chance for p, chance in out.variation.unsteady.items() if chance >= _LIKELY}
+    if unsteady:
+        each = ", ".join(f"{paint} ({chance:.0%})" for paint, chance in unsteady.items())
+        console.print(
+            "Films of these paints are probably twice as far from their recipes as films are on "
+            f"average; such paint fades, stains or is hard to weigh: {each}. Behind each, how "
+            "probable that is."
+        )
     if not out.complete:
         console.print("[yellow]Interrupted: the mixtures that follow were not left out.[/yellow]")
 

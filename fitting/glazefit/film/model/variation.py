@@ -14,6 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
+from scipy.optimize import brentq
 
 from .errors import ModelError
 
@@ -27,6 +28,8 @@ PRIOR = (0.05, 0.08, 0.15, 0.22, 0.25, 0.18, 0.07)
 """How probable each is where no film was left out. More than nine tenths of the readings of the
 revigo films lie in their bands with it (`python -m benchmarks.prediction`); it was chosen on them.
 """
+UNSTEADY = 0.1
+"""How probable it is of a paint, beforehand, that its films are farther off than others."""
 # How many films the prior counts as beside those that were left out, and what all films say beside
 # those of a paint.
 _ALL = 20.0
@@ -63,11 +66,15 @@ class Variation:
         weights: for a film of any paints, summing to 1.
         of_paint: for films of one paint.
         films: number of films that it was learned from; 0: as expected beforehand.
+        unsteady: of each paint whose films were left out, how probable it is that they are twice as
+            far from their recipes, on average, as films of all paints; beforehand `UNSTEADY`. Such
+            paint fades, stains, or is hard to weigh.
     """
 
     weights: Weights = field(default_factory=lambda: np.array(PRIOR))
     of_paint: Mapping[str, Weights] = field(default_factory=dict)
     films: int = 0
+    unsteady: Mapping[str, float] = field(default_factory=dict)
 
     def of(self, paints: Sequence[str]) -> Weights:
         """For a film of these paints: that of its paint that varies most."""
@@ -107,7 +114,36 @@ def learn(
     own = {
         paint: _weights(np.exp(likelihood[chosen]), weights, _OWN) for paint, chosen in rows.items()
     }
-    return Variation(weights, own, len(evidence))
+    farther = _twice_as_far(weights)
+    unsteady = {
+        paint: _probability(np.exp(likelihood[chosen]), farther, weights)
+        for paint, chosen in rows.items()
+    }
+    return Variation(weights, own, len(evidence), unsteady)
+
+
+def _twice_as_far(weights: Weights) -> Weights:
+    """The weights made proportional to a power of the size, such that its mean doubles, or comes as
+    near to that as it can.
+    """
+    sizes = np.array(SIZES)
+    mean = float(weights @ sizes)
+    wanted = mean + min(mean, 0.9 * (sizes[-1] - mean))
+
+    def tilt(power: float) -> Weights:
+        moved = weights * sizes**power
+        return moved / moved.sum()
+
+    return tilt(brentq(lambda power: float(tilt(power) @ sizes) - wanted, 0.0, 60.0))
+
+
+def _probability(
+    likelihood: Float[np.ndarray, "films sizes"], farther: Weights, usual: Weights
+) -> float:
+    """That films are farther off than usual."""
+    log_odds = np.sum(np.log(likelihood @ farther) - np.log(likelihood @ usual))
+    log_odds += np.log(UNSTEADY / (1.0 - UNSTEADY))
+    return float(1.0 / (1.0 + np.exp(-log_odds)))
 
 
 def _weights(likelihood: Float[np.ndarray, "films sizes"], prior: Weights, films: float) -> Weights:
