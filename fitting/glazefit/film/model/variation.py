@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
-from scipy.optimize import brentq
+from scipy.optimize import root_scalar
 
 from .errors import ModelError
 
@@ -134,7 +134,8 @@ def _twice_as_far(weights: Weights) -> Weights:
         moved = weights * sizes**power
         return moved / moved.sum()
 
-    return tilt(brentq(lambda power: float(tilt(power) @ sizes) - wanted, 0.0, 60.0))
+    found = root_scalar(lambda power: float(tilt(power) @ sizes) - wanted, bracket=(0.0, 60.0))
+    return tilt(float(found.root))
 
 
 def _probability(
