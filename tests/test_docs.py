@@ -15,6 +15,7 @@ import subprocess
 import sys
 import tomllib
 from pathlib import Path
+from urllib.parse import unquote
 
 import numpy as np
 import pytest
@@ -22,6 +23,7 @@ from benchmarks.fill import MADE, documents
 
 from glazejax.appearance.mitsuba.variants import works
 from glazejax.appearance.scene.file import example
+from glazejax.stacks import parse_stack
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
@@ -462,3 +464,16 @@ def test_spelling():
         pytest.skip("codespell is not installed (extra docs)")
     done = subprocess.run([program], cwd=ROOT, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout
+
+
+def test_stacks_of_the_notebooks_open_in_the_studio():
+    """Each link holds a stack, of paints that its notebook names, in coats as thick as it says."""
+    found = 0
+    for path in NOTEBOOKS:
+        text = path.read_text("utf-8")
+        for fragment in re.findall(r'href="\.\./studio\.html#([^"]+)"', text):
+            for coat in parse_stack(unquote(fragment)).shown:
+                assert f'"{coat.name}"' in text, path.name
+                assert re.search(rf"\b{1e6 * coat.thickness:g}(e-6)?\b", text), path.name
+            found += 1
+    assert found >= 5
