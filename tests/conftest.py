@@ -121,6 +121,31 @@ def _let_programs_go() -> None:
 
 
 @pytest.fixture
+def command_line(monkeypatch, tmp_path, capsys):
+    """Runs `glazejax` in an empty folder: from first words and a width, a function of the words that
+    follow, which gives exit status, output and errors.
+    """
+    import glazejax.commands.main as program
+
+    def begin(*first, columns=200, on_one_line=False):
+        monkeypatch.chdir(tmp_path)
+        # The tests set JAX up themselves.
+        monkeypatch.setattr(program, "start_jax", lambda: None)
+        monkeypatch.setenv("COLUMNS", str(columns))
+
+        def call(*words):
+            monkeypatch.setattr(sys, "argv", ["glazejax", *first, *map(str, words)])
+            with pytest.raises(SystemExit) as stop:
+                program.main()
+            out, err = capsys.readouterr()
+            return stop.value.code or 0, " ".join(out.split()) if on_one_line else out, err
+
+        return call
+
+    return begin
+
+
+@pytest.fixture
 def unchecked():
     """For calls that a type checker refuses: what the function itself says to those who
     use none.

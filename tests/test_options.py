@@ -18,20 +18,8 @@ from .test_pigment_table import HEADER
 
 
 @pytest.fixture
-def run(monkeypatch, tmp_path, capsys):
-    """Run `glazejax` with any words in an empty folder; gives exit status, output and errors."""
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("COLUMNS", "200")
-    monkeypatch.setattr(cli, "start_jax", lambda: None)
-
-    def call(*words):
-        monkeypatch.setattr(sys, "argv", ["glazejax", *map(str, words)])
-        with pytest.raises(SystemExit) as stop:
-            cli.main()
-        out, err = capsys.readouterr()
-        return stop.value.code or 0, out, err
-
-    return call
+def run(command_line):
+    return command_line()
 
 
 def test_version(run):

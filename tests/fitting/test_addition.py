@@ -1,18 +1,14 @@
 """What to add to a mixture that was made and read."""
 
-import sys
-
 import numpy as np
 import pytest
 
-import glazejax.commands.main
 from glazefit import Noise
 from glazefit.recipe.addition import next_addition
 from glazefit.recipe.report import in_painters_terms
 from glazefit.recipe.targets import lab_target
 from glazefit.recover.mixture import calibrate_mixture, predict_mixture
 from glazejax import catalogue, colour
-from glazejax.commands.main import main
 from tests.fitting.test_variation import GRID, TINT, painted, write
 
 WHITE_GROUND = 0.9
@@ -102,19 +98,8 @@ def test_a_thickness_in_painters_terms(metres, words):
 
 
 @pytest.fixture
-def run(monkeypatch, tmp_path, capsys):
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(glazejax.commands.main, "start_jax", lambda: None)
-    monkeypatch.setenv("COLUMNS", "150")
-
-    def call(*words):
-        monkeypatch.setattr(sys, "argv", ["glazejax", "recipe", *map(str, words)])
-        with pytest.raises(SystemExit) as stop:
-            main()
-        out, err = capsys.readouterr()
-        return stop.value.code or 0, " ".join(out.split()), err
-
-    return call
+def run(command_line):
+    return command_line("recipe", columns=150, on_one_line=True)
 
 
 def test_command_says_what_to_add(run, tmp_path, weak):

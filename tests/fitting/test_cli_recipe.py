@@ -1,27 +1,21 @@
 import csv
 import json
-import sys
 
 import matplotlib.image
 import numpy as np
 import pytest
 
-import glazejax.commands.main
 from glazefit import colourchecker_targets
 from glazefit.recipe import recipe
-from glazejax.commands.main import main
 from glazejax.io import read_spectra
 
 from .palette import GRID, palette
 
 
 @pytest.fixture
-def run(monkeypatch, tmp_path, capsys):
+def run(command_line):
     """Run the command on the made-up paints; gives exit status, output and errors."""
-    monkeypatch.chdir(tmp_path)
-    # The tests set JAX up themselves.
-    monkeypatch.setattr(glazejax.commands.main, "start_jax", lambda: None)
-    monkeypatch.setenv("COLUMNS", "100")
+    recipe = command_line("recipe", columns=100)
     with open("paints.csv", "w", newline="") as file:
         rows = csv.writer(file)
         rows.writerow(["pigment", "wavelength_nm", "absorption", "scattering"])
@@ -33,11 +27,7 @@ def run(monkeypatch, tmp_path, capsys):
 
     def call(*words):
         paints = () if "--pigments" in words else ("--pigments", "paints.csv")
-        monkeypatch.setattr(sys, "argv", ["glazejax", "recipe", *map(str, words), *paints])
-        with pytest.raises(SystemExit) as stop:
-            main()
-        out, err = capsys.readouterr()
-        return stop.value.code or 0, out, err
+        return recipe(*words, *paints)
 
     return call
 

@@ -1,35 +1,19 @@
 import csv
-import sys
 
 import numpy as np
 import pytest
 
-import glazejax.commands.main
 from glazefit import Films, Instrument, Noise, recover_films, simulate_films
 from glazefit.recover.command_joint import _lengths
 from glazefit.recover.film_by_film import recover_chunks
 from glazefit.recover.report import ranges, slug
-from glazejax.commands.main import main
 
 GRID = np.arange(400.0, 701.0, 10.0)
 
 
 @pytest.fixture
-def run(monkeypatch, tmp_path, capsys):
-    """Run the command; gives exit status, output and errors."""
-    monkeypatch.chdir(tmp_path)
-    # The tests set JAX up themselves.
-    monkeypatch.setattr(glazejax.commands.main, "start_jax", lambda: None)
-    monkeypatch.setenv("COLUMNS", "200")
-
-    def call(*words):
-        monkeypatch.setattr(sys, "argv", ["glazejax", "recover", *map(str, words)])
-        with pytest.raises(SystemExit) as stop:
-            main()
-        out, err = capsys.readouterr()
-        return stop.value.code or 0, out, err
-
-    return call
+def run(command_line):
+    return command_line("recover")
 
 
 def write(path, films: Films, scale=100.0, skip=()):

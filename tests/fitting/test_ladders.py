@@ -1,13 +1,11 @@
 """Ladders of coats: k and s of one coat, what other paints teach of it, and the next coat."""
 
 import csv
-import sys
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-import glazejax.commands.main
 from glazefit import Films, Noise
 from glazefit.film.films import card_reflectance
 from glazefit.film.model.response import film_response
@@ -20,7 +18,6 @@ from glazefit.recover.coats import (
     recover_coats,
 )
 from glazejax.colour import delta_e_of_spectra
-from glazejax.commands.main import main
 from glazejax.geometry import resolve_instrument
 
 GRID = np.arange(400.0, 701.0, 20.0)
@@ -204,20 +201,8 @@ def test_wrong_wishes_are_refused():
 
 
 @pytest.fixture
-def run(monkeypatch, tmp_path, capsys):
-    """Run `glazejax recover`; gives exit status, output and errors."""
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(glazejax.commands.main, "start_jax", lambda: None)
-    monkeypatch.setenv("COLUMNS", "200")
-
-    def call(*words):
-        monkeypatch.setattr(sys, "argv", ["glazejax", "recover", *map(str, words)])
-        with pytest.raises(SystemExit) as stop:
-            main()
-        out, err = capsys.readouterr()
-        return stop.value.code or 0, out, err
-
-    return call
+def run(command_line):
+    return command_line("recover")
 
 
 def written(path, rows, ends=("_ow", "_w"), more=()):

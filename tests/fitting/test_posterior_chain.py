@@ -1,12 +1,10 @@
 import os
 import signal
-import sys
 from typing import Any
 
 import numpy as np
 import pytest
 
-import glazejax.commands.main
 from glazefit import posterior_of_bands, simulate_films
 from glazefit.posterior.chain import (
     BlockDifference,
@@ -19,7 +17,6 @@ from glazefit.posterior.chain import (
 )
 from glazefit.posterior.problem import Problem
 from glazefit.posterior.sampling import Sampling
-from glazejax.commands.main import main
 from tests.fitting.test_cli_recover import write
 
 GRID = np.arange(400.0, 701.0, 50.0)
@@ -210,20 +207,8 @@ def test_files_are_guarded(tmp_path):
 
 
 @pytest.fixture
-def run(monkeypatch, tmp_path, capsys):
-    """Run the command; gives exit status, output and errors."""
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(glazejax.commands.main, "start_jax", lambda: None)
-    monkeypatch.setenv("COLUMNS", "200")
-
-    def call(*words):
-        monkeypatch.setattr(sys, "argv", ["glazejax", "posterior", *map(str, words)])
-        with pytest.raises(SystemExit) as stop:
-            main()
-        out, err = capsys.readouterr()
-        return stop.value.code or 0, out, err
-
-    return call
+def run(command_line):
+    return command_line("posterior")
 
 
 @pytest.mark.parametrize(("sampler", "steps"), [("emcee", "300"), ("hmc", "10")])

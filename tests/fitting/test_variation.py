@@ -4,13 +4,11 @@ mixture.
 
 import csv
 import dataclasses
-import sys
 
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
-import glazejax.commands.main
 from glazefit import Films, Noise, simulate_films
 from glazefit.film.films import SPECTRA
 from glazefit.film.model.errors import ModelError, relative_errors
@@ -30,7 +28,6 @@ from glazefit.recover.mixture import calibrate_mixture, drawn_mixture, mix, pred
 from glazefit.recover.next_reading import rank_next_readings
 from glazefit.recover.predict_command import read_recipe
 from glazejax import Pigment, catalogue, colour
-from glazejax.commands.main import main
 
 BETWEEN_FILMS = ModelError.between_films()
 
@@ -407,19 +404,8 @@ def test_thickness_is_above_nothing(paints):
 
 
 @pytest.fixture
-def run(monkeypatch, tmp_path, capsys):
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(glazejax.commands.main, "start_jax", lambda: None)
-    monkeypatch.setenv("COLUMNS", "150")
-
-    def call(*words):
-        monkeypatch.setattr(sys, "argv", ["glazejax", "predict", *map(str, words)])
-        with pytest.raises(SystemExit) as stop:
-            main()
-        out, err = capsys.readouterr()
-        return stop.value.code or 0, " ".join(out.split()), err
-
-    return call
+def run(command_line):
+    return command_line("predict", columns=150, on_one_line=True)
 
 
 def write(path, films, rows=("b", "w", "ob", "ow")):
