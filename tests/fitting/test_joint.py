@@ -83,7 +83,12 @@ def small(request):
         assumed[2:4, 1], opaque[5] = True, True
         films = dataclasses.replace(films, assumed=assumed, opaque=opaque)
         told = gather_constraints(
-            films, paints, {"ZincWhite": known_white(rng)}, Gauge({"tint": 30e-6}), 25e-6, 0.3
+            films,
+            paints,
+            {"ZincWhite": known_white(rng)},
+            Gauge({"tint": 30e-6}),
+            25e-6,
+            Expectations(thickness=0.3),
         )
     problem = pose(
         films, law.shares(weights, paints), law, Instrument(), Noise(), Expectations(), told

@@ -46,7 +46,6 @@ def say_addition(
         eye: illuminant and observer.
         console: to print to.
     """
-    from ..film.noise import estimate_noise
     from ..recover.mixture import calibrate_mixture
     from ..recover.predict_command import read_film, read_mixture
     from .addition import next_addition
@@ -55,9 +54,7 @@ def say_addition(
     mass = sum(recipe.values()) if batch is None else batch
     film = read_film(reading, samples, known | {p.name: p for p in paints}, recipe, console)
     with progress.doing("compiling, then fitting the reading"):
-        found = calibrate_mixture(
-            known, recipe, film, instrument=instrument, noise=estimate_noise(film)
-        )
+        found = calibrate_mixture(known, recipe, film, instrument=instrument)
         addition = next_addition(
             found,
             target,

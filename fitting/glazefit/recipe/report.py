@@ -66,7 +66,7 @@ def in_painters_terms(thickness: float) -> str:
         laid = "one brushed coat"
     else:
         laid = f"one coat thinned about 1:{max(1 / coats - 1, 1):.0f} with medium"
-    return f"{grams}, {laid} (a guess: 1.5 g/ml, {BRUSHED * 1e6:g} µm a coat)"
+    return f"{grams}, {laid} (a guess: {DENSITY / 1e6:g} g/ml, {BRUSHED * 1e6:g} µm a coat)"
 
 
 def describe_coat(coat: Coat) -> str:

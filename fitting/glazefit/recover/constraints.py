@@ -19,6 +19,7 @@ from glazejax.spectra import describe_grid
 
 from ..film.films import Films
 from ..film.model.errors import smooth_kernel
+from .joint_problem import Expectations
 
 # Of log k and log s, where a known paint says nothing of its errors; smooth over so many nm.
 UNSTATED = 0.1
@@ -27,9 +28,6 @@ LENGTH = 100.0
 SLACK = 0.01
 _LARGEST = 0.5
 _KEPT = 12
-# Of the common factor of all thicknesses, where the scale of a known paint need not be that of the
-# gauge.
-SCALE = 1.0
 # Of log(rho / (1 - rho)) of a black and a white card that were not measured, the same at all bands.
 CARD_LEVELS = (0.5, 0.5)
 
@@ -112,10 +110,7 @@ def gather_constraints(
     known: Mapping[str, Pigment],
     gauge: Gauge | None,
     unit: float,
-    spread: float,
-    *,
-    scale: float = SCALE,
-    gain: float = 0.0,
+    expected: Expectations,
 ) -> Constraints:
     """Arrays of what is known.
 
@@ -125,9 +120,8 @@ def gather_constraints(
         known: paints that are known, by name; those that no film holds do not matter.
         gauge: thicknesses.
         unit: thickness of a film of unit relative thickness, m.
-        spread: standard deviation of the log of a film's thickness where there is no gauge.
-        scale: of the log of a factor of all thicknesses, where there is a known paint.
-        gain: of the log of each reading's gain.
+        expected: of thicknesses where there is no gauge, of a factor of all of them where a paint is
+            known, and of each reading's gain.
 
     Raises:
         ValueError: a known paint does not cover the films' wavelengths, or the gauge names a film
@@ -148,10 +142,10 @@ def gather_constraints(
         groups.setdefault(paint.provenance, {})[column] = paint
     band_modes, modes_of = _paint_modes(groups, bands, count)
     thickness, thickness_sd, factor = _thicknesses(
-        films, gauge, unit, spread, scale if flags.any() else 0.0
+        films, gauge, unit, expected.thickness, expected.scale if flags.any() else 0.0
     )
     levels = _card_levels(films)
-    gains = _gains(films, gain)
+    gains = _gains(films, expected.gain)
     ends = np.cumsum([len(band_modes), len(levels), len(factor), len(gains)])
     others = int(ends[-1])
     constraints = Constraints(
@@ -242,7 +236,7 @@ def error_modes(paint: Pigment) -> Float[np.ndarray, "modes 2 bands"]:
 
 
 def _thicknesses(
-    films: Films, gauge: Gauge | None, unit: float, spread: float, scale: float
+    films: Films, gauge: Gauge | None, unit: float, spread: float, common: float
 ) -> tuple[
     Float[np.ndarray, "films"], Float[np.ndarray, "films"], Float[np.ndarray, "modes films"]
 ]:
@@ -252,7 +246,6 @@ def _thicknesses(
     count = len(films)
     mean = np.zeros(count)
     sd = np.full(count, spread)
-    common = scale
     if gauge is not None:
         for film in gauge.thickness:
             if film not in films.names:

@@ -204,16 +204,7 @@ def _pose(
         [np.pad(recovery.shares, ((0, 0), (0, spare))), np.stack([c.share for c in candidates])]
     )
     expected = recovery.expectations
-    constraints = gather_constraints(
-        films,
-        paints,
-        known,
-        gauge,
-        unit,
-        expected.thickness,
-        scale=expected.scale,
-        gain=expected.gain,
-    )
+    constraints = gather_constraints(films, paints, known, gauge, unit, expected)
     constraints.thickness[count:] = [c.log_thickness for c in candidates]
     constraints.thickness_sd[count:] = expected.thickness if gauge is None else gauge.error
     gloss = np.concatenate([recovery.measured_gloss, np.full(more, np.nan)])

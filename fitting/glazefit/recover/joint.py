@@ -110,16 +110,7 @@ def recover_jointly(
     shares = law.shares(weights, paints)
     expected = expectations or Expectations()
     pigments = pigments or {}
-    constraints = gather_constraints(
-        films,
-        paints,
-        pigments,
-        gauge,
-        unit,
-        expected.thickness,
-        scale=expected.scale,
-        gain=expected.gain,
-    )
+    constraints = gather_constraints(films, paints, pigments, gauge, unit, expected)
     measured_gloss = np.array([(gloss or {}).get(name, np.nan) for name in films.names])
     problem = pose(
         films,
@@ -200,8 +191,7 @@ def pose(
         {},
         None,
         1.0,
-        expected.thickness,
-        gain=expected.gain,
+        expected,
     )
     black, white, sd_black, sd_white = cards(films, instrument, noise)
     measured = np.stack([films.over_black, films.over_white], axis=-1)

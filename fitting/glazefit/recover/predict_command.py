@@ -107,6 +107,7 @@ def predict(
 
     Example: glazejax predict "10 Vermillion + 90 ZincWhite"
     """
+    # What is wrong with the words is told before anything heavy is loaded.
     read_recipe(mixture)
     options.check_outputs({"--csv": out}, overwrite)
     from glazejax.commands.main import start_jax

@@ -76,10 +76,12 @@ def studio(
     if page is None:
         serve(port, _fragment(begin), open_browser=not no_open, own=own)
         return
+    from ..whole_file import whole_file
     from .one_file import one_file
 
     text = one_file(own, begin)
-    page.write_text(text, encoding="utf-8")
+    with whole_file(page) as part:
+        part.write_text(text, encoding="utf-8")
     typer.echo(f"{page}: the studio as one file of {len(text.encode()) / 1e6:.2f} MB.")
 
 

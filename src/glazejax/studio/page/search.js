@@ -22,8 +22,8 @@ export class Recipes {
   constructor(eye, entries) {
     this.eye = eye;
     this.geometry = parseGeometry("45:0");
-    this.groups = Map.groupBy ? Map.groupBy(entries, (entry) => entry.group) : entries.reduce((groups, entry) =>
-      groups.set(entry.group, [...(groups.get(entry.group) ?? []), entry]), new Map());
+    this.groups = new Map();
+    for (const entry of entries) this.groups.set(entry.group, [...(this.groups.get(entry.group) ?? []), entry]);
     this.tables = new Map();
   }
 
