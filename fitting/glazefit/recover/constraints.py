@@ -120,8 +120,8 @@ def gather_constraints(
         known: paints that are known, by name; those that no film holds do not matter.
         gauge: thicknesses.
         unit: thickness of a film of unit relative thickness, m.
-        expected: of thicknesses where there is no gauge, of a factor of all of them where a paint is
-            known, and of each reading's gain.
+        expected: of thicknesses where there is no gauge, of a factor of all of them where a paint
+            is known, and of each reading's gain.
 
     Raises:
         ValueError: a known paint does not cover the films' wavelengths, or the gauge names a film
