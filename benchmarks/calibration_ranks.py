@@ -37,7 +37,11 @@ BANDS = np.arange(400.0, 701.0, 50.0)
 # Of the kinds that take long, this share of the draws that were asked for.
 SHARES = {"film": 1.0, "bands": 1.0, "two grounds": 0.25, "one ground": 0.25, "coats": 0.25}
 # And fewer steps, or chains, than the default.
-FEWER = {"two grounds": {"steps": 100}, "one ground": {"steps": 100}, "coats": {"walkers": 32}}
+FEWER = {
+    "two grounds": {"steps": 100, "walkers": 16},
+    "one ground": {"steps": 100, "walkers": 16},
+    "bands": {"steps": 100, "walkers": 16},
+}
 
 
 class Posed(NamedTuple):

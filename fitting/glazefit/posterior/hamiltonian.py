@@ -1,24 +1,42 @@
 """Sampling with gradients: Hamiltonian Monte Carlo, all chains of all blocks in one compiled
 program.
 
-A posterior may be a thin and bent sheet, a thousandth as thick as long, or several of them:
-readings are good to a thousandth, an opaque coat tells only k/s, and a thin one reads as well. A
-chain that begins at a mode stays near it, and looks as if it had converged there; draws of the
-prior led to the posterior lose modes that are narrow. So many draws begin about all modes that
-least squares found, and in the prior, and are led to the posterior by sequential Monte Carlo (Del
-Moral, Doucet and Jasra, J. R. Stat. Soc. B 68 (2006) 411): along begin^(1 - power)
-posterior^power, with powers from 0 to 1, they are weighted, drawn again, and moved. When the power
-is 1 they are draws of the posterior, in the right shares, and each begins a chain.
+A posterior may be a bent sheet, a thousandth as thick as long: readings are good to a thousandth,
+an opaque coat tells only k/s, and how far the next place is that reads alike differs by orders of
+magnitude along the sheet. Steps of one size for all directions and places either leave the sheet or
+stand still. So steps are taken on the graph of the scaled readings: a place is the unknowns free,
+together with what would be read there in units of its error, e(free) (`Problem.scaled`), and a root
+of the prior's precision. Distances on that graph have the metric
 
-Each move is a trajectory of leapfrog steps in coordinates in which the draws are about round; its
-length is drawn anew each time, up to half a turn, so that no direction comes back to where it
-began (Neal 2011, Handbook of Markov Chain Monte Carlo, chapter 5). Steps are as long as keeps four
-in five trajectories. Once the power is 1 every tenth move is a draw from Laplace's Gaussians
-instead, taken or refused by Metropolis and Hastings: where Laplace is good, chains are as good as
-independent draws.
+    G = J^T J,   J the slopes of e,
+
+in which the posterior is about as wide everywhere, in every direction. A step of length h pushes
+the momentum p by half of h times the slope of log posterior - log det(G) / 2, looks for the place
+free' on the graph with
+
+    J(free)^T (e(free') - e(free)) = h p,
+
+by Newton's method, and has the new momentum J(free')^T (e(free') - e(free)) / h, pushed once more.
+That is the constrained leapfrog step RATTLE written for a graph; it keeps volumes and can be
+reversed. A trajectory where Newton's method finds no place, or another one on its way back, is
+refused.
+
+Where there are no scaled readings, e is linear and G the same everywhere; the step is then the
+usual leapfrog step.
+
+Each move is a trajectory of up to half a turn, so that no direction comes back to where it began
+(Neal 2011, Handbook of Markov Chain Monte Carlo, chapter 5). Steps are as long as keeps seven in
+ten trajectories. Chains begin at the modes that least squares found, by their shares. Every tenth
+move is a draw from Laplace's Gaussians instead, taken or refused by Metropolis and Hastings: it
+goes between modes that are far apart.
 
 Random numbers follow from the seed and the number of the step, so that a chain that is resumed is
 the one that was never stopped.
+
+Sources: K. X. Au, M. M. Graham and A. H. Thiery, J. R. Stat. Soc. B 85 (2023) 757, for thin
+posteriors as manifolds; E. Zappa, M. Holmes-Cerf and J. Goodman, Commun. Pure Appl. Math. 71 (2018)
+2609, for the check of the way back; M. Girolami and B. Calderhead, J. R. Stat. Soc. B 73 (2011)
+123, for the metric.
 """
 
 import functools
@@ -31,6 +49,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from glazejax.progress import Progress
+from glazejax.radiative.common.linalg import solve_positive
 
 from .chain import Chain, gentle_interrupt
 from .chain_file import DrawsFile
@@ -38,48 +57,31 @@ from .laplace import Laplace
 from .problem import Problem
 from .sampling import Sampling
 
-# Moves after each rise of the power, and at the posterior before the first that is kept, in two
-# windows.
-_MOVES = 3
-_WARM_UP = (10, 20)
-# The power rises until the weights of this share of the draws are left.
-_LEFT = 0.5
-_MOST_RISES = 200
+# Moves before the first that is kept, in two windows.
+_WARM_UP = (20, 40)
 # Steps between two looks at the keyboard and the file.
 _PIECE = 50
-# Length of a trajectory at most, half a turn, and leapfrog steps at most on the way and there.
+# Length of a trajectory at most, half a turn, and steps at most; those of a metric that is the same
+# everywhere cost a tenth.
 _HALF_TURN = np.pi
-_MOST_ON_THE_WAY = 16
-_MOST = 32
+_MOST = 12
+_MOST_STRAIGHT = 32
+# Steps of one trajectory are this part of the longest, or more.
+_SHORTEST = 0.5
 _JUMP = 10
-_ACCEPT = 0.8
+_ACCEPT = 0.7
 _FIRST_STEP = 0.3
 _GAIN = 1.0
-# Beginnings: how much wider than Laplace's variances, and which share of the draws is the prior's.
-_WIDER = 2.0
-_OF_PRIOR = 0.3
-_PRIOR_DRAWS = 4000
-# Number of the first step that is kept, beyond any of the way there.
+# Newton's method: steps at most, and how near it comes, in standard deviations of the posterior; on
+# the way back it is enough to see where it goes.
+_NEWTON = 10
+_NEAR = 1e-5
+_BACK = 1e-3
+_SAME = 1e-2
+# Draws of Laplace's Gaussians that the first metric is taken from.
+_DRAWS = 500
+# Number of the first step that is kept, beyond any of the warm-up.
 _SAMPLING = 100_000
-_BEGINNING = 1_000_000
-
-
-class Here(NamedTuple):
-    """Where all chains are; height and slope are those of the log-density on the way, the gain is
-    by how much the posterior is above the beginning.
-    """
-
-    free: Float[Array, "chains blocks dims"]
-    height: Float[Array, "chains blocks"]
-    gain: Float[Array, "chains blocks"]
-    slope: Float[Array, "chains blocks dims"]
-
-
-class Tuning(NamedTuple):
-    """Of each block."""
-
-    root: Float[Array, "blocks dims dims"]  # Cholesky factor of the covariance
-    log_step: Float[Array, "blocks"]
 
 
 class Gaussians(NamedTuple):
@@ -91,16 +93,12 @@ class Gaussians(NamedTuple):
     log_weights: Float[Array, "*blocks parts"]
 
     @classmethod
-    def of(
-        cls,
-        means: Float[np.ndarray, "blocks parts dims"],
-        covariances: Float[np.ndarray, "blocks parts dims dims"],
-        weights: Float[np.ndarray, "blocks parts"],
-    ) -> "Gaussians":
-        """From means and covariances."""
-        roots = np.linalg.cholesky(covariances)
-        log_weights = np.log(np.maximum(weights, 1e-300))
-        return cls(*map(jnp.asarray, (means, roots, np.linalg.inv(roots), log_weights)))
+    def of(cls, approximation: Laplace) -> "Gaussians":
+        """Those of Laplace's approximation."""
+        roots = np.linalg.cholesky(approximation.covariances)
+        log_weights = np.log(np.maximum(approximation.weights, 1e-300))
+        parts = (approximation.modes, roots, np.linalg.inv(roots), log_weights)
+        return cls(*map(jnp.asarray, parts))
 
     def draw(self, key: Array, chains: int) -> Float[Array, "chains blocks dims"]:
         """One draw for each chain and block."""
@@ -119,27 +117,30 @@ class Gaussians(NamedTuple):
         return jax.scipy.special.logsumexp(self.log_weights + height)
 
 
-def beginning(problem: Problem, approximation: Laplace, rng: np.random.Generator) -> Gaussians:
-    """Where draws begin: Laplace's Gaussians, made wider, each mode with a share of its own however
-    low it is, and a Gaussian as wide as the prior.
-    """
-    prior = problem.prior_draws(rng, _PRIOR_DRAWS)
-    blocks, _, dims = approximation.modes.shape
-    real = approximation.weights > 0
-    weights = 0.5 * approximation.weights + 0.5 * real / real.sum(axis=1, keepdims=True)
-    return Gaussians.of(
-        np.concatenate(
-            [approximation.modes, np.broadcast_to(prior.mean(axis=0), (blocks, 1, dims))], axis=1
-        ),
-        np.concatenate(
-            [
-                _WIDER * approximation.covariances,
-                np.broadcast_to(np.cov(prior, rowvar=False), (blocks, 1, dims, dims)),
-            ],
-            axis=1,
-        ),
-        np.concatenate([(1.0 - _OF_PRIOR) * weights, np.full((blocks, 1), _OF_PRIOR)], axis=1),
-    )
+class Here(NamedTuple):
+    """A place on the graph of the scaled readings."""
+
+    free: Float[Array, "*chains dims"]
+    scaled: Float[Array, "*chains rows"]
+    slopes: Float[Array, "*chains rows dims"]  # of the scaled readings by the unknowns
+    inverse: Float[Array, "*chains dims dims"]  # of the metric
+    height: Float[Array, "*chains"]  # log posterior
+    potential: Float[Array, "*chains"]  # log det(metric) / 2 - log posterior
+    pull: Float[Array, "*chains dims"]  # minus its slope
+
+
+class Place(NamedTuple):
+    """Where all chains are."""
+
+    free: Float[Array, "chains blocks dims"]
+    height: Float[Array, "chains blocks"]  # log posterior
+
+
+class Tuning(NamedTuple):
+    """Of each block."""
+
+    root: Float[Array, "blocks dims dims"]  # the metric's own part is root^T root
+    log_step: Float[Array, "blocks"]
 
 
 class Piece(NamedTuple):
@@ -151,12 +152,11 @@ class Piece(NamedTuple):
 
 
 class Model(NamedTuple):
-    """What is sampled, but for its residuals."""
+    """What is sampled, but for its functions."""
 
     data: Any
     shared: Any
     laplace: Gaussians
-    begin: Gaussians
     key: Array
 
 
@@ -165,206 +165,291 @@ class Span(NamedTuple):
 
     first: int | Array
     number: int | Array
-    power: Float[np.ndarray, "blocks"] | Array
     learning: bool | Array
-    most: int | Array  # leapfrog steps
 
 
-@functools.partial(jax.jit, static_argnames="residuals")
-def heights(
+class Graph(NamedTuple):
+    """One block's posterior and the graph of its scaled readings."""
+
+    residuals: Any
+    scaled: Any
+    data: Any
+    shared: Any
+    root: Float[Array, "dims dims"]
+
+    def height(self, free: Float[Array, "dims"]) -> Float[Array, ""]:
+        """Log posterior, up to a constant; what overflows is impossible."""
+        height = -0.5 * jnp.sum(self.residuals(free, self.data, self.shared) ** 2)
+        return jnp.where(jnp.isnan(height), -jnp.inf, height)
+
+    def lift(self, free: Float[Array, "dims"]) -> Float[Array, "rows"]:
+        """Scaled readings and unknowns: the coordinates in which distances are measured."""
+        own = self.root @ free
+        if self.scaled is None:
+            return own
+        return jnp.concatenate([self.scaled(free, self.data, self.shared), own])
+
+    def slopes(self, free: Float[Array, "dims"]) -> Float[Array, "rows dims"]:
+        """Of `lift`."""
+        return self.root if self.scaled is None else jax.jacfwd(self.lift)(free)
+
+    def at(self, free: Float[Array, "dims"]) -> Here:
+        """All that a step needs to know of a place."""
+        slopes = self.slopes(free)
+        root = jnp.linalg.cholesky(slopes.T @ slopes)
+        inverse = jax.scipy.linalg.cho_solve((root, True), jnp.eye(len(free), dtype=free.dtype))
+        volume = jnp.sum(jnp.log(jnp.diagonal(root)))
+        # The slope of log det(J^T J) / 2 is that of the sum of J (J^T J)^-1 times J, the first
+        # factor held.
+        held = slopes @ inverse
+
+        def falling(free: Float[Array, "dims"]) -> tuple[Array, Array]:
+            height = self.height(free)
+            if self.scaled is None:
+                return -height, height
+            return jnp.sum(held * self.slopes(free)) - height, height
+
+        downhill, height = jax.grad(falling, has_aux=True)(free)
+        return Here(
+            free=free,
+            scaled=self.lift(free),
+            slopes=slopes,
+            inverse=inverse,
+            height=height,
+            potential=volume - height,
+            pull=-downhill,
+        )
+
+    def move(
+        self, here: Here, push: Float[Array, "dims"], near: Float[Array, ""]
+    ) -> tuple[Float[Array, "dims"], Bool[Array, ""]]:
+        """The place on the graph that a push along it leads to, and whether it was found."""
+
+        def left(free: Array) -> tuple[Array, Array]:
+            off = here.slopes.T @ (self.lift(free) - here.scaled) - push
+            return off, jnp.sqrt(off @ here.inverse @ off)
+
+        def search(state: tuple) -> Array:
+            _, _, size, before, count = state
+            # Where it does not come nearer it will not arrive.
+            return (size > near) & (size < before) & (count < _NEWTON)
+
+        def newton(state: tuple) -> tuple:
+            free, off, size, _, count = state
+            across = here.slopes.T @ self.slopes(free)
+            free = free - solve_positive(across, off[:, None])[:, 0]
+            return free, *left(free), size, count + 1
+
+        first = here.free + here.inverse @ push
+        if self.scaled is None:
+            return first, jnp.all(jnp.isfinite(first))
+        start = (first, *left(first), jnp.inf, 0)
+        found, _, size, _, _ = jax.lax.while_loop(search, newton, start)
+        # What overflows is no number, and no place.
+        return found, size <= near
+
+    def empty(self, free: Float[Array, "dims"]) -> Here:
+        """No place, in the shape of one."""
+        return jax.tree.map(lambda a: jnp.zeros(a.shape, a.dtype), jax.eval_shape(self.at, free))
+
+
+class Flight(NamedTuple):
+    """A trajectory under way, between two of its places."""
+
+    before: Here
+    free: Float[Array, "dims"]  # where it is now
+    momentum: Float[Array, "dims"]  # where it was
+    first: Float[Array, ""]  # energy at the start
+    sound: Bool[Array, ""]  # whether all of its steps can be reversed
+    taken: Array  # places
+
+
+def _energy(here: Here, momentum: Float[Array, "dims"]) -> Float[Array, ""]:
+    return here.potential + 0.5 * momentum @ here.inverse @ momentum
+
+
+def _trajectory(
+    graph: Graph, free: Float[Array, "dims"], log_step: Float[Array, ""], key: Array
+) -> tuple[Float[Array, "dims"], Float[Array, ""], Float[Array, ""]]:
+    """Where a trajectory of one chain ends, the log posterior there, and by how much its energy
+    has fallen.
+    """
+    length, shorter, kick = jax.random.split(key, 3)
+    dtype = free.dtype
+    step = jnp.exp(log_step) * jax.random.uniform(shorter, (), dtype, _SHORTEST, 1.0)
+    turn = _HALF_TURN * jax.random.uniform(length, (), dtype)
+    most = _MOST_STRAIGHT if graph.scaled is None else _MOST
+    number = jnp.clip(jnp.ceil(turn / step), 1, most)
+    start = graph.empty(free)
+    noise = jax.random.normal(kick, start.scaled.shape, dtype)
+
+    def going(flight: Flight) -> Array:
+        return flight.sound & (flight.taken <= number)
+
+    def leap(flight: Flight) -> Flight:
+        # All is computed once a place: programs take long to compile.
+        before, here = flight.before, graph.at(flight.free)
+        begins, ends = flight.taken == 0, flight.taken == number
+        # The momentum here: of the step that led here and its second half push; at the start J^T
+        # times independent normal numbers, whose covariance is the metric.
+        arriving = here.slopes.T @ (here.scaled - before.scaled)
+        momentum = arriving / step + 0.5 * step * here.pull
+        momentum = jnp.where(begins, here.slopes.T @ noise, momentum)
+        # The way back from here, and the next step, if there is one.
+        back = jnp.where(begins, 0.0, -arriving)
+        ahead = jnp.where(ends, 0.0, step * (momentum + 0.5 * step * here.pull))
+        places, found = jax.vmap(graph.move, (None, 0, 0))(
+            here, jnp.stack([back, ahead]), jnp.array([_BACK, _NEAR])
+        )
+        missed = before.slopes @ (places[0] - before.free)
+        same = begins | (jnp.sum(missed**2) < _SAME**2)
+        return Flight(
+            before=here,
+            free=jnp.where(found[1], places[1], here.free),
+            momentum=momentum,
+            first=jnp.where(begins, _energy(here, momentum), flight.first),
+            sound=found.all() & same,
+            taken=flight.taken + 1,
+        )
+
+    zero = jnp.zeros((), dtype)
+    flight = Flight(start, free, jnp.zeros_like(free), zero, jnp.array(True), jnp.array(0))
+    flight = jax.lax.while_loop(going, leap, flight)
+    end = flight.before
+    fallen = flight.first - _energy(end, flight.momentum)
+    sound = flight.sound & ~jnp.isnan(fallen)
+    return end.free, end.height, jnp.where(sound, fallen, -jnp.inf)
+
+
+@functools.partial(jax.jit, static_argnames=("residuals", "scaled"))
+def _steps(
     residuals: Any,
+    scaled: Any,
     model: Model,
     free: Float[Array, "chains blocks dims"],
-    power: Float[Array, "blocks"],
-) -> Here:
-    """Log-density on the way and its slope; what overflows is impossible, and flat."""
-
-    def height(free: Array, data: Any, begin: Gaussians, power: Array) -> tuple[Array, Array]:
-        posterior = -0.5 * jnp.sum(residuals(free, data, model.shared) ** 2)
-        first = begin.log_density(free)
-        return power * posterior + (1.0 - power) * first, posterior - first
-
-    slope = jax.vmap(jax.value_and_grad(height, has_aux=True))
-    found: tuple[tuple[Array, Array], Array] = jax.vmap(
-        lambda chain: slope(chain, model.data, model.begin, power)
-    )(free)
-    (values, gains), slopes = found
-    sound = jnp.isfinite(values)
-    return Here(
-        free=free,
-        height=jnp.where(sound, values, -jnp.inf),
-        gain=jnp.where(sound, gains, -jnp.inf),
-        slope=jnp.where(jnp.isfinite(slopes), slopes, 0.0),
-    )
-
-
-@functools.partial(jax.jit, static_argnames="residuals")
-def _steps(
-    residuals: Any, model: Model, here: Here, tuning: Tuning, span: Span
-) -> tuple[Here, Tuning, Piece]:
+    tuning: Tuning,
+    span: Span,
+) -> tuple[Array, Tuning, Piece]:
     """Some steps of all chains, from where the last ones left them."""
-    chains, blocks, dims = here.free.shape
+    chains, blocks, _ = free.shape
 
-    def at(free: Array) -> Here:
-        return heights(residuals, model, free, span.power)
+    def graph(data: Any, root: Array) -> Graph:
+        return Graph(residuals, scaled, data, model.shared, root)
 
-    def trajectory(here: Here, tuning: Tuning, key: Array) -> tuple[Here, Array]:
-        length, kick = jax.random.split(key)
-        step = jnp.exp(tuning.log_step)
-        turn = _HALF_TURN * jax.random.uniform(length, (blocks,), step.dtype)
-        number = jnp.clip(jnp.ceil(turn / step), 1, span.most)
+    @functools.partial(jax.vmap, in_axes=(0, None, None))
+    @jax.vmap
+    def height_at(free: Array, data: Any, root: Array) -> Array:
+        return graph(data, root).height(free)
 
-        def pull(here: Here) -> Array:
-            return jnp.einsum("bij,cbi->cbj", tuning.root, here.slope)
+    @functools.partial(jax.vmap, in_axes=(0, None, None, None, 0))
+    @jax.vmap
+    def wander(free: Array, data: Any, root: Array, log_step: Array, key: Array) -> Any:
+        return _trajectory(graph(data, root), free, log_step, key)
 
-        def leap(i: Array, state: tuple[Here, Array]) -> tuple[Here, Array]:
-            here, momentum = state
-            # A block whose trajectory is done stands still.
-            going = jnp.where(i < number, step, 0.0)[:, None]
-            momentum = momentum + 0.5 * going * pull(here)
-            there = at(here.free + going * jnp.einsum("bij,cbj->cbi", tuning.root, momentum))
-            return there, momentum + 0.5 * going * pull(there)
+    density = jax.vmap(jax.vmap(Gaussians.log_density), (None, 0))
 
-        start = jax.random.normal(kick, (chains, blocks, dims), here.free.dtype)
-        end, momentum = jax.lax.fori_loop(0, number.max().astype(int), leap, (here, start))
-        energy = 0.5 * jnp.sum(start**2 - momentum**2, axis=-1)
-        return end, end.height - here.height + energy
+    def trajectory(place: Place, tuning: Tuning, key: Array) -> tuple[Place, Array]:
+        keys = jax.random.split(key, (chains, blocks))
+        end, height, gain = wander(place.free, model.data, *tuning, keys)
+        return Place(end, height), gain
 
-    def jump(here: Here, tuning: Tuning, key: Array) -> tuple[Here, Array]:
-        del tuning
-        end = at(model.laplace.draw(key, chains).astype(here.free.dtype))
+    def jump(place: Place, tuning: Tuning, key: Array) -> tuple[Place, Array]:
+        free = model.laplace.draw(key, chains).astype(place.free.dtype)
+        end = Place(free, height_at(free, model.data, tuning.root))
+        # By Metropolis and Hastings: Laplace's density is that of the proposal.
+        gain = end.height - place.height
+        gain = gain + density(model.laplace, place.free) - density(model.laplace, free)
+        return end, jnp.where(jnp.isnan(gain), -jnp.inf, gain)
 
-        def density(free: Array) -> Array:
-            return jax.vmap(jax.vmap(Gaussians.log_density), (None, 0))(model.laplace, free)
-
-        return end, end.height - here.height + density(here.free) - density(end.free)
-
-    def one(i: Array, state: tuple[Here, Tuning, Piece]) -> tuple[Here, Tuning, Piece]:
-        here, tuning, piece = state
+    def one(i: Array, state: tuple[Place, Tuning, Piece]) -> tuple[Place, Tuning, Piece]:
+        place, tuning, piece = state
         number = span.first + i
         move, coin = jax.random.split(jax.random.fold_in(model.key, number))
-        jumps = (number % _JUMP == _JUMP - 1) & jnp.all(span.power == 1.0)
-        moved: tuple[Here, Array] = jax.lax.cond(jumps, jump, trajectory, here, tuning, move)
+        jumps = number % _JUMP == _JUMP - 1
+        moved: tuple[Place, Array] = jax.lax.cond(jumps, jump, trajectory, place, tuning, move)
         end, gain = moved
-        gain = jnp.where(jnp.isnan(gain), -jnp.inf, gain)
         chance = jnp.minimum(1.0, jnp.exp(gain))
         takes = jax.random.uniform(coin, chance.shape, chance.dtype) < chance
-        here = Here(*(_chosen(takes, new, old) for new, old in zip(end, here, strict=True)))
+        free = jnp.asarray(jnp.where(takes[..., None], end.free, place.free))
+        place = Place(free, jnp.asarray(jnp.where(takes, end.height, place.height)))
         better = tuning.log_step + _GAIN / (1.0 + 0.1 * i) * (chance.mean(axis=0) - _ACCEPT)
         learns = span.learning & ~jumps
         tuning = tuning._replace(log_step=jnp.where(learns, better, tuning.log_step))
         piece = Piece(
-            free=piece.free.at[i].set(here.free),
-            height=piece.height.at[i].set(here.height),
+            free=piece.free.at[i].set(place.free),
+            height=piece.height.at[i].set(place.height),
             accepted=piece.accepted + takes.mean(),
         )
-        return here, tuning, piece
+        return place, tuning, piece
 
     empty = Piece(
-        free=jnp.zeros((_PIECE, *here.free.shape), here.free.dtype),
-        height=jnp.zeros((_PIECE, *here.height.shape), here.height.dtype),
-        accepted=jnp.zeros((), here.height.dtype),
+        free=jnp.zeros((_PIECE, *free.shape), free.dtype),
+        height=jnp.zeros((_PIECE, chains, blocks), free.dtype),
+        accepted=jnp.zeros((), free.dtype),
     )
-    return jax.lax.fori_loop(0, span.number, one, (here, tuning, empty))
-
-
-def _chosen(takes: Bool[Array, "chains blocks"], new: Array, old: Array) -> Array:
-    return jnp.where(takes.reshape(takes.shape + (1,) * (new.ndim - takes.ndim)), new, old)
+    start = Place(free, height_at(free, model.data, tuning.root))
+    place, tuning, piece = jax.lax.fori_loop(0, span.number, one, (start, tuning, empty))
+    return place.free, tuning, piece
 
 
 class _Sampler:
-    """The chains of one problem, and the random numbers of what is not compiled."""
+    """The chains of one problem."""
 
     def __init__(self, problem: Problem, approximation: Laplace, options: Sampling) -> None:
         self._problem = problem
-        self._rng = np.random.default_rng(options.seed)
+        self._approximation = approximation
+        self._seed = options.seed
         self._model = Model(
             data=problem.data,
             shared=problem.shared,
-            laplace=Gaussians.of(
-                approximation.modes, approximation.covariances, approximation.weights
-            ),
-            begin=beginning(problem, approximation, self._rng),
+            laplace=Gaussians.of(approximation),
             key=jax.random.key(options.seed),
         )
-        self.power = np.zeros(len(problem.blocks))
 
-    def at(self, free: np.ndarray) -> Here:
-        """Chains at these places."""
-        problem = self._problem
-        power = jnp.asarray(self.power)
-        return heights(problem.residuals, self._model, jnp.asarray(free), power)
-
-    def steps(self, here: Here, tuning: Tuning, span: Span) -> tuple[Here, Tuning, Piece]:
+    def steps(self, free: Array, tuning: Tuning, span: Span) -> tuple[Array, Tuning, Piece]:
         """See `_steps`."""
         problem = self._problem
-        return _steps(problem.residuals, self._model, here, tuning, Span(*map(jnp.asarray, span)))
+        compiled = Span(*map(jnp.asarray, span))
+        return _steps(problem.residuals, problem.scaled, self._model, free, tuning, compiled)
 
-    def first(self, chains: int) -> tuple[Here, Tuning]:
-        """Draws of the beginning."""
-        model = self._model
-        free = np.asarray(model.begin.draw(jax.random.fold_in(model.key, _BEGINNING), chains))
-        blocks = free.shape[1]
+    def first(self, chains: int) -> tuple[Array, Tuning]:
+        """Chains at the modes, by their shares, with the prior's precision as the metric's own
+        part; or, where the metric is the same everywhere, at draws of Laplace's Gaussians, with
+        their precision.
+        """
+        approximation, problem = self._approximation, self._problem
+        rng = np.random.default_rng(self._seed)
+        blocks, modes, dims = approximation.modes.shape
+        prior = np.linalg.cholesky(np.linalg.inv(problem.prior_covariance)).T
         tuning = Tuning(
-            root=rounded(free, model.begin.roots[:, -1]),
+            root=jnp.asarray(np.broadcast_to(prior, (blocks, dims, dims))),
             log_step=jnp.full(blocks, np.log(_FIRST_STEP)),
         )
-        return self.at(free), tuning
+        if problem.scaled is None:
+            tuning = self.learnt(tuning, approximation.draws(_DRAWS, rng))
+            return jnp.asarray(approximation.draws(chains, rng)), tuning
+        # Evenly spaced places in the summed shares: each mode has its part of the chains.
+        places = (np.arange(chains) + rng.random()) / chains
+        summed = np.cumsum(approximation.weights, axis=1)
+        chosen = np.stack([np.searchsorted(each / each[-1], places) for each in summed], axis=1)
+        at = np.minimum(chosen, modes - 1)[..., None]
+        return jnp.asarray(
+            np.take_along_axis(np.swapaxes(approximation.modes, 0, 1), at, 0)
+        ), tuning
 
-    def rise(self, here: Here, tuning: Tuning) -> tuple[Here, Tuning]:
-        """The next power of each block, and draws taken again by weight."""
-        gain = np.asarray(here.gain, float)
-        power = next_power(gain, self.power)
-        logs = (power - self.power) * np.nan_to_num(gain, neginf=-1e30)
-        chosen = again(logs, self._rng)
-        self.power = power
-        free = np.take_along_axis(np.asarray(here.free), chosen[..., None], axis=0)
-        return self.at(free), tuning._replace(root=rounded(free, tuning.root))
-
-
-def next_power(
-    gain: Float[np.ndarray, "chains blocks"], power: Float[np.ndarray, "blocks"]
-) -> Float[np.ndarray, "blocks"]:
-    """As far as half the draws keep their weight, by bisection, at most 1."""
-    logs = np.nan_to_num(gain, neginf=-1e30)
-    logs = logs - logs.max(axis=0)
-
-    def enough(to: np.ndarray) -> np.ndarray:
-        weights = np.exp((to - power) * logs)
-        return weights.sum(axis=0) ** 2 >= _LEFT * len(logs) * (weights**2).sum(axis=0)
-
-    low, high = power.copy(), np.ones_like(power)
-    whole = enough(high)
-    for _ in range(60):
-        # The power begins at 0, and small ones are many: halve the logarithm there.
-        middle = np.where(low > 0, 0.5 * (low + high), high / 16.0)
-        good = enough(middle)
-        low, high = np.where(good, middle, low), np.where(good, high, middle)
-    return np.where(whole, 1.0, np.maximum(low, power))
-
-
-def again(
-    logs: Float[np.ndarray, "chains blocks"], rng: np.random.Generator
-) -> Float[np.ndarray, "chains blocks"]:
-    """Numbers of the draws that are taken again by weight, at evenly spaced places of its sum."""
-    chains, blocks = logs.shape
-    summed = np.cumsum(np.exp(logs - logs.max(axis=0)), axis=0)
-    places = (np.arange(chains)[:, None] + rng.random(blocks)) / chains * summed[-1]
-    return np.stack(
-        [np.searchsorted(summed[:, b], places[:, b]) for b in range(blocks)], axis=1
-    ).clip(0, chains - 1)
-
-
-def rounded(
-    draws: Float[np.ndarray, "*n blocks dims"], before: Float[Array, "blocks dims dims"]
-) -> Float[Array, "blocks dims dims"]:
-    """Root of the covariance of all draws; what was taken before counts as a few."""
-    flat = np.asarray(draws, float).reshape(-1, *draws.shape[-2:])
-    off = flat - flat.mean(axis=0)
-    old = np.asarray(before, float)
-    few = 2.0 * flat.shape[-1]
-    found = np.einsum("nbi,nbj->bij", off, off) + few * old @ np.swapaxes(old, 1, 2)
-    return jnp.asarray(np.linalg.cholesky(found / (len(flat) + few)))
+    def learnt(self, tuning: Tuning, draws: Float[np.ndarray, "*n blocks dims"]) -> Tuning:
+        """Where there are no scaled readings, the metric is that in which draws are about round;
+        what was taken before counts as a few.
+        """
+        if self._problem.scaled is not None:
+            return tuning
+        flat = np.asarray(draws, float).reshape(-1, *draws.shape[-2:])
+        off = flat - flat.mean(axis=0)
+        before = np.linalg.inv(np.asarray(tuning.root, float))
+        few = 2.0 * flat.shape[-1]
+        spread = np.einsum("nbi,nbj->bij", off, off) + few * before @ np.swapaxes(before, 1, 2)
+        root = np.linalg.inv(np.linalg.cholesky(spread / (len(flat) + few)))
+        return tuning._replace(root=jnp.asarray(root))
 
 
 def run_hamiltonian(problem: Problem, approximation: Laplace, options: Sampling) -> Chain:
@@ -372,7 +457,8 @@ def run_hamiltonian(problem: Problem, approximation: Laplace, options: Sampling)
 
     Args:
         problem: what is sampled.
-        approximation: to it, from which every tenth step is proposed.
+        approximation: to it, at whose modes chains begin and from which every tenth step is
+            proposed.
         options: steps of each chain after the warm-up, how many chains, and the rest.
 
     Raises:
@@ -388,45 +474,33 @@ def run_hamiltonian(problem: Problem, approximation: Laplace, options: Sampling)
             begun = _begin(sampler, chains, asked.is_set, options.progress)
             if begun is None:
                 return kept.chain(interrupted=True)
-            here, tuning = begun
+            free, tuning = begun
         else:
-            here, tuning = (
-                Here(*map(jnp.asarray, kept.here)),
-                Tuning(*map(jnp.asarray, kept.tuning)),
-            )
-        ones = np.ones(len(problem.blocks))
+            (free,) = map(jnp.asarray, kept.here)
+            tuning = Tuning(*map(jnp.asarray, kept.tuning))
         while kept.steps < options.length and not asked.is_set():
             count = min(_PIECE, options.length - kept.steps)
-            span = Span(_SAMPLING + kept.steps, count, ones, learning=False, most=_MOST)
-            here, tuning, piece = sampler.steps(here, tuning, span)
-            kept.add(piece.free[:count], piece.height[:count], float(piece.accepted), here, tuning)
+            span = Span(_SAMPLING + kept.steps, count, learning=False)
+            free, tuning, piece = sampler.steps(free, tuning, span)
+            accepted = float(piece.accepted)
+            kept.add(piece.free[:count], piece.height[:count], accepted, [free], tuning)
             options.progress(kept.steps, options.length, "sampling")
     return kept.chain(interrupted=kept.steps < options.length)
 
 
 def _begin(
     sampler: _Sampler, chains: int, stop: Callable[[], bool], progress: Progress
-) -> tuple[Here, Tuning] | None:
-    """Chains that begin at draws of the posterior; None if they were stopped on the way."""
-    here, tuning = sampler.first(chains)
+) -> tuple[Array, Tuning] | None:
+    """Chains that have left the modes, with steps of a good length; None if they were stopped on
+    the way.
+    """
+    free, tuning = sampler.first(chains)
     done = 0
-    for _ in range(_MOST_RISES):
-        here, tuning = sampler.rise(here, tuning)
-        span = Span(done, _MOVES, sampler.power, learning=True, most=_MOST_ON_THE_WAY)
-        here, tuning, _ = sampler.steps(here, tuning, span)
-        done += _MOVES
-        progress(done, None, "leading draws to the posterior")
-        if stop():
-            return None
-        if np.all(sampler.power == 1.0):
-            break
     for window in _WARM_UP:
-        span = Span(done, window, sampler.power, learning=True, most=_MOST)
-        here, tuning, piece = sampler.steps(here, tuning, span)
-        tuning = tuning._replace(root=rounded(np.asarray(piece.free[:window]), tuning.root))
+        free, tuning, piece = sampler.steps(free, tuning, Span(done, window, learning=True))
+        tuning = sampler.learnt(tuning, np.asarray(piece.free[:window]))
         done += window
+        progress(done, sum(_WARM_UP), "warming up")
         if stop():
             return None
-    span = Span(done, _MOVES, sampler.power, learning=True, most=_MOST)
-    here, tuning, _ = sampler.steps(here, tuning, span)
-    return here, tuning
+    return free, tuning

@@ -41,6 +41,18 @@ class Residuals(Protocol):
         ...
 
 
+@dataclass(frozen=True)
+class Misfits:
+    """Those residuals of a block that the measurement has; what is left out are the prior's."""
+
+    residuals: Residuals
+    prior_rows: int
+
+    def __call__(self, free: Float[Array, "dims"], data: Any, shared: Any) -> Float[Array, "rows"]:
+        """Of one block."""
+        return self.residuals(free, data, shared)[: -self.prior_rows]
+
+
 class Quantity(NamedTuple):
     """What is reported: a function of the free unknowns.
 
@@ -80,6 +92,10 @@ class Problem:
         bands: wavelengths that one evaluation of a block computes.
         fingerprint: of the measurement and the settings; two chains may be joined if theirs are
             equal.
+        scaled: readings in units of their errors, (rows,), from the same arguments as the
+            residuals: how far they change is how far apart two places of the posterior are
+            (`glazefit.posterior.hamiltonian`). None where they cost too much, or where the
+            posterior is as wide everywhere.
     """
 
     kind: str
@@ -95,6 +111,7 @@ class Problem:
     prior_covariance: Float[np.ndarray, "dims dims"]
     bands: int
     fingerprint: str
+    scaled: Residuals | None = None
 
     @property
     def dims(self) -> int:

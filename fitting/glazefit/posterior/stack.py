@@ -170,6 +170,29 @@ class StackResiduals:
         return jnp.concatenate(parts)
 
 
+@dataclass(frozen=True)
+class ScaledReadings:
+    """Misfits of one film whose only open coat is tabulated, each over its own standard deviation.
+
+    That the known coats' errors are alike in neighbouring bands is left out, and with it a
+    covariance: as a measure of distance this is as good, and its slopes cost a twentieth.
+    """
+
+    layout: Layout
+
+    def __call__(
+        self, free: Float[Array, "dims"], data: StackData, shared: StackShared
+    ) -> Float[Array, "rows"]:
+        """Of one film."""
+        layout = self.layout
+        assert data.table is not None
+        coats = optical(layout, free, data, shared)
+        seen = stack_table.look_up(data.table, coats[..., layout.unknown_coat])
+        off = data.reading - surface(layout, free, shared) - seen.body
+        size = jnp.exp(free[layout.places.error])
+        return (off / stack_table.standard_deviation(data.table, seen, size)).reshape(-1)
+
+
 def pose_stack(
     films: Sequence[Reading],
     coats: Sequence[Sequence[CoatPrior]],

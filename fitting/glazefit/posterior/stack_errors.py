@@ -22,7 +22,15 @@ from .film_errors import Slopes, expand, settle
 from .laplace import Modes, climb, find_modes
 from .layout import Layout
 from .problem import Problem
-from .stack import TOLERANCE, StackData, StackResiduals, StackShared, optical, surface
+from .stack import (
+    TOLERANCE,
+    ScaledReadings,
+    StackData,
+    StackResiduals,
+    StackShared,
+    optical,
+    surface,
+)
 from .stack_table import can_be_tabulated, tabulated
 
 _STARTS = 8
@@ -101,6 +109,7 @@ def pose_stack_errors(
         nothing = np.zeros((len(films), problem.dims))
         coats, _ = _at(layout, nothing, problem.data, problem.shared)
         problem = tabulated(problem, np.asarray(coats), films, smooth, TOLERANCE)
+        problem = replace(problem, scaled=ScaledReadings(layout))
         return problem, find_modes(problem, starts=_MANY_STARTS, seed=seed)
     rough = [np.eye(film.sd.size) / np.hypot(film.sd, _ROUGH).ravel() for film in films]
     first = find_modes(

@@ -125,6 +125,9 @@ class Seen(NamedTuple):
 
 def look_up(table: StackTable, thickness: Float[Array, "2 bands"]) -> Seen:
     """From k d and s d of the unknown coat."""
+    # A coat beyond the table is opaque, and what it reads hangs on k/s alone.
+    beyond = jnp.max(thickness / jnp.array(HIGHEST)[:, None], axis=0)
+    thickness = thickness / jnp.maximum(beyond, 1.0)
     row, over = locate(jnp, thickness[0], HIGHEST[0], _NODES)
     column, across = locate(jnp, thickness[1], HIGHEST[1], _NODES)
     cell = row * (_NODES - 1) + column
@@ -134,6 +137,19 @@ def look_up(table: StackTable, thickness: Float[Array, "2 bands"]) -> Seen:
     bands, grounds = table.sd.shape
     body, by_ground, *by_log = jnp.moveaxis(numbers.reshape(bands, -1, grounds), 1, 0)
     return Seen(body=body, by_ground=by_ground, by_log=jnp.stack(by_log) if by_log else None)
+
+
+def standard_deviation(
+    table: StackTable, seen: Seen, size: Float[Array, ""]
+) -> Float[Array, "bands grounds"]:
+    """Of each reading by itself: noise, the ground's error, and errors of the known coats of this
+    size.
+    """
+    variance = table.sd**2 + (seen.by_ground * table.ground_sd) ** 2
+    if seen.by_log is not None:
+        alike = jnp.diagonal(table.smooth)[:, None]
+        variance = variance + size**2 * alike * jnp.sum(seen.by_log**2, axis=0)
+    return jnp.sqrt(variance)
 
 
 def misfit(
