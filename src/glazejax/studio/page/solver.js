@@ -25,7 +25,7 @@
  * @property {Float64Array} extinction k + s of each band, 1/m.
  * @property {Float64Array} albedo s/(k + s) of each band.
  *
- * @typedef {{medium: Medium, thickness: number}} Coat Thickness in metres.
+ * @typedef {{medium: Medium, thickness: number | ArrayLike<number>}} Coat Thickness in metres, or several to try.
  *
  * @typedef {object} Geometry How paint is lit and seen.
  * @property {number} light Angle of the light from the normal, degrees.
@@ -33,7 +33,8 @@
  * @property {boolean} specular Whether the surface's own mirror reflection is seen.
  *
  * @typedef {object} Coats What coats do, whatever lies below: R(ground) = bare + through ground/(1 - back ground).
- * @property {Float64Array} bare Reflectance of each band on a ground that reflects nothing.
+ * @property {Float64Array} bare Reflectance of each band on a ground that reflects nothing; of each combination in turn
+ *   where coats have several thicknesses.
  * @property {Float64Array} through Light that reaches the ground, times the share of what leaves it that is seen.
  * @property {Float64Array} back Share of what leaves the ground that comes back to it.
  */
@@ -205,7 +206,26 @@ function modesOf(surface, q) {
     decay[0] = (1 - q) / (q * second);
   }
   const turned = vectors.map((_, at) => vectors[(at % n) * n + Math.floor(at / n)]);
-  return { decay, coupling, vectors, turned };
+  const within = (diagonal) => {
+    const scaled = turned.map((value, at) => value * diagonal[at % n]), found = new Float64Array(n * n);
+    productTurned(found, scaled, turned, n);
+    return found;
+  };
+  // The surface, and a ground, as these modes meet them.
+  const under = within(surface.impedance), on = within(mu.map((cosine) => 1 / cosine));
+  return { decay, coupling, turned, under, on, ground: apply(new Float64Array(n), turned, surface.root, n), after: new WeakMap() };
+}
+
+// One coat's modes in those of the coat above it; above the first are the directions themselves.
+function turnBetween(modes, above, n) {
+  if (!above) return modes.turned;
+  let turn = modes.after.get(above);
+  if (!turn) {
+    turn = new Float64Array(n * n);
+    productTurned(turn, modes.turned, above.turned, n);
+    modes.after.set(above, turn);
+  }
+  return turn;
 }
 
 // (e^-aD - e^-bD)/(b - a), regular at a = b; the caller has expm1 of both.
@@ -224,8 +244,8 @@ const THIN = 1e-4;
 function workspace(n) {
   const vector = () => new Float64Array(n), matrix = () => new Float64Array(n * n), four = (make) => [0, 1].map(make);
   return {
-    half: matrix(), inner: matrix(), work: matrix(), lam: vector(), kappa: vector(), faded: vector(), tanh: vector(), sech: vector(),
-    scale: vector(), through: vector(), even: vector(), top: four(vector), bottom: four(vector), apart: four(vector), driven: four(vector), loads: four(vector),
+    inner: matrix(), work: matrix(), lam: vector(), kappa: vector(), faded: vector(), tanh: vector(), sech: vector(),
+    scale: vector(), through: vector(), even: vector(), gone: new Float64Array(2), top: four(vector), bottom: four(vector), apart: four(vector), driven: four(vector), loads: four(vector),
   };
 }
 
@@ -234,7 +254,7 @@ function workspace(n) {
  * bottom one, and the other way round; `apart` is int e^(-kappa (D - t)) e^(-a t).
  */
 function excite(room, a, gone, depth, beam, n) {
-  const top = room.top[beam], bottom = room.bottom[beam], apart = room.apart[beam];
+  const top = room.top[beam], bottom = room.bottom[beam], apart = room.apart[beam], { tanh, sech } = room;
   for (let j = 0; j < n; j++) {
     const lam = room.lam[j], kappa = room.kappa[j], faded = room.faded[j], fade = 1 + faded;
     apart[j] = twoDecays(kappa, a, depth, faded, gone);
@@ -243,8 +263,8 @@ function excite(room, a, gone, depth, beam, n) {
       top[j] = depth * (1 / 2 - y / 6 + (y * y - x) / 24);
       bottom[j] = depth * (1 / 2 - y / 3 + (3 * y * y - x) / 24);
     } else if (lam < SLOW) {
-      const bend = (lam * room.tanh[j]) / (1 + room.sech[j]), rate = -gone / room.tanh[j], divisor = a * a - lam;
-      top[j] = (a - bend - room.sech[j] * rate) / divisor;
+      const bend = (lam * tanh[j]) / (1 + sech[j]), rate = -gone / tanh[j], divisor = a * a - lam;
+      top[j] = (a - bend - sech[j] * rate) / divisor;
       bottom[j] = (rate - bend - a * (1 + gone)) / divisor;
     } else {
       const together = -(faded + gone + faded * gone) / (kappa + a), divisor = -faded * (1 + fade);
@@ -279,7 +299,7 @@ function productTurned(out, a, b, n) {
     const nextRow = i + 1 < n ? n : 0;
     for (let j = 0; j < n; j += 2) {
       const nextColumn = j + 1 < n ? n : 0;
-      let [p, q, s, t, u, v] = [i * n, j * n, 0, 0, 0, 0];
+      let p = i * n, q = j * n, s = 0, t = 0, u = 0, v = 0;
       for (let k = 0; k < n; k++, p++, q++) {
         const x = a[p], y = a[p + nextRow], z = b[q], w = b[q + nextColumn];
         s += x * z;
@@ -296,19 +316,67 @@ function productTurned(out, a, b, n) {
   }
 }
 
-// a becomes its inverse; it is symmetric and positive definite, so no pivoting is needed.
-function invert(a, n) {
+// The lower half of out = a b^T, where that is symmetric.
+function lowerProductTurned(out, a, b, n) {
+  for (let i = 0; i < n; i += 2) {
+    const nextRow = i + 1 < n ? n : 0;
+    for (let j = 0; j <= i; j += 2) {
+      const nextColumn = j + 1 < n ? n : 0;
+      let p = i * n, q = j * n, s = 0, t = 0, u = 0, v = 0;
+      for (let k = 0; k < n; k++, p++, q++) {
+        const x = a[p], y = a[p + nextRow], z = b[q], w = b[q + nextColumn];
+        s += x * z;
+        t += x * w;
+        u += y * z;
+        v += y * w;
+      }
+      const at = i * n + j;
+      out[at] = s;
+      if (nextColumn && j < i) out[at + 1] = t;
+      if (nextRow) out[at + n] = u;
+      if (nextRow && nextColumn) out[at + n + 1] = v;
+    }
+  }
+}
+
+// a, of which the lower half is given, becomes minus its inverse, whole: sweeps of Gauss and Jordan. It is symmetric and
+// positive definite, so no pivoting is needed.
+function invertNegative(a, column, n) {
   for (let k = 0; k < n; k++) {
     const pivot = 1 / a[k * n + k];
+    for (let i = 0; i < k; i++) column[i] = a[k * n + i];
+    for (let i = k + 1; i < n; i++) column[i] = a[i * n + k];
     for (let i = 0; i < n; i++) {
       if (i === k) continue;
-      const factor = a[i * n + k] * pivot;
-      for (let j = 0; j < n; j++) a[i * n + j] -= factor * a[k * n + j];
-      a[i * n + k] = -factor;
+      const factor = column[i] * pivot, row = i * n;
+      for (let j = 0; j <= i; j++) a[row + j] -= factor * column[j];
     }
-    for (let j = 0; j < n; j++) a[k * n + j] *= pivot;
-    a[k * n + k] = pivot;
+    for (let i = 0; i < k; i++) a[k * n + i] = column[i] * pivot;
+    for (let i = k + 1; i < n; i++) a[i * n + k] = column[i] * pivot;
+    a[k * n + k] = -pivot;
   }
+  for (let i = 1; i < n; i++) for (let j = 0; j < i; j++) a[j * n + i] = a[i * n + j];
+}
+
+// The lower half of a becomes L of a = L L^T.
+function factorise(a, n) {
+  for (let j = 0; j < n; j++) {
+    for (let i = j; i < n; i++) {
+      let sum = a[i * n + j];
+      for (let k = 0; k < j; k++) sum -= a[i * n + k] * a[j * n + k];
+      a[i * n + j] = i === j ? Math.sqrt(sum) : sum / a[j * n + j];
+    }
+  }
+}
+
+// out = L^-1 x.
+function solveLower(out, a, x, n) {
+  for (let i = 0; i < n; i++) {
+    let sum = x[i];
+    for (let k = 0; k < i; k++) sum -= a[i * n + k] * out[k];
+    out[i] = sum / a[i * n + i];
+  }
+  return out;
 }
 
 // out = a x, row by row.
@@ -333,7 +401,8 @@ function dot(a, b) {
  * What coats do to light, whatever they lie on.
  *
  * The half of the stack above a depth is delta = Z sigma - source there: it begins as the surface and takes in one coat
- * after the other, so that all geometries and all grounds share that work.
+ * after the other, so that all geometries and all grounds share that work. Where coats have several thicknesses, every
+ * combination is computed, and those that agree in their upper coats share these; the lowest coat's thickness changes first.
  *
  * @param {Coat[]} coats Top first; those of no thickness are absent.
  * @param {Geometry[]} geometries
@@ -342,40 +411,67 @@ function dot(a, b) {
  * @returns {Coats[]} One for each geometry.
  */
 export function reflect(coats, geometries, { index = 1.5, bands = coats[0]?.medium.bands ?? 1 } = {}) {
-  const surface = surfaceOf(index), { n, mu, root, room } = surface;
-  const seen = geometries.map((geometry) => lightPath(geometry, surface, bands));
+  const surface = surfaceOf(index), { n, room } = surface;
+  const tried = coats.map(({ thickness }) => (typeof thickness === "number" ? [thickness] : thickness));
+  const count = tried.reduce((product, { length }) => product * length, 1);
+  const paths = geometries.map((geometry) => lightPath(geometry, surface, bands * count));
+  const halves = [null, ...coats].map(() => emptyHalf(paths, n));
+  const [first] = halves;
+  for (let i = 0; i < n; i++) first.matrix[i * n + i] = surface.impedance[i];
+  first.beams.forEach((beam, g) => beam.source[1].set(paths[g].outside));
+  let at = 0;
   for (let band = 0; band < bands; band++) {
-    room.half.fill(0);
-    for (let i = 0; i < n; i++) room.half[i * n + i] = surface.impedance[i];
-    for (const one of seen) {
-      one.source[0].fill(0);
-      one.source[1].set(one.outside);
-      one.left = [1, 1];
-      one.total = 0;
+    at = band;
+    descend(0, first, band);
+  }
+  return paths.map((path) => path.coats);
+
+  function descend(depth, half, band) {
+    if (depth === coats.length) {
+      meetGround(surface, half, paths, at);
+      at += bands;
+      return;
     }
-    for (const { medium: paint, thickness } of coats) {
-      const depth = paint.extinction[band] * thickness;
-      if (depth > ABSENT) takeIn(room, seen, modesAt(paint, surface, band), paint.albedo[band], depth, n);
-    }
-    // Below lies a ground that reflects nothing, or one that sends light into all directions evenly.
-    for (let i = 0; i < n; i++) room.half[i * n + i] += 1 / mu[i];
-    invert(room.half, n);
-    const even = apply(room.even, room.half, root, n), within = dot(root, even);
-    for (const { coats: found, beams, factor, mirror, left, total, source } of seen) {
-      const light = left[0] / beams[0], view = beams.length > 1 ? left[1] / beams[1] : 0;
-      // A ground adds 4 rho/(1 + rho) times one pattern of directions: Sherman and Morrison's formula, in rho.
-      found.bare[band] = factor * (total + dot(apply(room.loads[0], room.half, source[0], n), source[1])) + mirror;
-      found.through[band] = 4 * factor * (light + dot(even, source[0])) * (view + dot(even, source[1]));
-      found.back[band] = 4 * within - 1;
+    const paint = coats[depth].medium;
+    for (const thickness of tried[depth]) {
+      const thick = paint.extinction[band] * thickness, below = halves[depth + 1];
+      if (thick > ABSENT) takeIn(room, half, below, paths, modesAt(paint, surface, band), paint.albedo[band], thick, n);
+      descend(depth + 1, thick > ABSENT ? below : half, band);
     }
   }
-  return seen.map((one) => one.coats);
+}
+
+/** A half of the stack: its matrix in the modes of its lowest coat, and for each geometry what drives it, the light that
+ * is left of its beams, and what has come back already. */
+function emptyHalf(paths, n) {
+  const beams = paths.map(() => ({ source: [new Float64Array(n), new Float64Array(n)], left: Float64Array.of(1, 1), total: 0 }));
+  return { matrix: new Float64Array(n * n), modes: null, beams };
+}
+
+/** Below lies a ground that reflects nothing, or one that sends light into all directions evenly. */
+function meetGround({ n, mu, root, room }, { matrix, modes, beams }, paths, at) {
+  const { work, even, loads } = room;
+  if (modes) for (let i = 0; i < n * n; i++) work[i] = matrix[i] + modes.on[i];
+  else for (let i = 0; i < n * n; i++) work[i] = matrix[i] + (i % (n + 1) ? 0 : 1 / mu[i / (n + 1)]);
+  factorise(work, n);
+  solveLower(even, work, modes ? modes.ground : root, n);
+  const within = dot(even, even);
+  paths.forEach((path, g) => {
+    const { source, left, total } = beams[g], { beams: rates, factor, coats: found } = path;
+    const light = left[0] / rates[0], view = rates.length > 1 ? left[1] / rates[1] : 0;
+    solveLower(loads[0], work, source[0], n);
+    solveLower(loads[1], work, source[1], n);
+    // A ground adds 4 rho/(1 + rho) times one pattern of directions: Sherman and Morrison's formula, in rho.
+    found.bare[at] = factor * (total + dot(loads[0], loads[1])) + path.mirror;
+    found.through[at] = 4 * factor * (light + dot(even, loads[0])) * (view + dot(even, loads[1]));
+    found.back[at] = 4 * within - 1;
+  });
 }
 
 // Coats of less optical thickness are as good as absent.
 const ABSENT = 1e-10;
 
-/** Light's way in and out for a geometry, what of it is left below the coats taken in, and what drives the half. */
+/** Light's way in and out for a geometry. */
 function lightPath({ light, view, specular }, { n, index, letOut }, bands) {
   const cosines = (view === null ? [light] : [light, view]).map((angle) => Math.cos((angle * Math.PI) / 180));
   const beams = cosines.map((cosine) => 1 / refracted(cosine, index));
@@ -387,9 +483,6 @@ function lightPath({ light, view, specular }, { n, index, letOut }, bands) {
     mirror: mirrored ? fresnel(cosines[0], index) : 0,
     // A sphere sees whatever is let out.
     outside: view === null ? letOut : new Float64Array(n),
-    source: [new Float64Array(n), new Float64Array(n)],
-    left: [1, 1],
-    total: 0,
     coats: { bare: new Float64Array(bands), through: new Float64Array(bands), back: new Float64Array(bands) },
   };
 }
@@ -399,9 +492,9 @@ function modesAt(paint, surface, band) {
   return (paint.modes.get(surface.index)[band] ??= modesOf(surface, paint.albedo[band]));
 }
 
-/** The half above takes in a coat. */
-function takeIn(room, seen, { decay, coupling, vectors, turned }, q, depth, n) {
-  const { half, inner, work, scale, through, tanh, sech } = room;
+/** The half above takes in a coat and becomes `below`. */
+function takeIn(room, above, below, paths, modes, q, depth, n) {
+  const { inner, work, scale, through, tanh, sech, even, gone } = room, { decay, coupling } = modes;
   for (let j = 0; j < n; j++) {
     const lam = decay[j], kappa = Math.sqrt(Math.max(lam, 1e-300));
     const faded = Math.expm1(-kappa * depth), fade = 1 + faded, norm = 1 / (1 + fade * fade);
@@ -413,39 +506,42 @@ function takeIn(room, seen, { decay, coupling, vectors, turned }, q, depth, n) {
     scale[j] = Math.sqrt(tanh[j] / depth);
     through[j] = sech[j] / scale[j];
   }
-  // The half in the coat's modes, and (1 + D Z)^-1.
-  productTurned(work, turned, half, n);
-  productTurned(inner, work, turned, n);
+  // The half in the coat's modes, and (1 + D Z)^-1, here with a minus.
+  const turn = turnBetween(modes, above.modes, n);
+  if (above.modes) {
+    productTurned(work, turn, above.matrix, n);
+    lowerProductTurned(inner, work, turn, n);
+  } else inner.set(modes.under);
   for (let i = 0; i < n; i++) {
-    for (let j = 0; j < n; j++) inner[i * n + j] *= depth * scale[i] * scale[j];
+    for (let j = 0; j <= i; j++) inner[i * n + j] *= depth * scale[i] * scale[j];
     inner[i * n + i] += 1;
   }
-  invert(inner, n);
-  for (const one of seen) {
-    const { beams, source, left } = one, [a, b] = beams, gone = beams.map((beam) => Math.expm1(-beam * depth));
-    beams.forEach((beam, i) => excite(room, beam, gone[i], depth, i, n));
-    if (beams.length > 1) one.total += left[0] * left[1] * scatterWithin(room, coupling, a, b, gone[0], gone[1], q, n);
+  invertNegative(inner, even, n);
+  for (let g = 0; g < paths.length; g++) {
+    const beams = paths[g].beams, from = above.beams[g], to = below.beams[g];
+    to.total = from.total;
+    for (let i = 0; i < beams.length; i++) {
+      gone[i] = Math.expm1(-beams[i] * depth);
+      excite(room, beams[i], gone[i], depth, i, n);
+    }
+    if (beams.length > 1) to.total += from.left[0] * from.left[1] * scatterWithin(room, coupling, beams[0], beams[1], gone[0], gone[1], q, n);
     for (let i = 0; i < 2; i++) {
-      const driven = apply(room.driven[i], turned, source[i], n), strength = i < beams.length ? q * left[i] : 0;
+      const driven = apply(room.driven[i], turn, from.source[i], n), strength = i < beams.length ? q * from.left[i] : 0;
       for (let j = 0; j < n; j++) driven[j] = scale[j] * (driven[j] + strength * coupling[j] * room.top[i][j]);
     }
-    const passed = apply(room.loads[0], inner, room.driven[0], n);
-    one.total += depth * dot(room.driven[1], passed);
-    apply(room.loads[1], inner, room.driven[1], n);
     for (let i = 0; i < 2; i++) {
-      const loads = room.loads[i], strength = i < beams.length ? q * left[i] : 0;
-      for (let j = 0; j < n; j++) loads[j] = through[j] * loads[j] + strength * coupling[j] * room.bottom[i][j];
-      apply(source[i], vectors, loads, n);
-      if (i < beams.length) left[i] *= 1 + gone[i];
+      const loads = apply(room.loads[i], inner, room.driven[i], n), strength = i < beams.length ? q * from.left[i] : 0;
+      if (i === 0) to.total -= depth * dot(room.driven[1], loads);
+      for (let j = 0; j < n; j++) to.source[i][j] = strength * coupling[j] * room.bottom[i][j] - through[j] * loads[j];
+      if (i < beams.length) to.left[i] = from.left[i] * (1 + gone[i]);
     }
   }
-  // Z = Y [lambda T + S Z (1 + D Z)^-1 S] Y^T.
+  // Z = lambda T + S Z (1 + D Z)^-1 S, in the coat's modes.
   for (let i = 0; i < n; i++) {
-    for (let j = 0; j < n; j++) inner[i * n + j] *= -(through[i] * through[j]) / depth;
-    inner[i * n + i] += (through[i] * through[i]) / depth + room.lam[i] * tanh[i];
+    for (let j = 0; j < n; j++) below.matrix[i * n + j] = (inner[i * n + j] * through[i] * through[j]) / depth;
+    below.matrix[i * n + i] += (through[i] * through[i]) / depth + room.lam[i] * tanh[i];
   }
-  productTurned(work, vectors, inner, n);
-  productTurned(half, work, vectors, n);
+  below.modes = modes;
 }
 
 /**
