@@ -133,8 +133,8 @@ class Server:
         self.process.wait(60)
 
 
-def browser_options(chromium: str) -> Any:
-    """Of a Chromium without a window."""
+def browser_options(chromium: str, *, card: bool = False) -> Any:
+    """Of a Chromium without a window; `card` plays a graphics card by the processor."""
     from selenium import webdriver
 
     options = webdriver.ChromeOptions()
@@ -143,8 +143,12 @@ def browser_options(chromium: str) -> Any:
         "--headless=new",
         "--no-sandbox",
         "--disable-dev-shm-usage",
-        "--disable-gpu",
         "--window-size=1440,900",
+        *(
+            ("--use-angle=swiftshader", "--enable-unsafe-swiftshader")
+            if card
+            else ("--disable-gpu",)
+        ),
     ):
         options.add_argument(word)
     return options

@@ -1,10 +1,14 @@
 """The page as one file, opened from a disk in a Chromium: all of it without a server."""
 
+import base64
+import io
 import json
+import re
 from urllib.parse import quote
 
 import numpy as np
 import pytest
+from PIL import Image
 from selenium.webdriver import ActionChains
 
 from glazejax.studio.one_file import one_file
@@ -81,6 +85,88 @@ def test_it_is_brushed(page):
     no_blue = {**TWO, "coats": [{**TWO["coats"][0], "um": 0}, TWO["coats"][1]]}
     for y, stack in ((0.1, no_blue), (0.5, TWO)):
         assert np.abs(page.pixel("easel", 0.35, y) - expected(stack, "white")).max() <= 2
+
+
+def test_a_graphics_card_and_typed_arrays_draw_the_same(link, tmp_path):
+    """Two brushed coats on a card, and eight; the card is played by the processor."""
+    paints = ["CobaltBlue", "ChromeYellow", "ZincWhite", "Eosin", "Minium", "LeadWhite"]
+    more = [{"paint": {name: 1}, "um": 0.5 + i} for i, name in enumerate(paints)]
+    for stack, brushed in ((TWO, 2), ({**TWO, "coats": [*TWO["coats"], *more]}, 8)):
+        drawn = {}
+        for kind in ("webgl2", "arrays"):
+            browser = start_browser(tmp_path, card=True)
+            try:
+                page = Page(browser, f"{link}?canvas={kind}")
+                page.open(fragment(stack))
+                page.press("tab-canvas")
+                assert page.at("easel").get_attribute("data-by") == kind
+                brush_each(page, brushed)
+                page.until(lambda page=page: "within" in page.at("easel-state").text, "the colours")
+                picture = base64.b64decode(
+                    page.js("return arguments[0].toDataURL('image/png')", page.at("easel"))[22:]
+                )
+                drawn[kind] = np.asarray(Image.open(io.BytesIO(picture)).convert("RGB"), int)
+                assert page.errors() == []
+            finally:
+                browser.quit()
+        assert np.unique(drawn["arrays"].reshape(-1, 3), axis=0).shape[0] > 300
+        assert np.abs(drawn["webgl2"] - drawn["arrays"]).max() <= 1
+
+
+def brush_each(page, brushed: int) -> None:
+    """A stroke of each coat, its own way across the canvas."""
+    code = """
+        const [coat] = arguments, canvas = document.querySelector("[data-at=easel]"), box = canvas.getBoundingClientRect();
+        document.querySelectorAll(".coat")[coat].dispatchEvent(new PointerEvent("pointerdown", {bubbles: true}));
+        const at = (type, along) => canvas.dispatchEvent(new PointerEvent(type, {bubbles: true, pointerId: 1, isPrimary: true,
+            clientX: box.left + box.width * (0.1 + 0.8 * along), clientY: box.top + box.height * (0.2 + 0.07 * coat + 0.3 * along * Math.sin(coat))}));
+        at("pointerdown", 0);
+        for (let i = 1; i <= 20; i++) at("pointermove", i / 20);
+        at("pointerup", 1);"""
+    for coat in range(brushed):
+        page.js(code, coat)
+
+
+def test_eight_coats_are_brushed(page):
+    """A pixel that six strokes cross, and one that none does, are what the library says."""
+    paints = [
+        "CobaltBlue",
+        "ChromeYellow",
+        "ZincWhite",
+        "Eosin",
+        "Minium",
+        "LeadWhite",
+        "ViridianGreen",
+        "Vermillion",
+    ]
+    stack = {
+        **TWO,
+        "coats": [{"paint": {name: 1}, "um": 0.5 + i / 4} for i, name in enumerate(paints)],
+    }
+    page.open(fragment(stack))
+    page.press("tab-canvas")
+    page.js("document.querySelector('[data-at=brush]').value = 120")
+    for coat in range(8):
+        page.js(
+            """
+            const [coat, thick] = arguments, canvas = document.querySelector("[data-at=easel]"), box = canvas.getBoundingClientRect();
+            document.querySelectorAll(".coat")[coat].dispatchEvent(new PointerEvent("pointerdown", {bubbles: true}));
+            for (const type of ["pointerdown", "pointerup"]) canvas.dispatchEvent(new PointerEvent(type, {bubbles: true, pointerId: 1, isPrimary: true,
+                clientX: box.left + box.width * (thick ? 0.3 : 0.8), clientY: box.top + box.height * 0.5}));""",
+            coat,
+            coat % 4 != 3,
+        )
+    page.until(lambda: "within" in page.at("easel-state").text, "the colours")
+    error = float(re.search(r"ΔE00 (\S+) of", page.at("easel-state").text)[1])
+    assert error < 0.6
+    bare = {**stack, "coats": [{**coat, "um": 0} for coat in stack["coats"]]}
+    assert np.abs(page.pixel("easel", 0.1, 0.1) - expected(bare, "white")).max() <= 2
+    # A touch lays .8 of the coat in its middle.
+    some = [{**coat, "um": 0.8 * coat["um"]} for i, coat in enumerate(stack["coats"]) if i % 4 != 3]
+    assert (
+        np.abs(page.pixel("easel", 0.3, 0.5) - expected({**stack, "coats": some}, "white")).max()
+        <= 3
+    )
 
 
 def test_it_asks_no_host_for_anything(page):

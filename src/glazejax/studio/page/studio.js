@@ -38,7 +38,6 @@ export function mount(root, wire, { begin = null, remember = null, data = null }
       tabs.children[i].tabIndex = name === key ? 0 : -1;
     });
     store.tell("tab");
-    if (key === "look") store.tell("seen");
   }
   store.on("open", open);
   root.classList.add("glaze-studio");
