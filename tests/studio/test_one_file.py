@@ -186,6 +186,28 @@ def test_what_needs_python_is_said(page, tmp_path):
     page.until(lambda: len(page.all(".coat")) == 2, "the stack")
 
 
+def test_own_paints_are_dropped_used_and_linked(page, browser, tmp_path):
+    """A table of paints without Python: on the shelf, in a coat, in the link; a bad one is a sentence."""
+    rows = [f"Mine,{w},{200 * (w - 390)},40000" for w in range(400, 701, 10)]
+    text = "\n".join(["pigment,wavelength_nm,absorption,scattering", *rows])
+    path = tmp_path / "mine.csv"
+    path.write_text(text.replace("Mine,410,4000", "Mine,410,a lot"))
+    page.drop(path)
+    page.until(lambda: "line 3: absorption is 'a lot'" in page.said(), "the sentence")
+    path.write_text(text)
+    page.drop(path)
+    page.click(".tile[data-paint='Mine'] .paint")
+    page.settle()
+    stack = page.stack()
+    assert stack["pigments"]["Mine"]["scattering"] == [40000] * 31
+    check_swatch(page, stack)
+    address = browser.current_url
+    page.open("#" + address.partition("#")[2])
+    assert page.stack()["pigments"] == stack["pigments"]
+    assert page.all(".tile[data-paint='Mine']")
+    check_swatch(page, stack)
+
+
 def test_a_bad_link_is_one_sentence(page):
     page.open(
         "#" + quote('{"glazejax": "stack", "coats": [{"paint": {"CobaltBleu": 1}, "um": 1}]}')

@@ -11,6 +11,7 @@ import pytest
 
 import glazejax as gj
 from glazejax import colour
+from glazejax.paint.pigment_table import read_pigments, write_pigments
 from glazejax.stacks import MOST_COATS, pigment_to_dict, stack_from_dict
 from glazejax.studio.one_file import bundle, page_text
 from glazejax.studio.page_data import page_data
@@ -194,6 +195,89 @@ def test_the_shelf_shows_paints_as_they_are():
             spectrum = gj.reflectance(gj.Glaze([gj.Layer(paint, thickness)], 0.93), "45:0")
             expected = 255 * np.asarray(colour.srgb(paint.wavelengths, spectrum))
             assert np.abs(shown - expected).max() <= 1, name
+
+
+TABLE = ["pigment,wavelength_nm,absorption,scattering"]
+TABLE += [f"{name},{w},1000,50000" for name in ("Mine", "ZincWhite") for w in range(400, 701, 10)]
+_PAINTS = """
+    const { looksLikePigments, readPigments } = await load("pigments");
+    return given.texts.map((text) => {
+        try {
+            return looksLikePigments(text.slice(0, 4000)) && readPigments(text, "mine.csv", given.data);
+        } catch (error) {
+            return `${error.constructor.name}: ${error.message}`;
+        }
+    });
+"""
+
+
+def read_paints(*texts: str) -> list:
+    return run(_PAINTS, {"data": known(), "texts": texts})
+
+
+def test_a_table_of_own_paints_is_read_as_python_reads_it(tmp_path):
+    """What `write_pigments` writes: names with commas and of formulas, errors that are missing."""
+    eosin = gj.catalogue.pigment("Eosin")
+    sd = {"absorption_sd": 0.1 * np.asarray(eosin.absorption)}
+    known_at = np.arange(31) > 2
+    mine = [
+        gj.Pigment("Red, old", eosin.wavelengths, eosin.absorption, eosin.scattering, **sd),
+        gj.catalogue.pigment("LeadWhite").renamed("=sum"),
+        gj.Pigment(
+            "Eosin", eosin.wavelengths, eosin.absorption, eosin.scattering, identifiable=known_at
+        ),
+    ]
+    write_pigments(tmp_path / "mine.csv", mine, ["read at home"])
+    text = (tmp_path / "mine.csv").read_text()
+    [found] = read_paints(text)
+    assert list(found["pigments"]) == ["Red, old", "=sum", "Eosin (own)"]
+    python = read_pigments(tmp_path / "mine.csv")
+    for (_, paint), one in zip(found["pigments"].items(), python.values(), strict=True):
+        for key in ("wavelengths", "absorption", "scattering"):
+            np.testing.assert_allclose(paint[key], getattr(one, key), rtol=1e-6)
+        assert ("scattering_sd" in paint) == (one.scattering_sd is not None)
+        assert paint["provenance"] == "read at home"
+    assert found["entries"][2]["unknown"] == "400-420 nm"
+    # The same with a spreadsheet's mark and line ends.
+    assert read_paints("\ufeff" + text.replace("\n", "\r\n")) == [found]
+
+
+def spoilt(old: str, new: str) -> str:
+    return "\n".join(TABLE).replace(old, new, 1)
+
+
+BAD_TABLES = [
+    (spoilt("400,1000", "400,many"), "line 2: absorption is 'many'; write a number"),
+    (spoilt("410,1000", "410,-3"), "line 3: absorption is -3; it must be 0 or more"),
+    (spoilt("410,1000", "410,1e31"), "line 3: absorption is '1e31'"),
+    (spoilt("Mine,410", "Mine,390"), "go from 400 to 390 nm; they must rise"),
+    (spoilt("410,1000", "410,1,000"), "line 3: 5 cells where the header has 4"),
+    (spoilt("Mine,400", ",400"), "line 2: the pigment has no name"),
+    (spoilt("scattering", "s"), "no column scattering"),
+    (
+        spoilt(TABLE[0], TABLE[0].replace(",", ";")),
+        "divided by semicolons; save the table with commas",
+    ),
+    (TABLE[0], "no paint below it"),
+    ("\n".join(TABLE[:12]), "known from 400 to 500 nm; a colour needs 420 to 680 nm"),
+    (
+        "\n".join([TABLE[0], *(f"P{i},{w},1,1" for i in range(101) for w in (400, 700))]),
+        "more than 100",
+    ),
+]
+
+
+def test_a_bad_table_of_paints_is_one_sentence():
+    for said, (text, words) in zip(
+        read_paints(*(one for one, _ in BAD_TABLES)), BAD_TABLES, strict=True
+    ):
+        assert isinstance(said, str), text
+        assert said.startswith("Sentence: mine.csv"), said
+        assert words in said, said
+
+
+def test_what_is_no_table_of_paints_is_left_to_others():
+    assert read_paints("Name,400,500\na,0.1,0.2\n", '{"glazejax": "stack"}') == [False, False]
 
 
 BAD = [

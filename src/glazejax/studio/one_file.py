@@ -19,6 +19,7 @@ _MODULES = (
     "wire",
     "seen",
     "check",
+    "pigments",
     "lines",
     "layers",
     "table",
