@@ -4,6 +4,7 @@ import base64
 import io
 import json
 import re
+import time
 from urllib.parse import quote
 
 import numpy as np
@@ -163,10 +164,18 @@ def test_eight_coats_are_brushed(page):
     assert np.abs(page.pixel("easel", 0.1, 0.1) - expected(bare, "white")).max() <= 2
     # A touch lays .8 of the coat in its middle.
     some = [{**coat, "um": 0.8 * coat["um"]} for i, coat in enumerate(stack["coats"]) if i % 4 != 3]
-    assert (
-        np.abs(page.pixel("easel", 0.3, 0.5) - expected({**stack, "coats": some}, "white")).max()
-        <= 3
-    )
+    thick = expected({**stack, "coats": some}, "white")
+    assert np.abs(page.pixel("easel", 0.3, 0.5) - thick).max() <= 3
+    # The link holds all eight maps, small, and opens at the canvas.
+    time.sleep(0.4)
+    address = page.browser.current_url
+    page.js("document.querySelector('#studio').replaceChildren()")
+    page.open("#" + address.partition("#")[2])
+    page.until(lambda: "within" in page.at("easel-state").text, "the colours")
+    assert np.abs(page.pixel("easel", 0.3, 0.5) - thick).max() <= 6
+    assert np.abs(page.pixel("easel", 0.1, 0.1) - expected(bare, "white")).max() <= 2
+    page.press("tab-away")
+    assert "brushed at" in page.at("held").text
 
 
 def test_it_asks_no_host_for_anything(page):
@@ -248,6 +257,8 @@ def test_all_that_is_on_the_page_is_in_its_link(page, browser):
     address = browser.current_url
     page.js("document.querySelector('#studio').replaceChildren()")
     page.open("#" + address.partition("#")[2])
+    assert page.at("easel").is_displayed()
+    page.press("tab-look")
     assert page.at("lamp-1").get_attribute("value") == "FL2"
     assert page.at("angle-light").get_attribute("value") == "20"
     assert page.at("pin").text == "Unpin"

@@ -26,7 +26,8 @@ export function easelPanel(store) {
     el("div.bar", {}, tool, el("label", {}, "Size ", size),
       button("Clear this coat", "clear", () => { edit(() => new Float32Array(SIZE * SIZE)); ask(whole()); }),
       button("Even again", "even", () => even()),
-      button("Load map", "load-map", () => file.click()), button("Map as PNG", "map-png", () => asPng()), button("Map as NPY", "map-npy", () => asNpy()), file),
+      button("Load map", "load-map", () => file.click()), button("Map as PNG", "map-png", () => asPng()), button("Map as NPY", "map-npy", () => asNpy()),
+      button("Picture as PNG", "canvas-png", () => canvas.toBlob((blob) => save("canvas.png", blob, "image/png"))), file),
     which, el("div.stage", {}, canvas, ring), state);
 
   // Colours: a quick table while a hand moves a slider, a fine one as it rests.
@@ -177,6 +178,7 @@ export function easelPanel(store) {
 
   let stroke = null;
   function begin(coat, at) {
+    store.brushing = true;
     const before = store.maps.get(coat.id);
     edit((map) => map.slice());
     stroke = { coat, map: store.maps.get(coat.id), at };
@@ -210,6 +212,7 @@ export function easelPanel(store) {
     }
   };
   const end = () => {
+    store.brushing = false;
     if (stroke) store.tell("brushed");
     stroke = null;
   };

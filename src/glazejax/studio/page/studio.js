@@ -38,6 +38,7 @@ export function mount(root, wire, { begin = null, remember = null, data = null }
       tabs.children[i].setAttribute("aria-selected", String(name === key));
       tabs.children[i].tabIndex = name === key ? 0 : -1;
     });
+    store.tab = key;
     store.tell("tab");
   }
   store.on("open", open);
@@ -169,10 +170,10 @@ export function mount(root, wire, { begin = null, remember = null, data = null }
 
   // The link follows what is on the page, some moments later ------------------------------------------------------------------------
   let later = null;
-  for (const change of ["stack", "rest", "brushed"]) {
+  for (const change of ["stack", "rest", "brushed", "tab"]) {
     store.on(change, () => {
       clearTimeout(later);
-      if (remember) later = setTimeout(() => remember(writeLink(store), store.plain()), 250);
+      if (remember) later = setTimeout(() => { if (!store.brushing) remember(writeLink(store).link, store.plain()); }, 250);
     });
   }
   root.addEventListener("keydown", (event) => {
