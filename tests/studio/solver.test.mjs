@@ -42,16 +42,20 @@ test("spectra and colours of random stacks are the library's", { skip }, () => {
 });
 
 test("coats as small matrices are near it", { skip }, () => {
-  const colours = [], times = [];
+  const colours = [], eight = [], times = [];
   for (const { coats, ground, geometry, lab: wanted, reflectance } of given.stacks) {
     const under = weights(reflectance.length), mixed = new Layers(coats.map(({ paint, thickness }) => ({ medium: shelf.get(paint).medium, um: [thickness * 1e6] })),
       [ground], under, { geometry, index: given.index });
     const places = coats.map(() => 0);
     mixed.colour(places, 0);
     const begun = performance.now(), found = [...mixed.colour(places, 0)];
-    if (coats.length === 8) times.push(performance.now() - begun);
-    colours.push(deltaE2000(lab(found, whiteOf(under)), wanted));
+    const far = deltaE2000(lab(found, whiteOf(under)), wanted);
+    colours.push(far);
+    if (coats.length < 8) continue;
+    times.push(performance.now() - begun);
+    eight.push(far);
   }
+  say(`small matrices, 8 coats, CIEDE2000, median: ${quantile(eight, 0.5).toFixed(2)}, 95 %: ${quantile(eight, 0.95).toFixed(2)}`);
   say(`small matrices, CIEDE2000, 95 %: ${quantile(colours, 0.95).toFixed(2)}, largest: ${Math.max(...colours).toFixed(2)}`);
   say(`microseconds for 8 coats as small matrices, all bands: ${(1000 * quantile(times, 0.5)).toFixed(0)}`);
   assert.ok(quantile(colours, 0.95) < 0.35);

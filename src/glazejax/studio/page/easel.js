@@ -21,14 +21,15 @@ export function easelPanel(store) {
   const ring = el("span.ring", { hidden: true, "aria-hidden": "true" });
   const which = el("p.under"), state = el("p.under", { "aria-live": "polite", "data-at": "easel-state" });
   const file = el("input", { type: "file", accept: ".png,.npy", hidden: true, "data-at": "map-file", onchange: () => { if (file.files[0]) load(file.files[0]); file.value = ""; } });
-  const button = (words, at, call) => el("button.quiet", { type: "button", "data-at": at, onclick: call }, words);
+  const button = (words, at, title, call) => el("button.quiet", { type: "button", "data-at": at, title, onclick: call }, words);
   const panel = el("section.panel.canvas", { "aria-label": "Canvas" },
     el("div.bar", {}, tool, el("label", {}, "Size ", size),
-      button("Clear this coat", "clear", () => { edit(() => new Float32Array(SIZE * SIZE)); ask(whole()); }),
-      button("Even again", "even", () => even()),
-      button("Load map", "load-map", () => file.click()), button("Map as PNG", "map-png", () => asPng()), button("Map as NPY", "map-npy", () => asNpy()),
-      button("Picture as PNG", "canvas-png", () => canvas.toBlob((blob) => save("canvas.png", blob, "image/png"))), file),
-    which, el("div.stage", {}, canvas, ring), state);
+      button("Clear", "clear", "Take all of this coat off", () => { edit(() => new Float32Array(SIZE * SIZE)); store.tell("brushed"); ask(whole()); }),
+      button("Even", "even", "Lay this coat evenly again", () => even())),
+    which, el("div.stage", {}, canvas, ring), state,
+    el("div.bar", {}, button("Picture as PNG", "canvas-png", "What the canvas looks like", () => canvas.toBlob((blob) => save("canvas.png", blob, "image/png"))),
+      button("Load map", "load-map", "Thickness of this coat, from PNG or NPY", () => file.click()),
+      button("Map as PNG", "map-png", "Thickness of this coat, white is the thickest", () => asPng()), button("Map as NPY", "map-npy", "Thickness of this coat in metres", () => asNpy()), file));
 
   // Colours: a quick table while a hand moves a slider, a fine one as it rests.
   const whole = () => ({ x: 0, y: 0, w: SIZE, h: SIZE });
@@ -86,6 +87,7 @@ export function easelPanel(store) {
     if (!shown.length) { state.textContent = "No coat is shown: add one first."; return; }
     if (!brushed.length) brushed = [[shown[0], 0]];
     store.attempt("canvas", () => {
+      canvas.dataset.state = "quick";
       const begun = performance.now(), { table, refine } = tableOf(brushed), made = performance.now();
       const steps = brushed.map(([coat]) => stepsOf(coat)), many = brushed.length > MOST_TABLED;
       const outside = many ? drawMany(table, steps, box) : painter.draw(table, steps, box);
@@ -100,7 +102,8 @@ export function easelPanel(store) {
     });
   }
   function said(error, outside) {
-    state.textContent = `colours within ΔE00 ${error.toFixed(2)} of the full computation${outside > 0.001 ? `; ◢ ${(100 * outside).toFixed(0)} % of what changed is outside sRGB, the nearest is shown` : ""}`;
+    canvas.dataset.state = "exact";
+    state.textContent = `colours within ΔE00 ${Math.max(0.01, error).toFixed(2)} of the full computation${outside > 0.001 ? `; ◢ ${(100 * outside).toFixed(0)} % of what changed is outside sRGB, the nearest is shown` : ""}`;
   }
   // A box at once; the whole canvas in few pixels at once, and in all of them slice by slice.
   function drawMany(table, steps, box) {
@@ -111,12 +114,21 @@ export function easelPanel(store) {
       later = setTimeout(() => sharpen(table, steps, 0, 0), 200);
       return;
     }
-    const apart = SIZE / QUICK, small = steps.map((all) => Uint16Array.from({ length: QUICK * QUICK }, (_, i) => all[((i / QUICK) | 0) * apart * SIZE + (i % QUICK) * apart + (SIZE + 1) * (apart >> 1)]));
-    const few = new Uint32Array(QUICK * QUICK);
-    table.read(small, few, QUICK, { x: 0, y: 0, w: QUICK, h: QUICK }, true);
-    for (let y = 0, at = 0; y < SIZE; y++) for (let x = 0, row = ((y / apart) | 0) * QUICK; x < SIZE; x++) painter.pixels[at++] = few[row + ((x / apart) | 0)];
+    const few = new Uint32Array(QUICK * QUICK), { pixels } = painter, apart = SIZE / QUICK;
+    table.read(steps.map(thinned), few, QUICK, { x: 0, y: 0, w: QUICK, h: QUICK }, true);
+    for (let y = 0, from = 0; y < SIZE; y += apart) {
+      const row = y * SIZE;
+      for (let x = 0; x < SIZE; x += apart) pixels.fill(few[from++], row + x, row + x + apart);
+      for (let more = 1; more < apart; more++) pixels.copyWithin(row + more * SIZE, row, row + SIZE);
+    }
     painter.put(whole());
     later = setTimeout(() => sharpen(table, steps, 0, 0), 30);
+  }
+  // Steps of a map at the middles of the quick picture's pixels.
+  function thinned(all) {
+    const found = new Uint16Array(QUICK * QUICK), apart = SIZE / QUICK, middle = (SIZE + 1) * (apart >> 1);
+    for (let y = 0, at = 0; y < QUICK; y++) for (let x = 0; x < QUICK; x++) found[at++] = all[(y * SIZE + x) * apart + middle];
+    return found;
   }
   function sharpen(table, steps, from, outside) {
     const begun = performance.now();
@@ -133,7 +145,7 @@ export function easelPanel(store) {
     }
   }
   // The table's range, as far as a stroke will reach: powers of two, so that it is seldom made anew.
-  const top = (coat) => Math.min(1000, 2 ** Math.ceil(Math.log2(Math.max(0.5, coat.um, tallest(coat)))));
+  const top = (coat) => Math.min(1000, 2 ** Math.ceil(Math.log2(Math.max(0.5, tallest(coat) || coat.um))));
   const heights = new WeakMap();
   function tallest(coat) {
     const map = store.maps.get(coat.id);
@@ -173,6 +185,7 @@ export function easelPanel(store) {
     store.maps = new Map(store.maps);
     store.maps.delete(coat.id);
     store.tell("history");
+    store.tell("brushed");
     ask(whole());
   }
 
@@ -297,6 +310,7 @@ export function easelPanel(store) {
       if (given.size > 64 << 20) throw new Error("it is larger than 64 MB");
       const found = given.name.toLowerCase().endsWith(".npy") ? fromNpy(await given.arrayBuffer()) : await fromPng(given, coat);
       edit(() => found);
+      store.tell("brushed");
       ask(whole());
       store.say(`${given.name} is the thickness of ${store.label(coat)} now.`);
     } catch (error) {
