@@ -218,10 +218,12 @@ def read_paints(*texts: str) -> list:
 def test_a_table_of_own_paints_is_read_as_python_reads_it(tmp_path):
     """What `write_pigments` writes: names with commas and of formulas, errors that are missing."""
     eosin = gj.catalogue.pigment("Eosin")
-    sd = {"absorption_sd": 0.1 * np.asarray(eosin.absorption)}
+    sd = 0.1 * np.asarray(eosin.absorption)
     known_at = np.arange(31) > 2
     mine = [
-        gj.Pigment("Red, old", eosin.wavelengths, eosin.absorption, eosin.scattering, **sd),
+        gj.Pigment(
+            "Red, old", eosin.wavelengths, eosin.absorption, eosin.scattering, absorption_sd=sd
+        ),
         gj.catalogue.pigment("LeadWhite").renamed("=sum"),
         gj.Pigment(
             "Eosin", eosin.wavelengths, eosin.absorption, eosin.scattering, identifiable=known_at

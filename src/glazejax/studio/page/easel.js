@@ -88,6 +88,8 @@ export function easelPanel(store) {
     if (!brushed.length) brushed = [[shown[0], 0]];
     store.attempt("canvas", () => {
       canvas.dataset.state = "quick";
+      // What was still to be drawn of another picture is not.
+      clearTimeout(later);
       const begun = performance.now(), { table, refine } = tableOf(brushed), made = performance.now();
       const steps = brushed.map(([coat]) => stepsOf(coat)), many = brushed.length > MOST_TABLED;
       const outside = many ? drawMany(table, steps, box) : painter.draw(table, steps, box);
@@ -95,10 +97,8 @@ export function easelPanel(store) {
       canvas.dataset.took = (performance.now() - begun).toFixed(1);
       canvas.dataset.done = Number(canvas.dataset.done ?? 0) + 1;
       if (many) return;
-      if (table.error === null) {
-        clearTimeout(later);
-        later = setTimeout(refine, 200);
-      } else said(table.error, outside);
+      if (table.error === null) later = setTimeout(refine, 200);
+      else said(table.error, outside);
     });
   }
   function said(error, outside) {
@@ -107,7 +107,6 @@ export function easelPanel(store) {
   }
   // A box at once; the whole canvas in few pixels at once, and in all of them slice by slice.
   function drawMany(table, steps, box) {
-    clearTimeout(later);
     if (box.w * box.h < (SIZE * SIZE) / 4) {
       table.read(steps, painter.pixels, SIZE, box);
       painter.put(box);

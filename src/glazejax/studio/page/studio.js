@@ -43,6 +43,7 @@ export function mount(root, wire, { begin = null, remember = null, data = null }
   }
   store.on("open", open);
   root.classList.add("glaze-studio");
+  root.dataset.drop = `Drop paints, ${store.alone ? "" : "films, a spectrum, "}a stack or a photograph`;
   root.replaceChildren(
     el("header.top", {}, el("h1", {}, "Glaze studio"), tabs, el("span.grow"), state),
     line,

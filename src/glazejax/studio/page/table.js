@@ -18,6 +18,8 @@ const STEPS = 128;
 const COARSE = 4;
 // Places where colours are compared with the full computation.
 const CHECKS = 6;
+// Combinations that are kept at most, a power of two: about 60 MB.
+const KEPT = 1 << 22;
 // Milliseconds that a page may stand still while a table is made beside it.
 const SLICE = 12;
 
@@ -247,6 +249,7 @@ export class Combinations {
   }
   grow() {
     const { low, high, colours, beyond } = this;
+    if (colours.length === KEPT) return this.empty(1 << 14);
     this.empty(2 * colours.length);
     for (let i = 0; i < colours.length; i++) {
       if (colours[i] === 0) continue;
@@ -299,11 +302,11 @@ export class Combinations {
         }
         before = this.find(lows[i], highs[i]);
         if (this.colours[before] === 0) {
-          this.learn(before, lows[i], highs[i]);
           if (2 * this.known > this.mask) {
             this.grow();
             before = this.find(lows[i], highs[i]);
           }
+          this.learn(before, lows[i], highs[i]);
         }
         pixels[from + i] = this.colours[before];
         outside += this.beyond[before];
