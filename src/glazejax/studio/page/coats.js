@@ -8,6 +8,8 @@ const LITTLE = 26;
 
 const toSlider = (um) => Math.log10(Math.max(THINNEST, Math.min(THICKEST, um)));
 const fromSlider = (value) => +(10 ** value).toPrecision(3);
+// A number as the field holds it: .9, not .8999999999.
+const short = (um) => +um.toPrecision(6);
 const GROUNDS = [["card", "Card, white and black"], ["white", "White"], ["black", "Black"], ["grey", "Grey"],
   ["paint", "Paint that hides"], ["spectrum", "Measured spectrum"]];
 
@@ -52,12 +54,12 @@ export function coatsPanel(store) {
       oninput: () => set(fromSlider(Number(slider.value))), onchange: () => store.settle(), onfocus: () => select(coat.id),
     });
     const number = el("input.um", {
-      type: "number", min: 0, max: 10000, step: "any", value: coat.um, "aria-label": `Thickness of ${store.label(coat)} in micrometres`, "data-at": "um",
+      type: "number", min: 0, max: 10000, step: "any", value: short(coat.um), "aria-label": `Thickness of ${store.label(coat)} in micrometres`, "data-at": "um",
       onchange: () => {
         const value = Number(number.value);
         if (!number.value || !(value >= 0 && value <= 10000)) {
           store.say(`A coat of ${number.value || "no"} µm cannot be: it is between 0 and 10000 µm (1 cm) thick.`, "error");
-          number.value = store.coat(coat.id).um;
+          number.value = short(store.coat(coat.id).um);
           return;
         }
         set(value);
@@ -236,7 +238,7 @@ export function coatsPanel(store) {
       fill(node.querySelector(".chip"), coat);
       const [slider, number] = [node.querySelector(".size input[type=range]"), node.querySelector(".um")];
       if (document.activeElement !== slider || Math.abs(Number(slider.value) - toSlider(coat.um)) > 0.01) slider.value = toSlider(coat.um);
-      if (Number(number.value) !== coat.um) number.value = coat.um;
+      if (Number(number.value) !== short(coat.um)) number.value = short(coat.um);
       slider.setAttribute("aria-valuetext", store.words(coat));
       const weights = node.querySelectorAll(".part input");
       Object.values(coat.paint).forEach((value, i) => { if (weights[i] && Number(weights[i].value) !== value) weights[i].value = value; });
