@@ -174,7 +174,7 @@ export function mount(root, wire, { begin = null, remember = null, data = null }
   for (const change of ["stack", "rest", "brushed", "tab"]) {
     store.on(change, () => {
       clearTimeout(later);
-      if (remember) later = setTimeout(() => { if (!store.brushing) remember(writeLink(store).link, store.plain()); }, 250);
+      if (remember) later = setTimeout(() => { if (store.eye && !store.brushing) remember(writeLink(store).link, store.plain()); }, 250);
     });
   }
   root.addEventListener("keydown", (event) => {
