@@ -184,8 +184,8 @@ def test_eight_coats_are_brushed(page):
             coat % 4 != 3,
         )
     page.until(lambda: "within" in page.at("easel-state").text, "the colours")
-    error = float(re.search(r"ΔE00 (\S+) of", page.at("easel-state").text)[1])
-    assert error < 0.6
+    [error] = re.findall(r"ΔE00 (\S+) of", page.at("easel-state").text)
+    assert float(error) < 0.6
     bare = {**stack, "coats": [{**coat, "um": 0} for coat in stack["coats"]]}
     assert np.abs(page.pixel("easel", 0.1, 0.1) - expected(bare, "white")).max() <= 2
     # A touch lays .8 of the coat in its middle.
