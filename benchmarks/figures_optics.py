@@ -438,9 +438,14 @@ for _key, _row in (
     ("one_coat", "slider to swatch drawn, 1 coat"),
     ("three_coats", "slider to swatch drawn, 3 coats"),
     ("eight_coats", "slider to swatch drawn, 8 coats"),
-    ("brush", "touch of the brush to pixels"),
-    ("canvas", "all 1024 x 1024 pixels anew"),
-    ("canvas_slider", "slider to the canvas, 2 brushed"),
+    ("brush", "brush to pixels, 2 brushed"),
+    ("canvas", "canvas anew, 2 brushed"),
+    ("canvas_slider", "slider to canvas, 2 brushed"),
+    ("eight_brush", "brush to pixels, 8 brushed"),
+    ("eight_canvas", "canvas anew, 8 brushed"),
+    ("eight_sharp", "canvas anew, sharp, 8 brushed"),
+    ("eight_slider", "slider to canvas, 7 brushed"),
+    ("card_canvas", "WebGL2: canvas anew, 2 brushed"),
 ):
     add("studio", ".0f ms", **{f"{_key}_median": cell(_row, 0), f"{_key}_95": cell(_row, 1)})
 add(
@@ -456,7 +461,13 @@ add(
     largest=found(r"error of the reflectance, largest: (\S+),"),
     median=found(r"error of the reflectance.*median: (\S+)"),
 )
-add("page_solver", ".3f", delta_e=found(r"CIEDE2000, largest: (\S+)"))
+add("page_solver", ".3f", delta_e=found(r"^CIEDE2000, largest: (\S+)"))
+add(
+    "page_solver",
+    ".2f",
+    matrices_95=found(r"small matrices, CIEDE2000, 95 %: (\S+),"),
+    matrices_largest=found(r"small matrices, CIEDE2000, .*largest: (\S+)"),
+)
 add(
     "page_solver",
     ".2f ms",

@@ -7,7 +7,9 @@ The page is opened twice: from `glazejax studio`, a process of its own, and as t
 chromium, chromium-driver), driven by Selenium, without a graphics card. A slider moves a hundred
 times for one, three and eight coats of oils, 31 bands, four lamps; a time ends when the swatch is
 drawn, and again with the screen's next frame; ladder and 90 % band follow when the hand rests. The
-canvas is 1024 x 1024 pixels, two coats brushed on a card.
+canvas is 1024 x 1024 pixels of typed arrays, two coats brushed on a card, and then eight; and again
+by WebGL2, where the processor plays the graphics card. A time of the canvas ends when its pixels
+can be read.
 """
 
 import argparse
@@ -70,19 +72,42 @@ const watch = new MutationObserver(() => {
 watch.observe(root, {attributes: true, attributeFilter: ["data-seen"]});
 next();
 """
-# Moves the slider of the coat below the brushed ones, until the whole canvas is drawn anew.
+# Moves the lowest coat's slider, until the whole canvas is drawn anew.
 _SLIDE_CANVAS = """
 const [events, done] = arguments;
 const canvas = document.querySelector("[data-at=easel]");
-const slider = [...document.querySelectorAll("[data-at=slider]")].at(-1), times = [];
-for (let n = 1; n <= events; n++) {
+const sliders = document.querySelectorAll("[data-at=slider]"), times = [];
+const slider = sliders[sliders.length - 1];
+let n = 0;
+const next = () => {
+  if (n >= events) { done(times); return; }
+  n++;
   const start = performance.now();
   slider.value = -0.5 + 1.5 * ((n * 0.381966) % 1);
   slider.dispatchEvent(new Event("input", {bubbles: true}));
+  finish();
   times.push(performance.now() - start);
-}
-done(times);
+  setTimeout(next, 30);
+};
+next();
 """
+# Waits for the graphics card.
+_FINISH = """
+const finish = () => {
+  const card = document.querySelector("[data-at=easel]").getContext("webgl2");
+  if (card) card.readPixels(0, 0, 1, 1, card.RGBA, card.UNSIGNED_BYTE, new Uint8Array(4));
+};
+"""
+# Undo or redo, which draw all pixels.
+_STEP = (
+    _FINISH
+    + """
+const start = performance.now();
+document.querySelector(`[data-at=${arguments[0]}]`).click();
+finish();
+return performance.now() - start;
+"""
+)
 # A touch of the brush at another place each time, until the colours of its box are there.
 _BRUSH = """
 const [events, done] = arguments;
@@ -101,6 +126,7 @@ const next = () => {
   at("pointerup", n);
 };
 const watch = new MutationObserver(() => {
+  finish();
   times.push(performance.now() - start);
   setTimeout(next, 30);
 });
@@ -133,8 +159,8 @@ class Server:
         self.process.wait(60)
 
 
-def browser_options(chromium: str) -> Any:
-    """Of a Chromium without a window."""
+def browser_options(chromium: str, *, card: bool = False) -> Any:
+    """Of a Chromium without a window; `card` plays a graphics card by the processor."""
     from selenium import webdriver
 
     options = webdriver.ChromeOptions()
@@ -143,18 +169,22 @@ def browser_options(chromium: str) -> Any:
         "--headless=new",
         "--no-sandbox",
         "--disable-dev-shm-usage",
-        "--disable-gpu",
         "--window-size=1440,900",
+        *(
+            ("--use-angle=swiftshader", "--enable-unsafe-swiftshader")
+            if card
+            else ("--disable-gpu",)
+        ),
     ):
         options.add_argument(word)
     return options
 
 
-def start_browser() -> Any:
-    """A Chromium without a window."""
+def start_browser(*, card: bool = False) -> Any:
+    """A Chromium without a window, see `browser_options`."""
     from selenium import webdriver
 
-    options = browser_options(shutil.which("chromium") or "")
+    options = browser_options(shutil.which("chromium") or "", card=card)
     found = webdriver.Chrome(
         options=options, service=webdriver.ChromeService(shutil.which("chromedriver") or "")
     )
@@ -205,13 +235,17 @@ def main() -> None:
             size = path.stat().st_size / 1e6
             out(f"one file: {size:.2f} MB, page usable after {page:.1f} s")
             measure(browser, path.as_uri(), out)
+            measure_canvas(browser, path.as_uri() + "?canvas=arrays", out)
+            browser.quit()
+            browser = start_browser(card=True)
+            measure_canvas(browser, path.as_uri() + "?canvas=webgl2", out, "WebGL2: ")
     finally:
         browser.quit()
     out.save()
 
 
 def measure(browser: Any, link: str, out: Results) -> None:
-    """Sliders and brushes."""
+    """Sliders and the swatch."""
     out()
     out(f"{'milliseconds':<34} {'median':>8} {'95 %':>8} {'least':>8}")
     for count in (1, 3, 8):
@@ -222,34 +256,53 @@ def measure(browser: Any, link: str, out: Results) -> None:
         out(line(f"slider to swatch drawn, {coats}", times[:, 0]))
         out(line("  of it the solver", times[:, 2]))
         out(line("  to the screen's next frame", times[:, 1]))
-    open_page(browser, link, stack(3))
-    began = time.perf_counter()
-    browser.find_element("css selector", "[data-at=tab-canvas]").click()
-    code = "return document.querySelector('[data-at=easel]').dataset.done"
-    while not browser.execute_script(code):
-        time.sleep(0.02)
-    out(f"canvas opened: {time.perf_counter() - began:.1f} s")
-    for coat in (0, 1):
-        code = (
-            "document.querySelectorAll('.coat')[arguments[0]].dispatchEvent("
-            "new PointerEvent('pointerdown', {bubbles: true}))"
-        )
-        browser.execute_script(code, coat)
-        browser.execute_async_script(_BRUSH, 5)
-        time.sleep(2)
-    times = np.array(browser.execute_async_script(_BRUSH, EVENTS // 2))
-    out(line("touch of the brush to pixels", times))
-    whole = []
-    for _ in range(10):
-        # Undo and redo draw all 1024 x 1024 pixels.
-        for at in ("undo", "redo"):
-            browser.execute_script(f"document.querySelector('[data-at={at}]').click()")
-            took = "return document.querySelector('[data-at=easel]').dataset.took"
-            whole.append(float(browser.execute_script(took)))
-            time.sleep(0.5)
-    out(line("all 1024 x 1024 pixels anew", np.array(whole)))
-    times = np.array(browser.execute_async_script(_SLIDE_CANVAS, EVENTS // 5))
-    out(line("slider to the canvas, 2 brushed", times))
+
+
+def measure_canvas(browser: Any, link: str, out: Results, mark: str = "") -> None:
+    """Brushes, undo and sliders, where two of three coats are brushed, and eight of eight."""
+    brush, slide = _FINISH + _BRUSH, _FINISH + _SLIDE_CANVAS
+    for coats, brushed in ((3, 2), (8, 8)):
+        open_page(browser, link, stack(coats))
+        browser.find_element("css selector", "[data-at=tab-canvas]").click()
+        for coat in range(brushed):
+            code = (
+                "document.querySelectorAll('.coat')[arguments[0]].dispatchEvent("
+                "new PointerEvent('pointerdown', {bubbles: true}))"
+            )
+            browser.execute_script(code, coat)
+            browser.execute_async_script(brush, 6)
+        wait_for_canvas(browser)
+        words = f"{mark}{{}}, {brushed} brushed"
+        times = browser.execute_async_script(brush, EVENTS // 2)
+        out(line(words.format("brush to pixels"), np.array(times)))
+        whole, sharp = [], []
+        for _ in range(max(2, EVENTS // 10)):
+            for at in ("undo", "redo"):
+                wait_for_canvas(browser)
+                whole.append(browser.execute_script(_STEP, at))
+                began = time.perf_counter()
+                wait_for_canvas(browser)
+                sharp.append(whole[-1] + 1000 * (time.perf_counter() - began))
+        out(line(words.format("canvas anew"), np.array(whole)))
+        if brushed > 3:
+            out(line(words.format("canvas anew, sharp"), np.array(sharp)))
+        if brushed == coats:
+            # The slider's coat lies evenly.
+            browser.find_element("css selector", "[data-at=even]").click()
+            wait_for_canvas(browser)
+        times = browser.execute_async_script(slide, EVENTS // 5)
+        still = f"{mark}slider to canvas, {min(brushed, coats - 1)} brushed"
+        out(line(still, np.array(times)))
+        wait_for_canvas(browser)
+        state = browser.find_element("css selector", "[data-at=easel-state]").text
+        out(f"{words.format('canvas')}: {state.partition(';')[0]}")
+
+
+def wait_for_canvas(browser: Any) -> None:
+    """Until the canvas says how far its colours are from the full computation."""
+    settled = "const now = document.querySelector('[data-at=easel]').dataset; return now.state === 'exact'"
+    while not browser.execute_script(settled):
+        time.sleep(0.01)
 
 
 if __name__ == "__main__":

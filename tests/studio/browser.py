@@ -39,8 +39,10 @@ class Served:
         self._thread.join(30)
 
 
-def start_browser(downloads: Path) -> Any:
-    """A Chromium without a window, or a skip that says what is missing."""
+def start_browser(downloads: Path, *, card: bool = False) -> Any:
+    """A Chromium without a window, or a skip that says what is missing; `card` with a graphics card
+    that the processor plays.
+    """
     webdriver = pytest.importorskip(
         "selenium.webdriver", reason="selenium is not installed (extra test)"
     )
@@ -50,7 +52,7 @@ def start_browser(downloads: Path) -> Any:
         pytest.skip(
             "no Chromium with chromedriver here (Debian: apt-get install chromium chromium-driver)"
         )
-    options = browser_options(chromium)
+    options = browser_options(chromium, card=card)
     options.add_argument("--force-color-profile=srgb")
     options.add_experimental_option("prefs", {"download.default_directory": str(downloads)})
     options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
@@ -126,7 +128,13 @@ class Page:
         code = """
             const c = document.querySelector(`[data-at="${arguments[0]}"]`);
             const at = [Math.floor(arguments[1] * c.width), Math.floor(arguments[2] * c.height)];
-            return [...c.getContext("2d").getImageData(...at, 1, 1).data].slice(0, 3)"""
+            let pen = c.getContext("2d");
+            if (!pen) {
+                // A graphics card drew it.
+                pen = Object.assign(document.createElement("canvas"), {width: c.width, height: c.height}).getContext("2d");
+                pen.drawImage(c, 0, 0);
+            }
+            return [...pen.getImageData(...at, 1, 1).data].slice(0, 3)"""
         return np.array(self.js(code, name, x, y))
 
     def slide(self, slider: Any, value: float) -> None:

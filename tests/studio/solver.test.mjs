@@ -3,7 +3,8 @@
 import assert from "node:assert/strict";
 import { readFileSync } from "node:fs";
 import { before, test } from "node:test";
-import { colourWeights, deltaE2000, fresnel, looks, medium, over, parseGeometry, reflect } from "../../src/glazejax/studio/page/solver.js";
+import { Layers } from "../../src/glazejax/studio/page/layers.js";
+import { colourWeights, deltaE2000, fresnel, lab, looks, medium, over, parseGeometry, reflect, whiteOf } from "../../src/glazejax/studio/page/solver.js";
 
 const table = process.env.SOLVER_TABLE;
 const skip = table ? false : "SOLVER_TABLE names no table of stacks";
@@ -38,6 +39,27 @@ test("spectra and colours of random stacks are the library's", { skip }, () => {
   say(`CIEDE2000, largest: ${Math.max(...colours).toFixed(3)}`);
   assert.ok(Math.max(...errors) < 1e-4, `${Math.max(...errors)}`);
   assert.ok(Math.max(...colours) < 0.05, `${Math.max(...colours)}`);
+});
+
+test("coats as small matrices are near it", { skip }, () => {
+  const colours = [], eight = [], times = [];
+  for (const { coats, ground, geometry, lab: wanted, reflectance } of given.stacks) {
+    const under = weights(reflectance.length), mixed = new Layers(coats.map(({ paint, thickness }) => ({ medium: shelf.get(paint).medium, um: [thickness * 1e6] })),
+      [ground], under, { geometry, index: given.index });
+    const places = coats.map(() => 0);
+    mixed.colour(places, 0);
+    const begun = performance.now(), found = [...mixed.colour(places, 0)];
+    const far = deltaE2000(lab(found, whiteOf(under)), wanted);
+    colours.push(far);
+    if (coats.length < 8) continue;
+    times.push(performance.now() - begun);
+    eight.push(far);
+  }
+  say(`small matrices, 8 coats, CIEDE2000, median: ${quantile(eight, 0.5).toFixed(2)}, 95 %: ${quantile(eight, 0.95).toFixed(2)}`);
+  say(`small matrices, CIEDE2000, 95 %: ${quantile(colours, 0.95).toFixed(2)}, largest: ${Math.max(...colours).toFixed(2)}`);
+  say(`microseconds for 8 coats as small matrices, all bands: ${(1000 * quantile(times, 0.5)).toFixed(0)}`);
+  assert.ok(quantile(colours, 0.95) < 0.35);
+  assert.ok(Math.max(...colours) < 1.5, `${Math.max(...colours)}`);
 });
 
 test("what a stack takes", { skip }, () => {
@@ -78,6 +100,31 @@ test("coats of one paint are one coat, and light goes both ways", () => {
   const [thrice] = reflect([1, 2, 1].map((um) => ({ medium: grey, thickness: um * 1e-6 })), pair).map((one) => over(one, 0.4)[0]);
   assert.ok(Math.abs(there - back) < 1e-9);
   assert.ok(Math.abs(there - thrice) < 1e-9);
+});
+
+test("coats of several thicknesses are each combination of them", () => {
+  const paints = [medium({ absorption: [3e4, 1e5], scattering: [2e5, 1e4] }), medium({ absorption: [2e3, 0], scattering: [4e5, 3e5] }), dye];
+  const tried = [[0, 2e-6, 9e-6], [1e-6, 4e-6], 3e-6], both = ["45:0", "d:8"].map(parseGeometry), settings = { bands: 2 };
+  const all = reflect(paints.map((paint, i) => ({ medium: paint, thickness: tried[i] })), both, settings);
+  let at = 0;
+  for (const first of tried[0]) {
+    for (const second of tried[1]) {
+      const alone = reflect([first, second, 3e-6].map((thickness, i) => ({ medium: paints[i], thickness })), both, settings);
+      for (let band = 0; band < 2; band++, at++) {
+        both.forEach((_, g) => { for (const key of ["bare", "through", "back"]) assert.ok(Math.abs(all[g][key][at] - alone[g][key][band]) < 1e-14, `${key} ${at}`); });
+      }
+    }
+  }
+  assert.equal(at, all[0].bare.length);
+});
+
+test("a coat by itself is that coat over a ground, exactly", () => {
+  const grey = medium({ absorption: [3e4, 1e3], scattering: [2e5, 3e5] }), under = [0, 1, 2].map((i) => Float64Array.of(i === 0, i === 1));
+  for (const geometry of ["45:0", "d:8", "30:30:specular"]) {
+    const [coat] = reflect([{ medium: grey, thickness: 4e-6 }], [parseGeometry(geometry)]);
+    const found = new Layers([{ medium: grey, um: [1, 4] }], [0.6], under, { geometry, index: 1.5 }).colour([1], 0);
+    over(coat, 0.6).forEach((value, band) => assert.ok(Math.abs(value - found[band]) < 1e-12, `${geometry}: ${value} ${found[band]}`));
+  }
 });
 
 test("the surface is added where it is seen", () => {

@@ -212,6 +212,20 @@ def test_a_link_holds_the_stack(page, served, browser):
     check_swatch(page, stack)
 
 
+def test_a_studio_that_answers_late_finds_the_links_stack(page, browser):
+    """What the page shows before it knows any paint is not written over its link."""
+    late = """
+        const send = WebSocket.prototype.send;
+        WebSocket.prototype.send = function (...given) { setTimeout(() => send.apply(this, given), 700); };"""
+    command = "Page.addScriptToEvaluateOnNewDocument"
+    added = browser.execute_cdp_cmd(command, {"source": late})
+    try:
+        page.open(fragment(TWO))
+    finally:
+        browser.execute_cdp_cmd("Page.removeScriptToEvaluateOnNewDocument", added)
+    assert page.stack()["coats"] == TWO["coats"]
+
+
 @pytest.mark.parametrize(
     ("bad", "words"),
     [

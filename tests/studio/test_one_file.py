@@ -1,10 +1,15 @@
 """The page as one file, opened from a disk in a Chromium: all of it without a server."""
 
+import base64
+import io
 import json
+import re
+import time
 from urllib.parse import quote
 
 import numpy as np
 import pytest
+from PIL import Image
 from selenium.webdriver import ActionChains
 
 from glazejax.studio.one_file import one_file
@@ -83,6 +88,122 @@ def test_it_is_brushed(page):
         assert np.abs(page.pixel("easel", 0.35, y) - expected(stack, "white")).max() <= 2
 
 
+def test_a_graphics_card_and_typed_arrays_draw_the_same(link, tmp_path):
+    """Two brushed coats on a card, and eight; the card is played by the processor."""
+    paints = ["CobaltBlue", "ChromeYellow", "ZincWhite", "Eosin", "Minium", "LeadWhite"]
+    more = [{"paint": {name: 1}, "um": 0.5 + i} for i, name in enumerate(paints)]
+    for stack, brushed in ((TWO, 2), ({**TWO, "coats": [*TWO["coats"], *more]}, 8)):
+        drawn = {}
+        for kind in ("webgl2", "arrays"):
+            browser = start_browser(tmp_path, card=True)
+            try:
+                page = Page(browser, f"{link}?canvas={kind}")
+                page.open(fragment(stack))
+                page.press("tab-canvas")
+                assert page.at("easel").get_attribute("data-by") == kind
+                brush_each(page, brushed)
+                page.until(lambda page=page: "within" in page.at("easel-state").text, "the colours")
+                drawn[kind] = pixels_of(page)
+                if kind == "webgl2":
+                    lose_card(page)
+                    assert np.array_equal(pixels_of(page), drawn[kind])
+                assert page.errors() == []
+            finally:
+                browser.quit()
+        assert np.unique(drawn["arrays"].reshape(-1, 3), axis=0).shape[0] > 300
+        assert np.abs(drawn["webgl2"] - drawn["arrays"]).max() <= 1
+
+
+def pixels_of(page) -> np.ndarray:
+    """All pixels of the canvas."""
+    code = "return arguments[0].toDataURL('image/png')"
+    picture = base64.b64decode(page.js(code, page.at("easel")).partition(",")[2])
+    return np.asarray(Image.open(io.BytesIO(picture)).convert("RGB"), int)
+
+
+def lose_card(page) -> None:
+    """The graphics card goes, as after a sleep, and comes back."""
+    before = int(page.at("easel").get_attribute("data-done"))
+    page.js(
+        """
+        const card = arguments[0].getContext("webgl2").getExtension("WEBGL_lose_context");
+        card.loseContext();
+        setTimeout(() => card.restoreContext(), 200);""",
+        page.at("easel"),
+    )
+    page.until(
+        lambda: (
+            int(page.at("easel").get_attribute("data-done")) > before
+            and page.at("easel").get_attribute("data-state") == "exact"
+        ),
+        "the card",
+    )
+
+
+def brush_each(page, brushed: int) -> None:
+    """A stroke of each coat, its own way across the canvas."""
+    code = """
+        const [coat] = arguments, canvas = document.querySelector("[data-at=easel]"), box = canvas.getBoundingClientRect();
+        document.querySelectorAll(".coat")[coat].dispatchEvent(new PointerEvent("pointerdown", {bubbles: true}));
+        const at = (type, along) => canvas.dispatchEvent(new PointerEvent(type, {bubbles: true, pointerId: 1, isPrimary: true,
+            clientX: box.left + box.width * (0.1 + 0.8 * along), clientY: box.top + box.height * (0.2 + 0.07 * coat + 0.3 * along * Math.sin(coat))}));
+        at("pointerdown", 0);
+        for (let i = 1; i <= 20; i++) at("pointermove", i / 20);
+        at("pointerup", 1);"""
+    for coat in range(brushed):
+        page.js(code, coat)
+
+
+def test_eight_coats_are_brushed(page):
+    """A pixel that six strokes cross, and one that none does, are what the library says."""
+    paints = [
+        "CobaltBlue",
+        "ChromeYellow",
+        "ZincWhite",
+        "Eosin",
+        "Minium",
+        "LeadWhite",
+        "ViridianGreen",
+        "Vermillion",
+    ]
+    stack = {
+        **TWO,
+        "coats": [{"paint": {name: 1}, "um": 0.5 + i / 4} for i, name in enumerate(paints)],
+    }
+    page.open(fragment(stack))
+    page.press("tab-canvas")
+    page.js("document.querySelector('[data-at=brush]').value = 120")
+    for coat in range(8):
+        page.js(
+            """
+            const [coat, thick] = arguments, canvas = document.querySelector("[data-at=easel]"), box = canvas.getBoundingClientRect();
+            document.querySelectorAll(".coat")[coat].dispatchEvent(new PointerEvent("pointerdown", {bubbles: true}));
+            for (const type of ["pointerdown", "pointerup"]) canvas.dispatchEvent(new PointerEvent(type, {bubbles: true, pointerId: 1, isPrimary: true,
+                clientX: box.left + box.width * (thick ? 0.3 : 0.8), clientY: box.top + box.height * 0.5}));""",
+            coat,
+            coat % 4 != 3,
+        )
+    page.until(lambda: "within" in page.at("easel-state").text, "the colours")
+    [error] = re.findall(r"ΔE00 (\S+) of", page.at("easel-state").text)
+    assert float(error) < 0.6
+    bare = {**stack, "coats": [{**coat, "um": 0} for coat in stack["coats"]]}
+    assert np.abs(page.pixel("easel", 0.1, 0.1) - expected(bare, "white")).max() <= 2
+    # A touch lays .8 of the coat in its middle.
+    some = [{**coat, "um": 0.8 * coat["um"]} for i, coat in enumerate(stack["coats"]) if i % 4 != 3]
+    thick = expected({**stack, "coats": some}, "white")
+    assert np.abs(page.pixel("easel", 0.3, 0.5) - thick).max() <= 3
+    # The link holds all eight maps, small, and opens at the canvas.
+    time.sleep(0.4)
+    address = page.browser.current_url
+    page.js("document.querySelector('#studio').replaceChildren()")
+    page.open("#" + address.partition("#")[2])
+    page.until(lambda: "within" in page.at("easel-state").text, "the colours")
+    assert np.abs(page.pixel("easel", 0.3, 0.5) - thick).max() <= 6
+    assert np.abs(page.pixel("easel", 0.1, 0.1) - expected(bare, "white")).max() <= 2
+    page.press("tab-away")
+    assert "brushed at" in page.at("held").text
+
+
 def test_it_asks_no_host_for_anything(page):
     page.open(fragment(TWO))
     asked = page.js("return performance.getEntriesByType('resource').map((one) => one.name)")
@@ -98,6 +219,28 @@ def test_what_needs_python_is_said(page, tmp_path):
     path.write_text(json.dumps(TWO))
     page.drop(path)
     page.until(lambda: len(page.all(".coat")) == 2, "the stack")
+
+
+def test_own_paints_are_dropped_used_and_linked(page, browser, tmp_path):
+    """A table of paints without Python: on the shelf, in a coat, in the link; a bad one is a sentence."""
+    rows = [f"Mine,{w},{200 * (w - 390)},40000" for w in range(400, 701, 10)]
+    text = "\n".join(["pigment,wavelength_nm,absorption,scattering", *rows])
+    path = tmp_path / "mine.csv"
+    path.write_text(text.replace("Mine,410,4000", "Mine,410,a lot"))
+    page.drop(path)
+    page.until(lambda: "line 3: absorption is 'a lot'" in page.said(), "the sentence")
+    path.write_text(text)
+    page.drop(path)
+    page.click(".tile[data-paint='Mine'] .paint")
+    page.settle()
+    stack = page.stack()
+    assert stack["pigments"]["Mine"]["scattering"] == [40000] * 31
+    check_swatch(page, stack)
+    address = browser.current_url
+    page.open("#" + address.partition("#")[2])
+    assert page.stack()["pigments"] == stack["pigments"]
+    assert page.all(".tile[data-paint='Mine']")
+    check_swatch(page, stack)
 
 
 def test_a_bad_link_is_one_sentence(page):
@@ -140,6 +283,8 @@ def test_all_that_is_on_the_page_is_in_its_link(page, browser):
     address = browser.current_url
     page.js("document.querySelector('#studio').replaceChildren()")
     page.open("#" + address.partition("#")[2])
+    assert page.at("easel").is_displayed()
+    page.press("tab-look")
     assert page.at("lamp-1").get_attribute("value") == "FL2"
     assert page.at("angle-light").get_attribute("value") == "20"
     assert page.at("pin").text == "Unpin"

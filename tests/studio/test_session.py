@@ -105,19 +105,6 @@ def test_own_paints_are_told_beside_the_catalogues():
     np.testing.assert_allclose(data["own"]["Mine"]["scattering"], mine.scattering, rtol=1e-5)
 
 
-def test_a_dropped_file_of_paints(ask):
-    rows = [f"{name},{w},1000,50000" for name in ("Mine", "ZincWhite") for w in range(400, 701, 10)]
-    content = "\n".join(["pigment,wavelength_nm,absorption,scattering", *rows]).encode()
-    [(header, _)] = ask({"type": "file", "name": "paints.csv"}, rest=content)
-    assert list(header["pigments"]) == ["Mine", "ZincWhite (own)"]
-    assert [entry["name"] for entry in header["entries"]] == ["Mine", "ZincWhite (own)"]
-    assert header["pigments"]["Mine"]["scattering"] == [50000.0] * 31
-    bad = content.replace(b"400,1000", b"400,many")
-    [(header, _)] = ask({"type": "file", "name": "paints.csv"}, rest=bad)
-    assert header["words"].startswith("paints.csv")
-    assert "'many'" in header["words"]
-
-
 JUNK = (
     None,
     True,
@@ -172,7 +159,7 @@ def test_a_dropped_file_of_spectra(ask):
         + b"\n"
     )
     [(header, found)] = ask({"type": "file", "name": "one.csv"}, rest=content)
-    assert (header["kind"], header["names"]) == ("spectra", ["grey"])
+    assert (header["films"], header["names"]) == (False, ["grey"])
     np.testing.assert_allclose(
         found["rgb"][0],
         255 * np.asarray(colour.srgb(found["wavelengths"].astype(float), np.full(31, 0.2))),
@@ -185,4 +172,4 @@ def test_a_dropped_file_of_spectra(ask):
     assert header["words"].startswith("poem.csv")
     films = gj.samples.path().read_bytes()
     [(header, _)] = ask({"type": "file", "name": "films.csv"}, rest=films)
-    assert header["kind"] == "films"
+    assert header["films"]

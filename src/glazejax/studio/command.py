@@ -95,9 +95,10 @@ def _stack(path: Path) -> dict[str, Any]:
 def _own(path: Path) -> "dict[str, Pigment]":
     """One's own paints, by names that no catalogue has."""
     from ..paint.pigment_table import read_pigments
-    from .upload import own_names
+    from ..stacks import own_name
 
-    return own_names(read_pigments(path))
+    found = {own_name(name): paint for name, paint in read_pigments(path).items()}
+    return {name: paint.renamed(name) for name, paint in found.items()}
 
 
 def _fragment(stack: dict[str, Any] | None) -> str:

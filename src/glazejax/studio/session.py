@@ -19,7 +19,7 @@ from ..stacks import stack_from_dict, stack_to_dict
 from . import upload
 from .jobs import Jobs
 from .messages import MOST_FILE, pack, unpack
-from .page_data import entry, page_data
+from .page_data import page_data
 
 Send = Callable[[bytes], None]
 
@@ -86,7 +86,7 @@ class Session:
         hand_over()
 
     def _on_file(self, header: dict[str, Any], arrays: Any, rest: bytes) -> None:
-        """A dropped file: paints, films, or spectra."""
+        """A dropped file: films, or spectra."""
         name = str(header.get("name", "the file"))[:200]
         if len(rest) > MOST_FILE:
             raise ValueError(
@@ -94,24 +94,15 @@ class Session:
                 "MB at most"
             )
         found = upload.read_upload(name, rest)
+        table = found.table
+        grid = np.asarray(table.wavelengths, float)
         answer: dict[str, Any] = {
             "type": "file",
             "name": name,
-            "kind": found.kind,
-            "notes": list(found.notes),
-        }
-        if found.kind == "paints":
-            answer["pigments"] = found.content
-            answer["entries"] = [entry(paint.name, paint) for paint in found.paints.values()]
-            self.tell(answer)
-            return
-        table = found.table
-        assert table is not None
-        grid = np.asarray(table.wavelengths, float)
-        answer |= {
+            "notes": list(table.notes),
             "names": list(table.names),
             "words": describe_grid(grid),
-            "films": found.kind == "films",
+            "films": found.films,
         }
         arrays = {"wavelengths": grid, "reflectance": np.asarray(table.reflectance, float)}
         try:

@@ -15,6 +15,7 @@ export function spectraTable(store) {
 export function awayPanel(store) {
   const code = el("textarea.code", { readOnly: true, rows: 12, spellcheck: false, "aria-label": "The stack as Python", "data-at": "python" });
   const address = el("input", { readOnly: true, "aria-label": "Link that holds the stack", "data-at": "link" });
+  const held = el("p.under", { "data-at": "held" });
   const button = (words, at, call) => el("button", { type: "button", "data-at": at, onclick: call }, words);
   const need = (call) => () => (store.seen?.ladder.length ? call() : store.say("Nothing is seen yet: wait for the first colours.", "error"));
   const file = el("input", { type: "file", accept: ".json", hidden: true, onchange: () => { for (const one of file.files) store.tell("file", one); file.value = ""; } });
@@ -22,7 +23,7 @@ export function awayPanel(store) {
     el("div.bar", {}, button("Picture as PNG", "png", need(picture)), button("Spectra as CSV", "csv", need(() => save("spectra.csv", spectraTable(store), "text/csv"))),
       button("Stack as JSON", "json", () => save("stack.json", JSON.stringify(store.plain(), null, 1) + "\n", "application/json")), button("Open a stack", "open-stack", () => file.click()), file),
     el("p.about", {}, "The file is read by this page, by ", el("code", {}, "glazejax render --stack stack.json"), " and by ", el("code", {}, "glazejax.read_stack"), "."),
-    el("h3", {}, "Link"), el("div.bar", {}, address, button("Copy", "copy-link", () => copy(address))),
+    el("h3", {}, "Link"), el("div.bar", {}, address, button("Copy", "copy-link", () => copy(address))), held,
     el("h3", {}, "Python"), code, el("div.bar", {}, button("Copy", "copy-python", () => copy(code))));
 
   function copy(field) {
@@ -31,8 +32,6 @@ export function awayPanel(store) {
   }
   // What is seen, with its words: swatch, lamps and ladder on the surround's grey.
   function picture() {
-    const easel = document.querySelector(".canvas:not([hidden]) canvas.easel");
-    if (easel) return easel.toBlob((blob) => save("canvas.png", blob, "image/png"));
     const { seen } = store, pen = el("canvas", { width: 1200, height: 820 }).getContext("2d");
     const fill = (css, x, y, w, h) => { pen.fillStyle = css; pen.fillRect(x, y, w, h); };
     fill("#8f8f8f", 0, 0, 1200, 820);
@@ -58,7 +57,10 @@ export function awayPanel(store) {
   }
   function show() {
     if (panel.hidden || !store.eye) return;
-    address.value = location.href.split("#")[0] + writeLink(store);
+    const { link, pixels } = writeLink(store);
+    address.value = location.href.split("#")[0] + link;
+    held.textContent = pixels === null ? "It holds all that is on the page." : pixels ? `It holds all that is on the page, and what was brushed at ${pixels} pixels; Map as NPY on the canvas has all 1024.`
+      : "It holds all that is on the page but what was brushed: that is too much for a link. Save each coat's map on the canvas.";
     code.value = pythonLines(store.plain(), store.eye.data);
     code.rows = code.value.split("\n").length;
   }

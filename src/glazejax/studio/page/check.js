@@ -63,7 +63,7 @@ function parts(where, given, names, most) {
   return found;
 }
 
-function ownPaint(name, given) {
+export function checkPaint(name, given) {
   if (!isObject(given) || !["wavelengths", ...CURVES].every((key) => key in given)) refuse(`paint '${name}' must have wavelengths (nm), absorption and scattering (1/m)`);
   rising(`wavelengths of '${name}'`, given.wavelengths);
   for (const key of [...CURVES, ...ERRORS].filter((one) => one in given)) {
@@ -94,7 +94,7 @@ export function checkStack(given, data) {
   const listed = given.coats ?? [], pigments = given.pigments ?? {};
   if (!Array.isArray(listed) || listed.length > data.most_coats) refuse(`"coats" must be a list of ${data.most_coats} coats at most`);
   if (!isObject(pigments) || Object.keys(pigments).length > data.most_coats) refuse(`"pigments" must be ${data.most_coats} own paints at most, by name`);
-  for (const [name, one] of Object.entries(pigments)) ownPaint(name, one);
+  for (const [name, one] of Object.entries(pigments)) checkPaint(name, one);
   const names = [...data.paints.map((entry) => entry.name), ...Object.keys(pigments)];
   const coats = listed.map((coat, i) => {
     const where = `coat ${i + 1}`;

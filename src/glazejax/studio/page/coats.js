@@ -1,10 +1,15 @@
 // The stack: coats top first, each with a slider, a number, its paints, and a handle to move it by hand or by arrow keys.
 import { ROW } from "./seen.js";
-import { THICKEST, THINNEST } from "./store.js";
+import { SIZE, THICKEST, THINNEST } from "./store.js";
 import { el, hex, icon, inkOn, thickness } from "./dom.js";
+
+// Pixels along the little picture of where a coat was brushed.
+const LITTLE = 26;
 
 const toSlider = (um) => Math.log10(Math.max(THINNEST, Math.min(THICKEST, um)));
 const fromSlider = (value) => +(10 ** value).toPrecision(3);
+// A number as the field holds it: .9, not .8999999999.
+const short = (um) => +um.toPrecision(6);
 const GROUNDS = [["card", "Card, white and black"], ["white", "White"], ["black", "Black"], ["grey", "Grey"],
   ["paint", "Paint that hides"], ["spectrum", "Measured spectrum"]];
 
@@ -49,12 +54,12 @@ export function coatsPanel(store) {
       oninput: () => set(fromSlider(Number(slider.value))), onchange: () => store.settle(), onfocus: () => select(coat.id),
     });
     const number = el("input.um", {
-      type: "number", min: 0, max: 10000, step: "any", value: coat.um, "aria-label": `Thickness of ${store.label(coat)} in micrometres`, "data-at": "um",
+      type: "number", min: 0, max: 10000, step: "any", value: short(coat.um), "aria-label": `Thickness of ${store.label(coat)} in micrometres`, "data-at": "um",
       onchange: () => {
         const value = Number(number.value);
         if (!number.value || !(value >= 0 && value <= 10000)) {
           store.say(`A coat of ${number.value || "no"} µm cannot be: it is between 0 and 10000 µm (1 cm) thick.`, "error");
-          number.value = store.coat(coat.id).um;
+          number.value = short(store.coat(coat.id).um);
           return;
         }
         set(value);
@@ -93,8 +98,30 @@ export function coatsPanel(store) {
   }
 
   function chip(coat) {
-    return fill(el("span.chip", { "aria-hidden": "true" }, ...Object.keys(coat.paint).map(() => el("span"))), coat);
+    return fill(el("span.chip", { "aria-hidden": "true" }, ...Object.keys(coat.paint).map(() => el("span")), el("canvas", { width: LITTLE, height: LITTLE, hidden: true })), coat);
   }
+  // Where a coat was brushed, as a photo app's layers show it.
+  const pictured = new WeakMap();
+  function showBrushed(anew) {
+    for (const coat of store.stack.coats) {
+      const canvas = list.querySelector(`[data-coat="${coat.id}"] .chip canvas`), map = store.maps.get(coat.id);
+      if (!canvas) continue;
+      canvas.hidden = !map;
+      if (!map || (!anew && pictured.get(canvas) === map)) continue;
+      pictured.set(canvas, map);
+      const pen = canvas.getContext("2d"), image = pen.createImageData(LITTLE, LITTLE), apart = SIZE / LITTLE;
+      const rgb = store.swatches.get(Object.keys(coat.paint)[0])?.[0] ?? [128, 128, 128];
+      for (let i = 0; i < LITTLE * LITTLE; i++) {
+        const um = map[Math.floor((Math.floor(i / LITTLE) + 0.5) * apart) * SIZE + Math.floor(((i % LITTLE) + 0.5) * apart)];
+        image.data.set([...rgb, 255 * Math.min(1, um / Math.max(coat.um, 1e-6))], 4 * i);
+      }
+      pen.putImageData(image, 0, 0);
+    }
+  }
+  store.on("brushed", () => {
+    showBrushed(true);
+    showSection();
+  });
   function fill(node, coat) {
     Object.keys(coat.paint).forEach((name, i) => {
       const thick = store.swatches.get(name)?.[0];
@@ -115,7 +142,7 @@ export function coatsPanel(store) {
     section.replaceChildren(...store.shown.map((coat) => {
       const strip = cut("button.strip", store.eye.masstone(coat.paint, store.own), store.label(coat), {
         type: "button", title: `Select ${store.words(coat)}`, "aria-pressed": String(store.selected === coat.id), onclick: () => select(coat.id) });
-      strip.append(el("small", {}, thickness(coat.um)));
+      strip.append(el("small", {}, `${store.maps.has(coat.id) ? "brushed, " : ""}${thickness(coat.um)}`));
       strip.style.flexGrow = Math.log2(1 + 4 * coat.um).toFixed(3);
       return strip;
     }), groundStrip(cut));
@@ -211,12 +238,13 @@ export function coatsPanel(store) {
       fill(node.querySelector(".chip"), coat);
       const [slider, number] = [node.querySelector(".size input[type=range]"), node.querySelector(".um")];
       if (document.activeElement !== slider || Math.abs(Number(slider.value) - toSlider(coat.um)) > 0.01) slider.value = toSlider(coat.um);
-      if (Number(number.value) !== coat.um) number.value = coat.um;
+      if (Number(number.value) !== short(coat.um)) number.value = short(coat.um);
       slider.setAttribute("aria-valuetext", store.words(coat));
       const weights = node.querySelectorAll(".part input");
       Object.values(coat.paint).forEach((value, i) => { if (weights[i] && Number(weights[i].value) !== value) weights[i].value = value; });
     });
     mark();
+    showBrushed();
     const same = JSON.stringify([typeof store.stack.ground === "number" ? "grey" : store.stack.ground, store.entries.size]);
     if (ground.dataset.same !== same) { ground.dataset.same = same; showGround(); }
     history();

@@ -31,9 +31,10 @@ export function icon(name) {
   return svg("svg", { viewBox: "0 0 16 16", class: "icon", "aria-hidden": "true" }, svg("path", { d: ICONS[name] }));
 }
 
+// A number and its unit stay on one line.
 export function thickness(um) {
-  if (um >= 1000) return `${+(um / 1000).toPrecision(3)} mm`;
-  return um >= 0.1 || um === 0 ? `${+um.toPrecision(3)} µm` : `${+(um * 1000).toPrecision(3)} nm`;
+  if (um >= 1000) return `${+(um / 1000).toPrecision(3)}\u00a0mm`;
+  return um >= 0.1 || um === 0 ? `${+um.toPrecision(3)}\u00a0µm` : `${+(um * 1000).toPrecision(3)}\u00a0nm`;
 }
 
 export function hex(rgb) {

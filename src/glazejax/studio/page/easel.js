@@ -1,26 +1,35 @@
 // The canvas: a map of thickness for each brushed coat, turned into colour by a table.
-import { context2d, el, save } from "./dom.js";
+import { el, save } from "./dom.js";
+import { makePainter } from "./painter.js";
 import { SIZE } from "./store.js";
-import { MOST_BRUSHED, makeTable, readTable, tableSteps } from "./table.js";
+import { Combinations, MOST_TABLED, fillLevels, levelOf, makeTable, tableSteps } from "./table.js";
 
 // Strokes that can be taken back.
 const MOST_STEPS = 24;
+// Where more coats are brushed than a table has: pixels along the quick picture, rows and milliseconds of a slice of the fine one.
+const QUICK = 128;
+const ROWS = 16;
+const SLICE = 12;
 
 export function easelPanel(store) {
   const canvas = el("canvas.easel", { width: SIZE, height: SIZE, tabIndex: 0, role: "img", "aria-label": `Canvas, ${SIZE} by ${SIZE}; the selected coat is brushed`, "data-at": "easel" });
-  const pen = context2d(canvas);
+  // `?canvas=webgl2` or `?canvas=arrays` in the address has just that.
+  const painter = makePainter(canvas, SIZE, new URLSearchParams(location.search).get("canvas"), () => ask(whole()));
+  canvas.dataset.by = painter.name;
   const size = el("input", { type: "range", min: 4, max: 180, value: 48, "aria-label": "Size of the brush", "data-at": "brush" });
   const tool = el("select", { "aria-label": "Tool", "data-at": "tool" }, ...[["brush", "Brush: lay the coat"], ["wash", "Wash: lay it thin, soft"], ["wipe", "Wipe: take it off"]].map(([value, words]) => el("option", { value }, words)));
   const ring = el("span.ring", { hidden: true, "aria-hidden": "true" });
   const which = el("p.under"), state = el("p.under", { "aria-live": "polite", "data-at": "easel-state" });
   const file = el("input", { type: "file", accept: ".png,.npy", hidden: true, "data-at": "map-file", onchange: () => { if (file.files[0]) load(file.files[0]); file.value = ""; } });
-  const button = (words, at, call) => el("button.quiet", { type: "button", "data-at": at, onclick: call }, words);
+  const button = (words, at, title, call) => el("button.quiet", { type: "button", "data-at": at, title, onclick: call }, words);
   const panel = el("section.panel.canvas", { "aria-label": "Canvas" },
     el("div.bar", {}, tool, el("label", {}, "Size ", size),
-      button("Clear this coat", "clear", () => { edit(() => new Float32Array(SIZE * SIZE)); ask(whole()); }),
-      button("Even again", "even", () => even()),
-      button("Load map", "load-map", () => file.click()), button("Map as PNG", "map-png", () => asPng()), button("Map as NPY", "map-npy", () => asNpy()), file),
-    which, el("div.stage", {}, canvas, ring), state);
+      button("Clear", "clear", "Take all of this coat off", () => { edit(() => new Float32Array(SIZE * SIZE)); store.tell("brushed"); ask(whole()); }),
+      button("Even", "even", "Lay this coat evenly again", () => even())),
+    which, el("div.stage", {}, canvas, ring), state,
+    el("div.bar", {}, button("Picture as PNG", "canvas-png", "What the canvas looks like", () => canvas.toBlob((blob) => save("canvas.png", blob, "image/png"))),
+      button("Load map", "load-map", "Thickness of this coat, from PNG or NPY", () => file.click()),
+      button("Map as PNG", "map-png", "Thickness of this coat, white is the thickest", () => asPng()), button("Map as NPY", "map-npy", "Thickness of this coat in metres", () => asNpy()), file));
 
   // Colours: a quick table while a hand moves a slider, a fine one as it rests.
   const whole = () => ({ x: 0, y: 0, w: SIZE, h: SIZE });
@@ -31,16 +40,16 @@ export function easelPanel(store) {
   };
   const tables = new Map();
   let later = null;
-  // A table that is there, or a quick one, and how a fine one is made.
+  // A table of colours that is there, or a quick one, and how a fine one is made.
   function tableOf(brushed) {
     const stack = store.plain(), shown = stack.coats.filter((coat) => !coat.hidden), lamp = store.lampOf(store.view.lamps[0]);
     const given = brushed.map(([coat, i]) => [i, top(coat)]);
     // Its own thickness does not matter to a brushed coat's table.
     for (const [i] of given) shown[i].um = 0;
-    const key = JSON.stringify([stack, given, lamp]);
+    const key = JSON.stringify([stack, given, lamp]), many = given.length > MOST_TABLED;
     if (!tables.has(key)) {
       if (tables.size > 3) tables.delete(tables.keys().next().value);
-      tables.set(key, makeTable(store.eye, stack, given, lamp, true));
+      tables.set(key, many ? new Combinations(store.eye, stack, given, lamp) : makeTable(store.eye, stack, given, lamp, true));
     }
     return { table: tables.get(key), refine: () => refine(key, tableSteps(store.eye, stack, given, lamp, false)) };
   }
@@ -53,30 +62,89 @@ export function easelPanel(store) {
       ask(whole());
     }
   }
+  // A coat's map as steps of its range; they go from a stroke's map to the next one's.
+  const stepped = new WeakMap();
+  function stepsOf(coat) {
+    const map = store.maps.get(coat.id), most = top(coat);
+    if (!map) return levelOf(Math.min(coat.um, most), most);
+    const known = stepped.get(map);
+    if (known?.top === most) return known.steps;
+    const steps = known?.steps ?? new Uint16Array(SIZE * SIZE);
+    fillLevels(steps, map, most, SIZE, whole());
+    painter.touch(steps, whole());
+    stepped.set(map, { top: most, steps });
+    return steps;
+  }
+  function changeSteps(map, box) {
+    const { top, steps } = stepped.get(map);
+    fillLevels(steps, map, top, SIZE, box);
+    painter.touch(steps, box);
+  }
   function ask(box) {
     if (panel.hidden || !store.eye) return;
     const shown = store.shown;
     let brushed = shown.map((coat, i) => [coat, i]).filter(([coat]) => store.maps.has(coat.id));
     if (!shown.length) { state.textContent = "No coat is shown: add one first."; return; }
     if (!brushed.length) brushed = [[shown[0], 0]];
-    if (brushed.length > MOST_BRUSHED) { state.textContent = `${brushed.length} coats are brushed, and ${MOST_BRUSHED} can be at once: make one even again, or hide one.`; return; }
     store.attempt("canvas", () => {
+      canvas.dataset.state = "quick";
+      // What was still to be drawn of another picture is not.
+      clearTimeout(later);
       const begun = performance.now(), { table, refine } = tableOf(brushed), made = performance.now();
-      const { pixels, outside } = readTable(table, brushed.map(([coat]) => store.maps.get(coat.id) ?? coat.um), SIZE, box);
-      pen.putImageData(new ImageData(pixels, box.w, box.h), box.x, box.y);
+      const steps = brushed.map(([coat]) => stepsOf(coat)), many = brushed.length > MOST_TABLED;
+      const outside = many ? drawMany(table, steps, box) : painter.draw(table, steps, box);
       canvas.dataset.table = (made - begun).toFixed(1);
       canvas.dataset.took = (performance.now() - begun).toFixed(1);
       canvas.dataset.done = Number(canvas.dataset.done ?? 0) + 1;
-      if (table.error === null) {
-        clearTimeout(later);
-        later = setTimeout(refine, 200);
-      } else {
-        state.textContent = `colours within ΔE00 ${table.error.toFixed(2)} of the full computation${outside > 0.001 ? `; ◢ ${(100 * outside).toFixed(0)} % of what changed is outside sRGB, the nearest is shown` : ""}`;
-      }
+      if (many) return;
+      if (table.error === null) later = setTimeout(refine, 200);
+      else said(table.error, outside);
     });
   }
-  // The table's range: powers of two, so that it is seldom made anew.
-  const top = (coat) => Math.min(1000, 2 ** Math.ceil(Math.log2(Math.max(0.5, tallest(coat)))));
+  function said(error, outside) {
+    canvas.dataset.state = "exact";
+    state.textContent = `colours within ΔE00 ${Math.max(0.01, error).toFixed(2)} of the full computation${outside > 0.001 ? `; ◢ ${(100 * outside).toFixed(0)} % of what changed is outside sRGB, the nearest is shown` : ""}`;
+  }
+  // A box at once; the whole canvas in few pixels at once, and in all of them slice by slice.
+  function drawMany(table, steps, box) {
+    if (box.w * box.h < (SIZE * SIZE) / 4) {
+      table.read(steps, painter.pixels, SIZE, box);
+      painter.put(box);
+      later = setTimeout(() => sharpen(table, steps, 0, 0), 200);
+      return;
+    }
+    const few = new Uint32Array(QUICK * QUICK), { pixels } = painter, apart = SIZE / QUICK;
+    table.read(steps.map(thinned), few, QUICK, { x: 0, y: 0, w: QUICK, h: QUICK }, true);
+    for (let y = 0, from = 0; y < SIZE; y += apart) {
+      const row = y * SIZE;
+      for (let x = 0; x < SIZE; x += apart) pixels.fill(few[from++], row + x, row + x + apart);
+      for (let more = 1; more < apart; more++) pixels.copyWithin(row + more * SIZE, row, row + SIZE);
+    }
+    painter.put(whole());
+    later = setTimeout(() => sharpen(table, steps, 0, 0), 30);
+  }
+  // Steps of a map at the middles of the quick picture's pixels.
+  function thinned(all) {
+    const found = new Uint16Array(QUICK * QUICK), apart = SIZE / QUICK, middle = (SIZE + 1) * (apart >> 1);
+    for (let y = 0, at = 0; y < QUICK; y++) for (let x = 0; x < QUICK; x++) found[at++] = all[(y * SIZE + x) * apart + middle];
+    return found;
+  }
+  function sharpen(table, steps, from, outside) {
+    const begun = performance.now();
+    let y = from, lacking = outside;
+    for (; y < SIZE && performance.now() - begun < SLICE; y += ROWS) {
+      const box = { x: 0, y, w: SIZE, h: ROWS };
+      lacking += (table.read(steps, painter.pixels, SIZE, box) * ROWS) / SIZE;
+      painter.put(box);
+    }
+    if (y < SIZE) later = setTimeout(() => sharpen(table, steps, y, lacking), 0);
+    else {
+      canvas.dataset.sharp = Number(canvas.dataset.sharp ?? 0) + 1;
+      said(table.error(), lacking);
+    }
+  }
+  // The table's range, as far as a stroke will reach: powers of two, so that it is seldom made anew.
+  const top = (coat) => Math.min(1000, 2 ** Math.ceil(Math.log2(Math.max(0.5, tallest(coat) || coat.um))));
   const heights = new WeakMap();
   function tallest(coat) {
     const map = store.maps.get(coat.id);
@@ -116,15 +184,23 @@ export function easelPanel(store) {
     store.maps = new Map(store.maps);
     store.maps.delete(coat.id);
     store.tell("history");
+    store.tell("brushed");
     ask(whole());
   }
 
   let stroke = null;
   function begin(coat, at) {
+    store.brushing = true;
     const before = store.maps.get(coat.id);
     edit((map) => map.slice());
     stroke = { coat, map: store.maps.get(coat.id), at };
     heights.set(stroke.map, before && heights.has(before) ? heights.get(before) : 0);
+    // The map before has its steps counted anew where it comes back.
+    const known = before && stepped.get(before);
+    if (known) {
+      stepped.delete(before);
+      stepped.set(stroke.map, known);
+    }
   }
   function place(event) {
     const box = canvas.getBoundingClientRect();
@@ -148,6 +224,7 @@ export function easelPanel(store) {
     }
   };
   const end = () => {
+    store.brushing = false;
     if (stroke) store.tell("brushed");
     stroke = null;
   };
@@ -163,7 +240,11 @@ export function easelPanel(store) {
     }
     // What a stroke can reach at most; to look through a million pixels takes longer than to paint them.
     heights.set(map, Math.max(heights.get(map), kind === "wipe" ? 0 : kind === "wash" ? 4 * coat.um : (coat.um * Math.max(from.force, to.force)) / 0.6));
-    if (box && box.w > 0 && box.h > 0) ask(box);
+    if (!box || !(box.w > 0 && box.h > 0)) return;
+    if (stepped.get(map)?.top === top(coat)) {
+      changeSteps(map, box);
+      ask(box);
+    } else ask(whole());
   }
   // One touch: soft at its edge. A brush lays up to the coat's thickness, a wash a little more each time.
   function spot(map, cx, cy, radius, kind, force, um) {
@@ -228,6 +309,7 @@ export function easelPanel(store) {
       if (given.size > 64 << 20) throw new Error("it is larger than 64 MB");
       const found = given.name.toLowerCase().endsWith(".npy") ? fromNpy(await given.arrayBuffer()) : await fromPng(given, coat);
       edit(() => found);
+      store.tell("brushed");
       ask(whole());
       store.say(`${given.name} is the thickness of ${store.label(coat)} now.`);
     } catch (error) {

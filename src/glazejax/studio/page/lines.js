@@ -5,7 +5,7 @@ const paint = (name) => (name.includes("/") ? `${name.split("/")[0]}["${name.spl
 function mediumOf(coat) {
   const names = Object.keys(coat.paint), total = Object.values(coat.paint).reduce((sum, part) => sum + part, 0);
   if (names.length === 1) return paint(names[0]);
-  return `gj.Mixture([${names.map(paint).join(", ")}], [${names.map((name) => coat.paint[name] / total).join(", ")}])`;
+  return `gj.Mixture([${names.map(paint).join(", ")}], [${names.map((name) => +(coat.paint[name] / total).toPrecision(9)).join(", ")}])`;
 }
 
 // Own paints and measured grounds are numbers that no ten lines hold: there the program reads the stack's file.

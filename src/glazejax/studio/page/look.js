@@ -113,7 +113,8 @@ export function lookPanel(store) {
   function show() {
     const seen = store.seen;
     buildLamps();
-    if (!seen) return;
+    // What nobody looks at is drawn when its tab is opened.
+    if (!seen || panel.hidden) return;
     drawSwatch(swatch, seen, 0, store.stack.ground);
     [...lamps.children].forEach((figure, i) => {
       if (i >= seen.colours.length) return;
@@ -153,6 +154,7 @@ export function lookPanel(store) {
   }
   function showRest() {
     const seen = store.seen;
+    if (!seen?.ladder.length || panel.hidden) return;
     // The selected coat is repeated, or the uppermost where that one is hidden.
     const coat = store.shown[store.viewNow().repeated];
     ladder.setAttribute("aria-label", coat ? `1 to ${LADDER.at(-1)} coats of ${store.label(coat)}` : "No coat");
@@ -166,6 +168,7 @@ export function lookPanel(store) {
   }
   store.on("seen", show);
   store.on("rest", showRest);
+  store.on("tab", () => { show(); showRest(); });
   store.on("lamps", buildLamps);
   store.on("stack", () => { geometry.value = store.stack.geometry; if (geometry.value !== store.stack.geometry) { geometry.append(el("option", { value: store.stack.geometry }, store.stack.geometry)); geometry.value = store.stack.geometry; } });
   new ResizeObserver(show).observe(swatch);

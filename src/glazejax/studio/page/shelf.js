@@ -19,7 +19,7 @@ export function shelfPanel(store) {
   } });
   const panel = el("section.panel.shelf", { "aria-label": "Shelf of paints" },
     el("header", {}, el("h2", {}, "Shelf"), el("button.quiet", {
-      type: "button", title: "A pigments CSV, films over a black and a white card, a spectrum, a lamp, a stack, a photograph",
+      type: "button", title: `A table of own paints (CSV), a stack, a photograph${store.alone ? "" : ", films over a black and a white card, a spectrum"}`,
       onclick: () => file.click(),
     }, "Add a file")),
     search, list, about, file);

@@ -6,6 +6,7 @@ import { el } from "./dom.js";
 import { easelPanel } from "./easel.js";
 import { takeView, writeLink } from "./link.js";
 import { lookPanel } from "./look.js";
+import { looksLikePigments, readPigments } from "./pigments.js";
 import { shelfPanel } from "./shelf.js";
 import { parseStack } from "./check.js";
 import { Store } from "./store.js";
@@ -37,11 +38,12 @@ export function mount(root, wire, { begin = null, remember = null, data = null }
       tabs.children[i].setAttribute("aria-selected", String(name === key));
       tabs.children[i].tabIndex = name === key ? 0 : -1;
     });
+    store.tab = key;
     store.tell("tab");
-    if (key === "look") store.tell("seen");
   }
   store.on("open", open);
   root.classList.add("glaze-studio");
+  root.dataset.drop = `Drop paints, ${store.alone ? "" : "films, a spectrum, "}a stack or a photograph`;
   root.replaceChildren(
     el("header.top", {}, el("h1", {}, "Glaze studio"), tabs, el("span.grow"), state),
     line,
@@ -96,10 +98,7 @@ export function mount(root, wire, { begin = null, remember = null, data = null }
     },
     file(header, arrays) {
       if (header.notes?.length) store.say(header.notes.join("; "));
-      if (header.kind === "paints") {
-        take(header);
-        store.say(`${Object.keys(header.pigments).length} paints of ${header.name} are on the shelf.`);
-      } else store.tell("spectra", header, arrays);
+      store.tell("spectra", header, arrays);
     },
     job: (header) => store.tell("job", header),
     error(header) {
@@ -150,8 +149,15 @@ export function mount(root, wire, { begin = null, remember = null, data = null }
     const content = new Uint8Array(await file.arrayBuffer());
     const head = new TextDecoder().decode(content.subarray(0, 4000));
     if (head.trimStart().startsWith("{") && head.includes('"glazejax"')) return check(new TextDecoder().decode(content));
+    if (looksLikePigments(head)) {
+      return store.attempt("file", () => {
+        const found = readPigments(new TextDecoder().decode(content), file.name, store.eye.data), count = found.entries.length;
+        take(found);
+        store.say(`${count} ${count > 1 ? "paints" : "paint"} of ${file.name} ${count > 1 ? "are" : "is"} on the shelf, under Your own.`);
+      });
+    }
     if (wire.send({ type: "file", name: file.name }, {}, content)) return;
-    store.say(store.alone ? `${file.name} is for the studio with Python behind it (glazejax studio); this page alone opens stacks, lamps and photographs.`
+    store.say(store.alone ? `${file.name} is neither a table of paints, a stack nor a photograph; what is in a measured spectrum is found by the studio with Python behind it (glazejax studio).`
       : "The studio is not there at the moment; drop the file again when it is back.", "error");
   });
   root.addEventListener("dragover", (event) => { if (event.dataTransfer?.types.includes("Files")) { event.preventDefault(); root.classList.add("over"); } });
@@ -165,10 +171,10 @@ export function mount(root, wire, { begin = null, remember = null, data = null }
 
   // The link follows what is on the page, some moments later ------------------------------------------------------------------------
   let later = null;
-  for (const change of ["stack", "rest", "brushed"]) {
+  for (const change of ["stack", "rest", "brushed", "tab"]) {
     store.on(change, () => {
       clearTimeout(later);
-      if (remember) later = setTimeout(() => remember(writeLink(store), store.plain()), 250);
+      if (remember) later = setTimeout(() => { if (store.eye && !store.brushing) remember(writeLink(store).link, store.plain()); }, 250);
     });
   }
   root.addEventListener("keydown", (event) => {
