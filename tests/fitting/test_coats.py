@@ -491,6 +491,11 @@ def test_a_table_of_an_unknown_coat_reads_as_the_solver():
         for which in range(2):
             slope = (solved(0.05, which) - solved(-0.05, which)) / 0.1
             np.testing.assert_allclose(seen.by_log[which], slope, atol=2e-3)
+    # A coat beyond the table's end reads by its k/s.
+    beyond = jnp.outer(jnp.array([3000.0, 60.0]), jnp.ones(GRID.size))
+    stack = thickness.at[..., 0].set(beyond)
+    expected = body(layout, stack, data.ground)
+    np.testing.assert_allclose(look_up(data.table, beyond).body, expected, atol=2e-4)
 
 
 def test_the_likelihood_of_an_unknown_coat_is_the_gaussian_of_noise_and_errors():

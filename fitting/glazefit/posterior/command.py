@@ -118,7 +118,7 @@ def posterior(
         typer.Option(
             help=(
                 "How many chains of hmc, or walkers of emcee's ensemble, an even number. Default: "
-                "128; 32, or more where --coats has many unknowns."
+                "16; 32 of emcee, or more where --coats has many unknowns."
             ),
             show_default=False,
         ),

@@ -13,7 +13,7 @@ Sampler = Literal["hmc", "emcee", "importance"]
 SAMPLERS: tuple[str, ...] = get_args(Sampler)
 _STEPS = {"hmc": 200, "emcee": 5000, "importance": 0}
 _EVERY = {"hmc": 1, "emcee": 5, "importance": 1}
-_WALKERS = {"hmc": 32, "emcee": 32, "importance": 1}
+_WALKERS = {"hmc": 16, "emcee": 32, "importance": 1}
 
 
 class SamplingOptions(TypedDict, total=False):
@@ -39,10 +39,10 @@ class Sampling:
             (`glazefit.posterior.hamiltonian`); "emcee", an ensemble that needs none
             (`glazefit.posterior.chain`); or "importance", draws of Laplace's approximation weighted
             by the posterior, without a chain: quick, and good where its tail index says so.
-        steps: of the whole chain, by default 200 of hmc, the way there not counted, and
+        steps: of the whole chain, by default 200 of hmc, its warm-up not counted, and
             5000 of emcee; a resumed one goes on until it has as many; 0 for Laplace's
             approximation alone.
-        walkers: chains of hmc, at least 2 and by default 32; or of emcee's ensemble, even, by
+        walkers: chains of hmc, at least 2 and by default 16; or of emcee's ensemble, even, by
             default 32 or as many as the unknowns need.
         thin: every how many steps one is kept; by default each of hmc, every fifth of emcee.
         seed: of all random numbers. A resumed chain goes on with its own.
