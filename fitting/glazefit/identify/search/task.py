@@ -59,7 +59,7 @@ class Effort(NamedTuple):
 
 
 USUAL = Effort(
-    fitted_pairs=80,
+    fitted_pairs=48,
     kept_sets=40,
     fit_within=8.0,
     refit_within=6.0,
