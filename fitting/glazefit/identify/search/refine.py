@@ -16,7 +16,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
-from ...film.model.errors import Whitening, paints_covariance, whiten
+from ...film.model.errors import Whitening, paints_covariance, whiten, whitening
 from ...film.model.response import FilmResponse
 from ...film.numerics.compile_ahead import Program
 from .chunk import Chunk
@@ -194,9 +194,7 @@ def slopes_of(
     """
 
     def run(n: np.ndarray) -> Array:
-        return film_slopes(
-            response, paints, *(jnp.asarray(a) for a in (sets[n], logs[n], grounds[row[n]]))
-        )
+        return film_slopes(response, paints, sets[n], logs[n], grounds[row[n]])
 
     return by_blocks(len(sets), block_size(grounds[0].size), run)
 
@@ -317,7 +315,7 @@ def _fit(
     )
     basis = np.asarray(errors.basis, kind)
     height = np.asarray(errors.height, kind)
-    logs = np.asarray(films.logs, kind)
+    logs = np.array(films.logs, kind)
 
     def run(n: np.ndarray) -> Fitted:
         row = films.row[n]
@@ -325,9 +323,8 @@ def _fit(
         weights = Weights(
             target[row], basis[own_group], height[own_group], *(part[row] for part in expected)
         )
-        start = map(jnp.asarray, (films.sets[n], logs[n], grounds[row]))
-        weights = jax.tree.map(jnp.asarray, weights)
-        return fit_films(response, paints, *start, weights, task.middle, steps=jnp.asarray(steps))
+        start = films.sets[n], logs[n], grounds[row]
+        return fit_films(response, paints, *start, weights, task.middle, steps=np.asarray(steps))
 
     fitted = by_blocks(len(films.row), block_size(basis.shape[-1]), run)
     return Fitted(*(np.asarray(part, np.float64) for part in fitted))
@@ -432,7 +429,18 @@ def move_readings(
         groups: of the films.
     """
     off = chunk.target[row] - readings
-    return readings + np.einsum("fij,fj->fi", coefficient_projection(chunk, groups)[groups.of], off)
+    out = np.empty_like(readings)
+    order = np.argsort(groups.of, kind="stable")
+    # A few groups at a time: matrices that stay in a core's cache.
+    for first in range(0, len(groups.row), _ERRORS):
+        lies = slice(*np.searchsorted(groups.of[order], (first, first + _ERRORS)))
+        n = order[lies]
+        few = Groups(groups.of[n] - first, *(part[first : first + _ERRORS] for part in groups[1:]))
+        near, basis = _near_and_caused(chunk, few)
+        white = np.einsum("fij,fj->fi", basis[few.of], off[n])
+        left = near[few.of] * np.einsum("fij,fi->fj", basis[few.of], white)
+        out[n] = chunk.target[row[n]] - left
+    return out
 
 
 def coefficient_projection(
@@ -441,12 +449,22 @@ def coefficient_projection(
     """Matrix from a film's residual to the part of it that errors of its paints' k and s most
     probably cause.
     """
+    near, basis = _near_and_caused(chunk, groups)
+    return np.eye(near.shape[-1]) - near[..., None] * (np.swapaxes(basis, 1, 2) @ basis)
+
+
+def _near_and_caused(
+    chunk: Chunk, groups: Groups
+) -> tuple[Float[np.ndarray, "groups readings"], Float[np.ndarray, "groups readings readings"]]:
+    """Variance of what counts as near, and W with W^T W the inverse of all that a film may be off:
+    that, and what the errors cause that the pigments state.
+    """
     task = chunk.task
     # What the pigments say of their errors, and no more.
     stated = replace(task.discrepancy, coefficient=0.0, level=0.0)
     free = paints_covariance(
         groups.slopes, groups.sets, task.errors, task.modes, task.wavelengths, stated
     )
-    free = free + chunk.noiseless_covariance[groups.row]
     near = chunk.tolerance.reshape(len(chunk), -1)[groups.row] ** 2
-    return free @ np.linalg.inv(free + near[..., None] * np.eye(near.shape[-1]))
+    whole = chunk.noiseless_covariance[groups.row] + free
+    return near, whitening(whole + near[..., None] * np.eye(near.shape[-1]))[0]
