@@ -206,6 +206,8 @@ def problem():
         np.full(1, 1.0),
         np.zeros(1),
         np.ones(1),
+        np.full(1, 1.0 * target.size),
+        np.zeros(1),
     )
     return response, paints, jnp.asarray(ground)[None], Weights(*(jnp.asarray(p) for p in parts))
 

@@ -23,17 +23,17 @@ from .chunk import Chunk
 from .fit import Fitted, Weights, fit_film, log_set_prior
 from .pool import NOBODY, Pool
 from .table import Paints
-from .task import IdentificationTask, Measured
+from .task import IdentificationTask
 
 # Films whose errors are worked out together.
 _ERRORS = 32
 
 
-def compile_ahead(task: IdentificationTask, measured: Measured) -> None:
-    """Begin to compile what the best candidates are fitted with, while others are still looked for;
-    return at once.
+def compile_ahead(task: IdentificationTask, grounds: int) -> None:
+    """Begin to compile what the best candidates are fitted with, over so many grounds, while others
+    are still looked for; return at once.
     """
-    shape = measured.readings.shape[1:]
+    shape = (grounds, task.wavelengths.size)
     readings = shape[0] * shape[1]
     scales = len(task.discrepancy.scales)
     count = block_size(readings)
@@ -44,7 +44,7 @@ def compile_ahead(task: IdentificationTask, measured: Measured) -> None:
     kinds = [(np.float32, task.tables.single)] if task.effort.single_precision else []
     for kind, given in [*kinds, (np.float64, films)]:
         matrix = (count, scales, readings, readings)
-        sizes = ((count, readings), matrix, (count, scales), *[(count,)] * 4)
+        sizes = ((count, readings), matrix, (count, scales), *[(count,)] * 6)
         weights = Weights(*(np.broadcast_to(kind(0), size) for size in sizes))
         ground = np.zeros((count, *shape), kind)
         logs = np.zeros(members.shape, kind)
@@ -287,7 +287,7 @@ def coefficient_errors(
     def some(n: Int[np.ndarray, "block"]) -> tuple[np.ndarray, np.ndarray]:
         caused = paints_covariance(by[n], sets[n], own, task.modes, task.wavelengths, d)
         found = whiten(noise[row[n]], smooth[row[n]] + caused, d)
-        return found.basis.astype(kind), found.height
+        return found.basis.astype(kind), found.height + chunk.height[row[n], None]
 
     # A few at a time: matrices that stay in a core's cache.
     blocks = np.split(np.arange(len(row)), range(_ERRORS, len(row), _ERRORS))
@@ -438,8 +438,8 @@ def move_readings(
         few = Groups(groups.of[n] - first, *(part[first : first + _ERRORS] for part in groups[1:]))
         near, basis = _near_and_caused(chunk, few)
         white = np.einsum("fij,fj->fi", basis[few.of], off[n])
-        left = near[few.of] * np.einsum("fij,fi->fj", basis[few.of], white)
-        out[n] = chunk.target[row[n]] - left
+        left = np.einsum("fij,fi->fj", basis[few.of], white)
+        out[n] = chunk.target[row[n]] - np.einsum("fij,fj->fi", near[few.of], left)
     return out
 
 
@@ -450,14 +450,16 @@ def coefficient_projection(
     probably cause.
     """
     near, basis = _near_and_caused(chunk, groups)
-    return np.eye(near.shape[-1]) - near[..., None] * (np.swapaxes(basis, 1, 2) @ basis)
+    return np.eye(near.shape[-1]) - near @ np.swapaxes(basis, 1, 2) @ basis
 
 
 def _near_and_caused(
     chunk: Chunk, groups: Groups
-) -> tuple[Float[np.ndarray, "groups readings"], Float[np.ndarray, "groups readings readings"]]:
-    """Variance of what counts as near, and W with W^T W the inverse of all that a film may be off:
-    that, and what the errors cause that the pigments state.
+) -> tuple[
+    Float[np.ndarray, "groups readings readings"], Float[np.ndarray, "groups readings readings"]
+]:
+    """Covariance of what counts as near, and W with W^T W the inverse of all by which a film may be
+    off: that, and what the errors cause that the pigments state.
     """
     task = chunk.task
     # What the pigments say of their errors, and no more.
@@ -465,6 +467,6 @@ def _near_and_caused(
     free = paints_covariance(
         groups.slopes, groups.sets, task.errors, task.modes, task.wavelengths, stated
     )
-    near = chunk.tolerance.reshape(len(chunk), -1)[groups.row] ** 2
-    whole = chunk.noiseless_covariance[groups.row] + free
-    return near, whitening(whole + near[..., None] * np.eye(near.shape[-1]))[0]
+    used, place = np.unique(groups.row, return_inverse=True)
+    spectra = chunk.take(used)
+    return spectra.near[place], whitening(spectra.tolerance_covariance[place] + free)[0]

@@ -25,10 +25,10 @@ from ...film.model.optics import Optics
 from ...film.model.response import film_response
 from ...film.noise import noise_of_each
 from .candidates import CHUNK, find_candidates
+from .few_bands import few_bands_of
 from .options import IdentificationOptions
 from .pool import Pool
 from .refine import compile_ahead
-from .screen import first_starts
 from .table import FilmTables, kept_tables, paints_of
 from .task import THOROUGH, USUAL, IdentificationTask, Measured
 from .unstated_conditions import search_unstated_conditions
@@ -147,12 +147,12 @@ class Searcher(NamedTuple):
 
     def search(self, measured: Measured) -> Iterator[tuple[Measured, Pool, Odds]]:
         """Candidates and their odds, some hundred spectra at a time."""
-        compile_ahead(self.task, measured)
-        starts = first_starts(self.task, measured)
+        gathered = few_bands_of(self.task)
+        compile_ahead(gathered[1] if gathered else self.task, measured.readings.shape[1])
         for first in range(0, len(measured), _TOGETHER):
             rows = np.arange(first, min(first + _TOGETHER, len(measured)))
             batch = measured.take(rows)
-            pool = find_candidates(self.task, batch, starts.take(rows))
+            pool = find_candidates(self.task, batch)
             yield (
                 batch,
                 *search_unstated_conditions(self.tasks, self.opaque, batch, pool, self.varnish),

@@ -92,6 +92,26 @@ THOROUGH = Effort(
 """Every pair is fitted, and every set that may matter with the errors of its own paints."""
 
 
+class Gathered(NamedTuple):
+    """What is known of spectra that were gathered at a few bands (`few_bands`), over all grounds.
+
+    Attributes:
+        noise: covariance of the noise.
+        near: the same of what counts as near when amounts and gloss are shown,
+        near_precision: and its inverse.
+        outside: squared misfit, in units of the noise, that no film takes away.
+        height: what the bands that were left add to every film's log density.
+        count: readings before they were gathered.
+    """
+
+    noise: Float[np.ndarray, "spectra readings readings"]
+    near: Float[np.ndarray, "spectra readings readings"]
+    near_precision: Float[np.ndarray, "spectra readings readings"]
+    outside: Float[np.ndarray, "spectra"]
+    height: Float[np.ndarray, "spectra"]
+    count: Float[np.ndarray, "spectra"]
+
+
 @dataclass(frozen=True)
 class Measured:
     """Spectra over one ground or several.
@@ -105,6 +125,7 @@ class Measured:
             spectra show.
         doubt: further errors of known shapes, independent and of standard deviation 1, (spectra,
             shapes, grounds, bands).
+        gathered: of spectra whose bands are few in place of many.
     """
 
     names: tuple[str, ...]
@@ -113,6 +134,7 @@ class Measured:
     grounds: Float[np.ndarray, "spectra grounds bands"]
     noise_sd: Float[np.ndarray, "spectra grounds bands"]
     doubt: Float[np.ndarray, "spectra shapes grounds bands"]
+    gathered: Gathered | None = None
 
     def __len__(self) -> int:
         return len(self.names)
@@ -121,7 +143,8 @@ class Measured:
         """Some of the spectra, by number."""
         names = tuple(self.names[i] for i in rows)
         spectra = (part[rows] for part in (self.readings, self.grounds, self.noise_sd, self.doubt))
-        return type(self)(names, self.wavelengths, *spectra)
+        gathered = self.gathered and Gathered(*(part[rows] for part in self.gathered))
+        return type(self)(names, self.wavelengths, *spectra, gathered)
 
     @property
     def flat(self) -> Float[np.ndarray, "spectra readings"]:
