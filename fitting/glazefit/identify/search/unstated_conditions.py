@@ -95,8 +95,12 @@ def search_unstated_conditions(
         others = []
         for number in numbers:
             seen = films_under(number, tasks, opaque, measured.take(rows))
-            found = find_candidates(seen.task, seen.measured)
-            others.append(pool_under(number, seen, found).spread(rows, len(measured)))
+            # What no paint reads under a varnish has no candidates there.
+            here = np.flatnonzero(np.isfinite(seen.slope).all(axis=(1, 2)))
+            if here.size:
+                seen = seen.take(here)
+                found = find_candidates(seen.task, seen.measured)
+                others.append(pool_under(number, seen, found).spread(rows[here], len(measured)))
         return pool.merge(*others)
 
     everything = np.arange(len(measured))
@@ -134,6 +138,10 @@ class FilmsUnderCondition(NamedTuple):
     slope: Float[
         np.ndarray, "spectra grounds bands"
     ]  # of these readings by those that were measured
+
+    def take(self, rows: Int[np.ndarray, "rows"]) -> "FilmsUnderCondition":
+        """Some of the films, by number."""
+        return self._replace(measured=self.measured.take(rows), slope=self.slope[rows])
 
 
 def films_under(
