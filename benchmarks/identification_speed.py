@@ -33,7 +33,7 @@ class Case(NamedTuple):
     bands: int
     cards: tuple[float, ...]
     rough: bool
-    count: int
+    spectra: int
     compared: int  # with the thorough search
 
 
@@ -60,7 +60,7 @@ def work(number: int, count: int, thorough: bool) -> dict[str, Any]:
     paints = list(catalogue.load().values())
     grid = np.linspace(400.0, 700.0, case.bands)
     fine = [paint.resample(grid) for paint in paints]
-    spectra, grounds, _ = simulated(fine, case.count, 1, case.rough, case.cards)
+    spectra, grounds, _ = simulated(fine, case.spectra, 1, case.rough, case.cards)
     seconds: list[float] = []
     cpu = 0.0
     found: Any = None
@@ -141,7 +141,7 @@ def main() -> None:
     )
     for number, case in enumerate(CASES[:1] if options.few else CASES):
         progress(case.words)
-        count, compared = (40, 10) if options.few else (case.count, case.compared)
+        count, compared = (40, 10) if options.few else (case.spectra, case.compared)
         # What takes a second for each spectrum is not asked for hundreds.
         few = count if case.bands < 100 else 16
         before = run(options.before.resolve(), number, few) if options.before else None

@@ -46,9 +46,9 @@ class Chunk:
         freedom = self.task.discrepancy.freedom or 0.0
         independent = min(self.task.independent_readings, self.target.shape[1])
         gathered = self.spectra.gathered
-        count = self.target.shape[1] if gathered is None else gathered.count
+        in_all = self.target.shape[1] if gathered is None else gathered.in_all
         outside = 0.0 if gathered is None else gathered.outside
-        numbers = (prior.spread, prior.concentration_sought, freedom, independent, count, outside)
+        numbers = (prior.spread, prior.concentration_sought, freedom, independent, in_all, outside)
         return tuple(np.broadcast_to(number, len(self)).astype(float) for number in numbers)
 
     @property

@@ -187,7 +187,7 @@ def gather(few: FewBands, measured: Measured, discrepancy: ModelError) -> Measur
         near_precision=_over_grounds(near),
         outside=np.sum(off**2 * precise, axis=(1, 2)),
         height=height,
-        count=np.full(spectra, float(grounds * bands)),
+        in_all=np.full(spectra, float(grounds * bands)),
     )
     return replace(
         measured,

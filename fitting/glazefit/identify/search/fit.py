@@ -48,7 +48,7 @@ class Weights(NamedTuple):
     concentration: Number
     freedom: Number  # of Student's t; 0 for Gaussian errors
     independent: Number  # readings that count as independent where errors follow Student's t
-    count: Number  # readings that there are
+    in_all: Number  # readings that there are
     outside: Number  # squared misfit that no film takes away (`few_bands`)
 
 
@@ -75,7 +75,7 @@ def rank(chunk: Chunk, starts: SetStarts) -> Pool:
     weights = Weights(chunk.target, errors.basis @ project, errors.height, *chunk.expectation)
     # What is left out of these components counts for nothing while sets are ranked.
     none = np.zeros(len(chunk))
-    weights = weights._replace(count=none + len(project), outside=none)
+    weights = weights._replace(in_all=none + len(project), outside=none)
     ground, weights = jax.tree.map(
         lambda a: jnp.asarray(np.asarray(a, np.float32)), (chunk.spectra.grounds, weights)
     )
@@ -310,7 +310,7 @@ def _evidence(
     heavy = weights.freedom > 0
     freedom = jnp.where(heavy, weights.freedom, 1.0)
     whole = weights.freedom + weights.independent
-    tail = weights.independent / weights.count * weights.height - 0.5 * whole * jnp.log1p(
+    tail = weights.independent / weights.in_all * weights.height - 0.5 * whole * jnp.log1p(
         square / freedom
     )
     likelihood = jax.nn.logsumexp(jnp.where(heavy, tail, weights.height - 0.5 * square))

@@ -101,7 +101,7 @@ class Gathered(NamedTuple):
         near_precision: and its inverse.
         outside: squared misfit, in units of the noise, that no film takes away.
         height: what the bands that were left add to every film's log density.
-        count: readings before they were gathered.
+        in_all: readings before they were gathered.
     """
 
     noise: Float[np.ndarray, "spectra readings readings"]
@@ -109,7 +109,7 @@ class Gathered(NamedTuple):
     near_precision: Float[np.ndarray, "spectra readings readings"]
     outside: Float[np.ndarray, "spectra"]
     height: Float[np.ndarray, "spectra"]
-    count: Float[np.ndarray, "spectra"]
+    in_all: Float[np.ndarray, "spectra"]
 
 
 @dataclass(frozen=True)
@@ -142,9 +142,16 @@ class Measured:
     def take(self, rows: Int[np.ndarray, "rows"]) -> "Measured":
         """Some of the spectra, by number."""
         names = tuple(self.names[i] for i in rows)
-        spectra = (part[rows] for part in (self.readings, self.grounds, self.noise_sd, self.doubt))
-        gathered = self.gathered and Gathered(*(part[rows] for part in self.gathered))
-        return type(self)(names, self.wavelengths, *spectra, gathered)
+        gathered = self.gathered
+        return type(self)(
+            names=names,
+            wavelengths=self.wavelengths,
+            readings=self.readings[rows],
+            grounds=self.grounds[rows],
+            noise_sd=self.noise_sd[rows],
+            doubt=self.doubt[rows],
+            gathered=gathered and Gathered(*(part[rows] for part in gathered)),
+        )
 
     @property
     def flat(self) -> Float[np.ndarray, "spectra readings"]:
@@ -171,11 +178,13 @@ class Measured:
     def join(cls, parts: Sequence["Measured"]) -> "Measured":
         """Several batches on one grid as one."""
         names = tuple(name for part in parts for name in part.names)
-        spectra = ((part.readings, part.grounds, part.noise_sd, part.doubt) for part in parts)
         return cls(
-            names,
-            parts[0].wavelengths,
-            *(np.concatenate(same) for same in zip(*spectra, strict=True)),
+            names=names,
+            wavelengths=parts[0].wavelengths,
+            readings=np.concatenate([part.readings for part in parts]),
+            grounds=np.concatenate([part.grounds for part in parts]),
+            noise_sd=np.concatenate([part.noise_sd for part in parts]),
+            doubt=np.concatenate([part.doubt for part in parts]),
         )
 
 
