@@ -108,6 +108,11 @@ for _key, _row in (
         ".1f %",
         **{f"{_key}_same": cell(_row, 6), f"{_key}_off": cell(_row, 7)},
     )
+add("few_bands", ".0f", taken=cell("bands that are taken", 0))
+add("few_bands", ".0f %", same=cell("the same first set", 0))
+_OFF = "a paint's probability off by more than .02, at most"
+add("few_bands", ".0f %", off=cell(_OFF, 0))
+add("few_bands", ".2f", largest=cell(_OFF, 1))
 add("identification", ".0f", triples_rate=found(r"Sets of three too.*: (\d+) a second"))
 add(
     "identification",
