@@ -30,7 +30,7 @@ def main() -> None:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     add_option(parser, spectra=4)
-    parser.add_argument("--spectra", type=int, default=60)
+    parser.add_argument("--spectra", type=int, default=180)
     options = parser.parse_args()
     start_jax()
     say = Results("few_bands", options.out)

@@ -9,8 +9,8 @@ the covariance M^-1 = (G^T D^-1 G)^-1, times what no film changes,
     log N(y; G f', D + G S G^T) = log N(z; f', M^-1 + S)
         - (|D^-1/2 (y - G z)|^2 + log det D + log det M + (bands - few) log 2 pi) / 2.
 
-Of the errors of a film's own paints, what varies between the bands is left out: evidences of films
-whose errors are large come out higher by some tenths (`python -m benchmarks.few_bands`).
+Of the errors of a film's own paints, what varies between the bands is left out; what that costs is
+measured by `python -m benchmarks.few_bands`.
 """
 
 import threading
