@@ -93,6 +93,26 @@ for _key, _row in (("noise", "noise only"), ("errors", "and errors of 5 %")):
     )
     add("identification", ".1f %", **{f"{_key}_same": cell(_row, 3), f"{_key}_off": cell(_row, 4)})
     add("identification", ".1f %", **{f"{_key}_right": cell("both paints right:", 0, after=_row)})
+for _key, _row in (
+    ("two", "31 bands, two cards"),
+    ("errors", "the same, errors of 5 %"),
+    ("fine", "61 bands, white card"),
+):
+    add(
+        "identification_speed",
+        ".1f",
+        **{f"{_key}_before": cell(_row, 3), f"{_key}_now": cell(_row, 4)},
+    )
+    add(
+        "identification_speed",
+        ".1f %",
+        **{f"{_key}_same": cell(_row, 6), f"{_key}_off": cell(_row, 7)},
+    )
+add("few_bands", ".0f", taken=cell("bands that are taken", 0))
+add("few_bands", ".0f %", same=cell("the same first set", 0))
+_OFF = "a paint's probability off by more than .02, at most"
+add("few_bands", ".0f %", off=cell(_OFF, 0))
+add("few_bands", ".2f", largest=cell(_OFF, 1))
 add("identification", ".0f", triples_rate=found(r"Sets of three too.*: (\d+) a second"))
 add(
     "identification",

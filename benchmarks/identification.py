@@ -43,9 +43,14 @@ def family(recipe: dict[str, float]) -> dict[str, float]:
 
 
 def simulated(
-    paints: list[Pigment], count: int, seed: int, rough: bool
+    paints: list[Pigment],
+    count: int,
+    seed: int,
+    rough: bool,
+    cards: tuple[float, ...] = (0.025, 0.93),
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Films of two paints over a black and a white card, their grounds, and the paints.
+    """Films of two paints over a black and a white card or over others, their grounds, and the
+    paints.
 
     Noise as instruments have it; rough ones also have smooth errors of some percent, as films of
     real paint.
@@ -58,7 +63,7 @@ def simulated(
     weights = rng.dirichlet(np.ones(2), count)
     pair = np.array([rng.choice(len(paints), 2, replace=False) for _ in range(count)])
     kd, sd = (np.einsum("nm,nmb->nb", weights, a[pair]) for a in (k, s))
-    grounds = np.array([[0.025], [0.93]]) * np.ones((2, kd.shape[1]))
+    grounds = np.array(cards)[:, None] * np.ones((len(cards), kd.shape[1]))
     body = film_response(Hemispherical()).body(kd[:, None], sd[:, None], grounds)
     noise = Noise()
     spectra = np.asarray(body) + 0.04

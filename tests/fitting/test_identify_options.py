@@ -159,7 +159,7 @@ def test_all_that_is_asked_for_stands_in_the_task(paints, monkeypatch, told: boo
     def stop(tasks, measured):
         raise Reached({"task": tasks, "measured": measured})
 
-    monkeypatch.setattr(SEARCHER, "first_starts", stop)
+    monkeypatch.setattr(SEARCHER, "find_candidates", stop)
     monkeypatch.setattr(SEARCHER, "film_response", lambda *instrument: instrument)
     seen_by, noise = Instrument(Hemispherical(30.0), 1.3), Noise(0.07, 0.03)
     errors = ModelError(unstated=0.11, most=0.2, amplitude=0.013)

@@ -206,6 +206,8 @@ def problem():
         np.full(1, 1.0),
         np.zeros(1),
         np.ones(1),
+        np.full(1, 1.0 * target.size),
+        np.zeros(1),
     )
     return response, paints, jnp.asarray(ground)[None], Weights(*(jnp.asarray(p) for p in parts))
 
@@ -251,15 +253,23 @@ def test_screening_finds_the_least_misfit_of_all_that_is_tried(problem):
     white = np.tril(rng.uniform(1.0, 50.0, (ground.size, ground.size)))
     spectra = np.stack([rng.uniform(0.05, 0.9, ground.size) for _ in range(3)])
     table = film_table(response, paints, 2, 0.7, ground, white)
-    for kind, (least, where) in zip(table.sizes, table.nearest(spectra), strict=True):
-        for n, members in enumerate(kind.sets):
-            every = np.array(
+    for kind, near in zip(table.sizes, table.nearest(spectra, 1), strict=True):
+        every = np.array(
+            [
                 [_misfits(problem, white, spectra, members, amounts) for amounts in kind.grid]
-            )
-            np.testing.assert_allclose(least[:, n], every.min(axis=0), rtol=1e-4)
-            np.testing.assert_allclose(
-                every[where[:, n], np.arange(3)], every.min(axis=0), rtol=1e-4
-            )
+                for members in kind.sets
+            ]
+        )
+        least = every.min(axis=1)
+        order = np.argsort(least, axis=0).T
+        # Of one paint all are kept, of two as many as were asked for.
+        assert near.sets.shape[1] == (2 if near.sets.shape[2] == 1 else 1)
+        for row in range(3):
+            np.testing.assert_array_equal(near.sets[row], kind.sets[order[row]])
+            np.testing.assert_allclose(near.misfit[row], least[order[row], row], rtol=1e-4)
+            for n, amounts in zip(order[row], near.amounts[row], strict=True):
+                (place,) = np.flatnonzero((kind.grid == amounts).all(axis=1))
+                assert every[n, place, row] == pytest.approx(least[n, row], rel=1e-4)
 
 
 def _misfits(problem, white, spectra, members, amounts):
@@ -300,20 +310,14 @@ def test_few_components_lose_only_what_films_have_in_common():
     spectrum = np.asarray(response.body(0.6 * k[0] + 0.3 * k[2], 1.4, ground)) + 0.003 * np.cos(
         grid
     )
-    (_, _), (least, where) = table.nearest(spectrum)
-    kind = table.sizes[1]
-    found = int(np.argmin(least[0]))
-    assert kind.sets[found].tolist() == [0, 2]
-    films = [
-        kind.grid[place] @ k[members] for members, place in zip(kind.sets, where[0], strict=True)
-    ]
-    scattering = [1.5 * kind.grid[place].sum() for place in where[0]]
+    pairs = table.nearest(spectrum, 3)[1]
+    assert pairs.sets[0, 0].tolist() == [0, 2]
     read = [
-        np.asarray(response.body(a, s, ground)).ravel()
-        for a, s in zip(films, scattering, strict=True)
+        np.asarray(response.body(amounts @ k[members], 1.5 * amounts.sum(), ground)).ravel()
+        for amounts, members in zip(pairs.amounts[0], pairs.sets[0], strict=True)
     ]
     exact = np.sum(((spectrum - np.array(read)) / 0.01) ** 2, axis=-1)
-    np.testing.assert_allclose(np.diff(least[0]), np.diff(exact), rtol=0.02)
+    np.testing.assert_allclose(np.diff(pairs.misfit[0]), np.diff(exact), rtol=0.02)
 
 
 def test_triples_are_scored_by_the_least_misfit_of_what_is_tried(problem):

@@ -204,6 +204,8 @@ class Pigment(eqx.Module):
         Raises:
             ValueError: the new grid is not legal or reaches beyond the old one.
         """
+        if np.array_equal(self.wavelengths, np.asarray(wavelengths)):
+            return self
         matrix = interpolation_matrix(self.wavelengths, wavelengths)
 
         def at(values: Float[Array, "... bands"] | None) -> Float[Array, "... new"] | None:

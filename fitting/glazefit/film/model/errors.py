@@ -334,14 +334,15 @@ def coefficient_covariance(
     """
     grounds = slopes.shape[-1] // wavelengths.size
     kernel = smooth_kernel(wavelengths, discrepancy.coefficient_length)
-
-    def square(slopes: np.ndarray, correlation: np.ndarray) -> np.ndarray:
-        return (np.swapaxes(slopes, -1, -2) @ slopes) * np.tile(correlation, (grounds, grounds))
-
-    stated = slopes * np.tile(known, grounds)
-    return square(slopes, discrepancy.coefficient**2 * kernel + discrepancy.level**2) + square(
-        stated, kernel
+    # What is alike at two wavelengths by the kernel is one product for both sources.
+    both = np.concatenate(
+        [discrepancy.coefficient * slopes, slopes * np.tile(known, grounds)], axis=-2
     )
+    caused = np.swapaxes(both, -1, -2) @ both
+    caused *= np.tile(kernel, (grounds, grounds)).astype(caused.dtype)
+    if discrepancy.level:
+        caused += discrepancy.level**2 * (np.swapaxes(slopes, -1, -2) @ slopes)
+    return caused
 
 
 def paints_covariance(
@@ -473,8 +474,9 @@ def whitening(
 
     factor = np.linalg.cholesky(matrix)
     inverse = np.empty_like(factor)
-    # A triangle's inverse takes less than half the time of numpy's, which knows none.
+    # A triangle's inverse takes less than half the time of numpy's, which knows none; turned round,
+    # it is in LAPACK's own order.
     for place in np.ndindex(factor.shape[:-2]):
-        inverse[place] = dtrtri(factor[place], lower=1)[0]  # pyright: ignore
+        inverse[place] = dtrtri(factor[place].T, lower=0)[0].T  # pyright: ignore
     height = -np.log(np.diagonal(factor, axis1=-2, axis2=-1)).sum(axis=-1)
     return inverse, height - 0.5 * matrix.shape[-1] * np.log(2.0 * np.pi)

@@ -6,10 +6,11 @@ from jaxtyping import Int
 from glazejax.radiative.common.threads import in_threads
 
 from .chunk import Chunk
+from .few_bands import can_gather, few_bands_of, gather, spread_out
 from .fit import rank
 from .pool import Pool
 from .refine import refine
-from .screen import SetStarts
+from .screen import first_starts
 from .surface import with_surface
 from .task import IdentificationTask, Measured
 from .two_coats import search_two_coats
@@ -19,8 +20,21 @@ CHUNK = 64
 """Spectra that are fitted at a time."""
 
 
-def find_candidates(task: IdentificationTask, measured: Measured, starts: SetStarts) -> Pool:
-    """Fitted candidates of spectra; `CHUNK` at a time, a few of these side by side."""
+def find_candidates(task: IdentificationTask, measured: Measured) -> Pool:
+    """Fitted candidates of spectra; `CHUNK` at a time, a few of these side by side.
+
+    Spectra of many bands are gathered at few (`few_bands`), which is told in `FewBands.missed`.
+    """
+    gathered = few_bands_of(task)
+    if gathered is None or not can_gather(gathered[0], measured):
+        return _find(task, measured)
+    few, smaller = gathered
+    found = _find(smaller, gather(few, measured, task.discrepancy))
+    return spread_out(few, found.trimmed)
+
+
+def _find(task: IdentificationTask, measured: Measured) -> Pool:
+    starts = first_starts(task, measured)
 
     def fit(rows: Int[np.ndarray, "rows"]) -> Pool:
         # Few sizes, so that little is compiled.

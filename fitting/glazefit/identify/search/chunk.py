@@ -6,7 +6,7 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Float, Int
 
-from ...film.model.errors import model_covariance, noise_covariance
+from ...film.model.errors import model_covariance
 from .task import TYPICAL_READING, IdentificationTask, Measured
 
 # What counts as near when amounts are shown: near black, and for each unit of reflectance.
@@ -41,12 +41,21 @@ class Chunk:
 
     @cached_property
     def expectation(self) -> tuple[Float[np.ndarray, "spectra"], ...]:
-        """What is expected of each film, and how its misfit counts: the last four of `Weights`."""
+        """What is expected of each film, and how its misfit counts: the last six of `Weights`."""
         prior = self.task.prior
         freedom = self.task.discrepancy.freedom or 0.0
         independent = min(self.task.independent_readings, self.target.shape[1])
-        numbers = (prior.spread, prior.concentration_sought, freedom, independent)
-        return tuple(np.full(len(self), float(number)) for number in numbers)
+        gathered = self.spectra.gathered
+        in_all = self.target.shape[1] if gathered is None else gathered.in_all
+        outside = 0.0 if gathered is None else gathered.outside
+        numbers = (prior.spread, prior.concentration_sought, freedom, independent, in_all, outside)
+        return tuple(np.broadcast_to(number, len(self)).astype(float) for number in numbers)
+
+    @property
+    def height(self) -> Float[np.ndarray, "spectra"]:
+        """What is the same in the log density of every film: of the bands that were gathered."""
+        gathered = self.spectra.gathered
+        return np.zeros(len(self)) if gathered is None else gathered.height
 
     @cached_property
     def tolerance(self) -> Float[np.ndarray, "spectra grounds bands"]:
@@ -58,26 +67,35 @@ class Chunk:
         """Covariance of the readings' errors that come from noise, from the unknown gloss, and from
         other unknowns such as the amount of a varnish (`Measured.doubt`).
         """
-        return self._with_doubt(self.spectra.noise_sd)
+        gathered = self.spectra.gathered
+        noise = _diagonal(self.spectra.noise_sd) if gathered is None else gathered.noise
+        return noise + self.noiseless_covariance
+
+    @property
+    def near(self) -> Float[np.ndarray, "spectra readings readings"]:
+        """Covariance of what counts as near to the readings when amounts and gloss are shown."""
+        gathered = self.spectra.gathered
+        return _diagonal(self.tolerance) if gathered is None else gathered.near
+
+    @property
+    def near_precision(self) -> Float[np.ndarray, "spectra readings readings"]:
+        """The inverse of `near`."""
+        gathered = self.spectra.gathered
+        return _diagonal(1.0 / self.tolerance) if gathered is None else gathered.near_precision
 
     @property
     def tolerance_covariance(self) -> Float[np.ndarray, "spectra readings readings"]:
-        """`noise_covariance` with the tolerance in place of noise, for the amounts that are shown:
-        these must not put a residual down to smooth errors of the paints.
+        """`noise_covariance` with what counts as near in place of noise, for the amounts that are
+        shown: these must not put a residual down to smooth errors of the paints.
         """
-        return self._with_doubt(self.tolerance)
+        return self.near + self.noiseless_covariance
 
     @property
     def noiseless_covariance(self) -> Float[np.ndarray, "spectra readings readings"]:
         """`noise_covariance` without the noise: unknown gloss and other unknowns alone."""
-        return self._with_doubt(np.zeros_like(self.spectra.noise_sd))
-
-    def _with_doubt(
-        self, noise_sd: Float[np.ndarray, "spectra grounds bands"]
-    ) -> Float[np.ndarray, "spectra readings readings"]:
         doubt = self.spectra.doubt.reshape(*self.spectra.doubt.shape[:2], self.target.shape[1])
-        noise = noise_covariance(noise_sd, self.task.surface, self.task.discrepancy)
-        return noise + np.swapaxes(doubt, 1, 2) @ doubt
+        surface = self.task.discrepancy.surface_sd(self.task.surface)
+        return surface**2 + np.swapaxes(doubt, 1, 2) @ doubt
 
     @property
     def smooth_covariance(self) -> Float[np.ndarray, "spectra readings readings"]:
@@ -97,6 +115,14 @@ class Chunk:
     ) -> Float[np.ndarray, "spectra readings readings"]:
         grounds = self.spectra.readings.shape[1]
         return model_covariance(self.task.wavelengths, grounds, self.task.discrepancy, amplitude)
+
+
+def _diagonal(
+    sd: Float[np.ndarray, "spectra grounds bands"],
+) -> Float[np.ndarray, "spectra readings readings"]:
+    """Covariance of independent errors."""
+    flat = sd.reshape(len(sd), -1)
+    return flat[..., None] ** 2 * np.eye(flat.shape[-1])
 
 
 def tolerance(measured: Measured) -> Float[np.ndarray, "spectra grounds bands"]:

@@ -48,6 +48,8 @@ class Weights(NamedTuple):
     concentration: Number
     freedom: Number  # of Student's t; 0 for Gaussian errors
     independent: Number  # readings that count as independent where errors follow Student's t
+    in_all: Number  # readings that there are
+    outside: Number  # squared misfit that no film takes away (`few_bands`)
 
 
 class Fitted(NamedTuple):
@@ -71,6 +73,9 @@ def rank(chunk: Chunk, starts: SetStarts) -> Pool:
     model = project @ chunk.ranking_covariance @ project.T
     errors = whiten(fixed, model, task.discrepancy)
     weights = Weights(chunk.target, errors.basis @ project, errors.height, *chunk.expectation)
+    # What is left out of these components counts for nothing while sets are ranked.
+    none = np.zeros(len(chunk))
+    weights = weights._replace(in_all=none + len(project), outside=none)
     ground, weights = jax.tree.map(
         lambda a: jnp.asarray(np.asarray(a, np.float32)), (chunk.spectra.grounds, weights)
     )
@@ -301,11 +306,11 @@ def _evidence(
     all: then each weighs the less the worse all are met.
     """
     off = jnp.einsum("srt,t->sr", weights.basis, weights.target - readings)
-    square = jnp.sum(off**2, axis=-1)
+    square = jnp.sum(off**2, axis=-1) + weights.outside
     heavy = weights.freedom > 0
     freedom = jnp.where(heavy, weights.freedom, 1.0)
     whole = weights.freedom + weights.independent
-    tail = weights.independent / off.shape[-1] * weights.height - 0.5 * whole * jnp.log1p(
+    tail = weights.independent / weights.in_all * weights.height - 0.5 * whole * jnp.log1p(
         square / freedom
     )
     likelihood = jax.nn.logsumexp(jnp.where(heavy, tail, weights.height - 0.5 * square))

@@ -27,11 +27,10 @@ class Pool:
     gloss: Float[np.ndarray, "spectra candidates"]
     condition: Int[np.ndarray, "spectra candidates"]  # by number; see `conditions`
 
-    def merge(self, other: "Pool") -> "Pool":
-        """Candidates of both for the same spectra."""
-        return Pool(
-            *(np.concatenate([a, b], axis=1) for a, b in zip(self.parts, other.parts, strict=True))
-        )
+    def merge(self, *others: "Pool") -> "Pool":
+        """Candidates of all for the same spectra."""
+        parts = zip(self.parts, *(other.parts for other in others), strict=True)
+        return Pool(*(np.concatenate(same, axis=1) for same in parts))
 
     @classmethod
     def join(cls, pools: Sequence["Pool"]) -> "Pool":
@@ -44,6 +43,11 @@ class Pool:
     def parts(self) -> tuple[np.ndarray, ...]:
         """All arrays."""
         return tuple(getattr(self, field.name) for field in fields(self))
+
+    @property
+    def trimmed(self) -> "Pool":
+        """Without the places that no spectrum needs: what is impossible has a weight of -inf."""
+        return self.best(int(max(np.isfinite(self.log_weight).sum(axis=1).max(), 1)))
 
     def best(self, count: int) -> "Pool":
         """The most probable candidates of each spectrum."""

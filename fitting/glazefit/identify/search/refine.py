@@ -16,21 +16,24 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
-from ...film.model.errors import Whitening, paints_covariance, whiten
+from ...film.model.errors import Whitening, paints_covariance, whiten, whitening
 from ...film.model.response import FilmResponse
 from ...film.numerics.compile_ahead import Program
 from .chunk import Chunk
 from .fit import Fitted, Weights, fit_film, log_set_prior
 from .pool import NOBODY, Pool
 from .table import Paints
-from .task import IdentificationTask, Measured
+from .task import IdentificationTask
+
+# Films whose errors are worked out together.
+_ERRORS = 32
 
 
-def compile_ahead(task: IdentificationTask, measured: Measured) -> None:
-    """Begin to compile what the best candidates are fitted with, while others are still looked for;
-    return at once.
+def compile_ahead(task: IdentificationTask, grounds: int) -> None:
+    """Begin to compile what the best candidates are fitted with, over so many grounds, while others
+    are still looked for; return at once.
     """
-    shape = measured.readings.shape[1:]
+    shape = (grounds, task.wavelengths.size)
     readings = shape[0] * shape[1]
     scales = len(task.discrepancy.scales)
     count = block_size(readings)
@@ -41,7 +44,7 @@ def compile_ahead(task: IdentificationTask, measured: Measured) -> None:
     kinds = [(np.float32, task.tables.single)] if task.effort.single_precision else []
     for kind, given in [*kinds, (np.float64, films)]:
         matrix = (count, scales, readings, readings)
-        sizes = ((count, readings), matrix, (count, scales), *[(count,)] * 4)
+        sizes = ((count, readings), matrix, (count, scales), *[(count,)] * 6)
         weights = Weights(*(np.broadcast_to(kind(0), size) for size in sizes))
         ground = np.zeros((count, *shape), kind)
         logs = np.zeros(members.shape, kind)
@@ -191,9 +194,7 @@ def slopes_of(
     """
 
     def run(n: np.ndarray) -> Array:
-        return film_slopes(
-            response, paints, *(jnp.asarray(a) for a in (sets[n], logs[n], grounds[row[n]]))
-        )
+        return film_slopes(response, paints, sets[n], logs[n], grounds[row[n]])
 
     return by_blocks(len(sets), block_size(grounds[0].size), run)
 
@@ -277,8 +278,21 @@ def coefficient_errors(
     """
     task = chunk.task
     d = task.discrepancy
-    caused = paints_covariance(slopes, sets, task.errors, task.modes, task.wavelengths, d)
-    return whiten(chunk.noise_covariance[row], chunk.smooth_covariance[row] + caused, d)
+    noise, smooth = chunk.noise_covariance, chunk.smooth_covariance
+    # Single precision does for what is added to the noise, and takes a third of the time.
+    kind = np.float32 if task.effort.single_precision else np.float64
+    by = slopes.astype(kind)
+    own = task.errors.astype(kind)
+
+    def some(n: Int[np.ndarray, "block"]) -> tuple[np.ndarray, np.ndarray]:
+        caused = paints_covariance(by[n], sets[n], own, task.modes, task.wavelengths, d)
+        found = whiten(noise[row[n]], smooth[row[n]] + caused, d)
+        return found.basis.astype(kind), found.height + chunk.height[row[n], None]
+
+    # A few at a time: matrices that stay in a core's cache.
+    blocks = np.split(np.arange(len(row)), range(_ERRORS, len(row), _ERRORS))
+    basis, height = zip(*map(some, blocks), strict=True)
+    return Whitening(np.concatenate(basis), np.concatenate(height))
 
 
 def _fit(
@@ -301,7 +315,7 @@ def _fit(
     )
     basis = np.asarray(errors.basis, kind)
     height = np.asarray(errors.height, kind)
-    logs = np.asarray(films.logs, kind)
+    logs = np.array(films.logs, kind)
 
     def run(n: np.ndarray) -> Fitted:
         row = films.row[n]
@@ -309,9 +323,8 @@ def _fit(
         weights = Weights(
             target[row], basis[own_group], height[own_group], *(part[row] for part in expected)
         )
-        start = map(jnp.asarray, (films.sets[n], logs[n], grounds[row]))
-        weights = jax.tree.map(jnp.asarray, weights)
-        return fit_films(response, paints, *start, weights, task.middle, steps=jnp.asarray(steps))
+        start = films.sets[n], logs[n], grounds[row]
+        return fit_films(response, paints, *start, weights, task.middle, steps=np.asarray(steps))
 
     fitted = by_blocks(len(films.row), block_size(basis.shape[-1]), run)
     return Fitted(*(np.asarray(part, np.float64) for part in fitted))
@@ -416,7 +429,18 @@ def move_readings(
         groups: of the films.
     """
     off = chunk.target[row] - readings
-    return readings + np.einsum("fij,fj->fi", coefficient_projection(chunk, groups)[groups.of], off)
+    out = np.empty_like(readings)
+    order = np.argsort(groups.of, kind="stable")
+    # A few groups at a time: matrices that stay in a core's cache.
+    for first in range(0, len(groups.row), _ERRORS):
+        lies = slice(*np.searchsorted(groups.of[order], (first, first + _ERRORS)))
+        n = order[lies]
+        few = Groups(groups.of[n] - first, *(part[first : first + _ERRORS] for part in groups[1:]))
+        near, basis = _near_and_caused(chunk, few)
+        white = np.einsum("fij,fj->fi", basis[few.of], off[n])
+        left = np.einsum("fij,fi->fj", basis[few.of], white)
+        out[n] = chunk.target[row[n]] - np.einsum("fij,fj->fi", near[few.of], left)
+    return out
 
 
 def coefficient_projection(
@@ -425,12 +449,24 @@ def coefficient_projection(
     """Matrix from a film's residual to the part of it that errors of its paints' k and s most
     probably cause.
     """
+    near, basis = _near_and_caused(chunk, groups)
+    return np.eye(near.shape[-1]) - near @ np.swapaxes(basis, 1, 2) @ basis
+
+
+def _near_and_caused(
+    chunk: Chunk, groups: Groups
+) -> tuple[
+    Float[np.ndarray, "groups readings readings"], Float[np.ndarray, "groups readings readings"]
+]:
+    """Covariance of what counts as near, and W with W^T W the inverse of all by which a film may be
+    off: that, and what the errors cause that the pigments state.
+    """
     task = chunk.task
     # What the pigments say of their errors, and no more.
     stated = replace(task.discrepancy, coefficient=0.0, level=0.0)
     free = paints_covariance(
         groups.slopes, groups.sets, task.errors, task.modes, task.wavelengths, stated
     )
-    free = free + chunk.noiseless_covariance[groups.row]
-    near = chunk.tolerance.reshape(len(chunk), -1)[groups.row] ** 2
-    return free @ np.linalg.inv(free + near[..., None] * np.eye(near.shape[-1]))
+    used, place = np.unique(groups.row, return_inverse=True)
+    spectra = chunk.take(used)
+    return spectra.near[place], whitening(spectra.tolerance_covariance[place] + free)[0]

@@ -18,7 +18,7 @@ from ...film.model.errors import model_covariance, noise_covariance, whitening
 from ...film.model.response import FilmResponse
 from .chunk import Chunk
 from .pool import NOBODY
-from .table import ALIKE, Paints, TableOfSize, film_readings, sets_of
+from .table import ALIKE, NearestSets, Paints, film_readings, sets_of
 from .task import TYPICAL_READING, IdentificationTask, Measured
 
 # Amounts of a third paint, as a share of the pair's.
@@ -41,26 +41,18 @@ class SetStarts(NamedTuple):
 def first_starts(task: IdentificationTask, measured: Measured) -> SetStarts:
     """Sets of one paint and the best of two for every spectrum, by the tables of films."""
 
-    def best_of(
-        kind: TableOfSize,
-        cost: Float[np.ndarray, "spectra sets"],
-        where: Int[np.ndarray, "spectra sets"],
-    ) -> Float[np.ndarray, "spectra kept four"]:
-        """Members and log amounts of the sets of one size that are kept, side by side."""
-        size = kind.sets.shape[1]
-        keep = len(kind.sets) if size == 1 else min(len(kind.sets), task.effort.fitted_pairs)
-        best = np.argsort(cost, axis=1, kind="stable")[:, :keep]
-        logs = np.log(kind.grid[np.take_along_axis(where, best, axis=1)])
-        room = ((0, 0), (0, 0), (0, 2 - size))
-        members = np.pad(kind.sets[best], room, constant_values=NOBODY)
-        return np.concatenate([members, np.pad(logs, room)], axis=-1)
+    def side_by_side(near: NearestSets) -> Float[np.ndarray, "spectra kept four"]:
+        """Members and log amounts."""
+        room = ((0, 0), (0, 0), (0, 2 - near.sets.shape[-1]))
+        members = np.pad(near.sets, room, constant_values=NOBODY)
+        return np.concatenate([members, np.pad(np.log(near.amounts), room)], axis=-1)
 
     found: list[tuple[np.ndarray, np.ndarray]] = []
     for rows, ground in alike_grounds(measured.grounds):
         table = task.tables.over(ground, lambda grounds: common_whitening(task, grounds))
-        kinds = table.nearest(measured.flat[rows] - task.mean_surface)
-        parts = [best_of(kind, *near) for kind, near in zip(table.sizes, kinds, strict=True)]
-        found.append((rows, np.concatenate(parts, axis=1)))
+        target = measured.flat[rows] - task.mean_surface
+        near = table.nearest(target, task.effort.fitted_pairs)
+        found.append((rows, np.concatenate([side_by_side(one) for one in near], axis=1)))
     # Back in the order of the spectra.
     order = np.argsort(np.concatenate([rows for rows, _ in found]))
     both = np.concatenate([part for _, part in found])[order]

@@ -5,6 +5,7 @@ A spectrum's way is one arc: screen, fit, refine, weigh. Where the odds leave it
 the same way again under conditions that nobody stated.
 """
 
+import functools
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple
@@ -24,11 +25,11 @@ from ...film.model.optics import Optics
 from ...film.model.response import film_response
 from ...film.noise import noise_of_each
 from .candidates import CHUNK, find_candidates
+from .few_bands import few_bands_of
 from .options import IdentificationOptions
 from .pool import Pool
 from .refine import compile_ahead
-from .screen import first_starts
-from .table import FilmTables, paints_of
+from .table import FilmTables, kept_tables, paints_of
 from .task import THOROUGH, USUAL, IdentificationTask, Measured
 from .unstated_conditions import search_unstated_conditions
 from .weigh import Odds
@@ -92,18 +93,27 @@ class Searcher(NamedTuple):
         extenders = find_extenders(known, prior.thickness)
         errors = relative_errors(known, discrepancy)
         modes = error_modes(known, discrepancy).astype(np.float32)
+        noise = options.noise or Noise()
         tasks = {}
         for hidden, expected in ((True, opaque_prior(prior, known)), (False, prior)):
             paints = paints_of(known, expected.thickness)
+            # Identification is called again and again for one catalogue and one instrument.
+            coefficients = tuple(np.asarray(part).tobytes() for part in (grid, *paints))
+            optics = Optics.of(instrument.geometry, instrument.refractive_index)
+            seen = (optics, instrument.seen_surface, noise, discrepancy)
+            tables = kept_tables(
+                (*coefficients, str(paints.absorption.dtype), *seen, largest, expected.spread),
+                functools.partial(FilmTables, response, paints, largest, expected.spread),
+            )
             tasks[hidden] = IdentificationTask(
                 response=response,
                 paints=paints,
                 errors=errors,
                 modes=modes,
                 wavelengths=grid,
-                optics=Optics.of(instrument.geometry, instrument.refractive_index),
+                optics=optics,
                 surface=instrument.seen_surface,
-                noise=options.noise or Noise(),
+                noise=noise,
                 discrepancy=discrepancy,
                 prior=expected,
                 extenders=extenders,
@@ -111,7 +121,7 @@ class Searcher(NamedTuple):
                 # Stacks are fitted where the ground shows; three coats and opaque ones are weighed.
                 max_coats=1 if opaque else min(options.max_coats, 2),
                 effort=THOROUGH if options.thorough else USUAL,
-                tables=FilmTables(response, paints, largest, expected.spread),
+                tables=tables,
             )
         return cls(
             tasks=tasks,
@@ -137,12 +147,12 @@ class Searcher(NamedTuple):
 
     def search(self, measured: Measured) -> Iterator[tuple[Measured, Pool, Odds]]:
         """Candidates and their odds, some hundred spectra at a time."""
-        compile_ahead(self.task, measured)
-        starts = first_starts(self.task, measured)
+        gathered = few_bands_of(self.task)
+        compile_ahead(gathered[1] if gathered else self.task, measured.readings.shape[1])
         for first in range(0, len(measured), _TOGETHER):
             rows = np.arange(first, min(first + _TOGETHER, len(measured)))
             batch = measured.take(rows)
-            pool = find_candidates(self.task, batch, starts.take(rows))
+            pool = find_candidates(self.task, batch)
             yield (
                 batch,
                 *search_unstated_conditions(self.tasks, self.opaque, batch, pool, self.varnish),

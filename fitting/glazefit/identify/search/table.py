@@ -9,7 +9,8 @@ fitted.
 
 import itertools
 import threading
-from collections.abc import Callable, Sequence
+from collections import OrderedDict
+from collections.abc import Callable, Hashable, Sequence
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -27,8 +28,11 @@ COMPONENTS = 20
 ALIKE = 0.04
 """Grounds that differ by less share a table; each film is then fitted with its own."""
 _FILMS_AT_A_TIME = 4096
-_SPECTRA_AT_A_TIME = 128
+_SPECTRA_AT_A_TIME = 16
 _TABLES = 8
+# Amounts of each pair, and numbers in all, by which it is chosen at which bands films are read.
+_TRIES = 3
+_NUMBERS = 2**21
 # Fractions of the first paint of a pair: strong paints show at a thousandth, weak ones drown at
 # nine tenths.
 _FRACTIONS = np.array([0.002, 0.008, 0.03, 0.1, 0.25, 0.5, 0.75, 0.9, 0.97, 0.992, 0.998])
@@ -106,8 +110,8 @@ class TableOfSize(NamedTuple):
 
     sets: Int[np.ndarray, "sets size"]
     grid: Float[np.ndarray, "points size"]  # amounts of each paint
-    films: Float[np.ndarray, "components films"]  # single precision, set by set
-    square: Float[np.ndarray, "films"]
+    films: Float[np.ndarray, "components+1 films"]  # all sets at one point of the grid after
+    # another, single precision; below them minus half their square
 
 
 class FilmTable(NamedTuple):
@@ -126,32 +130,40 @@ class FilmTable(NamedTuple):
     sizes: tuple[TableOfSize, ...]
 
     def nearest(
-        self, target: Float[np.ndarray, "spectra readings"]
-    ) -> list[tuple[Float[np.ndarray, "spectra sets"], Int[np.ndarray, "spectra sets"]]]:
-        """Least squared misfit of each set over its amounts, in the units of the errors, and the
-        grid point of it.
+        self, target: Float[np.ndarray, "spectra readings"], keep: int
+    ) -> list["NearestSets"]:
+        """Sets of each size that come nearest to each spectrum.
 
         Args:
             target: spectra without the mean surface.
+            keep: sets of two paints that are kept, the nearest; of one paint all are.
         """
         spectra = (target @ self.project.T - self.middle).astype(np.float32)
         alone = np.sum(spectra**2, axis=-1)
+        # Minus half of the misfit that differs, by one product: the spectrum's components, and 1.
+        given = np.concatenate([spectra, np.ones((len(spectra), 1), np.float32)], axis=1)
         out = []
         for kind in self.sizes:
-            cost = np.empty((len(spectra), len(kind.sets)), np.float32)
-            where = np.empty(cost.shape, np.int64)
+            parts = []
+            kept = len(kind.sets) if kind.sets.shape[1] == 1 else min(keep, len(kind.sets))
             for first in range(0, len(spectra), _SPECTRA_AT_A_TIME):
                 batch = slice(first, first + _SPECTRA_AT_A_TIME)
-                each = (kind.square - 2.0 * (spectra[batch] @ kind.films)).reshape(
-                    -1, len(kind.sets), len(kind.grid)
-                )
-                where[batch] = np.argmin(each, axis=-1)
-                cost[batch] = (
-                    np.take_along_axis(each, where[batch][..., None], axis=-1)[..., 0]
-                    + alone[batch, None]
-                )
-            out.append((cost, where))
+                near = (given[batch] @ kind.films).reshape(-1, len(kind.grid), len(kind.sets))
+                least = alone[batch, None] - 2.0 * near.max(axis=1)
+                best = np.argsort(least, axis=1, kind="stable")[:, :kept]
+                where = np.argmax(np.take_along_axis(near, best[:, None], axis=2), axis=1)
+                parts.append((best, np.take_along_axis(least, best, axis=1), where))
+            best, least, where = (np.concatenate(part) for part in zip(*parts, strict=True))
+            out.append(NearestSets(kind.sets[best], kind.grid[where], least))
         return out
+
+
+class NearestSets(NamedTuple):
+    """Sets of one size that come nearest to each spectrum, the nearest first."""
+
+    sets: Int[np.ndarray, "spectra kept size"]
+    amounts: Float[np.ndarray, "spectra kept size"]  # of each paint
+    misfit: Float[np.ndarray, "spectra kept"]  # squared, in the units of the errors
 
 
 def film_table(
@@ -196,10 +208,39 @@ def film_table(
             for batch in _pieces(sets, grid)
         ]
         films = np.concatenate(parts)[: len(sets) * len(grid)].astype(np.float32)
-        tables.append(
-            TableOfSize(sets, grid, np.ascontiguousarray(films.T), np.sum(films**2, axis=-1))
+        films = (
+            films.reshape(len(sets), len(grid), -1).transpose(2, 1, 0).reshape(films.shape[1], -1)
         )
+        half = -0.5 * np.sum(films**2, axis=0)
+        tables.append(TableOfSize(sets, grid, np.concatenate([films, half[None]])))
     return FilmTable(whole, middle, white, tuple(tables))
+
+
+def films_at_random(
+    response: FilmResponse,
+    paints: Paints,
+    spread: float,
+    grounds: Float[np.ndarray, "grounds"],
+    bands: int,
+) -> Float[np.ndarray, "films bands"]:
+    """Readings of all pairs of paints at a few amounts each, over grounds alike at all bands; no
+    more than some million numbers.
+
+    Args:
+        response, paints: of the instrument and of the catalogue, in single precision.
+        spread: standard deviation of the log of a film's total.
+        grounds: internal reflectances.
+        bands: of the paints.
+    """
+    count = len(paints.absorption)
+    sets = sets_of(count, min(count, 2))
+    most = max(_NUMBERS // (_TRIES * len(grounds) * bands), 1)
+    sets = sets[np.linspace(0, len(sets) - 1, min(len(sets), most)).astype(int)]
+    grid = amounts_grid(sets.shape[1], spread)
+    tried = grid[np.random.default_rng(0).integers(0, len(grid), (len(sets), _TRIES))]
+    below = jnp.asarray(np.broadcast_to(grounds[:, None], (len(grounds), bands)), np.float32)
+    read = _read(response, paints, jnp.asarray(sets), jnp.asarray(tried, np.float32), below)
+    return np.asarray(read, np.float64).reshape(-1, bands)
 
 
 def _pieces(
@@ -230,6 +271,26 @@ def _films(
         response, paints, jnp.asarray(sets), amounts, jnp.asarray(ground.astype(np.float32))
     )
     return np.asarray(read, np.float64).reshape(-1, ground.size)
+
+
+_MADE: OrderedDict[Hashable, "FilmTables"] = OrderedDict()
+_MADE_LOCK = threading.Lock()
+_CATALOGUES = 4
+
+
+def kept_tables(key: Hashable, make: Callable[[], "FilmTables"]) -> "FilmTables":
+    """The tables of a key: those made before, or new ones; those of a few keys are kept.
+
+    Args:
+        key: all that the tables depend on.
+        make: them.
+    """
+    with _MADE_LOCK:
+        tables = _MADE.pop(key, None) or make()
+        _MADE[key] = tables
+        while len(_MADE) > _CATALOGUES:
+            _MADE.popitem(last=False)
+        return tables
 
 
 class FilmTables:

@@ -59,7 +59,7 @@ class Effort(NamedTuple):
 
 
 USUAL = Effort(
-    fitted_pairs=80,
+    fitted_pairs=48,
     kept_sets=40,
     fit_within=8.0,
     refit_within=6.0,
@@ -92,6 +92,26 @@ THOROUGH = Effort(
 """Every pair is fitted, and every set that may matter with the errors of its own paints."""
 
 
+class Gathered(NamedTuple):
+    """What is known of spectra that were gathered at a few bands (`few_bands`), over all grounds.
+
+    Attributes:
+        noise: covariance of the noise.
+        near: the same of what counts as near when amounts and gloss are shown,
+        near_precision: and its inverse.
+        outside: squared misfit, in units of the noise, that no film takes away.
+        height: what the bands that were left add to every film's log density.
+        in_all: readings before they were gathered.
+    """
+
+    noise: Float[np.ndarray, "spectra readings readings"]
+    near: Float[np.ndarray, "spectra readings readings"]
+    near_precision: Float[np.ndarray, "spectra readings readings"]
+    outside: Float[np.ndarray, "spectra"]
+    height: Float[np.ndarray, "spectra"]
+    in_all: Float[np.ndarray, "spectra"]
+
+
 @dataclass(frozen=True)
 class Measured:
     """Spectra over one ground or several.
@@ -105,6 +125,7 @@ class Measured:
             spectra show.
         doubt: further errors of known shapes, independent and of standard deviation 1, (spectra,
             shapes, grounds, bands).
+        gathered: of spectra whose bands are few in place of many.
     """
 
     names: tuple[str, ...]
@@ -113,6 +134,7 @@ class Measured:
     grounds: Float[np.ndarray, "spectra grounds bands"]
     noise_sd: Float[np.ndarray, "spectra grounds bands"]
     doubt: Float[np.ndarray, "spectra shapes grounds bands"]
+    gathered: Gathered | None = None
 
     def __len__(self) -> int:
         return len(self.names)
@@ -120,8 +142,16 @@ class Measured:
     def take(self, rows: Int[np.ndarray, "rows"]) -> "Measured":
         """Some of the spectra, by number."""
         names = tuple(self.names[i] for i in rows)
-        spectra = (part[rows] for part in (self.readings, self.grounds, self.noise_sd, self.doubt))
-        return type(self)(names, self.wavelengths, *spectra)
+        gathered = self.gathered
+        return type(self)(
+            names=names,
+            wavelengths=self.wavelengths,
+            readings=self.readings[rows],
+            grounds=self.grounds[rows],
+            noise_sd=self.noise_sd[rows],
+            doubt=self.doubt[rows],
+            gathered=gathered and Gathered(*(part[rows] for part in gathered)),
+        )
 
     @property
     def flat(self) -> Float[np.ndarray, "spectra readings"]:
@@ -148,11 +178,13 @@ class Measured:
     def join(cls, parts: Sequence["Measured"]) -> "Measured":
         """Several batches on one grid as one."""
         names = tuple(name for part in parts for name in part.names)
-        spectra = ((part.readings, part.grounds, part.noise_sd, part.doubt) for part in parts)
         return cls(
-            names,
-            parts[0].wavelengths,
-            *(np.concatenate(same) for same in zip(*spectra, strict=True)),
+            names=names,
+            wavelengths=parts[0].wavelengths,
+            readings=np.concatenate([part.readings for part in parts]),
+            grounds=np.concatenate([part.grounds for part in parts]),
+            noise_sd=np.concatenate([part.noise_sd for part in parts]),
+            doubt=np.concatenate([part.doubt for part in parts]),
         )
 
 

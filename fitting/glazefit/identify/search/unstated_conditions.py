@@ -16,7 +16,6 @@ from ...film.model.response import FilmResponse
 from ...film.model.varnish import AMOUNTS, limits_under, under_varnish, without_varnish, yellow
 from .candidates import find_candidates
 from .pool import Pool
-from .screen import first_starts
 from .task import IdentificationTask, Measured
 from .weigh import Odds, odds_of
 
@@ -93,12 +92,16 @@ def search_unstated_conditions(
     prior = tasks[opaque].prior
 
     def more(pool: Pool, numbers: tuple[int, ...], rows: Int[np.ndarray, "rows"]) -> Pool:
+        others = []
         for number in numbers:
             seen = films_under(number, tasks, opaque, measured.take(rows))
-            starts = first_starts(seen.task, seen.measured)
-            found = find_candidates(seen.task, seen.measured, starts)
-            pool = pool.merge(pool_under(number, seen, found).spread(rows, len(measured)))
-        return pool
+            # What no paint reads under a varnish has no candidates there.
+            here = np.flatnonzero(np.isfinite(seen.slope).all(axis=(1, 2)))
+            if here.size:
+                seen = seen.take(here)
+                found = find_candidates(seen.task, seen.measured)
+                others.append(pool_under(number, seen, found).spread(rows[here], len(measured)))
+        return pool.merge(*others)
 
     everything = np.arange(len(measured))
     if opaque:
@@ -135,6 +138,10 @@ class FilmsUnderCondition(NamedTuple):
     slope: Float[
         np.ndarray, "spectra grounds bands"
     ]  # of these readings by those that were measured
+
+    def take(self, rows: Int[np.ndarray, "rows"]) -> "FilmsUnderCondition":
+        """Some of the films, by number."""
+        return self._replace(measured=self.measured.take(rows), slope=self.slope[rows])
 
 
 def films_under(
