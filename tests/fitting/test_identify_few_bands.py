@@ -62,15 +62,15 @@ def test_what_is_gathered_has_the_likelihood_of_all_readings():
     ) + noise_sd.ravel() * rng.standard_normal(grounds * bands)
     measured = _measured(spectrum.reshape(1, grounds, bands), noise_sd)
     found = gather(told, measured, ModelError(amplitude=0.0))
-    assert found.gathered is not None
+    assert found.all_bands is not None
     assert found.readings.shape == (1, grounds, few)
-    assert found.gathered.in_all[0] == grounds * bands
+    assert found.all_bands.in_all[0] == grounds * bands
     whole = np.diag(noise_sd.ravel() ** 2) + wide @ root @ root.T @ wide.T
-    small = found.gathered.noise[0] + root @ root.T
+    small = found.all_bands.noise[0] + root @ root.T
     for film in films:
         exact = multivariate_normal(wide @ film, whole).logpdf(spectrum)  # pyright: ignore
         here = multivariate_normal(film, small).logpdf(found.flat[0])  # pyright: ignore
-        here += found.gathered.height[0] - 0.5 * found.gathered.outside[0]
+        here += found.all_bands.height[0] - 0.5 * found.all_bands.outside[0]
         # Products of G are in single precision.
         assert here == pytest.approx(exact, rel=1e-4, abs=1e-3)
 
@@ -78,9 +78,9 @@ def test_what_is_gathered_has_the_likelihood_of_all_readings():
 def test_films_are_missed_between_the_bands_by_no_more_than_is_told():
     grid, paints = _paints(301)
     searcher = Searcher.of(grid, paints, IdentificationOptions(max_paints=2))
-    gathered = few_bands_of(searcher.task)
-    assert gathered is not None
-    few, task = gathered
+    on_few = few_bands_of(searcher.task)
+    assert on_few is not None
+    few, task = on_few
     assert 10 < len(few.place) < 64
     assert few.place[0] == 0
     assert few.place[-1] == grid.size - 1
@@ -115,9 +115,9 @@ def test_smooth_errors_count_as_noise_as_far_as_they_are_missed():
 
 def test_a_ground_that_few_bands_do_not_tell_is_taken_at_all():
     grid, paints = _paints(101)
-    gathered = few_bands_of(Searcher.of(grid, paints, IdentificationOptions(max_paints=2)).task)
-    assert gathered is not None
-    few, _ = gathered
+    on_few = few_bands_of(Searcher.of(grid, paints, IdentificationOptions(max_paints=2)).task)
+    assert on_few is not None
+    few, _ = on_few
     readings = np.full((1, 1, grid.size), 0.5)
     measured = _measured(readings, np.full(readings.shape, 0.001))
     assert can_gather(few, measured)
@@ -129,7 +129,7 @@ def test_a_ground_that_few_bands_do_not_tell_is_taken_at_all():
 @pytest.fixture(scope="module")
 def fine():
     """Films of two paints at many bands, and how they are sought."""
-    grid, paints = _paints(81)
+    grid, paints = _paints(121)
     rng = np.random.default_rng(2)
     k, s = (
         25e-6 * np.stack([np.asarray(getattr(paint, what)) for paint in paints])

@@ -25,12 +25,12 @@ def find_candidates(task: IdentificationTask, measured: Measured) -> Pool:
 
     Spectra of many bands are gathered at few (`few_bands`), which is told in `FewBands.missed`.
     """
-    gathered = few_bands_of(task)
-    if gathered is None or not can_gather(gathered[0], measured):
+    on_few = few_bands_of(task)
+    if on_few is None or not can_gather(on_few[0], measured):
         return _find(task, measured)
-    few, smaller = gathered
+    few, smaller = on_few
     found = _find(smaller, gather(few, measured, task.discrepancy))
-    return spread_out(few, found.trimmed)
+    return spread_out(few, found.possible)
 
 
 def _find(task: IdentificationTask, measured: Measured) -> Pool:

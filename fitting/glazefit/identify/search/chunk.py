@@ -45,17 +45,17 @@ class Chunk:
         prior = self.task.prior
         freedom = self.task.discrepancy.freedom or 0.0
         independent = min(self.task.independent_readings, self.target.shape[1])
-        gathered = self.spectra.gathered
-        in_all = self.target.shape[1] if gathered is None else gathered.in_all
-        outside = 0.0 if gathered is None else gathered.outside
+        all_bands = self.spectra.all_bands
+        in_all = self.target.shape[1] if all_bands is None else all_bands.in_all
+        outside = 0.0 if all_bands is None else all_bands.outside
         numbers = (prior.spread, prior.concentration_sought, freedom, independent, in_all, outside)
         return tuple(np.broadcast_to(number, len(self)).astype(float) for number in numbers)
 
     @property
     def height(self) -> Float[np.ndarray, "spectra"]:
         """What is the same in the log density of every film: of the bands that were gathered."""
-        gathered = self.spectra.gathered
-        return np.zeros(len(self)) if gathered is None else gathered.height
+        all_bands = self.spectra.all_bands
+        return np.zeros(len(self)) if all_bands is None else all_bands.height
 
     @cached_property
     def tolerance(self) -> Float[np.ndarray, "spectra grounds bands"]:
@@ -67,21 +67,21 @@ class Chunk:
         """Covariance of the readings' errors that come from noise, from the unknown gloss, and from
         other unknowns such as the amount of a varnish (`Measured.doubt`).
         """
-        gathered = self.spectra.gathered
-        noise = _diagonal(self.spectra.noise_sd) if gathered is None else gathered.noise
+        all_bands = self.spectra.all_bands
+        noise = _diagonal(self.spectra.noise_sd) if all_bands is None else all_bands.noise
         return noise + self.noiseless_covariance
 
     @property
     def near(self) -> Float[np.ndarray, "spectra readings readings"]:
         """Covariance of what counts as near to the readings when amounts and gloss are shown."""
-        gathered = self.spectra.gathered
-        return _diagonal(self.tolerance) if gathered is None else gathered.near
+        all_bands = self.spectra.all_bands
+        return _diagonal(self.tolerance) if all_bands is None else all_bands.near
 
     @property
     def near_precision(self) -> Float[np.ndarray, "spectra readings readings"]:
         """The inverse of `near`."""
-        gathered = self.spectra.gathered
-        return _diagonal(1.0 / self.tolerance) if gathered is None else gathered.near_precision
+        all_bands = self.spectra.all_bands
+        return _diagonal(1.0 / self.tolerance) if all_bands is None else all_bands.near_precision
 
     @property
     def tolerance_covariance(self) -> Float[np.ndarray, "spectra readings readings"]:

@@ -26,14 +26,14 @@ from ...film.model.errors import ModelError, smooth_kernel
 from .chunk import tolerance
 from .pool import Pool
 from .table import FilmTables, Paints, films_at_random
-from .task import Gathered, IdentificationTask, Measured
+from .task import AllBands, IdentificationTask, Measured
 
 MISSED = 2e-4
 """Standard deviation by which a reading may be missed between the bands that are kept: below an
 instrument's noise.
 """
 # So many bands are all taken; and more, if no more than this share of them can be left out.
-_MANY = 64
+_MANY = 100
 _WORTH = 0.75
 # Standard deviations of smooth errors that are to be met between the bands beside the films
 # themselves, by the distance over which they stay alike, nm.
@@ -53,7 +53,7 @@ class FewBands:
     missed: Float[np.ndarray, "bands"]  # standard deviation by which films are missed, foretold
     rough: Float[np.ndarray, "bands"]  # the same of the model's smooth error, for each unit of it
 
-    def squared(
+    def weighted_square(
         self, weights: Float[np.ndarray, "spectra grounds bands"]
     ) -> Float[np.ndarray, "spectra grounds few few"]:
         """G^T diag(weights) G."""
@@ -168,7 +168,7 @@ def gather(few: FewBands, measured: Measured, discrepancy: ModelError) -> Measur
     variance = measured.noise_sd**2 + few.missed**2 + rough**2
     precise = 1.0 / variance
 
-    normal = few.squared(precise)
+    normal = few.weighted_square(precise)
     covariance = np.linalg.inv(normal)
 
     def least_squares(values: np.ndarray, by: np.ndarray, inverse: np.ndarray) -> np.ndarray:
@@ -183,8 +183,8 @@ def gather(few: FewBands, measured: Measured, discrepancy: ModelError) -> Measur
         + np.linalg.slogdet(normal)[1].sum(axis=1)
         + grounds * (bands - count) * np.log(2.0 * np.pi)
     )
-    near = few.squared(1.0 / tolerance(measured) ** 2)
-    gathered = Gathered(
+    near = few.weighted_square(1.0 / tolerance(measured) ** 2)
+    all_bands = AllBands(
         noise=_over_grounds(covariance),
         near=_over_grounds(np.linalg.inv(near)),
         near_precision=_over_grounds(near),
@@ -199,7 +199,7 @@ def gather(few: FewBands, measured: Measured, discrepancy: ModelError) -> Measur
         grounds=measured.grounds[..., few.place],
         noise_sd=np.sqrt(np.diagonal(covariance, axis1=-2, axis2=-1)),
         doubt=doubt,
-        gathered=gathered,
+        all_bands=all_bands,
     )
 
 

@@ -45,7 +45,7 @@ class Pool:
         return tuple(getattr(self, field.name) for field in fields(self))
 
     @property
-    def trimmed(self) -> "Pool":
+    def possible(self) -> "Pool":
         """Without the places that no spectrum needs: what is impossible has a weight of -inf."""
         return self.best(int(max(np.isfinite(self.log_weight).sum(axis=1).max(), 1)))
 

@@ -436,7 +436,7 @@ def move_readings(
         lies = slice(*np.searchsorted(groups.of[order], (first, first + _ERRORS)))
         n = order[lies]
         few = Groups(groups.of[n] - first, *(part[first : first + _ERRORS] for part in groups[1:]))
-        near, basis = _near_and_caused(chunk, few)
+        near, basis = _near_and_whitening(chunk, few)
         white = np.einsum("fij,fj->fi", basis[few.of], off[n])
         left = np.einsum("fij,fi->fj", basis[few.of], white)
         out[n] = chunk.target[row[n]] - np.einsum("fij,fj->fi", near[few.of], left)
@@ -449,11 +449,11 @@ def coefficient_projection(
     """Matrix from a film's residual to the part of it that errors of its paints' k and s most
     probably cause.
     """
-    near, basis = _near_and_caused(chunk, groups)
+    near, basis = _near_and_whitening(chunk, groups)
     return np.eye(near.shape[-1]) - near @ np.swapaxes(basis, 1, 2) @ basis
 
 
-def _near_and_caused(
+def _near_and_whitening(
     chunk: Chunk, groups: Groups
 ) -> tuple[
     Float[np.ndarray, "groups readings readings"], Float[np.ndarray, "groups readings readings"]

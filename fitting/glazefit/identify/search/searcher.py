@@ -147,8 +147,8 @@ class Searcher(NamedTuple):
 
     def search(self, measured: Measured) -> Iterator[tuple[Measured, Pool, Odds]]:
         """Candidates and their odds, some hundred spectra at a time."""
-        gathered = few_bands_of(self.task)
-        compile_ahead(gathered[1] if gathered else self.task, measured.readings.shape[1])
+        on_few = few_bands_of(self.task)
+        compile_ahead(on_few[1] if on_few else self.task, measured.readings.shape[1])
         for first in range(0, len(measured), _TOGETHER):
             rows = np.arange(first, min(first + _TOGETHER, len(measured)))
             batch = measured.take(rows)

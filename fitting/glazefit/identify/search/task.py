@@ -92,7 +92,7 @@ THOROUGH = Effort(
 """Every pair is fitted, and every set that may matter with the errors of its own paints."""
 
 
-class Gathered(NamedTuple):
+class AllBands(NamedTuple):
     """What is known of spectra that were gathered at a few bands (`few_bands`), over all grounds.
 
     Attributes:
@@ -125,7 +125,7 @@ class Measured:
             spectra show.
         doubt: further errors of known shapes, independent and of standard deviation 1, (spectra,
             shapes, grounds, bands).
-        gathered: of spectra whose bands are few in place of many.
+        all_bands: of spectra whose bands are few in place of many.
     """
 
     names: tuple[str, ...]
@@ -134,7 +134,7 @@ class Measured:
     grounds: Float[np.ndarray, "spectra grounds bands"]
     noise_sd: Float[np.ndarray, "spectra grounds bands"]
     doubt: Float[np.ndarray, "spectra shapes grounds bands"]
-    gathered: Gathered | None = None
+    all_bands: AllBands | None = None
 
     def __len__(self) -> int:
         return len(self.names)
@@ -142,7 +142,7 @@ class Measured:
     def take(self, rows: Int[np.ndarray, "rows"]) -> "Measured":
         """Some of the spectra, by number."""
         names = tuple(self.names[i] for i in rows)
-        gathered = self.gathered
+        all_bands = self.all_bands
         return type(self)(
             names=names,
             wavelengths=self.wavelengths,
@@ -150,7 +150,7 @@ class Measured:
             grounds=self.grounds[rows],
             noise_sd=self.noise_sd[rows],
             doubt=self.doubt[rows],
-            gathered=gathered and Gathered(*(part[rows] for part in gathered)),
+            all_bands=all_bands and AllBands(*(part[rows] for part in all_bands)),
         )
 
     @property
