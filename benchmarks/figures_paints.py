@@ -414,6 +414,10 @@ for _key, _words in (("two_grounds", "two grounds: "), ("one_ground", "one groun
         },
     )
 add("calibration_ranks", ".0f", films=found(r"two grounds: (\d+) films"))
+_MET = r"one ground: [\s\S]*?R-hat: below 1\.05 in (\d+)%"
+_APART = r"one ground: [\s\S]*?R-hat: below 1\.05 in \d+% of films, median ([\d.]+)"
+add("calibration_ranks", ".0f %", one_ground_met=found(_MET))
+add("calibration_ranks", ".2f", one_ground_apart=found(_APART))
 
 
 def _walkers(pattern: str, choose: Callable[[list[float]], float]) -> Reader:

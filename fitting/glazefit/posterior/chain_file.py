@@ -92,6 +92,11 @@ class DrawsFile:
             self._height = [group["log_prob"][:]]
             self.here = _numbered(group, "here")
             self.tuning = _numbered(group, "tuning")
+        if self.steps and len(self.here) != 1:
+            raise ValueError(
+                f"{path}: this chain of hmc is of an earlier version, whose steps were others; "
+                "sample anew into another file, or replace it with overwrite"
+            )
 
     def add(
         self,
