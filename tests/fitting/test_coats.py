@@ -22,7 +22,14 @@ from glazefit import (
 )
 from glazefit.film.model.errors import smooth_kernel
 from glazefit.posterior.coats import parse_coats
-from glazefit.posterior.stack import StackResiduals, body, optical, pose_stack, surface
+from glazefit.posterior.stack import (
+    ScaledReadings,
+    StackResiduals,
+    body,
+    optical,
+    pose_stack,
+    surface,
+)
 from glazefit.posterior.stack_errors import Solved, pose_stack_errors
 from glazefit.posterior.stack_table import look_up
 from glazejax import Glaze, Hemispherical, Layer, Mixture, Pigment, reflectance
@@ -493,9 +500,23 @@ def test_a_table_of_an_unknown_coat_reads_as_the_solver():
             np.testing.assert_allclose(seen.by_log[which], slope, atol=2e-3)
     # A coat beyond the table's end reads by its k/s.
     beyond = jnp.outer(jnp.array([3000.0, 60.0]), jnp.ones(GRID.size))
-    stack = thickness.at[..., 0].set(beyond)
+    middle = optical(layout, jnp.zeros(problem.dims), data, problem.shared)
+    stack = middle.at[..., 0].set(beyond)
     expected = body(layout, stack, data.ground)
     np.testing.assert_allclose(look_up(data.table, beyond).body, expected, atol=2e-4)
+
+
+def test_slopes_of_an_unknown_coats_readings_are_their_derivatives():
+    film = read([Layer(RED, 8e-6), Layer(WHITE, 15e-6)])
+    coats = [CoatPrior(), CoatPrior([WHITE], 15e-6)]
+    problem, _ = pose_stack_errors(problem_of(coats, film), [film], PRIOR)
+    data = jax.tree.map(lambda a: a[0], problem.data)
+    scaled = problem.scaled
+    assert isinstance(scaled, ScaledReadings)
+    for free in problem.prior_draws(np.random.default_rng(2), 3):
+        expected = jax.jacfwd(lambda f: scaled(f, data, problem.shared))(jnp.asarray(free))
+        found = scaled.slopes(jnp.asarray(free), data, problem.shared)
+        np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-9)
 
 
 def test_the_likelihood_of_an_unknown_coat_is_the_gaussian_of_noise_and_errors():

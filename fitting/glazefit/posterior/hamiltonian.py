@@ -191,7 +191,12 @@ class Graph(NamedTuple):
 
     def slopes(self, free: Float[Array, "dims"]) -> Float[Array, "rows dims"]:
         """Of `lift`."""
-        return self.root if self.scaled is None else jax.jacfwd(self.lift)(free)
+        if self.scaled is None:
+            return self.root
+        known = getattr(self.scaled, "slopes", None)
+        if known is None:
+            return jax.jacfwd(self.lift)(free)
+        return jnp.concatenate([known(free, self.data, self.shared), self.root])
 
     def at(self, free: Float[Array, "dims"]) -> Here:
         """All that a step needs to know of a place."""

@@ -95,7 +95,8 @@ class Problem:
         scaled: readings in units of their errors, (rows,), from the same arguments as the
             residuals: how far they change is how far apart two places of the posterior are
             (`glazefit.posterior.hamiltonian`). None where they cost too much, or where the
-            posterior is as wide everywhere.
+            posterior is as wide everywhere. Its method `slopes`, if it has one, gives the slopes by
+            the unknowns, (rows, dims), from the same arguments.
     """
 
     kind: str

@@ -184,13 +184,53 @@ class ScaledReadings:
         self, free: Float[Array, "dims"], data: StackData, shared: StackShared
     ) -> Float[Array, "rows"]:
         """Of one film."""
-        layout = self.layout
+        logs = jnp.log(optical(self.layout, free, data, shared)[..., self.layout.unknown_coat])
+        return self._at(logs, free[self._others], data, shared).reshape(-1)
+
+    def slopes(
+        self, free: Float[Array, "dims"], data: StackData, shared: StackShared
+    ) -> Float[Array, "rows dims"]:
+        """By the unknowns: a band's readings hang on its own k d and s d, and these on the modes.
+
+        So two slopes of all bands at once are enough, and one for gloss and error each.
+        """
+        logs = jnp.log(optical(self.layout, free, data, shared)[..., self.layout.unknown_coat])
+        others = free[self._others]
+
+        def along(logs_off: Array, others_off: Array) -> Array:
+            def read(logs: Array, others: Array) -> Array:
+                return self._at(logs, others, data, shared)
+
+            return jax.jvp(read, (logs, others), (logs_off, others_off))[1]
+
+        each_log = jnp.eye(2)[:, :, None] * jnp.ones_like(logs)
+        by_log = jax.vmap(along, (0, None))(each_log, jnp.zeros_like(others))
+        by_other = jax.vmap(along, (None, 0))(jnp.zeros_like(logs), jnp.eye(len(others)))
+        rows = by_log[0].size
+        by_modes = [
+            (slope[..., None] * modes[:, None, :]).reshape(rows, -1)
+            for slope, modes in zip(by_log, shared.modes, strict=True)
+        ]
+        return jnp.concatenate([*by_modes, by_other.reshape(len(others), rows).T], axis=1)
+
+    @property
+    def _others(self) -> slice:
+        """Gloss, where there is one, and the size of the known coats' errors."""
+        return slice(sum(self.layout.modes), None)
+
+    def _at(
+        self,
+        logs: Float[Array, "2 bands"],
+        others: Float[Array, "others"],
+        data: StackData,
+        shared: StackShared,
+    ) -> Float[Array, "bands grounds"]:
+        """From log k d and log s d of the unknown coat."""
         assert data.table is not None
-        coats = optical(layout, free, data, shared)
-        seen = stack_table.look_up(data.table, coats[..., layout.unknown_coat])
-        off = data.reading - surface(layout, free, shared) - seen.body
-        size = jnp.exp(free[layout.places.error])
-        return (off / stack_table.standard_deviation(data.table, seen, size)).reshape(-1)
+        seen = stack_table.look_up(data.table, jnp.exp(logs))
+        above = shared.surface * jax.nn.sigmoid(others[0]) if self.layout.gloss else shared.surface
+        off = data.reading - above - seen.body
+        return off / stack_table.standard_deviation(data.table, seen, jnp.exp(others[-1]))
 
 
 def pose_stack(
