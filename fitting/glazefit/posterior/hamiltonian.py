@@ -34,7 +34,7 @@ Random numbers follow from the seed and the number of the step, so that a chain 
 the one that was never stopped.
 
 Sources: K. X. Au, M. M. Graham and A. H. Thiery, J. R. Stat. Soc. B 85 (2023) 757, for thin
-posteriors as manifolds; E. Zappa, M. Holmes-Cerf and J. Goodman, Commun. Pure Appl. Math. 71 (2018)
+posteriors as manifolds; E. Zappa, M. Holmes-Cerf and J. Goodman, Comm. Pure Appl. Math. 71 (2018)
 2609, for the check of the way back; M. Girolami and B. Calderhead, J. R. Stat. Soc. B 73 (2011)
 123, for the metric.
 """
@@ -129,7 +129,7 @@ class Here(NamedTuple):
     pull: Float[Array, "*chains dims"]  # minus its slope
 
 
-class Place(NamedTuple):
+class Positions(NamedTuple):
     """Where all chains are."""
 
     free: Float[Array, "chains blocks dims"]
@@ -353,30 +353,30 @@ def _steps(
 
     density = jax.vmap(jax.vmap(Gaussians.log_density), (None, 0))
 
-    def trajectory(place: Place, tuning: Tuning, key: Array) -> tuple[Place, Array]:
+    def trajectory(place: Positions, tuning: Tuning, key: Array) -> tuple[Positions, Array]:
         keys = jax.random.split(key, (chains, blocks))
         end, height, gain = wander(place.free, model.data, *tuning, keys)
-        return Place(end, height), gain
+        return Positions(end, height), gain
 
-    def jump(place: Place, tuning: Tuning, key: Array) -> tuple[Place, Array]:
+    def jump(place: Positions, tuning: Tuning, key: Array) -> tuple[Positions, Array]:
         free = model.laplace.draw(key, chains).astype(place.free.dtype)
-        end = Place(free, height_at(free, model.data, tuning.root))
+        end = Positions(free, height_at(free, model.data, tuning.root))
         # By Metropolis and Hastings: Laplace's density is that of the proposal.
         gain = end.height - place.height
         gain = gain + density(model.laplace, place.free) - density(model.laplace, free)
         return end, jnp.where(jnp.isnan(gain), -jnp.inf, gain)
 
-    def one(i: Array, state: tuple[Place, Tuning, Piece]) -> tuple[Place, Tuning, Piece]:
+    def one(i: Array, state: tuple[Positions, Tuning, Piece]) -> tuple[Positions, Tuning, Piece]:
         place, tuning, piece = state
         number = span.first + i
         move, coin = jax.random.split(jax.random.fold_in(model.key, number))
         jumps = number % _JUMP == _JUMP - 1
-        moved: tuple[Place, Array] = jax.lax.cond(jumps, jump, trajectory, place, tuning, move)
+        moved: tuple[Positions, Array] = jax.lax.cond(jumps, jump, trajectory, place, tuning, move)
         end, gain = moved
         chance = jnp.minimum(1.0, jnp.exp(gain))
         takes = jax.random.uniform(coin, chance.shape, chance.dtype) < chance
         free = jnp.asarray(jnp.where(takes[..., None], end.free, place.free))
-        place = Place(free, jnp.asarray(jnp.where(takes, end.height, place.height)))
+        place = Positions(free, jnp.asarray(jnp.where(takes, end.height, place.height)))
         better = tuning.log_step + _GAIN / (1.0 + 0.1 * i) * (chance.mean(axis=0) - _ACCEPT)
         learns = span.learning & ~jumps
         tuning = tuning._replace(log_step=jnp.where(learns, better, tuning.log_step))
@@ -392,7 +392,7 @@ def _steps(
         height=jnp.zeros((_PIECE, chains, blocks), free.dtype),
         accepted=jnp.zeros((), free.dtype),
     )
-    start = Place(free, height_at(free, model.data, tuning.root))
+    start = Positions(free, height_at(free, model.data, tuning.root))
     place, tuning, piece = jax.lax.fori_loop(0, span.number, one, (start, tuning, empty))
     return place.free, tuning, piece
 
@@ -431,7 +431,7 @@ class _Sampler:
             log_step=jnp.full(blocks, np.log(_FIRST_STEP)),
         )
         if problem.scaled is None:
-            tuning = self.learnt(tuning, approximation.draws(_DRAWS, rng))
+            tuning = self.with_metric_of(tuning, approximation.draws(_DRAWS, rng))
             return jnp.asarray(approximation.draws(chains, rng)), tuning
         # Evenly spaced places in the summed shares: each mode has its part of the chains.
         places = (np.arange(chains) + rng.random()) / chains
@@ -442,7 +442,7 @@ class _Sampler:
             np.take_along_axis(np.swapaxes(approximation.modes, 0, 1), at, 0)
         ), tuning
 
-    def learnt(self, tuning: Tuning, draws: Float[np.ndarray, "*n blocks dims"]) -> Tuning:
+    def with_metric_of(self, tuning: Tuning, draws: Float[np.ndarray, "*n blocks dims"]) -> Tuning:
         """Where there are no scaled readings, the metric is that in which draws are about round;
         what was taken before counts as a few.
         """
@@ -503,7 +503,7 @@ def _begin(
     done = 0
     for window in _WARM_UP:
         free, tuning, piece = sampler.steps(free, tuning, Span(done, window, learning=True))
-        tuning = sampler.learnt(tuning, np.asarray(piece.free[:window]))
+        tuning = sampler.with_metric_of(tuning, np.asarray(piece.free[:window]))
         done += window
         progress(done, sum(_WARM_UP), "warming up")
         if stop():
