@@ -107,7 +107,11 @@ def fit_with_own_errors(
     for _ in range(_ROUNDS):
         slopes = np.asarray(stack_slopes(*films, at, ground, task.optics))
         errors = coefficient_errors(chunk, row, flat(sets), flat(slopes))
-        basis, height = (a.reshape(*count, *a.shape[1:]) for a in (errors.basis, errors.height))
+        # Stacks are solved in double precision, errors may have been computed in single.
+        basis, height = (
+            np.asarray(a, float).reshape(*count, *a.shape[1:])
+            for a in (errors.basis, errors.height)
+        )
         own = jax.tree.map(jnp.asarray, Weights(target, basis, height, *expected))
         fitted = fit_stacks(*films, at, ground, own, task.optics, task.middle)
         at = fitted.logs
