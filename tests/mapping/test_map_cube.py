@@ -210,7 +210,7 @@ def test_an_interrupted_run_ends_as_an_undisturbed_one(
 
 @pytest.mark.slow
 def test_a_cluster_gives_the_same_map(made, cube, options: dict[str, Any], tmp_path):
-    """Up to rounding: errors of sets are summed in single precision, in an order that hangs on how
+    """To a thousandth, as good as evidences in single precision are: their sums hang on how
     many threads there are.
     """
     distributed = pytest.importorskip("distributed")
@@ -225,7 +225,7 @@ def test_a_cluster_gives_the_same_map(made, cube, options: dict[str, Any], tmp_p
         here, there = made[0][name].values, found[name].values
         assert here.dtype == there.dtype
         if here.dtype.kind == "f":
-            np.testing.assert_allclose(there, here, rtol=1e-4, atol=1e-5)
+            np.testing.assert_allclose(there, here, rtol=1e-3, atol=1e-4)
         else:
             np.testing.assert_array_equal(there, here)
 
