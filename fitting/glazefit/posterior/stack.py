@@ -184,8 +184,8 @@ class ScaledReadings:
         self, free: Float[Array, "dims"], data: StackData, shared: StackShared
     ) -> Float[Array, "rows"]:
         """Of one film."""
-        logs = jnp.log(optical(self.layout, free, data, shared)[..., self.layout.unknown_coat])
-        return self._at(logs, free[self._others], data, shared).reshape(-1)
+        logs = self._logs(free, data, shared)
+        return self._at(logs, free, data, shared).reshape(-1)
 
     def slopes(
         self, free: Float[Array, "dims"], data: StackData, shared: StackShared
@@ -194,18 +194,18 @@ class ScaledReadings:
 
         So two slopes of all bands at once are enough, and one for gloss and error each.
         """
-        logs = jnp.log(optical(self.layout, free, data, shared)[..., self.layout.unknown_coat])
-        others = free[self._others]
+        logs = self._logs(free, data, shared)
 
-        def along(logs_off: Array, others_off: Array) -> Array:
-            def read(logs: Array, others: Array) -> Array:
-                return self._at(logs, others, data, shared)
+        def along(logs_off: Array, free_off: Array) -> Array:
+            def read(logs: Array, free: Array) -> Array:
+                return self._at(logs, free, data, shared)
 
-            return jax.jvp(read, (logs, others), (logs_off, others_off))[1]
+            return jax.jvp(read, (logs, free), (logs_off, free_off))[1]
 
         each_log = jnp.eye(2)[:, :, None] * jnp.ones_like(logs)
-        by_log = jax.vmap(along, (0, None))(each_log, jnp.zeros_like(others))
-        by_other = jax.vmap(along, (None, 0))(jnp.zeros_like(logs), jnp.eye(len(others)))
+        others = jnp.eye(len(free))[sum(self.layout.modes) :]
+        by_log = jax.vmap(along, (0, None))(each_log, jnp.zeros_like(free))
+        by_other = jax.vmap(along, (None, 0))(jnp.zeros_like(logs), others)
         rows = by_log[0].size
         by_modes = [
             (slope[..., None] * modes[:, None, :]).reshape(rows, -1)
@@ -213,24 +213,25 @@ class ScaledReadings:
         ]
         return jnp.concatenate([*by_modes, by_other.reshape(len(others), rows).T], axis=1)
 
-    @property
-    def _others(self) -> slice:
-        """Gloss, where there is one, and the size of the known coats' errors."""
-        return slice(sum(self.layout.modes), None)
+    def _logs(
+        self, free: Float[Array, "dims"], data: StackData, shared: StackShared
+    ) -> Float[Array, "2 bands"]:
+        """Log k d and log s d of the unknown coat."""
+        return jnp.log(optical(self.layout, free, data, shared)[..., self.layout.unknown_coat])
 
     def _at(
         self,
         logs: Float[Array, "2 bands"],
-        others: Float[Array, "others"],
+        free: Float[Array, "dims"],
         data: StackData,
         shared: StackShared,
     ) -> Float[Array, "bands grounds"]:
-        """From log k d and log s d of the unknown coat."""
+        """From log k d and log s d of the unknown coat; of the unknowns gloss and error count."""
         assert data.table is not None
         seen = stack_table.look_up(data.table, jnp.exp(logs))
-        above = shared.surface * jax.nn.sigmoid(others[0]) if self.layout.gloss else shared.surface
-        off = data.reading - above - seen.body
-        return off / stack_table.standard_deviation(data.table, seen, jnp.exp(others[-1]))
+        off = data.reading - surface(self.layout, free, shared) - seen.body
+        size = jnp.exp(free[self.layout.places.error])
+        return off / stack_table.standard_deviation(data.table, seen, size)
 
 
 def pose_stack(

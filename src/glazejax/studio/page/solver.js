@@ -310,11 +310,11 @@ function scatterWithin(room, coupling, a, b, one, other, q, n) {
 
 // Matrices, n x n, row by row -----------------------------------------------------------------------------------------------
 
-// out = a b^T, four sums at a time.
-function productTurned(out, a, b, n) {
+// out = a b^T, four sums at a time; of a symmetric one the lower half is enough.
+function productTurned(out, a, b, n, lower = false) {
   for (let i = 0; i < n; i += 2) {
-    const nextRow = i + 1 < n ? n : 0;
-    for (let j = 0; j < n; j += 2) {
+    const nextRow = i + 1 < n ? n : 0, end = lower ? i + 1 : n;
+    for (let j = 0; j < end; j += 2) {
       const nextColumn = j + 1 < n ? n : 0;
       let p = i * n, q = j * n, s = 0, t = 0, u = 0, v = 0;
       for (let k = 0; k < n; k++, p++, q++) {
@@ -327,29 +327,6 @@ function productTurned(out, a, b, n) {
       const at = i * n + j;
       out[at] = s;
       if (nextColumn) out[at + 1] = t;
-      if (nextRow) out[at + n] = u;
-      if (nextRow && nextColumn) out[at + n + 1] = v;
-    }
-  }
-}
-
-// The lower half of out = a b^T, where that is symmetric.
-function lowerProductTurned(out, a, b, n) {
-  for (let i = 0; i < n; i += 2) {
-    const nextRow = i + 1 < n ? n : 0;
-    for (let j = 0; j <= i; j += 2) {
-      const nextColumn = j + 1 < n ? n : 0;
-      let p = i * n, q = j * n, s = 0, t = 0, u = 0, v = 0;
-      for (let k = 0; k < n; k++, p++, q++) {
-        const x = a[p], y = a[p + nextRow], z = b[q], w = b[q + nextColumn];
-        s += x * z;
-        t += x * w;
-        u += y * z;
-        v += y * w;
-      }
-      const at = i * n + j;
-      out[at] = s;
-      if (nextColumn && j < i) out[at + 1] = t;
       if (nextRow) out[at + n] = u;
       if (nextRow && nextColumn) out[at + n + 1] = v;
     }
@@ -590,7 +567,7 @@ function takeIn(room, above, below, { rates, pairs }, modes, q, depth, n) {
   const turn = turnBetween(modes, above.modes, n);
   if (above.modes) {
     productTurned(work, turn, above.matrix, n);
-    lowerProductTurned(inner, work, turn, n);
+    productTurned(inner, work, turn, n, true);
   } else inner.set(above.inside ? modes.on : modes.under);
   for (let i = 0; i < n; i++) {
     for (let j = 0; j <= i; j++) inner[i * n + j] *= depth * scale[i] * scale[j];
