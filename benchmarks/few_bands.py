@@ -12,7 +12,7 @@ from unittest import mock
 
 import numpy as np
 
-from benchmarks.identification import _first, simulated
+from benchmarks.identification import first_set, simulated
 from benchmarks.results import Results, add_option
 from glazefit import Identification, identify
 from glazefit.identify.search import few_bands
@@ -48,15 +48,15 @@ def main() -> None:
     few, quick = seek()
     with mock.patch.object(few_bands, "_MANY", BANDS):
         every, slow = seek()
-    gathered = few_bands.few_bands_of(
+    on_few = few_bands.few_bands_of(
         Searcher.of(grid, paints, IdentificationOptions(max_paints=2)).task
     )
-    assert gathered is not None
+    assert on_few is not None
     rows = range(options.spectra)
-    same = np.mean([_first(few, row) == _first(every, row) for row in rows])
+    same = np.mean([first_set(few, row) == first_set(every, row) for row in rows])
     off = np.abs(few.paint_probability - every.paint_probability).max(axis=1)
     say(f"{options.spectra} SPECTRA OF {BANDS} BANDS, at few bands beside all")
-    say(f"bands that are taken            {len(gathered[0].place)}")
+    say(f"bands that are taken            {len(on_few[0].place)}")
     say(f"ms of the processor, few, all   {quick:.1f} {slow:.1f}")
     say(f"the same first set              {same:.1%}")
     say(

@@ -105,7 +105,7 @@ def speed(results: Results, count: int = 1000, compared: int = 400, triples: int
                 )
                 rate[thorough] = number / (time.perf_counter() - began)
         usual, full = found[False], found[True]
-        same = np.mean([_first(usual, row) == _first(full, row) for row in range(compared)])
+        same = np.mean([first_set(usual, row) == first_set(full, row) for row in range(compared)])
         paint = np.abs(usual.paint_probability[:compared] - full.paint_probability).max(axis=1)
         none = np.abs(usual.none[:compared] - full.none)
         results(
@@ -184,7 +184,7 @@ def profile(results: Results, count: int = 256) -> None:
     results(f"  {'all':<38}{1e3 * whole / count:6.2f}")
 
 
-def _first(found: Identification, row: int) -> tuple[frozenset[int], int]:
+def first_set(found: Identification, row: int) -> tuple[frozenset[int], int]:
     """Paints of the first answer, and its condition."""
     members = found.members[row, 0]
     return frozenset(members[members >= 0].tolist()), int(found.condition[row, 0])

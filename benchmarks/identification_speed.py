@@ -50,7 +50,7 @@ CASES = (
 
 def work(number: int, count: int, thorough: bool) -> dict[str, Any]:
     """Identify the spectra of a case twice; the second time, and what was found."""
-    from benchmarks.identification import simulated
+    from benchmarks.identification import first_set, simulated
     from glazefit import identify
     from glazejax import catalogue
     from glazejax.commands.main import start_jax
@@ -71,11 +71,11 @@ def work(number: int, count: int, thorough: bool) -> dict[str, Any]:
         )
         cpu = time.process_time() - cpu
         seconds.append(time.perf_counter() - began)
-    members = [sorted(m[m >= 0].tolist()) for m in found.members[:, 0]]
+    first = [first_set(found, row) for row in range(count)]
     return {
         "rate": count / seconds[-1],
         "cpu": 1e3 * cpu / count,
-        "first": [[*m, -1 - int(c)] for m, c in zip(members, found.condition[:, 0], strict=True)],
+        "first": [[sorted(paints), condition] for paints, condition in first],
         "paint": found.paint_probability.tolist(),
         "none": found.none.tolist(),
     }
