@@ -207,6 +207,7 @@ def test_a_whole_image_is_told_of_maps_before_it_is_searched(tmp_path, monkeypat
     assert "glazejax map" in words
 
 
+@pytest.mark.slow
 def test_a_report_by_family_is_filed(shared_data, tmp_path):
     """Families with formula, years and nearest exemplars; what a year forbids is marked."""
     page = tmp_path / "report.html"

@@ -318,6 +318,7 @@ def tubes(tmp_path):
     return table
 
 
+@pytest.mark.slow
 def test_own_tubes_go_into_one_file(run, tmp_path, tubes):
     from glazejax.paint.pigment_table import read_pigments
 

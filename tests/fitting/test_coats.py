@@ -337,10 +337,11 @@ def test_slopes_of_residuals_are_those_of_their_differences():
     data = jax.tree.map(lambda a: a[0], problem.data)
     free = jnp.asarray(problem.prior_draws(np.random.default_rng(3), 1)[0])
 
+    @jax.jit
     def height(free):
         return jnp.sum(problem.residuals(free, data, problem.shared) ** 2)
 
-    slope = jax.grad(height)(free)
+    slope = jax.jit(jax.grad(height))(free)
     for i in range(problem.dims):
         step = 1e-5 * np.eye(problem.dims)[i]
         assert float(slope[i]) == pytest.approx(
@@ -477,61 +478,71 @@ def test_bad_input(call, message):
         call()
 
 
-def test_a_table_of_an_unknown_coat_reads_as_the_solver():
-    """Readings, and slopes by errors of the coat below, at draws of the prior; by the solver."""
+@pytest.fixture(scope="module")
+def unknown_over_white():
+    """A red coat of which nothing is told, over white: the problem, its modes and the film."""
     film = read([Layer(RED, 8e-6), Layer(WHITE, 15e-6)])
     coats = [CoatPrior(), CoatPrior([WHITE], 15e-6)]
-    problem, _ = pose_stack_errors(problem_of(coats, film), [film], PRIOR)
+    return *pose_stack_errors(problem_of(coats, film), [film], PRIOR), film
+
+
+def test_a_table_of_an_unknown_coat_reads_as_the_solver(unknown_over_white):
+    """Readings, and slopes by errors of the coat below, at draws of the prior; by the solver."""
+    problem, _, _ = unknown_over_white
     assert isinstance(problem.residuals, StackResiduals)
     layout = problem.residuals.layout
     data = jax.tree.map(lambda a: a[0], problem.data)
+
+    @jax.jit
+    def looked_up(free):
+        thickness = optical(layout, free, data, problem.shared)
+        return thickness, look_up(data.table, thickness[..., 0])
+
+    solved = jax.jit(lambda thickness: body(layout, thickness, data.ground))
     for free in problem.prior_draws(np.random.default_rng(1), 4):
-        thickness = optical(layout, jnp.asarray(free), data, problem.shared)
-        seen = look_up(data.table, thickness[..., 0])
+        thickness, seen = looked_up(free)
         assert seen.by_log is not None
-
-        def solved(off: float, which: int, thickness=thickness):
-            changed = thickness.at[which, :, 1].multiply(np.exp(off))
-            return np.asarray(body(layout, changed, data.ground))
-
-        np.testing.assert_allclose(seen.body, solved(0.0, 0), atol=2e-4)
+        np.testing.assert_allclose(seen.body, solved(thickness), atol=2e-4)
         for which in range(2):
-            slope = (solved(0.05, which) - solved(-0.05, which)) / 0.1
+            more, less = np.array(thickness), np.array(thickness)
+            more[which, :, 1] *= np.exp(0.05)
+            less[which, :, 1] *= np.exp(-0.05)
+            slope = (solved(more) - solved(less)) / 0.1
             np.testing.assert_allclose(seen.by_log[which], slope, atol=2e-3)
     # A coat beyond the table's end reads by its k/s.
     beyond = jnp.outer(jnp.array([3000.0, 60.0]), jnp.ones(GRID.size))
-    middle = optical(layout, jnp.zeros(problem.dims), data, problem.shared)
-    stack = middle.at[..., 0].set(beyond)
-    expected = body(layout, stack, data.ground)
+    stack = looked_up(jnp.zeros(problem.dims))[0].at[..., 0].set(beyond)
+    expected = solved(stack)
     np.testing.assert_allclose(look_up(data.table, beyond).body, expected, atol=2e-4)
 
 
-def test_slopes_of_an_unknown_coats_readings_are_their_derivatives():
-    film = read([Layer(RED, 8e-6), Layer(WHITE, 15e-6)])
-    coats = [CoatPrior(), CoatPrior([WHITE], 15e-6)]
-    problem, _ = pose_stack_errors(problem_of(coats, film), [film], PRIOR)
+def test_slopes_of_an_unknown_coats_readings_are_their_derivatives(unknown_over_white):
+    problem, _, _ = unknown_over_white
     data = jax.tree.map(lambda a: a[0], problem.data)
     scaled = problem.scaled
     assert isinstance(scaled, ScaledReadings)
+    expected = jax.jit(jax.jacfwd(lambda free: scaled(free, data, problem.shared)))
+    found = jax.jit(lambda free: scaled.slopes(free, data, problem.shared))
     for free in problem.prior_draws(np.random.default_rng(2), 3):
-        expected = jax.jacfwd(lambda f: scaled(f, data, problem.shared))(jnp.asarray(free))
-        found = scaled.slopes(jnp.asarray(free), data, problem.shared)
-        np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-9)
+        np.testing.assert_allclose(found(free), expected(free), rtol=1e-9, atol=1e-9)
 
 
-def test_the_likelihood_of_an_unknown_coat_is_the_gaussian_of_noise_and_errors():
+def test_the_likelihood_of_an_unknown_coat_is_the_gaussian_of_noise_and_errors(unknown_over_white):
     """Against SciPy's density with the covariance diag(v) + e^2 J K J^T, differences of two places."""
-    film = read([Layer(RED, 8e-6), Layer(WHITE, 15e-6)])
-    coats = [CoatPrior(), CoatPrior([WHITE], 15e-6)]
-    problem, found = pose_stack_errors(problem_of(coats, film), [film], PRIOR)
+    problem, found, film = unknown_over_white
     assert isinstance(problem.residuals, StackResiduals)
     layout = problem.residuals.layout
     data = jax.tree.map(lambda a: a[0], problem.data)
     places = found.points[0, :1] + np.array([[0.0], [0.02]]) * np.ones(problem.dims)
     smooth, heights = smooth_kernel(GRID, PRIOR.error_length), []
+
+    @jax.jit
+    def looked_up(free):
+        thickness = optical(layout, free, data, problem.shared)
+        return look_up(data.table, thickness[..., 0])
+
     for free in places:
-        thickness = optical(layout, jnp.asarray(free), data, problem.shared)
-        seen = look_up(data.table, thickness[..., 0])
+        seen = looked_up(free)
         assert seen.by_log is not None
         jacobian = np.einsum("ebg,bc->bgec", np.asarray(seen.by_log), np.eye(GRID.size))
         jacobian = jacobian.reshape(film.sd.size, 2, GRID.size)

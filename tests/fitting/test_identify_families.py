@@ -275,6 +275,7 @@ def test_mockups_of_another_hand_are_named(mockups, others, family):
     assert found.ranked(0, 1)[0].paints[0] in found.paints
 
 
+@pytest.mark.slow
 def test_a_foreign_source_is_never_its_own_evidence(mockups, shelf, others):
     source, wavelengths, readings = mockups
     rows = rows_of(source, "smalt")
@@ -297,6 +298,7 @@ def test_a_colour_in_white_is_named_by_its_colour(mockups, others):
     assert (two.fractions <= two.fractions_90[:, 1]).all()
 
 
+@pytest.mark.slow
 def test_a_coat_over_a_ground_is_named_too(others):
     paint = next(p for p in others if p.name == "azurite/hyppigments-10200")
     known = templates.coefficients([paint], GRID)
@@ -346,6 +348,7 @@ def test_films_over_different_grounds_keep_their_order(mockups, others):
 # ---- varnish -------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_a_stated_varnish_names_more_of_what_lies_under_one(mockups, others):
     """All pure mock-ups, under a yellow varnish that no setting was learnt from."""
     source, wavelengths, readings = mockups
@@ -513,6 +516,7 @@ def test_too_few_exemplars_are_said(others):
         identify(GRID, np.full(GRID.size, 0.5), few, opaque=True)
 
 
+@pytest.mark.slow
 def test_the_narrow_model_is_kept_for_own_films(shelf):
     oils = [paint for paint in shelf if paint.source == "revigo"][:4]
     grid = np.arange(400.0, 701.0, 10.0)

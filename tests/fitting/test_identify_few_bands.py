@@ -145,6 +145,7 @@ def fine():
     return find
 
 
+@pytest.mark.slow
 def test_a_search_at_few_bands_finds_what_all_find(fine, monkeypatch):
     few = fine()
     monkeypatch.setattr(FEW_BANDS, "_MANY", 1000)

@@ -242,6 +242,7 @@ def test_pigments_carry_their_own_grid():
         np.testing.assert_allclose(known.absorption, GRID)
 
 
+@pytest.mark.slow
 def test_former_keywords_work(find, paints):
     """`grounds`, of which None was for films that hide it, `geometry` and `layers`."""
     usual = find()

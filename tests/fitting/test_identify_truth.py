@@ -140,6 +140,7 @@ def test_what_a_person_rejects_is_never_more_probable_than_not(found):
     assert np.where(bad, found.probability, 0.0).sum(axis=1).max() <= 0.5
 
 
+@pytest.mark.slow
 def test_a_thin_film_said_to_be_opaque_is_found_over_its_ground(shelf):
     geometry = Bidirectional(45, 0)
     thin = read_film({"CobaltBlue": 1.0}, 0.1, np.full((1, GRID.size), 0.85), geometry)
@@ -198,6 +199,7 @@ def test_paints_of_one_source_are_wrong_together():
     assert np.all(relative_errors([one], ModelError()) == 0)
 
 
+@pytest.mark.slow
 def test_a_clear_film_over_a_ground_that_nobody_told_is_no_answer(shelf):
     """An extender over a dark ground is as dark as any black paint: what is seen is the ground."""
     extender, seen_at = catalogue.load()["CalciumCarbonate"], Bidirectional(45.0, 0.0)

@@ -145,7 +145,8 @@ def test_covariance_equals_the_dense_inverse(small, dense_jacobian):
 
     # The same of coefficients and thicknesses as they are, with what errors of the known add.
     flat, unravel = ravel_pytree(point)
-    added = np.asarray(jax.jacfwd(lambda y: ravel_pytree(totals(unravel(y), problem))[0])(flat))
+    slopes = jax.jit(jax.jacfwd(lambda y: ravel_pytree(totals(unravel(y), problem))[0]))
+    added = np.asarray(slopes(flat))
     whole = added @ inverse @ added.T
     found = spread(point, problem, factors, 1)
     others = len(problem.thickness_modes)
@@ -165,7 +166,8 @@ def test_error_modes_are_the_largest_of_the_dense_inverse(small, dense_jacobian)
     problem, response, point = small
     factors = factorise(look(problem, response, point).normal)
     flat, unravel = ravel_pytree(point)
-    added = np.asarray(jax.jacfwd(lambda y: ravel_pytree(totals(unravel(y), problem))[0])(flat))
+    slopes = jax.jit(jax.jacfwd(lambda y: ravel_pytree(totals(unravel(y), problem))[0]))
+    added = np.asarray(slopes(flat))
     whole = added @ np.linalg.inv(dense_jacobian.T @ dense_jacobian) @ added.T
     count, others = point.bands.size, len(problem.thickness_modes)
     first = len(whole) - others

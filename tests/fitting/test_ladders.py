@@ -153,6 +153,7 @@ def test_a_further_film_is_as_thick_as_chance_has_it():
     assert spreads[0] == pytest.approx(spreads[1], rel=0.25)
 
 
+@pytest.mark.slow
 def test_bands_hold_ninety_per_cent_of_truths():
     rng = np.random.default_rng(5)
     expected = CoatScattering(-0.3, 0.6)

@@ -169,6 +169,7 @@ def test_a_mixture_and_a_superposition_are_told(oils):
     assert "laid one over another" in found.coats_words(1)
 
 
+@pytest.mark.slow
 def test_an_upper_coat_that_hides_leaves_it_open(oils):
     blue, white, _ = oils
     found = odds(read([Layer(white, 400e-6), Layer(blue, 25e-6)]), [blue, white])

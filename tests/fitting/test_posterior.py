@@ -61,7 +61,7 @@ def uniform_film(k: float, s: float, seed: int = 2) -> Films:
 @pytest.fixture(scope="module")
 def mixed():
     """A film of two paints, sampled."""
-    return posterior_of_film(film_of(0.3), [BLUE, WHITE], steps=3000, walkers=24)
+    return posterior_of_film(film_of(0.3), [BLUE, WHITE], steps=400)
 
 
 @pytest.fixture(scope="module")

@@ -211,7 +211,10 @@ def run(command_line):
     return command_line("posterior")
 
 
-@pytest.mark.parametrize(("sampler", "steps"), [("emcee", "300"), ("hmc", "10")])
+@pytest.mark.parametrize(
+    ("sampler", "steps"),
+    [("emcee", "300"), pytest.param("hmc", "10", marks=pytest.mark.slow)],
+)
 def test_command_writes_what_it_says(run, tmp_path, sampler, steps):
     import arviz
 

@@ -127,6 +127,7 @@ def test_parts_stand_to_each_other_as_shares_do():
         np.testing.assert_allclose(parts / parts.sum(), shares, rtol=CLOSE)
 
 
+@pytest.mark.slow
 def test_what_is_poisonous_is_marked_and_parts_stand_beside_per_cent(capsys, tmp_path):
     oils = catalogue.load("oils")
     recipe = find_recipes(

@@ -80,13 +80,14 @@ def test_slopes_equal_finite_differences_of_the_solver(table):
         expected = (solved(up[0], up[1], ground, 1e-9) - solved(down[0], down[1], ground, 1e-9)) / (
             2 * step
         )
-        slope = jax.grad(lambda k, s: jnp.sum(table.body(k, s, ground)), argnums=which)(kd, sd)
+        height = jax.jit(jax.grad(lambda k, s: jnp.sum(table.body(k, s, ground)), argnums=which))
+        slope = height(kd, sd)
         np.testing.assert_allclose(slope, expected, rtol=2e-3, atol=1e-5)
 
 
 def test_slopes_are_finite_at_the_ends(table):
     ends = np.array([0.0, 0.0, 1e5, 0.0]), np.array([0.0, 1.0, 0.0, 1e5])
-    slopes = jax.grad(lambda k, s: jnp.sum(table.body(k, s, 0.9)), argnums=(0, 1))(*ends)
+    slopes = jax.jit(jax.grad(lambda k, s: jnp.sum(table.body(k, s, 0.9)), argnums=(0, 1)))(*ends)
     assert np.all(np.isfinite(slopes))
 
 
@@ -153,11 +154,13 @@ def test_slopes_from_one_look_are_those_of_tangents(table):
     kd, sd, _ = (jnp.asarray(a) for a in random_films(60))
     kd, sd = jnp.append(kd, jnp.array([0.0, 400.0])), jnp.append(sd, jnp.array([0.0, 2000.0]))
     ground = jnp.array([[0.02], [0.95]])
-    values, by_k, by_s = table.body_and_slopes(kd, sd, ground)
+    look = jax.jit(lambda kd, sd: table.body_and_slopes(kd, sd, ground))
+    values, by_k, by_s = look(kd, sd)
     seen, unit, none = lambda k, s: table.body(k, s, ground), jnp.ones_like(kd), jnp.zeros_like(kd)
     for tangent, slopes in (((unit, none), by_k), ((none, unit), by_s)):
         # No film is at the table's end, where a tangent is half the slope: a hair beyond it.
-        exact, expected = jax.jvp(seen, (jnp.maximum(kd, 1e-13), jnp.maximum(sd, 1e-13)), tangent)
+        film = (jnp.maximum(kd, 1e-13), jnp.maximum(sd, 1e-13))
+        exact, expected = jax.jit(lambda film, along: jax.jvp(seen, film, along))(film, tangent)
         np.testing.assert_allclose(values, exact, rtol=1e-9)
         np.testing.assert_allclose(slopes, expected, rtol=1e-8, atol=1e-9)
     assert not np.any(np.asarray([by_k, by_s])[..., -1])

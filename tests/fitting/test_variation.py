@@ -255,6 +255,7 @@ def test_films_that_scatter_less_are_known_better(paints):
     assert sd[1] > 3 * sd[0]
 
 
+@pytest.mark.slow
 def test_a_reading_that_is_too_bright_is_gain_as_far_as_films_have_it(paints):
     """A factor of 1.1 at all bands: with a gain it is met far better, and bands are wider by it."""
     films = painted(paints, TINT, 1.0, [25e-6])

@@ -103,6 +103,7 @@ def test_stored_slopes(tolerance):
     assert np.all(np.abs(rows - slopes()) < 10 * tolerance * (1 + np.abs(slopes())))
 
 
+@pytest.mark.slow
 @pytest.mark.single
 def test_slopes_of_opaque_layers_that_absorb_nothing():
     """By the albedo of all, they add up to that of one layer: no part of the size of the thickness
@@ -198,6 +199,7 @@ def test_slope_by_an_index_of_one(tolerance):
     assert float(jax.grad(f)(1.0)) == pytest.approx(float(secant[1] - secant[0]) / 1e-3, rel=0.05)
 
 
+@pytest.mark.slow
 def test_conservative_thick_layer():
     # The trap: autodiff through sqrt(1 - q) gave 4.3 here; differences say some 300.
     f = directional((np.array([0.9]), np.array([0.7])), False)

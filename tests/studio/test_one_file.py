@@ -88,6 +88,7 @@ def test_it_is_brushed(page):
         assert np.abs(page.pixel("easel", 0.35, y) - expected(stack, "white")).max() <= 2
 
 
+@pytest.mark.slow
 def test_a_graphics_card_and_typed_arrays_draw_the_same(link, tmp_path):
     """Two brushed coats on a card, and eight; the card is played by the processor."""
     paints = ["CobaltBlue", "ChromeYellow", "ZincWhite", "Eosin", "Minium", "LeadWhite"]
@@ -154,6 +155,7 @@ def brush_each(page, brushed: int) -> None:
         page.js(code, coat)
 
 
+@pytest.mark.slow
 def test_eight_coats_are_brushed(page):
     """A pixel that six strokes cross, and one that none does, are what the library says."""
     paints = [

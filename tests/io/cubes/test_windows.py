@@ -64,7 +64,7 @@ def parts(size):
     return steps | st.slices(size) | st.integers(-size, size - 1) | lists
 
 
-@settings(max_examples=80)
+@settings(max_examples=30)
 @given(data=st.data(), kind=st.sampled_from(KINDS))
 def test_windows_bins_and_slices_are_those_of_numpy(files, data, kind):
     (y0, y1), (x0, x1) = data.draw(spans(LINES), "y"), data.draw(spans(SAMPLES), "x")
