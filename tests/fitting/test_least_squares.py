@@ -34,10 +34,13 @@ def decay(point, times, seen):
     )
 
 
+_decays = jax.jit(jax.vmap(decay, in_axes=(0, 0, None)))
+
+
 def problems(count=60):
     times = np.linspace(0, 4, 12) * np.ones((count, 1))
     truth = RNG.uniform((0.2, 1.0, 0.1), (1.0, 4.0, 0.9), (count, 3))
-    seen = np.stack([decay(row, t, 0.0)[:12] for row, t in zip(truth, times, strict=True)])
+    seen = np.asarray(_decays(truth, times, 0.0))[:, :12]
     return RNG.uniform((0.1, 0.5, 0.2), (2.0, 6.0, 0.8), (count, 3)), times, seen
 
 
@@ -104,7 +107,7 @@ def test_a_start_without_a_number_never_settles():
 def test_damped_solution_is_that_of_numpy(unknowns, damping):
     matrix = RNG.standard_normal((5, 9, unknowns)) * np.logspace(0, -4, unknowns)
     right = RNG.standard_normal((5, 9))
-    found = damped_solution(jnp.asarray(matrix), jnp.asarray(right), jnp.full(5, damping))
+    found = jax.jit(damped_solution)(jnp.asarray(matrix), jnp.asarray(right), jnp.full(5, damping))
     for a, b, x in zip(matrix, right, found, strict=True):
         whole = np.concatenate([a, np.sqrt(damping) * np.eye(unknowns)])
         wanted = np.linalg.lstsq(whole, np.concatenate([b, np.zeros(unknowns)]), rcond=None)[0]
@@ -114,7 +117,7 @@ def test_damped_solution_is_that_of_numpy(unknowns, damping):
 def test_unknowns_that_change_nothing_stay():
     matrix = np.zeros((1, 3, 2))
     matrix[0, :, 0] = 1.0
-    found = damped_solution(jnp.asarray(matrix), jnp.asarray([[2.0, 2.0, 2.0]]), jnp.zeros(1))
+    found = jax.jit(damped_solution)(jnp.asarray(matrix), jnp.asarray([[2.0, 2.0, 2.0]]), jnp.zeros(1))
     np.testing.assert_allclose(found, [[2.0, 0.0]], atol=1e-12)
 
 
@@ -122,7 +125,7 @@ def test_unknowns_that_change_nothing_stay():
 def test_normal_equations_agree_with_numpy(unknowns):
     matrix = RNG.standard_normal((3, unknowns + 10, unknowns))
     right = RNG.standard_normal((3, unknowns + 10))
-    found = normal_solution(jnp.asarray(matrix), jnp.asarray(right), jnp.full(3, 1e-12))
+    found = jax.jit(normal_solution)(jnp.asarray(matrix), jnp.asarray(right), jnp.full(3, 1e-12))
     for a, b, x in zip(matrix, right, found, strict=True):
         np.testing.assert_allclose(x, np.linalg.lstsq(a, b, rcond=None)[0], rtol=1e-8, atol=1e-10)
 
