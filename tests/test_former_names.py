@@ -106,6 +106,7 @@ def test_a_glaze_by_its_former_names():
         assert new.substrate is new.ground
 
 
+@pytest.mark.slow
 def test_a_glaze_with_another_ground_by_its_former_name():
     glaze = gj.Glaze([gj.Layer(BLUE, 5e-6)], 0.8)
     with pytest.warns(DeprecationWarning, match="ground now"):

@@ -197,6 +197,7 @@ def test_layer_of_no_thickness_is_no_layer(geometry):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("geometry", INSTRUMENTS[2:], ids=repr)
 def test_transformations_agree(geometry):
     def build(thickness):

@@ -113,7 +113,13 @@ def test_only_angles_asked_for():
     )
 
 
-@pytest.mark.parametrize("index", [1.0, np.linspace(1.5, 1.6, 5)], ids=["no surface", "dispersion"])
+@pytest.mark.parametrize(
+    "index",
+    [
+        pytest.param(1.0, id="no surface", marks=pytest.mark.slow),
+        pytest.param(np.linspace(1.5, 1.6, 5), id="dispersion"),
+    ],
+)
 def test_other_indices(index):
     blue, white = (p.resample(WAVELENGTHS) for p in paints())
     made = gj.Glaze([gj.Layer(blue, 15e-6), gj.Layer(white, 20e-6)], 0.6, index)

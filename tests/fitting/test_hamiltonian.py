@@ -136,6 +136,7 @@ def test_a_sheet_whose_thickness_varies_is_met():
     assert np.std(y * np.exp(x) / THIN) == pytest.approx(1.0, abs=0.05)
 
 
+@pytest.mark.slow
 def test_a_bent_sheet_is_met_all_around():
     free = sampled(on_graph(circle, WIDE), steps=200, seed=2).free[:, :, 0]
     angle = np.arctan2(free[..., 1], free[..., 0])

@@ -309,6 +309,7 @@ def test_a_coat_over_a_ground_is_named_too(others):
         assert 0 < found.ranked(row, 1)[0].thickness < 1e-3
 
 
+@pytest.mark.slow
 def test_finer_bands_say_the_same_and_rows_keep_their_order(mockups, others):
     source, wavelengths, readings = mockups
     fine = np.arange(400.0, 1000.5, 1.0)

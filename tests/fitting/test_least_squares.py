@@ -117,7 +117,9 @@ def test_damped_solution_is_that_of_numpy(unknowns, damping):
 def test_unknowns_that_change_nothing_stay():
     matrix = np.zeros((1, 3, 2))
     matrix[0, :, 0] = 1.0
-    found = jax.jit(damped_solution)(jnp.asarray(matrix), jnp.asarray([[2.0, 2.0, 2.0]]), jnp.zeros(1))
+    found = jax.jit(damped_solution)(
+        jnp.asarray(matrix), jnp.asarray([[2.0, 2.0, 2.0]]), jnp.zeros(1)
+    )
     np.testing.assert_allclose(found, [[2.0, 0.0]], atol=1e-12)
 
 

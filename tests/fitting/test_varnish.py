@@ -148,6 +148,7 @@ def test_what_is_stated_of_a_varnish_says_what_is_tried(stated, under):
         assert found.none[0] < 0.5
 
 
+@pytest.mark.slow
 def test_a_stated_varnish_that_is_not_there_weighs_little():
     paints = list(catalogue.load("oils").values())[:4]
     grid = np.asarray(paints[0].wavelengths)

@@ -189,15 +189,14 @@ def test_a_small_spectrum_has_the_mean_at_its_height():
     assert spectra_svg(None, grid, "a") == "–"
 
 
-def test_pictures_fill_their_row(made, tmp_path):
+def test_pictures_fill_their_row(made, report, tmp_path):
     """True colour, sets and false colour stand side by side; without the last, two do."""
     dataset, tallies, sets = made
     scene = painting((64, 96), GRID, seed=2)
     cube = xr.DataArray(
         scene.rows(0, 64), dims=("y", "x", "wavelength"), coords={"wavelength": GRID}
     )
-    for given, kind, count in ((cube, "maps three", 3), (None, "maps", 2)):
-        folder = tmp_path / str(count)
-        written = write_report(dataset, tallies, sets, ABOUT, folder, cube=given)
+    with_cube = write_report(dataset, tallies, sets, ABOUT, tmp_path, cube=cube)
+    for written, kind, count in ((with_cube, "maps three", 3), (report, "maps", 2)):
         row = written.read_text().partition(f'<div class="{kind}">')[2].partition("<h2>")[0]
         assert row.count("<figure>") == count

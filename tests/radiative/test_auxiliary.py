@@ -295,6 +295,7 @@ def test_gradients_of_own_steps():
     assert np.isclose(difference, by_ground.sum(), rtol=1e-6)
 
 
+@pytest.mark.slow
 def test_a_table_serves_jit_and_vmap():
     table = KernelTable(1.5, 0.08, 16)
     q, d = jnp.asarray(ALBEDO), jnp.asarray(THICKNESS)

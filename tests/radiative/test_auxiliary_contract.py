@@ -157,6 +157,7 @@ def test_no_depth_overflows():
     assert np.allclose(value, f(q, jnp.minimum(d, 1e9)), atol=1e-6)
 
 
+@pytest.mark.slow
 def test_a_beam_that_does_not_enter_is_no_nan():
     # So grazing that the surface reflects all of it, to rounding.
     for index in (1.0000001, 1.5):

@@ -60,7 +60,7 @@ def integrals(q, lam, zeta, depth, a, b, mirrored):
     return near, far, q * once + (q * zeta) ** 2 * twice
 
 
-@pytest.mark.parametrize("mirrored", [False, True])
+@pytest.mark.parametrize("mirrored", [pytest.param(False, marks=pytest.mark.slow), True])
 def test_what_a_beam_excites_is_the_integral(mirrored: bool):
     """Value and slopes of every entry, beams at 1/mu = kappa and next to it included."""
     lam, depth, step, which = (

@@ -288,7 +288,13 @@ def test_bad_input_says_what_and_how_to_mend(change, message):
 
 
 @pytest.mark.single
-@pytest.mark.parametrize("method", get_args(Method))
+@pytest.mark.parametrize(
+    "method",
+    [
+        pytest.param(method, marks=pytest.mark.slow if method == "auxiliary" else [])
+        for method in get_args(Method)
+    ],
+)
 def test_traced_values_out_of_range_are_nan_and_the_others_as_they_are(method):
     """In a compiled program, where nothing can be raised; each stack of a batch for itself."""
     names = ("substrate_reflectance", "refractive_index", "cos_incidence", "cos_viewing")
