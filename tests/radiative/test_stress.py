@@ -93,6 +93,54 @@ def test_any_stack_is_finite_and_conserves_energy(albedo, thickness, ground, ci,
     assert factor[1][2][0] >= -DARKER
 
 
+def stacks_of_all_kinds(count: int, least_cosine: float):
+    """Four layers from next to nothing to opaque, some of which absorb nothing or do nothing else,
+    over any ground; every other cosine evenly in the logarithm, down to the least.
+    """
+    rng = np.random.default_rng(0)
+    shape = (count, 4)
+    edges = rng.choice([0.0, 1.0, 1 - 1e-12, 1 - 1e-6, 0.5, 1e-9], shape)
+    albedo = np.where(rng.uniform(size=shape) < 0.3, edges, rng.uniform(size=shape))
+    depth = 10 ** rng.uniform(-6, 4, shape)
+    depth[rng.uniform(size=shape) < 0.1] = 0.0
+    ground = np.where(rng.uniform(size=count) < 0.3, rng.choice([0.0, 1.0], count), 0.45)
+    aslant = 10 ** rng.uniform(np.log10(least_cosine), 0, (2, count))
+    cosines = np.where(np.arange(count) % 2, aslant, rng.uniform(0.05, 1, (2, count)))
+    return albedo, depth, ground, *cosines
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("tolerance", [1e-3, 1e-6, 1e-9])
+@pytest.mark.parametrize(
+    ("index", "least_cosine"), [(1.0, 2e-3), (1.02, 1e-4), (1.5, 1e-4), (2.5, 1e-4)]
+)
+def test_errors_stay_below_the_tolerance(index, least_cosine, tolerance):
+    """Against the finest tolerance. Thin layers that absorb, in white that does not, are the worst
+    case; where there is no surface, thin layers seen aslant.
+    """
+    *stack, light, view = stacks_of_all_kinds(400, least_cosine)
+    given = {"refractive_index": index, "cos_incidence": light, "cos_viewing": view}
+    exact = stack_reflectance_factor(*stack, tolerance=1e-10, **given)
+    found = stack_reflectance_factor(*stack, tolerance=tolerance, **given)
+    assert float(jnp.max(jnp.abs(found - exact))) < tolerance
+
+
+@pytest.mark.slow
+@pytest.mark.single
+@pytest.mark.parametrize("method", ["ordinates", "manyflux"])
+def test_two_hundred_layers_of_one_paint_are_one_layer(method):
+    rng = np.random.default_rng(1)
+    parts = rng.dirichlet(np.ones(200), 6)
+    depth = np.array([1e-3, 0.1, 1.0, 10.0, 100.0, 1000.0])
+    albedo = np.array([0.3, 0.9, 0.99, 0.5, 0.9, 0.8])
+    given = {"cos_incidence": 0.7, "cos_viewing": 0.3, "method": method, "tolerance": 1e-4}
+    whole = stack_reflectance_factor(albedo[:, None], depth[:, None], 0.4, **given)
+    many = stack_reflectance_factor(
+        np.repeat(albedo[:, None], 200, axis=1), depth[:, None] * parts, 0.4, **given
+    )
+    assert np.allclose(many, whole, rtol=0, atol=max(1e-10, 10 * ROUNDING))
+
+
 @pytest.mark.single
 @pytest.mark.parametrize("index", [1.5, pytest.param(1.0, marks=pytest.mark.slow)])
 def test_every_combination_of_edges(index):

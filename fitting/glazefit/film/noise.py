@@ -19,6 +19,9 @@ MOST = 0.02
 noise.
 """
 
+MOST_OF_ONE = 0.1
+"""The same of a single spectrum, which others cannot tell from an instrument's."""
+
 COARSE = 12.0
 """Step in nm from which spectra of paint are rough themselves: no noise is told from them."""
 
@@ -121,13 +124,14 @@ def roughness(
 def noise_of_each(readings: Float[np.ndarray, "*n bands"]) -> Float[np.ndarray, "*n"]:
     """Standard deviation of the noise of each spectrum, where no others tell it.
 
-    The median size of third differences along the bands, which smooth curves hardly have; 0 for
-    fewer than 8 bands.
+    The median size of third differences along the bands, which smooth curves hardly have, at most
+    `MOST_OF_ONE`; 0 for fewer than 8 bands.
     """
     if readings.shape[-1] < 8:
         return np.zeros(readings.shape[:-1])
     third = np.diff(readings, n=3, axis=-1)
-    return np.asarray(1.4826 * np.median(np.abs(third), axis=-1) / np.sqrt(20.0))
+    found = 1.4826 * np.median(np.abs(third), axis=-1) / np.sqrt(20.0)
+    return np.minimum(found, MOST_OF_ONE)
 
 
 def _cost(differences: Float[np.ndarray, "n"], sd: Float[np.ndarray, "n"]) -> float:

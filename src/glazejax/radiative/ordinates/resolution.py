@@ -135,7 +135,7 @@ def grazing_sums(
 
         sum w/(8 m^2 mu) int int exp(-x/m - |x - y|/mu - y/m) dx dy,  x and y from 0 to t;
 
-    without end that is sum w/(8 (mu + m)), and thin layers are 1/m^2 times as far off as the sums of
+    without end that is sum w/(8 (mu + m)). Thin layers are 1/m^2 times as far off as the sums of
     `flux_error`.
     """
     mu, weights, _ = (np.asarray(a)[:, None] for a in rule)
