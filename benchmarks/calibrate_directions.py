@@ -30,12 +30,12 @@ CHUNK = 50
 
 
 def random_stacks(count: int, seed: int = 0, layers: int = 5) -> ordinates.Stack:
-    """Stacks of 1 to 5 layers, D .003-30, albedo up to 1 - 1e-6, grounds 0-1, cosines .05-1."""
+    """Stacks of 1 to 5 layers, D 1e-6 to 1e4, albedo up to 1 - 1e-6, grounds 0-1, cosines .05-1."""
     rng = np.random.default_rng(seed)
     shape = (count, layers)
     pale = rng.uniform(size=shape) < 0.5
     albedo = np.where(pale, 1 - 10 ** rng.uniform(-6, 0, shape), rng.uniform(0, 1, shape))
-    thickness = 10 ** rng.uniform(np.log10(0.003), np.log10(30), shape)
+    thickness = 10 ** rng.uniform(-6, 4, shape)
     present = np.arange(layers) < rng.integers(1, layers + 1, count)[:, None]
     ground = rng.choice([0, 0.2, 0.5, 0.8, 0.95, 1.0], count)
     cosines = rng.uniform(0.05, 1, (2, count))

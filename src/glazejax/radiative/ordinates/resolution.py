@@ -6,7 +6,7 @@ import math
 import numpy as np
 from jaxtyping import Float
 
-from ..common.directions import HIGH, NEAR_ONE, Resolution, resolve, whole_range
+from ..common.directions import NEAR_ONE, Resolution, resolve, whole_range
 from ..common.fresnel import cos_refracted
 from ..common.inputs import INDEX_RANGE, LEAST_COSINE
 from ..common.quadrature import Directions
@@ -20,6 +20,7 @@ _SHARE = 0.17
 # many times brighter.
 _SHARE_NEAR_ONE = 0.08
 _SHARE_HIGH = 0.1
+_HIGH = 1.7
 # The same for what is scattered twice between grazing beams, which is most of the error there.
 _SHARE_GRAZING = 1.2
 # Where light and view are both below this cosine inside, that is looked at, and of the sums less
@@ -66,7 +67,7 @@ def resolve_known(
 @functools.lru_cache(maxsize=256)
 def _fewest(tolerance: float, index: float, grazing: float | None) -> Resolution:
     # Some digits come with every two nodes; the search starts below where it can end.
-    share = _SHARE_NEAR_ONE if index < NEAR_ONE else _SHARE_HIGH if index > HIGH else _SHARE
+    share = _SHARE_NEAR_ONE if index < NEAR_ONE else _SHARE_HIGH if index > _HIGH else _SHARE
     share *= 1.0 if grazing is None else _SHARE_SLANTED
     wanted = share * tolerance
     # What a rule is judged by: sums that a far finer rule gives.
