@@ -28,13 +28,18 @@ _FORMER_OPTIONS = {
 }
 
 
-def start_jax() -> None:
-    """Double precision and a persistent compilation cache for a command (never at import).
+def start_jax(*, long: bool = False) -> None:
+    """Double precision, quick compilation and a persistent compilation cache for a command (never
+    at import).
 
     A second run of the same command then takes 40 to 65 % of the first one's time
     (`benchmarks.cold_start`).
+
+    Args:
+        long: whether the command may run for minutes, so that programs are optimised in full.
     """
     from .cache import keep_programs
+    from .quick_compilation import compile_quickly
     from .progress import doing
 
     # Python's search for circles of garbage, at its default of every 700 objects, is a fifth of a
@@ -42,6 +47,7 @@ def start_jax() -> None:
     gc.set_threshold(100_000, 20, 50)
     # It says for lines how it gets on where it can't keep a list of fonts.
     logging.getLogger("matplotlib").setLevel(logging.ERROR)
+    compile_quickly(long=long)
     with doing("starting"), interrupts.loading():
         import jax
 
