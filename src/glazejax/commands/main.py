@@ -39,8 +39,8 @@ def start_jax(*, long: bool = False) -> None:
         long: whether the command may run for minutes, so that programs are optimised in full.
     """
     from .cache import keep_programs
-    from .quick_compilation import compile_quickly
     from .progress import doing
+    from .quick_compilation import compile_quickly
 
     # Python's search for circles of garbage, at its default of every 700 objects, is a fifth of a
     # command's work.

@@ -16,9 +16,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
+from glazejax.programs import Program
+
 from ...film.model.errors import Whitening, paints_covariance, whiten, whitening
 from ...film.model.response import FilmResponse
-from ...film.numerics.compile_ahead import Program
 from .chunk import Chunk
 from .fit import Fitted, Weights, fit_film, log_set_prior
 from .pool import NOBODY, Pool
@@ -200,7 +201,6 @@ def slopes_of(
 
 
 @Program
-@jax.jit
 def film_slopes(
     response: FilmResponse, paints: Paints, sets: Array, logs: Array, ground: Array
 ) -> Float[Array, "films errors readings"]:
@@ -330,8 +330,7 @@ def _fit(
     return Fitted(*(np.asarray(part, np.float64) for part in fitted))
 
 
-@Program
-@functools.partial(jax.jit, static_argnames="middle")
+@functools.partial(Program, fixed=("middle",))
 def fit_films(
     response: FilmResponse,
     paints: Paints,
