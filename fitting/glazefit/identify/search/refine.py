@@ -49,7 +49,7 @@ def compile_ahead(task: IdentificationTask, grounds: int) -> None:
         weights = Weights(*(np.broadcast_to(kind(0), size) for size in sizes))
         ground = np.zeros((count, *shape), kind)
         logs = np.zeros(members.shape, kind)
-        fit_films.ahead(*given, members, logs, ground, weights, task.middle, steps=jnp.asarray(0))
+        fit_films.ahead(*given, members, logs, ground, weights, task.middle, steps=np.asarray(0))
 
 
 @dataclass(frozen=True)
