@@ -28,7 +28,7 @@ _FORMER_OPTIONS = {
 }
 
 
-def start_jax(*, long: bool = False) -> None:
+def start_jax(*, optimisation: int = 1) -> None:
     """Double precision, quick compilation and a persistent compilation cache for a command (never
     at import).
 
@@ -36,7 +36,8 @@ def start_jax(*, long: bool = False) -> None:
     (`benchmarks.cold_start`).
 
     Args:
-        long: whether the command may run for minutes, so that programs are optimised in full.
+        optimisation: of programs, XLA's levels: 0 where one runs once, 3 where they may run for
+            minutes.
     """
     from .cache import keep_programs
     from .progress import doing
@@ -47,7 +48,7 @@ def start_jax(*, long: bool = False) -> None:
     gc.set_threshold(100_000, 20, 50)
     # It says for lines how it gets on where it can't keep a list of fonts.
     logging.getLogger("matplotlib").setLevel(logging.ERROR)
-    compile_quickly(long=long)
+    compile_quickly(optimisation)
     with doing("starting"), interrupts.loading():
         import jax
 

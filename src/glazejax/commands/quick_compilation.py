@@ -8,22 +8,22 @@ from importlib.util import find_spec
 _KNOWN = (0, 9), (0, 13)
 # Emitters of fused loops take a third of compilation, and what they emit here runs no faster.
 _SIMPLE_LOOPS = "--xla_cpu_use_fusion_emitters=false"
-# The first level of optimisation leaves the solver a tenth slower than the last one.
-_FIRST_LEVEL = "--xla_backend_optimization_level=1"
+# The first level of optimisation leaves the solver a tenth slower than the last, without any it
+# takes several times as long.
+_LEVEL = "--xla_backend_optimization_level"
 
 
-def compile_quickly(*, long: bool) -> None:
+def compile_quickly(level: int) -> None:
     """Put these options into ``XLA_FLAGS``, before JAX compiles anything; those that are there
     count.
 
     Args:
-        long: whether programs will run for minutes, so that optimising them in full pays.
+        level: of optimisation, from 0 to 3.
     """
     if not _alone() or not _KNOWN[0] <= _jaxlib() < _KNOWN[1]:
         return
     given = os.environ.get("XLA_FLAGS", "")
-    wanted = [_SIMPLE_LOOPS] if long else [_SIMPLE_LOOPS, _FIRST_LEVEL]
-    new = [flag for flag in wanted if flag.partition("=")[0] not in given]
+    new = [flag for flag in (_SIMPLE_LOOPS, f"{_LEVEL}={level}") if flag.partition("=")[0] not in given]
     if new:
         os.environ["XLA_FLAGS"] = " ".join([*new, given]).strip()
 

@@ -124,7 +124,8 @@ def render(
             'give the coats, such as --coats "UltramarineBlue:12um,Vermillion:12um"; --list '
             "shows the pigments"
         )
-    start_jax()
+    # One program, which runs once.
+    start_jax(optimisation=0)
     from ..paint.describe import format_length, name_paints, parse_coats
 
     # Everything that can be wrong is looked at before anything is computed.
