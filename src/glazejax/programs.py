@@ -1,5 +1,5 @@
-"""Functions that run as compiled programs: compiled ahead by a thread of their own, and kept between
-runs as JAX traced them.
+"""Functions that run as compiled programs: compiled ahead by a thread of their own, and kept
+between runs as JAX traced them.
 
 XLA compiles without Python's lock, so that on two cores a search's later programs are ready when it
 comes to them. JAX's own cache keeps what XLA made of a program; but to find it there a function has
@@ -109,8 +109,11 @@ class Program(Generic[Given, Result]):
             return self._jitted(*args, **kwargs)
         begun = self._begun.get(request.key)
         if begun is None and _folder is not None:
-            begun = self._begun[request.key] = Future()
-            begun.set_result(self._make(_double(), request, *args, **kwargs))
+            own: Future[Callable[..., Result]] = Future()
+            begun = self._begun.setdefault(request.key, own)
+            # Of several threads the first one makes it.
+            if begun is own:
+                _settle(own, lambda: self._make(_double(), request, *args, **kwargs))
         # What was wrong with compiling ahead shows, with its own words, in the call itself.
         if begun is None or begun.exception() is not None:
             return self._jitted(*args, **kwargs)
@@ -148,18 +151,17 @@ class Program(Generic[Given, Result]):
         """The program as a former run traced it, or traced now and kept; None where JAX can't write
         it.
         """
-        name = request.file_name()
-        if name is None:
-            return None
-        path = folder / f"traced-{self.__module__}.{self.__name__}-{name}"
-        if (found := _read(path)) is not None:
-            return found
         try:
+            name = request.file_name()
+            if name is None:
+                return None
+            path = folder / f"traced-{self.__module__}.{self.__name__}-{name}"
+            if (found := _read(path)) is not None:
+                return found
             made = self._traced(request)
-            data = pickle.dumps(made)
-        except Exception:  # Whatever JAX cannot export runs as it is.
+            _write(path, pickle.dumps(made))
+        except Exception:  # What this JAX cannot export or tell of itself runs as it always did.
             return None
-        _write(path, data)
         return made
 
     def _traced(self, request: _Request) -> _Kept:
@@ -178,6 +180,16 @@ class Program(Generic[Given, Result]):
         exported = jax.export.export(jax.jit(_named(flat, self.__name__)))(*shapes)
         # Its derivative, which nobody asks for, is a function, and can't be written.
         return _Kept(replace(exported, _get_vjp=None), results[-1])
+
+
+def _settle(future: "Future[Result]", make: Callable[[], Result]) -> None:
+    try:
+        future.set_result(make())
+    except BaseException as error:
+        future.set_exception(error)
+        # An interrupt ends this thread's work too.
+        if not isinstance(error, Exception):
+            raise
 
 
 def _hold(function: Callable[..., Result], held: Any) -> Callable[..., Result]:
@@ -211,7 +223,7 @@ def _plain(value: Any) -> bool:
 
 @functools.cache
 def _made_with() -> tuple[Any, ...]:
-    """Versions, settings and device that a traced program depends on, and files of both packages."""
+    """What a traced program depends on: versions, settings, the device, files of both packages."""
     settings: Any = jax.config.values  # type: ignore[attr-defined]
     return (
         [version(name) for name in _MAKERS],

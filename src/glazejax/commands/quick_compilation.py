@@ -23,7 +23,9 @@ def compile_quickly(level: int) -> None:
     if not _alone() or not _KNOWN[0] <= _jaxlib() < _KNOWN[1]:
         return
     given = os.environ.get("XLA_FLAGS", "")
-    new = [flag for flag in (_SIMPLE_LOOPS, f"{_LEVEL}={level}") if flag.partition("=")[0] not in given]
+    new = [
+        flag for flag in (_SIMPLE_LOOPS, f"{_LEVEL}={level}") if flag.partition("=")[0] not in given
+    ]
     if new:
         os.environ["XLA_FLAGS"] = " ".join([*new, given]).strip()
 

@@ -1,11 +1,11 @@
 """Least squares: one door, `levenberg_marquardt`, and loops for what optimistix cannot say.
 
 Small problems, hundreds side by side, go through `optimistix.least_squares` with a solver of our
-own, `side_by_side.SideBySide`. Its steps are those of optimistix's `LevenbergMarquardt`, and so are its answers;
-but its arrays have a batch axis, in place of a loop that `jax.vmap` turns into one. JAX traces and
-compiles that several times faster, which is most of what a first recipe waits for. Its linear
-algebra is plain XLA: two batched LAPACK calls in one compiled program can hang for ever on the CPU
-(jaxlib 0.10, 0.11.0).
+own, `side_by_side.SideBySide`. Its steps are those of optimistix's `LevenbergMarquardt`, and so are
+its answers; but its arrays have a batch axis, in place of a loop that `jax.vmap` turns into one.
+JAX traces and compiles that several times faster, which is most of what a first recipe waits for.
+Its linear algebra is plain XLA: two batched LAPACK calls in one compiled program can hang for ever
+on the CPU (jaxlib 0.10, 0.11.0).
 
 Three loops stay beside it:
 

@@ -1,4 +1,4 @@
-"""Levenberg and Marquardt's steps for many small problems side by side, as a solver of optimistix."""
+"""Levenberg and Marquardt's steps, many small problems side by side: a solver of optimistix."""
 
 from collections.abc import Callable
 from typing import Any, NamedTuple
