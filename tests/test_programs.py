@@ -144,7 +144,9 @@ def test_numbers_of_python_and_arrays_are_programs_of_their_own(folder):
 def test_what_was_compiled_ahead_is_not_compiled_again(tmp_path, counted, kept):
     compiled = []
     jax.monitoring.register_event_duration_secs_listener(
-        lambda event, _, **__: compiled.append(event) if "backend_compile" in event else None
+        lambda event, duration_secs, **_: (
+            compiled.append(duration_secs) if "backend_compile" in event else None
+        )
     )
     keep_traced(tmp_path if kept else None)
     try:

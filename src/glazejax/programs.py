@@ -18,7 +18,7 @@ from dataclasses import fields, is_dataclass, replace
 from importlib.metadata import version
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any, Generic, NamedTuple, ParamSpec, TypeVar
+from typing import Any, Generic, NamedTuple, TypeVar
 
 import jax
 import jax.export
@@ -26,7 +26,6 @@ from jax.core import Tracer
 
 from .whole_file import whole_file
 
-Given = ParamSpec("Given")
 Result = TypeVar("Result")
 
 # What programs are made with, besides the two packages here.
@@ -77,7 +76,7 @@ class _Kept(NamedTuple):
     result: Any  # with numbers of arrays in their places
 
 
-class Program(Generic[Given, Result]):
+class Program(Generic[Result]):
     """A function under `jax.jit`, which is all that it is to a caller that JAX traces.
 
     Args:
@@ -85,22 +84,23 @@ class Program(Generic[Given, Result]):
         fixed: names of arguments that are fixed in the program.
     """
 
-    def __init__(self, function: Callable[Given, Result], *, fixed: tuple[str, ...] = ()):
+    def __init__(self, function: Callable[..., Result], *, fixed: tuple[str, ...] = ()):
         functools.update_wrapper(self, function)
+        self._name = f"{function.__module__}.{function.__name__}"
         self._function = function
         self._fixed = fixed
         self._jitted = jax.jit(function, static_argnames=fixed)
         self._signature = inspect.signature(function)
         self._begun: dict[Any, Future[Callable[..., Result]]] = {}
 
-    def ahead(self, *args: Given.args, **kwargs: Given.kwargs) -> None:
+    def ahead(self, *args: Any, **kwargs: Any) -> None:
         """Begin to compile for arguments like these, whose values do not matter; return at once."""
         request = self._request(*args, **kwargs)
         if request.key not in self._begun:
             made = _thread().submit(self._make, _double(), request, *args, **kwargs)
             self._begun[request.key] = made
 
-    def __call__(self, *args: Given.args, **kwargs: Given.kwargs) -> Result:
+    def __call__(self, *args: Any, **kwargs: Any) -> Result:
         """Run it, after what was begun: two threads would compile the same program twice."""
         if _folder is None and not self._begun:
             return self._jitted(*args, **kwargs)
@@ -137,7 +137,7 @@ class Program(Generic[Given, Result]):
             if kept is None:
                 lowered = self._jitted.lower(*args, **kwargs)
                 return _hold(self._jitted, (lowered, lowered.compile()))
-            program = jax.jit(_named(kept.exported.call, self.__name__))
+            program = jax.jit(_named(kept.exported.call, self._name))
             lowered = program.lower(*request.leaves)
             structure = jax.tree.structure(kept.result)
 
@@ -155,7 +155,7 @@ class Program(Generic[Given, Result]):
             name = request.file_name()
             if name is None:
                 return None
-            path = folder / f"traced-{self.__module__}.{self.__name__}-{name}"
+            path = folder / f"traced-{self._name}-{name}"
             if (found := _read(path)) is not None:
                 return found
             made = self._traced(request)
@@ -177,7 +177,7 @@ class Program(Generic[Given, Result]):
         shapes = [
             jax.ShapeDtypeStruct(kind.shape, kind.dtype, weak_type=kind.weak_type) for kind in kinds
         ]
-        exported = jax.export.export(jax.jit(_named(flat, self.__name__)))(*shapes)
+        exported = jax.export.export(jax.jit(_named(flat, self._name)))(*shapes)
         # Its derivative, which nobody asks for, is a function, and can't be written.
         return _Kept(replace(exported, _get_vjp=None), results[-1])
 
@@ -208,7 +208,7 @@ def _named(function: Callable[..., Any], name: str) -> Callable[..., Any]:
     def call(*leaves: Any) -> Any:
         return function(*leaves)
 
-    call.__name__ = call.__qualname__ = name
+    call.__name__ = call.__qualname__ = name.rpartition(".")[2]
     return call
 
 
