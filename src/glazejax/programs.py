@@ -61,7 +61,11 @@ class _Request(NamedTuple):
         return self.fixed, self.structure, shapes, _double()
 
     def file_name(self) -> str | None:
-        """The same between runs; None where an argument's words do not tell its value."""
+        """The same between runs; None where an argument's words do not tell its value, and on
+        other devices than the processor, where nobody has tried it.
+        """
+        if jax.default_backend() != "cpu" or _config().jax_default_device is not None:
+            return None
         if not all(_plain(value) for _, value in self.fixed):
             return None
         words = repr((self.key, _made_with()))
@@ -224,7 +228,7 @@ def _plain(value: Any) -> bool:
 @functools.cache
 def _made_with() -> tuple[Any, ...]:
     """What a traced program depends on: versions, settings, the device, files of both packages."""
-    settings: Any = jax.config.values  # type: ignore[attr-defined]
+    settings = _config().values
     return (
         [version(name) for name in _MAKERS],
         sorted((k, repr(v)) for k, v in settings.items() if k != "jax_compilation_cache_dir"),
@@ -264,7 +268,11 @@ def _write(path: Path, data: bytes) -> None:
 
 
 def _double() -> bool:
-    return bool(jax.config.jax_enable_x64)  # type: ignore[attr-defined]
+    return bool(_config().jax_enable_x64)
+
+
+def _config() -> Any:
+    return jax.config
 
 
 @functools.cache

@@ -32,7 +32,7 @@ def start_jax(*, optimisation: int = 1) -> None:
     """Double precision, quick compilation and a persistent compilation cache for a command (never
     at import).
 
-    A second run of the same command then takes 40 to 65 % of the first one's time
+    A second run of the same command then takes 25 to 70 % of the first one's time
     (`benchmarks.cold_start`).
 
     Args:
