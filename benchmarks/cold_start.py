@@ -46,6 +46,24 @@ try:
 finally:
     open(where, "w").write(json.dumps(spent))
 """
+# The studio until its page has what it computes the first colour from: the page itself, and paints.
+_STUDIO = """
+import sys, threading, urllib.request
+from glazejax.commands.main import start_jax
+start_jax()
+from glazejax.studio.server import Studio
+from websockets.sync.client import connect
+studio = Studio()
+threading.Thread(target=studio.run).start()
+with urllib.request.urlopen(studio.link) as page:
+    page.read()
+where = studio.link.partition("//")[2]
+host = where.partition("/")[0]
+with connect(f"ws://{where}socket", origin=f"http://{host}", max_size=None) as page:
+    page.send('{"type": "hello"}')
+    assert b"ZincWhite" in page.recv(timeout=60)
+studio.stop()
+"""
 ROOT = Path(__file__).resolve().parents[1]
 _TRACE = "/jax/core/compile/jaxpr_trace_duration"
 _LOWER = "/jax/core/compile/jaxpr_to_mlir_module_duration"
@@ -106,6 +124,7 @@ def commands(folder: Path) -> dict[str, list[str]]:
             "--overwrite",
         ],
         "scene": ["scene", str(folder / "scene.toml"), *picture],
+        "studio": ["-c", _STUDIO],
         "predict": ["predict", "10 Vermillion + 90 ZincWhite", "--thickness", "10um,25um"],
     }
 
@@ -192,7 +211,9 @@ def main() -> None:
         "Seconds from the start of the process to its end, and seconds of the processor (cpu), "
         "with an empty cache and"
     )
-    say("warm; of the warm runs the medians.")
+    say(
+        "warm; of the warm runs the medians. The studio is waited for until its page has its paints."
+    )
     if options.before is not None:
         say(f"Before: commit {commit(options.before)}. Each command of both in turn.")
     say()

@@ -130,7 +130,7 @@ def command_line(monkeypatch, tmp_path, capsys):
     def begin(*first, columns=200, on_one_line=False):
         monkeypatch.chdir(tmp_path)
         # The tests set JAX up themselves.
-        monkeypatch.setattr(program, "start_jax", lambda: None)
+        monkeypatch.setattr(program, "start_jax", lambda **_: None)
         monkeypatch.setenv("COLUMNS", str(columns))
 
         def call(*words):

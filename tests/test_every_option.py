@@ -625,7 +625,7 @@ def _two_cubes(path: str) -> None:
 
 
 def _reach(monkeypatch: pytest.MonkeyPatch) -> Callable[[str, str], Reached | None]:
-    monkeypatch.setattr(glazejax.commands.main, "start_jax", lambda: None)
+    monkeypatch.setattr(glazejax.commands.main, "start_jax", lambda **_: None)
 
     def table(path: str, rows: dict[str, float]) -> None:
         lines = [",".join(["Name", *(f"{w:g}" for w in GRID)])]

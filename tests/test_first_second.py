@@ -12,20 +12,25 @@ from pathlib import Path
 
 import pytest
 
+from glazejax import samples
+
 ROOT = Path(__file__).parents[1]
 _RUN = """
 import sys
 import jax.monitoring
-programs = []
-jax.monitoring.register_event_duration_secs_listener(
-    lambda event, seconds, **_: programs.append(event) if "backend_compile" in event else None
-)
+programs, traced = [], []
+def count(event, seconds, **_):
+    if "backend_compile" in event:
+        programs.append(event)
+    if "jaxpr_trace" in event:
+        traced.append(event)
+jax.monitoring.register_event_duration_secs_listener(count)
 from glazejax.commands.main import main
 try:
     main()
 except SystemExit as end:
     assert not end.code, end.code
-print("programs", len(programs))
+print("programs", len(programs), len(traced))
 print("modules", *sorted(sys.modules))
 """
 # Each takes longer than what it is imported for; `import colour` alone a second.
@@ -52,7 +57,9 @@ def environment(cache):
 
 
 def run(tmp_path, *words):
-    """Number of programs compiled, and modules imported, by a command in a process of its own."""
+    """Numbers of programs compiled and of functions traced, and modules imported, by a command in a
+    process of its own.
+    """
     done = subprocess.run(
         [sys.executable, "-c", _RUN, *words],
         capture_output=True,
@@ -64,7 +71,8 @@ def run(tmp_path, *words):
     assert done.returncode == 0, done.stderr
     assert done.stderr == ""
     *_, programs, modules = done.stdout.splitlines()
-    return int(programs.split()[1]), set(modules.split()[1:])
+    compiled, traced = map(int, programs.split()[1:])
+    return compiled, traced, set(modules.split()[1:])
 
 
 def test_import_loads_names_only():
@@ -83,18 +91,33 @@ def test_import_loads_names_only():
 
 
 def test_render_is_one_program_and_little_else(tmp_path):
-    programs, modules = run(
-        tmp_path, "render", "--coats", "CobaltBlue:5um,0.5*ZincWhite+0.5*Vermillion:20um"
-    )
+    words = "render", "--coats", "CobaltBlue:5um,0.5*ZincWhite+0.5*Vermillion:20um"
+    programs, traced, modules = run(tmp_path, *words)
     # The solver, and one to give the answer its shape.
     assert programs <= 2
     assert not modules & _HEAVY
-    assert (tmp_path / "glaze.png").is_file()
+    assert not modules & {"scipy", "glazejax.io.cubes.source"}
+    picture = (tmp_path / "glaze.png").read_bytes()
+    # The solver is kept as it was traced.
+    _, again, _ = run(tmp_path, *words, "--overwrite")
+    assert again < traced / 20
+    assert (tmp_path / "glaze.png").read_bytes() == picture
+
+
+@pytest.mark.slow
+def test_a_search_that_was_made_before_traces_little(tmp_path):
+    words = "identify", str(samples.path())
+    programs, traced, modules = run(tmp_path, *words)
+    assert programs <= 11
+    assert not any(name.startswith("scipy.") for name in modules)
+    _, again, modules = run(tmp_path, *words)
+    assert again < traced / 4
+    assert "optimistix" not in modules
 
 
 @pytest.mark.slow
 def test_a_recipe_is_sixteen_programs(tmp_path):
-    programs, modules = run(tmp_path, "recipe", "--srgb", "#8a4b2d")
+    programs, _, modules = run(tmp_path, "recipe", "--srgb", "#8a4b2d")
     assert programs <= 16
     assert not modules & (_HEAVY - {"scipy.optimize", "scipy.interpolate"})
 

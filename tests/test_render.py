@@ -62,7 +62,7 @@ def run(tmp_path, monkeypatch, capsys, pigments_csv):
             ),
         )
         # The settings of a command must not leak into the tests that follow.
-        monkeypatch.setattr(cli, "start_jax", lambda: None)
+        monkeypatch.setattr(cli, "start_jax", lambda **_: None)
         own = [] if pigments is None else ["--pigments", str(pigments)]
         monkeypatch.setattr(sys, "argv", ["glazejax", "render", *arguments, *own])
         with pytest.raises(SystemExit) as end:

@@ -418,7 +418,7 @@ def run(*arguments):
 
 @pytest.fixture
 def quiet_start(monkeypatch):
-    monkeypatch.setattr(cli, "start_jax", lambda: None)
+    monkeypatch.setattr(cli, "start_jax", lambda **_: None)
 
 
 def test_the_command_writes_a_picture_and_its_spectra(write, tmp_path, quiet_start):

@@ -22,6 +22,7 @@ from glazefit.film.model.errors import (
     relative_errors,
     smooth_kernel,
     whiten,
+    whitening,
 )
 from glazefit.film.model.response import film_response
 from glazefit.film.numerics.least_squares import inverse_small
@@ -488,3 +489,16 @@ def test_what_is_expected_of_sets_is_in_the_weight_of_every_candidate():
         size = sum(paint >= 0 for paint in key[:3])
         expected = np.log(sizes["many"][size - 1] / sizes["few"][size - 1])
         assert weights["many"][key] - weights["few"][key] == pytest.approx(expected, abs=0.05), key
+
+
+@pytest.mark.parametrize("readings", [1, 8, 9, 31, 62])
+def test_whitening_is_the_inverse_of_a_covariance(readings):
+    rng = np.random.default_rng(readings)
+    part = rng.normal(size=(2, 3, readings, readings + 2))
+    covariance = part @ np.swapaxes(part, -1, -2)
+    white, height = whitening(covariance)
+    np.testing.assert_array_equal(white, np.tril(white))
+    unit = white @ covariance @ np.swapaxes(white, -1, -2)
+    np.testing.assert_allclose(unit, np.broadcast_to(np.eye(readings), unit.shape), atol=1e-9)
+    expected = -0.5 * np.linalg.slogdet(2 * np.pi * covariance)[1]
+    np.testing.assert_allclose(height, expected, rtol=1e-10)

@@ -252,7 +252,7 @@ def test_options_of_the_command(monkeypatch, tmp_path):
 
     app, called = typer.Typer(), []
     command.register(app)
-    monkeypatch.setattr("glazejax.commands.main.start_jax", lambda: None)
+    monkeypatch.setattr("glazejax.commands.main.start_jax", lambda **_: None)
     monkeypatch.setattr(
         command,
         "serve",

@@ -193,8 +193,7 @@ def identify(
     from ..film.films import Instrument, Noise
     from ..film.model.errors import ModelError, Prior
     from ..page.inputs import input_files
-    from .families.identify_pigments import has_families
-    from .families.set_up import EXPECTED
+    from .families.expected import EXPECTED, has_families
 
     console = Console(highlight=False)
     paints = options.choose_paints(options.read_shelf(pigments, catalogue), only, without)

@@ -21,9 +21,7 @@ from ..film.films import Films, Instrument, Noise, cards
 from ..film.model.errors import Prior
 from ..film.model.mixing import Pigments, listed_pigments
 from ..film.model.response import film_response
-from .coats.weigh_coats import weigh_coats
-from .families.identify_pigments import has_families, identify_families
-from .families.templates import usual_coat
+from .families.expected import has_families
 from .result import Identification
 from .search.options import IdentificationKeywords, IdentificationOptions, check_keywords
 from .search.searcher import Searcher
@@ -54,7 +52,12 @@ def identify_chunks(
             "opaque=True for films that hide it"
         )
     known = listed_pigments(pigments)
+    # Weighing coats and families imports parts of scipy, and most searches need neither.
     if has_families(known) and not options.own_films:
+        from .coats.weigh_coats import weigh_coats
+        from .families.identify_pigments import identify_families
+        from .families.templates import usual_coat
+
         for found in identify_families(
             wavelengths, spectra, known, options, ground=ground, opaque=opaque, names=names
         ):
@@ -75,6 +78,8 @@ def identify_chunks(
         )
         # Over several grounds two coats are fitted like others, and weigh what their fit does.
         if options.max_coats > 1 and batch.readings.shape[1] == 1:
+            from .coats.weigh_coats import weigh_coats
+
             found = weigh_coats(found, known, options, (options.prior or Prior()).thickness)
         yield found
 

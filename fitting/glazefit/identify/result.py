@@ -6,7 +6,6 @@ from functools import cached_property
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
-from scipy.special import expit
 
 from glazejax.catalogue import family
 
@@ -271,7 +270,8 @@ class Identification:
         safe = np.where(inside, share, 0.5)
         # d log odds = d log f / (1 - f).
         moved = (self._log_sd[1] / (1.0 - safe))[..., None] * NINETY
-        ends = expit(np.log(safe / (1.0 - safe))[..., None] + moved)
+        log_odds = np.log(safe / (1.0 - safe))[..., None] + moved
+        ends = np.exp(-np.logaddexp(0.0, -log_odds))
         return np.where(inside[..., None], ends, share[..., None])
 
     @cached_property

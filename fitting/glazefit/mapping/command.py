@@ -254,7 +254,7 @@ def map_(
     from .solve.process import few_arenas
 
     few_arenas()
-    start_jax()
+    start_jax(optimisation=3)
     import numpy as np
     from rich.console import Console
 

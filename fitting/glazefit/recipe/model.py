@@ -17,11 +17,11 @@ from jaxtyping import Array, Bool, Float, Int
 
 from glazejax import Pigment, colour
 from glazejax.geometry import Instrument
+from glazejax.programs import Program
 from glazejax.spectra import as_array, on_numpy_or_jax
 
 from ..film.model.optics import Optics
 from ..film.model.response import FilmResponse, film_response
-from ..film.numerics.compile_ahead import Program
 
 TOLERANCE = 1e-6
 """Of the solver: an error of 1e-5 in the reading of a black would be a Delta E of a hundredth."""
@@ -225,8 +225,7 @@ def readings_ahead(model: StackModel, coats: int, optics: Optics | None) -> None
     _readings.ahead(model, np.ones((size, coats, len(model.absorption))), optics)
 
 
-@Program
-@functools.partial(jax.jit, static_argnames="optics")
+@functools.partial(Program, fixed=("optics",))
 def _readings(
     model: StackModel, sizes: Float[Array | np.ndarray, "n coats paints"], optics: Optics | None
 ) -> Float[Array, "n bands"]:

@@ -18,10 +18,10 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from glazejax.colour import delta_e_2000
+from glazejax.programs import Program
 
 from ..film.colour_metric import lab_metric
 from ..film.model.optics import Optics
-from ..film.numerics.compile_ahead import Program
 from ..film.numerics.least_squares import Bounds, Looks, descend_within
 from .model import READ_CHUNK, Slots, StackModel, empty_slots, fill_slots, lab_of, true_reading
 from .screen import Stacks, TargetArrays
@@ -207,8 +207,7 @@ def polish_ahead(model: StackModel, optics: Optics, slots: int, coats: int) -> N
     solve.ahead(model, Slots(none, none, none > 0), np.zeros(none.shape), optics, coats=coats)
 
 
-@Program
-@functools.partial(jax.jit, static_argnames=("optics", "coats"))
+@functools.partial(Program, fixed=("optics", "coats"))
 def solve(
     model: StackModel,
     slots: Slots,

@@ -16,7 +16,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from ..film.numerics.compile_ahead import Program
+from glazejax.programs import Program
+
 from ..film.numerics.least_squares import levenberg_marquardt
 from .model import (
     Slots,
@@ -82,8 +83,7 @@ def refine_ahead(model: StackModel, aims: TargetArrays, slots: int, coats: int) 
     _solve.ahead(model, Slots(none, none, none > 0), np.zeros(none.shape), aim, coats=coats)
 
 
-@Program
-@functools.partial(jax.jit, static_argnames="coats")
+@functools.partial(Program, fixed=("coats",))
 def _solve(
     model: StackModel,
     slots: Slots,

@@ -16,6 +16,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
+from glazejax.programs import Program
+
 from .model import StackModel, internal, lab_of
 from .sobol import scrambled_sobol
 
@@ -261,7 +263,7 @@ def _optical(
     return amounts @ model.absorption[coats.paints], amounts @ model.scattering[coats.paints]
 
 
-@jax.jit
+@Program
 def _one_coat(
     model: StackModel, aims: TargetArrays, coats: _Coats
 ) -> tuple[Float[Array, "sets targets"], Int[Array, "sets targets"]]:
@@ -277,7 +279,7 @@ def _one_coat(
     return jax.lax.map(of_one, coats, batch_size=_BATCH)
 
 
-@jax.jit
+@Program
 def _two_coats(
     model: StackModel, aims: TargetArrays, top: _Coats, bottom: _Coats
 ) -> tuple[Float[Array, "sets others targets"], Int[Array, "sets others targets"]]:

@@ -24,6 +24,8 @@ def keep_programs() -> None:
     """Let JAX keep what it compiles in ``GLAZEJAX_CACHE``, or else in ``~/.cache/glazejax/xla``."""
     import jax
 
+    from ..programs import keep_traced
+
     try:
         named = os.environ.get("GLAZEJAX_CACHE")
         folder = Path(named) if named else Path.home() / ".cache" / "glazejax" / "xla"
@@ -42,6 +44,7 @@ def keep_programs() -> None:
     jax.config.update("jax_compilation_cache_dir", str(folder))
     jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
     jax.config.update("jax_persistent_cache_min_entry_size_bytes", -1)
+    keep_traced(folder)
     _listen(folder)
 
 

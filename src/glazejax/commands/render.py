@@ -124,7 +124,8 @@ def render(
             'give the coats, such as --coats "UltramarineBlue:12um,Vermillion:12um"; --list '
             "shows the pigments"
         )
-    start_jax()
+    # One program, which runs once.
+    start_jax(optimisation=0)
     from ..paint.describe import format_length, name_paints, parse_coats
 
     # Everything that can be wrong is looked at before anything is computed.
@@ -343,17 +344,20 @@ def _shelf(
     from ..paint.describe import find_name
     from ..paint.pigment_table import read_pigments
 
-    own = {} if path is None else read_pigments(path)
-    if names and own:
+    def has_all(shelf: "Mapping[str, Pigment]") -> bool:
         try:
             for name in names:
-                find_name(name, own)
+                find_name(name, shelf)
         except ValueError:
-            pass
-        else:
-            return own
+            return False
+        return bool(names)
+
+    own = {} if path is None else read_pigments(path)
+    if own and has_all(own):
+        return own
     shelf = {**options.read_shelf(None, catalogue), **own}
-    return options.all_named(shelf) if names else shelf
+    # The other catalogues are read where a name is of one of them, or of none.
+    return shelf if not names or has_all(shelf) else options.all_named(shelf)
 
 
 def _list(console, shelf: "Mapping[str, Pigment]") -> None:

@@ -47,6 +47,7 @@ def read_pigments(path: str | Path, provenance: str = "") -> dict[str, Pigment]:
     """
     comments: list[str] = []
     header: list[str] = []
+    doubtful: list[str] = []
     pigments: dict[str, _Columns] = {}
     with open_source(
         path, missing=f"{show_path(path)}: there is no such file of pigments"
@@ -66,10 +67,13 @@ def read_pigments(path: str | Path, provenance: str = "") -> dict[str, Pigment]:
                 missing = ", ".join(title for title in _NEEDED if title not in header)
                 if missing:
                     raise error(f"no column {missing}; expected {','.join(_NEEDED + _OPTIONAL)}")
+                # A standard deviation may be missing or infinite where a coefficient is not
+                # identifiable.
+                doubtful = [t for t in header if t in _OPTIONAL[:2] or _MODE.fullmatch(t)]
                 continue
             if len(cells) != len(header):
                 raise error(f"{len(cells)} cells where the header has {len(header)}")
-            _add(pigments, error, dict(zip(header, cells, strict=True)))
+            _add(pigments, error, dict(zip(header, cells, strict=True)), doubtful)
             if count > _MAX_LINES or len(pigments) > _MAX_PIGMENTS:
                 raise error(
                     f"more than {_MAX_LINES} lines or {_MAX_PIGMENTS} pigments so far; split the "
@@ -85,19 +89,20 @@ def read_pigments(path: str | Path, provenance: str = "") -> dict[str, Pigment]:
         }
 
 
-def _add(pigments: dict[str, _Columns], error: _Refusal, row: dict[str, str]) -> None:
-    """Append a line of the file to its pigment."""
+def _add(
+    pigments: dict[str, _Columns], error: _Refusal, row: dict[str, str], doubtful: list[str]
+) -> None:
+    """Append a line of the file to its pigment; in columns that are doubtful a number may be
+    missing.
+    """
     name = unshield_name(row["pigment"])
     if not name:
         raise error("the pigment has no name")
     columns = pigments.setdefault(name, {})
     for title in _NEEDED[1:]:
         columns.setdefault(title, []).append(_number(error, row, title))
-    for title in row:
-        if title in ("absorption_sd", "scattering_sd") or _MODE.fullmatch(title):
-            # A standard deviation may be missing or infinite where a coefficient is not
-            # identifiable.
-            columns.setdefault(title, []).append(_maybe(row[title]))
+    for title in doubtful:
+        columns.setdefault(title, []).append(_maybe(row[title]))
     if "identifiable" in row:
         truth = _TRUTH.get(row["identifiable"].lower())
         if truth is None:

@@ -14,6 +14,7 @@ import jax.numpy as jnp
 from jax.custom_derivatives import SymbolicZero
 from jaxtyping import Array, Float
 
+from ..programs import Program
 from .auxiliary.method import Auxiliary
 from .common.chunks import in_chunks, on_all_cores
 from .common.inputs import (
@@ -362,7 +363,7 @@ def _within_reach(tolerance: float, method: str, *, single: bool) -> float:
     return max(tolerance, finest)
 
 
-@functools.partial(jax.jit, static_argnums=1)
+@functools.partial(Program, fixed=("settings",))
 def _run(stack: Stack, settings: _ProgramSettings) -> Array:
     return _reflectance(stack, settings)
 

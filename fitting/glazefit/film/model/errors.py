@@ -434,6 +434,29 @@ def noise_covariance(
     return variance[..., None] * np.eye(variance.shape[-1]) + discrepancy.surface_sd(surface) ** 2
 
 
+# Triangles of this many rows are inverted as any matrix is.
+_SMALL_TRIANGLE = 8
+
+
+def _inverse_of_lower(factor: Float[np.ndarray, "*n r r"]) -> Float[np.ndarray, "*n r r"]:
+    """Inverse of lower triangles, by halves: [A 0; C B]^-1 = [A^-1 0; -B^-1 C A^-1 B^-1].
+
+    A quarter of the time of NumPy's inverse, and as fast as LAPACK's `dtrtri`, for which scipy
+    would be imported: longer than a search of some films.
+    """
+    rows = factor.shape[-1]
+    if rows <= _SMALL_TRIANGLE:
+        return np.tril(np.linalg.inv(factor))
+    half = rows // 2
+    upper, lower = slice(None, half), slice(half, None)
+    out = np.zeros_like(factor)
+    out[..., upper, upper] = _inverse_of_lower(factor[..., upper, upper])
+    out[..., lower, lower] = _inverse_of_lower(factor[..., lower, lower])
+    below = factor[..., lower, upper] @ out[..., upper, upper]
+    out[..., lower, upper] = -out[..., lower, lower] @ below
+    return out
+
+
 @dataclass(frozen=True)
 class Whitening:
     """Gaussian errors at every scale: height - |B r|^2 / 2 is the log density of residuals r.
@@ -470,13 +493,7 @@ def whitening(
     """W with W^T W the inverse of a covariance, and log det W - (r/2) log 2 pi, the height of the
     Gaussian.
     """
-    from scipy.linalg.lapack import dtrtri  # pyright: ignore
-
     factor = np.linalg.cholesky(matrix)
-    inverse = np.empty_like(factor)
-    # A triangle's inverse takes less than half the time of numpy's, which knows none; turned round,
-    # it is in LAPACK's own order.
-    for place in np.ndindex(factor.shape[:-2]):
-        inverse[place] = dtrtri(factor[place].T, lower=0)[0].T  # pyright: ignore
+    inverse = _inverse_of_lower(factor)
     height = -np.log(np.diagonal(factor, axis1=-2, axis2=-1)).sum(axis=-1)
     return inverse, height - 0.5 * matrix.shape[-1] * np.log(2.0 * np.pi)

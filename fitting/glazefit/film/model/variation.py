@@ -14,7 +14,6 @@ from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
-from scipy.optimize import root_scalar
 
 from .errors import ModelError
 
@@ -126,6 +125,9 @@ def _twice_as_far(weights: Weights) -> Weights:
     """The weights made proportional to a power of the size, such that its mean doubles, or comes as
     near to that as it can.
     """
+    # Not with the module: scipy.optimize takes longer than most that need the sizes alone.
+    from scipy.optimize import root_scalar
+
     sizes = np.array(SIZES)
     mean = float(weights @ sizes)
     wanted = mean + min(mean, 0.9 * (sizes[-1] - mean))

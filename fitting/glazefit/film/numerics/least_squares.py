@@ -1,11 +1,11 @@
 """Least squares: one door, `levenberg_marquardt`, and loops for what optimistix cannot say.
 
 Small problems, hundreds side by side, go through `optimistix.least_squares` with a solver of our
-own, `SideBySide`. Its steps are those of optimistix's `LevenbergMarquardt`, and so are its answers;
-but its arrays have a batch axis, in place of a loop that `jax.vmap` turns into one. JAX traces and
-compiles that several times faster, which is most of what a first recipe waits for. Its linear
-algebra is plain XLA: two batched LAPACK calls in one compiled program can hang for ever on the CPU
-(jaxlib 0.10, 0.11.0).
+own, `side_by_side.SideBySide`. Its steps are those of optimistix's `LevenbergMarquardt`, and so are
+its answers; but its arrays have a batch axis, in place of a loop that `jax.vmap` turns into one.
+JAX traces and compiles that several times faster, which is most of what a first recipe waits for.
+Its linear algebra is plain XLA: two batched LAPACK calls in one compiled program can hang for ever
+on the CPU (jaxlib 0.10, 0.11.0).
 
 Three loops stay beside it:
 
@@ -23,128 +23,14 @@ from typing import Any, Generic, NamedTuple, TypeVar
 import jax
 import jax.numpy as jnp
 import numpy as np
-import optimistix as optx
 from jaxtyping import Array, Bool, Float, Int
 
 from glazejax.radiative.common.linalg import matmul, solve_positive
 
-# What optimistix's trust region takes, after Gould, Orban, Sartenaer, Toint (2005): a step counts
-# from .01 of the gain that it promised, and from .99 on the next may be 3.5 times as long; after a
-# step that does not count, a quarter.
-_COUNTS = 0.01
-_GOOD = 0.99
+# After a good step the next may be so many times as long, after one that failed a quarter: Gould,
+# Orban, Sartenaer, Toint (2005), as optimistix has it.
 _LONGER = 3.5
 _SHORTER = 0.25
-
-
-class _State(NamedTuple):
-    tried: Float[Array, "n m"]
-    residual: Float[Array, "n rows"]  # at the point
-    slopes: Float[Array, "n rows m"]
-    length: Float[Array, "n"]  # one over the damping
-    first: Bool[Array, ""]
-    done: Bool[Array, "n"]
-
-
-class SideBySide(optx.AbstractLeastSquaresSolver):
-    """Levenberg and Marquardt's steps for a batch of problems, (n, unknowns), each on its own.
-
-    Row i of the residuals, (n, rows), must depend on row i of the unknowns alone. What has settled
-    stays as it is while others go on.
-
-    Attributes:
-        rtol, atol: settled when a step changes no unknown and no residual by more than atol + rtol
-            times itself.
-        damped: the linear step, `damped_solution` or `normal_solution`.
-
-    Source: as `optimistix.LevenbergMarquardt`, `ClassicalTrustRegion` and `cauchy_termination`.
-    """
-
-    rtol: float
-    atol: float
-    damped: Callable[[Array, Array, Array], Array]
-    norm: Callable = optx.max_norm
-
-    def init(self, fn, y, args, options, f_struct, aux_struct, tags) -> _State:
-        """The state before the first step, which looks at the start itself."""
-        del fn, args, options, aux_struct, tags
-        return _State(
-            tried=y,
-            residual=jnp.zeros(f_struct.shape, y.dtype),
-            slopes=jnp.zeros((*f_struct.shape, y.shape[1]), y.dtype),
-            length=jnp.ones(len(y), y.dtype),
-            first=jnp.ones((), bool),
-            done=jnp.zeros(len(y), bool),
-        )
-
-    def step(self, fn, y, args, options, state, tags) -> tuple[Array, _State, Any]:
-        """One trial of every problem that has not settled."""
-        del options, tags
-        residual, slopes, aux = _look(fn, state.tried, args)
-        # What the linear model promised of the last move, and what it gained.
-        move = state.tried - y
-        before = _half_square(state.residual)
-        promised = _half_square(_times(state.slopes, move) + state.residual) - before
-        gained = _half_square(residual) - before
-        # A step counts if it gained a share of the promise; the trust region follows.
-        counts = (gained <= _COUNTS * promised) | state.first
-        counts &= jnp.all(jnp.isfinite(state.tried), axis=1)
-        good = (gained < _GOOD * promised) & (promised < 0) & ~state.first
-        length = state.length * jnp.where(counts, jnp.where(good, _LONGER, 1.0), _SHORTER)
-        still = self._small(move, state.tried) & self._small(residual - state.residual, residual)
-
-        # From the better of both points, the next trial.
-        point = _where(counts, state.tried, y)
-        residual = _where(counts, residual, state.residual)
-        slopes = _where(counts, slopes, state.slopes)
-        new = _State(
-            tried=point - self.damped(slopes, residual, 1.0 / length),
-            residual=residual,
-            slopes=slopes,
-            length=length,
-            first=state.first,
-            done=counts & still,
-        )
-        kept = _State(*(_where(state.done, old, now) for old, now in zip(state, new, strict=True)))
-        return (
-            _where(state.done, y, point),
-            kept._replace(first=jnp.zeros((), bool), done=state.done | new.done),
-            aux,
-        )
-
-    def terminate(self, fn, y, args, options, state, tags) -> tuple[Array, optx.RESULTS]:
-        """Whether all have settled."""
-        del fn, y, args, options, tags
-        return jnp.all(state.done), optx.RESULTS.successful
-
-    def postprocess(
-        self, fn, y, aux, args, options, state, tags, result
-    ) -> tuple[Array, Any, dict[str, Any]]:
-        """Which have settled, as a statistic."""
-        del fn, args, options, tags, result
-        return y, aux, {"settled": state.done}
-
-    def _small(self, change: Array, value: Array) -> Bool[Array, "n"]:
-        return jnp.all(jnp.abs(change) < self.atol + self.rtol * jnp.abs(value), axis=1)
-
-
-def _look(fn: Callable, point: Float[Array, "n m"], args: Any) -> tuple[Array, Array, Any]:
-    """Residuals, their slopes, (n, rows, m), and what else the function gives."""
-
-    def along(direction: Float[Array, "n m"]) -> tuple[Array, Array, Any]:
-        return jax.jvp(lambda free: fn(free, args), (point,), (direction,), has_aux=True)
-
-    # Along one unknown of all problems at a time: each knows its own alone.
-    every = jnp.broadcast_to(
-        jnp.eye(point.shape[1], dtype=point.dtype)[:, None], (point.shape[1], *point.shape)
-    )
-    return jax.vmap(along, out_axes=(None, -1, None))(every)
-
-
-def _where(chosen: Bool[Array, "n"], one: Array, other: Array) -> Array:
-    if one.ndim == 0:
-        return one
-    return jnp.where(chosen.reshape(-1, *[1] * (one.ndim - 1)), one, other)
 
 
 def levenberg_marquardt(
@@ -163,21 +49,32 @@ def levenberg_marquardt(
             is `given`.
         start: (n, m), a problem a row.
         given: trees of arrays (n, ...), a problem a row.
-        rtol, atol: see `SideBySide`.
+        rtol, atol: see `side_by_side.SideBySide`.
         max_steps: after these a problem keeps the best point it has seen.
         damped: the linear step, by default `damped_solution`.
     """
+    # While a program is traced, and not with the module: a kept one does without optimistix.
+    import optimistix as optx
+
+    from .side_by_side import SideBySide
+
     # A start without a number must not stop the others.
     sound = jnp.all(jnp.isfinite(start), axis=1)
     found = optx.least_squares(
         lambda point, own: jax.vmap(residuals)(point, *own),
-        SideBySide(rtol=rtol, atol=atol, damped=damped or damped_solution),
-        _where(sound, start, jnp.zeros_like(start)),
+        SideBySide(
+            rtol=rtol,
+            atol=atol,
+            longer=_LONGER,
+            shorter=_SHORTER,
+            damped=damped or damped_solution,
+        ),
+        jnp.where(sound[:, None], start, 0.0),
         given,
         max_steps=max_steps,
         throw=False,
     )
-    return _where(sound, found.value, start), found.stats["settled"] & sound
+    return jnp.where(sound[:, None], found.value, start), found.stats["settled"] & sound
 
 
 def damped_solution(
@@ -225,15 +122,6 @@ def normal_solution(
         matrix.shape[2], dtype=matrix.dtype
     )
     return solve_positive(square, matmul(flipped, right[..., None]))[..., 0]
-
-
-def _times(matrix: Float[Array, "n rows m"], vector: Float[Array, "n m"]) -> Float[Array, "n rows"]:
-    # Products and sums: an accelerator's matrix units would round.
-    return jnp.sum(matrix * vector[:, None, :], axis=2)
-
-
-def _half_square(residual: Float[Array, "n rows"]) -> Float[Array, "n"]:
-    return 0.5 * jnp.sum(residual**2, axis=1)
 
 
 def inverse_small(matrix: Float[Array, "n n"]) -> tuple[Float[Array, "n n"], Float[Array, ""]]:

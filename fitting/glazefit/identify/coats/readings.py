@@ -8,10 +8,11 @@ import functools
 import itertools
 from typing import NamedTuple
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
+
+from glazejax.programs import Program
 
 from ...film.model.optics import Optics
 from ...film.model.response import FilmResponse
@@ -185,7 +186,7 @@ def _solve(
     return np.concatenate(pieces)[:count].reshape(shape).astype(np.float64)
 
 
-@functools.partial(jax.jit, static_argnames="optics")
+@functools.partial(Program, fixed=("optics",))
 def _body(
     absorption: Float[Array, "films coats"],
     scattering: Float[Array, "films coats"],

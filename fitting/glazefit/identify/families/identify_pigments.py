@@ -20,9 +20,10 @@ from ..search.pool import NOBODY
 from ..search.searcher import check_spectra
 from ..search.task import Measured
 from .evidence import log_odds_of_elements
+from .expected import EXPECTED
 from .naming import name_sets
 from .search import FamilyOdds, FamilySearch
-from .set_up import EXPECTED, search_families
+from .set_up import search_families
 from .templates import usual_coat
 
 STEP = 10.0
@@ -31,11 +32,6 @@ STEP = 10.0
 _CHUNK = 256
 # What is computed of a film is shown this far beyond the bands that its exemplars are known at, nm.
 _EDGE = 30.0
-
-
-def has_families(pigments: Sequence[Pigment]) -> bool:
-    """Whether paints can be sought by family: each has one, and a source."""
-    return bool(pigments) and all(paint.family and paint.source for paint in pigments)
 
 
 def identify_families(

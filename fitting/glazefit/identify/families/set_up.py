@@ -15,6 +15,7 @@ from ...film.model.errors import Prior
 from ...film.model.response import FilmResponse, film_response
 from ..search.pool import NOBODY
 from .calibration import calibrate
+from .expected import EXPECTED
 from .features import features
 from .metric import learn_metric
 from .search import FamilySearch, Range
@@ -22,8 +23,6 @@ from .sureness import Sureness
 from .templates import Templates, coefficients, mixed_templates, pure_templates
 from .varnish import CONDITIONS, Varnish
 
-EXPECTED = Prior(unknown=0.1)
-"""What is expected of a film: the catalogue's families are most that were ever painted with."""
 # Shares of the exemplars that must know a band, for the narrowest and for a wider range, and the
 # fewest that make a range of their own.
 _NARROW, _WIDE, _FEWEST = 0.985, 0.45, 25

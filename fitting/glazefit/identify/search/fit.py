@@ -17,9 +17,10 @@ import numpy as np
 from jax.scipy.special import gammaln
 from jaxtyping import Array, Bool, Float, Int
 
+from glazejax.programs import Program
+
 from ...film.model.errors import whiten
 from ...film.model.response import FilmResponse
-from ...film.numerics.compile_ahead import Program
 from ...film.numerics.least_squares import damped_newton, inverse_small
 from .chunk import Chunk
 from .pool import NOBODY, Pool
@@ -162,8 +163,7 @@ Model = Callable[
 """Readings of a film from its amounts, and their slopes by the log amounts."""
 
 
-@Program
-@functools.partial(jax.jit, static_argnames=("middle", "steps"))
+@functools.partial(Program, fixed=("middle", "steps"))
 def fit_sets(
     response: FilmResponse,
     paints: Paints,

@@ -16,9 +16,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
+from glazejax.programs import Program
+
 from ...film.model.errors import Whitening, paints_covariance, whiten, whitening
 from ...film.model.response import FilmResponse
-from ...film.numerics.compile_ahead import Program
 from .chunk import Chunk
 from .fit import Fitted, Weights, fit_film, log_set_prior
 from .pool import NOBODY, Pool
@@ -48,7 +49,7 @@ def compile_ahead(task: IdentificationTask, grounds: int) -> None:
         weights = Weights(*(np.broadcast_to(kind(0), size) for size in sizes))
         ground = np.zeros((count, *shape), kind)
         logs = np.zeros(members.shape, kind)
-        fit_films.ahead(*given, members, logs, ground, weights, task.middle, steps=jnp.asarray(0))
+        fit_films.ahead(*given, members, logs, ground, weights, task.middle, steps=np.asarray(0))
 
 
 @dataclass(frozen=True)
@@ -200,7 +201,6 @@ def slopes_of(
 
 
 @Program
-@jax.jit
 def film_slopes(
     response: FilmResponse, paints: Paints, sets: Array, logs: Array, ground: Array
 ) -> Float[Array, "films errors readings"]:
@@ -330,8 +330,7 @@ def _fit(
     return Fitted(*(np.asarray(part, np.float64) for part in fitted))
 
 
-@Program
-@functools.partial(jax.jit, static_argnames="middle")
+@functools.partial(Program, fixed=("middle",))
 def fit_films(
     response: FilmResponse,
     paints: Paints,

@@ -14,6 +14,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
+from glazejax.programs import Program
+
 from ...film.model.errors import model_covariance, noise_covariance, whitening
 from ...film.model.response import FilmResponse
 from .chunk import Chunk
@@ -144,7 +146,7 @@ def grow(
     return sets.reshape(spectra, -1, 3), tried.reshape(spectra, -1, _THIRDS.size, 3)
 
 
-@jax.jit
+@Program
 def score(
     response: FilmResponse,
     paints: Paints,

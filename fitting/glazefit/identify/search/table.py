@@ -20,6 +20,7 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from glazejax import Pigment
+from glazejax.programs import Program
 
 from ...film.model.response import FilmResponse
 
@@ -102,7 +103,7 @@ def film_readings(
     return (black + gain * ground / (1.0 - back * ground)).reshape(*k.shape[:2], -1)
 
 
-_read = jax.jit(film_readings)
+_read = Program(film_readings)
 
 
 class TableOfSize(NamedTuple):

@@ -15,6 +15,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
+from glazejax.programs import Program
+
 from ...film.model.errors import whiten
 from ...film.model.optics import Optics
 from .chunk import Chunk
@@ -121,7 +123,7 @@ def fit_with_own_errors(
     return replace(stacks, adjusted=near.reshape(stacks.readings.shape))
 
 
-@functools.partial(jax.jit, static_argnames=("optics", "middle"))
+@functools.partial(Program, fixed=("optics", "middle"))
 def stack_starts(
     paints: Paints,
     sets: Array,
@@ -183,7 +185,7 @@ def stack_readings(
     return optics.body(layers_k, layers_s, ground, tolerance)
 
 
-@functools.partial(jax.jit, static_argnames="optics")
+@functools.partial(Program, fixed=("optics",))
 def stack_slopes(
     paints: Paints, sets: Array, coats: Array, logs: Array, ground: Array, optics: Optics
 ) -> Float[Array, "spectra sets errors readings"]:
@@ -214,7 +216,7 @@ def stack_slopes(
     return jax.lax.map(lambda spectrum: over_sets(*spectrum), (sets, coats, logs, ground))
 
 
-@functools.partial(jax.jit, static_argnames=("optics", "middle"))
+@functools.partial(Program, fixed=("optics", "middle"))
 def fit_stacks(
     paints: Paints,
     sets: Array,

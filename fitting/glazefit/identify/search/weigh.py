@@ -6,7 +6,6 @@ from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float
-from scipy.special import logsumexp
 
 from ...film.model.errors import Prior
 from .pool import NOBODY, Pool
@@ -93,7 +92,8 @@ def odds_of(measured: Measured, pool: Pool, prior: Prior) -> Odds:
     """Odds of all candidates and of none beside them."""
     weight = np.where(np.isfinite(pool.log_weight), pool.log_weight, -np.inf)
     # Before the misfit is looked at: how probable each is if the film is of the catalogue's paints.
-    share = np.exp(weight - np.asarray(logsumexp(weight, axis=1))[:, None])
+    share = np.exp(weight - weight.max(axis=1, keepdims=True))
+    share /= share.sum(axis=1, keepdims=True)
     misfits = _misfits(measured, pool, share)
     odds, rejected = _judge(share, misfits, prior)
     for row in range(len(odds)):

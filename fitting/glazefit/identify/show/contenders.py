@@ -17,6 +17,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from glazejax import Pigment
+from glazejax.programs import Program
 
 from ...film.films import Instrument
 from ...film.model.errors import ModelError, Prior, noise_covariance, whitening
@@ -252,7 +253,7 @@ def _starts(
     return sets, _unknowns(total[place], share[place], np.asarray(0.5))
 
 
-@jax.jit
+@Program
 def _screen(
     response: FilmResponse,
     paints: Paints,
@@ -330,7 +331,7 @@ def _shares(unknowns: Float[Array, "*n 3"], sets: Int[Array, "*n 3"]) -> Float[A
     return jnp.stack([paint, (1.0 - paint) * first, (1.0 - paint) * (1.0 - first)], axis=-1)
 
 
-@functools.partial(jax.jit, static_argnames="opaque")
+@functools.partial(Program, fixed=("opaque",))
 def _fit(
     response: FilmResponse,
     paints: Paints,

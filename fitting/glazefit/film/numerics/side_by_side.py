@@ -1,0 +1,137 @@
+"""Levenberg and Marquardt's steps, many small problems side by side: a solver of optimistix."""
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import optimistix as optx
+from jaxtyping import Array, Bool, Float
+
+# What optimistix's trust region takes: a step counts from .01 of the gain that it promised, and
+# from .99 on the next may be longer.
+_COUNTS = 0.01
+_GOOD = 0.99
+
+
+class _State(NamedTuple):
+    tried: Float[Array, "n m"]
+    residual: Float[Array, "n rows"]  # at the point
+    slopes: Float[Array, "n rows m"]
+    length: Float[Array, "n"]  # one over the damping
+    first: Bool[Array, ""]
+    done: Bool[Array, "n"]
+
+
+class SideBySide(optx.AbstractLeastSquaresSolver):
+    """Levenberg and Marquardt's steps for a batch of problems, (n, unknowns), each on its own.
+
+    Row i of the residuals, (n, rows), must depend on row i of the unknowns alone. What has settled
+    stays as it is while others go on.
+
+    Attributes:
+        rtol, atol: settled when a step changes no unknown and no residual by more than atol + rtol
+            times itself.
+        longer, shorter: factors of the next step's length after one that was good, and after one
+            that does not count.
+        damped: the linear step, `least_squares.damped_solution` or `normal_solution`.
+
+    Source: as `optimistix.LevenbergMarquardt`, `ClassicalTrustRegion` and `cauchy_termination`.
+    """
+
+    rtol: float
+    atol: float
+    longer: float
+    shorter: float
+    damped: Callable[[Array, Array, Array], Array]
+    norm: Callable = optx.max_norm
+
+    def init(self, fn, y, args, options, f_struct, aux_struct, tags) -> _State:
+        """The state before the first step, which looks at the start itself."""
+        del fn, args, options, aux_struct, tags
+        return _State(
+            tried=y,
+            residual=jnp.zeros(f_struct.shape, y.dtype),
+            slopes=jnp.zeros((*f_struct.shape, y.shape[1]), y.dtype),
+            length=jnp.ones(len(y), y.dtype),
+            first=jnp.ones((), bool),
+            done=jnp.zeros(len(y), bool),
+        )
+
+    def step(self, fn, y, args, options, state, tags) -> tuple[Array, _State, Any]:
+        """One trial of every problem that has not settled."""
+        del options, tags
+        residual, slopes, aux = _look(fn, state.tried, args)
+        # What the linear model promised of the last move, and what it gained.
+        move = state.tried - y
+        before = _half_square(state.residual)
+        promised = _half_square(_times(state.slopes, move) + state.residual) - before
+        gained = _half_square(residual) - before
+        # A step counts if it gained a share of the promise; the trust region follows.
+        counts = (gained <= _COUNTS * promised) | state.first
+        counts &= jnp.all(jnp.isfinite(state.tried), axis=1)
+        good = (gained < _GOOD * promised) & (promised < 0) & ~state.first
+        length = state.length * jnp.where(counts, jnp.where(good, self.longer, 1.0), self.shorter)
+        still = self._small(move, state.tried) & self._small(residual - state.residual, residual)
+
+        # From the better of both points, the next trial.
+        point = _where(counts, state.tried, y)
+        residual = _where(counts, residual, state.residual)
+        slopes = _where(counts, slopes, state.slopes)
+        new = _State(
+            tried=point - self.damped(slopes, residual, 1.0 / length),
+            residual=residual,
+            slopes=slopes,
+            length=length,
+            first=state.first,
+            done=counts & still,
+        )
+        kept = _State(*(_where(state.done, old, now) for old, now in zip(state, new, strict=True)))
+        return (
+            _where(state.done, y, point),
+            kept._replace(first=jnp.zeros((), bool), done=state.done | new.done),
+            aux,
+        )
+
+    def terminate(self, fn, y, args, options, state, tags) -> tuple[Array, optx.RESULTS]:
+        """Whether all have settled."""
+        del fn, y, args, options, tags
+        return jnp.all(state.done), optx.RESULTS.successful
+
+    def postprocess(
+        self, fn, y, aux, args, options, state, tags, result
+    ) -> tuple[Array, Any, dict[str, Any]]:
+        """Which have settled, as a statistic."""
+        del fn, args, options, tags, result
+        return y, aux, {"settled": state.done}
+
+    def _small(self, change: Array, value: Array) -> Bool[Array, "n"]:
+        return jnp.all(jnp.abs(change) < self.atol + self.rtol * jnp.abs(value), axis=1)
+
+
+def _look(fn: Callable, point: Float[Array, "n m"], args: Any) -> tuple[Array, Array, Any]:
+    """Residuals, their slopes, (n, rows, m), and what else the function gives."""
+
+    def along(direction: Float[Array, "n m"]) -> tuple[Array, Array, Any]:
+        return jax.jvp(lambda free: fn(free, args), (point,), (direction,), has_aux=True)
+
+    # Along one unknown of all problems at a time: each knows its own alone.
+    every = jnp.broadcast_to(
+        jnp.eye(point.shape[1], dtype=point.dtype)[:, None], (point.shape[1], *point.shape)
+    )
+    return jax.vmap(along, out_axes=(None, -1, None))(every)
+
+
+def _where(chosen: Bool[Array, "n"], one: Array, other: Array) -> Array:
+    if one.ndim == 0:
+        return one
+    return jnp.where(chosen.reshape(-1, *[1] * (one.ndim - 1)), one, other)
+
+
+def _times(matrix: Float[Array, "n rows m"], vector: Float[Array, "n m"]) -> Float[Array, "n rows"]:
+    # Products and sums: an accelerator's matrix units would round.
+    return jnp.sum(matrix * vector[:, None, :], axis=2)
+
+
+def _half_square(residual: Float[Array, "n rows"]) -> Float[Array, "n"]:
+    return 0.5 * jnp.sum(residual**2, axis=1)

@@ -1,0 +1,280 @@
+"""Functions that run as compiled programs: compiled ahead by a thread of their own, and kept
+between runs as JAX traced them.
+
+XLA compiles without Python's lock, so that on two cores a search's later programs are ready when it
+comes to them. JAX's own cache keeps what XLA made of a program; but to find it there a function has
+to be traced and lowered again, which is half of a command's second run. So the lowered program is
+kept beside it, under its function, the shapes of its arguments, and all that it was made from.
+"""
+
+import functools
+import hashlib
+import inspect
+import os
+import pickle
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import fields, is_dataclass, replace
+from importlib.metadata import version
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any, Generic, NamedTuple, TypeVar
+
+import jax
+import jax.export
+from jax.core import Tracer
+
+from .whole_file import whole_file
+
+Result = TypeVar("Result")
+
+# What programs are made with, besides the two packages here.
+_MAKERS = ("jax", "jaxlib", "numpy", "equinox", "lineax", "optimistix")
+_folder: Path | None = None
+
+
+def keep_traced(folder: Path | None) -> None:
+    """Keep programs in a folder as they are traced, which nobody else may write to: what is found
+    there is run. None keeps none.
+    """
+    global _folder
+    _folder = folder
+
+
+class _Request(NamedTuple):
+    """A function's arguments: those fixed in its program, and arrays."""
+
+    fixed: tuple[tuple[str, Any], ...]
+    structure: Any
+    leaves: list[Any]
+
+    @property
+    def traced(self) -> bool:
+        """Whether JAX is tracing the caller."""
+        return any(isinstance(leaf, Tracer) for leaf in self.leaves)
+
+    @property
+    def key(self) -> tuple[Any, ...]:
+        """What tells programs of one function apart while the process runs."""
+        kinds = map(jax.typeof, self.leaves)
+        shapes = tuple((kind.shape, kind.dtype.name, kind.weak_type) for kind in kinds)
+        return self.fixed, self.structure, shapes, _double()
+
+    def file_name(self) -> str | None:
+        """The same between runs; None where an argument's words do not tell its value, and on
+        other devices than the processor, where nobody has tried it.
+        """
+        if jax.default_backend() != "cpu" or _config().jax_default_device is not None:
+            return None
+        if not all(_plain(value) for _, value in self.fixed):
+            return None
+        words = repr((self.key, _made_with()))
+        # Words of a thing that says no more of itself than where it lies in memory.
+        return None if " at 0x" in words else hashlib.sha256(words.encode()).hexdigest()
+
+
+class _Kept(NamedTuple):
+    """A traced program, of arrays in a row, and how its results stand in the function's."""
+
+    exported: jax.export.Exported
+    result: Any  # with numbers of arrays in their places
+
+
+class Program(Generic[Result]):
+    """A function under `jax.jit`, which is all that it is to a caller that JAX traces.
+
+    Args:
+        function: of arrays and trees of them.
+        fixed: names of arguments that are fixed in the program.
+    """
+
+    def __init__(self, function: Callable[..., Result], *, fixed: tuple[str, ...] = ()):
+        functools.update_wrapper(self, function)
+        self._name = f"{function.__module__}.{function.__name__}"
+        self._function = function
+        self._fixed = fixed
+        self._jitted = jax.jit(function, static_argnames=fixed)
+        self._signature = inspect.signature(function)
+        self._begun: dict[Any, Future[Callable[..., Result]]] = {}
+
+    def ahead(self, *args: Any, **kwargs: Any) -> None:
+        """Begin to compile for arguments like these, whose values do not matter; return at once."""
+        request = self._request(*args, **kwargs)
+        if request.key not in self._begun:
+            made = _thread().submit(self._make, _double(), request, *args, **kwargs)
+            self._begun[request.key] = made
+
+    def __call__(self, *args: Any, **kwargs: Any) -> Result:
+        """Run it, after what was begun: two threads would compile the same program twice."""
+        if _folder is None and not self._begun:
+            return self._jitted(*args, **kwargs)
+        request = self._request(*args, **kwargs)
+        if request.traced:
+            return self._jitted(*args, **kwargs)
+        begun = self._begun.get(request.key)
+        if begun is None and _folder is not None:
+            own: Future[Callable[..., Result]] = Future()
+            begun = self._begun.setdefault(request.key, own)
+            # Of several threads the first one makes it.
+            if begun is own:
+                _settle(own, lambda: self._make(_double(), request, *args, **kwargs))
+        # What was wrong with compiling ahead shows, with its own words, in the call itself.
+        if begun is None or begun.exception() is not None:
+            return self._jitted(*args, **kwargs)
+        return begun.result()(*args, **kwargs)
+
+    def _request(self, *args: Any, **kwargs: Any) -> _Request:
+        bound = self._signature.bind(*args, **kwargs)
+        bound.apply_defaults()
+        given = dict(bound.arguments)
+        fixed = tuple((name, given.pop(name)) for name in self._fixed)
+        leaves, structure = jax.tree.flatten(given)
+        return _Request(fixed, structure, leaves)
+
+    def _make(
+        self, double: bool, request: _Request, *args: Any, **kwargs: Any
+    ) -> Callable[..., Result]:
+        """A compiled function for arguments like these."""
+        # The caller's precision may be set for its thread alone.
+        with jax.enable_x64(double):
+            kept = None if _folder is None else self._kept(_folder, request)
+            if kept is None:
+                lowered = self._jitted.lower(*args, **kwargs)
+                return _hold(self._jitted, (lowered, lowered.compile()))
+            program = jax.jit(_named(kept.exported.call, self._name))
+            lowered = program.lower(*request.leaves)
+            structure = jax.tree.structure(kept.result)
+
+            def run(*args: Any, **kwargs: Any) -> Result:
+                leaves = program(*self._request(*args, **kwargs).leaves)
+                return jax.tree.unflatten(structure, leaves)
+
+            return _hold(run, (lowered, lowered.compile()))
+
+    def _kept(self, folder: Path, request: _Request) -> _Kept | None:
+        """The program as a former run traced it, or traced now and kept; None where JAX can't write
+        it.
+        """
+        try:
+            name = request.file_name()
+            if name is None:
+                return None
+            path = folder / f"traced-{self._name}-{name}"
+            if (found := _read(path)) is not None:
+                return found
+            made = self._traced(request)
+            _write(path, pickle.dumps(made))
+        except Exception:  # What this JAX cannot export or tell of itself runs as it always did.
+            return None
+        return made
+
+    def _traced(self, request: _Request) -> _Kept:
+        results: list[Any] = []
+
+        def flat(*leaves: Any) -> list[Any]:
+            given = jax.tree.unflatten(request.structure, leaves)
+            arrays, structure = jax.tree.flatten(self._function(**given, **dict(request.fixed)))
+            results.append(jax.tree.unflatten(structure, range(len(arrays))))
+            return arrays
+
+        kinds = map(jax.typeof, request.leaves)
+        shapes = [
+            jax.ShapeDtypeStruct(kind.shape, kind.dtype, weak_type=kind.weak_type) for kind in kinds
+        ]
+        exported = jax.export.export(jax.jit(_named(flat, self._name)))(*shapes)
+        # Its derivative, which nobody asks for, is a function, and can't be written.
+        return _Kept(replace(exported, _get_vjp=None), results[-1])
+
+
+def _settle(future: "Future[Result]", make: Callable[[], Result]) -> None:
+    try:
+        future.set_result(make())
+    except BaseException as error:
+        future.set_exception(error)
+        # An interrupt ends this thread's work too.
+        if not isinstance(error, Exception):
+            raise
+
+
+def _hold(function: Callable[..., Result], held: Any) -> Callable[..., Result]:
+    """The function, with what JAX compiled: it finds that for as long as somebody holds it."""
+
+    def call(*args: Any, **kwargs: Any) -> Result:
+        return function(*args, **kwargs)
+
+    call.held = held  # type: ignore[attr-defined]
+    return call
+
+
+def _named(function: Callable[..., Any], name: str) -> Callable[..., Any]:
+    """The function, by whose name XLA's cache and logs call its program."""
+
+    def call(*leaves: Any) -> Any:
+        return function(*leaves)
+
+    call.__name__ = call.__qualname__ = name.rpartition(".")[2]
+    return call
+
+
+def _plain(value: Any) -> bool:
+    """Whether words tell all of a value: numbers, text, and records of them."""
+    if isinstance(value, tuple):
+        return all(map(_plain, value))
+    if is_dataclass(value):
+        return all(_plain(getattr(value, field.name)) for field in fields(value))
+    return value is None or isinstance(value, bool | int | float | str)
+
+
+@functools.cache
+def _made_with() -> tuple[Any, ...]:
+    """What a traced program depends on: versions, settings, the device, files of both packages."""
+    settings = _config().values
+    return (
+        [version(name) for name in _MAKERS],
+        sorted((k, repr(v)) for k, v in settings.items() if k != "jax_compilation_cache_dir"),
+        jax.default_backend(),
+        os.cpu_count(),
+        [state for package in ("glazejax", "glazefit") for state in _files(package)],
+    )
+
+
+def _files(package: str) -> Iterator[tuple[str, int, int]]:
+    """Path, size and time of each file of a package: what is traced may come from any of them."""
+    spec = find_spec(package)
+    for root in (spec and spec.submodule_search_locations) or ():
+        for folder, _, names in sorted(os.walk(root)):
+            for name in sorted(names):
+                if not name.endswith(".pyc"):
+                    path = os.path.join(folder, name)
+                    state = os.stat(path)
+                    yield path, state.st_size, state.st_mtime_ns
+
+
+def _read(path: Path) -> _Kept | None:
+    try:
+        kept = pickle.loads(path.read_bytes())
+    except Exception:  # Not there, or written in part: it is traced again.
+        return None
+    return kept if isinstance(kept, _Kept) else None
+
+
+def _write(path: Path, data: bytes) -> None:
+    try:
+        with whole_file(path) as part:
+            part.write_bytes(data)
+    except OSError:
+        # JAX's own cache, in the same folder, says what is wrong with it.
+        return
+
+
+def _double() -> bool:
+    return bool(_config().jax_enable_x64)
+
+
+def _config() -> Any:
+    return jax.config
+
+
+@functools.cache
+def _thread() -> ThreadPoolExecutor:
+    return ThreadPoolExecutor(1, thread_name_prefix="compile")
