@@ -1,8 +1,11 @@
 """What reports on the screen share: tables without lines, and patches of a colour."""
 
-from collections.abc import Collection
+from collections.abc import Collection, Iterable
+from copy import copy
 from typing import Any
 
+from rich.console import Console
+from rich.measure import Measurement
 from rich.table import Table
 from rich.text import Text
 
@@ -26,6 +29,40 @@ def plain_table(
         else:
             table.add_column(name, justify="right", no_wrap=True)
     return table
+
+
+def leave_out(table: Table, console: Console, spare: Iterable[str]) -> tuple[Table, list[str]]:
+    """A table that fits the screen, as far as columns that may be missing allow.
+
+    Args:
+        table: with all of its rows.
+        console: to print to.
+        spare: titles of columns that may be missing, the least important first.
+
+    Returns:
+        The table with what fits, and the titles of what was left out.
+    """
+    # As wide as it would like to be.
+    unlimited = console.options.update(max_width=10_000)
+    gone: list[str] = []
+    for title in spare:
+        if Measurement.get(console, unlimited, table).maximum <= console.width:
+            break
+        kept = [column for column in table.columns if column.header != title]
+        rows = zip(*(list(column.cells) for column in kept), strict=True)
+        table = copy(table)
+        table.columns, table.rows = [], []
+        for column in kept:
+            table.add_column(
+                column.header,
+                justify=column.justify,
+                overflow=column.overflow,
+                no_wrap=column.no_wrap,
+            )
+        for row in rows:
+            table.add_row(*row)
+        gone.append(title)
+    return table, gone
 
 
 def swatch(shade: str, width: int = 2) -> Text:

@@ -14,7 +14,7 @@ from glazejax import colour
 from glazejax.io import SpectraTable, write_spectra, write_table
 from glazejax.paint.describe import Coat
 from glazejax.plots import hex_colour
-from glazejax.report import plain_table, swatch
+from glazejax.report import leave_out, plain_table, swatch
 from glazejax.spectra import resample
 
 from .parts import describe_parts, whole_parts
@@ -131,7 +131,7 @@ def print_recipes(recipes: Sequence[Recipe], console: Console, seen: str = "") -
     console.print(
         Text(f"{first.target.name} ", style="bold") + swatches + Text(" target, first recipe")
     )
-    console.print(table)
+    _print_table(table, console)
     console.print(Text(MIXING.format(first.between_mixings), style="dim"))
     for number, coat in enumerate(first.coats, 1):
         words = f"Coat {number} of the first: {in_painters_terms(coat.thickness)}."
@@ -158,7 +158,7 @@ def print_best(found: Sequence[Sequence[Recipe]], console: Console) -> None:
         *colours, mixing = _figures(best)
         mixed = [] if best.mixed is None else [f"{best.mixed.distance:.2f}"]
         _add_coats(table, [best.target.name, swatches, *colours, *mixed, mixing], best)
-    console.print(table)
+    _print_table(table, console)
     if pure:
         console.print(Text(all_if_mixed(found)))
     console.print(
@@ -203,8 +203,19 @@ def _table(titles: Sequence[str]) -> Table:
         if number == 0 or title in ("", "coats, top first")
     ]
     table = plain_table(*columns, words=words, padding=(0, 1), header_style="dim", pad_edge=False)
-    table.columns[-3].ratio = 1
+    # A name of a paint is not broken.
+    table.columns[-3].no_wrap = True
     return table
+
+
+def _print_table(table: Table, console: Console) -> None:
+    """Print a table, and say what it lacks on a narrow screen."""
+    tested = [str(column.header) for column in table.columns if str(column.header).startswith("(")]
+    table, gone = leave_out(table, console, ("per 10 %", "parts", "mixing", *tested))
+    console.print(table)
+    if gone:
+        words = f"Left out on a screen of {console.width} columns: {', '.join(gone)}."
+        console.print(Text(words, style="dim"))
 
 
 def _add_coats(table: Table, cells: Sequence[str | Text], recipe: Recipe) -> None:
