@@ -6,8 +6,9 @@ beside all stacks that come near.
 First: films are drawn from the map's own expectation, as many of one coat as of two, and read with
 errors of their paints, of the surface and of the instrument. By how many stacks of each spectrum
 are fitted: how probable two coats are in the mean (half of the films have them), the mean log of
-the probability of what is true, and how often the first set is the right one. By this the numbers
-of stacks that a map fits were chosen.
+the probability of what is true, and how often the first set is the right one. Then the same by how
+probable the first set of one coat may be where two are still sought. By these, what a map does was
+chosen.
 
 Second: pixels of `benchmarks.painting_coats`, as many of each region of two coats, each searched by
 itself. "near and true" fits many more stacks, and the true one from its true amounts: what no
@@ -45,6 +46,8 @@ _NOISE = NOISE / np.sqrt(2.0)
 FITTED = ({2: 3, 3: 5}, {2: 6, 3: 12}, {2: 12, 3: 24}, {2: 24, 3: 40}, {2: 40, 3: 120})
 """Stacks that are fitted of each spectrum, by the number of their paints."""
 MANY = {2: 80, 3: 200}
+OPEN = (0.9, 0.95, 0.98, 1.0)
+"""Odds of the first set of one coat below which two are sought."""
 KNOWN_PAINTS = ModelError(
     coefficient=0.0,
     level=0.0,
@@ -156,10 +159,21 @@ def _measured(searcher: Searcher, scene: Painting, readings: np.ndarray) -> Meas
     return as_measured(searcher, readings, np.full(readings.shape, _NOISE), scene.ground)
 
 
-def _search(searcher: Searcher, stacks: StackSearch, measured: Measured, fitted: dict) -> Said:
-    """What a map's search says of each spectrum."""
+def _search(
+    searcher: Searcher,
+    stacks: StackSearch,
+    measured: Measured,
+    fitted: dict[int, int] = coats._FITTED,
+    open_below: float = coats._OPEN,
+) -> Said:
+    """What a map's search says of each spectrum, with other numbers than a map's if they are
+    given.
+    """
     parts = []
-    with patch.object(coats, "_FITTED", MappingProxyType(fitted)):
+    with (
+        patch.object(coats, "_FITTED", MappingProxyType(fitted)),
+        patch.object(coats, "_OPEN", open_below),
+    ):
         for _, pool, odds in search_coats(searcher, stacks, measured):
             parts.append(Said.of(pool, odds))
     return Said(
@@ -189,19 +203,26 @@ def _expected(results: Results, scene: Painting, films: int) -> None:
     results(f"{films} films of one coat and {films} of two, drawn from what a map expects")
     results()
     results(
-        f"{'stacks fitted, of 2 and 3 paints':<34}{'two coats':>12}{'log of':>10}{'right set':>11}"
-        f"{'right set':>11}\n"
-        f"{'':<34}{'in the mean':>12}{'what is':>10}{'one coat':>11}{'two coats':>11}"
+        f"{'':<34}{'two coats':>12}{'log of':>10}{'right set':>11}{'right set':>11}{'two coats':>12}\n"
+        f"{'':<34}{'in the mean':>12}{'what is':>10}{'one coat':>11}{'two coats':>11}{'not sought':>12}"
     )
-    for fitted in FITTED:
-        said = _search(searcher, stacks, measured, fitted)
+
+    def say(words: str, said: Said) -> None:
         p = np.clip(said.coats_probability, 1e-3, 1 - 1e-3)
         log = np.log(np.where(lies, p, 1.0 - p)).mean()
         right = said.right(true)
         results(
-            f"{f'{fitted[2]} and {fitted[3]}':<34}{said.coats_probability.mean():>12.3f}{log:>10.3f}"
+            f"{words:<34}{said.coats_probability.mean():>12.3f}{log:>10.3f}"
             f"{right[~lies].mean():>11.1%}{right[lies].mean():>11.1%}"
+            f"{np.mean(said.coats_probability == 0.0):>12.1%}"
         )
+
+    for fitted in FITTED:
+        words = f"{fitted[2]} and {fitted[3]} stacks of 2 and 3 paints"
+        say(words, _search(searcher, stacks, measured, fitted))
+    for odds in OPEN:
+        words = f"sought where odds are below {odds:g}"
+        say(words, _search(searcher, stacks, measured, open_below=odds))
 
 
 def _draw(
@@ -283,7 +304,7 @@ def _painted(results: Results, scene: Painting, pixels: int) -> None:
         searcher = _searcher(scene, errors)
         stacks = StackSearch.of(searcher.task, scene.ground, features)
         measured = _measured(searcher, scene, readings[at])
-        found = _search(searcher, stacks, measured, dict(coats._FITTED))
+        found = _search(searcher, stacks, measured)
         _, pool, odds = _with_truth(searcher, stacks, measured, (sets, amounts))
         for way, said in (("the map's search", found), ("near and true", Said.of(pool, odds))):
             _say(results, f"{words}, {way}", said, [frozenset(s.tolist()) for s in sets], weights)

@@ -241,9 +241,9 @@ add(
     near=cell("errors of paints, near and true", 3),
     known_near=cell("paints known exactly, near and true", 3),
     known_among=cell("paints known exactly, near and true", 4),
-    expected=cell("24 and 40", 3),
+    expected=cell("24 and 40 stacks of 2 and 3 paints", 3),
 )
-add("coats_told", ".2f", mean=cell("24 and 40", 0))
+add("coats_told", ".2f", mean=cell("24 and 40 stacks of 2 and 3 paints", 0))
 
 # Catalogue and recovery.
 add(

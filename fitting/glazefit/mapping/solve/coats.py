@@ -44,8 +44,8 @@ _FITTED = {2: 24, 3: 40}
 _BODIES = {2: 0.5, 3: 0.5}
 # Spectra that are fitted together: one shape, one program.
 _TOGETHER = 8
-# Odds of the first candidate below which one coat leaves a spectrum in doubt.
-_OPEN = 0.9
+# Odds of the first candidate below which one coat leaves a spectrum in doubt, chosen as `_FITTED`.
+_OPEN = 0.95
 # Misfit (Delta E00) above which one coat does.
 _POOR = 1.0
 
