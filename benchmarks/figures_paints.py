@@ -223,7 +223,7 @@ for _key, _row in (
         "painting_coats",
         ".0f %",
         **{
-            f"{_key}_upper": cell(_row, 2, after="thickness"),
+            f"{_key}_upper": cell(_row, 2, after="chance of"),
         },
     )
 add(
@@ -231,7 +231,19 @@ add(
     ".0f %",
     sets=cell("map_cube, 2 coats", 2),
     sets_of_one=cell("map_cube, 1 coat", 2),
+    mantle_chance=cell("blue mantle", 4, after="chance of"),
 )
+add("painting_coats", ".1f times", longer=found(r"([\d.]+) times as long"))
+add(
+    "coats_told",
+    ".0f %",
+    search=cell("errors of paints, the map's search", 3),
+    near=cell("errors of paints, near and true", 3),
+    known_near=cell("paints known exactly, near and true", 3),
+    known_among=cell("paints known exactly, near and true", 4),
+    expected=cell("24 and 40 stacks of 2 and 3 paints", 3),
+)
+add("coats_told", ".2f", mean=cell("24 and 40 stacks of 2 and 3 paints", 0))
 
 # Catalogue and recovery.
 add(

@@ -3,8 +3,9 @@
     python -m benchmarks.painting_coats [--side 200] [--bands 60]
 
 Which paints lie in both coats a spectrum often leaves open: a white for another, a body that looks
-as the ground does. So it is counted, too, how many pixels are said to have two coats, and whether
-the upper one's pigment is right.
+as the ground does. So it is counted, too, how many pixels are said to have two coats, whether the
+upper one's pigment is right, and how probable two coats are in the mean. What no search could do
+better is in `benchmarks.coats_told`.
 """
 
 import argparse
@@ -87,8 +88,8 @@ def _upper(results: Results, names: tuple[str, ...], truth: dict, arrays: dict) 
     thick = np.where((truth["members"] >= 0) & (truth["coats"] == 0), truth["amounts"], 0.0)
     off = np.abs(np.log(arrays["top_thickness"] / thick.sum(axis=-1)))
     results(
-        f"{'':<30}{'pixels':>10}{'said two':>10}{'upper':>10}{'error of its':>14}\n"
-        f"{'':<30}{'':>10}{'coats':>10}{'right':>10}{'thickness':>14}"
+        f"{'':<30}{'pixels':>10}{'said two':>10}{'upper':>10}{'error of its':>14}{'chance of':>12}\n"
+        f"{'':<30}{'':>10}{'coats':>10}{'right':>10}{'thickness':>14}{'two coats':>12}"
     )
     known = ~truth["foreign"]
     parts = {"one coat": known & (lower == 0), "two coats": known & (lower == 1)}
@@ -103,6 +104,7 @@ def _upper(results: Results, names: tuple[str, ...], truth: dict, arrays: dict) 
         results(
             f"{words:<30}{here.sum():>10,}{stacked[here].mean():>10.1%}{right[here].mean():>10.1%}"
             + shown
+            + f"{np.nanmean(arrays['coats_probability'][here]):>12.1%}"
         )
 
 

@@ -15,8 +15,9 @@ from glazefit.identify.search.searcher import Searcher
 from glazefit.mapping.map_cube import map_cube
 from glazefit.mapping.show.overview import overview
 from glazefit.mapping.show.pictures import BLANK, numbers_of, upper_map
+from glazefit.mapping.solve.atlas import Atlas
 from glazefit.mapping.solve.coats import StackSearch, TableOptics, in_doubt, search_coats
-from glazefit.mapping.solve.local import as_measured
+from glazefit.mapping.solve.local import as_measured, search_locally
 from glazefit.mapping.solve.survey import Features
 from glazefit.mapping.store.layout import Status
 from glazejax import Glaze, Hemispherical, Layer, Mixture, catalogue, reflectance
@@ -98,6 +99,47 @@ def test_what_one_coat_explains_is_not_sought_again(searcher):
     _, pool, _ = next(iter(search_coats(searcher, stacks, measured)))
     assert not in_doubt(odds).any()
     assert not (pool.coats > 0).any()
+
+
+@pytest.fixture(scope="module")
+def hidden():
+    """A green that hides the white below, and a search for it among five paints."""
+    names = (*NAMES, "UltramarineBlue")
+    paints = [catalogue.pigment(name).resample(GRID) for name in names]
+    coats = [Layer(paints[names.index("EmeraldGreen")], 90e-6), Layer(paints[1], 20e-6)]
+    film = np.asarray(reflectance(Glaze(coats, GROUND, 1.5), Hemispherical()))
+    searcher = Searcher.of(GRID, paints, IdentificationOptions(max_paints=3))
+    stacks = StackSearch.of(searcher.task, GROUND, Features.of(np.repeat(spectra(), 8, axis=0)))
+    return searcher, stacks, film[None]
+
+
+def test_what_an_upper_coat_hides_is_as_probable_as_beforehand(hidden):
+    """Each stack with that green above is a little probable; all of them count."""
+    searcher, stacks, film = hidden
+    measured = as_measured(searcher, film, np.full(film.shape, 0.002), GROUND)
+    _, pool, odds = next(iter(search_coats(searcher, stacks, measured)))
+    assert (odds.candidates > 0).sum() > 40
+    stacked = (pool.coats > 0).any(axis=-1)
+    share = np.where(stacked, odds.candidates, 0.0).sum() / odds.candidates.sum()
+    assert share == pytest.approx(searcher.task.prior.stacked, abs=0.15)
+    # Whatever lies below, the green is above.
+    above = stacked & (pool.members[..., 0] == NAMES.index("EmeraldGreen"))
+    assert odds.candidates[above].sum() > 0.9 * odds.candidates[stacked].sum()
+
+
+def test_candidates_that_are_left_out_keep_their_coats(hidden, monkeypatch):
+    searcher, stacks, film = hidden
+
+    def coats_probability() -> np.ndarray:
+        noise_sd = np.full(film.shape, 0.002)
+        found = search_locally(searcher, film, noise_sd, GROUND, stacks=stacks)
+        atlas = Atlas.of(stacks.features, found, searcher.task.prior)
+        return atlas.answers(film.astype(np.float32))[0].coats_probability
+
+    monkeypatch.setattr("glazefit.mapping.solve.local._MOST", 60)
+    whole = coats_probability()
+    monkeypatch.setattr("glazefit.mapping.solve.local._MOST", 1)
+    np.testing.assert_allclose(coats_probability(), whole, atol=0.02)
 
 
 def test_a_search_that_is_sent_makes_its_table_there(searcher):

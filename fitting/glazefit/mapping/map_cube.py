@@ -295,7 +295,12 @@ def _atlas(
         give_back()
         progress(done, total, words)
 
-    pieces = _Pieces(task, surveyed.readings, task.stack_search(surveyed.features))
+    pieces = _Pieces(
+        task=task,
+        readings=surveyed.readings,
+        size=_PIECE,
+        stacks=task.stack_search(surveyed.features),
+    )
     finish(keys, pieces, work, client, note, "searching")
     found = Searched.from_parts(len(keys), lambda n, name: work.get(keys[n], [name])[name])
     return Atlas.of(surveyed.features, found, task.searcher.task.prior)
@@ -303,15 +308,24 @@ def _atlas(
 
 @dataclass(frozen=True)
 class _Pieces:
-    """Searches of representatives, by the key of a piece."""
+    """Searches of representatives, by the key of a piece.
+
+    Attributes:
+        task: of the map.
+        readings: of all representatives.
+        size: of a piece, which is sent along: spectra that are searched in other company are
+            rounded in other places.
+        stacks: the search for two coats; None for one coat.
+    """
 
     task: MapTask
     readings: Float[np.ndarray, "representatives bands"]
+    size: int
     stacks: StackSearch | None
 
     def __call__(self, key: str) -> dict[str, np.ndarray]:
-        first = int(key.rpartition("-")[2]) * _PIECE
-        batch = self.readings[first : first + _PIECE]
+        first = int(key.rpartition("-")[2]) * self.size
+        batch = self.readings[first : first + self.size]
         task = self.task
         with one_thread_each():
             return search_locally(

@@ -88,13 +88,21 @@ class Smaller(NamedTuple):
     less: list[int]
 
 
-def odds_of(measured: Measured, pool: Pool, prior: Prior) -> Odds:
-    """Odds of all candidates and of none beside them."""
+def odds_of(measured: Measured, pool: Pool, prior: Prior, *, looked_at: int = _LOOKED_AT) -> Odds:
+    """Odds of all candidates and of none beside them.
+
+    Args:
+        measured: spectra.
+        pool: their candidates.
+        prior: what was expected.
+        looked_at: candidates whose colour is compared with the spectrum's; the others have odds of
+            0.
+    """
     weight = np.where(np.isfinite(pool.log_weight), pool.log_weight, -np.inf)
     # Before the misfit is looked at: how probable each is if the film is of the catalogue's paints.
     share = np.exp(weight - weight.max(axis=1, keepdims=True))
     share /= share.sum(axis=1, keepdims=True)
-    misfits = _misfits(measured, pool, share)
+    misfits = _misfits(measured, pool, share, looked_at)
     odds, rejected = _judge(share, misfits, prior)
     for row in range(len(odds)):
         order = smaller_sets(pool, row, odds[row] > 0)
@@ -253,11 +261,14 @@ def _colour_difference(measured: Measured, computed: np.ndarray) -> np.ndarray:
 
 
 def _misfits(
-    measured: Measured, pool: Pool, share: Float[np.ndarray, "spectra candidates"]
+    measured: Measured,
+    pool: Pool,
+    share: Float[np.ndarray, "spectra candidates"],
+    looked_at: int,
 ) -> Misfits:
     """How far off the candidates are, those of the largest share."""
     # The colour of a spectrum costs as much as its fit.
-    few = np.argsort(-share, axis=1, kind="stable")[:, :_LOOKED_AT]
+    few = np.argsort(-share, axis=1, kind="stable")[:, :looked_at]
     rows = np.arange(len(measured))[:, None]
     seen = measured.readings[:, None]
     noise = np.mean(measured.noise_sd**2, axis=(1, 2))[:, None]

@@ -115,7 +115,8 @@ class Searched:
         readings: (representatives, bands).
         blur: Delta E00 that noise alone makes.
         rest: share of the candidates' odds that those left out have,
-        rest_paints: and how probable each paint is among these.
+        rest_paints: and how probable each paint is among these,
+        rest_stacked: and more than one coat.
         local: the candidates that are kept.
     """
 
@@ -123,6 +124,7 @@ class Searched:
     blur: Float[np.ndarray, "representatives"]
     rest: Float[np.ndarray, "representatives"]
     rest_paints: Float[np.ndarray, "representatives paints"]
+    rest_stacked: Float[np.ndarray, "representatives"]
     local: Local
 
     @classmethod
@@ -202,7 +204,9 @@ def _local_models(searcher: Searcher, measured: Measured, pool: Pool, odds: Odds
     present = (pool.members[..., None] == np.arange(len(searcher.paints))).any(axis=2)
     left_out = np.where(kept, 0.0, share)
     rest = left_out.sum(axis=1)
-    rest_paints = np.einsum("sc,scp->sp", left_out, present) / np.maximum(rest, 1e-12)[:, None]
+    of_rest = left_out / np.maximum(rest, 1e-12)[:, None]
+    rest_paints = np.einsum("sc,scp->sp", of_rest, present)
+    rest_stacked = np.sum(of_rest * pool.coats.any(axis=-1), axis=1)
     # A colour difference is a length in this metric, to first order.
     metric = reading_metric(measured.wavelengths, measured.readings[:, 0])[row]
     parts: dict[str, np.ndarray] = {}
@@ -259,6 +263,7 @@ def _local_models(searcher: Searcher, measured: Measured, pool: Pool, odds: Odds
         blur=blur,
         rest=_single(rest),
         rest_paints=_single(rest_paints),
+        rest_stacked=_single(rest_stacked),
         local=candidates,
     )
 

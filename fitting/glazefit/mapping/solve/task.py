@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
     from glazejax.io import CubeSource
 
-_VERSION = 2
+_VERSION = 3
 # Lines of an image in memory that tell it from others.
 _LINES = 64
 

@@ -106,6 +106,7 @@ class Updater:
         self.blur = known.blur[number]
         self.rest = known.rest[number]
         self.rest_paints = known.rest_paints[number]
+        self.rest_stacked = known.rest_stacked[number]
         self.reading = known.readings[number]
         self.order = _order(local)
         self.present = (
@@ -170,7 +171,8 @@ class Updater:
             covariance=local.covariance[first],
             misfit=odds.misfit,
             fitted=fitted,
-            coats_probability=(odds.candidates @ self.stacked) / total,
+            coats_probability=(odds.candidates @ self.stacked) / total
+            + self.rest * (1.0 - none) * self.rest_stacked,
         )
 
 
