@@ -14,6 +14,8 @@ import jax
 import pytest
 from jax.core import Tracer
 
+from glazejax.programs import Program
+
 _JITTED: type = type(jax.jit(abs))
 _FILTERED: type = type(eqx.filter_jit(abs))
 
@@ -33,6 +35,8 @@ def lowered(program: Any, *args: Any, **kwargs: Any) -> str:
             return eqx.filter(program.__wrapped__(*given, **named), eqx.is_array)
 
         return lowered(plain, arrays)
+    if isinstance(program, Program):
+        return lowered(program.jitted, *args, **kwargs)
     jitted = program if isinstance(program, _JITTED) else jax.jit(program)
     traced = jitted.trace(*args, **kwargs)
     if hosts := {
@@ -94,6 +98,8 @@ class Programs:
                     self.trouble[name] = "; ".join(found)
             return program(*args, **kwargs)
 
+        if isinstance(program, Program):
+            run.ahead = program.ahead  # type: ignore[attr-defined]
         return run
 
 
@@ -106,7 +112,7 @@ def watch(monkeypatch: pytest.MonkeyPatch, *packages: str) -> Programs:
         m for name, m in sys.modules.items() if name.split(".")[0] in packages and m is not None
     ]:
         for name, value in list(vars(module).items()):
-            if isinstance(value, (_JITTED, _FILTERED)):
+            if isinstance(value, (_JITTED, _FILTERED, Program)):
                 found = (
                     getattr(value, "__module__", module.__name__),
                     getattr(value, "__qualname__", name),

@@ -86,6 +86,9 @@ class Program(Generic[Result]):
     Args:
         function: of arrays and trees of them.
         fixed: names of arguments that are fixed in the program.
+
+    Attributes:
+        jitted: the function under `jax.jit`.
     """
 
     def __init__(self, function: Callable[..., Result], *, fixed: tuple[str, ...] = ()):
@@ -93,7 +96,7 @@ class Program(Generic[Result]):
         self._name = f"{function.__module__}.{function.__name__}"
         self._function = function
         self._fixed = fixed
-        self._jitted = jax.jit(function, static_argnames=fixed)
+        self.jitted = jax.jit(function, static_argnames=fixed)
         self._signature = inspect.signature(function)
         self._begun: dict[Any, Future[Callable[..., Result]]] = {}
 
@@ -107,10 +110,10 @@ class Program(Generic[Result]):
     def __call__(self, *args: Any, **kwargs: Any) -> Result:
         """Run it, after what was begun: two threads would compile the same program twice."""
         if _folder is None and not self._begun:
-            return self._jitted(*args, **kwargs)
+            return self.jitted(*args, **kwargs)
         request = self._request(*args, **kwargs)
         if request.traced:
-            return self._jitted(*args, **kwargs)
+            return self.jitted(*args, **kwargs)
         begun = self._begun.get(request.key)
         if begun is None and _folder is not None:
             own: Future[Callable[..., Result]] = Future()
@@ -120,7 +123,7 @@ class Program(Generic[Result]):
                 _settle(own, lambda: self._make(_double(), request, *args, **kwargs))
         # What was wrong with compiling ahead shows, with its own words, in the call itself.
         if begun is None or begun.exception() is not None:
-            return self._jitted(*args, **kwargs)
+            return self.jitted(*args, **kwargs)
         return begun.result()(*args, **kwargs)
 
     def _request(self, *args: Any, **kwargs: Any) -> _Request:
@@ -139,8 +142,8 @@ class Program(Generic[Result]):
         with jax.enable_x64(double):
             kept = None if _folder is None else self._kept(_folder, request)
             if kept is None:
-                lowered = self._jitted.lower(*args, **kwargs)
-                return _hold(self._jitted, (lowered, lowered.compile()))
+                lowered = self.jitted.lower(*args, **kwargs)
+                return _hold(self.jitted, (lowered, lowered.compile()))
             program = jax.jit(_named(kept.exported.call, self._name))
             lowered = program.lower(*request.leaves)
             structure = jax.tree.structure(kept.result)

@@ -22,6 +22,7 @@ from glazefit.identify.families import (
     set_up,
     templates,
 )
+from glazefit.identify.families.expected import has_families
 from glazefit.identify.families.groups import COLOURLESS, GROUPS, group_of
 from glazefit.identify.families.sureness import WORTHLESS, Sureness
 from glazefit.identify.families.varnish import CONDITIONS
@@ -529,16 +530,10 @@ def test_the_narrow_model_is_kept_for_own_films(shelf):
 
 
 def test_paints_without_a_family_are_sought_as_paints():
-    assert not identify_module().has_families(list(catalogue.load("oils").values()))
+    assert not has_families(list(catalogue.load("oils").values()))
     paint = Pigment("mine", GRID, np.ones(GRID.size), np.ones(GRID.size))
-    assert not identify_module().has_families([paint])
-    assert identify_module().has_families([paint.renamed("x", family="smalt", source="me")])
-
-
-def identify_module():
-    from glazefit.identify.families import identify_pigments
-
-    return identify_pigments
+    assert not has_families([paint])
+    assert has_families([paint.renamed("x", family="smalt", source="me")])
 
 
 def test_identifications_by_family_are_joined_and_printed(mockups, others):
