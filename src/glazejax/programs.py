@@ -96,7 +96,7 @@ class Program(Generic[Result]):
         self._name = f"{function.__module__}.{function.__name__}"
         self._function = function
         self._fixed = fixed
-        self.jitted = jax.jit(function, static_argnames=fixed)
+        self.jitted: Any = jax.jit(function, static_argnames=fixed)
         self._signature = inspect.signature(function)
         self._begun: dict[Any, Future[Callable[..., Result]]] = {}
 
