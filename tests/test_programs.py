@@ -175,3 +175,18 @@ def test_what_is_wrong_ahead_shows_in_the_call(counted):
 def test_nothing_is_kept_unless_asked_for(tmp_path, counted):
     check(counted.program()(VALUES, MORE))
     assert not list(tmp_path.iterdir())
+
+
+def test_of_many_shapes_the_newest_are_held(counted):
+    """Each is some megabytes, and a process may see hundreds."""
+    import gc
+    import weakref
+
+    program = counted.program()
+    held = []
+    for rows in range(1, 9):
+        program.ahead(np.ones((rows, 3)), MORE)
+        program(np.ones((rows, 3)), MORE)
+        held.append(weakref.ref(list(program._begun.values())[-1]))
+    gc.collect()
+    assert [made() is not None for made in held] == [False] * 4 + [True] * 4

@@ -30,6 +30,9 @@ Result = TypeVar("Result")
 
 # What programs are made with, besides the two packages here.
 _MAKERS = ("jax", "jaxlib", "numpy", "equinox", "lineax", "optimistix")
+# Of one function, so many shapes are held: in a process that keeps programs on disk, and in others.
+_HELD_OF_A_COMMAND = 32
+_HELD = 4
 _folder: Path | None = None
 
 
@@ -106,6 +109,7 @@ class Program(Generic[Result]):
         if request.key not in self._begun:
             made = _thread().submit(self._make, _double(), request, *args, **kwargs)
             self._begun[request.key] = made
+            self._let_old_ones_go()
 
     def __call__(self, *args: Any, **kwargs: Any) -> Result:
         """Run it, after what was begun: two threads would compile the same program twice."""
@@ -118,6 +122,7 @@ class Program(Generic[Result]):
         if begun is None and _folder is not None:
             own: Future[Callable[..., Result]] = Future()
             begun = self._begun.setdefault(request.key, own)
+            self._let_old_ones_go()
             # Of several threads the first one makes it.
             if begun is own:
                 _settle(own, lambda: self._make(_double(), request, *args, **kwargs))
@@ -125,6 +130,12 @@ class Program(Generic[Result]):
         if begun is None or begun.exception() is not None:
             return self.jitted(*args, **kwargs)
         return begun.result()(*args, **kwargs)
+
+    def _let_old_ones_go(self) -> None:
+        """Hold the newest programs only: each takes some megabytes."""
+        most = _HELD if _folder is None else _HELD_OF_A_COMMAND
+        for key in list(self._begun)[:-most]:
+            self._begun.pop(key, None)
 
     def _request(self, *args: Any, **kwargs: Any) -> _Request:
         bound = self._signature.bind(*args, **kwargs)
