@@ -305,8 +305,8 @@ def _painted(results: Results, scene: Painting, pixels: int) -> None:
         stacks = StackSearch.of(searcher.task, scene.ground, features)
         measured = _measured(searcher, scene, readings[at])
         found = _search(searcher, stacks, measured)
-        _, pool, odds = _with_truth(searcher, stacks, measured, (sets, amounts))
-        for way, said in (("the map's search", found), ("near and true", Said.of(pool, odds))):
+        near = _with_truth(searcher, stacks, measured, (sets, amounts))
+        for way, said in (("the map's search", found), ("near and true", near)):
             _say(results, f"{words}, {way}", said, [frozenset(s.tolist()) for s in sets], weights)
 
 
@@ -315,8 +315,8 @@ def _with_truth(
     stacks: StackSearch,
     measured: Measured,
     true: tuple[Int[np.ndarray, "spectra 3"], Float[np.ndarray, "spectra 3"]],
-) -> tuple[Measured, Pool, Odds]:
-    """Candidates of all spectra with many more stacks, the true one among them, and their odds."""
+) -> Said:
+    """What is said of all spectra with many more stacks, the true one among them."""
     prior = searcher.task.prior
     sets, amounts = true
     logs = np.log(amounts.astype(float) / prior.thickness)
@@ -326,7 +326,7 @@ def _with_truth(
     pool = Pool.join([part.best(64) for _, part, _ in searcher.search(measured)])
     weight = pool.log_weight + np.log1p(-prior.stacked)
     pool = replace(pool, log_weight=weight).merge(near)
-    return measured, pool, odds_of(measured, pool, prior, looked_at=pool.members.shape[1])
+    return Said.of(pool, odds_of(measured, pool, prior, looked_at=pool.members.shape[1]))
 
 
 def _say(

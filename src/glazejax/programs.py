@@ -76,6 +76,13 @@ class _Request(NamedTuple):
         return None if " at 0x" in words else hashlib.sha256(words.encode()).hexdigest()
 
 
+class _Made(NamedTuple):
+    """A program, and what JAX compiled for it and finds for as long as somebody holds it."""
+
+    run: Callable[..., Any]
+    held: Any
+
+
 class _Kept(NamedTuple):
     """A traced program, of arrays in a row, and how its results stand in the function's."""
 
@@ -101,7 +108,7 @@ class Program(Generic[Result]):
         self._fixed = fixed
         self.jitted: Any = jax.jit(function, static_argnames=fixed)
         self._signature = inspect.signature(function)
-        self._begun: dict[Any, Future[Callable[..., Result]]] = {}
+        self._begun: dict[Any, Future[_Made]] = {}
 
     def ahead(self, *args: Any, **kwargs: Any) -> None:
         """Begin to compile for arguments like these, whose values do not matter; return at once."""
@@ -120,7 +127,7 @@ class Program(Generic[Result]):
             return self.jitted(*args, **kwargs)
         begun = self._begun.get(request.key)
         if begun is None and _folder is not None:
-            own: Future[Callable[..., Result]] = Future()
+            own: Future[_Made] = Future()
             begun = self._begun.setdefault(request.key, own)
             self._let_old_ones_go()
             # Of several threads the first one makes it.
@@ -129,7 +136,7 @@ class Program(Generic[Result]):
         # What was wrong with compiling ahead shows, with its own words, in the call itself.
         if begun is None or begun.exception() is not None:
             return self.jitted(*args, **kwargs)
-        return begun.result()(*args, **kwargs)
+        return begun.result().run(*args, **kwargs)
 
     def _let_old_ones_go(self) -> None:
         """Hold the newest programs only: each takes some megabytes."""
@@ -145,16 +152,14 @@ class Program(Generic[Result]):
         leaves, structure = jax.tree.flatten(given)
         return _Request(fixed, structure, leaves)
 
-    def _make(
-        self, double: bool, request: _Request, *args: Any, **kwargs: Any
-    ) -> Callable[..., Result]:
-        """A compiled function for arguments like these."""
+    def _make(self, double: bool, request: _Request, *args: Any, **kwargs: Any) -> _Made:
+        """A compiled program for arguments like these."""
         # The caller's precision may be set for its thread alone.
         with jax.enable_x64(double):
             kept = None if _folder is None else self._kept(_folder, request)
             if kept is None:
                 lowered = self.jitted.lower(*args, **kwargs)
-                return _hold(self.jitted, (lowered, lowered.compile()))
+                return _Made(run=self.jitted, held=(lowered, lowered.compile()))
             program = jax.jit(_named(kept.exported.call, self._name))
             lowered = program.lower(*request.leaves)
             structure = jax.tree.structure(kept.result)
@@ -163,7 +168,7 @@ class Program(Generic[Result]):
                 leaves = program(*self._request(*args, **kwargs).leaves)
                 return jax.tree.unflatten(structure, leaves)
 
-            return _hold(run, (lowered, lowered.compile()))
+            return _Made(run=run, held=(lowered, lowered.compile()))
 
     def _kept(self, folder: Path, request: _Request) -> _Kept | None:
         """The program as a former run traced it, or traced now and kept; None where JAX can't write
@@ -208,16 +213,6 @@ def _settle(future: "Future[Result]", make: Callable[[], Result]) -> None:
         # An interrupt ends this thread's work too.
         if not isinstance(error, Exception):
             raise
-
-
-def _hold(function: Callable[..., Result], held: Any) -> Callable[..., Result]:
-    """The function, with what JAX compiled: it finds that for as long as somebody holds it."""
-
-    def call(*args: Any, **kwargs: Any) -> Result:
-        return function(*args, **kwargs)
-
-    call.held = held  # type: ignore[attr-defined]
-    return call
 
 
 def _named(function: Callable[..., Any], name: str) -> Callable[..., Any]:

@@ -131,7 +131,7 @@ def print_recipes(recipes: Sequence[Recipe], console: Console, seen: str = "") -
     console.print(
         Text(f"{first.target.name} ", style="bold") + swatches + Text(" target, first recipe")
     )
-    _print_table(table, console)
+    _print_table(table, console, first)
     console.print(Text(MIXING.format(first.between_mixings), style="dim"))
     for number, coat in enumerate(first.coats, 1):
         words = f"Coat {number} of the first: {in_painters_terms(coat.thickness)}."
@@ -158,7 +158,7 @@ def print_best(found: Sequence[Sequence[Recipe]], console: Console) -> None:
         *colours, mixing = _figures(best)
         mixed = [] if best.mixed is None else [f"{best.mixed.distance:.2f}"]
         _add_coats(table, [best.target.name, swatches, *colours, *mixed, mixing], best)
-    _print_table(table, console)
+    _print_table(table, console, found[0][0])
     if pure:
         console.print(Text(all_if_mixed(found)))
     console.print(
@@ -208,9 +208,10 @@ def _table(titles: Sequence[str]) -> Table:
     return table
 
 
-def _print_table(table: Table, console: Console) -> None:
-    """Print a table, and say what it lacks on a narrow screen."""
-    tested = [str(column.header) for column in table.columns if str(column.header).startswith("(")]
+def _print_table(table: Table, console: Console, recipe: Recipe) -> None:
+    """Print a table of recipes like this one, and say what it lacks on a narrow screen."""
+    # The test light's title comes after those that were asked for.
+    tested = _titles(recipe)[len(recipe.delta_e) :]
     table, gone = leave_out(table, console, ("per 10 %", "parts", "mixing", *tested))
     console.print(table)
     if gone:

@@ -350,14 +350,14 @@ def _shelf(
                 find_name(name, shelf)
         except ValueError:
             return False
-        return bool(names)
+        return True
 
     own = {} if path is None else read_pigments(path)
-    if own and has_all(own):
+    if names and own and has_all(own):
         return own
     shelf = {**options.read_shelf(None, catalogue), **own}
     # The other catalogues are read where a name is of one of them, or of none.
-    return shelf if not names or has_all(shelf) else options.all_named(shelf)
+    return shelf if has_all(shelf) else options.all_named(shelf)
 
 
 def _list(console, shelf: "Mapping[str, Pigment]") -> None:

@@ -69,7 +69,11 @@ def read_pigments(path: str | Path, provenance: str = "") -> dict[str, Pigment]:
                     raise error(f"no column {missing}; expected {','.join(_NEEDED + _OPTIONAL)}")
                 # A standard deviation may be missing or infinite where a coefficient is not
                 # identifiable.
-                doubtful = [t for t in header if t in _OPTIONAL[:2] or _MODE.fullmatch(t)]
+                doubtful = [
+                    title
+                    for title in header
+                    if title in ("absorption_sd", "scattering_sd") or _MODE.fullmatch(title)
+                ]
                 continue
             if len(cells) != len(header):
                 raise error(f"{len(cells)} cells where the header has {len(header)}")
