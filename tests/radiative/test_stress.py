@@ -126,6 +126,17 @@ def test_errors_stay_below_the_tolerance(index, least_cosine, tolerance):
 
 
 @pytest.mark.slow
+def test_errors_stay_below_the_tolerance_for_an_array_of_indices():
+    """Which takes directions of its own."""
+    *stack, light, view = stacks_of_all_kinds(300, 0.05)
+    given = {"cos_incidence": light, "cos_viewing": view}
+    exact = stack_reflectance_factor(*stack, refractive_index=2.5, tolerance=1e-10, **given)
+    index = np.full(300, 2.5)
+    found = stack_reflectance_factor(*stack, refractive_index=index, tolerance=1e-8, **given)
+    assert float(jnp.max(jnp.abs(found - exact))) < 1e-8
+
+
+@pytest.mark.slow
 @pytest.mark.single
 @pytest.mark.parametrize("method", ["ordinates", "manyflux"])
 def test_two_hundred_layers_of_one_paint_are_one_layer(method):

@@ -132,7 +132,7 @@ _ROWS = (
         tolerance=1e-7, cone=8, total=13, near_cone=14, sliver=(18, 9.0), grazing=(26, 14.5)
     ),
     _ResolutionRow(
-        tolerance=1e-8, cone=9, total=15, near_cone=17, sliver=(22, 10.0), grazing=(32, 16.5)
+        tolerance=1e-8, cone=9, total=16, near_cone=17, sliver=(22, 10.0), grazing=(32, 16.5)
     ),
     _ResolutionRow(
         tolerance=1e-9, cone=11, total=19, near_cone=20, sliver=(27, 10.5), grazing=(38, 17.5)

@@ -20,6 +20,7 @@ _SHARE = 0.17
 # many times brighter.
 _SHARE_NEAR_ONE = 0.08
 _SHARE_HIGH = 0.1
+# From here on; a rule split at the critical angle takes more from `common.directions.HIGH` on.
 _HIGH = 1.7
 # The same for what is scattered twice between grazing beams, which is most of the error there.
 _SHARE_GRAZING = 1.2
