@@ -131,7 +131,7 @@ def speed(results: Results, count: int = 1000, compared: int = 400, triples: int
 
 STAGES = {
     "table of films (once)": ("table", "film_table"),
-    "spectra beside the table": ("screen", "first_starts"),
+    "spectra beside the table": ("screen", "screen"),
     "sets ranked": ("fit", "rank"),
     "best sets again with own errors": ("refine", "refine"),
     "  errors of groups": ("refine", "coefficient_errors"),

@@ -124,4 +124,6 @@ def test_no_traceback_while_modules_load(after):
     process.send_signal(signal.SIGINT)
     _, words = process.communicate(timeout=60)
     assert "Traceback" not in words
-    assert process.returncode in (0, 130)
+    # Before Python hears it, on a slow machine, the signal itself ends the process: -2 here, and
+    # 130 in a shell.
+    assert process.returncode in (0, 130, -signal.SIGINT)

@@ -16,6 +16,7 @@ from glazefit import (
     simulate_films,
 )
 from glazefit.film.model.errors import smooth_kernel
+from glazefit.identify.search import table
 from glazejax import (
     Bidirectional,
     Glaze,
@@ -170,6 +171,18 @@ def test_one_spectrum_alone_gives_what_it_gives_in_a_batch(paints, blind):
     np.testing.assert_allclose(
         alone.probability[0, :5], found.probability[7, :5], rtol=1e-4, atol=1e-6
     )
+
+
+@pytest.mark.slow
+def test_an_answer_does_not_hang_on_what_was_asked_before(paints, blind):
+    """Grounds that hardly differ once shared the table of the first one that was asked about."""
+    some = blind[-1].measured.readings[:4]
+    lighter = np.clip(GROUNDS + 0.03, 0.0, 1.0)
+    asked_before = identify(GRID, some, paints, ground=lighter)
+    table._MADE.clear()
+    asked_first = identify(GRID, some, paints, ground=lighter)
+    np.testing.assert_array_equal(asked_before.probability, asked_first.probability)
+    np.testing.assert_array_equal(asked_before.members, asked_first.members)
 
 
 @pytest.mark.slow

@@ -281,12 +281,14 @@ def _misfits(problem, white, spectra, members, amounts):
     return np.sum(((spectra - film) @ white.T) ** 2, axis=-1)
 
 
-def test_a_table_serves_grounds_that_hardly_differ(problem):
+def test_a_table_serves_its_own_ground_alone(problem):
     response, paints, ground, _ = problem
     ground = np.asarray(ground[0])
     tables = FilmTables(response, paints, 1, 0.7)
     first = tables.over(ground, lambda grounds: np.eye(grounds * GRID.size))
-    assert tables.over(0.99 * ground, lambda grounds: pytest.fail("made again")) is first
+    assert tables.over(ground * (1 + 1e-15), lambda grounds: pytest.fail("made again")) is first
+    near = tables.over(0.99 * ground, lambda grounds: np.eye(grounds * GRID.size))
+    assert near is not first
     other = tables.over(0.5 * ground, lambda grounds: np.eye(grounds * GRID.size))
     assert np.abs(other.sizes[0].films - first.sizes[0].films).max() > 0.1
     alone = tables.over(ground[:1], lambda grounds: np.eye(grounds * GRID.size))

@@ -10,7 +10,7 @@ from .few_bands import can_gather, few_bands_of, gather, spread_out
 from .fit import rank
 from .pool import Pool
 from .refine import refine
-from .screen import first_starts
+from .screen import screen
 from .surface import with_surface
 from .task import IdentificationTask, Measured
 from .two_coats import search_two_coats
@@ -34,7 +34,7 @@ def find_candidates(task: IdentificationTask, measured: Measured) -> Pool:
 
 
 def _find(task: IdentificationTask, measured: Measured) -> Pool:
-    starts = first_starts(task, measured)
+    screened = screen(task, measured)
 
     def fit(rows: Int[np.ndarray, "rows"]) -> Pool:
         # Few sizes, so that little is compiled.
@@ -42,7 +42,8 @@ def _find(task: IdentificationTask, measured: Measured) -> Pool:
         real = np.arange(len(rows))
         filled_up = Chunk(task, measured.take(padded))
         chunk = filled_up.take(real)
-        ranked = rank(filled_up, starts.take(padded))
+        table = screened.tables[rows[0]]
+        ranked = rank(filled_up, screened.starts.take(padded), table)
         pool = refine(chunk, ranked.of(real))
         if task.max_coats == 2 and task.max_paints > 1 and task.paint_count > 1:
             pool = pool.of(np.resize(real, len(padded)))

@@ -25,7 +25,7 @@ from ...film.numerics.least_squares import damped_newton, inverse_small
 from .chunk import Chunk
 from .pool import NOBODY, Pool
 from .screen import SetStarts, grow_triples
-from .table import Paints, sets_of
+from .table import FilmTable, Paints, sets_of
 from .task import IdentificationTask
 
 # Amounts between which a paint is sought, in units of the usual thickness; below the first it is
@@ -62,13 +62,16 @@ class Fitted(NamedTuple):
     readings: Float[Array | np.ndarray, "sets readings"]  # without the surface
 
 
-def rank(chunk: Chunk, starts: SetStarts) -> Pool:
+def rank(chunk: Chunk, starts: SetStarts, table: FilmTable) -> Pool:
     """Candidates of some spectra, fitted in single precision with errors that are the same for all
     candidates of a spectrum: sets of one and of two paints, and of three that grow from the best.
+
+    Args:
+        chunk: the spectra.
+        starts: of their sets.
+        table: in whose components they are fitted; those of films over one ground serve others too.
     """
     task = chunk.task
-    # In the components of films over a ground like the first.
-    table = task.tables.like(chunk.spectra.grounds[0])
     project = table.project
     fixed = project @ chunk.noise_covariance @ project.T
     model = project @ chunk.ranking_covariance @ project.T

@@ -20,7 +20,7 @@ from ...film.model.errors import model_covariance, noise_covariance, whitening
 from ...film.model.response import FilmResponse
 from .chunk import Chunk
 from .pool import NOBODY
-from .table import ALIKE, NearestSets, Paints, film_readings, sets_of
+from .table import ALIKE, FilmTable, NearestSets, Paints, film_readings, sets_of
 from .task import TYPICAL_READING, IdentificationTask, Measured
 
 # Amounts of a third paint, as a share of the pair's.
@@ -40,8 +40,20 @@ class SetStarts(NamedTuple):
         return SetStarts(self.sets[rows], self.logs[rows])
 
 
-def first_starts(task: IdentificationTask, measured: Measured) -> SetStarts:
-    """Sets of one paint and the best of two for every spectrum, by the tables of films."""
+class Screened(NamedTuple):
+    """What tables of films tell of spectra.
+
+    Attributes:
+        starts: sets of one paint and the best of two for every spectrum.
+        tables: in which each spectrum was looked up.
+    """
+
+    starts: SetStarts
+    tables: list[FilmTable]
+
+
+def screen(task: IdentificationTask, measured: Measured) -> Screened:
+    """Look every spectrum up in a table of films over a ground like its own."""
 
     def side_by_side(near: NearestSets) -> Float[np.ndarray, "spectra kept four"]:
         """Members and log amounts."""
@@ -50,16 +62,21 @@ def first_starts(task: IdentificationTask, measured: Measured) -> SetStarts:
         return np.concatenate([members, np.pad(np.log(near.amounts), room)], axis=-1)
 
     found: list[tuple[np.ndarray, np.ndarray]] = []
+    tables: dict[int, FilmTable] = {}
     for rows, ground in alike_grounds(measured.grounds):
         table = task.tables.over(ground, lambda grounds: common_whitening(task, grounds))
         target = measured.flat[rows] - task.mean_surface
         near = table.nearest(target, task.effort.fitted_pairs)
         found.append((rows, np.concatenate([side_by_side(one) for one in near], axis=1)))
+        tables.update(dict.fromkeys(rows.tolist(), table))
     # Back in the order of the spectra.
     order = np.argsort(np.concatenate([rows for rows, _ in found]))
     both = np.concatenate([part for _, part in found])[order]
     size = both.shape[-1] // 2
-    return SetStarts(both[..., :size].astype(np.int32), both[..., size:])
+    return Screened(
+        starts=SetStarts(both[..., :size].astype(np.int32), both[..., size:]),
+        tables=[tables[row] for row in range(len(measured))],
+    )
 
 
 def alike_grounds(

@@ -27,10 +27,14 @@ from ...film.model.response import FilmResponse
 COMPONENTS = 20
 """Numbers that stand for a film's readings while sets are ranked."""
 ALIKE = 0.04
-"""Grounds that differ by less share a table; each film is then fitted with its own."""
+"""Grounds of spectra searched together that differ by less share a table; each film is then fitted
+with its own.
+"""
 _FILMS_AT_A_TIME = 4096
 _SPECTRA_AT_A_TIME = 16
 _TABLES = 8
+# Grounds that are the same but for how a mean was rounded have the same table.
+_GROUND_DIGITS = 3
 # Amounts of each pair, and numbers in all, by which it is chosen at which bands films are read.
 _TRIES = 3
 _NUMBERS = 2**21
@@ -321,26 +325,21 @@ class FilmTables:
         """Response and paints in single precision."""
         return jax.tree.map(lambda a: jnp.asarray(np.asarray(a, np.float32)), self._double)
 
-    def like(self, ground: Float[np.ndarray, "grounds bands"]) -> FilmTable:
-        """The table of those made whose ground is nearest to this one: its components serve other
-        grounds too.
-        """
-        with self._lock:
-            kept = [one for one in self._kept if one[0].shape == ground.shape]
-            return min(kept, key=lambda one: np.abs(one[0] - ground).max())[1]
-
     def over(
         self,
         ground: Float[np.ndarray, "grounds bands"],
         whitening: Callable[[int], Float[np.ndarray, "r r"]],
     ) -> FilmTable:
-        """Films over a ground, or one that hardly differs; errors common to all by the number of
-        grounds.
+        """Films over a ground; errors common to all by the number of grounds.
+
+        A table over another ground, however near, would make the answer depend on what was asked
+        before.
         """
+        rounded = np.round(ground, _GROUND_DIGITS)
         with self._lock:
             for known, table in self._kept:
-                if known.shape == ground.shape and np.abs(known - ground).max() < ALIKE:
+                if np.array_equal(known, rounded):
                     return table
-            table = film_table(*self.single, *self._task, ground, whitening(len(ground)))
-            self._kept = [(ground, table), *self._kept[: _TABLES - 1]]
+            table = film_table(*self.single, *self._task, rounded, whitening(len(rounded)))
+            self._kept = [(rounded, table), *self._kept[: _TABLES - 1]]
             return table
