@@ -144,7 +144,7 @@ def gathered(groups: list[Ranks]) -> dict[str, np.ndarray]:
     """Ranks by what is asked, (films, quantities); fractions of any paint and all bands of one
     spectrum together.
     """
-    rows: dict[str, list[np.ndarray]] = {}
+    by_group: list[dict[str, np.ndarray]] = []
     for group in groups:
         mine: dict[str, list[np.ndarray]] = {}
         for name, values in group.below.items():
@@ -152,9 +152,14 @@ def gathered(groups: list[Ranks]) -> dict[str, np.ndarray]:
             title = {"absorption": "k d", "scattering": "s d", "ratio": "k/s", "model": "error"}
             kind = "thickness" if word == "thickness" else title.get(word, word)
             mine.setdefault(kind, []).append(values)
-        for kind, values in mine.items():
-            rows.setdefault(kind, []).append(np.stack(values, axis=1))
-    return {kind: padded(parts) for kind, parts in rows.items()}
+        by_group.append({kind: np.stack(values, axis=1) for kind, values in mine.items()})
+    # Films of one paint have no fractions: their rows are empty.
+    kinds = dict.fromkeys(kind for mine in by_group for kind in mine)
+    none = [np.full((len(group.apart), 1), np.nan) for group in groups]
+    return {
+        kind: padded([mine.get(kind, empty) for mine, empty in zip(by_group, none, strict=True)])
+        for kind in kinds
+    }
 
 
 def padded(parts: list[np.ndarray]) -> np.ndarray:
