@@ -41,15 +41,14 @@ def compile_ahead(task: IdentificationTask, grounds: int) -> None:
     films = task.response, task.paints
     members = np.zeros((count, max(task.max_paints, 2)), np.int32)
     film_slopes.ahead(*films, members, np.zeros(members.shape), np.zeros((count, *shape)))
-    # Sets are weighed in single precision and shown in double, or both in double.
-    kinds = [(np.float32, task.tables.single)] if task.effort.single_precision else []
-    for kind, given in [*kinds, (np.float64, films)]:
-        matrix = (count, scales, readings, readings)
-        sizes = ((count, readings), matrix, (count, scales), *[(count,)] * 6)
-        weights = Weights(*(np.broadcast_to(kind(0), size) for size in sizes))
-        ground = np.zeros((count, *shape), kind)
-        logs = np.zeros(members.shape, kind)
-        fit_films.ahead(*given, members, logs, ground, weights, task.middle, steps=np.asarray(0))
+    kind = np.float32 if task.effort.single_precision else np.float64
+    given = task.tables.single if task.effort.single_precision else films
+    matrix = (count, scales, readings, readings)
+    sizes = ((count, readings), matrix, (count, scales), *[(count,)] * 6)
+    weights = Weights(*(np.broadcast_to(kind(0), size) for size in sizes))
+    ground = np.zeros((count, *shape), kind)
+    logs = np.zeros(members.shape, kind)
+    fit_films.ahead(*given, members, logs, ground, weights, task.middle, steps=np.asarray(0))
 
 
 @dataclass(frozen=True)
@@ -234,7 +233,7 @@ def fit_with_errors(
     task = chunk.task
     groups = _group(task, films, slopes)
     errors = coefficient_errors(chunk, groups.row, groups.sets, groups.slopes)
-    fitted = _fit(chunk, films, errors, groups.of, steps, single=task.effort.single_precision)
+    fitted = _fit(chunk, films, errors, groups.of, steps)
     log_weight = task.discrepancy.trust * fitted.log_evidence + log_set_prior(task, films.sets)
     # Nothing is known together with a paint that is not there.
     absent = films.sets == NOBODY
@@ -301,13 +300,14 @@ def _fit(
     errors: Whitening,
     group: Int[np.ndarray, "films"],
     steps: int,
-    single: bool = False,
 ) -> Fitted:
     """Films fitted with the errors of their groups; `group` numbers the errors of each film.
 
-    In single precision evidences are good to a thousandth.
+    In single precision evidences are good to a thousandth, and amounts to a
+    hundredth where readings hardly tell them.
     """
     task = chunk.task
+    single = task.effort.single_precision
     kind = np.float32 if single else np.float64
     response, paints = task.tables.single if single else (task.response, task.paints)
     grounds, target, *expected = (

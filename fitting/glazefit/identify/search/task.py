@@ -40,8 +40,7 @@ class Effort(NamedTuple):
         fit_steps: those of the second.
         refit_steps: those of the third.
         amount_steps: those of the fit that finds the amounts to show.
-        single_precision: whether probabilities are computed in single precision; the amounts
-            shown never are.
+        single_precision: whether candidates are fitted in single precision.
     """
 
     fitted_pairs: int
