@@ -7,7 +7,7 @@ from glazejax.radiative.common.threads import in_threads
 
 from .chunk import Chunk
 from .few_bands import can_gather, few_bands_of, gather, spread_out
-from .fit import rank
+from .fit import FEW_SPECTRA, rank
 from .pool import Pool
 from .refine import refine
 from .screen import screen
@@ -56,4 +56,4 @@ def _find(task: IdentificationTask, measured: Measured) -> Pool:
 
 def padded_size(count: int) -> int:
     """To how many spectra a batch is filled up before it is fitted: 16, or whole chunks."""
-    return 16 if count <= 16 else CHUNK * -(-count // CHUNK)
+    return FEW_SPECTRA if count <= FEW_SPECTRA else CHUNK * -(-count // CHUNK)

@@ -24,7 +24,7 @@ from ...film.model.response import FilmResponse
 from ...film.numerics.least_squares import damped_newton, inverse_small
 from .chunk import Chunk
 from .pool import NOBODY, Pool
-from .screen import SetStarts, grow_triples
+from .screen import KEPT_TRIPLES, SetStarts, grow_triples
 from .table import FilmTable, Paints, sets_of
 from .task import IdentificationTask
 
@@ -34,6 +34,8 @@ LEAST = 1e-5
 MOST = 60.0
 _STEPS = 14
 _LONGEST = 2.0
+FEW_SPECTRA = 16
+"""So many at most are fitted by fewer programs."""
 Number = Float[Array | np.ndarray, ""]
 
 
@@ -97,9 +99,13 @@ def rank(chunk: Chunk, starts: SetStarts, table: FilmTable) -> Pool:
         )
         return jax.tree.map(np.asarray, fitted)
 
+    threes = task.max_paints > 2 and task.paint_count > 2
+    if threes and len(chunk) <= FEW_SPECTRA:
+        # A program takes longer to compile than few spectra to fit: one for all sizes of sets.
+        fit = functools.partial(_fit_by_blocks, fit)
     fitted = fit(starts)
     pool = pool_of(task, starts.sets, fitted)
-    if task.max_paints < 3 or task.paint_count < 3:
+    if not threes:
         return pool
     pairs = slice(task.paint_count, None)
     grown, new = grow_triples(
@@ -112,6 +118,26 @@ def rank(chunk: Chunk, starts: SetStarts, table: FilmTable) -> Pool:
     triples = pool_of(task, grown.sets, fit(grown))
     triples.log_weight[~new] = -np.inf
     return pool.merge(triples)
+
+
+def _fit_by_blocks(fit: Callable[[SetStarts], Fitted], starts: SetStarts) -> Fitted:
+    """Sets of up to three paints fitted as sets of three, as many at a time as there are threes."""
+    count, size = starts.sets.shape[1:]
+    room = ((0, 0), (0, 0), (0, 3 - size))
+    sets = np.pad(starts.sets, room, constant_values=NOBODY)
+    logs = np.pad(starts.logs, room)
+    parts = []
+    for first in range(0, count, KEPT_TRIPLES):
+        # The last block is filled up with sets from the first.
+        block = np.arange(first, first + KEPT_TRIPLES) % count
+        parts.append(fit(SetStarts(sets[:, block], logs[:, block])))
+    whole = Fitted(*(np.concatenate(part, axis=1)[:, :count] for part in zip(*parts, strict=True)))
+    return Fitted(
+        logs=whole.logs[..., :size],
+        covariance=whole.covariance[..., :size, :size],
+        log_evidence=whole.log_evidence,
+        readings=whole.readings,
+    )
 
 
 def pool_of(

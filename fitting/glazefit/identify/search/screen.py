@@ -26,7 +26,8 @@ from .task import TYPICAL_READING, IdentificationTask, Measured
 # Amounts of a third paint, as a share of the pair's.
 _THIRDS = np.array([0.003, 0.02, 0.1, 0.4, 1.5])
 _GROWN_PAIRS = 12
-_KEPT_TRIPLES = 40
+KEPT_TRIPLES = 40
+"""Sets of three that are fitted, of as many."""
 
 
 class SetStarts(NamedTuple):
@@ -130,7 +131,7 @@ def grow_triples(
     cost, where = (
         np.asarray(a) for a in score(task.response, task.paints, jnp.asarray(sets), *given)
     )
-    keep = min(_KEPT_TRIPLES, len(sets_of(task.paint_count, 3)))
+    keep = min(KEPT_TRIPLES, len(sets_of(task.paint_count, 3)))
     # Pairs that overlap can give fewer sets than wanted: then some come twice.
     found = [unique_best(s, c, keep) for s, c in zip(sets, cost, strict=True)]
     chosen = np.stack([np.resize(numbers, keep) for numbers in found])

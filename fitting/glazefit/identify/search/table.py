@@ -193,10 +193,7 @@ def film_table(
     project = np.eye(ground.size)
     middle = np.zeros(ground.size)
     if ground.size > COMPONENTS:
-        batch = [
-            _films(response, paints, _pieces(*kind, spaced=True)[0], kind[1], ground)
-            for kind in kinds
-        ]
+        batch = [_films(response, paints, *kind, _spaced_numbers(*kind), ground) for kind in kinds]
         # Many readings are projected to the components that films span.
         films = np.concatenate(batch) @ white.T
         middle = films.mean(axis=0)
@@ -208,11 +205,14 @@ def film_table(
     middle = project @ middle
     tables = []
     for sets, grid in kinds:
+        numbers = np.arange(len(sets) * len(grid))
         parts = [
-            _films(response, paints, batch, grid, ground) @ whole.T - middle
-            for batch in _pieces(sets, grid)
+            _films(response, paints, sets, grid, numbers[first : first + _FILMS_AT_A_TIME], ground)
+            @ whole.T
+            - middle
+            for first in range(0, len(numbers), _FILMS_AT_A_TIME)
         ]
-        films = np.concatenate(parts)[: len(sets) * len(grid)].astype(np.float32)
+        films = np.concatenate(parts).astype(np.float32)
         films = (
             films.reshape(len(sets), len(grid), -1).transpose(2, 1, 0).reshape(films.shape[1], -1)
         )
@@ -248,19 +248,13 @@ def films_at_random(
     return np.asarray(read, np.float64).reshape(-1, bands)
 
 
-def _pieces(
-    sets: Int[np.ndarray, "sets size"], grid: Float[np.ndarray, "points size"], spaced: bool = False
-) -> list[Int[np.ndarray, "batch size"]]:
-    """All sets, a few at a time, or as many from all of them; always as many, so that one program
-    is compiled.
-    """
-    step = max(1, _FILMS_AT_A_TIME // len(grid))
-    if spaced:
-        return [sets[np.linspace(0, len(sets) - 1, step).astype(int)]]
-    return [
-        np.resize(sets[first : first + step], (step, sets.shape[1]))
-        for first in range(0, len(sets), step)
-    ]
+def _spaced_numbers(
+    sets: Int[np.ndarray, "sets size"], grid: Float[np.ndarray, "points size"]
+) -> Int[np.ndarray, "films"]:
+    """Numbers of the films of some sets from all over them, at every point of the grid."""
+    count = max(1, _FILMS_AT_A_TIME // len(grid))
+    chosen = np.linspace(0, len(sets) - 1, count).astype(int)
+    return (chosen[:, None] * len(grid) + np.arange(len(grid))).ravel()
 
 
 def _films(
@@ -268,14 +262,27 @@ def _films(
     paints: Paints,
     sets: Int[np.ndarray, "sets size"],
     grid: Float[np.ndarray, "points size"],
+    numbers: Int[np.ndarray, "films"],
     ground: Float[np.ndarray, "grounds bands"],
 ) -> Float[np.ndarray, "films readings"]:
-    """Readings of every set at every point of the grid, set by set."""
-    amounts = jnp.asarray(np.broadcast_to(grid, (len(sets), *grid.shape)).astype(np.float32))
+    """Readings of films by their numbers, set by set and in each point by point of the grid.
+
+    Filled up to one shape for films of one paint and of two, so that one program is compiled.
+    """
+    number = np.resize(numbers, _FILMS_AT_A_TIME)
+    members = sets[number // len(grid)]
+    amounts = grid[number % len(grid)].astype(np.float32)
+    # Of one paint: the same once more, and nothing of it.
+    members = np.concatenate([members, members], axis=1)[:, :2]
+    amounts = np.concatenate([amounts, np.zeros_like(amounts)], axis=1)[:, :2]
     read = _read(
-        response, paints, jnp.asarray(sets), amounts, jnp.asarray(ground.astype(np.float32))
+        response,
+        paints,
+        jnp.asarray(members),
+        jnp.asarray(amounts[:, None]),
+        jnp.asarray(ground.astype(np.float32)),
     )
-    return np.asarray(read, np.float64).reshape(-1, ground.size)
+    return np.asarray(read, np.float64).reshape(-1, ground.size)[: len(numbers)]
 
 
 _MADE: OrderedDict[Hashable, "FilmTables"] = OrderedDict()
