@@ -9,8 +9,8 @@ from glazefit.film.colour_metric import lab_metric
 from glazefit.film.films import Instrument
 from glazefit.film.model.optics import Optics
 from glazefit.recipe import polish as polish_module
-from glazefit.recipe.model import fill_slots, make_model
-from glazefit.recipe.polish import colour_misfit, polish, solve
+from glazefit.recipe.model import Solver, fill_slots, make_model, solve
+from glazefit.recipe.polish import colour_misfit, polish
 from glazefit.recipe.screen import Stacks, TargetArrays
 from glazefit.recipe.selection import score
 from glazejax import colour
@@ -19,7 +19,7 @@ from .palette import GRID, palette
 
 SEEN = gj.Bidirectional(45, 0)
 D65 = colour.find_illuminant("D65")
-OPTICS = Optics.of(SEEN, 1.5)
+SOLVER = Solver(Optics.of(SEEN, 1.5), 4)
 WHITE, BLACK, RED, YELLOW, BLUE = range(5)
 
 
@@ -64,7 +64,7 @@ def test_slopes_are_those_of_the_solver(model):
     amount = np.where(
         slots.used, some.sizes[0][np.asarray(slots.coat), np.asarray(slots.paint)], 1.0
     )
-    reading, slope, lab, _ = solve(model, slots, jnp.asarray(amount), OPTICS, coats=2)
+    reading, slope, lab, _ = solve(model, SOLVER, slots, amount, 2)
     np.testing.assert_allclose(reading[0], spectrum(model, some.sizes[0]), atol=2e-6)
     np.testing.assert_allclose(lab[0, 0], colour.lab(GRID, reading[0]), atol=1e-9)
     for slot in range(3):
@@ -106,12 +106,12 @@ def test_amounts_that_made_a_colour_are_found_again(model):
     spectra = np.stack([spectrum(model, sizes) for sizes in made.sizes])
     start = made._replace(sizes=made.sizes * np.array([1.3, 0.8])[:, None, None])
     aims = aims_of(spectra, 1e4)
-    found = polish(model, OPTICS, aims, start, 4)
+    found = polish(model, SOLVER, aims, start)
     assert found.settled.all()
     assert np.all(found.steps > 0)
     assert np.all(found.before > 0.5)
     np.testing.assert_allclose(found.sizes, made.sizes, rtol=0.02, atol=1e-3)
-    own = score(model, OPTICS, aims, found)
+    own = score(model, SOLVER, aims, found)
     assert max(one.distance for one in own) < 0.01
     # The cost is what recipes are chosen by.
     np.testing.assert_allclose(np.sqrt(found.cost), [one.score for one in own], atol=2e-3)
@@ -121,7 +121,7 @@ def test_a_coat_at_its_bound_and_a_paint_that_fades_settle(model):
     """For a white out of reach: white as thick as allowed, and red or black only spoil it."""
     start = stacks([{WHITE: 30.0}], [{WHITE: 30.0, RED: 1.0}], [{WHITE: 47.0, BLACK: 0.5}])
     aims = aims_of(np.ones((3, GRID.size)))
-    found = polish(model, OPTICS, aims, start, 3)
+    found = polish(model, SOLVER._replace(slots=3), aims, start)
     assert found.settled.all()
     np.testing.assert_allclose(found.sizes[0, 0], [50.0, 0, 0, 0, 0])
     shares = found.sizes[:, 0] / found.sizes[:, 0].sum(axis=1, keepdims=True)
@@ -132,8 +132,8 @@ def test_steps_that_run_out_are_said(model, monkeypatch):
     start = stacks([{RED: 20.0, WHITE: 4.0}, {BLUE: 40.0}])
     aims = aims_of(spectrum(model, stacks([{RED: 2.0, WHITE: 4.0}, {BLUE: 3.0}]).sizes[0])[None])
     monkeypatch.setattr(polish_module, "_STEPS", 1)
-    assert not polish(model, OPTICS, aims, start, 4).settled.any()
+    assert not polish(model, SOLVER, aims, start).settled.any()
     monkeypatch.undo()
-    found = polish(model, OPTICS, aims, start, 4)
+    found = polish(model, SOLVER, aims, start)
     assert found.settled.all()
-    assert score(model, OPTICS, aims, found)[0].distance < 0.05
+    assert score(model, SOLVER, aims, found)[0].distance < 0.05

@@ -28,6 +28,7 @@ TOLERANCE = 1e-6
 
 READ_CHUNK = 128
 """Stacks that are solved at a time."""
+_TABLE_CHUNK = 512
 
 
 class StackModel(NamedTuple):
@@ -41,6 +42,18 @@ class StackModel(NamedTuple):
     white: Float[Array, "lights 3"]
     span: Float[Array, "2"]  # logarithms of the thinnest and thickest coat, um
     film: FilmResponse
+
+
+class Solver(NamedTuple):
+    """The solver as recipes ask it.
+
+    Attributes:
+        optics: the instrument.
+        slots: at least as many as a stack has paints, counted in each coat.
+    """
+
+    optics: Optics
+    slots: int
 
 
 class Slots(NamedTuple):
@@ -143,6 +156,9 @@ def fill_slots(
         count: number of slots, at least the number of amounts above 0.
     """
     flat = sizes.reshape(len(sizes), -1)
+    most = int((flat > 0).sum(axis=1).max(initial=0))
+    if most > count:
+        raise ValueError(f"a stack of {most} amounts does not go into {count} slots")
     # Amounts above 0 first, in the order of coats and paints.
     order = np.argsort(flat <= 0, axis=1, kind="stable")[:, :count]
     order = np.pad(order, ((0, 0), (0, max(0, count - order.shape[1]))))
@@ -205,29 +221,100 @@ def true_reading(
 
 
 def readings(
-    model: StackModel, sizes: Float[np.ndarray, "n coats paints"], optics: Optics | None
+    model: StackModel, sizes: Float[np.ndarray, "n coats paints"], solver: Solver | None
 ) -> Float[np.ndarray, "n bands"]:
-    """What the instrument reads on each of many stacks: by the solver, or without `optics` by the
+    """What the instrument reads on each of many stacks: by the solver, or without one by the
     table.
     """
+    if len(sizes) == 0:
+        return np.zeros((0, model.ground.size))
+    if solver is None:
+        done = []
+        # Pieces of one size, so that one program serves all.
+        for first in range(0, len(sizes), _TABLE_CHUNK):
+            rows = np.arange(first, first + _TABLE_CHUNK).clip(max=len(sizes) - 1)
+            done.append(np.asarray(_quick_readings(model, sizes[rows]))[: len(sizes) - first])
+        return np.concatenate(done)
+    # The program of the last steps serves here too: its slopes take a sixth of its time.
+    slots, _ = fill_slots(model, sizes, solver.slots)
+    amount = sizes[np.arange(len(sizes))[:, None], slots.coat, slots.paint]
+    return solve(model, solver, slots, np.where(slots.used, amount, 0.0), sizes.shape[1])[0]
+
+
+def solve(
+    model: StackModel,
+    solver: Solver,
+    slots: Slots,
+    amount: Float[np.ndarray, "n slots"],
+    coats: int,
+) -> tuple[
+    Float[np.ndarray, "n bands"],
+    Float[np.ndarray, "n slots bands"],
+    Float[np.ndarray, "n lights 3"],
+    Float[np.ndarray, "n lights 3 bands"],
+]:
+    """Readings by the solver and their slopes by the amounts in um; L*a*b* and their slopes by the
+    readings.
+    """
     done = []
-    # Pieces of one size, so that one program serves all.
-    size = READ_CHUNK if optics else 4 * READ_CHUNK
-    for first in range(0, len(sizes), size):
-        rows = np.arange(first, first + size).clip(max=len(sizes) - 1)
-        done.append(np.asarray(_readings(model, sizes[rows], optics))[: len(sizes) - first])
-    return np.concatenate(done) if done else np.zeros((0, model.ground.size))
+    for first in range(0, len(amount), READ_CHUNK):
+        # Always as many, so that one program serves all.
+        rows = np.arange(first, first + READ_CHUNK).clip(max=len(amount) - 1)
+        some = Slots(*(np.asarray(values)[rows] for values in slots))
+        solved = _solve(model, some, amount[rows], solver.optics, coats=coats)
+        done.append([np.asarray(values)[: len(amount) - first] for values in solved])
+    reading, by_amount, lab, by_reading = (
+        np.concatenate(values) for values in zip(*done, strict=True)
+    )
+    return reading, by_amount, lab, by_reading
 
 
-def readings_ahead(model: StackModel, coats: int, optics: Optics | None) -> None:
-    """Begin to compile what `readings` of stacks of so many coats runs."""
-    size = READ_CHUNK if optics else 4 * READ_CHUNK
-    _readings.ahead(model, np.ones((size, coats, len(model.absorption))), optics)
+def readings_ahead(model: StackModel, solver: Solver, coats: int) -> None:
+    """Begin to compile what reads stacks of so many coats, by the solver and by the table."""
+    none = np.zeros((READ_CHUNK, solver.slots), int)
+    slots = Slots(none, none, none > 0)
+    _solve.ahead(model, slots, np.zeros(none.shape), solver.optics, coats=coats)
+    _quick_readings.ahead(model, np.ones((_TABLE_CHUNK, coats, len(model.absorption))))
 
 
-@functools.partial(Program, fixed=("optics",))
-def _readings(
-    model: StackModel, sizes: Float[Array | np.ndarray, "n coats paints"], optics: Optics | None
+@Program
+def _quick_readings(
+    model: StackModel, sizes: Float[Array | np.ndarray, "n coats paints"]
 ) -> Float[Array, "n bands"]:
     kd, sd = (jnp.asarray(sizes) @ each for each in (model.absorption, model.scattering))
-    return quick_reading(model, kd, sd) if optics is None else true_reading(model, kd, sd, optics)
+    return quick_reading(model, kd, sd)
+
+
+@functools.partial(Program, fixed=("optics", "coats"))
+def _solve(
+    model: StackModel,
+    slots: Slots,
+    amount: Float[Array | np.ndarray, "n slots"],
+    optics: Optics,
+    *,
+    coats: int,
+) -> tuple[
+    Float[Array, "n bands"],
+    Float[Array, "n slots bands"],
+    Float[Array, "n lights 3"],
+    Float[Array, "n lights 3 bands"],
+]:
+    """Readings by the solver and their slopes by the amounts in um; L*a*b* and their slopes by the
+    readings.
+    """
+    # (n, slots, bands)
+    absorption = model.absorption[slots.paint]
+    scattering = model.scattering[slots.paint]
+    member = slots.used[:, None] & (slots.coat[:, None] == jnp.arange(coats)[:, None])
+    share = jnp.where(member, amount[:, None], 0.0)
+    reading, back = jax.vjp(
+        lambda kd, sd: true_reading(model, kd, sd, optics), share @ absorption, share @ scattering
+    )
+    # A band's reading follows from that band alone, so that one pull-back of ones holds every
+    # slope.
+    by_kd, by_sd = (
+        jnp.take_along_axis(v, slots.coat[..., None], axis=1) for v in back(jnp.ones_like(reading))
+    )
+    by_amount = jnp.where(slots.used[..., None], by_kd * absorption + by_sd * scattering, 0.0)
+    by_reading = jax.vmap(jax.jacfwd(lambda spectrum: lab_of(model, spectrum)))(reading)
+    return reading, by_amount, lab_of(model, reading), by_reading

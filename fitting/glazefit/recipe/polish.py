@@ -9,21 +9,16 @@ full step promises less than `PROMISE`: a paint that fades away changes nothing 
 no solve from its end.
 """
 
-import functools
 from typing import NamedTuple
 
-import jax
-import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Bool, Float, Int
 
 from glazejax.colour import delta_e_2000
-from glazejax.programs import Program
 
 from ..film.colour_metric import lab_metric
-from ..film.model.optics import Optics
 from ..film.numerics.least_squares import Bounds, Looks, descend_within
-from .model import READ_CHUNK, Slots, StackModel, empty_slots, fill_slots, lab_of, true_reading
+from .model import Slots, Solver, StackModel, empty_slots, fill_slots, solve
 from .screen import Stacks, TargetArrays
 
 PROMISE = 1e-3
@@ -59,16 +54,13 @@ class _Place(NamedTuple):
         )
 
 
-def polish(
-    model: StackModel, optics: Optics, aims: TargetArrays, stacks: Stacks, slots: int
-) -> Stacks:
+def polish(model: StackModel, solver: Solver, aims: TargetArrays, stacks: Stacks) -> Stacks:
     """Stacks at the best amounts of their paints, as the solver itself sees them.
 
     Args:
         model, aims: paints and targets.
-        optics: the instrument.
+        solver: with slots for all paints of a stack.
         stacks: where to start.
-        slots: at least as many as a stack has paints, counted in each coat.
 
     Returns:
         The stacks, none farther from its target than before, with `cost`, `steps`, `settled` and
@@ -76,20 +68,20 @@ def polish(
     """
     if stacks.size == 0:
         return stacks
-    place, point = _start(model, aims, stacks, slots)
+    place, point = _start(model, aims, stacks, solver.slots)
     coats = stacks.sizes.shape[1]
     low = np.full(point.shape[1], _FADED)
     high = np.zeros(point.shape[1])
     low[:coats], high[:coats] = np.asarray(model.span)
 
     def look(rows: np.ndarray, points: np.ndarray) -> Looks:
-        return _look(model, optics, place.take(rows), points)[0]
+        return _look(model, solver, place.take(rows), points)[0]
 
     def normalise(rows: np.ndarray, points: np.ndarray) -> np.ndarray:
         shares = _shares(place.take(rows), points[:, coats:])
         return np.concatenate([points[:, :coats], shares], axis=1)
 
-    seen, before = _look(model, optics, place, point)
+    seen, before = _look(model, solver, place, point)
     found = descend_within(
         look,
         point,
@@ -155,19 +147,12 @@ def _shares(place: _Place, free: Float[np.ndarray, "n slots"]) -> Float[np.ndarr
 
 
 def _look(
-    model: StackModel, optics: Optics, place: _Place, point: Float[np.ndarray, "n m"]
+    model: StackModel, solver: Solver, place: _Place, point: Float[np.ndarray, "n m"]
 ) -> tuple[Looks, Float[np.ndarray, "n"]]:
     """Cost and slopes by the solver, and the largest Delta E under the lights."""
     amount, share = _amounts(place, point)
-    done = []
-    for first in range(0, len(point), READ_CHUNK):
-        # Always as many, so that one program serves all.
-        rows = np.arange(first, first + READ_CHUNK).clip(max=len(point) - 1)
-        slots = Slots(*(values[rows] for values in place.slots))
-        solved = solve(model, slots, amount[rows], optics, coats=place.member.shape[1])
-        done.append([np.asarray(values)[: len(point) - first] for values in solved])
-    reading, by_amount, lab, lab_by_reading = (
-        np.concatenate(values) for values in zip(*done, strict=True)
+    reading, by_amount, lab, lab_by_reading = solve(
+        model, solver, Slots(*place.slots), amount, place.member.shape[1]
     )
     colours, moves = colour_misfit(lab, place.lab)
     lights = lab.shape[1]
@@ -199,47 +184,6 @@ def _look(
         curvature=flipped @ slopes,
     )
     return looks, delta_e
-
-
-def polish_ahead(model: StackModel, optics: Optics, slots: int, coats: int) -> None:
-    """Begin to compile what `polish` of stacks of so many coats runs."""
-    none = np.zeros((READ_CHUNK, slots), int)
-    solve.ahead(model, Slots(none, none, none > 0), np.zeros(none.shape), optics, coats=coats)
-
-
-@functools.partial(Program, fixed=("optics", "coats"))
-def solve(
-    model: StackModel,
-    slots: Slots,
-    amount: Float[Array | np.ndarray, "n slots"],
-    optics: Optics,
-    *,
-    coats: int,
-) -> tuple[
-    Float[Array, "n bands"],
-    Float[Array, "n slots bands"],
-    Float[Array, "n lights 3"],
-    Float[Array, "n lights 3 bands"],
-]:
-    """Readings by the solver and their slopes by the amounts in um; L*a*b* and their slopes by the
-    readings.
-    """
-    # (n, slots, bands)
-    absorption = model.absorption[slots.paint]
-    scattering = model.scattering[slots.paint]
-    member = slots.used[:, None] & (slots.coat[:, None] == jnp.arange(coats)[:, None])
-    share = jnp.where(member, amount[:, None], 0.0)
-    reading, back = jax.vjp(
-        lambda kd, sd: true_reading(model, kd, sd, optics), share @ absorption, share @ scattering
-    )
-    # A band's reading follows from that band alone, so that one pull-back of ones holds every
-    # slope.
-    by_kd, by_sd = (
-        jnp.take_along_axis(v, slots.coat[..., None], axis=1) for v in back(jnp.ones_like(reading))
-    )
-    by_amount = jnp.where(slots.used[..., None], by_kd * absorption + by_sd * scattering, 0.0)
-    by_reading = jax.vmap(jax.jacfwd(lambda spectrum: lab_of(model, spectrum)))(reading)
-    return reading, by_amount, lab_of(model, reading), by_reading
 
 
 def colour_misfit(

@@ -22,7 +22,7 @@ from glazejax.paint.describe import Coat
 from ..film.model.mixing import Pigments
 from ..film.model.variation import MIXED, Variation
 from .model import StackModel, readings, readings_ahead
-from .polish import polish, polish_ahead
+from .polish import polish
 from .refine import grown, refine, refine_ahead
 from .screen import MOST_SCREENED, Stacks, TargetArrays, screen
 from .selection import IN_GAMUT, Scored, round_recipes, score, select, simplify
@@ -218,9 +218,7 @@ def _search(task: Task) -> Iterator[list[list[Recipe]]]:
 
     # While the first look is compiled and taken, another thread compiles what comes after it.
     refine_ahead(model, aims, task.slots, task.max_coats)
-    polish_ahead(model, task.optics, task.slots, task.max_coats)
-    readings_ahead(model, task.max_coats, None)
-    readings_ahead(model, task.max_coats, task.optics)
+    readings_ahead(model, task.solver, task.max_coats)
 
     def keep(coats: int, paints: int) -> int:
         return _KEEP[coats, paints]
@@ -265,19 +263,19 @@ def _refine(task: Task, model: StackModel, aims: TargetArrays, rough: Stacks) ->
     pool = Stacks.join([stacks, better(simplify(model, stacks))])
     # What the table puts first, at the best amounts by the solver itself.
     kept = _KEEP_GLAZES if task.glazes else _KEEP_SOLVED
-    return polish(model, task.optics, aims, pool.best(lambda coats, paints: kept), task.slots)
+    return polish(model, task.solver, aims, pool.best(lambda coats, paints: kept))
 
 
 def _finish(
     task: Task, model: StackModel, aims: TargetArrays, stacks: Stacks, targets: range
 ) -> list[list[Recipe]]:
     """Choose, round and describe the recipes of some targets."""
-    scored = score(model, task.optics, aims, stacks)
+    scored = score(model, task.solver, aims, stacks)
     exact = []
     for target in targets:
         own = [one for one, owner in zip(scored, stacks.target, strict=True) if owner == target]
         exact += [(target, one) for one in select(own, _SPARE * task.count, task.simplicity)]
-    round_ones = round_recipes(model, task.optics, aims, exact, task.simplicity)
+    round_ones = round_recipes(model, task.solver, aims, exact, task.simplicity)
     recipes = []
     for target in targets:
         pairs = {
@@ -378,7 +376,7 @@ def _thickness_effects(
                 other[coat] *= factor
                 sizes.append(other)
                 places.append((row, coat))
-    reading = readings(model, np.stack(sizes), task.optics)
+    reading = readings(model, np.stack(sizes), task.solver)
     labs = np.asarray(
         colour.lab(task.wavelengths, reading, illuminant=light, observer=task.observer)
     )
@@ -423,7 +421,7 @@ def _between_mixings(task: Task, model: StackModel, chosen: list[Scored]) -> lis
     labs, own = (
         np.asarray(colour.lab(task.wavelengths, reading, illuminant=light, observer=task.observer))
         for reading in (
-            readings(model, stronger, task.optics),
+            readings(model, stronger, task.solver),
             np.stack([one.reading for one in chosen]),
         )
     )

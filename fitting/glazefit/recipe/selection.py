@@ -11,8 +11,7 @@ from jaxtyping import Float
 
 from glazejax.colour import delta_e_2000
 
-from ..film.model.optics import Optics
-from .model import StackModel, lab_of, readings
+from .model import Solver, StackModel, lab_of, readings
 from .screen import Stacks, TargetArrays
 
 IN_GAMUT = 1.0
@@ -82,9 +81,9 @@ class Scored:
         )
 
 
-def score(model: StackModel, optics: Optics, aims: TargetArrays, stacks: Stacks) -> list[Scored]:
+def score(model: StackModel, solver: Solver, aims: TargetArrays, stacks: Stacks) -> list[Scored]:
     """Stacks as the solver sees them, with Delta E 2000 by colour-science."""
-    return _score(model, aims, stacks, readings(model, stacks.sizes, optics))
+    return _score(model, aims, stacks, readings(model, stacks.sizes, solver))
 
 
 def _score(
@@ -218,7 +217,7 @@ def _round_coats(
 
 def round_recipes(
     model: StackModel,
-    optics: Optics,
+    solver: Solver,
     aims: TargetArrays,
     chosen: Sequence[tuple[int, Scored]],
     simplicity: float,
@@ -249,7 +248,7 @@ def round_recipes(
     ]
     results = iter(
         score(
-            model, optics, aims, flat.take(np.array([row for rows in nearest for row in rows], int))
+            model, solver, aims, flat.take(np.array([row for rows in nearest for row in rows], int))
         )
     )
     return [

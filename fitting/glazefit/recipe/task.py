@@ -17,7 +17,7 @@ from ..film.colour_metric import lab_metric
 from ..film.films import Instrument, InstrumentLike
 from ..film.model.mixing import Pigments, listed_pigments
 from ..film.model.optics import Optics
-from .model import StackModel, make_model
+from .model import Solver, StackModel, make_model
 from .screen import TargetArrays
 from .targets import Colour, Target, lab_target
 
@@ -99,9 +99,9 @@ class Task:
         return self.pigments[0].wavelengths
 
     @property
-    def optics(self) -> Optics:
-        """The instrument in plain numbers."""
-        return Optics.of(self.instrument)
+    def solver(self) -> Solver:
+        """What reads the stacks of this search."""
+        return Solver(Optics.of(self.instrument), self.slots)
 
     def model(self) -> StackModel:
         """What stacks of these paints read, as arrays."""
