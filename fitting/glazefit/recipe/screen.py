@@ -17,6 +17,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from glazejax.programs import Program
+from glazejax.radiative.common.threads import in_threads
 
 from .model import StackModel, internal, lab_of
 from .sobol import scrambled_sobol
@@ -33,6 +34,10 @@ _RANGE = 4.5
 _SETS = 192
 _BATCH = 8
 _POINTS = {1: (1, 8), 2: (7, 4), 3: (20, 4)}  # proportions and thicknesses, by the number of paints
+# Points that are looked at together where two coats are, a divisor of those of a set; and pieces of
+# so many points, above and below, always as many.
+_TOGETHER = 4
+_PIECES = 40
 
 
 class TargetArrays(NamedTuple):
@@ -127,6 +132,9 @@ class _Coats(NamedTuple):
     paints: Any  # Int (sets, paints), NumPy's or JAX's
     amounts: Any  # Float (sets, points, paints), um
 
+    def take(self, rows: Int[np.ndarray, "m"]) -> "_Coats":
+        return _Coats(self.paints[rows], self.amounts[rows])
+
 
 def squared_distance(
     model: StackModel, aims: TargetArrays, reading: Float[Array, "*batch bands"]
@@ -171,31 +179,14 @@ def screen(
         coats.values(), _of_one_coat(model, aims, list(coats.values())), strict=True
     ):
         found.append(_one_coat_stacks(model, batch, cost, best, keep, max_coats))
-    for n in coats if max_coats >= 2 else ():
-        # The wide grid of three paints in a coat is for single coats. What lies below goes in one
-        # program.
-        below = [bottom for m, bottom in coats.items() if n + m <= MOST_SCREENED]
-        if not below:
+    for n, m in itertools.product(coats, repeat=2) if max_coats >= 2 else ():
+        # The wide grid of three paints in a coat is for single coats.
+        if n + m > MOST_SCREENED:
             continue
-        many = max(bottom.amounts.shape[1] for bottom in below)
-        joined = _join(below)
-        cost, best = map(np.array, _two_coats(model, aims, coats[n], joined))
-        ends = np.cumsum([0, *(len(bottom.paints) for bottom in below)])
-        for bottom, start, end in zip(below, ends, ends[1:], strict=False):
-            here = cost[:, start:end]
-            here[~_sensible(coats[n].paints, bottom.paints, max_paints)] = np.inf
-            pair = (coats[n], bottom)
-            found.append(
-                _two_coat_stacks(
-                    model,
-                    pair,
-                    here,
-                    best[:, start:end],
-                    points=many,
-                    keep=keep,
-                    max_coats=max_coats,
-                )
-            )
+        top, bottom = coats[n], coats[m]
+        cost, best = _of_two_coats(model, aims, top, bottom)
+        cost[~_sensible(top.paints, bottom.paints, max_paints)] = np.inf
+        found.append(_two_coat_stacks(model, (top, bottom), cost, best, keep, max_coats))
     return Stacks.join(found).best(keep)
 
 
@@ -222,11 +213,68 @@ def _of_one_coat(
     total = len(everything.paints)
     for first in range(0, total, _SETS):
         rows = np.arange(first, first + _SETS).clip(max=total - 1)
-        scores = _one_coat(model, aims, _Coats(*(values[rows] for values in everything)))
+        scores = _one_coat(model, aims, everything.take(rows))
         done.append([np.array(values)[: total - first] for values in scores])
     cost, best = (np.concatenate(values) for values in zip(*done, strict=True))
     ends = np.cumsum([len(coats.paints) for coats in kinds])[:-1]
     return list(zip(np.split(cost, ends), np.split(best, ends), strict=True))
+
+
+def _of_two_coats(
+    model: StackModel, aims: TargetArrays, top: _Coats, bottom: _Coats
+) -> tuple[
+    Float[np.ndarray, "sets others targets"],
+    Int[np.ndarray, "sets others targets"],
+]:
+    """Least cost of each set over each other set, and the point of both grids where it is.
+
+    Sets are cut into pieces of a few points and looked at a square of pieces at a time, so that one
+    program serves sets of one paint and of two, over either.
+    """
+    above = _cut(top)
+    below = _cut(bottom)
+    corners = itertools.product(
+        range(0, len(above.paints), _PIECES), range(0, len(below.paints), _PIECES)
+    )
+
+    def square(corner: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
+        rows, columns = (
+            np.arange(first, first + _PIECES).clip(max=len(pieces.paints) - 1)
+            for first, pieces in zip(corner, (above, below), strict=True)
+        )
+        scores = _two_coats(model, aims, above.take(rows), below.take(columns))
+        return np.asarray(scores[0]), np.asarray(scores[1])
+
+    whole = len(above.paints), len(below.paints), len(aims.spectral)
+    cost, point = np.empty(whole), np.empty(whole, int)
+    places = list(corners)
+    for (row, column), scores in zip(places, in_threads(square, places), strict=True):
+        here = slice(row, row + _PIECES), slice(column, column + _PIECES)
+        for values, score in zip((cost, point), scores, strict=True):
+            room = values[here]
+            room[:] = score[: room.shape[0], : room.shape[1]]
+    # Of each two sets the best of their pieces.
+    sets = len(top.paints), len(bottom.paints)
+    pieces = len(above.paints) // sets[0], len(below.paints) // sets[1]
+    split = sets[0], pieces[0], sets[1], pieces[1], whole[2]
+    by_pieces = np.moveaxis(cost.reshape(split), 3, 2).reshape(sets[0], -1, sets[1], whole[2])
+    best = np.argmin(by_pieces, axis=1)
+    inside = np.moveaxis(point.reshape(split), 3, 2).reshape(by_pieces.shape)
+    inside = np.take_along_axis(inside, best[:, None], axis=1)[:, 0]
+    upper = best // pieces[1] * _TOGETHER + inside // _TOGETHER
+    lower = best % pieces[1] * _TOGETHER + inside % _TOGETHER
+    return by_pieces.min(axis=1), upper * bottom.amounts.shape[1] + lower
+
+
+def _cut(coats: _Coats) -> _Coats:
+    """Sets with a few points each, of the same set below each other, filled up to two paints by
+    none of the first.
+    """
+    count, points, width = coats.amounts.shape
+    amounts = coats.amounts.reshape(count * points // _TOGETHER, _TOGETHER, width)
+    paints = np.repeat(coats.paints, points // _TOGETHER, axis=0)
+    room = ((0, 0), (0, 2 - width))
+    return _Coats(np.pad(paints, room), np.pad(amounts, ((0, 0), *room)))
 
 
 def strength(model: StackModel) -> Float[np.ndarray, "paints"]:
@@ -283,7 +331,7 @@ def _one_coat(
 def _two_coats(
     model: StackModel, aims: TargetArrays, top: _Coats, bottom: _Coats
 ) -> tuple[Float[Array, "sets others targets"], Int[Array, "sets others targets"]]:
-    """Least cost of each set over each other set, and the point of both grids where it is."""
+    """Least cost of each piece over each other piece, and the point of both where it is."""
     below = internal(model, model.film.body(*_optical(model, bottom), model.ground))
     ground = jnp.swapaxes(below, 0, 1)  # (points, others, bands)
 
@@ -326,14 +374,13 @@ def _one_coat_stacks(
 def _two_coat_stacks(
     model: StackModel,
     coats: tuple[_Coats, _Coats],
-    cost,
-    best,
-    points: int,
+    cost: Float[np.ndarray, "sets others targets"],
+    best: Int[np.ndarray, "sets others targets"],
     keep: Keep,
     max_coats: int,
 ) -> Stacks:
-    """`points` of the lower coat were counted, of which its own come first."""
     top, bottom = coats
+    points = bottom.amounts.shape[1]
     many = len(bottom.paints)
     flat = cost.reshape(-1, cost.shape[-1])
     rows, targets = _lowest(flat, keep(2, top.paints.shape[1] + bottom.paints.shape[1]))
