@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from glazefit import Noise
+from glazefit.film import noise
 from glazefit.film.noise import spectra_noise
 from glazefit.mapping.solve.working_bands import WorkingBands, classify
 from glazefit.mapping.store.layout import Status
@@ -49,6 +50,18 @@ def test_noise_of_means_is_what_it_is():
         - Noise().sd(np.asarray(0.4)) ** 2
     )
     np.testing.assert_allclose(seen, rest, rtol=0.15)
+
+
+@pytest.mark.parametrize(("floor", "share"), [(0.001, 0.002), (0.003, 0.0), (0.0005, 0.01)])
+def test_noise_told_from_some_and_then_all_is_the_best_of_the_grid(floor, share, monkeypatch):
+    rng = np.random.default_rng(2)
+    height = rng.uniform(0.1, 0.9, (50, 1))
+    smooth = height * (0.5 + 0.5 * np.sin(FINE / 90.0 + 6.0 * height))
+    spectra = smooth + rng.standard_normal(smooth.shape) * (floor + share * smooth)
+    monkeypatch.setattr(noise, "_SOME", 300)
+    told = spectra_noise(FINE, spectra)
+    monkeypatch.setattr(noise, "_SOME", spectra.size)
+    assert told == spectra_noise(FINE, spectra)
 
 
 def test_pixels_that_say_nothing_are_marked():

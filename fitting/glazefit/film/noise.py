@@ -6,6 +6,8 @@ of absorption bands leave something too, so the size is fitted with heavy tails,
 too large, which widens errors, but hardly too small.
 """
 
+import functools
+import itertools
 from collections.abc import Sequence
 
 import numpy as np
@@ -34,6 +36,8 @@ _ROUGHER = 3.0
 _ENDS = (0.05, 0.9)
 _FLOORS = np.geomspace(1e-4, MOST, 48)
 _SHARES = np.concatenate([[0.0], np.geomspace(3e-4, MOST, 24)])
+# Differences that are tried at every place of the grid.
+_SOME = 20_000
 
 
 def estimate_noise(films: Films, least: Noise | None = None) -> Noise:
@@ -94,9 +98,37 @@ def _fit_ends(parts: Sequence[tuple[np.ndarray, np.ndarray]]) -> tuple[float, fl
     if not differences.size:
         return None
     level = np.concatenate([part[1].ravel() for part in parts])
-    pairs = [(floor, share) for floor in _FLOORS for share in _SHARES]
-    floor, share = min(pairs, key=lambda pair: _cost(differences, pair[0] + pair[1] * level))
+    # Some from all over tell about where on the grid the best is; then all are heard, next to it.
+    few = np.linspace(0, len(level) - 1, min(len(level), _SOME)).astype(int)
+    costs = {
+        place: _cost(differences[few], _FLOORS[place[0]] + _SHARES[place[1]] * level[few])
+        for place in itertools.product(range(len(_FLOORS)), range(len(_SHARES)))
+    }
+    best = min(costs, key=lambda place: costs[place])
+    if len(few) < len(level):
+        best = _descend(best, differences, level)
+    floor, share = _FLOORS[best[0]], _SHARES[best[1]]
     return floor + share * _ENDS[0], floor + share * _ENDS[1]
+
+
+def _descend(
+    place: tuple[int, int], differences: Float[np.ndarray, "n"], level: Float[np.ndarray, "n"]
+) -> tuple[int, int]:
+    """From a place on the grid of noise to the best one that neighbours lead to."""
+
+    @functools.cache
+    def cost(floor: int, share: int) -> float:
+        if not (0 <= floor < len(_FLOORS) and 0 <= share < len(_SHARES)):
+            return np.inf
+        return _cost(differences, _FLOORS[floor] + _SHARES[share] * level)
+
+    while True:
+        floor, share = place
+        around = itertools.product(range(floor - 1, floor + 2), range(share - 1, share + 2))
+        best = min(around, key=lambda near: cost(*near))
+        if not cost(*best) < cost(*place):
+            return place
+        place = best
 
 
 def roughness(
