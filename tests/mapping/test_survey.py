@@ -17,7 +17,7 @@ def test_the_nearest_centre_is_the_nearest(count, centres, seed):
     apart = np.linalg.norm(points[:, None] - middles, axis=-1)
     which, far = nearest(points, middles)
     np.testing.assert_allclose(apart[np.arange(count), which], apart.min(axis=1), atol=1e-5)
-    np.testing.assert_allclose(far, apart.min(axis=1), atol=3e-3)
+    np.testing.assert_allclose(far, apart.min(axis=1), atol=1e-6)
 
 
 @given(st.integers(2, 100), st.integers(0, 2**31))

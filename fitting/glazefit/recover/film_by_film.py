@@ -24,6 +24,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from glazejax.geometry import resolve_instrument
+from glazejax.programs import Program
 from glazejax.radiative.common.linalg import inverse_positive
 
 from ..film.films import Films, Instrument, InstrumentLike, Noise, cards
@@ -206,7 +207,7 @@ def _spread(
     return value, inverse_positive(fisher)
 
 
-@functools.partial(jax.jit, static_argnames="instrument")
+@functools.partial(Program, fixed=("instrument",))
 def solve(
     data: BandReadings, table: ReflectanceTable, prior: ScatteringPrior, instrument: Instrument
 ) -> Estimate:
@@ -393,4 +394,7 @@ def neighbours_scattering(
 
 @functools.lru_cache(maxsize=8)
 def _table(instrument: Instrument) -> ReflectanceTable:
-    return jax.jit(functools.partial(tabulate, instrument))()
+    return _tabulate(instrument)
+
+
+_tabulate = Program(tabulate, fixed=("instrument", "sizes"))
