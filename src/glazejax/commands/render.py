@@ -4,7 +4,9 @@ picture out.
 
 import time
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
+from threading import Thread
 from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import typer
@@ -169,6 +171,8 @@ def render(
         bed.reflectance,
         refractive_index,
     )
+    # XLA compiles without Python's lock: meanwhile another thread loads what the picture needs.
+    Thread(target=_load_matplotlib, daemon=True).start()
     solving = time.perf_counter()
     with doing("compiling, then solving"):
         rendering = compute(
@@ -333,6 +337,12 @@ def _ladder_layer(coats: "Sequence[Coat]", ladder: str | None) -> int:
             f"--ladder {ladder!r}: this coat is 0 thick, so there is nothing to repeat"
         )
     return found[0]
+
+
+def _load_matplotlib() -> None:
+    # Who lacks it is told where the picture is drawn.
+    with suppress(ImportError):
+        import matplotlib.figure  # noqa: F401
 
 
 def _shelf(

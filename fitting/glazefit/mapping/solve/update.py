@@ -222,6 +222,7 @@ def log_weight_gain(
     share = np.where(heavy, whole / (safe + now), 1.0)
     shared = np.where(heavy, whole / (safe + before), 1.0)
     volume = np.log1p(share[..., None] * local.ratios) - np.log1p(shared[:, None] * local.ratios)
-    prior = np.einsum("snm,nm->sn", logs, local.gradient)
-    prior = prior + 0.5 * np.einsum("snm,nmp,snp->sn", logs, local.hessian, logs, optimize=True)
+    # Half a quadratic form and a linear one, by products of each candidate's own matrices.
+    turned = 0.5 * np.matmul(logs.transpose(1, 0, 2), local.hessian).transpose(1, 0, 2)
+    prior = np.einsum("snm,snm->sn", logs, turned + local.gradient)
     return trust * (met - prior - 0.5 * volume.sum(axis=-1))
