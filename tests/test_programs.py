@@ -1,5 +1,7 @@
 """Programs that are kept between runs as they were traced, and compiled ahead."""
 
+import subprocess
+import sys
 from typing import NamedTuple
 
 import jax
@@ -175,6 +177,41 @@ def test_what_is_wrong_ahead_shows_in_the_call(counted):
 def test_nothing_is_kept_unless_asked_for(tmp_path, counted):
     check(counted.program()(VALUES, MORE))
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.slow
+def test_a_kept_program_that_calls_lapack_runs_in_a_new_process(tmp_path):
+    """JAX loads LAPACK when it lowers a call of it, which nobody does for a kept program: once that
+    ended the process.
+    """
+    code = f"""
+import pathlib, jax.numpy as jnp
+from glazejax.programs import Program, keep_traced
+keep_traced(pathlib.Path({str(tmp_path)!r}))
+def root(matrix):
+    return jnp.linalg.cholesky(matrix)
+print(Program(root)(jnp.array([[4.0, 2.0], [2.0, 5.0]])).tolist())
+"""
+    for _ in range(2):
+        done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+        assert (done.returncode, done.stdout) == (0, "[[2.0, 0.0], [1.0, 2.0]]\n"), done.stderr
+        assert len(list(tmp_path.glob("traced-*"))) == 1
+
+
+def twice(value):
+    return 2.0 * value
+
+
+def test_functions_of_modules_are_told_apart_by_their_names(folder):
+    def apply(values, *, change):
+        return change(values)
+
+    program = Program(apply, fixed=("change",))
+    np.testing.assert_array_equal(program(VALUES, change=twice), 2.0 * VALUES)
+    assert len(list(folder.glob("traced-*"))) == 1
+    np.testing.assert_array_equal(program(VALUES, change=lambda v: v + 1.0), VALUES + 1.0)
+    # Two functions without a name would share a file.
+    assert len(list(folder.glob("traced-*"))) == 1
 
 
 def test_of_many_shapes_the_newest_are_held(counted):

@@ -18,10 +18,12 @@ from dataclasses import fields, is_dataclass, replace
 from importlib.metadata import version
 from importlib.util import find_spec
 from pathlib import Path
+from types import FunctionType
 from typing import Any, Generic, NamedTuple, TypeVar
 
 import jax
 import jax.export
+import jax.numpy as jnp
 from jax.core import Tracer
 
 from .whole_file import whole_file
@@ -33,6 +35,7 @@ _MAKERS = ("jax", "jaxlib", "numpy", "equinox", "lineax", "optimistix")
 # Of one function, so many shapes are held: in a process that keeps programs on disk, and in others.
 _HELD_OF_A_COMMAND = 32
 _HELD = 4
+_LAPACK = b"lapack_"
 _folder: Path | None = None
 
 
@@ -71,7 +74,8 @@ class _Request(NamedTuple):
             return None
         if not all(_plain(value) for _, value in self.fixed):
             return None
-        words = repr((self.key, _made_with()))
+        fixed = [(name, _words(value)) for name, value in self.fixed]
+        words = repr((fixed, self.key[1:], _made_with()))
         # Words of a thing that says no more of itself than where it lies in memory.
         return None if " at 0x" in words else hashlib.sha256(words.encode()).hexdigest()
 
@@ -160,15 +164,19 @@ class Program(Generic[Result]):
             if kept is None:
                 lowered = self.jitted.lower(*args, **kwargs)
                 return _Made(run=self.jitted, held=(lowered, lowered.compile()))
-            program = jax.jit(_named(kept.exported.call, self._name))
-            lowered = program.lower(*request.leaves)
+            if _LAPACK in kept.exported.mlir_module_serialized:
+                _load_lapack()
+            lowered = jax.jit(_named(kept.exported.call, self._name)).lower(*request.leaves)
+            # As it is compiled, not as a function of JAX's: that would compile again for arrays
+            # which an exported program gave.
+            compiled = lowered.compile()
             structure = jax.tree.structure(kept.result)
 
             def run(*args: Any, **kwargs: Any) -> Result:
-                leaves = program(*self._request(*args, **kwargs).leaves)
+                leaves = compiled(*self._request(*args, **kwargs).leaves)
                 return jax.tree.unflatten(structure, leaves)
 
-            return _Made(run=run, held=(lowered, lowered.compile()))
+            return _Made(run=run, held=lowered)
 
     def _kept(self, folder: Path, request: _Request) -> _Kept | None:
         """The program as a former run traced it, or traced now and kept; None where JAX can't write
@@ -225,13 +233,32 @@ def _named(function: Callable[..., Any], name: str) -> Callable[..., Any]:
     return call
 
 
+@functools.cache
+def _load_lapack() -> None:
+    """Let JAX find LAPACK, which it does where a function is lowered that asks for it: a kept
+    program would call what is not there, and the process would end.
+    """
+    jax.jit(jnp.linalg.cholesky).lower(jnp.eye(1))
+
+
 def _plain(value: Any) -> bool:
-    """Whether words tell all of a value: numbers, text, and records of them."""
+    """Whether words tell all of a value: numbers, text, a module's function, and records of the
+    former.
+    """
+    if isinstance(value, FunctionType):
+        return value.__name__ == value.__qualname__ != "<lambda>"
     if isinstance(value, tuple):
         return all(map(_plain, value))
     if is_dataclass(value):
         return all(_plain(getattr(value, field.name)) for field in fields(value))
     return value is None or isinstance(value, bool | int | float | str)
+
+
+def _words(value: Any) -> str:
+    """What tells a plain value from others: a module's function by its name."""
+    if isinstance(value, FunctionType):
+        return f"{value.__module__}.{value.__qualname__}"
+    return repr(value)
 
 
 @functools.cache

@@ -17,6 +17,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from glazejax.programs import Program
+
 from ..film.films import Instrument
 from ..film.model.errors import Prior, smooth_kernel
 from ..film.model.response import FilmResponse
@@ -79,7 +81,7 @@ class Tabulated(NamedTuple):
         return np.log(np.maximum(np.stack([k, s], axis=1), 1e-9)), surface
 
 
-@jax.jit
+@Program
 def _slopes(
     log_k: Float[Array, "films bands"],
     log_s: Float[Array, "films bands"],
@@ -95,7 +97,7 @@ def _slopes(
     return body, *slopes
 
 
-@jax.jit
+@Program
 def _at(free: Float[Array, "films dims"], data, shared) -> tuple[Array, Array, Array]:
     """k d and s d of the mixture and what the surface adds."""
     k, s = jax.vmap(mixture)(free, data)

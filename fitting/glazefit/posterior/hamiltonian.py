@@ -48,6 +48,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
+from glazejax.programs import Program
 from glazejax.progress import Progress
 from glazejax.radiative.common.linalg import solve_positive
 
@@ -326,7 +327,7 @@ def _trajectory(
     return end.free, end.height, jnp.where(sound, fallen, -jnp.inf)
 
 
-@functools.partial(jax.jit, static_argnames=("residuals", "scaled"))
+@functools.partial(Program, fixed=("residuals", "scaled"))
 def _steps(
     residuals: Any,
     scaled: Any,

@@ -22,6 +22,7 @@ from jaxtyping import Array, Bool, Float, Int
 from scipy.special import logsumexp
 
 from glazejax.extras import require
+from glazejax.programs import Program
 
 from ..film.numerics.least_squares import damped_solution, levenberg_marquardt, normal_solution
 from .problem import Problem
@@ -107,7 +108,7 @@ class Laplace:
             return np.asarray(logsumexp(np.log(self.weights) - 0.5 * (square + logdet), axis=-1))
 
 
-@functools.partial(jax.jit, static_argnames=("residuals", "batch"))
+@functools.partial(Program, fixed=("residuals", "batch"))
 def _climb(
     residuals: Any, data: Any, shared: Any, starts: Float[Array, "blocks starts dims"], batch: int
 ) -> Any:
@@ -129,7 +130,7 @@ def _climb(
     return jax.lax.map(block, (data, starts), batch_size=batch)
 
 
-@functools.partial(jax.jit, static_argnames=("residuals", "batch"))
+@functools.partial(Program, fixed=("residuals", "batch"))
 def _curvature(
     residuals: Any, data: Any, shared: Any, modes: Float[Array, "blocks modes dims"], batch: int
 ) -> Array:

@@ -21,6 +21,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from glazejax.programs import Program
 from glazejax.radiative.common.chunks import in_chunks
 
 # What one block computes for one walker takes some 12 kB a band; more columns at once fall out of
@@ -154,7 +155,7 @@ class Problem:
         return {quantity.name: quantity.values(free) for quantity in self.quantities}
 
 
-@functools.partial(jax.jit, static_argnames=("residuals", "chunk", "rows"))
+@functools.partial(Program, fixed=("residuals", "chunk", "rows"))
 def log_probability(
     residuals: Residuals,
     data: Any,
@@ -176,7 +177,7 @@ def log_probability(
     return in_chunks(jax.vmap(walker), free, chunk)
 
 
-@functools.partial(jax.jit, static_argnames="fitted")
+@functools.partial(Program, fixed=("fitted",))
 def _readings(
     fitted: Residuals, data: Any, shared: Any, free: Float[Array, "draws blocks dims"]
 ) -> Array:

@@ -16,6 +16,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from glazejax.programs import Program
+
 from ..film.model.errors import Prior, smooth_kernel
 from ..film.reading import Reading
 from .film_errors import Slopes, expand, settle
@@ -65,7 +67,7 @@ class Solved(NamedTuple):
         return logs.reshape(len(logs), -1, logs.shape[-1]), above
 
 
-@functools.partial(jax.jit, static_argnums=0)
+@functools.partial(Program, fixed=("layout",))
 def _slopes(
     layout: Layout,
     logs: Float[Array, "films errors bands"],
@@ -86,7 +88,7 @@ def _slopes(
     return body, by_log, by_ground
 
 
-@functools.partial(jax.jit, static_argnums=0)
+@functools.partial(Program, fixed=("layout",))
 def _at(
     layout: Layout, free: Float[Array, "films dims"], data: StackData, shared: StackShared
 ) -> tuple[Array, Array]:

@@ -18,6 +18,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from glazejax.programs import Program
+
 from ..film.model.optics import Optics
 from ..film.model.spline import HIGHEST, locate, nodes_of, patches
 from ..film.numerics.least_squares import root_of_log1p
@@ -91,7 +93,7 @@ def _of_film(
     return np.stack(bands)
 
 
-@functools.partial(jax.jit, static_argnums=(0, 1, 4))
+@functools.partial(Program, fixed=("optics", "unknown", "tolerance"))
 def _solved(
     optics: Optics,
     unknown: int,
