@@ -511,7 +511,7 @@ def test_residuals_of_densities():
 def test_compiled_program_calls_no_library_for_linear_algebra():
     problem = pose_bands(readings(film_of(0.3), INSTRUMENT, NOISE)[0], 1.0, INSTRUMENT)
     free = np.zeros((4, len(problem.blocks), 2))
-    text = log_probability.lower(
+    text = log_probability.jitted.lower(
         problem.residuals, problem.data, problem.shared, free, 100
     ).as_text("hlo")
     assert "lapack_" not in text
