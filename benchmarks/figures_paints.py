@@ -416,7 +416,13 @@ for _key, _words in (
         ".0f %",
         **{_key: cell("all", 2, after=_words), f"{_key}_error": cell("all", 4, after=_words)},
     )
-for _key, _words in (("two_grounds", "two grounds: "), ("one_ground", "one ground: ")):
+for _key, _words in (
+    ("two_grounds", "two grounds: "),
+    ("one_ground", "one ground: "),
+    ("film", "film: "),
+    ("bands", "bands: "),
+    ("coats", "coats: "),
+):
     add(
         "calibration_ranks",
         ".0f %",

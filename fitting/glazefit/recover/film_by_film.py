@@ -29,7 +29,14 @@ from glazejax.radiative.common.linalg import inverse_positive
 
 from ..film.films import Films, Instrument, InstrumentLike, Noise, cards
 from ..film.gloss import estimate_gloss
-from ..film.model.body import HIGHEST, LOWEST, ReflectanceTable, body_reflectance, tabulate
+from ..film.model.body import (
+    HIGHEST,
+    LOWEST,
+    SIZES,
+    ReflectanceTable,
+    body_reflectance,
+    tabulate,
+)
 from ..film.noise import estimate_noise
 from ..film.numerics.least_squares import levenberg_marquardt
 from .result import Recovery, told_apart
@@ -316,7 +323,6 @@ def _recover_chunk(films: Films, instrument: Instrument, noise: Noise, chunk: in
     gloss = estimate_gloss(films, instrument, noise)
     # The light inside the paint does not know what the sphere includes: one program serves both.
     optics = Instrument(replace(instrument.geometry, specular=True), instrument.refractive_index)
-    table = _table(optics)
     # The last chunk is filled up, so that one compiled program serves all.
     spare = (chunk - count) * bands
     data = jax.tree.map(
@@ -325,6 +331,9 @@ def _recover_chunk(films: Films, instrument: Instrument, noise: Noise, chunk: in
     )
     size = chunk * bands
     nothing = ScatteringPrior(jnp.zeros(size), jnp.zeros(size))
+    # The table is made while another thread compiles what asks it.
+    solve.ahead(data, ReflectanceTable.blank(SIZES), nothing, optics)
+    table = _table(optics)
     free = solve(data, table, nothing, optics)
     contrast = np.asarray(
         (free.fitted[:, 1] - free.fitted[:, 0]) / jnp.sqrt(data.variance.sum(axis=1))

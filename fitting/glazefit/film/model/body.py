@@ -50,8 +50,17 @@ class ReflectanceTable(NamedTuple):
     gain: Float[Array, "k s"]
     back: Float[Array, "k s"]
 
+    @classmethod
+    def blank(cls, sizes: tuple[int, int]) -> "ReflectanceTable":
+        """A table of this shape that says nothing."""
+        return cls(*map(jnp.zeros, sizes), *[jnp.zeros(sizes)] * 3)
 
-def tabulate(instrument: Instrument, sizes: tuple[int, int] = (80, 44)) -> ReflectanceTable:
+
+SIZES = (80, 44)
+"""Values of k d and of s d in a table, unless others are asked for."""
+
+
+def tabulate(instrument: Instrument, sizes: tuple[int, int] = SIZES) -> ReflectanceTable:
     """Table that starts a fit, from three grounds a film; `sizes` values of k d and s d."""
     k = jnp.linspace(np.log(1e-5), np.log(0.8 * HIGHEST[0]), sizes[0])
     s = jnp.linspace(np.log(1e-4), np.log(0.8 * HIGHEST[1]), sizes[1])
