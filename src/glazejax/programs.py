@@ -113,11 +113,14 @@ class Program(Generic[Result]):
         self.jitted: Any = jax.jit(function, static_argnames=fixed)
         self._signature = inspect.signature(function)
         self._begun: dict[Any, Future[_Made]] = {}
+        self._asked_for: set[Any] = set()
 
     def ahead(self, *args: Any, **kwargs: Any) -> None:
         """Begin to compile for arguments like these, whose values do not matter; return at once."""
         request = self._request(*args, **kwargs)
-        if request.key not in self._begun:
+        # What JAX has run once it keeps itself, after it was let go here too.
+        if request.key not in self._asked_for:
+            self._asked_for.add(request.key)
             made = _thread().submit(self._make, _double(), request, *args, **kwargs)
             self._begun[request.key] = made
             self._let_old_ones_go()
