@@ -23,8 +23,9 @@ from ..film.model.response import Response, film_response
 from ..film.model.variation import SIZES, Variation
 from ..recover.joint import UNIT
 from ..recover.joint_result import JointRecovery
-from ..recover.mixture import film_readings, mix, predict_mixture
+from ..recover.mixture import mix, predict_mixture
 from ..recover.prediction import Prediction
+from ..recover.reading_errors import film_readings
 from .targets import Target
 
 # Grams to a gram of the mixture: from a trace on a knife to as much again.
