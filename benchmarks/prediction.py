@@ -271,24 +271,22 @@ def main() -> None:
     start_jax()
     films, recipes = measured_films(FEW if options.quick else ())
     part = options.out / "prediction_scan.part"
-    made: dict[str, str] = {}
-    if options.scan:
-        made["prediction_scan"] = scan(films, recipes, part)
-    else:
-        km = KubelkaMunk(Instrument())
-        made["prediction_readings"] = "\n".join(
-            reading_tables(films, recipes, {"glazejax": None, "Kubelka-Munk": km}, EVERY)
-        )
-        if not options.readings:
-            made["prediction"] = compared(films, recipes)
-    progress()
-    for name, text in made.items():
+
+    def save(name: str, text: str) -> None:
+        progress()
         results = Results(name, options.out)
         for line in text.splitlines():
             results(line)
         results.save()
+
     if options.scan:
+        save("prediction_scan", scan(films, recipes, part))
         part.unlink()
+        return
+    models = {"glazejax": None, "Kubelka-Munk": KubelkaMunk(Instrument())}
+    save("prediction_readings", "\n".join(reading_tables(films, recipes, models, EVERY)))
+    if not options.readings:
+        save("prediction", compared(films, recipes))
 
 
 if __name__ == "__main__":

@@ -220,9 +220,10 @@ def one_reading(
 
 def simulated_reading(
     read: Read, spread: Spread, response: Response | None, rng: np.random.Generator
-) -> tuple[Read, tuple[np.ndarray, np.ndarray]]:
-    """A film of the recipe as it may be, over the same cards, and what a film of the same mixing
-    twice as thick reads.
+) -> tuple[Read, tuple[np.ndarray, np.ndarray], float]:
+    """A film of the recipe as it may be, over the same cards; what a film of the same mixing twice
+    as thick reads; and the Delta E00 between that and what it is, its own gain and errors of the
+    model left out.
     """
     metres = UNIT * float(np.exp(spread.thickness * rng.standard_normal()))
     both = predict_mixture(
@@ -249,7 +250,9 @@ def simulated_reading(
         off = (CLOSE.model_floor + CLOSE.model_share * exact) * model
         seen.append(np.maximum(exact * np.exp(spread.gain * gain) + off, 0.0))
     film = dataclasses.replace(read.film, over_black=seen[0][[0]], over_white=seen[0][[1]])
-    return dataclasses.replace(read, film=film), (seen[1][0], seen[1][1])
+    thicker = (seen[1][0], seen[1][1])
+    own = delta_e_over_cards(grid, tuple(over[1]), thicker, "D65", 10)
+    return dataclasses.replace(read, film=film), thicker, float(own.mean())
 
 
 def simulated(
@@ -258,10 +261,11 @@ def simulated(
     """Films of the recipes as they may be: the other card, and the same mixing twice as thick."""
     rng = np.random.default_rng(5)
     other = np.zeros((2, len(reads)))
+    least = np.zeros(len(reads))
     twice: dict[str, list[list[Foretold]]] = {given: [] for given in GIVEN}
     for number, read in enumerate(reads):
         progress(f"{name}: simulated, {read.film.names[0]}")
-        made, thicker = simulated_reading(read, spread, response, rng)
+        made, thicker, least[number] = simulated_reading(read, spread, response, rng)
         for given, seen in GIVEN.items():
             found = calibrate(made, seen, spread, response)
             own = float(found.thickness[0]) * UNIT
@@ -282,6 +286,10 @@ def simulated(
             f"{name}, twice as thick, read {given}: {off.mean():.2f} ({np.median(off):.2f}), "
             f"{inside.mean():.1%}, {spearmanr(off, said)[0]:.2f}"
         )
+    lines.append(
+        f"{name}, twice as thick, all known but that film's own errors: {least.mean():.2f} "
+        f"({np.median(least):.2f})"
+    )
     return lines
 
 

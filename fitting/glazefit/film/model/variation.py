@@ -45,9 +45,9 @@ class Spread(NamedTuple):
     deviations.
     """
 
-    thickness: float = 0.25
+    thickness: float = 0.4
     """Of the log of a film's thickness, about that in whose unit its paints' k and s are."""
-    gain: float = 0.01
+    gain: float = 0.02
     """Of the log of a factor of one reading: texture, and where on the film it was taken."""
     alike: float = 0.9
     """No standard deviation: the correlation of what readings of one film over two cards are off,
