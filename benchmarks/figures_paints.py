@@ -289,44 +289,45 @@ add(
     films=found(r"^all +(\d+) films"),
 )
 _OPTICS = {"": "glazejax", "km_": "Kubelka-Munk"}
-_GIVEN = ("white", "black", "both")
+_GIVEN = {given: f"read over {given}" for given in ("white", "black", "both")}
 add(
     "prediction_readings",
     ".2f",
     **{
-        f"{short}{card}_{what}": found(rf"^{optics}, {line}: {words}")
-        for short, optics in _OPTICS.items()
+        f"{card}_{what}": found(rf"^glazejax, {line}: {words}")
         for card, line in _READINGS.items()
         for what, words in (
             ("without", r"without it (\S+) \("),
             ("without_median", r"without it \S+ \((\S+)\)"),
-            ("with", r".* with it (\S+) \("),
-            ("with_median", r".* with it \S+ \((\S+)\)"),
             ("rank", r".*%, (\S+);"),
         )
     },
     **{
-        f"{short}{what}_{given}{more}": found(rf"^{optics}, {line} read over {given}: {words}")
-        for short, optics in _OPTICS.items()
-        for what, line in (("another", "another film,"), ("twice", "twice as thick,"))
-        for given in _GIVEN
-        for more, words in (("", r"(\S+) \("), ("_median", r"\S+ \((\S+?)\)"))
-    },
-    **{
-        f"{short}another_nothing{more}": found(rf"^{optics}, another film, nothing read: {words}")
-        for short, optics in _OPTICS.items()
-        for more, words in (("", r"(\S+) \("), ("_median", r"\S+ \((\S+)\)"))
-    },
-    **{
-        f"{short}other_{card}{more}": found(rf"^{optics}, the other card, {line}: {words}")
+        f"{short}{card}_{what}": found(rf"^{optics}, {line}: .* with it {words}")
         for short, optics in _OPTICS.items()
         for card, line in _READINGS.items()
-        for more, words in (("", r"(\S+) \("), ("_median", r"\S+ \((\S+)\)"))
+        for what, words in (("with", r"(\S+) \("), ("with_median", r"\S+ \((\S+)\)"))
     },
-    least=found(r"^glazejax, twice as thick, all known .*: (\S+) \("),
+    **{
+        f"{short}{what}_{given}_median": found(rf"^{optics}, {line}, {read}: \S+ \((\S+?)\)")
+        for short, optics in _OPTICS.items()
+        for what, line, readings in (
+            ("another", "another film", {"nothing": "nothing read", **_GIVEN}),
+            ("twice", "twice as thick", _GIVEN),
+        )
+        for given, read in readings.items()
+    },
+    **{
+        f"other_{card}_median": found(rf"^glazejax, the other card, {line}: \S+ \((\S+)\)")
+        for card, line in _READINGS.items()
+    },
     least_median=found(r"^glazejax, twice as thick, all known .*: \S+ \((\S+)\)"),
-    gain_both=found(r"^glazejax, another film, read over both: .* without \+?(\S+) "),
-    gain_both_error=found(r"^glazejax, another film, read over both: .* \+- (\S+)"),
+)
+add(
+    "prediction_readings",
+    ".1f",
+    another_gain=found(r"^glazejax, another film, read over both: .* without \+?(\S+) "),
+    another_error=found(r"^glazejax, another film, read over both: .* \+- (\S+)"),
 )
 add(
     "prediction_readings",
@@ -336,10 +337,7 @@ add(
         for short, optics in _OPTICS.items()
         for card, line in _READINGS.items()
     },
-    **{
-        f"twice_{given}_inside": found(rf"^glazejax, twice as thick, read over {given}: .*, (\S+)%")
-        for given in _GIVEN
-    },
+    twice_both_inside=found(r"^glazejax, twice as thick, read over both: .*, (\S+)%"),
 )
 add(
     "prediction_readings",
