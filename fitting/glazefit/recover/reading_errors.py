@@ -161,7 +161,7 @@ def film_readings(
     kd: Float[np.ndarray, "bands"],
     sd: Float[np.ndarray, "bands"],
     off: Float[np.ndarray, "draws 2 bands"],
-    grounds: tuple[Float[np.ndarray, "bands"], ...],
+    grounds: tuple[Float[np.ndarray, "bands"] | Float[np.ndarray, "draws bands"], ...],
 ) -> Float[np.ndarray, "draws 2 bands"]:
     """What the body reflects over two grounds, with errors of log k and log s."""
     k = kd * np.exp(off[:, 0])
