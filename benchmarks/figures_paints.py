@@ -268,22 +268,6 @@ add(
     simulated=cell("0%", 0, after="scatter of strength"),
     simulated_median=cell("0%", 1, after="scatter of strength"),
     scattered=cell("20%", 0, after="scatter of strength"),
-    **{
-        f"reading_{card}_{what}": found(rf"^glazejax, {line}: {words}")
-        for card, line in _READINGS.items()
-        for what, words in (
-            ("without", r"without it (\S+) \("),
-            ("without_median", r"without it \S+ \((\S+)\)"),
-            ("with", r".* with it (\S+) \("),
-            ("with_median", r".* with it \S+ \((\S+)\)"),
-            ("rank", r".*%, (\S+);"),
-        )
-    },
-    **{
-        f"km_reading_{card}_{what}": found(rf"^Kubelka-Munk, {line}: .* with it {words}")
-        for card, line in _READINGS.items()
-        for what, words in (("with", r"(\S+) \("), ("with_median", r"\S+ \((\S+)\)"))
-    },
     correlation=cell("rank correlation of said and true errors", 0),
 )
 add(
@@ -298,18 +282,69 @@ add(
     "prediction",
     ".0f %",
     in_band=cell("readings within the 90 % band", 0),
-    **{
-        f"{name}_{card}_inside": found(rf"^{optics}, {line}: .*, (\S+)%,")
-        for name, optics in (("reading", "glazejax"), ("km_reading", "Kubelka-Munk"))
-        for card, line in _READINGS.items()
-    },
 )
 add(
     "prediction",
     ".0f",
     films=found(r"^all +(\d+) films"),
+)
+_OPTICS = {"": "glazejax", "km_": "Kubelka-Munk"}
+_GIVEN = {given: f"read over {given}" for given in ("white", "black", "both")}
+add(
+    "prediction_readings",
+    ".2f",
     **{
-        f"reading_{card}_above": found(rf"^glazejax, {line}: .*; (\d+) of \d+ above 3")
+        f"{card}_{what}": found(rf"^glazejax, {line}: {words}")
+        for card, line in _READINGS.items()
+        for what, words in (
+            ("without", r"without it (\S+) \("),
+            ("without_median", r"without it \S+ \((\S+)\)"),
+            ("rank", r".*%, (\S+);"),
+        )
+    },
+    **{
+        f"{short}{card}_{what}": found(rf"^{optics}, {line}: .* with it {words}")
+        for short, optics in _OPTICS.items()
+        for card, line in _READINGS.items()
+        for what, words in (("with", r"(\S+) \("), ("with_median", r"\S+ \((\S+)\)"))
+    },
+    **{
+        f"{short}{what}_{given}_median": found(rf"^{optics}, {line}, {read}: \S+ \((\S+?)\)")
+        for short, optics in _OPTICS.items()
+        for what, line, readings in (
+            ("another", "another film", {"nothing": "nothing read", **_GIVEN}),
+            ("twice", "twice as thick", _GIVEN),
+        )
+        for given, read in readings.items()
+    },
+    **{
+        f"other_{card}_median": found(rf"^glazejax, the other card, {line}: \S+ \((\S+)\)")
+        for card, line in _READINGS.items()
+    },
+    least_median=found(r"^glazejax, twice as thick, all known .*: \S+ \((\S+)\)"),
+)
+add(
+    "prediction_readings",
+    ".1f",
+    another_gain=found(r"^glazejax, another film, read over both: .* without \+?(\S+) "),
+    another_error=found(r"^glazejax, another film, read over both: .* \+- (\S+)"),
+)
+add(
+    "prediction_readings",
+    ".0f %",
+    **{
+        f"{short}{card}_inside": found(rf"^{optics}, {line}: .*, (\S+)%,")
+        for short, optics in _OPTICS.items()
+        for card, line in _READINGS.items()
+    },
+    twice_both_inside=found(r"^glazejax, twice as thick, read over both: .*, (\S+)%"),
+)
+add(
+    "prediction_readings",
+    ".0f",
+    pairs=found(r"^glazejax, another film, nothing read: .*; (\d+) pairs"),
+    **{
+        f"{card}_above": found(rf"^glazejax, {line}: .*; (\d+) of \d+ above 3")
         for card, line in _READINGS.items()
     },
 )

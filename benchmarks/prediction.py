@@ -1,15 +1,16 @@
 """Films left out in turn, predicted from their weights with only the thickness free: this model and
 Kubelka-Munk's.
 
-    python -m benchmarks.prediction [--out FOLDER] [--scan]
+    python -m benchmarks.prediction [--out FOLDER] [--scan | --readings]
 
 Every tint and shade of the measured films (revigo) is left out of a joint fit of all the others and
 then predicted, with a 90 % band as wide as the other films left out say. Both models go through the
 same fit, with the same instrument and expectations; only what one film reflects differs. Mixing
 laws are compared the same way. Films of the same recipes are simulated too, faultless and with
-scatter of strength, and each measured mixture is calibrated by its reading over one card and
-predicted over the other. With --scan, what is expected beforehand is varied instead; its lines are kept as they
-come, and a scan that was stopped goes on from there at the same commit.
+scatter of strength. What one reading of a mixture tells, and what two do, is a result of its own,
+`prediction_readings.txt` (see `readings_of_mixtures.py`); with --readings it is made alone. With --scan,
+what is expected beforehand is varied instead; its lines are kept as they come, and a scan that was
+stopped goes on from there at the same commit.
 """
 
 import argparse
@@ -17,28 +18,24 @@ import dataclasses
 import json
 import re
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float, Int
 from scipy.stats import spearmanr
 
 from benchmarks.kubelka_munk import KubelkaMunk
 from benchmarks.measured import FEW, measured_films
+from benchmarks.readings_of_mixtures import reading_tables
 from benchmarks.results import Results, add_option, commit, progress
-from glazefit.film.films import Films, Instrument, Noise, cards
+from glazefit.film.films import Films, Instrument, Noise
 from glazefit.film.model.mixing import MixingLaw
-from glazefit.film.model.response import Response
-from glazefit.film.model.variation import Spread
 from glazefit.film.simulate import simulate_films
-from glazefit.recover.crossvalidation import LeftOut, cross_validate, without
+from glazefit.recover.crossvalidation import LeftOut, cross_validate
 from glazefit.recover.joint import UNIT, recover_jointly
 from glazefit.recover.joint_problem import Expectations
-from glazefit.recover.mixture import calibrate_mixture, predict_mixture
-from glazefit.recover.prediction import predict_films
-from glazejax import Pigment, catalogue
+from glazejax import catalogue
 from glazejax.commands.main import start_jax
 
 NEEDS = ("data/revigo",)
@@ -48,10 +45,6 @@ Recipes = dict[str, dict[str, float]]
 # One expectation at a time is changed from what it is by default.
 # Each mixture is left out; of a quick run one in several.
 EVERY = 1
-# How far films may scatter, of which those that are not foretold choose.
-SPREADS = tuple(
-    Spread(thickness, gain) for thickness in (0.15, 0.25, 0.4) for gain in (0.005, 0.01, 0.02)
-)
 SCAN: tuple[dict[str, Any], ...] = (
     {},
     {"model_floor": 0.002, "model_share": 0.008},
@@ -158,136 +151,6 @@ def simulated_table(films: Films, recipes: Recipes) -> list[str]:
     return lines
 
 
-@dataclasses.dataclass(frozen=True)
-class Read:
-    """One film that was left out, with paints of all others.
-
-    Attributes:
-        film: as measured.
-        recipe: paint -> weight.
-        shelf: paints that never saw it.
-        ground: internal reflectance of its cards.
-        before: what its recipe foretells, over black and white, with its thickness fitted to both.
-    """
-
-    film: Films
-    recipe: dict[str, float]
-    shelf: Mapping[str, Pigment]
-    ground: tuple[np.ndarray, np.ndarray]
-    before: np.ndarray
-
-
-@dataclasses.dataclass(frozen=True)
-class Foretold:
-    """One card's reading, foretold by the other's: Delta E00, what was expected of it, and the
-    share of the readings in the 90 % band.
-    """
-
-    off: float
-    said: float
-    inside: float
-
-
-def left_out_films(films: Films, recipes: Recipes, response: Response | None) -> list[Read]:
-    """Every mixture, and the paints of a fit without it."""
-    whole = recover_jointly(films, recipes, response=response)
-    often = (whole.shares > 0).sum(axis=0)
-    rows = [r for r, s in enumerate(whole.shares) if (s > 0).sum() > 1 and np.all(often[s > 0] > 1)]
-    black, white, _, _ = cards(films, whole.instrument, whole.noise)
-    found = []
-    for row in rows[::EVERY]:
-        progress(f"one reading of {films.names[row]}")
-        rest = without(whole, films, recipes, row, response=response)
-        film = films.take([row])
-        (first,) = predict_films(rest, film, recipes, response=response)
-        recipe = recipes[films.names[row]]
-        found.append(
-            Read(
-                film=film,
-                recipe={paint: weight for paint, weight in recipe.items() if weight > 0},
-                shelf={paint: rest.pigment(paint, UNIT) for paint in rest.paints},
-                ground=(black[row], white[row]),
-                before=first.delta_e(film.over_black[0], film.over_white[0]),
-            )
-        )
-    return found
-
-
-def foretell(read: Read, card: int, spread: Spread, response: Response | None) -> Foretold:
-    """The reading over one card (0 black, 1 white) by that over the other."""
-    seen = np.ones((1, 2), bool)
-    seen[0, card] = False
-    found = calibrate_mixture(
-        read.shelf,
-        read.recipe,
-        dataclasses.replace(read.film, seen=seen),
-        spread=spread,
-        response=response,
-    )
-    (then,) = predict_mixture(
-        read.shelf,
-        read.recipe,
-        [float(found.thickness[0]) * UNIT],
-        wavelengths=read.film.wavelengths,
-        ground=read.ground,
-        calibrated=found,
-        response=response,
-    )
-    truth = (read.film.over_black[0], read.film.over_white[0])
-    low, high = then.interval()
-    return Foretold(
-        off=float(then.delta_e(*truth)[card]),
-        said=float(then.expected_errors()[card]),
-        inside=float(np.mean((low[card] <= truth[card]) & (truth[card] <= high[card]))),
-    )
-
-
-def choose_without(off: Float[np.ndarray, "spreads cards films"]) -> Int[np.ndarray, "films"]:
-    """For each film the spread with which all others are foretold best."""
-    errors = off.mean(axis=1)
-    others = errors.sum(axis=1, keepdims=True) - errors
-    return others.argmin(axis=0)
-
-
-def calibrated_table(films: Films, recipes: Recipes) -> list[str]:
-    """Each mixture read over one card with paints that never saw it, and foretold over the other.
-
-    How far films scatter is chosen for each by all others.
-    """
-    lines = [
-        "ONE READING: Delta E00 over the other card, mean (median), readings in the 90 % band, and",
-        "rank correlation of said and true errors; thickness and gain as all other films choose",
-    ]
-    for name, response in (("glazejax", None), ("Kubelka-Munk", KubelkaMunk(Instrument()))):
-        read = left_out_films(films, recipes, response)
-        tried = [
-            [[foretell(one, card, spread, response) for one in read] for card in (0, 1)]
-            for spread in SPREADS
-        ]
-        off = np.array([[[one.off for one in row] for row in cards] for cards in tried])
-        chosen = choose_without(off)
-        for card, words in enumerate(
-            ("black by the reading over white", "white by that over black")
-        ):
-            found = [tried[choice][card][film] for film, choice in enumerate(chosen)]
-            before = np.array([one.before[card] for one in read])
-            after = np.array([one.off for one in found])
-            rank = spearmanr(after, [one.said for one in found])[0]
-            lines.append(
-                f"{name}, {words}: without it {before.mean():.2f} ({np.median(before):.2f}), with "
-                f"it {after.mean():.2f} ({np.median(after):.2f}), "
-                f"{np.mean([one.inside for one in found]):.1%}, {rank:.2f}; {sum(after > 3)} of "
-                f"{len(after)} above 3"
-            )
-        often = np.bincount(chosen, minlength=len(SPREADS))
-        told = SPREADS[int(often.argmax())]
-        lines.append(
-            f"{name}, chosen most often: thickness {told.thickness:g}, gain {told.gain:g} "
-            f"({often.max()} of {len(read)})"
-        )
-    return lines
-
-
 def table(scores: dict[str, Scores], recipes: Recipes) -> str:
     """Means over films of several kinds, and every film."""
     some = next(iter(scores.values())).out
@@ -383,39 +246,47 @@ def scan(films: Films, recipes: Recipes, part: Path) -> str:
     return "\n".join(lines)
 
 
+def compared(films: Films, recipes: Recipes) -> str:
+    """Models and mixing laws side by side, and simulated films."""
+    models: dict[str, dict[str, Any]] = {
+        "glazejax": {},
+        "Kubelka-Munk": {"response": KubelkaMunk(Instrument())},
+        "glazejax, strength law": {"law": MixingLaw("strength")},
+    }
+    scores = {name: leave_out(films, recipes, name, **given) for name, given in models.items()}
+    return table(scores, recipes) + "\n\n" + "\n".join(simulated_table(films, recipes))
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     add_option(parser)
-    parser.add_argument("--scan", action="store_true", help="vary what is expected beforehand")
+    alone = parser.add_mutually_exclusive_group()
+    alone.add_argument("--scan", action="store_true", help="vary what is expected beforehand")
+    alone.add_argument("--readings", action="store_true", help="what one reading tells, and two")
     options = parser.parse_args()
     if options.quick:
         globals().update(EVERY=2)
     start_jax()
     films, recipes = measured_films(FEW if options.quick else ())
     part = options.out / "prediction_scan.part"
+
+    def save(name: str, text: str) -> None:
+        progress()
+        results = Results(name, options.out)
+        for line in text.splitlines():
+            results(line)
+        results.save()
+
     if options.scan:
-        text = scan(films, recipes, part)
-    else:
-        models: dict[str, dict[str, Any]] = {
-            "glazejax": {},
-            "Kubelka-Munk": {"response": KubelkaMunk(Instrument())},
-            "glazejax, strength law": {"law": MixingLaw("strength")},
-        }
-        text = table(
-            {name: leave_out(films, recipes, name, **given) for name, given in models.items()},
-            recipes,
-        )
-        for more in (simulated_table(films, recipes), calibrated_table(films, recipes)):
-            text += "\n\n" + "\n".join(more)
-    progress()
-    results = Results("prediction_scan" if options.scan else "prediction", options.out)
-    for line in text.splitlines():
-        results(line)
-    results.save()
-    if options.scan:
+        save("prediction_scan", scan(films, recipes, part))
         part.unlink()
+        return
+    models = {"glazejax": None, "Kubelka-Munk": KubelkaMunk(Instrument())}
+    save("prediction_readings", "\n".join(reading_tables(films, recipes, models, EVERY)))
+    if not options.readings:
+        save("prediction", compared(films, recipes))
 
 
 if __name__ == "__main__":

@@ -1,9 +1,12 @@
 """What to add to a mixture that was made and read."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
 from glazefit import Noise
+from glazefit.film.films import SPECTRA
 from glazefit.recipe.addition import next_addition
 from glazefit.recipe.report import in_painters_terms
 from glazefit.recipe.targets import lab_target
@@ -83,6 +86,12 @@ def test_a_batch_weighs_something(paints, calibrated, batch):
         next_addition(calibrated, lab_target((50, 20, 30)), [*paints.values()], batch)
 
 
+def test_what_is_added_must_be_known_where_the_mixture_is(paints, calibrated):
+    narrow = paints["BoneBlack"].resample(GRID[3:13])
+    with pytest.raises(ValueError, match="leave BoneBlack out of what may be added"):
+        next_addition(calibrated, lab_target((50, 20, 30)), [paints["Vermillion"], narrow], 10.0)
+
+
 @pytest.mark.parametrize(
     ("metres", "words"),
     [
@@ -123,3 +132,27 @@ def test_command_says_what_to_add(run, tmp_path, weak):
         assert status == 2
         assert said in err
         assert err.count("\n") == 1
+
+
+@pytest.mark.parametrize("few", [(2, 6, 10, 13), (2, 6, 10), (8,), range(3, 13)])
+def test_command_takes_a_reading_of_few_bands(run, tmp_path, weak, few):
+    """Filters of a camera: what they leave open the paints tell, and as much is added within a
+    seventh.
+    """
+    bands = list(few)
+    read = dataclasses.replace(
+        weak,
+        wavelengths=GRID[bands],
+        **{what: getattr(weak, what)[:, bands] for what in SPECTRA},
+    )
+    grams = []
+    for name, film in (("all", weak), ("few", read)):
+        file = write(tmp_path / f"{name}.tsv", film)
+        status, out, err = run(
+            *("--lab", "60,45,30", "--after", file, "--instrument", "d:8", "--batch", 20),
+            *("--mixed", "10 Vermillion + 90 ZincWhite", "--only", "Vermillion"),
+        )
+        assert (status, err) == (0, "")
+        grams.append(float(out.split("Add ")[1].split(" g Vermillion")[0]))
+    assert grams[1] == pytest.approx(grams[0], rel=0.15)
+    assert grams[1] > 1.0

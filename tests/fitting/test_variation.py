@@ -269,10 +269,57 @@ def test_a_reading_that_is_too_bright_is_gain_as_far_as_films_have_it(paints):
     assert free.chi_square[0] < 0.5 * tied.chi_square[0]
     widths = []
     for found in (tied, free):
-        (made,) = predict_mixture(paints, TINT, [25e-6], wavelengths=GRID, calibrated=found)
+        # Another film: its gain is its own.
+        (made,) = predict_mixture(paints, TINT, [50e-6], wavelengths=GRID, calibrated=found)
         low, high = made.interval()
         widths.append(np.mean((high - low) / made.reflectance))
     assert widths[1] > np.hypot(widths[0], 0.2)
+
+
+def test_what_a_reading_was_off_holds_over_the_other_card(paints):
+    """A film that hides its ground reads the same over both, texture and all: the nearer the more
+    alike errors are. A film of another thickness has errors of its own.
+    """
+    films = painted(paints, TINT, 1.0, [400e-6])
+    wave = 1.0 + 0.03 * np.sin(GRID / 10.0)
+    rough = dataclasses.replace(
+        films, over_white=wave * films.over_white, seen=np.array([[False, True]])
+    )
+    gauge = Gauge({films.names[0]: 400e-6})
+    found = calibrate_mixture(paints, TINT, rough, noise=Noise(), gauge=gauge)
+    own = float(found.thickness[0]) * UNIT
+    off, wide, others = [], [], []
+    for alike in (0.0, 0.8, 1.0):
+        same, other = predict_mixture(
+            paints,
+            TINT,
+            [own, 2.0 * own],
+            wavelengths=GRID,
+            calibrated=found,
+            spread=Spread(alike=alike),
+        )
+        off.append(np.abs(same.over_black - wave * films.over_black[0]).mean())
+        low, high = same.interval()
+        wide.append(np.mean((high - low)[0]))
+        others.append(other)
+    assert off[2] < 0.2 * off[0]
+    assert off[2] < off[1] < off[0]
+    assert wide[2] < 0.5 * wide[0]
+    assert wide[2] < wide[1] < wide[0]
+    for other in others[1:]:
+        np.testing.assert_allclose(other.reflectance, others[0].reflectance, rtol=1e-9)
+        np.testing.assert_allclose(other.draws, others[0].draws, rtol=1e-9)
+
+
+def test_errors_of_a_reading_are_one_draw_for_all_thicknesses(paints):
+    """Two films that hide their ground are off alike in each draw, not each by another error."""
+    films = painted(paints, TINT, 1.0, [400e-6])
+    gauge = Gauge({films.names[0]: 400e-6})
+    found = calibrate_mixture(paints, TINT, films, noise=Noise(), gauge=gauge)
+    thick, thicker = predict_mixture(
+        paints, TINT, [800e-6, 1600e-6], wavelengths=GRID, calibrated=found
+    )
+    np.testing.assert_allclose(thick.deviations["paint"], thicker.deviations["paint"], atol=1e-4)
 
 
 def test_a_reading_in_a_few_bands_tells_the_others(paints):
@@ -298,6 +345,9 @@ def test_a_reading_in_a_few_bands_tells_the_others(paints):
     # What was not read is not fitted.
     np.testing.assert_array_equal(found.films.over_black[0, few], read.over_black[0])
     np.testing.assert_array_equal(found.residual[:, :, [0, 1, 3]], 0.0)
+    # Nor does anything hold there that a reading was off.
+    assert np.isinf(found.residual_sd[:, :, [0, 1, 3]]).all()
+    assert np.isfinite(found.residual_sd[:, :, few]).all()
 
 
 def test_the_film_that_was_read_is_the_yardstick(paints):

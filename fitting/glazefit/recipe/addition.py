@@ -16,14 +16,16 @@ from scipy.optimize import minimize
 
 from glazejax import Pigment, colour
 from glazejax.geometry import resolve_instrument
+from glazejax.spectra import describe_grid
 
 from ..film.films import InstrumentLike
 from ..film.model.response import Response, film_response
 from ..film.model.variation import SIZES, Variation
 from ..recover.joint import UNIT
 from ..recover.joint_result import JointRecovery
-from ..recover.mixture import film_readings, mix, predict_mixture
+from ..recover.mixture import mix, predict_mixture
 from ..recover.prediction import Prediction
+from ..recover.reading_errors import film_readings
 from .targets import Target
 
 # Grams to a gram of the mixture: from a trace on a knife to as much again.
@@ -98,6 +100,12 @@ def next_addition(
         raise ValueError(f"the batch is {batch:g} g; it must be above 0, such as 20")
     seen_by = resolve_instrument(instrument)
     grid = calibrated.wavelengths
+    for paint in pigments:
+        if paint.wavelengths[0] > grid[0] or paint.wavelengths[-1] < grid[-1]:
+            raise ValueError(
+                f"{paint.name} is known at {describe_grid(paint.wavelengths)} and the mixture at "
+                f"{describe_grid(grid)}: leave {paint.name} out of what may be added"
+            )
     light = colour.find_illuminant(illuminant)
     eye = colour.find_observer(observer)
     name = calibrated.paints[0]

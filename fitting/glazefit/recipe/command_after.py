@@ -35,7 +35,7 @@ def say_addition(
 
     Args:
         target: that is sought.
-        reading: file of one film of the mixture.
+        reading: file of one film of the mixture, of many bands or of few.
         mixed: paints and weights of it.
         batch: grams of it; None if the weights are grams.
         samples: name of the film, if the file has several.
@@ -47,20 +47,26 @@ def say_addition(
         console: to print to.
     """
     from ..recover.mixture import calibrate_mixture
-    from ..recover.predict_command import read_film, read_mixture
+    from ..recover.predict_command import complete_grid, read_film, read_mixture
     from .addition import next_addition
 
     recipe, known = read_mixture(mixed, shelf)
     mass = sum(recipe.values()) if batch is None else batch
     film = read_film(reading, samples, known | {p.name: p for p in paints}, recipe, console)
     with progress.doing("compiling, then fitting the reading"):
-        found = calibrate_mixture(known, recipe, film, instrument=instrument)
+        found = calibrate_mixture(
+            known,
+            recipe,
+            film,
+            instrument=instrument,
+            wavelengths=complete_grid(film, [known[name] for name in recipe]),
+        )
         addition = next_addition(
             found,
             target,
             paints,
             mass,
-            ground=ground.on(film.wavelengths),
+            ground=ground.on(found.wavelengths),
             instrument=instrument,
             illuminant=eye[0],
             observer=eye[1],

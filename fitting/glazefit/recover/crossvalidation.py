@@ -99,15 +99,16 @@ def without(
     whole: JointRecovery,
     films: Films,
     recipes: Mapping[str, Mapping[str, float]],
-    row: int,
+    row: int | list[int],
     **given: Unpack[JointSettings],
 ) -> JointRecovery:
-    """The fit without one film; it starts where that of all ended, but knows nothing of that film.
+    """The fit without one film or several; it starts where that of all ended, but knows nothing of
+    them.
 
     Args:
         whole: fit of all films.
         films, recipes: of `whole`.
-        row: of the film that is left out.
+        row: of the film that is left out, or of several.
         given: as `whole` had them.
     """
     use = np.ones(len(films))

@@ -169,6 +169,7 @@ def recover_jointly(
         whole_covariance=JointCovariance(
             factors, np.asarray(problem.band_modes), found.with_others
         ),
+        ground_modes=constraints.ground_modes,
         gauged=gauge is not None,
         measured_gloss=measured_gloss,
     )

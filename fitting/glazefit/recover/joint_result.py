@@ -56,6 +56,8 @@ class JointRecovery(FittedFilms):
         known_paints: those that were known before, by name, in the order of `paints`.
         known_modes: known paint -> its error modes' places among the unknowns' `others`.
         whole_covariance: covariance of log k of all paints, then log s, at all bands together.
+        ground_modes: what the unknowns' `others` add to log(rho / (1 - rho)) of each film's cards,
+            (others, films, 2).
         gauged: whether thicknesses were measured.
         measured_gloss: gloss of each film as measured, NaN where it was not, (films,).
     """
@@ -82,6 +84,7 @@ class JointRecovery(FittedFilms):
     known_paints: Mapping[str, Pigment]
     known_modes: Mapping[str, Modes]
     whole_covariance: JointCovariance
+    ground_modes: Float[np.ndarray, "others films 2"]
     gauged: bool
     measured_gloss: Float[np.ndarray, "films"]
 

@@ -22,13 +22,12 @@ from glazejax.paint.describe import format_length
 from ..film.films import SPECTRA, Films, InstrumentLike, Noise, usual_cards
 from ..film.model.errors import (
     ModelError,
-    draw_model_errors,
     error_modes,
     relative_errors,
     smooth_kernel,
 )
 from ..film.model.mixing import MixingLaw
-from ..film.model.response import HIGHEST, Response, film_response
+from ..film.model.response import Response, film_response
 from ..film.model.variation import MIXED, Spread, Variation
 from ..film.noise import estimate_noise
 from .constraints import Gauge
@@ -36,14 +35,14 @@ from .joint import UNIT, recover_jointly
 from .joint_problem import Expectations
 from .joint_result import JointRecovery
 from .prediction import Prediction
+from .reading_errors import ReadingErrors, film_readings
 
 _DRAWS = 256
 _SHAPES = 8
-# A reading of the mixture itself counts as far as the optics is exact, not as a paint between
-# films.
-_CLOSE = Expectations(model_floor=0.002, model_share=0.006)
-# Its errors are alike at neighbouring bands and over both cards.
-_ALIKE = ModelError(amplitude=1.0, length=60.0, scales=(1.0,), weights=(1.0,))
+CLOSE = Expectations(model_floor=0.002, model_share=0.006)
+"""A reading of the mixture itself counts as far as the optics is exact, not as a paint between
+films.
+"""
 
 Modes = Float[np.ndarray, "modes 2 bands"]
 
@@ -102,6 +101,7 @@ def predict_mixture(
     variation: Variation | None = None,
     calibrated: JointRecovery | None = None,
     response: Response | None = None,
+    spread: Spread | None = None,
 ) -> list[Prediction]:
     """What a mixture of known paints will look like at some thicknesses, over a black and a white
     ground.
@@ -112,8 +112,11 @@ def predict_mixture(
         ground: internal reflectance of the black and the white ground, each a number or (bands,);
             by default usual cards.
         instrument: by default d:8 with the specular part, refractive index 1.5.
-        calibrated: what `calibrate_mixture` found; then it is that mixing which is foretold.
+        calibrated: what `calibrate_mixture` found; then it is that mixing which is foretold, and a
+            film as thick as one that was read is that film.
         response: model of one film, by default that of the instrument.
+        spread: its `alike` says how much of what the reading was off holds over another card; as
+            for `calibrate_mixture`.
 
     Returns:
         A `Prediction` for each thickness, whose relative thickness is in units of
@@ -125,20 +128,22 @@ def predict_mixture(
     instrument = resolve_instrument(instrument)
     response = response or film_response(instrument)
     paints = tuple(paint for paint, weight in recipe.items() if weight > 0)
+    errors = None
     if calibrated is None:
         k, s, parts, _ = _mix(pigments, recipe, wavelengths, law, "")
         grid = _grid(pigments, recipe, wavelengths)
         rng = np.random.default_rng(0)
         own, film = (rng.standard_normal((_DRAWS, len(parts[part]))) for part in ("paint", "film"))
         # Scale and shape are two sides of the same errors.
-        drawn = {"scale": own, "paint": own, "film": film}
-        off = {part: np.einsum("dm,mcb->dcb", drawn[part], modes) for part, modes in parts.items()}
+        normal = {"scale": own, "paint": own, "film": film}
+        off = {part: np.einsum("dm,mcb->dcb", normal[part], modes) for part, modes in parts.items()}
         gloss = np.ones(1)
     else:
         grid = calibrated.wavelengths
         k, s = (found[0] / UNIT for found in (calibrated.absorption, calibrated.scattering))
         off = {"paint": drawn_mixture(calibrated)}
         gloss = calibrated.gloss
+        errors = ReadingErrors.of(calibrated, response, (spread or Spread()).alike)
     empty = np.zeros((len(next(iter(off.values()))), 2, grid.size))
     grounds = (
         usual_cards(grid)
@@ -155,16 +160,17 @@ def predict_mixture(
         mean = film_readings(
             response, k * metres, s * metres, np.zeros((1, 2, grid.size)), grounds
         )[0]
-        spread = {
+        drawn = {
             part: film_readings(response, k * metres, s * metres, o, grounds) - mean
             for part, o in off.items()
         }
-        if calibrated is not None:
-            spread["paint"] = spread["paint"] + _drawn_readings(
-                calibrated, instrument.seen_surface, mean + surface
-            )
-        deviations = {part: spread.get(part, empty) for part in ("scale", "paint", "film")}
-        over_black, over_white = mean + surface
+        read = mean + surface
+        if errors is not None:
+            shift, more = errors.at(metres / UNIT, read)
+            read = read + shift
+            drawn["paint"] = drawn["paint"] + more
+        deviations = {part: drawn.get(part, empty) for part in ("scale", "paint", "film")}
+        over_black, over_white = read
         out.append(
             Prediction(
                 name=format_length(metres),
@@ -232,7 +238,7 @@ def calibrate_mixture(
         instrument=instrument,
         noise=noise,
         # Films of known paints: their scale is the films' own.
-        expectations=_CLOSE._replace(thickness=spread.thickness, gain=spread.gain, scale=0.0),
+        expectations=CLOSE._replace(thickness=spread.thickness, gain=spread.gain, scale=0.0),
         use=np.tile(read.astype(float), (len(films), 1)),
         response=response,
         pigments={mixture.name: mixture},
@@ -247,7 +253,8 @@ def calibrate_mixture(
         over_black=np.where(read, films.over_black, found.fitted_black),
         over_white=np.where(read, films.over_white, found.fitted_white),
     )
-    return replace(found, films=filled)
+    # As if read with an error that has no bounds.
+    return replace(found, films=filled, residual_sd=np.where(read, found.residual_sd, np.inf))
 
 
 def _spread_bands(
@@ -276,29 +283,6 @@ def drawn_mixture(calibrated: JointRecovery) -> Float[np.ndarray, "draws 2 bands
     through = ~calibrated.films.opaque
     depth = films[:, through, 0].mean(axis=1) if through.any() else np.zeros(len(films))
     return np.swapaxes(bands, 1, 2) + depth[:, None, None]
-
-
-def _drawn_readings(
-    calibrated: JointRecovery, seen_surface: float, expected: Float[np.ndarray, "2 bands"]
-) -> Float[np.ndarray, "draws 2 bands"]:
-    """What else a reading may be off: its surface, its gain, and the model.
-
-    Args:
-        calibrated: what was found.
-        seen_surface: reflectance of a smooth surface, as it is seen.
-        expected: reflectance over black and white.
-    """
-    best = calibrated.unknowns
-    drawn = calibrated.draws
-    count = len(drawn.paints)
-    rng = np.random.default_rng(1)
-    size = calibrated.expectations
-    log_gloss = drawn.paints[:, 0, 0] + drawn.films[:, 0, 1]
-    gloss = np.exp(log_gloss) - np.exp(best.paints[0, 0] + best.films[0, 1])
-    gain = size.gain * rng.standard_normal((count, 2, 1))
-    model = draw_model_errors(rng, count, 2, calibrated.wavelengths, _ALIKE)
-    level = size.model_floor + size.model_share * expected
-    return seen_surface * gloss[:, None, None] + gain * expected + level * model
 
 
 def _paints(pigments: Mapping[str, Pigment], recipe: Mapping[str, float]) -> dict[str, Pigment]:
@@ -376,22 +360,3 @@ def _each(
         for kind in (0, 1):
             out[paint, kind, :, paint, kind] = modes[paint, kind]
     return out.reshape(-1, paints, 2, modes.shape[3])
-
-
-def film_readings(
-    response: Response,
-    kd: Float[np.ndarray, "bands"],
-    sd: Float[np.ndarray, "bands"],
-    off: Float[np.ndarray, "draws 2 bands"],
-    grounds: tuple[Float[np.ndarray, "bands"], ...],
-) -> Float[np.ndarray, "draws 2 bands"]:
-    """What the body reflects over two grounds, with errors of log k and log s."""
-    k = kd * np.exp(off[:, 0])
-    s = sd * np.exp(off[:, 1])
-    # The table of films ends where nothing shines through: what is thicker reflects the same.
-    thinner = np.minimum(1.0, 0.999 * np.minimum(HIGHEST[0] / k, HIGHEST[1] / s))
-    k = k * thinner
-    s = s * thinner
-    return np.stack(
-        [np.asarray(response.body(k, s, np.broadcast_to(g, k.shape))) for g in grounds], axis=1
-    )

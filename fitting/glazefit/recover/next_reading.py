@@ -21,7 +21,8 @@ from ..film.model.response import Response, film_response
 from .experimental_design import NextFilm, NextFilms
 from .joint import UNIT
 from .joint_result import JointRecovery
-from .mixture import drawn_mixture, film_readings
+from .mixture import drawn_mixture
+from .reading_errors import film_readings
 
 # Bands that a reading counts with: neighbours tell the same.
 _BANDS = 8

@@ -28,10 +28,13 @@ _GEOMETRY = "d:8"
 _USUAL = "25um"
 _FAR = 2.0
 """Delta E00 of a reading from its fit beyond which the mixture may be another one."""
-_SEEN = 0.1
-"""Delta E00 that a further reading must bring to be named."""
+_SEEN = 0.2
+"""Delta E00 that a further reading must bring to be named: repeats of one reading differ by .1 on
+average (Kimera's), and that is not seen."""
 _COARSE = 20.0
-"""Bands farther apart than this, nm, give no colour by themselves."""
+"""Bands farther apart than this, nm, give no colour by themselves,"""
+_COLOUR = (420.0, 680.0)
+"""nor do bands that leave out part of this, nm."""
 _PART = re.compile(r"(?:(?P<weight>\d+\.?\d*|\.\d+)(?:\s*[%*]\s*|\s+))?(?P<name>\S.*)")
 
 
@@ -151,7 +154,7 @@ def predict(
                 instrument=seen_with,
                 noise=noise,
                 gauge=gauge,
-                wavelengths=_between(film, shelf, recipe),
+                wavelengths=complete_grid(film, [shelf[paint] for paint in recipe]),
             )
         grid = found.wavelengths
         black, white, _, _ = cards(found.films, seen_with, noise)
@@ -252,15 +255,22 @@ def read_film(
     return films
 
 
-def _between(
-    film: "Films", shelf: "Mapping[str, Pigment]", recipe: Mapping[str, float]
+def complete_grid(
+    film: "Films", paints: "Sequence[Pigment]"
 ) -> "Float[np.ndarray, 'bands'] | None":
-    """Wavelengths that a reading of few bands is completed at; None where it has enough."""
+    """Wavelengths (nm) that a reading of few bands is completed at, where all these paints are
+    known; None where it has enough for a colour.
+    """
     import numpy as np
 
-    if film.wavelengths.size > 1 and np.diff(film.wavelengths).max() <= _COARSE:
+    own = film.wavelengths
+    near = own.size > 1 and np.diff(own).max() <= _COARSE
+    if near and own[0] <= _COLOUR[0] and own[-1] >= _COLOUR[1]:
         return None
-    return np.asarray(shelf[next(iter(recipe))].wavelengths)
+    low = max(paint.wavelengths[0] for paint in paints)
+    high = min(paint.wavelengths[-1] for paint in paints)
+    grid = np.asarray(paints[0].wavelengths)
+    return grid[(grid >= low) & (grid <= high)]
 
 
 def _say_reading(

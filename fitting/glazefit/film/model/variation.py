@@ -41,12 +41,17 @@ Weights = Float[np.ndarray, "sizes"]
 
 
 class Spread(NamedTuple):
-    """How far films of a set scatter beside what they are made of, as standard deviations."""
+    """How far films of a set, and their readings, scatter beside what they are made of, as standard
+    deviations.
+    """
 
-    thickness: float = 0.25
+    thickness: float = 0.4
     """Of the log of a film's thickness, about that in whose unit its paints' k and s are."""
-    gain: float = 0.01
+    gain: float = 0.02
     """Of the log of a factor of one reading: texture, and where on the film it was taken."""
+    alike: float = 0.9
+    """No standard deviation: the correlation of what readings of one film over two cards are off,
+    by that factor and by the model. They see the same film."""
 
 
 class SizeEvidence(NamedTuple):

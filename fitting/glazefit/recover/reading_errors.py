@@ -1,0 +1,175 @@
+"""What readings of one mixture are off beside its k and s: surface, gain and model; and how much of
+that holds for the same film over another card.
+"""
+
+from dataclasses import dataclass
+
+import jax
+import numpy as np
+from jaxtyping import Float
+
+from ..film.films import cards
+from ..film.model.errors import ModelError, draw_model_errors
+from ..film.model.response import HIGHEST, Response
+from .joint_problem import Expectations, Unknowns
+from .joint_result import JointRecovery
+
+SMOOTH = ModelError(amplitude=1.0, length=60.0, scales=(1.0,), weights=(1.0,))
+"""Errors of the model, of size one: alike at neighbouring bands."""
+# A film as thick as the one that was read is that film. Of thickness so far off, as a standard
+# deviation of its log, less and less of the reading's errors goes with it.
+_SAME = 0.1
+# So many times as thick hides everything.
+_HIDES = 1e6
+
+
+@dataclass(frozen=True)
+class ReadingErrors:
+    """What readings of a mixture are off, by their surface, their gain, and the model.
+
+    One draw of them holds for films of every thickness. A film that was read, over another card,
+    is off as its reading was, as far as the two are `alike`.
+
+    Attributes:
+        calibrated: what was found.
+        alike: correlation of errors of one film over two cards.
+        was: of what was read, in standard deviations of gain and model, (films, 2, bands).
+        drawn: the same for each draw of what is unknown, (draws, films, 2, bands).
+        reach: how much of what a reading was off is gain and model, no noise: the ratio of their
+            standard deviations, (films, 2, bands); 0 where nothing was read.
+        gloss: what the surface's reflection is off, (draws, 1, 1).
+        gain: in standard deviations, of films that were not read, (draws, 2, 1);
+        model: and what the model is off, (draws, 2, bands).
+    """
+
+    calibrated: JointRecovery
+    alike: float
+    was: Float[np.ndarray, "films 2 bands"]
+    drawn: Float[np.ndarray, "draws films 2 bands"]
+    reach: Float[np.ndarray, "films 2 bands"]
+    gloss: Float[np.ndarray, "draws 1 1"]
+    gain: Float[np.ndarray, "draws 2 1"]
+    model: Float[np.ndarray, "draws 2 bands"]
+
+    @classmethod
+    def of(cls, calibrated: JointRecovery, response: Response, alike: float) -> "ReadingErrors":
+        """Errors of what was read, and draws for what was not.
+
+        Args:
+            calibrated: what was found.
+            response: model of one film.
+            alike: correlation of errors of one film over two cards.
+        """
+        films = calibrated.films
+        best = jax.tree.map(lambda leaf: np.asarray(leaf)[None], calibrated.unknowns)
+        one = _readings_of(calibrated, response, best)
+        several = _readings_of(calibrated, response, calibrated.draws)
+        read = np.stack([films.over_black, films.over_white], axis=1)
+        sd = _error_size(calibrated.expectations, one[0])
+        # Noise and cards are in the residual's size, and a gain of its own is not.
+        all_of_it = np.hypot(calibrated.residual_sd, calibrated.expectations.gain * one[0])
+        log_gloss = calibrated.draws.paints[:, 0, 0] + calibrated.draws.films[:, 0, 1]
+        rng = np.random.default_rng(1)
+        count = len(log_gloss)
+        return cls(
+            calibrated=calibrated,
+            alike=alike,
+            was=(read - one[0]) / all_of_it,
+            drawn=(read - several) / all_of_it,
+            reach=np.minimum(sd / all_of_it, 1.0) * films.seen[:, :, None],
+            gloss=(np.exp(log_gloss) - calibrated.gloss[0])[:, None, None],
+            gain=rng.standard_normal((count, 2, 1)),
+            model=draw_model_errors(rng, count, 2, calibrated.wavelengths, SMOOTH),
+        )
+
+    def at(
+        self, thickness: float, expected: Float[np.ndarray, "2 bands"]
+    ) -> tuple[Float[np.ndarray, "2 bands"], Float[np.ndarray, "draws 2 bands"]]:
+        """What readings of a film are off, as is expected, and each draw's deviation from that.
+
+        Args:
+            thickness: relative.
+            expected: reflectance over black and white, (2, bands).
+        """
+        found = self.calibrated
+        size = found.expectations
+        new = size.gain * expected * self.gain + _model_size(size, expected) * self.model
+        surface = found.instrument.seen_surface * self.gloss
+        through = np.flatnonzero(~found.films.opaque)
+        if through.size == 0:
+            return np.zeros_like(expected), surface + new
+        apart = np.abs(np.log(found.thickness[through] / thickness))
+        film = through[apart.argmin()]
+        same = self.alike * np.exp(-0.5 * (apart.min() / _SAME) ** 2)
+        # Simple kriging (Journel, Huijbregts, Mining Geostatistics, 1978), band by band, from what
+        # was read over one card or two.
+        reach = self.reach[film].T  # (bands, 2)
+        both = self.alike * reach[:, :, None] * reach[:, None, :]
+        both = both + np.eye(2) * (1.0 - self.alike * reach[:, :, None] ** 2)
+        towards = same * reach
+        share = np.linalg.solve(both, towards[:, :, None])[:, :, 0]
+        left = np.sqrt(np.maximum(1.0 - np.sum(share * towards, axis=1), 0.0))
+        sd = _error_size(size, expected)
+        shift = sd * np.einsum("bc,cb->b", share, self.was[film])
+        drawn = sd * np.einsum("bc,dcb->db", share, self.drawn[:, film])[:, None]
+        return shift, surface + (drawn - shift) + left * new
+
+
+def _model_size(
+    expected: Expectations, reflectance: Float[np.ndarray, "*n bands"]
+) -> Float[np.ndarray, "*n bands"]:
+    return expected.model_floor + expected.model_share * reflectance
+
+
+def _error_size(
+    expected: Expectations, reflectance: Float[np.ndarray, "*n bands"]
+) -> Float[np.ndarray, "*n bands"]:
+    """Standard deviation of a reading by its gain and by the model."""
+    return np.hypot(expected.gain * reflectance, _model_size(expected, reflectance))
+
+
+def _readings_of(
+    calibrated: JointRecovery, response: Response, unknowns: Unknowns
+) -> Float[np.ndarray, "draws films 2 bands"]:
+    """What the films that were read should have read, by draws of the unknowns, without a gain."""
+    films = calibrated.films
+    black, white, _, _ = cards(films, calibrated.instrument, calibrated.noise)
+    odds = np.exp(np.einsum("do,ofc->dfc", unknowns.others, calibrated.ground_modes))
+    out = []
+    for film in range(len(films)):
+        off = unknowns.bands - calibrated.unknowns.bands  # (draws, bands, 2)
+        depth = unknowns.films[:, film, 0] - calibrated.unknowns.films[film, 0]
+        grounds = []
+        for card, rho in enumerate((black[film], white[film])):
+            moved = rho * odds[:, film, card, None]
+            grounds.append(moved / (1.0 - rho + moved))
+        times = _HIDES if films.opaque[film] else 1.0
+        body = film_readings(
+            response,
+            calibrated.film_absorption[film] * times,
+            calibrated.film_scattering[film] * times,
+            np.swapaxes(off, 1, 2) + depth[:, None, None],
+            tuple(grounds),
+        )
+        gloss = np.exp(unknowns.paints[:, 0, 0] + unknowns.films[:, film, 1])
+        out.append(body + calibrated.instrument.seen_surface * gloss[:, None, None])
+    return np.stack(out, axis=1)
+
+
+def film_readings(
+    response: Response,
+    kd: Float[np.ndarray, "bands"],
+    sd: Float[np.ndarray, "bands"],
+    off: Float[np.ndarray, "draws 2 bands"],
+    grounds: tuple[Float[np.ndarray, "bands"] | Float[np.ndarray, "draws bands"], ...],
+) -> Float[np.ndarray, "draws 2 bands"]:
+    """What the body reflects over two grounds, with errors of log k and log s."""
+    k = kd * np.exp(off[:, 0])
+    s = sd * np.exp(off[:, 1])
+    # The table of films ends where nothing shines through: what is thicker reflects the same.
+    thinner = np.minimum(1.0, 0.999 * np.minimum(HIGHEST[0] / k, HIGHEST[1] / s))
+    k = k * thinner
+    s = s * thinner
+    return np.stack(
+        [np.asarray(response.body(k, s, np.broadcast_to(g, k.shape))) for g in grounds], axis=1
+    )
