@@ -120,6 +120,16 @@ def _let_programs_go() -> None:
     _stayed = _memory()
 
 
+@pytest.fixture(autouse=True, scope="session")
+def _tests_set_jax_up_themselves():
+    """A command called in this process would have every later test trace each program twice, hold
+    it and keep it in the user's folder.
+    """
+    with pytest.MonkeyPatch.context() as monkeypatch:
+        monkeypatch.setattr("glazejax.commands.main.start_jax", lambda **_: None)
+        yield
+
+
 @pytest.fixture
 def command_line(monkeypatch, tmp_path, capsys):
     """Runs `glazejax` in an empty folder: from first words and a width, a function of the words that
@@ -129,8 +139,6 @@ def command_line(monkeypatch, tmp_path, capsys):
 
     def begin(*first, columns=200, on_one_line=False):
         monkeypatch.chdir(tmp_path)
-        # The tests set JAX up themselves.
-        monkeypatch.setattr(program, "start_jax", lambda **_: None)
         monkeypatch.setenv("COLUMNS", str(columns))
 
         def call(*words):

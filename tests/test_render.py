@@ -61,8 +61,6 @@ def run(tmp_path, monkeypatch, capsys, pigments_csv):
                 else entry_points(**wanted)
             ),
         )
-        # The settings of a command must not leak into the tests that follow.
-        monkeypatch.setattr(cli, "start_jax", lambda **_: None)
         own = [] if pigments is None else ["--pigments", str(pigments)]
         monkeypatch.setattr(sys, "argv", ["glazejax", "render", *arguments, *own])
         with pytest.raises(SystemExit) as end:
