@@ -499,9 +499,7 @@ def test_a_missing_mitsuba_is_named_with_its_extra(write, tmp_path, monkeypatch)
     assert 'pip install "glazejax[render]"' in str(done.exception)
 
 
-def test_a_path_traced_picture_that_was_interrupted_says_so(
-    write, tmp_path, monkeypatch
-):
+def test_a_path_traced_picture_that_was_interrupted_says_so(write, tmp_path, monkeypatch):
     pytest.importorskip("mitsuba", reason="Mitsuba is not installed (extra render)")
     from glazejax.appearance.scene.path import path_trace as tracing
 
@@ -523,9 +521,7 @@ def test_a_path_traced_picture_that_was_interrupted_says_so(
     assert "25% of the paths are followed, so that noise is left" in done.output
 
 
-def test_without_a_terminal_lines_say_how_far_a_picture_is(
-    write, tmp_path, monkeypatch
-):
+def test_without_a_terminal_lines_say_how_far_a_picture_is(write, tmp_path, monkeypatch):
     from glazejax.commands import progress
 
     monkeypatch.setattr(progress, "lines", partial(progress.lines, 0.01))

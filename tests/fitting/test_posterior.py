@@ -69,7 +69,7 @@ def banded():
     """A film that is clear at one end and hides its card at the other, sampled band by band."""
     k, s = np.geomspace(0.05, 8.0, GRID.size), np.geomspace(1.0, 40.0, GRID.size)
     return posterior_of_bands(
-        simulate_films(GRID, k[None], s[None], names=["film"], seed=4), steps=3000, walkers=24
+        simulate_films(GRID, k[None], s[None], names=["film"], seed=4), steps=1000, walkers=24
     )
 
 

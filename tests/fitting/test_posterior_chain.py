@@ -189,6 +189,7 @@ def test_interrupt_keeps_what_is_done_and_the_rest_can_follow(tmp_path, monkeypa
     np.testing.assert_array_equal(rest.chain.free, whole.chain.free)
 
 
+@pytest.mark.slow
 def test_files_are_guarded(tmp_path):
     path = tmp_path / "c.h5"
     with pytest.raises(FileNotFoundError, match="no chain to resume"):

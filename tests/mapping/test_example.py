@@ -22,6 +22,7 @@ def scene():
     return painting((48, 64), GRID, seed=3)
 
 
+@pytest.mark.slow
 def test_pixels_are_what_the_solver_gives_for_their_truth(scene):
     clear, truth = scene.rows(0, 48, noise=False), scene.truth(0, 48)
     paints = (*scene.paints, *scene.foreign)

@@ -191,7 +191,13 @@ def test_decay_rate_is_rounded_down():
 
 
 @pytest.mark.parametrize(
-    ("index", "hemispherical"), [(1.0, False), (1.5, False), (1.02, True), (2.4, True)]
+    ("index", "hemispherical"),
+    [
+        (1.5, False),
+        (1.02, True),
+        pytest.param(1.0, False, marks=pytest.mark.slow),
+        pytest.param(2.4, True, marks=pytest.mark.slow),
+    ],
 )
 def test_closed_form_without_scattering_is_exact(index: float, hemispherical: bool):
     """Bare and absorbing stacks against the solver."""

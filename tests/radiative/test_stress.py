@@ -230,7 +230,8 @@ def test_batches_broadcast():
     assert stack_reflectance_factor(np.zeros((0, 2)), np.zeros((0, 2)), 0.5).shape == (0,)
 
 
-@pytest.mark.parametrize("index", [1.5, pytest.param("array", marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("index", [1.5, "array"])
 def test_compiled_programs_hold_no_lapack_call(index):
     q, d, g, ci, cv = (jnp.asarray(a) for a in random_cases(2000))
 
