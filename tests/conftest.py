@@ -110,8 +110,11 @@ def _memory() -> int:
 
 
 def _let_programs_go() -> None:
+    # Not before the annotations' hook, above.
+    from glazejax.programs import let_programs_go
+
     global _stayed
-    jax.clear_caches()
+    let_programs_go()
     gc.collect()
     if os.name == "posix" and hasattr(
         libc := ctypes.CDLL(None), "malloc_trim"

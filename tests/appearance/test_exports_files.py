@@ -215,6 +215,7 @@ def test_a_large_map_is_interpolated(tmp_path):
     np.testing.assert_allclose(picture[:, ::29], read_png(few.files["base_color"]), atol=3 / 255)
 
 
+@pytest.mark.slow
 def test_fractions_and_grounds(tmp_path):
     mixed = gj.Mixture([paint("ZincWhite"), paint("Vermillion")], [0.5, 0.5])
     glaze = gj.Glaze([gj.Layer(mixed, 20e-6)], 0.5)

@@ -42,8 +42,8 @@ def truth():
 
 def hemisphere(function, cos_out: float) -> np.ndarray:
     """Albedo of a reflectance factor towards an angle, by a rule of its own."""
-    nodes, weights = np.polynomial.legendre.leggauss(300)
-    light, turns = 0.5 * (nodes + 1), (np.arange(360) + 0.5) / 2
+    nodes, weights = np.polynomial.legendre.leggauss(160)
+    light, turns = 0.5 * (nodes + 1), np.arange(0.5, 180.0)
     values = function(*np.broadcast_arrays(light[:, None], np.array(cos_out), turns))
     return np.tensordot(weights * light, values.mean(axis=1), 1)
 

@@ -67,7 +67,7 @@ def painted(thickness: np.ndarray, noise: Noise, seed: int = 1) -> Films:
     )
 
 
-@pytest.fixture(scope="module", params=["", "told"])
+@pytest.fixture(scope="module", params=["", pytest.param("told", marks=pytest.mark.slow)])
 def small(request):
     """A problem of three paints, six films and seven bands, at a point that is not its solution.
 

@@ -69,7 +69,7 @@ def banded():
     """A film that is clear at one end and hides its card at the other, sampled band by band."""
     k, s = np.geomspace(0.05, 8.0, GRID.size), np.geomspace(1.0, 40.0, GRID.size)
     return posterior_of_bands(
-        simulate_films(GRID, k[None], s[None], names=["film"], seed=4), steps=1000, walkers=24
+        simulate_films(GRID, k[None], s[None], names=["film"], seed=4), steps=3000, walkers=24
     )
 
 
@@ -95,6 +95,7 @@ def test_fractions_sum_to_one(mixed):
     )
 
 
+@pytest.mark.slow
 def test_bands_equal_a_sum_over_a_grid(banded):
     """The chain's mean and spread of log k/s and log s d, against a dense sum over both."""
     problem = banded.problem
@@ -116,6 +117,7 @@ def test_bands_equal_a_sum_over_a_grid(banded):
         np.testing.assert_allclose(spread, sd, rtol=0.15)
 
 
+@pytest.mark.slow
 def test_only_the_ratio_is_known_where_the_card_is_hidden(banded):
     sentences = banded.identifiability.sentences
     assert len(sentences) == 1
@@ -127,6 +129,7 @@ def test_only_the_ratio_is_known_where_the_card_is_hidden(banded):
     assert abs(vectors[1, 1]) > 0.9
 
 
+@pytest.mark.slow
 def test_summary_says_where_laplace_and_chain_agree(banded):
     assert rows(banded)["absorption", "400 nm"].laplace == "agrees"
     for row in banded.summary():

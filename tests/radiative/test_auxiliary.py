@@ -73,6 +73,7 @@ def test_the_corrected_method_is_of_second_order(truth):
     assert np.all(found <= 0.1 * np.array(STEPS)[:, None] ** 2)
 
 
+@pytest.mark.slow
 def test_the_printed_method_is_of_first_order(truth):
     found = errors(truth, corrected=False)
     assert 0.6 < order(found) < 1.5

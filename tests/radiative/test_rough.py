@@ -146,9 +146,8 @@ PATHS = [
 ]
 
 
-@pytest.mark.parametrize(
-    "case", [PATHS[0], *(pytest.param(case, marks=pytest.mark.slow) for case in PATHS[1:])], ids=str
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("case", PATHS, ids=str)
 def test_paths_followed_facet_by_facet_agree(case):
     roughness, index, albedo, thickness, ground, cosine = case
     edges = np.array([0.0, 0.2, 0.4, 0.6, 0.8, 0.95, 1.0])
@@ -289,6 +288,7 @@ def test_body_lies_between_nothing_and_what_enters(layers, ground, cosine):
     assert -1e-3 <= flux[0] <= flux[1] + 1e-12 <= most + 1e-3
 
 
+@pytest.mark.slow
 def test_single_precision_is_as_good_as_it_can_be():
     arguments = ALBEDO, THICKNESS, GROUND
     exact = rough.rough_reflectance_factor(

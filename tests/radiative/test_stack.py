@@ -172,7 +172,9 @@ def test_without_scattering_the_closed_form(index):
 
 
 @pytest.mark.single
-@pytest.mark.parametrize("index", [1.0, 1.5, 2.5])
+@pytest.mark.parametrize(
+    "index", [1.5, *(pytest.param(n, marks=pytest.mark.slow) for n in (1.0, 2.5))]
+)
 def test_nothing_is_lost_without_absorption(index):
     for depth in (0.0, 1e-12, 0.3, 5.0, 1e3, 1e6):
         for cos in (1e-4, 0.3, 1.0):
@@ -215,6 +217,7 @@ def test_opaque_layers_that_absorb_nothing_are_as_one(layers):
     assert found == pytest.approx(np.exp(-2 * mu / np.pi * integral) / (8 * mu), abs=1e-5)
 
 
+@pytest.mark.slow
 @pytest.mark.single
 def test_reciprocity():
     q, d, ground, ci, cv = random_cases(200, seed=1)

@@ -67,6 +67,7 @@ def finite(tree) -> bool:
     return all(bool(jnp.all(jnp.isfinite(leaf))) for leaf in jax.tree.leaves(tree))
 
 
+@pytest.mark.slow
 @given(
     st.lists(unit, min_size=LAYERS, max_size=LAYERS),
     st.lists(depth, min_size=LAYERS, max_size=LAYERS),
