@@ -481,6 +481,7 @@ def test_modes_are_apart_and_not_hopelessly_lower():
     assert chosen[0][real[0]].tolist() == [0, 2]
 
 
+@pytest.mark.slow
 def test_least_squares_that_did_not_settle_is_said(banded):
     problem = replace(
         banded.problem, residuals=far_away, data=jnp.ones((len(banded.problem.blocks), 1))

@@ -268,6 +268,7 @@ def test_an_index_for_each_band_is_each_index_by_itself():
     )
 
 
+@pytest.mark.slow
 @settings(max_examples=20)
 @given(
     st.lists(st.tuples(st.floats(0, 1), st.floats(0, 50)), min_size=2, max_size=2),
