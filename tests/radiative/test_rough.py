@@ -31,7 +31,9 @@ ENDS = [
 ]
 
 
-@pytest.mark.parametrize(("roughness", "index"), [(0.3, 1.5), *ENDS])
+@pytest.mark.parametrize(
+    ("roughness", "index"), [(0.3, 1.5), pytest.param(0.1, 1.5, marks=pytest.mark.slow), *ENDS]
+)
 def test_white_paint_on_white_ground_gives_all_light_back(roughness, index):
     cosines = np.linspace(0.05, 1, 5)
     given = {"roughness": roughness, "refractive_index": index, "cos_incidence": cosines}
