@@ -11,7 +11,7 @@ of truths within 90 % intervals, over all quantities: few films, and a hint only
 
 hmc and importance are `glazefit.posterior`'s, emcee is as it is there. aies is NumPyro's affine
 invariant ensemble in JAX, where numpyro is installed: from the same draws of Laplace's approximation,
-with as many walkers and steps as emcee, of which the first half is left out; bands as one problem. NumPyro compiles in
+with emcee's steps, of which the first half is left out; bands as one problem. NumPyro compiles in
 every run: of its seconds those of a run of two steps are taken off.
 """
 
@@ -128,7 +128,8 @@ def measured_aies(posed: Posed, steps: int, seed: int) -> Measured:
         half = 0.5 * jnp.sum(rows**2)
         return jnp.where(jnp.isnan(half), jnp.inf, half)
 
-    chains = Sampling().walkers_for(blocks * dims)
+    # Twice as many as unknowns, as NumPyro advises.
+    chains = max(Sampling().walkers_for(problem.dims), 2 * blocks * dims)
     approximate = laplace(problem, posed.modes, seed=seed)
     start = approximate.draws(chains, np.random.default_rng(seed)).reshape(chains, -1)
 
@@ -206,7 +207,7 @@ def main() -> None:
             seconds, effective, apart, held = np.array(found).T
             say(
                 f"{name:<12}{np.median(seconds):>9.2f}{np.median(effective):>11.0f}"
-                f"{np.median(effective / seconds):>10.0f}{np.median(apart):>7.2f}{held.mean():>6.0%}"
+                f"{np.median(effective) / np.median(seconds):>10.0f}{np.median(apart):>7.2f}{held.mean():>6.0%}"
             )
             say.save()
     if not have_numpyro:

@@ -110,14 +110,27 @@ def _memory() -> int:
 
 
 def _let_programs_go() -> None:
+    # Not before the annotations' hook, above.
+    from glazejax.programs import let_programs_go
+
     global _stayed
-    jax.clear_caches()
+    let_programs_go()
     gc.collect()
     if os.name == "posix" and hasattr(
         libc := ctypes.CDLL(None), "malloc_trim"
     ):  # What glibc keeps goes back too.
         libc.malloc_trim(0)
     _stayed = _memory()
+
+
+@pytest.fixture(autouse=True, scope="session")
+def _tests_set_jax_up_themselves():
+    """A command called in this process would have every later test trace each program twice, hold
+    it and keep it in the user's folder.
+    """
+    with pytest.MonkeyPatch.context() as monkeypatch:
+        monkeypatch.setattr("glazejax.commands.main.start_jax", lambda **_: None)
+        yield
 
 
 @pytest.fixture
@@ -129,8 +142,6 @@ def command_line(monkeypatch, tmp_path, capsys):
 
     def begin(*first, columns=200, on_one_line=False):
         monkeypatch.chdir(tmp_path)
-        # The tests set JAX up themselves.
-        monkeypatch.setattr(program, "start_jax", lambda **_: None)
         monkeypatch.setenv("COLUMNS", str(columns))
 
         def call(*words):

@@ -51,6 +51,7 @@ def test_stacks_and_their_gradients(layers):
         )
 
 
+@pytest.mark.slow
 def test_the_index_and_the_cosines_too():
     q, d, ground = stacks(2)
 
@@ -77,6 +78,7 @@ def test_the_other_methods(method):
     assert_runs_there(lambda *a: factor(*a, method=method), *stacks(2, 3))
 
 
+@pytest.mark.slow
 def test_split_and_graded_layers():
     q, d, ground = stacks(2, 3)
     assert_runs_there(lambda *a: split_reflectance_factor(*a, tolerance=1e-4), q, d, ground)

@@ -22,7 +22,6 @@ import typer
 from typer.testing import CliRunner
 
 import glazefit
-import glazejax.commands.main
 from glazefit import IdentificationOptions
 from glazefit.posterior.sampling import Sampling
 from glazefit.recipe.task import make_task
@@ -625,8 +624,6 @@ def _two_cubes(path: str) -> None:
 
 
 def _reach(monkeypatch: pytest.MonkeyPatch) -> Callable[[str, str], Reached | None]:
-    monkeypatch.setattr(glazejax.commands.main, "start_jax", lambda **_: None)
-
     def table(path: str, rows: dict[str, float]) -> None:
         lines = [",".join(["Name", *(f"{w:g}" for w in GRID)])]
         lines += [",".join([name, *[f"{value:g}"] * GRID.size]) for name, value in rows.items()]

@@ -90,6 +90,7 @@ def test_import_loads_names_only():
     )
 
 
+@pytest.mark.slow
 def test_render_is_one_program_and_little_else(tmp_path):
     words = "render", "--coats", "CobaltBlue:5um,0.5*ZincWhite+0.5*Vermillion:20um"
     programs, traced, modules = run(tmp_path, *words)

@@ -87,7 +87,7 @@ def test_defaults_are_those_of_the_instruments():
     assert (Hemispherical().incidence, Hemispherical().specular) == (8, True)
 
 
-@pytest.mark.parametrize("n", [1.5, 2.0])
+@pytest.mark.parametrize("n", [1.5, pytest.param(2.0, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("ground", [0.0, 0.025, 1.0])
 def test_bare_ground_in_closed_form(ground, n):
     inside = inner_reflectance(n)
@@ -113,7 +113,7 @@ def test_pure_absorber_without_surface_is_beer_lambert():
     np.testing.assert_allclose(reflectance(glaze, Bidirectional(30, 60)), expected, atol=1e-6)
 
 
-@pytest.mark.parametrize("count", [1, 2])
+@pytest.mark.parametrize("count", [pytest.param(1, marks=pytest.mark.slow), 2])
 def test_stacks_of_the_reference(count):
     cases = [
         case

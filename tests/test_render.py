@@ -61,8 +61,6 @@ def run(tmp_path, monkeypatch, capsys, pigments_csv):
                 else entry_points(**wanted)
             ),
         )
-        # The settings of a command must not leak into the tests that follow.
-        monkeypatch.setattr(cli, "start_jax", lambda **_: None)
         own = [] if pigments is None else ["--pigments", str(pigments)]
         monkeypatch.setattr(sys, "argv", ["glazejax", "render", *arguments, *own])
         with pytest.raises(SystemExit) as end:
@@ -114,10 +112,11 @@ def test_numbers_picture_and_table(run, tmp_path, pigments_csv):
     ("options", "geometry", "words"),
     [
         (["--instrument", "45:0"], Bidirectional(45.0, 0.0), "light at 45°, view at 0°, no mirror"),
-        (
+        pytest.param(
             ["--instrument", "30:30:specular"],
             Bidirectional(30.0, 30.0, True),
             "mirror reflection in",
+            marks=pytest.mark.slow,
         ),
         (["--instrument", "d:8"], Hemispherical(8.0, True), "sphere at 8°, specular included"),
         (["--instrument", "20:de"], Hemispherical(20.0, False), "sphere at 20°, specular excluded"),

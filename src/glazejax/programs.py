@@ -12,6 +12,7 @@ import hashlib
 import inspect
 import os
 import pickle
+import weakref
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import fields, is_dataclass, replace
@@ -45,6 +46,15 @@ def keep_traced(folder: Path | None) -> None:
     """
     global _folder
     _folder = folder
+
+
+def let_programs_go() -> None:
+    """Hold no compiled program any longer, JAX's own among them: the next call makes its own
+    again.
+    """
+    for program in list(_programs):
+        program.let_go()
+    jax.clear_caches()
 
 
 class _Request(NamedTuple):
@@ -114,6 +124,7 @@ class Program(Generic[Result]):
         self._signature = inspect.signature(function)
         self._begun: dict[Any, Future[_Made]] = {}
         self._asked_for: set[Any] = set()
+        _programs.add(self)
 
     def ahead(self, *args: Any, **kwargs: Any) -> None:
         """Begin to compile for arguments like these, whose values do not matter; return at once."""
@@ -144,6 +155,11 @@ class Program(Generic[Result]):
         if begun is None or begun.exception() is not None:
             return self.jitted(*args, **kwargs)
         return begun.result().run(*args, **kwargs)
+
+    def let_go(self) -> None:
+        """Hold none of its programs any longer."""
+        self._begun.clear()
+        self._asked_for.clear()
 
     def _let_old_ones_go(self) -> None:
         """Hold the newest programs only: each takes some megabytes."""
@@ -214,6 +230,10 @@ class Program(Generic[Result]):
         exported = jax.export.export(jax.jit(_named(flat, self._name)))(*shapes)
         # Its derivative, which nobody asks for, is a function, and can't be written.
         return _Kept(replace(exported, _get_vjp=None), results[-1])
+
+
+_programs: weakref.WeakSet[Program[Any]] = weakref.WeakSet()
+"""All that this process has."""
 
 
 def _settle(future: "Future[Result]", make: Callable[[], Result]) -> None:

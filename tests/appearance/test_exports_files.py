@@ -215,6 +215,7 @@ def test_a_large_map_is_interpolated(tmp_path):
     np.testing.assert_allclose(picture[:, ::29], read_png(few.files["base_color"]), atol=3 / 255)
 
 
+@pytest.mark.slow
 def test_fractions_and_grounds(tmp_path):
     mixed = gj.Mixture([paint("ZincWhite"), paint("Vermillion")], [0.5, 0.5])
     glaze = gj.Glaze([gj.Layer(mixed, 20e-6)], 0.5)
@@ -229,6 +230,7 @@ def test_fractions_and_grounds(tmp_path):
         )
 
 
+@pytest.mark.slow
 def test_a_coat_is_a_picture_of_its_own(tmp_path):
     found = texture_set(blue(), tmp_path / "c", thickness=np.array([[0.0, 2e-6, 6e-6]]), coat=True)
     base, coat = (read_png(found.files[what])[0] for what in ("base_color", "coat_color"))

@@ -182,6 +182,7 @@ def test_directions_are_above_and_as_often_as_their_cosine():
     np.testing.assert_allclose(found.reshape(5, -1, 3).mean(axis=1), 2 / 3 * normal, atol=0.015)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("unchecked")
 def test_metals_reflect_as_the_estimate_says():
     n, k = np.linspace(0.2, 1.2, GRID.size), np.linspace(3.5, 2.4, GRID.size)

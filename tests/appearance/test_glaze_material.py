@@ -117,7 +117,7 @@ def test_only_angles_asked_for():
     "index",
     [
         pytest.param(1.0, id="no surface", marks=pytest.mark.slow),
-        pytest.param(np.linspace(1.5, 1.6, 5), id="dispersion"),
+        pytest.param(np.linspace(1.5, 1.6, 5), id="dispersion", marks=pytest.mark.slow),
     ],
 )
 def test_other_indices(index):

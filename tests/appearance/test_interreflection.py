@@ -80,7 +80,7 @@ def test_one_bounce_as_printed():
     assert found.b[0] == pytest.approx(0.7 * 0.8 * 2 + alpha * 0.7 * 0.3 * 0.6 * 2, rel=1e-14)
 
 
-@pytest.mark.parametrize("angle", [30.0, 60.0, 120.0])
+@pytest.mark.parametrize("angle", [pytest.param(30.0, marks=pytest.mark.slow), 60.0, 120.0])
 def test_all_bounces_end_where_they_must(angle):
     """At the joint the light is a geometric series; more strips change little; black walls send
     nothing back.

@@ -21,12 +21,9 @@ def looked_up(body, a, b, points, ground):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
-    "coats",
-    [
-        pytest.param("UltramarineBlue:3um, ZincWhite:20um", marks=pytest.mark.slow),
-        "BoneBlack:3um, BoneBlack:2mm",
-    ],
+    "coats", ["UltramarineBlue:3um, ZincWhite:20um", "BoneBlack:3um, BoneBlack:2mm"]
 )
 def test_any_thickness_and_any_ground(coats):
     """Below 2 mm of black nothing of the ground is seen."""
@@ -79,6 +76,7 @@ def test_hermites_cubics_are_exact_for_cubics():
         np.testing.assert_allclose(found, cubic(t), atol=1e-14)
 
 
+@pytest.mark.slow
 def test_a_rough_surfaces_matrix_is_its_ports():
     surface, tolerance = Rough(1.5, 0.5), 1e-3
     albedo, depth = np.array([[0.9, 0.5], [0.99, 0.2]]), np.array([[0.3, 1.0], [5.0, 0.1]])

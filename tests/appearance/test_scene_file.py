@@ -20,7 +20,6 @@ from glazejax.appearance.scene.materials import Conductor, Glazed
 from glazejax.appearance.scene.picture import light_white
 from glazejax.appearance.scene.shapes import Box, Mesh, Plane, Sphere
 from glazejax.colour import colour_weights
-from glazejax.commands import main as cli
 from glazejax.commands import scene as cli_scene
 
 SMALL = """
@@ -416,12 +415,7 @@ def run(*arguments):
     return CliRunner().invoke(app, ["scene", *map(str, arguments)], catch_exceptions=True)
 
 
-@pytest.fixture
-def quiet_start(monkeypatch):
-    monkeypatch.setattr(cli, "start_jax", lambda **_: None)
-
-
-def test_the_command_writes_a_picture_and_its_spectra(write, tmp_path, quiet_start):
+def test_the_command_writes_a_picture_and_its_spectra(write, tmp_path):
     out, spectra = tmp_path / "a.png", tmp_path / "a.npz"
     done = run(write(SMALL), "-o", out, "--spectral", spectra)
     assert done.exit_code == 0, done.output
@@ -452,7 +446,7 @@ def test_the_command_writes_a_picture_and_its_spectra(write, tmp_path, quiet_sta
         (["none.toml", "--samples", "9"], "--samples belongs to --renderer mitsuba"),
     ],
 )
-def test_what_the_command_refuses(arguments, words, quiet_start, tmp_path, monkeypatch):
+def test_what_the_command_refuses(arguments, words, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     done = run(*arguments)
     assert words in str(done.exception)
@@ -463,7 +457,7 @@ LIT = SMALL.replace(
 )
 
 
-def test_the_command_path_traces(write, tmp_path, quiet_start):
+def test_the_command_path_traces(write, tmp_path):
     pytest.importorskip("mitsuba", reason="Mitsuba is not installed (extra render)")
     out = tmp_path / "a.png"
     done = run(write(LIT), "-o", out, "--renderer", "mitsuba", "--samples", "16")
@@ -484,7 +478,7 @@ def test_the_example_by_a_window_is_for_the_path_tracer():
     assert found.scene.needs_path_tracing() == "area lights and glazes with a rough surface"
 
 
-def test_the_ray_caster_names_the_other_renderer(write, tmp_path, quiet_start):
+def test_the_ray_caster_names_the_other_renderer(write, tmp_path):
     done = run(write(LIT), "-o", tmp_path / "a.png")
     assert "my.toml: the ray caster cannot draw area lights: add --renderer mitsuba" in str(
         done.exception
@@ -492,7 +486,7 @@ def test_the_ray_caster_names_the_other_renderer(write, tmp_path, quiet_start):
     assert not (tmp_path / "a.png").exists()
 
 
-def test_a_missing_mitsuba_is_named_with_its_extra(write, tmp_path, quiet_start, monkeypatch):
+def test_a_missing_mitsuba_is_named_with_its_extra(write, tmp_path, monkeypatch):
     from importlib.metadata import PackageNotFoundError
 
     from glazejax import extras
@@ -505,9 +499,7 @@ def test_a_missing_mitsuba_is_named_with_its_extra(write, tmp_path, quiet_start,
     assert 'pip install "glazejax[render]"' in str(done.exception)
 
 
-def test_a_path_traced_picture_that_was_interrupted_says_so(
-    write, tmp_path, quiet_start, monkeypatch
-):
+def test_a_path_traced_picture_that_was_interrupted_says_so(write, tmp_path, monkeypatch):
     pytest.importorskip("mitsuba", reason="Mitsuba is not installed (extra render)")
     from glazejax.appearance.scene.path import path_trace as tracing
 
@@ -529,9 +521,7 @@ def test_a_path_traced_picture_that_was_interrupted_says_so(
     assert "25% of the paths are followed, so that noise is left" in done.output
 
 
-def test_without_a_terminal_lines_say_how_far_a_picture_is(
-    write, tmp_path, quiet_start, monkeypatch
-):
+def test_without_a_terminal_lines_say_how_far_a_picture_is(write, tmp_path, monkeypatch):
     from glazejax.commands import progress
 
     monkeypatch.setattr(progress, "lines", partial(progress.lines, 0.01))
@@ -543,7 +533,7 @@ def test_without_a_terminal_lines_say_how_far_a_picture_is(
     assert found
 
 
-def test_an_interrupted_command_writes_what_is_done(write, tmp_path, quiet_start, monkeypatch):
+def test_an_interrupted_command_writes_what_is_done(write, tmp_path, monkeypatch):
     from glazejax.appearance.scene.draw import render as scene_render
 
     shade = scene_render._Work._shade

@@ -60,7 +60,9 @@ def flat(material, light, camera, **options):
     )
 
 
-@pytest.mark.parametrize(("incidence", "viewing"), [(0, 45), (45, 0), (60, 30)])
+@pytest.mark.parametrize(
+    ("incidence", "viewing"), [(0, 45), pytest.param(45, 0, marks=pytest.mark.slow), (60, 30)]
+)
 def test_a_flat_glaze_is_the_solver_at_the_angles_of_the_scene(incidence, viewing):
     a, b = np.deg2rad([incidence, viewing])
     light = ParallelLight((np.sin(a), 0, -np.cos(a)), np.linspace(0.5, 1.0, GRID.size))

@@ -170,6 +170,7 @@ def test_films_are_computed_once_for_a_catalogue_and_an_instrument(fine, monkeyp
         fine(instrument="45:0")
 
 
+@pytest.mark.slow
 def test_what_no_paint_reads_under_a_varnish_is_not_sought_under_it(monkeypatch):
     """A white that a yellowed varnish would have made yellow, beside a yellow that may lie under
     one.

@@ -132,6 +132,7 @@ def spread(found: Identification) -> float:
     return float(np.sqrt(found.log_covariance[0, 0, 0, 0]))
 
 
+@pytest.mark.slow
 def test_each_option_changes_what_it_should(find):
     usual = find()
     assert told(usual) == 2

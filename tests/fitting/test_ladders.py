@@ -126,6 +126,7 @@ def test_others_tell_what_one_coat_does_not():
     assert off[0] < off[1]
 
 
+@pytest.mark.slow
 def test_two_coats_foretell_the_third_better_than_the_second_does():
     rows = ladder("Blue", BLUE, 0.1, 3)
     found = recovered(rows[:2])

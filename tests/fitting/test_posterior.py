@@ -95,6 +95,7 @@ def test_fractions_sum_to_one(mixed):
     )
 
 
+@pytest.mark.slow
 def test_bands_equal_a_sum_over_a_grid(banded):
     """The chain's mean and spread of log k/s and log s d, against a dense sum over both."""
     problem = banded.problem
@@ -116,6 +117,7 @@ def test_bands_equal_a_sum_over_a_grid(banded):
         np.testing.assert_allclose(spread, sd, rtol=0.15)
 
 
+@pytest.mark.slow
 def test_only_the_ratio_is_known_where_the_card_is_hidden(banded):
     sentences = banded.identifiability.sentences
     assert len(sentences) == 1
@@ -127,6 +129,7 @@ def test_only_the_ratio_is_known_where_the_card_is_hidden(banded):
     assert abs(vectors[1, 1]) > 0.9
 
 
+@pytest.mark.slow
 def test_summary_says_where_laplace_and_chain_agree(banded):
     assert rows(banded)["absorption", "400 nm"].laplace == "agrees"
     for row in banded.summary():
@@ -478,6 +481,7 @@ def test_modes_are_apart_and_not_hopelessly_lower():
     assert chosen[0][real[0]].tolist() == [0, 2]
 
 
+@pytest.mark.slow
 def test_least_squares_that_did_not_settle_is_said(banded):
     problem = replace(
         banded.problem, residuals=far_away, data=jnp.ones((len(banded.problem.blocks), 1))

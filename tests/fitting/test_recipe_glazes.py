@@ -52,6 +52,7 @@ def test_six_coats_are_tried_and_come_as_near(found):
         assert more[0].distance < fewer[0].distance + 0.05
 
 
+@pytest.mark.slow
 def test_every_coat_is_one_paint_and_no_two_alike_touch(found):
     for recipe in (recipe for recipes in found for recipe in recipes):
         assert 1 <= len(recipe.coats) <= 2
@@ -61,11 +62,13 @@ def test_every_coat_is_one_paint_and_no_two_alike_touch(found):
         assert recipe.converged
 
 
+@pytest.mark.slow
 def test_a_stack_of_unmixed_coats_is_found_again(found):
     assert found[0][0].distance < 0.5
     assert max(len(recipe.coats) for recipe in found[0]) >= 2
 
 
+@pytest.mark.slow
 def test_what_mixing_would_gain_is_a_recipe_of_its_own(found):
     for recipes in found:
         mixed = recipes[0].mixed
@@ -77,6 +80,7 @@ def test_what_mixing_would_gain_is_a_recipe_of_its_own(found):
         assert len(mixed.paints) <= 3
 
 
+@pytest.mark.slow
 def test_the_answer_says_what_mixing_would_gain(found):
     for recipes in found:
         here, mixed = min(recipe.distance for recipe in recipes), recipes[0].mixed.distance

@@ -101,6 +101,7 @@ def test_exact_spectra_give_exact_values():
     assert recovery.rmse.max() < 2e-5
 
 
+@pytest.mark.slow
 def test_geometry_matters():
     film = np.full((1, GRID.size), 0.1), np.full((1, GRID.size), 1.0)
     without = Instrument(Hemispherical(8.0, specular=False))

@@ -210,6 +210,7 @@ def test_one_reading_tells_the_strength(paints):
         assert np.mean((low <= truth) & (truth <= high)) > 0.9
 
 
+@pytest.mark.slow
 def test_one_card_leaves_the_thickness_open(paints):
     """A film half as strong and a thinner one look alike over white: the bands say so."""
     films = painted(paints, TINT, 0.6, [20e-6])

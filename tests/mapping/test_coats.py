@@ -113,6 +113,7 @@ def hidden():
     return searcher, stacks, film[None]
 
 
+@pytest.mark.slow
 def test_what_an_upper_coat_hides_is_as_probable_as_beforehand(hidden):
     """Each stack with that green above is a little probable; all of them count."""
     searcher, stacks, film = hidden
@@ -127,6 +128,7 @@ def test_what_an_upper_coat_hides_is_as_probable_as_beforehand(hidden):
     assert odds.candidates[above].sum() > 0.9 * odds.candidates[stacked].sum()
 
 
+@pytest.mark.slow
 def test_candidates_that_are_left_out_keep_their_coats(hidden, monkeypatch):
     searcher, stacks, film = hidden
 

@@ -22,6 +22,7 @@ def scene():
     return painting((48, 64), GRID, seed=3)
 
 
+@pytest.mark.slow
 def test_pixels_are_what_the_solver_gives_for_their_truth(scene):
     clear, truth = scene.rows(0, 48, noise=False), scene.truth(0, 48)
     paints = (*scene.paints, *scene.foreign)
@@ -47,6 +48,7 @@ def test_pixels_are_what_the_solver_gives_for_their_truth(scene):
     assert max(worst.values()) < 1e-4, worst
 
 
+@pytest.mark.slow
 def test_blocks_of_any_size_hold_the_same_painting(scene):
     whole, truth = scene.rows(0, 48), scene.truth(0, 48)
     for start, end in ((0, 1), (1, 20), (20, 48)):
@@ -55,6 +57,7 @@ def test_blocks_of_any_size_hold_the_same_painting(scene):
             np.testing.assert_allclose(values, truth[name][start:end], rtol=1e-5)
 
 
+@pytest.mark.slow
 def test_noise_is_as_said_and_independent(scene):
     noise = (scene.rows(0, 48) - scene.rows(0, 48, noise=False)).reshape(-1, GRID.size)
     assert noise.std() == pytest.approx(NOISE, rel=0.02)
@@ -63,6 +66,7 @@ def test_noise_is_as_said_and_independent(scene):
     assert not np.array_equal(scene.rows(0, 48), painting((48, 64), GRID, seed=4).rows(0, 48))
 
 
+@pytest.mark.slow
 def test_no_two_pixels_are_alike(scene):
     clear = scene.rows(0, 48, noise=False).reshape(-1, GRID.size)
     assert len(np.unique(clear, axis=0)) == len(clear)
@@ -94,6 +98,7 @@ def test_every_painting_has_all_regions_one_to_three_coats_and_some_foreign_pain
     assert 2e-6 < truth["amounts"].sum(axis=-1).min() < truth["amounts"].sum(axis=-1).max() < 1e-4
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("dtype", "interleave", "off"), [("float32", "bil", 1e-6), ("uint16", "bip", 5.1e-5)]
 )

@@ -51,8 +51,10 @@ def sd_of(readings):
     return np.hypot(0.001, Noise().sd(readings))
 
 
+# That a map agrees with searches of its pixels, test_map_cube.py tells quickly.
 @pytest.fixture(
-    scope="module", params=["over a ground", pytest.param("hiding", marks=pytest.mark.slow)]
+    scope="module",
+    params=[pytest.param(each, marks=pytest.mark.slow) for each in ("over a ground", "hiding")],
 )
 def problem(request):
     scene = small.scene()

@@ -29,9 +29,9 @@ NOISE = Noise(0.003, 0.0003)
 def _few_searches():
     """Less is searched than in a map that is to be good; what is searched is searched as there."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("glazefit.mapping.map_cube._REPRESENTATIVES", (192, 4000))
-        patch.setattr("glazefit.mapping.map_cube._PIECE", 96)
-        patch.setattr("glazefit.mapping.map_cube._CHECKED", 96)
+        patch.setattr("glazefit.mapping.map_cube._REPRESENTATIVES", (144, 4000))
+        patch.setattr("glazefit.mapping.map_cube._PIECE", 72)
+        patch.setattr("glazefit.mapping.map_cube._CHECKED", 48)
         yield
 
 
@@ -162,7 +162,7 @@ def test_what_no_paint_explains_is_offered_as_paints(made):
 
 def test_the_map_says_how_far_it_agrees(made):
     agreement = made[0].attrs["agreement"]
-    assert agreement["pixels"] == 96
+    assert agreement["pixels"] == 48
     assert agreement["first"] > 0.9
     assert agreement["probability"] < 0.05
 

@@ -41,7 +41,22 @@ def made():
 def report(made, tmp_path_factory):
     folder = tmp_path_factory.mktemp("report")
     dataset, tallies, sets = made
-    return write_report(dataset, tallies, sets, ABOUT, folder)
+    scene = painting((64, 96), GRID, seed=2)
+    cube = xr.DataArray(
+        scene.rows(0, 64), dims=("y", "x", "wavelength"), coords={"wavelength": GRID}
+    )
+    return write_report(dataset, tallies, sets, ABOUT, folder, cube=cube)
+
+
+@pytest.fixture(scope="module")
+def part(made, tmp_path_factory):
+    """A map that is not finished, whose columns were answered in two ways, and its report."""
+    dataset, tallies, sets = made
+    part = dataset.copy(deep=True)
+    part["status"][20:] = Status.UNDONE
+    part["way"][:, ::2] = Way.NEIGHBOUR
+    about = replace(ABOUT, notes=())
+    return part, write_report(part, tallies, sets, about, tmp_path_factory.mktemp("part"))
 
 
 class Tags(HTMLParser):
@@ -124,11 +139,9 @@ def test_sets_stand_with_their_shares_of_the_area(made, report):
     assert 'class="key none"' in rows[-1]
 
 
-def test_each_way_of_an_answer_has_its_words(made, tmp_path):
-    dataset, tallies, sets = made
-    turned = dataset.copy(deep=True)
-    turned["way"][:, ::2] = Way.NEIGHBOUR
-    said = words(write_report(turned, tallies, sets, ABOUT, tmp_path).read_text(encoding="utf-8"))
+def test_each_way_of_an_answer_has_its_words(part):
+    dataset, report = part
+    said = words(report.read_text(encoding="utf-8"))
     count = int(np.sum(dataset["status"].values[:, ::2] == Status.MAPPED))
     assert f"From a pixel nearby that was searched, in closed form {count:,} pixels" in said
     assert set(_WAYS) == set(Way)
@@ -160,17 +173,14 @@ def test_a_report_is_replaced_only_if_asked_for(made, report):
     assert report.read_bytes() == before
 
 
-def test_a_map_that_is_not_finished_or_empty_says_so(made, tmp_path):
-    dataset, tallies, sets = made
-    part = dataset.copy(deep=True)
-    part["status"][20:] = Status.UNDONE
-    page = write_report(part, tallies, sets, replace(ABOUT, notes=()), tmp_path / "part").read_text(
-        encoding="utf-8"
-    )
+def test_a_map_that_is_not_finished_or_empty_says_so(part, tmp_path):
+    dataset, report = part
+    page = report.read_text(encoding="utf-8")
     assert "Not finished" in page
     assert "68.8 % of the map is not done yet" in words(page)
-    part["status"][:] = Status.DARK
-    empty = write_report(part, {}, {}, Provenance("dark"), tmp_path / "dark").read_text(
+    dark = dataset.copy(deep=True)
+    dark["status"][:] = Status.DARK
+    empty = write_report(dark, {}, {}, Provenance("dark"), tmp_path / "dark").read_text(
         encoding="utf-8"
     )
     assert "No pixel was mapped" in empty
@@ -189,14 +199,8 @@ def test_a_small_spectrum_has_the_mean_at_its_height():
     assert spectra_svg(None, grid, "a") == "–"
 
 
-def test_pictures_fill_their_row(made, report, tmp_path):
+def test_pictures_fill_their_row(report, part):
     """True colour, sets and false colour stand side by side; without the last, two do."""
-    dataset, tallies, sets = made
-    scene = painting((64, 96), GRID, seed=2)
-    cube = xr.DataArray(
-        scene.rows(0, 64), dims=("y", "x", "wavelength"), coords={"wavelength": GRID}
-    )
-    with_cube = write_report(dataset, tallies, sets, ABOUT, tmp_path, cube=cube)
-    for written, kind, count in ((with_cube, "maps three", 3), (report, "maps", 2)):
+    for written, kind, count in ((report, "maps three", 3), (part[1], "maps", 2)):
         row = written.read_text().partition(f'<div class="{kind}">')[2].partition("<h2>")[0]
         assert row.count("<figure>") == count

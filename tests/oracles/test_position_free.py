@@ -15,6 +15,9 @@ from . import position_free, rough_surface
 from .monte_carlo import Indexed, Paint, simulate, simulate_fluxes
 from .position_free import Stack, Views
 
+# No quick test is held against these paths.
+pytestmark = pytest.mark.slow
+
 COS = np.cos(np.deg2rad([0.0, 20.0, 45.0, 70.0]))
 
 

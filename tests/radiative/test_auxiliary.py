@@ -73,6 +73,7 @@ def test_the_corrected_method_is_of_second_order(truth):
     assert np.all(found <= 0.1 * np.array(STEPS)[:, None] ** 2)
 
 
+@pytest.mark.slow
 def test_the_printed_method_is_of_first_order(truth):
     found = errors(truth, corrected=False)
     assert 0.6 < order(found) < 1.5
@@ -80,6 +81,7 @@ def test_the_printed_method_is_of_first_order(truth):
     assert np.all(found[-1, :4] > 20 * 0.1 * STEPS[-1] ** 2) or found[-1, :4].max() > 1e-3
 
 
+@pytest.mark.slow
 def test_references():
     step = 0.2
     for index, c in reference_cases().items():
@@ -95,7 +97,7 @@ def test_references():
         assert np.all(np.abs(found - c.reflectance_factor[moderate]) < 0.04 * (step / inside) ** 2)
 
 
-@pytest.mark.parametrize("corrected", [True, False])
+@pytest.mark.parametrize("corrected", [True, pytest.param(False, marks=pytest.mark.slow)])
 def test_direct_and_decomposed_agree(corrected, truth):
     step = STEPS[1]
     direct, decomposed = (

@@ -173,6 +173,7 @@ def test_a_beam_that_does_not_enter_is_no_nan():
         assert flux == 0
 
 
+@pytest.mark.slow
 def test_no_lapack_call():
     q, d, g, ci, cv = (jnp.asarray(a) for a in random_cases(40))
     q, d = q[:, :2], d[:, :2]

@@ -31,20 +31,23 @@ def test_a_product_is_the_matrix_times_the_vector(n):
     )
     i = np.arange(n)
     matrix = toeplitz[:, np.abs(i[:, None] - i)] + hankel[:, i[:, None] + i]
-    own = structured.times_all(
-        structured.spectra(jnp.asarray(toeplitz), jnp.asarray(hankel)), jnp.asarray(x)
-    )
-    assert np.allclose(own, np.einsum("sij,jsc->isc", matrix, x), rtol=0, atol=1e-13 * n)
-    shared = structured.spectra(jnp.asarray(toeplitz[0]), jnp.asarray(hankel[0]))
+
+    @jax.jit
+    def product(toeplitz, hankel, x):
+        return structured.times_all(structured.spectra(toeplitz, hankel), x)
+
     assert np.allclose(
-        structured.times_all(shared, jnp.asarray(x)),
+        product(toeplitz, hankel, x), np.einsum("sij,jsc->isc", matrix, x), rtol=0, atol=1e-13 * n
+    )
+    assert np.allclose(
+        product(toeplitz[0], hankel[0], x),
         np.einsum("ij,jsc->isc", matrix[0], x),
         rtol=0,
         atol=1e-13 * n,
     )
 
 
-@pytest.mark.parametrize("corrected", [False, True])
+@pytest.mark.parametrize("corrected", [pytest.param(False, marks=pytest.mark.slow), True])
 @pytest.mark.parametrize("product", ["matrices", "fft"])
 def test_all_stacks_at_once_are_as_one_by_one(product, corrected):
     settings = OWN | {"corrected": corrected}
@@ -54,7 +57,7 @@ def test_all_stacks_at_once_are_as_one_by_one(product, corrected):
         assert np.allclose(part, getattr(each, name), rtol=0, atol=1e-11), name
 
 
-@pytest.mark.parametrize("corrected", [False, True])
+@pytest.mark.parametrize("corrected", [pytest.param(False, marks=pytest.mark.slow), True])
 def test_a_shared_matrix_by_transforms_is_itself(corrected):
     settings: dict = {"step": 0.04, "corrected": corrected}
     matrix = reflectance_factor(*STACKS, **ANGLES, **settings, product="matrix")

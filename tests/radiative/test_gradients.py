@@ -125,7 +125,8 @@ def test_slopes_of_opaque_layers_that_absorb_nothing():
         assert np.allclose(slope(layers), whole, rtol=max(1e-10, 10 * ROUNDING), atol=0)
 
 
-@pytest.mark.parametrize("hemispherical", [False, pytest.param(True, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("hemispherical", [False, True])
 def test_ends_of_every_range(hemispherical):
     # Every combination of albedo 0, 1, thickness 0, ground 0, 1 in the upper of two layers.
     q1, d1, g = (

@@ -145,6 +145,7 @@ def test_the_slowest_mode_keeps_its_digits_as_absorption_goes():
     np.testing.assert_allclose(slowest, known, rtol=1e-11)
 
 
+@pytest.mark.slow
 def test_a_beam_at_an_eigenvalue_is_like_those_beside_it():
     """No beam is special: value and slopes at an eigenvalue are the interpolation between beams on
     both sides.

@@ -73,6 +73,7 @@ def test_nothing_is_lost_without_absorption(index):
     )
 
 
+@pytest.mark.slow
 def test_reciprocity_and_table():
     """Light and eye change places; a table holds what single calls give."""
     cos, azimuth = np.array([1.0, 0.8, 0.3]), np.array([0.0, 70.0, 180.0])

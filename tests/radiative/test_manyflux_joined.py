@@ -99,6 +99,7 @@ def test_ground_below_faces_alone_is_the_closed_form():
     np.testing.assert_allclose(factor, np.tile(beam * seen * ground / left, (3, 1)), rtol=0.02)
 
 
+@pytest.mark.slow
 def test_thin_layer_below_a_face_scatters_once():
     """Over black, with the whole phase function: T T' q p/(4 n^2 mu mu') times the depth, n and mu
     of that layer.

@@ -120,6 +120,7 @@ def test_cosines_of_a_call_decide(index):
         assert float(found) == pytest.approx(float(fine), abs=1e-4)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("index", "traced"),
     [
@@ -204,7 +205,10 @@ def test_slope_at_one_in_closed_form():
     assert float(jax.jit(jax.grad(f))(1.0)) == pytest.approx(expected, rel=1e-6)
 
 
-@pytest.mark.parametrize(("method", "finest"), [("ordinates", 1e-10), ("auxiliary", 1e-8)])
+@pytest.mark.parametrize(
+    ("method", "finest"),
+    [("ordinates", 1e-10), pytest.param("auxiliary", 1e-8, marks=pytest.mark.slow)],
+)
 def test_a_tolerance_finer_than_there_is_is_said(method, finest):
     def call(tolerance):
         return stack_reflectance_factor([0.5], [1.0], 0.3, tolerance=tolerance, method=method)

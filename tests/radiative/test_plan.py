@@ -130,6 +130,7 @@ def test_bound_on_what_is_hidden_holds_and_is_not_idle():
     assert np.median(np.log(bound[faint]) / np.log(change[faint])) > 0.4
 
 
+@pytest.mark.slow
 def test_bound_on_what_is_hidden_is_nearly_reached():
     """White of endless depth below a clear layer adds more than half of the bound: half the bound
     would not hold.
@@ -160,6 +161,7 @@ def test_bound_on_what_is_hidden_is_nearly_reached():
             ]
 
 
+@pytest.mark.slow
 def test_bound_on_what_is_scattered_again_is_nearly_reached():
     """A thin layer that scatters little over white: what the closed form leaves out is more than
     half of the bound.
@@ -191,7 +193,13 @@ def test_decay_rate_is_rounded_down():
 
 
 @pytest.mark.parametrize(
-    ("index", "hemispherical"), [(1.0, False), (1.5, False), (1.02, True), (2.4, True)]
+    ("index", "hemispherical"),
+    [
+        (1.5, False),
+        (1.02, True),
+        pytest.param(1.0, False, marks=pytest.mark.slow),
+        pytest.param(2.4, True, marks=pytest.mark.slow),
+    ],
 )
 def test_closed_form_without_scattering_is_exact(index: float, hemispherical: bool):
     """Bare and absorbing stacks against the solver."""

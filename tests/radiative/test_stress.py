@@ -67,6 +67,7 @@ def finite(tree) -> bool:
     return all(bool(jnp.all(jnp.isfinite(leaf))) for leaf in jax.tree.leaves(tree))
 
 
+@pytest.mark.slow
 @given(
     st.lists(unit, min_size=LAYERS, max_size=LAYERS),
     st.lists(depth, min_size=LAYERS, max_size=LAYERS),
@@ -230,7 +231,8 @@ def test_batches_broadcast():
     assert stack_reflectance_factor(np.zeros((0, 2)), np.zeros((0, 2)), 0.5).shape == (0,)
 
 
-@pytest.mark.parametrize("index", [1.5, pytest.param("array", marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("index", [1.5, "array"])
 def test_compiled_programs_hold_no_lapack_call(index):
     q, d, g, ci, cv = (jnp.asarray(a) for a in random_cases(2000))
 

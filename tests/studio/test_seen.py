@@ -392,7 +392,7 @@ _BRUSH = """
         (1, False, 0.6),
         (2, False, 0.6),
         (3, False, 1.2),
-        (8, False, 1.2),
+        pytest.param(8, False, 1.2, marks=pytest.mark.slow),
         (1, True, 1.2),
         (2, True, 4),
     ],

@@ -252,7 +252,6 @@ def test_options_of_the_command(monkeypatch, tmp_path):
 
     app, called = typer.Typer(), []
     command.register(app)
-    monkeypatch.setattr("glazejax.commands.main.start_jax", lambda **_: None)
     monkeypatch.setattr(
         command,
         "serve",

@@ -6,6 +6,7 @@ import pytest
 from benchmarks.page_solver import run_node, write_table
 
 
+@pytest.mark.slow
 def test_the_pages_solver_is_the_librarys(tmp_path):
     if shutil.which("node") is None:
         pytest.skip("no node here, which runs the page's solver (Debian: apt-get install nodejs)")

@@ -54,6 +54,8 @@ def identify_families(
         raise ValueError(
             f"max_paints is {options.max_paints}; sets of 1 or 2 families can be tried"
         )
+    # A wrong symbol is said before a search is set up, which takes some seconds.
+    log_odds_of_elements([], options.elements, options.without_elements)
     grid = validate_wavelengths(np.asarray(wavelengths, dtype=np.float64))
     _check_range(grid, pigments)
     measured = check_spectra(grid, spectra, ground, names, options.noise or Noise())
