@@ -1,4 +1,4 @@
-"""Functions that run as compiled programs: compiled ahead by a thread of their own, and kept
+"""Functions that run as compiled programs: compiled ahead by threads of their own, and kept
 between runs as JAX traced them.
 
 XLA compiles without Python's lock, so that on two cores a search's later programs are ready when it
@@ -132,7 +132,7 @@ class Program(Generic[Result]):
         # What JAX has run once it keeps itself, after it was let go here too.
         if request.key not in self._asked_for:
             self._asked_for.add(request.key)
-            made = _thread().submit(self._make, _double(), request, *args, **kwargs)
+            made = _threads().submit(self._make, _double(), request, *args, **kwargs)
             self._begun[request.key] = made
             self._let_old_ones_go()
 
@@ -335,5 +335,5 @@ def _config() -> Any:
 
 
 @functools.cache
-def _thread() -> ThreadPoolExecutor:
-    return ThreadPoolExecutor(1, thread_name_prefix="compile")
+def _threads() -> ThreadPoolExecutor:
+    return ThreadPoolExecutor(2, thread_name_prefix="compile")
