@@ -473,6 +473,13 @@ add("calibration_ranks", ".0f %", one_ground_met=found(_MET))
 add("calibration_ranks", ".2f", one_ground_apart=found(_APART))
 
 
+_UNKNOWN = r"a coat of unknown paint, two grounds\n[\s\S]*?\n"
+for _key in ("hmc", "emcee", "aies"):
+    _row = _UNKNOWN + _key + r"\s+[\d.]+\s+\d+\s+"
+    add("samplers", ".0f", **{f"{_key}_rate": found(_row + r"(\d+)")})
+    add("samplers", ".2f", **{f"{_key}_apart": found(_row + r"\d+\s+([\d.]+)")})
+
+
 def _walkers(pattern: str, choose: Callable[[list[float]], float]) -> Reader:
     """Of all runs, over vectorised."""
     return lambda text: choose([float(n) for n in re.findall(pattern + r" \S+ \((\d+)\)", text)])
