@@ -35,6 +35,7 @@ SETTINGS: dict[str, dict[str, Any]] = {
     "importance": {"sampler": "importance"},
 }
 NEEDS = ("arviz",)
+PARTS_NEED = ("numpyro",)
 
 TITLES = {
     "film": "films of two paints",
