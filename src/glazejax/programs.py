@@ -93,7 +93,7 @@ class _Request(NamedTuple):
 class _Made(NamedTuple):
     """A program, and what JAX compiled for it and finds for as long as somebody holds it."""
 
-    run: Callable[..., Any]
+    run: Callable[[list[Any]], Any] | None  # from arrays in a row; None where JAX's function does
     held: Any
 
 
@@ -129,11 +129,12 @@ class Program(Generic[Result]):
     def ahead(self, *args: Any, **kwargs: Any) -> None:
         """Begin to compile for arguments like these, whose values do not matter; return at once."""
         request = self._request(*args, **kwargs)
+        key = request.key
         # What JAX has run once it keeps itself, after it was let go here too.
-        if request.key not in self._asked_for:
-            self._asked_for.add(request.key)
+        if key not in self._asked_for:
             made = _threads().submit(self._make, _double(), request, *args, **kwargs)
-            self._begun[request.key] = made
+            self._asked_for.add(key)
+            self._begun[key] = made
             self._let_old_ones_go()
 
     def __call__(self, *args: Any, **kwargs: Any) -> Result:
@@ -143,10 +144,12 @@ class Program(Generic[Result]):
         request = self._request(*args, **kwargs)
         if request.traced:
             return self.jitted(*args, **kwargs)
-        begun = self._begun.get(request.key)
+        key = request.key
+        begun = self._begun.get(key)
         if begun is None and _folder is not None:
             own: Future[_Made] = Future()
-            begun = self._begun.setdefault(request.key, own)
+            self._asked_for.add(key)
+            begun = self._begun.setdefault(key, own)
             self._let_old_ones_go()
             # Of several threads the first one makes it.
             if begun is own:
@@ -154,7 +157,8 @@ class Program(Generic[Result]):
         # What was wrong with compiling ahead shows, with its own words, in the call itself.
         if begun is None or begun.exception() is not None:
             return self.jitted(*args, **kwargs)
-        return begun.result().run(*args, **kwargs)
+        run = begun.result().run
+        return self.jitted(*args, **kwargs) if run is None else run(request.leaves)
 
     def let_go(self) -> None:
         """Hold none of its programs any longer."""
@@ -182,7 +186,7 @@ class Program(Generic[Result]):
             kept = None if _folder is None else self._kept(_folder, request)
             if kept is None:
                 lowered = self.jitted.lower(*args, **kwargs)
-                return _Made(run=self.jitted, held=(lowered, lowered.compile()))
+                return _Made(run=None, held=(lowered, lowered.compile()))
             if _LAPACK in kept.exported.mlir_module_serialized:
                 _load_lapack()
             lowered = jax.jit(_named(kept.exported.call, self._name)).lower(*request.leaves)
@@ -191,9 +195,8 @@ class Program(Generic[Result]):
             compiled = lowered.compile()
             structure = jax.tree.structure(kept.result)
 
-            def run(*args: Any, **kwargs: Any) -> Result:
-                leaves = compiled(*self._request(*args, **kwargs).leaves)
-                return jax.tree.unflatten(structure, leaves)
+            def run(leaves: list[Any]) -> Result:
+                return jax.tree.unflatten(structure, compiled(*leaves))
 
             return _Made(run=run, held=lowered)
 
