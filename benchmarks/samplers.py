@@ -78,23 +78,29 @@ def measured(posed: Posed, settings: dict[str, Any], seed: int) -> Measured:
     began = time.perf_counter()
     posterior = sample(posed.problem, posed.films, posed.modes, Sampling(seed=seed + 1, **settings))
     seconds = time.perf_counter() - began
-    held = []
-    for name, draws in posterior.draws.items():
-        if name in posed.truth:
-            below = (draws < posed.truth[name]).mean(axis=(0, 1))
-            held.append(np.abs(below - 0.5) <= 0.45)
+    held = share_held(posterior.draws, posed.truth)
     if posterior.chain is None:
         good = posterior.laplace.trusted.all()
         effective = float(np.min(posterior.laplace.effective)) if good else 0.0
-        return Measured(seconds, effective, float("nan"), float(np.mean(held)))
+        return Measured(seconds, effective, float("nan"), held)
     state = posterior.convergence
     assert state is not None
     return Measured(
         seconds,
         effective_draws(posterior.problem, posterior.draws),
         float(np.max(state.apart)),
-        float(np.mean(held)),
+        held,
     )
+
+
+def share_held(draws: Mapping[str, np.ndarray], truth: Mapping[str, np.ndarray]) -> float:
+    """Share of truths within their 90 % intervals; draws are (steps, chains, blocks)."""
+    held = [
+        np.abs((draws[name] < values).mean(axis=(0, 1)) - 0.5) <= 0.45
+        for name, values in truth.items()
+        if name in draws
+    ]
+    return float(np.mean(held))
 
 
 def effective_draws(problem: Any, draws: Mapping[str, np.ndarray]) -> float:
@@ -158,16 +164,11 @@ def measured_aies(posed: Posed, steps: int, seed: int) -> Measured:
     flat = np.concatenate(
         [draws[q.name].reshape(len(free), chains, -1) for q in problem.quantities], 2
     )
-    held = [
-        np.abs((draws[name] < truth).mean(axis=(0, 1)) - 0.5) <= 0.45
-        for name, truth in posed.truth.items()
-        if name in draws
-    ]
     return Measured(
         seconds=seconds,
         effective=effective_draws(problem, draws),
         apart=float(np.max(scale_reduction(flat))),
-        held=float(np.mean(np.concatenate(held))),
+        held=share_held(draws, posed.truth),
     )
 
 
