@@ -135,9 +135,9 @@ def _readings_of(
     films = calibrated.films
     black, white, _, _ = cards(films, calibrated.instrument, calibrated.noise)
     odds = np.exp(np.einsum("do,ofc->dfc", unknowns.others, calibrated.ground_modes))
+    off = unknowns.bands - calibrated.unknowns.bands  # (draws, bands, 2)
     out = []
     for film in range(len(films)):
-        off = unknowns.bands - calibrated.unknowns.bands  # (draws, bands, 2)
         depth = unknowns.films[:, film, 0] - calibrated.unknowns.films[film, 0]
         grounds = []
         for card, rho in enumerate((black[film], white[film])):
