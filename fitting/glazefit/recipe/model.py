@@ -22,6 +22,7 @@ from glazejax.spectra import as_array, on_numpy_or_jax
 
 from ..film.model.optics import Optics
 from ..film.model.response import FilmResponse, film_response
+from ..film.numerics.blocks import by_blocks
 
 TOLERANCE = 1e-6
 """Of the solver: an error of 1e-5 in the reading of a black would be a Delta E of a hundredth."""
@@ -229,12 +230,7 @@ def readings(
     if len(sizes) == 0:
         return np.zeros((0, model.ground.size))
     if solver is None:
-        done = []
-        # Pieces of one size, so that one program serves all.
-        for first in range(0, len(sizes), _TABLE_CHUNK):
-            rows = np.arange(first, first + _TABLE_CHUNK).clip(max=len(sizes) - 1)
-            done.append(np.asarray(_quick_readings(model, sizes[rows]))[: len(sizes) - first])
-        return np.concatenate(done)
+        return by_blocks(len(sizes), _TABLE_CHUNK, lambda rows: _quick_readings(model, sizes[rows]))
     # The program of the last steps serves here too: its slopes take a sixth of its time.
     slots, _ = fill_slots(model, sizes, solver.slots)
     amount = sizes[np.arange(len(sizes))[:, None], slots.coat, slots.paint]
@@ -256,17 +252,12 @@ def solve(
     """Readings by the solver and their slopes by the amounts in um; L*a*b* and their slopes by the
     readings.
     """
-    done = []
-    for first in range(0, len(amount), READ_CHUNK):
-        # Always as many, so that one program serves all.
-        rows = np.arange(first, first + READ_CHUNK).clip(max=len(amount) - 1)
+
+    def run(rows: Int[np.ndarray, "block"]) -> Any:
         some = Slots(*(np.asarray(values)[rows] for values in slots))
-        solved = _solve(model, some, amount[rows], solver.optics, coats=coats)
-        done.append([np.asarray(values)[: len(amount) - first] for values in solved])
-    reading, by_amount, lab, by_reading = (
-        np.concatenate(values) for values in zip(*done, strict=True)
-    )
-    return reading, by_amount, lab, by_reading
+        return _solve(model, some, amount[rows], solver.optics, coats=coats)
+
+    return by_blocks(len(amount), READ_CHUNK, run)
 
 
 def readings_ahead(model: StackModel, solver: Solver, coats: int) -> None:

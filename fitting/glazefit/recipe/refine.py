@@ -10,14 +10,16 @@ little from the solver for several: enough to choose by. The last steps are the 
 """
 
 import functools
+from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Bool, Float, Int
 
 from glazejax.programs import Program
 
+from ..film.numerics.blocks import by_blocks
 from ..film.numerics.least_squares import levenberg_marquardt
 from .model import (
     Slots,
@@ -57,17 +59,16 @@ def refine(model: StackModel, aims: TargetArrays, stacks: Stacks, slots: int) ->
         return stacks
     places, starts = fill_slots(model, stacks.sizes, slots)
     known = TargetArrays(*map(np.asarray, aims))
-    done = []
-    for first in range(0, stacks.size, _CHUNK):
-        rows = np.arange(first, first + _CHUNK).clip(max=stacks.size - 1)
+
+    def run(rows: Int[np.ndarray, "block"]) -> Any:
         batch = Slots(*(values[rows] for values in places))
         # Each candidate carries its target, so that the program does not depend on how many there
         # are.
         at = stacks.target[rows]
         aim = TargetArrays(*(values[at] for values in known))
-        solved = _solve(model, batch, starts[rows], aim, coats=stacks.sizes.shape[1])
-        done.append([np.asarray(values)[: stacks.size - first] for values in solved])
-    amount, cost, settled = (np.concatenate(values) for values in zip(*done, strict=True))
+        return _solve(model, batch, starts[rows], aim, coats=stacks.sizes.shape[1])
+
+    amount, cost, settled = by_blocks(stacks.size, _CHUNK, run)
     sizes = empty_slots(places, amount, stacks.sizes.shape[2])
     # What did not come out as a number stays as it was before.
     good = np.isfinite(cost) & np.isfinite(sizes).all(axis=(1, 2))
@@ -150,13 +151,12 @@ def grown(
     children = pack_coats(np.stack(sizes))
     target = np.array(owners)
     reading = readings(model, children, None)
-    cost = []
-    for first in range(0, len(target), _COSTS):
-        # Always as many, so that one program serves all.
-        rows = np.arange(first, first + _COSTS).clip(max=len(target) - 1)
+
+    def to_own_target(rows: Int[np.ndarray, "block"]) -> np.ndarray:
         to_all = np.asarray(_distances(model, aims, reading[rows]))
-        cost.append(to_all[np.arange(_COSTS), target[rows]][: len(target) - first])
-    return Stacks.before_refinement(children, target, np.concatenate(cost))
+        return to_all[np.arange(_COSTS), target[rows]]
+
+    return Stacks.before_refinement(children, target, by_blocks(len(target), _COSTS, to_own_target))
 
 
 _distances = jax.jit(squared_distance)

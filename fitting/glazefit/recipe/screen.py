@@ -19,6 +19,7 @@ from jaxtyping import Array, Bool, Float, Int
 from glazejax.programs import Program
 from glazejax.radiative.common.threads import in_threads
 
+from ..film.numerics.blocks import by_blocks
 from .model import StackModel, internal, lab_of
 from .sobol import scrambled_sobol
 
@@ -209,13 +210,9 @@ def _of_one_coat(
 ) -> list[tuple[Float[np.ndarray, "sets targets"], Int[np.ndarray, "sets targets"]]]:
     """Least cost of each set of each kind, and the point where it is, by one program."""
     everything = _join(kinds)
-    done = []
-    total = len(everything.paints)
-    for first in range(0, total, _SETS):
-        rows = np.arange(first, first + _SETS).clip(max=total - 1)
-        scores = _one_coat(model, aims, everything.take(rows))
-        done.append([np.array(values)[: total - first] for values in scores])
-    cost, best = (np.concatenate(values) for values in zip(*done, strict=True))
+    cost, best = by_blocks(
+        len(everything.paints), _SETS, lambda rows: _one_coat(model, aims, everything.take(rows))
+    )
     ends = np.cumsum([len(coats.paints) for coats in kinds])[:-1]
     return list(zip(np.split(cost, ends), np.split(best, ends), strict=True))
 
@@ -233,37 +230,35 @@ def _of_two_coats(
     """
     above = _cut(top)
     below = _cut(bottom)
-    corners = itertools.product(
-        range(0, len(above.paints), _PIECES), range(0, len(below.paints), _PIECES)
-    )
+    cost = np.empty((len(above.paints), len(below.paints), len(aims.spectral)))
+    point = np.empty(cost.shape, int)
 
-    def square(corner: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
+    def look(corner: tuple[int, int]) -> None:
         rows, columns = (
             np.arange(first, first + _PIECES).clip(max=len(pieces.paints) - 1)
             for first, pieces in zip(corner, (above, below), strict=True)
         )
-        scores = _two_coats(model, aims, above.take(rows), below.take(columns))
-        return np.asarray(scores[0]), np.asarray(scores[1])
+        found = _two_coats(model, aims, above.take(rows), below.take(columns))
+        # Where a square reaches beyond the last piece, that one is written again.
+        cost[np.ix_(rows, columns)], point[np.ix_(rows, columns)] = found
 
-    whole = len(above.paints), len(below.paints), len(aims.spectral)
-    cost, point = np.empty(whole), np.empty(whole, int)
-    places = list(corners)
-    for (row, column), scores in zip(places, in_threads(square, places), strict=True):
-        here = slice(row, row + _PIECES), slice(column, column + _PIECES)
-        for values, score in zip((cost, point), scores, strict=True):
-            room = values[here]
-            room[:] = score[: room.shape[0], : room.shape[1]]
+    rows = range(0, len(above.paints), _PIECES)
+    in_threads(look, list(itertools.product(rows, range(0, len(below.paints), _PIECES))))
+    # From a point of two pieces to one of both grids.
+    pieces = len(above.paints) // len(top.paints), len(below.paints) // len(bottom.paints)
+    of_top, of_bottom = np.divmod(point, _TOGETHER)
+    of_top += _TOGETHER * (np.arange(len(above.paints)) % pieces[0])[:, None, None]
+    of_bottom += _TOGETHER * (np.arange(len(below.paints)) % pieces[1])[:, None]
+    point = of_top * bottom.amounts.shape[1] + of_bottom
     # Of each two sets the best of their pieces.
-    sets = len(top.paints), len(bottom.paints)
-    pieces = len(above.paints) // sets[0], len(below.paints) // sets[1]
-    split = sets[0], pieces[0], sets[1], pieces[1], whole[2]
-    by_pieces = np.moveaxis(cost.reshape(split), 3, 2).reshape(sets[0], -1, sets[1], whole[2])
-    best = np.argmin(by_pieces, axis=1)
-    inside = np.moveaxis(point.reshape(split), 3, 2).reshape(by_pieces.shape)
-    inside = np.take_along_axis(inside, best[:, None], axis=1)[:, 0]
-    upper = best // pieces[1] * _TOGETHER + inside // _TOGETHER
-    lower = best % pieces[1] * _TOGETHER + inside % _TOGETHER
-    return by_pieces.min(axis=1), upper * bottom.amounts.shape[1] + lower
+    both = len(top.paints), pieces[0], len(bottom.paints), pieces[1], len(aims.spectral)
+    cost, point = (
+        values.reshape(both).swapaxes(1, 2).reshape(both[0], both[2], -1, both[4])
+        for values in (cost, point)
+    )
+    best = np.argmin(cost, axis=2)[:, :, None]
+    cost, point = (np.take_along_axis(v, best, axis=2)[:, :, 0] for v in (cost, point))
+    return cost, point
 
 
 def _cut(coats: _Coats) -> _Coats:

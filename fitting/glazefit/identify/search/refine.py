@@ -7,9 +7,8 @@ candidate stands, and again where that has moved to.
 """
 
 import functools
-from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -20,6 +19,7 @@ from glazejax.programs import Program
 
 from ...film.model.errors import Whitening, paints_covariance, whiten, whitening
 from ...film.model.response import FilmResponse
+from ...film.numerics.blocks import by_blocks
 from .chunk import Chunk
 from .fit import Fitted, Weights, fit_film, log_set_prior
 from .pool import NOBODY, Pool
@@ -38,17 +38,16 @@ def compile_ahead(task: IdentificationTask, grounds: int) -> None:
     readings = shape[0] * shape[1]
     scales = len(task.discrepancy.scales)
     count = block_size(readings)
-    films = task.response, task.paints
     members = np.zeros((count, max(task.max_paints, 2)), np.int32)
-    film_slopes.ahead(*films, members, np.zeros(members.shape), np.zeros((count, *shape)))
-    kind = np.float32 if task.effort.single_precision else np.float64
-    given = task.tables.single if task.effort.single_precision else films
+    logs = np.zeros(members.shape)
+    film_slopes.ahead(task.response, task.paints, members, logs, np.zeros((count, *shape)))
+    kind = task.precision
     matrix = (count, scales, readings, readings)
     sizes = ((count, readings), matrix, (count, scales), *[(count,)] * 6)
     weights = Weights(*(np.broadcast_to(kind(0), size) for size in sizes))
     ground = np.zeros((count, *shape), kind)
-    logs = np.zeros(members.shape, kind)
-    fit_films.ahead(*given, members, logs, ground, weights, task.middle, steps=np.asarray(0))
+    logs = logs.astype(kind)
+    fit_films.ahead(*task.films, members, logs, ground, weights, task.middle, steps=np.asarray(0))
 
 
 @dataclass(frozen=True)
@@ -279,7 +278,7 @@ def coefficient_errors(
     d = task.discrepancy
     noise, smooth = chunk.noise_covariance, chunk.smooth_covariance
     # Single precision does for what is added to the noise, and takes a third of the time.
-    kind = np.float32 if task.effort.single_precision else np.float64
+    kind = task.precision
     by = slopes.astype(kind)
     own = task.errors.astype(kind)
 
@@ -303,13 +302,12 @@ def _fit(
 ) -> Fitted:
     """Films fitted with the errors of their groups; `group` numbers the errors of each film.
 
-    In single precision evidences are good to a thousandth, and amounts to a
-    hundredth where readings hardly tell them.
+    In single precision evidences are good to a thousandth, and amounts to a hundredth where
+    readings hardly tell them.
     """
     task = chunk.task
-    single = task.effort.single_precision
-    kind = np.float32 if single else np.float64
-    response, paints = task.tables.single if single else (task.response, task.paints)
+    kind = task.precision
+    response, paints = task.films
     grounds, target, *expected = (
         np.asarray(part, kind) for part in (chunk.spectra.grounds, chunk.target, *chunk.expectation)
     )
@@ -358,18 +356,6 @@ def fit_films(
         )
 
     return jax.vmap(candidate)(sets, starts, ground, weights)
-
-
-def by_blocks(count: int, block: int, run: Callable[[Int[np.ndarray, "block"]], Any]) -> Any:
-    """Results of `run` for all films, as numpy arrays; it is called with numbers of `block` films.
-
-    The last block is filled up with films that were there before: one shape, one program.
-    """
-    parts = []
-    for first in range(0, count, block):
-        rows = np.arange(first, min(first + block, count))
-        parts.append(run(np.resize(rows, block)))
-    return jax.tree.map(lambda *a: np.concatenate([np.asarray(one) for one in a])[:count], *parts)
 
 
 def block_size(readings: int) -> int:

@@ -212,6 +212,16 @@ class IdentificationTask(NamedTuple):
         return self.paints.absorption.shape[0]
 
     @property
+    def precision(self) -> type[np.floating]:
+        """In which candidates are fitted."""
+        return np.float32 if self.effort.single_precision else np.float64
+
+    @property
+    def films(self) -> tuple[FilmResponse, Paints]:
+        """What candidates are fitted with, in that precision."""
+        return self.tables.single if self.effort.single_precision else (self.response, self.paints)
+
+    @property
     def middle(self) -> int:
         """Scale of the discrepancy that is fitted with: the one nearest to 1."""
         return int(np.argmin(np.abs(np.log(self.discrepancy.scales))))

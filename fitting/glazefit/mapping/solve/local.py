@@ -18,13 +18,13 @@ from jaxtyping import Float, Int
 
 from ...film.colour_metric import reading_metric
 from ...film.model.errors import ModelError
+from ...film.numerics.blocks import by_blocks
 from ...identify.search.chunk import Chunk
 from ...identify.search.fit import prior_terms
 from ...identify.search.pool import NOBODY, Pool
 from ...identify.search.refine import (
     CandidateFilms,
     Groups,
-    by_blocks,
     coefficient_errors,
     coefficient_projection,
     fit_with_errors,
