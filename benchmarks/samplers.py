@@ -120,7 +120,7 @@ def effective_draws(problem: Any, draws: Mapping[str, np.ndarray]) -> float:
 
 def measured_aies(posed: Posed, steps: int, seed: int) -> Measured:
     """NumPyro's affine invariant ensemble on one film; seconds without its compilation."""
-    from numpyro.infer import AIES, MCMC
+    from numpyro.infer import AIES, MCMC  # pyright: ignore[reportMissingImports]
 
     from glazefit.posterior.chain import scale_reduction
     from glazefit.posterior.laplace import laplace
