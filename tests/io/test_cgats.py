@@ -102,6 +102,7 @@ def test_second_table_has_the_spectra(tmp_path):
         (PLAIN.replace("0.10", "10").replace("0.20", "20"), "mixed"),
         (PLAIN.replace("0.10", "-0.3"), "'red, light' is negative"),
         (PLAIN.replace("NUMBER_OF_SETS", "SPECTRAL_NORM 0\nNUMBER_OF_SETS"), "must be positive"),
+        (PLAIN + "NUMBER_OF_SETS 12\n", "NUMBER_OF_SETS promises 12 sets, and there are 2"),
         ("CGATS.17\nBEGIN_DATA\n1 2\nEND_DATA\n", "BEGIN_DATA without BEGIN_DATA_FORMAT"),
     ],
 )

@@ -130,6 +130,9 @@ def _sheets(source: Source) -> list[_Sheet]:
             sheets[-1].sets.append((number, cells))
         elif len(cells) > 1:
             keywords[first] = cells[1]
+    if sheets:
+        # Below the last table a keyword can only tell of that.
+        sheets[-1].keywords.update(keywords)
     return sheets
 
 
