@@ -54,6 +54,11 @@ def test_what_is_written_follows_the_schema(tmp_path):
     [
         ("<html></html>", "XML, but not CxF3"),
         (SAMPLE[:900], "not legal CxF3"),
+        # As much of it as begins in the middle of an element, above a table of numbers.
+        (
+            SAMPLE[-200:] + "\n650 0.85\n660 0.85\n670 0.85\n",
+            "looks like XML, such as CxF, whose beginning is missing",
+        ),
         (SAMPLE.replace("0.4 0.5 0.6", ""), "spectrum of 'red' is empty"),
         (SAMPLE.replace("0.4 0.5 0.6", "0.4 0.5"), "a table has one grid"),
         (SAMPLE.replace("0.4 0.5 0.6", "0.4 high 0.6"), "holds 'high', not a number"),
