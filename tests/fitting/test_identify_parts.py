@@ -33,6 +33,7 @@ from glazefit.identify.search.fit import (
     log_prior,
     log_set_prior,
     pool_of,
+    trace_curvature,
 )
 from glazefit.identify.search.options import IdentificationOptions
 from glazefit.identify.search.screen import grow, score, unique_best
@@ -242,6 +243,33 @@ def _log_joint(logs, problem):
     total = jnp.log(jnp.sum(amounts))
     prior = -0.5 * (total / 0.7) ** 2 - np.log(0.7 * np.sqrt(2 * np.pi)) + jnp.sum(logs - total)
     return weights.height[0, 0] - 0.5 * misfit + prior
+
+
+@pytest.mark.parametrize("start", [-9.0, -2.0, 0.5])
+def test_a_step_to_a_trace_ends_where_data_and_prior_balance(start):
+    """Newton's step in u of A e^u - c, whose root is known."""
+    data, prior = 3.0 * np.exp(start), -0.4
+    step = -(data + prior) / trace_curvature(jnp.asarray([data]), jnp.asarray([prior]))[0]
+    assert start + float(step) == pytest.approx(np.log(0.4 / 3.0), abs=1e-5)
+
+
+def test_curvature_of_a_trace_is_its_gradient_at_the_balance_and_nothing_where_more_is_wanted():
+    found = trace_curvature(jnp.asarray([0.4, 0.4001, -2.0]), jnp.asarray([-0.4, -0.4, -0.4]))
+    np.testing.assert_allclose(found, [0.4, 0.4, 0.0], rtol=1e-3)
+
+
+def test_a_paint_that_is_not_there_is_let_go_in_few_steps(problem):
+    response, paints, ground, weights = problem
+    k, s = (0.9 * part[0] for part in paints)
+    alone = weights._replace(target=response.body(k, s, ground[0]).reshape(1, -1))
+    sets = jnp.asarray([[[0, 1]]], dtype=jnp.int32)
+    start = jnp.full((1, 1, 2), np.log(0.45))
+    few, many = (
+        fit_sets(response, paints, sets, start, ground, alone, 0, steps=steps) for steps in (8, 60)
+    )
+    assert np.exp(many.logs[0, 0, 1]) < 0.02
+    np.testing.assert_allclose(few.log_evidence, many.log_evidence, atol=0.01)
+    np.testing.assert_allclose(few.logs, many.logs, atol=0.01)
 
 
 def test_screening_finds_the_least_misfit_of_all_that_is_tried(problem):

@@ -65,10 +65,10 @@ USUAL = Effort(
     show_within=8.0,
     trace_effect=0.005,
     refit_beyond=0.0005,
-    ranking_steps=5,
-    fit_steps=8,
+    ranking_steps=4,
+    fit_steps=6,
     refit_steps=6,
-    amount_steps=8,
+    amount_steps=6,
     single_precision=True,
 )
 """What is used unless more is asked for. In one or two films of a hundred, which several sets
