@@ -250,10 +250,10 @@ def test_names_do_not_decide_the_format(tmp_path):
 
 def test_blank_files_are_refused_at_once(tmp_path):
     for text in ("\n" * 60_000, "   \n" * 15_000, "##\n" * 20_000, "$$ \n" * 15_000):
-        start = time.perf_counter()
+        start = time.process_time()
         with pytest.raises(ValueError, match=r"empty|header"):
             read_spectra(put(tmp_path, text))
-        assert time.perf_counter() - start < 2
+        assert time.process_time() - start < 2
 
 
 START = ["ENVI\n", "##TITLE=", "CGATS.17\n", "as7\0", "ASD\0", "<?xml", "[{", "BEGIN_DATA_FORMAT\n"]
