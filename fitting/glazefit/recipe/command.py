@@ -228,8 +228,11 @@ def recipe(
     )
     # The colours of spectra are computed in double precision too.
     from glazejax.commands.main import start_jax
+    from glazejax.commands.plots import load_matplotlib_ahead
 
     start_jax()
+    if after is None:
+        load_matplotlib_ahead()
     seen_by = options.read_geometry(instrument, _GEOMETRY)
     base = options.read_ground(_GROUND if ground is None else ground)
     from rich.console import Console

@@ -4,9 +4,7 @@ picture out.
 
 import time
 from collections.abc import Mapping, Sequence
-from contextlib import suppress
 from pathlib import Path
-from threading import Thread
 from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import typer
@@ -162,7 +160,7 @@ def render(
 
     from ..paint.media import Glaze, Layer
     from . import render_report as report
-    from .plots import glaze_figure
+    from .plots import glaze_figure, load_matplotlib_ahead
     from .progress import doing
     from .rendering import render as compute
 
@@ -171,8 +169,7 @@ def render(
         bed.reflectance,
         refractive_index,
     )
-    # XLA compiles without Python's lock: meanwhile another thread loads what the picture needs.
-    Thread(target=_load_matplotlib, daemon=True).start()
+    load_matplotlib_ahead()
     solving = time.perf_counter()
     with doing("compiling, then solving"):
         rendering = compute(
@@ -337,12 +334,6 @@ def _ladder_layer(coats: "Sequence[Coat]", ladder: str | None) -> int:
             f"--ladder {ladder!r}: this coat is 0 thick, so there is nothing to repeat"
         )
     return found[0]
-
-
-def _load_matplotlib() -> None:
-    # Who lacks it is told where the picture is drawn.
-    with suppress(ImportError):
-        import matplotlib.figure  # noqa: F401
 
 
 def _shelf(
