@@ -24,6 +24,8 @@ class Rounding(NamedTuple):
     """Error for an optical thickness of one."""
     deepest: float
     """Beyond this optical thickness they grow no more."""
+    power: float = 1.0
+    """Of the optical thickness, with which they grow."""
 
 
 def warn_of_rounding(
@@ -53,7 +55,7 @@ def warn_of_rounding(
     absorbed = np.maximum(1.0 - q, np.finfo(np.float32).tiny)
     reached = np.minimum(0.5 / np.sqrt(absorbed), 0.02 / absorbed)
     depth = float(np.max(np.sum(np.minimum(reached, thickness), axis=-1)))
-    error = rounding.each * min(depth, rounding.deepest)
+    error = rounding.each * min(depth, rounding.deepest) ** rounding.power
     if error > _KNOWN_TO * max(tolerance, FINEST_SINGLE):
         warnings.warn(
             f"in single precision rounding leaves up to about {error:.0e} here, where light is "
