@@ -138,4 +138,5 @@ def two_decays(
     x = (b - a) * depth
     close = jnp.abs(x) < _SERIES_DECAYS
     series = depth * (1.0 + faded_a) * _polynomial(_PHI, jnp.where(close, x, 0.0))
-    return jnp.where(close, series, (faded_a - faded_b) / jnp.where(close, 1.0, b - a))
+    # A division comes last: what ends with one, XLA computes once and not for every use.
+    return jnp.where(close, series, faded_a - faded_b) / jnp.where(close, 1.0, b - a)

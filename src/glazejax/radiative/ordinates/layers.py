@@ -90,7 +90,8 @@ def two_ports(
     # int e^(-(kappa + a) t) and int e^(-kappa (D - t)) e^(-a t), regular at kappa = a.
     together = -(faded + gone + faded * gone) / (kappa + a)
     apart = two_decays(kappa, a, depth, faded, gone)
-    # The integrals at the top and at the bottom, times what both are divided by.
+    # The integrals at the top and at the bottom. A division comes last: what ends with one, XLA
+    # computes once and not for every use.
     thin = (lam * depth**2 < _THIN**2) & (a * depth < _THIN)
     bend = lam * tanh / (1.0 + sech)
     rate = -gone / jnp.where(thin, 1.0, tanh)
@@ -100,8 +101,8 @@ def two_ports(
     shallow = jnp.where(thin, depth, 0.0)
     x = lam * shallow**2
     y = a * shallow
-    top = jnp.where(thin, shallow * (1 / 2 - y / 6 + (y * y - x) / 24), top)
-    bottom = jnp.where(thin, shallow * (1 / 2 - y / 3 + (3 * y * y - x) / 24), bottom)
+    top = jnp.where(thin, shallow * (1 / 2 - y / 6 + (y * y - x) / 24), top) / divisor
+    bottom = jnp.where(thin, shallow * (1 / 2 - y / 3 + (3 * y * y - x) / 24), bottom) / divisor
     strength = (albedo * beams.survival)[..., None] * coupling
     once = direct = jnp.zeros_like(thickness)
     if beams.decay.shape[0] == 2:
@@ -109,8 +110,8 @@ def two_ports(
         a = a[0]
         single = -(gone[0] + gone[1] + gone[0] * gone[1]) / (a + b)
         # The mode's answer to one beam, zero at both faces, seen along the other.
-        seen = bottom[1] / divisor[1]
-        slow_again = top[1] / divisor[1] + left[0] * seen - single
+        seen = bottom[1]
+        slow_again = top[1] + left[0] * seen - single
         # One choice for both, so that slopes are right at kappa = a too; of equals `maximum` would
         # take half of each.
         below = kappa < a
@@ -122,9 +123,8 @@ def two_ports(
         both = albedo * beams.survival[0] * beams.survival[1]
         once = both * single[..., 0]
         direct = once + both * albedo * jnp.sum(coupling**2 * again, axis=-1)
-    # A division comes last: what ends with one, XLA computes once and not for every use.
-    near = jnp.moveaxis(strength * jnp.where(flip, bottom, top) / divisor, 0, 2)
-    far = jnp.moveaxis(strength * jnp.where(flip, top, bottom) / divisor, 0, 2)
+    near = jnp.moveaxis(strength * jnp.where(flip, bottom, top), 0, 2)
+    far = jnp.moveaxis(strength * jnp.where(flip, top, bottom), 0, 2)
     return Ports(
         restoring=lam * tanh, tanh=tanh, sech=sech, near=near, far=far, once=once, direct=direct
     )
