@@ -86,6 +86,26 @@ def _phi_jvp(primals, tangents):
 
 
 @jax.custom_jvp
+def quotient(a: Float[Array, "..."], b: Float[Array, "..."]) -> Float[Array, "..."]:
+    """a / b, whose slope ends with a division too.
+
+    What ends with one XLA computes once and keeps. What ends with anything else it computes anew
+    for each use, within sums one number at a time.
+    """
+    return a / b
+
+
+@quotient.defjvp
+def _quotient_jvp(primals, tangents):
+    b: Array = primals[1]
+    d_a: Array
+    d_b: Array
+    d_a, d_b = tangents
+    value = quotient(*primals)
+    return value, (d_a - value * d_b) / b
+
+
+@jax.custom_jvp
 def tanh_sech(
     decay_squared: Float[Array, "..."], depth: Float[Array, "..."]
 ) -> tuple[Array, Array]:
@@ -109,9 +129,9 @@ def _tanh_sech_jvp(primals, tangents):
     tanh, sech = tanh_sech(decay_squared, depth)
     argument = decay_squared * depth**2
     small = argument < _SERIES_TANH
-    closed = (depth * sech**2 - tanh) / (2.0 * jnp.where(small, 1.0, decay_squared))
-    slope = jnp.where(
-        small, depth**3 * _polynomial(_TANHC_SLOPE, jnp.where(small, argument, 0.0)), closed
+    series = 2.0 * depth**3 * _polynomial(_TANHC_SLOPE, jnp.where(small, argument, 0.0))
+    slope = jnp.where(small, series, depth * sech**2 - tanh) / jnp.where(
+        small, 2.0, 2.0 * decay_squared
     )
     d_tanh = slope * d_squared + sech**2 * d_depth
     d_sech = -0.5 * sech * tanh * depth * d_squared - sech * decay_squared * tanh * d_depth
@@ -138,5 +158,4 @@ def two_decays(
     x = (b - a) * depth
     close = jnp.abs(x) < _SERIES_DECAYS
     series = depth * (1.0 + faded_a) * _polynomial(_PHI, jnp.where(close, x, 0.0))
-    # A division comes last: what ends with one, XLA computes once and not for every use.
-    return jnp.where(close, series, faded_a - faded_b) / jnp.where(close, 1.0, b - a)
+    return quotient(jnp.where(close, series, faded_a - faded_b), jnp.where(close, 1.0, b - a))
