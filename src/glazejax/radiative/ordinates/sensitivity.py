@@ -9,12 +9,10 @@ from typing import Any
 
 import jax
 import jax.numpy as jnp
-import numpy as np
 from jaxtyping import Array
 
 from ..common.directions import Resolution, half_range
 from ..common.kernels import decay_integral
-from ..common.linalg import matmul
 from ..common.side_by_side import product, transpose
 from ..common.split import Split
 from ..common.stack_arrays import Stack
@@ -80,7 +78,7 @@ def gradient_of_layers(
             mirrored=mirrored,
             fields=solution.fields,
         )
-        gradient["albedo"] = matmul((system.factor * slope).T, np.eye(len(back))[:, back])
+        gradient["albedo"] = (system.factor * slope)[back].T
     if "optical_thickness" in wanted:
         gradient["optical_thickness"] = (system.factor * _by_thickness(system, solution)).T
     if "ground" in wanted:
