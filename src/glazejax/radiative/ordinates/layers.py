@@ -77,15 +77,19 @@ def two_ports(
         beams: directions of the light and, if there is one, of the view.
         mirrored: (layers,), whether the near face is the bottom.
     """
-    lam = decay_squared
     depth = thickness[:, None]
-    flip = mirrored[:, None, None]
-    tanh, sech = tanh_sech(lam, depth)
+    tanh, sech = tanh_sech(decay_squared, depth)
+    restoring = decay_squared * tanh
+    # From here on with an axis for the beams, (layers, beams, n, batch).
+    depth = depth[:, None]
+    lam = decay_squared[:, None]
     slow = lam < _SLOW
     kappa = jnp.sqrt(jnp.where(slow, 1.0, lam))
-    a = beams.decay[:, None, None]
+    a = beams.decay[:, None]
+    survival = jnp.moveaxis(beams.survival, 0, 1)[:, :, None]
+    strength = albedo[:, None, None] * survival * coupling[:, None]
     faded = jnp.expm1(-kappa * depth)
-    gone = jnp.expm1(-beams.decay[:, None] * thickness)[:, :, None]
+    gone = jnp.expm1(-a * depth)
     fade = 1.0 + faded
     left = 1.0 + gone
     # int e^(-(kappa + a) t) and int e^(-kappa (D - t)) e^(-a t), regular at kappa = a.
@@ -93,9 +97,9 @@ def two_ports(
     apart = two_decays(kappa, a, depth, faded, gone)
     # The integrals at the top and at the bottom, times what both are divided by.
     thin = (lam * depth**2 < _THIN**2) & (a * depth < _THIN)
-    bend = quotient(lam * tanh, 1.0 + sech)
-    rate = quotient(-gone, jnp.where(thin, 1.0, tanh))
-    top = jnp.where(slow, a - bend - sech * rate, together - fade * apart)
+    bend = quotient(restoring, 1.0 + sech)[:, None]
+    rate = quotient(-gone, jnp.where(thin, 1.0, tanh[:, None]))
+    top = jnp.where(slow, a - bend - sech[:, None] * rate, together - fade * apart)
     bottom = jnp.where(slow, rate - bend - a * left, apart - fade * together)
     divisor = jnp.where(thin, 1.0, jnp.where(slow, a * a - lam, -faded * (1.0 + fade)))
     shallow = jnp.where(thin, depth, 0.0)
@@ -103,34 +107,42 @@ def two_ports(
     y = a * shallow
     top = jnp.where(thin, shallow * (1 / 2 - y / 6 + (y * y - x) / 24), top)
     bottom = jnp.where(thin, shallow * (1 / 2 - y / 3 + (3 * y * y - x) / 24), bottom)
-    top = quotient(top, divisor)
-    bottom = quotient(bottom, divisor)
-    strength = (albedo * beams.survival)[:, :, None] * coupling
+    top = quotient(strength * top, divisor)
+    bottom = quotient(strength * bottom, divisor)
     once = direct = jnp.zeros_like(thickness)
     if beams.decay.shape[0] == 2:
         b = a[1]
         a = a[0]
-        single = quotient(-(gone[0] + gone[1] + gone[0] * gone[1]), a + b)
-        # The mode's answer to one beam, zero at both faces, seen along the other.
-        seen = bottom[1]
-        slow_again = top[1] + left[0] * seen - single
+        lam = lam[:, 0]
+        slow = slow[:, 0]
+        kappa = kappa[:, 0]
+        faded = faded[:, 0]
+        single = quotient(-(gone[:, 0] + gone[:, 1] + gone[:, 0] * gone[:, 1]), a + b)
+        # The mode's answer to the view, zero at both faces, seen along the light.
+        seen = bottom[:, 1]
+        slow_again = top[:, 1] + left[:, 0] * seen - strength[:, 1] * single
         # One choice for both, so that slopes are right at kappa = a too; of equals `maximum` would
         # take half of each.
         below = kappa < a
-        faded_both = quotient(-(faded + gone[1] + faded * gone[1]), kappa + b)
-        lesser = jnp.where(below, faded_both, single)
-        area = quotient(lesser - left[1] * apart[0], jnp.where(below, a, kappa) + b)
+        beside = quotient(-(faded + gone[:, 1] + faded * gone[:, 1]), kappa + b)
+        lesser = jnp.where(below, beside, single)
+        area = strength[:, 1] * (lesser - left[:, 1] * apart[:, 0])
+        area = quotient(area, jnp.where(below, a, kappa) + b)
         again = quotient(
-            jnp.where(slow, slow_again, area - apart[0] * seen),
+            jnp.where(slow, slow_again, area - apart[:, 0] * seen),
             jnp.where(slow, a * a - lam, a + kappa),
         )
-        both = albedo * beams.survival[0] * beams.survival[1]
-        once = both * single[:, 0]
-        direct = once + both * albedo * jnp.sum(coupling**2 * again, axis=-2)
-    near = jnp.moveaxis(strength * jnp.where(flip, bottom, top), 0, 1)
-    far = jnp.moveaxis(strength * jnp.where(flip, top, bottom), 0, 1)
+        once = (albedo * survival[:, 0, 0]) * (survival[:, 1, 0] * single[:, 0])
+        direct = once + jnp.sum(strength[:, 0] * again, axis=-2)
+    flip = mirrored[:, None, None, None]
     return Ports(
-        restoring=lam * tanh, tanh=tanh, sech=sech, near=near, far=far, once=once, direct=direct
+        restoring=restoring,
+        tanh=tanh,
+        sech=sech,
+        near=jnp.where(flip, bottom, top),
+        far=jnp.where(flip, top, bottom),
+        once=once,
+        direct=direct,
     )
 
 
