@@ -40,6 +40,8 @@ def inverse_positive(a: Float[Array, "*stack n n batch"]) -> Float[Array, "*stac
         first = jnp.stack([a[..., 1, 1, :], -a[..., 0, 1, :]], axis=-2)
         second = jnp.stack([-a[..., 1, 0, :], a[..., 0, 0, :]], axis=-2)
         return jnp.stack([first, second], axis=-3) / determinant[..., None, None, :]
+    if n == 3:
+        return _inverse_of_three(a)
     half = n // 2
     corner = inverse_positive(a[..., :half, :half, :])
     across = product(corner, a[..., :half, half:, :])
@@ -49,3 +51,18 @@ def inverse_positive(a: Float[Array, "*stack n n batch"]) -> Float[Array, "*stac
     upper = jnp.concatenate([corner - product(side, transpose(across)), side], axis=-2)
     lower = jnp.concatenate([transpose(side), complement], axis=-2)
     return jnp.concatenate([upper, lower], axis=-3)
+
+
+def _inverse_of_three(a: Array) -> Array:
+    """By cofactors; of the matrix's halves only the upper one is read."""
+    (a00, a01, a02), (_, a11, a12), (_, _, a22) = ([a[..., i, j, :] for j in range(3)] for i in range(3))
+    c00 = a11 * a22 - a12 * a12
+    c01 = a02 * a12 - a01 * a22
+    c02 = a01 * a12 - a02 * a11
+    c11 = a00 * a22 - a02 * a02
+    c12 = a01 * a02 - a00 * a12
+    c22 = a00 * a11 - a01 * a01
+    rows = [[c00, c01, c02], [c01, c11, c12], [c02, c12, c22]]
+    cofactors = jnp.stack([jnp.stack(row, axis=-2) for row in rows], axis=-3)
+    determinant = a00 * c00 + a01 * c01 + a02 * c02
+    return cofactors / determinant[..., None, None, :]
