@@ -30,7 +30,7 @@ _ITERATIONS = 7
 # Relative accuracy of the tables, and the equal pieces of the albedo's range that each have a
 # polynomial.
 _TABLE_ACCURACY = 1e-13
-_PIECES = 4
+_PIECES = 2
 
 
 class Modes(NamedTuple):
