@@ -52,7 +52,7 @@ def reflectance_and_gradient(
         if name == "refractive_index" and resolution.reach is not None:
             unresolved = _excess(leaf) < resolution.resolves()
             gradient[name] += jnp.where(
-                unresolved, system.factor * _onset(stack, system, solution), 0.0
+                unresolved, _onset(stack, system, solution) / system.divisor, 0.0
             )
     return value, gradient
 
@@ -78,14 +78,14 @@ def gradient_of_layers(
             mirrored=mirrored,
             fields=solution.fields,
         )
-        gradient["albedo"] = (system.factor * slope)[back].T
+        gradient["albedo"] = (slope / system.divisor)[back].T
     if "optical_thickness" in wanted:
-        gradient["optical_thickness"] = (system.factor * _by_thickness(system, solution)).T
+        gradient["optical_thickness"] = (_by_thickness(system, solution) / system.divisor).T
     if "ground" in wanted:
         by_factor = jnp.prod(
             _diffuse_on_ground(system, solution) + system.ends.ground_light, axis=0
         )
-        gradient["ground"] = system.factor * by_factor * 4.0 / (1.0 + ground) ** 2
+        gradient["ground"] = 4.0 * by_factor / ((1.0 + ground) ** 2 * system.divisor)
     return gradient
 
 
@@ -186,7 +186,7 @@ def _stationary(system: System, solution: SolvedFields, vectors: Array) -> Array
         ends.interface * top[0] * top[1] + ends.ground_diagonal * bottom[0] * bottom[1], axis=0
     )
     seen = _diffuse_on_ground(system, solution) + ends.ground_light
-    return system.factor * (total + ends.ground_factor * jnp.prod(seen, axis=0))
+    return (total + ends.ground_factor * jnp.prod(seen, axis=0)) / system.divisor
 
 
 def split(stack: Stack, resolution: Resolution) -> Split:
@@ -198,8 +198,8 @@ def split(stack: Stack, resolution: Resolution) -> Split:
     beams = system.beams
     lit = _diffuse_on_ground(system, solution)[0] + ends.ground_light[0]
     if stack.cos_viewing is not None:
-        single = system.factor * jnp.sum(system.ports.once, axis=0)
-        ground = system.factor * ends.ground_factor * lit * ends.ground_light[1]
+        single = jnp.sum(system.ports.once, axis=0) / system.divisor
+        ground = ends.ground_factor * lit * ends.ground_light[1] / system.divisor
         return Split(ground, single, value - ground - single)
     # Every exit direction: the radiances at the surface, weighted with what passes it.
     mu, weights, r = upright(system.directions, value.dtype)
@@ -209,9 +209,9 @@ def split(stack: Stack, resolution: Resolution) -> Split:
     # From the ground straight out, through all layers.
     passing = weights * mu * (1.0 - r)
     up = 0.5 * ends.ground_factor * lit
-    ground = system.factor * up * jnp.sum(passing * jnp.exp(-depth[-1] / mu), axis=0)
+    ground = up * jnp.sum(passing * jnp.exp(-depth[-1] / mu), axis=0) / system.divisor
     # What one scattering sends up, seen through the layers above it.
     seen = jnp.exp(-depth[:-1] / mu) / mu * decay_integral(beams.decay[0] + 1.0 / mu, thickness)
     source = 0.5 * system.albedo[top_down] * beams.survival[0][top_down]
-    single = system.factor * jnp.sum(source[:, None] * seen * passing, axis=(0, 1))
+    single = jnp.sum(source[:, None] * seen * passing, axis=(0, 1)) / system.divisor
     return Split(ground, single, value - ground - single)

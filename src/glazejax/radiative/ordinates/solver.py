@@ -76,7 +76,8 @@ class System(NamedTuple):
     beams: Beams
     ports: Ports
     ends: Ends
-    factor: Array  # (batch,), C
+    divisor: Array
+    """(batch,), 1/C. A division comes last: see `common.kernels.quotient`."""
     directions: Directions
 
 
@@ -127,11 +128,11 @@ def assemble(stack: Stack, resolution: Resolution | Directions) -> System:
         )
         interface_load = jnp.stack([jnp.zeros_like(leaving), leaving])
         light = jnp.concatenate([light, jnp.zeros_like(light)])
-        factor = beams.transmittance[0] * beams.decay[0]
+        divisor = 1.0 / (beams.transmittance[0] * beams.decay[0])
     else:
         interface_load = jnp.zeros((2, root.shape[0], thickness.shape[1]), root.dtype)
         both = beams.transmittance * beams.decay
-        factor = both[0] * both[1] / (4.0 * n**2)
+        divisor = 4.0 * n**2 / (both[0] * both[1])
     # A Lambertian ground couples all directions by one vector.
     ground_factor = 4.0 * stack.ground / (1.0 + stack.ground)
     ends = Ends(
@@ -149,7 +150,7 @@ def assemble(stack: Stack, resolution: Resolution | Directions) -> System:
         beams=beams,
         ports=ports,
         ends=ends,
-        factor=factor,
+        divisor=divisor,
         directions=directions,
     )
 
@@ -356,7 +357,7 @@ def solve(system: System, *, with_fields: bool) -> tuple[Array, SolvedFields | N
     # Both halves meet at one face: sigma there makes their fluxes equal.
     source = (lower.source + upper.source)[0]
     sigma = product(source, inverse_positive((lower.impedance + upper.impedance)[0]))
-    reflectance = system.factor * (total + jnp.sum(sigma[0] * source[1], axis=0))
+    reflectance = (total + jnp.sum(sigma[0] * source[1], axis=0)) / system.divisor
     if not with_fields:
         return reflectance, None
     # The way back: from the middle outwards, each step recovers the fields that it eliminated.

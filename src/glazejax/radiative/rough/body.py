@@ -150,7 +150,7 @@ def _assemble(lit: Lit, surface: Surface, fixed: _Fixed) -> System:
         beams=beams,
         ports=ports,
         ends=ends,
-        factor=jnp.ones(batch, dtype),
+        divisor=jnp.ones(batch, dtype),
         directions=directions,
     )
 
