@@ -105,14 +105,21 @@ def _quotient_jvp(primals, tangents):
     return value, (d_a - value * d_b) / b
 
 
+def fading(
+    decay_squared: Float[Array, "..."], depth: Float[Array, "..."]
+) -> tuple[Array, Array]:
+    """kappa = sqrt(decay_squared), but never zero, and expm1(-kappa depth)."""
+    tiny = float(np.finfo(decay_squared.dtype).tiny)
+    kappa = jnp.sqrt(jnp.maximum(decay_squared, tiny))
+    return kappa, jnp.expm1(-kappa * depth)
+
+
 @jax.custom_jvp
 def tanh_sech(
     decay_squared: Float[Array, "..."], depth: Float[Array, "..."]
 ) -> tuple[Array, Array]:
     """tanh(kappa D)/kappa and 1/cosh(kappa D), both even in kappa = sqrt(decay_squared) >= 0."""
-    tiny = float(np.finfo(decay_squared.dtype).tiny)
-    kappa = jnp.sqrt(jnp.maximum(decay_squared, tiny))
-    faded = jnp.expm1(-kappa * depth)
+    kappa, faded = fading(decay_squared, depth)
     fade = 1.0 + faded
     norm = 1.0 / (1.0 + fade * fade)
     # Where kappa D could underflow the layer is as good as linear.

@@ -22,7 +22,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool
 
-from ..common.kernels import quotient, tanh_sech, two_decays
+from ..common.kernels import fading, quotient, tanh_sech, two_decays
 from ..common.side_by_side import product
 from .modes import Modes
 
@@ -79,16 +79,15 @@ def two_ports(
     """
     depth = thickness[:, None]
     tanh, sech = tanh_sech(decay_squared, depth)
+    kappa, faded = (x[:, None] for x in fading(decay_squared, depth))
     restoring = decay_squared * tanh
     # From here on with an axis for the beams, (layers, beams, n, batch).
     depth = depth[:, None]
     lam = decay_squared[:, None]
     slow = lam < _SLOW
-    kappa = jnp.sqrt(jnp.where(slow, 1.0, lam))
     a = beams.decay[:, None]
     survival = jnp.moveaxis(beams.survival, 0, 1)[:, :, None]
     strength = albedo[:, None, None] * survival * coupling[:, None]
-    faded = jnp.expm1(-kappa * depth)
     gone = jnp.expm1(-a * depth)
     fade = 1.0 + faded
     left = 1.0 + gone
