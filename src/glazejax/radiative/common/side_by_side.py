@@ -9,11 +9,20 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 
+# From so many terms on XLA's own matrix product is faster than a sum, transposes and all: with 24
+# terms 1.7 times, with 16 not yet.
+_SUMMED_TERMS = 18
+_SUMMED_ROWS = 5
+
+
 def product(
     a: Float[Array, "*#stack l m batch"], b: Float[Array, "*#stack m n batch"]
 ) -> Float[Array, "*stack l n batch"]:
-    """Matrix product, as a sum that XLA fuses with what surrounds it."""
-    return jnp.sum(a[..., :, :, None, :] * b[..., None, :, :, :], axis=-3)
+    """Matrix product: of small matrices as a sum, which XLA fuses with what surrounds it."""
+    if a.shape[-2] < _SUMMED_TERMS or a.shape[-3] <= _SUMMED_ROWS:
+        return jnp.sum(a[..., :, :, None, :] * b[..., None, :, :, :], axis=-3)
+    first = (jnp.moveaxis(x, -1, -3) for x in (a, b))
+    return jnp.moveaxis(jnp.matmul(*first, precision="highest"), -3, -1)
 
 
 def transpose(a: Float[Array, "*stack n m batch"]) -> Float[Array, "*stack m n batch"]:
