@@ -105,9 +105,7 @@ def _quotient_jvp(primals, tangents):
     return value, (d_a - value * d_b) / b
 
 
-def fading(
-    decay_squared: Float[Array, "..."], depth: Float[Array, "..."]
-) -> tuple[Array, Array]:
+def fading(decay_squared: Float[Array, "..."], depth: Float[Array, "..."]) -> tuple[Array, Array]:
     """kappa = sqrt(decay_squared), but never zero, and expm1(-kappa depth)."""
     tiny = float(np.finfo(decay_squared.dtype).tiny)
     kappa = jnp.sqrt(jnp.maximum(decay_squared, tiny))
