@@ -109,7 +109,8 @@ def assemble(stack: Stack, resolution: Resolution | Directions) -> System:
     n = stack.refractive_index
     directions = resolution if isinstance(resolution, Directions) else half_range(n, resolution)
     if not isinstance(directions.cosines, np.ndarray):
-        directions = Directions(*(transposed.T for transposed in directions))
+        # Directions come batch first, or the same for all.
+        directions = Directions(*(a.T if a.ndim == 2 else a[:, None] for a in directions))
     # Layers in pairs from the ends inwards, as they are eliminated.
     layers, mirrored, _ = order(stack.albedo.shape[1])
     albedo = stack.albedo.T[layers]
