@@ -114,7 +114,8 @@ def cosines_in_air_at_eigenvalues(albedo: float) -> np.ndarray:
     rule = whole_range(INDEX, resolve_known(TOLERANCE, INDEX))
     assert rule is not None
     mu, weights = np.asarray(rule[0]), np.asarray(rule[1])
-    kappa = np.sqrt(np.asarray(layer_modes(jnp.asarray(albedo), mu, weights).decay_squared))
+    modes = layer_modes(jnp.asarray([albedo]), mu, weights)
+    kappa = np.sqrt(np.asarray(modes.decay_squared)[:, 0])
     inside = 1.0 / kappa[kappa > 1.0]
     inside = inside[inside > np.sqrt(1.0 - 1.0 / INDEX**2) + 1e-3]
     air = np.sqrt(1.0 - INDEX**2 * (1.0 - inside**2))
@@ -132,7 +133,7 @@ def test_the_slowest_mode_keeps_its_digits_as_absorption_goes():
     absorbed = np.array([0.9, 0.31, 0.299, 0.1, 1e-3, 1e-6, 1e-9, 1e-12, 0.0])
     q = jnp.asarray(1.0 - absorbed)
     traced = jax.jit(lambda mu, weights: layer_modes(q, mu, weights).decay_squared)
-    slowest = np.asarray(traced(mu, weights))[:, 0]
+    slowest = np.asarray(traced(mu[:, None], weights[:, None]))[0]
     # The dispersion relation of a slow mode, with its sums as they are: 1 - q = q lambda sum ...
     exact = []
     for albedo, lost in zip(np.asarray(q), 1.0 - np.asarray(q), strict=True):
@@ -141,7 +142,7 @@ def test_the_slowest_mode_keeps_its_digits_as_absorption_goes():
             root = lost / (albedo * np.sum(weights * mu**2 / (1.0 - root * mu**2)))
         exact.append(root)
     np.testing.assert_allclose(slowest[3:], exact[3:], rtol=2e-12)
-    known = np.asarray(layer_modes(q, mu, weights).decay_squared)[:, 0]
+    known = np.asarray(layer_modes(q, mu, weights).decay_squared)[0]
     np.testing.assert_allclose(slowest, known, rtol=1e-11)
 
 

@@ -86,13 +86,38 @@ def _phi_jvp(primals, tangents):
 
 
 @jax.custom_jvp
+def quotient(a: Float[Array, "..."], b: Float[Array, "..."]) -> Float[Array, "..."]:
+    """a / b, whose slope ends with a division too.
+
+    What ends with one XLA computes once and keeps. What ends with anything else it computes anew
+    for each use, within sums one number at a time.
+    """
+    return a / b
+
+
+@quotient.defjvp
+def _quotient_jvp(primals, tangents):
+    b: Array = primals[1]
+    d_a: Array
+    d_b: Array
+    d_a, d_b = tangents
+    value = quotient(*primals)
+    return value, (d_a - value * d_b) / b
+
+
+def fading(decay_squared: Float[Array, "..."], depth: Float[Array, "..."]) -> tuple[Array, Array]:
+    """kappa = sqrt(decay_squared), but never zero, and expm1(-kappa depth)."""
+    tiny = float(np.finfo(decay_squared.dtype).tiny)
+    kappa = jnp.sqrt(jnp.maximum(decay_squared, tiny))
+    return kappa, jnp.expm1(-kappa * depth)
+
+
+@jax.custom_jvp
 def tanh_sech(
     decay_squared: Float[Array, "..."], depth: Float[Array, "..."]
 ) -> tuple[Array, Array]:
     """tanh(kappa D)/kappa and 1/cosh(kappa D), both even in kappa = sqrt(decay_squared) >= 0."""
-    tiny = float(np.finfo(decay_squared.dtype).tiny)
-    kappa = jnp.sqrt(jnp.maximum(decay_squared, tiny))
-    faded = jnp.expm1(-kappa * depth)
+    kappa, faded = fading(decay_squared, depth)
     fade = 1.0 + faded
     norm = 1.0 / (1.0 + fade * fade)
     # Where kappa D could underflow the layer is as good as linear.
@@ -109,9 +134,9 @@ def _tanh_sech_jvp(primals, tangents):
     tanh, sech = tanh_sech(decay_squared, depth)
     argument = decay_squared * depth**2
     small = argument < _SERIES_TANH
-    closed = (depth * sech**2 - tanh) / (2.0 * jnp.where(small, 1.0, decay_squared))
-    slope = jnp.where(
-        small, depth**3 * _polynomial(_TANHC_SLOPE, jnp.where(small, argument, 0.0)), closed
+    series = 2.0 * depth**3 * _polynomial(_TANHC_SLOPE, jnp.where(small, argument, 0.0))
+    slope = jnp.where(small, series, depth * sech**2 - tanh) / jnp.where(
+        small, 2.0, 2.0 * decay_squared
     )
     d_tanh = slope * d_squared + sech**2 * d_depth
     d_sech = -0.5 * sech * tanh * depth * d_squared - sech * decay_squared * tanh * d_depth
@@ -138,4 +163,4 @@ def two_decays(
     x = (b - a) * depth
     close = jnp.abs(x) < _SERIES_DECAYS
     series = depth * (1.0 + faded_a) * _polynomial(_PHI, jnp.where(close, x, 0.0))
-    return jnp.where(close, series, (faded_a - faded_b) / jnp.where(close, 1.0, b - a))
+    return quotient(jnp.where(close, series, faded_a - faded_b), jnp.where(close, 1.0, b - a))

@@ -1,4 +1,6 @@
-"""Small dense algebra in plain XLA operations, for matrices that need no pivoting.
+"""Small dense algebra in plain XLA operations, for matrices that need no pivoting; batch first.
+
+Batches of matrices with up to some 16 rows are faster side by side: `side_by_side`.
 
 No LAPACK: two batched LAPACK calls in one compiled program can hang for ever on the CPU (jaxlib
 0.10, 0.11.0). Up to some 40 rows halving the matrix is three times faster than eliminating row by

@@ -12,6 +12,7 @@ zero at both faces. Those are what stays bounded for an empty layer, an opaque o
 one: with delta held instead, all that a layer without absorption scatters would have to leave by
 its other face, and sigma, of the size of D, would have to cancel. The near face is the top, or, in
 a layer that is looked at from below ("mirrored"), the bottom; the beam runs downwards in both.
+Stacks lie side by side on the last axis.
 """
 
 from typing import NamedTuple
@@ -21,8 +22,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool
 
-from ..common.kernels import tanh_sech, two_decays
-from ..common.linalg import product
+from ..common.kernels import fading, quotient, tanh_sech, two_decays
+from ..common.side_by_side import product
 from .modes import Modes
 
 # Modes slower than this take the form that is even in kappa; no beam (decay >= 1) resonates with
@@ -47,11 +48,11 @@ class Beams(NamedTuple):
 class Ports(NamedTuple):
     """Two-ports of a set of layers, and what the beams excite in them."""
 
-    restoring: Array  # (layers, batch, n), lambda T
-    tanh: Array  # (layers, batch, n), T
-    sech: Array  # (layers, batch, n), S
-    near: Array  # (layers, batch, beams, n)
-    far: Array  # (layers, batch, beams, n)
+    restoring: Array  # (layers, n, batch), lambda T
+    tanh: Array  # (layers, n, batch), T
+    sech: Array  # (layers, n, batch), S
+    near: Array  # (layers, beams, n, batch)
+    far: Array  # (layers, beams, n, batch)
     # (layers, batch), light scattered once between incidence and viewing; 0 without viewing
     once: Array
     # (layers, batch), all light scattered while sigma is zero at both faces, `once` included
@@ -70,31 +71,34 @@ def two_ports(
 
     Args:
         albedo: q, (layers, batch).
-        decay_squared: lambda, (layers, batch, n).
-        coupling: zeta, (layers, batch, n).
+        decay_squared: lambda, (layers, n, batch).
+        coupling: zeta, (layers, n, batch).
         thickness: D, (layers, batch).
         beams: directions of the light and, if there is one, of the view.
         mirrored: (layers,), whether the near face is the bottom.
     """
-    lam = decay_squared
-    depth = thickness[..., None]
-    flip = mirrored[:, None, None]
-    tanh, sech = tanh_sech(lam, depth)
+    depth = thickness[:, None]
+    tanh, sech = tanh_sech(decay_squared, depth)
+    kappa, faded = (x[:, None] for x in fading(decay_squared, depth))
+    restoring = decay_squared * tanh
+    # From here on with an axis for the beams, (layers, beams, n, batch).
+    depth = depth[:, None]
+    lam = decay_squared[:, None]
     slow = lam < _SLOW
-    kappa = jnp.sqrt(jnp.where(slow, 1.0, lam))
-    a = beams.decay[:, None, :, None]
-    faded = jnp.expm1(-kappa * depth)
-    gone = jnp.expm1(-beams.decay[:, None] * thickness)[..., None]
+    a = beams.decay[:, None]
+    survival = jnp.moveaxis(beams.survival, 0, 1)[:, :, None]
+    strength = albedo[:, None, None] * survival * coupling[:, None]
+    gone = jnp.expm1(-a * depth)
     fade = 1.0 + faded
     left = 1.0 + gone
     # int e^(-(kappa + a) t) and int e^(-kappa (D - t)) e^(-a t), regular at kappa = a.
-    together = -(faded + gone + faded * gone) / (kappa + a)
+    together = quotient(-(faded + gone + faded * gone), kappa + a)
     apart = two_decays(kappa, a, depth, faded, gone)
     # The integrals at the top and at the bottom, times what both are divided by.
     thin = (lam * depth**2 < _THIN**2) & (a * depth < _THIN)
-    bend = lam * tanh / (1.0 + sech)
-    rate = -gone / jnp.where(thin, 1.0, tanh)
-    top = jnp.where(slow, a - bend - sech * rate, together - fade * apart)
+    bend = quotient(restoring, 1.0 + sech)[:, None]
+    rate = quotient(-gone, jnp.where(thin, 1.0, tanh[:, None]))
+    top = jnp.where(slow, a - bend - sech[:, None] * rate, together - fade * apart)
     bottom = jnp.where(slow, rate - bend - a * left, apart - fade * together)
     divisor = jnp.where(thin, 1.0, jnp.where(slow, a * a - lam, -faded * (1.0 + fade)))
     shallow = jnp.where(thin, depth, 0.0)
@@ -102,37 +106,48 @@ def two_ports(
     y = a * shallow
     top = jnp.where(thin, shallow * (1 / 2 - y / 6 + (y * y - x) / 24), top)
     bottom = jnp.where(thin, shallow * (1 / 2 - y / 3 + (3 * y * y - x) / 24), bottom)
-    strength = (albedo * beams.survival)[..., None] * coupling
+    top = quotient(strength * top, divisor)
+    bottom = quotient(strength * bottom, divisor)
     once = direct = jnp.zeros_like(thickness)
     if beams.decay.shape[0] == 2:
         b = a[1]
         a = a[0]
-        single = -(gone[0] + gone[1] + gone[0] * gone[1]) / (a + b)
-        # The mode's answer to one beam, zero at both faces, seen along the other.
-        seen = bottom[1] / divisor[1]
-        slow_again = top[1] / divisor[1] + left[0] * seen - single
+        lam = lam[:, 0]
+        slow = slow[:, 0]
+        kappa = kappa[:, 0]
+        faded = faded[:, 0]
+        single = quotient(-(gone[:, 0] + gone[:, 1] + gone[:, 0] * gone[:, 1]), a + b)
+        # The mode's answer to the view, zero at both faces, seen along the light.
+        seen = bottom[:, 1]
+        slow_again = top[:, 1] + left[:, 0] * seen - strength[:, 1] * single
         # One choice for both, so that slopes are right at kappa = a too; of equals `maximum` would
         # take half of each.
         below = kappa < a
-        lesser = jnp.where(below, -(faded + gone[1] + faded * gone[1]) / (kappa + b), single)
-        area = (lesser - left[1] * apart[0]) / (jnp.where(below, a, kappa) + b)
-        again = jnp.where(slow, slow_again, area - apart[0] * seen) / jnp.where(
-            slow, a * a - lam, a + kappa
+        beside = quotient(-(faded + gone[:, 1] + faded * gone[:, 1]), kappa + b)
+        lesser = jnp.where(below, beside, single)
+        area = strength[:, 1] * (lesser - left[:, 1] * apart[:, 0])
+        area = quotient(area, jnp.where(below, a, kappa) + b)
+        again = quotient(
+            jnp.where(slow, slow_again, area - apart[:, 0] * seen),
+            jnp.where(slow, a * a - lam, a + kappa),
         )
-        both = albedo * beams.survival[0] * beams.survival[1]
-        once = both * single[..., 0]
-        direct = once + both * albedo * jnp.sum(coupling**2 * again, axis=-1)
-    # A division comes last: what ends with one, XLA computes once and not for every use.
-    near = jnp.moveaxis(strength * jnp.where(flip, bottom, top) / divisor, 0, 2)
-    far = jnp.moveaxis(strength * jnp.where(flip, top, bottom) / divisor, 0, 2)
+        once = (albedo * survival[:, 0, 0]) * (survival[:, 1, 0] * single[:, 0])
+        direct = once + jnp.sum(strength[:, 0] * again, axis=-2)
+    flip = mirrored[:, None, None, None]
     return Ports(
-        restoring=lam * tanh, tanh=tanh, sech=sech, near=near, far=far, once=once, direct=direct
+        restoring=restoring,
+        tanh=tanh,
+        sech=sech,
+        near=jnp.where(flip, bottom, top),
+        far=jnp.where(flip, top, bottom),
+        once=once,
+        direct=direct,
     )
 
 
 class Fields(NamedTuple):
-    """SolvedFields inside the layers for the light and for the view, in modes. Axes (layers, batch,
-    2, n).
+    """SolvedFields inside the layers for the light and for the view, in modes. Axes (layers, 2, n,
+    batch).
     """
 
     near: Array  # y0, sigma at the near face
@@ -141,18 +156,16 @@ class Fields(NamedTuple):
 
 
 def load_work(ports: Ports, fields: Fields) -> Array:
-    """b . x of every layer, of each beam with the field of the other, (layers, batch, beams)."""
-    other = slice(None, None, -1) if ports.near.shape[2] == 2 else slice(1, 2)
-    return jnp.sum(
-        ports.near * fields.near[:, :, other] + ports.far * fields.far[:, :, other], axis=-1
-    )
+    """b . x of every layer, of each beam with the field of the other, (layers, beams, batch)."""
+    other = slice(None, None, -1) if ports.near.shape[1] == 2 else slice(1, 2)
+    return jnp.sum(ports.near * fields.near[:, other] + ports.far * fields.far[:, other], axis=-2)
 
 
 def stored_energy(ports: Ports, fields: Fields) -> Array:
     """x_F . K x_I of every layer, its far face's continuity included, (layers, batch)."""
-    (y0, y1), (u0, u1), (f0, f1) = (jnp.moveaxis(field, 2, 0) for field in fields)
+    (y0, y1), (u0, u1), (f0, f1) = (jnp.moveaxis(field, 1, 0) for field in fields)
     inside = ports.restoring * y0 * y1 - ports.tanh * f0 * f1 + ports.sech * (y0 * f1 + y1 * f0)
-    return jnp.sum(inside - f0 * u1 - f1 * u0, axis=-1)
+    return jnp.sum(inside - f0 * u1 - f1 * u0, axis=-2)
 
 
 def by_albedo(
@@ -171,18 +184,18 @@ def by_albedo(
     def work(q, lam, coupling, near, far):
         ports = two_ports(q, lam, coupling, thickness, beams, mirrored)
         here = Fields(near, far, fields.flux)
-        return jnp.sum(load_work(ports, here), axis=-1) - stored_energy(ports, here) + ports.direct
+        return jnp.sum(load_work(ports, here), axis=1) - stored_energy(ports, here) + ports.direct
 
     rows = product(
-        jnp.concatenate([modes.coupling[:, :, None], fields.near, fields.far], axis=2), turning
+        jnp.concatenate([modes.coupling[:, None], fields.near, fields.far], axis=1), turning
     )
     point = (albedo, modes.decay_squared, modes.coupling, fields.near, fields.far)
     change = (
         jnp.ones_like(albedo),
         -(modes.coupling**2),
-        rows[:, :, 0],
-        rows[:, :, 1:3],
-        rows[:, :, 3:],
+        rows[:, 0],
+        rows[:, 1:3],
+        rows[:, 3:],
     )
     return jax.jvp(work, point, change)[1]
 
@@ -206,11 +219,11 @@ def by_thickness(
     )
     # With one beam only the field of the light is driven by one; that of the view is diffuse
     # everywhere.
-    driven = jnp.pad(ports.far, [(0, 0), (0, 0), (0, 2 - ports.far.shape[2]), (0, 0)])
-    (u0, u1), (f0, f1) = (jnp.moveaxis(field, 2, 0) for field in (fields.far, fields.flux + driven))
-    first = jnp.sum(modes.coupling * u0, axis=-1)
-    second = jnp.sum(modes.coupling * u1, axis=-1)
+    driven = jnp.pad(ports.far, [(0, 0), (0, 2 - ports.far.shape[1]), (0, 0), (0, 0)])
+    (u0, u1), (f0, f1) = (jnp.moveaxis(field, 1, 0) for field in (fields.far, fields.flux + driven))
+    first = jnp.sum(modes.coupling * u0, axis=-2)
+    second = jnp.sum(modes.coupling * u1, axis=-2)
     lit = below[0] * second + (
         below[1] * first + below[0] * below[1] if below.shape[0] == 2 else 0.0
     )
-    return albedo * lit - jnp.sum(modes.decay_squared * u0 * u1 - f0 * f1, axis=-1)
+    return albedo * lit - jnp.sum(modes.decay_squared * u0 * u1 - f0 * f1, axis=-2)

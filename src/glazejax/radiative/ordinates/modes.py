@@ -10,6 +10,9 @@ the characteristic equation of S. Chandrasekhar's discrete ordinates. It is solv
 offset r_j = (d_j - lambda_j)/q, which keeps its relative accuracy for any albedo q in [0, 1], 0 and
 1 included. Eigenvectors follow in closed form. For a fixed set of directions r_j depends on q
 alone.
+
+Stacks lie side by side on the last axis, so that a processor's lanes run along them; directions and
+modes stand before it.
 """
 
 import functools
@@ -27,61 +30,65 @@ _ITERATIONS = 7
 # Relative accuracy of the tables, and the equal pieces of the albedo's range that each have a
 # polynomial.
 _TABLE_ACCURACY = 1e-13
-_PIECES = 4
+_PIECES = 2
 
 
 class Modes(NamedTuple):
     """Modes of one layer: sigma = vectors @ y with y'' = decay_squared * y - source."""
 
-    decay_squared: Array  # (..., n), lambda_j = kappa_j^2 >= 0, ascending
-    vectors: Array  # (..., n, n), orthonormal columns
-    coupling: Array  # (..., n), vectors^T z: how strongly an isotropic source drives each mode
+    decay_squared: Array  # (..., n, batch), lambda_j = kappa_j^2 >= 0, ascending
+    vectors: Array  # (..., n, n, batch), orthonormal columns
+    coupling: Array  # (..., n, batch), vectors^T z: how an isotropic source drives each mode
 
 
 def _pole_differences(poles):
-    """d_i - d_j as (..., i, j)."""
-    return poles[..., :, None] - poles[..., None, :]
+    """d_i - d_j as (..., i, j, batch)."""
+    return poles[..., :, None, :] - poles[..., None, :, :]
+
+
+def _off_diagonal(n: int) -> np.ndarray:
+    return ~np.eye(n, dtype=bool)[..., None]
 
 
 def secular_offsets(albedo: Any, poles: Any, strengths: Any, *, xp: Any = jnp) -> Any:
     """Roots r_j of z_j^2/r_j + q sum_(i != j) z_i^2/(d_i - d_j + q r_j) = 1.
 
     Args:
-        albedo: q, (...), in [0, 1].
-        poles: d_i = 1/mu_i^2 ascending, (..., n).
-        strengths: z_i^2 = w_i/mu_i^2, (..., n), with sum_i w_i = 1.
+        albedo: q, (..., batch), in [0, 1].
+        poles: d_i = 1/mu_i^2 ascending, (..., n, batch).
+        strengths: z_i^2 = w_i/mu_i^2, (..., n, batch), with sum_i w_i = 1.
         xp: array module (numpy for tables, jax.numpy for traced directions).
 
     Returns:
-        r, (..., n). Two-pole rational iteration of Bunch, Nielsen and Sorensen (Numer. Math. 31,
-        1978).
+        r, (..., n, batch). Two-pole rational iteration of Bunch, Nielsen and Sorensen (Numer.
+        Math. 31, 1978).
     """
-    n = poles.shape[-1]
-    q = xp.asarray(albedo)[..., None]
+    n = poles.shape[-2]
+    q = xp.asarray(albedo)[..., None, :]
     difference = _pole_differences(poles)
-    off_diagonal = ~np.eye(n, dtype=bool)
+    off_diagonal = _off_diagonal(n)
     # Poles with a larger d bend the function from one side, those with a smaller d from the other.
-    upper = np.triu(np.ones((n, n), dtype=bool), 1)
-    lower = np.tril(np.ones((n, n), dtype=bool), -1)
-    z2_i = strengths[..., :, None]
+    upper = np.triu(np.ones((n, n), dtype=bool), 1)[..., None]
+    lower = np.tril(np.ones((n, n), dtype=bool), -1)[..., None]
+    z2_i = strengths[..., :, None, :]
     # Width of the interval in q r: up to the next smaller pole; the first root has lambda >= 0.
-    gap = xp.concatenate([poles[..., :1], poles[..., 1:] - poles[..., :-1]], axis=-1)
-    first = np.arange(n) == 0
+    gap = xp.concatenate([poles[..., :1, :], poles[..., 1:, :] - poles[..., :-1, :]], axis=-2)
+    first = (np.arange(n) == 0)[:, None]
     tiny = float(np.finfo(np.dtype(poles.dtype)).tiny)
     limit = gap / xp.maximum(q, tiny)
     r = xp.where(first, limit, xp.minimum(strengths, 0.5 * limit))
     r = xp.where(q == 0, strengths, r)
     for _ in range(_ITERATIONS):
-        denominator = xp.where(off_diagonal, difference + (q * r)[..., None, :], 1.0)
+        denominator = xp.where(off_diagonal, difference + (q * r)[..., None, :, :], 1.0)
         ratio = z2_i / denominator
         slope = ratio / denominator
         # One side: p + s/r; other side: P - S/(gap - q r), both matched in value and slope at r.
-        s = strengths + q * q * xp.sum(xp.where(lower, slope, 0.0), axis=-2) * r * r
-        p = q * xp.sum(xp.where(lower, ratio - (q * r)[..., None, :] * slope, 0.0), axis=-2)
+        s = strengths + q * q * xp.sum(xp.where(lower, slope, 0.0), axis=-3) * r * r
+        p = q * xp.sum(xp.where(lower, ratio - (q * r)[..., None, :, :] * slope, 0.0), axis=-3)
         rest = gap - q * r
-        pull = xp.sum(xp.where(upper, slope, 0.0), axis=-2)
+        pull = xp.sum(xp.where(upper, slope, 0.0), axis=-3)
         big_s = q * pull * rest * rest
-        big_p = q * xp.sum(xp.where(upper, ratio, 0.0), axis=-2) + q * pull * rest
+        big_p = q * xp.sum(xp.where(upper, ratio, 0.0), axis=-3) + q * pull * rest
         c = 1.0 - p - big_p
         b = c * gap + s * q + big_s
         product = c * q * s * gap
@@ -97,9 +104,8 @@ class _Table(NamedTuple):
     """Chebyshev coefficients in the albedo for one set of directions."""
 
     terms: int
-    coefficients: (
-        np.ndarray
-    )  # (terms, pieces * (2 n + 1)): offsets, couplings, smallest eigenvalue over 1 - q
+    coefficients: np.ndarray
+    """(pieces * (2 n + 1), terms): offsets, couplings, smallest eigenvalue over 1 - q"""
 
 
 @functools.lru_cache(maxsize=64)
@@ -108,8 +114,8 @@ def _table(key: bytes) -> _Table:
     [0, 1].
     """
     cosines, weights = np.frombuffer(key).reshape(2, -1)
-    poles = 1.0 / cosines**2
-    strengths = weights / cosines**2
+    poles = 1.0 / cosines[:, None] ** 2
+    strengths = weights[:, None] * poles
     terms = 12
     while True:
         x = np.cos(np.pi * (np.arange(terms) + 0.5) / terms)
@@ -119,52 +125,54 @@ def _table(key: bytes) -> _Table:
             q = (piece + 0.5 * (x + 1.0)) / _PIECES
             r = secular_offsets(q, poles, strengths, xp=np)
             columns = _columns(q, np.sqrt(strengths), poles, r, xp=np)
-            coupling = 1.0 / np.sqrt(np.sum(columns**2, axis=-2))
-            slowest = (poles[0] - q * r[:, 0]) / (1.0 - q)
-            values = np.concatenate([r, coupling, slowest[:, None]], axis=1)
-            pieces.append(np.polynomial.chebyshev.chebfit(x, values, terms - 1))
-            rest = max(rest, np.max(np.abs(pieces[-1][-2:]) / np.max(np.abs(values), axis=0)))
+            coupling = 1.0 / np.sqrt(np.sum(columns**2, axis=-3))
+            slowest = (poles[:1] - q * r[:1]) / (1.0 - q)
+            values = np.concatenate([r, coupling, slowest]).T
+            pieces.append(np.polynomial.chebyshev.chebfit(x, values, terms - 1).T)
+            rest = max(rest, np.max(np.abs(pieces[-1][:, -2:].T) / np.max(np.abs(values), axis=0)))
         if rest < _TABLE_ACCURACY or terms >= 64:
-            return _Table(terms, np.concatenate(pieces, axis=1))
+            return _Table(terms, np.concatenate(pieces))
         terms += 4
 
 
 def _chebyshev(x: Array, terms: int) -> Array:
-    """T_0(x) ... T_(terms - 1)(x) on a last axis, four at a time: T_(m+4) = 2 T_4 T_m -
+    """T_0(x) ... T_(terms - 1)(x) on a first axis, four at a time: T_(m+4) = 2 T_4 T_m -
     T_(|m-4|).
     """
-    x = x[..., None]
     second = 2.0 * x * x - 1.0
     third = x * (2.0 * second - 1.0)
     fourth = 2.0 * second * second - 1.0
-    before = jnp.concatenate([fourth, third, second, x], axis=-1)
-    blocks = [jnp.concatenate([jnp.ones_like(x), x, second, third], axis=-1)]
+    before = jnp.stack([fourth, third, second, x])
+    blocks = [jnp.stack([jnp.ones_like(x), x, second, third])]
     for _ in range(terms // 4 - 1):
         blocks.append(2.0 * fourth * blocks[-1] - before)
         before = blocks[-2]
-    return jnp.concatenate(blocks, axis=-1)
+    return jnp.concatenate(blocks)
 
 
 def _from_table(albedo: Array, table: _Table) -> Array:
-    """Offsets, couplings and lambda_0/(1 - q) side by side, (..., 2 n + 1)."""
+    """Offsets, couplings and lambda_0/(1 - q) one below the other, (2 n + 1, ..., batch)."""
     piece = jnp.clip(jnp.floor(albedo * _PIECES), 0, _PIECES - 1)
     polynomials = _chebyshev(2.0 * (albedo * _PIECES - piece) - 1.0, table.terms)
     # One matrix product for all pieces: a product is not computed anew for each use, as fused
     # arithmetic would be.
-    each = table.coefficients.shape[1] // _PIECES
-    values = polynomials @ jnp.asarray(table.coefficients, albedo.dtype)
-    values = values.reshape(*albedo.shape, _PIECES, each)
-    here = (piece[..., None] == jnp.arange(_PIECES, dtype=albedo.dtype)).astype(albedo.dtype)
-    return jnp.sum(values * here[..., None], axis=-2)
+    each = table.coefficients.shape[0] // _PIECES
+    coefficients = jnp.asarray(table.coefficients, albedo.dtype)
+    values = coefficients @ polynomials.reshape(table.terms, -1)
+    values = values.reshape(_PIECES, each, *albedo.shape)
+    here = jnp.stack([piece == number for number in range(_PIECES)]).astype(albedo.dtype)
+    return jnp.sum(values * here[:, None], axis=0)
 
 
-def _columns(albedo, z, poles, offsets, *, xp: Any = jnp) -> Any:
-    """Eigenvectors q z_i/(d_i - lambda_j), scaled to z . column = 1, (..., i, j)."""
+def _columns(albedo, z, poles, offsets, norms: Any = 1.0, *, xp: Any = jnp) -> Any:
+    """Eigenvectors q z_i/(d_i - lambda_j), scaled to z . column = 1, times norms of the columns,
+    (..., i, j, batch).
+    """
     # On the diagonal d_j - lambda_j = q r_j, and q cancels.
-    off_diagonal = ~np.eye(poles.shape[-1], dtype=bool)
-    q = albedo[..., None, None]
-    r = offsets[..., None, :]
-    numerator = z[..., :, None] * xp.where(off_diagonal, q, 1.0)
+    off_diagonal = _off_diagonal(poles.shape[-2])
+    q = albedo[..., None, None, :]
+    r = offsets[..., None, :, :]
+    numerator = z[..., :, None, :] * xp.where(off_diagonal, q, 1.0) * norms
     return numerator / xp.where(off_diagonal, _pole_differences(poles) + q * r, r)
 
 
@@ -183,20 +191,21 @@ def _implicit_jvp(primals, tangents):
     root, albedo, poles, strengths = primals
     _, d_albedo, d_poles, d_strengths = tangents
     r = _implicit(root, albedo, poles, strengths)
-    q = albedo[..., None]
-    off_diagonal = ~np.eye(poles.shape[-1], dtype=bool)
+    q = albedo[..., None, :]
+    off_diagonal = _off_diagonal(poles.shape[-2])
     difference = _pole_differences(poles)
-    denominator = jnp.where(off_diagonal, difference + (q * r)[..., None, :], 1.0)
-    slope = jnp.where(off_diagonal, strengths[..., :, None] / denominator**2, 0.0)
-    by_r = -strengths / r**2 - q * q * jnp.sum(slope, axis=-2)
+    denominator = jnp.where(off_diagonal, difference + (q * r)[..., None, :, :], 1.0)
+    slope = jnp.where(off_diagonal, strengths[..., :, None, :] / denominator**2, 0.0)
+    by_r = -strengths / r**2 - q * q * jnp.sum(slope, axis=-3)
     residual = jnp.zeros_like(r)
     if not isinstance(d_albedo, SymbolicZero):
-        residual += jnp.sum(slope * difference, axis=-2) * d_albedo[..., None]
+        residual += jnp.sum(slope * difference, axis=-3) * d_albedo[..., None, :]
     if not isinstance(d_strengths, SymbolicZero):
-        by_strengths = jnp.where(off_diagonal, q[..., None] / denominator, 0.0)
-        residual += d_strengths / r + jnp.sum(by_strengths * d_strengths[..., :, None], axis=-2)
+        by_strengths = jnp.where(off_diagonal, q[..., None, :, :] / denominator, 0.0)
+        residual += d_strengths / r
+        residual += jnp.sum(by_strengths * d_strengths[..., :, None, :], axis=-3)
     if not isinstance(d_poles, SymbolicZero):
-        residual -= q * jnp.sum(slope * _pole_differences(d_poles), axis=-2)
+        residual -= q * jnp.sum(slope * _pole_differences(d_poles), axis=-3)
     return r, -residual / by_r
 
 
@@ -205,31 +214,33 @@ _implicit.defjvp(_implicit_jvp, symbolic_zeros=True)
 
 @jax.named_scope("modes")
 def layer_modes(
-    albedo: Float[Array, "*batch"],
-    cosines: Float[Array | np.ndarray, "*#batch n"],
-    weights: Float[Array | np.ndarray, "*#batch n"],
+    albedo: Float[Array, "*layers batch"],
+    cosines: Float[Array, "n #batch"] | Float[np.ndarray, "n"],
+    weights: Float[Array, "n #batch"] | Float[np.ndarray, "n"],
 ) -> Modes:
     """Modes of layers of single-scattering albedo q for half-range directions (cosines descending).
 
     Args:
-        albedo: q in [0, 1], (...). Derivatives by it are cheaper by `turning`.
-        cosines: mu in (0, 1], descending, (..., n). A numpy array (n,) is the fast path: its roots
-            are tabulated.
-        weights: quadrature weights, positive, with sum w = 1, (..., n).
+        albedo: q in [0, 1], (..., batch). Derivatives by it are cheaper by `turning`.
+        cosines: mu in (0, 1], descending, (n, batch). A numpy array (n,) is the fast path: its
+            roots are tabulated.
+        weights: quadrature weights, positive, with sum w = 1, in the shape of the cosines.
 
     Returns:
-        `Modes`, arrays (..., n), (..., n, n), (..., n).
+        `Modes`, arrays (..., n, batch), (..., n, n, batch), (..., n, batch).
     """
-    q = albedo[..., None]
+    q = albedo[..., None, :]
     if isinstance(cosines, np.ndarray) and isinstance(weights, np.ndarray):
         n = cosines.size
         found = _from_table(albedo, _table(np.stack([cosines, weights]).tobytes()))
-        r = found[..., :n]
-        coupling = found[..., n : 2 * n]
-        poles, z = (a.astype(albedo.dtype) for a in (1.0 / cosines**2, np.sqrt(weights) / cosines))
-        smallest = ((1.0 - albedo) * found[..., -1])[..., None]
-        eigenvalues = jnp.where(np.arange(n) == 0, smallest, poles - q * r)
-        return Modes(eigenvalues, _columns(albedo, z, poles, r) * coupling[..., None, :], coupling)
+        r = jnp.moveaxis(found[:n], 0, -2)
+        coupling = jnp.moveaxis(found[n : 2 * n], 0, -2)
+        poles = (1.0 / cosines**2).astype(albedo.dtype)[:, None]
+        z = (np.sqrt(weights) / cosines).astype(albedo.dtype)[:, None]
+        smallest = ((1.0 - albedo) * found[-1])[..., None, :]
+        eigenvalues = jnp.where((np.arange(n) == 0)[:, None], smallest, poles - q * r)
+        vectors = _columns(albedo, z, poles, r, coupling[..., None, :, :])
+        return Modes(eigenvalues, vectors, coupling)
     cosines = jnp.asarray(cosines, albedo.dtype)
     weights = jnp.asarray(weights, albedo.dtype)
     poles = 1.0 / cosines**2
@@ -239,27 +250,27 @@ def layer_modes(
     columns = _columns(albedo, jnp.sqrt(strengths), poles, r)
     # The secular equation says z . column = 1, so the coupling is the column's normalisation
     # itself.
-    coupling = 1.0 / jnp.sqrt(jnp.sum(columns**2, axis=-2))
+    coupling = 1.0 / jnp.sqrt(jnp.sum(columns**2, axis=-3))
     return Modes(
         _decay_squared(albedo, cosines, weights, poles - q * r),
-        columns * coupling[..., None, :],
+        columns * coupling[..., None, :, :],
         coupling,
     )
 
 
-def turning(modes: Modes) -> Float[Array, "*batch n n"]:
+def turning(modes: Modes) -> Float[Array, "*layers n n batch"]:
     """How the modes turn into each other as the albedo grows: d vectors/dq = vectors @ turning,
-    (..., n, n).
+    (..., n, n, batch).
 
     First-order perturbation of diag(d) - q z z^T: antisymmetric, with d lambda_j/dq = -coupling_j^2
     and
     d coupling/dq = coupling @ turning.
     """
-    n = modes.coupling.shape[-1]
-    apart = modes.decay_squared[..., None, :] - modes.decay_squared[..., :, None]
-    off_diagonal = ~np.eye(n, dtype=bool)
-    product = modes.coupling[..., :, None] * modes.coupling[..., None, :]
-    return jnp.where(off_diagonal, -product / jnp.where(off_diagonal, apart, 1.0), 0.0)
+    lam = modes.decay_squared
+    apart = lam[..., None, :, :] - lam[..., :, None, :]
+    off_diagonal = _off_diagonal(lam.shape[-2])
+    product = modes.coupling[..., :, None, :] * modes.coupling[..., None, :, :]
+    return jnp.where(off_diagonal, -product, 0.0) / jnp.where(off_diagonal, apart, 1.0)
 
 
 def _decay_squared(albedo: Array, cosines: Array, weights: Array, eigenvalues: Array) -> Array:
@@ -267,14 +278,14 @@ def _decay_squared(albedo: Array, cosines: Array, weights: Array, eigenvalues: A
 
     With sum w = 1 the secular equation reads (1 - q) = lambda q sum w mu^2/(1 - lambda mu^2).
     """
-    smallest = eigenvalues[..., 0]
+    smallest = eigenvalues[..., 0, :]
     guess = jax.lax.stop_gradient(smallest)
     q = jax.lax.stop_gradient(albedo)
     squared = jax.lax.stop_gradient(cosines) ** 2
     near_one = q > 0.7
-    denominator = jnp.where(near_one[..., None], 1.0 - guess[..., None] * squared, 1.0)
-    second_moment = jnp.sum(jax.lax.stop_gradient(weights) * squared / denominator, axis=-1)
+    denominator = jnp.where(near_one[..., None, :], 1.0 - guess[..., None, :] * squared, 1.0)
+    second_moment = jnp.sum(jax.lax.stop_gradient(weights) * squared / denominator, axis=-2)
     accurate = jnp.where(near_one, (1.0 - q) / jnp.where(near_one, q * second_moment, 1.0), guess)
     # Value from the accurate form, derivative from the eigenvalue itself.
     refined = accurate + (smallest - guess)
-    return jnp.concatenate([refined[..., None], eigenvalues[..., 1:]], axis=-1)
+    return jnp.concatenate([refined[..., None, :], eigenvalues[..., 1:, :]], axis=-2)

@@ -13,12 +13,12 @@ from jaxtyping import Array
 
 from ..common.directions import Resolution, half_range
 from ..common.kernels import decay_integral
-from ..common.linalg import product, transpose
+from ..common.side_by_side import product, transpose
 from ..common.split import Split
 from ..common.stack_arrays import Stack
 from .layers import Fields, by_albedo, by_thickness, load_work, stored_energy
 from .modes import turning
-from .solver import SolvedFields, System, assemble, order, solve
+from .solver import SolvedFields, System, assemble, order, solve, upright
 
 
 def reflectance_and_gradient(
@@ -52,7 +52,7 @@ def reflectance_and_gradient(
         if name == "refractive_index" and resolution.reach is not None:
             unresolved = _excess(leaf) < resolution.resolves()
             gradient[name] += jnp.where(
-                unresolved, system.factor * _onset(stack, system, solution), 0.0
+                unresolved, _onset(stack, system, solution) / system.divisor, 0.0
             )
     return value, gradient
 
@@ -78,14 +78,14 @@ def gradient_of_layers(
             mirrored=mirrored,
             fields=solution.fields,
         )
-        gradient["albedo"] = (system.factor * slope)[back].T
+        gradient["albedo"] = (slope / system.divisor)[back].T
     if "optical_thickness" in wanted:
-        gradient["optical_thickness"] = (system.factor * _by_thickness(system, solution)).T
+        gradient["optical_thickness"] = (_by_thickness(system, solution) / system.divisor).T
     if "ground" in wanted:
         by_factor = jnp.prod(
-            _diffuse_on_ground(system, solution) + system.ends.ground_light, axis=-1
+            _diffuse_on_ground(system, solution) + system.ends.ground_light, axis=0
         )
-        gradient["ground"] = system.factor * by_factor * 4.0 / (1.0 + ground) ** 2
+        gradient["ground"] = 4.0 * by_factor / ((1.0 + ground) ** 2 * system.divisor)
     return gradient
 
 
@@ -118,25 +118,21 @@ def _onset(stack: Stack, system: System, solution: SolvedFields) -> Array:
     """
     # The first layer that is not empty, or the ground, shines as its source does.
     filled = stack.optical_thickness > 0
-    first = jnp.take_along_axis(stack.albedo, jnp.argmax(filled, axis=1)[:, None], axis=1)
-    mu, weights = (jnp.asarray(a, stack.albedo.dtype) for a in system.directions[:2])
-    scattered = jnp.sum((jnp.sqrt(weights) / mu)[..., None, :] * solution.at_interface, axis=-1)
-    beams = (
-        jnp.ones(2, scattered.dtype)
-        if stack.cos_viewing is not None
-        else jnp.array([1.0, 0.0], scattered.dtype)
-    )
-    from_layer = 0.5 * first * (scattered + beams)
+    first = jnp.take_along_axis(stack.albedo, jnp.argmax(filled, axis=1)[:, None], axis=1)[:, 0]
+    mu, weights, _ = upright(system.directions, stack.albedo.dtype)
+    scattered = jnp.sum(jnp.sqrt(weights) / mu * solution.at_interface, axis=-2)
+    beams = jnp.array([1.0, 1.0 if stack.cos_viewing is not None else 0.0], scattered.dtype)
+    from_layer = 0.5 * first * (scattered + beams[:, None])
     lit = _diffuse_on_ground(system, solution) + system.ends.ground_light
-    from_ground = 0.5 * system.ends.ground_factor[:, None] * lit
-    light, view = jnp.where(jnp.any(filled, axis=1)[:, None], from_layer, from_ground).T
+    from_ground = 0.5 * system.ends.ground_factor * lit
+    light, view = jnp.where(jnp.any(filled, axis=1), from_layer, from_ground)
     lost = 1.0 if stack.cos_viewing is None else 0.0
     return _ONSET * light * (2.0 * view - lost)
 
 
 def _diffuse_on_ground(system: System, solution: SolvedFields) -> Array:
-    """sqrt(w) . sigma at the ground, to which its diffuse load is proportional, (batch, 2)."""
-    return jnp.sum(system.ends.ground_vector[..., None, :] * solution.at_ground, axis=-1)
+    """sqrt(w) . sigma at the ground, to which its diffuse load is proportional, (2, batch)."""
+    return jnp.sum(system.ends.ground_vector * solution.at_ground, axis=-2)
 
 
 def _by_thickness(system: System, solution: SolvedFields) -> Array:
@@ -152,14 +148,15 @@ def _by_thickness(system: System, solution: SolvedFields) -> Array:
         fields=solution.fields,
     )
     # A slab at a layer's far face dims the beams for all that lies below it.
-    decay = system.beams.decay.T
-    works = jnp.sum(load_work(system.ports, solution.fields) * decay, axis=-1)
-    works += jnp.sum(decay, axis=-1) * system.ports.direct
+    decay = system.beams.decay
+    beams = decay.shape[0]
+    works = jnp.sum(load_work(system.ports, solution.fields) * decay, axis=1)
+    works += jnp.sum(decay, axis=0) * system.ports.direct
     seen = _diffuse_on_ground(system, solution)
-    light = system.ends.ground_light[:, : decay.shape[1]]
-    other = seen[:, ::-1] if decay.shape[1] == 2 else seen[:, 1:]
-    ground = jnp.sum(decay * light * other, axis=-1)
-    ground += jnp.sum(decay, axis=-1) * jnp.prod(system.ends.ground_light, axis=-1)
+    light = system.ends.ground_light[:beams]
+    other = seen[::-1] if beams == 2 else seen[1:]
+    ground = jnp.sum(decay * light * other, axis=0)
+    ground += jnp.sum(decay, axis=0) * jnp.prod(system.ends.ground_light, axis=0)
     works = jnp.concatenate([works[back], (system.ends.ground_factor * ground)[None]])
     from_here_down = jnp.cumsum(works[::-1], axis=0)[::-1]
     upside_down = mirrored[back][:, None]
@@ -177,22 +174,19 @@ def _stationary(system: System, solution: SolvedFields, vectors: Array) -> Array
     )
     fields = Fields(near, far, solution.fields.flux)
     inside = (
-        jnp.sum(load_work(system.ports, fields), axis=-1)
+        jnp.sum(load_work(system.ports, fields), axis=1)
         - stored_energy(system.ports, fields)
         + system.ports.direct
     )
     ends = system.ends
-    top, bottom = (
-        jnp.moveaxis(sigma, 1, 0) for sigma in (solution.at_interface, solution.at_ground)
-    )
-    total = jnp.sum(inside, axis=0) + jnp.sum(
-        ends.interface_load * solution.at_interface[:, ::-1], axis=(1, 2)
-    )
+    top = solution.at_interface
+    bottom = solution.at_ground
+    total = jnp.sum(inside, axis=0) + jnp.sum(ends.interface_load * top[::-1], axis=(0, 1))
     total -= jnp.sum(
-        ends.interface * top[0] * top[1] + ends.ground_diagonal * bottom[0] * bottom[1], axis=-1
+        ends.interface * top[0] * top[1] + ends.ground_diagonal * bottom[0] * bottom[1], axis=0
     )
     seen = _diffuse_on_ground(system, solution) + ends.ground_light
-    return system.factor * (total + ends.ground_factor * jnp.prod(seen, axis=-1))
+    return (total + ends.ground_factor * jnp.prod(seen, axis=0)) / system.divisor
 
 
 def split(stack: Stack, resolution: Resolution) -> Split:
@@ -202,28 +196,22 @@ def split(stack: Stack, resolution: Resolution) -> Split:
     assert solution is not None
     ends = system.ends
     beams = system.beams
-    lit = _diffuse_on_ground(system, solution)[:, 0] + ends.ground_light[:, 0]
+    lit = _diffuse_on_ground(system, solution)[0] + ends.ground_light[0]
     if stack.cos_viewing is not None:
-        single = system.factor * jnp.sum(system.ports.once, axis=0)
-        ground = system.factor * ends.ground_factor * lit * ends.ground_light[:, 1]
+        single = jnp.sum(system.ports.once, axis=0) / system.divisor
+        ground = ends.ground_factor * lit * ends.ground_light[1] / system.divisor
         return Split(ground, single, value - ground - single)
     # Every exit direction: the radiances at the surface, weighted with what passes it.
-    mu, weights, r = (jnp.asarray(a, value.dtype) for a in system.directions)
+    mu, weights, r = upright(system.directions, value.dtype)
     top_down = order(system.thickness.shape[0]).back
-    thickness = system.thickness[top_down]
-    depth = jnp.concatenate([jnp.zeros_like(thickness[:1]), jnp.cumsum(thickness, axis=0)])[
-        ..., None
-    ]
+    thickness = system.thickness[top_down][:, None]
+    depth = jnp.concatenate([jnp.zeros_like(thickness[:1]), jnp.cumsum(thickness, axis=0)])
     # From the ground straight out, through all layers.
     passing = weights * mu * (1.0 - r)
     up = 0.5 * ends.ground_factor * lit
-    ground = system.factor * up * jnp.sum(passing * jnp.exp(-depth[-1] / mu), axis=-1)
+    ground = up * jnp.sum(passing * jnp.exp(-depth[-1] / mu), axis=0) / system.divisor
     # What one scattering sends up, seen through the layers above it.
-    seen = (
-        jnp.exp(-depth[:-1] / mu)
-        / mu
-        * decay_integral(beams.decay[0][:, None] + 1.0 / mu, thickness[..., None])
-    )
+    seen = jnp.exp(-depth[:-1] / mu) / mu * decay_integral(beams.decay[0] + 1.0 / mu, thickness)
     source = 0.5 * system.albedo[top_down] * beams.survival[0][top_down]
-    single = system.factor * jnp.sum(source[..., None] * seen * passing, axis=(0, -1))
+    single = jnp.sum(source[:, None] * seen * passing, axis=(0, 1)) / system.divisor
     return Split(ground, single, value - ground - single)

@@ -23,6 +23,8 @@ K is eliminated from both ends at once, interface and ground, towards the middle
 share each operation. A half, once eliminated, is the relation delta = Z sigma - s at its inner face
 (pointing outwards) and its part g of R.
 
+Stacks lie side by side on the last axis of every array, so that a processor's lanes run along them.
+
 The physics is paper A (Shinozawa et al. 2013), eqs (4)-(22), with its integrals over mu done by
 quadrature.
 """
@@ -36,8 +38,8 @@ from jaxtyping import Array
 
 from ..common.directions import Resolution, half_range
 from ..common.fresnel import cos_refracted, dielectric_reflectance
-from ..common.linalg import inverse_positive, product, transpose
 from ..common.quadrature import Directions
+from ..common.side_by_side import diagonal, inverse_positive, product, transpose
 from ..common.stack_arrays import Stack
 from .layers import Beams, Fields, Ports, two_ports
 from .modes import Modes, layer_modes
@@ -48,21 +50,19 @@ _UNROLLED = 1
 
 
 class Ends(NamedTuple):
-    """The two ends of the stack. Loads have a last but one axis: light, view."""
+    """The two ends of the stack. Loads have a first axis: light, view."""
 
-    interface: Array  # (n,) or (batch, n): (1 - R)/((1 + R) mu), so that delta = -interface sigma
-    interface_load: Array  # (batch, 2, n)
-    ground_diagonal: Array  # (n,) or (batch, n): 1/mu
-    ground_vector: Array  # (n,) or (batch, n): sqrt(w)
-    ground_factor: (
-        Array  # (batch,): c = 4 rho/(1 + rho); delta = (1/mu - c sqrt(w) sqrt(w)^T) sigma - load
-    )
-    ground_light: (
-        Array  # (batch, 2): beam on the ground, exp(-tau/mu) mu; the load is c sqrt(w) times it
-    )
-    coupled: Array | None = (
-        None  # (n, n): added to the diagonal `interface` where the surface is rough
-    )
+    interface: Array
+    """(n, 1) or (n, batch): (1 - R)/((1 + R) mu), so that delta = -interface sigma"""
+    interface_load: Array  # (2, n, batch)
+    ground_diagonal: Array  # (n, 1) or (n, batch): 1/mu
+    ground_vector: Array  # (n, 1) or (n, batch): sqrt(w)
+    ground_factor: Array
+    """(batch,): c = 4 rho/(1 + rho); delta = (1/mu - c sqrt(w) sqrt(w)^T) sigma - load"""
+    ground_light: Array
+    """(2, batch): beam on the ground, exp(-tau/mu) mu; the load is c sqrt(w) times it"""
+    coupled: Array | None = None
+    """(n, n): added to the diagonal `interface` where the surface is rough"""
 
 
 class System(NamedTuple):
@@ -76,7 +76,8 @@ class System(NamedTuple):
     beams: Beams
     ports: Ports
     ends: Ends
-    factor: Array  # (batch,), C
+    divisor: Array
+    """(batch,), 1/C. A division comes last: see `common.kernels.quotient`."""
     directions: Directions
 
 
@@ -107,6 +108,9 @@ def assemble(stack: Stack, resolution: Resolution | Directions) -> System:
     """The discretised problem of each stack; directions that are given may be traced."""
     n = stack.refractive_index
     directions = resolution if isinstance(resolution, Directions) else half_range(n, resolution)
+    if not isinstance(directions.cosines, np.ndarray):
+        # Directions come batch first, or the same for all.
+        directions = Directions(*(a.T if a.ndim == 2 else a[:, None] for a in directions))
     # Layers in pairs from the ends inwards, as they are eliminated.
     layers, mirrored, _ = order(stack.albedo.shape[1])
     albedo = stack.albedo.T[layers]
@@ -115,21 +119,21 @@ def assemble(stack: Stack, resolution: Resolution | Directions) -> System:
     modes = layer_modes(albedo, directions.cosines, directions.weights)
     beams = _beams(stack, layers)
     ports = two_ports(albedo, modes.decay_squared, modes.coupling, thickness, beams, mirrored)
-    mu, weights, r = (jnp.asarray(a, albedo.dtype) for a in directions)
-    light = (beams.at_ground / beams.decay).T
+    mu, weights, r = upright(directions, albedo.dtype)
+    light = beams.at_ground / beams.decay
     root = jnp.sqrt(weights)
     if stack.cos_viewing is None:
         # All that leaves: the product of this load with sigma is the flux through the interface.
         leaving = jnp.broadcast_to(
-            root * (1.0 - r) / (1.0 + r), (thickness.shape[1], root.shape[-1])
+            root * (1.0 - r) / (1.0 + r), (root.shape[0], thickness.shape[1])
         )
-        interface_load = jnp.stack([jnp.zeros_like(leaving), leaving], axis=1)
-        light = jnp.concatenate([light, jnp.zeros_like(light)], axis=1)
-        factor = beams.transmittance[0] * beams.decay[0]
+        interface_load = jnp.stack([jnp.zeros_like(leaving), leaving])
+        light = jnp.concatenate([light, jnp.zeros_like(light)])
+        divisor = 1.0 / (beams.transmittance[0] * beams.decay[0])
     else:
-        interface_load = jnp.zeros((thickness.shape[1], 2, root.shape[-1]), root.dtype)
+        interface_load = jnp.zeros((2, root.shape[0], thickness.shape[1]), root.dtype)
         both = beams.transmittance * beams.decay
-        factor = both[0] * both[1] / (4.0 * n**2)
+        divisor = 4.0 * n**2 / (both[0] * both[1])
     # A Lambertian ground couples all directions by one vector.
     ground_factor = 4.0 * stack.ground / (1.0 + stack.ground)
     ends = Ends(
@@ -147,9 +151,16 @@ def assemble(stack: Stack, resolution: Resolution | Directions) -> System:
         beams=beams,
         ports=ports,
         ends=ends,
-        factor=factor,
+        divisor=divisor,
         directions=directions,
     )
+
+
+def upright(directions: Directions, dtype: Any) -> tuple[Array, Array, Array]:
+    """Cosines, weights and the surface's reflectance as columns, (n, 1) or (n, batch)."""
+    columns = [a[:, None] if a.ndim == 1 else a for a in directions]
+    mu, weights, reflectance = (jnp.asarray(a, dtype) for a in columns)
+    return mu, weights, reflectance
 
 
 def _beams(stack: Stack, layers: np.ndarray) -> Beams:
@@ -167,12 +178,12 @@ class _Half(NamedTuple):
     (or one of them).
     """
 
-    impedance: Array  # (halves, batch, n, n), Z
-    source: Array  # (halves, batch, 2, n), s
+    impedance: Array  # (halves, n, n, batch), Z
+    source: Array  # (halves, 2, n, batch), s
 
 
 class _Layer(NamedTuple):
-    """The next layer of each half, (halves, batch, ...)."""
+    """The next layer of each half, (halves, ..., batch)."""
 
     vectors: Array
     scale: Array  # r = sqrt(T/D), positive for an empty layer too
@@ -194,14 +205,13 @@ class _Memory(NamedTuple):
 
 def _layers(system: System) -> _Layer:
     ports = system.ports
-    empty = system.thickness[..., None] == 0
-    scale = jnp.sqrt(
-        jnp.where(empty, 1.0, ports.tanh / jnp.where(empty, 1.0, system.thickness[..., None]))
-    )
+    thickness = system.thickness[:, None]
+    empty = thickness == 0
+    scale = jnp.sqrt(jnp.where(empty, 1.0, ports.tanh) / jnp.where(empty, 1.0, thickness))
     near = ports.near
     far = ports.far
-    if near.shape[2] == 1:
-        near, far = (jnp.concatenate([load, jnp.zeros_like(load)], axis=2) for load in (near, far))
+    if near.shape[1] == 1:
+        near, far = (jnp.concatenate([load, jnp.zeros_like(load)], axis=1) for load in (near, far))
     return _Layer(
         vectors=system.modes.vectors,
         scale=scale,
@@ -215,32 +225,28 @@ def _layers(system: System) -> _Layer:
 
 def _outermost(ends: Ends, layer: _Layer) -> tuple[Array, Array]:
     """Scaled impedance and source of the bare ends in the modes of the layers next to them."""
-    vectors = layer.vectors * layer.scale[..., None, :]
-    halves, batch, n = layer.scale.shape
+    vectors = layer.vectors * layer.scale[..., None, :, :]
+    shape = layer.scale.shape[1:]
+    halves = layer.scale.shape[0]
     diagonals = [ends.ground_diagonal, ends.interface]
-    diagonal = jnp.stack([jnp.broadcast_to(d, (batch, n)) for d in diagonals[:halves]])
-    seen = jnp.sum(
-        vectors[0] * jnp.broadcast_to(ends.ground_vector, (batch, n))[..., None], axis=-2
-    )
-    ground = ends.ground_factor[:, None] * seen
-    impedance = product(transpose(vectors), diagonal[..., None] * vectors)
-    from_ground = ends.ground_light[..., None] * ground[:, None]
-    coupled = ground[..., :, None] * seen[..., None, :]
+    known = jnp.stack([jnp.broadcast_to(d, shape) for d in diagonals[:halves]])
+    seen = jnp.sum(vectors[0] * ends.ground_vector[:, None], axis=-3)
+    ground = ends.ground_factor * seen
+    impedance = product(transpose(vectors), known[..., :, None, :] * vectors)
+    from_ground = ends.ground_light[:, None] * ground
+    coupled = ground[:, None] * seen
     if halves == 1:
         return impedance - coupled, from_ground[None]
     rough = jnp.zeros_like(coupled)
     if ends.coupled is not None:
-        rough = product(
-            transpose(vectors[1]),
-            product(jnp.broadcast_to(-ends.coupled, coupled.shape), vectors[1]),
-        )
+        rough = product(transpose(vectors[1]), product(-ends.coupled[..., None], vectors[1]))
     from_above = product(ends.interface_load, vectors[1])
     return impedance - jnp.stack([coupled, rough]), jnp.stack([from_ground, from_above])
 
 
 def _next(half: _Half, layer: _Layer) -> tuple[Array, Array]:
     """Scaled impedance r Y^T Z Y r and source r Y^T s of a half in the modes of its next layer."""
-    vectors = layer.vectors * layer.scale[..., None, :]
+    vectors = layer.vectors * layer.scale[..., None, :, :]
     return product(transpose(vectors), product(half.impedance, vectors)), product(
         half.source, vectors
     )
@@ -253,32 +259,30 @@ def _eliminate(impedance: Array, source: Array, layer: _Layer) -> tuple[_Half, A
         The half with the layer in it, what that contributes to R (batch,), and what the way back
         needs.
     """
-    identity = jnp.eye(impedance.shape[-1], dtype=impedance.dtype)
+    identity = jnp.eye(impedance.shape[-2], dtype=impedance.dtype)[..., None]
     # (I + Z T)^-1 in a symmetric scaling: exact for an empty layer, and small where T is large.
-    inverse = inverse_positive(identity + layer.thickness[..., None, None] * impedance)
-    source += layer.scale[..., None, :] * layer.far
+    inverse = inverse_positive(identity + layer.thickness[:, None, None] * impedance)
+    source += layer.scale[:, None] * layer.far
     # Vectors are no further rows of the matrices: joining them costs more than two products more.
     admittance = product(impedance, inverse)
     passed = product(source, inverse)
-    gain = layer.thickness[..., None] * source[..., 1, :] * passed[..., 0, :]
+    gain = layer.thickness[:, None] * source[:, 1] * passed[:, 0]
     through = layer.sech / layer.scale
-    outward = through[..., :, None] * admittance * through[..., None, :] + _diagonal(
-        layer.restoring
-    )
+    outward = through[:, :, None] * admittance * through[:, None] + diagonal(layer.restoring)
     back = transpose(layer.vectors)
-    loads = product(layer.near + through[..., None, :] * passed, back)
+    loads = product(layer.near + through[:, None] * passed, back)
     half = _Half(product(layer.vectors, product(outward, back)), loads)
-    return half, jnp.sum(gain, axis=(0, -1)), _Memory(inverse, admittance, source, passed)
+    return half, jnp.sum(gain, axis=(0, 1)), _Memory(inverse, admittance, source, passed)
 
 
 def _recover(sigma: Array, layer: _Layer, memory: _Memory) -> tuple[Array, Fields]:
-    """From sigma at a layer's near face (halves, batch, 2, n) to that at its far face, with the
+    """From sigma at a layer's near face (halves, 2, n, batch) to that at its far face, with the
     layer's fields.
     """
     near = product(sigma, layer.vectors)
-    scale = layer.scale[..., None, :]
-    driven = layer.sech[..., None, :] * near / scale
-    far = scale * product(driven + layer.thickness[..., None, None] * memory.source, memory.inverse)
+    scale = layer.scale[:, None]
+    driven = layer.sech[:, None] * near / scale
+    far = scale * product(driven + layer.thickness[:, None, None] * memory.source, memory.inverse)
     flux = (product(driven, memory.admittance) - memory.passed) / scale
     return product(far, transpose(layer.vectors)), Fields(near, far, flux)
 
@@ -286,9 +290,9 @@ def _recover(sigma: Array, layer: _Layer, memory: _Memory) -> tuple[Array, Field
 class SolvedFields(NamedTuple):
     """Fields of light and view everywhere."""
 
-    fields: Fields  # (layers, batch, 2, n), layers in the order of `order`
-    at_interface: Array  # (batch, 2, n), sigma
-    at_ground: Array  # (batch, 2, n), sigma
+    fields: Fields  # (layers, 2, n, batch), layers in the order of `order`
+    at_interface: Array  # (2, n, batch), sigma
+    at_ground: Array  # (2, n, batch), sigma
 
 
 def _in_steps(tree: Any, start: int, stop: int) -> Any:
@@ -300,10 +304,6 @@ def _in_steps(tree: Any, start: int, stop: int) -> Any:
 
 def _at(tree: Any, start: int, stop: int | None = None) -> Any:
     return jax.tree.map(lambda x: x[start:stop], tree)
-
-
-def _diagonal(values: Array) -> Array:
-    return values[..., None] * jnp.eye(values.shape[-1], dtype=values.dtype)
 
 
 @jax.named_scope("eliminate")
@@ -320,7 +320,7 @@ def solve(system: System, *, with_fields: bool) -> tuple[Array, SolvedFields | N
     # What comes back with sigma zero at all faces: each layer's own part, and the beam's off the
     # ground.
     total = jnp.sum(system.ports.direct, axis=0)
-    total += ends.ground_factor * ends.ground_light[:, 0] * ends.ground_light[:, 1]
+    total += ends.ground_factor * ends.ground_light[0] * ends.ground_light[1]
 
     # Pairs from the ends inwards, then the middle one of an odd number; each step leaves what the
     # way back needs.
@@ -344,9 +344,9 @@ def solve(system: System, *, with_fields: bool) -> tuple[Array, SolvedFields | N
     if pairs:
         lower, upper = (_at(half, side, side + 1) for side in (0, 1))
     else:
-        interface = _diagonal(jnp.broadcast_to(ends.interface, layers.scale.shape[1:]))
+        interface = diagonal(jnp.broadcast_to(ends.interface, layers.scale.shape[1:]))
         if ends.coupled is not None:
-            interface += ends.coupled
+            interface += ends.coupled[..., None]
         lower = half
         upper = _Half(interface[None], ends.interface_load[None])
     # The middle layer of an odd number goes to the lower half.
@@ -358,7 +358,7 @@ def solve(system: System, *, with_fields: bool) -> tuple[Array, SolvedFields | N
     # Both halves meet at one face: sigma there makes their fluxes equal.
     source = (lower.source + upper.source)[0]
     sigma = product(source, inverse_positive((lower.impedance + upper.impedance)[0]))
-    reflectance = system.factor * (total + jnp.sum(sigma[:, 0] * source[:, 1], axis=-1))
+    reflectance = (total + jnp.sum(sigma[0] * source[1], axis=0)) / system.divisor
     if not with_fields:
         return reflectance, None
     # The way back: from the middle outwards, each step recovers the fields that it eliminated.

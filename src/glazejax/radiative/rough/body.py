@@ -134,12 +134,12 @@ def _assemble(lit: Lit, surface: Surface, fixed: _Fixed) -> System:
     ports = two_ports(albedo, modes.decay_squared, modes.coupling, thickness, beams, mirrored)
     load = jnp.matmul(lit.enters, jnp.asarray(fixed.admits, dtype), precision="highest")
     ends = Ends(
-        interface=jnp.zeros(mu.size, dtype),
-        interface_load=load,
-        ground_diagonal=jnp.asarray(1.0 / mu, dtype),
-        ground_vector=jnp.asarray(np.sqrt(weights), dtype),
+        interface=jnp.zeros((mu.size, 1), dtype),
+        interface_load=jnp.moveaxis(load, 0, -1),
+        ground_diagonal=jnp.asarray(1.0 / mu, dtype)[:, None],
+        ground_vector=jnp.asarray(np.sqrt(weights), dtype)[:, None],
         ground_factor=4.0 * lit.ground / (1.0 + lit.ground),
-        ground_light=lit.from_ground,
+        ground_light=lit.from_ground.T,
         coupled=jnp.asarray(fixed.impedance, dtype),
     )
     directions = Directions(mu, weights, np.zeros_like(mu))
@@ -150,7 +150,7 @@ def _assemble(lit: Lit, surface: Surface, fixed: _Fixed) -> System:
         beams=beams,
         ports=ports,
         ends=ends,
-        factor=jnp.ones(batch, dtype),
+        divisor=jnp.ones(batch, dtype),
         directions=directions,
     )
 
@@ -173,7 +173,9 @@ def _gradient(
     of_layers = tuple(n for n in wanted if n in ("albedo", "optical_thickness"))
     gradient |= gradient_of_layers(unlit, solution, lit.ground, of_layers)
     if "enters" in wanted:
-        answer = jnp.matmul(solution.at_interface, admits.T, precision="highest")
+        answer = jnp.matmul(
+            jnp.moveaxis(solution.at_interface, -1, 0), admits.T, precision="highest"
+        )
         answer -= jnp.matmul(lit.enters, direct, precision="highest")
         gradient["enters"] = answer[:, ::-1]
     return gradient
