@@ -30,6 +30,11 @@ flags = _FLAGS[os.environ.get("GLAZEJAX_TEST_OPTIMISED", "0")]
 if flags and not ELSEWHERE:
     os.environ["XLA_FLAGS"] = f"{os.environ.get('XLA_FLAGS', '')} {flags}"
 
+# One heap for all threads of a worker: where each has its own, much of what is freed stays with it.
+_M_ARENA_MAX = -8
+if os.name == "posix" and hasattr(libc := ctypes.CDLL(None), "mallopt"):
+    libc.mallopt(_M_ARENA_MAX, 1)
+
 try:
     import resource
 except ModuleNotFoundError:  # Windows
@@ -204,6 +209,12 @@ def pytest_xdist_make_scheduler(config, log):
     # The files that end a run are the short ones.
     config.option.loadscopereorder = False
     return Files(config, log)
+
+
+def pytest_collection_finish():
+    """What was loaded until now stays, and no search for circles needs to look at it."""
+    gc.collect()
+    gc.freeze()
 
 
 def pytest_collection_modifyitems(config, items):
