@@ -191,9 +191,7 @@ def shared_reference() -> Path:
 
 
 # Files whose tests share the tables of one grid of wavelengths, which one worker makes then.
-_TOGETHER = {
-    f"tests/mapping/test_{name}.py" for name in ("example", "page", "painting_rivals", "pictures")
-}
+_TOGETHER = {f"tests/mapping/test_{name}.py" for name in ("page", "painting_rivals", "pictures")}
 
 
 @pytest.hookimpl(optionalhook=True)
