@@ -30,11 +30,6 @@ flags = _FLAGS[os.environ.get("GLAZEJAX_TEST_OPTIMISED", "0")]
 if flags and not ELSEWHERE:
     os.environ["XLA_FLAGS"] = f"{os.environ.get('XLA_FLAGS', '')} {flags}"
 
-# One heap for all threads of a worker: where each has its own, much of what is freed stays with it.
-_M_ARENA_MAX = -8
-if os.name == "posix" and hasattr(libc := ctypes.CDLL(None), "mallopt"):
-    libc.mallopt(_M_ARENA_MAX, 1)
-
 try:
     import resource
 except ModuleNotFoundError:  # Windows
