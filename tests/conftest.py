@@ -30,6 +30,10 @@ flags = _FLAGS[os.environ.get("GLAZEJAX_TEST_OPTIMISED", "0")]
 if flags and not ELSEWHERE:
     os.environ["XLA_FLAGS"] = f"{os.environ.get('XLA_FLAGS', '')} {flags}"
 
+# Linear algebra of small matrices in NumPy: threads of two workers would wait for each other, each
+# spinning, and take four times as long.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
 try:
     import resource
 except ModuleNotFoundError:  # Windows
