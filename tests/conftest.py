@@ -31,7 +31,8 @@ if flags and not ELSEWHERE:
     os.environ["XLA_FLAGS"] = f"{os.environ.get('XLA_FLAGS', '')} {flags}"
 
 # Linear algebra of small matrices in NumPy: threads of two workers would wait for each other, each
-# spinning, and take four times as long.
+# spinning, and take four times as long. For workers, which begin after this; NumPy may be loaded
+# here already.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 try:
