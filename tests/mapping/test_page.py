@@ -49,13 +49,17 @@ def report(made, tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def part(made, tmp_path_factory):
-    """A map that is not finished, whose columns were answered in two ways, and its report."""
+    """A map that is not finished, whose columns were answered in two ways, and its report without
+    the pictures beside it.
+    """
     dataset, tallies, sets = made
     part = dataset.copy(deep=True)
     part["status"][20:] = Status.UNDONE
     part["way"][:, ::2] = Way.NEIGHBOUR
     about = replace(ABOUT, notes=())
-    return part, write_report(part, tallies, sets, about, tmp_path_factory.mktemp("part"))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("glazefit.mapping.show.page.write_pictures", lambda *_, **__: [])
+        return part, write_report(part, tallies, sets, about, tmp_path_factory.mktemp("part"))
 
 
 class Tags(HTMLParser):
