@@ -23,6 +23,8 @@ PAINTS = (
     "BoneBlack",
     "CobaltBlue",
 )
+FEW = ("ZincWhite", "ChromeYellow", "BoneBlack", "CobaltBlue")
+"""Of them, for maps of which no more is asked than that they are whole."""
 
 
 def paints():
