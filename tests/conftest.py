@@ -30,6 +30,11 @@ flags = _FLAGS[os.environ.get("GLAZEJAX_TEST_OPTIMISED", "0")]
 if flags and not ELSEWHERE:
     os.environ["XLA_FLAGS"] = f"{os.environ.get('XLA_FLAGS', '')} {flags}"
 
+# Linear algebra of small matrices in NumPy: threads of two workers would wait for each other, each
+# spinning, and take four times as long. For workers, which begin after this; NumPy may be loaded
+# here already.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
 try:
     import resource
 except ModuleNotFoundError:  # Windows
@@ -186,9 +191,7 @@ def shared_reference() -> Path:
 
 
 # Files whose tests share the tables of one grid of wavelengths, which one worker makes then.
-_TOGETHER = {
-    f"tests/mapping/test_{name}.py" for name in ("example", "page", "painting_rivals", "pictures")
-}
+_TOGETHER = {f"tests/mapping/test_{name}.py" for name in ("page", "painting_rivals", "pictures")}
 
 
 @pytest.hookimpl(optionalhook=True)
@@ -204,6 +207,12 @@ def pytest_xdist_make_scheduler(config, log):
     # The files that end a run are the short ones.
     config.option.loadscopereorder = False
     return Files(config, log)
+
+
+def pytest_collection_finish():
+    """What was loaded until now stays, and no search for circles needs to look at it."""
+    gc.collect()
+    gc.freeze()
 
 
 def pytest_collection_modifyitems(config, items):

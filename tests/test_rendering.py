@@ -13,6 +13,8 @@ from glazejax.radiative.common.fresnel import dielectric_reflectance
 
 W = np.arange(400.0, 701.0, 20.0)
 TOLERANCE = 1e-6
+COATS = 4
+"""Of all ladders, so that they are one program."""
 
 
 def hump(centre, width, height):
@@ -29,7 +31,7 @@ STACK = Glaze([Layer(RED, 1e-6), Layer(GREEN, 3e-6)], GROUND)
 
 @pytest.fixture(scope="module")
 def result():
-    return render(STACK, GEOMETRY, coats=8)
+    return render(STACK, GEOMETRY, coats=COATS)
 
 
 def alone(layers, ground=None):
@@ -44,33 +46,33 @@ def test_stack_ground_and_single_layers(result):
 
 
 def test_ladder_is_a_stack_of_equal_layers(result):
-    assert result.ladder.counts.tolist() == list(range(9))
+    assert result.ladder.counts.tolist() == list(range(COATS + 1))
     for n in (0, 1, 3):
         stack = [Layer(RED, 1e-6)] * n + [Layer(GREEN, 3e-6)]
         np.testing.assert_allclose(result.ladder.glaze[n], alone(stack), atol=TOLERANCE)
 
 
 def test_ladder_of_a_lower_layer_and_another_coat():
-    ladder = render(STACK, GEOMETRY, layer=1, coat=2e-6, coats=2).ladder
+    ladder = render(STACK, GEOMETRY, layer=1, coat=2e-6, coats=COATS).ladder
     stack = [Layer(RED, 1e-6), Layer(GREEN, 2e-6), Layer(GREEN, 2e-6)]
     np.testing.assert_allclose(ladder.glaze[2], alone(stack), atol=TOLERANCE)
 
 
 def test_multiply_is_the_power_law_of_one_coat_on_the_ground(result):
     below, ratio = alone([Layer(GREEN, 3e-6)]), alone([Layer(RED, 1e-6)]) / alone([])
-    for n in (0, 1, 2, 8):
+    for n in (0, 1, 2, COATS):
         np.testing.assert_allclose(result.ladder.multiply[n], below * ratio**n, atol=1e-5)
 
 
 def test_over_bare_ground_multiply_has_the_same_first_coat():
-    ladder = render(Glaze([Layer(RED, 1e-6)], GROUND), GEOMETRY, coats=2).ladder
+    ladder = render(Glaze([Layer(RED, 1e-6)], GROUND), GEOMETRY, coats=COATS).ladder
     np.testing.assert_allclose(ladder.multiply[:2], ladder.glaze[:2], atol=1e-6)
     assert np.abs(ladder.multiply[2] - ladder.glaze[2]).max() > 0.01
 
 
 def test_multiply_never_brightens():
     white = Pigment("White", W, np.full(W.size, 10.0), np.full(W.size, 2e5))
-    ladder = render(Glaze([Layer(white, 5e-6)], 0.05), GEOMETRY, coats=3).ladder
+    ladder = render(Glaze([Layer(white, 5e-6)], 0.05), GEOMETRY, coats=COATS).ladder
     assert np.all(np.diff(ladder.glaze, axis=0) > 0)
     np.testing.assert_allclose(
         ladder.multiply, np.broadcast_to(ladder.glaze[0], ladder.multiply.shape), atol=1e-9
@@ -79,8 +81,8 @@ def test_multiply_never_brightens():
 
 def test_multiply_leaves_the_surface_reflection_alone():
     sphere = Hemispherical(8.0, specular=True)
-    glossy = render(STACK, sphere, coats=3).ladder
-    matt = render(STACK, Hemispherical(8.0, specular=False), coats=3).ladder
+    glossy = render(STACK, sphere, coats=COATS).ladder
+    matt = render(STACK, Hemispherical(8.0, specular=False), coats=COATS).ladder
     surface = float(dielectric_reflectance(np.cos(np.deg2rad(8.0)), 1.5))
     np.testing.assert_allclose(glossy.multiply, matt.multiply + surface, atol=1e-5)
     # The ratio that looks nearest depends a little on the gloss.
@@ -103,7 +105,7 @@ def test_mixing_is_opaque_paint_of_mixed_coefficients():
     """
     red, ground, coat = RED, 0.8, 1e-6
     ratio = 0.0
-    ladder = render(Glaze([Layer(red, coat)], ground), GEOMETRY, coats=4).ladder
+    ladder = render(Glaze([Layer(red, coat)], ground), GEOMETRY, coats=COATS).ladder
     thick = 5e-3
 
     def opaque(k, s):
@@ -139,7 +141,7 @@ def test_mixing_is_opaque_paint_of_mixed_coefficients():
 def test_all_ways_darken_and_stay_between_black_and_the_ground(result):
     for way in ("glaze", "multiply", "mixing"):
         spectra = getattr(result.ladder, way)
-        assert spectra.shape == (9, W.size)
+        assert spectra.shape == (COATS + 1, W.size)
         assert np.all(np.isfinite(spectra))
         assert np.all(spectra > 0)
         lightness = np.asarray(lab(W, spectra))[:, 0]
@@ -151,7 +153,7 @@ def test_all_ways_darken_and_stay_between_black_and_the_ground(result):
 def test_edges_stay_finite(ground, thickness):
     clear = Pigment("Clear", W, np.zeros(W.size), np.zeros(W.size))
     for paint in (RED, clear):
-        ladder = render(Glaze([Layer(paint, thickness)], ground), GEOMETRY, coats=2).ladder
+        ladder = render(Glaze([Layer(paint, thickness)], ground), GEOMETRY, coats=COATS).ladder
         assert ladder.capped == (thickness == 0.01)
         for way in (ladder.glaze, ladder.multiply, ladder.mixing):
             assert np.all(np.isfinite(way))
@@ -159,7 +161,7 @@ def test_edges_stay_finite(ground, thickness):
 
 
 def test_absent_paint_changes_nothing():
-    ladder = render(Glaze([Layer(RED, 0.0)], 0.7), GEOMETRY, coats=3).ladder
+    ladder = render(Glaze([Layer(RED, 0.0)], 0.7), GEOMETRY, coats=COATS).ladder
     for way in (ladder.glaze, ladder.multiply, ladder.mixing):
         np.testing.assert_allclose(way, np.broadcast_to(ladder.glaze[0], way.shape), atol=2e-5)
 

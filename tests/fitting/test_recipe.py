@@ -162,7 +162,9 @@ def test_limits_are_kept():
 
 def test_thickness_that_limits_is_named():
     """White paint over a black ground: thicker would be whiter."""
-    recipes = find_recipes((100, 0, 0), palette(), ground=0.0, thickness=(1e-6, 5e-6), count=1)
+    # As many targets and recipes as above: the same programs.
+    targets = [lab_target((100, 0, 0), f"white {n}") for n in range(5)]
+    recipes, *_ = find_recipes(targets, palette(), ground=0.0, thickness=(1e-6, 5e-6), count=4)
     assert not recipes[0].in_gamut
     assert "as thick as allowed" in recipes[0].limit
     assert max(coat.thickness for coat in recipes[0].coats) == pytest.approx(5e-6, abs=1e-7)

@@ -18,7 +18,7 @@ from glazefit.mapping.store.store import DamagedWindow, MapStore, open_map
 from glazefit.mapping.store.windows import Window
 
 from .test_store import same, undisturbed  # noqa: F401
-from .toy import PAINTS, SHAPE, Toy, store_at
+from .toy import PAINTS, SHAPE, WINDOWS, Toy, store_at
 
 pytest.importorskip("zarr")
 
@@ -110,7 +110,7 @@ def test_an_array_that_was_removed_is_made_anew(tmp_path, undisturbed):  # noqa:
         open_map(path)
     with pytest.warns(DamagedWindow) as warned:
         run_chunks(store_at(path), Toy())
-    assert len(warned) == 25
+    assert len(warned) == WINDOWS
     same(MapStore.open(path), undisturbed)
     assert sorted(file.name for file in tmp_path.iterdir()) == ["map.zarr"]
 

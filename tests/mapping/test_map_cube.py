@@ -23,15 +23,20 @@ from glazejax.io import CubeSource
 from tests.mapping import small
 
 NOISE = Noise(0.003, 0.0003)
+FEW = [small.paints()[small.PAINTS.index(name)] for name in small.FEW]
+
+
+def search(patch: pytest.MonkeyPatch, representatives: int) -> None:
+    """In two pieces; what is searched is searched as in a map that is to be good."""
+    patch.setattr("glazefit.mapping.map_cube._REPRESENTATIVES", (representatives, 4000))
+    patch.setattr("glazefit.mapping.map_cube._PIECE", representatives // 2)
+    patch.setattr("glazefit.mapping.map_cube._CHECKED", 48)
 
 
 @pytest.fixture(scope="module", autouse=True)
 def _few_searches():
-    """Less is searched than in a map that is to be good; what is searched is searched as there."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("glazefit.mapping.map_cube._REPRESENTATIVES", (144, 4000))
-        patch.setattr("glazefit.mapping.map_cube._PIECE", 72)
-        patch.setattr("glazefit.mapping.map_cube._CHECKED", 48)
+        search(patch, 64)
         yield
 
 
@@ -56,13 +61,23 @@ def options(cube) -> dict[str, Any]:
 
 @pytest.fixture(scope="module")
 def made(cube, options, tmp_path_factory):
+    """A map by few paints, what it said on the way, and where it lies."""
     said: list[tuple[int, int | None, str]] = []
     out = tmp_path_factory.mktemp("map") / "map.zarr"
     return (
-        map_cube(cube, small.paints(), out=out, progress=lambda *n: said.append(n), **options),
+        map_cube(cube, FEW, out=out, progress=lambda *n: said.append(n), **options),
         said,
         out,
     )
+
+
+@pytest.fixture(scope="module")
+def whole_map(cube, options, tmp_path_factory):
+    """A map by all paints, from more searches."""
+    with pytest.MonkeyPatch.context() as patch:
+        search(patch, 144)
+        out = tmp_path_factory.mktemp("whole") / "map.zarr"
+        return map_cube(cube, small.paints(), out=out, **options)
 
 
 def test_every_pixel_is_answered_or_marked(made, cube):
@@ -119,8 +134,8 @@ def test_colours_are_those_of_the_spectra(made, cube):
 
 
 @pytest.mark.slow
-def test_pixels_are_answered_as_a_search_answers_them(made, cube, options: dict[str, Any]):
-    found = made[0]
+def test_pixels_are_answered_as_a_search_answers_them(whole_map, cube, options: dict[str, Any]):
+    found = whole_map
     task = map_task(cube, dict(zip(small.PAINTS, small.paints(), strict=True)), **options)
     y, x = np.nonzero(found["status"].values == Status.MAPPED)
     some = np.random.default_rng(0).choice(len(y), 128, replace=False)
@@ -177,11 +192,11 @@ def test_a_second_run_does_nothing_again(made, cube, options: dict[str, Any], mo
     monkeypatch.setattr("glazefit.mapping.solve.solver.PixelSolver.solve", never)
     monkeypatch.setattr("glazefit.mapping.map_cube.search_locally", never)
     monkeypatch.setattr("glazefit.mapping.map_cube.compare", never)
-    again = map_cube(cube, small.paints(), out=out, **options)
+    again = map_cube(cube, FEW, out=out, **options)
     for name, values in before.items():
         np.testing.assert_array_equal(again[name].values, values)
     with pytest.raises(ValueError, match=r"other options \(max_paints: 2 there, 3 now\)"):
-        map_cube(cube, small.paints(), out=out, **dict(options, max_paints=3))
+        map_cube(cube, FEW, out=out, **dict(options, max_paints=3))
 
 
 @pytest.mark.slow
@@ -200,10 +215,8 @@ def test_an_interrupted_run_ends_as_an_undisturbed_one(
 
     for stage, done in (("searching", 1), ("checking", 0), ("mapping", 0)):
         with pytest.raises(Stopped):
-            map_cube(
-                cube, small.paints(), out=tmp_path / "map", progress=stop_at(stage, done), **options
-            )
-    found = map_cube(cube, small.paints(), out=tmp_path / "map", **options)
+            map_cube(cube, FEW, out=tmp_path / "map", progress=stop_at(stage, done), **options)
+    found = map_cube(cube, FEW, out=tmp_path / "map", **options)
     for name in made[0].data_vars:
         np.testing.assert_array_equal(found[name].values, made[0][name].values)
 
@@ -218,7 +231,7 @@ def test_a_cluster_gives_the_same_map(made, cube, options: dict[str, Any], tmp_p
         ) as cluster,
         distributed.Client(cluster, set_as_default=False) as client,
     ):
-        found = map_cube(cube, small.paints(), out=tmp_path / "map", client=client, **options)
+        found = map_cube(cube, FEW, out=tmp_path / "map", client=client, **options)
     for name in made[0].data_vars:
         np.testing.assert_array_equal(found[name].values, made[0][name].values)
 

@@ -4,7 +4,6 @@ import itertools
 
 import numpy as np
 import pytest
-from benchmarks.known_painting import painting
 
 from glazefit.mapping.show.legend import (
     BLANK,
@@ -33,14 +32,14 @@ from glazefit.mapping.store.layout import Status, Way
 from glazejax.colour import delta_e_2000
 from glazejax.plots import hex_colour
 
-from .truth_map import GRID, truth_map
+from .truth_map import painting, truth_map
 
 pytest.importorskip("xarray")
 
 
 @pytest.fixture(scope="module")
 def scene():
-    return painting((96, 128), GRID, seed=1)
+    return painting((96, 128), seed=1)
 
 
 @pytest.fixture(scope="module")

@@ -15,7 +15,9 @@ from glazefit.mapping.store.run import run_chunks
 from glazefit.mapping.store.store import MapStore
 from glazefit.mapping.store.windows import Window
 
-SHAPE, CHUNK, PAINTS, BANDS = (70, 90), (16, 20), ("ZincWhite", "Eosin", "Umber"), 7
+SHAPE, CHUNK, PAINTS, BANDS = (38, 50), (16, 20), ("ZincWhite", "Eosin", "Umber"), 7
+WINDOWS = 9
+"""Of the map, three by three, the last ones smaller: each is some twenty files."""
 
 
 @dataclass(frozen=True)

@@ -8,6 +8,7 @@ variant of Mitsuba is set once for all.
 import json
 import subprocess
 import sys
+from importlib.util import find_spec
 
 import numpy as np
 import pytest
@@ -15,7 +16,7 @@ import pytest
 from glazejax.radiative import rough
 from glazejax.radiative.rough.facets import scatter
 
-pytest.importorskip("mitsuba", reason="needs mitsuba")
+pytestmark = pytest.mark.skipif(find_spec("mitsuba") is None, reason="needs mitsuba")
 
 ASKED = """
 import json, sys
