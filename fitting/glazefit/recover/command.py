@@ -1,6 +1,5 @@
 """The command `glazejax recover`: films over black and white in, pigments out."""
 
-import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -191,9 +190,6 @@ def recover(
 
     Try it without data: glazejax recover --simulate --out demo
     """
-    # Before NumPy is loaded: its blocks here are small, and threads for them only wait for each
-    # other.
-    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     _check(file, simulate)
     shelf = _catalogue(catalogue, bool(white) or simulate)
     knowledge = PriorKnowledge(into, white, wet_film, excluded, shelf)

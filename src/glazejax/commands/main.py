@@ -151,6 +151,9 @@ def run_command() -> None:
 
 def main() -> None:
     """Run a sub-command; what the user can mend ends as one line and exit status 2."""
+    # Before NumPy is loaded: its matrices are small here, and threads for them only wait for each
+    # other.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     try:
         with interrupts.loading():
             app = make_app()
