@@ -166,11 +166,22 @@ def test_what_the_usual_search_saves_changes_little(paints, blind):
 
 @pytest.mark.slow
 def test_one_spectrum_alone_gives_what_it_gives_in_a_batch(paints, blind):
+    readings = blind[-1].measured.readings
+    some, alone = (
+        identify(GRID, part, paints, ground=GROUNDS, thorough=True)
+        for part in (readings[6:10], readings[7:8])
+    )
+    np.testing.assert_allclose(
+        alone.probability[0, :5], some.probability[1, :5], rtol=1e-4, atol=1e-6
+    )
+
+
+@pytest.mark.slow
+def test_in_single_precision_a_batch_changes_what_nobody_sees(paints, blind):
+    """Evidences are good to a thousandth there, and which films are fitted again hangs on them."""
     found = blind[-1]
     alone = identify(GRID, found.measured.readings[7:8], paints, ground=GROUNDS)
-    np.testing.assert_allclose(
-        alone.probability[0, :5], found.probability[7, :5], rtol=1e-4, atol=1e-6
-    )
+    np.testing.assert_allclose(alone.probability[0, :5], found.probability[7, :5], atol=1e-4)
 
 
 @pytest.mark.slow
