@@ -16,7 +16,7 @@ _SUMMED_ROWS = 5
 
 
 def product(
-    a: Float[Array, "*#stack l m batch"], b: Float[Array, "*#stack m n batch"]
+    a: Float[Array, "*#stack l m #batch"], b: Float[Array, "*#stack m n #batch"]
 ) -> Float[Array, "*stack l n batch"]:
     """Matrix product: of small matrices as a sum, which XLA fuses with what surrounds it."""
     if a.shape[-2] < _SUMMED_TERMS or a.shape[-3] <= _SUMMED_ROWS:
