@@ -70,7 +70,7 @@ def test_damaged_files_of_every_kind_never_surprise(folder, kind, seed):
 
 @pytest.mark.parametrize("reader", READERS)
 def test_no_reader_takes_a_name_that_cannot_be_or_a_device(tmp_path, reader):
-    start = time.process_time()
+    start = time.perf_counter()
     for path in (
         tmp_path / ("n" * 300),
         tmp_path / "a\0b",
@@ -82,7 +82,7 @@ def test_no_reader_takes_a_name_that_cannot_be_or_a_device(tmp_path, reader):
             reader(path)
         assert len(str(caught.value).splitlines()) == 1
         assert path.name[:9] in repr(str(caught.value)) or "\0" in path.name
-    assert time.process_time() - start < 5
+    assert time.perf_counter() - start < 5
 
 
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no named pipes here")
@@ -91,11 +91,11 @@ def test_a_pipe_that_nobody_writes_into_is_given_up(tmp_path, monkeypatch, reade
     monkeypatch.setattr(source, "NOBODY", 0.1)
     pipe = tmp_path / "pipe.csv"
     os.mkfifo(pipe)
-    start = time.process_time()
+    start = time.perf_counter()
     with pytest.raises(ValueError, match="pipe") as caught:
         reader(pipe)
     assert complains(caught, pipe)
-    assert time.process_time() - start < 10
+    assert time.perf_counter() - start < 10
 
 
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no named pipes here")
@@ -268,13 +268,13 @@ PACKED = jcamp_block(form="DIFDUP")
 def test_hostile_files_end_in_one_sentence(tmp_path, name, content, complaint):
     path = tmp_path / name
     path.write_text(content)
-    start = time.process_time()
+    start = time.perf_counter()
     with pytest.raises(ValueError, match=complaint) as caught:
         read_spectra(path)
     assert complains(caught, path)
     assert str(caught.value).isprintable()
     assert len(str(caught.value)) < 1000
-    assert time.process_time() - start < 20
+    assert time.perf_counter() - start < 20
 
 
 @pytest.mark.parametrize(
