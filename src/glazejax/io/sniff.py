@@ -28,7 +28,6 @@ _CGATS = re.compile(
 )
 _JCAMP = re.compile(r"##\s*(TITLE|JCAMP-?DX)\s*=", re.IGNORECASE)
 _XML = re.compile(r"\A\s*<[?!A-Za-z]")
-_END_OF_ELEMENT = re.compile(r"</[A-Za-z][\w.:-]*>")
 # A table may begin with a title such as [nm].
 _JSON = re.compile(r"\A\s*(\[\s*[\[{\]]|\{\s*[\"}])")
 # How files begin that are no spectra, and what they are.
@@ -52,7 +51,8 @@ def identify(source: Source) -> Kind:
     """Format of a file; ``table`` if its content tells none.
 
     Raises:
-        ValueError: it is an SPC file, a picture, an archive, a PDF, or XML without its beginning.
+        ValueError: it is an SPC file, a picture, an archive or a PDF, or above its table
+            stands what `lines_above` refuses.
     """
     head = source.head
     for start, words in _OTHERS.items():
@@ -86,11 +86,6 @@ def identify(source: Source) -> Kind:
         return "cgats"
     if "\ufffd" in text and header_beside(source.path):
         return "envi data"
-    # Numbers below a rest of XML could be read as a table, of which nobody knows what it is.
-    if _END_OF_ELEMENT.search(text):
-        raise source.error(
-            "it looks like XML, such as CxF, whose beginning is missing; export it again"
-        )
     return "columns" if lines_above(source)[1] else "table"
 
 

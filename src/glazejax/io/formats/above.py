@@ -31,6 +31,7 @@ _BAND = re.compile(
 # Ocean Optics' OceanView, SpectraSuite and OOIBase32.
 _BEGIN = re.compile(r">{3,}\s*Begin\b.*Spectral Data\s*<{3,}", re.IGNORECASE)
 END = re.compile(r">{3,}\s*End\b.*Spectral Data\s*<{3,}", re.IGNORECASE)
+_END_OF_ELEMENT = re.compile(r"</[A-Za-z][\w.:-]*>")
 # More lines than this above its table no software writes.
 _MOST = 200
 # Rows of numbers below each other that make a table without a header.
@@ -65,7 +66,8 @@ def lines_above(source: Source) -> tuple[int, bool]:
     lacks.
 
     Raises:
-        ValueError: a row of numbers, as long as the table's, stands above it.
+        ValueError: a row of numbers, as long as the table's, or the rest of an XML file stands
+            above it.
     """
     start, numbers = _start(source.first_lines)
     _check_above(source, start)
@@ -102,8 +104,12 @@ def _start(lines: list[str]) -> tuple[int, bool]:
 
 
 def _check_above(source: Source, start: int) -> None:
-    """Refuse rows of the table that stand above its header."""
+    """Refuse rows of the table that stand above its header, and what shows that it is no table."""
     lines = source.first_lines
+    if any(map(_END_OF_ELEMENT.search, lines[:start])):
+        raise source.error(
+            "it looks like XML, such as CxF, whose beginning is missing; export it again"
+        )
     table = next((line for line in lines[start:] if is_data(line)), "")
     width = len(_cells(table))
     for number, line in enumerate(lines[:start], start=1):
