@@ -4,8 +4,9 @@ matplotlib is imported when the first one is drawn, and its global state stays a
 """
 
 from collections.abc import Generator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
+from threading import Thread
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -40,6 +41,19 @@ STYLE: dict[Any, Any] = {
     "figure.autolayout": False,
 }
 _DPI = 110
+
+
+def load_matplotlib_ahead() -> None:
+    """Begin to import what a picture needs, in another thread, and return at once: XLA compiles
+    and computes without Python's lock.
+    """
+
+    def load() -> None:
+        # Who lacks it is told where the picture is drawn.
+        with suppress(ImportError):
+            import matplotlib.figure  # noqa: F401
+
+    Thread(target=load, daemon=True).start()
 
 
 @contextmanager

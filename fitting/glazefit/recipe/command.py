@@ -228,7 +228,7 @@ def recipe(
     )
     # The colours of spectra are computed in double precision too.
     from glazejax.commands.main import start_jax
-    from glazejax.commands.plots import load_matplotlib_ahead
+    from glazejax.plots import load_matplotlib_ahead
 
     start_jax()
     if after is None:

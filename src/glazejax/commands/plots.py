@@ -1,8 +1,6 @@
 """Picture of a glaze: its spectra, swatches, and its colour coat after coat."""
 
 from collections.abc import Sequence
-from contextlib import suppress
-from threading import Thread
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -32,19 +30,6 @@ _WAYS = {
     "multiply": ("multiply", "$R_0 (R_1/R_g)^n$, band by band", "--", 2.0),
     "mixing": ("mixing", "$n$ portions stirred into opaque paint", ":", 2.6),
 }
-
-
-def load_matplotlib_ahead() -> None:
-    """Begin to import what a picture needs, in another thread, and return at once: XLA compiles
-    and computes without Python's lock.
-    """
-
-    def load() -> None:
-        # Who lacks it is told where the picture is drawn.
-        with suppress(ImportError):
-            import matplotlib.figure  # noqa: F401
-
-    Thread(target=load, daemon=True).start()
 
 
 def glaze_figure(

@@ -159,8 +159,9 @@ def render(
     )
 
     from ..paint.media import Glaze, Layer
+    from ..plots import load_matplotlib_ahead
     from . import render_report as report
-    from .plots import glaze_figure, load_matplotlib_ahead
+    from .plots import glaze_figure
     from .progress import doing
     from .rendering import render as compute
 
