@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import functools
 import operator
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from importlib import import_module
 from pathlib import Path
 from typing import Any, ClassVar, Literal
@@ -565,13 +565,15 @@ def _stacks() -> Any:
 
 def optics_of(glaze: Glaze) -> tuple[Float[Known, "..."], Float[Known, "..."]]:
     """Albedo and optical thickness of all coats, each (..., bands, layers), top layer first."""
-    albedo = []
-    thickness = []
-    for coat in glaze.coats:
-        k, s = _coefficients(coat.medium)
-        albedo.append(numpy_or_jax(_ratio, k, s))
-        thickness.append(numpy_or_jax(_depth, k, s, coat.thickness))
-    return _stack(glaze, albedo), _stack(glaze, thickness)
+    if not glaze.coats:
+        shape = jnp.broadcast_shapes(glaze.ground.shape, np.shape(glaze.refractive_index), (1,))
+        nothing = jnp.zeros((*shape, 0), dtype=glaze.ground.dtype)
+        return nothing, nothing
+    absorption, scattering = zip(*(_coefficients(coat.medium) for coat in glaze.coats), strict=True)
+    thickness = [coat.thickness for coat in glaze.coats]
+    # Each for all coats at once; albedo apart, for it is known where only thickness is traced.
+    albedo = numpy_or_jax(_albedo, *absorption, *scattering)
+    return albedo, numpy_or_jax(_depth, *absorption, *scattering, *thickness)
 
 
 def _coefficients(medium: Pigment | Mixture) -> tuple[Float[Known, "..."], Float[Known, "..."]]:
@@ -596,25 +598,28 @@ def _blend(
     return numpy_or_jax(total, weights, *spectra)
 
 
-def _ratio(xp: Any, k: Any, s: Any) -> Any:
-    extinction = k + s
-    clear = extinction <= _CLEAR
-    return xp.where(clear, 0.0, s) / xp.where(clear, 1.0, extinction)
+def _albedo(xp: Any, *coefficients: Any) -> Any:
+    """s / (k + s) of coats side by side on a last axis, from the k of all coats and then their s."""
+    count = len(coefficients) // 2
+
+    def ratio(k: Any, s: Any) -> Any:
+        extinction = k + s
+        clear = extinction <= _CLEAR
+        return xp.where(clear, 0.0, s) / xp.where(clear, 1.0, extinction)
+
+    return _side_by_side(xp, map(ratio, coefficients[:count], coefficients[count:]))
 
 
-def _depth(xp: Any, k: Any, s: Any, thickness: Any) -> Any:
-    del xp
-    return (k + s) * thickness[..., None]
+def _depth(xp: Any, *given: Any) -> Any:
+    """(k + s) d of coats side by side on a last axis, from the k of all, then their s, then d."""
+    count = len(given) // 3
+    k, s, thickness = given[:count], given[count : 2 * count], given[2 * count :]
+    each = [(a + b) * d[..., None] for a, b, d in zip(k, s, thickness, strict=True)]
+    return _side_by_side(xp, each)
 
 
-def _stack(
-    glaze: Glaze, spectra: Sequence[Float[Known, "..."]]
-) -> Float[Known, "*batch bands layers"]:
-    """Spectra of the coats, side by side on a last axis; (..., bands, 0) for bare ground."""
-    if not spectra:
-        shape = jnp.broadcast_shapes(glaze.ground.shape, np.shape(glaze.refractive_index), (1,))
-        return jnp.zeros((*shape, 0), dtype=glaze.ground.dtype)
-    return numpy_or_jax(lambda xp, *each: xp.stack(xp.broadcast_arrays(*each), axis=-1), *spectra)
+def _side_by_side(xp: Any, spectra: Iterable[Any]) -> Any:
+    return xp.stack(xp.broadcast_arrays(*spectra), axis=-1)
 
 
 def check_glaze(glaze: Any) -> None:

@@ -94,9 +94,12 @@ def check_values(given: Mapping[str, Numbers | None]) -> None:
         ValueError: names the argument, the value and the range.
     """
     for name, value in given.items():
-        known = None if value is None else _real_numbers(name, value)
         words, test = _RANGES[name]
-        if known is not None and not np.all(good := test(known)):
+        # Of a number that is right no array need be made.
+        if value is None or (isinstance(value, float) and test(value)):
+            continue
+        known = _real_numbers(name, value)
+        if known is not None and not (good := test(known)).all():
             raise ValueError(f"{name} holds {known[~good].flat[0]}; it must be {words}")
 
 
@@ -221,7 +224,7 @@ def batch_of_stacks(
     """
     check_given({name: given[name] for name in (*_OF_LAYERS, "substrate_reflectance")})
     check_values(given)
-    dtype = dtype or jnp.result_type(float)
+    dtype = dtype or jax.dtypes.canonicalize_dtype(float)
     if xp is None:
         xp = np if _known_and_small(given) else jnp
     arrays = {
@@ -270,5 +273,7 @@ def flat_batch(array: Any, batch: tuple[int, ...], *last: int) -> Any:
     flat = (math.prod(batch), *last)
     if math.prod(full) <= _SMALL and not isinstance(array, Tracer):
         array = np.asarray(array)
-    xp = jnp if isinstance(array, jax.Array) else np
-    return xp.broadcast_to(array, full).reshape(flat)
+    if array.shape != full:
+        xp = jnp if isinstance(array, jax.Array) else np
+        array = xp.broadcast_to(array, full)
+    return array if full == flat else array.reshape(flat)
