@@ -5,13 +5,18 @@
 For 41 and 4100 wavelengths of two layers: the time of one call, the kernels XLA runs for it and
 where their time goes (JAX's own profiler, kernels named by the part of the solver they belong to),
 and what the matrix arithmetic alone would take at the rate this machine reaches, in the same run,
-with large matrices of the same type on one core.
+with large matrices of the same type on one core. Then what a call of `glazejax.reflectance` for a
+glaze takes beside its program, in turn with it: as JAX comes, and where JAX may not hand a program
+to another thread (`jax_cpu_enable_async_dispatch`).
 """
 
 import argparse
+import json
 import os
 import re
 import statistics
+import subprocess
+import sys
 import tempfile
 import time
 from collections import Counter
@@ -24,12 +29,15 @@ import numpy as np
 
 from benchmarks.peers import ours, two_layers
 from benchmarks.results import Results, add_option
+from benchmarks.timing import interleaved
 from glazejax.radiative.ordinates.resolution import resolve_known
 
 PARTS = ("modes", "assemble", "inverse", "eliminate")
 REPETITIONS = 100
 COPIES = (1, 100)
 INDEX = 1.5
+# Tolerance of the calls of a glaze.
+CALLED_AT = 1e-4
 
 
 def seconds(program: Callable[[], object], repetitions: int = REPETITIONS) -> float:
@@ -95,6 +103,53 @@ def reachable_rate() -> float:
     return n**3 / seconds(lambda: product(a), 20) / cores
 
 
+def call_and_program(hand_over: bool) -> tuple[float, float]:
+    """Median seconds of `glazejax.reflectance` for a glaze, and of its compiled program alone, in
+    turn; for a process that has not run anything yet.
+
+    Args:
+        hand_over: whether JAX hands a program to another thread, as it does by default.
+    """
+    jax.config.update("jax_cpu_enable_async_dispatch", hand_over)
+    jax.config.update("jax_enable_x64", True)
+    from glazejax import Bidirectional, Glaze, Layer, catalogue, reflectance
+
+    paints = catalogue.load()
+    grid = np.linspace(400.0, 700.0, 41)
+    blue, white = (paints[name].resample(grid) for name in ("CobaltBlue", "ZincWhite"))
+    glaze = Glaze([Layer(blue, 5e-6), Layer(white, 20e-6)], 0.6)
+    geometry = Bidirectional(45, 0)
+    work = two_layers()._replace(
+        cos_incidence=geometry.cos_incidence, cos_viewing=geometry.cos_viewing
+    )
+    ground = jnp.full(grid.size, glaze.ground)
+    arguments = (glaze.albedo, glaze.optical_thickness, ground)
+    compiled = jax.jit(ours.spectrum(work, INDEX, CALLED_AT)).lower(*arguments).compile()
+    taken = interleaved(
+        {
+            "call": lambda: reflectance(glaze, geometry, tolerance=CALLED_AT),
+            "program": lambda: compiled(*arguments),
+        },
+        10 * REPETITIONS,
+    )
+    return taken["call"], taken["program"]
+
+
+def calls() -> list[tuple[str, float, float]]:
+    """What is done, and its `call_and_program`, each in a process of its own."""
+    rows = []
+    for words, hand_over in (("as JAX comes", True), ("not handed to a thread", False)):
+        code = (
+            f"import json, benchmarks.profile_solver as p; p.REPETITIONS = {REPETITIONS}; "
+            f"print(json.dumps(p.call_and_program({hand_over})))"
+        )
+        done = subprocess.run(
+            [sys.executable, "-c", code], capture_output=True, text=True, check=True
+        )
+        rows.append((words, *json.loads(done.stdout.splitlines()[-1])))
+    return rows
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
@@ -151,6 +206,14 @@ def main() -> None:
         "few microseconds are bound by their own start, long ones by memory and by vectors as "
         "short as a matrix row."
     )
+    say()
+    say(
+        f"reflectance(glaze, '45:0'), 41 wavelengths, two coats, tolerance {CALLED_AT:g}, beside "
+        "its program alone, in turn:"
+    )
+    say(f"{'':<24}{'call us':>9}{'program us':>12}{'beside us':>11}")
+    for words, whole, inside in calls():
+        say(f"{words:<24}{1e6 * whole:9.0f}{1e6 * inside:12.0f}{1e6 * (whole - inside):11.0f}")
     say.save()
 
 

@@ -619,7 +619,10 @@ def _depth(xp: Any, *given: Any) -> Any:
 
 
 def _side_by_side(xp: Any, spectra: Iterable[Any]) -> Any:
-    return xp.stack(xp.broadcast_arrays(*spectra), axis=-1)
+    given = list(spectra)
+    if len({each.shape for each in given}) > 1:
+        given = xp.broadcast_arrays(*given)
+    return xp.stack(given, axis=-1)
 
 
 def check_glaze(glaze: Any) -> None:

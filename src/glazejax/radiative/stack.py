@@ -262,7 +262,8 @@ def _evaluate(inputs: _Inputs, tolerance: float, method: str) -> Array:
     stack, settings, batch = _prepare(inputs, tolerance, method)
     # Outside a compiled program the parts of a large batch are programs of their own, one a core.
     run = _run if stack.ground.shape[0] < _MANY else _reflectance
-    return run(stack, settings).reshape(batch)
+    found = run(stack, settings)
+    return found if found.shape == batch else found.reshape(batch)
 
 
 def _evaluate_split(inputs: _Inputs, tolerance: float, method: str) -> Split:
