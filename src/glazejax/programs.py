@@ -25,6 +25,7 @@ from typing import Any, Generic, NamedTuple, TypeVar
 import jax
 import jax.export
 import jax.numpy as jnp
+import numpy as np
 from jax.core import Tracer
 
 from .whole_file import whole_file
@@ -72,9 +73,7 @@ class _Request(NamedTuple):
     @property
     def key(self) -> tuple[Any, ...]:
         """What tells programs of one function apart while the process runs."""
-        kinds = map(jax.typeof, self.leaves)
-        shapes = tuple((kind.shape, kind.dtype.name, kind.weak_type) for kind in kinds)
-        return self.fixed, self.structure, shapes, _double()
+        return self.fixed, self.structure, tuple(map(_kind, self.leaves)), _double()
 
     def file_name(self) -> str | None:
         """The same between runs; None where an argument's words do not tell its value, and on
@@ -88,6 +87,15 @@ class _Request(NamedTuple):
         words = repr((fixed, self.key[1:], _made_with()))
         # Words of a thing that says no more of itself than where it lies in memory.
         return None if " at 0x" in words else hashlib.sha256(words.encode()).hexdigest()
+
+
+def _kind(leaf: Any) -> tuple[Any, ...]:
+    """Shape and type of an array, and whether JAX may take another type for it."""
+    # Searches ask this of thousands of arrays; JAX's own answer takes ten times as long.
+    if isinstance(leaf, np.ndarray):
+        return leaf.shape, leaf.dtype, False
+    kind = jax.typeof(leaf)
+    return kind.shape, kind.dtype, kind.weak_type
 
 
 class _Made(NamedTuple):

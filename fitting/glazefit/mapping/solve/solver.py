@@ -224,8 +224,11 @@ def _sums(
     if not len(seen):
         return {}
     members = np.sort(np.where(found.explained[:, None], found.members, NOBODY), axis=1)
-    sets, which = np.unique(members, axis=0, return_inverse=True)
-    which = which.ravel()
+    # Three numbers of paints as one: to sort rows takes many times as long.
+    paints = int(members.max(initial=0)) + 2
+    key = (members.astype(np.int64) + 1) @ paints ** np.arange(members.shape[1])
+    _, one_of_each, which = np.unique(key, return_index=True, return_inverse=True)
+    sets = members[one_of_each]
     order = np.argsort(which, kind="stable")
     out = {}
     for number, rows in enumerate(

@@ -153,8 +153,8 @@ class Updater:
         # One product for all spectra of the same first set.
         amounts = local.amounts[first].copy()
         fitted = local.fitted[first].copy()
-        for n in np.unique(first):
-            own = first == n
+        for n in np.flatnonzero(np.bincount(first, minlength=count)):
+            own = np.flatnonzero(first == n)
             amounts[own] += np.clip(moved[own] @ local.amounts_by[n].T, -_FAR, _FAR)
             fitted[own] += moved[own] @ local.fitted_by[n].T
         return Answers(
