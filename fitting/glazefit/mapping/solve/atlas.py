@@ -1,6 +1,8 @@
 """Representatives of an image with their candidates, and what they say of any of its spectra."""
 
+import itertools
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from jaxtyping import Float
@@ -8,9 +10,10 @@ from jaxtyping import Float
 from glazejax.radiative.common.threads import in_threads
 
 from ...film.model.errors import Prior
+from ...identify.search.weigh import Smaller
 from .local import Searched
 from .survey import Features, nearest
-from .update import Answers, Updater
+from .update import Answers, Updater, order_of
 
 # Groups of spectra that a thread takes at a time.
 _TOGETHER = 64
@@ -37,6 +40,17 @@ class Atlas:
         """Of representatives that were searched."""
         return cls(features, features(known.readings), known, prior)
 
+    @cached_property
+    def _candidates(self) -> list[slice]:
+        """Of each representative, among all."""
+        ends = np.searchsorted(self.known.local.row, np.arange(len(self.centres) + 1)).tolist()
+        return [slice(*both) for both in itertools.pairwise(ends)]
+
+    @cached_property
+    def _orders(self) -> list[list[Smaller]]:
+        """What each representative's candidates are without a paint; every window asks for it."""
+        return [order_of(self.known.local.take(own)) for own in self._candidates]
+
     def answers(
         self, readings: Float[np.ndarray, "spectra bands"]
     ) -> tuple[Answers, Float[np.ndarray, "spectra"]]:
@@ -49,11 +63,12 @@ class Atlas:
         order = np.argsort(which, kind="stable")
         used, first = np.unique(which[order], return_index=True)
         groups = list(zip(used.tolist(), np.split(order, first[1:]), strict=True))
-        ends = np.searchsorted(self.known.local.row, np.arange(len(self.centres) + 1))
+        candidates = self._candidates
+        orders = self._orders
 
         def answer_groups(pairs: list[tuple[int, np.ndarray]]) -> None:
             for number, rows in pairs:
-                own = Updater(self.known, number, slice(ends[number], ends[number + 1]), self.prior)
+                own = Updater(self.known, number, candidates[number], orders[number], self.prior)
                 found.put(rows, own.answers(readings[rows]))
 
         in_threads(

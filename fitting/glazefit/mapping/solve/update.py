@@ -1,5 +1,6 @@
 """Answers for spectra near a representative, in closed form from its candidates."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
 
 import numpy as np
@@ -95,10 +96,18 @@ class Updater:
         known: representatives.
         number: of the one that is meant.
         candidates: its candidates among all.
+        order: of `order_of` these.
         prior: what was expected.
     """
 
-    def __init__(self, known: Searched, number: int, candidates: slice, prior: Prior) -> None:
+    def __init__(
+        self,
+        known: Searched,
+        number: int,
+        candidates: slice,
+        order: Sequence[Smaller],
+        prior: Prior,
+    ) -> None:
         local = known.local.take(candidates)
         paints = known.rest_paints.shape[1]
         self.local = local
@@ -108,7 +117,7 @@ class Updater:
         self.rest_paints = known.rest_paints[number]
         self.rest_stacked = known.rest_stacked[number]
         self.reading = known.readings[number]
-        self.order = _order(local)
+        self.order = order
         self.present = (
             (local.members[..., None] == np.arange(paints)).any(axis=1).astype(np.float32)
         )
@@ -176,7 +185,7 @@ class Updater:
         )
 
 
-def _order(local: Local) -> list[Smaller]:
+def order_of(local: Local) -> list[Smaller]:
     """Which candidates have others of one paint less beside them."""
     nothing = np.zeros((1, len(local.row), 0))
     logs = local.amounts[None]
