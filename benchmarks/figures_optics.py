@@ -126,21 +126,14 @@ add("savings", ".0f s", pixel_by_pixel=found(r"pixel by pixel it would take (\S+
 add("savings", ".3f", delta_e_most=found(r"Delta E00 from that.* max (\S+)"))
 
 # The first second.
-for _key, _words in (
+for _key, _row in (
     ("render", "render"),
     ("recover", "recover"),
     ("identify", "identify"),
     ("recipe", "recipe --srgb"),
-    ("chart", "recipe --colourchecker"),
 ):
-    add(
-        "cold_start",
-        ".1f s",
-        **{f"{_key}_empty": cell(_words, 0), f"{_key}_again": cell(_words, 1)},
-    )
-    if _key != "chart":
-        for _k, _step in ((5, "trace"), (7, "compile"), (8, "again_trace"), (10, "again_load")):
-            add("cold_start", ".1f s", **{f"{_key}_{_step}": cell(_words, _k)})
+    _columns = {"empty": 0, "again": 1, "trace": 5, "compile": 7, "again_load": 10}
+    add("cold_start", ".1f s", **{f"{_key}_{what}": cell(_row, k) for what, k in _columns.items()})
 
 # Paper A.
 _PAIRS = ("a/b", "a/c", "a/d", "b/c", "b/d", "c/d")

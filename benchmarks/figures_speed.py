@@ -87,7 +87,6 @@ for _key, _row in (
     ("recover", "recover"),
     ("identify", "identify"),
     ("recipe", "recipe --srgb"),
-    ("chart", "recipe --colourchecker"),
 ):
     add("cold_start", ".2g times", **{f"{_key}_over": ratio(cell(_row, 1), cell(_row, 0))})
 

@@ -153,20 +153,20 @@ def standing(folder: Path, lines: Sequence[Line] = LINES) -> list[str]:
         )
     if older := [f"{name} ({its.date})" for name, its in there.items() if its.date != newest]:
         said.append(f"Older than the newest, {newest}: {', '.join(older)}.")
-    if others := [
-        f"{name} ({its.processor or 'not kept'})"
-        for name, its in there.items()
-        if its.processor != usual(machines)
-    ]:
-        said.append(f"Of another processor than most, {usual(machines)}: {', '.join(others)}.")
+    others: dict[str, list[str]] = {}
+    for name, its in there.items():
+        if its.processor != usual(machines):
+            others.setdefault(its.processor or "none that was kept", []).append(name)
+    for machine, names in others.items():
+        said.append(f"Most are of {usual(machines)}; of {machine}: {', '.join(names)}.")
     if busy := [
         f"{name} ({its.load:.1f})"
         for name, its in there.items()
         if its.load is not None and its.load > performance_run.BUSY
     ]:
         said.append(
-            f"The machine was busy when these began (load above {performance_run.BUSY}), so that "
-            f"times may be too long: {', '.join(busy)}."
+            f"Busy when they began (load above {performance_run.BUSY}), so that times may be too "
+            f"long: {', '.join(busy)}."
         )
     return said
 

@@ -127,9 +127,8 @@ def test_an_older_result_another_machine_and_a_busy_one_are_named(tmp_path):
         "The lines are not all of one commit and one processor: there are 2 commits and "
         "2 processors.",
         "Older than the newest, 2026-11-25: savings (2026-11-22).",
-        "Of another processor than most, A: savings (B).",
-        "The machine was busy when these began (load above 0.7), so that times may be too long: "
-        "scaling (3.8).",
+        "Most are of A; of B: savings.",
+        "Busy when they began (load above 0.7), so that times may be too long: scaling (3.8).",
     ]
     # The result does not hold the error.
     assert rows(folder)[-1][1:] == [
