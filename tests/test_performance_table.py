@@ -151,7 +151,7 @@ def test_a_missing_result_is_said(tmp_path):
 
 def test_the_page_is_not_written_with_gaps(tmp_path):
     page = performance.PAGE.read_text("utf-8")
-    with pytest.raises(ValueError, match=r"the page needs all numbers; not there: frontier: one"):
+    with pytest.raises(ValueError, match=r"the page needs all numbers; not there: frontier: 41"):
         on_page(page, results(tmp_path, scaling=made()))
     with pytest.raises(ValueError, match=r"performance\.md has no place for the table"):
         on_page("# Performance\n")
