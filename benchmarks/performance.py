@@ -28,7 +28,7 @@ PAGE = HERE.parent / "docs" / "performance.md"
 # The table stands between these in the page.
 BEGIN = "<!-- table: made by python -m benchmarks.performance, not by hand -->"
 END = "<!-- end of the table -->"
-TITLES = ("what is computed", "time", "error", "beside", "its time", "its time over ours", "made")
+TITLES = ("what is computed", "time", "error", "beside", "its time", "ratio", "made")
 _NUMBER = re.compile(r"\{(?P<name>\w+\.\w+)(?: (?P<style>\S+))?\}")
 # What stands where a result lacks a number, and where the table has it already.
 LACKING, ABOVE = "?", "above"
@@ -195,7 +195,7 @@ def report(folder: Path, lines: Sequence[Line] = LINES) -> list[str]:
         ).rstrip()
         for cells in (TITLES, *made)
     ]
-    below = ["", f"'-': {notes(lines)}"]
+    below = ["", "ratio: its time over ours, below 1 where it is faster.", f"'-': {notes(lines)}"]
     if any(LACKING in cell.split() for cells in made for cell in cells):
         below.append(f"'{LACKING}': the result does not hold this number.")
     return [*standing(folder, lines), "", *table, *below]
