@@ -79,9 +79,11 @@ def missing(module: Path, what: str = "NEEDS") -> str:
     return ", ".join(filter(None, map(lacks, declared(module, what, ()))))
 
 
-def run(module: Path, folder: Path, limit: float) -> str:
-    """Run one benchmark at small size; its exit status, or `limit`."""
-    command = [sys.executable, "-m", f"benchmarks.{module.stem}", "--quick", "--out", str(folder)]
+def run(module: Path, folder: Path, limit: float, options: Sequence[str] = ("--quick",)) -> str:
+    """Run one benchmark, at small size unless other options are given; its exit status, or the
+    limit of seconds that it passed.
+    """
+    command = [sys.executable, "-m", f"benchmarks.{module.stem}", *options, "--out", str(folder)]
     with (folder / f"{module.stem}.log").open("w") as log:
         # A group of its own: what it starts ends with it.
         child = subprocess.Popen(
@@ -262,6 +264,12 @@ def _stop(*_: object) -> NoReturn:
     raise KeyboardInterrupt
 
 
+def stop_on_signals() -> None:
+    """Whoever stops this process, by either signal, stops the child too."""
+    for kind in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(kind, _stop)
+
+
 def _processor() -> float:
     """Seconds of processor time of all children that ended."""
     used = resource.getrusage(resource.RUSAGE_CHILDREN)
@@ -272,9 +280,7 @@ def run_all(benchmarks: list[Path], options: argparse.Namespace) -> int:
     """Run them in turn; 0 if none failed, 130 if it was stopped."""
     folder = options.out.resolve()
     folder.mkdir(parents=True, exist_ok=True)
-    # Whoever stops this process, by either signal, stops the child too.
-    for kind in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(kind, _stop)
+    stop_on_signals()
     outcomes: list[Outcome] = []
     print(f"results and logs go to {folder}")
     for number, module in enumerate(benchmarks, 1):

@@ -6,7 +6,7 @@ file.
 prints them; `python -m benchmarks.fill` writes them into the texts.
 `figure("scaling.million_seconds")` is the text that the docs say, `value` the number before
 rounding. What stands before the dot is the file of results. The lists are
-`benchmarks/figures_optics.py`, `figures_paints.py` and `figures_render.py`.
+`benchmarks/figures_optics.py`, `figures_paints.py`, `figures_render.py` and `figures_speed.py`.
 """
 
 import argparse
@@ -198,7 +198,7 @@ def _all() -> dict[str, Figure]:
     """The list; the modules that fill it import this one."""
     # Run as a program, this module is a second one.
     listed = importlib.import_module("benchmarks.figures")._LISTED
-    for part in ("optics", "paints", "render"):
+    for part in ("optics", "paints", "render", "speed"):
         importlib.import_module(f"benchmarks.figures_{part}")
     return listed
 

@@ -137,17 +137,25 @@ class Head:
     date: when it was made, at the latest.
     commit: at which it was made or kept; empty if it was made outside of git.
     command: that made it; of older files without its options, which were not kept.
+    processor: name of it; empty if it was not kept.
+    load: processes that wanted the processor in the minute before; None if that was not kept.
     """
 
     date: str
     commit: str
     command: str
+    processor: str = ""
+    load: float | None = None
 
 
 _HEAD = re.compile(
     r"made (?P<date>\d{4}-\d\d-\d\d)(?: or before)?(?:, kept)? "
     r"at (?:commit (?P<commit>[0-9a-f]+)(?: with changes)?|no commit),? by (?P<command>.+?)(?:; "
     r"glazejax \S+)?"
+)
+# In the second line; old files have it within the first few.
+_MACHINE = re.compile(
+    r"(?:^|; )\w+, (?P<processor>[^,;\n]+), \d+ cores(?:, load (?P<load>[\d.]+))?", re.MULTILINE
 )
 
 
@@ -203,8 +211,16 @@ def head(name: str, folder: Path = FOLDER) -> Head:
     path = Path(folder) / f"{name}.txt"
     if not path.is_file():
         raise ValueError(f"there is no result {name}.txt in {folder}")
-    if found := _HEAD.fullmatch(path.read_text().partition("\n")[0]):
-        return Head(date=found["date"], commit=found["commit"] or "", command=found["command"])
+    first, *rest = path.read_text().splitlines()[:6] or [""]
+    if found := _HEAD.fullmatch(first):
+        machine = _MACHINE.search("\n".join(rest))
+        return Head(
+            date=found["date"],
+            commit=found["commit"] or "",
+            command=found["command"],
+            processor=machine["processor"] if machine else "",
+            load=float(machine["load"]) if machine and machine["load"] else None,
+        )
     raise ValueError(
         f"{path.name} has no head: run `python -m benchmarks.{module_of(name).stem}` again"
     )
