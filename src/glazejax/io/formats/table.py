@@ -566,8 +566,8 @@ def read_columns(source: Source) -> RawSpectra:
     then a spectrum each.
 
     Raises:
-        ValueError: a row of another length, a cell that is not a number, or first columns that are
-            no wavelengths.
+        ValueError: no rows, a row of another length, a cell that is not a number, or first columns
+            that are no wavelengths.
     """
     numbers = array("d")
     width = 0
@@ -589,6 +589,10 @@ def read_columns(source: Source) -> RawSpectra:
         numbers.extend(row)
         if len(numbers) > _MAX_VALUES:
             raise source.error(f"more than {_MAX_VALUES} values so far; split the file", number)
+    if not width:
+        raise source.error(
+            "no numbers below this line; was the file cut short? export it again", above
+        )
     table = np.frombuffer(numbers).reshape(-1, width)
     try:
         wavelengths, notes = nanometres(table[:, 0], None)
