@@ -551,7 +551,7 @@ def _envi_counts(content: bytes, found: Any) -> str:
     text = content.decode("utf-8", "replace").lower()
     sizes = {}
     for title in ("samples", "lines", "bands"):
-        numbers = re.findall(rf"^\s*{title}\s*=\s*(\d+)\s*$", text, re.MULTILINE)
+        numbers = re.findall(rf"^[ \t]*{title}[ \t]*=[ \t]*(\d+)[ \t\r]*$", text, re.MULTILINE)
         if len(numbers) != 1:
             return ""
         sizes[title] = int(numbers[0])

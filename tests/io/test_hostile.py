@@ -328,6 +328,27 @@ def test_hostile_files_end_in_one_sentence(tmp_path, name, content, complaint):
 
 
 @pytest.mark.parametrize(
+    ("reader", "content"),
+    [
+        (read_spectra, "Name,4{run}00,410\nred,0.1,0.2\n"),
+        (read_spectra, "Name,R{run}400,410\nred,0.1,0.2\n"),
+        (read_spectra, "nm;red\n400;0,1\n4{run}10;0,2\n"),
+        (read_spectra, "a line\nred,-400{run}x,R410\nblue,0.1,0.2\n"),
+        (READERS[-2], "nm,one{commas}\n380,1\n780,1\n"),
+    ],
+)
+def test_long_runs_of_one_letter_are_refused_soon(tmp_path, reader, content):
+    path = tmp_path / "t.csv"
+    for run in (" ", "\t", "_", "-"):
+        path.write_text(content.format(run=run * 50_000, commas="," * 100_000))
+        start = time.process_time()
+        with pytest.raises(ValueError) as caught:  # noqa: PT011
+            reader(path)
+        assert complains(caught, path)
+        assert time.process_time() - start < 3
+
+
+@pytest.mark.parametrize(
     ("fields", "size", "complaint"),
     [
         (

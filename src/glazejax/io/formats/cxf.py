@@ -60,7 +60,7 @@ def read_cxf(source: Source) -> RawSpectra:
             "as CSV"
         )
     cxf = _library()
-    notes = []
+    notes: list[str] = []
     try:
         with warnings.catch_warnings(), _stray_text(notes):
             # A value outside the schema comes back as text, and is refused below with its place.
@@ -112,10 +112,10 @@ def read_cxf(source: Source) -> RawSpectra:
     # any other.
     scale = 1.0 if table.max() <= MAX_DECLARED else None
     return RawSpectra(
-        grid,
-        names,
-        table,
-        "CxF3",
+        wavelengths=grid,
+        names=names,
+        values=table,
+        format="CxF3",
         notes=notes,
         scale=scale,
         attributes={"ColorSpecification": specifications},

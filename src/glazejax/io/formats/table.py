@@ -41,7 +41,8 @@ _LAYOUTS = (
     "expected 'Name,400,410,...' with a sample a row, or 'wavelength,sample,...' with a sample a "
     "column"
 )
-_NANOMETRES = re.compile(r"\s*\[?\(?nm\)?\]?$", re.IGNORECASE)
+# Without the blanks before it: by the thousand they would take hours to search.
+_NANOMETRES = re.compile(r"\[?\(?nm\)?\]?$", re.IGNORECASE)
 _NAMES = {"name", "data name", "sample name", "sample", "sample id"}
 _SPECULAR = {
     "SCI": "specular component included, d:8",
@@ -224,7 +225,7 @@ def _number(cell: str, delimiter: str) -> float | None:
 
 def _wavelength(cell: str, delimiter: str) -> float | None:
     """Wavelength in a cell, which may carry its unit, or None."""
-    return _number(_NANOMETRES.sub("", cell), delimiter)
+    return _number(_NANOMETRES.sub("", cell).rstrip(), delimiter)
 
 
 def _band_of(cells: _Cells, title: str) -> Band | None:
