@@ -234,6 +234,8 @@ def test_ground_is_a_number_or_a_spectrum(tmp_path):
     np.testing.assert_allclose(ground.on(np.array([450.0, 550.0])), [0.85, 0.95], atol=0.01)
     assert ground.words == "white (cards.csv, mean 0.90)"
     assert "inside the paint" in ground.notes[-1]
+    with pytest.raises(ValueError, match=r"cards\.csv: the ground: .* 300-500 nm .* keep to 400"):
+        ground.on(np.array([300.0, 400.0, 500.0]))
     with pytest.raises(ValueError, match="a ground reflects 1 at most"):
         options.read_ground(f"{path}:bright")
     bare = options.read_ground(f"{path}:bright", bare=True)

@@ -155,6 +155,10 @@ def test_ground_from_a_file(run, tmp_path, pigments_csv):
     status, _, err = run(*STACK, "--ground", "cards.csv:grey", "--out", "b.png")
     assert status == 2
     assert "no spectrum 'grey'; there are white card, black card" in err
+    (tmp_path / "infrared.csv").write_text("wavelength,card\n1000,0.5\n1100,0.5\n")
+    status, _, err = run(*STACK, "--ground", "infrared.csv", "--out", "b.png")
+    assert status == 2
+    assert "infrared.csv: the ground: the pigments and the ground share no wavelengths" in err
 
 
 def test_mixtures_repeats_and_the_ladder(run, tmp_path, pigments_csv):

@@ -364,6 +364,13 @@ def test_a_map_that_is_not_in_metres_is_told_so(run, tmp_path, low, high):
     assert "--thickness-range" in words
 
 
+def test_a_ground_that_no_paint_meets_is_named(run, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "infrared.csv").write_text("wavelength,card\n1000,0.5\n1100,0.5\n")
+    said = str(run(COATS, "--ground", "infrared.csv").exception)
+    assert said.startswith("infrared.csv: the ground: the paints and the ground share no")
+
+
 @pytest.mark.parametrize(
     ("words", "complaint"),
     [

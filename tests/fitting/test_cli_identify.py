@@ -98,10 +98,13 @@ def test_wrong_options_are_one_error_before_anything_is_computed(arguments, comp
 def test_ground_must_be_a_reflectance_a_file_or_said(table, tmp_path):
     one = tmp_path / "one.csv"
     write_table(one, ["Name", *(f"{nm:g}" for nm in GRID)], [["grey", *np.full(GRID.size, 0.4)]])
+    short = tmp_path / "short.csv"
+    write_table(short, ["Name", "500", "600"], [["grey", 0.4, 0.4]])
     for ground, complaint in (
         ("90", "write 0.9"),
         ("nothing.csv", "--ground 'nothing.csv' is neither a number"),
         (f"{one}:white", "holds no spectrum 'white'; there are grey"),
+        (short, "short.csv: the ground: cannot resample 500-600 nm"),
         (None, "what is under the paint"),
     ):
         result = run(one, *([] if ground is None else ["--ground", ground]))

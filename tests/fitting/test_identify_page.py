@@ -399,6 +399,22 @@ def test_why_a_paint_is_ruled_out():
     assert "0.080 in reflectance" in judged(delta_e=[np.nan] * 5)["Black"].reason
 
 
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("unknown", [np.nan, 0.0])
+def test_fractions_of_unknown_amounts_are_nan(unknown):
+    found = identification()
+    amounts = found.amounts.copy()
+    amounts[0, 1] = unknown
+    emptied = replace(found, amounts=amounts)
+    assert np.isnan(emptied.fractions[0, 1]).all()
+    assert np.isnan(emptied.fractions_90[0, 1]).all()
+    # The others stay as they were.
+    for name in ("fractions", "fractions_90"):
+        kept = getattr(emptied, name)
+        np.testing.assert_array_equal(kept[0, 0], getattr(found, name)[0, 0])
+        np.testing.assert_array_equal(kept[1], getattr(found, name)[1])
+
+
 def test_intervals_are_those_of_the_log_normal_amounts():
     found = identification()
     rng = np.random.default_rng(0)

@@ -2,11 +2,13 @@
 
 import io
 import json
+import logging
 import random
 import re
 import struct
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from importlib import import_module
 from pathlib import Path
@@ -141,7 +143,7 @@ def outcome(subject: Subject, folder: Path, content: bytes) -> bool:
     path = folder / subject.name
     path.write_bytes(content)
     try:
-        with warnings.catch_warnings():
+        with warnings.catch_warnings(), _no_log():
             # Users see them as lines of Python's.
             warnings.simplefilter("error")
             found = subject.read(path)
@@ -156,6 +158,8 @@ def outcome(subject: Subject, folder: Path, content: bytes) -> bool:
         if (riddle := _RIDDLES.search(words)) is not None:
             raise Fault(f"a riddle, {riddle[0]!r}: {words[:300]}") from error
         return False
+    except Fault:
+        raise
     except Exception as error:
         raise Fault(f"{type(error).__name__}: {str(error)[:300]}") from error
     if isinstance(found, SpectraTable):
@@ -163,6 +167,30 @@ def outcome(subject: Subject, folder: Path, content: bytes) -> bool:
     if wrong := subject.counts(content, found):
         raise Fault(f"silently wrong: {wrong}")
     return True
+
+
+class _Log(logging.Handler):
+    """What is logged meanwhile."""
+
+    def __init__(self, level: int):
+        super().__init__(level)
+        self.records: list[logging.LogRecord] = []
+
+    def emit(self, record: logging.LogRecord) -> None:
+        self.records.append(record)
+
+
+@contextmanager
+def _no_log() -> Iterator[None]:
+    """What a library logs as a warning is a line that users see, and a fault here."""
+    handler = _Log(logging.WARNING)
+    logging.getLogger().addHandler(handler)
+    try:
+        yield
+    finally:
+        logging.getLogger().removeHandler(handler)
+        for record in handler.records:
+            raise Fault(f"log of {record.name}: {record.getMessage()}")
 
 
 def _check_table(table: SpectraTable) -> None:
@@ -465,12 +493,17 @@ def _lines(content: bytes, found: Any) -> str:
     wanted = {"row": rows, "column": bands}.get(found.format.rpartition(" ")[2], bands)
     if "a value a row" in found.format:
         wanted = rows * bands
-    below = len(lines) - ("table" in found.format)
-    return (
-        ""
-        if below == wanted or "table" not in found.format + "columns"
-        else f"{below} lines, {found!r}"
-    )
+    # Readings with and without the specular component may stand on one line.
+    kinds = next((note for note in found.notes if note.startswith("each line gives a")), "")
+    wanted /= max(kinds.count("NAME "), 1)
+    # A spectrometer's noise at the ends is left out, as a note says.
+    ends = [re.match(r"(\d+) bands at the ends are left out", note) for note in found.notes]
+    wanted += sum(int(match[1]) for match in ends if match)
+    titled = " table, " in found.format
+    # A damage may have made it a file of another format.
+    counted = titled or "columns of numbers" in found.format
+    below = len(lines) - titled
+    return f"{below} lines, {found!r}" if counted and below != wanted else ""
 
 
 def _cgats(content: bytes, found: Any) -> str:
@@ -483,7 +516,9 @@ def _cgats(content: bytes, found: Any) -> str:
 
 def _cxf(content: bytes, found: Any) -> str:
     spectra = len(re.findall(rb"<cc:ReflectanceSpectrum\b", content))
-    return f"{spectra} spectra, {found!r}" if b"<!" not in content and spectra != len(found) else ""
+    # A damage may have made it a file of another format.
+    wrong = "CxF" in found.format and b"<!" not in content and spectra != len(found)
+    return f"{spectra} spectra, {found!r}" if wrong else ""
 
 
 def _jcamp(content: bytes, found: Any) -> str:
@@ -497,6 +532,8 @@ def _jcamp(content: bytes, found: Any) -> str:
 
 
 def _asd(content: bytes, found: Any) -> str:
+    if "ASD" not in found.format:
+        return ""
     (channels,) = struct.unpack_from("<H", content, 204)
     whole = not any("left out" in note for note in found.notes)
     return f"{channels} channels, {found!r}" if whole and channels != found.wavelengths.size else ""
@@ -514,13 +551,15 @@ def _envi_counts(content: bytes, found: Any) -> str:
     text = content.decode("utf-8", "replace").lower()
     sizes = {}
     for title in ("samples", "lines", "bands"):
-        numbers = re.findall(rf"^\s*{title}\s*=\s*(\d+)\s*$", text, re.MULTILINE)
+        numbers = re.findall(rf"^[ \t]*{title}[ \t]*=[ \t]*(\d+)[ \t\r]*$", text, re.MULTILINE)
         if len(numbers) != 1:
             return ""
         sizes[title] = int(numbers[0])
     if any("left out" in note for note in found.notes):
         return ""
     if isinstance(found, SpectraTable):
+        if "ENVI" not in found.format:
+            return ""
         rows = len(found)
         right = rows * found.wavelengths.size == sizes["samples"] * sizes["lines"] * sizes["bands"]
     else:

@@ -41,8 +41,13 @@ def test_bands_where_white_is_dark_are_left_out(tmp_path):
 
 
 WHOLE = header() + body(WHITE / 2)
+# Numbers of four bytes, of which the first is a NaN that NumPy warns of where it is cast.
+SIGNALLING = bytearray(header() + np.full(GRID.size, 0x7F800001, "<u4").tobytes())
+SIGNALLING[199] = 0
 
 
+# A warning of NumPy would be a line more.
+@pytest.mark.filterwarnings("error")
 @pytest.mark.parametrize(
     ("content", "complaint"),
     [
@@ -53,6 +58,9 @@ WHOLE = header() + body(WHITE / 2)
         (header(kind=0) + body(WHITE, None), "without its white reference"),
         (header(kind=99) + body(WHITE), "cut short or is damaged"),
         (header() + body(np.where(GRID == 400, np.nan, WHITE)), "is not finite at 400 nm: nan"),
+        (header() + body(WHITE, np.where(GRID == 400, np.inf, WHITE)), "white .* at 400 nm: inf"),
+        (header() + body(WHITE, np.where(GRID == 400, np.nan, WHITE)), "white .* at 400 nm: nan"),
+        (SIGNALLING, "spectrum is not finite at 350 nm: nan"),
         (header() + body(-WHITE), "negative"),
         (header() + body(50 * WHITE), "reaches 50 as a fraction"),
         (header(magic=b"as9") + body(WHITE), "not UTF-8 text|not a text file"),

@@ -23,6 +23,13 @@ def test_a_file_of_another_program(tmp_path):
     assert table.attributes["ColorSpecification"] == ("M0", "M0")
 
 
+def test_text_between_the_tags_is_a_note(tmp_path, caplog):
+    table = read_spectra(put(tmp_path, SAMPLE.replace("</cc:Object>", "</cc:Object> see below")))
+    assert len(table) == 2
+    assert [note for note in table.notes if note.startswith("text between the tags")]
+    assert not caplog.records
+
+
 def test_percent_against_the_standard_is_seen(tmp_path):
     text = SAMPLE.replace("0.1 0.2 0.3", "10 20 30").replace("0.4 0.5 0.6", "40 50 60")
     table = read_spectra(put(tmp_path, text))
@@ -70,6 +77,7 @@ def test_what_is_written_follows_the_schema(tmp_path):
             "no wavelengths for 'red'",
         ),
         (SAMPLE.replace('Increment="10"', 'Increment="ten"'), "no wavelengths for 'red'"),
+        (SAMPLE.replace('Increment="10"', f'Increment="{"9" * 400}"'), "no wavelengths for 'red'"),
     ],
 )
 def test_errors_are_one_line(tmp_path, text, complaint):

@@ -5,7 +5,7 @@ import pytest
 
 from glazejax.io import read_spectra
 
-from .samples import GRID, same, spectra
+from .samples import GRID, complains, same, spectra
 
 R = spectra(2)
 RED, BLUE = (100 * R).round(3)
@@ -134,6 +134,14 @@ def test_two_columns_without_a_header(tmp_path, text):
     table = read_spectra(put(tmp_path, text))
     same(table, GRID, [RED / 100], ["film"], atol=1e-9)
     assert ("table" in table.notes[0]) == (not text.startswith("400"))
+
+
+@pytest.mark.parametrize("below", ["", "# µ\n", ">>>>>End Processed Spectral Data<<<<<\n"])
+def test_nothing_below_the_line_where_the_spectrum_begins_is_said(tmp_path, below):
+    path = put(tmp_path, OCEAN + below)
+    with pytest.raises(ValueError, match=r"line 6: no numbers below .* export it again") as caught:
+        read_spectra(path)
+    assert complains(caught, path)
 
 
 @pytest.mark.parametrize(

@@ -12,6 +12,7 @@ import subprocess
 import sys
 import threading
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -27,7 +28,7 @@ from glazejax.commands import main as cli
 from glazejax.io import SpectraTable, read_cube, read_sample, read_spectra, source, write_spectra
 from glazejax.paint.pigment_table import read_pigments
 
-from .hostile import SCENE, damaged, outcome, subjects
+from .hostile import SCENE, Fault, damaged, outcome, subjects
 from .samples import CGATS, CXF, ENVI, GRID, complains, jcamp_block, spectra
 
 READERS = [
@@ -44,6 +45,8 @@ READERS = [
 WIDE = "Name,400,410,420\nred,0.1,0.2,0.3\nblue,0.4,0.5,0.6\n"
 SUBJECTS = subjects()
 CONTENTS = [subject.content for subject in SUBJECTS.values()]
+# Formats that declare no counts that a test could find simply.
+NOT_COUNTED = {"SpectraMagic", "Ocean Optics", "SVC", "workbook"}
 
 
 @pytest.fixture(scope="module")
@@ -57,6 +60,53 @@ def test_samples_are_legal(tmp_path, kind):
     for name, content in subject.beside.items():
         (tmp_path / name).write_bytes(content)
     assert outcome(subject, tmp_path, subject.content)
+
+
+@pytest.mark.parametrize("kind", SUBJECTS)
+def test_content_of_another_format_is_no_fault(folder, kind):
+    subject = SUBJECTS[kind]
+    for name, content in subject.beside.items():
+        (folder / name).write_bytes(content)
+    for content in CONTENTS:
+        outcome(subject, folder, content)
+    # What is left of a header of ENVI, and a table of numbers below it.
+    outcome(
+        subject,
+        folder,
+        b"samples = 31\nlines = 3\nbands = 1\n" + SUBJECTS["columns without a header"].content,
+    )
+
+
+def lossy(read):
+    """A reader that silently loses the last band, and the last of several spectra."""
+
+    def read_less(path):
+        found = read(path)
+        kept = slice(max(len(found) - 1, 1))
+        return replace(
+            found,
+            wavelengths=found.wavelengths[:-1],
+            names=found.names[kept],
+            reflectance=found.reflectance[kept, :-1],
+        )
+
+    return read_less
+
+
+@pytest.mark.parametrize(
+    "kind",
+    [
+        kind
+        for kind, subject in SUBJECTS.items()
+        if subject.read is read_spectra and kind not in NOT_COUNTED
+    ],
+)
+def test_what_a_reader_loses_in_silence_is_a_fault(tmp_path, kind):
+    subject = SUBJECTS[kind]
+    for name, content in subject.beside.items():
+        (tmp_path / name).write_bytes(content)
+    with pytest.raises(Fault, match="silently wrong"):
+        outcome(replace(subject, read=lossy(subject.read)), tmp_path, subject.content)
 
 
 @settings(max_examples=400)
@@ -278,6 +328,27 @@ def test_hostile_files_end_in_one_sentence(tmp_path, name, content, complaint):
 
 
 @pytest.mark.parametrize(
+    ("reader", "content"),
+    [
+        (read_spectra, "Name,4{run}00,410\nred,0.1,0.2\n"),
+        (read_spectra, "Name,R{run}400,410\nred,0.1,0.2\n"),
+        (read_spectra, "nm;red\n400;0,1\n4{run}10;0,2\n"),
+        (read_spectra, "a line\nred,-400{run}x,R410\nblue,0.1,0.2\n"),
+        (READERS[-2], "nm,one{commas}\n380,1\n780,1\n"),
+    ],
+)
+def test_long_runs_of_one_letter_are_refused_soon(tmp_path, reader, content):
+    path = tmp_path / "t.csv"
+    for run in (" ", "\t", "_", "-"):
+        path.write_text(content.format(run=run * 50_000, commas="," * 100_000))
+        start = time.process_time()
+        with pytest.raises(ValueError) as caught:  # noqa: PT011
+            reader(path)
+        assert complains(caught, path)
+        assert time.process_time() - start < 3
+
+
+@pytest.mark.parametrize(
     ("fields", "size", "complaint"),
     [
         (
@@ -332,6 +403,11 @@ def test_headers_that_promise_what_is_not_there(tmp_path, fields, size, complain
             SCENE.replace("[0, 0, 1]", "[0, 0, 1" + "0" * 999 + "]"),
             "centre: holds a number of too many digits",
         ),
+        (SCENE.replace("[0, 0, 1]", "[0, 0, 1e308]"), "centre must be numbers up to 1e.30"),
+        (SCENE.replace("[0, -4, 2]", "[1e308, -4, 2]"), "position must be numbers up to 1e.30"),
+        (SCENE.replace("radius = 1.0", "radius = 1e308"), "radius must be a number up to 1e.30"),
+        # Beyond what NumPy holds in 64 bits.
+        (SCENE.replace("[0, 1, -1]", f"[0, 1, {'9' * 40}]"), "direction must be numbers up to"),
         ("x = " + "9" * 5000, "not a legal TOML file"),
         ("x = " + "[" * 9000, "nested too deeply|not a legal TOML"),
         ("a." * 9000 + "b = 1", "line 1: more than 10000 characters"),
@@ -360,6 +436,10 @@ def test_hostile_maps(tmp_path):
         .replace(b"(3, 4)", b"(3, 9)")
     )
     with pytest.raises(ValueError, match="not an array that can be read"):
+        read_grey(path)
+    with path.open("wb") as file:
+        np.savez(file, np.zeros((3, 4)))
+    with pytest.raises(ValueError, match=r"t\.npy: an archive .* save one array"):
         read_grey(path)
     np.save(path, np.zeros((0, 4)))
     with pytest.raises(ValueError, match="must hold finite numbers"):

@@ -243,8 +243,9 @@ class Identification:
 
     @cached_property
     def fractions(self) -> Float[np.ndarray, "spectra candidates 3"]:
-        """By mass, of all paint in the film."""
-        return self.amounts / self.amounts.sum(axis=-1, keepdims=True)
+        """By mass, of all paint in the film; NaN where there is none, or no amount is known."""
+        total = self.amounts.sum(axis=-1, keepdims=True)
+        return self.amounts / np.where(total == 0, np.nan, total)
 
     @cached_property
     def _log_sd(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -263,13 +264,14 @@ class Identification:
     @cached_property
     def fractions_90(self) -> Float[np.ndarray, "spectra candidates 3 2"]:
         """90 % intervals of the fractions if the film is of these paints: Gaussian in the log odds,
-        inside [0, 1].
+        inside [0, 1]; NaN where these are.
         """
         share = self.fractions
         inside = (share > 0) & (share < 1)
         safe = np.where(inside, share, 0.5)
         # d log odds = d log f / (1 - f).
-        moved = (self._log_sd[1] / (1.0 - safe))[..., None] * NINETY
+        spread = np.where(inside, self._log_sd[1], 0.0)
+        moved = (spread / (1.0 - safe))[..., None] * NINETY
         log_odds = np.log(safe / (1.0 - safe))[..., None] + moved
         ends = np.exp(-np.logaddexp(0.0, -log_odds))
         return np.where(inside[..., None], ends, share[..., None])

@@ -266,7 +266,7 @@ def _stack(text: str, ground: str | None, index: float, pigments: Path | None) -
     """The stack of a file, or of coats as typed; options count before a file."""
     from ..paint.describe import name_paints, parse_coats
     from ..paint.pigment_table import read_pigments
-    from ..stacks import Spectrum, Stack, all_paints, read_stack
+    from ..stacks import Spectrum, Stack, all_paints, common_grid, paints, read_stack
 
     own = {} if pigments is None else dict(read_pigments(pigments))
     if text.lower().endswith(".json") or Path(text).is_file():
@@ -293,7 +293,11 @@ def _stack(text: str, ground: str | None, index: float, pigments: Path | None) -
         import numpy as np
 
         level = Spectrum(below.wavelengths, np.asarray(below.reflectance, float))
-    return replace(made, ground=level)
+    made = replace(made, ground=level)
+    # Looked at here, where the ground's file is known.
+    with below.blame():
+        common_grid(made, paints(made))
+    return made
 
 
 def _maps(

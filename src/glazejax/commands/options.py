@@ -6,7 +6,8 @@ Options by their former names are not in ``--help``; they work and name the new 
 """
 
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
@@ -276,22 +277,41 @@ class Ground(NamedTuple):
         reflectance: internal reflectance, a number or (bands,), in [0, 1].
         words: what the ground is, for people.
         notes: sentences of the reader.
+        file: that it was read from, for errors.
     """
 
     wavelengths: "Float[np.ndarray, 'bands'] | None"
     reflectance: "float | Float[np.ndarray, 'bands']"
     words: str
     notes: tuple[str, ...] = ()
+    file: str = ""
 
     def on(self, grid: "Float[np.ndarray, 'other']") -> "float | Float[np.ndarray, 'other']":
-        """Reflectance on other wavelengths (nm), which the ground's must cover."""
+        """Reflectance on other wavelengths (nm), which the ground's must cover.
+
+        Raises:
+            ValueError: they do not; the message names the ground's file.
+        """
         if self.wavelengths is None:
             return self.reflectance
         import numpy as np
 
         from ..spectra import resample
 
-        return np.asarray(resample(self.wavelengths, self.reflectance, grid))
+        with self.blame():
+            return np.asarray(resample(self.wavelengths, self.reflectance, grid))
+
+    @contextmanager
+    def blame(self) -> Iterator[None]:
+        """What is refused inside is said of the ground's file, if it has one."""
+        from ..io.source import refusal
+
+        try:
+            yield
+        except ValueError as error:
+            if not self.file:
+                raise
+            raise refusal(self.file, f"the ground: {error}") from None
 
 
 def read_ground(text: str, argument: str = "--ground", *, bare: bool = False) -> Ground:
@@ -345,6 +365,7 @@ def read_ground(text: str, argument: str = "--ground", *, bare: bool = False) ->
         spectrum,
         f"{sample} ({path.name}, mean {spectrum.mean():.2f})",
         tuple(notes),
+        str(path),
     )
 
 

@@ -392,10 +392,11 @@ def _lay(ground: options.Ground, coats: "Sequence[Coat]", shelf: "Mapping[str, P
     high = min(g[-1] for g in grids)
     grid = grids[0][(grids[0] >= low - 1e-6) & (grids[0] <= high + 1e-6)]
     if grid.size == 0:
-        raise ValueError(
-            "the pigments and the ground share no wavelengths: "
-            + "; ".join(map(describe_grid, grids))
-        )
+        with ground.blame():
+            raise ValueError(
+                "the pigments and the ground share no wavelengths: "
+                + "; ".join(map(describe_grid, grids))
+            )
     if not all(same_grid(grid, other) for other in grids):
         notes.append(
             "pigments and ground differ in wavelengths; everything is computed at "

@@ -149,6 +149,8 @@ def read_grey(path: Path, *, heights: bool = False) -> Float[np.ndarray, "h w"]:
                 values = np.load(path, mmap_mode="r", allow_pickle=False)
         except Exception as error:  # NumPy raises many kinds
             raise refusal(path, f"not an array that can be read ({error})") from None
+        if not isinstance(values, np.ndarray):
+            raise refusal(path, "an archive (.npz) of arrays; save one array with numpy.save")
         if values.ndim != 2 or values.dtype.kind not in "iuf" or not 0 < values.size <= _MAX_PIXELS:
             raise refusal(
                 path, f"must hold finite numbers (h, w), not {values.dtype} {values.shape}"

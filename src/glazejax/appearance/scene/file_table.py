@@ -1,10 +1,9 @@
 """One table of a scene file: its values by name, checked, with errors that say where they are."""
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any, overload
-
-import numpy as np
 
 from ...io.source import refusal, shorten
 from ...names import nearest_names
@@ -148,7 +147,7 @@ class TomlTable:
     def number(self, key: str, default: Any = _REQUIRED) -> float:
         """A finite number."""
         value = self._get(key, default)
-        if not isinstance(value, int | float) or isinstance(value, bool) or not np.isfinite(value):
+        if not _is_finite(value):
             raise self.error(key, f"must be a number, not {value!r}")
         return float(value)
 
@@ -174,9 +173,7 @@ class TomlTable:
         if value is None:
             return None
         good = isinstance(value, list | tuple) and len(value) == count
-        if not good or not all(
-            isinstance(v, int | float) and not isinstance(v, bool) and np.isfinite(v) for v in value
-        ):
+        if not good or not all(map(_is_finite, value)):
             raise self.error(
                 key, f"must be {count} numbers, such as {[0.0, 1.0, 2.0][:count]}, not {value!r}"
             )
@@ -189,6 +186,11 @@ class TomlTable:
     def raw(self, key: str, default: Any = _REQUIRED) -> Any:
         """A value of any kind."""
         return self._get(key, default)
+
+
+def _is_finite(value: Any) -> bool:
+    """Whether a value that `_fits` is a finite number; NumPy knows none beyond 64 bits."""
+    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
 
 
 def _fits(value: Any) -> bool:

@@ -106,6 +106,8 @@ def lamp(name: str, wavelengths: Grid, strength: float = 1.0) -> Float[np.ndarra
 
 # A lamp at every nanometre takes some kilobytes, and NumPy's reader a hundred times a file's size.
 _MAX_FILE = 1 << 20
+# NumPy's reader compares each title with all others.
+_MOST_COLUMNS = 2000
 # Of a lamp, in its own unit: beyond it sums over bands leave the range of numbers.
 _MOST_POWER = 1e250
 
@@ -133,6 +135,10 @@ def measured_lamp(
         path, missing=f"there is no file {show_path(path)} with the spectrum of a lamp"
     ) as source:
         lines = source.text(most=_MAX_FILE).splitlines()
+        if max((line.count(",") for line in lines), default=0) >= _MOST_COLUMNS:
+            raise source.error(
+                f"more than {_MOST_COLUMNS} columns; keep the wavelengths and the lamps you need"
+            )
         try:
             # The form that colour-science reads and writes; its own reader takes no open file.
             table = np.genfromtxt(

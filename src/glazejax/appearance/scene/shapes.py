@@ -13,12 +13,15 @@ from ...spectra import Numbers
 # A relief becomes two triangles a height; this many fill some gigabytes.
 MOST_HEIGHTS = 1 << 24
 
+# Products of a few lengths of this still have room in a float, and no scene is as wide.
+_FURTHEST = 1e30
+
 
 def vector(name: str, values: Numbers, *, direction: bool = False) -> Float[np.ndarray, "3"]:
     """Three finite numbers; with `direction` of length 1 in the end.
 
     Raises:
-        ValueError: other than three numbers, or a direction of no length.
+        ValueError: other than three numbers, numbers beyond 1e30, or a direction of no length.
     """
     try:
         found = np.asarray(values, dtype=float)
@@ -26,6 +29,8 @@ def vector(name: str, values: Numbers, *, direction: bool = False) -> Float[np.n
         raise ValueError(f"{name} must be three numbers, not {values!r}") from None
     if found.shape != (3,) or not np.all(np.isfinite(found)):
         raise ValueError(f"{name} must be three finite numbers, not {values!r}")
+    if np.abs(found).max() > _FURTHEST:
+        raise ValueError(f"{name} must be numbers up to {_FURTHEST:g}, not {values!r}")
     if not direction:
         return found
     length = float(np.linalg.norm(found))
@@ -35,7 +40,7 @@ def vector(name: str, values: Numbers, *, direction: bool = False) -> Float[np.n
 
 
 def positive(name: str, value: float) -> float:
-    """A finite number above zero.
+    """A number above zero, up to 1e30.
 
     Raises:
         ValueError: anything else.
@@ -43,6 +48,8 @@ def positive(name: str, value: float) -> float:
     number = isinstance(value, int | float | np.number) and not isinstance(value, bool)
     if not number or not 0 < float(value) < np.inf:
         raise ValueError(f"{name} must be a number above 0, not {value!r}")
+    if value > _FURTHEST:
+        raise ValueError(f"{name} must be a number up to {_FURTHEST:g}, not {value!r}")
     return float(value)
 
 

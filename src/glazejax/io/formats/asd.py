@@ -24,8 +24,8 @@ def read_asd(source: Source) -> RawSpectra:
     as such.
 
     Raises:
-        ValueError: the file is cut short or damaged, is a radiance or another quantity, or has no
-            white reference.
+        ValueError: the file is cut short or damaged, so that numbers may not be finite; is a
+            radiance or another quantity; or has no white reference.
     """
     content = source.content()
     if len(content) < _HEADER:
@@ -51,11 +51,7 @@ def read_asd(source: Source) -> RawSpectra:
             f"an ASD file that was cut short or is damaged: {len(content)} bytes are too few for "
             f"{channels} channels"
         )
-    if not np.isfinite(counts).all():
-        band = int(np.argmin(np.isfinite(counts)))
-        raise source.error(
-            f"the spectrum is not finite at {wavelengths[band]:g} nm: {counts[band]}"
-        )
+    _refuse_holes(source, "spectrum", wavelengths, counts)
     name = content[3:160].strip(b"\0").decode("latin-1").split("\0")[0].strip() or source.path.stem
     white = None
     if version >= 2 and end < len(content):
@@ -64,6 +60,7 @@ def read_asd(source: Source) -> RawSpectra:
             raise source.error(
                 "an ASD file without its white reference, or cut short before it: counts only"
             )
+        _refuse_holes(source, "white reference", wavelengths, white)
     # Nothing else follows before version 6, but for a mark of three bytes.
     if version < 6 and len(content) - end > 3:
         raise source.error(
@@ -107,7 +104,25 @@ def _spectrum(
     end = start + channels * np.dtype(kind).itemsize
     if end > len(content):
         return None, start
-    return np.frombuffer(content, kind, channels, start).astype(np.float64), end
+    # A damaged number may be a signalling NaN, of which NumPy warns; it stays NaN.
+    with np.errstate(invalid="ignore"):
+        return np.frombuffer(content, kind, channels, start).astype(np.float64), end
+
+
+def _refuse_holes(
+    source: Source,
+    what: str,
+    wavelengths: Float[np.ndarray, "channels"],
+    values: Float[np.ndarray, "channels"],
+) -> None:
+    """Refuse a spectrum that is not finite somewhere: no instrument writes that."""
+    finite = np.isfinite(values)
+    if not finite.all():
+        band = int(finite.argmin())
+        raise source.error(
+            f"an ASD file that is damaged: its {what} is not finite at {wavelengths[band]:g} nm: "
+            f"{values[band]}; copy or export it again"
+        )
 
 
 def _white(

@@ -3,7 +3,10 @@ colour-cxf.
 """
 
 import datetime
+import logging
 import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
@@ -57,8 +60,9 @@ def read_cxf(source: Source) -> RawSpectra:
             "as CSV"
         )
     cxf = _library()
+    notes: list[str] = []
     try:
-        with warnings.catch_warnings():
+        with warnings.catch_warnings(), _stray_text(notes):
             # A value outside the schema comes back as text, and is refused below with its place.
             warnings.simplefilter("ignore")
             document = cxf.read_cxf(content)
@@ -108,8 +112,32 @@ def read_cxf(source: Source) -> RawSpectra:
     # any other.
     scale = 1.0 if table.max() <= MAX_DECLARED else None
     return RawSpectra(
-        grid, names, table, "CxF3", scale=scale, attributes={"ColorSpecification": specifications}
+        wavelengths=grid,
+        names=names,
+        values=table,
+        format="CxF3",
+        notes=notes,
+        scale=scale,
+        attributes={"ColorSpecification": specifications},
     )
+
+
+@contextmanager
+def _stray_text(notes: list[str]) -> Iterator[None]:
+    """Make a note of text between the tags, which the library leaves out; it would log that."""
+
+    def take(record: logging.LogRecord) -> bool:
+        stray = record.getMessage().startswith("Unassigned parsed object")
+        if stray and not notes:
+            notes.append("text between the tags is not read; was the file changed by hand?")
+        return not stray
+
+    log = logging.getLogger("xsdata.logger")
+    log.addFilter(take)
+    try:
+        yield
+    finally:
+        log.removeFilter(take)
 
 
 def _is_reflectance(choice: object) -> bool:
@@ -133,7 +161,7 @@ def _wavelengths(source: Source, name: str, spectrum: Any, measured: Any) -> np.
         # None is a TypeError here, and said below.
         first = float(start)  # pyright: ignore[reportArgumentType]
         width = float(step)  # pyright: ignore[reportArgumentType]
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise source.error(
             f"no wavelengths for {name!r}: its ColorSpecification "
             f"{spectrum.color_specification!r} has no "

@@ -41,7 +41,8 @@ _LAYOUTS = (
     "expected 'Name,400,410,...' with a sample a row, or 'wavelength,sample,...' with a sample a "
     "column"
 )
-_NANOMETRES = re.compile(r"\s*\[?\(?nm\)?\]?$", re.IGNORECASE)
+# Without the blanks before it: by the thousand they would take hours to search.
+_NANOMETRES = re.compile(r"\[?\(?nm\)?\]?$", re.IGNORECASE)
 _NAMES = {"name", "data name", "sample name", "sample", "sample id"}
 _SPECULAR = {
     "SCI": "specular component included, d:8",
@@ -224,7 +225,7 @@ def _number(cell: str, delimiter: str) -> float | None:
 
 def _wavelength(cell: str, delimiter: str) -> float | None:
     """Wavelength in a cell, which may carry its unit, or None."""
-    return _number(_NANOMETRES.sub("", cell), delimiter)
+    return _number(_NANOMETRES.sub("", cell).rstrip(), delimiter)
 
 
 def _band_of(cells: _Cells, title: str) -> Band | None:
@@ -566,8 +567,8 @@ def read_columns(source: Source) -> RawSpectra:
     then a spectrum each.
 
     Raises:
-        ValueError: a row of another length, a cell that is not a number, or first columns that are
-            no wavelengths.
+        ValueError: no rows, a row of another length, a cell that is not a number, or first columns
+            that are no wavelengths.
     """
     numbers = array("d")
     width = 0
@@ -589,6 +590,10 @@ def read_columns(source: Source) -> RawSpectra:
         numbers.extend(row)
         if len(numbers) > _MAX_VALUES:
             raise source.error(f"more than {_MAX_VALUES} values so far; split the file", number)
+    if not width:
+        raise source.error(
+            "no numbers below this line; was the file cut short? export it again", above
+        )
     table = np.frombuffer(numbers).reshape(-1, width)
     try:
         wavelengths, notes = nanometres(table[:, 0], None)
