@@ -7,16 +7,11 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Float
 
-from glazejax.radiative.common.threads import in_threads
-
 from ...film.model.errors import Prior
 from ...identify.search.weigh import Smaller
 from .local import Searched
 from .survey import Features, nearest
 from .update import Answers, Updater, order_of
-
-# Groups of spectra that a thread takes at a time.
-_TOGETHER = 64
 
 
 @dataclass(frozen=True)
@@ -62,16 +57,12 @@ class Atlas:
             return found, apart
         order = np.argsort(which, kind="stable")
         used, first = np.unique(which[order], return_index=True)
-        groups = list(zip(used.tolist(), np.split(order, first[1:]), strict=True))
+        groups = zip(used.tolist(), np.split(order, first[1:]), strict=True)
         candidates = self._candidates
         orders = self._orders
 
-        def answer_groups(pairs: list[tuple[int, np.ndarray]]) -> None:
-            for number, rows in pairs:
-                own = Updater(self.known, number, candidates[number], orders[number], self.prior)
-                found.put(rows, own.answers(readings[rows]))
-
-        in_threads(
-            answer_groups, [groups[n : n + _TOGETHER] for n in range(0, len(groups), _TOGETHER)]
-        )
+        # One after another: so few pixels at a time, two threads would only wait for Python's lock.
+        for number, rows in groups:
+            own = Updater(self.known, number, candidates[number], orders[number], self.prior)
+            found.put(rows, own.answers(readings[rows]))
         return found, apart
