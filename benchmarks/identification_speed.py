@@ -11,6 +11,7 @@ spectra twice, of which the second time counts.
 import argparse
 import json
 import os
+import signal
 import subprocess
 import sys
 import time
@@ -82,7 +83,9 @@ def work(number: int, count: int, thorough: bool) -> dict[str, Any]:
 
 
 def run(root: Path, number: int, count: int, thorough: bool = False) -> dict[str, Any] | None:
-    """`work` in a process with the packages of a checkout; None after `LIMIT`."""
+    """`work` in a process with the packages of a checkout; None after `LIMIT`, or where the system
+    killed it: a search may want more memory than there is.
+    """
     paths = os.pathsep.join([str(root / "src"), str(root / "fitting"), str(ROOT)])
     line = [sys.executable, "-m", "benchmarks.identification_speed", "--work"]
     line.append(json.dumps([number, count, thorough]))
@@ -97,6 +100,10 @@ def run(root: Path, number: int, count: int, thorough: bool = False) -> dict[str
             timeout=LIMIT,
         )
     except subprocess.TimeoutExpired:
+        return None
+    except subprocess.CalledProcessError as error:
+        if error.returncode != -signal.SIGKILL:
+            raise
         return None
     return json.loads(done.stdout.splitlines()[-1])
 
@@ -147,7 +154,7 @@ def main() -> None:
         before = run(options.before.resolve(), number, few) if options.before else None
         now = run(ROOT, number, count)
         if now is None:
-            say(f"{case.words:<26}{'none in ' + format(LIMIT, '.0f') + ' s':>16}")
+            say(f"{case.words:<26}{'none, see below':>16}")
             continue
         full = run(ROOT, number, compared, True) if compared else None
         cells = [f"{case.words:<26}"]
@@ -161,7 +168,7 @@ def main() -> None:
         say("".join(cells) + (agreement(now, full) if full else ""))
     progress()
     say()
-    say(f"-: not asked, or none in {LIMIT:.0f} s.")
+    say(f"-: not asked, or none in {LIMIT:.0f} s or with the memory there is.")
     say.save()
 
 

@@ -75,3 +75,21 @@ CENTRAL = (
 )
 _forward = np.arange(9.0)
 FORWARD = (_forward, np.linalg.solve(np.vander(_forward, increasing=True).T, np.eye(9)[1]))
+
+
+def stacks_of_all_kinds(
+    count: int, least_cosine: float, *, layers: int = 4, thickest: float = 1e4
+) -> tuple[np.ndarray, ...]:
+    """Layers from next to nothing to opaque, some of which absorb nothing or do nothing else, over
+    any ground; every other cosine evenly in the logarithm, down to the least. As `random_cases`.
+    """
+    rng = np.random.default_rng(0)
+    shape = (count, layers)
+    edges = rng.choice([0.0, 1.0, 1 - 1e-12, 1 - 1e-6, 0.5, 1e-9], shape)
+    albedo = np.where(rng.uniform(size=shape) < 0.3, edges, rng.uniform(size=shape))
+    depth = 10 ** rng.uniform(-6, np.log10(thickest), shape)
+    depth[rng.uniform(size=shape) < 0.1] = 0.0
+    ground = np.where(rng.uniform(size=count) < 0.3, rng.choice([0.0, 1.0], count), 0.45)
+    aslant = 10 ** rng.uniform(np.log10(least_cosine), 0, (2, count))
+    cosines = np.where(np.arange(count) % 2, aslant, rng.uniform(0.05, 1, (2, count)))
+    return albedo, depth, ground, *cosines

@@ -31,6 +31,7 @@ from .cases import (
     EDGE_THICKNESS,
     LAYERS,
     random_cases,
+    stacks_of_all_kinds,
 )
 
 pytestmark = pytest.mark.optimised
@@ -92,22 +93,6 @@ def test_any_stack_is_finite_and_conserves_energy(albedo, thickness, ground, ci,
     # More scattering in place of absorption, or a paler ground, never darkens.
     assert jnp.all(factor[1][0] >= -DARKER * (1 + d))
     assert factor[1][2][0] >= -DARKER
-
-
-def stacks_of_all_kinds(count: int, least_cosine: float):
-    """Four layers from next to nothing to opaque, some of which absorb nothing or do nothing else,
-    over any ground; every other cosine evenly in the logarithm, down to the least.
-    """
-    rng = np.random.default_rng(0)
-    shape = (count, 4)
-    edges = rng.choice([0.0, 1.0, 1 - 1e-12, 1 - 1e-6, 0.5, 1e-9], shape)
-    albedo = np.where(rng.uniform(size=shape) < 0.3, edges, rng.uniform(size=shape))
-    depth = 10 ** rng.uniform(-6, 4, shape)
-    depth[rng.uniform(size=shape) < 0.1] = 0.0
-    ground = np.where(rng.uniform(size=count) < 0.3, rng.choice([0.0, 1.0], count), 0.45)
-    aslant = 10 ** rng.uniform(np.log10(least_cosine), 0, (2, count))
-    cosines = np.where(np.arange(count) % 2, aslant, rng.uniform(0.05, 1, (2, count)))
-    return albedo, depth, ground, *cosines
 
 
 @pytest.mark.slow

@@ -1,0 +1,115 @@
+"""The error is below the tolerance that was asked for: by each method, in both precisions, with few
+layers and many, over the range of the index and of the phase function.
+
+Each test gives the error over the tolerance, the worst of stacks of all kinds. A method is measured
+against another one that shares no approximation with it, or against its own finer runs where no
+other can follow.
+"""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from glazejax import stack_reflectance_factor
+from glazejax.radiative.common.directions import Resolution
+from glazejax.radiative.common.phase import henyey_greenstein
+from glazejax.radiative.common.rounding import FINEST_SINGLE
+from glazejax.radiative.common.stack_arrays import Stack
+from glazejax.radiative.manyflux.reflectance import manyflux_reflectance_factor
+from glazejax.radiative.ordinates import solver
+
+from .cases import stacks_of_all_kinds
+
+pytestmark = [pytest.mark.optimised, pytest.mark.slow]
+
+INDICES = [1.0, 1.02, 1.5, 2.0, 2.5]
+# Half as many directions again as for the finest tolerance: their sums are right to 2e-14.
+CONVERGED = {1.0: Resolution(0, 32, crowding=7.5), 1.5: Resolution(2, 30, crowding=7.5)}
+
+
+def worst(found, exact, tolerance: float) -> float:
+    """Largest error over the tolerance; infinite where something is no number."""
+    error = np.abs(np.asarray(found, float) - np.asarray(exact, float))
+    return float(np.nan_to_num(error, nan=np.inf).max() / tolerance)
+
+
+@pytest.mark.parametrize("index", [1.0, 1.5])
+def test_the_finest_tolerance_against_more_directions(index):
+    albedo, depth, ground, light, view = stacks_of_all_kinds(200, 0.05)
+    flat = Stack(
+        albedo=jnp.asarray(albedo),
+        optical_thickness=jnp.asarray(depth),
+        ground=jnp.asarray(ground),
+        refractive_index=index,
+        cos_incidence=jnp.asarray(light),
+        cos_viewing=jnp.asarray(view),
+    )
+    exact = jax.jit(lambda stack: solver.reflectance(stack, CONVERGED[index]))(flat)
+    found = stack_reflectance_factor(
+        albedo,
+        depth,
+        ground,
+        refractive_index=index,
+        cos_incidence=light,
+        cos_viewing=view,
+        tolerance=1e-10,
+    )
+    assert worst(found, exact, 1e-10) < 1.0
+
+
+@pytest.mark.parametrize("layers", [40, 200])
+@pytest.mark.parametrize("index", [1.0, 1.5, 2.5])
+def test_many_layers(index, layers):
+    *stack, light, view = stacks_of_all_kinds(24, 0.05, layers=layers, thickest=1.0)
+    given = {"refractive_index": index, "cos_incidence": light, "cos_viewing": view}
+    exact = stack_reflectance_factor(*stack, tolerance=1e-10, **given)
+    for tolerance in (1e-3, 1e-6):
+        found = stack_reflectance_factor(*stack, tolerance=tolerance, **given)
+        assert worst(found, exact, tolerance) < 1.0
+
+
+@pytest.mark.parametrize("method", ["auxiliary", "manyflux"])
+@pytest.mark.parametrize("index", INDICES)
+def test_other_methods_against_the_default(index, method):
+    *stack, light, view = stacks_of_all_kinds(60, 0.05)
+    given = {"refractive_index": index, "cos_incidence": light, "cos_viewing": view}
+    exact = stack_reflectance_factor(*stack, tolerance=1e-10, **given)
+    for tolerance in (1e-3, 1e-5):
+        found = stack_reflectance_factor(*stack, tolerance=tolerance, method=method, **given)
+        assert worst(found, exact, tolerance) < 1.0
+
+
+@pytest.mark.parametrize("index", INDICES)
+@pytest.mark.parametrize("tolerance", [1e-3, FINEST_SINGLE])
+def test_single_precision(index, tolerance):
+    """Against double precision for the same numbers: what rounding a number of the input to single
+    precision changes is no error of the solver.
+    """
+    rounded = [np.float32(part) for part in stacks_of_all_kinds(200, 0.05)]
+    *stack, light, view = rounded
+    given = {"refractive_index": index, "cos_incidence": light, "cos_viewing": view}
+    with jax.enable_x64(False):
+        found = np.asarray(stack_reflectance_factor(*stack, tolerance=tolerance, **given))
+    assert found.dtype == np.float32
+    *stack, light, view = [np.float64(part) for part in rounded]
+    given |= {"cos_incidence": light, "cos_viewing": view}
+    with jax.enable_x64(True):
+        exact = stack_reflectance_factor(*stack, tolerance=1e-10, **given)
+    assert worst(found, exact, tolerance) < 1.0
+
+
+@pytest.mark.parametrize("g", [-0.9, -0.5, 0.5, 0.8, 0.95])
+@pytest.mark.parametrize("index", [1.0, 1.5])
+def test_phase_functions_against_a_finer_run(index, g):
+    *stack, light, view = stacks_of_all_kinds(12, 0.3)
+    given = {
+        "phase": henyey_greenstein(g),
+        "refractive_index": index,
+        "cos_incidence": light,
+        "cos_viewing": view,
+        "azimuth": np.linspace(0.0, 180.0, 12),
+    }
+    exact = manyflux_reflectance_factor(*stack, tolerance=1e-5, **given)
+    found = manyflux_reflectance_factor(*stack, tolerance=1e-3, **given)
+    assert worst(found, exact, 1e-3) < 1.0
