@@ -18,6 +18,7 @@ import sys
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from datetime import date, timedelta
 from pathlib import Path
 
 from benchmarks import figures, performance_run
@@ -151,8 +152,10 @@ def standing(folder: Path, lines: Sequence[Line] = LINES) -> list[str]:
             "The lines are not all of one commit and one processor: there are "
             f"{_many(len(commits), 'commit')} and {_many(len(machines), 'processor')}."
         )
-    if older := [f"{name} ({its.date})" for name, its in there.items() if its.date != newest]:
-        said.append(f"Older than the newest, {newest}: {', '.join(older)}.")
+    # A run may last over midnight.
+    since = (date.fromisoformat(newest) - timedelta(days=1)).isoformat()
+    if older := [f"{name} ({its.date})" for name, its in there.items() if its.date < since]:
+        said.append(f"Older than the newest, {newest}, by more than a day: {', '.join(older)}.")
     others: dict[str, list[str]] = {}
     for name, its in there.items():
         if its.processor != usual(machines):

@@ -126,7 +126,7 @@ def test_an_older_result_another_machine_and_a_busy_one_are_named(tmp_path):
     assert standing(folder, TABLE) == [
         "The lines are not all of one commit and one processor: there are 2 commits and "
         "2 processors.",
-        "Older than the newest, 2026-11-25: savings (2026-11-22).",
+        "Older than the newest, 2026-11-25, by more than a day: savings (2026-11-22).",
         "Most are of A; of B: savings.",
         "Busy when they began (load above 0.7), so that times may be too long: scaling (3.8).",
     ]
