@@ -599,7 +599,7 @@ def _blend(
 
 
 def _albedo(xp: Any, *coefficients: Any) -> Any:
-    """s / (k + s) of coats side by side on a last axis, from the k of all coats and then their s."""
+    """s / (k + s) of coats side by side on a last axis, from the k of all, then their s."""
     count = len(coefficients) // 2
 
     def ratio(k: Any, s: Any) -> Any:
