@@ -40,10 +40,12 @@ for _key, _words in (
             f"{_key}_1e8": _times_ours(_words, "1e-08"),
         },
     )
+_GRADIENT = found(r"value and gradient / value +tol. 1e-06 +(\S+)")
+add("frontier", ".2g times", alone=one_over(_GRADIENT))
 add(
     "frontier",
     ".1f times",
-    gradient=found(r"value and gradient / value +tol. 1e-06 +(\S+)"),
+    gradient=_GRADIENT,
     gradient_most=found(r"value and gradient / value, largest over tolerances +(\S+)"),
 )
 add(
@@ -141,6 +143,7 @@ for _key, _row in (
 ):
     _columns = {"empty": 0, "again": 1, "trace": 5, "compile": 7, "again_load": 10}
     add("cold_start", ".1f s", **{f"{_key}_{what}": cell(_row, k) for what, k in _columns.items()})
+    add("cold_start", ".2g times", **{f"{_key}_over": ratio(cell(_row, 1), cell(_row, 0))})
 
 # Paper A.
 _PAIRS = ("a/b", "a/c", "a/d", "b/c", "b/d", "c/d")

@@ -44,7 +44,6 @@ for _key, _asked in (("1e4", "0.0001"), ("1e8", "1e-08")):
             "2s times",
             **{f"{_peer}_asked_{_key}": ratio(_ms, _ours(_gradient, _asked))},
         )
-add("frontier", ".2g times", alone=ratio(_ours(False, "1e-06"), _ours(True, "1e-06")))
 
 _MILLION = "1000000"
 add("scaling", ".2g times", layers_40_times=ratio(cell("40", 2), cell("40", 0)))
@@ -81,14 +80,6 @@ add("painting", "2s times", full_times=ratio(_full_seconds, cell(_LARGE, 5)))
 _ANGLE = cell("spectral angle, and pairs", 10)
 add("painting", "3s pixels/s", angle_rate=_ANGLE)
 add("painting", ".2g times", angle_times=ratio(cell("1,000,000", 6), _ANGLE))
-
-for _key, _row in (
-    ("render", "render"),
-    ("recover", "recover"),
-    ("identify", "identify"),
-    ("recipe", "recipe --srgb"),
-):
-    add("cold_start", ".2g times", **{f"{_key}_over": ratio(cell(_row, 1), cell(_row, 0))})
 
 
 def _draws(problem: str, sampler: str, column: int) -> Reader:

@@ -232,7 +232,7 @@ def on_page(text: str, folder: Path = FOLDER) -> str:
     faults = [
         f"{row.line.result}: {row.line.what}"
         for row in rows(folder, plain, lambda name, its: name)
-        if row.cells[-1] != row.line.result or LACKING in " ".join(row.cells).split()
+        if LACKING in " ".join(row.cells).split()
     ]
     if faults:
         raise ValueError(f"the page needs all numbers; not there: {'; '.join(faults)}")

@@ -10,7 +10,6 @@ import os
 import re
 import shlex
 import shutil
-import subprocess
 import tempfile
 import time
 from collections.abc import Iterator, Sequence
@@ -19,12 +18,12 @@ from typing import NamedTuple
 
 from benchmarks import all as runner
 from benchmarks import fill
-from benchmarks.results import FOLDER, HERE, head, module_of, progress
+from benchmarks.results import FOLDER, git, head, module_of, progress
 
 # Load average above which others' work shows in the times.
 BUSY = 0.7
 # Options in place of those in the result's first line: what was compared with there is not needed,
-#     what lay in a folder of that machine is made in a temporary one, and the table that ships stays.
+# what lay in a folder of that machine is made in a temporary one, and the table that ships stays.
 OPTIONS: dict[str, tuple[str, ...]] = {
     "cold_start": (),
     "painting": (),
@@ -104,20 +103,14 @@ def with_checkouts(name: str, options: Sequence[str]) -> Iterator[list[str]]:
         raise ValueError(f"{name}.txt does not say which commit it was compared with")
     with tempfile.TemporaryDirectory() as temporary:
         checkout = Path(temporary) / "before"
-        _git("worktree", "add", "--detach", str(checkout), commit[1])
+        git("worktree", "add", "--detach", str(checkout), commit[1])
+        if not checkout.is_dir():
+            raise ValueError(f"git does not have {commit[1]}, which {name}.txt was compared with")
         try:
             words[words.index("--before") + 1] = str(checkout)
             yield words
         finally:
-            _git("worktree", "remove", "--force", str(checkout))
-
-
-def _git(*words: str) -> None:
-    done = subprocess.run(
-        ["git", *words], cwd=HERE.parent, capture_output=True, text=True, check=False
-    )
-    if done.returncode:
-        raise ValueError(done.stderr.strip())
+            git("worktree", "remove", "--force", str(checkout))
 
 
 def idle(patience: float) -> float:

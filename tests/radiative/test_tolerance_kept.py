@@ -9,9 +9,9 @@ other can follow.
 import jax
 import numpy as np
 import pytest
+from benchmarks.peers.ours import CONVERGED
 
 from glazejax import stack_reflectance_factor
-from glazejax.radiative.common.directions import Resolution
 from glazejax.radiative.common.phase import henyey_greenstein
 from glazejax.radiative.common.rounding import FINEST_SINGLE
 from glazejax.radiative.common.stack_arrays import Stack
@@ -23,8 +23,6 @@ from .cases import stacks_of_all_kinds
 pytestmark = [pytest.mark.optimised, pytest.mark.slow]
 
 INDICES = [1.0, 1.02, 1.5, 2.0, 2.5]
-# Half as many directions again as for the finest tolerance: their sums are right to 2e-14.
-CONVERGED = {1.0: Resolution(0, 32, crowding=7.5), 1.5: Resolution(2, 30, crowding=7.5)}
 
 
 def worst(found, exact, tolerance: float) -> float:

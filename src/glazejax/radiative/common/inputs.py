@@ -224,7 +224,7 @@ def batch_of_stacks(
     """
     check_given({name: given[name] for name in (*_OF_LAYERS, "substrate_reflectance")})
     check_values(given)
-    dtype = dtype or jax.dtypes.canonicalize_dtype(float)
+    dtype = dtype or jnp.result_type(float)
     if xp is None:
         xp = np if _known_and_small(given) else jnp
     arrays = {
