@@ -131,7 +131,7 @@ def commands(folder: Path) -> dict[str, list[str]]:
 
 def prepare(folder: Path) -> None:
     """Files that the commands read: twelve simulated masstones, and a masstone with its tint."""
-    from benchmarks.tubes import CASES, WHITE, tube, written
+    from benchmarks.paint.tubes import CASES, WHITE, tube, written
     from glazefit import Instrument, Noise
     from glazefit.film.simulate import simulate_paints
     from glazefit.recover.joint import UNIT

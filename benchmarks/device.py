@@ -1,7 +1,7 @@
 """Which device a benchmark computes on: `--device cpu`, the default, or `--device gpu`.
 
 On a GPU the results go to a file of their own, NAME_gpu.txt, which names the device. `python -m
-benchmarks.on_gpu` fills all of them.
+benchmarks.solver.on_gpu` fills all of them.
 """
 
 import argparse

@@ -270,7 +270,7 @@ def map_file(scratch: Path, file: str) -> dict[str, Any]:
     target.unlink(missing_ok=True)
 
     def work(pipe: int) -> None:
-        # By name: a type checker takes `benchmarks/coverage.py` for the package.
+        # By name: a type checker takes `benchmarks/paint/coverage.py` for the package.
         coverage = importlib.import_module("coverage")
 
         # Byte code of files as they are serves every mutant.

@@ -1,21 +1,26 @@
-"""Where a benchmark's output goes: lines to the screen and to NAME.txt, a picture to NAME.png, in
-one folder.
+"""Results of benchmarks: a table for people in NAME.txt, a picture in NAME.png, and each number that
+README or docs quote in NAME.json, all in one folder.
 
-Every file begins with a head, two lines and an empty one:
+    python -m benchmarks.results        date, commit, load and command of every result
 
-    made 2026-11-23 at commit 1a2b3c4 by python -m benchmarks.tubes --paints 50; glazejax 0.1.0
-    x86_64, AMD EPYC, 2 cores, load 0.3; Python 3.11.7, jax 0.9.2
+A benchmark records a number where it computes it:
 
-It says `commit 1a2b3c4 with changes` where code had changes that were not committed, and `no
-commit` outside of git. The load is how many processes wanted the processor in the minute before.
-Results from before heads told the commit say
-`kept at commit` instead, the one in which their numbers came into the repository. `head` reads all
-of these. A benchmark of which no result is kept says why: `NO_RESULT = "..."`.
+    results = Results("scaling", options.out, "nanodisort")
+    results("1000000   0.62 s")
+    results.record(million_seconds=quantity(0.6231, "s", digits=2))
+    results.save(figure)
+
+`python -m benchmarks.fill` writes `million_seconds` wherever a text has the mark
+`<!--scaling.million_seconds-->`. NAME.json holds `{"made": {date, commit, command, machine, load,
+versions}, "values": {name: {value, unit, digits, form, n}}}`. The load is how many processes wanted
+the processor in the minute before. The commit has a `+` where code had changes that were not
+committed, and is empty outside of git.
 """
 
 import argparse
-import ast
 import datetime
+import functools
+import json
 import os
 import re
 import shlex
@@ -24,9 +29,9 @@ import sys
 import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass
-from importlib.metadata import version
+from decimal import ROUND_HALF_UP, Decimal
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -34,6 +39,51 @@ if TYPE_CHECKING:
 HERE = Path(__file__).parent
 FOLDER = HERE / "results"
 QUICK_FOLDER = Path(tempfile.gettempdir()) / "glazejax-benchmarks"
+
+Form = Literal["f", "e", "g", "s", ","]
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """A number and how texts write it.
+
+    value: before rounding, as computed.
+    unit: that follows it, such as `%` or `times`; empty if it has none.
+    digits: after the point; of form `g` and `s` all digits that count.
+    form: `f` 0.62, `e` 6e-1, `g` 0.62 or 6.2e-9, `s` 550 for 546.4 with two digits, `,` 10,000.
+    n: how many samples it is taken over; None if that says nothing.
+    """
+
+    value: float
+    unit: str = ""
+    digits: int = 2
+    form: Form = "f"
+    n: int | None = None
+
+    def as_json(self) -> dict[str, Any]:
+        """The entry of NAME.json, without what is usual."""
+        value = float(f"{self.value:.10g}")
+        entry: dict[str, Any] = {"value": int(value) if value.is_integer() else value}
+        entry |= {"unit": self.unit, "digits": self.digits}
+        if self.form != "f":
+            entry["form"] = self.form
+        if self.n is not None:
+            entry["n"] = self.n
+        return entry
+
+
+def quantity(
+    value: Any, unit: str = "", digits: int = 2, *, form: Form = "f", n: int | None = None
+) -> Quantity:
+    """A number to record, see `Quantity`.
+
+    Raises:
+        ValueError: it is not finite.
+    """
+    number = float(value)
+    if not abs(number) < float("inf"):
+        raise ValueError(f"{number} is not a number that a text can quote")
+    return Quantity(value=number, unit=unit, digits=digits, form=form, n=n)
 
 
 def add_option(parser: argparse.ArgumentParser, **quick: Any) -> None:
@@ -80,15 +130,10 @@ def progress(text: str = "") -> None:
 
 
 class Results:
-    """Prints what a benchmark says and keeps it; `save` writes it to the folder, with the head.
-
-    results = Results("tubes", options.out, "emcee")
-    results("a line")
-    results.save(figure)
-    """
+    """Prints what a benchmark says, keeps it with the numbers it records; `save` writes both."""
 
     def __init__(self, name: str, folder: Path = FOLDER, *packages: str):
-        """Name of the file, folder, and packages whose versions the head tells beside Python's and
+        """Name of the files, their folder, and packages whose versions stand next to Python's and
         jax's.
 
         Raises:
@@ -99,64 +144,98 @@ class Results:
                 f"--quick does not write to {FOLDER}, whose results are of full size; give "
                 "another --out"
             )
-        self._name, self._stem, self._packages = name, Path(folder) / name, packages
+        self._stem, self._packages = Path(folder) / name, packages
         self._lines: list[str] = []
+        self._made: dict[str, Any] = {}
+        self._values: dict[str, Quantity] = {}
 
     def __call__(self, line: str = "") -> None:
         """Print a line, at once, and keep it."""
         # The head comes with the first line: by then the benchmark has told JAX which device to
-        #     take.
+        # take.
         if not self._lines:
-            self._lines = new_head(self._name, self._packages)
-            if "--quick" in sys.argv:
-                self._lines += [
-                    "Small size (--quick): this shows that it runs; its numbers are worth nothing.",
-                    "",
-                ]
-            print("\n".join(self._lines), flush=True)
+            self._begin()
         print(line, flush=True)
         self._lines.append(line.rstrip())
 
+    def record(self, **values: Quantity) -> None:
+        """Keep numbers that texts may quote, by name.
+
+        Raises:
+            ValueError: a name is taken.
+        """
+        if taken := sorted(values.keys() & self._values.keys()):
+            raise ValueError(f"recorded twice: {', '.join(taken)}")
+        self._values |= values
+
     def save(self, figure: "Figure | None" = None) -> None:
-        """Write NAME.txt and, with a figure, NAME.png; the folder is made if it is not there."""
+        """Write NAME.txt, NAME.json and, with a figure, NAME.png; the folder is made if it is not
+        there.
+        """
+        if not self._lines:
+            self._begin()
         self._stem.parent.mkdir(parents=True, exist_ok=True)
-        text = self._stem.with_name(self._stem.name + ".txt")
+        text = self._stem.with_name(f"{self._stem.name}.txt")
         text.write_text("\n".join(self._lines) + "\n")
-        written = [text.name]
+        numbers = text.with_suffix(".json")
+        numbers.write_text(_json(self._made, self._values))
+        written = [text.name, numbers.name]
         if figure is not None:
             picture = text.with_suffix(".png")
             figure.savefig(picture, dpi=160, bbox_inches="tight")
             written.append(picture.name)
         print(f"written to {self._stem.parent}: {', '.join(written)}")
 
+    def _begin(self) -> None:
+        self._made = new_head(self._packages)
+        self._lines = in_words(self._made)
+        if "--quick" in sys.argv:
+            self._lines += [
+                "Small size (--quick): this shows that it runs; its numbers are worth nothing.",
+                "",
+            ]
+        print("\n".join(self._lines), flush=True)
 
-@dataclass(frozen=True)
-class Head:
-    """What a result file says of itself.
 
-    date: when it was made, at the latest.
-    commit: at which it was made or kept; empty if it was made outside of git.
-    command: that made it; of older files without its options, which were not kept.
-    processor: name of it; empty if it was not kept.
-    load: processes that wanted the processor in the minute before; None if that was not kept.
+def _json(made: dict[str, Any], values: dict[str, Quantity]) -> str:
+    """A value a line, so that a change of one shows as one."""
+    lines = [
+        f"  {json.dumps(name)}: {json.dumps(one.as_json(), ensure_ascii=False)}"
+        for name, one in values.items()
+    ]
+    inner = "{\n" + ",\n".join(lines) + "\n }" if lines else "{}"
+    return f'{{\n "made": {json.dumps(made, ensure_ascii=False)},\n "values": {inner}\n}}\n'
+
+
+def new_head(packages: Sequence[str] = ()) -> dict[str, Any]:
+    """Where a result comes from, of this process now: date, commit, command, machine, load,
+    versions.
     """
+    from benchmarks.timing import machine, versions
 
-    date: str
-    commit: str
-    command: str
-    processor: str = ""
-    load: float | None = None
+    load = os.getloadavg()[0] if hasattr(os, "getloadavg") else None
+    return {
+        "date": str(datetime.date.today()),
+        "commit": commit(),
+        "command": _command(),
+        "machine": machine(),
+        "load": None if load is None else round(load, 1),
+        "versions": versions("glazejax", "jax", *packages),
+    }
 
 
-_HEAD = re.compile(
-    r"made (?P<date>\d{4}-\d\d-\d\d)(?: or before)?(?:, kept)? "
-    r"at (?:commit (?P<commit>[0-9a-f]+)(?: with changes)?|no commit),? by (?P<command>.+?)(?:; "
-    r"glazejax \S+)?"
-)
-# In the second line; old files have it within the first few.
-_MACHINE = re.compile(
-    r"(?:^|; )\w+, (?P<processor>[^,;\n]+), \d+ cores(?:, load (?P<load>[\d.]+))?", re.MULTILINE
-)
+def in_words(made: dict[str, Any]) -> list[str]:
+    """The head of NAME.txt."""
+    where = (
+        f"commit {made['commit'].replace('+', ' with changes')}" if made["commit"] else "no commit"
+    )
+    load = "" if made["load"] is None else f", load {made['load']}"
+    libraries = ", ".join(f"{name} {number}" for name, number in made["versions"].items())
+    return [
+        f"made {made['date']} at {where} by {made['command']}",
+        f"{made['machine']}{load}; {libraries}",
+        "",
+    ]
 
 
 def git(*words: str) -> str:
@@ -171,96 +250,96 @@ def git(*words: str) -> str:
 
 
 def commit() -> str:
-    """At which commit this is, as heads say it."""
+    """At which commit this is, with a `+` where code differs from it; empty outside of git."""
     # A copy without git may lie in the folder of another repository.
     if not git("ls-files", "benchmarks/results.py"):
-        return "no commit"
-    changes = git(
-        "status", "--porcelain", "--untracked-files=no", "--", "src", "fitting", "benchmarks/*.py"
-    )
-    return f"commit {git('rev-parse', '--short', 'HEAD')}" + " with changes" * bool(changes)
+        return ""
+    sources = ("src", "fitting", "benchmarks/*.py")
+    changes = git("status", "--porcelain", "--untracked-files=no", "--", *sources)
+    return git("rev-parse", "--short", "HEAD") + "+" * bool(changes)
 
 
-def new_head(name: str, packages: Sequence[str] = ()) -> list[str]:
-    """Head of the result NAME, made now by this process."""
-    from benchmarks.timing import environment
-
-    by = f"{_command(module_of(name))}; glazejax {version('glazejax')}"
-    return [f"made {datetime.date.today()} at {commit()} by {by}", environment(*packages), ""]
-
-
-def _command(module: Path) -> str:
+def _command() -> str:
     """The command of this process, but for where results go; of paths of this machine only the
     name.
     """
-    words, given = ["python", "-m", f"benchmarks.{module.stem}"], iter(sys.argv[1:])
-    for word in given:
+    spec = getattr(sys.modules["__main__"], "__spec__", None)
+    module = re.sub(r"\.__main__$", "", spec.name) if spec else Path(sys.argv[0]).stem
+    words, options = ["python", "-m", module], iter(sys.argv[1:])
+    for word in options:
         if word == "--out":
-            next(given, None)
+            next(options, None)
         elif not word.startswith("--out="):
             words.append(Path(word).name if os.sep in word else word)
     return shlex.join(words)
 
 
-def head(name: str, folder: Path = FOLDER) -> Head:
-    """Head of a result file.
-
-    Raises:
-        ValueError: there is no such file, or it has none.
-    """
-    path = Path(folder) / f"{name}.txt"
-    if not path.is_file():
-        raise ValueError(f"there is no result {name}.txt in {folder}")
-    first, *rest = path.read_text().splitlines()[:6] or [""]
-    if found := _HEAD.fullmatch(first):
-        machine = _MACHINE.search("\n".join(rest))
-        return Head(
-            date=found["date"],
-            commit=found["commit"] or "",
-            command=found["command"],
-            processor=machine["processor"] if machine else "",
-            load=float(machine["load"]) if machine and machine["load"] else None,
-        )
-    raise ValueError(
-        f"{path.name} has no head: run `python -m benchmarks.{module_of(name).stem}` again"
+def names(folder: Path = FOLDER) -> list[str]:
+    """Names of the results in a folder."""
+    return sorted(
+        path.stem for path in Path(folder).glob("*.txt") if path.with_suffix(".json").is_file()
     )
 
 
-def modules() -> list[Path]:
-    """Benchmarks: the modules of this folder that write results, and its packages that do."""
-    packages = [path.parent for path in HERE.glob("*/__main__.py")]
-    return [
-        path
-        for path in sorted([*HERE.glob("*.py"), *packages])
-        if "Results(" in code_of(path) and path != Path(__file__)
-    ]
-
-
-def code_of(module: Path) -> str:
-    """What is run of a benchmark: its own text, or that of its `__main__` if it is a package."""
-    return (module / "__main__.py" if module.is_dir() else module).read_text()
-
-
-def module_of(name: str) -> Path:
-    """The benchmark that makes a result: that of its name, or of how its name begins (`scaling`
-    makes `scaling_gpu`).
+def read(name: str, folder: Path = FOLDER) -> dict[str, Any]:
+    """Content of NAME.json: `made` and `values`.
 
     Raises:
-        ValueError: there is none.
+        ValueError: there is no such file.
     """
-    fitting = [path for path in modules() if f"{name}_".startswith(f"{path.stem}_")]
-    if not fitting:
-        raise ValueError(f"no module of benchmarks makes the result {name!r}")
-    return max(fitting, key=lambda path: len(path.stem))
+    path = Path(folder) / f"{name}.json"
+    if not path.is_file():
+        raise ValueError(f"there is no result {path.name} in {path.parent.name}")
+    return json.loads(path.read_text("utf-8"))
 
 
-def declared(module: Path, name: str, default: Any = None) -> Any:
-    """What a module says at its top, `NEEDS = ("gpu",)`, without importing it: it may need what is
-    not installed.
+def rounded(value: float, style: str) -> str:
+    """A number as texts write it. A half goes up, as people round: 3.55 is 3.6.
+
+    Raises:
+        ValueError: there is no such style.
     """
-    for node in ast.parse(code_of(module)).body:
-        if isinstance(node, ast.Assign) and any(
-            isinstance(t, ast.Name) and t.id == name for t in node.targets
-        ):
-            return ast.literal_eval(node.value)
-    return default
+    if not re.fullmatch(r",?\.\d+[feg]|\ds", style):
+        raise ValueError(f"no style is called {style!r}; there are .1f, ,.0f, .2e, .3g and 2s")
+    # Twelve digits, so that a half is a half after a division too.
+    exact = Decimal(f"{value:.12g}")
+    if style.endswith("s"):
+        places = Decimal(1).scaleb(exact.adjusted() - int(style[0]) + 1)
+        return f"{exact.quantize(places, ROUND_HALF_UP):.0f}"
+    if style.endswith("f"):
+        places = Decimal(1).scaleb(-int(style.rstrip("f").partition(".")[2]))
+        exact = exact.quantize(places, ROUND_HALF_UP)
+    return re.sub(r"e\+?(-?)0*(?=\d)", r"e\1", format(exact, style))
+
+
+def figure(name: str, style: str | None = None, folder: Path = FOLDER) -> str:
+    """A recorded value as text: `figure("scaling.million_seconds")` is `0.6`.
+
+    Raises:
+        ValueError: there is no such result, value or style.
+    """
+    result, _, key = name.partition(".")
+    values = _values(result, folder)
+    if key not in values:
+        raise ValueError(f"{result}.json has no value {key!r}; it has {', '.join(sorted(values))}")
+    one = values[key]
+    digits, form = one["digits"], one.get("form", "f")
+    usual = {"s": f"{digits}s", ",": f",.{digits}f"}.get(form, f".{digits}{form}")
+    return rounded(one["value"], style or usual)
+
+
+@functools.cache
+def _values(result: str, folder: Path) -> dict[str, dict]:
+    return read(result, folder)["values"]
+
+
+def main() -> None:
+    print(f"{'result':<24}{'date':<12}{'commit':<11}{'load':>5}  command")
+    for name in names():
+        made = read(name)["made"]
+        load = "" if made["load"] is None else f"{made['load']:.1f}"
+        print(f"{name:<24}{made['date']:<12}{made['commit']:<11}{load:>5}  {made['command']}")
+
+
+if __name__ == "__main__":
+    main()

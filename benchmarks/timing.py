@@ -86,22 +86,16 @@ def processor() -> str:
     return names[0] if names else platform.machine()
 
 
-def environment(*packages: str) -> str:
-    """One line: machine, load of the minute before, Python and the versions of those packages that
-    are installed.
-    """
-    versions = [f"{name} {version(name)}" for name in ("jax", *packages) if _installed(name)]
-    devices = ", ".join(
-        sorted({device.device_kind for device in jax.local_devices() if device.platform != "cpu"})
-    )
-    machine = (
-        f"{platform.machine()}, {processor()}, {os.cpu_count()} cores, load "
-        f"{os.getloadavg()[0]:.1f}"
-    )
-    return (
-        f"{machine}{f', {devices}' if devices else ''}; Python {platform.python_version()}, "
-        f"{', '.join(versions)}"
-    )
+def machine() -> str:
+    """Architecture, processor, cores and devices of JAX other than the processor."""
+    devices = {device.device_kind for device in jax.local_devices() if device.platform != "cpu"}
+    return ", ".join([platform.machine(), processor(), f"{os.cpu_count()} cores", *sorted(devices)])
+
+
+def versions(*packages: str) -> dict[str, str]:
+    """Version of Python, and of each of these packages that is installed."""
+    installed = {name: version(name) for name in packages if _installed(name)}
+    return {"Python": platform.python_version(), **installed}
 
 
 def _installed(package: str) -> bool:

@@ -1,4 +1,4 @@
-"""`benchmarks.prediction`: which films are left out, and a scan that goes on where it was
+"""`benchmarks.paint.prediction`: which films are left out, and a scan that goes on where it was
 stopped.
 """
 
@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from benchmarks import prediction, readings_of_mixtures
+from benchmarks.paint import prediction, readings_of_mixtures
 
 RECIPES = {
     "red": {"Red": 100.0, "White": 0.0},

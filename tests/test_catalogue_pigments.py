@@ -4,7 +4,7 @@ its sources read.
 
 import numpy as np
 import pytest
-from benchmarks import pigments as maker
+from benchmarks.paint import pigments as maker
 from benchmarks.paintbench.library import grid_readings
 from benchmarks.paintbench.sources import read_kimera, read_rrt
 

@@ -6,10 +6,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from benchmarks import layer_rules
-from benchmarks.layer_rules import RULES, Coat
-from benchmarks.layered_csv import albedo_of, layers_in_words, read_table
-from benchmarks.layered_stacks import STACKS
+from benchmarks.render import layer_rules
+from benchmarks.render.layer_rules import RULES, Coat
+from benchmarks.render.layered_csv import albedo_of, layers_in_words, read_table
+from benchmarks.render.layered_stacks import STACKS
 
 from glazejax.radiative.common.fresnel import dielectric_reflectance
 from glazejax.radiative.stack import stack_hemispherical_reflectance, stack_reflectance_factor

@@ -7,10 +7,11 @@ from importlib.util import find_spec
 
 import numpy as np
 import pytest
-from benchmarks.paintbench import namers, sources, splits, tasks
+from benchmarks.paintbench import sources, splits, tasks
 from benchmarks.paintbench.library import Answer, pure_table
 from benchmarks.paintbench.mixers import AbsorbanceUnmixing, KubelkaMunk, Mixtures
 from benchmarks.paintbench.spectra import GRID, absorbance, cosine_distance, on_grid, slopes
+from benchmarks.rivals import namers
 
 from glazejax import catalogue
 

@@ -14,11 +14,11 @@ from pathlib import Path
 
 from benchmarks.measured import data_folder
 from benchmarks.results import Results, add_option, progress
+from benchmarks.rivals.namers import namers
 from glazejax.commands.main import start_jax
 
 from .coats import run_coats
 from .mixers import AbsorbanceUnmixing, KubelkaMunk
-from .namers import namers
 from .program import FamilyCatalogue, FilmCatalogues, JointFit
 from .sources import Source, read_sources
 from .splits import check_hashes

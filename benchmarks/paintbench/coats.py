@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from benchmarks.pigments import fit
+from benchmarks.paint.pigments import fit
 from glazefit import identify
 from glazefit.identify.coats.odds import DECIDED
 from glazefit.identify.identify import ground_from_air

@@ -5,12 +5,13 @@ On the forge a mark behind a number, `0.6<!--scaling.million_seconds-->`, is not
 """
 
 import ast
+import importlib.util
 import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from benchmarks.fill import with_marks
-from benchmarks.results import code_of, declared, head, module_of, modules
+from benchmarks.results import read
 from pages_of_repository import DOCS, RESULTS, write_if_new
 from reading import folded
 
@@ -32,14 +33,17 @@ def _link(app: "Sphinx", name: str, content: list[str]) -> None:
 
 
 def _about(path: Path) -> str:
-    """What a benchmark asks: the first paragraph of its module."""
-    told = ast.get_docstring(ast.parse(code_of(module_of(path.stem)))) or ""
-    return told.partition("\n\n")[0].replace("\n", " ")
+    """First paragraph of the module that wrote a result."""
+    module = importlib.util.find_spec(read(path.stem)["made"]["command"].split()[2])
+    if module is None or module.origin is None:
+        return ""
+    about = ast.get_docstring(ast.parse(Path(module.origin).read_text("utf-8"))) or ""
+    return about.partition("\n\n")[0].replace("\n", " ")
 
 
 def _page(path: Path) -> str:
     lines = [f"# {path.stem.replace('_', ' ')}", "", _about(path), ""]
-    lines += [f"`{head(path.stem).command}` wrote this:", ""]
+    lines += [f"`{read(path.stem)['made']['command']}` wrote this:", ""]
     lines += [
         "```text",
         *map(folded, path.read_text(encoding="utf-8").rstrip().splitlines()),
@@ -53,15 +57,6 @@ def _page(path: Path) -> str:
             "",
         ]
     return "\n".join(lines)
-
-
-def _without(files: list[Path]) -> list[str]:
-    """Which benchmarks have no result, and why, as they say."""
-    having = {module_of(path.stem) for path in files}
-    lines = [
-        f"- `{one.stem}`: {declared(one, 'NO_RESULT')}." for one in modules() if one not in having
-    ]
-    return ["## Not run yet", "", *lines, ""] if lines else []
 
 
 def _write(app: "Sphinx") -> None:
@@ -89,7 +84,6 @@ def _write(app: "Sphinx") -> None:
         *(path.stem for path in files),
         "```",
         "",
-        *_without(files),
     ]
     write_if_new(folder / "index.md", "\n".join(lines))
     for path in folder.iterdir():

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from benchmarks.mitsuba_compare import cases, differences, on_objects, ours, theirs
+from benchmarks.render.mitsuba_compare import cases, differences, on_objects, ours, theirs
 
 import glazejax as gj
 from glazejax.appearance.mitsuba import variants

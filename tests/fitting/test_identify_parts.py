@@ -7,7 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from benchmarks.shades import ShadeLibrary
+from benchmarks.paint.shades import ShadeLibrary
 from scipy.special import gamma, kv, logsumexp
 from scipy.stats import multivariate_normal
 

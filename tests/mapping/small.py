@@ -8,9 +8,9 @@ from unittest import mock
 
 import numpy as np
 import xarray
-from benchmarks import known_painting
-from benchmarks.known_painting import NOISE, Painting, painting, spectra
-from benchmarks.known_painting_scene import REGIONS
+from benchmarks.rivals import known_painting
+from benchmarks.rivals.known_painting import NOISE, Painting, painting, spectra
+from benchmarks.rivals.known_painting_scene import REGIONS
 
 from glazejax import catalogue
 

@@ -4,8 +4,8 @@ hold the same.
 
 import numpy as np
 import pytest
-from benchmarks.known_painting import FOREIGN, NOISE, painting, read_truth, write_painting
-from benchmarks.known_painting_scene import NUMBER, REGIONS
+from benchmarks.rivals.known_painting import FOREIGN, NOISE, painting, read_truth, write_painting
+from benchmarks.rivals.known_painting_scene import NUMBER, REGIONS
 
 from glazefit.mapping.example import painting as small_painting
 from glazefit.mapping.example import write_painting as small_write

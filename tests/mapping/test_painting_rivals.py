@@ -4,8 +4,8 @@ they say.
 
 import numpy as np
 import pytest
-from benchmarks import known_painting
-from benchmarks.painting_rivals import (
+from benchmarks.rivals import known_painting
+from benchmarks.rivals.painting_rivals import (
     Answer,
     Choice,
     Row,

@@ -4,8 +4,8 @@ import dataclasses
 from unittest import mock
 
 import numpy as np
-from benchmarks import known_painting
-from benchmarks.known_painting import NOISE, Painting
+from benchmarks.rivals import known_painting
+from benchmarks.rivals.known_painting import NOISE, Painting
 
 from glazefit.mapping.store.chunk import SetSum
 from glazefit.mapping.store.layout import PLACES, VARIABLES, Status, Way

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from benchmarks.studio import browser_options
+from benchmarks.studio.studio import browser_options
 
 from glazejax.studio.server import Studio
 

@@ -3,7 +3,7 @@
 import shutil
 
 import pytest
-from benchmarks.page_solver import run_node, write_table
+from benchmarks.studio.page_solver import run_node, write_table
 
 
 @pytest.mark.slow

@@ -38,7 +38,7 @@ class Expectations(NamedTuple):
     """What is expected beforehand, as standard deviations.
 
     Chosen so that films which are left out of a fit are predicted best: `python -m
-    benchmarks.prediction --scan`.
+    benchmarks.paint.prediction --scan`.
     """
 
     thickness: float = 0.3

@@ -214,7 +214,7 @@ def calibrate_mixture(
         noise: of a reading, by default told from its roughness.
         response: model of one film, by default that of the instrument.
         spread: how far films scatter in thickness and gain, by default what foretells revigo's
-            best (`python -m benchmarks.prediction` chooses it anew without each film).
+            best (`python -m benchmarks.paint.prediction` chooses it anew without each film).
         gauge: thicknesses of the films, in metres on the scale of the paints; by default each is
             about `glazefit.recover.joint.UNIT`.
         wavelengths: nm, on which the mixture is sought beside those of the reading, which may be

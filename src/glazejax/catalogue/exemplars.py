@@ -1,9 +1,9 @@
 """Paints of many hands by their pigment: families of pigments, and exemplars of each.
 
 An exemplar is a paint of one source and binder. `exemplars.csv` has k and s, fitted to each
-source's own readings by ``python -m benchmarks.pigments``; `exemplars.tsv` says of each where it is
-from; `families.tsv` has what is known of each pigment; `paints.tsv` names the families of the oils
-and acrylics, which are exemplars, too.
+source's own readings by ``python -m benchmarks.paint.pigments``; `exemplars.tsv` says of each where
+it is from; `families.tsv` has what is known of each pigment; `paints.tsv` names the families of the
+oils and acrylics, which are exemplars, too.
 """
 
 import csv

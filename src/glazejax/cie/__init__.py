@@ -2,9 +2,8 @@
 read in milliseconds.
 
 The tables are those of colour-science (BSD-3-Clause; `SOURCE.md` says which, `LICENSE` is its
-licence), written by
-`python -m benchmarks.cie_tables`. They are here because `import colour` takes longer than rendering
-a glaze: it brings matplotlib, pandas and much of SciPy.
+licence), written by `python -m benchmarks.make.cie_tables`. They are here because `import colour`
+takes longer than rendering a glaze: it brings matplotlib, pandas and much of SciPy.
 """
 
 import csv

@@ -118,9 +118,9 @@ def stack_reflectance_factor(
         Both were calibrated on random stacks of 1 to 5 layers with optical thickness 0.003 to 30,
         albedo up to 1 - 1e-6, grounds 0 to 1 and cosines 0.05 to 1 at indices from 1 to 2.5 against
         a run with more than twice the directions, so that the worst of them stays below the
-        tolerance (`python -m benchmarks.calibrate_directions` repeats it). Where light and view
-        both graze a medium of an index near one, inside too, or light alone where all that leaves
-        is counted, there are more directions, for cosines down to 1e-4; a cosine that is traced
+        tolerance (`python -m benchmarks.solver.calibrate_directions` repeats it). Where light and
+        view both graze a medium of an index near one, inside too, or light alone where all that
+        leaves is counted, there are more directions, for cosines down to 1e-4; a cosine that is traced
         counts as that. A tolerance below 1e-10 (1e-8 by "auxiliary") is met as that, and a warning
         says so. In float32, rounding leaves about 1e-5: the default is met as that, and anything
         below it with a warning.

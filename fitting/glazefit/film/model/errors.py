@@ -28,7 +28,7 @@ class ModelError:
     """Errors of the model; `ModelError.between_films()` has those that films showed.
 
     Its fields may change between versions. Their sizes are those of films that were left out of a
-    joint fit (`benchmarks/identification.py`), and are far from small.
+    joint fit (`benchmarks/paint/identification.py`), and are far from small.
 
     Attributes:
         coefficient: standard deviation of the log of a paint's k, and of its s, added to what the

@@ -227,7 +227,7 @@ def _patches(optics: Optics) -> Float[np.ndarray, "cells 4 4 3"]:
 
 
 def _load_shipped(optics: Optics) -> Float[np.ndarray, "3 nodes nodes"] | None:
-    """What `python -m benchmarks.film_tables` wrote for these optics, if it did."""
+    """What `python -m benchmarks.make.film_tables` wrote for these optics, if it did."""
     for name, (geometry, index) in SHIPPED.items():
         if Optics.of(geometry, index) == optics:
             with files("glazefit.film").joinpath("tables.npz").open("rb") as file:

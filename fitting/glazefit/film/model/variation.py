@@ -25,7 +25,8 @@ SIZES = (0.03, 0.1, 0.3, 0.6, 1.0, 1.7, 3.0)
 """Sizes that a film's errors may have."""
 PRIOR = (0.05, 0.08, 0.15, 0.22, 0.25, 0.18, 0.07)
 """How probable each is where no film was left out. More than nine tenths of the readings of the
-revigo films lie in their bands with it (`python -m benchmarks.prediction`); it was chosen on them.
+revigo films lie in their bands with it (`python -m benchmarks.paint.prediction`); it was chosen on
+them.
 """
 UNSTEADY = 0.1
 """How probable it is of a paint, beforehand, that its films are farther off than others."""

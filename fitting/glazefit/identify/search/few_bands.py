@@ -10,7 +10,7 @@ the covariance M^-1 = (G^T D^-1 G)^-1, times what no film changes,
         - (|D^-1/2 (y - G z)|^2 + log det D + log det M + (bands - few) log 2 pi) / 2.
 
 Of the errors of a film's own paints, what varies between the bands is left out; what that costs is
-measured by `python -m benchmarks.few_bands`.
+measured by `python -m benchmarks.paint.few_bands`.
 """
 
 import threading

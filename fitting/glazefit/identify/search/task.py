@@ -73,7 +73,7 @@ USUAL = Effort(
 )
 """What is used unless more is asked for. In one or two films of a hundred, which several sets
 explain about equally well, `THOROUGH` puts another set first (`python -m
-benchmarks.identification`)."""
+benchmarks.paint.identification`)."""
 THOROUGH = Effort(
     fitted_pairs=10_000,
     kept_sets=120,

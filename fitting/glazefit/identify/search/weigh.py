@@ -184,8 +184,8 @@ def log_odds_of_none(misfit: float | Float[np.ndarray, "*n"]) -> Float[np.ndarra
     A logistic regression on the logarithm of the misfit (`glazefit.Identification.misfit`) of 55
     films that were left out of the fit, each once with the catalogue as it is and once without the
     family of its main paint, as the catalogue's errors were when it was chosen. `python -m
-    benchmarks.truth` makes it anew: with today's errors it would call more films none, three times
-    as many of them wrongly, so that it was kept.
+    benchmarks.paint.truth` makes it again: with today's errors it would call more films none, three
+    times as many of them wrongly, so that it was kept.
     """
     intercept, slope = MISFIT
     return np.asarray(intercept + slope * np.log(np.maximum(misfit, 0.1)))

@@ -38,7 +38,7 @@ _LOWER = (0.3, 0.8, 1.8)
 _SHARES = (0.03, 0.1, 0.25, 0.5, 0.75, 0.92)
 # Stacks of each spectrum that are fitted, by the number of their paints. What is not fitted is
 # missing in the probability of two coats: chosen on films that are drawn from what is expected, for
-# at most twice the time of one coat (`python -m benchmarks.coats_told`).
+# at most twice the time of one coat (`python -m benchmarks.maps.coats_told`).
 _FITTED = {2: 24, 3: 40}
 # How probable a body of one paint and of two is under another paint.
 _BODIES = {2: 0.5, 3: 0.5}

@@ -206,7 +206,7 @@ class _MeshRow(NamedTuple):
     ]  # for layers up to the depths of _DEPTHS; thicker ones have the last and an interior
 
 
-# Worst errors of each row: `python -m benchmarks.calibrate_auxiliary`.
+# Worst errors of each row: `python -m benchmarks.solver.calibrate_auxiliary`.
 _ROWS = (
     _MeshRow(1e-2, 4, 8, (2, 3, 5)),
     _MeshRow(1e-3, 4, 8, (2, 3, 5)),

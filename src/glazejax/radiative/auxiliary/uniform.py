@@ -151,7 +151,7 @@ def split_reflectance_factor(
     Notes:
         The error is of second order in dh where ``corrected``: at most 0.04 (dh/mu)^2, mu the
         smaller cosine inside, on the shared references, and mostly far less. Without, it is of
-        first order (`python -m benchmarks.auxiliary_order` shows both).
+        first order (`python -m benchmarks.papers.auxiliary_order` shows both).
         Differentiable by albedo, thickness, ground and the cosines at a fixed number of segments,
         forward and reverse; as printed, the result by a fixed step is piecewise constant in the
         thickness, so only the corrected one has a derivative worth the name. Under `jax.jit` with a

@@ -111,7 +111,7 @@ class _ResolutionRow(NamedTuple):
     grazing: tuple[int, float]  # the same where light and view both graze, too
 
 
-# Worst errors of each row: `python -m benchmarks.calibrate_directions`.
+# Worst errors of each row: `python -m benchmarks.solver.calibrate_directions`.
 _ROWS = (
     _ResolutionRow(
         tolerance=1e-2, cone=3, total=3, near_cone=4, sliver=(4, 3.5), grazing=(9, 10.0)

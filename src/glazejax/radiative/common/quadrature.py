@@ -25,7 +25,7 @@ class Directions(NamedTuple):
 
 # Crowding c of n = 2, 3, ... graded nodes that makes the largest error of int_0^1 x e^(-D/x) dx
 # over all D, the slowest integral of a thin layer, smallest (`python -m
-# benchmarks.calibrate_directions` prints the search). fmt: off
+# benchmarks.solver.calibrate_directions` prints the search). fmt: off
 _CROWDING = (
     0.0,
     0.3,

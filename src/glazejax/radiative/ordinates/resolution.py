@@ -14,7 +14,7 @@ from ..common.simultaneous import fine_half_range
 
 # The largest error of the sums over directions may be this share of the tolerance: the worst error
 # of a stack's reflectance stays below the tolerance then (`python -m
-# benchmarks.calibrate_directions`).
+# benchmarks.solver.calibrate_directions`).
 _SHARE = 0.17
 # Beams may graze inside, too, where the index is near one; where it is high, the light inside is
 # many times brighter.

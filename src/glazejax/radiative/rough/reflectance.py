@@ -54,8 +54,8 @@ def rough_reflectance_factor(
         stacks of two layers (optical thickness 0.003 to 30, albedo up to 1 - 1e-6, grounds 0 to 1,
         cosines from 0.05) under surfaces of roughness 0.001 to 1 and index 1.05 to 2.5 against a
         run with more of each: the worst error is less than half the tolerance (`python -m
-        benchmarks.rough_surface`). A cosine below 0.05 and an index below 1.05 can miss it by a few
-        times.
+        benchmarks.solver.rough_surface`). A cosine below 0.05 and an index below 1.05 can miss it
+        by a few times.
 
     Raises:
         ValueError: as `stack_reflectance_factor`; and a roughness out of range, or a roughness or

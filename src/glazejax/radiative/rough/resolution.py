@@ -20,7 +20,7 @@ FINEST = 1e-5
 
 # Below this index light may graze inside, too, and takes more nodes.
 _LOW = 1.2
-# Worst errors of each: `python -m benchmarks.rough_surface`.
+# Worst errors of each: `python -m benchmarks.solver.rough_surface`.
 _SIZES = (
     (1e-2, Size(upper=4, lower=5, crowding=2.0, incidence=20, beams=28, facets=(8, 8))),
     (1e-3, Size(upper=5, lower=8, crowding=2.0, incidence=24, beams=28, facets=(8, 8))),

@@ -1,0 +1,1 @@
+"""What makes shipped data and pictures, and measures nothing."""

@@ -1,0 +1,41 @@
+"""The tables of one film for the instruments that `glazefit` takes when it is told none:
+`glazefit/film/tables.npz`.
+
+    python -m benchmarks.make.film_tables [--out FILE]
+
+Black, gain and back of a film at all nodes, by the solver, which takes some seconds an instrument.
+To be run again when the solver's own numbers change by more than `tests/fitting/test_response.py`
+allows.
+"""
+
+import argparse
+from pathlib import Path
+
+import numpy as np
+
+import glazefit.film.model.response as response
+from glazefit.film.model.optics import Optics
+from glazejax.commands.main import start_jax
+
+FILE = Path(response.__file__).parents[1] / "tables.npz"
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument(
+        "--out", type=Path, default=FILE, help="file for the tables (default: %(default)s)"
+    )
+    options = parser.parse_args()
+    start_jax()
+    tables = {
+        name: response.solved_table(Optics.of(*instrument))
+        for name, instrument in response.SHIPPED.items()
+    }
+    np.savez_compressed(options.out, **tables)  # pyright: ignore[reportArgumentType]
+    print(f"written: {options.out} ({options.out.stat().st_size / 1e3:.0f} kB)")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,1 @@
+"""Maps of paintings whose truth is known."""

@@ -1,0 +1,1 @@
+"""Recovery, identification, recipes and posteriors of paints."""

@@ -1,0 +1,245 @@
+"""Simulation-based calibration: where truths that the prior drew lie among the posterior's draws.
+
+    python -m benchmarks.paint.calibration_ranks [--draws 500] [--kinds film bands ...] [--seed 0] [--out FOLDER]
+
+A truth is drawn from the prior, read with the instrument's noise, and its posterior sampled. Over
+many truths the share of draws below the truth is uniform in [0, 1] if posteriors are right (Talts,
+Betancourt, Simpson, Vehtari and Gelman, arXiv:1804.06788). A heap at both ends says that posteriors
+are too narrow, one in the middle that they are too wide, one at one end that they are shifted.
+
+film: one to three paints of the catalogue, all else drawn from `glazefit.Prior`. bands: k d and s d
+of every band drawn from the prior of `posterior_of_bands`, each band by itself. coats: a glaze of a
+known paint over a body of two. unknown, two grounds and unknown, one ground: a coat whose k d and s d
+are drawn from `glazefit.SpectraPrior` over 30 um of a known paint.
+
+Each kind with the default sampler, of stacks with fewer steps or chains. `--draws` is how many truths of each kind are drawn; the solver's
+kinds get fewer, as their titles say. Errors behind shares count films, whose quantities hang
+together. Writes a table and the histograms.
+"""
+
+import argparse
+import time
+from collections.abc import Callable, Iterator
+from typing import Any, NamedTuple
+
+import jax
+import numpy as np
+
+from benchmarks.paint.coverage import simulate
+from benchmarks.paint.layers_inverted import held, known_paints, unknown_paint
+from benchmarks.results import Results, add_option, progress
+
+NEEDS = ("matplotlib",)
+
+GROUP = 25
+BINS = 10
+BANDS = np.arange(400.0, 701.0, 50.0)
+# Of the kinds that take long, this share of the draws that were asked for.
+SHARES = {"film": 1.0, "bands": 1.0, "two grounds": 0.25, "one ground": 0.25, "coats": 0.25}
+# And fewer steps, or chains, than the default.
+FEWER = {
+    "two grounds": {"steps": 100, "walkers": 16},
+    "one ground": {"steps": 100, "walkers": 16},
+    "bands": {"steps": 100, "walkers": 16},
+}
+
+
+class Posed(NamedTuple):
+    """Problems of some films side by side, and the truth of each quantity, (blocks,)."""
+
+    problem: Any
+    films: tuple[Any, ...]
+    modes: Any
+    truth: dict[str, np.ndarray]
+
+
+class Ranks(NamedTuple):
+    """Of one group: shares of draws below the truth, by quantity, (films,), and R-hat, (films,)."""
+
+    below: dict[str, np.ndarray]
+    apart: np.ndarray
+
+
+def films(count: int, rng: np.random.Generator, group: int) -> Posed:
+    from glazefit import Instrument, Prior
+    from glazefit.posterior.film import pose_films
+    from glazefit.posterior.film_errors import pose_errors
+
+    made, truth = simulate(count, 1 + group % 3, rng, model_error=True, gloss=True)
+    problem = pose_films(made, truth.paints, Instrument(), Prior())
+    problem, modes = pose_errors(problem, made, Instrument(), Prior())
+    return Posed(problem, tuple(made), modes, truth.quantities)
+
+
+def bands(count: int, rng: np.random.Generator, group: int) -> Posed:
+    from glazefit import Instrument, Noise, simulate_films
+    from glazefit.film.reading import readings
+    from glazefit.posterior.bands import join_bands, pose_bands, prior_draws
+    from glazefit.posterior.laplace import find_modes
+
+    logs = prior_draws(rng, count * BANDS.size).reshape(count, BANDS.size, 2)
+    k, s = np.exp(logs[..., 0] + logs[..., 1]), np.exp(logs[..., 1])
+    names = [f"film {n}" for n in range(count)]
+    made = simulate_films(BANDS, k, s, names=names, seed=int(rng.integers(2**31)))
+    read = readings(made, Instrument(), Noise())
+    problem = join_bands([pose_bands(film, 1.0, Instrument()) for film in read])
+    truth = {"absorption": k.ravel(), "scattering": s.ravel(), "ratio": (k / s).ravel()}
+    return Posed(problem, tuple(read), find_modes(problem), truth)
+
+
+def coats(count: int, rng: np.random.Generator, group: int) -> Posed:
+    return posed_stack(known_paints(count, rng))
+
+
+def two_grounds(count: int, rng: np.random.Generator, group: int) -> Posed:
+    return posed_stack(unknown_paint(count, rng), slice(0, count))
+
+
+def one_ground(count: int, rng: np.random.Generator, group: int) -> Posed:
+    return posed_stack(unknown_paint(count, rng), slice(count, 2 * count))
+
+
+def posed_stack(simulated: Any, rows: slice = slice(None)) -> Posed:
+    from glazefit import Instrument, Prior, SpectraPrior
+    from glazefit.posterior.stack import pose_stack
+    from glazefit.posterior.stack_errors import pose_stack_errors
+
+    made = simulated.films[rows]
+    problem = pose_stack(made, simulated.coats[rows], Instrument(), Prior(), SpectraPrior())
+    problem, modes = pose_stack_errors(problem, made, Prior())
+    truth = {name: values[rows] for name, values in simulated.truth.items()}
+    return Posed(problem, tuple(made), modes, truth)
+
+
+KINDS: dict[str, Callable[[int, np.random.Generator, int], Posed]] = {
+    "film": films,
+    "bands": bands,
+    "two grounds": two_grounds,
+    "one ground": one_ground,
+    "coats": coats,
+}
+
+
+def ranked(posed: Posed, options: Any) -> Ranks:
+    """Posteriors of a group, and where the truths lie in them."""
+    from glazefit.posterior.posterior import sample
+
+    posterior = sample(posed.problem, posed.films, posed.modes, options)
+    state = posterior.convergence
+    assert state is not None
+    blocks = len(posed.problem.blocks)
+    films = len(posed.films)
+    below = {}
+    for name, draws in posterior.draws.items():
+        if name in posed.truth:
+            shares = (draws < posed.truth[name]).mean(axis=(0, 1))
+            # Bands of a film, where each is a block, are quantities that hang together.
+            for n, one in enumerate(shares.reshape(films, blocks // films).T):
+                below[f"{name} {n}" if blocks > films else name] = one
+    apart = np.broadcast_to(state.apart, blocks).reshape(films, -1).max(axis=1)
+    return Ranks(below, apart)
+
+
+def gathered(groups: list[Ranks]) -> dict[str, np.ndarray]:
+    """Ranks by what is asked, (films, quantities); fractions of any paint and all bands of one
+    spectrum together.
+    """
+    by_group: list[dict[str, np.ndarray]] = []
+    for group in groups:
+        mine: dict[str, list[np.ndarray]] = {}
+        for name, values in group.below.items():
+            word = name.split()[0]
+            title = {"absorption": "k d", "scattering": "s d", "ratio": "k/s", "model": "error"}
+            kind = "thickness" if word == "thickness" else title.get(word, word)
+            mine.setdefault(kind, []).append(values)
+        by_group.append({kind: np.stack(values, axis=1) for kind, values in mine.items()})
+    # Films of one paint have no fractions: their rows are empty.
+    kinds = dict.fromkeys(kind for mine in by_group for kind in mine)
+    none = [np.full((len(group.apart), 1), np.nan) for group in groups]
+    return {
+        kind: padded([mine.get(kind, empty) for mine, empty in zip(by_group, none, strict=True)])
+        for kind in kinds
+    }
+
+
+def padded(parts: list[np.ndarray]) -> np.ndarray:
+    """Groups of films below each other; NaN where one has fewer quantities."""
+    wide = max(part.shape[1] for part in parts)
+    fill = [np.pad(p, ((0, 0), (0, wide - p.shape[1])), constant_values=np.nan) for p in parts]
+    return np.concatenate(fill)
+
+
+def lines(found: dict[str, np.ndarray]) -> Iterator[str]:
+    """A line for each quantity, and one for all."""
+    yield f"{'':<11}{'cases':>6}{'held':>13}  in tenths of the posterior, from below, % of cases"
+    whole = np.concatenate(list(found.values()), axis=1)
+    for name, ranks in (found | {"all": whole}).items():
+        there = np.isfinite(ranks)
+        counts = np.histogram(ranks[there], bins=BINS, range=(0.0, 1.0))[0]
+        shares = " ".join(f"{100 * n / there.sum():4.0f}" for n in counts)
+        yield f"{name:<11}{there.sum():>6}{held(np.where(there, ranks, 0.5), there):>13}  {shares}"
+
+
+def draw(found: dict[str, dict[str, np.ndarray]]) -> Any:
+    from matplotlib.figure import Figure
+
+    most = max(map(len, found.values()))
+    figure = Figure(figsize=(2.3 * most, 1.9 * len(found)), layout="constrained")
+    panels = figure.subplots(len(found), most, squeeze=False)
+    for row, (kind, quantities) in zip(panels, found.items(), strict=True):
+        for panel in row[len(quantities) :]:
+            panel.set_axis_off()
+        for panel, (name, ranks) in zip(row, quantities.items(), strict=False):
+            there = ranks[np.isfinite(ranks)]
+            panel.hist(there, bins=BINS, range=(0, 1), density=True, color="C0", alpha=0.7)
+            # Two standard errors, as if only films counted.
+            off = 2.0 * np.sqrt((BINS - 1.0) / len(ranks))
+            panel.axhspan(max(0.0, 1.0 - off), 1.0 + off, color="0.5", alpha=0.2, lw=0)
+            panel.axhline(1.0, color="0.4", lw=0.8)
+            panel.set(xlim=(0, 1), yticks=[], title=f"{kind}: {name}")
+            panel.title.set_fontsize(8)
+            panel.tick_params(labelsize=7)
+    return figure
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--draws", type=int, default=500, help="truths of each kind")
+    parser.add_argument("--kinds", nargs="+", choices=KINDS, default=list(KINDS))
+    parser.add_argument("--seed", type=int, default=0)
+    add_option(parser, draws=4, kinds=["bands"])
+    options = parser.parse_args()
+    jax.config.update("jax_enable_x64", True)
+    from glazefit.posterior.sampling import Sampling
+
+    say = Results("calibration_ranks", options.out)
+    say(f"Where truths drawn from the prior lie in their posteriors (seed {options.seed})")
+    found = {}
+    for kind in options.kinds:
+        began = time.perf_counter()
+        count = max(4, round(options.draws * SHARES[kind]))
+        rng = np.random.default_rng([options.seed, list(KINDS).index(kind)])
+        groups = []
+        for group in range(-(-count // GROUP)):
+            progress(f"{kind}: {group * GROUP} of {count}")
+            posed = KINDS[kind](min(GROUP, count - group * GROUP), rng, group)
+            few: dict[str, Any] = {"steps": 10} if options.quick else FEWER.get(kind, {})
+            groups.append(ranked(posed, Sampling(seed=options.seed + group, **few)))
+        progress()
+        found[kind] = gathered(groups)
+        apart = np.concatenate([group.apart for group in groups])
+        say(f"\n{kind}: {count} films, 90 % intervals")
+        for line in lines(found[kind]):
+            say(line)
+        say(
+            f"R-hat: below 1.05 in {np.mean(apart < 1.05):.0%} of films, median "
+            f"{np.median(apart):.2f}; {time.perf_counter() - began:.0f} s, compilation included"
+        )
+        # Each kind takes long; what is done is kept.
+        say.save(draw(found))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,219 @@
+"""Identification of other people's paints and across shades and cards; and its speed.
+
+    python -m benchmarks.paint.identification [--device gpu] [--out FOLDER]
+
+Films left out of a fit, with known truth, are in `benchmarks.paint.truth`. Kimera masstones and the RRT
+panel are other paints, measured with other instruments. HypPigments: three shades of each of 398
+patches are known, the fourth is sought; and the same pigment on another card. The bar is the
+nearest spectral angle.
+"""
+
+import argparse
+import functools
+import importlib
+import time
+from collections.abc import Callable
+from contextlib import ExitStack
+from typing import Any
+from unittest import mock
+
+import numpy as np
+
+from benchmarks import device
+from benchmarks.paint.identification_sets import hyppigments, hyppigments_across_cards, kimera, rrt
+from benchmarks.results import Results, add_option
+from glazefit import Identification, Noise, identify
+from glazefit.film.model.response import film_response
+from glazejax import Hemispherical, Pigment, catalogue
+from glazejax.commands.main import start_jax
+from glazejax.radiative.common import threads
+
+NEEDS = ("data/kimera", "data/rrt", "data/hyppigments")
+
+UNIT = 25e-6
+
+
+def family(recipe: dict[str, float]) -> dict[str, float]:
+    """Fractions by pigment."""
+    out: dict[str, float] = {}
+    for paint, share in recipe.items():
+        name = catalogue.family(paint)
+        out[name] = out.get(name, 0.0) + share
+    return out
+
+
+def simulated(
+    paints: list[Pigment],
+    count: int,
+    seed: int,
+    rough: bool,
+    cards: tuple[float, ...] = (0.025, 0.93),
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Films of two paints over a black and a white card or over others, their grounds, and the
+    paints.
+
+    Noise as instruments have it; rough ones also have smooth errors of some percent, as films of
+    real paint.
+    """
+    rng = np.random.default_rng(seed)
+    k, s = (
+        np.stack([np.asarray(getattr(p, what)) for p in paints]) * UNIT
+        for what in ("absorption", "scattering")
+    )
+    weights = rng.dirichlet(np.ones(2), count)
+    pair = np.array([rng.choice(len(paints), 2, replace=False) for _ in range(count)])
+    kd, sd = (np.einsum("nm,nmb->nb", weights, a[pair]) for a in (k, s))
+    grounds = np.array(cards)[:, None] * np.ones((len(cards), kd.shape[1]))
+    body = film_response(Hemispherical()).body(kd[:, None], sd[:, None], grounds)
+    noise = Noise()
+    spectra = np.asarray(body) + 0.04
+    spectra = spectra + noise.sd(spectra) * rng.standard_normal(spectra.shape)
+    if rough:
+        along = np.linspace(0.0, 1.0, kd.shape[1])
+        level, bump = rng.standard_normal((2, count, 1))
+        often, first = rng.random((2, count, 1))
+        wave = np.sin(np.pi * (along * (1.0 + 2.0 * often) + first))
+        spectra *= (1.0 + 0.05 * level + 0.06 * bump * wave)[:, None]
+    return np.clip(spectra, 0.0, 1.0), grounds, pair
+
+
+def speed(results: Results, count: int = 1000, compared: int = 400, triples: int = 200) -> None:
+    """The usual search beside the thorough one: run time, and how often they agree."""
+    paints = list(catalogue.load().values())
+    grid = paints[0].wavelengths
+    results(
+        f"ALL SINGLES AND PAIRS OF {len(paints)} PAINTS, over two cards, 31 bands; the second "
+        "run of two"
+    )
+    results(
+        f"{'':<26}{'spectra':>8} {'usual':>10} {'thorough':>10}  first set  probability off by > "
+        ".02:"
+    )
+    results(
+        f"{'':<26}{'':>8} {'a second':>10} {'a second':>10}  the same   of a paint, of none; 99 "
+        "% of them"
+    )
+    for words, rough in (("noise only", False), ("and errors of 5 %", True)):
+        spectra, grounds, pair = simulated(paints, count, 1, rough)
+        rate, found = {}, {}
+        for thorough, number in ((False, count), (True, compared)):
+            # The first call compiles.
+            for _ in range(2):
+                began = time.perf_counter()
+                found[thorough] = identify(
+                    grid, spectra[:number], paints, ground=grounds, max_paints=2, thorough=thorough
+                )
+                rate[thorough] = number / (time.perf_counter() - began)
+        usual, full = found[False], found[True]
+        same = np.mean([first_set(usual, row) == first_set(full, row) for row in range(compared)])
+        paint = np.abs(usual.paint_probability[:compared] - full.paint_probability).max(axis=1)
+        none = np.abs(usual.none[:compared] - full.none)
+        results(
+            f"{words:<26}{count:>8} {rate[False]:>10.0f} {rate[True]:>10.0f}  {same:6.1%}     "
+            f"{np.mean(paint > 0.02):.1%}, {np.mean(none > 0.02):.1%}; "
+            f"{np.quantile(paint, 0.99):.3f}, "
+            f"{np.quantile(none, 0.99):.3f}"
+        )
+        right = [
+            set(m[m >= 0].tolist()) == set(p.tolist())
+            for m, p in zip(usual.members[:, 0], pair, strict=True)
+        ]
+        results(f"  both paints right: {np.mean(right):.1%} (fractions down to 0)")
+    spectra, grounds, _ = simulated(paints, triples, 2, False)
+    identify(grid, spectra, paints, ground=grounds, max_paints=3)
+    began = time.perf_counter()
+    identify(grid, spectra, paints, ground=grounds, max_paints=3)
+    results(
+        f"Sets of three too, noise only, {triples} spectra: "
+        f"{triples / (time.perf_counter() - began):.0f} a second"
+    )
+
+
+STAGES = {
+    "table of films (once)": ("table", "film_table"),
+    "spectra beside the table": ("screen", "screen"),
+    "sets ranked": ("fit", "rank"),
+    "best sets again with own errors": ("refine", "refine"),
+    "  errors of groups": ("refine", "coefficient_errors"),
+    "  fits with these, and as shown": ("refine", "_fit"),
+    "  errors allowed": ("refine", "move_readings"),
+    "other conditions, all of the above": ("unstated_conditions", "search_unstated_conditions"),
+    "  probabilities": ("weigh", "odds_of"),
+}
+
+
+def profile(results: Results, count: int = 256) -> None:
+    """Processor time of each stage, on one core, noise only."""
+    modules = {
+        name: importlib.import_module(f"glazefit.identify.search.{name}")
+        for name in {"searcher", "candidates"} | {m for m, _ in STAGES.values()}
+    }
+    spent = dict.fromkeys(STAGES, 0.0)
+
+    def timed(words: str, work: Callable) -> Callable:
+        @functools.wraps(work)
+        def measured(*args: Any, **options: Any) -> Any:
+            began = time.process_time()
+            answer = work(*args, **options)
+            spent[words] += time.process_time() - began
+            return answer
+
+        return measured
+
+    paints = list(catalogue.load().values())
+    spectra, grounds, _ = simulated(paints, count, 5, False)
+    with ExitStack() as stack:
+        stack.enter_context(mock.patch.object(threads, "cores", return_value=1))
+        for words, (home, name) in STAGES.items():
+            work = getattr(modules[home], name)
+            instead = timed(words, work)
+            for module in modules.values():
+                if getattr(module, name, None) is work:
+                    stack.enter_context(mock.patch.object(module, name, instead))
+        identify(paints[0].wavelengths, spectra, paints, ground=grounds, max_paints=2)
+        spent.update(dict.fromkeys(STAGES, 0.0))
+        began = time.process_time()
+        identify(paints[0].wavelengths, spectra, paints, ground=grounds, max_paints=2)
+        whole = time.process_time() - began
+    results(
+        f"WHERE THE TIME GOES: {count} spectra, noise only, one core; ms of processor time for "
+        "each spectrum"
+    )
+    for words, seconds in spent.items():
+        results(f"  {words:<38}{1e3 * seconds / count:6.2f}")
+    results(f"  {'all':<38}{1e3 * whole / count:6.2f}")
+
+
+def first_set(found: Identification, row: int) -> tuple[frozenset[int], int]:
+    """Paints of the first answer, and its condition."""
+    members = found.members[row, 0]
+    return frozenset(members[members >= 0].tolist()), int(found.condition[row, 0])
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    add_option(parser)
+    device.add_option(parser)
+    options = parser.parse_args()
+    chosen = device.start(options.device)
+    start_jax()
+    results = Results(device.file_name("identification", options.device), options.out)
+    results(device.words(chosen))
+    results()
+    if options.quick:
+        speed(results, 60, 20, 20)
+        results()
+    for part in (
+        (kimera, rrt)
+        if options.quick
+        else (speed, profile, kimera, rrt, hyppigments, hyppigments_across_cards)
+    ):
+        part(results)
+        results()
+    results.save()
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,235 @@
+"""Coats of a brush: how well the next coat is foretold from the first one or two.
+
+    python -m benchmarks.paint.ladders [--out FOLDER] [--paints N] [--every N]
+
+Half of the paints show three coats each. Of the others one coat is read, or two, and the next are
+foretold, each on its own ground. Simulated: paints of the catalogues, one coat's scattering times
+thickness e^-.3 with a spread of .6, thickness n coats with a spread of .3, marble that is not the
+same everywhere, readings off by 1 %; made by glazejax, and by Kubelka and Munk's formula with
+Saunderson's surface. Measured: patches of a chart of Kremer's pigments (hyppigments) in shades over
+white, lightest first; their numbers of coats are not known, and are taken from what four shades of
+the taught patches say in the median. Nobody painted them as coats: thinner shades may well be
+diluted paint.
+
+Beside it: the same with what is expected of any film, without learning from the other paints;
+Kubelka and Munk's formula in the same fits; and 'the same as the last coat'. CIEDE2000, means; D65, 10 degrees.
+"""
+
+import argparse
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+from benchmarks.kubelka_munk import KubelkaMunk
+from benchmarks.measured import data_folder
+from benchmarks.paint.pigments import fit
+from benchmarks.paintbench.library import grid_readings
+from benchmarks.paintbench.sources import read_sources
+from benchmarks.results import Results, add_option, progress
+from glazefit import Films
+from glazefit.film.films import Noise, card_reflectance
+from glazefit.film.model.response import Response, film_response
+from glazefit.recover.coats import BRUSHED, CoatScattering, predict_next_coat, recover_coats
+from glazefit.recover.joint_problem import Expectations
+from glazejax import catalogue
+from glazejax.colour import delta_e_of_spectra
+from glazejax.commands.main import start_jax
+from glazejax.geometry import resolve_instrument
+
+NEEDS = ("data/hyppigments",)
+
+INSTRUMENT = resolve_instrument("45:0")
+GRID = np.arange(400.0, 701.0, 10.0)
+# Of a simulated coat: log of s d and its spread between paints, spread of the log of thickness.
+LEVEL, LEVEL_SD, SPREAD = -0.3, 0.6, 0.3
+# A reading's noise, and what its level is off: marble and coats are not the same everywhere.
+NOISE, OFF = Noise(0.001, 0.003), 0.01
+_ANY_FILM = CoatScattering(*Expectations().level_s)
+
+
+class Square(NamedTuple):
+    """One film of a ladder, read beside its bare ground."""
+
+    coats: float
+    ground: Float[np.ndarray, "bands"]
+    reading: Float[np.ndarray, "bands"]
+
+
+Ladders = Mapping[str, Sequence[Square]]
+
+
+class Method(NamedTuple):
+    """How coats are foretold."""
+
+    title: str
+    response: Response
+    expected: CoatScattering
+    learn: bool
+
+
+def main() -> None:
+    """Write the tables."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.paint.ladders", description=__doc__)
+    parser.formatter_class = argparse.RawDescriptionHelpFormatter
+    add_option(parser, paints=4, every=130)
+    parser.add_argument("--paints", type=int, default=40, help="simulated (default: %(default)s)")
+    parser.add_argument("--every", type=int, default=14, help="patch of the chart is taken")
+    options = parser.parse_args()
+    start_jax()
+    results = Results("ladders", options.out)
+    optics, formula = film_response(INSTRUMENT), KubelkaMunk(INSTRUMENT)
+    methods = (
+        Method("glazejax, learnt from the others", optics, BRUSHED, True),
+        Method("glazejax, as any film", optics, _ANY_FILM, False),
+        Method("Kubelka-Munk, learnt from the others", formula, BRUSHED, True),
+    )
+    for title, truth in (("glazejax", optics), ("Kubelka-Munk", formula)):
+        ladders = simulate(truth, options.paints)
+        report(results, f"Simulated by {title}", ladders, GRID, methods)
+    ladders, grid = chart(options.every)
+    report(results, "Chart of pigments", ladders, grid, methods)
+    results.save()
+
+
+def simulate(truth: Response, paints: int, seed: int = 0) -> Ladders:
+    """Ladders of three coats of the catalogues' paints."""
+    rng = np.random.default_rng(seed)
+    shelf = [
+        paint.resample(GRID)
+        for name in ("oils", "acrylics")
+        for paint in catalogue.load(name).values()
+        if paint.wavelengths[0] <= GRID[0] and paint.wavelengths[-1] >= GRID[-1]
+    ]
+    ladders = {}
+    for number in range(paints):
+        paint = shelf[rng.integers(len(shelf))]
+        k, s = np.asarray(paint.absorption), np.asarray(paint.scattering)
+        factor = np.exp(LEVEL + LEVEL_SD * rng.standard_normal() - np.log(s).mean())
+        squares = []
+        for coats in (1.0, 2.0, 3.0):
+            d = factor * coats * np.exp(SPREAD * rng.standard_normal())
+            ground = 0.86 - 0.06 * np.exp(-(GRID - GRID[0]) / 60) + 0.01 * rng.standard_normal()
+            inside = card_reflectance(ground, INSTRUMENT)[0]
+            body = truth.body(np.minimum(k * d, 299.0), np.minimum(s * d, 900.0), inside)
+            exact = (np.asarray(body) + INSTRUMENT.seen_surface) * np.exp(
+                OFF * rng.standard_normal()
+            )
+            reading = exact + NOISE.sd(exact) * rng.standard_normal(GRID.size)
+            squares.append(Square(coats, ground, np.clip(reading, 0.001, 0.985)))
+        ladders[f"{paint.name} {number}"] = squares
+    return ladders
+
+
+def chart(every: int) -> tuple[Ladders, Float[np.ndarray, "bands"]]:
+    """Patches of the chart as ladders of their three lightest shades, and the wavelengths."""
+    (source,) = (found for found in read_sources(data_folder()) if found.name == "hyppigments")
+    grid = np.arange(410.0, 731.0, 10.0)
+    readings = grid_readings(source, range(len(source.samples)), grid).reshape(-1, 4, grid.size)
+    # As in `benchmarks.paint.pigments`: what the brightest of the lightest shades reflect.
+    bright = np.maximum.accumulate(np.percentile(readings[:, 3], 98.0, axis=0))
+    white = np.minimum(bright, 0.96)
+    chosen = [row for row in range(0, len(readings), every) if readings[row].max() < 0.99]
+    shades = [f"shade {number + 1}" for number in range(4)]
+    logs = []
+    for row in chosen[1::2]:
+        progress(f"chart: patch {row}")
+        found = fit(
+            shades,
+            grid,
+            readings[row],
+            {shade: {"paint": 1.0} for shade in shades},
+            bare=white,
+            expectations=Expectations(thickness=1.0),
+        )
+        logs.append(np.log(found.thickness[[3, 2, 1]]))
+    coats = np.exp(np.median(np.array(logs) - np.array(logs)[:, :1], axis=0))
+    ladders = {
+        f"patch {row}": [
+            Square(round(float(number), 2), white, np.clip(readings[row, shade], 0.001, 0.985))
+            for number, shade in zip(coats, (3, 2, 1), strict=True)
+        ]
+        for row in chosen
+    }
+    return ladders, grid
+
+
+def report(
+    say: Results,
+    title: str,
+    ladders: Ladders,
+    grid: Float[np.ndarray, "bands"],
+    methods: Sequence[Method],
+) -> None:
+    """Print a table of methods, for the first paint, the third, and so on."""
+    asked = list(ladders)[::2]
+    coats = ", ".join(f"{square.coats:g}" for square in ladders[asked[0]])
+    say(
+        f"\n{title}: {len(asked)} paints foretold, {len(ladders) - len(asked)} taught; {coats} coats"
+    )
+    say(f"{'':<38}{'2 from 1':>10}{'3 from 1':>10}{'3 from both':>13}{'in 90 % band':>22}")
+    for method in methods:
+        progress(f"{title}: {method.title}")
+        cells = []
+        held = []
+        for known, coming in ((1, (1, 2)), (2, (2,))):
+            recovery = recover_coats(
+                films_of(ladders, asked, known, grid),
+                instrument=INSTRUMENT,
+                noise=NOISE,
+                expected=method.expected,
+                learn=method.learn,
+                response=method.response,
+            )
+            for place in coming:
+                off, inside = [], []
+                for paint in asked:
+                    square = ladders[paint][place]
+                    found = predict_next_coat(recovery, paint, square.coats, square.ground)
+                    low, high = found.interval()
+                    off.append(float(found.delta_e(square.reading)))
+                    inside.append(np.mean((square.reading >= low) & (square.reading <= high)))
+                cells.append(np.mean(off))
+                held.append(np.mean(inside))
+        say(
+            f"{method.title:<38}{cells[0]:>10.2f}{cells[1]:>10.2f}{cells[2]:>13.2f}"
+            + " " * 4
+            + "".join(f"{share:>6.0%}" for share in held)
+        )
+    same = [
+        np.mean([_delta_e(grid, ladders[paint][a], ladders[paint][b]) for paint in asked])
+        for a, b in ((0, 1), (0, 2), (1, 2))
+    ]
+    say(f"{'the same as the last coat':<38}{same[0]:>10.2f}{same[1]:>10.2f}{same[2]:>13.2f}")
+
+
+def films_of(
+    ladders: Ladders, asked: Sequence[str], known: int, grid: Float[np.ndarray, "bands"]
+) -> Films:
+    """All squares of the taught paints, and the first ones of those that are asked for."""
+    rows = {
+        f"{paint} {square.coats:g} coats": square
+        for paint, squares in ladders.items()
+        for square in (squares[:known] if paint in asked else squares)
+    }
+    readings = np.stack([square.reading for square in rows.values()])
+    count = len(rows)
+    return Films(
+        names=tuple(rows),
+        wavelengths=grid,
+        bare_black=np.full(readings.shape, 0.05),
+        bare_white=np.stack([square.ground for square in rows.values()]),
+        over_black=readings,
+        over_white=readings,
+        seen=np.tile([False, True], (count, 1)),
+        assumed=np.tile([True, False], (count, 1)),
+    )
+
+
+def _delta_e(grid: Float[np.ndarray, "bands"], one: Square, other: Square) -> float:
+    return float(delta_e_of_spectra(grid, one.reading, other.reading, observer=10))
+
+
+if __name__ == "__main__":
+    main()

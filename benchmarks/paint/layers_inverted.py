@@ -1,0 +1,302 @@
+"""Stacks of coats found again: do 90 % intervals hold the truth nine times in ten, and what is not
+told?
+
+    python -m benchmarks.paint.layers_inverted [--stacks 40] [--unknown 8] [--seed 0] [--out FOLDER]
+
+Known paints: a glaze of one paint of the catalogue over a body of two, thicknesses, fractions,
+gloss and the paints' error drawn from what `glazefit.posterior_of_coats` takes for likely
+(thicknesses about 8 and 30 um); k and s of each coat are then really off by smooth random factors
+of that size. Unknown paint: a coat whose k d and s d are drawn from
+`glazefit.SpectraPrior`, over 30 um of a known paint, read over two grounds or over one; and, in
+their place, paints of the catalogue, which no prior drew. Readings come from the public solver at
+an error of 1e-6, over a black and a white ground, every 50 nm, with the noise of `glazefit.Noise`.
+
+A quantity counts as told if its interval is less than .9 as wide as before the measurement. The
+error behind a share is by counting stacks, whose quantities hang together: the standard deviation
+of their shares over the root of their number.
+"""
+
+import argparse
+import time
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from benchmarks.results import Results, add_option
+
+GRID = np.arange(400.0, 701.0, 50.0)
+GROUNDS = np.array([0.03, 0.93])
+GLAZE, BODY = 8e-6, 30e-6
+STEPS, UNKNOWN_STEPS, WALKERS, THIN = 800, 2000, 16, 10
+COEFFICIENTS = ("absorption", "scattering")
+# Noise of a ground that is not there.
+NOTHING = 1e3
+
+
+class Simulated(NamedTuple):
+    """Films, what is known of their coats, and the truth by quantity, (films,)."""
+
+    films: list[Any]
+    coats: list[list[Any]]
+    truth: dict[str, np.ndarray]
+
+
+class Found(NamedTuple):
+    """Where the truth lies in a quantity's posterior, and how wide that is over the prior's, each
+    (stacks,).
+    """
+
+    emcee: np.ndarray
+    laplace: np.ndarray
+    width: np.ndarray
+    trusted: np.ndarray
+
+
+def spectra_of(paints: Sequence[Any]) -> np.ndarray:
+    """k and s of paints, (paints, 2, bands)."""
+    return np.array([[np.asarray(getattr(p, what)) for what in COEFFICIENTS] for p in paints])
+
+
+def smooth_errors(
+    rng: np.random.Generator, size: np.ndarray, coats: int, length: float
+) -> np.ndarray:
+    """Factors of k and s, (films, coats, 2, bands), off by these shares."""
+    from glazefit.film.model.errors import smooth_kernel
+
+    root = np.linalg.cholesky(smooth_kernel(GRID, length) + 1e-9 * np.eye(GRID.size))
+    return np.exp(
+        size[:, None, None, None] * (rng.standard_normal((size.size, coats, 2, GRID.size)) @ root.T)
+    )
+
+
+def read(
+    rng: np.random.Generator, optical: np.ndarray, gloss: np.ndarray, grounds: np.ndarray, tag: str
+) -> list[Any]:
+    """Readings of films with these k d and s d, (films, coats, 2, bands), each over so many
+    grounds.
+    """
+    from glazefit import Instrument, Noise, Reading
+    from glazejax import stack_hemispherical_reflectance
+
+    instrument, noise = Instrument(), Noise()
+    k, s = (np.moveaxis(optical[:, :, i], 1, -1)[:, :, None] for i in (0, 1))
+    body = stack_hemispherical_reflectance(
+        jnp.asarray(s / (k + s)),
+        jnp.asarray(k + s),
+        jnp.asarray(GROUNDS),
+        refractive_index=1.5,
+        cos_incidence=instrument.cos_incidence,
+        tolerance=1e-6,
+    )
+    exact = np.asarray(body) + gloss[:, None, None] * instrument.seen_surface
+    seen = np.maximum(exact + noise.sd(exact) * rng.standard_normal(exact.shape), 0.0)
+    under, names = np.broadcast_to(GROUNDS, seen.shape[1:]), ("black", "white")
+    films = []
+    for n, reading in enumerate(seen):
+        # White stays where there is one ground.
+        sd = np.where((np.arange(2) == 0) & (grounds[n] == 1), NOTHING, noise.sd(reading))
+        films.append(Reading(f"{tag} {n}", GRID, reading, under, sd, np.zeros_like(reading), names))
+    return films
+
+
+def known_paints(count: int, rng: np.random.Generator) -> Simulated:
+    """A glaze of one paint over a body of two."""
+    from glazefit import CoatPrior, Prior
+    from glazejax import catalogue
+
+    prior = Prior()
+    shelf = [p.resample(GRID) for p in catalogue.load().values()]
+    chosen = [[shelf[i] for i in rng.choice(len(shelf), 3, replace=False)] for _ in range(count)]
+    thick = np.array([GLAZE, BODY]) * np.exp(prior.spread * rng.standard_normal((count, 2)))
+    share, gloss = (
+        rng.dirichlet(np.full(2, prior.concentration_known), count),
+        rng.uniform(size=count),
+    )
+    error = prior.error * np.exp(prior.error_spread * rng.standard_normal(count))
+    paints = np.array([spectra_of(p) for p in chosen])
+    body = np.einsum("fp,fpcb->fcb", share, paints[:, 1:])
+    optical = np.stack([paints[:, 0], body], axis=1) * thick[:, :, None, None]
+    optical = optical * smooth_errors(rng, error, 2, prior.error_length)
+    spread = prior.spread
+    coats = [[CoatPrior(p[:1], GLAZE, spread), CoatPrior(p[1:], BODY, spread)] for p in chosen]
+    truth = {"thickness of coat 1": thick[:, 0], "fraction 1 of coat 2": share[:, 0]}
+    truth |= {"thickness of coat 2": thick[:, 1], "gloss": gloss, "model error": error}
+    return Simulated(read(rng, optical, gloss, np.full(count, 2), "stack"), coats, truth)
+
+
+def unknown_paint(count: int, rng: np.random.Generator) -> Simulated:
+    """A coat of unknown paint over a known one: over two grounds, over one, and with real paints
+    over two.
+    """
+    from glazefit import CoatPrior, Prior, SpectraPrior
+    from glazejax import catalogue
+
+    prior, spectra = Prior(), SpectraPrior()
+    shelf = [p.resample(GRID) for p in catalogue.load().values()]
+    films = 3 * count
+    apart = np.sqrt(5.0) * np.abs(GRID[:, None] - GRID) / spectra.length
+    alike = (1.0 + apart + apart**2 / 3.0) * np.exp(-apart)
+    drawn = []
+    for median, level, shape in (
+        (spectra.absorption, spectra.absorption_level, spectra.absorption_shape),
+        (spectra.scattering, spectra.scattering_level, spectra.scattering_shape),
+    ):
+        root = np.linalg.cholesky(level**2 + shape**2 * alike)
+        drawn.append(median * np.exp(rng.standard_normal((films, GRID.size)) @ root.T))
+    top = np.stack(drawn, axis=1)
+    real = spectra_of([shelf[i] for i in rng.choice(len(shelf), count, replace=count > len(shelf))])
+    top[2 * count :] = (
+        np.maximum(real, 1.0) * 25e-6 * np.exp(rng.standard_normal((count, 1, 1)) - 1.0)
+    )
+    below = [shelf[i] for i in rng.choice(len(shelf), films)]
+    error = prior.error * np.exp(prior.error_spread * rng.standard_normal(films))
+    optical = np.stack([top, spectra_of(below) * BODY], axis=1)
+    optical[:, 1:] *= smooth_errors(rng, error, 1, prior.error_length)
+    gloss = rng.uniform(size=films)
+    coats = [[CoatPrior(), CoatPrior([paint], BODY)] for paint in below]
+    truth = {"gloss": gloss, "model error": error}
+    for b, wavelength in enumerate(GRID):
+        k, s = optical[:, 0, :, b].T
+        truth |= {
+            f"{n} at {wavelength:g} nm": v
+            for n, v in (("absorption", k), ("scattering", s), ("ratio", k / s))
+        }
+    return Simulated(read(rng, optical, gloss, np.repeat([2, 1, 2], count), "coat"), coats, truth)
+
+
+def find(simulated: Simulated, steps: int, seed: int) -> tuple[dict[str, Found], Any]:
+    """Where the truth lies in each posterior, and the chain's autocorrelation times."""
+    from glazefit import Instrument, Prior, SpectraPrior
+    from glazefit.posterior.posterior import sample
+    from glazefit.posterior.sampling import Sampling
+    from glazefit.posterior.stack import pose_stack
+    from glazefit.posterior.stack_errors import pose_stack_errors
+
+    films, prior = simulated.films, Prior()
+    problem = pose_stack(films, simulated.coats, Instrument(), prior, SpectraPrior())
+    problem, modes = pose_stack_errors(problem, films, prior)
+    walkers = max(WALKERS, 2 * problem.dims + 2)
+    posterior = sample(
+        problem,
+        tuple(films),
+        modes,
+        Sampling(sampler="emcee", steps=steps, walkers=walkers, thin=THIN, seed=seed),
+    )
+    before = problem.draws(problem.prior_draws(np.random.default_rng(seed), 4000)[:, None])
+    found = {}
+    for quantity in problem.quantities:
+        if quantity.name not in simulated.truth:
+            continue
+        scale = np.log if quantity.logarithmic else np.asarray
+        value = simulated.truth[quantity.name]
+        draws = posterior.draws[quantity.name].reshape(-1, value.size)
+        low, high = np.quantile(scale(draws), (0.05, 0.95), axis=0)
+        first, last = np.quantile(scale(before[quantity.name]), (0.05, 0.95))
+        found[quantity.name] = Found(
+            (draws < value).mean(axis=0),
+            (posterior.laplace_draws[quantity.name] < value).mean(axis=0),
+            (high - low) / (last - first),
+            posterior.laplace.trusted,
+        )
+    return found, posterior.convergence
+
+
+def held(ranks: np.ndarray, where: np.ndarray | None = None) -> str:
+    """Share of cases, (stacks, quantities), in the 90 % interval, with its error by counting
+    stacks.
+    """
+    hits = np.abs(ranks - 0.5) <= 0.45
+    chosen = np.ones(hits.shape, bool) if where is None else where
+    stacks = chosen.any(axis=1)
+    if not stacks.any():
+        return "none"
+    each, weight = (hits & chosen).sum(axis=1)[stacks], chosen.sum(axis=1)[stacks]
+    share = each.sum() / weight.sum()
+    # Of a ratio of sums over stacks; nobody's error is smaller than that of one miss.
+    off = np.sum((each - share * weight) ** 2) ** 0.5 / weight.sum()
+    return f"{share:.0%} +- {max(off, 1.0 / (stacks.sum() + 1)):.0%}"
+
+
+def table(
+    say: Results, title: str, found: dict[str, list[Found]], rows: np.ndarray | slice = slice(None)
+) -> None:
+    """A line for each quantity, with all of its bands, and one for all of them."""
+    say(f"\n{title}")
+    say(
+        f"{'':<22}{'cases':>6}{'told':>6}{'emcee':>13}{'where told':>13}{'Laplace':>13}{'where trusted':>20}"
+    )
+    whole = [one for many in found.values() for one in many]
+    for name, many in (found | {"all": whole}).items():
+        emcee, laplace, width, trusted = (
+            np.stack([getattr(one, field) for one in many], axis=1)[rows] for field in Found._fields
+        )
+        told = width < 0.9
+        sure = f"{held(laplace, trusted)} ({trusted.mean():.0%})"
+        say(
+            f"{name:<22}{emcee.size:>6}{told.mean():>6.0%}{held(emcee):>13}{held(emcee, told):>13}"
+            f"{held(laplace):>13}{sure:>20}"
+        )
+
+
+def by_name(found: dict[str, Found]) -> dict[str, list[Found]]:
+    """Bands of one spectrum together."""
+    gathered: dict[str, list[Found]] = {}
+    for name, one in found.items():
+        what = name.partition(" at ")[0]
+        title = {"absorption": "k d", "scattering": "s d", "ratio": "k/s"}.get(what, what)
+        gathered.setdefault(title, []).append(one)
+    return gathered
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--stacks", type=int, default=40, help="of known paints")
+    parser.add_argument(
+        "--unknown", type=int, default=8, help="of an unknown paint, of each of three kinds"
+    )
+    parser.add_argument("--seed", type=int, default=0)
+    add_option(parser, stacks=2)
+    options = parser.parse_args()
+    if options.quick:
+        globals().update(STEPS=100)
+    jax.config.update("jax_enable_x64", True)
+    say = Results("layers_inverted", options.out, "emcee")
+    say(
+        "Stacks of coats found again: how often 90 % intervals hold the truth (seed "
+        f"{options.seed})"
+    )
+    rng = np.random.default_rng(options.seed)
+    for simulate, count, steps in (
+        (known_paints, options.stacks, STEPS),
+        (unknown_paint, options.unknown, UNKNOWN_STEPS),
+    )[: 1 if options.quick else None]:
+        began = time.perf_counter()
+        found, state = find(simulate(count, rng), steps, options.seed)
+        if simulate is known_paints:
+            table(
+                say,
+                f"Known paints: a glaze over a body of two, {count} stacks, {steps} steps",
+                by_name(found),
+            )
+        else:
+            for n, kind in enumerate(
+                ("two grounds", "one ground", "a paint of the catalogue, two grounds")
+            ):
+                title = f"Unknown paint over a known one, {kind}: {count} stacks, {steps} steps"
+                table(say, title, by_name(found), slice(n * count, (n + 1) * count))
+        times = state.length / state.times
+        say(
+            f"length in autocorrelation times: median {np.median(times):.0f}, least "
+            f"{times.min():.0f}"
+        )
+        say(f"{time.perf_counter() - began:.0f} s, compilation included")
+        say.save()
+
+
+if __name__ == "__main__":
+    main()

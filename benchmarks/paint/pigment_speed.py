@@ -1,0 +1,133 @@
+"""How long it takes to name pigments: first use, many spectra, fine spectra; beside the search
+among the oils' own films.
+
+    python -m benchmarks.paint.pigment_speed [--out FOLDER]
+
+Spectra are films of mixtures of exemplars, with noise, said to hide their ground. The first use is
+in a process of its own, with the import of the program and all that is set up and compiled.
+"""
+
+import argparse
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+
+import numpy as np
+from jaxtyping import Float
+
+from benchmarks.results import Results, add_option, progress
+
+# Spectra that are sought at 61 bands and at 2151 bands, and among the oils' own films.
+COUNT = 1000
+FINE = 10
+OILS = 100
+_SEED = 33
+
+
+def spectra(wavelengths: Float[np.ndarray, "bands"], count: int) -> Float[np.ndarray, "n bands"]:
+    """Readings of mixtures of two exemplars each, that hide their ground, at 45:0."""
+    from glazefit.film.model.response import film_response
+    from glazefit.identify.families.templates import coefficients, hiding_body
+    from glazejax import catalogue
+
+    exemplars = list(catalogue.load("pigments").values())
+    rng = np.random.default_rng(_SEED)
+    known = coefficients(exemplars, wavelengths)
+    # Beyond what an exemplar knows it goes on as it ends.
+    for line in known.reshape(-1, wavelengths.size):
+        there = np.isfinite(line)
+        line[:] = np.interp(wavelengths, wavelengths[there], line[there]) if there.any() else 1e4
+    pairs = rng.choice(len(exemplars), (count, 2))
+    share = rng.uniform(0.2, 1.0, (count, 1))
+    k, s = (share * part[pairs[:, 0]] + (1.0 - share) * part[pairs[:, 1]] for part in known)
+    body = hiding_body(film_response("45:0"), k / s)
+    return np.clip(body + rng.normal(0.0, 0.002, body.shape), 0.005, 1.0)
+
+
+def seek(wavelengths: Float[np.ndarray, "bands"], readings: Float[np.ndarray, "n bands"]) -> None:
+    """All pigments, singles and pairs."""
+    from glazefit import identify
+    from glazejax import catalogue
+
+    pigments = catalogue.load("pigments")
+    identify(wavelengths, readings, pigments, opaque=True, instrument="45:0")
+
+
+def seek_among_oils(
+    wavelengths: Float[np.ndarray, "bands"], readings: Float[np.ndarray, "n bands"]
+) -> None:
+    """The oils' own films, singles and pairs."""
+    from glazefit import identify
+    from glazejax import catalogue
+
+    oils = catalogue.load("oils")
+    identify(wavelengths, readings, oils, opaque=True, instrument="45:0", max_paints=2)
+
+
+def seconds(run: Callable[[], object]) -> float:
+    """Wall time of one call."""
+    begun = time.perf_counter()
+    run()
+    return time.perf_counter() - begun
+
+
+def first_use(name: str) -> float:
+    """Seconds of a new process that names the pigments of one spectrum of 31 bands."""
+    code = (
+        "import numpy as np; from benchmarks import pigment_speed as p; "
+        "grid = np.arange(400.0, 701.0, 10.0); "
+        f"p.{name}(grid, np.full((1, 31), 0.4) + 0.2 * (grid > 550))"
+    )
+    return seconds(lambda: subprocess.run([sys.executable, "-c", code], check=True))
+
+
+def main() -> None:
+    """Time each, and write the table."""
+    parser = argparse.ArgumentParser(
+        prog="python -m benchmarks.paint.pigment_speed", description=__doc__
+    )
+    parser.formatter_class = argparse.RawDescriptionHelpFormatter
+    add_option(parser, count=20, fine=2, oils=5)
+    for name in ("count", "fine", "oils"):
+        parser.add_argument(f"--{name}", type=int, default=globals()[name.upper()])
+    options = parser.parse_args()
+    results = Results("pigment_speed", options.out, "jax", "numpy")
+    results("SECONDS, one run each")
+
+    progress("first use")
+    for words, name in (("all pigments", "seek"), ("the oils' own films", "seek_among_oils")):
+        results(f"first use, one spectrum of 31 bands, {words:<21}{first_use(name):8.1f}")
+
+    visible = np.linspace(400.0, 1000.0, 61)
+    fine = np.arange(350.0, 2501.0)
+    for words, grid, count in (
+        ("61 bands", visible, options.count),
+        ("2151 bands", fine, options.fine),
+    ):
+        progress(words)
+        readings = spectra(grid, count)
+        cold = seconds(lambda g=grid, r=readings: seek(g, r))
+        warm = seconds(lambda g=grid, r=readings: seek(g, r))
+        results(
+            f"{count} spectra of {words}, all pigments, singles and pairs:"
+            f"{cold:8.1f} set up and compiled, {warm:6.1f} again"
+        )
+
+    progress("oils")
+    grid = np.arange(400.0, 701.0, 10.0)
+    readings = spectra(grid, options.oils)
+    seek_among_oils(grid, readings)
+    oils = seconds(lambda: seek_among_oils(grid, readings)) / options.oils
+    seek(grid, readings)
+    ours = seconds(lambda: seek(grid, readings)) / options.oils
+    results(
+        f"a spectrum of 31 bands, warm: all pigments {1e3 * ours:.1f} ms, the oils' own films "
+        f"{1e3 * oils:.1f} ms: {ours / oils:.2f} times as long"
+    )
+    progress()
+    results.save()
+
+
+if __name__ == "__main__":
+    main()

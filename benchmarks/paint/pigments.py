@@ -1,0 +1,496 @@
+"""The catalogue of pigments by family: k and s of paints of many hands, each fitted to its own
+source's readings.
+
+    python -m benchmarks.paint.pigments [--out FOLDER] [--tables FOLDER]
+
+Writes `exemplars.csv` (k and s in 1/m) and `exemplars.tsv` (family, source, binder, how k was told
+from s) of the catalogue, and a table of how closely each source's readings are met. What tells k
+from s: tints with a white, a coat over a ground that is seen through it, or coats of several
+thicknesses. Where nothing does, only k/s is known: s is then that of the paint's family, or of all
+families, with its spread as the error. Each source has a unit of length of its own; they are
+brought together by the median of s over its paints. Needs all folders of measured data.
+"""
+
+import argparse
+import csv
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float
+
+import glazejax
+from benchmarks.measured import data_folder
+from benchmarks.paintbench.library import grid_readings
+from benchmarks.paintbench.sources import FOREIGN, UNCLEAR, Source, read_sources
+from benchmarks.results import Results, add_option, progress
+from glazefit import Films, recover_jointly
+from glazefit.recover.joint import UNIT
+from glazefit.recover.joint_problem import Expectations
+from glazefit.recover.joint_result import JointRecovery
+from glazejax.commands.main import start_jax
+
+NEEDS = ("data/hyperdoc", "data/hyppigments", "data/bath", "data/grillini", "data/kimera")
+
+FOLDER = Path(glazejax.__file__).parent / "catalogue"
+INSTRUMENT = "45:0"
+
+# Coats of one paint by several recipes differ in thickness by more than films that are to be alike.
+_LADDER = Expectations(thickness=1.0)
+_COATS = Expectations(thickness=0.5)
+# A reading above this is a level that a probe or a chart's calibration got wrong.
+_BRIGHTEST, _DARKEST = 0.985, 0.001
+# Standard deviation of log k and log s beyond which they are not told apart, as in a recovery.
+_OPEN = 0.5
+# Patches of a chart of hundreds; of a quick run one in several.
+EVERY = 1
+
+
+@dataclass(frozen=True, kw_only=True)
+class Exemplar:
+    """One paint of one source and binder.
+
+    k and s are in 1/m; `log_sd` are standard deviations of log k and log s, (2, bands).
+    """
+
+    name: str
+    family: str
+    source: str
+    binder: str
+    paint: str
+    told_by: str
+    wavelengths: Float[np.ndarray, "bands"]
+    absorption: Float[np.ndarray, "bands"]
+    scattering: Float[np.ndarray, "bands"]
+    log_sd: Float[np.ndarray, "2 bands"]
+    rms: float
+
+    @property
+    def told(self) -> bool:
+        """Whether its readings tell k from s at most bands."""
+        return bool(np.median(self.log_sd) < _OPEN)
+
+
+def main() -> None:
+    """Fit all sources and write the tables."""
+    parser = argparse.ArgumentParser(
+        prog="python -m benchmarks.paint.pigments", description=__doc__
+    )
+    parser.formatter_class = argparse.RawDescriptionHelpFormatter
+    add_option(parser, every=40)
+    parser.add_argument("--every", type=int, default=EVERY, help=argparse.SUPPRESS)
+    parser.add_argument("--tables", type=Path, help="folder to write the catalogue's tables to")
+    options = parser.parse_args()
+    start_jax()
+    found: list[Exemplar] = []
+    for source in read_sources(data_folder()):
+        found += fit_source(source, options.every)
+    found = with_usual_scattering(on_one_scale(found))
+    results = Results("pigments", options.out)
+    for line in lines_of(found):
+        results(line)
+    results.save()
+    if options.tables:
+        write_tables(options.tables, found)
+
+
+# ---- one source ----------------------------------------------------------------------------------
+
+
+def fit_source(source: Source, every: int = 1) -> list[Exemplar]:
+    """Exemplars of a source whose readings are at hand; revigo's and Golden's paints are in the
+    catalogues of oils and acrylics.
+    """
+    if source.name == "hyppigments":
+        return list(_chart(source, every))
+    if source.name == "hyperdoc":
+        return [*_on_paper(source, "Gum arabic", "64A"), *_on_paper(source, "Egg glair", "65A")]
+    if source.name in ("bath", "grillini"):
+        return _opaque_mixtures(source)
+    if source.name == "kimera":
+        return list(_masstones(source))
+    if source.name == "rrt":
+        return list(_thin_and_thick(source))
+    return []
+
+
+def grid_of(source: Source, step: float = 10.0) -> Float[np.ndarray, "bands"]:
+    """Wavelengths of a source's exemplars, nm."""
+    first = min(camera.wavelengths[0] for camera in source.cameras)
+    last = max(camera.wavelengths[-1] for camera in source.cameras)
+    # The ends of an instrument's range are its noisiest.
+    return np.arange(np.ceil(max(first, 380.0) / step) * step, min(last, 2400.0) + 1e-6, step)
+
+
+def fit(
+    names: Sequence[str],
+    wavelengths: Float[np.ndarray, "bands"],
+    readings: Float[np.ndarray, "films bands"],
+    recipes: Mapping[str, Mapping[str, float]],
+    *,
+    bare: Float[np.ndarray, "bands"] | None = None,
+    expectations: Expectations | None = None,
+) -> JointRecovery:
+    """Joint recovery of films over one ground, read bare, or of films that hide it."""
+    count = len(names)
+    seen = np.clip(readings, _DARKEST, _BRIGHTEST)
+    ground = np.full(wavelengths.size, 0.9) if bare is None else bare
+    films = Films(
+        names=tuple(names),
+        wavelengths=wavelengths,
+        bare_black=np.full(seen.shape, 0.05),
+        bare_white=np.tile(np.clip(ground, 0.06, _BRIGHTEST), (count, 1)),
+        over_black=seen,
+        over_white=seen,
+        seen=np.tile([False, True], (count, 1)),
+        assumed=np.full((count, 2), bare is None),
+        opaque=np.full(count, bare is None),
+    )
+    return recover_jointly(films, recipes, instrument=INSTRUMENT, expectations=expectations)
+
+
+def exemplar(
+    recovery: JointRecovery,
+    row: int,
+    *,
+    name: str,
+    family: str,
+    source: str,
+    binder: str,
+    paint: str,
+    told_by: str,
+) -> Exemplar:
+    """A paint of a recovery in the catalogue's unit of length."""
+    off = recovery.fitted_white - recovery.films.over_white
+    own = recovery.shares[:, row] > 0
+    return Exemplar(
+        name=name,
+        family=family,
+        source=source,
+        binder=binder,
+        paint=paint,
+        told_by=told_by,
+        wavelengths=np.asarray(recovery.wavelengths),
+        absorption=np.asarray(recovery.absorption[row]) / UNIT,
+        scattering=np.asarray(recovery.scattering[row]) / UNIT,
+        log_sd=_own_log_sd(recovery)[:, row],
+        rms=float(np.sqrt(np.mean(off[own] ** 2))),
+    )
+
+
+def _own_log_sd(recovery: JointRecovery) -> Float[np.ndarray, "2 paints bands"]:
+    """Standard deviations of log k and log s but for a factor common to all paints of the source:
+    nothing can tell it where all films hide what is below, and it is chosen later.
+    """
+    covariance = np.asarray(recovery.log_covariance)  # (bands, 2 paints, 2 paints)
+    count = covariance.shape[-1]
+    rest = np.eye(count) - np.full((count, count), 1.0 / count)
+    variance = np.diagonal(rest @ covariance @ rest, axis1=1, axis2=2)
+    return np.sqrt(np.maximum(variance, 0.0)).T.reshape(2, count // 2, -1)
+
+
+def _chart(source: Source, every: int) -> Iterator[Exemplar]:
+    """Each patch of a chart in four shades: coats of one paint, thinner and thinner, over white.
+
+    The chart's white is not in the data: it is taken as what the brightest of the lightest shades
+    reflect at each band.
+    """
+    grid = grid_of(source)
+    rows = range(len(source.samples))
+    readings = grid_readings(source, rows, grid).reshape(-1, 4, grid.size)
+    white = np.maximum.accumulate(np.percentile(readings[:, 3], 98.0, axis=0))
+    for patch in range(0, len(readings), every):
+        sample = source.samples[4 * patch]
+        (code,) = sample.paints
+        paint = source.paints[code]
+        if paint.family in (*UNCLEAR, FOREIGN):
+            continue
+        progress(f"chart: {paint.name}")
+        shades = [f"shade {number + 1}" for number in range(4)]
+        recovery = fit(
+            shades,
+            grid,
+            readings[patch],
+            {shade: {code: 1.0} for shade in shades},
+            bare=np.minimum(white, 0.96),
+            expectations=_LADDER,
+        )
+        number = sample.name.split()[0].removesuffix("-1")
+        yield exemplar(
+            recovery,
+            0,
+            name=f"{paint.family}/hyppigments-{number}",
+            family=paint.family,
+            source=source.group,
+            binder="",
+            paint=paint.name,
+            told_by="four thicknesses over white",
+        )
+
+
+def _on_paper(source: Source, binder: str, control: str) -> Iterator[Exemplar]:
+    """Coats on paper, pure and mixed, in one binder: the paper under that binder is read alone."""
+    names = [sample.name for sample in source.samples]
+    # The second camera from where the first one ends.
+    grid = grid_of(source)
+    rows = [
+        row
+        for row, sample in enumerate(source.samples)
+        if sample.binder == binder and sample.kind in ("pure", "mixture")
+    ]
+    recipes = {}
+    for row in rows:
+        sample = source.samples[row]
+        shares = sample.fractions or (1.0,)
+        recipes[sample.name] = dict(zip(sample.paints, shares, strict=True))
+    progress(f"{source.name}, {binder}")
+    recovery = fit(
+        [source.samples[row].name for row in rows],
+        grid,
+        grid_readings(source, rows, grid),
+        recipes,
+        bare=grid_readings(source, [names.index(control)], grid)[0],
+        expectations=_COATS,
+    )
+    word = binder.lower().replace(" ", "-")
+    for number, code in enumerate(recovery.paints):
+        pure = any(source.samples[row].paints == (code,) for row in rows)
+        family = source.paints[code].family
+        if not pure or family in UNCLEAR:
+            continue
+        yield exemplar(
+            recovery,
+            number,
+            name=f"{family}/{source.group}-{word}-{code}",
+            family=family,
+            source=source.group,
+            binder=binder.lower(),
+            paint=source.paints[code].name,
+            told_by="a coat over paper, and mixtures",
+        )
+
+
+def _opaque_mixtures(source: Source) -> list[Exemplar]:
+    """Films that hide what is below, pure and mixed by mass; repeats are averaged, at one level."""
+    grid = grid_of(source)
+    by_recipe: dict[tuple[tuple[str, ...], tuple[float, ...]], list[int]] = {}
+    for row, sample in enumerate(source.samples):
+        if sample.kind in ("pure", "mixture"):
+            fractions = sample.fractions or (1.0,)
+            by_recipe.setdefault((sample.paints, fractions), []).append(row)
+    readings = []
+    recipes = {}
+    for (codes, fractions), rows in by_recipe.items():
+        several = grid_readings(source, rows, grid)
+        # A probe held by hand: repeats differ in level, not in shape.
+        level = several.mean(axis=1, keepdims=True)
+        several = several * np.median(level) / level
+        mean = several.mean(axis=0)
+        readings.append(mean * min(1.0, _BRIGHTEST / mean.max()))
+        recipes[source.samples[rows[0]].name] = dict(zip(codes, fractions, strict=True))
+    progress(source.name)
+    recovery = fit(list(recipes), grid, np.array(readings), recipes)
+    out = []
+    for number, code in enumerate(recovery.paints):
+        if not any(codes == (code,) for codes, _ in by_recipe):
+            continue
+        family = source.paints[code].family
+        out.append(
+            exemplar(
+                recovery,
+                number,
+                name=f"{family}/{source.group}-{code}",
+                family=family,
+                source=source.group,
+                binder="oil" if source.group == "grillini" else "",
+                paint=source.paints[code].name,
+                told_by="mixtures",
+            )
+        )
+    return out
+
+
+def _masstones(source: Source) -> Iterator[Exemplar]:
+    """Opaque pure paints, repeats averaged: k/s alone."""
+    # The author's instrument is weak at its ends.
+    grid = np.arange(410.0, 691.0, 10.0)
+    for code, paint in source.paints.items():
+        rows = [row for row, sample in enumerate(source.samples) if sample.paints == (code,)]
+        progress(f"{source.name}: {code}")
+        mean = grid_readings(source, rows, grid).mean(axis=0, keepdims=True)
+        recovery = fit([code], grid, mean, {code: {code: 1.0}})
+        found = exemplar(
+            recovery,
+            0,
+            name=f"{paint.family}/{source.group}-{code.replace(' ', '-')}",
+            family=paint.family,
+            source=source.group,
+            binder="acrylic",
+            paint=f"Kimera {paint.name}",
+            told_by="",
+        )
+        yield replace(found, log_sd=np.full_like(found.log_sd, np.inf))
+
+
+def _thin_and_thick(source: Source) -> Iterator[Exemplar]:
+    """A thin and a thick coat of each paint over gypsum, or one coat."""
+    grid = grid_of(source)
+    ground = next(row for row, s in enumerate(source.samples) if s.kind == "control")
+    bare = grid_readings(source, [ground], grid)[0]
+    for code, paint in source.paints.items():
+        rows = [row for row in source.chosen("pure") if source.samples[row].paints == (code,)]
+        if not rows:
+            continue
+        progress(f"{source.name}: {code}")
+        names = [source.samples[row].name for row in rows]
+        recovery = fit(
+            names,
+            grid,
+            grid_readings(source, rows, grid),
+            {name: {code: 1.0} for name in names},
+            bare=bare,
+            expectations=_LADDER,
+        )
+        found = exemplar(
+            recovery,
+            0,
+            name=f"{paint.family}/{source.group}-{code}",
+            family=paint.family,
+            source=source.group,
+            binder="",
+            paint=paint.name,
+            told_by="a thin and a thick coat over gypsum" if len(rows) > 1 else "",
+        )
+        if len(rows) == 1:
+            found = replace(found, log_sd=np.full_like(found.log_sd, np.inf))
+        yield found
+
+
+# ---- all sources ---------------------------------------------------------------------------------
+
+
+def on_one_scale(exemplars: Sequence[Exemplar]) -> list[Exemplar]:
+    """k and s of each source times one factor, so that the median of its paints' s is that of
+    the oils that ship.
+    """
+    oils = glazejax.catalogue.load("oils")
+    wanted = np.median([np.median(np.asarray(paint.scattering)) for paint in oils.values()])
+    out = []
+    for source in dict.fromkeys(found.source for found in exemplars):
+        own = [found for found in exemplars if found.source == source]
+        typical = np.median([np.median(found.scattering) for found in own])
+        factor = float(wanted / typical)
+        out += [
+            replace(
+                found, absorption=factor * found.absorption, scattering=factor * found.scattering
+            )
+            for found in own
+        ]
+    return out
+
+
+def with_usual_scattering(exemplars: Sequence[Exemplar]) -> list[Exemplar]:
+    """Exemplars whose readings tell k/s alone get the s of their family's others, or of all, at
+    each band; its spread is their error.
+    """
+    told = [found for found in exemplars if found.told]
+    out = []
+    for found in exemplars:
+        if found.told:
+            out.append(found)
+            continue
+        own = [other for other in told if other.family == found.family]
+        logs = np.stack([_log_scattering(other, found.wavelengths) for other in own or told])
+        log_s = np.median(logs, axis=0)
+        spread = np.maximum(logs.std(axis=0), 0.5) if len(own) > 1 else np.full(log_s.size, 1.0)
+        scattering = np.exp(log_s)
+        out.append(
+            replace(
+                found,
+                absorption=found.absorption / found.scattering * scattering,
+                scattering=scattering,
+                log_sd=np.stack([spread, spread]),
+                told_by="k/s alone; s is that of "
+                + (f"{len(own)} other paints of its family" if own else "other families"),
+            )
+        )
+    return out
+
+
+def _log_scattering(
+    found: Exemplar, wavelengths: Float[np.ndarray, "bands"]
+) -> Float[np.ndarray, "bands"]:
+    """On another grid; beyond its ends as at them."""
+    return np.interp(wavelengths, found.wavelengths, np.log(found.scattering))
+
+
+def lines_of(exemplars: Sequence[Exemplar]) -> list[str]:
+    """How closely readings are met, source by source, and how many paints are told."""
+    lines = ["source        exemplars  families  k told from s  rms of readings: median     worst"]
+    for source in dict.fromkeys(found.source for found in exemplars):
+        own = [found for found in exemplars if found.source == source]
+        rms = [found.rms for found in own]
+        lines.append(
+            f"{source:<14}{len(own):>9}{len({found.family for found in own}):>10}"
+            f"{sum(not found.told_by.startswith('k/s') for found in own):>15}"
+            f"{np.median(rms):>25.4f}{max(rms):>10.4f}"
+        )
+    lines.append(f"{'all':<14}{len(exemplars):>9}{len({found.family for found in exemplars}):>10}")
+    return lines
+
+
+def write_tables(folder: Path, exemplars: Sequence[Exemplar]) -> None:
+    """`exemplars.csv` and `exemplars.tsv`."""
+    ordered = sorted(exemplars, key=lambda found: found.name.casefold())
+    with (folder / "exemplars.csv").open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(
+            [
+                "pigment",
+                "wavelength_nm",
+                "absorption",
+                "scattering",
+                "absorption_sd",
+                "scattering_sd",
+                "identifiable",
+            ]
+        )
+        for found in ordered:
+            sd = np.minimum(found.log_sd, 1.0)
+            for band, wavelength in enumerate(found.wavelengths):
+                k = found.absorption[band]
+                s = found.scattering[band]
+                writer.writerow(
+                    [
+                        found.name,
+                        f"{wavelength:g}",
+                        f"{k:.4g}",
+                        f"{s:.4g}",
+                        f"{k * sd[0, band]:.2g}",
+                        f"{s * sd[1, band]:.2g}",
+                        str(bool(sd[:, band].max() < _OPEN)).lower(),
+                    ]
+                )
+    with (folder / "exemplars.tsv").open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file, delimiter="\t", lineterminator="\n")
+        writer.writerow(
+            ["exemplar", "family", "source", "binder", "paint", "first_nm", "last_nm", "told_by"]
+        )
+        for found in ordered:
+            writer.writerow(
+                [
+                    found.name,
+                    found.family,
+                    found.source,
+                    found.binder,
+                    found.paint,
+                    f"{found.wavelengths[0]:g}",
+                    f"{found.wavelengths[-1]:g}",
+                    found.told_by,
+                ]
+            )
+
+
+if __name__ == "__main__":
+    main()

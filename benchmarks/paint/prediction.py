@@ -1,0 +1,293 @@
+"""Films left out in turn, predicted from their weights with only the thickness free: this model and
+Kubelka-Munk's.
+
+    python -m benchmarks.paint.prediction [--out FOLDER] [--scan | --readings]
+
+Every tint and shade of the measured films (revigo) is left out of a joint fit of all the others and
+then predicted, with a 90 % band as wide as the other films left out say. Both models go through the
+same fit, with the same instrument and expectations; only what one film reflects differs. Mixing
+laws are compared the same way. Films of the same recipes are simulated too, faultless and with
+scatter of strength. What one reading of a mixture tells, and what two do, is a result of its own,
+`prediction_readings.txt` (see `readings_of_mixtures.py`); with --readings it is made alone. With --scan,
+what is expected beforehand is varied instead; its lines are kept as they come, and a scan that was
+stopped goes on from there at the same commit.
+"""
+
+import argparse
+import dataclasses
+import json
+import re
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.stats import spearmanr
+
+from benchmarks.kubelka_munk import KubelkaMunk
+from benchmarks.measured import FEW, measured_films
+from benchmarks.paint.readings_of_mixtures import reading_tables
+from benchmarks.results import Results, add_option, commit, progress
+from glazefit.film.films import Films, Instrument, Noise
+from glazefit.film.model.mixing import MixingLaw
+from glazefit.film.simulate import simulate_films
+from glazefit.recover.crossvalidation import LeftOut, cross_validate
+from glazefit.recover.joint import UNIT, recover_jointly
+from glazefit.recover.joint_problem import Expectations
+from glazejax import catalogue
+from glazejax.commands.main import start_jax
+
+NEEDS = ("data/revigo",)
+
+Recipes = dict[str, dict[str, float]]
+
+# One expectation at a time is changed from what it is by default.
+# Each mixture is left out; of a quick run one in several.
+EVERY = 1
+SCAN: tuple[dict[str, Any], ...] = (
+    {},
+    {"model_floor": 0.002, "model_share": 0.008},
+    {"model_floor": 0.005, "model_share": 0.02},
+    {"model_floor": 0.02, "model_share": 0.08},
+    {"thickness": 0.15},
+    {"thickness": 0.45},
+    {"tail": 100.0},
+    {"curvature_k": 0.15, "curvature_s": 0.05},
+    {"curvature_k": 0.6, "curvature_s": 0.2},
+    {"level_k": (0.0, 2.0), "level_s": (1.0, 1.0)},
+    {"level_k": (-2.0, 0.7), "level_s": (0.0, 0.7)},
+    {"level_k": (0.0, 6.0), "level_s": (1.0, 3.0)},
+    {"gloss": 0.1, "paint_gloss": 0.1},
+    {"weight_share": 0.1},
+    {"weight_share": 0.3, "tail": 100.0},
+)
+
+
+@dataclasses.dataclass(frozen=True)
+class Scores:
+    """Films left out, and the seconds that the fit of all films took, first and again (nan if it
+    was fitted once).
+    """
+
+    out: LeftOut
+    seconds: float
+    warm: float
+
+
+def mixtures(names: Sequence[str], recipes: Recipes) -> list[str]:
+    """Names of films of several paints: a masstone says nothing of how paints mix."""
+    return [name for name in names if sum(weight > 0 for weight in recipes[name].values()) > 1]
+
+
+def leave_out(
+    films: Films, recipes: Recipes, name: str, again: bool = True, **given: Any
+) -> Scores:
+    """Fit all films, twice for the time if asked, and leave out every mixture in turn."""
+    began = time.perf_counter()
+    whole = recover_jointly(films, recipes, **given)
+    seconds, warm = time.perf_counter() - began, float("nan")
+    if again:
+        began = time.perf_counter()
+        recover_jointly(films, recipes, **given)
+        warm = time.perf_counter() - began
+
+    def tell(done: int, total: int | None, words: str) -> None:
+        progress(f"{name}: {words}")
+
+    chosen = mixtures(films.names, recipes)[::EVERY]
+    out = cross_validate(
+        whole, films, recipes, only=lambda film: film in chosen, progress=tell, **given
+    )
+    return Scores(out, seconds, warm)
+
+
+def kinds(films: tuple[str, ...], recipes: Recipes) -> dict[str, np.ndarray]:
+    """Which films are of a kind."""
+    eosin = np.array(["Eosin" in " ".join(recipes[name]) for name in films])
+    shade = np.array(
+        [
+            min(recipes[name], key=lambda paint: recipes[name][paint]) == "BoneBlack"
+            for name in films
+        ]
+    )
+    return {
+        "all": np.ones(len(films), bool),
+        "without eosins": ~eosin,
+        "tints": ~shade,
+        "shades": shade,
+    }
+
+
+def simulated(films: Films, recipes: Recipes, scatter: float, seed: int = 4) -> Films:
+    """Films of the same recipes from the catalogue's paints; their thickness and their paints'
+    strength scatter.
+    """
+    shelf, grid, rng = catalogue.load(), films.wavelengths, np.random.default_rng(seed)
+    k, s = np.zeros((2, len(films), grid.size))
+    for row, name in enumerate(films.names):
+        total, thickness = sum(recipes[name].values()), UNIT * np.exp(0.25 * rng.standard_normal())
+        for paint, weight in recipes[name].items():
+            amount = weight / total * thickness * np.exp(scatter * rng.standard_normal())
+            k[row] += amount * np.asarray(shelf[paint].absorption)
+            s[row] += amount * np.asarray(shelf[paint].scattering)
+    return simulate_films(grid, k, s, names=films.names, noise=Noise(), seed=seed)
+
+
+def simulated_table(films: Films, recipes: Recipes) -> list[str]:
+    """How well simulated films are predicted, and how well their bands say so."""
+    lines = [
+        "SIMULATED FILMS of the same recipes, mixtures left out",
+        "scatter of strength   mean  median  said  in band",
+    ]
+    for scatter in (0.0, 0.2):
+        out = leave_out(
+            simulated(films, recipes, scatter), recipes, f"simulated, {scatter:.0%}"
+        ).out
+        off = out.predicted.mean(axis=1)
+        lines.append(
+            f"{scatter:>19.0%}{off.mean():>7.2f}{np.median(off):>8.2f}{out.expected.mean():>6.2f}{out.inside.mean():>9.1%}"
+        )
+    return lines
+
+
+def table(scores: dict[str, Scores], recipes: Recipes) -> str:
+    """Means over films of several kinds, and every film."""
+    some = next(iter(scores.values())).out
+    lines = [
+        "mean Delta E00 (D65, 10 deg), both cards      " + "".join(f"{name:>24}" for name in scores)
+    ]
+    lines.append(" " * 46 + f"{'fitted  left out':>24}" * len(scores))
+    for kind, chosen in kinds(some.names, recipes).items():
+        cells = (
+            f"{s.out.fitted[chosen].mean():.2f}      {s.out.predicted[chosen].mean():.2f}"
+            for s in scores.values()
+        )
+        lines.append(
+            f"{kind:<16} {chosen.sum():>3} films{'':<19}" + "".join(f"{cell:>24}" for cell in cells)
+        )
+    cells = (
+        f"{np.median(s.out.fitted):.2f}      {np.median(s.out.predicted):.2f}"
+        for s in scores.values()
+    )
+    lines.append(f"{'median, all':<45} " + "".join(f"{cell:>24}" for cell in cells))
+    apart = [(s.out.predicted - some.predicted).mean(axis=1) for s in scores.values()]
+    cells = (f"{d.mean():+.2f} +- {d.std(ddof=1) / np.sqrt(d.size):.2f}" for d in apart)
+    lines.append(
+        f"{'difference to the first, left out, film by film':<46}"
+        + "".join(f"{cell:>24}" for cell in cells)
+    )
+    lines.append(
+        f"{'readings within the 90 % band':<46}"
+        + "".join(f"{s.out.inside.mean():>24.1%}" for s in scores.values())
+    )
+    ranks = (
+        f"{spearmanr(s.out.expected, s.out.predicted.mean(axis=1))[0]:.2f}" for s in scores.values()
+    )
+    lines.append(
+        f"{'rank correlation of said and true errors':<46}"
+        + "".join(f"{cell:>24}" for cell in ranks)
+    )
+    said = (f"{s.out.expected.mean():.2f}" for s in scores.values())
+    lines.append(
+        f"{'Delta E00 that the predictions say of themselves':<46}"
+        + "".join(f"{cell:>22}" for cell in said)
+    )
+    lines.append("")
+    seconds = (f"{s.seconds:.1f}; {s.warm:.1f}" for s in scores.values())
+    lines.append(
+        f"{'fit of all films, seconds (first; compiled)':<46}"
+        + "".join(f"{cell:>24}" for cell in seconds)
+    )
+    lines.append(
+        "\neach film left out: Delta E00 over black and white, and (what the prediction says of "
+        "itself)"
+    )
+    for i, name in enumerate(some.names):
+        recipe = " + ".join(
+            f"{weight:g} {paint}" for paint, weight in recipes[name].items() if weight > 0
+        )
+        cells = (
+            f"{s.out.predicted[i, 0]:.2f}  {s.out.predicted[i, 1]:.2f} ({s.out.expected[i]:.1f})"
+            for s in scores.values()
+        )
+        lines.append(f"{name:<5}{recipe:<41}" + "".join(f"{cell:>24}" for cell in cells))
+    return "\n".join(lines)
+
+
+def scan(films: Films, recipes: Recipes, part: Path) -> str:
+    """Prediction errors as expectations vary, a line each; `part` holds the lines that are done, by
+    commit and name.
+
+    Raises:
+        OSError: `part` cannot be written.
+    """
+    part.parent.mkdir(parents=True, exist_ok=True)
+    at = commit()
+    # Of code that is not committed nobody knows whether it is still the same.
+    known = part.is_file() and re.fullmatch(r"\w+", at)
+    done: dict[str, str] = json.loads(part.read_text()) if known else {}
+    lines = ["Delta E00 of films left out       mean  median  tints  shades  fitted  in 90 % band"]
+    for changed in SCAN:
+        name = ", ".join(f"{key} {value}" for key, value in changed.items()) or "as by default"
+        key = f"commit {at}, each {EVERY}: {name}"
+        if key not in done:
+            out = leave_out(
+                films, recipes, name, again=False, expectations=Expectations(**changed)
+            ).out
+            of = kinds(out.names, recipes)
+            off = out.predicted.mean(axis=1)
+            done[key] = (
+                f"{off.mean():>38.2f}{np.median(off):>8.2f}{off[of['tints']].mean():>7.2f}"
+                f"{off[of['shades']].mean():>8.2f}{out.fitted.mean():>8.2f}{out.inside.mean():>14.1%}   {name}"
+            )
+            part.write_text(json.dumps(done, indent=1))
+        lines.append(done[key])
+    return "\n".join(lines)
+
+
+def compared(films: Films, recipes: Recipes) -> str:
+    """Models and mixing laws side by side, and simulated films."""
+    models: dict[str, dict[str, Any]] = {
+        "glazejax": {},
+        "Kubelka-Munk": {"response": KubelkaMunk(Instrument())},
+        "glazejax, strength law": {"law": MixingLaw("strength")},
+    }
+    scores = {name: leave_out(films, recipes, name, **given) for name, given in models.items()}
+    return table(scores, recipes) + "\n\n" + "\n".join(simulated_table(films, recipes))
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    add_option(parser)
+    alone = parser.add_mutually_exclusive_group()
+    alone.add_argument("--scan", action="store_true", help="vary what is expected beforehand")
+    alone.add_argument("--readings", action="store_true", help="what one reading tells, and two")
+    options = parser.parse_args()
+    if options.quick:
+        globals().update(EVERY=2)
+    start_jax()
+    films, recipes = measured_films(FEW if options.quick else ())
+    part = options.out / "prediction_scan.part"
+
+    def save(name: str, text: str) -> None:
+        progress()
+        results = Results(name, options.out)
+        for line in text.splitlines():
+            results(line)
+        results.save()
+
+    if options.scan:
+        save("prediction_scan", scan(films, recipes, part))
+        part.unlink()
+        return
+    models = {"glazejax": None, "Kubelka-Munk": KubelkaMunk(Instrument())}
+    save("prediction_readings", "\n".join(reading_tables(films, recipes, models, EVERY)))
+    if not options.readings:
+        save("prediction", compared(films, recipes))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,408 @@
+"""Is it true? What identification says of films whose paints it has not seen in them, beside
+simpler methods.
+
+    python -m benchmarks.paint.truth [--out FOLDER]
+
+Every film of the revigo set is left out of a joint fit of all others, unless a paint of it would be
+unknown without. It is then sought among that fit's paints: once with all of them, once without the
+family of its main paint, where the right answer is 'none'. The tints and shades are sought again as
+a conservator may meet them: noise and a varnish that nobody mentioned, another ground than told,
+another instrument. The curve of 'none' is refitted without each family.
+"""
+
+import argparse
+import itertools
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from scipy.optimize import minimize
+
+from benchmarks.measured import measured_data
+from benchmarks.paint.identification import UNIT, family
+from benchmarks.results import Results, add_option
+from benchmarks.rivals.truth_peers import PEERS
+from glazefit import Films, Identification, ModelError, ground_from_air, identify, identify_films
+from glazefit.film.readers import read_films, read_recipes
+from glazefit.recover.crossvalidation import without
+from glazefit.recover.joint import recover_jointly
+from glazejax import Bidirectional, Pigment
+from glazejax.commands.main import start_jax
+
+NEEDS = ("data/revigo", "matplotlib")
+
+COLOURLESS = ("ZincWhite", "LeadWhite", "BoneBlack", "BariumSulphate", "CalciumCarbonate")
+BINS = (0.0, 0.3, 0.5, 0.7, 0.9, 1.0001)
+# Each film is left out; of a quick run one in several.
+EVERY = 1
+
+
+class Answer(NamedTuple):
+    """What a method says of one film."""
+
+    film: str
+    truth: dict[str, float]  # by family
+    ranked: list[frozenset[str]]  # different sets of families, most probable first
+    fractions: dict[str, float]  # of the first, by family
+    probability: float  # of the first set
+    delta_e: float  # of the first
+    words: str
+    explained: bool
+    misfit: float  # what `none` is judged by
+    held: tuple[
+        bool, ...
+    ]  # whether each true fraction lies in its 90 % interval, where the first is right
+
+    @property
+    def right(self) -> bool:
+        """Whether these pigments come first."""
+        return self.ranked[0] == frozenset(self.truth)
+
+    @property
+    def accepted(self) -> bool:
+        """Whether it is given as an answer."""
+        return self.explained
+
+    @property
+    def mixed(self) -> bool:
+        """Whether the film is of several paints."""
+        return len(self.truth) > 1
+
+
+class Case(NamedTuple):
+    """One film left out."""
+
+    row: int
+    name: str
+    truth: dict[str, float]
+    pigments: list[Pigment]
+
+    @property
+    def main(self) -> str:
+        """The largest part that has a colour, or else the largest."""
+        coloured = {paint: share for paint, share in self.truth.items() if paint not in COLOURLESS}
+        return max(coloured or self.truth, key=(coloured or self.truth).__getitem__)
+
+    @property
+    def rest(self) -> list[Pigment]:
+        """The paints without the family of the main one."""
+        return [paint for paint in self.pigments if set(family({paint.name: 1.0})) != {self.main}]
+
+
+def cases(films: Films, recipes: dict[str, dict[str, float]]) -> list[Case]:
+    """All films that can be left out, each with the paints of a fit that has not seen it."""
+    whole = recover_jointly(films, recipes)
+    count = (whole.shares > 0).sum(axis=0)
+    out = []
+    for row, name in enumerate(films.names):
+        if (count[whole.shares[row] > 0] < 2).any() or row % EVERY:
+            continue
+        rest = without(whole, films, recipes, row)
+        out.append(
+            Case(
+                row,
+                name,
+                by_family(recipes[name]),
+                [rest.pigment(paint, UNIT) for paint in rest.paints],
+            )
+        )
+    return out
+
+
+def by_family(recipe: dict[str, float]) -> dict[str, float]:
+    """Fractions of a recipe by pigment family."""
+    total = sum(recipe.values())
+    return family({paint: share / total for paint, share in recipe.items() if share > 0})
+
+
+def answer(case: Case, found: Identification) -> Answer:
+    """One identification by families."""
+    ranked = found.ranked(0)
+    chances: dict[frozenset[str], float] = {}
+    for candidate in ranked:
+        pigments = frozenset(family(dict.fromkeys(candidate.paints, 1.0)))
+        chances[pigments] = chances.get(pigments, 0.0) + candidate.probability
+    first = ranked[0]
+    fractions = family(dict(zip(first.paints, first.fractions.tolist(), strict=True)))
+    own = frozenset(fractions)
+    held = ()
+    if len(own) > 1 and own == frozenset(case.truth) and len(first.paints) == len(own):
+        ends = zip(first.paints, first.fractions_90.tolist(), strict=True)
+        held = tuple(
+            low <= case.truth[next(iter(family({p: 1.0})))] <= high for p, (low, high) in ends
+        )
+    ordered = sorted(chances, key=lambda pigments: (pigments != own, -chances[pigments]))
+    return Answer(
+        case.name,
+        case.truth,
+        ordered,
+        fractions,
+        chances[own],
+        first.delta_e,
+        found.words(0),
+        bool(found.explained[0]),
+        float(found.misfit[0]),
+        held,
+    )
+
+
+def main_table(
+    results: Results, films: Films, recipes: dict[str, dict[str, float]], left: list[Case]
+) -> dict[str, tuple[list[Answer], list[Answer]]]:
+    """All methods on all films, with and without the family of the main paint."""
+    methods: dict[str, Callable[[Case, list[Pigment]], Answer]] = {
+        "glazejax": lambda case, paints: answer(
+            case, identify_films(films.take([case.row]), paints)
+        ),
+        "errors band by band, as before": lambda case, paints: answer(
+            case,
+            identify_films(
+                films.take([case.row]), [_bare(p) for p in paints], discrepancy=ModelError()
+            ),
+        ),
+        **{words: _peer(films, recipes, method) for words, method in PEERS.items()},
+    }
+    results(
+        f"FILMS LEFT OUT ({len(left)}; {sum(len(c.truth) > 1 for c in left)} of several paints)"
+    )
+    results(f"{'':<36}right first            first three  weight fraction  none          AUC of")
+    results(
+        f"{'':<36}all         mixtures   (mixtures)   mean (median)    false, found  the misfit"
+    )
+    scored = {}
+    for words, method in methods.items():
+        full = [method(case, case.pigments) for case in left]
+        gone = [method(case, case.rest) for case in left]
+        scored[words] = full, gone
+        mixed = [a for a in full if a.mixed]
+        off = [abs(a.fractions.get(p, 0.0) - part) for a in mixed for p, part in a.truth.items()]
+        three = np.mean([frozenset(a.truth) in a.ranked[:3] for a in mixed])
+        false, seen = (np.mean([not a.accepted for a in some]) for some in (full, gone))
+        settings = (
+            f"{false:5.0%} {seen:5.0%}"
+            if words.startswith(("glazejax", "errors"))
+            else "    -     -"
+        )
+        results(
+            f"{words:<34}  {_share(full)} {_share(mixed)}  {three:5.0%}        {np.mean(off):.3f} "
+            f"({np.median(off):.3f})    {settings}   {_auc(full, gone):.2f}"
+        )
+    return scored
+
+
+def _bare(pigment: Pigment) -> Pigment:
+    """The pigment with standard deviations band by band only."""
+    return Pigment(
+        pigment.name,
+        pigment.wavelengths,
+        pigment.absorption,
+        pigment.scattering,
+        absorption_sd=pigment.absorption_sd,
+        scattering_sd=pigment.scattering_sd,
+    )
+
+
+def _peer(
+    films: Films, recipes: dict[str, dict[str, float]], method
+) -> Callable[[Case, list[Pigment]], Answer]:
+    known_as = {name: by_family(recipe) for name, recipe in recipes.items()}
+
+    def look(case: Case, paints: list[Pigment]) -> Answer:
+        known = {frozenset(family({paint.name: 1.0})) for paint in paints}
+        names = [n for n in films.names if n != case.name]
+        library = [n for n in names if all(frozenset({p}) in known for p in known_as[n])]
+        ranked, fractions, misfit = method(films, case.row, library, known_as, paints)
+        return Answer(
+            case.name, case.truth, ranked, fractions, 1.0, float("nan"), "", True, misfit, ()
+        )
+
+    return look
+
+
+def _share(answers: Sequence[Answer]) -> str:
+    right = sum(a.right for a in answers)
+    return f"{right / len(answers):5.0%} {right:>2}/{len(answers)}"
+
+
+def _auc(full: list[Answer], gone: list[Answer]) -> float:
+    one, other = (np.array([a.misfit for a in some]) for some in (full, gone))
+    return float(np.mean(other[:, None] > one) + 0.5 * np.mean(other[:, None] == one))
+
+
+def nested_none(results: Results, full: list[Answer], gone: list[Answer], left: list[Case]) -> None:
+    """'None' judged by a logistic curve that has not seen the film's family, and what is accepted
+    wrongly.
+    """
+    misfit = np.log(np.maximum([[a.misfit for a in full], [a.misfit for a in gone]], 0.1))
+    truth = np.array([[0.0], [1.0]]) * np.ones_like(misfit)
+    mains = np.array([case.main for case in left])
+    share = np.empty_like(misfit)
+    for main in np.unique(mains):
+        here = mains == main
+        intercept, slope = logistic(misfit[:, ~here].ravel(), truth[:, ~here].ravel())
+        share[:, here] = intercept + slope * misfit[:, here]
+    intercept, slope = logistic(misfit.ravel(), truth.ravel())
+    results()
+    results("'NONE', by the misfit")
+    results(f"logistic curve, all films: {intercept:.2f} {slope:+.2f} log misfit")
+    results(
+        f"fitted without the film's family: {np.mean(share[1] > 0):.0%} found, "
+        f"{np.mean(share[0] > 0):.0%} false"
+    )
+    limit = np.quantile(misfit[0], 0.95)
+    results(
+        f"at 5 % false on these films: {np.mean(misfit[1] > limit):.0%} found (the limit is "
+        "chosen on them)"
+    )
+    wrong = [a for a in [*(a for a in full if not a.right), *gone] if a.accepted]
+    worst = max((a.delta_e for a in wrong), default=0.0)
+    results(
+        f"wrong and accepted: {len(wrong)} of {2 * len(full)}, off by Delta E00 {worst:.1f} at most"
+    )
+
+
+def logistic(x: np.ndarray, truth: np.ndarray) -> np.ndarray:
+    """Intercept and slope of a logistic regression."""
+    sign = 2.0 * truth - 1.0
+    return minimize(
+        lambda w: np.logaddexp(0.0, -sign * (w[0] + w[1] * x)).sum(), np.array([-1.0, 1.0])
+    ).x
+
+
+def reliability(answers: list[Answer]) -> list[tuple[float, float, int, float]]:
+    """Stated probability of the first pigments, share that is right, how many, and the share's
+    counting error.
+    """
+    out = []
+    for low, high in itertools.pairwise(BINS):
+        here = [a for a in answers if low <= a.probability < high]
+        if here:
+            n, share = len(here), float(np.mean([a.right for a in here]))
+            error = np.sqrt(max(share * (1.0 - share), 0.25 / n) / n)
+            out.append((float(np.mean([a.probability for a in here])), share, n, float(error)))
+    return out
+
+
+def conditions(results: Results, films: Films, left: list[Case]) -> None:
+    """Tints and shades as they may be met, with nothing told but what is said."""
+    rng = np.random.default_rng(5)
+    mixed = [case for case in left if len(case.truth) > 1]
+    grid = films.wavelengths
+    # A varnish by its absorbance, of another form than the program's: a cubic that falls to 0 at
+    # 720 nm.
+    resin = 10 ** (-2 * 0.2 * ((720.0 - grid) / 320.0) ** 3)
+    over = np.stack([films.over_black, films.over_white], axis=1)
+    under = ground_from_air(np.stack([films.bare_black, films.bare_white], axis=1))
+    noise = rng.standard_normal((2, *over.shape))
+    other = np.clip((over[:, 1] - 0.0405) * 1.045 * resin + 0.005 * noise[1, :, 1], 0.0, 1.0)
+    ways = {
+        "as they are, cards known": (over, under, None),
+        "noise of .01, untold": (np.clip(over + 0.01 * noise[0], 0.0, 1.0), under, None),
+        "yellowed varnish, untold": (0.04 + (over - 0.04) * resin[None, None], under, None),
+        "over white, said to be opaque": (over[:, 1], None, None),
+        "over white, ground told as .5": (over[:, 1], 0.5, None),
+        "45:0, noise .005, varnish, said to be opaque": (other, None, Bidirectional(45, 0)),
+    }
+    results()
+    results(f"AS THEY MAY BE MET ({len(mixed)} tints and shades, paints of fits without them)")
+    results(
+        "                                                right first   first three   stated   "
+        "wrong above .9   as none"
+    )
+    for words, (spectra, grounds, geometry) in ways.items():
+        answers = []
+        for case in mixed:
+            ground = grounds[case.row] if isinstance(grounds, np.ndarray) else grounds
+            found = identify(
+                grid,
+                spectra[case.row][None],
+                case.pigments,
+                ground=ground,
+                opaque=ground is None,
+                instrument=geometry,
+            )
+            answers.append(answer(case, found))
+        three = np.mean([frozenset(a.truth) in a.ranked[:3] for a in answers])
+        sure = sum(a.probability > 0.9 and not a.right for a in answers)
+        results(
+            f"{words:<46} {_share(answers)}      {three:5.0%}        "
+            f"{np.mean([a.probability for a in answers]):.2f}"
+            f"         {sure:>2}         {sum(not a.accepted for a in answers):>2}"
+        )
+
+
+def draw(before: list[Answer], after: list[Answer]):
+    """Reliability diagram of the first pigments' probability."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(5.2, 5), layout="constrained")
+    axis = figure.subplots()
+    axis.plot([0, 1], [0, 1], ":", color="0.6")
+    for answers, colour, words, right in (
+        (before, "0.55", "before", 5),
+        (after, "#08519c", "now", -22),
+    ):
+        stated, seen, n, error = np.array(reliability(answers)).T
+        axis.errorbar(stated, seen, error, fmt="o-", color=colour, capsize=3, label=words)
+        for x, y, count in zip(stated, seen, n, strict=True):
+            axis.annotate(
+                f"{count:.0f}",
+                (x, y),
+                xytext=(right, -12),
+                textcoords="offset points",
+                fontsize=8,
+                color=colour,
+            )
+    axis.set(
+        xlabel="stated probability of the first pigments",
+        ylabel="share of films in which it is right",
+    )
+    axis.set(
+        xlim=(-0.03, 1.03), ylim=(-0.03, 1.03), aspect="equal", title="films left out of the fit"
+    )
+    axis.legend(loc="upper left", frameon=False)
+    return figure
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    add_option(parser)
+    options = parser.parse_args()
+    if options.quick:
+        globals().update(EVERY=7)
+    start_jax()
+    results = Results("truth", options.out)
+    folder = measured_data("revigo")
+    films, recipes = read_films(folder / "reflectance.tsv"), read_recipes(folder / "mixtures.tsv")
+    left = cases(films, recipes)
+    scored = main_table(results, films, recipes, left)
+    full, gone = scored["glazejax"]
+    nested_none(results, full, gone, left)
+    results()
+    results("STATED -> TRUE, the first pigments (count)")
+    for words in ("glazejax", "errors band by band, as before"):
+        cells = [
+            f"{stated:.2f} -> {seen:.2f} ({n})"
+            for stated, seen, n, _ in reliability(scored[words][0])
+        ]
+        results(f"{words:<34} {'   '.join(cells)}")
+    held = [inside for a in full for inside in a.held]
+    results()
+    results(
+        f"90 % INTERVALS of fractions, where the first is right: {np.mean(held):.0%} of "
+        f"{len(held)} hold the true one"
+    )
+    conditions(results, films, left)
+    results()
+    results("FILM BY FILM: truth -> answer; and without the main paint's family")
+    for a, b in zip(full, gone, strict=True):
+        recipe = " + ".join(f"{100 * part:.3g} {paint}" for paint, part in a.truth.items())
+        results(f"{a.film}  {'right' if a.right else 'WRONG'}  {recipe:<40} {a.words}")
+        results(f"              without: {b.words}")
+    results.save(draw(scored["errors band by band, as before"][0], full))
+
+
+if __name__ == "__main__":
+    main()

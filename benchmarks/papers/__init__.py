@@ -1,0 +1,1 @@
+"""The three papers' tables and figures, ours next to theirs."""

@@ -1,0 +1,1 @@
+"""Renderers: pictures, plugin, exports, and the truth for layered paint."""

@@ -1,0 +1,261 @@
+"""What OpenPBR keeps of a glaze: parameters fitted to ten stacks, beside parameters written without
+a fit.
+
+    python -m benchmarks.render.openpbr_fit
+
+The truth is the solver at all pairs of angles, in linear RGB. Errors are those of
+`glazejax.appearance.exports`: albedo under an even sky, CIEDE2000 under the sky and under a lamp at
+45 degrees, and the RMS of the reflectance factor.
+"""
+
+import argparse
+import time
+
+import jax
+import numpy as np
+
+import glazejax as gj
+from benchmarks import results
+from glazejax.appearance.exports import angular_colour, fit_openpbr
+from glazejax.appearance.exports.openpbr import LAYERINGS, reflectance_factor
+from glazejax.appearance.exports.rgb import rgb_of_xyz
+from glazejax.appearance.glaze.table import glaze_table
+from glazejax.colour import encoded_srgb
+from glazejax.paint.describe import name_paints, parse_coats
+from glazejax.stacks import Stack, all_paints
+
+NEEDS = ("matplotlib",)
+
+STACKS: tuple[tuple[str, tuple[str, float, float]], ...] = (
+    ("ultramarine 1 um on white", ("UltramarineBlue:1um", 0.9, 1.5)),
+    ("ultramarine 3 um over zinc white", ("UltramarineBlue:3um,ZincWhite:20um", 0.9, 1.5)),
+    ("eosin 2 um on white", ("Eosin:2um", 0.9, 1.5)),
+    ("viridian 4 um over chrome yellow", ("ViridianGreen:4um,ChromeYellow:20um", 0.9, 1.5)),
+    ("cochineal 10 um over vermilion", ("Cochineal:10um,Vermillion:20um", 0.9, 1.5)),
+    ("zinc white 100 um", ("ZincWhite:100um", 0.9, 1.5)),
+    ("chrome yellow 50 um", ("ChromeYellow:50um", 0.9, 1.5)),
+    ("bone black 30 um", ("BoneBlack:30um", 0.9, 1.5)),
+    ("zinc white 3 um on a dark ground", ("ZincWhite:3um", 0.05, 1.5)),
+    ("cobalt blue 5 um on grey, index 1.6", ("CobaltBlue:5um", 0.4, 1.6)),
+)
+"""Name, coats, ground and refractive index of each stack."""
+
+
+def glaze(coats: str, ground: float, index: float) -> gj.Glaze:
+    """A stack of the table."""
+    return Stack(name_paints(parse_coats(coats), all_paints()), (), ground, index).glaze()
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    results.add_option(parser, stacks=2)
+    parser.add_argument(
+        "--stacks", type=int, default=len(STACKS), help="so many of them (default: all)"
+    )
+    parser.add_argument(
+        "--picture", action="store_true", help="also draw openpbr_fit.png: angle curves"
+    )
+    options = parser.parse_args()
+    jax.config.update("jax_enable_x64", True)
+    out = results.Results("openpbr_fit", options.out)
+    _table(out, options.stacks)
+    out.save(_figure() if options.picture else None)
+
+
+def _table(out: results.Results, count: int) -> None:
+    rows, seconds = [], []
+    for name, stack in STACKS[:count]:
+        truth = angular_colour(glaze(*stack), space="acescg")
+        fits = {}
+        for layering in LAYERINGS:
+            began = time.perf_counter()
+            fits[layering] = fit_openpbr(truth, layering=layering)
+            seconds.append(time.perf_counter() - began)
+        rows.append((name, fits))
+    out("OpenPBR beside the solver, smooth surface, ACEScg, D65")
+    out(
+        "naive: base_color as seen straight on, index as it is; fit: least squares over all "
+        "pairs of angles"
+    )
+    out("albedo: largest error of what an even sky shows; dE: CIEDE2000, mean over 0 to 75 degrees")
+    out()
+    out(
+        "fit for MaterialX's node graph (without a coat, the same in any program that takes "
+        "albedo from the eye's side)"
+    )
+    out(f"{'':37}{'albedo':>15}{'dE, sky':>15}{'dE, lamp at 45':>17}{'RMS of R':>17}")
+    out(f"{'stack':37}" + f"{'naive':>8}{'fit':>7}" * 2 + f"{'naive':>10}{'fit':>7}" * 2)
+    for name, fits in rows:
+        one, plain = fits["materialx"].errors, fits["materialx"].naive_errors
+        out(
+            f"{name:37}{plain.albedo:8.4f}{one.albedo:7.4f}{plain.sky:8.2f}{one.sky:7.2f}"
+            f"{plain.lamp:10.2f}{one.lamp:7.2f}{plain.rms:10.4f}{one.rms:7.4f}"
+        )
+    _gains(out, rows)
+    out()
+    out("other ways to put layers together, each fitted (coat where it makes the error smaller)")
+    out(f"{'':37}{'specification':^28}{'reciprocal':^28}")
+    out(f"{'stack':37}" + f"{'coat':>5}{'dE, sky':>8}{'lamp':>6}{'RMS':>8} " * 2)
+    for name, fits in rows:
+        line = f"{name:37}"
+        for layering in ("specification", "reciprocal"):
+            fit = fits[layering]
+            coat = "yes" if fit.material.coat_weight else "no"
+            line += f"{coat:>5}{fit.errors.sky:8.2f}{fit.errors.lamp:6.2f}{fit.errors.rms:8.4f} "
+        out(line)
+    out()
+    for layering in LAYERINGS[1:]:
+        ratio = [fits["materialx"].errors.rms / fits[layering].errors.rms for _, fits in rows]
+        out(
+            f"RMS of materialx over {layering}: {min(ratio):.2f} to {max(ratio):.2f}, median "
+            f"{np.median(ratio):.2f}"
+        )
+    _rough(out, count)
+    out(
+        f"a fit takes {np.median(seconds):.2f} s (median), {max(seconds):.2f} s (most), angles "
+        "computed"
+    )
+
+
+def _rough(out: results.Results, count: int) -> None:
+    out()
+    out(
+        "a rough surface (alpha of GGX), the body by glazejax.radiative.rough: fits for "
+        "materialx and for reciprocal"
+    )
+    out(f"{'stack':37}{'alpha':>6}" + f"{'albedo':>9}{'dE, sky':>8}{'lamp':>6}{'RMS':>8}" * 2)
+    for number in filter(lambda number: number < count, DRAWN):
+        name, stack = STACKS[number]
+        for alpha in (0.1, 0.3):
+            truth = angular_colour(glaze(*stack), roughness=alpha, space="acescg")
+            line = f"{name:37}{alpha:6g}"
+            for layering in ("materialx", "reciprocal"):
+                e = fit_openpbr(truth, layering=layering).errors
+                line += f"{e.albedo:9.4f}{e.sky:8.2f}{e.lamp:6.2f}{e.rms:8.4f}"
+            out(line)
+    out()
+
+
+def _gains(out: results.Results, rows: list) -> None:
+    for what in ("albedo", "sky", "lamp", "rms"):
+        pairs = [
+            (getattr(fits["materialx"].naive_errors, what), getattr(fits["materialx"].errors, what))
+            for _, fits in rows
+        ]
+        ratio = [plain / one for plain, one in pairs]
+        out(
+            f"naive over fit, {what}: {min(ratio):.2f} to {max(ratio):.2f}, median "
+            f"{np.median(ratio):.2f}"
+        )
+
+
+DRAWN = (1, 5)
+"""Stacks of the picture."""
+_SIDE = 240
+_LAMP = np.array([0.0, np.sin(np.deg2rad(50)), np.cos(np.deg2rad(50))])
+_LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
+
+
+def _figure():
+    """Spheres, their left half the truth, and what is seen of a lamp against the eye's angle."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(11.0, 5.6), layout="constrained")
+    axes = figure.subplots(2, 4, width_ratios=(1, 1, 1, 1.6))
+    words = (
+        "Left half of each sphere: computed. Right half: OpenPBR. A lamp 50° above the eye, "
+        "without the gloss."
+    )
+    figure.suptitle(words, fontsize=10)
+    for row, number in zip(axes, DRAWN, strict=True):
+        name, stack = STACKS[number]
+        made = glaze(*stack)
+        table, grid = glaze_table(made, made.wavelengths, tolerance=1e-4), made.wavelengths
+        weights, white = gj.colour.colour_weights(grid), gj.colour.white_point(grid)
+
+        def truth(cos_in, cos_out, table=table, weights=weights, white=white):
+            spectra = np.asarray(table.reflectance_factor(cos_in, cos_out), float)
+            return rgb_of_xyz(spectra @ weights, white, "lin_rec709")
+
+        colour = angular_colour(made)
+        fits = {
+            layering: fit_openpbr(colour, layering=layering, coat=layering == "reciprocal")
+            for layering in LAYERINGS
+        }
+        shown = {
+            "not fitted": (fits["materialx"].naive, "materialx"),
+            "fitted, MaterialX": (fits["materialx"].material, "materialx"),
+            "fitted, reciprocal layers": (fits["reciprocal"].material, "reciprocal"),
+        }
+        for axis, (title, (material, layering)) in zip(row, shown.items(), strict=False):
+            axis.imshow(_sphere(truth, material, layering))
+            axis.set_title(title, fontsize=9)
+            axis.set_axis_off()
+        row[0].text(
+            -0.02,
+            0.5,
+            name,
+            transform=row[0].transAxes,
+            rotation=90,
+            va="center",
+            ha="right",
+            fontsize=9,
+        )
+        _curves(row[3], truth, shown)
+    return figure
+
+
+def _sphere(truth, material, layering):
+    """Encoded sRGB of a sphere under a lamp 50 degrees above the eye; right of the middle it is
+    OpenPBR.
+    """
+    y, x = np.mgrid[1 : -1 : _SIDE * 1j, -1 : 1 : _SIDE * 1j]
+    z = np.sqrt(np.maximum(0.0, 1.0 - x**2 - y**2))
+    cos_in, cos_out = _LAMP[1] * y + _LAMP[2] * z, z
+    picture = np.ones((_SIDE, _SIDE, 3))
+    inside = x**2 + y**2 < 1
+    picture[inside] = 0.02
+    lit = inside & (cos_in > 0.01) & (cos_out > 0.01)
+    between = (_LAMP[2] - cos_in * cos_out) / np.sqrt(
+        np.maximum((1 - cos_in**2) * (1 - cos_out**2), 1e-12)
+    )
+    azimuth = 180.0 - np.rad2deg(np.arccos(np.clip(between, -1, 1)))
+    for half, function in (
+        (lit & (x < 0), lambda a, b, t: truth(a, b)),
+        (
+            lit & (x >= 0),
+            lambda a, b, t: reflectance_factor(material, a, b, t, layering=layering, gloss=False),
+        ),
+    ):
+        seen = function(cos_in[half], cos_out[half], azimuth[half])
+        picture[half] = np.clip(seen * cos_in[half][:, None], 0, 1)
+    return np.where(inside[..., None], encoded_srgb(picture), 1.0)
+
+
+def _curves(axis, truth, shown):
+    """Luminance factor against the eye's angle, for a lamp straight above and at 75 degrees."""
+    angles = np.linspace(0, 85, 60)
+    cosines = np.cos(np.deg2rad(angles))
+    for lamp, style in ((0.0, "-"), (75.0, "--")):
+        cos_in = np.full(angles.shape, np.cos(np.deg2rad(lamp)))
+        words = "computed, lamp straight above" if lamp == 0 else "computed, lamp at 75°"
+        axis.plot(
+            angles, truth(cos_in, cosines) @ _LUMINANCE, style, color="0.6", lw=3.5, label=words
+        )
+        for (title, (material, layering)), colour in zip(
+            shown.items(), ("C3", "C0", "C2"), strict=True
+        ):
+            seen = (
+                reflectance_factor(material, cos_in, cosines, layering=layering, gloss=False)
+                @ _LUMINANCE
+            )
+            axis.plot(angles, seen, style, color=colour, lw=1.2, label=title if lamp == 0 else None)
+    axis.set_xlabel("eye, degrees from the normal", fontsize=8)
+    axis.set_ylabel("luminance factor of the body", fontsize=8)
+    axis.set_ylim(0)
+    axis.tick_params(labelsize=7)
+    axis.legend(fontsize=6.5, frameon=False, loc="lower left")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,1 @@
+"""The radiative solvers: time, error, growth, compared with other programs."""

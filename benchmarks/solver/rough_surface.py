@@ -1,0 +1,190 @@
+"""Paint under a rough surface: error against time by the number of nodes, beside the smooth solver
+and beside paths.
+
+Random stacks of one or two layers (optical thickness 0.003 to 30, albedo up to 1 - 1e-6, grounds 0
+to 1, cosines 0.05 to 1), surfaces of roughness 0.001 to 1 and index 1.05 to 2.5. The errors are
+those against a run with more of
+everything: nodes, facets, beams, angles. Times are of 41 stacks of two layers, compiled, the best
+of several, and given as ratios to the smooth solver's. Paths are the tests' own
+(`tests/oracles/rough_paths.py`), with next to no
+tricks: what they take for the same error of one number follows from their standard error.
+
+    python -m benchmarks.solver.rough_surface [--stacks 60] [--out FOLDER]
+"""
+
+import argparse
+import functools
+import os
+import time
+from collections.abc import Callable, Iterator
+from typing import Any
+from unittest import mock
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from tests.oracles import rough_paths
+
+from benchmarks import results
+from glazejax import stack_reflectance_factor
+from glazejax.radiative import rough
+from glazejax.radiative.rough import resolution
+from glazejax.radiative.rough.basis import Size
+
+FINE = Size(12, 24, 3.0, 64, 64, (40, 40))
+SURFACES = ((0.05, 1.5), (0.3, 1.5), (0.5, 1.7), (0.1, 1.05), (1e-3, 1.5), (1.0, 1.5), (0.2, 2.5))
+TOLERANCES = (1e-3, 1e-4, 1e-5)
+
+
+def random_stacks(count: int, seed: int = 0) -> dict[str, np.ndarray]:
+    """Arguments of the functions by name."""
+    rng = np.random.default_rng(seed)
+    thickness = 10 ** rng.uniform(-2.5, 1.5, (count, 2))
+    thickness[rng.random((count, 2)) < 0.4] = 0.0
+    ground = rng.uniform(0, 1, count)
+    ground[: count // 4], ground[count // 4 : count // 2] = 0.0, 1.0
+    return {
+        "albedo": 1 - 10 ** rng.uniform(-6, 0, (count, 2)),
+        "optical_thickness": thickness,
+        "substrate_reflectance": ground,
+        "cos_incidence": rng.uniform(0.05, 1, count),
+        "cos_viewing": rng.uniform(0.05, 1, count),
+    }
+
+
+def with_size(size: Size, evaluate: Callable[[], jax.Array]) -> np.ndarray:
+    """A value at a resolution of its own."""
+    with mock.patch.object(resolution, "_SIZES", ((1e-5, size),)):
+        return np.asarray(evaluate())
+
+
+def errors(count: int, surfaces: int) -> Iterator[tuple[float, float, list[tuple[float, float]]]]:
+    """Roughness, index, and by tolerance the largest error of the factor and of the flux."""
+    stacks = random_stacks(count)
+    flux = {name: value for name, value in stacks.items() if name != "cos_viewing"}
+    for roughness, index in SURFACES[:surfaces]:
+        surface = {"roughness": roughness, "refractive_index": index}
+        both = (
+            functools.partial(rough.rough_reflectance_factor, **stacks, **surface),
+            functools.partial(rough.rough_hemispherical_reflectance, **flux, **surface),
+        )
+        exact = [with_size(FINE, functools.partial(one, tolerance=1e-5)) for one in both]
+        row = []
+        for tolerance in TOLERANCES:
+            miss = [
+                np.max(np.abs(np.asarray(one(tolerance=tolerance)) - e))
+                for one, e in zip(both, exact, strict=True)
+            ]
+            row.append((float(miss[0]), float(miss[1])))
+        yield roughness, index, row
+        jax.clear_caches()
+
+
+def seconds(function: Callable, *arguments: object) -> float:
+    """Best of several."""
+    jax.block_until_ready(function(*arguments))
+    best = np.inf
+    for _ in range(25):
+        start = time.perf_counter()
+        jax.block_until_ready(function(*arguments))
+        best = min(best, time.perf_counter() - start)
+    return best
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument(
+        "--stacks", type=int, default=60, help="random stacks (default: %(default)s)"
+    )
+    parser.add_argument(
+        "--surfaces", type=int, default=len(SURFACES), help="so many of them (default: all)"
+    )
+    results.add_option(parser, stacks=8, surfaces=1)
+    options = parser.parse_args()
+    if options.quick:
+        globals().update(TOLERANCES=TOLERANCES[:2])
+    jax.config.update("jax_enable_x64", True)
+    say = results.Results("rough_surface", options.out)
+    say(
+        f"Largest error of the reflectance factor and of the flux over {options.stacks} random "
+        "stacks, by the tolerance"
+    )
+    say("asked for, against a run with more nodes, facets, beams and angles")
+    if flags := os.environ.get("XLA_FLAGS"):
+        say(f"Compiled with XLA_FLAGS={flags}")
+    say()
+    say(f"{'roughness':>9} {'index':>6}   " + "   ".join(f"{t:^17.0e}" for t in TOLERANCES))
+    worst = np.zeros((len(TOLERANCES), 2))
+    for roughness, index, row in errors(options.stacks, options.surfaces):
+        say(f"{roughness:9g} {index:6g}   " + "   ".join(f"{f:8.1e} {h:8.1e}" for f, h in row))
+        worst = np.maximum(worst, row)
+    say(f"{'worst':>16}   " + "   ".join(f"{f:8.1e} {h:8.1e}" for f, h in worst))
+    say()
+    _speed(say)
+    say.save()
+
+
+def _speed(say: results.Results) -> None:
+    q, d, g = (
+        jnp.linspace(0.5, 0.99, 82).reshape(41, 2),
+        jnp.linspace(0.1, 4, 82).reshape(41, 2),
+        jnp.full(41, 0.6),
+    )
+    arguments = q, d, g
+    cosines: dict[str, Any] = {"cos_incidence": 0.8, "cos_viewing": 0.6}
+
+    @jax.jit
+    def smooth(q, d, g):
+        return stack_reflectance_factor(q, d, g, tolerance=1e-4, **cosines)
+
+    base = seconds(smooth, *arguments)
+    say(
+        "Time of 41 stacks of two layers, compiled, over that of the smooth solver at tolerance "
+        "1e-4; with slopes by"
+    )
+    say(
+        "albedo, thickness and ground; and the seconds of once, for the operators of one surface "
+        "(roughness 0.2)"
+    )
+    say()
+    say(f"{'tolerance':>9} {'value':>7} {'slopes':>7} {'operators':>10}")
+    slopes = jax.jit(jax.grad(lambda *a: jnp.sum(smooth(*a)), argnums=(0, 1, 2)))
+    say(f"{'smooth':>9} {1.0:7.2f} {seconds(slopes, *arguments) / base:7.2f} {'':>10}")
+    times = {}
+    for tolerance in TOLERANCES:
+        start = time.process_time()
+        resolution.resolve(1.5, 0.2, tolerance).operators()
+        once = time.process_time() - start
+        value = jax.jit(
+            functools.partial(
+                rough.rough_reflectance_factor, roughness=0.2, tolerance=tolerance, **cosines
+            )
+        )
+        gradient = jax.jit(jax.grad(lambda *a, value=value: jnp.sum(value(*a)), argnums=(0, 1, 2)))
+        times[tolerance] = seconds(value, *arguments)
+        say(
+            f"{tolerance:9.0e} {times[tolerance] / base:7.2f} "
+            f"{seconds(gradient, *arguments) / base:7.2f} {once:10.2f}"
+        )
+    say()
+    paths, edges = 100_000, np.array([0.0, 0.58, 0.62, 1.0])
+    surface = rough_paths.Rough(0.2, 1.5)
+    loss = rough_paths.Loss(surface)
+    one = np.array([0.9]), np.array([1.0]), 0.6, 0.8, paths, edges
+    start = time.perf_counter()
+    found = rough_paths.simulate(surface, *one, loss=loss)
+    took = time.perf_counter() - start
+    for tolerance in (1e-3, 1e-4):
+        for name, error in (
+            ("flux", found.flux_error),
+            ("a bin of 0.04 of the cosine", found.bins_error[1] / 0.048),
+        ):
+            ratio = took * (error / tolerance) ** 2 / (times[tolerance] / 41)
+            say(
+                f"Paths to a standard error of {tolerance:.0e} of {name}: {ratio:.1e} times one "
+                "stack's time"
+            )
+
+
+if __name__ == "__main__":
+    main()

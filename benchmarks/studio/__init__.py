@@ -1,0 +1,1 @@
+"""The studio's page: its solver and how quickly it answers."""
