@@ -120,10 +120,10 @@ def stack_reflectance_factor(
         a run with more than twice the directions, so that the worst of them stays below the
         tolerance (`python -m benchmarks.solver.calibrate_directions` repeats it). Where light and
         view both graze a medium of an index near one, inside too, or light alone where all that
-        leaves is counted, there are more directions, for cosines down to 1e-4; a cosine that is traced
-        counts as that. A tolerance below 1e-10 (1e-8 by "auxiliary") is met as that, and a warning
-        says so. In float32, rounding leaves about 1e-5: the default is met as that, and anything
-        below it with a warning.
+        leaves is counted, there are more directions, for cosines down to 1e-4; a cosine that is
+        traced counts as that. A tolerance below 1e-10 (1e-8 by "auxiliary") is met as that, and a
+        warning says so. In float32, rounding leaves about 1e-5: the default is met as that, and
+        anything below it with a warning.
 
         The derivative by an index of exactly one is the one from above, for there is none below. It
         is the limit in closed form (method "ordinates"). Just above one, it holds to some
