@@ -169,7 +169,7 @@ def test_every_benchmark_has_a_small_size():
         for n, text in texts.items()
         if "options.quick" not in text and "add_option(parser, " not in text
     }
-    assert without <= {"object_colour_figures", "many_flux_figures", "mutation"}
+    assert without <= {"object_colour_figures", "many_flux_figures"}
 
 
 def test_each_runs_and_what_fails_does_not_stop_the_rest(made):

@@ -67,7 +67,6 @@ def test_a_result_without_a_module_or_a_head_is_told(tmp_path):
     [
         ("scaling_gpu", "scaling"),
         ("painting_rivals", "painting_rivals"),
-        ("mutation_77", "mutation"),
     ],
 )
 def test_a_result_belongs_to_the_longest_name_that_begins_it(result, module):

@@ -1,0 +1,1 @@
+"""Makes shipped data and pictures, and tries the tests."""
