@@ -1,1 +1,1 @@
-"""Makes shipped data and pictures, and tries the tests."""
+"""What makes shipped data and pictures, and measures nothing."""

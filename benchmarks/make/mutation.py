@@ -1,16 +1,17 @@
 """Small faults that no test notices: cosmic-ray changes a module, one place at a time, and runs
 its tests.
 
-python -m benchmarks.make.mutation SOURCE TEST... [--count N] [--seed S] [--folder FOLDER]
+python -m benchmarks.make.mutation SOURCE TEST... [--count N] [--seed S]
 
 SOURCE is a file or folder of src or fitting, TEST a test file or folder. N places drawn at random
-get one change each, in a copy of the repository under FOLDER. A run with a FOLDER that has a
-session goes on where it stopped. The settings are in mutation.toml; mutation_equivalent.tsv names
-changes that alter nothing a user could see, with the reason: these are not tried.
+get one change each, in a copy of the repository. The settings are in mutation.toml;
+mutation_equivalent.tsv names changes that alter nothing a user could see, with the reason: these
+are not tried. A run that is stopped reports what it has tried.
 """
 
 import argparse
 import ast
+import contextlib
 import os
 import random
 import re
@@ -83,39 +84,41 @@ def main() -> None:
     parser.add_argument("tests", nargs="+", help="what must fail")
     parser.add_argument("--count", type=int, default=30, help="places (default: %(default)s)")
     parser.add_argument("--seed", type=int, default=0, help="of the draw (default: %(default)s)")
-    parser.add_argument("--folder", type=Path, help="of the copy and the session (default: new)")
     options = parser.parse_args()
     from cosmic_ray.config import (  # pyright: ignore[reportMissingImports]
         load_config,
         serialize_config,
     )
 
-    folder = (options.folder or Path(tempfile.mkdtemp(prefix="mutation"))).resolve()
-    every, session = folder / "every.sqlite", folder / "session.sqlite"
-    settings, tree = folder / "settings.toml", folder / "tree"
-    search = os.pathsep.join(str(tree / name) for name in ("src", "fitting", "."))
-    programs = os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])
-
-    def cosmic_ray(program: str, *words: str | Path) -> None:
-        command = [sys.executable, "-m", f"cosmic_ray.{program}", *words]
+    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as name:
+        folder, tree = Path(name), Path(name) / "tree"
+        every, session = folder / "every.sqlite", folder / "session.sqlite"
+        settings = folder / "settings.toml"
+        search = os.pathsep.join(str(tree / name) for name in ("src", "fitting", "."))
+        programs = os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])
         environment = {**os.environ, "PYTHONPATH": search, "PATH": programs}
-        subprocess.run(command, cwd=tree, env=environment, check=True)
 
-    if not session.exists():
+        def cosmic_ray(program: str, *words: str | Path) -> None:
+            command = [sys.executable, "-m", f"cosmic_ray.{program}", *words]
+            subprocess.run(command, cwd=tree, env=environment, check=True)
+
         skip = shutil.ignore_patterns("__pycache__", ".*", "results", "_build")
-        shutil.copytree(ROOT, tree, ignore=skip, dirs_exist_ok=True)
+        shutil.copytree(ROOT, tree, ignore=skip)
         config = load_config(HERE / "mutation.toml")
         config["module-path"] = [options.source]
         config["test-command"] += " " + " ".join(options.tests)
         settings.write_text(serialize_config(config))
+        # The tests must pass as long as nothing is changed.
         cosmic_ray("cli", "baseline", settings)
         cosmic_ray("cli", "init", settings, every)
         cosmic_ray("tools.filters.operators_filter", every, settings)
-        # cosmic-ray keeps paths as they are from the top of the repository.
-        os.chdir(tree)
-        draw(every, session, options.count, options.seed)
-    cosmic_ray("cli", "exec", settings, session)
-    cosmic_ray("tools.report", "--surviving-only", "--show-diff", session)
+        # Paths of a session begin at the top of the repository.
+        with contextlib.chdir(tree):
+            draw(every, session, options.count, options.seed)
+        try:
+            cosmic_ray("cli", "exec", settings, session)
+        finally:
+            cosmic_ray("tools.report", "--surviving-only", "--show-diff", session)
 
 
 if __name__ == "__main__":
