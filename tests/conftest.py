@@ -67,6 +67,8 @@ if CHECKED:
     )
 
 hypothesis.settings.register_profile("glazejax", deadline=None, max_examples=50)
+# Of damaged files, tests/io/test_hostile.py; it takes some minutes.
+hypothesis.settings.register_profile("fuzz", deadline=None, max_examples=20_000)
 hypothesis.settings.load_profile("glazejax")
 
 
