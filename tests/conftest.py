@@ -25,7 +25,8 @@ _FLAGS = {
     "level": _SIMPLE_LOOPS,
     "1": "",
 }
-flags = _FLAGS[os.environ.get("GLAZEJAX_TEST_OPTIMISED", "0")]
+OPTIMISED = os.environ.get("GLAZEJAX_TEST_OPTIMISED", "0")
+flags = _FLAGS[OPTIMISED]
 # XLA takes a value without any option for the name of a file.
 if flags and not ELSEWHERE:
     os.environ["XLA_FLAGS"] = f"{os.environ.get('XLA_FLAGS', '')} {flags}"
@@ -59,9 +60,9 @@ jax.config.update(
 )
 jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.1)
 
-# Annotations of the forward package, shapes too, are checked in a run of their own, which `.ci/run`
-# makes.
-CHECKED = os.environ.get("GLAZEJAX_CHECK_TYPES") == "1"
+# Annotations of the forward package, shapes too, are checked in the quick suite, where that takes
+# some hundredths of its time, and not where programs are compiled as users' are.
+CHECKED = os.environ.get("GLAZEJAX_CHECK_TYPES", "1" if OPTIMISED == "0" else "0") == "1"
 if CHECKED:
     # A whole number counts as a float, as for type checkers (PEP 484).
     jaxtyping.install_import_hook(
