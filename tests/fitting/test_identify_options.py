@@ -226,6 +226,7 @@ def test_a_film_is_computed_as_its_instrument_reads_it(paints):
     np.testing.assert_allclose(found.fitted[0, 0], spectrum, atol=1e-3)
 
 
+@pytest.mark.slow
 def test_more_paints_are_tried_when_asked(find):
     assert (find().members[..., 1:] < 0).all()
     both = find(max_paints=2)

@@ -144,20 +144,23 @@ def odds(spectrum, paints, **options):
     return identify(GRID, spectrum, paints, **given)
 
 
-def test_a_mixture_and_a_superposition_are_told(oils):
+@pytest.mark.parametrize("count", [2, pytest.param(3, marks=pytest.mark.slow)])
+def test_a_mixture_and_a_superposition_are_told(oils, count):
+    """Films of so many paints."""
     blue, white, yellow = oils
     films = np.array(
         [
             read([Layer(Mixture([blue, white], [0.3, 0.7]), 30e-6)]),
             read([Layer(white, 6e-6), Layer(blue, 25e-6)]),
             read([Layer(blue, 4e-6), Layer(yellow, 40e-6)]),
-        ]
+        ][:count]
     )
-    found = odds(films, oils)
+    found = odds(films, oils[:count])
     assert found.coats_probability[0] < 0.1
     assert found.coats_probability[1:].min() > 0.9
     assert found.coats_odds[1][0].most_probable == "LeadWhite over CobaltBlue"
-    assert found.coats_odds[2][0].most_probable == "CobaltBlue over ChromeYellow"
+    if count == 3:
+        assert found.coats_odds[2][0].most_probable == "CobaltBlue over ChromeYellow"
     for own in found.coats_odds:
         assert sum(one.share for one in own) == pytest.approx(1.0)
         for one in own:
