@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Unpack
 import numpy as np
 from jaxtyping import ArrayLike, Bool, Float
 
-from glazejax.former_names import accept_former_grounds, accept_former_keywords
 from glazejax.progress import Progress, no_progress
 
 from ..film.films import Noise
@@ -64,8 +63,6 @@ _CHECKED = 256
 _NOISE_SAMPLE = 4000
 
 
-@accept_former_grounds
-@accept_former_keywords(geometry="instrument", layers="max_coats")
 def map_cube(
     cube: "CubeSource | str | Path | xarray.DataArray",
     pigments: Pigments,
