@@ -217,7 +217,6 @@ def _child(where: Path, workers: int, coats: int) -> None:
             ground=ground,
             out=out,
             client=client,
-            max_coats=coats,
             overwrite=True,
             progress=note_stage,
         )
