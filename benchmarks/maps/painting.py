@@ -64,10 +64,9 @@ def main() -> None:
     )
     parser.add_argument("--child", type=Path, help=argparse.SUPPRESS)
     parser.add_argument("--workers", type=int, default=0, help=argparse.SUPPRESS)
-    parser.add_argument("--coats", type=int, default=1, help=argparse.SUPPRESS)
     options = parser.parse_args()
     if options.child is not None:
-        _child(options.child, options.workers, options.coats)
+        _child(options.child, options.workers)
         return
     if options.mosaic:
         results = Results("painting_mosaic", options.out, "zarr")
@@ -153,7 +152,7 @@ def _exponents(results: Results, runs: list[tuple[int, float]]) -> None:
     )
 
 
-def map_painting(where: Path, workers: int = 0, coats: int = 1) -> dict:
+def map_painting(where: Path, workers: int = 0) -> dict:
     """Map a painting in a process of its own, into map.zarr (dask.zarr with workers)."""
     words = [
         sys.executable,
@@ -163,8 +162,6 @@ def map_painting(where: Path, workers: int = 0, coats: int = 1) -> dict:
         str(where),
         "--workers",
         str(workers),
-        "--coats",
-        str(coats),
     ]
     done = subprocess.run(words, capture_output=True, text=True, check=False)
     if done.returncode:
@@ -172,7 +169,7 @@ def map_painting(where: Path, workers: int = 0, coats: int = 1) -> dict:
     return json.loads(done.stdout.splitlines()[-1])
 
 
-def _child(where: Path, workers: int, coats: int) -> None:
+def _child(where: Path, workers: int) -> None:
     """What `glazejax map` does, with the times of its stages as one line of JSON."""
     from contextlib import ExitStack
 
