@@ -1,4 +1,5 @@
-"""The site: `python -m sphinx -W -b html docs docs/_build/html`, with the extra `docs` installed.
+"""The site: `python -m sphinx -W -b html -D nb_execution_mode=off docs docs/_build/html`, with the
+extra `docs` installed. Without `-D ...` its notebooks run too.
 
 Everything comes from this repository: no font, script or style of another host is asked for
 (`_ext/offline.py` looks). Pages under reference/, results/ and project/ are made from the code, the
@@ -9,10 +10,16 @@ import os
 import sys
 from importlib.metadata import version as installed
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from sphinx.application import Sphinx
 
 HERE = Path(__file__).parent
 ROOT = HERE.parent
-sys.path[:0] = [str(HERE / "_ext"), str(ROOT)]
+sys.path[:0] = [str(HERE / "_ext"), str(HERE), str(ROOT)]
+
+from stale_notebooks import NOTEBOOKS, digest, files_of  # noqa: E402
 
 from glazejax.plots import STYLE  # noqa: E402
 
@@ -33,9 +40,7 @@ extensions = [
     "docstrings",
     "reference",
     "results",
-    "gallery",
     "reading",
-    "notebook_times",
     "studio_page",
     "offline",
 ]
@@ -50,10 +55,16 @@ math_number_all = False
 # Curly quotes, but no dashes made of two hyphens: those are options.
 smartquotes_action = "qe"
 
-# Notebooks run while the site is built; an error in one ends the build. What has run is kept beside
-# the site, and runs again only if its cells have changed: delete the folder after a change of the
-# code (.ci/run has none to begin with).
+# Notebooks run while the site is built, unless `-D nb_execution_mode=off` or GLAZEJAX_NOTEBOOKS
+# ("all", "none", or names) says otherwise; an error in one ends the build. What has run is kept,
+# and runs again if its cells or the code whose names it uses changed (`stale_notebooks.py`).
 nb_execution_mode = "cache"
+chosen = os.environ.get("GLAZEJAX_NOTEBOOKS", "all").split()
+if unknown := set(chosen) - {"all", "none", *NOTEBOOKS}:
+    raise ValueError(f"GLAZEJAX_NOTEBOOKS: no notebooks are called {sorted(unknown)}")
+nb_execution_excludepatterns = [
+    f"docs/notebooks/{name}.md" for name in NOTEBOOKS if not {"all", name} & set(chosen)
+]
 nb_execution_cache_path = os.environ.get("GLAZEJAX_DOCS_CACHE", str(HERE / "_build" / "notebooks"))
 nb_execution_raise_on_error = True
 nb_execution_timeout = -1  # a cell takes as long as it takes: a slow machine ends no build
@@ -89,6 +100,8 @@ napoleon_numpy_docstring = False
 # A name in single backquotes is a link where it is one of ours, and code elsewhere.
 default_role = "py:obj"
 
+NOT_RUN = "Outputs and pictures appear here when the site is built with its notebooks."
+
 html_theme = "sphinx_book_theme"
 html_title = "glazejax"
 html_static_path = ["_static"]
@@ -113,3 +126,30 @@ html_theme_options = {
     "pygments_light_style": "tango",
     "pygments_dark_style": "monokai",
 }
+
+
+def _mark_notebook(app: "Sphinx", page: str, content: list[str]) -> None:
+    """Make what is kept of a notebook depend on the code that it uses, or say that it did not run.
+
+    Both stand in its front matter, of which jupyter-cache compares `kernelspec`.
+    """
+    folder, _, name = page.partition("/")
+    if folder != "notebooks" or name not in NOTEBOOKS:
+        return
+    excluded = f"docs/{page}.md" in app.config.nb_execution_excludepatterns
+    if app.config.nb_execution_mode == "off" or excluded:
+        # The kernel, which did not start, would have named the language.
+        front = "language_info:\n  name: python\n  pygments_lexer: ipython3\nkernelspec:\n"
+        note = f"\n```{{note}}\n{NOT_RUN}\n```\n\n```{{code-cell}}"
+        content[0] = content[0].replace("\n```{code-cell}", note, 1)
+    else:
+        front = f"kernelspec:\n  code: {digest(NOTEBOOKS[name])}\n"
+        for path in files_of(NOTEBOOKS[name]):
+            app.env.note_dependency(str(path))
+    content[0] = content[0].replace("kernelspec:\n", front, 1)
+
+
+def setup(app: "Sphinx") -> dict[str, Any]:
+    """Called by Sphinx."""
+    app.connect("source-read", _mark_notebook)
+    return {"parallel_read_safe": True, "parallel_write_safe": True}
