@@ -6,11 +6,17 @@ Everything comes from this repository: no font, script or style of another host 
 result files and the texts of the repository when the site is built; they are not in git.
 """
 
+import functools
+import inspect
 import os
+import re
 import sys
+from importlib import import_module
 from importlib.metadata import version as installed
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+from sphinx.util.logging import getLogger
 
 if TYPE_CHECKING:
     from sphinx.application import Sphinx
@@ -19,7 +25,7 @@ HERE = Path(__file__).parent
 ROOT = HERE.parent
 sys.path[:0] = [str(HERE / "_ext"), str(HERE), str(ROOT)]
 
-from stale_notebooks import NOTEBOOKS, digest, files_of  # noqa: E402
+from stale_notebooks import NOTEBOOKS, digest, files_of, home_of  # noqa: E402
 
 from glazejax.plots import STYLE  # noqa: E402
 
@@ -30,21 +36,20 @@ release = version = installed("glazejax")
 
 extensions = [
     "myst_nb",
-    "sphinx.ext.autodoc",
+    "autoapi.extension",
     "sphinx.ext.napoleon",
+    "sphinxcontrib.typer",
     "sphinx_copybutton",
     "sphinx_design",
     # What is in _ext.
     "mathml",
     "pages_of_repository",
-    "docstrings",
-    "reference",
     "results",
     "reading",
     "studio_page",
     "offline",
 ]
-exclude_patterns = ["_build", "_ext"]
+exclude_patterns = ["_build", "_ext", "_templates"]
 
 # Markdown, as the forge reads it too: links to headings are made as there.
 myst_enable_extensions = ["dollarmath", "colon_fence", "attrs_inline"]
@@ -52,8 +57,6 @@ myst_heading_anchors = 4
 myst_dmath_double_inline = True
 math_numfig = True
 math_number_all = False
-# Curly quotes, but no dashes made of two hyphens: those are options.
-smartquotes_action = "qe"
 
 # Notebooks run while the site is built, unless `-D nb_execution_mode=off` or GLAZEJAX_NOTEBOOKS
 # ("all", "none", or names) says otherwise; an error in one ends the build. What has run is kept,
@@ -92,11 +95,130 @@ os.environ["PATH"] = os.pathsep.join([str(Path(sys.executable).parent), os.envir
 # One notebook maps the painting of the benchmarks.
 os.environ["PYTHONPATH"] = os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")])
 
+# The reference: what the rooms in PUBLIC offer, read from the source, so with the types as they are
+# written there. What two rooms offer is described in the one with the shorter name.
+PUBLIC = {
+    "Forward: from paint to colour": [
+        "glazejax",
+        "glazejax.catalogue",
+        "glazejax.colour",
+        "glazejax.samples",
+        "glazejax.io",
+        "glazejax.plots",
+        "glazejax.spectra",
+        "glazejax.studio",
+    ],
+    "Backward: from measurements to paint": ["glazefit"],
+    "The solvers on arrays": [
+        "glazejax.radiative",
+        "glazejax.radiative.auxiliary",
+        "glazejax.radiative.manyflux",
+        "glazejax.radiative.rough",
+        "glazejax.radiative.twoflux",
+        "glazejax.radiative.plan",
+        "glazejax.radiative.common.phase",
+        "glazejax.radiative.common.fresnel",
+    ],
+    "Appearance": [
+        "glazejax.appearance",
+        "glazejax.appearance.display",
+        "glazejax.appearance.exports",
+        "glazejax.appearance.mitsuba",
+        "glazejax.appearance.interreflection",
+        "glazejax.appearance.metals",
+        "glazejax.appearance.shading",
+        "glazejax.appearance.scene",
+    ],
+}
+ROOMS = [room for rooms in PUBLIC.values() for room in rooms]
+# Parsing takes a tenth of a second a file: only folders are read that define a public name.
+homes = {home_of(room) for room in ROOMS} | {
+    home_of(f"{room}.{name}")
+    for room in ROOMS
+    for name in getattr(import_module(room), "__all__", [])
+}
+folders = {home.parent if home.is_file() else home for home in homes if home}
+autoapi_ignore = [
+    str(path)
+    for packages in ("src", "fitting")
+    for path in (ROOT / packages).rglob("*.py*")
+    if path.parent not in folders
+]
+# Names that a module has from another one for its users: `_homes` looks that none is missing.
+suppress_warnings = ["autoapi.python_import_resolution"]
+autoapi_dirs = ["../src/glazejax", "../fitting/glazefit"]
+autoapi_root = "reference"
+autoapi_template_dir = "_templates/autoapi"
+autoapi_file_patterns = ["*.pyi", "*.py"]
+autoapi_options = ["members", "imported-members"]
+autoapi_keep_files = True
+autoapi_add_toctree_entry = True
+
+
+def _shown(room: str) -> str:
+    """The name by which users import a room."""
+    return room.replace(".common.", ".")
+
+
+def _about(room: str) -> str:
+    """A room's docstring: its list of names (`__init__.pyi`), which is what is read, has none."""
+    return inspect.getdoc(import_module(room)) or ""
+
+
+@functools.cache
+def _homes(app: "Sphinx") -> dict[str, str]:
+    """Where a thing is defined -> the public name under which it is described."""
+    names = sorted(app.env.autoapi_all_objects.items(), key=lambda pair: len(pair[0]))
+    homes: dict[str, str] = {}
+    for name, thing in names:
+        if thing.display and name.rpartition(".")[0] in ROOMS:
+            homes.setdefault(thing.obj.get("original_path", name), _shown(name))
+    for room in map(import_module, ROOMS):
+        for name in getattr(room, "__all__", []):
+            thing = getattr(room, name)
+            defined = f"{getattr(thing, '__module__', '')}.{getattr(thing, '__qualname__', '')}"
+            described = defined in homes or f"{_shown(room.__name__)}.{name}" in homes.values()
+            if not described and not inspect.ismodule(thing):
+                getLogger(__name__).warning("%s.%s has no docstring", room.__name__, name)
+    return homes
+
+
+def _home(thing: Any) -> str:
+    return _homes(thing.app)[thing.obj.get("original_path", thing.id)]
+
+
+def _as_written(types: str, thing: Any) -> str:
+    """Types as the source has them.
+
+    autoapi writes all names from their roots, and the shapes of jaxtyping without their quotes.
+    """
+    types = re.sub(r"\bjaxtyping\.(\w+\[[^,\[\]]+, )([^\[\]]*)\]", r'\1"\2"]', types)
+    types = types.replace("numpy.", "np.")
+    return re.sub(
+        r"\b(?!j?np\.)[a-z_]\w*(?:\.\w+)*\.(\w+)",
+        lambda name: _homes(thing.app).get(name[0], name[1]),
+        types,
+    )
+
+
+def _prepare(templates: Any) -> None:
+    """What the templates in `_templates` use."""
+    templates.globals["public"] = PUBLIC
+    templates.filters |= {
+        "shown": _shown,
+        "about": _about,
+        "home": _home,
+        "as_written": _as_written,
+    }
+
+
+autoapi_prepare_jinja_env = _prepare
 toc_object_entries_show_parents = "hide"
-autodoc_member_order = "bysource"
-autodoc_typehints = "none"
-napoleon_google_docstring = True
+python_maximum_signature_line_length = 88
+python_use_unqualified_type_names = True
 napoleon_numpy_docstring = False
+# What stands before a colon in `Returns:` is words and no type.
+napoleon_use_rtype = False
 # A name in single backquotes is a link where it is one of ours, and code elsewhere.
 default_role = "py:obj"
 
@@ -149,7 +271,18 @@ def _mark_notebook(app: "Sphinx", page: str, content: list[str]) -> None:
     content[0] = content[0].replace("kernelspec:\n", front, 1)
 
 
+def _skip(app: "Sphinx", kind: str, name: str, thing: Any, skip: bool, options: Any) -> bool:
+    """Leave rooms out that are not public."""
+    if kind in ("package", "module"):
+        return name not in ROOMS
+    return skip
+
+
 def setup(app: "Sphinx") -> dict[str, Any]:
     """Called by Sphinx."""
+    from pygments.lexers.special import TextLexer
+
+    app.add_lexer("rooms", TextLexer)  # lists in ARCHITECTURE.md
+    app.connect("autoapi-skip-member", _skip)
     app.connect("source-read", _mark_notebook)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

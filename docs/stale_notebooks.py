@@ -24,7 +24,7 @@ _TOPS = {"glazejax": ROOT / "src", "glazefit": ROOT / "fitting", "benchmarks": R
 _CELL = re.compile(r"^```\{code-cell\}[^\n]*\n(?:---\n.*?\n---\n)?(.*?)^```$", re.M | re.S)
 
 
-def _home(name: str) -> Path | None:
+def home_of(name: str) -> Path | None:
     """The module that defines a dotted public name, by the packages' own lists (`__init__.pyi`)."""
     top, *inside = name.replace("glazejax.fit.", "glazefit.").split(".")
     if top not in _TOPS:
@@ -67,7 +67,7 @@ def files_of(notebook: Path) -> set[Path]:
     """
     names = _names("\n".join(_CELL.findall(notebook.read_text(encoding="utf-8"))))
     files = {notebook}
-    for home in filter(None, map(_home, names)):
+    for home in filter(None, map(home_of, names)):
         room = home if home.is_dir() else home.parent
         alone = home.is_file() and room in [folder / top for top, folder in _TOPS.items()]
         files |= {home} if alone else {path for path in room.iterdir() if path.is_file()}
