@@ -37,6 +37,7 @@ release = version = installed("glazejax")
 extensions = [
     "myst_nb",
     "autoapi.extension",
+    "sphinx.ext.doctest",
     "sphinx.ext.napoleon",
     "sphinxcontrib.typer",
     "sphinx_copybutton",
@@ -166,7 +167,7 @@ def _about(room: str) -> str:
 
 
 @functools.cache
-def _homes(app: "Sphinx") -> dict[str, str]:
+def _homes(app: Any) -> dict[str, str]:
     """Where a thing is defined -> the public name under which it is described."""
     names = sorted(app.env.autoapi_all_objects.items(), key=lambda pair: len(pair[0]))
     homes: dict[str, str] = {}
@@ -213,6 +214,18 @@ def _prepare(templates: Any) -> None:
 
 
 autoapi_prepare_jinja_env = _prepare
+# `-b doctest` runs the examples of docstrings; `-b linkcheck` tries links to other hosts.
+doctest_global_setup = """
+import jax
+jax.config.update("jax_enable_x64", True)
+import numpy as np
+from glazejax import *
+from glazejax.catalogue import *
+from glazejax.colour import *
+from glazejax.samples import *
+from glazefit import *
+"""
+doctest_test_doctest_blocks = "default"
 toc_object_entries_show_parents = "hide"
 python_maximum_signature_line_length = 88
 python_use_unqualified_type_names = True
