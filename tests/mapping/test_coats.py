@@ -3,6 +3,7 @@ doubt.
 """
 
 import pickle
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -19,6 +20,7 @@ from glazefit.mapping.solve.atlas import Atlas
 from glazefit.mapping.solve.coats import StackSearch, TableOptics, in_doubt, search_coats
 from glazefit.mapping.solve.local import as_measured, search_locally
 from glazefit.mapping.solve.survey import Features
+from glazefit.mapping.solve.update import Answers
 from glazefit.mapping.store.layout import Status
 from glazejax import Glaze, Hemispherical, Layer, Mixture, catalogue, reflectance
 from tests.mapping import small
@@ -88,6 +90,30 @@ def test_thickness_of_the_upper_coat_is_found(found):
     first = odds.candidates.argmax(axis=1)
     upper = np.exp(pool.logs[np.arange(3), first, 0])
     np.testing.assert_allclose(upper[:2], [14e-6, 10e-6], rtol=0.15)
+
+
+def test_the_spread_of_the_upper_thickness_is_that_of_its_amounts():
+    """Of two paints mixed over a third: by differences along each log amount, sd^2 = g C g."""
+    logs = np.log([3e-6, 5e-6, 20e-6])
+    root = np.array([[0.2, 0.0, 0.0], [-0.1, 0.3, 0.0], [0.05, 0.1, 0.2]])
+    stacked = Answers.empty(1, paints=3, bands=4)
+    stacked = replace(
+        stacked,
+        members=np.array([[0, 1, 2]]),
+        coats=np.array([[0, 0, 1]]),
+        amounts=logs[None],
+        covariance=(root @ root.T)[None],
+    )
+    step = 1e-4
+    ends = [
+        replace(stacked, amounts=logs[None] + move).top()[0][0]
+        for move in step * np.concatenate([np.eye(3), -np.eye(3)])
+    ]
+    slopes = (np.array(ends[:3]) - ends[3:]) / (2 * step)
+    thickness, sd = stacked.top()
+    assert thickness[0] == pytest.approx(8e-6)
+    # A central difference of an exponential is off by a sixth of the step squared.
+    assert sd[0] == pytest.approx(np.linalg.norm(slopes @ root), rel=step**2, abs=0)
 
 
 def test_what_one_coat_explains_is_not_sought_again(searcher):
