@@ -17,7 +17,14 @@ from glazefit.film.model.response import film_response
 from glazefit.identify.coats import evidence as evidence_module
 from glazefit.identify.coats.arrangement import Arrangement, arrangements
 from glazefit.identify.coats.evidence import CoatErrors, log_prior, weigh_arrangement
-from glazefit.identify.coats.readings import Paints, Solver, grid_readings
+from glazefit.identify.coats.readings import (
+    LOG_AMOUNTS,
+    NODES,
+    GridReadings,
+    Paints,
+    Solver,
+    grid_readings,
+)
 from glazejax import Bidirectional, Glaze, Layer, Mixture, catalogue, reflectance
 
 GRID = np.arange(420.0, 701.0, 20.0)
@@ -107,6 +114,30 @@ def test_a_gain_is_integrated_as_a_gaussian():
     gaussian: Any = multivariate_normal
     exact = gaussian.logpdf(seen[0], computed[0, 0], covariance)
     np.testing.assert_allclose(found - 3.0 * np.log(2.0 * np.pi), exact, rtol=1e-10)
+
+
+def test_what_lies_between_two_nodes_adds_covariance_along_each_amount():
+    """Readings that are straight in the logs of both amounts: the outer product of either slope,
+    times the square of .6 of the step between two places of the finer grid.
+    """
+    rng = np.random.default_rng(3)
+    slopes = 0.1 * rng.normal(size=(2, GRID.size))
+    nodes = np.linspace(*LOG_AMOUNTS, NODES[2])
+    logs = np.stack(np.meshgrid(nodes, nodes, indexing="ij"), axis=-1).reshape(-1, 2)
+    nothing = np.zeros((2, len(logs), GRID.size))
+    flat, straight = (
+        evidence_module._covariance(
+            GridReadings(0.3 + logs @ each, nothing, nothing),
+            2,
+            np.ones((2, GRID.size)),
+            GRID,
+            CoatErrors(),
+        )
+        for each in (0.0 * slopes, slopes)
+    )
+    step = 0.6 * (nodes[1] - nodes[0]) / 4
+    expected = np.broadcast_to(step**2 * slopes.T @ slopes, straight.shape)
+    np.testing.assert_allclose(straight - flat, expected, atol=1e-13)
 
 
 def _better(share, length, product):
