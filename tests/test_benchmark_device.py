@@ -20,7 +20,7 @@ def run(*command: str) -> subprocess.CompletedProcess[str]:
 
 @pytest.mark.processor
 @pytest.mark.parametrize(
-    "benchmark", ["on_gpu", pytest.param("identification", marks=pytest.mark.slow)]
+    "benchmark", ["solver.on_gpu", pytest.param("paint.identification", marks=pytest.mark.slow)]
 )
 def test_without_a_gpu_one_sentence_says_so(benchmark, tmp_path):
     done = run(f"benchmarks.{benchmark}", "--device", "gpu", "--out", str(tmp_path))

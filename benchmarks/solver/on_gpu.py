@@ -5,10 +5,10 @@
 Goals: a million stacks of two layers at a tolerance of 1e-4, in double precision and single, with
 and without the gradient, inputs and results in the device's memory; a picture of 4096 x 4096 pixels
 with two maps of thickness; 50,000 spectra identified among all pairs of twenty paints. Times are
-warm medians, the first call is given beside; errors of the million are those of 1000 of its stacks
+warm medians, next to the first call's; errors of the million are those of 1000 of its stacks
 against a tolerance of 1e-8 in double precision. Then, one after the other,
-`benchmarks.solver.frontier`, `scaling`, `savings` and `identification` with `--device gpu`, and the tests
-with JAX_PLATFORMS=cuda. What fails is said, and the rest goes on. `--small` tries the command
+`benchmarks.solver.frontier`, `solver.scaling`, `render.savings` and `paint.identification` with
+`--device gpu`, and the tests with JAX_PLATFORMS=cuda. What fails is said, and the rest goes on. `--small` tries the command
 itself: every size a hundredth, and the goals only.
 """
 
@@ -31,7 +31,7 @@ from benchmarks.results import Results, add_option
 
 NEEDS = ("gpu",)
 
-TABLES = ("frontier", "scaling", "savings", "identification")
+TABLES = ("solver.frontier", "solver.scaling", "render.savings", "paint.identification")
 REPETITIONS = 5
 TOLERANCE = 1e-4
 CHECKED = 1000
