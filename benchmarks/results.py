@@ -86,6 +86,15 @@ def quantity(
     return Quantity(value=number, unit=unit, digits=digits, form=form, n=n)
 
 
+def extremes(
+    key: str, values: Any, unit: str = "", digits: int = 2, *, form: Form = "f"
+) -> dict[str, Quantity]:
+    """Least and most of some values, to record as `key_least` and `key_most`."""
+    ends = {"least": min(values), "most": max(values)}
+    n = len(values)
+    return {f"{key}_{end}": quantity(v, unit, digits, form=form, n=n) for end, v in ends.items()}
+
+
 def add_option(parser: argparse.ArgumentParser, **quick: Any) -> None:
     """`--out FOLDER`, by default the repository's benchmarks/results, and `--quick`.
 
