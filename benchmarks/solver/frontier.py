@@ -21,7 +21,7 @@ import numpy as np
 
 from benchmarks import device
 from benchmarks.peers import Work, installed, ours, sasktran, two_layers, without_blas_threads
-from benchmarks.results import Results, add_option, quantity
+from benchmarks.results import Results, add_option, extremes, quantity
 from benchmarks.solver.frontier_curves import (
     CDISORT,
     CONVENTIONAL,
@@ -41,8 +41,6 @@ from benchmarks.timing import interleaved
 NEEDS = ("matplotlib",)
 PARTS_NEED = ("nanodisort", "sasktran2", "PythonicDISORT", "iadpython", "threadpoolctl")
 
-# Load average above which the times of long programs suffer more than those of short ones.
-LOADED = 0.7
 # Tolerances whose errors and times texts quote, and errors at which peers are compared.
 QUOTED = (1e-2, 1e-4, 1e-6, 1e-8, 1e-10)
 ASKED = (1e-4, 1e-8)
@@ -277,12 +275,7 @@ def record_curves(rows: Sequence[Row], say: Results) -> None:
     for key, starts in (("auxiliary", ("method=",)), ("paper", ("paper A", "fixed step"))):
         own = [over_ours(rows, row) for row in rows if row.curve.name.startswith(starts)]
         times = [ratio for ratio in own if ratio is not None]
-        say.record(
-            **{
-                f"{key}_least": quantity(min(times), "times", digits=1, form="s"),
-                f"{key}_most": quantity(max(times), "times", digits=1, form="s"),
-            }
-        )
+        say.record(**extremes(key, times, "times", 1, form="s"))
 
 
 def confirm(rows: Sequence[Row], peers: Iterable[Curve], work: Work, say: Results) -> None:
@@ -348,11 +341,6 @@ def main() -> None:
     )
     for line in missing:
         say(line)
-    if (load := os.getloadavg()[0]) > LOADED:
-        say(
-            f"Others are using this machine (load {load:.1f}): times of a millisecond and more "
-            "come out too long."
-        )
     truth = {index: ours.converged(work, index) for index in ours.CONVERGED}
     curves = our_curves(work) + paper_curves(work) + peers
     if options.quick:
