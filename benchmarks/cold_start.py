@@ -1,15 +1,15 @@
 """What a user waits for: seconds from the start of a process to its answer, with an empty
 compilation cache and again.
 
-    python -m benchmarks.cold_start [--out FOLDER] [--only NAME ...] [--repetitions N] [--before
-    CHECKOUT]
+    python -m benchmarks.cold_start [--out FOLDER] [--only NAME ...] [--repetitions N]
+        [--before CHECKOUT]
 
 Each command runs in processes of its own: once with an empty cache of compiled programs, and again
 with what that run left there. JAX's own monitoring tells how many programs were compiled and where
 the time went: tracing Python, lowering to XLA, compiling (or taking from the cache); the rest is
-imports and work. Beside them stand Python and `import jax` alone, which nobody who uses JAX can go
-below. Seconds of the processor, over all threads, stand beside the seconds that
-pass: other programs on the machine change these much less.
+imports and work. Python and `import jax` alone are timed, too, which nobody who uses JAX can go
+below. Seconds of the processor, over all threads, are given next to the seconds that pass: other
+programs on the machine change these much less.
 
 With ``--before`` each command is run from another checkout too, in turn with this one.
 """
@@ -26,7 +26,7 @@ import time
 from pathlib import Path
 from typing import NamedTuple
 
-from benchmarks.results import Results, add_option
+from benchmarks.results import Results, add_option, quantity
 from glazejax import catalogue, samples
 from glazejax.appearance.scene.file import example
 
@@ -68,6 +68,12 @@ ROOT = Path(__file__).resolve().parents[1]
 _TRACE = "/jax/core/compile/jaxpr_trace_duration"
 _LOWER = "/jax/core/compile/jaxpr_to_mlir_module_duration"
 _COMPILE = "/jax/core/compile/backend_compile_duration"
+QUOTED = {
+    "render": "render",
+    "recover": "recover",
+    "identify": "identify",
+    "recipe --srgb": "recipe",
+}
 
 
 class Timing(NamedTuple):
@@ -145,15 +151,18 @@ def prepare(folder: Path) -> None:
     (folder / "blue.csv").write_text(written(made.films.take([0, 1])))
 
 
-def timed(words: list[str], cache: Path, told: Path, root: Path = ROOT) -> Timing:
+def timed(words: list[str], cache: Path, root: Path) -> Timing:
     """One process, from its start to its end, of the packages in a checkout.
 
     Raises:
         SystemExit: the command failed; says what it printed.
     """
-    told.unlink(missing_ok=True)
+    spent_file = cache.with_suffix(".json")
+    spent_file.unlink(missing_ok=True)
     plain = words[0] == "-c"
-    line = [sys.executable, *words] if plain else [sys.executable, "-c", _RUN, str(told), *words]
+    line = (
+        [sys.executable, *words] if plain else [sys.executable, "-c", _RUN, str(spent_file), *words]
+    )
     paths = os.pathsep.join([str(root / "src"), str(root / "fitting")])
     environment = {**os.environ, "GLAZEJAX_CACHE": str(cache), "PYTHONPATH": paths}
     before, began = _processor(), time.perf_counter()
@@ -161,7 +170,7 @@ def timed(words: list[str], cache: Path, told: Path, root: Path = ROOT) -> Timin
     took, cpu = time.perf_counter() - began, _processor() - before
     if done.returncode:
         raise SystemExit(f"{' '.join(words)} failed: {done.stderr.strip()[-500:]}")
-    spent = {} if plain else json.loads(told.read_text())
+    spent = {} if plain else json.loads(spent_file.read_text())
     count, compiling = spent.get(_COMPILE, (0, 0.0))
     trace, lower = (spent.get(event, (0, 0.0))[1] for event in (_TRACE, _LOWER))
     return Timing(took, cpu, count, trace, lower, compiling)
@@ -173,15 +182,25 @@ def _processor() -> float:
     return used.ru_utime + used.ru_stime
 
 
-def row(name: str, first: Timing, again: list[Timing]) -> str:
+def row(name: str, first: Timing, warm: Timing) -> str:
     """A command's line: with an empty cache, and the medians with a full one."""
-
-    def middle(what: str) -> float:
-        return statistics.median(getattr(run, what) for run in again)
-
-    shown = f"{name:<32}{first.seconds:>8.1f}{middle('seconds'):>8.1f}{first.cpu:>9.1f}{middle('cpu'):>8.1f}"
+    shown = f"{name:<32}{first.seconds:>8.1f}{warm.seconds:>8.1f}{first.cpu:>9.1f}{warm.cpu:>8.1f}"
     shown += f"{first.programs:>10}{first.trace:>15.1f}{first.lower:>8.1f}{first.compile:>9.1f}"
-    return shown + f"{middle('trace'):>14.1f}{middle('lower'):>8.1f}{middle('compile'):>8.1f}"
+    return shown + f"{warm.trace:>14.1f}{warm.lower:>8.1f}{warm.compile:>8.1f}"
+
+
+def record(say: Results, key: str, first: Timing, warm: Timing) -> None:
+    """Seconds of a command, and where they went."""
+    seconds = {
+        "empty": first.seconds,
+        "again": warm.seconds,
+        "trace": first.trace,
+        "compile": first.compile,
+        "again_load": warm.compile,
+    }
+    say.record(**{f"{key}_{name}": quantity(v, "s", digits=1) for name, v in seconds.items()})
+    over = warm.seconds / first.seconds
+    say.record(**{f"{key}_over": quantity(over, "times", digits=2, form="g")})
 
 
 def commit(checkout: Path) -> str:
@@ -194,11 +213,10 @@ def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    add_option(parser, repetitions=1, only=["import jax", "import glazejax", "render"], save=True)
+    add_option(parser, repetitions=1, only=list(QUOTED))
     parser.add_argument(
         "--only", nargs="+", help="commands of these names, whose file is not written"
     )
-    parser.add_argument("--save", action="store_true", help="write the file all the same")
     parser.add_argument(
         "--repetitions", type=int, default=3, help="runs with a full cache (default: %(default)s)"
     )
@@ -234,12 +252,18 @@ def main() -> None:
             first, again = {}, {which: [] for which in checkouts}
             for which, cache in caches.items():
                 cache.mkdir()
-                first[which] = timed(words, cache, folder / "told.json", checkouts[which])
+                first[which] = timed(words, cache, checkouts[which])
             for _ in range(options.repetitions):
                 for which, cache in caches.items():
-                    again[which].append(timed(words, cache, folder / "told.json", checkouts[which]))
+                    again[which].append(timed(words, cache, checkouts[which]))
+            warm = {
+                which: Timing(*map(statistics.median, zip(*runs, strict=True)))
+                for which, runs in again.items()
+            }
             for which in checkouts:
-                say(row(name + which, first[which], again[which]))
+                say(row(name + which, first[which], warm[which]))
+            if name in QUOTED:
+                record(say, QUOTED[name], first[""], warm[""])
     say()
     say("Trace, lower, compile: sums over all programs; programs compiled side by side count each.")
     busy = ", ".join(f"{load:.1f}" for load in os.getloadavg())
@@ -247,7 +271,7 @@ def main() -> None:
         "Processes that wanted the processor at the end, mean of the last 1, 5 and 15 minutes: "
         f"{busy}."
     )
-    if options.save or not options.only:
+    if options.quick or not options.only:
         say.save()
 
 

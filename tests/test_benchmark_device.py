@@ -20,7 +20,7 @@ def run(*command: str) -> subprocess.CompletedProcess[str]:
 
 @pytest.mark.processor
 @pytest.mark.parametrize(
-    "benchmark", ["on_gpu", pytest.param("identification", marks=pytest.mark.slow)]
+    "benchmark", ["solver.on_gpu", pytest.param("paint.identification", marks=pytest.mark.slow)]
 )
 def test_without_a_gpu_one_sentence_says_so(benchmark, tmp_path):
     done = run(f"benchmarks.{benchmark}", "--device", "gpu", "--out", str(tmp_path))
@@ -44,7 +44,7 @@ def test_results_of_a_gpu_stand_beside_those_of_the_processor():
 @pytest.mark.slow
 @pytest.mark.processor
 def test_the_command_for_a_gpu_runs_its_goals_on_a_processor(tmp_path):
-    done = run("benchmarks.solver.on_gpu", "--device", "cpu", "--small", "--out", str(tmp_path))
+    done = run("benchmarks.solver.on_gpu", "--device", "cpu", "--quick", "--out", str(tmp_path))
     text = (tmp_path / "on_gpu_cpu.txt").read_text()
     assert done.returncode == 0, done.stderr
     assert "failed" not in text

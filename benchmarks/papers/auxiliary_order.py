@@ -14,18 +14,19 @@ import argparse
 import jax
 import numpy as np
 
-from benchmarks.results import Results, add_option
+from benchmarks.results import Results, add_option, quantity
 from glazejax import stack_reflectance_factor
 from glazejax.radiative.auxiliary.uniform import reflectance_factor
 
 NEEDS = ("matplotlib",)
 
 STEPS = (0.32, 0.16, 0.08, 0.04, 0.02, 0.01)
+PRINTED, CORRECTED = "fixed step, as printed", "fixed step, corrected"
 METHODS = {
-    "fixed step, as printed": {"variant": "fixed_step", "corrected": False},
+    PRINTED: {"variant": "fixed_step", "corrected": False},
     "own step, as printed": {"variant": "decomposed", "corrected": False},
     "own step, corrected": {"variant": "decomposed", "corrected": True},
-    "fixed step, corrected": {"variant": "fixed_step", "corrected": True},
+    CORRECTED: {"variant": "fixed_step", "corrected": True},
 }
 
 
@@ -62,18 +63,30 @@ def main() -> None:
     )
     results("order: slope of the root mean square against the step, from row to row and over all")
     square: dict[str, np.ndarray] = {}
+    orders: dict[str, float] = {}
+    largest: dict[str, float] = {}
     for name, settings in METHODS.items():
         errors = [
             np.abs(np.asarray(reflectance_factor(*given, **angles, step=step, **settings)) - truth)
             for step in STEPS
         ]
         rms = square[name] = np.sqrt(np.mean(np.square(errors), axis=1))
-        overall = np.polyfit(np.log(STEPS), np.log(rms), 1)[0]
-        results(f"\n{name}: order {overall:.2f}")
+        orders[name] = np.polyfit(np.log(STEPS), np.log(rms), 1)[0]
+        largest[name] = errors[-1].max()
+        results(f"\n{name}: order {orders[name]:.2f}")
         results(f"{'step':>6} {'rms':>9} {'largest':>9} {'order':>6}")
         for k, step in enumerate(STEPS):
             order = f"{np.log(rms[k - 1] / rms[k]) / np.log(STEPS[k - 1] / step):6.2f}" if k else ""
             results(f"{step:6.2f} {rms[k]:9.1e} {errors[k].max():9.1e} {order}")
+    finest = square[PRINTED][-1] / square[CORRECTED][-1]
+    results.record(
+        printed=quantity(orders[PRINTED], digits=1, n=options.stacks),
+        corrected=quantity(orders[CORRECTED], digits=1, n=options.stacks),
+        times_smaller_rms=quantity(finest, "times", digits=1, form="s"),
+        times_smaller_largest=quantity(
+            largest[PRINTED] / largest[CORRECTED], "times", digits=1, form="s"
+        ),
+    )
     results.save(_figure(square))
 
 
@@ -85,7 +98,7 @@ def _figure(square: dict[str, np.ndarray]):
     steps = np.array(STEPS)
     for (name, rms), mark in zip(square.items(), ("o", "s", "^", "D"), strict=True):
         axes.loglog(steps, rms, marker=mark, label=name)
-    first, second = square["fixed step, as printed"][0], square["fixed step, corrected"][0]
+    first, second = square[PRINTED][0], square[CORRECTED][0]
     axes.loglog(steps, first * steps / steps[0], ":", color="0.6", label="order 1")
     axes.loglog(steps, second * (steps / steps[0]) ** 2, "--", color="0.6", label="order 2")
     axes.set_xlabel("step dh")

@@ -12,7 +12,6 @@ diagonal. Programs that are compared run in turn.
 import argparse
 import functools
 from collections.abc import Callable
-from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -31,59 +30,32 @@ from benchmarks.papers.many_flux_flat import (
 )
 from benchmarks.papers.many_flux_paths import (
     ALBEDO,
+    AZIMUTH,
     BANDS,
+    COSINES,
     DIRECTIONS,
     INCIDENCE,
     PATHS,
     SECTORS,
     THICKNESS,
     G,
+    lobe_by_fluxes,
+    lobe_by_paths,
+    off,
 )
-from benchmarks.results import Results, add_option
+from benchmarks.results import Results, add_option, extremes, quantity
 from benchmarks.timing import interleaved
 
-COSINES = (np.arange(BANDS) + 0.5)[::-1] / BANDS
-AZIMUTH = (np.arange(SECTORS) + 0.5) * 360.0 / SECTORS
 CELL = int(np.argmin(np.abs(COSINES - np.cos(np.deg2rad(INCIDENCE)))))
 """The cell of the light that errors are taken at: the paths' light comes from its middle too."""
 WANTED = 1e-3
+PAPER_SECONDS, PAPER_MATRIX_SECONDS, PAPER_TIMES = 131, 8.5, 4000
+"""Of the paper: of its paths a direction, of its matrices, and the first over the second."""
 FLAT = (16, 24, 32, 34, 36, 48, 64)
+NEAREST = 34
+"""Of these, whose errors are nearest to the printed."""
 # Timed runs: of the lobe, of the matrices, of glazejax's own.
 ROUNDS = (9, 30, 200)
-
-
-def lobe_by_paths(cosine: float, paths: int, seed: int = 0) -> np.ndarray:
-    """Reflectance factor of the cells, (bands, sectors), as `many_flux_paths` has it."""
-    from tests.oracles.monte_carlo import Indexed, simulate_fluxes
-
-    paint = Indexed(np.array([ALBEDO]), np.array([THICKNESS]), np.array([G]), np.array([1.0]), 1.0)
-    exits: list = []
-    simulate_fluxes(paint, cosine, paths, seed=seed, exits=exits)
-    weight, direction = (np.concatenate(column) for column in zip(*exits, strict=True))
-    band = np.minimum((-direction[:, 2] * BANDS).astype(int), BANDS - 1)
-    turned = np.rad2deg(np.arctan2(direction[:, 1], direction[:, 0])) % 360.0
-    cell = (BANDS - 1 - band) * SECTORS + (turned * SECTORS / 360.0).astype(int) % SECTORS
-    white = np.repeat(2.0 * COSINES / BANDS / SECTORS, SECTORS)
-    return (np.bincount(cell, weight, white.size) / paths / white).reshape(BANDS, SECTORS)
-
-
-def lobe_by_fluxes(cosines: np.ndarray, azimuth: np.ndarray, **effort: Any) -> np.ndarray:
-    """The same by many fluxes for all incidences, (bands, incidences, azimuths)."""
-    from glazejax.radiative.common.phase import henyey_greenstein
-    from glazejax.radiative.manyflux.reflectance import brdf_table
-
-    found = brdf_table(
-        [ALBEDO],
-        [THICKNESS],
-        0.0,
-        phase=henyey_greenstein(G),
-        refractive_index=1.0,
-        cos_incidence=cosines,
-        cos_viewing=COSINES,
-        azimuth=azimuth,
-        **effort,
-    )
-    return np.pi * np.asarray(found)
 
 
 def all_cells() -> tuple[Slab, np.ndarray]:
@@ -93,11 +65,6 @@ def all_cells() -> tuple[Slab, np.ndarray]:
     cosine, vectors = hemisphere(BANDS, SECTORS)
     slab = solve(cosine, phase_matrix(vectors, G), ALBEDO, THICKNESS)
     return slab, slab.reflection * cosine.size / (2.0 * cosine[None, :])
-
-
-def off(found: np.ndarray, wanted: np.ndarray) -> float:
-    """Root mean square difference over the root mean square."""
-    return float(np.sqrt(np.mean((found - wanted) ** 2) / np.mean(wanted**2)))
 
 
 def speed(say: Results) -> None:
@@ -160,7 +127,10 @@ def speed(say: Results) -> None:
     }
     seconds = interleaved(programs, ROUNDS[0], budget=10.0)
     one = seconds["paths"]
-    say(f"\npaths: {one:.3f} s a direction of incidence (paper: 131 s); all programs warm, medians")
+    say(
+        f"\npaths: {one:.3f} s a direction of incidence (paper: {PAPER_SECONDS} s); all programs "
+        "warm, medians"
+    )
     for name, words in (
         ("13", "13 incidences, by symmetry"),
         ("303", "303 incidences, each for itself"),
@@ -171,27 +141,47 @@ def speed(say: Results) -> None:
         )
     say(
         f"all cells as rows of one matrix, no symmetry at all: {seconds['cells']:.2f} s (paper: "
-        "8.5 s)"
+        f"{PAPER_MATRIX_SECONDS} s)"
+    )
+    say.record(
+        path_error=quantity(100 * errors[PATHS], "%", digits=0),
+        path_seconds=quantity(one, "s"),
+        matrix_seconds=quantity(seconds["cells"], "s", digits=1),
+        paper_path_seconds=quantity(PAPER_SECONDS, "s", digits=0),
+        paper_matrix_seconds=quantity(PAPER_MATRIX_SECONDS, "s", digits=1),
+        paper_times=quantity(PAPER_TIMES, digits=0),
     )
     more = (errors[PATHS] / WANTED) ** 2
     say("\ntime of the paths over that of many fluxes, both no worse than")
     say(f"{'':<54}{errors[PATHS]:9.0%}{WANTED:12.1%}")
-    table = (
-        ("as the paper counts: paths 303, fluxes by symmetry", DIRECTIONS, "13"),
-        ("by symmetry, both: 13 incidences", BANDS, "13"),
-        ("for neither: 303 incidences", DIRECTIONS, "303"),
-    )
-    for words, count, name in table:
+    table = []
+    for key, words, count, name in (
+        ("paper", "as the paper counts: paths 303, fluxes by symmetry", DIRECTIONS, "13"),
+        ("both", "by symmetry, both: 13 incidences", BANDS, "13"),
+        ("neither", "for neither: 303 incidences", DIRECTIONS, "303"),
+    ):
         rough, good = (count * one / seconds[f"{name}, {kind}"] for kind in ("few", "many"))
-        say(f"{words:<54}{rough:9,.0f}{good * more:12.1e}")
-    cells, worst = DIRECTIONS * one / seconds["cells"], numbers["all cells as rows of one matrix"]
-    scaled = cells * (errors[PATHS] / worst) ** 2
-    say(f"{'for neither, fluxes as all cells of one matrix':<54}{cells:9,.0f}{scaled:12.1e}")
+        table.append((key, words, rough, good * more))
+    cells = DIRECTIONS * one / seconds["cells"]
+    worst = numbers["all cells as rows of one matrix"]
+    words = "for neither, fluxes as all cells of one matrix"
+    table.append(("matrix", words, cells, cells * (errors[PATHS] / worst) ** 2))
+    for key, words, times, scaled in table:
+        say(f"{words:<54}{times:9,.0f}{scaled:12.1e}")
+        say.record(
+            **{
+                key: quantity(times, digits=2, form="s"),
+                f"{key}_scaled": quantity(scaled, digits=0, form="e"),
+            }
+        )
     say(
         "Second column: paths scaled by the square of the error; in its last line to "
         f"{worst:.2%}, that of the cells."
     )
-    say("paper: 4,000 and more, 131 s x 303 against 8.5 s; its paths are slow beside its matrices")
+    say(
+        f"paper: {PAPER_TIMES:,} and more, {PAPER_SECONDS} s x {DIRECTIONS} against "
+        f"{PAPER_MATRIX_SECONDS} s; its paths are slow compared with its matrices"
+    )
 
 
 def series(say: Results) -> None:
@@ -248,13 +238,22 @@ def series(say: Results) -> None:
     )
     say("all four blocks of equation (14); time over that of the inverse with full matrices")
     say(f"{'order':>8}{'full matrices':>16}{'surface diagonal':>18}{'rms error over rms':>21}")
+    share = {name: value / seconds["full None"] for name, value in seconds.items()}
     for order in orders:
         parts = as_diagonal(order)
         error = off(np.concatenate([part.ravel() for part in parts]), wanted)
-        times = [seconds[f"{kind} {order}"] / seconds["full None"] for kind in ("full", "diagonal")]
-        say(
-            f"{'inverse' if order is None else order:>8}{times[0]:16.0%}{times[1]:18.0%}{error:21.1e}"
-        )
+        words = "inverse" if order is None else order
+        dense, sparse = share[f"full {order}"], share[f"diagonal {order}"]
+        say(f"{words:>8}{dense:16.0%}{sparse:18.0%}{error:21.1e}")
+    more = [100 * share[f"diagonal {order}"] for order in orders[2:]]
+    for key, value in (
+        ("order_0_full", share["full 0"]),
+        ("order_1_full", share["full 1"]),
+        ("inverse_diagonal", share["diagonal None"]),
+        ("order_0_diagonal", share["diagonal 0"]),
+    ):
+        say.record(**{key: quantity(100 * value, "%", digits=0)})
+    say.record(**extremes("order_more", more, "%", 0))
     say(f"inverse with full matrices: {1e3 * seconds['full None']:.1f} ms")
     modes_series(say)
 
@@ -292,6 +291,8 @@ def modes_series(say: Results) -> None:
     seconds = interleaved(programs, ROUNDS[2], budget=2.0)
     times = ", ".join(f"{name} {value / seconds['inverse']:.0%}" for name, value in seconds.items())
     say(f"glazejax, mode 0, {roots.size} directions: {times} of {1e6 * seconds['inverse']:.0f} us")
+    saves = 1 - seconds["order 0"] / seconds["inverse"]
+    say.record(series_saves=quantity(100 * saves, "%", digits=0))
 
 
 def norm(say: Results) -> None:
@@ -304,14 +305,27 @@ def norm(say: Results) -> None:
         f"  paper: {PRINTED[0]} and {PRINTED[1]}, ratio {PRINTED[0] / PRINTED[1]:.1f} (8.4 to "
         "9.4 within the rounding)"
     )
+    ratios = []
     for directions in FLAT:
         zero, first = (
             100 * e for e in flat_series(directions, INDEX, COAT_ALBEDO, COAT_THICKNESS, ANGLE)
         )
+        ratios.append(zero / first)
+        if directions == NEAREST:
+            say.record(
+                plane_order_0=quantity(zero, "%", digits=3),
+                plane_order_1=quantity(first, "%", digits=4),
+            )
         say(
             f"  {directions:3d} directions on the half circle: {zero:.3f} and {first:.4f}, ratio "
             f"{zero / first:.1f}"
         )
+    say.record(
+        **extremes("plane_ratio", ratios, digits=0),
+        paper_order_0=quantity(PRINTED[0], "%"),
+        paper_order_1=quantity(PRINTED[1], "%", digits=3),
+        paper_ratio=quantity(PRINTED[0] / PRINTED[1], digits=1),
+    )
     say(
         "  In three dimensions the ratio is 6.4 in every norm (many_flux_figures.txt), so that "
         "none gives both numbers."
@@ -330,9 +344,7 @@ def main() -> None:
     add_option(parser)
     options = parser.parse_args()
     if options.quick:
-        globals().update(
-            PATHS=10_000, FLAT=(16, 34), ROUNDS=(3, 3, 20), SECTORS=12, AZIMUTH=AZIMUTH[::2] + 7.5
-        )
+        globals().update(PATHS=10_000, FLAT=(16, 34), ROUNDS=(3, 3, 20))
     jax.config.update("jax_enable_x64", True)
     say = Results("many_flux_claims", options.out)
     speed(say)

@@ -6,15 +6,14 @@ from typing import NamedTuple
 
 import numpy as np
 
+from benchmarks.papers.many_flux_paths import BANDS, DIRECTIONS, SECTORS
+
 INDEX, ABSORPTION, SCATTERING, GROUND, ANGLE = 1.3, 0.1, 0.4, 0.8, 45.0
 ALBEDO = SCATTERING / (ABSORPTION + SCATTERING)
 THICKNESS = 0.5
 """Optical: half of 1/sigma_t."""
 PRINTED = (0.16, 0.018)
 """Per cent: root mean square errors of orders 0 and 1."""
-DIRECTIONS = 303
-"""In a hemisphere, as the paper has of incidence."""
-BANDS, SECTORS = 13, 24
 _STREAMS = 24
 
 

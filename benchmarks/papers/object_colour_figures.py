@@ -1,4 +1,4 @@
-"""Paper B's pictures and diagrams, and its findings beside ours.
+"""Paper B's pictures and diagrams, and its findings next to ours.
 
 The monitor's matrix and tables; Phong spheres, whose colours lie between body and light; copper by
 exact Fresnel, by Cook and Torrance and by Hall; two joined planes that light each other. What the
@@ -24,6 +24,7 @@ from benchmarks.papers.object_colour import (
     xyz,
 )
 from benchmarks.papers.object_colour_monitor import (
+    ONE_TABLE,
     chips,
     copper_plates,
     exposed,
@@ -33,7 +34,7 @@ from benchmarks.papers.object_colour_monitor import (
 )
 from benchmarks.papers.object_colour_panels import curves_figure, figure_of, monitor_figure
 from benchmarks.papers.object_colour_planes import planes
-from benchmarks.results import Results, add_option
+from benchmarks.results import Results, add_option, quantity
 from glazejax.appearance import shading
 from glazejax.appearance.metals import metal
 from glazejax.commands.main import start_jax
@@ -121,7 +122,9 @@ def spheres(results: Results) -> dict:
         for b in bodies
     ]
     wanted = exposed(xyz(np.concatenate(line)), loops()[0].known)
-    read = measured(results, "Figure 10: a line through the centre of each sphere", wanted)
+    title = "Figure 10: a line through the centre of each sphere"
+    read, off = measured(results, "spheres", title, wanted)
+    results.record(spheres_one_table=quantity(off[ONE_TABLE].max(), digits=3))
     return {
         "image": shown(np.concatenate(images, axis=1), xyz(light), 1.4),
         "loci": loci,

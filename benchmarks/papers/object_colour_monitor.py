@@ -8,6 +8,7 @@ levels that are whole numbers, and some light left at level
 18 levels a primary.
 """
 
+import functools
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -22,7 +23,7 @@ from benchmarks.papers.object_colour import (
     reflectances,
     xyz,
 )
-from benchmarks.results import Results
+from benchmarks.results import Results, quantity
 from glazejax.appearance.display.display import Display
 from glazejax.appearance.display.tone import ToneCurve, look_up
 
@@ -40,6 +41,8 @@ SHOWABLE = 2e-3
 digits of a reading.
 """
 PLATES = np.arange(0.0, 87.6, 2.5)
+ONE_TABLE, WHOLE, MISPRINTED = 1, 3, 4
+"""Places in `loops()`."""
 
 
 class Monitor(NamedTuple):
@@ -103,6 +106,7 @@ def nearest_display(green_y: float) -> tuple[Display, float]:
     return found, float(np.abs(found.matrix - PRINTED).max())
 
 
+@functools.cache
 def loops() -> list[Loop]:
     """Ways through the monitor, from none to the whole."""
     screen, _ = nearest_display(GREEN_Y)
@@ -129,10 +133,9 @@ def tables(results: Results) -> dict[str, Any]:
             "  " + " ".join(f"{v:7.3f}" for v in one) + "     " + " ".join(f"{v:7.3f}" for v in two)
         )
     largest = np.abs(PRINTED).max()
-    results(
-        f"  largest difference {np.abs(display.matrix - PRINTED).max() / largest:.1%} of the "
-        "largest number"
-    )
+    share = np.abs(display.matrix - PRINTED).max() / largest
+    results(f"  largest difference {share:.1%} of the largest number")
+    results.record(matrix=quantity(100 * share, "%", digits=1))
     for green in (MISPRINT, GREEN_Y):
         off = nearest_display(green)[1]
         results(
@@ -153,7 +156,7 @@ def tables(results: Results) -> dict[str, Any]:
             f"  gamma 2.2, light 0-14 of 255 by {words}: error {wrong.max():.2f} at most, "
             f"{wrong.mean():.3f} mean"
         )
-    *_, whole, _ = loops()
+    whole = loops()[WHOLE]
     curves = [tone.tables() for tone in whole.known.tones]
     results("  Figure 4: light of each primary alone for RGB values, off a straight line, of 255:")
     lines: dict[str, list[np.ndarray]] = {}
@@ -208,35 +211,51 @@ def chips(results: Results) -> dict[str, Any]:
     known = chart()
     wanted = exposed(xyz(np.stack(list(known.values())) * lamp("D55")), loops()[0].known)
     inside = showable(wanted)
-    read = {loop.words: loop(wanted) for loop in loops()}
-    for words, found in read.items():
+    read = [loop(wanted) for loop in loops()]
+    for place, (loop, found) in enumerate(zip(loops(), read, strict=True)):
         ratio = np.abs(found[inside, 1] / wanted[inside, 1] - 1)
         off = np.linalg.norm(chromaticity_of(found) - chromaticity_of(wanted), axis=-1)[inside]
         results(
-            f"  {words:52} Y off {ratio.mean():.2%} mean, {ratio.max():.2%} at most; "
+            f"  {loop.words:52} Y off {ratio.mean():.2%} mean, {ratio.max():.2%} at most; "
             f"xy {off.mean():.4f} mean, {off.max():.4f} at most"
         )
+        if place == WHOLE:
+            results.record(
+                chips_mean=quantity(off.mean(), digits=4, n=off.size),
+                chips_most=quantity(off.max(), digits=4, n=off.size),
+                chips_luminance=quantity(100 * ratio.mean(), "%", digits=1, n=off.size),
+                chips_luminance_most=quantity(100 * ratio.max(), "%", digits=1, n=off.size),
+            )
     names = [name for name, there in zip(known, inside, strict=True) if not there]
     results(f"  outside the monitor's gamut, clipped and left out: {', '.join(names) or 'none'}")
-    return {"chips": (wanted[inside, 1], read[loops()[3].words][inside, 1])}
+    return {"chips": (wanted[inside, 1], read[WHOLE][inside, 1])}
 
 
-def measured(results: Results, title: str, wanted: np.ndarray) -> np.ndarray:
-    """What the whole loop reads of the colours of a figure, xy; how far each way is off is said."""
+def measured(
+    results: Results, key: str, title: str, wanted: np.ndarray
+) -> tuple[np.ndarray, list[np.ndarray]]:
+    """What the whole loop reads of the colours of a figure, xy, and how far each of `loops()` is off;
+    that of the whole loop is recorded by the key.
+    """
     results(f"  {title}, {len(wanted)} colours: distance in xy of what is read from what is wanted")
     inside = showable(wanted)
-    out: list[np.ndarray] = []
-    for loop in loops():
-        read = chromaticity_of(loop(wanted))
-        off = np.linalg.norm(read - chromaticity_of(wanted), axis=-1)[inside]
-        results(f"    {loop.words:52} {off.mean():.4f} mean, {off.max():.4f} at most")
-        out.append(read)
+    read = [chromaticity_of(loop(wanted)) for loop in loops()]
+    off = [np.linalg.norm(xy - chromaticity_of(wanted), axis=-1)[inside] for xy in read]
+    for loop, distance in zip(loops(), off, strict=True):
+        results(f"    {loop.words:52} {distance.mean():.4f} mean, {distance.max():.4f} at most")
+    whole = off[WHOLE]
+    results.record(
+        **{
+            f"{key}_mean": quantity(whole.mean(), digits=4, n=whole.size),
+            f"{key}_most": quantity(whole.max(), digits=4, n=whole.size),
+        }
+    )
     if not inside.all():
         results(
             f"    {np.sum(~inside)} of them lie outside the monitor's gamut: clipped, and left "
             "out of these numbers"
         )
-    return out[3]
+    return read[WHOLE], off
 
 
 def copper_plates(results: Results) -> dict[str, Any]:
@@ -255,8 +274,9 @@ def copper_plates(results: Results) -> dict[str, Any]:
     )
     known = loops()[0].known
     wanted = np.stack([exposed(value, known, 0.9) for value in values])
-    read = measured(
+    read, _ = measured(
         results,
+        "copper",
         "Figure 14: copper at 0 to 87.5 degrees step 2.5, normal reflectance measured",
         wanted,
     )

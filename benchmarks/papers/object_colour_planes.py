@@ -21,8 +21,8 @@ from benchmarks.papers.object_colour import (
     shown,
     xyz,
 )
-from benchmarks.papers.object_colour_monitor import exposed, loops, measured
-from benchmarks.results import Results
+from benchmarks.papers.object_colour_monitor import MISPRINTED, exposed, loops, measured
+from benchmarks.results import Results, quantity
 from glazejax.appearance.interreflection import all_bounces, one_bounce
 from glazejax.appearance.scene.draw.render import render
 from glazejax.appearance.scene.lights import ParallelLight
@@ -166,7 +166,9 @@ def planes(results: Results) -> dict[str, Any]:
     )
     results(f"    but for the two pixels that show the joint and both planes: {away.max():.4f}")
     chosen = column[:: max(len(column) // 40, 1)]
-    read = measured(results, "Figure 16", exposed(chosen, loops()[0].known))
+    wanted = exposed(chosen, loops()[0].known)
+    read, missed = measured(results, "planes", "Figure 16", wanted)
+    results.record(planes_misprint=quantity(missed[MISPRINTED].mean(), digits=4))
     return {
         "strips": {way: shown(picture, xyz(light), exposure) for way, picture in pictures.items()},
         "loci": [(way, *(chromaticity(side) for side in found[way])) for way in WAYS[1:]],

@@ -5,7 +5,7 @@ figure 2.
 
 The fixed step changes h to a multiple of dh, at each wavelength by another part of it, as chance
 has it. So table 4 has one draw a pair. Here h is varied by some per cent, so that every wavelength
-is rounded anew, and the colours of each draw are compared as in the table. The exact solver on the
+is rounded again, and the colours of each draw are compared as in the table. The exact solver on the
 rounded stack tells how much of the error is rounding. The paper's times tell how thick its glazes
 were, which its text does not: the last table uses that.
 """
@@ -31,7 +31,7 @@ from benchmarks.papers.paper_tables import (
     rgb,
     work,
 )
-from benchmarks.results import Results, add_option
+from benchmarks.results import Results, add_option, extremes, quantity
 
 NEEDS = ("matplotlib",)
 
@@ -71,32 +71,31 @@ def parts(say: Results, pairs: dict[str, Work]) -> None:
         "on the stack as it is:"
     )
     say(f"{'':<58}" + "".join(f"{name:>8}" for name in pairs))
-    exact = {name: rgb(pair, "exact", 0.0) for name, pair in pairs.items()}
-    moved = {
-        "default solver, h at a multiple of .01": {"end": True, "interface": False},
-        "default solver, interface at a multiple of .01": {"end": False, "interface": True},
-        "default solver, both": {"end": True, "interface": True},
-    }
-    for words, which in moved.items():
-        row = [
-            away(rgb(rounded(pair, **which), "exact", 0.0), exact[name])
-            for name, pair in pairs.items()
-        ]
-        say(f"{words:<58}" + "".join(f"{value:8.4f}" for value in row))
-    fixed = {name: rgb(pair, "fixed step", STEP) for name, pair in pairs.items()}
-    row = [away(fixed[name], exact[name]) for name in pairs]
-    say(f"{'fixed step .01':<58}" + "".join(f"{value:8.4f}" for value in row))
-    both = {
-        name: rgb(rounded(pair, end=True, interface=True), "exact", 0.0)
-        for name, pair in pairs.items()
-    }
-    row = [away(fixed[name], both[name]) for name in pairs]
-    words = "fixed step .01 from the default solver with both"
-    say(f"{words:<58}" + "".join(f"{value:8.4f}" for value in row))
+    rows: dict[str, list[float]] = {}
+    for pair in pairs.values():
+        exact = rgb(pair, "exact", 0.0)
+        end, interface, both = (
+            rgb(rounded(pair, end=h, interface=middle), "exact", 0.0)
+            for h, middle in ((True, False), (False, True), (True, True))
+        )
+        fixed = rgb(pair, "fixed step", STEP)
+        for words, one, other in (
+            ("default solver, h at a multiple of .01", end, exact),
+            ("default solver, interface at a multiple of .01", interface, exact),
+            ("default solver, both", both, exact),
+            ("fixed step .01", fixed, exact),
+            ("fixed step .01 from the default solver with both", fixed, both),
+        ):
+            rows.setdefault(words, []).append(away(one, other))
+    for words, values in rows.items():
+        say(f"{words:<58}" + "".join(f"{value:8.4f}" for value in values))
+    say.record(rounded_apart=quantity(max(list(rows.values())[-1]), digits=3))
 
 
-def draws(say: Results, pairs: dict[str, Work]) -> dict[str, np.ndarray]:
-    """Differences from own step .01 of coarsening and of the fixed step, (draws, 2) a pair."""
+def draws(say: Results, pairs: dict[str, Work], key: str) -> dict[str, np.ndarray]:
+    """Differences from own step .01 of coarsening and of the fixed step, (draws, 2) a pair; how many
+    of the paper's lie within them is recorded by the key.
+    """
     found = {}
     for name, pair in pairs.items():
         rows = []
@@ -118,18 +117,41 @@ def draws(say: Results, pairs: dict[str, Work]) -> dict[str, np.ndarray]:
         values = [v[:, column] for v in found.values()]
         row(f"here: {words}, median", [f"{np.median(v):.4f}" for v in values])
         row("  least to most of the draws", [f"{v.min():.4f}-{v.max():.4f}" for v in values])
-    nearer = [v[:, 1] < v[:, 0] for v in found.values()]
-    row("fixed step nearer, of the draws", [f"{np.sum(v)} of {v.size}" for v in nearer])
-    say(f"fixed step nearer in {np.mean(nearer):.0%} of all draws")
-    # A quick run has not all pairs.
-    if found.keys() == set(PAPER_OWN_STEP):
-        within = [
-            v[:, column].min() <= printed <= v[:, column].max()
-            for column, paper in enumerate((PAPER_COARSE, PAPER_FIXED))
-            for v, (printed, _) in zip(found.values(), paper, strict=True)
-        ]
-        say(f"of the paper's {len(within)} numbers {np.sum(within)} lie within the draws")
+    closer = nearer(found)
+    row("fixed step nearer, of the draws", [f"{np.sum(v)} of {v.size}" for v in closer.values()])
+    say(f"fixed step nearer in {np.mean(list(closer.values())):.0%} of all draws")
+    within = [
+        v[:, column].min() <= printed <= v[:, column].max()
+        for column, paper in enumerate((PAPER_COARSE, PAPER_FIXED))
+        for v, (printed, _) in zip(found.values(), paper, strict=True)
+    ]
+    say(f"of the paper's {len(within)} numbers {np.sum(within)} lie within the draws")
+    say.record(**{key: quantity(np.sum(within), digits=0, n=len(within))})
     return found
+
+
+def nearer(found: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Which draws of each pair the fixed step is nearer in than coarsening."""
+    return {name: v[:, 1] < v[:, 0] for name, v in found.items()}
+
+
+def record_draws(say: Results, found: dict[str, np.ndarray], thick: dict[str, np.ndarray]) -> None:
+    """Least and most of some pairs' draws, with our paints and with those as thick as the paper's;
+    and how often the fixed step is nearer.
+    """
+    for key, values, digits in (
+        ("ac", found["a/c"][:, 1], 4),
+        ("bc", found["b/c"][:, 1], 4),
+        ("bc_thick", thick["b/c"][:, 1], 4),
+        ("ab_coarse", found["a/b"][:, 0], 2),
+    ):
+        say.record(**extremes(key, values, "", digits))
+    closer = nearer(found)
+    say.record(
+        draws=quantity(DRAWS.size, digits=0),
+        ac_nearer=quantity(np.sum(closer["a/c"]), digits=0, n=DRAWS.size),
+        all_nearer=quantity(100 * np.mean(list(closer.values())), "%", digits=0),
+    )
 
 
 def thickness_by_times(say: Results) -> dict[str, float]:
@@ -233,23 +255,26 @@ def main() -> None:
     say = Results("paper_rounding", options.out)
     say("Table 4 of paper A: the rounding of h to the fixed step")
     say("Paints, layers and angles as in paper_tables.txt; own step .01 is the table's standard.")
-    every = work()
-    # The last two are thin, and so quick.
-    pairs = dict(list(every.items())[4 if options.quick else 0 :])
+    pairs = work()
     parts(say, pairs)
     spread = f"h of all wavelengths times {DRAWS[0]:g} to {DRAWS[-1]:g}, {DRAWS.size} draws"
     say(f"\nTable 4 again, {spread}: mean difference from own step .01")
-    found = draws(say, pairs)
+    found = draws(say, pairs, "within")
     wanted = thickness_by_times(say)
-    mean = {letter: every[f"a/{letter}"].thickness[:, 1].mean() for letter in "bcd"}
-    mean = {"a": every["a/b"].thickness[:, 0].mean(), **mean}
+    mean = {letter: pairs[f"a/{letter}"].thickness[:, 1].mean() for letter in "bcd"}
+    mean = {"a": pairs["a/b"].thickness[:, 0].mean(), **mean}
     say("  here: " + ", ".join(f"{letter} {h:.2f}" for letter, h in mean.items()))
-    for swapped in (False, True):
-        side = "second" if swapped else "first"
+    say.record(
+        vermilion_thickness=quantity(wanted["b"] / mean["b"], "times", digits=1),
+        lead_tin_thickness=quantity(wanted["a"] / mean["a"], "times", digits=1),
+    )
+    thick = {}
+    for side, key in (("first", "within_thick"), ("second", "within_swapped")):
         say(f"\nWith paints as thick as the paper's, the {side} of the pair on top; {spread}")
-        draws(say, as_thick(pairs, wanted, swapped=swapped))
+        thick[side] = draws(say, as_thick(pairs, wanted, swapped=side == "second"), key)
     say(f"\nWith a thicker yellow, {THICKER}; {spread}")
-    draws(say, {name: pair for name, pair in work(a=THICKER).items() if name in pairs})
+    draws(say, work(a=THICKER), "within_thicker")
+    record_draws(say, found, thick["first"])
     say.save(figure(pairs, found))
 
 

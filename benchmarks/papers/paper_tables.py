@@ -1,4 +1,4 @@
-"""Tables 1 to 4 of paper A (Shinozawa et al. 2013), its figures beside ours, as ratios.
+"""Tables 1 to 4 of paper A (Shinozawa et al. 2013), its numbers next to ours, as ratios.
 
     python -m benchmarks.papers.paper_tables [--out FOLDER] [--repetitions N]
 
@@ -11,21 +11,19 @@ import argparse
 import functools
 import itertools
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
-from benchmarks.results import Results, add_option
+from benchmarks.results import Results, add_option, extremes, quantity
 from benchmarks.timing import add_options, interleaved
 from glazejax import catalogue, colour, stack_reflectance_factor
 from glazejax.radiative.auxiliary import assembly, uniform
-from glazejax.radiative.auxiliary.contraction import solve_contraction
 from glazejax.radiative.auxiliary.kernel_table import KernelTable
 from glazejax.radiative.auxiliary.uniform import reflectance_factor
-from glazejax.radiative.common.linalg import solve_positive
 
 NEEDS = ("matplotlib",)
 
@@ -80,16 +78,17 @@ METHODS: dict[str, dict[str, Any]] = {
     "fixed step": {"variant": "fixed_step", "corrected": False, "product": "matrix"},
     "fixed step, corrected": {"variant": "fixed_step", "corrected": True, "product": "matrix"},
 }
+CONVENTIONAL, OWN, FIXED, CORRECTED = METHODS
 COUNTED, TABLE = "fixed step, table counted", "table alone"
 """What is timed besides: the fixed step with a table that it makes itself, and making one."""
-SHORTENED = (
-    ("fixed step", "conventional"),
-    (COUNTED, "conventional"),
-    ("fixed step, corrected", "conventional"),
-    ("own step, decomposed", "conventional"),
-    ("fixed step", "own step, decomposed"),
-    (COUNTED, "own step, decomposed"),
-)
+SHORTENED = {
+    "conventional": (FIXED, CONVENTIONAL),
+    "conventional_counted": (COUNTED, CONVENTIONAL),
+    "corrected": (CORRECTED, CONVENTIONAL),
+    "own_over_conventional": (OWN, CONVENTIONAL),
+    "own": (FIXED, OWN),
+    "own_counted": (COUNTED, OWN),
+}
 """Methods whose times are compared: the one over the other."""
 
 
@@ -170,55 +169,6 @@ def table_1(say: Results, repetitions: int) -> None:
         )
 
 
-def linear_systems(say: Results, repetitions: int) -> None:
-    """What the solver shared by all variants saves over an elimination."""
-    say(
-        "\nSolving (1/2 A P - E) f = -b, a spectrum of 41 systems with one H + U, two right "
-        "sides: conjugate gradients"
-    )
-    say("over blocked elimination without pivoting, time")
-    say(f"{'Q':>4} {'ratio':>8}   largest difference of a solution")
-    rng = np.random.default_rng(0)
-    for size in (8, 16, *SIZES, 240):
-        table = KernelTable(INDEX, 0.02, size)
-        matrix = assembly.toeplitz_plus_hankel(
-            jnp.asarray(table.toeplitz), jnp.asarray(table.hankel)
-        )
-        albedo = jnp.asarray(rng.uniform(0.5, 1.0, (size, WAVELENGTHS.size)))
-        right = jnp.asarray(rng.uniform(0.0, 1.0, (size, WAVELENGTHS.size, 2)))
-
-        @jax.jit
-        def iterate(albedo, right, matrix=matrix):
-            def apply(f):
-                return 0.5 * (matrix @ (albedo[..., None] * f).reshape(f.shape[0], -1)).reshape(
-                    f.shape
-                )
-
-            return solve_contraction(apply, albedo[..., None], right)
-
-        @jax.jit
-        def eliminate(albedo, right, matrix=matrix):
-            root = jnp.sqrt(albedo).T  # of P, which makes the system symmetric
-            system = jnp.eye(matrix.shape[0]) - 0.5 * root[:, :, None] * matrix * root[:, None, :]
-            return jnp.moveaxis(
-                solve_positive(system, root[..., None] * jnp.moveaxis(right, 1, 0)), 0, 1
-            )
-
-        programs: dict[str, Callable] = {
-            "iterate": functools.partial(iterate, albedo, right),
-            "eliminate": functools.partial(eliminate, albedo, right),
-        }
-        seconds = interleaved(programs, repetitions)
-        off = float(
-            jnp.max(
-                jnp.abs(
-                    jnp.sqrt(albedo)[..., None] * programs["iterate"]() - programs["eliminate"]()
-                )
-            )
-        )
-        say(f"{size:4d} {seconds['iterate'] / seconds['eliminate']:8.1%}   {off:.1e}")
-
-
 def spectrum(pair: Work, step: float, method: str, **more) -> jax.Array:
     return reflectance_factor(
         pair.albedo,
@@ -233,7 +183,7 @@ def spectrum(pair: Work, step: float, method: str, **more) -> jax.Array:
 
 def with_new_table(pair: Work, step: float) -> jax.Array:
     """The fixed step's spectrum, its table made for it and used for its wavelengths only."""
-    return spectrum(pair, step, "fixed step", table=KernelTable(INDEX, step))
+    return spectrum(pair, step, FIXED, table=KernelTable(INDEX, step))
 
 
 def new_table(pair: Work, step: float) -> KernelTable:
@@ -280,10 +230,12 @@ def say_paints(say: Results) -> None:
         "the paper's glazes hold"
     )
     say("2.3 % of pigment.")
+    spread = spread_of_scattering(PAINTS["a"])
     say(
         "Readings of lead-tin yellow tell k/s alone: its s is that of other families, known to a "
-        f"factor of {spread_of_scattering(PAINTS['a']):.1f}"
+        f"factor of {spread:.1f}"
     )
+    say.record(scattering_factor=quantity(spread, digits=1))
     say("(one standard deviation). Mean h of 12 um of it, by exemplar:")
     for name in paints:
         if name.startswith("lead-tin yellow/"):
@@ -299,11 +251,26 @@ def say_depths(say: Results, pairs: dict[str, Work]) -> None:
     )
 
 
-def say_ratios(say: Results, pairs: dict[str, Work], seconds: dict[tuple, float]) -> None:
+def say_ratios(
+    say: Results, pairs: dict[str, Work], seconds: dict[tuple, float]
+) -> dict[str, list[np.floating]]:
     """A row for each comparison: the mean over the steps of the ratio, as the paper averages."""
-    for method, base in SHORTENED:
+    rows = {}
+    for key, (method, base) in SHORTENED.items():
         row = [np.mean([seconds[n, h, method] / seconds[n, h, base] for h in STEPS]) for n in pairs]
         say(f"{f'here: {method} over {base}':<62}" + "".join(f"{value:9.2%}" for value in row))
+        rows[key] = row
+    return rows
+
+
+def record_ratios(
+    say: Results, rows: Mapping[str, Sequence[float | np.floating]], *keys: str
+) -> None:
+    """Least and most of some comparisons over the pairs; a key `own_thicker` takes the row `own`."""
+    for key in keys:
+        row = rows[key.removesuffix("_thicker")]
+        digits = 0 if key.startswith("own") else 1
+        say.record(**extremes(key, [100 * value for value in row], "%", digits))
 
 
 def tables_2_and_3(
@@ -336,18 +303,19 @@ def tables_2_and_3(
         f"{'paper: fixed step over own step, decomposed':<62}"
         + "".join(f"{v:9.2%}" for v in PAPER_SHORTENED)
     )
-    say_ratios(say, pairs, seconds)
+    rows = say_ratios(say, pairs, seconds)
+    compared = ("own", "own_counted", "conventional", "conventional_counted")
+    record_ratios(say, rows, *compared, "own_over_conventional")
+    record_ratios(say, {"paper": PAPER_SHORTENED}, "paper")
     together = []
     for step in STEPS:
-        fixed, own = (
-            sum(seconds[name, step, method] for name in pairs)
-            for method in ("fixed step", "own step, decomposed")
-        )
+        fixed, own = (sum(seconds[name, step, method] for name in pairs) for method in (FIXED, OWN))
         together.append((fixed + max(seconds[name, step, TABLE] for name in pairs)) / own)
     say(
         "one table for all pairs, counted once: fixed step over own step, decomposed, "
         f"{np.mean(together):.2%} of the time of all"
     )
+    say.record(own_together=quantity(100 * np.mean(together), "%", digits=0))
     say(f"{'paper: reuse rate':<62}" + "".join(f"{v:9.2%}" for v in PAPER_REUSED))
     kept = {step: KernelTable(INDEX, step) for step in STEPS}
     fresh = [
@@ -399,13 +367,13 @@ def table_4(say: Results, pairs: dict[str, Work]) -> None:
     head = f"{'':<46}" + "".join(f"{name:>17}" for name in pairs)
     ours: dict[str, list[tuple[float, float]]] = {}
     for pair in pairs.values():
-        reference, exact = rgb(pair, "own step, decomposed", 0.01), rgb(pair, "exact", 0.0)
+        reference, exact = rgb(pair, OWN, 0.01), rgb(pair, "exact", 0.0)
 
         def compare(name: str, found: np.ndarray, wanted: np.ndarray) -> None:
             off = np.abs(found - wanted)
             ours.setdefault(name, []).append((float(off.mean()), float(off.var())))
 
-        coarse, fixed = rgb(pair, "own step, decomposed", 0.04), rgb(pair, "fixed step", 0.01)
+        coarse, fixed = rgb(pair, OWN, 0.04), rgb(pair, FIXED, 0.01)
         compare("here: coarsened to own step .04", coarse, reference)
         compare("here: fixed step .01", fixed, reference)
         compare("own step .01", reference, exact)
@@ -414,7 +382,7 @@ def table_4(say: Results, pairs: dict[str, Work]) -> None:
         for step in (0.01, 0.04):
             compare(
                 f"fixed step {step:.2f}, corrected".replace("0.", "."),
-                rgb(pair, "fixed step, corrected", step),
+                rgb(pair, CORRECTED, step),
                 exact,
             )
 
@@ -431,6 +399,15 @@ def table_4(say: Results, pairs: dict[str, Work]) -> None:
     say(head)
     for name in list(ours)[2:]:
         row(name, ours[name])
+    coarse, fixed = (dict(zip(pairs, values, strict=True)) for values in list(ours.values())[:2])
+    paper = [dict(zip(pairs, values, strict=True)) for values in (PAPER_COARSE, PAPER_FIXED)]
+    say.record(
+        ac_fixed=quantity(fixed["a/c"][0], digits=3),
+        ac_coarse=quantity(coarse["a/c"][0], digits=3),
+        bc_fixed=quantity(fixed["b/c"][0], digits=3),
+        bc_paper=quantity(paper[1]["b/c"][0], digits=4),
+        ab_coarse_paper=quantity(paper[0]["a/b"][0]),
+    )
 
 
 def thicker_yellow(say: Results, names: list[str], repetitions: int, budget: float) -> None:
@@ -439,21 +416,23 @@ def thicker_yellow(say: Results, names: list[str], repetitions: int, budget: flo
     say(f"\nThe same with a thicker yellow: {THICKER} in place of a")
     say_depths(say, pairs)
     say(f"{'ratios, mean of the four steps':<62}" + "".join(f"{name:>9}" for name in pairs))
-    say_ratios(say, pairs, seconds_of(pairs, repetitions, budget))
+    rows = say_ratios(say, pairs, seconds_of(pairs, repetitions, budget))
+    record_ratios(say, rows, "own_thicker", "own_counted_thicker", "conventional_thicker")
     say("mean difference of 24-bit RGB against own step .01, as in table 4")
-    found = {name: rgb(pair, "own step, decomposed", 0.01) for name, pair in pairs.items()}
-    for words, method, step in (
-        ("coarsened to own step .04", "own step, decomposed", 0.04),
-        ("fixed step .01", "fixed step", 0.01),
+    found = {name: rgb(pair, OWN, 0.01) for name, pair in pairs.items()}
+    for key, words, method, step in (
+        ("ac_coarse_thicker", "coarsened to own step .04", OWN, 0.04),
+        ("ac_fixed_thicker", "fixed step .01", FIXED, 0.01),
     ):
-        off = [np.abs(rgb(pair, method, step) - found[name]).mean() for name, pair in pairs.items()]
-        say(f"{'here: ' + words:<62}" + "".join(f"{value:9.4f}" for value in off))
+        off = {n: np.abs(rgb(pair, method, step) - found[n]).mean() for n, pair in pairs.items()}
+        say(f"{'here: ' + words:<62}" + "".join(f"{value:9.4f}" for value in off.values()))
+        say.record(**{key: quantity(off["a/c"], digits=3)})
 
 
 def default_solver(
     say: Results, pairs: dict[str, Work], seconds: dict[tuple, float], repetitions: int
 ) -> dict:
-    """The default solver on tables 2 and 3's work beside the conventional method at dh = .01."""
+    """The default solver on tables 2 and 3's work compared with the conventional method at dh = .01."""
     albedo, thickness = (np.stack([getattr(p, k) for p in pairs.values()]) for k in Work._fields)
 
     def solve(tolerance: float, **pair):
@@ -473,7 +452,7 @@ def default_solver(
         for step in STEPS
         for method in METHODS
     }
-    wanted = 0.1 * errors[0.01, "conventional"]
+    wanted = 0.1 * errors[0.01, CONVENTIONAL]
     tolerance, error = next(
         (t, e)
         for t in 10.0 ** -np.arange(2, 11)
@@ -485,8 +464,8 @@ def default_solver(
         for name, p in pairs.items()
     }
     measured = interleaved(programs, max(repetitions, 60))
-    conventional = sum(seconds[name, 0.01, "conventional"] for name in pairs)
-    fixed = sum(seconds[name, 0.01, "fixed step"] for name in pairs)
+    conventional = sum(seconds[name, 0.01, CONVENTIONAL] for name in pairs)
+    fixed = sum(seconds[name, 0.01, FIXED] for name in pairs)
     say("\nLargest error of the reflectance factor over all pairs and wavelengths, 0/0 degrees")
     say("  step" + "".join(f"{method:>24}" for method in METHODS))
     for step in STEPS:
@@ -496,12 +475,32 @@ def default_solver(
         f"\nDefault solver (tolerance {tolerance:.0e}) over the conventional method at dh = .01, "
         "the six pairs"
     )
-    say(f"  error ratio {error / errors[0.01, 'conventional']:.3f} ({error:.1e})")
+    say(f"  error ratio {error / errors[0.01, CONVENTIONAL]:.3f} ({error:.1e})")
     say(
         f"  time ratio  {measured['all'] / conventional:.4%}, all pairs in one call; "
         f"{one / conventional:.4%}, one by one"
     )
     say(f"  over the fixed step: {measured['all'] / fixed:.2%}; {one / fixed:.2%}")
+    say.record(
+        default_errors=quantity(errors[0.01, CONVENTIONAL] / error, digits=0),
+        default_time=quantity(100 * measured["all"] / conventional, "%"),
+        default_time_one_by_one=quantity(100 * one / conventional, "%"),
+    )
+    counted = sum(seconds[name, 0.01, COUNTED] for name in pairs)
+    for key, timed, method in (
+        ("conventional", CONVENTIONAL, CONVENTIONAL),
+        ("own", OWN, OWN),
+        ("fixed", COUNTED, FIXED),
+    ):
+        total = sum(seconds[name, 0.01, timed] for name in pairs)
+        say.record(
+            **{
+                f"{key}_ms": quantity(1e3 * total / len(pairs), "ms", digits=1),
+                f"{key}_error": quantity(errors[0.01, method], digits=1, form="e"),
+            }
+        )
+        if timed != COUNTED:
+            say.record(**{f"{key}_times": quantity(total / counted, "times", form="g")})
     return errors
 
 
@@ -536,8 +535,7 @@ def main() -> None:
         )
         globals().update(STEPS=(0.01, 0.04))
     jax.config.update("jax_enable_x64", True)
-    # The last two are thin, and so quick.
-    pairs = dict(list(work().items())[4 if options.quick else 0 :])
+    pairs = work()
     say = Results("paper_tables", options.out)
     say(
         "Tables of paper A (Shinozawa, Kurumisawa, Takata, Joe 2013) and the same here, double "
@@ -556,13 +554,11 @@ def main() -> None:
     )
     say("integrals, exact. Both solve by conjugate gradients to 1e-11.")
     table_1(say, options.repetitions)
-    linear_systems(say, options.repetitions)
     seconds = tables_2_and_3(say, pairs, options.repetitions, options.budget)
     table_4(say, pairs)
     errors = default_solver(say, pairs, seconds, options.repetitions)
-    yellow = [name for name in pairs if "a" in name.split("/")]
-    # The quick run's pairs hold no yellow.
-    thicker_yellow(say, yellow or list(pairs)[:1], options.repetitions, options.budget)
+    yellow = ["a/c"] if options.quick else ["a/b", "a/c", "a/d"]
+    thicker_yellow(say, yellow, options.repetitions, options.budget)
     say.save(figure(pairs, seconds, errors))
 
 

@@ -11,13 +11,13 @@ fast Fourier transforms.
 import argparse
 import functools
 from collections.abc import Callable
-from typing import Any
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
-from benchmarks.results import Results, add_option
+from benchmarks.results import Results, add_option, quantity
 from benchmarks.timing import add_options, interleaved
 from glazejax import stack_reflectance_factor
 from glazejax.radiative.auxiliary import uniform
@@ -39,12 +39,21 @@ OWN = (
 )
 FIXED = (64, 250, 500, 1000, 2000)
 GRADIENT = (32, 120)
+QUOTED = {"q120_401": (120, 401, 1), "q500": (500, 41, 1)}
 # Matrices of more bytes in all are not made.
 _MOST_BYTES = 2**30
 # The matrix of the fixed step and its copies take a gigabyte beyond.
 _MOST_FIXED = 2048
 
 Given = tuple[np.ndarray, np.ndarray]
+
+
+class Row(NamedTuple):
+    """Of one case: seconds of each way, megabytes of each, the largest difference between them."""
+
+    seconds: dict[str, float]
+    megabytes: dict[str, float]
+    apart: float
 
 
 def stacks(segments: int, wavelengths: int, glazes: int) -> Given:
@@ -97,26 +106,11 @@ def gradient(given: Given, settings: dict[str, Any]) -> Callable[[], Any]:
     return functools.partial(jax.value_and_grad(total, argnums=(0, 1)), *map(jnp.asarray, given))
 
 
-def row(
-    say: Results, words: str, programs: dict[str, Callable[[], Any]], sizes: list[float], options
-) -> None:
-    """Times in turn, memory, and the largest differences from the first way."""
-    seconds = interleaved(programs, options.repetitions, budget=options.budget)
-    leaves = [jax.tree.leaves(p()) for p in programs.values()]
-    apart = [
-        max(float(np.max(np.abs(np.asarray(a) - b))) for a, b in zip(x, leaves[0], strict=True))
-        for x in leaves
-    ]
-    cells = "".join(f"{name:>12}{1e3 * seconds[name]:9.2f} ms" for name in programs)
-    memory = "".join(f"{m:9.2f}" for m in sizes)
-    best = min(seconds, key=seconds.__getitem__)
-    say(f"{words:<28}{cells}   MB{memory}   apart {max(apart):.0e}   fastest: {best}")
-
-
 def compare(
     say: Results, cases, settings: dict[str, Any], options, *, slopes: bool = False
-) -> None:
-    """A table: one row for each case, all ways that it fits."""
+) -> dict[tuple[int, int, int], Row]:
+    """A table: one row for each case, all ways that it fits, timed in turn."""
+    rows = {}
     for segments, wavelengths, glazes in cases:
         given = stacks(segments, wavelengths, glazes)
         ways = {}
@@ -131,11 +125,24 @@ def compare(
             ways[name] = settings | {"product": product}
         make = gradient if slopes else program
         programs = {name: make(given, how) for name, how in ways.items()}
-        sizes = [] if slopes else [megabytes(given, how) for how in ways.values()]
-        row(
-            say, f"Q {segments:4d}, {wavelengths:3d} x {glazes:2d} stacks", programs, sizes, options
-        )
-        say.save()
+        sizes = {} if slopes else {name: megabytes(given, how) for name, how in ways.items()}
+        seconds = interleaved(programs, options.repetitions, budget=options.budget)
+        first, *others = (jax.tree.leaves(p()) for p in programs.values())
+        pairs = [pair for other in others for pair in zip(other, first, strict=True)]
+        apart = max((float(np.max(np.abs(np.asarray(a) - b))) for a, b in pairs), default=0.0)
+        rows[segments, wavelengths, glazes] = Row(seconds, sizes, apart)
+        cells = "".join(f"{name:>12}{1e3 * s:9.2f} ms" for name, s in seconds.items())
+        memory = "".join(f"{m:9.2f}" for m in sizes.values())
+        best = min(seconds, key=seconds.__getitem__)
+        words = f"Q {segments:4d}, {wavelengths:3d} x {glazes:2d} stacks"
+        say(f"{words:<28}{cells}   MB{memory}   apart {apart:.0e}   fastest: {best}")
+    return rows
+
+
+def record_times(say: Results, key: str, row: Row) -> None:
+    """Milliseconds of making a matrix for each stack, and of transforms."""
+    for way, name in (("one", "one by one"), ("fft", "transforms")):
+        say.record(**{f"{key}_{way}": quantity(1e3 * row.seconds[name], "ms", digits=0)})
 
 
 def main() -> None:
@@ -145,7 +152,7 @@ def main() -> None:
     add_option(parser, repetitions=3, budget=0.1)
     options = parser.parse_args()
     if options.quick:
-        globals().update(OWN=OWN[:2], FIXED=FIXED[:1], GRADIENT=GRADIENT[:1])
+        globals().update(OWN=tuple(QUOTED.values()), FIXED=FIXED[:1], GRADIENT=GRADIENT[-1:])
     jax.config.update("jax_enable_x64", True)
     say = Results("auxiliary_products", options.out)
     say("Paper A: H, U and M of all wavelengths and glazes in one program, double precision")
@@ -160,9 +167,19 @@ def main() -> None:
     say("of the ways. apart: largest difference of a value (or derivative) from the first way.\n")
     say("Own step, decomposed: each stack has numbers of its own, 3 Q - 1 of H and U")
     own = {"variant": "decomposed", "corrected": False}
-    compare(say, OWN, own, options)
+    rows = compare(say, OWN, own, options)
+    for key, case in QUOTED.items():
+        record_times(say, key, rows[case])
+    for way, size in zip(
+        ("one", "all", "fft"), rows[QUOTED["q500"]].megabytes.values(), strict=True
+    ):
+        say.record(**{f"q500_mb_{way}": quantity(size, "MB", digits=1)})
     say("\nThe same with derivatives by all albedos and thicknesses (corrected)")
-    compare(say, [(q, 41, 1) for q in GRADIENT], own | {"corrected": True}, options, slopes=True)
+    corrected = own | {"corrected": True}
+    rows = compare(say, [(q, 41, 1) for q in GRADIENT], corrected, options, slopes=True)
+    last = rows[GRADIENT[-1], 41, 1]
+    record_times(say, "slopes", last)
+    say.record(apart=quantity(last.apart, digits=0, form="e"))
     for corrected, words in ((False, "as printed"), (True, "corrected")):
         say(f"\nFixed step, {words}: one matrix for all stacks")
         compare(

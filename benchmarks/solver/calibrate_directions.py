@@ -16,7 +16,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from benchmarks.results import Results, add_option
+from benchmarks.results import Results, add_option, quantity
 from glazejax.radiative.common.directions import Resolution, half_range, resolve
 from glazejax.radiative.common.quadrature import Directions
 from glazejax.radiative.ordinates import solver as ordinates
@@ -102,6 +102,7 @@ def main() -> None:
     kinds = [("a known index", known)] + [
         ("a traced index, for all of 1 to 2.5", spanned)
     ] * options.arrays
+    worst = 0.0
     for words, solve in kinds:
         say(
             f"\ndirections of {words}: number, worst error / tolerance over {options.stacks} "
@@ -114,8 +115,10 @@ def main() -> None:
             for n in INDICES:
                 found, count = solve(stacks, n, tolerance)
                 error = jnp.max(jnp.abs(found - reference[n]), axis=1) / tolerance
+                worst = max(worst, float(jnp.max(error)))
                 cells.append(f"{count:4d}{error[0]:6.2f}{error[1]:6.2f}")
             say(f"{tolerance:<11.0e}" + "".join(cells))
+    say.record(worst=quantity(worst, n=options.stacks), stacks=quantity(options.stacks, digits=0))
     say.save()
 
 

@@ -21,7 +21,7 @@ import numpy as np
 
 from benchmarks import device
 from benchmarks.peers import Work, installed, ours, sasktran, two_layers, without_blas_threads
-from benchmarks.results import Results, add_option
+from benchmarks.results import Results, add_option, ends, quantities, quantity
 from benchmarks.solver.frontier_curves import (
     CDISORT,
     CONVENTIONAL,
@@ -41,8 +41,9 @@ from benchmarks.timing import interleaved
 NEEDS = ("matplotlib",)
 PARTS_NEED = ("nanodisort", "sasktran2", "PythonicDISORT", "iadpython", "threadpoolctl")
 
-# Load average above which the times of long programs suffer more than those of short ones.
-LOADED = 0.7
+# Tolerances whose errors and times texts quote, and errors at which peers are compared.
+QUOTED = (1e-2, 1e-4, 1e-6, 1e-8, 1e-10)
+ASKED = (1e-4, 1e-8)
 
 
 class Row(NamedTuple):
@@ -106,14 +107,31 @@ def seconds_at(rows: Iterable[Row], error: float) -> float | None:
     return float(np.exp(np.interp(np.log(error), xs, ys)))
 
 
+def of(rows: Iterable[Row], name: str) -> list[Row]:
+    """The rows of a curve."""
+    return [row for row in rows if row.curve.name == name]
+
+
+def rival(row: Row) -> str:
+    """Our curve that a row is compared with."""
+    return OURS_GRADIENT if row.curve.gradient else OURS
+
+
+def over_ours(rows: Iterable[Row], row: Row) -> float | None:
+    """A row's time over ours at its error; None for our own, and where ours reach it not."""
+    reference = seconds_at(of(rows, rival(row)), row.error)
+    if row.curve.name.startswith(OURS) or reference is None:
+        return None
+    return row.seconds / reference
+
+
 def fastest(rows: Iterable[Row], name: str) -> list[tuple[float, float]]:
     """A curve as (error, seconds), with the better number of threads at each error."""
     points: dict[float, float] = {}
-    for row in rows:
-        if row.curve.name == name:
-            # Threads change the last digits of the error only.
-            key = next((e for e in points if abs(e / row.error - 1) < 1e-3), row.error)
-            points[key] = min(points.get(key, np.inf), row.seconds)
+    for row in of(rows, name):
+        # Threads change the last digits of the error only.
+        key = next((e for e in points if abs(e / row.error - 1) < 1e-3), row.error)
+        points[key] = min(points.get(key, np.inf), row.seconds)
     return sorted(points.items(), reverse=True)
 
 
@@ -136,10 +154,7 @@ def table(rows: Sequence[Row], say: Results) -> None:
         + f"{'x ours':>9}"
     )
     for row in rows:
-        rival = OURS_GRADIENT if row.curve.gradient else OURS
-        reference = seconds_at((r for r in rows if r.curve.name == rival), row.error)
-        mine = row.curve.name.startswith(OURS)
-        ratio = "" if mine or reference is None else f"{row.seconds / reference:9.3g}"
+        ratio = over_ours(rows, row)
         setting = f"{row.setting:g}" if isinstance(row.setting, float) else str(row.setting)
         on_gpu = (
             ""
@@ -151,15 +166,12 @@ def table(rows: Sequence[Row], say: Results) -> None:
         say(
             f"{row.curve.name:<36} {setting + ' ' + row.curve.unit:<14} {row.error:8.1e} "
             f"{1e3 * row.seconds:9.3f}"
-            f"{on_gpu}{ratio}"
+            f"{on_gpu}{'' if ratio is None else f'{ratio:9.3g}'}"
         )
 
 
 def headlines(rows: Sequence[Row], say: Results) -> None:
     """The ratios asked for, each with its target."""
-
-    def of(name: str) -> list[Row]:
-        return [row for row in rows if row.curve.name == name]
 
     def line(what: str, where: str, ratio: float | None, target: float, also: str = "") -> None:
         if ratio is None:
@@ -171,12 +183,10 @@ def headlines(rows: Sequence[Row], say: Results) -> None:
             verdict = "met" if ratio <= target else "missed"
             say(f"{what:<58} {where:<10} {ratio:8.3g}  <= {target:<7g} {verdict:<8}{also}".rstrip())
 
-    def against(ours_name: str, peer: str, what: str, target: float) -> None:
-        for error in (1e-4, 1e-8):
-            if not of(peer):
-                continue
-            times = [seconds_at(of(name), error) for name in (ours_name, peer)]
-            pair = [cheapest(of(name), error) for name in (ours_name, peer)]
+    def against(key: str, ours_name: str, peer: str, what: str, target: float) -> None:
+        for error in ASKED if of(rows, peer) else ():
+            times = [seconds_at(of(rows, name), error) for name in (ours_name, peer)]
+            pair = [cheapest(of(rows, name), error) for name in (ours_name, peer)]
             ratio = times[0] / times[1] if times[0] and times[1] else None
             steps = (
                 f"cheapest settings: {pair[0].seconds / pair[1].seconds:.2g}"
@@ -184,43 +194,88 @@ def headlines(rows: Sequence[Row], say: Results) -> None:
                 else ""
             )
             line(what, f"at {error:.0e}", ratio, target, steps)
+            if ratio is not None:
+                say.record(**{f"{key}_{in_name(error)}": quantity(1 / ratio, digits=2, form="s")})
 
     say(f"{'ratio of times, in this run':<58} {'':<10} {'ratio':>8}  target")
-    against(OURS, CDISORT, "glazejax n = 1.5 / CDISORT without surface", 0.2)
+    against("cdisort", OURS, CDISORT, "glazejax n = 1.5 / CDISORT without surface", 0.2)
     against(
+        "sasktran2",
         OURS_GRADIENT,
         SASKTRAN_GRADIENT,
         "with gradient: glazejax n = 1.5 / sasktran2, one mode",
         0.02,
     )
     against(
+        "sasktran2_all_modes",
         OURS_GRADIENT,
         SASKTRAN_DEFAULT,
         "with gradient: glazejax n = 1.5 / sasktran2, all modes",
         0.02,
     )
-    pairs = {row.setting: row.seconds for row in of(OURS)}
-    ratios = {
-        row.setting: row.seconds / pairs[row.setting]
-        for row in of(OURS_GRADIENT)
-        if row.setting in pairs
-    }
-    for setting in (s for s in (1e-6,) if s in ratios):
-        line("value and gradient / value", f"tol. {setting:.0e}", ratios[setting], 1.5)
-    if ratios:
-        line("value and gradient / value, largest over tolerances", "", max(ratios.values()), 1.5)
-    conventional = next((row for row in of(CONVENTIONAL) if row.setting == 0.01), None)
-    if conventional is not None:
-        match = cheapest(of(OURS), conventional.error / 10)
-        ratio = match.seconds / conventional.seconds if match else None
-        also = f"errors {match.error:.1e}, {conventional.error:.1e}" if match else ""
-        line(
-            "glazejax / conventional at dh = .01, a tenth of its error or less",
-            "",
-            ratio,
-            5e-4,
-            also,
+    values = {row.setting: row.seconds for row in of(rows, OURS)}
+    ratios = {row.setting: row.seconds / values[row.setting] for row in of(rows, OURS_GRADIENT)}
+    gradient, most = ratios[1e-6], max(ratios.values())
+    line("value and gradient / value", f"tol. {1e-6:.0e}", gradient, 1.5)
+    line("value and gradient / value, largest over tolerances", "", most, 1.5)
+    say.record(
+        alone=quantity(1 / gradient, "times", form="g"),
+        gradient=quantity(gradient, "times", digits=1),
+        gradient_most=quantity(most, "times", digits=1),
+    )
+    conventional = min(of(rows, CONVENTIONAL), key=lambda row: row.setting)
+    match = cheapest(of(rows, OURS), conventional.error / 10)
+    assert match is not None
+    line(
+        "glazejax / conventional at dh = .01, a tenth of its error or less",
+        "",
+        match.seconds / conventional.seconds,
+        5e-4,
+        f"errors {match.error:.1e}, {conventional.error:.1e}",
+    )
+    say.record(
+        conventional=quantity(conventional.seconds / match.seconds, "times", digits=0),
+        conventional_errors=quantity(conventional.error / match.error, "times", digits=0),
+    )
+
+
+def in_name(setting: float) -> str:
+    """1e-4 as `1e4`."""
+    return f"1e{-round(np.log10(setting))}"
+
+
+def record_curves(rows: Sequence[Row], say: Results) -> None:
+    """Our errors and times at some tolerances, peers at the errors asked for, paper A over ours."""
+    ours_at = {(name, row.setting): row for name in (OURS, OURS_GRADIENT) for row in of(rows, name)}
+    for setting in QUOTED:
+        value = ours_at[OURS, setting]
+        slopes = ours_at[OURS_GRADIENT, setting]
+        key = in_name(setting)
+        say.record(
+            **{
+                f"error_{key}": quantity(value.error, digits=0, form="e"),
+                f"value_{key}": quantity(1e3 * value.seconds, "ms"),
+                f"slopes_{key}": quantity(1e3 * slopes.seconds, "ms"),
+            }
         )
+    for peer, name in (("cdisort", CDISORT), ("sasktran2", SASKTRAN_GRADIENT)):
+        for asked in ASKED:
+            row = cheapest(of(rows, name), asked)
+            if row is None:
+                continue
+            times = row.seconds / ours_at[rival(row), asked].seconds
+            key = in_name(asked)
+            say.record(
+                **{
+                    f"{peer}_error_{key}": quantity(row.error, digits=0, form="e"),
+                    f"{peer}_ms_{key}": quantity(1e3 * row.seconds, "ms", digits=1),
+                    f"{peer}_asked_{key}": quantity(times, "times", digits=2, form="s"),
+                }
+            )
+    for key, starts in (("auxiliary", ("method=",)), ("paper", ("paper A", "fixed step"))):
+        own = [over_ours(rows, row) for row in rows if row.curve.name.startswith(starts)]
+        times = [ratio for ratio in own if ratio is not None]
+        say.record(**quantities(ends(key, times), "times", 1, form="s", n=len(times)))
 
 
 def confirm(rows: Sequence[Row], peers: Iterable[Curve], work: Work, say: Results) -> None:
@@ -230,9 +285,7 @@ def confirm(rows: Sequence[Row], peers: Iterable[Curve], work: Work, say: Result
         "agree with it to:"
     )
     for name in (curve.name for curve in peers):
-        best = min(
-            (row for row in rows if row.curve.name == name), key=lambda row: row.error, default=None
-        )
+        best = min(of(rows, name), key=lambda row: row.error, default=None)
         if best is not None:
             say(f"  {name:<36} {best.error:.1e} ({f'{best.setting} {best.curve.unit}'.strip()})")
     if installed(sasktran.PACKAGE):
@@ -288,15 +341,10 @@ def main() -> None:
     )
     for line in missing:
         say(line)
-    if (load := os.getloadavg()[0]) > LOADED:
-        say(
-            f"Others are using this machine (load {load:.1f}): times of a millisecond and more "
-            "come out too long."
-        )
     truth = {index: ours.converged(work, index) for index in ours.CONVERGED}
     curves = our_curves(work) + paper_curves(work) + peers
     if options.quick:
-        curves = [curve._replace(settings=curve.settings[::6]) for curve in curves]
+        curves = [curve._replace(settings=curve.settings[::2]) for curve in curves]
     rows = measure(curves, truth, say, repetitions=3 if options.quick else 40)
     say()
     confirm(rows, peers, work, say)
@@ -304,6 +352,7 @@ def main() -> None:
     table(rows, say)
     say()
     headlines(rows, say)
+    record_curves(rows, say)
     drawn = {curve.name: curve.style for curve in curves if curve.style is not None}
     say.save(
         draw(

@@ -1,15 +1,15 @@
 """All that waits for a GPU: the goals set for one, then the tables and the tests there.
 
-    python -m benchmarks.solver.on_gpu [--device cpu] [--small] [--only-goals] [--out FOLDER]
+    python -m benchmarks.solver.on_gpu [--device cpu] [--only-goals] [--quick] [--out FOLDER]
 
 Goals: a million stacks of two layers at a tolerance of 1e-4, in double precision and single, with
 and without the gradient, inputs and results in the device's memory; a picture of 4096 x 4096 pixels
 with two maps of thickness; 50,000 spectra identified among all pairs of twenty paints. Times are
-warm medians, the first call is given beside; errors of the million are those of 1000 of its stacks
+warm medians, next to the first call's; errors of the million are those of 1000 of its stacks
 against a tolerance of 1e-8 in double precision. Then, one after the other,
-`benchmarks.solver.frontier`, `scaling`, `savings` and `identification` with `--device gpu`, and the tests
-with JAX_PLATFORMS=cuda. What fails is said, and the rest goes on. `--small` tries the command
-itself: every size a hundredth, and the goals only.
+`benchmarks.solver.frontier`, `solver.scaling`, `render.savings` and `paint.identification` with
+`--device gpu`, and the tests with JAX_PLATFORMS=cuda. What fails is said, and the rest
+goes on. `--quick` tries the command itself: every size a hundredth, and the goals only.
 """
 
 import argparse
@@ -31,7 +31,7 @@ from benchmarks.results import Results, add_option
 
 NEEDS = ("gpu",)
 
-TABLES = ("frontier", "scaling", "savings", "identification")
+TABLES = ("solver.frontier", "solver.scaling", "render.savings", "paint.identification")
 REPETITIONS = 5
 TOLERANCE = 1e-4
 CHECKED = 1000
@@ -117,21 +117,18 @@ def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    add_option(parser, small=True)
+    add_option(parser, only_goals=True)
     device.add_option(parser)
     parser.set_defaults(device="gpu")
-    parser.add_argument(
-        "--small", action="store_true", help="a hundredth of each size, and the goals only"
-    )
     parser.add_argument("--only-goals", action="store_true", help="no tables and no tests")
     options = parser.parse_args()
     jax.config.update("jax_enable_x64", True)
     chosen = device.start(options.device)
     say = Results("on_gpu" if options.device == "gpu" else "on_gpu_cpu", options.out)
     say(device.words(chosen))
-    goals(say, options.small)
+    goals(say, options.quick)
     say.save()
-    if options.small or options.only_goals:
+    if options.only_goals:
         return
     # JAX takes most of a GPU's memory for itself; here it is only asked on.
     shared = {**os.environ, "XLA_PYTHON_CLIENT_PREALLOCATE": "false"}

@@ -6,19 +6,17 @@ For 41 and 4100 wavelengths of two layers: the time of one call, the kernels XLA
 where their time goes (JAX's own profiler, kernels named by the part of the solver they belong to),
 and what the matrix arithmetic alone would take at the rate this machine reaches, in the same run,
 with large matrices of the same type on one core. Then what a call of `glazejax.reflectance` for a
-glaze takes beside its program, in turn with it: as JAX comes, and where JAX may not hand a program
-to another thread (`jax_cpu_enable_async_dispatch`).
+glaze takes, in turn with its program alone: as JAX comes, and where JAX may not hand a program to
+another thread (`jax_cpu_enable_async_dispatch`).
 """
 
 import argparse
 import json
 import os
 import re
-import statistics
 import subprocess
 import sys
 import tempfile
-import time
 from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
@@ -28,7 +26,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from benchmarks.peers import ours, two_layers
-from benchmarks.results import Results, add_option
+from benchmarks.results import Results, add_option, quantity
 from benchmarks.timing import interleaved
 from glazejax.radiative.ordinates.resolution import resolve_known
 
@@ -42,12 +40,7 @@ CALLED_AT = 1e-4
 
 def seconds(program: Callable[[], object], repetitions: int = REPETITIONS) -> float:
     """Median seconds of a call, warm."""
-    times = []
-    for _ in range(repetitions + 3):
-        start = time.perf_counter()
-        jax.block_until_ready(program())
-        times.append(time.perf_counter() - start)
-    return statistics.median(times[3:])
+    return interleaved({"": program}, repetitions)[""]
 
 
 def part_of(kernel_line: str) -> str:
@@ -189,6 +182,11 @@ def main() -> None:
             nodes = resolution.cone + resolution.total
             algebra = multiplications(nodes, 2, albedo.shape[0]) / rate
             largest_first = sorted(parts.items(), key=lambda item: -item[1][0])
+            if copies == 1 and tolerance == 1e-3:
+                say.record(
+                    kernel=quantity(1e6 * inside / number, "µs", digits=1),
+                    kernels=quantity(number, digits=0),
+                )
             shares = ", ".join(
                 f"{part} {100 * value[0] / inside:.0f} %" for part, value in largest_first
             )
@@ -208,12 +206,18 @@ def main() -> None:
     )
     say()
     say(
-        f"reflectance(glaze, '45:0'), 41 wavelengths, two coats, tolerance {CALLED_AT:g}, beside "
-        "its program alone, in turn:"
+        f"reflectance(glaze, '45:0'), 41 wavelengths, two coats, tolerance {CALLED_AT:g}, and its "
+        "program alone, in turn:"
     )
-    say(f"{'':<24}{'call us':>9}{'program us':>12}{'beside us':>11}")
-    for words, whole, inside in calls():
+    say(f"{'':<24}{'call us':>9}{'program us':>12}{'other us':>11}")
+    rows = calls()
+    for words, whole, inside in rows:
         say(f"{words:<24}{1e6 * whole:9.0f}{1e6 * inside:12.0f}{1e6 * (whole - inside):11.0f}")
+    (_, usual_call, usual), (_, _, kept) = rows
+    say.record(
+        hand_over=quantity(usual / kept, "times", digits=1),
+        call=quantity(usual_call / usual, "times", digits=1),
+    )
     say.save()
 
 

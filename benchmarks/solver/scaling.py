@@ -4,8 +4,8 @@ picture.
     python -m benchmarks.solver.scaling [--device gpu] [--out FOLDER]
 
 Each series runs in a process of its own, from small to large, and notes the highest resident memory
-so far. Layers and wavelengths run beside CDISORT's threaded batch binding (extra `benchmark`; it
-has no refracting surface), each at the setting that is the cheapest with a relative error of 1e-4
+so far. Layers and wavelengths run in turn with CDISORT's threaded batch binding (extra `benchmark`;
+it has no refracting surface), each at the setting that is the cheapest with a relative error of 1e-4
 on 41 wavelengths x 2 layers. Stacks have two layers and a tolerance of 1e-4: their value, value and
 slopes by every albedo and thickness, and the value in single precision. A picture has two layers
 with a thickness map each, 31 wavelengths, Delta E00 0.1. Warm medians, compilation left out.
@@ -29,7 +29,7 @@ import numpy as np
 
 from benchmarks import device
 from benchmarks.peers import Work, cdisort, installed, two_layers
-from benchmarks.results import Results, add_option
+from benchmarks.results import Results, add_option, quantity
 from benchmarks.timing import interleaved
 
 NEEDS = ("matplotlib",)
@@ -222,6 +222,36 @@ def table(say: Results, series: Series, results: dict[str, list[dict[str, Any]]]
     say(f"exponent from {series.fitted[0]} to {series.fitted[1]}: {slopes}")
 
 
+def record(say: Results, points: dict[str, list[dict[str, Any]]]) -> None:
+    """Numbers of the ends of each series on the processor, and its exponent."""
+    for series in SERIES:
+        power = exponent(points[series.name], "glazejax", series.fitted)
+        say.record(**{f"{series.name}_power": quantity(power)})
+    layers = points["layers"][-1]["seconds"]
+    say.record(layers_40=quantity(1e3 * layers["glazejax"], "ms"))
+    if "CDISORT" in layers:
+        say.record(
+            layers_40_cdisort=quantity(1e3 * layers["CDISORT"], "ms", digits=0),
+            layers_40_times=quantity(layers["CDISORT"] / layers["glazejax"], "times", form="g"),
+        )
+    stacks = points["stacks"]
+    value, slopes, single = stacks[-1]["seconds"].values()
+    say.record(
+        million_seconds=quantity(value, "s", digits=1),
+        million_slopes=quantity(slopes, "s", digits=1),
+        million_single=quantity(single, "s"),
+        million_alone=quantity(value / slopes, "times", form="g"),
+        million_single_times=quantity(value / single, "times", form="g"),
+    )
+    for key, point, digits in (
+        ("million", stacks[-1], 1),
+        ("one", stacks[0], 1),
+        ("pixels", points["pixels"][-1], 2),
+        ("pixels_few", points["pixels"][0], 2),
+    ):
+        say.record(**{f"{key}_memory": quantity(point["peak"] / 2**30, "GiB", digits=digits)})
+
+
 def draw(results: dict[str, dict[str, list[dict[str, Any]]]]) -> Any:
     """One panel a series: time on the left axis, memory on the right."""
     import matplotlib
@@ -292,6 +322,7 @@ def main() -> None:
             platform: measured(series.name, platform, options.quick) for platform in platforms
         }
         table(say, series, results[series.name])
+    record(say, {name: series["cpu"] for name, series in results.items()})
     say.save(draw(results))
 
 

@@ -20,7 +20,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.results import Results, add_option
+from benchmarks.results import Results, add_option, quantity
 from glazejax import colour
 from glazejax.geometry import Bidirectional, Hemispherical, parse_geometry
 from glazejax.radiative.common.fresnel import dielectric_reflectance
@@ -103,11 +103,11 @@ def _some(
     ]
 
 
-def run_node(table: Path) -> str:
-    """What `node --test` says of a table.
+def run_node(table: Path) -> dict[str, float]:
+    """What `node --test` measures with a table: errors, CIEDE2000, milliseconds, by name.
 
     Raises:
-        AssertionError: with all that it says, where a test fails.
+        AssertionError: with all that it prints, where a test fails or is skipped.
     """
     node = shutil.which("node")
     assert node is not None, "there is no node here"
@@ -120,7 +120,13 @@ def run_node(table: Path) -> str:
         check=False,
     )
     assert done.returncode == 0, done.stdout + done.stderr
-    return done.stdout
+    assert "# skipped 0" in done.stdout, done.stdout
+    figures: dict[str, float] = {}
+    for line in done.stdout.splitlines():
+        _, mark, words = line.partition("page solver: ")
+        if mark:
+            figures |= json.loads(words)
+    return figures
 
 
 def main() -> None:
@@ -138,11 +144,34 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
         table = Path(folder) / "stacks.json"
         write_table(table, options.stacks)
-        said = run_node(table)
-    for line in said.splitlines():
-        _, mark, words = line.partition("page solver: ")
-        if mark:
-            out(words)
+        node = run_node(table)
+    count = int(node["stacks"])
+    out(f"stacks: {count}")
+    out(f"error of the reflectance, largest: {node['largest']:.1e}, median: {node['median']:.1e}")
+    out(f"CIEDE2000, largest: {node['delta_e']:.3f}")
+    eight = f"median: {node['eight_median']:.2f}, 95 %: {node['eight_95']:.2f}"
+    out(f"small matrices, 8 coats, CIEDE2000, {eight}")
+    every = f"95 %: {node['matrices_95']:.2f}, largest: {node['matrices_largest']:.2f}"
+    out(f"small matrices, CIEDE2000, {every}")
+    matrices = 1e3 * node["matrices_ms"]
+    out(f"microseconds for 8 coats as small matrices, all bands: {matrices:.0f}")
+    for coats, key in (
+        ("1 coat", "one_coat"),
+        ("3 coats", "three_coats"),
+        ("8 coats", "eight_coats"),
+    ):
+        out(f"milliseconds for {coats}, 31 bands: {node[key]:.2f}")
+    out.record(
+        largest=quantity(node["largest"], digits=1, form="e", n=count),
+        median=quantity(node["median"], digits=1, form="e", n=count),
+        delta_e=quantity(node["delta_e"], digits=3, n=count),
+        matrices_95=quantity(node["matrices_95"], n=count),
+        matrices_largest=quantity(node["matrices_largest"], n=count),
+        one_coat=quantity(node["one_coat"], "ms"),
+        eight_coats=quantity(node["eight_coats"], "ms"),
+        matrices_ms=quantity(node["matrices_ms"], "ms", digits=3),
+        matrices_times=quantity(node["matrices_ms"] / node["eight_coats"], "times", form="g"),
+    )
     out.save()
 
 

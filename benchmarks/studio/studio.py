@@ -27,7 +27,7 @@ from urllib.parse import quote
 
 import numpy as np
 
-from benchmarks.results import Results, add_option
+from benchmarks.results import Results, add_option, quantity
 from glazejax.studio.one_file import one_file
 
 NEEDS = ("selenium", "program/chromium", "program/chromedriver")
@@ -44,7 +44,7 @@ COATS = (
 )
 EVENTS = 100
 _READY = 900
-# The command itself, also where it has not been installed anew.
+# The command itself, also where its entry point is not installed.
 _START = (
     "import typer; from glazejax.studio.command import register; a = typer.Typer(); register(a); "
     "a(['--no-open'])"
@@ -72,7 +72,7 @@ const watch = new MutationObserver(() => {
 watch.observe(root, {attributes: true, attributeFilter: ["data-seen"]});
 next();
 """
-# Moves the lowest coat's slider, until the whole canvas is drawn anew.
+# Moves the lowest coat's slider, until the whole canvas is drawn again.
 _SLIDE_CANVAS = """
 const [events, done] = arguments;
 const canvas = document.querySelector("[data-at=easel]");
@@ -205,10 +205,11 @@ def open_page(browser: Any, link: str, given: dict[str, Any]) -> float:
     return time.perf_counter() - began
 
 
-def line(name: str, values: np.ndarray) -> str:
-    return (
-        f"{name:<34} {np.median(values):8.0f} {np.percentile(values, 95):8.0f} {values.min():8.0f}"
-    )
+def row(out: Results, name: str, values: np.ndarray) -> np.ndarray:
+    """Print a line of the table of milliseconds; the values."""
+    median, high = np.percentile(values, (50, 95))
+    out(f"{name:<34} {median:8.0f} {high:8.0f} {values.min():8.0f}")
+    return values
 
 
 def main() -> None:
@@ -229,37 +230,52 @@ def main() -> None:
             finally:
                 server.stop()
             out(f"served: link after {server.seconds:.1f} s, page usable {page:.1f} s later")
+            out.record(served_start=quantity(page, "s", digits=1))
             path = Path(folder) / "studio.html"
             path.write_text(one_file(), encoding="utf-8")
             page = open_page(browser, path.as_uri(), stack(2))
             size = path.stat().st_size / 1e6
             out(f"one file: {size:.2f} MB, page usable after {page:.1f} s")
-            measure(browser, path.as_uri(), out)
-            measure_canvas(browser, path.as_uri() + "?canvas=arrays", out)
+            out.record(
+                one_file_start=quantity(page, "s", digits=1),
+                one_file_megabytes=quantity(size, "MB"),
+            )
+            times = measure(browser, path.as_uri(), out)
+            times |= measure_canvas(browser, path.as_uri() + "?canvas=arrays", out)
             browser.quit()
             browser = start_browser(card=True)
-            measure_canvas(browser, path.as_uri() + "?canvas=webgl2", out, "WebGL2: ")
+            card = measure_canvas(browser, path.as_uri() + "?canvas=webgl2", out, "WebGL2: ")
+            times["card_canvas"] = card["canvas"]
     finally:
         browser.quit()
+    for key, values in times.items():
+        for name, percentile in (("median", 50), ("95", 95)):
+            value = np.percentile(values, percentile)
+            out.record(**{f"{key}_{name}": quantity(value, "ms", digits=0, n=values.size)})
     out.save()
 
 
-def measure(browser: Any, link: str, out: Results) -> None:
-    """Sliders and the swatch."""
+def measure(browser: Any, link: str, out: Results) -> dict[str, np.ndarray]:
+    """Sliders and the swatch: milliseconds until it is drawn, by the number of coats."""
     out()
     out(f"{'milliseconds':<34} {'median':>8} {'95 %':>8} {'least':>8}")
-    for count in (1, 3, 8):
+    drawn = {}
+    for count, key in ((1, "one_coat"), (3, "three_coats"), (8, "eight_coats")):
         open_page(browser, link, stack(count))
         browser.execute_async_script(_SLIDE, 10)
         times = np.array(browser.execute_async_script(_SLIDE, EVENTS))
         coats = f"{count} {'coat' if count == 1 else 'coats'}"
-        out(line(f"slider to swatch drawn, {coats}", times[:, 0]))
-        out(line("  of it the solver", times[:, 2]))
-        out(line("  to the screen's next frame", times[:, 1]))
+        drawn[key] = row(out, f"slider to swatch drawn, {coats}", times[:, 0])
+        row(out, "  of it the solver", times[:, 2])
+        row(out, "  to the screen's next frame", times[:, 1])
+    return drawn
 
 
-def measure_canvas(browser: Any, link: str, out: Results, mark: str = "") -> None:
-    """Brushes, undo and sliders, where two of three coats are brushed, and eight of eight."""
+def measure_canvas(browser: Any, link: str, out: Results, mark: str = "") -> dict[str, np.ndarray]:
+    """Brushes, undo and sliders, where two of three coats are brushed, and eight of eight;
+    milliseconds by name.
+    """
+    found = {}
     brush, slide = _FINISH + _BRUSH, _FINISH + _SLIDE_CANVAS
     for coats, brushed in ((3, 2), (8, 8)):
         open_page(browser, link, stack(coats))
@@ -274,7 +290,9 @@ def measure_canvas(browser: Any, link: str, out: Results, mark: str = "") -> Non
         wait_for_canvas(browser)
         words = f"{mark}{{}}, {brushed} brushed"
         times = browser.execute_async_script(brush, EVENTS // 2)
-        out(line(words.format("brush to pixels"), np.array(times)))
+        few = brushed < coats
+        touched = row(out, words.format("brush to pixels"), np.array(times))
+        found["brush" if few else "eight_brush"] = touched
         whole, sharp = [], []
         for _ in range(max(2, EVENTS // 10)):
             for at in ("undo", "redo"):
@@ -283,19 +301,21 @@ def measure_canvas(browser: Any, link: str, out: Results, mark: str = "") -> Non
                 began = time.perf_counter()
                 wait_for_canvas(browser)
                 sharp.append(whole[-1] + 1000 * (time.perf_counter() - began))
-        out(line(words.format("canvas anew"), np.array(whole)))
-        if brushed > 3:
-            out(line(words.format("canvas anew, sharp"), np.array(sharp)))
-        if brushed == coats:
+        drawn = row(out, words.format("whole canvas"), np.array(whole))
+        found["canvas" if few else "eight_canvas"] = drawn
+        if not few:
+            found["eight_sharp"] = row(out, words.format("whole canvas, sharp"), np.array(sharp))
             # The slider's coat lies evenly.
             browser.find_element("css selector", "[data-at=even]").click()
             wait_for_canvas(browser)
         times = browser.execute_async_script(slide, EVENTS // 5)
         still = f"{mark}slider to canvas, {min(brushed, coats - 1)} brushed"
-        out(line(still, np.array(times)))
+        slid = row(out, still, np.array(times))
+        found["canvas_slider" if few else "eight_slider"] = slid
         wait_for_canvas(browser)
         state = browser.find_element("css selector", "[data-at=easel-state]").text
         out(f"{words.format('canvas')}: {state.partition(';')[0]}")
+    return found
 
 
 def wait_for_canvas(browser: Any) -> None:

@@ -1,5 +1,5 @@
-// The page's solver against the library: `python -m benchmarks.page_solver --table stacks.json` writes the stacks, and
-// SOLVER_TABLE says where they are. `pytest tests/studio/test_solver.py` does both.
+// The page's solver against the library: `python -m benchmarks.studio.page_solver --table stacks.json` writes the stacks,
+// and SOLVER_TABLE says where they are. `pytest tests/studio/test_solver.py` does both. What is measured is printed as JSON.
 import assert from "node:assert/strict";
 import { readFileSync } from "node:fs";
 import { before, test } from "node:test";
@@ -25,7 +25,7 @@ const seen = ({ coats, ground, geometry }, index = given.index) => {
   return over(reflect(layers, [parseGeometry(geometry)], { index })[0], ground);
 };
 const quantile = (values, share) => [...values].sort((a, b) => a - b)[Math.floor(share * (values.length - 1))];
-const say = (words) => console.log(`page solver: ${words}`);
+const say = (figures) => console.log(`page solver: ${JSON.stringify(figures)}`);
 
 test("spectra and colours of random stacks are the library's", { skip }, () => {
   const errors = [], colours = [];
@@ -34,9 +34,7 @@ test("spectra and colours of random stacks are the library's", { skip }, () => {
     errors.push(Math.max(...found.map((value, i) => Math.abs(value - stack.reflectance[i]))));
     colours.push(deltaE2000(looks(found, weights(found.length)).lab, stack.lab));
   }
-  say(`stacks: ${errors.length}`);
-  say(`error of the reflectance, largest: ${Math.max(...errors).toExponential(1)}, median: ${quantile(errors, 0.5).toExponential(1)}`);
-  say(`CIEDE2000, largest: ${Math.max(...colours).toFixed(3)}`);
+  say({ stacks: errors.length, largest: Math.max(...errors), median: quantile(errors, 0.5), delta_e: Math.max(...colours) });
   assert.ok(Math.max(...errors) < 1e-4, `${Math.max(...errors)}`);
   assert.ok(Math.max(...colours) < 0.05, `${Math.max(...colours)}`);
 });
@@ -55,22 +53,21 @@ test("coats as small matrices are near it", { skip }, () => {
     times.push(performance.now() - begun);
     eight.push(far);
   }
-  say(`small matrices, 8 coats, CIEDE2000, median: ${quantile(eight, 0.5).toFixed(2)}, 95 %: ${quantile(eight, 0.95).toFixed(2)}`);
-  say(`small matrices, CIEDE2000, 95 %: ${quantile(colours, 0.95).toFixed(2)}, largest: ${Math.max(...colours).toFixed(2)}`);
-  say(`microseconds for 8 coats as small matrices, all bands: ${(1000 * quantile(times, 0.5)).toFixed(0)}`);
+  say({ eight_median: quantile(eight, 0.5), eight_95: quantile(eight, 0.95) });
+  say({ matrices_95: quantile(colours, 0.95), matrices_largest: Math.max(...colours), matrices_ms: quantile(times, 0.5) });
   assert.ok(quantile(colours, 0.95) < 0.35);
   assert.ok(Math.max(...colours) < 1.5, `${Math.max(...colours)}`);
 });
 
 test("what a stack takes", { skip }, () => {
-  for (const coats of [1, 3, 8]) {
+  for (const [coats, name] of [[1, "one_coat"], [3, "three_coats"], [8, "eight_coats"]]) {
     const some = given.stacks.filter((stack) => stack.coats.length === coats && stack.reflectance.length === 31);
     const times = some.map((stack) => {
       const begun = performance.now();
       seen(stack);
       return performance.now() - begun;
     });
-    say(`milliseconds for ${coats} ${coats === 1 ? "coat" : "coats"}, 31 bands: ${quantile(times, 0.5).toFixed(2)}`);
+    say({ [name]: quantile(times, 0.5) });
   }
 });
 
