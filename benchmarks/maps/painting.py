@@ -136,7 +136,7 @@ def _size(results: Results, folder: Path, side: int, bands: int, number: int) ->
     results.record(**{f"{SIZES[number]}_{name}": value for name, value in kept.items()})
     if SIZES[number] == "large":
         results.record(saved=quantity(saved, "times", 0))
-        results.record(searched=quantity(100.0 * searched, "%", 2, n=mapped))
+        results.record(searched=quantity(100.0 * searched, "%", 2, n=int(mapped)))
     return run
 
 

@@ -105,7 +105,8 @@ def cosine_distance(
     seen_other = np.isfinite(other)
     if seen.all() and seen_other.all() and one.shape[1] >= least:
         # Without a gap one product says all.
-        return 1.0 - _unit(one) @ _unit(other).T
+        product = _unit(one) @ _unit(other).T
+        return np.subtract(1.0, product, out=product)
     a = np.where(seen, one, 0.0)
     b = np.where(seen_other, other, 0.0)
     product = a @ b.T

@@ -159,6 +159,7 @@ def rule_errors(all_found: list[Found], say: Results) -> None:
         say.record(**{f"{rule}_albedo": quantity(value, digits=digits, n=len(worst))})
     _record_worst(all_found, say, np.abs(worst))
     _factor_errors(all_found, say, names)
+    _by_angle(all_found, say, names)
 
 
 def _record_worst(all_found: list[Found], say: Results, worst: np.ndarray) -> None:
@@ -213,6 +214,27 @@ def _kind_of_coat(stack: LayeredStack) -> str:
     if stack.scattering[0]:
         return "coat that scatters"
     return "absorbing coat" if stack.absorption[0].any() else "clear coat"
+
+
+def _by_angle(all_found: list[Found], say: Results, names: str) -> None:
+    say(
+        "\nMean error of the reflectance factor by kind of coat (how many), light and view both at "
+        "70 degrees or more,\nor both at 45 or less"
+    )
+    say(f"{'':<36}{names}")
+    groups: dict[str, list[Found]] = {}
+    for found in all_found:
+        groups.setdefault(_kind_of_coat(found.stack), []).append(found)
+    angle = np.array([a for a, _ in VIEWS])
+    ways = {"both grazing": ([2], angle >= 70), "both steep": ([0, 1], angle <= 45)}
+    for name, some in groups.items():
+        for words, (lit, seen) in ways.items():
+            mean = [
+                np.mean([(f.rules[rule].factor - f.truth.factor)[lit][:, seen] for f in some])
+                for rule in RULES
+            ]
+            title = f"{name} ({len(some)}), {words}"
+            say(f"{title:<36}" + "".join(f"{value:20.4f}" for value in mean))
 
 
 def times(all_found: list[Found], say: Results, paths: int) -> None:

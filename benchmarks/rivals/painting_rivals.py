@@ -285,7 +285,7 @@ def spectral_angle(
         return Unmixed(
             shares=recipes[best % len(recipes)],
             thickness=thickness[best],
-            misfit=distance.min(axis=1),
+            misfit=distance[np.arange(len(best)), best],
         )
 
     return method
