@@ -27,7 +27,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from benchmarks.results import Results, add_option
+from benchmarks.results import Quantity, Results, add_option, quantity
 
 NEEDS = ("matplotlib",)
 
@@ -249,6 +249,14 @@ def table(say: Results, title: str, found: dict[str, Ranks]) -> None:
         say(f"{name:<12}" + "".join(cells))
 
 
+def ends(key: str, values: Sequence[float], films: int) -> dict[str, Quantity]:
+    """The least and the most of some coverages, to be recorded."""
+    return {
+        f"{key}least": quantity(100 * min(values), "%", digits=0, n=films),
+        f"{key}most": quantity(100 * max(values), "%", digits=0, n=films),
+    }
+
+
 def draw(found: dict[str, dict[str, Ranks]]) -> Any:
     from matplotlib.figure import Figure
 
@@ -317,6 +325,9 @@ def main() -> None:
                 flush=True,
             )
         found[kind] = join(parts)
+        key = {"paints": "", "bands": "bands_"}[kind]
+        held = [coverage(ranks.emcee) for ranks in found[kind].values()]
+        say.record(**ends(key, held, options.films))
         tau = np.concatenate(times)
         table(say, f"{kind}: {options.films} films, {WALKERS} walkers, {steps} steps", found[kind])
         say(
@@ -324,6 +335,12 @@ def main() -> None:
             f"{np.quantile(tau, 0.95):.0f} steps"
         )
         say(f"{time.perf_counter() - began:.0f} s")
+    trusted = [
+        coverage(ranks.laplace[ranks.trusted])
+        for ranks in found["paints"].values()
+        if ranks.trusted.any()
+    ]
+    say.record(films=quantity(options.films, digits=0), **ends("trusted_", trusted, options.films))
     say.save(draw(found))
 
 
