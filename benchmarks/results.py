@@ -27,7 +27,7 @@ import shlex
 import subprocess
 import sys
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from decimal import ROUND_HALF_UP, Decimal
 from pathlib import Path
@@ -84,6 +84,24 @@ def quantity(
     if not abs(number) < float("inf"):
         raise ValueError(f"{number} is not a number that a text can quote")
     return Quantity(value=number, unit=unit, digits=digits, form=form, n=n)
+
+
+def quantities(
+    values: dict[str, Any],
+    unit: str = "",
+    digits: int = 2,
+    *,
+    form: Form = "f",
+    n: int | None = None,
+) -> dict[str, Quantity]:
+    """Numbers by name that texts write in one way; see `quantity`."""
+    return {name: quantity(value, unit, digits, form=form, n=n) for name, value in values.items()}
+
+
+def ends(key: str, values: Iterable[Any]) -> dict[str, Any]:
+    """Least and largest of some values, as KEY_least and KEY_most."""
+    listed = list(values)
+    return {f"{key}_least": min(listed), f"{key}_most": max(listed)}
 
 
 def add_option(parser: argparse.ArgumentParser, **quick: Any) -> None:

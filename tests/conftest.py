@@ -12,7 +12,7 @@ from pathlib import Path
 # Most of the suite's time and memory is compilation. Fast code is for users; here it is compiled
 # quickly instead. The slow tests take the usual optimisation level, but for the emitters of fused
 # loops, a third of its time. What users run is tested as they run it: `GLAZEJAX_TEST_OPTIMISED=1`
-# (`.ci/slow` does all this).
+# (`.ci/run` does all this).
 ELSEWHERE = os.environ.get("JAX_PLATFORMS", "cpu").split(",")[0] not in ("", "cpu")
 """Whether the tests run on a GPU: JAX_PLATFORMS=cuda, docs/gpu.md."""
 
@@ -25,7 +25,8 @@ _FLAGS = {
     "level": _SIMPLE_LOOPS,
     "1": "",
 }
-flags = _FLAGS[os.environ.get("GLAZEJAX_TEST_OPTIMISED", "0")]
+OPTIMISED = os.environ.get("GLAZEJAX_TEST_OPTIMISED", "0")
+flags = _FLAGS[OPTIMISED]
 # XLA takes a value without any option for the name of a file.
 if flags and not ELSEWHERE:
     os.environ["XLA_FLAGS"] = f"{os.environ.get('XLA_FLAGS', '')} {flags}"
@@ -37,6 +38,8 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 try:
     import resource
+
+    _PROCESSES = resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN
 except ModuleNotFoundError:  # Windows
     resource = None
 
@@ -57,9 +60,9 @@ jax.config.update(
 )
 jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.1)
 
-# Annotations of the forward package, shapes too, are checked in a run of their own, which `.ci/run`
-# makes.
-CHECKED = os.environ.get("GLAZEJAX_CHECK_TYPES") == "1"
+# Annotations of the forward package, shapes too, are checked in the quick suite, where that takes
+# some hundredths of its time, and not where programs are compiled as users' are.
+CHECKED = os.environ.get("GLAZEJAX_CHECK_TYPES", "1" if OPTIMISED == "0" else "0") == "1"
 if CHECKED:
     # A whole number counts as a float, as for type checkers (PEP 484).
     jaxtyping.install_import_hook(
@@ -67,6 +70,8 @@ if CHECKED:
     )
 
 hypothesis.settings.register_profile("glazejax", deadline=None, max_examples=50)
+# Of damaged files, tests/io/test_hostile.py; it takes some minutes.
+hypothesis.settings.register_profile("fuzz", deadline=None, max_examples=20_000)
 hypothesis.settings.load_profile("glazejax")
 
 
@@ -78,10 +83,10 @@ _MANY_MAPPINGS = 20_000
 """Of memory by one process; Linux allows 65530, and LLVM, which takes some for each program,
 crashes beyond.
 """
-_MUCH_MEMORY = 1.1e9
-"""Bytes held by one process between two modules; the heaviest tests take some .4e9 more."""
-_TOO_MUCH_MEMORY = 1.35e9
-"""The same between two tests of a module, whose programs the next one may want again."""
+_MUCH_MEMORY = 1.1e9, 1.35e9
+"""Bytes held by one process between two modules, and between two tests of one, whose programs the
+next test may want again; the heaviest tests take some .4e9 more.
+"""
 _GROWN = 0.35e9
 """Bytes that must have come since programs were let go last: what stays then is no program, and
 would stay again.
@@ -94,17 +99,17 @@ def _dtypes_are_said(request):
     """No dtype becomes another by itself, in the forward package."""
     with jax.numpy_dtype_promotion("standard" if "fitting" in request.path.parts else "strict"):
         yield
-    if _memory() > max(_TOO_MUCH_MEMORY, _stayed + _GROWN):
-        _let_programs_go()
 
 
-@pytest.fixture(autouse=True, scope="module")
-def _programs_are_let_go():
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_teardown(item, nextitem):
     """Throws compiled programs away before there are too many, or too large ones."""
     yield
+    module_ends = nextitem is None or nextitem.path != item.path
     maps = Path("/proc/self/maps")
-    mappings = len(maps.read_bytes().splitlines()) if maps.exists() else 0
-    if mappings > _MANY_MAPPINGS or _memory() > max(_MUCH_MEMORY, _stayed + _GROWN):
+    if _memory() > max(_MUCH_MEMORY[not module_ends], _stayed + _GROWN) or (
+        module_ends and maps.exists() and maps.read_bytes().count(b"\n") > _MANY_MAPPINGS
+    ):
         _let_programs_go()
 
 
@@ -236,32 +241,6 @@ def pytest_runtest_setup(item):
         pytest.skip(f"{_TOO_LATE}, {_BUDGET:.0f} s (GLAZEJAX_TEST_SECONDS)")
 
 
-def _peak_memory() -> float:
-    """Largest memory that this process has held, GB; 0 where nobody tells."""
-    if resource is None:
-        return 0.0
-    return (
-        resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-        * (1 if sys.platform == "darwin" else 1024)
-        / 1e9
-    )
-
-
-def pytest_sessionfinish(session):
-    """A worker of xdist tells its peak memory to the process that prints the summary."""
-    if (output := getattr(session.config, "workeroutput", None)) is not None:
-        output["peak_memory"] = _peak_memory()
-
-
-_PEAKS: list[float] = []
-
-
-@pytest.hookimpl(optionalhook=True)
-def pytest_testnodedown(node, error):
-    if peak := getattr(node, "workeroutput", {}).get("peak_memory"):
-        _PEAKS.append(peak)
-
-
 def pytest_terminal_summary(terminalreporter):
     late = [
         test.nodeid
@@ -271,6 +250,8 @@ def pytest_terminal_summary(terminalreporter):
     if late:
         terminalreporter.section(f"{len(late)} tests {_TOO_LATE}")
         terminalreporter.write_line("\n".join(sorted(late)))
-    terminalreporter.write_line(
-        f"peak memory of a worker: {max(_PEAKS or [_peak_memory()]):.1f} GB"
-    )
+    if resource is not None:
+        # Workers have ended by now, and count with all that they ran.
+        peak = max(resource.getrusage(who).ru_maxrss for who in _PROCESSES)
+        unit = 1 if sys.platform == "darwin" else 1024
+        terminalreporter.write_line(f"peak memory of a worker: {peak * unit / 1e9:.1f} GB")

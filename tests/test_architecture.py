@@ -3,57 +3,15 @@ in a circle.
 """
 
 import ast
-import functools
 import re
-from collections import defaultdict
 from collections.abc import Iterator
 from graphlib import CycleError, TopologicalSorter
-from pathlib import Path
 
 import pytest
 
-HERE = Path(__file__).parents[1]
-PACKAGES = {"glazejax": HERE / "src" / "glazejax", "glazefit": HERE / "fitting" / "glazefit"}
+from .rooms import HERE, MODULES, PACKAGES, arrows, imports
 
-
-def _modules() -> dict[str, Path]:
-    found = {}
-    for package, folder in PACKAGES.items():
-        for path in sorted(folder.rglob("*.py")):
-            parts = path.relative_to(folder).with_suffix("").parts
-            found[".".join((package, *(part for part in parts if part != "__init__")))] = path
-    return found
-
-
-MODULES = _modules()
-
-
-@functools.cache
-def _imports(module: str) -> frozenset[str]:
-    """Modules of ours that a module imports anywhere in its text, also for types only."""
-    return frozenset(_imported(module))
-
-
-def _imported(module: str) -> Iterator[str]:
-    path = MODULES[module]
-    package = module.split(".") if path.name == "__init__.py" else module.split(".")[:-1]
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-        if isinstance(node, ast.Import):
-            yield from (alias.name for alias in node.names if alias.name in MODULES)
-        elif isinstance(node, ast.ImportFrom):
-            above = package[: len(package) - node.level + 1] if node.level else []
-            source = ".".join([*above, *([node.module] if node.module else [])])
-            if source.split(".")[0] in PACKAGES:
-                for alias in node.names:
-                    inner = f"{source}.{alias.name}"
-                    yield inner if inner in MODULES else source
-
-
-def _room(module: str) -> str:
-    """Folder of a module; files on top of `glazejax` are rooms of their own."""
-    if MODULES[module].name == "__init__.py" or module.count(".") == 1:
-        return module
-    return module.rpartition(".")[0]
+FILES = {name: path for name, path in MODULES.items() if name.split(".")[0] in PACKAGES}
 
 
 def _allowed() -> dict[str, set[str]]:
@@ -69,41 +27,28 @@ def _allowed() -> dict[str, set[str]]:
     return rooms
 
 
-@functools.cache
-def _arrows() -> dict[str, set[str]]:
-    arrows: dict[str, set[str]] = defaultdict(set)
-    for module in MODULES:
-        room = _room(module)
-        if room in PACKAGES:
-            continue
-        for other in map(_room, _imports(module)):
-            # The inverse package may use all of the forward one.
-            seen = (
-                "glazejax"
-                if room.startswith("glazefit") and other.startswith("glazejax")
-                else other
-            )
-            if seen != room:
-                arrows[room].add(seen)
-    return arrows
+def _shown(room: str) -> set[str]:
+    """What a room imports, as the page says it: the inverse package may use all of the forward one."""
+    if room.startswith("glazejax"):
+        return set(arrows()[room])
+    return {"glazejax" if other.startswith("glazejax") else other for other in arrows()[room]}
 
 
 def test_every_room_is_on_the_page():
-    rooms = {_room(module) for module in MODULES} - set(PACKAGES)
-    assert rooms == set(_allowed())
+    assert set(arrows()) == set(_allowed())
 
 
 @pytest.mark.parametrize("room", sorted(_allowed()))
 def test_a_room_imports_what_the_page_says(room: str):
-    assert _arrows()[room] == _allowed()[room]
+    assert _shown(room) == _allowed()[room]
 
 
 def test_no_file_is_in_a_circle():
-    graph = {module: {other for other in _imports(module) if other != module} for module in MODULES}
+    graph = {module: {o for o in imports(module) if o != module and o in FILES} for module in FILES}
     # A package's own __init__ names what is below it; importing a name from it is no arrow to the
     # file itself.
     graph = {
-        m: {o for o in others if MODULES[o].name != "__init__.py"} for m, others in graph.items()
+        m: {o for o in others if FILES[o].name != "__init__.py"} for m, others in graph.items()
     }
     try:
         TopologicalSorter(graph).prepare()
@@ -114,8 +59,8 @@ def test_no_file_is_in_a_circle():
 def test_forward_never_imports_inverse():
     wrong = [
         m
-        for m in MODULES
-        if m.startswith("glazejax") and any(o.startswith("glazefit") for o in _imports(m))
+        for m in FILES
+        if m.startswith("glazejax") and any(o.startswith("glazefit") for o in imports(m))
     ]
     assert wrong == []
 
@@ -137,7 +82,7 @@ def test_ways_through_name_files_that_exist():
 
 def _positional_calls(module: str) -> Iterator[tuple[str, str]]:
     """Calls with more than six positional arguments, and the names of what is called."""
-    for node in ast.walk(ast.parse(MODULES[module].read_text(encoding="utf-8"))):
+    for node in ast.walk(ast.parse(FILES[module].read_text(encoding="utf-8"))):
         if isinstance(node, ast.Call) and len(node.args) > 6:
             name = (
                 node.func.attr
@@ -153,5 +98,5 @@ _OF_ANY_NUMBER = {"fingerprint", "plain_table", "pack"}
 
 def test_records_and_functions_of_many_arguments_are_called_by_keyword():
     """Two arrays of one shape that change places are a wrong answer without a sign."""
-    calls = [call for module in MODULES for call in _positional_calls(module)]
+    calls = [call for module in FILES for call in _positional_calls(module)]
     assert [where for name, where in calls if name not in _OF_ANY_NUMBER] == []

@@ -1,4 +1,4 @@
-"""Annotations are checked in the run that is to check them: `GLAZEJAX_CHECK_TYPES=1`."""
+"""Annotations are checked in the quick suite, unless GLAZEJAX_CHECK_TYPES=0."""
 
 import jaxtyping
 import numpy as np

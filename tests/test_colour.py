@@ -274,6 +274,7 @@ def test_single_precision_without_x64():
     assert done.returncode == 0, done.stderr
 
 
+@pytest.mark.slow
 def test_numpy_prints_as_before():
     code = (
         "import numpy as np\n"

@@ -1,12 +1,11 @@
-"""Documents hold together: links lead somewhere, commands have these options, examples run,
-pictures have words.
+"""Documents hold together, as far as Sphinx does not see it: README's links, options of commands,
+examples of pages.
 
-The site itself is built by `.ci/run`: it executes the notebooks, and a warning ends it.
+Sphinx itself checks the links, names and pictures of the site (`-W`), and runs the examples of
+docstrings (`-b doctest`).
 """
 
 import ast
-import doctest
-import importlib
 import inspect
 import json
 import re
@@ -17,9 +16,8 @@ import tomllib
 from pathlib import Path
 from urllib.parse import unquote
 
-import numpy as np
 import pytest
-from benchmarks.fill import MADE, documents
+from benchmarks.fill import documents
 
 from glazejax.appearance.mitsuba.variants import works
 from glazejax.appearance.scene.file import example
@@ -27,23 +25,16 @@ from glazejax.stacks import parse_stack
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
-sys.path.insert(0, str(DOCS / "_ext"))
+sys.path[:0] = [str(DOCS / "_ext"), str(DOCS)]
 
-from docstrings import as_links, join_returns, short_defaults  # noqa: E402
-from notebook_times import slow_notebooks  # noqa: E402
 from offline import faults_of  # noqa: E402
 from pages_of_repository import TEXTS, links_for_site  # noqa: E402
 from reading import code_that_breaks, folded, modules_that_break, pictures_that_open  # noqa: E402
-from reference import as_markdown  # noqa: E402
 from results import with_links  # noqa: E402
+from stale_notebooks import NOTEBOOKS, files_of  # noqa: E402
 from studio_page import write_studio  # noqa: E402
 
 PAGES = [*documents(), *(ROOT / text for text in TEXTS)]
-NOTEBOOKS = [
-    path
-    for path in PAGES
-    if path.parent.name == "notebooks" and "code-cell" in path.read_text("utf-8")
-]
 _FENCE = re.compile(r"^ *(`{3,})([^\n]*)\n(.*?)^ *\1 *$", re.MULTILINE | re.DOTALL)
 
 
@@ -61,51 +52,34 @@ def prose(page: Path) -> str:
     return _FENCE.sub("", page.read_text("utf-8"))
 
 
-def anchors(page: Path) -> set[str]:
-    """Anchors of headings, as the forge and the site make them."""
-    titles = re.findall(r"^#+ (.*?)\s*$", prose(page), re.MULTILINE)
-    words = (re.sub(r"\[([^\]]*)\]\([^)]*\)", r"\1", title).lower() for title in titles)
-    return {re.sub(r"[^\w\- ]", "", word).replace(" ", "-") for word in words}
-
-
 def name(page: Path) -> str:
     """A page as a fault names it."""
     return page.relative_to(ROOT).as_posix()
 
 
-def source_of(page: Path) -> Path | None:
-    """What a page that the site makes is made of; None for one of the reference."""
-    inside = page.relative_to(DOCS).with_suffix("")
-    if inside.parts[0] == "results":
-        return (
-            ROOT
-            / "benchmarks"
-            / ("results" if inside.name == "index" else f"results/{inside.name}.txt")
-        )
-    if inside.parts[0] == "project":
-        return next(
-            (ROOT / text for text, made in TEXTS.items() if made == inside.as_posix()), page
-        )
-    return None
+def test_links_of_readme_lead_to_what_is_there():
+    """It is no page of the site; anchors are the site's affair."""
+    links = re.findall(r"\]\(([^)\s#]+)", prose(ROOT / "README.md"))
+    inside = [link for link in links if not re.match(r"[a-z]+:", link)]
+    assert len(inside) > 10
+    assert not [link for link in inside if not (ROOT / link).exists()]
 
 
-def test_links_lead_to_what_is_there():
-    faults = []
-    for page in PAGES:
-        for target in re.findall(r"\]\(([^)\s]+)\)", prose(page)):
-            if re.match(r"[a-z]+:", target):
-                continue
-            path, _, anchor = target.partition("#")
-            there: Path | None = page if not path else (page.parent / path).resolve()
-            if there is not None and MADE & set(there.parts) and there.is_relative_to(DOCS):
-                there = source_of(there)
-            if there is None:
-                continue  # Sphinx knows the reference's pages, and warns
-            if not there.exists() or (
-                anchor and there.suffix == ".md" and anchor not in anchors(there)
-            ):
-                faults.append(f"{name(page)} links to {target}")
-    assert not faults, "\n".join(faults)
+def test_a_notebook_depends_on_the_rooms_whose_names_it_uses():
+    files = {path.relative_to(ROOT).as_posix() for path in files_of(NOTEBOOKS["coats"])}
+    assert {
+        "docs/notebooks/coats.md",
+        "src/glazejax/reflectance.py",
+        "src/glazejax/colour.py",
+        "src/glazejax/paint/media.py",
+        "src/glazejax/catalogue/pigments.csv",
+    } <= files
+    assert not [path for path in files if path.startswith(("fitting", "src/glazejax/io"))]
+
+
+def test_notebooks_begin_in_double_precision():
+    first = [blocks(page, "{code-cell}")[0] for page in NOTEBOOKS.values()]
+    assert all('update("jax_enable_x64", True)' in cell for cell in first)
 
 
 def test_commands_have_these_options():
@@ -121,7 +95,7 @@ def test_commands_have_these_options():
         for command, made in commands.items()
     }
     faults = []
-    for page in (page for page in PAGES if page.name != "CHANGELOG.md"):
+    for page in PAGES:
         shown = [
             line
             for kind in ("sh", "{code-cell}")
@@ -164,45 +138,6 @@ def test_every_command_and_every_extra_is_told():
     ]
 
 
-def test_pictures_have_words():
-    """The site's build looks at all pictures; here those of notebooks, which programs draw."""
-    faults = []
-    for page in NOTEBOOKS:
-        cells = blocks(page, "{code-cell}")
-        drawn = [cell for cell in cells if "plt.show()" in cell]
-        worded = [
-            cell for cell in drawn if re.search(r"^ +alt: \"[^\"]{20,}\"$", cell, re.MULTILINE)
-        ]
-        if (
-            not drawn
-            or worded != drawn
-            or any("plt.subplots" in cell and cell not in drawn for cell in cells)
-        ):
-            faults.append(
-                f"{name(page)}: each notebook has a picture, each picture is shown and has an `alt`"
-            )
-    for page in PAGES:
-        faults += [
-            f"{name(page)}: a picture has no words but {words!r}"
-            for words in re.findall(r"!\[([^\]]*)\]", prose(page))
-            if len(words) <= 10
-        ]
-    assert not faults, "\n".join(faults)
-
-
-def test_notebooks_begin_in_double_precision_and_are_listed():
-    begun = [
-        page
-        for page in NOTEBOOKS
-        if 'update("jax_enable_x64", True)' in blocks(page, "{code-cell}")[0]
-    ]
-    assert begun == NOTEBOOKS
-    listed = (DOCS / "notebooks" / "index.md").read_text("utf-8").split()
-    assert {page.stem for page in NOTEBOOKS} == {
-        name for name in listed if (DOCS / f"notebooks/{name}.md").is_file()
-    }
-
-
 def test_python_is_python():
     for page in PAGES:
         for block in blocks(page, "python"):
@@ -231,40 +166,6 @@ def test_the_python_of_a_page_runs(name, tmp_path):
     """
     code = "\n".join(blocks(DOCS / f"{name}.md", "python"))
     subprocess.run([sys.executable, "-c", code], cwd=tmp_path, check=True, timeout=600)
-
-
-EXAMPLES = [
-    ".".join(path.relative_to(folder).with_suffix("").parts).removesuffix(".__init__")
-    for folder in (ROOT / "src", ROOT / "fitting")
-    for path in sorted(folder.rglob("*.py"))
-    if re.search(r">>> (?!.*doctest: \+SKIP)", path.read_text("utf-8"))
-]
-
-
-@pytest.mark.parametrize("module", EXAMPLES)
-def test_examples_of_docstrings_are_true(module):
-    # colour-science, which another test may have imported, sets NumPy's printing of 2016.
-    with np.printoptions(legacy=False):
-        done = doctest.testmod(
-            importlib.import_module(module), optionflags=doctest.NORMALIZE_WHITESPACE
-        )
-    assert done.attempted
-    assert not done.failed
-
-
-def test_every_public_name_is_in_the_reference():
-    from reference import ALL, public_names, room_of
-
-    import glazefit
-    import glazejax
-
-    for package in (glazejax, glazefit):
-        offered = {name for name in package.__all__ if not name.startswith("_")}
-        assert offered == set(public_names(package))
-    for name in ALL:
-        room = room_of(name)
-        assert public_names(room), name
-        assert all(hasattr(room, public) for public in public_names(room)), name
 
 
 def test_help_names_types_and_does_not_spell_them_out():
@@ -354,19 +255,6 @@ def test_what_to_cite_stands_on_the_page():
     assert not [words for words in wanted if words not in page]
 
 
-def test_types_of_the_reference_are_links():
-    assert as_links("Films | None") == "`~.Films` | ``None``"
-    assert as_links("float") == "``float``"
-    assert as_links("Mapping[str, Films | None]") == "``Mapping[str, Films | None]``"
-
-
-def test_defaults_without_words_are_left_out_of_signatures():
-    given = "(name, labs=<factory>, progress=<function <lambda>>, count=5)"
-    assert short_defaults(given) == "(name, labs=..., progress=..., count=5)"
-    assert short_defaults("(_rows, _groups)") == ""
-    assert short_defaults(None) is None
-
-
 def test_code_breaks_at_its_joints_and_options_never():
     def code(words: str) -> str:
         return code_that_breaks(f'<code><span class="pre">{words}</span></code>')
@@ -403,32 +291,6 @@ def test_words_of_a_result_are_folded_and_tables_are_not():
     assert all(len(line) <= 120 for line in folded(words).splitlines())
     assert folded(words).split() == words.split()
     assert folded(row) == row
-
-
-def test_help_of_a_command_keeps_its_asterisks_and_its_lines():
-    assert (
-        as_markdown("0.7*ZincWhite + 0.3*Eosin, --coats")
-        == "0.7\\*ZincWhite + 0.3\\*Eosin, `--coats`"
-    )
-    assert (
-        as_markdown("Example: glazejax convert a b --long")
-        == "Example: `glazejax convert a b --long`"
-    )
-    told = as_markdown("Example: glazejax scene --example > a\n         glazejax scene a -o b")
-    assert "```sh\nglazejax scene --example > a\nglazejax scene a -o b\n```" in told
-
-
-def test_words_before_a_colon_are_no_type():
-    lines = [":returns: of each band.", ":rtype: What came back"]
-    join_returns(lines)
-    assert lines == [":returns: What came back: of each band."]
-
-
-def test_a_notebook_that_runs_too_long_is_told():
-    told = slow_notebooks(
-        {"notebooks/a": 61.0, "notebooks/b": 59.0, "notebooks/c": 125.0, "notebooks/d": None}
-    )
-    assert told == ["notebooks/c ran for 125 s", "notebooks/a ran for 61 s"]
 
 
 def test_links_work_on_the_site_and_on_the_forge():
@@ -469,7 +331,7 @@ def test_spelling():
 def test_stacks_of_the_notebooks_open_in_the_studio():
     """Each link holds a stack, of paints that its notebook names, in coats as thick as it says."""
     found = 0
-    for path in NOTEBOOKS:
+    for path in NOTEBOOKS.values():
         text = path.read_text("utf-8")
         for fragment in re.findall(r'href="\.\./studio\.html#([^"]+)"', text):
             for coat in parse_stack(unquote(fragment)).shown:

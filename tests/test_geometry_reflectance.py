@@ -184,7 +184,11 @@ def test_reciprocity():
     )
 
 
-@pytest.mark.parametrize("geometry", INSTRUMENTS, ids=repr)
+@pytest.mark.parametrize(
+    "geometry",
+    [pytest.param(INSTRUMENTS[0], marks=pytest.mark.slow), *INSTRUMENTS[1:]],
+    ids=repr,
+)
 def test_layer_of_no_thickness_is_no_layer(geometry):
     one = Glaze([Layer(RED, 1e-5)], 0.7)
     two = Glaze([Layer(BLUE, 0.0), Layer(RED, 1e-5), Layer(BLUE, 0.0)], 0.7)

@@ -104,6 +104,14 @@ def test_mirror_side():
     ) == pytest.approx(0.04)
 
 
+def test_a_full_turn_of_azimuth_changes_nothing():
+    """Either way round: of the paint's part, and of whether the view is the mirror direction."""
+    glaze = gj.Glaze([gj.Layer(BACK, 3e-6)], 0.4)
+    geometry = gj.Bidirectional(30.0, 30.0, specular=True, azimuth=[0.0, 360.0, -360.0])
+    found = np.asarray(gj.reflectance(glaze, geometry, tolerance=1e-2))
+    np.testing.assert_allclose(found[1:], found[[0, 0]], rtol=1e-12)
+
+
 def test_errors_name_the_value():
     with pytest.raises(ValueError, match="'p': phase begins with 3"):
         gj.Pigment("p", GRID, [1.0, 1.0], [1.0, 1.0], phase=[3.0, 1.0])

@@ -125,40 +125,6 @@ def test_help_has_the_vocabulary(run, command):
 
 
 @pytest.mark.parametrize(
-    ("words", "said", "error"),
-    [
-        (
-            ("render", "--layers", "Eosin"),
-            "--layers is called --coats",
-            "coat 'Eosin' has no thick",
-        ),
-        (("render", "--layers=Eosin"), "--layers is called --coats", "coat 'Eosin' has no thick"),
-        (
-            ("render", "--coats", "Eosin:1um", "--geometry", "d"),
-            "--geometry is called --instrument",
-            "--instrument is 'd'",
-        ),
-        (
-            ("recipe", "--lab", "50,0,0", "--max-layers", "9"),
-            "--max-layers is called --max-coats",
-            "max_coats is 9",
-        ),
-        (
-            ("identify", "none.csv", "--layers", "4"),
-            "--layers is called --max-coats",
-            "--max-coats is 4",
-        ),
-    ],
-)
-def test_options_by_their_former_names(run, words, said, error):
-    status, out, err = run(*words)
-    assert (status, out) == (2, "")
-    note, last = err.splitlines()
-    assert note == f"note: {said} now"
-    assert last.startswith(f"error: {error}")
-
-
-@pytest.mark.parametrize(
     ("text", "metres"),
     [
         ("25um", 25e-6),

@@ -118,7 +118,12 @@ def test_numbers_picture_and_table(run, tmp_path, pigments_csv):
             "mirror reflection in",
             marks=pytest.mark.slow,
         ),
-        (["--instrument", "d:8"], Hemispherical(8.0, True), "sphere at 8°, specular included"),
+        pytest.param(
+            ["--instrument", "d:8"],
+            Hemispherical(8.0, True),
+            "sphere at 8°, specular included",
+            marks=pytest.mark.slow,
+        ),
         (["--instrument", "20:de"], Hemispherical(20.0, False), "sphere at 20°, specular excluded"),
     ],
 )

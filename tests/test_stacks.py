@@ -219,18 +219,3 @@ FORWARD = gj.Pigment("F", GRID, [1e4] * 4, [1e4] * 4, phase=[1.0, 0.5])
 def test_what_no_file_holds_is_said(tmp_path, glaze, words):
     with pytest.raises(ValueError, match=words):
         glaze.save(tmp_path / "glaze.json")
-
-
-@pytest.mark.parametrize("name", ["Stack", "read_stack", "write_stack"])
-def test_former_names_of_files(name):
-    with pytest.warns(DeprecationWarning, match=rf"glazejax.stacks.{name} now; glazejax.Glaze"):
-        assert getattr(gj, name) is getattr(glazejax.stacks, name)
-    assert name not in dir(gj)
-
-
-def test_the_instrument_of_a_stack_by_its_former_name():
-    former = {"geometry": "d:8"}
-    with pytest.warns(DeprecationWarning, match="is called instrument now"):
-        stack = glazejax.stacks.Stack((), **former)  # pyright: ignore[reportArgumentType]
-    with pytest.warns(DeprecationWarning, match=r"Stack.geometry is called instrument now"):
-        assert stack.geometry == "d:8"

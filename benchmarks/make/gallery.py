@@ -1,8 +1,7 @@
 """The gallery picture of the docs: glazes on thick paint, on a table by a window, and in the
 evening by a lamp.
 
-    python -m benchmarks.make.gallery [--out FOLDER] [--size WIDTHxHEIGHT] [--samples N] [--only
-    day|evening]
+    python -m benchmarks.make.gallery [--out FOLDER] [--size WIDTHxHEIGHT] [--samples N]
 
 Three panels of white impasto stand against a wall, glazed in ultramarine, cochineal and chrome
 yellow; the glazes gather in the furrows of the brush and leave the ridges thin. The ball has a
@@ -11,21 +10,26 @@ wavelength by wavelength, through this program's material. Each picture is shown
 that is half adapted to its light and half to daylight. Writes docs/gallery.png by default.
 """
 
-import argparse
-from pathlib import Path
-
 import numpy as np
 
-from benchmarks.make.props import TOLERANCE, WAVELENGTHS, glazed, panel, table, window, wood
+from benchmarks.make.props import (
+    WAVELENGTHS,
+    glazed,
+    on_screen,
+    panel,
+    picture_options,
+    save,
+    side_by_side,
+    table,
+    window,
+    wood,
+)
 from benchmarks.render.strokes import impasto, wiped_glaze
 from glazejax.appearance.scene.lights import AreaLight, Light, lamp
 from glazejax.appearance.scene.materials import Lambert, Material
-from glazejax.appearance.scene.path.path_trace import path_trace
-from glazejax.appearance.scene.picture import light_white, picture_xyz, screen_picture
 from glazejax.appearance.scene.scene import Camera, Scene
 from glazejax.appearance.scene.shapes import Plane, Shape, Sphere
 
-FOLDER = Path(__file__).parents[2] / "docs"
 LAMPS = {
     "day": ("D65", "by the window: daylight (D65)"),
     "evening": ("A", "in the evening: tungsten lamp (A)"),
@@ -33,7 +37,6 @@ LAMPS = {
 WHITE = ("ZincWhite", 60e-6)
 # Heights of the strokes in the unit of the scene, some 10 cm.
 _THICK = 0.045
-_EXPOSURE = {"day": 1.0, "evening": 1.0}
 
 
 def lights(time: str) -> list[Light]:
@@ -72,32 +75,10 @@ def scene(time: str, width: int, height: int, fine: float = 1.0) -> Scene:
     shapes: list[Shape] = [
         table("table", (15.0, 7.4), (0.0, -2.9, 0.0)),
         Plane("wall", (0.0, 0.85, 4.0), (0.0, -1.0, 0.0), (30.0, 16.0)),
+        *panel("blue", (-1.15, 0.0, 0.0), (3.35, 2.6), _THICK * blue, lean=9.0, turn=2.0),
+        *panel("red", (1.65, -0.45, 0.0), (1.75, 2.3), _THICK * red, lean=10.0, turn=-7.0),
         *panel(
-            "gesso",
-            "blue",
-            (-1.15, 0.0, 0.0),
-            (3.35, 2.6),
-            lean=9.0,
-            turn=2.0,
-            relief=_THICK * blue,
-        ),
-        *panel(
-            "gesso",
-            "red",
-            (1.65, -0.45, 0.0),
-            (1.75, 2.3),
-            lean=10.0,
-            turn=-7.0,
-            relief=_THICK * red,
-        ),
-        *panel(
-            "gesso",
-            "yellow",
-            (-2.14, -1.05, 0.0),
-            (1.3, 1.14),
-            lean=13.0,
-            turn=14.0,
-            relief=0.8 * _THICK * yellow,
+            "yellow", (-2.14, -1.05, 0.0), (1.3, 1.14), 0.8 * _THICK * yellow, lean=13.0, turn=14.0
         ),
         Sphere("ball", (0.45, -1.35, 0.46), 0.46),
     ]
@@ -107,65 +88,12 @@ def scene(time: str, width: int, height: int, fine: float = 1.0) -> Scene:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument(
-        "--out", type=Path, default=FOLDER, help="folder for gallery.png (default: %(default)s)"
-    )
-    parser.add_argument(
-        "--size",
-        default="760x532",
-        help="pixels of each of the two pictures (default: %(default)s)",
-    )
-    parser.add_argument(
-        "--samples", type=int, default=256, help="rays of a pixel (default: %(default)s)"
-    )
-    parser.add_argument("--only", choices=tuple(LAMPS), help="one of the two pictures")
-    options = parser.parse_args()
-    import jax
-
-    jax.config.update("jax_enable_x64", True)
-    width, height = (int(part) for part in options.size.split("x"))
+    options, width, height = picture_options(__doc__, "gallery.png", "760x532")
     pictures = {}
-    for time in LAMPS if options.only is None else (options.only,):
+    for time, (illuminant, words) in LAMPS.items():
         made = scene(time, width, height, min(1.0, width / 800))
-        pictures[LAMPS[time][1]] = shown(made, time, options.samples)
-    figure = side_by_side(pictures)
-    options.out.mkdir(parents=True, exist_ok=True)
-    figure.savefig(options.out / "gallery.png", dpi=100)
-    print(f"written to {options.out / 'gallery.png'}")
-
-
-def shown(made: Scene, time: str, samples: int) -> np.ndarray:
-    """One picture for a screen."""
-    rendered = path_trace(made, samples=samples, tolerance=TOLERANCE)
-    print(f"{LAMPS[time][1]}\n{rendered.report.describe()}")
-    whites = [light_white(lamp(name, WAVELENGTHS), WAVELENGTHS) for name in (LAMPS[time][0], "D65")]
-    screen = screen_picture(
-        picture_xyz(rendered, WAVELENGTHS), np.mean(whites, axis=0), exposure=_EXPOSURE[time]
-    )
-    print(f"too bright {screen.bright:.1%}, too colourful {screen.colourful:.1%}")
-    return screen.rgb
-
-
-def side_by_side(pictures: dict[str, np.ndarray]):
-    """Pictures beside each other, pixel for pixel, with a line of words below each."""
-    from matplotlib.figure import Figure
-
-    height, width = next(iter(pictures.values())).shape[:2]
-    gap, foot = 12, 30
-    size = (len(pictures) * (width + gap) - gap, height + foot)
-    figure = Figure(figsize=(size[0] / 100, size[1] / 100))
-    for k, (words, picture) in enumerate(pictures.items()):
-        left = k * (width + gap)
-        axis = figure.add_axes((left / size[0], foot / size[1], width / size[0], height / size[1]))
-        axis.imshow(picture, interpolation="nearest")
-        axis.set_axis_off()
-        figure.text(
-            (left + width / 2) / size[0], 0.35 * foot / size[1], words, ha="center", fontsize=11
-        )
-    return figure
+        pictures[words] = on_screen(made, options.samples, (illuminant, "D65"))
+    save(side_by_side(pictures), options.out / "gallery.png")
 
 
 if __name__ == "__main__":

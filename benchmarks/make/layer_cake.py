@@ -7,18 +7,22 @@ there: chalk ground; underpaint of white in thick strokes; a yellow glaze; a blu
 makes green; varnish. The front shows each coat's own paint. Writes docs/layer-cake.png by default.
 """
 
-import argparse
-from pathlib import Path
-
 import numpy as np
 
-from benchmarks.make.gallery import FOLDER, side_by_side
-from benchmarks.make.props import TOLERANCE, WAVELENGTHS, glazed, table, window, wood
+from benchmarks.make.props import (
+    WAVELENGTHS,
+    glazed,
+    on_screen,
+    picture_options,
+    save,
+    side_by_side,
+    table,
+    window,
+    wood,
+)
 from benchmarks.render.strokes import impasto, wiped_glaze
 from glazejax.appearance.scene.lights import lamp
 from glazejax.appearance.scene.materials import Lambert, Material
-from glazejax.appearance.scene.path.path_trace import path_trace
-from glazejax.appearance.scene.picture import light_white, picture_xyz, screen_picture
 from glazejax.appearance.scene.scene import Camera, Scene
 from glazejax.appearance.scene.shapes import Box, Plane, Shape
 
@@ -87,41 +91,13 @@ def _across(point: tuple[float, float, float]) -> float:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument(
-        "--out", type=Path, default=FOLDER, help="folder for layer-cake.png (default: %(default)s)"
-    )
-    parser.add_argument(
-        "--size", default="900x480", help="pixels of the picture (default: %(default)s)"
-    )
-    parser.add_argument(
-        "--samples", type=int, default=256, help="rays of a pixel (default: %(default)s)"
-    )
-    options = parser.parse_args()
-    import jax
-
-    jax.config.update("jax_enable_x64", True)
-    width, height = (int(part) for part in options.size.split("x"))
-    rendered = path_trace(
-        scene(width, height, min(1.0, width / 900)), samples=options.samples, tolerance=TOLERANCE
-    )
-    print(rendered.report.describe())
-    white = light_white(lamp("D65", WAVELENGTHS), WAVELENGTHS)
-    screen = screen_picture(picture_xyz(rendered, WAVELENGTHS), white)
-    print(f"too bright {screen.bright:.1%}, too colourful {screen.colourful:.1%}")
-    figure = side_by_side({"": screen.rgb})
+    options, width, height = picture_options(__doc__, "layer-cake.png", "900x480")
+    made = scene(width, height, min(1.0, width / 900))
+    figure = side_by_side({"": on_screen(made, options.samples, ("D65",))})
     for k, words in enumerate(STEPS):
-        figure.text(
-            _across(((k + 0.5 - len(STEPS) / 2) * _WIDE, -0.5 * _DEEP, 0.0)),
-            0.016,
-            words,
-            ha="center",
-        )
-    options.out.mkdir(parents=True, exist_ok=True)
-    figure.savefig(options.out / "layer-cake.png", dpi=100)
-    print(f"written to {options.out / 'layer-cake.png'}")
+        middle = ((k + 0.5 - len(STEPS) / 2) * _WIDE, -0.5 * _DEEP, 0.0)
+        figure.text(_across(middle), 0.016, words, ha="center")
+    save(figure, options.out / "layer-cake.png")
 
 
 if __name__ == "__main__":

@@ -1,8 +1,11 @@
-"""What the pictures of the docs are put together from: a window, painted panels, a
-wooden table.
+"""What the pictures of the docs are put together from: a window, painted panels, a wooden table;
+and how they are drawn.
 """
 
+import argparse
 from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Float
@@ -11,17 +14,18 @@ import glazejax as gj
 from benchmarks.render.strokes import wood_grain
 from glazejax.appearance.scene.lights import AreaLight, lamp
 from glazejax.appearance.scene.materials import Glazed
+from glazejax.appearance.scene.path.path_trace import path_trace
+from glazejax.appearance.scene.picture import light_white, picture_xyz, screen_picture
+from glazejax.appearance.scene.scene import Scene
 from glazejax.appearance.scene.shapes import Box, Plane, Shape, rotation
 
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+FOLDER = Path(__file__).parents[2] / "docs"
 WAVELENGTHS = np.arange(400.0, 701.0, 10.0)
 # Of a glaze's reflectance factor: less than a step of a screen.
 TOLERANCE = 3e-3
-
-
-def coats(*described: tuple[str, float]) -> list[gj.Layer]:
-    """Coats of catalogue paints, top first: a name and a thickness in m each."""
-    paints = gj.catalogue.load()
-    return [gj.Layer(paints[name], thickness) for name, thickness in described]
 
 
 def glazed(
@@ -31,8 +35,12 @@ def glazed(
     roughness: float = 0.0,
     layer: int = 0,
 ) -> Glazed:
-    """A material of coats, top first, on a ground; `thickness` is the map of one of them."""
-    return Glazed(gj.Glaze(coats(*described), ground), thickness, layer, True, roughness)
+    """A material of coats of catalogue paints, top first, a name and a thickness in m each, on a
+    ground; `thickness` is the map of one of them.
+    """
+    paints = gj.catalogue.load()
+    coats = [gj.Layer(paints[name], thick) for name, thick in described]
+    return Glazed(gj.Glaze(coats, ground), thickness, layer, True, roughness)
 
 
 def window(
@@ -64,36 +72,34 @@ def window(
 
 
 def panel(
-    edge: str,
     face: str,
     foot: Sequence[float],
     size: tuple[float, float],
+    relief: Float[np.ndarray, "h w"],
     *,
-    lean: float = 0.0,
-    turn: float = 0.0,
-    thick: float = 0.14,
-    relief: Float[np.ndarray, "h w"] | None = None,
+    lean: float,
+    turn: float,
 ) -> list[Shape]:
-    """A panel that stands on its lower edge: a box of material `edge`, and on its front a plane of
+    """A panel that stands on its lower edge: a box of gesso, and on its front a plane of
     material `face`.
 
     Args:
-        edge, face: materials.
+        face: material.
         foot: middle of the lower edge in front.
         size: width and height.
+        relief: heights of the front.
         lean: degrees that it leans back, away from the viewer at negative y.
         turn: degrees about the vertical, counter-clockwise seen from above.
-        thick: of the box.
-        relief: heights of the front.
     """
+    thick = 0.14
     angles = (-lean, 0.0, turn)
     about = rotation(angles)
     _, back, up = about.T
     front = np.asarray(foot, float) + 0.5 * size[1] * up
     # The relief stands clear of the box even where it is sunk.
-    clear = 0.004 + (0.0 if relief is None else max(0.0, -float(relief.min())))
+    clear = 0.004 + max(0.0, -float(relief.min()))
     return [
-        Box(edge, front + 0.5 * thick * back, (size[0], thick, size[1]), angles),
+        Box("gesso", front + 0.5 * thick * back, (size[0], thick, size[1]), angles),
         Plane(face, front - clear * back, -back, size, up, relief),
     ]
 
@@ -112,3 +118,60 @@ def wood(roughness: float = 0.25, *, dark: float = 7e-6, boards: int = 5, seed: 
     stain = gj.Mixture([paints[name] for name in shares], list(shares.values()))
     grain = wood_grain(900, 1400, boards=boards, seed=seed)
     return Glazed(gj.Glaze([gj.Layer(stain, dark)], 0.55), dark * grain, 0, True, roughness)
+
+
+def picture_options(words: str | None, name: str, size: str) -> tuple[argparse.Namespace, int, int]:
+    """Options of a program that draws one picture, and width and height in pixels."""
+    parser = argparse.ArgumentParser(
+        description=words, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument(
+        "--out", type=Path, default=FOLDER, help=f"folder for {name} (default: %(default)s)"
+    )
+    parser.add_argument("--size", default=size, help="pixels of a picture (default: %(default)s)")
+    parser.add_argument(
+        "--samples", type=int, default=256, help="rays of a pixel (default: %(default)s)"
+    )
+    options = parser.parse_args()
+    import jax
+
+    jax.config.update("jax_enable_x64", True)
+    width, height = map(int, options.size.split("x"))
+    return options, width, height
+
+
+def on_screen(
+    scene: Scene, samples: int, adapted: Sequence[str]
+) -> Float[np.ndarray, "height width 3"]:
+    """A scene as an eye sees it that is adapted to the mean of some illuminants."""
+    rendered = path_trace(scene, samples=samples, tolerance=TOLERANCE)
+    print(rendered.report.describe())
+    whites = [light_white(lamp(name, WAVELENGTHS), WAVELENGTHS) for name in adapted]
+    screen = screen_picture(picture_xyz(rendered, WAVELENGTHS), np.mean(whites, axis=0))
+    print(f"too bright {screen.bright:.1%}, too colourful {screen.colourful:.1%}")
+    return screen.rgb
+
+
+def side_by_side(pictures: dict[str, np.ndarray]) -> "Figure":
+    """Pictures in a row, pixel for pixel, with a line of words below each."""
+    from matplotlib.figure import Figure
+
+    height, width = next(iter(pictures.values())).shape[:2]
+    gap, foot = 12, 30
+    size = (len(pictures) * (width + gap) - gap, height + foot)
+    figure = Figure(figsize=(size[0] / 100, size[1] / 100))
+    for k, (words, picture) in enumerate(pictures.items()):
+        left = k * (width + gap)
+        axis = figure.add_axes((left / size[0], foot / size[1], width / size[0], height / size[1]))
+        axis.imshow(picture, interpolation="nearest")
+        axis.set_axis_off()
+        middle = (left + width / 2) / size[0], 0.35 * foot / size[1]
+        figure.text(*middle, words, ha="center", fontsize=11)
+    return figure
+
+
+def save(figure: "Figure", path: Path) -> None:
+    """Write a picture; its folder is made if it is not there."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    figure.savefig(path, dpi=100)
+    print(f"written to {path}")

@@ -1,46 +1,46 @@
 """Maps of paintings whose truth is known: seconds and memory by size, agreement with the full
 search, and rivals.
 
-    python -m benchmarks.maps.painting [--megapixels 0.1 1 10] [--bands 200] [--folder FOLDER] [--checked
-    2000] [--no-dask]
+    python -m benchmarks.maps.painting [--megapixels 0.1 1 10] [--bands 200]
+        [--checked 2000]
     python -m benchmarks.maps.painting --mosaic [--megapixels 1] [--checked 2000]
 
 Each painting is written to disk first (10 megapixels of 200 bands take 4 GB as 16-bit integers),
 then mapped by a process of its own, as `glazejax map` does, whose time and peak memory are taken.
-Cubes stay in the folder and are used again. `--mosaic` maps measured films instead, see
+`--mosaic` maps measured films instead, see
 `benchmarks.maps.painting_mosaic`.
 """
 
 import argparse
-import itertools
 import json
-import shutil
 import subprocess
 import sys
 import tempfile
 import time
-from dataclasses import replace
+from collections.abc import Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
-from benchmarks.results import Results, add_option
-from benchmarks.rivals.known_painting import painting, write_painting
+from benchmarks.results import Results, add_option, quantities, quantity
+from benchmarks.rivals.known_painting import Scenery, painting, write_painting
 from benchmarks.rivals.known_painting_scene import FOREIGN
 from benchmarks.rivals.painting_rivals import (
     Row,
+    Truth,
     answer_of_map,
-    by_coats,
     compared,
     only,
     sampled,
-    score,
     table,
 )
 
-NEEDS = ("zarr", "dask", "distributed")
+NEEDS = ("zarr",)
 
 _SEED, _OTHER = 3, 4
+SIZES = ("small", "million", "large")
+"""What texts call the paintings, by size."""
 PAINTS = "paints.csv"
 """Paints that the map is given, beside a cube; without such a file the oils that ship."""
 
@@ -49,71 +49,57 @@ def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    add_option(parser, megapixels=[0.01], bands=40, checked=50, no_dask=True)
+    add_option(parser, megapixels=[0.001, 0.004, 0.01], bands=40, checked=100)
     parser.add_argument("--megapixels", type=float, nargs="+", default=[0.1, 1.0, 10.0])
     parser.add_argument("--bands", type=int, default=200)
     parser.add_argument(
-        "--folder", type=Path, default=None, help="for the cubes (default: a temporary one)"
-    )
-    parser.add_argument(
         "--checked", type=int, default=2000, help="pixels that are searched in full"
     )
-    parser.add_argument("--no-dask", action="store_true")
     parser.add_argument(
         "--mosaic", action="store_true", help="measured films in place of computed spectra"
     )
     parser.add_argument("--child", type=Path, help=argparse.SUPPRESS)
-    parser.add_argument("--workers", type=int, default=0, help=argparse.SUPPRESS)
-    parser.add_argument("--coats", type=int, default=1, help=argparse.SUPPRESS)
     options = parser.parse_args()
     if options.child is not None:
-        _child(options.child, options.workers, options.coats)
+        _child(options.child)
         return
     if options.mosaic:
         results = Results("painting_mosaic", options.out, "zarr")
         side = round((1e6 * min(options.megapixels, key=lambda size: abs(size - 1.0))) ** 0.5)
         with tempfile.TemporaryDirectory() as temporary:
-            _mosaic(results, options.folder or Path(temporary), side, options.checked)
+            _mosaic(results, Path(temporary), side, options.checked)
         results.save()
         return
-    results = Results("painting", options.out, "zarr", "dask")
+    results = Results("painting", options.out, "zarr")
     with tempfile.TemporaryDirectory() as temporary:
-        folder = options.folder or Path(temporary)
+        folder = Path(temporary)
         sides = [round((1e6 * size) ** 0.5) for size in sorted(options.megapixels)]
         runs = [
-            _size(results, folder, side, options.bands, first=side == sides[0]) for side in sides
+            _size(results, folder, side, options.bands, number) for number, side in enumerate(sides)
         ]
-        _exponents(results, runs)
-        middle = folder / _name(sides[min(1, len(sides) - 1)], options.bands)
-        _truth(
-            results,
-            middle,
-            sides[min(1, len(sides) - 1)],
-            options.bands,
-            options.checked,
-            runs[min(1, len(sides) - 1)],
+        results()
+        results(
+            "'saved': a search of every pixel, at the pace of the representatives, over the time "
+            "that the map took"
         )
-        if not options.no_dask:
-            _dask(results, folder / _name(sides[0], options.bands))
+        middle = min(1, len(sides) - 1)
+        where = folder / str(sides[middle])
+        _truth(results, where, sides[middle], options.bands, options.checked, runs)
     results.save()
 
 
-def _name(side: int, bands: int) -> str:
-    return f"painting-{side}x{side}x{bands}"
+class Run(NamedTuple):
+    """A map of a painting of so many pixels."""
+
+    pixels: int
+    seconds: float
 
 
-def _size(
-    results: Results, folder: Path, side: int, bands: int, *, first: bool
-) -> tuple[int, float]:
-    """Write and map one painting; pixels and seconds."""
-    where = folder / _name(side, bands)
-    scene = painting((side, side), bands, _SEED)
-    if not (where / "painting.hdr").exists():
-        shutil.rmtree(where, ignore_errors=True)
-        start = time.perf_counter()
-        write_painting(where, scene, "uint16")
-        print(f"painted {side} x {side} in {time.perf_counter() - start:.0f} s", flush=True)
-    if first:
+def _size(results: Results, folder: Path, side: int, bands: int, number: int) -> Run:
+    """Write and map one painting, the first, second or third by its size."""
+    where = folder / str(side)
+    write_painting(where, painting((side, side), bands, _SEED))
+    if number == 0:
         # Programs are compiled once and kept, as on a second call of the command.
         map_painting(where)
         results(
@@ -124,58 +110,51 @@ def _size(
             f"{'pixels':>12}{'bands':>7}{'survey':>9}{'search':>9}{'check':>9}{'map':>9}{'all':>9}{'pixels/s':>10}"
             f"{'GiB':>7}{'closed form':>13}{'own search':>12}{'saved':>8}"
         )
-    said = map_painting(where)
-    stages, tallies = said["stages"], said["tallies"]
+    done = map_painting(where)
+    stages, tallies = done["stages"], done["tallies"]
     mapped = tallies["mapped"]
+    run = Run(pixels=side * side, seconds=done["seconds"])
     # What a search of every pixel would take at the pace at which the representatives were
     # searched.
-    whole = mapped * stages["search"] / said["representatives"]
+    whole = mapped * stages["search"] / done["representatives"]
+    saved = whole / run.seconds
+    searched = (tallies["way searched"] + done["representatives"]) / mapped
+    rate = run.pixels / run.seconds
     results(
-        f"{side * side:>12,}{bands:>7}"
+        f"{run.pixels:>12,}{bands:>7}"
         + "".join(f"{stages[name]:>9.1f}" for name in ("survey", "search", "check", "map"))
-        + f"{said['seconds']:>9.1f}{side * side / said['seconds']:>10.0f}{said['gib']:>7.2f}"
+        + f"{run.seconds:>9.1f}{rate:>10.0f}{done['gib']:>7.2f}"
         + f"{(tallies['way updated'] + tallies['way neighbour']) / mapped:>13.2%}"
-        + f"{(tallies['way searched'] + said['representatives']) / mapped:>12.3%}"
-        + f"{whole / said['seconds']:>7.0f}x"
+        + f"{searched:>12.3%}{saved:>7.0f}x"
     )
-    return side * side, said["seconds"]
+    kept = {
+        "pixels": quantity(run.pixels, digits=0, form=","),
+        "seconds": quantity(run.seconds, "s", 1),
+        "rate": quantity(rate, digits=0),
+        "memory": quantity(done["gib"], "GiB", 2),
+    }
+    results.record(**{f"{SIZES[number]}_{name}": value for name, value in kept.items()})
+    if SIZES[number] == "large":
+        results.record(saved=quantity(saved, "times", 0))
+        results.record(searched=quantity(100.0 * searched, "%", 2, n=mapped))
+    return run
 
 
-def _exponents(results: Results, runs: list[tuple[int, float]]) -> None:
-    """How time grows with the number of pixels."""
-    results()
-    for (pixels, seconds), (more, longer) in itertools.pairwise(runs):
-        power = np.log(longer / seconds) / np.log(more / pixels)
-        results(f"from {pixels:,} to {more:,} pixels time grows with the power {power:.2f}")
-    results(
-        "'saved': a search of every pixel, at the pace of the representatives, over the time "
-        "that the map took"
-    )
-
-
-def map_painting(where: Path, workers: int = 0, coats: int = 1) -> dict:
-    """Map a painting in a process of its own, into map.zarr (dask.zarr with workers)."""
-    words = [
-        sys.executable,
-        "-m",
-        "benchmarks.maps.painting",
-        "--child",
-        str(where),
-        "--workers",
-        str(workers),
-        "--coats",
-        str(coats),
-    ]
+def map_painting(where: Path) -> dict:
+    """Map a painting in a process of its own, into map.zarr."""
+    words = [sys.executable, "-m", "benchmarks.maps.painting", "--child", str(where)]
     done = subprocess.run(words, capture_output=True, text=True, check=False)
     if done.returncode:
         raise RuntimeError(done.stderr[-2000:])
     return json.loads(done.stdout.splitlines()[-1])
 
 
-def _child(where: Path, workers: int, coats: int) -> None:
-    """What `glazejax map` does, with the times of its stages as one line of JSON."""
-    from contextlib import ExitStack
+_STAGES = {"reading": "survey", "surveying": "survey", "searching": "search"}
+_STAGES |= {"checking": "check", "mapping": "map"}
 
+
+def _child(where: Path) -> None:
+    """What `glazejax map` does, with the times of its stages as one line of JSON."""
     from glazefit.mapping.solve.process import few_arenas
 
     few_arenas()
@@ -188,84 +167,54 @@ def _child(where: Path, workers: int, coats: int) -> None:
     from glazefit.mapping.map_cube import map_cube
     from glazejax.io import read_spectra
 
-    ground = read_spectra(where / "ground.csv").reflectance[0]
-    own = where / PAINTS
-    shelf = catalogue.read(own) if own.exists() else catalogue.load()
-    paints = [paint for name, paint in shelf.items() if name not in FOREIGN]
-    begun: list[tuple[str, float]] = []
+    table = where / PAINTS
+    shelf = catalogue.read(table) if table.exists() else catalogue.load()
+    stages = dict.fromkeys(_STAGES.values(), 0.0)
+    start = time.perf_counter()
+    latest = "reading", start
 
-    def note_stage(done: int, total: int | None, stage: str) -> None:
-        if not begun or begun[-1][0] != stage:
-            begun.append((stage, time.perf_counter()))
+    def end_stage(done: int, total: int | None, stage: str) -> None:
+        nonlocal latest
+        if stage != latest[0]:
+            now = time.perf_counter()
+            stages[_STAGES[latest[0]]] += now - latest[1]
+            latest = stage, now
 
-    with ExitStack() as stack:
-        client = None
-        if workers:
-            import distributed
-
-            cluster = stack.enter_context(
-                distributed.LocalCluster(
-                    n_workers=workers, threads_per_worker=1, dashboard_address=":0"
-                )
-            )
-            client = stack.enter_context(distributed.Client(cluster, set_as_default=False))
-        start = time.perf_counter()
-        out = where / ("dask.zarr" if workers else "map.zarr")
-        found = map_cube(
-            where / "painting.hdr",
-            paints,
-            ground=ground,
-            out=out,
-            client=client,
-            max_coats=coats,
-            overwrite=True,
-            progress=note_stage,
-        )
-        end = time.perf_counter()
-    ends = [*(at for _, at in begun[1:]), end]
-    stages = {name: after - at for (name, at), after in zip(begun, ends, strict=True)}
-    names = {
-        "survey": ("reading", "surveying"),
-        "search": ("searching",),
-        "check": ("checking",),
-        "map": ("mapping",),
-    }
-    print(
-        json.dumps(
-            {
-                "seconds": end - start,
-                "stages": {
-                    name: sum(stages.get(part, 0.0) for part in parts)
-                    for name, parts in names.items()
-                },
-                "gib": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20,
-                "tallies": found.attrs["tallies"],
-                "representatives": found.attrs["representatives"],
-            }
-        )
+    found = map_cube(
+        where / "painting.hdr",
+        [paint for name, paint in shelf.items() if name not in FOREIGN],
+        ground=read_spectra(where / "ground.csv").reflectance[0],
+        out=where / "map.zarr",
+        overwrite=True,
+        progress=end_stage,
     )
+    end_stage(0, None, "")
+    done = {
+        "seconds": time.perf_counter() - start,
+        "stages": stages,
+        "gib": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20,
+        "tallies": found.attrs["tallies"],
+        "representatives": found.attrs["representatives"],
+    }
+    print(json.dumps(done))
 
 
 def _truth(
-    results: Results, where: Path, side: int, bands: int, pixels: int, run: tuple[int, float]
+    results: Results, where: Path, side: int, bands: int, pixels: int, runs: list[Run]
 ) -> None:
-    """The map beside the full search, beside `identify` as it is called, and beside the truth with
-    its rivals.
+    """The map of one of the runs compared with the full search, with `identify` as it is called,
+    and with the truth and its rivals.
     """
     import jax
 
     jax.config.update("jax_enable_x64", True)
-    from glazefit import open_map
-    from glazejax import catalogue
-
-    scene, other = painting((side, side), bands, _SEED), painting((480, 640), bands, _OTHER)
-    found = open_map(where / "map.zarr")
-    _, truth, places = sampled(scene, pixels)
-    arrays = {str(name): found[name].values[places[:, 0], places[:, 1]] for name in found.data_vars}
     from glazefit.film.films import Noise
     from glazefit.mapping.solve.agreement import agreement
     from glazefit.mapping.solve.task import map_task
+    from glazejax import catalogue
 
+    scene, other = painting((side, side), bands, _SEED), painting((480, 640), bands, _OTHER)
+    truth, places, arrays, noise = _checked(scene, where, pixels)
     results()
     results(
         f"{len(places)} pixels of {side} x {side}, each searched in full at the map's bands and "
@@ -273,11 +222,10 @@ def _truth(
     )
     paints = [paint for name, paint in catalogue.load().items() if name not in FOREIGN]
     start = time.perf_counter()
-    task = map_task(where / "painting.hdr", paints, ground=scene.ground).with_noise(
-        Noise(*found.attrs["noise"])
-    )
+    task = map_task(where / "painting.hdr", paints, ground=scene.ground).with_noise(Noise(*noise))
     same = agreement(task, _readings(task.image, places), arrays)
-    seconds = (time.perf_counter() - start) / len(places)
+    full = (time.perf_counter() - start) / len(places)
+    fine = _at_image_bands(scene, paints)
     results(
         f"  same first set {float(same.first):.1%}, same answer to 'none' "
         f"{float(same.explained):.1%}"
@@ -291,47 +239,75 @@ def _truth(
         f"{float(same.amount):.3f} and "
         f"{float(same.amount_90):.3f} of its standard deviation"
     )
-    results(f"  the full search took {seconds * 1e3:.1f} ms a pixel")
-    fine = _at_image_bands(scene, paints)
-    bands = task.image.bands.count.size
+    results(f"  the full search took {full * 1e3:.1f} ms a pixel")
     results(
-        f"  and {fine * 1e3:.0f} ms at every second band of the image, not averaged to {bands} "
-        "(16 pixels)"
+        f"  and {fine * 1e3:.0f} ms at every second band of the image, not averaged to "
+        f"{task.image.bands.count.size} (16 pixels)"
+    )
+    large = runs[-1]
+    shares = {"same_set": 100.0 * same.first, "same_none": 100.0 * same.explained}
+    off = {
+        "probability_median": same.probability,
+        "probability_most": same.probability_90,
+        "thickness_median": same.amount,
+        "thickness_most": same.amount_90,
+    }
+    results.record(
+        **quantities(shares, "%", 1, n=len(places)),
+        **quantities(off, digits=3, n=len(places)),
+        averaged=quantity(fine / full, "times", 1),
+        full_hours=quantity(full * large.pixels / 3600.0, "h", 0),
+        full_times=quantity(full * large.pixels / large.seconds, "times", 2, form="s"),
     )
     results()
     results(
         f"Against the truth, {len(places)} pixels; rivals choose cut and threshold on another "
         "painting:"
     )
+    middle = runs[min(1, len(runs) - 1)]
+    pace = middle.seconds / middle.pixels
     rows = compared(scene, other, pixels)
-    answer = answer_of_map(arrays)
-    own = Row(
-        "map_cube",
-        score(truth, answer, scene.names),
-        run[1] / run[0],
-        by_coats(truth, answer, scene.names),
-    )
-    for line in table([*rows, own]):
+    rows.append(Row.of("map_cube", truth, answer_of_map(arrays), scene.names, pace))
+    for line in table(rows):
         results(line)
+    for key, row in zip(METHODS, rows[1:], strict=True):
+        results.record(**row.quantities(key, 1, "right", "main", "false", "found"))
+        results.record(**{f"{key}_shares": quantity(row.score.share_error, digits=3)})
+    results.record(
+        map_two_coats=quantity(100.0 * rows[-1].by_coats[1], "%", 0),
+        angle_rate=quantity(1.0 / rows[1].seconds, "pixels/s", 3, form="s"),
+        angle_times=quantity(rows[1].seconds / pace, "times", 2, form="g"),
+    )
+
+
+METHODS = ("angle", "nnls", "nnls_log", "opaque", "film", "map")
+"""What texts call all methods but the angle to pure paints alone, in the order of `rivals`."""
+
+
+def _checked(
+    scene: Scenery, where: Path, pixels: int
+) -> tuple[Truth, np.ndarray, dict[str, np.ndarray], Sequence[float]]:
+    """Truth of some pixels, where they are, what the map says there, and the map's noise."""
+    from glazefit import open_map
+
+    found = open_map(where / "map.zarr")
+    _, truth, places = sampled(scene, pixels)
+    arrays = {str(name): found[name].values[tuple(places.T)] for name in found.data_vars}
+    return truth, places, arrays, found.attrs["noise"]
 
 
 def _mosaic(results: Results, folder: Path, side: int, pixels: int) -> None:
-    """Measured films as a camera sees them, mapped beside the rivals."""
-    from benchmarks.maps.painting_mosaic import BLUR, GAIN, NOISE, mosaic
-    from glazefit import open_map
+    """Measured films as a camera sees them: the map compared with the rivals."""
+    from benchmarks.maps.painting_mosaic import BLUR, GAIN, mosaic
     from glazejax.paint.pigment_table import write_pigments
 
     scene = mosaic((side, side), _SEED)
     other = mosaic((480, 640), _OTHER, scene.paints)
-    where = folder / f"mosaic-{side}x{side}"
-    if not (where / "painting.hdr").exists():
-        shutil.rmtree(where, ignore_errors=True)
-        write_painting(where, scene, "uint16")
-        write_pigments(where / PAINTS, scene.paints)
-    said = map_painting(where)
-    found = open_map(where / "map.zarr")
-    _, truth, places = sampled(scene, pixels)
-    arrays = {str(name): found[name].values[places[:, 0], places[:, 1]] for name in found.data_vars}
+    where = folder / "mosaic"
+    write_painting(where, scene)
+    write_pigments(where / PAINTS, scene.paints)
+    done = map_painting(where)
+    truth, places, arrays, _ = _checked(scene, where, pixels)
     inside = np.array([scene.inside(y, y + 1)[0, x] for y, x in places.tolist()])
     count = len(scene.recipes)
     foreign = sum(bool(set(recipe) & set(scene.foreign)) for recipe in scene.recipes)
@@ -344,26 +320,26 @@ def _mosaic(results: Results, folder: Path, side: int, pixels: int) -> None:
         "a joint fit without all of these films."
     )
     results(
-        f"Put on: noise {NOISE:g}, light that varies by {GAIN:.0%}, blur of {BLUR:g} pixels. "
+        f"Put on: noise {scene.noise:g}, light that varies by {GAIN:.0%}, blur of {BLUR:g} pixels. "
         f"{pixels} pixels, {inside.sum()} of them off the edges of tiles;"
     )
     results("rivals choose cut and threshold on another mosaic of the same films.")
+    counts = {"films": count, "foreign": foreign, "paints": len(scene.paints)}
+    results.record(**quantities(counts, digits=0))
     results()
     rows = compared(scene, other, pixels)
-    answer = replace(answer_of_map(arrays), thickness=np.full(len(places), np.nan))
-    seconds = said["seconds"] / side**2
-    for name, (true, told) in {
-        "map_cube": (truth, answer),
-        "map_cube, off edges": only(truth, answer, inside),
-    }.items():
-        by = by_coats(true, told, scene.names)
-        rows.append(Row(name, score(true, told, scene.names), seconds, by))
-    for line in table(
-        [row._replace(score=row.score._replace(amount_error=np.nan)) for row in rows]
-    ):
+    answer = answer_of_map(arrays)
+    pace = done["seconds"] / side**2
+    rows.append(Row.of("map_cube", truth, answer, scene.names, pace))
+    rows.append(Row.of("map_cube, off edges", *only(truth, answer, inside), scene.names, pace))
+    # Nobody measured how thick the films are.
+    rows = [row._replace(score=row.score._replace(amount_error=np.nan)) for row in rows]
+    for line in table(rows):
         results(line)
+    for key, row in zip(("pairs", "film", "map", "edges"), (rows[1], *rows[-3:]), strict=True):
+        results.record(**row.quantities(key, 0, "right", "pigments", "false", "found"))
     results()
-    results(f"seconds {said['seconds']:.1f}, peak memory {said['gib']:.2f} GiB")
+    results(f"seconds {done['seconds']:.1f}, peak memory {done['gib']:.2f} GiB")
 
 
 def _at_image_bands(scene, paints) -> float:
@@ -386,30 +362,6 @@ def _readings(image, places: np.ndarray) -> np.ndarray:
     from glazefit.mapping.store.windows import Window
 
     return np.concatenate([image.read(Window(y, y + 1, x, x + 1))[0] for y, x in places.tolist()])
-
-
-def _dask(results: Results, where: Path) -> None:
-    """The smallest painting here and by two workers of a dask cluster."""
-    from glazefit import open_map
-
-    map_painting(where, workers=2)
-    here, there = open_map(where / "map.zarr"), open_map(where / "dask.zarr")
-    worst, differ = 0.0, 0
-    for name in here.data_vars:
-        one, other = here[name].values, there[name].values
-        if one.dtype.kind == "f":
-            both = np.isfinite(one) & np.isfinite(other)
-            differ += int(np.sum(np.isfinite(one) != np.isfinite(other)))
-            worst = max(
-                worst,
-                float(np.abs(one[both].astype(float) - other[both].astype(float)).max(initial=0.0)),
-            )
-        else:
-            differ += int(np.sum(one != other))
-    results()
-    results(
-        f"dask with two workers: {differ} integers (or gaps) differ, floats by {worst:.1e} at most"
-    )
 
 
 if __name__ == "__main__":

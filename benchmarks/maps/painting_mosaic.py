@@ -11,21 +11,17 @@ from functools import cached_property
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
-from scipy.ndimage import gaussian_filter
+from scipy.ndimage import gaussian_filter, maximum_filter, minimum_filter
 
 from benchmarks.measured import measured_films
-from benchmarks.rivals.known_painting import PLACES, TRUTH
-from benchmarks.rivals.known_painting_scene import Waves
+from benchmarks.rivals.known_painting import NOISE, PLACES, TRUTH, Scenery
+from benchmarks.rivals.known_painting_scene import FOREIGN, Waves
 from glazefit import ground_from_air, recover_jointly
 from glazefit.film.films import Films
 from glazefit.recover.joint import UNIT
 from glazejax import Pigment
 from glazejax.geometry import resolve_instrument
 
-FOREIGN = ("ViridianGreen", "Cochineal")
-"""Paints whose films are in the mosaic, and which no map is given."""
-NOISE = 0.003
-"""Standard deviation of a reading, independent in every band."""
 GAIN = 0.02
 """Standard deviation of the light over the mosaic."""
 BLUR = 0.8
@@ -38,28 +34,18 @@ _EDGE = 2
 
 
 @dataclass(frozen=True)
-class Mosaic:
-    """A mosaic that is computed where it is asked for, as `benchmarks.rivals.known_painting.Painting`.
+class Mosaic(Scenery):
+    """A mosaic that is computed where it is asked for.
 
     Attributes:
-        shape: (y, x) in pixels.
-        wavelengths: (bands,), nm.
-        paints: that a map is given.
-        foreign: names of those that it is not given.
-        ground: internal reflectance of the white card.
+        foreign: names of paints that a map is not given.
         films: readings of the films, (films, bands).
         recipes: of each film, name of a paint -> share by mass.
-        seed: of all that is drawn at random.
     """
 
-    shape: tuple[int, int]
-    wavelengths: Float[np.ndarray, "bands"]
-    paints: list[Pigment]
     foreign: tuple[str, ...]
-    ground: Float[np.ndarray, "bands"]
     films: Float[np.ndarray, "films bands"]
     recipes: tuple[dict[str, float], ...]
-    seed: int
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -91,14 +77,12 @@ class Mosaic:
 
     def inside(self, y0: int, y1: int) -> Bool[np.ndarray, "rows columns"]:
         """Which pixels of rows y0 to y1 see next to nothing but one film."""
-        found = np.ones((y1 - y0, self.shape[1]), bool)
-        around = np.pad(self.labels(y0 - _EDGE, y1 + _EDGE), ((0, 0), (_EDGE, _EDGE)), mode="edge")
-        own = around[_EDGE:-_EDGE, _EDGE:-_EDGE]
-        for down in range(2 * _EDGE + 1):
-            for across in range(2 * _EDGE + 1):
-                part = around[down : down + len(own), across : across + own.shape[1]]
-                found &= part == own
-        return found
+        around = self.labels(y0 - _EDGE, y1 + _EDGE)
+        least, most = (
+            bound(around, 2 * _EDGE + 1, mode="nearest")
+            for bound in (minimum_filter, maximum_filter)
+        )
+        return (least == most)[_EDGE:-_EDGE]
 
     def rows(self, y0: int, y1: int) -> Float[np.ndarray, "rows x bands"]:
         """Reflectance of rows y0 to y1 as the camera gives it, float32."""
@@ -109,9 +93,7 @@ class Mosaic:
             np.arange(self.shape[1]) / self.shape[1], np.arange(y0, y1) / self.shape[0]
         )
         found *= (1.0 + GAIN * light)[..., None]
-        for n, y in enumerate(range(y0, y1)):
-            rng = np.random.default_rng([self.seed, 3, y])
-            found[n] += np.float32(NOISE) * rng.standard_normal(found[n].shape, np.float32)
+        self.add_noise(found, y0, stream=3)
         return found
 
     def truth(self, y0: int, y1: int) -> dict[str, np.ndarray]:
@@ -170,6 +152,7 @@ def mosaic(shape: tuple[int, int], seed: int = 0, paints: list[Pigment] | None =
         wavelengths=np.asarray(films.wavelengths, float),
         paints=paints,
         foreign=FOREIGN,
+        noise=NOISE,
         ground=np.asarray(ground_from_air(card, resolve_instrument("d:8"))),
         films=np.asarray(chosen.over_white),
         recipes=tuple(

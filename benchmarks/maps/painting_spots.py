@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from benchmarks.maps.painting import PAINTS, map_painting
-from benchmarks.results import Results, add_option
+from benchmarks.results import Results, add_option, quantities
 from benchmarks.rivals.known_painting import Painting, painting, write_painting
 from glazefit import open_map
 from glazefit.mapping.spot_files import write_spots
@@ -26,8 +26,8 @@ if TYPE_CHECKING:
 NEEDS = ("zarr",)
 
 _SEED = 3
-FOREIGN = ("ViridianGreen", "Cochineal", "EmeraldGreen")
-"""Paints that are in the painting, and that the first map is not given."""
+FOREIGN = {"ViridianGreen": "viridian", "Cochineal": "cochineal", "EmeraldGreen": "emerald"}
+"""Paints that are in the painting, and that the first map is not given; what texts call them."""
 
 
 def main() -> None:
@@ -68,16 +68,17 @@ def main() -> None:
     results(f"foreign paints offered: {len(offered)} of {len(FOREIGN)}")
     results()
     results(f"{'':<30}{'pixels':>10}{'none':>10}{'none in the second map':>24}{'its spots':>11}")
+    results.record(**quantities({"offered": len(offered), "paints": len(FOREIGN)}, digits=0))
     names = [str(name) for name in again["paint"].values]
     there = again["members"].values.astype(int)
-    for name in FOREIGN:
+    for name, key in FOREIGN.items():
         here = (members == scene.names.index(name)).any(axis=-1)
-        own = [names.index(spot) for spot in offered.get(name, ())]
-        told = np.isin(there[here], own).any(axis=-1) & (again["explained"].values[here] > 0)
-        results(
-            f"{name:<30}{here.sum():>10,}{_none(found, here):>10.1%}{_none(again, here):>24.1%}"
-            f"{told.mean():>11.1%}"
-        )
+        spots = [names.index(spot) for spot in offered.get(name, ())]
+        by_spot = np.isin(there[here], spots).any(axis=-1) & (again["explained"].values[here] > 0)
+        before, after = _none(found, here), _none(again, here)
+        results(f"{name:<30}{here.sum():>10,}{before:>10.1%}{after:>24.1%}{by_spot.mean():>11.1%}")
+        shares = {f"{key}_none": 100.0 * before, f"{key}_again": 100.0 * after}
+        results.record(**quantities(shares, "%", 0, n=int(here.sum())))
     others = ~np.isin(members, [scene.names.index(name) for name in FOREIGN]).any(axis=-1)
     results(
         f"{'all other pixels':<30}{others.sum():>10,}{_none(found, others):>10.1%}"
@@ -95,7 +96,7 @@ def _offered(
         y, x = spot["place"]
         here = [scene.names[number] for number in members[y, x] if number >= 0]
         results(f"{spot['name']:<8}{spot['pixels']:>8,} pixels, purest where {' + '.join(here)}")
-        for name in set(here) & set(FOREIGN):
+        for name in FOREIGN.keys() & set(here):
             offered.setdefault(name, []).append(spot["name"])
     return offered
 

@@ -20,6 +20,7 @@ from scipy.optimize import minimize
 
 from benchmarks.measured import measured_data
 from benchmarks.paint.identification import UNIT, family
+from benchmarks.paintbench.tasks import area_under_curve
 from benchmarks.results import Quantity, Results, add_option, quantity
 from benchmarks.rivals.truth_peers import PEERS
 from glazefit import Films, Identification, ModelError, ground_from_air, identify, identify_films
@@ -252,7 +253,7 @@ def _share(answers: Sequence[Answer]) -> str:
 
 def _auc(full: list[Answer], gone: list[Answer]) -> float:
     one, other = (np.array([a.misfit for a in some]) for some in (full, gone))
-    return float(np.mean(other[:, None] > one) + 0.5 * np.mean(other[:, None] == one))
+    return area_under_curve(other, one)
 
 
 def nested_none(results: Results, full: list[Answer], gone: list[Answer], left: list[Case]) -> None:

@@ -10,9 +10,11 @@ from typing import Protocol
 
 import numpy as np
 from jaxtyping import Float
-from scipy.optimize import least_squares, minimize, nnls
+from scipy.optimize import least_squares, minimize
 
-from .spectra import bounded
+from benchmarks.rivals.baselines import shares_of, unmix
+
+from .spectra import bounded, hiding_ratio, hiding_reflectance
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -137,7 +139,7 @@ class KubelkaMunk:
         count = fractions.shape[1]
         purest = fractions.argmax(axis=0)
         # Where a paint is nowhere pure, its strongest mixture is a start.
-        start = np.log((1.0 - seen[purest]) ** 2 / (2.0 * seen[purest]))
+        start = np.log(hiding_ratio(seen[purest]))
         free = [paint for paint in range(count) if paint != brightest]
 
         def unpack(x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -168,8 +170,7 @@ class KubelkaMunk:
             both = fractions[:, a] * fractions[:, b]
             size = pair[..., number] * (k[..., a] + k[..., b])
             absorption = absorption + (np.outer(both, size) if k.ndim == 2 else both * size)
-        ratio = np.maximum(absorption, 1e-9) / scattering
-        return 1.0 + ratio - np.sqrt(ratio**2 + 2.0 * ratio)
+        return hiding_reflectance(np.maximum(absorption, 1e-9) / scattering)
 
     def foretell(self, recipes: Float[np.ndarray, "films paints"]) -> Foretold:
         """Readings, with one band for all films."""
@@ -244,6 +245,5 @@ class AbsorbanceUnmixing:
         out = np.zeros(there.shape)
         for row, seen in enumerate(-np.log(bounded(readings))):
             members = np.flatnonzero(there[row])
-            shares, _ = nnls(self._pure[members].T, seen)
-            out[row, members] = shares / max(shares.sum(), 1e-12)
+            out[row, members] = shares_of(unmix(self._pure[members].T, seen[None])[0])[0]
         return out

@@ -75,8 +75,17 @@ def absorbance(readings: Float[np.ndarray, "*n bands"]) -> Float[np.ndarray, "*n
 
 def log_ratio(readings: Float[np.ndarray, "*n bands"]) -> Float[np.ndarray, "*n bands"]:
     """log K/S of a film that hides its ground, by Kubelka-Munk."""
-    values = bounded(readings)
-    return np.log((1.0 - values) ** 2 / (2.0 * values))
+    return np.log(hiding_ratio(bounded(readings)))
+
+
+def hiding_ratio(reflectance: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
+    """K/S of a film that hides its ground, from its reflectance inside, by Kubelka-Munk."""
+    return (1.0 - reflectance) ** 2 / (2.0 * reflectance)
+
+
+def hiding_reflectance(ratio: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
+    """Reflectance inside of a film that hides its ground, from its K/S."""
+    return 1.0 + ratio - np.sqrt(ratio**2 + 2.0 * ratio)
 
 
 def slopes(values: Float[np.ndarray, "*n bands"]) -> Float[np.ndarray, "*n less"]:
@@ -94,6 +103,9 @@ def cosine_distance(
     """
     seen = np.isfinite(one)
     seen_other = np.isfinite(other)
+    if seen.all() and seen_other.all() and one.shape[1] >= least:
+        # Without a gap one product says all.
+        return 1.0 - _unit(one) @ _unit(other).T
     a = np.where(seen, one, 0.0)
     b = np.where(seen_other, other, 0.0)
     product = a @ b.T
@@ -103,14 +115,18 @@ def cosine_distance(
     return np.where(shared >= least, distance, np.inf)
 
 
+def _unit(rows: Float[np.ndarray, "n bands"]) -> Float[np.ndarray, "n bands"]:
+    """Rows over their length."""
+    return rows / np.maximum(np.linalg.norm(rows, axis=1, keepdims=True), 1e-12)
+
+
 def thick_film_reading(
     absorption: Float[np.ndarray, "*n"], scattering: Float[np.ndarray, "*n"]
 ) -> Float[np.ndarray, "*n"]:
     """Reading of a film that hides its ground, from Kubelka-Munk's K and S, under the surface
     correction that Golden's numbers were made with (Saunderson, k1 = .03, k2 = .65).
     """
-    ratio = absorption / scattering
-    inside = 1.0 + ratio - np.sqrt(ratio**2 + 2.0 * ratio)
+    inside = hiding_reflectance(absorption / scattering)
     return _OUTER + (1.0 - _OUTER) * (1.0 - _INNER) * inside / (1.0 - _INNER * inside)
 
 

@@ -3,14 +3,12 @@
 import csv
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Protocol
 
 import numpy as np
-from tests.oracles.position_free import Tally
 
 from benchmarks.render.layer_rules import RULES
-from benchmarks.render.layered_stacks import INCIDENCES, VIEWS, LayeredStack
-from benchmarks.render.layered_values import Surface, Values
+from benchmarks.render.layered_report import Found
+from benchmarks.render.layered_stacks import BANDS, INCIDENCES, VIEWS, LayeredStack
 
 HEADER = """\
 Reflection of {count} layered paints: reference values by glazejax and by position-free Monte Carlo.
@@ -30,38 +28,18 @@ monte_carlo, standard_error, paths: the body by paths; values of one stack and i
 scaling, reciprocal, openpbr, belcour: the body by the layer rules of renderers (benchmarks/render/layer_rules.py)."""
 
 
-class Row(Protocol):
-    """What is written of a stack."""
-
-    stack: LayeredStack
-    surface: Surface
-    truth: Values
-    paths: dict[str, list[Tally]]
-    rules: dict[str, Values]
+COLUMNS = (
+    *("number", "name", "stack", "ground", "alpha", "kind", "incidence", "viewing", "azimuth"),
+    *("band", "body", "surface", "monte_carlo", "standard_error", "paths", *RULES),
+)
 
 
-def write_table(path: Path, all_found: Sequence) -> None:
+def write_table(path: Path, all_found: Sequence[Found]) -> None:
     """One line for each stack, angle and band."""
     with path.open("w", newline="", encoding="utf-8") as file:
         file.writelines(f"# {line}\n" for line in HEADER.format(count=len(all_found)).splitlines())
         writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(
-            [
-                *(
-                    "number",
-                    "name",
-                    "stack",
-                    "ground",
-                    "alpha",
-                    "kind",
-                    "incidence",
-                    "viewing",
-                    "azimuth",
-                    "band",
-                ),
-                *("body", "surface", "monte_carlo", "standard_error", "paths", *RULES),
-            ]
-        )
+        writer.writerow(COLUMNS)
         for number, found in enumerate(all_found, 1):
             writer.writerows(_lines(number, found))
 
@@ -74,53 +52,32 @@ def layers_in_words(stack: LayeredStack) -> str:
     )
 
 
-def _lines(number: int, found: Row) -> Iterator[list]:
+def _lines(number: int, found: Found) -> Iterator[list]:
     stack = found.stack
-    start = [
-        number,
-        stack.name,
-        layers_in_words(stack),
-        f"{stack.ground:g}",
-        f"{stack.roughness:g}",
-    ]
+    start = [number, stack.name, layers_in_words(stack), f"{stack.ground:g}"]
+    start.append(f"{stack.roughness:g}")
+    places = {"albedo": [("", "")], "factor": [(f"{a:g}", f"{z:g}") for a, z in VIEWS]}
+    surfaces = {"albedo": found.surface.lit, "factor": found.surface.factor}
     for i, incidence in enumerate(INCIDENCES):
-        for kind, places in (("albedo", [("", "")]), ("factor", list(VIEWS))):
+        for kind, views in places.items():
+            # One row of bands for each view, and one in all for an albedo.
+            values = [found.truth, *(found.rules[rule] for rule in RULES)]
             tally = found.paths[kind][i]
-            for v, place in enumerate(places):
-                pick = (i,) if kind == "albedo" else (i, v)
-                at = () if kind == "albedo" else (v,)
-                surface = found.surface.lit[i] if kind == "albedo" else found.surface.factor[i, v]
-                place = [f"{a:g}" if isinstance(a, float) else a for a in place]
-                for band, body in enumerate(getattr(found.truth, kind)[pick]):
-                    rules = [
-                        f"{getattr(found.rules[rule], kind)[pick][band]:.6f}" for rule in RULES
-                    ]
+            bands = [getattr(one, kind)[i] for one in values] + [tally.mean, tally.error]
+            body, *rules, mean, error = (np.atleast_2d(one) for one in bands)
+            surface = np.atleast_1d(surfaces[kind][i])
+            for v, place in enumerate(views):
+                for band in range(BANDS):
                     yield [
                         *start,
                         kind,
                         f"{incidence:g}",
                         *place,
                         band + 1,
-                        f"{body:.8f}",
-                        f"{surface:.8f}",
-                        f"{tally.mean[at][band]:.7f}",
-                        f"{tally.error[at][band]:.2e}",
+                        f"{body[v, band]:.8f}",
+                        f"{surface[v]:.8f}",
+                        f"{mean[v, band]:.7f}",
+                        f"{error[v, band]:.2e}",
                         tally.paths,
-                        *rules,
+                        *(f"{rule[v, band]:.6f}" for rule in rules),
                     ]
-
-
-def read_table(path: Path) -> list[dict[str, str]]:
-    """Lines of the table by column."""
-    with path.open(newline="", encoding="utf-8") as file:
-        return list(csv.DictReader(line for line in file if not line.startswith("#")))
-
-
-def albedo_of(rows: Sequence[dict[str, str]], number: int) -> np.ndarray:
-    """Body's albedo of one stack, (incidences, bands)."""
-    found = [
-        float(row["body"])
-        for row in rows
-        if row["number"] == str(number) and row["kind"] == "albedo"
-    ]
-    return np.array(found).reshape(len(INCIDENCES), -1)

@@ -12,6 +12,7 @@ from tests.oracles import position_free
 from tests.oracles.position_free import Stack, Tally, Views
 
 from benchmarks.render.layered_stacks import INCIDENCES, STACKS, VIEWS, LayeredStack
+from glazejax.whole_file import whole_file
 
 KINDS = ("albedo", "factor")
 CHUNK = 20_000
@@ -66,11 +67,9 @@ def write(path: Path, tallies: dict[str, Tally]) -> None:
         key: {"paths": one.paths, "total": _digits(one.total), "squares": _digits(one.squares)}
         for key, one in tallies.items()
     }
-    fresh = path.with_suffix(".part")
-    fresh.write_text(
-        "{\n" + ",\n".join(f"{json.dumps(k)}: {json.dumps(v)}" for k, v in plain.items()) + "\n}\n"
-    )
-    fresh.replace(path)
+    lines = [f"{json.dumps(key)}: {json.dumps(value)}" for key, value in plain.items()]
+    with whole_file(path) as part:
+        part.write_text("{\n" + ",\n".join(lines) + "\n}\n")
 
 
 def run(
@@ -102,7 +101,7 @@ def run(
         key: float(tallies[key].error.max()) / GOAL[job[2]] if key in tallies else np.inf
         for key, job in jobs.items()
     }
-    kept = told = time.monotonic()
+    kept = time.monotonic()
     while time.monotonic() < end or max(left.values()) == np.inf:
         key = max(left, key=left.__getitem__)
         number, stack, kind, incidence = jobs[key]
@@ -112,13 +111,11 @@ def run(
         fresh = chunk(stack, kind, incidence, paths, rng)
         tallies[key] = tallies[key].plus(fresh) if key in tallies else fresh
         left[key] = float(tallies[key].error.max()) / GOAL[kind]
-        if time.monotonic() > kept + 10.0:
+        if time.monotonic() > kept + 60.0:
             write(path, tallies)
-            kept = time.monotonic()
-        if time.monotonic() > told + 60.0:
             total = sum(one.paths for one in tallies.values())
             say(f"{total:.3g} paths in all, largest error of an albedo {max(left.values()):.1e}")
-            told = time.monotonic()
+            kept = time.monotonic()
     write(path, tallies)
     return tallies
 

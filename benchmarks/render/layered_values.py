@@ -5,6 +5,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from benchmarks.render.layer_rules import even_light
 from benchmarks.render.layered_stacks import INCIDENCES, VIEWS, LayeredStack
 
 
@@ -131,16 +132,15 @@ def surface(stack: LayeredStack) -> Surface:
         from glazejax.radiative import rough
 
         given = {"refractive_index": n, "roughness": stack.roughness}
-        at, albedos = np.unique(np.concatenate([lit, seen, nodes])), None
-        albedos = dict(zip(at, np.asarray(rough.surface_albedo(at, **given), float), strict=True))
-        factor = np.asarray(
-            rough.surface_reflectance_factor(lit[:, None], seen, azimuth, **given), float
-        )
-        of = np.vectorize(albedos.__getitem__)
+        factor = rough.surface_reflectance_factor(lit[:, None], seen, azimuth, **given)
+
+        def of(cosine: np.ndarray) -> np.ndarray:
+            return np.asarray(rough.surface_albedo(cosine, **given), float)
     else:
         factor = np.zeros((len(lit), len(seen)))
 
         def of(cosine: np.ndarray) -> np.ndarray:
             return np.asarray(dielectric_reflectance(cosine, n), float)
 
-    return Surface(of(lit), of(seen), float(2.0 * np.sum(weights * nodes * of(nodes))), factor)
+    even = even_light(of(nodes), nodes, weights)
+    return Surface(lit=of(lit), seen=of(seen), even=even, factor=np.asarray(factor, float))

@@ -1,5 +1,5 @@
-"""What OpenPBR keeps of a glaze: parameters fitted to ten stacks, beside parameters written without
-a fit.
+"""What OpenPBR keeps of a glaze: parameters fitted to ten stacks, compared with parameters written
+without a fit.
 
     python -m benchmarks.render.openpbr_fit
 
@@ -10,12 +10,13 @@ The truth is the solver at all pairs of angles, in linear RGB. Errors are those 
 
 import argparse
 import time
+from typing import Any
 
 import jax
 import numpy as np
 
 import glazejax as gj
-from benchmarks import results
+from benchmarks.results import Results, add_option, ends, quantities, quantity
 from glazejax.appearance.exports import angular_colour, fit_openpbr
 from glazejax.appearance.exports.openpbr import LAYERINGS, reflectance_factor
 from glazejax.appearance.exports.rgb import rgb_of_xyz
@@ -48,31 +49,27 @@ def glaze(coats: str, ground: float, index: float) -> gj.Glaze:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    results.add_option(parser, stacks=2)
-    parser.add_argument(
-        "--stacks", type=int, default=len(STACKS), help="so many of them (default: all)"
-    )
-    parser.add_argument(
-        "--picture", action="store_true", help="also draw openpbr_fit.png: angle curves"
-    )
+    add_option(parser)
     options = parser.parse_args()
     jax.config.update("jax_enable_x64", True)
-    out = results.Results("openpbr_fit", options.out)
-    _table(out, options.stacks)
-    out.save(_figure() if options.picture else None)
+    results = Results("openpbr_fit", options.out)
+    _smooth(results)
+    _rough(results)
+    results.save(_figure())
 
 
-def _table(out: results.Results, count: int) -> None:
-    rows, seconds = [], []
-    for name, stack in STACKS[:count]:
+def _smooth(out: Results) -> None:
+    """All stacks under a smooth surface."""
+    rows: dict[str, dict[str, Any]] = {}
+    seconds = []
+    for name, stack in STACKS:
         truth = angular_colour(glaze(*stack), space="acescg")
-        fits = {}
+        rows[name] = {}
         for layering in LAYERINGS:
             began = time.perf_counter()
-            fits[layering] = fit_openpbr(truth, layering=layering)
+            rows[name][layering] = fit_openpbr(truth, layering=layering)
             seconds.append(time.perf_counter() - began)
-        rows.append((name, fits))
-    out("OpenPBR beside the solver, smooth surface, ACEScg, D65")
+    out("OpenPBR against the solver, smooth surface, ACEScg, D65")
     out(
         "naive: base_color as seen straight on, index as it is; fit: least squares over all "
         "pairs of angles"
@@ -85,7 +82,7 @@ def _table(out: results.Results, count: int) -> None:
     )
     out(f"{'':37}{'albedo':>15}{'dE, sky':>15}{'dE, lamp at 45':>17}{'RMS of R':>17}")
     out(f"{'stack':37}" + f"{'naive':>8}{'fit':>7}" * 2 + f"{'naive':>10}{'fit':>7}" * 2)
-    for name, fits in rows:
+    for name, fits in rows.items():
         one, plain = fits["materialx"].errors, fits["materialx"].naive_errors
         out(
             f"{name:37}{plain.albedo:8.4f}{one.albedo:7.4f}{plain.sky:8.2f}{one.sky:7.2f}"
@@ -96,59 +93,88 @@ def _table(out: results.Results, count: int) -> None:
     out("other ways to put layers together, each fitted (coat where it makes the error smaller)")
     out(f"{'':37}{'specification':^28}{'reciprocal':^28}")
     out(f"{'stack':37}" + f"{'coat':>5}{'dE, sky':>8}{'lamp':>6}{'RMS':>8} " * 2)
-    for name, fits in rows:
+    for name, fits in rows.items():
         line = f"{name:37}"
-        for layering in ("specification", "reciprocal"):
+        for layering in LAYERINGS[1:]:
             fit = fits[layering]
             coat = "yes" if fit.material.coat_weight else "no"
             line += f"{coat:>5}{fit.errors.sky:8.2f}{fit.errors.lamp:6.2f}{fit.errors.rms:8.4f} "
         out(line)
     out()
     for layering in LAYERINGS[1:]:
-        ratio = [fits["materialx"].errors.rms / fits[layering].errors.rms for _, fits in rows]
-        out(
-            f"RMS of materialx over {layering}: {min(ratio):.2f} to {max(ratio):.2f}, median "
-            f"{np.median(ratio):.2f}"
-        )
-    _rough(out, count)
-    out(
-        f"a fit takes {np.median(seconds):.2f} s (median), {max(seconds):.2f} s (most), angles "
-        "computed"
-    )
+        ratio = [fits["materialx"].errors.rms / fits[layering].errors.rms for fits in rows.values()]
+        least, middle, most = _spread(ratio)
+        out(f"RMS of materialx over {layering}: {least:.2f} to {most:.2f}, median {middle:.2f}")
+        if layering == "reciprocal":
+            out.record(
+                reciprocal_least=quantity(least, "times", 1),
+                reciprocal_most=quantity(most, "times", 1, form="s"),
+                reciprocal=quantity(middle, "times", 0, n=len(rows)),
+            )
+    errors = [fits["materialx"].errors for fits in rows.values()]
+    _record_errors(out, "", errors)
+    for key, name in (("eosin", "eosin 2 um on white"), ("white", "zinc white 100 um")):
+        fit = rows[name]["materialx"]
+        lamp = {f"{key}_lamp_naive": fit.naive_errors.lamp, f"{key}_lamp_fit": fit.errors.lamp}
+        out.record(**quantities(lamp))
+    glazes = [rows[name]["reciprocal"].errors.rms for name in GLAZES]
+    out.record(rms_most=quantity(max(one.rms for one in errors), digits=2))
+    out.record(reciprocal_glaze=quantity(max(glazes), digits=4))
+    _, middle, most = _spread(seconds)
+    out(f"a fit takes {middle:.2f} s (median), {most:.2f} s (most), angles computed")
 
 
-def _rough(out: results.Results, count: int) -> None:
+def _spread(values: list[float]) -> tuple[float, float, float]:
+    """Least, median and largest."""
+    return min(values), float(np.median(values)), max(values)
+
+
+def _record_errors(out: Results, key: str, errors: list) -> None:
+    for what in ("sky", "lamp"):
+        values = ends(f"{key}{what}", (getattr(one, what) for one in errors))
+        out.record(**quantities(values, digits=1, n=len(errors)))
+
+
+def _rough(out: Results) -> None:
+    """Some stacks under a rough surface."""
     out()
     out(
         "a rough surface (alpha of GGX), the body by glazejax.radiative.rough: fits for "
         "materialx and for reciprocal"
     )
     out(f"{'stack':37}{'alpha':>6}" + f"{'albedo':>9}{'dE, sky':>8}{'lamp':>6}{'RMS':>8}" * 2)
-    for number in filter(lambda number: number < count, DRAWN):
+    errors: dict[str, list] = {"materialx": [], "reciprocal": []}
+    for number in DRAWN:
         name, stack = STACKS[number]
         for alpha in (0.1, 0.3):
             truth = angular_colour(glaze(*stack), roughness=alpha, space="acescg")
             line = f"{name:37}{alpha:6g}"
-            for layering in ("materialx", "reciprocal"):
+            for layering, row in errors.items():
                 e = fit_openpbr(truth, layering=layering).errors
+                row.append(e)
                 line += f"{e.albedo:9.4f}{e.sky:8.2f}{e.lamp:6.2f}{e.rms:8.4f}"
             out(line)
-    out()
+    for key, row in zip(("rough", "rough_reciprocal"), errors.values(), strict=True):
+        _record_errors(out, f"{key}_", row)
 
 
-def _gains(out: results.Results, rows: list) -> None:
+def _gains(out: Results, rows: dict[str, dict[str, Any]]) -> None:
+    """How much smaller errors are with a fit."""
     for what in ("albedo", "sky", "lamp", "rms"):
-        pairs = [
-            (getattr(fits["materialx"].naive_errors, what), getattr(fits["materialx"].errors, what))
-            for _, fits in rows
+        ratio = [
+            getattr(fits["materialx"].naive_errors, what) / getattr(fits["materialx"].errors, what)
+            for fits in rows.values()
         ]
-        ratio = [plain / one for plain, one in pairs]
-        out(
-            f"naive over fit, {what}: {min(ratio):.2f} to {max(ratio):.2f}, median "
-            f"{np.median(ratio):.2f}"
-        )
+        least, middle, most = _spread(ratio)
+        out(f"naive over fit, {what}: {least:.2f} to {most:.2f}, median {middle:.2f}")
+        if what in ("albedo", "sky"):
+            out.record(**quantities(ends(f"gain_{what}", ratio), "times", 1, n=len(ratio)))
+        if what == "lamp":
+            out.record(gain_lamp=quantity(middle, "times", 1, n=len(ratio)))
 
 
+GLAZES = ("ultramarine 1 um on white", "eosin 2 um on white")
+"""Absorbing glazes on white."""
 DRAWN = (1, 5)
 """Stacks of the picture."""
 _SIDE = 240
@@ -191,16 +217,8 @@ def _figure():
             axis.imshow(_sphere(truth, material, layering))
             axis.set_title(title, fontsize=9)
             axis.set_axis_off()
-        row[0].text(
-            -0.02,
-            0.5,
-            name,
-            transform=row[0].transAxes,
-            rotation=90,
-            va="center",
-            ha="right",
-            fontsize=9,
-        )
+        turned = {"rotation": 90, "va": "center", "ha": "right", "fontsize": 9}
+        row[0].text(-0.02, 0.5, name, transform=row[0].transAxes, **turned)
         _curves(row[3], truth, shown)
     return figure
 

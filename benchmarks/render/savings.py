@@ -27,7 +27,7 @@ import numpy as np
 
 from benchmarks import device
 from benchmarks.render.strokes import brush_strokes, primed_canvas
-from benchmarks.results import Results, add_option
+from benchmarks.results import Results, add_option, quantity
 from benchmarks.timing import interleaved
 
 PAINTS = ("UltramarineBlue", "ChromeYellow")
@@ -69,20 +69,16 @@ def scenes() -> dict[str, tuple[str, dict[str, Any]]]:
     scene = {k: np.asarray(v)[repeated] if np.ndim(v) else v for k, v in scene.items()}
     found["equal"] = ("4096 pixels of 256 kinds, 2 layers", scene)
     cosines = np.cos(np.deg2rad(np.linspace(0, 85, 18)))
-    scene = {
-        k: np.asarray(v)[:, None, None] if np.ndim(v) == 1 else v for k, v in stacks(31, 2).items()
-    }
-    scene |= {k: scene[k][:, None, None] for k in ("albedo", "optical_thickness")}
+    scene = stacks(31, 2)
+    for k in ("albedo", "optical_thickness", "substrate_reflectance"):
+        scene[k] = scene[k][:, None, None]
     scene |= {"cos_incidence": cosines[:, None], "cos_viewing": cosines}
     found["reciprocity"] = ("31 bands x 18 x 18 angles, 2 layers", scene)
     grid = np.arange(360.0, 781.0, 5.0)
     x = (grid - 360) / 420
     scene = {
         "albedo": np.stack([0.3 + 0.6 * x, 0.9 - 0.5 * x], -1),
-        "optical_thickness": np.array([1.0, 3.0]),
-    }
-    scene |= {"optical_thickness": rng.uniform(0.5, 1.5, (480, 1, 1)) * scene["optical_thickness"]}
-    scene |= {
+        "optical_thickness": rng.uniform(0.5, 1.5, (480, 1, 1)) * np.array([1.0, 3.0]),
         "substrate_reflectance": 0.8,
         "band_weights": colour.colour_weights(grid),
         "tolerance": 1e-3,
@@ -120,15 +116,9 @@ def savings_table(say: Results) -> None:
             change = np.max(np.abs((on - off) @ weights) / np.abs(weights).sum(axis=0))
         else:
             change = np.nanmax(np.abs(on - off))
-        times = (
-            f"{1e3 * seconds['off']:7.1f} {1e3 * seconds['on']:7.1f} "
-            f"{seconds['on'] / seconds['off']:6.2f}"
-        )
+        off, on = 1e3 * seconds["off"], 1e3 * seconds["on"]
+        times = f"{off:7.1f} {on:7.1f} {on / off:6.2f}"
         say(f"{name:<12} {words:<58} {times} {change / tolerance:10.2g}")
-
-
-def maps(size: int) -> list[np.ndarray]:
-    return [brush_strokes(size), primed_canvas(size)]
 
 
 def measure_picture() -> dict[str, float]:
@@ -138,7 +128,7 @@ def measure_picture() -> dict[str, float]:
     import glazejax as gj
 
     paints = [gj.catalogue.load()[name] for name in PAINTS]
-    thickness = maps(PICTURE_SIZE)
+    thickness = [brush_strokes(PICTURE_SIZE), primed_canvas(PICTURE_SIZE)]
     seconds = []
     for _ in range(4):
         start = time.perf_counter()
@@ -152,20 +142,12 @@ def picture_report(say: Results, options: argparse.Namespace) -> None:
     import glazejax as gj
     from glazejax import colour
 
-    command = [
-        sys.executable,
-        "-m",
-        "benchmarks.render.savings",
-        "--measure-picture",
-        "--device",
-        options.device,
-    ]
-    command += ["--quick"] * options.quick
-    figures = json.loads(
-        subprocess.run(command, check=True, capture_output=True, text=True).stdout.splitlines()[-1]
-    )
+    command = [sys.executable, "-m", "benchmarks.render.savings", "--measure-picture"]
+    command += ["--device", options.device, *["--quick"] * options.quick]
+    done = subprocess.run(command, check=True, capture_output=True, text=True)
+    measured = json.loads(done.stdout.splitlines()[-1])
     paints = [gj.catalogue.load()[name] for name in PAINTS]
-    thickness = maps(PICTURE_SIZE)
+    thickness = [brush_strokes(PICTURE_SIZE), primed_canvas(PICTURE_SIZE)]
     fast = gj.picture(paints, thickness, GROUND)
     chosen = np.random.default_rng(0).choice(PICTURE_SIZE**2, CHECKED_PIXELS, replace=False)
     pixels = [m.reshape(1, -1)[:, chosen] for m in thickness]
@@ -181,11 +163,10 @@ def picture_report(say: Results, options: argparse.Namespace) -> None:
         "wavelengths, to sRGB"
     )
     say(f"  {fast.report}")
-    say(
-        f"  seconds: {figures['later']:.2f}, the first time {figures['first']:.1f} with compilation"
-    )
-    say(f"  peak memory of the process: {figures['peak'] / 2**30:.2f} GiB")
-    times = seconds / figures["later"]
+    later, first, peak = (measured[name] for name in ("later", "first", "peak"))
+    say(f"  seconds: {later:.2f}, the first time {first:.1f} with compilation")
+    say(f"  peak memory of the process: {peak / 2**30:.2f} GiB")
+    times = seconds / later
     say(
         f"  pixel by pixel it would take {seconds:.0f} s (from {CHECKED_PIXELS}), {times:.0f} "
         "times as long"
@@ -193,6 +174,14 @@ def picture_report(say: Results, options: argparse.Namespace) -> None:
     say(
         f"  Delta E00 from that, at {CHECKED_PIXELS} random pixels: mean {error.mean():.4f}, max "
         f"{error.max():.4f}"
+    )
+    say.record(
+        picture=quantity(later, "s", 2),
+        picture_first=quantity(first, "s", 1),
+        picture_memory=quantity(peak / 2**30, "GiB", 2),
+        pixel_by_pixel=quantity(seconds, "s", 0, n=CHECKED_PIXELS),
+        delta_e_most=quantity(error.max(), digits=3, n=CHECKED_PIXELS),
+        times=quantity(times, "times", 2, form="s"),
     )
     options.out.mkdir(parents=True, exist_ok=True)
     fast.save(options.out / f"{device.file_name('glazed_picture', options.device)}.png")

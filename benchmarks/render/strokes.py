@@ -15,11 +15,13 @@ from jaxtyping import Float
 _STROKES = 46
 
 
-def _smooth(noise: np.ndarray, width: float) -> np.ndarray:
-    """Periodic Gaussian blur along every axis, normalised to unit spread."""
+def _smooth(noise: np.ndarray, *widths: float) -> np.ndarray:
+    """Periodic Gaussian blur by so many pixels along all axes, or each axis by its own number,
+    normalised to unit spread.
+    """
     spectrum = np.fft.fftn(noise)
     for k, n in enumerate(noise.shape):
-        line = np.exp(-2.0 * (np.pi * width * np.fft.fftfreq(n)) ** 2)
+        line = np.exp(-2.0 * (np.pi * widths[k % len(widths)] * np.fft.fftfreq(n)) ** 2)
         spectrum *= line.reshape([-1 if i == k else 1 for i in range(noise.ndim)])
     out = np.fft.ifftn(spectrum).real
     return (out - out.mean()) / out.std()
@@ -183,9 +185,10 @@ def wood_grain(
     boards.
     """
     rng = np.random.default_rng(seed)
-    fibres = _stretched(rng, rows, columns, 1.0, 90.0)
-    pores = np.clip(_stretched(rng, rows, columns, 0.8, 25.0) - 1.2, 0.0, None)
-    waver = _stretched(rng, rows, columns, rows / (5.0 * boards), columns / 3.0)
+    size = rows, columns
+    fibres = _smooth(rng.normal(size=size), 1.0, 90.0)
+    pores = np.clip(_smooth(rng.normal(size=size), 0.8, 25.0) - 1.2, 0.0, None)
+    waver = _smooth(rng.normal(size=size), rows / (5.0 * boards), columns / 3.0)
     y = (np.arange(rows)[:, None] + 0.5) / rows * boards
     board = np.floor(y).astype(int)
     rings = np.sin(2 * np.pi * (5.0 * y + rng.uniform(0, 1, boards)[board] + 0.5 * waver))
@@ -195,16 +198,6 @@ def wood_grain(
         (np.round(y) > 0) & (np.round(y) < boards)
     )
     return np.clip(found * (1.0 - gap) + gap, 0.0, 1.0)
-
-
-def _stretched(rng, rows: int, columns: int, down: float, across: float) -> np.ndarray:
-    """Noise of unit spread, smoothed by so many pixels down and across."""
-    spectrum = np.fft.fft2(rng.normal(size=(rows, columns)))
-    for k, width in enumerate((down, across)):
-        line = np.exp(-2.0 * (np.pi * width * np.fft.fftfreq(spectrum.shape[k])) ** 2)
-        spectrum *= line[:, None] if k == 0 else line
-    out = np.fft.ifft2(spectrum).real
-    return (out - out.mean()) / out.std()
 
 
 def main() -> None:

@@ -12,6 +12,7 @@ of its surface. Prints the error of the map on the way, and draws it.
 
 import argparse
 import time
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -19,11 +20,13 @@ from jaxtyping import Float
 
 import glazejax as gj
 from benchmarks.render.strokes import brush_strokes
-from benchmarks.results import Results, add_option
+from benchmarks.results import Results, add_option, quantities, quantity
 
 NEEDS = ("mitsuba", "matplotlib")
 
 PAINT, GROUND, MOST, START = "UltramarineBlue", 0.8, 6e-6, 1.4e-6
+# Of a pixel, in the pictures and in a step of the fit.
+TARGET_SAMPLES, SAMPLES = 1024, 16
 # None sees the light mirrored.
 VIEWS = ((0.0, 0.0, 3.8), (2.2, 0.6, 3.2), (-1.9, 1.2, 3.0))
 _MICROMETRE = 1e-6
@@ -32,22 +35,14 @@ _FLOOR = 0.02
 
 
 class Recovered(NamedTuple):
-    """What a fit found, and how it came there."""
+    """What a fit found."""
 
     thickness: Float[np.ndarray, "n n"]
     """m."""
-    steps: list[int]
-    errors: list[float]
-    """Root mean square error over root mean square thickness, at these steps."""
     noise: float
     """Root mean square of the noise of the pictures, over the same of the pictures."""
     seconds: float
     pictures: list[Float[np.ndarray, "size size 3"]]
-
-
-def stroke(size: int) -> Float[np.ndarray, "size size"]:
-    """Thickness in m."""
-    return brush_strokes(size)
 
 
 def scene(mi: Any, thickness: Float[np.ndarray, "n n"], size: int) -> Any:
@@ -87,10 +82,10 @@ def recover(
     truth: Float[np.ndarray, "n n"],
     *,
     size: int = 128,
-    target_samples: int = 1024,
-    samples: int = 16,
+    target_samples: int = TARGET_SAMPLES,
+    samples: int = SAMPLES,
     steps: int = 200,
-    told: Any = None,
+    say: Callable[[str], None] = lambda line: None,
 ) -> Recovered:
     """Fit a thickness map to pictures of the true one.
 
@@ -100,7 +95,7 @@ def recover(
         size: of the pictures.
         target_samples, samples: of a pixel, in the pictures and in a step.
         steps: of Adam.
-        told: called with a line now and then.
+        say: called with a line now and then.
     """
     import drjit as dr
 
@@ -118,7 +113,6 @@ def recover(
     adam = mi.ad.Adam(lr=0.15)
     adam[key] = params[key]
     params.update(adam)
-    reached, errors = [], []
     for step in range(steps):
         adam.set_learning_rate(0.15 * 0.02 ** (step / steps))
         k = step % len(VIEWS)
@@ -130,15 +124,14 @@ def recover(
         params.update(adam)
         if step % 25 == 24 or step == steps - 1:
             now = np.array(params[key], float)[..., 0] * _MICROMETRE
-            reached.append(step + 1)
-            errors.append(float(np.linalg.norm(now - truth) / np.linalg.norm(truth)))
-            if told is not None:
-                told(
-                    f"step {step + 1:4}: error {errors[-1]:7.2%}, loss "
-                    f"{float(np.array(loss).ravel()[0]):.2e}"
-                )
+            error = np.linalg.norm(now - truth) / np.linalg.norm(truth)
+            say(
+                f"step {step + 1:4}: error {error:7.2%}, loss "
+                f"{float(np.array(loss).ravel()[0]):.2e}"
+            )
     now = np.array(params[key], float)[..., 0] * _MICROMETRE
-    return Recovered(now, reached, errors, noise, time.perf_counter() - begun, pictures)
+    seconds = time.perf_counter() - begun
+    return Recovered(thickness=now, noise=noise, seconds=seconds, pictures=pictures)
 
 
 def main() -> None:
@@ -158,15 +151,14 @@ def main() -> None:
 
     register()
     results = Results("thickness_from_views", options.out, "mitsuba")
-    truth = stroke(options.size)
+    truth = brush_strokes(options.size)
     results(f"Mitsuba in {mi.variant()}; {PAINT} on a ground of {GROUND}, with its gloss")
     results(
-        f"{options.size} x {options.size} texels, mean {truth.mean() * 1e6:.2f}, most "
-        f"{truth.max() * 1e6:.2f} um; "
-        f"three views of 128 x 128 pixels, 1024 samples; {options.steps} steps of one view, 16 "
-        "samples, other seeds"
+        f"{options.size} x {options.size} texels, mean {truth.mean() * 1e6:.2f} um, at most "
+        f"{truth.max() * 1e6:.2f} um; three views of 128 x 128 pixels, {TARGET_SAMPLES} samples; "
+        f"{options.steps} steps of one view, {SAMPLES} samples, other seeds"
     )
-    found = recover(mi, truth, steps=options.steps, told=results)
+    found = recover(mi, truth, steps=options.steps, say=results)
     results(f"noise of the pictures: {found.noise:.2%} of their values")
     off = found.thickness - truth
     rms, mean = np.linalg.norm(off) / np.linalg.norm(truth), np.abs(off).mean() / truth.mean()
@@ -176,6 +168,14 @@ def main() -> None:
         f"mean, bias {off.mean() / truth.mean():+.2%}"
     )
     results(f"{found.seconds:.0f} s in all, on a machine with other work to do")
+    errors = {"rms": rms, "absolute": mean, "bias": abs(off.mean()) / truth.mean()}
+    counts = {"view_samples": TARGET_SAMPLES, "steps": options.steps, "step_samples": SAMPLES}
+    results.record(
+        **quantities({name: 100.0 * error for name, error in errors.items()}, "%", n=off.size),
+        **quantities(counts, digits=0),
+        noise=quantity(100.0 * found.noise, "%", 1),
+        thickest=quantity(1e6 * truth.max(), digits=1),
+    )
     results.save(_figure(truth, found))
 
 
@@ -183,13 +183,12 @@ def _figure(truth, found: Recovered):
     """The three views; truth, what was found, and ten times the difference."""
     from matplotlib.figure import Figure
 
+    from glazejax.colour import encoded_srgb
+
     figure = Figure(figsize=(10, 6.8), layout="constrained")
     axes = figure.subplots(2, 3)
     for k, (axis, picture) in enumerate(zip(axes[0], found.pictures, strict=True)):
-        bright = np.clip(picture / np.quantile(picture, 0.98), 0.0, 1.0)
-        axis.imshow(
-            np.where(bright <= 0.0031308, 12.92 * bright, 1.055 * bright ** (1 / 2.4) - 0.055)
-        )
+        axis.imshow(encoded_srgb(np.clip(picture / np.quantile(picture, 0.98), 0.0, 1.0)))
         axis.set_title(f"view {k + 1}")
     most = truth.max() * 1e6
     maps = ((truth, "true thickness"), (found.thickness, "found from the views"))

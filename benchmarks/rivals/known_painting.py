@@ -10,7 +10,6 @@ import functools
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol
 
 import numpy as np
 from jaxtyping import Float
@@ -20,7 +19,6 @@ from glazefit.mapping.store.layout import PLACES
 from glazejax import Glaze, Hemispherical, Layer, Mixture, Pigment, interpolated, reflectance
 from glazejax.catalogue import load
 from glazejax.chebyshev_table import Axis, Mirrored, polynomials
-from glazejax.progress import Progress, no_progress
 
 NOISE = 0.003
 """Standard deviation of a reading, independent in every band."""
@@ -41,72 +39,60 @@ TRUTH = {
     "region": "uint8",
     "foreign": "bool",
 }
-"""Arrays of the truth; the first three have `PLACES` columns."""
-
-
-class Scenery(Protocol):
-    """What can be written, mapped and compared: a `Painting`, or a mosaic of measured films."""
-
-    @property
-    def shape(self) -> tuple[int, int]:
-        """(y, x) in pixels."""
-        ...
-
-    @property
-    def wavelengths(self) -> Float[np.ndarray, "bands"]:
-        """Of the bands, nm."""
-        ...
-
-    @property
-    def paints(self) -> list[Pigment]:
-        """Paints that a map is to be given."""
-        ...
-
-    @property
-    def ground(self) -> Float[np.ndarray, "bands"]:
-        """Its internal reflectance."""
-        ...
-
-    @property
-    def seed(self) -> int:
-        """Of all that is drawn at random."""
-        ...
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Paints by the number that the truth gives them."""
-        ...
-
-    def rows(self, y0: int, y1: int) -> Float[np.ndarray, "rows x bands"]:
-        """Reflectance of some rows."""
-        ...
-
-    def truth(self, y0: int, y1: int) -> dict[str, np.ndarray]:
-        """What they are painted with, by the names of `TRUTH`."""
-        ...
+PLACED = ("members", "coats", "amounts")
+"""Arrays of the truth; these three have `PLACES` columns."""
 
 
 @dataclass(frozen=True)
-class Painting:
-    """A painting that is computed where it is asked for; `painting` makes one.
+class Scenery:
+    """What can be written, mapped and compared: a `Painting`, or a mosaic of measured films.
 
     Attributes:
         shape: (y, x) in pixels.
         wavelengths: (bands,), nm.
-        paints: of the catalogue that a map is to be given.
-        foreign: the two that are in the painting too, and are not among them.
+        paints: that a map is to be given.
         ground: its internal reflectance, (bands,).
-        noise: standard deviation of a reading.
+        noise: standard deviation of a reading, independent in every band.
         seed: of all that is drawn at random.
     """
 
     shape: tuple[int, int]
     wavelengths: Float[np.ndarray, "bands"]
     paints: list[Pigment]
-    foreign: list[Pigment]
     ground: Float[np.ndarray, "bands"]
     noise: float
     seed: int
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Paints by the number that the truth gives them: those of a map, then foreign ones."""
+        raise NotImplementedError
+
+    def rows(self, y0: int, y1: int) -> Float[np.ndarray, "rows x bands"]:
+        """Reflectance of some rows, float32."""
+        raise NotImplementedError
+
+    def truth(self, y0: int, y1: int) -> dict[str, np.ndarray]:
+        """What they are painted with, by the names of `TRUTH`."""
+        raise NotImplementedError
+
+    def add_noise(self, spectra: Float[np.ndarray, "rows x bands"], y0: int, stream: int) -> None:
+        """Add each row's own noise in place, the same however rows are cut into blocks."""
+        for y, row in enumerate(spectra, y0):
+            rng = np.random.default_rng([self.seed, stream, y])
+            row += np.float32(self.noise) * rng.standard_normal(row.shape, np.float32)
+
+
+@dataclass(frozen=True)
+class Painting(Scenery):
+    """A painting that is computed where it is asked for; `painting` makes one.
+
+    Attributes:
+        foreign: the two paints of the catalogue that are in the painting, and are not among those
+            of a map.
+    """
+
+    foreign: list[Pigment]
 
     @functools.cached_property
     def scene(self) -> Scene:
@@ -115,25 +101,17 @@ class Painting:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Paints by the number that the truth gives them: those of the catalogue, then the foreign
-        ones.
-        """
+        """Paints by the number that the truth gives them."""
         return tuple(paint.name for paint in (*self.paints, *self.foreign))
 
     def rows(self, y0: int, y1: int, *, noise: bool = True) -> Float[np.ndarray, "rows x bands"]:
-        """Reflectance of rows y0 to y1, float32; the same however the painting is cut into blocks.
-
-        Raises:
-            ValueError: rows that the painting has not.
-        """
+        """Reflectance of rows y0 to y1, float32; the same however the painting is cut into blocks."""
         found = np.empty((y1 - y0, self.shape[1], self.wavelengths.size), np.float32)
         for number, where, values in self._vary(y0, y1):
             table = _table(number, tuple(self.wavelengths.tolist()), tuple(self.ground.tolist()))
             found[where] = table(values)
         if noise:
-            for n, y in enumerate(range(y0, y1)):
-                rng = np.random.default_rng([self.seed, 2, y])
-                found[n] += np.float32(self.noise) * rng.standard_normal(found[n].shape, np.float32)
+            self.add_noise(found, y0, stream=2)
         return found
 
     def truth(self, y0: int, y1: int) -> dict[str, np.ndarray]:
@@ -144,14 +122,12 @@ class Painting:
             paints; coats, of each the coat it lies in, 0 the uppermost; amounts, of each in m
             (thickness times share); region (rows, x), number in `benchmarks.rivals.known_painting_scene.REGIONS`;
             foreign, whether a paint of it is not in the catalogue.
-
-        Raises:
-            ValueError: rows that the painting has not.
         """
         number_of = {name: n for n, name in enumerate(self.names)}
+        place = y1 - y0, self.shape[1]
         found = {
-            name: np.zeros(shape, TRUTH[name])
-            for name, shape in _truth_shapes(y1 - y0, self.shape[1]).items()
+            name: np.zeros((*place, PLACES) if name in PLACED else place, dtype)
+            for name, dtype in TRUTH.items()
         }
         found["members"][:] = -1
         for number, where, values in self._vary(y0, y1):
@@ -171,8 +147,6 @@ class Painting:
 
     def _vary(self, y0: int, y1: int) -> Iterator[tuple[int, np.ndarray, dict[str, np.ndarray]]]:
         """Number of each region in some rows, its pixels, and the numbers that vary there."""
-        if not 0 <= y0 < y1 <= self.shape[0]:
-            raise ValueError(f"rows {y0} to {y1} are not in a painting of {self.shape[0]} rows")
         labels = self.scene.labels(y0, y1)
         # Of every row by itself, so that blocks of any size hold the same painting.
         rows = [np.random.default_rng([self.seed, 1, y]) for y in range(y0, y1)]
@@ -190,14 +164,6 @@ class Painting:
             yield int(number), where, values
 
 
-def _truth_shapes(lines: int, samples: int) -> dict[str, tuple[int, ...]]:
-    """Shapes of the arrays of the truth."""
-    placed = ("members", "coats", "amounts")
-    return {
-        name: (lines, samples, PLACES) if name in placed else (lines, samples) for name in TRUTH
-    }
-
-
 def painting(
     shape: tuple[int, int] = (96, 128),
     bands: int | Float[np.ndarray, "bands"] = 60,
@@ -211,21 +177,8 @@ def painting(
         bands: number of bands from 400 to 700 nm, or wavelengths in nm within that range.
         seed: another seed is another painting of the same kind.
         noise: standard deviation of a reading, independent in every band.
-
-    Raises:
-        ValueError: an empty shape, less than two bands, wavelengths that the catalogue does not
-            cover, negative noise.
     """
-    if len(shape) != 2 or min(shape) < 1:
-        raise ValueError(
-            f"a painting of {' x '.join(map(str, shape))} pixels cannot be made: give (y, x), "
-            "both 1 or more"
-        )
-    if not 0 <= noise < 1:
-        raise ValueError(f"noise is {noise:g}; it must be a fraction from 0 to 1, such as {NOISE}")
     grid = np.linspace(400.0, 700.0, bands) if isinstance(bands, int) else np.asarray(bands, float)
-    if grid.size < 2:
-        raise ValueError(f"a painting of {grid.size} bands says nothing of paints: give 2 or more")
     paints = {name: paint.resample(grid) for name, paint in load().items()}
     kept = [paint for name, paint in paints.items() if name not in FOREIGN]
     return Painting(
@@ -328,90 +281,50 @@ def _table(number: int, wavelengths: tuple[float, ...], ground: tuple[float, ...
     )
 
 
-def write_painting(
-    folder: str | Path,
-    painting: Scenery,
-    dtype: str = "float32",
-    *,
-    interleave: str = "bil",
-    progress: Progress = no_progress,
-) -> Path:
-    """Write a painting as an ENVI image with its truth, a block of rows at a time.
+def write_painting(folder: str | Path, painting: Scenery) -> Path:
+    """Write a painting as an ENVI image of ten thousandths (uint16), a block of rows at a time.
 
     Args:
-        folder: is made; gets painting.hdr and painting.dat, ground.csv (internal reflectance), and
-            truth/NAME.npy for each name of `TRUTH`, which `read_truth` opens.
+        folder: is made; gets painting.hdr and painting.dat, and ground.csv (internal reflectance).
         painting: by `painting`.
-        dtype: "float32", reflectance as a fraction, or "uint16", ten thousandths.
-        interleave: "bil" or "bip".
-        progress: called with the number of rows done and of all rows.
 
     Returns:
         Path of the header.
 
     Raises:
         FileExistsError: there is a painting in the folder.
-        ValueError: another type or interleave.
     """
-    if dtype not in ("float32", "uint16"):
-        raise ValueError(f"a painting is written as float32 or uint16, not {dtype}")
-    if interleave not in ("bil", "bip"):
-        raise ValueError(f"a painting is written as bil or bip, not {interleave}")
     folder = Path(folder)
-    header = folder / "painting.hdr"
-    if header.exists():
-        raise FileExistsError(f"{header} is there already: name another folder, or remove it")
-    (folder / "truth").mkdir(parents=True, exist_ok=True)
+    folder.mkdir(parents=True, exist_ok=True)
     lines, samples = painting.shape
-    truth = {
-        name: np.lib.format.open_memmap(folder / "truth" / f"{name}.npy", "w+", TRUTH[name], shape)
-        for name, shape in _truth_shapes(lines, samples).items()
-    }
     rows = max(1, _VALUES // (samples * painting.wavelengths.size))
-    with (folder / "painting.dat").open("wb") as file:
+    with (folder / "painting.dat").open("xb") as file:
         for y in range(0, lines, rows):
-            end = min(y + rows, lines)
-            block = painting.rows(y, end)
-            for name, values in painting.truth(y, end).items():
-                truth[name][y:end] = values
-            if dtype == "uint16":
-                block = np.clip(np.rint(block * 10000.0), 0, 65535)
-            block = block.astype(f"<{np.dtype(dtype).str[1:]}")
-            file.write((block.transpose(0, 2, 1) if interleave == "bil" else block).tobytes())
-            progress(end, lines, "painting")
-    for array in truth.values():
-        array.flush()
+            block = painting.rows(y, min(y + rows, lines))
+            whole = np.clip(np.rint(block * 10000.0), 0, 65535).astype("<u2")
+            file.write(whole.transpose(0, 2, 1).tobytes())
     table = "\n".join(
         f"{w:g},{r:.6f}" for w, r in zip(painting.wavelengths, painting.ground, strict=True)
     )
     (folder / "ground.csv").write_text(f"wavelength,ground\n{table}\n", encoding="utf-8")
-    # Last, so that a header stands for a whole image.
-    header.write_text(_header(painting, dtype, interleave), encoding="utf-8")
+    header = folder / "painting.hdr"
+    header.write_text(_header(painting), encoding="utf-8")
     return header
 
 
-def _header(painting: Scenery, dtype: str, interleave: str) -> str:
+def _header(painting: Scenery) -> str:
     fields = {
-        "description": "{Painting made by benchmarks.rivals.known_painting, seed "
-        + f"{painting.seed}"
-        + "}",
+        "description": f"{{Painting made by benchmarks.rivals.known_painting, seed {painting.seed}}}",
         "samples": painting.shape[1],
         "lines": painting.shape[0],
         "bands": painting.wavelengths.size,
         "header offset": 0,
         "file type": "ENVI Standard",
-        "data type": {"float32": 4, "uint16": 12}[dtype],
-        "interleave": interleave,
+        "data type": 12,
+        "interleave": "bil",
         "byte order": 0,
-        **({"reflectance scale factor": 10000} if dtype == "uint16" else {}),
+        "reflectance scale factor": 10000,
         "wavelength units": "Nanometers",
         "wavelength": "{" + ", ".join(f"{w:.6g}" for w in painting.wavelengths) + "}",
     }
     return "ENVI\n" + "".join(f"{name} = {value}\n" for name, value in fields.items())
-
-
-def read_truth(folder: str | Path) -> dict[str, np.ndarray]:
-    """Truth that `write_painting` wrote, memory-mapped, (y, x, ...), by name; see
-    `Painting.truth`.
-    """
-    return {name: np.load(Path(folder) / "truth" / f"{name}.npy", mmap_mode="r") for name in TRUTH}

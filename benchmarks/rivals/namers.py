@@ -2,13 +2,12 @@
 
 import itertools
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from importlib.util import find_spec
 from typing import Any
 
 import numpy as np
 from jaxtyping import Bool, Float
-from scipy.optimize import nnls
 
 from benchmarks.paintbench.library import (
     FALSE_ALARMS,
@@ -28,6 +27,7 @@ from benchmarks.paintbench.spectra import (
     log_ratio,
     slopes,
 )
+from benchmarks.rivals.baselines import shares_of, unmix
 
 Feature = Callable[[Float[np.ndarray, "n bands"]], Float[np.ndarray, "n less"]]
 
@@ -83,6 +83,17 @@ def slope_of_absorbance(readings: Float[np.ndarray, "n bands"]) -> Float[np.ndar
     return slopes(absorbance(readings))
 
 
+def _sources_apart(library: Table) -> Iterator[tuple[Table, Table]]:
+    """For each source all others, and its own samples of families that the others have."""
+    for group in sorted(set(library.groups)):
+        others = library.take(library.groups != group)
+        rest = library.take(
+            (library.groups == group) & np.isin(library.families, known_families(others))
+        )
+        if len(rest) and len(others):
+            yield others, rest
+
+
 class Unmixing:
     """Non-negative least squares of -log R from one mean spectrum of each family and a constant."""
 
@@ -94,28 +105,14 @@ class Unmixing:
     def learn(self, library: Table) -> None:
         """Means of -log R of each family, and the misfit from which on a reading is refused."""
         self._library = library
-        self._families = known_families(library)
         self._limit = np.inf
         misfits = [
             answer.doubt
-            for group in sorted(set(library.groups))
-            for answer in self._of_group(library, group)
+            for others, rest in _sources_apart(library)
+            for answer in self._answers(others, rest, [None] * len(rest), pairs=False)
         ]
         if misfits:
             self._limit = float(np.quantile(misfits, 1.0 - FALSE_ALARMS))
-
-    def _of_group(self, library: Table, group: str) -> list[Answer]:
-        """Answers on one source by all others, of families that the others have."""
-        others = library.take(library.groups != group)
-        known = set(others.families.tolist())
-        own = library.take(
-            (library.groups == group)
-            & np.array([family in known for family in library.families.tolist()])
-            & np.isin(library.families, self._families)
-        )
-        if not len(own) or not len(others):
-            return []
-        return self._answers(others, own, [None] * len(own), pairs=False)
 
     def answer(self, sought: Table, hidden: Sequence[str | None], pairs: bool) -> list[Answer]:
         """Largest shares first: of pairs the two largest together."""
@@ -144,9 +141,9 @@ class Unmixing:
                 wanted = [family for family, has in zip(wanted, there, strict=True) if has]
                 means = means[there]
             matrix = np.column_stack([means[:, bands].T, np.ones(int(bands.sum()))])
-            shares, left = nnls(matrix, reading[bands])
-            shares = shares[:-1] / max(shares[:-1].sum(), 1e-12)
-            answers.append(self._answer(wanted, shares, left / np.sqrt(float(bands.sum())), pairs))
+            amounts, misfit = unmix(matrix, reading[None, bands])
+            shares = shares_of(amounts[0, :-1])
+            answers.append(self._answer(wanted, shares, float(misfit[0]), pairs))
         return answers
 
     def _answer(
@@ -181,15 +178,10 @@ class Classifier:
         self._library = library
         self._fitted: dict[bytes, Any] = {}
         doubts = []
-        for group in sorted(set(library.groups)):
-            others = library.take(library.groups != group)
-            own = library.take(
-                (library.groups == group) & np.isin(library.families, known_families(others))
-            )
-            if len(own) and len(others):
-                model, bands = self._fit(others, own)
-                chances = model.predict_proba(self._features(own.readings[:, bands]))
-                doubts += (1.0 - chances.max(axis=1)).tolist()
+        for others, rest in _sources_apart(library):
+            model, bands = self._fit(others, rest)
+            chances = model.predict_proba(self._features(rest.readings[:, bands]))
+            doubts += (1.0 - chances.max(axis=1)).tolist()
         self._limit = float(np.quantile(doubts, 1.0 - FALSE_ALARMS)) if doubts else np.inf
 
     def answer(self, sought: Table, hidden: Sequence[str | None], pairs: bool) -> list[Answer]:

@@ -1,25 +1,27 @@
 """What people map paints with: spectral angle, linear unmixing, Kubelka-Munk unmixing; and scores
 against a truth.
 
-    python -m benchmarks.rivals.painting_rivals [--pixels 2000] [--bands 200]
-
 All get the same paints as the map, and the choice that each method leaves to its user, from which
 share on a paint is named and from which misfit on nothing is, is made for it on another painting
 whose truth it is shown.
 """
 
-import argparse
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
-from scipy.optimize import nnls
 
-from benchmarks.results import Results, add_option
-from benchmarks.rivals.known_painting import PLACES, Scenery, painting
+from benchmarks.paintbench.spectra import (
+    absorbance,
+    cosine_distance,
+    hiding_ratio,
+    hiding_reflectance,
+)
+from benchmarks.results import Quantity, quantities
+from benchmarks.rivals.baselines import Surface, film_reflectance, least_squares, shares_of, unmix
+from benchmarks.rivals.known_painting import PLACES, Scenery
 from glazefit.film.films import Instrument, diffuse_internal_reflectance
 from glazejax import Glaze, Hemispherical, Layer, Mixture, Pigment, reflectance
 from glazejax.catalogue import family
@@ -29,13 +31,11 @@ Shares = Float[np.ndarray, "pixels paints"]
 
 _OPAQUE = 0.005
 _FILM = 25e-6
-_TINY = 1e-12
 CUTS = (0.003, 0.01, 0.02, 0.03, 0.05, 0.08, 0.12, 0.2)
 """Shares that are tried as the least that a paint is named for."""
 
 
-@dataclass(frozen=True)
-class Truth:
+class Truth(NamedTuple):
     """What some pixels are painted with.
 
     Attributes:
@@ -51,8 +51,7 @@ class Truth:
     coats: Int[np.ndarray, "pixels"]
 
 
-@dataclass(frozen=True)
-class Answer:
+class Answer(NamedTuple):
     """What a method says of some pixels.
 
     Attributes:
@@ -123,13 +122,14 @@ def sampled(
         )
     )
     ys, xs = np.divmod(drawn, width)
-    spectra, parts = [], []
+    spectra = []
+    parts = []
     for y in range(0, height, 64):
         end = min(y + 64, height)
         here = (ys >= y) & (ys < end)
-        truth = scene.truth(y, end)
-        spectra.append(scene.rows(y, end)[ys[here] - y, xs[here]])
-        parts.append({name: values[ys[here] - y, xs[here]] for name, values in truth.items()})
+        at = ys[here] - y, xs[here]
+        spectra.append(scene.rows(y, end)[at])
+        parts.append({name: values[at] for name, values in scene.truth(y, end).items()})
     whole = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
     return np.concatenate(spectra).astype(float), truth_of(whole), np.stack([ys, xs], axis=1)
 
@@ -141,10 +141,10 @@ def truth_of(arrays: dict[str, np.ndarray]) -> Truth:
     members = arrays["members"].reshape(-1, PLACES).astype(int)
     coats = np.where(members >= 0, arrays["coats"].reshape(members.shape), 0).max(axis=1) + 1
     return Truth(
-        members,
-        arrays["amounts"].reshape(members.shape).astype(float),
-        arrays["foreign"].ravel(),
-        coats,
+        members=members,
+        amounts=arrays["amounts"].reshape(members.shape).astype(float),
+        foreign=arrays["foreign"].ravel(),
+        coats=coats,
     )
 
 
@@ -170,19 +170,18 @@ def score(truth: Truth, answer: Answer, names: Sequence[str]) -> Score:
     share_error = 0.5 * np.abs(shares - true_shares).sum(axis=1)
     share_error[shares.sum(axis=1) == 0] = 1.0
     off = np.abs(amounts - true_amounts).sum(axis=1) / true_amounts.sum(axis=1)
-    told = known & np.isfinite(off)
 
-    def mean(values: np.ndarray, over: np.ndarray) -> float:
-        return float(values[over].mean()) if over.any() else float("nan")
+    def mean(values: np.ndarray, over: np.ndarray, of: Callable = np.mean) -> float:
+        return float(of(values[over])) if over.any() else float("nan")
 
     return Score(
-        mean(right, known),
-        mean(right_family, known),
-        mean(main, known),
-        mean(share_error, known),
-        float(np.median(off[told])) if told.any() else float("nan"),
-        mean(answer.none, known),
-        mean(answer.none, truth.foreign),
+        right_set=mean(right, known),
+        right_pigments=mean(right_family, known),
+        right_main=mean(main, known),
+        share_error=mean(share_error, known),
+        amount_error=mean(off, known & np.isfinite(off), np.median),
+        false_none=mean(answer.none, known),
+        none_found=mean(answer.none, truth.foreign),
     )
 
 
@@ -228,10 +227,8 @@ def _threshold(misfit: Float[np.ndarray, "pixels"], foreign: Bool[np.ndarray, "p
     if not foreign.any() or foreign.all():
         return float("inf")
     levels = np.unique(misfit)
-    above = len(misfit[foreign]) - np.searchsorted(np.sort(misfit[foreign]), levels, side="right")
-    below = np.searchsorted(np.sort(misfit[~foreign]), levels, side="right")
-    balanced = above / foreign.sum() + below / (~foreign).sum()
-    best = int(balanced.argmax())
+    above = misfit[:, None] > levels
+    best = int((above[foreign].mean(axis=0) - above[~foreign].mean(axis=0)).argmax())
     # Between two readings, so that rounding does not decide.
     return float(0.5 * (levels[best] + levels[min(best + 1, len(levels) - 1)]))
 
@@ -244,13 +241,11 @@ def answered(unmixed: Unmixed, choice: Choice) -> Answer:
     shares = np.take_along_axis(unmixed.shares, order, axis=1)
     kept = shares >= choice.cut
     kept[:, 0] = shares[:, 0] > 0
-    total = np.where(kept, shares, 0.0).sum(axis=1, keepdims=True)
-    part = np.where(kept, shares, 0.0) / np.where(total > 0, total, 1.0)
     return Answer(
-        np.where(kept, order, -1),
-        part,
-        unmixed.thickness,
-        (unmixed.misfit > choice.threshold) | ~kept[:, 0],
+        members=np.where(kept, order, -1),
+        shares=shares_of(np.where(kept, shares, 0.0)),
+        thickness=unmixed.thickness,
+        none=(unmixed.misfit > choice.threshold) | ~kept[:, 0],
     )
 
 
@@ -282,14 +277,16 @@ def spectral_angle(
     recipes = np.concatenate(weights)
     sizes = (_OPAQUE, _FILM, 8e-6)
     library = np.concatenate([films(paints, recipes, size, ground) for size in sizes])
-    unit = library / np.linalg.norm(library, axis=1, keepdims=True)
     thickness = np.repeat([np.nan, *sizes[1:]], len(recipes))
 
     def method(spectra: Spectra) -> Unmixed:
-        cosine = (spectra / np.linalg.norm(spectra, axis=1, keepdims=True)) @ unit.T
-        best = cosine.argmax(axis=1)
-        angle = np.arccos(np.clip(cosine[np.arange(len(best)), best], -1, 1))
-        return Unmixed(recipes[best % len(recipes)], thickness[best], angle)
+        distance = cosine_distance(spectra, library, least=1)
+        best = distance.argmin(axis=1)
+        return Unmixed(
+            shares=recipes[best % len(recipes)],
+            thickness=thickness[best],
+            misfit=distance.min(axis=1),
+        )
 
     return method
 
@@ -303,20 +300,13 @@ def linear(
     count = len(paints)
     masstones = films(paints, np.eye(count), _OPAQUE, ground)
     bare = films(paints, np.eye(count)[:1], 0.0, ground)
-
-    def taken(values: np.ndarray) -> np.ndarray:
-        return -np.log(np.maximum(values, 1e-3)) if logarithm else values
-
+    taken = absorbance if logarithm else np.asarray
     ends = taken(np.concatenate([masstones, bare])).T
 
     def method(spectra: Spectra) -> Unmixed:
-        found = [nnls(ends, spectrum) for spectrum in taken(spectra)]
-        weights = np.array([each[0] for each in found])[:, :count]
-        total = weights.sum(axis=1, keepdims=True)
-        misfit = np.array([each[1] for each in found]) / np.sqrt(spectra.shape[1])
-        return Unmixed(
-            weights / np.where(total > 0, total, 1.0), np.full(len(spectra), np.nan), misfit
-        )
+        amounts, misfit = unmix(ends, taken(spectra))
+        unknown = np.full(len(spectra), np.nan)
+        return Unmixed(shares=shares_of(amounts[:, :count]), thickness=unknown, misfit=misfit)
 
     return method
 
@@ -332,126 +322,80 @@ class TwoFlux:
 
     def __init__(self, paints: Sequence[Pigment], ground: Float[np.ndarray, "bands"]):
         instrument = Instrument()
-        self.outer, self.inner = instrument.surface, diffuse_internal_reflectance(instrument)
+        self.surface = Surface(instrument.surface, diffuse_internal_reflectance(instrument))
         self.ground = np.asarray(ground, float)
-        k = np.array([np.asarray(paint.absorption, float) for paint in paints])
-        s = np.array([np.asarray(paint.scattering, float) for paint in paints])
-        self.absorption, self.scattering = self._calibrated(paints, 2.0 * k, 0.75 * s)
+        self._calibrate(paints)
 
     def reading(
         self, absorption: np.ndarray, scattering: np.ndarray, ground: np.ndarray | float
     ) -> np.ndarray:
         """Reading of films of K d and S d on a ground."""
-        x = np.sqrt(np.maximum(absorption * (absorption + 2.0 * scattering), _TINY**2))
-        # sinh(x)/x and cosh(x) over exp(x), so that nothing overflows.
-        small = np.exp(-2.0 * x)
-        sinh = np.where(x < 1e-4, 1.0 - x, -np.expm1(-2.0 * x) / (2.0 * np.maximum(x, _TINY)))
-        below = 0.5 * (1.0 + small) + (absorption + scattering) * sinh
-        back, through = scattering * sinh / below, np.exp(-x) / below
-        inside = back + through**2 * ground / (1.0 - back * ground)
-        return self.outer + (1 - self.outer) * (1 - self.inner) * inside / (1 - self.inner * inside)
-
-    def inside(self, reading: np.ndarray) -> np.ndarray:
-        """Reflectance inside the paint, Saunderson's correction undone."""
-        body = np.maximum(reading - self.outer, 1e-4)
-        return np.clip(
-            body / ((1 - self.outer) * (1 - self.inner) + self.inner * body), 1e-4, 0.999
-        )
+        return self.surface.reading(film_reflectance(absorption, scattering, ground))
 
     def slopes(
         self, absorption: np.ndarray, scattering: np.ndarray, ground: np.ndarray | float
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Reading, and its derivatives by the logarithms of K d and of S d, by differences."""
-        step = 1e-4
-        one, two = (
-            self.reading(absorption * (1 + step), scattering, ground),
-            self.reading(absorption * (1 - step), scattering, ground),
-        )
-        three, four = (
-            self.reading(absorption, scattering * (1 + step), ground),
-            self.reading(absorption, scattering * (1 - step), ground),
-        )
-        middle = self.reading(absorption, scattering, ground)
-        return middle, (one - two) / (2 * step), (three - four) / (2 * step)
-
-    def _calibrated(
-        self, paints: Sequence[Pigment], absorption: np.ndarray, scattering: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        grounds, sizes = (0.03, 0.93), (8e-6, 25e-6, 60e-6)
-        every = [(ground, size) for ground in grounds for size in sizes]
-        bands = self.ground.size
-        exact = np.stack(
+        """Derivatives of the reading by the logarithms of K d and of S d, by differences."""
+        up, down = 1.0 + 1e-4, 1.0 - 1e-4
+        by_k = self.reading(absorption * up, scattering, ground)
+        by_k -= self.reading(absorption * down, scattering, ground)
+        by_s = self.reading(absorption, scattering * up, ground)
+        by_s -= self.reading(absorption, scattering * down, ground)
+        return by_k / (up - down), by_s / (up - down)
+
+    def _calibrate(self, paints: Sequence[Pigment]) -> None:
+        """Fit K and S of each paint and band, and how far their films are from those of the
+        solver.
+        """
+        films_over = [(g, size) for g in (0.03, 0.93) for size in (8e-6, 25e-6, 60e-6)]
+        grounds, sizes = np.array(films_over).T
+        pure, bands = np.eye(len(paints)), self.ground.size
+        exact = np.stack([films(paints, pure, d, np.full(bands, g)) for g, d in films_over], -1)
+
+        def computed(logs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+            thick = np.exp(logs[:, :, None]) * sizes
+            slopes = self.slopes(thick[:, 0], thick[:, 1], grounds)
+            return self.reading(thick[:, 0], thick[:, 1], grounds), np.stack(slopes, axis=-1)
+
+        # One problem for each paint and band; constants of radiative transfer are the start.
+        start = np.stack(
             [
-                films(paints, np.eye(len(paints)), size, np.full(bands, ground))
-                for ground, size in every
-            ]
+                np.log(factor * np.array([getattr(paint, name) for paint in paints]) + 1.0).ravel()
+                for factor, name in ((2.0, "absorption"), (0.75, "scattering"))
+            ],
+            axis=-1,
         )
-        logs, damping = (
-            np.log(np.stack([absorption + 1.0, scattering + 1.0])),
-            np.full(absorption.shape, 1e-3),
-        )
-
-        def computed(at: np.ndarray) -> tuple[np.ndarray, ...]:
-            parts = [
-                self.slopes(np.exp(at[0]) * size, np.exp(at[1]) * size, ground)
-                for ground, size in every
-            ]
-            return tuple(np.stack(each) for each in zip(*parts, strict=True))
-
-        value, by_k, by_s = computed(logs)
-        cost = ((exact - value) ** 2).sum(axis=0)
-        for _ in range(40):
-            off = exact - value
-            a, b, c = (by_k**2).sum(axis=0), (by_k * by_s).sum(axis=0), (by_s**2).sum(axis=0)
-            p, q = (by_k * off).sum(axis=0), (by_s * off).sum(axis=0)
-            a, c = a + damping * (a + 1e-9), c + damping * (c + 1e-9)
-            step = np.stack([c * p - b * q, a * q - b * p]) / np.maximum(a * c - b * b, _TINY**2)
-            trial = logs + np.clip(step, -1.0, 1.0)
-            new = computed(trial)
-            new_cost = ((exact - new[0]) ** 2).sum(axis=0)
-            better = new_cost < cost
-            logs, cost = np.where(better, trial, logs), np.where(better, new_cost, cost)
-            value, by_k, by_s = (
-                np.where(better, n, o) for n, o in zip(new, (value, by_k, by_s), strict=True)
-            )
-            damping = np.where(better, damping * 0.3, np.minimum(damping * 5.0, 1e6))
-        self.calibration_error = float(np.sqrt(cost.mean() / len(every)))
-        return np.exp(logs[0]), np.exp(logs[1])
+        readings = exact.reshape(len(start), -1)
+        logs, cost = least_squares(computed, readings, start, largest_step=1.0)
+        self.calibration_error = float(np.sqrt(cost.mean() / len(films_over)))
+        self.absorption, self.scattering = np.exp(logs.T).reshape(2, len(paints), bands)
 
     def opaque(self, spectra: Spectra) -> Unmixed:
         """Shares of films that hide their ground: sum of c K over sum of c S is K/S of
         the reading.
         """
-        inside = self.inside(spectra)
-        ratio = (1.0 - inside) ** 2 / (2.0 * inside)
+        inside = self.surface.inside(spectra)
+        # What a change of K/S does to the reading, so that each band counts by its noise.
+        slope = 2.0 * inside**2 / (1.0 - inside**2) * self.surface.passed
+        slope /= (1.0 - self.surface.inner * inside) ** 2
         # Unknown is what each paint adds to the scattering, so that weak paints are no way to fit
         # everything by nothing; one more row makes it sum to 1.
         heavy, mean = 1e3, self.scattering.mean(axis=1)
         absorption, scattering = self.absorption / mean[:, None], self.scattering / mean[:, None]
-        found = np.zeros((len(spectra), len(mean)))
-        for n, (q, r) in enumerate(zip(ratio, inside, strict=True)):
-            # What a change of K/S does to the reading, so that each band counts by its noise.
-            slope = (
-                2.0
-                * r**2
-                / (1.0 - r**2)
-                * (1 - self.outer)
-                * (1 - self.inner)
-                / (1 - self.inner * r) ** 2
-            )
+        amounts = np.zeros((len(spectra), len(mean)))
+        for n, (q, weight) in enumerate(zip(hiding_ratio(inside), slope, strict=True)):
             total, weights = np.ones(len(q)), np.ones(len(mean))
             for _ in range(3):
-                rows = (slope / total * (absorption - q * scattering)).T
-                weights = nnls(
-                    np.vstack([rows, np.full(len(mean), heavy)]), np.r_[np.zeros(len(q)), heavy]
-                )[0]
+                rows = (weight / total * (absorption - q * scattering)).T
+                ends = np.vstack([rows, np.full(len(mean), heavy)])
+                weights = unmix(ends, np.r_[np.zeros(len(q)), heavy][None])[0][0]
                 total = np.maximum(weights @ scattering, 1e-3)
-            found[n] = weights / mean / np.sum(weights / mean)
-        mixed = (found @ self.absorption) / (found @ self.scattering)
-        body = 1.0 + mixed - np.sqrt(mixed**2 + 2.0 * mixed)
-        reading = self.outer + (1 - self.outer) * (1 - self.inner) * body / (1 - self.inner * body)
-        misfit = np.sqrt(np.mean((reading - spectra) ** 2, axis=1))
-        return Unmixed(found, np.full(len(spectra), np.nan), misfit)
+            amounts[n] = weights / mean
+        shares = shares_of(amounts)
+        mixed = (shares @ self.absorption) / (shares @ self.scattering)
+        off = self.surface.reading(hiding_reflectance(mixed)) - spectra
+        misfit = np.sqrt(np.mean(off**2, axis=1))
+        return Unmixed(shares=shares, thickness=np.full(len(spectra), np.nan), misfit=misfit)
 
     def film(
         self, spectra: Spectra, starts: Sequence[float] = (8e-6, 30e-6), rounds: int = 60
@@ -462,61 +406,31 @@ class TwoFlux:
         pieces = [
             self._film(spectra[n : n + 256], starts, rounds) for n in range(0, len(spectra), 256)
         ]
-        return Unmixed(*(np.concatenate(part) for part in zip(*pieces, strict=True)))
+        return Unmixed(*map(np.concatenate, zip(*pieces, strict=True)))
 
     def _film(self, spectra: Spectra, starts: Sequence[float], rounds: int) -> Unmixed:
         first = self.opaque(spectra).shares
-        count = first.shape[1]
-        unit = 1e-6
+        # Of micrometres of each paint.
+        absorption, scattering = 1e-6 * self.absorption, 1e-6 * self.scattering
+
+        def computed(amounts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+            k = np.maximum(amounts @ absorption, 1e-9)
+            s = np.maximum(amounts @ scattering, 1e-9)
+            by_k, by_s = self.slopes(k, s, self.ground)
+            slopes = (by_k / k)[:, :, None] * absorption.T + (by_s / s)[:, :, None] * scattering.T
+            return self.reading(k, s, self.ground), slopes
+
         best, least = np.zeros_like(first), np.full(len(spectra), np.inf)
         for size in starts:
-            amounts = (0.9 * first + 0.1 / count) * size / unit
-            value, slopes = self._amount_slopes(amounts, unit)
-            cost, damping = ((spectra - value) ** 2).sum(axis=1), np.full(len(spectra), 1e-3)
-            for _ in range(rounds):
-                gradient = np.einsum("nbp,nb->np", slopes, spectra - value)
-                curvature = slopes.transpose(0, 2, 1) @ slopes
-                # What lies at zero and would go below stays there for this step.
-                held = (amounts <= 0) & (gradient < 0)
-                curvature[held[:, :, None] | held[:, None, :]] = 0.0
-                scale = np.einsum("npp->np", curvature)
-                scale = np.where(held, 1.0, scale * (1 + damping[:, None]) + 1e-12)
-                curvature[:, np.arange(count), np.arange(count)] = scale
-                step = np.linalg.solve(curvature, np.where(held, 0.0, gradient)[..., None])[..., 0]
-                trial = np.maximum(amounts + step, 0.0)
-                new, new_slopes = self._amount_slopes(trial, unit)
-                new_cost = ((spectra - new) ** 2).sum(axis=1)
-                better = new_cost < cost
-                amounts[better], value[better], slopes[better] = (
-                    trial[better],
-                    new[better],
-                    new_slopes[better],
-                )
-                gain = np.where(better, cost - new_cost, 0.0)
-                cost = np.where(better, new_cost, cost)
-                damping = np.clip(np.where(better, 0.3 * damping, 4.0 * damping), 1e-9, 1e9)
-                if np.all((gain < 1e-6 * cost) & (better | (damping > 1e4))):
-                    break
+            start = (0.9 * first + 0.1 / first.shape[1]) * size * 1e6
+            amounts, cost = least_squares(computed, spectra, start, least=0.0, rounds=rounds)
             won = cost < least
             best[won], least[won] = amounts[won], cost[won]
-        total = best.sum(axis=1)
         return Unmixed(
-            best / np.where(total > 0, total, 1.0)[:, None],
-            total * unit,
-            np.sqrt(least / spectra.shape[1]),
+            shares=shares_of(best),
+            thickness=1e-6 * best.sum(axis=1),
+            misfit=np.sqrt(least / spectra.shape[1]),
         )
-
-    def _amount_slopes(self, amounts: np.ndarray, unit: float) -> tuple[np.ndarray, np.ndarray]:
-        """Readings, and their derivatives by the amounts, (pixels, bands, paints)."""
-        k, s = (
-            np.maximum(amounts @ self.absorption * unit, 1e-9),
-            np.maximum(amounts @ self.scattering * unit, 1e-9),
-        )
-        value, by_k, by_s = self.slopes(k, s, self.ground)
-        slopes = (by_k / k)[:, :, None] * (self.absorption.T * unit) + (by_s / s)[:, :, None] * (
-            self.scattering.T * unit
-        )
-        return value, slopes
 
 
 def rivals(paints: Sequence[Pigment], ground: Float[np.ndarray, "bands"]) -> dict[str, Method]:
@@ -539,7 +453,33 @@ class Row(NamedTuple):
     score: Score
     seconds: float  # a pixel
     by_coats: tuple[float, ...]  # share with the right set of pixels of one, two and three coats
-    choice: Choice | None = None
+
+    @classmethod
+    def of(
+        cls, name: str, truth: Truth, answer: Answer, names: Sequence[str], seconds: float
+    ) -> "Row":
+        """The line of an answer that took so long a pixel; see `score`."""
+        return cls(
+            name=name,
+            score=score(truth, answer, names),
+            seconds=seconds,
+            by_coats=by_coats(truth, answer, names),
+        )
+
+    def quantities(self, key: str, digits: int, *names: str) -> dict[str, Quantity]:
+        """Shares of `QUOTED` names in per cent, as KEY_NAME."""
+        shares = {f"{key}_{name}": 100.0 * getattr(self.score, QUOTED[name]) for name in names}
+        return quantities(shares, "%", digits)
+
+
+QUOTED = {
+    "right": "right_set",
+    "pigments": "right_pigments",
+    "main": "right_main",
+    "false": "false_none",
+    "found": "none_found",
+}
+"""Shares of a score by the names that texts quote them by."""
 
 
 def compared(scene: Scenery, other: Scenery, pixels: int = 2000) -> list[Row]:
@@ -557,18 +497,10 @@ def compared(scene: Scenery, other: Scenery, pixels: int = 2000) -> list[Row]:
     for name, method in rivals(scene.paints, scene.ground).items():
         choice = choose(known, method(practice), scene.names)
         start = time.perf_counter()
-        found = method(spectra)
+        unmixed = method(spectra)
         seconds = (time.perf_counter() - start) / len(spectra)
-        answer = answered(found, choice)
-        rows.append(
-            Row(
-                name,
-                score(truth, answer, scene.names),
-                seconds,
-                by_coats(truth, answer, scene.names),
-                choice,
-            )
-        )
+        answer = answered(unmixed, choice)
+        rows.append(Row.of(name, truth, answer, scene.names, seconds))
     return rows
 
 
@@ -579,33 +511,32 @@ def by_coats(truth: Truth, answer: Answer, names: Sequence[str]) -> tuple[float,
     return tuple(score(*only(truth, answer, truth.coats == n), names).right_set for n in (1, 2, 3))
 
 
+_HEADS = (
+    ("right", "set"),
+    ("one", "coat"),
+    ("two", "coats"),
+    ("three", "coats"),
+    ("right", "pigments"),
+    ("main", "paint"),
+    ("error", "shares"),
+    ("error", "amounts"),
+    ("false", "none"),
+    ("none", "found"),
+    ("pixels", "a second"),
+)
+
+
 def table(rows: Sequence[Row]) -> list[str]:
     """Lines that show scores side by side."""
-    heads = (
-        "right set",
-        "one coat",
-        "two coats",
-        "three coats",
-        "right pigments",
-        "main paint",
-        "error of shares",
-        "error of amounts",
-        "false none",
-        "none found",
-        "pixels a_second",
-    )
-    words = [head.split() for head in heads]
     lines = [
-        " " * 30 + "".join(f"{each[line].replace('_', ' '):>10}" for each in words)
-        for line in (0, -1)
+        " " * 30 + "".join(f"{word:>10}" for word in line) for line in zip(*_HEADS, strict=True)
     ]
     for row in rows:
         s = row.score
+        shares = (s.right_set, *row.by_coats, s.right_pigments, s.right_main)
         amount = "-" if np.isnan(s.amount_error) else f"{s.amount_error:.3f}"
         lines.append(
-            f"{row.name:<30}{s.right_set:>10.1%}"
-            f"{''.join(f'{share:>10.1%}' for share in row.by_coats)}"
-            f"{s.right_pigments:>10.1%}{s.right_main:>10.1%}{s.share_error:>10.3f}"
+            f"{row.name:<30}{''.join(f'{share:>10.1%}' for share in shares)}{s.share_error:>10.3f}"
             f"{amount:>10}{s.false_none:>10.1%}{s.none_found:>10.1%}{1 / row.seconds:>10.0f}"
         )
     return lines
@@ -616,49 +547,14 @@ def answer_of_map(arrays: dict[str, np.ndarray]) -> Answer:
     `explained`, in one line.
     """
     members = np.asarray(arrays["members"]).reshape(-1, PLACES).astype(int)
-    shares = np.nan_to_num(np.asarray(arrays["fraction"], float).reshape(members.shape))
-    none = np.asarray(arrays["explained"]).ravel() == 0
-    return Answer(members, shares, np.asarray(arrays["thickness"], float).ravel(), none)
+    return Answer(
+        members=members,
+        shares=np.nan_to_num(np.asarray(arrays["fraction"], float).reshape(members.shape)),
+        thickness=np.asarray(arrays["thickness"], float).ravel(),
+        none=np.asarray(arrays["explained"]).ravel() == 0,
+    )
 
 
 def only(truth: Truth, answer: Answer, rows: np.ndarray) -> tuple[Truth, Answer]:
     """Some of the pixels."""
-    some = {name: getattr(truth, name)[rows] for name in ("members", "amounts", "foreign", "coats")}
-    part = {
-        name: getattr(answer, name)[rows] for name in ("members", "shares", "thickness", "none")
-    }
-    return replace(truth, **some), replace(answer, **part)
-
-
-def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    add_option(parser, pixels=100, bands=40)
-    parser.add_argument("--pixels", type=int, default=2000)
-    parser.add_argument("--bands", type=int, default=200)
-    options = parser.parse_args()
-    results = Results("painting_rivals", options.out)
-    shape = (96, 128) if options.quick else (480, 640)
-    scene, other = painting(shape, options.bands, seed=0), painting(shape, options.bands, seed=1)
-    results(
-        f"{options.pixels} pixels drawn from a painting of {shape[0]} x {shape[1]} pixels and "
-        f"{options.bands} bands,"
-    )
-    results("noise .003; cuts and thresholds chosen on another painting of the same kind")
-    results()
-    rows = compared(scene, other, options.pixels)
-    for line in table(rows):
-        results(line)
-    results()
-    for row in rows:
-        assert row.choice is not None
-        results(
-            f"{row.name:<30} names shares from {row.choice.cut:g}, believes misfits to "
-            f"{row.choice.threshold:.3g}"
-        )
-    results.save()
-
-
-if __name__ == "__main__":
-    main()
+    return Truth(*(part[rows] for part in truth)), Answer(*(part[rows] for part in answer))

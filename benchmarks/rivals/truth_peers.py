@@ -10,9 +10,10 @@ import itertools
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.optimize import nnls
 
 from benchmarks.paint.identification import UNIT, family
+from benchmarks.paintbench.spectra import absorbance, cosine_distance, slopes
+from benchmarks.rivals.baselines import Surface, film_reflectance, shares_of, unmix
 from glazefit import Films, ground_from_air
 from glazejax import Pigment
 
@@ -20,11 +21,16 @@ Found = tuple[list[frozenset[str]], dict[str, float], float]
 Recipes = dict[str, dict[str, float]]
 # Below this share a component counts as not there.
 _PRESENT = 0.02
-_SURFACE, _INSIDE = 0.0405, 0.596  # at 8 degrees from air, diffuse from within; index 1.5
+# At 8 degrees from air, diffuse from within; index 1.5.
+_SURFACE = Surface(outer=0.0405, inner=0.596)
 
 
-def _ranked(score: np.ndarray, library: Sequence[str], recipes: Recipes) -> Found:
-    """Nearest known films, each set of pigments once."""
+def _nearest(
+    features: np.ndarray, films: Films, row: int, library: Sequence[str], recipes: Recipes
+) -> Found:
+    """Known films by the angle between features, each set of pigments once."""
+    known = features[[films.names.index(name) for name in library]]
+    score = cosine_distance(known, features[[row]], least=1)[:, 0]
     order = np.argsort(score)
     sets = list(dict.fromkeys(frozenset(recipes[library[int(i)]]) for i in order))
     return sets, recipes[library[int(order[0])]], float(score[order[0]])
@@ -35,34 +41,27 @@ def spectral_angle(
 ) -> Found:
     """Least angle between spectra, both cards together."""
     spectra = np.concatenate([films.over_black, films.over_white], axis=1)
-    unit = spectra / np.linalg.norm(spectra, axis=1, keepdims=True)
-    known = unit[[films.names.index(name) for name in library]]
-    return _ranked(np.degrees(np.arccos(np.clip(known @ unit[row], -1, 1))), library, recipes)
+    return _nearest(spectra, films, row, library, recipes)
 
 
 def derivative(
     films: Films, row: int, library: Sequence[str], recipes: Recipes, paints: list[Pigment]
 ) -> Found:
-    """Most alike slopes of -log R over white: correlation of first derivatives."""
-    slopes = np.diff(-np.log(np.maximum(films.over_white, 1e-3)), axis=1)
-    slopes = slopes - slopes.mean(axis=1, keepdims=True)
-    unit = slopes / np.linalg.norm(slopes, axis=1, keepdims=True)
-    known = unit[[films.names.index(name) for name in library]]
-    return _ranked(1.0 - known @ unit[row], library, recipes)
+    """Least angle between slopes of -log R over white."""
+    return _nearest(slopes(absorbance(films.over_white)), films, row, library, recipes)
 
 
 def unmixing(
     films: Films, row: int, library: Sequence[str], recipes: Recipes, paints: list[Pigment]
 ) -> Found:
     """Non-negative least squares of -log R over white from the known pure films."""
-    absorbance = -np.log(np.maximum(films.over_white, 1e-3))
+    values = absorbance(films.over_white)
     pure = [name for name in library if len(recipes[name]) == 1]
-    matrix = absorbance[[films.names.index(name) for name in pure]].T
-    amounts, left = nnls(matrix, absorbance[row])
+    amounts, misfit = unmix(values[[films.names.index(name) for name in pure]].T, values[[row]])
     shares = family({next(iter(recipes[name])): 0.0 for name in pure})
-    for name, part in zip(pure, amounts / amounts.sum(), strict=True):
+    for name, part in zip(pure, shares_of(amounts)[0], strict=True):
         shares[next(iter(recipes[name]))] += part
-    return _of_shares(shares, left / np.sqrt(absorbance.shape[1]))
+    return _of_shares(shares, float(misfit[0]))
 
 
 def _of_shares(shares: dict[str, float], misfit: float) -> Found:
@@ -100,8 +99,8 @@ def kubelka_munk(
         first = np.ones(1) if single else parts
         weights = totals[:, None, None] * np.stack([first, 1.0 - first], axis=-1)
         mixed_k, mixed_s = (weights @ a[list(members)] for a in (k, s))
-        inside = _layer(2.0 * mixed_k, 0.75 * mixed_s, cards[:, None, None])
-        outside = _SURFACE + (1.0 - _SURFACE) * (1.0 - _INSIDE) * inside / (1.0 - _INSIDE * inside)
+        inside = film_reflectance(2.0 * mixed_k, 0.75 * mixed_s, cards[:, None, None])
+        outside = _SURFACE.reading(inside)
         off = np.sqrt(np.mean((outside - seen[:, None, None]) ** 2, axis=(0, -1)))
         where = np.unravel_index(off.argmin(), off.shape)
         part = float(first[where[1]])
@@ -114,15 +113,6 @@ def kubelka_munk(
     ordered = sorted(best, key=lambda pigments: best[pigments][0])
     score, shares = best[ordered[0]]
     return ordered, shares, score
-
-
-def _layer(absorption: np.ndarray, scattering: np.ndarray, ground: np.ndarray) -> np.ndarray:
-    """Kubelka-Munk's internal reflectance of a layer on a ground."""
-    s = np.maximum(scattering, 1e-9)
-    a = 1.0 + absorption / s
-    b = np.sqrt(a**2 - 1.0) + 1e-12
-    coth = 1.0 / np.tanh(np.minimum(b * s, 300.0))
-    return (1.0 - ground * (a - b * coth)) / (a - ground + b * coth)
 
 
 PEERS = {

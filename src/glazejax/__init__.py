@@ -8,17 +8,11 @@ solvers behind it work on plain arrays: `stack_reflectance_factor` and
 measurements to paint.
 """
 
-import warnings
 from importlib import import_module
 from importlib.metadata import version
 from typing import Any
 
 import lazy_loader
-
-_FORMER_NAMES = {"Stack": "Glaze", "read_stack": "Glaze.load", "write_stack": "Glaze.save"}
-"""Names before version 0.2, which still work for that version, and what does their work now. They
-are those of `glazejax.stacks`.
-"""
 
 _load, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
 
@@ -29,14 +23,6 @@ def __getattr__(name: str) -> Any:
         return version("glazejax")
     if name == "fit":
         return _fit()
-    if name in _FORMER_NAMES:
-        warnings.warn(
-            f"glazejax.{name} is glazejax.stacks.{name} now; glazejax.{_FORMER_NAMES[name]} does "
-            "its work for a glaze",
-            DeprecationWarning,
-            stacklevel=2,
-        )
-        return getattr(import_module("glazejax.stacks"), name)
     return _load(name)
 
 

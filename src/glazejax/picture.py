@@ -18,7 +18,6 @@ from jaxtyping import Array, Float
 
 from . import colour
 from .extras import require
-from .former_names import accept_former_keywords
 from .geometry import Bidirectional, Geometry, Hemispherical, Instrument, geometry_of
 from .interpolated import MOST_AXES, interpolated
 from .paint.media import Glaze, Layer, Mixture, Pigment
@@ -72,7 +71,6 @@ class Picture:
         return f"Picture({' x '.join(map(str, self.srgb.shape[:2]))}: {self.report})"
 
 
-@accept_former_keywords(layers="coats", substrate="ground", geometry="instrument")
 def picture(
     coats: Sequence[Pigment | Mixture],
     thickness_maps: Sequence[Numbers],

@@ -7,7 +7,6 @@ from typing import Any
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from .former_names import accept_former_keywords
 from .geometry import Bidirectional, Geometry, Hemispherical, Instrument, geometry_of
 from .paint.media import Glaze, check_glaze, optics_of
 from .radiative.common.fresnel import dielectric_reflectance
@@ -18,7 +17,6 @@ from .radiative.stack import (
 )
 
 
-@accept_former_keywords(geometry="instrument")
 def reflectance(
     glaze: Glaze,
     instrument: Instrument | Geometry | str,

@@ -21,13 +21,12 @@ from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, ClassVar, Literal, NamedTuple, TypeAlias
+from typing import Any, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 from jaxtyping import Float
 
 from . import catalogue
-from .former_names import accept_former_keywords, former_attribute
 from .geometry import Geometry, Instrument, geometry_of, parse_geometry
 from .io.outputs import check_output
 from .io.source import open_source
@@ -101,8 +100,6 @@ class Stack:
             else coats
         )
 
-    geometry: ClassVar[property] = former_attribute("geometry", "instrument")
-
     @property
     def seen_by(self) -> Geometry:
         """The instrument's geometry."""
@@ -162,9 +159,6 @@ class Stack:
         ground = self.ground_on(media[0].wavelengths, side)
         coats = [Layer(medium, coat.total) for medium, coat in zip(media, self.shown, strict=True)]
         return Glaze(coats, ground, self.refractive_index)
-
-
-Stack.__init__ = accept_former_keywords(geometry="instrument")(Stack.__init__)
 
 
 @lru_cache(maxsize=1)

@@ -241,6 +241,7 @@ def test_a_coat_is_a_picture_of_its_own(tmp_path):
     assert "glaze_coat_color" in found.files["materialx"].read_text()
 
 
+@pytest.mark.slow
 def test_exr_holds_acescg(fit, tmp_path):
     exr = pytest.importorskip("OpenEXR")
     thickness = np.linspace(0, 3e-6, 12).reshape(3, 4)

@@ -398,6 +398,7 @@ assert "Eosin" in str(mitsuba.load_dict(made))
 """
 
 
+@pytest.mark.slow
 def test_variants_without_spectra_are_refused(mitsuba):
     done = subprocess.run(
         [sys.executable, "-c", _VARIANTS], capture_output=True, text=True, timeout=300, check=False

@@ -193,8 +193,9 @@ def test_all_light_comes_back_in_a_furnace(mitsuba, roughness):
 
 @pytest.mark.slow
 def test_a_strokes_thickness_is_recovered_from_three_views(mitsuba):
-    from benchmarks.render.thickness_from_views import recover, stroke
+    from benchmarks.render.strokes import brush_strokes
+    from benchmarks.render.thickness_from_views import recover
 
-    truth = stroke(16)
+    truth = brush_strokes(16)
     found = recover(mitsuba, truth, size=48, target_samples=512, samples=16, steps=120)
     assert np.linalg.norm(found.thickness - truth) < 0.03 * np.linalg.norm(truth)

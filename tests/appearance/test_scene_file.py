@@ -74,15 +74,11 @@ def test_the_example_shows_every_kind_of_thing(write):
 
 
 def test_light_between_surfaces_and_the_reflectance_of_a_metal_are_in_the_file(write):
-    text = (
-        scene_file.example()
-        .replace("diffuse_bounces = 0", "diffuse_bounces = 2")
-        .replace("gather_rays = 256", "gather_rays = 9")
-    )
+    text = scene_file.example().replace("diffuse_bounces = 0", "diffuse_bounces = 2")
     scene = scene_file.read_scene(
         write(text.replace('fresnel = "exact"', 'fresnel = "hall"'))
     ).scene
-    assert (scene.diffuse_bounces, scene.gather_rays) == (2, 9)
+    assert scene.diffuse_bounces == 2
     metal = scene.materials["copper"]
     assert isinstance(metal, Conductor)
     assert metal.fresnel == "hall"
@@ -90,10 +86,6 @@ def test_light_between_surfaces_and_the_reflectance_of_a_metal_are_in_the_file(w
         (
             text.replace("diffuse_bounces = 2", "diffuse_bounces = -1"),
             "diffuse_bounces must be a whole number from 0 to 20",
-        ),
-        (
-            text.replace("gather_rays = 9", "gather_rays = 0"),
-            "gather_rays must be a whole number from 1 to 16384",
         ),
         (text.replace('fresnel = "exact"', 'fresnel = "hal"'), "did you mean 'hall'"),
     ):

@@ -134,6 +134,7 @@ def test_command_says_what_to_add(run, tmp_path, weak):
         assert err.count("\n") == 1
 
 
+@pytest.mark.slow
 def test_command_takes_a_reading_of_few_bands(run, tmp_path, weak):
     """Filters of a camera: what they leave open the paints tell, and as much is added within a
     seventh.

@@ -95,6 +95,7 @@ def test_patches_of_a_chart(run, tmp_path):
     assert "found.png exists" in err
 
 
+@pytest.mark.slow
 def test_an_interrupt_keeps_what_is_finished(run, monkeypatch):
     def cut_short(task):
         yield from _first_of(real(task))

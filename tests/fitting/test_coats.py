@@ -264,6 +264,7 @@ def test_prior_is_what_the_log_probability_says(coats):
     np.testing.assert_allclose(np.cov(free, rowvar=False), problem.prior_covariance, atol=0.3)
 
 
+@pytest.mark.slow
 def test_likelihood_holds_the_paints_errors():
     """W and b against diag(v) + e^2 J K J^T, with J by finite differences of the public solver."""
     film = read(glazed())

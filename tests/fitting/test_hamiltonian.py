@@ -107,6 +107,20 @@ def test_a_seed_gives_its_chain_and_another_seed_another():
     assert np.abs(first - other).max() > 0
 
 
+def test_a_chain_thinned_by_three_keeps_every_third_step():
+    """A chain is drawn in pieces of fifty steps, which three does not divide."""
+    whole = sampled(gaussians(), steps=110, seed=3)
+    problem = gaussians()
+    thinned = sample(problem, (), find_modes(problem), Sampling(steps=110, seed=3, thin=3))
+    assert thinned.chain is not None
+    np.testing.assert_array_equal(thinned.chain.free, whole.free[2::3])
+    np.testing.assert_array_equal(thinned.chain.log_probability, whole.log_probability[2::3])
+    # What is left out at the start, and what is reported, are told in steps.
+    assert thinned.convergence is not None
+    assert thinned.convergence.discarded + thinned.convergence.length == 108
+    assert 3 * len(thinned.free) == thinned.convergence.length < 108
+
+
 THIN = 1e-3
 
 

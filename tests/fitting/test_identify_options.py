@@ -226,6 +226,7 @@ def test_a_film_is_computed_as_its_instrument_reads_it(paints):
     np.testing.assert_allclose(found.fitted[0, 0], spectrum, atol=1e-3)
 
 
+@pytest.mark.slow
 def test_more_paints_are_tried_when_asked(find):
     assert (find().members[..., 1:] < 0).all()
     both = find(max_paints=2)
@@ -241,17 +242,3 @@ def test_pigments_carry_their_own_grid():
     for catalogue_of_one in ([pigment], {"x": pigment}):
         (known,) = SEARCHER.check_pigments(catalogue_of_one, GRID)
         np.testing.assert_allclose(known.absorption, GRID)
-
-
-@pytest.mark.slow
-def test_former_keywords_work(find, paints):
-    """`grounds`, of which None was for films that hide it, `geometry` and `layers`."""
-    usual = find()
-    spectrum = usual.measured.readings
-    names: dict[str, Any] = {"grounds": GROUNDS, "geometry": Hemispherical(), "layers": 1}
-    with pytest.warns(DeprecationWarning, match="is called"):
-        former = identify(GRID, spectrum, paints, max_paints=1, **names)
-    np.testing.assert_array_equal(former.probability, usual.probability)
-    nothing: dict[str, Any] = {"grounds": None}
-    with pytest.warns(DeprecationWarning, match="None is opaque=True"):
-        assert identify(GRID, spectrum[:, 1], paints, max_paints=1, **nothing).opaque

@@ -17,7 +17,6 @@ import pytest
 from glazefit.identify.result import STRENGTH, Identification
 from glazefit.identify.search.pool import NOBODY
 from glazefit.identify.search.task import Measured
-from glazefit.identify.show.contenders import Contenders
 from glazefit.identify.show.figures import draw_spectra
 from glazefit.identify.show.page import DRAWN, LISTED, page, write_page
 from glazefit.identify.show.record import Provenance, make_record, table_rows
@@ -90,21 +89,8 @@ def identification(names=("one", EVIL), grid=GRID, opaque=False) -> Identificati
     )
 
 
-def contenders(found: Identification) -> Contenders:
-    shape = len(found), len(PAINTS)
-    members = np.stack([np.arange(5), np.array([1, 0, 0, 0, 0]), np.full(5, NOBODY)], axis=-1)
-    return Contenders(
-        members=np.broadcast_to(members, (*shape, 3)),
-        coats=np.zeros((*shape, 3), int),
-        fractions=np.broadcast_to([0.3, 0.7, 0.0], (*shape, 3)),
-        thickness=np.full(shape, 2e-5),
-        rmse=np.broadcast_to([0.002, 0.002, 0.004, 0.002, 0.08], shape),
-        delta_e=np.broadcast_to([0.4, 0.4, 0.9, 0.5, 9.1], shape) + 0.0 * found.delta_e[:, :1],
-    )
-
-
 def record(found: Identification, about: Provenance = ABOUT, top: int = 2) -> dict:
-    return make_record(found, contenders(found), np.full(found.fitted.shape, 0.01), about, top)
+    return make_record(found, np.full(found.fitted.shape, 0.01), about, top)
 
 
 class Parsed(HTMLParser):
@@ -368,35 +354,55 @@ def test_an_interrupt_while_spectra_are_drawn_ends_the_drawing(monkeypatch):
 
 
 def test_why_a_paint_is_ruled_out():
-    found = identification()
-    given = contenders(found)
+    """Chalk is in the second candidate, which misses the reading as told; Black is in none."""
 
-    def judged(chances=(0.9, 0.6, 0.3, 0.004, 0.002), **changed) -> dict:
-        one = replace(
-            given, **{name: np.broadcast_to(value, (2, 5)) for name, value in changed.items()}
+    def judged(off, chances=(0.9, 0.6, 0.3, 0.004, 0.002), grid=GRID, share=0.5) -> dict:
+        one = identification(grid=grid)
+        members = one.members.copy()
+        members[:, 1, 1] = PAINTS.index("Chalk")
+        amounts = one.amounts.copy()
+        amounts[:, 1, :2] = np.array([1.0 - share, share]) * 6e-6
+        fitted = one.fitted.copy()
+        fitted[:, 1] = one.measured.readings + off
+        held = replace(
+            one,
+            members=members,
+            amounts=amounts,
+            fitted=fitted,
+            coats=np.zeros_like(members),
+            paint_probability=np.broadcast_to(chances, (2, 5)),
         )
-        held = replace(found, paint_probability=np.broadcast_to(chances, (2, 5)))
-        return {paint.paint: paint for paint in ruled_out(held, one, 0)}
+        found = {paint.paint: paint for paint in ruled_out(held, 0)}
+        if "Chalk" in found:
+            np.testing.assert_equal(found["Chalk"].delta_e, held.delta_e[0, 1])
+            assert found["Chalk"].rmse == held.rmse[0, 1]
+        return found
 
-    usual = judged()
-    assert list(usual) == ["Black", "Chalk"]
-    assert usual["Black"].reason == "Black: the best film with it is off by Delta E00 9.1."
+    usual = judged(0.002)
+    assert list(usual) == ["Chalk", "Black"]
     assert usual["Chalk"].kind == "unneeded"
-    assert usual["Chalk"].film == "30 % Chalk + 70 % Red"
-    assert judged(delta_e=[0, 0, 0, 2.5, 9.1])["Chalk"].reason == (
-        "Chalk: the best film with it is off by Delta E00 2.5, the most probable film by "
-        f"{found.delta_e[0, 0]:.1f}."
+    assert usual["Chalk"].film == "50 % Red + 50 % Chalk"
+    assert usual["Chalk"].paints == {"Chalk": 0.5, "Red": 0.5}
+    assert usual["Black"].kind == "absent"
+    assert usual["Black"].reason == (
+        "Black: no film with 1% of it or more came near enough to be compared closely."
     )
-    assert judged(rmse=[0, 0, 0, 0.02, 0.08])["Chalk"].kind == "worse"
-    assert (
-        "spectrum less so: RMSE 0.0200 against 0.0020"
-        in judged(rmse=[0, 0, 0, 0.02, 0.08])["Chalk"].reason
-    )
+    assert (usual["Black"].film, usual["Black"].paints) == ("", {})
+    # A trace of it can hide in any film.
+    assert judged(0.002, share=0.005)["Chalk"].kind == "absent"
+    off = judged(0.15)["Chalk"]
+    assert off.kind == "misfit"
+    assert off.reason == f"Chalk: the nearest film with it is off by Delta E00 {off.delta_e:.1f}."
+    # Off to and fro between bands, which no eye sees.
+    rough = judged(0.02 * (-1.0) ** np.arange(GRID.size))["Chalk"]
+    assert rough.kind == "worse"
+    assert "spectrum less so: RMSE 0.0200 against 0.0020" in rough.reason
     # What does not fit is ruled out but for a trace; what is there more likely than not is never
     # ruled out.
-    assert judged(delta_e=[9.0, 9.0, 9.0, 0.5, 9.1])["Blue"].kind == "trace"
-    assert set(judged(delta_e=[9.0, 9.0, 9.0, 0.5, 9.1])) == {"Blue", "Chalk", "Black"}
-    assert "0.080 in reflectance" in judged(delta_e=[np.nan] * 5)["Black"].reason
+    assert judged(0.15, chances=(0.9, 0.6, 0.3, 0.2, 0.002))["Chalk"].kind == "trace"
+    assert "Chalk" not in judged(0.15, chances=(0.9, 0.6, 0.3, 0.6, 0.002))
+    no_colour = judged(0.08, grid=np.arange(800.0, 1101.0, 20.0))["Chalk"]
+    assert "0.080 in reflectance" in no_colour.reason
 
 
 @pytest.mark.filterwarnings("error")

@@ -1,5 +1,6 @@
 import os
 import signal
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -67,6 +68,18 @@ def test_blocks_of_very_different_size_are_all_sampled_rightly():
     assert 0.2 < chain.accepted < 0.8
 
 
+@pytest.mark.usefixtures("unchecked")  # a stand-in is sampled
+def test_a_chain_thinned_by_three_keeps_every_third_step():
+    problem = Gaussians()
+    whole, thinned = (
+        run_chain(problem, start(problem), Sampling(sampler="emcee", steps=31, thin=n, seed=3))  # pyright: ignore[reportArgumentType]
+        for n in (1, 3)
+    )
+    assert (len(whole.free), len(thinned.free)) == (31, 10)
+    np.testing.assert_array_equal(thinned.free, whole.free[2::3])
+    np.testing.assert_array_equal(thinned.log_probability, whole.log_probability[2::3])
+
+
 @pytest.mark.parametrize("kind", [BlockStretch, BlockDifference])
 def test_each_move_alone_keeps_the_distribution(kind):
     """One step of an ensemble that is distributed rightly leaves it so: means of squares over many
@@ -121,6 +134,15 @@ def test_long_chain_has_converged_and_short_one_not():
     assert not short.converged.any()
     assert short.words().startswith("not converged")
     assert "would do" in short.words()
+
+
+def test_lengths_and_times_of_a_thinned_chain_are_in_its_steps():
+    """The same draws, of which each stands for three steps: three times as long, as many samples."""
+    chain, values = white_chain(1000, rho=0.8)
+    each, third = (convergence(replace(chain, thin=n), values) for n in (1, 3))
+    np.testing.assert_allclose(third.times, 3 * each.times)
+    np.testing.assert_allclose(third.samples, each.samples)
+    assert (third.length, third.discarded) == (3 * each.length, 3 * each.discarded)
 
 
 @pytest.mark.parametrize(

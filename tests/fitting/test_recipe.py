@@ -160,6 +160,7 @@ def test_limits_are_kept():
     assert all(r.coats[0].thickness == pytest.approx(3e-6) for r in recipes)
 
 
+@pytest.mark.slow
 def test_thickness_that_limits_is_named():
     """White paint over a black ground: thicker would be whiter."""
     # As many targets and recipes as above: the same programs.

@@ -18,14 +18,15 @@ from glazejax import colour
 from .palette import GRID, palette
 
 SEEN = gj.Bidirectional(45, 0)
-D65 = colour.find_illuminant("D65")
+LIGHTS = [colour.find_illuminant(name) for name in ("D65", "A")]
 SOLVER = Solver(Optics.of(SEEN, 1.5), 4)
 WHITE, BLACK, RED, YELLOW, BLUE = range(5)
 
 
 @pytest.fixture(scope="module")
 def model():
-    return make_model(palette(), 0.9, Instrument(SEEN), [D65], colour.CIE_1931, (1e-6, 50e-6))
+    """Under two lights, so that each counts in part."""
+    return make_model(palette(), 0.9, Instrument(SEEN), LIGHTS, colour.CIE_1931, (1e-6, 50e-6))
 
 
 def stacks(*some: list[dict[int, float]]) -> Stacks:
@@ -50,7 +51,7 @@ def spectrum(model, sizes: np.ndarray) -> np.ndarray:
 
 
 def aims_of(spectra: np.ndarray, spectral: float = 0.0) -> TargetArrays:
-    labs = np.asarray(colour.lab(GRID, spectra))[:, None]
+    labs = np.stack([colour.lab(GRID, spectra, illuminant=light) for light in LIGHTS], axis=1)
     weights = np.full(len(spectra), spectral)
     return TargetArrays(
         *(jnp.asarray(values) for values in (labs, lab_metric(labs), spectra, weights))
@@ -79,6 +80,22 @@ def test_slopes_are_those_of_the_solver(model):
             slope[0, slot], expected, atol=2e-3 * np.abs(expected).max() + 1e-6
         )
     assert not np.any(slope[0, 3])
+
+
+def test_slopes_under_two_lights_are_those_of_the_cost(model):
+    """Half the cost's differences by the logs of thicknesses and free shares."""
+    some = stacks([{RED: 3.0, WHITE: 4.0}, {BLUE: 9.0}])
+    aim = spectrum(model, stacks([{RED: 2.0, WHITE: 6.0}, {BLUE: 5.0}]).sizes[0])
+    place, point = polish_module._start(model, aims_of(aim[None], 100.0), some, SOLVER.slots)
+    step = 3e-4
+    used = 5  # two thicknesses, three shares; the fourth slot is empty
+    moves = step * np.concatenate([np.zeros((1, 6)), np.eye(6)[:used], -np.eye(6)[:used]])
+    looks, _ = polish_module._look(model, SOLVER, place.take(np.zeros(11, int)), point + moves)
+    differences = (looks.cost[1 : 1 + used] - looks.cost[1 + used :]) / (2 * step)
+    # Of slopes of some tens a millionth is left, by this difference and by the one that slopes of
+    # CIEDE2000 are.
+    np.testing.assert_allclose(looks.slope[0, :used], 0.5 * differences, rtol=1e-5, atol=1e-5)
+    assert looks.slope[0, used] == 0.0
 
 
 def test_the_misfit_is_as_long_as_the_colour_difference():

@@ -119,6 +119,19 @@ def test_a_paint_that_surprised_is_expected_to_again():
     assert found.size_of(["calm", "wild"]) == wild
 
 
+def test_a_paint_with_one_film_leans_to_all_films():
+    """What all films say counts as two of its own: after a film that says nothing it is as all
+    are, after one that leaves a single size its weights are (2 all + that size)/3.
+    """
+    silent = SizeEvidence("new0", frozenset({"new"}), np.zeros(len(SIZES)))
+    sure = SizeEvidence("sure0", frozenset({"sure"}), np.where(np.arange(len(SIZES)) == 5, 0, -1e3))
+    found = learn([*evidence(0.1, 12, "calm", np.random.default_rng(3)), silent, sure])
+    np.testing.assert_allclose(found.of(["new"]), found.weights, rtol=1e-12)
+    assert np.max(np.abs(found.weights - PRIOR)) > 0.05
+    expected = (2.0 * found.weights + np.eye(len(SIZES))[5]) / 3.0
+    np.testing.assert_allclose(found.of(["sure"]), expected, rtol=1e-12)
+
+
 def test_paint_whose_films_are_far_off_is_probably_unsteady():
     rng = np.random.default_rng(3)
     found = learn(evidence(0.3, 24, "calm", rng) + evidence(3.0, 4, "wild", rng))

@@ -5,16 +5,19 @@ import json
 import logging
 import random
 import re
+import signal
 import struct
+import sys
 import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields, is_dataclass
 from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from hypothesis import strategies as st
 
 from glazefit.film.readers import read_films, read_recipes
 from glazejax.appearance.scene.file import read_scene
@@ -99,8 +102,16 @@ _RIDDLES = re.compile(
     r"out of range|axes don't|NoneType|to unpack|broadcast|object is not|codec can't|invalid "
     r"literal|zero-size array"
     r"|has no attribute|must be real number|Exceeds the limit|cannot reshape|division by "
-    r"zero|shapes? .* not aligned"
+    r"zero|shapes? .* not aligned|too large for this machine's memory"
 )
+SECONDS = 10.0
+"""Of processor time for one file."""
+MEMORY = 200 << 20
+"""Bytes that a reader may take above the file's size."""
+_ADDRESSES = 4 << 30
+"""Bytes that a reader may reserve: what asks for more gets none. XLA crashes where it gets none, and
+a scene compiles programs, so there is room for these.
+"""
 
 
 @dataclass(frozen=True)
@@ -126,11 +137,63 @@ class Fault(Exception):
     """A reader did what no reader may."""
 
 
-def damaged(content: bytes, others: list[bytes], chance: random.Random) -> bytes:
-    """The content after one to three damages."""
+@st.composite
+def damaged_files(draw: st.DrawFn, subjects: dict[str, Subject]) -> tuple[str, bytes]:
+    """The kind of a sample file, and its content after one to three damages."""
+    kind = draw(st.sampled_from(list(subjects)))
+    # Hypothesis' own draws are simpler than chance, and find fewer faults.
+    chance = draw(st.randoms(use_true_random=True))
+    content = subjects[kind].content
+    others = [subject.content for subject in subjects.values()]
     for _ in range(chance.choice((1, 1, 1, 2, 3))):
         content = chance.choice(_DAMAGES)(content, others, chance)
-    return content
+    return kind, content
+
+
+class _Late(BaseException):
+    """A reader has used up its time; no reader catches it."""
+
+
+@contextmanager
+def limits(size: int) -> Iterator[None]:
+    """Limits of processor time and memory while a file of `size` bytes is read, where Linux keeps
+    them.
+
+    Raises:
+        Fault: the reader takes more.
+    """
+    if sys.platform != "linux":
+        yield
+        return
+    import resource
+
+    def stop(*_: object) -> None:
+        raise _Late
+
+    # The kernel forgets the largest size so far.
+    Path("/proc/self/clear_refs").write_text("5")
+    before = _bytes_of("VmRSS")
+    _, most = resource.getrlimit(resource.RLIMIT_AS)
+    room = _bytes_of("VmSize") + _ADDRESSES
+    former = signal.signal(signal.SIGPROF, stop)
+    try:
+        resource.setrlimit(resource.RLIMIT_AS, (room, most))
+        signal.setitimer(signal.ITIMER_PROF, SECONDS)
+        yield
+    except _Late:
+        raise Fault(f"more than {SECONDS:g} s") from None
+    finally:
+        signal.setitimer(signal.ITIMER_PROF, 0.0)
+        resource.setrlimit(resource.RLIMIT_AS, (most, most))
+        signal.signal(signal.SIGPROF, former)
+    if (above := _bytes_of("VmHWM") - before) > MEMORY + size:
+        raise Fault(f"{above >> 20} MB for a file of {size} bytes")
+
+
+def _bytes_of(title: str) -> int:
+    """A size of this process as the kernel counts it."""
+    (line,) = re.findall(rf"{title}:\s+(\d+) kB", Path("/proc/self/status").read_text())
+    return int(line) << 10
 
 
 def outcome(subject: Subject, folder: Path, content: bytes) -> bool:
@@ -164,6 +227,8 @@ def outcome(subject: Subject, folder: Path, content: bytes) -> bool:
         raise Fault(f"{type(error).__name__}: {str(error)[:300]}") from error
     if isinstance(found, SpectraTable):
         _check_table(found)
+    if any(np.isnan(numbers).any() for numbers in _numbers(found)):
+        raise Fault("numbers that are none")
     if wrong := subject.counts(content, found):
         raise Fault(f"silently wrong: {wrong}")
     return True
@@ -191,6 +256,21 @@ def _no_log() -> Iterator[None]:
         logging.getLogger().removeHandler(handler)
         for record in handler.records:
             raise Fault(f"log of {record.name}: {record.getMessage()}")
+
+
+def _numbers(found: Any) -> Iterator[np.ndarray]:
+    """Every floating-point number of a result, however deep."""
+    if isinstance(found, float | np.floating | np.ndarray):
+        numbers = np.asarray(found)
+        if numbers.dtype.kind == "f":
+            yield numbers
+    elif isinstance(found, dict):
+        yield from _numbers(list(found.values()))
+    elif isinstance(found, list | tuple):
+        for part in found:
+            yield from _numbers(part)
+    elif is_dataclass(found):
+        yield from _numbers([getattr(found, part.name) for part in fields(found)])
 
 
 def _check_table(table: SpectraTable) -> None:

@@ -75,6 +75,14 @@ def test_units_scale_bad_bands_order_and_missing_data(tmp_path):
         assert words in told
 
 
+def test_bad_bands_written_with_decimals_are_left_out(tmp_path):
+    """bbl = {0.0, 1.0, 1.0} says the same as {0, 1, 1}."""
+    bbl = ", ".join("0.0" if i in (0, 7) else "1.0" for i in range(31))
+    table = read_spectra(put(tmp_path, bbl=f"{{{bbl}}}"))
+    good = np.delete(np.arange(31), [0, 7])
+    same(table, GRID[good], spectra()[:, good], ["red", "green", "blue"], atol=1e-7)
+
+
 def test_values_above_one_are_kept_and_said(tmp_path):
     values = spectra(40)
     values[3, 8] = 2.4

@@ -7,7 +7,6 @@ import errno
 import io
 import json
 import os
-import random
 import subprocess
 import sys
 import threading
@@ -17,8 +16,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import event, given
 
 from glazefit.film.readers import read_films, read_recipes
 from glazejax.appearance.scene.file import read_scene
@@ -28,7 +26,8 @@ from glazejax.commands import main as cli
 from glazejax.io import SpectraTable, read_cube, read_sample, read_spectra, source, write_spectra
 from glazejax.paint.pigment_table import read_pigments
 
-from .hostile import SCENE, Fault, damaged, outcome, subjects
+from . import hostile
+from .hostile import SCENE, Fault, damaged_files, limits, outcome, subjects
 from .samples import CGATS, CXF, ENVI, GRID, complains, jcamp_block, spectra
 
 READERS = [
@@ -109,13 +108,33 @@ def test_what_a_reader_loses_in_silence_is_a_fault(tmp_path, kind):
         outcome(replace(subject, read=lossy(subject.read)), tmp_path, subject.content)
 
 
-@settings(max_examples=400)
-@given(st.sampled_from(list(SUBJECTS)), st.integers(0, 2**32))
-def test_damaged_files_of_every_kind_never_surprise(folder, kind, seed):
+def endless():
+    while True:
+        pass
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="the limits are Linux's")
+def test_a_reader_beyond_its_limits_is_a_fault(monkeypatch):
+    with pytest.raises(Fault, match="MB for a file of 3 bytes"), limits(3):
+        np.ones(30 << 20)
+    with pytest.raises(MemoryError), limits(3):
+        np.empty(1 << 30)
+    monkeypatch.setattr(hostile, "SECONDS", 0.05)
+    with pytest.raises(Fault, match=r"more than 0\.05 s"), limits(3):
+        endless()
+
+
+@given(damaged_files(SUBJECTS))
+def test_damaged_files_of_every_kind_never_surprise(folder, file):
+    """20,000 files: `--hypothesis-profile=fuzz`."""
+    kind, damaged = file
     subject = SUBJECTS[kind]
     for name, content in subject.beside.items():
         (folder / name).write_bytes(content)
-    outcome(subject, folder, damaged(subject.content, CONTENTS, random.Random(seed)))
+    with limits(len(damaged)):
+        accepted = outcome(subject, folder, damaged)
+    # Counts of both: `--hypothesis-show-statistics`.
+    event(f"{kind}: {'accepted' if accepted else 'refused'}")
 
 
 @pytest.mark.parametrize("reader", READERS)

@@ -71,6 +71,15 @@ def test_many_blocks(tmp_path, linked):
     assert table.unit == "percent"
 
 
+def test_a_repeated_difference_is_added_each_time(tmp_path):
+    """The example of McDonald and Wilks, 1 2 3 3 2 1 0 -1 -2 -3 as 1JT%jX, fifty higher."""
+    grid = np.arange(400.0, 491.0, 10.0)
+    text = block(grid=grid, form="XYDATA").replace("##YFACTOR=1e-06", "##YFACTOR=0.01")
+    text = re.sub(r"(?m)^400 .*\n(?:\d.*\n)*", "400E1JT%jX\n", text)
+    values = np.array([1, 2, 3, 3, 2, 1, 0, -1, -2, -3]) + 50.0
+    same(read_spectra(put(tmp_path, text)), grid, [values / 100], ["red"], atol=1e-12)
+
+
 @pytest.mark.parametrize(
     ("text", "complaint"),
     [

@@ -167,7 +167,6 @@ def mapped(monkeypatch) -> list[dict]:
         (["none.hdr", "--opaque", "--ground", "0.9"], "shows no ground"),
         (["none.hdr", "--opaque", "--bare"], "give --ground too"),
         (["none.hdr", "--opaque", "--max-paints", "4"], "--max-paints is 4"),
-        (["none.hdr", "--opaque", "--max-coats", "3"], "--max-coats is 3"),
         (["none.hdr", "--opaque", "--memory", "much"], "--memory is 'much'"),
         (["none.hdr", "--opaque", "--window", "3:1,0:4"], "--window is '3:1,0:4'"),
         (["none.hdr", "--opaque", "--bin", "0"], "--bin is '0'"),

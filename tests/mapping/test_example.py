@@ -4,7 +4,7 @@ hold the same.
 
 import numpy as np
 import pytest
-from benchmarks.rivals.known_painting import FOREIGN, NOISE, painting, read_truth, write_painting
+from benchmarks.rivals.known_painting import FOREIGN, NOISE, painting, write_painting
 from benchmarks.rivals.known_painting_scene import NUMBER, REGIONS
 
 from glazefit.mapping.example import painting as small_painting
@@ -100,43 +100,17 @@ def test_every_painting_has_all_regions_one_to_three_coats_and_some_foreign_pain
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("dtype", "interleave", "off"), [("float32", "bil", 1e-6), ("uint16", "bip", 5.1e-5)]
-)
-def test_a_written_painting_reads_as_it_was_made(scene, tmp_path, dtype, interleave, off):
-    said = []
-    header = write_painting(
-        tmp_path, scene, dtype, interleave=interleave, progress=lambda *n: said.append(n)
-    )
-    assert said[-1] == (48, 48, "painting")
+def test_a_written_painting_reads_as_it_was_made(scene, tmp_path):
+    header = write_painting(tmp_path, scene)
     cube = read_cube(header)
     np.testing.assert_allclose(cube.wavelengths, GRID)
     values = cube[:, :]
-    np.testing.assert_allclose(values, scene.rows(0, 48), rtol=0, atol=off)
-    for name, written in read_truth(tmp_path).items():
-        np.testing.assert_array_equal(written, scene.truth(0, 48)[name])
+    np.testing.assert_allclose(values, scene.rows(0, 48), rtol=0, atol=5.1e-5)  # half a step
     np.testing.assert_allclose(
         read_ground(str(tmp_path / "ground.csv")).on(GRID), scene.ground, atol=1e-6
     )
-    with pytest.raises(FileExistsError, match="is there already"):
+    with pytest.raises(FileExistsError):
         write_painting(tmp_path, scene)
-
-
-def test_wrong_input_is_one_sentence(scene, tmp_path):
-    with pytest.raises(ValueError, match="0 x 5 pixels cannot be made"):
-        painting((0, 5))
-    with pytest.raises(ValueError, match="1 bands"):
-        painting(bands=1)
-    with pytest.raises(ValueError, match=r"noise is -0\.1"):
-        painting(noise=-0.1)
-    with pytest.raises(ValueError, match="without guessing"):
-        painting(bands=np.array([300.0, 500.0]))
-    with pytest.raises(ValueError, match="rows 40 to 50"):
-        scene.rows(40, 50)
-    with pytest.raises(ValueError, match="not int8"):
-        write_painting(tmp_path, scene, "int8")
-    with pytest.raises(ValueError, match="not bsq"):
-        write_painting(tmp_path, scene, interleave="bsq")
 
 
 def test_the_small_painting_of_the_command_is_what_its_truth_says(tmp_path):

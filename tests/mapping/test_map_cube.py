@@ -172,7 +172,6 @@ def test_what_no_paint_explains_is_offered_as_paints(made):
         assert none[tuple(spot["place"])]
         assert len(spot["reading"]) == len(found.attrs["working_wavelengths"])
         assert spot["pixels"] <= none.sum()
-    assert np.isnan(found["coats_probability"].values).all()
 
 
 def test_the_map_says_how_far_it_agrees(made):

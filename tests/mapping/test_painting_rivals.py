@@ -123,11 +123,13 @@ def test_films_of_two_fluxes_are_those_of_the_package(flux):
     rng = np.random.default_rng(0)
     k, s = 10 ** rng.uniform(-8, 3, (2, 400))
     k, s = np.append(k, [0.0, 0.0, 3.0]), np.append(s, [0.0, 2.0, 0.0])
-    body = saunderson(two_flux_reflectance(k, s, 0.7), flux.outer, flux.inner)
-    np.testing.assert_allclose(flux.reading(k, s, 0.7), flux.outer + np.asarray(body), atol=1e-9)
+    body = saunderson(two_flux_reflectance(k, s, 0.7), *flux.surface)
+    np.testing.assert_allclose(
+        flux.reading(k, s, 0.7), flux.surface.outer + np.asarray(body), atol=1e-9
+    )
     inside = np.linspace(0.01, 0.95, 20)
-    reading = flux.outer + np.asarray(saunderson(inside, flux.outer, flux.inner))
-    np.testing.assert_allclose(flux.inside(reading), inside, rtol=1e-9)
+    reading = flux.surface.outer + np.asarray(saunderson(inside, *flux.surface))
+    np.testing.assert_allclose(flux.surface.inside(reading), inside, rtol=1e-9)
 
 
 def test_two_constants_are_fitted_to_films_over_black_and_white(flux, paints):

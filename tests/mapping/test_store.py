@@ -9,12 +9,15 @@ import subprocess
 import sys
 import time
 import warnings
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+from glazefit.mapping.solve.solver import _sums
+from glazefit.mapping.solve.update import Answers
 from glazefit.mapping.store.atomic_files import KeyedResults
 from glazefit.mapping.store.chunk import ChunkMaps, SetSum, Unexplained, add_sets, pack, unpack
 from glazefit.mapping.store.layout import VARIABLES, Status
@@ -140,6 +143,34 @@ def test_sums_are_those_of_the_windows_in_order(undisturbed: MapStore):
     }
     for members, one in sets.items():
         np.testing.assert_array_equal(one.square, expected[members].square)
+
+
+def test_sums_of_two_windows_are_those_of_all_their_pixels():
+    readings = np.random.default_rng(0).random((9, BANDS))
+
+    def sums(rows: slice):
+        """Of one film each: every third pixel of one paint, the others of two, 1 um of each."""
+        own = readings[rows]
+        paints = np.where(np.arange(9)[rows, None] % 3, [[0, 2, -1]], [[1, -1, -1]])
+        found = replace(
+            Answers.empty(len(own), len(PAINTS), BANDS),
+            members=paints,
+            amounts=np.where(paints < 0, -np.inf, np.log(1e-6)),
+            explained=np.ones(len(own), bool),
+            fitted=0.5 * own,
+        )
+        return _sums(found, own)
+
+    both = sums(slice(0, 4))
+    add_sets(both, sums(slice(4, 9)))
+    assert both.keys() == {(1,), (0, 2)}
+    for members, rows in (((1,), [0, 3, 6]), ((0, 2), [1, 2, 4, 5, 7, 8])):
+        one = both[members]
+        assert one.pixels == len(rows)
+        np.testing.assert_allclose(one.spectrum, readings[rows].sum(axis=0))
+        np.testing.assert_allclose(one.fitted, 0.5 * readings[rows].sum(axis=0))
+        np.testing.assert_allclose(one.square, (readings[rows] ** 2).sum(axis=0))
+        assert one.thickness == pytest.approx((1e-6 * len(members) * len(rows), len(rows)))
 
 
 def test_sums_pack_bit_for_bit():

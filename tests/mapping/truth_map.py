@@ -56,7 +56,6 @@ def truth_map(painting: Painting, *, unit: str | None = "mm"):
     arrays["way"][::5, ::5][mapped[::5, ::5]] = Way.SEARCHED
     arrays["explained"] = known.astype(np.uint8)
     arrays["members"][known] = truth["members"][known]
-    arrays["coats"][known] = np.minimum(truth["coats"][known], 1)
     thickness = truth["amounts"].sum(axis=-1)
     arrays["thickness"][known] = thickness[known]
     arrays["thickness_sd"][known] = 0.05 * thickness[known]

@@ -354,6 +354,7 @@ np.save(sys.argv[2], out)
 """
 
 
+@pytest.mark.slow
 def test_single_precision(tmp_path, truth):
     np.savez(tmp_path / "in.npz", q=ALBEDO, d=THICKNESS, g=GROUND, i=INCIDENCE, v=VIEWING)
     command = [sys.executable, "-c", _SINGLE, str(tmp_path / "in.npz"), str(tmp_path / "out.npy")]

@@ -86,6 +86,24 @@ def test_reference_stacks(index, hemispherical):
     assert close(found[3], expected, NOISE / 1e-3), "index"
 
 
+def test_hemispherical_slopes_by_each_thickness_over_a_bright_ground():
+    """Against differences: a layer also dims what its ground gets of the light and gives back."""
+    thickness = np.array([0.3, 0.1, 0.5])
+
+    def flux(d):
+        return stack_hemispherical_reflectance(
+            [0.9, 0.3, 0.7], d, 0.5, cos_incidence=0.6, tolerance=1e-3
+        )
+
+    # Values at all nodes and slopes come from one program.
+    step = 0.03 * thickness
+    moved = thickness + CENTRAL[0][:, None, None] * np.diag(step)
+    values, pull = jax.vjp(flux, jnp.asarray([thickness, *moved.reshape(-1, 3)]))
+    found = pull(jnp.ones_like(values))[0][0]
+    expected = CENTRAL[1] @ np.asarray(values[1:]).reshape(-1, 3) / step
+    assert close(found, expected, NOISE / step)
+
+
 @pytest.mark.single
 @pytest.mark.parametrize("tolerance", [1e-8, pytest.param(1e-5, marks=pytest.mark.slow)])
 def test_stored_slopes(tolerance):

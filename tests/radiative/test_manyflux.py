@@ -119,7 +119,36 @@ def test_thin_layer_scatters_once(index):
             azimuth=turn,
             streams=8,
         )
-        assert found == pytest.approx(passing * 0.7 * p * thickness / (4 * mu_i * mu_v), rel=1e-5)
+        assert found == pytest.approx(
+            passing * 0.7 * p * thickness / (4 * mu_i * mu_v), rel=1e-5, abs=0
+        )
+
+
+def test_two_layers_scatter_once_through_each_other():
+    """Seen aslant over black, with peaked phase functions: sum over the layers of
+    q p(T)/(4 mu mu') t, t the integral of exp(-x/mu - x/mu') over the layer's depths.
+
+    Of an albedo of 1e-9, what is scattered twice is some 3e-9 of that.
+    """
+    albedo, asymmetry = 1e-9 * np.array([1.0, 3.0]), np.array([0.8, 0.6])
+    lit, seen, turn = 0.9, 0.4, 40.0
+    cosine = np.sqrt((1 - lit**2) * (1 - seen**2)) * np.cos(np.deg2rad(turn)) - lit * seen
+    p = (1 - asymmetry**2) / (1 - 2 * asymmetry * cosine + asymmetry**2) ** 1.5
+    path = 1 / lit + 1 / seen
+    faces = np.exp(-path * np.array([0.0, 0.5, 1.3]))
+    exact = np.sum(albedo * p * -np.diff(faces)) / (4 * lit * seen * path)
+    found = manyflux_reflectance_factor(
+        albedo,
+        np.diff([0.0, 0.5, 1.3]),
+        0.0,
+        phase=henyey_greenstein(asymmetry),
+        refractive_index=1.0,
+        cos_incidence=lit,
+        cos_viewing=seen,
+        azimuth=turn,
+        streams=6,
+    )
+    assert found == pytest.approx(exact, rel=1e-8, abs=0)
 
 
 @pytest.mark.slow

@@ -152,6 +152,7 @@ def test_a_stack_is_the_same_by_either():
     np.testing.assert_allclose(tables[0], tables[1], atol=1e-11)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("solution", [layer_by_modes, by_doubling])
 def test_nothing_is_left_that_can_hang(solution):
     """Bulk use of LAPACK can; the program to be compiled has no call of it."""

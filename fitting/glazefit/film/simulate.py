@@ -7,14 +7,12 @@ import numpy as np
 from jaxtyping import Float
 
 from glazejax import Pigment
-from glazejax.former_names import accept_name_first
 from glazejax.geometry import resolve_instrument
 
 from .films import Films, Instrument, InstrumentLike, Noise, usual_cards
 from .model.optics import Optics
 
 
-@accept_name_first("names")
 def simulate_films(
     wavelengths: Float[np.ndarray, "bands"],
     absorption: Float[np.ndarray, "films bands *coats"],

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 _GEOMETRY = "d:8"
 # Spectra from which on a map is the better way.
 _MANY = 2000
-# Candidates kept for a report, which says of every paint how near it comes.
+# Candidates kept for a report, which judges by them how near each paint comes.
 _KEPT = 40
 
 
@@ -258,7 +258,6 @@ def identify(
             seen_with,
             discrepancy=settings["discrepancy"],
             prior=settings["prior"],
-            max_paints=max_paints,
         )
         chunks = report_builder.watch(chunks)
     parts, how = progress.collect(

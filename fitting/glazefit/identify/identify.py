@@ -14,7 +14,6 @@ import numpy as np
 from jaxtyping import ArrayLike, Float
 
 from glazejax import Hemispherical
-from glazejax.former_names import accept_former_grounds, accept_former_keywords
 from glazejax.geometry import Geometry, resolve_instrument
 
 from ..film.films import Films, Instrument, Noise, cards
@@ -43,7 +42,6 @@ def identify_chunks(
     Args and errors are those of `identify`.
     """
     options = options or IdentificationOptions()
-    _check_order(wavelengths, spectra)
     if (ground is None) != opaque:
         raise ValueError(
             "opaque films show no ground: leave out ground, or leave out opaque"
@@ -84,19 +82,6 @@ def identify_chunks(
         yield found
 
 
-def _check_order(wavelengths: ArrayLike, spectra: ArrayLike) -> None:
-    """Refuse spectra before wavelengths, as was the order before version 0.2."""
-    first = np.asarray(wavelengths, dtype=np.float64)
-    second = np.asarray(spectra, dtype=np.float64)
-    if first.size and second.ndim == 1 and second.size and first.max() < 10.0 < second.min():
-        raise ValueError(
-            "wavelengths come first, in nm, then spectra: the order of these two arguments has "
-            "changed, and what was given first looks like reflectances"
-        )
-
-
-@accept_former_grounds
-@accept_former_keywords(geometry="instrument", layers="max_coats")
 def identify(
     wavelengths: ArrayLike,
     spectra: ArrayLike,
@@ -149,7 +134,6 @@ def identify(
     return Identification.join(list(parts))
 
 
-@accept_former_keywords(geometry="instrument", layers="max_coats")
 def identify_films(
     films: Films,
     pigments: Pigments,
@@ -185,7 +169,6 @@ def identify_films(
     )
 
 
-@accept_former_keywords(geometry="instrument")
 def ground_from_air(
     bare: Float[np.ndarray, "*shape"],
     instrument: Instrument | Geometry | str | None = None,

@@ -37,7 +37,7 @@ def _option(text: str, metavar: str = "") -> Any:
         "--wavelengths --dataset --white --dark --white-reflectance --scale --window --mask "
         "--bin --bands --pigments --without --spot --bare --opaque --instrument"
     ),
-    tried="--max-paints --max-coats --example",
+    tried="--max-paints --example",
     written="--csv --export --overwrite",
     fine=(
         "--thickness --refractive-index --noise --noise-share --model-error --memory --scheduler"
@@ -144,9 +144,6 @@ def map_(
     max_paints: Annotated[
         int, typer.Option(help="Largest number of paints in a pixel: 1, 2 or 3.")
     ] = 3,
-    max_coats: Annotated[
-        int, typer.Option(help="Coats: 1, or 2 to try two coats as well, in both orders.")
-    ] = 1,
     instrument: Annotated[str | None, options.instrument_option(_GEOMETRY)] = None,
     refractive_index: options.RefractiveIndex = 1.5,
     noise: Annotated[
@@ -204,8 +201,6 @@ def map_(
         raise ValueError("no CUBE was given; name an image of spectra, or try --example")
     if max_paints not in (1, 2, 3):
         raise ValueError(f"--max-paints is {max_paints}; it must be 1, 2 or 3")
-    if max_coats not in (1, 2):
-        raise ValueError(f"--max-coats is {max_coats}; it must be 1 or 2")
     if opaque and ground is not None:
         raise ValueError(
             "--opaque paint shows no ground: leave out --ground, or leave out --opaque"
@@ -313,7 +308,6 @@ def map_(
             else replace(usual_error, amplitude=model_error),
             prior=Prior(thickness=usual),
             max_paints=max_paints,
-            max_coats=max_coats,
             memory=bound,
             client=client,
             overwrite=overwrite,

@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Unpack
 import numpy as np
 from jaxtyping import ArrayLike, Bool, Float
 
-from glazejax.former_names import accept_former_grounds, accept_former_keywords
 from glazejax.progress import Progress, no_progress
 
 from ..film.films import Noise
@@ -22,7 +21,6 @@ from ..film.noise import spectra_noise
 from ..identify.search.options import SearchKeywords, check_keywords
 from .solve.agreement import compare
 from .solve.atlas import Atlas
-from .solve.coats import StackSearch
 from .solve.local import Searched, search_locally
 from .solve.process import give_back, one_thread_each
 from .solve.solver import PixelSolver
@@ -64,8 +62,6 @@ _CHECKED = 256
 _NOISE_SAMPLE = 4000
 
 
-@accept_former_grounds
-@accept_former_keywords(geometry="instrument", layers="max_coats")
 def map_cube(
     cube: "CubeSource | str | Path | xarray.DataArray",
     pigments: Pigments,
@@ -104,7 +100,7 @@ def map_cube(
         overwrite: replace a map that is there.
         progress: called with pieces done, pieces in all and the stage: reading, surveying,
             searching, checking, mapping.
-        search: instrument, noise, discrepancy, prior, max_paints and max_coats, as for
+        search: instrument, noise, discrepancy, prior and max_paints, as for
             `glazefit.identify`; noise is of one reading of the image, by default told from the
             roughness of a sample of its spectra.
 
@@ -165,7 +161,6 @@ def map_cube(
             ground=task.ground,
             atlas=atlas,
             reach=surveyed.reach,
-            stacks=task.stack_search(surveyed.features),
         )
         run_chunks(store, solver, client, progress)
         tallies, _ = store.sums()
@@ -299,7 +294,6 @@ def _atlas(
         task=task,
         readings=surveyed.readings,
         size=_PIECE,
-        stacks=task.stack_search(surveyed.features),
     )
     finish(keys, pieces, work, client, note, "searching")
     found = Searched.from_parts(len(keys), lambda n, name: work.get(keys[n], [name])[name])
@@ -315,13 +309,11 @@ class _Pieces:
         readings: of all representatives.
         size: of a piece, which is sent along: spectra that are searched in other company are
             rounded in other places.
-        stacks: the search for two coats; None for one coat.
     """
 
     task: MapTask
     readings: Float[np.ndarray, "representatives bands"]
     size: int
-    stacks: StackSearch | None
 
     def __call__(self, key: str) -> dict[str, np.ndarray]:
         first = int(key.rpartition("-")[2]) * self.size
@@ -333,7 +325,6 @@ class _Pieces:
                 batch,
                 task.image.noise_sd(batch),
                 task.ground,
-                stacks=self.stacks,
             ).arrays()
 
 

@@ -20,7 +20,6 @@ import numpy as np
 from jaxtyping import Float
 
 from glazejax import Pigment
-from glazejax.former_names import accept_former_keywords
 from glazejax.geometry import resolve_instrument
 
 from ..film.films import Films, Instrument, InstrumentLike, Noise
@@ -242,7 +241,6 @@ def unknowns_in_words(problem: Problem) -> tuple[str, ...]:
     return (*paints[:-1], *problem.unknowns[max(len(paints) - 1, 0) :])
 
 
-@accept_former_keywords(paints="pigments")
 def posterior_of_film(
     film: Films | Reading,
     pigments: Sequence[Pigment],

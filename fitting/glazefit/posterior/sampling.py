@@ -1,6 +1,5 @@
 """How a posterior is sampled: the options that its functions have in common."""
 
-import warnings
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, TypedDict, get_args
@@ -66,13 +65,6 @@ class Sampling:
     progress: Progress = no_progress
 
     def __post_init__(self) -> None:
-        if isinstance(self.progress, bool):
-            warnings.warn(
-                "progress is a function of (done, total, words) now, see glazejax.progress",
-                DeprecationWarning,
-                stacklevel=4,
-            )
-            object.__setattr__(self, "progress", no_progress)
         check_sampler(self.sampler, "sampler")
         if self.steps is not None and self.steps < 0:
             raise ValueError(

@@ -16,7 +16,6 @@ import numpy as np
 from jaxtyping import Float
 
 from glazejax import Glaze, Layer, Mixture, catalogue, colour
-from glazejax.former_names import accept_former_keywords, former_attribute
 from glazejax.paint.describe import Coat
 
 from ..film.model.mixing import Pigments
@@ -128,8 +127,6 @@ class Recipe:
         """The glaze as `glazejax render --coats` takes it."""
         return ", ".join(map(_type_coat, self.coats))
 
-    layers = former_attribute("layers", "text")
-
     def __repr__(self) -> str:
         return f"Recipe({self.text!r} for {self.target.name!r}, Delta E {self.distance:.2f})"
 
@@ -148,7 +145,6 @@ def find_recipes(
 def find_recipes(
     target: Sequence[Wanted], pigments: Pigments | None = None, **options: Unpack[RecipeOptions]
 ) -> list[list[Recipe]]: ...
-@accept_former_keywords(geometry="instrument", max_layers="max_coats")
 def find_recipes(
     target: Wanted | Sequence[Wanted],
     pigments: Pigments | None = None,

@@ -14,7 +14,6 @@ from jaxtyping import Float
 from numpy.typing import ArrayLike
 
 from glazejax import cie, colour
-from glazejax.former_names import accept_name_first
 from glazejax.spectra import as_fraction, describe_grid, validate_wavelengths
 
 Colour = Sequence[float] | Float[np.ndarray, "3"]
@@ -152,7 +151,6 @@ def srgb_target(code: str, name: str | None = None) -> Target:
     )
 
 
-@accept_name_first("name")
 def spectral_target(wavelengths: ArrayLike, reflectance: ArrayLike, *, name: str) -> Target:
     """A spectrum to match, (bands,), as a fraction or in percent, on any wavelengths in nm.
 

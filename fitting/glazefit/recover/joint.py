@@ -16,7 +16,6 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from glazejax import Pigment
-from glazejax.former_names import accept_former_keywords
 from glazejax.geometry import resolve_instrument
 
 from ..film.films import Films, Instrument, InstrumentLike, Noise, cards
@@ -52,7 +51,6 @@ DRAWS = 128
 _FIRST_STEP = 1e-4
 
 
-@accept_former_keywords(known="pigments")
 def recover_jointly(
     films: Films,
     recipes: Mapping[str, Mapping[str, float]],

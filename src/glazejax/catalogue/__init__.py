@@ -28,12 +28,24 @@ from ..names import nearest_names
 from ..paint.describe import format_length
 from ..paint.media import Pigment
 from ..paint.pigment_table import read_pigments
-from .exemplars import Family as Family
-from .exemplars import Provenance as Provenance
-from .exemplars import families as families
-from .exemplars import families_of as families_of
-from .exemplars import provenance as provenance
-from .exemplars import read_exemplars
+from .exemplars import Family, Provenance, families, families_of, provenance, read_exemplars
+
+__all__ = [
+    "Catalogue",
+    "Family",
+    "Provenance",
+    "assumed_scale",
+    "caution",
+    "checksum",
+    "families",
+    "families_of",
+    "family",
+    "load",
+    "names",
+    "pigment",
+    "provenance",
+    "read",
+]
 
 ASSUMED_THICKNESS = 25e-6
 """Thickness of a typical film of the oils in m, an assumption."""

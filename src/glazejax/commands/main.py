@@ -20,12 +20,6 @@ if TYPE_CHECKING:
 
 # What a shell reports of a wrong command line.
 _WRONG = 2
-# Options by their names before version 0.2, which still work for that version: those they became.
-_FORMER_OPTIONS = {
-    "--layers": ("--coats", "--max-coats"),
-    "--max-layers": ("--max-coats",),
-    "--geometry": ("--instrument",),
-}
 
 
 def start_jax(*, optimisation: int = 1) -> None:
@@ -104,10 +98,6 @@ def make_app() -> "typer.Typer":
 
         def get_params(self, ctx: Any) -> list[Any]:
             return without_bool(sort_options(self.callback, super().get_params(ctx)))
-
-        def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-            known = {name for param in self.params for name in param.opts}
-            return super().parse_args(ctx, [_present_name(word, known) for word in args])
 
     class Group(typer.core.TyperGroup):
         def get_params(self, ctx: Any) -> list[Any]:
@@ -194,21 +184,6 @@ def _run(app: "typer.Typer") -> NoReturn:
     if status in (interrupts.INTERRUPTED, interrupts.TERMINATED):
         interrupts.leave(status=status)
     sys.exit(status or 0)
-
-
-def _present_name(word: str, known: set[str]) -> str:
-    """A word of the command line; of an option by its former name the present one, which is said.
-
-    Args:
-        word: such as ``--layers`` or ``--layers=Eosin:3um``.
-        known: the command's options.
-    """
-    former, equals, value = word.partition("=")
-    new = next((name for name in _FORMER_OPTIONS.get(former, ()) if name in known), None)
-    if new is None or former in known:
-        return word
-    print(f"note: {former} is called {new} now", file=sys.stderr)
-    return f"{new}{equals}{value}"
 
 
 def _stop(words: str) -> NoReturn:

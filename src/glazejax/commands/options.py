@@ -2,7 +2,6 @@
 
 Options are annotations, `instrument: Annotated[str | None, instrument_option("d:8")] = None`;
 readers turn what was typed into what the library takes, and name the option in their errors.
-Options by their former names are not in ``--help``; they work and name the new one (`main`).
 """
 
 import re

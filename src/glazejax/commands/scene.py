@@ -103,7 +103,10 @@ def scene(
         typer.echo(f"note   {note}", err=True)
     beyond = found.scene.needs_path_tracing() if renderer == "raycast" else None
     if beyond is not None:
-        raise ValueError(f"{file}: the ray caster cannot draw {beyond}: add --renderer mitsuba")
+        raise ValueError(
+            f"{file}: the ray caster cannot draw {beyond}: add --renderer mitsuba (pip install "
+            "'glazejax[render]')"
+        )
     rendered = _render(
         found, spectral is not None, _SAMPLES if samples is None else samples, renderer
     )

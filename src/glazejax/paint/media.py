@@ -15,14 +15,13 @@ import operator
 from collections.abc import Iterable, Sequence
 from importlib import import_module
 from pathlib import Path
-from typing import Any, ClassVar, Literal
+from typing import Any, Literal
 
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from ..former_names import accept_former_keywords, former_attribute
 from ..geometry import Geometry, Instrument
 from ..spectra import (
     Grid,
@@ -435,7 +434,6 @@ class Glaze(eqx.Module):
     ground: Float[Array, "*batch"]
     refractive_index: float | Float[Array, "*batch"]
 
-    @accept_former_keywords(layers="coats", substrate="ground")
     def __init__(self, coats: Sequence[Layer], ground: Numbers, refractive_index: Numbers = 1.5):
         if isinstance(coats, Layer):
             raise ValueError("coats must be a list, top first: write [layer] for a single one")
@@ -463,9 +461,6 @@ class Glaze(eqx.Module):
         self.ground = as_float_array(ground)
         constant = index.ndim == 0 and isinstance(index, np.ndarray)
         self.refractive_index = float(index) if constant else as_float_array(index)
-
-    layers: ClassVar[property] = former_attribute("layers", "coats")
-    substrate: ClassVar[property] = former_attribute("substrate", "ground")
 
     @property
     def wavelengths(self) -> Float[np.ndarray, "bands"]:

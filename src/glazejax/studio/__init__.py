@@ -11,6 +11,13 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     # Made by `glazejax.studio.widget.make_widget` when it is asked for.
     Widget: Any
+    """A glaze studio in a notebook, `Widget(stack=None, tasks=None)`: of a `glazejax.Glaze`, a
+    `glazejax.stacks.Stack` or its JSON (by default two coats), and with searches (by default those
+    installed).
+
+    Its attribute `stack` is what is stacked: set it, and the page follows; `seen` is what the page
+    computed of it. `help(Widget)` has the rest.
+    """
 
 __all__ = ["Widget"]
 

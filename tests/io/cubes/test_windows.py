@@ -189,6 +189,7 @@ def total(source):
     return float(np.nansum(source.open().values))
 
 
+@pytest.mark.slow
 def test_another_process_reads_the_same(files):
     with ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn")) as pool:
         sources = [

@@ -20,7 +20,6 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from glazejax import Pigment
-from glazejax.former_names import accept_former_keywords
 
 
 @dataclass(frozen=True)
@@ -198,14 +197,6 @@ class Prior:
     def concentration_known(self) -> float:
         """Of a film whose paints are known."""
         return 1.0 if self.concentration is None else self.concentration
-
-
-# Of a film's posterior, before version 0.2.
-Prior.__init__ = accept_former_keywords(thickness_spread="spread")(Prior.__init__)
-
-
-BETWEEN_FILMS = ModelError.between_films()
-"""The former name of `ModelError.between_films()`."""
 
 
 def smooth_kernel(

@@ -22,12 +22,12 @@ class SearchKeywords(TypedDict, total=False):
     discrepancy: ModelError | None
     prior: Prior | None
     max_paints: int
-    max_coats: int
 
 
 class IdentificationKeywords(SearchKeywords, total=False):
     """The fields of `IdentificationOptions`, as arguments of the functions that identify."""
 
+    max_coats: int
     keep: int
     thorough: bool
     own_films: bool

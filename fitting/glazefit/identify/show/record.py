@@ -18,8 +18,7 @@ from glazejax.spectra import describe_grid
 
 from ..result import Candidate, Identification
 from .ambiguity import describe_ambiguity, describe_undecided
-from .contenders import LEAST_SHARE, Contenders
-from .ruled_out import IMPROBABLE, ruled_out
+from .ruled_out import IMPROBABLE, LEAST_SHARE, ruled_out
 
 SCHEMA = {"name": "glazejax identify report", "version": 1}
 _PACKAGES = ("glazejax", "jax", "jaxlib", "numpy", "scipy", "colour-science")
@@ -66,7 +65,6 @@ class Provenance:
 
 def make_record(
     found: Identification,
-    contenders: Contenders,
     bands: Float[np.ndarray, "spectra explanations grounds bands"],
     about: Provenance,
     top: int,
@@ -75,7 +73,6 @@ def make_record(
 
     Args:
         found: identification.
-        contenders: the nearest film with each paint.
         bands: half the widths of 90 % bands about the first explanations.
         about: how it was made.
         top: explanations of each spectrum.
@@ -84,7 +81,7 @@ def make_record(
         "schema": SCHEMA,
         **describe_run(found, about),
         "thresholds": {"ruled_out_below": IMPROBABLE, "least_share": LEAST_SHARE},
-        "spots": [_spot(found, contenders, bands, row, top) for row in range(len(found))],
+        "spots": [_spot(found, bands, row, top) for row in range(len(found))],
     }
 
 
@@ -123,9 +120,7 @@ def describe_run(found: Identification, about: Provenance) -> dict[str, Any]:
     }
 
 
-def _spot(
-    found: Identification, contenders: Contenders, bands: np.ndarray, row: int, top: int
-) -> dict[str, Any]:
+def _spot(found: Identification, bands: np.ndarray, row: int, top: int) -> dict[str, Any]:
     chances = found.paint_probability[row]
     ranked = found.ranked(row, top)
     explained = bool(found.explained[row])
@@ -150,8 +145,12 @@ def _spot(
             for rank, candidate in enumerate(ranked, start=1)
         ],
         "ruled_out": [
-            {**paint._asdict(), "delta_e": _number(paint.delta_e)}
-            for paint in ruled_out(found, contenders, row)
+            {
+                **paint._asdict(),
+                "delta_e": _number(paint.delta_e),
+                "rmse": _number(paint.rmse),
+            }
+            for paint in ruled_out(found, row)
         ],
     }
 

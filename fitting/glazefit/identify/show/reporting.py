@@ -13,7 +13,6 @@ from ...film.films import Instrument
 from ...film.model.errors import ModelError, Prior
 from ..result import Identification
 from .bands import expected_bands
-from .contenders import Contenders, find_contenders
 from .figures import FITS
 from .page import write_page
 from .record import Provenance, make_record
@@ -24,7 +23,7 @@ class ReportBuilder:
 
     Args:
         pigments: the catalogue.
-        instrument, discrepancy, prior, max_paints: of the identification.
+        instrument, discrepancy, prior: of the identification.
     """
 
     def __init__(
@@ -34,19 +33,17 @@ class ReportBuilder:
         *,
         discrepancy: ModelError,
         prior: Prior,
-        max_paints: int,
     ):
         self._pigments, self._instrument = pigments, instrument
-        self._discrepancy, self._prior, self._max_paints = discrepancy, prior, max_paints
-        self._parts: list[tuple[Contenders, np.ndarray]] = []
+        self._discrepancy, self._prior = discrepancy, prior
+        self._parts: list[np.ndarray] = []
 
     def watch(self, chunks: Iterable[Identification]) -> Iterator[Identification]:
         """The parts of an identification, each looked at before it is passed on."""
         given = self._pigments, self._instrument
         for part in chunks:
             errors = {"prior": self._prior, "discrepancy": self._discrepancy}
-            contenders = find_contenders(part, *given, **errors, max_paints=self._max_paints)
-            self._parts.append((contenders, expected_bands(part, *given, **errors, count=FITS)))
+            self._parts.append(expected_bands(part, *given, **errors, count=FITS))
             yield part
 
     def write(
@@ -62,8 +59,5 @@ class ReportBuilder:
         `glazefit.identify.show.page.write_page`.
         """
         # An interrupt may have come after a part was looked at and before it was taken.
-        contenders = Contenders.join([part for part, _ in self._parts]).take(len(found))
-        bands = np.concatenate([part for _, part in self._parts])[: len(found)]
-        return write_page(
-            make_record(found, contenders, bands, about, top), path, overwrite=overwrite
-        )
+        bands = np.concatenate(self._parts)[: len(found)]
+        return write_page(make_record(found, bands, about, top), path, overwrite=overwrite)

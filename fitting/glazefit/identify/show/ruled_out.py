@@ -1,16 +1,20 @@
-"""Why paints were not found in a film, a sentence each."""
+"""Why paints were not found in a film, a sentence each.
+
+The search has fitted candidates; of these the nearest with a paint says how near it comes. A paint
+that no candidate has was left behind before films were compared closely.
+"""
 
 from typing import NamedTuple
 
 import numpy as np
 
 from ..result import Candidate, Identification, percent
-from ..search.pool import NOBODY
 from ..search.weigh import REJECTED, UNSEEN
-from .contenders import LEAST_SHARE, Contenders
 
 IMPROBABLE = 0.01
 """Probability below which a paint counts as ruled out."""
+LEAST_SHARE = 0.01
+"""Of a paint by mass, in the films that it is judged by: less of it can hide in any film."""
 
 # Where there is no colour, a root mean square that is as bad as a Delta E00 of `REJECTED`; and how
 # much worse is worse.
@@ -24,13 +28,14 @@ class RuledOut(NamedTuple):
     Attributes:
         paint: its name.
         probability: that it is in the film.
-        film: the nearest film with at least 1 % of it, in words.
+        film: of the candidates with at least 1 % of it the nearest, in words; empty if there is
+            none.
         paints: of that film, the one ruled out first, and their fractions.
         delta_e: of that film; NaN where the bands give no colour.
-        rmse: of its residual.
+        rmse: of its residual; NaN if there is none.
         kind: "misfit" (a person sees that it does not fit), "trace" (the same, but a trace stays
-            possible), "worse" (others fit better), or "unneeded" (it fits as well, but a film
-            without it is more probable).
+            possible), "worse" (others fit better), "unneeded" (it fits as well, but a film without
+            it is more probable), or "absent" (no candidate has it).
         reason: one sentence.
     """
 
@@ -44,47 +49,67 @@ class RuledOut(NamedTuple):
     reason: str
 
 
-def ruled_out(found: Identification, contenders: Contenders, row: int) -> list[RuledOut]:
+def ruled_out(found: Identification, row: int) -> list[RuledOut]:
     """Paints that do not fit, or whose probability to be in a film is below 1 %, the worst fits
-    first.
+    first; last those that no candidate has.
 
     A paint that more likely is there than not is not among them, however little of it.
     """
     chances = found.paint_probability[row]
-    best = found.ranked(row, 1)[0]
-    judged = [_judge(found, contenders, row, int(i), best) for i in np.flatnonzero(chances < 0.5)]
+    candidates = found.ranked(row)
+    judged = [_judge(found, candidates, row, int(i)) for i in np.flatnonzero(chances < 0.5)]
     out = [paint for paint in judged if paint.probability < IMPROBABLE or paint.kind == "trace"]
-    kinds = ("misfit", "trace", "worse", "unneeded")
+    kinds = ("misfit", "trace", "worse", "unneeded", "absent")
     return sorted(
-        out, key=lambda paint: (kinds.index(paint.kind), -np.nan_to_num(paint.delta_e), -paint.rmse)
+        out,
+        key=lambda paint: (
+            kinds.index(paint.kind),
+            -np.nan_to_num(paint.delta_e),
+            -np.nan_to_num(paint.rmse),
+        ),
     )
 
 
-def _judge(
-    found: Identification, contenders: Contenders, row: int, paint: int, best: Candidate
-) -> RuledOut:
+def _share(candidate: Candidate, name: str) -> float:
+    """Of a paint in a candidate, by mass; 0 where it is not in it, or no amount is known."""
+    shares = dict(zip(candidate.paints, candidate.fractions.tolist(), strict=True))
+    return float(np.nan_to_num(shares.get(name, 0.0)))
+
+
+def _judge(found: Identification, candidates: list[Candidate], row: int, paint: int) -> RuledOut:
     name = found.paints[paint]
-    off = float(contenders.delta_e[row, paint])
-    rmse = float(contenders.rmse[row, paint])
-    members = contenders.members[row, paint]
-    shares = contenders.fractions[row, paint]
-    shown = [n for n in range(3) if members[n] != NOBODY and (n == 0 or shares[n] >= 1e-4)]
-    film = (
-        " + ".join(f"{percent(shares[n])} {found.paints[members[n]]}" for n in shown)
-        if len(shown) > 1
-        else name
-    )
-    if (contenders.coats[row, paint] > 0).any():
-        film += " (in two coats)"
+    chance = float(found.paint_probability[row, paint])
+    best = candidates[0]
+    # What has no probability was left behind, and its amounts were not fitted to come near.
+    fitted = [one for one in candidates if one.probability > 0.0]
+    with_it = [one for one in fitted if _share(one, name) >= LEAST_SHARE]
+    if not with_it:
+        return RuledOut(
+            paint=name,
+            probability=chance,
+            film="",
+            paints={},
+            delta_e=np.nan,
+            rmse=np.nan,
+            kind="absent",
+            reason=(
+                f"{name}: no film with {LEAST_SHARE:.0%} of it or more came near enough to be "
+                "compared closely."
+            ),
+        )
+    nearest = min(with_it, key=lambda one: one.rmse)
+    share = _share(nearest, name)
+    off = nearest.delta_e
+    rmse = nearest.rmse
     seen = not np.isnan(off)
     by = f"Delta E00 {off:.1f}" if seen else f"{rmse:.3f} in reflectance (RMSE)"
     if (off > REJECTED) if seen else (rmse > _OFF):
         kind = "misfit"
-        reason = f"the best film with it is off by {by}"
+        reason = f"the nearest film with it is off by {by}"
     elif seen and off > max(UNSEEN, best.delta_e):
         kind = "worse"
         reason = (
-            f"the best film with it is off by {by}, the most probable film by {best.delta_e:.1f}"
+            f"the nearest film with it is off by {by}, the most probable film by {best.delta_e:.1f}"
         )
     elif rmse > _WORSE * max(best.rmse, float(np.median(found.measured.noise_sd[row]))):
         kind = "worse"
@@ -100,21 +125,20 @@ def _judge(
     else:
         kind = "unneeded"
         reason = (
-            f"a film with {percent(shares[0])} of it fits as well ({by}), but a film without it "
-            "is more probable"
+            f"a film with {percent(share)} of it fits as well ({by}), but a film without it is "
+            "more probable"
         )
-    chance = float(found.paint_probability[row, paint])
-    if kind == "misfit" and shares[0] < 2 * LEAST_SHARE and len(shown) > 1:
-        reason += f", with as little as {percent(shares[0])} of it"
+    if kind == "misfit" and share < 2 * LEAST_SHARE and len(nearest.paints) > 1:
+        reason += f", with as little as {percent(share)} of it"
     if kind == "misfit" and chance >= IMPROBABLE:
         kind = "trace"
         reason = f"{reason}; less than {LEAST_SHARE:.0%} of it stays possible"
-    parts = {found.paints[members[n]]: float(shares[n]) for n in shown}
+    others = [other for other in nearest.paints if other != name]
     return RuledOut(
         paint=name,
         probability=chance,
-        film=film,
-        paints=parts,
+        film=nearest.words,
+        paints={one: _share(nearest, one) for one in (name, *others)},
         delta_e=off,
         rmse=rmse,
         kind=kind,

@@ -18,6 +18,7 @@ _KINDS = {
     "trace": "Ruled out but for a trace",
     "worse": "Improbable: others fit better",
     "unneeded": "Improbable, though it fits as well: a film without it is more probable",
+    "absent": "Improbable: films without it came nearer before any with it was fitted closely",
 }
 # Lengths in um beyond which an interval says no more: far below a grain of pigment, and the
 # thickest film there is.
@@ -184,7 +185,7 @@ def _ruled_out(spot: Record) -> str:
             f"<td>{words_html(paint['reason'])}</td>"
             f'<td class="wide">{words_html(paint["film"])}</td>'
             f'<td class="n">{number_html(paint["delta_e"], 1)}</td>'
-            f'<td class="n wide">{paint["rmse"]:.4f}</td>',
+            f'<td class="n wide">{number_html(paint["rmse"], 4)}</td>',
             beyond=beyond,
         )
     left = [paint["paint"] for paint in spot["ruled_out"][_PRINTED_PAINTS:]]

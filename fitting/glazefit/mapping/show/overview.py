@@ -29,13 +29,10 @@ _MEANS = (
     "none",
     "thickness",
     "thickness_sd",
-    "coats_probability",
-    "top_thickness",
-    "top_thickness_sd",
     "misfit",
     "rmse",
 )
-_EXAMPLES = ("members", "coats", "fraction", "explained", "probability", "thickness", "status")
+_EXAMPLES = ("members", "fraction", "explained", "probability", "thickness", "status")
 
 
 @dataclass
@@ -59,7 +56,6 @@ class Overview:
         colour: true colour, (rows, columns, 3).
         likely: of each paint, pixels that have it with a probability above one half.
         in_set: of each paint, pixels whose most probable set has it.
-        in_two_coats: of each set, pixels in which its paints lie in more than one coat.
         pixel_area: of one pixel, m2, or None if the map does not say.
     """
 
@@ -78,7 +74,6 @@ class Overview:
     colour: UInt8[np.ndarray, "rows columns 3"] = field(init=False)
     likely: Int[np.ndarray, "paints"] = field(init=False)
     in_set: Int[np.ndarray, "paints"] = field(init=False)
-    in_two_coats: dict[Members, int] = field(default_factory=dict)
     pixel_area: float | None = None
 
     @property
@@ -101,31 +96,6 @@ class Overview:
     def words(self, members: Members) -> str:
         """Names of a set's paints."""
         return set_words(members, self.paints) or "none of these paints"
-
-    @cached_property
-    def two_coats_sought(self) -> bool:
-        """Whether two coats were sought anywhere."""
-        return bool(np.isfinite(self.means["coats_probability"]).any())
-
-    @cached_property
-    def upper(self) -> tuple[list[Members], Int[np.ndarray, "rows columns"]]:
-        """Paints of the upper coat where the most probable set lies in two: sets of paints, that of
-        the largest area first, and the number of each pixel's; -1 where there is one coat.
-        """
-        members = self.examples["members"].astype(int)
-        here = (self.examples["coats"] > 0).any(axis=-1) & (self.examples["explained"] > 0)
-        here &= self.examples["status"] == Status.MAPPED
-        top = np.where(self.examples["coats"] == 0, members, -1)
-        found: dict[Members, list[int]] = {}
-        for place, paints in enumerate(top[here]):
-            found.setdefault(tuple(int(p) for p in paints if p >= 0), []).append(place)
-        ranked = sorted(found, key=lambda paints: (-len(found[paints]), paints))
-        numbers = np.empty(int(here.sum()), int)
-        for number, paints in enumerate(ranked):
-            numbers[found[paints]] = number
-        which = np.full(here.shape, -1)
-        which[here] = numbers
-        return ranked, which
 
     def where(self, members: Members) -> Bool[np.ndarray, "rows columns"]:
         """Which pixels of `examples` have a set."""
@@ -216,7 +186,7 @@ def _blocks(dataset: "xr.Dataset", step: int) -> Iterator[dict[str, np.ndarray]]
         order = np.argsort(
             np.where(members < 0, np.iinfo(np.int64).max, members), axis=-1, kind="stable"
         )
-        for name in ("members", "coats", "fraction"):
+        for name in ("members", "fraction"):
             block[name] = np.take_along_axis(block[name], order, axis=-1)
         yield block
 
@@ -233,16 +203,13 @@ def _count(look: Overview, block: Mapping[str, np.ndarray]) -> None:
     members = np.where((block["explained"] > 0)[..., None], block["members"], -1)[mapped].astype(
         np.int64
     )
-    coats = block["coats"][mapped]
     count = len(look.paints)
     key = ((members + 1) * (count + 1) ** np.arange(members.shape[-1])).sum(axis=-1)
-    stacked = np.where(members >= 0, coats, 0).max(axis=-1, initial=0) > 0
     _, first, which = np.unique(key, return_index=True, return_inverse=True)
     for n, at in enumerate(first):
         found = tuple(int(member) for member in members[at] if member >= 0)
         here = which == n
         look.sets[found] = look.sets.get(found, 0) + int(here.sum())
-        look.in_two_coats[found] = look.in_two_coats.get(found, 0) + int(stacked[here].sum())
         look.in_set[list(found)] += int(here.sum())
     look.likely += np.sum(np.nan_to_num(block["paint_probability"])[mapped] > 0.5, axis=0)
 

@@ -34,8 +34,6 @@ from .pictures import (
     own_colours,
     paint_pictures,
     png,
-    upper_colours,
-    upper_map,
     write_pictures,
 )
 
@@ -186,8 +184,6 @@ def page(
         + "".join(_number_figure(look, each) for each in numbers)
         + "</div>\n"
     )
-    if look.two_coats_sought:
-        yield _coats_html(look)
     yield "<h2>Paints</h2>\n" + paints_table(look)
     if paints:
         yield (
@@ -323,26 +319,6 @@ def _number_figure(look: Overview, shown: MapPicture) -> str:
         f"</span>{shown.scale.high:g}{escape(unit)}{more}</div>"
     )
     return _figure(look, colour_numbers(shown), shown.title, shown.words, after=after)
-
-
-def _coats_html(look: Overview) -> str:
-    """Which paint lies on top, where the most probable set lies in two coats."""
-    ranked, which = look.upper
-    total = max(int(np.sum(look.examples["status"] == Status.MAPPED)), 1)
-    keys = "".join(
-        f'<li><span class="key" style="background:{colour}"></span> {escape(look.words(paints))}, '
-        f"{share_html(int(np.sum(which == n)), total)}</li>\n"
-        for n, (paints, colour) in enumerate(zip(ranked, upper_colours(look), strict=True))
-    )
-    words = (
-        "Which paint lies on top, where two coats are most probable; white elsewhere. Two coats "
-        "are sought where one fits poorly or leaves open what a pixel is."
-    )
-    return (
-        '<h2>Coats</h2>\n<div class="maps">\n'
-        + _figure(look, upper_map(look), "Upper coat", words)
-        + f"</div>\n<ul>\n{keys or '<li>Two coats are most probable nowhere.</li>'}</ul>\n"
-    )
 
 
 def _unknown(provenance: Provenance) -> str:

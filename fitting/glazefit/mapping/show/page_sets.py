@@ -87,9 +87,7 @@ def sets_table(
 
 
 def _paints_html(look: Overview, members: Members) -> str:
-    """Paints of a set with the spread of their shares, and how many pixels have them in
-    two coats.
-    """
+    """Paints of a set with the spread of their shares."""
     area = look.where(members)
     shares = look.examples["fraction"][area]
     words = []
@@ -103,13 +101,7 @@ def _paints_html(look: Overview, members: Members) -> str:
                 f'class="range">({_percent(low)}–{_percent(high)})</span>'
             )
         words.append(f"{escape(look.paints[member])}{spread}")
-    stacked = look.in_two_coats.get(members, 0) / look.sets[members]
-    coats = (
-        ""
-        if stacked < 0.005
-        else f'<br><span class="range">in two coats in {words_html(f"{stacked:.0%}")}</span>'
-    )
-    return "<br>".join(words) + coats
+    return "<br>".join(words)
 
 
 def _percent(value: float) -> str:

@@ -79,22 +79,6 @@ def legend_map(look: Overview) -> RGB:
     return found
 
 
-def upper_map(look: Overview) -> RGB:
-    """Paints of the upper coat by colour, in the order of `Overview.upper`; white for one coat."""
-    _, which = look.upper
-    found = np.full((*which.shape, 3), _rgb(BLANK), np.uint8)
-    for number, colour in enumerate(upper_colours(look)):
-        found[which == number] = _rgb(colour)
-    return enlarge(found)
-
-
-def upper_colours(look: Overview) -> list[str]:
-    """Colour of each paint of the upper coat, after the true colour of where it lies on top."""
-    ranked, which = look.upper
-    own = [_mean_colour(look, which == number) for number in range(min(len(ranked), MOST_SETS))]
-    return legend_colours(own) + [OTHERS] * (len(ranked) - len(own))
-
-
 def legend_places(look: Overview) -> dict[Members, tuple[float, float]]:
     """Where the number of each set of the legend stands: x and y from 0 to 1, in the middle of its
     densest part.
@@ -142,7 +126,7 @@ def numbers_of(look: Overview) -> list[MapPicture]:
         ),
         MapPicture(
             key="thickness",
-            title="Thickness of all coats",
+            title="Thickness",
             words="Grey where it is not known: the film hides its ground, or no paints explain it.",
             values=thick,
             scale=Scale("viridis", 0.0, top, "µm"),
@@ -171,38 +155,8 @@ def numbers_of(look: Overview) -> list[MapPicture]:
             values=means["rmse"],
             scale=Scale("inferno", 0.0, _top(means["rmse"], 99.5, 0.001)),
         ),
-        *(_coats_of(look) if look.two_coats_sought else []),
     ]
     return [each for each in shown if np.isfinite(each.values).any()]
-
-
-def _coats_of(look: Overview) -> list[MapPicture]:
-    """Maps of two coats."""
-    thick = look.means["top_thickness"] * 1e6
-    spread = look.means["top_thickness_sd"] * 1e6
-    return [
-        MapPicture(
-            key="coats_probability",
-            title="Two coats",
-            words="Probability that one coat lies over another.",
-            values=look.means["coats_probability"],
-            scale=Scale("viridis", 0.0, 1.0),
-        ),
-        MapPicture(
-            key="top_thickness",
-            title="Thickness of the upper coat",
-            words="Grey where the most probable set lies in one coat.",
-            values=thick,
-            scale=Scale("viridis", 0.0, _top(thick, 98.0, 1.0), "µm"),
-        ),
-        MapPicture(
-            key="top_thickness_sd",
-            title="Upper coat: its standard deviation",
-            words="How well its thickness is known, if these are the coats.",
-            values=spread,
-            scale=Scale("viridis", 0.0, _top(spread, 98.0, 0.1), "µm"),
-        ),
-    ]
 
 
 def paint_pictures(look: Overview, paint: int) -> list[MapPicture]:
@@ -342,10 +296,6 @@ def write_pictures(
     for name, title, image in plain:
         written.append(folder / f"{name}.png")
         with _frame(written[-1], title, image):
-            pass
-    if look.two_coats_sought:
-        written.append(folder / "upper_coat.png")
-        with _frame(written[-1], "Upper coat", upper_map(look)):
             pass
     written.append(folder / "sets.png")
     _write_legend(look, written[-1], own)

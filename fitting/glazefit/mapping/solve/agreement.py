@@ -9,9 +9,7 @@ from jaxtyping import Float
 from ...identify.result import Identification, log_sds
 from ...identify.search.pool import NOBODY
 from .atlas import Atlas
-from .coats import search_coats
 from .local import as_measured
-from .survey import Features
 from .task import MapTask
 
 _KEPT = 3
@@ -55,14 +53,13 @@ def compare(task: MapTask, atlas: Atlas, readings: Float[np.ndarray, "spectra ba
     found, _ = atlas.answers(readings.astype(np.float32))
     thickness = np.where(found.opaque, np.nan, np.exp(found.amounts.astype(float)).sum(axis=1))
     arrays = {name: getattr(found, name) for name in ("members", "explained", "paint_probability")}
-    return agreement(task, readings, arrays | {"thickness": thickness}, atlas.features)
+    return agreement(task, readings, arrays | {"thickness": thickness})
 
 
 def agreement(
     task: MapTask,
     readings: Float[np.ndarray, "spectra bands"],
     mapped: Mapping[str, np.ndarray],
-    features: Features | None = None,
 ) -> Agreement:
     """A map's answers for pixels beside a search of each.
 
@@ -70,14 +67,12 @@ def agreement(
         task: of the map, with its noise.
         readings: of good pixels, at the working bands.
         mapped: the map's `members`, `explained`, `paint_probability` and `thickness` for these.
-        features: by which two coats are sought; by default those of the readings.
     """
     searcher = task.searcher
     measured = as_measured(searcher, readings, task.image.noise_sd(readings), task.ground)
-    stacks = task.stack_search(features or Features.of(readings))
     parts = [
         Identification.of(*one, paints=searcher.paints, opaque=searcher.opaque, keep=_KEPT)
-        for one in search_coats(searcher, stacks, measured)
+        for one in searcher.search(measured)
     ]
     whole = Identification.join(parts)
     members = whole.members[:, 0]

@@ -24,8 +24,6 @@ from ...identify.search.fit import prior_terms
 from ...identify.search.pool import NOBODY, Pool
 from ...identify.search.refine import (
     CandidateFilms,
-    Groups,
-    coefficient_errors,
     coefficient_projection,
     fit_with_errors,
     near_errors,
@@ -34,17 +32,14 @@ from ...identify.search.refine import (
 from ...identify.search.searcher import Searcher
 from ...identify.search.surface import NuisanceMode
 from ...identify.search.task import IdentificationTask, Measured
-from ...identify.search.two_coats import stack_slopes
 from ...identify.search.unstated_conditions import FilmsUnderCondition, films_under
 from ...identify.search.weigh import Odds
-from .coats import StackSearch, search_coats, table_optics
 
 # Candidates of a representative that are kept: those with this share of the best explanations, and
 # so many at most.
 _LEAST = 3e-4
 _MOST = 16
 _BLOCK = 256
-_STACKS = 64
 _STEP = 1e-3
 _terms = jax.jit(jax.vmap(prior_terms, in_axes=(0, 0, None, None)))
 
@@ -56,7 +51,7 @@ class Local:
 
     Attributes:
         row: representative of each candidate, ascending.
-        members, coats, condition: as in `glazefit.Identification`.
+        members, condition: as in `glazefit.Identification`.
         opaque: whether the film hides its ground as it was sought.
         log_weight: at the representative.
         weight_by: its slopes by the readings, as far as a varnish bends the scale on which they are
@@ -79,7 +74,6 @@ class Local:
 
     row: Int[np.ndarray, "n"]
     members: Int[np.ndarray, "n 3"]
-    coats: Int[np.ndarray, "n 3"]
     condition: Int[np.ndarray, "n"]
     opaque: np.ndarray
     log_weight: Float[np.ndarray, "n"]
@@ -115,8 +109,7 @@ class Searched:
         readings: (representatives, bands).
         blur: Delta E00 that noise alone makes.
         rest: share of the candidates' odds that those left out have,
-        rest_paints: and how probable each paint is among these,
-        rest_stacked: and more than one coat.
+        rest_paints: and how probable each paint is among these.
         local: the candidates that are kept.
     """
 
@@ -124,7 +117,6 @@ class Searched:
     blur: Float[np.ndarray, "representatives"]
     rest: Float[np.ndarray, "representatives"]
     rest_paints: Float[np.ndarray, "representatives paints"]
-    rest_stacked: Float[np.ndarray, "representatives"]
     local: Local
 
     @classmethod
@@ -165,7 +157,6 @@ def search_locally(
     readings: Float[np.ndarray, "spectra bands"],
     noise_sd: np.ndarray,
     ground: np.ndarray | None,
-    stacks: StackSearch | None = None,
 ) -> Searched:
     """Search spectra in full, and make what is found linear about each.
 
@@ -174,11 +165,9 @@ def search_locally(
         readings: of the spectra.
         noise_sd: of their readings, the same shape.
         ground: internal reflectance, (bands,); None where films hide it.
-        stacks: the search for two coats; None for one coat.
     """
     measured = as_measured(searcher, readings, noise_sd, ground)
-    found = search_coats(searcher, stacks, measured)
-    return Searched.join([_local_models(searcher, *part) for part in found])
+    return Searched.join([_local_models(searcher, *part) for part in searcher.search(measured)])
 
 
 def as_measured(
@@ -206,28 +195,22 @@ def _local_models(searcher: Searcher, measured: Measured, pool: Pool, odds: Odds
     rest = left_out.sum(axis=1)
     of_rest = left_out / np.maximum(rest, 1e-12)[:, None]
     rest_paints = np.einsum("sc,scp->sp", of_rest, present)
-    rest_stacked = np.sum(of_rest * pool.coats.any(axis=-1), axis=1)
     # A colour difference is a length in this metric, to first order.
     metric = reading_metric(measured.wavelengths, measured.readings[:, 0])[row]
     parts: dict[str, np.ndarray] = {}
     condition = pool.condition[row, place]
-    stacked = pool.coats[row, place].any(axis=-1)
     size = max(searcher.task.max_paints, 2)
-    # One linearization for all candidates under a condition, and of one coat or of two.
+    # One linearization for all candidates under a condition.
     for number in np.unique(condition):
         seen = films_under(int(number), searcher.tasks, searcher.opaque, measured)
         bent = _density_slopes(
             seen, films_under(int(number), searcher.tasks, searcher.opaque, _brighter(measured))
         )
-        for stack in (False, True):
-            here = np.flatnonzero((condition == number) & (stacked == stack))
-            if here.size:
-                found = _linear(seen, pool, row[here], place[here], size, stack) | {
-                    "weight_by": bent[row[here]]
-                }
-                for name, values in found.items():
-                    room = np.zeros((len(row), *values.shape[1:]), values.dtype)
-                    parts.setdefault(name, room)[here] = values
+        here = np.flatnonzero(condition == number)
+        found = _linear(seen, pool, row[here], place[here], size) | {"weight_by": bent[row[here]]}
+        for name, values in found.items():
+            room = np.zeros((len(row), *values.shape[1:]), values.dtype)
+            parts.setdefault(name, room)[here] = values
     # How far each candidate is off, as it is seen and with errors of its paints, and how that
     # moves.
     at = row, place
@@ -238,7 +221,6 @@ def _local_models(searcher: Searcher, measured: Measured, pool: Pool, odds: Odds
         **parts,
         "row": row,
         "members": pool.members[at],
-        "coats": pool.coats[at],
         "condition": condition,
         "log_weight": pool.log_weight[at],
         "amounts": np.where(pool.members[at] == NOBODY, -np.inf, pool.logs[at]),
@@ -263,7 +245,6 @@ def _local_models(searcher: Searcher, measured: Measured, pool: Pool, odds: Odds
         blur=blur,
         rest=_single(rest),
         rest_paints=_single(rest_paints),
-        rest_stacked=_single(rest_stacked),
         local=candidates,
     )
 
@@ -310,7 +291,6 @@ def _linear(
     row: Int[np.ndarray, "n"],
     place: Int[np.ndarray, "n"],
     size: int,
-    stack: bool,
 ) -> dict[str, np.ndarray]:
     """How candidates under one condition move with the readings that were measured."""
     task = seen.task
@@ -330,17 +310,11 @@ def _linear(
         log_weight=pool.log_weight[row, place],
         readings=readings,
     )
-    if stack:
-        shown_slopes = weighed_slopes = _stack_slopes(chunk, pool, films)
-        errors = coefficient_errors(chunk, row, sets, weighed_slopes)
-        groups = Groups(np.arange(len(row)), row, sets, weighed_slopes)
-        weighed_films = films
-    else:
-        weighed_films, groups, errors = fit_with_errors(
-            chunk, films, slopes_at(chunk, films), task.effort.fit_steps
-        )
-        weighed_slopes = slopes_at(chunk, weighed_films)
-        shown_slopes = slopes_at(chunk, replace(films, logs=logs))
+    weighed_films, groups, errors = fit_with_errors(
+        chunk, films, slopes_at(chunk, films), task.effort.fit_steps
+    )
+    weighed_slopes = slopes_at(chunk, weighed_films)
+    shown_slopes = slopes_at(chunk, replace(films, logs=logs))
     # Whitened slopes by the log amounts: k and s grow together with the amount.
     white = errors.basis[groups.of, 0]
     by = (weighed_slopes[:, :size] + weighed_slopes[:, size:]) * (sets != NOBODY)[..., None]
@@ -350,29 +324,20 @@ def _linear(
     # Gauss-Newton: how the amounts move with the readings, and what of a change they follow.
     gain = np.linalg.solve(data + _prior_curvature(gradient, prior), whitened_slopes @ white)
     moved = np.einsum("nmi,nmb->nib", whitened_slopes, gain)
-    target = chunk.target[row]
-    # The readings of a stack's fit that was shown have the surface with them; nothing else was
-    # fitted.
-    residual = target - (
-        readings - _surface(seen, pool, row, place) if stack else weighed_films.readings
-    )
+    residual = chunk.target[row] - weighed_films.readings
     # Curvature of the data over that of the prior, for the evidence.
     root = np.linalg.inv(np.linalg.cholesky(prior))
     ratios = np.maximum(np.linalg.eigvalsh(root @ data @ np.swapaxes(root, 1, 2)), 0.0)
-    if stack:
-        shown = gain
-    else:
-        # What is shown is fitted with errors of its own: how near it comes to each reading.
-        close = near_errors(chunk).basis[row, 0]
-        by_shown = (shown_slopes[:, :size] + shown_slopes[:, size:]) * (sets != NOBODY)[..., None]
-        prior_curvature = _prior_curvature(*_prior_of(task, sets, logs))
-        steep = np.einsum("nib,nmb->nmi", close, by_shown)
-        shown = np.linalg.solve(steep @ np.swapaxes(steep, 1, 2) + prior_curvature, steep @ close)
-        by = by_shown
+    # What is shown is fitted with errors of its own: how near it comes to each reading.
+    close = near_errors(chunk).basis[row, 0]
+    by_shown = (shown_slopes[:, :size] + shown_slopes[:, size:]) * (sets != NOBODY)[..., None]
+    prior_curvature = _prior_curvature(*_prior_of(task, sets, logs))
+    steep = np.einsum("nib,nmb->nmi", close, by_shown)
+    shown = np.linalg.solve(steep @ np.swapaxes(steep, 1, 2) + prior_curvature, steep @ close)
     eye = np.eye(readings.shape[1])
     nuisance = NuisanceMode.of(chunk)
     # How the reading that is shown moves: the body, and the surface that takes what is left.
-    body = np.einsum("nma,nmb->nab", by, shown)
+    body = np.einsum("nma,nmb->nab", by_shown, shown)
     missed = eye - body
     surface = (np.swapaxes(nuisance.shapes, 1, 2) @ nuisance.found)[row]
     free = coefficient_projection(chunk, groups)[groups.of]
@@ -424,31 +389,6 @@ def _wide(values: np.ndarray, *axes: int) -> np.ndarray:
     """With room for three paints along some axes."""
     room = [(0, 3 - values.shape[axis]) if axis in axes else (0, 0) for axis in range(values.ndim)]
     return np.pad(values, room)
-
-
-def _surface(
-    seen: FilmsUnderCondition, pool: Pool, row: np.ndarray, place: np.ndarray
-) -> np.ndarray:
-    """What the surface adds to the readings of stacks, by each candidate's gloss."""
-    return pool.gloss[row, place][:, None] * seen.task.surface
-
-
-def _stack_slopes(
-    chunk: Chunk, pool: Pool, films: CandidateFilms
-) -> Float[np.ndarray, "films errors readings"]:
-    """Slopes of stacks' readings by the log of every paint's k, then s."""
-    size = films.sets.shape[1]
-    coats = pool.coats[films.row, films.place][:, :size].astype(jnp.result_type(int))
-    logs = np.where(films.sets == NOBODY, -np.inf, films.logs)
-    # An image has one ground: stacks of any spectra are as those of one.
-    ground = jnp.asarray(chunk.spectra.grounds[:1])
-    optics = table_optics(chunk.task.response)
-
-    def run(rows: np.ndarray) -> jax.Array:
-        given = (jnp.asarray(a[None, rows]) for a in (films.sets, coats, logs))
-        return stack_slopes(chunk.task.paints, *given, ground, optics)[0]
-
-    return by_blocks(len(films.sets), _STACKS, run)
 
 
 def check_errors(discrepancy: ModelError) -> None:

@@ -14,7 +14,6 @@ from ..store.chunk import ChunkMaps, SetSum
 from ..store.layout import BY_NAME, STATUS_WORDS, Status, Way
 from ..store.windows import Window
 from .atlas import Atlas
-from .coats import StackSearch
 from .local import search_locally
 from .process import give_back, one_thread_each
 from .survey import spread_out
@@ -92,7 +91,6 @@ class PixelSolver:
         ground: internal reflectance at the working bands; None where films hide it.
         atlas: of the representatives.
         reach: how far from a representative its answer is taken.
-        stacks: the search for two coats; None for one coat.
     """
 
     image: Image
@@ -100,7 +98,6 @@ class PixelSolver:
     ground: Float[np.ndarray, "bands"] | None
     atlas: Atlas
     reach: float
-    stacks: StackSearch | None = None
 
     def solve(self, window: Window) -> ChunkMaps:
         """Maps of a window, from it alone."""
@@ -145,13 +142,7 @@ class PixelSolver:
             middles = seen[far[chosen]]
             own = Atlas.of(
                 self.atlas.features,
-                search_locally(
-                    self.searcher,
-                    middles,
-                    self.image.noise_sd(middles),
-                    self.ground,
-                    stacks=self.stacks,
-                ),
+                search_locally(self.searcher, middles, self.image.noise_sd(middles), self.ground),
                 self.atlas.prior,
             )
             more, distance = own.answers(seen[far])
@@ -160,17 +151,6 @@ class PixelSolver:
             way[far[better]] = int(Way.NEIGHBOUR)
             way[far[chosen]] = int(Way.SEARCHED)
         return found, way
-
-    def _coats(self, found: Answers) -> dict[str, np.ndarray]:
-        """Arrays of two coats, by the names of `layout.VARIABLES`; none where one is sought."""
-        if self.stacks is None:
-            return {}
-        thickness, sd = found.top()
-        return {
-            "coats_probability": found.coats_probability,
-            "top_thickness": thickness,
-            "top_thickness_sd": sd,
-        }
 
     def _arrays(
         self,
@@ -189,7 +169,6 @@ class PixelSolver:
         thickness = np.where(found.opaque, np.nan, np.exp(found.amounts).sum(axis=1))
         parts = {
             "members": found.members,
-            "coats": found.coats,
             "condition": found.condition,
             "probability": found.probability,
             "none": found.none,
@@ -199,7 +178,6 @@ class PixelSolver:
             "fraction_sd": np.where(present, np.minimum(fractions * log_fraction_sd, 0.3), np.nan),
             "thickness": thickness,
             "thickness_sd": thickness * log_thickness_sd,
-            **self._coats(found),
             "misfit": found.misfit,
             "rmse": np.sqrt(np.mean((seen - found.fitted) ** 2, axis=1)),
             "way": way,

@@ -18,11 +18,9 @@ from ...film.model.errors import ModelError, Prior
 from ...film.model.mixing import Pigments, listed_pigments
 from ...identify.search.options import IdentificationOptions, SearchKeywords, check_keywords
 from ...identify.search.searcher import Searcher
-from .coats import StackSearch
 from .local import check_errors
 from .solver import Image
 from .spots import spot_pigment
-from .survey import Features
 from .working_bands import WorkingBands
 
 if TYPE_CHECKING:
@@ -45,7 +43,6 @@ class MapTask:
         searcher: of the paints.
         ground: internal reflectance at the working bands; None where films hide it.
         noise_is_given: whether the noise need not be told from the image.
-        max_coats: 1, or 2.
         options: all that the map depends on.
         notes: what the reader of the image noticed.
         coords: numbers along y and x and their attributes.
@@ -56,21 +53,9 @@ class MapTask:
     searcher: Searcher
     ground: Float[np.ndarray, "bands"] | None
     noise_is_given: bool
-    max_coats: int
     options: dict[str, Any]
     notes: tuple[str, ...]
     coords: dict[str, tuple[np.ndarray, dict[str, Any]]]
-
-    def stack_search(self, features: Features) -> StackSearch | None:
-        """The search for two coats; None where one is sought, or the paints are one.
-
-        Args:
-            features: by which spectra are compared.
-        """
-        task = self.searcher.task
-        if self.max_coats == 1 or self.ground is None or min(task.max_paints, task.paint_count) < 2:
-            return None
-        return StackSearch.of(task, self.ground, features)
 
     def with_noise(self, noise: Noise) -> "MapTask":
         """The same with the noise of a reading known."""
@@ -131,9 +116,6 @@ def map_task(
         replace(chosen, instrument=seen_by, discrepancy=errors, prior=expected, noise=None),
         opaque=opaque,
     )
-    # Two coats are sought where one is in doubt, see `coats`, and not of every spectrum.
-    single = {hidden: task._replace(max_coats=1) for hidden, task in searcher.tasks.items()}
-    searcher = searcher._replace(tasks=single)
     below = None if ground is None else _ground(ground, bands, stored)
     # All that decides what a pixel's answer is: a map goes on only where these are the same.
     options = {
@@ -148,7 +130,6 @@ def map_task(
         "discrepancy": asdict(errors),
         "prior": asdict(expected),
         "max_paints": chosen.max_paints,
-        "max_coats": chosen.max_coats,
     }
     coords = {
         axis: (np.asarray(array[axis]), dict(array[axis].attrs))
@@ -169,7 +150,6 @@ def map_task(
         searcher=searcher,
         ground=below,
         noise_is_given=noise is not None,
-        max_coats=chosen.max_coats,
         options=options,
         notes=notes,
         coords=coords,

@@ -23,7 +23,6 @@ class Answers:
     """
 
     members: Int[np.ndarray, "spectra 3"]
-    coats: Int[np.ndarray, "spectra 3"]
     condition: Int[np.ndarray, "spectra"]
     opaque: Bool[np.ndarray, "spectra"]
     probability: Float[np.ndarray, "spectra"]
@@ -34,7 +33,6 @@ class Answers:
     covariance: Float[np.ndarray, "spectra 3 3"]
     misfit: Float[np.ndarray, "spectra"]
     fitted: Float[np.ndarray, "spectra bands"]
-    coats_probability: Float[np.ndarray, "spectra"]  # that there is more than one coat
 
     def put(self, rows: np.ndarray, others: "Answers") -> None:
         """Write others' answers into some rows."""
@@ -51,7 +49,6 @@ class Answers:
         real = np.float32
         return cls(
             members=np.full((spectra, 3), NOBODY, np.int16),
-            coats=np.zeros((spectra, 3), np.int8),
             condition=np.zeros(spectra, np.int8),
             opaque=np.zeros(spectra, bool),
             probability=np.full(spectra, np.nan, real),
@@ -62,7 +59,6 @@ class Answers:
             covariance=np.zeros((spectra, 3, 3), real),
             misfit=np.full(spectra, np.nan, real),
             fitted=np.full((spectra, bands), np.nan, real),
-            coats_probability=np.full(spectra, np.nan, real),
         )
 
     @property
@@ -74,19 +70,6 @@ class Answers:
     def spread(self) -> tuple[Float[np.ndarray, "spectra 3"], Float[np.ndarray, "spectra"]]:
         """Standard deviations of the logs of the fractions and of the thickness."""
         return log_sds(self.members, self.fractions, self.covariance)[1:]
-
-    def top(self) -> tuple[Float[np.ndarray, "spectra"], Float[np.ndarray, "spectra"]]:
-        """Thickness of the upper coat and its standard deviation, m; NaN where the set lies in
-        one coat.
-        """
-        stacked = (self.coats > 0).any(axis=1)
-        above = (self.members != NOBODY) & (self.coats == 0)
-        amounts = np.where(above, np.exp(self.amounts), 0.0)
-        thickness = amounts.sum(axis=1)
-        share = amounts / np.maximum(thickness, 1e-30)[:, None]
-        variance = np.einsum("np,npq,nq->n", share, self.covariance, share)
-        sd = thickness * np.sqrt(np.maximum(variance, 0.0))
-        return np.where(stacked, thickness, np.nan), np.where(stacked, sd, np.nan)
 
 
 class Updater:
@@ -115,13 +98,11 @@ class Updater:
         self.blur = known.blur[number]
         self.rest = known.rest[number]
         self.rest_paints = known.rest_paints[number]
-        self.rest_stacked = known.rest_stacked[number]
         self.reading = known.readings[number]
         self.order = order
         self.present = (
             (local.members[..., None] == np.arange(paints)).any(axis=1).astype(np.float32)
         )
-        self.stacked = (local.coats > 0).any(axis=1).astype(np.float32)
         count, bands = local.off.shape
         # All that is linear in the readings, by one product.
         parts = [local.off_by, local.logs_by, local.seen_by, local.left_by]
@@ -168,7 +149,6 @@ class Updater:
             fitted[own] += moved[own] @ local.fitted_by[n].T
         return Answers(
             members=local.members[first],
-            coats=local.coats[first],
             condition=local.condition[first],
             opaque=local.opaque[first],
             probability=odds.candidates[rows, first] / total,
@@ -180,8 +160,6 @@ class Updater:
             covariance=local.covariance[first],
             misfit=odds.misfit,
             fitted=fitted,
-            coats_probability=(odds.candidates @ self.stacked) / total
-            + self.rest * (1.0 - none) * self.rest_stacked,
         )
 
 
@@ -191,7 +169,7 @@ def order_of(local: Local) -> list[Smaller]:
     logs = local.amounts[None]
     pool = Pool(
         members=local.members[None],
-        coats=local.coats[None],
+        coats=np.zeros_like(local.members[None]),
         logs=logs,
         weighed=logs,
         covariance=local.covariance[None],

@@ -163,7 +163,6 @@ _SIZES = {
     "antialias": 4,
     "bounces": 3,
     "diffuse_bounces": 0,
-    "gather_rays": 256,
 }
 
 

@@ -54,8 +54,7 @@ def read_material(table: TomlTable, grid: Float[np.ndarray, "bands"], folder: Pa
 def _glaze(table: TomlTable, grid: np.ndarray, folder: Path) -> Glazed:
     from ... import catalogue
 
-    coats_key = table.key("coats", former="layers")
-    text = table.text(coats_key)
+    text = table.text("coats")
     shelf: Any = catalogue.load()
     own = table.text("pigments", "")
     with table.blame("pigments"):
@@ -63,11 +62,10 @@ def _glaze(table: TomlTable, grid: np.ndarray, folder: Path) -> Glazed:
             from ...paint.pigment_table import read_pigments
 
             shelf = {**shelf, **read_pigments(folder / own)}
-    with table.blame(coats_key):
+    with table.blame("coats"):
         described = name_paints(parse_coats(text), shelf)
         media = [medium.resample(grid) for medium in make_media(described, shelf)]
-    ground_key = table.key("ground", former="substrate")
-    ground = read_reflectance(table, ground_key, grid, folder, default=0.9)
+    ground = read_reflectance(table, "ground", grid, folder, default=0.9)
     index = table.number("refractive_index", 1.5)
     with table.blame():
         coats = [Layer(medium, coat.total) for medium, coat in zip(media, described, strict=True)]

@@ -87,13 +87,6 @@ class TomlTable:
             )
         return default
 
-    def key(self, name: str, *, former: str) -> str:
-        """The key of a value: its name, or the one it had before where the file still has that."""
-        if former not in self._content or name in self._content:
-            return name
-        self.note(former, f"is called {name} now")
-        return former
-
     def has(self, key: str) -> bool:
         """Whether a key is there; it need not be asked for otherwise."""
         self._used.append(key)

@@ -84,6 +84,7 @@ class AreaLight:
 
 
 Light = ParallelLight | PointLight | AreaLight
+"""What a scene is lit by."""
 
 
 def lamp(name: str, wavelengths: Grid, strength: float = 1.0) -> Float[np.ndarray, "bands"]:

@@ -21,7 +21,6 @@ from ...radiative.common.fresnel import (
     hall_reflectance,
 )
 from ...radiative.common.inputs import check_choice
-from ...radiative.common.quadrature import gauss
 from ...spectra import Grid, as_float_array, concrete, describe_grid, same_grid
 from .. import shading
 from ..glaze.solve import on_grid
@@ -30,8 +29,6 @@ from ..glaze.table import GlazeTable, glaze_table
 # Degrees that a table reaches beyond the angles seen.
 _MARGIN = 0.05
 _LEAST_COSINE = 1e-6
-# Angles at which light from all around falls on a glaze.
-_FALLS = 8
 
 FresnelModel = Literal["exact", "hall", "cook-torrance"]
 """How the reflectance of a metal depends on the angle."""
@@ -111,19 +108,6 @@ class Material(eqx.Module):
         """Whether other things are seen in it."""
         return False
 
-    @property
-    def is_diffuse(self) -> bool:
-        """Whether it spreads light that falls from all around; polished and rough metals do not."""
-        return True
-
-    def diffuse(
-        self, cos_view: Float[Array, "points"], thickness: Float[Array, "points"]
-    ) -> Float[Array, "points #bands"]:
-        """What reaches the eye of light that falls evenly from all around, without the mirror's
-        part.
-        """
-        raise NotImplementedError
-
     def direct(self, angles: Angles) -> Float[Array, "pairs bands"]:
         """What of a light's spectrum reaches the eye, the cosine of its fall included."""
         raise NotImplementedError
@@ -145,12 +129,6 @@ class Lambert(Material):
     def spectra(self) -> dict[str, Any]:
         """Its reflectance."""
         return {"reflectance": self.reflectance}
-
-    def diffuse(
-        self, cos_view: Float[Array, "points"], thickness: Float[Array, "points"]
-    ) -> Float[Array, "points #bands"]:
-        """The same from everywhere."""
-        return jnp.ones_like(cos_view)[:, None] * self.reflectance
 
     def direct(self, angles: Angles) -> Float[Array, "pairs bands"]:
         """Source: paper B, first term of (4)."""
@@ -187,12 +165,6 @@ class Phong(Material):
                 raise ValueError(
                     f"{what} of material {name!r} is {known}; it must be one number, 0 or more"
                 )
-
-    def diffuse(
-        self, cos_view: Float[Array, "points"], thickness: Float[Array, "points"]
-    ) -> Float[Array, "points #bands"]:
-        """That of the body: the highlight is one of lamps."""
-        return jnp.ones_like(cos_view)[:, None] * self.body
 
     def direct(self, angles: Angles) -> Float[Array, "pairs bands"]:
         """Source: paper B, (4) and (24)."""
@@ -252,11 +224,6 @@ class Conductor(Material):
     def is_mirror(self) -> bool:
         """Polished metal is."""
         return self.roughness == 0
-
-    @property
-    def is_diffuse(self) -> bool:
-        """Nothing comes out of a metal."""
-        return False
 
     def mirror(self, cos_view: Float[Array, "points"]) -> Float[Array, "points bands"]:
         """Fresnel reflectance. Source: paper B, (11)-(23)."""
@@ -426,20 +393,6 @@ class GlazedTable(_GlazedSurface, Material):
             angles.light, angles.view, angles.thickness if varies else None
         )
         return shading.lambert(factor, angles.light)
-
-    def diffuse(
-        self, cos_view: Float[Array, "points"], thickness: Float[Array, "points"]
-    ) -> Float[Array, "points #bands"]:
-        """Mean of the reflectance factor over the light's angles, weighted by their cosine."""
-        varies = self.table.thickness.shape[0] > 1
-        cosines, weights = gauss(_FALLS)
-        total = jnp.zeros(())
-        for cosine, weight in zip(cosines, 2.0 * weights * cosines, strict=True):
-            fall = jnp.full_like(cos_view, cosine)
-            total = total + weight * self.table.reflectance_factor(
-                fall, cos_view, thickness if varies else None
-            )
-        return total
 
     def mirror(self, cos_view: Float[Array, "points"]) -> Float[Array, "points bands"]:
         """Fresnel reflectance of the surface."""

@@ -23,9 +23,6 @@ class RenderReport:
     refined: int = 0
     pixels: int = 0
     angles: str = ""
-    gathered: int = 0
-    gather_rays: int = 0
-    diffuse_bounces: int = 0
     notes: list[str] = field(default_factory=list)
 
     @property
@@ -44,12 +41,6 @@ class RenderReport:
             + (f"; {self.angles}" if self.angles else ""),
             f"left out: {self.saved:.0%} of the spectral work",
         ]
-        if self.diffuse_bounces:
-            bounces = f"{self.diffuse_bounces} diffuse bounce" + "s" * (self.diffuse_bounces > 1)
-            lines.append(
-                f"light between surfaces: {bounces}, {self.gather_rays} rays at {self.gathered} "
-                "points"
-            )
         return "\n".join(lines)
 
 

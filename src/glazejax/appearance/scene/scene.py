@@ -29,7 +29,6 @@ _WHOLE = {
     "antialias": (1, 16),
     "bounces": (0, 20),
     "diffuse_bounces": (0, 20),
-    "gather_rays": (1, 16384),
 }
 
 
@@ -89,12 +88,11 @@ class Scene:
         camera: see `Camera`.
         width, height: pixels.
         background: (bands,) or one number: what is seen where nothing is, also in mirrors. It
-            lights things only where diffuse bounces are followed.
+            lights things where `path_trace` follows all light.
         antialias: samples along the side of a pixel, where there is an edge; 1 for none.
         bounces: how many mirror reflections are followed one after another.
-        diffuse_bounces: how often light is followed from surface to surface on its way from lamps
-            and background to a diffuse surface that is seen; 0 for lamps alone (see `gather`).
-        gather_rays: rays by which a point sees what sends it light.
+        diffuse_bounces: 0 for light from lamps alone; above 0 the scene means light from surface to
+            surface as well, of which `path_trace` follows every bounce.
 
     Raises:
         ValueError: something is missing, names a material there is not, or has other bands.
@@ -111,7 +109,6 @@ class Scene:
     antialias: int = 4
     bounces: int = 3
     diffuse_bounces: int = 0
-    gather_rays: int = 256
 
     def __post_init__(self) -> None:
         bands = validate_wavelengths(self.wavelengths).size
@@ -203,6 +200,8 @@ class Scene:
             for material in self.materials.values()
         ):
             found.append("glazes with a rough surface")
+        if self.diffuse_bounces > 0:
+            found.append(f"light between surfaces (diffuse_bounces = {self.diffuse_bounces})")
         return " and ".join(found) or None
 
     def rays(self, across: np.ndarray, down: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

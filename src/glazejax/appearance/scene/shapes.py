@@ -220,6 +220,7 @@ class Mesh:
 
 
 Shape = Sphere | Plane | Box | Mesh
+"""What a scene is made of."""
 
 
 def plane_frame(plane: Plane) -> np.ndarray:

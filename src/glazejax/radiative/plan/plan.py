@@ -64,6 +64,7 @@ class Savings(NamedTuple):
 
 
 ALL = Savings()
+"""Everything that may be left out is."""
 
 
 class Report(NamedTuple):

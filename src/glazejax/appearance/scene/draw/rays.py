@@ -22,6 +22,8 @@ from .intersect import Geometry, Hit, nearest, surface
 # Rays that go through the processor together, and the sizes that fewer of them are filled up to.
 TILE = 2**14
 _SIZES = (2**8, 2**11, TILE)
+# Rays that could carry less than this share of light to the eye are not followed.
+_LEAST = 1e-3
 
 Reflects = Callable[[int, Float[np.ndarray, "points"]], Float[np.ndarray, "points"]]
 """From the number of a material and cosines of viewing to the most that its mirror reflection
@@ -171,7 +173,6 @@ def trace(
     *,
     reflects: Reflects,
     bounces: int,
-    least: float = 1e-3,
 ) -> list[Level]:
     """Follow rays to what they meet, and on from mirrors.
 
@@ -181,7 +182,6 @@ def trace(
         origin, direction: of the rays, unit directions.
         reflects: see `Reflects`.
         bounces: how many mirror reflections are followed.
-        least: rays that could carry less than this share of light to the eye are not followed.
 
     Returns:
         Levels, at least one. Their points are in the order of the rays that led there.
@@ -197,7 +197,7 @@ def trace(
         if len(levels) > bounces:
             return levels
         share = share * mirror_share(material, cos_view, reflects)
-        go = np.flatnonzero(share > least)
+        go = np.flatnonzero(share > _LEAST)
         if go.size == 0:
             return levels
         parent = go

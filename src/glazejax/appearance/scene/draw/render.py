@@ -18,8 +18,6 @@ from ....progress import Progress, no_progress
 from ..materials import Material
 from ..render_result import Rendered, RenderReport
 from ..scene import Scene
-from ..shapes import vector
-from .gather import Gathered, Surroundings
 from .intersect import scene_geometry
 from .rays import TILE, Lamps, Level, lamps, trace
 from .shade import lit_pairs, pixels_from_samples, radiance
@@ -66,14 +64,14 @@ def render(
         `Rendered`. Interrupted from the keyboard, it holds what was done until then.
 
     Raises:
-        ValueError: the scene has what only `path_trace` draws: area lights, relief or a rough
-            surface of a glaze.
+        ValueError: the scene has what only `path_trace` draws: area lights, relief, a rough
+            surface of a glaze, or light between surfaces.
     """
     beyond = scene.needs_path_tracing()
     if beyond is not None:
         raise ValueError(
             f"the ray caster cannot draw {beyond}: use path_trace, or glazejax scene --renderer "
-            "mitsuba"
+            "mitsuba (pip install 'glazejax[render]')"
         )
     return _Work(
         scene=scene,
@@ -101,9 +99,8 @@ class _Work:
         self.geometry = scene_geometry(self.scene)
         self.places: Lamps = lamps(scene.lights)
         self.all_materials = list(self.scene.materials.values())
-        self.in_view = MaterialsInView(self.all_materials, everywhere=scene.diffuse_bounces > 0)
+        self.in_view = MaterialsInView(self.all_materials)
         self.prepared: Sequence[Material | None] = []
-        self.gathered: Gathered | None = None
         self.kept = 0
         full = scene.antialias**2 if scene.antialias > 1 else 1
         self.report = RenderReport(
@@ -113,8 +110,6 @@ class _Work:
             pixels=scene.width * scene.height,
             rays_full=0,
             pairs_full=0,
-            diffuse_bounces=scene.diffuse_bounces,
-            gather_rays=scene.gather_rays,
         )
         self.full = full
 
@@ -139,8 +134,7 @@ class _Work:
                 tiles += more
             # Tables of what is seen, at the angles at which it is seen; then the spectra.
             self.prepared = self.in_view.prepare(np.asarray(scene.wavelengths), self.tolerance)
-            self._gather(tiles, 0.35, 0.6)
-            self._shade(tiles, image, 0.6 if self.gathered else 0.35, 0.85)
+            self._shade(tiles, image, 0.35, 0.85)
             finished = 1.0
             if self.adaptive and scene.antialias > 1:
                 # More rays for pixels that came out unlike a neighbour.
@@ -154,8 +148,7 @@ class _Work:
                 self.prepared = self.in_view.prepare(
                     np.asarray(scene.wavelengths), self.tolerance, self.prepared
                 )
-                self._gather(again, 0.87, 0.9)
-                self._shade(again, image, 0.9, 1.0)
+                self._shade(again, image, 0.87, 1.0)
                 self.report.refined = edges.size + strong.size
         except KeyboardInterrupt:
             done = np.isfinite(image[:, 0]).mean()
@@ -221,39 +214,6 @@ class _Work:
             signatures.append(_signature(levels))
         return np.concatenate(signatures) if signatures else np.zeros(0, int)
 
-    def _gather(self, tiles: list[_Tile], start: float, end: float) -> None:
-        """Light that surfaces send each other, where the picture needs it."""
-        if self.scene.diffuse_bounces == 0:
-            return
-        if self.gathered is None:
-            self.gathered = self._start_gathering()
-        for k, tile in enumerate(tiles):
-            self._report(start + (end - start) * k / len(tiles), "gathering light between surfaces")
-            self.gathered.add(self._levels(tile))
-        self.report.gathered = self.gathered.count
-
-    def _start_gathering(self) -> Gathered:
-        scene = self.scene
-        lights = jnp.asarray(scene.light_spectra(), jnp.result_type(float))
-        around = Surroundings(
-            geometry=self.geometry,
-            places=self.places,
-            materials=self.prepared,
-            lights=lights,
-            background=jnp.asarray(scene.background_spectrum(), lights.dtype),
-            reflects=self.in_view.most_mirrored,
-            mirrors=scene.bounces,
-        )
-        pixel = 2.0 * np.tan(np.deg2rad(scene.camera.field_of_view) / 2) / scene.width
-        eye = vector("position", scene.camera.position)
-        return Gathered(
-            around=around,
-            bounces=scene.diffuse_bounces,
-            rays=scene.gather_rays,
-            eye=eye,
-            pixel=float(pixel),
-        )
-
     def _shade(self, tiles: list[_Tile], image: np.ndarray, start: float, end: float) -> None:
         """Second pass: spectra, written to their pixels."""
         lights = jnp.asarray(self.scene.light_spectra(), jnp.result_type(float))
@@ -265,12 +225,7 @@ class _Work:
             self.report.pairs += sum(
                 lit_pairs(level, np.arange(len(level.material)))[0].size for level in levels
             )
-            falling = (
-                None
-                if self.gathered is None
-                else [self.gathered.falling(level) for level in levels]
-            )
-            samples = radiance(levels, self.prepared, lights, background, falling)
+            samples = radiance(levels, self.prepared, lights, background)
             found = np.asarray(pixels_from_samples(samples, tile.each**2))
             image[tile.pixels] = found if self.weights is None else found @ self.weights
             tile.levels = None

@@ -51,14 +51,6 @@ def _mirror_light(material: Material, view: Array, beyond: Array) -> Float[Array
     return material.mirror(view) * beyond
 
 
-@eqx.filter_jit
-def _spread(
-    material: Material, view: Array, uv: Array, around: Array
-) -> Float[Array, "points bands"]:
-    thickness = _thickness(material, view, uv)
-    return material.diffuse(view, thickness) * around
-
-
 def sample_map(
     values: Float[Array | np.ndarray, "h w"], uv: Float[Array, "points 2"]
 ) -> Float[Array, "points"]:
@@ -91,7 +83,6 @@ def radiance(
     materials: Sequence[Material | None],
     lights: Float[Array, "lights bands"],
     background: Float[Array, "bands"],
-    indirect: Sequence[Array | None] | None = None,
 ) -> Float[Array, "rays bands"]:
     """Spectrum that comes along each ray of the first level.
 
@@ -100,16 +91,13 @@ def radiance(
         materials: prepared, in the order of the numbers in the levels; None for those that are not
             seen.
         lights, background: spectra.
-        indirect: of each level, light that falls on its points from other surfaces, (points,
-            bands), or None.
 
     Returns:
         (rays, bands), on the scale of the lights.
     """
     beyond: Array | None = None
     child: Level | None = None
-    falling = [None] * len(levels) if indirect is None else indirect
-    for level, around in zip(reversed(levels), reversed(falling), strict=True):
+    for level in reversed(levels):
         # Filled up to few sizes, so that few programs are compiled.
         empty = np.pad(
             level.material < 0, (0, filled_size(len(level.material)) - len(level.material))
@@ -120,8 +108,6 @@ def radiance(
                 continue
             mine = np.flatnonzero(level.material == number)
             own = _add_lights(own, level, mine, material, lights)
-            if around is not None and material.is_diffuse:
-                own = _add_indirect(own, level, mine, material, around)
             if child is not None and beyond is not None and material.is_mirror:
                 own = _add_mirror(own, level, child, number, material, beyond)
         beyond = own
@@ -153,19 +139,6 @@ def _add_lights(
             level.uv[r],
         )
         own = own.at[r].add(_lit(material, lights, *map(jnp.asarray, pairs)))
-    return own
-
-
-def _add_indirect(
-    own: Array, level: Level, mine: np.ndarray, material: Material, around: Array
-) -> Array:
-    for piece, size in _pieces(mine.size):
-        rows = _pad_with_first(mine[piece], size)
-        there = np.arange(size) < len(mine[piece])
-        sent = _spread(
-            material, jnp.asarray(level.cos_view[rows]), jnp.asarray(level.uv[rows]), around[rows]
-        )
-        own = own.at[rows].add(jnp.where(there[:, None], sent, 0.0))
     return own
 
 

@@ -14,7 +14,6 @@ from .rays import Level
 # Share of a tristimulus value of white that the bands left out may make, all together: one step of
 # 8 bits near black.
 _BANDS_SHARE = 1 / (12.92 * 255)
-_ALL = (0.0, 1.0)
 
 
 class MaterialsInView:
@@ -22,11 +21,9 @@ class MaterialsInView:
 
     Args:
         materials: of the scene.
-        everywhere: light goes from each to each, so that all are seen from all sides.
     """
 
-    def __init__(self, materials: Sequence[Material], everywhere: bool = False):
-        self._everywhere = everywhere
+    def __init__(self, materials: Sequence[Material]):
         self.materials: list[Material] = list(materials)
         self._light: dict[int, tuple[float, float]] = {}
         self._view: dict[int, tuple[float, float]] = {}
@@ -88,7 +85,7 @@ class MaterialsInView:
             if number < len(before) and before[number] is not None:
                 prepared.append(before[number])
                 continue
-            if number not in self._view and not self._everywhere:
+            if number not in self._view:
                 prepared.append(None)
                 continue
             thickness = material.thickness_map
@@ -97,10 +94,9 @@ class MaterialsInView:
                 if thickness is None
                 else (float(np.min(thickness)), float(np.max(thickness)))
             )
-            light, view = (
-                (_ALL, _ALL) if self._everywhere else (self._light[number], self._view[number])
-            )
-            seen = SeenRanges(_legal(light), _legal(view), depths)
+            light = _legal(self._light[number])
+            view = _legal(self._view[number])
+            seen = SeenRanges(light, view, depths)
             key = (id(material), seen.light, seen.view)
             if key not in done:
                 done[key] = material.prepare(wavelengths, seen, tolerance)

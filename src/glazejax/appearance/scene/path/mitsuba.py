@@ -40,8 +40,8 @@ def mitsuba_scene(
         samples: rays of a pixel, best a square.
         max_depth: of paths: 2 for direct light alone, -1 for everything.
         gloss: glazes with their mirror reflection.
-        background: light from all around with the scene's background; here it lights things, as in
-            `render` only where the scene follows diffuse bounces.
+        background: light from all around with the scene's background; here it lights things, which
+            it does not in `render`.
         tolerance: absolute error wanted of a glaze's reflectance factor.
         notes: materials that Mitsuba has no counterpart of become the nearest there is, with a
             sentence each added to this list; they are refused if it is left out.

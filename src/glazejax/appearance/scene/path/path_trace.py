@@ -85,7 +85,8 @@ def path_trace(
     meanwhile.
 
     Args:
-        scene: what there is. `antialias`, `bounces` and `diffuse_bounces` play no part.
+        scene: what there is. `antialias` and `bounces` play no part, and all bounces are followed
+            whatever `diffuse_bounces` says.
         samples: rays of a pixel, at least; some more make passes of whole squares.
         max_depth: of paths: 2 for direct light alone, -1 for everything.
         background: light from all around with the scene's background.

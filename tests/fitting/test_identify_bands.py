@@ -1,15 +1,11 @@
-"""What a report adds to an identification: the nearest film with each paint, and the bands about a
-fit.
-"""
+"""What a report adds to an identification: the bands about a fit."""
 
 import json
 from dataclasses import fields, replace
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 import pytest
-from scipy.optimize import minimize
 
 from glazefit.film.films import Instrument, Noise
 from glazefit.film.model.errors import ModelError, Prior
@@ -17,11 +13,9 @@ from glazefit.film.model.response import film_response
 from glazefit.identify.result import Identification
 from glazefit.identify.search.pool import NOBODY
 from glazefit.identify.search.searcher import check_spectra
-from glazefit.identify.search.table import Paints
 from glazefit.identify.show.bands import expected_bands
-from glazefit.identify.show.contenders import LEAST_SHARE, Contenders, _screen, find_contenders
 from glazefit.identify.show.reporting import ReportBuilder
-from glazejax import Glaze, Hemispherical, Layer, Mixture, colour, reflectance
+from glazejax import Glaze, Hemispherical, Layer, Mixture, reflectance
 from tests.fitting.palette import GRID, palette
 from tests.fitting.test_identify_page import ABOUT
 
@@ -75,135 +69,6 @@ def explained(
         condition=np.zeros((count, 1), int),
         opaque=False,
     )
-
-
-@pytest.fixture(scope="module")
-def looked() -> tuple[Identification, Contenders]:
-    """A tint of red, a green of blue and yellow, and what is nearest to each; the first is
-    explained.
-    """
-    spectra = np.stack(
-        [film({"Red": 0.1, "White": 0.9}, 30e-6), film({"Blue": 0.3, "Yellow": 0.7}, 15e-6)]
-    )
-    found = explained(spectra, ["White", "Red"], [0.9, 0.1], 30e-6)
-    return found, find_contenders(found, PAINTS, INSTRUMENT, prior=Prior(), discrepancy=NEAT)
-
-
-def test_films_with_a_paint_read_what_is_said_of_them(looked):
-    found, near = looked
-    assert (near.members[..., 0] == np.arange(len(NAMES))).all()
-    np.testing.assert_allclose(near.fractions.sum(axis=-1), 1.0)
-    assert (near.fractions[..., 0] >= LEAST_SHARE * (1 - 1e-9)).all()
-    for row, paint in ((0, 4), (0, 1), (1, 0), (1, 2)):
-        members, shares = near.members[row, paint], near.fractions[row, paint]
-        there = {NAMES[m]: float(s) for m, s in zip(members, shares, strict=True) if m != NOBODY}
-        again = film(there, float(near.thickness[row, paint]))
-        off = found.measured.readings[row] - again
-        # The table of films is right to 1e-5.
-        assert np.sqrt(np.mean(off**2)) == pytest.approx(near.rmse[row, paint], abs=5e-5)
-        seen = colour.delta_e_of_spectra(
-            GRID, found.measured.readings[row], again, observer=10
-        ).max()
-        assert seen == pytest.approx(near.delta_e[row, paint], abs=0.02)
-
-
-def test_paints_of_the_film_come_near_and_others_do_not(looked):
-    _, near = looked
-    assert (near.delta_e[0, [0, 2]] < 0.02).all()
-    assert near.delta_e[0, [1, 4]].min() > 2.5
-    assert (near.delta_e[1, [3, 4]] < 0.1).all()
-    assert near.fractions[1, 4, 0] == pytest.approx(0.3, abs=0.01)
-
-
-def test_no_film_with_a_paint_comes_much_nearer(looked):
-    """Blue beside white and red in a tint of red, by scipy's simplex from several starts."""
-    found, near = looked
-    readings = found.measured.readings[0]
-    sd = np.hypot(found.measured.noise_sd[0], 0.005 + 0.02 * readings)
-    response = film_response(SPHERE, 1.5)
-    tabled = jax.jit(lambda *film: response.body(*film))
-
-    def tabled_film(parts: dict[str, float], thickness: float) -> np.ndarray:
-        thick = (
-            sum(
-                share * thickness * getattr(PAINTS[NAMES.index(name)], what)
-                for name, share in parts.items()
-            )
-            for what in ("absorption", "scattering")
-        )
-        return np.asarray(tabled(*thick, GROUNDS)) + INSTRUMENT.seen_surface
-
-    def cost(unknowns: np.ndarray) -> float:
-        blue = LEAST_SHARE + (1 - LEAST_SHARE) / (1 + np.exp(-unknowns[1]))
-        white = (1 - blue) / (1 + np.exp(-unknowns[2]))
-        parts = {"Blue": blue, "White": white, "Red": max(1 - blue - white, 1e-12)}
-        return float(
-            np.sum(((readings - tabled_film(parts, 25e-6 * np.exp(unknowns[0]))) / sd) ** 2)
-        )
-
-    starts = [(0.0, -6.0, 2.0), (0.0, -6.0, 6.0), (-1.0, -4.0, 0.0)]
-    best = min(
-        minimize(cost, start, method="Nelder-Mead", options={"maxiter": 400}).fun
-        for start in starts
-    )
-    members, shares = near.members[0, 4], near.fractions[0, 4]
-    there = {NAMES[m]: float(s) for m, s in zip(members, shares, strict=True) if m != NOBODY}
-    mine = np.sum(((readings - film(there, float(near.thickness[0, 4]))) / sd) ** 2)
-    assert mine <= 1.02 * best
-
-
-def test_a_film_of_one_paint_alone(looked):
-    found, _ = looked
-    near = find_contenders(found, PAINTS, INSTRUMENT, prior=Prior(), discrepancy=NEAT, max_paints=1)
-    off = found.explained
-    assert off.all()
-    # Beside the explanation itself, which is of two.
-    alone = near.members[:, [1, 3, 4]]
-    assert (alone[..., 1:] == NOBODY).all()
-    assert (near.fractions[:, [1, 3, 4], 0] == 1).all()
-
-
-def test_partners_are_chosen_by_the_misfit_of_the_mixtures():
-    """The screening's least misfits, and where they are, against films mixed and compared one by
-    one.
-    """
-    response = film_response(SPHERE, 1.5)
-    k, s = (
-        np.stack([25e-6 * np.asarray(getattr(p, what)) for p in PAINTS])
-        for what in ("absorption", "scattering")
-    )
-    partners = np.array(
-        [[other for other in range(len(NAMES)) if other != paint] for paint in range(len(NAMES))]
-    )
-    total, share = np.array([0.3, 1.0, 1.0, 3.0]), np.array([0.1, 0.1, 0.6, 0.9])
-    rng = np.random.default_rng(5)
-    target = np.stack(
-        [film({"Red": 0.1, "White": 0.9}, 30e-6), film({"Blue": 0.3, "Yellow": 0.7}, 15e-6)]
-    )
-    target = target.reshape(2, -1) - 0.04
-    white = np.eye(target.shape[1]) + 0.1 * rng.standard_normal(
-        (2, target.shape[1], target.shape[1])
-    )
-    ground = np.stack([GROUNDS, 0.8 * GROUNDS])
-    wanted = np.einsum("srt,st->sr", white, target)
-    tries, spectra = (
-        [jnp.asarray(a) for a in some]
-        for some in ((partners, total, share), (ground, wanted, white))
-    )
-    least, where = _screen(response, Paints(jnp.asarray(k), jnp.asarray(s)), *tries, *spectra)
-    for paint in range(len(NAMES)):
-        for place, other in enumerate(partners[paint]):
-            mixed = [
-                total[:, None] * (share[:, None] * v[paint] + (1 - share[:, None]) * v[other])
-                for v in (k, s)
-            ]
-            for row in range(2):
-                body = np.asarray(
-                    response.body(mixed[0][:, None], mixed[1][:, None], ground[row])
-                ).reshape(4, -1)
-                cost = np.sum(((target[row] - body) @ white[row].T) ** 2, axis=-1)
-                assert float(least[paint, row, place]) == pytest.approx(cost.min(), rel=1e-6)
-                assert int(where[paint, row, place]) == cost.argmin()
 
 
 def test_bands_lose_what_a_fit_takes_away():
@@ -289,12 +154,13 @@ def test_bands_hold_the_errors_that_are_stated():
     assert mean(freedom=5.0) == pytest.approx(usual * 2.0150484 / 1.6448536)
 
 
-def test_what_an_interrupt_left_over_is_not_filed(looked, tmp_path):
-    found, _ = looked
-    halves = [replace_rows(found, rows) for rows in ([0], [1])]
-    report_builder = ReportBuilder(
-        PAINTS, INSTRUMENT, discrepancy=NEAT, prior=Prior(), max_paints=2
+def test_what_an_interrupt_left_over_is_not_filed(tmp_path):
+    spectra = np.stack(
+        [film({"Red": 0.1, "White": 0.9}, 30e-6), film({"Blue": 0.3, "Yellow": 0.7}, 15e-6)]
     )
+    found = explained(spectra, ["White", "Red"], [0.9, 0.1], 30e-6)
+    halves = [replace_rows(found, rows) for rows in ([0], [1])]
+    report_builder = ReportBuilder(PAINTS, INSTRUMENT, discrepancy=NEAT, prior=Prior())
     parts = []
     for part in report_builder.watch(iter(halves)):
         parts.append(part)

@@ -1,0 +1,176 @@
+"""The rooms of ARCHITECTURE.md as the files import each other, and the tests that a change asks
+for.
+
+`python -m tests.rooms` prints the files of slow and optimised tests that `.ci/run` takes: of the
+rooms that changed, then of the rooms that import these, then of one more room, another with each
+commit. `python -m tests.rooms --since` prints the commit that changes are counted from.
+"""
+
+import ast
+import functools
+import os
+import re
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+HERE = Path(__file__).parents[1]
+PACKAGES = {"glazejax": HERE / "src" / "glazejax", "glazefit": HERE / "fitting" / "glazefit"}
+FOLDERS = {**PACKAGES, "tests": HERE / "tests", "benchmarks": HERE / "benchmarks"}
+MODULES = {
+    ".".join((package, *path.relative_to(folder).with_suffix("").parts)).removesuffix(
+        ".__init__"
+    ): path
+    for package, folder in FOLDERS.items()
+    for path in sorted(folder.rglob("*.py"))
+}
+"""Path of each module by its dotted name."""
+STUBS = {
+    f"{package}.{alias.name}": f"{package}.{node.module}"
+    for package, folder in PACKAGES.items()
+    for node in ast.parse((folder / "__init__.pyi").read_text(encoding="utf-8")).body
+    if isinstance(node, ast.ImportFrom) and node.module
+    for alias in node.names
+}
+"""Module that defines each public name, `glazejax.Glaze` say."""
+
+
+@functools.cache
+def imports(module: str) -> frozenset[str]:
+    """Modules of the project that a module imports anywhere in its text, also for types only."""
+    return frozenset(_imported(module)) & MODULES.keys()
+
+
+def _imported(module: str) -> Iterator[str]:
+    path = MODULES[module]
+    package = module.split(".") if path.name == "__init__.py" else module.split(".")[:-1]
+    names = {}
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            names |= {alias.asname: alias.name for alias in node.names}
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            above = package[: len(package) - node.level + 1] if node.level else []
+            source = ".".join([*above, *([node.module] if node.module else [])])
+            for alias in node.names:
+                inner = f"{source}.{alias.name}"
+                yield inner if inner in MODULES else STUBS.get(inner, source)
+        elif isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name):
+            yield STUBS.get(f"{names.get(node.value.id) or node.value.id}.{node.attr}", "")
+
+
+def room_of(module: str) -> str:
+    """Folder of a module; files on top of `glazejax` are rooms of their own."""
+    if MODULES[module].name == "__init__.py" or module.count(".") == 1:
+        return module
+    return module.rpartition(".")[0]
+
+
+@functools.cache
+def arrows() -> dict[str, frozenset[str]]:
+    """Rooms that each room imports."""
+    rooms: dict[str, set[str]] = {}
+    for module in MODULES:
+        if module.split(".")[0] in PACKAGES and room_of(module) not in PACKAGES:
+            rooms.setdefault(room_of(module), set()).update(map(room_of, imports(module)))
+    return {room: frozenset(others & rooms.keys() - {room}) for room, others in rooms.items()}
+
+
+@functools.cache
+def beneath(room: str) -> frozenset[str]:
+    """Rooms that a room stands on, itself or by others."""
+    reached = {room}
+    while more := {other for each in reached for other in arrows()[each]} - reached:
+        reached |= more
+    return frozenset(reached)
+
+
+@functools.cache
+def used(test: str) -> frozenset[str]:
+    """A test's module, and what it and the helpers beside it import."""
+    helpers = [used(each) for each in imports(test) if each.startswith("tests.")]
+    return frozenset({test}.union(imports(test), *helpers))
+
+
+def rooms_of(test: str) -> set[str]:
+    """Rooms that a test is of: those of its imports that no other of its imports stands on."""
+    rooms = {room_of(module) for module in used(test)} & arrows().keys()
+    return {
+        room
+        for room in rooms
+        if all(room not in beneath(other) or other in beneath(room) for other in rooms)
+    }
+
+
+def room_at(path: str) -> str:
+    """Room of a file of either package, of data too; nothing for any other file."""
+    for package, folder in PACKAGES.items():
+        if (HERE / path).is_relative_to(folder):
+            parts = [package, *(HERE / path).relative_to(folder).with_suffix("").parts]
+            while parts and ".".join(parts) not in arrows():
+                parts.pop()
+            return ".".join(parts)
+    return ""
+
+
+def chosen(tests: list[str], changed: list[str], count: int) -> dict[str, list[str]]:
+    """Tests that changed files and a commit's count ask for, each under its first reason."""
+    files = {HERE / path for path in changed}
+    helpers = {
+        m for m, path in MODULES.items() if path in files and m.split(".")[0] not in PACKAGES
+    }
+    rooms = {room_at(path) for path in changed} - {""}
+    above = {room for room, others in arrows().items() if others & rooms}
+    # What is of no room, a test of a program in the browser say, has a turn too.
+    of = {test: rooms_of(test) or {"no room"} for test in tests}
+    turns = sorted(set().union(*of.values()))
+    turn = turns[count % len(turns)]
+    reasons = {test: f"the turn of {turn}" for test in tests if turn in of[test]}
+    reasons |= {test: "rooms that import what changed" for test in tests if of[test] & above}
+    reasons |= {test: "what changed" for test in tests if used(test) & helpers or of[test] & rooms}
+    return {
+        reason: [test for test in tests if reasons.get(test) == reason]
+        for reason in ("what changed", "rooms that import what changed", f"the turn of {turn}")
+    }
+
+
+def since(folder: Path = HERE) -> str:
+    """The last merge of `main`: GLAZEJAX_SINCE, or where this work left `origin/main`; in a clone
+    of the work itself, the newest commit that was half a day old when the last one was made. With
+    none of them, in a shallow clone say, the empty tree, from which every file differs.
+    """
+    git = functools.partial(_git, folder)
+    head = git("rev-parse", "HEAD")
+    left = git("merge-base", "HEAD", "origin/main")
+    before = int(git("log", "-1", "--format=%ct")) - 12 * 3600
+    return (
+        os.environ.get("GLAZEJAX_SINCE")
+        or (left if left != head else "")
+        or git("log", "-1", "--first-parent", "--format=%H", f"--until={before}")
+        or git("hash-object", "-t", "tree", "/dev/null")
+    )
+
+
+def _git(folder: Path, *words: str) -> str:
+    done = subprocess.run(["git", *words], cwd=folder, capture_output=True, text=True, check=False)
+    return done.stdout.strip()
+
+
+def main() -> None:
+    """Print paths of tests, and why they are taken among the errors; or the commit."""
+    if "--since" in sys.argv:
+        print(since())
+        return
+    slow = re.compile(r"mark\.(slow|optimised)")
+    tests = [m for m in MODULES if ".test_" in m and slow.search(MODULES[m].read_text("utf-8"))]
+    changed = _git(HERE, "diff", "--name-only", since()).splitlines()
+    count = int(_git(HERE, "rev-list", "--count", "HEAD"))
+    for reason, group in chosen(tests, changed, count).items():
+        print(f"slow tests of {reason}: {len(group)} files", file=sys.stderr)
+        for test in group:
+            print(MODULES[test].relative_to(HERE).as_posix())
+
+
+if __name__ == "__main__":
+    main()
