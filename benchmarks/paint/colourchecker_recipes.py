@@ -13,7 +13,7 @@ import warnings
 import numpy as np
 
 import glazejax as gj
-from benchmarks.results import Results, add_option, quantity
+from benchmarks.results import Results, add_option, quantities, quantity
 from glazefit import Recipe, Target, colourchecker_targets, find_recipes
 from glazefit.recipe.plots import recipe_figure
 from glazejax import colour
@@ -50,7 +50,7 @@ def main() -> None:
     found = find_recipes(targets)
     again = time.perf_counter() - began
     results(f"{again:.1f} s again")
-    results.record(first=quantity(first, "s", digits=1), again=quantity(again, "s", digits=1))
+    results.record(**quantities({"first": first, "again": again}, "s", 1))
     find_recipes(targets[0])
     results()
     results("patch           dE00  check  dE A   RMSE layers paints     s  recipe, top first")

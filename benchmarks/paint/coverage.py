@@ -27,7 +27,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from benchmarks.results import Quantity, Results, add_option, quantity
+from benchmarks.results import Results, add_option, ends, quantities, quantity
 
 NEEDS = ("matplotlib",)
 
@@ -249,24 +249,16 @@ def table(say: Results, title: str, found: dict[str, Ranks]) -> None:
         say(f"{name:<12}" + "".join(cells))
 
 
-def ends(key: str, values: Sequence[float], films: int) -> dict[str, Quantity]:
-    """The least and the most of some coverages, to be recorded."""
-    return {
-        f"{key}least": quantity(100 * min(values), "%", digits=0, n=films),
-        f"{key}most": quantity(100 * max(values), "%", digits=0, n=films),
-    }
-
-
 def draw(found: dict[str, dict[str, Ranks]]) -> Any:
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(11, 8), layout="constrained")
     panels = figure.subplots(2, 2)
-    for row, (kind, quantities) in zip(panels, found.items(), strict=True):
+    for row, (kind, kept) in zip(panels, found.items(), strict=True):
         for panel, method in zip(row, ("emcee", "laplace"), strict=True):
             panel.fill_between([0, 1], [-0.03, 0.97], [0.03, 1.03], color="0.92", lw=0)
             panel.plot([0, 1], [0, 1], color="0.5", lw=1)
-            for name, ranks in quantities.items():
+            for name, ranks in kept.items():
                 values = getattr(ranks, method)
                 panel.plot(
                     LEVELS,
@@ -326,8 +318,9 @@ def main() -> None:
             )
         found[kind] = join(parts)
         key = {"paints": "", "bands": "bands_"}[kind]
-        held = [coverage(ranks.emcee) for ranks in found[kind].values()]
-        say.record(**ends(key, held, options.films))
+        held = [100 * coverage(ranks.emcee) for ranks in found[kind].values()]
+        least_and_most = {f"{key}least": min(held), f"{key}most": max(held)}
+        say.record(**quantities(least_and_most, "%", 0, n=options.films))
         tau = np.concatenate(times)
         table(say, f"{kind}: {options.films} films, {WALKERS} walkers, {steps} steps", found[kind])
         say(
@@ -336,11 +329,12 @@ def main() -> None:
         )
         say(f"{time.perf_counter() - began:.0f} s")
     trusted = [
-        coverage(ranks.laplace[ranks.trusted])
+        100 * coverage(ranks.laplace[ranks.trusted])
         for ranks in found["paints"].values()
         if ranks.trusted.any()
     ]
-    say.record(films=quantity(options.films, digits=0), **ends("trusted_", trusted, options.films))
+    say.record(**quantities(ends("trusted", trusted), "%", 0, n=options.films))
+    say.record(films=quantity(options.films, digits=0))
     say.save(draw(found))
 
 

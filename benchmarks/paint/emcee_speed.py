@@ -27,7 +27,7 @@ import jax
 import numpy as np
 
 from benchmarks.paint.coverage import simulate
-from benchmarks.results import Results, add_option, quantity
+from benchmarks.results import Results, add_option, ends, quantities
 
 NEEDS = ("matplotlib",)
 
@@ -210,12 +210,7 @@ def main() -> None:
     rows = [row for by_walkers in results.values() for row in by_walkers.values()]
     for key, name in (("uncompiled", UNCOMPILED), ("one", ONE)):
         times = [row[name] / row["vectorised"] for row in rows if name in row]
-        say.record(
-            **{
-                f"{key}_least": quantity(min(times), "times", digits=0),
-                f"{key}_most": quantity(max(times), "times", digits=0),
-            }
-        )
+        say.record(**quantities(ends(key, times), "times", 0))
     say.save(draw(results))
 
 

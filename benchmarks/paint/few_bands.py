@@ -13,7 +13,7 @@ from unittest import mock
 import numpy as np
 
 from benchmarks.paint.identification import first_set, simulated
-from benchmarks.results import Results, add_option, quantity
+from benchmarks.results import Results, add_option, quantities, quantity
 from glazefit import Identification, identify
 from glazefit.identify.search import few_bands
 from glazefit.identify.search.options import IdentificationOptions
@@ -65,8 +65,9 @@ def main() -> None:
     say(f"that of none off at most        {np.abs(few.none - every.none).max():.2f}")
     say.record(
         taken=quantity(len(on_few[0].place), digits=0),
-        same=quantity(100 * same, "%", digits=0, n=options.spectra),
-        off=quantity(100 * np.mean(off > 0.02), "%", digits=0, n=options.spectra),
+        **quantities(
+            {"same": 100 * same, "off": 100 * np.mean(off > 0.02)}, "%", 0, n=options.spectra
+        ),
         largest=quantity(off.max(), n=options.spectra),
     )
     say.save()

@@ -21,7 +21,7 @@ import numpy as np
 
 from benchmarks import device
 from benchmarks.paint.identification_sets import hyppigments, hyppigments_across_cards, kimera, rrt
-from benchmarks.results import Results, add_option, quantity
+from benchmarks.results import Results, add_option, quantities, quantity
 from glazefit import Identification, Noise, identify
 from glazefit.film.model.response import film_response
 from glazejax import Hemispherical, Pigment, catalogue
@@ -122,20 +122,12 @@ def speed(results: Results, count: int = 1000, compared: int = 400, triples: int
             for m, p in zip(usual.members[:, 0], pair, strict=True)
         ]
         results(f"  both paints right: {np.mean(right):.1%} (fractions down to 0)")
-        shares = {
-            "same": (same, compared),
-            "off": (np.mean(paint > 0.02), compared),
-            "right": (np.mean(right), count),
-        }
+        rates = {f"{key}_rate": rate[False], f"{key}_thorough_rate": rate[True]}
+        alike = {f"{key}_same": 100 * same, f"{key}_off": 100 * np.mean(paint > 0.02)}
         results.record(
-            **{
-                f"{key}_rate": quantity(rate[False], digits=0, n=count),
-                f"{key}_thorough_rate": quantity(rate[True], digits=0, n=compared),
-            },
-            **{
-                f"{key}_{what}": quantity(100 * share, "%", digits=1, n=n)
-                for what, (share, n) in shares.items()
-            },
+            **quantities(rates, digits=0),
+            **quantities(alike, "%", 1, n=compared),
+            **quantities({f"{key}_right": 100 * np.mean(right)}, "%", 1, n=count),
         )
     spectra, grounds, _ = simulated(paints, triples, 2, False)
     identify(grid, spectra, paints, ground=grounds, max_paints=3)

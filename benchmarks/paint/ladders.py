@@ -27,7 +27,7 @@ from benchmarks.measured import data_folder
 from benchmarks.paint.pigments import fit
 from benchmarks.paintbench.library import grid_readings
 from benchmarks.paintbench.sources import read_sources
-from benchmarks.results import Quantity, Results, add_option, progress, quantity
+from benchmarks.results import Quantity, Results, add_option, progress, quantities
 from glazefit import Films
 from glazefit.film.films import Noise, card_reflectance
 from glazefit.film.model.response import Response, film_response
@@ -223,10 +223,8 @@ def _of_coats(
     key: str, three: Iterable[Any], unit: str, digits: int, paints: int
 ) -> dict[str, Quantity]:
     """The second coat, the third by one, and by two, to be recorded."""
-    return {
-        f"{key}{what}": quantity(value, unit, digits, n=paints)
-        for what, value in zip(("second", "third", "both"), three, strict=True)
-    }
+    named = (f"{key}{what}" for what in ("second", "third", "both"))
+    return quantities(dict(zip(named, three, strict=True)), unit, digits, n=paints)
 
 
 def films_of(

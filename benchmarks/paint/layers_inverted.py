@@ -25,7 +25,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from benchmarks.results import Quantity, Results, add_option, quantity
+from benchmarks.results import Quantity, Results, add_option, ends, quantities, quantity
 
 GRID = np.arange(400.0, 701.0, 50.0)
 GROUNDS = np.array([0.03, 0.93])
@@ -223,10 +223,7 @@ class Share(NamedTuple):
         """To be recorded: NAME and NAME_error, of so many stacks; nothing of no case."""
         if np.isnan(self.value):
             return {}
-        return {
-            name: quantity(self.value, "%", digits=0, n=n),
-            f"{name}_error": quantity(self.error, "%", digits=0, n=n),
-        }
+        return quantities({name: self.value, f"{name}_error": self.error}, "%", 0, n=n)
 
 
 class Row(NamedTuple):
@@ -297,14 +294,12 @@ def record_known(say: Results, rows: dict[str, Row], stacks: int) -> None:
     coats = [row.emcee.value for name, row in rows.items() if " of coat " in name]
     say.record(
         **whole.emcee.quantities("all", stacks),
-        coats_least=quantity(min(coats), "%", digits=0, n=stacks),
-        coats_most=quantity(max(coats), "%", digits=0, n=stacks),
+        **quantities(ends("coats", coats), "%", 0, n=stacks),
         **rows["model error"].emcee.quantities("model", stacks),
         **whole.laplace.quantities("laplace", stacks),
         **whole.trusted.quantities("trusted", stacks),
         trusts=quantity(100 * whole.trusts, "%", digits=0, n=stacks),
-        stacks=quantity(stacks, digits=0),
-        cases=quantity(whole.cases, digits=0),
+        **quantities({"stacks": stacks, "cases": whole.cases}, digits=0),
     )
 
 

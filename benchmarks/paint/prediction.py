@@ -24,7 +24,7 @@ from scipy.stats import spearmanr
 from benchmarks.kubelka_munk import KubelkaMunk
 from benchmarks.measured import FEW, measured_films
 from benchmarks.paint.readings_of_mixtures import reading_tables
-from benchmarks.results import Results, add_option, progress, quantity
+from benchmarks.results import Results, add_option, progress, quantities, quantity
 from glazefit.film.films import Films, Instrument, Noise
 from glazefit.film.model.mixing import MixingLaw
 from glazefit.film.simulate import simulate_films
@@ -143,15 +143,12 @@ def simulated_table(say: Results, films: Films, recipes: Recipes) -> None:
         say(
             f"{scatter:>19.0%}{off.mean():>7.2f}{np.median(off):>8.2f}{said:>6.2f}{out.inside.mean():>9.1%}"
         )
-        mean = quantity(off.mean(), n=len(off))
+        values = {"simulated": off.mean(), "simulated_median": np.median(off)}
         if scatter:
-            say.record(scattered=mean)
+            values = {"scattered": off.mean()}
         else:
-            say.record(
-                simulated=mean,
-                simulated_median=quantity(np.median(off), n=len(off)),
-                simulated_said=quantity(said, digits=1, n=len(off)),
-            )
+            say.record(simulated_said=quantity(said, digits=1, n=len(off)))
+        say.record(**quantities(values, n=len(off)))
 
 
 def table(say: Results, scores: dict[str, Scores], recipes: Recipes) -> None:
@@ -205,14 +202,20 @@ def table(say: Results, scores: dict[str, Scores], recipes: Recipes) -> None:
         row(f"{name:<5}{recipe}", cells)
     theirs = scores["Kubelka-Munk"].out.predicted
     films = len(some.names)
+    means = {
+        "fitted": some.fitted.mean(),
+        "left_out": some.predicted.mean(),
+        "kubelka_munk": theirs.mean(),
+        "correlation": ranks[0],
+    }
+    others = {
+        "median": np.median(some.predicted),
+        "kubelka_munk_median": np.median(theirs),
+        "said": some.expected.mean(),
+    }
     say.record(
-        fitted=quantity(some.fitted.mean(), n=films),
-        left_out=quantity(some.predicted.mean(), n=films),
-        kubelka_munk=quantity(theirs.mean(), n=films),
-        correlation=quantity(ranks[0], n=films),
-        median=quantity(np.median(some.predicted), digits=1, n=films),
-        kubelka_munk_median=quantity(np.median(theirs), digits=1, n=films),
-        said=quantity(some.expected.mean(), digits=1, n=films),
+        **quantities(means, n=films),
+        **quantities(others, digits=1, n=films),
         in_band=quantity(100 * some.inside.mean(), "%", digits=0, n=films),
         films=quantity(films, digits=0),
     )

@@ -21,7 +21,7 @@ from scipy.optimize import minimize
 from benchmarks.measured import measured_data
 from benchmarks.paint.identification import UNIT, family
 from benchmarks.paintbench.tasks import area_under_curve
-from benchmarks.results import Quantity, Results, add_option, quantity
+from benchmarks.results import Quantity, Results, add_option, quantities, quantity
 from benchmarks.rivals.truth_peers import PEERS
 from glazefit import Films, Identification, ModelError, ground_from_air, identify, identify_films
 from glazefit.film.readers import read_films, read_recipes
@@ -172,7 +172,7 @@ def main_table(
     }
     several = sum(len(case.truth) > 1 for case in left)
     results(f"FILMS LEFT OUT ({len(left)}; {several} of several paints)")
-    results.record(films=quantity(len(left), digits=0), mixtures=quantity(several, digits=0))
+    results.record(**quantities({"films": len(left), "mixtures": several}, digits=0))
     results(f"{'':<36}right first            first three  weight fraction  none          AUC of")
     results(
         f"{'':<36}all         mixtures   (mixtures)   mean (median)    false, found  the misfit"

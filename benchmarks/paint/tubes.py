@@ -25,7 +25,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from benchmarks.measured import FEW, measured_films
-from benchmarks.results import Quantity, Results, add_option, progress, quantity
+from benchmarks.results import Results, add_option, ends, progress, quantities, quantity
 from glazefit import Films, Instrument, Noise, recover_films, simulate_films
 from glazefit.film.films import usual_cards
 from glazefit.film.partial_films import recipes_from_names
@@ -82,14 +82,7 @@ def film_by_film(say: Results) -> None:
             k, s = np.concatenate(held).mean(axis=0)
             say(f"{words + ', ' + title:<32}{sum(map(len, held)):>18}{k:>9.1%}{s:>9.1%}")
             if words == INSTRUMENTS[0]:
-                say.record(**_shares_held(key, k, s))
-
-
-def _shares_held(key: str, k: float, s: float) -> dict[str, Quantity]:
-    return {
-        f"{key}_{what}": quantity(100 * share, "%", digits=0)
-        for what, share in (("k", k), ("s", s))
-    }
+                say.record(**quantities({f"{key}_k": 100 * k, f"{key}_s": 100 * s}, "%", 0))
 
 
 class Case(NamedTuple):
@@ -214,11 +207,8 @@ def simulated(say: Results, count: int) -> None:
         if case.tint:
             say.record(**{case.tint: quantity(np.mean(off), digits=1, n=len(paints))})
         if not case.cards:
-            say.record(**_shares_held("one_card", k, s))
-    say.record(
-        held_least=quantity(min(known), "%", digits=0),
-        held_most=quantity(max(known), "%", digits=0),
-    )
+            say.record(**quantities({"one_card_k": 100 * k, "one_card_s": 100 * s}, "%", 0))
+    say.record(**quantities(ends("held", known), "%", 0))
 
 
 def within(entry: Pigment, truth: np.ndarray) -> np.ndarray:
@@ -286,10 +276,10 @@ def real(say: Results) -> None:
     say(f"{'median':<46}{median[0]:>18.2f}{median[1]:>10.2f}{median[2]:>14.0%}{median[3]:>26.2f}")
     say.record(
         in_band=quantity(100 * mean[2], "%", digits=0, n=len(sums)),
-        measured=quantity(mean[0], digits=1, n=len(sums)),
-        measured_median=quantity(median[0], digits=1, n=len(sums)),
-        joint=quantity(mean[3], digits=1, n=len(sums)),
-        joint_median=quantity(median[3], digits=1, n=len(sums)),
+        **quantities({"measured": mean[0], "joint": mean[3]}, digits=1, n=len(sums)),
+        **quantities(
+            {"measured_median": median[0], "joint_median": median[3]}, digits=1, n=len(sums)
+        ),
     )
 
 
@@ -328,7 +318,7 @@ def seconds(say: Results) -> None:
         f"\nAn entry with its error modes, in a running process: {fit:.2f} s; what to measure "
         f"next: {after:.2f} s"
     )
-    say.record(entry_seconds=quantity(fit, "s"), advice_seconds=quantity(after, "s"))
+    say.record(**quantities({"entry_seconds": fit, "advice_seconds": after}, "s"))
     say(f"   ({best.film}: dE00 {taught.now:.2f} -> {best.expected:.2f})")
     with tempfile.TemporaryDirectory() as folder:
         table = Path(folder) / "blue.csv"
