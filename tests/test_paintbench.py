@@ -242,6 +242,16 @@ def test_unmixing_is_exact_where_absorbances_add():
     assert method.foretell(np.eye(2)) is None
 
 
+def test_a_source_of_mixtures_alone_is_asked_for_its_mixtures(tmp_path):
+    pure = [sources.read_source(write_source(tmp_path / name)) for name in ("one", "two")]
+    mixed = write_source(tmp_path / "mixed", kinds=("control", "control", "mixture"))
+    record = tasks.Record()
+    angle = namers.Neighbours("spectral angle", [lambda readings: readings])
+    tasks.run_names([*pure, sources.read_source(mixed)], [angle], record)
+    assert record.results["mixture"]["mixed"]["spectral angle"]["n"] == 1
+    assert "mixed" not in record.results["pigment"] | record.results["none"]
+
+
 @pytest.mark.slow
 def test_the_bench_runs_on_some_sources_and_takes_one_from_outside(
     tmp_path, shared_data, monkeypatch, capsys

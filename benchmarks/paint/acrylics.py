@@ -23,7 +23,7 @@ from jaxtyping import Array, Bool, Float
 
 import glazejax
 from benchmarks.measured import measured_data
-from benchmarks.results import Results, add_option
+from benchmarks.results import Results, add_option, quantities
 from glazejax import colour, stack_hemispherical_reflectance
 from glazejax.commands.main import start_jax
 from glazejax.paint.pigment_table import read_pigments
@@ -362,6 +362,10 @@ def _report(results: Results, source: Source, paints: Paints) -> None:
         )
     for title, summary in (("mean", np.mean), ("max", np.max)):
         results(f"{title:26}" + "".join(f"{summary(values):16.3f}" for values in apart.values()))
+    columns = {"tints_1": "1:1", "tints_100": "1:100", "black": "on black", "white": "on white"}
+    values = {name: apart[title].mean() for name, title in columns.items()}
+    values["most"] = np.max(list(apart.values()))
+    results.record(**quantities(values, digits=1, n=len(source.names)))
     results()
     ratio = paints.scattering / WHITE_SCATTERING / source.scattering
     low, middle, high = np.percentile(ratio, [0, 50, 100])

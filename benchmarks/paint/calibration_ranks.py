@@ -19,7 +19,7 @@ together. Writes a table and the histograms.
 
 import argparse
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import jax
@@ -27,7 +27,7 @@ import numpy as np
 
 from benchmarks.paint.coverage import simulate
 from benchmarks.paint.layers_inverted import held, known_paints, unknown_paint
-from benchmarks.results import Results, add_option, progress
+from benchmarks.results import Results, add_option, progress, quantity
 
 NEEDS = ("matplotlib",)
 
@@ -169,15 +169,18 @@ def padded(parts: list[np.ndarray]) -> np.ndarray:
     return np.concatenate(fill)
 
 
-def lines(found: dict[str, np.ndarray]) -> Iterator[str]:
-    """A line for each quantity, and one for all."""
-    yield f"{'':<11}{'cases':>6}{'held':>13}  in tenths of the posterior, from below, % of cases"
+def table(say: Results, kind: str, found: dict[str, np.ndarray]) -> None:
+    """A line for each quantity, and one for all, which is recorded."""
+    say(f"{'':<11}{'cases':>6}{'held':>13}  in tenths of the posterior, from below, % of cases")
     whole = np.concatenate(list(found.values()), axis=1)
     for name, ranks in (found | {"all": whole}).items():
         there = np.isfinite(ranks)
         counts = np.histogram(ranks[there], bins=BINS, range=(0.0, 1.0))[0]
         shares = " ".join(f"{100 * n / there.sum():4.0f}" for n in counts)
-        yield f"{name:<11}{there.sum():>6}{held(np.where(there, ranks, 0.5), there):>13}  {shares}"
+        share = held(np.where(there, ranks, 0.5), there)
+        say(f"{name:<11}{there.sum():>6}{share!s:>13}  {shares}")
+        if name == "all":
+            say.record(**share.quantities(kind.replace(" ", "_"), len(ranks)))
 
 
 def draw(found: dict[str, dict[str, np.ndarray]]) -> Any:
@@ -209,7 +212,7 @@ def main() -> None:
     parser.add_argument("--draws", type=int, default=500, help="truths of each kind")
     parser.add_argument("--kinds", nargs="+", choices=KINDS, default=list(KINDS))
     parser.add_argument("--seed", type=int, default=0)
-    add_option(parser, draws=4, kinds=["bands"])
+    add_option(parser, draws=4)
     options = parser.parse_args()
     jax.config.update("jax_enable_x64", True)
     from glazefit.posterior.sampling import Sampling
@@ -231,12 +234,19 @@ def main() -> None:
         found[kind] = gathered(groups)
         apart = np.concatenate([group.apart for group in groups])
         say(f"\n{kind}: {count} films, 90 % intervals")
-        for line in lines(found[kind]):
-            say(line)
+        table(say, kind, found[kind])
+        met, middle = np.mean(apart < 1.05), np.median(apart)
         say(
-            f"R-hat: below 1.05 in {np.mean(apart < 1.05):.0%} of films, median "
-            f"{np.median(apart):.2f}; {time.perf_counter() - began:.0f} s, compilation included"
+            f"R-hat: below 1.05 in {met:.0%} of films, median {middle:.2f}; "
+            f"{time.perf_counter() - began:.0f} s, compilation included"
         )
+        if kind == "two grounds":
+            say.record(films=quantity(count, digits=0))
+        if kind == "one ground":
+            say.record(
+                one_ground_met=quantity(100 * met, "%", digits=0, n=count),
+                one_ground_apart=quantity(middle, n=count),
+            )
         # Each kind takes long; what is done is kept.
         say.save(draw(found))
 

@@ -27,7 +27,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from benchmarks.results import Results, add_option
+from benchmarks.results import Results, add_option, ends, quantities, quantity
 
 NEEDS = ("matplotlib",)
 
@@ -254,11 +254,11 @@ def draw(found: dict[str, dict[str, Ranks]]) -> Any:
 
     figure = Figure(figsize=(11, 8), layout="constrained")
     panels = figure.subplots(2, 2)
-    for row, (kind, quantities) in zip(panels, found.items(), strict=True):
+    for row, (kind, kept) in zip(panels, found.items(), strict=True):
         for panel, method in zip(row, ("emcee", "laplace"), strict=True):
             panel.fill_between([0, 1], [-0.03, 0.97], [0.03, 1.03], color="0.92", lw=0)
             panel.plot([0, 1], [0, 1], color="0.5", lw=1)
-            for name, ranks in quantities.items():
+            for name, ranks in kept.items():
                 values = getattr(ranks, method)
                 panel.plot(
                     LEVELS,
@@ -317,6 +317,10 @@ def main() -> None:
                 flush=True,
             )
         found[kind] = join(parts)
+        key = {"paints": "", "bands": "bands_"}[kind]
+        held = [100 * coverage(ranks.emcee) for ranks in found[kind].values()]
+        least_and_most = {f"{key}least": min(held), f"{key}most": max(held)}
+        say.record(**quantities(least_and_most, "%", 0, n=options.films))
         tau = np.concatenate(times)
         table(say, f"{kind}: {options.films} films, {WALKERS} walkers, {steps} steps", found[kind])
         say(
@@ -324,6 +328,13 @@ def main() -> None:
             f"{np.quantile(tau, 0.95):.0f} steps"
         )
         say(f"{time.perf_counter() - began:.0f} s")
+    trusted = [
+        100 * coverage(ranks.laplace[ranks.trusted])
+        for ranks in found["paints"].values()
+        if ranks.trusted.any()
+    ]
+    say.record(**quantities(ends("trusted", trusted), "%", 0, n=options.films))
+    say.record(films=quantity(options.films, digits=0))
     say.save(draw(found))
 
 

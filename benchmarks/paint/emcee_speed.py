@@ -27,13 +27,13 @@ import jax
 import numpy as np
 
 from benchmarks.paint.coverage import simulate
-from benchmarks.results import Results, add_option
+from benchmarks.results import Results, add_option, ends, quantities
 
 NEEDS = ("matplotlib",)
 
 WALKERS = (32, 128, 512)
 ROUNDS = 5
-UNCOMPILED = "one walker, not compiled"
+ONE, UNCOMPILED = "one walker at a time", "one walker, not compiled"
 # Seconds of one timed run, about.
 PATIENCE = 1.0
 
@@ -193,7 +193,7 @@ def main() -> None:
         for walkers in WALKERS:
             ways = {
                 "vectorised": (vectorised(problem), True),
-                "one walker at a time": (by_walker(problem), False),
+                ONE: (by_walker(problem), False),
             }
             if walkers == WALKERS[0]:
                 ways[UNCOMPILED] = (uncompiled(problem), False)
@@ -207,6 +207,10 @@ def main() -> None:
                 f"{name} {1e3 * t:.3g} ({t / found['vectorised']:.0f})" for name, t in found.items()
             ]
             say(f"{walkers:>5} walkers: " + ", ".join(cells))
+    rows = [row for by_walkers in results.values() for row in by_walkers.values()]
+    for key, name in (("uncompiled", UNCOMPILED), ("one", ONE)):
+        times = [row[name] / row["vectorised"] for row in rows if name in row]
+        say.record(**quantities(ends(key, times), "times", 0))
     say.save(draw(results))
 
 

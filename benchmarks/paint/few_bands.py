@@ -1,4 +1,4 @@
-"""What identification loses by gathering spectra of many bands at few: beside all bands.
+"""What identification loses by gathering spectra of many bands at few, compared with all bands.
 
     python -m benchmarks.paint.few_bands [--spectra N] [--out FOLDER]
 
@@ -13,7 +13,7 @@ from unittest import mock
 import numpy as np
 
 from benchmarks.paint.identification import first_set, simulated
-from benchmarks.results import Results, add_option
+from benchmarks.results import Results, add_option, quantities, quantity
 from glazefit import Identification, identify
 from glazefit.identify.search import few_bands
 from glazefit.identify.search.options import IdentificationOptions
@@ -55,7 +55,7 @@ def main() -> None:
     rows = range(options.spectra)
     same = np.mean([first_set(few, row) == first_set(every, row) for row in rows])
     off = np.abs(few.paint_probability - every.paint_probability).max(axis=1)
-    say(f"{options.spectra} SPECTRA OF {BANDS} BANDS, at few bands beside all")
+    say(f"{options.spectra} SPECTRA OF {BANDS} BANDS, at few bands, compared with all")
     say(f"bands that are taken            {len(on_few[0].place)}")
     say(f"ms of the processor, few, all   {quick:.1f} {slow:.1f}")
     say(f"the same first set              {same:.1%}")
@@ -63,6 +63,13 @@ def main() -> None:
         f"a paint's probability off by more than .02, at most   {np.mean(off > 0.02):.1%} {off.max():.2f}"
     )
     say(f"that of none off at most        {np.abs(few.none - every.none).max():.2f}")
+    say.record(
+        taken=quantity(len(on_few[0].place), digits=0),
+        **quantities(
+            {"same": 100 * same, "off": 100 * np.mean(off > 0.02)}, "%", 0, n=options.spectra
+        ),
+        largest=quantity(off.max(), n=options.spectra),
+    )
     say.save()
 
 

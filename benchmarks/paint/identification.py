@@ -21,7 +21,7 @@ import numpy as np
 
 from benchmarks import device
 from benchmarks.paint.identification_sets import hyppigments, hyppigments_across_cards, kimera, rrt
-from benchmarks.results import Results, add_option
+from benchmarks.results import Results, add_option, quantities, quantity
 from glazefit import Identification, Noise, identify
 from glazefit.film.model.response import film_response
 from glazejax import Hemispherical, Pigment, catalogue
@@ -78,7 +78,7 @@ def simulated(
 
 
 def speed(results: Results, count: int = 1000, compared: int = 400, triples: int = 200) -> None:
-    """The usual search beside the thorough one: run time, and how often they agree."""
+    """Compare the usual search with the thorough one: run time, and how often they agree."""
     paints = list(catalogue.load().values())
     grid = paints[0].wavelengths
     results(
@@ -93,7 +93,10 @@ def speed(results: Results, count: int = 1000, compared: int = 400, triples: int
         f"{'':<26}{'':>8} {'a second':>10} {'a second':>10}  the same   of a paint, of none; 99 "
         "% of them"
     )
-    for words, rough in (("noise only", False), ("and errors of 5 %", True)):
+    for key, words, rough in (
+        ("noise", "noise only", False),
+        ("errors", "and errors of 5 %", True),
+    ):
         spectra, grounds, pair = simulated(paints, count, 1, rough)
         rate, found = {}, {}
         for thorough, number in ((False, count), (True, compared)):
@@ -119,14 +122,20 @@ def speed(results: Results, count: int = 1000, compared: int = 400, triples: int
             for m, p in zip(usual.members[:, 0], pair, strict=True)
         ]
         results(f"  both paints right: {np.mean(right):.1%} (fractions down to 0)")
+        rates = {f"{key}_rate": rate[False], f"{key}_thorough_rate": rate[True]}
+        alike = {f"{key}_same": 100 * same, f"{key}_off": 100 * np.mean(paint > 0.02)}
+        results.record(
+            **quantities(rates, digits=0),
+            **quantities(alike, "%", 1, n=compared),
+            **quantities({f"{key}_right": 100 * np.mean(right)}, "%", 1, n=count),
+        )
     spectra, grounds, _ = simulated(paints, triples, 2, False)
     identify(grid, spectra, paints, ground=grounds, max_paints=3)
     began = time.perf_counter()
     identify(grid, spectra, paints, ground=grounds, max_paints=3)
-    results(
-        f"Sets of three too, noise only, {triples} spectra: "
-        f"{triples / (time.perf_counter() - began):.0f} a second"
-    )
+    rate_of_three = triples / (time.perf_counter() - began)
+    results(f"Sets of three too, noise only, {triples} spectra: {rate_of_three:.0f} a second")
+    results.record(triples_rate=quantity(rate_of_three, digits=0, n=triples))
 
 
 STAGES = {
@@ -204,12 +213,12 @@ def main() -> None:
     results()
     if options.quick:
         speed(results, 60, 20, 20)
+    else:
+        speed(results)
         results()
-    for part in (
-        (kimera, rrt)
-        if options.quick
-        else (speed, profile, kimera, rrt, hyppigments, hyppigments_across_cards)
-    ):
+        profile(results)
+    results()
+    for part in (kimera, rrt, hyppigments, hyppigments_across_cards):
         part(results)
         results()
     results.save()

@@ -8,7 +8,7 @@ import numpy as np
 
 from benchmarks.measured import measured_data
 from benchmarks.paint.shades import ShadeLibrary
-from benchmarks.results import Results
+from benchmarks.results import Results, quantity
 from glazefit import Noise, identify
 from glazejax import catalogue
 from glazejax.io import read_spectra
@@ -22,15 +22,17 @@ RRT_TRUTH = {
 }
 RRT_PAINTS = ("BurntUmber", "Carmine", "Vermilion", "Malachite", "Azurite")
 RRT_COLUMNS = (
-    *(
-        f"{paint} {coat}"
-        for paint in ("BurntUmber", "Carmine", "Vermilion", "Malachite", "Azurite")
-        for coat in ("thin", "thick")
-    ),
+    *(f"{paint} {coat}" for paint in RRT_PAINTS for coat in ("thin", "thick")),
     "LeadWhite",
     "IvoryBlack",
     "Gypsum",
 )
+# What is recorded of HypPigments: name and digits.
+SHADES = {
+    ("as measured", "offset and strength free"): ("shades", 1),
+    ("as measured", "nearest spectral angle"): ("shades_angle", 0),
+    ("smoothed to 60 nm", "offset and strength free"): ("shades_smoothed", 0),
+}
 
 
 def kimera(results: Results) -> None:
@@ -129,6 +131,9 @@ def hyppigments(results: Results) -> None:
                 + " ".join(f"{c:.3f}" for c in cells)
                 + f"   {np.mean(cells):.3f}"
             )
+            if (words, what) in SHADES:
+                name, digits = SHADES[words, what]
+                results.record(**{name: quantity(100 * np.mean(cells), "%", digits, n=len(names))})
     results(
         "  Patches of one card share a ripple of their scan: part of the first lines rests on it,"
     )
@@ -160,11 +165,16 @@ def hyppigments_across_cards(results: Results) -> None:
     slopes = np.diff(-np.log(np.maximum(spectra, 4e-3)), axis=-1)
     library = ShadeLibrary(names, table.wavelengths, spectra)
     ways = {
-        "nearest spectral angle": lambda shade: _cosine(spectra[known, shade], spectra),
-        "angle of the slope of -log R": lambda shade: _cosine(slopes[known, shade], slopes),
-        "offset and strength free": lambda shade: -library.match(spectra[known, shade]).misfit,
+        "cards_angle": lambda shade: _cosine(spectra[known, shade], spectra),
+        "cards_slope": lambda shade: _cosine(slopes[known, shade], slopes),
+        "cards": lambda shade: -library.match(spectra[known, shade]).misfit,
     }
-    for words, score in ways.items():
+    titles = (
+        "nearest spectral angle",
+        "angle of the slope of -log R",
+        "offset and strength free",
+    )
+    for (key, score), words in zip(ways.items(), titles, strict=True):
         rates = []
         for shade in range(4):
             best = np.where(elsewhere[known], score(shade), -np.inf).argmax(axis=1)
@@ -174,6 +184,7 @@ def hyppigments_across_cards(results: Results) -> None:
             f"  {words:<30} {cells}   {np.mean(rates):.3f}  ({len(known)} patches with their "
             "number elsewhere)"
         )
+        results.record(**{key: quantity(100 * np.mean(rates), "%", digits=0, n=len(known))})
 
 
 def _cosine(one: np.ndarray, other: np.ndarray) -> np.ndarray:

@@ -1,5 +1,5 @@
-"""Spectra a second that are identified, by the number of their bands; beside another checkout, and
-beside the thorough search.
+"""Spectra a second that are identified, by the number of their bands; compared with another
+checkout, and with the thorough search.
 
     python -m benchmarks.paint.identification_speed [--before CHECKOUT] [--out FOLDER]
 
@@ -21,7 +21,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from benchmarks.cold_start import ROOT, commit
-from benchmarks.results import Results, add_option, progress
+from benchmarks.results import Results, add_option, progress, quantity
 
 # Seconds after which a line is given up.
 LIMIT = 120.0
@@ -36,20 +36,23 @@ class Case(NamedTuple):
     rough: bool
     spectra: int
     compared: int  # with the thorough search
+    recorded: tuple[str, ...] = ()
 
 
 BOTH, WHITE = (0.025, 0.93), (0.93,)
-CASES = (
-    Case("31 bands, two cards", 31, BOTH, False, 1000, 300),
-    Case("the same, errors of 5 %", 31, BOTH, True, 500, 200),
-    Case("61 bands, white card", 61, WHITE, False, 300, 60),
-    Case("121 bands, white card", 121, WHITE, False, 300, 12),
-    Case("301 bands, white card", 301, WHITE, False, 300, 0),
-    Case("2151 bands, white card", 2151, WHITE, False, 200, 0),
-)
+SEARCH = ("before", "now", "same", "off")
+RATES = ("rate", "before_rate", "times")
+CASES = {
+    "two": Case("31 bands, two cards", 31, BOTH, False, 1000, 300, SEARCH + RATES),
+    "errors": Case("the same, errors of 5 %", 31, BOTH, True, 500, 200, SEARCH),
+    "fine": Case("61 bands, white card", 61, WHITE, False, 300, 60, SEARCH + RATES),
+    "finer": Case("121 bands, white card", 121, WHITE, False, 300, 12),
+    "many": Case("301 bands, white card", 301, WHITE, False, 300, 0),
+    "finest": Case("2151 bands, white card", 2151, WHITE, False, 200, 0, ("rate",)),
+}
 
 
-def work(number: int, count: int, thorough: bool) -> dict[str, Any]:
+def work(key: str, count: int, thorough: bool) -> dict[str, Any]:
     """Identify the spectra of a case twice; the second time, and what was found."""
     from benchmarks.paint.identification import first_set, simulated
     from glazefit import identify
@@ -57,7 +60,7 @@ def work(number: int, count: int, thorough: bool) -> dict[str, Any]:
     from glazejax.commands.main import start_jax
 
     start_jax()
-    case = CASES[number]
+    case = CASES[key]
     paints = list(catalogue.load().values())
     grid = np.linspace(400.0, 700.0, case.bands)
     fine = [paint.resample(grid) for paint in paints]
@@ -82,13 +85,13 @@ def work(number: int, count: int, thorough: bool) -> dict[str, Any]:
     }
 
 
-def run(root: Path, number: int, count: int, thorough: bool = False) -> dict[str, Any] | None:
+def run(root: Path, key: str, count: int, thorough: bool = False) -> dict[str, Any] | None:
     """`work` in a process with the packages of a checkout; None after `LIMIT`, or where the system
     killed it: a search may want more memory than there is.
     """
     paths = os.pathsep.join([str(root / "src"), str(root / "fitting"), str(ROOT)])
     line = [sys.executable, "-m", "benchmarks.paint.identification_speed", "--work"]
-    line.append(json.dumps([number, count, thorough]))
+    line.append(json.dumps([key, count, thorough]))
     try:
         done = subprocess.run(
             line,
@@ -108,16 +111,49 @@ def run(root: Path, number: int, count: int, thorough: bool = False) -> dict[str
     return json.loads(done.stdout.splitlines()[-1])
 
 
-def agreement(found: dict[str, Any], full: dict[str, Any]) -> str:
+class Agreement(NamedTuple):
     """How often a search says what the thorough one does."""
+
+    same: float
+    off: float
+    none: float
+    most: float
+    spectra: int
+
+
+def agreement(found: dict[str, Any], full: dict[str, Any]) -> Agreement:
+    """Compare a search with the thorough one."""
     count = len(full["first"])
     same = np.mean([a == b for a, b in zip(found["first"], full["first"], strict=False)])
     off = np.abs(np.array(found["paint"][:count]) - np.array(full["paint"])).max(axis=1)
     none = np.abs(np.array(found["none"][:count]) - np.array(full["none"]))
-    return (
-        f"{same:9.1%}{np.mean(off > 0.02):9.1%}{np.mean(none > 0.02):9.1%}"
-        f"{np.quantile(off, 0.99):8.3f}{count:6d}"
+    return Agreement(
+        same=float(same),
+        off=float(np.mean(off > 0.02)),
+        none=float(np.mean(none > 0.02)),
+        most=float(np.quantile(off, 0.99)),
+        spectra=count,
     )
+
+
+def record(
+    say: Results,
+    key: str,
+    now: dict[str, Any],
+    before: dict[str, Any] | None,
+    alike: Agreement | None,
+) -> None:
+    """What texts quote of a case, as far as it was asked."""
+    values = {"rate": quantity(now["rate"], digits=0), "now": quantity(now["cpu"], digits=1)}
+    if before:
+        values["before"] = quantity(before["cpu"], digits=1)
+        values["before_rate"] = quantity(before["rate"], digits=0)
+        values["times"] = quantity(now["rate"] / before["rate"], "times", form="g")
+    if alike:
+        values["same"] = quantity(100 * alike.same, "%", digits=1, n=alike.spectra)
+        values["off"] = quantity(100 * alike.off, "%", digits=1, n=alike.spectra)
+    wanted = CASES[key].recorded
+    say.record(**{f"{key}_{name}": one for name, one in values.items() if name in wanted})
 
 
 def main() -> None:
@@ -125,38 +161,41 @@ def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    add_option(parser, few=True)
+    add_option(parser, before=ROOT)
     parser.add_argument("--before", type=Path, help="another checkout, in turn with this one")
-    parser.add_argument("--few", action="store_true", help="the first case alone, with few spectra")
     parser.add_argument("--work", help=argparse.SUPPRESS)
     options = parser.parse_args()
     if options.work:
         print(json.dumps(work(*json.loads(options.work))))
         return
-    say = Results("identification_speed", options.out, "jax", "numpy")
+    say = Results("identification_speed", options.out, "numpy")
     if options.before:
         say(f"Before: commit {commit(options.before)}, in turn with this one.")
     say(
-        "Spectra a second, and ms of the processor for each; beside the thorough search: same "
-        "first set, a paint's"
+        "Spectra a second, and ms of the processor for each; compared with the thorough search: "
+        "same first set,"
     )
-    say("probability and that of none off by more than .02, 99 % of the former; of so many spectra")
+    say(
+        "a paint's probability and that of none off by more than .02, 99 % of the former; of so many spectra"
+    )
     say()
     say(
         f"{'':<26}{'before':>8}{'now':>8}{'times':>8}{'cpu':>8}{'cpu':>8}{'times':>8}"
         f"{'same':>9}{'off':>9}{'none':>9}{'99 %':>8}{'of':>6}"
     )
-    for number, case in enumerate(CASES[:1] if options.few else CASES):
+    for key, case in CASES.items():
+        if options.quick and not case.recorded:
+            continue
         progress(case.words)
-        count, compared = (40, 10) if options.few else (case.spectra, case.compared)
+        count, compared = (40, 10) if options.quick else (case.spectra, case.compared)
         # What takes a second for each spectrum is not asked for hundreds.
         few = count if case.bands < 100 else 16
-        before = run(options.before.resolve(), number, few) if options.before else None
-        now = run(ROOT, number, count)
+        before = run(options.before.resolve(), key, few) if options.before else None
+        now = run(ROOT, key, count)
         if now is None:
             say(f"{case.words:<26}{'none, see below':>16}")
             continue
-        full = run(ROOT, number, compared, True) if compared else None
+        full = run(ROOT, key, compared, True) if case.compared else None
         cells = [f"{case.words:<26}"]
         for what in ("rate", "cpu"):
             old = before[what] if before else None
@@ -165,7 +204,12 @@ def main() -> None:
                 ratio = now[what] / old if what == "rate" else old / now[what]
             cells += [f"{old:8.1f}" if old else f"{'-':>8}", f"{now[what]:8.1f}"]
             cells.append(f"{ratio:8.1f}" if ratio else f"{'-':>8}")
-        say("".join(cells) + (agreement(now, full) if full else ""))
+        alike = agreement(now, full) if full else None
+        if alike:
+            cells += [f"{share:9.1%}" for share in (alike.same, alike.off, alike.none)]
+            cells += [f"{alike.most:8.3f}", f"{alike.spectra:6d}"]
+        say("".join(cells))
+        record(say, key, now, before, alike)
     progress()
     say()
     say(f"-: not asked, or none in {LIMIT:.0f} s or with the memory there is.")

@@ -16,8 +16,8 @@ Kubelka and Munk's formula in the same fits; and 'the same as the last coat'. CI
 """
 
 import argparse
-from collections.abc import Mapping, Sequence
-from typing import NamedTuple
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Float
@@ -27,7 +27,7 @@ from benchmarks.measured import data_folder
 from benchmarks.paint.pigments import fit
 from benchmarks.paintbench.library import grid_readings
 from benchmarks.paintbench.sources import read_sources
-from benchmarks.results import Results, add_option, progress
+from benchmarks.results import Quantity, Results, add_option, progress, quantities
 from glazefit import Films
 from glazefit.film.films import Noise, card_reflectance
 from glazefit.film.model.response import Response, film_response
@@ -61,8 +61,12 @@ Ladders = Mapping[str, Sequence[Square]]
 
 
 class Method(NamedTuple):
-    """How coats are foretold."""
+    """How coats are foretold.
 
+    `key` begins the names of what is recorded.
+    """
+
+    key: str
     title: str
     response: Response
     expected: CoatScattering
@@ -81,15 +85,19 @@ def main() -> None:
     results = Results("ladders", options.out)
     optics, formula = film_response(INSTRUMENT), KubelkaMunk(INSTRUMENT)
     methods = (
-        Method("glazejax, learnt from the others", optics, BRUSHED, True),
-        Method("glazejax, as any film", optics, _ANY_FILM, False),
-        Method("Kubelka-Munk, learnt from the others", formula, BRUSHED, True),
+        Method("", "glazejax, learnt from the others", optics, BRUSHED, True),
+        Method("film_", "glazejax, as any film", optics, _ANY_FILM, False),
+        Method("km_", "Kubelka-Munk, learnt from the others", formula, BRUSHED, True),
     )
-    for title, truth in (("glazejax", optics), ("Kubelka-Munk", formula)):
-        ladders = simulate(truth, options.paints)
-        report(results, f"Simulated by {title}", ladders, GRID, methods)
+    ladders = simulate(optics, options.paints)
+    values = report(results, "Simulated by glazejax", ladders, GRID, methods)
+    # Of the simulated only the second coat's band is quoted.
+    values["held"] = values.pop("held_second")
+    results.record(**{name: values[name] for name in values if not name.startswith("held_")})
+    report(results, "Simulated by Kubelka-Munk", simulate(formula, options.paints), GRID, methods)
     ladders, grid = chart(options.every)
-    report(results, "Chart of pigments", ladders, grid, methods)
+    values = report(results, "Chart of pigments", ladders, grid, methods)
+    results.record(**{f"chart_{name}": values[name] for name in values if name != "held_third"})
     results.save()
 
 
@@ -161,14 +169,17 @@ def report(
     ladders: Ladders,
     grid: Float[np.ndarray, "bands"],
     methods: Sequence[Method],
-) -> None:
-    """Print a table of methods, for the first paint, the third, and so on."""
+) -> dict[str, Quantity]:
+    """Print a table of methods, for the first paint, the third, and so on; its numbers, and of the
+    first method the shares within the band.
+    """
     asked = list(ladders)[::2]
     coats = ", ".join(f"{square.coats:g}" for square in ladders[asked[0]])
     say(
         f"\n{title}: {len(asked)} paints foretold, {len(ladders) - len(asked)} taught; {coats} coats"
     )
     say(f"{'':<38}{'2 from 1':>10}{'3 from 1':>10}{'3 from both':>13}{'in 90 % band':>22}")
+    values = {}
     for method in methods:
         progress(f"{title}: {method.title}")
         cells = []
@@ -197,11 +208,23 @@ def report(
             + " " * 4
             + "".join(f"{share:>6.0%}" for share in held)
         )
+        values |= _of_coats(method.key, cells, "", 1, len(asked))
+        if method is methods[0]:
+            values |= _of_coats("held_", 100 * np.array(held), "%", 0, len(asked))
     same = [
         np.mean([_delta_e(grid, ladders[paint][a], ladders[paint][b]) for paint in asked])
         for a, b in ((0, 1), (0, 2), (1, 2))
     ]
     say(f"{'the same as the last coat':<38}{same[0]:>10.2f}{same[1]:>10.2f}{same[2]:>13.2f}")
+    return values | _of_coats("same_", same, "", 1, len(asked))
+
+
+def _of_coats(
+    key: str, three: Iterable[Any], unit: str, digits: int, paints: int
+) -> dict[str, Quantity]:
+    """The second coat, the third by one, and by two, to be recorded."""
+    named = (f"{key}{what}" for what in ("second", "third", "both"))
+    return quantities(dict(zip(named, three, strict=True)), unit, digits, n=paints)
 
 
 def films_of(

@@ -25,13 +25,19 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from benchmarks.results import Results, add_option
+from benchmarks.results import Quantity, Results, add_option, ends, quantities, quantity
 
 GRID = np.arange(400.0, 701.0, 50.0)
 GROUNDS = np.array([0.03, 0.93])
 GLAZE, BODY = 8e-6, 30e-6
 STEPS, UNKNOWN_STEPS, WALKERS, THIN = 800, 2000, 16, 10
 COEFFICIENTS = ("absorption", "scattering")
+# Kinds of stacks of an unknown paint, by the names of what is recorded of them.
+UNKNOWN = {
+    "two_grounds": "two grounds",
+    "one_ground": "one ground",
+    "shelf": "a paint of the catalogue, two grounds",
+}
 # Noise of a ground that is not there.
 NOTHING = 1e3
 
@@ -187,24 +193,54 @@ def find(simulated: Simulated, steps: int, seed: int) -> tuple[dict[str, Found],
     )
     before = problem.draws(problem.prior_draws(np.random.default_rng(seed), 4000)[:, None])
     found = {}
-    for quantity in problem.quantities:
-        if quantity.name not in simulated.truth:
+    for asked in problem.quantities:
+        if asked.name not in simulated.truth:
             continue
-        scale = np.log if quantity.logarithmic else np.asarray
-        value = simulated.truth[quantity.name]
-        draws = posterior.draws[quantity.name].reshape(-1, value.size)
+        scale = np.log if asked.logarithmic else np.asarray
+        value = simulated.truth[asked.name]
+        draws = posterior.draws[asked.name].reshape(-1, value.size)
         low, high = np.quantile(scale(draws), (0.05, 0.95), axis=0)
-        first, last = np.quantile(scale(before[quantity.name]), (0.05, 0.95))
-        found[quantity.name] = Found(
+        first, last = np.quantile(scale(before[asked.name]), (0.05, 0.95))
+        found[asked.name] = Found(
             (draws < value).mean(axis=0),
-            (posterior.laplace_draws[quantity.name] < value).mean(axis=0),
+            (posterior.laplace_draws[asked.name] < value).mean(axis=0),
             (high - low) / (last - first),
             posterior.laplace.trusted,
         )
     return found, posterior.convergence
 
 
-def held(ranks: np.ndarray, where: np.ndarray | None = None) -> str:
+class Share(NamedTuple):
+    """In %, with its error; NaN of no case."""
+
+    value: float
+    error: float
+
+    def __str__(self) -> str:
+        return "none" if np.isnan(self.value) else f"{self.value:.0f}% +- {self.error:.0f}%"
+
+    def quantities(self, name: str, n: int) -> dict[str, Quantity]:
+        """To be recorded: NAME and NAME_error, of so many stacks; nothing of no case."""
+        if np.isnan(self.value):
+            return {}
+        return quantities({name: self.value, f"{name}_error": self.error}, "%", 0, n=n)
+
+
+class Row(NamedTuple):
+    """A line of the table: how many cases, how often the truth is held, and how often Laplace is
+    trusted.
+    """
+
+    cases: int
+    told: float
+    emcee: Share
+    emcee_told: Share
+    laplace: Share
+    trusted: Share
+    trusts: float
+
+
+def held(ranks: np.ndarray, where: np.ndarray | None = None) -> Share:
     """Share of cases, (stacks, quantities), in the 90 % interval, with its error by counting
     stacks.
     """
@@ -212,33 +248,59 @@ def held(ranks: np.ndarray, where: np.ndarray | None = None) -> str:
     chosen = np.ones(hits.shape, bool) if where is None else where
     stacks = chosen.any(axis=1)
     if not stacks.any():
-        return "none"
+        return Share(np.nan, np.nan)
     each, weight = (hits & chosen).sum(axis=1)[stacks], chosen.sum(axis=1)[stacks]
     share = each.sum() / weight.sum()
     # Of a ratio of sums over stacks; nobody's error is smaller than that of one miss.
     off = np.sum((each - share * weight) ** 2) ** 0.5 / weight.sum()
-    return f"{share:.0%} +- {max(off, 1.0 / (stacks.sum() + 1)):.0%}"
+    return Share(100 * share, 100 * max(off, 1.0 / (stacks.sum() + 1)))
 
 
 def table(
     say: Results, title: str, found: dict[str, list[Found]], rows: np.ndarray | slice = slice(None)
-) -> None:
-    """A line for each quantity, with all of its bands, and one for all of them."""
+) -> dict[str, Row]:
+    """A line for each quantity, with all of its bands, and one for all of them; what they state."""
     say(f"\n{title}")
     say(
         f"{'':<22}{'cases':>6}{'told':>6}{'emcee':>13}{'where told':>13}{'Laplace':>13}{'where trusted':>20}"
     )
     whole = [one for many in found.values() for one in many]
+    stated = {}
     for name, many in (found | {"all": whole}).items():
         emcee, laplace, width, trusted = (
             np.stack([getattr(one, field) for one in many], axis=1)[rows] for field in Found._fields
         )
         told = width < 0.9
-        sure = f"{held(laplace, trusted)} ({trusted.mean():.0%})"
-        say(
-            f"{name:<22}{emcee.size:>6}{told.mean():>6.0%}{held(emcee):>13}{held(emcee, told):>13}"
-            f"{held(laplace):>13}{sure:>20}"
+        row = stated[name] = Row(
+            cases=emcee.size,
+            told=told.mean(),
+            emcee=held(emcee),
+            emcee_told=held(emcee, told),
+            laplace=held(laplace),
+            trusted=held(laplace, trusted),
+            trusts=trusted.mean(),
         )
+        sure = f"{row.trusted} ({row.trusts:.0%})"
+        say(
+            f"{name:<22}{row.cases:>6}{row.told:>6.0%}{row.emcee!s:>13}{row.emcee_told!s:>13}"
+            f"{row.laplace!s:>13}{sure:>20}"
+        )
+    return stated
+
+
+def record_known(say: Results, rows: dict[str, Row], stacks: int) -> None:
+    """What texts quote of known paints."""
+    whole = rows["all"]
+    coats = [row.emcee.value for name, row in rows.items() if " of coat " in name]
+    say.record(
+        **whole.emcee.quantities("all", stacks),
+        **quantities(ends("coats", coats), "%", 0, n=stacks),
+        **rows["model error"].emcee.quantities("model", stacks),
+        **whole.laplace.quantities("laplace", stacks),
+        **whole.trusted.quantities("trusted", stacks),
+        trusts=quantity(100 * whole.trusts, "%", digits=0, n=stacks),
+        **quantities({"stacks": stacks, "cases": whole.cases}, digits=0),
+    )
 
 
 def by_name(found: dict[str, Found]) -> dict[str, list[Found]]:
@@ -260,10 +322,10 @@ def main() -> None:
         "--unknown", type=int, default=8, help="of an unknown paint, of each of three kinds"
     )
     parser.add_argument("--seed", type=int, default=0)
-    add_option(parser, stacks=2)
+    add_option(parser, stacks=2, unknown=1)
     options = parser.parse_args()
     if options.quick:
-        globals().update(STEPS=100)
+        globals().update(STEPS=100, UNKNOWN_STEPS=100)
     jax.config.update("jax_enable_x64", True)
     say = Results("layers_inverted", options.out, "emcee")
     say(
@@ -274,21 +336,17 @@ def main() -> None:
     for simulate, count, steps in (
         (known_paints, options.stacks, STEPS),
         (unknown_paint, options.unknown, UNKNOWN_STEPS),
-    )[: 1 if options.quick else None]:
+    ):
         began = time.perf_counter()
         found, state = find(simulate(count, rng), steps, options.seed)
         if simulate is known_paints:
-            table(
-                say,
-                f"Known paints: a glaze over a body of two, {count} stacks, {steps} steps",
-                by_name(found),
-            )
+            title = f"Known paints: a glaze over a body of two, {count} stacks, {steps} steps"
+            record_known(say, table(say, title, by_name(found)), count)
         else:
-            for n, kind in enumerate(
-                ("two grounds", "one ground", "a paint of the catalogue, two grounds")
-            ):
+            for n, (key, kind) in enumerate(UNKNOWN.items()):
                 title = f"Unknown paint over a known one, {kind}: {count} stacks, {steps} steps"
-                table(say, title, by_name(found), slice(n * count, (n + 1) * count))
+                rows = table(say, title, by_name(found), slice(n * count, (n + 1) * count))
+                say.record(**rows["all"].emcee.quantities(key, count))
         times = state.length / state.times
         say(
             f"length in autocorrelation times: median {np.median(times):.0f}, least "

@@ -1,5 +1,5 @@
-"""How long it takes to name pigments: first use, many spectra, fine spectra; beside the search
-among the oils' own films.
+"""How long it takes to name pigments: first use, many spectra, fine spectra; compared with the
+search among the oils' own films.
 
     python -m benchmarks.paint.pigment_speed [--out FOLDER]
 
@@ -16,7 +16,7 @@ from collections.abc import Callable
 import numpy as np
 from jaxtyping import Float
 
-from benchmarks.results import Results, add_option, progress
+from benchmarks.results import Results, add_option, progress, quantity
 
 # Spectra that are sought at 61 bands and at 2151 bands, and among the oils' own films.
 COUNT = 1000
@@ -75,7 +75,7 @@ def seconds(run: Callable[[], object]) -> float:
 def first_use(name: str) -> float:
     """Seconds of a new process that names the pigments of one spectrum of 31 bands."""
     code = (
-        "import numpy as np; from benchmarks import pigment_speed as p; "
+        "import numpy as np; from benchmarks.paint import pigment_speed as p; "
         "grid = np.arange(400.0, 701.0, 10.0); "
         f"p.{name}(grid, np.full((1, 31), 0.4) + 0.2 * (grid > 550))"
     )
@@ -92,18 +92,21 @@ def main() -> None:
     for name in ("count", "fine", "oils"):
         parser.add_argument(f"--{name}", type=int, default=globals()[name.upper()])
     options = parser.parse_args()
-    results = Results("pigment_speed", options.out, "jax", "numpy")
+    results = Results("pigment_speed", options.out, "numpy")
     results("SECONDS, one run each")
 
     progress("first use")
     for words, name in (("all pigments", "seek"), ("the oils' own films", "seek_among_oils")):
-        results(f"first use, one spectrum of 31 bands, {words:<21}{first_use(name):8.1f}")
+        took = first_use(name)
+        results(f"first use, one spectrum of 31 bands, {words:<21}{took:8.1f}")
+        if name == "seek":
+            results.record(first_use=quantity(took, "s", digits=1))
 
     visible = np.linspace(400.0, 1000.0, 61)
     fine = np.arange(350.0, 2501.0)
-    for words, grid, count in (
-        ("61 bands", visible, options.count),
-        ("2151 bands", fine, options.fine),
+    for key, words, grid, count in (
+        ("thousand", "61 bands", visible, options.count),
+        ("fine", "2151 bands", fine, options.fine),
     ):
         progress(words)
         readings = spectra(grid, count)
@@ -113,6 +116,7 @@ def main() -> None:
             f"{count} spectra of {words}, all pigments, singles and pairs:"
             f"{cold:8.1f} set up and compiled, {warm:6.1f} again"
         )
+        results.record(**{key: quantity(cold, "s", digits=1, n=count)})
 
     progress("oils")
     grid = np.arange(400.0, 701.0, 10.0)

@@ -9,17 +9,13 @@ same fit, with the same instrument and expectations; only what one film reflects
 laws are compared the same way. Films of the same recipes are simulated too, faultless and with
 scatter of strength. What one reading of a mixture tells, and what two do, is a result of its own,
 `prediction_readings.txt` (see `readings_of_mixtures.py`); with --readings it is made alone. With --scan,
-what is expected beforehand is varied instead; its lines are kept as they come, and a scan that was
-stopped goes on from there at the same commit.
+what is expected beforehand is varied instead.
 """
 
 import argparse
 import dataclasses
-import json
-import re
 import time
-from collections.abc import Sequence
-from pathlib import Path
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -28,7 +24,7 @@ from scipy.stats import spearmanr
 from benchmarks.kubelka_munk import KubelkaMunk
 from benchmarks.measured import FEW, measured_films
 from benchmarks.paint.readings_of_mixtures import reading_tables
-from benchmarks.results import Results, add_option, commit, progress
+from benchmarks.results import Results, add_option, progress, quantities, quantity
 from glazefit.film.films import Films, Instrument, Noise
 from glazefit.film.model.mixing import MixingLaw
 from glazefit.film.simulate import simulate_films
@@ -134,73 +130,66 @@ def simulated(films: Films, recipes: Recipes, scatter: float, seed: int = 4) -> 
     return simulate_films(grid, k, s, names=films.names, noise=Noise(), seed=seed)
 
 
-def simulated_table(films: Films, recipes: Recipes) -> list[str]:
+def simulated_table(say: Results, films: Films, recipes: Recipes) -> None:
     """How well simulated films are predicted, and how well their bands say so."""
-    lines = [
-        "SIMULATED FILMS of the same recipes, mixtures left out",
-        "scatter of strength   mean  median  said  in band",
-    ]
+    say("SIMULATED FILMS of the same recipes, mixtures left out")
+    say("scatter of strength   mean  median  said  in band")
     for scatter in (0.0, 0.2):
         out = leave_out(
             simulated(films, recipes, scatter), recipes, f"simulated, {scatter:.0%}"
         ).out
         off = out.predicted.mean(axis=1)
-        lines.append(
-            f"{scatter:>19.0%}{off.mean():>7.2f}{np.median(off):>8.2f}{out.expected.mean():>6.2f}{out.inside.mean():>9.1%}"
+        said = out.expected.mean()
+        say(
+            f"{scatter:>19.0%}{off.mean():>7.2f}{np.median(off):>8.2f}{said:>6.2f}{out.inside.mean():>9.1%}"
         )
-    return lines
+        values = {"simulated": off.mean(), "simulated_median": np.median(off)}
+        if scatter:
+            values = {"scattered": off.mean()}
+        else:
+            say.record(simulated_said=quantity(said, digits=1, n=len(off)))
+        say.record(**quantities(values, n=len(off)))
 
 
-def table(scores: dict[str, Scores], recipes: Recipes) -> str:
+def table(say: Results, scores: dict[str, Scores], recipes: Recipes) -> None:
     """Means over films of several kinds, and every film."""
-    some = next(iter(scores.values())).out
-    lines = [
-        "mean Delta E00 (D65, 10 deg), both cards      " + "".join(f"{name:>24}" for name in scores)
-    ]
-    lines.append(" " * 46 + f"{'fitted  left out':>24}" * len(scores))
+    outs = [one.out for one in scores.values()]
+    some = outs[0]
+
+    def row(words: str, cells: Iterable[str]) -> None:
+        say(f"{words:<46}" + "".join(f"{cell:>24}" for cell in cells))
+
+    row("mean Delta E00 (D65, 10 deg), both cards", scores)
+    row("", ["fitted  left out"] * len(scores))
     for kind, chosen in kinds(some.names, recipes).items():
-        cells = (
-            f"{s.out.fitted[chosen].mean():.2f}      {s.out.predicted[chosen].mean():.2f}"
-            for s in scores.values()
+        row(
+            f"{kind:<16} {chosen.sum():>3} films",
+            (f"{o.fitted[chosen].mean():.2f}      {o.predicted[chosen].mean():.2f}" for o in outs),
         )
-        lines.append(
-            f"{kind:<16} {chosen.sum():>3} films{'':<19}" + "".join(f"{cell:>24}" for cell in cells)
-        )
-    cells = (
-        f"{np.median(s.out.fitted):.2f}      {np.median(s.out.predicted):.2f}"
-        for s in scores.values()
+    row(
+        "median, all",
+        (f"{np.median(out.fitted):.2f}      {np.median(out.predicted):.2f}" for out in outs),
     )
-    lines.append(f"{'median, all':<45} " + "".join(f"{cell:>24}" for cell in cells))
-    apart = [(s.out.predicted - some.predicted).mean(axis=1) for s in scores.values()]
-    cells = (f"{d.mean():+.2f} +- {d.std(ddof=1) / np.sqrt(d.size):.2f}" for d in apart)
-    lines.append(
-        f"{'difference to the first, left out, film by film':<46}"
-        + "".join(f"{cell:>24}" for cell in cells)
+    apart = [(out.predicted - some.predicted).mean(axis=1) for out in outs]
+    row(
+        "difference to the first, film by film",
+        (f"{d.mean():+.2f} +- {d.std(ddof=1) / np.sqrt(d.size):.2f}" for d in apart),
     )
-    lines.append(
-        f"{'readings within the 90 % band':<46}"
-        + "".join(f"{s.out.inside.mean():>24.1%}" for s in scores.values())
+    row("readings within the 90 % band", (f"{out.inside.mean():.1%}" for out in outs))
+    ranks = [spearmanr(out.expected, out.predicted.mean(axis=1))[0] for out in outs]
+    row("rank correlation of said and true errors", (f"{rank:.2f}" for rank in ranks))
+    row(
+        "Delta E00 that predictions say of themselves",
+        (f"{out.expected.mean():.2f}" for out in outs),
     )
-    ranks = (
-        f"{spearmanr(s.out.expected, s.out.predicted.mean(axis=1))[0]:.2f}" for s in scores.values()
+    say()
+    row(
+        "fit of all films, seconds (first; compiled)",
+        (f"{one.seconds:.1f}; {one.warm:.1f}" for one in scores.values()),
     )
-    lines.append(
-        f"{'rank correlation of said and true errors':<46}"
-        + "".join(f"{cell:>24}" for cell in ranks)
-    )
-    said = (f"{s.out.expected.mean():.2f}" for s in scores.values())
-    lines.append(
-        f"{'Delta E00 that the predictions say of themselves':<46}"
-        + "".join(f"{cell:>22}" for cell in said)
-    )
-    lines.append("")
-    seconds = (f"{s.seconds:.1f}; {s.warm:.1f}" for s in scores.values())
-    lines.append(
-        f"{'fit of all films, seconds (first; compiled)':<46}"
-        + "".join(f"{cell:>24}" for cell in seconds)
-    )
-    lines.append(
-        "\neach film left out: Delta E00 over black and white, and (what the prediction says of "
+    say()
+    say(
+        "each film left out: Delta E00 over black and white, and (what the prediction says of "
         "itself)"
     )
     for i, name in enumerate(some.names):
@@ -208,45 +197,46 @@ def table(scores: dict[str, Scores], recipes: Recipes) -> str:
             f"{weight:g} {paint}" for paint, weight in recipes[name].items() if weight > 0
         )
         cells = (
-            f"{s.out.predicted[i, 0]:.2f}  {s.out.predicted[i, 1]:.2f} ({s.out.expected[i]:.1f})"
-            for s in scores.values()
+            f"{o.predicted[i, 0]:.2f}  {o.predicted[i, 1]:.2f} ({o.expected[i]:.1f})" for o in outs
         )
-        lines.append(f"{name:<5}{recipe:<41}" + "".join(f"{cell:>24}" for cell in cells))
-    return "\n".join(lines)
+        row(f"{name:<5}{recipe}", cells)
+    theirs = scores["Kubelka-Munk"].out.predicted
+    films = len(some.names)
+    means = {
+        "fitted": some.fitted.mean(),
+        "left_out": some.predicted.mean(),
+        "kubelka_munk": theirs.mean(),
+        "correlation": ranks[0],
+    }
+    others = {
+        "median": np.median(some.predicted),
+        "kubelka_munk_median": np.median(theirs),
+        "said": some.expected.mean(),
+    }
+    say.record(
+        **quantities(means, n=films),
+        **quantities(others, digits=1, n=films),
+        in_band=quantity(100 * some.inside.mean(), "%", digits=0, n=films),
+        films=quantity(films, digits=0),
+    )
 
 
-def scan(films: Films, recipes: Recipes, part: Path) -> str:
-    """Prediction errors as expectations vary, a line each; `part` holds the lines that are done, by
-    commit and name.
-
-    Raises:
-        OSError: `part` cannot be written.
-    """
-    part.parent.mkdir(parents=True, exist_ok=True)
-    at = commit()
-    # Of code that is not committed nobody knows whether it is still the same.
-    known = part.is_file() and re.fullmatch(r"\w+", at)
-    done: dict[str, str] = json.loads(part.read_text()) if known else {}
-    lines = ["Delta E00 of films left out       mean  median  tints  shades  fitted  in 90 % band"]
+def scan(say: Results, films: Films, recipes: Recipes) -> None:
+    """Prediction errors as expectations vary, a line each."""
+    say("Delta E00 of films left out       mean  median  tints  shades  fitted  in 90 % band")
     for changed in SCAN:
         name = ", ".join(f"{key} {value}" for key, value in changed.items()) or "as by default"
-        key = f"commit {at}, each {EVERY}: {name}"
-        if key not in done:
-            out = leave_out(
-                films, recipes, name, again=False, expectations=Expectations(**changed)
-            ).out
-            of = kinds(out.names, recipes)
-            off = out.predicted.mean(axis=1)
-            done[key] = (
-                f"{off.mean():>38.2f}{np.median(off):>8.2f}{off[of['tints']].mean():>7.2f}"
-                f"{off[of['shades']].mean():>8.2f}{out.fitted.mean():>8.2f}{out.inside.mean():>14.1%}   {name}"
-            )
-            part.write_text(json.dumps(done, indent=1))
-        lines.append(done[key])
-    return "\n".join(lines)
+        out = leave_out(films, recipes, name, again=False, expectations=Expectations(**changed)).out
+        of = kinds(out.names, recipes)
+        off = out.predicted.mean(axis=1)
+        say(
+            f"{off.mean():>38.2f}{np.median(off):>8.2f}{off[of['tints']].mean():>7.2f}"
+            f"{off[of['shades']].mean():>8.2f}{out.fitted.mean():>8.2f}{out.inside.mean():>14.1%}   {name}"
+        )
+    progress()
 
 
-def compared(films: Films, recipes: Recipes) -> str:
+def compare(say: Results, films: Films, recipes: Recipes) -> None:
     """Models and mixing laws side by side, and simulated films."""
     models: dict[str, dict[str, Any]] = {
         "glazejax": {},
@@ -254,7 +244,11 @@ def compared(films: Films, recipes: Recipes) -> str:
         "glazejax, strength law": {"law": MixingLaw("strength")},
     }
     scores = {name: leave_out(films, recipes, name, **given) for name, given in models.items()}
-    return table(scores, recipes) + "\n\n" + "\n".join(simulated_table(films, recipes))
+    progress()
+    table(say, scores, recipes)
+    say()
+    simulated_table(say, films, recipes)
+    progress()
 
 
 def main() -> None:
@@ -270,23 +264,19 @@ def main() -> None:
         globals().update(EVERY=2)
     start_jax()
     films, recipes = measured_films(FEW if options.quick else ())
-    part = options.out / "prediction_scan.part"
-
-    def save(name: str, text: str) -> None:
-        progress()
-        results = Results(name, options.out)
-        for line in text.splitlines():
-            results(line)
-        results.save()
-
     if options.scan:
-        save("prediction_scan", scan(films, recipes, part))
-        part.unlink()
+        results = Results("prediction_scan", options.out)
+        scan(results, films, recipes)
+        results.save()
         return
     models = {"glazejax": None, "Kubelka-Munk": KubelkaMunk(Instrument())}
-    save("prediction_readings", "\n".join(reading_tables(films, recipes, models, EVERY)))
+    results = Results("prediction_readings", options.out)
+    reading_tables(results, films, recipes, models, EVERY)
+    results.save()
     if not options.readings:
-        save("prediction", compared(films, recipes))
+        results = Results("prediction", options.out)
+        compare(results, films, recipes)
+        results.save()
 
 
 if __name__ == "__main__":

@@ -23,7 +23,7 @@ import numpy as np
 from jaxtyping import Float, Int
 from scipy.stats import spearmanr
 
-from benchmarks.results import progress
+from benchmarks.results import Quantity, Results, progress, quantity
 from glazefit.film.films import Films, cards
 from glazefit.film.model.errors import draw_model_errors
 from glazefit.film.model.response import Response, film_response
@@ -51,12 +51,10 @@ SPREADS = tuple(Spread(*scatter, alike) for scatter in SCATTER for alike in ALIK
 _MOST = 1.0
 _POINTS = 241
 _SPAN = 1.5
+# The card that a film is read over, and what is foretold by that.
+OTHER_CARD = {"white": "black by the reading over white", "black": "white by that over black"}
 # Which readings of a film are given: over black, over white.
-GIVEN = {
-    "over white": (False, True),
-    "over black": (True, False),
-    "over both": (True, True),
-}
+GIVEN = {"white": (False, True), "black": (True, False), "both": (True, True)}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -181,7 +179,7 @@ def choose_without(off: Float[np.ndarray, "spreads cards films"]) -> Int[np.ndar
 
 
 def one_reading(
-    name: str, reads: Sequence[Read], response: Response | None
+    say: Results, name: str, reads: Sequence[Read], response: Response | None
 ) -> tuple[list[str], Spread]:
     """Each mixture read over one card and foretold over the other; and the spread that most films
     choose.
@@ -190,7 +188,7 @@ def one_reading(
     for number, read in enumerate(reads):
         progress(f"{name}: over the other card, {read.film.names[0]}")
         truth = (read.film.over_black[0], read.film.over_white[0])
-        for card, seen in ((0, GIVEN["over white"]), (1, GIVEN["over black"])):
+        for card, seen in enumerate((GIVEN["white"], GIVEN["black"])):
             for first, scatter in enumerate(SCATTER):
                 found = calibrate(read, seen, Spread(*scatter), response)
                 metres = float(found.thickness[0]) * UNIT
@@ -201,14 +199,28 @@ def one_reading(
                     tried[place, card, number] = told[card]
     chosen = choose_without(tried[..., Foretold._fields.index("score")])
     lines = []
-    for card, words in enumerate(("black by the reading over white", "white by that over black")):
+    for card, (given, words) in enumerate(OTHER_CARD.items()):
         off, said, inside, _ = tried[chosen, card, np.arange(len(reads))].T
         before = np.array([read.before[card] for read in reads])
+        rank = spearmanr(off, said)[0]
         lines.append(
             f"{name}, {words}: without it {before.mean():.2f} ({np.median(before):.2f}), with "
             f"it {off.mean():.2f} ({np.median(off):.2f}), {inside.mean():.1%}, "
-            f"{spearmanr(off, said)[0]:.2f}; {sum(off > 3)} of {len(off)} above 3"
+            f"{rank:.2f}; {sum(off > 3)} of {len(off)} above 3"
         )
+        key = key_of(response, given)
+        say.record(
+            **mean_and_median(f"{key}_with", off),
+            **{f"{key}_inside": quantity(100 * inside.mean(), "%", digits=0, n=len(off))},
+        )
+        if response is None:
+            say.record(
+                **mean_and_median(f"{key}_without", before),
+                **{
+                    f"{key}_rank": quantity(rank, n=len(off)),
+                    f"{key}_above": quantity(sum(off > 3), digits=0, n=len(off)),
+                },
+            )
     often = np.bincount(chosen, minlength=len(SPREADS))
     told = SPREADS[int(often.argmax())]
     lines.append(
@@ -216,6 +228,21 @@ def one_reading(
         f"{told.alike:g} ({often.max()} of {len(reads)})"
     )
     return lines, told
+
+
+def key_of(response: Response | None, name: str) -> str:
+    """The name that a number is recorded by: of Kubelka-Munk's optics it begins with `km_`."""
+    return name if response is None else f"km_{name}"
+
+
+def median(name: str, off: np.ndarray) -> dict[str, Quantity]:
+    """The median of some Delta E00, to be recorded."""
+    return {f"{name}_median": quantity(np.median(off), n=len(off))}
+
+
+def mean_and_median(name: str, off: np.ndarray) -> dict[str, Quantity]:
+    """The mean, too."""
+    return {name: quantity(off.mean(), n=len(off)), **median(name, off)}
 
 
 def simulated_reading(
@@ -256,7 +283,7 @@ def simulated_reading(
 
 
 def simulated(
-    name: str, reads: Sequence[Read], spread: Spread, response: Response | None
+    say: Results, name: str, reads: Sequence[Read], spread: Spread, response: Response | None
 ) -> list[str]:
     """Films of the recipes as they may be: the other card, and the same mixing twice as thick."""
     rng = np.random.default_rng(5)
@@ -275,21 +302,27 @@ def simulated(
                 other[int(seen[0]), number] = told[int(seen[0])].off
             twice[given].append(foretell(made, found, 2.0 * own, thicker, spread, response))
     lines = []
-    for card, words in enumerate(("black by the reading over white", "white by that over black")):
-        lines.append(
-            f"{name}, the other card, {words}: {other[card].mean():.2f} ({np.median(other[card]):.2f})"
-        )
+    for off, (given, words) in zip(other, OTHER_CARD.items(), strict=True):
+        lines.append(f"{name}, the other card, {words}: {off.mean():.2f} ({np.median(off):.2f})")
+        if response is None:
+            say.record(**median(f"other_{given}", off))
     for given, films in twice.items():
         told = np.array(films)
         off, said, inside, _ = np.moveaxis(told.mean(axis=1), -1, 0)
         lines.append(
-            f"{name}, twice as thick, read {given}: {off.mean():.2f} ({np.median(off):.2f}), "
+            f"{name}, twice as thick, read over {given}: {off.mean():.2f} ({np.median(off):.2f}), "
             f"{inside.mean():.1%}, {spearmanr(off, said)[0]:.2f}"
         )
+        say.record(**median(key_of(response, f"twice_{given}"), off))
+        if response is None and given == "both":
+            held = quantity(100 * inside.mean(), "%", digits=0, n=len(off))
+            say.record(twice_both_inside=held)
     lines.append(
         f"{name}, twice as thick, all known but that film's own errors: {least.mean():.2f} "
         f"({np.median(least):.2f})"
     )
+    if response is None:
+        say.record(**median("least", least))
     return lines
 
 
@@ -312,6 +345,7 @@ def additions(names: Sequence[str], recipes: Recipes) -> list[tuple[str, str, st
 
 
 def another_film(
+    say: Results,
     name: str,
     whole: JointRecovery,
     films: Films,
@@ -357,14 +391,26 @@ def another_film(
             apart = delta_e_over_cards(films.wavelengths, tuple(seen_as), tuple(truth), "D65", 10)
             off[given].append(float(apart.mean()))
     start = np.array(off["nothing"])
-    lines = [
-        f"{name}, another film, read {given}: {np.mean(values):.2f} ({np.median(values):.2f}), "
-        f"less than without {np.mean(start - values):+.2f} +- "
-        f"{np.std(start - values, ddof=1) / np.sqrt(len(values)):.2f}"
-        for given, values in ((given, np.array(off[given])) for given in GIVEN)
-    ]
     words = f"{start.mean():.2f} ({np.median(start):.2f}); {len(pairs)} pairs of films"
-    return [f"{name}, another film, nothing read: {words}", *lines]
+    lines = [f"{name}, another film, nothing read: {words}"]
+    for given, values in off.items():
+        say.record(**median(key_of(response, f"another_{given}"), np.array(values)))
+    if response is None:
+        say.record(pairs=quantity(len(pairs), digits=0))
+    for given in GIVEN:
+        values = np.array(off[given])
+        less = np.mean(start - values)
+        error = np.std(start - values, ddof=1) / np.sqrt(len(values))
+        lines.append(
+            f"{name}, another film, read over {given}: {np.mean(values):.2f} "
+            f"({np.median(values):.2f}), less than without {less:+.2f} +- {error:.2f}"
+        )
+        if response is None and given == "both":
+            say.record(
+                another_gain=quantity(less, digits=1, n=len(pairs)),
+                another_error=quantity(error, digits=1, n=len(pairs)),
+            )
+    return lines
 
 
 def _best_thickness(
@@ -393,8 +439,8 @@ def _best_thickness(
 
 
 def reading_tables(
-    films: Films, recipes: Recipes, models: Mapping[str, Response | None], every: int
-) -> list[str]:
+    say: Results, films: Films, recipes: Recipes, models: Mapping[str, Response | None], every: int
+) -> None:
     """One reading, and two, with each model of a film."""
     first: list[str] = []
     made: list[str] = []
@@ -402,11 +448,12 @@ def reading_tables(
     for name, response in models.items():
         whole = recover_jointly(films, recipes, response=response)
         reads = left_out_films(whole, films, recipes, response, every)
-        lines, spread = one_reading(name, reads, response)
+        lines, spread = one_reading(say, name, reads, response)
         first += lines
-        made += simulated(name, reads, spread, response)
-        more += another_film(name, whole, films, recipes, spread, response)
-    return [
+        made += simulated(say, name, reads, spread, response)
+        more += another_film(say, name, whole, films, recipes, spread, response)
+    progress()
+    for line in (
         "ONE READING: Delta E00 over the other card, mean (median), readings in the 90 % band, and",
         "rank correlation of said and true errors; thickness, gain and how alike both cards' errors",
         "are as all other films choose by the energy score",
@@ -420,4 +467,5 @@ def reading_tables(
         "E00, mean (median), and of films twice as thick readings in the 90 % band and rank",
         "correlation",
         *made,
-    ]
+    ):
+        say(line)

@@ -1,4 +1,4 @@
-"""Effective draws a second of each sampler of a posterior, with R-hat and coverage beside.
+"""Effective draws a second of each sampler of a posterior, with R-hat and coverage.
 
     python -m benchmarks.paint.samplers [--films 6] [--seed 0] [--out FOLDER]
 
@@ -27,7 +27,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from benchmarks.paint.calibration_ranks import KINDS, Posed
-from benchmarks.results import Results, add_option, progress
+from benchmarks.results import Results, add_option, progress, quantity
 
 SETTINGS: dict[str, dict[str, Any]] = {
     "hmc": {"sampler": "hmc"},
@@ -41,6 +41,11 @@ TITLES = {
     "film": "films of two paints",
     "bands": "a film band by band",
     "two grounds": "a coat of unknown paint, two grounds",
+}
+# Samplers whose numbers are recorded, and how their names begin.
+RECORDED = {
+    "two grounds": ("", ("hmc", "emcee", "aies")),
+    "bands": ("bands_", ("hmc", "emcee")),
 }
 # Of the generator that draws films: two paints.
 TWO_PAINTS = 1
@@ -190,11 +195,13 @@ def main() -> None:
         f"Effective draws a second by sampler, medians of {options.films} films (seed "
         f"{options.seed})"
     )
-    for kind in list(TITLES)[: 1 if options.quick else None]:
+    for kind in TITLES:
         rng = np.random.default_rng([options.seed, list(KINDS).index(kind)])
         posed = KINDS[kind](options.films, rng, TWO_PAINTS)
         say(f"\n{TITLES[kind]}")
         say(f"{'':<12}{'seconds':>9}{'effective':>11}{'a second':>10}{'R-hat':>7}{'held':>6}")
+        key, recorded = RECORDED.get(kind, ("", ()))
+        rates = {}
         for name in (*SETTINGS, *(["aies"] if have_numpyro else [])):
             found = []
             for film in range(options.films):
@@ -206,12 +213,22 @@ def main() -> None:
                     else measured(own, SETTINGS[name], options.seed)
                 )
             progress()
-            seconds, effective, apart, held = np.array(found).T
+            seconds, effective, apart, _ = np.median(found, axis=0)
+            rates[name] = effective / seconds
             say(
-                f"{name:<12}{np.median(seconds):>9.2f}{np.median(effective):>11.0f}"
-                f"{np.median(effective) / np.median(seconds):>10.0f}{np.median(apart):>7.2f}{held.mean():>6.0%}"
+                f"{name:<12}{seconds:>9.2f}{effective:>11.0f}{rates[name]:>10.0f}{apart:>7.2f}"
+                f"{np.mean([one.held for one in found]):>6.0%}"
             )
-            say.save()
+            if name in recorded:
+                say.record(
+                    **{
+                        f"{key}{name}_rate": quantity(rates[name], digits=0, n=options.films),
+                        f"{key}{name}_apart": quantity(apart, n=options.films),
+                    }
+                )
+        if recorded:
+            times = rates["hmc"] / rates["emcee"]
+            say.record(**{f"{key}times": quantity(times, "times", form="g")})
     if not have_numpyro:
         say("\nNumPyro's AIES was not measured: numpyro is not installed.")
     say.save()

@@ -17,8 +17,6 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import ArrayLike, Float
 
-from glazejax.spectra import validate_wavelengths
-
 # Darkest reading that is believed; a camera's dark level.
 _DARKEST = 0.004
 _ROUNDS = 3
@@ -54,50 +52,21 @@ class ShadeLibrary:
         names: of the paints, all different.
         wavelengths: (bands,), nm.
         shades: reflectance, (paints, shades, bands), two shades of each paint at least.
-
-    Raises:
-        ValueError: shapes that do not match, fewer than two shades, names that repeat, or values
-            that are not reflectances.
     """
 
     def __init__(
         self, names: list[str] | tuple[str, ...], wavelengths: ArrayLike, shades: ArrayLike
     ):
-        grid = validate_wavelengths(np.asarray(wavelengths, dtype=np.float64))
-        values = np.asarray(shades, dtype=np.float64)
-        if values.ndim != 3 or values.shape[0] != len(names) or values.shape[-1] != grid.size:
-            raise ValueError(
-                f"shades of shape {values.shape} are not (paints, shades, bands) for "
-                f"{len(names)} paints and "
-                f"{grid.size} bands"
-            )
-        if values.shape[1] < 2:
-            raise ValueError(
-                "a library needs two shades of each paint: from them it learns how shades differ"
-            )
-        if len(set(names)) < len(names):
-            raise ValueError("two paints of the library have the same name")
         self.names = tuple(names)
-        self.wavelengths = grid
-        self._absorbance = _absorbance(values)
+        self.wavelengths = np.asarray(wavelengths)
+        self._absorbance = _absorbance(np.asarray(shades, dtype=np.float64))
         self._white = _learn(self._absorbance)
         self._sharpness = self._learn_sharpness()
 
-    def __len__(self) -> int:
-        return len(self.names)
-
     def match(self, spectra: ArrayLike) -> ShadeMatch:
-        """Compare spectra, (spectra, bands) on the library's wavelengths, with every paint.
-
-        Raises:
-            ValueError: another number of bands, or values that are not reflectances.
-        """
-        values = np.asarray(spectra, dtype=np.float64)
-        if values.ndim != 2 or values.shape[1] != self.wavelengths.size:
-            raise ValueError(
-                f"spectra of shape {values.shape} are not (spectra, {self.wavelengths.size} bands)"
-            )
-        misfit = _misfit(_absorbance(values), self._absorbance, self._white).min(axis=-1)
+        """Compare spectra, (spectra, bands) on the library's wavelengths, with every paint."""
+        absorbance = _absorbance(np.asarray(spectra, dtype=np.float64))
+        misfit = _misfit(absorbance, self._absorbance, self._white).min(axis=-1)
         return ShadeMatch(self.names, misfit, _probability(misfit, self._sharpness))
 
     def _learn_sharpness(self) -> float:
@@ -123,8 +92,6 @@ class ShadeLibrary:
 
 
 def _absorbance(reflectance: np.ndarray) -> np.ndarray:
-    if not (np.isfinite(reflectance) & (reflectance >= 0)).all():
-        raise ValueError("a reflectance is negative or not finite")
     return -np.log(np.maximum(reflectance, _DARKEST))
 
 

@@ -1,4 +1,4 @@
-"""Is it true? What identification says of films whose paints it has not seen in them, beside
+"""Is it true? What identification says of films whose paints it has not seen in them, compared with
 simpler methods.
 
     python -m benchmarks.paint.truth [--out FOLDER]
@@ -21,7 +21,7 @@ from scipy.optimize import minimize
 from benchmarks.measured import measured_data
 from benchmarks.paint.identification import UNIT, family
 from benchmarks.paintbench.tasks import area_under_curve
-from benchmarks.results import Results, add_option
+from benchmarks.results import Quantity, Results, add_option, quantities, quantity
 from benchmarks.rivals.truth_peers import PEERS
 from glazefit import Films, Identification, ModelError, ground_from_air, identify, identify_films
 from glazefit.film.readers import read_films, read_recipes
@@ -31,7 +31,19 @@ from glazejax import Bidirectional, Pigment
 from glazejax.commands.main import start_jax
 
 NEEDS = ("data/revigo", "matplotlib")
+# Bins of probabilities that a small run may leave empty.
+NEEDS_SIZE = ("stated_", "count_", "true_")
 
+# What identification did with errors of each band by itself.
+BEFORE = "errors band by band, as before"
+# Methods by the names of what is recorded of them.
+MIXTURES = {
+    BEFORE: "bands",
+    "spectral angle, nearest film": "angle",
+    "derivative of -log R, nearest film": "slope",
+    "unmixing of -log R (NNLS)": "unmixing",
+    "Kubelka-Munk, the same paints": "kubelka_munk",
+}
 COLOURLESS = ("ZincWhite", "LeadWhite", "BoneBlack", "BariumSulphate", "CalciumCarbonate")
 BINS = (0.0, 0.3, 0.5, 0.7, 0.9, 1.0001)
 # Each film is left out; of a quick run one in several.
@@ -48,7 +60,7 @@ class Answer(NamedTuple):
     probability: float  # of the first set
     delta_e: float  # of the first
     words: str
-    explained: bool
+    accepted: bool  # given as an answer
     misfit: float  # what `none` is judged by
     held: tuple[
         bool, ...
@@ -58,11 +70,6 @@ class Answer(NamedTuple):
     def right(self) -> bool:
         """Whether these pigments come first."""
         return self.ranked[0] == frozenset(self.truth)
-
-    @property
-    def accepted(self) -> bool:
-        """Whether it is given as an answer."""
-        return self.explained
 
     @property
     def mixed(self) -> bool:
@@ -155,7 +162,7 @@ def main_table(
         "glazejax": lambda case, paints: answer(
             case, identify_films(films.take([case.row]), paints)
         ),
-        "errors band by band, as before": lambda case, paints: answer(
+        BEFORE: lambda case, paints: answer(
             case,
             identify_films(
                 films.take([case.row]), [_bare(p) for p in paints], discrepancy=ModelError()
@@ -163,9 +170,9 @@ def main_table(
         ),
         **{words: _peer(films, recipes, method) for words, method in PEERS.items()},
     }
-    results(
-        f"FILMS LEFT OUT ({len(left)}; {sum(len(c.truth) > 1 for c in left)} of several paints)"
-    )
+    several = sum(len(case.truth) > 1 for case in left)
+    results(f"FILMS LEFT OUT ({len(left)}; {several} of several paints)")
+    results.record(**quantities({"films": len(left), "mixtures": several}, digits=0))
     results(f"{'':<36}right first            first three  weight fraction  none          AUC of")
     results(
         f"{'':<36}all         mixtures   (mixtures)   mean (median)    false, found  the misfit"
@@ -188,7 +195,26 @@ def main_table(
             f"{words:<34}  {_share(full)} {_share(mixed)}  {three:5.0%}        {np.mean(off):.3f} "
             f"({np.median(off):.3f})    {settings}   {_auc(full, gone):.2f}"
         )
+        key = MIXTURES.get(words, words)
+        results.record(**{f"{key}_mixtures": _percent([a.right for a in mixed])})
+        if words == "glazejax":
+            results.record(
+                glazejax_films=_percent([a.right for a in full]),
+                first_three=_percent([frozenset(a.truth) in a.ranked[:3] for a in mixed]),
+                fraction_mean=quantity(np.mean(off), digits=3, n=len(off)),
+                fraction_median=quantity(np.median(off), digits=3, n=len(off)),
+                none_false=_percent([not a.accepted for a in full]),
+                none_found=_percent([not a.accepted for a in gone]),
+                not_none=quantity(sum(a.accepted for a in gone), digits=0, n=len(gone)),
+            )
+        if words == BEFORE:
+            results.record(bands_false=_percent([not a.accepted for a in full]))
     return scored
+
+
+def _percent(true: Sequence[bool] | np.ndarray) -> Quantity:
+    """The share that is true, to be recorded."""
+    return quantity(100 * np.mean(true), "%", digits=0, n=len(true))
 
 
 def _bare(pigment: Pigment) -> Pigment:
@@ -246,10 +272,8 @@ def nested_none(results: Results, full: list[Answer], gone: list[Answer], left: 
     results()
     results("'NONE', by the misfit")
     results(f"logistic curve, all films: {intercept:.2f} {slope:+.2f} log misfit")
-    results(
-        f"fitted without the film's family: {np.mean(share[1] > 0):.0%} found, "
-        f"{np.mean(share[0] > 0):.0%} false"
-    )
+    false, found = (_percent(some > 0) for some in share)
+    results(f"fitted without the film's family: {found.value:.0f}% found, {false.value:.0f}% false")
     limit = np.quantile(misfit[0], 0.95)
     results(
         f"at 5 % false on these films: {np.mean(misfit[1] > limit):.0%} found (the limit is "
@@ -259,6 +283,9 @@ def nested_none(results: Results, full: list[Answer], gone: list[Answer], left: 
     worst = max((a.delta_e for a in wrong), default=0.0)
     results(
         f"wrong and accepted: {len(wrong)} of {2 * len(full)}, off by Delta E00 {worst:.1f} at most"
+    )
+    results.record(
+        curve_found=found, curve_false=false, wrong_delta_e=quantity(worst, digits=1, n=len(wrong))
     )
 
 
@@ -270,17 +297,18 @@ def logistic(x: np.ndarray, truth: np.ndarray) -> np.ndarray:
     ).x
 
 
-def reliability(answers: list[Answer]) -> list[tuple[float, float, int, float]]:
+def reliability(answers: list[Answer]) -> dict[int, tuple[float, float, int, float]]:
     """Stated probability of the first pigments, share that is right, how many, and the share's
-    counting error.
+    counting error, by the number of each bin that is not empty.
     """
-    out = []
-    for low, high in itertools.pairwise(BINS):
+    out = {}
+    for number, (low, high) in enumerate(itertools.pairwise(BINS)):
         here = [a for a in answers if low <= a.probability < high]
         if here:
             n, share = len(here), float(np.mean([a.right for a in here]))
             error = np.sqrt(max(share * (1.0 - share), 0.25 / n) / n)
-            out.append((float(np.mean([a.probability for a in here])), share, n, float(error)))
+            stated = float(np.mean([a.probability for a in here]))
+            out[number] = (stated, share, n, float(error))
     return out
 
 
@@ -296,21 +324,24 @@ def conditions(results: Results, films: Films, left: list[Case]) -> None:
     under = ground_from_air(np.stack([films.bare_black, films.bare_white], axis=1))
     noise = rng.standard_normal((2, *over.shape))
     other = np.clip((over[:, 1] - 0.0405) * 1.045 * resin + 0.005 * noise[1, :, 1], 0.0, 1.0)
-    ways = {
-        "as they are, cards known": (over, under, None),
-        "noise of .01, untold": (np.clip(over + 0.01 * noise[0], 0.0, 1.0), under, None),
-        "yellowed varnish, untold": (0.04 + (over - 0.04) * resin[None, None], under, None),
-        "over white, said to be opaque": (over[:, 1], None, None),
-        "over white, ground told as .5": (over[:, 1], 0.5, None),
-        "45:0, noise .005, varnish, said to be opaque": (other, None, Bidirectional(45, 0)),
-    }
+    noisy = np.clip(over + 0.01 * noise[0], 0.0, 1.0)
+    varnished = 0.04 + (over - 0.04) * resin[None, None]
+    all_wrong = "45:0, noise .005, varnish, said to be opaque"
+    ways = (
+        ("", "as they are, cards known", over, under, None),
+        ("noise", "noise of .01, untold", noisy, under, None),
+        ("varnish", "yellowed varnish, untold", varnished, under, None),
+        ("opaque", "over white, said to be opaque", over[:, 1], None, None),
+        ("ground", "over white, ground told as .5", over[:, 1], 0.5, None),
+        ("all_wrong", all_wrong, other, None, Bidirectional(45, 0)),
+    )
     results()
     results(f"AS THEY MAY BE MET ({len(mixed)} tints and shades, paints of fits without them)")
     results(
         "                                                right first   first three   stated   "
         "wrong above .9   as none"
     )
-    for words, (spectra, grounds, geometry) in ways.items():
+    for key, words, spectra, grounds, geometry in ways:
         answers = []
         for case in mixed:
             ground = grounds[case.row] if isinstance(grounds, np.ndarray) else grounds
@@ -330,6 +361,8 @@ def conditions(results: Results, films: Films, left: list[Case]) -> None:
             f"{np.mean([a.probability for a in answers]):.2f}"
             f"         {sure:>2}         {sum(not a.accepted for a in answers):>2}"
         )
+        if key:
+            results.record(**{f"met_{key}": _percent([a.right for a in answers])})
 
 
 def draw(before: list[Answer], after: list[Answer]):
@@ -343,7 +376,7 @@ def draw(before: list[Answer], after: list[Answer]):
         (before, "0.55", "before", 5),
         (after, "#08519c", "now", -22),
     ):
-        stated, seen, n, error = np.array(reliability(answers)).T
+        stated, seen, n, error = np.array(list(reliability(answers).values())).T
         axis.errorbar(stated, seen, error, fmt="o-", color=colour, capsize=3, label=words)
         for x, y, count in zip(stated, seen, n, strict=True):
             axis.annotate(
@@ -383,18 +416,26 @@ def main() -> None:
     nested_none(results, full, gone, left)
     results()
     results("STATED -> TRUE, the first pigments (count)")
-    for words in ("glazejax", "errors band by band, as before"):
+    for words in ("glazejax", BEFORE):
         cells = [
             f"{stated:.2f} -> {seen:.2f} ({n})"
-            for stated, seen, n, _ in reliability(scored[words][0])
+            for stated, seen, n, _ in reliability(scored[words][0]).values()
         ]
         results(f"{words:<34} {'   '.join(cells)}")
+    for number, (stated, seen, n, _) in reliability(full).items():
+        # No text quotes the least sure answers, nor of the surest how many are right.
+        if number > 0:
+            values = {f"stated_{number}": quantity(stated, n=n)}
+            results.record(**values, **{f"count_{number}": quantity(n, digits=0)})
+        if 0 < number < len(BINS) - 2:
+            results.record(**{f"true_{number}": quantity(100 * seen, "%", digits=0, n=n)})
     held = [inside for a in full for inside in a.held]
     results()
     results(
         f"90 % INTERVALS of fractions, where the first is right: {np.mean(held):.0%} of "
         f"{len(held)} hold the true one"
     )
+    results.record(held=_percent(held), held_of=quantity(len(held), digits=0))
     conditions(results, films, left)
     results()
     results("FILM BY FILM: truth -> answer; and without the main paint's family")
@@ -402,7 +443,7 @@ def main() -> None:
         recipe = " + ".join(f"{100 * part:.3g} {paint}" for paint, part in a.truth.items())
         results(f"{a.film}  {'right' if a.right else 'WRONG'}  {recipe:<40} {a.words}")
         results(f"              without: {b.words}")
-    results.save(draw(scored["errors band by band, as before"][0], full))
+    results.save(draw(scored[BEFORE][0], full))
 
 
 if __name__ == "__main__":

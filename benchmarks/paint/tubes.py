@@ -25,7 +25,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from benchmarks.measured import FEW, measured_films
-from benchmarks.results import Results, add_option, progress
+from benchmarks.results import Results, add_option, ends, progress, quantities, quantity
 from glazefit import Films, Instrument, Noise, recover_films, simulate_films
 from glazefit.film.films import usual_cards
 from glazefit.film.partial_films import recipes_from_names
@@ -69,10 +69,10 @@ def film_by_film(say: Results) -> None:
             simulate_paints(paints, UNIT, instrument=instrument, noise=NOISE, seed=seed)
             for seed in range(SEEDS)
         ]
-        for title, noise in (
-            ("told nothing", None),
-            ("told .0005 + .002 R", Noise()),
-            ("told .002", NOISE),
+        for key, title, noise in (
+            ("untold", "told nothing", None),
+            ("usual", "told .0005 + .002 R", Noise()),
+            ("told", "told .002", NOISE),
         ):
             held = []
             for films in measured:
@@ -81,23 +81,28 @@ def film_by_film(say: Results) -> None:
                 held.append(((truth >= low) & (truth <= high))[found.identifiable])
             k, s = np.concatenate(held).mean(axis=0)
             say(f"{words + ', ' + title:<32}{sum(map(len, held)):>18}{k:>9.1%}{s:>9.1%}")
+            if words == INSTRUMENTS[0]:
+                say.record(**quantities({f"{key}_k": 100 * k, f"{key}_s": 100 * s}, "%", 0))
 
 
 class Case(NamedTuple):
-    """What is measured of a tube: the instrument, and which rows there are."""
+    """What is measured of a tube: the instrument, and which rows there are; and by what name the
+    error of its tint is recorded, if it is.
+    """
 
     words: str
     instrument: str
     cards: bool
     opaque: bool
+    tint: str = ""
 
 
 CASES = (
-    Case("d:8, both cards, bare cards too", "d:8", True, False),
+    Case("d:8, both cards, bare cards too", "d:8", True, False, "tint"),
     Case("de:8, both cards, bare cards too", "de:8", True, False),
     Case("45:0, both cards, bare cards too", "45:0", True, False),
-    Case("45:0, over white only, card not measured", "45:0", False, False),
-    Case("d:8, opaque films", "d:8", True, True),
+    Case("45:0, over white only, card not measured", "45:0", False, False, "one_card_tint"),
+    Case("d:8, opaque films", "d:8", True, True, "opaque_tint"),
 )
 
 
@@ -166,15 +171,14 @@ def simulated(say: Results, count: int) -> None:
     say(
         f"{'':<44}{'k held':>9}{'s held':>9}{'dE00':>8}{'foretold':>10}{'in 90 % band':>16}{'a paint':>9}"
     )
+    known = []
     for case in CASES:
-        instrument, held, off, said, inside, seconds = (
-            Instrument.parse(case.instrument),
-            [],
-            [],
-            [],
-            [],
-            [],
-        )
+        instrument = Instrument.parse(case.instrument)
+        held = []
+        off = []
+        said = []
+        inside = []
+        seconds = []
         for seed, paint in enumerate(paints):
             made = tube(paint, white, case, seed)
             began = time.perf_counter()
@@ -198,6 +202,13 @@ def simulated(say: Results, count: int) -> None:
             f"{case.words:<44}{k:>9.1%}{s:>9.1%}{np.mean(off):>8.2f}{np.mean(said):>10.2f}{np.mean(inside):>16.1%}"
             f"{np.median(seconds):>9.2f}"
         )
+        if case.cards and not case.opaque:
+            known += [100 * k, 100 * s]
+        if case.tint:
+            say.record(**{case.tint: quantity(np.mean(off), digits=1, n=len(paints))})
+        if not case.cards:
+            say.record(**quantities({"one_card_k": 100 * k, "one_card_s": 100 * s}, "%", 0))
+    say.record(**quantities(ends("held", known), "%", 0))
 
 
 def within(entry: Pigment, truth: np.ndarray) -> np.ndarray:
@@ -263,6 +274,13 @@ def real(say: Results) -> None:
     mean, median = np.mean(sums, axis=0), np.median(sums, axis=0)
     say(f"{'mean':<46}{mean[0]:>18.2f}{mean[1]:>10.2f}{mean[2]:>14.0%}{mean[3]:>26.2f}")
     say(f"{'median':<46}{median[0]:>18.2f}{median[1]:>10.2f}{median[2]:>14.0%}{median[3]:>26.2f}")
+    say.record(
+        in_band=quantity(100 * mean[2], "%", digits=0, n=len(sums)),
+        **quantities({"measured": mean[0], "joint": mean[3]}, digits=1, n=len(sums)),
+        **quantities(
+            {"measured_median": median[0], "joint_median": median[3]}, digits=1, n=len(sums)
+        ),
+    )
 
 
 def paints_with_a_tint(films: Films, recipes: dict[str, dict[str, float]]) -> dict[str, list[str]]:
@@ -300,6 +318,7 @@ def seconds(say: Results) -> None:
         f"\nAn entry with its error modes, in a running process: {fit:.2f} s; what to measure "
         f"next: {after:.2f} s"
     )
+    say.record(**quantities({"entry_seconds": fit, "advice_seconds": after}, "s"))
     say(f"   ({best.film}: dE00 {taught.now:.2f} -> {best.expected:.2f})")
     with tempfile.TemporaryDirectory() as folder:
         table = Path(folder) / "blue.csv"
@@ -356,7 +375,12 @@ def main() -> None:
     options = parser.parse_args()
     if options.quick:
         globals().update(
-            SEEDS=1, INSTRUMENTS=("d:8",), MEASURED=1, RUNS=2, CASES=CASES[::3], SHELF=FEW
+            SEEDS=1,
+            INSTRUMENTS=("d:8",),
+            MEASURED=1,
+            RUNS=2,
+            CASES=(CASES[0], *CASES[3:]),
+            SHELF=FEW,
         )
     start_jax()
     results = Results("tubes", options.out)

@@ -9,15 +9,16 @@ The README beside this file says what the tasks are and how to enter a source or
 
 import argparse
 import json
+from collections.abc import Mapping
 from importlib.util import find_spec
 from pathlib import Path
 
 from benchmarks.measured import data_folder
-from benchmarks.results import Results, add_option, progress
+from benchmarks.results import Quantity, Results, add_option, progress, quantity
 from benchmarks.rivals.namers import namers
 from glazejax.commands.main import start_jax
 
-from .coats import run_coats
+from .coats import NEIGHBOUR, OTHER_BINDER, OWN_BINDER, VISIBLE, run_coats
 from .mixers import AbsorbanceUnmixing, KubelkaMunk
 from .program import FamilyCatalogue, FilmCatalogues, JointFit
 from .sources import Source, read_sources
@@ -30,6 +31,45 @@ NEEDS = ("data/hyperdoc", "data/bath", "data/grillini", "sklearn")
 EVERY = 1
 _SHARES = ("first", "three", "refused", "found", "false", "right", "decided")
 _OURS = FamilyCatalogue.name
+# Shares that are recorded: name -> task, source, method, score.
+_RECORDED = {
+    **{
+        f"{key}_{what}": (task, source, method, score)
+        for key, task, source in (
+            ("hyperdoc", "pigment", "hyperdoc"),
+            ("chart", "pigment", "hyppigments"),
+            ("acrylics", "pigment", "kimera"),
+            ("visible", "pigment_visible", "hyperdoc"),
+        )
+        for what, method, score in (
+            ("first", _OURS, "first"),
+            ("three", _OURS, "three"),
+            ("neighbour", "slopes of both", "first"),
+            ("classifier", "linear classifier", "first"),
+        )
+    },
+    "none_found": ("none", "hyperdoc", _OURS, "found"),
+    "none_false": ("none", "hyperdoc", _OURS, "false"),
+    "mixed_bath": ("mixture", "bath", _OURS, "first"),
+    "mixed_grillini": ("mixture", "grillini", _OURS, "first"),
+    "own_pure": ("pigment_own", "revigo", _OURS, "first"),
+    "own_mixed": ("mixture_own", "revigo", _OURS, "first"),
+}
+# The same of the task coats alone.
+_RECORDED_OF_COATS = {
+    **{
+        f"{key}_{score}": ("coats", source, method, score)
+        for key, source, method in (
+            ("own", "hyperdoc", OWN_BINDER),
+            ("visible", "hyperdoc", VISIBLE),
+            ("other", "hyperdoc", OTHER_BINDER),
+            ("probe", "bath", OWN_BINDER),
+        )
+        for score in ("right", "decided", "right_decided")
+    },
+    "neighbour": ("coats", "hyperdoc", NEIGHBOUR, "right"),
+    "probe_neighbour": ("coats", "bath", NEIGHBOUR, "right"),
+}
 
 
 def main() -> None:
@@ -68,6 +108,7 @@ def main() -> None:
         results = Results("paintbench_coats", options.out, "numpy", "scipy")
         for line in lines_of(coats):
             results(line)
+        results.record(**quantities(coats, _RECORDED_OF_COATS))
         results.save()
         return
     record = run(sources, own_films=options.own_films, pairs=options.pairs)
@@ -81,6 +122,7 @@ def main() -> None:
             results(line)
         for line in failures_of(record.failures):
             results(line)
+        results.record(**quantities(record, _RECORDED))
         results.save()
     else:
         print("\n".join(lines_of(record)))
@@ -135,6 +177,18 @@ def lines_of(record: Record) -> list[str]:
                 lines.append(f"{source:<14}{method:<30}{values['n']:>6}{cells}")
         lines.append("")
     return lines
+
+
+def quantities(
+    record: Record, wanted: Mapping[str, tuple[str, str, str, str]]
+) -> dict[str, Quantity]:
+    """Some of the shares, to be recorded; those that were not asked for are left out."""
+    recorded = {}
+    for name, (task, source, method, score) in wanted.items():
+        values = record.results.get(task, {}).get(source, {}).get(method, {})
+        if (share := values.get(score)) is not None:
+            recorded[name] = quantity(100 * share, "%", digits=0, n=int(values["n"] or 0))
+    return recorded
 
 
 def cell(name: str, values: Scores) -> str:

@@ -56,8 +56,10 @@ class Table:
 
 
 def pure_table(sources: Sequence[Source], grid: Float[np.ndarray, "bands"] = GRID) -> Table:
-    """All pure samples of some sources whose family is clear, foreign ones among them."""
-    readings = []
+    """All pure samples of some sources whose family is clear, foreign ones among them; there may
+    be none.
+    """
+    readings = [np.empty((0, grid.size))]
     families = []
     groups = []
     samples = []
@@ -71,8 +73,8 @@ def pure_table(sources: Sequence[Source], grid: Float[np.ndarray, "bands"] = GRI
         samples += [source.samples[row] for row in rows]
     return Table(
         readings=np.concatenate(readings),
-        families=np.array(families),
-        groups=np.array(groups),
+        families=np.array(families, dtype=str),
+        groups=np.array(groups, dtype=str),
         samples=tuple(samples),
     )
 

@@ -34,6 +34,8 @@ LEAST_BANDS = 10
 _MIX_GRID = np.arange(420.0, 981.0, 20.0)
 # The source that the catalogue of oils was made from.
 _OILS = "revigo"
+# Its coefficients are no readings, and are never sought.
+_GOLDEN = "golden"
 # Sources whose readings have an unknown level: a probe held by hand.
 _FREE_LEVEL = ("bath",)
 
@@ -160,13 +162,17 @@ def run_names(sources: Sequence[Source], namers: Sequence[Namer], record: Record
     learnable = [source for source in sources if not source.extra]
     table = pure_table(learnable)
     for source in sources:
+        if source.group == _GOLDEN:
+            continue
         library = table.take(table.groups != source.group)
+        pure = pure_table([source])
+        # A source of mixtures alone has no pure samples whose bands could be counted.
+        readings = pure.readings if len(pure) else grid_readings(source, range(len(source.samples)))
         for namer in namers:
             for task, limits in (("pigment", WHOLE), ("pigment_visible", VISIBLE)):
                 bands = within(limits)
-                sought = pure_table([source]).within(bands)
-                sought = sought.take(_tests(sought))
-                if not len(sought) or seen_bands(sought) < LEAST_BANDS:
+                sought = pure.within(bands)
+                if finite_columns([readings[:, bands]]).sum() < LEAST_BANDS:
                     continue
                 learner = _whole_grid(namer, library, bands)
                 _pigment(task, source, learner, library, _blank(sought, bands), record)
@@ -191,11 +197,6 @@ def run_own(sources: Sequence[Source], namer: Namer, record: Record) -> None:
         _mixture("mixture_own", source, learner, table, bands, record)
 
 
-def seen_bands(table: Table) -> int:
-    """Bands that all samples of a table were read at."""
-    return int(finite_columns([table.readings]).sum())
-
-
 def _whole_grid(namer: Namer, library: Table, bands: Bool[np.ndarray, "bands"]) -> Namer:
     """A method that has learnt from a library of which only some bands are there."""
     blank = np.where(bands, library.readings, np.nan)
@@ -208,11 +209,6 @@ def _blank(sought: Table, bands: Bool[np.ndarray, "bands"]) -> Table:
     readings = np.full((len(sought), bands.size), np.nan)
     readings[:, bands] = sought.readings
     return replace(sought, readings=readings)
-
-
-def _tests(table: Table) -> list[int]:
-    """Rows that are ever sought: Golden's are no readings."""
-    return [row for row in range(len(table)) if table.groups[row] != "golden"]
 
 
 def _pigment(
@@ -273,7 +269,7 @@ def words_of(answer: Answer) -> str:
 def _none(source: Source, namer: Namer, library: Table, sought: Table, record: Record) -> None:
     """Each pure sample with its family taken out of all sources, and with it."""
     known = set(known_families(library))
-    has = np.array([family in known for family in sought.families.tolist()])
+    has = np.array([family in known for family in sought.families.tolist()], dtype=bool)
     foreign = sought.families == FOREIGN
     out = sought.take(has | foreign)
     kept = sought.take(has)

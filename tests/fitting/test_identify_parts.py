@@ -430,16 +430,6 @@ def test_paints_of_another_strength_are_found():
     np.testing.assert_allclose(match.probability.sum(axis=1), 1.0)
 
 
-def test_a_shade_library_refuses_what_it_cannot_use():
-    grid, spectra = _shades(3)
-    with pytest.raises(ValueError, match="two shades of each paint"):
-        ShadeLibrary(["a", "b", "c"], grid, spectra[:, :1])
-    with pytest.raises(ValueError, match="same name"):
-        ShadeLibrary(["a", "a", "c"], grid, spectra)
-    with pytest.raises(ValueError, match="60 bands"):
-        ShadeLibrary(["a", "b", "c"], grid, spectra).match(spectra[:, 0, :-1])
-
-
 @pytest.mark.slow
 def test_shades_of_printed_charts_beat_the_spectral_angle(shared_data):
     table = read_spectra(shared_data / "hyppigments" / "speclib_averages.hdr")
