@@ -400,7 +400,7 @@ def test_every_case_is_of_an_option_that_there_is():
     ("command", "function", "names"),
     [
         ("identify", IdentificationOptions, "max_paints max_coats thorough"),
-        ("map", IdentificationOptions, "max_paints max_coats noise"),
+        ("map", IdentificationOptions, "max_paints noise"),
         ("map", glazefit.map_cube, "memory overwrite"),
         ("posterior", Sampling, "sampler steps walkers thin seed resume overwrite"),
         (

@@ -348,7 +348,7 @@ def test_arrays_that_do_not_fit_are_refused(tmp_path):
 )
 @pytest.mark.parametrize(
     "failing",
-    [3, pytest.param(70, marks=pytest.mark.slow), pytest.param(150, marks=pytest.mark.slow), 160],
+    [3, pytest.param(70, marks=pytest.mark.slow), pytest.param(120, marks=pytest.mark.slow), 130],
 )
 def test_a_full_disk_keeps_what_is_finished(tmp_path, monkeypatch, undisturbed, number, failing):
     """Every n-th file that is put in place fails, whether of an array or of the sums."""
