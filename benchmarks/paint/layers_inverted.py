@@ -27,6 +27,9 @@ import numpy as np
 
 from benchmarks.results import Quantity, Results, add_option, ends, quantities, quantity
 
+# Laplace is trusted of few stacks, of a small run's of none.
+NEEDS_SIZE = ("trusted",)
+
 GRID = np.arange(400.0, 701.0, 50.0)
 GROUNDS = np.array([0.03, 0.93])
 GLAZE, BODY = 8e-6, 30e-6
