@@ -43,7 +43,7 @@ from benchmarks.papers.many_flux_paths import (
     lobe_by_paths,
     off,
 )
-from benchmarks.results import Results, add_option, extremes, quantity
+from benchmarks.results import Results, add_option, ends, quantities, quantity
 from benchmarks.timing import interleaved
 
 CELL = int(np.argmin(np.abs(COSINES - np.cos(np.deg2rad(INCIDENCE)))))
@@ -253,7 +253,7 @@ def series(say: Results) -> None:
         ("order_0_diagonal", share["diagonal 0"]),
     ):
         say.record(**{key: quantity(100 * value, "%", digits=0)})
-    say.record(**extremes("order_more", more, "%", 0))
+    say.record(**quantities(ends("order_more", more), "%", 0, n=len(more)))
     say(f"inverse with full matrices: {1e3 * seconds['full None']:.1f} ms")
     modes_series(say)
 
@@ -321,7 +321,7 @@ def norm(say: Results) -> None:
             f"{zero / first:.1f}"
         )
     say.record(
-        **extremes("plane_ratio", ratios, digits=0),
+        **quantities(ends("plane_ratio", ratios), digits=0, n=len(ratios)),
         paper_order_0=quantity(PRINTED[0], "%"),
         paper_order_1=quantity(PRINTED[1], "%", digits=3),
         paper_ratio=quantity(PRINTED[0] / PRINTED[1], digits=1),

@@ -31,7 +31,7 @@ from benchmarks.papers.paper_tables import (
     rgb,
     work,
 )
-from benchmarks.results import Results, add_option, extremes, quantity
+from benchmarks.results import Results, add_option, ends, quantities, quantity
 
 NEEDS = ("matplotlib",)
 
@@ -145,7 +145,7 @@ def record_draws(say: Results, found: dict[str, np.ndarray], thick: dict[str, np
         ("bc_thick", thick["b/c"][:, 1], 4),
         ("ab_coarse", found["a/b"][:, 0], 2),
     ):
-        say.record(**extremes(key, values, "", digits))
+        say.record(**quantities(ends(key, values), "", digits, n=len(values)))
     closer = nearer(found)
     say.record(
         draws=quantity(DRAWS.size, digits=0),

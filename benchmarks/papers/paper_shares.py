@@ -30,7 +30,7 @@ from benchmarks.papers.paper_tables import (
     spectrum,
     work,
 )
-from benchmarks.results import Results, add_option, extremes, quantity
+from benchmarks.results import Results, add_option, ends, quantities, quantity
 from benchmarks.timing import add_options, interleaved
 from glazejax.radiative.auxiliary import assembly, uniform
 from glazejax.radiative.auxiliary.kernel_table import KernelTable
@@ -121,7 +121,8 @@ def shares(say: Results, pairs: dict[str, Work], repetitions: int, budget: float
         cells = zip(means[step].values(), (24,) * 4 + (20,), strict=True)
         say(f"{step:6.2f}" + "".join(f"{value:{width}.1%}" for value, width in cells))
     for key, name in (("assembly", OWN), ("fixed", "ratio"), ("without", "left")):
-        say.record(**extremes(key, [100 * mean[name] for mean in means.values()], "%", 0))
+        shares = [100 * mean[name] for mean in means.values()]
+        say.record(**quantities(ends(key, shares), "%", 0, n=len(shares)))
     say.record(paper=quantity(100 * (1 - max(PAPER_SHORTENED)), "%", digits=0))
     say("")
     printed = ", ".join(f"{v:.1%}" for v in PAPER_SHORTENED)

@@ -18,7 +18,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from benchmarks.results import Results, add_option, extremes, quantity
+from benchmarks.results import Results, add_option, ends, quantities, quantity
 from benchmarks.timing import add_options, interleaved
 from glazejax import catalogue, colour, stack_reflectance_factor
 from glazejax.radiative.auxiliary import assembly, uniform
@@ -270,7 +270,8 @@ def record_ratios(
     for key in keys:
         row = rows[key.removesuffix("_thicker")]
         digits = 0 if key.startswith("own") else 1
-        say.record(**extremes(key, [100 * value for value in row], "%", digits))
+        percent = [100 * value for value in row]
+        say.record(**quantities(ends(key, percent), "%", digits, n=len(percent)))
 
 
 def tables_2_and_3(

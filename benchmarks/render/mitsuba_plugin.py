@@ -70,8 +70,9 @@ def materials(folder: Path) -> dict[str, tuple[dict[str, Any], dict[str, Any] | 
             export_glaze(made, folder / "matt.bsdf", WAVELENGTHS, gloss=False),
         ),
         "glaze, smooth": (glaze_bsdf(made), glaze_bsdf(made, gloss=False)),
-        "glaze, rough": tuple(
-            glaze_bsdf(made, roughness=_ROUGHNESS, gloss=gloss) for gloss in (True, False)
+        "glaze, rough": (
+            glaze_bsdf(made, roughness=_ROUGHNESS),
+            glaze_bsdf(made, roughness=_ROUGHNESS, gloss=False),
         ),
         "+ thickness map": (glaze_bsdf(made, **textured), None),
         "+ ground map": (glaze_bsdf(made, **ground), None),
@@ -210,7 +211,7 @@ def main() -> None:
             kept = {"eval": quantity(rates[0], digits=int(key == "measured"))}
             if key != "roughplastic":
                 kept["paths"] = quantity(share, digits=2)
-            if key in ("smooth", "rough"):
+            if key in ("smooth", "rough") and table is not None:
                 kept["load"] = quantity(load[name], "s", 0)
                 kept["kb"] = quantity(table.bytes / 1e3, digits=0)
             if table is not None:

@@ -18,7 +18,7 @@ import numpy as np
 import glazejax as gj
 from benchmarks.results import Results, add_option, ends, quantities, quantity
 from glazejax.appearance.exports import angular_colour, fit_openpbr
-from glazejax.appearance.exports.openpbr import LAYERINGS, reflectance_factor
+from glazejax.appearance.exports.openpbr import LAYERINGS, Layering, reflectance_factor
 from glazejax.appearance.exports.rgb import rgb_of_xyz
 from glazejax.appearance.glaze.table import glaze_table
 from glazejax.colour import encoded_srgb
@@ -143,7 +143,7 @@ def _rough(out: Results) -> None:
         "materialx and for reciprocal"
     )
     out(f"{'stack':37}{'alpha':>6}" + f"{'albedo':>9}{'dE, sky':>8}{'lamp':>6}{'RMS':>8}" * 2)
-    errors: dict[str, list] = {"materialx": [], "reciprocal": []}
+    errors: dict[Layering, list] = {"materialx": [], "reciprocal": []}
     for number in DRAWN:
         name, stack = STACKS[number]
         for alpha in (0.1, 0.3):
