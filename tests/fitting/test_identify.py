@@ -327,7 +327,7 @@ def test_bad_input_is_one_clear_error(paints):
         ({"ground": 1.2}, r"must lie in \[0, 1\]"),
         ({"ground": None}, "what is under the paint"),
         ({"opaque": True}, "opaque films show no ground"),
-        ({"spectra": GRID, "wavelengths": good}, "the order of these two arguments"),
+        ({"spectra": GRID, "wavelengths": good}, "wavelengths must be a non-empty one-dimensional"),
         ({"instrument": "45:0:8"}, "instrument is '45:0:8'"),
         ({"wavelengths": GRID + 300}, "does not cover the spectra"),
         ({"names": ["a", "b"]}, "2 names were given for 1 spectra"),
