@@ -349,7 +349,7 @@ def word_after(option: Any) -> str:
     return f"{0.93 * usual or 0.17:g}"
 
 
-@pytest.mark.parametrize(("command", "option"), declared())
+@pytest.mark.parametrize(("command", "option"), list(declared()))
 def test_an_option_changes_what_the_command_does(call, command: str, option: Any):
     name = option.opts[0]
     case, short = f"{command} {name}", name.removeprefix("--")
