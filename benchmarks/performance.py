@@ -89,10 +89,10 @@ def refreshed(text: str, folder: Path = FOLDER) -> str:
     inside, _, after = rest.partition(END)
     titles, rule, *lines = [line for line in inside.splitlines() if line.startswith("|")]
     notes = inside.rpartition("|\n")[2].strip()
-    heads = {result_of(line): read(result_of(line), folder)["made"] for line in lines}
+    names = [result_of(line) for line in lines]
+    heads = {name: read(name, folder)["made"] for name in dict.fromkeys(names)}
     table = [titles, rule]
-    for line in lines:
-        name = result_of(line)
+    for name, line in zip(names, lines, strict=True):
         made = heads[name]
         *cells, _ = line.strip("| ").split(" | ")
         link = f"[{made['date']}, {made['commit']}](../benchmarks/results/{name}.txt)"

@@ -75,15 +75,7 @@ def test_bands_lose_what_a_fit_takes_away():
     """With noise alone the variance that is left adds up to the readings less the unknowns."""
     spectra = film({"Red": 0.1, "White": 0.9}, 30e-6)[None]
     found = explained(spectra, ["White", "Red"], [0.9, 0.1], 30e-6)
-    gloss = ModelError(
-        gloss_sd=1e3,
-        coefficient=0.0,
-        unstated=0.0,
-        level=0.0,
-        amplitude=0.0,
-        scales=(1.0,),
-        weights=(1.0,),
-    )
+    gloss = replace(NEAT, gloss_sd=1e3)
     noise = found.measured.noise_sd[0]
     half = {
         name: expected_bands(found, PAINTS, INSTRUMENT, prior=Prior(), discrepancy=d)[0, 0]
