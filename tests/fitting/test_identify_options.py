@@ -182,7 +182,6 @@ def test_all_that_is_asked_for_stands_in_the_task(paints, monkeypatch, told: boo
             discrepancy=errors,
             prior=expected,
             max_paints=2,
-            max_coats=2 if told else 1,
             names=["leaf"],
         )
     task, measured = reached.value.given["task"], reached.value.given["measured"]
@@ -195,7 +194,7 @@ def test_all_that_is_asked_for_stands_in_the_task(paints, monkeypatch, told: boo
     assert task.discrepancy == errors
     np.testing.assert_array_equal(task.errors[:2], 0.11)
     np.testing.assert_allclose(task.modes[2], 0.2)
-    assert (task.max_paints, task.max_coats) == (2, 2 if told else 1)
+    assert task.max_paints == 2
     assert task.prior.unknown == 0.2
     # A film that hides its ground is thicker than any: there the thickness is set.
     thickness = 40e-6 if told else task.prior.thickness

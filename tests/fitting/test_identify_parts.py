@@ -39,7 +39,6 @@ from glazefit.identify.search.options import IdentificationOptions
 from glazefit.identify.search.screen import grow, score, unique_best
 from glazefit.identify.search.searcher import Searcher
 from glazefit.identify.search.table import FilmTables, Paints, amounts_grid, film_table, sets_of
-from glazefit.identify.search.two_coats import orders
 from glazefit.mapping.solve.local import as_measured
 from glazejax import Hemispherical, Pigment
 from glazejax.io import read_spectra
@@ -390,12 +389,10 @@ def test_what_grows_keeps_its_pair_and_tries_some_of_the_third():
     assert 0.0 < share[0, 0, 0] < 0.01 < 1.0 < share[0, 0, -1]
 
 
-def test_sets_grids_and_orders_are_complete():
+def test_sets_and_grids_are_complete():
     assert len(sets_of(20, 3)) == 1140
     assert (np.diff(sets_of(6, 3), axis=1) > 0).all()
     assert amounts_grid(2, 0.7).shape[1] == 2
-    assert {tuple(o) for o in orders(2).tolist()} == {(0, 1), (1, 0)}
-    assert len(orders(3)) == 6
 
 
 def test_triples_grow_from_pairs_without_repeating_a_paint():
@@ -476,8 +473,8 @@ def test_a_first_fit_weighs_by_evidence_and_by_what_was_expected():
         jnp.array([[1.0, 2.0, -3.0]]),
         jnp.zeros((1, 3, 1)),
     )
-    found = pool_of(cast(Any, task), sets, fitted, log_share=-0.25).log_weight
-    expected = 0.5 * np.array([[1.0, 2.0, -3.0]]) - 0.25
+    found = pool_of(cast(Any, task), sets, fitted).log_weight
+    expected = 0.5 * np.array([[1.0, 2.0, -3.0]])
     np.testing.assert_allclose(found, expected + log_set_prior(cast(Any, task), sets))
     assert np.ptp(log_set_prior(cast(Any, task), sets)) > 1
 

@@ -50,6 +50,15 @@ def pool(
     )
 
 
+def test_candidates_of_one_spectrum_stand_side_by_side():
+    alone = Pool.join([pool([[paint]], [0.0], [float(paint)]) for paint in range(3)])
+    wide = alone.spread(np.array([2, 0, 2]), 4)
+    nobody = [NOBODY, NOBODY]
+    assert wide.members[..., 0].tolist() == [[1, NOBODY], nobody, [0, 2], nobody]
+    nothing = [-np.inf, -np.inf]
+    assert wide.log_weight.tolist() == [[1.0, -np.inf], nothing, [0.0, 2.0], nothing]
+
+
 def none_to_one(misfit: float, unknown: float = 0.4, noise: float = 0.0) -> float:
     """Odds of none against the only candidate."""
     odds = odds_of(film(noise), pool([[0]], [misfit], [0.0]), Prior(unknown=unknown))

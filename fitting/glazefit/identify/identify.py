@@ -74,11 +74,11 @@ def identify_chunks(
         found = Identification.of(
             batch, pool, odds, paints=searcher.paints, opaque=opaque, keep=options.keep
         )
-        # Over several grounds two coats are fitted like others, and weigh what their fit does.
-        if options.max_coats > 1 and batch.readings.shape[1] == 1:
+        if options.max_coats > 1:
             from .coats.weigh_coats import weigh_coats
 
-            found = weigh_coats(found, known, options, (options.prior or Prior()).thickness)
+            usual = (options.prior or Prior()).thickness
+            found = weigh_coats(found, known, options, usual, (searcher.task, pool))
         yield found
 
 

@@ -152,7 +152,7 @@ class Identification:
         family_sets: of each spectrum, sets of pigment families, best first, where families were
             sought; empty where paints were.
         coats_odds: of each spectrum, how the paints of the best sets may lie, most probable set
-            first; empty where one coat alone was tried, or films were read over several grounds.
+            first; empty where one coat alone was tried.
     """
 
     measured: Measured
@@ -204,15 +204,9 @@ class Identification:
     def coats_probability(self) -> Float[np.ndarray, "spectra"]:
         """Probability that a film has more than one coat, if paints of the catalogue explain it; 0
         where one coat alone was tried.
-
-        From `coats_odds` where these were weighed, which is from readings over one ground; else
-        over the candidates kept.
         """
-        kept = np.where((self.coats > 0).any(axis=-1), self.probability, 0.0).sum(axis=1)
-        for row, own in enumerate(self.coats_odds):
-            if own:
-                kept[row] = sum(one.share * one.layered for one in own)
-        return kept
+        odds = self.coats_odds or ((),) * len(self)
+        return np.array([sum(one.share * one.layered for one in own) for own in odds], float)
 
     def coats_words(self, row: int) -> str:
         """One sentence on how the paints of the most probable set lie, mixed or one over another;
@@ -222,24 +216,6 @@ class Identification:
         if not own:
             return ""
         return f"{' and '.join(own[0].paints)}: {own[0].words()}"
-
-    def reordered(
-        self,
-        order: Int[np.ndarray, "spectra candidates"],
-        probability: Float[np.ndarray, "spectra candidates"],
-        coats_odds: tuple[tuple[CoatsOdds, ...], ...],
-    ) -> "Identification":
-        """The candidates in another order, with other probabilities.
-
-        Args:
-            order: number of the candidate at each place.
-            probability: of these.
-            coats_odds: of each spectrum.
-        """
-        rows = np.arange(len(order))[:, None]
-        arrays = {name: getattr(self, name)[rows, order] for name in _OF_CANDIDATES}
-        arrays["probability"] = probability
-        return replace(self, coats_odds=coats_odds, **arrays)
 
     @cached_property
     def fractions(self) -> Float[np.ndarray, "spectra candidates 3"]:

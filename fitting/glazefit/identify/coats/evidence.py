@@ -44,6 +44,7 @@ class CoatErrors:
         pure_reading: of the pure paint's reading that k/s was told from.
         most: largest standard deviation of log k that counts.
         coefficient_length: over which log k errs alike, nm.
+        shared: correlation of the model's own error between grounds.
         second_camera: offset of bands beyond 1 micrometre, which have a detector of their own.
         patchy: probability that a part of the film is missing in places.
         patch: standard deviation of the share of the area in which it is.
@@ -61,6 +62,7 @@ class CoatErrors:
     pure_reading: float = 0.01
     most: float = 0.7
     coefficient_length: float = 100.0
+    shared: float = 0.6
     second_camera: float = 0.02
     patchy: float = 0.1
     patch: float = 0.2
@@ -74,15 +76,17 @@ class Evidence(NamedTuple):
 
     Attributes:
         log: log evidence of each film.
-        log_amounts: mean of the logs of the paints' amounts, in usual ones, (films, paints).
-        log_amounts_sd: standard deviations.
-        readings: at these amounts, (films, bands), without the outer surface's part.
+        log_amounts: mean of the logs of the paints' amounts, in usual ones.
+        covariance: of these logs.
+        nearest: logs of the most probable amounts.
+        readings: at these, without the outer surface's part.
     """
 
     log: Float[np.ndarray, "films"]
     log_amounts: Float[np.ndarray, "films paints"]
-    log_amounts_sd: Float[np.ndarray, "films paints"]
-    readings: Float[np.ndarray, "films bands"]
+    covariance: Float[np.ndarray, "films paints paints"]
+    nearest: Float[np.ndarray, "films paints"]
+    readings: Float[np.ndarray, "films readings"]
 
 
 def coefficient_sd(
@@ -158,7 +162,7 @@ def _finer(
 
 
 def weigh_arrangement(
-    bodies: Float[np.ndarray, "films bands"],
+    bodies: Float[np.ndarray, "films readings"],
     arrangement: Arrangement,
     table: GridReadings,
     deviations: Float[np.ndarray, "paints bands"],
@@ -168,7 +172,7 @@ def weigh_arrangement(
     """Evidence of films for one arrangement.
 
     Args:
-        bodies: readings without the outer surface's part.
+        bodies: readings over each ground, ground by ground, without the outer surface's part.
         arrangement: how the paints lie.
         table: what that reads.
         deviations: standard deviations of log k of the arrangement's paints.
@@ -199,12 +203,14 @@ def weigh_arrangement(
     share = np.exp(posterior - total)
     logs = _finer_amounts(count).reshape(-1, count)
     mean = share.T @ logs
-    variance = share.T @ logs**2 - mean**2
+    square = np.einsum("nf,ni,nj->fij", share, logs, logs, optimize=True)
+    best = np.argmax(posterior, axis=0)
     return Evidence(
         log=total,
         log_amounts=mean,
-        log_amounts_sd=np.sqrt(np.maximum(variance, 0.0)),
-        readings=readings.reshape(len(logs), -1)[np.argmax(posterior, axis=0)],
+        covariance=square - mean[:, :, None] * mean[:, None, :],
+        nearest=logs[best],
+        readings=readings.reshape(len(logs), -1)[best],
     )
 
 
@@ -214,28 +220,40 @@ def _covariance(
     deviations: Float[np.ndarray, "paints bands"],
     wavelengths: Float[np.ndarray, "bands"],
     errors: CoatErrors,
-) -> Float[np.ndarray, "nodes bands bands"]:
+) -> Float[np.ndarray, "nodes readings readings"]:
     """Of the readings at each node of the coarse grid, gain and patches aside."""
-    bands = wavelengths.size
-    fixed = errors.amplitude**2 * smooth_kernel(wavelengths, errors.length)
-    fixed += errors.noise**2 * np.eye(bands) + errors.offset**2
-    beyond = wavelengths > _SECOND_CAMERA
-    if beyond.any() and not beyond.all():
-        fixed += errors.second_camera**2 * np.outer(beyond, beyond)
+    readings = table.readings.shape[-1]
+    grounds = readings // wavelengths.size
+    fixed = fixed_covariance(wavelengths, grounds, errors)
 
-    # What errors of each paint's k cause.
-    caused = table.slopes * deviations[:, None]
+    # What errors of each paint's k cause, the same ones over each ground.
+    caused = table.slopes * np.tile(deviations, grounds)[:, None]
     own = np.einsum("pni,pnj->nij", caused, caused, optimize=True)
-    covariance = fixed + own * smooth_kernel(wavelengths, errors.coefficient_length)
+    alike = smooth_kernel(np.tile(wavelengths, grounds), errors.coefficient_length)
+    covariance = fixed + own * alike
 
     # What amounts between the places of the finer grid would change.
     apart = (LOG_AMOUNTS[1] - LOG_AMOUNTS[0]) / (NODES[count] - 1)
     between = apart / _FINER[count]
-    box = table.readings.reshape(*[NODES[count]] * count, bands)
+    box = table.readings.reshape(*[NODES[count]] * count, readings)
     for axis in range(count):
-        change = np.gradient(box, apart, axis=axis).reshape(-1, bands) * (0.6 * between)
+        change = np.gradient(box, apart, axis=axis).reshape(-1, readings) * (0.6 * between)
         covariance += change[:, :, None] * change[:, None, :]
     return covariance
+
+
+def fixed_covariance(
+    wavelengths: Float[np.ndarray, "bands"], grounds: int, errors: CoatErrors
+) -> Float[np.ndarray, "readings readings"]:
+    """Of readings over some grounds, whatever the film: the model's own error, noise, surface."""
+    bands = grounds * wavelengths.size
+    cards = errors.shared + (1.0 - errors.shared) * np.eye(grounds)
+    fixed = errors.amplitude**2 * np.kron(cards, smooth_kernel(wavelengths, errors.length))
+    fixed += errors.noise**2 * np.eye(bands) + errors.offset**2
+    beyond = np.tile(wavelengths > _SECOND_CAMERA, grounds)
+    if beyond.any() and not beyond.all():
+        fixed += errors.second_camera**2 * np.outer(beyond, beyond)
+    return fixed
 
 
 def _log_likelihood(

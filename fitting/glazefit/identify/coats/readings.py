@@ -34,41 +34,88 @@ _NEXT_TO_NOTHING = 1e-9
 _CHUNK = 8192
 
 
-class Paints(NamedTuple):
-    """Paints of a set on the bands of the readings.
+class CoatedFilms(NamedTuple):
+    """Films of a set of paints over one ground or several, as an instrument reads them.
 
     Attributes:
-        absorption, scattering: optical thicknesses of a usual amount, (paints, bands).
+        coefficients: optical thicknesses of a usual amount of each paint, k then s.
+        grounds: internal reflectance of what is below.
+        optics: of the instrument, which solve any coats.
+        response: of the instrument, a table that serves for one coat.
+        hides: whether the lowest coat hides the ground, however much there is of it.
     """
 
-    absorption: Float[np.ndarray, "paints bands"]
-    scattering: Float[np.ndarray, "paints bands"]
-
-    def with_scattering(self, factors: Float[np.ndarray, "paints"]) -> "Paints":
-        """The same paints, each with a multiple of its scattering."""
-        return self._replace(scattering=self.scattering * factors[:, None])
-
-
-class Solver(NamedTuple):
-    """An instrument: exact for any coats, and a table that serves for one."""
-
+    coefficients: Float[np.ndarray, "2 paints bands"]
+    grounds: Float[np.ndarray, "grounds bands"]
     optics: Optics
     response: FilmResponse
+    hides: bool = False
+
+    def read(
+        self, arrangement: Arrangement, amounts: Float[np.ndarray, "#2 films paints"]
+    ) -> Float[np.ndarray, "films readings"]:
+        """Readings over each ground, ground by ground, without the outer surface's part.
+
+        Args:
+            arrangement: how the paints lie.
+            amounts: of the paints that absorb, and of those that scatter, in usual ones; a coat may
+                have none.
+        """
+        amounts = np.broadcast_to(amounts, (2, *amounts.shape[1:]))
+        coats = [list(coat) for coat in arrangement.coats if amounts[..., list(coat)].any()]
+        depths = [
+            np.einsum("cfp,cpb->cfb", amounts[..., coat], self.coefficients[:, coat], optimize=True)
+            for coat in coats
+        ]
+        if not coats:
+            depths = [np.full((2, amounts.shape[1], self.grounds.shape[1]), _NEXT_TO_NOTHING)]
+        if self.hides and coats:
+            scattering = np.median(depths[-1][1], axis=1, keepdims=True)
+            depths[-1] = depths[-1] * (_HIDING / scattering)
+        over = [
+            coat_body(self.response, depths[0][0], depths[0][1], 1.0, ground)
+            if len(depths) == 1
+            else _solve(np.stack(depths, axis=-1), ground, self.optics)
+            for ground in self.grounds
+        ]
+        return np.concatenate(over, axis=-1)
+
+    def read_and_slopes(
+        self, arrangement: Arrangement, amounts: Float[np.ndarray, "films paints"]
+    ) -> tuple[Float[np.ndarray, "films readings"], Float[np.ndarray, "films errors readings"]]:
+        """Readings, and their slopes by the log of every paint's k, then s."""
+        places = range(amounts.shape[1])
+        moved = np.stack(
+            [amounts * np.ones((2, 1, 1))]
+            + [_moved(amounts, part, place) for part in (0, 1) for place in places]
+        )
+        # All in one call: the solver takes films by the thousand.
+        rows = moved.swapaxes(0, 1).reshape(2, -1, amounts.shape[1])
+        readings = self.read(arrangement, rows).reshape(len(moved), len(amounts), -1)
+        return readings[0], ((readings[1:] - readings[0]) / _STEP).swapaxes(0, 1)
+
+
+def _moved(
+    amounts: Float[np.ndarray, "films paints"], part: int, place: int
+) -> Float[np.ndarray, "2 films paints"]:
+    """Amounts with more of one paint's k (part 0) or s (part 1)."""
+    both = np.stack([amounts, amounts])
+    both[part, :, place] *= np.exp(_STEP)
+    return both
 
 
 class GridReadings(NamedTuple):
     """What an arrangement reads at each node of the grid, without the outer surface's part.
 
     Attributes:
-        readings: (nodes, bands).
-        slopes: by the log of each paint's k, (paints, nodes, bands).
-        patches: what is seen where a part of the film is missing: each a way in which it may be,
-            (ways, nodes, bands).
+        readings: over each ground, ground by ground.
+        slopes: by the log of each paint's k.
+        patches: what is seen where a part of the film is missing: each a way in which it may be.
     """
 
-    readings: Float[np.ndarray, "nodes bands"]
-    slopes: Float[np.ndarray, "paints nodes bands"]
-    patches: Float[np.ndarray, "ways nodes bands"]
+    readings: Float[np.ndarray, "nodes readings"]
+    slopes: Float[np.ndarray, "paints nodes readings"]
+    patches: Float[np.ndarray, "ways nodes readings"]
 
 
 def log_amounts(count: int) -> Float[np.ndarray, "nodes paints"]:
@@ -77,42 +124,24 @@ def log_amounts(count: int) -> Float[np.ndarray, "nodes paints"]:
     return np.array(list(itertools.product(axis, repeat=count)))
 
 
-def grid_readings(
-    arrangement: Arrangement,
-    paints: Paints,
-    solver: Solver,
-    ground: Float[np.ndarray, "bands"] | None,
-) -> GridReadings:
-    """Readings of an arrangement on the grid of its paints' amounts.
-
-    Args:
-        arrangement: how the paints lie.
-        paints: of the set.
-        solver: of the instrument.
-        ground: internal reflectance of what is below, or None for films that hide it: then the
-            lowest coat does.
-    """
+def grid_readings(arrangement: Arrangement, films: CoatedFilms) -> GridReadings:
+    """Readings of an arrangement on the grid of its paints' amounts."""
     own = arrangement.paints
     logs = log_amounts(len(own))
-    amounts = np.zeros((len(logs), len(paints.absorption)))
+    amounts = np.zeros((len(logs), films.coefficients.shape[1]))
     amounts[:, own] = np.exp(logs)
-
-    def read(amounts: np.ndarray, absorption: np.ndarray) -> np.ndarray:
-        moved = paints._replace(absorption=absorption)
-        return _read(arrangement, moved, amounts, solver, ground)
-
-    readings = read(amounts, paints.absorption)
-    slopes = []
-    for place in own:
-        more = paints.absorption.copy()
-        more[place] *= np.exp(_STEP)
-        slopes.append((read(amounts, more) - readings) / _STEP)
-    parts = _parts(arrangement, amounts.shape[1], ground is None)
-    patches = [read(amounts * there, paints.absorption) for there in parts]
+    readings = films.read(arrangement, amounts[None])
+    slopes = [
+        (films.read(arrangement, _moved(amounts, 0, place)) - readings) / _STEP for place in own
+    ]
+    patches = [
+        films.read(arrangement, amounts[None] * there)
+        for there in _parts(arrangement, amounts.shape[1], films.hides)
+    ]
     return GridReadings(
         readings=readings,
         slopes=np.array(slopes),
-        patches=np.array(patches).reshape(len(parts), *readings.shape),
+        patches=np.array(patches).reshape(len(patches), *readings.shape),
     )
 
 
@@ -135,52 +164,20 @@ def _parts(arrangement: Arrangement, count: int, hides: bool) -> list[Float[np.n
     return [np.eye(count)[place] for place in paints]
 
 
-def _read(
-    arrangement: Arrangement,
-    paints: Paints,
-    amounts: Float[np.ndarray, "nodes paints"],
-    solver: Solver,
-    ground: Float[np.ndarray, "bands"] | None,
-) -> Float[np.ndarray, "nodes bands"]:
-    """Readings of coats of these amounts, some of which may be 0."""
-    coats = [coat for coat in arrangement.coats if amounts[:, list(coat)].any()]
-    absorption = []
-    scattering = []
-    for number, coat in enumerate(coats):
-        inside = np.zeros_like(amounts)
-        inside[:, list(coat)] = amounts[:, list(coat)]
-        if ground is None and number == len(coats) - 1:
-            # The lowest coat hides what is below, however much there is of it.
-            depth = inside @ paints.scattering
-            inside = inside * (_HIDING / np.median(depth, axis=1, keepdims=True))
-        absorption.append(inside @ paints.absorption)
-        scattering.append(inside @ paints.scattering)
-    below = np.full(paints.absorption.shape[1], 0.5) if ground is None else ground
-    if not coats:
-        absorption = scattering = [np.full((len(amounts), below.size), _NEXT_TO_NOTHING)]
-    if len(absorption) == 1:
-        return coat_body(solver.response, absorption[0], scattering[0], 1.0, below)
-    return _solve(np.stack(absorption, -1), np.stack(scattering, -1), below, solver.optics)
-
-
 def _solve(
-    absorption: Float[np.ndarray, "nodes bands coats"],
-    scattering: Float[np.ndarray, "nodes bands coats"],
+    depths: Float[np.ndarray, "2 films bands coats"],
     ground: Float[np.ndarray, "bands"],
     optics: Optics,
-) -> Float[np.ndarray, "nodes bands"]:
-    """Reflectance of stacks, in pieces of one shape."""
-    shape = absorption.shape[:2]
-    coats = max(absorption.shape[-1], 2)
-    flat = np.zeros((2, shape[0] * shape[1], coats))
-    flat[0, :, : absorption.shape[-1]] = absorption.reshape(-1, absorption.shape[-1])
-    flat[1, :, : scattering.shape[-1]] = scattering.reshape(-1, scattering.shape[-1])
+) -> Float[np.ndarray, "films bands"]:
+    """Reflectance of stacks, k d and s d of their coats, in pieces of one shape."""
+    shape = depths.shape[1:3]
+    flat = depths.reshape(2, -1, depths.shape[-1])
     below = np.broadcast_to(ground, shape).reshape(-1)
     count = flat.shape[1]
     # The first films fill up the last piece.
     whole = np.resize(np.arange(count), -(-count // _CHUNK) * _CHUNK)
     pieces = [
-        np.asarray(_body(flat[0, piece], flat[1, piece], below[piece], optics))
+        np.asarray(_body(*flat[:, piece], below[piece], optics))
         for piece in np.split(whole, len(whole) // _CHUNK)
     ]
     return np.concatenate(pieces)[:count].reshape(shape).astype(np.float64)

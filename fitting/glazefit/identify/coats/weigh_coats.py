@@ -1,5 +1,5 @@
-"""From an identification to the odds of mixture against superposition, for the best sets of paints
-of each spectrum.
+"""Mixed, or one over another: the odds for the best sets of paints of each spectrum, from readings
+over one ground or several; and coats as candidates.
 """
 
 from collections.abc import Sequence
@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from scipy.special import logsumexp
 
 from glazejax import Pigment
@@ -20,17 +20,20 @@ from ...film.shared_bands import means_of_steps
 from ..families.templates import coefficients
 from ..result import NINETY, Identification
 from ..search.options import IdentificationOptions
-from ..search.pool import NOBODY
+from ..search.pool import Pool
+from ..search.task import IdentificationTask, Measured
+from ..search.weigh import odds_of
 from .arrangement import Arrangement, arrangements
+from .candidates import WeighedSet, log_rarity, with_coats
+from .choose_sets import best_sets, nearest_pairs
 from .evidence import CoatErrors, Evidence, coefficient_sd, weigh_arrangement
 from .odds import DECIDED, CoatsOdds
-from .readings import Paints, Solver, grid_readings
+from .readings import CoatedFilms, grid_readings
 
 STEP = 10.0
 """Finer spectra are averaged to this, nm: errors are alike over more."""
-# Sets that are weighed for a spectrum, and the least share of all sets of their size.
-_MOST_SETS = 2
-_LEAST_SHARE = 0.05
+# Pairs that come nearest as coats, and that are weighed beside the best mixture.
+_NEAREST = 2
 # A library rarely tells k and s of a paint apart: each paint's scattering may also be so much
 # less, with this probability.
 _FAINT = 0.1
@@ -39,22 +42,65 @@ _FAINT_CHANCE = 0.2
 _SEEN = 0.03
 
 
-class _Library(NamedTuple):
-    """Paints and an instrument as coats are weighed with them."""
+Sets = list[tuple[int, ...]]
 
-    names: tuple[str, ...]
-    paints: Paints
-    usual: float  # amount that the optical thicknesses are of, m
-    solver: Solver
+
+class _Spectra(NamedTuple):
+    """Spectra as coats are weighed by them, and all paints of the catalogue.
+
+    Attributes:
+        bodies: readings without the outer surface's part, on bands over which errors are alike.
+        grounds: internal reflectance under the paint.
+        wavelengths: of the bands, nm.
+        films: of all paints, over the ground of the first spectrum.
+        names: of the paints.
+        usual: amount that the optical thicknesses are of, m.
+    """
+
+    bodies: Float[np.ndarray, "spectra grounds bands"]
+    grounds: Float[np.ndarray, "spectra grounds bands"]
     wavelengths: Float[np.ndarray, "bands"]
+    films: CoatedFilms
+    names: tuple[str, ...]
+    usual: float
 
+    @classmethod
+    def of(
+        cls,
+        measured: Measured,
+        pigments: Sequence[Pigment],
+        options: IdentificationOptions,
+        usual: float,
+        opaque: bool,
+    ) -> "_Spectra":
+        """Arguments as of `weigh_coats`, and whether the films hide their ground."""
+        instrument = resolve_instrument(options.instrument)
+        # Errors are alike over more than a band: finer spectra are averaged.
+        mean = means_of_steps(measured.wavelengths, STEP)
+        to_bands = np.eye(measured.wavelengths.size) if mean is None else mean
+        wavelengths = measured.wavelengths @ to_bands
+        grounds = measured.grounds @ to_bands
+        return cls(
+            bodies=measured.readings @ to_bands - instrument.seen_surface,
+            grounds=grounds,
+            wavelengths=wavelengths,
+            films=CoatedFilms(
+                coefficients=coefficients(pigments, wavelengths) * usual,
+                grounds=grounds[0],
+                optics=Optics.of(instrument.geometry, instrument.refractive_index),
+                response=film_response(instrument.geometry, instrument.refractive_index),
+                hides=opaque,
+            ),
+            names=tuple(pigment.name for pigment in pigments),
+            usual=usual,
+        )
 
-class _Weighed(NamedTuple):
-    """One arrangement of a set of paints, for the spectra that the set is weighed for."""
-
-    arrangement: Arrangement
-    log_prior: float
-    evidence: Evidence
+    def same_grounds(self) -> list[list[int]]:
+        """Spectra by their grounds: films over one ground share what is computed."""
+        rows: dict[bytes, list[int]] = {}
+        for row, ground in enumerate(self.grounds):
+            rows.setdefault(ground.tobytes(), []).append(row)
+        return list(rows.values())
 
 
 def weigh_coats(
@@ -62,125 +108,114 @@ def weigh_coats(
     pigments: Sequence[Pigment],
     options: IdentificationOptions,
     usual: float,
-    errors: CoatErrors | None = None,
+    searched: tuple[IdentificationTask, Pool] | None = None,
 ) -> Identification:
-    """The identification with the odds of mixture against superposition.
+    """The identification with the odds of mixture against superposition for the best sets of each
+    spectrum.
 
-    For the best sets of two paints (of three, where three coats are tried) all ways in which their
-    paints may lie are weighed, each paint alone among them, with amounts, gain, surface and patches
-    integrated out. Candidates of several coats take part in the answer with the probability that
-    this gives.
+    Candidates of two coats then take part in the answer with the probability that their paints lie
+    so; there are none of families, and none of films that hide their ground.
 
     Args:
-        found: what a search found, from readings over one ground.
+        found: in one coat, from readings over one ground or several.
         pigments: of the catalogue, in the order of its paints.
         options: of the search.
         usual: thickness of a usual coat, m.
-        errors: what a reading errs by.
+        searched: what paints were sought with, and the candidates; None for families.
     """
-    errors = errors or CoatErrors()
     measured = found.measured
-    instrument = resolve_instrument(options.instrument)
-    # Errors are alike over more than a band: finer spectra are averaged.
-    mean = means_of_steps(measured.wavelengths, STEP)
-    to_bands = np.eye(measured.wavelengths.size) if mean is None else mean
-    wavelengths = measured.wavelengths @ to_bands
-    bodies = measured.readings[:, 0] @ to_bands - instrument.seen_surface
-    grounds = measured.grounds[:, 0] @ to_bands
-    known = coefficients(pigments, wavelengths) * usual
-    library = _Library(
-        names=found.paints,
-        paints=Paints(absorption=known[0], scattering=known[1]),
-        usual=usual,
-        solver=Solver(
-            optics=Optics.of(instrument.geometry, instrument.refractive_index),
-            response=film_response(instrument.geometry, instrument.refractive_index),
-        ),
-        wavelengths=wavelengths,
+    spectra = _Spectra.of(measured, pigments, options, usual, found.opaque)
+    chances = zip(found.members, found.probability, found.paint_probability, strict=True)
+    sets: list[Sets] = [best_sets(*of_row, options.max_coats) for of_row in chances]
+    if searched is None or found.opaque or options.max_paints == 1 or len(pigments) == 1:
+        return replace(found, coats_odds=_odds(spectra, _weigh(spectra, sets, options)))
+
+    # A film of two coats may look like no mixture of its paints.
+    task, pool = searched
+    for rows in spectra.same_grounds():
+        films = spectra.films._replace(grounds=spectra.grounds[rows[0]])
+        near = nearest_pairs(
+            spectra.bodies[rows], films, spectra.wavelengths, log_rarity(task), _NEAREST
+        )
+        for row, pairs in zip(rows, near.tolist(), strict=True):
+            larger = [one for one in sets[row] if len(one) > 2]
+            sets[row] = list(dict.fromkeys([*sets[row][:1], *map(tuple, pairs), *larger]))
+    weighed = _weigh(spectra, sets, options)
+    pool = with_coats(task, measured, pool, weighed)
+    odds = odds_of(measured, pool, task.prior)
+    with_stacks = Identification.of(
+        measured, pool, odds, paints=found.paints, opaque=False, keep=options.keep
     )
-
-    # Spectra over one ground that share a set are weighed together.
-    odds: list[list[CoatsOdds]] = [[] for _ in range(len(measured))]
-    totals: list[list[float]] = [[] for _ in range(len(measured))]
-    jobs: dict[tuple[tuple[int, ...], bytes], list[int]] = {}
-    for row in range(len(measured)):
-        below = b"" if found.opaque else grounds[row].tobytes()
-        for members in _best_sets(found, row, options.max_coats):
-            jobs.setdefault((members, below), []).append(row)
-    for (members, _), rows in jobs.items():
-        ground = None if found.opaque else grounds[rows[0]]
-        weighed = _weigh_set(members, bodies[rows], library, ground, options, errors)
-        for number, row in enumerate(rows):
-            one, total = _odds_of(members, weighed, number, library, found.opaque)
-            odds[row].append(one)
-            totals[row].append(total)
-    return _with_odds(found, [_with_shares(*both) for both in zip(odds, totals, strict=True)])
+    return replace(with_stacks, coats_odds=_odds(spectra, weighed))
 
 
-def _best_sets(found: Identification, row: int, max_coats: int) -> list[tuple[int, ...]]:
-    """The most probable sets of two paints, however they lie; of three where three coats are
-    tried.
+def _weigh(
+    spectra: _Spectra, sets: Sequence[Sets], options: IdentificationOptions
+) -> list[WeighedSet]:
+    """All ways in which the paints of sets may lie, with amounts, gain, surface and patches
+    integrated out; spectra over one ground that share a set are weighed together.
     """
-    chances: dict[tuple[int, ...], float] = {}
-    for members, chance in zip(found.members[row], found.probability[row], strict=True):
-        own = tuple(sorted(int(member) for member in members if member != NOBODY))
-        if len(own) > 1 and chance > 0:
-            chances[own] = chances.get(own, 0.0) + float(chance)
-    likely = np.argsort(-found.paint_probability[row], kind="stable")
     out = []
-    for size in (2, 3)[: max_coats - 1]:
-        of_size = {own: chance for own, chance in chances.items() if len(own) == size}
-        if not of_size and len(likely) >= size:
-            # None was kept: the paints that are most probable, whatever stands beside them.
-            of_size = {tuple(sorted(int(paint) for paint in likely[:size])): 1.0}
-        total = sum(of_size.values())
-        best = sorted(of_size, key=lambda own: -of_size[own])
-        most = _MOST_SETS if size == 2 else 1
-        out += [own for own in best[:most] if of_size[own] >= _LEAST_SHARE * total]
+    for rows in spectra.same_grounds():
+        jobs: dict[tuple[int, ...], list[int]] = {}
+        for row in rows:
+            for members in sets[row]:
+                jobs.setdefault(members, []).append(row)
+        films = spectra.films._replace(grounds=spectra.grounds[rows[0]])
+        out += [
+            _weigh_set(members, np.array(own), spectra, films, options)
+            for members, own in jobs.items()
+        ]
     return out
 
 
 def _weigh_set(
     members: tuple[int, ...],
-    bodies: Float[np.ndarray, "films bands"],
-    library: _Library,
-    ground: Float[np.ndarray, "bands"] | None,
+    rows: Int[np.ndarray, "films"],
+    spectra: _Spectra,
+    films: CoatedFilms,
     options: IdentificationOptions,
-    errors: CoatErrors,
-) -> list[_Weighed]:
-    """All ways in which the paints of a set may lie, weighed for some films."""
+) -> WeighedSet:
+    """A set of paints for some spectra over one ground."""
     prior = options.prior or Prior()
-    rows = list(members)
-    paints = Paints(library.paints.absorption[rows], library.paints.scattering[rows])
-    # Bands at which each of them is known.
-    bands = np.isfinite(paints.absorption).all(axis=0)
-    paints = Paints(paints.absorption[:, bands], paints.scattering[:, bands])
-    below = None if ground is None else ground[bands]
-    ways = arrangements(len(members), min(options.max_coats, len(members)))
-    several = [way for way in ways if len(way.coats) > 1]
-    alone = [Arrangement(((place,),)) for place in range(len(members))]
-    singles = np.log(prior.sizes[0] / len(members))
-    mixture = np.log(prior.sizes[len(members) - 1] * (1.0 - prior.stacked))
-    stack = np.log(prior.sizes[len(members) - 1] * prior.stacked / max(len(several), 1))
+    errors = CoatErrors()
+    # Bands at which each of the paints is known.
+    own = films.coefficients[:, list(members)]
+    bands = np.isfinite(own).all(axis=(0, 1))
+    films = films._replace(coefficients=own[..., bands], grounds=films.grounds[:, bands])
+    bodies = spectra.bodies[rows][..., bands].reshape(len(rows), -1)
+    size = len(members)
+    ways = arrangements(size, min(options.max_coats, size))
+    stacks = sum(len(way.coats) > 1 for way in ways)
+    alone = [Arrangement(((place,),)) for place in range(size)]
 
-    out = []
+    stated = []
+    summed = []
     for way in [*alone, *ways]:
-        log_prior = singles if len(way.paints) == 1 else stack if way in several else mixture
+        if len(way.paints) == 1:
+            chance = prior.sizes[0] / size
+        elif len(way.coats) > 1:
+            chance = prior.sizes[size - 1] * prior.stacked / stacks
+        else:
+            chance = prior.sizes[size - 1] * (1.0 - prior.stacked)
         parts = []
-        for factors, chance in _scattering_factors(way, len(members), hides=below is None):
-            own = paints.with_scattering(factors)
-            deviations = coefficient_sd(own.absorption, own.scattering, errors)
+        for factors, share in _scattering_factors(way, size, films.hides):
+            k, s = films.coefficients
+            s = s * factors[:, None]
             evidence = weigh_arrangement(
-                bodies[:, bands],
+                bodies,
                 way,
-                grid_readings(way, own, library.solver, below),
-                deviations[list(way.paints)],
-                library.wavelengths[bands],
+                grid_readings(way, films._replace(coefficients=np.stack([k, s]))),
+                coefficient_sd(k, s, errors)[list(way.paints)],
+                spectra.wavelengths[bands],
                 errors,
             )
-            parts.append(evidence._replace(log=evidence.log + np.log(chance)))
-        out.append(_Weighed(arrangement=way, log_prior=float(log_prior), evidence=_summed(parts)))
-    return out
+            parts.append(evidence._replace(log=evidence.log + np.log(chance * share)))
+        stated.append(parts[0])
+        summed.append(_summed(parts))
+    return WeighedSet(
+        members=members, rows=rows, ways=[*alone, *ways], stated=stated, evidence=summed
+    )
 
 
 def _scattering_factors(
@@ -211,90 +246,72 @@ def _summed(parts: Sequence[Evidence]) -> Evidence:
     return Evidence(
         log=np.asarray(logsumexp(logs, axis=0)),
         log_amounts=np.array([part.log_amounts for part in parts])[best, films],
-        log_amounts_sd=np.array([part.log_amounts_sd for part in parts])[best, films],
+        covariance=np.array([part.covariance for part in parts])[best, films],
+        nearest=np.array([part.nearest for part in parts])[best, films],
         readings=np.array([part.readings for part in parts])[best, films],
     )
 
 
-def _odds_of(
-    members: tuple[int, ...],
-    weighed: Sequence[_Weighed],
-    number: int,
-    library: _Library,
-    opaque: bool,
-) -> tuple[CoatsOdds, float]:
-    """Odds of one film for one set, and the log of the set's whole weight."""
-    names = [library.names[member] for member in members]
-    logs = np.array([one.log_prior + one.evidence.log[number] for one in weighed])
-    total = float(np.asarray(logsumexp(logs)))
-    chances = np.exp(logs - total)
-    layered = float(sum(chances[n] for n, one in enumerate(weighed) if _several(one)))
-    best = weighed[int(np.argmax(chances))]
-    amounts = np.full((len(members), 2), np.nan)
-    if not opaque:
-        middle = best.evidence.log_amounts[number][:, None]
-        spread = best.evidence.log_amounts_sd[number][:, None] * NINETY
-        amounts[list(best.arrangement.paints)] = library.usual * np.exp(middle + spread)
-    odds = CoatsOdds(
+def _odds(spectra: _Spectra, weighed: Sequence[WeighedSet]) -> tuple[tuple[CoatsOdds, ...], ...]:
+    """The sets of each spectrum with their shares, most probable first."""
+    of_rows: list[list[tuple[float, CoatsOdds]]] = [[] for _ in spectra.bodies]
+    for one in weighed:
+        for number, row in enumerate(one.rows):
+            total = float(np.asarray(logsumexp(one.logs[:, number])))
+            of_rows[row].append((total, _odds_of(spectra, one, number)))
+    out = []
+    for own in of_rows:
+        totals = np.array([total for total, _ in own])
+        shares = np.exp(totals - logsumexp(totals)) if own else totals
+        ranked = np.argsort(-shares, kind="stable")
+        out.append(tuple(replace(own[n][1], share=float(shares[n])) for n in ranked))
+    return tuple(out)
+
+
+def _odds_of(spectra: _Spectra, weighed: WeighedSet, number: int) -> CoatsOdds:
+    """Odds of one film for one set."""
+    names = [spectra.names[member] for member in weighed.members]
+    logs = weighed.logs[:, number]
+    chances = np.exp(logs - np.asarray(logsumexp(logs)))
+    best = int(np.argmax(chances))
+    amounts = np.full((len(names), 2), np.nan)
+    if not spectra.films.hides:
+        evidence = weighed.evidence[best]
+        spread = np.sqrt(np.maximum(np.diagonal(evidence.covariance[number]), 0.0))
+        logs_90 = evidence.log_amounts[number][:, None] + spread[:, None] * NINETY
+        amounts[list(weighed.ways[best].paints)] = spectra.usual * np.exp(logs_90)
+    layered = float(chances[weighed.several].sum())
+    return CoatsOdds(
         paints=tuple(names),
         chances={
-            one.arrangement.words(names): float(chance)
-            for one, chance in zip(weighed, chances, strict=True)
+            way.words(names): float(chance)
+            for way, chance in zip(weighed.ways, chances, strict=True)
         },
         layered=layered,
         share=1.0,
         reason=_reason(weighed, chances, layered, number),
         amounts_90=amounts,
     )
-    return odds, total
-
-
-def _several(one: _Weighed) -> bool:
-    return len(one.arrangement.coats) > 1
 
 
 def _reason(
-    weighed: Sequence[_Weighed], chances: Float[np.ndarray, "ways"], layered: float, number: int
+    weighed: WeighedSet, chances: Float[np.ndarray, "ways"], layered: float, number: int
 ) -> str:
     """Why a spectrum does not tell whether there is more than one coat; empty where it does."""
     if max(layered, 1.0 - layered) >= DECIDED:
         return ""
-    order = np.argsort(-chances, kind="stable")
-    stack = next(weighed[n] for n in order if _several(weighed[n]))
-    flat = next(weighed[n] for n in order if not _several(weighed[n]))
-    one, other = (way.evidence.readings[number] for way in (stack, flat))
+    most, least = (
+        int(np.argmax(np.where(several, chances, -1.0)))
+        for several in (weighed.several, ~weighed.several)
+    )
+    stack, flat = weighed.ways[most], weighed.ways[least]
+    one, other = (weighed.evidence[way].readings[number] for way in (most, least))
     # A gain is free in either.
     off = one - other * (one @ other) / (other @ other)
     if np.sqrt(np.mean(off**2)) > _SEEN:
         return "neither a mixture nor coats of these paints meet it well"
-    if flat.arrangement.coats[0] == stack.arrangement.coats[0]:
+    if flat.coats[0] == stack.coats[0]:
         return "the upper coat hides what is below"
-    if len(flat.arrangement.paints) == 1:
+    if len(flat.paints) == 1:
         return "a second coat, if there is one, hardly shows"
     return "thin coats of these paints look like a mixture"
-
-
-def _with_shares(odds: Sequence[CoatsOdds], totals: Sequence[float]) -> tuple[CoatsOdds, ...]:
-    """The sets of one film with their shares, most probable first."""
-    if not odds:
-        return ()
-    shares = np.exp(np.array(totals) - logsumexp(totals))
-    ranked = np.argsort(-shares, kind="stable")
-    return tuple(replace(odds[n], share=float(shares[n])) for n in ranked)
-
-
-def _with_odds(found: Identification, odds: Sequence[tuple[CoatsOdds, ...]]) -> Identification:
-    """The identification with these odds, its candidates' probabilities in keeping with them."""
-    probability = found.probability.copy()
-    stacked = (found.coats > 0).any(axis=-1) & (found.members != NOBODY).any(axis=-1)
-    for row, own in enumerate(odds):
-        if not own:
-            continue
-        layered = sum(one.share * one.layered for one in own)
-        before = float(probability[row, stacked[row]].sum())
-        rest = float(probability[row, ~stacked[row]].sum())
-        if before > 0.0 and rest > 0.0:
-            probability[row, stacked[row]] *= layered * (before + rest) / before
-            probability[row, ~stacked[row]] *= (1.0 - layered) * (before + rest) / rest
-    order = np.argsort(-probability, axis=1, kind="stable")
-    return found.reordered(order, np.take_along_axis(probability, order, axis=1), tuple(odds))

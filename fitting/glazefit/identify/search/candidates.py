@@ -13,7 +13,6 @@ from .refine import refine
 from .screen import screen
 from .surface import with_surface
 from .task import IdentificationTask, Measured
-from .two_coats import search_two_coats
 from .weigh import weigh_traces
 
 CHUNK = 64
@@ -44,11 +43,8 @@ def _find(task: IdentificationTask, measured: Measured) -> Pool:
         chunk = filled_up.take(real)
         table = screened.tables[rows[0]]
         ranked = rank(filled_up, screened.starts.take(padded), table)
-        pool = refine(chunk, ranked.of(real))
-        if task.max_coats == 2 and task.max_paints > 1 and task.paint_count > 1:
-            pool = pool.of(np.resize(real, len(padded)))
-            pool = search_two_coats(filled_up, pool, ranked).of(real)
-        return weigh_traces(with_surface(chunk, pool), task.extenders)
+        pool = with_surface(chunk, refine(chunk, ranked.of(real)))
+        return weigh_traces(pool, task.extenders)
 
     chunks = np.split(np.arange(len(measured)), range(CHUNK, len(measured), CHUNK))
     return Pool.join(in_threads(fit, chunks))

@@ -148,7 +148,6 @@ def pool_of(
     sets: np.ndarray,
     fitted: Fitted,
     coats: np.ndarray | None = None,
-    log_share: float = 0.0,
 ) -> Pool:
     """Fitted candidates with room for three paints each."""
     size = sets.shape[-1]
@@ -162,8 +161,7 @@ def pool_of(
         weighed=logs,
         covariance=np.pad(np.asarray(fitted.covariance, float), (*room, (0, 3 - size))),
         log_weight=task.discrepancy.trust * np.asarray(fitted.log_evidence, float)
-        + log_set_prior(task, sets)
-        + log_share,
+        + log_set_prior(task, sets),
         readings=np.asarray(fitted.readings, float),
         adjusted=np.asarray(fitted.readings, float),
         gloss=np.zeros(sets.shape[:2]),
@@ -187,12 +185,6 @@ def log_set_prior(
     # No paint at all is no explanation.
     with np.errstate(divide="ignore"):
         return np.log(np.asarray([0.0, *each]))[count] + hardly * np.log(task.prior.extender)
-
-
-Model = Callable[
-    [Float[Array, "size"]], tuple[Float[Array, "readings"], Float[Array, "size readings"]]
-]
-"""Readings of a film from its amounts, and their slopes by the log amounts."""
 
 
 @functools.partial(Program, fixed=("middle", "steps"))
@@ -249,47 +241,31 @@ def fit_film(
     middle: int,
     steps: int | Array,
 ) -> Fitted:
-    """Fit one candidate of one coat."""
-    model = coat_model(response, paints.absorption[members], paints.scattering[members], ground)
-    return fit_one(model, start, members >= 0, weights, middle, steps)
-
-
-def coat_model(response: FilmResponse, k: Array, s: Array, ground: Array) -> Model:
-    """Model of one coat of paints of these optical thicknesses, (size, bands)."""
-
-    def model(amounts: Array) -> tuple[Array, Array]:
-        readings, by_k, by_s = response.body_and_slopes(amounts @ k, amounts @ s, ground)
-        slopes = amounts[:, None, None] * (k[:, None, :] * by_k + s[:, None, :] * by_s)
-        return readings.reshape(-1), slopes.reshape(amounts.shape[0], -1)
-
-    return model
-
-
-def fit_one(
-    model: Model,
-    start: Float[Array, "size"],
-    present: Bool[Array, "size"],
-    weights: Weights,
-    middle: int,
-    steps: int | Array = _STEPS,
-) -> Fitted:
-    """Most probable log amounts of one candidate, and its evidence.
+    """Most probable log amounts of one candidate of one coat, and its evidence.
 
     Args:
-        model: of the candidate.
+        response: of the instrument.
+        paints: of the catalogue.
+        members: of the candidate; a negative number fills up one of fewer paints.
         start: log amounts.
-        present: False fills up a candidate of fewer paints.
+        ground: internal reflectance, (grounds, bands).
         weights: of the spectrum.
         middle: scale of the discrepancy that is fitted with.
         steps: of Newton's method.
     """
+    present = members >= 0
+    k = paints.absorption[members]
+    s = paints.scattering[members]
     white = weights.basis[middle]
 
     def look(logs: Array) -> tuple[Array, Array, Array, tuple[Array, Array]]:
-        readings, slopes = model(jnp.where(present, jnp.exp(logs), 0.0))
+        amounts = jnp.where(present, jnp.exp(logs), 0.0)
+        body, by_k, by_s = response.body_and_slopes(amounts @ k, amounts @ s, ground)
+        readings = body.reshape(-1)
+        slopes = amounts[:, None, None] * (k[:, None, :] * by_k + s[:, None, :] * by_s)
         off = white @ (weights.target - readings)
         # The slopes on the right: on the left XLA takes twice the time.
-        slopes = (white @ slopes.T).T
+        slopes = (white @ slopes.reshape(amounts.shape[0], -1).T).T
         by_data = -slopes @ off
         of_data = slopes @ slopes.T
         by_prior, of_prior = prior_terms(logs, present, weights.spread, weights.concentration)

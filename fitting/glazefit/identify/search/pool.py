@@ -63,13 +63,23 @@ class Pool:
         return Pool(*(part[rows] for part in self.parts))
 
     def spread(self, rows: Int[np.ndarray, "rows"], count: int) -> "Pool":
-        """This pool as rows of one of `count` spectra; the other rows are empty, with a weight of
-        -inf.
+        """This pool as rows of `count` spectra, side by side where a spectrum comes more than once;
+        all other places are empty, with a weight of -inf.
         """
-        parts = [np.zeros((count, *part.shape[1:]), part.dtype) for part in self.parts]
-        for part, mine in zip(parts, self.parts, strict=True):
-            part[rows] = mine
-        pool = Pool(*parts)
-        others = np.setdiff1d(np.arange(count), rows)
-        pool.log_weight[others], pool.members[others] = -np.inf, NOBODY
-        return pool
+        order = np.argsort(rows, kind="stable")
+        place = np.arange(len(rows)) - np.searchsorted(rows[order], rows[order])
+        shape = (count, int(place.max(initial=0)) + 1)
+        at = rows[order], place
+
+        def side_by_side(part: np.ndarray, nothing: float) -> np.ndarray:
+            whole = np.full((*shape, *part.shape[1:]), nothing, part.dtype)
+            whole[at] = part[order]
+            return whole.reshape(count, -1, *part.shape[2:])
+
+        empty = {"members": NOBODY, "log_weight": -np.inf}
+        return Pool(
+            **{
+                f.name: side_by_side(getattr(self, f.name), empty.get(f.name, 0))
+                for f in fields(self)
+            }
+        )

@@ -118,8 +118,6 @@ class Searcher(NamedTuple):
                 prior=expected,
                 extenders=extenders,
                 max_paints=largest,
-                # Stacks are fitted where the ground shows; three coats and opaque ones are weighed.
-                max_coats=1 if opaque else min(options.max_coats, 2),
                 effort=THOROUGH if options.thorough else USUAL,
                 tables=tables,
             )

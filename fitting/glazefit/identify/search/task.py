@@ -202,7 +202,6 @@ class IdentificationTask(NamedTuple):
     prior: Prior
     extenders: Bool[np.ndarray, "paints"]  # those that a film of usual thickness hardly shows
     max_paints: int
-    max_coats: int
     effort: Effort
     tables: FilmTables  # of this task alone
 

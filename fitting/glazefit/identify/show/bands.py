@@ -8,7 +8,6 @@ measured and fitted spectra differ where an explanation is right and the errors 
 
 from collections.abc import Sequence
 
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 from scipy.stats import norm, t
@@ -26,13 +25,13 @@ from ...film.model.errors import (
 )
 from ...film.model.optics import Optics
 from ...film.model.response import film_response
+from ..coats.arrangement import Arrangement
+from ..coats.readings import CoatedFilms
 from ..result import Identification
-from ..search.candidates import padded_size
 from ..search.pool import NOBODY
 from ..search.refine import slopes_of
 from ..search.searcher import check_pigments, opaque_prior
 from ..search.table import paints_of
-from ..search.two_coats import stack_slopes
 
 # Weight of what is expected of a log amount.
 _LOOSE = 0.1
@@ -116,13 +115,20 @@ def _slopes(
     slopes = slopes_of(
         response, paints, sets.reshape(len(row), -1), logs.reshape(len(row), -1), ground, row
     )
-    slopes = slopes.reshape(*sets.shape[:2], *slopes.shape[1:])
-    if (coats > 0).any():
-        optics = Optics.of(instrument.geometry, instrument.refractive_index)
-        # Few sizes, so that little is compiled.
-        rows = np.resize(np.arange(len(found)), padded_size(len(found)) if len(found) > 1 else 1)
-        films = (jnp.asarray(a[rows]) for a in (sets, coats, logs, ground))
-        stacks = np.asarray(stack_slopes(paints, *films, optics))[: len(found)]
-        stacked = np.any(coats > 0, axis=-1, keepdims=True)
-        slopes = np.where(np.asarray(stacked)[..., None], stacks, slopes)
+    slopes = np.array(slopes).reshape(*sets.shape[:2], *slopes.shape[1:])
+    for spectrum, place in np.argwhere((coats > 0).any(axis=-1)):
+        at = spectrum, place
+        size = int((sets[at] != NOBODY).sum())
+        members = sets[at][:size]
+        upper, lower = (np.flatnonzero(coats[at][:size] == n).tolist() for n in (0, 1))
+        way = Arrangement((tuple(upper), tuple(lower)))
+        films = CoatedFilms(
+            coefficients=np.array([np.asarray(part)[members] for part in paints]),
+            grounds=ground[spectrum],
+            optics=Optics.of(instrument.geometry, instrument.refractive_index),
+            response=response,
+        )
+        _, by_log = films.read_and_slopes(way, np.exp(logs[at][None, :size]))
+        errors = [*range(size), *range(sets.shape[-1], sets.shape[-1] + size)]
+        slopes[(*at, errors)] = by_log[0]
     return slopes

@@ -1,0 +1,153 @@
+"""Two coats as candidates of a spectrum, weighed as probable as it is that paints lie so."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+from scipy.special import logsumexp
+
+from ...film.model.errors import whitening
+from ..search.chunk import Chunk
+from ..search.fit import Fitted, pool_of
+from ..search.pool import Pool
+from ..search.refine import Groups, move_readings
+from ..search.surface import with_surface
+from ..search.task import IdentificationTask, Measured
+from .arrangement import Arrangement
+from .evidence import Evidence
+from .readings import CoatedFilms
+
+# Log chance, below that of a spectrum's best, of coats that are no candidate.
+_NEGLIGIBLE = 8.0
+# Steps towards amounts that come near the readings, the longest of a log amount, and what a step
+# is held by.
+_STEPS = 3
+_LONGEST = 0.3
+_HOLD = 0.1
+
+
+class WeighedSet(NamedTuple):
+    """A set of paints for some spectra over one ground, in all ways in which it may lie.
+
+    Attributes:
+        members: the paints, by number.
+        rows: the spectra.
+        ways: in which the paints may lie.
+        stated: evidence of each with the library as it is.
+        evidence: of each, over all that the library may be; of its log the prior is a part.
+    """
+
+    members: tuple[int, ...]
+    rows: Int[np.ndarray, "films"]
+    ways: Sequence[Arrangement]
+    stated: Sequence[Evidence]
+    evidence: Sequence[Evidence]
+
+    @property
+    def logs(self) -> Float[np.ndarray, "ways films"]:
+        """Log of how probable each way is, up to what is the same for all sets of a spectrum."""
+        return np.array([one.log for one in self.evidence])
+
+    @property
+    def several(self) -> Bool[np.ndarray, "ways"]:
+        """Whether each way is of more than one coat."""
+        return np.array([len(way.coats) > 1 for way in self.ways])
+
+
+def log_rarity(task: IdentificationTask) -> Float[np.ndarray, "paints"]:
+    """Log of how much less probable each paint is in a set: of those that hardly show."""
+    return np.log(np.where(task.extenders, task.prior.extender, 1.0))
+
+
+def with_coats(
+    task: IdentificationTask, measured: Measured, pool: Pool, weighed: Sequence[WeighedSet]
+) -> Pool:
+    """The candidates with those of two coats, as probable beside one coat as the weighed sets are.
+
+    Args:
+        task: of the search.
+        measured: spectra.
+        pool: their candidates of one coat.
+        weighed: sets for them.
+    """
+    count = len(measured)
+    flat = np.full(count, -np.inf)
+    best = np.full(count, -np.inf)
+    for one in weighed:
+        mixed = np.asarray(logsumexp(one.logs[~one.several], axis=0))
+        flat[one.rows] = np.logaddexp(flat[one.rows], mixed)
+        best[one.rows] = np.maximum(best[one.rows], one.logs.max(axis=0))
+    rare = log_rarity(task)
+    scale = np.asarray(logsumexp(pool.log_weight, axis=1)) - flat
+
+    rows = []
+    parts = []
+    for one in weighed:
+        for number, way in enumerate(one.ways):
+            logs = one.logs[number]
+            films = np.flatnonzero(logs > best[one.rows] - _NEGLIGIBLE)
+            if len(way.coats) == 2 and films.size:
+                chunk = Chunk(task, measured.take(one.rows[films]))
+                near = _candidates(chunk, one.members, way, one.stated[number], films)
+                weight = logs[films] + scale[one.rows[films]] + rare[list(one.members)].sum()
+                parts.append(replace(near, log_weight=weight[:, None]))
+                rows.append(one.rows[films])
+    return pool.merge(Pool.join(parts).spread(np.concatenate(rows), count)) if parts else pool
+
+
+def _candidates(
+    chunk: Chunk,
+    members: tuple[int, ...],
+    way: Arrangement,
+    evidence: Evidence,
+    films: Int[np.ndarray, "films"],
+) -> Pool:
+    """One candidate for each of some films, with amounts that come near the readings.
+
+    Args:
+        chunk: the films.
+        members: paints, by number.
+        way: in which they lie.
+        evidence: of this for more films.
+        films: numbers of the chunk's films among these.
+    """
+    task = chunk.task
+    size = len(members)
+    sets = np.tile(np.array(members, dtype=np.int32), (len(films), 1))
+    own = [np.asarray(part, float)[list(members)] for part in task.paints]
+    coated = CoatedFilms(
+        coefficients=np.array(own),
+        grounds=chunk.spectra.grounds[0],
+        optics=task.optics,
+        response=task.response,
+    )
+
+    # Gauss and Newton's steps from the most probable place of the grid.
+    white = whitening(chunk.tolerance_covariance)[0]
+    logs = evidence.nearest[films]
+    for _ in range(_STEPS):
+        readings, slopes = coated.read_and_slopes(way, np.exp(logs))
+        # An amount moves k and s together.
+        by_amount = (slopes[:, :size] + slopes[:, size:]) @ white.swapaxes(1, 2)
+        off = white @ (chunk.target - readings)[..., None]
+        normal = by_amount @ by_amount.swapaxes(1, 2) + _HOLD * np.eye(size)
+        step = np.linalg.solve(normal, by_amount @ off)[..., 0]
+        logs = logs + np.clip(step, -_LONGEST, _LONGEST)
+    readings, slopes = coated.read_and_slopes(way, np.exp(logs))
+
+    coats = np.zeros((len(films), 1, size), dtype=np.int32)
+    coats[..., list(way.coats[1])] = 1
+    fitted = Fitted(
+        logs=logs[:, None],
+        covariance=evidence.covariance[films][:, None],
+        log_evidence=np.zeros((len(films), 1)),
+        readings=readings[:, None],
+    )
+    pool = pool_of(task, sets[:, None], fitted, coats)
+    weighed = pool.logs.copy()
+    weighed[..., :size] = evidence.log_amounts[films][:, None]
+    row = np.arange(len(films))
+    moved = move_readings(chunk, row, readings, Groups(row, row, sets, slopes))
+    return with_surface(chunk, replace(pool, weighed=weighed, adjusted=moved[:, None]))

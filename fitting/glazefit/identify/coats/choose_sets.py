@@ -1,0 +1,105 @@
+"""Which sets of paints are weighed: those that are most probable in one coat, and those that come
+nearest as one paint over another.
+
+A mixture of two paints may be far from a film in which one lies over the other, so that all pairs
+are tried as coats, too. For this the lower coat, over its ground, is taken as a Lambertian ground
+of the upper one: then two tables of single coats give all pairs at all amounts.
+"""
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Float, Int
+
+from ...film.model.errors import whitening
+from ..search.pool import NOBODY
+from .evidence import CoatErrors, fixed_covariance
+from .readings import LOG_AMOUNTS, CoatedFilms
+
+# Sets that are weighed for a spectrum, and the least share of all sets of their size.
+_MOST_SETS = 2
+_LEAST_SHARE = 0.05
+# Single coats in a table, and most amounts of each paint.
+_COATS = 1500
+_MOST_AMOUNTS = 15
+
+
+def best_sets(
+    members: Int[np.ndarray, "candidates 3"],
+    probability: Float[np.ndarray, "candidates"],
+    of_paints: Float[np.ndarray, "paints"],
+    max_coats: int,
+) -> list[tuple[int, ...]]:
+    """The most probable sets of two paints, however they lie; of three where three coats are
+    tried.
+
+    Args:
+        members: paints of the candidates of a spectrum.
+        probability: of each candidate.
+        of_paints: probability of each paint, whatever stands beside it.
+        max_coats: most coats.
+    """
+    chances: dict[tuple[int, ...], float] = {}
+    for candidate, chance in zip(members, probability, strict=True):
+        own = tuple(sorted(int(member) for member in candidate if member != NOBODY))
+        if len(own) > 1 and chance > 0:
+            chances[own] = chances.get(own, 0.0) + float(chance)
+    likely = np.argsort(-of_paints, kind="stable")
+    out = []
+    for size in (2, 3)[: max_coats - 1]:
+        of_size = {own: chance for own, chance in chances.items() if len(own) == size}
+        if not of_size and len(likely) >= size:
+            # None was kept: the paints that are most probable, whatever stands beside them.
+            of_size = {tuple(sorted(int(paint) for paint in likely[:size])): 1.0}
+        total = sum(of_size.values())
+        best = sorted(of_size, key=lambda own: -of_size[own])
+        most = _MOST_SETS if size == 2 else 1
+        out += [own for own in best[:most] if of_size[own] >= _LEAST_SHARE * total]
+    return out
+
+
+def nearest_pairs(
+    bodies: Float[np.ndarray, "spectra grounds bands"],
+    films: CoatedFilms,
+    wavelengths: Float[np.ndarray, "bands"],
+    log_prior: Float[np.ndarray, "paints"],
+    count: int,
+) -> Int[np.ndarray, "spectra count 2"]:
+    """Pairs of paints that come nearest to films over one ground or several as one over the other,
+    in either order; the nearest first.
+
+    Args:
+        bodies: readings without the outer surface's part.
+        films: of all paints, over the grounds.
+        wavelengths: of the bands, nm.
+        log_prior: of each paint, up to a constant.
+        count: of pairs; fewer if there are fewer.
+    """
+    errors = CoatErrors()
+    paints = films.coefficients.shape[1]
+    grounds = films.grounds
+    logs = np.linspace(*LOG_AMOUNTS, int(np.clip(_COATS // paints, 2, _MOST_AMOUNTS)))
+    amounts = np.exp(logs)[:, None]
+    depths = (films.coefficients[:, :, None] * amounts).reshape(2, -1, wavelengths.size)
+    black, gain, back = (np.asarray(a)[:, None] for a in films.response.numbers(*depths))
+    white = whitening(fixed_covariance(wavelengths, len(grounds), errors))[0].astype(np.float32)
+    target = (bodies.reshape(len(bodies), -1) @ white.T).astype(np.float32)
+
+    # Lower coats as grounds of the upper ones.
+    lower = black + gain * grounds / (1.0 - back * grounds)
+    below = np.clip(np.asarray(films.response.internal(jnp.asarray(lower))), 0.0, 1.0)
+    rare = (logs / errors.spread) ** 2
+    misfit = np.full((len(bodies), paints, paints), np.inf)
+    for place in range(paints):
+        own = slice(place * logs.size, (place + 1) * logs.size)
+        over = black[own] + gain[own] * below[:, None] / (1.0 - back[own] * below[:, None])
+        seen = over.reshape(-1, len(white)).astype(np.float32) @ white.T
+        off = np.sum(seen**2, axis=-1) - 2.0 * target @ seen.T
+        off = off.reshape(len(bodies), paints, logs.size, logs.size) + rare[:, None] + rare
+        misfit[:, place] = off.min(axis=(2, 3))
+
+    # The better of both orders.
+    first, second = np.triu_indices(paints, 1)
+    either = np.minimum(misfit[:, first, second], misfit[:, second, first])
+    either -= 2.0 * (log_prior[first] + log_prior[second])
+    best = np.argsort(either, axis=1, kind="stable")[:, :count]
+    return np.stack([first[best], second[best]], axis=-1)
