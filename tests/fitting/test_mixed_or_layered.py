@@ -89,18 +89,15 @@ def test_readings_on_the_grid_are_those_of_the_forward_solver(oils):
 
 def test_slopes_are_those_of_the_readings(oils):
     """Over two grounds, by a change of k or s of one paint alone."""
-    grounds = GROUND, np.full(GRID.size, 0.05)
-    films = in_usual_coats(oils[:2], *grounds)
+    films = in_usual_coats(oils[:2], GROUND, np.full(GRID.size, 0.05))
     amounts = np.array([[0.3, 1.2], [1.0, 0.4]])
-    readings, slopes = films.read_and_slopes(OVER, amounts)
-    np.testing.assert_allclose(readings, films.read(OVER, amounts[None]))
-    for number, (part, place) in enumerate([(0, 0), (0, 1), (1, 0), (1, 1)]):
-        several = []
-        for step in (-0.1, 0.1):
-            moved = films.coefficients.copy()
-            moved[part, place] *= np.exp(step)
-            several.append(films._replace(coefficients=moved).read(OVER, amounts[None]))
-        np.testing.assert_allclose(slopes[:, number], (several[1] - several[0]) / 0.2, atol=0.01)
+    slopes = films.read_and_slopes(OVER, amounts)[1]
+    for number, at in enumerate([(0, 0), (0, 1), (1, 0), (1, 1)]):
+        one, other = (films.coefficients.copy() for _ in range(2))
+        one[at] *= np.exp(0.1)
+        other[at] *= np.exp(-0.1)
+        several = [films._replace(coefficients=k).read(OVER, amounts[None]) for k in (one, other)]
+        np.testing.assert_allclose(slopes[:, number], (several[0] - several[1]) / 0.2, atol=0.01)
 
 
 def test_coats_that_no_mixture_looks_like_are_among_the_nearest(oils):
