@@ -34,6 +34,7 @@ OPTIONAL = {
     "tifffile": "cube",
     "PIL": "cube",
     "threadpoolctl": "cube",
+    "filelock": "cube",
     "starlette": "studio",
     "uvicorn": "studio",
     "websockets": "studio",

@@ -25,6 +25,7 @@ _EXTRAS = {
     "tifffile": ("tifffile", "cube"),
     "PIL": ("pillow", "cube"),
     "threadpoolctl": ("threadpoolctl", "cube"),
+    "filelock": ("filelock", "cube"),
     "starlette": ("starlette", "studio"),
     "uvicorn": ("uvicorn", "studio"),
     "websockets": ("websockets", "studio"),

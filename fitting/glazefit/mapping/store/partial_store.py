@@ -2,18 +2,15 @@
 looked at.
 """
 
-from collections.abc import AsyncIterator
-from typing import Any
-from zlib import crc32
+from typing import TYPE_CHECKING, Any
 
-import numpy as np
-from jaxtyping import Int
 from zarr.storage import LocalStore, WrapperStore
 
-from .identity import NO_FILE, WORK
 from .layout import BY_NAME
-from .marks import Marks
 from .windows import Window
+
+if TYPE_CHECKING:
+    from .store import MapStore
 
 
 class FinishedWindows(WrapperStore[LocalStore]):
@@ -21,17 +18,15 @@ class FinishedWindows(WrapperStore[LocalStore]):
 
     Args:
         store: the map's files, for reading.
-        marks: of its windows; those count as finished that have one now.
+        map: whose they are.
     """
 
-    def __init__(self, store: LocalStore, marks: Marks):
+    def __init__(self, store: LocalStore, map: "MapStore"):
         super().__init__(store)
-        self._marks = marks
-        self._done = marks.done()
-        self._checksums: dict[Window, Int[np.ndarray, "variables"]] = {}
+        self._map = map
 
     def _with_store(self, store: LocalStore) -> "FinishedWindows":
-        return type(self)(store, self._marks)
+        return type(self)(store, self._map)
 
     async def get(self, key: str, prototype: Any, byte_range: Any = None) -> Any:
         """What is stored under a key; nothing of a window that is not finished.
@@ -42,19 +37,11 @@ class FinishedWindows(WrapperStore[LocalStore]):
         name, _, place = key.partition("/c/")
         if not place or name not in BY_NAME:
             return await super().get(key, prototype, byte_range)
-        row, column = place.split("/")[:2]
-        window = self._marks.window(int(row), int(column))
-        if window not in self._done:
+        y, x = (int(at) * size for at, size in zip(place.split("/"), self._map.chunk, strict=False))
+        window = Window.at(y, x, self._map.shape, self._map.chunk)
+        # It is asked first: a window may be finished while it is read.
+        if not self._map.complete and not self._map.is_done(window):
             return None
-        if window not in self._checksums:
-            self._checksums[window] = self._marks.get(window)["checksums"]
-        found = await super().get(key, prototype)
-        checksum = NO_FILE if found is None else crc32(found.to_bytes())
-        self._marks.check(window, name, checksum, self._checksums[window])
-        return found if byte_range is None else await super().get(key, prototype, byte_range)
-
-    async def list_dir(self, prefix: str) -> AsyncIterator[str]:
-        """Names in a folder, without that of our own work, which is no array."""
-        async for name in super().list_dir(prefix):
-            if name != WORK:
-                yield name
+        content = await super().get(key, prototype, byte_range)
+        self._map.check(window, key, None if content is None else content.to_bytes())
+        return content
