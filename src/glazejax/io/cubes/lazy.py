@@ -8,10 +8,14 @@ import numpy as np
 import xarray
 from jaxtyping import Float, Int
 from xarray.backends import BackendArray
-from xarray.core.indexing import ExplicitIndexer, LazilyIndexedArray, VectorizedIndexer
+from xarray.core.indexing import (
+    ExplicitIndexer,
+    IndexingSupport,
+    LazilyIndexedArray,
+    explicit_indexing_adapter,
+)
 
 from .calibration import Calibration
-from .indexing import outer, pointwise
 from .raw import RawCube
 
 # Numbers worked on at a time: few enough for a processor's cache, so that bands that lie apart are
@@ -148,8 +152,15 @@ class LazyReflectance(BackendArray):
         self.dtype: np.dtype[Any] = np.dtype(np.float32)
 
     def __getitem__(self, key: ExplicitIndexer) -> np.ndarray:
-        by_points = isinstance(key, VectorizedIndexer)
-        return (pointwise if by_points else outer)(self.reading.take, key.tuple, self.shape)
+        return explicit_indexing_adapter(key, self.shape, IndexingSupport.BASIC, self._window)
+
+    def _window(self, key: tuple[int | slice, ...]) -> np.ndarray:
+        """Reflectance at whole numbers, which take their axis away, and slices with positive
+        steps.
+        """
+        slices = tuple(k if isinstance(k, slice) else slice(k, k + 1) for k in key)
+        single = tuple(axis for axis, k in enumerate(key) if not isinstance(k, slice))
+        return np.squeeze(self.reading.take(slices), axis=single)
 
 
 def as_data_array(
