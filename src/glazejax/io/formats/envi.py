@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Iterator
+from dataclasses import replace
 from math import prod
 from pathlib import Path
 from typing import Any
@@ -249,17 +250,7 @@ class EnviFile:
             )
         except ValueError as error:
             raise self.error(error) from None
-        return SpectraCube(
-            wavelengths=grid,
-            raw=raw,
-            bands=bands,
-            scale=scale,
-            ignore=mark,
-            notes=[*notes, *told],
-            format="ENVI image",
-            unit=unit,
-            path=self.path,
-        )
+        return replace(probe, scale=scale, unit=unit, notes=[*notes, *told])
 
     def mapped(self) -> np.ndarray:
         """All numbers as they are stored, (lines, samples, bands), mapped into memory and
@@ -307,19 +298,13 @@ class EnviFile:
             ValueError: there are none, or they are not legal.
         """
         count = self.sizes["samples" if self.is_library else "bands"]
-        texts = self.entries("wavelength")
-        if not texts:
+        values = self._numbers("wavelength")
+        if not values.size:
             raise self.error(
                 "the ENVI header has no wavelengths; add 'wavelength = {400, 410, ...}'"
             )
-        if len(texts) != count:
-            raise self.error(f"{len(texts)} wavelengths for {count} bands")
-        values = np.empty(count)
-        for i, text in enumerate(texts):
-            try:
-                values[i] = read_number(text)
-            except ValueError as error:
-                raise self.error(f"wavelength number {i + 1}: {error}") from None
+        if values.size != count:
+            raise self.error(f"{values.size} wavelengths for {count} bands")
         if not np.isfinite(values).all():
             raise self.error(
                 f"wavelength number {int(np.argmin(np.isfinite(values))) + 1} is not finite"
@@ -334,24 +319,32 @@ class EnviFile:
         does.
 
         Raises:
-            ValueError: the list has another length, or marks all.
+            ValueError: the list has another length, marks all, or holds what is no number.
         """
         count = self.sizes["samples" if self.is_library else "bands"]
-        good = self.entries("bbl")
-        bands = np.arange(count)
-        if good:
-            if len(good) != count:
-                raise self.error(
-                    f"the list of bad bands (bbl) has {len(good)} entries for {count} bands"
-                )
-            bands = bands[[text.strip() not in ("0", "0.0") for text in good]]
-            if not bands.size:
-                raise self.error("the header marks every band as bad (bbl)")
-            if bands.size < count:
-                notes.append(
-                    f"{count - bands.size} bands that the header marks as bad are left out"
-                )
+        good = self._numbers("bbl")
+        if not good.size:
+            return np.arange(count)
+        if good.size != count:
+            raise self.error(
+                f"the list of bad bands (bbl) has {good.size} entries for {count} bands"
+            )
+        bands = np.flatnonzero(good)
+        if not bands.size:
+            raise self.error("the header marks every band as bad (bbl)")
+        if bands.size < count:
+            notes.append(f"{count - bands.size} bands that the header marks as bad are left out")
         return bands
+
+    def _numbers(self, title: str) -> Float[np.ndarray, "entries"]:
+        """Numbers of a list in the header; none if there is no such list."""
+        values: list[float] = []
+        for text in self.entries(title):
+            try:
+                values.append(read_number(text))
+            except ValueError as error:
+                raise self.error(f"{title} number {len(values) + 1}: {error}") from None
+        return np.array(values)
 
     def _whole(self, title: str, least: int) -> int:
         """Whole number in a field of the header; 0 where it is left out."""
