@@ -14,7 +14,6 @@ programs on the machine change these much less.
 With ``--before`` each command is run from another checkout too, in turn with this one.
 """
 
-import argparse
 import json
 import os
 import resource
@@ -26,7 +25,7 @@ import time
 from pathlib import Path
 from typing import NamedTuple
 
-from benchmarks.results import Results, add_option, quantity
+from benchmarks.results import Results, command_line, quantity
 from glazejax import catalogue, samples
 from glazejax.appearance.scene.file import example
 
@@ -210,10 +209,7 @@ def commit(checkout: Path) -> str:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    add_option(parser, repetitions=1, only=list(QUOTED))
+    parser = command_line(__doc__, repetitions=1, only=list(QUOTED))
     parser.add_argument(
         "--only", nargs="+", help="commands of these names, whose file is not written"
     )

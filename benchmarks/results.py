@@ -104,13 +104,24 @@ def ends(key: str, values: Iterable[Any]) -> dict[str, Any]:
     return {f"{key}_least": min(listed), f"{key}_most": max(listed)}
 
 
-def add_option(parser: argparse.ArgumentParser, **quick: Any) -> None:
-    """`--out FOLDER`, by default the repository's benchmarks/results, and `--quick`.
+def described(text: str | None) -> argparse.ArgumentParser:
+    """A parser whose help is a module's docstring, its lines as they are."""
+    return argparse.ArgumentParser(
+        prog=f"python -m {_module()}",
+        description=text,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+
+
+def command_line(text: str | None, **quick: Any) -> argparse.ArgumentParser:
+    """The options of a benchmark: `--out FOLDER`, by default the repository's benchmarks/results,
+    and `--quick`.
 
     Args:
-        parser: gets both.
+        text: the docstring of the benchmark.
         quick: what other options are with `--quick`, unless they are given: `stacks=50`.
     """
+    parser = described(text)
     parser.add_argument(
         "--out", type=Path, default=FOLDER, help="folder for the results (default: %(default)s)"
     )
@@ -123,6 +134,7 @@ def add_option(parser: argparse.ArgumentParser, **quick: Any) -> None:
             "nothing"
         ),
     )
+    return parser
 
 
 class _Quick(argparse.Action):
@@ -277,13 +289,17 @@ def commit() -> str:
     return git("rev-parse", "--short", "HEAD") + "+" * bool(changes)
 
 
+def _module() -> str:
+    """The module that this process runs."""
+    spec = getattr(sys.modules["__main__"], "__spec__", None)
+    return re.sub(r"\.__main__$", "", spec.name) if spec else Path(sys.argv[0]).stem
+
+
 def _command() -> str:
     """The command of this process, but for where results go; of paths of this machine only the
     name.
     """
-    spec = getattr(sys.modules["__main__"], "__spec__", None)
-    module = re.sub(r"\.__main__$", "", spec.name) if spec else Path(sys.argv[0]).stem
-    words, options = ["python", "-m", module], iter(sys.argv[1:])
+    words, options = ["python", "-m", _module()], iter(sys.argv[1:])
     for word in options:
         if word == "--out":
             next(options, None)

@@ -5,11 +5,11 @@
 Writes films.csv and mixtures.tsv. Needs the folder revigo of measured data.
 """
 
-import argparse
 from pathlib import Path
 
 import glazejax
 from benchmarks.measured import measured_data
+from benchmarks.results import described
 from glazefit.film.readers import NAMES_FILE, ROWS, read_recipes
 from glazejax.io import read_spectra
 
@@ -19,9 +19,7 @@ FILMS = ("06A", "12A", "10A", "08A", "02A", "15C", "05B", "09B", "13G", "04B", "
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = described(__doc__)
     parser.add_argument("--folder", type=Path, default=Path(glazejax.__file__).parent / "samples")
     folder = parser.parse_args().folder
     source = measured_data("revigo")

@@ -23,7 +23,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from benchmarks.results import Results, add_option, quantities, quantity
+from benchmarks.results import Results, command_line, quantities, quantity
 from benchmarks.rivals.known_painting import Scenery, painting, write_painting
 from benchmarks.rivals.known_painting_scene import FOREIGN
 from benchmarks.rivals.painting_rivals import (
@@ -46,10 +46,7 @@ PAINTS = "paints.csv"
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    add_option(parser, megapixels=[0.001, 0.004, 0.01], bands=40, checked=100)
+    parser = command_line(__doc__, megapixels=[0.001, 0.004, 0.01], bands=40, checked=100)
     parser.add_argument("--megapixels", type=float, nargs="+", default=[0.1, 1.0, 10.0])
     parser.add_argument("--bands", type=int, default=200)
     parser.add_argument(

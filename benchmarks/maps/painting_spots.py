@@ -4,7 +4,6 @@ makes of them.
     python -m benchmarks.maps.painting_spots [--side 200] [--bands 60]
 """
 
-import argparse
 import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -12,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from benchmarks.maps.painting import PAINTS, map_painting
-from benchmarks.results import Results, add_option, quantities
+from benchmarks.results import Results, command_line, quantities
 from benchmarks.rivals.known_painting import Painting, painting, write_painting
 from glazefit import open_map
 from glazefit.mapping.spot_files import write_spots
@@ -31,10 +30,7 @@ FOREIGN = {"ViridianGreen": "viridian", "Cochineal": "cochineal", "EmeraldGreen"
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    add_option(parser, side=64, bands=40)
+    parser = command_line(__doc__, side=64, bands=40)
     parser.add_argument("--side", type=int, default=200)
     parser.add_argument("--bands", type=int, default=60)
     options = parser.parse_args()

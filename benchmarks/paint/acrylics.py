@@ -10,7 +10,6 @@ length. Writes `acrylics.csv` of the catalogue, and the table of how closely the
 mixtures agree. Needs the folder golden of measured data.
 """
 
-import argparse
 import csv
 from pathlib import Path
 from typing import NamedTuple
@@ -23,7 +22,7 @@ from jaxtyping import Array, Bool, Float
 
 import glazejax
 from benchmarks.measured import measured_data
-from benchmarks.results import Results, add_option, quantities
+from benchmarks.results import Results, command_line, quantities
 from glazejax import colour, stack_hemispherical_reflectance
 from glazejax.commands.main import start_jax
 from glazejax.paint.pigment_table import read_pigments
@@ -307,10 +306,7 @@ def hiding_thickness(source: Source, paints: Paints, contrast: float) -> float:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    add_option(parser)
+    parser = command_line(__doc__)
     parser.add_argument(
         "--table", type=Path, default=TABLE, help="file of the catalogue (default: %(default)s)"
     )

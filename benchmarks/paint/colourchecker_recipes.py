@@ -6,14 +6,13 @@ paints and coats come, with the time for all 24. Run with ``python -m
 benchmarks.paint.colourchecker_recipes``.
 """
 
-import argparse
 import time
 import warnings
 
 import numpy as np
 
 import glazejax as gj
-from benchmarks.results import Results, add_option, quantities, quantity
+from benchmarks.results import Results, command_line, quantities, quantity
 from glazefit import Recipe, Target, colourchecker_targets, find_recipes
 from glazefit.recipe.plots import recipe_figure
 from glazejax import colour
@@ -26,9 +25,7 @@ LIMITS = ((1, 1), (2, 1), (3, 1), (2, 2), (3, 2))
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    add_option(parser)
-    options = parser.parse_args()
+    options = command_line(__doc__).parse_args()
     if options.quick:
         globals().update(LIMITS=((1, 1), (3, 2)))
     start_jax()

@@ -16,7 +16,6 @@ films of two paints side by side. Milliseconds a step of the ensemble, warm medi
 the backend is memory. Writes a table and a plot.
 """
 
-import argparse
 import statistics
 import time
 from collections.abc import Callable
@@ -27,7 +26,7 @@ import jax
 import numpy as np
 
 from benchmarks.paint.coverage import simulate
-from benchmarks.results import Results, add_option, ends, quantities
+from benchmarks.results import Results, command_line, ends, quantities
 
 NEEDS = ("matplotlib",)
 
@@ -173,11 +172,7 @@ def draw(results: dict[str, dict[int, dict[str, float]]]) -> Any:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    add_option(parser)
-    options = parser.parse_args()
+    options = command_line(__doc__).parse_args()
     if options.quick:
         globals().update(WALKERS=(32,), ROUNDS=2, PATIENCE=0.2)
     jax.config.update("jax_enable_x64", True)

@@ -6,14 +6,13 @@ Simulated films of two paints over a white card, 121 bands, with an instrument's
 all single paints and pairs of the 20 oils.
 """
 
-import argparse
 import time
 from unittest import mock
 
 import numpy as np
 
 from benchmarks.paint.identification import first_set, simulated
-from benchmarks.results import Results, add_option, quantities, quantity
+from benchmarks.results import Results, command_line, quantities, quantity
 from glazefit import Identification, identify
 from glazefit.identify.search import few_bands
 from glazefit.identify.search.options import IdentificationOptions
@@ -26,10 +25,7 @@ BANDS = 121
 
 def main() -> None:
     """Seek the same spectra both ways, and write what differs."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    add_option(parser, spectra=4)
+    parser = command_line(__doc__, spectra=4)
     parser.add_argument("--spectra", type=int, default=180)
     options = parser.parse_args()
     start_jax()

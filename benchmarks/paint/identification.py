@@ -8,7 +8,6 @@ patches are known, the fourth is sought; and the same pigment on another card. T
 nearest spectral angle.
 """
 
-import argparse
 import functools
 import importlib
 import time
@@ -21,7 +20,7 @@ import numpy as np
 
 from benchmarks import device
 from benchmarks.paint.identification_sets import hyppigments, hyppigments_across_cards, kimera, rrt
-from benchmarks.results import Results, add_option, quantities, quantity
+from benchmarks.results import Results, command_line, quantities, quantity
 from glazefit import Identification, Noise, identify
 from glazefit.film.model.response import film_response
 from glazejax import Hemispherical, Pigment, catalogue
@@ -200,10 +199,7 @@ def first_set(found: Identification, row: int) -> tuple[frozenset[int], int]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    add_option(parser)
+    parser = command_line(__doc__)
     device.add_option(parser)
     options = parser.parse_args()
     chosen = device.start(options.device)

@@ -21,7 +21,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from benchmarks.cold_start import ROOT, commit
-from benchmarks.results import Results, add_option, progress, quantity
+from benchmarks.results import Results, command_line, progress, quantity
 
 # Seconds after which a line is given up.
 LIMIT = 120.0
@@ -158,10 +158,7 @@ def record(
 
 def main() -> None:
     """Time each case, and write the table."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    add_option(parser, before=ROOT)
+    parser = command_line(__doc__, before=ROOT)
     parser.add_argument("--before", type=Path, help="another checkout, in turn with this one")
     parser.add_argument("--work", help=argparse.SUPPRESS)
     options = parser.parse_args()

@@ -7,7 +7,6 @@ Spectra are films of mixtures of exemplars, with noise, said to hide their groun
 in a process of its own, with the import of the program and all that is set up and compiled.
 """
 
-import argparse
 import subprocess
 import sys
 import time
@@ -16,7 +15,7 @@ from collections.abc import Callable
 import numpy as np
 from jaxtyping import Float
 
-from benchmarks.results import Results, add_option, progress, quantity
+from benchmarks.results import Results, command_line, progress, quantity
 
 # Spectra that are sought at 61 bands and at 2151 bands, and among the oils' own films.
 COUNT = 1000
@@ -84,11 +83,7 @@ def first_use(name: str) -> float:
 
 def main() -> None:
     """Time each, and write the table."""
-    parser = argparse.ArgumentParser(
-        prog="python -m benchmarks.paint.pigment_speed", description=__doc__
-    )
-    parser.formatter_class = argparse.RawDescriptionHelpFormatter
-    add_option(parser, count=20, fine=2, oils=5)
+    parser = command_line(__doc__, count=20, fine=2, oils=5)
     for name in ("count", "fine", "oils"):
         parser.add_argument(f"--{name}", type=int, default=globals()[name.upper()])
     options = parser.parse_args()

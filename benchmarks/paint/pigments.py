@@ -24,7 +24,7 @@ import glazejax
 from benchmarks.measured import data_folder
 from benchmarks.paintbench.library import grid_readings
 from benchmarks.paintbench.sources import FOREIGN, UNCLEAR, Source, read_sources
-from benchmarks.results import Results, add_option, progress
+from benchmarks.results import Results, command_line, progress
 from glazefit import Films, recover_jointly
 from glazefit.recover.joint import UNIT
 from glazefit.recover.joint_problem import Expectations
@@ -74,11 +74,7 @@ class Exemplar:
 
 def main() -> None:
     """Fit all sources and write the tables."""
-    parser = argparse.ArgumentParser(
-        prog="python -m benchmarks.paint.pigments", description=__doc__
-    )
-    parser.formatter_class = argparse.RawDescriptionHelpFormatter
-    add_option(parser, every=40)
+    parser = command_line(__doc__, every=40)
     parser.add_argument("--every", type=int, default=EVERY, help=argparse.SUPPRESS)
     parser.add_argument("--tables", type=Path, help="folder to write the catalogue's tables to")
     options = parser.parse_args()

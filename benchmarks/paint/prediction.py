@@ -12,7 +12,6 @@ scatter of strength. What one reading of a mixture tells, and what two do, is a 
 what is expected beforehand is varied instead.
 """
 
-import argparse
 import dataclasses
 import time
 from collections.abc import Iterable, Sequence
@@ -24,7 +23,7 @@ from scipy.stats import spearmanr
 from benchmarks.kubelka_munk import KubelkaMunk
 from benchmarks.measured import FEW, measured_films
 from benchmarks.paint.readings_of_mixtures import reading_tables
-from benchmarks.results import Results, add_option, progress, quantities, quantity
+from benchmarks.results import Results, command_line, progress, quantities, quantity
 from glazefit.film.films import Films, Instrument, Noise
 from glazefit.film.model.mixing import MixingLaw
 from glazefit.film.simulate import simulate_films
@@ -252,10 +251,7 @@ def compare(say: Results, films: Films, recipes: Recipes) -> None:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    add_option(parser)
+    parser = command_line(__doc__)
     alone = parser.add_mutually_exclusive_group()
     alone.add_argument("--scan", action="store_true", help="vary what is expected beforehand")
     alone.add_argument("--readings", action="store_true", help="what one reading tells, and two")

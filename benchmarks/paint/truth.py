@@ -10,7 +10,6 @@ a conservator may meet them: noise and a varnish that nobody mentioned, another 
 another instrument. The curve of 'none' is refitted without each family.
 """
 
-import argparse
 import itertools
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
@@ -21,7 +20,7 @@ from scipy.optimize import minimize
 from benchmarks.measured import measured_data
 from benchmarks.paint.identification import UNIT, family
 from benchmarks.paintbench.tasks import area_under_curve
-from benchmarks.results import Quantity, Results, add_option, quantities, quantity
+from benchmarks.results import Quantity, Results, command_line, quantities, quantity
 from benchmarks.rivals.truth_peers import PEERS
 from glazefit import Films, Identification, ModelError, ground_from_air, identify, identify_films
 from glazefit.film.readers import read_films, read_recipes
@@ -399,11 +398,7 @@ def draw(before: list[Answer], after: list[Answer]):
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    add_option(parser)
-    options = parser.parse_args()
+    options = command_line(__doc__).parse_args()
     if options.quick:
         globals().update(EVERY=7)
     start_jax()

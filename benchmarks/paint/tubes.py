@@ -12,7 +12,6 @@ the joint fit of all films but that one. Times are those of this process, and of
 processes of its own.
 """
 
-import argparse
 import os
 import subprocess
 import sys
@@ -25,7 +24,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from benchmarks.measured import FEW, measured_films
-from benchmarks.results import Results, add_option, ends, progress, quantities, quantity
+from benchmarks.results import Results, command_line, ends, progress, quantities, quantity
 from glazefit import Films, Instrument, Noise, recover_films, simulate_films
 from glazefit.film.films import usual_cards
 from glazefit.film.partial_films import recipes_from_names
@@ -367,10 +366,7 @@ def written(films: Films) -> str:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    add_option(parser, paints=2)
+    parser = command_line(__doc__, paints=2)
     parser.add_argument("--paints", type=int, default=100, help="simulated tubes, at most")
     options = parser.parse_args()
     if options.quick:

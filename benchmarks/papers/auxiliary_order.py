@@ -9,12 +9,10 @@ stacks, against the default solver at a tolerance of 1e-10, which rests on other
 altogether. Writes a table and a log-log plot.
 """
 
-import argparse
-
 import jax
 import numpy as np
 
-from benchmarks.results import Results, add_option, quantity
+from benchmarks.results import Results, command_line, quantity
 from glazejax import stack_reflectance_factor
 from glazejax.radiative.auxiliary.uniform import reflectance_factor
 
@@ -47,9 +45,8 @@ def stacks(count: int) -> tuple[np.ndarray, ...]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
+    parser = command_line(__doc__, stacks=4)
     parser.add_argument("--stacks", type=int, default=24, help="how many (default: %(default)s)")
-    add_option(parser, stacks=4)
     options = parser.parse_args()
     jax.config.update("jax_enable_x64", True)
     *given, incidence, viewing = stacks(options.stacks)

@@ -9,7 +9,6 @@ layers by inverse and by series, with all matrices full and with the surface's a
 diagonal. Programs that are compared run in turn.
 """
 
-import argparse
 import functools
 from collections.abc import Callable
 
@@ -43,7 +42,7 @@ from benchmarks.papers.many_flux_paths import (
     lobe_by_paths,
     off,
 )
-from benchmarks.results import Results, add_option, ends, quantities, quantity
+from benchmarks.results import Results, command_line, ends, quantities, quantity
 from benchmarks.timing import interleaved
 
 CELL = int(np.argmin(np.abs(COSINES - np.cos(np.deg2rad(INCIDENCE)))))
@@ -338,11 +337,7 @@ def norm(say: Results) -> None:
 
 def main() -> None:
     """Command line."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    add_option(parser)
-    options = parser.parse_args()
+    options = command_line(__doc__).parse_args()
     if options.quick:
         globals().update(PATHS=10_000, FLAT=(16, 34), ROUNDS=(3, 3, 20))
     jax.config.update("jax_enable_x64", True)

@@ -8,7 +8,6 @@ table of the fixed step. The paints, layers and methods are those of `benchmarks
 programs that are compared run in turn.
 """
 
-import argparse
 import functools
 from collections.abc import Callable
 
@@ -30,7 +29,7 @@ from benchmarks.papers.paper_tables import (
     spectrum,
     work,
 )
-from benchmarks.results import Results, add_option, ends, quantities, quantity
+from benchmarks.results import Results, command_line, ends, quantities, quantity
 from benchmarks.timing import add_options, interleaved
 from glazejax.radiative.auxiliary import assembly, uniform
 from glazejax.radiative.auxiliary.kernel_table import KernelTable
@@ -182,9 +181,8 @@ def many(say: Results, pairs: dict[str, Work], repetitions: int, budget: float) 
 
 def main() -> None:
     """Command line."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
+    parser = command_line(__doc__, repetitions=3, budget=0.1)
     add_options(parser)
-    add_option(parser, repetitions=3, budget=0.1)
     options = parser.parse_args()
     if options.quick:
         globals().update(CHOSEN=CHOSEN[1:])

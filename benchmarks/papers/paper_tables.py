@@ -7,7 +7,6 @@ they differ by how the matrix comes about. Times: warm medians of programs run i
 left out. The paints are of the paper's four pigments, by other hands. Writes a table and a plot.
 """
 
-import argparse
 import functools
 import itertools
 import sys
@@ -18,7 +17,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from benchmarks.results import Results, add_option, ends, quantities, quantity
+from benchmarks.results import Results, command_line, ends, quantities, quantity
 from benchmarks.timing import add_options, interleaved
 from glazejax import catalogue, colour, stack_reflectance_factor
 from glazejax.radiative.auxiliary import assembly, uniform
@@ -526,9 +525,8 @@ def figure(pairs: dict[str, Work], seconds: dict[tuple, float], errors: dict[tup
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
+    parser = command_line(__doc__, repetitions=3, budget=0.1)
     add_options(parser)
-    add_option(parser, repetitions=3, budget=0.1)
     options = parser.parse_args()
     if options.quick:
         globals().update(

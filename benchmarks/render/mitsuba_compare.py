@@ -12,7 +12,6 @@ difference of the means, as shares of the mean of the image, and the first also 
 objects alone.
 """
 
-import argparse
 import time
 from dataclasses import replace
 from typing import NamedTuple
@@ -22,7 +21,7 @@ from jaxtyping import Float
 
 import glazejax as gj
 from benchmarks.render.strokes import brush_strokes
-from benchmarks.results import Results, add_option, quantities
+from benchmarks.results import Results, command_line, quantities
 from glazejax.appearance.metals import metal
 from glazejax.appearance.mitsuba.variants import usable_variant
 from glazejax.appearance.scene.draw.intersect import scene_geometry
@@ -152,10 +151,7 @@ def on_objects(case: Case) -> np.ndarray:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    add_option(parser, samples=16)
+    parser = command_line(__doc__, samples=16)
     parser.add_argument(
         "--samples",
         type=int,

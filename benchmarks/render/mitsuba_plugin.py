@@ -10,7 +10,6 @@ these glazes: its diffuse part has the glaze's colour at 45:0, and what it misse
 way.
 """
 
-import argparse
 import tempfile
 import time
 from collections.abc import Callable
@@ -22,7 +21,7 @@ import numpy as np
 import glazejax as gj
 from benchmarks.render.measured_export import export_glaze
 from benchmarks.render.strokes import brush_strokes
-from benchmarks.results import Results, add_option, ends, quantities, quantity
+from benchmarks.results import Results, command_line, ends, quantities, quantity
 
 NEEDS = ("mitsuba",)
 
@@ -154,10 +153,7 @@ def calls(mi: Any, bsdf: dict[str, Any], count: int) -> list[tuple[Callable[[], 
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    add_option(parser, count=20_000)
+    parser = command_line(__doc__, count=20_000)
     parser.add_argument(
         "--count", type=int, default=1_000_000, help="of a call (default: %(default)s)"
     )

@@ -8,7 +8,6 @@ The truth is the solver at all pairs of angles, in linear RGB. Errors are those 
 45 degrees, and the RMS of the reflectance factor.
 """
 
-import argparse
 import time
 from typing import Any
 
@@ -16,7 +15,7 @@ import jax
 import numpy as np
 
 import glazejax as gj
-from benchmarks.results import Results, add_option, ends, quantities, quantity
+from benchmarks.results import Results, command_line, ends, quantities, quantity
 from glazejax.appearance.exports import angular_colour, fit_openpbr
 from glazejax.appearance.exports.openpbr import LAYERINGS, Layering, reflectance_factor
 from glazejax.appearance.exports.rgb import rgb_of_xyz
@@ -48,9 +47,7 @@ def glaze(coats: str, ground: float, index: float) -> gj.Glaze:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    add_option(parser)
-    options = parser.parse_args()
+    options = command_line(__doc__).parse_args()
     jax.config.update("jax_enable_x64", True)
     results = Results("openpbr_fit", options.out)
     _smooth(results)

@@ -27,7 +27,7 @@ import numpy as np
 
 from benchmarks import device
 from benchmarks.render.strokes import brush_strokes, primed_canvas
-from benchmarks.results import Results, add_option, quantity
+from benchmarks.results import Results, command_line, quantity
 from benchmarks.timing import interleaved
 
 PAINTS = ("UltramarineBlue", "ChromeYellow")
@@ -188,10 +188,7 @@ def picture_report(say: Results, options: argparse.Namespace) -> None:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    add_option(parser)
+    parser = command_line(__doc__)
     device.add_option(parser)
     parser.add_argument("--measure-picture", action="store_true", help=argparse.SUPPRESS)
     options = parser.parse_args()

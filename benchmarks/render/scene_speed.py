@@ -9,7 +9,6 @@ process: first with compilation, then again; the second run is the one that coun
 with 4 x 4 rays for every pixel, to say what the skipping saves and costs.
 """
 
-import argparse
 import resource
 import time
 
@@ -17,7 +16,7 @@ import numpy as np
 
 import glazejax as gj
 from benchmarks.render.strokes import brush_strokes
-from benchmarks.results import Results, add_option, quantity
+from benchmarks.results import Results, command_line, quantity
 from glazejax.appearance.scene.draw.render import render
 from glazejax.appearance.scene.lights import ParallelLight, PointLight, lamp
 from glazejax.appearance.scene.materials import Glazed, Lambert
@@ -60,11 +59,7 @@ def scene(width: int = 640, height: int = 480) -> Scene:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    add_option(parser)
-    options = parser.parse_args()
+    options = command_line(__doc__).parse_args()
     import jax
 
     jax.config.update("jax_enable_x64", True)

@@ -10,7 +10,6 @@ pictures had, and takes the derivative by every texel (integrator prb). The glaz
 of its surface. Prints the error of the map on the way, and draws it.
 """
 
-import argparse
 import time
 from collections.abc import Callable
 from typing import Any, NamedTuple
@@ -20,7 +19,7 @@ from jaxtyping import Float
 
 import glazejax as gj
 from benchmarks.render.strokes import brush_strokes
-from benchmarks.results import Results, add_option, quantities, quantity
+from benchmarks.results import Results, command_line, quantities, quantity
 
 NEEDS = ("mitsuba", "matplotlib")
 
@@ -135,10 +134,7 @@ def recover(
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    add_option(parser, size=12, steps=20)
+    parser = command_line(__doc__, size=12, steps=20)
     parser.add_argument(
         "--size", type=int, default=48, help="texels along a side (default: %(default)s)"
     )

@@ -8,7 +8,6 @@ them first; "transforms" never makes one, but multiplies by its Toeplitz and Han
 fast Fourier transforms.
 """
 
-import argparse
 import functools
 from collections.abc import Callable
 from typing import Any, NamedTuple
@@ -17,7 +16,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from benchmarks.results import Results, add_option, quantity
+from benchmarks.results import Results, command_line, quantity
 from benchmarks.timing import add_options, interleaved
 from glazejax import stack_reflectance_factor
 from glazejax.radiative.auxiliary import uniform
@@ -147,9 +146,8 @@ def record_times(say: Results, key: str, row: Row) -> None:
 
 def main() -> None:
     """Command line."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
+    parser = command_line(__doc__, repetitions=3, budget=0.1)
     add_options(parser)
-    add_option(parser, repetitions=3, budget=0.1)
     options = parser.parse_args()
     if options.quick:
         globals().update(OWN=tuple(QUOTED.values()), FIXED=FIXED[:1], GRADIENT=GRADIENT[-1:])

@@ -9,14 +9,13 @@ there directions are discrete and depth is exact. Prints for each row of
 over random stacks, by refractive index and by the thickest layer.
 """
 
-import argparse
 import functools
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
-from benchmarks.results import Results, add_option
+from benchmarks.results import Results, command_line
 from benchmarks.solver.calibrate_directions import known, random_stacks
 from glazejax.radiative.auxiliary import graded as auxiliary_graded
 from glazejax.radiative.auxiliary.panels import Mesh
@@ -55,14 +54,13 @@ def auxiliary(stacks: Stack, index, mesh: Mesh, fixed: float | None):
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
+    parser = command_line(__doc__, stacks=50, tolerances=[1e-4], thickest=[2.0], indices=[1.0, 1.5])
     parser.add_argument(
         "--stacks", type=int, default=1000, help="for each thickness; a multiple of 50"
     )
     parser.add_argument("--tolerances", type=float, nargs="*", help="of all rows if not given")
     parser.add_argument("--thickest", type=float, nargs="*", default=THICKEST)
     parser.add_argument("--indices", type=float, nargs="*", default=INDICES)
-    add_option(parser, stacks=50, tolerances=[1e-4], thickest=[2.0], indices=[1.0, 1.5])
     given = parser.parse_args()
     jax.config.update("jax_enable_x64", True)
     say = Results("calibrate_auxiliary", given.out)

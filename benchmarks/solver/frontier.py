@@ -11,7 +11,6 @@ gradients and single precision among them, get a second column, 'ms GPU'; errors
 processor's values.
 """
 
-import argparse
 import os
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any, NamedTuple
@@ -21,7 +20,7 @@ import numpy as np
 
 from benchmarks import device
 from benchmarks.peers import Work, installed, ours, sasktran, two_layers, without_blas_threads
-from benchmarks.results import Results, add_option, ends, quantities, quantity
+from benchmarks.results import Results, command_line, ends, quantities, quantity
 from benchmarks.solver.frontier_curves import (
     CDISORT,
     CONVENTIONAL,
@@ -301,10 +300,7 @@ def confirm(rows: Sequence[Row], peers: Iterable[Curve], work: Work, say: Result
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    add_option(parser)
+    parser = command_line(__doc__)
     device.add_option(parser)
     options = parser.parse_args()
     jax.config.update("jax_enable_x64", True)

@@ -10,7 +10,6 @@ largest at 4096 points of their own, against the solver in the same run. Times a
 several runs in turn; a core's time is that of all threads together.
 """
 
-import argparse
 import functools
 import time
 from collections.abc import Callable
@@ -20,7 +19,7 @@ import jax.numpy as jnp
 import numpy as np
 
 import glazejax as gj
-from benchmarks.results import Results, add_option
+from benchmarks.results import Results, command_line
 from glazejax import colour
 
 GRID = np.arange(400.0, 701.0, 10.0)
@@ -97,10 +96,7 @@ def errors(table, names: tuple[str, ...], direct: Callable) -> tuple[float, floa
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    add_option(parser, pixels=2**14)
+    parser = command_line(__doc__, pixels=2**14)
     parser.add_argument(
         "--pixels", type=int, default=2**21, help="pixels of a timed run (default: %(default)s)"
     )

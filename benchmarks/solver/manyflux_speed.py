@@ -9,7 +9,6 @@ alone and interpolates between its directions of viewing; this program solves ea
 every angle exact. What is printed last is its time with the surface.
 """
 
-import argparse
 import time
 import warnings
 from collections.abc import Callable
@@ -18,7 +17,7 @@ from typing import Any, NamedTuple
 import jax
 import numpy as np
 
-from benchmarks.results import Results, add_option, quantity
+from benchmarks.results import Results, command_line, quantity
 
 NEEDS = ("PythonicDISORT",)
 
@@ -137,11 +136,7 @@ def seconds_at(points: list[Point], error: float) -> float:
 
 def main() -> None:
     """Command line."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    add_option(parser)
-    options = parser.parse_args()
+    options = command_line(__doc__).parse_args()
     if options.quick:
         globals().update(TOLERANCES=TOLERANCES[:2], STREAMS=STREAMS[:2], FINE=1e-4)
     jax.config.update("jax_enable_x64", True)

@@ -12,7 +12,6 @@ against a tolerance of 1e-8 in double precision. Then, one after the other,
 goes on. `--quick` tries the command itself: every size a hundredth, and the goals only.
 """
 
-import argparse
 import functools
 import os
 import subprocess
@@ -27,7 +26,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from benchmarks import device
-from benchmarks.results import Results, add_option
+from benchmarks.results import Results, command_line
 
 NEEDS = ("gpu",)
 
@@ -114,10 +113,7 @@ def goals(say: Results, small: bool) -> None:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    add_option(parser, only_goals=True)
+    parser = command_line(__doc__, only_goals=True)
     device.add_option(parser)
     parser.set_defaults(device="gpu")
     parser.add_argument("--only-goals", action="store_true", help="no tables and no tests")

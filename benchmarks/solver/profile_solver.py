@@ -10,7 +10,6 @@ glaze takes, in turn with its program alone: as JAX comes, and where JAX may not
 another thread (`jax_cpu_enable_async_dispatch`).
 """
 
-import argparse
 import json
 import os
 import re
@@ -26,7 +25,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from benchmarks.peers import ours, two_layers
-from benchmarks.results import Results, add_option, quantity
+from benchmarks.results import Results, command_line, quantity
 from benchmarks.timing import interleaved
 from glazejax.radiative.ordinates.resolution import resolve_known
 
@@ -144,11 +143,7 @@ def calls() -> list[tuple[str, float, float]]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    add_option(parser)
-    options = parser.parse_args()
+    options = command_line(__doc__).parse_args()
     if options.quick:
         globals().update(REPETITIONS=5, COPIES=(1,))
     jax.config.update("jax_enable_x64", True)

@@ -12,7 +12,6 @@ tricks: what they take for the same error of one number follows from their stand
     python -m benchmarks.solver.rough_surface [--stacks 60] [--out FOLDER]
 """
 
-import argparse
 import functools
 import os
 import time
@@ -92,14 +91,13 @@ def seconds(function: Callable, *arguments: object) -> float:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser = results.command_line(__doc__, stacks=8, surfaces=1)
     parser.add_argument(
         "--stacks", type=int, default=60, help="random stacks (default: %(default)s)"
     )
     parser.add_argument(
         "--surfaces", type=int, default=len(SURFACES), help="so many of them (default: all)"
     )
-    results.add_option(parser, stacks=8, surfaces=1)
     options = parser.parse_args()
     if options.quick:
         globals().update(TOLERANCES=TOLERANCES[:2])

@@ -29,7 +29,7 @@ import numpy as np
 
 from benchmarks import device
 from benchmarks.peers import Work, cdisort, installed, two_layers
-from benchmarks.results import Results, add_option, quantity
+from benchmarks.results import Results, command_line, quantity
 from benchmarks.timing import interleaved
 
 NEEDS = ("matplotlib",)
@@ -291,10 +291,7 @@ def draw(results: dict[str, dict[str, list[dict[str, Any]]]]) -> Any:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    add_option(parser)
+    parser = command_line(__doc__)
     device.add_option(parser)
     parser.add_argument("--measure", help=argparse.SUPPRESS)
     parser.add_argument("--platform", default="cpu", help=argparse.SUPPRESS)

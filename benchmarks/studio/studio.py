@@ -12,7 +12,6 @@ by WebGL2, where the processor plays the graphics card. A time of the canvas end
 can be read.
 """
 
-import argparse
 import json
 import os
 import shutil
@@ -27,7 +26,7 @@ from urllib.parse import quote
 
 import numpy as np
 
-from benchmarks.results import Results, add_option, quantity
+from benchmarks.results import Results, command_line, quantity
 from glazejax.studio.one_file import one_file
 
 NEEDS = ("selenium", "program/chromium", "program/chromedriver")
@@ -213,11 +212,7 @@ def row(out: Results, name: str, values: np.ndarray) -> np.ndarray:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    add_option(parser)
-    options = parser.parse_args()
+    options = command_line(__doc__).parse_args()
     if options.quick:
         globals().update(EVENTS=10)
     out = Results("studio", options.out)
