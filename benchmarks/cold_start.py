@@ -209,12 +209,10 @@ def commit(checkout: Path) -> str:
 
 
 def main() -> None:
-    parser = command_line(__doc__, repetitions=1, only=list(QUOTED))
+    quick = {"only": list(QUOTED)}
+    parser = command_line(__doc__, quick, repetitions=(3, 1, "runs with a full cache"))
     parser.add_argument(
         "--only", nargs="+", help="commands of these names, whose file is not written"
-    )
-    parser.add_argument(
-        "--repetitions", type=int, default=3, help="runs with a full cache (default: %(default)s)"
     )
     parser.add_argument(
         "--before", type=Path, help="another checkout, whose commands are run in turn with these"

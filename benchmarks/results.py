@@ -113,22 +113,32 @@ def described(text: str | None) -> argparse.ArgumentParser:
     )
 
 
-def command_line(text: str | None, **quick: Any) -> argparse.ArgumentParser:
+def command_line(
+    text: str | None, quick: dict[str, Any] | None = None, **sizes: tuple[Any, Any, str]
+) -> argparse.ArgumentParser:
     """The options of a benchmark: `--out FOLDER`, by default the repository's benchmarks/results,
-    and `--quick`.
+    `--quick`, and numbers that say how large it is.
 
     Args:
         text: the docstring of the benchmark.
-        quick: what other options are with `--quick`, unless they are given: `stacks=50`.
+        quick: what options that are added later are with `--quick`, unless they are given.
+        sizes: of each number its usual value, that with `--quick`, and what it is:
+            `stacks=(1000, 50, "random stacks")`.
     """
     parser = described(text)
+    small = dict(quick or {})
+    for name, (usual, few, words) in sizes.items():
+        small[name] = few
+        parser.add_argument(
+            f"--{name}", type=type(usual), default=usual, help=f"{words} (default: %(default)s)"
+        )
     parser.add_argument(
         "--out", type=Path, default=FOLDER, help="folder for the results (default: %(default)s)"
     )
     parser.add_argument(
         "--quick",
         action=_Quick,
-        small=quick,
+        small=small,
         help=(
             f"try it at small size: another folder ({QUICK_FOLDER}), and numbers that are worth "
             "nothing"

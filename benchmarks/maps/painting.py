@@ -35,6 +35,7 @@ from benchmarks.rivals.painting_rivals import (
     sampled,
     table,
 )
+from benchmarks.timing import timed
 
 NEEDS = ("zarr",)
 
@@ -46,12 +47,13 @@ PAINTS = "paints.csv"
 
 
 def main() -> None:
-    parser = command_line(__doc__, megapixels=[0.001, 0.004, 0.01], bands=40, checked=100)
-    parser.add_argument("--megapixels", type=float, nargs="+", default=[0.1, 1.0, 10.0])
-    parser.add_argument("--bands", type=int, default=200)
-    parser.add_argument(
-        "--checked", type=int, default=2000, help="pixels that are searched in full"
+    parser = command_line(
+        __doc__,
+        {"megapixels": [0.001, 0.004, 0.01]},
+        bands=(200, 40, "of an image"),
+        checked=(2000, 100, "pixels that are searched in full"),
     )
+    parser.add_argument("--megapixels", type=float, nargs="+", default=[0.1, 1.0, 10.0])
     parser.add_argument(
         "--mosaic", action="store_true", help="measured films in place of computed spectra"
     )
@@ -349,9 +351,7 @@ def _at_image_bands(scene, paints) -> float:
     searcher = Searcher.of(grid, paints, IdentificationOptions(noise=Noise(0.003, 0.0)))
     measured = searcher.measure(readings, scene.ground[::2])
     list(searcher.search(measured))
-    start = time.perf_counter()
-    list(searcher.search(measured))
-    return (time.perf_counter() - start) / len(readings)
+    return timed(lambda: list(searcher.search(measured)))[1] / len(readings)
 
 
 def _readings(image, places: np.ndarray) -> np.ndarray:

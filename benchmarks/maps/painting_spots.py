@@ -30,10 +30,9 @@ FOREIGN = {"ViridianGreen": "viridian", "Cochineal": "cochineal", "EmeraldGreen"
 
 
 def main() -> None:
-    parser = command_line(__doc__, side=64, bands=40)
-    parser.add_argument("--side", type=int, default=200)
-    parser.add_argument("--bands", type=int, default=60)
-    options = parser.parse_args()
+    options = command_line(
+        __doc__, side=(200, 64, "pixels"), bands=(60, 40, "of the image")
+    ).parse_args()
     results = Results("painting_spots", options.out, "zarr")
     scene = painting((options.side, options.side), options.bands, _SEED)
     paints = [paint for name, paint in catalogue.load().items() if name not in FOREIGN]

@@ -206,10 +206,9 @@ def draw(found: dict[str, dict[str, np.ndarray]]) -> Any:
 
 
 def main() -> None:
-    parser = command_line(__doc__, draws=4)
-    parser.add_argument("--draws", type=int, default=500, help="truths of each kind")
+    draws, seed = (500, 4, "truths of each kind"), (0, 0, "of the draw")
+    parser = command_line(__doc__, draws=draws, seed=seed)
     parser.add_argument("--kinds", nargs="+", choices=KINDS, default=list(KINDS))
-    parser.add_argument("--seed", type=int, default=0)
     options = parser.parse_args()
     jax.config.update("jax_enable_x64", True)
     from glazefit.posterior.sampling import Sampling

@@ -282,10 +282,9 @@ def draw(found: dict[str, dict[str, Ranks]]) -> Any:
 
 
 def main() -> None:
-    parser = command_line(__doc__, films=8)
-    parser.add_argument("--films", type=int, default=500)
-    parser.add_argument("--seed", type=int, default=0)
-    options = parser.parse_args()
+    options = command_line(
+        __doc__, films=(500, 8, "simulated films"), seed=(0, 0, "of the draw")
+    ).parse_args()
     if options.quick:
         globals().update(STEPS=200, BAND_STEPS=200)
     jax.config.update("jax_enable_x64", True)

@@ -25,9 +25,7 @@ BANDS = 121
 
 def main() -> None:
     """Seek the same spectra both ways, and write what differs."""
-    parser = command_line(__doc__, spectra=4)
-    parser.add_argument("--spectra", type=int, default=180)
-    options = parser.parse_args()
+    options = command_line(__doc__, spectra=(180, 4, "simulated films")).parse_args()
     start_jax()
     say = Results("few_bands", options.out)
     paints = list(catalogue.load().values())

@@ -1,6 +1,4 @@
-"""Identification of other people's paints: Kimera masstones, the RRT panel, and HypPigments across
-shades.
-"""
+"""HypPigments across shades and cards."""
 
 import csv
 
@@ -8,104 +6,16 @@ import numpy as np
 
 from benchmarks.measured import measured_data
 from benchmarks.paint.shades import ShadeLibrary
+from benchmarks.paintbench.spectra import cosine_distance
 from benchmarks.results import Results, quantity
-from glazefit import Noise, identify
-from glazejax import catalogue
 from glazejax.io import read_spectra
 
-# What the catalogue has of the same pigment; the others have no counterpart in it.
-RRT_TRUTH = {
-    "Carmine": "Cochineal",
-    "Vermilion": "Vermillion",
-    "LeadWhite": "LeadWhite",
-    "IvoryBlack": "BoneBlack",
-}
-RRT_PAINTS = ("BurntUmber", "Carmine", "Vermilion", "Malachite", "Azurite")
-RRT_COLUMNS = (
-    *(f"{paint} {coat}" for paint in RRT_PAINTS for coat in ("thin", "thick")),
-    "LeadWhite",
-    "IvoryBlack",
-    "Gypsum",
-)
 # What is recorded of HypPigments: name and digits.
 SHADES = {
     ("as measured", "offset and strength free"): ("shades", 1),
     ("as measured", "nearest spectral angle"): ("shades_angle", 0),
     ("smoothed to 60 nm", "offset and strength free"): ("shades_smoothed", 0),
 }
-
-
-def kimera(results: Results) -> None:
-    """Masstones of acrylics, opaque: the catalogue has none of them for certain."""
-    table = read_spectra(measured_data("kimera") / "masstone.json")
-    grid = np.arange(410.0, 681.0, 10.0)
-    found = _opaque(grid, _smoothed(table.wavelengths, table.reflectance, grid))
-    results(
-        "Kimera masstones (45:0 assumed, opaque; no pigment is stated, so nothing here is right "
-        "or wrong)"
-    )
-    for row, name in enumerate(table.names):
-        if row % 3 == 0:
-            results(f"  {name:<22} {_line(found, row)}")
-
-
-def rrt(results: Results) -> None:
-    """Panel of tempera paints over gypsum: four pigments that the catalogue has, three that it has
-    not.
-    """
-    rows = np.loadtxt(measured_data("rrt") / "pigment_panel_reference.csv")
-    grid = np.arange(400.0, 701.0, 10.0)
-    spectra = _smoothed(rows[:, 0], rows[:, 1:].T, grid)
-    chosen = [i for i, name in enumerate(RRT_COLUMNS[:-1]) if not name.endswith("thin")]
-    found = _opaque(grid, spectra[chosen])
-    results("RRT panel, thick paints (45:0 and opaque assumed)")
-    right: list[float] = []
-    for row, column in enumerate(chosen):
-        paint = RRT_COLUMNS[column].split()[0]
-        truth = RRT_TRUTH.get(paint)
-        if truth is not None:
-            ranks = [
-                rank
-                for rank, candidate in enumerate(found.ranked(row))
-                if truth in candidate.paints
-            ]
-            right.append(min(ranks, default=np.inf))
-        results(
-            f"  {RRT_COLUMNS[column]:<22} {_line(found, row)}"
-            + ("" if truth else "   [not in the catalogue]")
-        )
-    first, three = (sum(rank < count for rank in right) for count in (1, 3))
-    results(
-        f"  the pigment, where the catalogue has it, is in the first explanation: {first} of "
-        f"{len(right)}; "
-        f"in one of the first three: {three}"
-    )
-
-
-def _line(found, row: int) -> str:
-    first = found.ranked(row)[0]
-    start = "" if found.explained[row] else "nothing; first "
-    return f"{start}{first.words} (P {first.probability:.2f}, RMSE {first.rmse:.3f})"
-
-
-def _smoothed(wavelengths: np.ndarray, values: np.ndarray, grid: np.ndarray) -> np.ndarray:
-    """Means over 10 nm, which a fine noisy spectrum needs before it is thinned out."""
-    windows = np.abs(wavelengths - grid[:, None]) <= 5.0
-    return np.clip((values @ windows.T) / windows.sum(axis=1), 0.0, 1.0)
-
-
-def _opaque(grid: np.ndarray, spectra: np.ndarray):
-    paints = list(catalogue.load().values())
-    noise = Noise(0.003, 0.01)  # other instruments
-    return identify(
-        grid,
-        spectra,
-        paints,
-        opaque=True,
-        instrument="45:0",
-        noise=noise,
-        max_paints=2,
-    )
 
 
 def hyppigments(results: Results) -> None:
@@ -189,9 +99,8 @@ def hyppigments_across_cards(results: Results) -> None:
 
 def _cosine(one: np.ndarray, other: np.ndarray) -> np.ndarray:
     """Largest cosine between spectra and any shade of the patches, (spectra, patches)."""
-    unit = one / np.linalg.norm(one, axis=-1, keepdims=True)
-    known = other / np.linalg.norm(other, axis=-1, keepdims=True)
-    return np.max(np.einsum("nb,psb->nps", unit, known), axis=-1)
+    shades = np.moveaxis(other, 1, 0)
+    return 1.0 - np.min([cosine_distance(one, shade, least=1) for shade in shades], axis=0)
 
 
 def _blurred(spectra: np.ndarray, bands: float) -> np.ndarray:
@@ -205,8 +114,7 @@ def _rates(
 ) -> tuple[float, ...]:
     """Share right by spectral angle, by the library, and by the library within the card."""
     others = [shade for shade in range(values.shape[1]) if shade != held]
-    unit = values / np.linalg.norm(values, axis=-1, keepdims=True)
-    cosine = np.max([unit[:, held] @ unit[:, shade].T for shade in others], axis=0)
+    cosine = _cosine(values[:, held], values[:, others])
     match = ShadeLibrary(names, grid, values[:, others]).match(values[:, held])
     own = np.arange(len(names))
     near = np.where(card[:, None] == card, match.probability, -1.0)

@@ -158,7 +158,7 @@ def record(
 
 def main() -> None:
     """Time each case, and write the table."""
-    parser = command_line(__doc__, before=ROOT)
+    parser = command_line(__doc__, {"before": ROOT})
     parser.add_argument("--before", type=Path, help="another checkout, in turn with this one")
     parser.add_argument("--work", help=argparse.SUPPRESS)
     options = parser.parse_args()

@@ -74,10 +74,9 @@ class Method(NamedTuple):
 
 def main() -> None:
     """Write the tables."""
-    parser = command_line(__doc__, paints=4, every=130)
-    parser.add_argument("--paints", type=int, default=40, help="simulated (default: %(default)s)")
-    parser.add_argument("--every", type=int, default=14, help="patch of the chart is taken")
-    options = parser.parse_args()
+    options = command_line(
+        __doc__, paints=(40, 4, "simulated"), every=(14, 130, "patch of the chart is taken")
+    ).parse_args()
     start_jax()
     results = Results("ladders", options.out)
     optics, formula = film_response(INSTRUMENT), KubelkaMunk(INSTRUMENT)

@@ -316,13 +316,12 @@ def by_name(found: dict[str, Found]) -> dict[str, list[Found]]:
 
 
 def main() -> None:
-    parser = command_line(__doc__, stacks=2, unknown=1)
-    parser.add_argument("--stacks", type=int, default=40, help="of known paints")
-    parser.add_argument(
-        "--unknown", type=int, default=8, help="of an unknown paint, of each of three kinds"
-    )
-    parser.add_argument("--seed", type=int, default=0)
-    options = parser.parse_args()
+    options = command_line(
+        __doc__,
+        stacks=(40, 2, "of known paints"),
+        unknown=(8, 1, "of an unknown paint, of each of three kinds"),
+        seed=(0, 0, "of the draw"),
+    ).parse_args()
     if options.quick:
         globals().update(STEPS=100, UNKNOWN_STEPS=100)
     jax.config.update("jax_enable_x64", True)

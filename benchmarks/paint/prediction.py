@@ -13,7 +13,6 @@ what is expected beforehand is varied instead.
 """
 
 import dataclasses
-import time
 from collections.abc import Iterable, Sequence
 from typing import Any
 
@@ -24,6 +23,7 @@ from benchmarks.kubelka_munk import KubelkaMunk
 from benchmarks.measured import FEW, measured_films
 from benchmarks.paint.readings_of_mixtures import reading_tables
 from benchmarks.results import Results, command_line, progress, quantities, quantity
+from benchmarks.timing import timed
 from glazefit.film.films import Films, Instrument, Noise
 from glazefit.film.model.mixing import MixingLaw
 from glazefit.film.simulate import simulate_films
@@ -79,13 +79,10 @@ def leave_out(
     films: Films, recipes: Recipes, name: str, again: bool = True, **given: Any
 ) -> Scores:
     """Fit all films, twice for the time if asked, and leave out every mixture in turn."""
-    began = time.perf_counter()
-    whole = recover_jointly(films, recipes, **given)
-    seconds, warm = time.perf_counter() - began, float("nan")
+    whole, seconds = timed(lambda: recover_jointly(films, recipes, **given))
+    warm = float("nan")
     if again:
-        began = time.perf_counter()
-        recover_jointly(films, recipes, **given)
-        warm = time.perf_counter() - began
+        _, warm = timed(lambda: recover_jointly(films, recipes, **given))
 
     def tell(done: int, total: int | None, words: str) -> None:
         progress(f"{name}: {words}")

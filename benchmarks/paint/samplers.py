@@ -177,10 +177,9 @@ def measured_aies(posed: Posed, steps: int, seed: int) -> Measured:
 
 
 def main() -> None:
-    parser = command_line(__doc__, films=1)
-    parser.add_argument("--films", type=int, default=6, help="of each problem")
-    parser.add_argument("--seed", type=int, default=0)
-    options = parser.parse_args()
+    options = command_line(
+        __doc__, films=(6, 1, "of each problem"), seed=(0, 0, "of the draw")
+    ).parse_args()
     if options.quick:
         SETTINGS["emcee"]["steps"] = 50
         SETTINGS["hmc"]["steps"] = 10

@@ -16,7 +16,6 @@ import os
 import subprocess
 import sys
 import tempfile
-import time
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -25,6 +24,7 @@ import numpy as np
 
 from benchmarks.measured import FEW, measured_films
 from benchmarks.results import Results, command_line, ends, progress, quantities, quantity
+from benchmarks.timing import timed
 from glazefit import Films, Instrument, Noise, recover_films, simulate_films
 from glazefit.film.films import usual_cards
 from glazefit.film.partial_films import recipes_from_names
@@ -35,6 +35,7 @@ from glazefit.recover.crossvalidation import cross_validate
 from glazefit.recover.entries import PaintFile, entries
 from glazefit.recover.experimental_design import rank_next_films
 from glazefit.recover.joint import UNIT, recover_jointly
+from glazefit.recover.joint_result import JointRecovery
 from glazefit.recover.prediction import predict_films
 from glazejax import Pigment, catalogue
 from glazejax.commands.main import start_jax
@@ -180,15 +181,10 @@ def simulated(say: Results, count: int) -> None:
         seconds = []
         for seed, paint in enumerate(paints):
             made = tube(paint, white, case, seed)
-            began = time.perf_counter()
-            found = recover_jointly(
-                made.films.take([0, 1]),
-                made.recipes,
-                instrument=instrument,
-                pigments={WHITE: white},
+            (found, entry), taken = timed(
+                lambda m=made, i=instrument: recovered(m, {WHITE: white}, i)
             )
-            entry = entries(found, PaintFile(Path("mine.csv"), {}))[0].pigment
-            seconds.append(time.perf_counter() - began)
+            seconds.append(taken)
             held.append(within(entry, made.truth))
             (third,) = predict_films(found, made.films.take([2]), made.recipes, noise=NOISE)
             measured = np.stack([made.films.over_black[2], made.films.over_white[2]])
@@ -208,6 +204,15 @@ def simulated(say: Results, count: int) -> None:
         if not case.cards:
             say.record(**quantities({"one_card_k": 100 * k, "one_card_s": 100 * s}, "%", 0))
     say.record(**quantities(ends("held", known), "%", 0))
+
+
+def recovered(
+    made: Tube, known: dict[str, Pigment], instrument: Instrument | None = None
+) -> tuple[JointRecovery, Pigment]:
+    """The fit of a tube's masstone and tint, and the entry of its paint."""
+    films = made.films.take([0, 1])
+    found = recover_jointly(films, made.recipes, instrument=instrument, pigments=known)
+    return found, entries(found, PaintFile(Path("mine.csv"), {}))[0].pigment
 
 
 def within(entry: Pigment, truth: np.ndarray) -> np.ndarray:
@@ -304,14 +309,9 @@ def seconds(say: Results) -> None:
     """Time of an entry with its errors: in this process, and the command, first and again."""
     made = tube(catalogue.pigment("CobaltBlue"), catalogue.pigment(WHITE), CASES[0], 1)
     films, known = made.films.take([0, 1]), {WHITE: catalogue.pigment(WHITE)}
-    began = time.perf_counter()
-    found = recover_jointly(films, made.recipes, pigments=known)
-    entries(found, PaintFile(Path("mine.csv"), {}))
-    fit = time.perf_counter() - began
+    (found, _), fit = timed(lambda: recovered(made, known))
     rank_next_films(found, "CobaltBlue", pigments=known)
-    began = time.perf_counter()
-    taught = rank_next_films(found, "CobaltBlue", pigments=known)
-    after = time.perf_counter() - began
+    taught, after = timed(lambda: rank_next_films(found, "CobaltBlue", pigments=known))
     best = taught.films[0]
     say(
         f"\nAn entry with its error modes, in a running process: {fit:.2f} s; what to measure "
@@ -335,14 +335,10 @@ def seconds(say: Results) -> None:
             "--overwrite",
         ]
         for title in ("first, all to be compiled", "again", "again")[:RUNS]:
-            began = time.perf_counter()
-            subprocess.run(
-                words,
-                check=True,
-                capture_output=True,
-                env={**os.environ, "GLAZEJAX_CACHE": f"{folder}/cache"},
+            environment = {**os.environ, "GLAZEJAX_CACHE": f"{folder}/cache"}
+            _, took = timed(
+                lambda e=environment: subprocess.run(words, check=True, capture_output=True, env=e)
             )
-            took = time.perf_counter() - began
             say(
                 f"The command glazejax recover blue.csv --white {WHITE} --into mine.csv, "
                 f"{title}: {took:.1f} s"
@@ -366,9 +362,8 @@ def written(films: Films) -> str:
 
 
 def main() -> None:
-    parser = command_line(__doc__, paints=2)
-    parser.add_argument("--paints", type=int, default=100, help="simulated tubes, at most")
-    options = parser.parse_args()
+    paints = (100, 2, "simulated tubes, at most")
+    options = command_line(__doc__, paints=paints).parse_args()
     if options.quick:
         globals().update(
             SEEDS=1,

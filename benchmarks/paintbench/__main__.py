@@ -74,7 +74,7 @@ _RECORDED_OF_COATS = {
 
 def main() -> None:
     """Run the bench."""
-    parser = command_line(__doc__, every=23, pairs=2)
+    parser = command_line(__doc__, {"every": 23, "pairs": 2})
     parser.add_argument(
         "--data", type=Path, help="folder of measured data (default: GLAZEJAX_DATA or ../shared)"
     )

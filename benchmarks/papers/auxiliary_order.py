@@ -45,9 +45,7 @@ def stacks(count: int) -> tuple[np.ndarray, ...]:
 
 
 def main() -> None:
-    parser = command_line(__doc__, stacks=4)
-    parser.add_argument("--stacks", type=int, default=24, help="how many (default: %(default)s)")
-    options = parser.parse_args()
+    options = command_line(__doc__, stacks=(24, 4, "how many")).parse_args()
     jax.config.update("jax_enable_x64", True)
     *given, incidence, viewing = stacks(options.stacks)
     angles = {"cos_incidence": incidence, "cos_viewing": viewing}

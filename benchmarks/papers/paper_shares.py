@@ -30,7 +30,7 @@ from benchmarks.papers.paper_tables import (
     work,
 )
 from benchmarks.results import Results, command_line, ends, quantities, quantity
-from benchmarks.timing import add_options, interleaved
+from benchmarks.timing import REPEATED, interleaved
 from glazejax.radiative.auxiliary import assembly, uniform
 from glazejax.radiative.auxiliary.kernel_table import KernelTable
 from glazejax.radiative.auxiliary.uniform_solver import GridSettings
@@ -181,9 +181,7 @@ def many(say: Results, pairs: dict[str, Work], repetitions: int, budget: float) 
 
 def main() -> None:
     """Command line."""
-    parser = command_line(__doc__, repetitions=3, budget=0.1)
-    add_options(parser)
-    options = parser.parse_args()
+    options = command_line(__doc__, None, **REPEATED).parse_args()
     if options.quick:
         globals().update(CHOSEN=CHOSEN[1:])
     jax.config.update("jax_enable_x64", True)

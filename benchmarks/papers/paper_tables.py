@@ -18,7 +18,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from benchmarks.results import Results, command_line, ends, quantities, quantity
-from benchmarks.timing import add_options, interleaved
+from benchmarks.timing import REPEATED, interleaved
 from glazejax import catalogue, colour, stack_reflectance_factor
 from glazejax.radiative.auxiliary import assembly, uniform
 from glazejax.radiative.auxiliary.kernel_table import KernelTable
@@ -525,9 +525,7 @@ def figure(pairs: dict[str, Work], seconds: dict[tuple, float], errors: dict[tup
 
 
 def main() -> None:
-    parser = command_line(__doc__, repetitions=3, budget=0.1)
-    add_options(parser)
-    options = parser.parse_args()
+    options = command_line(__doc__, None, **REPEATED).parse_args()
     if options.quick:
         globals().update(
             SIZES=SIZES[:1], PAPER_DIRECT=PAPER_DIRECT[:1], PAPER_DECOMPOSED=PAPER_DECOMPOSED[:1]

@@ -63,7 +63,7 @@ def evaluate(stack: LayeredStack, tallies: dict[str, Tally], fine: dict[str, flo
 
 def main() -> None:
     """See the module."""
-    parser = command_line(__doc__, paths_minutes=0.05)
+    parser = command_line(__doc__, {"paths_minutes": 0.05})
     parser.add_argument(
         "--paths-minutes", type=float, default=0.0, help="follow paths for so long first"
     )

@@ -8,7 +8,6 @@ The truth is the solver at all pairs of angles, in linear RGB. Errors are those 
 45 degrees, and the RMS of the reflectance factor.
 """
 
-import time
 from typing import Any
 
 import jax
@@ -16,6 +15,7 @@ import numpy as np
 
 import glazejax as gj
 from benchmarks.results import Results, command_line, ends, quantities, quantity
+from benchmarks.timing import timed
 from glazejax.appearance.exports import angular_colour, fit_openpbr
 from glazejax.appearance.exports.openpbr import LAYERINGS, Layering, reflectance_factor
 from glazejax.appearance.exports.rgb import rgb_of_xyz
@@ -63,9 +63,9 @@ def _smooth(out: Results) -> None:
         truth = angular_colour(glaze(*stack), space="acescg")
         rows[name] = {}
         for layering in LAYERINGS:
-            began = time.perf_counter()
-            rows[name][layering] = fit_openpbr(truth, layering=layering)
-            seconds.append(time.perf_counter() - began)
+            fit, taken = timed(lambda t=truth, how=layering: fit_openpbr(t, layering=how))
+            rows[name][layering] = fit
+            seconds.append(taken)
     out("OpenPBR against the solver, smooth surface, ACEScg, D65")
     out(
         "naive: base_color as seen straight on, index as it is; fit: least squares over all "

@@ -18,7 +18,6 @@ import json
 import resource
 import subprocess
 import sys
-import time
 from collections.abc import Callable
 from typing import Any
 
@@ -28,7 +27,7 @@ import numpy as np
 from benchmarks import device
 from benchmarks.render.strokes import brush_strokes, primed_canvas
 from benchmarks.results import Results, command_line, quantity
-from benchmarks.timing import interleaved
+from benchmarks.timing import interleaved, timed
 
 PAINTS = ("UltramarineBlue", "ChromeYellow")
 GROUND = 0.85
@@ -129,11 +128,7 @@ def measure_picture() -> dict[str, float]:
 
     paints = [gj.catalogue.load()[name] for name in PAINTS]
     thickness = [brush_strokes(PICTURE_SIZE), primed_canvas(PICTURE_SIZE)]
-    seconds = []
-    for _ in range(4):
-        start = time.perf_counter()
-        jax.block_until_ready(gj.picture(paints, thickness, GROUND).srgb)
-        seconds.append(time.perf_counter() - start)
+    seconds = [timed(lambda: gj.picture(paints, thickness, GROUND).srgb)[1] for _ in range(4)]
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
     return {"first": seconds[0], "later": float(np.median(seconds[1:])), "peak": peak}
 
@@ -152,9 +147,8 @@ def picture_report(say: Results, options: argparse.Namespace) -> None:
     chosen = np.random.default_rng(0).choice(PICTURE_SIZE**2, CHECKED_PIXELS, replace=False)
     pixels = [m.reshape(1, -1)[:, chosen] for m in thickness]
     gj.picture(paints, pixels, GROUND, full=True)
-    start = time.perf_counter()
-    full = gj.picture(paints, pixels, GROUND, full=True)
-    seconds = (time.perf_counter() - start) * PICTURE_SIZE**2 / CHECKED_PIXELS
+    full, taken = timed(lambda: gj.picture(paints, pixels, GROUND, full=True))
+    seconds = taken * PICTURE_SIZE**2 / CHECKED_PIXELS
     white = colour.white_point(paints[0].wavelengths)
     labs = [colour.xyz_to_lab(xyz, white) for xyz in (fast.xyz.reshape(-1, 3)[chosen], full.xyz[0])]
     error = colour.delta_e_2000(*labs)

@@ -134,12 +134,9 @@ def recover(
 
 
 def main() -> None:
-    parser = command_line(__doc__, size=12, steps=20)
-    parser.add_argument(
-        "--size", type=int, default=48, help="texels along a side (default: %(default)s)"
-    )
-    parser.add_argument("--steps", type=int, default=200, help="of the fit (default: %(default)s)")
-    options = parser.parse_args()
+    options = command_line(
+        __doc__, size=(48, 12, "texels along a side"), steps=(200, 20, "of the fit")
+    ).parse_args()
     import mitsuba as mi  # pyright: ignore[reportMissingImports]
 
     mi.set_variant("llvm_ad_spectral")

@@ -17,7 +17,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from benchmarks.results import Results, command_line, quantity
-from benchmarks.timing import add_options, interleaved
+from benchmarks.timing import REPEATED, interleaved
 from glazejax import stack_reflectance_factor
 from glazejax.radiative.auxiliary import uniform
 from glazejax.radiative.auxiliary.kernel_table import KernelTable
@@ -146,9 +146,7 @@ def record_times(say: Results, key: str, row: Row) -> None:
 
 def main() -> None:
     """Command line."""
-    parser = command_line(__doc__, repetitions=3, budget=0.1)
-    add_options(parser)
-    options = parser.parse_args()
+    options = command_line(__doc__, None, **REPEATED).parse_args()
     if options.quick:
         globals().update(OWN=tuple(QUOTED.values()), FIXED=FIXED[:1], GRADIENT=GRADIENT[-1:])
     jax.config.update("jax_enable_x64", True)

@@ -54,10 +54,9 @@ def auxiliary(stacks: Stack, index, mesh: Mesh, fixed: float | None):
 
 
 def main() -> None:
-    parser = command_line(__doc__, stacks=50, tolerances=[1e-4], thickest=[2.0], indices=[1.0, 1.5])
-    parser.add_argument(
-        "--stacks", type=int, default=1000, help="for each thickness; a multiple of 50"
-    )
+    quick = {"tolerances": [1e-4], "thickest": [2.0], "indices": [1.0, 1.5]}
+    stacks = (1000, 50, "for each thickness; a multiple of 50")
+    parser = command_line(__doc__, quick, stacks=stacks)
     parser.add_argument("--tolerances", type=float, nargs="*", help="of all rows if not given")
     parser.add_argument("--thickest", type=float, nargs="*", default=THICKEST)
     parser.add_argument("--indices", type=float, nargs="*", default=INDICES)

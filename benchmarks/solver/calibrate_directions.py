@@ -83,8 +83,7 @@ def spanned(stacks: ordinates.Stack, index: float, tolerance: float) -> tuple[ja
 
 
 def main() -> None:
-    parser = command_line(__doc__, stacks=50)
-    parser.add_argument("--stacks", type=int, default=1000, help="a multiple of 50")
+    parser = command_line(__doc__, stacks=(1000, 50, "a multiple of 50"))
     parser.add_argument("--arrays", action="store_true", help="also directions for a traced index")
     options = parser.parse_args()
     if options.quick:

@@ -96,11 +96,8 @@ def errors(table, names: tuple[str, ...], direct: Callable) -> tuple[float, floa
 
 
 def main() -> None:
-    parser = command_line(__doc__, pixels=2**14)
-    parser.add_argument(
-        "--pixels", type=int, default=2**21, help="pixels of a timed run (default: %(default)s)"
-    )
-    options = parser.parse_args()
+    pixels = (2**21, 2**14, "pixels of a timed run")
+    options = command_line(__doc__, pixels=pixels).parse_args()
     if options.quick:
         globals().update(TOLERANCES=TOLERANCES[:1], CHECKS=256, DIRECT=256, ROUNDS=2)
     jax.config.update("jax_enable_x64", True)

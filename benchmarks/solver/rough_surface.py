@@ -25,6 +25,7 @@ import numpy as np
 from tests.oracles import rough_paths
 
 from benchmarks import results
+from benchmarks.timing import timed
 from glazejax import stack_reflectance_factor
 from glazejax.radiative import rough
 from glazejax.radiative.rough import resolution
@@ -82,23 +83,15 @@ def errors(count: int, surfaces: int) -> Iterator[tuple[float, float, list[tuple
 def seconds(function: Callable, *arguments: object) -> float:
     """Best of several."""
     jax.block_until_ready(function(*arguments))
-    best = np.inf
-    for _ in range(25):
-        start = time.perf_counter()
-        jax.block_until_ready(function(*arguments))
-        best = min(best, time.perf_counter() - start)
-    return best
+    return min(timed(lambda: function(*arguments))[1] for _ in range(25))
 
 
 def main() -> None:
-    parser = results.command_line(__doc__, stacks=8, surfaces=1)
-    parser.add_argument(
-        "--stacks", type=int, default=60, help="random stacks (default: %(default)s)"
-    )
-    parser.add_argument(
-        "--surfaces", type=int, default=len(SURFACES), help="so many of them (default: all)"
-    )
-    options = parser.parse_args()
+    options = results.command_line(
+        __doc__,
+        stacks=(60, 8, "random stacks"),
+        surfaces=(len(SURFACES), 1, "so many of them"),
+    ).parse_args()
     if options.quick:
         globals().update(TOLERANCES=TOLERANCES[:2])
     jax.config.update("jax_enable_x64", True)

@@ -129,8 +129,7 @@ def run_node(table: Path) -> dict[str, float]:
 
 
 def main() -> None:
-    parser = command_line(__doc__, stacks=120)
-    parser.add_argument("--stacks", type=int, default=2000)
+    parser = command_line(__doc__, stacks=(2000, 120, "random stacks"))
     parser.add_argument("--table", type=Path, help="only write the stacks into this file")
     options = parser.parse_args()
     if options.table is not None:

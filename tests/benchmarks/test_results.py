@@ -110,8 +110,7 @@ def test_every_recorded_number_of_a_committed_result_is_quoted():
 
 
 def test_quick_is_small_and_never_takes_the_place_of_a_committed_result(monkeypatch):
-    parser = command_line("what it measures", stacks=50)
-    parser.add_argument("--stacks", type=int, default=1000)
+    parser = command_line("what it measures", stacks=(1000, 50, "random stacks"))
     quick = parser.parse_args(["--quick"])
     assert (quick.stacks, quick.out) == (50, QUICK_FOLDER)
     chosen = parser.parse_args(["--stacks", "7", "--out", "x", "--quick"])
