@@ -221,16 +221,13 @@ def main() -> None:
     say = Results("cold_start", options.out)
     say(
         "Seconds from the start of the process to its end, and seconds of the processor (cpu), "
-        "with an empty cache and"
-    )
-    say(
+        "with an empty cache and\n"
         "warm; of the warm runs the medians. The studio is waited for until its page has its paints."
     )
     if options.before is not None:
         say(f"Before: commit {commit(options.before)}. Each command of both in turn.")
-    say()
     say(
-        f"{'':<32}{'empty':>8}{'warm':>8}{'cpu':>9}{'cpu':>8}{'programs':>10}"
+        f"\n{'':<32}{'empty':>8}{'warm':>8}{'cpu':>9}{'cpu':>8}{'programs':>10}"
         "   empty: trace   lower  compile   warm: trace   lower    load"
     )
     checkouts = (
@@ -258,8 +255,9 @@ def main() -> None:
                 say(row(name + which, first[which], warm[which]))
             if name in QUOTED:
                 record(say, QUOTED[name], first[""], warm[""])
-    say()
-    say("Trace, lower, compile: sums over all programs; programs compiled side by side count each.")
+    say(
+        "\nTrace, lower, compile: sums over all programs; programs compiled side by side count each."
+    )
     busy = ", ".join(f"{load:.1f}" for load in os.getloadavg())
     say(
         "Processes that wanted the processor at the end, mean of the last 1, 5 and 15 minutes: "

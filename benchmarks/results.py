@@ -190,13 +190,13 @@ class Results:
         self._values: dict[str, Quantity] = {}
 
     def __call__(self, line: str = "") -> None:
-        """Print a line, at once, and keep it."""
+        """Print a line, or several, at once, and keep it."""
         # The head comes with the first line: by then the benchmark has told JAX which device to
         # take.
         if not self._lines:
             self._begin()
         print(line, flush=True)
-        self._lines.append(line.rstrip())
+        self._lines += [part.rstrip() for part in line.split("\n")]
 
     def record(self, **values: Quantity) -> None:
         """Keep numbers that texts may quote, by name.

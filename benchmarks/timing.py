@@ -9,11 +9,13 @@ import time
 from collections.abc import Callable
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import jax
 
 Result = TypeVar("Result")
+Programs = dict[str, Callable[[], Any]]
+"""What is timed, by name."""
 
 REPEATED = {
     "repetitions": (20, 3, "timed runs of each program"),
@@ -25,7 +27,7 @@ FEWEST = 3
 
 
 def interleaved(
-    programs: dict[str, Callable[[], object]],
+    programs: Programs,
     repetitions: int = 60,
     *,
     budget: float = float("inf"),

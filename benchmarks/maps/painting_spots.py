@@ -59,10 +59,10 @@ def main() -> None:
     )
     results()
     offered = _offered(results, scene, members, found.attrs["spots"])
-    results()
-    results(f"foreign paints offered: {len(offered)} of {len(FOREIGN)}")
-    results()
-    results(f"{'':<30}{'pixels':>10}{'none':>10}{'none in the second map':>24}{'its spots':>11}")
+    results(
+        f"\nforeign paints offered: {len(offered)} of {len(FOREIGN)}\n"
+        f"\n{'':<30}{'pixels':>10}{'none':>10}{'none in the second map':>24}{'its spots':>11}"
+    )
     results.record(**quantities({"offered": len(offered), "paints": len(FOREIGN)}, digits=0))
     names = [str(name) for name in again["paint"].values]
     there = again["members"].values.astype(int)

@@ -371,9 +371,9 @@ def _report(results: Results, source: Source, paints: Paints) -> None:
     )
     results(
         f"Assumed: titanium white's s is {WHITE_SCATTERING:g} 1/m at every wavelength. Then it "
-        "hides (Y over black as a"
+        "hides (Y over black as a\n"
+        f"share of Y over the card) {hides}."
     )
-    results(f"share of Y over the card) {hides}.")
 
 
 if __name__ == "__main__":

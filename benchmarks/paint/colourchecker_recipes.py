@@ -48,8 +48,7 @@ def main() -> None:
     results(f"{again:.1f} s again")
     results.record(**quantities({"first": first, "again": again}, "s", 1))
     find_recipes(targets[0])
-    results()
-    results("patch           dE00  check  dE A   RMSE layers paints     s  recipe, top first")
+    results("\npatch           dE00  check  dE A   RMSE layers paints     s  recipe, top first")
     for target, recipes in zip(targets, found, strict=True):
         best = recipes[0]
         _, alone = timed(lambda target=target: find_recipes(target))
@@ -81,8 +80,8 @@ def main() -> None:
 
 def compare(targets: list[Target], results: Results) -> None:
     """How near the best recipe comes with fewer paints and coats."""
-    results("at most            dE00 of the nearest of five recipes")
     results(
+        "at most            dE00 of the nearest of five recipes\n"
         f"{'paints':>6} {'coats':>6} {'median':>7} {'largest':>8} {'below 1':>8} "
         f"{f's, all {len(targets)}':>10}"
     )

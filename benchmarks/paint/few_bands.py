@@ -49,14 +49,14 @@ def main() -> None:
     rows = range(options.spectra)
     same = np.mean([first_set(few, row) == first_set(every, row) for row in rows])
     off = np.abs(few.paint_probability - every.paint_probability).max(axis=1)
-    say(f"{options.spectra} SPECTRA OF {BANDS} BANDS, at few bands, compared with all")
-    say(f"bands that are taken            {len(on_few[0].place)}")
-    say(f"ms of the processor, few, all   {quick:.1f} {slow:.1f}")
-    say(f"the same first set              {same:.1%}")
     say(
-        f"a paint's probability off by more than .02, at most   {np.mean(off > 0.02):.1%} {off.max():.2f}"
+        f"{options.spectra} SPECTRA OF {BANDS} BANDS, at few bands, compared with all\n"
+        f"bands that are taken            {len(on_few[0].place)}\n"
+        f"ms of the processor, few, all   {quick:.1f} {slow:.1f}\n"
+        f"the same first set              {same:.1%}\n"
+        f"a paint's probability off by more than .02, at most   {np.mean(off > 0.02):.1%} {off.max():.2f}\n"
+        f"that of none off at most        {np.abs(few.none - every.none).max():.2f}"
     )
-    say(f"that of none off at most        {np.abs(few.none - every.none).max():.2f}")
     say.record(
         taken=quantity(len(on_few[0].place), digits=0),
         **quantities(

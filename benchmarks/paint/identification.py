@@ -75,13 +75,9 @@ def speed(results: Results, count: int = 1000, compared: int = 400, triples: int
     grid = paints[0].wavelengths
     results(
         f"ALL SINGLES AND PAIRS OF {len(paints)} PAINTS, over two cards, 31 bands; the second "
-        "run of two"
-    )
-    results(
+        "run of two\n"
         f"{'':<26}{'spectra':>8} {'usual':>10} {'thorough':>10}  first set  probability off by > "
-        ".02:"
-    )
-    results(
+        ".02:\n"
         f"{'':<26}{'':>8} {'a second':>10} {'a second':>10}  the same   of a paint, of none; 99 "
         "% of them"
     )

@@ -45,10 +45,8 @@ def hyppigments(results: Results) -> None:
                 name, digits = SHADES[words, what]
                 results.record(**{name: quantity(100 * np.mean(cells), "%", digits, n=len(names))})
     results(
-        "  Patches of one card share a ripple of their scan: part of the first lines rests on it,"
-    )
-    results("  less of the smoothed.")
-    results(
+        "  Patches of one card share a ripple of their scan: part of the first lines rests on it,\n"
+        "  less of the smoothed.\n"
         "  'Within its card' seeks among the patches of the same card only, where the ripple "
         "says nothing."
     )

@@ -170,14 +170,9 @@ def main() -> None:
         say(f"Before: commit {commit(options.before)}, in turn with this one.")
     say(
         "Spectra a second, and ms of the processor for each; compared with the thorough search: "
-        "same first set,"
-    )
-    say(
-        "a paint's probability and that of none off by more than .02, 99 % of the former; of so many spectra"
-    )
-    say()
-    say(
-        f"{'':<26}{'before':>8}{'now':>8}{'times':>8}{'cpu':>8}{'cpu':>8}{'times':>8}"
+        "same first set,\n"
+        "a paint's probability and that of none off by more than .02, 99 % of the former; of so many spectra\n"
+        f"\n{'':<26}{'before':>8}{'now':>8}{'times':>8}{'cpu':>8}{'cpu':>8}{'times':>8}"
         f"{'same':>9}{'off':>9}{'none':>9}{'99 %':>8}{'of':>6}"
     )
     for key, case in CASES.items():
@@ -208,8 +203,7 @@ def main() -> None:
         say("".join(cells))
         record(say, key, now, before, alike)
     progress()
-    say()
-    say(f"-: not asked, or none in {LIMIT:.0f} s or with the memory there is.")
+    say(f"\n-: not asked, or none in {LIMIT:.0f} s or with the memory there is.")
     say.save()
 
 

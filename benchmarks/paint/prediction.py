@@ -128,8 +128,10 @@ def simulated(films: Films, recipes: Recipes, scatter: float, seed: int = 4) -> 
 
 def simulated_table(say: Results, films: Films, recipes: Recipes) -> None:
     """How well simulated films are predicted, and how well their bands say so."""
-    say("SIMULATED FILMS of the same recipes, mixtures left out")
-    say("scatter of strength   mean  median  said  in band")
+    say(
+        "SIMULATED FILMS of the same recipes, mixtures left out\n"
+        "scatter of strength   mean  median  said  in band"
+    )
     for scatter in (0.0, 0.2):
         out = leave_out(
             simulated(films, recipes, scatter), recipes, f"simulated, {scatter:.0%}"
@@ -183,9 +185,8 @@ def table(say: Results, scores: dict[str, Scores], recipes: Recipes) -> None:
         "fit of all films, seconds (first; compiled)",
         (f"{one.seconds:.1f}; {one.warm:.1f}" for one in scores.values()),
     )
-    say()
     say(
-        "each film left out: Delta E00 over black and white, and (what the prediction says of "
+        "\neach film left out: Delta E00 over black and white, and (what the prediction says of "
         "itself)"
     )
     for i, name in enumerate(some.names):

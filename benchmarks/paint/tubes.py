@@ -58,9 +58,9 @@ def film_by_film(say: Results) -> None:
     times = {1: "once", 3: "three times"}[SEEDS]
     say(
         f"\nFilm by film, all paints of the catalogue, {times}: 90 % intervals where the noise "
-        f"is {NOISE.floor}"
+        f"is {NOISE.floor}\n"
+        f"{'':<32}{'bands told apart':>18}{'k held':>9}{'s held':>9}"
     )
-    say(f"{'':<32}{'bands told apart':>18}{'k held':>9}{'s held':>9}")
     paints = list(catalogue.load().values())
     truth = np.stack([np.stack([p.absorption, p.scattering], axis=-1) for p in paints]) * UNIT
     for words in INSTRUMENTS:
@@ -166,9 +166,9 @@ def simulated(say: Results, count: int) -> None:
     white = shelf[WHITE]
     paints = [paint for name, paint in shelf.items() if name != WHITE][:count]
     grid = describe_grid(white.wavelengths)
-    say(f"\nSimulated tubes: {len(paints)} paints, a masstone and a 1:10 tint with {WHITE}, {grid}")
-    say(f"{'':<44}{'90 % intervals':>18}{'1:3 tint kept aside':>34}{'seconds':>9}")
     say(
+        f"\nSimulated tubes: {len(paints)} paints, a masstone and a 1:10 tint with {WHITE}, {grid}\n"
+        f"{'':<44}{'90 % intervals':>18}{'1:3 tint kept aside':>34}{'seconds':>9}\n"
         f"{'':<44}{'k held':>9}{'s held':>9}{'dE00':>8}{'foretold':>10}{'in 90 % band':>16}{'a paint':>9}"
     )
     known = []
@@ -240,9 +240,7 @@ def real(say: Results) -> None:
     full_off = dict(zip(full.names, full.predicted.mean(axis=1), strict=True))
     say(
         f"\nMeasured tubes (revigo): {len(tubes)} paints, masstone and white tint fitted, "
-        f"{len(others)} films foretold"
-    )
-    say(
+        f"{len(others)} films foretold\n"
         f"{'':<46}{'dE00 of the tube':>18}{'foretold':>10}{'in 90 % band':>14}{'joint fit of all others':>26}"
     )
     rows, sums = [], []
@@ -276,8 +274,10 @@ def real(say: Results) -> None:
     for row in rows:
         say(row)
     mean, median = np.mean(sums, axis=0), np.median(sums, axis=0)
-    say(f"{'mean':<46}{mean[0]:>18.2f}{mean[1]:>10.2f}{mean[2]:>14.0%}{mean[3]:>26.2f}")
-    say(f"{'median':<46}{median[0]:>18.2f}{median[1]:>10.2f}{median[2]:>14.0%}{median[3]:>26.2f}")
+    say(
+        f"{'mean':<46}{mean[0]:>18.2f}{mean[1]:>10.2f}{mean[2]:>14.0%}{mean[3]:>26.2f}\n"
+        f"{'median':<46}{median[0]:>18.2f}{median[1]:>10.2f}{median[2]:>14.0%}{median[3]:>26.2f}"
+    )
     say.record(
         in_band=quantity(100 * mean[2], "%", digits=0, n=len(sums)),
         **quantities({"measured": mean[0], "joint": mean[3]}, digits=1, n=len(sums)),

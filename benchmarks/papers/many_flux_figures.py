@@ -26,8 +26,8 @@ def lobes(out: Results) -> None:
     shapes = by_albedo / by_albedo.mean(axis=1, keepdims=True)
     change = np.max(np.abs(shapes[1:4] / shapes[-1] - 1))
     falls = by_albedo[1].mean() / by_albedo[-1].mean()
-    out(f"Figure 6: from albedo 1 to .4 the light that comes back falls to {falls:.2f}")
     out(
+        f"Figure 6: from albedo 1 to .4 the light that comes back falls to {falls:.2f}\n"
         f"  its shape changes by at most {100 * change:.0f} % (paper: less strong, "
         "hardly another shape)"
     )
@@ -65,16 +65,12 @@ def lobe(albedo: np.ndarray, g: np.ndarray) -> np.ndarray:
 
 def joined(found: Example, out: Results) -> None:
     """Figures 9 and 10: surface, paint and ground joined."""
-    out(f"Figure 9a: the surface reflects {found.fresnel_outside:.4f} at 45 degrees from outside,")
     out(
+        f"Figure 9a: the surface reflects {found.fresnel_outside:.4f} at 45 degrees from outside,\n"
         f"  {found.fresnel_inside:.3f} from inside (paper: about .1); Kubelka-Munk's R "
-        f"{found.kubelka_munk:.4f} (.26)"
-    )
-    out(
+        f"{found.kubelka_munk:.4f} (.26)\n"
         "Figure 10: rms error of the series over all directions, (a) over the rms of all "
-        "intensities, (b) over the"
-    )
-    out(
+        "intensities, (b) over the\n"
         "  intensity of the light, (c) as (a) for scattered light alone; and the bound on the "
         "flux that is left out:"
     )
@@ -93,9 +89,7 @@ def joined(found: Example, out: Results) -> None:
     )
     out(
         "  The paper does not say which norm and directions it takes: its numbers lie between "
-        "(a) and (b). Its estimate"
-    )
-    out(
+        "(a) and (b). Its estimate\n"
         "  of .026 for what comes back holds at 45 degrees; diffuse light is reflected totally "
         "beyond 50 degrees."
     )

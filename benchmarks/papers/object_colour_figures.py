@@ -63,9 +63,8 @@ def main() -> None:
 
 def spheres(results: Results) -> dict:
     """Phong spheres of section 6.1, seen along the light."""
-    results()
     results(
-        "Spheres (section 6.1): S_s = 5, read as percent, n = 11, light and eye in one direction"
+        "\nSpheres (section 6.1): S_s = 5, read as percent, n = 11, light and eye in one direction"
     )
     light = lamp("A")
     bodies = patches(*SPHERES.values())
@@ -126,14 +125,11 @@ def spheres(results: Results) -> dict:
 
 def copper(results: Results) -> dict:
     """Metals of section 6.2: loci of chromaticity against angle, and plates at 80 degrees."""
-    results()
     results(
-        "Metals (section 6.2): xy distance from exact Fresnel, 0 to 87.5 degrees step 2.5, "
-        "sunlight D55"
-    )
-    results("  CT: Cook-Torrance; H: Hall, n = 1; Hk: Hall with the metal's mean n and k")
-    results("                      from the exact locus (figure 12)            at the same angle")
-    results(
+        "\nMetals (section 6.2): xy distance from exact Fresnel, 0 to 87.5 degrees step 2.5, "
+        "sunlight D55\n"
+        "  CT: Cook-Torrance; H: Hall, n = 1; Hk: Hall with the metal's mean n and k\n"
+        "                      from the exact locus (figure 12)            at the same angle\n"
         "  metal                CT      H     Hk    H/CT  Hk/CT       CT      H     Hk    H/CT  "
         "Hk/CT"
     )
@@ -186,9 +182,8 @@ def all_angles(results: Results) -> None:
         for form, v in reflectances(COPPER, np.cos(np.deg2rad(fine))).items()
         if form in FORMS
     }
-    results()
     results(
-        "Figure 11: copper's reflectance by the approximations minus the exact one, least and "
+        "\nFigure 11: copper's reflectance by the approximations minus the exact one, least and "
         "most over 400-700 nm"
     )
     results("  angle      " + "".join(f"{form:>22}" for form in FORMS[1:]))

@@ -250,8 +250,10 @@ def main() -> None:
         globals().update(DRAWS=np.array([1.0]))
     jax.config.update("jax_enable_x64", True)
     say = Results("paper_rounding", options.out)
-    say("Table 4 of paper A: the rounding of h to the fixed step")
-    say("Paints, layers and angles as in paper_tables.txt; own step .01 is the table's standard.")
+    say(
+        "Table 4 of paper A: the rounding of h to the fixed step\n"
+        "Paints, layers and angles as in paper_tables.txt; own step .01 is the table's standard."
+    )
     pairs = work()
     parts(say, pairs)
     spread = f"h of all wavelengths times {DRAWS[0]:g} to {DRAWS[-1]:g}, {DRAWS.size} draws"

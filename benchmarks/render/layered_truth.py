@@ -96,9 +96,7 @@ def main() -> None:
     angles = ", ".join(f"{a:g}/{z:g}" for a, z in VIEWS)
     say(
         f"{len(stacks)} stacks x {BANDS} bands; light at {lights} degrees, views (angle/azimuth) "
-        f"{angles}."
-    )
-    say(
+        f"{angles}.\n"
         "Body only: the light that comes from below the surface. docs/layered-truth.md says what "
         "everything means."
     )

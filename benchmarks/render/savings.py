@@ -154,18 +154,18 @@ def picture_report(say: Results, options: argparse.Namespace) -> None:
     error = colour.delta_e_2000(*labs)
     say(
         f"\npicture of {PICTURE_SIZE} x {PICTURE_SIZE} pixels, {' over '.join(PAINTS)}, 31 "
-        "wavelengths, to sRGB"
+        "wavelengths, to sRGB\n"
+        f"  {fast.report}"
     )
-    say(f"  {fast.report}")
     later, first, peak = (measured[name] for name in ("later", "first", "peak"))
-    say(f"  seconds: {later:.2f}, the first time {first:.1f} with compilation")
-    say(f"  peak memory of the process: {peak / 2**30:.2f} GiB")
+    say(
+        f"  seconds: {later:.2f}, the first time {first:.1f} with compilation\n"
+        f"  peak memory of the process: {peak / 2**30:.2f} GiB"
+    )
     times = seconds / later
     say(
         f"  pixel by pixel it would take {seconds:.0f} s (from {CHECKED_PIXELS}), {times:.0f} "
-        "times as long"
-    )
-    say(
+        "times as long\n"
         f"  Delta E00 from that, at {CHECKED_PIXELS} random pixels: mean {error.mean():.4f}, max "
         f"{error.max():.4f}"
     )

@@ -68,8 +68,7 @@ def main() -> None:
     results(f"{size}, 31 bands, three glazed things, two lights, 4 x 4 rays where there is an edge")
     _, first = timed(lambda: render(made))
     rendered, again = timed(lambda: render(made))
-    results(f"first, with compilation: {first:.1f} s")
-    results(f"again: {again:.1f} s")
+    results(f"first, with compilation: {first:.1f} s\nagain: {again:.1f} s")
     for line in rendered.report.describe().splitlines():
         results(f"  {line}")
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20

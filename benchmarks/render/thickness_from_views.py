@@ -145,8 +145,8 @@ def main() -> None:
     register()
     results = Results("thickness_from_views", options.out, "mitsuba")
     truth = brush_strokes(options.size)
-    results(f"Mitsuba in {mi.variant()}; {PAINT} on a ground of {GROUND}, with its gloss")
     results(
+        f"Mitsuba in {mi.variant()}; {PAINT} on a ground of {GROUND}, with its gloss\n"
         f"{options.size} x {options.size} texels, mean {truth.mean() * 1e6:.2f} um, at most "
         f"{truth.max() * 1e6:.2f} um; three views of 128 x 128 pixels, {TARGET_SAMPLES} samples; "
         f"{options.steps} steps of one view, {SAMPLES} samples, other seeds"
@@ -158,9 +158,9 @@ def main() -> None:
     results(
         f"thickness: root mean square error {rms:.2%} of the root mean square, mean absolute "
         f"error {mean:.2%} of the "
-        f"mean, bias {off.mean() / truth.mean():+.2%}"
+        f"mean, bias {off.mean() / truth.mean():+.2%}\n"
+        f"{found.seconds:.0f} s in all, on a machine with other work to do"
     )
-    results(f"{found.seconds:.0f} s in all, on a machine with other work to do")
     errors = {"rms": rms, "absolute": mean, "bias": abs(off.mean()) / truth.mean()}
     counts = {"view_samples": TARGET_SAMPLES, "steps": options.steps, "step_samples": SAMPLES}
     results.record(

@@ -151,17 +151,15 @@ def main() -> None:
         globals().update(OWN=tuple(QUOTED.values()), FIXED=FIXED[:1], GRADIENT=GRADIENT[-1:])
     jax.config.update("jax_enable_x64", True)
     say = Results("auxiliary_products", options.out)
-    say("Paper A: H, U and M of all wavelengths and glazes in one program, double precision")
     say(
+        "Paper A: H, U and M of all wavelengths and glazes in one program, double precision\n"
         f"Two layers, albedo .2 to .99, random thickness; the thickest has Q steps of {STEP:g}; "
-        f"n = {INDEX:g}, ground"
-    )
-    say(
+        f"n = {INDEX:g}, ground\n"
         f"{GROUND:g}, 0/0 degrees. MB: working memory of the largest program, as planned by the "
-        "compiler, in the order"
+        "compiler, in the order\n"
+        "of the ways. apart: largest difference of a value (or derivative) from the first way.\n\n"
+        "Own step, decomposed: each stack has numbers of its own, 3 Q - 1 of H and U"
     )
-    say("of the ways. apart: largest difference of a value (or derivative) from the first way.\n")
-    say("Own step, decomposed: each stack has numbers of its own, 3 Q - 1 of H and U")
     own = {"variant": "decomposed", "corrected": False}
     rows = compare(say, OWN, own, options)
     for key, case in QUOTED.items():

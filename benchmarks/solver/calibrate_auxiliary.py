@@ -65,9 +65,9 @@ def main() -> None:
     say = Results("calibrate_auxiliary", given.out)
     say(
         f"{given.stacks} stacks of 1 or 2 layers a cell; worst error / tolerance of the "
-        "reflectance factor and of"
+        "reflectance factor and of\n"
+        "the hemispherical reflectance, then the median error of the first"
     )
-    say("the hemispherical reflectance, then the median error of the first")
     rows = given.tolerances or [row.tolerance for row in auxiliary_graded._ROWS]
     for thickest in given.thickest:
         stacks = stacks_of(given.stacks, thickest)

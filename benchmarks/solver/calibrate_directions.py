@@ -101,9 +101,9 @@ def main() -> None:
     for words, solve in kinds:
         say(
             f"\ndirections of {words}: number, worst error / tolerance over {options.stacks} "
-            "stacks of the"
+            "stacks of the\n"
+            "reflectance factor and of the hemispherical reflectance"
         )
-        say("reflectance factor and of the hemispherical reflectance")
         say("tolerance  " + "".join(f"{n:>16}" for n in INDICES))
         for tolerance in TOLERANCES:
             cells = []

@@ -12,7 +12,7 @@ processor's values.
 """
 
 import os
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any, NamedTuple
 
 import jax
@@ -35,7 +35,7 @@ from benchmarks.solver.frontier_curves import (
     peer_curves,
 )
 from benchmarks.solver.frontier_plot import draw
-from benchmarks.timing import interleaved
+from benchmarks.timing import Programs, interleaved
 
 NEEDS = ("matplotlib",)
 PARTS_NEED = ("nanodisort", "sasktran2", "PythonicDISORT", "iadpython", "threadpoolctl")
@@ -60,7 +60,7 @@ def measure(
 ) -> list[Row]:
     """Errors of every curve's settings, then the times of all of them in turn."""
     found: list[tuple[Curve, Any, float]] = []
-    programs: dict[str, Callable[[], Any]] = {}
+    programs: Programs = {}
     for curve in curves:
         for setting in curve.settings:
             try:
@@ -316,22 +316,14 @@ def main() -> None:
         say(f"{device.words(chosen)}; 'ms GPU' is its time, inputs and results in its own memory")
     say(
         f"Threads: glazejax XLA's own pool; CDISORT {os.cpu_count()}; sasktran2 as its setting "
-        "says, streams/threads;"
-    )
-    say(
+        "says, streams/threads;\n"
         "the others offer none. BLAS, which the peers call, keeps to one thread: more cost them "
-        "time."
-    )
-    say(
+        "time.\n"
         "sasktran2 is told that isotropic scattering has one azimuth mode ('all modes' is its "
-        "default)."
-    )
-    say("CDISORT, sasktran2 and PythonicDISORT cannot do a refracting surface and solve n = 1.")
-    say(
+        "default).\n"
+        "CDISORT, sasktran2 and PythonicDISORT cannot do a refracting surface and solve n = 1.\n"
         "Paper A's method (direct, decomposed, fixed step: as printed; corrected: without its "
-        "errors of first order)"
-    )
-    say(
+        "errors of first order)\n"
         "solves n = 1.5. It sets its grid by the thickness outside the compiled program, which "
         "is timed with it."
     )

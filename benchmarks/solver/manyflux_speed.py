@@ -144,9 +144,9 @@ def main() -> None:
     expected = ours(scene, FINE)
     out(
         f"Errors are the largest of the table, against this program at {FINE:g}; factors reach "
-        f"{expected.max():.1f}."
+        f"{expected.max():.1f}.\n"
+        f"{'program':36}{'error':>10}{'seconds':>10}"
     )
-    out(f"{'program':36}{'error':>10}{'seconds':>10}")
     mine, other = [], []
     # In turn, so that a busy machine is fair to both.
     for tolerance, streams in zip(TOLERANCES, STREAMS, strict=True):

@@ -190,21 +190,15 @@ def main() -> None:
                 f"{number:8.0f} "
                 f"{1e6 * inside / number:8.1f} {100 * algebra / taken:18.0f} %   {shares}"
             )
-    say()
     say(
-        "'algebra at full rate': share of the call that the multiply-adds would take at the rate "
-        "above. Kernels of a"
-    )
-    say(
+        "\n'algebra at full rate': share of the call that the multiply-adds would take at the rate "
+        "above. Kernels of a\n"
         "few microseconds are bound by their own start, long ones by memory and by vectors as "
-        "short as a matrix row."
+        "short as a matrix row.\n"
+        f"\nreflectance(glaze, '45:0'), 41 wavelengths, two coats, tolerance {CALLED_AT:g}, and its "
+        "program alone, in turn:\n"
+        f"{'':<24}{'call us':>9}{'program us':>12}{'other us':>11}"
     )
-    say()
-    say(
-        f"reflectance(glaze, '45:0'), 41 wavelengths, two coats, tolerance {CALLED_AT:g}, and its "
-        "program alone, in turn:"
-    )
-    say(f"{'':<24}{'call us':>9}{'program us':>12}{'other us':>11}")
     rows = calls()
     for words, whole, inside in rows:
         say(f"{words:<24}{1e6 * whole:9.0f}{1e6 * inside:12.0f}{1e6 * (whole - inside):11.0f}")

@@ -30,7 +30,7 @@ import numpy as np
 from benchmarks import device
 from benchmarks.peers import Work, cdisort, installed, two_layers
 from benchmarks.results import Results, command_line, quantity
-from benchmarks.timing import interleaved
+from benchmarks.timing import Programs, interleaved
 
 NEEDS = ("matplotlib",)
 PARTS_NEED = ("nanodisort",)
@@ -93,7 +93,7 @@ def cheapest(make: Callable[[Any], Callable[[], Any]], settings: tuple, truth: n
     raise RuntimeError(f"no setting reaches a relative error of {RELATIVE_ERROR:g}")
 
 
-def many_stacks(count: int) -> dict[str, Callable[[], Any]]:
+def many_stacks(count: int) -> Programs:
     """The value; with its slopes by every albedo and thickness; and in single precision."""
     from glazejax import stack_reflectance_factor
 
@@ -126,7 +126,7 @@ def picture(pixels: int) -> Callable[[], Any]:
     return lambda: gj.picture([paints[name] for name in PAINTS], maps, GROUND).srgb
 
 
-def programs(name: str) -> Callable[[int], dict[str, Callable[[], Any]]]:
+def programs(name: str) -> Callable[[int], Programs]:
     """For a series: from a size to the programs to run."""
     if name == "stacks":
         return many_stacks
@@ -140,9 +140,9 @@ def programs(name: str) -> Callable[[int], dict[str, Callable[[], Any]]]:
         truth = np.asarray(solver(reference, 1e-8, 1.0)())
         streams = cheapest(lambda s: cdisort.reflectance(reference, s), cdisort.SETTINGS, truth)
 
-    def make(size: int) -> dict[str, Callable[[], Any]]:
+    def make(size: int) -> Programs:
         work = layered(size) if name == "layers" else two_layers(size)
-        found: dict[str, Callable[[], Any]] = {"glazejax": solver(work, tolerance)}
+        found: Programs = {"glazejax": solver(work, tolerance)}
         return found if streams is None else found | {"CDISORT": cdisort.reflectance(work, streams)}
 
     return make

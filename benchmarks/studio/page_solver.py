@@ -141,9 +141,11 @@ def main() -> None:
         write_table(table, options.stacks)
         node = run_node(table)
     count = int(node["stacks"])
-    out(f"stacks: {count}")
-    out(f"error of the reflectance, largest: {node['largest']:.1e}, median: {node['median']:.1e}")
-    out(f"CIEDE2000, largest: {node['delta_e']:.3f}")
+    out(
+        f"stacks: {count}\n"
+        f"error of the reflectance, largest: {node['largest']:.1e}, median: {node['median']:.1e}\n"
+        f"CIEDE2000, largest: {node['delta_e']:.3f}"
+    )
     eight = f"median: {node['eight_median']:.2f}, 95 %: {node['eight_95']:.2f}"
     out(f"small matrices, 8 coats, CIEDE2000, {eight}")
     every = f"95 %: {node['matrices_95']:.2f}, largest: {node['matrices_largest']:.2f}"

@@ -252,8 +252,7 @@ def main() -> None:
 
 def measure(browser: Any, link: str, out: Results) -> dict[str, np.ndarray]:
     """Sliders and the swatch: milliseconds until it is drawn, by the number of coats."""
-    out()
-    out(f"{'milliseconds':<34} {'median':>8} {'95 %':>8} {'least':>8}")
+    out(f"\n{'milliseconds':<34} {'median':>8} {'95 %':>8} {'least':>8}")
     drawn = {}
     for count, key in ((1, "one_coat"), (3, "three_coats"), (8, "eight_coats")):
         open_page(browser, link, stack(count))
