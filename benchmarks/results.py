@@ -104,13 +104,22 @@ def ends(key: str, values: Iterable[Any]) -> dict[str, Any]:
     return {f"{key}_least": min(listed), f"{key}_most": max(listed)}
 
 
-def described(text: str | None) -> argparse.ArgumentParser:
-    """A parser whose help is a module's docstring, its lines as they are."""
-    return argparse.ArgumentParser(
+def described(text: str | None, out: Path | None = None) -> argparse.ArgumentParser:
+    """A parser whose help is a module's docstring, its lines as they are.
+
+    Args:
+        text: the docstring.
+        out: where results go by default; adds the option `--out`.
+    """
+    parser = argparse.ArgumentParser(
         prog=f"python -m {_module()}",
         description=text,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
+    if out is not None:
+        words = "where results go (default: %(default)s)"
+        parser.add_argument("--out", type=Path, default=out, help=words)
+    return parser
 
 
 def command_line(
@@ -125,16 +134,13 @@ def command_line(
         sizes: of each number its usual value, that with `--quick`, and what it is:
             `stacks=(1000, 50, "random stacks")`.
     """
-    parser = described(text)
+    parser = described(text, FOLDER)
     small = dict(quick or {})
     for name, (usual, few, words) in sizes.items():
         small[name] = few
         parser.add_argument(
             f"--{name}", type=type(usual), default=usual, help=f"{words} (default: %(default)s)"
         )
-    parser.add_argument(
-        "--out", type=Path, default=FOLDER, help="folder for the results (default: %(default)s)"
-    )
     parser.add_argument(
         "--quick",
         action=_Quick,

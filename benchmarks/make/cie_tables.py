@@ -54,11 +54,7 @@ def rows() -> dict[str, Iterator[list[str]]]:
 
 
 def main() -> None:
-    parser = described(__doc__)
-    parser.add_argument(
-        "--out", type=Path, default=FOLDER, help="folder for the tables (default: %(default)s)"
-    )
-    options = parser.parse_args()
+    options = described(__doc__, FOLDER).parse_args()
     for name, lines in rows().items():
         with (options.out / name).open("w", encoding="utf-8", newline="") as file:
             csv.writer(file, lineterminator="\n").writerows(lines)

@@ -21,11 +21,7 @@ FILE = Path(response.__file__).parents[1] / "tables.npz"
 
 
 def main() -> None:
-    parser = described(__doc__)
-    parser.add_argument(
-        "--out", type=Path, default=FILE, help="file for the tables (default: %(default)s)"
-    )
-    options = parser.parse_args()
+    options = described(__doc__, FILE).parse_args()
     start_jax()
     tables = {
         name: response.solved_table(Optics.of(*instrument))

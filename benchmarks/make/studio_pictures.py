@@ -83,11 +83,7 @@ def paint(browser: Any) -> None:
 def main() -> None:
     import glazejax
 
-    parser = described(__doc__)
-    parser.add_argument(
-        "--out", type=Path, default=FOLDER, help="folder for the pictures (default: %(default)s)"
-    )
-    out = parser.parse_args().out
+    out = described(__doc__, FOLDER).parse_args().out
     browser = start_browser()
     with tempfile.TemporaryDirectory() as folder:
         server = Server(Path(folder) / "cache")

@@ -36,6 +36,11 @@ TABLE = Path(glazejax.__file__).parent / "catalogue" / "acrylics.csv"
 # Saunderson's constants of the source: the surface's part in a reading, and its reflectance from
 # inside.
 K1, K2 = 0.03, 0.65
+TITLES = (
+    *("pigment", "wavelength_nm", "absorption", "scattering"),
+    *("absorption_sd", "scattering_sd", "identifiable"),
+)
+"""Columns of the catalogue's tables."""
 WHITE = "TitaniumWhite"
 PARTS_OF_WHITE = 10.0
 # Assumed, since the source has no unit of length: s of titanium white in 1/m, at every wavelength.
@@ -207,17 +212,7 @@ def write_table(path: Path, source: Source, paints: Paints) -> None:
     """
     with path.open("w", encoding="utf-8", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(
-            [
-                "pigment",
-                "wavelength_nm",
-                "absorption",
-                "scattering",
-                "absorption_sd",
-                "scattering_sd",
-                "identifiable",
-            ]
-        )
+        writer.writerow(TITLES)
         known = identifiable(paints)
         for i, name in enumerate(source.names):
             for j, wavelength in enumerate(source.wavelengths):

@@ -23,18 +23,15 @@ def hyppigments(results: Results) -> None:
     table = read_spectra(measured_data("hyppigments") / "speclib_averages.hdr")
     spectra = table.reflectance.reshape(398, 4, -1)
     names = [name.rpartition("_")[0] for name in table.names[::4]]
-    card = np.array([name.rpartition("_")[0] for name in names])
     results(
         "HypPigments: three shades of 398 patches known, the fourth sought; share right, shade 1 "
         "to 4 and mean"
     )
-    for words, smoothed in (("as measured", 0), ("smoothed to 30 nm", 4), ("smoothed to 60 nm", 8)):
+    for words, smoothed in (("as measured", 0), ("smoothed to 60 nm", 8)):
         values = _blurred(spectra, smoothed) if smoothed else spectra
         grid, values = table.wavelengths[:: max(smoothed, 1)], values[..., :: max(smoothed, 1)]
-        rates = [_rates(names, card, grid, values, held) for held in range(4)]
-        for row, what in enumerate(
-            ("nearest spectral angle", "offset and strength free", "the same, within its card")
-        ):
+        rates = [_rates(names, grid, values, held) for held in range(4)]
+        for row, what in enumerate(("nearest spectral angle", "offset and strength free")):
             cells = [rate[row] for rate in rates]
             results(
                 f"  {words:<18} {what:<26} "
@@ -46,9 +43,7 @@ def hyppigments(results: Results) -> None:
                 results.record(**{name: quantity(100 * np.mean(cells), "%", digits, n=len(names))})
     results(
         "  Patches of one card share a ripple of their scan: part of the first lines rests on it,\n"
-        "  less of the smoothed.\n"
-        "  'Within its card' seeks among the patches of the same card only, where the ripple "
-        "says nothing."
+        "  less of the smoothed."
     )
 
 
@@ -107,15 +102,12 @@ def _blurred(spectra: np.ndarray, bands: float) -> np.ndarray:
     return gaussian_filter1d(np.maximum(spectra, 0.0), bands, axis=-1)
 
 
-def _rates(
-    names: list[str], card: np.ndarray, grid: np.ndarray, values: np.ndarray, held: int
-) -> tuple[float, ...]:
-    """Share right by spectral angle, by the library, and by the library within the card."""
+def _rates(names: list[str], grid: np.ndarray, values: np.ndarray, held: int) -> tuple[float, ...]:
+    """Share right by spectral angle, and by the library."""
     others = [shade for shade in range(values.shape[1]) if shade != held]
     cosine = _cosine(values[:, held], values[:, others])
     match = ShadeLibrary(names, grid, values[:, others]).match(values[:, held])
     own = np.arange(len(names))
-    near = np.where(card[:, None] == card, match.probability, -1.0)
     return tuple(
-        float(np.mean(score.argmax(axis=1) == own)) for score in (cosine, match.probability, near)
+        float(np.mean(score.argmax(axis=1) == own)) for score in (cosine, match.probability)
     )

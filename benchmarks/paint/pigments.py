@@ -21,6 +21,7 @@ from jaxtyping import Float
 
 import glazejax
 from benchmarks.measured import data_folder
+from benchmarks.paint.acrylics import TITLES
 from benchmarks.paintbench.library import grid_readings
 from benchmarks.paintbench.sources import FOREIGN, UNCLEAR, Source, read_sources
 from benchmarks.results import Results, command_line, progress
@@ -404,17 +405,7 @@ def write_tables(folder: Path, exemplars: Sequence[Exemplar]) -> None:
     ordered = sorted(exemplars, key=lambda found: found.name.casefold())
     with (folder / "exemplars.csv").open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(
-            [
-                "pigment",
-                "wavelength_nm",
-                "absorption",
-                "scattering",
-                "absorption_sd",
-                "scattering_sd",
-                "identifiable",
-            ]
-        )
+        writer.writerow(TITLES)
         for found in ordered:
             sd = np.minimum(found.log_sd, 1.0)
             for band, wavelength in enumerate(found.wavelengths):

@@ -12,11 +12,10 @@ diagonal. Programs that are compared run in turn.
 import functools
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 
 from benchmarks.papers.many_flux_example import ALBEDO as COAT_ALBEDO
-from benchmarks.papers.many_flux_example import ANGLE, INDEX, PRINTED
+from benchmarks.papers.many_flux_example import ANGLE, INDEX, PRINTED, halves
 from benchmarks.papers.many_flux_example import THICKNESS as COAT_THICKNESS
 from benchmarks.papers.many_flux_flat import (
     Slab,
@@ -258,23 +257,9 @@ def modes_series(say: Results) -> None:
     """The same in glazejax, where azimuth modes are apart and surfaces are diagonal from
     the start.
     """
-    from glazejax.radiative.manyflux.effort import Effort
-    from glazejax.radiative.manyflux.joined import joined_stack
-    from glazejax.radiative.manyflux.media import Media, fewest_shared_directions
-    from glazejax.radiative.manyflux.solve import Layers
     from glazejax.radiative.manyflux.star_product import join, join_in_series
 
-    pieces = fewest_shared_directions((INDEX,), (1.0, INDEX), (1.0,), 1e-6, 24)
-    layers = Layers(
-        jnp.array([COAT_ALBEDO]), jnp.array([COAT_THICKNESS]), jnp.ones((1, 1)), jnp.asarray(0.0)
-    )
-    lit = jnp.array([np.cos(np.deg2rad(ANGLE))])
-    made = joined_stack(
-        layers, Media((INDEX,), INDEX), jnp.asarray(COSINES), lit, Effort(pieces, 1, 1, None), 1
-    )
-    upper, lower = (jax.tree.map(lambda leaf: leaf[0], x) for x in (made.faces, made.coats))
-    roots = jnp.sqrt(made.flux)
-
+    upper, lower, roots = halves()
     exact = jax.jit(lambda a, b: join(a, b))
     programs: Programs = {"inverse": functools.partial(exact, upper, lower)}
     for order in range(4):

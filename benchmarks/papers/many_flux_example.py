@@ -2,11 +2,11 @@
 as a series.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from benchmarks.papers.many_flux_paths import BANDS, DIRECTIONS, SECTORS
+from benchmarks.papers.many_flux_paths import COSINES, DIRECTIONS, SECTORS
 
 INDEX, ABSORPTION, SCATTERING, GROUND, ANGLE = 1.3, 0.1, 0.4, 0.8, 45.0
 ALBEDO = SCATTERING / (ABSORPTION + SCATTERING)
@@ -57,27 +57,11 @@ def series(orders: tuple[int, ...]) -> list[Order]:
     Intensities are over n^2, for light of intensity one in one of 303 directions: what is scattered
     is spread over all of them, what goes straight or is mirrored stays in one.
     """
-    import jax
-    import jax.numpy as jnp
-
     from glazejax.radiative.common.fresnel import dielectric_reflectance
-    from glazejax.radiative.manyflux.effort import Effort
-    from glazejax.radiative.manyflux.joined import joined_stack
-    from glazejax.radiative.manyflux.media import Media, fewest_shared_directions
-    from glazejax.radiative.manyflux.solve import Layers
     from glazejax.radiative.manyflux.star_product import join, join_in_series
 
-    cells = jnp.asarray((np.arange(BANDS) + 0.5)[::-1] / BANDS)
     lit = float(np.cos(np.deg2rad(ANGLE)))
-    pieces = fewest_shared_directions((INDEX,), (1.0, INDEX), (1.0,), 1e-6, _STREAMS)
-    effort = Effort(pieces, 1, 1, None)
-    layers = Layers(jnp.array([ALBEDO]), jnp.array([THICKNESS]), jnp.ones((1, 1)), jnp.asarray(0.0))
     solid = 2.0 * np.pi / DIRECTIONS
-
-    def parts(downward: bool):
-        return joined_stack(
-            layers, Media((INDEX,), INDEX), cells, jnp.array([lit]), effort, 1, downward=downward
-        )
 
     mirrored = float(dielectric_reflectance(lit, INDEX))
 
@@ -85,14 +69,12 @@ def series(orders: tuple[int, ...]) -> list[Order]:
         """All intensities, the bound."""
         factors, straight, bound = [], [], 0.0
         for downward in (False, True):
-            made = parts(downward)
-            upper, lower = (jax.tree.map(lambda leaf: leaf[0], x) for x in (made.faces, made.coats))
+            upper, lower, roots = halves(downward=downward)
             if order is None:
                 slab = join(upper, lower)
             else:
-                roots = jnp.sqrt(made.flux)
                 slab, left = join_in_series(upper, lower, order, roots)
-                bound = float(left[np.argmin(np.abs(_kept(pieces) - np.sin(np.deg2rad(ANGLE))))])
+                bound = float(left[np.argmin(np.abs(_kept() - np.sin(np.deg2rad(ANGLE))))])
             operator = slab.down if downward else slab.above
             factors.append(0.5 * np.asarray(operator.corner)[0, :, 0])
             straight.append(float(operator.incidence[0, 0]))
@@ -116,9 +98,36 @@ def series(orders: tuple[int, ...]) -> list[Order]:
     return found
 
 
-def _kept(pieces) -> np.ndarray:
+def _pieces():
+    from glazejax.radiative.manyflux.media import fewest_shared_directions
+
+    return fewest_shared_directions((INDEX,), (1.0, INDEX), (1.0,), 1e-6, _STREAMS)
+
+
+def halves(*, downward: bool = False) -> tuple[Any, Any, Any]:
+    """Operators of the surface and of the layer for light of the example, seen in the cells, and the
+    roots of the flux of each direction; of mode 0.
+    """
+    import jax
+    import jax.numpy as jnp
+
+    from glazejax.radiative.manyflux.effort import Effort
+    from glazejax.radiative.manyflux.joined import joined_stack
+    from glazejax.radiative.manyflux.media import Media
+    from glazejax.radiative.manyflux.solve import Layers
+
+    layers = Layers(jnp.array([ALBEDO]), jnp.array([THICKNESS]), jnp.ones((1, 1)), jnp.asarray(0.0))
+    lit = jnp.array([np.cos(np.deg2rad(ANGLE))])
+    effort = Effort(_pieces(), 1, 1, None)
+    media = Media((INDEX,), INDEX)
+    made = joined_stack(layers, media, jnp.asarray(COSINES), lit, effort, 1, downward=downward)
+    upper, lower = (jax.tree.map(lambda leaf: leaf[0], x) for x in (made.faces, made.coats))
+    return upper, lower, jnp.sqrt(made.flux)
+
+
+def _kept() -> np.ndarray:
     """n sin(theta) of the nodes."""
     from glazejax.radiative.manyflux.media import shared_directions
 
-    common = shared_directions(pieces)
+    common = shared_directions(_pieces())
     return np.sqrt(common.end**2 - common.beyond)

@@ -14,6 +14,7 @@ device.
 """
 
 import argparse
+import functools
 import json
 import resource
 import subprocess
@@ -34,6 +35,16 @@ GROUND = 0.85
 PICTURE_SIZE = 512
 CHECKED_PIXELS = 2500
 REPETITIONS = 5
+
+
+def glazed(size: int) -> functools.partial:
+    """A function that draws the picture of so many pixels along a side; it takes options of
+    `glazejax.picture`.
+    """
+    import glazejax as gj
+
+    paints = [gj.catalogue.load()[name] for name in PAINTS]
+    return functools.partial(gj.picture, paints, [brush_strokes(size), primed_canvas(size)], GROUND)
 
 
 def scenes() -> dict[str, tuple[str, dict[str, Any]]]:
@@ -124,11 +135,8 @@ def measure_picture() -> dict[str, float]:
     """Seconds of the first and of later pictures, and peak resident memory; to be run in a fresh
     process.
     """
-    import glazejax as gj
-
-    paints = [gj.catalogue.load()[name] for name in PAINTS]
-    thickness = [brush_strokes(PICTURE_SIZE), primed_canvas(PICTURE_SIZE)]
-    seconds = [timed(lambda: gj.picture(paints, thickness, GROUND).srgb)[1] for _ in range(4)]
+    draw = glazed(PICTURE_SIZE)
+    seconds = [timed(lambda: draw().srgb)[1] for _ in range(4)]
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
     return {"first": seconds[0], "later": float(np.median(seconds[1:])), "peak": peak}
 
@@ -141,9 +149,9 @@ def picture_report(say: Results, options: argparse.Namespace) -> None:
     command += ["--device", options.device, *["--quick"] * options.quick]
     done = subprocess.run(command, check=True, capture_output=True, text=True)
     measured = json.loads(done.stdout.splitlines()[-1])
-    paints = [gj.catalogue.load()[name] for name in PAINTS]
-    thickness = [brush_strokes(PICTURE_SIZE), primed_canvas(PICTURE_SIZE)]
-    fast = gj.picture(paints, thickness, GROUND)
+    draw = glazed(PICTURE_SIZE)
+    paints, thickness, _ = draw.args
+    fast = draw()
     chosen = np.random.default_rng(0).choice(PICTURE_SIZE**2, CHECKED_PIXELS, replace=False)
     pixels = [m.reshape(1, -1)[:, chosen] for m in thickness]
     gj.picture(paints, pixels, GROUND, full=True)

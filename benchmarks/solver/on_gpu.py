@@ -80,13 +80,10 @@ def million(say: Results, count: int) -> None:
 
 
 def large_picture(say: Results, size: int) -> None:
-    import glazejax as gj
-    from benchmarks.render.savings import GROUND, PAINTS
-    from benchmarks.render.strokes import brush_strokes, primed_canvas
+    from benchmarks.render.savings import glazed
 
-    paints = [gj.catalogue.load()[name] for name in PAINTS]
-    maps = [brush_strokes(size), primed_canvas(size)]
-    _, first, warm = cold_and_warm(lambda: gj.picture(paints, maps, GROUND).srgb)
+    draw = glazed(size)
+    _, first, warm = cold_and_warm(lambda: draw().srgb)
     say(f"picture of {size} x {size} pixels, two maps, to sRGB: {warm:.3f} s (first {first:.1f} s)")
 
 

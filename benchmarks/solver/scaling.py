@@ -116,14 +116,10 @@ def many_stacks(count: int) -> Programs:
 
 
 def picture(pixels: int) -> Callable[[], Any]:
-    import glazejax as gj
-    from benchmarks.render.savings import GROUND, PAINTS
-    from benchmarks.render.strokes import brush_strokes, primed_canvas
+    from benchmarks.render.savings import glazed
 
-    size = round(pixels**0.5)
-    paints = gj.catalogue.load()
-    maps = [brush_strokes(size), primed_canvas(size)]
-    return lambda: gj.picture([paints[name] for name in PAINTS], maps, GROUND).srgb
+    draw = glazed(round(pixels**0.5))
+    return lambda: draw().srgb
 
 
 def programs(name: str) -> Callable[[int], Programs]:
