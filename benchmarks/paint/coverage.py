@@ -17,7 +17,6 @@ row says what share of the cases each is. "Hides cards": films, or bands, that r
 The binomial error of 500 films is 1.3 %. Writes a table and a plot of coverage against level.
 """
 
-import argparse
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -27,7 +26,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from benchmarks.results import Results, add_option, ends, quantities, quantity
+from benchmarks.results import Results, command_line, ends, quantities, quantity
 
 NEEDS = ("matplotlib",)
 
@@ -283,13 +282,9 @@ def draw(found: dict[str, dict[str, Ranks]]) -> Any:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("--films", type=int, default=500)
-    parser.add_argument("--seed", type=int, default=0)
-    add_option(parser, films=8)
-    options = parser.parse_args()
+    options = command_line(
+        __doc__, films=(500, 8, "simulated films"), seed=(0, 0, "of the draw")
+    ).parse_args()
     if options.quick:
         globals().update(STEPS=200, BAND_STEPS=200)
     jax.config.update("jax_enable_x64", True)

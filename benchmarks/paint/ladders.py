@@ -15,7 +15,6 @@ Beside it: the same with what is expected of any film, without learning from the
 Kubelka and Munk's formula in the same fits; and 'the same as the last coat'. CIEDE2000, means; D65, 10 degrees.
 """
 
-import argparse
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
@@ -27,7 +26,7 @@ from benchmarks.measured import data_folder
 from benchmarks.paint.pigments import fit
 from benchmarks.paintbench.library import grid_readings
 from benchmarks.paintbench.sources import read_sources
-from benchmarks.results import Quantity, Results, add_option, progress, quantities
+from benchmarks.results import Quantity, Results, command_line, progress, quantities
 from glazefit import Films
 from glazefit.film.films import Noise, card_reflectance
 from glazefit.film.model.response import Response, film_response
@@ -75,12 +74,9 @@ class Method(NamedTuple):
 
 def main() -> None:
     """Write the tables."""
-    parser = argparse.ArgumentParser(prog="python -m benchmarks.paint.ladders", description=__doc__)
-    parser.formatter_class = argparse.RawDescriptionHelpFormatter
-    add_option(parser, paints=4, every=130)
-    parser.add_argument("--paints", type=int, default=40, help="simulated (default: %(default)s)")
-    parser.add_argument("--every", type=int, default=14, help="patch of the chart is taken")
-    options = parser.parse_args()
+    options = command_line(
+        __doc__, paints=(40, 4, "simulated"), every=(14, 130, "patch of the chart is taken")
+    ).parse_args()
     start_jax()
     results = Results("ladders", options.out)
     optics, formula = film_response(INSTRUMENT), KubelkaMunk(INSTRUMENT)

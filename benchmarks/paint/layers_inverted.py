@@ -16,7 +16,6 @@ error behind a share is by counting stacks, whose quantities hang together: the 
 of their shares over the root of their number.
 """
 
-import argparse
 import time
 from collections.abc import Sequence
 from typing import Any, NamedTuple
@@ -25,7 +24,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from benchmarks.results import Quantity, Results, add_option, ends, quantities, quantity
+from benchmarks.results import Quantity, Results, command_line, ends, quantities, quantity
 
 # Laplace is trusted of few stacks, of a small run's of none.
 NEEDS_SIZE = ("trusted",)
@@ -317,16 +316,12 @@ def by_name(found: dict[str, Found]) -> dict[str, list[Found]]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("--stacks", type=int, default=40, help="of known paints")
-    parser.add_argument(
-        "--unknown", type=int, default=8, help="of an unknown paint, of each of three kinds"
-    )
-    parser.add_argument("--seed", type=int, default=0)
-    add_option(parser, stacks=2, unknown=1)
-    options = parser.parse_args()
+    options = command_line(
+        __doc__,
+        stacks=(40, 2, "of known paints"),
+        unknown=(8, 1, "of an unknown paint, of each of three kinds"),
+        seed=(0, 0, "of the draw"),
+    ).parse_args()
     if options.quick:
         globals().update(STEPS=100, UNKNOWN_STEPS=100)
     jax.config.update("jax_enable_x64", True)

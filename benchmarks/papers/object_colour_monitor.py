@@ -203,9 +203,8 @@ def showable(values: np.ndarray) -> np.ndarray:
 
 def chips(results: Results) -> dict[str, Any]:
     """Section 6: the brightness of standard colours on the monitor."""
-    results()
     results(
-        "Chips (section 6): the 24 patches of a ColorChecker under D55, what is read over what "
+        "\nChips (section 6): the 24 patches of a ColorChecker under D55, what is read over what "
         "is wanted"
     )
     known = chart()
@@ -289,8 +288,8 @@ def copper_plates(results: Results) -> dict[str, Any]:
     steep, grazing = wrong[PLATES <= 45].mean(), wrong[PLATES > 45].mean()
     results(
         f"    what is read lies within {off.max():.4f} of the line from normal incidence to the "
-        "light;"
+        "light;\n"
+        f"    up to 45 degrees it is {steep:.4f} off on average, beyond {grazing:.4f}\n"
+        "    paper: the locus is straight, with an error near 0 degrees"
     )
-    results(f"    up to 45 degrees it is {steep:.4f} off on average, beyond {grazing:.4f}")
-    results("    paper: the locus is straight, with an error near 0 degrees")
     return {"copper": (exact, read, ends)}

@@ -12,7 +12,6 @@ tricks: what they take for the same error of one number follows from their stand
     python -m benchmarks.solver.rough_surface [--stacks 60] [--out FOLDER]
 """
 
-import argparse
 import functools
 import os
 import time
@@ -26,6 +25,7 @@ import numpy as np
 from tests.oracles import rough_paths
 
 from benchmarks import results
+from benchmarks.timing import timed
 from glazejax import stack_reflectance_factor
 from glazejax.radiative import rough
 from glazejax.radiative.rough import resolution
@@ -83,24 +83,15 @@ def errors(count: int, surfaces: int) -> Iterator[tuple[float, float, list[tuple
 def seconds(function: Callable, *arguments: object) -> float:
     """Best of several."""
     jax.block_until_ready(function(*arguments))
-    best = np.inf
-    for _ in range(25):
-        start = time.perf_counter()
-        jax.block_until_ready(function(*arguments))
-        best = min(best, time.perf_counter() - start)
-    return best
+    return min(timed(lambda: function(*arguments))[1] for _ in range(25))
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument(
-        "--stacks", type=int, default=60, help="random stacks (default: %(default)s)"
-    )
-    parser.add_argument(
-        "--surfaces", type=int, default=len(SURFACES), help="so many of them (default: all)"
-    )
-    results.add_option(parser, stacks=8, surfaces=1)
-    options = parser.parse_args()
+    options = results.command_line(
+        __doc__,
+        stacks=(60, 8, "random stacks"),
+        surfaces=(len(SURFACES), 1, "so many of them"),
+    ).parse_args()
     if options.quick:
         globals().update(TOLERANCES=TOLERANCES[:2])
     jax.config.update("jax_enable_x64", True)
