@@ -23,9 +23,9 @@ from glazefit.identify.families import (
     templates,
 )
 from glazefit.identify.families.expected import has_families
-from glazefit.identify.families.groups import COLOURLESS, GROUPS, group_of
 from glazefit.identify.families.sureness import WORTHLESS, Sureness
 from glazefit.identify.families.varnish import CONDITIONS
+from glazefit.identify.result.groups import COLOURLESS, GROUPS, group_of
 from glazejax import Pigment, catalogue, stack_reflectance_factor
 
 GRID = np.arange(420.0, 691.0, 10.0)

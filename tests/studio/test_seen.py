@@ -353,7 +353,7 @@ def test_lines_of_python_run_and_give_the_same_spectrum():
     expected = gj.reflectance(stack.glaze(), stack.seen_by)
     np.testing.assert_allclose(names["spectrum"], expected, atol=1e-9)
     own = {"Mine": pigment_to_dict(gj.catalogue.pigment("Eosin"))}
-    assert "Glaze.load" in run(code, {"data": known(), "stack": {**whole, "pigments": own}})
+    assert "gj.load_glaze" in run(code, {"data": known(), "stack": {**whole, "pigments": own}})
 
 
 EIGHT = [

@@ -40,7 +40,7 @@ def command_line(
 
 def ground_file(ground: str | None) -> Path | None:
     """The file of ``--ground``, if it is one."""
-    from ..io.sample import split_sample
+    from ..io.files.sample import split_sample
 
     path = None if ground is None else split_sample(ground)[0]
     return path if path is not None and path.is_file() else None

@@ -19,11 +19,11 @@ from ...film.model.response import film_response
 from ...film.shared_bands import means_of_steps
 from ..families.templates import coefficients
 from ..result import NINETY, Identification
+from ..result.odds import DECIDED, CoatsOdds
 from ..search.options import IdentificationOptions
 from ..search.pool import NOBODY
 from .arrangement import Arrangement, arrangements
 from .evidence import CoatErrors, Evidence, coefficient_sd, weigh_arrangement
-from .odds import DECIDED, CoatsOdds
 from .readings import Paints, Solver, grid_readings
 
 STEP = 10.0

@@ -128,7 +128,7 @@ def measured_lamp(
         FileNotFoundError: no such file.
         ValueError: it is no such table, the name is not in it, or it does not cover the bands.
     """
-    from ...io.sample import split_sample
+    from ...io.files.sample import split_sample
     from ...io.source import open_source, refusal, show_path
 
     path, name = split_sample(str(text))

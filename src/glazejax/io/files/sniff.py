@@ -4,8 +4,8 @@ import re
 from pathlib import Path
 from typing import Literal
 
-from .formats.above import lines_above
-from .source import Source, is_there, open_source
+from ..formats.above import lines_above
+from ..source import Source, is_there, open_source
 
 Kind = Literal[
     "table",
