@@ -126,7 +126,7 @@ def measured_aies(posed: Posed, steps: int, seed: int) -> Measured:
     """NumPyro's affine invariant ensemble on one film; seconds without its compilation."""
     from numpyro.infer import AIES, MCMC  # pyright: ignore[reportMissingImports]
 
-    from glazefit.posterior.chain import scale_reduction
+    from glazefit.posterior.chain import count_samples
     from glazefit.posterior.laplace import laplace
     from glazefit.posterior.sampling import Sampling
 
@@ -171,7 +171,7 @@ def measured_aies(posed: Posed, steps: int, seed: int) -> Measured:
     return Measured(
         seconds=seconds,
         effective=effective_draws(problem, draws),
-        apart=float(np.max(scale_reduction(flat))),
+        apart=float(np.max(count_samples(flat)[1])),
         held=share_held(draws, posed.truth),
     )
 

@@ -20,6 +20,7 @@ import numpy as np
 from jaxtyping import Float
 
 from glazejax import Pigment
+from glazejax.extras import require
 from glazejax.geometry import resolve_instrument
 
 from ..film.films import Films, Instrument, InstrumentLike, Noise
@@ -290,13 +291,12 @@ def posterior_of_bands(
         gloss: share of the surface's reflection in the readings; by default estimated from films
             over both cards, and 1 for a `Reading`.
         instrument, noise: see `posterior_of_film`.
-        sampling: the same; by default emcee.
+        sampling: the same.
 
     Raises:
         ValueError, FileExistsError, FileNotFoundError: as `posterior_of_film`.
     """
-    # Band by band the ensemble's chains meet better, and its intervals hold.
-    options = Sampling(**{"sampler": "emcee", **sampling})
+    options = Sampling(**sampling)
     instrument = resolve_instrument(instrument)
     noise = noise or Noise()
     reading = one_reading(film, instrument, noise)
@@ -314,7 +314,12 @@ def sample(
 ) -> Posterior:
     """Sample a problem from draws of its Laplace approximation at the modes found; with no steps
     that is all.
+
+    Raises:
+        ModuleNotFoundError: a chain was asked for, and ArviZ, which judges it, is not installed.
     """
+    if options.length > 0:
+        require("arviz")
     approximate = laplace(problem, found, seed=options.seed)
     if options.length == 0:
         return Posterior(problem, films, approximate, None, options.sampler == "importance")
@@ -326,7 +331,7 @@ def sample(
         )
     from .chain import run_chain
 
-    walkers = options.walkers_for(problem.dims)
+    walkers = options.walkers_for(len(problem.blocks) * problem.dims)
     start = approximate.draws(walkers, np.random.default_rng(options.seed))
     return Posterior(problem, films, approximate, run_chain(problem, start, options))
 
