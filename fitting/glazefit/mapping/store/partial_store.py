@@ -2,15 +2,11 @@
 looked at.
 """
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from zarr.storage import LocalStore, WrapperStore
 
-from .layout import BY_NAME
-from .windows import Window
-
-if TYPE_CHECKING:
-    from .store import MapStore
+from .chunks import Chunks
 
 
 class FinishedWindows(WrapperStore[LocalStore]):
@@ -18,15 +14,15 @@ class FinishedWindows(WrapperStore[LocalStore]):
 
     Args:
         store: the map's files, for reading.
-        map: whose they are.
+        chunks: where its windows lie among them.
     """
 
-    def __init__(self, store: LocalStore, map: "MapStore"):
+    def __init__(self, store: LocalStore, chunks: Chunks):
         super().__init__(store)
-        self._map = map
+        self._chunks = chunks
 
     def _with_store(self, store: LocalStore) -> "FinishedWindows":
-        return type(self)(store, self._map)
+        return type(self)(store, self._chunks)
 
     async def get(self, key: str, prototype: Any, byte_range: Any = None) -> Any:
         """What is stored under a key; nothing of a window that is not finished.
@@ -34,14 +30,12 @@ class FinishedWindows(WrapperStore[LocalStore]):
         Raises:
             ValueError: a window that is damaged.
         """
-        name, _, place = key.partition("/c/")
-        if not place or name not in BY_NAME:
+        window = self._chunks.window(key)
+        if window is None:
             return await super().get(key, prototype, byte_range)
-        y, x = (int(at) * size for at, size in zip(place.split("/"), self._map.chunk, strict=False))
-        window = Window.at(y, x, self._map.shape, self._map.chunk)
         # It is asked first: a window may be finished while it is read.
-        if not self._map.complete and not self._map.is_done(window):
+        if not self._chunks.complete and not self._chunks.is_done(window):
             return None
         content = await super().get(key, prototype, byte_range)
-        self._map.check(window, key, None if content is None else content.to_bytes())
+        self._chunks.check(window, key, None if content is None else content.to_bytes())
         return content

@@ -24,15 +24,15 @@ from glazejax.extras import require
 
 from .atomic_files import KeyedResults, explain_full_disk
 from .chunk import ChunkMaps, Members, SetSum, Unexplained, add_sets, pack, unpack
+from .chunks import FIX, Chunks
 from .create import FORMAT, WORK, lay_out, plain
-from .layout import BY_NAME, VARIABLES, Variable
+from .layout import BY_NAME, VARIABLES
 from .lock import hold
 from .windows import Window, windows
 
 if TYPE_CHECKING:
     import xarray
 
-_FIX = "; run the same `glazejax map` again, which maps it anew"
 # A list or text that differs is shown by so much of it.
 _short = reprlib.Repr()
 _short.maxlist = 4
@@ -52,7 +52,6 @@ class MapStore:
         chunk: rows and columns of a window.
         paints: names of the paints, in the order of their numbers.
         options: what the map depends on, as plain JSON.
-        complete: whether all windows were finished when it was opened.
         run: tells the map from any that it replaced.
         work: where a run keeps what it found before the windows.
     """
@@ -82,7 +81,7 @@ class MapStore:
                 f"{path} is a map of format {written}, written by another glazejax; this one reads "
                 f"format {FORMAT}: make the map again (--overwrite), or read it by xarray.open_zarr"
             )
-        self.complete: bool = attrs.get("complete", False)
+        self._chunks = Chunks(self.path, self.shape, self.chunk, attrs.get("complete", False))
         self.work = KeyedResults(self.path / WORK / "work")
         self._sums = KeyedResults(self.path / WORK / "sums")
         self._held = False
@@ -139,7 +138,15 @@ class MapStore:
                 for left in (new, old):
                     shutil.rmtree(left, ignore_errors=True)
                 with explain_full_disk(path, lambda: "nothing of the map was begun"):
-                    lay_out(new, shape, chunk, paints, wanted, attrs or {}, coords or {})
+                    lay_out(
+                        new,
+                        shape=shape,
+                        chunk=chunk,
+                        paints=paints,
+                        options=wanted,
+                        attrs=attrs or {},
+                        coords=coords or {},
+                    )
                     if path.exists():
                         path.replace(old)
                     new.replace(path)
@@ -163,11 +170,7 @@ class MapStore:
 
     def done(self) -> set[Window]:
         """The windows that are finished."""
-        return {window for window in self.windows() if self.is_done(window)}
-
-    def is_done(self, window: Window) -> bool:
-        """Whether a window is finished: it has its status, which is written last."""
-        return (self.path / self._key(BY_NAME["status"], window)).exists()
+        return {window for window in self.windows() if self._chunks.is_done(window)}
 
     def put(self, window: Window, maps: ChunkMaps) -> None:
         """Write a window: sums over its sets, its arrays, the status of its pixels last.
@@ -188,26 +191,6 @@ class MapStore:
             for variable in sorted(VARIABLES, key=lambda variable: variable.name == "status"):
                 values = maps.arrays.get(variable.name, np.asarray(variable.fill))
                 arrays[variable.name][window.slices] = values.astype(variable.dtype)
-
-    def check(self, window: Window, key: str, content: bytes | None) -> None:
-        """See that a chunk of a finished window is as it was written.
-
-        Args:
-            window: whose chunk it is.
-            key: of the chunk.
-            content: as it is stored; None if it is not there.
-
-        Raises:
-            ValueError: it is missing, or does not meet its checksum.
-        """
-        from numcodecs.checksum32 import CRC32C
-
-        if content is None:
-            raise self._damage(window, f"{key} is missing")
-        try:
-            CRC32C(location="end").decode(content)
-        except (ValueError, RuntimeError):
-            raise self._damage(window, f"{key} is not as it was written") from None
 
     def sums(self) -> tuple[Mapping[str, float], dict[Members, SetSum]]:
         """Counts and sums of sets over all finished windows, in the order of the windows whatever
@@ -258,7 +241,7 @@ class MapStore:
                 )
             for left in self.path.rglob("*.part*"):
                 left.unlink(missing_ok=True)
-            for window in self.windows() if self.complete else sorted(self.done()):
+            for window in self.windows() if self._chunks.complete else sorted(self.done()):
                 self._remove_damaged(window)
             self._held = True
             try:
@@ -268,13 +251,15 @@ class MapStore:
 
     def _remove_damaged(self, window: Window) -> None:
         """Take a window away, and warn of it, if it is damaged."""
-        files = {key: self.path / key for key in (self._key(each, window) for each in VARIABLES)}
+        files = {
+            key: self.path / key for key in (self._chunks.key(each, window) for each in VARIABLES)
+        }
         try:
             self._window_sums(window)
             for key, file in files.items():
-                self.check(window, key, file.read_bytes() if file.exists() else None)
+                self._chunks.check(window, key, file.read_bytes() if file.exists() else None)
         except ValueError as damage:
-            words = f"{str(damage).removesuffix(_FIX)}, and is mapped anew"
+            words = f"{str(damage).removesuffix(FIX)}, and is mapped anew"
             warnings.warn(words, DamagedWindow, stacklevel=5)
             for file in files.values():
                 file.unlink(missing_ok=True)
@@ -285,15 +270,7 @@ class MapStore:
         try:
             return unpack(self._sums.get(str(window)))
         except (KeyError, ValueError):
-            raise self._damage(window, "its sums cannot be read") from None
-
-    def _damage(self, window: Window, words: str) -> ValueError:
-        return ValueError(f"window {window} of {self.path} is damaged ({words}){_FIX}")
-
-    def _key(self, variable: Variable, window: Window) -> str:
-        """Where zarr keeps a window's chunk of an array."""
-        place = (window.y0 // self.chunk[0], window.x0 // self.chunk[1])
-        return "/".join(map(str, (variable.name, "c", *place, *(0 for _ in variable.further))))
+            raise self._chunks.damage(window, "its sums cannot be read") from None
 
     def _arrays(self) -> dict[str, Any]:
         """Arrays to write to, by name; chunks of nothing but fill are written too, so that one that
@@ -331,7 +308,7 @@ def open_map(path: str | Path) -> "xarray.Dataset":
     from .partial_store import FinishedWindows
 
     store = MapStore.open(path)
-    shown = FinishedWindows(LocalStore(store.path, read_only=True), store)
+    shown = FinishedWindows(LocalStore(store.path, read_only=True), store._chunks)
     try:
         # zarr lists arrays as they come.
         return xarray.open_zarr(shown, chunks=None)[sorted(BY_NAME)]

@@ -152,7 +152,14 @@ class LazyReflectance(BackendArray):
         self.dtype: np.dtype[Any] = np.dtype(np.float32)
 
     def __getitem__(self, key: ExplicitIndexer) -> np.ndarray:
-        return explicit_indexing_adapter(key, self.shape, IndexingSupport.BASIC, self._window)
+        # xarray cannot turn a slice that runs backwards over nothing.
+        whole = type(key)(
+            tuple(
+                slice(0) if isinstance(part, slice) and not range(size)[part] else part
+                for part, size in zip(key.tuple, self.shape, strict=True)
+            )
+        )
+        return explicit_indexing_adapter(whole, self.shape, IndexingSupport.BASIC, self._window)
 
     def _window(self, key: tuple[int | slice, ...]) -> np.ndarray:
         """Reflectance at whole numbers, which take their axis away, and slices with positive

@@ -18,6 +18,8 @@ from ..spectra_table import SpectraTable
 from ..words import read_number
 
 _NEEDED = ("samples", "lines", "bands", "data type", "interleave", "byte order")
+# A title, and its text to the end of the line, or in braces to the line that ends with one.
+_FIELD = re.compile(r"(?m)^([^=\n]*)=[^\S\n]*(\{[\s\S]*?\}$|.*)")
 _LIBRARY = "ENVI Spectral Library"
 _TYPES = {
     1: "u1",
@@ -53,32 +55,25 @@ def read_header(source: Source) -> dict[str, str | list[str]]:
         ValueError: no legal header, or one that lacks a field that is needed or has it twice.
     """
     header: dict[str, str | list[str]] = {}
-    lines = enumerate(source.text().splitlines()[1:], start=2)
-    for number, line in lines:
-        title, equals, text = line.partition("=")
-        if not equals or line.startswith(";"):
-            continue
-        title = title.strip().lower()
-        text = text.strip()
+    lines = source.text().splitlines()
+    # Lines of comment stay as empty ones, so that lines can be counted.
+    text = "\n".join("" if line.startswith(";") else line.strip() for line in lines[1:])
+    for field in _FIELD.finditer(text):
+        number = 2 + text.count("\n", 0, field.start())
+        title = field[1].strip().lower()
+        value = field[2].strip()
         if title in header and title in (*_NEEDED, "wavelength", "header offset"):
             raise source.error(f"not a legal ENVI header: {title!r} stands there twice", number)
-        if not text.startswith("{"):
-            header[title] = text
+        if not value.startswith("{"):
+            header[title] = value
             continue
-        parts = [text]
-        while not parts[-1].endswith("}"):
-            following = next(lines, None)
-            if following is None:
-                raise source.error(
-                    "not a legal ENVI header; is a brace left open, or the file cut short?", number
-                )
-            if not following[1].startswith(";"):
-                parts.append(following[1].strip())
-        whole = "\n".join(parts)[1:-1]
+        if not value.endswith("}"):
+            raise source.error(
+                "not a legal ENVI header; is a brace left open, or the file cut short?", number
+            )
+        inner = value[1:-1].strip()
         header[title] = (
-            whole.strip()
-            if title == "description"
-            else [entry.strip() for entry in whole.split(",")]
+            inner if title == "description" else [entry.strip() for entry in inner.split(",")]
         )
     missing = [title for title in _NEEDED if title not in header]
     if missing:
@@ -130,17 +125,15 @@ class EnviFile:
         needed = self._offset + prod(self.sizes.values()) * self._dtype.itemsize
         with open_source(self.data) as found:
             size = found.size
-        if size is None or size < needed:
-            raise refusal(
-                self.data,
-                f"{size} bytes where the header {self.path.name} promises {needed}; the file was "
-                "cut short",
+        if size is None or size != needed:
+            cause = (
+                "; the file was cut short"
+                if size is None or size < needed
+                else ": are its samples, lines, bands, data type and header offset right?"
             )
-        if size > needed:
             raise refusal(
                 self.data,
-                f"{size} bytes where the header {self.path.name} promises {needed}: are its "
-                "samples, lines, bands, data type and header offset right?",
+                f"{size} bytes where the header {self.path.name} promises {needed}{cause}",
             )
 
     def error(self, complaint: object) -> ValueError:
@@ -409,10 +402,7 @@ def format_envi(table: SpectraTable) -> tuple[str, Iterator[bytes], list[str]]:
     """A table as a spectral library: header, numbers (float64, so that nothing is lost) and notes
     on names changed.
     """
-    names = [
-        re.sub(r"[{}]", lambda m: "(" if m[0] == "{" else ")", name).replace(",", ";")
-        for name in table.names
-    ]
+    names = [name.translate(str.maketrans("{},", "();")) for name in table.names]
     changed = [old for old, new in zip(table.names, names, strict=True) if old != new]
     notes = (
         [f"ENVI has no commas or braces in names: {len(changed)} names changed"] if changed else []
