@@ -20,6 +20,7 @@ OPTIONAL = {
     "rich": "commands",
     "matplotlib": "plots",
     "corner": "plots",
+    "jinja2": "plots",
     "colour_cxf": "formats",
     "arviz": "arviz",
     "h5py": "arviz",

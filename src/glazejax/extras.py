@@ -10,6 +10,7 @@ _EXTRAS = {
     "rich": ("rich", "commands"),
     "matplotlib": ("matplotlib", "plots"),
     "corner": ("corner", "plots"),
+    "jinja2": ("jinja2", "plots"),
     "colour_cxf": ("colour-cxf", "formats"),
     "openpyxl": ("openpyxl", "formats"),
     "arviz": ("arviz", "arviz"),

@@ -312,7 +312,7 @@ def _report_files(report: Path | None) -> dict[str, Path | None]:
     from .show.page import beside
 
     table, data = beside(report)
-    require("matplotlib")
+    require("matplotlib", "jinja2")
     return {"--report": report, "the table of --report": table, "the JSON of --report": data}
 
 

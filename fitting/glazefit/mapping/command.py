@@ -383,7 +383,7 @@ def _check_outputs(
     if report is not None:
         from glazejax.extras import require
 
-        require("matplotlib")
+        require("matplotlib", "jinja2")
         if report.resolve() == out.resolve():
             raise ValueError(f"--report and --out are both {out}: give them different names")
         options.check_folder(report, overwrite, argument="--report")
