@@ -443,7 +443,7 @@ def _about(
         shelf["file"], shelf["sha256"] = catalogue.checksum(name)
     return Provenance(
         title=typed["file"].name,
-        command=command_line(identify, "identify", typed, ("file",)),
+        command=command_line(),
         options={
             "FILE" if name == "file" else option(name): _plain(value)
             for name, value in typed.items()

@@ -324,9 +324,7 @@ def map_(
         from .provenance import map_provenance
 
         read = {**given_files, "--ground": ground_file(ground)}
-        return map_provenance(
-            command_line(map_, "map", typed, ("cube",)), typed, source.path, read, found, facts
-        )
+        return map_provenance(command_line(), typed, source.path, read, found, facts)
 
     def write_spots(folder: Path) -> list[Path]:
         grid = np.asarray(opened["wavelength"], float)
