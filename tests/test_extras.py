@@ -18,6 +18,7 @@ EXTRAS = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["option
 OPTIONAL = {
     "typer": "commands",
     "rich": "commands",
+    "platformdirs": "commands",
     "matplotlib": "plots",
     "corner": "plots",
     "jinja2": "plots",

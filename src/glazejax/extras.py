@@ -8,6 +8,7 @@ from importlib.metadata import PackageNotFoundError, distribution
 _EXTRAS = {
     "typer": ("typer", "commands"),
     "rich": ("rich", "commands"),
+    "platformdirs": ("platformdirs", "commands"),
     "matplotlib": ("matplotlib", "plots"),
     "corner": ("corner", "plots"),
     "jinja2": ("jinja2", "plots"),
