@@ -13,7 +13,7 @@ _EXTRAS = {
     "corner": ("corner", "plots"),
     "jinja2": ("jinja2", "plots"),
     "colour_cxf": ("colour-cxf", "formats"),
-    "openpyxl": ("openpyxl", "formats"),
+    "python_calamine": ("python-calamine", "formats"),
     "arviz": ("arviz", "arviz"),
     "h5py": ("h5py", "arviz"),
     "trimesh": ("trimesh", "scene"),
