@@ -23,6 +23,7 @@ OPTIONAL = {
     "corner": "plots",
     "jinja2": "plots",
     "colour_cxf": "formats",
+    "python_calamine": "formats",
     "arviz": "arviz",
     "h5py": "arviz",
     "trimesh": "scene",
