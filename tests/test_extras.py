@@ -18,9 +18,12 @@ EXTRAS = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["option
 OPTIONAL = {
     "typer": "commands",
     "rich": "commands",
+    "platformdirs": "commands",
     "matplotlib": "plots",
     "corner": "plots",
+    "jinja2": "plots",
     "colour_cxf": "formats",
+    "python_calamine": "formats",
     "arviz": "arviz",
     "h5py": "arviz",
     "trimesh": "scene",

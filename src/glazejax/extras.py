@@ -8,10 +8,12 @@ from importlib.metadata import PackageNotFoundError, distribution
 _EXTRAS = {
     "typer": ("typer", "commands"),
     "rich": ("rich", "commands"),
+    "platformdirs": ("platformdirs", "commands"),
     "matplotlib": ("matplotlib", "plots"),
     "corner": ("corner", "plots"),
+    "jinja2": ("jinja2", "plots"),
     "colour_cxf": ("colour-cxf", "formats"),
-    "openpyxl": ("openpyxl", "formats"),
+    "python_calamine": ("python-calamine", "formats"),
     "arviz": ("arviz", "arviz"),
     "h5py": ("h5py", "arviz"),
     "trimesh": ("trimesh", "scene"),

@@ -4,6 +4,7 @@ import importlib
 import json
 import subprocess
 import sys
+from unittest import mock
 
 import numpy as np
 import pytest
@@ -24,7 +25,9 @@ def run(*arguments):
     app = typer.Typer()
     register(app)
     app.callback()(lambda: None)
-    return RUNNER.invoke(app, ["identify", *map(str, arguments)])
+    words = ["identify", *map(str, arguments)]
+    with mock.patch.object(sys, "argv", ["glazejax", *words]):
+        return RUNNER.invoke(app, words)
 
 
 @pytest.fixture(scope="module")

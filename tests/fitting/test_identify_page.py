@@ -26,7 +26,7 @@ from glazefit.page.inputs import input_files
 from ..studio.browser import start_browser
 
 # `glazefit.identify` is the function too, so that the name alone does not lead there.
-MODULE = importlib.import_module("glazefit.identify.show.spectrum_html")
+MODULE = importlib.import_module("glazefit.identify.show.page")
 GRID = np.arange(400.0, 701.0, 20.0)
 PAINTS = ("Red", "White", "Blue", "Chalk", "Black")
 EVIL = '<script>alert("1")</script> & co'
@@ -237,6 +237,16 @@ def test_names_are_text_and_nothing_comes_from_elsewhere():
     assert len(figures) == 4
     assert all(given.get("aria-label") for given in figures)
     assert EVIL in seen.words["spot-2"]
+
+
+def test_a_paint_of_any_name_is_text():
+    name = '<b>&"'
+    filed = record(replace(identification(), paints=(name, *PAINTS[1:])))
+    seen = parsed(filed)
+    assert "b" not in {tag for tag, _ in seen.tags}
+    assert name in [cells[0] for cells in seen.spots["spot-1"]]
+    labels = [given["aria-label"] or "" for tag, given in seen.tags if tag == "figure"]
+    assert name in labels[0]
 
 
 def test_one_report_is_one_text():

@@ -75,7 +75,7 @@ def test_it_listens_on_this_computer_alone(served):
 @pytest.mark.parametrize(
     ("path", "headers", "status"),
     [
-        ("", {"Host": "evil.example"}, 403),
+        ("", {"Host": "evil.example"}, 400),
         ("", {"Origin": "http://evil.example"}, 403),
         ("main.js", {"Origin": "null"}, 403),
         ("../../etc/passwd", {}, 403),

@@ -33,7 +33,7 @@ def read_spectra(path: str | Path, *, progress: Progress | None = None) -> Spect
     """Read reflectance spectra, in any format that is known.
 
     CSV or TSV, wide, long or longest, also below lines of an instrument's own; columns of numbers
-    without a header; Excel workbooks (the first sheet, or FILE.xlsx:SHEET); ENVI spectral libraries
+    without a header; workbooks (the first sheet, or FILE.xlsx:SHEET); ENVI spectral libraries
     and images (header or data file named; of an image every pixel); CGATS text; CxF3; JCAMP-DX;
     ASD; SVC; and JSON lists of wavelengths and spectra, as Kimera's. The content tells which, not
     the name. Of readings with the specular component (SCI) and without (SCE) each is a spectrum,
