@@ -17,10 +17,6 @@ from ..scene import Scene
 from ..shapes import Box, Mesh, Plane, Shape, Sphere, plane_frame, rotation
 from .triangles import TriangleCaster, Triangles, make_triangles, triangle_surface
 
-# A shape so much smaller than the scene is met by a ray that leaves it, by rounding.
-_CLEARANCE = 1e-7
-_CLEARANCE_SINGLE = 1e-4
-
 
 class Geometry(NamedTuple):
     """Shapes as arrays, kind by kind: first all spheres, then planes, boxes and meshes."""
@@ -113,7 +109,8 @@ def make_geometry(shapes: Sequence[Shape], materials: Mapping[str, int]) -> Geom
         + [np.asarray(m.vertices, float) for m in meshes],
         axis=None,
     )
-    single = jnp.result_type(float) == jnp.float32
+    # A ray that leaves a shape meets it again, by rounding, nearer than half of the digits.
+    rounding = np.sqrt(np.finfo(jnp.result_type(float)).eps)
     triangles = make_triangles(meshes, before) if meshes else None
     return Geometry(
         centres=_rows([s.centre for s in spheres], 3),
@@ -129,9 +126,7 @@ def make_geometry(shapes: Sequence[Shape], materials: Mapping[str, int]) -> Geom
         triangles=triangles,
         material=np.array([materials[shapes[k].material] for k in order]),
         order=np.array(order),
-        clearance=np.array(
-            (_CLEARANCE_SINGLE if single else _CLEARANCE) * max(1.0, float(np.abs(ends).max()))
-        ),
+        clearance=np.array(rounding * max(1.0, float(np.abs(ends).max()))),
         caster=None if triangles is None else TriangleCaster(triangles),
     )
 
