@@ -25,8 +25,7 @@ PROMISE = 1e-3
 """Settled: a full step would bring a stack nearer by less than this Delta E."""
 
 _STEPS = 40
-# Longest step, and least share, in logarithms; step of a difference quotient in L*a*b*.
-_LONGEST = 1.0
+# Least share, as a logarithm; step of a difference quotient in L*a*b*.
 _FADED = -9.0
 _LAB_STEP = 0.01
 
@@ -86,7 +85,7 @@ def polish(model: StackModel, solver: Solver, aims: TargetArrays, stacks: Stacks
         look,
         point,
         seen,
-        Bounds(low, high, _LONGEST),
+        Bounds(low, high, longest=1.0),
         normalise=normalise,
         promise=PROMISE,
         max_steps=_STEPS,

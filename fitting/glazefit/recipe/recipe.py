@@ -32,18 +32,9 @@ GROUP = 8
 """Targets that are refined at a time."""
 
 # How many sets of paints a target keeps after the first look, by (layers, paints counted in each
-# coat); after a first refinement; how many the solver refines, of mixed stacks and of unmixed ones,
-# which are of more kinds; and how many are grown, and kept of their children.
+# coat); and how many after a first refinement, and for the solver.
 _KEEP = {(1, 1): 3, (1, 2): 12, (1, 3): 40, (2, 1): 8, (2, 2): 24, (2, 3): 40}
-_KEEP_REFINED = 8
-_KEEP_SOLVED = 8
-_KEEP_GLAZES = 4
-_PARENTS = 4
-_CHILDREN = 24
-# Pairs of mixings that are compared.
-_MIXINGS = 200
-# More than asked for are rounded, because a few lose their colour by it.
-_SPARE = 3
+_KEPT = 8
 
 
 @dataclass(frozen=True, eq=False)
@@ -240,12 +231,13 @@ def _refine(task: Task, model: StackModel, aims: TargetArrays, rough: Stacks) ->
     def better(stacks: Stacks) -> Stacks:
         return refine(model, aims, stacks, task.slots)
 
-    stacks = better(better(rough).best(lambda coats, paints: _KEEP_REFINED))
+    stacks = better(better(rough).best(lambda coats, paints: _KEPT))
     more = 0 if task.glazes else max(0, task.max_paints - MOST_SCREENED)
     for number in range(more + max(0, task.max_coats - 2)):
         # Of unmixed stacks those of one coat less are all that a coat can be added to anew.
         last = stacks.take(np.flatnonzero(stacks.coats == number + 2)) if task.glazes else stacks
-        parents = last.best(lambda coats, paints: _PARENTS)
+        # A few grow, into very many: most of these are dropped before a refinement.
+        parents = last.best(lambda coats, paints: 4)
         children = grown(
             model,
             aims,
@@ -254,11 +246,12 @@ def _refine(task: Task, model: StackModel, aims: TargetArrays, rough: Stacks) ->
             max_coats=task.max_coats,
             mixed=not task.glazes,
         )
-        children = better(children.best(lambda coats, paints: _CHILDREN))
-        stacks = Stacks.join([stacks, better(children.best(lambda coats, paints: _KEEP_REFINED))])
+        children = better(children.best(lambda coats, paints: 24))
+        stacks = Stacks.join([stacks, better(children.best(lambda coats, paints: _KEPT))])
     pool = Stacks.join([stacks, better(simplify(model, stacks))])
     # What the table puts first, at the best amounts by the solver itself.
-    kept = _KEEP_GLAZES if task.glazes else _KEEP_SOLVED
+    # Unmixed stacks are of more kinds.
+    kept = 4 if task.glazes else _KEPT
     return polish(model, task.solver, aims, pool.best(lambda coats, paints: kept))
 
 
@@ -270,7 +263,8 @@ def _finish(
     exact = []
     for target in targets:
         own = [one for one, owner in zip(scored, stacks.target, strict=True) if owner == target]
-        exact += [(target, one) for one in select(own, _SPARE * task.count, task.simplicity)]
+        # More than asked for are rounded, because a few lose their colour by it.
+        exact += [(target, one) for one in select(own, 3 * task.count, task.simplicity)]
     round_ones = round_recipes(model, task.solver, aims, exact, task.simplicity)
     recipes = []
     for target in targets:
@@ -425,7 +419,8 @@ def _between_mixings(task: Task, model: StackModel, chosen: list[Scored]) -> lis
     found = []
     for row in range(len(chosen)):
         moves = labs[[place[0] == row for place in places]] - own[row]
-        two = own[row] + rng.standard_normal((2, _MIXINGS, len(moves))) @ moves
+        # Pairs of mixings that are compared.
+        two = own[row] + rng.standard_normal((2, 200, len(moves))) @ moves
         found.append(float(np.mean(colour.delta_e_2000(two[0], two[1]))))
     return found
 

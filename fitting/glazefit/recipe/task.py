@@ -26,10 +26,7 @@ DEFAULT_THICKNESS = (1e-6, 50e-6)
 thickness.
 """
 
-# At most, and if nothing is said. Coats of a single paint each are quickly gone through.
-_MOST_PAINTS = 6
-_MOST_COATS = 4
-_MOST_GLAZES = 6
+# If nothing is said.
 _PAINTS = 3
 _COATS = 2
 
@@ -153,12 +150,15 @@ def make_task(
     """Check all that was asked for; see `glazefit.find_recipes` for the arguments and errors."""
     if not targets:
         raise ValueError("there is no target: give a colour, such as (50, 20, 30), or a spectrum")
-    most = _MOST_GLAZES if glazes else _MOST_COATS
-    max_coats = max_coats if max_coats is not None else _MOST_GLAZES if glazes else _COATS
-    max_paints = max_paints if max_paints is not None else _MOST_PAINTS if glazes else _PAINTS
+    # Coats of a single paint each are quickly gone through: all that are possible are.
+    most_coats, most_paints = 6 if glazes else 4, 6
+    if max_coats is None:
+        max_coats = most_coats if glazes else _COATS
+    if max_paints is None:
+        max_paints = most_paints if glazes else _PAINTS
     whole = {
-        "max_paints": (max_paints, _MOST_PAINTS),
-        "max_coats": (max_coats, most),
+        "max_paints": (max_paints, most_paints),
+        "max_coats": (max_coats, most_coats),
         "count": (count, 1000),
     }
     for name, (value, most) in whole.items():

@@ -23,9 +23,6 @@ from .openpbr import Layering, OpenPBR
 from .rgb import SPACES, Space, delta_e, find_space, outside
 from .texture_words import SOCKETS, readme
 
-# Points of the map at which the whole material is held against the glaze, at all angles.
-_CHECKED = 5
-
 
 @dataclass(frozen=True)
 class TextureSet:
@@ -260,9 +257,8 @@ def _errors(
 ) -> Errors:
     """Largest errors at pixels from the darkest to the lightest, each a material of its own."""
     order = np.argsort(base @ np.array([0.3, 0.6, 0.1]))
-    chosen = dict.fromkeys(
-        order[np.linspace(0, len(order) - 1, _CHECKED).round().astype(int)].tolist()
-    )
+    # Points of the map at which the whole material is held against the glaze, at all angles.
+    chosen = dict.fromkeys(order[np.linspace(0, len(order) - 1, 5).round().astype(int)].tolist())
     found = []
     for k in chosen:
         one = mapped.at(points[k : k + 1])

@@ -13,18 +13,16 @@ from ...chebyshev_table import SAFETY, Axis, Mirrored
 from ...interpolated import interpolated
 from ...paint.media import Glaze
 from ..glaze.solve import with_variables
+from ..glaze.table import LEAST_COSINE
 from .coats import Axes
 from .ground_split import Parts, factor_of, lagrange
 from .lookup import NUMPY
 from .surfaces import Surface, inside
 
-_TRIALS = 6
 _CHECKS = 12
-# Shares of the tolerance: for the solver, for the angles and for thickness and fraction.
+# Shares of the tolerance: for the solver; for the angles, and as much for thickness and fraction.
 SOLVER = 0.1
-_ANGLES = 0.3
-_AXES = 0.3
-_LEAST_COSINE = 1e-3
+_NODES = 0.3
 
 
 class Nodes(NamedTuple):
@@ -106,7 +104,7 @@ def solve_nodes(
     """
     solver = Solver(surface, glaze, layer, SOLVER * tolerance)
     ranges = axes.ranges
-    cosines = surface.angles(_error_of_nodes(solver, ranges), _ANGLES * tolerance)
+    cosines = surface.angles(_error_of_nodes(solver, ranges), _NODES * tolerance)
     bands = np.asarray(glaze.wavelengths, float)
     if not ranges:
         return Nodes(
@@ -120,7 +118,7 @@ def solve_nodes(
     made = interpolated(
         lambda **points: solver.parts(points, cosines),
         ranges,
-        tolerance=_AXES * tolerance,
+        tolerance=_NODES * tolerance,
         distance=lambda one, two: _distance(solver, cosines, one, two),
         most_points=most_points,
     )
@@ -174,10 +172,10 @@ def _error_of_nodes(
     rng = np.random.default_rng(0)
     points = {}
     for name, (low, high) in ranges.items():
-        drawn = low + (high - low) * rng.uniform(0.0, 1.0, _TRIALS - 2) ** 2
+        drawn = low + (high - low) * rng.uniform(0.0, 1.0, 4) ** 2
         points[name] = rng.permutation(np.concatenate([[low, high], drawn]))
-    checks = np.clip(rng.beta(0.6, 0.6, (2, _CHECKS)), _LEAST_COSINE, 1.0)
-    checks[:, 0] = _LEAST_COSINE
+    checks = np.clip(rng.beta(0.6, 0.6, (2, _CHECKS)), LEAST_COSINE, 1.0)
+    checks[:, 0] = LEAST_COSINE
     a, b = (np.concatenate([x, x]) for x in checks)
     ground = np.repeat([0.0, 1.0], _CHECKS)
     truth: list[np.ndarray] = []

@@ -17,8 +17,6 @@ from .raw import RawCube
 # Numbers worked on at a time: few enough for a processor's cache, so that bands that lie apart are
 # brought together there, and many enough that each piece is worth its call.
 _AT_ONCE = 1 << 19
-# Bands that are read together where each lies in a place of its own: one cache line of float32.
-_BANDS = 16
 
 
 @dataclass(frozen=True)
@@ -57,7 +55,9 @@ class Reading:
         values = np.empty((len(lines), len(samples), len(bands)), np.float32)
         if values.size:
             groups = self.bands[bands.start : bands.stop : bands.step]
-            each = max(1, _BANDS // groups.shape[1]) if self.raw.apart else len(groups)
+            # Bands that are read together where each lies in a place of its own: one cache line of
+            # float32.
+            each = max(1, 16 // groups.shape[1]) if self.raw.apart else len(groups)
             for first in range(0, len(groups), each):
                 few = groups[first : first + each]
                 for part in self._strips(lines, len(samples) * self.binning[1] * few.size):
