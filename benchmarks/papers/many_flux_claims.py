@@ -262,7 +262,7 @@ def modes_series(say: Results) -> None:
     """The same in glazejax, where azimuth modes are apart and surfaces are diagonal from
     the start.
     """
-    from glazejax.radiative.manyflux.effort import Effort
+    from glazejax.radiative.manyflux.effort import FluxEffort
     from glazejax.radiative.manyflux.joined import joined_stack
     from glazejax.radiative.manyflux.media import Media, fewest_shared_directions
     from glazejax.radiative.manyflux.solve import Layers
@@ -274,7 +274,7 @@ def modes_series(say: Results) -> None:
     )
     lit = jnp.array([np.cos(np.deg2rad(ANGLE))])
     made = joined_stack(
-        layers, Media((INDEX,), INDEX), jnp.asarray(COSINES), lit, Effort(pieces, 1, 1, None), 1
+        layers, Media((INDEX,), INDEX), jnp.asarray(COSINES), lit, FluxEffort(pieces, 1, 1, None), 1
     )
     upper, lower = (jax.tree.map(lambda leaf: leaf[0], x) for x in (made.faces, made.coats))
     roots = jnp.sqrt(made.flux)

@@ -94,7 +94,7 @@ def series(angles: np.ndarray, orders: tuple[int, ...]) -> list[Order]:
     import jax.numpy as jnp
 
     from glazejax.radiative.common.fresnel import dielectric_reflectance
-    from glazejax.radiative.manyflux.effort import Effort
+    from glazejax.radiative.manyflux.effort import FluxEffort
     from glazejax.radiative.manyflux.joined import joined_stack
     from glazejax.radiative.manyflux.media import Media, fewest_shared_directions
     from glazejax.radiative.manyflux.solve import Layers
@@ -104,7 +104,7 @@ def series(angles: np.ndarray, orders: tuple[int, ...]) -> list[Order]:
     seen = jnp.asarray(np.concatenate([cells, np.cos(np.deg2rad(angles))]))
     lit = float(np.cos(np.deg2rad(ANGLE)))
     pieces = fewest_shared_directions((INDEX,), (1.0, INDEX), (1.0,), 1e-6, _STREAMS)
-    effort = Effort(pieces, 1, 1, None)
+    effort = FluxEffort(pieces, 1, 1, None)
     layers = Layers(jnp.array([ALBEDO]), jnp.array([THICKNESS]), jnp.ones((1, 1)), jnp.asarray(0.0))
     solid = 2.0 * np.pi / DIRECTIONS
 

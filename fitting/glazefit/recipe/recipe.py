@@ -26,7 +26,7 @@ from .refine import grown, refine, refine_ahead
 from .screen import MOST_SCREENED, Stacks, TargetArrays, screen
 from .selection import IN_GAMUT, Scored, round_recipes, score, select, simplify
 from .targets import Target
-from .task import RecipeOptions, Task, Wanted, as_targets, make_task
+from .task import RecipeOptions, RecipeTask, Wanted, as_targets, make_task
 
 GROUP = 8
 """Targets that are refined at a time."""
@@ -183,7 +183,7 @@ def find_recipes(
     return found if batch else found[0]
 
 
-def recipe_chunks(task: Task) -> Iterator[list[list[Recipe]]]:
+def recipe_chunks(task: RecipeTask) -> Iterator[list[list[Recipe]]]:
     """Recipes for a few targets at a time, so that progress can be shown and an interrupt loses
     little.
     """
@@ -198,7 +198,7 @@ def recipe_chunks(task: Task) -> Iterator[list[list[Recipe]]]:
         ]
 
 
-def _search(task: Task) -> Iterator[list[list[Recipe]]]:
+def _search(task: RecipeTask) -> Iterator[list[list[Recipe]]]:
     """Recipes for a few targets at a time, of mixed coats or of unmixed ones."""
     model = task.model()
     aims = task.target_arrays()
@@ -225,7 +225,7 @@ def _search(task: Task) -> Iterator[list[list[Recipe]]]:
         yield _finish(task, model, aims, stacks, here)
 
 
-def _refine(task: Task, model: StackModel, aims: TargetArrays, rough: Stacks) -> Stacks:
+def _refine(task: RecipeTask, model: StackModel, aims: TargetArrays, rough: Stacks) -> Stacks:
     """The best stacks that come of a first look."""
 
     def better(stacks: Stacks) -> Stacks:
@@ -256,7 +256,7 @@ def _refine(task: Task, model: StackModel, aims: TargetArrays, rough: Stacks) ->
 
 
 def _finish(
-    task: Task, model: StackModel, aims: TargetArrays, stacks: Stacks, targets: range
+    task: RecipeTask, model: StackModel, aims: TargetArrays, stacks: Stacks, targets: range
 ) -> list[list[Recipe]]:
     """Choose, round and describe the recipes of some targets."""
     scored = score(model, task.solver, aims, stacks)
@@ -280,7 +280,7 @@ def _finish(
 
 
 def _describe(
-    task: Task, model: StackModel, target: int, chosen: list[tuple[Scored, Scored]]
+    task: RecipeTask, model: StackModel, target: int, chosen: list[tuple[Scored, Scored]]
 ) -> list[Recipe]:
     """Recipes from what was chosen, each with the same before it was rounded."""
     aim = task.targets[target]
@@ -297,7 +297,7 @@ def _describe(
 
 
 def _recipe(
-    task: Task,
+    task: RecipeTask,
     aim: Target,
     one: Scored,
     exact: Scored,
@@ -351,7 +351,7 @@ def _recipe(
 
 
 def _thickness_effects(
-    task: Task, model: StackModel, aim: Target, chosen: list[Scored]
+    task: RecipeTask, model: StackModel, aim: Target, chosen: list[Scored]
 ) -> list[tuple[tuple[float, ...], str]]:
     """For each recipe, what 10 % of each coat's thickness does to the colour, and what keeps it
     from the target.
@@ -391,7 +391,7 @@ def _thickness_effects(
     return effects
 
 
-def _between_mixings(task: Task, model: StackModel, chosen: list[Scored]) -> list[float]:
+def _between_mixings(task: RecipeTask, model: StackModel, chosen: list[Scored]) -> list[float]:
     """Mean Delta E 2000 between two mixings of each recipe, whose paints come out stronger or
     weaker each time.
 

@@ -11,7 +11,7 @@ from jaxtyping import Float
 
 from glazejax.colour import delta_e_2000
 
-from .model import Solver, StackModel, lab_of, readings
+from .model import StackModel, StackSolver, lab_of, readings
 from .screen import Stacks, TargetArrays
 
 IN_GAMUT = 1.0
@@ -73,7 +73,9 @@ class Scored:
         )
 
 
-def score(model: StackModel, solver: Solver, aims: TargetArrays, stacks: Stacks) -> list[Scored]:
+def score(
+    model: StackModel, solver: StackSolver, aims: TargetArrays, stacks: Stacks
+) -> list[Scored]:
     """Stacks as the solver sees them, with Delta E 2000 by colour-science."""
     return _score(model, aims, stacks, readings(model, stacks.sizes, solver))
 
@@ -211,7 +213,7 @@ def _round_coats(
 
 def round_recipes(
     model: StackModel,
-    solver: Solver,
+    solver: StackSolver,
     aims: TargetArrays,
     chosen: Sequence[tuple[int, Scored]],
     simplicity: float,

@@ -55,7 +55,7 @@ def gather(
 
 
 @dataclass(frozen=True)
-class Spot:
+class UnexplainedSpot:
     """A spectrum that may be a paint's.
 
     Attributes:
@@ -77,7 +77,7 @@ def choose_spots(
     mapped: float,
     taken: Sequence[str] = (),
     most: int = SPOTS,
-) -> list[Spot]:
+) -> list[UnexplainedSpot]:
     """The purest of spectra that no paints explain.
 
     Args:
@@ -99,7 +99,7 @@ def choose_spots(
     # Share of the mapped pixels, and number, that a spot needs.
     enough = (alike > _ALIKE) @ pixels >= max(4, 2e-4 * mapped)
     names = _free_names(taken)
-    spots: list[Spot] = []
+    spots: list[UnexplainedSpot] = []
     ends = np.zeros((depth.shape[1], 0))
     while len(spots) < most:
         left = np.array([nnls(ends, one)[1] for one in depth]) if ends.size else size
@@ -113,7 +113,7 @@ def choose_spots(
         weight = np.where(own, pixels, 0) / pixels[own].sum()
         y, x = found.places[some[purest]].tolist()
         spots.append(
-            Spot(
+            UnexplainedSpot(
                 name=names(),
                 pixels=int(pixels[alike[purest] > _ALIKE].sum()),
                 place=(y, x),

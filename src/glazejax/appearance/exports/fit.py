@@ -128,7 +128,7 @@ def fit_openpbr(
     cost = np.inf
     material = OpenPBR()
     for coated in (False, True) if coat is None else (coat,):
-        found_cost, found = _best(_Problem(truth, layering, coated))
+        found_cost, found = _best(_LobeFit(truth, layering, coated))
         # A coat must make the error smaller by 2 % of it, or it is left out; 1.5e-8 is half a sum
         # of squares that no coat is worth: a root mean square of 1e-4 in three channels.
         if found_cost < cost * (1 - 0.02) ** 2 - 1.5e-8:
@@ -193,7 +193,7 @@ def material_errors(
     )
 
 
-class _Problem:
+class _LobeFit:
     """Residuals of a material made of a vector: colour of the body, its roughness; colour of the
     coat, darkening.
     """
@@ -254,7 +254,7 @@ class _Problem:
         return [np.array([*mean, rough, *([tint] * 3), 0.5]) for rough, tint in _STARTS]
 
 
-def _best(problem: _Problem) -> tuple[float, OpenPBR]:
+def _best(problem: _LobeFit) -> tuple[float, OpenPBR]:
     """The best of all starts: its cost and material."""
     from scipy.optimize import least_squares
 

@@ -17,6 +17,10 @@ SMOOTH = 1e-4
 
 _FUJII = 0.5 - 2.0 / (3.0 * np.pi)
 _FUJII_MEAN = 2.0 / 3.0 - 28.0 / (15.0 * np.pi)
+# Below this roughness the body is Lambert's to rounding, and what is given back would be 0/0.
+_LAMBERT = 1e-6
+# Points of the integration over visible normals, along both of its coordinates.
+_NORMALS = 48
 
 
 def diffuse_factor(
@@ -36,8 +40,7 @@ def diffuse_factor(
 
     Source: Portsmouth, Kutz, Hill, EON (2024); OpenPBR 1.1, "Glossy-diffuse".
     """
-    # Below this roughness the body is Lambert's to rounding, and what is given back would be 0/0.
-    if roughness < 1e-6:
+    if roughness < _LAMBERT:
         return np.broadcast_to(colour, (*mu_in.shape, 3))
     between = _cos_between(mu_in, mu_out, azimuth)
     s = between - mu_in * mu_out
@@ -126,10 +129,9 @@ def _one_albedo(mu: float, alpha: float, index: float | None) -> float:
     Source of the map: J. Dupuy, A. Benyoub, Sampling visible GGX normals with spherical caps
     (2023).
     """
-    # 48 points along both coordinates of the visible normals.
-    share, weights = gauss(48)
+    share, weights = gauss(_NORMALS)
     # The lobe is even in the azimuth: half of it is enough.
-    turn = np.pi * (np.arange(share.size) + 0.5) / share.size
+    turn = np.pi * (np.arange(_NORMALS) + 0.5) / _NORMALS
     sine = np.sqrt(1.0 - mu**2)
     # The viewing direction where the ellipsoid of facets is stretched to a hemisphere.
     stretched = np.hypot(alpha * sine, mu)

@@ -89,7 +89,7 @@ class _Point(NamedTuple):
     """Which lobes are asked for."""
     share: Any
     """How often the surface's lobe is drawn."""
-    here: table.Here | None
+    here: table.PointWeights | None
     """The body's table there."""
 
 

@@ -22,8 +22,8 @@ from . import lookup
 from .coats import Axes
 from .ground_split import factor_of, lagrange
 from .lookup import NUMPY, Arithmetic, Place
-from .nodes import SOLVER, Nodes, Solver, error_weight, over, solve_nodes
-from .surfaces import Surface
+from .nodes import SOLVER, Nodes, NodeSolver, error_weight, over, solve_nodes
+from .surfaces import GlazeSurface
 
 _ANGLES = (33, 65, 129, 257)
 _LINE = (9, 17, 33, 65, 129)
@@ -61,7 +61,7 @@ class Body:
         tolerance: what was asked for.
     """
 
-    surface: Surface
+    surface: GlazeSurface
     wavelengths: Float[np.ndarray, "bands"]
     axes: dict[str, Axis | Mirrored]
     counts: tuple[int, ...]
@@ -124,7 +124,7 @@ def angle_at(ops: Arithmetic, body: Body, cosine: Any) -> Place:
 
 
 def body_table(
-    surface: Surface,
+    surface: GlazeSurface,
     glaze: Glaze,
     layer: int = 0,
     axes: Axes = Axes(),  # noqa: B008
@@ -153,7 +153,7 @@ def body_table(
         nodes = solve_nodes(surface, glaze, layer, axes, tries)
         body = _compress(nodes, ground, mean_ground)
         error = (
-            _error(body, Solver(surface, glaze, layer, SOLVER * tolerance), ground)
+            _error(body, NodeSolver(surface, glaze, layer, SOLVER * tolerance), ground)
             + SOLVER * tolerance
         )
         if best is None or error < best.error:
@@ -165,7 +165,7 @@ def body_table(
     return best
 
 
-class Here(NamedTuple):
+class PointWeights(NamedTuple):
     """What a point of the surface has at each wavelength, whatever the angles."""
 
     pairs: list[list[Any]]
@@ -184,7 +184,7 @@ def at_point(
     varying: dict[str, Any],
     wavelengths: list[Any],
     ground: list[Any] | None,
-) -> Here:
+) -> PointWeights:
     """The part of the lookup that angles do not change.
 
     Args:
@@ -203,11 +203,11 @@ def at_point(
         ]
 
     lines = None if body.lines is None else of_all(body.line_weights, body.packets[1] + 1)
-    return Here(of_all(body.pair_weights, body.packets[0]), lines, ground)
+    return PointWeights(of_all(body.pair_weights, body.packets[0]), lines, ground)
 
 
 def reflectance_factor(
-    ops: Arithmetic, body: Body, here: Here, cos_in: Any, cos_out: Any
+    ops: Arithmetic, body: Body, here: PointWeights, cos_in: Any, cos_out: Any
 ) -> list[Any]:
     """Reflectance factor of the body at each wavelength of `at_point`; cosines in air, above 0."""
     a, b = (angle_at(ops, body, cosine) for cosine in (cos_in, cos_out))
@@ -420,7 +420,7 @@ def _hemisphere() -> tuple[np.ndarray, np.ndarray]:
     return cosines, 2.0 * weights * cosines
 
 
-def _error(body: Body, solver: Solver, ground: np.ndarray | None) -> float:
+def _error(body: Body, solver: NodeSolver, ground: np.ndarray | None) -> float:
     """Largest error at points not used before, times the safety of all tables."""
     rng = np.random.default_rng(1)
     a, b = np.clip(rng.beta(0.6, 0.6, (2, _CHECKS)), LEAST_COSINE, 1.0)

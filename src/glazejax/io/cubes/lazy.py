@@ -20,7 +20,7 @@ _AT_ONCE = 1 << 19
 
 
 @dataclass(frozen=True)
-class Reading:
+class CubeReading:
     """From the file's numbers to reflectance.
 
     Attributes:
@@ -142,7 +142,7 @@ def _sums(values: np.ndarray, dtype: Any) -> np.ndarray:
 class LazyReflectance(BackendArray):
     """What xarray indexes: reads when its values are asked for."""
 
-    def __init__(self, reading: Reading):
+    def __init__(self, reading: CubeReading):
         self.reading = reading
         self.shape: tuple[int, int, int] = reading.shape
         self.dtype: np.dtype[Any] = np.dtype(np.float32)
@@ -153,7 +153,7 @@ class LazyReflectance(BackendArray):
 
 
 def as_data_array(
-    reading: Reading, wavelengths: Float[np.ndarray, "bands"], unit: str, notes: list[str]
+    reading: CubeReading, wavelengths: Float[np.ndarray, "bands"], unit: str, notes: list[str]
 ) -> xarray.DataArray:
     """The lazy array that users see.
 
@@ -204,7 +204,7 @@ def as_data_array(
 
 
 def _reading_of(raw: RawCube, stored: float, scale: float) -> float:
-    """Reflectance of a stored number, rounded as `Reading` rounds it."""
+    """Reflectance of a stored number, rounded as `CubeReading` rounds it."""
     value = np.full(1, stored, np.float32)
     value *= raw.gain
     value += raw.offset

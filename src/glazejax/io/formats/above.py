@@ -40,7 +40,7 @@ _ROWS = 3
 _FEW = 4
 
 
-class Band(NamedTuple):
+class BandTitle(NamedTuple):
     """What a column's title says: its wavelength in nm, and whether the specular component is in
     it (SCI, SCE, SPIN, SPEX; empty where it does not say).
     """
@@ -49,7 +49,7 @@ class Band(NamedTuple):
     specular: str
 
 
-def band(title: str) -> Band | None:
+def band(title: str) -> BandTitle | None:
     """Band of a column by its title, or None if the title names none."""
     title = title.strip()
     # No longer title names a band; blanks by the thousand in one would take hours to match.
@@ -57,7 +57,7 @@ def band(title: str) -> Band | None:
     if match is None:
         return None
     word = match["before"] or match["after"] or ""
-    return Band(read_number(match["nm"].replace(",", ".")), word.upper())
+    return BandTitle(read_number(match["nm"].replace(",", ".")), word.upper())
 
 
 def lines_above(source: Source) -> tuple[int, bool]:

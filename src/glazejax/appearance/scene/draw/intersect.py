@@ -60,7 +60,7 @@ class Hit(NamedTuple):
     """Number of the triangle of a mesh; 0 for other shapes."""
 
 
-class Surface(NamedTuple):
+class SurfacePoints(NamedTuple):
     """What a ray meets."""
 
     normal: Float[Array, "rays 3"]
@@ -231,7 +231,7 @@ def _boxes(geometry: Geometry, origin: Array, direction: Array) -> Array | None:
     return jnp.where((enter <= leave) & (met > 0), met, jnp.inf)
 
 
-def surface(geometry: Geometry, hit: Hit, origin: Array, direction: Array) -> Surface:
+def surface(geometry: Geometry, hit: Hit, origin: Array, direction: Array) -> SurfacePoints:
     """Normals and texture coordinates of hits; meaningless where nothing is met."""
     point = origin + jnp.where(jnp.isfinite(hit.distance), hit.distance, 0.0)[:, None] * direction
     normal = jnp.broadcast_to(-direction, point.shape)
@@ -258,7 +258,7 @@ def surface(geometry: Geometry, hit: Hit, origin: Array, direction: Array) -> Su
         face = jnp.where(mine, its_face, face)
     face = jnp.where(jnp.sum(face * direction, axis=-1, keepdims=True) > 0, -face, face)
     normal = jnp.where(jnp.sum(face * normal, axis=-1, keepdims=True) < 0, -normal, normal)
-    return Surface(normal, face, uv)
+    return SurfacePoints(normal, face, uv)
 
 
 def _sphere_surface(geometry: Geometry, point: Array, which: Array) -> tuple[Array, Array]:
