@@ -90,9 +90,8 @@ class Smooth:
         diagonal = black[..., rows == columns]
         full = np.maximum(found[..., rows.size : -1] - diagonal, 0.0)
         half = found[..., -1] - diagonal[..., -1]
-        # Light that reaches the ground and comes back, below which what the ground sees is not
-        # known, and does not matter.
-        known = full[..., -1] > 1e-10
+        # Where no light reaches the ground and comes back, what the ground sees does not matter.
+        known = full[..., -1] > 0.0
         # From T T/(1 - S) and .5 T T/(1 - .5 S).
         ratio = np.where(known, half, 0.4) / np.where(known, full[..., -1], 1.0)
         back = np.where(known, np.clip((1.0 - 2.0 * ratio) / (1.0 - ratio), 0.0, 1.0), np.nan)
