@@ -111,14 +111,14 @@ def halves(*, downward: bool = False) -> tuple[Any, Any, Any]:
     import jax
     import jax.numpy as jnp
 
-    from glazejax.radiative.manyflux.effort import Effort
+    from glazejax.radiative.manyflux.effort import FluxEffort
     from glazejax.radiative.manyflux.joined import joined_stack
     from glazejax.radiative.manyflux.media import Media
     from glazejax.radiative.manyflux.solve import Layers
 
     layers = Layers(jnp.array([ALBEDO]), jnp.array([THICKNESS]), jnp.ones((1, 1)), jnp.asarray(0.0))
     lit = jnp.array([np.cos(np.deg2rad(ANGLE))])
-    effort = Effort(_pieces(), 1, 1, None)
+    effort = FluxEffort(_pieces(), 1, 1, None)
     media = Media((INDEX,), INDEX)
     made = joined_stack(layers, media, jnp.asarray(COSINES), lit, effort, 1, downward=downward)
     upper, lower = (jax.tree.map(lambda leaf: leaf[0], x) for x in (made.faces, made.coats))

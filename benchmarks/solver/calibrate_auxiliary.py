@@ -18,7 +18,7 @@ import numpy as np
 from benchmarks.results import Results, command_line
 from benchmarks.solver.calibrate_directions import known, random_stacks
 from glazejax.radiative.auxiliary import graded as auxiliary_graded
-from glazejax.radiative.auxiliary.panels import Mesh
+from glazejax.radiative.auxiliary.panels import PanelMesh
 from glazejax.radiative.common.stack_arrays import Stack
 
 INDICES = (1.0, 1.02, 1.33, 1.5, 2.5)
@@ -39,7 +39,7 @@ def stacks_of(count: int, thickest: float, layers: int = 2) -> Stack:
 
 
 @functools.partial(jax.jit, static_argnums=(2, 3))
-def auxiliary(stacks: Stack, index, mesh: Mesh, fixed: float | None):
+def auxiliary(stacks: Stack, index, mesh: PanelMesh, fixed: float | None):
     """Reflectance factor and hemispherical reflectance, (2, stacks)."""
 
     def chunk(piece):

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from ..geometry import Geometry
     from ..paint.media import Pigment
 
+INDEX = 1.5
 RefractiveIndex = Annotated[
     float,
     typer.Option(

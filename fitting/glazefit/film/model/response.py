@@ -38,8 +38,6 @@ from .optics import Optics
 from .spline import BEND, HIGHEST, cells_per_unit, locate, nodes_of, patches, place, weights
 
 _NODES = 80
-_TOLERANCE = 1e-6
-_CHUNK = 3200
 
 SHIPPED = {"d8": (Hemispherical(), 1.5), "45_0": (Bidirectional(45, 0), 1.5)}
 """Instruments whose table lies beside this file: those that `glazefit` takes when it is
@@ -241,9 +239,9 @@ def solved_table(optics: Optics) -> Float[np.ndarray, "3 nodes nodes"]:
 
     @jax.jit
     def over_three_grounds(kd: Array, sd: Array) -> Array:
-        return optics.body(kd, sd, jnp.asarray([0.0, 0.5, 1.0]), _TOLERANCE)
+        return optics.body(kd, sd, jnp.asarray([0.0, 0.5, 1.0]), 1e-6)
 
-    pieces = [a.reshape(-1, _CHUNK, 1, 1) for a in (kd, sd)]
+    pieces = [a.reshape(-1, 3200, 1, 1) for a in (kd, sd)]
     solved = [np.asarray(over_three_grounds(*piece)) for piece in zip(*pieces, strict=True)]
     black, half, white = np.moveaxis(np.concatenate(solved).reshape(_NODES, _NODES, 3), -1, 0)
     return np.stack([black, *_gain_and_back(half - black, white - black)])

@@ -26,8 +26,6 @@ from .file_table import (
 )
 from .materials import Conductor, FresnelModel, Glazed, Lambert, Material, Phong
 
-# What a measured white may reach by noise and calibration.
-_NOISY_WHITE = 1.05
 _MAX_PIXELS = 1 << 24
 # The built-in map: from 0 on the left to 1 on the right, between which it is interpolated.
 _WEDGE = np.linspace(0.0, 1.0, 1024)[None]
@@ -254,7 +252,8 @@ def _measured_material(
     values = np.asarray(resample(own, found.reflectance[0], grid), float)
     worst = int(values.argmax())
     most = f"{text} reflects {values[worst]:.4g} at {grid[worst]:g} nm"
-    if values[worst] > _NOISY_WHITE:
+    # What a measured white may reach by noise and calibration.
+    if values[worst] > 1.05:
         raise ValueError(f"{most}, but a material reflects 1 at most: scale the spectrum")
     if values[worst] > 1:
         table.note(key, f"{most}, taken as noise: values above 1 became 1")
