@@ -86,6 +86,11 @@ def quantity(
     return Quantity(value=number, unit=unit, digits=digits, form=form, n=n)
 
 
+def percent(share: Any, digits: int = 0, *, n: int | None = None) -> Quantity:
+    """A share from 0 to 1, to record in per cent; see `quantity`."""
+    return quantity(100 * share, "%", digits, n=n)
+
+
 def quantities(
     values: dict[str, Any],
     unit: str = "",

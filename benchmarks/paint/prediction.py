@@ -22,7 +22,7 @@ from scipy.stats import spearmanr
 from benchmarks.kubelka_munk import KubelkaMunk
 from benchmarks.measured import FEW, measured_films
 from benchmarks.paint.readings_of_mixtures import reading_tables
-from benchmarks.results import Results, command_line, progress, quantities, quantity
+from benchmarks.results import Results, command_line, percent, progress, quantities, quantity
 from benchmarks.timing import timed
 from glazefit.film.films import Films, Instrument, Noise
 from glazefit.film.model.mixing import MixingLaw
@@ -213,7 +213,7 @@ def table(say: Results, scores: dict[str, Scores], recipes: Recipes) -> None:
     say.record(
         **quantities(means, n=films),
         **quantities(others, digits=1, n=films),
-        in_band=quantity(100 * some.inside.mean(), "%", digits=0, n=films),
+        in_band=percent(some.inside.mean(), n=films),
         films=quantity(films, digits=0),
     )
 

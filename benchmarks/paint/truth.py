@@ -20,7 +20,7 @@ from scipy.optimize import minimize
 from benchmarks.measured import measured_data
 from benchmarks.paint.identification import UNIT, family
 from benchmarks.paintbench.tasks import area_under_curve
-from benchmarks.results import Quantity, Results, command_line, quantities, quantity
+from benchmarks.results import Quantity, Results, command_line, percent, quantities, quantity
 from benchmarks.rivals.truth_peers import PEERS, Sought
 from glazefit import Films, Identification, ModelError, ground_from_air, identify, identify_films
 from glazefit.film.readers import read_films, read_recipes
@@ -213,7 +213,7 @@ def main_table(
 
 def _percent(true: Sequence[bool] | np.ndarray) -> Quantity:
     """The share that is true, to be recorded."""
-    return quantity(100 * np.mean(true), "%", digits=0, n=len(true))
+    return percent(np.mean(true), n=len(true))
 
 
 def _bare(pigment: Pigment) -> Pigment:
@@ -388,7 +388,7 @@ def main() -> None:
             values = {f"stated_{number}": quantity(stated, n=n)}
             results.record(**values, **{f"count_{number}": quantity(n, digits=0)})
         if 0 < number < len(BINS) - 2:
-            results.record(**{f"true_{number}": quantity(100 * seen, "%", digits=0, n=n)})
+            results.record(**{f"true_{number}": percent(seen, n=n)})
     held = [inside for a in full for inside in a.held]
     results(
         f"\n90 % INTERVALS of fractions, where the first is right: {np.mean(held):.0%} of "

@@ -23,7 +23,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from benchmarks.measured import FEW, measured_films
-from benchmarks.results import Results, command_line, ends, progress, quantities, quantity
+from benchmarks.results import Results, command_line, ends, percent, progress, quantities, quantity
 from benchmarks.timing import timed
 from glazefit import Films, Instrument, Noise, recover_films, simulate_films
 from glazefit.film.films import usual_cards
@@ -279,7 +279,7 @@ def real(say: Results) -> None:
         f"{'median':<46}{median[0]:>18.2f}{median[1]:>10.2f}{median[2]:>14.0%}{median[3]:>26.2f}"
     )
     say.record(
-        in_band=quantity(100 * mean[2], "%", digits=0, n=len(sums)),
+        in_band=percent(mean[2], n=len(sums)),
         **quantities({"measured": mean[0], "joint": mean[3]}, digits=1, n=len(sums)),
         **quantities(
             {"measured_median": median[0], "joint_median": median[3]}, digits=1, n=len(sums)

@@ -15,7 +15,7 @@ import numpy as np
 
 import glazejax as gj
 from benchmarks.render.strokes import brush_strokes
-from benchmarks.results import Results, command_line, quantity
+from benchmarks.results import Results, command_line, percent, quantity
 from benchmarks.timing import timed
 from glazejax.appearance.scene.draw.render import render
 from glazejax.appearance.scene.lights import ParallelLight, PointLight, lamp
@@ -82,9 +82,9 @@ def main() -> None:
     results.record(
         first=quantity(first, "s", 1),
         again=quantity(again, "s", 1),
-        left_out=quantity(100.0 * rendered.report.saved, "%", 0),
+        left_out=percent(rendered.report.saved),
         full=quantity(seconds, "s", 1),
-        apart=quantity(100.0 * error, "%", 2),
+        apart=percent(error, 2),
         times=quantity(seconds / again, "times", 2, form="g"),
     )
     results.save()
