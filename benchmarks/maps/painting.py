@@ -35,7 +35,7 @@ from benchmarks.rivals.painting_rivals import (
     sampled,
     table,
 )
-from benchmarks.timing import timed
+from benchmarks.timing import time_call
 
 NEEDS = ("zarr",)
 
@@ -335,7 +335,7 @@ def _at_image_bands(scene, paints) -> float:
     searcher = Searcher.of(grid, paints, IdentificationOptions(noise=Noise(0.003, 0.0)))
     measured = searcher.measure(readings, scene.ground[::2])
     list(searcher.search(measured))
-    return timed(lambda: list(searcher.search(measured)))[1] / len(readings)
+    return time_call(lambda: list(searcher.search(measured)))[1] / len(readings)
 
 
 def _readings(image, places: np.ndarray) -> np.ndarray:

@@ -23,7 +23,7 @@ from benchmarks.kubelka_munk import KubelkaMunk
 from benchmarks.measured import FEW, measured_films
 from benchmarks.paint.readings_of_mixtures import reading_tables
 from benchmarks.results import Results, command_line, percent, progress, quantities, quantity
-from benchmarks.timing import timed
+from benchmarks.timing import time_call
 from glazefit.film.films import Films, Instrument, Noise
 from glazefit.film.model.mixing import MixingLaw
 from glazefit.film.simulate import simulate_films
@@ -79,10 +79,10 @@ def leave_out(
     films: Films, recipes: Recipes, name: str, again: bool = True, **given: Any
 ) -> Scores:
     """Fit all films, twice for the time if asked, and leave out every mixture in turn."""
-    whole, seconds = timed(lambda: recover_jointly(films, recipes, **given))
+    whole, seconds = time_call(lambda: recover_jointly(films, recipes, **given))
     warm = float("nan")
     if again:
-        _, warm = timed(lambda: recover_jointly(films, recipes, **given))
+        _, warm = time_call(lambda: recover_jointly(films, recipes, **given))
 
     def tell(done: int, total: int | None, words: str) -> None:
         progress(f"{name}: {words}")

@@ -21,7 +21,7 @@ from benchmarks.measured import measured_data
 from benchmarks.paint.identification import UNIT, family
 from benchmarks.paintbench.tasks import area_under_curve
 from benchmarks.results import Quantity, Results, command_line, percent, quantities, quantity
-from benchmarks.rivals.truth_peers import PEERS, Sought
+from benchmarks.rivals.truth_peers import PEERS, Query
 from glazefit import Films, Identification, ModelError, ground_from_air, identify, identify_films
 from glazefit.film.readers import read_films, read_recipes
 from glazefit.recover.crossvalidation import without
@@ -237,7 +237,7 @@ def _peer(
         known = {frozenset(family({paint.name: 1.0})) for paint in paints}
         names = [n for n in films.names if n != case.name]
         library = [n for n in names if all(frozenset({p}) in known for p in known_as[n])]
-        ranked, fractions, misfit = method(Sought(films, case.row, library, known_as, paints))
+        ranked, fractions, misfit = method(Query(films, case.row, library, known_as, paints))
         return Answer(
             case.name, case.truth, ranked, fractions, 1.0, float("nan"), "", True, misfit, ()
         )
