@@ -16,7 +16,7 @@ import re
 from collections.abc import Callable
 from pathlib import Path
 
-from benchmarks.results import FOLDER, HERE, described, figure
+from benchmarks.results import FOLDER, HERE, figure, help_parser
 
 # What the site's build writes.
 MADE = {"_build", "project", "reference", "results"}
@@ -69,7 +69,7 @@ def filled(text: str, folder: Path = FOLDER) -> str:
 
 
 def main() -> None:
-    parser = described(__doc__)
+    parser = help_parser(__doc__)
     parser.add_argument(
         "--check", action="store_true", help="write nothing; exit status 1 if a number is stale"
     )

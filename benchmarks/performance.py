@@ -13,7 +13,7 @@ from collections import Counter
 from datetime import date, timedelta
 from pathlib import Path
 
-from benchmarks.results import FOLDER, HERE, described, read
+from benchmarks.results import FOLDER, HERE, help_parser, read
 
 PAGE = HERE.parent / "docs" / "performance.md"
 BEGIN = "<!-- table: its first lines and last column by python -m benchmarks.performance -->"
@@ -101,7 +101,7 @@ def refreshed(text: str, folder: Path = FOLDER) -> str:
 
 
 def main() -> None:
-    parser = described(__doc__)
+    parser = help_parser(__doc__)
     parser.add_argument(
         "--check", action="store_true", help="write nothing; exit status 1 if stale"
     )

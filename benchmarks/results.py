@@ -86,6 +86,11 @@ def quantity(
     return Quantity(value=number, unit=unit, digits=digits, form=form, n=n)
 
 
+def percent(share: Any, digits: int = 0, *, n: int | None = None) -> Quantity:
+    """A share from 0 to 1, to record in per cent; see `quantity`."""
+    return quantity(100 * share, "%", digits, n=n)
+
+
 def quantities(
     values: dict[str, Any],
     unit: str = "",
@@ -104,7 +109,7 @@ def ends(key: str, values: Iterable[Any]) -> dict[str, Any]:
     return {f"{key}_least": min(listed), f"{key}_most": max(listed)}
 
 
-def described(text: str | None, out: Path | None = None) -> argparse.ArgumentParser:
+def help_parser(text: str | None, out: Path | None = None) -> argparse.ArgumentParser:
     """A parser whose help is a module's docstring, its lines as they are.
 
     Args:
@@ -134,7 +139,7 @@ def command_line(
         sizes: of each number its usual value, that with `--quick`, and what it is:
             `stacks=(1000, 50, "random stacks")`.
     """
-    parser = described(text, FOLDER)
+    parser = help_parser(text, FOLDER)
     small = dict(quick or {})
     for name, (usual, few, words) in sizes.items():
         small[name] = few

@@ -69,7 +69,7 @@ def interleaved(
     return {name: statistics.median(times) for name, times in seconds.items()}
 
 
-def timed(program: Callable[[], Result]) -> tuple[Result, float]:
+def time_call(program: Callable[[], Result]) -> tuple[Result, float]:
     """Result of a program, and the seconds that it took; results of JAX are waited for."""
     began = time.perf_counter()
     result = jax.block_until_ready(program())

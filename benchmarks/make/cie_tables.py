@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 import glazejax
-from benchmarks.results import described
+from benchmarks.results import help_parser
 from glazejax.cie import SHORT_CHARTS
 from glazejax.colour import OBSERVERS, colour_science
 
@@ -54,7 +54,7 @@ def rows() -> dict[str, Iterator[list[str]]]:
 
 
 def main() -> None:
-    options = described(__doc__, FOLDER).parse_args()
+    options = help_parser(__doc__, FOLDER).parse_args()
     for name, lines in rows().items():
         with (options.out / name).open("w", encoding="utf-8", newline="") as file:
             csv.writer(file, lineterminator="\n").writerows(lines)

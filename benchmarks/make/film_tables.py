@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 import glazefit.film.model.response as response
-from benchmarks.results import described
+from benchmarks.results import help_parser
 from glazefit.film.model.optics import Optics
 from glazejax.commands.main import start_jax
 
@@ -21,7 +21,7 @@ FILE = Path(response.__file__).parents[1] / "tables.npz"
 
 
 def main() -> None:
-    options = described(__doc__, FILE).parse_args()
+    options = help_parser(__doc__, FILE).parse_args()
     start_jax()
     tables = {
         name: response.solved_table(Optics.of(*instrument))

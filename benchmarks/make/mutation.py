@@ -20,7 +20,7 @@ import sys
 import tempfile
 from pathlib import Path
 
-from benchmarks.results import described
+from benchmarks.results import help_parser
 
 HERE = Path(__file__).parent
 ROOT = HERE.parents[1]
@@ -78,7 +78,7 @@ def draw(every: Path, session: Path, count: int, seed: int) -> None:
 
 def main() -> None:
     """Copy the repository, draw the changes, try them and print the report."""
-    parser = described(__doc__)
+    parser = help_parser(__doc__)
     parser.add_argument("source", help="file or folder to change")
     parser.add_argument("tests", nargs="+", help="what must fail")
     parser.add_argument("--count", type=int, default=30, help="places (default: %(default)s)")

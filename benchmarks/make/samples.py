@@ -9,7 +9,7 @@ from pathlib import Path
 
 import glazejax
 from benchmarks.measured import measured_data
-from benchmarks.results import described
+from benchmarks.results import help_parser
 from glazefit.film.readers import NAMES_FILE, ROWS, read_recipes
 from glazejax.io import read_spectra
 
@@ -19,7 +19,7 @@ FILMS = ("06A", "12A", "10A", "08A", "02A", "15C", "05B", "09B", "13G", "04B", "
 
 
 def main() -> None:
-    folder = described(__doc__, Path(glazejax.__file__).parent / "samples").parse_args().out
+    folder = help_parser(__doc__, Path(glazejax.__file__).parent / "samples").parse_args().out
     source = measured_data("revigo")
     table = read_spectra(source / "reflectance.tsv")
     recipes = read_recipes(source / NAMES_FILE)

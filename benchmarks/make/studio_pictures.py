@@ -13,7 +13,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from benchmarks.results import described
+from benchmarks.results import help_parser
 from benchmarks.studio.studio import Server, open_page, start_browser
 
 FOLDER = Path(__file__).parents[2] / "docs"
@@ -83,7 +83,7 @@ def paint(browser: Any) -> None:
 def main() -> None:
     import glazejax
 
-    out = described(__doc__, FOLDER).parse_args().out
+    out = help_parser(__doc__, FOLDER).parse_args().out
     browser = start_browser()
     with tempfile.TemporaryDirectory() as folder:
         server = Server(Path(folder) / "cache")

@@ -23,7 +23,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from benchmarks.results import Results, command_line, quantities, quantity
+from benchmarks.results import Results, command_line, percent, quantities, quantity
 from benchmarks.rivals.known_painting import Scenery, painting, write_painting
 from benchmarks.rivals.known_painting_scene import FOREIGN
 from benchmarks.rivals.painting_rivals import (
@@ -35,7 +35,7 @@ from benchmarks.rivals.painting_rivals import (
     sampled,
     table,
 )
-from benchmarks.timing import timed
+from benchmarks.timing import time_call
 
 NEEDS = ("zarr",)
 
@@ -132,7 +132,7 @@ def _size(results: Results, folder: Path, side: int, bands: int, number: int) ->
     results.record(**{f"{SIZES[number]}_{name}": value for name, value in kept.items()})
     if SIZES[number] == "large":
         results.record(saved=quantity(saved, "times", 0))
-        results.record(searched=quantity(100.0 * searched, "%", 2, n=int(mapped)))
+        results.record(searched=percent(searched, 2, n=int(mapped)))
     return run
 
 
@@ -262,7 +262,7 @@ def _truth(
         results.record(**row.quantities(key, 1, "right", "main", "false", "found"))
         results.record(**{f"{key}_shares": quantity(row.score.share_error, digits=3)})
     results.record(
-        map_two_coats=quantity(100.0 * rows[-1].by_coats[1], "%", 0),
+        map_two_coats=percent(rows[-1].by_coats[1]),
         angle_rate=quantity(1.0 / rows[1].seconds, "pixels/s", 3, form="s"),
         angle_times=quantity(rows[1].seconds / pace, "times", 2, form="g"),
     )
@@ -335,7 +335,7 @@ def _at_image_bands(scene, paints) -> float:
     searcher = Searcher.of(grid, paints, IdentificationOptions(noise=Noise(0.003, 0.0)))
     measured = searcher.measure(readings, scene.ground[::2])
     list(searcher.search(measured))
-    return timed(lambda: list(searcher.search(measured)))[1] / len(readings)
+    return time_call(lambda: list(searcher.search(measured)))[1] / len(readings)
 
 
 def _readings(image, places: np.ndarray) -> np.ndarray:

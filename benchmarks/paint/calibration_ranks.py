@@ -26,7 +26,7 @@ import numpy as np
 
 from benchmarks.paint.coverage import simulate
 from benchmarks.paint.layers_inverted import held, known_paints, unknown_paint
-from benchmarks.results import Results, command_line, progress, quantity
+from benchmarks.results import Results, command_line, percent, progress, quantity
 
 NEEDS = ("matplotlib",)
 NEEDS_SIZE = ("one_ground_apart",)
@@ -239,7 +239,7 @@ def main() -> None:
         if kind == "two grounds":
             say.record(films=quantity(count, digits=0))
         if kind == "one ground":
-            say.record(one_ground_met=quantity(100 * met, "%", digits=0, n=count))
+            say.record(one_ground_met=percent(met, n=count))
             # Chains of a few steps have no R-hat.
             if np.isfinite(middle):
                 say.record(one_ground_apart=quantity(middle, n=count))

@@ -13,7 +13,7 @@ import numpy as np
 
 import glazejax as gj
 from benchmarks.results import Results, command_line, quantities, quantity
-from benchmarks.timing import timed
+from benchmarks.timing import time_call
 from glazefit import Recipe, Target, colourchecker_targets, find_recipes
 from glazefit.recipe.plots import recipe_figure
 from glazejax import colour
@@ -39,19 +39,19 @@ def main() -> None:
         "chart, D65, 2°"
     )
 
-    _, first = timed(lambda: find_recipes(targets))
+    _, first = time_call(lambda: find_recipes(targets))
     results(
         f"all {len(targets)}, three paints and two coats at most: {first:.1f} s the first time, "
         "with what was not compiled before;"
     )
-    found, again = timed(lambda: find_recipes(targets))
+    found, again = time_call(lambda: find_recipes(targets))
     results(f"{again:.1f} s again")
     results.record(**quantities({"first": first, "again": again}, "s", 1))
     find_recipes(targets[0])
     results("\npatch           dE00  check  dE A   RMSE layers paints     s  recipe, top first")
     for target, recipes in zip(targets, found, strict=True):
         best = recipes[0]
-        _, alone = timed(lambda target=target: find_recipes(target))
+        _, alone = time_call(lambda target=target: find_recipes(target))
         results(
             f"{target.name:14} {best.distance:5.2f} {independent(best):6.2f} "
             f"{best.metamerism:5.2f} {best.rmse:6.3f} "
@@ -88,7 +88,7 @@ def compare(targets: list[Target], results: Results) -> None:
     for paints, coats in LIMITS:
         work = functools.partial(find_recipes, targets, max_paints=paints, max_coats=coats)
         work()
-        found, seconds = timed(work)
+        found, seconds = time_call(work)
         nearest = np.array([min(recipe.distance for recipe in recipes) for recipes in found])
         results(
             f"{paints:6d} {coats:6d} {np.median(nearest):7.2f} {nearest.max():8.2f} "

@@ -14,7 +14,7 @@ import numpy as np
 from benchmarks import device
 from benchmarks.paint.identification_sets import hyppigments, hyppigments_across_cards
 from benchmarks.results import Results, command_line, quantities, quantity
-from benchmarks.timing import timed
+from benchmarks.timing import time_call
 from glazefit import Identification, Noise, identify
 from glazefit.film.model.response import film_response
 from glazejax import Hemispherical, Pigment, catalogue
@@ -90,7 +90,7 @@ def speed(results: Results, count: int = 1000, compared: int = 400, triples: int
         for thorough, number in ((False, count), (True, compared)):
             # The first call compiles.
             for _ in range(2):
-                found[thorough], seconds = timed(
+                found[thorough], seconds = time_call(
                     lambda t=thorough, s=spectra[:number], g=grounds: identify(
                         grid, s, paints, ground=g, max_paints=2, thorough=t
                     )
@@ -121,7 +121,7 @@ def speed(results: Results, count: int = 1000, compared: int = 400, triples: int
     spectra, grounds, _ = simulated(paints, triples, 2, False)
     search = functools.partial(identify, grid, spectra, paints, ground=grounds, max_paints=3)
     search()
-    rate_of_three = triples / timed(search)[1]
+    rate_of_three = triples / time_call(search)[1]
     results(f"Sets of three too, noise only, {triples} spectra: {rate_of_three:.0f} a second")
     results.record(triples_rate=quantity(rate_of_three, digits=0, n=triples))
 

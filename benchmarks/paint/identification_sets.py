@@ -7,7 +7,7 @@ import numpy as np
 from benchmarks.measured import measured_data
 from benchmarks.paint.shades import ShadeLibrary
 from benchmarks.paintbench.spectra import cosine_distance
-from benchmarks.results import Results, quantity
+from benchmarks.results import Results, percent
 from glazejax.io import read_spectra
 
 # What is recorded of HypPigments: name and digits.
@@ -40,7 +40,7 @@ def hyppigments(results: Results) -> None:
             )
             if (words, what) in SHADES:
                 name, digits = SHADES[words, what]
-                results.record(**{name: quantity(100 * np.mean(cells), "%", digits, n=len(names))})
+                results.record(**{name: percent(np.mean(cells), digits, n=len(names))})
     results(
         "  Patches of one card share a ripple of their scan: part of the first lines rests on it,\n"
         "  less of the smoothed."
@@ -87,7 +87,7 @@ def hyppigments_across_cards(results: Results) -> None:
             f"  {words:<30} {cells}   {np.mean(rates):.3f}  ({len(known)} patches with their "
             "number elsewhere)"
         )
-        results.record(**{key: quantity(100 * np.mean(rates), "%", digits=0, n=len(known))})
+        results.record(**{key: percent(np.mean(rates), n=len(known))})
 
 
 def _cosine(one: np.ndarray, other: np.ndarray) -> np.ndarray:

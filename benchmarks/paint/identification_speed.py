@@ -21,7 +21,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from benchmarks.cold_start import ROOT, commit
-from benchmarks.results import Results, command_line, progress, quantity
+from benchmarks.results import Results, command_line, percent, progress, quantity
 
 # Seconds after which a line is given up.
 LIMIT = 120.0
@@ -150,8 +150,8 @@ def record(
         values["before_rate"] = quantity(before["rate"], digits=0)
         values["times"] = quantity(now["rate"] / before["rate"], "times", form="g")
     if alike:
-        values["same"] = quantity(100 * alike.same, "%", digits=1, n=alike.spectra)
-        values["off"] = quantity(100 * alike.off, "%", digits=1, n=alike.spectra)
+        values["same"] = percent(alike.same, 1, n=alike.spectra)
+        values["off"] = percent(alike.off, 1, n=alike.spectra)
     wanted = CASES[key].recorded
     say.record(**{f"{key}_{name}": one for name, one in values.items() if name in wanted})
 

@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Float
 
 from benchmarks.results import Results, command_line, progress, quantity
-from benchmarks.timing import timed
+from benchmarks.timing import time_call
 
 _SEED = 33
 
@@ -66,7 +66,7 @@ def first_use(name: str) -> float:
         "grid = np.arange(400.0, 701.0, 10.0); "
         f"p.{name}(grid, np.full((1, 31), 0.4) + 0.2 * (grid > 550))"
     )
-    return timed(lambda: subprocess.run([sys.executable, "-c", code], check=True))[1]
+    return time_call(lambda: subprocess.run([sys.executable, "-c", code], check=True))[1]
 
 
 def main() -> None:
@@ -95,7 +95,7 @@ def main() -> None:
     ):
         progress(words)
         readings = spectra(grid, count)
-        (_, cold), (_, warm) = (timed(lambda g=grid, r=readings: seek(g, r)) for _ in range(2))
+        (_, cold), (_, warm) = (time_call(lambda g=grid, r=readings: seek(g, r)) for _ in range(2))
         results(
             f"{count} spectra of {words}, all pigments, singles and pairs:"
             f"{cold:8.1f} set up and compiled, {warm:6.1f} again"
@@ -106,9 +106,9 @@ def main() -> None:
     grid = np.arange(400.0, 701.0, 10.0)
     readings = spectra(grid, options.oils)
     seek_among_oils(grid, readings)
-    oils = timed(lambda: seek_among_oils(grid, readings))[1] / options.oils
+    oils = time_call(lambda: seek_among_oils(grid, readings))[1] / options.oils
     seek(grid, readings)
-    ours = timed(lambda: seek(grid, readings))[1] / options.oils
+    ours = time_call(lambda: seek(grid, readings))[1] / options.oils
     results(
         f"a spectrum of 31 bands, warm: all pigments {1e3 * ours:.1f} ms, the oils' own films "
         f"{1e3 * oils:.1f} ms: {ours / oils:.2f} times as long"

@@ -22,8 +22,8 @@ from scipy.stats import spearmanr
 from benchmarks.kubelka_munk import KubelkaMunk
 from benchmarks.measured import FEW, measured_films
 from benchmarks.paint.readings_of_mixtures import reading_tables
-from benchmarks.results import Results, command_line, progress, quantities, quantity
-from benchmarks.timing import timed
+from benchmarks.results import Results, command_line, percent, progress, quantities, quantity
+from benchmarks.timing import time_call
 from glazefit.film.films import Films, Instrument, Noise
 from glazefit.film.model.mixing import MixingLaw
 from glazefit.film.simulate import simulate_films
@@ -79,10 +79,10 @@ def leave_out(
     films: Films, recipes: Recipes, name: str, again: bool = True, **given: Any
 ) -> Scores:
     """Fit all films, twice for the time if asked, and leave out every mixture in turn."""
-    whole, seconds = timed(lambda: recover_jointly(films, recipes, **given))
+    whole, seconds = time_call(lambda: recover_jointly(films, recipes, **given))
     warm = float("nan")
     if again:
-        _, warm = timed(lambda: recover_jointly(films, recipes, **given))
+        _, warm = time_call(lambda: recover_jointly(films, recipes, **given))
 
     def tell(done: int, total: int | None, words: str) -> None:
         progress(f"{name}: {words}")
@@ -213,7 +213,7 @@ def table(say: Results, scores: dict[str, Scores], recipes: Recipes) -> None:
     say.record(
         **quantities(means, n=films),
         **quantities(others, digits=1, n=films),
-        in_band=quantity(100 * some.inside.mean(), "%", digits=0, n=films),
+        in_band=percent(some.inside.mean(), n=films),
         films=quantity(films, digits=0),
     )
 

@@ -20,8 +20,8 @@ from scipy.optimize import minimize
 from benchmarks.measured import measured_data
 from benchmarks.paint.identification import UNIT, family
 from benchmarks.paintbench.tasks import area_under_curve
-from benchmarks.results import Quantity, Results, command_line, quantities, quantity
-from benchmarks.rivals.truth_peers import PEERS, Sought
+from benchmarks.results import Quantity, Results, command_line, percent, quantities, quantity
+from benchmarks.rivals.truth_peers import PEERS, Query
 from glazefit import Films, Identification, ModelError, ground_from_air, identify, identify_films
 from glazefit.film.readers import read_films, read_recipes
 from glazefit.recover.crossvalidation import without
@@ -213,7 +213,7 @@ def main_table(
 
 def _percent(true: Sequence[bool] | np.ndarray) -> Quantity:
     """The share that is true, to be recorded."""
-    return quantity(100 * np.mean(true), "%", digits=0, n=len(true))
+    return percent(np.mean(true), n=len(true))
 
 
 def _bare(pigment: Pigment) -> Pigment:
@@ -237,7 +237,7 @@ def _peer(
         known = {frozenset(family({paint.name: 1.0})) for paint in paints}
         names = [n for n in films.names if n != case.name]
         library = [n for n in names if all(frozenset({p}) in known for p in known_as[n])]
-        ranked, fractions, misfit = method(Sought(films, case.row, library, known_as, paints))
+        ranked, fractions, misfit = method(Query(films, case.row, library, known_as, paints))
         return Answer(
             case.name, case.truth, ranked, fractions, 1.0, float("nan"), "", True, misfit, ()
         )
@@ -388,7 +388,7 @@ def main() -> None:
             values = {f"stated_{number}": quantity(stated, n=n)}
             results.record(**values, **{f"count_{number}": quantity(n, digits=0)})
         if 0 < number < len(BINS) - 2:
-            results.record(**{f"true_{number}": quantity(100 * seen, "%", digits=0, n=n)})
+            results.record(**{f"true_{number}": percent(seen, n=n)})
     held = [inside for a in full for inside in a.held]
     results(
         f"\n90 % INTERVALS of fractions, where the first is right: {np.mean(held):.0%} of "

@@ -23,8 +23,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from benchmarks.measured import FEW, measured_films
-from benchmarks.results import Results, command_line, ends, progress, quantities, quantity
-from benchmarks.timing import timed
+from benchmarks.results import Results, command_line, ends, percent, progress, quantities, quantity
+from benchmarks.timing import time_call
 from glazefit import Films, Instrument, Noise, recover_films, simulate_films
 from glazefit.film.films import usual_cards
 from glazefit.film.partial_films import recipes_from_names
@@ -181,7 +181,7 @@ def simulated(say: Results, count: int) -> None:
         seconds = []
         for seed, paint in enumerate(paints):
             made = tube(paint, white, case, seed)
-            (found, entry), taken = timed(
+            (found, entry), taken = time_call(
                 lambda m=made, i=instrument: recovered(m, {WHITE: white}, i)
             )
             seconds.append(taken)
@@ -279,7 +279,7 @@ def real(say: Results) -> None:
         f"{'median':<46}{median[0]:>18.2f}{median[1]:>10.2f}{median[2]:>14.0%}{median[3]:>26.2f}"
     )
     say.record(
-        in_band=quantity(100 * mean[2], "%", digits=0, n=len(sums)),
+        in_band=percent(mean[2], n=len(sums)),
         **quantities({"measured": mean[0], "joint": mean[3]}, digits=1, n=len(sums)),
         **quantities(
             {"measured_median": median[0], "joint_median": median[3]}, digits=1, n=len(sums)
@@ -309,9 +309,9 @@ def seconds(say: Results) -> None:
     """Time of an entry with its errors: in this process, and the command, first and again."""
     made = tube(catalogue.pigment("CobaltBlue"), catalogue.pigment(WHITE), CASES[0], 1)
     films, known = made.films.take([0, 1]), {WHITE: catalogue.pigment(WHITE)}
-    (found, _), fit = timed(lambda: recovered(made, known))
+    (found, _), fit = time_call(lambda: recovered(made, known))
     rank_next_films(found, "CobaltBlue", pigments=known)
-    taught, after = timed(lambda: rank_next_films(found, "CobaltBlue", pigments=known))
+    taught, after = time_call(lambda: rank_next_films(found, "CobaltBlue", pigments=known))
     best = taught.films[0]
     say(
         f"\nAn entry with its error modes, in a running process: {fit:.2f} s; what to measure "
@@ -336,7 +336,7 @@ def seconds(say: Results) -> None:
         ]
         for title in ("first, all to be compiled", "again", "again")[:RUNS]:
             environment = {**os.environ, "GLAZEJAX_CACHE": f"{folder}/cache"}
-            _, took = timed(
+            _, took = time_call(
                 lambda e=environment: subprocess.run(words, check=True, capture_output=True, env=e)
             )
             say(

@@ -14,7 +14,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from benchmarks.measured import data_folder
-from benchmarks.results import Quantity, Results, command_line, progress, quantity
+from benchmarks.results import Quantity, Results, command_line, percent, progress
 from benchmarks.rivals.namers import namers
 from glazejax.commands.main import start_jax
 
@@ -185,7 +185,7 @@ def quantities(
     for name, (task, source, method, score) in wanted.items():
         values = record.results.get(task, {}).get(source, {}).get(method, {})
         if (share := values.get(score)) is not None:
-            recorded[name] = quantity(100 * share, "%", digits=0, n=int(values["n"] or 0))
+            recorded[name] = percent(share, n=int(values["n"] or 0))
     return recorded
 
 

@@ -148,18 +148,12 @@ def score_names(answers: Sequence[Answer], truths: Sequence[tuple[str, ...]]) ->
     """`first` and `three` (a refused reading counts as wrong), `refused`, and the same two as if
     nothing had been refused.
     """
-    first = np.array(
-        [
-            is_right(a.ranked[0], t) if a.ranked else False
-            for a, t in zip(answers, truths, strict=True)
-        ]
-    )
-    three = np.array(
-        [
-            any(is_right(sets, t) for sets in a.ranked[:3])
-            for a, t in zip(answers, truths, strict=True)
-        ]
-    )
+
+    def among(count: int) -> np.ndarray:
+        pairs = zip(answers, truths, strict=True)
+        return np.array([any(is_right(sets, t) for sets in a.ranked[:count]) for a, t in pairs])
+
+    first, three = among(1), among(3)
     refused = np.array([answer.refused for answer in answers])
     return {
         "n": len(answers),

@@ -40,7 +40,7 @@ from benchmarks.papers.many_flux_paths import (
     lobe_by_paths,
     off,
 )
-from benchmarks.results import Results, command_line, ends, quantities, quantity
+from benchmarks.results import Results, command_line, ends, percent, quantities, quantity
 from benchmarks.timing import Programs, interleaved
 
 CELL = int(np.argmin(np.abs(COSINES - np.cos(np.deg2rad(INCIDENCE)))))
@@ -139,7 +139,7 @@ def speed(say: Results) -> None:
         f"{PAPER_MATRIX_SECONDS} s)"
     )
     say.record(
-        path_error=quantity(100 * errors[PATHS], "%", digits=0),
+        path_error=percent(errors[PATHS]),
         path_seconds=quantity(one, "s"),
         matrix_seconds=quantity(seconds["cells"], "s", digits=1),
         paper_path_seconds=quantity(PAPER_SECONDS, "s", digits=0),
@@ -247,7 +247,7 @@ def series(say: Results) -> None:
         ("inverse_diagonal", share["diagonal None"]),
         ("order_0_diagonal", share["diagonal 0"]),
     ):
-        say.record(**{key: quantity(100 * value, "%", digits=0)})
+        say.record(**{key: percent(value)})
     say.record(**quantities(ends("order_more", more), "%", 0, n=len(more)))
     say(f"inverse with full matrices: {1e3 * seconds['full None']:.1f} ms")
     modes_series(say)
@@ -273,7 +273,7 @@ def modes_series(say: Results) -> None:
     times = ", ".join(f"{name} {value / seconds['inverse']:.0%}" for name, value in seconds.items())
     say(f"glazejax, mode 0, {roots.size} directions: {times} of {1e6 * seconds['inverse']:.0f} us")
     saves = 1 - seconds["order 0"] / seconds["inverse"]
-    say.record(series_saves=quantity(100 * saves, "%", digits=0))
+    say.record(series_saves=percent(saves))
 
 
 def norm(say: Results) -> None:

@@ -23,7 +23,7 @@ from benchmarks.papers.object_colour import (
     reflectances,
     xyz,
 )
-from benchmarks.results import Results, quantity
+from benchmarks.results import Results, percent, quantity
 from glazejax.appearance.display.display import Display
 from glazejax.appearance.display.tone import ToneCurve, look_up
 
@@ -135,7 +135,7 @@ def tables(results: Results) -> dict[str, Any]:
     largest = np.abs(PRINTED).max()
     share = np.abs(display.matrix - PRINTED).max() / largest
     results(f"  largest difference {share:.1%} of the largest number")
-    results.record(matrix=quantity(100 * share, "%", digits=1))
+    results.record(matrix=percent(share, 1))
     for green in (MISPRINT, GREEN_Y):
         off = nearest_display(green)[1]
         results(
@@ -222,8 +222,8 @@ def chips(results: Results) -> dict[str, Any]:
             results.record(
                 chips_mean=quantity(off.mean(), digits=4, n=off.size),
                 chips_most=quantity(off.max(), digits=4, n=off.size),
-                chips_luminance=quantity(100 * ratio.mean(), "%", digits=1, n=off.size),
-                chips_luminance_most=quantity(100 * ratio.max(), "%", digits=1, n=off.size),
+                chips_luminance=percent(ratio.mean(), 1, n=off.size),
+                chips_luminance_most=percent(ratio.max(), 1, n=off.size),
             )
     names = [name for name, there in zip(known, inside, strict=True) if not there]
     results(f"  outside the monitor's gamut, clipped and left out: {', '.join(names) or 'none'}")

@@ -30,7 +30,7 @@ from benchmarks.papers.paper_tables import (
     rgb,
     work,
 )
-from benchmarks.results import Results, command_line, ends, quantities, quantity
+from benchmarks.results import Results, command_line, ends, percent, quantities, quantity
 
 NEEDS = ("matplotlib",)
 
@@ -149,7 +149,7 @@ def record_draws(say: Results, found: dict[str, np.ndarray], thick: dict[str, np
     say.record(
         draws=quantity(DRAWS.size, digits=0),
         ac_nearer=quantity(np.sum(closer["a/c"]), digits=0, n=DRAWS.size),
-        all_nearer=quantity(100 * np.mean(list(closer.values())), "%", digits=0),
+        all_nearer=percent(np.mean(list(closer.values()))),
     )
 
 

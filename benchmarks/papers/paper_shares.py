@@ -29,7 +29,7 @@ from benchmarks.papers.paper_tables import (
     spectrum,
     work,
 )
-from benchmarks.results import Results, command_line, ends, quantities, quantity
+from benchmarks.results import Results, command_line, ends, percent, quantities
 from benchmarks.timing import REPEATED, Programs, interleaved
 from glazejax.radiative.auxiliary import assembly, uniform
 from glazejax.radiative.auxiliary.kernel_table import KernelTable
@@ -120,7 +120,7 @@ def shares(say: Results, pairs: dict[str, Work], repetitions: int, budget: float
     for key, name in (("assembly", OWN), ("fixed", "ratio"), ("without", "left")):
         shares = [100 * mean[name] for mean in means.values()]
         say.record(**quantities(ends(key, shares), "%", 0, n=len(shares)))
-    say.record(paper=quantity(100 * (1 - max(PAPER_SHORTENED)), "%", digits=0))
+    say.record(paper=percent(1 - max(PAPER_SHORTENED)))
     say("")
     printed = ", ".join(f"{v:.1%}" for v in PAPER_SHORTENED)
     say(
@@ -165,7 +165,7 @@ def many(say: Results, pairs: dict[str, Work], repetitions: int, budget: float) 
             each = {m: 1e3 * s / glazes for m, s in seconds.items()}
             key = QUOTED.get((glazes, angles))
             if key is not None:
-                say.record(**{key: quantity(100 * each[FIXED] / each[OWN], "%", digits=0)})
+                say.record(**{key: percent(each[FIXED] / each[OWN])})
             say(
                 f"{step:6.2f}{glazes:8d}{angles:12d}{each[OWN]:11.1f} ms{each[FIXED]:11.2f} ms"
                 f"{each[FIXED] / each[OWN]:9.1%}{each[CORRECTED]:17.2f} ms"

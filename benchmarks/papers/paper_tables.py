@@ -17,7 +17,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from benchmarks.results import Results, command_line, ends, quantities, quantity
+from benchmarks.results import Results, command_line, ends, percent, quantities, quantity
 from benchmarks.timing import REPEATED, Programs, interleaved
 from glazejax import catalogue, colour, stack_reflectance_factor
 from glazejax.radiative.auxiliary import assembly, uniform
@@ -309,7 +309,7 @@ def tables_2_and_3(
         "one table for all pairs, counted once: fixed step over own step, decomposed, "
         f"{np.mean(together):.2%} of the time of all"
     )
-    say.record(own_together=quantity(100 * np.mean(together), "%", digits=0))
+    say.record(own_together=percent(np.mean(together)))
     say(f"{'paper: reuse rate':<62}" + "".join(f"{v:9.2%}" for v in PAPER_REUSED))
     kept = {step: KernelTable(INDEX, step) for step in STEPS}
     fresh = [
@@ -473,8 +473,8 @@ def default_solver(
     )
     say.record(
         default_errors=quantity(errors[0.01, CONVENTIONAL] / error, digits=0),
-        default_time=quantity(100 * measured["all"] / conventional, "%"),
-        default_time_one_by_one=quantity(100 * one / conventional, "%"),
+        default_time=percent(measured["all"] / conventional, 2),
+        default_time_one_by_one=percent(one / conventional, 2),
     )
     counted = sum(seconds[name, 0.01, COUNTED] for name in pairs)
     for key, timed, method in (

@@ -17,7 +17,7 @@ from benchmarks.render.layer_rules import RULES, TITLES
 from benchmarks.render.layered_paths import KINDS
 from benchmarks.render.layered_stacks import BANDS, IN_PLANE, INCIDENCES, VIEWS, LayeredStack
 from benchmarks.render.layered_values import Surface, Values
-from benchmarks.results import Results, ends, quantities, quantity
+from benchmarks.results import Results, ends, percent, quantities, quantity
 
 WANTED = 1e-4
 """Error at which times are compared."""
@@ -117,7 +117,7 @@ def _surfaces(all_found: list[Found], say: Results) -> None:
     )
     say.record(
         surface_albedo=quantity(albedo, digits=1, form="e"),
-        surface_factor=quantity(100.0 * factor, "%", 2),
+        surface_factor=percent(factor, 2),
     )
 
 

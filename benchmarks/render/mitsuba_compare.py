@@ -21,7 +21,7 @@ from jaxtyping import Float
 import glazejax as gj
 from benchmarks.render.strokes import brush_strokes
 from benchmarks.results import Results, command_line, quantities
-from benchmarks.timing import timed
+from benchmarks.timing import time_call
 from glazejax.appearance.metals import metal
 from glazejax.appearance.mitsuba.variants import usable_variant
 from glazejax.appearance.scene.draw.intersect import scene_geometry
@@ -171,8 +171,8 @@ def main() -> None:
     )
     shares = []
     for name, case in cases().items():
-        mine, own_seconds = timed(lambda c=case: ours(c))
-        traced, seconds = timed(lambda c=case: theirs(c, options.samples))
+        mine, own_seconds = time_call(lambda c=case: ours(c))
+        traced, seconds = time_call(lambda c=case: theirs(c, options.samples))
         other = traced.values
         mean, bias = differences(mine, other)
         times = f"{own_seconds:9.1f}{seconds:9.1f}"

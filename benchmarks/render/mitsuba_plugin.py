@@ -21,7 +21,7 @@ import glazejax as gj
 from benchmarks.render.measured_export import export_glaze
 from benchmarks.render.strokes import brush_strokes
 from benchmarks.results import Results, command_line, ends, quantities, quantity
-from benchmarks.timing import timed
+from benchmarks.timing import time_call
 
 NEEDS = ("mitsuba",)
 
@@ -169,11 +169,11 @@ def main() -> None:
         named = materials(Path(folder))
         made, load, best = {}, {}, {}
         for name, (bsdf, _) in named.items():
-            made[name], load[name] = timed(lambda b=bsdf: calls(mi, b, options.count))
+            made[name], load[name] = time_call(lambda b=bsdf: calls(mi, b, options.count))
         for _ in range(_TURNS):
             for name, works in made.items():
                 for k, (work, _) in enumerate(works):
-                    _, taken = timed(work)
+                    _, taken = time_call(work)
                     best[name, k] = min(best.get((name, k), np.inf), taken)
         head = ("eval M/s", "sample M/s", "paths M/s", "of plastic's", "load s", "table kB")
         head += ("stated error", "error")

@@ -15,7 +15,7 @@ import numpy as np
 
 import glazejax as gj
 from benchmarks.results import Results, command_line, ends, quantities, quantity
-from benchmarks.timing import timed
+from benchmarks.timing import time_call
 from glazejax.appearance.exports import angular_colour, fit_openpbr
 from glazejax.appearance.exports.openpbr import LAYERINGS, Layering, reflectance_factor
 from glazejax.appearance.exports.rgb import rgb_of_xyz
@@ -63,7 +63,7 @@ def _smooth(out: Results) -> None:
         truth = angular_colour(glaze(*stack), space="acescg")
         rows[name] = {}
         for layering in LAYERINGS:
-            fit, taken = timed(lambda t=truth, how=layering: fit_openpbr(t, layering=how))
+            fit, taken = time_call(lambda t=truth, how=layering: fit_openpbr(t, layering=how))
             rows[name][layering] = fit
             seconds.append(taken)
     out(

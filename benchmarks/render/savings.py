@@ -28,7 +28,7 @@ import numpy as np
 from benchmarks import device
 from benchmarks.render.strokes import brush_strokes, primed_canvas
 from benchmarks.results import Results, command_line, quantity
-from benchmarks.timing import interleaved, timed
+from benchmarks.timing import interleaved, time_call
 
 PAINTS = ("UltramarineBlue", "ChromeYellow")
 GROUND = 0.85
@@ -37,7 +37,7 @@ CHECKED_PIXELS = 2500
 REPETITIONS = 5
 
 
-def glazed(size: int) -> functools.partial:
+def picture_program(size: int) -> functools.partial:
     """A function that draws the picture of so many pixels along a side; it takes options of
     `glazejax.picture`.
     """
@@ -135,8 +135,8 @@ def measure_picture() -> dict[str, float]:
     """Seconds of the first and of later pictures, and peak resident memory; to be run in a fresh
     process.
     """
-    draw = glazed(PICTURE_SIZE)
-    seconds = [timed(lambda: draw().srgb)[1] for _ in range(4)]
+    draw = picture_program(PICTURE_SIZE)
+    seconds = [time_call(lambda: draw().srgb)[1] for _ in range(4)]
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
     return {"first": seconds[0], "later": float(np.median(seconds[1:])), "peak": peak}
 
@@ -149,13 +149,13 @@ def picture_report(say: Results, options: argparse.Namespace) -> None:
     command += ["--device", options.device, *["--quick"] * options.quick]
     done = subprocess.run(command, check=True, capture_output=True, text=True)
     measured = json.loads(done.stdout.splitlines()[-1])
-    draw = glazed(PICTURE_SIZE)
+    draw = picture_program(PICTURE_SIZE)
     paints, thickness, _ = draw.args
     fast = draw()
     chosen = np.random.default_rng(0).choice(PICTURE_SIZE**2, CHECKED_PIXELS, replace=False)
     pixels = [m.reshape(1, -1)[:, chosen] for m in thickness]
     gj.picture(paints, pixels, GROUND, full=True)
-    full, taken = timed(lambda: gj.picture(paints, pixels, GROUND, full=True))
+    full, taken = time_call(lambda: gj.picture(paints, pixels, GROUND, full=True))
     seconds = taken * PICTURE_SIZE**2 / CHECKED_PIXELS
     white = colour.white_point(paints[0].wavelengths)
     labs = [colour.xyz_to_lab(xyz, white) for xyz in (fast.xyz.reshape(-1, 3)[chosen], full.xyz[0])]

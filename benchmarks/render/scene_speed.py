@@ -15,8 +15,8 @@ import numpy as np
 
 import glazejax as gj
 from benchmarks.render.strokes import brush_strokes
-from benchmarks.results import Results, command_line, quantity
-from benchmarks.timing import timed
+from benchmarks.results import Results, command_line, percent, quantity
+from benchmarks.timing import time_call
 from glazejax.appearance.scene.draw.render import render
 from glazejax.appearance.scene.lights import ParallelLight, PointLight, lamp
 from glazejax.appearance.scene.materials import Glazed, Lambert
@@ -66,14 +66,14 @@ def main() -> None:
     made = scene(160, 120) if options.quick else scene()
     size = f"{made.width} x {made.height} pixels"
     results(f"{size}, 31 bands, three glazed things, two lights, 4 x 4 rays where there is an edge")
-    _, first = timed(lambda: render(made))
-    rendered, again = timed(lambda: render(made))
+    _, first = time_call(lambda: render(made))
+    rendered, again = time_call(lambda: render(made))
     results(f"first, with compilation: {first:.1f} s\nagain: {again:.1f} s")
     for line in rendered.report.describe().splitlines():
         results(f"  {line}")
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20
     results(f"peak memory {peak:.2f} GiB")
-    full, seconds = timed(lambda: render(made, adaptive=False))
+    full, seconds = time_call(lambda: render(made, adaptive=False))
     error = np.abs(full.radiance - rendered.radiance).mean() / full.radiance.mean()
     results(
         f"4 x 4 rays for every pixel: {seconds:.1f} s; mean difference of the two pictures "
@@ -82,9 +82,9 @@ def main() -> None:
     results.record(
         first=quantity(first, "s", 1),
         again=quantity(again, "s", 1),
-        left_out=quantity(100.0 * rendered.report.saved, "%", 0),
+        left_out=percent(rendered.report.saved),
         full=quantity(seconds, "s", 1),
-        apart=quantity(100.0 * error, "%", 2),
+        apart=percent(error, 2),
         times=quantity(seconds / again, "times", 2, form="g"),
     )
     results.save()

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
-from benchmarks.results import described
+from benchmarks.results import help_parser
 
 _STROKES = 46
 
@@ -202,7 +202,7 @@ def wood_grain(
 
 
 def main() -> None:
-    parser = described(__doc__)
+    parser = help_parser(__doc__)
     parser.add_argument("file", type=Path, help="array to write, .npy")
     parser.add_argument("--size", default="600x800", help="rows and columns (default: %(default)s)")
     parser.add_argument(

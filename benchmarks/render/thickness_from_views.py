@@ -19,7 +19,7 @@ from jaxtyping import Float
 
 import glazejax as gj
 from benchmarks.render.strokes import brush_strokes
-from benchmarks.results import Results, command_line, quantities, quantity
+from benchmarks.results import Results, command_line, percent, quantities, quantity
 
 NEEDS = ("mitsuba", "matplotlib")
 
@@ -166,7 +166,7 @@ def main() -> None:
     results.record(
         **quantities({name: 100.0 * error for name, error in errors.items()}, "%", n=off.size),
         **quantities(counts, digits=0),
-        noise=quantity(100.0 * found.noise, "%", 1),
+        noise=percent(found.noise, 1),
         thickest=quantity(1e6 * truth.max(), digits=1),
     )
     results.save(_figure(truth, found))

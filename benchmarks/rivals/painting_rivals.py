@@ -21,7 +21,7 @@ from benchmarks.paintbench.spectra import (
 from benchmarks.results import Quantity, quantities
 from benchmarks.rivals.baselines import Surface, film_reflectance, least_squares, shares_of, unmix
 from benchmarks.rivals.known_painting import PLACES, Scenery
-from benchmarks.timing import timed
+from benchmarks.timing import time_call
 from glazefit.film.films import Instrument, diffuse_internal_reflectance
 from glazejax import Glaze, Hemispherical, Layer, Mixture, Pigment, reflectance
 from glazejax.catalogue import family
@@ -496,7 +496,7 @@ def compared(scene: Scenery, other: Scenery, pixels: int = 2000) -> list[Row]:
     rows = []
     for name, method in rivals(scene.paints, scene.ground).items():
         choice = choose(known, method(practice), scene.names)
-        unmixed, seconds = timed(lambda m=method: m(spectra))
+        unmixed, seconds = time_call(lambda m=method: m(spectra))
         answer = answered(unmixed, choice)
         rows.append(Row.of(name, truth, answer, scene.names, seconds / len(spectra)))
     return rows

@@ -20,12 +20,12 @@ Found = tuple[list[frozenset[str]], dict[str, float], float]
 Recipes = dict[str, dict[str, float]]
 
 
-class Sought(NamedTuple):
+class Query(NamedTuple):
     """What a method may look at.
 
     Attributes:
         films: all readings.
-        row: of the film that is sought.
+        row: of the film in question.
         library: names of known films.
         recipes: of all films, by family.
         paints: k and s of a fit without the film.
@@ -37,7 +37,7 @@ class Sought(NamedTuple):
     recipes: Recipes
     paints: list[Pigment]
 
-    def known(self, values: np.ndarray, names: Sequence[str]) -> np.ndarray:
+    def rows_of(self, values: np.ndarray, names: Sequence[str]) -> np.ndarray:
         """Rows of films by name."""
         return values[[self.films.names.index(name) for name in names]]
 
@@ -48,34 +48,34 @@ _PRESENT = 0.02
 _SURFACE = Surface(outer=0.0405, inner=0.596)
 
 
-def _nearest(features: np.ndarray, sought: Sought) -> Found:
+def _nearest(features: np.ndarray, query: Query) -> Found:
     """Known films by the angle between features, each set of pigments once."""
-    known = sought.known(features, sought.library)
-    score = cosine_distance(known, features[[sought.row]], least=1)[:, 0]
+    known = query.rows_of(features, query.library)
+    score = cosine_distance(known, features[[query.row]], least=1)[:, 0]
     order = np.argsort(score)
-    ranked = [sought.recipes[sought.library[int(i)]] for i in order]
+    ranked = [query.recipes[query.library[int(i)]] for i in order]
     return list(dict.fromkeys(map(frozenset, ranked))), ranked[0], float(score[order[0]])
 
 
-def spectral_angle(sought: Sought) -> Found:
+def spectral_angle(query: Query) -> Found:
     """Least angle between spectra, both cards together."""
-    films = sought.films
-    return _nearest(np.concatenate([films.over_black, films.over_white], axis=1), sought)
+    films = query.films
+    return _nearest(np.concatenate([films.over_black, films.over_white], axis=1), query)
 
 
-def derivative(sought: Sought) -> Found:
+def derivative(query: Query) -> Found:
     """Least angle between slopes of -log R over white."""
-    return _nearest(slopes(absorbance(sought.films.over_white)), sought)
+    return _nearest(slopes(absorbance(query.films.over_white)), query)
 
 
-def unmixing(sought: Sought) -> Found:
+def unmixing(query: Query) -> Found:
     """Non-negative least squares of -log R over white from the known pure films."""
-    values = absorbance(sought.films.over_white)
-    pure = [name for name in sought.library if len(sought.recipes[name]) == 1]
-    amounts, misfit = unmix(sought.known(values, pure).T, values[[sought.row]])
+    values = absorbance(query.films.over_white)
+    pure = [name for name in query.library if len(query.recipes[name]) == 1]
+    amounts, misfit = unmix(query.rows_of(values, pure).T, values[[query.row]])
     shares: dict[str, float] = {}
     for name, part in zip(pure, shares_of(amounts)[0], strict=True):
-        paint = next(iter(sought.recipes[name]))
+        paint = next(iter(query.recipes[name]))
         shares[paint] = shares.get(paint, 0.0) + part
     return _of_shares(shares, float(misfit[0]))
 
@@ -87,14 +87,14 @@ def _of_shares(shares: dict[str, float], misfit: float) -> Found:
     return sets, there, misfit
 
 
-def kubelka_munk(sought: Sought) -> Found:
+def kubelka_munk(query: Query) -> Found:
     """Two-constant Kubelka-Munk with the same paints: singles and pairs on a grid of amounts, over
     both cards.
 
     K = 2 k and S = 3/4 s, Saunderson's correction; the least root mean square wins, a pair only
     where it halves it.
     """
-    films, row, paints = sought.films, sought.row, sought.paints
+    films, row, paints = query.films, query.row, query.paints
     k, s = (
         np.stack([np.asarray(getattr(p, what)) for p in paints]) * UNIT
         for what in ("absorption", "scattering")

@@ -17,7 +17,7 @@ import jax
 import numpy as np
 
 from benchmarks.results import Results, command_line, quantity
-from benchmarks.timing import timed
+from benchmarks.timing import time_call
 
 NEEDS = ("PythonicDISORT",)
 
@@ -112,7 +112,7 @@ def theirs(work: Work, streams: int) -> np.ndarray:
 
 def point(name: str, function: Callable[[], np.ndarray], expected: np.ndarray, runs: int) -> Point:
     """Largest error of the table and the shortest of some runs, after one to compile for ours."""
-    done = [timed(function) for _ in range(runs)]
+    done = [time_call(function) for _ in range(runs)]
     error = np.max(np.abs(done[-1][0] - expected))
     return Point(name, float(error), min(seconds for _, seconds in done))
 

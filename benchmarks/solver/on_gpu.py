@@ -26,7 +26,7 @@ import numpy as np
 
 from benchmarks import device
 from benchmarks.results import Results, command_line
-from benchmarks.timing import timed
+from benchmarks.timing import time_call
 
 NEEDS = ("gpu",)
 
@@ -38,8 +38,8 @@ CHECKED = 1000
 
 def cold_and_warm(program: Callable[[], Any]) -> tuple[Any, float, float]:
     """Result, seconds of the first call, median seconds of later ones."""
-    found, first = timed(program)
-    later = [timed(program)[1] for _ in range(REPETITIONS)]
+    found, first = time_call(program)
+    later = [time_call(program)[1] for _ in range(REPETITIONS)]
     return found, first, float(np.median(later))
 
 
@@ -80,9 +80,9 @@ def million(say: Results, count: int) -> None:
 
 
 def large_picture(say: Results, size: int) -> None:
-    from benchmarks.render.savings import glazed
+    from benchmarks.render.savings import picture_program
 
-    draw = glazed(size)
+    draw = picture_program(size)
     _, first, warm = cold_and_warm(lambda: draw().srgb)
     say(f"picture of {size} x {size} pixels, two maps, to sRGB: {warm:.3f} s (first {first:.1f} s)")
 

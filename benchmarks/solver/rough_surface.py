@@ -25,7 +25,7 @@ import numpy as np
 from tests.oracles import position_free
 
 from benchmarks import results
-from benchmarks.timing import timed
+from benchmarks.timing import time_call
 from glazejax import stack_reflectance_factor
 from glazejax.radiative import rough
 from glazejax.radiative.rough import resolution
@@ -83,7 +83,7 @@ def errors(count: int, surfaces: int) -> Iterator[tuple[float, float, list[tuple
 def seconds(function: Callable, *arguments: object) -> float:
     """Best of several."""
     jax.block_until_ready(function(*arguments))
-    return min(timed(lambda: function(*arguments))[1] for _ in range(25))
+    return min(time_call(lambda: function(*arguments))[1] for _ in range(25))
 
 
 def main() -> None:

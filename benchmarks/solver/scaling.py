@@ -116,9 +116,9 @@ def many_stacks(count: int) -> Programs:
 
 
 def picture(pixels: int) -> Callable[[], Any]:
-    from benchmarks.render.savings import glazed
+    from benchmarks.render.savings import picture_program
 
-    draw = glazed(round(pixels**0.5))
+    draw = picture_program(round(pixels**0.5))
     return lambda: draw().srgb
 
 
