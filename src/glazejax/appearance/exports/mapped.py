@@ -18,10 +18,10 @@ from ...interpolated import interpolated
 from ...paint.media import Glaze, Mixture
 from ...radiative.common.fresnel import cos_refracted
 from ...radiative.common.quadrature import gauss
+from ...radiative.rough.lobes import lobe_albedo
 from ...spectra import validate_wavelengths
 from ..glaze.solve import indices, on_grid, with_variables
 from .angles import pair_spectra
-from .lobes import lobe_albedo
 from .rgb import Space, rgb_of_xyz
 
 KINDS = ("thickness", "fraction", "ground")
