@@ -31,7 +31,7 @@ from benchmarks.results import Results, command_line, ends, quantities, quantity
 
 NEEDS = ("matplotlib",)
 
-GROUP = 100
+GROUP = 20
 STEPS, BAND_STEPS, WALKERS = 200, 200, 16
 COEFFICIENTS = ("absorption", "scattering")
 LEVELS = np.array([0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95])
