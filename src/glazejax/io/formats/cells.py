@@ -34,7 +34,7 @@ def read_cells(content: bytes, sheet: str) -> tuple[list[str], list[list[str]] |
     return names, rows
 
 
-def _read(content: bytes, sheet: str) -> tuple[list[str], list[list[str]] | None]:
+def _extract(content: bytes, sheet: str) -> tuple[list[str], list[list[str]] | None]:
     from python_calamine import CalamineWorkbook, SheetTypeEnum
 
     book = CalamineWorkbook.from_filelike(io.BytesIO(content))
@@ -72,4 +72,4 @@ def _limit_memory() -> None:
 
 if __name__ == "__main__":
     _limit_memory()
-    json.dump(_read(sys.stdin.buffer.read(), sys.argv[1]), sys.stdout)
+    json.dump(_extract(sys.stdin.buffer.read(), sys.argv[1]), sys.stdout)
