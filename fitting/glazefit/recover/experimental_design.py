@@ -104,7 +104,11 @@ def rank_next_films(
     mixed, thick = np.stack([pure, *tints]), np.exp(depth)
 
     def looks(draws: np.ndarray) -> np.ndarray:
-        return np.asarray(_reflectances(draws, solution, problem, response, mixed, pure, thick))
+        return np.asarray(
+            _reflectances(
+                draws, solution, problem, response, mixed=mixed, pure=pure, thickness=thick
+            )
+        )
 
     grid = recovery.wavelengths[_planning_bands(recovery)]
     return rank_candidates(paint, candidates, draws, looks, grid)
