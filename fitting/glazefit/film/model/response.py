@@ -79,6 +79,11 @@ class Response(eqx.Module):
 class FilmResponse(Response):
     """Bicubic spline of (black, gain, back) over optical thicknesses k d and s d, for one geometry
     and index.
+
+    Not `glazejax.interpolated`: the numbers bend along a line of k/s that no product of polynomials
+    follows. With 129 x 129 terms, the most that it takes, it is off by .013 in these same
+    logarithms where the spline's 80 x 80 nodes give 1e-5, and 100,000 films take it 4 s in place
+    of .04 s: 16,641 products a number in place of 16.
     """
 
     patches: Float[Array, "cells 4 4 3"]  # spline coefficients around each cell

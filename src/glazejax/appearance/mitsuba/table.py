@@ -37,6 +37,10 @@ _BETWEEN = 0.05
 class Body:
     """Light from below the surface: reflectance factor pi L_out / E_in, by lookup.
 
+    Not `glazejax.interpolated`: two angles, wavelength, thickness and fraction are five axes, where
+    that takes three, and Dr.Jit has to look it up. With the fewest nodes that are tried here, 33
+    an angle and 9 of a thickness, polynomials would take 9801 products for each band.
+
     Tables are arrays of NumPy as made, and whatever `Arithmetic.packet` takes on a device.
 
     Attributes:
