@@ -145,11 +145,6 @@ def test_bad_input_is_one_line_and_status_2(run, tmp_path, films):
             ["--check leaves mixtures out of a joint fit", "add --joint"],
         ),
         (["nowhere.tsv", "--out", "o", "--joint", "--check"], ["nowhere.tsv", "no such file"]),
-        (["nowhere.tsv", "--out", "o", "--law", "strength"], ["--law says how", "add --joint"]),
-        (
-            ["nowhere.tsv", "--out", "o", "--joint", "--law", "x"],
-            ["--law is 'x'; it must be mass or strength"],
-        ),
         (["nowhere.tsv", "--out", "o", "--joint", "--masstones"], ["leave out --masstones"]),
         ([good, "--out", "o", "--refractive-index", "15"], ["refractive index 15", "[1, 2.5]"]),
         ([good, "--out", "o", "--instrument", "d:95"], ["--instrument is 'd:95'", "incidence"]),
@@ -235,8 +230,6 @@ def test_joint_needs_recipes_and_measured_mixtures(run, tmp_path, films):
     for words, message in (
         ((file, "--out", "res", "--joint"), "--joint needs to know what the films are made of"),
         (("--simulate", "--out", "res", "--joint"), "leave out --simulate, or leave out --joint"),
-        ((file, "--out", "res", "--law", "strength"), "add --joint"),
-        ((file, "--out", "res", "--joint", "--law", "volume"), "it must be mass or strength"),
     ):
         status, _, err = run(*words)
         assert status != 0
