@@ -73,13 +73,10 @@ import numpy as np
 glazejax.colour.colour_science()  # which puts an empty stand-in in the place of matplotlib
 from glazejax.appearance.scene.picture import save_png
 from glazefit.posterior.arviz import load_arviz
-from glazefit.posterior.posterior import sample
-from glazefit.posterior.sampling import Sampling
 
 for extra, call in (
     ("plots", lambda: save_png("a.png", np.zeros((2, 2, 3), np.uint8))),
     ("arviz", load_arviz),
-    ("arviz", lambda: sample(None, (), None, Sampling())),  # before anything is sampled
     ("cube", lambda: glazejax.io.open_cube("a.npy")),
     ("render", lambda: glazejax.appearance.mitsuba.register()),
 ):

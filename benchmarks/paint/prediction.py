@@ -5,9 +5,8 @@ Kubelka-Munk's.
 
 Every tint and shade of the measured films (revigo) is left out of a joint fit of all the others and
 then predicted, with a 90 % band as wide as the other films left out say. Both models go through the
-same fit, with the same instrument and expectations; only what one film reflects differs. Mixing
-laws are compared the same way. Films of the same recipes are simulated too, faultless and with
-scatter of strength. What one reading of a mixture tells, and what two do, is a result of its own,
+same fit, with the same instrument and expectations; only what one film reflects differs. Films
+of the same recipes are simulated too, faultless and with scatter of strength. What one reading of a mixture tells, and what two do, is a result of its own,
 `prediction_readings.txt` (see `readings_of_mixtures.py`); with --readings it is made alone. With --scan,
 what is expected beforehand is varied instead.
 """
@@ -25,7 +24,6 @@ from benchmarks.paint.readings_of_mixtures import reading_tables
 from benchmarks.results import Results, command_line, percent, progress, quantities, quantity
 from benchmarks.timing import time_call
 from glazefit.film.films import Films, Instrument, Noise
-from glazefit.film.model.mixing import MixingLaw
 from glazefit.film.simulate import simulate_films
 from glazefit.recover.crossvalidation import LeftOut, cross_validate
 from glazefit.recover.joint import UNIT, recover_jointly
@@ -234,11 +232,10 @@ def scan(say: Results, films: Films, recipes: Recipes) -> None:
 
 
 def compare(say: Results, films: Films, recipes: Recipes) -> None:
-    """Models and mixing laws side by side, and simulated films."""
+    """Models side by side, and simulated films."""
     models: dict[str, dict[str, Any]] = {
         "glazejax": {},
         "Kubelka-Munk": {"response": KubelkaMunk(Instrument())},
-        "glazejax, strength law": {"law": MixingLaw("strength")},
     }
     scores = {name: leave_out(films, recipes, name, **given) for name, given in models.items()}
     progress()

@@ -119,11 +119,6 @@ def test_bad_input_is_one_line_and_status_2(run, tmp_path, films):
             ["--check leaves mixtures out of a joint fit", "add --joint"],
         ),
         (["nowhere.tsv", "--out", "o", "--joint", "--check"], ["nowhere.tsv", "no such file"]),
-        (["nowhere.tsv", "--out", "o", "--law", "strength"], ["--law says how", "add --joint"]),
-        (
-            ["nowhere.tsv", "--out", "o", "--joint", "--law", "x"],
-            ["--law is 'x'; it must be mass or strength"],
-        ),
         (["nowhere.tsv", "--out", "o", "--joint", "--masstones"], ["leave out --masstones"]),
         ([good, "--out", "o", "--joint"], ["--joint needs to know what the films are made of"]),
         (["--simulate", "--out", "o", "--joint"], ["leave out --simulate, or leave out --joint"]),

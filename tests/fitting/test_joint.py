@@ -78,7 +78,7 @@ def small(request):
     """
     films = painted()
     paints, weights = weight_table(films.names, RECIPES)
-    law, told = MixingLaw("strength"), None
+    told = None
     rng = np.random.default_rng(3)
     if request.param:
         assumed, opaque = np.zeros((6, 2), bool), np.zeros(6, bool)
@@ -92,9 +92,8 @@ def small(request):
             25e-6,
             Expectations(thickness=0.3),
         )
-    problem = pose(
-        films, law.shares(weights, paints), law, Instrument(), Noise(), Expectations(), told
-    )
+    shares = MixingLaw().shares(weights, paints)
+    problem = pose(films, shares, Instrument(), Noise(), Expectations(), told)
     # The blue's own film is nearly black at some bands.
     assert np.any(problem.steepness)
     point = Unknowns(
@@ -227,7 +226,7 @@ def test_gloss_and_weights_of_a_film_reach_its_reading(small):
     glossy = np.asarray(
         read(point._replace(films=point.films.at[film, 1].add(more)), problem, response)
     )
-    one = problem.shares[film] @ point.paints[:, 0] + point.films[film, 1]
+    one = problem.shares[film] @ point.paints + point.films[film, 1]
     added = float(problem.surface * (np.exp(one + more) - np.exp(one)))
     expected = np.zeros_like(before)
     expected[:, film] = added
@@ -241,9 +240,7 @@ def test_gloss_and_weights_of_a_film_reach_its_reading(small):
     other = problem._replace(shares=problem.shares.at[film].multiply(jnp.exp(more * minor)))
     # The gloss of paints goes by the recipe as stated.
     stated = point._replace(
-        films=point.films.at[film, 1].add(
-            (problem.shares - other.shares)[film] @ point.paints[:, 0]
-        )
+        films=point.films.at[film, 1].add((problem.shares - other.shares)[film] @ point.paints)
     )
     np.testing.assert_allclose(wrong, read(stated, other, response), atol=1e-12)
     assert np.abs(np.asarray(wrong) - before)[:, film].max() > 1e-3

@@ -20,7 +20,6 @@ import numpy as np
 from jaxtyping import Float
 
 from glazejax import Pigment
-from glazejax.extras import require
 from glazejax.geometry import resolve_instrument
 
 from ..film.films import Films, Instrument, InstrumentLike, Noise
@@ -314,12 +313,7 @@ def sample(
 ) -> Posterior:
     """Sample a problem from draws of its Laplace approximation at the modes found; with no steps
     that is all.
-
-    Raises:
-        ModuleNotFoundError: a chain was asked for, and ArviZ, which judges it, is not installed.
     """
-    if options.length > 0:
-        require("arviz")
     approximate = laplace(problem, found, seed=options.seed)
     if options.length == 0:
         return Posterior(problem, films, approximate, None, options.sampler == "importance")

@@ -32,7 +32,7 @@ from .constraints import Gauge
 from .joint import UNIT, recover_jointly
 from .joint_problem import Expectations
 from .joint_result import JointRecovery
-from .prediction import interval_of
+from .prediction import interval_of, least_by_scanning
 
 SPREAD = 0.3
 """Standard deviation of the log of a film's thickness about its number of coats."""
@@ -40,7 +40,7 @@ _COMMON = 1e-3
 # The model's own error of a further coat: smooth over so many nm, for readings 0 and 1.
 _LENGTH, _ERROR_FLOOR, _ERROR_SHARE = 100.0, 0.003, 0.01
 _MOST_COATS = 20.0
-_POINTS, _REFINEMENTS, _SPAN = 25, 4, 4.0
+_POINTS = 25
 
 _NAME = re.compile(
     r"(?P<paint>\S.*?)\s+(?P<coats>\d+(?:\.\d+)?)\s+coats?(?:\s+(?P<square>\S.*))?", re.IGNORECASE
@@ -329,7 +329,7 @@ def predict_next_coat(
     count = len(draws.bands)
     films = found.films
     black, white, _, _ = cards(films, instrument, found.noise)
-    gloss = np.exp(draws.paints[:, :1, 0] + draws.films[:, :, 1])
+    gloss = np.exp(draws.paints + draws.films[:, :, 1])
     readings = np.stack([films.over_black, films.over_white], axis=1)
     # (draws, films, cards, bands): what comes from below the surface.
     body = readings - (gloss * instrument.seen_surface)[:, :, None, None]
@@ -347,7 +347,7 @@ def predict_next_coat(
     sd = np.minimum(np.exp(draws.bands[:, :, 1] + thickness), HIGHEST[1])
     seen = np.asarray(recovery.response.body(jnp.asarray(kd), jnp.asarray(sd), jnp.asarray(inside)))
     expected = found.expectations
-    surface = draws.paints[:, 0, 0] + expected.gloss * rng.standard_normal(count)
+    surface = draws.paints[:, 0] + expected.gloss * rng.standard_normal(count)
     seen = seen + instrument.seen_surface * np.exp(surface)[:, None]
     smooth = rng.multivariate_normal(np.zeros(grid.size), smooth_kernel(grid, _LENGTH), size=count)
     off = (_ERROR_FLOOR + _ERROR_SHARE * seen) * smooth
@@ -419,13 +419,6 @@ def _absorption_that_meets(
             # A weak pull settles what no reading tells.
             return jnp.sum(off**2, axis=(0, 1)) + 0.01 * (log_k - start) ** 2
 
-        centre = start
-        half = _SPAN
-        for _ in range(_REFINEMENTS):
-            points = centre + half * jnp.linspace(-1.0, 1.0, _POINTS)[:, None]
-            best = jnp.argmin(jax.vmap(cost)(points), axis=0)
-            centre = jnp.take_along_axis(points, best[None], axis=0)[0]
-            half = 4.0 * half / _POINTS
-        return centre
+        return least_by_scanning(cost, start, _POINTS)
 
     return jax.lax.map(one, (log_absorption, log_scattering, log_thickness, body))

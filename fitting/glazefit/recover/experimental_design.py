@@ -181,7 +181,6 @@ def _pose(
     gloss = np.concatenate([recovery.measured_gloss, np.full(more, np.nan)])
     settings = (
         shares,
-        recovery.law,
         recovery.instrument,
         recovery.noise,
         expected,
@@ -217,7 +216,7 @@ def _solution(
     films = np.zeros(problem.film_scale.shape)
     films[:count, : found.films.shape[1]] = found.films
     films[count:, 0] = depths
-    gloss = np.zeros((paints + spare, 2))
+    gloss = np.zeros(paints + spare)
     gloss[:paints] = found.paints
     others = np.zeros(len(problem.thickness_modes))
     # The first are of paints that are known: as the fit found them, unless there is a new one.
