@@ -14,7 +14,6 @@ programs on the machine change these much less.
 With ``--before`` each command is run from another checkout too, in turn with this one.
 """
 
-import argparse
 import json
 import os
 import resource
@@ -26,7 +25,7 @@ import time
 from pathlib import Path
 from typing import NamedTuple
 
-from benchmarks.results import Results, add_option, quantity
+from benchmarks.results import Results, command_line, quantity
 from glazejax import catalogue, samples
 from glazejax.appearance.scene.file import example
 
@@ -210,15 +209,10 @@ def commit(checkout: Path) -> str:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    add_option(parser, repetitions=1, only=list(QUOTED))
+    quick = {"only": list(QUOTED)}
+    parser = command_line(__doc__, quick, repetitions=(3, 1, "runs with a full cache"))
     parser.add_argument(
         "--only", nargs="+", help="commands of these names, whose file is not written"
-    )
-    parser.add_argument(
-        "--repetitions", type=int, default=3, help="runs with a full cache (default: %(default)s)"
     )
     parser.add_argument(
         "--before", type=Path, help="another checkout, whose commands are run in turn with these"
@@ -227,16 +221,13 @@ def main() -> None:
     say = Results("cold_start", options.out)
     say(
         "Seconds from the start of the process to its end, and seconds of the processor (cpu), "
-        "with an empty cache and"
-    )
-    say(
+        "with an empty cache and\n"
         "warm; of the warm runs the medians. The studio is waited for until its page has its paints."
     )
     if options.before is not None:
         say(f"Before: commit {commit(options.before)}. Each command of both in turn.")
-    say()
     say(
-        f"{'':<32}{'empty':>8}{'warm':>8}{'cpu':>9}{'cpu':>8}{'programs':>10}"
+        f"\n{'':<32}{'empty':>8}{'warm':>8}{'cpu':>9}{'cpu':>8}{'programs':>10}"
         "   empty: trace   lower  compile   warm: trace   lower    load"
     )
     checkouts = (
@@ -264,8 +255,9 @@ def main() -> None:
                 say(row(name + which, first[which], warm[which]))
             if name in QUOTED:
                 record(say, QUOTED[name], first[""], warm[""])
-    say()
-    say("Trace, lower, compile: sums over all programs; programs compiled side by side count each.")
+    say(
+        "\nTrace, lower, compile: sums over all programs; programs compiled side by side count each."
+    )
     busy = ", ".join(f"{load:.1f}" for load in os.getloadavg())
     say(
         "Processes that wanted the processor at the end, mean of the last 1, 5 and 15 minutes: "

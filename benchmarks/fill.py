@@ -12,12 +12,11 @@ two significant digits of a whole number. A number written .62 keeps its missing
 alone. `--check` changes nothing; its exit status is 1 if a number is stale.
 """
 
-import argparse
 import re
 from collections.abc import Callable
 from pathlib import Path
 
-from benchmarks.results import FOLDER, HERE, figure
+from benchmarks.results import FOLDER, HERE, figure, help_parser
 
 # What the site's build writes.
 MADE = {"_build", "project", "reference", "results"}
@@ -70,9 +69,7 @@ def filled(text: str, folder: Path = FOLDER) -> str:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = help_parser(__doc__)
     parser.add_argument(
         "--check", action="store_true", help="write nothing; exit status 1 if a number is stale"
     )

@@ -8,13 +8,12 @@ all lines are of one commit and one processor, and which are not. All numbers of
 result. `--check` changes nothing; its exit status is 1 if something is stale.
 """
 
-import argparse
 import re
 from collections import Counter
 from datetime import date, timedelta
 from pathlib import Path
 
-from benchmarks.results import FOLDER, HERE, read
+from benchmarks.results import FOLDER, HERE, help_parser, read
 
 PAGE = HERE.parent / "docs" / "performance.md"
 BEGIN = "<!-- table: its first lines and last column by python -m benchmarks.performance -->"
@@ -102,9 +101,7 @@ def refreshed(text: str, folder: Path = FOLDER) -> str:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = help_parser(__doc__)
     parser.add_argument(
         "--check", action="store_true", help="write nothing; exit status 1 if stale"
     )

@@ -86,6 +86,11 @@ def quantity(
     return Quantity(value=number, unit=unit, digits=digits, form=form, n=n)
 
 
+def percent(share: Any, digits: int = 0, *, n: int | None = None) -> Quantity:
+    """A share from 0 to 1, to record in per cent; see `quantity`."""
+    return quantity(100 * share, "%", digits, n=n)
+
+
 def quantities(
     values: dict[str, Any],
     unit: str = "",
@@ -104,25 +109,53 @@ def ends(key: str, values: Iterable[Any]) -> dict[str, Any]:
     return {f"{key}_least": min(listed), f"{key}_most": max(listed)}
 
 
-def add_option(parser: argparse.ArgumentParser, **quick: Any) -> None:
-    """`--out FOLDER`, by default the repository's benchmarks/results, and `--quick`.
+def help_parser(text: str | None, out: Path | None = None) -> argparse.ArgumentParser:
+    """A parser whose help is a module's docstring, its lines as they are.
 
     Args:
-        parser: gets both.
-        quick: what other options are with `--quick`, unless they are given: `stacks=50`.
+        text: the docstring.
+        out: where results go by default; adds the option `--out`.
     """
-    parser.add_argument(
-        "--out", type=Path, default=FOLDER, help="folder for the results (default: %(default)s)"
+    parser = argparse.ArgumentParser(
+        prog=f"python -m {_module()}",
+        description=text,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
+    if out is not None:
+        words = "where results go (default: %(default)s)"
+        parser.add_argument("--out", type=Path, default=out, help=words)
+    return parser
+
+
+def command_line(
+    text: str | None, quick: dict[str, Any] | None = None, **sizes: tuple[Any, Any, str]
+) -> argparse.ArgumentParser:
+    """The options of a benchmark: `--out FOLDER`, by default the repository's benchmarks/results,
+    `--quick`, and numbers that say how large it is.
+
+    Args:
+        text: the docstring of the benchmark.
+        quick: what options that are added later are with `--quick`, unless they are given.
+        sizes: of each number its usual value, that with `--quick`, and what it is:
+            `stacks=(1000, 50, "random stacks")`.
+    """
+    parser = help_parser(text, FOLDER)
+    small = dict(quick or {})
+    for name, (usual, few, words) in sizes.items():
+        small[name] = few
+        parser.add_argument(
+            f"--{name}", type=type(usual), default=usual, help=f"{words} (default: %(default)s)"
+        )
     parser.add_argument(
         "--quick",
         action=_Quick,
-        small=quick,
+        small=small,
         help=(
             f"try it at small size: another folder ({QUICK_FOLDER}), and numbers that are worth "
             "nothing"
         ),
     )
+    return parser
 
 
 class _Quick(argparse.Action):
@@ -168,13 +201,13 @@ class Results:
         self._values: dict[str, Quantity] = {}
 
     def __call__(self, line: str = "") -> None:
-        """Print a line, at once, and keep it."""
+        """Print a line, or several, at once, and keep it."""
         # The head comes with the first line: by then the benchmark has told JAX which device to
         # take.
         if not self._lines:
             self._begin()
         print(line, flush=True)
-        self._lines.append(line.rstrip())
+        self._lines += [part.rstrip() for part in line.split("\n")]
 
     def record(self, **values: Quantity) -> None:
         """Keep numbers that texts may quote, by name.
@@ -277,13 +310,17 @@ def commit() -> str:
     return git("rev-parse", "--short", "HEAD") + "+" * bool(changes)
 
 
+def _module() -> str:
+    """The module that this process runs."""
+    spec = getattr(sys.modules["__main__"], "__spec__", None)
+    return re.sub(r"\.__main__$", "", spec.name) if spec else Path(sys.argv[0]).stem
+
+
 def _command() -> str:
     """The command of this process, but for where results go; of paths of this machine only the
     name.
     """
-    spec = getattr(sys.modules["__main__"], "__spec__", None)
-    module = re.sub(r"\.__main__$", "", spec.name) if spec else Path(sys.argv[0]).stem
-    words, options = ["python", "-m", module], iter(sys.argv[1:])
+    words, options = ["python", "-m", _module()], iter(sys.argv[1:])
     for word in options:
         if word == "--out":
             next(options, None)

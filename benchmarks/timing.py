@@ -2,7 +2,6 @@
 all.
 """
 
-import argparse
 import os
 import platform
 import statistics
@@ -10,15 +9,25 @@ import time
 from collections.abc import Callable
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
+from typing import Any, TypeVar
 
 import jax
 
+Result = TypeVar("Result")
+Programs = dict[str, Callable[[], Any]]
+"""What is timed, by name."""
+
+REPEATED = {
+    "repetitions": (20, 3, "timed runs of each program"),
+    "budget": (1.0, 0.1, "seconds of timed runs a program"),
+}
+"""Options of `command_line` that say how often programs run."""
 # However slow a program is, its median rests on this many runs.
 FEWEST = 3
 
 
 def interleaved(
-    programs: dict[str, Callable[[], object]],
+    programs: Programs,
     repetitions: int = 60,
     *,
     budget: float = float("inf"),
@@ -60,20 +69,11 @@ def interleaved(
     return {name: statistics.median(times) for name, times in seconds.items()}
 
 
-def add_options(parser: argparse.ArgumentParser) -> None:
-    """Options that say how often programs run."""
-    parser.add_argument(
-        "--repetitions",
-        type=int,
-        default=20,
-        help="timed runs of each program (default: %(default)s)",
-    )
-    parser.add_argument(
-        "--budget",
-        type=float,
-        default=1.0,
-        help="seconds of timed runs a program (default: %(default)s)",
-    )
+def time_call(program: Callable[[], Result]) -> tuple[Result, float]:
+    """Result of a program, and the seconds that it took; results of JAX are waited for."""
+    began = time.perf_counter()
+    result = jax.block_until_ready(program())
+    return result, time.perf_counter() - began
 
 
 def processor() -> str:

@@ -7,12 +7,14 @@ commit. `python -m tests.rooms --since` prints the commit that changes are count
 """
 
 import ast
+import fnmatch
 import functools
 import os
 import re
 import subprocess
 import sys
 from collections.abc import Iterator
+from importlib.util import resolve_name
 from pathlib import Path
 
 HERE = Path(__file__).parents[1]
@@ -26,38 +28,96 @@ MODULES = {
     for path in sorted(folder.rglob("*.py"))
 }
 """Path of each module by its dotted name."""
-STUBS = {
-    f"{package}.{alias.name}": f"{package}.{node.module}"
-    for package, folder in PACKAGES.items()
-    for node in ast.parse((folder / "__init__.pyi").read_text(encoding="utf-8")).body
-    if isinstance(node, ast.ImportFrom) and node.module
+PUBLIC = {
+    f"{package}.{alias.name}": ".".join(filter(None, (package, node.module, alias.name)))
+    for package, path in MODULES.items()
+    if (stub := path.with_suffix(".pyi")).is_file()
+    for node in ast.parse(stub.read_text(encoding="utf-8")).body
+    if isinstance(node, ast.ImportFrom)
     for alias in node.names
-}
-"""Module that defines each public name, `glazejax.Glaze` say."""
+} | {"glazejax.fit": "glazefit"}
+"""What each name of a lazy package stands for: `glazejax.paint.media.Glaze` for `glazejax.Glaze`."""
+BY_NAME = {"import_module", "__import__", "run_module"}
+"""Functions that import a module by its name."""
+
+
+def module_of(name: str) -> str:
+    """Module that defines a dotted name, through the lazy packages on the way; empty for others'."""
+    parts = name.split(".")
+    for end in range(len(parts), 0, -1):
+        start = ".".join(parts[:end])
+        # A module that has the name of what it defines is meant by what follows.
+        through = PUBLIC.get(start, start) if end == len(parts) or start not in MODULES else start
+        if through != start:
+            return module_of(".".join([through, *parts[end:]]))
+        if start in MODULES:
+            return start
+    return ""
 
 
 @functools.cache
 def imports(module: str) -> frozenset[str]:
-    """Modules of the project that a module imports anywhere in its text, also for types only."""
-    return frozenset(_imported(module)) & MODULES.keys()
+    """Modules of the project that a module imports anywhere in its text: also for types only, in a
+    function, and by name.
+    """
+    return imported(module, MODULES[module].read_text(encoding="utf-8"))
 
 
-def _imported(module: str) -> Iterator[str]:
-    path = MODULES[module]
-    package = module.split(".") if path.name == "__init__.py" else module.split(".")[:-1]
-    names = {}
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+def imported(module: str, text: str) -> frozenset[str]:
+    """What a text imports in a module's place."""
+    inside = MODULES[module].name == "__init__.py"
+    package = module if inside else module.rpartition(".")[0]
+    return frozenset(map(module_of, _imported(package, ast.parse(text)))) - {""}
+
+
+def _imported(package: str, tree: ast.AST) -> Iterator[str]:
+    """Dotted names that a file of a package asks for."""
+    names: dict[str, str] = {}
+    for node in ast.walk(tree):
         if isinstance(node, ast.Import):
-            names |= {alias.asname: alias.name for alias in node.names}
-            yield from (alias.name for alias in node.names)
-        elif isinstance(node, ast.ImportFrom):
-            above = package[: len(package) - node.level + 1] if node.level else []
-            source = ".".join([*above, *([node.module] if node.module else [])])
             for alias in node.names:
-                inner = f"{source}.{alias.name}"
-                yield inner if inner in MODULES else STUBS.get(inner, source)
-        elif isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name):
-            yield STUBS.get(f"{names.get(node.value.id) or node.value.id}.{node.attr}", "")
+                names[alias.asname or alias.name.split(".")[0]] = (
+                    alias.name if alias.asname else alias.name.split(".")[0]
+                )
+                yield alias.name
+        elif isinstance(node, ast.ImportFrom):
+            source = resolve_name("." * node.level + (node.module or ""), package)
+            for alias in node.names:
+                names[alias.asname or alias.name] = f"{source}.{alias.name}"
+                yield f"{source}.{alias.name}"
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Attribute):
+            root, _, rest = _dotted(node).partition(".")
+            if root in names:
+                yield f"{names[root]}.{rest}"
+        elif isinstance(node, ast.Constant) and isinstance(node.value, str):
+            # The name of a module, or of what is in it as entry points have it. The packages around
+            # a file are where its data lie.
+            name = node.value.partition(":")[0]
+            if "." in name and name in MODULES and not f"{package}.".startswith(f"{name}."):
+                yield name
+        elif isinstance(node, ast.Call) and called(node) in BY_NAME:
+            yield from fnmatch.filter(MODULES, asked_for(node, package))
+
+
+def _dotted(node: ast.AST) -> str:
+    """`glazejax.io.read_spectra` as it stands in a text; empty for what begins otherwise."""
+    if isinstance(node, ast.Attribute):
+        return f"{before}.{node.attr}" if (before := _dotted(node.value)) else ""
+    return node.id if isinstance(node, ast.Name) else ""
+
+
+def called(node: ast.Call) -> str:
+    """Last name of the function that is called."""
+    return getattr(node.func, "attr", "") or getattr(node.func, "id", "")
+
+
+def asked_for(node: ast.Call, package: str) -> str:
+    """Pattern of the modules that a call imports by name; empty where the text does not say."""
+    name = node.args[0] if node.args else None
+    parts = name.values if isinstance(name, ast.JoinedStr) else [name]
+    pattern = "".join(str(part.value) if isinstance(part, ast.Constant) else "*" for part in parts)
+    return "" if pattern == "*" else resolve_name(pattern, package)
 
 
 def room_of(module: str) -> str:

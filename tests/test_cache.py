@@ -30,7 +30,7 @@ def run(home, *words, **more):
     environment = {
         k: v
         for k, v in os.environ.items()
-        if k not in ("GLAZEJAX_CACHE", "JAX_COMPILATION_CACHE_DIR")
+        if k not in ("GLAZEJAX_CACHE", "JAX_COMPILATION_CACHE_DIR", "XDG_CACHE_HOME")
     }
     environment |= {"HOME": str(home), **more}
     done = subprocess.run(

@@ -304,8 +304,8 @@ def test_links_work_on_the_site_and_on_the_forge():
         == "[a](/project/architecture.md#rules)"
     )
     assert (
-        links_for_site("![a](../benchmarks/results/truth.png)", here)
-        == "![a](/../benchmarks/results/truth.png)"
+        links_for_site("![a](../benchmarks/results/frontier.png)", here)
+        == "![a](/../benchmarks/results/frontier.png)"
     )
     assert links_for_site("[a](https://b) [c](#d)", here) == "[a](https://b) [c](#d)"
     assert links_for_site("```\n[a](../README.md)\n```\n", here) == "```\n[a](../README.md)\n```\n"

@@ -70,7 +70,7 @@ WORDS = """
 bands=420-650 bin=2 catalogue=acrylics coat-thickness=2-7 coats=Eosin:7um dark=dark.txt dataset=two
 elements=Cu,Pb excluded=dull.csv family=azurite film-thickness=40um±5% format=exr
 fraction-map=thick.npy ground=0.3 ground-map=thick.npy illuminant=A illuminants=D65,A instrument=d:0
-into=paints.csv lab=60,10,5 ladder=CobaltBlue law=strength layering=reciprocal mask=corner.csv
+into=paints.csv lab=60,10,5 ladder=CobaltBlue layering=reciprocal mask=corner.csv
 max-coats=2 max-paints=2 memory=3GiB mixed=1*ZincWhite model-error=0.021 names=other.tsv noise=0.013
 noise-share=0.07 observer=2 only=Eosin,ZincWhite painted=1620 paints=Eosin patch=white
 pigments=paints.csv pixel=50um reading=one.csv renderer=mitsuba resample=400:600:50 sample=two
@@ -126,7 +126,6 @@ identify --elements --without-elements --painted | spectra.csv --opaque --catalo
 recover file | | one.csv --out found
 recover --thickness --seed | --out found --simulate
 recover --simulate | --out found --samples Eosin
-recover --law | films.csv --out found --joint
 recover --into | tube.csv --out found
 recover --white | tube.csv --out found | --white ZincWhite
 recover --catalogue | acrylic.csv --out found --white TitaniumWhite

@@ -1,7 +1,5 @@
 import subprocess
 import sys
-import tomllib
-from pathlib import Path
 
 import equinox as eqx
 import jax
@@ -10,6 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from jax.test_util import check_grads
 from scipy.integrate import quad
 
 import glazejax
@@ -17,7 +16,6 @@ from glazejax import (
     Bidirectional,
     Glaze,
     Hemispherical,
-    Instrument,
     Layer,
     Mixture,
     Pigment,
@@ -156,14 +154,6 @@ def test_specular_part_is_fresnel(angle):
     )
 
 
-def test_no_specular_part_away_from_the_mirror():
-    glaze = Glaze([Layer(RED, 2e-5)], 0.8)
-    np.testing.assert_array_equal(
-        reflectance(glaze, Bidirectional(45, 0, specular=True)),
-        reflectance(glaze, Bidirectional(45, 0)),
-    )
-
-
 def test_goniometer_batch():
     glaze = Glaze([Layer(RED, 2e-5)], 0.8)
     views = np.array([0.0, 45.0, 70.0])
@@ -181,23 +171,6 @@ def test_reciprocity():
         reflectance(glaze, Bidirectional(60, 10)),
         reflectance(glaze, Bidirectional(10, 60)),
         atol=2e-6,
-    )
-
-
-@pytest.mark.parametrize(
-    "geometry",
-    [pytest.param(INSTRUMENTS[0], marks=pytest.mark.slow), *INSTRUMENTS[1:]],
-    ids=repr,
-)
-def test_layer_of_no_thickness_is_no_layer(geometry):
-    one = Glaze([Layer(RED, 1e-5)], 0.7)
-    two = Glaze([Layer(BLUE, 0.0), Layer(RED, 1e-5), Layer(BLUE, 0.0)], 0.7)
-    np.testing.assert_allclose(reflectance(two, geometry), reflectance(one, geometry), atol=1e-12)
-    none = Glaze([Layer(BLUE, 0.0)], 0.7)
-    np.testing.assert_allclose(
-        reflectance(none, geometry),
-        np.broadcast_to(reflectance(Glaze([], 0.7), geometry), 3),
-        atol=1e-12,
     )
 
 
@@ -227,15 +200,13 @@ def test_transformations_agree(geometry):
 )
 def test_slopes_are_those_of_finite_differences(geometry):
     def mean(thickness, k, s, weight, ground):
-        mixture = Mixture([Pigment("a", GRID, k, s), BLUE], jnp.stack([weight, 1 - weight]))
-        return reflectance(Glaze([Layer(mixture, thickness)], ground), geometry).mean()
+        mixture = Mixture(
+            [Pigment("a", GRID, 1e4 * k, 1e4 * s), BLUE], jnp.stack([weight, 1 - weight])
+        )
+        return reflectance(Glaze([Layer(mixture, 1e-5 * thickness)], ground), geometry).mean()
 
-    point = (jnp.asarray(1e-5), RED.absorption, RED.scattering, jnp.asarray(0.4), jnp.asarray(0.7))
-    slopes = jax.grad(mean, argnums=(0, 1, 2, 3, 4))(*point)
-    for i, (value, slope) in enumerate(zip(point, slopes, strict=True)):
-        step = 1e-4 * value
-        up, down = (mean(*[*point[:i], value + sign * step, *point[i + 1 :]]) for sign in (1, -1))
-        assert jnp.sum(slope * step) == pytest.approx(float(up - down) / 2, rel=1e-5, abs=1e-12), i
+    point = 1.0, RED.absorption / 1e4, RED.scattering / 1e4, 0.4, 0.7
+    check_grads(jax.jit(mean), point, order=1, eps=1e-4, rtol=1e-5, atol=1e-8)
 
 
 def test_slopes_are_finite_at_the_edges():
@@ -248,24 +219,6 @@ def test_slopes_are_finite_at_the_edges():
         for thickness, ground in ((0.0, 0.0), (0.0, 1.0), (1e-5, 1.0), (1e-2, 0.5)):
             slopes = jax.grad(total, argnums=(0, 1, 2, 3))(thickness, k, s, ground)
             assert all(np.isfinite(slope).all() for slope in slopes), (k, s, thickness, ground)
-
-
-@pytest.mark.usefixtures("unchecked")
-@pytest.mark.parametrize("instrument", [8.0, None, Bidirectional])
-def test_what_is_no_instrument_is_refused(instrument):
-    with pytest.raises(
-        TypeError, match=r"give a geometry, such as Bidirectional\(45, 0\), its words"
-    ):
-        reflectance(Glaze([], 0.5), instrument)
-
-
-def test_an_instrument_is_a_geometry_its_words_or_a_whole_one():
-    glaze = Glaze([], 0.5)
-    found = reflectance(glaze, Hemispherical(8.0, False))
-    np.testing.assert_array_equal(reflectance(glaze, "de:8"), found)
-    np.testing.assert_array_equal(reflectance(glaze, Instrument.parse("de:8", 1.4)), found)
-    with pytest.raises(ValueError, match="instrument is '45;0'"):
-        reflectance(glaze, "45;0")
 
 
 @pytest.mark.usefixtures("unchecked")
@@ -287,11 +240,6 @@ def test_public_names():
     assert {"colour", "io"} <= set(dir(glazejax))
     with pytest.raises(AttributeError, match="color"):
         _ = glazejax.color  # pyright: ignore[reportAttributeAccessIssue]
-
-
-def test_version_is_that_of_the_distribution():
-    project = tomllib.loads((Path(__file__).parents[1] / "pyproject.toml").read_text())["project"]
-    assert glazejax.__version__ == project["version"]
 
 
 def test_import_is_light():

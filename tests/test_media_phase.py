@@ -94,16 +94,6 @@ def test_slopes_under_jit():
     assert float(jax.jit(jax.grad(spectrum))(3e-6)) == pytest.approx(float(outside), rel=1e-4)
 
 
-def test_mirror_side():
-    glaze = gj.Glaze([], 0.0)
-    with_mirror = gj.reflectance(glaze, gj.Bidirectional(30.0, 30.0, specular=True, azimuth=360.0))
-    assert with_mirror > 0.04
-    assert gj.reflectance(glaze, gj.Bidirectional(30.0, 30.0, specular=True, azimuth=180.0)) == 0.0
-    assert gj.reflectance(
-        glaze, gj.Bidirectional(0.0, 0.0, specular=True, azimuth=90.0)
-    ) == pytest.approx(0.04)
-
-
 def test_a_full_turn_of_azimuth_changes_nothing():
     """Either way round: of the paint's part, and of whether the view is the mirror direction."""
     glaze = gj.Glaze([gj.Layer(BACK, 3e-6)], 0.4)

@@ -86,44 +86,6 @@ def test_a_shell_completes_commands_and_options(run, monkeypatch):
         assert run()[:2] == (0, f"{expected}\n")
 
 
-def test_the_script_of_a_shell_is_shown(run, monkeypatch):
-    monkeypatch.setenv("_TYPER_COMPLETE_TEST_DISABLE_SHELL_DETECTION", "1")
-    status, out, _ = run("--show-completion", "bash")
-    assert status == 0
-    assert "_GLAZEJAX_COMPLETE=complete_bash" in out
-
-
-VOCABULARY = {
-    "render": "instrument refractive-index ground pigments illuminant observer out csv overwrite",
-    "recover": "instrument refractive-index thickness noise noise-share samples out overwrite seed",
-    "identify": (
-        "instrument refractive-index ground thickness noise noise-share model-error pigments only "
-        "samples csv"
-    ),
-    "posterior": (
-        "instrument refractive-index ground thickness noise noise-share pigments out overwrite "
-        "seed paint-error"
-    ),
-    "recipe": (
-        "instrument refractive-index ground coat-thickness pigments only samples observer out csv "
-        "overwrite seed"
-    ),
-    "scene": "out overwrite",
-    "convert": "overwrite",
-    "export": "refractive-index ground pigments illuminant observer out overwrite",
-}
-
-
-@pytest.mark.parametrize("command", VOCABULARY)
-def test_help_has_the_vocabulary(run, command):
-    status, out, _ = run(command, "--help")
-    assert status == 0
-    for name in VOCABULARY[command].split():
-        assert f"--{name} " in out
-    assert ("--model-error" in out) == (command == "identify")
-    assert ("--thickness " in out) == (command in ("recover", "identify", "posterior"))
-
-
 @pytest.mark.parametrize(
     ("text", "metres"),
     [
@@ -141,24 +103,6 @@ def test_lengths(text, metres):
 
 
 @pytest.mark.parametrize(
-    ("text", "complaint"),
-    [
-        ("thick", "write a number and a unit"),
-        ("nan", "write a number and a unit"),
-        ("", "write a number and a unit"),
-        ("25 furlongs", "the unit 'furlongs' is unknown"),
-        ("0", "above 0"),
-        ("-1um", "above 0"),
-        ("1m", "at most 10 mm"),
-    ],
-)
-def test_bad_lengths(text, complaint):
-    with pytest.raises(ValueError, match=complaint) as error:
-        options.read_length(text)
-    assert str(error.value).startswith("--thickness is ")
-
-
-@pytest.mark.parametrize(
     ("text", "bounds"),
     [
         ("1-50um", (1e-6, 50e-6)),
@@ -173,18 +117,25 @@ def test_ranges_of_lengths(text, bounds):
 
 
 @pytest.mark.parametrize(
-    ("text", "complaint"),
+    ("read", "text", "complaint"),
     [
-        ("thick", "write the thinnest"),
-        ("50-1", "must ascend"),
-        ("0-1", "must ascend"),
-        ("1-2ells", "'ells' is unknown"),
+        (options.read_length, "thick", "write a number and a unit"),
+        (options.read_length, "nan", "write a number and a unit"),
+        (options.read_length, "", "write a number and a unit"),
+        (options.read_length, "25 furlongs", "the unit 'furlongs' is unknown"),
+        (options.read_length, "0", "above 0"),
+        (options.read_length, "-1um", "above 0"),
+        (options.read_length, "1m", "at most 10 mm"),
+        (options.read_lengths, "thick", "write the thinnest"),
+        (options.read_lengths, "50-1", "must ascend"),
+        (options.read_lengths, "0-1", "must ascend"),
+        (options.read_lengths, "1-2ells", "'ells' is unknown"),
     ],
 )
-def test_bad_ranges_of_lengths(text, complaint):
+def test_bad_lengths(read, text, complaint):
     with pytest.raises(ValueError, match=complaint) as error:
-        options.read_lengths(text, "--coat-thickness")
-    assert str(error.value).startswith("--coat-thickness is ")
+        read(text, "--thickness")
+    assert str(error.value).startswith("--thickness is ")
 
 
 def test_ground_is_a_number_or_a_spectrum(tmp_path):
@@ -323,13 +274,7 @@ def test_an_interrupt_keeps_what_is_finished():
 @pytest.mark.parametrize(
     ("module", "extra"),
     [
-        ("typer", "commands"),
-        ("rich.console", "commands"),
-        ("matplotlib", "plots"),
-        ("corner", "plots"),
         ("colour_cxf.cxf3", "formats"),
-        ("arviz", "arviz"),
-        ("trimesh", "scene"),
     ],
 )
 def test_a_missing_package_is_one_sentence(monkeypatch, run, module, extra):

@@ -42,16 +42,6 @@ def test_the_exemplars_as_a_table(tmp_path):
     assert {row["licence"] for row in rows} == {"CC BY 4.0", "CC0 1.0", "MIT"}
 
 
-def test_files_are_kept_unless_asked(tmp_path):
-    path = tmp_path / "all.csv"
-    path.write_text("mine")
-    with pytest.raises(FileExistsError, match=r"all\.csv"):
-        said("--csv", str(path))
-    assert path.read_text() == "mine"
-    said("--csv", str(path), "--overwrite")
-    assert path.read_text().startswith("exemplar,family")
-
-
 def test_a_family_that_there_is_not_is_one_sentence(tmp_path):
     with pytest.raises(ValueError, match="no family of pigments is called 'azurit'; nearest: azur"):
         said("--family", "azurit")

@@ -5,7 +5,6 @@
 A curve a row: its names, its first wavelength and its step in nm, and its values, digit by digit.
 """
 
-import argparse
 import csv
 from collections.abc import Iterator
 from pathlib import Path
@@ -14,6 +13,7 @@ from typing import Any
 import numpy as np
 
 import glazejax
+from benchmarks.results import help_parser
 from glazejax.cie import SHORT_CHARTS
 from glazejax.colour import OBSERVERS, colour_science
 
@@ -54,13 +54,7 @@ def rows() -> dict[str, Iterator[list[str]]]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument(
-        "--out", type=Path, default=FOLDER, help="folder for the tables (default: %(default)s)"
-    )
-    options = parser.parse_args()
+    options = help_parser(__doc__, FOLDER).parse_args()
     for name, lines in rows().items():
         with (options.out / name).open("w", encoding="utf-8", newline="") as file:
             csv.writer(file, lineterminator="\n").writerows(lines)

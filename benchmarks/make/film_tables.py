@@ -8,12 +8,12 @@ To be run again when the solver's own numbers change by more than `tests/fitting
 allows.
 """
 
-import argparse
 from pathlib import Path
 
 import numpy as np
 
 import glazefit.film.model.response as response
+from benchmarks.results import help_parser
 from glazefit.film.model.optics import Optics
 from glazejax.commands.main import start_jax
 
@@ -21,13 +21,7 @@ FILE = Path(response.__file__).parents[1] / "tables.npz"
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument(
-        "--out", type=Path, default=FILE, help="file for the tables (default: %(default)s)"
-    )
-    options = parser.parse_args()
+    options = help_parser(__doc__, FILE).parse_args()
     start_jax()
     tables = {
         name: response.solved_table(Optics.of(*instrument))

@@ -88,7 +88,7 @@ def scene(time: str, width: int, height: int, fine: float = 1.0) -> Scene:
 
 
 def main() -> None:
-    options, width, height = picture_options(__doc__, "gallery.png", "760x532")
+    options, width, height = picture_options(__doc__, "760x532")
     pictures = {}
     for time, (illuminant, words) in LAMPS.items():
         made = scene(time, width, height, min(1.0, width / 800))

@@ -91,7 +91,7 @@ def _across(point: tuple[float, float, float]) -> float:
 
 
 def main() -> None:
-    options, width, height = picture_options(__doc__, "layer-cake.png", "900x480")
+    options, width, height = picture_options(__doc__, "900x480")
     made = scene(width, height, min(1.0, width / 900))
     figure = side_by_side({"": on_screen(made, options.samples, ("D65",))})
     for k, words in enumerate(STEPS):

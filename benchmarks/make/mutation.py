@@ -9,7 +9,6 @@ mutation_equivalent.tsv names changes that alter nothing a user could see, with 
 are not tried. A run that is stopped reports what it has tried.
 """
 
-import argparse
 import ast
 import contextlib
 import os
@@ -20,6 +19,8 @@ import subprocess
 import sys
 import tempfile
 from pathlib import Path
+
+from benchmarks.results import help_parser
 
 HERE = Path(__file__).parent
 ROOT = HERE.parents[1]
@@ -77,9 +78,7 @@ def draw(every: Path, session: Path, count: int, seed: int) -> None:
 
 def main() -> None:
     """Copy the repository, draw the changes, try them and print the report."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = help_parser(__doc__)
     parser.add_argument("source", help="file or folder to change")
     parser.add_argument("tests", nargs="+", help="what must fail")
     parser.add_argument("--count", type=int, default=30, help="places (default: %(default)s)")

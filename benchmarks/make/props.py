@@ -12,6 +12,7 @@ from jaxtyping import Float
 
 import glazejax as gj
 from benchmarks.render.strokes import wood_grain
+from benchmarks.results import help_parser
 from glazejax.appearance.scene.lights import AreaLight, lamp
 from glazejax.appearance.scene.materials import Glazed
 from glazejax.appearance.scene.path.path_trace import path_trace
@@ -120,14 +121,9 @@ def wood(roughness: float = 0.25, *, dark: float = 7e-6, boards: int = 5, seed: 
     return Glazed(gj.Glaze([gj.Layer(stain, dark)], 0.55), dark * grain, 0, True, roughness)
 
 
-def picture_options(words: str | None, name: str, size: str) -> tuple[argparse.Namespace, int, int]:
+def picture_options(words: str | None, size: str) -> tuple[argparse.Namespace, int, int]:
     """Options of a program that draws one picture, and width and height in pixels."""
-    parser = argparse.ArgumentParser(
-        description=words, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument(
-        "--out", type=Path, default=FOLDER, help=f"folder for {name} (default: %(default)s)"
-    )
+    parser = help_parser(words, FOLDER)
     parser.add_argument("--size", default=size, help="pixels of a picture (default: %(default)s)")
     parser.add_argument(
         "--samples", type=int, default=256, help="rays of a pixel (default: %(default)s)"

@@ -1,15 +1,15 @@
 """The package's sample films: twelve of the revigo readings as fractions, with their recipes.
 
-    python -m benchmarks.make.samples [--folder FOLDER]
+    python -m benchmarks.make.samples [--out FOLDER]
 
 Writes films.csv and mixtures.tsv. Needs the folder revigo of measured data.
 """
 
-import argparse
 from pathlib import Path
 
 import glazejax
 from benchmarks.measured import measured_data
+from benchmarks.results import help_parser
 from glazefit.film.readers import NAMES_FILE, ROWS, read_recipes
 from glazejax.io import read_spectra
 
@@ -19,11 +19,7 @@ FILMS = ("06A", "12A", "10A", "08A", "02A", "15C", "05B", "09B", "13G", "04B", "
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("--folder", type=Path, default=Path(glazejax.__file__).parent / "samples")
-    folder = parser.parse_args().folder
+    folder = help_parser(__doc__, Path(glazejax.__file__).parent / "samples").parse_args().out
     source = measured_data("revigo")
     table = read_spectra(source / "reflectance.tsv")
     recipes = read_recipes(source / NAMES_FILE)

@@ -7,13 +7,13 @@ studio-recipe.png and studio-identify.png into docs by default. The film that is
 of the package's samples.
 """
 
-import argparse
 import tempfile
 import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from benchmarks.results import help_parser
 from benchmarks.studio.studio import Server, open_page, start_browser
 
 FOLDER = Path(__file__).parents[2] / "docs"
@@ -83,13 +83,7 @@ def paint(browser: Any) -> None:
 def main() -> None:
     import glazejax
 
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument(
-        "--out", type=Path, default=FOLDER, help="folder for the pictures (default: %(default)s)"
-    )
-    out = parser.parse_args().out
+    out = help_parser(__doc__, FOLDER).parse_args().out
     browser = start_browser()
     with tempfile.TemporaryDirectory() as folder:
         server = Server(Path(folder) / "cache")

@@ -23,7 +23,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from benchmarks.results import Results, add_option, quantities, quantity
+from benchmarks.results import Results, command_line, percent, quantities, quantity
 from benchmarks.rivals.known_painting import Scenery, painting, write_painting
 from benchmarks.rivals.known_painting_scene import FOREIGN
 from benchmarks.rivals.painting_rivals import (
@@ -35,6 +35,7 @@ from benchmarks.rivals.painting_rivals import (
     sampled,
     table,
 )
+from benchmarks.timing import time_call
 
 NEEDS = ("zarr",)
 
@@ -46,15 +47,13 @@ PAINTS = "paints.csv"
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    parser = command_line(
+        __doc__,
+        {"megapixels": [0.001, 0.004, 0.01]},
+        bands=(200, 40, "of an image"),
+        checked=(2000, 100, "pixels that are searched in full"),
     )
-    add_option(parser, megapixels=[0.001, 0.004, 0.01], bands=40, checked=100)
     parser.add_argument("--megapixels", type=float, nargs="+", default=[0.1, 1.0, 10.0])
-    parser.add_argument("--bands", type=int, default=200)
-    parser.add_argument(
-        "--checked", type=int, default=2000, help="pixels that are searched in full"
-    )
     parser.add_argument(
         "--mosaic", action="store_true", help="measured films in place of computed spectra"
     )
@@ -77,9 +76,8 @@ def main() -> None:
         runs = [
             _size(results, folder, side, options.bands, number) for number, side in enumerate(sides)
         ]
-        results()
         results(
-            "'saved': a search of every pixel, at the pace of the representatives, over the time "
+            "\n'saved': a search of every pixel, at the pace of the representatives, over the time "
             "that the map took"
         )
         middle = min(1, len(sides) - 1)
@@ -104,9 +102,7 @@ def _size(results: Results, folder: Path, side: int, bands: int, number: int) ->
         map_painting(where)
         results(
             "Seconds by stage, and peak memory of the process; programs were compiled by a run "
-            "before."
-        )
-        results(
+            "before.\n"
             f"{'pixels':>12}{'bands':>7}{'survey':>9}{'search':>9}{'check':>9}{'map':>9}{'all':>9}{'pixels/s':>10}"
             f"{'GiB':>7}{'closed form':>13}{'own search':>12}{'saved':>8}"
         )
@@ -136,7 +132,7 @@ def _size(results: Results, folder: Path, side: int, bands: int, number: int) ->
     results.record(**{f"{SIZES[number]}_{name}": value for name, value in kept.items()})
     if SIZES[number] == "large":
         results.record(saved=quantity(saved, "times", 0))
-        results.record(searched=quantity(100.0 * searched, "%", 2, n=int(mapped)))
+        results.record(searched=percent(searched, 2, n=int(mapped)))
     return run
 
 
@@ -215,9 +211,8 @@ def _truth(
 
     scene, other = painting((side, side), bands, _SEED), painting((480, 640), bands, _OTHER)
     truth, places, arrays, noise = _checked(scene, where, pixels)
-    results()
     results(
-        f"{len(places)} pixels of {side} x {side}, each searched in full at the map's bands and "
+        f"\n{len(places)} pixels of {side} x {side}, each searched in full at the map's bands and "
         "noise:"
     )
     paints = [paint for name, paint in catalogue.load().items() if name not in FOREIGN]
@@ -228,19 +223,13 @@ def _truth(
     fine = _at_image_bands(scene, paints)
     results(
         f"  same first set {float(same.first):.1%}, same answer to 'none' "
-        f"{float(same.explained):.1%}"
-    )
-    results(
+        f"{float(same.explained):.1%}\n"
         f"  a paint's probability differs by {float(same.probability):.3f} in the median of the "
-        "largest difference,"
-    )
-    results(
+        "largest difference,\n"
         f"  by {float(same.probability_90):.3f} in nine of ten; thickness by "
         f"{float(same.amount):.3f} and "
-        f"{float(same.amount_90):.3f} of its standard deviation"
-    )
-    results(f"  the full search took {full * 1e3:.1f} ms a pixel")
-    results(
+        f"{float(same.amount_90):.3f} of its standard deviation\n"
+        f"  the full search took {full * 1e3:.1f} ms a pixel\n"
         f"  and {fine * 1e3:.0f} ms at every second band of the image, not averaged to "
         f"{task.image.bands.count.size} (16 pixels)"
     )
@@ -259,9 +248,8 @@ def _truth(
         full_hours=quantity(full * large.pixels / 3600.0, "h", 0),
         full_times=quantity(full * large.pixels / large.seconds, "times", 2, form="s"),
     )
-    results()
     results(
-        f"Against the truth, {len(places)} pixels; rivals choose cut and threshold on another "
+        f"\nAgainst the truth, {len(places)} pixels; rivals choose cut and threshold on another "
         "painting:"
     )
     middle = runs[min(1, len(runs) - 1)]
@@ -274,7 +262,7 @@ def _truth(
         results.record(**row.quantities(key, 1, "right", "main", "false", "found"))
         results.record(**{f"{key}_shares": quantity(row.score.share_error, digits=3)})
     results.record(
-        map_two_coats=quantity(100.0 * rows[-1].by_coats[1], "%", 0),
+        map_two_coats=percent(rows[-1].by_coats[1]),
         angle_rate=quantity(1.0 / rows[1].seconds, "pixels/s", 3, form="s"),
         angle_times=quantity(rows[1].seconds / pace, "times", 2, form="g"),
     )
@@ -313,17 +301,13 @@ def _mosaic(results: Results, folder: Path, side: int, pixels: int) -> None:
     foreign = sum(bool(set(recipe) & set(scene.foreign)) for recipe in scene.recipes)
     results(
         f"Mosaic of {side} x {side} pixels and {len(scene.wavelengths)} bands: {count} measured "
-        f"films over a white card, {foreign} of them with"
-    )
-    results(
+        f"films over a white card, {foreign} of them with\n"
         f"foreign paint ({', '.join(scene.foreign)}). The {len(scene.paints)} paints are those of "
-        "a joint fit without all of these films."
-    )
-    results(
+        "a joint fit without all of these films.\n"
         f"Put on: noise {scene.noise:g}, light that varies by {GAIN:.0%}, blur of {BLUR:g} pixels. "
-        f"{pixels} pixels, {inside.sum()} of them off the edges of tiles;"
+        f"{pixels} pixels, {inside.sum()} of them off the edges of tiles;\n"
+        "rivals choose cut and threshold on another mosaic of the same films."
     )
-    results("rivals choose cut and threshold on another mosaic of the same films.")
     counts = {"films": count, "foreign": foreign, "paints": len(scene.paints)}
     results.record(**quantities(counts, digits=0))
     results()
@@ -338,8 +322,7 @@ def _mosaic(results: Results, folder: Path, side: int, pixels: int) -> None:
         results(line)
     for key, row in zip(("pairs", "film", "map", "edges"), (rows[1], *rows[-3:]), strict=True):
         results.record(**row.quantities(key, 0, "right", "pigments", "false", "found"))
-    results()
-    results(f"seconds {done['seconds']:.1f}, peak memory {done['gib']:.2f} GiB")
+    results(f"\nseconds {done['seconds']:.1f}, peak memory {done['gib']:.2f} GiB")
 
 
 def _at_image_bands(scene, paints) -> float:
@@ -352,9 +335,7 @@ def _at_image_bands(scene, paints) -> float:
     searcher = Searcher.of(grid, paints, IdentificationOptions(noise=Noise(0.003, 0.0)))
     measured = searcher.measure(readings, scene.ground[::2])
     list(searcher.search(measured))
-    start = time.perf_counter()
-    list(searcher.search(measured))
-    return (time.perf_counter() - start) / len(readings)
+    return time_call(lambda: list(searcher.search(measured)))[1] / len(readings)
 
 
 def _readings(image, places: np.ndarray) -> np.ndarray:

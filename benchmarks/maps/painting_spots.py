@@ -4,7 +4,6 @@ makes of them.
     python -m benchmarks.maps.painting_spots [--side 200] [--bands 60]
 """
 
-import argparse
 import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -12,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from benchmarks.maps.painting import PAINTS, map_painting
-from benchmarks.results import Results, add_option, quantities
+from benchmarks.results import Results, command_line, quantities
 from benchmarks.rivals.known_painting import Painting, painting, write_painting
 from glazefit import open_map
 from glazefit.mapping.spot_files import write_spots
@@ -31,13 +30,9 @@ FOREIGN = {"ViridianGreen": "viridian", "Cochineal": "cochineal", "EmeraldGreen"
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    add_option(parser, side=64, bands=40)
-    parser.add_argument("--side", type=int, default=200)
-    parser.add_argument("--bands", type=int, default=60)
-    options = parser.parse_args()
+    options = command_line(
+        __doc__, side=(200, 64, "pixels"), bands=(60, 40, "of the image")
+    ).parse_args()
     results = Results("painting_spots", options.out, "zarr")
     scene = painting((options.side, options.side), options.bands, _SEED)
     paints = [paint for name, paint in catalogue.load().items() if name not in FOREIGN]
@@ -64,10 +59,10 @@ def main() -> None:
     )
     results()
     offered = _offered(results, scene, members, found.attrs["spots"])
-    results()
-    results(f"foreign paints offered: {len(offered)} of {len(FOREIGN)}")
-    results()
-    results(f"{'':<30}{'pixels':>10}{'none':>10}{'none in the second map':>24}{'its spots':>11}")
+    results(
+        f"\nforeign paints offered: {len(offered)} of {len(FOREIGN)}\n"
+        f"\n{'':<30}{'pixels':>10}{'none':>10}{'none in the second map':>24}{'its spots':>11}"
+    )
     results.record(**quantities({"offered": len(offered), "paints": len(FOREIGN)}, digits=0))
     names = [str(name) for name in again["paint"].values]
     there = again["members"].values.astype(int)

@@ -10,7 +10,6 @@ length. Writes `acrylics.csv` of the catalogue, and the table of how closely the
 mixtures agree. Needs the folder golden of measured data.
 """
 
-import argparse
 import csv
 from pathlib import Path
 from typing import NamedTuple
@@ -23,7 +22,7 @@ from jaxtyping import Array, Bool, Float
 
 import glazejax
 from benchmarks.measured import measured_data
-from benchmarks.results import Results, add_option, quantities
+from benchmarks.results import Results, command_line, quantities
 from glazejax import colour, stack_hemispherical_reflectance
 from glazejax.commands.main import start_jax
 from glazejax.paint.pigment_table import read_pigments
@@ -37,6 +36,11 @@ TABLE = Path(glazejax.__file__).parent / "catalogue" / "acrylics.csv"
 # Saunderson's constants of the source: the surface's part in a reading, and its reflectance from
 # inside.
 K1, K2 = 0.03, 0.65
+TITLES = (
+    *("pigment", "wavelength_nm", "absorption", "scattering"),
+    *("absorption_sd", "scattering_sd", "identifiable"),
+)
+"""Columns of the catalogue's tables."""
 WHITE = "TitaniumWhite"
 PARTS_OF_WHITE = 10.0
 # Assumed, since the source has no unit of length: s of titanium white in 1/m, at every wavelength.
@@ -208,17 +212,7 @@ def write_table(path: Path, source: Source, paints: Paints) -> None:
     """
     with path.open("w", encoding="utf-8", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(
-            [
-                "pigment",
-                "wavelength_nm",
-                "absorption",
-                "scattering",
-                "absorption_sd",
-                "scattering_sd",
-                "identifiable",
-            ]
-        )
+        writer.writerow(TITLES)
         known = identifiable(paints)
         for i, name in enumerate(source.names):
             for j, wavelength in enumerate(source.wavelengths):
@@ -307,10 +301,7 @@ def hiding_thickness(source: Source, paints: Paints, contrast: float) -> float:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    add_option(parser)
+    parser = command_line(__doc__)
     parser.add_argument(
         "--table", type=Path, default=TABLE, help="file of the catalogue (default: %(default)s)"
     )
@@ -375,9 +366,9 @@ def _report(results: Results, source: Source, paints: Paints) -> None:
     )
     results(
         f"Assumed: titanium white's s is {WHITE_SCATTERING:g} 1/m at every wavelength. Then it "
-        "hides (Y over black as a"
+        "hides (Y over black as a\n"
+        f"share of Y over the card) {hides}."
     )
-    results(f"share of Y over the card) {hides}.")
 
 
 if __name__ == "__main__":

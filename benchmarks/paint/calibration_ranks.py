@@ -17,7 +17,6 @@ kinds get fewer, as their titles say. Errors behind shares count films, whose qu
 together. Writes a table and the histograms.
 """
 
-import argparse
 import time
 from collections.abc import Callable
 from typing import Any, NamedTuple
@@ -27,7 +26,7 @@ import numpy as np
 
 from benchmarks.paint.coverage import simulate
 from benchmarks.paint.layers_inverted import held, known_paints, unknown_paint
-from benchmarks.results import Results, add_option, progress, quantity
+from benchmarks.results import Results, command_line, percent, progress, quantity
 
 NEEDS = ("matplotlib",)
 NEEDS_SIZE = ("one_ground_apart",)
@@ -207,13 +206,9 @@ def draw(found: dict[str, dict[str, np.ndarray]]) -> Any:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("--draws", type=int, default=500, help="truths of each kind")
+    draws, seed = (500, 4, "truths of each kind"), (0, 0, "of the draw")
+    parser = command_line(__doc__, draws=draws, seed=seed)
     parser.add_argument("--kinds", nargs="+", choices=KINDS, default=list(KINDS))
-    parser.add_argument("--seed", type=int, default=0)
-    add_option(parser, draws=4)
     options = parser.parse_args()
     jax.config.update("jax_enable_x64", True)
     from glazefit.posterior.sampling import Sampling
@@ -244,7 +239,7 @@ def main() -> None:
         if kind == "two grounds":
             say.record(films=quantity(count, digits=0))
         if kind == "one ground":
-            say.record(one_ground_met=quantity(100 * met, "%", digits=0, n=count))
+            say.record(one_ground_met=percent(met, n=count))
             # Chains of a few steps have no R-hat.
             if np.isfinite(middle):
                 say.record(one_ground_apart=quantity(middle, n=count))

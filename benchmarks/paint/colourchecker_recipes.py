@@ -6,14 +6,14 @@ paints and coats come, with the time for all 24. Run with ``python -m
 benchmarks.paint.colourchecker_recipes``.
 """
 
-import argparse
-import time
+import functools
 import warnings
 
 import numpy as np
 
 import glazejax as gj
-from benchmarks.results import Results, add_option, quantities, quantity
+from benchmarks.results import Results, command_line, quantities, quantity
+from benchmarks.timing import time_call
 from glazefit import Recipe, Target, colourchecker_targets, find_recipes
 from glazefit.recipe.plots import recipe_figure
 from glazejax import colour
@@ -26,9 +26,7 @@ LIMITS = ((1, 1), (2, 1), (3, 1), (2, 2), (3, 2))
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    add_option(parser)
-    options = parser.parse_args()
+    options = command_line(__doc__).parse_args()
     if options.quick:
         globals().update(LIMITS=((1, 1), (3, 2)))
     start_jax()
@@ -41,22 +39,19 @@ def main() -> None:
         "chart, D65, 2°"
     )
 
-    first = seconds_for(lambda: find_recipes(targets))
+    _, first = time_call(lambda: find_recipes(targets))
     results(
         f"all {len(targets)}, three paints and two coats at most: {first:.1f} s the first time, "
         "with what was not compiled before;"
     )
-    began = time.perf_counter()
-    found = find_recipes(targets)
-    again = time.perf_counter() - began
+    found, again = time_call(lambda: find_recipes(targets))
     results(f"{again:.1f} s again")
     results.record(**quantities({"first": first, "again": again}, "s", 1))
     find_recipes(targets[0])
-    results()
-    results("patch           dE00  check  dE A   RMSE layers paints     s  recipe, top first")
+    results("\npatch           dE00  check  dE A   RMSE layers paints     s  recipe, top first")
     for target, recipes in zip(targets, found, strict=True):
         best = recipes[0]
-        alone = seconds_for(lambda target=target: find_recipes(target))
+        _, alone = time_call(lambda target=target: find_recipes(target))
         results(
             f"{target.name:14} {best.distance:5.2f} {independent(best):6.2f} "
             f"{best.metamerism:5.2f} {best.rmse:6.3f} "
@@ -83,24 +78,17 @@ def main() -> None:
     results.save(figure)
 
 
-def seconds_for(work) -> float:
-    began = time.perf_counter()
-    work()
-    return time.perf_counter() - began
-
-
 def compare(targets: list[Target], results: Results) -> None:
     """How near the best recipe comes with fewer paints and coats."""
-    results("at most            dE00 of the nearest of five recipes")
     results(
+        "at most            dE00 of the nearest of five recipes\n"
         f"{'paints':>6} {'coats':>6} {'median':>7} {'largest':>8} {'below 1':>8} "
         f"{f's, all {len(targets)}':>10}"
     )
     for paints, coats in LIMITS:
-        find_recipes(targets, max_paints=paints, max_coats=coats)
-        began = time.perf_counter()
-        found = find_recipes(targets, max_paints=paints, max_coats=coats)
-        seconds = time.perf_counter() - began
+        work = functools.partial(find_recipes, targets, max_paints=paints, max_coats=coats)
+        work()
+        found, seconds = time_call(work)
         nearest = np.array([min(recipe.distance for recipe in recipes) for recipes in found])
         results(
             f"{paints:6d} {coats:6d} {np.median(nearest):7.2f} {nearest.max():8.2f} "

@@ -1,5 +1,5 @@
 """Do 90 % intervals hold the truth nine times in ten? Simulated films, by Laplace's approximation
-and by emcee.
+and by Hamiltonian Monte Carlo.
 
     python -m benchmarks.paint.coverage [--films 500] [--seed 0] [--out FOLDER]
 
@@ -12,12 +12,12 @@ cards, with the noise of `glazefit.Noise` on the cards too.
 
 A quantity's 90 % interval lies between its 5 and 95 % quantiles. Laplace's approximation is judged
 where its own test trusts it (Pareto tail index below 0.7), where not, and where its interval and
-the chain's agree (their ends, within 15 % of the width), with emcee's coverage of the same cases; a
-row says what share of the cases each is. "Hides cards": films, or bands, that read alike over both.
+the chain's agree (their ends, within 15 % of the width), with the chain's coverage of the same
+cases; a row says what share of the cases each is. "Hides cards": films, or bands, that read alike
+over both.
 The binomial error of 500 films is 1.3 %. Writes a table and a plot of coverage against level.
 """
 
-import argparse
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -27,12 +27,12 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from benchmarks.results import Results, add_option, ends, quantities, quantity
+from benchmarks.results import Results, command_line, ends, quantities, quantity
 
 NEEDS = ("matplotlib",)
 
-GROUP = 100
-STEPS, BAND_STEPS, WALKERS, THIN = 2000, 1200, 16, 10
+GROUP = 20
+STEPS, BAND_STEPS, WALKERS = 200, 200, 16
 COEFFICIENTS = ("absorption", "scattering")
 LEVELS = np.array([0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95])
 
@@ -52,7 +52,7 @@ class Ranks:
     """
 
     laplace: np.ndarray
-    emcee: np.ndarray
+    hmc: np.ndarray
     trusted: np.ndarray
     opaque: np.ndarray
     agrees: np.ndarray
@@ -167,7 +167,7 @@ def of_paints(films: Sequence[Any], truth: Truth, seed: int) -> tuple[dict[str, 
         problem,
         tuple(films),
         modes,
-        Sampling(sampler="emcee", steps=STEPS, walkers=WALKERS, thin=THIN, seed=seed),
+        Sampling(steps=STEPS, walkers=WALKERS, seed=seed),
     )
     assert posterior.convergence is not None
     return shares(
@@ -188,7 +188,7 @@ def of_bands(films: Sequence[Any], truth: Truth, seed: int) -> tuple[dict[str, R
         problem,
         tuple(thinned),
         find_modes(problem),
-        Sampling(sampler="emcee", steps=BAND_STEPS, walkers=WALKERS, thin=THIN, seed=seed),
+        Sampling(steps=BAND_STEPS, walkers=WALKERS, seed=seed),
     )
     assert posterior.convergence is not None
     bands = {name: truth.quantities[name][:, ::3] for name in ("absorption", "scattering", "ratio")}
@@ -211,7 +211,7 @@ def join(parts: Sequence[dict[str, Ranks]]) -> dict[str, Ranks]:
     for part in parts:
         for name, ranks in part.items():
             found.setdefault("fraction" if name.startswith("fraction ") else name, []).append(ranks)
-    fields = ("laplace", "emcee", "trusted", "opaque", "agrees")
+    fields = ("laplace", "hmc", "trusted", "opaque", "agrees")
     return {
         n: Ranks(*(np.concatenate([getattr(r, f) for r in many]) for f in fields))
         for n, many in found.items()
@@ -232,20 +232,20 @@ def shown(where: np.ndarray, *ranks: np.ndarray) -> str:
 
 def table(say: Results, title: str, found: dict[str, Ranks]) -> None:
     say(f"\n{title}")
-    say(f"{'':<12}{'':>6}{'':>8}{'':>8}  {'Laplace where':<30}{'emcee, Laplace where':<44}")
+    say(f"{'':<12}{'':>6}{'':>8}{'':>8}  {'Laplace where':<30}{'hmc, Laplace where':<44}")
     titles = (
         "trusted".rjust(16),
         "not trusted".rjust(16),
         "agree".rjust(22),
         "hides cards".rjust(22),
     )
-    say(f"{'':<12}{'cases':>6}{'emcee':>8}{'Laplace':>8}" + "".join(titles))
+    say(f"{'':<12}{'cases':>6}{'hmc':>8}{'Laplace':>8}" + "".join(titles))
     for name, r in found.items():
-        cells = [f"{r.emcee.size:>6}", f"{coverage(r.emcee):>8.1%}", f"{coverage(r.laplace):>8.1%}"]
+        cells = [f"{r.hmc.size:>6}", f"{coverage(r.hmc):>8.1%}", f"{coverage(r.laplace):>8.1%}"]
         for where in (r.trusted, ~r.trusted):
             cells.append(shown(where, r.laplace).rjust(16))
         for where in (r.agrees, r.opaque):
-            cells.append(shown(where, r.emcee, r.laplace).rjust(22))
+            cells.append(shown(where, r.hmc, r.laplace).rjust(22))
         say(f"{name:<12}" + "".join(cells))
 
 
@@ -255,7 +255,7 @@ def draw(found: dict[str, dict[str, Ranks]]) -> Any:
     figure = Figure(figsize=(11, 8), layout="constrained")
     panels = figure.subplots(2, 2)
     for row, (kind, kept) in zip(panels, found.items(), strict=True):
-        for panel, method in zip(row, ("emcee", "laplace"), strict=True):
+        for panel, method in zip(row, ("hmc", "laplace"), strict=True):
             panel.fill_between([0, 1], [-0.03, 0.97], [0.03, 1.03], color="0.92", lw=0)
             panel.plot([0, 1], [0, 1], color="0.5", lw=1)
             for name, ranks in kept.items():
@@ -275,7 +275,7 @@ def draw(found: dict[str, dict[str, Ranks]]) -> Any:
                 ylim=(0, 1),
             )
             panel.set_title(
-                f"{kind}: {'emcee' if method == 'emcee' else 'Laplace, trusted or not'}",
+                f"{kind}: {'hmc' if method == 'hmc' else 'Laplace, trusted or not'}",
                 fontsize=10,
             )
             panel.legend(frameon=False, fontsize=8, loc="upper left")
@@ -283,17 +283,13 @@ def draw(found: dict[str, dict[str, Ranks]]) -> Any:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("--films", type=int, default=500)
-    parser.add_argument("--seed", type=int, default=0)
-    add_option(parser, films=8)
-    options = parser.parse_args()
+    options = command_line(
+        __doc__, films=(500, 8, "simulated films"), seed=(0, 0, "of the draw")
+    ).parse_args()
     if options.quick:
-        globals().update(STEPS=200, BAND_STEPS=200)
+        globals().update(STEPS=100, BAND_STEPS=100)
     jax.config.update("jax_enable_x64", True)
-    say = Results("coverage", options.out, "emcee")
+    say = Results("coverage", options.out)
     say(
         f"Coverage of 90 % intervals on {options.films} simulated films of each kind (seed "
         f"{options.seed})"
@@ -318,7 +314,7 @@ def main() -> None:
             )
         found[kind] = join(parts)
         key = {"paints": "", "bands": "bands_"}[kind]
-        held = [100 * coverage(ranks.emcee) for ranks in found[kind].values()]
+        held = [100 * coverage(ranks.hmc) for ranks in found[kind].values()]
         least_and_most = {f"{key}least": min(held), f"{key}most": max(held)}
         say.record(**quantities(least_and_most, "%", 0, n=options.films))
         tau = np.concatenate(times)

@@ -6,14 +6,13 @@ Simulated films of two paints over a white card, 121 bands, with an instrument's
 all single paints and pairs of the 20 oils.
 """
 
-import argparse
 import time
 from unittest import mock
 
 import numpy as np
 
 from benchmarks.paint.identification import first_set, simulated
-from benchmarks.results import Results, add_option, quantities, quantity
+from benchmarks.results import Results, command_line, quantities, quantity
 from glazefit import Identification, identify
 from glazefit.identify.search import few_bands
 from glazefit.identify.search.options import IdentificationOptions
@@ -26,12 +25,7 @@ BANDS = 121
 
 def main() -> None:
     """Seek the same spectra both ways, and write what differs."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    add_option(parser, spectra=4)
-    parser.add_argument("--spectra", type=int, default=180)
-    options = parser.parse_args()
+    options = command_line(__doc__, spectra=(180, 4, "simulated films")).parse_args()
     start_jax()
     say = Results("few_bands", options.out)
     paints = list(catalogue.load().values())
@@ -55,14 +49,14 @@ def main() -> None:
     rows = range(options.spectra)
     same = np.mean([first_set(few, row) == first_set(every, row) for row in rows])
     off = np.abs(few.paint_probability - every.paint_probability).max(axis=1)
-    say(f"{options.spectra} SPECTRA OF {BANDS} BANDS, at few bands, compared with all")
-    say(f"bands that are taken            {len(on_few[0].place)}")
-    say(f"ms of the processor, few, all   {quick:.1f} {slow:.1f}")
-    say(f"the same first set              {same:.1%}")
     say(
-        f"a paint's probability off by more than .02, at most   {np.mean(off > 0.02):.1%} {off.max():.2f}"
+        f"{options.spectra} SPECTRA OF {BANDS} BANDS, at few bands, compared with all\n"
+        f"bands that are taken            {len(on_few[0].place)}\n"
+        f"ms of the processor, few, all   {quick:.1f} {slow:.1f}\n"
+        f"the same first set              {same:.1%}\n"
+        f"a paint's probability off by more than .02, at most   {np.mean(off > 0.02):.1%} {off.max():.2f}\n"
+        f"that of none off at most        {np.abs(few.none - every.none).max():.2f}"
     )
-    say(f"that of none off at most        {np.abs(few.none - every.none).max():.2f}")
     say.record(
         taken=quantity(len(on_few[0].place), digits=0),
         **quantities(

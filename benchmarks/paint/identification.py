@@ -1,34 +1,26 @@
-"""Identification of other people's paints and across shades and cards; and its speed.
+"""Identification across shades and cards of a chart; and its speed.
 
     python -m benchmarks.paint.identification [--device gpu] [--out FOLDER]
 
-Films left out of a fit, with known truth, are in `benchmarks.paint.truth`. Kimera masstones and the RRT
-panel are other paints, measured with other instruments. HypPigments: three shades of each of 398
-patches are known, the fourth is sought; and the same pigment on another card. The bar is the
-nearest spectral angle.
+Films left out of a fit, with known truth, are in `benchmarks.paint.truth`, paints of other people in
+`benchmarks.paintbench`. HypPigments: three shades of each of 398 patches are known, the fourth is
+sought; and the same pigment on another card. The bar is the nearest spectral angle.
 """
 
-import argparse
 import functools
-import importlib
-import time
-from collections.abc import Callable
-from contextlib import ExitStack
-from typing import Any
-from unittest import mock
 
 import numpy as np
 
 from benchmarks import device
-from benchmarks.paint.identification_sets import hyppigments, hyppigments_across_cards, kimera, rrt
-from benchmarks.results import Results, add_option, quantities, quantity
+from benchmarks.paint.identification_sets import hyppigments, hyppigments_across_cards
+from benchmarks.results import Results, command_line, quantities, quantity
+from benchmarks.timing import time_call
 from glazefit import Identification, Noise, identify
 from glazefit.film.model.response import film_response
 from glazejax import Hemispherical, Pigment, catalogue
 from glazejax.commands.main import start_jax
-from glazejax.radiative.common import threads
 
-NEEDS = ("data/kimera", "data/rrt", "data/hyppigments")
+NEEDS = ("data/hyppigments",)
 
 UNIT = 25e-6
 
@@ -83,13 +75,9 @@ def speed(results: Results, count: int = 1000, compared: int = 400, triples: int
     grid = paints[0].wavelengths
     results(
         f"ALL SINGLES AND PAIRS OF {len(paints)} PAINTS, over two cards, 31 bands; the second "
-        "run of two"
-    )
-    results(
+        "run of two\n"
         f"{'':<26}{'spectra':>8} {'usual':>10} {'thorough':>10}  first set  probability off by > "
-        ".02:"
-    )
-    results(
+        ".02:\n"
         f"{'':<26}{'':>8} {'a second':>10} {'a second':>10}  the same   of a paint, of none; 99 "
         "% of them"
     )
@@ -102,11 +90,12 @@ def speed(results: Results, count: int = 1000, compared: int = 400, triples: int
         for thorough, number in ((False, count), (True, compared)):
             # The first call compiles.
             for _ in range(2):
-                began = time.perf_counter()
-                found[thorough] = identify(
-                    grid, spectra[:number], paints, ground=grounds, max_paints=2, thorough=thorough
+                found[thorough], seconds = time_call(
+                    lambda t=thorough, s=spectra[:number], g=grounds: identify(
+                        grid, s, paints, ground=g, max_paints=2, thorough=t
+                    )
                 )
-                rate[thorough] = number / (time.perf_counter() - began)
+                rate[thorough] = number / seconds
         usual, full = found[False], found[True]
         same = np.mean([first_set(usual, row) == first_set(full, row) for row in range(compared)])
         paint = np.abs(usual.paint_probability[:compared] - full.paint_probability).max(axis=1)
@@ -130,67 +119,11 @@ def speed(results: Results, count: int = 1000, compared: int = 400, triples: int
             **quantities({f"{key}_right": 100 * np.mean(right)}, "%", 1, n=count),
         )
     spectra, grounds, _ = simulated(paints, triples, 2, False)
-    identify(grid, spectra, paints, ground=grounds, max_paints=3)
-    began = time.perf_counter()
-    identify(grid, spectra, paints, ground=grounds, max_paints=3)
-    rate_of_three = triples / (time.perf_counter() - began)
+    search = functools.partial(identify, grid, spectra, paints, ground=grounds, max_paints=3)
+    search()
+    rate_of_three = triples / time_call(search)[1]
     results(f"Sets of three too, noise only, {triples} spectra: {rate_of_three:.0f} a second")
     results.record(triples_rate=quantity(rate_of_three, digits=0, n=triples))
-
-
-STAGES = {
-    "table of films (once)": ("table", "film_table"),
-    "spectra beside the table": ("screen", "screen"),
-    "sets ranked": ("fit", "rank"),
-    "best sets again with own errors": ("refine", "refine"),
-    "  errors of groups": ("refine", "coefficient_errors"),
-    "  fits with these, and as shown": ("refine", "_fit"),
-    "  errors allowed": ("refine", "move_readings"),
-    "other conditions, all of the above": ("unstated_conditions", "search_unstated_conditions"),
-    "  probabilities": ("weigh", "odds_of"),
-}
-
-
-def profile(results: Results, count: int = 256) -> None:
-    """Processor time of each stage, on one core, noise only."""
-    modules = {
-        name: importlib.import_module(f"glazefit.identify.search.{name}")
-        for name in {"searcher", "candidates"} | {m for m, _ in STAGES.values()}
-    }
-    spent = dict.fromkeys(STAGES, 0.0)
-
-    def timed(words: str, work: Callable) -> Callable:
-        @functools.wraps(work)
-        def measured(*args: Any, **options: Any) -> Any:
-            began = time.process_time()
-            answer = work(*args, **options)
-            spent[words] += time.process_time() - began
-            return answer
-
-        return measured
-
-    paints = list(catalogue.load().values())
-    spectra, grounds, _ = simulated(paints, count, 5, False)
-    with ExitStack() as stack:
-        stack.enter_context(mock.patch.object(threads, "cores", return_value=1))
-        for words, (home, name) in STAGES.items():
-            work = getattr(modules[home], name)
-            instead = timed(words, work)
-            for module in modules.values():
-                if getattr(module, name, None) is work:
-                    stack.enter_context(mock.patch.object(module, name, instead))
-        identify(paints[0].wavelengths, spectra, paints, ground=grounds, max_paints=2)
-        spent.update(dict.fromkeys(STAGES, 0.0))
-        began = time.process_time()
-        identify(paints[0].wavelengths, spectra, paints, ground=grounds, max_paints=2)
-        whole = time.process_time() - began
-    results(
-        f"WHERE THE TIME GOES: {count} spectra, noise only, one core; ms of processor time for "
-        "each spectrum"
-    )
-    for words, seconds in spent.items():
-        results(f"  {words:<38}{1e3 * seconds / count:6.2f}")
-    results(f"  {'all':<38}{1e3 * whole / count:6.2f}")
 
 
 def first_set(found: Identification, row: int) -> tuple[frozenset[int], int]:
@@ -200,10 +133,7 @@ def first_set(found: Identification, row: int) -> tuple[frozenset[int], int]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    add_option(parser)
+    parser = command_line(__doc__)
     device.add_option(parser)
     options = parser.parse_args()
     chosen = device.start(options.device)
@@ -215,10 +145,8 @@ def main() -> None:
         speed(results, 60, 20, 20)
     else:
         speed(results)
-        results()
-        profile(results)
     results()
-    for part in (kimera, rrt, hyppigments, hyppigments_across_cards):
+    for part in (hyppigments, hyppigments_across_cards):
         part(results)
         results()
     results.save()

@@ -1,6 +1,4 @@
-"""Identification of other people's paints: Kimera masstones, the RRT panel, and HypPigments across
-shades.
-"""
+"""HypPigments across shades and cards."""
 
 import csv
 
@@ -8,25 +6,10 @@ import numpy as np
 
 from benchmarks.measured import measured_data
 from benchmarks.paint.shades import ShadeLibrary
-from benchmarks.results import Results, quantity
-from glazefit import Noise, identify
-from glazejax import catalogue
+from benchmarks.paintbench.spectra import cosine_distance
+from benchmarks.results import Results, percent
 from glazejax.io import read_spectra
 
-# What the catalogue has of the same pigment; the others have no counterpart in it.
-RRT_TRUTH = {
-    "Carmine": "Cochineal",
-    "Vermilion": "Vermillion",
-    "LeadWhite": "LeadWhite",
-    "IvoryBlack": "BoneBlack",
-}
-RRT_PAINTS = ("BurntUmber", "Carmine", "Vermilion", "Malachite", "Azurite")
-RRT_COLUMNS = (
-    *(f"{paint} {coat}" for paint in RRT_PAINTS for coat in ("thin", "thick")),
-    "LeadWhite",
-    "IvoryBlack",
-    "Gypsum",
-)
 # What is recorded of HypPigments: name and digits.
 SHADES = {
     ("as measured", "offset and strength free"): ("shades", 1),
@@ -35,96 +18,20 @@ SHADES = {
 }
 
 
-def kimera(results: Results) -> None:
-    """Masstones of acrylics, opaque: the catalogue has none of them for certain."""
-    table = read_spectra(measured_data("kimera") / "masstone.json")
-    grid = np.arange(410.0, 681.0, 10.0)
-    found = _opaque(grid, _smoothed(table.wavelengths, table.reflectance, grid))
-    results(
-        "Kimera masstones (45:0 assumed, opaque; no pigment is stated, so nothing here is right "
-        "or wrong)"
-    )
-    for row, name in enumerate(table.names):
-        if row % 3 == 0:
-            results(f"  {name:<22} {_line(found, row)}")
-
-
-def rrt(results: Results) -> None:
-    """Panel of tempera paints over gypsum: four pigments that the catalogue has, three that it has
-    not.
-    """
-    rows = np.loadtxt(measured_data("rrt") / "pigment_panel_reference.csv")
-    grid = np.arange(400.0, 701.0, 10.0)
-    spectra = _smoothed(rows[:, 0], rows[:, 1:].T, grid)
-    chosen = [i for i, name in enumerate(RRT_COLUMNS[:-1]) if not name.endswith("thin")]
-    found = _opaque(grid, spectra[chosen])
-    results("RRT panel, thick paints (45:0 and opaque assumed)")
-    right: list[float] = []
-    for row, column in enumerate(chosen):
-        paint = RRT_COLUMNS[column].split()[0]
-        truth = RRT_TRUTH.get(paint)
-        if truth is not None:
-            ranks = [
-                rank
-                for rank, candidate in enumerate(found.ranked(row))
-                if truth in candidate.paints
-            ]
-            right.append(min(ranks, default=np.inf))
-        results(
-            f"  {RRT_COLUMNS[column]:<22} {_line(found, row)}"
-            + ("" if truth else "   [not in the catalogue]")
-        )
-    first, three = (sum(rank < count for rank in right) for count in (1, 3))
-    results(
-        f"  the pigment, where the catalogue has it, is in the first explanation: {first} of "
-        f"{len(right)}; "
-        f"in one of the first three: {three}"
-    )
-
-
-def _line(found, row: int) -> str:
-    first = found.ranked(row)[0]
-    start = "" if found.explained[row] else "nothing; first "
-    return f"{start}{first.words} (P {first.probability:.2f}, RMSE {first.rmse:.3f})"
-
-
-def _smoothed(wavelengths: np.ndarray, values: np.ndarray, grid: np.ndarray) -> np.ndarray:
-    """Means over 10 nm, which a fine noisy spectrum needs before it is thinned out."""
-    windows = np.abs(wavelengths - grid[:, None]) <= 5.0
-    return np.clip((values @ windows.T) / windows.sum(axis=1), 0.0, 1.0)
-
-
-def _opaque(grid: np.ndarray, spectra: np.ndarray):
-    paints = list(catalogue.load().values())
-    noise = Noise(0.003, 0.01)  # other instruments
-    return identify(
-        grid,
-        spectra,
-        paints,
-        opaque=True,
-        instrument="45:0",
-        noise=noise,
-        max_paints=2,
-    )
-
-
 def hyppigments(results: Results) -> None:
     """398 patches, four shades each: every shade in turn is sought with the other three known."""
     table = read_spectra(measured_data("hyppigments") / "speclib_averages.hdr")
     spectra = table.reflectance.reshape(398, 4, -1)
     names = [name.rpartition("_")[0] for name in table.names[::4]]
-    card = np.array([name.rpartition("_")[0] for name in names])
     results(
         "HypPigments: three shades of 398 patches known, the fourth sought; share right, shade 1 "
         "to 4 and mean"
     )
-    for words, smoothed in (("as measured", 0), ("smoothed to 30 nm", 4), ("smoothed to 60 nm", 8)):
+    for words, smoothed in (("as measured", 0), ("smoothed to 60 nm", 8)):
         values = _blurred(spectra, smoothed) if smoothed else spectra
         grid, values = table.wavelengths[:: max(smoothed, 1)], values[..., :: max(smoothed, 1)]
-        rates = [_rates(names, card, grid, values, held) for held in range(4)]
-        for row, what in enumerate(
-            ("nearest spectral angle", "offset and strength free", "the same, within its card")
-        ):
+        rates = [_rates(names, grid, values, held) for held in range(4)]
+        for row, what in enumerate(("nearest spectral angle", "offset and strength free")):
             cells = [rate[row] for rate in rates]
             results(
                 f"  {words:<18} {what:<26} "
@@ -133,14 +40,10 @@ def hyppigments(results: Results) -> None:
             )
             if (words, what) in SHADES:
                 name, digits = SHADES[words, what]
-                results.record(**{name: quantity(100 * np.mean(cells), "%", digits, n=len(names))})
+                results.record(**{name: percent(np.mean(cells), digits, n=len(names))})
     results(
-        "  Patches of one card share a ripple of their scan: part of the first lines rests on it,"
-    )
-    results("  less of the smoothed.")
-    results(
-        "  'Within its card' seeks among the patches of the same card only, where the ripple "
-        "says nothing."
+        "  Patches of one card share a ripple of their scan: part of the first lines rests on it,\n"
+        "  less of the smoothed."
     )
 
 
@@ -184,14 +87,13 @@ def hyppigments_across_cards(results: Results) -> None:
             f"  {words:<30} {cells}   {np.mean(rates):.3f}  ({len(known)} patches with their "
             "number elsewhere)"
         )
-        results.record(**{key: quantity(100 * np.mean(rates), "%", digits=0, n=len(known))})
+        results.record(**{key: percent(np.mean(rates), n=len(known))})
 
 
 def _cosine(one: np.ndarray, other: np.ndarray) -> np.ndarray:
     """Largest cosine between spectra and any shade of the patches, (spectra, patches)."""
-    unit = one / np.linalg.norm(one, axis=-1, keepdims=True)
-    known = other / np.linalg.norm(other, axis=-1, keepdims=True)
-    return np.max(np.einsum("nb,psb->nps", unit, known), axis=-1)
+    shades = np.moveaxis(other, 1, 0)
+    return 1.0 - np.min([cosine_distance(one, shade, least=1) for shade in shades], axis=0)
 
 
 def _blurred(spectra: np.ndarray, bands: float) -> np.ndarray:
@@ -200,16 +102,12 @@ def _blurred(spectra: np.ndarray, bands: float) -> np.ndarray:
     return gaussian_filter1d(np.maximum(spectra, 0.0), bands, axis=-1)
 
 
-def _rates(
-    names: list[str], card: np.ndarray, grid: np.ndarray, values: np.ndarray, held: int
-) -> tuple[float, ...]:
-    """Share right by spectral angle, by the library, and by the library within the card."""
+def _rates(names: list[str], grid: np.ndarray, values: np.ndarray, held: int) -> tuple[float, ...]:
+    """Share right by spectral angle, and by the library."""
     others = [shade for shade in range(values.shape[1]) if shade != held]
-    unit = values / np.linalg.norm(values, axis=-1, keepdims=True)
-    cosine = np.max([unit[:, held] @ unit[:, shade].T for shade in others], axis=0)
+    cosine = _cosine(values[:, held], values[:, others])
     match = ShadeLibrary(names, grid, values[:, others]).match(values[:, held])
     own = np.arange(len(names))
-    near = np.where(card[:, None] == card, match.probability, -1.0)
     return tuple(
-        float(np.mean(score.argmax(axis=1) == own)) for score in (cosine, match.probability, near)
+        float(np.mean(score.argmax(axis=1) == own)) for score in (cosine, match.probability)
     )

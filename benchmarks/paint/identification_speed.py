@@ -21,7 +21,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from benchmarks.cold_start import ROOT, commit
-from benchmarks.results import Results, add_option, progress, quantity
+from benchmarks.results import Results, command_line, percent, progress, quantity
 
 # Seconds after which a line is given up.
 LIMIT = 120.0
@@ -150,18 +150,15 @@ def record(
         values["before_rate"] = quantity(before["rate"], digits=0)
         values["times"] = quantity(now["rate"] / before["rate"], "times", form="g")
     if alike:
-        values["same"] = quantity(100 * alike.same, "%", digits=1, n=alike.spectra)
-        values["off"] = quantity(100 * alike.off, "%", digits=1, n=alike.spectra)
+        values["same"] = percent(alike.same, 1, n=alike.spectra)
+        values["off"] = percent(alike.off, 1, n=alike.spectra)
     wanted = CASES[key].recorded
     say.record(**{f"{key}_{name}": one for name, one in values.items() if name in wanted})
 
 
 def main() -> None:
     """Time each case, and write the table."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    add_option(parser, before=ROOT)
+    parser = command_line(__doc__, {"before": ROOT})
     parser.add_argument("--before", type=Path, help="another checkout, in turn with this one")
     parser.add_argument("--work", help=argparse.SUPPRESS)
     options = parser.parse_args()
@@ -173,14 +170,9 @@ def main() -> None:
         say(f"Before: commit {commit(options.before)}, in turn with this one.")
     say(
         "Spectra a second, and ms of the processor for each; compared with the thorough search: "
-        "same first set,"
-    )
-    say(
-        "a paint's probability and that of none off by more than .02, 99 % of the former; of so many spectra"
-    )
-    say()
-    say(
-        f"{'':<26}{'before':>8}{'now':>8}{'times':>8}{'cpu':>8}{'cpu':>8}{'times':>8}"
+        "same first set,\n"
+        "a paint's probability and that of none off by more than .02, 99 % of the former; of so many spectra\n"
+        f"\n{'':<26}{'before':>8}{'now':>8}{'times':>8}{'cpu':>8}{'cpu':>8}{'times':>8}"
         f"{'same':>9}{'off':>9}{'none':>9}{'99 %':>8}{'of':>6}"
     )
     for key, case in CASES.items():
@@ -211,8 +203,7 @@ def main() -> None:
         say("".join(cells))
         record(say, key, now, before, alike)
     progress()
-    say()
-    say(f"-: not asked, or none in {LIMIT:.0f} s or with the memory there is.")
+    say(f"\n-: not asked, or none in {LIMIT:.0f} s or with the memory there is.")
     say.save()
 
 

@@ -2,20 +2,18 @@
 
     python -m benchmarks.paint.ladders [--out FOLDER] [--paints N] [--every N]
 
-Half of the paints show three coats each. Of the others one coat is read, or two, and the next are
-foretold, each on its own ground. Simulated: paints of the catalogues, one coat's scattering times
-thickness e^-.3 with a spread of .6, thickness n coats with a spread of .3, marble that is not the
-same everywhere, readings off by 1 %; made by glazejax, and by Kubelka and Munk's formula with
-Saunderson's surface. Measured: patches of a chart of Kremer's pigments (hyppigments) in shades over
-white, lightest first; their numbers of coats are not known, and are taken from what four shades of
-the taught patches say in the median. Nobody painted them as coats: thinner shades may well be
-diluted paint.
+One coat is read, or two, and the next are foretold, each on its own ground. Simulated: paints of
+the catalogues, one coat's scattering times thickness e^-.3 with a spread of .6, thickness n coats
+with a spread of .3, marble that is not the same everywhere, readings off by 1 %; made by glazejax,
+and by Kubelka and Munk's formula with Saunderson's surface. Measured: patches of a chart of
+Kremer's pigments (hyppigments) in shades over white, lightest first; their numbers of coats are not
+known, and are taken from what four shades of other patches say in the median. Nobody painted them
+as coats: thinner shades may well be diluted paint.
 
-Beside it: the same with what is expected of any film, without learning from the other paints;
-Kubelka and Munk's formula in the same fits; and 'the same as the last coat'. CIEDE2000, means; D65, 10 degrees.
+Compared with Kubelka and Munk's formula in the same fits, and with 'the same as the last coat'.
+CIEDE2000, means; D65, 10 degrees.
 """
 
-import argparse
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
@@ -27,11 +25,11 @@ from benchmarks.measured import data_folder
 from benchmarks.paint.pigments import fit
 from benchmarks.paintbench.library import grid_readings
 from benchmarks.paintbench.sources import read_sources
-from benchmarks.results import Quantity, Results, add_option, progress, quantities
+from benchmarks.results import Quantity, Results, command_line, progress, quantities
 from glazefit import Films
 from glazefit.film.films import Noise, card_reflectance
 from glazefit.film.model.response import Response, film_response
-from glazefit.recover.coats import BRUSHED, CoatScattering, predict_next_coat, recover_coats
+from glazefit.recover.coats import predict_next_coat, recover_coats
 from glazefit.recover.joint_problem import Expectations
 from glazejax import catalogue
 from glazejax.colour import delta_e_of_spectra
@@ -46,7 +44,6 @@ GRID = np.arange(400.0, 701.0, 10.0)
 LEVEL, LEVEL_SD, SPREAD = -0.3, 0.6, 0.3
 # A reading's noise, and what its level is off: marble and coats are not the same everywhere.
 NOISE, OFF = Noise(0.001, 0.003), 0.01
-_ANY_FILM = CoatScattering(*Expectations().level_s)
 
 
 class Square(NamedTuple):
@@ -69,25 +66,19 @@ class Method(NamedTuple):
     key: str
     title: str
     response: Response
-    expected: CoatScattering
-    learn: bool
 
 
 def main() -> None:
     """Write the tables."""
-    parser = argparse.ArgumentParser(prog="python -m benchmarks.paint.ladders", description=__doc__)
-    parser.formatter_class = argparse.RawDescriptionHelpFormatter
-    add_option(parser, paints=4, every=130)
-    parser.add_argument("--paints", type=int, default=40, help="simulated (default: %(default)s)")
-    parser.add_argument("--every", type=int, default=14, help="patch of the chart is taken")
-    options = parser.parse_args()
+    options = command_line(
+        __doc__, paints=(40, 4, "simulated"), every=(14, 130, "patch of the chart is taken")
+    ).parse_args()
     start_jax()
     results = Results("ladders", options.out)
     optics, formula = film_response(INSTRUMENT), KubelkaMunk(INSTRUMENT)
     methods = (
-        Method("", "glazejax, learnt from the others", optics, BRUSHED, True),
-        Method("film_", "glazejax, as any film", optics, _ANY_FILM, False),
-        Method("km_", "Kubelka-Munk, learnt from the others", formula, BRUSHED, True),
+        Method("", "glazejax", optics),
+        Method("km_", "Kubelka-Munk", formula),
     )
     ladders = simulate(optics, options.paints)
     values = report(results, "Simulated by glazejax", ladders, GRID, methods)
@@ -131,7 +122,9 @@ def simulate(truth: Response, paints: int, seed: int = 0) -> Ladders:
 
 
 def chart(every: int) -> tuple[Ladders, Float[np.ndarray, "bands"]]:
-    """Patches of the chart as ladders of their three lightest shades, and the wavelengths."""
+    """Every second chosen patch of the chart as a ladder of its three lightest shades, and the
+    wavelengths; the patches between say how many coats the shades are.
+    """
     (source,) = (found for found in read_sources(data_folder()) if found.name == "hyppigments")
     grid = np.arange(410.0, 731.0, 10.0)
     readings = grid_readings(source, range(len(source.samples)), grid).reshape(-1, 4, grid.size)
@@ -158,7 +151,7 @@ def chart(every: int) -> tuple[Ladders, Float[np.ndarray, "bands"]]:
             Square(round(float(number), 2), white, np.clip(readings[row, shade], 0.001, 0.985))
             for number, shade in zip(coats, (3, 2, 1), strict=True)
         ]
-        for row in chosen
+        for row in chosen[::2]
     }
     return ladders, grid
 
@@ -170,14 +163,9 @@ def report(
     grid: Float[np.ndarray, "bands"],
     methods: Sequence[Method],
 ) -> dict[str, Quantity]:
-    """Print a table of methods, for the first paint, the third, and so on; its numbers, and of the
-    first method the shares within the band.
-    """
-    asked = list(ladders)[::2]
-    coats = ", ".join(f"{square.coats:g}" for square in ladders[asked[0]])
-    say(
-        f"\n{title}: {len(asked)} paints foretold, {len(ladders) - len(asked)} taught; {coats} coats"
-    )
+    """Print a table of methods; its numbers, and of the first method the shares within the band."""
+    coats = ", ".join(f"{square.coats:g}" for square in next(iter(ladders.values())))
+    say(f"\n{title}: {len(ladders)} paints; {coats} coats")
     say(f"{'':<38}{'2 from 1':>10}{'3 from 1':>10}{'3 from both':>13}{'in 90 % band':>22}")
     values = {}
     for method in methods:
@@ -186,17 +174,15 @@ def report(
         held = []
         for known, coming in ((1, (1, 2)), (2, (2,))):
             recovery = recover_coats(
-                films_of(ladders, asked, known, grid),
+                films_of(ladders, known, grid),
                 instrument=INSTRUMENT,
                 noise=NOISE,
-                expected=method.expected,
-                learn=method.learn,
                 response=method.response,
             )
             for place in coming:
                 off, inside = [], []
-                for paint in asked:
-                    square = ladders[paint][place]
+                for paint, squares in ladders.items():
+                    square = squares[place]
                     found = predict_next_coat(recovery, paint, square.coats, square.ground)
                     low, high = found.interval()
                     off.append(float(found.delta_e(square.reading)))
@@ -208,15 +194,15 @@ def report(
             + " " * 4
             + "".join(f"{share:>6.0%}" for share in held)
         )
-        values |= _of_coats(method.key, cells, "", 1, len(asked))
+        values |= _of_coats(method.key, cells, "", 1, len(ladders))
         if method is methods[0]:
-            values |= _of_coats("held_", 100 * np.array(held), "%", 0, len(asked))
+            values |= _of_coats("held_", 100 * np.array(held), "%", 0, len(ladders))
     same = [
-        np.mean([_delta_e(grid, ladders[paint][a], ladders[paint][b]) for paint in asked])
+        np.mean([_delta_e(grid, squares[a], squares[b]) for squares in ladders.values()])
         for a, b in ((0, 1), (0, 2), (1, 2))
     ]
     say(f"{'the same as the last coat':<38}{same[0]:>10.2f}{same[1]:>10.2f}{same[2]:>13.2f}")
-    return values | _of_coats("same_", same, "", 1, len(asked))
+    return values | _of_coats("same_", same, "", 1, len(ladders))
 
 
 def _of_coats(
@@ -227,14 +213,12 @@ def _of_coats(
     return quantities(dict(zip(named, three, strict=True)), unit, digits, n=paints)
 
 
-def films_of(
-    ladders: Ladders, asked: Sequence[str], known: int, grid: Float[np.ndarray, "bands"]
-) -> Films:
-    """All squares of the taught paints, and the first ones of those that are asked for."""
+def films_of(ladders: Ladders, known: int, grid: Float[np.ndarray, "bands"]) -> Films:
+    """The first squares of each paint."""
     rows = {
         f"{paint} {square.coats:g} coats": square
         for paint, squares in ladders.items()
-        for square in (squares[:known] if paint in asked else squares)
+        for square in squares[:known]
     }
     readings = np.stack([square.reading for square in rows.values()])
     count = len(rows)

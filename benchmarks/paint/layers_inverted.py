@@ -16,7 +16,6 @@ error behind a share is by counting stacks, whose quantities hang together: the 
 of their shares over the root of their number.
 """
 
-import argparse
 import time
 from collections.abc import Sequence
 from typing import Any, NamedTuple
@@ -25,7 +24,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from benchmarks.results import Quantity, Results, add_option, ends, quantities, quantity
+from benchmarks.results import Quantity, Results, command_line, ends, quantities, quantity
 
 # Laplace is trusted of few stacks, of a small run's of none.
 NEEDS_SIZE = ("trusted",)
@@ -33,7 +32,7 @@ NEEDS_SIZE = ("trusted",)
 GRID = np.arange(400.0, 701.0, 50.0)
 GROUNDS = np.array([0.03, 0.93])
 GLAZE, BODY = 8e-6, 30e-6
-STEPS, UNKNOWN_STEPS, WALKERS, THIN = 800, 2000, 16, 10
+STEPS, UNKNOWN_STEPS, WALKERS = 200, 200, 16
 COEFFICIENTS = ("absorption", "scattering")
 # Kinds of stacks of an unknown paint, by the names of what is recorded of them.
 UNKNOWN = {
@@ -58,7 +57,7 @@ class Found(NamedTuple):
     (stacks,).
     """
 
-    emcee: np.ndarray
+    hmc: np.ndarray
     laplace: np.ndarray
     width: np.ndarray
     trusted: np.ndarray
@@ -187,12 +186,11 @@ def find(simulated: Simulated, steps: int, seed: int) -> tuple[dict[str, Found],
     films, prior = simulated.films, Prior()
     problem = pose_stack(films, simulated.coats, Instrument(), prior, SpectraPrior())
     problem, modes = pose_stack_errors(problem, films, prior)
-    walkers = max(WALKERS, 2 * problem.dims + 2)
     posterior = sample(
         problem,
         tuple(films),
         modes,
-        Sampling(sampler="emcee", steps=steps, walkers=walkers, thin=THIN, seed=seed),
+        Sampling(steps=steps, walkers=WALKERS, seed=seed),
     )
     before = problem.draws(problem.prior_draws(np.random.default_rng(seed), 4000)[:, None])
     found = {}
@@ -236,8 +234,8 @@ class Row(NamedTuple):
 
     cases: int
     told: float
-    emcee: Share
-    emcee_told: Share
+    hmc: Share
+    hmc_told: Share
     laplace: Share
     trusted: Share
     trusts: float
@@ -265,27 +263,27 @@ def table(
     """A line for each quantity, with all of its bands, and one for all of them; what they state."""
     say(f"\n{title}")
     say(
-        f"{'':<22}{'cases':>6}{'told':>6}{'emcee':>13}{'where told':>13}{'Laplace':>13}{'where trusted':>20}"
+        f"{'':<22}{'cases':>6}{'told':>6}{'hmc':>13}{'where told':>13}{'Laplace':>13}{'where trusted':>20}"
     )
     whole = [one for many in found.values() for one in many]
     stated = {}
     for name, many in (found | {"all": whole}).items():
-        emcee, laplace, width, trusted = (
+        hmc, laplace, width, trusted = (
             np.stack([getattr(one, field) for one in many], axis=1)[rows] for field in Found._fields
         )
         told = width < 0.9
         row = stated[name] = Row(
-            cases=emcee.size,
+            cases=hmc.size,
             told=told.mean(),
-            emcee=held(emcee),
-            emcee_told=held(emcee, told),
+            hmc=held(hmc),
+            hmc_told=held(hmc, told),
             laplace=held(laplace),
             trusted=held(laplace, trusted),
             trusts=trusted.mean(),
         )
         sure = f"{row.trusted} ({row.trusts:.0%})"
         say(
-            f"{name:<22}{row.cases:>6}{row.told:>6.0%}{row.emcee!s:>13}{row.emcee_told!s:>13}"
+            f"{name:<22}{row.cases:>6}{row.told:>6.0%}{row.hmc!s:>13}{row.hmc_told!s:>13}"
             f"{row.laplace!s:>13}{sure:>20}"
         )
     return stated
@@ -294,11 +292,11 @@ def table(
 def record_known(say: Results, rows: dict[str, Row], stacks: int) -> None:
     """What texts quote of known paints."""
     whole = rows["all"]
-    coats = [row.emcee.value for name, row in rows.items() if " of coat " in name]
+    coats = [row.hmc.value for name, row in rows.items() if " of coat " in name]
     say.record(
-        **whole.emcee.quantities("all", stacks),
+        **whole.hmc.quantities("all", stacks),
         **quantities(ends("coats", coats), "%", 0, n=stacks),
-        **rows["model error"].emcee.quantities("model", stacks),
+        **rows["model error"].hmc.quantities("model", stacks),
         **whole.laplace.quantities("laplace", stacks),
         **whole.trusted.quantities("trusted", stacks),
         trusts=quantity(100 * whole.trusts, "%", digits=0, n=stacks),
@@ -317,20 +315,16 @@ def by_name(found: dict[str, Found]) -> dict[str, list[Found]]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("--stacks", type=int, default=40, help="of known paints")
-    parser.add_argument(
-        "--unknown", type=int, default=8, help="of an unknown paint, of each of three kinds"
-    )
-    parser.add_argument("--seed", type=int, default=0)
-    add_option(parser, stacks=2, unknown=1)
-    options = parser.parse_args()
+    options = command_line(
+        __doc__,
+        stacks=(40, 2, "of known paints"),
+        unknown=(8, 1, "of an unknown paint, of each of three kinds"),
+        seed=(0, 0, "of the draw"),
+    ).parse_args()
     if options.quick:
         globals().update(STEPS=100, UNKNOWN_STEPS=100)
     jax.config.update("jax_enable_x64", True)
-    say = Results("layers_inverted", options.out, "emcee")
+    say = Results("layers_inverted", options.out)
     say(
         "Stacks of coats found again: how often 90 % intervals hold the truth (seed "
         f"{options.seed})"
@@ -349,7 +343,7 @@ def main() -> None:
             for n, (key, kind) in enumerate(UNKNOWN.items()):
                 title = f"Unknown paint over a known one, {kind}: {count} stacks, {steps} steps"
                 rows = table(say, title, by_name(found), slice(n * count, (n + 1) * count))
-                say.record(**rows["all"].emcee.quantities(key, count))
+                say.record(**rows["all"].hmc.quantities(key, count))
         times = state.length / state.times
         say(
             f"length in autocorrelation times: median {np.median(times):.0f}, least "

@@ -7,21 +7,15 @@ Spectra are films of mixtures of exemplars, with noise, said to hide their groun
 in a process of its own, with the import of the program and all that is set up and compiled.
 """
 
-import argparse
 import subprocess
 import sys
-import time
-from collections.abc import Callable
 
 import numpy as np
 from jaxtyping import Float
 
-from benchmarks.results import Results, add_option, progress, quantity
+from benchmarks.results import Results, command_line, progress, quantity
+from benchmarks.timing import time_call
 
-# Spectra that are sought at 61 bands and at 2151 bands, and among the oils' own films.
-COUNT = 1000
-FINE = 10
-OILS = 100
 _SEED = 33
 
 
@@ -65,13 +59,6 @@ def seek_among_oils(
     identify(wavelengths, readings, oils, opaque=True, instrument="45:0", max_paints=2)
 
 
-def seconds(run: Callable[[], object]) -> float:
-    """Wall time of one call."""
-    begun = time.perf_counter()
-    run()
-    return time.perf_counter() - begun
-
-
 def first_use(name: str) -> float:
     """Seconds of a new process that names the pigments of one spectrum of 31 bands."""
     code = (
@@ -79,19 +66,17 @@ def first_use(name: str) -> float:
         "grid = np.arange(400.0, 701.0, 10.0); "
         f"p.{name}(grid, np.full((1, 31), 0.4) + 0.2 * (grid > 550))"
     )
-    return seconds(lambda: subprocess.run([sys.executable, "-c", code], check=True))
+    return time_call(lambda: subprocess.run([sys.executable, "-c", code], check=True))[1]
 
 
 def main() -> None:
     """Time each, and write the table."""
-    parser = argparse.ArgumentParser(
-        prog="python -m benchmarks.paint.pigment_speed", description=__doc__
-    )
-    parser.formatter_class = argparse.RawDescriptionHelpFormatter
-    add_option(parser, count=20, fine=2, oils=5)
-    for name in ("count", "fine", "oils"):
-        parser.add_argument(f"--{name}", type=int, default=globals()[name.upper()])
-    options = parser.parse_args()
+    options = command_line(
+        __doc__,
+        count=(1000, 20, "spectra of 61 bands"),
+        fine=(10, 2, "spectra of 2151 bands"),
+        oils=(100, 5, "spectra that are sought among the oils' own films"),
+    ).parse_args()
     results = Results("pigment_speed", options.out, "numpy")
     results("SECONDS, one run each")
 
@@ -110,8 +95,7 @@ def main() -> None:
     ):
         progress(words)
         readings = spectra(grid, count)
-        cold = seconds(lambda g=grid, r=readings: seek(g, r))
-        warm = seconds(lambda g=grid, r=readings: seek(g, r))
+        (_, cold), (_, warm) = (time_call(lambda g=grid, r=readings: seek(g, r)) for _ in range(2))
         results(
             f"{count} spectra of {words}, all pigments, singles and pairs:"
             f"{cold:8.1f} set up and compiled, {warm:6.1f} again"
@@ -122,9 +106,9 @@ def main() -> None:
     grid = np.arange(400.0, 701.0, 10.0)
     readings = spectra(grid, options.oils)
     seek_among_oils(grid, readings)
-    oils = seconds(lambda: seek_among_oils(grid, readings)) / options.oils
+    oils = time_call(lambda: seek_among_oils(grid, readings))[1] / options.oils
     seek(grid, readings)
-    ours = seconds(lambda: seek(grid, readings)) / options.oils
+    ours = time_call(lambda: seek(grid, readings))[1] / options.oils
     results(
         f"a spectrum of 31 bands, warm: all pigments {1e3 * ours:.1f} ms, the oils' own films "
         f"{1e3 * oils:.1f} ms: {ours / oils:.2f} times as long"

@@ -11,7 +11,6 @@ families, with its spread as the error. Each source has a unit of length of its 
 brought together by the median of s over its paints. Needs all folders of measured data.
 """
 
-import argparse
 import csv
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -22,9 +21,10 @@ from jaxtyping import Float
 
 import glazejax
 from benchmarks.measured import data_folder
+from benchmarks.paint.acrylics import TITLES
 from benchmarks.paintbench.library import grid_readings
 from benchmarks.paintbench.sources import FOREIGN, UNCLEAR, Source, read_sources
-from benchmarks.results import Results, add_option, progress
+from benchmarks.results import Results, command_line, progress
 from glazefit import Films, recover_jointly
 from glazefit.recover.joint import UNIT
 from glazefit.recover.joint_problem import Expectations
@@ -43,8 +43,6 @@ _COATS = Expectations(thickness=0.5)
 _BRIGHTEST, _DARKEST = 0.985, 0.001
 # Standard deviation of log k and log s beyond which they are not told apart, as in a recovery.
 _OPEN = 0.5
-# Patches of a chart of hundreds; of a quick run one in several.
-EVERY = 1
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -74,12 +72,7 @@ class Exemplar:
 
 def main() -> None:
     """Fit all sources and write the tables."""
-    parser = argparse.ArgumentParser(
-        prog="python -m benchmarks.paint.pigments", description=__doc__
-    )
-    parser.formatter_class = argparse.RawDescriptionHelpFormatter
-    add_option(parser, every=40)
-    parser.add_argument("--every", type=int, default=EVERY, help=argparse.SUPPRESS)
+    parser = command_line(__doc__, every=(1, 40, "patch of a chart of hundreds is taken"))
     parser.add_argument("--tables", type=Path, help="folder to write the catalogue's tables to")
     options = parser.parse_args()
     start_jax()
@@ -153,28 +146,37 @@ def fit(
 def exemplar(
     recovery: JointRecovery,
     row: int,
+    source: Source,
+    code: str,
     *,
-    name: str,
-    family: str,
-    source: str,
-    binder: str,
-    paint: str,
-    told_by: str,
+    mark: str = "",
+    binder: str = "",
+    told_by: str = "",
 ) -> Exemplar:
-    """A paint of a recovery in the catalogue's unit of length."""
+    """A paint of a recovery in the catalogue's unit of length.
+
+    Args:
+        recovery: of films of the source.
+        row: of the paint in it.
+        source, code: of the paint.
+        mark: what tells it from others of its family and source; by default its code.
+        binder: in words.
+        told_by: what told k from s; empty where nothing did.
+    """
+    family = source.paints[code].family
     off = recovery.fitted_white - recovery.films.over_white
     own = recovery.shares[:, row] > 0
     return Exemplar(
-        name=name,
+        name=f"{family}/{source.group}-{mark or code}",
         family=family,
-        source=source,
+        source=source.group,
         binder=binder,
-        paint=paint,
+        paint=source.paints[code].name,
         told_by=told_by,
         wavelengths=np.asarray(recovery.wavelengths),
         absorption=np.asarray(recovery.absorption[row]) / UNIT,
         scattering=np.asarray(recovery.scattering[row]) / UNIT,
-        log_sd=_own_log_sd(recovery)[:, row],
+        log_sd=_own_log_sd(recovery)[:, row] + (0.0 if told_by else np.inf),
         rms=float(np.sqrt(np.mean(off[own] ** 2))),
     )
 
@@ -217,16 +219,8 @@ def _chart(source: Source, every: int) -> Iterator[Exemplar]:
             expectations=_LADDER,
         )
         number = sample.name.split()[0].removesuffix("-1")
-        yield exemplar(
-            recovery,
-            0,
-            name=f"{paint.family}/hyppigments-{number}",
-            family=paint.family,
-            source=source.group,
-            binder="",
-            paint=paint.name,
-            told_by="four thicknesses over white",
-        )
+        told_by = "four thicknesses over white"
+        yield exemplar(recovery, 0, source, code, mark=number, told_by=told_by)
 
 
 def _on_paper(source: Source, binder: str, control: str) -> Iterator[Exemplar]:
@@ -256,17 +250,15 @@ def _on_paper(source: Source, binder: str, control: str) -> Iterator[Exemplar]:
     word = binder.lower().replace(" ", "-")
     for number, code in enumerate(recovery.paints):
         pure = any(source.samples[row].paints == (code,) for row in rows)
-        family = source.paints[code].family
-        if not pure or family in UNCLEAR:
+        if not pure or source.paints[code].family in UNCLEAR:
             continue
         yield exemplar(
             recovery,
             number,
-            name=f"{family}/{source.group}-{word}-{code}",
-            family=family,
-            source=source.group,
+            source,
+            code,
+            mark=f"{word}-{code}",
             binder=binder.lower(),
-            paint=source.paints[code].name,
             told_by="a coat over paper, and mixtures",
         )
 
@@ -291,46 +283,25 @@ def _opaque_mixtures(source: Source) -> list[Exemplar]:
         recipes[source.samples[rows[0]].name] = dict(zip(codes, fractions, strict=True))
     progress(source.name)
     recovery = fit(list(recipes), grid, np.array(readings), recipes)
-    out = []
-    for number, code in enumerate(recovery.paints):
-        if not any(codes == (code,) for codes, _ in by_recipe):
-            continue
-        family = source.paints[code].family
-        out.append(
-            exemplar(
-                recovery,
-                number,
-                name=f"{family}/{source.group}-{code}",
-                family=family,
-                source=source.group,
-                binder="oil" if source.group == "grillini" else "",
-                paint=source.paints[code].name,
-                told_by="mixtures",
-            )
-        )
-    return out
+    binder = "oil" if source.group == "grillini" else ""
+    return [
+        exemplar(recovery, number, source, code, binder=binder, told_by="mixtures")
+        for number, code in enumerate(recovery.paints)
+        if any(codes == (code,) for codes, _ in by_recipe)
+    ]
 
 
 def _masstones(source: Source) -> Iterator[Exemplar]:
     """Opaque pure paints, repeats averaged: k/s alone."""
     # The author's instrument is weak at its ends.
     grid = np.arange(410.0, 691.0, 10.0)
-    for code, paint in source.paints.items():
+    for code in source.paints:
         rows = [row for row, sample in enumerate(source.samples) if sample.paints == (code,)]
         progress(f"{source.name}: {code}")
         mean = grid_readings(source, rows, grid).mean(axis=0, keepdims=True)
         recovery = fit([code], grid, mean, {code: {code: 1.0}})
-        found = exemplar(
-            recovery,
-            0,
-            name=f"{paint.family}/{source.group}-{code.replace(' ', '-')}",
-            family=paint.family,
-            source=source.group,
-            binder="acrylic",
-            paint=f"Kimera {paint.name}",
-            told_by="",
-        )
-        yield replace(found, log_sd=np.full_like(found.log_sd, np.inf))
+        found = exemplar(recovery, 0, source, code, mark=code.replace(" ", "-"), binder="acrylic")
+        yield replace(found, paint=f"Kimera {found.paint}")
 
 
 def _thin_and_thick(source: Source) -> Iterator[Exemplar]:
@@ -338,7 +309,7 @@ def _thin_and_thick(source: Source) -> Iterator[Exemplar]:
     grid = grid_of(source)
     ground = next(row for row, s in enumerate(source.samples) if s.kind == "control")
     bare = grid_readings(source, [ground], grid)[0]
-    for code, paint in source.paints.items():
+    for code in source.paints:
         rows = [row for row in source.chosen("pure") if source.samples[row].paints == (code,)]
         if not rows:
             continue
@@ -352,19 +323,8 @@ def _thin_and_thick(source: Source) -> Iterator[Exemplar]:
             bare=bare,
             expectations=_LADDER,
         )
-        found = exemplar(
-            recovery,
-            0,
-            name=f"{paint.family}/{source.group}-{code}",
-            family=paint.family,
-            source=source.group,
-            binder="",
-            paint=paint.name,
-            told_by="a thin and a thick coat over gypsum" if len(rows) > 1 else "",
-        )
-        if len(rows) == 1:
-            found = replace(found, log_sd=np.full_like(found.log_sd, np.inf))
-        yield found
+        told_by = "a thin and a thick coat over gypsum" if len(rows) > 1 else ""
+        yield exemplar(recovery, 0, source, code, told_by=told_by)
 
 
 # ---- all sources ---------------------------------------------------------------------------------
@@ -445,17 +405,7 @@ def write_tables(folder: Path, exemplars: Sequence[Exemplar]) -> None:
     ordered = sorted(exemplars, key=lambda found: found.name.casefold())
     with (folder / "exemplars.csv").open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(
-            [
-                "pigment",
-                "wavelength_nm",
-                "absorption",
-                "scattering",
-                "absorption_sd",
-                "scattering_sd",
-                "identifiable",
-            ]
-        )
+        writer.writerow(TITLES)
         for found in ordered:
             sd = np.minimum(found.log_sd, 1.0)
             for band, wavelength in enumerate(found.wavelengths):

@@ -5,16 +5,13 @@ Kubelka-Munk's.
 
 Every tint and shade of the measured films (revigo) is left out of a joint fit of all the others and
 then predicted, with a 90 % band as wide as the other films left out say. Both models go through the
-same fit, with the same instrument and expectations; only what one film reflects differs. Mixing
-laws are compared the same way. Films of the same recipes are simulated too, faultless and with
-scatter of strength. What one reading of a mixture tells, and what two do, is a result of its own,
+same fit, with the same instrument and expectations; only what one film reflects differs. Films
+of the same recipes are simulated too, faultless and with scatter of strength. What one reading of a mixture tells, and what two do, is a result of its own,
 `prediction_readings.txt` (see `readings_of_mixtures.py`); with --readings it is made alone. With --scan,
 what is expected beforehand is varied instead.
 """
 
-import argparse
 import dataclasses
-import time
 from collections.abc import Iterable, Sequence
 from typing import Any
 
@@ -24,9 +21,9 @@ from scipy.stats import spearmanr
 from benchmarks.kubelka_munk import KubelkaMunk
 from benchmarks.measured import FEW, measured_films
 from benchmarks.paint.readings_of_mixtures import reading_tables
-from benchmarks.results import Results, add_option, progress, quantities, quantity
+from benchmarks.results import Results, command_line, percent, progress, quantities, quantity
+from benchmarks.timing import time_call
 from glazefit.film.films import Films, Instrument, Noise
-from glazefit.film.model.mixing import MixingLaw
 from glazefit.film.simulate import simulate_films
 from glazefit.recover.crossvalidation import LeftOut, cross_validate
 from glazefit.recover.joint import UNIT, recover_jointly
@@ -80,13 +77,10 @@ def leave_out(
     films: Films, recipes: Recipes, name: str, again: bool = True, **given: Any
 ) -> Scores:
     """Fit all films, twice for the time if asked, and leave out every mixture in turn."""
-    began = time.perf_counter()
-    whole = recover_jointly(films, recipes, **given)
-    seconds, warm = time.perf_counter() - began, float("nan")
+    whole, seconds = time_call(lambda: recover_jointly(films, recipes, **given))
+    warm = float("nan")
     if again:
-        began = time.perf_counter()
-        recover_jointly(films, recipes, **given)
-        warm = time.perf_counter() - began
+        _, warm = time_call(lambda: recover_jointly(films, recipes, **given))
 
     def tell(done: int, total: int | None, words: str) -> None:
         progress(f"{name}: {words}")
@@ -132,8 +126,10 @@ def simulated(films: Films, recipes: Recipes, scatter: float, seed: int = 4) -> 
 
 def simulated_table(say: Results, films: Films, recipes: Recipes) -> None:
     """How well simulated films are predicted, and how well their bands say so."""
-    say("SIMULATED FILMS of the same recipes, mixtures left out")
-    say("scatter of strength   mean  median  said  in band")
+    say(
+        "SIMULATED FILMS of the same recipes, mixtures left out\n"
+        "scatter of strength   mean  median  said  in band"
+    )
     for scatter in (0.0, 0.2):
         out = leave_out(
             simulated(films, recipes, scatter), recipes, f"simulated, {scatter:.0%}"
@@ -187,9 +183,8 @@ def table(say: Results, scores: dict[str, Scores], recipes: Recipes) -> None:
         "fit of all films, seconds (first; compiled)",
         (f"{one.seconds:.1f}; {one.warm:.1f}" for one in scores.values()),
     )
-    say()
     say(
-        "each film left out: Delta E00 over black and white, and (what the prediction says of "
+        "\neach film left out: Delta E00 over black and white, and (what the prediction says of "
         "itself)"
     )
     for i, name in enumerate(some.names):
@@ -216,7 +211,7 @@ def table(say: Results, scores: dict[str, Scores], recipes: Recipes) -> None:
     say.record(
         **quantities(means, n=films),
         **quantities(others, digits=1, n=films),
-        in_band=quantity(100 * some.inside.mean(), "%", digits=0, n=films),
+        in_band=percent(some.inside.mean(), n=films),
         films=quantity(films, digits=0),
     )
 
@@ -237,11 +232,10 @@ def scan(say: Results, films: Films, recipes: Recipes) -> None:
 
 
 def compare(say: Results, films: Films, recipes: Recipes) -> None:
-    """Models and mixing laws side by side, and simulated films."""
+    """Models side by side, and simulated films."""
     models: dict[str, dict[str, Any]] = {
         "glazejax": {},
         "Kubelka-Munk": {"response": KubelkaMunk(Instrument())},
-        "glazejax, strength law": {"law": MixingLaw("strength")},
     }
     scores = {name: leave_out(films, recipes, name, **given) for name, given in models.items()}
     progress()
@@ -252,10 +246,7 @@ def compare(say: Results, films: Films, recipes: Recipes) -> None:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    add_option(parser)
+    parser = command_line(__doc__)
     alone = parser.add_mutually_exclusive_group()
     alone.add_argument("--scan", action="store_true", help="vary what is expected beforehand")
     alone.add_argument("--readings", action="store_true", help="what one reading tells, and two")

@@ -23,7 +23,7 @@ import numpy as np
 from jaxtyping import Float, Int
 from scipy.stats import spearmanr
 
-from benchmarks.results import Quantity, Results, progress, quantity
+from benchmarks.results import Quantity, Results, percent, progress, quantity
 from glazefit.film.films import Films, cards
 from glazefit.film.model.errors import draw_model_errors
 from glazefit.film.model.response import Response, film_response
@@ -211,7 +211,7 @@ def one_reading(
         key = key_of(response, given)
         say.record(
             **mean_and_median(f"{key}_with", off),
-            **{f"{key}_inside": quantity(100 * inside.mean(), "%", digits=0, n=len(off))},
+            **{f"{key}_inside": percent(inside.mean(), n=len(off))},
         )
         if response is None:
             say.record(
@@ -315,7 +315,7 @@ def simulated(
         )
         say.record(**median(key_of(response, f"twice_{given}"), off))
         if response is None and given == "both":
-            held = quantity(100 * inside.mean(), "%", digits=0, n=len(off))
+            held = percent(inside.mean(), n=len(off))
             say.record(twice_both_inside=held)
     lines.append(
         f"{name}, twice as thick, all known but that film's own errors: {least.mean():.2f} "

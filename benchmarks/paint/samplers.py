@@ -15,7 +15,6 @@ with emcee's steps, of which the first half is left out; bands as one problem. N
 every run: of its seconds those of a run of two steps are taken off.
 """
 
-import argparse
 import importlib.util
 import time
 import warnings
@@ -27,7 +26,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from benchmarks.paint.calibration_ranks import KINDS, Posed
-from benchmarks.results import Results, add_option, progress, quantity
+from benchmarks.results import Results, command_line, progress, quantity
 
 SETTINGS: dict[str, dict[str, Any]] = {
     "hmc": {"sampler": "hmc"},
@@ -127,7 +126,7 @@ def measured_aies(posed: Posed, steps: int, seed: int) -> Measured:
     """NumPyro's affine invariant ensemble on one film; seconds without its compilation."""
     from numpyro.infer import AIES, MCMC  # pyright: ignore[reportMissingImports]
 
-    from glazefit.posterior.chain import scale_reduction
+    from glazefit.posterior.chain import count_samples
     from glazefit.posterior.laplace import laplace
     from glazefit.posterior.sampling import Sampling
 
@@ -172,19 +171,15 @@ def measured_aies(posed: Posed, steps: int, seed: int) -> Measured:
     return Measured(
         seconds=seconds,
         effective=effective_draws(problem, draws),
-        apart=float(np.max(scale_reduction(flat))),
+        apart=float(np.max(count_samples(flat)[1])),
         held=share_held(draws, posed.truth),
     )
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("--films", type=int, default=6, help="of each problem")
-    parser.add_argument("--seed", type=int, default=0)
-    add_option(parser, films=1)
-    options = parser.parse_args()
+    options = command_line(
+        __doc__, films=(6, 1, "of each problem"), seed=(0, 0, "of the draw")
+    ).parse_args()
     if options.quick:
         SETTINGS["emcee"]["steps"] = 50
         SETTINGS["hmc"]["steps"] = 10

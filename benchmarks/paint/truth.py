@@ -10,7 +10,6 @@ a conservator may meet them: noise and a varnish that nobody mentioned, another 
 another instrument. The curve of 'none' is refitted without each family.
 """
 
-import argparse
 import itertools
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
@@ -21,8 +20,8 @@ from scipy.optimize import minimize
 from benchmarks.measured import measured_data
 from benchmarks.paint.identification import UNIT, family
 from benchmarks.paintbench.tasks import area_under_curve
-from benchmarks.results import Quantity, Results, add_option, quantities, quantity
-from benchmarks.rivals.truth_peers import PEERS
+from benchmarks.results import Quantity, Results, command_line, percent, quantities, quantity
+from benchmarks.rivals.truth_peers import PEERS, Query
 from glazefit import Films, Identification, ModelError, ground_from_air, identify, identify_films
 from glazefit.film.readers import read_films, read_recipes
 from glazefit.recover.crossvalidation import without
@@ -30,7 +29,7 @@ from glazefit.recover.joint import recover_jointly
 from glazejax import Bidirectional, Pigment
 from glazejax.commands.main import start_jax
 
-NEEDS = ("data/revigo", "matplotlib")
+NEEDS = ("data/revigo",)
 # Bins of probabilities that a small run may leave empty.
 NEEDS_SIZE = ("stated_", "count_", "true_")
 
@@ -173,8 +172,8 @@ def main_table(
     several = sum(len(case.truth) > 1 for case in left)
     results(f"FILMS LEFT OUT ({len(left)}; {several} of several paints)")
     results.record(**quantities({"films": len(left), "mixtures": several}, digits=0))
-    results(f"{'':<36}right first            first three  weight fraction  none          AUC of")
     results(
+        f"{'':<36}right first            first three  weight fraction  none          AUC of\n"
         f"{'':<36}all         mixtures   (mixtures)   mean (median)    false, found  the misfit"
     )
     scored = {}
@@ -214,7 +213,7 @@ def main_table(
 
 def _percent(true: Sequence[bool] | np.ndarray) -> Quantity:
     """The share that is true, to be recorded."""
-    return quantity(100 * np.mean(true), "%", digits=0, n=len(true))
+    return percent(np.mean(true), n=len(true))
 
 
 def _bare(pigment: Pigment) -> Pigment:
@@ -238,7 +237,7 @@ def _peer(
         known = {frozenset(family({paint.name: 1.0})) for paint in paints}
         names = [n for n in films.names if n != case.name]
         library = [n for n in names if all(frozenset({p}) in known for p in known_as[n])]
-        ranked, fractions, misfit = method(films, case.row, library, known_as, paints)
+        ranked, fractions, misfit = method(Query(films, case.row, library, known_as, paints))
         return Answer(
             case.name, case.truth, ranked, fractions, 1.0, float("nan"), "", True, misfit, ()
         )
@@ -269,9 +268,10 @@ def nested_none(results: Results, full: list[Answer], gone: list[Answer], left: 
         intercept, slope = logistic(misfit[:, ~here].ravel(), truth[:, ~here].ravel())
         share[:, here] = intercept + slope * misfit[:, here]
     intercept, slope = logistic(misfit.ravel(), truth.ravel())
-    results()
-    results("'NONE', by the misfit")
-    results(f"logistic curve, all films: {intercept:.2f} {slope:+.2f} log misfit")
+    results(
+        "\n'NONE', by the misfit\n"
+        f"logistic curve, all films: {intercept:.2f} {slope:+.2f} log misfit"
+    )
     false, found = (_percent(some > 0) for some in share)
     results(f"fitted without the film's family: {found.value:.0f}% found, {false.value:.0f}% false")
     limit = np.quantile(misfit[0], 0.95)
@@ -297,18 +297,17 @@ def logistic(x: np.ndarray, truth: np.ndarray) -> np.ndarray:
     ).x
 
 
-def reliability(answers: list[Answer]) -> dict[int, tuple[float, float, int, float]]:
-    """Stated probability of the first pigments, share that is right, how many, and the share's
-    counting error, by the number of each bin that is not empty.
+def reliability(answers: list[Answer]) -> dict[int, tuple[float, float, int]]:
+    """Stated probability of the first pigments, share that is right, and how many, by the number
+    of each bin that is not empty.
     """
     out = {}
     for number, (low, high) in enumerate(itertools.pairwise(BINS)):
         here = [a for a in answers if low <= a.probability < high]
         if here:
-            n, share = len(here), float(np.mean([a.right for a in here]))
-            error = np.sqrt(max(share * (1.0 - share), 0.25 / n) / n)
             stated = float(np.mean([a.probability for a in here]))
-            out[number] = (stated, share, n, float(error))
+            share = float(np.mean([a.right for a in here]))
+            out[number] = stated, share, len(here)
     return out
 
 
@@ -335,9 +334,8 @@ def conditions(results: Results, films: Films, left: list[Case]) -> None:
         ("ground", "over white, ground told as .5", over[:, 1], 0.5, None),
         ("all_wrong", all_wrong, other, None, Bidirectional(45, 0)),
     )
-    results()
-    results(f"AS THEY MAY BE MET ({len(mixed)} tints and shades, paints of fits without them)")
     results(
+        f"\nAS THEY MAY BE MET ({len(mixed)} tints and shades, paints of fits without them)\n"
         "                                                right first   first three   stated   "
         "wrong above .9   as none"
     )
@@ -365,45 +363,8 @@ def conditions(results: Results, films: Films, left: list[Case]) -> None:
             results.record(**{f"met_{key}": _percent([a.right for a in answers])})
 
 
-def draw(before: list[Answer], after: list[Answer]):
-    """Reliability diagram of the first pigments' probability."""
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(5.2, 5), layout="constrained")
-    axis = figure.subplots()
-    axis.plot([0, 1], [0, 1], ":", color="0.6")
-    for answers, colour, words, right in (
-        (before, "0.55", "before", 5),
-        (after, "#08519c", "now", -22),
-    ):
-        stated, seen, n, error = np.array(list(reliability(answers).values())).T
-        axis.errorbar(stated, seen, error, fmt="o-", color=colour, capsize=3, label=words)
-        for x, y, count in zip(stated, seen, n, strict=True):
-            axis.annotate(
-                f"{count:.0f}",
-                (x, y),
-                xytext=(right, -12),
-                textcoords="offset points",
-                fontsize=8,
-                color=colour,
-            )
-    axis.set(
-        xlabel="stated probability of the first pigments",
-        ylabel="share of films in which it is right",
-    )
-    axis.set(
-        xlim=(-0.03, 1.03), ylim=(-0.03, 1.03), aspect="equal", title="films left out of the fit"
-    )
-    axis.legend(loc="upper left", frameon=False)
-    return figure
-
-
 def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    add_option(parser)
-    options = parser.parse_args()
+    options = command_line(__doc__).parse_args()
     if options.quick:
         globals().update(EVERY=7)
     start_jax()
@@ -414,36 +375,35 @@ def main() -> None:
     scored = main_table(results, films, recipes, left)
     full, gone = scored["glazejax"]
     nested_none(results, full, gone, left)
-    results()
-    results("STATED -> TRUE, the first pigments (count)")
+    results("\nSTATED -> TRUE, the first pigments (count)")
     for words in ("glazejax", BEFORE):
         cells = [
             f"{stated:.2f} -> {seen:.2f} ({n})"
-            for stated, seen, n, _ in reliability(scored[words][0]).values()
+            for stated, seen, n in reliability(scored[words][0]).values()
         ]
         results(f"{words:<34} {'   '.join(cells)}")
-    for number, (stated, seen, n, _) in reliability(full).items():
+    for number, (stated, seen, n) in reliability(full).items():
         # No text quotes the least sure answers, nor of the surest how many are right.
         if number > 0:
             values = {f"stated_{number}": quantity(stated, n=n)}
             results.record(**values, **{f"count_{number}": quantity(n, digits=0)})
         if 0 < number < len(BINS) - 2:
-            results.record(**{f"true_{number}": quantity(100 * seen, "%", digits=0, n=n)})
+            results.record(**{f"true_{number}": percent(seen, n=n)})
     held = [inside for a in full for inside in a.held]
-    results()
     results(
-        f"90 % INTERVALS of fractions, where the first is right: {np.mean(held):.0%} of "
+        f"\n90 % INTERVALS of fractions, where the first is right: {np.mean(held):.0%} of "
         f"{len(held)} hold the true one"
     )
     results.record(held=_percent(held), held_of=quantity(len(held), digits=0))
     conditions(results, films, left)
-    results()
-    results("FILM BY FILM: truth -> answer; and without the main paint's family")
+    results("\nFILM BY FILM: truth -> answer; and without the main paint's family")
     for a, b in zip(full, gone, strict=True):
         recipe = " + ".join(f"{100 * part:.3g} {paint}" for paint, part in a.truth.items())
-        results(f"{a.film}  {'right' if a.right else 'WRONG'}  {recipe:<40} {a.words}")
-        results(f"              without: {b.words}")
-    results.save(draw(scored[BEFORE][0], full))
+        results(
+            f"{a.film}  {'right' if a.right else 'WRONG'}  {recipe:<40} {a.words}\n"
+            f"              without: {b.words}"
+        )
+    results.save()
 
 
 if __name__ == "__main__":

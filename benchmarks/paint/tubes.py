@@ -12,12 +12,10 @@ the joint fit of all films but that one. Times are those of this process, and of
 processes of its own.
 """
 
-import argparse
 import os
 import subprocess
 import sys
 import tempfile
-import time
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -25,7 +23,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from benchmarks.measured import FEW, measured_films
-from benchmarks.results import Results, add_option, ends, progress, quantities, quantity
+from benchmarks.results import Results, command_line, ends, percent, progress, quantities, quantity
+from benchmarks.timing import time_call
 from glazefit import Films, Instrument, Noise, recover_films, simulate_films
 from glazefit.film.films import usual_cards
 from glazefit.film.partial_films import recipes_from_names
@@ -36,6 +35,7 @@ from glazefit.recover.crossvalidation import cross_validate
 from glazefit.recover.entries import PaintFile, entries
 from glazefit.recover.experimental_design import rank_next_films
 from glazefit.recover.joint import UNIT, recover_jointly
+from glazefit.recover.joint_result import JointRecovery
 from glazefit.recover.prediction import predict_films
 from glazejax import Pigment, catalogue
 from glazejax.commands.main import start_jax
@@ -58,9 +58,9 @@ def film_by_film(say: Results) -> None:
     times = {1: "once", 3: "three times"}[SEEDS]
     say(
         f"\nFilm by film, all paints of the catalogue, {times}: 90 % intervals where the noise "
-        f"is {NOISE.floor}"
+        f"is {NOISE.floor}\n"
+        f"{'':<32}{'bands told apart':>18}{'k held':>9}{'s held':>9}"
     )
-    say(f"{'':<32}{'bands told apart':>18}{'k held':>9}{'s held':>9}")
     paints = list(catalogue.load().values())
     truth = np.stack([np.stack([p.absorption, p.scattering], axis=-1) for p in paints]) * UNIT
     for words in INSTRUMENTS:
@@ -166,9 +166,9 @@ def simulated(say: Results, count: int) -> None:
     white = shelf[WHITE]
     paints = [paint for name, paint in shelf.items() if name != WHITE][:count]
     grid = describe_grid(white.wavelengths)
-    say(f"\nSimulated tubes: {len(paints)} paints, a masstone and a 1:10 tint with {WHITE}, {grid}")
-    say(f"{'':<44}{'90 % intervals':>18}{'1:3 tint kept aside':>34}{'seconds':>9}")
     say(
+        f"\nSimulated tubes: {len(paints)} paints, a masstone and a 1:10 tint with {WHITE}, {grid}\n"
+        f"{'':<44}{'90 % intervals':>18}{'1:3 tint kept aside':>34}{'seconds':>9}\n"
         f"{'':<44}{'k held':>9}{'s held':>9}{'dE00':>8}{'foretold':>10}{'in 90 % band':>16}{'a paint':>9}"
     )
     known = []
@@ -181,15 +181,10 @@ def simulated(say: Results, count: int) -> None:
         seconds = []
         for seed, paint in enumerate(paints):
             made = tube(paint, white, case, seed)
-            began = time.perf_counter()
-            found = recover_jointly(
-                made.films.take([0, 1]),
-                made.recipes,
-                instrument=instrument,
-                pigments={WHITE: white},
+            (found, entry), taken = time_call(
+                lambda m=made, i=instrument: recovered(m, {WHITE: white}, i)
             )
-            entry = entries(found, PaintFile(Path("mine.csv"), {}))[0].pigment
-            seconds.append(time.perf_counter() - began)
+            seconds.append(taken)
             held.append(within(entry, made.truth))
             (third,) = predict_films(found, made.films.take([2]), made.recipes, noise=NOISE)
             measured = np.stack([made.films.over_black[2], made.films.over_white[2]])
@@ -209,6 +204,15 @@ def simulated(say: Results, count: int) -> None:
         if not case.cards:
             say.record(**quantities({"one_card_k": 100 * k, "one_card_s": 100 * s}, "%", 0))
     say.record(**quantities(ends("held", known), "%", 0))
+
+
+def recovered(
+    made: Tube, known: dict[str, Pigment], instrument: Instrument | None = None
+) -> tuple[JointRecovery, Pigment]:
+    """The fit of a tube's masstone and tint, and the entry of its paint."""
+    films = made.films.take([0, 1])
+    found = recover_jointly(films, made.recipes, instrument=instrument, pigments=known)
+    return found, entries(found, PaintFile(Path("mine.csv"), {}))[0].pigment
 
 
 def within(entry: Pigment, truth: np.ndarray) -> np.ndarray:
@@ -236,9 +240,7 @@ def real(say: Results) -> None:
     full_off = dict(zip(full.names, full.predicted.mean(axis=1), strict=True))
     say(
         f"\nMeasured tubes (revigo): {len(tubes)} paints, masstone and white tint fitted, "
-        f"{len(others)} films foretold"
-    )
-    say(
+        f"{len(others)} films foretold\n"
         f"{'':<46}{'dE00 of the tube':>18}{'foretold':>10}{'in 90 % band':>14}{'joint fit of all others':>26}"
     )
     rows, sums = [], []
@@ -272,10 +274,12 @@ def real(say: Results) -> None:
     for row in rows:
         say(row)
     mean, median = np.mean(sums, axis=0), np.median(sums, axis=0)
-    say(f"{'mean':<46}{mean[0]:>18.2f}{mean[1]:>10.2f}{mean[2]:>14.0%}{mean[3]:>26.2f}")
-    say(f"{'median':<46}{median[0]:>18.2f}{median[1]:>10.2f}{median[2]:>14.0%}{median[3]:>26.2f}")
+    say(
+        f"{'mean':<46}{mean[0]:>18.2f}{mean[1]:>10.2f}{mean[2]:>14.0%}{mean[3]:>26.2f}\n"
+        f"{'median':<46}{median[0]:>18.2f}{median[1]:>10.2f}{median[2]:>14.0%}{median[3]:>26.2f}"
+    )
     say.record(
-        in_band=quantity(100 * mean[2], "%", digits=0, n=len(sums)),
+        in_band=percent(mean[2], n=len(sums)),
         **quantities({"measured": mean[0], "joint": mean[3]}, digits=1, n=len(sums)),
         **quantities(
             {"measured_median": median[0], "joint_median": median[3]}, digits=1, n=len(sums)
@@ -305,14 +309,9 @@ def seconds(say: Results) -> None:
     """Time of an entry with its errors: in this process, and the command, first and again."""
     made = tube(catalogue.pigment("CobaltBlue"), catalogue.pigment(WHITE), CASES[0], 1)
     films, known = made.films.take([0, 1]), {WHITE: catalogue.pigment(WHITE)}
-    began = time.perf_counter()
-    found = recover_jointly(films, made.recipes, pigments=known)
-    entries(found, PaintFile(Path("mine.csv"), {}))
-    fit = time.perf_counter() - began
+    (found, _), fit = time_call(lambda: recovered(made, known))
     rank_next_films(found, "CobaltBlue", pigments=known)
-    began = time.perf_counter()
-    taught = rank_next_films(found, "CobaltBlue", pigments=known)
-    after = time.perf_counter() - began
+    taught, after = time_call(lambda: rank_next_films(found, "CobaltBlue", pigments=known))
     best = taught.films[0]
     say(
         f"\nAn entry with its error modes, in a running process: {fit:.2f} s; what to measure "
@@ -336,14 +335,10 @@ def seconds(say: Results) -> None:
             "--overwrite",
         ]
         for title in ("first, all to be compiled", "again", "again")[:RUNS]:
-            began = time.perf_counter()
-            subprocess.run(
-                words,
-                check=True,
-                capture_output=True,
-                env={**os.environ, "GLAZEJAX_CACHE": f"{folder}/cache"},
+            environment = {**os.environ, "GLAZEJAX_CACHE": f"{folder}/cache"}
+            _, took = time_call(
+                lambda e=environment: subprocess.run(words, check=True, capture_output=True, env=e)
             )
-            took = time.perf_counter() - began
             say(
                 f"The command glazejax recover blue.csv --white {WHITE} --into mine.csv, "
                 f"{title}: {took:.1f} s"
@@ -367,12 +362,8 @@ def written(films: Films) -> str:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    add_option(parser, paints=2)
-    parser.add_argument("--paints", type=int, default=100, help="simulated tubes, at most")
-    options = parser.parse_args()
+    paints = (100, 2, "simulated tubes, at most")
+    options = command_line(__doc__, paints=paints).parse_args()
     if options.quick:
         globals().update(
             SEEDS=1,

@@ -14,7 +14,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from benchmarks.measured import data_folder
-from benchmarks.results import Quantity, Results, add_option, progress, quantity
+from benchmarks.results import Quantity, Results, command_line, percent, progress
 from benchmarks.rivals.namers import namers
 from glazejax.commands.main import start_jax
 
@@ -74,8 +74,7 @@ _RECORDED_OF_COATS = {
 
 def main() -> None:
     """Run the bench."""
-    parser = argparse.ArgumentParser(prog="python -m benchmarks.paintbench", description=__doc__)
-    parser.formatter_class = argparse.RawDescriptionHelpFormatter
+    parser = command_line(__doc__, {"every": 23, "pairs": 2})
     parser.add_argument(
         "--data", type=Path, help="folder of measured data (default: GLAZEJAX_DATA or ../shared)"
     )
@@ -91,7 +90,6 @@ def main() -> None:
     parser.add_argument(
         "--coats", action="store_true", help="only the task coats, with a result of its own"
     )
-    add_option(parser, every=23, pairs=2)
     parser.add_argument("--every", type=int, default=EVERY, help=argparse.SUPPRESS)
     # Mixtures, and superpositions, that the task coats asks for in each source.
     parser.add_argument("--pairs", type=int, default=None, help=argparse.SUPPRESS)
@@ -187,7 +185,7 @@ def quantities(
     for name, (task, source, method, score) in wanted.items():
         values = record.results.get(task, {}).get(source, {}).get(method, {})
         if (share := values.get(score)) is not None:
-            recorded[name] = quantity(100 * share, "%", digits=0, n=int(values["n"] or 0))
+            recorded[name] = percent(share, n=int(values["n"] or 0))
     return recorded
 
 

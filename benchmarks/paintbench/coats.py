@@ -12,8 +12,8 @@ from jaxtyping import Float
 
 from benchmarks.paint.pigments import fit
 from glazefit import identify
-from glazefit.identify.coats.odds import DECIDED
 from glazefit.identify.identify import ground_from_air
+from glazefit.identify.result.odds import DECIDED
 from glazefit.recover.joint import UNIT
 from glazejax import Pigment
 

@@ -162,15 +162,12 @@ class KubelkaMunk:
         self, log_k: np.ndarray, log_s: np.ndarray, pair: np.ndarray, fractions: np.ndarray
     ) -> np.ndarray:
         """Reflectance of thick films from the logs of K and S, (paints,) or (bands, paints)."""
-        k = np.exp(log_k)
-        absorption = fractions @ np.swapaxes(k, -1, -2) if k.ndim == 2 else fractions @ k
-        s = np.exp(log_s)
-        scattering = fractions @ np.swapaxes(s, -1, -2) if s.ndim == 2 else fractions @ s
+        k, s = np.exp(log_k), np.exp(log_s)
+        absorption = k @ fractions.T
         for number, (a, b) in enumerate(self._pairs):
-            both = fractions[:, a] * fractions[:, b]
-            size = pair[..., number] * (k[..., a] + k[..., b])
-            absorption = absorption + (np.outer(both, size) if k.ndim == 2 else both * size)
-        return hiding_reflectance(np.maximum(absorption, 1e-9) / scattering)
+            size = pair[..., number, None] * (k[..., [a]] + k[..., [b]])
+            absorption = absorption + size * (fractions[:, a] * fractions[:, b])
+        return hiding_reflectance(np.maximum(absorption, 1e-9) / (s @ fractions.T)).T
 
     def foretell(self, recipes: Float[np.ndarray, "films paints"]) -> Foretold:
         """Readings, with one band for all films."""

@@ -13,10 +13,10 @@ from glazefit import Films, Identification, identify, predict_mixture, recover_j
 from glazefit.film.films import Instrument
 from glazefit.film.model.response import Response, film_response
 from glazefit.identify.families.expected import EXPECTED
-from glazefit.identify.families.groups import FamilySet
 from glazefit.identify.families.naming import name_sets
 from glazefit.identify.families.search import FamilySearch
 from glazefit.identify.families.set_up import search_families
+from glazefit.identify.result.groups import FamilySet
 from glazefit.recover.crossvalidation import cross_validate
 from glazefit.recover.joint import UNIT
 from glazefit.recover.prediction import Prediction, predict_films

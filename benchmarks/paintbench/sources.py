@@ -15,7 +15,7 @@ import numpy as np
 from jaxtyping import Float
 
 from benchmarks.paintbench.spectra import thick_film_reading
-from glazefit.identify.families.groups import GROUPS
+from glazefit.identify.result.groups import GROUPS
 from glazejax import catalogue
 
 HERE = Path(__file__).parent

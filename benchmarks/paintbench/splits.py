@@ -11,7 +11,7 @@ import csv
 import hashlib
 from pathlib import Path
 
-from .sources import SPLITS, Sample, Source
+from .sources import SPLITS, Sample
 
 HASHES = SPLITS / "hashes.tsv"
 
@@ -23,14 +23,6 @@ def is_test(source: str, sample: Sample) -> bool:
     fractions = " ".join(f"{part:.3f}" for part in sample.fractions)
     recipe = f"{source}: {' + '.join(sample.paints)}: {fractions}"
     return hashlib.sha256(recipe.encode()).digest()[-1] % 2 == 1
-
-
-def split_text(source: Source) -> str:
-    """A table for a source, by the rule."""
-    lines = ["sample\tsplit"]
-    for sample in source.samples:
-        lines.append(f"{sample.name}\t{'test' if is_test(source.name, sample) else 'train'}")
-    return "\n".join(lines) + "\n"
 
 
 def check_hashes() -> None:

@@ -64,9 +64,26 @@ class Record:
         """Scores of one method on one source."""
         self.results.setdefault(task, {}).setdefault(source, {})[method] = scores
 
-    def fail(self, failure: Failure) -> None:
-        """One failure."""
-        self.failures.append(failure)
+    def fail(
+        self,
+        task: str,
+        source: Source,
+        namer: Namer,
+        sample: Sample,
+        truth: Sequence[str],
+        answer: Answer,
+    ) -> None:
+        """One answer that is not right."""
+        self.failures.append(
+            Failure(
+                task=task,
+                source=source.name,
+                method=namer.name,
+                sample=sample.name,
+                truth=" + ".join(truth),
+                answer=words_of(answer),
+            )
+        )
 
     def state(self, source: str, method: str, chance: float, right: bool) -> None:
         """A probability that a method stated for its first answer."""
@@ -131,18 +148,12 @@ def score_names(answers: Sequence[Answer], truths: Sequence[tuple[str, ...]]) ->
     """`first` and `three` (a refused reading counts as wrong), `refused`, and the same two as if
     nothing had been refused.
     """
-    first = np.array(
-        [
-            is_right(a.ranked[0], t) if a.ranked else False
-            for a, t in zip(answers, truths, strict=True)
-        ]
-    )
-    three = np.array(
-        [
-            any(is_right(sets, t) for sets in a.ranked[:3])
-            for a, t in zip(answers, truths, strict=True)
-        ]
-    )
+
+    def among(count: int) -> np.ndarray:
+        pairs = zip(answers, truths, strict=True)
+        return np.array([any(is_right(sets, t) for sets in a.ranked[:count]) for a, t in pairs])
+
+    first, three = among(1), among(3)
     refused = np.array([answer.refused for answer in answers])
     return {
         "n": len(answers),
@@ -226,16 +237,7 @@ def _pigment(
         if answer.chances and task == "pigment":
             record.state(source.name, namer.name, stated_chance(answer), right)
         if not right or answer.refused:
-            record.fail(
-                Failure(
-                    task=task,
-                    source=source.name,
-                    method=namer.name,
-                    sample=sample.name,
-                    truth=" + ".join(truth),
-                    answer=words_of(answer),
-                )
-            )
+            record.fail(task, source, namer, sample, truth, answer)
 
 
 def stated_chance(answer: Answer) -> float:
@@ -331,16 +333,7 @@ def _mixture(
     record.add(task, source.name, namer.name, score_names(answers, truths))
     for answer, truth, sample in zip(answers, truths, sought.samples, strict=True):
         if answer.refused or not (answer.ranked and is_right(answer.ranked[0], truth)):
-            record.fail(
-                Failure(
-                    task=task,
-                    source=source.name,
-                    method=namer.name,
-                    sample=sample.name,
-                    truth=" + ".join(truth),
-                    answer=words_of(answer),
-                )
-            )
+            record.fail(task, source, namer, sample, truth, answer)
 
 
 # ---- mixtures from recipes -----------------------------------------------------------------------

@@ -6,19 +6,15 @@ corrected.
 Random stacks of two and three layers under a surface of n = 1.5, so that interfaces lie anywhere
 inside a segment and h is no multiple of a step. Error: root mean square and largest over the
 stacks, against the default solver at a tolerance of 1e-10, which rests on other numerics
-altogether. Writes a table and a log-log plot.
+altogether. Writes a table.
 """
-
-import argparse
 
 import jax
 import numpy as np
 
-from benchmarks.results import Results, add_option, quantity
+from benchmarks.results import Results, command_line, quantity
 from glazejax import stack_reflectance_factor
 from glazejax.radiative.auxiliary.uniform import reflectance_factor
-
-NEEDS = ("matplotlib",)
 
 STEPS = (0.32, 0.16, 0.08, 0.04, 0.02, 0.01)
 PRINTED, CORRECTED = "fixed step, as printed", "fixed step, corrected"
@@ -47,10 +43,7 @@ def stacks(count: int) -> tuple[np.ndarray, ...]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
-    parser.add_argument("--stacks", type=int, default=24, help="how many (default: %(default)s)")
-    add_option(parser, stacks=4)
-    options = parser.parse_args()
+    options = command_line(__doc__, stacks=(24, 4, "how many")).parse_args()
     jax.config.update("jax_enable_x64", True)
     *given, incidence, viewing = stacks(options.stacks)
     angles = {"cos_incidence": incidence, "cos_viewing": viewing}
@@ -59,9 +52,9 @@ def main() -> None:
     results(
         f"{options.stacks} random stacks of 2 and 3 layers, h = {given[1].sum(axis=1).min():.2f} "
         "to "
-        f"{given[1].sum(axis=1).max():.2f}, n = 1.5: error of the reflectance factor"
+        f"{given[1].sum(axis=1).max():.2f}, n = 1.5: error of the reflectance factor\n"
+        "order: slope of the root mean square against the step, from row to row and over all"
     )
-    results("order: slope of the root mean square against the step, from row to row and over all")
     square: dict[str, np.ndarray] = {}
     orders: dict[str, float] = {}
     largest: dict[str, float] = {}
@@ -73,8 +66,10 @@ def main() -> None:
         rms = square[name] = np.sqrt(np.mean(np.square(errors), axis=1))
         orders[name] = np.polyfit(np.log(STEPS), np.log(rms), 1)[0]
         largest[name] = errors[-1].max()
-        results(f"\n{name}: order {orders[name]:.2f}")
-        results(f"{'step':>6} {'rms':>9} {'largest':>9} {'order':>6}")
+        results(
+            f"\n{name}: order {orders[name]:.2f}\n"
+            f"{'step':>6} {'rms':>9} {'largest':>9} {'order':>6}"
+        )
         for k, step in enumerate(STEPS):
             order = f"{np.log(rms[k - 1] / rms[k]) / np.log(STEPS[k - 1] / step):6.2f}" if k else ""
             results(f"{step:6.2f} {rms[k]:9.1e} {errors[k].max():9.1e} {order}")
@@ -87,25 +82,7 @@ def main() -> None:
             largest[PRINTED] / largest[CORRECTED], "times", digits=1, form="s"
         ),
     )
-    results.save(_figure(square))
-
-
-def _figure(square: dict[str, np.ndarray]):
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(6, 4.2))
-    axes = figure.subplots()
-    steps = np.array(STEPS)
-    for (name, rms), mark in zip(square.items(), ("o", "s", "^", "D"), strict=True):
-        axes.loglog(steps, rms, marker=mark, label=name)
-    first, second = square[PRINTED][0], square[CORRECTED][0]
-    axes.loglog(steps, first * steps / steps[0], ":", color="0.6", label="order 1")
-    axes.loglog(steps, second * (steps / steps[0]) ** 2, "--", color="0.6", label="order 2")
-    axes.set_xlabel("step dh")
-    axes.set_ylabel("root mean square error of the reflectance factor")
-    axes.grid(visible=True, which="both", alpha=0.2)
-    axes.legend(fontsize=8)
-    return figure
+    results.save()
 
 
 if __name__ == "__main__":

@@ -9,16 +9,13 @@ layers by inverse and by series, with all matrices full and with the surface's a
 diagonal. Programs that are compared run in turn.
 """
 
-import argparse
 import functools
-from collections.abc import Callable
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 
 from benchmarks.papers.many_flux_example import ALBEDO as COAT_ALBEDO
-from benchmarks.papers.many_flux_example import ANGLE, INDEX, PRINTED
+from benchmarks.papers.many_flux_example import ANGLE, INDEX, PRINTED, halves
 from benchmarks.papers.many_flux_example import THICKNESS as COAT_THICKNESS
 from benchmarks.papers.many_flux_flat import (
     Slab,
@@ -43,8 +40,8 @@ from benchmarks.papers.many_flux_paths import (
     lobe_by_paths,
     off,
 )
-from benchmarks.results import Results, add_option, ends, quantities, quantity
-from benchmarks.timing import interleaved
+from benchmarks.results import Results, command_line, ends, percent, quantities, quantity
+from benchmarks.timing import Programs, interleaved
 
 CELL = int(np.argmin(np.abs(COSINES - np.cos(np.deg2rad(INCIDENCE)))))
 """The cell of the light that errors are taken at: the paths' light comes from its middle too."""
@@ -74,9 +71,7 @@ def speed(say: Results) -> None:
     fine = lobe_by_fluxes(lit, AZIMUTH, tolerance=1e-7)[:, 0]
     say(
         f"Speed (section 4.2): albedo {ALBEDO}, g = {G}, thickness {THICKNESS:g}, {BANDS} x "
-        f"{SECTORS} cells of viewing"
-    )
-    say(
+        f"{SECTORS} cells of viewing\n"
         f"errors: rms of the lobe over its rms, light from {angle:.0f} degrees (the middle of a "
         "cell), against 1e-7\n"
     )
@@ -117,7 +112,7 @@ def speed(say: Results) -> None:
     for words, error in numbers.items():
         say(f"{words}: error {error:.2%}")
     every = np.linspace(COSINES[-1], COSINES[0], DIRECTIONS)
-    programs: dict[str, Callable[[], object]] = {
+    programs: Programs = {
         "paths": functools.partial(lobe_by_paths, lit[0], PATHS),
         "13, few": functools.partial(lobe_by_fluxes, COSINES, AZIMUTH, **few),
         "13, many": functools.partial(lobe_by_fluxes, COSINES, AZIMUTH, **many),
@@ -144,7 +139,7 @@ def speed(say: Results) -> None:
         f"{PAPER_MATRIX_SECONDS} s)"
     )
     say.record(
-        path_error=quantity(100 * errors[PATHS], "%", digits=0),
+        path_error=percent(errors[PATHS]),
         path_seconds=quantity(one, "s"),
         matrix_seconds=quantity(seconds["cells"], "s", digits=1),
         paper_path_seconds=quantity(PAPER_SECONDS, "s", digits=0),
@@ -152,8 +147,10 @@ def speed(say: Results) -> None:
         paper_times=quantity(PAPER_TIMES, digits=0),
     )
     more = (errors[PATHS] / WANTED) ** 2
-    say("\ntime of the paths over that of many fluxes, both no worse than")
-    say(f"{'':<54}{errors[PATHS]:9.0%}{WANTED:12.1%}")
+    say(
+        "\ntime of the paths over that of many fluxes, both no worse than\n"
+        f"{'':<54}{errors[PATHS]:9.0%}{WANTED:12.1%}"
+    )
     table = []
     for key, words, count, name in (
         ("paper", "as the paper counts: paths 303, fluxes by symmetry", DIRECTIONS, "13"),
@@ -176,9 +173,7 @@ def speed(say: Results) -> None:
         )
     say(
         "Second column: paths scaled by the square of the error; in its last line to "
-        f"{worst:.2%}, that of the cells."
-    )
-    say(
+        f"{worst:.2%}, that of the cells.\n"
         f"paper: {PAPER_TIMES:,} and more, {PAPER_SECONDS} s x {DIRECTIONS} against "
         f"{PAPER_MATRIX_SECONDS} s; its paths are slow compared with its matrices"
     )
@@ -225,7 +220,7 @@ def series(say: Results) -> None:
         return t @ down, passing * (r @ down), r + t @ back, passing * (t + r @ back)
 
     orders = (None, 0, 1, 2, 3)
-    programs: dict[str, Callable[[], object]] = {}
+    programs: Programs = {}
     for order in orders:
         programs[f"full {order}"] = functools.partial(as_full, order)
         programs[f"diagonal {order}"] = functools.partial(as_diagonal, order)
@@ -234,10 +229,10 @@ def series(say: Results) -> None:
     wanted = np.concatenate([part.ravel() for part in exact])
     say(
         f"\nSeries and sparsity (section 3.3): surface of index {INDEX:g} and coat of figure 8, "
-        f"{cosine.size} directions each way,"
+        f"{cosine.size} directions each way,\n"
+        "all four blocks of equation (14); time over that of the inverse with full matrices\n"
+        f"{'order':>8}{'full matrices':>16}{'surface diagonal':>18}{'rms error over rms':>21}"
     )
-    say("all four blocks of equation (14); time over that of the inverse with full matrices")
-    say(f"{'order':>8}{'full matrices':>16}{'surface diagonal':>18}{'rms error over rms':>21}")
     share = {name: value / seconds["full None"] for name, value in seconds.items()}
     for order in orders:
         parts = as_diagonal(order)
@@ -252,7 +247,7 @@ def series(say: Results) -> None:
         ("inverse_diagonal", share["diagonal None"]),
         ("order_0_diagonal", share["diagonal 0"]),
     ):
-        say.record(**{key: quantity(100 * value, "%", digits=0)})
+        say.record(**{key: percent(value)})
     say.record(**quantities(ends("order_more", more), "%", 0, n=len(more)))
     say(f"inverse with full matrices: {1e3 * seconds['full None']:.1f} ms")
     modes_series(say)
@@ -262,25 +257,11 @@ def modes_series(say: Results) -> None:
     """The same in glazejax, where azimuth modes are apart and surfaces are diagonal from
     the start.
     """
-    from glazejax.radiative.manyflux.effort import Effort
-    from glazejax.radiative.manyflux.joined import joined_stack
-    from glazejax.radiative.manyflux.media import Media, fewest_shared_directions
-    from glazejax.radiative.manyflux.solve import Layers
     from glazejax.radiative.manyflux.star_product import join, join_in_series
 
-    pieces = fewest_shared_directions((INDEX,), (1.0, INDEX), (1.0,), 1e-6, 24)
-    layers = Layers(
-        jnp.array([COAT_ALBEDO]), jnp.array([COAT_THICKNESS]), jnp.ones((1, 1)), jnp.asarray(0.0)
-    )
-    lit = jnp.array([np.cos(np.deg2rad(ANGLE))])
-    made = joined_stack(
-        layers, Media((INDEX,), INDEX), jnp.asarray(COSINES), lit, Effort(pieces, 1, 1, None), 1
-    )
-    upper, lower = (jax.tree.map(lambda leaf: leaf[0], x) for x in (made.faces, made.coats))
-    roots = jnp.sqrt(made.flux)
-
+    upper, lower, roots = halves()
     exact = jax.jit(lambda a, b: join(a, b))
-    programs: dict[str, Callable[[], object]] = {"inverse": functools.partial(exact, upper, lower)}
+    programs: Programs = {"inverse": functools.partial(exact, upper, lower)}
     for order in range(4):
         one = jax.jit(
             functools.partial(
@@ -292,16 +273,14 @@ def modes_series(say: Results) -> None:
     times = ", ".join(f"{name} {value / seconds['inverse']:.0%}" for name, value in seconds.items())
     say(f"glazejax, mode 0, {roots.size} directions: {times} of {1e6 * seconds['inverse']:.0f} us")
     saves = 1 - seconds["order 0"] / seconds["inverse"]
-    say.record(series_saves=quantity(100 * saves, "%", digits=0))
+    say.record(series_saves=percent(saves))
 
 
 def norm(say: Results) -> None:
     """Figure 10's numbers: which norm, which directions."""
     say(
         "\nFigure 10 in two dimensions: rms error of orders 0 and 1 over all directions, light "
-        "of intensity 1, per cent"
-    )
-    say(
+        "of intensity 1, per cent\n"
         f"  paper: {PRINTED[0]} and {PRINTED[1]}, ratio {PRINTED[0] / PRINTED[1]:.1f} (8.4 to "
         "9.4 within the rounding)"
     )
@@ -328,9 +307,7 @@ def norm(say: Results) -> None:
     )
     say(
         "  In three dimensions the ratio is 6.4 in every norm (many_flux_figures.txt), so that "
-        "none gives both numbers."
-    )
-    say(
+        "none gives both numbers.\n"
         "  The paper draws its section 4.2 in two dimensions and does not say how many "
         "directions figure 10 has."
     )
@@ -338,11 +315,7 @@ def norm(say: Results) -> None:
 
 def main() -> None:
     """Command line."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    add_option(parser)
-    options = parser.parse_args()
+    options = command_line(__doc__).parse_args()
     if options.quick:
         globals().update(PATHS=10_000, FLAT=(16, 34), ROUNDS=(3, 3, 20))
     jax.config.update("jax_enable_x64", True)

@@ -6,8 +6,6 @@ paper measured on its monitor is shown on a simulated one and read back. Run wit
 benchmarks.papers.object_colour_figures``.
 """
 
-import argparse
-
 import jax.numpy as jnp
 import numpy as np
 
@@ -32,9 +30,9 @@ from benchmarks.papers.object_colour_monitor import (
     measured,
     tables,
 )
-from benchmarks.papers.object_colour_panels import curves_figure, figure_of, monitor_figure
+from benchmarks.papers.object_colour_panels import figure_of, monitor_figure
 from benchmarks.papers.object_colour_planes import planes
-from benchmarks.results import Results, add_option, quantity
+from benchmarks.results import Results, command_line, quantity
 from glazejax.appearance import shading
 from glazejax.appearance.metals import metal
 from glazejax.commands.main import start_jax
@@ -48,33 +46,25 @@ SPHERES = {"red": "moderate red", "green": "green", "blue": "blue"}
 """Patches that the paper's monitor can show under illuminant A; the chart's own red is too red for
 it.
 """
-ALL_ANGLES = np.arange(0.0, 90.1, 5.0)
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    add_option(parser)
-    options = parser.parse_args()
+    options = command_line(__doc__).parse_args()
     start_jax()
     results = Results("object_colour_figures", options.out, "colour-science")
     results("Monitor (section 2)")
     screen = tables(results) | chips(results)
     pictures = {"spheres": spheres(results), "copper": copper(results), "planes": planes(results)}
-    curves = all_angles(results)
+    all_angles(results)
     results.save(figure_of(pictures))
-    others = {
-        "monitor": monitor_figure(screen, pictures),
-        "metals": curves_figure(GRID, ALL_ANGLES, curves),
-    }
-    for name, figure in others.items():
-        figure.savefig(options.out / f"object_colour_{name}.png", dpi=110)
+    monitor = monitor_figure(screen, pictures)
+    monitor.savefig(options.out / "object_colour_monitor.png", dpi=110)
 
 
 def spheres(results: Results) -> dict:
     """Phong spheres of section 6.1, seen along the light."""
-    results()
     results(
-        "Spheres (section 6.1): S_s = 5, read as percent, n = 11, light and eye in one direction"
+        "\nSpheres (section 6.1): S_s = 5, read as percent, n = 11, light and eye in one direction"
     )
     light = lamp("A")
     bodies = patches(*SPHERES.values())
@@ -135,14 +125,11 @@ def spheres(results: Results) -> dict:
 
 def copper(results: Results) -> dict:
     """Metals of section 6.2: loci of chromaticity against angle, and plates at 80 degrees."""
-    results()
     results(
-        "Metals (section 6.2): xy distance from exact Fresnel, 0 to 87.5 degrees step 2.5, "
-        "sunlight D55"
-    )
-    results("  CT: Cook-Torrance; H: Hall, n = 1; Hk: Hall with the metal's mean n and k")
-    results("                      from the exact locus (figure 12)            at the same angle")
-    results(
+        "\nMetals (section 6.2): xy distance from exact Fresnel, 0 to 87.5 degrees step 2.5, "
+        "sunlight D55\n"
+        "  CT: Cook-Torrance; H: Hall, n = 1; Hk: Hall with the metal's mean n and k\n"
+        "                      from the exact locus (figure 12)            at the same angle\n"
         "  metal                CT      H     Hk    H/CT  Hk/CT       CT      H     Hk    H/CT  "
         "Hk/CT"
     )
@@ -187,17 +174,16 @@ def copper(results: Results) -> dict:
     }
 
 
-def all_angles(results: Results) -> dict[str, np.ndarray]:
-    """Figure 11: copper's reflectance by the three forms over all angles, (angles, bands) each."""
+def all_angles(results: Results) -> None:
+    """Figure 11: copper's reflectance by the three forms over all angles."""
     fine = np.linspace(0.0, 89.5, 359)
     found = {
         form: v
         for form, v in reflectances(COPPER, np.cos(np.deg2rad(fine))).items()
         if form in FORMS
     }
-    results()
     results(
-        "Figure 11: copper's reflectance by the approximations minus the exact one, least and "
+        "\nFigure 11: copper's reflectance by the approximations minus the exact one, least and "
         "most over 400-700 nm"
     )
     results("  angle      " + "".join(f"{form:>22}" for form in FORMS[1:]))
@@ -219,8 +205,6 @@ def all_angles(results: Results) -> dict[str, np.ndarray]:
         "  paper: Cook-Torrance fits up to about 50 degrees and falls off near 75; Hall is good "
         "throughout"
     )
-    cosines = np.maximum(np.cos(np.deg2rad(ALL_ANGLES)), 0.0)
-    return {form: values for form, values in reflectances(COPPER, cosines).items() if form in FORMS}
 
 
 def columns(distances: list[float]) -> str:

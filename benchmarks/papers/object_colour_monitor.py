@@ -23,7 +23,7 @@ from benchmarks.papers.object_colour import (
     reflectances,
     xyz,
 )
-from benchmarks.results import Results, quantity
+from benchmarks.results import Results, percent, quantity
 from glazejax.appearance.display.display import Display
 from glazejax.appearance.display.tone import ToneCurve, look_up
 
@@ -135,7 +135,7 @@ def tables(results: Results) -> dict[str, Any]:
     largest = np.abs(PRINTED).max()
     share = np.abs(display.matrix - PRINTED).max() / largest
     results(f"  largest difference {share:.1%} of the largest number")
-    results.record(matrix=quantity(100 * share, "%", digits=1))
+    results.record(matrix=percent(share, 1))
     for green in (MISPRINT, GREEN_Y):
         off = nearest_display(green)[1]
         results(
@@ -203,9 +203,8 @@ def showable(values: np.ndarray) -> np.ndarray:
 
 def chips(results: Results) -> dict[str, Any]:
     """Section 6: the brightness of standard colours on the monitor."""
-    results()
     results(
-        "Chips (section 6): the 24 patches of a ColorChecker under D55, what is read over what "
+        "\nChips (section 6): the 24 patches of a ColorChecker under D55, what is read over what "
         "is wanted"
     )
     known = chart()
@@ -223,8 +222,8 @@ def chips(results: Results) -> dict[str, Any]:
             results.record(
                 chips_mean=quantity(off.mean(), digits=4, n=off.size),
                 chips_most=quantity(off.max(), digits=4, n=off.size),
-                chips_luminance=quantity(100 * ratio.mean(), "%", digits=1, n=off.size),
-                chips_luminance_most=quantity(100 * ratio.max(), "%", digits=1, n=off.size),
+                chips_luminance=percent(ratio.mean(), 1, n=off.size),
+                chips_luminance_most=percent(ratio.max(), 1, n=off.size),
             )
     names = [name for name, there in zip(known, inside, strict=True) if not there]
     results(f"  outside the monitor's gamut, clipped and left out: {', '.join(names) or 'none'}")
@@ -289,8 +288,8 @@ def copper_plates(results: Results) -> dict[str, Any]:
     steep, grazing = wrong[PLATES <= 45].mean(), wrong[PLATES > 45].mean()
     results(
         f"    what is read lies within {off.max():.4f} of the line from normal incidence to the "
-        "light;"
+        "light;\n"
+        f"    up to 45 degrees it is {steep:.4f} off on average, beyond {grazing:.4f}\n"
+        "    paper: the locus is straight, with an error near 0 degrees"
     )
-    results(f"    up to 45 degrees it is {steep:.4f} off on average, beyond {grazing:.4f}")
-    results("    paper: the locus is straight, with an error near 0 degrees")
     return {"copper": (exact, read, ends)}

@@ -1,6 +1,4 @@
-"""Panels of `benchmarks.papers.object_colour_figures`: pictures and chromaticities, the monitor, copper
-over all angles.
-"""
+"""Panels of `benchmarks.papers.object_colour_figures`: pictures and chromaticities, the monitor."""
 
 from typing import TYPE_CHECKING, Any
 
@@ -127,32 +125,6 @@ def _legend(axes: "Axes") -> None:
     axes.plot([], [], color=_FAINT, lw=0.8, label="wanted")
     axes.legend(frameon=False, fontsize=11, loc="center left")
     axes.set_axis_off()
-
-
-def curves_figure(
-    wavelengths: np.ndarray, angles: np.ndarray, curves: dict[str, np.ndarray]
-) -> "Figure":
-    """Figure 11: copper's reflectance over wavelength and angle by the three forms."""
-    from matplotlib import colormaps
-    from matplotlib.cm import ScalarMappable
-    from matplotlib.colors import PowerNorm
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(14, 4.8), layout="constrained")
-    figure.suptitle("Copper's reflectance over all angles (paper B, figure 11)", fontsize=13)
-    panels = figure.subplots(1, 3, sharey=True)
-    scale, shade = PowerNorm(2.5, 0, 90), colormaps["viridis_r"]
-    for axes, (form, values) in zip(panels, curves.items(), strict=True):
-        for angle, row in zip(angles, values, strict=True):
-            axes.plot(wavelengths, row, color=shade(scale(angle)), lw=1.3)
-        axes.set(xlabel="wavelength (nm)", xlim=(400, 700), ylim=(0.25, 1.01))
-        _name(axes, form)
-    panels[0].set_ylabel("reflectance")
-    bar = figure.colorbar(
-        ScalarMappable(scale, shade), ax=panels, label="angle of incidence, step 5°", pad=0.01
-    )
-    bar.set_ticks([0, 30, 45, 60, 70, 80, 90])
-    return figure
 
 
 def _name(axes: "Axes", words: str) -> None:

@@ -114,9 +114,8 @@ def scene(way: str, above: np.ndarray, below: np.ndarray, light: np.ndarray) -> 
 
 def planes(results: Results) -> dict[str, Any]:
     """Figures 15 and 16, blue-green above and yellow below."""
-    results()
     results(
-        f"Joined planes (section 6.3): gamma {OPENING:g} degrees, w {WIDTH:g}, sunlight D55 "
+        f"\nJoined planes (section 6.3): gamma {OPENING:g} degrees, w {WIDTH:g}, sunlight D55 "
         "along the bisector"
     )
     light = lamp("D55")
@@ -162,9 +161,9 @@ def planes(results: Results) -> dict[str, Any]:
     away = np.linalg.norm(chromaticity_of(column)[:, None] - near, axis=-1).min(axis=1)
     results(
         "    distance in xy from the colours of eq (9) at 101 places: "
-        f"{np.sort(away)[:-2].max():.4f} at most,"
+        f"{np.sort(away)[:-2].max():.4f} at most,\n"
+        f"    but for the two pixels that show the joint and both planes: {away.max():.4f}"
     )
-    results(f"    but for the two pixels that show the joint and both planes: {away.max():.4f}")
     chosen = column[:: max(len(column) // 40, 1)]
     wanted = exposed(chosen, loops()[0].known)
     read, missed = measured(results, "planes", "Figure 16", wanted)

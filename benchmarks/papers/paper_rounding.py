@@ -10,7 +10,6 @@ rounded stack tells how much of the error is rounding. The paper's times tell ho
 were, which its text does not: the last table uses that.
 """
 
-import argparse
 from typing import Any
 
 import jax
@@ -31,7 +30,7 @@ from benchmarks.papers.paper_tables import (
     rgb,
     work,
 )
-from benchmarks.results import Results, add_option, ends, quantities, quantity
+from benchmarks.results import Results, command_line, ends, percent, quantities, quantity
 
 NEEDS = ("matplotlib",)
 
@@ -150,7 +149,7 @@ def record_draws(say: Results, found: dict[str, np.ndarray], thick: dict[str, np
     say.record(
         draws=quantity(DRAWS.size, digits=0),
         ac_nearer=quantity(np.sum(closer["a/c"]), digits=0, n=DRAWS.size),
-        all_nearer=quantity(100 * np.mean(list(closer.values())), "%", digits=0),
+        all_nearer=percent(np.mean(list(closer.values()))),
     )
 
 
@@ -246,15 +245,15 @@ def figure(pairs: dict[str, Work], found: dict[str, np.ndarray]) -> Any:
 
 def main() -> None:
     """Command line."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
-    add_option(parser)
-    options = parser.parse_args()
+    options = command_line(__doc__).parse_args()
     if options.quick:
         globals().update(DRAWS=np.array([1.0]))
     jax.config.update("jax_enable_x64", True)
     say = Results("paper_rounding", options.out)
-    say("Table 4 of paper A: the rounding of h to the fixed step")
-    say("Paints, layers and angles as in paper_tables.txt; own step .01 is the table's standard.")
+    say(
+        "Table 4 of paper A: the rounding of h to the fixed step\n"
+        "Paints, layers and angles as in paper_tables.txt; own step .01 is the table's standard."
+    )
     pairs = work()
     parts(say, pairs)
     spread = f"h of all wavelengths times {DRAWS[0]:g} to {DRAWS[-1]:g}, {DRAWS.size} draws"

@@ -8,7 +8,6 @@ table of the fixed step. The paints, layers and methods are those of `benchmarks
 programs that are compared run in turn.
 """
 
-import argparse
 import functools
 from collections.abc import Callable
 
@@ -30,8 +29,8 @@ from benchmarks.papers.paper_tables import (
     spectrum,
     work,
 )
-from benchmarks.results import Results, add_option, ends, quantities, quantity
-from benchmarks.timing import add_options, interleaved
+from benchmarks.results import Results, command_line, ends, percent, quantities
+from benchmarks.timing import REPEATED, Programs, interleaved
 from glazejax.radiative.auxiliary import assembly, uniform
 from glazejax.radiative.auxiliary.kernel_table import KernelTable
 from glazejax.radiative.auxiliary.uniform_solver import GridSettings
@@ -91,13 +90,11 @@ def shares(say: Results, pairs: dict[str, Work], repetitions: int, budget: float
     """Assembly over the whole, before and after the step is fixed."""
     say(
         "Time of the assembly over that of a whole spectrum, 41 wavelengths, 0/0 degrees; mean "
-        f"of {', '.join(CHOSEN)}."
-    )
-    say(
+        f"of {', '.join(CHOSEN)}.\n"
         "Assembly: H, U, M and one product with the matrix, so that the compiler does not leave "
-        "it out; a program of"
+        "it out; a program of\n"
+        "its own, so that a share is good to some per cent."
     )
-    say("its own, so that a share is good to some per cent.")
     methods = (CONVENTIONAL, OWN, FIXED)
     say(
         f"{'step':>6}"
@@ -108,7 +105,7 @@ def shares(say: Results, pairs: dict[str, Work], repetitions: int, budget: float
     for step in ENDS:
         found: dict[str, list[float]] = {m: [] for m in (*methods, "ratio", "left")}
         for pair in (pairs[name] for name in CHOSEN):
-            programs: dict[str, Callable[[], object]] = {}
+            programs: Programs = {}
             for method in methods:
                 programs[method] = functools.partial(spectrum, pair, step, method)
                 programs[method + " alone"] = assembly_alone(pair, step, method)
@@ -123,18 +120,16 @@ def shares(say: Results, pairs: dict[str, Work], repetitions: int, budget: float
     for key, name in (("assembly", OWN), ("fixed", "ratio"), ("without", "left")):
         shares = [100 * mean[name] for mean in means.values()]
         say.record(**quantities(ends(key, shares), "%", 0, n=len(shares)))
-    say.record(paper=quantity(100 * (1 - max(PAPER_SHORTENED)), "%", digits=0))
+    say.record(paper=percent(1 - max(PAPER_SHORTENED)))
     say("")
     printed = ", ".join(f"{v:.1%}" for v in PAPER_SHORTENED)
     say(
         f"paper: fixed over own step {printed}: its assembly takes at least "
-        f"{1 - max(PAPER_SHORTENED):.0%} of the time,"
-    )
-    say(
+        f"{1 - max(PAPER_SHORTENED):.0%} of the time,\n"
         "for it computes each number of H and U by a quadrature. Last column: what an own step "
-        "would take if its"
+        "would take if its\n"
+        "assembly cost nothing."
     )
-    say("assembly cost nothing.")
 
 
 def many(say: Results, pairs: dict[str, Work], repetitions: int, budget: float) -> None:
@@ -143,9 +138,7 @@ def many(say: Results, pairs: dict[str, Work], repetitions: int, budget: float) 
     names = list(pairs)
     say(
         "\nMany glazes at once through one table: random pairs, each layer .5 to 1.5 times as "
-        "thick; 41 wavelengths"
-    )
-    say(
+        "thick; 41 wavelengths\n"
         f"{'step':>6}{'glazes':>8}{'incidences':>12}{'own step':>14}"
         f"{'fixed step':>14}{'ratio':>9}{'fixed, corrected':>20}"
     )
@@ -164,7 +157,7 @@ def many(say: Results, pairs: dict[str, Work], repetitions: int, budget: float) 
                 if angles == 1
                 else Work(batch.albedo[..., None, :], batch.thickness[..., None, :])
             )
-            programs: dict[str, Callable[[], object]] = {
+            programs: Programs = {
                 method: functools.partial(spectrum, one, step, method, **given)
                 for method in (OWN, FIXED, CORRECTED)
             }
@@ -172,7 +165,7 @@ def many(say: Results, pairs: dict[str, Work], repetitions: int, budget: float) 
             each = {m: 1e3 * s / glazes for m, s in seconds.items()}
             key = QUOTED.get((glazes, angles))
             if key is not None:
-                say.record(**{key: quantity(100 * each[FIXED] / each[OWN], "%", digits=0)})
+                say.record(**{key: percent(each[FIXED] / each[OWN])})
             say(
                 f"{step:6.2f}{glazes:8d}{angles:12d}{each[OWN]:11.1f} ms{each[FIXED]:11.2f} ms"
                 f"{each[FIXED] / each[OWN]:9.1%}{each[CORRECTED]:17.2f} ms"
@@ -182,16 +175,15 @@ def many(say: Results, pairs: dict[str, Work], repetitions: int, budget: float) 
 
 def main() -> None:
     """Command line."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
-    add_options(parser)
-    add_option(parser, repetitions=3, budget=0.1)
-    options = parser.parse_args()
+    options = command_line(__doc__, None, **REPEATED).parse_args()
     if options.quick:
         globals().update(CHOSEN=CHOSEN[1:])
     jax.config.update("jax_enable_x64", True)
     say = Results("paper_shares", options.out)
-    say("Paper A, tables 2 and 3: where the time goes, before and after the step is fixed")
-    say(f"Two layers of 12 um, n = {INDEX:g}, ground {GROUND:g}, paints as in paper_tables.txt\n")
+    say(
+        "Paper A, tables 2 and 3: where the time goes, before and after the step is fixed\n"
+        f"Two layers of 12 um, n = {INDEX:g}, ground {GROUND:g}, paints as in paper_tables.txt\n"
+    )
     pairs = work()
     shares(say, pairs, options.repetitions, options.budget)
     many(say, pairs, options.repetitions, options.budget)

@@ -4,28 +4,25 @@
 
 Both sides are compiled, in double precision, and share the solver of the linear systems, so that
 they differ by how the matrix comes about. Times: warm medians of programs run in turn; compilation
-left out. The paints are of the paper's four pigments, by other hands. Writes a table and a plot.
+left out. The paints are of the paper's four pigments, by other hands. Writes a table.
 """
 
-import argparse
 import functools
 import itertools
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
-from benchmarks.results import Results, add_option, ends, quantities, quantity
-from benchmarks.timing import add_options, interleaved
+from benchmarks.results import Results, command_line, ends, percent, quantities, quantity
+from benchmarks.timing import REPEATED, Programs, interleaved
 from glazejax import catalogue, colour, stack_reflectance_factor
 from glazejax.radiative.auxiliary import assembly, uniform
 from glazejax.radiative.auxiliary.kernel_table import KernelTable
 from glazejax.radiative.auxiliary.uniform import reflectance_factor
-
-NEEDS = ("matplotlib",)
 
 WAVELENGTHS = np.arange(380.0, 781.0, 10.0)
 INDEX, GROUND, THICKNESS = 1.5, 1.0, 12e-6
@@ -145,9 +142,9 @@ def coefficient_matrix(step: jax.Array, count: jax.Array, most: int, variant: st
 
 def table_1(say: Results, repetitions: int) -> None:
     count = WAVELENGTHS.size
-    say("\nTable 1. Assembly of A, n = 1.5, ground 1, dh = .02: decomposed over direct, time")
-    say(f"a spectrum of {count} matrices a call, {repetitions} repetitions")
     say(
+        "\nTable 1. Assembly of A, n = 1.5, ground 1, dh = .02: decomposed over direct, time\n"
+        f"a spectrum of {count} matrices a call, {repetitions} repetitions\n"
         f"{'Q':>4} {'paper':>8} {'here':>8}   {'direct':>12} {'decomposed':>12}   largest "
         "difference of an entry"
     )
@@ -155,7 +152,7 @@ def table_1(say: Results, repetitions: int) -> None:
     steps = jnp.asarray(0.02 * np.linspace(0.98, 1.02, count))
     for size, direct, decomposed in zip(SIZES, PAPER_DIRECT, PAPER_DECOMPOSED, strict=True):
         counts = jnp.full(count, size)
-        programs: dict[str, Callable] = {
+        programs: Programs = {
             variant: functools.partial(coefficient_matrix, steps, counts, size, variant)
             for variant in ("direct", "decomposed")
         }
@@ -206,7 +203,7 @@ def seconds_of(pairs: dict[str, Work], repetitions: int, budget: float) -> dict[
     seconds: dict[tuple, float] = {}
     for name, pair in pairs.items():
         for step in STEPS:
-            programs: dict[str, Callable] = {
+            programs: Programs = {
                 method: functools.partial(spectrum, pair, step, method) for method in METHODS
             }
             programs[COUNTED] = functools.partial(with_new_table, pair, step)
@@ -224,12 +221,12 @@ def say_paints(say: Results) -> None:
     for letter, name in PAINTS.items():
         bands = paints[name].wavelengths
         say(f"  {letter} {name}, {bands[0]:g}-{bands[-1]:g} nm")
-    say("Beyond its bands a paint's end values go on.")
     say(
+        "Beyond its bands a paint's end values go on.\n"
         f"k and s are multiplied by {THINNING:g}: the catalogue's are of masstones 25 um thick, "
-        "the paper's glazes hold"
+        "the paper's glazes hold\n"
+        "2.3 % of pigment."
     )
-    say("2.3 % of pigment.")
     spread = spread_of_scattering(PAINTS["a"])
     say(
         "Readings of lead-tin yellow tell k/s alone: its s is that of other families, known to a "
@@ -277,20 +274,16 @@ def record_ratios(
 def tables_2_and_3(
     say: Results, pairs: dict[str, Work], repetitions: int, budget: float
 ) -> dict[tuple, float]:
-    say("\nTables 2 and 3. Spectrum of two layers at 0/0 degrees, 41 wavelengths: time")
     say(
+        "\nTables 2 and 3. Spectrum of two layers at 0/0 degrees, 41 wavelengths: time\n"
         "conventional: own step, A by quadrature (table 1's direct). The paper's table 2 has the "
-        "decomposed A there."
-    )
-    say(
+        "decomposed A there.\n"
         f"at most {repetitions} repetitions, at least 3. Fixed step: its table of H and U is kept "
-        "from call to call, so"
-    )
-    say(
+        "from call to call, so\n"
         "that making it is not counted. Table counted: each spectrum makes a table of its own, "
-        "once for its 41"
+        "once for its 41\n"
+        "wavelengths, in the time. The paper's times hold such tables, too."
     )
-    say("wavelengths, in the time. The paper's times hold such tables, too.")
     seconds = seconds_of(pairs, repetitions, budget)
     for method in (*METHODS, COUNTED, TABLE):
         say(f"\n{method}, ms")
@@ -316,7 +309,7 @@ def tables_2_and_3(
         "one table for all pairs, counted once: fixed step over own step, decomposed, "
         f"{np.mean(together):.2%} of the time of all"
     )
-    say.record(own_together=quantity(100 * np.mean(together), "%", digits=0))
+    say.record(own_together=percent(np.mean(together)))
     say(f"{'paper: reuse rate':<62}" + "".join(f"{v:9.2%}" for v in PAPER_REUSED))
     kept = {step: KernelTable(INDEX, step) for step in STEPS}
     fresh = [
@@ -359,9 +352,7 @@ def rgb(pair: Work, method: str, step: float) -> np.ndarray:
 def table_4(say: Results, pairs: dict[str, Work]) -> None:
     say(
         "\nTable 4. Absolute difference of 24-bit RGB over 19 x 19 angles, 0 to 90 degrees: mean "
-        "(variance)"
-    )
-    say(
+        "(variance)\n"
         "90 degrees, where the surface is a mirror, counts as its limit: black. sRGB under D65, "
         "0-255, rounded."
     )
@@ -432,7 +423,7 @@ def thicker_yellow(say: Results, names: list[str], repetitions: int, budget: flo
 
 def default_solver(
     say: Results, pairs: dict[str, Work], seconds: dict[tuple, float], repetitions: int
-) -> dict:
+) -> None:
     """The default solver on tables 2 and 3's work compared with the conventional method at dh = .01."""
     albedo, thickness = (np.stack([getattr(p, k) for p in pairs.values()]) for k in Work._fields)
 
@@ -459,7 +450,7 @@ def default_solver(
         for t in 10.0 ** -np.arange(2, 11)
         if (e := float(np.max(np.abs(solve(t) - truth)))) <= wanted
     )
-    programs: dict[str, Callable] = {"all": functools.partial(solve, tolerance)}
+    programs: Programs = {"all": functools.partial(solve, tolerance)}
     programs |= {
         name: functools.partial(solve, tolerance, albedo=p.albedo, thickness=p.thickness)
         for name, p in pairs.items()
@@ -474,18 +465,16 @@ def default_solver(
     one = sum(measured[name] for name in pairs)
     say(
         f"\nDefault solver (tolerance {tolerance:.0e}) over the conventional method at dh = .01, "
-        "the six pairs"
-    )
-    say(f"  error ratio {error / errors[0.01, CONVENTIONAL]:.3f} ({error:.1e})")
-    say(
+        "the six pairs\n"
+        f"  error ratio {error / errors[0.01, CONVENTIONAL]:.3f} ({error:.1e})\n"
         f"  time ratio  {measured['all'] / conventional:.4%}, all pairs in one call; "
-        f"{one / conventional:.4%}, one by one"
+        f"{one / conventional:.4%}, one by one\n"
+        f"  over the fixed step: {measured['all'] / fixed:.2%}; {one / fixed:.2%}"
     )
-    say(f"  over the fixed step: {measured['all'] / fixed:.2%}; {one / fixed:.2%}")
     say.record(
         default_errors=quantity(errors[0.01, CONVENTIONAL] / error, digits=0),
-        default_time=quantity(100 * measured["all"] / conventional, "%"),
-        default_time_one_by_one=quantity(100 * one / conventional, "%"),
+        default_time=percent(measured["all"] / conventional, 2),
+        default_time_one_by_one=percent(one / conventional, 2),
     )
     counted = sum(seconds[name, 0.01, COUNTED] for name in pairs)
     for key, timed, method in (
@@ -502,34 +491,10 @@ def default_solver(
         )
         if timed != COUNTED:
             say.record(**{f"{key}_times": quantity(total / counted, "times", form="g")})
-    return errors
-
-
-def figure(pairs: dict[str, Work], seconds: dict[tuple, float], errors: dict[tuple, float]):
-    from matplotlib.figure import Figure
-
-    picture = Figure(figsize=(9, 3.8), layout="constrained")
-    left, right = picture.subplots(1, 2)
-    for method, mark in zip(METHODS, ("o", "s", "^", "D"), strict=True):
-        mean = [1e3 * np.mean([seconds[name, step, method] for name in pairs]) for step in STEPS]
-        left.loglog(STEPS, mean, marker=mark, label=method)
-        right.loglog([errors[step, method] for step in STEPS], mean, marker=mark, label=method)
-    left.set_xlabel("step dh")
-    left.set_ylabel("ms a spectrum, mean of six pairs")
-    left.set_xticks(STEPS, [f"{step:g}" for step in STEPS])
-    left.minorticks_off()
-    right.set_xlabel("largest error of the reflectance factor")
-    left.legend(fontsize=8)
-    for axes in (left, right):
-        axes.grid(visible=True, which="major", alpha=0.3)
-    return picture
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
-    add_options(parser)
-    add_option(parser, repetitions=3, budget=0.1)
-    options = parser.parse_args()
+    options = command_line(__doc__, None, **REPEATED).parse_args()
     if options.quick:
         globals().update(
             SIZES=SIZES[:1], PAPER_DIRECT=PAPER_DIRECT[:1], PAPER_DECOMPOSED=PAPER_DECOMPOSED[:1]
@@ -547,20 +512,18 @@ def main() -> None:
     say_depths(say, pairs)
     say(
         "\ndirect: every entry by its own quadrature, 4 Gauss nodes in the segment and 14 in ln "
-        "mu (14 + 6 for U), the"
-    )
-    say(
+        "mu (14 + 6 for U), the\n"
         "fewest that leave each entry within 1e-6, where MATLAB's dblquad stops by default; "
-        "decomposed: exponential"
+        "decomposed: exponential\n"
+        "integrals, exact. Both solve by conjugate gradients to 1e-11."
     )
-    say("integrals, exact. Both solve by conjugate gradients to 1e-11.")
     table_1(say, options.repetitions)
     seconds = tables_2_and_3(say, pairs, options.repetitions, options.budget)
     table_4(say, pairs)
-    errors = default_solver(say, pairs, seconds, options.repetitions)
+    default_solver(say, pairs, seconds, options.repetitions)
     yellow = ["a/c"] if options.quick else ["a/b", "a/c", "a/d"]
     thicker_yellow(say, yellow, options.repetitions, options.budget)
-    say.save(figure(pairs, seconds, errors))
+    say.save()
 
 
 if __name__ == "__main__":

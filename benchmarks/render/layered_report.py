@@ -17,7 +17,7 @@ from benchmarks.render.layer_rules import RULES, TITLES
 from benchmarks.render.layered_paths import KINDS
 from benchmarks.render.layered_stacks import BANDS, IN_PLANE, INCIDENCES, VIEWS, LayeredStack
 from benchmarks.render.layered_values import Surface, Values
-from benchmarks.results import Results, ends, quantities, quantity
+from benchmarks.results import Results, ends, percent, quantities, quantity
 
 WANTED = 1e-4
 """Error at which times are compared."""
@@ -49,13 +49,11 @@ def agreement(all_found: list[Found], say: Results) -> None:
     """How glazejax and Monte Carlo agree."""
     say(
         "\nglazejax against Monte Carlo: (glazejax - mean)/standard error, rms and largest; "
-        "'error': largest standard"
-    )
-    say(
+        "'error': largest standard\n"
         "error; 'apart': largest difference of glazejax's second method, many-flux, where the "
-        "first is ordinates"
+        "first is ordinates\n"
+        f"{'':<36}{'albedo':>31}{'reflectance factor':>31}"
     )
-    say(f"{'':<36}{'albedo':>31}{'reflectance factor':>31}")
     columns = f"{'paths':>9}{'error':>9}{'rms':>6}{'max':>6} "
     say(f"{'stack':<36}{columns}{columns}{'apart':>8}")
     errors: dict[str, list[float]] = {kind: [] for kind in KINDS}
@@ -114,12 +112,12 @@ def _surfaces(all_found: list[Found], say: Results) -> None:
             factor = max(factor, float(np.max(np.abs(other / found.surface.factor - 1.0))))
     say(
         "the surfaces' own reflection, glazejax against the oracle's quadrature: largest "
-        "difference of an albedo"
+        "difference of an albedo\n"
+        f"{albedo:.1e}, largest relative difference of a reflection factor {factor:.1e}"
     )
-    say(f"{albedo:.1e}, largest relative difference of a reflection factor {factor:.1e}")
     say.record(
         surface_albedo=quantity(albedo, digits=1, form="e"),
-        surface_factor=quantity(100.0 * factor, "%", 2),
+        surface_factor=percent(factor, 2),
     )
 
 
@@ -139,14 +137,12 @@ def rule_errors(all_found: list[Found], say: Results) -> None:
     names = "".join(f"{TITLES[rule]:>20}" for rule in RULES)
     say(
         "\nErrors of the layer rules. Each gets the base's true reflectance, the coat's true "
-        "transmittance and the"
-    )
-    say(
+        "transmittance and the\n"
         "surface's exact reflection: what is left is the rule. Worst albedo (rule - truth, sign "
-        "kept) of 3 angles x 3"
+        "kept) of 3 angles x 3\n"
+        "bands, as seen under even light\n"
+        f"{'stack':<36}{names}"
     )
-    say("bands, as seen under even light")
-    say(f"{'stack':<36}{names}")
     worst = np.empty((len(all_found), len(RULES)))
     for row, found in enumerate(all_found):
         for column, rule in enumerate(RULES):
@@ -189,8 +185,10 @@ def _factor_errors(all_found: list[Found], say: Results, names: str) -> None:
         ("of the reflectance factor", "", ""),
         ("relative to it, surface included, in per cent", "_share", "%"),
     ):
-        say(f"\nRoot mean square error {title}: in the plane of incidence / out of it")
-        say(f"{'stack':<36}{names}")
+        say(
+            f"\nRoot mean square error {title}: in the plane of incidence / out of it\n"
+            f"{'stack':<36}{names}"
+        )
         form = "{:10.1f} /{:8.1f}" if unit else "{:10.4f} /{:8.4f}"
         table = np.empty((len(all_found), len(RULES), 2))
         for row, found in enumerate(all_found):
@@ -219,9 +217,9 @@ def _kind_of_coat(stack: LayeredStack) -> str:
 def _by_angle(all_found: list[Found], say: Results, names: str) -> None:
     say(
         "\nMean error of the reflectance factor by kind of coat (how many), light and view both at "
-        "70 degrees or more,\nor both at 45 or less"
+        "70 degrees or more,\nor both at 45 or less\n"
+        f"{'':<36}{names}"
     )
-    say(f"{'':<36}{names}")
     groups: dict[str, list[Found]] = {}
     for found in all_found:
         groups.setdefault(_kind_of_coat(found.stack), []).append(found)
@@ -244,17 +242,13 @@ def times(all_found: list[Found], say: Results, paths: int) -> None:
     albedos, factors = len(INCIDENCES) * BANDS, len(INCIDENCES) * len(VIEWS) * BANDS
     say(
         f"\nProcessor time on one core. glazejax: all {albedos} albedos and all {factors} "
-        "factors of a stack, tolerance"
-    )
-    say(
+        "factors of a stack, tolerance\n"
         f"{WANTED:g}, compiled and with a rough surface's operators made (best of 5), and the "
-        "largest error. Monte"
-    )
-    say(
+        "largest error. Monte\n"
         f"Carlo: paths timed here (best of 2), for a largest standard error of {WANTED:g} by "
-        "1/sqrt(paths); bands share"
+        "1/sqrt(paths); bands share\n"
+        "paths, and so do the views of an incidence."
     )
-    say("paths, and so do the views of an incidence.")
     columns = f"{'ms':>9}{'error':>9}{'MC s':>9}{'ratio':>9} "
     say(f"{'':<36}{'albedo':>36}{'reflectance factor':>37}")
     say(f"{'stack':<36}{columns}{columns}".rstrip())

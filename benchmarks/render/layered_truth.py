@@ -9,7 +9,6 @@ error; and layered_truth_paths.json, the sums of all paths so far, to which
 --paths-minutes adds (it may be stopped at any time). docs/layered-truth.md explains.
 """
 
-import argparse
 import os
 
 import numpy as np
@@ -22,7 +21,7 @@ from benchmarks.render.layered_paths import KINDS, key_of
 from benchmarks.render.layered_report import Found, agreement, rule_errors, times
 from benchmarks.render.layered_stacks import BANDS, INCIDENCES, STACKS, VIEWS, LayeredStack
 from benchmarks.render.layered_values import Values
-from benchmarks.results import Results, add_option
+from benchmarks.results import Results, command_line
 
 FINE = {"rough": 1e-5, "ordinates": 1e-8, "manyflux": 1e-6}
 """Tolerance of the table, by method."""
@@ -64,10 +63,7 @@ def evaluate(stack: LayeredStack, tallies: dict[str, Tally], fine: dict[str, flo
 
 def main() -> None:
     """See the module."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    add_option(parser, paths_minutes=0.05)
+    parser = command_line(__doc__, {"paths_minutes": 0.05})
     parser.add_argument(
         "--paths-minutes", type=float, default=0.0, help="follow paths for so long first"
     )
@@ -100,9 +96,7 @@ def main() -> None:
     angles = ", ".join(f"{a:g}/{z:g}" for a, z in VIEWS)
     say(
         f"{len(stacks)} stacks x {BANDS} bands; light at {lights} degrees, views (angle/azimuth) "
-        f"{angles}."
-    )
-    say(
+        f"{angles}.\n"
         "Body only: the light that comes from below the surface. docs/layered-truth.md says what "
         "everything means."
     )

@@ -12,8 +12,6 @@ difference of the means, as shares of the mean of the image, and the first also 
 objects alone.
 """
 
-import argparse
-import time
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -22,7 +20,8 @@ from jaxtyping import Float
 
 import glazejax as gj
 from benchmarks.render.strokes import brush_strokes
-from benchmarks.results import Results, add_option, quantities
+from benchmarks.results import Results, command_line, quantities
+from benchmarks.timing import time_call
 from glazejax.appearance.metals import metal
 from glazejax.appearance.mitsuba.variants import usable_variant
 from glazejax.appearance.scene.draw.intersect import scene_geometry
@@ -152,17 +151,8 @@ def on_objects(case: Case) -> np.ndarray:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    add_option(parser, samples=16)
-    parser.add_argument(
-        "--samples",
-        type=int,
-        default=1024,
-        help="rays of a pixel in Mitsuba (default: %(default)s)",
-    )
-    options = parser.parse_args()
+    samples = (1024, 16, "rays of a pixel in Mitsuba")
+    options = command_line(__doc__, samples=samples).parse_args()
     import jax
 
     jax.config.update("jax_enable_x64", True)
@@ -181,14 +171,11 @@ def main() -> None:
     )
     shares = []
     for name, case in cases().items():
-        start = time.perf_counter()
-        mine = ours(case)
-        middle = time.perf_counter()
-        traced = theirs(case, options.samples)
+        mine, own_seconds = time_call(lambda c=case: ours(c))
+        traced, seconds = time_call(lambda c=case: theirs(c, options.samples))
         other = traced.values
-        end = time.perf_counter()
         mean, bias = differences(mine, other)
-        times = f"{middle - start:9.1f}{end - middle:9.1f}"
+        times = f"{own_seconds:9.1f}{seconds:9.1f}"
         noise = traced.report.pixel_noise
         alone = differences(mine, other, on_objects(case))[0]
         shares.append((mean, alone, noise))

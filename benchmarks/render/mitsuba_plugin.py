@@ -10,9 +10,7 @@ these glazes: its diffuse part has the glaze's colour at 45:0, and what it misse
 way.
 """
 
-import argparse
 import tempfile
-import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -22,7 +20,8 @@ import numpy as np
 import glazejax as gj
 from benchmarks.render.measured_export import export_glaze
 from benchmarks.render.strokes import brush_strokes
-from benchmarks.results import Results, add_option, ends, quantities, quantity
+from benchmarks.results import Results, command_line, ends, quantities, quantity
+from benchmarks.timing import time_call
 
 NEEDS = ("mitsuba",)
 
@@ -154,14 +153,7 @@ def calls(mi: Any, bsdf: dict[str, Any], count: int) -> list[tuple[Callable[[], 
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    add_option(parser, count=20_000)
-    parser.add_argument(
-        "--count", type=int, default=1_000_000, help="of a call (default: %(default)s)"
-    )
-    options = parser.parse_args()
+    options = command_line(__doc__, count=(1_000_000, 20_000, "of a call")).parse_args()
     import jax
 
     jax.config.update("jax_enable_x64", True)
@@ -177,15 +169,11 @@ def main() -> None:
         named = materials(Path(folder))
         made, load, best = {}, {}, {}
         for name, (bsdf, _) in named.items():
-            start = time.perf_counter()
-            made[name] = calls(mi, bsdf, options.count)
-            load[name] = time.perf_counter() - start
+            made[name], load[name] = time_call(lambda b=bsdf: calls(mi, b, options.count))
         for _ in range(_TURNS):
             for name, works in made.items():
                 for k, (work, _) in enumerate(works):
-                    start = time.perf_counter()
-                    work()
-                    taken = time.perf_counter() - start
+                    _, taken = time_call(work)
                     best[name, k] = min(best.get((name, k), np.inf), taken)
         head = ("eval M/s", "sample M/s", "paths M/s", "of plastic's", "load s", "table kB")
         head += ("stated error", "error")

@@ -8,15 +8,14 @@ The truth is the solver at all pairs of angles, in linear RGB. Errors are those 
 45 degrees, and the RMS of the reflectance factor.
 """
 
-import argparse
-import time
 from typing import Any
 
 import jax
 import numpy as np
 
 import glazejax as gj
-from benchmarks.results import Results, add_option, ends, quantities, quantity
+from benchmarks.results import Results, command_line, ends, quantities, quantity
+from benchmarks.timing import time_call
 from glazejax.appearance.exports import angular_colour, fit_openpbr
 from glazejax.appearance.exports.openpbr import LAYERINGS, Layering, reflectance_factor
 from glazejax.appearance.exports.rgb import rgb_of_xyz
@@ -48,9 +47,7 @@ def glaze(coats: str, ground: float, index: float) -> gj.Glaze:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    add_option(parser)
-    options = parser.parse_args()
+    options = command_line(__doc__).parse_args()
     jax.config.update("jax_enable_x64", True)
     results = Results("openpbr_fit", options.out)
     _smooth(results)
@@ -66,21 +63,18 @@ def _smooth(out: Results) -> None:
         truth = angular_colour(glaze(*stack), space="acescg")
         rows[name] = {}
         for layering in LAYERINGS:
-            began = time.perf_counter()
-            rows[name][layering] = fit_openpbr(truth, layering=layering)
-            seconds.append(time.perf_counter() - began)
-    out("OpenPBR against the solver, smooth surface, ACEScg, D65")
+            fit, taken = time_call(lambda t=truth, how=layering: fit_openpbr(t, layering=how))
+            rows[name][layering] = fit
+            seconds.append(taken)
     out(
+        "OpenPBR against the solver, smooth surface, ACEScg, D65\n"
         "naive: base_color as seen straight on, index as it is; fit: least squares over all "
-        "pairs of angles"
+        "pairs of angles\n"
+        "albedo: largest error of what an even sky shows; dE: CIEDE2000, mean over 0 to 75 degrees\n"
+        "\nfit for MaterialX's node graph (without a coat, the same in any program that takes "
+        "albedo from the eye's side)\n"
+        f"{'':37}{'albedo':>15}{'dE, sky':>15}{'dE, lamp at 45':>17}{'RMS of R':>17}"
     )
-    out("albedo: largest error of what an even sky shows; dE: CIEDE2000, mean over 0 to 75 degrees")
-    out()
-    out(
-        "fit for MaterialX's node graph (without a coat, the same in any program that takes "
-        "albedo from the eye's side)"
-    )
-    out(f"{'':37}{'albedo':>15}{'dE, sky':>15}{'dE, lamp at 45':>17}{'RMS of R':>17}")
     out(f"{'stack':37}" + f"{'naive':>8}{'fit':>7}" * 2 + f"{'naive':>10}{'fit':>7}" * 2)
     for name, fits in rows.items():
         one, plain = fits["materialx"].errors, fits["materialx"].naive_errors
@@ -89,9 +83,10 @@ def _smooth(out: Results) -> None:
             f"{plain.lamp:10.2f}{one.lamp:7.2f}{plain.rms:10.4f}{one.rms:7.4f}"
         )
     _gains(out, rows)
-    out()
-    out("other ways to put layers together, each fitted (coat where it makes the error smaller)")
-    out(f"{'':37}{'specification':^28}{'reciprocal':^28}")
+    out(
+        "\nother ways to put layers together, each fitted (coat where it makes the error smaller)\n"
+        f"{'':37}{'specification':^28}{'reciprocal':^28}"
+    )
     out(f"{'stack':37}" + f"{'coat':>5}{'dE, sky':>8}{'lamp':>6}{'RMS':>8} " * 2)
     for name, fits in rows.items():
         line = f"{name:37}"
@@ -137,9 +132,8 @@ def _record_errors(out: Results, key: str, errors: list) -> None:
 
 def _rough(out: Results) -> None:
     """Some stacks under a rough surface."""
-    out()
     out(
-        "a rough surface (alpha of GGX), the body by glazejax.radiative.rough: fits for "
+        "\na rough surface (alpha of GGX), the body by glazejax.radiative.rough: fits for "
         "materialx and for reciprocal"
     )
     out(f"{'stack':37}{'alpha':>6}" + f"{'albedo':>9}{'dE, sky':>8}{'lamp':>6}{'RMS':>8}" * 2)

@@ -14,11 +14,11 @@ device.
 """
 
 import argparse
+import functools
 import json
 import resource
 import subprocess
 import sys
-import time
 from collections.abc import Callable
 from typing import Any
 
@@ -27,14 +27,24 @@ import numpy as np
 
 from benchmarks import device
 from benchmarks.render.strokes import brush_strokes, primed_canvas
-from benchmarks.results import Results, add_option, quantity
-from benchmarks.timing import interleaved
+from benchmarks.results import Results, command_line, quantity
+from benchmarks.timing import interleaved, time_call
 
 PAINTS = ("UltramarineBlue", "ChromeYellow")
 GROUND = 0.85
 PICTURE_SIZE = 512
 CHECKED_PIXELS = 2500
 REPETITIONS = 5
+
+
+def picture_program(size: int) -> functools.partial:
+    """A function that draws the picture of so many pixels along a side; it takes options of
+    `glazejax.picture`.
+    """
+    import glazejax as gj
+
+    paints = [gj.catalogue.load()[name] for name in PAINTS]
+    return functools.partial(gj.picture, paints, [brush_strokes(size), primed_canvas(size)], GROUND)
 
 
 def scenes() -> dict[str, tuple[str, dict[str, Any]]]:
@@ -125,15 +135,8 @@ def measure_picture() -> dict[str, float]:
     """Seconds of the first and of later pictures, and peak resident memory; to be run in a fresh
     process.
     """
-    import glazejax as gj
-
-    paints = [gj.catalogue.load()[name] for name in PAINTS]
-    thickness = [brush_strokes(PICTURE_SIZE), primed_canvas(PICTURE_SIZE)]
-    seconds = []
-    for _ in range(4):
-        start = time.perf_counter()
-        jax.block_until_ready(gj.picture(paints, thickness, GROUND).srgb)
-        seconds.append(time.perf_counter() - start)
+    draw = picture_program(PICTURE_SIZE)
+    seconds = [time_call(lambda: draw().srgb)[1] for _ in range(4)]
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
     return {"first": seconds[0], "later": float(np.median(seconds[1:])), "peak": peak}
 
@@ -146,32 +149,31 @@ def picture_report(say: Results, options: argparse.Namespace) -> None:
     command += ["--device", options.device, *["--quick"] * options.quick]
     done = subprocess.run(command, check=True, capture_output=True, text=True)
     measured = json.loads(done.stdout.splitlines()[-1])
-    paints = [gj.catalogue.load()[name] for name in PAINTS]
-    thickness = [brush_strokes(PICTURE_SIZE), primed_canvas(PICTURE_SIZE)]
-    fast = gj.picture(paints, thickness, GROUND)
+    draw = picture_program(PICTURE_SIZE)
+    paints, thickness, _ = draw.args
+    fast = draw()
     chosen = np.random.default_rng(0).choice(PICTURE_SIZE**2, CHECKED_PIXELS, replace=False)
     pixels = [m.reshape(1, -1)[:, chosen] for m in thickness]
     gj.picture(paints, pixels, GROUND, full=True)
-    start = time.perf_counter()
-    full = gj.picture(paints, pixels, GROUND, full=True)
-    seconds = (time.perf_counter() - start) * PICTURE_SIZE**2 / CHECKED_PIXELS
+    full, taken = time_call(lambda: gj.picture(paints, pixels, GROUND, full=True))
+    seconds = taken * PICTURE_SIZE**2 / CHECKED_PIXELS
     white = colour.white_point(paints[0].wavelengths)
     labs = [colour.xyz_to_lab(xyz, white) for xyz in (fast.xyz.reshape(-1, 3)[chosen], full.xyz[0])]
     error = colour.delta_e_2000(*labs)
     say(
         f"\npicture of {PICTURE_SIZE} x {PICTURE_SIZE} pixels, {' over '.join(PAINTS)}, 31 "
-        "wavelengths, to sRGB"
+        "wavelengths, to sRGB\n"
+        f"  {fast.report}"
     )
-    say(f"  {fast.report}")
     later, first, peak = (measured[name] for name in ("later", "first", "peak"))
-    say(f"  seconds: {later:.2f}, the first time {first:.1f} with compilation")
-    say(f"  peak memory of the process: {peak / 2**30:.2f} GiB")
+    say(
+        f"  seconds: {later:.2f}, the first time {first:.1f} with compilation\n"
+        f"  peak memory of the process: {peak / 2**30:.2f} GiB"
+    )
     times = seconds / later
     say(
         f"  pixel by pixel it would take {seconds:.0f} s (from {CHECKED_PIXELS}), {times:.0f} "
-        "times as long"
-    )
-    say(
+        "times as long\n"
         f"  Delta E00 from that, at {CHECKED_PIXELS} random pixels: mean {error.mean():.4f}, max "
         f"{error.max():.4f}"
     )
@@ -188,10 +190,7 @@ def picture_report(say: Results, options: argparse.Namespace) -> None:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    add_option(parser)
+    parser = command_line(__doc__)
     device.add_option(parser)
     parser.add_argument("--measure-picture", action="store_true", help=argparse.SUPPRESS)
     options = parser.parse_args()

@@ -9,19 +9,17 @@ process: first with compilation, then again; the second run is the one that coun
 with 4 x 4 rays for every pixel, to say what the skipping saves and costs.
 """
 
-import argparse
 import resource
-import time
 
 import numpy as np
 
 import glazejax as gj
 from benchmarks.render.strokes import brush_strokes
-from benchmarks.results import Results, add_option, quantity
+from benchmarks.results import Results, command_line, percent, quantity
+from benchmarks.timing import time_call
 from glazejax.appearance.scene.draw.render import render
 from glazejax.appearance.scene.lights import ParallelLight, PointLight, lamp
 from glazejax.appearance.scene.materials import Glazed, Lambert
-from glazejax.appearance.scene.render_result import Rendered
 from glazejax.appearance.scene.scene import Camera, Scene
 from glazejax.appearance.scene.shapes import Box, Plane, Sphere
 
@@ -60,11 +58,7 @@ def scene(width: int = 640, height: int = 480) -> Scene:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    add_option(parser)
-    options = parser.parse_args()
+    options = command_line(__doc__).parse_args()
     import jax
 
     jax.config.update("jax_enable_x64", True)
@@ -72,15 +66,14 @@ def main() -> None:
     made = scene(160, 120) if options.quick else scene()
     size = f"{made.width} x {made.height} pixels"
     results(f"{size}, 31 bands, three glazed things, two lights, 4 x 4 rays where there is an edge")
-    _, first = _timed(made)
-    rendered, again = _timed(made)
-    results(f"first, with compilation: {first:.1f} s")
-    results(f"again: {again:.1f} s")
+    _, first = time_call(lambda: render(made))
+    rendered, again = time_call(lambda: render(made))
+    results(f"first, with compilation: {first:.1f} s\nagain: {again:.1f} s")
     for line in rendered.report.describe().splitlines():
         results(f"  {line}")
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20
     results(f"peak memory {peak:.2f} GiB")
-    full, seconds = _timed(made, adaptive=False)
+    full, seconds = time_call(lambda: render(made, adaptive=False))
     error = np.abs(full.radiance - rendered.radiance).mean() / full.radiance.mean()
     results(
         f"4 x 4 rays for every pixel: {seconds:.1f} s; mean difference of the two pictures "
@@ -89,19 +82,12 @@ def main() -> None:
     results.record(
         first=quantity(first, "s", 1),
         again=quantity(again, "s", 1),
-        left_out=quantity(100.0 * rendered.report.saved, "%", 0),
+        left_out=percent(rendered.report.saved),
         full=quantity(seconds, "s", 1),
-        apart=quantity(100.0 * error, "%", 2),
+        apart=percent(error, 2),
         times=quantity(seconds / again, "times", 2, form="g"),
     )
     results.save()
-
-
-def _timed(made: Scene, *, adaptive: bool = True) -> tuple[Rendered, float]:
-    """A picture, and the seconds that it takes."""
-    start = time.perf_counter()
-    rendered = render(made, adaptive=adaptive)
-    return rendered, time.perf_counter() - start
 
 
 if __name__ == "__main__":

@@ -6,11 +6,12 @@ canvas, a wooden board.
 Writes the heights of an impasto, 0 to about 1, for the key `relief` of a scene file.
 """
 
-import argparse
 from pathlib import Path
 
 import numpy as np
 from jaxtyping import Float
+
+from benchmarks.results import help_parser
 
 _STROKES = 46
 
@@ -201,9 +202,7 @@ def wood_grain(
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = help_parser(__doc__)
     parser.add_argument("file", type=Path, help="array to write, .npy")
     parser.add_argument("--size", default="600x800", help="rows and columns (default: %(default)s)")
     parser.add_argument(

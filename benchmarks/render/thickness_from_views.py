@@ -10,7 +10,6 @@ pictures had, and takes the derivative by every texel (integrator prb). The glaz
 of its surface. Prints the error of the map on the way, and draws it.
 """
 
-import argparse
 import time
 from collections.abc import Callable
 from typing import Any, NamedTuple
@@ -20,7 +19,7 @@ from jaxtyping import Float
 
 import glazejax as gj
 from benchmarks.render.strokes import brush_strokes
-from benchmarks.results import Results, add_option, quantities, quantity
+from benchmarks.results import Results, command_line, percent, quantities, quantity
 
 NEEDS = ("mitsuba", "matplotlib")
 
@@ -135,15 +134,9 @@ def recover(
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    add_option(parser, size=12, steps=20)
-    parser.add_argument(
-        "--size", type=int, default=48, help="texels along a side (default: %(default)s)"
-    )
-    parser.add_argument("--steps", type=int, default=200, help="of the fit (default: %(default)s)")
-    options = parser.parse_args()
+    options = command_line(
+        __doc__, size=(48, 12, "texels along a side"), steps=(200, 20, "of the fit")
+    ).parse_args()
     import mitsuba as mi  # pyright: ignore[reportMissingImports]
 
     mi.set_variant("llvm_ad_spectral")
@@ -152,8 +145,8 @@ def main() -> None:
     register()
     results = Results("thickness_from_views", options.out, "mitsuba")
     truth = brush_strokes(options.size)
-    results(f"Mitsuba in {mi.variant()}; {PAINT} on a ground of {GROUND}, with its gloss")
     results(
+        f"Mitsuba in {mi.variant()}; {PAINT} on a ground of {GROUND}, with its gloss\n"
         f"{options.size} x {options.size} texels, mean {truth.mean() * 1e6:.2f} um, at most "
         f"{truth.max() * 1e6:.2f} um; three views of 128 x 128 pixels, {TARGET_SAMPLES} samples; "
         f"{options.steps} steps of one view, {SAMPLES} samples, other seeds"
@@ -165,15 +158,15 @@ def main() -> None:
     results(
         f"thickness: root mean square error {rms:.2%} of the root mean square, mean absolute "
         f"error {mean:.2%} of the "
-        f"mean, bias {off.mean() / truth.mean():+.2%}"
+        f"mean, bias {off.mean() / truth.mean():+.2%}\n"
+        f"{found.seconds:.0f} s in all, on a machine with other work to do"
     )
-    results(f"{found.seconds:.0f} s in all, on a machine with other work to do")
     errors = {"rms": rms, "absolute": mean, "bias": abs(off.mean()) / truth.mean()}
     counts = {"view_samples": TARGET_SAMPLES, "steps": options.steps, "step_samples": SAMPLES}
     results.record(
         **quantities({name: 100.0 * error for name, error in errors.items()}, "%", n=off.size),
         **quantities(counts, digits=0),
-        noise=quantity(100.0 * found.noise, "%", 1),
+        noise=percent(found.noise, 1),
         thickest=quantity(1e6 * truth.max(), digits=1),
     )
     results.save(_figure(truth, found))

@@ -6,7 +6,6 @@ share on a paint is named and from which misfit on nothing is, is made for it on
 whose truth it is shown.
 """
 
-import time
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
@@ -22,6 +21,7 @@ from benchmarks.paintbench.spectra import (
 from benchmarks.results import Quantity, quantities
 from benchmarks.rivals.baselines import Surface, film_reflectance, least_squares, shares_of, unmix
 from benchmarks.rivals.known_painting import PLACES, Scenery
+from benchmarks.timing import time_call
 from glazefit.film.films import Instrument, diffuse_internal_reflectance
 from glazejax import Glaze, Hemispherical, Layer, Mixture, Pigment, reflectance
 from glazejax.catalogue import family
@@ -496,11 +496,9 @@ def compared(scene: Scenery, other: Scenery, pixels: int = 2000) -> list[Row]:
     rows = []
     for name, method in rivals(scene.paints, scene.ground).items():
         choice = choose(known, method(practice), scene.names)
-        start = time.perf_counter()
-        unmixed = method(spectra)
-        seconds = (time.perf_counter() - start) / len(spectra)
+        unmixed, seconds = time_call(lambda m=method: m(spectra))
         answer = answered(unmixed, choice)
-        rows.append(Row.of(name, truth, answer, scene.names, seconds))
+        rows.append(Row.of(name, truth, answer, scene.names, seconds / len(spectra)))
     return rows
 
 

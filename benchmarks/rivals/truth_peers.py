@@ -1,13 +1,12 @@
 """What people use to name pigments: spectral angle, derivatives, unmixing of -log R, Kubelka-Munk.
 One film at a time.
 
-Each method takes the films, the row that is sought, names of known films with their recipes by
-family, and paints with k and s of a fit without the film. It returns sets of families, best first;
-fractions of the best; and a misfit.
+Each method returns sets of families, best first; fractions of the best; and a misfit.
 """
 
 import itertools
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -19,48 +18,65 @@ from glazejax import Pigment
 
 Found = tuple[list[frozenset[str]], dict[str, float], float]
 Recipes = dict[str, dict[str, float]]
+
+
+class Query(NamedTuple):
+    """What a method may look at.
+
+    Attributes:
+        films: all readings.
+        row: of the film in question.
+        library: names of known films.
+        recipes: of all films, by family.
+        paints: k and s of a fit without the film.
+    """
+
+    films: Films
+    row: int
+    library: Sequence[str]
+    recipes: Recipes
+    paints: list[Pigment]
+
+    def rows_of(self, values: np.ndarray, names: Sequence[str]) -> np.ndarray:
+        """Rows of films by name."""
+        return values[[self.films.names.index(name) for name in names]]
+
+
 # Below this share a component counts as not there.
 _PRESENT = 0.02
 # At 8 degrees from air, diffuse from within; index 1.5.
 _SURFACE = Surface(outer=0.0405, inner=0.596)
 
 
-def _nearest(
-    features: np.ndarray, films: Films, row: int, library: Sequence[str], recipes: Recipes
-) -> Found:
+def _nearest(features: np.ndarray, query: Query) -> Found:
     """Known films by the angle between features, each set of pigments once."""
-    known = features[[films.names.index(name) for name in library]]
-    score = cosine_distance(known, features[[row]], least=1)[:, 0]
+    known = query.rows_of(features, query.library)
+    score = cosine_distance(known, features[[query.row]], least=1)[:, 0]
     order = np.argsort(score)
-    sets = list(dict.fromkeys(frozenset(recipes[library[int(i)]]) for i in order))
-    return sets, recipes[library[int(order[0])]], float(score[order[0]])
+    ranked = [query.recipes[query.library[int(i)]] for i in order]
+    return list(dict.fromkeys(map(frozenset, ranked))), ranked[0], float(score[order[0]])
 
 
-def spectral_angle(
-    films: Films, row: int, library: Sequence[str], recipes: Recipes, paints: list[Pigment]
-) -> Found:
+def spectral_angle(query: Query) -> Found:
     """Least angle between spectra, both cards together."""
-    spectra = np.concatenate([films.over_black, films.over_white], axis=1)
-    return _nearest(spectra, films, row, library, recipes)
+    films = query.films
+    return _nearest(np.concatenate([films.over_black, films.over_white], axis=1), query)
 
 
-def derivative(
-    films: Films, row: int, library: Sequence[str], recipes: Recipes, paints: list[Pigment]
-) -> Found:
+def derivative(query: Query) -> Found:
     """Least angle between slopes of -log R over white."""
-    return _nearest(slopes(absorbance(films.over_white)), films, row, library, recipes)
+    return _nearest(slopes(absorbance(query.films.over_white)), query)
 
 
-def unmixing(
-    films: Films, row: int, library: Sequence[str], recipes: Recipes, paints: list[Pigment]
-) -> Found:
+def unmixing(query: Query) -> Found:
     """Non-negative least squares of -log R over white from the known pure films."""
-    values = absorbance(films.over_white)
-    pure = [name for name in library if len(recipes[name]) == 1]
-    amounts, misfit = unmix(values[[films.names.index(name) for name in pure]].T, values[[row]])
-    shares = family({next(iter(recipes[name])): 0.0 for name in pure})
+    values = absorbance(query.films.over_white)
+    pure = [name for name in query.library if len(query.recipes[name]) == 1]
+    amounts, misfit = unmix(query.rows_of(values, pure).T, values[[query.row]])
+    shares: dict[str, float] = {}
     for name, part in zip(pure, shares_of(amounts)[0], strict=True):
-        shares[next(iter(recipes[name]))] += part
+        paint = next(iter(query.recipes[name]))
+        shares[paint] = shares.get(paint, 0.0) + part
     return _of_shares(shares, float(misfit[0]))
 
 
@@ -71,15 +87,14 @@ def _of_shares(shares: dict[str, float], misfit: float) -> Found:
     return sets, there, misfit
 
 
-def kubelka_munk(
-    films: Films, row: int, library: Sequence[str], recipes: Recipes, paints: list[Pigment]
-) -> Found:
+def kubelka_munk(query: Query) -> Found:
     """Two-constant Kubelka-Munk with the same paints: singles and pairs on a grid of amounts, over
     both cards.
 
     K = 2 k and S = 3/4 s, Saunderson's correction; the least root mean square wins, a pair only
     where it halves it.
     """
+    films, row, paints = query.films, query.row, query.paints
     k, s = (
         np.stack([np.asarray(getattr(p, what)) for p in paints]) * UNIT
         for what in ("absorption", "scattering")

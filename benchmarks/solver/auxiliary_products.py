@@ -8,7 +8,6 @@ them first; "transforms" never makes one, but multiplies by its Toeplitz and Han
 fast Fourier transforms.
 """
 
-import argparse
 import functools
 from collections.abc import Callable
 from typing import Any, NamedTuple
@@ -17,8 +16,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from benchmarks.results import Results, add_option, quantity
-from benchmarks.timing import add_options, interleaved
+from benchmarks.results import Results, command_line, quantity
+from benchmarks.timing import REPEATED, interleaved
 from glazejax import stack_reflectance_factor
 from glazejax.radiative.auxiliary import uniform
 from glazejax.radiative.auxiliary.kernel_table import KernelTable
@@ -147,25 +146,20 @@ def record_times(say: Results, key: str, row: Row) -> None:
 
 def main() -> None:
     """Command line."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
-    add_options(parser)
-    add_option(parser, repetitions=3, budget=0.1)
-    options = parser.parse_args()
+    options = command_line(__doc__, None, **REPEATED).parse_args()
     if options.quick:
         globals().update(OWN=tuple(QUOTED.values()), FIXED=FIXED[:1], GRADIENT=GRADIENT[-1:])
     jax.config.update("jax_enable_x64", True)
     say = Results("auxiliary_products", options.out)
-    say("Paper A: H, U and M of all wavelengths and glazes in one program, double precision")
     say(
+        "Paper A: H, U and M of all wavelengths and glazes in one program, double precision\n"
         f"Two layers, albedo .2 to .99, random thickness; the thickest has Q steps of {STEP:g}; "
-        f"n = {INDEX:g}, ground"
-    )
-    say(
+        f"n = {INDEX:g}, ground\n"
         f"{GROUND:g}, 0/0 degrees. MB: working memory of the largest program, as planned by the "
-        "compiler, in the order"
+        "compiler, in the order\n"
+        "of the ways. apart: largest difference of a value (or derivative) from the first way.\n\n"
+        "Own step, decomposed: each stack has numbers of its own, 3 Q - 1 of H and U"
     )
-    say("of the ways. apart: largest difference of a value (or derivative) from the first way.\n")
-    say("Own step, decomposed: each stack has numbers of its own, 3 Q - 1 of H and U")
     own = {"variant": "decomposed", "corrected": False}
     rows = compare(say, OWN, own, options)
     for key, case in QUOTED.items():

@@ -9,17 +9,16 @@ there directions are discrete and depth is exact. Prints for each row of
 over random stacks, by refractive index and by the thickest layer.
 """
 
-import argparse
 import functools
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
-from benchmarks.results import Results, add_option
+from benchmarks.results import Results, command_line
 from benchmarks.solver.calibrate_directions import known, random_stacks
 from glazejax.radiative.auxiliary import graded as auxiliary_graded
-from glazejax.radiative.auxiliary.panels import Mesh
+from glazejax.radiative.auxiliary.panels import PanelMesh
 from glazejax.radiative.common.stack_arrays import Stack
 
 INDICES = (1.0, 1.02, 1.33, 1.5, 2.5)
@@ -40,7 +39,7 @@ def stacks_of(count: int, thickest: float, layers: int = 2) -> Stack:
 
 
 @functools.partial(jax.jit, static_argnums=(2, 3))
-def auxiliary(stacks: Stack, index, mesh: Mesh, fixed: float | None):
+def auxiliary(stacks: Stack, index, mesh: PanelMesh, fixed: float | None):
     """Reflectance factor and hemispherical reflectance, (2, stacks)."""
 
     def chunk(piece):
@@ -55,22 +54,20 @@ def auxiliary(stacks: Stack, index, mesh: Mesh, fixed: float | None):
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument(
-        "--stacks", type=int, default=1000, help="for each thickness; a multiple of 50"
-    )
+    quick = {"tolerances": [1e-4], "thickest": [2.0], "indices": [1.0, 1.5]}
+    stacks = (1000, 50, "for each thickness; a multiple of 50")
+    parser = command_line(__doc__, quick, stacks=stacks)
     parser.add_argument("--tolerances", type=float, nargs="*", help="of all rows if not given")
     parser.add_argument("--thickest", type=float, nargs="*", default=THICKEST)
     parser.add_argument("--indices", type=float, nargs="*", default=INDICES)
-    add_option(parser, stacks=50, tolerances=[1e-4], thickest=[2.0], indices=[1.0, 1.5])
     given = parser.parse_args()
     jax.config.update("jax_enable_x64", True)
     say = Results("calibrate_auxiliary", given.out)
     say(
         f"{given.stacks} stacks of 1 or 2 layers a cell; worst error / tolerance of the "
-        "reflectance factor and of"
+        "reflectance factor and of\n"
+        "the hemispherical reflectance, then the median error of the first"
     )
-    say("the hemispherical reflectance, then the median error of the first")
     rows = given.tolerances or [row.tolerance for row in auxiliary_graded._ROWS]
     for thickest in given.thickest:
         stacks = stacks_of(given.stacks, thickest)

@@ -9,14 +9,13 @@ For tolerances from 1e-2 to 1e-10 and a range of refractive indices: how many di
 indices; that takes longer.
 """
 
-import argparse
 import functools
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
-from benchmarks.results import Results, add_option, quantity
+from benchmarks.results import Results, command_line, quantity
 from glazejax.radiative.common.directions import Resolution, half_range, resolve
 from glazejax.radiative.common.quadrature import Directions
 from glazejax.radiative.ordinates import solver as ordinates
@@ -84,12 +83,8 @@ def spanned(stacks: ordinates.Stack, index: float, tolerance: float) -> tuple[ja
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("--stacks", type=int, default=1000, help="a multiple of 50")
+    parser = command_line(__doc__, stacks=(1000, 50, "a multiple of 50"))
     parser.add_argument("--arrays", action="store_true", help="also directions for a traced index")
-    add_option(parser, stacks=50)
     options = parser.parse_args()
     if options.quick:
         globals().update(INDICES=(1.0, 1.5), TOLERANCES=(1e-3,))
@@ -106,9 +101,9 @@ def main() -> None:
     for words, solve in kinds:
         say(
             f"\ndirections of {words}: number, worst error / tolerance over {options.stacks} "
-            "stacks of the"
+            "stacks of the\n"
+            "reflectance factor and of the hemispherical reflectance"
         )
-        say("reflectance factor and of the hemispherical reflectance")
         say("tolerance  " + "".join(f"{n:>16}" for n in INDICES))
         for tolerance in TOLERANCES:
             cells = []

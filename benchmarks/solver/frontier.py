@@ -11,9 +11,8 @@ gradients and single precision among them, get a second column, 'ms GPU'; errors
 processor's values.
 """
 
-import argparse
 import os
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any, NamedTuple
 
 import jax
@@ -21,7 +20,7 @@ import numpy as np
 
 from benchmarks import device
 from benchmarks.peers import Work, installed, ours, sasktran, two_layers, without_blas_threads
-from benchmarks.results import Results, add_option, ends, quantities, quantity
+from benchmarks.results import Results, command_line, ends, quantities, quantity
 from benchmarks.solver.frontier_curves import (
     CDISORT,
     CONVENTIONAL,
@@ -36,7 +35,7 @@ from benchmarks.solver.frontier_curves import (
     peer_curves,
 )
 from benchmarks.solver.frontier_plot import draw
-from benchmarks.timing import interleaved
+from benchmarks.timing import Programs, interleaved
 
 NEEDS = ("matplotlib",)
 PARTS_NEED = ("nanodisort", "sasktran2", "PythonicDISORT", "iadpython", "threadpoolctl")
@@ -61,7 +60,7 @@ def measure(
 ) -> list[Row]:
     """Errors of every curve's settings, then the times of all of them in turn."""
     found: list[tuple[Curve, Any, float]] = []
-    programs: dict[str, Callable[[], Any]] = {}
+    programs: Programs = {}
     for curve in curves:
         for setting in curve.settings:
             try:
@@ -301,10 +300,7 @@ def confirm(rows: Sequence[Row], peers: Iterable[Curve], work: Work, say: Result
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    add_option(parser)
+    parser = command_line(__doc__)
     device.add_option(parser)
     options = parser.parse_args()
     jax.config.update("jax_enable_x64", True)
@@ -320,22 +316,14 @@ def main() -> None:
         say(f"{device.words(chosen)}; 'ms GPU' is its time, inputs and results in its own memory")
     say(
         f"Threads: glazejax XLA's own pool; CDISORT {os.cpu_count()}; sasktran2 as its setting "
-        "says, streams/threads;"
-    )
-    say(
+        "says, streams/threads;\n"
         "the others offer none. BLAS, which the peers call, keeps to one thread: more cost them "
-        "time."
-    )
-    say(
+        "time.\n"
         "sasktran2 is told that isotropic scattering has one azimuth mode ('all modes' is its "
-        "default)."
-    )
-    say("CDISORT, sasktran2 and PythonicDISORT cannot do a refracting surface and solve n = 1.")
-    say(
+        "default).\n"
+        "CDISORT, sasktran2 and PythonicDISORT cannot do a refracting surface and solve n = 1.\n"
         "Paper A's method (direct, decomposed, fixed step: as printed; corrected: without its "
-        "errors of first order)"
-    )
-    say(
+        "errors of first order)\n"
         "solves n = 1.5. It sets its grid by the thickness outside the compiled program, which "
         "is timed with it."
     )

@@ -10,7 +10,6 @@ largest at 4096 points of their own, against the solver in the same run. Times a
 several runs in turn; a core's time is that of all threads together.
 """
 
-import argparse
 import functools
 import time
 from collections.abc import Callable
@@ -20,7 +19,8 @@ import jax.numpy as jnp
 import numpy as np
 
 import glazejax as gj
-from benchmarks.results import Results, add_option
+from benchmarks.results import Results, command_line
+from benchmarks.timing import Programs
 from glazejax import colour
 
 GRID = np.arange(400.0, 701.0, 10.0)
@@ -54,7 +54,7 @@ def xyz(**given) -> jax.Array:
     )
 
 
-def best(programs: dict[str, Callable[[], object]]) -> dict[str, tuple[float, float]]:
+def best(programs: Programs) -> dict[str, tuple[float, float]]:
     """Least seconds of each program, run in turn, on the clock and of all threads together."""
     found = {name: (np.inf, np.inf) for name in programs}
     for round_ in range(ROUNDS + 1):
@@ -97,14 +97,8 @@ def errors(table, names: tuple[str, ...], direct: Callable) -> tuple[float, floa
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    add_option(parser, pixels=2**14)
-    parser.add_argument(
-        "--pixels", type=int, default=2**21, help="pixels of a timed run (default: %(default)s)"
-    )
-    options = parser.parse_args()
+    pixels = (2**21, 2**14, "pixels of a timed run")
+    options = command_line(__doc__, pixels=pixels).parse_args()
     if options.quick:
         globals().update(TOLERANCES=TOLERANCES[:1], CHECKS=256, DIRECT=256, ROUNDS=2)
     jax.config.update("jax_enable_x64", True)
@@ -127,8 +121,8 @@ def main() -> None:
         pixels = {name: jnp.asarray(rng.uniform(*RANGES[name], options.pixels)) for name in names}
         few = {name: values[:DIRECT] for name, values in pixels.items()}
         solver = jax.jit(lambda points: colour.xyz_to_srgb(xyz(**points), WHITE))
-        say(f"\n{len(names)} of 3 numbers differ: {', '.join(names)}")
         say(
+            f"\n{len(names)} of 3 numbers differ: {', '.join(names)}\n"
             f"{'asked':>7}{'estimate':>10}{'found':>9}{'Delta E':>9}{'slopes':>9}{'solved':>8}{'terms':>15}"
             f"{'type':>9}{'million/s':>11}{'core ns':>9}{'solver/s':>10}{'ratio':>7}{'with slopes/s':>15}"
         )
@@ -156,13 +150,10 @@ def main() -> None:
                     f"{1e9 * measured['table'][1] / options.pixels:9.0f}{alone:10.0f}{rate / alone:7.0f}"
                     f"{options.pixels / measured['slopes'][0] / 1e6:15.1f}"
                 )
-    say()
     say(
-        "asked, estimate, found: largest error of X, Y, Z. Slopes: their error by each number, "
-        "root mean square"
-    )
-    say("over that of the slopes themselves.")
-    say(
+        "\nasked, estimate, found: largest error of X, Y, Z. Slopes: their error by each number, "
+        "root mean square\n"
+        "over that of the slopes themselves.\n"
         "solved: points the solver computed for the table. With slopes: sRGB and its gradient, "
         "by all that differ."
     )

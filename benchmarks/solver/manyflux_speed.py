@@ -9,8 +9,6 @@ alone and interpolates between its directions of viewing; this program solves ea
 every angle exact. What is printed last is its time with the surface.
 """
 
-import argparse
-import time
 import warnings
 from collections.abc import Callable
 from typing import Any, NamedTuple
@@ -18,7 +16,8 @@ from typing import Any, NamedTuple
 import jax
 import numpy as np
 
-from benchmarks.results import Results, add_option, quantity
+from benchmarks.results import Results, command_line, quantity
+from benchmarks.timing import time_call
 
 NEEDS = ("PythonicDISORT",)
 
@@ -111,14 +110,11 @@ def theirs(work: Work, streams: int) -> np.ndarray:
     )
 
 
-def timed(name: str, function: Callable[[], np.ndarray], expected: np.ndarray, runs: int) -> Point:
+def point(name: str, function: Callable[[], np.ndarray], expected: np.ndarray, runs: int) -> Point:
     """Largest error of the table and the shortest of some runs, after one to compile for ours."""
-    seconds, found = [], np.zeros(0)
-    for _ in range(runs):
-        start = time.perf_counter()
-        found = function()
-        seconds.append(time.perf_counter() - start)
-    return Point(name, float(np.max(np.abs(found - expected))), min(seconds))
+    done = [time_call(function) for _ in range(runs)]
+    error = np.max(np.abs(done[-1][0] - expected))
+    return Point(name, float(error), min(seconds for _, seconds in done))
 
 
 def seconds_at(points: list[Point], error: float) -> float:
@@ -137,11 +133,7 @@ def seconds_at(points: list[Point], error: float) -> float:
 
 def main() -> None:
     """Command line."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    add_option(parser)
-    options = parser.parse_args()
+    options = command_line(__doc__).parse_args()
     if options.quick:
         globals().update(TOLERANCES=TOLERANCES[:2], STREAMS=STREAMS[:2], FINE=1e-4)
     jax.config.update("jax_enable_x64", True)
@@ -152,15 +144,15 @@ def main() -> None:
     expected = ours(scene, FINE)
     out(
         f"Errors are the largest of the table, against this program at {FINE:g}; factors reach "
-        f"{expected.max():.1f}."
+        f"{expected.max():.1f}.\n"
+        f"{'program':36}{'error':>10}{'seconds':>10}"
     )
-    out(f"{'program':36}{'error':>10}{'seconds':>10}")
     mine, other = [], []
     # In turn, so that a busy machine is fair to both.
     for tolerance, streams in zip(TOLERANCES, STREAMS, strict=True):
         ours(scene, tolerance)
         mine.append(
-            timed(
+            point(
                 f"glazejax, tolerance {tolerance:g}",
                 lambda t=tolerance: ours(scene, t),
                 expected,
@@ -168,15 +160,15 @@ def main() -> None:
             )
         )
         other.append(
-            timed(
+            point(
                 f"PythonicDISORT, {streams} streams",
                 lambda n=streams: theirs(scene, n),
                 expected,
                 1,
             )
         )
-        for point in (mine[-1], other[-1]):
-            out(f"{point.name:36}{point.error:10.1e}{point.seconds:10.2f}")
+        for one in (mine[-1], other[-1]):
+            out(f"{one.name:36}{one.error:10.1e}{one.seconds:10.2f}")
     least = max(min(p.error for p in points) for points in (mine, other))
     most = min(max(p.error for p in points) for points in (mine, other))
     errors = np.geomspace(least, most, 3)
@@ -201,8 +193,8 @@ def main() -> None:
         times=quantity(peer.seconds / own.seconds, "times", digits=2, form="g"),
     )
     ours(scene, 1e-3, 1.5)
-    point = timed("", lambda: ours(scene, 1e-3, 1.5), expected, 2)
-    out(f"With the surface of index 1.5, tolerance 1e-3: {point.seconds:.2f} s")
+    covered = point("", lambda: ours(scene, 1e-3, 1.5), expected, 2)
+    out(f"With the surface of index 1.5, tolerance 1e-3: {covered.seconds:.2f} s")
     out.save()
 
 

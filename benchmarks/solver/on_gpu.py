@@ -12,12 +12,10 @@ against a tolerance of 1e-8 in double precision. Then, one after the other,
 goes on. `--quick` tries the command itself: every size a hundredth, and the goals only.
 """
 
-import argparse
 import functools
 import os
 import subprocess
 import sys
-import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -27,7 +25,8 @@ import jax.numpy as jnp
 import numpy as np
 
 from benchmarks import device
-from benchmarks.results import Results, add_option
+from benchmarks.results import Results, command_line
+from benchmarks.timing import time_call
 
 NEEDS = ("gpu",)
 
@@ -37,15 +36,11 @@ TOLERANCE = 1e-4
 CHECKED = 1000
 
 
-def timed(program: Callable[[], Any]) -> tuple[Any, float, float]:
+def cold_and_warm(program: Callable[[], Any]) -> tuple[Any, float, float]:
     """Result, seconds of the first call, median seconds of later ones."""
-    seconds = []
-    found = None
-    for _ in range(REPETITIONS + 1):
-        start = time.perf_counter()
-        found = jax.block_until_ready(program())
-        seconds.append(time.perf_counter() - start)
-    return found, seconds[0], float(np.median(seconds[1:]))
+    found, first = time_call(program)
+    later = [time_call(program)[1] for _ in range(REPETITIONS)]
+    return found, first, float(np.median(later))
 
 
 def million(say: Results, count: int) -> None:
@@ -73,11 +68,11 @@ def million(say: Results, count: int) -> None:
         with jax.enable_x64(not single):
             inputs = [jax.device_put(jnp.asarray(a)) for a in given]
             precision = "float32" if single else "float64"
-            found, first, warm = timed(functools.partial(jax.jit(factor), *inputs))
+            found, first, warm = cold_and_warm(functools.partial(jax.jit(factor), *inputs))
             error = np.max(np.abs(np.asarray(found)[:CHECKED] - exact))
             times = f"{1e3 * warm:.2f} ms (first {first:.1f} s)"
             say(f"{count} stacks of 2 layers, {precision}: {times}, error {error:.1e}")
-            found, first, warm = timed(functools.partial(jax.jit(gradient), *inputs))
+            found, first, warm = cold_and_warm(functools.partial(jax.jit(gradient), *inputs))
             pairs = zip(found[1], slopes, strict=True)
             error = max(float(np.max(np.abs(np.asarray(a)[:CHECKED] - b))) for a, b in pairs)
             times = f"{1e3 * warm:.2f} ms (first {first:.1f} s)"
@@ -85,13 +80,10 @@ def million(say: Results, count: int) -> None:
 
 
 def large_picture(say: Results, size: int) -> None:
-    import glazejax as gj
-    from benchmarks.render.savings import GROUND, PAINTS
-    from benchmarks.render.strokes import brush_strokes, primed_canvas
+    from benchmarks.render.savings import picture_program
 
-    paints = [gj.catalogue.load()[name] for name in PAINTS]
-    maps = [brush_strokes(size), primed_canvas(size)]
-    _, first, warm = timed(lambda: gj.picture(paints, maps, GROUND).srgb)
+    draw = picture_program(size)
+    _, first, warm = cold_and_warm(lambda: draw().srgb)
     say(f"picture of {size} x {size} pixels, two maps, to sRGB: {warm:.3f} s (first {first:.1f} s)")
 
 
@@ -114,10 +106,7 @@ def goals(say: Results, small: bool) -> None:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    add_option(parser, only_goals=True)
+    parser = command_line(__doc__, {"only_goals": True})
     device.add_option(parser)
     parser.set_defaults(device="gpu")
     parser.add_argument("--only-goals", action="store_true", help="no tables and no tests")

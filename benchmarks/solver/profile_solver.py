@@ -10,7 +10,6 @@ glaze takes, in turn with its program alone: as JAX comes, and where JAX may not
 another thread (`jax_cpu_enable_async_dispatch`).
 """
 
-import argparse
 import json
 import os
 import re
@@ -26,7 +25,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from benchmarks.peers import ours, two_layers
-from benchmarks.results import Results, add_option, quantity
+from benchmarks.results import Results, command_line, quantity
 from benchmarks.timing import interleaved
 from glazejax.radiative.ordinates.resolution import resolve_known
 
@@ -144,11 +143,7 @@ def calls() -> list[tuple[str, float, float]]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    add_option(parser)
-    options = parser.parse_args()
+    options = command_line(__doc__).parse_args()
     if options.quick:
         globals().update(REPETITIONS=5, COPIES=(1,))
     jax.config.update("jax_enable_x64", True)
@@ -195,21 +190,15 @@ def main() -> None:
                 f"{number:8.0f} "
                 f"{1e6 * inside / number:8.1f} {100 * algebra / taken:18.0f} %   {shares}"
             )
-    say()
     say(
-        "'algebra at full rate': share of the call that the multiply-adds would take at the rate "
-        "above. Kernels of a"
-    )
-    say(
+        "\n'algebra at full rate': share of the call that the multiply-adds would take at the rate "
+        "above. Kernels of a\n"
         "few microseconds are bound by their own start, long ones by memory and by vectors as "
-        "short as a matrix row."
+        "short as a matrix row.\n"
+        f"\nreflectance(glaze, '45:0'), 41 wavelengths, two coats, tolerance {CALLED_AT:g}, and its "
+        "program alone, in turn:\n"
+        f"{'':<24}{'call us':>9}{'program us':>12}{'other us':>11}"
     )
-    say()
-    say(
-        f"reflectance(glaze, '45:0'), 41 wavelengths, two coats, tolerance {CALLED_AT:g}, and its "
-        "program alone, in turn:"
-    )
-    say(f"{'':<24}{'call us':>9}{'program us':>12}{'other us':>11}")
     rows = calls()
     for words, whole, inside in rows:
         say(f"{words:<24}{1e6 * whole:9.0f}{1e6 * inside:12.0f}{1e6 * (whole - inside):11.0f}")

@@ -6,13 +6,12 @@ to 1, cosines 0.05 to 1), surfaces of roughness 0.001 to 1 and index 1.05 to 2.5
 those against a run with more of
 everything: nodes, facets, beams, angles. Times are of 41 stacks of two layers, compiled, the best
 of several, and given as ratios to the smooth solver's. Paths are the tests' own
-(`tests/oracles/rough_paths.py`), with next to no
-tricks: what they take for the same error of one number follows from their standard error.
+(`tests/oracles/position_free.py`), a hundred thousand each: what they take for the same error of one
+number follows from their standard error.
 
     python -m benchmarks.solver.rough_surface [--stacks 60] [--out FOLDER]
 """
 
-import argparse
 import functools
 import os
 import time
@@ -23,9 +22,10 @@ from unittest import mock
 import jax
 import jax.numpy as jnp
 import numpy as np
-from tests.oracles import rough_paths
+from tests.oracles import position_free
 
 from benchmarks import results
+from benchmarks.timing import time_call
 from glazejax import stack_reflectance_factor
 from glazejax.radiative import rough
 from glazejax.radiative.rough import resolution
@@ -83,24 +83,15 @@ def errors(count: int, surfaces: int) -> Iterator[tuple[float, float, list[tuple
 def seconds(function: Callable, *arguments: object) -> float:
     """Best of several."""
     jax.block_until_ready(function(*arguments))
-    best = np.inf
-    for _ in range(25):
-        start = time.perf_counter()
-        jax.block_until_ready(function(*arguments))
-        best = min(best, time.perf_counter() - start)
-    return best
+    return min(time_call(lambda: function(*arguments))[1] for _ in range(25))
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument(
-        "--stacks", type=int, default=60, help="random stacks (default: %(default)s)"
-    )
-    parser.add_argument(
-        "--surfaces", type=int, default=len(SURFACES), help="so many of them (default: all)"
-    )
-    results.add_option(parser, stacks=8, surfaces=1)
-    options = parser.parse_args()
+    options = results.command_line(
+        __doc__,
+        stacks=(60, 8, "random stacks"),
+        surfaces=(len(SURFACES), 1, "so many of them"),
+    ).parse_args()
     if options.quick:
         globals().update(TOLERANCES=TOLERANCES[:2])
     jax.config.update("jax_enable_x64", True)
@@ -167,18 +158,26 @@ def _speed(say: results.Results) -> None:
             f"{seconds(gradient, *arguments) / base:7.2f} {once:10.2f}"
         )
     say()
-    paths, edges = 100_000, np.array([0.0, 0.58, 0.62, 1.0])
-    surface = rough_paths.Rough(0.2, 1.5)
-    loss = rough_paths.Loss(surface)
-    one = np.array([0.9]), np.array([1.0]), 0.6, 0.8, paths, edges
-    start = time.perf_counter()
-    found = rough_paths.simulate(surface, *one, loss=loss)
-    took = time.perf_counter() - start
-    for tolerance in (1e-3, 1e-4):
-        for name, error in (
-            ("flux", found.flux_error),
-            ("a bin of 0.04 of the cosine", found.bins_error[1] / 0.048),
-        ):
+    rng, view = np.random.default_rng(0), position_free.Views(np.array([0.6]), np.zeros(1))
+    stack = position_free.Stack(
+        scattering=np.array([0.9]),
+        absorption=np.array([[0.1]]),
+        g=np.zeros(1),
+        refractive_index=np.array([1.5]),
+        ground=0.6,
+        roughness=0.2,
+    )
+    paths = {
+        "flux": lambda: position_free.albedo(stack, 0.8, 100_000, rng),
+        "reflectance factor": lambda: position_free.reflectance_factor(
+            stack, 0.8, view, 100_000, rng
+        ),
+    }
+    for name, follow in paths.items():
+        start = time.perf_counter()
+        error = float(follow().error.max())
+        took = time.perf_counter() - start
+        for tolerance in (1e-3, 1e-4):
             ratio = took * (error / tolerance) ** 2 / (times[tolerance] / 41)
             say(
                 f"Paths to a standard error of {tolerance:.0e} of {name}: {ratio:.1e} times one "

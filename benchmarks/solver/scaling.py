@@ -29,8 +29,8 @@ import numpy as np
 
 from benchmarks import device
 from benchmarks.peers import Work, cdisort, installed, two_layers
-from benchmarks.results import Results, add_option, quantity
-from benchmarks.timing import interleaved
+from benchmarks.results import Results, command_line, quantity
+from benchmarks.timing import Programs, interleaved
 
 NEEDS = ("matplotlib",)
 PARTS_NEED = ("nanodisort",)
@@ -93,7 +93,7 @@ def cheapest(make: Callable[[Any], Callable[[], Any]], settings: tuple, truth: n
     raise RuntimeError(f"no setting reaches a relative error of {RELATIVE_ERROR:g}")
 
 
-def many_stacks(count: int) -> dict[str, Callable[[], Any]]:
+def many_stacks(count: int) -> Programs:
     """The value; with its slopes by every albedo and thickness; and in single precision."""
     from glazejax import stack_reflectance_factor
 
@@ -116,17 +116,13 @@ def many_stacks(count: int) -> dict[str, Callable[[], Any]]:
 
 
 def picture(pixels: int) -> Callable[[], Any]:
-    import glazejax as gj
-    from benchmarks.render.savings import GROUND, PAINTS
-    from benchmarks.render.strokes import brush_strokes, primed_canvas
+    from benchmarks.render.savings import picture_program
 
-    size = round(pixels**0.5)
-    paints = gj.catalogue.load()
-    maps = [brush_strokes(size), primed_canvas(size)]
-    return lambda: gj.picture([paints[name] for name in PAINTS], maps, GROUND).srgb
+    draw = picture_program(round(pixels**0.5))
+    return lambda: draw().srgb
 
 
-def programs(name: str) -> Callable[[int], dict[str, Callable[[], Any]]]:
+def programs(name: str) -> Callable[[int], Programs]:
     """For a series: from a size to the programs to run."""
     if name == "stacks":
         return many_stacks
@@ -140,9 +136,9 @@ def programs(name: str) -> Callable[[int], dict[str, Callable[[], Any]]]:
         truth = np.asarray(solver(reference, 1e-8, 1.0)())
         streams = cheapest(lambda s: cdisort.reflectance(reference, s), cdisort.SETTINGS, truth)
 
-    def make(size: int) -> dict[str, Callable[[], Any]]:
+    def make(size: int) -> Programs:
         work = layered(size) if name == "layers" else two_layers(size)
-        found: dict[str, Callable[[], Any]] = {"glazejax": solver(work, tolerance)}
+        found: Programs = {"glazejax": solver(work, tolerance)}
         return found if streams is None else found | {"CDISORT": cdisort.reflectance(work, streams)}
 
     return make
@@ -291,10 +287,7 @@ def draw(results: dict[str, dict[str, list[dict[str, Any]]]]) -> Any:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    add_option(parser)
+    parser = command_line(__doc__)
     device.add_option(parser)
     parser.add_argument("--measure", help=argparse.SUPPRESS)
     parser.add_argument("--platform", default="cpu", help=argparse.SUPPRESS)

@@ -9,7 +9,6 @@ CIEDE2000 of the colours under D65. With `--table FILE` the stacks are only writ
 `node --test tests/studio/solver.test.mjs`.
 """
 
-import argparse
 import json
 import os
 import shutil
@@ -20,7 +19,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.results import Results, add_option, quantity
+from benchmarks.results import Results, command_line, quantity
 from glazejax import colour
 from glazejax.geometry import Bidirectional, Hemispherical, parse_geometry
 from glazejax.radiative.common.fresnel import dielectric_reflectance
@@ -130,12 +129,8 @@ def run_node(table: Path) -> dict[str, float]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("--stacks", type=int, default=2000)
+    parser = command_line(__doc__, stacks=(2000, 120, "random stacks"))
     parser.add_argument("--table", type=Path, help="only write the stacks into this file")
-    add_option(parser, stacks=120)
     options = parser.parse_args()
     if options.table is not None:
         write_table(options.table, options.stacks)
@@ -146,9 +141,11 @@ def main() -> None:
         write_table(table, options.stacks)
         node = run_node(table)
     count = int(node["stacks"])
-    out(f"stacks: {count}")
-    out(f"error of the reflectance, largest: {node['largest']:.1e}, median: {node['median']:.1e}")
-    out(f"CIEDE2000, largest: {node['delta_e']:.3f}")
+    out(
+        f"stacks: {count}\n"
+        f"error of the reflectance, largest: {node['largest']:.1e}, median: {node['median']:.1e}\n"
+        f"CIEDE2000, largest: {node['delta_e']:.3f}"
+    )
     eight = f"median: {node['eight_median']:.2f}, 95 %: {node['eight_95']:.2f}"
     out(f"small matrices, 8 coats, CIEDE2000, {eight}")
     every = f"95 %: {node['matrices_95']:.2f}, largest: {node['matrices_largest']:.2f}"

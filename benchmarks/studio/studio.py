@@ -12,7 +12,6 @@ by WebGL2, where the processor plays the graphics card. A time of the canvas end
 can be read.
 """
 
-import argparse
 import json
 import os
 import shutil
@@ -27,7 +26,7 @@ from urllib.parse import quote
 
 import numpy as np
 
-from benchmarks.results import Results, add_option, quantity
+from benchmarks.results import Results, command_line, quantity
 from glazejax.studio.one_file import one_file
 
 NEEDS = ("selenium", "program/chromium", "program/chromedriver")
@@ -213,11 +212,7 @@ def row(out: Results, name: str, values: np.ndarray) -> np.ndarray:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    add_option(parser)
-    options = parser.parse_args()
+    options = command_line(__doc__).parse_args()
     if options.quick:
         globals().update(EVENTS=10)
     out = Results("studio", options.out)
@@ -257,8 +252,7 @@ def main() -> None:
 
 def measure(browser: Any, link: str, out: Results) -> dict[str, np.ndarray]:
     """Sliders and the swatch: milliseconds until it is drawn, by the number of coats."""
-    out()
-    out(f"{'milliseconds':<34} {'median':>8} {'95 %':>8} {'least':>8}")
+    out(f"\n{'milliseconds':<34} {'median':>8} {'95 %':>8} {'least':>8}")
     drawn = {}
     for count, key in ((1, "one_coat"), (3, "three_coats"), (8, "eight_coats")):
         open_page(browser, link, stack(count))

@@ -28,6 +28,8 @@ from .radiative.stack import split_reflectance_factor as split_reflectance_facto
 from .radiative.stack import stack_hemispherical_reflectance as stack_hemispherical_reflectance
 from .radiative.stack import stack_reflectance_factor as stack_reflectance_factor
 from .reflectance import reflectance as reflectance
+from .stacks import load_glaze as load_glaze
+from .stacks import save_glaze as save_glaze
 
 __version__: str
 

@@ -58,7 +58,7 @@ def let_programs_go() -> None:
     jax.clear_caches()
 
 
-class _Request(NamedTuple):
+class _ProgramRequest(NamedTuple):
     """A function's arguments: those fixed in its program, and arrays."""
 
     fixed: tuple[tuple[str, Any], ...]
@@ -179,15 +179,15 @@ class Program(Generic[Result]):
         for key in list(self._begun)[:-most]:
             self._begun.pop(key, None)
 
-    def _request(self, *args: Any, **kwargs: Any) -> _Request:
+    def _request(self, *args: Any, **kwargs: Any) -> _ProgramRequest:
         bound = self._signature.bind(*args, **kwargs)
         bound.apply_defaults()
         given = dict(bound.arguments)
         fixed = tuple((name, given.pop(name)) for name in self._fixed)
         leaves, structure = jax.tree.flatten(given)
-        return _Request(fixed, structure, leaves)
+        return _ProgramRequest(fixed, structure, leaves)
 
-    def _make(self, double: bool, request: _Request, *args: Any, **kwargs: Any) -> _Made:
+    def _make(self, double: bool, request: _ProgramRequest, *args: Any, **kwargs: Any) -> _Made:
         """A compiled program for arguments like these."""
         # The caller's precision may be set for its thread alone.
         with jax.enable_x64(double):
@@ -208,7 +208,7 @@ class Program(Generic[Result]):
 
             return _Made(run=run, held=lowered)
 
-    def _kept(self, folder: Path, request: _Request) -> _Kept | None:
+    def _kept(self, folder: Path, request: _ProgramRequest) -> _Kept | None:
         """The program as a former run traced it, or traced now and kept; None where JAX can't write
         it.
         """
@@ -225,7 +225,7 @@ class Program(Generic[Result]):
             return None
         return made
 
-    def _traced(self, request: _Request) -> _Kept:
+    def _traced(self, request: _ProgramRequest) -> _Kept:
         results: list[Any] = []
 
         def flat(*leaves: Any) -> list[Any]:

@@ -1,5 +1,5 @@
 """A stack of coats as a small JSON file: what the studio, `glazejax render` and Python hand to one
-another. `Glaze.save` and `Glaze.load` write and read it; `Stack` is all that such a file holds.
+another. `save_glaze` and `load_glaze` write and read it; `Stack` is all that such a file holds.
 
     {"glazejax": "stack", "version": 1, "geometry": "45:0", "refractive_index": 1.5, "ground":
      "card", "coats": [{"paint": {"CobaltBlue": 1}, "um": 2}, {"paint": {"ZincWhite": 9, "Eosin":
@@ -251,20 +251,50 @@ def _write(path: str | Path, found: dict[str, Any], overwrite: bool) -> Path:
     return path
 
 
-def load_glaze(path: str | Path, side: str = "white") -> Glaze:
-    """`Glaze.load`."""
+def load_glaze(path: str | Path, *, side: Literal["white", "black"] = "white") -> Glaze:
+    """Read a glaze from a file of `save_glaze`, the studio or ``glazejax render --write-stack``.
+
+    Args:
+        path: the file; its form is that of `glazejax.stacks`.
+        side: which one counts where the ground is a card, half white and half black.
+
+    Raises:
+        FileNotFoundError: no such file.
+        ValueError: not such a file, or all its coats are hidden; the message says where and
+            what would mend it.
+    """
     if side not in ("white", "black"):
         raise ValueError(f"side is {side!r}; of a card it is white or black")
     return read_stack(path).glaze(side)
 
 
 def save_glaze(
-    path: str | Path,
     glaze: Glaze,
+    path: str | Path,
+    *,
     instrument: Instrument | Geometry | str = "45:0",
     overwrite: bool = False,
 ) -> Path:
-    """`Glaze.save`."""
+    """Write a glaze as a small JSON file for `load_glaze`, the studio and ``glazejax render``.
+
+    Paints of the catalogues stand in it by their names, all others with their k and s; a
+    mixture is named after its parts.
+
+    Args:
+        glaze: without batch axes and phase functions, of one refractive index.
+        path: the file; its folder must exist.
+        instrument: what the studio and the command then see it with; single angles.
+        overwrite: replace a file that is there.
+
+    Returns:
+        The path.
+
+    Raises:
+        ValueError: what such a file does not hold: no coats, batch axes, phase functions, an
+            index that varies, more than four paints in a coat.
+        FileExistsError, FileNotFoundError, IsADirectoryError: see
+            `glazejax.io.outputs.check_output`.
+    """
     return _write(path, stack_to_dict(stack_of(glaze, instrument), digits=17), overwrite)
 
 

@@ -3,6 +3,7 @@ plugin gives.
 """
 
 import functools
+import json
 
 import numpy as np
 import pytest
@@ -11,6 +12,22 @@ from glazejax.appearance.mitsuba.variants import works
 
 WAVELENGTHS = np.arange(400.0, 701.0, 10.0)
 BLUE = "UltramarineBlue:3um, ZincWhite:20um"
+WHITE = json.dumps(
+    {
+        "glazejax": "stack",
+        "version": 1,
+        "coats": [{"paint": {"W": 1}, "um": 10}],
+        "ground": 1.0,
+        "pigments": {
+            "W": {
+                "wavelengths": [400, 500, 600, 700],
+                "absorption": [0] * 4,
+                "scattering": [1e5, 2e5, 3e4, 1e6],
+            }
+        },
+    }
+)
+"""A coat that absorbs nothing on a white ground."""
 
 
 @functools.cache

@@ -17,7 +17,7 @@ from glazejax.appearance.exports import (
     write_materialx,
 )
 from glazejax.appearance.exports.image_files import normals, png
-from glazejax.appearance.exports.materialx import Image
+from glazejax.appearance.exports.materialx import ImageNode
 from glazejax.colour import encoded_srgb
 from glazejax.commands.main import make_app
 from glazejax.paint.describe import Coat
@@ -85,11 +85,14 @@ def test_materialx_takes_the_files(fit, tmp_path):
     mx = pytest.importorskip("MaterialX")
     library = mx.createDocument()
     mx.loadLibraries(mx.getDefaultDataLibraryFolders(), mx.getDefaultDataSearchPath(), library)
-    images = {"base_color": Image("a.png", "srgb_texture"), "specular_roughness": Image("b.png")}
+    images = {
+        "base_color": ImageNode("a.png", "srgb_texture"),
+        "specular_roughness": ImageNode("b.png"),
+    }
     files = [
         write_materialx(fit, tmp_path / "plain.mtlx"),
         write_materialx(
-            OpenPBR(), tmp_path / "pictures.mtlx", images=images, normal=Image("n.png")
+            OpenPBR(), tmp_path / "pictures.mtlx", images=images, normal=ImageNode("n.png")
         ),
     ]
     for path in files:

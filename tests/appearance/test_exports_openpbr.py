@@ -18,9 +18,10 @@ from glazejax.appearance.exports import (
     reflectance_factor,
     surface_albedo,
 )
-from glazejax.appearance.exports.lobes import diffuse_factor, lobe_albedo, lobe_factor
+from glazejax.appearance.exports.body import diffuse_factor
 from glazejax.appearance.exports.openpbr import LAYERINGS
 from glazejax.appearance.exports.rgb import delta_e, lab_of_rgb, outside, rgb_of_xyz
+from glazejax.radiative.rough.lobes import lobe_albedo, lobe_factor
 
 GRID = np.arange(400.0, 701.0, 20.0)
 COSINES = np.array([0.05, 0.3, 0.6, 0.95, 1.0])

@@ -2,15 +2,15 @@
 derivatives.
 """
 
-import json
 from typing import Any
 
 import numpy as np
 import pytest
 
 import glazejax as gj
+from glazejax.appearance.mitsuba import glaze_bsdf
 
-from .plugin import BLUE, mitsuba_in
+from .plugin import BLUE, WHITE, mitsuba_in
 
 # Coats and roughness; of these all lobes are drawn, and more glazes change the table only.
 BLUES = [(BLUE, 0.0), (BLUE, 0.1), (BLUE, 0.5)]
@@ -106,8 +106,6 @@ def test_derivatives_by_textures_are_those_of_the_solver(mitsuba):
     import jax
 
     mi = mitsuba
-    from glazejax.appearance.mitsuba import glaze_bsdf
-
     # Few bands: the table's work grows with them, its lookup does not.
     bands = np.arange(400.0, 701.0, 100.0)
     blue, red, white = (
@@ -172,21 +170,9 @@ def furnace(mi, bsdf, size=16, samples=256):
 
 @pytest.mark.parametrize("roughness", [0.0, pytest.param(0.5, marks=pytest.mark.slow)])
 def test_all_light_comes_back_in_a_furnace(mitsuba, roughness):
-    white = {
-        "wavelengths": [400, 500, 600, 700],
-        "absorption": [0] * 4,
-        "scattering": [1e5, 2e5, 3e4, 1e6],
-    }
-    stack = {
-        "glazejax": "stack",
-        "version": 1,
-        "coats": [{"paint": {"W": 1}, "um": 10}],
-        "ground": 1.0,
-    }
-    coats = json.dumps(stack | {"pigments": {"W": white}})
     tolerance = 1e-3 if roughness == 0 else 0.01
     seen = furnace(
-        mitsuba, {"type": "glaze", "coats": coats, "roughness": roughness, "tolerance": tolerance}
+        mitsuba, {"type": "glaze", "coats": WHITE, "roughness": roughness, "tolerance": tolerance}
     )
     assert seen.mean() == pytest.approx(1.0, abs=4e-3)
 

@@ -20,7 +20,7 @@ from glazejax.appearance.scene.draw.intersect import (
 from glazejax.appearance.scene.draw.rays import lamps, trace
 from glazejax.appearance.scene.draw.render import render
 from glazejax.appearance.scene.lights import ParallelLight, PointLight
-from glazejax.appearance.scene.materials import Conductor, Lambert, Phong
+from glazejax.appearance.scene.materials import Conductor, Lambert
 from glazejax.appearance.scene.scene import Camera
 from glazejax.appearance.scene.shapes import Box, Mesh, Plane, Sphere, rotation
 from glazejax.radiative.common.fresnel import conductor_reflectance
@@ -264,22 +264,6 @@ def test_mirror_of_mirror():
         shapes, made.materials, [light], camera, width=1, height=1, antialias=1, bounces=1
     )
     np.testing.assert_allclose(render(short).radiance[0, 0], 0.0, atol=1e-12)
-
-
-def test_phong_pixels_lie_between_body_and_light():
-    body, lamp = np.linspace(0.1, 0.7, GRID.size), np.linspace(1.0, 0.4, GRID.size)
-    light = ParallelLight((0.2, 1.0, -0.6), lamp)
-    material = Phong(body, 0.6, 20.0)
-    made = scene([Sphere("m")], {"m": material}, [light], Camera((0, -4, 0.5)))
-    colours = render(made).radiance.reshape(-1, GRID.size)
-    colours = colours[colours.sum(axis=1) > 1e-3]
-    parts, _, rank, _ = np.linalg.lstsq(
-        np.stack([body * lamp, lamp], axis=1), colours.T, rcond=None
-    )
-    assert rank == 2
-    assert parts.min() > -1e-9
-    assert parts[1].max() > 0.5
-    np.testing.assert_allclose(np.stack([body * lamp, lamp], axis=1) @ parts, colours.T, atol=1e-12)
 
 
 def test_rays_that_carry_little_are_not_followed():

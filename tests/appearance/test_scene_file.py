@@ -145,7 +145,7 @@ def test_a_small_scene_is_what_its_file_says(write):
         (
             "direction = [0, 1, -1]",
             'shape = "rectangle"\ncentre = [0, 0, 9]\nnormal = [0, 0, -1]',
-            r"\[lights.sun\] size: is missing: an area light has a width and a height",
+            r"\[lights.sun\]: size is missing: give a width and a height",
         ),
         (
             "direction = [0, 1, -1]",
@@ -237,7 +237,7 @@ def test_a_small_scene_is_what_its_file_says(write):
             'kind = "metal"\nmetal = "gold"\nroughness = 70',
             r"\[materials.grey\]: roughness must be 0 \(polished\) to 60 degrees, not 70",
         ),
-        ("radius = 1", "radius = 0", r"\[objects.ball\] radius: must be above 0, not 0"),
+        ("radius = 1", "radius = 0", r"\[objects.ball\] radius: must be a number above 0, not 0"),
         (
             "radius = 1",
             "raduis = 1",

@@ -1,6 +1,5 @@
 """Numbers of README and docs are those that the benchmarks recorded."""
 
-import argparse
 import datetime
 import importlib.util
 import json
@@ -9,7 +8,7 @@ from pathlib import Path
 import pytest
 from benchmarks import performance, results
 from benchmarks.fill import documents, filled, with_marks
-from benchmarks.results import FOLDER, QUICK_FOLDER, Results, add_option, git, quantity, read
+from benchmarks.results import FOLDER, QUICK_FOLDER, Results, command_line, git, quantity, read
 
 
 def test_no_number_of_the_texts_is_stale():
@@ -111,9 +110,7 @@ def test_every_recorded_number_of_a_committed_result_is_quoted():
 
 
 def test_quick_is_small_and_never_takes_the_place_of_a_committed_result(monkeypatch):
-    parser = argparse.ArgumentParser()
-    parser.add_argument("--stacks", type=int, default=1000)
-    add_option(parser, stacks=50)
+    parser = command_line("what it measures", stacks=(1000, 50, "random stacks"))
     quick = parser.parse_args(["--quick"])
     assert (quick.stacks, quick.out) == (50, QUICK_FOLDER)
     chosen = parser.parse_args(["--stacks", "7", "--out", "x", "--quick"])

@@ -12,7 +12,9 @@ from glazefit.recipe.report import in_painters_terms
 from glazefit.recipe.targets import lab_target
 from glazefit.recover.mixture import calibrate_mixture, predict_mixture
 from glazejax import catalogue, colour
-from tests.fitting.test_variation import GRID, TINT, painted, write
+from tests.fitting.test_variation import GRID, TINT, painted
+
+from .tables import write_films
 
 WHITE_GROUND = 0.9
 
@@ -112,7 +114,7 @@ def run(command_line):
 
 
 def test_command_says_what_to_add(run, tmp_path, weak):
-    file = write(tmp_path / "mine.tsv", weak)
+    file = write_films(tmp_path / "mine.tsv", weak)
     asked = ("--lab", "60,45,30", "--after", file, "--instrument", "d:8")
     mixed = ("--mixed", "10 Vermillion + 90 ZincWhite")
     status, out, err = run(*asked, *mixed, "--only", "Vermillion,BoneBlack", "--batch", 20)
@@ -146,7 +148,7 @@ def test_command_takes_a_reading_of_few_bands(run, tmp_path, weak):
             wavelengths=GRID[bands],
             **{what: getattr(weak, what)[:, bands] for what in SPECTRA},
         )
-        file = write(tmp_path / f"{len(bands)}.tsv", read)
+        file = write_films(tmp_path / f"{len(bands)}.tsv", read)
         status, out, err = run(
             *("--lab", "60,45,30", "--after", file, "--instrument", "d:8", "--batch", 20),
             *("--mixed", "10 Vermillion + 90 ZincWhite", "--only", "Vermillion"),

@@ -4,6 +4,7 @@ import importlib
 import json
 import subprocess
 import sys
+from unittest import mock
 
 import numpy as np
 import pytest
@@ -14,8 +15,11 @@ from glazefit.identify.command import register
 from glazejax import catalogue
 from glazejax.io import write_table
 
+from .tables import write_films
+
 RUNNER = CliRunner()
 GRID = np.arange(400.0, 701.0, 10.0)
+NAMES = ["Name", *(f"{nm:g}" for nm in GRID)]
 
 
 def run(*arguments):
@@ -24,7 +28,9 @@ def run(*arguments):
     app = typer.Typer()
     register(app)
     app.callback()(lambda: None)
-    return RUNNER.invoke(app, ["identify", *map(str, arguments)])
+    words = ["identify", *map(str, arguments)]
+    with mock.patch.object(sys, "argv", ["glazejax", *words]):
+        return RUNNER.invoke(app, words)
 
 
 @pytest.fixture(scope="module")
@@ -43,18 +49,7 @@ def table(tmp_path_factory):
         for what in ("absorption", "scattering")
     )
     films = simulate_films(GRID, k * 25e-6, s * 25e-6, names=["red", "tint"])
-    path = tmp_path_factory.mktemp("films") / "films.csv"
-    rows = []
-    for i, name in enumerate(films.names):
-        ends = {
-            "b": films.bare_black,
-            "w": films.bare_white,
-            "ob": films.over_black,
-            "ow": films.over_white,
-        }
-        rows += [[f"{name}_{end}", *values[i]] for end, values in ends.items()]
-    write_table(path, ["Name", *(f"{nm:g}" for nm in GRID)], rows)
-    return path
+    return write_films(tmp_path_factory.mktemp("films") / "films.csv", films)
 
 
 @pytest.mark.parametrize(
@@ -63,11 +58,9 @@ def table(tmp_path_factory):
         ([], "no FILE was given"),
         (["films.csv", "--max-paints", "4"], "--max-paints is 4"),
         (["films.csv", "--instrument", "x:8"], "--instrument is 'x:8'; it must be d:8 or di:8"),
-        (["films.csv", "--instrument", "45:95"], "viewing must lie in"),
         (["films.csv", "--opaque", "--ground", "0.9"], "show no ground"),
         (["films.csv", "--bare"], "give --ground too"),
         (["films.csv", "--thickness", "0"], "--thickness is 0"),
-        (["films.csv", "--thickness", "20 furlongs"], "the unit 'furlongs' is unknown"),
         (["films.csv", "--csv", "same.csv", "--residuals", "same.csv"], "are both same.csv"),
         (["nowhere.csv"], "there is no such file"),
         (
@@ -82,7 +75,6 @@ def table(tmp_path_factory):
             ["films.csv", "--report", "films.html"],
             "the table of --report is films.csv, a file that is read",
         ),
-        (["films.csv", "--out", "picture.txt"], "pictures end in"),
         (
             ["films.csv", "--pigments", "mine.csv", "--catalogue", "pigments"],
             "the paints of mine.csv have none: choose --catalogue oils or acrylics",
@@ -97,7 +89,7 @@ def test_wrong_options_are_one_error_before_anything_is_computed(arguments, comp
 
 def test_ground_must_be_a_reflectance_a_file_or_said(table, tmp_path):
     one = tmp_path / "one.csv"
-    write_table(one, ["Name", *(f"{nm:g}" for nm in GRID)], [["grey", *np.full(GRID.size, 0.4)]])
+    write_table(one, NAMES, [["grey", *np.full(GRID.size, 0.4)]])
     short = tmp_path / "short.csv"
     write_table(short, ["Name", "500", "600"], [["grey", 0.4, 0.4]])
     for ground, complaint in (
@@ -112,9 +104,7 @@ def test_ground_must_be_a_reflectance_a_file_or_said(table, tmp_path):
     assert "holds no spectrum 'x'" in str(run(one, "--ground", "0.9", "--samples", "x").exception)
     assert "unknown sample 'read'" in str(run(table, "--samples", "read").exception)
     named = tmp_path / "named.csv"
-    write_table(
-        named, ["Name", *(f"{nm:g}" for nm in GRID)], [["grey sky", *np.full(GRID.size, 0.4)]]
-    )
+    write_table(named, NAMES, [["grey sky", *np.full(GRID.size, 0.4)]])
     assert "'gray sky'; the nearest is grey sky" in str(
         run(named, "--opaque", "--samples", "gray sky").exception
     )
@@ -187,7 +177,6 @@ def test_films_are_identified_written_and_drawn(table, tmp_path):
         float(residuals[0]["residual"]), abs=1e-12
     )
     assert paths[2].stat().st_size > 10_000
-    assert "exists; choose another name" in str(run(table, "--csv", paths[0]).exception)
 
 
 def test_a_whole_image_is_told_of_maps_before_it_is_searched(tmp_path, monkeypatch):
@@ -195,7 +184,7 @@ def test_a_whole_image_is_told_of_maps_before_it_is_searched(tmp_path, monkeypat
     monkeypatch.setattr(importlib.import_module("glazefit.identify.command"), "_MANY", 3)
     file = tmp_path / "many.csv"
     rows = [[f"p{n}", *np.full(GRID.size, 0.3 + 0.01 * n)] for n in range(4)]
-    write_table(file, ["name", *(f"{w:g}" for w in GRID)], rows)
+    write_table(file, NAMES, rows)
 
     def stop(*given, **named):
         raise KeyError("reached")
@@ -235,13 +224,12 @@ def test_a_report_by_family_is_filed(shared_data, tmp_path):
     with (tmp_path / "report.csv").open() as lines:
         rows = list(csv.DictReader(lines))
     assert float(rows[0]["probability"]) == pytest.approx(first["families"][0]["probability"])
-    assert "exists; choose another name" in str(run(*words[1:]).exception)
 
 
 @pytest.mark.slow
 def test_a_report_is_filed(table, tmp_path):
     page, ground = tmp_path / "report.html", tmp_path / "ground.csv"
-    write_table(ground, ["Name", *(f"{nm:g}" for nm in GRID)], [["card", *np.full(GRID.size, 0.8)]])
+    write_table(ground, NAMES, [["card", *np.full(GRID.size, 0.8)]])
     options = [
         "--ground",
         ground,
@@ -275,4 +263,3 @@ def test_a_report_is_filed(table, tmp_path):
     ]
     assert "CobaltBlue" in {paint["paint"] for paint in tint["ruled_out"]}
     assert "tint_ow" in page.read_text(encoding="utf-8")
-    assert "exists; choose another name" in str(run(table, *options).exception)

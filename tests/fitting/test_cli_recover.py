@@ -1,14 +1,18 @@
 import csv
+import functools
 
 import numpy as np
 import pytest
 
-from glazefit import Films, Instrument, Noise, recover_films, simulate_films
+from glazefit import Instrument, Noise, recover_films, simulate_films
 from glazefit.recover.command_joint import _lengths
 from glazefit.recover.film_by_film import recover_chunks
 from glazefit.recover.report import ranges, slug
 
+from .tables import write_films
+
 GRID = np.arange(400.0, 701.0, 10.0)
+write = functools.partial(write_films, scale=100.0)
 
 
 @pytest.fixture
@@ -16,20 +20,9 @@ def run(command_line):
     return command_line("recover")
 
 
-def write(path, films: Films, scale=100.0, skip=()):
-    rows = [["Name", *(f"{w:g}" for w in films.wavelengths)]]
-    for i, name in enumerate(films.names):
-        parts = {
-            "b": films.bare_black,
-            "w": films.bare_white,
-            "ob": films.over_black,
-            "ow": films.over_white,
-        }
-        for end, values in parts.items():
-            if end not in skip:
-                rows.append([f"{name}_{end}", *(f"{v * scale:.6f}" for v in values[i])])
-    path.write_text("\n".join("\t".join(row) for row in rows) + "\n")
-    return path
+def read_rows(path) -> list[dict[str, str]]:
+    with path.open() as file:
+        return list(csv.DictReader(file))
 
 
 @pytest.fixture
@@ -53,8 +46,7 @@ def test_results_are_those_of_the_library(run, tmp_path, films):
     assert (status, err) == (0, "")
     assert "20 µm is assumed" in out
     assert "percent" in out
-    with (tmp_path / "res" / "pigments.csv").open() as file:
-        rows = list(csv.DictReader(file))
+    rows = read_rows(tmp_path / "res" / "pigments.csv")
     assert list(rows[0]) == [
         "pigment",
         "wavelength_nm",
@@ -109,32 +101,14 @@ def test_interrupt_keeps_what_is_finished(run, tmp_path, films, monkeypatch):
     assert "01A" in (tmp_path / "res" / "pigments.csv").read_text()
 
 
-def spoil(text, old, new):
-    assert old in text
-    return text.replace(old, new, 1)
-
-
 def test_bad_input_is_one_line_and_status_2(run, tmp_path, films):
     good = write(tmp_path / "f.tsv", films)
     full = tmp_path / "full"
     full.mkdir()
     (full / "x").touch()
-    lines = good.read_text().splitlines()
-    variants = {
-        "short": "\n".join([*lines[:3], lines[3].rsplit("\t", 1)[0], *lines[4:]]),
-        "negative": "\n".join([*lines[:2], "01A_w\t-5" + "\t80" * 30, *lines[3:]]),
-        "nan": "\n".join([*lines[:2], "01A_w\tnan" + "\t80" * 30, *lines[3:]]),
-        "mixed": "\n".join([*lines[:2], "01A_w" + "\t0.8" * 31, *lines[3:]]),
-        "lacks": "\n".join(lines[:3]),
-    }
-    for name, text in variants.items():
-        (tmp_path / name).write_text(text + "\n")
+    (tmp_path / "lacks").write_text("\n".join(good.read_text().splitlines()[:3]) + "\n")
     cases = [
         (["nowhere.tsv", "--out", "o"], ["nowhere.tsv", "no such file"]),
-        (["short", "--out", "o"], ["line 4", "31 cells where the header has 32"]),
-        (["negative", "--out", "o"], ["01A_w", "400", "negative"]),
-        (["nan", "--out", "o"], ["01A_w", "400", "not a finite number"]),
-        (["mixed", "--out", "o"], ["percent and fraction are mixed", "01A_w"]),
         (["lacks", "--out", "o"], ["'01A_ow'", "paint over black, over white", "card_b"]),
         ([good, "--out", "o", "--samples", "01a"], ["unknown sample '01a'", "nearest: '01A'"]),
         ([good, "--out", "o", "--thickness", "0"], ["--thickness is 0", "above 0"]),
@@ -145,19 +119,11 @@ def test_bad_input_is_one_line_and_status_2(run, tmp_path, films):
             ["--check leaves mixtures out of a joint fit", "add --joint"],
         ),
         (["nowhere.tsv", "--out", "o", "--joint", "--check"], ["nowhere.tsv", "no such file"]),
-        (["nowhere.tsv", "--out", "o", "--law", "strength"], ["--law says how", "add --joint"]),
-        (
-            ["nowhere.tsv", "--out", "o", "--joint", "--law", "x"],
-            ["--law is 'x'; it must be mass or strength"],
-        ),
         (["nowhere.tsv", "--out", "o", "--joint", "--masstones"], ["leave out --masstones"]),
+        ([good, "--out", "o", "--joint"], ["--joint needs to know what the films are made of"]),
+        (["--simulate", "--out", "o", "--joint"], ["leave out --simulate, or leave out --joint"]),
         ([good, "--out", "o", "--refractive-index", "15"], ["refractive index 15", "[1, 2.5]"]),
         ([good, "--out", "o", "--instrument", "d:95"], ["--instrument is 'd:95'", "incidence"]),
-        (
-            [good, "--out", "o", "--instrument", "45:0:specular"],
-            ["the mirror reflection is not in view"],
-        ),
-        ([good, "--out", "o", "--white", "Chalk"], ["no pigment 'Chalk'"]),
         (
             [good, "--out", "o", "--white", "TitaniumWhite"],
             ["the nearest is acrylics:TitaniumWhite"],
@@ -179,7 +145,6 @@ def test_bad_input_is_one_line_and_status_2(run, tmp_path, films):
         ([good, "--out", "o", "--wet-film", "03A=20um"], ["--wet-film: no film is called '03A'"]),
         ([good, "--into", "no/mine.csv"], ["--into no/mine.csv", "does not exist"]),
         (["--simulate", "--out", "o", "--into", "mine.csv"], ["--into is for measured films"]),
-        ([good, "--out", "o", "--thickness", "20ells"], ["--thickness is '20ells'", "unit 'ells'"]),
         ([good, "--out", full], ["full", "not empty", "--overwrite"]),
         ([good, "--out", good], ["is a file"]),
         ([good], ["--out"]),
@@ -198,14 +163,6 @@ def test_bad_input_is_one_line_and_status_2(run, tmp_path, films):
         for part in parts:
             assert part in err, (words, err)
         assert not (tmp_path / "o").exists(), words
-
-
-def test_overwrite(run, tmp_path, films):
-    file = write(tmp_path / "f.tsv", films)
-    (tmp_path / "res").mkdir()
-    (tmp_path / "res" / "pigments.csv").write_text("old")
-    assert run(file, "--out", "res", "--no-plots", "--overwrite")[0] == 0
-    assert "old" not in (tmp_path / "res" / "pigments.csv").read_text()
 
 
 def test_help_tells_how_to_start(run):
@@ -230,20 +187,6 @@ def test_instrument_defaults_are_the_commands():
     assert (Noise(), Instrument().refractive_index) == (Noise(0.0005, 0.002), 1.5)
 
 
-def test_joint_needs_recipes_and_measured_mixtures(run, tmp_path, films):
-    file = write(tmp_path / "f.tsv", films)
-    for words, message in (
-        ((file, "--out", "res", "--joint"), "--joint needs to know what the films are made of"),
-        (("--simulate", "--out", "res", "--joint"), "leave out --simulate, or leave out --joint"),
-        ((file, "--out", "res", "--law", "strength"), "add --joint"),
-        ((file, "--out", "res", "--joint", "--law", "volume"), "it must be mass or strength"),
-    ):
-        status, _, err = run(*words)
-        assert status != 0
-        assert message in err
-        assert "Traceback" not in err
-
-
 def test_joint_fit_on_the_command_line(run, tmp_path, films):
     file = write(tmp_path / "f.tsv", films)
     (tmp_path / "mixtures.tsv").write_text("01A\tRed-White|100-0\n02B\tRed-White|40-60\n")
@@ -251,12 +194,13 @@ def test_joint_fit_on_the_command_line(run, tmp_path, films):
     assert status == 0
     assert "2 paints from 2 films" in out
     assert "a typical film is taken as 25 µm" in out
-    with (tmp_path / "res" / "films.csv").open() as table:
-        rows = list(csv.DictReader(table))
+    rows = read_rows(tmp_path / "res" / "films.csv")
     assert [row["film"] for row in rows] == ["01A", "02B"]
     assert rows[1]["recipe"] == "Red 40% + White 60%"
-    with (tmp_path / "res" / "pigments.csv").open() as table:
-        assert {row["pigment"] for row in csv.DictReader(table)} == {"Red", "White"}
+    assert {row["pigment"] for row in read_rows(tmp_path / "res" / "pigments.csv")} == {
+        "Red",
+        "White",
+    }
     status, _, err = run(file, "--out", "res", "--joint")
     assert status != 0
     assert "--overwrite" in err
@@ -285,8 +229,7 @@ def test_mixtures_are_left_out_when_asked(run, tmp_path):
     assert status == 0
     assert "4 mixtures: ΔE00" in out
     assert "Two mixings of one recipe differ by about ΔE00" in " ".join(out.split())
-    with (tmp_path / "res" / "left_out.csv").open() as table:
-        rows = list(csv.DictReader(table))
+    rows = read_rows(tmp_path / "res" / "left_out.csv")
     assert [row["film"] for row in rows] == names[2:]
     assert rows[1]["recipe"] == "Red 50% + White 50%"
     assert all(float(row["delta_e_black"]) < 5 for row in rows)
@@ -308,11 +251,10 @@ def tubes(tmp_path):
     def table(name, hue, ends):
         blue = np.stack([0.05 + 3.0 * np.exp(-(((GRID[::3] - hue) / 60) ** 2)), np.full(11, 1.0)])
         k, s = np.stack([blue, blue / 11 + pale * 10 / 11], axis=1)
-        skip = {"b", "w", "ob", "ow"} - set(ends)
         return write(
             tmp_path / f"{name}.tsv",
             simulate_films(GRID[::3], k, s, names=[name, f"{name} 1:10 ZincWhite"]),
-            skip=skip,
+            ends=ends,
         )
 
     return table
@@ -362,11 +304,11 @@ def test_gauged_films_have_a_scale_of_their_own(run, tmp_path, tubes):
     status, out, _ = run(file, "--out", "res", "--wet-film", "50um±20%", "--no-plots")
     assert status == 0
     assert "as measured, about 50 µm" in out
-    with (tmp_path / "res" / "pigments.csv").open() as table:
-        rows = [row for row in csv.DictReader(table) if row["pigment"] == "Blue"]
+    rows = [row for row in read_rows(tmp_path / "res" / "pigments.csv") if row["pigment"] == "Blue"]
     status, _, _ = run(file, "--out", "more", "--no-plots")
-    with (tmp_path / "more" / "pigments.csv").open() as table:
-        usual = [row for row in csv.DictReader(table) if row["pigment"] == "Blue"]
+    usual = [
+        row for row in read_rows(tmp_path / "more" / "pigments.csv") if row["pigment"] == "Blue"
+    ]
     ratio = [
         float(a["absorption"]) / float(b["absorption"]) for a, b in zip(rows, usual, strict=True)
     ]

@@ -9,7 +9,7 @@ import pytest
 from glazefit import Films, Instrument, ModelError, Noise, identify, recover_jointly, simulate_films
 from glazefit.film.gloss import measure_gloss
 from glazefit.film.model.response import film_response
-from glazefit.recover.experimental_design import _Candidate, _planning_bands, _pose
+from glazefit.recover.experimental_design import _planning_bands, _pose
 from glazefit.recover.joint import UNIT
 from glazefit.recover.joint_problem import readings
 from glazejax import Bidirectional, Hemispherical, catalogue
@@ -72,8 +72,9 @@ def test_advice_keeps_the_measured_gloss(films):
         with_it, RECIPES, gloss=measure_gloss(with_it, without, Instrument()), noise=Noise()
     )
     response = film_response(found.instrument.geometry, found.instrument.refractive_index)
-    candidate = _Candidate("another", found.shares[0], 0.0)
-    problem, solution = _pose(found, [candidate], list(found.paints), {}, None, UNIT, response)
+    problem, solution = _pose(
+        found, found.shares[:1], np.zeros(1), list(found.paints), {}, None, UNIT, response
+    )
     read = np.asarray(readings(solution, problem, response))[:, : len(found.films)]
     fitted = np.stack([found.fitted_black, found.fitted_white], axis=-1)[:, _planning_bands(found)]
     np.testing.assert_allclose(np.moveaxis(read, 0, 1), fitted, atol=1e-6)

@@ -23,9 +23,9 @@ from glazefit.identify.families import (
     templates,
 )
 from glazefit.identify.families.expected import has_families
-from glazefit.identify.families.groups import COLOURLESS, GROUPS, group_of
 from glazefit.identify.families.sureness import WORTHLESS, Sureness
 from glazefit.identify.families.varnish import CONDITIONS
+from glazefit.identify.result.groups import COLOURLESS, GROUPS, group_of
 from glazejax import Pigment, catalogue, stack_reflectance_factor
 
 GRID = np.arange(420.0, 691.0, 10.0)
@@ -47,6 +47,19 @@ def mockups(shared_data):
     source = read_source(shared_data / "hyperdoc")
     camera = source.cameras[0]
     return source, camera.wavelengths, np.clip(camera.readings, 0.0, 1.0)
+
+
+@pytest.fixture(scope="module")
+def find(mockups, others):
+    """What identifies some rows of the mock-ups."""
+    _, wavelengths, readings = mockups
+
+    def found(rows, **options):
+        return identify(
+            wavelengths, readings[rows], others, opaque=True, instrument="45:0", **options
+        )
+
+    return found
 
 
 def rows_of(source, family):
@@ -103,11 +116,8 @@ def test_the_metric_finds_the_covariance_within_families():
     found = metric.learn_metric(points, families, np.arange(240))
     # Distances within families are alike along all axes once they are whitened.
     white = found.place(points)
-    within = np.std(white - np.repeat([white[families == f].mean(axis=0) for f in range(40)], 6, 0))
-    each = np.std(
-        white - np.repeat([white[families == f].mean(axis=0) for f in range(40)], 6, 0), axis=0
-    )
-    assert each == pytest.approx(np.full(3, within), rel=0.3)
+    apart = white - np.repeat([white[families == f].mean(axis=0) for f in range(40)], 6, 0)
+    assert np.std(apart, axis=0) == pytest.approx(np.full(3, np.std(apart)), rel=0.3)
     same = found.log_evidence(white[:1], white[1:2])[0, 0]
     far = found.log_evidence(white[:1], white[-1:])[0, 0]
     assert same > far
@@ -281,11 +291,9 @@ def test_exemplars_of_one_source_teach_no_sureness(shelf):
 @pytest.mark.parametrize(
     "family", ["azurite", "vermilion", "malachite", "red ochre", "burnt umber", "minium"]
 )
-def test_mockups_of_another_hand_are_named(mockups, others, family):
+def test_mockups_of_another_hand_are_named(mockups, find, family):
     """Gum arabic on paper, by another laboratory than all exemplars: the oils alone named none."""
-    source, wavelengths, readings = mockups
-    rows = rows_of(source, family)[:1]
-    found = identify(wavelengths, readings[rows], others, opaque=True, instrument="45:0")
+    found = find(rows_of(mockups[0], family)[:1])
     first = found.families(0)[0][0]
     coloured = [name for name in first if name not in COLOURLESS]
     assert coloured in ([family], [group_of(family)])
@@ -293,21 +301,11 @@ def test_mockups_of_another_hand_are_named(mockups, others, family):
     assert found.ranked(0, 1)[0].paints[0] in found.paints
 
 
-@pytest.mark.slow
-def test_a_foreign_source_is_never_its_own_evidence(mockups, shelf, others):
-    source, wavelengths, readings = mockups
-    rows = rows_of(source, "smalt")
-    own = identify(wavelengths, readings[rows], shelf, opaque=True, instrument="45:0")
-    without = identify(wavelengths, readings[rows], others, opaque=True, instrument="45:0")
-    assert own.families(0)[0][0][0] == "smalt"
-    assert own.families(0)[0][1] > without.families(0)[0][1]
-
-
-def test_a_colour_in_white_is_named_by_its_colour(mockups, others):
-    source, wavelengths, readings = mockups
+def test_a_colour_in_white_is_named_by_its_colour(mockups, find):
+    source = mockups[0]
     row = [sample.name for sample in source.samples].index("16A")
     assert source.families(source.samples[row]) == ("azurite", "lead white")
-    found = identify(wavelengths, readings[[row]], others, opaque=True, instrument="45:0")
+    found = find([row])
     first = found.families(0)[0][0]
     assert [name for name in first if name not in COLOURLESS] == ["azurite"]
     two = next(candidate for candidate in found.ranked(0) if len(candidate.paints) == 2)
@@ -408,11 +406,6 @@ def test_varnishes_are_covers_of_their_expected_amount():
     assert unknown.mean_thickness == pytest.approx(0.16)
 
 
-def test_an_unknown_word_for_a_varnish_is_said(others):
-    with pytest.raises(ValueError, match="varnish is 'old'; say one of none, thin, yellowed"):
-        identify(GRID, np.full(GRID.size, 0.5), others, opaque=True, varnish="old")
-
-
 # ---- names ---------------------------------------------------------------------------------------
 
 
@@ -471,23 +464,14 @@ def test_elements_weigh_and_rule_nothing_out():
     assert np.isfinite(with_copper).all()
 
 
-def test_wrong_elements_are_one_sentence(mockups, others):
-    _, wavelengths, readings = mockups
-    with pytest.raises(ValueError, match="there is no element 'Xx'"):
-        identify(wavelengths, readings[:1], others, opaque=True, elements=("Xx",))
+def test_an_element_is_found_or_not():
     with pytest.raises(ValueError, match="Cu is said to be found and not to be found"):
         evidence.log_odds_of_elements([], ["Cu"], ["Cu"])
 
 
-def test_elements_change_odds(mockups, others):
-    source, wavelengths, readings = mockups
-    rows = rows_of(source, "smalt")
-    plain, cobalt, copper = (
-        identify(
-            wavelengths, readings[rows], others, opaque=True, instrument="45:0", elements=elements
-        )
-        for elements in ((), ("Co",), ("Cu",))
-    )
+def test_elements_change_odds(mockups, find):
+    rows = rows_of(mockups[0], "smalt")
+    plain, cobalt, copper = (find(rows, elements=elements) for elements in ((), ("Co",), ("Cu",)))
 
     def chance(found):
         return sum(p for names, p in found.families(0) if "smalt" in names)
@@ -512,21 +496,23 @@ def test_anachronisms_are_said():
         (dict(max_coats=4), "max_coats is 4"),
         (dict(max_paints=4), "max_paints is 4"),
         (dict(opaque=False), "what is under the paint"),
+        (dict(varnish="old"), "varnish is 'old'; say one of none, thin, yellowed"),
+        (dict(elements=("Xx",)), "there is no element 'Xx'"),
+        (dict(wavelengths=np.linspace(3e3, 3.1e3, GRID.size)), "no three bands lie there"),
+        (
+            dict(
+                spectra=np.full((1, 2, GRID.size), 0.5),
+                opaque=False,
+                ground=np.full((2, GRID.size), 0.5),
+            ),
+            "from one reading of a film, not 2",
+        ),
     ],
 )
 def test_what_cannot_be_asked_is_said(others, change, words):
-    asked = {"opaque": True, **change}
+    asked = {"wavelengths": GRID, "spectra": np.full(GRID.size, 0.5), "opaque": True, **change}
     with pytest.raises(ValueError, match=words):
-        identify(GRID, np.full(GRID.size, 0.5), others, **asked)
-
-
-def test_readings_outside_of_all_ranges_and_several_grounds_are_refused(others):
-    far = np.arange(3000.0, 3101.0, 10.0)
-    with pytest.raises(ValueError, match="no three bands lie there"):
-        identify(far, np.full(far.size, 0.5), others, opaque=True)
-    two = np.full((1, 2, GRID.size), 0.5)
-    with pytest.raises(ValueError, match="from one reading of a film, not 2"):
-        identify(GRID, two, others, ground=np.full((2, GRID.size), 0.5))
+        identify(asked.pop("wavelengths"), asked.pop("spectra"), others, **asked)
 
 
 def test_too_few_exemplars_are_said(others):
@@ -553,12 +539,8 @@ def test_paints_without_a_family_are_sought_as_paints():
     assert has_families([paint.renamed("x", family="smalt", source="me")])
 
 
-def test_identifications_by_family_are_joined_and_printed(mockups, others):
-    source, wavelengths, readings = mockups
-    rows = rows_of(source, "azurite")[:2]
-    found = identify(
-        wavelengths, readings[rows], others, opaque=True, instrument="45:0", names=["a", "b"]
-    )
+def test_identifications_by_family_are_joined_and_printed(mockups, find):
+    found = find(rows_of(mockups[0], "azurite")[:2], names=["a", "b"])
     both = type(found).join([found, replace(found, measured=found.measured)])
     assert len(both.family_sets) == 4
     assert "azurite" in found.words(0)

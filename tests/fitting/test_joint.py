@@ -56,14 +56,16 @@ def truth() -> tuple[np.ndarray, np.ndarray]:
     return k, s
 
 
-def painted(thickness: np.ndarray, noise: Noise, seed: int = 1) -> Films:
+THICKNESS = np.array([1.0, 0.8, 1.2, 1.0, 0.9, 1.1])
+
+
+def painted(thickness: np.ndarray = THICKNESS) -> Films:
     k, s = truth()
-    _, weights = weight_table(tuple(RECIPES), RECIPES)
+    order, weights = weight_table(tuple(RECIPES), RECIPES)
     shares = weights / weights.sum(axis=1, keepdims=True)
-    order = [weight_table(tuple(RECIPES), RECIPES)[0].index(paint) for paint in PAINTS]
-    amounts = thickness[:, None] * shares[:, order]
+    amounts = thickness[:, None] * shares[:, [order.index(paint) for paint in PAINTS]]
     return simulate_films(
-        GRID, amounts @ k, amounts @ s, names=tuple(RECIPES), noise=noise, seed=seed
+        GRID, amounts @ k, amounts @ s, names=tuple(RECIPES), noise=Noise(), seed=1
     )
 
 
@@ -74,9 +76,9 @@ def small(request):
     Alone, and told the white, a thickness and that one card was not measured and one film is
     opaque.
     """
-    films = painted(np.array([1.0, 0.8, 1.2, 1.0, 0.9, 1.1]), Noise())
+    films = painted()
     paints, weights = weight_table(films.names, RECIPES)
-    law, told = MixingLaw("strength"), None
+    told = None
     rng = np.random.default_rng(3)
     if request.param:
         assumed, opaque = np.zeros((6, 2), bool), np.zeros(6, bool)
@@ -90,9 +92,8 @@ def small(request):
             25e-6,
             Expectations(thickness=0.3),
         )
-    problem = pose(
-        films, law.shares(weights, paints), law, Instrument(), Noise(), Expectations(), told
-    )
+    shares = MixingLaw().shares(weights, paints)
+    problem = pose(films, shares, Instrument(), Noise(), Expectations(), told)
     # The blue's own film is nearly black at some bands.
     assert np.any(problem.steepness)
     point = Unknowns(
@@ -122,6 +123,16 @@ def dense_jacobian(small):
     return np.asarray(jacobian(flat))
 
 
+@pytest.fixture(scope="module")
+def whole(small, dense_jacobian):
+    """Covariance of coefficients and thicknesses as they are, with what errors of the known add."""
+    problem, _, point = small
+    flat, unravel = ravel_pytree(point)
+    slopes = jax.jit(jax.jacfwd(lambda y: ravel_pytree(totals(unravel(y), problem))[0]))
+    added = np.asarray(slopes(flat))
+    return added @ np.linalg.inv(dense_jacobian.T @ dense_jacobian) @ added.T
+
+
 def test_steps_equal_a_dense_solve(small, dense_jacobian):
     problem, response, point = small
     right = residuals(point, (problem, response))
@@ -132,7 +143,7 @@ def test_steps_equal_a_dense_solve(small, dense_jacobian):
     np.testing.assert_allclose(ravel_pytree(step)[0], expected, rtol=1e-6, atol=1e-8)
 
 
-def test_covariance_equals_the_dense_inverse(small, dense_jacobian):
+def test_covariance_equals_the_dense_inverse(small, dense_jacobian, whole):
     problem, response, point = small
     factors = factorise(look(problem, response, point).normal)
     local, shared = covariance(factors, GRID.size)
@@ -143,11 +154,6 @@ def test_covariance_equals_the_dense_inverse(small, dense_jacobian):
         np.testing.assert_allclose(local[band], inverse[rows, rows], rtol=1e-6, atol=1e-10)
     np.testing.assert_allclose(shared, inverse[count:, count:], rtol=1e-6, atol=1e-10)
 
-    # The same of coefficients and thicknesses as they are, with what errors of the known add.
-    flat, unravel = ravel_pytree(point)
-    slopes = jax.jit(jax.jacfwd(lambda y: ravel_pytree(totals(unravel(y), problem))[0]))
-    added = np.asarray(slopes(flat))
-    whole = added @ inverse @ added.T
     found = spread(point, problem, factors, 1)
     others = len(problem.thickness_modes)
     for band in range(GRID.size):
@@ -159,16 +165,12 @@ def test_covariance_equals_the_dense_inverse(small, dense_jacobian):
     np.testing.assert_allclose(found.shared, whole[count:, count:], rtol=1e-6, atol=1e-10)
 
 
-def test_error_modes_are_the_largest_of_the_dense_inverse(small, dense_jacobian):
+def test_error_modes_are_the_largest_of_the_dense_inverse(small, whole):
     """All bands together, errors of what is known among them; and what is left where the others are
     known.
     """
     problem, response, point = small
     factors = factorise(look(problem, response, point).normal)
-    flat, unravel = ravel_pytree(point)
-    slopes = jax.jit(jax.jacfwd(lambda y: ravel_pytree(totals(unravel(y), problem))[0]))
-    added = np.asarray(slopes(flat))
-    whole = added @ np.linalg.inv(dense_jacobian.T @ dense_jacobian) @ added.T
     count, others = point.bands.size, len(problem.thickness_modes)
     first = len(whole) - others
     inner, across, own = whole[:count, :count], whole[first:, :count], whole[first:, first:]
@@ -224,7 +226,7 @@ def test_gloss_and_weights_of_a_film_reach_its_reading(small):
     glossy = np.asarray(
         read(point._replace(films=point.films.at[film, 1].add(more)), problem, response)
     )
-    one = problem.shares[film] @ point.paints[:, 0] + point.films[film, 1]
+    one = problem.shares[film] @ point.paints + point.films[film, 1]
     added = float(problem.surface * (np.exp(one + more) - np.exp(one)))
     expected = np.zeros_like(before)
     expected[:, film] = added
@@ -238,9 +240,7 @@ def test_gloss_and_weights_of_a_film_reach_its_reading(small):
     other = problem._replace(shares=problem.shares.at[film].multiply(jnp.exp(more * minor)))
     # The gloss of paints goes by the recipe as stated.
     stated = point._replace(
-        films=point.films.at[film, 1].add(
-            (problem.shares - other.shares)[film] @ point.paints[:, 0]
-        )
+        films=point.films.at[film, 1].add((problem.shares - other.shares)[film] @ point.paints)
     )
     np.testing.assert_allclose(wrong, read(stated, other, response), atol=1e-12)
     assert np.abs(np.asarray(wrong) - before)[:, film].max() > 1e-3
@@ -262,7 +262,7 @@ def test_a_film_of_its_own_gloss_and_a_wrong_weight_are_found():
     """A film is a tenth less glossy than its paint, a recipe is off by a tenth: the joint fit says
     which and how.
     """
-    films = painted(np.ones(6), Noise())
+    films = painted(np.ones(6))
     dull, wrong = 1, 2
     less = 0.1 * Instrument().seen_surface
     over = {what: getattr(films, what).copy() for what in ("over_black", "over_white")}
@@ -281,8 +281,7 @@ def test_a_film_of_its_own_gloss_and_a_wrong_weight_are_found():
 
 
 def test_recovers_paints_within_their_errors():
-    thickness = np.array([1.0, 0.8, 1.2, 1.0, 0.9, 1.1])
-    films = painted(thickness, Noise())
+    films = painted()
     tight = Expectations(model_floor=0.0, model_share=0.0, weight_share=0.003, weight_floor=0.0)
     result = recover_jointly(films, RECIPES, expectations=tight)
     assert result.converged
@@ -336,7 +335,7 @@ def test_bronzing_is_not_taken_for_scattering():
 
 
 def test_a_film_left_out_is_predicted():
-    films = painted(np.array([1.0, 0.8, 1.2, 1.0, 0.9, 1.1]), Noise())
+    films = painted()
     use = np.array([1.0, 1.0, 1.0, 0.0, 1.0, 1.0])
     result = recover_jointly(films, RECIPES, use=use)
     (found,) = predict_films(result, films.select(["half"]), RECIPES)
@@ -364,7 +363,7 @@ def test_draws_spread_as_laplace_says(small):
 
 @pytest.mark.slow
 def test_films_left_out_lie_within_their_bands():
-    films = painted(np.array([1.0, 0.8, 1.2, 1.0, 0.9, 1.1]), Noise())
+    films = painted()
     whole = recover_jointly(films, RECIPES)
     seen: list[str] = []
     out = cross_validate(whole, films, RECIPES, progress=lambda *step: seen.append(step[2]))
@@ -381,7 +380,7 @@ def test_films_left_out_lie_within_their_bands():
 
 
 def test_an_interrupt_keeps_the_films_that_are_done():
-    films = painted(np.array([1.0, 0.8, 1.2, 1.0, 0.9, 1.1]), Noise())
+    films = painted()
     whole = recover_jointly(films, RECIPES)
 
     def stop(done: int, total: int | None, words: str) -> None:
@@ -394,7 +393,7 @@ def test_an_interrupt_keeps_the_films_that_are_done():
 
 
 def test_what_is_held_out_does_not_matter():
-    films = painted(np.ones(6), Noise())
+    films = painted(np.ones(6))
     use = np.array([1.0, 1.0, 1.0, 0.0, 1.0, 1.0])
     from dataclasses import replace
 
@@ -453,7 +452,7 @@ def test_bad_laws(arguments, message):
 
 
 def test_bad_recipes():
-    films = painted(np.ones(6), Noise())
+    films = painted(np.ones(6))
     with pytest.raises(ValueError, match="film 'blue' is made of"):
         recover_jointly(films, {})
     with pytest.raises(ValueError, match="no density was given for 'ZincWhite'"):

@@ -1,4 +1,4 @@
-"""Ladders of coats: k and s of one coat, what other paints teach of it, and the next coat."""
+"""Ladders of coats: k and s of one coat, and the next coat."""
 
 import csv
 from dataclasses import replace
@@ -13,7 +13,6 @@ from glazefit.film.partial_films import read_loose_films
 from glazefit.recover.coats import (
     CoatScattering,
     coat_of,
-    learn_scattering,
     predict_next_coat,
     recover_coats,
 )
@@ -86,7 +85,10 @@ def test_names_say_paint_and_coats(name, said):
 
 def test_three_coats_tell_k_from_s():
     scattering = np.linspace(0.9, 0.5, GRID.size)
-    found = recovered(ladder("Red", RED, scattering, 3))
+    rows = ladder("Red", RED, scattering, 3)
+    # A wide expectation, near the truth of -0.4. It counts at the red end: where red paint is clear
+    # over white, films do not tell s, and k/s lies as far off as what is expected of s.
+    found = recovered(rows, expected=CoatScattering(0.0, 1.5))
     red = found.paints["Red"]
     # Thickness is known to some 17 % from three films that may each be off by 30 %.
     assert np.log(red.scattering[0] / scattering).mean() == pytest.approx(0.0, abs=0.3)
@@ -94,36 +96,33 @@ def test_three_coats_tell_k_from_s():
     assert np.abs(ratio).max() < 0.3
     assert np.all(np.abs(np.log(red.absorption[0] / RED)) < 2.5 * red.log_sd[0, 0])
     assert red.identifiable.mean() > 0.5
+    assert red.log_sd[1, 0, -1] > 1.5
+    # By default a coat is expected to scatter e times as much (k/s at the red end is then off by
+    # .38). That hardly matters where the films tell k from s.
+    usual = recovered(rows).paints["Red"]
+    ratio = np.log(usual.absorption[0] / usual.scattering[0] * scattering / RED)
+    assert np.abs(ratio[usual.identifiable[0]]).max() < 0.1
 
 
-def test_learning_leaves_the_paint_in_question_out():
-    levels = {name: CoatScattering(1.5, 0.1) for name in "abcdef"}
-    asked = learn_scattering({**levels, "x": CoatScattering(-4.0, 0.01)}, without="x")
-    assert asked == learn_scattering(levels)
-    assert asked.learnt_from == tuple("abcdef")
-    assert asked.mean == pytest.approx(1.5, abs=0.2)
-    # Paints that scatter alike leave less open.
-    assert asked.sd < 0.7 < learn_scattering({}).sd
-
-
-def test_others_tell_what_one_coat_does_not():
-    # All brushed thick: a coat hides far more than coats usually do.
-    others = [
-        row
-        for number, k in enumerate((0.3 * RED + 0.2, 2 * BLUE, 0.5 * BLUE + 0.1, 4 * RED))
-        for row in ladder(f"Other {number}", k, 3.5, 3, seed=number)
-    ]
+def test_what_is_expected_of_a_coat_tells_what_one_coat_does_not():
+    # Brushed thick: a coat hides far more than films usually do.
     asked = ladder("Red", RED, 3.5, 2, seed=9)
-    taught = recovered([*others, asked[0]])
-    alone = recovered([asked[0]])
-    assert taught.expected["Red"].learnt_from == tuple(f"Other {n}" for n in range(4))
-    assert "Other 1" not in taught.expected["Other 1"].learnt_from
-    assert taught.expected["Red"].mean > 0.7
     off = [
         float(predict_next_coat(found, "Red", 2, GROUND).delta_e(asked[1][1]))
-        for found in (taught, alone)
+        for found in (
+            recovered([asked[0]], expected=CoatScattering(np.log(3.5), 0.3)),
+            recovered([asked[0]], expected=CoatScattering(-2.0, 0.3)),
+        )
     ]
     assert off[0] < off[1]
+
+
+def test_paints_are_recovered_each_by_itself():
+    blue = ladder("Blue", BLUE, 0.5, 2)
+    together = recovered([*ladder("Red", RED, 3.5, 3, seed=1), *blue]).paints["Blue"]
+    alone = recovered(blue).paints["Blue"]
+    np.testing.assert_allclose(together.absorption, alone.absorption, rtol=1e-6)
+    np.testing.assert_allclose(together.scattering, alone.scattering, rtol=1e-6)
 
 
 @pytest.mark.slow
@@ -165,7 +164,7 @@ def test_bands_hold_ninety_per_cent_of_truths():
         first, second = ladder(f"P{number}", k, s, 2, seed=100 + number, spread=0.3)
         rows.append(first)
         truths[f"P{number}"] = second[1]
-    found = recovered(rows, expected=expected, learn=False)
+    found = recovered(rows, expected=expected)
     inside = []
     for paint, truth in truths.items():
         low, high = predict_next_coat(found, paint, 2, GROUND).interval()

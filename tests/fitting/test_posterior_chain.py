@@ -8,12 +8,10 @@ import pytest
 
 from glazefit import posterior_of_bands, simulate_films
 from glazefit.posterior.chain import (
-    BlockDifference,
-    BlockStretch,
     Chain,
     Convergence,
-    autocorrelation_times,
     convergence,
+    count_samples,
     run_chain,
 )
 from glazefit.posterior.problem import Problem
@@ -57,10 +55,9 @@ def test_blocks_of_very_different_size_are_all_sampled_rightly():
     settings = Sampling(sampler="emcee", steps=12000, thin=4, seed=3)
     chain = run_chain(problem, start(problem), settings)  # pyright: ignore[reportArgumentType]
     free = chain.free[200:].reshape(-1, 3, 3)
-    tau = autocorrelation_times(chain.free[200:].reshape(*chain.free[200:].shape[:2], -1)).reshape(
-        3, 3
-    )
-    error = problem.scales[:, None] / np.sqrt(len(free) / tau)
+    kept = chain.free[200:]
+    samples = count_samples(kept.reshape(*kept.shape[:2], -1))[0].reshape(3, 3)
+    error = problem.scales[:, None] / np.sqrt(samples)
     assert np.all(np.abs(free.mean(axis=0) - problem.means) < 5 * error)
     np.testing.assert_allclose(
         free.std(axis=0), np.broadcast_to(problem.scales[:, None], (3, 3)), rtol=0.12
@@ -80,37 +77,6 @@ def test_a_chain_thinned_by_three_keeps_every_third_step():
     np.testing.assert_array_equal(thinned.log_probability, whole.log_probability[2::3])
 
 
-@pytest.mark.parametrize("kind", [BlockStretch, BlockDifference])
-def test_each_move_alone_keeps_the_distribution(kind):
-    """One step of an ensemble that is distributed rightly leaves it so: means of squares over many
-    ensembles.
-    """
-
-    class Model:
-        random = np.random.RandomState(1)
-
-        @staticmethod
-        def compute_log_prob_fn(points):
-            parts = -0.5 * np.sum(points.reshape(len(points), 2, 2) ** 2, axis=-1)
-            return parts.sum(axis=1), parts
-
-    class State:
-        def __init__(self, coords):
-            self.coords = coords
-            self.log_prob, self.blobs = Model.compute_log_prob_fn(coords)
-
-    move, squares = kind(2), []
-    rng = np.random.default_rng(0)
-    for _ in range(1500):
-        state = State(rng.standard_normal((8, 4)))
-        for _ in range(3):
-            state, _ = move.propose(Model, state)
-        squares.append((state.coords**2).mean())
-        np.testing.assert_allclose(state.log_prob, Model.compute_log_prob_fn(state.coords)[0])
-    squares = np.array(squares)
-    assert squares.mean() == pytest.approx(1.0, abs=4 * squares.std() / np.sqrt(len(squares)))
-
-
 def white_chain(steps, walkers=16, rho=0.0, seed=0):
     """A chain of known autocorrelation time, (1 + rho)/(1 - rho)."""
     rng = np.random.default_rng(seed)
@@ -121,9 +87,20 @@ def white_chain(steps, walkers=16, rho=0.0, seed=0):
     return Chain(values[..., None], np.zeros(values.shape), 0.5, 1), values[..., None]
 
 
-def test_autocorrelation_time_of_a_known_chain():
+def test_effective_samples_of_a_known_chain():
+    """A Markov chain of correlation .8 has one in (1 + .8)/(1 - .8) = 9 steps."""
     _, values = white_chain(5000, rho=0.8)
-    assert autocorrelation_times(values[..., 0])[0] == pytest.approx(9.0, rel=0.15)
+    samples, apart = count_samples(values[..., 0])
+    assert samples[0] == pytest.approx(5000 * 16 / 9.0, rel=0.1)
+    assert 1.0 <= apart[0] < 1.01
+
+
+def test_walkers_that_never_met_are_told_apart():
+    _, values = white_chain(200, walkers=8)
+    far = values[..., 0] + 3.0 * (np.arange(8) > 3)[:, None]
+    samples, apart = count_samples(far)
+    assert apart[0] > 1.5
+    assert samples[0] < 20
 
 
 def test_long_chain_has_converged_and_short_one_not():
@@ -146,15 +123,20 @@ def test_lengths_and_times_of_a_thinned_chain_are_in_its_steps():
 
 
 @pytest.mark.parametrize(
-    ("length", "samples", "enough"), [(500, 400.0, True), (499, 1e6, False), (10_000, 399.0, False)]
+    ("samples", "apart", "enough"), [(400.0, 1.049, True), (399.0, 1.0, False), (1e6, 1.05, False)]
 )
-def test_a_chain_is_as_long_as_emcee_asks(length, samples, enough):
-    """Fifty autocorrelation times, the rule of emcee's manual, and as many samples as the words
-    say; of every block.
-    """
-    one = Convergence(np.array([10.0, 1.0]), np.array([samples, 1e6]), length, 0)
+def test_a_chain_has_samples_enough_and_walkers_that_met(samples, apart, enough):
+    """In every block, as the words say."""
+    one = Convergence(
+        samples=np.array([samples, 1e6]),
+        apart=np.array([apart, 1.0]),
+        walkers=16,
+        length=500,
+        discarded=0,
+    )
     assert one.converged.tolist() == [enough, True]
-    assert "50 times and 400 samples are needed" in one.words()
+    assert one.times[0] == 500 * 16 / samples
+    assert "400 samples are needed, and an R-hat below 1.05" in one.words()
     assert one.words().startswith("converged" if enough else "not converged in 1 of 2 blocks")
 
 

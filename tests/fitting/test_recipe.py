@@ -152,15 +152,6 @@ def test_one_target_gets_what_it_gets_in_a_batch(found, known):
 
 
 @pytest.mark.slow
-def test_limits_are_kept():
-    recipes = find_recipes(
-        (50, 30, 30), palette(), max_paints=2, max_coats=1, thickness=(3e-6, 3e-6), count=3
-    )
-    assert all(len(r.paints) <= 2 and len(r.coats) == 1 for r in recipes)
-    assert all(r.coats[0].thickness == pytest.approx(3e-6) for r in recipes)
-
-
-@pytest.mark.slow
 def test_thickness_that_limits_is_named():
     """White paint over a black ground: thicker would be whiter."""
     # As many targets and recipes as above: the same programs.

@@ -13,7 +13,7 @@ from glazefit import find_recipes, lab_target, spectral_target
 from glazefit.recipe.refine import _children
 from glazefit.recipe.report import print_best, print_recipes
 from glazefit.recipe.selection import merge_coats, roundings
-from glazefit.recipe.task import Task, make_task
+from glazefit.recipe.task import RecipeTask, make_task
 from glazejax import colour
 
 from .palette import GRID, palette
@@ -92,7 +92,7 @@ def test_the_answer_says_what_mixing_would_gain(found):
     assert not any(plain)
 
 
-def task(**others: Any) -> Task:
+def task(**others: Any) -> RecipeTask:
     given: dict[str, Any] = {"glazes": True, **others}
     return make_task([lab_target((50, 0, 0))], palette(), **given)
 

@@ -11,7 +11,7 @@ from glazefit import find_recipes
 from glazefit.film.colour_metric import lab_metric
 from glazefit.film.films import Instrument
 from glazefit.recipe import refine as refine_module
-from glazefit.recipe.model import Optics, Solver, empty_slots, fill_slots, make_model, readings
+from glazefit.recipe.model import Optics, StackSolver, empty_slots, fill_slots, make_model, readings
 from glazefit.recipe.parts import CLOSE, whole_parts
 from glazefit.recipe.refine import refine
 from glazefit.recipe.report import describe_coat, print_best, print_recipes, write_json
@@ -41,7 +41,7 @@ def stacks(count: int, coats: int) -> np.ndarray:
 
 
 def test_the_table_is_exact_for_one_coat_and_near_for_two(model):
-    solver = Solver(Optics.of(SEEN, 1.5), 10)
+    solver = StackSolver(Optics.of(SEEN, 1.5), 10)
     one, two = stacks(20, 1), stacks(20, 2)
     np.testing.assert_allclose(readings(model, one, None), readings(model, one, solver), atol=3e-5)
     apart = np.abs(readings(model, two, None) - readings(model, two, solver))
@@ -51,7 +51,7 @@ def test_the_table_is_exact_for_one_coat_and_near_for_two(model):
 
 def test_an_empty_coat_is_no_coat(model):
     one = stacks(5, 1)
-    for solver in (None, Solver(Optics.of(SEEN, 1.5), 10)):
+    for solver in (None, StackSolver(Optics.of(SEEN, 1.5), 10)):
         np.testing.assert_allclose(
             readings(model, one[:, ::-1], solver), readings(model, one, solver), atol=1e-6
         )

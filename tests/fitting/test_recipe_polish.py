@@ -9,7 +9,7 @@ from glazefit.film.colour_metric import lab_metric
 from glazefit.film.films import Instrument
 from glazefit.film.model.optics import Optics
 from glazefit.recipe import polish as polish_module
-from glazefit.recipe.model import Solver, fill_slots, make_model, solve
+from glazefit.recipe.model import StackSolver, fill_slots, make_model, solve
 from glazefit.recipe.polish import colour_misfit, polish
 from glazefit.recipe.screen import Stacks, TargetArrays
 from glazefit.recipe.selection import score
@@ -19,7 +19,7 @@ from .palette import GRID, palette
 
 SEEN = gj.Bidirectional(45, 0)
 LIGHTS = [colour.find_illuminant(name) for name in ("D65", "A")]
-SOLVER = Solver(Optics.of(SEEN, 1.5), 4)
+SOLVER = StackSolver(Optics.of(SEEN, 1.5), 4)
 WHITE, BLACK, RED, YELLOW, BLUE = range(5)
 
 

@@ -7,7 +7,8 @@ import pytest
 
 from glazefit import Instrument, Noise, read_films, recover_films, simulate_films
 from glazefit.film.gloss import estimate_gloss
-from glazefit.film.model.body import body_reflectance, tabulate
+from glazefit.film.model.body import body_reflectance
+from glazefit.film.model.response import film_response
 from glazefit.film.readers import is_masstone, read_recipes, readable_names
 from glazefit.recover.film_by_film import (
     CHUNK,
@@ -175,14 +176,13 @@ def test_gloss_only_where_readings_demand_it():
 
 def test_two_solutions_are_both_starts():
     """The starts of a band hold each local minimum that a dense search finds."""
-    table = jax.jit(tabulate, static_argnums=0)(INSTRUMENT)
     films = simulate_films(
         GRID, np.full((1, 31), 2.3), np.full((1, 31), 0.06), names=["x"], noise=Noise(1e-6, 0)
     )
     problem = pose(films, np.ones(1), INSTRUMENT, Noise())
     first = jax.tree.map(lambda a: a[0], problem)
     nowhere = ScatteringPrior(jnp.zeros(()), jnp.zeros(()))
-    points = np.asarray(jax.jit(starts)(first, table, nowhere).logs)
+    points = np.asarray(jax.jit(starts)(first, film_response(INSTRUMENT), nowhere).logs)
     assert np.abs(np.exp(points) - [2.3, 0.06]).min(axis=0).max() < 0.5
     k, s = jnp.exp(points).T[..., None]
     read = body_reflectance(k, s, first.ground, INSTRUMENT)
@@ -212,11 +212,12 @@ def test_compiled_program_calls_no_library_for_linear_algebra():
             Noise(),
         ),
     )
-    table = jax.jit(tabulate, static_argnums=(0, 1))(INSTRUMENT, (20, 12))
     prior = ScatteringPrior(jnp.zeros(size), jnp.zeros(size))
     # What the compiler is given; it adds no library calls of its own, and compiling again takes
     # long.
-    program = solve.jitted.lower(problem, table, prior, INSTRUMENT).as_text("hlo")
+    program = solve.jitted.lower(problem, film_response(INSTRUMENT), prior, INSTRUMENT).as_text(
+        "hlo"
+    )
     assert "lapack_" not in program
     assert "while" in program, "the solver's loop is missing: is this the program that runs?"
 

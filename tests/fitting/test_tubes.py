@@ -19,6 +19,8 @@ from glazefit.recover.joint import UNIT, recover_jointly
 from glazefit.recover.joint_problem import Expectations
 from glazejax import Pigment, catalogue
 
+from .tables import write_films
+
 GRID = np.arange(400.0, 701.0, 20.0)
 BLUE = np.stack([0.05 + 3.0 * np.exp(-(((GRID - 590) / 60) ** 2)), np.full(GRID.size, 1.0)])
 PALE = np.stack([0.01 + 0.05 * np.exp(-(GRID - 400) / 40), 10.0 - (GRID - 400) / 100])
@@ -38,6 +40,9 @@ def white(provenance: str = "mine", size: float = 0.05) -> Pigment:
     return Pigment("White", GRID, *(PALE / UNIT), error_modes=modes, provenance=provenance)
 
 
+KNOWN = {"White": white()}
+
+
 def painted(instrument: Instrument, thickness=(1.3, 0.8), noise=Noise(), seed=1) -> Films:  # noqa: B008
     shares = np.array([1.0, 1 / 11])[:, None, None]
     k, s = np.moveaxis(
@@ -46,30 +51,10 @@ def painted(instrument: Instrument, thickness=(1.3, 0.8), noise=Noise(), seed=1)
     return simulate_films(GRID, k, s, names=NAMES, instrument=instrument, noise=noise, seed=seed)
 
 
-def written(path, films: Films, ends=("b", "w", "ob", "ow"), scale=1.0, names=NAMES):
-    arrays = {
-        "b": films.bare_black,
-        "w": films.bare_white,
-        "ob": films.over_black,
-        "ow": films.over_white,
-    }
-    rows = [["Name", *(f"{w:g}" for w in films.wavelengths)]]
-    for i, name in enumerate(names):
-        rows += [
-            [
-                f"{name}_{end}" if end else name,
-                *(f"{v * scale:.6f}" for v in arrays[end or "ow"][i]),
-            ]
-            for end in ends
-        ]
-    path.write_text("\n".join(",".join(row) for row in rows) + "\n")
-    return path
-
-
 def test_a_whole_table_reads_as_before(tmp_path):
     from glazefit import read_films
 
-    path = written(tmp_path / "films.csv", painted(Instrument()), scale=100.0)
+    path = write_films(tmp_path / "films.csv", painted(Instrument()), scale=100.0)
     loose, strict = read_loose_films(path), read_films(path)
     assert loose.complete
     for what in ("bare_black", "bare_white", "over_black", "over_white"):
@@ -79,23 +64,23 @@ def test_a_whole_table_reads_as_before(tmp_path):
 
 def test_rows_that_are_not_there(tmp_path):
     films = painted(Instrument())
-    one = read_loose_films(written(tmp_path / "one.csv", films, ends=("w", "ow")))
+    one = read_loose_films(write_films(tmp_path / "one.csv", films, ends=("w", "ow")))
     assert one.seen.tolist() == [[False, True]] * 2
     assert not one.assumed[:, 1].any()
     assert not any("not measured" in note for note in one.notes)
     np.testing.assert_array_equal(one.over_black, one.over_white)
 
-    bare = read_loose_films(written(tmp_path / "bare.csv", films, ends=("ob", "ow")))
+    bare = read_loose_films(write_films(tmp_path / "bare.csv", films, ends=("ob", "ow")))
     assert bare.assumed.all()
     assert any("the black and the white card was not measured" in note for note in bare.notes)
     np.testing.assert_array_equal(cards(bare, Instrument(), Noise())[0][0], usual_cards(GRID)[0])
     np.testing.assert_array_equal(cards(bare, Instrument(), Noise())[3], USUAL_CARD_SD[1])
 
-    opaque = read_loose_films(written(tmp_path / "opaque.csv", films, ends=("",)))
+    opaque = read_loose_films(write_films(tmp_path / "opaque.csv", films, ends=("",)))
     assert opaque.opaque.all()
     assert any("taken to hide whatever is below" in note for note in opaque.notes)
 
-    path = written(tmp_path / "shared.csv", films, ends=("ob", "ow"))
+    path = write_films(tmp_path / "shared.csv", films, ends=("ob", "ow"))
     card = [
         "card_" + end + "," + ",".join(f"{v:.6f}" for v in values[0])
         for end, values in (("b", films.bare_black), ("w", films.bare_white))
@@ -237,7 +222,7 @@ def fitted(films: Films, instrument: Instrument, **given):
 @pytest.mark.parametrize("geometry", ["d:8", "45:0"])
 def test_a_masstone_and_a_tint_with_a_known_white(geometry):
     instrument = Instrument.parse(geometry)
-    found = fitted(painted(instrument), instrument, pigments={"White": white()})
+    found = fitted(painted(instrument), instrument, pigments=KNOWN)
     assert found.known == ("White",)
     row = found.row("Blue")
     np.testing.assert_allclose(found.absorption[row], BLUE[0], rtol=0.25)
@@ -249,9 +234,7 @@ def test_a_masstone_and_a_tint_with_a_known_white(geometry):
     other = fitted(painted(instrument), instrument, pigments={"White": twice})
     np.testing.assert_allclose(other.absorption[row] / found.absorption[row], 2.0, rtol=0.1)
     # Neither need be the usual one.
-    thin = fitted(
-        painted(instrument, thickness=(0.3, 0.2)), instrument, pigments={"White": white()}
-    )
+    thin = fitted(painted(instrument, thickness=(0.3, 0.2)), instrument, pigments=KNOWN)
     np.testing.assert_allclose(thin.thickness, [0.3, 0.2], rtol=0.15)
 
 
@@ -259,22 +242,15 @@ def test_readings_that_are_not_there_do_not_matter():
     instrument = Instrument()
     films = painted(instrument)
     seen = np.array([[True, True], [False, True]])
-    lost = dataclasses.replace(films, seen=seen, over_black=films.over_white)
-    spoilt = dataclasses.replace(
-        films,
-        seen=seen,
-        over_black=np.where(seen[:, :1], films.over_white, 0.9),
-        bare_black=films.bare_black * 0.9,
-    )
-    first = fitted(lost, instrument, pigments={"White": white()})
-    second = fitted(
-        dataclasses.replace(
-            spoilt,
-            over_black=np.where(seen[:, :1], lost.over_black, 0.9),
-            bare_black=films.bare_black,
-        ),
-        instrument,
-        pigments={"White": white()},
+    first, second = (
+        fitted(
+            dataclasses.replace(
+                films, seen=seen, over_black=np.where(seen[:, :1], films.over_white, lost)
+            ),
+            instrument,
+            pigments=KNOWN,
+        )
+        for lost in (films.over_white, 0.9)
     )
     np.testing.assert_allclose(first.absorption, second.absorption, rtol=1e-3)
     np.testing.assert_array_equal(first.residual[1, 0], first.residual[1, 1])
@@ -284,7 +260,7 @@ def test_opaque_films_tell_k_over_s():
     instrument = Instrument()
     films = painted(instrument, thickness=(60.0, 60.0))
     hidden = dataclasses.replace(films, opaque=np.ones(2, bool), bare_white=films.bare_white * 0.5)
-    found = fitted(hidden, instrument, pigments={"White": white()})
+    found = fitted(hidden, instrument, pigments=KNOWN)
     ratio = found.absorption[0] / found.scattering[0]
     np.testing.assert_allclose(ratio, BLUE[0] / BLUE[1], rtol=0.15)
     # As thick as films go, whatever thickness is expected.
@@ -307,9 +283,7 @@ def test_a_gauge_sets_the_scale():
     np.testing.assert_allclose(constraints.thickness_sd, 0.1)
     # On the scale of a known paint thicknesses are open by a common factor; on their own they have
     # none.
-    on_white = gather_constraints(
-        films, ("Blue", "White"), {"White": white()}, None, UNIT, expected
-    )
+    on_white = gather_constraints(films, ("Blue", "White"), KNOWN, None, UNIT, expected)
     np.testing.assert_array_equal(on_white.thickness_modes[-1], 1.0)
     assert (
         len(gather_constraints(films, ("Blue", "White"), {}, None, UNIT, expected).thickness_modes)
@@ -351,7 +325,7 @@ def test_error_modes_of_a_pigment_without_them_have_its_size():
 def test_entries_keep_what_is_there_and_share_the_errors_of_the_white(tmp_path):
     instrument = Instrument()
     path = tmp_path / "mine.csv"
-    found = fitted(painted(instrument), instrument, pigments={"White": white()})
+    found = fitted(painted(instrument), instrument, pigments=KNOWN)
     assert repr(found) == "JointRecovery(Blue from 2 films, known: White)"
     assert add_paints(found, path) == ("Blue", "White")
     mine = catalogue.read(path)
@@ -423,7 +397,7 @@ def test_a_tint_teaches_most_where_there_is_none():
     assert [further.expected for further in found.films] == sorted(
         further.expected for further in found.films
     )
-    both = fitted(painted(instrument), instrument, pigments={"White": white()})
-    after = rank_next_films(both, "Blue", pigments={"White": white()})
+    both = fitted(painted(instrument), instrument, pigments=KNOWN)
+    after = rank_next_films(both, "Blue", pigments=KNOWN)
     assert after.now < found.now
     assert not any("1:10" in further.film for further in after.films)

@@ -27,7 +27,9 @@ from glazefit.recover.joint import UNIT
 from glazefit.recover.mixture import calibrate_mixture, drawn_mixture, mix, predict_mixture
 from glazefit.recover.next_reading import rank_next_readings
 from glazefit.recover.predict_command import read_recipe
-from glazejax import Pigment, catalogue, colour
+from glazejax import Instrument, Pigment, catalogue, colour
+
+from .tables import write_films
 
 BETWEEN_FILMS = ModelError.between_films()
 
@@ -64,12 +66,17 @@ def painted(paints, recipe, strength, thickness, names=None, noise=None) -> Film
     )
 
 
-def delta_e(one, other):
-    lab = [
-        np.asarray(colour.lab(GRID, values, illuminant="D65", observer=10))
-        for values in (one, other)
-    ]
-    return np.asarray(colour.delta_e_2000(*lab))
+def over_white(films: Films, **changes) -> Films:
+    """Of one film only what was read over white."""
+    return dataclasses.replace(films, seen=np.array([[False, True]]), **changes)
+
+
+def calibrate(paints, films, **how):
+    return calibrate_mixture(paints, TINT, films, noise=Noise(), **how)
+
+
+def predict(paints, thickness, **how):
+    return predict_mixture(paints, TINT, thickness, wavelengths=GRID, **how)
 
 
 def evidence(size: float, count: int, paint: str, rng) -> list[SizeEvidence]:
@@ -204,12 +211,12 @@ def test_mixing_is_by_weight(paints):
 
 def test_one_reading_tells_the_strength(paints):
     films = painted(paints, TINT, 0.6, [20e-6, 8e-6, 40e-6])
-    found = calibrate_mixture(paints, TINT, films.take([0]), noise=Noise())
+    found = calibrate(paints, films.take([0]))
     assert found.converged
     # How thick the film is comes out on the scale of its paints.
     lengths = np.array([1.0, 0.4, 2.0]) * found.thickness[0] * UNIT
-    before = predict_mixture(paints, TINT, lengths, wavelengths=GRID)
-    after = predict_mixture(paints, TINT, lengths, wavelengths=GRID, calibrated=found)
+    before = predict(paints, lengths)
+    after = predict(paints, lengths, calibrated=found)
     off = [
         [p.delta_e(films.over_black[i], films.over_white[i]).mean() for i, p in enumerate(some)]
         for some in (before, after)
@@ -227,12 +234,12 @@ def test_one_reading_tells_the_strength(paints):
 def test_one_card_leaves_the_thickness_open(paints):
     """A film half as strong and a thinner one look alike over white: the bands say so."""
     films = painted(paints, TINT, 0.6, [20e-6])
-    alone = dataclasses.replace(films, seen=np.array([[False, True]]))
-    wide, narrow = (calibrate_mixture(paints, TINT, some, noise=Noise()) for some in (alone, films))
+    alone = over_white(films)
+    wide, narrow = (calibrate(paints, some) for some in (alone, films))
     sd = [found.draws.films[:, 0, 0].std() for found in (wide, narrow)]
     assert sd[0] > 1.3 * sd[1]
     length = [wide.thickness[0] * UNIT]
-    (found,) = predict_mixture(paints, TINT, length, wavelengths=GRID, calibrated=wide)
+    (found,) = predict(paints, length, calibrated=wide)
     off = found.delta_e(films.over_black, films.over_white)[0]
     assert off[1] < 0.1  # the reading itself
     assert off[0] < 3 * found.expected_error()
@@ -241,11 +248,9 @@ def test_one_card_leaves_the_thickness_open(paints):
 def test_a_gauge_moves_what_one_card_cannot_tell(paints):
     """The thickness that is said is nearly what is found; the rest is strength."""
     films = painted(paints, TINT, 1.0, [20e-6])
-    alone = dataclasses.replace(films, seen=np.array([[False, True]]))
+    alone = over_white(films)
     thin, thick = (
-        calibrate_mixture(
-            paints, TINT, alone, noise=Noise(), gauge=Gauge({"f0": metres}, 0.02, 0.02)
-        )
+        calibrate(paints, alone, gauge=Gauge({"f0": metres}, 0.02, 0.02))
         for metres in (15e-6, 30e-6)
     )
     assert thick.thickness[0] / thin.thickness[0] == pytest.approx(2.0, rel=0.2)
@@ -258,11 +263,9 @@ def test_a_gauge_moves_what_one_card_cannot_tell(paints):
 
 def test_films_that_scatter_less_are_known_better(paints):
     films = painted(paints, TINT, 1.0, [25e-6])
-    alone = dataclasses.replace(films, seen=np.array([[False, True]]))
+    alone = over_white(films)
     sd = [
-        calibrate_mixture(paints, TINT, alone, noise=Noise(), spread=Spread(thickness))
-        .draws.films[:, 0, 0]
-        .std()
+        calibrate(paints, alone, spread=Spread(thickness)).draws.films[:, 0, 0].std()
         for thickness in (0.02, 0.3)
     ]
     assert sd[0] < 0.022
@@ -273,18 +276,13 @@ def test_films_that_scatter_less_are_known_better(paints):
 def test_a_reading_that_is_too_bright_is_gain_as_far_as_films_have_it(paints):
     """A factor of 1.1 at all bands: with a gain it is met far better, and bands are wider by it."""
     films = painted(paints, TINT, 1.0, [25e-6])
-    bright = dataclasses.replace(
-        films, over_white=1.1 * films.over_white, seen=np.array([[False, True]])
-    )
-    tied, free = (
-        calibrate_mixture(paints, TINT, bright, noise=Noise(), spread=Spread(0.02, gain))
-        for gain in (0.0, 0.1)
-    )
+    bright = over_white(films, over_white=1.1 * films.over_white)
+    tied, free = (calibrate(paints, bright, spread=Spread(0.02, gain)) for gain in (0.0, 0.1))
     assert free.chi_square[0] < 0.5 * tied.chi_square[0]
     widths = []
     for found in (tied, free):
         # Another film: its gain is its own.
-        (made,) = predict_mixture(paints, TINT, [50e-6], wavelengths=GRID, calibrated=found)
+        (made,) = predict(paints, [50e-6], calibrated=found)
         low, high = made.interval()
         widths.append(np.mean((high - low) / made.reflectance))
     assert widths[1] > np.hypot(widths[0], 0.2)
@@ -296,19 +294,15 @@ def test_what_a_reading_was_off_holds_over_the_other_card(paints):
     """
     films = painted(paints, TINT, 1.0, [400e-6])
     wave = 1.0 + 0.03 * np.sin(GRID / 10.0)
-    rough = dataclasses.replace(
-        films, over_white=wave * films.over_white, seen=np.array([[False, True]])
-    )
+    rough = over_white(films, over_white=wave * films.over_white)
     gauge = Gauge({films.names[0]: 400e-6})
-    found = calibrate_mixture(paints, TINT, rough, noise=Noise(), gauge=gauge)
+    found = calibrate(paints, rough, gauge=gauge)
     own = float(found.thickness[0]) * UNIT
     off, wide, others = [], [], []
     for alike in (0.0, 0.8, 1.0):
-        same, other = predict_mixture(
+        same, other = predict(
             paints,
-            TINT,
             [own, 2.0 * own],
-            wavelengths=GRID,
             calibrated=found,
             spread=Spread(alike=alike),
         )
@@ -329,10 +323,8 @@ def test_errors_of_a_reading_are_one_draw_for_all_thicknesses(paints):
     """Two films that hide their ground are off alike in each draw, not each by another error."""
     films = painted(paints, TINT, 1.0, [400e-6])
     gauge = Gauge({films.names[0]: 400e-6})
-    found = calibrate_mixture(paints, TINT, films, noise=Noise(), gauge=gauge)
-    thick, thicker = predict_mixture(
-        paints, TINT, [800e-6, 1600e-6], wavelengths=GRID, calibrated=found
-    )
+    found = calibrate(paints, films, gauge=gauge)
+    thick, thicker = predict(paints, [800e-6, 1600e-6], calibrated=found)
     np.testing.assert_allclose(thick.deviations["paint"], thicker.deviations["paint"], atol=1e-4)
 
 
@@ -345,12 +337,12 @@ def test_a_reading_in_a_few_bands_tells_the_others(paints):
         wavelengths=GRID[few],
         **{what: getattr(films, what)[:, few] for what in SPECTRA},
     )
-    found = calibrate_mixture(paints, TINT, read, noise=Noise(), wavelengths=GRID)
+    found = calibrate(paints, read, wavelengths=GRID)
     np.testing.assert_array_equal(found.wavelengths, GRID)
     length = [20e-6]
-    (before,) = predict_mixture(paints, TINT, length, wavelengths=GRID)
+    (before,) = predict(paints, length)
     length = [found.thickness[0] * UNIT]
-    (after,) = predict_mixture(paints, TINT, length, wavelengths=GRID, calibrated=found)
+    (after,) = predict(paints, length, calibrated=found)
     off = [p.delta_e(films.over_black, films.over_white).mean() for p in (before, after)]
     assert off[1] < 0.2 * off[0]
     low, high = after.interval(0.98)
@@ -369,7 +361,7 @@ def test_the_film_that_was_read_is_the_yardstick(paints):
     lost in the bands of that film.
     """
     films = painted(paints, TINT, 1.0, [25e-6])
-    found = calibrate_mixture(paints, TINT, films, noise=Noise())
+    found = calibrate(paints, films)
     depth = found.draws.films[:, 0, 0]
     log_s = found.draws.bands[:, :, 1].mean(axis=1)
     together = np.std(depth + log_s - found.unknowns.films[0, 0])
@@ -403,7 +395,7 @@ def test_the_other_card_is_the_reading_that_helps_most(paints):
 
 def test_a_prediction_without_errors_is_the_film(paints):
     films = painted(paints, TINT, 1.0, [12e-6])
-    (found,) = predict_mixture(paints, TINT, [12e-6], wavelengths=GRID)
+    (found,) = predict(paints, [12e-6])
     np.testing.assert_allclose(
         found.reflectance, [films.over_black[0], films.over_white[0]], atol=2e-4
     )
@@ -473,22 +465,6 @@ def run(command_line):
     return command_line("predict", columns=150, on_one_line=True)
 
 
-def write(path, films, rows=("b", "w", "ob", "ow")):
-    arrays = {
-        "b": films.bare_black,
-        "w": films.bare_white,
-        "ob": films.over_black,
-        "ow": films.over_white,
-    }
-    lines = ["\t".join(["Name", *(f"{w:g}" for w in films.wavelengths)])]
-    for i, name in enumerate(films.names):
-        lines += [
-            "\t".join([f"{name}_{end}", *(f"{v:.6f}" for v in arrays[end][i])]) for end in rows
-        ]
-    path.write_text("\n".join(lines) + "\n")
-    return path
-
-
 def test_command_says_how_sure_it_is(run, tmp_path):
     status, out, err = run(
         "10 vermillion + 90 zincwhite", "--thickness", "10um,30um", "--csv", "p.csv"
@@ -507,12 +483,12 @@ def test_command_says_how_sure_it_is(run, tmp_path):
 
 def test_command_learns_from_a_reading(run, tmp_path, paints):
     films = painted(paints, TINT, 0.6, [20e-6], ["mine"], Noise())
-    file = write(tmp_path / "one.tsv", films)
+    file = write_films(tmp_path / "one.tsv", films)
     status, out, err = run("10 Vermillion + 90 ZincWhite", "--reading", file)
     assert (status, err) == (0, "")
     assert "Reading mine: met to" in out
     assert "No further reading of it would tell much more." in out
-    white = write(tmp_path / "white.tsv", films, ("b", "w", "ow"))
+    white = write_films(tmp_path / "white.tsv", films, ("b", "w", "ow"))
     status, out, err = run("10 Vermillion + 90 ZincWhite", "--reading", white)
     assert (status, err) == (0, "")
     assert "What would help most: a reading of the same film over black." in out
@@ -522,7 +498,7 @@ def test_command_learns_from_a_reading(run, tmp_path, paints):
 
 
 def test_command_refuses_in_one_line(run, tmp_path, paints):
-    two = write(tmp_path / "two.tsv", painted(paints, TINT, 1.0, [9e-6, 20e-6]))
+    two = write_films(tmp_path / "two.tsv", painted(paints, TINT, 1.0, [9e-6, 20e-6]))
     for words, said in (
         (["10 Vermillion + 90 ZincWhite", "--reading", two], "takes one film, and there are 2"),
         (["10 Vermillion + 90 ZincWhite", "--reading", tmp_path / "no.tsv"], "no.tsv"),
@@ -539,23 +515,19 @@ def test_command_refuses_in_one_line(run, tmp_path, paints):
         assert err.count("\n") == 1
 
 
-def test_light_and_eye_reach_the_colours(run):
-    (paint,) = predict_mixture(catalogue.load(), {"Vermillion": 1.0}, [10e-6])
-    for light, eye, degrees in (("D65", "10", 10), ("A", "2", 2)):
-        _, out, _ = run(
-            "Vermillion", "--thickness", "10um", "--illuminant", light, "--observer", eye
-        )
-        lab = np.asarray(
-            colour.lab(paint.wavelengths, paint.over_white, illuminant=light, observer=degrees)
-        )
-        assert [float(word) for word in out.split("white")[1].split()[:3]] == pytest.approx(
-            lab, abs=0.051
-        )
-
-
-def test_geometry_reaches_the_calculation(run, tmp_path):
-    colours = []
-    for geometry in ("d:8", "45:0"):
-        _, out, _ = run("Vermillion", "--instrument", geometry, "--thickness", "10um")
-        colours.append(out.split("white")[1].split()[:1])
-    assert float(colours[1][0]) < float(colours[0][0])
+@pytest.mark.parametrize(
+    ("light", "eye", "degrees", "geometry"),
+    [("D65", "10", 10, "d:8"), ("A", "2", 2, "d:8"), ("D65", "10", 10, "45:0")],
+)
+def test_light_and_eye_reach_the_colours(run, light, eye, degrees, geometry):
+    (paint,) = predict_mixture(
+        catalogue.load(), {"Vermillion": 1.0}, [10e-6], instrument=Instrument.parse(geometry)
+    )
+    words = ["--illuminant", light, "--observer", eye, "--instrument", geometry]
+    _, out, _ = run("Vermillion", "--thickness", "10um", *words)
+    lab = np.asarray(
+        colour.lab(paint.wavelengths, paint.over_white, illuminant=light, observer=degrees)
+    )
+    assert [float(word) for word in out.split("white")[1].split()[:3]] == pytest.approx(
+        lab, abs=0.051
+    )

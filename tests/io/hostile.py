@@ -522,17 +522,28 @@ def _spectramagic() -> str:
 
 
 def _workbooks() -> dict[str, Subject]:
-    """A workbook, where the package that writes it is installed."""
+    """Workbooks, where the packages that write them are installed."""
     try:
         openpyxl = import_module("openpyxl")
+        xlwt = import_module("xlwt")
     except ImportError:
         return {}
     book = openpyxl.Workbook()
-    for row in (["Name", *map(float, GRID)], ["red", *spectra(1)[0].tolist()]):
+    old = xlwt.Workbook()
+    sheet = old.add_sheet("Films")
+    rows = (["Name", *map(float, GRID)], ["red", *spectra(1)[0].tolist()])
+    for y, row in enumerate(rows):
         book.active.append(row)
+        for x, cell in enumerate(row):
+            sheet.write(y, x, cell)
     file = io.BytesIO()
     book.save(file)
-    return {"workbook": Subject("films.xlsx", file.getvalue(), read_spectra)}
+    old_file = io.BytesIO()
+    old.save(old_file)
+    return {
+        "workbook": Subject("films.xlsx", file.getvalue(), read_spectra),
+        "old workbook": Subject("films.xls", old_file.getvalue(), read_spectra),
+    }
 
 
 def _envi(fields: dict[str, object]) -> bytes:

@@ -75,9 +75,9 @@ def test_units_scale_bad_bands_order_and_missing_data(tmp_path):
         assert words in told
 
 
-def test_bad_bands_written_with_decimals_are_left_out(tmp_path):
-    """bbl = {0.0, 1.0, 1.0} says the same as {0, 1, 1}."""
-    bbl = ", ".join("0.0" if i in (0, 7) else "1.0" for i in range(31))
+@pytest.mark.parametrize("zero", ["0.0", "0.00", "0e0", "-0"])
+def test_bad_bands_are_those_whose_number_is_zero(tmp_path, zero):
+    bbl = ", ".join(zero if i in (0, 7) else "1.0" for i in range(31))
     table = read_spectra(put(tmp_path, bbl=f"{{{bbl}}}"))
     good = np.delete(np.arange(31), [0, 7])
     same(table, GRID[good], spectra()[:, good], ["red", "green", "blue"], atol=1e-7)
@@ -142,6 +142,7 @@ def bad(values, where, value):
             "4 spectra names for 3 spectra; does a name hold a comma",
         ),
         (None, {"bbl": "{0, 1}"}, "2 entries for 31 bands"),
+        (None, {"bbl": "{1, good}"}, "bbl number 2: could not convert"),
         (None, {"bbl": "{" + ",".join("0" * 31) + "}"}, "every band as bad"),
         (None, {"reflectance_scale_factor": 0}, "must be positive"),
         (None, {"reflectance_scale_factor": "ten"}, "not a number"),

@@ -45,7 +45,7 @@ WIDE = "Name,400,410,420\nred,0.1,0.2,0.3\nblue,0.4,0.5,0.6\n"
 SUBJECTS = subjects()
 CONTENTS = [subject.content for subject in SUBJECTS.values()]
 # Formats that declare no counts that a test could find simply.
-NOT_COUNTED = {"SpectraMagic", "Ocean Optics", "SVC", "workbook"}
+NOT_COUNTED = {"SpectraMagic", "Ocean Optics", "SVC", "workbook", "old workbook"}
 
 
 @pytest.fixture(scope="module")

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from glazejax.io import read_sample, read_spectra
-from glazejax.io.sample import split_sample
+from glazejax.io.files.sample import split_sample
 
 
 @pytest.fixture

@@ -1,24 +1,25 @@
-"""Excel workbooks that openpyxl writes."""
+"""Workbooks that openpyxl and xlwt write, and one of LibreOffice's kind by hand."""
 
 import io
 import re
 import sys
 import zipfile
+from html import escape
 
 import numpy as np
 import pytest
 
 from glazejax.io import read_sample, read_spectra
-from glazejax.io.formats import workbook
 
 from .samples import GRID, complains, same, spectra
 
+openpyxl = pytest.importorskip("openpyxl")
+xlwt = pytest.importorskip("xlwt")
 R = spectra(2)
 
 
 @pytest.fixture
 def book(tmp_path):
-    openpyxl = pytest.importorskip("openpyxl")
     book = openpyxl.Workbook()
     wide = book.active
     wide.title = "Films"
@@ -40,7 +41,7 @@ def book(tmp_path):
 def test_the_first_sheet_is_read(book):
     table = read_spectra(book)
     same(table, GRID, R, ["red light 0", "red light 1"], atol=1e-12)
-    assert table.format == "Excel workbook, a sample a row"
+    assert table.format == "workbook, a sample a row"
     assert table.attributes["L*"] == ("50.5", "50.5")
     assert "sheet 'Films' was read; there are Films, Spots, Bare" in table.notes
 
@@ -56,8 +57,6 @@ def test_errors_name_sheets_rows_and_files(book):
     with pytest.raises(ValueError, match="no sheet 'Spot'; there are Spots") as error:
         read_spectra(f"{book}:Spot")
     assert complains(error, book)
-    import openpyxl  # pyright: ignore[reportMissingModuleSource]
-
     changed = openpyxl.load_workbook(book)
     changed["Films"]["D5"] = "high"
     changed.save(book)
@@ -70,9 +69,9 @@ def test_damaged_workbooks_and_other_archives_are_refused(book):
     other = io.BytesIO()
     with zipfile.ZipFile(other, "w") as archive:
         archive.writestr("a.txt", "b")
-    for wrong in (content[:-500], b"PK\x03\x04rest", other.getvalue()):
+    for wrong in (content[:-500], b"PK\x03\x04rest", other.getvalue(), b"\xd0\xcf\x11\xe0rest"):
         book.write_bytes(wrong)
-        with pytest.raises(ValueError, match="not a whole Excel workbook") as error:
+        with pytest.raises(ValueError, match="not a whole workbook") as error:
             read_spectra(book)
         assert complains(error, book)
 
@@ -93,14 +92,84 @@ def test_a_size_that_a_sheet_claims_is_not_believed(book):
     same(read_spectra(changed), GRID, R, ["red light 0", "red light 1"], atol=1e-12)
 
 
-def test_more_cells_than_a_table_has_are_refused(book, monkeypatch):
-    monkeypatch.setattr(workbook, "_MOST_CELLS", 50)
-    with pytest.raises(ValueError, match="more than 50 cells"):
+@pytest.mark.parametrize(
+    ("row", "column", "words"),
+    [(1_000_000, 8, "more than 5000000 cells"), (1_048_576, 16_384, "far too many cells")],
+)
+def test_more_cells_than_a_table_has_are_refused(book, row, column, words):
+    """The second takes all memory that a reader may have, and ends it."""
+    changed = openpyxl.load_workbook(book)
+    changed["Films"].cell(row, column, 0.5)
+    changed.save(book)
+    with pytest.raises(ValueError, match=words) as error:
         read_spectra(book)
+    assert complains(error, book)
 
 
-def test_without_openpyxl_one_sentence_names_the_extra(tmp_path, monkeypatch):
-    monkeypatch.setitem(sys.modules, "openpyxl", None)
+@pytest.mark.parametrize("ending", [".xls", ".ods"])
+def test_old_workbooks_and_those_of_libreoffice_are_read(tmp_path, ending):
+    path = tmp_path / f"films{ending}"
+    sheets = {
+        "Notes": [["measured by", "A"]],
+        "Films": [["Name", *GRID], ["7", *R[0]], ["red & light", *R[1]]],
+    }
+    path.write_bytes((_xls if ending == ".xls" else _ods)(sheets))
+    same(read_spectra(f"{path}:Films"), GRID, R, ["7", "red & light"], atol=1e-12)
+    with pytest.raises(ValueError, match="no sheet 'Film'; there are Films") as error:
+        read_spectra(f"{path}:Film")
+    assert complains(error, path)
+
+
+def _xls(sheets):
+    book = xlwt.Workbook()
+    for name, rows in sheets.items():
+        sheet = book.add_sheet(name)
+        for y, row in enumerate(rows):
+            for x, cell in enumerate(row):
+                sheet.write(y, x, cell if isinstance(cell, str) else float(cell))
+    file = io.BytesIO()
+    book.save(file)
+    return file.getvalue()
+
+
+def _ods(sheets):
+    """ODF 1.2, part 1, 9.1: of a table what a reader needs."""
+    names = "urn:oasis:names:tc:opendocument:xmlns:"
+    kind = "application/vnd.oasis.opendocument.spreadsheet"
+
+    def cell(value):
+        if isinstance(value, str):
+            return f'<t:table-cell o:value-type="string"><x:p>{escape(value)}</x:p></t:table-cell>'
+        return f'<t:table-cell o:value-type="float" o:value="{value}"/>'
+
+    tables = "".join(
+        f'<t:table t:name="{name}">'
+        + "".join(f"<t:table-row>{''.join(map(cell, row))}</t:table-row>" for row in rows)
+        + "</t:table>"
+        for name, rows in sheets.items()
+    )
+    for short, long in (("o", "office"), ("t", "table"), ("x", "text")):
+        tables = tables.replace(f"<{short}:", f"<{long}:").replace(f"</{short}:", f"</{long}:")
+        tables = tables.replace(f" {short}:", f" {long}:")
+    content = (
+        f'<office:document-content xmlns:office="{names}office:1.0" xmlns:table="{names}table:1.0" '
+        f'xmlns:text="{names}text:1.0"><office:body><office:spreadsheet>{tables}'
+        "</office:spreadsheet></office:body></office:document-content>"
+    )
+    manifest = (
+        f'<manifest:manifest xmlns:manifest="{names}manifest:1.0"><manifest:file-entry '
+        f'manifest:full-path="/" manifest:media-type="{kind}"/></manifest:manifest>'
+    )
+    file = io.BytesIO()
+    with zipfile.ZipFile(file, "w") as archive:
+        archive.writestr("mimetype", kind)
+        archive.writestr("META-INF/manifest.xml", manifest)
+        archive.writestr("content.xml", content)
+    return file.getvalue()
+
+
+def test_without_calamine_one_sentence_names_the_extra(tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "python_calamine", None)
     path = tmp_path / "films.xlsx"
     path.write_bytes(b"PK\x03\x04")
     with pytest.raises(ValueError, match=r'pip install "glazejax\[formats\]"') as error:

@@ -7,10 +7,12 @@ import functools
 import json
 import os
 import signal
+import sys
 import time
 import warnings
 from dataclasses import dataclass
 from pathlib import Path
+from unittest import mock
 
 import numpy as np
 import pytest
@@ -38,7 +40,9 @@ def run(*arguments):
     app = typer.Typer()
     register(app)
     app.callback()(lambda: None)
-    return RUNNER.invoke(app, ["map", *map(str, arguments)])
+    words = ["map", *map(str, arguments)]
+    with mock.patch.object(sys, "argv", ["glazejax", *words]):
+        return RUNNER.invoke(app, words)
 
 
 @pytest.fixture(scope="module")
@@ -238,7 +242,8 @@ def test_a_map_its_report_its_table_and_its_exports_are_written(
         assert int((exported.status == Status.MAPPED).sum()) == 110
     page = (tmp_path / "page" / "report.html").read_text()
     command = (
-        f"glazejax map {cube} --out panel.zarr --only ZincWhite,Eosin --ground 0.9 --report page"
+        f"glazejax map {cube} --ground 0.9 --only ZincWhite,Eosin --report page --csv sets.csv "
+        "--export map.nc --out panel.zarr"
     )
     for words in (
         command,

@@ -7,11 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from glazefit.mapping.store import lock
 from glazefit.mapping.store.lock import hold
 from glazefit.mapping.store.run import run_chunks
 
-from .test_store import same, undisturbed  # noqa: F401
+from .test_store import finished, same, undisturbed  # noqa: F401
 from .toy import Toy, store_at
 
 pytest.importorskip("zarr")
@@ -48,7 +47,7 @@ def test_a_run_in_another_process_holds_its_map_until_it_dies(tmp_path):
     ) as run:
         assert run.stdout is not None
         assert run.stdout.readline() == b"begun\n"
-        while not store_marks(path):
+        while not finished(path):
             assert run.poll() is None
         for overwrite in (False, True):
             with pytest.raises(ValueError, match="another run is writing"):
@@ -58,10 +57,6 @@ def test_a_run_in_another_process_holds_its_map_until_it_dies(tmp_path):
     assert (tmp_path / ".map.zarr.lock").exists()
     assert store_at(path, overwrite=True).done() == set()
     assert [file.name for file in tmp_path.iterdir()] == ["map.zarr"]
-
-
-def store_marks(path: Path) -> list[Path]:
-    return list((path / ".glazejax" / "marks").glob("*.npz"))
 
 
 def test_a_map_is_held_by_whatever_name(tmp_path, monkeypatch):
@@ -74,24 +69,3 @@ def test_a_map_is_held_by_whatever_name(tmp_path, monkeypatch):
         with hold(Path("other.zarr")):
             pass
     assert sorted(file.name for file in tmp_path.iterdir()) == ["same"]
-
-
-def test_a_file_that_the_run_before_took_away_is_no_lock(tmp_path, monkeypatch):
-    """It was opened here before it was taken away, and locked here after."""
-    taken = []
-    lock_file = lock._lock
-
-    def late(file):
-        if not taken:
-            taken.append(file.name)
-            Path(file.name).unlink()
-        return lock_file(file)
-
-    monkeypatch.setattr(lock, "_lock", late)
-    with (
-        hold(tmp_path / "map"),
-        pytest.raises(ValueError, match="another run"),
-        hold(tmp_path / "map"),
-    ):
-        pass
-    assert taken

@@ -7,15 +7,18 @@ from html.parser import HTMLParser
 
 import numpy as np
 import pytest
+from jinja2 import UndefinedError
 
 from glazefit.mapping.show.page import _WAYS, Provenance, write_report
-from glazefit.mapping.show.page_sets import spectra_svg
+from glazefit.mapping.show.page_sets import small_spectrum
 from glazefit.mapping.store.chunk import SetSum
 from glazefit.mapping.store.layout import Status, Way
+from glazefit.page.templates import fill_template
 
 from .truth_map import GRID, painting, truth_map
 
 xr = pytest.importorskip("xarray")
+EVIL = '<b>&"'
 ABOUT = Provenance(
     "a <b>painting</b>",
     created="2026-01-02, 03:04",
@@ -56,6 +59,8 @@ def part(made, tmp_path_factory):
     part = dataset.copy(deep=True)
     part["status"][20:] = Status.UNDONE
     part["way"][:, ::2] = Way.NEIGHBOUR
+    names = [EVIL if name == "LeadWhite" else name for name in part["paint"].values]
+    part = part.assign_coords(paint=names)
     about = replace(ABOUT, notes=())
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("glazefit.mapping.show.page.write_pictures", lambda *_, **__: [])
@@ -150,6 +155,15 @@ def test_each_way_of_an_answer_has_its_words(part):
     assert set(_WAYS) == set(Way)
 
 
+def test_a_paint_of_any_name_is_text(part):
+    page = part[1].read_text(encoding="utf-8")
+    assert "<b>" not in page
+    # In the legend, among paints, and above the picture of its amount.
+    assert words(page).count(EVIL) > 3
+    with pytest.raises(UndefinedError, match="spots"):
+        "".join(fill_template("mapping/show/spots.html"))
+
+
 def test_pictures_lie_beside_the_page(report):
     names = {path.stem for path in (report.parent / "pictures").iterdir()}
     assert names >= {
@@ -193,13 +207,13 @@ def test_a_map_that_is_not_finished_or_empty_says_so(part, tmp_path):
 def test_a_small_spectrum_has_the_mean_at_its_height():
     grid = np.array([400.0, 500.0, 600.0, 700.0])
     mean = np.array([0.0, 0.5, 1.0, 0.25])
-    drawn = spectra_svg(SetSum(4, 4 * mean, 4 * mean, 4 * mean**2, (0.0, 0)), grid, "a")
-    lines = re.findall(r'polyline points="([^"]*)"', drawn)
-    y = [float(pair.split(",")[1]) for pair in lines[0].split()]
+    drawn = small_spectrum(SetSum(4, 4 * mean, 4 * mean, 4 * mean**2, (0.0, 0)), grid)
+    assert drawn is not None
+    y = [float(pair.split(",")[1]) for pair in drawn["mean"].split()]
     # The lower edge is 0 and the upper 1.
     assert np.interp(y, (y[2], y[0]), (1, 0)) == pytest.approx(mean, abs=0.01)
-    assert lines[0] == lines[1]
-    assert spectra_svg(None, grid, "a") == "–"
+    assert drawn["mean"] == drawn["fit"]
+    assert small_spectrum(None, grid) is None
 
 
 def test_pictures_fill_their_row(report, part):

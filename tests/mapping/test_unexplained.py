@@ -7,11 +7,13 @@ import numpy as np
 import pytest
 import xarray
 
-from glazefit.mapping.show.page_spots import spots_html
+from glazefit.mapping.show.page_sets import share_words
+from glazefit.mapping.show.page_spots import PAINTS, spot_rows
 from glazefit.mapping.solve.survey import Features
 from glazefit.mapping.solve.unexplained import SPOTS, choose_spots, gather, spot_paints
 from glazefit.mapping.spot_files import write_spots
 from glazefit.mapping.store.chunk import Unexplained
+from glazefit.page.templates import fill_template
 from glazejax import Glaze, Hemispherical, Layer, Mixture, catalogue, reflectance
 from glazejax.geometry import resolve_instrument
 from tests.mapping import small
@@ -95,14 +97,19 @@ def test_the_page_says_how_to_add_each(unexplained):
 
     found, words = unexplained
     spots = choose_spots(found, BARE, len(words))
-    look = type("Look", (), {"mapped": 1000})()
-    page = spots_html(look, [asdict(spot) for spot in spots], GRID)  # pyright: ignore
+    page = _fill(spot_rows([asdict(spot) for spot in spots], GRID))
     said = html.unescape(re.sub(r"<[^>]*>", " ", page))
     assert said.count("Add this as a paint") == len(spots)
     assert page.count("<svg") == len(spots)
     names = [spot.name for spot in spots]
     assert f"--pigments paints_with_spots.csv --without {','.join(names[1:])}" in said
-    assert spots_html(look, [], GRID) == ""  # pyright: ignore
+    assert _fill([]).strip() == ""
+
+
+def _fill(rows):
+    values = {"spots": rows, "grid": GRID, "mapped": 1000}
+    template = "mapping/show/spots.html"
+    return "".join(fill_template(template, share=share_words, paints_file=PAINTS, **values))
 
 
 def test_paints_of_spots_carry_that_scattering_is_not_told():

@@ -124,7 +124,7 @@ def _walk(
                 score[index[hit], view] += eye.scattered(
                     view, layer[hit], depth[hit], old, weight[hit]
                 )
-            x[hit], y[hit], z[hit] = _turned(rng, old, stack.g[layer[hit]])
+            x[hit], y[hit], z[hit] = new_directions(rng, old, stack.g[layer[hit]])
 
         down = ~scatters & (z > 0)
         at_bottom, at_top = down & (layer == layers - 1), ~scatters & ~down & (layer == 0)
@@ -361,7 +361,7 @@ def _phase(cosine: np.ndarray, g: np.ndarray) -> np.ndarray:
     return (1.0 - g**2) / (1.0 + g**2 - 2.0 * g * cosine) ** 1.5
 
 
-def _turned(rng: Generator, old: Vectors, g: np.ndarray) -> Vectors:
+def new_directions(rng: Generator, old: Vectors, g: np.ndarray) -> Vectors:
     """Directions after scattering by Henyey and Greenstein's law."""
     u, turn = rng.random(len(g)), 2.0 * np.pi * rng.random(len(g))
     even = np.abs(g) < 1e-6

@@ -1,5 +1,5 @@
 """The position-free paths on their own: closed forms, conservation, reciprocity, another program of
-paths.
+paths; and both solvers of paint that no other program computes against them.
 """
 
 import functools
@@ -10,12 +10,17 @@ import pytest
 from scipy.special import expn
 
 from glazejax.radiative import rough
+from glazejax.radiative.common.phase import henyey_greenstein
+from glazejax.radiative.manyflux.free import free_hemispherical
+from glazejax.radiative.manyflux.reflectance import (
+    manyflux_hemispherical_reflectance,
+    manyflux_reflectance_factor,
+)
 
 from . import position_free, rough_surface
-from .monte_carlo import Indexed, Paint, simulate, simulate_fluxes
+from .monte_carlo import Indexed, simulate_fluxes
 from .position_free import Stack, Views
 
-# No quick test is held against these paths.
 pytestmark = pytest.mark.slow
 
 COS = np.cos(np.deg2rad([0.0, 20.0, 45.0, 70.0]))
@@ -122,26 +127,6 @@ def test_a_thin_layer_scatters_once():
     assert _close(found, expected[:, None], least=0.01 * expected.max())
 
 
-def test_same_as_the_other_paths():
-    """The older program follows absorption by collisions and knows no other band; smooth surface,
-    phase functions.
-    """
-    albedo, thickness, g = np.array([0.9, 0.8]), np.array([0.7, 2.0]), np.array([0.6, -0.4])
-    azimuth = np.array([0.0, 60.0, 180.0])
-    other = simulate(
-        Paint(albedo, thickness, g, 0.5, 1.5), float(COS[2]), float(COS[1]), azimuth, 40_000
-    )
-    stack = _stack(albedo * thickness, ((1 - albedo) * thickness)[:, None], g=g, ground=0.5)
-    rng = np.random.default_rng(5)
-    found = position_free.reflectance_factor(
-        stack, float(COS[2]), Views(COS[[1, 1, 1]], azimuth), 20_000, rng
-    )
-    flux = position_free.albedo(stack, float(COS[2]), 40_000, rng)
-    spread = np.hypot(found.error[:, 0], other.factor_error)
-    assert np.all(np.abs(found.mean[:, 0] - other.reflectance_factor) < 4 * spread)
-    assert abs(flux.mean[0] - other.flux) < 4 * np.hypot(flux.error[0], other.flux_error)
-
-
 @pytest.mark.parametrize("index", [(1.5, 1.4), (1.05, 2.4)])
 def test_surfaces_between_layers(index):
     """Fluxes as by the older program; next events by way of all mirror images add up to the same
@@ -167,7 +152,7 @@ def test_surfaces_between_layers(index):
         assert abs(total[0] + mirrored.mean[0] - flux.mean[0]) < 4 * error
 
 
-@pytest.mark.parametrize("alpha", [0.0, 0.5, pytest.param(0.2, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("alpha", [0.0, 0.2, 0.5])
 def test_reciprocal_and_of_one_flux(alpha):
     """Light and view exchanged; the factor over all views is the albedo."""
     stack = _stack([0.4, 2.0], [[0.3, 0.0], [0.1, 1.0]], roughness=alpha, ground=0.4)
@@ -227,7 +212,6 @@ def test_a_rough_surface_over_several_indices_is_refused():
         position_free.albedo(stack, 0.5, 10, np.random.default_rng(0))
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("alpha", [0.05, 0.5])
 def test_closed_form_to_a_thousandth(alpha):
     albedo, even = _surface(alpha, 1.5)
@@ -238,23 +222,95 @@ def test_closed_form_to_a_thousandth(alpha):
     assert found.error.max() < 3e-4
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
-    ("alpha", "paths"),
-    [(0.3, 40_000), *(pytest.param(a, 1_000_000, marks=pytest.mark.slow) for a in (0.05, 0.5))],
+    ("alpha", "index", "scattering", "absorption", "ground", "cosine", "paths"),
+    [
+        *(
+            (alpha, 1.5, [0.3, 2.0], [[0.2, 0.02], [0.4, 0.03]], 0.5, float(COS[3]), paths)
+            for alpha, paths in ((0.3, 40_000), (0.05, 1_000_000), (0.5, 1_000_000))
+        ),
+        (0.1, 1.5, [0.8], [[0.2]], 0.5, 0.8, 200_000),
+        (1.0, 1.5, [3.5], [[1.5]], 0.0, 1.0, 200_000),
+        (0.05, 1.7, [0.18], [[0.02]], 0.8, 0.15, 200_000),
+    ],
 )
-def test_paint_under_a_rough_surface(alpha, paths):
+def test_paint_under_a_rough_surface(alpha, index, scattering, absorption, ground, cosine, paths):
     """The solver's albedo and reflection factors within the errors of paths; each makes the surface
     in its own way.
     """
-    stack = _stack([0.3, 2.0], [[0.2, 0.02], [0.4, 0.03]], ground=0.5, roughness=alpha)
+    stack = _stack(scattering, absorption, index=index, ground=ground, roughness=alpha)
     s, k = stack.scattering, stack.absorption.T
     rng, azimuth = np.random.default_rng(10), np.array([0.0, 0.0, 90.0, 180.0])
-    flux = position_free.albedo(stack, float(COS[3]), paths, rng)
-    factor = position_free.reflectance_factor(
-        stack, float(COS[3]), Views(COS, azimuth), paths // 4, rng
-    )
-    given: dict[str, Any] = {"roughness": alpha, "cos_incidence": float(COS[3]), "tolerance": 1e-4}
-    paint = s / (s + k), s + k, 0.5
+    flux = position_free.albedo(stack, cosine, paths, rng)
+    factor = position_free.reflectance_factor(stack, cosine, Views(COS, azimuth), paths // 4, rng)
+    surface: dict[str, Any] = {"roughness": alpha, "refractive_index": index}
+    given = surface | {"cos_incidence": cosine, "tolerance": 1e-4}
+    paint = s / (s + k), s + k, ground
     assert _close(flux, rough.rough_hemispherical_reflectance(*paint, **given))
     assert _close(factor, rough.rough_reflectance_factor(*paint, cos_viewing=COS[:, None], **given))
+    # The surface itself, by quadrature over its facets.
+    albedo = rough_surface.surface_albedo(COS, alpha, index)
+    np.testing.assert_allclose(rough.surface_albedo(COS, **surface), albedo, atol=3e-5)
+    lost = rough_surface.lost_light(alpha, index).total
+    assert rough.loss_constant(**surface) == pytest.approx(lost, rel=2e-3)
+
+
+PAINTS = {
+    "forward": _stack([0.485, 1.8], [[0.015], [0.2]], g=[0.7, 0.3]),
+    "forward, no surface": _stack([0.485, 1.8], [[0.015], [0.2]], g=[0.7, 0.3], index=1.0),
+    "back over forward, thick": _stack(
+        [0.297, 7.96], [[0.003], [0.04]], g=[-0.5, 0.7], index=1.33, ground=0.2
+    ),
+}
+
+
+@pytest.mark.optimised
+@pytest.mark.parametrize("name", PAINTS)
+def test_layers_that_scatter_forward_or_back(name):
+    stack, rng, azimuth = PAINTS[name], np.random.default_rng(11), np.array([0.0, 60.0, 180.0])
+    cosine = float(COS[2])
+    factor = position_free.reflectance_factor(
+        stack, cosine, Views(COS[[1, 1, 1]], azimuth), 700_000, rng
+    )
+    flux = position_free.albedo(stack, cosine, 700_000, rng)
+    s, depth = stack.scattering, stack.scattering + stack.absorption[:, 0]
+    given: dict[str, Any] = {
+        "phase": henyey_greenstein(stack.g, 60),
+        "refractive_index": float(stack.refractive_index[0]),
+        "cos_incidence": cosine,
+        "tolerance": 1e-4,
+    }
+    paint = s / depth, depth, stack.ground
+    expected = manyflux_reflectance_factor(*paint, cos_viewing=COS[1], azimuth=azimuth, **given)
+    assert _close(factor, expected[:, None], sigmas=3)
+    assert _close(flux, manyflux_hemispherical_reflectance(*paint, **given), sigmas=3)
+    assert max(factor.error.max(), flux.error.max()) < 1e-3
+
+
+@pytest.mark.optimised
+def test_layers_of_different_index():
+    """Refraction and reflection between layers, in both senses, and a medium below: fluxes on both
+    sides.
+    """
+    paint = Indexed(
+        np.array([0.95, 0.99, 0.9]),
+        np.array([0.4, 1.5, 0.3]),
+        np.array([0.6, -0.3, 0.0]),
+        np.array([1.4, 1.7, 1.3]),
+        1.2,
+    )
+    cos_incidence = np.cos(np.deg2rad(50.0))
+    found = simulate_fluxes(paint, cos_incidence, 1_500_000)
+    for transmitted, (mean, error) in zip((False, True), found, strict=True):
+        flux = free_hemispherical(
+            paint.albedo,
+            paint.optical_thickness,
+            transmitted=transmitted,
+            phase=henyey_greenstein(paint.g, 40),
+            refractive_index=tuple(paint.refractive_index),
+            index_below=paint.below,
+            cos_incidence=cos_incidence,
+            tolerance=1e-4,
+        )
+        assert abs(flux - mean) < 3 * error + 1e-4
+        assert error < 1e-3

@@ -1,7 +1,15 @@
 """Stacks for the solver's tests: the reference values, padded to one shape, and edge values."""
 
+import os
+import re
+import subprocess
+import sys
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 from typing import NamedTuple
 
+import jax
 import numpy as np
 
 from tests.reference import isotropic_stacks
@@ -93,3 +101,36 @@ def stacks_of_all_kinds(
     aslant = 10 ** rng.uniform(np.log10(least_cosine), 0, (2, count))
     cosines = np.where(np.arange(count) % 2, aslant, rng.uniform(0.05, 1, (2, count)))
     return albedo, depth, ground, *cosines
+
+
+def lapack_calls(program: Callable, *arguments) -> list[str]:
+    """Calls of LAPACK in a program as it is compiled: bulk use of them can hang."""
+    text = jax.jit(program).lower(*arguments).compile().as_text()
+    assert text
+    return re.findall(r'custom_call_target="[^"]*lapack', text, re.IGNORECASE)
+
+
+def run_fresh(code: str, cache: Path, count: int) -> list[str]:
+    """What some processes print that run the same program, two at a time; they share what is
+    compiled, for what may hang is running it.
+    """
+    environment = os.environ | {
+        "JAX_COMPILATION_CACHE_DIR": str(cache),
+        "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS": "0",
+    }
+
+    def run(limit: float) -> str:
+        done = subprocess.run(
+            [sys.executable, "-c", code],
+            capture_output=True,
+            text=True,
+            timeout=limit,
+            env=environment,
+            check=False,
+        )
+        assert done.returncode == 0, done.stderr
+        return done.stdout
+
+    first = run(900)
+    with ThreadPoolExecutor(2) as pool:
+        return [first, *pool.map(run, [240] * (count - 1))]

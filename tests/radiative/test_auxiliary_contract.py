@@ -3,28 +3,25 @@ differences.
 """
 
 import itertools
-import re
-import subprocess
-import sys
 from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from jax.test_util import check_grads
 
 from glazejax import stack_hemispherical_reflectance, stack_reflectance_factor
 from glazejax.radiative.common.fresnel import dielectric_reflectance
 from tests.tolerances import BETWEEN_METHODS, ROUNDING
 
 from .cases import (
-    CENTRAL,
     EDGE_ALBEDO,
     EDGE_COSINE,
     EDGE_GROUND,
     EDGE_THICKNESS,
+    lapack_calls,
     random_cases,
-    reference_cases,
 )
 
 pytestmark = pytest.mark.optimised
@@ -34,36 +31,6 @@ def auxiliary(q, d, ground, *, hemispherical=False, **given: Any):
     if hemispherical:
         return stack_hemispherical_reflectance(q, d, ground, method="auxiliary", **given)
     return stack_reflectance_factor(q, d, ground, method="auxiliary", **given)
-
-
-def test_reference_values_within_the_tolerance():
-    """Of at most three layers; the others, tolerances and indices are in the slow test."""
-    c = reference_cases()[1.5]
-    given = {"refractive_index": 1.5, "cos_incidence": c.cos_incidence, "tolerance": 1e-3}
-    stack = c.albedo[:, :3], c.optical_thickness[:, :3], c.ground
-    few = np.all(c.optical_thickness[:, 3:] == 0, axis=1)
-    factor = auxiliary(*stack, cos_viewing=c.cos_viewing, **given)
-    assert np.all((np.abs(factor - c.reflectance_factor) <= 1e-3 + c.uncertainty)[few])
-    flux = auxiliary(*stack, hemispherical=True, **given)
-    assert np.all((np.abs(flux - c.hemispherical_reflectance) <= 1e-3 + c.uncertainty)[few])
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("tolerance", [1e-3, 1e-4, 1e-6])
-def test_all_reference_values_within_the_tolerance(tolerance):
-    for index, c in reference_cases().items():
-        given = {
-            "refractive_index": index,
-            "cos_incidence": c.cos_incidence,
-            "tolerance": tolerance,
-        }
-        stack = c.albedo, c.optical_thickness, c.ground
-        factor = auxiliary(*stack, cos_viewing=c.cos_viewing, **given)
-        flux = auxiliary(*stack, hemispherical=True, **given)
-        assert np.all(np.abs(factor - c.reflectance_factor) <= tolerance + c.uncertainty), index
-        assert np.all(np.abs(flux - c.hemispherical_reflectance) <= tolerance + c.uncertainty), (
-            index
-        )
 
 
 @pytest.mark.slow
@@ -121,18 +88,16 @@ def test_gradient_against_differences_and_the_other_method():
     found = slopes(method="auxiliary", tolerance=1e-4)
     for one, two in zip(found, slopes(tolerance=1e-8), strict=True):
         assert np.allclose(one, two, atol=BETWEEN_METHODS)
-    for which, step in (
-        (0, 1e-2),
-        (2, 1e-2),
-        (3, 1e-3),
-    ):  # the mesh's proportions depend on the thickness
-        arguments = [q, d, g, ci]
-        moved = [arguments[which] + node * step for node in CENTRAL[0]]
-        replaced = [[*arguments[:which], m, *arguments[which + 1 :]] for m in moved]
-        values = [f(*a, method="auxiliary", tolerance=1e-4) for a in replaced]
-        expected = sum(w * v for w, v in zip(CENTRAL[1], values, strict=True)) / step
-        slope = found[which].sum(axis=1) if which == 0 else found[which]
-        assert np.allclose(slope, expected, atol=1e-5), which
+    # Not by the thickness: the mesh's proportions depend on it.
+    check_grads(
+        lambda q, g, ci: f(q, d, g, ci, method="auxiliary", tolerance=1e-4),
+        (q, g, ci),
+        order=1,
+        modes=("rev",),
+        eps=1e-4,
+        rtol=0.0,
+        atol=1e-5,
+    )
 
 
 @pytest.mark.slow
@@ -177,29 +142,7 @@ def test_a_beam_that_does_not_enter_is_no_nan():
 def test_no_lapack_call():
     q, d, g, ci, cv = (jnp.asarray(a) for a in random_cases(40))
     q, d = q[:, :2], d[:, :2]
-    f = jax.grad(
+    slope = jax.grad(
         lambda q: auxiliary(q, d, g, cos_incidence=ci, cos_viewing=cv, tolerance=1e-2).sum()
     )
-    text = jax.jit(f).lower(q).compile().as_text()
-    assert text is not None
-    assert "lapack" not in "".join(re.findall(r"custom_call_target=\"[^\"]*\"", text)).lower()
-
-
-_BULK = """
-import jax
-jax.config.update("jax_enable_x64", True)
-import numpy as np
-from glazejax import stack_reflectance_factor
-rng = np.random.default_rng(0)
-q, d = (rng.uniform(0, high, (2000, 2)) for high in (1, 2))
-print(float(stack_reflectance_factor(q, d, 0.8, tolerance=1e-2, method="auxiliary").sum()))
-"""
-
-
-@pytest.mark.slow
-def test_bulk_work_ends():
-    done = subprocess.run(
-        [sys.executable, "-c", _BULK], capture_output=True, text=True, timeout=240
-    )
-    assert done.returncode == 0, done.stderr
-    assert np.isfinite(float(done.stdout))
+    assert not lapack_calls(slope, q)

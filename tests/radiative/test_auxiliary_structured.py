@@ -2,18 +2,18 @@
 all stacks.
 """
 
-import re
-
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from jax.test_util import check_grads
 
 from glazejax.radiative.auxiliary import structured, uniform
 from glazejax.radiative.auxiliary.uniform import reflectance_factor, split_reflectance_factor
 from glazejax.radiative.auxiliary.uniform_solver import solve
 from tests.tolerances import ROUNDING
 
+from .cases import lapack_calls
 from .test_auxiliary import ALBEDO, ANGLES, GROUND, STACKS, THICKNESS
 
 # Beside every way to multiply, the one that makes one matrix after the other.
@@ -99,18 +99,8 @@ def test_jit_vmap_and_derivatives_of_own_steps():
         (RuntimeError, ValueError), match=r"thicker than 2\.56, all that segments=16 reaches"
     ):
         jax.block_until_ready(compiled(q, d.at[0].multiply(4.0), g))
-    text = compiled.lower(q, d, g).compile().as_text()
-    assert text is not None
-    assert "lapack" not in "".join(re.findall(r"custom_call_target=\"[^\"]*\"", text)).lower()
+    assert not lapack_calls(f, q, d, g)
 
-    weights = jnp.asarray([1.0, -0.7, 0.4, 1.3])
-    total = jax.jit(lambda *a: jnp.sum(weights * f(*a)))
-    reverse = jax.jit(jax.grad(total, argnums=(0, 1, 2)))(q, d, g)
-    rng = np.random.default_rng(1)
-    for k, (argument, slope) in enumerate(zip((q, d, g), reverse, strict=True)):
-        direction = jnp.where(argument < 1, jnp.asarray(rng.uniform(0.3, 1.0, argument.shape)), 0.0)
-        h = 1e-5
-        moved = [[q, d, g], [q, d, g]]
-        moved[0][k], moved[1][k] = argument + h * direction, argument - h * direction
-        difference = (total(*moved[0]) - total(*moved[1])) / (2 * h)
-        assert np.isclose(difference, jnp.vdot(slope, direction), rtol=1e-7, atol=1e-10)
+    # Of the stacks that no step takes out of its range.
+    some = q[::3], d[::3], g[::3]
+    check_grads(jax.jit(f), some, order=1, modes=("rev",), eps=1e-5, rtol=1e-7, atol=1e-9)

@@ -203,22 +203,6 @@ def test_first_trace_of_an_absorbing_layer():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("tolerance", [pytest.param(1e-4, marks=pytest.mark.slow), 1e-8])
-def test_slope_by_an_index_of_one(tolerance):
-    # No neighbour on one side, and a critical angle of infinite slope: the limit from above, to a
-    # few percent.
-    def f(n):
-        return stack_hemispherical_reflectance(
-            [0.5], [1.0], 0.3, refractive_index=n, tolerance=tolerance
-        )
-
-    secant = stack_hemispherical_reflectance(
-        [0.5], [1.0], 0.3, refractive_index=[1.0, 1.001], tolerance=1e-9
-    )
-    assert float(jax.grad(f)(1.0)) == pytest.approx(float(secant[1] - secant[0]) / 1e-3, rel=0.05)
-
-
-@pytest.mark.slow
 def test_conservative_thick_layer():
     # The trap: autodiff through sqrt(1 - q) gave 4.3 here; differences say some 300.
     f = directional((np.array([0.9]), np.array([0.7])), False)

@@ -72,13 +72,6 @@ def test_slopes_are_those_of_one_program(stacks, parts):
     np.testing.assert_allclose(along, total, rtol=0, atol=ROUNDING)
 
 
-def test_precision_is_the_callers(stacks):
-    with jax.enable_x64(False):
-        single = factor(*stacks)
-    assert single.dtype == jnp.float32
-    np.testing.assert_allclose(single, factor(*stacks), rtol=0, atol=1e-5)
-
-
 @pytest.mark.parametrize("double", [True, False])
 def test_threads_share_one_program(double):
     """In the precision of another thread it would be one program more."""
@@ -110,11 +103,3 @@ def test_every_entry_comes_once_whatever_the_size(size):
 
 def _twice(batch, factor):
     return jax.tree.map(lambda x: factor * x, batch)
-
-
-def test_an_error_in_a_part_is_raised():
-    def broken(batch):
-        raise RuntimeError("no part of this")
-
-    with pytest.raises(RuntimeError, match="no part of this"):
-        on_all_cores(broken, jnp.zeros(9), least=1)

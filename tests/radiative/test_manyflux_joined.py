@@ -8,6 +8,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from jax.test_util import check_grads
 
 from glazejax.radiative.common.fresnel import dielectric_reflectance
 from glazejax.radiative.common.phase import henyey_greenstein
@@ -296,10 +297,9 @@ def test_slopes_between_media():
         )
 
     x = jnp.array([0.9, 0.6, 0.4, 1.2, 0.5])
-    slope = jax.jit(jax.grad(value))
-    many = jax.jit(jax.vmap(value))(jnp.concatenate([x + 1e-4 * np.eye(5), x - 1e-4 * np.eye(5)]))
-    np.testing.assert_allclose(slope(x), (many[:5] - many[5:]) / 2e-4, atol=1e-7)
-    assert np.all(np.isfinite(slope(jnp.array([1.0, 0.0, 0.0, 5.0, 1.0]))))
+    check_grads(jax.jit(value), (x,), order=1, modes=("rev",), eps=1e-5, rtol=1e-7, atol=1e-7)
+    slope = jax.jit(jax.grad(value))(jnp.array([1.0, 0.0, 0.0, 5.0, 1.0]))
+    assert np.all(np.isfinite(slope))
 
 
 @pytest.mark.usefixtures("unchecked")

@@ -4,6 +4,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from jax.test_util import check_grads
 
 from glazejax import (
     profile_hemispherical_reflectance,
@@ -93,15 +94,10 @@ def test_no_thickness_is_a_bare_ground():
 @pytest.mark.slow
 def test_gradients_under_jit():
     def f(k, d):
-        return profile_reflectance_factor(k, [9e4, 1e4, 2e4], d, 0.6, tolerance=1e-4)
+        return profile_reflectance_factor(1e4 * k, [9e4, 1e4, 2e4], DEPTH * d, 0.6, tolerance=1e-4)
 
-    k = jnp.array([1e4, 2e4, 4e4])
-    by_k, by_d = jax.jit(jax.grad(f, (0, 1)))(k, DEPTH)
-    for i in range(3):
-        moved = [float(f(k.at[i].add(h), DEPTH)) for h in (-50.0, 50.0)]
-        assert by_k[i] == pytest.approx((moved[1] - moved[0]) / 100, rel=1e-3)
-    moved = [float(f(k, DEPTH + h)) for h in (-2e-8, 2e-8)]
-    assert by_d == pytest.approx((moved[1] - moved[0]) / 4e-8, rel=1e-3)
+    k = jnp.array([1.0, 2.0, 4.0])
+    check_grads(jax.jit(f), (k, 1.0), order=1, eps=1e-3, rtol=1e-3, atol=1e-8)
 
 
 @pytest.mark.usefixtures("unchecked")
@@ -116,7 +112,6 @@ def test_gradients_under_jit():
         ({"thickness": -1e-6}, "thickness holds -1e-06"),
         ({"scattering": lambda z: jnp.zeros(4)}, "returned shape"),
         ({"substrate_reflectance": 60.0}, "substrate_reflectance holds 60.0"),
-        ({"thickness": [1e-6, 2e-6], "substrate_reflectance": [0.1] * 3}, "do not broadcast"),
         ({"method": "magic"}, "method 'magic' is unknown"),
         ({"tolerance": 0.0}, "tolerance is 0"),
     ],

@@ -137,6 +137,13 @@ class Page:
             return [...pen.getImageData(...at, 1, 1).data].slice(0, 3)"""
         return np.array(self.js(code, name, x, y))
 
+    def canvas(self) -> Any:
+        """The canvas, once it is drawn."""
+        self.press("tab-canvas")
+        found = self.at("easel")
+        self.until(lambda: self.js("return arguments[0].dataset.done", found), "the canvas")
+        return found
+
     def slide(self, slider: Any, value: float) -> None:
         """Move a slider as its keys and mouse do: events of its own."""
         code = (

@@ -14,15 +14,7 @@ from glazejax.studio.messages import pack, unpack
 from glazejax.studio.page_data import page_data
 from glazejax.studio.session import Session
 
-STACK = {
-    "glazejax": "stack",
-    "coats": [
-        {"paint": {"CobaltBlue": 1}, "um": 1},
-        {"paint": {"ZincWhite": 3, "Vermillion": 1}, "um": 9},
-    ],
-    "ground": "card",
-    "geometry": "45:0",
-}
+from .test_seen import JUNK, STACK
 
 
 @pytest.fixture(scope="module")
@@ -105,24 +97,6 @@ def test_own_paints_are_told_beside_the_catalogues():
     np.testing.assert_allclose(data["own"]["Mine"]["scattering"], mine.scattering, rtol=1e-5)
 
 
-JUNK = (
-    None,
-    True,
-    -1,
-    1e30,
-    float("nan"),
-    int("9" * 400),
-    "",
-    "x",
-    [],
-    [1, "a"],
-    {},
-    {"a": 1},
-    ["D65", 3],
-    [[0, 1]],
-)
-
-
 @pytest.mark.parametrize("message", ["start", "stop", "file", "hello"])
 def test_junk_in_any_place_is_told_and_never_a_fault(ask, message):
     """Whatever stands where something else should: an answer, and no exception that was
@@ -136,7 +110,7 @@ def test_junk_in_any_place_is_told_and_never_a_fault(ask, message):
     ]
     places += [("stack", "coats", 0, "um"), ("stack", "coats", 0, "paint", "CobaltBlue")]
     for place in places:
-        for junk in JUNK:
+        for junk in (*JUNK, float("nan"), int("9" * 400)):
             given = json.loads(json.dumps({"type": message, **usual}))
             holder = given
             for key in place[:-1]:

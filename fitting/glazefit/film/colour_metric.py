@@ -5,12 +5,6 @@ from jaxtyping import Float
 
 from glazejax.colour import delta_e_2000, lab
 
-# Units of Lab, and of reflectance, over which differences are taken.
-_STEP = 0.3
-_READING = 1e-3
-# Without a colour, a residual's root mean square counts so much.
-_COLOUR_OF_RMSE = 100.0
-
 
 def lab_metric(colour: Float[np.ndarray, "*batch 3"]) -> Float[np.ndarray, "*batch 3 3"]:
     """Matrix M such that ``M @ step`` is as long as the CIEDE2000 difference of a small step around
@@ -48,26 +42,7 @@ def reading_metric(
     try:
         base = np.asarray(lab(wavelengths, readings, observer=10))
     except ValueError:
-        return np.broadcast_to(
-            _COLOUR_OF_RMSE / np.sqrt(bands) * np.eye(bands), (count, bands, bands)
-        ).copy()
-    moved = readings[:, None] + _READING * np.eye(bands)
-    by_reading = (np.asarray(lab(wavelengths, moved, observer=10)) - base[:, None]) / _READING
-    squared = np.zeros((count, 3, 3))
-    # By polarisation: four times a product is the square of the sum less that of the difference.
-    for i in range(3):
-        for j in range(i + 1):
-            one = _STEP * np.eye(3)[i]
-            other = _STEP * np.eye(3)[j]
-            plus = _square(base, 0.5 * (one + other)) + _square(base, -0.5 * (one + other))
-            minus = _square(base, 0.5 * (one - other)) + _square(base, -0.5 * (one - other))
-            squared[:, i, j] = squared[:, j, i] = 0.5 * (plus - minus) / _STEP**2
-    values, vectors = np.linalg.eigh(squared)
-    root = np.sqrt(np.maximum(values, 1e-9))[:, :, None] * np.swapaxes(vectors, 1, 2)
-    return root @ np.swapaxes(by_reading, 1, 2)
-
-
-def _square(
-    base: Float[np.ndarray, "spectra 3"], step: Float[np.ndarray, "3"]
-) -> Float[np.ndarray, "spectra"]:
-    return np.asarray(delta_e_2000(base, base + step)) ** 2
+        return np.broadcast_to(100.0 / np.sqrt(bands) * np.eye(bands), (count, bands, bands)).copy()
+    moved = readings[:, None] + 1e-3 * np.eye(bands)
+    by_reading = (np.asarray(lab(wavelengths, moved, observer=10)) - base[:, None]) / 1e-3
+    return lab_metric(base) @ np.swapaxes(by_reading, 1, 2)

@@ -18,8 +18,6 @@ from .films import Films, Instrument, Noise
 
 GLOSS_SD = 0.01
 """Standard deviation of the log of a gloss that was measured."""
-_NOISES = 3.0
-_BANDS = 3
 
 
 def estimate_gloss(
@@ -32,11 +30,11 @@ def estimate_gloss(
         return np.ones(len(films))
     lowest = np.minimum(films.over_black, films.over_white)
     # The mean of a few bands, so that one noisy reading does not decide.
-    width = min(_BANDS, lowest.shape[1])
+    width = min(3, lowest.shape[1])
     means = (
         np.lib.stride_tricks.sliding_window_view(lowest, width, axis=1).mean(axis=-1).min(axis=1)
     )
-    short = instrument.seen_surface - lowest.min(axis=1) > _NOISES * noise.sd(lowest.min(axis=1))
+    short = instrument.seen_surface - lowest.min(axis=1) > 3.0 * noise.sd(lowest.min(axis=1))
     return np.where(short, np.clip(means / instrument.seen_surface, 1e-3, 1.0), 1.0)
 
 

@@ -27,11 +27,7 @@ MOST_OF_ONE = 0.1
 COARSE = 12.0
 """Step in nm from which spectra of paint are rough themselves: no noise is told from them."""
 
-_ORDER = 6
 _FREEDOM = 4.0
-# Films so much rougher than their cards have spectra that are no smooth ones; the cards then say
-# what noise is.
-_ROUGHER = 3.0
 # Readings at which an estimate is held to what it may be at least: a black and a white card's.
 _ENDS = (0.05, 0.9)
 _FLOORS = np.geomspace(1e-4, MOST, 48)
@@ -57,7 +53,9 @@ def estimate_noise(films: Films, least: Noise | None = None) -> Noise:
     if everything is None:
         return least
     # Cards are smooth whatever the paint is.
-    rough = bare is not None and np.mean(everything) > _ROUGHER * np.mean(bare)
+    # Films so much rougher than their cards have spectra that are no smooth ones; the cards then
+    # say what noise is.
+    rough = bare is not None and np.mean(everything) > 3.0 * np.mean(bare)
     found = bare if rough else everything
     assert found is not None
     return _at_least(found, least)
@@ -140,7 +138,7 @@ def roughness(
     Independent noise of standard deviation sd gives differences of standard deviation sd;
     polynomials of a degree below the difference's order give none.
     """
-    order = min(_ORDER, wavelengths.size - 2)
+    order = min(6, wavelengths.size - 2)
     if order < 2 or not len(spectra):
         return np.zeros((len(spectra), 0)), np.zeros((len(spectra), 0))
     windows = sliding_window_view(wavelengths, order + 1)

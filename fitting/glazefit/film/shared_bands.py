@@ -13,7 +13,7 @@ from glazejax.spectra import describe_grid
 
 FINEST = 5.0
 """Step in nm to which finer spectra are averaged: k and s of paint change little over it."""
-_FEWEST = 6
+FEWEST = 6
 
 
 class SharedBands(NamedTuple):
@@ -47,10 +47,10 @@ def shared_bands(
     first = max(grid[0] for grid in grids)
     last = min(grid[-1] for grid in grids)
     kept = (wavelengths >= first - 1e-6) & (wavelengths <= last + 1e-6)
-    if kept.sum() < _FEWEST:
+    if kept.sum() < FEWEST:
         raise ValueError(
             f"the spectra have {describe_grid(wavelengths)} and the paints are known from "
-            f"{first:g} to {last:g} nm: {kept.sum()} bands lie there, at least {_FEWEST} are "
+            f"{first:g} to {last:g} nm: {kept.sum()} bands lie there, at least {FEWEST} are "
             "needed; measure there, or use paints that are known at your wavelengths "
             "(--pigments, --catalogue)"
         )

@@ -312,7 +312,7 @@ def _report_files(report: Path | None) -> dict[str, Path | None]:
     from .show.page import beside
 
     table, data = beside(report)
-    require("matplotlib")
+    require("matplotlib", "jinja2")
     return {"--report": report, "the table of --report": table, "the JSON of --report": data}
 
 
@@ -443,7 +443,7 @@ def _about(
         shelf["file"], shelf["sha256"] = catalogue.checksum(name)
     return Provenance(
         title=typed["file"].name,
-        command=command_line(identify, "identify", typed, ("file",)),
+        command=command_line(),
         options={
             "FILE" if name == "file" else option(name): _plain(value)
             for name, value in typed.items()

@@ -324,9 +324,7 @@ def map_(
         from .provenance import map_provenance
 
         read = {**given_files, "--ground": ground_file(ground)}
-        return map_provenance(
-            command_line(map_, "map", typed, ("cube",)), typed, source.path, read, found, facts
-        )
+        return map_provenance(command_line(), typed, source.path, read, found, facts)
 
     def write_spots(folder: Path) -> list[Path]:
         grid = np.asarray(opened["wavelength"], float)
@@ -383,7 +381,7 @@ def _check_outputs(
     if report is not None:
         from glazejax.extras import require
 
-        require("matplotlib")
+        require("matplotlib", "jinja2")
         if report.resolve() == out.resolve():
             raise ValueError(f"--report and --out are both {out}: give them different names")
         options.check_folder(report, overwrite, argument="--report")

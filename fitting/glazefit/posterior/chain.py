@@ -1,20 +1,18 @@
 """Sampling by emcee: all walkers of all blocks in one compiled call a half step, chains kept in a
 file, convergence.
 
-emcee proposes and accepts a walker as a whole, and thirty bands would be one problem of sixty
-unknowns, of which almost every proposal is refused. Blocks do not depend on each other, so the
-moves here are emcee's own (stretch and differential evolution between two halves of the ensemble)
-done in each block by itself: every block takes a step of two unknowns, or seven, and accepts it
-alone. The rest, the random numbers, the file and the autocorrelation times, is emcee's.
+The moves are emcee's own: stretch and differential evolution between two halves of the ensemble.
+A walker is accepted as a whole, so that thirty bands are one problem of sixty unknowns:
+Hamiltonian Monte Carlo (`glazefit.posterior.hamiltonian`) samples each band by itself.
 
-A chain counts as converged in a block if what is kept of it is 50 autocorrelation times long,
-emcee's own rule, its effective sample size is 400 or more, and its R-hat below 1.05: walkers that
-never met have short times, each about its own place.
+A chain counts as converged in a block if it holds 400 effective samples or more and its R-hat is
+below 1.05, both as ArviZ counts them.
 """
 
 import os
 import signal
 import threading
+import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -23,16 +21,14 @@ from typing import Any, NoReturn
 
 import emcee
 import numpy as np
-from emcee.moves import Move
-from jaxtyping import Float
+from emcee.moves import DEMove, StretchMove
+from jaxtyping import Bool, Float
 
 from glazejax.extras import require
 
+from .arviz import load_arviz
 from .problem import Problem
 from .sampling import Sampling
-
-ENOUGH_TIMES = 50.0
-"""Autocorrelation times that a chain must be long."""
 
 ENOUGH_SAMPLES = 400.0
 """Effective samples that it must hold."""
@@ -44,85 +40,10 @@ GROUP = "mcmc"
 MARK = "problem"
 """Where a file keeps the fingerprint of its problem."""
 
+# Steps from which on ArviZ counts.
+_COUNTED = 8
+
 Ensemble = Float[np.ndarray, "walkers blocks dims"]
-
-
-class BlockMove(Move):
-    """A move of two halves of an ensemble that every block makes and accepts by itself."""
-
-    def __init__(self, blocks: int):
-        self.blocks = blocks
-
-    def step(
-        self, here: Ensemble, there: Ensemble, random: Any
-    ) -> tuple[Ensemble, Float[np.ndarray, "walkers blocks"]]:
-        """Proposals for the walkers here from those there, and the logarithm of the factor in their
-        acceptance.
-        """
-        raise NotImplementedError
-
-    def propose(self, model: Any, state: Any) -> tuple[Any, np.ndarray]:
-        """One step of the whole ensemble; gives the state and the share of blocks that moved,
-        (walkers,).
-        """
-        walkers = len(state.coords)
-        order = model.random.permutation(walkers)
-        halves = order[: walkers // 2], order[walkers // 2 :]
-        accepted = np.zeros(walkers)
-        coords = state.coords.reshape(walkers, self.blocks, -1)
-        for half, other in (halves, halves[::-1]):
-            proposal, factor = self.step(coords[half], coords[other], model.random)
-            log_prob, parts = model.compute_log_prob_fn(proposal.reshape(len(half), -1))
-            old = _by_block(
-                state.log_prob[half], None if state.blobs is None else state.blobs[half]
-            )
-            new = _by_block(log_prob, parts)
-            moves = np.log(model.random.random_sample(new.shape)) < factor + new - old
-            coords[half] = np.where(moves[..., None], proposal, coords[half])
-            old = np.where(moves, new, old)
-            state.log_prob[half] = old.sum(axis=1)
-            if state.blobs is not None:
-                state.blobs[half] = old
-            accepted[half] = moves.mean(axis=1)
-        state.coords = coords.reshape(walkers, -1)
-        return state, accepted
-
-
-def _by_block(total: np.ndarray, parts: np.ndarray | None) -> Float[np.ndarray, "walkers blocks"]:
-    """Log-probabilities of each block: emcee carries those of several as blobs, of a single one as
-    the total.
-    """
-    return total[:, None] if parts is None else np.asarray(parts)
-
-
-class BlockStretch(BlockMove):
-    """Along the line to another walker (Goodman and Weare 2010)."""
-
-    def step(self, here: Ensemble, there: Ensemble, random: Any) -> tuple[Ensemble, np.ndarray]:
-        """See `BlockMove.step`; the stretch z has a density of z^-1/2 on [1/2, 2]."""
-        walkers, blocks, dims = here.shape
-        z = (1.0 + random.random_sample((walkers, blocks))) ** 2 / 2.0
-        partner = there[random.randint(len(there), size=(walkers, blocks)), np.arange(blocks)]
-        return partner + z[..., None] * (here - partner), (dims - 1.0) * np.log(z)
-
-
-class BlockDifference(BlockMove):
-    """By the difference of two other walkers (differential evolution, Nelson, Ford and Payne 2014).
-
-    One step in ten is the whole difference, which carries walkers between two modes.
-    """
-
-    def step(self, here: Ensemble, there: Ensemble, random: Any) -> tuple[Ensemble, np.ndarray]:
-        """See `BlockMove.step`; the move is symmetric."""
-        walkers, blocks, dims = here.shape
-        first = random.randint(len(there), size=(walkers, blocks))
-        second = (first + 1 + random.randint(len(there) - 1, size=(walkers, blocks))) % len(there)
-        usual = 2.38 / np.sqrt(2.0 * dims) * np.exp(0.1 * random.standard_normal((walkers, blocks)))
-        length = np.where(random.random_sample((walkers, blocks)) < 0.1, 1.0, usual)
-        columns = np.arange(blocks)
-        step = length[..., None] * (there[first, columns] - there[second, columns])
-        # So small a shake only keeps the walkers from lying in one plane.
-        return here + step + 1e-6 * random.standard_normal(here.shape), np.zeros((walkers, blocks))
 
 
 @dataclass(frozen=True)
@@ -151,112 +72,111 @@ class Convergence:
     """Whether a chain is long enough.
 
     Attributes:
-        times: longest autocorrelation time of each block, in steps, (blocks,); infinite if it
-            cannot be told.
-        samples: effective sample size of each block, (blocks,).
+        samples: effective samples of each block, (blocks,): of the quantity that has fewest.
+        apart: R-hat of each block, (blocks,): that of the quantity whose walkers differ most.
+        walkers: of the chain.
         length: steps kept.
         discarded: steps left out at the start.
-        apart: R-hat of each block, (blocks,): that of the quantity whose walkers differ most.
-        enough: autocorrelation times that are needed; 0 where walkers are many and short, and begin
-            at draws of the posterior.
     """
 
-    times: Float[np.ndarray, "blocks"]
     samples: Float[np.ndarray, "blocks"]
+    apart: Float[np.ndarray, "blocks"]
+    walkers: int
     length: int
     discarded: int
-    apart: Float[np.ndarray, "blocks"] | float = 1.0
-    enough: float = ENOUGH_TIMES
 
     @property
-    def converged(self) -> np.ndarray:
+    def times(self) -> Float[np.ndarray, "blocks"]:
+        """Steps of all walkers for one effective sample, (blocks,); infinite without a sample."""
+        with np.errstate(divide="ignore"):
+            return self.length * self.walkers / self.samples
+
+    @property
+    def converged(self) -> Bool[np.ndarray, "blocks"]:
         """By block, (blocks,)."""
-        long = self.length >= self.enough * self.times
-        return long & (self.samples >= ENOUGH_SAMPLES) & (np.asarray(self.apart) < MOST_APART)
+        return (self.samples >= ENOUGH_SAMPLES) & (self.apart < MOST_APART)
 
     def words(self) -> str:
         """One sentence, with the reason."""
         good = self.converged
-        worst = float(self.times.max())
+        least = float(self.samples.min())
+        rule = f"{ENOUGH_SAMPLES:.0f} samples are needed, and an R-hat below {MOST_APART:g}"
         numbers = (
-            f"{self.length} steps kept, {_ratio(self.length, worst)} autocorrelation times of "
-            f"{worst:.0f} steps, {self.samples.min():.0f} effective samples, R-hat "
+            f"{self.length} steps kept, {least:.0f} effective samples, R-hat "
             f"{np.max(self.apart):.2f}"
         )
-        times = f"{self.enough:.0f} times and " if self.enough else ""
-        rule = f"{times}{ENOUGH_SAMPLES:.0f} samples are needed, and an R-hat below {MOST_APART:g}"
         if good.all():
             return f"converged: {numbers} ({rule})"
-        if not np.isfinite(worst):
+        if least <= 0:
             return (
-                f"not converged: {self.length} steps kept are too few to tell an autocorrelation "
-                f"time ({rule})"
+                f"not converged: {self.length} steps kept are too few to count effective samples "
+                f"({rule})"
             )
         where = "" if good.size == 1 else f" in {np.sum(~good)} of {good.size} blocks"
-        more = int(np.ceil(1.2 * self.enough * worst / 100.0) * 100) + self.discarded
-        if np.max(self.apart) >= MOST_APART or not self.enough:
-            # Times of walkers that have not met are too short.
-            more = max(more, 4 * (self.length + self.discarded))
-        return f"not converged{where}: {numbers} ({rule}); a chain of about {more} steps would do"
-
-
-def _ratio(length: int, time: float) -> str:
-    return f"{length / time:.0f}" if np.isfinite(time) else "unknown"
+        more = int(np.ceil(1.2 * ENOUGH_SAMPLES / least * self.length / 100.0) * 100)
+        if np.max(self.apart) >= MOST_APART:
+            # Effective samples of walkers that have not met are too many.
+            more = max(more, 4 * self.length)
+        return (
+            f"not converged{where}: {numbers} ({rule}); a chain of about {more + self.discarded} "
+            "steps would do"
+        )
 
 
 def convergence(
     chain: Chain, values: Float[np.ndarray, "steps walkers blocks quantities"]
 ) -> Convergence:
-    """Autocorrelation times of what is reported, after leaving out five of them, or a tenth if that
-    is more.
+    """Effective samples and R-hat of what is reported. Of emcee's chain, which has no warm-up, five
+    times the steps of one effective sample are left out, or a tenth if that is more.
 
     Args:
         chain: the whole chain.
         values: of every quantity, on a scale where its mean means something.
+
+    Raises:
+        ModuleNotFoundError: ArviZ is not installed.
     """
     steps, walkers, blocks, count = values.shape
     flat = values.reshape(steps, walkers, -1)
-    times = autocorrelation_times(flat)
-    finite = times[np.isfinite(times)]
-    start = min(steps // 2, max(steps // 10, int(5 * finite.max()) if finite.size else 0))
-    times = autocorrelation_times(flat[start:]).reshape(blocks, count).max(axis=1)
-    samples = np.where(np.isfinite(times), (steps - start) * walkers / times, 0.0)
-    apart = scale_reduction(flat[start:]).reshape(blocks, count).max(axis=1)
+    start = 0
+    if chain.sampler == "emcee":
+        samples, _ = count_samples(flat)
+        longest = steps * walkers / samples[samples > 0].min(initial=np.inf)
+        start = min(steps // 2, max(steps // 10, int(5 * longest)))
+    samples, apart = count_samples(flat[start:])
     return Convergence(
-        times * chain.thin,
-        samples,
-        (steps - start) * chain.thin,
-        start * chain.thin,
-        apart=apart,
-        enough=ENOUGH_TIMES if chain.sampler == "emcee" else 0.0,
+        samples=samples.reshape(blocks, count).min(axis=1),
+        apart=apart.reshape(blocks, count).max(axis=1),
+        walkers=walkers,
+        length=(steps - start) * chain.thin,
+        discarded=start * chain.thin,
     )
 
 
-def scale_reduction(values: Float[np.ndarray, "steps walkers n"]) -> Float[np.ndarray, "n"]:
-    """Split R-hat of each column: the standard deviation of all halves of walkers together over
-    that of each by itself (Gelman et al., Bayesian Data Analysis, 3rd ed., 11.4); infinite for a
-    chain too short or stuck.
-    """
-    half = len(values) // 2
-    if half < 4:
-        return np.full(values.shape[-1], np.inf)
-    halves = np.concatenate([values[:half], values[-half:]], axis=1)
-    within = halves.var(axis=0, ddof=1).mean(axis=0)
-    between = halves.mean(axis=0).var(axis=0, ddof=1)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        found = np.sqrt((half - 1.0) / half + between / within)
-    return np.where(np.isfinite(found), found, np.inf)
+def count_samples(
+    values: Float[np.ndarray, "steps walkers n"],
+) -> tuple[Float[np.ndarray, "n"], Float[np.ndarray, "n"]]:
+    """Effective samples and R-hat of each column by ArviZ: of ranks, of halves of walkers; 0 and
+    infinite for a chain too short or stuck.
 
+    Source: A. Vehtari et al., Bayesian Analysis 16 (2021) 667.
 
-def autocorrelation_times(values: Float[np.ndarray, "steps walkers n"]) -> Float[np.ndarray, "n"]:
-    """emcee's estimate for each column, in stored steps, at least 1; infinite for a chain too short
-    or stuck.
+    Raises:
+        ModuleNotFoundError: ArviZ is not installed.
     """
-    if len(values) < 8:
-        return np.full(values.shape[-1], np.inf)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        times = emcee.autocorr.integrated_time(values, tol=0, quiet=True)
-    return np.where(np.isfinite(times) & (times > 0), np.maximum(times, 1.0), np.inf)
+    arviz = load_arviz()
+    # ArviZ takes what never moves for independent draws.
+    moves = np.ptp(values, axis=(0, 1)) > 0
+    if len(values) < _COUNTED or not moves.any():
+        return np.zeros(values.shape[-1]), np.full(values.shape[-1], np.inf)
+    with warnings.catch_warnings():
+        # More walkers than steps are what an ensemble has.
+        warnings.simplefilter("ignore")
+        draws = arviz.convert_to_dataset({"of": np.swapaxes(values, 0, 1)})
+        samples = arviz.ess(draws)["of"].to_numpy()
+        apart = arviz.rhat(draws)["of"].to_numpy()
+    known = moves & np.isfinite(samples) & np.isfinite(apart)
+    return np.where(known, samples, 0.0), np.where(known, apart, np.inf)
 
 
 def run_chain(
@@ -268,7 +188,8 @@ def run_chain(
 
     Args:
         problem: what is sampled.
-        start: of the ensemble, an even number of walkers, at least 2 dims + 2.
+        start: of the ensemble, an even number of walkers, at least twice as many as the unknowns of
+            all blocks.
         options: all but its number of walkers.
 
     Raises:
@@ -296,7 +217,7 @@ def run_chain(
             else np.concatenate([parts.sum(axis=1, keepdims=True), parts], axis=1)
         )
 
-    moves = [(BlockStretch(blocks), 0.4), (BlockDifference(blocks), 0.6)]
+    moves = [(StretchMove(), 0.4), (DEMove(), 0.6)]
     sampler = emcee.EnsembleSampler(
         walkers,
         blocks * dims,
@@ -314,8 +235,7 @@ def run_chain(
     left = steps // thin - done
     stopped = False
     if left > 0:
-        # Blocks are sampled side by side, so walkers may be fewer than the unknowns of all blocks
-        # together.
+        # Draws of Laplace's approximation are far from each other where a block is open.
         run = sampler.sample(
             emcee.State(start.reshape(walkers, -1)) if done == 0 else backend.get_last_sample(),
             iterations=left,

@@ -2,7 +2,7 @@
 chain goes on from.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +23,7 @@ class DrawsFile:
 
     Attributes:
         steps: drawn, kept or not.
-        here, tuning: arrays that the next step goes on from; empty before the first.
+        state: arrays that the next step goes on from, by name; empty before the first.
     """
 
     def __init__(self, path: Path | None, thin: int) -> None:
@@ -33,8 +33,7 @@ class DrawsFile:
         self._height: list[np.ndarray] = []
         self._accepted = 0.0
         self.steps = 0
-        self.here: Sequence[np.ndarray] = ()
-        self.tuning: Sequence[np.ndarray] = ()
+        self.state: dict[str, np.ndarray] = {}
 
     @classmethod
     def open(cls, fingerprint: str, shape: tuple[int, int, int], options: Sampling) -> "DrawsFile":
@@ -62,6 +61,7 @@ class DrawsFile:
         begin_file(path, overwrite=options.overwrite)
         with h5py.File(path, "w") as file:
             group = file.create_group(GROUP)
+            group.create_group("state")
             group.attrs.update({MARK: fingerprint, "thin": options.every, "steps": 0})
             group.attrs["accepted"] = 0.0
             for name, each in (("chain", shape), ("log_prob", shape[:2])):
@@ -90,21 +90,14 @@ class DrawsFile:
             self._accepted = float(group.attrs["accepted"])
             self._free = [group["chain"][:]]
             self._height = [group["log_prob"][:]]
-            self.here = _numbered(group, "here")
-            self.tuning = _numbered(group, "tuning")
-        if self.steps and len(self.here) != 1:
-            raise ValueError(
-                f"{path}: this chain of hmc is of an earlier version, whose steps were others; "
-                "sample anew into another file, or replace it with overwrite"
-            )
+            self.state = {name: array[()] for name, array in group["state"].items()}
 
     def add(
         self,
         free: Float[Any, "steps chains blocks dims"],
         height: Float[Any, "steps chains blocks"],
         accepted: float,
-        here: Sequence[Any],
-        tuning: Sequence[Any],
+        state: Mapping[str, Any],
     ) -> None:
         """Keep some steps; `accepted` is the sum of their shares."""
         chosen = np.arange(self.steps + 1, self.steps + len(free) + 1) % self._thin == 0
@@ -112,8 +105,7 @@ class DrawsFile:
         self._height.append(np.asarray(height)[chosen])
         self._accepted += accepted
         self.steps += len(free)
-        self.here = [np.asarray(a) for a in here]
-        self.tuning = [np.asarray(a) for a in tuning]
+        self.state = {name: np.asarray(array) for name, array in state.items()}
         if self._path is None:
             return
         import h5py
@@ -123,12 +115,9 @@ class DrawsFile:
             for name, new in (("chain", self._free[-1]), ("log_prob", self._height[-1])):
                 group[name].resize(len(group[name]) + len(new), axis=0)
                 group[name][len(group[name]) - len(new) :] = new
-            for what, arrays in (("here", self.here), ("tuning", self.tuning)):
-                for n, array in enumerate(arrays):
-                    name = f"{what} {n}"
-                    if name in group:
-                        del group[name]
-                    group[name] = array
+            for name, array in self.state.items():
+                kept = group["state"].require_dataset(name, array.shape, array.dtype)
+                kept[...] = array
             group.attrs.update({"steps": self.steps, "accepted": self._accepted})
 
     def chain(self, *, interrupted: bool) -> Chain:
@@ -149,10 +138,3 @@ class DrawsFile:
             interrupted=interrupted,
             sampler=GROUP,
         )
-
-
-def _numbered(group: Any, what: str) -> list[np.ndarray]:
-    names = sorted(
-        (name for name in group if name.startswith(f"{what} ")), key=lambda n: int(n.split()[1])
-    )
-    return [np.asarray(group[name]) for name in names]

@@ -95,14 +95,14 @@ def posterior(
     ground: Annotated[str | None, options.ground_option()] = None,
     thickness: options.Thickness = "25um",
     sampler: Annotated[
-        str | None,
+        str,
         typer.Option(
             metavar="WORD",
             help="hmc follows the posterior's slopes; emcee is an ensemble that needs none; "
             "importance weights Laplace's draws, without a chain, and says whether that is good "
-            "enough. Default: hmc; emcee with --bands.",
+            "enough.",
         ),
-    ] = None,
+    ] = "hmc",
     steps: Annotated[
         int | None,
         typer.Option(
@@ -118,7 +118,7 @@ def posterior(
         typer.Option(
             help=(
                 "How many chains of hmc, or walkers of emcee's ensemble, an even number. Default: "
-                "16; 32 of emcee, or more where --coats has many unknowns."
+                "16; 32 of emcee, or twice as many as there are unknowns."
             ),
             show_default=False,
         ),
@@ -176,7 +176,6 @@ def posterior(
     """
     from .sampling import Sampling, check_sampler
 
-    sampler = sampler or ("emcee" if bands else "hmc")
     check_sampler(sampler, "--sampler")
     _check(file, sample, paints=paints, coats=coats, bands=bands, simulate=simulate, ground=ground)
     require("matplotlib", "corner", "arviz", "h5py")

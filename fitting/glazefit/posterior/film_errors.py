@@ -29,7 +29,6 @@ from .laplace import Modes, climb, find_modes
 from .problem import Problem
 
 _ROUNDS = 4
-_STARTS = 8
 # Gauss-Newton steps towards the likeliest error, and the longest of them in log k or log s.
 _STEPS = 8
 _LONGEST = 1.0
@@ -117,7 +116,7 @@ def pose_errors(
     how = Tabulated(problem.shared.response)
     first = _likeliest_logs(films, instrument)
     problem = expand(problem, films, how, first, np.zeros_like(first), smooth)
-    return settle(problem, films, how, find_modes(problem, starts=_STARTS, seed=seed), smooth)
+    return settle(problem, films, how, find_modes(problem, seed=seed), smooth)
 
 
 def settle(
@@ -148,7 +147,7 @@ def _likeliest_logs(
     bands = join_bands(
         [pose_bands(film, g, instrument) for film, g in zip(films, gloss, strict=True)]
     )
-    free = find_modes(bands, starts=_STARTS).points[:, 0].reshape(len(films), -1, 2)
+    free = find_modes(bands).points[:, 0].reshape(len(films), -1, 2)
     return np.stack([free[..., 0] + free[..., 1], free[..., 1]], axis=1)
 
 

@@ -72,7 +72,6 @@ _SHORTEST = 0.5
 _JUMP = 10
 _ACCEPT = 0.7
 _FIRST_STEP = 0.3
-_GAIN = 1.0
 # Newton's method: steps at most, and how near it comes, in standard deviations of the posterior; on
 # the way back it is enough to see where it goes.
 _NEWTON = 10
@@ -378,7 +377,7 @@ def _steps(
         takes = jax.random.uniform(coin, chance.shape, chance.dtype) < chance
         free = jnp.asarray(jnp.where(takes[..., None], end.free, place.free))
         place = Positions(free, jnp.asarray(jnp.where(takes, end.height, place.height)))
-        better = tuning.log_step + _GAIN / (1.0 + 0.1 * i) * (chance.mean(axis=0) - _ACCEPT)
+        better = tuning.log_step + (chance.mean(axis=0) - _ACCEPT) / (1.0 + 0.1 * i)
         learns = span.learning & ~jumps
         tuning = tuning._replace(log_step=jnp.where(learns, better, tuning.log_step))
         piece = Piece(
@@ -482,14 +481,16 @@ def run_hamiltonian(problem: Problem, approximation: Laplace, options: Sampling)
                 return kept.chain(interrupted=True)
             free, tuning = begun
         else:
-            (free,) = map(jnp.asarray, kept.here)
-            tuning = Tuning(*map(jnp.asarray, kept.tuning))
+            state = {name: jnp.asarray(array) for name, array in kept.state.items()}
+            free = state.pop("free")
+            tuning = Tuning(**state)
         while kept.steps < options.length and not asked.is_set():
             count = min(_PIECE, options.length - kept.steps)
             span = Span(_SAMPLING + kept.steps, count, learning=False)
             free, tuning, piece = sampler.steps(free, tuning, span)
             accepted = float(piece.accepted)
-            kept.add(piece.free[:count], piece.height[:count], accepted, [free], tuning)
+            state = {"free": free, **tuning._asdict()}
+            kept.add(piece.free[:count], piece.height[:count], accepted, state)
             options.progress(kept.steps, options.length, "sampling")
     return kept.chain(interrupted=kept.steps < options.length)
 

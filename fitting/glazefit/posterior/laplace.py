@@ -21,10 +21,10 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 from scipy.special import logsumexp
 
-from glazejax.extras import require
 from glazejax.programs import Program
 
 from ..film.numerics.least_squares import damped_solution, levenberg_marquardt, normal_solution
+from .arviz import load_arviz
 from .problem import Problem
 
 TRUSTED_TAIL = 0.7
@@ -34,8 +34,6 @@ _STEPS = 60
 _SETTLED = 1e-6
 # Unknowns up to which `damped_solution` is taken: it is unrolled.
 _FEW = 7
-# A direction that the data leave open is taken at most this many prior standard deviations wide.
-_WIDEST = 1.0
 # Modes nearer than this many of their standard deviations are one.
 _APART = 2.0
 
@@ -242,9 +240,7 @@ def _inverse(hessians: np.ndarray, prior: np.ndarray) -> np.ndarray:
     root = np.linalg.cholesky(prior)
     values, axes = np.linalg.eigh(root.T @ np.nan_to_num(hessians) @ root)
     scaled = root @ axes
-    return np.einsum(
-        "...ij,...j,...kj->...ik", scaled, 1.0 / np.maximum(values, _WIDEST**-2), scaled
-    )
+    return np.einsum("...ij,...j,...kj->...ik", scaled, 1.0 / np.maximum(values, 1.0), scaled)
 
 
 def _importance(
@@ -257,12 +253,7 @@ def _importance(
     """Pareto index of the importance weights of draws from the Gaussians, the draws taken again by
     weight, and what they are worth.
     """
-    with warnings.catch_warnings():
-        # ArviZ announces its next version at import.
-        warnings.simplefilter("ignore", FutureWarning)
-        require("arviz")
-        from arviz import psislw
-
+    arviz = load_arviz()
     rng = np.random.default_rng(seed + 1)
     free = gaussian.draws(draws, rng)
     log_weights = problem.log_probability(free) - gaussian.log_density(free)
@@ -271,7 +262,7 @@ def _importance(
     with warnings.catch_warnings():
         # It warns of large indices, which are the answer here.
         warnings.simplefilter("ignore")
-        smooth, tail = psislw(np.ascontiguousarray(log_weights.T))
+        smooth, tail = arviz.psislw(np.ascontiguousarray(log_weights.T))
     smooth = np.asarray(smooth).reshape(-1, draws)
     tail = np.atleast_1d(np.asarray(tail))
     # Evenly spaced places in the summed weights: less noise than independent draws.

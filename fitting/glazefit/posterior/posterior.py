@@ -290,13 +290,12 @@ def posterior_of_bands(
         gloss: share of the surface's reflection in the readings; by default estimated from films
             over both cards, and 1 for a `Reading`.
         instrument, noise: see `posterior_of_film`.
-        sampling: the same; by default emcee.
+        sampling: the same.
 
     Raises:
         ValueError, FileExistsError, FileNotFoundError: as `posterior_of_film`.
     """
-    # Band by band the ensemble's chains meet better, and its intervals hold.
-    options = Sampling(**{"sampler": "emcee", **sampling})
+    options = Sampling(**sampling)
     instrument = resolve_instrument(instrument)
     noise = noise or Noise()
     reading = one_reading(film, instrument, noise)
@@ -326,7 +325,7 @@ def sample(
         )
     from .chain import run_chain
 
-    walkers = options.walkers_for(problem.dims)
+    walkers = options.walkers_for(len(problem.blocks) * problem.dims)
     start = approximate.draws(walkers, np.random.default_rng(options.seed))
     return Posterior(problem, films, approximate, run_chain(problem, start, options))
 

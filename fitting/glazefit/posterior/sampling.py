@@ -42,7 +42,7 @@ class Sampling:
             5000 of emcee; a resumed one goes on until it has as many; 0 for Laplace's
             approximation alone.
         walkers: chains of hmc, at least 2 and by default 16; or of emcee's ensemble, even, by
-            default 32 or as many as the unknowns need.
+            default 32 or twice as many as there are unknowns.
         thin: every how many steps one is kept; by default each of hmc, every fifth of emcee.
         seed: of all random numbers. A resumed chain goes on with its own.
         path: HDF5 file that every kept step is written to; none keeps the chain in memory.
@@ -94,12 +94,12 @@ class Sampling:
         return _EVERY[self.sampler] if self.thin is None else self.thin
 
     def walkers_for(self, dims: int) -> int:
-        """Walkers for so many unknowns.
+        """Walkers for so many unknowns of all blocks: emcee takes two for each at least.
 
         Raises:
             ValueError: too few were asked for.
         """
-        least = 2 * dims + 2 if self.sampler == "emcee" else 2
+        least = 2 * dims if self.sampler == "emcee" else 2
         if self.walkers is None:
             return max(_WALKERS[self.sampler], least)
         self._check_walkers(self.walkers, least)

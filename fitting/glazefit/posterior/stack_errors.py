@@ -35,7 +35,6 @@ from .stack import (
 )
 from .stack_table import can_be_tabulated, tabulated
 
-_STARTS = 8
 # An opaque coat and a thin one may read alike, and each is a narrow valley.
 _MANY_STARTS = 24
 # Standard deviation of a reading that the first fit takes for granted: that of paints some per cent
@@ -116,7 +115,6 @@ def pose_stack_errors(
     rough = [np.eye(film.sd.size) / np.hypot(film.sd, _ROUGH).ravel() for film in films]
     first = find_modes(
         replace(problem, data=problem.data._replace(whiten=jnp.asarray(np.stack(rough)))),
-        starts=_STARTS,
         seed=seed,
     )
     logs, _ = how.at(problem, first.points[:, 0])

@@ -88,7 +88,7 @@ class Summary(list[Row]):
     sampled: bool
     by: str
 
-    def __init__(self, rows: Iterable[Row], *, sampled: bool, by: str = "emcee") -> None:
+    def __init__(self, rows: Iterable[Row], *, sampled: bool, by: str = "hmc") -> None:
         super().__init__(rows)
         self.sampled = sampled
         self.by = by

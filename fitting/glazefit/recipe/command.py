@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from .recipe import Recipe
     from .targets import Target
-    from .task import Task
+    from .task import RecipeTask
 
 
 _GEOMETRY = "45:0"
@@ -390,7 +390,7 @@ def _targets(
 
 def _write(
     found: "list[list[Recipe]]",
-    task: "Task",
+    task: "RecipeTask",
     out: Path,
     others: Mapping[str, Path | None],
     overwrite: bool,
@@ -425,13 +425,13 @@ def _write(
     figure.savefig(out, dpi=100)
 
 
-def _describe_view(task: "Task") -> str:
+def _describe_view(task: "RecipeTask") -> str:
     eye = task.observer.replace(" Degree Standard Observer", "° observer")
     return f"{', '.join(task.illuminants)}, {eye}, {task.instrument.describe()}"
 
 
 def _print(
-    found: "list[list[Recipe]]", task: "Task", seconds: float, console: "Console", seen: str
+    found: "list[list[Recipe]]", task: "RecipeTask", seconds: float, console: "Console", seen: str
 ) -> None:
     from glazejax import catalogue
 

@@ -45,7 +45,7 @@ class StackModel(NamedTuple):
     film: FilmResponse
 
 
-class Solver(NamedTuple):
+class StackSolver(NamedTuple):
     """The solver as recipes ask it.
 
     Attributes:
@@ -222,7 +222,7 @@ def true_reading(
 
 
 def readings(
-    model: StackModel, sizes: Float[np.ndarray, "n coats paints"], solver: Solver | None
+    model: StackModel, sizes: Float[np.ndarray, "n coats paints"], solver: StackSolver | None
 ) -> Float[np.ndarray, "n bands"]:
     """What the instrument reads on each of many stacks: by the solver, or without one by the
     table.
@@ -239,7 +239,7 @@ def readings(
 
 def solve(
     model: StackModel,
-    solver: Solver,
+    solver: StackSolver,
     slots: Slots,
     amount: Float[np.ndarray, "n slots"],
     coats: int,
@@ -260,7 +260,7 @@ def solve(
     return by_blocks(len(amount), READ_CHUNK, run)
 
 
-def readings_ahead(model: StackModel, solver: Solver, coats: int) -> None:
+def readings_ahead(model: StackModel, solver: StackSolver, coats: int) -> None:
     """Begin to compile what reads stacks of so many coats, by the solver and by the table."""
     none = np.zeros((READ_CHUNK, solver.slots), int)
     slots = Slots(none, none, none > 0)

@@ -6,7 +6,6 @@ from glazejax.paint.describe import Coat
 
 CLOSE = 0.08
 """How far each share may be from that of the parts, as a share of itself."""
-_MOST = 100
 
 
 def whole_parts(shares: Sequence[float]) -> tuple[int, ...]:
@@ -21,7 +20,7 @@ def whole_parts(shares: Sequence[float]) -> tuple[int, ...]:
     least = min(shares)
     total = sum(shares)
     parts: list[int] = []
-    for smallest in range(1, _MOST + 1):
+    for smallest in range(1, 101):
         parts = [round(share / least * smallest) for share in shares]
         whole = sum(parts)
         if all(

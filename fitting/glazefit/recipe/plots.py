@@ -2,7 +2,7 @@
 
 import textwrap
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from glazejax.plots import EDGE, FAINT, INK, style
 
@@ -14,15 +14,22 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _TARGET = "#a9a29a"
-# Inches: a cell, its text below and its title above, and the margins of the figure.
-_WIDTH = 3.0
-_SWATCH = 0.8
-_CURVES = 1.15
-_TEXT = 1.2
-_TITLE = 0.34
-_LEFT = 0.55
-_TOP = 0.95
-_BOTTOM = 0.3
+
+
+class _Inches(NamedTuple):
+    """A cell, its text below and its title above, and the margins of the figure."""
+
+    width: float = 3.0
+    swatch: float = 0.8
+    curves: float = 1.15
+    text: float = 1.2
+    title: float = 0.34
+    left: float = 0.55
+    top: float = 0.95
+    bottom: float = 0.3
+
+
+_INCHES = _Inches()
 
 
 def recipe_figure(
@@ -42,9 +49,9 @@ def recipe_figure(
 
     columns = min(len(recipes), 6 if len(recipes) > 10 else 5)
     rows = -(-len(recipes) // columns)
-    cell = _TITLE + _SWATCH + _CURVES + _TEXT
-    width = max(_LEFT + columns * _WIDTH + 0.1, 9.5)
-    height = _TOP + rows * cell + _BOTTOM
+    cell = _INCHES.title + _INCHES.swatch + _INCHES.curves + _INCHES.text
+    width = max(_INCHES.left + columns * _INCHES.width + 0.1, 9.5)
+    height = _INCHES.top + rows * cell + _INCHES.bottom
     with style():
         figure = Figure(figsize=(width, height))
         figure.text(
@@ -58,23 +65,25 @@ def recipe_figure(
         tallest = _tallest(recipes)
         for number, (recipe, title) in enumerate(zip(recipes, titles, strict=True)):
             row, column = divmod(number, columns)
-            left = _LEFT + column * _WIDTH
-            top = height - _TOP - row * cell
+            left = _INCHES.left + column * _INCHES.width
+            top = height - _INCHES.top - row * cell
 
             def box(down: float, tall: float, left: float = left, top: float = top) -> tuple:
                 return (
                     left / width,
                     (top - down - tall) / height,
-                    (_WIDTH - 0.35) / width,
+                    (_INCHES.width - 0.35) / width,
                     tall / height,
                 )
 
-            swatch = figure.add_axes(box(_TITLE, _SWATCH))
+            swatch = figure.add_axes(box(_INCHES.title, _INCHES.swatch))
             _draw_swatch(swatch, recipe, title)
-            curves = figure.add_axes(box(_TITLE + _SWATCH + 0.1, _CURVES - 0.1))
+            curves = figure.add_axes(
+                box(_INCHES.title + _INCHES.swatch + 0.1, _INCHES.curves - 0.1)
+            )
             _draw_spectra(curves, recipe, tallest[number], labelled=column == 0)
             words = "\n".join(_wrap(describe_coat(coat)) for coat in recipe.coats)
-            x, y, *_ = box(_TITLE + _SWATCH + _CURVES + 0.27, 0.0)
+            x, y, *_ = box(_INCHES.title + _INCHES.swatch + _INCHES.curves + 0.27, 0.0)
             figure.text(x, y, words, fontsize=8.5, va="top", linespacing=1.25)
     return figure
 

@@ -18,20 +18,19 @@ from glazejax.colour import delta_e_2000
 
 from ..film.colour_metric import lab_metric
 from ..film.numerics.least_squares import Bounds, Looks, descend_within
-from .model import Slots, Solver, StackModel, empty_slots, fill_slots, solve
+from .model import Slots, StackModel, StackSolver, empty_slots, fill_slots, solve
 from .screen import Stacks, TargetArrays
 
 PROMISE = 1e-3
 """Settled: a full step would bring a stack nearer by less than this Delta E."""
 
 _STEPS = 40
-# Longest step, and least share, in logarithms; step of a difference quotient in L*a*b*.
-_LONGEST = 1.0
+# Least share, as a logarithm; step of a difference quotient in L*a*b*.
 _FADED = -9.0
 _LAB_STEP = 0.01
 
 
-class _Slots(NamedTuple):
+class _SlotArrays(NamedTuple):
     """`recipe.model.Slots` for numpy."""
 
     paint: Int[np.ndarray, "n slots"]
@@ -39,22 +38,23 @@ class _Slots(NamedTuple):
     used: Bool[np.ndarray, "n slots"]
 
 
-class _Place(NamedTuple):
+class _Filled(NamedTuple):
     """Stacks as variables: which paint lies where, and targets."""
 
-    slots: _Slots
+    slots: _SlotArrays
     member: Float[np.ndarray, "n coats slots"]  # 1 where a slot lies in a coat
     lab: Float[np.ndarray, "n lights 3"]
     spectrum: Float[np.ndarray, "n bands"]
     spectral: Float[np.ndarray, "n"]
 
-    def take(self, rows: np.ndarray) -> "_Place":
-        return _Place(
-            _Slots(*(values[rows] for values in self.slots)), *(values[rows] for values in self[1:])
+    def take(self, rows: np.ndarray) -> "_Filled":
+        return _Filled(
+            _SlotArrays(*(values[rows] for values in self.slots)),
+            *(values[rows] for values in self[1:]),
         )
 
 
-def polish(model: StackModel, solver: Solver, aims: TargetArrays, stacks: Stacks) -> Stacks:
+def polish(model: StackModel, solver: StackSolver, aims: TargetArrays, stacks: Stacks) -> Stacks:
     """Stacks at the best amounts of their paints, as the solver itself sees them.
 
     Args:
@@ -86,7 +86,7 @@ def polish(model: StackModel, solver: Solver, aims: TargetArrays, stacks: Stacks
         look,
         point,
         seen,
-        Bounds(low, high, _LONGEST),
+        Bounds(low, high, longest=1.0),
         normalise=normalise,
         promise=PROMISE,
         max_steps=_STEPS,
@@ -109,12 +109,12 @@ def polish(model: StackModel, solver: Solver, aims: TargetArrays, stacks: Stacks
 
 def _start(
     model: StackModel, aims: TargetArrays, stacks: Stacks, count: int
-) -> tuple[_Place, np.ndarray]:
+) -> tuple[_Filled, np.ndarray]:
     """Variables of stacks: logarithms of the coats' thicknesses, then those of the slots'
     shares.
     """
     places, _ = fill_slots(model, stacks.sizes, count)
-    slots = _Slots(*(np.asarray(values) for values in places))
+    slots = _SlotArrays(*(np.asarray(values) for values in places))
     member = (
         slots.used[:, None] & (slots.coat[:, None] == np.arange(stacks.sizes.shape[1])[:, None])
     ).astype(float)
@@ -129,17 +129,17 @@ def _start(
     )
     at = stacks.target
     aim = (np.asarray(values)[at] for values in (aims.lab, aims.spectrum, aims.spectral))
-    return _Place(slots, member, *aim), np.concatenate([logs, np.maximum(shares, _FADED)], axis=1)
+    return _Filled(slots, member, *aim), np.concatenate([logs, np.maximum(shares, _FADED)], axis=1)
 
 
-def _amounts(place: _Place, point: Float[np.ndarray, "n m"]) -> tuple[np.ndarray, np.ndarray]:
+def _amounts(place: _Filled, point: Float[np.ndarray, "n m"]) -> tuple[np.ndarray, np.ndarray]:
     """What each slot takes, um, and its share of its coat, (n, slots)."""
     coats = place.member.shape[1]
     share = np.where(place.slots.used, np.exp(_shares(place, point[:, coats:])), 0.0)
     return share * np.exp(np.take_along_axis(point[:, :coats], place.slots.coat, axis=1)), share
 
 
-def _shares(place: _Place, free: Float[np.ndarray, "n slots"]) -> Float[np.ndarray, "n slots"]:
+def _shares(place: _Filled, free: Float[np.ndarray, "n slots"]) -> Float[np.ndarray, "n slots"]:
     """Logarithms of shares that add up to one in each coat."""
     whole = np.einsum("ncs,ns->nc", place.member, np.exp(free))
     own = np.where(place.slots.used, np.take_along_axis(whole, place.slots.coat, axis=1), 1.0)
@@ -147,7 +147,7 @@ def _shares(place: _Place, free: Float[np.ndarray, "n slots"]) -> Float[np.ndarr
 
 
 def _look(
-    model: StackModel, solver: Solver, place: _Place, point: Float[np.ndarray, "n m"]
+    model: StackModel, solver: StackSolver, place: _Filled, point: Float[np.ndarray, "n m"]
 ) -> tuple[Looks, Float[np.ndarray, "n"]]:
     """Cost and slopes by the solver, and the largest Delta E under the lights."""
     amount, share = _amounts(place, point)

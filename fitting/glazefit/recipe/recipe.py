@@ -26,24 +26,15 @@ from .refine import grown, refine, refine_ahead
 from .screen import MOST_SCREENED, Stacks, TargetArrays, screen
 from .selection import IN_GAMUT, Scored, round_recipes, score, select, simplify
 from .targets import Target
-from .task import RecipeOptions, Task, Wanted, as_targets, make_task
+from .task import RecipeOptions, RecipeTask, Wanted, as_targets, make_task
 
 GROUP = 8
 """Targets that are refined at a time."""
 
 # How many sets of paints a target keeps after the first look, by (layers, paints counted in each
-# coat); after a first refinement; how many the solver refines, of mixed stacks and of unmixed ones,
-# which are of more kinds; and how many are grown, and kept of their children.
+# coat); and how many after a first refinement, and for the solver.
 _KEEP = {(1, 1): 3, (1, 2): 12, (1, 3): 40, (2, 1): 8, (2, 2): 24, (2, 3): 40}
-_KEEP_REFINED = 8
-_KEEP_SOLVED = 8
-_KEEP_GLAZES = 4
-_PARENTS = 4
-_CHILDREN = 24
-# Pairs of mixings that are compared.
-_MIXINGS = 200
-# More than asked for are rounded, because a few lose their colour by it.
-_SPARE = 3
+_KEPT = 8
 
 
 @dataclass(frozen=True, eq=False)
@@ -192,7 +183,7 @@ def find_recipes(
     return found if batch else found[0]
 
 
-def recipe_chunks(task: Task) -> Iterator[list[list[Recipe]]]:
+def recipe_chunks(task: RecipeTask) -> Iterator[list[list[Recipe]]]:
     """Recipes for a few targets at a time, so that progress can be shown and an interrupt loses
     little.
     """
@@ -207,7 +198,7 @@ def recipe_chunks(task: Task) -> Iterator[list[list[Recipe]]]:
         ]
 
 
-def _search(task: Task) -> Iterator[list[list[Recipe]]]:
+def _search(task: RecipeTask) -> Iterator[list[list[Recipe]]]:
     """Recipes for a few targets at a time, of mixed coats or of unmixed ones."""
     model = task.model()
     aims = task.target_arrays()
@@ -234,18 +225,19 @@ def _search(task: Task) -> Iterator[list[list[Recipe]]]:
         yield _finish(task, model, aims, stacks, here)
 
 
-def _refine(task: Task, model: StackModel, aims: TargetArrays, rough: Stacks) -> Stacks:
+def _refine(task: RecipeTask, model: StackModel, aims: TargetArrays, rough: Stacks) -> Stacks:
     """The best stacks that come of a first look."""
 
     def better(stacks: Stacks) -> Stacks:
         return refine(model, aims, stacks, task.slots)
 
-    stacks = better(better(rough).best(lambda coats, paints: _KEEP_REFINED))
+    stacks = better(better(rough).best(lambda coats, paints: _KEPT))
     more = 0 if task.glazes else max(0, task.max_paints - MOST_SCREENED)
     for number in range(more + max(0, task.max_coats - 2)):
         # Of unmixed stacks those of one coat less are all that a coat can be added to anew.
         last = stacks.take(np.flatnonzero(stacks.coats == number + 2)) if task.glazes else stacks
-        parents = last.best(lambda coats, paints: _PARENTS)
+        # A few grow, into very many: most of these are dropped before a refinement.
+        parents = last.best(lambda coats, paints: 4)
         children = grown(
             model,
             aims,
@@ -254,23 +246,25 @@ def _refine(task: Task, model: StackModel, aims: TargetArrays, rough: Stacks) ->
             max_coats=task.max_coats,
             mixed=not task.glazes,
         )
-        children = better(children.best(lambda coats, paints: _CHILDREN))
-        stacks = Stacks.join([stacks, better(children.best(lambda coats, paints: _KEEP_REFINED))])
+        children = better(children.best(lambda coats, paints: 24))
+        stacks = Stacks.join([stacks, better(children.best(lambda coats, paints: _KEPT))])
     pool = Stacks.join([stacks, better(simplify(model, stacks))])
     # What the table puts first, at the best amounts by the solver itself.
-    kept = _KEEP_GLAZES if task.glazes else _KEEP_SOLVED
+    # Unmixed stacks are of more kinds.
+    kept = 4 if task.glazes else _KEPT
     return polish(model, task.solver, aims, pool.best(lambda coats, paints: kept))
 
 
 def _finish(
-    task: Task, model: StackModel, aims: TargetArrays, stacks: Stacks, targets: range
+    task: RecipeTask, model: StackModel, aims: TargetArrays, stacks: Stacks, targets: range
 ) -> list[list[Recipe]]:
     """Choose, round and describe the recipes of some targets."""
     scored = score(model, task.solver, aims, stacks)
     exact = []
     for target in targets:
         own = [one for one, owner in zip(scored, stacks.target, strict=True) if owner == target]
-        exact += [(target, one) for one in select(own, _SPARE * task.count, task.simplicity)]
+        # More than asked for are rounded, because a few lose their colour by it.
+        exact += [(target, one) for one in select(own, 3 * task.count, task.simplicity)]
     round_ones = round_recipes(model, task.solver, aims, exact, task.simplicity)
     recipes = []
     for target in targets:
@@ -286,7 +280,7 @@ def _finish(
 
 
 def _describe(
-    task: Task, model: StackModel, target: int, chosen: list[tuple[Scored, Scored]]
+    task: RecipeTask, model: StackModel, target: int, chosen: list[tuple[Scored, Scored]]
 ) -> list[Recipe]:
     """Recipes from what was chosen, each with the same before it was rounded."""
     aim = task.targets[target]
@@ -303,7 +297,7 @@ def _describe(
 
 
 def _recipe(
-    task: Task,
+    task: RecipeTask,
     aim: Target,
     one: Scored,
     exact: Scored,
@@ -357,7 +351,7 @@ def _recipe(
 
 
 def _thickness_effects(
-    task: Task, model: StackModel, aim: Target, chosen: list[Scored]
+    task: RecipeTask, model: StackModel, aim: Target, chosen: list[Scored]
 ) -> list[tuple[tuple[float, ...], str]]:
     """For each recipe, what 10 % of each coat's thickness does to the colour, and what keeps it
     from the target.
@@ -397,7 +391,7 @@ def _thickness_effects(
     return effects
 
 
-def _between_mixings(task: Task, model: StackModel, chosen: list[Scored]) -> list[float]:
+def _between_mixings(task: RecipeTask, model: StackModel, chosen: list[Scored]) -> list[float]:
     """Mean Delta E 2000 between two mixings of each recipe, whose paints come out stronger or
     weaker each time.
 
@@ -425,7 +419,8 @@ def _between_mixings(task: Task, model: StackModel, chosen: list[Scored]) -> lis
     found = []
     for row in range(len(chosen)):
         moves = labs[[place[0] == row for place in places]] - own[row]
-        two = own[row] + rng.standard_normal((2, _MIXINGS, len(moves))) @ moves
+        # Pairs of mixings that are compared.
+        two = own[row] + rng.standard_normal((2, 200, len(moves))) @ moves
         found.append(float(np.mean(colour.delta_e_2000(two[0], two[1]))))
     return found
 

@@ -34,16 +34,12 @@ from .model import (
 from .screen import Stacks, TargetArrays, squared_distance, strength
 from .selection import pack_coats
 
-# A weak pull to the start settles what the target leaves open.
-_PULL = 0.01
 _STEPS = 12
 # Stacks refined at a time, always as many, so that one program serves all.
 _CHUNK = 128
 # Costs computed at a time.
 _COSTS = 1024
-# Share of a coat's strength that an added paint gets, and places between thinnest and thickest for
-# an added coat.
-_SHARE = 0.15
+# Places between thinnest and thickest for an added coat.
 _PLACES = (0.15, 0.5)
 
 
@@ -107,7 +103,8 @@ def _solve(
         )
 
     def residuals(logs: Array, slots: Slots, aim: TargetArrays, start: Array) -> Array:
-        return jnp.concatenate([misfit(logs, slots, aim), _PULL * (logs - start)])
+        # A weak pull to the start settles what the target leaves open.
+        return jnp.concatenate([misfit(logs, slots, aim), 0.01 * (logs - start)])
 
     given = (slots, aims, starts)
     logs, settled = levenberg_marquardt(
@@ -182,7 +179,8 @@ def _children(
                 continue
             child = stack.copy()
             total = stack[coat].sum()
-            child[coat, paint] = _SHARE * (stack[coat] @ power) / power[paint]
+            # An added paint gets this share of a coat's strength.
+            child[coat, paint] = 0.15 * (stack[coat] @ power) / power[paint]
             child[coat] *= total / child[coat].sum()
             children.append(child)
         if filled < max_coats:

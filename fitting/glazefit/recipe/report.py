@@ -42,8 +42,6 @@ MIXING = "Column mixing: the same recipe, mixed twice, differs by about ΔE00 {:
 MARK = " !"
 """Stands behind a paint that is poisonous or hard to buy."""
 
-# A gain of less is not worth mixing.
-_SEEN = 0.05
 
 NO_BREAK = "\u00a0"
 
@@ -258,7 +256,8 @@ def if_mixed(recipes: Sequence[Recipe]) -> str:
     here = min(recipe.distance for recipe in recipes)
     mixed = recipes[0].mixed
     assert mixed is not None
-    if mixed.distance > here - _SEEN:
+    # A gain of less is not worth mixing.
+    if mixed.distance > here - 0.05:
         return (
             f"Mixing within a coat gains nothing: ΔE00 {mixed.distance:.2f} instead of {here:.2f}."
         )

@@ -31,9 +31,6 @@ MOST_SCREENED = 3
 # Range of the logarithm of a paint's share over another's, when both are weighted by their
 # strength.
 _RANGE = 4.5
-# Sets of one coat that are looked at in one call, always as many, and side by side.
-_SETS = 192
-_BATCH = 8
 _POINTS = {1: (1, 8), 2: (7, 4), 3: (20, 4)}  # proportions and thicknesses, by the number of paints
 # Points that are looked at together where two coats are, a divisor of those of a set; and pieces of
 # so many points, above and below, always as many.
@@ -210,8 +207,9 @@ def _of_one_coat(
 ) -> list[tuple[Float[np.ndarray, "sets targets"], Int[np.ndarray, "sets targets"]]]:
     """Least cost of each set of each kind, and the point where it is, by one program."""
     everything = _join(kinds)
+    # So many sets are looked at in one call, always as many.
     cost, best = by_blocks(
-        len(everything.paints), _SETS, lambda rows: _one_coat(model, aims, everything.take(rows))
+        len(everything.paints), 192, lambda rows: _one_coat(model, aims, everything.take(rows))
     )
     ends = np.cumsum([len(coats.paints) for coats in kinds])[:-1]
     return list(zip(np.split(cost, ends), np.split(best, ends), strict=True))
@@ -319,7 +317,7 @@ def _one_coat(
         return cost.min(axis=0), cost.argmin(axis=0)
 
     # A remainder would be compiled as a second program.
-    return jax.lax.map(of_one, coats, batch_size=_BATCH)
+    return jax.lax.map(of_one, coats, batch_size=8)
 
 
 @Program

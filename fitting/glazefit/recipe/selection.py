@@ -11,7 +11,7 @@ from jaxtyping import Float
 
 from glazejax.colour import delta_e_2000
 
-from .model import Solver, StackModel, lab_of, readings
+from .model import StackModel, StackSolver, lab_of, readings
 from .screen import Stacks, TargetArrays
 
 IN_GAMUT = 1.0
@@ -20,14 +20,6 @@ IN_GAMUT = 1.0
 SHARE_STEP = 0.001
 THICKNESS_STEP = 0.1
 """Shares of a coat are rounded to 0.1 %, thicknesses to 0.1 um."""
-
-# Round numbers of a recipe that the solver reads.
-_ROUNDED = 4
-
-# A paint that is less than this of its coat, or a coat that changes the colour less than this, is
-# tried without.
-_LITTLE = 0.01
-_UNSEEN = 0.1
 
 
 @dataclass(frozen=True)
@@ -81,7 +73,9 @@ class Scored:
         )
 
 
-def score(model: StackModel, solver: Solver, aims: TargetArrays, stacks: Stacks) -> list[Scored]:
+def score(
+    model: StackModel, solver: StackSolver, aims: TargetArrays, stacks: Stacks
+) -> list[Scored]:
     """Stacks as the solver sees them, with Delta E 2000 by colour-science."""
     return _score(model, aims, stacks, readings(model, stacks.sizes, solver))
 
@@ -104,12 +98,14 @@ def simplify(model: StackModel, stacks: Stacks) -> Stacks:
     be refined again.
     """
     share = stacks.sizes / np.maximum(stacks.sizes.sum(axis=2, keepdims=True), 1e-12)
-    sizes = np.where(share < _LITTLE, 0.0, stacks.sizes)
+    # A paint that is less than this of its coat is tried without.
+    sizes = np.where(share < 0.01, 0.0, stacks.sizes)
     whole = _first_lab(model, sizes)
     for coat in range(sizes.shape[1]):
         without = sizes.copy()
         without[:, coat] = 0.0
-        unseen = delta_e_2000(_first_lab(model, without), whole) < _UNSEEN
+        # A coat that changes the colour less than this is tried without.
+        unseen = delta_e_2000(_first_lab(model, without), whole) < 0.1
         unseen &= without.any(axis=(1, 2)) & sizes[:, coat].any(axis=1)
         sizes[unseen] = without[unseen]
     changed = np.flatnonzero(((sizes > 0) != (stacks.sizes > 0)).any(axis=(1, 2)))
@@ -217,7 +213,7 @@ def _round_coats(
 
 def round_recipes(
     model: StackModel,
-    solver: Solver,
+    solver: StackSolver,
     aims: TargetArrays,
     chosen: Sequence[tuple[int, Scored]],
     simplicity: float,
@@ -240,10 +236,11 @@ def round_recipes(
         model, np.stack([o.sizes for _, o in chosen]), None
     )
     guess = _score(model, aims, flat, readings(model, flat.sizes, None) + own[owner])
+    # Round numbers of a recipe that the solver reads.
     nearest = [
         sorted(
             np.flatnonzero(owner == number).tolist(), key=lambda row: guess[row].effort(simplicity)
-        )[:_ROUNDED]
+        )[:4]
         for number in range(len(chosen))
     ]
     results = iter(

@@ -17,7 +17,7 @@ from ..film.colour_metric import lab_metric
 from ..film.films import Instrument, InstrumentLike
 from ..film.model.mixing import Pigments, listed_pigments
 from ..film.model.optics import Optics
-from .model import Solver, StackModel, make_model
+from .model import StackModel, StackSolver, make_model
 from .screen import TargetArrays
 from .targets import Colour, Target, lab_target
 
@@ -26,10 +26,7 @@ DEFAULT_THICKNESS = (1e-6, 50e-6)
 thickness.
 """
 
-# At most, and if nothing is said. Coats of a single paint each are quickly gone through.
-_MOST_PAINTS = 6
-_MOST_COATS = 4
-_MOST_GLAZES = 6
+# If nothing is said.
 _PAINTS = 3
 _COATS = 2
 
@@ -58,7 +55,7 @@ class RecipeOptions(TypedDict, total=False):
 
 
 @dataclass(frozen=True)
-class Task:
+class RecipeTask:
     """A search: names are full, pigments and ground on one grid that every target covers."""
 
     targets: tuple[Target, ...]
@@ -85,7 +82,7 @@ class Task:
         return self.max_coats if self.glazes else self.max_paints + self.max_coats - 1
 
     @property
-    def mixed(self) -> "Task":
+    def mixed(self) -> "RecipeTask":
         """The same search with paints mixed within coats, as far as it is wide without being asked
         for more.
         """
@@ -99,9 +96,9 @@ class Task:
         return self.pigments[0].wavelengths
 
     @property
-    def solver(self) -> Solver:
+    def solver(self) -> StackSolver:
         """What reads the stacks of this search."""
-        return Solver(Optics.of(self.instrument), self.slots)
+        return StackSolver(Optics.of(self.instrument), self.slots)
 
     def model(self) -> StackModel:
         """What stacks of these paints read, as arrays."""
@@ -149,16 +146,19 @@ def make_task(
     metamerism: float = 0.2,
     simplicity: float = 0.3,
     seed: int = 0,
-) -> Task:
+) -> RecipeTask:
     """Check all that was asked for; see `glazefit.find_recipes` for the arguments and errors."""
     if not targets:
         raise ValueError("there is no target: give a colour, such as (50, 20, 30), or a spectrum")
-    most = _MOST_GLAZES if glazes else _MOST_COATS
-    max_coats = max_coats if max_coats is not None else _MOST_GLAZES if glazes else _COATS
-    max_paints = max_paints if max_paints is not None else _MOST_PAINTS if glazes else _PAINTS
+    # Coats of a single paint each are quickly gone through: all that are possible are.
+    most_coats, most_paints = 6 if glazes else 4, 6
+    if max_coats is None:
+        max_coats = most_coats if glazes else _COATS
+    if max_paints is None:
+        max_paints = most_paints if glazes else _PAINTS
     whole = {
-        "max_paints": (max_paints, _MOST_PAINTS),
-        "max_coats": (max_coats, most),
+        "max_paints": (max_paints, most_paints),
+        "max_coats": (max_coats, most_coats),
         "count": (count, 1000),
     }
     for name, (value, most) in whole.items():
@@ -186,7 +186,7 @@ def make_task(
         for name in names:
             target.lab(name, full_observer)  # says what is missing
     paints, base = _on_one_grid(_list_pigments(pigments), ground, targets)
-    return Task(
+    return RecipeTask(
         targets=tuple(targets),
         pigments=paints,
         ground=base,

@@ -6,9 +6,8 @@ film of n coats is n units thick, give or take a factor, and k and s are optical
 coat. They are relative: no number here is a length.
 
 One coat over one ground tells one number at each band, and k d and s d are two. What tells them
-apart is what coats of other paints scatter: the log of scattering times thickness of one coat is
-learnt from the ladders of all paints but the one in question (`learn_scattering`), and expected of
-that one. Ladders of two coats and more tell k from s themselves, and then hardly feel it.
+apart is what is expected of the scattering of any film. Ladders of two coats and more tell k from s
+themselves, and then hardly feel it.
 """
 
 import re
@@ -31,27 +30,17 @@ from ..film.model.response import HIGHEST, Response, film_response
 from ..film.noise import estimate_noise
 from .constraints import Gauge
 from .joint import UNIT, recover_jointly
-from .joint_problem import Expectations, Unknowns
+from .joint_problem import Expectations
 from .joint_result import JointRecovery
-from .prediction import interval_of
+from .prediction import interval_of, least_by_scanning
 
 SPREAD = 0.3
 """Standard deviation of the log of a film's thickness about its number of coats."""
 _COMMON = 1e-3
-# How far the thickness of two coats may be from twice that of one: of the log, for all paints; and
-# for how many films `SPREAD` speaks beside those that were measured.
-_LAW_SD, _LIKE_FILMS = 0.2, 4.0
-_ROUNDS = 3
-# Least standard deviation of log(s d) that is expected of a paint of several coats.
-_BROAD = 1.5
-# A ladder whose own word on log(s d) is less sure than this teaches nothing.
-_SILENT = 0.95
-# How sure the mean, and the log of the spread, of `BRUSHED` are for another hand and brush.
-_MEAN_SD, _LOG_SPREAD_SD = 0.7, 0.4
 # The model's own error of a further coat: smooth over so many nm, for readings 0 and 1.
 _LENGTH, _ERROR_FLOOR, _ERROR_SHARE = 100.0, 0.003, 0.01
 _MOST_COATS = 20.0
-_POINTS, _REFINEMENTS, _SPAN = 25, 4, 4.0
+_POINTS = 25
 
 _NAME = re.compile(
     r"(?P<paint>\S.*?)\s+(?P<coats>\d+(?:\.\d+)?)\s+coats?(?:\s+(?P<square>\S.*))?", re.IGNORECASE
@@ -65,14 +54,10 @@ class CoatScattering(NamedTuple):
 
     mean: float
     sd: float
-    learnt_from: tuple[str, ...] = ()
-    """Paints; none where it was assumed."""
 
 
-BRUSHED = CoatScattering(0.0, 1.0)
-"""Of coats whose fellows tell nothing: assumed, between the lightest shades of a printed chart and
-thin coats on gypsum, with a factor of e for what is not known of the brush.
-"""
+ANY_FILM = CoatScattering(*Expectations().level_s)
+"""Of any film, as a joint recovery expects it."""
 
 
 class NamedCoat(NamedTuple):
@@ -103,23 +88,6 @@ class CoatFilm(NamedTuple):
     ground: Float[np.ndarray, "bands"]  # bare
 
 
-class CoatLaw(NamedTuple):
-    """How thick films of some coats are, in typical coats, learnt over paints."""
-
-    off: Mapping[float, float]
-    """Number of coats -> log of the thickness less that of the number."""
-    spread: float
-    """Standard deviation of the log of a film's thickness about that."""
-
-    def log_thickness(self, coats: float) -> float:
-        """Log of the expected thickness."""
-        return float(np.log(coats) + self.off.get(coats, 0.0))
-
-    def sd(self, coats: float) -> float:
-        """Standard deviation of the log of a further film's thickness."""
-        return float(np.hypot(self.spread, 0.0 if coats in self.off else _LAW_SD))
-
-
 @dataclass(frozen=True)
 class CoatRecovery:
     """Paints recovered from coats; k and s are optical thicknesses of one coat of each paint.
@@ -128,16 +96,16 @@ class CoatRecovery:
         films: as measured.
         paints: by name, each recovered from its own films.
         coats: film -> number of coats.
-        expected: paint -> what was expected of its scattering, learnt from the others.
-        law: how thick films of some coats are.
+        expected: what was expected of the scattering of a coat.
+        spread: standard deviation of the log of a film's thickness about its number of coats.
         response: model of one film.
     """
 
     films: Films
     paints: Mapping[str, JointRecovery]
     coats: Mapping[str, float]
-    expected: Mapping[str, CoatScattering]
-    law: CoatLaw
+    expected: CoatScattering
+    spread: float
     response: Response
 
     def __repr__(self) -> str:
@@ -245,15 +213,14 @@ def recover_coats(
     paints: Mapping[str, str] | None = None,
     instrument: InstrumentLike | None = None,
     noise: Noise | None = None,
-    expected: CoatScattering | None = None,
-    learn: bool = True,
+    expected: CoatScattering = ANY_FILM,
     spread: float = SPREAD,
     response: Response | None = None,
 ) -> CoatRecovery:
     """Absorption and scattering of one coat of each paint, from films of one coat or several.
 
     Each paint is recovered from its own films, each of a thickness of its own about its number of
-    coats. What is expected of its scattering is learnt from the other paints.
+    coats.
 
     Args:
         films: over a ground that was read bare, beside or before; films of one paint may lie on
@@ -262,9 +229,7 @@ def recover_coats(
         paints: film -> paint; by default as the names say.
         instrument: by default d:8 with the specular part, refractive index 1.5.
         noise: of a reading, by default told from the readings' roughness.
-        expected: of the scattering of a coat before the other paints are asked, by default
-            `BRUSHED`.
-        learn: whether the other paints are asked.
+        expected: of the scattering of a coat.
         spread: standard deviation of the log of a film's thickness about its number of coats.
         response: model of one film, by default that of the instrument.
 
@@ -282,45 +247,21 @@ def recover_coats(
     noise = noise or estimate_noise(films)
     cards(films, instrument, noise)  # refuse bad grounds before the first paint
     response = response or film_response(instrument)
-    expected = expected or BRUSHED
-    names = dict.fromkeys(coat.paint for coat in said.values())
-
-    law = CoatLaw({coat.coats: 0.0 for coat in said.values()}, spread)
-    # Each paint is told what the others say, over again, as that changes what each says.
-    told = dict.fromkeys(names, expected)
-    found: dict[str, JointRecovery] = {}
-    rounds = _ROUNDS if learn and len(names) > 1 else 0
-    for turn in range(rounds + 1):
-        levels = {
-            paint: level
-            for paint, one in found.items()
-            if (level := _without_expected(_level(one), told[paint])) is not None
-        }
-        told = {paint: learn_scattering(levels, without=paint, usual=expected) for paint in names}
-        for paint in names:
-            if len({coat.coats for coat in said.values() if coat.paint == paint}) > 1:
-                # Several coats speak for themselves. A tight expectation would rather have two
-                # films be as thick by chance than one of a paint that hides.
-                told[paint] = told[paint]._replace(sd=max(told[paint].sd, _BROAD))
-        found = {
-            paint: _fit(
-                films.take([row for row, name in enumerate(films.names) if said[name][0] == paint]),
-                said,
-                law,
-                Expectations(thickness=law.spread, level_s=(told[paint].mean, told[paint].sd)),
-                start=found[paint].unknowns if paint in found else None,
-                given={"instrument": instrument, "noise": noise, "response": response},
-            )
-            for paint in names
-        }
-        if turn < rounds:
-            law = _learn_law(found, said, law, spread)
+    found = {
+        paint: _fit(
+            films.take([row for row, name in enumerate(films.names) if said[name].paint == paint]),
+            said,
+            Expectations(thickness=spread, level_s=(expected.mean, expected.sd)),
+            given={"instrument": instrument, "noise": noise, "response": response},
+        )
+        for paint in dict.fromkeys(coat.paint for coat in said.values())
+    }
     return CoatRecovery(
         films=films,
         paints=found,
         coats={name: coat.coats for name, coat in said.items()},
-        expected=told,
-        law=law,
+        expected=expected,
+        spread=spread,
         response=response,
     )
 
@@ -328,78 +269,20 @@ def recover_coats(
 def _fit(
     films: Films,
     said: Mapping[str, NamedCoat],
-    law: CoatLaw,
     expectations: Expectations,
     *,
-    start: Unknowns | None,
     given: dict[str, Any],
 ) -> JointRecovery:
     """Joint recovery of the films of one paint."""
-    thickness = {name: float(np.exp(law.log_thickness(said[name].coats))) for name in films.names}
+    thickness = {name: said[name].coats * UNIT for name in films.names}
     return recover_jointly(
         films,
         {name: {said[name].paint: 1.0} for name in films.names},
         expectations=expectations,
-        start=start,
-        gauge=Gauge({name: d * UNIT for name, d in thickness.items()}, law.spread, _COMMON),
+        gauge=Gauge(thickness, expectations.thickness, _COMMON),
         unit=UNIT,
         **given,
     )
-
-
-def _learn_law(
-    found: Mapping[str, JointRecovery],
-    said: Mapping[str, NamedCoat],
-    law: CoatLaw,
-    spread: float,
-) -> CoatLaw:
-    """One step of expectation and maximisation: how thick films of each number of coats are, and
-    how they differ.
-    """
-    off: dict[float, list[float]] = {coats: [] for coats in law.off}
-    squares = []
-    for one in found.values():
-        sd = np.sqrt(np.diagonal(one.shared_covariance))[:: one.unknowns.films.shape[1]]
-        for row, name in enumerate(one.films.names):
-            coats = said[name].coats
-            log_d = float(one.unknowns.films[row, 0])
-            off[coats].append(log_d - np.log(coats))
-            squares.append((log_d - law.log_thickness(coats)) ** 2 + sd[row] ** 2)
-    held = (law.spread / _LAW_SD) ** 2
-    shifts = {coats: sum(values) / (len(values) + held) for coats, values in off.items()}
-    variance = (sum(squares) + _LIKE_FILMS * spread**2) / (len(squares) + _LIKE_FILMS)
-    return CoatLaw(shifts, float(np.sqrt(variance)))
-
-
-def learn_scattering(
-    levels: Mapping[str, CoatScattering], *, without: str = "", usual: CoatScattering = BRUSHED
-) -> CoatScattering:
-    """What coats of some paints say of the scattering of a coat of another paint.
-
-    The logs are taken as normal about a mean, with a spread between paints, both unknown: mean and
-    standard deviation of what is to be expected of one more paint, by summing over a grid of both.
-
-    Args:
-        levels: paint -> log of s d of one coat as its own films say.
-        without: the paint in question, which must not speak for itself.
-        usual: what was expected beforehand.
-    """
-    others = {paint: level for paint, level in levels.items() if paint != without}
-    means = usual.mean + np.linspace(-4.0, 4.0, 161) * _MEAN_SD
-    spreads = usual.sd * np.exp(np.linspace(-3.0, 3.0, 61) * _LOG_SPREAD_SD)
-    log_weight = -0.5 * ((means - usual.mean) / _MEAN_SD)[:, None] ** 2
-    log_weight = log_weight - 0.5 * (np.log(spreads / usual.sd) / _LOG_SPREAD_SD)[None] ** 2
-    for level in others.values():
-        variance = spreads**2 + level.sd**2
-        log_weight = log_weight - 0.5 * (level.mean - means[:, None]) ** 2 / variance
-        log_weight = log_weight - 0.5 * np.log(variance)
-    if not others:
-        return usual
-    weight = np.exp(log_weight - log_weight.max())
-    weight /= weight.sum()
-    mean = float(weight.sum(axis=1) @ means)
-    variance = float(weight.sum(axis=1) @ (means - mean) ** 2 + weight.sum(axis=0) @ spreads**2)
-    return CoatScattering(mean, float(np.sqrt(variance)), tuple(others))
 
 
 def predict_next_coat(
@@ -446,7 +329,7 @@ def predict_next_coat(
     count = len(draws.bands)
     films = found.films
     black, white, _, _ = cards(films, instrument, found.noise)
-    gloss = np.exp(draws.paints[:, :1, 0] + draws.films[:, :, 1])
+    gloss = np.exp(draws.paints + draws.films[:, :, 1])
     readings = np.stack([films.over_black, films.over_white], axis=1)
     # (draws, films, cards, bands): what comes from below the surface.
     body = readings - (gloss * instrument.seen_surface)[:, :, None, None]
@@ -459,13 +342,12 @@ def predict_next_coat(
         jnp.asarray(films.seen[:, :, None] / found.residual_sd),
         response=recovery.response,
     )
-    law = recovery.law
-    thickness = law.log_thickness(coats) + law.sd(coats) * rng.standard_normal((count, 1))
+    thickness = np.log(coats) + recovery.spread * rng.standard_normal((count, 1))
     kd = np.minimum(np.exp(np.asarray(log_k) + thickness), HIGHEST[0])
     sd = np.minimum(np.exp(draws.bands[:, :, 1] + thickness), HIGHEST[1])
     seen = np.asarray(recovery.response.body(jnp.asarray(kd), jnp.asarray(sd), jnp.asarray(inside)))
     expected = found.expectations
-    surface = draws.paints[:, 0, 0] + expected.gloss * rng.standard_normal(count)
+    surface = draws.paints[:, 0] + expected.gloss * rng.standard_normal(count)
     seen = seen + instrument.seen_surface * np.exp(surface)[:, None]
     smooth = rng.multivariate_normal(np.zeros(grid.size), smooth_kernel(grid, _LENGTH), size=count)
     off = (_ERROR_FLOOR + _ERROR_SHARE * seen) * smooth
@@ -513,15 +395,6 @@ def _level(found: JointRecovery) -> CoatScattering:
     return CoatScattering(float(np.log(found.scattering[0]).mean()), float(logs.std()))
 
 
-def _without_expected(level: CoatScattering, expected: CoatScattering) -> CoatScattering | None:
-    """What the films alone say, without what was expected beforehand; None if that is nothing."""
-    if level.sd >= _SILENT * expected.sd:
-        return None
-    precision = 1.0 / level.sd**2 - 1.0 / expected.sd**2
-    mean = (level.mean / level.sd**2 - expected.mean / expected.sd**2) / precision
-    return CoatScattering(mean, float(precision**-0.5))
-
-
 @jax.jit
 def _absorption_that_meets(
     log_absorption: Float[Array, "draws bands"],
@@ -546,13 +419,6 @@ def _absorption_that_meets(
             # A weak pull settles what no reading tells.
             return jnp.sum(off**2, axis=(0, 1)) + 0.01 * (log_k - start) ** 2
 
-        centre = start
-        half = _SPAN
-        for _ in range(_REFINEMENTS):
-            points = centre + half * jnp.linspace(-1.0, 1.0, _POINTS)[:, None]
-            best = jnp.argmin(jax.vmap(cost)(points), axis=0)
-            centre = jnp.take_along_axis(points, best[None], axis=0)[0]
-            half = 4.0 * half / _POINTS
-        return centre
+        return least_by_scanning(cost, start, _POINTS)
 
     return jax.lax.map(one, (log_absorption, log_scattering, log_thickness, body))

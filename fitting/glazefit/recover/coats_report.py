@@ -32,23 +32,19 @@ def print_coats(
         f"{len(recovery.paints)} paints from {len(recovery.films)} films of coats in "
         f"{seconds:.1f} s"
     )
-    table = plain_table("paint", "coats", "s d of one coat", "as others say", "met to", title=title)
+    table = plain_table("paint", "coats", "s d of one coat", "met to", title=title)
     for paint, found in recovery.paints.items():
         coats = ", ".join(f"{recovery.coats[name]:g}" for name in found.films.names)
-        expected = recovery.expected[paint]
         table.add_row(
             paint,
             coats,
             _factor(recovery.scattering(paint)),
-            _factor(expected),
             f"ΔE00 {found.delta_e().mean():.1f}",
         )
     console.print(table)
-    learnt = max((len(told.learnt_from) for told in recovery.expected.values()), default=0)
     console.print(
         "[dim]s d: scattering times thickness of one coat, mean over the bands, × or ÷ one "
-        f"standard deviation; 'as others say' is learnt from {learnt} other paints at most, "
-        "never from the paint itself.[/dim]"
+        "standard deviation.[/dim]"
     )
     for prediction in foretold:
         thickest = recovery.thickest(prediction.paint)
@@ -57,15 +53,9 @@ def print_coats(
             f"{prediction.paint}, {prediction.coats:g} coats on the ground of {thickest.name!r}: "
             f"ΔE00 {change:.1f} from that film, foretold to ΔE00 {prediction.expected_error():.1f}."
         )
-    law = recovery.law
     console.print(
-        f"Films of equal coats differ in thickness by {np.expm1(law.spread):.0%}"
-        + "".join(
-            f"; {coats:g} coats are as thick as {np.exp(law.log_thickness(coats)):.2g}"
-            for coats in law.off
-            if coats > 1
-        )
-        + ". [bold]The unit is a typical coat: no length was measured.[/bold]"
+        f"Films of equal coats may differ in thickness by {np.expm1(recovery.spread):.0%}. "
+        "[bold]The unit is a typical coat: no length was measured.[/bold]"
     )
     for paint, found in recovery.paints.items():
         if not found.converged:

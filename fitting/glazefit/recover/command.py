@@ -28,7 +28,7 @@ def register(app: typer.Typer) -> None:
 @help_groups(
     usual="--out --into --white --thickness --joint",
     given="--samples --masstones --names --wet-film --excluded --catalogue --instrument",
-    tried="--law --check --simulate",
+    tried="--check --simulate",
     written="--plots --overwrite",
     fine="--noise --noise-share --refractive-index --seed",
 )
@@ -140,13 +140,6 @@ def recover(
             ),
         ),
     ] = False,
-    law: Annotated[
-        str,
-        typer.Option(
-            help="How paints mix, with --joint: mass (k and s add by weight) or strength (a paint "
-            "may count for more, or less, than its weight)."
-        ),
-    ] = "mass",
     check: Annotated[
         bool,
         typer.Option(
@@ -193,7 +186,7 @@ def recover(
     _check(file, simulate)
     shelf = _catalogue(catalogue, bool(white) or simulate)
     knowledge = PriorKnowledge(into, white, wet_film, excluded, shelf)
-    _check_joint(joint, law, check, simulate, masstones, knowledge)
+    _check_joint(joint, check, simulate, masstones, knowledge)
     if plots:
         require("matplotlib")
     folder = None if out is None and into is not None else options.check_folder(out, overwrite)
@@ -259,7 +252,6 @@ def recover(
                 films,
                 recipes,
                 given=given,
-                law=law,
                 check=check,
                 knowledge=knowledge,
                 results=results,
@@ -307,7 +299,7 @@ def _catalogue(name: str | None, used: bool) -> str:
 
 
 def _check_joint(
-    joint: bool, law: str, check: bool, simulate: bool, masstones: bool, knowledge: PriorKnowledge
+    joint: bool, check: bool, simulate: bool, masstones: bool, knowledge: PriorKnowledge
 ) -> None:
     for option, given in (("--simulate", simulate), ("--masstones", masstones)):
         if joint and given:
@@ -325,10 +317,6 @@ def _check_joint(
             raise ValueError(
                 f"{option} is for measured films; leave it out, or leave out --simulate"
             )
-    if law not in ("mass", "strength"):
-        raise ValueError(f"--law is {law!r}; it must be mass or strength")
-    if law != "mass" and not joint:
-        raise ValueError("--law says how paints mix in a joint fit; add --joint")
     if check and not joint:
         raise ValueError("--check leaves mixtures out of a joint fit; add --joint")
 

@@ -33,7 +33,6 @@ def recover_together(
     films: "Films",
     listed: Mapping[str, Mapping[str, float]],
     given: dict[str, Any],
-    law: str,
     check: bool,
     knowledge: "PriorKnowledge",
     results: "Output",
@@ -44,12 +43,10 @@ def recover_together(
         films: as read.
         listed: recipes of a list; other films are what their names say.
         given: instrument and noise.
-        law: of mixing.
         check: whether films are left out in turn.
         knowledge: own paints, white and thicknesses.
         results: where they go.
     """
-    from ..film.model.mixing import MixingLaw
     from ..film.partial_films import average, crop, recipes_from_names
     from .entries import PaintFile
     from .joint import recover_jointly
@@ -66,7 +63,7 @@ def recover_together(
         fitted = crop(fitted, grid[0], grid[-1], f"{paint.name} is known there only")
     progress.print_notes(console, "films", fitted.notes[len(films.notes) :])
     unit = gauge.typical if gauge is not None and not known else metres
-    given = given | {"law": MixingLaw(law), "unit": unit}
+    given = given | {"unit": unit}
     if knowledge.wet_film == "same":
         given["expectations"] = Expectations(thickness=_SAME)
     if known or gauge is not None:

@@ -2,15 +2,14 @@
 paint will look.
 
 The posterior is linearised at the solution. A film that is not made yet adds its readings'
-information, whatever they turn out to be, and unknowns of its own: thickness, gloss and the error
+readings, and unknowns of its own: thickness, gloss and the error
 of its weights. What remains open is judged by what matters in use: the colour difference that is to
 be expected of the paint's opaque mixtures with white, and of a film over black and over white. On
 some thirty bands this is a small dense problem.
 """
 
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
 
 import jax
 import jax.numpy as jnp
@@ -19,7 +18,6 @@ from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float
 
 from glazejax import Pigment
-from glazejax.colour import delta_e_of_spectra
 
 from ..film.films import FLAGS, SPECTRA, Films
 from ..film.model.response import HIGHEST, Response, film_response
@@ -35,48 +33,19 @@ from .joint_problem import (
     totals,
 )
 from .joint_result import JointRecovery
+from .next_reading import Candidate, NextFilms, rank_candidates, reading_bands
 
 _BANDS = 31
-_DRAWS = 64
+# Bands that a candidate is read at: with 8 a tint is thought to teach half as much.
+_READ = 16
+_DRAWS = 512
 _VISIBLE = (400.0, 700.0)
 # Parts of white to one of paint: films to make, and mixtures to be judged by.
 TINTS = (3, 10, 30)
 _JUDGED = (1.0, 3.0, 10.0, 30.0)
-_THINNER = 0.25
-_THICKER = 4.0
+_TIMES = {"a quarter": 0.25, "four times": 4.0}
 # Mean internal reflectance of an opaque film from which a paint passes for a white.
 _WHITE = 0.75
-
-
-class NextFilm(NamedTuple):
-    """A further film, and the CIEDE2000 that the paint's mixtures and films are then expected to be
-    off.
-    """
-
-    film: str
-    expected: float
-
-
-@dataclass(frozen=True)
-class NextFilms:
-    """What further films would teach of one paint.
-
-    Attributes:
-        paint: its name.
-        now: CIEDE2000 (D65, 10 degrees) that its mixtures with white and its films are expected to
-            be off.
-        films: further films, the most instructive first.
-    """
-
-    paint: str
-    now: float
-    films: tuple[NextFilm, ...]
-
-
-class _Candidate(NamedTuple):
-    words: str
-    share: Float[np.ndarray, "paints"]
-    log_thickness: float
 
 
 def rank_next_films(
@@ -113,26 +82,36 @@ def rank_next_films(
     pale = paints.index(chosen) if chosen is not None and chosen != paint else None
     film = ~recovery.films.opaque
     depth = float(np.mean(np.log(recovery.thickness[film]))) if film.any() else 0.0
-    candidates = _candidates(recovery, row, pale, len(paints), chosen or "", depth)
+    words, shares, depths = _planned(recovery, row, pale, len(paints), chosen or "", depth)
     problem, solution = _pose(
-        recovery, candidates, paints=paints, known=known, gauge=gauge, unit=unit, response=response
-    )
-    judge = _Judge(
-        grid=recovery.wavelengths[_planning_bands(recovery)],
-        row=row,
-        pale=pale,
-        depth=depth,
-        solution=solution,
-        problem=problem,
+        recovery,
+        shares,
+        depths,
+        paints=paints,
+        known=known,
+        gauge=gauge,
+        unit=unit,
         response=response,
     )
-    base, more = _information(problem, solution, response, len(recovery.films), len(candidates))
-    now = judge.expected(base)
-    found = [
-        NextFilm(c.words, judge.expected(base + extra))
-        for c, extra in zip(candidates, more, strict=True)
+    slopes = jax.tree.map(np.asarray, _jacobian(problem, response, solution))
+    draws = _draws(slopes, solution, len(recovery.films))
+    candidates = [
+        Candidate(name, draws @ readings.T, np.ones(len(readings)))
+        for name, readings in zip(words, _readings(slopes, len(recovery.films)), strict=True)
     ]
-    return NextFilms(paint, now, tuple(sorted(found, key=lambda film: film.expected)))
+    pure = np.eye(len(paints))[row]
+    tints = [(pure + p * np.eye(len(paints))[pale]) / (1 + p) for p in _JUDGED if pale is not None]
+    mixed, thick = np.stack([pure, *tints]), np.exp(depth)
+
+    def looks(draws: np.ndarray) -> np.ndarray:
+        return np.asarray(
+            _reflectances(
+                draws, solution, problem, response, mixed=mixed, pure=pure, thickness=thick
+            )
+        )
+
+    grid = recovery.wavelengths[_planning_bands(recovery)]
+    return rank_candidates(paint, candidates, draws, looks, grid)
 
 
 def _whites(recovery: JointRecovery) -> list[str]:
@@ -149,39 +128,33 @@ def _planning_bands(recovery: JointRecovery) -> np.ndarray:
     grid = recovery.wavelengths
     bands = np.flatnonzero((grid >= _VISIBLE[0] - 1e-6) & (grid <= _VISIBLE[1] + 1e-6))
     bands = bands if bands.size > 2 else np.arange(grid.size)
-    return bands[
-        np.unique(np.linspace(0, bands.size - 1, min(_BANDS, bands.size)).round().astype(int))
-    ]
+    return bands[reading_bands(bands.size, _BANDS)]
 
 
-def _candidates(
+def _planned(
     recovery: JointRecovery, row: int, pale: int | None, paints: int, white: str, depth: float
-) -> list[_Candidate]:
+) -> tuple[list[str], Float[np.ndarray, "films paints"], Float[np.ndarray, "films"]]:
+    """Films that are easily made and were not: words, shares, and log thickness."""
     paint = recovery.paints[row]
     pure = np.eye(paints)[row]
-    over = "over black and white"
     made = [
-        _Candidate(f"a film of {paint} a quarter as thick, {over}", pure, depth + np.log(_THINNER)),
-        _Candidate(
-            f"a film of {paint} four times as thick, {over}", pure, depth + np.log(_THICKER)
-        ),
+        (f"a film of {paint} {words} as thick", pure, depth + np.log(times))
+        for words, times in _TIMES.items()
     ]
     for parts in TINTS if pale is not None else ():
-        assert pale is not None
         share = (pure + parts * np.eye(paints)[pale]) / (1 + parts)
         similar = np.abs(recovery.shares[:, row] / share[row] - 1) < 0.15
-        if not np.any(
-            similar & (recovery.shares[:, pale] > 0 if pale < recovery.shares.shape[1] else False)
-        ):
-            made.append(
-                _Candidate(f"a 1:{parts} tint of {paint} with {white}, {over}", share, depth)
-            )
-    return made
+        pad = np.pad(recovery.shares, ((0, 0), (0, paints - len(recovery.paints))))
+        if not np.any(similar & (pad[:, pale] > 0)):
+            made.append((f"a 1:{parts} tint of {paint} with {white}", share, depth))
+    words, shares, depths = zip(*made, strict=True)
+    return [f"{one}, over black and white" for one in words], np.stack(shares), np.array(depths)
 
 
 def _pose(
     recovery: JointRecovery,
-    candidates: list[_Candidate],
+    mixed: Float[np.ndarray, "candidates paints"],
+    depths: Float[np.ndarray, "candidates"],
     paints: list[str],
     known: Mapping[str, Pigment],
     gauge: Gauge | None,
@@ -192,7 +165,7 @@ def _pose(
     bands = _planning_bands(recovery)
     old = recovery.films
     count = len(old)
-    more = len(candidates)
+    more = len(depths)
     rows = np.concatenate([np.arange(count), np.zeros(more, dtype=int)])
     arrays = {what: getattr(old, what)[rows][:, bands] for what in SPECTRA}
     flags = {what: getattr(old, what)[rows] for what in FLAGS}
@@ -200,17 +173,14 @@ def _pose(
     names = (*old.names, *(f"candidate {i}" for i in range(more)))
     films = Films(names, old.wavelengths[bands], **arrays, **flags)
     spare = len(paints) - len(recovery.paints)
-    shares = np.concatenate(
-        [np.pad(recovery.shares, ((0, 0), (0, spare))), np.stack([c.share for c in candidates])]
-    )
+    shares = np.concatenate([np.pad(recovery.shares, ((0, 0), (0, spare))), mixed])
     expected = recovery.expectations
     constraints = gather_constraints(films, paints, known, gauge, unit, expected)
-    constraints.thickness[count:] = [c.log_thickness for c in candidates]
+    constraints.thickness[count:] = depths
     constraints.thickness_sd[count:] = expected.thickness if gauge is None else gauge.error
     gloss = np.concatenate([recovery.measured_gloss, np.full(more, np.nan)])
     settings = (
         shares,
-        recovery.law,
         recovery.instrument,
         recovery.noise,
         expected,
@@ -218,7 +188,7 @@ def _pose(
         gloss,
     )
     problem = pose(films, *settings)
-    solution = _solution(recovery, problem, bands, spare, candidates)
+    solution = _solution(recovery, problem, bands, spare, depths)
     # How sure a reading is depends on what it will be.
     seen = np.asarray(jax.jit(readings)(solution, problem, response))[:, count:]
     for what, values in zip(SPECTRA[2:], np.moveaxis(seen, -1, 0), strict=True):
@@ -234,7 +204,7 @@ def _solution(
     problem: JointProblem,
     bands: np.ndarray,
     spare: int,
-    candidates: list[_Candidate],
+    depths: Float[np.ndarray, "candidates"],
 ) -> Unknowns:
     """The fit's solution as deviations, with what is new where it is expected."""
     found = recovery.unknowns
@@ -245,8 +215,8 @@ def _solution(
     local[:, old] = found.bands[bands]
     films = np.zeros(problem.film_scale.shape)
     films[:count, : found.films.shape[1]] = found.films
-    films[count:, 0] = [c.log_thickness for c in candidates]
-    gloss = np.zeros((paints + spare, 2))
+    films[count:, 0] = depths
+    gloss = np.zeros(paints + spare)
     gloss[:paints] = found.paints
     others = np.zeros(len(problem.thickness_modes))
     # The first are of paints that are known: as the fit found them, unless there is a new one.
@@ -270,61 +240,25 @@ def _jacobian(problem: JointProblem, response: Response, solution: Unknowns) -> 
     return jax.jacfwd(lambda y: residuals(unravel(y), (problem, response)))(flat)
 
 
-def _information(
-    problem: JointProblem, solution: Unknowns, response: Response, films: int, more: int
-) -> tuple[Float[np.ndarray, "n n"], list[Float[np.ndarray, "n n"]]]:
-    """Information of all that is measured and expected, and of each candidate's readings."""
-    slopes = jax.tree.map(np.asarray, _jacobian(problem, response, solution))
+def _draws(slopes: JointResiduals, solution: Unknowns, films: int) -> Float[np.ndarray, "draws n"]:
+    """Draws of the unknowns, as all that is measured and expected leaves them open."""
     n = slopes.data.shape[-1]
     rest = [part.reshape(-1, n) for name, part in slopes._asdict().items() if name != "data"]
     base = np.concatenate([slopes.data[:, :films].reshape(-1, n), *rest])
-    parts = [slopes.data[:, films + i].reshape(-1, n) for i in range(more)]
-    return base.T @ base, [part.T @ part for part in parts]
+    factor = np.linalg.cholesky(base.T @ base)
+    normal = np.random.default_rng(0).standard_normal((_DRAWS, n))
+    # As `ravel_pytree` lays them, without its programs.
+    centre = np.concatenate([np.asarray(part).ravel() for part in solution])
+    return centre + np.linalg.solve(factor.T, normal.T).T
 
 
-class _Judge:
-    """How far a paint's mixtures and films may look other than expected, by draws that all
-    candidates share.
-    """
-
-    def __init__(
-        self,
-        grid: Float[np.ndarray, "bands"],
-        row: int,
-        pale: int | None,
-        depth: float,
-        solution: Unknowns,
-        problem: JointProblem,
-        response: Response,
-    ):
-        self._like, self._grid = solution, grid
-        # As `ravel_pytree` lays them, without its programs.
-        self._centre = np.concatenate([np.asarray(part).ravel() for part in solution])
-        self._normal = np.random.default_rng(0).standard_normal((_DRAWS, self._centre.size))
-        paints = problem.shares.shape[1]
-        pure = np.eye(paints)[row]
-        mixed = (
-            [pure]
-            if pale is None
-            else [pure, *((pure + p * np.eye(paints)[pale]) / (1 + p) for p in _JUDGED)]
-        )
-        self._args: tuple[Any, ...] = (
-            problem,
-            response,
-            jnp.asarray(mixed),
-            jnp.asarray(pure),
-            np.exp(depth),
-        )
-        self._mean = np.asarray(
-            _reflectances(jnp.asarray(self._centre[None]), solution, *self._args)
-        )
-
-    def expected(self, information: Float[np.ndarray, "n n"]) -> float:
-        """Mean CIEDE2000 (D65, 10 degrees) between draws and the solution."""
-        factor = np.linalg.cholesky(information)
-        draws = self._centre + np.linalg.solve(factor.T, self._normal.T).T
-        spectra = np.asarray(_reflectances(jnp.asarray(draws), self._like, *self._args))
-        return float(np.mean(delta_e_of_spectra(self._grid, spectra, self._mean, observer=10)))
+def _readings(slopes: JointResiduals, films: int) -> Iterator[Float[np.ndarray, "readings n"]]:
+    """How the readings of each candidate follow the unknowns, in their standard deviations."""
+    data = np.asarray(slopes.data)
+    bands = reading_bands(len(data), _READ)
+    for film in np.moveaxis(data[bands, films:], 1, 0):
+        # The fewer bands stand for all.
+        yield film.reshape(-1, data.shape[-1]) * np.sqrt(len(data) / bands.size)
 
 
 @jax.jit

@@ -6,8 +6,8 @@ side by side in one compiled program, Levenberg and Marquardt's steps
 of films so that progress shows and an interrupt keeps what is finished.
 
 The unknowns are log(k d) and log(s d), held between bounds by a sigmoid. Two films over the same
-cards can have two solutions, so the fit starts from the two best local minima of a table
-(`film.model.body.tabulate`) and keeps the better.
+cards can have two solutions, so the fit starts from the two best local minima on a grid
+(`FilmResponse`) and keeps the better.
 
 Where a film is opaque only k/s is known. There s d is drawn to its neighbours
 (`neighbours_scattering`) and k d follows from the ratio; the band is flagged.
@@ -29,14 +29,8 @@ from glazejax.radiative.common.linalg import inverse_positive
 
 from ..film.films import Films, Instrument, InstrumentLike, Noise, cards
 from ..film.gloss import estimate_gloss
-from ..film.model.body import (
-    HIGHEST,
-    LOWEST,
-    SIZES,
-    ReflectanceTable,
-    body_reflectance,
-    tabulate,
-)
+from ..film.model.body import HIGHEST, LOWEST, body_reflectance
+from ..film.model.response import FilmResponse, film_response
 from ..film.noise import estimate_noise
 from ..film.numerics.least_squares import levenberg_marquardt
 from .result import Recovery, told_apart
@@ -54,6 +48,11 @@ _GIVEN_PULL = 0.2
 PRIOR_SD = 1.0
 # In units of a standard deviation for residuals, and of log k d and log s d.
 _BOUNDS = np.log(np.array([LOWEST, HIGHEST]))
+# Logs of k d and of s d that starts are looked for at.
+_GRID = (
+    np.linspace(np.log(1e-5), np.log(0.8 * HIGHEST[0]), 80),
+    np.linspace(np.log(1e-4), np.log(0.8 * HIGHEST[1]), 44),
+)
 
 
 class BandReadings(NamedTuple):
@@ -108,30 +107,32 @@ def _free(logs: Float[Array, "*n 2"]) -> Float[Array, "*n 2"]:
     return (high - low) / 4.0 * (jnp.log(share) - jnp.log1p(-share))
 
 
-def starts(data: BandReadings, table: ReflectanceTable, prior: ScatteringPrior) -> BandStart:
-    """Starting points of one band: the table's two lowest local minima (the lowest twice if there
+def starts(data: BandReadings, response: FilmResponse, prior: ScatteringPrior) -> BandStart:
+    """Starting points of one band: the two lowest local minima of a grid (the lowest twice if there
     is one only).
 
-    Between neighbouring values of k d the table is interpolated, since the valley of equal k/s is
+    Between neighbouring values of k d residuals are interpolated, since the valley of equal k/s is
     narrow.
     """
-    ground = data.ground[:, None, None]
-    transmitted = table.gain / (1.0 - table.back * ground)
-    # A card's own error reaches the reading through the film.
-    through = transmitted / (1.0 - table.back * ground)
-    variance = data.variance[:, None, None] + data.ground_variance[:, None, None] * through**2
-    residual = (table.black + ground * transmitted - data.reading[:, None, None]) / jnp.sqrt(
-        variance
+    log_absorption, log_scattering = (jnp.asarray(line, data.reading.dtype) for line in _GRID)
+    black, gain, back = response.numbers(
+        *jnp.meshgrid(jnp.exp(log_absorption), jnp.exp(log_scattering), indexing="ij")
     )
+    ground = data.ground[:, None, None]
+    transmitted = gain / (1.0 - back * ground)
+    # A card's own error reaches the reading through the film.
+    through = transmitted / (1.0 - back * ground)
+    variance = data.variance[:, None, None] + data.ground_variance[:, None, None] * through**2
+    residual = (black + ground * transmitted - data.reading[:, None, None]) / jnp.sqrt(variance)
     left = residual[:, :-1]
     step = jnp.diff(residual, axis=1)
     share = jnp.clip(
         -jnp.sum(left * step, axis=0) / jnp.clip(jnp.sum(step**2, axis=0), 1e-30), 0.0, 1.0
     )
     cost = jnp.sum((left + share * step) ** 2, axis=0)
-    least = table.log_scattering[jnp.argmax(jnp.min(cost, axis=0) <= cost.min() + 4.0)]
+    least = log_scattering[jnp.argmax(jnp.min(cost, axis=0) <= cost.min() + 4.0)]
 
-    cost = cost + (prior.weight * (table.log_scattering - prior.mean)) ** 2
+    cost = cost + (prior.weight * (log_scattering - prior.mean)) ** 2
     walled = jnp.pad(cost, 1, constant_values=jnp.inf)
     rows, columns = cost.shape
     around = jnp.stack([walled[i : i + rows, j : j + columns] for i in range(3) for j in range(3)])
@@ -145,10 +146,8 @@ def starts(data: BandReadings, table: ReflectanceTable, prior: ScatteringPrior) 
     enough += jnp.argmin(cost[enough // columns])
     first = jnp.where(prior.weight > 0, enough, first)
     row, column = jnp.divmod(jnp.stack([first, second]), columns)
-    log_absorption = table.log_absorption[row] + share[row, column] * (
-        table.log_absorption[1] - table.log_absorption[0]
-    )
-    points = jnp.stack([log_absorption, table.log_scattering[column]], axis=-1)
+    at = log_absorption[row] + share[row, column] * (log_absorption[1] - log_absorption[0])
+    points = jnp.stack([at, log_scattering[column]], axis=-1)
     return BandStart(points, 1.0 / jnp.sqrt(variance[:, row[0], column[0]]), least)
 
 
@@ -216,10 +215,10 @@ def _spread(
 
 @functools.partial(Program, fixed=("instrument",))
 def solve(
-    data: BandReadings, table: ReflectanceTable, prior: ScatteringPrior, instrument: Instrument
+    data: BandReadings, response: FilmResponse, prior: ScatteringPrior, instrument: Instrument
 ) -> Estimate:
     """Solve every band of a batch, (n,), side by side."""
-    start = jax.vmap(starts, in_axes=(0, None, 0))(data, table, prior)
+    start = jax.vmap(starts, in_axes=(0, None, 0))(data, response, prior)
     # Both starts of a band are bands of their own until the better one is chosen.
     twice = jax.tree.map(lambda a: jnp.repeat(a, 2, axis=0), (data, start.weights, prior))
     both, weights, priors = twice
@@ -331,10 +330,8 @@ def _recover_chunk(films: Films, instrument: Instrument, noise: Noise, chunk: in
     )
     size = chunk * bands
     nothing = ScatteringPrior(jnp.zeros(size), jnp.zeros(size))
-    # The table is made while another thread compiles what asks it.
-    solve.ahead(data, ReflectanceTable.blank(SIZES), nothing, optics)
-    table = _table(optics)
-    free = solve(data, table, nothing, optics)
+    response = film_response(optics)
+    free = solve(data, response, nothing, optics)
     contrast = np.asarray(
         (free.fitted[:, 1] - free.fitted[:, 0]) / jnp.sqrt(data.variance.sum(axis=1))
     )
@@ -347,7 +344,7 @@ def _recover_chunk(films: Films, instrument: Instrument, noise: Noise, chunk: in
         np.asarray(free.least_scattering).reshape(-1, bands),
     )
     prior = ScatteringPrior(jnp.asarray(mean.ravel()), jnp.asarray(weight.ravel()))
-    drawn = free if known[:count].all() else solve(data, table, prior, optics)
+    drawn = free if known[:count].all() else solve(data, response, prior, optics)
     chosen = jax.tree.map(
         lambda a, b: np.where(known.ravel().reshape(-1, *[1] * (a.ndim - 1)), a, b), free, drawn
     )
@@ -399,11 +396,3 @@ def neighbours_scattering(
         else:
             mean[row] = least[row].max()
     return mean, np.where(known, 0.0, 1.0 / PRIOR_SD)
-
-
-@functools.lru_cache(maxsize=8)
-def _table(instrument: Instrument) -> ReflectanceTable:
-    return _tabulate(instrument)
-
-
-_tabulate = Program(tabulate, fixed=("instrument", "sizes"))

@@ -113,7 +113,6 @@ def recover_jointly(
     problem = pose(
         films,
         shares,
-        law=law,
         instrument=instrument,
         noise=noise,
         expected=expected,
@@ -176,7 +175,6 @@ def recover_jointly(
 def pose(
     films: Films,
     shares: Float[np.ndarray, "films paints"],
-    law: MixingLaw,
     instrument: Instrument,
     noise: Noise,
     expected: Expectations,
@@ -206,8 +204,6 @@ def pose(
     scale = np.concatenate(
         [constraints.thickness_sd[:, None], np.full((count, 1), expected.gloss), errors], axis=1
     )
-    # A law without strengths holds them at nothing.
-    strength = expected.strength if law.name == "strength" else 1e-6
     # A sum over the bands of pulls of sd * sqrt(bands) each is a pull of the mean by sd.
     pull = np.repeat([expected.level_k, expected.level_s], paints, axis=0) * [
         1.0,
@@ -235,10 +231,8 @@ def pose(
         "steepness": steepness,
         "pull": np.stack([pull[:, 0], 1.0 / pull[:, 1]], axis=1),
         "film_scale": scale,
-        "paint_mean": np.stack(
-            [paint_gloss(films, shares, instrument, noise), np.zeros(paints)], axis=1
-        ),
-        "paint_scale": np.tile([expected.paint_gloss, strength], (paints, 1)),
+        "paint_mean": paint_gloss(films, shares, instrument, noise),
+        "paint_scale": np.full(paints, expected.paint_gloss),
         "tail": expected.tail,
         "known": constraints.logs,
         "opaque": films.opaque.astype(float),

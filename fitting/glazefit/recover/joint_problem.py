@@ -3,7 +3,7 @@ expected.
 
 Unknown are log k and log s of every paint at every band, and a few numbers that all bands share: of
 every film the logs of its relative thickness, of its gloss beside that of its paints, and of the
-error of each weight but the largest; of every paint the logs of its gloss and of its strength. A
+error of each weight but the largest; of every paint the log of its gloss. A
 reading over a card rho is
 
     R = R_s exp(sum_p w_p m_p + g_f) + body(d_f sum_p c_p k_p, d_f sum_p c_p s_p, rho)
@@ -26,7 +26,6 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from ..film.films import Noise
-from ..film.model.mixing import strengthen
 from ..film.model.response import HIGHEST, Response
 from ..film.numerics.least_squares import root_of_log1p
 
@@ -51,8 +50,6 @@ class Expectations(NamedTuple):
     """Of the log of a paint's gloss, about what its darkest readings allow (see
     `glazefit.film.gloss`).
     """
-    strength: float = 0.4
-    """Of a paint's log strength, where the mixing law has one (see `film.model.mixing`)."""
     weight_share: float = 0.01
     """Of the log of a weight: what weighing leaves open;"""
     weight_floor: float = 0.0005
@@ -96,7 +93,7 @@ class Unknowns(NamedTuple):
     films: Float[
         Array, "films 2+parts"
     ]  # log thickness, log gloss beside its paints', errors of log weights
-    paints: Float[Array, "paints 2"]  # log gloss, log strength
+    paints: Float[Array, "paints"]  # log gloss
     others: Float[Array, "others"] = np.zeros(0)  # pyright: ignore[reportAssignmentType]  # errors of what is known
 
 
@@ -119,8 +116,8 @@ class JointProblem(NamedTuple):
     pull: Float[Array, "local 2"]  # mean and one over the standard deviation of log k and log s
     known: Float[Array, "bands local"]  # added to the mean: logs of paints that are known
     film_scale: Float[Array, "films 2+parts"]  # standard deviations expected
-    paint_mean: Float[Array, "paints 2"]
-    paint_scale: Float[Array, "paints 2"]
+    paint_mean: Float[Array, "paints"]
+    paint_scale: Float[Array, "paints"]
     tail: Float[Array, ""]  # degrees of freedom of Student's t of weights' errors
     opaque: Float[Array, "films"]  # 1 where a film hides whatever is below
     film_mean: Float[Array, "films"]  # log thickness expected
@@ -167,8 +164,7 @@ def optical_thickness(
     """Optical thicknesses k d and s d of the films, from `totals`."""
     paints = problem.shares.shape[1]
     errors = jnp.einsum("fe,fep->fp", unknowns.films[:, 2:], problem.minor)
-    effective = strengthen(problem.shares * jnp.exp(errors), unknowns.paints[:, 1], jnp)
-    amounts = jnp.exp(unknowns.films[:, :1]) * effective
+    amounts = jnp.exp(unknowns.films[:, :1] + errors) * problem.shares
     coefficients = jnp.exp(unknowns.bands)
     kd = coefficients[:, :paints] @ amounts.T
     sd = coefficients[:, paints:] @ amounts.T
@@ -188,9 +184,7 @@ def readings(
     whole = totals(unknowns, problem)
     kd, sd = optical_thickness(whole, problem)
     gloss = jnp.exp(
-        problem.own_gloss * (problem.shares @ whole.paints[:, 0])
-        + problem.gloss
-        + whole.films[:, 1]
+        problem.own_gloss * (problem.shares @ whole.paints) + problem.gloss + whole.films[:, 1]
     )
     seen = problem.surface * gloss[:, None] + response.body(kd[..., None], sd[..., None], ground)
     return seen * jnp.exp(jnp.einsum("o,ofc->fc", unknowns.others, problem.gain_modes))

@@ -14,7 +14,7 @@ from ..film.model.mixing import MixingLaw
 from .constraints import Modes
 from .joint_covariance import JointCovariance
 from .joint_problem import Expectations, Unknowns
-from .result import FittedFilms, delta_e_over_cards
+from .result import RELATIVE_LIMIT, FittedFilms, delta_e_over_cards
 
 MODES = 64
 """Error modes that a pigment of a joint fit carries; what they leave out is in its standard
@@ -22,7 +22,6 @@ deviations.
 """
 MOST_ERROR = 0.5
 """Largest standard deviation of log k or log s in error modes."""
-RELATIVE_LIMIT = 0.5
 RULE = (
     f"k and s count as told apart where the joint fit knows each to {RELATIVE_LIMIT:.0%} of its "
     "value, if the paint is in a mixture or thicknesses were measured: else its scale is as "
@@ -147,7 +146,7 @@ class JointRecovery(FittedFilms):
     @property
     def gloss(self) -> Float[np.ndarray, "films"]:
         """Share of the smooth surface's reflection that each film shows."""
-        of_paints = np.exp(self.shares @ self.unknowns.paints[:, 0])
+        of_paints = np.exp(self.shares @ self.unknowns.paints)
         expected = np.where(np.isnan(self.measured_gloss), of_paints, self.measured_gloss)
         return expected * np.exp(self.unknowns.films[:, 1])
 

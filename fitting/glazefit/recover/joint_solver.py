@@ -104,7 +104,7 @@ def normal_matrix(
     every_film = jnp.broadcast_to(jnp.eye(each)[:, None], (each, films, each))
     by_band = columns("bands", every_band)
     by_film = columns("films", every_film)
-    by_paint = columns("paints", jnp.eye(paints).reshape(paints, *zero.paints.shape))
+    by_paint = columns("paints", jnp.eye(paints))
     by_paint_data = by_paint.data
     alone = _squares(by_paint.paints)
     if zero.others.size:

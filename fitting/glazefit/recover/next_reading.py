@@ -1,14 +1,15 @@
-"""What a further reading of a mixture would teach, beside those that it was calibrated by.
+"""Which reading of some that are easily taken would teach most: of a mixture that was calibrated by
+one film here, of a paint that was fitted in `experimental_design`.
 
-Draws of what is still open give both what the further reading may be and what is sought: the colour
-of some films. What the reading would leave open follows by Matheron's rule: each draw of what is
-sought, less its regression on what that reading would have been, noise and all (Journel,
-Huijbregts, Mining Geostatistics, 1978). To first order that is the expected information, whatever
-the reading turns out to be.
+Draws of what is still open give both what each candidate would read and what is sought: the colour
+of some films. What a reading would leave open follows by Matheron's rule: each draw, less its
+regression on what that reading would have been, noise and all (Journel, Huijbregts, Mining
+Geostatistics, 1978). To first order that is the expected information, whatever the reading turns
+out to be.
 """
 
-from collections.abc import Sequence
-from typing import NamedTuple
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float
@@ -18,23 +19,88 @@ from glazejax.geometry import resolve_instrument
 
 from ..film.films import InstrumentLike, usual_cards
 from ..film.model.response import Response, film_response
-from .experimental_design import NextFilm, NextFilms
 from .joint import UNIT
 from .joint_result import JointRecovery
 from .mixture import drawn_mixture
 from .reading_errors import film_readings
 
-# Bands that a reading counts with: neighbours tell the same.
 _BANDS = 8
+# Draws whose colours are compared: the regression needs all, a mean of colours few.
+_COLOURS = 128
 _TIMES = (0.5, 2.0)
 _HIDES = 200.0
 
 
-class _Candidate(NamedTuple):
-    words: str
-    times: float
-    cards: tuple[int, ...]
-    anew: bool
+@dataclass(frozen=True)
+class Candidate:
+    """A reading that may be taken next.
+
+    Attributes:
+        film: what is read, in words.
+        readings: that each draw of what is open would give, (draws, readings).
+        sd: standard deviation of each reading's own error, (readings,).
+        expected: CIEDE2000 (D65, 10 degrees) that what is sought is expected to be off after it.
+    """
+
+    film: str
+    readings: Float[np.ndarray, "draws readings"]
+    sd: Float[np.ndarray, "readings"]
+    expected: float = np.nan
+
+
+@dataclass(frozen=True)
+class NextFilms:
+    """What further readings would teach of one paint or mixture.
+
+    Attributes:
+        paint: its name.
+        now: CIEDE2000 (D65, 10 degrees) that what is sought is expected to be off.
+        films: candidates, the most instructive first.
+    """
+
+    paint: str
+    now: float
+    films: tuple[Candidate, ...]
+
+
+def reading_bands(bands: int, most: int) -> np.ndarray:
+    """Numbers of the bands, of so many, that a reading counts with: neighbours tell the same."""
+    return np.unique(np.linspace(0, bands - 1, min(most, bands)).round().astype(int))
+
+
+def rank_candidates(
+    paint: str,
+    candidates: Sequence[Candidate],
+    draws: Float[np.ndarray, "draws open"],
+    looks: Callable[[np.ndarray], Float[np.ndarray, "draws films bands"]],
+    wavelengths: Float[np.ndarray, "bands"],
+) -> NextFilms:
+    """Candidates in the order of what they would teach.
+
+    Args:
+        paint: name of what is read.
+        candidates: each with a reading for each draw.
+        draws: of what is open.
+        looks: reflectance of the films that are sought, for any draws.
+        wavelengths: of that reflectance, nm.
+    """
+    rng = np.random.default_rng(2)
+    centre = draws.mean(axis=0)
+    middle = looks(centre[None])[0]
+
+    def expected(left: np.ndarray) -> float:
+        seen = looks(left[:_COLOURS])
+        return float(np.mean(delta_e_of_spectra(wavelengths, seen, middle, observer=10)))
+
+    def after(candidate: Candidate) -> float:
+        off = candidate.readings - candidate.readings.mean(axis=0)
+        both = off.T @ off / len(draws) + np.diag(candidate.sd**2)
+        across = off.T @ (draws - centre) / len(draws)
+        read = off + candidate.sd * rng.standard_normal(off.shape)
+        return expected(draws - (read - read.mean(axis=0)) @ np.linalg.solve(both, across))
+
+    films = [replace(candidate, expected=after(candidate)) for candidate in candidates]
+    return NextFilms(paint, expected(draws), tuple(sorted(films, key=lambda film: film.expected)))
 
 
 def rank_next_readings(
@@ -63,68 +129,41 @@ def rank_next_readings(
     grounds = usual_cards(grid) if ground is None else ground
     k, s = calibrated.absorption[0] / UNIT, calibrated.scattering[0] / UNIT
     off = drawn_mixture(calibrated)
-    own = float(calibrated.thickness[0]) * UNIT
+    draws = off.reshape(len(off), -1)
+    # Another film of it is as thick as was meant to within this.
+    other = calibrated.expectations.thickness * np.random.default_rng(2).standard_normal(len(off))
+    bands = reading_bands(grid.size, _BANDS)
 
-    def bodies(metres: float, more: Float[np.ndarray, "draws"]) -> np.ndarray:
-        return film_readings(
-            response, k * metres, s * metres, off + more[:, None, None], grounds
-        ).reshape(len(off), 2, -1)
-
-    rng = np.random.default_rng(2)
-    alike = np.zeros(len(off))
-    other = calibrated.expectations.thickness * rng.standard_normal(len(off))
-    sought = np.stack([bodies(metres, alike) for metres in thickness], axis=1)
-    middle = sought.mean(axis=0)
-    bands = np.unique(np.linspace(0, grid.size - 1, min(_BANDS, grid.size)).round().astype(int))
-
-    def expected(drawn: np.ndarray) -> float:
-        return float(np.mean(delta_e_of_spectra(grid, drawn, middle, observer=10)))
-
-    found = []
-    for candidate in _candidates(calibrated):
-        seen = bodies(candidate.times * own, other if candidate.anew else alike)
-        seen = seen[:, list(candidate.cards)][:, :, bands].reshape(len(off), -1)
-        sd = np.hypot(
-            calibrated.noise.sd(seen.mean(axis=0)),
-            calibrated.expectations.model_floor
-            + calibrated.expectations.model_share * seen.mean(axis=0),
+    def bodies(metres: float, off: np.ndarray) -> np.ndarray:
+        return film_readings(response, k * metres, s * metres, off, grounds).reshape(
+            len(off), 2, -1
         )
-        read = seen + sd * rng.standard_normal(seen.shape)
-        left = _given(sought.reshape(len(off), -1), seen - seen.mean(axis=0), read, sd)
-        rest = np.maximum(left.reshape(sought.shape), 0.0)
-        found.append(NextFilm(candidate.words, expected(rest)))
-    return NextFilms(
-        calibrated.paints[0],
-        expected(sought),
-        tuple(sorted(found, key=lambda film: film.expected)),
-    )
+
+    def looks(draws: np.ndarray) -> np.ndarray:
+        films = draws.reshape(len(draws), 2, -1)
+        return np.concatenate([bodies(metres, films) for metres in thickness], axis=1)
+
+    def candidate(words: str, times: float, cards: list[int], another: bool) -> Candidate:
+        varied = off + other[:, None, None] if another else off
+        seen = bodies(times * float(calibrated.thickness[0]) * UNIT, varied)
+        seen = seen[:, cards][:, :, bands].reshape(len(off), -1)
+        mean = seen.mean(axis=0)
+        floor = calibrated.expectations.model_floor + calibrated.expectations.model_share * mean
+        return Candidate(words, seen, np.hypot(calibrated.noise.sd(mean), floor))
+
+    candidates = [candidate(*planned) for planned in _planned(calibrated)]
+    return rank_candidates(calibrated.paints[0], candidates, draws, looks, grid)
 
 
-def _given(
-    sought: Float[np.ndarray, "draws n"],
-    off: Float[np.ndarray, "draws m"],
-    read: Float[np.ndarray, "draws m"],
-    sd: Float[np.ndarray, "m"],
-) -> Float[np.ndarray, "draws n"]:
-    """Draws of what is sought as a reading leaves them: less their regression on it."""
-    both = off.T @ off / len(off) + np.diag(sd**2)
-    across = off.T @ (sought - sought.mean(axis=0)) / len(off)
-    return sought - (read - read.mean(axis=0)) @ np.linalg.solve(both, across)
-
-
-def _candidates(calibrated: JointRecovery) -> list[_Candidate]:
-    """Readings that are easily taken and were not."""
+def _planned(calibrated: JointRecovery) -> Iterator[tuple[str, float, list[int], bool]]:
+    """Readings that are easily taken and were not: words, how many times as thick as the film that
+    was read, numbers of the cards, and whether it is another film.
+    """
     films = calibrated.films
-    made = []
     if not films.opaque[0]:
-        made += [
-            _Candidate(f"the same film over {card}", 1.0, (number,), anew=False)
-            for number, card in enumerate(("black", "white"))
-            if not films.seen[0, number]
-        ]
-        made.append(_Candidate("a film that hides what is below it", _HIDES, (0,), anew=True))
-    made += [
-        _Candidate(f"a film {words} as thick over black and white", times, (0, 1), anew=True)
-        for times, words in zip(_TIMES, ("half", "twice"), strict=True)
-    ]
-    return made
+        for number, card in enumerate(("black", "white")):
+            if not films.seen[0, number]:
+                yield f"the same film over {card}", 1.0, [number], False
+        yield "a film that hides what is below it", _HIDES, [0], True
+    for times, words in zip(_TIMES, ("half", "twice"), strict=True):
+        yield f"a film {words} as thick over black and white", times, [0, 1], True

@@ -20,8 +20,8 @@ if TYPE_CHECKING:
     from glazejax import Pigment
 
     from ..film.films import Films
-    from .experimental_design import NextFilms
     from .joint_result import JointRecovery
+    from .next_reading import NextFilms
     from .prediction import Prediction
 
 _GEOMETRY = "d:8"

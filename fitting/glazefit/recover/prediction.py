@@ -6,7 +6,7 @@ film's own errors (`film.model.variation`): a paint in another mixture is not qu
 paint.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -19,7 +19,6 @@ from glazejax.spectra import describe_grid
 
 from ..film.films import Films, Noise, cards
 from ..film.model.errors import ModelError, draw_coefficient_errors, draw_model_errors
-from ..film.model.mixing import strengthen
 from ..film.model.response import Response, film_response
 from ..film.model.variation import MIXED, SIZES, SizeEvidence, Variation, log_likelihood
 from .joint_problem import Unknowns, model_deviation
@@ -301,7 +300,7 @@ def _spectra(
     """Thickness, reflection of the surface, and reflectance over both cards for each draw of the
     unknowns.
     """
-    surface = np.exp(unknowns.paints[:, :, 0] @ film.share) * recovery.instrument.seen_surface
+    surface = np.exp(unknowns.paints @ film.share) * recovery.instrument.seen_surface
     k, s = _mix_draws(unknowns, film.share, off)
     logs, body = _fit_thickness(
         jnp.asarray(k),
@@ -321,13 +320,24 @@ def _mix_draws(
     off: Float[np.ndarray, "draws bands coefficients"],
 ) -> tuple[Float[np.ndarray, "draws bands"], Float[np.ndarray, "draws bands"]]:
     """k d and s d of a film of unit thickness for each draw; `off` is added to the logs."""
-    counted = strengthen(share, unknowns.paints[:, :, 1])
     coefficients = np.exp(np.asarray(unknowns.bands) + off)
     paints = share.size
-    return tuple(
-        np.einsum("dp,dbp->db", counted, part)
-        for part in (coefficients[..., :paints], coefficients[..., paints:])
-    )
+    return coefficients[..., :paints] @ share, coefficients[..., paints:] @ share
+
+
+def least_by_scanning(
+    cost: Callable[[Array], Array], start: Float[Array, "*n"], points: int
+) -> Float[Array, "*n"]:
+    """Where the cost of each logarithm by itself is least, within a factor of e^4 of a start, by
+    scanning so many points, and again around the best.
+    """
+    best, half = start, _SPAN
+    for _ in range(_REFINEMENTS):
+        tried = best + half * jnp.linspace(-1.0, 1.0, points).reshape(-1, *[1] * start.ndim)
+        least = jnp.argmin(jax.vmap(cost)(tried), axis=0)
+        best = jnp.take_along_axis(tried, least[None], axis=0)[0]
+        half = 4.0 * half / points
+    return best
 
 
 @jax.jit
@@ -340,9 +350,7 @@ def _fit_thickness(
     expected: float | Array,
     response: Response,
 ) -> tuple[Float[Array, "draws"], Float[Array, "draws bands 2"]]:
-    """Log of the best thickness of each draw, by scanning and scanning again around the best, and
-    its spectra.
-    """
+    """Log of the best thickness of each draw, and its spectra."""
 
     def one(draw: tuple[Array, Array, Array]) -> tuple[Array, Array]:
         absorption, scattering, body = draw
@@ -357,12 +365,7 @@ def _fit_thickness(
                 + (log_thickness / expected) ** 2
             )
 
-        centre = jnp.asarray(0.0)
-        half = _SPAN
-        for _ in range(_REFINEMENTS):
-            points = centre + half * jnp.linspace(-1.0, 1.0, _POINTS)
-            centre = points[jnp.argmin(jax.vmap(cost)(points))]
-            half = 4.0 * half / _POINTS
-        return centre, spectra(centre)
+        best = least_by_scanning(cost, jnp.asarray(0.0), _POINTS)
+        return best, spectra(best)
 
     return jax.lax.map(one, (absorption, scattering, body))

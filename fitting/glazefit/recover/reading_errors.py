@@ -68,7 +68,7 @@ class ReadingErrors:
         sd = _error_size(calibrated.expectations, one[0])
         # Noise and cards are in the residual's size, and a gain of its own is not.
         all_of_it = np.hypot(calibrated.residual_sd, calibrated.expectations.gain * one[0])
-        log_gloss = calibrated.draws.paints[:, 0, 0] + calibrated.draws.films[:, 0, 1]
+        log_gloss = calibrated.draws.paints[:, 0] + calibrated.draws.films[:, 0, 1]
         rng = np.random.default_rng(1)
         count = len(log_gloss)
         return cls(
@@ -151,7 +151,7 @@ def _readings_of(
             np.swapaxes(off, 1, 2) + depth[:, None, None],
             tuple(grounds),
         )
-        gloss = np.exp(unknowns.paints[:, 0, 0] + unknowns.films[:, film, 1])
+        gloss = np.exp(unknowns.paints[:, 0] + unknowns.films[:, film, 1])
         out.append(body + calibrated.instrument.seen_surface * gloss[:, None, None])
     return np.stack(out, axis=1)
 

@@ -16,10 +16,10 @@ from glazejax.spectra import ranges
 
 from .crossvalidation import LeftOut
 from .joint_covariance import mode_cell
-from .joint_result import RELATIVE_LIMIT, JointRecovery
 from .joint_result import RULE as JOINT_RULE
+from .joint_result import JointRecovery
 from .prediction import PARTS
-from .result import RULE, Recovery
+from .result import RELATIVE_LIMIT, RULE, Recovery
 
 PIGMENT_COLUMNS = (
     "pigment",

@@ -20,10 +20,6 @@ from jaxtyping import Array, Float
 
 from ..spectra import Numbers, as_float_array
 
-# Below this 1 - cos the squared angle is summed as a series, whose slope at zero is finite.
-_NEAR_NORMAL = 0.05
-_TERMS = 12
-
 
 def dot(
     first: Float[Array, "*#batch 3"], second: Float[Array, "*#batch 3"]
@@ -194,10 +190,11 @@ def _front(cosine: Numbers) -> Float[Array, "..."]:
 def _squared_angle(cosine: Float[Array, "..."]) -> Float[Array, "..."]:
     """arccos(c)^2, with finite slope at c = 1 and c = -1."""
     u = 1.0 - cosine
-    near = u < _NEAR_NORMAL
+    # Below this 1 - cos the squared angle is summed as a series, whose slope at zero is finite.
+    near = u < 0.05
     # arcsin(x)^2 = 1/2 sum (2x)^(2n) / (n^2 binomial(2n, n)), with x^2 = u / 2.
     series = jnp.zeros_like(u)
-    for n in range(_TERMS, 0, -1):
+    for n in range(12, 0, -1):
         series = 2.0 * u * (series + 1.0 / (n**2 * math.comb(2 * n, n)))
     # Just above -1 the slope of arccos has no bound; no direction in front of a surface comes
     # there.

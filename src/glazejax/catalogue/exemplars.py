@@ -80,42 +80,42 @@ class Provenance(NamedTuple):
     citation: str
 
 
-class _Source(NamedTuple):
+class _SourceRow(NamedTuple):
     licence: str
     citation: str
 
 
 _SOURCES = {
-    "hyppigments": _Source(
+    "hyppigments": _SourceRow(
         "CC BY 4.0",
         "H. Deborah, 'Hyperspectral pigment dataset', WHISPERS 2022, doi "
         "10.1109/WHISPERS56178.2022.9955067; data doi 10.5281/zenodo.5592485",
     ),
-    "hyperdoc": _Source(
+    "hyperdoc": _SourceRow(
         "CC BY 4.0",
         "A. S. Reichert et al., Anal. Bioanal. Chem. 2025, doi 10.1007/s00216-025-05948-3; data "
         "doi 10.6084/m9.figshare.28639103",
     ),
-    "bath": _Source(
+    "bath": _SourceRow(
         "CC BY 4.0",
         "A. R. Pallipurath, J. M. Skelton, P. Ricciardi, S. R. Elliott, Talanta 2016; data doi "
         "10.15125/BATH-00183",
     ),
-    "grillini": _Source(
+    "grillini": _SourceRow(
         "CC BY 4.0",
         "F. Grillini, J.-B. Thomas, S. George, Sensors 21 (2021) 2471, doi 10.3390/s21072471",
     ),
-    "kimera": _Source("CC BY 4.0", "github.com/miciwan/PaintMixing, commit e496fd4"),
-    "rrt": _Source(
+    "kimera": _SourceRow("CC BY 4.0", "github.com/miciwan/PaintMixing, commit e496fd4"),
+    "rrt": _SourceRow(
         "CC0 1.0",
         "R. Pillay, M. Picollo, J. Y. Hardeberg, S. George, Sensors 20 (2020) 3812; "
         "github.com/ruven/RRT, commit 599fdcd",
     ),
-    "revigo": _Source(
+    "revigo": _SourceRow(
         "CC0 1.0",
         "M. Geldof et al., Heritage Science 6:17 (2018), doi 10.1186/s40494-018-0181-6",
     ),
-    "golden": _Source(
+    "golden": _SourceRow(
         "MIT",
         "Artist Paint Spectral Database (Rochester Institute of Technology), as tabulated by "
         "Wacton.Unicolour, commit 4bf3d8c",

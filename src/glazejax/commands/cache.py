@@ -21,14 +21,15 @@ _told = False
 
 
 def keep_programs() -> None:
-    """Let JAX keep what it compiles in ``GLAZEJAX_CACHE``, or else in ``~/.cache/glazejax/xla``."""
+    """Let JAX keep what it compiles in ``GLAZEJAX_CACHE``, or else in the user's cache."""
     import jax
+    from platformdirs import user_cache_path
 
     from ..programs import keep_traced
 
     try:
         named = os.environ.get("GLAZEJAX_CACHE")
-        folder = Path(named) if named else Path.home() / ".cache" / "glazejax" / "xla"
+        folder = Path(named) if named else user_cache_path("glazejax", False).expanduser() / "xla"
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
         if not named:
             _close(folder)

@@ -21,7 +21,6 @@ _KINDS = ("openpbr", "textures")
 _LAYERINGS = ("materialx", "specification", "reciprocal")
 _USUAL = {"openpbr": "glaze.mtlx", "textures": "glaze-textures"}
 _GROUND = "0.9"
-_INDEX = 1.5
 
 
 def register(app: typer.Typer) -> None:
@@ -64,7 +63,7 @@ def export(
         ),
     ] = None,
     ground: Annotated[str | None, options.ground_option(_GROUND)] = None,
-    refractive_index: options.RefractiveIndex = _INDEX,
+    refractive_index: options.RefractiveIndex = options.INDEX,
     roughness: Annotated[
         float,
         typer.Option(
@@ -273,7 +272,7 @@ def _stack(text: str, ground: str | None, index: float, pigments: Path | None) -
         found = read_stack(Path(text))
         own = {**found.pigments, **own}
         made = replace(found, pigments=own)
-        if index != _INDEX:
+        if index != options.INDEX:
             made = replace(made, refractive_index=index)
     else:
         coats = name_paints(parse_coats(text), {**all_paints(), **own})

@@ -17,8 +17,6 @@ INTERRUPTED = 130
 TERMINATED = 128 + signal.SIGTERM
 """What it reports of one that SIGTERM has stopped."""
 
-# Seconds that Python has to hear of Ctrl-C; it does between two of its own steps.
-_GRACE = 1.0
 _SHOW_CURSOR = "\x1b[?25h"
 _COMPILING = "Interrupted while a program was compiled or ran."
 _WAITING = (
@@ -76,7 +74,8 @@ def _listen(reads: socket.socket) -> None:
         if sent == signal.SIGINT and times == 1 and signal.getsignal(sent) is not _hear:
             # Somebody else hears it meanwhile, and ends when that is good.
             continue
-        if _heard.wait(_GRACE):
+        # Seconds that Python has to hear of Ctrl-C; it does between two of its own steps.
+        if _heard.wait(1.0):
             _heard.clear()
             continue
         words = _kept[-1]() if _kept else _COMPILING

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from ..geometry import Geometry
     from ..paint.media import Pigment
 
+INDEX = 1.5
 RefractiveIndex = Annotated[
     float,
     typer.Option(
@@ -327,7 +328,7 @@ def read_ground(text: str, argument: str = "--ground", *, bare: bool = False) ->
         ValueError: a number or a spectrum out of range, or what `glazejax.io.read_sample` refuses.
     """
     from ..io import read_sample
-    from ..io.sample import split_sample
+    from ..io.files.sample import split_sample
 
     try:
         level = float(text)

@@ -15,11 +15,7 @@ if TYPE_CHECKING:
     from ..catalogue import Family, Provenance
     from ..paint.media import Pigment
 
-# Optical thickness that hides the ground, of paint that hardly absorbs, too.
-_THICK = 1e6
 _COS_45 = 0.5**0.5
-# Lines that still have room for their names.
-_LABELS = 14
 
 
 def register(app: typer.Typer) -> None:
@@ -159,9 +155,10 @@ def _draw(path: Path, about: "Family", pigments: "list[Pigment]") -> None:
         for pigment in pigments:
             k = np.asarray(pigment.absorption, dtype=np.float64)
             s = np.asarray(pigment.scattering, dtype=np.float64)
+            # Optical thickness that hides the ground, of paint that hardly absorbs, too.
             reading = stack_reflectance_factor(
                 (s / (k + s))[:, None],
-                np.full((k.size, 1), _THICK),
+                np.full((k.size, 1), 1e6),
                 0.0,
                 cos_incidence=_COS_45,
                 tolerance=1e-4,
@@ -174,5 +171,6 @@ def _draw(path: Path, about: "Family", pigments: "list[Pigment]") -> None:
             )
         label_spectra(axes, "reflectance factor of a thick film, 45:0", ylim=(0.0, 1.05))
         axes.set_title(f"{about.name}: {len(pigments)} exemplars")
-        if len(pigments) <= _LABELS:
+        # Lines that still have room for their names.
+        if len(pigments) <= 14:
             axes.legend()

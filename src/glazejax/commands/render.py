@@ -23,7 +23,6 @@ if TYPE_CHECKING:
 
 _GEOMETRY = "0:0"
 _GROUND = "0.9"
-_INDEX = 1.5
 
 
 def register(app: typer.Typer) -> None:
@@ -69,7 +68,7 @@ def render(
         ),
     ] = None,
     ground: Annotated[str | None, options.ground_option(_GROUND)] = None,
-    refractive_index: options.RefractiveIndex = _INDEX,
+    refractive_index: options.RefractiveIndex = options.INDEX,
     instrument: Annotated[str | None, options.instrument_option(_GEOMETRY)] = None,
     illuminant: options.Illuminant = "D65",
     observer: options.Observer = "2",
@@ -137,7 +136,7 @@ def render(
     if given is not None:
         instrument = given.instrument if instrument is None else instrument
         refractive_index = (
-            given.refractive_index if refractive_index == _INDEX else refractive_index
+            given.refractive_index if refractive_index == options.INDEX else refractive_index
         )
     seen_by = options.read_geometry(instrument, _GEOMETRY)
     from ..colour import find_illuminant, find_observer

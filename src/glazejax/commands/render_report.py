@@ -19,7 +19,6 @@ from .rendering import Rendering
 # Rounding in a spectrum moves an encoded value by less than this.
 _GAMUT_SLACK = 5e-4
 _WIDE = 72
-_NARROW = 50
 _LADDER_ROWS = (1, 2, 5, 10, 20, 40)
 
 
@@ -186,7 +185,7 @@ def print_ladder(console: Console, rendering: Rendering, request: RenderRequest)
             )
             shade = hex_colour(srgb(rendering.wavelengths, spectra[count], **request.light))
             numbers = "" if narrow else f"{lightness:4.0f}{np.hypot(a, b):4.0f} "
-            patch = Text("") if console.width < _NARROW else swatch(shade, 4)
+            patch = Text("") if console.width < 50 else swatch(shade, 4)
             cells.append(Text(f"{shade}{numbers} ") + patch)
         table.add_row(str(count), *cells)
     console.print(table)

@@ -30,15 +30,6 @@ from ..geometry import Geometry
 from ..paint.media import MAX_THICKNESS, Glaze, Layer, Pigment
 from ..reflectance import reflectance
 
-LADDER_COATS = 40
-
-# Optical thickness of the films that count as opaque.
-_OPAQUE = 1e4
-# Entries of the table of opaque paint, at least; 1e-5 is the error of R left by linear
-# interpolation between them.
-_TABLE = 400
-_PER_DECADE = 200
-
 
 @dataclass(frozen=True)
 class Ladder:
@@ -84,7 +75,7 @@ def render(
     *,
     layer: int = 0,
     coat: float | None = None,
-    coats: int = LADDER_COATS,
+    coats: int = 40,
     illuminant: str = "D65",
     observer: str | int = CIE_1931,
     tolerance: float = 1e-6,
@@ -158,7 +149,9 @@ def _paleness(bands: int) -> Float[np.ndarray, "rows bands"]:
 
     The fourth root, because the reflectance of opaque paint starts as 1 - c sqrt(1 - albedo).
     """
-    rows = -(-_TABLE // bands)
+    # Entries of the table of opaque paint, at least; 1e-5 is the error of R left by linear
+    # interpolation between them.
+    rows = -(-400 // bands)
     return np.linspace(0.0, 1.0, rows * bands).reshape(rows, bands)
 
 
@@ -173,7 +166,7 @@ def _batch(
     bands = glaze.wavelengths.size
     opaque = len(paleness)
     # The thickest coat possible is what makes this extinction opaque.
-    extinction = _OPAQUE / MAX_THICKNESS
+    extinction = 1e4 / MAX_THICKNESS
     coats = []
     for i, coat in enumerate(glaze.coats):
         mine = thickness[:, i]
@@ -258,7 +251,7 @@ def _mixing(
         return np.asarray(lab(grid, spectra, illuminant=illuminant, observer=observer))
 
     scale = float(depth.max()) or 1.0
-    amounts = scale * np.logspace(-4, 6, 10 * _PER_DECADE + 1)[:, None]
+    amounts = scale * np.logspace(-4, 6, 2001)[:, None]
     distance = np.linalg.norm(colour(mix_part(np.ones((1, 1)), amounts)) - colour(first), axis=-1)
     mixed = mix_part(counts[:, None], float(amounts[distance.argmin(), 0]))
     mixed[0] = base  # What is below may be brighter than any paint; then only this step shows it.

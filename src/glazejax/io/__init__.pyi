@@ -5,10 +5,10 @@ from .cubes.regions import read_mask as read_mask
 from .cubes.regions import read_spot as read_spot
 from .cubes.source import CubeSource as CubeSource
 from .cubes.source import open_cube as open_cube
-from .read import read_cube as read_cube
-from .read import read_spectra as read_spectra
+from .files.read import read_cube as read_cube
+from .files.read import read_spectra as read_spectra
+from .files.sample import read_sample as read_sample
+from .files.write import write_spectra as write_spectra
 from .resample import resample as resample
-from .sample import read_sample as read_sample
 from .spectra_table import SpectraTable as SpectraTable
-from .write import write_spectra as write_spectra
 from .write import write_table as write_table

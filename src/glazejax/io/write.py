@@ -1,19 +1,14 @@
-"""Tables of results and spectra out; a file that exists is replaced only if asked for."""
+"""Tables of results out; a file that exists is replaced only if asked for."""
 
 import csv
 import io
-import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 
-from ..spectra import MAX_FRACTION, validate_wavelengths
 from ..whole_file import whole_file
-from .finish import MAX_DECLARED, different, plain_name
 from .outputs import check_output
-from .spectra_table import SpectraTable, list_names
 from .words import shield_name
 
 
@@ -88,106 +83,6 @@ def _plain(cell: object) -> object:
     )
 
 
-_PIECE = 1 << 20
-_ENDINGS = {
-    ".csv": "csv",
-    ".tsv": "csv",
-    ".txt": "csv",
-    ".cxf": "cxf",
-    ".xml": "cxf",
-    ".hdr": "envi",
-    ".sli": "envi",
-}
-
-
-def write_spectra(
-    table: SpectraTable,
-    path: str | Path,
-    *,
-    format: str | None = None,
-    long: bool = False,
-    overwrite: bool = False,
-) -> list[str]:
-    """Write spectra as fractions, so that `read_spectra` gives the same numbers back, bit for bit.
-
-    Args:
-        table: spectra.
-        path: file to write; of an ENVI library, which is two files, either.
-        format: ``csv`` (tab separated if the name ends in .tsv), ``cxf`` or ``envi``; left out, the
-            name's ending says.
-        long: CSV with a sample a column instead of a sample a row.
-        overwrite: whether files that exist may be replaced.
-
-    Returns:
-        Sentences on what could not be kept as it was, such as a comma in an ENVI name.
-
-    Raises:
-        FileExistsError: a file exists and `overwrite` is false.
-        FileNotFoundError: its folder does not exist.
-        IsADirectoryError: it is a folder.
-        ValueError: unknown format; a table that is empty or not of legal fractions; wavelengths
-            that CxF3 cannot hold; names that a long table cannot.
-    """
-    path = Path(path)
-    kind = format or _ENDINGS.get(path.suffix.lower())
-    if kind not in ("csv", "cxf", "envi"):
-        said = repr(format) if format else f"the ending of {path.name!r}"
-        raise ValueError(
-            f"{path}: no format is known by {said}; write .csv, .tsv, .cxf or .hdr (ENVI)"
-        )
-    if long and kind != "csv":
-        raise ValueError(f"{path}: only CSV has a long layout")
-    _check(table, path)
-    notes: list[str] = []
-    if table.attributes:
-        notes.append(
-            f"only names and spectra are written, not {list_names(list(table.attributes))}"
-        )
-    names = [" ".join(plain_name(name).split()) for name in table.names]
-    names = [name or f"spectrum {i + 1}" for i, name in enumerate(names)]
-    if (changed := sum(old != new for old, new in zip(table.names, names, strict=True))) > 0:
-        notes.append(f"{changed} names lost control characters or blanks")
-    table = replace(table, names=tuple(different(names, notes)))
-    if kind == "csv":
-        files = {path: _format_csv(table, path, long)}
-    elif kind == "cxf":
-        from .formats.cxf import format_cxf
-
-        try:
-            files = {path: [format_cxf(table)]}
-        except ValueError as error:
-            raise ValueError(f"{path}: {error}") from None
-    else:
-        from .formats.envi import format_envi
-
-        header, numbers, said = format_envi(table)
-        notes += said
-        files = {path.with_suffix(".sli"): numbers, path.with_suffix(".hdr"): [header.encode()]}
-    write_files(files, overwrite=overwrite)
-    return notes
-
-
-def _check(table: SpectraTable, path: Path) -> None:
-    """Refuse what could not be read back."""
-    validate_wavelengths(table.wavelengths)
-    values = np.asarray(table.reflectance)
-    if values.shape != (len(table), table.wavelengths.size) or not len(table):
-        raise ValueError(
-            f"{path}: {len(table)} names and reflectance of shape {values.shape} make no table "
-            "to write"
-        )
-    # A large table has room for a mask only if one is needed.
-    if 0 <= values.min() <= values.max() <= MAX_DECLARED:
-        return
-    wrong = ~((values >= 0) & (values <= MAX_DECLARED))
-    i, j = (int(k) for k in np.argwhere(wrong)[0])
-    raise ValueError(
-        f"{path}: reflectance of {table.names[i]!r} is {values[i, j]:g} at "
-        f"{table.wavelengths[j]:g} nm; it must be "
-        f"a fraction from 0 to {MAX_DECLARED:g}"
-    )
-
-
 def write_files(files: Mapping[Path, Iterable[bytes]], *, overwrite: bool = False) -> None:
     """Write all files or, if one may not be written, none; a file is there whole or not at all.
 
@@ -204,43 +99,3 @@ def write_files(files: Mapping[Path, Iterable[bytes]], *, overwrite: bool = Fals
     for path, pieces in files.items():
         with whole_file(path) as part, part.open("wb") as file:
             file.writelines(pieces)
-
-
-def _format_csv(table: SpectraTable, path: Path, long: bool) -> Iterator[bytes]:
-    """Table as text, in pieces; names are quoted, so that no letter in them is taken for a
-    delimiter or a comment, and begin with an apostrophe where they would be a formula.
-
-    Raises:
-        ValueError: a long table of names that are numbers (at once, not while it is written).
-    """
-    if long and any(re.fullmatch(r"[\d.,\s]*(nm)?", name) for name in table.names):
-        raise ValueError(
-            f"{path}: names that are numbers would be read as wavelengths; write the wide layout"
-        )
-    grid = [int(nm) if nm.is_integer() else nm for nm in table.wavelengths.tolist()]
-    values = table.reflectance.T if long else table.reflectance
-    names = [shield_name(name) for name in table.names]
-    header = ["wavelength_nm", *names] if long else ["Name", *grid]
-    first: Sequence[object] = grid if long else names
-
-    def pieces() -> Iterator[bytes]:
-        text = io.StringIO()
-        writer = csv.writer(
-            text,
-            delimiter="\t" if path.suffix.lower() == ".tsv" else ",",
-            lineterminator="\n",
-            quoting=csv.QUOTE_NONNUMERIC,
-        )
-        if table.reflectance.max() > MAX_FRACTION:
-            # Without it the reader takes what is so bright for percent.
-            text.write("# unit: fraction\n")
-        writer.writerow(header)
-        for title, row in zip(first, values, strict=True):
-            writer.writerow([title, *row.tolist()])
-            if text.tell() > _PIECE:
-                yield text.getvalue().encode()
-                text.seek(0)
-                text.truncate()
-        yield text.getvalue().encode()
-
-    return pieces()

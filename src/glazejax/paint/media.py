@@ -13,16 +13,13 @@ from __future__ import annotations
 import functools
 import operator
 from collections.abc import Iterable, Sequence
-from importlib import import_module
-from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from ..geometry import Geometry, Instrument
 from ..spectra import (
     Grid,
     Numbers,
@@ -496,59 +493,9 @@ class Glaze(eqx.Module):
         """
         return stack_moments([coat.phase for coat in self.coats])
 
-    def save(
-        self,
-        path: str | Path,
-        *,
-        instrument: Instrument | Geometry | str = "45:0",
-        overwrite: bool = False,
-    ) -> Path:
-        """Write the glaze as a small JSON file for `load`, the studio and ``glazejax render``.
-
-        Paints of the catalogues stand in it by their names, all others with their k and s; a
-        mixture is named after its parts.
-
-        Args:
-            path: the file; its folder must exist.
-            instrument: what the studio and the command then see it with; single angles.
-            overwrite: replace a file that is there.
-
-        Returns:
-            The path.
-
-        Raises:
-            ValueError: what such a file does not hold: no coats, batch axes, phase functions, an
-                index that varies, more than four paints in a coat.
-            FileExistsError, FileNotFoundError, IsADirectoryError: see
-                `glazejax.io.outputs.check_output`.
-        """
-        return _stacks().save_glaze(path, self, instrument, overwrite)
-
-    @staticmethod
-    def load(path: str | Path, *, side: Literal["white", "black"] = "white") -> "Glaze":
-        """Read a glaze from a file of `save`, the studio or ``glazejax render --write-stack``.
-
-        Args:
-            path: the file; its form is that of `glazejax.stacks`.
-            side: which one counts where the ground is a card, half white and half black.
-
-        Raises:
-            FileNotFoundError: no such file.
-            ValueError: not such a file, or all its coats are hidden; the message says where and
-                what would mend it.
-        """
-        return _stacks().load_glaze(path, side)
-
     def __repr__(self) -> str:
         ground, index = (_short(value) for value in (self.ground, self.refractive_index))
         return f"Glaze([{', '.join(map(repr, self.coats))}], ground {ground}, n = {index})"
-
-
-def _stacks() -> Any:
-    """The module of the files, found by its name when it is asked for: it stands above this room,
-    because the names in such a file are those of the catalogues.
-    """
-    return import_module("glazejax.stacks")
 
 
 # ---- what the solver takes -------------------------------------------------------------------

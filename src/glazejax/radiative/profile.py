@@ -21,7 +21,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from .auxiliary import graded as auxiliary_graded
-from .auxiliary.panels import Mesh, Panels, graded_shares, rules
+from .auxiliary.panels import PanelMesh, Panels, graded_shares, rules
 from .common.inputs import (
     Numbers,
     batch_shape,
@@ -379,7 +379,7 @@ def _solve_on_mesh(film: _Film, rest: dict[str, Any], tolerance: float) -> Array
         before = value
 
 
-def _film_panels(film: _Film, mesh: Mesh, halvings: int) -> Panels:
+def _film_panels(film: _Film, mesh: PanelMesh, halvings: int) -> Panels:
     """Panels whose edges are fixed shares of the depth, with the true albedo at their nodes; batch
     axis flattened.
     """

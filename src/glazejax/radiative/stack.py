@@ -54,7 +54,7 @@ _SOLVERS: dict[str, Solver] = {
 }
 
 
-class _ProgramSettings(NamedTuple):
+class _StackSettings(NamedTuple):
     """What is fixed when the program is compiled."""
 
     method: str
@@ -278,7 +278,7 @@ def _evaluate_split(inputs: _Inputs, tolerance: float, method: str) -> Split:
 
 def _prepare(
     inputs: _Inputs, tolerance: float, method: str
-) -> tuple[Stack, _ProgramSettings, tuple[int, ...]]:
+) -> tuple[Stack, _StackSettings, tuple[int, ...]]:
     """Checked arguments as a flat batch of stacks, what is fixed in the program, and the batch's
     shape.
     """
@@ -334,7 +334,7 @@ def _prepare(
     )
     return (
         stack,
-        _ProgramSettings(
+        _StackSettings(
             method=method,
             resolution=resolution,
             refractive_index=fixed,
@@ -365,12 +365,12 @@ def _within_reach(tolerance: float, method: str, *, single: bool) -> float:
 
 
 @functools.partial(Program, fixed=("settings",))
-def _run(stack: Stack, settings: _ProgramSettings) -> Array:
+def _run(stack: Stack, settings: _StackSettings) -> Array:
     return _reflectance(stack, settings)
 
 
 @functools.partial(jax.jit, static_argnums=1)
-def _run_split(stack: Stack, settings: _ProgramSettings) -> Split:
+def _run_split(stack: Stack, settings: _StackSettings) -> Split:
     def one(chunk: Stack) -> Split:
         return _SOLVERS[settings.method].split(_with_index(chunk, settings), settings.resolution)
 
@@ -378,11 +378,11 @@ def _run_split(stack: Stack, settings: _ProgramSettings) -> Split:
 
 
 @functools.partial(jax.custom_jvp, nondiff_argnums=(1,))
-def _reflectance(stack: Stack, settings: _ProgramSettings) -> Array:
+def _reflectance(stack: Stack, settings: _StackSettings) -> Array:
     return on_all_cores(_some_stacks, stack, settings, None, least=_MANY)
 
 
-def _some_stacks(stack: Stack, settings: _ProgramSettings, wanted: tuple[str, ...] | None) -> Any:
+def _some_stacks(stack: Stack, settings: _StackSettings, wanted: tuple[str, ...] | None) -> Any:
     """Reflectance of stacks, with its gradient by what is wanted, chunk by chunk."""
 
     def one(chunk: Stack) -> Any:
@@ -394,7 +394,7 @@ def _some_stacks(stack: Stack, settings: _ProgramSettings, wanted: tuple[str, ..
     return in_chunks(one, stack, settings.chunk)
 
 
-def _reflectance_jvp(settings: _ProgramSettings, primals, tangents):
+def _reflectance_jvp(settings: _StackSettings, primals, tangents):
     """Derivatives by the stationary form: the gradient of each stack comes with its value, chunk by
     chunk.
 
@@ -418,7 +418,7 @@ _reflectance.defjvp(_reflectance_jvp, symbolic_zeros=True)
 
 
 def _with_gradient(
-    stack: Stack, settings: _ProgramSettings, wanted: tuple[str, ...]
+    stack: Stack, settings: _StackSettings, wanted: tuple[str, ...]
 ) -> tuple[Array, dict[str, Array]]:
     """Reflectance and gradient; but for the default method, slopes by an index of (almost) one are
     those above it.
@@ -448,7 +448,7 @@ def _with_gradient(
     }
 
 
-def _with_index(stack: Stack, settings: _ProgramSettings) -> Stack:
+def _with_index(stack: Stack, settings: _StackSettings) -> Stack:
     return (
         stack
         if settings.refractive_index is None

@@ -19,7 +19,6 @@ from typing import Any
 
 MOST = 2
 """Searches at a time."""
-_BEAT = 0.5
 PATIENCE = 120.0
 """Seconds that a search whose page is gone goes on: connections are lost, and pages come back."""
 
@@ -149,7 +148,7 @@ class Jobs:
         done = threading.Event()
 
         def beat() -> None:
-            while not done.wait(_BEAT):
+            while not done.wait(0.5):
                 state = {
                     "seconds": time.monotonic() - began,
                     "words": words[0],

@@ -2,15 +2,15 @@
 
 It listens on 127.0.0.1. The link carries a token, without which nothing is answered; Host and
 Origin of every request must be this server's own; the page may load nothing from elsewhere
-(Content-Security-Policy). Nothing is written.
+(Content-Security-Policy). Nothing is kept: a dropped file lies in a temporary folder as it is read.
 """
 
 import asyncio
+import mimetypes
 import secrets
 import socket
 from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
-from importlib.resources import files
 from typing import Any
 
 from ..extras import require
@@ -21,12 +21,6 @@ from .page_data import page_data
 from .session import Session
 
 HOST = "127.0.0.1"
-_KINDS = {
-    ".html": "text/html",
-    ".js": "text/javascript",
-    ".css": "text/css",
-    ".svg": "image/svg+xml",
-}
 
 
 class Studio:
@@ -93,11 +87,6 @@ class Studio:
 
     def refusal(self, headers: Any, token: str, *, socket: bool) -> str:
         """Why a request is refused, in words; empty if it is not."""
-        if headers.get("host") not in self._hosts:
-            return (
-                "This studio answers to its own address only; open the link that glazejax studio "
-                "printed."
-            )
         origin = headers.get("origin")
         if (socket or origin is not None) and origin not in {
             f"http://{host}" for host in self._hosts
@@ -113,14 +102,17 @@ class Studio:
     def app(self) -> Any:
         """The ASGI application."""
         from starlette.applications import Starlette
+        from starlette.middleware import Middleware
+        from starlette.middleware.base import BaseHTTPMiddleware, RequestResponseEndpoint
+        from starlette.middleware.trustedhost import TrustedHostMiddleware
         from starlette.requests import Request
         from starlette.responses import PlainTextResponse, Response
-        from starlette.routing import Route, WebSocketRoute
+        from starlette.routing import Mount, WebSocketRoute
+        from starlette.staticfiles import StaticFiles
         from starlette.websockets import WebSocket
 
         # So that one page's large file keeps no other waiting.
         pool = ThreadPoolExecutor(6)
-        page = files("glazejax.studio").joinpath("page")
         policy = (
             "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data: blob:; "
             f"connect-src 'self' {' '.join(f'ws://{host}' for host in sorted(self._hosts))}; "
@@ -135,21 +127,15 @@ class Studio:
             "Cache-Control": "no-store",
         }
 
-        async def static(request: Request) -> Response:
-            """A file of the page."""
-            if words := self.refusal(request.headers, request.path_params["token"], socket=False):
-                return PlainTextResponse(words + "\n", 403, guards)
-            name = request.path_params["name"] or "index.html"
-            known = {entry.name for entry in page.iterdir()}
-            kind = _KINDS.get("." + name.rpartition(".")[2])
-            if name not in known or kind is None:
-                return PlainTextResponse("There is no such file.\n", 404, guards)
-            return Response(page.joinpath(name).read_bytes(), 200, guards, kind)
-
-        async def elsewhere(request: Request) -> Response:
-            """Anything without a token."""
-            words = self.refusal(request.headers, "", socket=False)
-            return PlainTextResponse(words + "\n", 403, guards)
+        async def guard(request: Request, answer: RequestResponseEndpoint) -> Response:
+            """A file of the page, to who has the token."""
+            token = request.url.path.split("/")[1]
+            if words := self.refusal(request.headers, token, socket=False):
+                response = PlainTextResponse(words + "\n", 403)
+            else:
+                response = await answer(request)
+            response.headers.update(guards)
+            return response
 
         async def talk(socket: WebSocket) -> None:
             """A page's socket."""
@@ -194,21 +180,15 @@ class Studio:
                 session.close()
                 sending.cancel()
 
+        # Windows may have another name for it, which browsers refuse.
+        mimetypes.add_type("text/javascript", ".js")
         return Starlette(
             routes=[
                 WebSocketRoute("/{token}/socket", talk),
-                Route("/{token}/{name:str}", static),
-                Route("/{token}/", static_index(static)),
-                Route("/{rest:path}", elsewhere),
-            ]
+                Mount("/{token}", StaticFiles(packages=[("glazejax.studio", "page")], html=True)),
+            ],
+            middleware=[
+                Middleware(TrustedHostMiddleware, allowed_hosts=[HOST, "localhost"]),
+                Middleware(BaseHTTPMiddleware, dispatch=guard),
+            ],
         )
-
-
-def static_index(static: Any) -> Any:
-    """The same for the page's own address."""
-
-    async def index(request: Any) -> Any:
-        request.path_params["name"] = ""
-        return await static(request)
-
-    return index

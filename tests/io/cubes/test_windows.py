@@ -124,36 +124,6 @@ def test_scattered_points(files, data, kind, each):
     )
 
 
-def test_points_far_apart_are_read_each_for_itself(tmp_path, monkeypatch):
-    from glazejax.io.cubes.raw import RawCube
-
-    fields = {
-        "lines": 5000,
-        "samples": 5000,
-        "bands": 10,
-        "data type": 12,
-        "interleave": "bil",
-        "byte order": 0,
-    }
-    further = {"wavelength": list(range(400, 500, 10)), "reflectance scale factor": 10_000}
-    spy.create_image(str(tmp_path / "big.hdr"), fields | further, force=True)
-    cube = open_cube(tmp_path / "big.hdr")
-    seen, block = [], RawCube.block
-
-    def counted(self, y, x, bands):
-        seen.append((y.stop - y.start) * (x.stop - x.start))
-        return block(self, y, x, bands)
-
-    monkeypatch.setattr(RawCube, "block", counted)
-    places = np.random.default_rng(0).integers(0, 5000, (2, 300))
-    y, x = (xr.DataArray(row, dims="point") for row in places)
-    assert cube.isel(y=y, x=x).values.shape == (300, 10)
-    assert sum(seen) < 300 * 64 * 64
-    seen.clear()
-    assert cube.isel(y=[0, 4999, 7], x=[4998, 3]).values.shape == (3, 2, 10)
-    assert sum(seen) < 100
-
-
 @pytest.mark.parametrize("kind", KINDS)
 def test_many_threads_read_the_same_cube(files, kind):
     cube, expected = open_cube(**files[kind]), gappy()

@@ -427,10 +427,6 @@ def noise_covariance(
     return variance[..., None] * np.eye(variance.shape[-1]) + discrepancy.surface_sd(surface) ** 2
 
 
-# Triangles of this many rows are inverted as any matrix is.
-_SMALL_TRIANGLE = 8
-
-
 def _inverse_of_lower(factor: Float[np.ndarray, "*n r r"]) -> Float[np.ndarray, "*n r r"]:
     """Inverse of lower triangles, by halves: [A 0; C B]^-1 = [A^-1 0; -B^-1 C A^-1 B^-1].
 
@@ -438,7 +434,8 @@ def _inverse_of_lower(factor: Float[np.ndarray, "*n r r"]) -> Float[np.ndarray, 
     would be imported: longer than a search of some films.
     """
     rows = factor.shape[-1]
-    if rows <= _SMALL_TRIANGLE:
+    # Triangles of this many rows are inverted as any matrix is.
+    if rows <= 8:
         return np.tril(np.linalg.inv(factor))
     half = rows // 2
     upper, lower = slice(None, half), slice(half, None)

@@ -3,22 +3,18 @@ summed with.
 
 k = sum_p c_p k_p and s = sum_p c_p s_p with shares c. By mass the shares are the mass fractions
 (Duncan 1940). By volume they are mass fractions over densities, normalised; a film's thickness
-being unknown, the two predict the same spectra and differ in the thickness only. The strength law
-gives each paint a number t_p: a share w counts as w exp(t_p (1 - w)), so that a little of a paint
-tells more, or less, in a tint than its amount in the pure film says, as flocculation, crowding and
-forward scattering make it. The t_p are fitted with the coefficients.
+being unknown, the two predict the same spectra and differ in the thickness only.
 """
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from jaxtyping import Float
 
 from glazejax import Pigment
 
-LAWS = ("mass", "volume", "strength")
+LAWS = ("mass", "volume")
 
 Pigments = Mapping[str, Pigment] | Sequence[Pigment]
 """A catalogue as the user has it."""
@@ -34,7 +30,7 @@ class MixingLaw:
     """Mixing law.
 
     Attributes:
-        name: "mass", "volume" or "strength".
+        name: "mass" or "volume".
         densities: of each paint, for "volume"; any unit.
 
     Raises:
@@ -59,8 +55,7 @@ class MixingLaw:
     def shares(
         self, weights: Float[np.ndarray, "films paints"], paints: Sequence[str]
     ) -> Float[np.ndarray, "films paints"]:
-        """Shares of each paint in each film, summing to one, from weights in any unit, before any
-        strength.
+        """Shares of each paint in each film, summing to one, from weights in any unit.
 
         Raises:
             ValueError: a paint has no density.
@@ -73,13 +68,6 @@ class MixingLaw:
                 raise ValueError(f"no density was given for {', '.join(map(repr, missing))}")
             fractions = fractions / np.array([known[paint] for paint in paints])
         return fractions / fractions.sum(axis=1, keepdims=True)
-
-
-def strengthen(shares: Any, strength: Any, xp: Any = np) -> Any:
-    """Shares (..., paints) as they count under the strength law, w exp(t (1 - w)); strength zero
-    leaves them.
-    """
-    return shares * xp.exp(strength * (1.0 - shares))
 
 
 def weight_table(

@@ -38,8 +38,6 @@ from .optics import Optics
 from .spline import BEND, HIGHEST, cells_per_unit, locate, nodes_of, patches, place, weights
 
 _NODES = 80
-_TOLERANCE = 1e-6
-_CHUNK = 3200
 
 SHIPPED = {"d8": (Hemispherical(), 1.5), "45_0": (Bidirectional(45, 0), 1.5)}
 """Instruments whose table lies beside this file: those that `glazefit` takes when it is
@@ -81,6 +79,11 @@ class Response(eqx.Module):
 class FilmResponse(Response):
     """Bicubic spline of (black, gain, back) over optical thicknesses k d and s d, for one geometry
     and index.
+
+    Not `glazejax.interpolated`: the numbers bend along a line of k/s that no product of polynomials
+    follows. With 129 x 129 terms, the most that it takes, it is off by .013 in these same
+    logarithms where the spline's 80 x 80 nodes give 1e-5, and 100,000 films take it 4 s in place
+    of .04 s: 16,641 products a number in place of 16.
     """
 
     patches: Float[Array, "cells 4 4 3"]  # spline coefficients around each cell
@@ -241,9 +244,9 @@ def solved_table(optics: Optics) -> Float[np.ndarray, "3 nodes nodes"]:
 
     @jax.jit
     def over_three_grounds(kd: Array, sd: Array) -> Array:
-        return optics.body(kd, sd, jnp.asarray([0.0, 0.5, 1.0]), _TOLERANCE)
+        return optics.body(kd, sd, jnp.asarray([0.0, 0.5, 1.0]), 1e-6)
 
-    pieces = [a.reshape(-1, _CHUNK, 1, 1) for a in (kd, sd)]
+    pieces = [a.reshape(-1, 3200, 1, 1) for a in (kd, sd)]
     solved = [np.asarray(over_three_grounds(*piece)) for piece in zip(*pieces, strict=True)]
     black, half, white = np.moveaxis(np.concatenate(solved).reshape(_NODES, _NODES, 3), -1, 0)
     return np.stack([black, *_gain_and_back(half - black, white - black)])

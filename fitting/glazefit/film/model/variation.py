@@ -30,13 +30,6 @@ them.
 """
 UNSTEADY = 0.1
 """How probable it is of a paint, beforehand, that its films are farther off than others."""
-# How many films the prior counts as beside those that were left out, and what all films say beside
-# those of a paint.
-_ALL = 20.0
-_OWN = 2.0
-_ROUNDS = 100
-_BANDS_APART = 40.0
-_NOISE = 0.003
 
 Weights = Float[np.ndarray, "sizes"]
 
@@ -110,14 +103,16 @@ def learn(
         paint for paints in (mixing or [s.paints for s in evidence]) for paint in paints
     )
     likelihood = np.stack([s.log_likelihood - s.log_likelihood.max() for s in evidence])
-    weights = _weights(np.exp(likelihood), np.array(PRIOR), _ALL)
+    # The prior counts as twenty films beside those that were left out.
+    weights = _weights(np.exp(likelihood), np.array(PRIOR), 20.0)
     rows: dict[str, list[int]] = {}
     for row, size_evidence in enumerate(evidence):
         rows.setdefault(
             min(sorted(size_evidence.paints), key=lambda paint: often[paint]), []
         ).append(row)
+    # All films count as two beside those of a paint.
     own = {
-        paint: _weights(np.exp(likelihood[chosen]), weights, _OWN) for paint, chosen in rows.items()
+        paint: _weights(np.exp(likelihood[chosen]), weights, 2.0) for paint, chosen in rows.items()
     }
     farther = _twice_as_far(weights)
     unsteady = {
@@ -158,7 +153,7 @@ def _probability(
 def _weights(likelihood: Float[np.ndarray, "films sizes"], prior: Weights, films: float) -> Weights:
     """Weights of a mixture, the prior counting as so many films."""
     weights = prior
-    for _ in range(_ROUNDS):
+    for _ in range(100):
         share = likelihood * weights
         share = share / share.sum(axis=1, keepdims=True)
         weights = (films * prior + share.sum(axis=0)) / (films + len(likelihood))
@@ -182,12 +177,10 @@ def log_likelihood(
     # Every so many bands: what is left over is alike at neighbours in ways that no covariance
     # describes.
     step = (
-        max(1, round(_BANDS_APART / float(np.median(np.diff(wavelengths)))))
-        if wavelengths.size > 1
-        else 1
+        max(1, round(40.0 / float(np.median(np.diff(wavelengths))))) if wavelengths.size > 1 else 1
     )
     r, p, f = (x[..., ::step].reshape(*x.shape[:-2], -1) for x in (off, paint, film))
-    fixed = p.T @ p / len(p) + _NOISE**2 * np.eye(r.size)
+    fixed = p.T @ p / len(p) + 0.003**2 * np.eye(r.size)
     varied = f.T @ f / len(f)
     out = []
     for size in SIZES:

@@ -18,7 +18,6 @@ AMOUNTS = {"thin": (0.2, 0.15), "yellowed": (0.6, 0.3)}
 """Varnishes that are seen -> optical thickness at 400 nm, and its standard deviation: what is
 between them is left open.
 """
-_FIRST = 400.0
 # Internal reflectances of paint, with what noise may feign.
 _PAINT = (-0.5, 1.0)
 
@@ -29,7 +28,7 @@ def yellow(
     """Absorption of a yellowed varnish in units of that at 400 nm: it falls exponentially to the
     red.
     """
-    return np.exp((_FIRST - np.maximum(wavelengths, 0.9 * _FIRST)) / decay)
+    return np.exp((400.0 - np.maximum(wavelengths, 360.0)) / decay)
 
 
 def under_varnish(

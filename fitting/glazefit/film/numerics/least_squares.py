@@ -228,15 +228,6 @@ class Descent(NamedTuple, Generic[Point]):
     settled: bool
 
 
-# Of the damping, as a step is foretold well or badly: the usual rule of a trust region.
-_FORETOLD = 0.75
-_MISSED = 0.25
-_LEAST_STEP = 1e-12
-# One over the damping above which a small step says that the fit is done; damped more, it may be
-# small for that.
-_FREE = 1.0
-
-
 def descend(
     look: Callable[[Point], Surroundings[Point]],
     solve: Callable[[Any, float, Point], Point],
@@ -262,7 +253,7 @@ def descend(
     settled = False
     here = look(point)
     steps = 0
-    while steps < max_steps and not settled and step > _LEAST_STEP:
+    while steps < max_steps and not settled:
         steps += 1
         try:
             up = solve(here.normal, 1.0 / step, here.gradient)
@@ -278,8 +269,10 @@ def descend(
         reached = float(here.cost) - float(there.cost)
         share = reached / gain if np.isfinite(reached) and gain > 0 else -1.0
         if share > 0:
+            # One over the damping above which a small step says that the fit is done; damped more,
+            # it may be small for that.
             settled = (
-                step >= _FREE
+                step >= 1.0
                 and _all_small(move, tried, tolerance)
                 and reached < tolerance * (1.0 + float(there.cost))
             )
@@ -287,7 +280,8 @@ def descend(
             here = there
         elif gain <= tolerance**2 * float(here.cost):
             settled = True
-        step *= _LONGER if share > _FORETOLD else _SHORTER if share < _MISSED else 1.0
+        # Of the damping, as a step is foretold well or badly: the usual rule of a trust region.
+        step *= _LONGER if share > 0.75 else _SHORTER if share < 0.25 else 1.0
     return Descent(point, here, steps, settled)
 
 
@@ -338,11 +332,6 @@ class BoundedDescent(NamedTuple):
     steps: Int[np.ndarray, "n"]
 
 
-# Damping, in parts of the largest curvature: of the first step, and of a step that counts as full.
-_DAMPED = 1e-3
-_FULL = 1e-9
-
-
 def descend_within(
     look: Callable[[Int[np.ndarray, "rows"], Float[np.ndarray, "rows m"]], Looks],
     start: Float[np.ndarray, "n m"],
@@ -368,13 +357,15 @@ def descend_within(
     """
     point = start.copy()
     here = Looks(*map(np.copy, seen))
-    damping = _DAMPED * _largest(here.curvature)
+    # Damping, in parts of the largest curvature: of the first step, and below of a step that counts
+    # as full.
+    damping = 1e-3 * _largest(here.curvature)
     steps = np.zeros(len(point), int)
     settled = np.zeros(len(point), bool)
     going = np.flatnonzero(np.isfinite(here.cost))
     for _ in range(max_steps):
         own = here.take(going)
-        promised = bounded_step(point[going], own, bounds, _FULL * _largest(own.curvature))[1]
+        promised = bounded_step(point[going], own, bounds, 1e-9 * _largest(own.curvature))[1]
         settled[going] = promised < promise
         going = going[promised >= promise]
         if going.size == 0:

@@ -8,11 +8,6 @@ import jax.numpy as jnp
 import optimistix as optx
 from jaxtyping import Array, Bool, Float
 
-# What optimistix's trust region takes: a step counts from .01 of the gain that it promised, and
-# from .99 on the next may be longer.
-_COUNTS = 0.01
-_GOOD = 0.99
-
 
 class _State(NamedTuple):
     tried: Float[Array, "n m"]
@@ -68,9 +63,11 @@ class SideBySide(optx.AbstractLeastSquaresSolver):
         promised = _half_square(_times(state.slopes, move) + state.residual) - before
         gained = _half_square(residual) - before
         # A step counts if it gained a share of the promise; the trust region follows.
-        counts = (gained <= _COUNTS * promised) | state.first
+        # What optimistix's trust region takes: a step counts from .01 of the gain that it promised,
+        # and from .99 on the next may be longer.
+        counts = (gained <= 0.01 * promised) | state.first
         counts &= jnp.all(jnp.isfinite(state.tried), axis=1)
-        good = (gained < _GOOD * promised) & (promised < 0) & ~state.first
+        good = (gained < 0.99 * promised) & (promised < 0) & ~state.first
         length = state.length * jnp.where(counts, jnp.where(good, self.longer, 1.0), self.shorter)
         still = self._small(move, state.tried) & self._small(residual - state.residual, residual)
 

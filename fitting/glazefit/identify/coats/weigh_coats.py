@@ -19,6 +19,7 @@ from ...film.model.response import film_response
 from ...film.shared_bands import means_of_steps
 from ..families.templates import coefficients
 from ..result import NINETY, Identification
+from ..result.odds import DECIDED, CoatsOdds
 from ..search.options import IdentificationOptions
 from ..search.pool import Pool
 from ..search.task import IdentificationTask, Measured
@@ -27,7 +28,6 @@ from .arrangement import Arrangement, arrangements
 from .candidates import WeighedSet, log_rarity, with_coats
 from .choose_sets import best_sets, nearest_pairs
 from .evidence import CoatErrors, Evidence, coefficient_sd, weigh_arrangement
-from .odds import DECIDED, CoatsOdds
 from .readings import CoatedFilms, grid_readings
 
 STEP = 10.0

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy.optimize import minimize
 
-from .groups import COLOURLESS, group_of
+from ..result.groups import COLOURLESS, group_of
 from .search import FamilySearch
 from .sureness import Sureness, log_sum
 

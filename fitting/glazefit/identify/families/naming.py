@@ -13,7 +13,7 @@ from functools import lru_cache
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from .groups import COLOURLESS, FamilySet, group_of
+from ..result.groups import COLOURLESS, FamilySet, group_of
 from .search import FamilySearch
 
 TOLD = 0.8

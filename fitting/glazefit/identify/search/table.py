@@ -308,6 +308,9 @@ def kept_tables(key: Hashable, make: Callable[[], "FilmTables"]) -> "FilmTables"
 class FilmTables:
     """Tables over the grounds that were asked for last, and what they are made from.
 
+    Not `glazejax.interpolated`: nothing is asked between the films. Each film stands as 20 numbers,
+    and a spectrum is compared with all of them by one product of matrices.
+
     Args:
         response, paints: of the instrument and of the catalogue.
         largest: set that is looked for.

@@ -54,8 +54,6 @@ CONES = {
         ]
     ),
 }
-# Levels of red, green and blue that are tried.
-_LEVELS = 13
 
 Shades = Float[np.ndarray, "colours 3"]
 
@@ -71,7 +69,8 @@ def legend_colours(own: Sequence[str]) -> list[str]:
         As many colours, #rrggbb.
     """
     shades = np.array([_shade(colour) for colour in own]).reshape(-1, 3)
-    levels = np.linspace(0.0, 1.0, _LEVELS)
+    # Levels of red, green and blue that are tried.
+    levels = np.linspace(0.0, 1.0, 13)
     grid = np.array(list(itertools.product(levels, levels, levels)))
     tried = np.concatenate([shades, grid])
     seen = seen_colours(tried)

@@ -20,8 +20,6 @@ if TYPE_CHECKING:
 MOST = (1600, 1200)
 """Rows and columns of the largest picture that is shown."""
 
-# A paint's own map may have fewer: there are two for each paint.
-_PAINT_WIDTH = 640
 # Pixels looked at together, for memory.
 _PIXELS = 2**20
 _MEANS = (
@@ -127,7 +125,8 @@ def overview(dataset: "xr.Dataset", most: tuple[int, int] = MOST) -> Overview:
     height = dataset.sizes["y"]
     width = dataset.sizes["x"]
     step = max(1, -(-height // most[0]), -(-width // most[1]))
-    coarse = 2 * step if width > step * _PAINT_WIDTH else step
+    # A paint's own map may have fewer: there are two for each paint.
+    coarse = 2 * step if width > step * 640 else step
     paints = tuple(str(name) for name in dataset["paint"].values)
     look = Overview((height, width), step, coarse, paints, pixel_area=pixel_area(dataset))
     look.likely = np.zeros(len(paints), int)

@@ -25,9 +25,6 @@ if TYPE_CHECKING:
 UNKNOWN = "#c4c4c4"
 """Colour where a number is not known in its map."""
 
-# Pictures below this width are shown with larger squares.
-_LEAST_WIDTH = 640
-_STRIPE = 4
 RGB = UInt8[np.ndarray, "rows columns 3"]
 
 
@@ -72,9 +69,7 @@ def legend_map(look: Overview) -> RGB:
     found = enlarge(found)
     none = enlarge(look.where(()))
     down, across = np.indices(none.shape)
-    stripes = np.array([_rgb(stripe) for stripe in STRIPES], np.uint8)[
-        (down + across) // _STRIPE % 2
-    ]
+    stripes = np.array([_rgb(stripe) for stripe in STRIPES], np.uint8)[(down + across) // 4 % 2]
     found[none] = stripes[none]
     return found
 
@@ -269,7 +264,8 @@ def png(image: RGB) -> bytes:
 
 def enlarge(image: np.ndarray) -> np.ndarray:
     """Every pixel as a square, if there are so few that a page would blur them."""
-    times = -(-_LEAST_WIDTH // image.shape[1])
+    # Pictures below this width are shown with larger squares.
+    times = -(-640 // image.shape[1])
     return image if times == 1 else image.repeat(times, axis=0).repeat(times, axis=1)
 
 

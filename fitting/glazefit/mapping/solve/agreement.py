@@ -12,8 +12,6 @@ from .atlas import Atlas
 from .local import as_measured
 from .task import MapTask
 
-_KEPT = 3
-
 
 @dataclass(frozen=True)
 class Agreement:
@@ -71,7 +69,7 @@ def agreement(
     searcher = task.searcher
     measured = as_measured(searcher, readings, task.image.noise_sd(readings), task.ground)
     parts = [
-        Identification.of(*one, paints=searcher.paints, opaque=searcher.opaque, keep=_KEPT)
+        Identification.of(*one, paints=searcher.paints, opaque=searcher.opaque, keep=3)
         for one in searcher.search(measured)
     ]
     whole = Identification.join(parts)

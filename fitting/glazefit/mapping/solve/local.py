@@ -35,11 +35,6 @@ from ...identify.search.task import IdentificationTask, Measured
 from ...identify.search.unstated_conditions import FilmsUnderCondition, films_under
 from ...identify.search.weigh import Odds
 
-# Candidates of a representative that are kept: those with this share of the best explanations, and
-# so many at most.
-_LEAST = 3e-4
-_MOST = 16
-_BLOCK = 256
 _STEP = 1e-3
 _terms = jax.jit(jax.vmap(prior_terms, in_axes=(0, 0, None, None)))
 
@@ -188,7 +183,9 @@ def _local_models(searcher: Searcher, measured: Measured, pool: Pool, odds: Odds
     # Candidates of little probability are not carried on; only their sum is, and whose paints.
     share = odds.candidates / odds.candidates.sum(axis=1, keepdims=True)
     rank = np.argsort(np.argsort(-share, axis=1, kind="stable"), axis=1, kind="stable")
-    kept = (share > _LEAST) & (rank < _MOST)
+    # Candidates of a representative that are kept: those with this share of the best explanations,
+    # and so many at most.
+    kept = (share > 3e-4) & (rank < 16)
     row, place = np.nonzero(kept)
     present = (pool.members[..., None] == np.arange(len(searcher.paints))).any(axis=2)
     left_out = np.where(kept, 0.0, share)
@@ -369,7 +366,7 @@ def _prior_of(
         given = jnp.asarray(logs[rows]), jnp.asarray(sets[rows] != NOBODY)
         return _terms(*given, task.prior.spread, task.prior.concentration_sought)
 
-    return by_blocks(len(sets), _BLOCK, run)
+    return by_blocks(len(sets), 256, run)
 
 
 def _prior_curvature(

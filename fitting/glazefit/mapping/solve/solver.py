@@ -26,8 +26,6 @@ if TYPE_CHECKING:
 
     from glazejax.io import CubeSource
 
-# Spectra of a window that are searched because no representative is near, at most.
-_OWN = 64
 # Values read at a time.
 _VALUES = 2**24
 
@@ -138,7 +136,8 @@ class PixelSolver:
         far = np.flatnonzero(apart > self.reach)
         if far.size:
             features = self.atlas.features(seen[far])
-            chosen, _ = spread_out(features, _OWN, self.reach)
+            # Spectra of a window that are searched because no representative is near, at most.
+            chosen, _ = spread_out(features, 64, self.reach)
             middles = seen[far[chosen]]
             own = Atlas.of(
                 self.atlas.features,

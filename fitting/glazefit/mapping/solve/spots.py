@@ -13,15 +13,8 @@ from glazejax.geometry import Instrument
 
 from ...film.model.response import film_response
 
-# k/s between which a hiding film's is sought.
-_LEAST = 1e-5
-_MOST = 1e3
-# Optical thicknesses s d and k d of which one is enough to hide any ground.
-_HIDING = 500.0
-_BLACK = 200.0
 # Relative standard deviations: of s, which a hiding film does not tell, and of k beside it.
 _OPEN = 0.5
-_TOLD = 0.05
 
 
 def spot_pigment(
@@ -61,8 +54,10 @@ def spot_pigment(
             "to 1.2: is the spot in focus, and the image calibrated?"
         )
     response = film_response(instrument.geometry, instrument.refractive_index)
-    ratios = np.geomspace(_LEAST, _MOST, 400)
-    thick = np.minimum(_HIDING, _BLACK / ratios)
+    # k/s between which a hiding film's is sought.
+    ratios = np.geomspace(1e-5, 1e3, 400)
+    # Optical thicknesses s d and k d of which one is enough to hide any ground.
+    thick = np.minimum(500.0, 200.0 / ratios)
     films = np.asarray(
         response.body(jnp.asarray(ratios * thick), jnp.asarray(thick), jnp.asarray(0.5))
     )
@@ -79,7 +74,7 @@ def spot_pigment(
         wavelengths,
         ratio * s,
         s,
-        absorption_sd=ratio * s * np.hypot(_OPEN, _TOLD),
+        absorption_sd=ratio * s * np.hypot(_OPEN, 0.05),
         scattering_sd=_OPEN * s,
         provenance="spectrum of a spot in the image, taken as thick paint",
     )

@@ -10,13 +10,6 @@ from jaxtyping import Float, Int
 from glazejax.progress import Progress, no_progress
 from glazejax.radiative.common.threads import in_threads
 
-# Readings vary by this share where paints do (`ModelError.between_films`), and near black
-# by this.
-_SHARE = 0.03
-_BLACK = 0.03
-# Directions in which spectra are compared, and rounds of Lloyd's algorithm.
-_DIRECTIONS = 16
-_ROUNDS = 3
 _AT_A_TIME = 8192
 
 
@@ -39,7 +32,8 @@ class Features:
         middle = logs.mean(axis=0)
         off = logs - middle
         vectors = np.linalg.eigh(off.T @ off)[1][:, ::-1]
-        return cls(middle, np.ascontiguousarray(vectors[:, :_DIRECTIONS].T))
+        # Directions in which spectra are compared.
+        return cls(middle, np.ascontiguousarray(vectors[:, :16].T))
 
     def __call__(
         self, readings: Float[np.ndarray, "spectra bands"]
@@ -49,7 +43,9 @@ class Features:
 
 
 def _logs(readings: np.ndarray) -> np.ndarray:
-    return np.log(np.maximum(readings, 0.0) + _BLACK) / _SHARE
+    # Readings vary by this share where paints do (`ModelError.between_films`), and near black by
+    # this.
+    return np.log(np.maximum(readings, 0.0) + 0.03) / 0.03
 
 
 def nearest(
@@ -134,7 +130,8 @@ def survey(
     chosen, _ = spread_out(found, most, reach, progress)
     centres = found[chosen]
     which, apart = nearest(found, centres)
-    for _ in range(_ROUNDS):
+    # Rounds of Lloyd's algorithm.
+    for _ in range(3):
         centres = _group_means(found, which).astype(np.float32)
         which, apart = nearest(found, centres)
     progress(len(chosen), len(chosen), "surveying")

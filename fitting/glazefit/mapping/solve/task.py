@@ -28,7 +28,6 @@ if TYPE_CHECKING:
 
     from glazejax.io import CubeSource
 
-_VERSION = 3
 # Lines of an image in memory that tell it from others.
 _LINES = 64
 
@@ -119,7 +118,8 @@ def map_task(
     below = None if ground is None else _ground(ground, bands, stored)
     # All that decides what a pixel's answer is: a map goes on only where these are the same.
     options = {
-        "version": _VERSION,
+        # Of what a map's store holds.
+        "version": 3,
         "image": _identity(source, array),
         "catalogue": {p.name: _digest(p.absorption, p.scattering) for p in known},
         "ground": below,

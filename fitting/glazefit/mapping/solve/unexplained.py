@@ -20,26 +20,12 @@ from ..store.chunk import Unexplained
 from .spots import spot_pigment
 from .survey import nearest, spread_out
 
-# Groups of a window, and how far spectra of one group lie from its middle, in standard deviations
-# of paint's errors.
-_GROUPS = 64
-_REACH = 2.0
 SPOTS = 10
 """Spectra that are offered as paints, at most."""
-# Share of the mapped pixels, and number, that a spot needs.
-_LEAST_SHARE = 2e-4
-_LEAST = 4
-# Root mean square of -log R below which spots before it explain a spectrum.
-_MET = 0.12
 # Cosine of two spectra of -log R that have one shape, and of those that are averaged.
 _ALIKE = 0.97
-_SAME = 0.995
-# Length of those that are averaged, over that of the purest.
-_PURE = 0.9
 # Added to reflectances, so that noise near black does not decide.
 _BLACK = 0.01
-# Groups that are compared at a time.
-_MOST = 2000
 
 
 def gather(
@@ -56,7 +42,9 @@ def gather(
     """
     if not len(readings):
         return Unexplained.nothing()
-    chosen, _ = spread_out(features, _GROUPS, _REACH)
+    # Groups of a window, and how far spectra of one group lie from its middle, in standard
+    # deviations of paint's errors.
+    chosen, _ = spread_out(features, 64, 2.0)
     which, _ = nearest(features, features[chosen])
     used, which = np.unique(which, return_inverse=True)
     pixels = np.bincount(which)
@@ -67,7 +55,7 @@ def gather(
 
 
 @dataclass(frozen=True)
-class Spot:
+class UnexplainedSpot:
     """A spectrum that may be a paint's.
 
     Attributes:
@@ -89,7 +77,7 @@ def choose_spots(
     mapped: float,
     taken: Sequence[str] = (),
     most: int = SPOTS,
-) -> list[Spot]:
+) -> list[UnexplainedSpot]:
     """The purest of spectra that no paints explain.
 
     Args:
@@ -101,27 +89,31 @@ def choose_spots(
     """
     if not len(found.pixels):
         return []
-    some = np.argsort(-found.pixels, kind="stable")[:_MOST]
+    # Groups that are compared at a time.
+    some = np.argsort(-found.pixels, kind="stable")[:2000]
     pixels = found.pixels[some]
     depth = np.log((bare + _BLACK) / (np.maximum(found.readings[some], 0.0) + _BLACK))
     size = np.linalg.norm(depth, axis=1)
     shape = depth / np.maximum(size, 1e-9)[:, None]
     alike = shape @ shape.T
-    enough = (alike > _ALIKE) @ pixels >= max(_LEAST, _LEAST_SHARE * mapped)
+    # Share of the mapped pixels, and number, that a spot needs.
+    enough = (alike > _ALIKE) @ pixels >= max(4, 2e-4 * mapped)
     names = _free_names(taken)
-    spots: list[Spot] = []
+    spots: list[UnexplainedSpot] = []
     ends = np.zeros((depth.shape[1], 0))
     while len(spots) < most:
         left = np.array([nnls(ends, one)[1] for one in depth]) if ends.size else size
         left = np.where(enough, left, 0.0) / np.sqrt(depth.shape[1])
         purest = int(np.argmax(left))
-        if left[purest] < _MET:
+        # Root mean square of -log R below which spots before it explain a spectrum.
+        if left[purest] < 0.12:
             break
-        own = (alike[purest] > _SAME) & (size > _PURE * size[purest])
+        # Those that are averaged: one shape, and nearly the length of the purest.
+        own = (alike[purest] > 0.995) & (size > 0.9 * size[purest])
         weight = np.where(own, pixels, 0) / pixels[own].sum()
         y, x = found.places[some[purest]].tolist()
         spots.append(
-            Spot(
+            UnexplainedSpot(
                 name=names(),
                 pixels=int(pixels[alike[purest] > _ALIKE].sum()),
                 place=(y, x),

@@ -14,17 +14,11 @@ from glazejax import Pigment
 from glazejax.spectra import describe_grid
 
 from ...film.films import Noise
+from ...film.shared_bands import FEWEST
 from ..store.layout import Status
 
-_TOO_BRIGHT = 1.5
 # Readings below 0 or near it by so many standard deviations of their noise are no noise.
 _SURE = 4.0
-# What calibration may leave below 0.
-_SLACK = 0.01
-_FEWEST = 6
-# Steps in nm below which spectra of paint hold no more, and working bands at most.
-_FINEST = 8.0
-_MOST = 60
 
 
 @dataclass(frozen=True)
@@ -59,14 +53,15 @@ class WorkingBands:
         first = max(grid[0] for grid in grids)
         last = min(grid[-1] for grid in grids)
         # Tables are often interpolated to finer steps than paint has structure for.
+        # Steps in nm below which spectra of paint hold no more, and working bands at most.
         width = max(
-            min(float(np.median(np.diff(grid))) for grid in grids), _FINEST, (last - first) / _MOST
+            min(float(np.median(np.diff(grid))) for grid in grids), 8.0, (last - first) / 60
         )
         use = np.flatnonzero((stored >= first - 1e-6) & (stored <= last + 1e-6))
-        if use.size < _FEWEST:
+        if use.size < FEWEST:
             raise ValueError(
                 f"the paints are known from {first:g} to {last:g} nm, and {use.size} bands of the "
-                f"image lie there (it has {describe_grid(stored)}); at least {_FEWEST} are "
+                f"image lie there (it has {describe_grid(stored)}); at least {FEWEST} are "
                 "needed: use another catalogue, or check the image's wavelengths"
             )
         grid = stored[use]
@@ -139,8 +134,8 @@ def classify(
         level = sd.mean(axis=-1)
         tests = [
             (Status.DARK, top < _SURE * level),
-            (Status.TOO_BRIGHT, top > _TOO_BRIGHT),
-            (Status.NEGATIVE, (readings < -(_SURE * sd + _SLACK)).any(axis=-1)),
+            (Status.TOO_BRIGHT, top > 1.5),
+            (Status.NEGATIVE, (readings < -(_SURE * sd + 0.01)).any(axis=-1)),
             (Status.SATURATED, np.isposinf(top)),
             (
                 Status.NO_DATA,

@@ -3,7 +3,7 @@ set, and spectra that no set explains.
 """
 
 import json
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Self
 
@@ -93,15 +93,9 @@ class ChunkMaps:
     """
 
     arrays: dict[str, np.ndarray]
-    tallies: dict[str, float] = field(default_factory=dict)
+    tallies: Mapping[str, float] = field(default_factory=dict)
     sets: dict[Members, SetSum] = field(default_factory=dict)
     unexplained: Unexplained = field(default_factory=Unexplained.nothing)
-
-
-def add_tallies(into: dict[str, float], more: Mapping[str, float]) -> None:
-    """Add counts to others."""
-    for name, count in more.items():
-        into[name] = into.get(name, 0) + count
 
 
 def add_sets(into: dict[Members, SetSum], more: Mapping[Members, SetSum]) -> None:
@@ -112,20 +106,15 @@ def add_sets(into: dict[Members, SetSum], more: Mapping[Members, SetSum]) -> Non
 
 def pack(maps: ChunkMaps) -> dict[str, np.ndarray]:
     """All of a window but its arrays, by name; `unpack` gives the same numbers back."""
-    sets = maps.sets
-    sums = list(sets.values())
-    longest = max((len(members) for members in sets), default=0)
+    counts = {"tallies": maps.tallies, "members": [*maps.sets]}
+    # A row a set; counts of pixels are whole in float64, too.
+    sums = [
+        [one.pixels, *one.thickness, *one.spectrum, *one.fitted, *one.square]
+        for one in maps.sets.values()
+    ]
     return {
-        "tallies": np.frombuffer(json.dumps(maps.tallies).encode(), np.uint8),
-        "members": np.array([[*m, *[-1] * (longest - len(m))] for m in sets], np.int32).reshape(
-            len(sets), longest
-        ),
-        "pixels": np.array([one.pixels for one in sums], np.int64),
-        "thickness": np.array([one.thickness[0] for one in sums], np.float64),
-        "with_thickness": np.array([one.thickness[1] for one in sums], np.int64),
-        "spectrum": _stack(one.spectrum for one in sums),
-        "fitted": _stack(one.fitted for one in sums),
-        "square": _stack(one.square for one in sums),
+        "counts": np.frombuffer(json.dumps(counts).encode(), np.uint8),
+        "sums": np.array(sums, np.float64),
         "unexplained_pixels": np.asarray(maps.unexplained.pixels, np.int64),
         "unexplained_readings": np.asarray(maps.unexplained.readings, np.float64),
         "unexplained_places": np.asarray(maps.unexplained.places, np.int64),
@@ -134,29 +123,24 @@ def pack(maps: ChunkMaps) -> dict[str, np.ndarray]:
 
 def unpack(parts: Mapping[str, np.ndarray]) -> ChunkMaps:
     """What `pack` kept of a window; its arrays are left out."""
-    sets = {
-        tuple(int(m) for m in members if m >= 0): SetSum(
-            pixels=int(parts["pixels"][i]),
-            spectrum=parts["spectrum"][i],
-            fitted=parts["fitted"][i],
-            square=parts["square"][i],
-            thickness=(float(parts["thickness"][i]), int(parts["with_thickness"][i])),
+    counts = json.loads(parts["counts"].tobytes())
+    sets = {}
+    for members, (pixels, thickness, with_thickness, *spectra) in zip(
+        counts["members"], parts["sums"], strict=True
+    ):
+        spectrum, fitted, square = np.split(np.array(spectra), 3)
+        sets[tuple(members)] = SetSum(
+            pixels=int(pixels),
+            spectrum=spectrum,
+            fitted=fitted,
+            square=square,
+            thickness=(float(thickness), int(with_thickness)),
         )
-        for i, members in enumerate(parts["members"])
-    }
-    unexplained = Unexplained(
-        pixels=parts["unexplained_pixels"],
-        readings=parts["unexplained_readings"],
-        places=parts["unexplained_places"],
-    )
     return ChunkMaps(
         arrays={},
-        tallies=json.loads(parts["tallies"].tobytes()),
+        tallies=counts["tallies"],
         sets=sets,
-        unexplained=unexplained,
+        unexplained=Unexplained(
+            *(parts[f"unexplained_{name}"] for name in ("pixels", "readings", "places"))
+        ),
     )
-
-
-def _stack(spectra: Iterable[Float[np.ndarray, "bands"]]) -> Float[np.ndarray, "sets bands"]:
-    rows = [np.asarray(spectrum, np.float64) for spectrum in spectra]
-    return np.stack(rows) if rows else np.zeros((0, 0))

@@ -1,41 +1,44 @@
 """A map that has no window yet: its folder, arrays and attributes."""
 
-import math
-import os
+import json
 import warnings
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
+from uuid import uuid4
 
 import numpy as np
 
 from ...identify.search.unstated_conditions import CONDITIONS
-from .atomic_files import sync
-from .identity import WORK, seal_attributes
 from .layout import STATUS_WORDS, VARIABLES, Variable, Way
+
+FORMAT = 5
+"""What the attribute `glazejax` of a map says it is."""
+
+WORK = ".glazejax"
+"""Folder within a map that holds what a run needs to go on."""
 
 
 def plain(value: Any) -> Any:
-    """A value as JSON has it: paths as text, arrays and tuples as lists, what is not finite as
-    text.
+    """A value as JSON has it: paths as text, arrays, sets and tuples as lists, what is not finite
+    as text.
 
     Raises:
         TypeError: something that JSON has not.
     """
-    if isinstance(value, Mapping):
-        return {str(name): plain(entry) for name, entry in value.items()}
+    return json.loads(json.dumps(value, default=_plainer), parse_constant=str)
+
+
+def _plainer(value: Any) -> Any:
+    """What JSON has not, by what it has."""
     if isinstance(value, np.ndarray | np.generic):
-        return plain(value.tolist())
-    if isinstance(value, list | tuple):
-        return [plain(entry) for entry in value]
+        return value.tolist()
     if isinstance(value, set | frozenset):
-        return sorted(plain(entry) for entry in value)
-    if isinstance(value, float) and not math.isfinite(value):
-        return str(value)
+        return sorted(value)
+    if isinstance(value, Mapping):
+        return dict(value)
     if isinstance(value, Path):
         return str(value)
-    if value is None or isinstance(value, str | int | float):
-        return value
     raise TypeError(f"{value!r} cannot be kept as an attribute")
 
 
@@ -50,11 +53,18 @@ def lay_out(
 ) -> None:
     """Write an empty map into a new folder; see `store.MapStore.create`."""
     import zarr
-    from zarr.codecs import BloscCodec
+    from zarr.codecs import BloscCodec, Crc32cCodec
 
-    whole = {"Conventions": "CF-1.11", **attrs, "paints": list(paints), "options": options}
+    about = {"format": FORMAT, "run": uuid4().hex, "shape": shape, "chunk": chunk}
+    whole = {
+        "Conventions": "CF-1.11",
+        **attrs,
+        "paints": list(paints),
+        "options": options,
+        "glazejax": about,
+    }
     group = zarr.create_group(path, attributes=plain(whole))
-    packed = BloscCodec(cname="zstd", clevel=1, shuffle="shuffle")
+    packed = [BloscCodec(cname="zstd", clevel=1, shuffle="shuffle"), Crc32cCodec()]
     for variable in VARIABLES:
         further = variable.further_sizes(len(paints))
         group.create_array(
@@ -74,6 +84,7 @@ def lay_out(
         group.create_array(
             name,
             data=np.asarray(values),
+            compressors=packed,
             dimension_names=[name],
             attributes=plain(attributes),
         )
@@ -82,22 +93,16 @@ def lay_out(
         shape=(len(paints),),
         chunks=(max(len(paints), 1),),
         dtype=str,
+        compressors=packed,
         dimension_names=["paint"],
     )
     names[:] = np.array([*paints], dtype=object)
-    group.update_attributes(
-        {"glazejax": seal_attributes(path, plain(shape), plain(chunk), plain(whole))}
-    )
     with warnings.catch_warnings():
         # zarr warns that others may not know this list of arrays; without it readers complain of
         # the folder that is no array.
         warnings.simplefilter("ignore")
         zarr.consolidate_metadata(group.store)
     (path / WORK).mkdir()
-    for folder, _, files in os.walk(path):
-        for file in files:
-            sync(Path(folder, file))
-    sync(path)
 
 
 def _words(variable: Variable, paints: Sequence[str]) -> dict[str, Any]:

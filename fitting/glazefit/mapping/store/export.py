@@ -143,27 +143,13 @@ def _write_netcdf(store: MapStore, path: Path) -> None:
 
 
 def _flat(attrs: Mapping[Any, Any]) -> dict[str, Any]:
-    """Attributes as NetCDF has them: what is nested as JSON, nothing left out."""
+    """Attributes as NetCDF has them: numbers, texts and lists of one of them; all else as JSON."""
     found: dict[str, Any] = {}
     for name, value in attrs.items():
-        if isinstance(value, bool):
-            value = int(value)
-        elif (
-            isinstance(value, Mapping)
-            or value is None
-            or (isinstance(value, list | tuple) and not _even(value))
-        ):
-            value = json.dumps(value)
-        found[str(name)] = value
+        kinds = {type(each) for each in (value if isinstance(value, list) else [value])}
+        plain = len(kinds) == 1 and kinds <= {int, float, str}
+        found[str(name)] = value if plain else json.dumps(value)
     return found
-
-
-def _even(values: list[Any] | tuple[Any, ...]) -> bool:
-    """Whether a list is one of texts or one of numbers, and not empty."""
-    texts = {isinstance(value, str) for value in values}
-    return len(texts) == 1 and all(
-        isinstance(v, str | int | float) and not isinstance(v, bool) for v in values
-    )
 
 
 def _band_names(paints: tuple[str, ...]) -> list[str]:

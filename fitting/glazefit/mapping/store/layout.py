@@ -44,10 +44,10 @@ class Variable(NamedTuple):
     """One array of a map; all are (y, x) first."""
 
     name: str
-    dtype: str
-    fill: float
-    unit: str
     words: str
+    dtype: str = "float32"
+    fill: float = float("nan")
+    unit: str = ""
     further: tuple[str, ...] = ()  # dimensions after y and x
 
     def further_sizes(self, paints: int) -> tuple[int, ...]:
@@ -60,96 +60,42 @@ PLACES = 3
 """Paints a set can have."""
 
 VARIABLES = (
-    Variable(name="status", dtype="uint8", fill=0, unit="", words="what became of the pixel"),
-    Variable(name="way", dtype="uint8", fill=0, unit="", words="how its answer was found"),
+    Variable(name="status", words="what became of the pixel", dtype="uint8", fill=0),
+    Variable(name="way", words="how its answer was found", dtype="uint8", fill=0),
     Variable(
         name="members",
+        words="paints of the most probable set, by number; -1 for none",
         dtype="int16",
         fill=-1,
-        unit="",
-        words="paints of the most probable set, by number; -1 for none",
         further=("place",),
     ),
-    Variable(name="condition", dtype="int8", fill=0, unit="", words="how it lies if not as told"),
+    Variable(name="condition", words="how it lies if not as told", dtype="int8", fill=0),
+    Variable(name="probability", words="probability of that set", unit="1"),
     Variable(
-        name="probability",
-        dtype="float32",
-        fill=float("nan"),
-        unit="1",
-        words="probability of that set",
+        name="none", words="probability that no paints of the catalogue explain the pixel", unit="1"
     ),
     Variable(
-        name="none",
-        dtype="float32",
-        fill=float("nan"),
-        unit="1",
-        words="probability that no paints of the catalogue explain the pixel",
+        name="explained", words="1 where the catalogue explains the pixel", dtype="uint8", fill=0
     ),
     Variable(
-        name="explained",
-        dtype="uint8",
-        fill=0,
-        unit="",
-        words="1 where the catalogue explains the pixel",
-    ),
-    Variable(
-        name="paint_probability",
-        dtype="float32",
-        fill=float("nan"),
-        unit="1",
-        words="probability of each paint",
-        further=("paint",),
+        name="paint_probability", words="probability of each paint", unit="1", further=("paint",)
     ),
     Variable(
         name="fraction",
-        dtype="float32",
-        fill=float("nan"),
-        unit="1",
         words="share by mass of each paint of the set",
+        unit="1",
         further=("place",),
     ),
-    Variable(
-        name="fraction_sd",
-        dtype="float32",
-        fill=float("nan"),
-        unit="1",
-        words="its standard deviation",
-        further=("place",),
-    ),
-    Variable(
-        name="thickness",
-        dtype="float32",
-        fill=float("nan"),
-        unit="m",
-        words="thickness; NaN where the film hides its ground",
-    ),
-    Variable(
-        name="thickness_sd",
-        dtype="float32",
-        fill=float("nan"),
-        unit="m",
-        words="its standard deviation",
-    ),
-    Variable(
-        name="misfit",
-        dtype="float32",
-        fill=float("nan"),
-        unit="Delta E00",
-        words="how far off the best candidates are",
-    ),
-    Variable(
-        name="rmse",
-        dtype="float32",
-        fill=float("nan"),
-        unit="1",
-        words="root mean square of measured less fitted reflectance",
-    ),
+    Variable(name="fraction_sd", words="its standard deviation", unit="1", further=("place",)),
+    Variable(name="thickness", words="thickness; NaN where the film hides its ground", unit="m"),
+    Variable(name="thickness_sd", words="its standard deviation", unit="m"),
+    Variable(name="misfit", words="how far off the best candidates are", unit="Delta E00"),
+    Variable(name="rmse", words="root mean square of measured less fitted reflectance", unit="1"),
     Variable(
         name="true_colour",
+        words="sRGB under D65, 2 degrees",
         dtype="uint8",
         fill=0,
-        unit="",
-        words="sRGB under D65, 2 degrees",
         further=("rgb",),
     ),
 )

@@ -1,11 +1,8 @@
 """One run at a time on a map: a lock beside its folder, that stays where the folder is replaced."""
 
-import os
-import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import BinaryIO
 
 
 @contextmanager
@@ -21,56 +18,25 @@ def hold(path: Path) -> Iterator[None]:
 
     Raises:
         ValueError: another run holds it.
-        OSError: the file cannot be made.
+        OSError: the file cannot be made or locked.
     """
+    from filelock import FileLock, Timeout
+
     # Two names of one folder have one lock.
     folder = path.resolve()
     beside = folder.with_name(f".{folder.name}.lock")
-    while True:
-        with beside.open("ab") as file:
-            if not _lock(file):
-                raise ValueError(
-                    f"another run is writing {path}; wait for it or stop it, or name another map"
-                )
-            # The run before may have taken the file away after it was opened here: then others
-            # would lock a new one.
-            if not _is_at(file, beside):
-                continue
-            try:
-                yield
-            finally:
-                # Windows removes no open file; there it stays.
-                with suppress(OSError):
-                    beside.unlink()
-            return
-
-
-def _is_at(file: BinaryIO, path: Path) -> bool:
-    """Whether an open file still has its name."""
+    lock = FileLock(beside)
     try:
-        return os.path.samestat(os.fstat(file.fileno()), path.stat())
-    except FileNotFoundError:
-        return False
-
-
-def _lock(file: BinaryIO) -> bool:
-    """Lock an open file for this process; False if another has it. The system lets go when the
-    process ends.
-    """
-    if sys.platform == "win32":
-        import msvcrt
-
-        try:
-            msvcrt.locking(file.fileno(), msvcrt.LK_NBLCK, 1)
-        except OSError:
-            return False
-        return True
-    from fcntl import LOCK_EX, LOCK_NB, flock
-
+        lock.acquire(timeout=0)
+    except Timeout:
+        raise ValueError(
+            f"another run is writing {path}; wait for it or stop it, or name another map"
+        ) from None
     try:
-        flock(file.fileno(), LOCK_EX | LOCK_NB)
-    except BlockingIOError:
-        return False
-    except OSError:  # a network drive without locks
-        return True
-    return True
+        yield
+    finally:
+        # While it is held: filelock takes no file that was taken away. Windows removes no open
+        # file; there it stays.
+        with suppress(OSError):
+            beside.unlink()
+        lock.release()

@@ -2,18 +2,11 @@
 looked at.
 """
 
-from collections.abc import AsyncIterator
 from typing import Any
-from zlib import crc32
 
-import numpy as np
-from jaxtyping import Int
 from zarr.storage import LocalStore, WrapperStore
 
-from .identity import NO_FILE, WORK
-from .layout import BY_NAME
-from .marks import Marks
-from .windows import Window
+from .chunks import Chunks
 
 
 class FinishedWindows(WrapperStore[LocalStore]):
@@ -21,17 +14,15 @@ class FinishedWindows(WrapperStore[LocalStore]):
 
     Args:
         store: the map's files, for reading.
-        marks: of its windows; those count as finished that have one now.
+        chunks: where its windows lie among them.
     """
 
-    def __init__(self, store: LocalStore, marks: Marks):
+    def __init__(self, store: LocalStore, chunks: Chunks):
         super().__init__(store)
-        self._marks = marks
-        self._done = marks.done()
-        self._checksums: dict[Window, Int[np.ndarray, "variables"]] = {}
+        self._chunks = chunks
 
     def _with_store(self, store: LocalStore) -> "FinishedWindows":
-        return type(self)(store, self._marks)
+        return type(self)(store, self._chunks)
 
     async def get(self, key: str, prototype: Any, byte_range: Any = None) -> Any:
         """What is stored under a key; nothing of a window that is not finished.
@@ -39,22 +30,12 @@ class FinishedWindows(WrapperStore[LocalStore]):
         Raises:
             ValueError: a window that is damaged.
         """
-        name, _, place = key.partition("/c/")
-        if not place or name not in BY_NAME:
+        window = self._chunks.window(key)
+        if window is None:
             return await super().get(key, prototype, byte_range)
-        row, column = place.split("/")[:2]
-        window = self._marks.window(int(row), int(column))
-        if window not in self._done:
+        # It is asked first: a window may be finished while it is read.
+        if not self._chunks.complete and not self._chunks.is_done(window):
             return None
-        if window not in self._checksums:
-            self._checksums[window] = self._marks.get(window)["checksums"]
-        found = await super().get(key, prototype)
-        checksum = NO_FILE if found is None else crc32(found.to_bytes())
-        self._marks.check(window, name, checksum, self._checksums[window])
-        return found if byte_range is None else await super().get(key, prototype, byte_range)
-
-    async def list_dir(self, prefix: str) -> AsyncIterator[str]:
-        """Names in a folder, without that of our own work, which is no array."""
-        async for name in super().list_dir(prefix):
-            if name != WORK:
-                yield name
+        content = await super().get(key, prototype, byte_range)
+        self._chunks.check(window, key, None if content is None else content.to_bytes())
+        return content

@@ -1,19 +1,20 @@
 """The store of a map: a zarr 3 folder that fills window by window, and goes on after a kill where
 it stopped.
 
-A window's mark, a file in the folder ``.glazejax``, is written last: with sums over the window's
-sets it holds a checksum of each file of the window. A window without a mark is not finished,
-whatever a killed run left in the arrays: `open_map` shows fill values in its place, and a run that
-goes on does it again. A window whose files do not meet their checksums is damaged: `open_map`
-refuses to read it, and a run that goes on does it again, too.
+zarr puts each chunk in place whole, with a checksum (CRC-32C). A window's status is written last,
+after its other arrays and sums over its sets. A window without status is not finished, whatever a
+killed run left in the arrays: `open_map` shows fill values in its place, and a run that goes on
+does it again. A finished window of which a chunk is missing or does not meet its checksum is
+damaged: `open_map` refuses to read it, and a run that goes on does it again, too.
 """
 
 import json
+import reprlib
 import shutil
 import warnings
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -21,18 +22,21 @@ import numpy as np
 
 from glazejax.extras import require
 
-from .atomic_files import KeyedResults, explain_full_disk, sync, write_whole
-from .chunk import ChunkMaps, Members, SetSum, Unexplained, add_sets, add_tallies, pack, unpack
-from .create import lay_out, plain
-from .identity import WORK, damaged_files, is_map, read_identity
-from .layout import BY_NAME, VARIABLES, Status, Variable
+from .atomic_files import KeyedResults, explain_full_disk
+from .chunk import ChunkMaps, Members, SetSum, Unexplained, add_sets, pack, unpack
+from .chunks import FIX, Chunks
+from .create import FORMAT, WORK, lay_out, plain
+from .layout import BY_NAME, VARIABLES
 from .lock import hold
-from .marks import Marks
 from .windows import Window, windows
 
 if TYPE_CHECKING:
     import xarray
-    import zarr
+
+# A list or text that differs is shown by so much of it.
+_short = reprlib.Repr()
+_short.maxlist = 4
+_short.maxstring = 60
 
 
 class DamagedWindow(UserWarning):
@@ -48,19 +52,38 @@ class MapStore:
         chunk: rows and columns of a window.
         paints: names of the paints, in the order of their numbers.
         options: what the map depends on, as plain JSON.
+        run: tells the map from any that it replaced.
         work: where a run keeps what it found before the windows.
     """
 
     def __init__(self, path: str | Path):
-        require("zarr")
+        require("zarr", "filelock")
         self.path = Path(path)
-        self._identity = read_identity(self.path)
-        self.shape: tuple[int, int] = self._identity.shape
-        self.chunk: tuple[int, int] = self._identity.chunk
-        self.paints: tuple[str, ...] = self._identity.paints
-        self.options: dict[str, Any] = self._identity.options
-        self._marks = Marks(self.path, self._identity)
-        self._group: zarr.Group | None = None
+        if not is_map(self.path):
+            raise ValueError(
+                f"{path} is no map of glazejax; name the folder that `glazejax map` wrote with "
+                "--out"
+            )
+        try:
+            text = (self.path / "zarr.json").read_text(encoding="utf-8")
+            attrs = json.loads(text)["attributes"]
+            about = attrs["glazejax"]
+            written = about["format"]
+            self.run: str = about["run"]
+            self.shape: tuple[int, int] = (about["shape"][0], about["shape"][1])
+            self.chunk: tuple[int, int] = (about["chunk"][0], about["chunk"][1])
+            self.paints: tuple[str, ...] = tuple(attrs["paints"])
+            self.options: dict[str, Any] = attrs["options"]
+        except (ValueError, KeyError, TypeError):
+            raise _damaged(self.path, "zarr.json is not as it was written") from None
+        if written != FORMAT:
+            raise ValueError(
+                f"{path} is a map of format {written}, written by another glazejax; this one reads "
+                f"format {FORMAT}: make the map again (--overwrite), or read it by xarray.open_zarr"
+            )
+        self._chunks = Chunks(self.path, self.shape, self.chunk, attrs.get("complete", False))
+        self.work = KeyedResults(self.path / WORK / "work")
+        self._sums = KeyedResults(self.path / WORK / "sums")
         self._held = False
 
     @classmethod
@@ -98,17 +121,8 @@ class MapStore:
         """
         require("zarr")
         path = Path(path)
-        whole = {**options, "shape": list(shape), "paints": list(paints)}
-        wanted = plain(whole)
+        wanted = plain({**options, "shape": shape, "paints": paints})
         check_map(path, overwrite=overwrite)
-        lay = partial(
-            lay_out,
-            shape=shape,
-            paints=paints,
-            options=wanted,
-            attrs=attrs or {},
-            coords=coords or {},
-        )
         with hold(path):
             if path.exists() and any(path.iterdir()) and not overwrite:
                 existing = cls(path)
@@ -117,18 +131,28 @@ class MapStore:
                         f"{path} was begun with other options ({differences}); name another map, "
                         "or replace it with overwrite=True (--overwrite)"
                     )
-                existing._mend_files(partial(lay, chunk=existing.chunk))
                 return existing
-            old = path.with_name(f".{path.name}.old")
-            shutil.rmtree(old, ignore_errors=True)
-            with (
-                explain_full_disk(path, lambda: "nothing of the map was begun"),
-                _laid_out(path, partial(lay, chunk=chunk)) as new,
-            ):
-                if path.exists():
-                    path.replace(old)
-                new.replace(path)
-            shutil.rmtree(old, ignore_errors=True)
+            # Beside the map, so that it is there whole or as it was before.
+            new, old = (path.with_name(f".{path.name}.{state}") for state in ("new", "old"))
+            try:
+                for left in (new, old):
+                    shutil.rmtree(left, ignore_errors=True)
+                with explain_full_disk(path, lambda: "nothing of the map was begun"):
+                    lay_out(
+                        new,
+                        shape=shape,
+                        chunk=chunk,
+                        paints=paints,
+                        options=wanted,
+                        attrs=attrs or {},
+                        coords=coords or {},
+                    )
+                    if path.exists():
+                        path.replace(old)
+                    new.replace(path)
+            finally:
+                for left in (new, old):
+                    shutil.rmtree(left, ignore_errors=True)
         return cls(path)
 
     @classmethod
@@ -140,43 +164,21 @@ class MapStore:
         """
         return cls(path)
 
-    @property
-    def work(self) -> KeyedResults:
-        """Results that a run keeps before and between windows."""
-        return KeyedResults(self.path / WORK / "work")
-
     def windows(self) -> list[Window]:
         """All windows, row by row."""
         return windows(self.shape, self.chunk)
 
     def done(self) -> set[Window]:
         """The windows that are finished."""
-        return self._marks.done()
+        return {window for window in self.windows() if self._chunks.is_done(window)}
 
     def put(self, window: Window, maps: ChunkMaps) -> None:
-        """Write a window: its arrays, the status of its pixels last of them, then its mark.
+        """Write a window: sums over its sets, its arrays, the status of its pixels last.
 
         Raises:
-            ValueError: no window of this map, arrays that do not fit it, or pixels without a
-                status.
+            ValueError: arrays that do not fit the window.
             OSError: the disk is full; other windows are kept.
         """
-        if window != Window.at(window.y0, window.x0, self.shape, self.chunk):
-            raise ValueError(
-                f"{window!r} is no window of {self.path}, whose windows are {self.chunk[0]} x "
-                f"{self.chunk[1]}"
-            )
-        for name, array in maps.arrays.items():
-            variable = BY_NAME.get(name)
-            if variable is None:
-                raise ValueError(f"a map has no array {name!r}; it has {', '.join(BY_NAME)}")
-            expected = (*window.shape, *variable.further_sizes(len(self.paints)))
-            if array.shape != expected:
-                raise ValueError(
-                    f"{name} of window {window} has shape {array.shape}; it must be {expected}"
-                )
-        if (maps.arrays.get("status", np.uint8(Status.UNDONE)) == Status.UNDONE).any():
-            raise ValueError(f"some pixels of window {window} have no status")
         with explain_full_disk(
             self.path,
             lambda: (
@@ -184,38 +186,24 @@ class MapStore:
                 "make room, then run the same again and it goes on"
             ),
         ):
-            # Programs that know no marks go by the status.
+            self._sums.put(str(window), pack(maps))
+            arrays = self._arrays()
             for variable in sorted(VARIABLES, key=lambda variable: variable.name == "status"):
-                self._write(variable, window, maps)
-            for variable in VARIABLES:
-                sync(self._marks.file(variable, window))
-            sync(self._marks.file(BY_NAME["status"], window).parent)
-            self._marks.put(window, pack(maps))
+                values = maps.arrays.get(variable.name, np.asarray(variable.fill))
+                arrays[variable.name][window.slices] = values.astype(variable.dtype)
 
-    def check_files(self) -> None:
-        """See that metadata and coordinates are as they were written.
-
-        Raises:
-            ValueError: they are not.
-        """
-        if damaged := damaged_files(self.path, self._identity):
-            raise ValueError(
-                f"{self.path} is damaged ({damaged[0]} is missing or not as it was written); run "
-                "the same `glazejax map` again, which writes it anew"
-            )
-
-    def sums(self) -> tuple[dict[str, float], dict[Members, SetSum]]:
+    def sums(self) -> tuple[Mapping[str, float], dict[Members, SetSum]]:
         """Counts and sums of sets over all finished windows, in the order of the windows whatever
         their order of work.
 
         Raises:
-            ValueError: a window's mark is damaged.
+            ValueError: a window's sums are damaged.
         """
-        tallies: dict[str, float] = {}
+        tallies: Counter[str] = Counter()
         sets: dict[Members, SetSum] = {}
         for window in sorted(self.done()):
-            kept = unpack(self._marks.get(window))
-            add_tallies(tallies, kept.tallies)
+            kept = self._window_sums(window)
+            tallies.update(kept.tallies)
             add_sets(sets, kept.sets)
         return tallies, sets
 
@@ -223,11 +211,9 @@ class MapStore:
         """Spectra of all finished windows that no paints explain.
 
         Raises:
-            ValueError: a mark is damaged.
+            ValueError: a window's sums are damaged.
         """
-        return Unexplained.join(
-            [unpack(self._marks.get(w)).unexplained for w in sorted(self.done())]
-        )
+        return Unexplained.join([self._window_sums(w).unexplained for w in sorted(self.done())])
 
     def note(self, **attrs: Any) -> None:
         """Add attributes to the map, such as what a check of it found."""
@@ -239,7 +225,7 @@ class MapStore:
     @contextmanager
     def writing(self) -> Iterator[None]:
         """Hold the map, so that no second run writes or replaces it; take away what a killed run
-        left half-written, and the marks of damaged windows, of which each is warned.
+        left half-written, and the chunks of damaged windows, of which each is warned.
 
         Raises:
             ValueError: another run holds it, or has replaced it.
@@ -248,60 +234,53 @@ class MapStore:
             yield
             return
         with hold(self.path):
-            if read_identity(self.path).run != self._identity.run:
+            if type(self)(self.path).run != self.run:
                 raise ValueError(
                     f"another run has replaced {self.path} since this one began; name another map, "
                     "or run the same again"
                 )
-            work = self.path / WORK
-            work.mkdir(exist_ok=True)
-            for left in (*self.path.rglob("*.partial"), *work.rglob("*.part")):
+            for left in self.path.rglob("*.part*"):
                 left.unlink(missing_ok=True)
-            for damage in self._marks.remove_damaged():
-                warnings.warn(damage, DamagedWindow, stacklevel=4)
-                self.note(complete=False)
+            for window in self.windows() if self._chunks.complete else sorted(self.done()):
+                self._remove_damaged(window)
             self._held = True
             try:
                 yield
             finally:
                 self._held = False
 
-    def _mend_files(self, lay: Callable[[Path], None]) -> None:
-        """Write damaged files of metadata and coordinates anew.
+    def _remove_damaged(self, window: Window) -> None:
+        """Take a window away, and warn of it, if it is damaged."""
+        files = {
+            key: self.path / key for key in (self._chunks.key(each, window) for each in VARIABLES)
+        }
+        try:
+            self._window_sums(window)
+            for key, file in files.items():
+                self._chunks.check(window, key, file.read_bytes() if file.exists() else None)
+        except ValueError as damage:
+            words = f"{str(damage).removesuffix(FIX)}, and is mapped anew"
+            warnings.warn(words, DamagedWindow, stacklevel=5)
+            for file in files.values():
+                file.unlink(missing_ok=True)
+            self.note(complete=False)
 
-        Args:
-            lay: lays out an empty map like this one in a folder.
+    def _window_sums(self, window: Window) -> ChunkMaps:
+        """A finished window without its arrays."""
+        try:
+            return unpack(self._sums.get(str(window)))
+        except (KeyError, ValueError):
+            raise self._chunks.damage(window, "its sums cannot be read") from None
 
-        Raises:
-            ValueError: they come out otherwise than they were.
+    def _arrays(self) -> dict[str, Any]:
+        """Arrays to write to, by name; chunks of nothing but fill are written too, so that one that
+        is missing is noticed.
         """
-        damaged = damaged_files(self.path, self._identity)
-        if not damaged:
-            return
-        with _laid_out(self.path, lay) as new:
-            for name in damaged:
-                (self.path / name).parent.mkdir(parents=True, exist_ok=True)
-                write_whole(self.path / name, (new / name).read_bytes())
-        if damaged_files(self.path, self._identity):
-            raise ValueError(
-                f"{self.path} is damaged ({damaged[0]} is missing or not as it was written): make "
-                "the map again with overwrite=True (--overwrite)"
-            )
-
-    def _writable(self) -> "zarr.Group":
         import zarr
 
-        if self._group is None:
-            # The metadata beside each array have checksums; those that are consolidated have none.
-            self._group = zarr.open_group(self.path, mode="r+", use_consolidated=False)
-        return self._group
-
-    def _write(self, variable: Variable, window: Window, maps: ChunkMaps) -> None:
-        """Write a window of one array."""
-        fill = np.asarray(variable.fill)
-        rows, columns = window.slices
-        array: Any = self._writable()[variable.name]
-        array[rows, columns] = maps.arrays.get(variable.name, fill).astype(variable.dtype)
+        with zarr.config.set({"array.write_empty_chunks": True}):
+            group = zarr.open_group(self.path, mode="r+")
+            return {name: group[name] for name in BY_NAME}
 
 
 def open_map(path: str | Path) -> "xarray.Dataset":
@@ -329,12 +308,12 @@ def open_map(path: str | Path) -> "xarray.Dataset":
     from .partial_store import FinishedWindows
 
     store = MapStore.open(path)
-    store.check_files()
-    shown = FinishedWindows(LocalStore(store.path, read_only=True), store._marks)
-    found = xarray.open_zarr(shown, consolidated=False, chunks=None)
-    # zarr lists arrays as they come, and reads them side by side.
-    ordered = {name: found[name] for name in sorted(map(str, found.data_vars))}
-    return xarray.Dataset(ordered, coords=found.coords, attrs=found.attrs)
+    shown = FinishedWindows(LocalStore(store.path, read_only=True), store._chunks)
+    try:
+        # zarr lists arrays as they come.
+        return xarray.open_zarr(shown, chunks=None)[sorted(BY_NAME)]
+    except ValueError:
+        raise _damaged(store.path, "coordinates cannot be read") from None
 
 
 def check_map(path: str | Path, *, overwrite: bool = False) -> bool:
@@ -360,60 +339,40 @@ def check_map(path: str | Path, *, overwrite: bool = False) -> bool:
     return True
 
 
-@contextmanager
-def _laid_out(path: Path, lay: Callable[[Path], None]) -> Iterator[Path]:
-    """A new folder beside another, as `lay` fills it; taken away if it is still there in the
-    end.
-    """
-    new = path.with_name(f".{path.name}.new")
-    shutil.rmtree(new, ignore_errors=True)
-    try:
-        lay(new)
-        yield new
-    finally:
-        shutil.rmtree(new, ignore_errors=True)
+def is_map(path: Path) -> bool:
+    """Whether a folder holds a map of glazejax, whole or damaged."""
+    return (path / WORK).is_dir() and (path / "zarr.json").is_file()
 
 
-def _differences(existing: Mapping[str, Any], wanted: Mapping[str, Any], limit: int = 3) -> str:
+def _damaged(path: Path, words: str) -> ValueError:
+    return ValueError(
+        f"{path} is a damaged map, whose {words}: make the map again with overwrite=True "
+        "(--overwrite)"
+    )
+
+
+def _differences(existing: Mapping[str, Any], wanted: Mapping[str, Any]) -> str:
     """In words, how options differ; empty if they do not."""
-    names = [
-        name
-        for name in dict.fromkeys([*existing, *wanted])
-        if existing.get(name) != wanted.get(name)
+    return _few("; ", [_difference(name, existing, wanted) for name in _others(existing, wanted)])
+
+
+def _difference(name: str, existing: Mapping[str, Any], wanted: Mapping[str, Any]) -> str:
+    """How one option differs: both values, or the parts in which they do."""
+    there, now = existing.get(name), wanted.get(name)
+    if not (isinstance(there, Mapping) and isinstance(now, Mapping)):
+        return f"{name}: {_short.repr(there)} there, {_short.repr(now)} now"
+    words = [
+        f"{part} is {'new' if part not in there else 'gone' if part not in now else 'another'}"
+        for part in _others(there, now)
     ]
-    words = [_difference(name, existing.get(name), wanted.get(name)) for name in names[:limit]]
-    return "; ".join([*words, *([f"{len(names) - limit} more"] if len(names) > limit else [])])
+    return f"{name}: {_few(', ', words)}"
 
 
-def _difference(name: str, existing: Any, wanted: Any) -> str:
-    """How one option differs: both values if they are short, or the parts in which they do."""
-    if isinstance(existing, Mapping) and isinstance(wanted, Mapping):
-        parts = [
-            part
-            for part in dict.fromkeys([*existing, *wanted])
-            if existing.get(part) != wanted.get(part)
-        ]
-        words = [
-            f"{part} is "
-            f"{'new' if part not in existing else 'gone' if part not in wanted else 'another'}"
-            for part in parts[:3]
-        ]
-        return (
-            f"{name}: "
-            f"{', '.join([*words, *([f'{len(parts) - 3} more'] if len(parts) > 3 else [])])}"
-        )
-    if any(isinstance(value, list) and len(value) > 4 for value in (existing, wanted)):
-        return f"{name}: {_size(existing)} there, {_size(wanted)} now"
-    return f"{name}: {_short(existing)} there, {_short(wanted)} now"
+def _others(existing: Mapping[str, Any], wanted: Mapping[str, Any]) -> list[str]:
+    """Names under which two mappings differ."""
+    return [n for n in {**existing, **wanted} if existing.get(n) != wanted.get(n)]
 
 
-def _size(value: Any) -> str:
-    """A long list by its ends."""
-    if isinstance(value, list) and len(value) > 4:
-        return f"{_short(value[0])} to {_short(value[-1])} ({len(value)})"
-    return _short(value)
-
-
-def _short(value: Any) -> str:
-    text = "nothing" if value is None else value if isinstance(value, str) else json.dumps(value)
-    return text if len(text) <= 60 else f"{text[:57]}..."
+def _few(between: str, words: list[str]) -> str:
+    """The first three, and how many more there are."""
+    return between.join([*words[:3], *([f"{len(words) - 3} more"] if len(words) > 3 else [])])

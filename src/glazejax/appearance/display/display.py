@@ -37,8 +37,6 @@ PRESETS = {
 # Light beyond what the display has, in parts of its highest level, that is rounding rather than
 # another colour.
 _SLACK = 1e-6
-# The gamma of a cathode-ray tube: paper B has its curves as figures only.
-_TUBE_GAMMA = 2.2
 
 
 class Digital(NamedTuple):
@@ -167,7 +165,8 @@ class Display:
         0.607. Its tone curves are a figure that is not in the text; a gamma of 2.2 stands for them.
         """
         xy = [[0.614, 0.350], [0.306, 0.607], [0.149, 0.074]]
-        return cls(xy, [42.7, 138.7, 27.3], _TUBE_GAMMA, name="paper B's monitor")
+        # The gamma of a cathode-ray tube: paper B has its curves as figures only.
+        return cls(xy, [42.7, 138.7, 27.3], 2.2, name="paper B's monitor")
 
     @classmethod
     def from_readings(

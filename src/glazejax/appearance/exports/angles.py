@@ -16,15 +16,8 @@ from ..glaze.solve import indices, on_grid, planned_factor
 from ..glaze.table import GlazeTable, glaze_table
 from .rgb import Space, find_space, rgb_of_xyz
 
-NODES = 8
-"""Cosines of light and eye that integrals over the hemisphere are made of: Gauss's, right to 1e-6
-of an albedo.
-"""
 VIEWS = (0.0, 15.0, 30.0, 45.0, 60.0, 75.0)
 """Degrees at which colours are compared, of light and of eye."""
-
-# No finer than this under a rough surface: a fit leaves more.
-_ROUGH_TOLERANCE = 1e-4
 
 
 @dataclass(frozen=True)
@@ -104,7 +97,9 @@ def angular_colour(
     weights = colour_weights(grid, illuminant, observer)
     white = white_point(grid, illuminant, observer)
     made = on_grid(made, grid)
-    nodes, steps = np.polynomial.legendre.leggauss(NODES)
+    # Gauss's cosines of light and eye: integrals over the hemisphere are right to 1e-6 of an
+    # albedo.
+    nodes, steps = np.polynomial.legendre.leggauss(8)
     cosines = np.concatenate([0.5 * (nodes + 1.0), np.cos(np.deg2rad(VIEWS))])
     index = float(np.mean(np.asarray(indices(made, grid.size))))
     spectra, error = body_spectra(made, grid, cosines, roughness, tolerance)
@@ -155,6 +150,7 @@ def pair_spectra(
     if roughness > 0:
         from ...radiative.rough.reflectance import rough_reflectance_factor
 
+        # No finer than this under a rough surface: a fit leaves more.
         found = rough_reflectance_factor(
             glaze.albedo,
             glaze.optical_thickness,
@@ -163,7 +159,7 @@ def pair_spectra(
             refractive_index=glaze.refractive_index,
             cos_incidence=cos_in[batch],
             cos_viewing=cos_out[batch],
-            tolerance=max(tolerance, _ROUGH_TOLERANCE),
+            tolerance=max(tolerance, 1e-4),
         )
         return np.asarray(found, float)
     return planned_factor(glaze, cos_in[batch], cos_out[batch], tolerance)

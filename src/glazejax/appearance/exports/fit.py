@@ -20,11 +20,6 @@ _AZIMUTHS = (np.arange(6) + 0.5) * 30.0
 _FIT_AZIMUTHS = (np.arange(3) + 0.5) * 60.0
 # Roughness of the body and tint of the coat to start from.
 _STARTS = ((0.02, 0.9), (0.4, 0.9), (0.02, 0.4), (0.4, 0.4))
-# A coat must make the error smaller by this share of it, or it is left out.
-_WORTH = 0.02
-# Half a sum of squares that is not worth a coat: a root mean square of 1e-4 in three channels.
-_NOTHING = 1.5e-8
-_LEAST_TINT = 1e-3
 
 
 class Errors(NamedTuple):
@@ -133,8 +128,10 @@ def fit_openpbr(
     cost = np.inf
     material = OpenPBR()
     for coated in (False, True) if coat is None else (coat,):
-        found_cost, found = _best(_Problem(truth, layering, coated))
-        if found_cost < cost * (1 - _WORTH) ** 2 - _NOTHING:
+        found_cost, found = _best(_LobeFit(truth, layering, coated))
+        # A coat must make the error smaller by 2 % of it, or it is left out; 1.5e-8 is half a sum
+        # of squares that no coat is worth: a root mean square of 1e-4 in three channels.
+        if found_cost < cost * (1 - 0.02) ** 2 - 1.5e-8:
             cost = found_cost
             material = found
     naive = naive_openpbr(truth)
@@ -196,7 +193,7 @@ def material_errors(
     )
 
 
-class _Problem:
+class _LobeFit:
     """Residuals of a material made of a vector: colour of the body, its roughness; colour of the
     coat, darkening.
     """
@@ -211,7 +208,7 @@ class _Problem:
         share = np.sqrt(2.0 * truth.weights * cosines)
         self.share = share[:, None, None, None] * share[:, None, None] / np.sqrt(_FIT_AZIMUTHS.size)
         self.body = truth.body[truth.nodes, truth.nodes][:, :, None]
-        self.low = np.array([0.0] * 4 + ([_LEAST_TINT] * 3 + [0.0] if coated else []))
+        self.low = np.array([0.0] * 4 + ([1e-3] * 3 + [0.0] if coated else []))
 
     def material(self, x: Float[np.ndarray, "unknowns"]) -> OpenPBR:
         index = self.truth.refractive_index
@@ -257,7 +254,7 @@ class _Problem:
         return [np.array([*mean, rough, *([tint] * 3), 0.5]) for rough, tint in _STARTS]
 
 
-def _best(problem: _Problem) -> tuple[float, OpenPBR]:
+def _best(problem: _LobeFit) -> tuple[float, OpenPBR]:
     """The best of all starts: its cost and material."""
     from scipy.optimize import least_squares
 

@@ -10,7 +10,6 @@ from jaxtyping import Float
 from ...extras import require
 
 FORMATS = ("png", "exr")
-_MOST = 65535
 
 
 def write_image(path: Path, values: Float[np.ndarray, "..."], *, encoded: bool = False) -> None:
@@ -35,7 +34,7 @@ def png(values: Float[np.ndarray, "..."], *, encoded: bool = False) -> bytes:
 
     Source: PNG specification, third edition (W3C, 2025).
     """
-    whole = np.round(np.clip(values, 0.0, 1.0) * _MOST).astype(">u2")
+    whole = np.round(np.clip(values, 0.0, 1.0) * np.iinfo(np.uint16).max).astype(">u2")
     height, width = whole.shape[:2]
     rows = np.ascontiguousarray(whole).view(np.uint8).reshape(height, -1)
     # Filter 2: what changes from the row above, which is little.

@@ -18,24 +18,19 @@ from ...interpolated import interpolated
 from ...paint.media import Glaze, Mixture
 from ...radiative.common.fresnel import cos_refracted
 from ...radiative.common.quadrature import gauss
+from ...radiative.rough.lobes import lobe_albedo
 from ...spectra import validate_wavelengths
 from ..glaze.solve import indices, on_grid, with_variables
 from .angles import pair_spectra
-from .lobes import lobe_albedo
 from .rgb import Space, rgb_of_xyz
 
 KINDS = ("thickness", "fraction", "ground")
 """What may be a map: thickness of a layer in m, share of its second paint, reflectance of the
 ground.
 """
-_SHARE = 0.9
-_SOLVER = 1e-5
 # Tints of a coat that are tried; between them their error is a parabola.
 _TINTS = np.exp(np.linspace(0.0, np.log(2e-3), 41))
 _AT_ONCE = 65536
-# Cosines of light and eye of the means: with 8 in place of 5 they change by less than 1e-3 of
-# themselves.
-_NODES = 5
 
 
 class Colours(NamedTuple):
@@ -122,7 +117,8 @@ def mapped_colours(
     glaze = on_grid(mapped.glaze, grid)
     inner = MappedGlaze(glaze, mapped.layer, mapped.kinds)
     means = _Means(float(np.mean(np.asarray(indices(glaze, grid.size)))), roughness, coat)
-    tolerance = min(1e-3, _SOLVER * delta_e)
+    # Of reflectance factors: far below what a Delta E is made of.
+    tolerance = min(1e-3, 1e-5 * delta_e)
     computed = 0
 
     def mean_xyz(batch: Float[np.ndarray, "some kinds"]) -> Float[np.ndarray, "some means xyz"]:
@@ -153,7 +149,7 @@ def mapped_colours(
         table = interpolated(
             function,
             {name: (column.min(), column.max()) for name, column in columns.items()},
-            tolerance=delta_e * _SHARE,
+            tolerance=0.9 * delta_e,
             distance=distance,
             samples=columns,
         )
@@ -178,11 +174,12 @@ class _Means:
     """The weighted means over angles whose values say which body, and which coat, come nearest."""
 
     def __init__(self, index: float, roughness: float, coat: bool):
-        mu, weights = gauss(_NODES)
+        # With 8 cosines in place of 5 the means change by less than 1e-3 of themselves.
+        mu, weights = gauss(5)
         lit = 2.0 * mu * weights
         self.coat = coat
         # Paint is the same with light and eye exchanged: half of the pairs are enough.
-        first, second = np.triu_indices(_NODES)
+        first, second = np.triu_indices(mu.size)
         self.cos_in = mu[first]
         self.cos_out = mu[second]
         seen = 1.0 - lobe_albedo(mu, roughness, index)
@@ -193,7 +190,7 @@ class _Means:
         share = lit[:, None] * lit
         full = models * share
         folded = full + np.swapaxes(full, 1, 2)
-        folded[:, range(_NODES), range(_NODES)] *= 0.5
+        folded[:, range(mu.size), range(mu.size)] *= 0.5
         self.total = full.sum(axis=(1, 2))
         self.weights = folded[:, first, second] / self.total[:, None]
         self.squares = (full * models).sum(axis=(1, 2)) / self.total

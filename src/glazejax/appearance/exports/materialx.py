@@ -15,7 +15,7 @@ VERSION = "1.39"
 _COLOURS = ("base_color", "coat_color")
 
 
-class Image(NamedTuple):
+class ImageNode(NamedTuple):
     """A picture in place of a number."""
 
     file: str
@@ -30,8 +30,8 @@ def write_materialx(
     *,
     name: str = "glaze",
     space: str = "srgb",
-    images: Mapping[str, Image] | None = None,
-    normal: Image | None = None,
+    images: Mapping[str, ImageNode] | None = None,
+    normal: ImageNode | None = None,
     overwrite: bool = False,
 ) -> Path:
     """Write a material to a ``.mtlx`` file, valid MaterialX 1.39.
@@ -118,7 +118,7 @@ def _describe_fit(fit: OpenPBRFit) -> tuple[OpenPBR, str, str]:
     return fit.material, truth.space, words
 
 
-def _image(root: xml.Element, name: str, kind: str, image: Image) -> None:
+def _image(root: xml.Element, name: str, kind: str, image: ImageNode) -> None:
     node = xml.SubElement(root, "image", {"name": name, "type": kind})
     given = {"name": "file", "type": "filename", "value": image.file}
     xml.SubElement(

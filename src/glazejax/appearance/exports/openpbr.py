@@ -37,7 +37,8 @@ from jaxtyping import Float
 
 from ...radiative.common.fresnel import cos_refracted, dielectric_reflectance
 from ...radiative.common.quadrature import gauss
-from .lobes import SMOOTH, diffuse_factor, lobe_albedo, lobe_factor
+from ...radiative.rough.lobes import SMOOTH, lobe_albedo, lobe_factor
+from .body import diffuse_factor
 
 Layering: TypeAlias = Literal["materialx", "specification", "reciprocal"]
 Colour: TypeAlias = tuple[float, float, float]

@@ -18,13 +18,10 @@ from .angles import angular_colour, check_roughness
 from .fit import Errors, colour_tuple, material_errors
 from .image_files import FORMATS, normals, write_image
 from .mapped import KINDS, MappedGlaze, mapped_colours
-from .materialx import Image, write_materialx
+from .materialx import ImageNode, write_materialx
 from .openpbr import Layering, OpenPBR
 from .rgb import SPACES, Space, delta_e, find_space, outside
 from .texture_words import SOCKETS, readme
-
-# Points of the map at which the whole material is held against the glaze, at all angles.
-_CHECKED = 5
 
 
 @dataclass(frozen=True)
@@ -260,9 +257,8 @@ def _errors(
 ) -> Errors:
     """Largest errors at pixels from the darkest to the lightest, each a material of its own."""
     order = np.argsort(base @ np.array([0.3, 0.6, 0.1]))
-    chosen = dict.fromkeys(
-        order[np.linspace(0, len(order) - 1, _CHECKED).round().astype(int)].tolist()
-    )
+    # Points of the map at which the whole material is held against the glaze, at all angles.
+    chosen = dict.fromkeys(order[np.linspace(0, len(order) - 1, 5).round().astype(int)].tolist())
     found = []
     for k in chosen:
         one = mapped.at(points[k : k + 1])
@@ -316,11 +312,11 @@ def _write_words(
     pictures = [what for what in result.files if what in SOCKETS]
     colour = "srgb_texture" if kind == "png" else space
     images = {
-        what: Image(files[what].name, colour)
+        what: ImageNode(files[what].name, colour)
         for what in ("base_color", "coat_color")
         if what in files
     }
-    rough = Image(files["roughness"].name)
+    rough = ImageNode(files["roughness"].name)
     images |= {"specular_roughness": rough} | (
         {"coat_roughness": rough} if "coat_color" in files else {}
     )
@@ -330,7 +326,7 @@ def _write_words(
         name=files["json"].stem,
         space=space,
         images=images,
-        normal=Image(files["normal"].name) if "normal" in files else None,
+        normal=ImageNode(files["normal"].name) if "normal" in files else None,
         overwrite=True,
     )
     record = {

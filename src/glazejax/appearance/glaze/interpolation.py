@@ -26,7 +26,7 @@ from .solve import fixed_thickness, indices, on_grid, on_nodes
 _CHUNK_NUMBERS = 2**22
 # Without a surface the factor has no bound where both directions graze; there it is this sum of
 # cosines' value.
-_LEAST_SUM = 1e-6
+LEAST_SUM = 1e-6
 
 
 class GlazeTable(NamedTuple):
@@ -166,7 +166,7 @@ def evaluate(table: GlazeTable, flat: Any, points: Any, xp: ModuleType) -> Any:
     index = table.refractive_index
     through = [1.0 - dielectric_reflectance(c[:, None], index) for c in (a, b)]
     total = cos_refracted(a[:, None], index) + cos_refracted(b[:, None], index)
-    return matmul(xp, weights, flat) * through[0] * through[1] / xp.maximum(total, _LEAST_SUM)
+    return matmul(xp, weights, flat) * through[0] * through[1] / xp.maximum(total, LEAST_SUM)
 
 
 @jax.jit

@@ -43,14 +43,8 @@ ALL_ANGLES = ((0.0, 90.0), (0.0, 90.0))
 # Numbers of nodes that are tried, for angles and thicknesses.
 _ANGLE_NODES = (3, 4, 5, 6, 8, 12, 16, 24, 32)
 _THICKNESS_NODES = (5, 7, 9, 12, 16, 20, 26, 34, 48, 65)
-# Axes whose last coefficients are within this factor of the largest are refined together.
-_TOGETHER = 0.5
-# The solver gets this share of the tolerance.
-_SOLVER_SHARE = 0.05
-_CHECKS = 48
 # Grazing light is checked up to here: the solver takes no cosine of zero.
-_LEAST_COSINE = 1e-3
-_TRIAL_DEGREE = 7
+LEAST_COSINE = 1e-3
 
 
 def glaze_table(
@@ -102,9 +96,10 @@ def glaze_table(
         layer=layer,
         cosines=cosines,
         depths=depths,
-        tolerance=_SOLVER_SHARE * tolerance,
+        # The solver gets a twentieth of it.
+        tolerance=0.05 * tolerance,
     )
-    checks = builder.random_points(np.random.default_rng(0), _CHECKS)
+    checks = builder.random_points(np.random.default_rng(0), 48)
     truth = builder.solve(checks)
     sizes = [0, 0]
     while True:
@@ -149,7 +144,7 @@ class _TableBuilder:
         """
         span = self.ranges[axis]
         if span.low == span.high:
-            return np.array([span.low if axis == 2 else max(span.low, _LEAST_COSINE)])
+            return np.array([span.low if axis == 2 else max(span.low, LEAST_COSINE)])
         if axis == 2:
             return span.point(roots(count))
         ends = cos_refracted(np.array(span[:2]), self.inside)
@@ -161,7 +156,7 @@ class _TableBuilder:
         points = np.stack(
             [r.low + (r.high - r.low) * rng.beta(0.6, 0.6, count) for r in self.ranges]
         )
-        points[:2] = np.clip(points[:2], _LEAST_COSINE, 1.0)
+        points[:2] = np.clip(points[:2], LEAST_COSINE, 1.0)
         return points
 
     def solve(self, points: np.ndarray) -> np.ndarray:
@@ -219,7 +214,8 @@ class _TableBuilder:
             sizes[0] + 1 < len(_ANGLE_NODES),
             self.varies and sizes[1] + 1 < len(_THICKNESS_NODES),
         )
-        grow = axes_to_refine(tails, room, _TOGETHER)
+        # Axes whose last coefficients are within this factor of the largest are refined together.
+        grow = axes_to_refine(tails, room, 0.5)
         for k in (0, 1):
             sizes[k] += grow[k]
         return any(grow)
@@ -231,10 +227,10 @@ class _TableBuilder:
         low, high, _ = self.ranges[2]
         line = trial_line(low, high)
         middle = [
-            np.full(line.size, max(0.5 * (r.low + r.high), _LEAST_COSINE)) for r in self.ranges[:2]
+            np.full(line.size, max(0.5 * (r.low + r.high), LEAST_COSINE)) for r in self.ranges[:2]
         ]
         axes = [Axis(low, high, curvature) for curvature in CURVATURES]
-        return best_axis(axes, line, self.solve(np.stack([*middle, line])), _TRIAL_DEGREE)
+        return best_axis(axes, line, self.solve(np.stack([*middle, line])), 7)
 
 
 def _cosines(name: str, pair: tuple[float, float]) -> tuple[float, float]:

@@ -22,8 +22,6 @@ from .rough import Rough
 from .smooth import Smooth
 from .table import Body, body_table
 
-# Room for a texture whose values are all alike: a table wants a range.
-_LEAST_RANGE = 1e-9
 _LEAST_COSINE = 1e-6
 
 
@@ -91,7 +89,7 @@ class _Point(NamedTuple):
     """Which lobes are asked for."""
     share: Any
     """How often the surface's lobe is drawn."""
-    here: table.Here | None
+    here: table.PointWeights | None
     """The body's table there."""
 
 
@@ -108,10 +106,11 @@ class GlazeBSDF:
             for x in (given.thickness, given.fraction)
         )
         self._ground = self._ground_texture(given)
+        # Room for a texture whose values are all alike: a table wants a range.
         self.table: Body = _table(
             coats=_text_of(given.coats),
             layer=given.layer,
-            thickness=_span(given.thickness, max(given.thickness_max, _LEAST_RANGE)),
+            thickness=_span(given.thickness, max(given.thickness_max, 1e-9)),
             fraction=_span(given.fraction, 1.0),
             ground=self._ground_key(given),
             mean_ground=self._mean_ground(),

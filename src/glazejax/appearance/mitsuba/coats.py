@@ -14,9 +14,6 @@ from ...paint.media import MAX_THICKNESS, Glaze, Mixture
 from ...stacks import Ground, Stack, parse_stack, read_stack
 from ..glaze.solve import on_grid
 
-GROUND = 0.8
-"""Reflectance of the ground below coats that are given as text, as seen from inside the paint."""
-
 
 class Axes(NamedTuple):
     """What varies over a surface: ends of each range, or None for what does not vary."""
@@ -50,7 +47,8 @@ def read_coats(text: str, refractive_index: float | None = None) -> Glaze:
     elif stripped.lower().endswith(".json") or (stripped and Path(stripped).is_file()):
         stack = read_stack(stripped)
     else:
-        ground: Ground = GROUND
+        # As seen from inside the paint.
+        ground: Ground = 0.8
         stack = Stack(parse_coats(text), ground=ground)
     try:
         glaze = stack.glaze()

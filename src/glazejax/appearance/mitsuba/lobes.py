@@ -32,8 +32,8 @@ class Mirror:
 
 
 class Facets:
-    """A rough surface: GGX facets, Smith's separable masking, and what single facets lose as a lobe
-    without azimuth.
+    """A rough surface as `glazejax.radiative.rough` has it: GGX facets, Smith's separable masking
+    (both by Mitsuba's own distribution), and what single facets lose as a lobe without azimuth.
 
     The table of the surface has, at cosines in air: all that it reflects, what single facets lose,
     and the share of the lost light in what it reflects, which is how often that lobe is drawn, by

@@ -13,31 +13,29 @@ from ...chebyshev_table import SAFETY, Axis, Mirrored
 from ...interpolated import interpolated
 from ...paint.media import Glaze
 from ..glaze.solve import with_variables
+from ..glaze.table import LEAST_COSINE
 from .coats import Axes
 from .ground_split import Parts, factor_of, lagrange
 from .lookup import NUMPY
-from .surfaces import Surface, inside
+from .surfaces import GlazeSurface, inside
 
-_TRIALS = 6
 _CHECKS = 12
-# Shares of the tolerance: for the solver, for the angles and for thickness and fraction.
+# Shares of the tolerance: for the solver; for the angles, and as much for thickness and fraction.
 SOLVER = 0.1
-_ANGLES = 0.3
-_AXES = 0.3
-_LEAST_COSINE = 1e-3
+_NODES = 0.3
 
 
 class Nodes(NamedTuple):
     """The parts at a few angles, as Chebyshev series over what varies."""
 
-    surface: Surface
+    surface: GlazeSurface
     wavelengths: Float[np.ndarray, "bands"]
     cosines: Float[np.ndarray, "angles"]
     """Nodes, in air."""
     axes: dict[str, Axis | Mirrored]
     """Those of "thickness" and "fraction" that vary."""
     coefficients: Float[np.ndarray, "*terms bands rows"]
-    """Of `Surface.parts`."""
+    """Of `GlazeSurface.parts`."""
     tolerance: float
 
     def parts(self, coordinates: list[np.ndarray]) -> Parts:
@@ -49,11 +47,11 @@ class Nodes(NamedTuple):
         return self.surface.expand(values, self.cosines, SOLVER * self.tolerance)
 
 
-class Solver:
+class NodeSolver:
     """A glaze under a surface, asked for its parts."""
 
-    def __init__(self, surface: Surface, glaze: Glaze, layer: int, tolerance: float):
-        self.surface: Surface = surface
+    def __init__(self, surface: GlazeSurface, glaze: Glaze, layer: int, tolerance: float):
+        self.surface: GlazeSurface = surface
         self.tolerance: float = tolerance
         self._glaze, self._layer = glaze, layer
 
@@ -68,7 +66,7 @@ class Solver:
     def parts(
         self, points: dict[str, np.ndarray], cosines: np.ndarray
     ) -> Float[np.ndarray, "points bands rows"]:
-        """Rows of `Surface.parts`."""
+        """Rows of `GlazeSurface.parts`."""
         return self.surface.parts(self._stack(points), cosines, self.tolerance)
 
     def _stack(self, points: dict[str, np.ndarray]) -> dict[str, Any]:
@@ -87,7 +85,7 @@ class Solver:
 
 
 def solve_nodes(
-    surface: Surface,
+    surface: GlazeSurface,
     glaze: Glaze,
     layer: int,
     axes: Axes,
@@ -104,9 +102,9 @@ def solve_nodes(
         tolerance: absolute error wanted of the reflectance factor, for any ground.
         most_points: thicknesses and fractions that are computed at most.
     """
-    solver = Solver(surface, glaze, layer, SOLVER * tolerance)
+    solver = NodeSolver(surface, glaze, layer, SOLVER * tolerance)
     ranges = axes.ranges
-    cosines = surface.angles(_error_of_nodes(solver, ranges), _ANGLES * tolerance)
+    cosines = surface.angles(_error_of_nodes(solver, ranges), _NODES * tolerance)
     bands = np.asarray(glaze.wavelengths, float)
     if not ranges:
         return Nodes(
@@ -120,7 +118,7 @@ def solve_nodes(
     made = interpolated(
         lambda **points: solver.parts(points, cosines),
         ranges,
-        tolerance=_AXES * tolerance,
+        tolerance=_NODES * tolerance,
         distance=lambda one, two: _distance(solver, cosines, one, two),
         most_points=most_points,
     )
@@ -135,7 +133,9 @@ def solve_nodes(
     )
 
 
-def _distance(solver: Solver, cosines: np.ndarray, one: np.ndarray, two: np.ndarray) -> np.ndarray:
+def _distance(
+    solver: NodeSolver, cosines: np.ndarray, one: np.ndarray, two: np.ndarray
+) -> np.ndarray:
     """Largest difference of the reflectance factor over black, grey and white ground, (points,)."""
     weight = error_weight(solver.surface, cosines[:, None], cosines)
     parts = [solver.surface.expand(values, cosines, solver.tolerance) for values in (one, two)]
@@ -159,7 +159,7 @@ def over(parts: Parts, ground: Any) -> np.ndarray:
     return _over(parts, np.reshape(ground, (-1, 1, 1)))
 
 
-def error_weight(surface: Surface, cos_in: np.ndarray, cos_out: np.ndarray) -> np.ndarray:
+def error_weight(surface: GlazeSurface, cos_in: np.ndarray, cos_out: np.ndarray) -> np.ndarray:
     """Weight of an error: 1, or the sum of the cosines inside where that is less (an index near 1,
     both grazing).
     """
@@ -168,16 +168,16 @@ def error_weight(surface: Surface, cos_in: np.ndarray, cos_out: np.ndarray) -> n
 
 
 def _error_of_nodes(
-    solver: Solver, ranges: dict[str, tuple[float, float]]
+    solver: NodeSolver, ranges: dict[str, tuple[float, float]]
 ) -> Callable[[np.ndarray], float]:
     """Error of nodes of the angle, at a few thicknesses and fractions and at angles between."""
     rng = np.random.default_rng(0)
     points = {}
     for name, (low, high) in ranges.items():
-        drawn = low + (high - low) * rng.uniform(0.0, 1.0, _TRIALS - 2) ** 2
+        drawn = low + (high - low) * rng.uniform(0.0, 1.0, 4) ** 2
         points[name] = rng.permutation(np.concatenate([[low, high], drawn]))
-    checks = np.clip(rng.beta(0.6, 0.6, (2, _CHECKS)), _LEAST_COSINE, 1.0)
-    checks[:, 0] = _LEAST_COSINE
+    checks = np.clip(rng.beta(0.6, 0.6, (2, _CHECKS)), LEAST_COSINE, 1.0)
+    checks[:, 0] = LEAST_COSINE
     a, b = (np.concatenate([x, x]) for x in checks)
     ground = np.repeat([0.0, 1.0], _CHECKS)
     truth: list[np.ndarray] = []
@@ -195,7 +195,7 @@ def _error_of_nodes(
 
 
 def _at_angles(
-    surface: Surface,
+    surface: GlazeSurface,
     cosines: np.ndarray,
     parts: Parts,
     a: np.ndarray,

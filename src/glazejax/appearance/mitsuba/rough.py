@@ -29,9 +29,7 @@ from .surfaces import in_blocks
 
 _STACKS = 256
 _STEPS = 257
-_QUADRATURE = 64
 _ANGLE_NODES = (12, 16, 20, 24, 32, 40, 48)
-_LEAST_COSINE = 1e-6
 
 
 class Rough:
@@ -52,12 +50,12 @@ class Rough:
         self._turn = float(made.turn)
         given: dict[str, Any] = {"refractive_index": refractive_index, "roughness": roughness}
         self.lost: float = loss_constant(**given)
-        cosines = np.maximum(self.cosine(np.linspace(0.0, 1.0, _STEPS)), _LEAST_COSINE)
+        cosines = np.maximum(self.cosine(np.linspace(0.0, 1.0, _STEPS)), 1e-6)
         albedo, loss = (
             np.asarray(f(cosines, **given), float) for f in (surface_albedo, surface_loss)
         )
         # How much of what single facets lose comes back to the air.
-        fine, weights = gauss(_QUADRATURE)
+        fine, weights = gauss(64)
         back = (
             float(
                 np.sum(

@@ -8,18 +8,13 @@ from jaxtyping import Float
 
 from ...radiative.stack import stack_reflectance_factor
 from ...spectra import Numbers
+from ..glaze.interpolation import LEAST_SUM
 from .ground_split import Parts, evenly, split
 from .lookup import Arithmetic
 from .surfaces import in_blocks, inside
 
 # Numbers of angles that are tried.
 _ANGLES = (4, 5, 6, 8, 10, 12, 16, 24, 32)
-# Without a surface the factor has no bound where both directions graze; there it is this sum of
-# cosines' value.
-_LEAST_SUM = 1e-6
-# Light that reaches the ground and comes back, below which what the ground sees is not known, and
-# does not matter.
-_FAINT = 1e-10
 
 
 class Smooth:
@@ -56,7 +51,7 @@ class Smooth:
     def analytic_factor(self, ops: Arithmetic, cos_in: Any, cos_out: Any) -> Any:
         """T T/(mu_I + mu_F): what changes fast with the angle."""
         n = self.refractive_index
-        total = ops.maximum(inside(ops, cos_in, n) + inside(ops, cos_out, n), _LEAST_SUM)
+        total = ops.maximum(inside(ops, cos_in, n) + inside(ops, cos_out, n), LEAST_SUM)
         return self.let_in(ops, cos_in) * self.let_in(ops, cos_out) / total
 
     def factor(
@@ -95,7 +90,8 @@ class Smooth:
         diagonal = black[..., rows == columns]
         full = np.maximum(found[..., rows.size : -1] - diagonal, 0.0)
         half = found[..., -1] - diagonal[..., -1]
-        known = full[..., -1] > _FAINT
+        # Where no light reaches the ground and comes back, what the ground sees does not matter.
+        known = full[..., -1] > 0.0
         # From T T/(1 - S) and .5 T T/(1 - .5 S).
         ratio = np.where(known, half, 0.4) / np.where(known, full[..., -1], 1.0)
         back = np.where(known, np.clip((1.0 - 2.0 * ratio) / (1.0 - ratio), 0.0, 1.0), np.nan)

@@ -13,7 +13,7 @@ from .lookup import Arithmetic
 
 
 @runtime_checkable
-class Surface(Protocol):
+class GlazeSurface(Protocol):
     """How light gets through, in which coordinate angles are smooth, and what the solver says of
     the body below.
     """
@@ -58,7 +58,7 @@ class Surface(Protocol):
         """`Parts` at the nodes from sums of those numbers."""
         ...
 
-    def on(self, upload: Callable[[np.ndarray], Any]) -> "Surface":
+    def on(self, upload: Callable[[np.ndarray], Any]) -> "GlazeSurface":
         """The same with its tables as `Arithmetic.packet` takes them."""
         ...
 

@@ -17,30 +17,29 @@ from numpy.polynomial import chebyshev
 from ...chebyshev_table import SAFETY, Axis, Mirrored, coefficients_from_nodes, extrema
 from ...paint.media import Glaze
 from ...radiative.common.quadrature import gauss
+from ..glaze.table import LEAST_COSINE
 from . import lookup
 from .coats import Axes
 from .ground_split import factor_of, lagrange
 from .lookup import NUMPY, Arithmetic, Place
-from .nodes import SOLVER, Nodes, Solver, error_weight, over, solve_nodes
-from .surfaces import Surface
+from .nodes import SOLVER, Nodes, NodeSolver, error_weight, over, solve_nodes
+from .surfaces import GlazeSurface
 
 _ANGLES = (33, 65, 129, 257)
 _LINE = (9, 17, 33, 65, 129)
 _CHECKS = 96
-# Shares of the tolerance: shapes left out, distances between angles, and between thicknesses and
-# fractions.
+# Shares of the tolerance: shapes left out, distances between angles and between nodes.
 _SHAPES = 0.1
-_BETWEEN_ANGLES = 0.05
-_BETWEEN_NODES = 0.05
-_TRIES = 3
-_LEAST_COSINE = 1e-3
-_QUADRATURE = 64
-_GRAZING = 1e-6
+_BETWEEN = 0.05
 
 
 @dataclass(frozen=True)
 class Body:
     """Light from below the surface: reflectance factor pi L_out / E_in, by lookup.
+
+    Not `glazejax.interpolated`: two angles, wavelength, thickness and fraction are five axes, where
+    that takes three, and Dr.Jit has to look it up. With the fewest nodes that are tried here, 33
+    an angle and 9 of a thickness, polynomials would take 9801 products for each band.
 
     Tables are arrays of NumPy as made, and whatever `Arithmetic.packet` takes on a device.
 
@@ -66,7 +65,7 @@ class Body:
         tolerance: what was asked for.
     """
 
-    surface: Surface
+    surface: GlazeSurface
     wavelengths: Float[np.ndarray, "bands"]
     axes: dict[str, Axis | Mirrored]
     counts: tuple[int, ...]
@@ -129,7 +128,7 @@ def angle_at(ops: Arithmetic, body: Body, cosine: Any) -> Place:
 
 
 def body_table(
-    surface: Surface,
+    surface: GlazeSurface,
     glaze: Glaze,
     layer: int = 0,
     axes: Axes = Axes(),  # noqa: B008
@@ -154,11 +153,11 @@ def body_table(
     """
     tries = tolerance
     best = None
-    for _ in range(_TRIES):
+    for _ in range(3):
         nodes = solve_nodes(surface, glaze, layer, axes, tries)
         body = _compress(nodes, ground, mean_ground)
         error = (
-            _error(body, Solver(surface, glaze, layer, SOLVER * tolerance), ground)
+            _error(body, NodeSolver(surface, glaze, layer, SOLVER * tolerance), ground)
             + SOLVER * tolerance
         )
         if best is None or error < best.error:
@@ -170,7 +169,7 @@ def body_table(
     return best
 
 
-class Here(NamedTuple):
+class PointWeights(NamedTuple):
     """What a point of the surface has at each wavelength, whatever the angles."""
 
     pairs: list[list[Any]]
@@ -189,7 +188,7 @@ def at_point(
     varying: dict[str, Any],
     wavelengths: list[Any],
     ground: list[Any] | None,
-) -> Here:
+) -> PointWeights:
     """The part of the lookup that angles do not change.
 
     Args:
@@ -208,11 +207,11 @@ def at_point(
         ]
 
     lines = None if body.lines is None else of_all(body.line_weights, body.packets[1] + 1)
-    return Here(of_all(body.pair_weights, body.packets[0]), lines, ground)
+    return PointWeights(of_all(body.pair_weights, body.packets[0]), lines, ground)
 
 
 def reflectance_factor(
-    ops: Arithmetic, body: Body, here: Here, cos_in: Any, cos_out: Any
+    ops: Arithmetic, body: Body, here: PointWeights, cos_in: Any, cos_out: Any
 ) -> list[Any]:
     """Reflectance factor of the body at each wavelength of `at_point`; cosines in air, above 0."""
     a, b = (angle_at(ops, body, cosine) for cosine in (cos_in, cos_out))
@@ -254,7 +253,7 @@ def _compress(nodes: Nodes, ground: np.ndarray | None, mean_ground: float) -> Bo
     squares = shapes.reshape(-1, n, n)
     # Symmetric to the last digit.
     squares = 0.5 * (squares + np.swapaxes(squares, 1, 2))
-    count = _angle_count(squares, known, weights, _BETWEEN_ANGLES * nodes.tolerance)
+    count = _angle_count(squares, known, weights, _BETWEEN * nodes.tolerance)
     to_grid = lagrange(np.linspace(-1.0, 1.0, count), n)
     lines = through = None
     if ground is None:
@@ -267,14 +266,14 @@ def _compress(nodes: Nodes, ground: np.ndarray | None, mean_ground: float) -> Bo
     # All kept series must do between the nodes; what the ground sees counts more, as light goes
     # back and forth.
     worst = np.max(known) * np.max(np.abs(shapes), axis=-1)
-    limit = _BETWEEN_NODES * nodes.tolerance
+    limit = _BETWEEN * nodes.tolerance
     counts = tuple(_line_count(weights * worst, k, limit) for k in range(len(nodes.axes)))
     if through is not None:
         counts = tuple(max(c, _line_count(through, k, limit)) for k, c in enumerate(counts))
     cosines, measure = _hemisphere()
     onto_sphere = lagrange(2.0 * surface.coordinate(NUMPY, cosines) - 1.0, n) * measure[:, None]
     # Without what it lets in, which is not straight between nodes where light grazes.
-    steps = np.maximum(surface.cosine(np.linspace(0.0, 1.0, count)), _GRAZING)
+    steps = np.maximum(surface.cosine(np.linspace(0.0, 1.0, count)), 1e-6)
     rest = surface.analytic_factor(NUMPY, steps[:, None], cosines) / surface.let_in(
         NUMPY, steps[:, None]
     )
@@ -421,15 +420,15 @@ def _pack(values: np.ndarray) -> np.ndarray:
 
 def _hemisphere() -> tuple[np.ndarray, np.ndarray]:
     """Cosines and weights of the integral over the hemisphere, 2 mu d mu."""
-    cosines, weights = gauss(_QUADRATURE)
+    cosines, weights = gauss(64)
     return cosines, 2.0 * weights * cosines
 
 
-def _error(body: Body, solver: Solver, ground: np.ndarray | None) -> float:
+def _error(body: Body, solver: NodeSolver, ground: np.ndarray | None) -> float:
     """Largest error at points not used before, times the safety of all tables."""
     rng = np.random.default_rng(1)
-    a, b = np.clip(rng.beta(0.6, 0.6, (2, _CHECKS)), _LEAST_COSINE, 1.0)
-    a[:2] = b[:1] = _LEAST_COSINE
+    a, b = np.clip(rng.beta(0.6, 0.6, (2, _CHECKS)), LEAST_COSINE, 1.0)
+    a[:2] = b[:1] = LEAST_COSINE
     # Half of them evenly, half as the coordinate crowds.
     points = {}
     for name, axis in body.axes.items():

@@ -12,7 +12,6 @@ from ...extras import require
 
 # Fast first.
 SPECTRAL = ("llvm_ad_spectral", "scalar_spectral")
-_PATIENCE = 120.0
 # A picture of a few pixels: with some versions of LLVM the process ends at its first kernel, not
 # before.
 _PROBE = """
@@ -27,10 +26,6 @@ sys.exit(0 if float(mi.TensorXf(mi.render(mi.load_dict(scene), spp=4)).array[0])
 """
 
 
-# The last LLVM with which Dr.Jit ends the process, on new processors; older ones it does not take.
-_DOUBTFUL = 15
-
-
 @cache
 def works(variant: str) -> bool:
     """Whether a variant of Mitsuba renders here; tried in a process of its own, which may be
@@ -41,7 +36,7 @@ def works(variant: str) -> bool:
             [sys.executable, "-c", _PROBE, variant],
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,
-            timeout=_PATIENCE,
+            timeout=120.0,
             check=False,
         )
     except (OSError, subprocess.TimeoutExpired):
@@ -80,7 +75,9 @@ def check_llvm(variant: str | None) -> None:
     import drjit  # pyright: ignore[reportMissingImports]
 
     major = drjit.detail.llvm_version()[0]
-    if major <= _DOUBTFUL and not works(variant):
+    # The last LLVM with which Dr.Jit ends the process, on new processors; older ones it does not
+    # take.
+    if major <= 15 and not works(variant):
         raise ValueError(
             f"with LLVM {major} Mitsuba's variant {variant} ends the process here: install LLVM 19 "
             "(Debian: apt-get install libllvm19), name it in DRJIT_LIBLLVM_PATH, or write "

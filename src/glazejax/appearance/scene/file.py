@@ -7,28 +7,42 @@ files are relative to the scene file.
 """
 
 import tomllib
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
+import msgspec
 import numpy as np
 from jaxtyping import Float
+from msgspec import structs
 
 from ...colour import colour_weights
 from ...io.source import open_source, show_path
 from ...spectra import describe_grid, validate_wavelengths
 from ..display.display import Display
 from .file_materials import read_heights, read_material, read_reflectance
-from .file_table import TomlTable
+from .file_table import (
+    Flag,
+    Keys,
+    Named,
+    Number,
+    Plain,
+    Positive,
+    Reflectance,
+    Size,
+    Text,
+    TomlTable,
+    Vector,
+    Whole,
+)
 from .lights import AreaLight, Light, ParallelLight, PointLight, lamp, measured_lamp
 from .picture import Screen, light_white, picture_xyz, screen_picture
 from .render_result import Rendered
 from .scene import Camera, Scene
 from .shapes import Box, Plane, Shape, Sphere
 
-_DEFAULT_WAVELENGTHS = "400:700:10"
 _MAX_FILE = 1 << 20
 # The time that Python's parser takes for a key grows with the square of its parts.
 _MAX_LINE = 10_000
@@ -104,37 +118,114 @@ def read_scene(path: str | Path) -> SceneFile:
         except ValueError as error:
             digits = "a number has thousands of digits" if "digits" in str(error) else error
             raise source.error(f"not a legal TOML file: {digits}") from None
-    return _scene(TomlTable(path.name, "", content), path.parent)
+    return _scene(TomlTable(path.name, "", content, []), path.parent)
+
+
+class _SceneKeys(Keys):
+    camera: Plain
+    lights: Named
+    materials: Named
+    objects: Named
+    picture: Plain = msgspec.field(default_factory=dict)
+
+
+class _PictureKeys(Keys):
+    width: Whole = 640
+    height: Whole = 480
+    antialias: Whole = 4
+    bounces: Whole = 3
+    diffuse_bounces: Whole = 0
+    wavelengths: Text = "400:700:10"
+    background: Reflectance = 0.0
+    white: Text = ""
+    display: Text = "sRGB"
+    exposure: Positive = 1.0
+    gamut: Literal["desaturate", "clip", "dim"] = "desaturate"
+    tolerance: Positive = 1e-3
+
+
+class _CameraKeys(Keys):
+    position: Vector
+    target: Vector = (0.0, 0.0, 0.0)
+    up: Vector = (0.0, 0.0, 1.0)
+    field_of_view: Positive = 40.0
+
+
+class _LampKeys(Keys):
+    illuminant: Text = ""
+    spectrum: Text = ""
+    strength: Positive = 1.0
+
+
+class _FarLampKeys(_LampKeys):
+    position: Vector | None = None
+    direction: Vector | None = None
+
+
+class _BallLampKeys(_LampKeys, tag_field="shape", tag="sphere", kw_only=True):
+    centre: Vector
+    radius: Positive
+
+
+class _RectangleLampKeys(_LampKeys, tag_field="shape", tag="rectangle", kw_only=True):
+    centre: Vector
+    normal: Vector
+    size: Size
+    up: Vector = (0.0, 0.0, 1.0)
+
+
+class _ObjectKeys(Keys, tag_field="shape"):
+    material: Text
+
+
+class _BallKeys(_ObjectKeys, tag="sphere"):
+    centre: Vector
+    radius: Positive
+
+
+class _PlaneKeys(_ObjectKeys, tag="plane"):
+    centre: Vector
+    normal: Vector
+    size: Size | None = None
+    up: Vector = (0.0, 0.0, 1.0)
+    relief: Text = ""
+    relief_height: Number | None = None
+
+
+class _BoxKeys(_ObjectKeys, tag="box"):
+    centre: Vector
+    size: Vector
+    rotation: Vector = (0.0, 0.0, 0.0)
+
+
+class _MeshKeys(_ObjectKeys, tag="mesh"):
+    file: Text
+    size: Positive | None = None
+    centre: Vector | None = None
+    rotation: Vector = (0.0, 0.0, 0.0)
+    smooth: Flag = True
 
 
 def _scene(root: TomlTable, folder: Path) -> SceneFile:
-    picture = root.table("picture", {})
-    grid = _wavelengths(picture)
-    lights = {name: _light(table, grid, folder) for name, table in root.tables("lights").items()}
+    file = root.read(_SceneKeys)
+    table = root.inner("picture", file.picture)
+    picture = table.read(_PictureKeys)
+    with table.blame("wavelengths"):
+        grid = _wavelengths(picture.wavelengths)
+    lights = {name: _light(lamp, grid, folder) for name, lamp in root.named("lights", file.lights)}
     materials = {
-        name: read_material(table, grid, folder) for name, table in root.tables("materials").items()
+        name: read_material(material, grid, folder)
+        for name, material in root.named("materials", file.materials)
     }
-    shapes = [_shape(table, list(materials), folder) for table in root.tables("objects").values()]
-    camera = root.table("camera")
-    sizes = {key: picture.whole(key, default) for key, default in _SIZES.items()}
-    background = _background(picture, grid, lights, folder)
-    white = _white(picture, grid, lights)
-    display = picture.text("display", "sRGB")
-    with picture.blame("display"):
-        Display.preset(display)
-    gamut = picture.choice("gamut", ("desaturate", "clip", "dim"), "desaturate")
-    exposure = picture.above_zero("exposure", 1.0)
-    tolerance = picture.above_zero("tolerance", 1e-3)
-    view = _build(
-        camera,
-        Camera,
-        position=camera.vector("position"),
-        target=camera.vector("target", (0.0, 0.0, 0.0)),
-        up=camera.vector("up", (0.0, 0.0, 1.0)),
-        field_of_view=camera.above_zero("field_of_view", 40.0),
-    )
-    for table in (picture, camera, root):
-        table.done()
+    shapes = [_shape(shape, materials, folder) for _, shape in root.named("objects", file.objects)]
+    reflectance = read_reflectance(table, "background", picture.background, grid, folder)
+    first = np.asarray(next(iter(lights.values())).spectrum, float)
+    with table.blame("white"):
+        white = _white(picture.white or next(iter(lights)), grid, lights)
+    with table.blame("display"):
+        Display.preset(picture.display)
+    camera = root.inner("camera", file.camera)
+    view = _build(camera, Camera, **structs.asdict(camera.read(_CameraKeys)))
     scene = _build(
         root,
         Scene,
@@ -143,27 +234,23 @@ def _scene(root: TomlTable, folder: Path) -> SceneFile:
         materials=materials,
         lights=list(lights.values()),
         camera=view,
-        background=background,
-        **sizes,
+        # As bright as white under luminance 1, whatever the strength or distance of the lamp.
+        background=reflectance * first / float(first @ colour_weights(grid, "E")[:, 1]),
+        width=picture.width,
+        height=picture.height,
+        antialias=picture.antialias,
+        bounces=picture.bounces,
+        diffuse_bounces=picture.diffuse_bounces,
     )
     return SceneFile(
         scene=scene,
         white=white,
-        display=display,
-        gamut=gamut,
-        exposure=exposure,
-        tolerance=tolerance,
+        display=picture.display,
+        gamut=picture.gamut,
+        exposure=picture.exposure,
+        tolerance=picture.tolerance,
         notes=tuple(root.notes),
     )
-
-
-_SIZES = {
-    "width": 640,
-    "height": 480,
-    "antialias": 4,
-    "bounces": 3,
-    "diffuse_bounces": 0,
-}
 
 
 def _build(table: TomlTable, kind: Callable[..., Any], **values: Any) -> Any:
@@ -172,152 +259,120 @@ def _build(table: TomlTable, kind: Callable[..., Any], **values: Any) -> Any:
         return kind(**values)
 
 
-def _wavelengths(picture: TomlTable) -> Float[np.ndarray, "bands"]:
+def _wavelengths(text: str) -> Float[np.ndarray, "bands"]:
     """Bands of the scene: FROM:TO:STEP in nm, both ends included."""
-    text = picture.text("wavelengths", _DEFAULT_WAVELENGTHS)
-    with picture.blame("wavelengths"):
-        try:
-            start, end, step = (float(part) for part in text.split(":"))
-        except ValueError:
-            raise ValueError(
-                f"{text!r} is not FROM:TO:STEP in nm, such as {_DEFAULT_WAVELENGTHS}"
-            ) from None
-        if not (0 < start < end < 1e5 and 0.5 <= step <= end - start):
-            raise ValueError(
-                f"{text!r}: FROM must be below TO, and STEP from 0.5 nm up to their distance"
-            )
-        count = (end - start) / step
-        if abs(count - round(count)) > 1e-6:
-            raise ValueError(f"{text!r}: steps of {step:g} nm do not meet {end:g} nm")
-        grid = validate_wavelengths(start + step * np.arange(round(count) + 1))
-        colour_weights(grid, "E")
+    try:
+        start, end, step = (float(part) for part in text.split(":"))
+    except ValueError:
+        raise ValueError(f"{text!r} is not FROM:TO:STEP in nm, such as 400:700:10") from None
+    if not (0 < start < end < 1e5 and 0.5 <= step <= end - start):
+        raise ValueError(
+            f"{text!r}: FROM must be below TO, and STEP from 0.5 nm up to their distance"
+        )
+    count = (end - start) / step
+    if abs(count - round(count)) > 1e-6:
+        raise ValueError(f"{text!r}: steps of {step:g} nm do not meet {end:g} nm")
+    grid = validate_wavelengths(start + step * np.arange(round(count) + 1))
+    colour_weights(grid, "E")
     return grid
 
 
 def _light(table: TomlTable, grid: np.ndarray, folder: Path) -> Light:
-    strength = table.above_zero("strength", 1.0)
-    name = table.text("illuminant", "")
-    file = table.text("spectrum", "")
-    if bool(name) == bool(file):
+    light = table.read(
+        *((_RectangleLampKeys, _BallLampKeys) if "shape" in table.content else (_FarLampKeys,))
+    )
+    if bool(light.illuminant) == bool(light.spectrum):
         raise table.error("illuminant", 'give either illuminant = "D65" or spectrum = "lamp.csv"')
-    with table.blame("illuminant" if name else "spectrum"):
+    with table.blame("illuminant" if light.illuminant else "spectrum"):
         spectrum = (
-            lamp(name, grid, strength) if name else measured_lamp(folder / file, grid, strength)
+            lamp(light.illuminant, grid, light.strength)
+            if light.illuminant
+            else measured_lamp(folder / light.spectrum, grid, light.strength)
         )
-    if table.has("shape"):
-        return _area_light(table, spectrum)
-    place = table.vector("position", None)
-    way = table.vector("direction", None)
-    if (place is None) == (way is None):
-        words = (
+    if isinstance(light, _BallLampKeys | _RectangleLampKeys):
+        return _build(table, AreaLight, shape=_solid(table, light, ""), spectrum=spectrum)
+    if (light.position is None) == (light.direction is None):
+        raise table.error(
+            "position",
             "give either position, of a point light, or direction, the way the light travels, or "
-            "shape"
+            'shape = "rectangle" or "sphere", of a thing that shines',
         )
-        raise table.error("position", f'{words} = "rectangle" or "sphere", of a thing that shines')
-    table.done()
-    if place is not None:
-        return _build(table, PointLight, position=place, spectrum=spectrum)
-    return _build(table, ParallelLight, direction=way, spectrum=spectrum)
+    if light.position is not None:
+        return _build(table, PointLight, position=light.position, spectrum=spectrum)
+    return _build(table, ParallelLight, direction=light.direction, spectrum=spectrum)
 
 
-def _area_light(table: TomlTable, spectrum: np.ndarray) -> AreaLight:
-    """A rectangle or a sphere that shines."""
-    if table.choice("shape", ("rectangle", "sphere")) == "sphere":
-        shape: Plane | Sphere = _build(table, Sphere, material="", **_sphere(table))
-    else:
-        if not table.has("size"):
-            raise table.error(
-                "size", "is missing: an area light has a width and a height, such as [1.0, 1.5]"
-            )
-        shape = _build(table, Plane, material="", **_plane(table))
-    table.done()
-    return _build(table, AreaLight, shape=shape, spectrum=spectrum)
+def _white(name: str, grid: np.ndarray, lights: dict[str, Light]) -> np.ndarray:
+    """Spectrum of the white that the eye is adapted to: a light of the scene, or an illuminant."""
+    if name in lights:
+        return np.asarray(lights[name].spectrum, float)
+    try:
+        return lamp(name, grid)
+    except ValueError as error:
+        raise ValueError(
+            f"{name!r} is none of the lights ({', '.join(lights)}), and {error}"
+        ) from None
 
 
-def _sphere(table: TomlTable) -> dict[str, Any]:
-    return {"centre": table.vector("centre"), "radius": table.above_zero("radius")}
+def _solid(
+    table: TomlTable,
+    solid: "_BallKeys | _BallLampKeys | _PlaneKeys | _RectangleLampKeys",
+    material: str,
+    relief: np.ndarray | None = None,
+) -> Sphere | Plane:
+    if isinstance(solid, _BallKeys | _BallLampKeys):
+        return _build(table, Sphere, material=material, centre=solid.centre, radius=solid.radius)
+    return _build(
+        table,
+        Plane,
+        material=material,
+        point=solid.centre,
+        normal=solid.normal,
+        size=solid.size,
+        up=solid.up,
+        relief=relief,
+    )
 
 
-def _plane(table: TomlTable) -> dict[str, Any]:
-    return {
-        "point": table.vector("centre"),
-        "normal": table.vector("normal"),
-        "size": table.numbers("size", 2, None),
-        "up": table.vector("up", (0.0, 0.0, 1.0)),
-    }
-
-
-def _relief(table: TomlTable, folder: Path) -> np.ndarray | None:
+def _relief(table: TomlTable, plane: _PlaneKeys, folder: Path) -> np.ndarray | None:
     """Heights of a plane in the scene's unit of length; None if it is flat."""
-    file = table.text("relief", "")
-    if not file:
-        if table.has("relief_height"):
+    height = plane.relief_height
+    if not plane.relief:
+        if height is not None:
             raise table.error(
                 "relief_height",
                 'has no meaning without relief, a map of heights such as "strokes.npy"',
             )
         return None
-    # An array may hold lengths already; a picture cannot.
-    array = file.lower().endswith(".npy")
-    height = table.number("relief_height", 1.0) if array else table.number("relief_height")
+    if height is None:
+        # An array may hold lengths already; a picture cannot.
+        if not plane.relief.lower().endswith(".npy"):
+            raise table.error("", "relief_height is missing: give the height of white in relief")
+        height = 1.0
     with table.blame("relief"):
-        return height * read_heights(folder / file)
+        return height * read_heights(folder / plane.relief)
 
 
-def _background(
-    picture: TomlTable, grid: np.ndarray, lights: dict[str, Light], folder: Path
-) -> np.ndarray:
-    """Light of the surroundings: a reflectance, under the first light."""
-    reflectance = read_reflectance(picture, "background", grid, folder, default=0.0)
-    first = next(iter(lights.values()))
-    spectrum = np.asarray(first.spectrum, float)
-    # As bright as white under luminance 1, whatever the strength or distance of the lamp.
-    return np.asarray(reflectance) * spectrum / float(spectrum @ colour_weights(grid, "E")[:, 1])
-
-
-def _white(picture: TomlTable, grid: np.ndarray, lights: dict[str, Light]) -> np.ndarray:
-    """Spectrum of the white that the eye is adapted to: a light of the scene, or an illuminant."""
-    name = picture.text("white", next(iter(lights)))
-    if name in lights:
-        return np.asarray(lights[name].spectrum, float)
-    with picture.blame("white"):
-        try:
-            return lamp(name, grid)
-        except ValueError as error:
-            raise ValueError(
-                f"{name!r} is none of the lights ({', '.join(lights)}), and {error}"
-            ) from None
-
-
-def _shape(table: TomlTable, materials: list[str], folder: Path) -> Shape:
-    kind = table.choice("shape", ("sphere", "plane", "box", "mesh"))
-    material = table.choice("material", materials)
-    if kind == "sphere":
-        values = _sphere(table)
-        maker: Callable[..., Shape] = Sphere
-    elif kind == "plane":
-        values = _plane(table) | {"relief": _relief(table, folder)}
-        maker = Plane
-    elif kind == "box":
-        values = {
-            "centre": table.vector("centre"),
-            "size": table.vector("size"),
-            "rotation": table.vector("rotation", (0.0, 0.0, 0.0)),
-        }
-        maker = Box
-    else:
+def _shape(table: TomlTable, materials: Iterable[str], folder: Path) -> Shape:
+    shape = table.read(_BallKeys, _PlaneKeys, _BoxKeys, _MeshKeys)
+    material = table.choice("material", shape.material, materials)
+    if isinstance(shape, _BoxKeys):
+        return _build(table, Box, **structs.asdict(shape))
+    if isinstance(shape, _MeshKeys):
         from .mesh import read_mesh
 
-        values = {
-            "path": folder / table.text("file"),
-            "size": table.above_zero("size", None),
-            "centre": table.vector("centre", None),
-            "turn": table.vector("rotation", (0.0, 0.0, 0.0)),
-            "smooth": table.flag("smooth", True),
-        }
-        maker = read_mesh
-    table.done()
-    return _build(table, maker, material=material, **values)
+        return _build(
+            table,
+            read_mesh,
+            path=folder / shape.file,
+            material=material,
+            size=shape.size,
+            centre=shape.centre,
+            turn=shape.rotation,
+            smooth=shape.smooth,
+        )
+    relief = _relief(table, shape, folder) if isinstance(shape, _PlaneKeys) else None
+    return _solid(table, shape, material, relief)
 
 
 def describe(found: SceneFile) -> str:

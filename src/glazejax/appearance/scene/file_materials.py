@@ -1,7 +1,7 @@
 """Materials of scene files: plain reflectances, metals, and glazes with their thickness maps."""
 
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
@@ -12,15 +12,51 @@ from ...paint.describe import format_length, make_media, name_paints, parse_coat
 from ...paint.media import MAX_THICKNESS, Glaze, Layer
 from ...spectra import describe_grid, resample
 from ..metals import metal
-from .file_table import TomlTable
+from .file_table import (
+    LENGTHS,
+    Flag,
+    Keys,
+    Lengths,
+    Number,
+    Positive,
+    Reflectance,
+    Text,
+    TomlTable,
+    Whole,
+)
 from .materials import Conductor, FresnelModel, Glazed, Lambert, Material, Phong
 
-# What a measured white may reach by noise and calibration.
-_NOISY_WHITE = 1.05
-_KINDS = ("lambert", "phong", "metal", "glaze")
 _MAX_PIXELS = 1 << 24
 # The built-in map: from 0 on the left to 1 on the right, between which it is interpolated.
 _WEDGE = np.linspace(0.0, 1.0, 1024)[None]
+
+
+class _LambertKeys(Keys, tag_field="kind", tag="lambert"):
+    reflectance: Reflectance
+
+
+class _PhongKeys(Keys, tag_field="kind", tag="phong"):
+    reflectance: Reflectance
+    highlight: Positive = 0.3
+    exponent: Positive = 40.0
+
+
+class _MetalKeys(Keys, tag_field="kind", tag="metal"):
+    metal: Text
+    roughness: Number = 0.0
+    fresnel: FresnelModel = "exact"
+
+
+class _GlazeKeys(Keys, tag_field="kind", tag="glaze"):
+    coats: Text
+    pigments: Text = ""
+    ground: Reflectance = 0.9
+    refractive_index: Number = 1.5
+    gloss: Flag = True
+    roughness: Number = 0.0
+    thickness_map: Text = ""
+    thickness_layer: Whole = 1
+    thickness_range: Lengths | None = None
 
 
 def read_material(table: TomlTable, grid: Float[np.ndarray, "bands"], folder: Path) -> Material:
@@ -29,63 +65,57 @@ def read_material(table: TomlTable, grid: Float[np.ndarray, "bands"], folder: Pa
     Raises:
         ValueError, FileNotFoundError: names the table and the key.
     """
-    kind = table.choice("kind", _KINDS)
-    if kind == "lambert":
-        material: Material = Lambert(read_reflectance(table, "reflectance", grid, folder))
-    elif kind == "phong":
-        material = Phong(
-            read_reflectance(table, "reflectance", grid, folder),
-            table.above_zero("highlight", 0.3),
-            table.above_zero("exponent", 40.0),
-        )
-    elif kind == "metal":
+    material = table.read(_LambertKeys, _PhongKeys, _MetalKeys, _GlazeKeys)
+    if isinstance(material, _GlazeKeys):
+        return _glaze(table, material, grid, folder)
+    if isinstance(material, _MetalKeys):
         with table.blame("metal"):
-            found = metal(table.text("metal"), grid)
-        roughness = table.number("roughness", 0.0)
-        fresnel: Any = table.choice("fresnel", get_args(FresnelModel), "exact")
+            optics = metal(material.metal, grid)
         with table.blame():
-            material = Conductor(found.refractive_index, found.extinction, roughness, fresnel)
-    else:
-        material = _glaze(table, grid, folder)
-    table.done()
-    return material
+            return Conductor(
+                optics.refractive_index, optics.extinction, material.roughness, material.fresnel
+            )
+    body = read_reflectance(table, "reflectance", material.reflectance, grid, folder)
+    if isinstance(material, _PhongKeys):
+        return Phong(body, material.highlight, material.exponent)
+    return Lambert(body)
 
 
-def _glaze(table: TomlTable, grid: np.ndarray, folder: Path) -> Glazed:
+def _glaze(table: TomlTable, material: _GlazeKeys, grid: np.ndarray, folder: Path) -> Glazed:
     from ... import catalogue
 
-    text = table.text("coats")
     shelf: Any = catalogue.load()
-    own = table.text("pigments", "")
-    with table.blame("pigments"):
-        if own:
-            from ...paint.pigment_table import read_pigments
+    if material.pigments:
+        from ...paint.pigment_table import read_pigments
 
-            shelf = {**shelf, **read_pigments(folder / own)}
+        with table.blame("pigments"):
+            shelf = {**shelf, **read_pigments(folder / material.pigments)}
     with table.blame("coats"):
-        described = name_paints(parse_coats(text), shelf)
+        described = name_paints(parse_coats(material.coats), shelf)
         media = [medium.resample(grid) for medium in make_media(described, shelf)]
-    ground = read_reflectance(table, "ground", grid, folder, default=0.9)
-    index = table.number("refractive_index", 1.5)
+    ground = read_reflectance(table, "ground", material.ground, grid, folder)
     with table.blame():
         coats = [Layer(medium, coat.total) for medium, coat in zip(media, described, strict=True)]
-        glaze = Glaze(coats, ground, index)
-    gloss = table.flag("gloss", True)
-    roughness = table.number("roughness", 0.0)
-    thickness, layer = _thickness(table, len(coats), folder)
+        glaze = Glaze(coats, ground, material.refractive_index)
+    thickness, layer = _thickness(table, material, len(coats), folder)
     with table.blame("roughness"):
         return Glazed(
-            glaze=glaze, thickness=thickness, layer=layer, gloss=gloss, roughness=roughness
+            glaze=glaze,
+            thickness=thickness,
+            layer=layer,
+            gloss=material.gloss,
+            roughness=material.roughness,
         )
 
 
-def _thickness(table: TomlTable, coats: int, folder: Path) -> tuple[np.ndarray | None, int]:
+def _thickness(
+    table: TomlTable, material: _GlazeKeys, coats: int, folder: Path
+) -> tuple[np.ndarray | None, int]:
     """Map of a layer's thickness, m, and which layer it is, counted from 0."""
-    file = table.text("thickness_map", "")
-    layer = table.whole("thickness_layer", 1)
-    span = table.raw("thickness_range", None)
+    file = material.thickness_map
+    layer = material.thickness_layer
     if not file:
-        if span is not None:
+        if material.thickness_range is not None:
             raise table.error(
                 "thickness_range", "has no meaning without thickness_map, a grey picture"
             )
@@ -94,25 +124,18 @@ def _thickness(table: TomlTable, coats: int, folder: Path) -> tuple[np.ndarray |
         raise table.error(
             "thickness_layer", f"is {layer}, but there are {coats} coats, the top one is 1"
         )
-    if (
-        not isinstance(span, list)
-        or len(span) != 2
-        or not all(isinstance(part, str) for part in span)
-    ):
-        raise table.error(
-            "thickness_range",
-            f'must be the thickness of black and white, ["0um", "20um"], not {span!r}',
+    if material.thickness_range is None:
+        raise table.error("thickness_range", f"must be {LENGTHS} of thickness_map")
+    with table.blame("thickness_range"):
+        black, white = (
+            parse_coats(f"paint:{length}")[0].thickness for length in material.thickness_range
         )
-    ends = []
-    for part in span:
-        with table.blame("thickness_range"):
-            ends.append(parse_coats(f"paint:{part}")[0].thickness)
     with table.blame("thickness_map"):
         grey = _WEDGE if file == "wedge" else read_grey(folder / file)
-    found = ends[0] + (ends[1] - ends[0]) * grey
-    if found.max() > MAX_THICKNESS:
-        raise table.error("thickness_range", f"reaches {format_length(float(found.max()))}")
-    return found, layer - 1
+    thickness = black + (white - black) * grey
+    if thickness.max() > MAX_THICKNESS:
+        raise table.error("thickness_range", f"reaches {format_length(float(thickness.max()))}")
+    return thickness, layer - 1
 
 
 def read_heights(path: Path) -> Float[np.ndarray, "h w"]:
@@ -195,10 +218,9 @@ def read_grey(path: Path, *, heights: bool = False) -> Float[np.ndarray, "h w"]:
 def read_reflectance(
     table: TomlTable,
     key: str,
+    value: float | str,
     grid: Float[np.ndarray, "bands"],
     folder: Path,
-    *,
-    default: Any = ...,
 ) -> float | Float[np.ndarray, "bands"]:
     """A reflectance: one number, or FILE or FILE:SAMPLE, any format that `glazejax.io` reads.
 
@@ -207,18 +229,13 @@ def read_reflectance(
     Raises:
         ValueError, FileNotFoundError: names the table and the key.
     """
-    value = table.raw(key) if default is ... else table.raw(key, default)
-    if isinstance(value, int | float) and not isinstance(value, bool):
-        if not 0 <= value <= 1:
-            hint = f"; {value:g} percent is {value / 100:g}" if 1 < value <= 100 else ""
-            raise table.error(key, f"must lie between 0 and 1, not {value:g}{hint}")
-        return float(value)
-    if not isinstance(value, str):
-        raise table.error(
-            key, f'must be a number from 0 to 1, or a file "FILE.csv:SAMPLE", not {value!r}'
-        )
-    with table.blame(key):
-        return _measured_material(table, key, value, grid, folder)
+    if isinstance(value, str):
+        with table.blame(key):
+            return _measured_material(table, key, value, grid, folder)
+    if not 0 <= value <= 1:
+        hint = f"; {value:g} percent is {value / 100:g}" if 1 < value <= 100 else ""
+        raise table.error(key, f"must lie between 0 and 1, not {value:g}{hint}")
+    return value
 
 
 def _measured_material(
@@ -235,7 +252,8 @@ def _measured_material(
     values = np.asarray(resample(own, found.reflectance[0], grid), float)
     worst = int(values.argmax())
     most = f"{text} reflects {values[worst]:.4g} at {grid[worst]:g} nm"
-    if values[worst] > _NOISY_WHITE:
+    # What a measured white may reach by noise and calibration.
+    if values[worst] > 1.05:
         raise ValueError(f"{most}, but a material reflects 1 at most: scale the spectrum")
     if values[worst] > 1:
         table.note(key, f"{most}, taken as noise: values above 1 became 1")

@@ -1,15 +1,50 @@
-"""One table of a scene file: its values by name, checked, with errors that say where they are."""
+"""Tables of a scene file as records: what may stand in them, and errors that say where they are.
 
-import math
-from collections.abc import Iterator, Mapping, Sequence
+`Keys` declare one kind of table. `TomlTable.read` holds a file's table against it.
+"""
+
+import re
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
-from typing import Any, overload
+from typing import Annotated, Any, Literal, TypeVar, get_args, get_origin
+
+import msgspec
+from msgspec import Meta
 
 from ...io.source import refusal, shorten
 from ...names import nearest_names
 
-_REQUIRED: Any = object()
+# TOML's whole numbers have no bound, and a float's has one.
 _LARGEST = 10**300
+
+Text = Annotated[str, Meta(description="a text in quotes")]
+Flag = Annotated[bool, Meta(description="true or false")]
+Whole = Annotated[int, Meta(description="a whole number")]
+Number = Annotated[float, Meta(ge=-1e308, le=1e308, description="a number")]
+Positive = Annotated[float, Meta(gt=0, le=1e308, description="a number above 0")]
+Size = Annotated[
+    tuple[Number, Number], Meta(description="a width and a height, such as [1.0, 1.5]")
+]
+Vector = Annotated[
+    tuple[Number, Number, Number], Meta(description="3 numbers, such as [0.0, 1.0, 2.0]")
+]
+Reflectance = Annotated[
+    float | str, Meta(description='a number from 0 to 1, or a file "FILE.csv:SAMPLE"')
+]
+LENGTHS = 'the thickness of black and white, ["0um", "20um"]'
+Lengths = Annotated[tuple[str, str], Meta(description=LENGTHS)]
+Named = Annotated[
+    dict[str, dict[str, Any]],
+    Meta(min_length=1, description="one or more tables with names, such as [lights.window]"),
+]
+Plain = Annotated[dict[str, Any], Meta(description="a table")]
+
+
+class Keys(msgspec.Struct):
+    """Keys that one kind of table may have."""
+
+
+_Kind = TypeVar("_Kind", bound=Keys)
 
 
 class TomlTable:
@@ -19,20 +54,24 @@ class TomlTable:
         file: name of the file, for errors.
         name: of the table, such as ``lights.window``; empty for the whole file.
         content: what it holds.
-        outer: the table that it stands in.
-
-    Attributes:
-        notes: remarks on what was changed in reading, those of the whole file together.
+        notes: remarks on what was changed in reading, of the whole file together.
     """
 
-    def __init__(
-        self, file: str, name: str, content: Mapping[str, Any], outer: "TomlTable | None" = None
-    ):
+    def __init__(self, file: str, name: str, content: Mapping[str, Any], notes: list[str]):
         self.file: str = file
         self.name: str = name
-        self._content = content
-        self.notes: list[str] = [] if outer is None else outer.notes
-        self._used: list[str] = []
+        self.content: Mapping[str, Any] = content
+        self.notes: list[str] = notes
+
+    def inner(self, key: str, content: Mapping[str, Any]) -> "TomlTable":
+        """The table at a key of this one."""
+        name = f"{self.name}.{key}" if self.name else key
+        return TomlTable(self.file, name, content, self.notes)
+
+    def named(self, key: str, tables: dict[str, Any]) -> Iterator[tuple[str, "TomlTable"]]:
+        """Tables with names that stand in the one at a key."""
+        outer = self.inner(key, tables)
+        return ((name, outer.inner(name, table)) for name, table in tables.items())
 
     def where(self, key: str = "") -> str:
         """Words for a place in the file."""
@@ -57,137 +96,68 @@ class TomlTable:
                 raise
             raise type(error)(f"{self.where(key)}: {shorten(str(error))}") from None
 
-    def done(self) -> None:
-        """Refuse keys that nobody asked for.
+    def read(self, *kinds: type[_Kind]) -> _Kind:
+        """The record of this table; where there are several kinds, their tag's key says which.
 
         Raises:
-            ValueError: there is one; the message says what is near.
+            ValueError: a key is missing, unknown, or holds what it must not.
         """
-        for key in self._content:
-            if key not in self._used:
-                near = nearest_names(key, self._used)
-                known = (
-                    f"did you mean {near[0]!r}?"
-                    if near
-                    else f"known here are {', '.join(self._used)}"
-                )
-                raise self.error("", f"unknown key {key!r}; {known}")
-
-    def _get(self, key: str, default: Any) -> Any:
-        self._used.append(key)
-        if key in self._content:
-            value = self._content[key]
+        kind = kinds[0]
+        tag = kind.__struct_config__.tag_field
+        if tag is not None:
+            tags = {str(each.__struct_config__.tag): each for each in kinds}
+            self._require(tag, f"one of {', '.join(tags)}")
+            kind = tags[self.choice(tag, self.content[tag], tags)]
+        fields = {field.encode_name: field for field in msgspec.structs.fields(kind)}
+        for key, field in fields.items():
+            if field.required:
+                self._require(key, _description(field.type))
+        for key, value in self.content.items():
+            if key not in fields and key != tag:
+                near = nearest_names(key, fields)
+                hint = f"did you mean {near[0]!r}?" if near else f"known are {', '.join(fields)}"
+                raise self.error("", f"unknown key {key!r}; {hint}")
             if not _fits(value):
                 raise self.error(key, "holds a number of too many digits")
+        try:
+            return msgspec.convert(self.content, kind)
+        except msgspec.ValidationError as error:
+            key = re.findall(r"\$\.(\w+)", str(error))[0]
+            value = self.content[key]
+            if get_origin(fields[key].type) is Literal:
+                self.choice(key, value, get_args(fields[key].type))
+            words = f"must be {_description(fields[key].type)}, not {value!r}"
+            raise self.error(key, words) from None
+
+    def choice(self, key: str, value: Any, choices: Iterable[str]) -> str:
+        """A value that must be one of several texts.
+
+        Raises:
+            ValueError: it is none of them; the message says which is near.
+        """
+        choices = list(choices)
+        if value in choices:
             return value
-        if default is _REQUIRED:
-            near = nearest_names(key, self._content)
-            raise self.error(
-                "", f"{key} is missing" + (f"; is {near[0]!r} meant to be it?" if near else "")
-            )
-        return default
+        near = nearest_names(str(value), choices)
+        hint = f"; did you mean {near[0]!r}?" if near else ""
+        raise self.error(key, f"{value!r} must be one of {', '.join(choices)}{hint}")
 
-    def has(self, key: str) -> bool:
-        """Whether a key is there; it need not be asked for otherwise."""
-        self._used.append(key)
-        return key in self._content
-
-    def table(self, key: str, default: Any = _REQUIRED) -> "TomlTable":
-        """A table inside this one."""
-        value = self._get(key, default)
-        name = f"{self.name}.{key}" if self.name else key
-        if not isinstance(value, Mapping):
-            raise self.error(key, f"must be a table [{name}], not {value!r}")
-        return TomlTable(self.file, name, value, self)
-
-    def tables(self, key: str) -> dict[str, "TomlTable"]:
-        """Named tables inside a table, at least one."""
-        outer = self.table(key, {})
-        if not outer._content:
-            raise self.error("", f"there are no {key}: give at least one table [{key}.NAME]")
-        return {name: outer.table(name) for name in outer._content}
-
-    def text(self, key: str, default: Any = _REQUIRED) -> str:
-        """A text."""
-        value = self._get(key, default)
-        if not isinstance(value, str):
-            raise self.error(key, f"must be a text in quotes, not {value!r}")
-        return value
-
-    def choice(self, key: str, choices: Sequence[str], default: Any = _REQUIRED) -> str:
-        """One of several texts."""
-        value = self.text(key, default)
-        if value not in choices:
-            near = nearest_names(value, choices)
-            hint = f"; did you mean {near[0]!r}?" if near else ""
-            raise self.error(key, f"{value!r} must be one of {', '.join(choices) or 'none'}{hint}")
-        return value
-
-    def flag(self, key: str, default: bool) -> bool:
-        """True or false."""
-        value = self._get(key, default)
-        if not isinstance(value, bool):
-            raise self.error(key, f"must be true or false, not {value!r}")
-        return value
-
-    def whole(self, key: str, default: Any = _REQUIRED) -> int:
-        """A whole number."""
-        value = self._get(key, default)
-        if not isinstance(value, int) or isinstance(value, bool):
-            raise self.error(key, f"must be a whole number, not {value!r}")
-        return value
-
-    def number(self, key: str, default: Any = _REQUIRED) -> float:
-        """A finite number."""
-        value = self._get(key, default)
-        if not _is_finite(value):
-            raise self.error(key, f"must be a number, not {value!r}")
-        return float(value)
-
-    @overload
-    def above_zero(self, key: str) -> float: ...
-    @overload
-    def above_zero(self, key: str, default: float) -> float: ...
-    @overload
-    def above_zero(self, key: str, default: None) -> float | None: ...
-    def above_zero(self, key: str, default: Any = _REQUIRED) -> float | None:
-        """A number above zero, or None if it may be left out and is."""
-        if default is None and key not in self._content:
-            self._used.append(key)
-            return None
-        value = self.number(key, default)
-        if value <= 0:
-            raise self.error(key, f"must be above 0, not {value:g}")
-        return value
-
-    def numbers(self, key: str, count: int, default: Any = _REQUIRED) -> list[float] | None:
-        """So many finite numbers, or None if they may be left out and are."""
-        value = self._get(key, default)
-        if value is None:
-            return None
-        good = isinstance(value, list | tuple) and len(value) == count
-        if not good or not all(map(_is_finite, value)):
-            raise self.error(
-                key, f"must be {count} numbers, such as {[0.0, 1.0, 2.0][:count]}, not {value!r}"
-            )
-        return [float(v) for v in value]
-
-    def vector(self, key: str, default: Any = _REQUIRED) -> Any:
-        """Three finite numbers, or None if they may be left out and are."""
-        return self.numbers(key, 3, default)
-
-    def raw(self, key: str, default: Any = _REQUIRED) -> Any:
-        """A value of any kind."""
-        return self._get(key, default)
+    def _require(self, key: str, description: str) -> None:
+        if key not in self.content:
+            near = nearest_names(key, self.content)
+            hint = f"; is {near[0]!r} meant to be it?" if near else f": give {description}"
+            raise self.error("", f"{key} is missing{hint}")
 
 
-def _is_finite(value: Any) -> bool:
-    """Whether a value that `_fits` is a finite number; NumPy knows none beyond 64 bits."""
-    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+def _description(kind: Any) -> str:
+    """Words for the values of a field, which may be left out (``| None``)."""
+    if get_origin(kind) is not Annotated:
+        kind = get_args(kind)[0]
+    return kind.__metadata__[0].description
 
 
 def _fits(value: Any) -> bool:
-    """Whether numbers are such as a float can hold; TOML's whole numbers have no bound."""
+    """Whether numbers are such as a float can hold."""
     if isinstance(value, list):
         return all(map(_fits, value))
     return not isinstance(value, int) or abs(value) < _LARGEST

@@ -109,8 +109,6 @@ def lamp(name: str, wavelengths: Grid, strength: float = 1.0) -> Float[np.ndarra
 _MAX_FILE = 1 << 20
 # NumPy's reader compares each title with all others.
 _MOST_COLUMNS = 2000
-# Of a lamp, in its own unit: beyond it sums over bands leave the range of numbers.
-_MOST_POWER = 1e250
 
 
 def measured_lamp(
@@ -128,7 +126,7 @@ def measured_lamp(
         FileNotFoundError: no such file.
         ValueError: it is no such table, the name is not in it, or it does not cover the bands.
     """
-    from ...io.sample import split_sample
+    from ...io.files.sample import split_sample
     from ...io.source import open_source, refusal, show_path
 
     path, name = split_sample(str(text))
@@ -199,7 +197,8 @@ def lamp_on_bands(
         )
     if not np.all(values >= 0) or not np.any(values > 0):
         raise ValueError(f"{words} must have power above 0 and nowhere below, not {values.min():g}")
-    if values.max() > _MOST_POWER:
+    # Of a lamp, in its own unit: beyond it sums over bands leave the range of numbers.
+    if values.max() > 1e250:
         raise ValueError(
             f"{words} has a power of {values.max():g}, where sums overflow; give it in another unit"
         )

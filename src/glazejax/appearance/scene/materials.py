@@ -28,7 +28,6 @@ from ..glaze.table import GlazeTable, glaze_table
 
 # Degrees that a table reaches beyond the angles seen.
 _MARGIN = 0.05
-_LEAST_COSINE = 1e-6
 
 FresnelModel = Literal["exact", "hall", "cook-torrance"]
 """How the reflectance of a metal depends on the angle."""
@@ -237,7 +236,7 @@ class Conductor(Material):
         normal = jnp.asarray(conductor_reflectance(1.0, self.refractive_index, self.extinction))
         if self.fresnel == "hall":
             return jnp.asarray(hall_reflectance(cosine, normal, self._average()))
-        return jnp.asarray(cook_torrance_reflectance(jnp.maximum(cosine, _LEAST_COSINE), normal))
+        return jnp.asarray(cook_torrance_reflectance(jnp.maximum(cosine, 1e-6), normal))
 
     def direct(self, angles: Angles) -> Float[Array, "pairs bands"]:
         """The glossy lobe of a rough metal; nothing of a polished one. Source: paper B, (5)-(8)."""

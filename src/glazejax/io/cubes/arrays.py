@@ -5,8 +5,8 @@ from typing import Any
 
 import numpy as np
 
+from ..files.read import envi_file
 from ..formats.envi import EnviFile
-from ..read import envi_file
 from ..source import explain_errors, refusal
 from .axes import axes_of
 from .raw import OnDisk, RawCube

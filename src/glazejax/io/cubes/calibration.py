@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from ...spectra import resample, same_grid
-from ..sample import read_sample
+from ..files.sample import read_sample
 from ..source import refusal
 from .numbers import column
 from .opening import raw_cube

@@ -30,7 +30,7 @@ _SPECTRAL = (
 )
 
 
-class Entry(NamedTuple):
+class FolderEntry(NamedTuple):
     """One array of a file."""
 
     name: str  # path in the file; empty for what is none of the user's
@@ -55,7 +55,7 @@ class Entry(NamedTuple):
 def describe(
     path: Path,
     format: str,
-    entries: Sequence[Entry],
+    entries: Sequence[FolderEntry],
     dataset: str | None,
     count: int | None,
     on_disk: Callable[[str], OnDisk],
@@ -119,7 +119,9 @@ def describe(
     )
 
 
-def _image(path: Path, entries: Sequence[Entry], dataset: str | None, count: int | None) -> Entry:
+def _image(
+    path: Path, entries: Sequence[FolderEntry], dataset: str | None, count: int | None
+) -> FolderEntry:
     """The array that is meant."""
     cubes = [
         entry
@@ -155,7 +157,7 @@ def _image(path: Path, entries: Sequence[Entry], dataset: str | None, count: int
     raise refusal(path, f"{len(cubes)} arrays can be meant, choose a dataset: {known}")
 
 
-def _wavelengths_of(image: Entry, entries: Sequence[Entry]) -> tuple[Any, str] | None:
+def _wavelengths_of(image: FolderEntry, entries: Sequence[FolderEntry]) -> tuple[Any, str] | None:
     """Wavelengths of an image and their unit: an array named so that is as long as one of its axes,
     or an attribute.
     """
@@ -193,7 +195,9 @@ def _read_wavelengths(
         raise refusal(path, error) from None
 
 
-def _coordinates(image: Entry, axis: int, entries: Sequence[Entry]) -> Entry | None:
+def _coordinates(
+    image: FolderEntry, axis: int, entries: Sequence[FolderEntry]
+) -> FolderEntry | None:
     """Coordinates along an axis: the array of the axis' name."""
     name = str(image.dims[axis] or "").strip("/")
     for wanted in (name, f"{image.group}/{name}".strip("/")):
@@ -208,7 +212,7 @@ def _coordinates(image: Entry, axis: int, entries: Sequence[Entry]) -> Entry | N
     return None
 
 
-def _good(image: Entry, entries: Sequence[Entry], count: int) -> np.ndarray | None:
+def _good(image: FolderEntry, entries: Sequence[FolderEntry], count: int) -> np.ndarray | None:
     """Bands that no list of bad bands names."""
     for entry in entries:
         if entry.last.lower() in ("bbl", "good_wavelengths") and entry.shape == (count,):

@@ -9,7 +9,7 @@ from collections.abc import Iterator, Sequence
 from itertools import accumulate
 from pathlib import Path
 
-from ..sniff import header_beside
+from ..files.sniff import header_beside
 from ..source import explain_errors, open_source
 from .opening import HEADS
 
@@ -69,7 +69,7 @@ def _parts(path: Path) -> tuple[list[Path], list[Path]]:
         # A header beside an image of another kind belongs to other data.
         other = source.head.startswith(HEADS)
     if path.suffix.lower() == ".hdr" or (not other and header_beside(path) is not None):
-        from ..read import envi_file
+        from ..files.read import envi_file
 
         envi = envi_file(path)
         return [envi.path], [envi.data]

@@ -8,21 +8,23 @@ import numpy as np
 import xarray
 from jaxtyping import Float, Int
 from xarray.backends import BackendArray
-from xarray.core.indexing import ExplicitIndexer, LazilyIndexedArray, VectorizedIndexer
+from xarray.core.indexing import (
+    ExplicitIndexer,
+    IndexingSupport,
+    LazilyIndexedArray,
+    explicit_indexing_adapter,
+)
 
 from .calibration import Calibration
-from .indexing import outer, pointwise
 from .raw import RawCube
 
 # Numbers worked on at a time: few enough for a processor's cache, so that bands that lie apart are
 # brought together there, and many enough that each piece is worth its call.
 _AT_ONCE = 1 << 19
-# Bands that are read together where each lies in a place of its own: one cache line of float32.
-_BANDS = 16
 
 
 @dataclass(frozen=True)
-class Reading:
+class CubeReading:
     """From the file's numbers to reflectance.
 
     Attributes:
@@ -57,7 +59,9 @@ class Reading:
         values = np.empty((len(lines), len(samples), len(bands)), np.float32)
         if values.size:
             groups = self.bands[bands.start : bands.stop : bands.step]
-            each = max(1, _BANDS // groups.shape[1]) if self.raw.apart else len(groups)
+            # Bands that are read together where each lies in a place of its own: one cache line of
+            # float32.
+            each = max(1, 16 // groups.shape[1]) if self.raw.apart else len(groups)
             for first in range(0, len(groups), each):
                 few = groups[first : first + each]
                 for part in self._strips(lines, len(samples) * self.binning[1] * few.size):
@@ -142,18 +146,32 @@ def _sums(values: np.ndarray, dtype: Any) -> np.ndarray:
 class LazyReflectance(BackendArray):
     """What xarray indexes: reads when its values are asked for."""
 
-    def __init__(self, reading: Reading):
+    def __init__(self, reading: CubeReading):
         self.reading = reading
         self.shape: tuple[int, int, int] = reading.shape
         self.dtype: np.dtype[Any] = np.dtype(np.float32)
 
     def __getitem__(self, key: ExplicitIndexer) -> np.ndarray:
-        by_points = isinstance(key, VectorizedIndexer)
-        return (pointwise if by_points else outer)(self.reading.take, key.tuple, self.shape)
+        # xarray cannot turn a slice that runs backwards over nothing.
+        whole = type(key)(
+            tuple(
+                slice(0) if isinstance(part, slice) and not range(size)[part] else part
+                for part, size in zip(key.tuple, self.shape, strict=True)
+            )
+        )
+        return explicit_indexing_adapter(whole, self.shape, IndexingSupport.BASIC, self._window)
+
+    def _window(self, key: tuple[int | slice, ...]) -> np.ndarray:
+        """Reflectance at whole numbers, which take their axis away, and slices with positive
+        steps.
+        """
+        slices = tuple(k if isinstance(k, slice) else slice(k, k + 1) for k in key)
+        single = tuple(axis for axis, k in enumerate(key) if not isinstance(k, slice))
+        return np.squeeze(self.reading.take(slices), axis=single)
 
 
 def as_data_array(
-    reading: Reading, wavelengths: Float[np.ndarray, "bands"], unit: str, notes: list[str]
+    reading: CubeReading, wavelengths: Float[np.ndarray, "bands"], unit: str, notes: list[str]
 ) -> xarray.DataArray:
     """The lazy array that users see.
 
@@ -204,7 +222,7 @@ def as_data_array(
 
 
 def _reading_of(raw: RawCube, stored: float, scale: float) -> float:
-    """Reflectance of a stored number, rounded as `Reading` rounds it."""
+    """Reflectance of a stored number, rounded as `CubeReading` rounds it."""
     value = np.full(1, stored, np.float32)
     value *= raw.gain
     value += raw.offset

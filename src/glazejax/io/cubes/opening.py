@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from ..sniff import identify
+from ..files.sniff import identify
 from ..source import explain_errors, open_source, refusal
 from .arrays import envi_cube, npy_cube
 from .raw import RawCube, whole

@@ -8,8 +8,6 @@ from .raw import RawCube
 # Tiles of so many lines and samples, and so many of them across the image.
 _TILE = 32
 _ACROSS = 4
-# Bands that are looked at.
-_BANDS = 16
 # Above so many numbers in a piece of the file only one tile is looked at.
 _LARGE = 1 << 22
 
@@ -21,7 +19,7 @@ def bright(raw: RawCube, bands: Int[np.ndarray, "bands"]) -> float | None:
     Tiles are looked at, not scattered pixels: a file that stores pieces is read by pieces.
     """
     lines, samples, _ = raw.shape
-    bands = np.unique(bands[np.linspace(0, bands.size - 1, min(_BANDS, bands.size)).astype(int)])
+    bands = np.unique(bands[np.linspace(0, bands.size - 1, min(16, bands.size)).astype(int)])
     across = 1 if np.prod(raw.piece) > _LARGE else _ACROSS
     found = []
     for i in range(across):

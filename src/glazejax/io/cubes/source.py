@@ -82,9 +82,9 @@ class CubeSource:
             )
         else:
             scale, unit = self._unit(raw, groups, notes)
-        from .lazy import Reading, as_data_array
+        from .lazy import CubeReading, as_data_array
 
-        reading = Reading(
+        reading = CubeReading(
             raw=raw,
             bands=groups,
             window=window,

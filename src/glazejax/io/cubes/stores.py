@@ -8,7 +8,7 @@ from typing import Any
 
 from ...extras import require
 from ..source import refusal
-from .entries import Entry, describe
+from .entries import FolderEntry, describe
 from .raw import OnDisk, RawCube
 
 
@@ -35,14 +35,14 @@ def _members(group: Any) -> list[tuple[str, Any]]:
     ]
 
 
-def _zarr_entry(name: str, array: Any) -> Entry:
+def _zarr_entry(name: str, array: Any) -> FolderEntry:
     attributes = dict(array.attrs)
     old = attributes.get("_ARRAY_DIMENSIONS")
     # xarray's mark of missing data is the fill value of zarr 2, and an attribute in zarr 3.
     if old is not None and array.fill_value is not None:
         attributes.setdefault("_FillValue", array.fill_value)
     names = getattr(array.metadata, "dimension_names", None) or old or (None,) * array.ndim
-    return Entry(
+    return FolderEntry(
         name=name,
         shape=tuple(array.shape),
         dtype=array.dtype,
@@ -69,7 +69,7 @@ def hdf5_cube(path: Path, dataset: str | None, count: int | None) -> RawCube:
     require("h5py")
     import h5py
 
-    entries: list[Entry] = []
+    entries: list[FolderEntry] = []
 
     def visit(name: str, node: Any) -> None:
         if isinstance(node, h5py.Dataset) and node.shape is not None:
@@ -80,7 +80,7 @@ def hdf5_cube(path: Path, dataset: str | None, count: int | None) -> RawCube:
         return describe(path, "HDF5", entries, dataset, count, partial(_hdf5, path))
 
 
-def _hdf5_entry(name: str, node: Any) -> Entry:
+def _hdf5_entry(name: str, node: Any) -> FolderEntry:
     names = [axis[0].name if len(axis) else axis.label or None for axis in node.dims]
     attributes = {title: node.attrs[title] for title in node.attrs if title not in _OWN}
     # A dimension of NetCDF that has no coordinates is a scale of zeros.
@@ -90,7 +90,7 @@ def _hdf5_entry(name: str, node: Any) -> Entry:
         .startswith("This is a netCDF dimension but not")
     )
     chunks = node.chunks or (1,) * node.ndim
-    return Entry(
+    return FolderEntry(
         name=name if real else "",
         shape=tuple(node.shape),
         dtype=node.dtype,
@@ -126,7 +126,7 @@ def classic_cube(path: Path, dataset: str | None, count: int | None) -> RawCube:
         attributes = dict(variable._attributes)
         sizes = tuple(variable.data.shape)
         entries.append(
-            Entry(
+            FolderEntry(
                 name=name,
                 shape=sizes,
                 dtype=variable.data.dtype,

@@ -21,9 +21,6 @@ TIFF = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
 
 _NM = re.compile(r"(?<![\d.])(\d{3,4}(?:\.\d+)?)[ _]?nm", re.IGNORECASE)
 _DIGITS = re.compile(r"\d+(?:\.\d+)?")
-# Wavelengths that a bare number in a file's name can be, nm.
-_LEAST = 200.0
-_MOST = 2600.0
 
 
 class Planes:
@@ -211,7 +208,8 @@ def _wavelengths_of_names(names: list[str]) -> Float[np.ndarray, "files"] | None
     if all(found):
         return np.array([float(each[-1]) for each in found])
     found = [[float(word) for word in _DIGITS.findall(name)] for name in names]
-    if not all(each and _LEAST <= each[-1] <= _MOST for each in found):
+    # Wavelengths that a bare number in a file's name can be, nm.
+    if not all(each and 200.0 <= each[-1] <= 2600.0 for each in found):
         return None
     return np.array([each[-1] for each in found])
 

@@ -32,8 +32,6 @@ _BAND = re.compile(
 _BEGIN = re.compile(r">{3,}\s*Begin\b.*Spectral Data\s*<{3,}", re.IGNORECASE)
 END = re.compile(r">{3,}\s*End\b.*Spectral Data\s*<{3,}", re.IGNORECASE)
 _END_OF_ELEMENT = re.compile(r"</[A-Za-z][\w.:-]*>")
-# No longer title names a band; blanks by the thousand in one would take hours to match.
-_LONGEST = 100
 # More lines than this above its table no software writes.
 _MOST = 200
 # Rows of numbers below each other that make a table without a header.
@@ -42,7 +40,7 @@ _ROWS = 3
 _FEW = 4
 
 
-class Band(NamedTuple):
+class BandTitle(NamedTuple):
     """What a column's title says: its wavelength in nm, and whether the specular component is in
     it (SCI, SCE, SPIN, SPEX; empty where it does not say).
     """
@@ -51,14 +49,15 @@ class Band(NamedTuple):
     specular: str
 
 
-def band(title: str) -> Band | None:
+def band(title: str) -> BandTitle | None:
     """Band of a column by its title, or None if the title names none."""
     title = title.strip()
-    match = _BAND.fullmatch(title) if len(title) <= _LONGEST else None
+    # No longer title names a band; blanks by the thousand in one would take hours to match.
+    match = _BAND.fullmatch(title) if len(title) <= 100 else None
     if match is None:
         return None
     word = match["before"] or match["after"] or ""
-    return Band(read_number(match["nm"].replace(",", ".")), word.upper())
+    return BandTitle(read_number(match["nm"].replace(",", ".")), word.upper())
 
 
 def lines_above(source: Source) -> tuple[int, bool]:

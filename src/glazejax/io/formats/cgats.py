@@ -24,7 +24,7 @@ _NAMES = ("SAMPLE_NAME", "SAMPLENAME", "NAME", "SAMPLE_LOC", "SAMPLE_ID", "SAMPL
 
 
 @dataclass
-class _Sheet:
+class _CgatsTable:
     """One table of the file: keywords, fields and sets, each set with its line."""
 
     keywords: dict[str, str] = field(default_factory=dict)
@@ -88,7 +88,7 @@ def read_cgats(source: Source) -> RawSpectra:
     )
 
 
-def _sheets(source: Source) -> list[_Sheet]:
+def _sheets(source: Source) -> list[_CgatsTable]:
     """Tables of the file; keywords above the first hold for all."""
     sheets = []
     keywords = {}
@@ -99,14 +99,14 @@ def _sheets(source: Source) -> list[_Sheet]:
             continue
         first = cells[0].upper()
         if first == "BEGIN_DATA_FORMAT":
-            sheets.append(_Sheet(dict(keywords)))
+            sheets.append(_CgatsTable(dict(keywords)))
             state = "format"
             cells = cells[1:]
         elif first == "BEGIN_DATA" and state != "data":
             if not sheets:
                 raise source.error("BEGIN_DATA without BEGIN_DATA_FORMAT before it", number)
             if sheets[-1].ended:  # a further table with the same fields
-                sheets.append(_Sheet(dict(keywords), list(sheets[-1].fields)))
+                sheets.append(_CgatsTable(dict(keywords), list(sheets[-1].fields)))
             sheets[-1].keywords.update(keywords)
             state = "data"
             cells = cells[1:]
@@ -147,7 +147,7 @@ def _without_comment(line: str) -> str:
     return line
 
 
-def _bands(sheet: _Sheet) -> dict[int, float]:
+def _bands(sheet: _CgatsTable) -> dict[int, float]:
     """Wavelength of each spectral field, by its position."""
     found = {}
     for at, name in enumerate(sheet.fields):
@@ -157,7 +157,7 @@ def _bands(sheet: _Sheet) -> dict[int, float]:
     return found if len(found) > 1 else {}
 
 
-def _check_complete(source: Source, sheet: _Sheet) -> None:
+def _check_complete(source: Source, sheet: _CgatsTable) -> None:
     """Refuse a file that was cut short."""
     promised = sheet.keywords.get("NUMBER_OF_SETS")
     if not sheet.ended:
@@ -177,7 +177,7 @@ def _check_complete(source: Source, sheet: _Sheet) -> None:
         raise source.error("there are fields but no sets between BEGIN_DATA and END_DATA")
 
 
-def _scale(source: Source, sheet: _Sheet) -> float | None:
+def _scale(source: Source, sheet: _CgatsTable) -> float | None:
     """Value that stands for a reflectance of 1, if the file says so."""
     norm = sheet.keywords.get("SPECTRAL_NORM")
     if norm is not None:

@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Iterator
+from dataclasses import replace
 from math import prod
 from pathlib import Path
 from typing import Any
@@ -17,6 +18,8 @@ from ..spectra_table import SpectraTable
 from ..words import read_number
 
 _NEEDED = ("samples", "lines", "bands", "data type", "interleave", "byte order")
+# A title, and its text to the end of the line, or in braces to the line that ends with one.
+_FIELD = re.compile(r"(?m)^([^=\n]*)=[^\S\n]*(\{[\s\S]*?\}$|.*)")
 _LIBRARY = "ENVI Spectral Library"
 _TYPES = {
     1: "u1",
@@ -52,32 +55,25 @@ def read_header(source: Source) -> dict[str, str | list[str]]:
         ValueError: no legal header, or one that lacks a field that is needed or has it twice.
     """
     header: dict[str, str | list[str]] = {}
-    lines = enumerate(source.text().splitlines()[1:], start=2)
-    for number, line in lines:
-        title, equals, text = line.partition("=")
-        if not equals or line.startswith(";"):
-            continue
-        title = title.strip().lower()
-        text = text.strip()
+    lines = source.text().splitlines()
+    # Lines of comment stay as empty ones, so that lines can be counted.
+    text = "\n".join("" if line.startswith(";") else line.strip() for line in lines[1:])
+    for field in _FIELD.finditer(text):
+        number = 2 + text.count("\n", 0, field.start())
+        title = field[1].strip().lower()
+        value = field[2].strip()
         if title in header and title in (*_NEEDED, "wavelength", "header offset"):
             raise source.error(f"not a legal ENVI header: {title!r} stands there twice", number)
-        if not text.startswith("{"):
-            header[title] = text
+        if not value.startswith("{"):
+            header[title] = value
             continue
-        parts = [text]
-        while not parts[-1].endswith("}"):
-            following = next(lines, None)
-            if following is None:
-                raise source.error(
-                    "not a legal ENVI header; is a brace left open, or the file cut short?", number
-                )
-            if not following[1].startswith(";"):
-                parts.append(following[1].strip())
-        whole = "\n".join(parts)[1:-1]
+        if not value.endswith("}"):
+            raise source.error(
+                "not a legal ENVI header; is a brace left open, or the file cut short?", number
+            )
+        inner = value[1:-1].strip()
         header[title] = (
-            whole.strip()
-            if title == "description"
-            else [entry.strip() for entry in whole.split(",")]
+            inner if title == "description" else [entry.strip() for entry in inner.split(",")]
         )
     missing = [title for title in _NEEDED if title not in header]
     if missing:
@@ -129,17 +125,15 @@ class EnviFile:
         needed = self._offset + prod(self.sizes.values()) * self._dtype.itemsize
         with open_source(self.data) as found:
             size = found.size
-        if size is None or size < needed:
-            raise refusal(
-                self.data,
-                f"{size} bytes where the header {self.path.name} promises {needed}; the file was "
-                "cut short",
+        if size is None or size != needed:
+            cause = (
+                "; the file was cut short"
+                if size is None or size < needed
+                else ": are its samples, lines, bands, data type and header offset right?"
             )
-        if size > needed:
             raise refusal(
                 self.data,
-                f"{size} bytes where the header {self.path.name} promises {needed}: are its "
-                "samples, lines, bands, data type and header offset right?",
+                f"{size} bytes where the header {self.path.name} promises {needed}{cause}",
             )
 
     def error(self, complaint: object) -> ValueError:
@@ -249,17 +243,7 @@ class EnviFile:
             )
         except ValueError as error:
             raise self.error(error) from None
-        return SpectraCube(
-            wavelengths=grid,
-            raw=raw,
-            bands=bands,
-            scale=scale,
-            ignore=mark,
-            notes=[*notes, *told],
-            format="ENVI image",
-            unit=unit,
-            path=self.path,
-        )
+        return replace(probe, scale=scale, unit=unit, notes=[*notes, *told])
 
     def mapped(self) -> np.ndarray:
         """All numbers as they are stored, (lines, samples, bands), mapped into memory and
@@ -307,19 +291,13 @@ class EnviFile:
             ValueError: there are none, or they are not legal.
         """
         count = self.sizes["samples" if self.is_library else "bands"]
-        texts = self.entries("wavelength")
-        if not texts:
+        values = self._numbers("wavelength")
+        if not values.size:
             raise self.error(
                 "the ENVI header has no wavelengths; add 'wavelength = {400, 410, ...}'"
             )
-        if len(texts) != count:
-            raise self.error(f"{len(texts)} wavelengths for {count} bands")
-        values = np.empty(count)
-        for i, text in enumerate(texts):
-            try:
-                values[i] = read_number(text)
-            except ValueError as error:
-                raise self.error(f"wavelength number {i + 1}: {error}") from None
+        if values.size != count:
+            raise self.error(f"{values.size} wavelengths for {count} bands")
         if not np.isfinite(values).all():
             raise self.error(
                 f"wavelength number {int(np.argmin(np.isfinite(values))) + 1} is not finite"
@@ -334,24 +312,32 @@ class EnviFile:
         does.
 
         Raises:
-            ValueError: the list has another length, or marks all.
+            ValueError: the list has another length, marks all, or holds what is no number.
         """
         count = self.sizes["samples" if self.is_library else "bands"]
-        good = self.entries("bbl")
-        bands = np.arange(count)
-        if good:
-            if len(good) != count:
-                raise self.error(
-                    f"the list of bad bands (bbl) has {len(good)} entries for {count} bands"
-                )
-            bands = bands[[text.strip() not in ("0", "0.0") for text in good]]
-            if not bands.size:
-                raise self.error("the header marks every band as bad (bbl)")
-            if bands.size < count:
-                notes.append(
-                    f"{count - bands.size} bands that the header marks as bad are left out"
-                )
+        good = self._numbers("bbl")
+        if not good.size:
+            return np.arange(count)
+        if good.size != count:
+            raise self.error(
+                f"the list of bad bands (bbl) has {good.size} entries for {count} bands"
+            )
+        bands = np.flatnonzero(good)
+        if not bands.size:
+            raise self.error("the header marks every band as bad (bbl)")
+        if bands.size < count:
+            notes.append(f"{count - bands.size} bands that the header marks as bad are left out")
         return bands
+
+    def _numbers(self, title: str) -> Float[np.ndarray, "entries"]:
+        """Numbers of a list in the header; none if there is no such list."""
+        values: list[float] = []
+        for text in self.entries(title):
+            try:
+                values.append(read_number(text))
+            except ValueError as error:
+                raise self.error(f"{title} number {len(values) + 1}: {error}") from None
+        return np.array(values)
 
     def _whole(self, title: str, least: int) -> int:
         """Whole number in a field of the header; 0 where it is left out."""
@@ -416,10 +402,7 @@ def format_envi(table: SpectraTable) -> tuple[str, Iterator[bytes], list[str]]:
     """A table as a spectral library: header, numbers (float64, so that nothing is lost) and notes
     on names changed.
     """
-    names = [
-        re.sub(r"[{}]", lambda m: "(" if m[0] == "{" else ")", name).replace(",", ";")
-        for name in table.names
-    ]
+    names = [name.translate(str.maketrans("{},", "();")) for name in table.names]
     changed = [old for old, new in zip(table.names, names, strict=True) if old != new]
     notes = (
         [f"ENVI has no commas or braces in names: {len(changed)} names changed"] if changed else []

@@ -21,7 +21,7 @@ from ..words import read_number, unshield_name
 from .above import (
     END,
     WAVELENGTH_TITLE,
-    Band,
+    BandTitle,
     band,
     delimiter_of,
     is_data,
@@ -228,13 +228,13 @@ def _wavelength(cell: str, delimiter: str) -> float | None:
     return _number(_NANOMETRES.sub("", cell).rstrip(), delimiter)
 
 
-def _band_of(cells: _Cells, title: str) -> Band | None:
+def _band_of(cells: _Cells, title: str) -> BandTitle | None:
     """Band of a column by its title, or None; samples of a table that begins with wavelengths may
     be called R100.
     """
     value = _wavelength(title, cells.delimiter)
     if value is not None:
-        return Band(value, "")
+        return BandTitle(value, "")
     return None if WAVELENGTH_TITLE.match(cells.header[0]) else band(title)
 
 

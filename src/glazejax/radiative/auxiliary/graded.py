@@ -35,7 +35,14 @@ from ..common.fresnel import cos_refracted, dielectric_reflectance
 from ..common.linalg import solve_positive, transpose
 from ..common.split import Split
 from ..common.stack_arrays import Stack
-from .panels import Mesh, Panels, decay_integrals, kernel_integrals, layer_panels, own_integrals
+from .panels import (
+    PanelMesh,
+    Panels,
+    decay_integrals,
+    kernel_integrals,
+    layer_panels,
+    own_integrals,
+)
 
 
 class CollocatedSystem(NamedTuple):
@@ -175,7 +182,7 @@ def _rescale(weights: Array, exact: Array, depth: Array) -> Array:
     return jnp.where(enough, exact / jnp.where(enough, found, 1.0), 1.0)[:, None]
 
 
-class _Surface(NamedTuple):
+class _LayerSurface(NamedTuple):
     """The internal reflectance as the equation needs it."""
 
     cosines: Array  # (batch, nodes), in the cone
@@ -184,7 +191,7 @@ class _Surface(NamedTuple):
     total: Array  # (batch,), 1 where directions below mu_c are reflected, 0 for an index of one
 
 
-def _surface(refractive_index: Any, like: Array) -> _Surface:
+def _surface(refractive_index: Any, like: Array) -> _LayerSurface:
     """An index of exactly one reflects nothing, however its directions are reckoned."""
     known = isinstance(refractive_index, int | float)
     transparent = known and refractive_index == 1
@@ -194,7 +201,7 @@ def _surface(refractive_index: Any, like: Array) -> _Surface:
     share = jnp.broadcast_to(reflects, like.shape).astype(like.dtype)
     shape = (*like.shape, mu.shape[-1])
     critical = jnp.broadcast_to(critical_cosine(jnp.asarray(n, like.dtype)), like.shape)
-    return _Surface(jnp.broadcast_to(mu, shape), share[:, None] * weights * r, critical, share)
+    return _LayerSurface(jnp.broadcast_to(mu, shape), share[:, None] * weights * r, critical, share)
 
 
 class _MeshRow(NamedTuple):
@@ -228,7 +235,7 @@ _GRAZING_RATIO = 0.4
 _FACES_OF_THICK = 3
 
 
-def resolve(tolerance: float, thickest: float, lowest_index: float) -> Mesh:
+def resolve(tolerance: float, thickest: float, lowest_index: float) -> PanelMesh:
     """Mesh that keeps the absolute error of either reflectance below the tolerance.
 
     Args:
@@ -242,17 +249,19 @@ def resolve(tolerance: float, thickest: float, lowest_index: float) -> Mesh:
     grazing = next((more for index, more in _GRAZING if lowest_index < index), 0)
     graded = row.graded[kind] + grazing + _FACES_OF_THICK * interior
     ratio = max(_RATIOS[kind], _GRAZING_RATIO) if lowest_index < _GRAZING[0][0] else _RATIOS[kind]
-    return Mesh(nodes=row.nodes, points=row.points, graded=graded, ratio=ratio, interior=interior)
+    return PanelMesh(
+        nodes=row.nodes, points=row.points, graded=graded, ratio=ratio, interior=interior
+    )
 
 
-def bytes_each(mesh: Mesh, layers: int, itemsize: int) -> int:
+def bytes_each(mesh: PanelMesh, layers: int, itemsize: int) -> int:
     """Memory that one stack's largest arrays take."""
     panels = layers * (2 * mesh.graded + (13 if mesh.interior else 0))
     nodes = panels * mesh.nodes
     return itemsize * (4 * nodes**2 + 2 * nodes * panels * mesh.points)
 
 
-def _stack_panels(stack: Stack, mesh: Mesh) -> Panels:
+def _stack_panels(stack: Stack, mesh: PanelMesh) -> Panels:
     slant = cos_refracted(stack.cos_incidence, stack.refractive_index)
     if stack.cos_viewing is not None:
         slant = jnp.minimum(slant, cos_refracted(stack.cos_viewing, stack.refractive_index))
@@ -295,14 +304,14 @@ def reflectance_on(panels: Panels, light: Stack) -> Array:
     return _value(system, _solve(system.matrix, system.exit + system.ground_seen))
 
 
-def reflectance(stack: Stack, mesh: Mesh) -> Array:
+def reflectance(stack: Stack, mesh: PanelMesh) -> Array:
     """Reflectance factor, or hemispherical reflectance where the stack has no viewing direction,
     (batch,).
     """
     return reflectance_on(_stack_panels(stack, mesh), stack)
 
 
-def split(stack: Stack, mesh: Mesh) -> Split:
+def split(stack: Stack, mesh: PanelMesh) -> Split:
     """The same by what the light did last, each (batch,)."""
     system = _system(_stack_panels(stack, mesh), stack)
     both = jnp.stack([system.exit, system.ground_seen], axis=-1)
@@ -316,7 +325,7 @@ def split(stack: Stack, mesh: Mesh) -> Split:
 
 
 def reflectance_and_gradient(
-    stack: Stack, mesh: Mesh, wanted: tuple[str, ...]
+    stack: Stack, mesh: PanelMesh, wanted: tuple[str, ...]
 ) -> tuple[Array, dict[str, Array]]:
     """Reflectance and its derivative by the wanted leaves of each stack.
 

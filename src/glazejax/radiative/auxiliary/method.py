@@ -9,7 +9,7 @@ from ..common.solver import Request
 from ..common.split import Split
 from ..common.stack_arrays import Stack
 from . import graded
-from .panels import Mesh
+from .panels import PanelMesh
 
 # Bytes of one chunk's matrices, too large for a cache: enough for a few stacks.
 _CHUNK_BYTES = 2**24
@@ -23,7 +23,7 @@ class Auxiliary:
     slopes_at_index_one: bool = False
     splits: bool = True
 
-    def resolve(self, request: Request) -> tuple[Mesh, int]:
+    def resolve(self, request: Request) -> tuple[PanelMesh, int]:
         """Mesh, and how many stacks go through at a time."""
         known = concrete(request.optical_thickness)
         thickest = np.inf if known is None else float(known.max(initial=0.0))
@@ -31,16 +31,16 @@ class Auxiliary:
         each = graded.bytes_each(mesh, request.layers, request.itemsize)
         return mesh, request.stacks_within(_CHUNK_BYTES, each)
 
-    def reflectance(self, stack: Stack, resolution: Mesh) -> Array:
+    def reflectance(self, stack: Stack, resolution: PanelMesh) -> Array:
         """Either reflectance of each stack, (batch,)."""
         return graded.reflectance(stack, resolution)
 
     def reflectance_and_gradient(
-        self, stack: Stack, resolution: Mesh, wanted: tuple[str, ...]
+        self, stack: Stack, resolution: PanelMesh, wanted: tuple[str, ...]
     ) -> tuple[Array, dict[str, Array]]:
         """Reflectance and its derivatives from the solution of the transposed equation."""
         return graded.reflectance_and_gradient(stack, resolution, wanted)
 
-    def split(self, stack: Stack, resolution: Mesh) -> Split:
+    def split(self, stack: Stack, resolution: PanelMesh) -> Split:
         """Reflectance by what the light did last."""
         return graded.split(stack, resolution)

@@ -27,7 +27,7 @@ _WIDE = 5.0
 _GRADING = 3
 
 
-class Mesh(NamedTuple):
+class PanelMesh(NamedTuple):
     """How finely the layers are divided; static."""
 
     nodes: int
@@ -207,7 +207,7 @@ _GONE = 30.0
 _INTERIOR = np.array([0.4, 1.2, 3.0, 6.5, 13.0, 25.0]) / 25.0
 
 
-def _half_layer(depth: Array, albedo: Array, slant: Array, mesh: Mesh) -> Array:
+def _half_layer(depth: Array, albedo: Array, slant: Array, mesh: PanelMesh) -> Array:
     """Edges of the panels from a face towards the middle as shares of the depth, (batch, panels +
     1).
     """
@@ -229,7 +229,7 @@ def _half_layer(depth: Array, albedo: Array, slant: Array, mesh: Mesh) -> Array:
     return jnp.where(half[:, None] > 0, shares, np.linspace(0.0, 0.5, edges.shape[1]))
 
 
-def layer_panels(thickness: Array, layer_albedo: Array, slant: Array, mesh: Mesh) -> Panels:
+def layer_panels(thickness: Array, layer_albedo: Array, slant: Array, mesh: PanelMesh) -> Panels:
     """Panels of homogeneous layers; their proportions are not differentiated, the result hardly
     depends on them.
 
@@ -271,7 +271,7 @@ def layer_panels(thickness: Array, layer_albedo: Array, slant: Array, mesh: Mesh
     )
 
 
-def graded_shares(mesh: Mesh) -> np.ndarray:
+def graded_shares(mesh: PanelMesh) -> np.ndarray:
     """Edges of panels that shrink towards both faces of a film as shares of its depth, whatever its
     thickness.
     """

@@ -26,7 +26,7 @@ from ..common.phase import check_moments, isotropic
 from ..common.rounding import FINEST_SINGLE, warn_of_rounding
 from . import joined as manyflux_joined
 from . import solve as manyflux_solve
-from .effort import Effort, Solution, choose_effort
+from .effort import FluxEffort, Solution, choose_effort
 from .ground import GroundTable
 from .media import Media
 from .method import ROUNDING
@@ -61,7 +61,7 @@ class ProgramSettings(NamedTuple):
     """What is fixed when a program is compiled."""
 
     media: float | Media
-    effort: Effort
+    effort: FluxEffort
     downward: bool
 
 

@@ -26,7 +26,7 @@ Solution = Literal["doubling", "modes"]
 """Ways to the operators of a layer: `doubling` or `eigenmodes`."""
 
 
-class Effort(NamedTuple):
+class FluxEffort(NamedTuple):
     """How finely a stack is solved; static."""
 
     directions: Spread | Resolution | SharedSpread
@@ -61,7 +61,7 @@ def choose_effort(
     *,
     azimuthal: bool,
     solution: Solution = "doubling",
-) -> Effort:
+) -> FluxEffort:
     """Least effort for an accuracy.
 
     Args:
@@ -97,7 +97,7 @@ def choose_effort(
         if azimuthal
         else 1
     )
-    return Effort(directions, kept, modes, count if solution == "doubling" else None)
+    return FluxEffort(directions, kept, modes, count if solution == "doubling" else None)
 
 
 def _directions(
@@ -132,11 +132,11 @@ def _directions(
 
 def effort_for_indices(
     resolution: Resolution, low: float, high: float, thickest: float, least_cosine: float
-) -> Effort:
+) -> FluxEffort:
     """Effort of isotropic scattering in directions for a range of indices."""
     at = [np.float64(low), np.float64(high)]
     least = min(float(np.min(half_range(index, resolution).cosines)) for index in at)
-    return Effort(
+    return FluxEffort(
         resolution, 1, 1, doublings(thickest, min(least, float(cos_refracted(least_cosine, low))))
     )
 

@@ -21,7 +21,7 @@ from jaxtyping import Array, Float
 from ..common.inputs import Numbers, check_values, concrete
 from .bordered import Diagonal, diagonal
 from .call import GivenStack, Indices, prepare
-from .effort import Effort, Solution
+from .effort import FluxEffort, Solution
 from .joined import opened_stack
 from .media import Media
 from .scattering import azimuth_waves, rates
@@ -155,7 +155,7 @@ def _field(
     axes: tuple[Array, Array],
     lit: Array,
     index: float,
-    effort: Effort,
+    effort: FluxEffort,
 ) -> Field:
     seen, azimuth = axes
     modes = effort.modes
@@ -209,7 +209,7 @@ def _opened_field(
     axes: tuple[Array, Array],
     lit: Array,
     media: Media,
-    effort: Effort,
+    effort: FluxEffort,
     cut: int,
 ) -> Field:
     """Field below shares of one layer of a stack of several indices."""

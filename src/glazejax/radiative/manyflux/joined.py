@@ -22,7 +22,7 @@ from jaxtyping import Array, Float
 
 from ..common.phase import delta_m
 from .bordered import Bordered, Diagonal, diagonal
-from .effort import Effort
+from .effort import FluxEffort
 from .ground import GroundTable, ground_operator
 from .media import (
     Media,
@@ -104,7 +104,7 @@ class _Discrete(NamedTuple):
     rows: Array  # weights of added directions, see `Bordered.reweight`
     columns: Array
 
-    def operators(self, thickness: Array, effort: Effort) -> tuple[Bordered, Bordered]:
+    def operators(self, thickness: Array, effort: FluxEffort) -> tuple[Bordered, Bordered]:
         """R and U of the layers at any thickness."""
         found = layer_operators(self.a, self.b, thickness[:, None], effort)
         reflection, loss = (x.reweight(self.rows, self.columns) for x in found)
@@ -116,7 +116,7 @@ def _discrete(
     indices: np.ndarray,
     seen_in: tuple[Array, float],
     cos_incidence: Array,
-    effort: Effort,
+    effort: FluxEffort,
     modes: int,
 ) -> _Discrete:
     """Directions and scattering; indices from the air down, viewing as cosines and the index they
@@ -187,7 +187,7 @@ def opened_stack(
     media: Media,
     cos_inside: Float[Array, "v"],
     cos_incidence: Float[Array, "i"],
-    effort: Effort,
+    effort: FluxEffort,
     modes: int,
     cut: int,
     share: Array,
@@ -227,7 +227,7 @@ def joined_stack(
     media: Media,
     cos_viewing: Float[Array, "v"],
     cos_incidence: Float[Array, "i"],
-    effort: Effort,
+    effort: FluxEffort,
     modes: int,
     *,
     table: GroundTable | None = None,

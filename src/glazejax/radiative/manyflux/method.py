@@ -21,7 +21,7 @@ from ..common.split import Split
 from ..common.stack_arrays import Stack
 
 if TYPE_CHECKING:
-    from .effort import Effort
+    from .effort import FluxEffort
 
 # Bytes of one chunk's matrices: with all that is made of them they should stay in a core's
 # second-level cache.
@@ -44,7 +44,7 @@ class ManyFlux:
     slopes_at_index_one: bool = False
     splits: bool = False
 
-    def resolve(self, request: Request) -> tuple[Effort, int]:
+    def resolve(self, request: Request) -> tuple[FluxEffort, int]:
         """Directions and doublings, and how many stacks go through at a time.
 
         An optical thickness that is traced may be up to 1e6, and a cosine down to 1e-4.
@@ -71,7 +71,7 @@ class ManyFlux:
         each = 4 * request.layers * (effort.width + 1) ** 2 * request.itemsize
         return effort, request.stacks_within(_CHUNK_BYTES, each)
 
-    def reflectance(self, stack: Stack, resolution: Effort) -> Array:
+    def reflectance(self, stack: Stack, resolution: FluxEffort) -> Array:
         """Either reflectance of each stack, (batch,)."""
         from .solve import Layers, hemispherical_reflectance, reflectance_factor
 
@@ -90,7 +90,7 @@ class ManyFlux:
         return jax.vmap(one, in_axes=(*axes, seen))(*stack)
 
     def reflectance_and_gradient(
-        self, stack: Stack, resolution: Effort, wanted: tuple[str, ...]
+        self, stack: Stack, resolution: FluxEffort, wanted: tuple[str, ...]
     ) -> tuple[Array, dict[str, Array]]:
         """Reflectance and its derivatives by reverse differentiation."""
 
@@ -100,6 +100,6 @@ class ManyFlux:
         found, back = jax.vjp(value, {name: getattr(stack, name) for name in wanted})
         return found, back(jnp.ones_like(found))[0]
 
-    def split(self, stack: Stack, resolution: Effort) -> Split:
+    def split(self, stack: Stack, resolution: FluxEffort) -> Split:
         """There is none: the parts are not kept apart. `splits` says so beforehand."""
         raise NotImplementedError("the many-flux solver does not split the reflectance")

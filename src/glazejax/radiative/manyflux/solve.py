@@ -15,7 +15,7 @@ from ..common.phase import delta_m
 from .bordered import Bordered, Diagonal
 from .directions import Spread, spread_directions
 from .doubling import layer_by_doubling
-from .effort import Effort
+from .effort import FluxEffort
 from .eigenmodes import layer_by_modes
 from .media import SharedSpread
 from .scattering import associated_legendre, azimuth_waves, rates, scattering
@@ -49,7 +49,7 @@ def discrete_stack(
     index: Any,
     cos_viewing: Array,
     cos_incidence: Array,
-    effort: Effort,
+    effort: FluxEffort,
     modes: int,
     *,
     inside: bool = False,
@@ -83,7 +83,7 @@ def discrete_stack(
     )
 
 
-def _outside(stack: DiscreteStack, ground: Array, effort: Effort, modes: int) -> Bordered:
+def _outside(stack: DiscreteStack, ground: Array, effort: FluxEffort, modes: int) -> Bordered:
     """Reflection as seen from outside, (modes, ...)."""
     a, b = rates(stack.albedo[:, None], stack.even, stack.odd, stack.cosines)
     reflection, loss = layer_operators(a, b, stack.thickness[:, None], effort)
@@ -101,7 +101,7 @@ def _reflected_back(cosines: Array, index) -> Array:
 
 
 def layer_operators(
-    a: Bordered, b: Bordered, thickness: Array, effort: Effort
+    a: Bordered, b: Bordered, thickness: Array, effort: FluxEffort
 ) -> tuple[Bordered, Bordered]:
     """R and U = 1 - T of layers, by the solution chosen."""
     if effort.doublings is None:
@@ -115,7 +115,7 @@ def reflectance_factor(
     cos_viewing: Float[Array, "v"],
     cos_incidence: Float[Array, "i"],
     azimuth: Float[Array, "k"],
-    effort: Effort,
+    effort: FluxEffort,
 ) -> Float[Array, "v i k"]:
     """pi L_out/E_in for all pairs of directions and relative azimuths (radians).
 
@@ -160,7 +160,7 @@ def hemispherical_reflectance(
     layers: Layers,
     index: float | Float[Array, ""],
     cos_incidence: Float[Array, "i"],
-    effort: Effort,
+    effort: FluxEffort,
 ) -> Float[Array, "i"]:
     """Flux that leaves over flux of a collimated beam, for each direction of incidence."""
     stack = discrete_stack(layers, index, cos_incidence[:0], cos_incidence, effort, 1)
@@ -169,7 +169,7 @@ def hemispherical_reflectance(
 
 
 def diffuse_reflectance(
-    layers: Layers, index: float | Float[Array, ""], effort: Effort
+    layers: Layers, index: float | Float[Array, ""], effort: FluxEffort
 ) -> Float[Array, ""]:
     """Flux that leaves over flux of light of equal radiance from all directions outside."""
     nothing = layers.albedo[:0]

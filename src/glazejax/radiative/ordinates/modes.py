@@ -101,7 +101,12 @@ def secular_offsets(albedo: Any, poles: Any, strengths: Any, *, xp: Any = jnp) -
 
 
 class _Table(NamedTuple):
-    """Chebyshev coefficients in the albedo for one set of directions."""
+    """Chebyshev coefficients in the albedo for one set of directions.
+
+    Not `glazejax.interpolated`, which stands above the solvers, and has one polynomial of 129 terms
+    at most: for 8 to 32 directions it is off by 2e-5 to 2e-4 of the largest value, where two pieces
+    of 32 to 64 terms are off by 2e-11.
+    """
 
     terms: int
     coefficients: np.ndarray

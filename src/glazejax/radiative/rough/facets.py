@@ -59,7 +59,7 @@ def scatter(
         inside: whether the beams come from inside the paint.
     """
     critical = float(np.sqrt((index - 1.0) * (index + 1.0)) / index) if inside else None
-    m_along, m_up, share = _facets(cosine, roughness, nodes, critical)
+    m_along, m_up, share = visible_facets(cosine, roughness, nodes, critical)
     c = cosine[:, None]
     met = np.clip(np.sqrt((1.0 - c) * (1.0 + c)) * m_along + c * m_up, 0.0, 1.0)
     relative = 1.0 / index if inside else index
@@ -76,7 +76,7 @@ def scatter(
     )
 
 
-def _facets(
+def visible_facets(
     cosine: Cosines, roughness: float, nodes: tuple[int, int], critical: float | None
 ) -> tuple[Events, Events, Events]:
     """Normals' components along the plane of incidence and upwards, and their shares of the beam.

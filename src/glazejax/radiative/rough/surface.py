@@ -25,6 +25,7 @@ from ..common.inputs import Numbers, check_choice, check_values, concrete
 from ..common.quadrature import gauss
 from .basis import lagrange
 from .facets import scatter
+from .lobes import facets_between
 from .resolution import check_surface, resolve
 
 Side = Literal["air", "paint"]
@@ -69,15 +70,9 @@ def surface_reflectance_factor(
     a = float(roughness)
 
     def one(index: float, c_in: Array, c_out: Array, degrees: Array) -> Array:
-        sines = jnp.sqrt((1.0 - c_in) * (1.0 + c_in) * (1.0 - c_out) * (1.0 + c_out))
-        # |i + o|^2 of unit vectors; at azimuth 0 the horizontal parts are against each other.
-        cosine = c_in * c_out - sines * jnp.cos(jnp.deg2rad(degrees))
-        squared = jnp.maximum(2.0 + 2.0 * cosine, 1e-30)
-        up2 = (c_in + c_out) ** 2 / squared
-        met = 0.5 * jnp.sqrt(squared)
-        density = a**2 / (up2 * a**2 + jnp.maximum(1.0 - up2, 0.0)) ** 2  # pi D
+        met, density = facets_between(jnp, c_in, c_out, degrees, a)
         hidden = _masking_over_cosine(c_in, a) * _masking_over_cosine(c_out, a)
-        single = 0.25 * dielectric_reflectance(jnp.minimum(met, 1.0), index) * density * hidden
+        single = 0.25 * dielectric_reflectance(met, index) * density * hidden
         made = resolve(index, a, _TOLERANCE).operators()
         assert made.table is not None
         return single + made.table.at(c_in)[..., -1] * made.table.at(c_out)[..., -1] / made.constant

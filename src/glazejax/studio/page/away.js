@@ -22,7 +22,7 @@ export function awayPanel(store) {
   const panel = el("section.panel.away", { "aria-label": "Take away" },
     el("div.bar", {}, button("Picture as PNG", "png", need(picture)), button("Spectra as CSV", "csv", need(() => save("spectra.csv", spectraTable(store), "text/csv"))),
       button("Stack as JSON", "json", () => save("stack.json", JSON.stringify(store.plain(), null, 1) + "\n", "application/json")), button("Open a stack", "open-stack", () => file.click()), file),
-    el("p.about", {}, "The file is read by this page, by ", el("code", {}, "glazejax render --stack stack.json"), " and by ", el("code", {}, "glazejax.read_stack"), "."),
+    el("p.about", {}, "The file is read by this page, by ", el("code", {}, "glazejax render --stack stack.json"), " and by ", el("code", {}, "glazejax.load_glaze"), "."),
     el("h3", {}, "Link"), el("div.bar", {}, address, button("Copy", "copy-link", () => copy(address))), held,
     el("h3", {}, "Python"), code, el("div.bar", {}, button("Copy", "copy-python", () => copy(code))));
 

@@ -14,7 +14,7 @@ export function pythonLines(stack, { white, black, thickest }) {
   if (ground?.paint) coats.push({ paint: ground.paint, um: thickest });
   const tail = [`spectrum = gj.reflectance(glaze, "${geometry}")`, "print(gj.colour.lab(glaze.wavelengths, spectrum))"];
   if (Object.keys(stack.pigments ?? {}).length || ground?.wavelengths || !coats.length) {
-    return ["import glazejax as gj", 'glaze = gj.Glaze.load("stack.json")  # saved in the studio', ...tail].join("\n");
+    return ["import glazejax as gj", 'glaze = gj.load_glaze("stack.json")  # saved in the studio', ...tail].join("\n");
   }
   const names = coats.flatMap((coat) => Object.keys(coat.paint)), groups = new Set(names.filter((name) => name.includes("/")).map((name) => name.split("/")[0]));
   const level = typeof ground === "number" ? ground : ground?.paint ? 0.5 : ground === "black" ? black : white;

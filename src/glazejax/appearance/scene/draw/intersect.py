@@ -17,10 +17,6 @@ from ..scene import Scene
 from ..shapes import Box, Mesh, Plane, Shape, Sphere, plane_frame, rotation
 from .triangles import TriangleCaster, Triangles, make_triangles, triangle_surface
 
-# A shape so much smaller than the scene is met by a ray that leaves it, by rounding.
-_CLEARANCE = 1e-7
-_CLEARANCE_SINGLE = 1e-4
-
 
 class Geometry(NamedTuple):
     """Shapes as arrays, kind by kind: first all spheres, then planes, boxes and meshes."""
@@ -64,7 +60,7 @@ class Hit(NamedTuple):
     """Number of the triangle of a mesh; 0 for other shapes."""
 
 
-class Surface(NamedTuple):
+class SurfacePoints(NamedTuple):
     """What a ray meets."""
 
     normal: Float[Array, "rays 3"]
@@ -113,7 +109,8 @@ def make_geometry(shapes: Sequence[Shape], materials: Mapping[str, int]) -> Geom
         + [np.asarray(m.vertices, float) for m in meshes],
         axis=None,
     )
-    single = jnp.result_type(float) == jnp.float32
+    # A ray that leaves a shape meets it again, by rounding, nearer than half of the digits.
+    rounding = np.sqrt(np.finfo(jnp.result_type(float)).eps)
     triangles = make_triangles(meshes, before) if meshes else None
     return Geometry(
         centres=_rows([s.centre for s in spheres], 3),
@@ -129,9 +126,7 @@ def make_geometry(shapes: Sequence[Shape], materials: Mapping[str, int]) -> Geom
         triangles=triangles,
         material=np.array([materials[shapes[k].material] for k in order]),
         order=np.array(order),
-        clearance=np.array(
-            (_CLEARANCE_SINGLE if single else _CLEARANCE) * max(1.0, float(np.abs(ends).max()))
-        ),
+        clearance=np.array(rounding * max(1.0, float(np.abs(ends).max()))),
         caster=None if triangles is None else TriangleCaster(triangles),
     )
 
@@ -236,7 +231,7 @@ def _boxes(geometry: Geometry, origin: Array, direction: Array) -> Array | None:
     return jnp.where((enter <= leave) & (met > 0), met, jnp.inf)
 
 
-def surface(geometry: Geometry, hit: Hit, origin: Array, direction: Array) -> Surface:
+def surface(geometry: Geometry, hit: Hit, origin: Array, direction: Array) -> SurfacePoints:
     """Normals and texture coordinates of hits; meaningless where nothing is met."""
     point = origin + jnp.where(jnp.isfinite(hit.distance), hit.distance, 0.0)[:, None] * direction
     normal = jnp.broadcast_to(-direction, point.shape)
@@ -263,7 +258,7 @@ def surface(geometry: Geometry, hit: Hit, origin: Array, direction: Array) -> Su
         face = jnp.where(mine, its_face, face)
     face = jnp.where(jnp.sum(face * direction, axis=-1, keepdims=True) > 0, -face, face)
     normal = jnp.where(jnp.sum(face * normal, axis=-1, keepdims=True) < 0, -normal, normal)
-    return Surface(normal, face, uv)
+    return SurfacePoints(normal, face, uv)
 
 
 def _sphere_surface(geometry: Geometry, point: Array, which: Array) -> tuple[Array, Array]:

@@ -22,8 +22,6 @@ from .intersect import Geometry, Hit, nearest, surface
 # Rays that go through the processor together, and the sizes that fewer of them are filled up to.
 TILE = 2**14
 _SIZES = (2**8, 2**11, TILE)
-# Rays that could carry less than this share of light to the eye are not followed.
-_LEAST = 1e-3
 
 Reflects = Callable[[int, Float[np.ndarray, "points"]], Float[np.ndarray, "points"]]
 """From the number of a material and cosines of viewing to the most that its mirror reflection
@@ -197,7 +195,8 @@ def trace(
         if len(levels) > bounces:
             return levels
         share = share * mirror_share(material, cos_view, reflects)
-        go = np.flatnonzero(share > _LEAST)
+        # Rays that could carry less than this share of light to the eye are not followed.
+        go = np.flatnonzero(share > 1e-3)
         if go.size == 0:
             return levels
         parent = go

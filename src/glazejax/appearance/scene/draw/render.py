@@ -27,10 +27,6 @@ from .visibility import MaterialsInView, needed_bands
 _PARTS = 1000
 # Levels of rays are kept between the passes up to so many bytes, and traced again beyond.
 _KEPT_BYTES = 2**29
-# Neighbours that differ by more than this share, of the brighter one and a little white, get more
-# rays.
-_CONTRAST = 0.06
-_FLOOR = 0.05
 
 
 @dataclass
@@ -264,7 +260,9 @@ def _contrasting(image: np.ndarray) -> Bool[np.ndarray, "h w"]:
         first, second = _neighbours(level.shape, down, across)
         a = level[first]
         b = level[second]
-        different = np.abs(a - b) > _CONTRAST * (np.maximum(a, b) + _FLOOR)
+        # Neighbours that differ by more than this share, of the brighter one and a little white,
+        # get more rays.
+        different = np.abs(a - b) > 0.06 * (np.maximum(a, b) + 0.05)
         out[first] |= different
         out[second] |= different
     return out

@@ -18,10 +18,6 @@ from ....extras import advice
 from ..mesh import import_trimesh
 from ..shapes import Mesh
 
-# First step away from a triangle that a ray is wrongly said to meet, in radii of all meshes; each
-# next is doubled.
-_STEP = 1e-6
-
 
 class Triangles(NamedTuple):
     """Triangles of all meshes."""
@@ -124,7 +120,9 @@ class TriangleCaster:
         start = np.maximum(middle - half, 0.0)
         going = np.flatnonzero((half > 0) & (middle + half > 0) & (start < limit))
         # What is found but does not lie ahead is where the ray comes from: start farther on.
-        step = _STEP * self._radius
+        # First step away from a triangle that a ray is wrongly said to meet, in radii of all
+        # meshes; each next is doubled.
+        step = 1e-6 * self._radius
         while going.size:
             found = self._engine.intersects_first(
                 offset[going] + start[going, None] * direction[going], direction[going]

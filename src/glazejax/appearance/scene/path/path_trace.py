@@ -19,8 +19,7 @@ from ..scene import Scene
 from .mitsuba import mitsuba_scene
 
 MOST_SAMPLES = 1 << 20
-# Fewest passes, and the most rays of one: more would fill the memory.
-_PASSES = 4
+# Rays of one pass, at most: more would fill the memory.
 _MOST_RAYS = 1 << 23
 
 
@@ -140,7 +139,8 @@ def passes_of(samples: int, pixels: int) -> tuple[int, int]:
     """Rays of a pixel in one pass, a square, and the number of passes, so that there are `samples`
     at least.
     """
-    most = max(1, min(samples // _PASSES, _MOST_RAYS // pixels))
+    # Passes say how noisy the picture is: four at least, where there are as many samples.
+    most = max(1, min(samples // 4, _MOST_RAYS // pixels))
     each = int(np.sqrt(most)) ** 2
     return each, max(2, -(-samples // each))
 

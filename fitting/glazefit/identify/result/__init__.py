@@ -9,13 +9,13 @@ from jaxtyping import Bool, Float, Int
 
 from glazejax.catalogue import family
 
-from ..film.model.variation import MIXED, PRIOR, SIZES
-from .coats.odds import CoatsOdds
-from .families.groups import FamilySet
-from .search.pool import NOBODY, Pool
-from .search.task import Measured
-from .search.unstated_conditions import CONDITIONS
-from .search.weigh import UNSEEN, Odds
+from ...film.model.variation import MIXED, PRIOR, SIZES
+from ..search.pool import NOBODY, Pool
+from ..search.task import Measured
+from ..search.unstated_conditions import CONDITIONS
+from ..search.weigh import UNSEEN, Odds
+from .groups import FamilySet
+from .odds import CoatsOdds
 
 # Candidates that stand in a table as a rule.
 _LISTED = 5

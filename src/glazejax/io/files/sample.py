@@ -5,10 +5,10 @@ measured.
 from dataclasses import replace
 from pathlib import Path
 
-from .formats.workbook import split_sheet
+from ..formats.workbook import split_sheet
+from ..source import is_there
+from ..spectra_table import SpectraTable, there_are
 from .read import read_spectra
-from .source import is_there
-from .spectra_table import SpectraTable, there_are
 
 
 def split_sample(text: str, folder: str | Path = "") -> tuple[Path, str]:

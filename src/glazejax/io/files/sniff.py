@@ -4,8 +4,8 @@ import re
 from pathlib import Path
 from typing import Literal
 
-from .formats.above import lines_above
-from .source import Source, is_there, open_source
+from ..formats.above import lines_above
+from ..source import Source, is_there, open_source
 
 Kind = Literal[
     "table",
@@ -32,9 +32,6 @@ _XML = re.compile(r"\A\s*<[?!A-Za-z]")
 _JSON = re.compile(r"\A\s*(\[\s*[\[{\]]|\{\s*[\"}])")
 # How files begin that are no spectra, and what they are.
 _OTHERS = {
-    b"\xd0\xcf\x11\xe0": (
-        "an old Excel workbook or another Office file; export the table as UTF-8 CSV"
-    ),
     b"\x89PNG": "a picture (PNG), which holds no spectra; name a table of spectra",
     b"\xff\xd8\xff": "a picture (JPEG), which holds no spectra; name a table of spectra",
     b"GIF8": "a picture (GIF), which holds no spectra; name a table of spectra",
@@ -59,7 +56,7 @@ def identify(source: Source) -> Kind:
         # The data of an ENVI image may begin with any bytes.
         if head.startswith(start) and not header_beside(source.path):
             raise source.error(words)
-    if head.startswith(b"PK\x03\x04") and not header_beside(source.path):
+    if head.startswith((b"PK\x03\x04", b"\xd0\xcf\x11\xe0")) and not header_beside(source.path):
         return "workbook"
     if b"\0" in head:
         if head.startswith(_ASD):

@@ -4,16 +4,16 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ..progress import Progress
-from .cube import SpectraCube
-from .finish import finish
-from .formats.workbook import split_sheet
+from ...progress import Progress
+from ..cube import SpectraCube
+from ..finish import finish
+from ..formats.workbook import split_sheet
+from ..source import Source, open_source
+from ..spectra_table import SpectraTable
 from .sniff import Kind, header_beside, identify
-from .source import Source, open_source
-from .spectra_table import SpectraTable
 
 if TYPE_CHECKING:
-    from .formats.envi import EnviFile
+    from ..formats.envi import EnviFile
 
 # Module and function of each format's reader; they are imported when a file asks for them.
 _READERS = {
@@ -33,7 +33,7 @@ def read_spectra(path: str | Path, *, progress: Progress | None = None) -> Spect
     """Read reflectance spectra, in any format that is known.
 
     CSV or TSV, wide, long or longest, also below lines of an instrument's own; columns of numbers
-    without a header; Excel workbooks (the first sheet, or FILE.xlsx:SHEET); ENVI spectral libraries
+    without a header; workbooks (the first sheet, or FILE.xlsx:SHEET); ENVI spectral libraries
     and images (header or data file named; of an image every pixel); CGATS text; CxF3; JCAMP-DX;
     ASD; SVC; and JSON lists of wavelengths and spectra, as Kimera's. The content tells which, not
     the name. Of readings with the specular component (SCI) and without (SCE) each is a spectrum,
@@ -62,7 +62,7 @@ def read_spectra(path: str | Path, *, progress: Progress | None = None) -> Spect
         kind = identify(source)
         if kind not in ("envi header", "envi data"):
             module, name = _READERS[kind]
-            reader = getattr(import_module(f".formats.{module}", __package__), name)
+            reader = getattr(import_module(f"..formats.{module}", __package__), name)
             return finish(reader(source, sheet) if sheet else reader(source), path)
         envi = _envi(source, kind)
         return finish(envi.library(), path) if envi.is_library else envi.cube().table()
@@ -101,7 +101,7 @@ def envi_file(path: str | Path) -> "EnviFile":
 
 def _envi(source: Source, kind: Kind) -> "EnviFile":
     """ENVI file of which the header or the data were named."""
-    from .formats.envi import EnviFile
+    from ..formats.envi import EnviFile
 
     if kind == "envi header":
         return EnviFile(source)

@@ -1,0 +1,1 @@
+"""Files of spectra in and out, whatever format they have."""
