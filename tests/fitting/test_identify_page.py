@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 
 from glazefit.identify.result import STRENGTH, Identification
+from glazefit.identify.result.odds import CoatsOdds
 from glazefit.identify.search.pool import NOBODY
 from glazefit.identify.search.task import Measured
 from glazefit.identify.show.figures import draw_spectra
@@ -173,7 +174,15 @@ def test_every_spot_has_its_place_and_the_numbers_of_the_result():
 
 
 def test_the_table_and_the_json_hold_the_numbers_exactly(tmp_path):
-    found = identification()
+    odds = CoatsOdds(
+        paints=("Red", "White"),
+        chances={"Red + White": 0.4, "Red over White": 0.6},
+        layered=0.6,
+        share=0.5,
+        reason="",
+        amounts_90=np.full((2, 2), np.nan),
+    )
+    found = replace(identification(), coats_odds=((odds,), ()))
     table, data = write_page(record(found), tmp_path / "report.html")
     assert (table.name, data.name) == ("report.csv", "report.json")
     filed = json.loads(data.read_text())
