@@ -16,7 +16,7 @@ from glazefit.posterior.chain import count_samples
 from glazefit.posterior.hamiltonian import run_hamiltonian
 from glazefit.posterior.laplace import find_modes, laplace
 from glazefit.posterior.posterior import sample
-from glazefit.posterior.problem import Misfits, Problem, Quantity
+from glazefit.posterior.problem import MeasuredResiduals, Problem, Quantity
 from glazefit.posterior.sampling import Sampling
 
 GRID = np.arange(400.0, 701.0, 50.0)
@@ -137,7 +137,7 @@ def circle(free, data, shared):
 
 def on_graph(residuals: Any, width: float) -> Problem:
     problem = problem_of(residuals, jnp.zeros((1, 1)), 1, width=width)
-    return replace(problem, scaled=Misfits(residuals, prior_rows=2))
+    return replace(problem, scaled=MeasuredResiduals(residuals, prior_rows=2))
 
 
 def test_a_sheet_whose_thickness_varies_is_met():
@@ -162,7 +162,7 @@ def test_a_bent_sheet_is_met_all_around():
 
 @pytest.mark.slow
 def test_a_metric_of_the_readings_finds_the_same_gaussians():
-    there = replace(gaussians(), scaled=Misfits(line, prior_rows=2))
+    there = replace(gaussians(), scaled=MeasuredResiduals(line, prior_rows=2))
     flat, bent = (sampled(p, steps=100, seed=1).free for p in (gaussians(), there))
     for block in range(3):
         one, other = (free[:, :, block].reshape(-1, 2) for free in (flat, bent))

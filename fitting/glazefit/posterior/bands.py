@@ -26,7 +26,7 @@ from ..film.model.body import HIGHEST
 from ..film.model.response import FilmResponse, film_response
 from ..film.numerics.least_squares import root_of_log1p
 from ..film.reading import Reading
-from .problem import Misfits, Problem, Quantity, fingerprint
+from .problem import MeasuredResiduals, Problem, Quantity, fingerprint
 
 CLEAR = 0.01
 """Optical thickness below which a film is clear, and the prior falls off; it does so too above
@@ -120,7 +120,7 @@ def pose_bands(reading: Reading, gloss: float, instrument: Instrument) -> Proble
         prior_covariance=prior_covariance(),
         bands=1,
         fingerprint=fingerprint("bands", *reading_parts(reading), gloss, instrument),
-        scaled=Misfits(residuals, prior_rows=_ENDS),
+        scaled=MeasuredResiduals(residuals, prior_rows=_ENDS),
     )
 
 

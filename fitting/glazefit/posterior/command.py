@@ -194,7 +194,7 @@ def posterior(
     seen_with = Instrument(seen_by, refractive_index)
     errors = Noise(noise, noise_share)
     prior = Prior(thickness=usual, error=paint_error)
-    made_of = _Paints(
+    made_of = _StatedPaints(
         names=options.split_names(paints),
         coats=coats,
         bands=bands,
@@ -231,7 +231,7 @@ def posterior(
         )
 
 
-class _Paints(NamedTuple):
+class _StatedPaints(NamedTuple):
     """What was said of the film's paints, and what is usual."""
 
     names: list[str]
@@ -297,7 +297,7 @@ def _check_folder(out: Path | None, resume: bool, overwrite: bool) -> Path:
 
 
 def _simulate(
-    made_of: _Paints, instrument: "Instrument", noise: "Noise", seed: int, console: "Console"
+    made_of: _StatedPaints, instrument: "Instrument", noise: "Noise", seed: int, console: "Console"
 ) -> _Task:
     """Equal parts of the paints, or coats as described: unknown fractions equal, unknown
     thicknesses the usual one.
@@ -355,7 +355,7 @@ def _simulate(
 def _read_measured(
     file: Path | None,
     sample: str,
-    made_of: _Paints,
+    made_of: _StatedPaints,
     ground: str | None,
     noise: "Noise",
     console: "Console",
@@ -373,7 +373,7 @@ def _read_measured(
     return _Task(film, _paints(made_of.names or _recipe(file, sample), made_of.shelf))
 
 
-def _coats(made_of: _Paints) -> "tuple[CoatPrior, ...]":
+def _coats(made_of: _StatedPaints) -> "tuple[CoatPrior, ...]":
     """The coats of --coats, or none."""
     from .coats import parse_coats
 

@@ -43,7 +43,7 @@ class Residuals(Protocol):
 
 
 @dataclass(frozen=True)
-class Misfits:
+class MeasuredResiduals:
     """Those residuals of a block that the measurement has; what is left out are the prior's."""
 
     residuals: Residuals

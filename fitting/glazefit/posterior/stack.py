@@ -114,7 +114,7 @@ def body(
 
 
 @dataclass(frozen=True)
-class Fitted:
+class ErrorFreeReadings:
     """What the instrument would read if the known paints had no error."""
 
     layout: Layout
@@ -348,7 +348,7 @@ def pose_stack(
         blocks=tuple(film.name for film in films),
         unknowns=unknowns(layout, named),
         residuals=StackResiduals(layout),
-        fitted=Fitted(layout),
+        fitted=ErrorFreeReadings(layout),
         prior_rows=layout.prior_rows,
         data=data,
         shared=shared,

@@ -45,7 +45,7 @@ _SEEN = 0.03
 Sets = list[tuple[int, ...]]
 
 
-class _Spectra(NamedTuple):
+class _CoatSpectra(NamedTuple):
     """Spectra as coats are weighed by them, and all paints of the catalogue.
 
     Attributes:
@@ -72,7 +72,7 @@ class _Spectra(NamedTuple):
         options: IdentificationOptions,
         usual: float,
         opaque: bool,
-    ) -> "_Spectra":
+    ) -> "_CoatSpectra":
         """Arguments as of `weigh_coats`, and whether the films hide their ground."""
         instrument = resolve_instrument(options.instrument)
         # Errors are alike over more than a band: finer spectra are averaged.
@@ -124,7 +124,7 @@ def weigh_coats(
         searched: what paints were sought with, and the candidates; None for families.
     """
     measured = found.measured
-    spectra = _Spectra.of(measured, pigments, options, usual, found.opaque)
+    spectra = _CoatSpectra.of(measured, pigments, options, usual, found.opaque)
     chances = zip(found.members, found.probability, found.paint_probability, strict=True)
     sets: list[Sets] = [best_sets(*of_row, options.max_coats) for of_row in chances]
     if searched is None or found.opaque or options.max_paints == 1 or len(pigments) == 1:
@@ -150,7 +150,7 @@ def weigh_coats(
 
 
 def _weigh(
-    spectra: _Spectra, sets: Sequence[Sets], options: IdentificationOptions
+    spectra: _CoatSpectra, sets: Sequence[Sets], options: IdentificationOptions
 ) -> list[WeighedSet]:
     """All ways in which the paints of sets may lie, with amounts, gain, surface and patches
     integrated out; spectra over one ground that share a set are weighed together.
@@ -172,7 +172,7 @@ def _weigh(
 def _weigh_set(
     members: tuple[int, ...],
     rows: Int[np.ndarray, "films"],
-    spectra: _Spectra,
+    spectra: _CoatSpectra,
     films: CoatedFilms,
     options: IdentificationOptions,
 ) -> WeighedSet:
@@ -252,7 +252,9 @@ def _summed(parts: Sequence[Evidence]) -> Evidence:
     )
 
 
-def _odds(spectra: _Spectra, weighed: Sequence[WeighedSet]) -> tuple[tuple[CoatsOdds, ...], ...]:
+def _odds(
+    spectra: _CoatSpectra, weighed: Sequence[WeighedSet]
+) -> tuple[tuple[CoatsOdds, ...], ...]:
     """The sets of each spectrum with their shares, most probable first."""
     of_rows: list[list[tuple[float, CoatsOdds]]] = [[] for _ in spectra.bodies]
     for one in weighed:
@@ -268,7 +270,7 @@ def _odds(spectra: _Spectra, weighed: Sequence[WeighedSet]) -> tuple[tuple[Coats
     return tuple(out)
 
 
-def _odds_of(spectra: _Spectra, weighed: WeighedSet, number: int) -> CoatsOdds:
+def _odds_of(spectra: _CoatSpectra, weighed: WeighedSet, number: int) -> CoatsOdds:
     """Odds of one film for one set."""
     names = [spectra.names[member] for member in weighed.members]
     logs = weighed.logs[:, number]

@@ -35,7 +35,7 @@ class Results(Protocol[_Key, _Kept]):
         ...
 
 
-class Solver(Protocol):
+class WindowSolver(Protocol):
     """What maps a window; it can be pickled, and what it finds depends on the window alone."""
 
     def solve(self, window: Window) -> ChunkMaps:
@@ -85,7 +85,7 @@ def finish(
 
 def run_chunks(
     store: "MapStore",
-    solver: Solver,
+    solver: WindowSolver,
     client: "Client | None" = None,
     progress: Progress = no_progress,
 ) -> None:
