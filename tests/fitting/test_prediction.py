@@ -7,7 +7,6 @@ import dataclasses
 import numpy as np
 import pytest
 
-from glazefit.film.films import Noise
 from glazefit.film.model.errors import ModelError
 from glazefit.film.model.variation import SIZES, Variation
 from glazefit.recover.joint import recover_jointly
@@ -51,7 +50,7 @@ def test_the_expected_error_is_the_mean_over_draws_and_cards():
 
 @pytest.fixture(scope="module")
 def recovered():
-    films = painted(np.array([1.0, 0.8, 1.2, 1.0, 0.9, 1.1]), Noise())
+    films = painted(np.array([1.0, 0.8, 1.2, 1.0, 0.9, 1.1]))
     return recover_jointly(films, RECIPES), films
 
 
