@@ -80,19 +80,6 @@ thickness=40um thickness-map=three.npy thickness-range=0-20um thin=3 varnish=non
 wavelengths=bands.txt wet-film=80um±20% white=white.txt white-reflectance=0.9 window=1:4,0:3
 without=Eosin without-elements=Co to=cxf after=one.csv batch=100
 """
-# Files to write, of which one is there already.
-FILES = {
-    "--csv": "there.csv",
-    "--export": "there.npy",
-    "--json": "there.json",
-    "--out": "there.png",
-    "--page": "there.html",
-    "--report": "there.html",
-    "--residuals": "there.csv",
-    "--spectra": "there.csv",
-    "--spectral": "there.npz",
-    "--write-stack": "there.json",
-}
 # Files to write, of which one is there already; but --out is a folder of some.
 FILES = """
 csv=there.csv export=there.npy json=there.json out=there.png page=there.html report=there.html

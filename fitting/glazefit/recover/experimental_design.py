@@ -1,11 +1,10 @@
 """What a further film would teach: which of a few that are easy to make leaves least open of how a
 paint will look.
 
-The posterior is linearised at the solution. A film that is not made yet adds its readings'
-readings, and unknowns of its own: thickness, gloss and the error
-of its weights. What remains open is judged by what matters in use: the colour difference that is to
-be expected of the paint's opaque mixtures with white, and of a film over black and over white. On
-some thirty bands this is a small dense problem.
+The posterior is linearised at the solution. A film that is not made yet adds readings, and unknowns
+of its own: thickness, gloss and the error of its weights. What remains open is judged by what
+matters in use: the colour difference that is to be expected of the paint's opaque mixtures with
+white, and of a film over black and over white. On some thirty bands this is a small dense problem.
 """
 
 from collections.abc import Iterator, Mapping

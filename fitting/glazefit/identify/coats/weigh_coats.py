@@ -95,12 +95,12 @@ class _CoatSpectra(NamedTuple):
             usual=usual,
         )
 
-    def same_grounds(self) -> list[list[int]]:
-        """Spectra by their grounds: films over one ground share what is computed."""
+    def by_grounds(self) -> list[tuple[list[int], CoatedFilms]]:
+        """Spectra by their grounds, each with films over these: they share what is computed."""
         rows: dict[bytes, list[int]] = {}
         for row, ground in enumerate(self.grounds):
             rows.setdefault(ground.tobytes(), []).append(row)
-        return list(rows.values())
+        return [(own, self.films._replace(grounds=self.grounds[own[0]])) for own in rows.values()]
 
 
 def weigh_coats(
@@ -132,8 +132,7 @@ def weigh_coats(
 
     # A film of two coats may look like no mixture of its paints.
     task, pool = searched
-    for rows in spectra.same_grounds():
-        films = spectra.films._replace(grounds=spectra.grounds[rows[0]])
+    for rows, films in spectra.by_grounds():
         near = nearest_pairs(
             spectra.bodies[rows], films, spectra.wavelengths, log_rarity(task), _NEAREST
         )
@@ -156,12 +155,11 @@ def _weigh(
     integrated out; spectra over one ground that share a set are weighed together.
     """
     out = []
-    for rows in spectra.same_grounds():
+    for rows, films in spectra.by_grounds():
         jobs: dict[tuple[int, ...], list[int]] = {}
         for row in rows:
             for members in sets[row]:
                 jobs.setdefault(members, []).append(row)
-        films = spectra.films._replace(grounds=spectra.grounds[rows[0]])
         out += [
             _weigh_set(members, np.array(own), spectra, films, options)
             for members, own in jobs.items()

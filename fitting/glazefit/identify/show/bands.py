@@ -116,6 +116,7 @@ def _slopes(
         response, paints, sets.reshape(len(row), -1), logs.reshape(len(row), -1), ground, row
     )
     slopes = np.array(slopes).reshape(*sets.shape[:2], *slopes.shape[1:])
+    optics = Optics.of(instrument.geometry, instrument.refractive_index)
     for spectrum, place in np.argwhere((coats > 0).any(axis=-1)):
         at = spectrum, place
         size = int((sets[at] != NOBODY).sum())
@@ -125,7 +126,7 @@ def _slopes(
         films = CoatedFilms(
             coefficients=np.array([np.asarray(part)[members] for part in paints]),
             grounds=ground[spectrum],
-            optics=Optics.of(instrument.geometry, instrument.refractive_index),
+            optics=optics,
             response=response,
         )
         _, by_log = films.read_and_slopes(way, np.exp(logs[at][None, :size]))
