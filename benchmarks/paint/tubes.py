@@ -212,7 +212,7 @@ def recovered(
     """The fit of a tube's masstone and tint, and the entry of its paint."""
     films = made.films.take([0, 1])
     found = recover_jointly(films, made.recipes, instrument=instrument, pigments=known)
-    return found, entries(found, PaintFile(Path("mine.csv"), {}))[0].pigment
+    return found, entries(found, PaintFile(Path("mine.csv"), {}))[0]
 
 
 def within(entry: Pigment, truth: np.ndarray) -> np.ndarray:
@@ -310,8 +310,8 @@ def seconds(say: Results) -> None:
     made = tube(catalogue.pigment("CobaltBlue"), catalogue.pigment(WHITE), CASES[0], 1)
     films, known = made.films.take([0, 1]), {WHITE: catalogue.pigment(WHITE)}
     (found, _), fit = time_call(lambda: recovered(made, known))
-    rank_next_films(found, "CobaltBlue", pigments=known)
-    taught, after = time_call(lambda: rank_next_films(found, "CobaltBlue", pigments=known))
+    rank_next_films(found, "CobaltBlue")
+    taught, after = time_call(lambda: rank_next_films(found, "CobaltBlue"))
     best = taught.films[0]
     say(
         f"\nAn entry with its error modes, in a running process: {fit:.2f} s; what to measure "

@@ -9,9 +9,6 @@ import pytest
 from glazefit import Films, Instrument, ModelError, Noise, identify, recover_jointly, simulate_films
 from glazefit.film.gloss import measure_gloss
 from glazefit.film.model.response import film_response
-from glazefit.recover.experimental_design import _planning_bands, _pose
-from glazefit.recover.joint import UNIT
-from glazefit.recover.joint_problem import readings
 from glazejax import Bidirectional, Hemispherical, catalogue
 
 GRID = np.arange(400.0, 701.0, 20.0)
@@ -61,23 +58,6 @@ def test_measured_gloss_is_kept_and_the_paint_is_nearer_to_the_truth(films):
     assert off[True][1] < 0.02
     assert off[False][1] > 0.1
     assert off[True][0] < 0.5 * off[False][0]
-
-
-def test_advice_keeps_the_measured_gloss(films):
-    """Without it the planned problem would read films of the paints' gloss, far from what the fit
-    found.
-    """
-    with_it, without = films
-    found = recover_jointly(
-        with_it, RECIPES, gloss=measure_gloss(with_it, without, Instrument()), noise=Noise()
-    )
-    response = film_response(found.instrument.geometry, found.instrument.refractive_index)
-    problem, solution = _pose(
-        found, found.shares[:1], np.zeros(1), list(found.paints), {}, None, UNIT, response
-    )
-    read = np.asarray(readings(solution, problem, response))[:, : len(found.films)]
-    fitted = np.stack([found.fitted_black, found.fitted_white], axis=-1)[:, _planning_bands(found)]
-    np.testing.assert_allclose(np.moveaxis(read, 0, 1), fitted, atol=1e-6)
 
 
 @pytest.mark.parametrize(

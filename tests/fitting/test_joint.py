@@ -17,7 +17,6 @@ from glazefit.film.simulate import simulate_films
 from glazefit.recover.constraints import Gauge, gather_constraints
 from glazefit.recover.crossvalidation import cross_validate
 from glazefit.recover.joint import pose, recover_jointly, spread
-from glazefit.recover.joint_covariance import JointCovariance
 from glazefit.recover.joint_problem import (
     Expectations,
     Unknowns,
@@ -154,13 +153,16 @@ def test_covariance_equals_the_dense_inverse(small, dense_jacobian, whole):
         np.testing.assert_allclose(local[band], inverse[rows, rows], rtol=1e-6, atol=1e-10)
     np.testing.assert_allclose(shared, inverse[count:, count:], rtol=1e-6, atol=1e-10)
 
-    found = spread(point, problem, factors, 1)
+    found = spread(problem, factors)
     others = len(problem.thickness_modes)
     for band in range(GRID.size):
         rows = slice(6 * band, 6 * band + 6)
         np.testing.assert_allclose(found.local[band], whole[rows, rows], rtol=1e-6, atol=1e-10)
         np.testing.assert_allclose(
-            found.with_others[:, band], whole[len(whole) - others :, rows], rtol=1e-6, atol=1e-10
+            found.whole.with_others[:, band],
+            whole[len(whole) - others :, rows],
+            rtol=1e-6,
+            atol=1e-10,
         )
     np.testing.assert_allclose(found.shared, whole[count:, count:], rtol=1e-6, atol=1e-10)
 
@@ -174,9 +176,7 @@ def test_error_modes_are_the_largest_of_the_dense_inverse(small, whole):
     count, others = point.bands.size, len(problem.thickness_modes)
     first = len(whole) - others
     inner, across, own = whole[:count, :count], whole[first:, :count], whole[first:, first:]
-    left = JointCovariance(
-        factors, np.asarray(problem.band_modes), spread(point, problem, factors, 1).with_others
-    )
+    left = spread(problem, factors).whole
 
     size = np.linspace(0.1, 1.0, count).reshape(point.bands.shape)
     for some, expected, given in (
@@ -346,8 +346,9 @@ def test_a_film_left_out_is_predicted():
 def test_draws_spread_as_laplace_says(small):
     problem, response, point = small
     factors = factorise(look(problem, response, point).normal)
-    local, shared, _, drawn = spread(point, problem, factors, 3000)
-    middle = totals(point, problem)
+    local, shared, whole = spread(problem, factors)
+    middle = jax.tree.map(np.asarray, totals(point, problem))
+    drawn = whole.draw(middle, 3000)
     off = np.asarray(drawn.bands) - np.asarray(middle.bands)
     for band in (0, GRID.size - 1):
         np.testing.assert_allclose(

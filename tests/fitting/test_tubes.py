@@ -398,6 +398,6 @@ def test_a_tint_teaches_most_where_there_is_none():
         further.expected for further in found.films
     )
     both = fitted(painted(instrument), instrument, pigments=KNOWN)
-    after = rank_next_films(both, "Blue", pigments=KNOWN)
+    after = rank_next_films(both, "Blue")
     assert after.now < found.now
     assert not any("1:10" in further.film for further in after.films)

@@ -3,14 +3,16 @@
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
+import equinox as eqx
 import numpy as np
 from rich.console import Console
 
 from glazejax.io import write_table
+from glazejax.paint.pigment_table import write_pigments
 from glazejax.report import plain_table
 
 from .coats import CoatPrediction, CoatRecovery, CoatScattering
-from .report import PIGMENT_COLUMNS, band_rows, flag_rows, pictures_of
+from .report import draw_each
 
 FILM_COLUMNS = (
     "film",
@@ -75,12 +77,9 @@ def write_coats(
     """Write `pigments.csv` (k and s in 1/m, if a coat is this thick, m), `films.csv`, and
     `next_coats.csv`, the films foretold with their 90 % bands.
     """
-    write_table(
-        folder / "pigments.csv",
-        PIGMENT_COLUMNS,
-        _pigment_rows(recovery, thickness),
-        overwrite=overwrite,
-    )
+    paints = [found.pigment(paint, thickness) for paint, found in recovery.paints.items()]
+    plain = [eqx.tree_at(lambda paint: paint.error_modes, paint, None) for paint in paints]
+    write_pigments(folder / "pigments.csv", plain, digits=6, overwrite=overwrite)
     write_table(folder / "films.csv", FILM_COLUMNS, _film_rows(recovery), overwrite=overwrite)
     write_table(folder / "next_coats.csv", NEXT_COLUMNS, _next_rows(foretold), overwrite=overwrite)
 
@@ -97,23 +96,22 @@ def plot_coats(
     from glazejax.plots import label_spectra, picture
 
     grid = recovery.wavelengths
-    for (paint, found), path in zip(
-        recovery.paints.items(), pictures_of(list(recovery.paints), folder), strict=True
-    ):
-        coming = [prediction for prediction in foretold if prediction.paint == paint]
+    paints = list(recovery.paints)
+
+    def draw(number: int, path: Path) -> None:
+        paint = paints[number]
+        found = recovery.paints[paint]
         with picture(path, 6, 4.2) as figure:
             spectra = figure.subplots()
             for row, name in enumerate(found.films.names):
                 (line,) = spectra.plot(grid, found.fitted_white[row], label=f"{name}, fitted")
                 read = recovery.film(name).reflectance
                 spectra.plot(grid, read, "o", color=line.get_color(), ms=4, mfc="none")
-            for prediction in coming:
-                (line,) = spectra.plot(
-                    grid,
-                    prediction.reflectance,
-                    "--",
-                    label=f"{prediction.coats:g} coats, foretold",
-                )
+            for prediction in foretold:
+                if prediction.paint != paint:
+                    continue
+                words = f"{prediction.coats:g} coats, foretold"
+                (line,) = spectra.plot(grid, prediction.reflectance, "--", label=words)
                 spectra.fill_between(
                     grid, *prediction.interval(), color=line.get_color(), alpha=0.15, lw=0
                 )
@@ -122,20 +120,12 @@ def plot_coats(
             label_spectra(spectra, ylim=(0, 1))
             spectra.legend()
             spectra.set_title(paint)
-        step()
 
-
-def _pigment_rows(recovery: CoatRecovery, thickness: float) -> Iterator[tuple[object, ...]]:
-    for paint, found in recovery.paints.items():
-        k = found.absorption / thickness
-        s = found.scattering / thickness
-        columns = [k, s, k * found.log_sd[0], s * found.log_sd[1]]
-        yield from flag_rows(band_rows([paint], found.wavelengths, columns), found.identifiable)
+    draw_each(paints, folder, draw, step)
 
 
 def _film_rows(recovery: CoatRecovery) -> Iterator[tuple[object, ...]]:
     for paint, found in recovery.paints.items():
-        sd = np.sqrt(np.diagonal(found.shared_covariance))[:: found.unknowns.films.shape[1]]
         difference = np.where(found.films.seen, found.delta_e(), np.nan)
         for row, name in enumerate(found.films.names):
             yield (
@@ -143,7 +133,7 @@ def _film_rows(recovery: CoatRecovery) -> Iterator[tuple[object, ...]]:
                 paint,
                 f"{recovery.coats[name]:g}",
                 f"{found.thickness[row]:.4g}",
-                f"{found.thickness[row] * sd[row]:.2g}",
+                f"{found.thickness_sd[row]:.2g}",
                 f"{found.rmse[row]:.5f}",
                 f"{np.nanmean(difference[row]):.3f}",
             )

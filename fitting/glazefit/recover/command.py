@@ -399,13 +399,16 @@ def _simulate(
 
 def _report(recovery: "Recovery", how: progress.Collected, results: Output) -> None:
     from glazejax.paint.describe import format_length
+    from glazejax.paint.pigment_table import write_pigments
 
-    from .report import print_summary, write_fits, write_pigments, write_plots
+    from .plots import plot_paint
+    from .report import draw_each, print_summary, write_fits
 
     out, metres, plots, overwrite, console = results
     assert out is not None
     out.mkdir(parents=True, exist_ok=True)
-    write_pigments(recovery, metres, out / "pigments.csv", overwrite=overwrite)
+    paints = [recovery.pigment(row, metres) for row in range(len(recovery))]
+    write_pigments(out / "pigments.csv", paints, digits=6, overwrite=overwrite)
     write_fits(recovery, out / "fits.csv", overwrite=overwrite)
     print_summary(recovery, console, how.seconds, how.first)
     console.print(
@@ -413,7 +416,12 @@ def _report(recovery: "Recovery", how: progress.Collected, results: Output) -> N
         "s d are known: a film of twice that has half the k and s."
     )
     if plots:
-        write_plots(recovery, metres, out, progress.drawing(len(recovery)))
+        draw_each(
+            recovery.films.names,
+            out,
+            lambda row, path: plot_paint(recovery, row, metres, path),
+            progress.drawing(len(recovery)),
+        )
     pictures = f", fits.csv and {len(recovery)} pictures" if plots else " and fits.csv"
     console.print(f"Wrote pigments.csv{pictures} to {out}")
 

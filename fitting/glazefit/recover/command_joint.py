@@ -24,9 +24,6 @@ if TYPE_CHECKING:
 
 _SAME = 0.1
 """Standard deviation of the log of thicknesses that one bar drew."""
-_LISTED = 3
-# What tints would be made with, where no white is named.
-_WHITES = ("ZincWhite", "TitaniumWhite")
 
 
 def recover_together(
@@ -86,14 +83,7 @@ def recover_together(
     if file is not None:
         _write_entries(recovery, file, results)
     if not listed or knowledge.any:
-        _print_next_films(
-            recovery,
-            known,
-            gauge=gauge,
-            unit=unit,
-            catalogue=knowledge.catalogue,
-            results=results,
-        )
+        _print_next_films(recovery, gauge, knowledge.catalogue, console)
 
 
 def _measured_gloss(
@@ -205,17 +195,26 @@ def _write_folder(
     check: bool,
     results: "Output",
 ) -> None:
-    from .report import write_joint_films, write_joint_pigments, write_joint_plots
+    from glazejax.paint.pigment_table import write_pigments
+
+    from .plots import plot_joint_paint
+    from .report import draw_each, write_joint_films
 
     out, _, plots, overwrite, console = results
     assert out is not None
     out.mkdir(parents=True, exist_ok=True)
-    write_joint_pigments(recovery, unit, out / "pigments.csv", overwrite=overwrite)
+    paints = recovery.pigments(unit)
+    write_pigments(out / "pigments.csv", paints.values(), digits=6, overwrite=overwrite)
     write_joint_films(recovery, out / "films.csv", overwrite=overwrite)
     if check:
         _leave_out(recovery, films, recipes, given, results)
     if plots:
-        write_joint_plots(recovery, unit, out, progress.drawing(len(recovery.paints)))
+        draw_each(
+            recovery.paints,
+            out,
+            lambda row, path: plot_joint_paint(recovery, row, unit, path),
+            progress.drawing(len(paints)),
+        )
     pictures = f", films.csv and {len(recovery.paints)} pictures" if plots else " and films.csv"
     console.print(f"Wrote pigments.csv{pictures} to {out}")
 
@@ -292,25 +291,19 @@ def _write_entries(recovery: "JointRecovery", file: "PaintFile", results: "Outpu
 
 
 def _print_next_films(
-    recovery: "JointRecovery",
-    known: "Mapping[str, Pigment]",
-    gauge: "Gauge | None",
-    unit: float,
-    catalogue: str,
-    results: "Output",
+    recovery: "JointRecovery", gauge: "Gauge | None", catalogue: str, console: "Console"
 ) -> None:
+    """Say of the first few new paints what would teach most."""
     from glazejax.catalogue import load
 
     from .experimental_design import rank_next_films
 
-    console = results.console
     new = [paint for paint in recovery.paints if paint not in recovery.known]
     shelf = load(catalogue)
-    stand_in = next(shelf[name] for name in _WHITES if name in shelf)
-    for paint in new[:_LISTED]:
-        found = rank_next_films(
-            recovery, paint, pigments=known, gauge=gauge, unit=unit, white=stand_in
-        )
+    # What tints would be made with, where no white is named.
+    stand_in = next(shelf[name] for name in ("ZincWhite", "TitaniumWhite") if name in shelf)
+    for paint in new[:3]:
+        found = rank_next_films(recovery, paint, gauge=gauge, white=stand_in)
         best, *rest = found.films
         others = "; ".join(f"{further.film}: {further.expected:.1f}" for further in rest[:2])
         console.print(

@@ -12,8 +12,8 @@ import io
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import NamedTuple
 
+import equinox as eqx
 import numpy as np
 from jaxtyping import Float
 
@@ -21,24 +21,14 @@ from glazejax import Pigment
 from glazejax.io.outputs import check_output
 from glazejax.io.words import shield_name, unshield_name
 from glazejax.paint.describe import format_length
-from glazejax.paint.pigment_table import read_pigments
+from glazejax.paint.pigment_table import pigment_rows, read_pigments
 from glazejax.whole_file import whole_file
 
 from .constraints import error_modes
-from .joint_covariance import mode_cell
 from .joint_result import MOST_ERROR, JointRecovery
 
 OWN_MODES = 16
 """Error modes that are a new paint's own."""
-_PLAIN = (
-    "pigment",
-    "wavelength_nm",
-    "absorption",
-    "scattering",
-    "absorption_sd",
-    "scattering_sd",
-    "identifiable",
-)
 
 
 @dataclass(frozen=True)
@@ -68,15 +58,6 @@ class PaintFile:
         """
         path = check_output(path, overwrite=True, argument=argument)
         return cls(path, read_pigments(path) if path.exists() and path.stat().st_size else {})
-
-
-class Entry(NamedTuple):
-    """A paint as it is written: k, s and errors in 1/m; modes by column number, from 0, each (2,
-    bands).
-    """
-
-    pigment: Pigment
-    modes: Mapping[int, Float[np.ndarray, "2 bands"]]
 
 
 def add_paints(
@@ -114,7 +95,7 @@ def add_paints(
                 f"glazejax.catalogue.read(path)[{name!r}] (--white {name})"
             )
     made = entries(recovery, file)
-    new = tuple(entry.pigment.name for entry in made)
+    new = tuple(paint.name for paint in made)
     scale = f"a typical film taken as {format_length(recovery.unit)}"
     if recovery.known:
         scale = f"scale of {' and '.join(recovery.known)}"
@@ -157,8 +138,9 @@ def _same(recovery: JointRecovery, name: str, existing: Pigment) -> bool:
     )
 
 
-def entries(recovery: JointRecovery, file: PaintFile) -> list[Entry]:
-    """Entries of a recovery's new paints, and of known ones that the file lacks.
+def entries(recovery: JointRecovery, file: PaintFile) -> list[Pigment]:
+    """Paints as they are written, in 1/m: a recovery's new ones, and known ones that the file
+    lacks. Their error modes stand where the file's columns for them are, 0 in those of others.
 
     Args:
         recovery: joint fit of the new paints.
@@ -179,31 +161,40 @@ def entries(recovery: JointRecovery, file: PaintFile) -> list[Entry]:
         elif paint not in lacking and known[paint].error_modes is not None:
             columns |= dict(zip(modes.places, modes.kept, strict=True))
     slopes, own, shift, sd = conditional_modes(recovery, new, list(columns))
+    bands = recovery.wavelengths.size
     made = []
     for row, paint in enumerate(new):
-        modes = {column: slopes[i, :, row] for i, column in enumerate(columns.values())}
-        modes |= {first + i: mode[:, row] for i, mode in enumerate(own)}
+        modes = np.zeros((first + len(own), 2, bands))
+        modes[list(columns.values())] = slopes[:, :, row]
+        modes[first:] = own[:, :, row]
         recovered = recovery.row(paint)
         k = recovery.absorption[recovered] / thickness * np.exp(shift[0, row])
         s = recovery.scattering[recovered] / thickness * np.exp(shift[1, row])
-        pigment = Pigment(
-            paint,
-            recovery.wavelengths,
-            k,
-            s,
-            identifiable=recovery.identifiable[recovered],
-            absorption_sd=k * sd[0, row],
-            scattering_sd=s * sd[1, row],
+        made.append(
+            Pigment(
+                paint,
+                recovery.wavelengths,
+                k,
+                s,
+                identifiable=recovery.identifiable[recovered],
+                absorption_sd=k * sd[0, row],
+                scattering_sd=s * sd[1, row],
+                error_modes=modes,
+            )
         )
-        made.append(Entry(pigment, modes))
     for paint in lacking:
         known_paint = known[paint].resample(recovery.wavelengths)
-        modes = recovery.known_modes[paint]
-        kept = error_modes(known_paint)[list(modes.kept)]
+        places = recovery.known_modes[paint]
+        modes = np.zeros((first + len(own), 2, bands))
+        modes[[columns[place] for place in places.places]] = error_modes(known_paint)[
+            list(places.kept)
+        ]
         made.append(
-            Entry(
+            eqx.tree_at(
+                lambda each: each.error_modes,
                 known_paint,
-                {columns[place]: mode for place, mode in zip(modes.places, kept, strict=True)},
+                modes,
+                is_leaf=lambda leaf: leaf is None,
             )
         )
     return made
@@ -267,7 +258,7 @@ def conditional_modes(
 
 
 def add_entries(
-    file: PaintFile, made: Sequence[Entry], comments: Sequence[str], *, overwrite: bool = False
+    file: PaintFile, made: Sequence[Pigment], comments: Sequence[str], *, overwrite: bool = False
 ) -> None:
     """Write entries into the file: whole or not at all, and with the other paints' lines as they
     are.
@@ -275,7 +266,7 @@ def add_entries(
     Raises:
         ValueError: the file has a paint of that name, and `overwrite` is false.
     """
-    names = {entry.pigment.name for entry in made}
+    names = {paint.name for paint in made}
     if (existing := sorted(names & set(file.paints))) and not overwrite:
         raise ValueError(
             f"{file.path} has an entry {existing[0]!r}; give another name, or replace it with "
@@ -285,23 +276,24 @@ def add_entries(
     remarks = [line for line in lines if line.startswith("#")]
     remarks += [line for line in (f"# {text}" for text in comments) if line not in remarks]
     cells = list(csv.reader(line for line in lines if line.strip() and not line.startswith("#")))
-    header = [title.strip() for title in cells[0]] if cells else list(_PLAIN)
-    more = max((column + 1 for entry in made for column in entry.modes), default=0)
-    titles = [f"{what}_mode_{i + 1}" for what in "ks" for i in range(more)]
-    wide = [*header, *(title for title in (*_PLAIN, *titles) if title not in header)]
+    titles, rows = pigment_rows(made, digits=6)
+    header = [title.strip() for title in cells[0]] if cells else titles
+    wide = [*header, *(title for title in titles if title not in header)]
     # A paint without modes stays without: empty cells. One that has some has no share in the new.
     empty = "0" if "k_mode_1" in header else ""
+    fill = [empty if "_mode_" in title else "" for title in wide[len(header) :]]
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     text.writelines(line + "\n" for line in remarks)
     writer.writerow(wide)
     name_column = header.index("pigment")
-    for row in cells[1:]:
-        if unshield_name(row[name_column].strip()) not in names:
-            fill = [empty if "_mode_" in title else "" for title in wide[len(header) :]]
-            writer.writerow([*row, *fill])
-    for entry in made:
-        writer.writerows(_rows(entry, wide))
+    writer.writerows(
+        [*row, *fill] for row in cells[1:] if unshield_name(row[name_column].strip()) not in names
+    )
+    for name, *values in rows:
+        row = dict(zip(titles, [shield_name(str(name)), *values], strict=True))
+        # No share in modes that no new paint has either; other columns of the file are not ours.
+        writer.writerow(row.get(title, "0") for title in wide)
     with whole_file(file.path) as part:
         part.write_text(text.getvalue(), encoding="utf-8")
 
@@ -312,35 +304,3 @@ def mode_columns(file: PaintFile) -> int:
         (len(paint.error_modes) for paint in file.paints.values() if paint.error_modes is not None),
         default=0,
     )
-
-
-def _rows(entry: Entry, titles: Sequence[str]) -> list[list[str]]:
-    paint = entry.pigment
-    grid = entry.pigment.wavelengths
-    nothing = np.zeros(grid.size)
-    known = np.ones(grid.size, dtype=bool) if paint.identifiable is None else paint.identifiable
-    values: dict[str, np.ndarray] = {
-        "wavelength_nm": grid,
-        "absorption": np.asarray(paint.absorption),
-        "scattering": np.asarray(paint.scattering),
-        "absorption_sd": nothing
-        if paint.absorption_sd is None
-        else np.asarray(paint.absorption_sd),
-        "scattering_sd": nothing
-        if paint.scattering_sd is None
-        else np.asarray(paint.scattering_sd),
-    }
-    for column, mode in entry.modes.items():
-        values[f"k_mode_{column + 1}"], values[f"s_mode_{column + 1}"] = mode
-    words = {
-        "pigment": [shield_name(paint.name)] * grid.size,
-        "identifiable": [str(bool(flag)) for flag in known],
-    }
-
-    def cell(title: str, band: int) -> str:
-        if title in words:
-            return words[title][band]
-        value = float(values.get(title, nothing)[band])
-        return mode_cell(value) if "_mode_" in title else format(value, ".6g")
-
-    return [[cell(title, band) for title in titles] for band in range(grid.size)]

@@ -1,59 +1,54 @@
 """What a further film would teach: which of a few that are easy to make leaves least open of how a
 paint will look.
 
-The posterior is linearised at the solution. A film that is not made yet adds readings, and unknowns
-of its own: thickness, gloss and the error of its weights. What remains open is judged by what
-matters in use: the colour difference that is to be expected of the paint's opaque mixtures with
-white, and of a film over black and over white. On some thirty bands this is a small dense problem.
+The readings of a film that is not made yet are linearised at the solution. They follow what the fit
+leaves open of the paints, and unknowns of the film's own: thickness, gloss and the error of its
+weights. What remains open is judged by what matters in use: the colour difference that is to be
+expected of the paint's opaque mixtures with white, and of a film over black and over white.
 """
 
-from collections.abc import Iterator, Mapping
-from dataclasses import replace
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float
 
 from glazejax import Pigment
 
-from ..film.films import FLAGS, SPECTRA, Films
-from ..film.model.response import HIGHEST, Response, film_response
-from .constraints import Gauge, gather_constraints
-from .joint import UNIT, pose
-from .joint_problem import (
-    JointProblem,
-    JointResiduals,
-    Unknowns,
-    deviations,
-    readings,
-    residuals,
-    totals,
-)
+from ..film.films import cards
+from ..film.model.response import Response, film_response, hiding_factor
+from .constraints import Gauge, error_modes
+from .joint_problem import model_deviation
 from .joint_result import JointRecovery
 from .next_reading import Candidate, NextFilms, rank_candidates, reading_bands
 
-_BANDS = 31
-# Bands that a candidate is read at: with 8 a tint is thought to teach half as much.
-_READ = 16
-_DRAWS = 512
-_VISIBLE = (400.0, 700.0)
-# Parts of white to one of paint: films to make, and mixtures to be judged by.
-TINTS = (3, 10, 30)
-_JUDGED = (1.0, 3.0, 10.0, 30.0)
-_TIMES = {"a quarter": 0.25, "four times": 4.0}
-# Mean internal reflectance of an opaque film from which a paint passes for a white.
-_WHITE = 0.75
+
+class _Open(NamedTuple):
+    """What is open of films that are planned: of the paint and of the white that it is mixed with,
+    if there is one, and of each film.
+    """
+
+    coefficients: Float[Array, "*draws bands 2 paints"]  # log k and log s for unit thickness
+    paint_gloss: Float[Array, "*draws paints"]  # log
+    thickness: Float[Array, "*draws films"]  # log
+    gloss: Float[Array, "*draws films"]  # log, beside that of the paints
+    weight: Float[Array, "*draws films"]  # log of the error of the paint's weight
+
+
+class _Plan(NamedTuple):
+    """Films that are easily made and were not."""
+
+    words: list[str]
+    shares: Float[np.ndarray, "films paints"]
+    thickness: Float[np.ndarray, "films"]  # log
 
 
 def rank_next_films(
     recovery: JointRecovery,
     paint: str,
     *,
-    pigments: Mapping[str, Pigment] | None = None,
     gauge: Gauge | None = None,
-    unit: float = UNIT,
     white: Pigment | None = None,
     response: Response | None = None,
 ) -> NextFilms:
@@ -62,55 +57,79 @@ def rank_next_films(
     Args:
         recovery: joint fit.
         paint: one of its paints.
-        pigments, gauge, unit, response: as the fit was given.
+        gauge: thicknesses as the fit was given.
         white: what tints would be made with, if the fit holds no white.
+        response: model of one film, by default that of the fit's instrument.
 
     Raises:
         ValueError: no such paint.
     """
     response = response or film_response(recovery.instrument)
-    known = dict(pigments or {})
     row = recovery.row(paint)
-    paints = list(recovery.paints)
     whites = _whites(recovery)
-    chosen = next((p for p in (*recovery.known, *whites) if p in whites), None)
-    if chosen is None and white is not None and white.name not in paints:
-        chosen = white.name
-        paints.append(chosen)
-        known[chosen] = white
-    pale = paints.index(chosen) if chosen is not None and chosen != paint else None
-    film = ~recovery.films.opaque
-    depth = float(np.mean(np.log(recovery.thickness[film]))) if film.any() else 0.0
-    words, shares, depths = _planned(recovery, row, pale, len(paints), chosen or "", depth)
-    problem, solution = _pose(
-        recovery,
-        shares,
-        depths,
-        paints=paints,
-        known=known,
-        gauge=gauge,
-        unit=unit,
-        response=response,
+    pale = next((name for name in (*recovery.known, *whites) if name in whites), None)
+    stand_in = white if pale is None and white and white.name not in recovery.paints else None
+    if stand_in is not None:
+        pale = stand_in.name
+    if pale == paint:
+        pale = None
+    through = ~recovery.films.opaque
+    depth = float(np.mean(np.log(recovery.thickness[through]))) if through.any() else 0.0
+    plan = _plan(recovery, row, pale, depth)
+    bands = _planning_bands(recovery)
+    grid = recovery.wavelengths[bands]
+    rows = [row] if pale is None or stand_in is not None else [row, recovery.row(pale)]
+    centre, draws = _open(recovery, rows, bands, plan, gauge)
+    if stand_in is not None:
+        centre, draws = _with_white(recovery, stand_in.resample(grid), centre, draws)
+    black, white_card, *sd = (card[0, bands] for card in _cards(recovery))
+    middle, moves = _readings(
+        centre,
+        jax.tree.map(np.subtract, draws, centre),
+        plan.shares,
+        np.stack([black, white_card]),
+        recovery.instrument.seen_surface,
+        response,
     )
-    slopes = jax.tree.map(np.asarray, _jacobian(problem, response, solution))
-    draws = _draws(slopes, solution, len(recovery.films))
+    # The fewer bands stand for all; with 8 a tint is thought to teach half as much.
+    read = reading_bands(grid.size, 16)
+    many = np.sqrt(recovery.wavelengths.size / read.size)
+    expected = np.asarray(middle)
+    deviation = model_deviation(expected, recovery.noise, recovery.expectations)
+    # A card's own error reaches the reading through the film, at most as a bare card's does.
+    deviation = np.hypot(deviation, np.stack(sd) * expected) / many
     candidates = [
-        Candidate(name, draws @ readings.T, np.ones(len(readings)))
-        for name, readings in zip(words, _readings(slopes, len(recovery.films)), strict=True)
+        Candidate(
+            words,
+            np.asarray(moves)[:, film][:, :, read].reshape(len(moves), -1),
+            deviation[film][:, read].ravel(),
+        )
+        for film, words in enumerate(plan.words)
     ]
-    pure = np.eye(len(paints))[row]
-    tints = [(pure + p * np.eye(len(paints))[pale]) / (1 + p) for p in _JUDGED if pale is not None]
-    mixed, thick = np.stack([pure, *tints]), np.exp(depth)
+    pure = np.eye(len(plan.shares[0]))[0]
+    # Parts of white to one of paint that the paint is judged by.
+    judged = [_tint(parts) for parts in (1.0, 3.0, 10.0, 30.0) if pale is not None]
+    shape = draws.coefficients.shape[1:]
 
-    def looks(draws: np.ndarray) -> np.ndarray:
+    def looks(open_: np.ndarray) -> np.ndarray:
         return np.asarray(
             _reflectances(
-                draws, solution, problem, response, mixed=mixed, pure=pure, thickness=thick
+                open_.reshape(-1, *shape), np.stack([pure, *judged]), np.exp(depth), response
             )
         )
 
-    grid = recovery.wavelengths[_planning_bands(recovery)]
-    return rank_candidates(paint, candidates, draws, looks, grid)
+    flat = draws.coefficients.reshape(len(draws.coefficients), -1)
+    return rank_candidates(paint, candidates, flat, looks, grid)
+
+
+def _cards(recovery: JointRecovery) -> tuple[np.ndarray, ...]:
+    """Internal reflectance of the films' cards, black and white, and their standard deviations."""
+    return cards(recovery.films, recovery.instrument, recovery.noise)
+
+
+def _tint(parts: float) -> Float[np.ndarray, "2"]:
+    """Shares of the paint and of the white, of so many parts of white to one of paint."""
+    return np.array([1.0, parts]) / (1.0 + parts)
 
 
 def _whites(recovery: JointRecovery) -> list[str]:
@@ -119,175 +138,145 @@ def _whites(recovery: JointRecovery) -> list[str]:
     # Of an opaque, isotropically scattering film (Hapke's approximation).
     root = np.sqrt(1.0 - albedo)
     bright = np.median((1.0 - root) / (1.0 + root), axis=1)
-    return [recovery.paints[i] for i in np.argsort(-bright) if bright[i] > _WHITE]
+    # From a mean internal reflectance of .75 on a paint passes for a white.
+    return [recovery.paints[i] for i in np.argsort(-bright) if bright[i] > 0.75]
 
 
 def _planning_bands(recovery: JointRecovery) -> np.ndarray:
     """Numbers of the bands that are planned with: visible ones, some thirty."""
     grid = recovery.wavelengths
-    bands = np.flatnonzero((grid >= _VISIBLE[0] - 1e-6) & (grid <= _VISIBLE[1] + 1e-6))
+    bands = np.flatnonzero((grid >= 400.0 - 1e-6) & (grid <= 700.0 + 1e-6))
     bands = bands if bands.size > 2 else np.arange(grid.size)
-    return bands[reading_bands(bands.size, _BANDS)]
+    return bands[reading_bands(bands.size, 31)]
 
 
-def _planned(
-    recovery: JointRecovery, row: int, pale: int | None, paints: int, white: str, depth: float
-) -> tuple[list[str], Float[np.ndarray, "films paints"], Float[np.ndarray, "films"]]:
-    """Films that are easily made and were not: words, shares, and log thickness."""
+def _plan(recovery: JointRecovery, row: int, pale: str | None, depth: float) -> _Plan:
+    """Thinner and thicker films of the paint, and tints of it with the white."""
     paint = recovery.paints[row]
-    pure = np.eye(paints)[row]
+    pure = np.eye(1 if pale is None else 2)[0]
     made = [
         (f"a film of {paint} {words} as thick", pure, depth + np.log(times))
-        for words, times in _TIMES.items()
+        for words, times in (("a quarter", 0.25), ("four times", 4.0))
     ]
-    for parts in TINTS if pale is not None else ():
-        share = (pure + parts * np.eye(paints)[pale]) / (1 + parts)
-        similar = np.abs(recovery.shares[:, row] / share[row] - 1) < 0.15
-        pad = np.pad(recovery.shares, ((0, 0), (0, paints - len(recovery.paints))))
-        if not np.any(similar & (pad[:, pale] > 0)):
-            made.append((f"a 1:{parts} tint of {paint} with {white}", share, depth))
-    words, shares, depths = zip(*made, strict=True)
-    return [f"{one}, over black and white" for one in words], np.stack(shares), np.array(depths)
-
-
-def _pose(
-    recovery: JointRecovery,
-    mixed: Float[np.ndarray, "candidates paints"],
-    depths: Float[np.ndarray, "candidates"],
-    paints: list[str],
-    known: Mapping[str, Pigment],
-    gauge: Gauge | None,
-    unit: float,
-    response: Response,
-) -> tuple[JointProblem, Unknowns]:
-    """Problem of the films and all candidates, and the solution in it."""
-    bands = _planning_bands(recovery)
-    old = recovery.films
-    count = len(old)
-    more = len(depths)
-    rows = np.concatenate([np.arange(count), np.zeros(more, dtype=int)])
-    arrays = {what: getattr(old, what)[rows][:, bands] for what in SPECTRA}
-    flags = {what: getattr(old, what)[rows] for what in FLAGS}
-    flags["seen"][count:], flags["opaque"][count:] = True, False
-    names = (*old.names, *(f"candidate {i}" for i in range(more)))
-    films = Films(names, old.wavelengths[bands], **arrays, **flags)
-    spare = len(paints) - len(recovery.paints)
-    shares = np.concatenate([np.pad(recovery.shares, ((0, 0), (0, spare))), mixed])
-    expected = recovery.expectations
-    constraints = gather_constraints(films, paints, known, gauge, unit, expected)
-    constraints.thickness[count:] = depths
-    constraints.thickness_sd[count:] = expected.thickness if gauge is None else gauge.error
-    gloss = np.concatenate([recovery.measured_gloss, np.full(more, np.nan)])
-    settings = (
-        shares,
-        recovery.instrument,
-        recovery.noise,
-        expected,
-        constraints,
-        gloss,
+    with_white = (
+        recovery.shares[:, recovery.row(pale)] > 0 if pale in recovery.paints else np.array(False)
     )
-    problem = pose(films, *settings)
-    solution = _solution(recovery, problem, bands, spare, depths)
-    # How sure a reading is depends on what it will be.
-    seen = np.asarray(jax.jit(readings)(solution, problem, response))[:, count:]
-    for what, values in zip(SPECTRA[2:], np.moveaxis(seen, -1, 0), strict=True):
-        arrays[what][count:] = np.maximum(values.T, 0.0)
-    problem = pose(replace(films, **arrays), *settings)
-    # The fewer bands stand for all.
-    share = np.sqrt(max(old.wavelengths.size / bands.size, 1.0)) * films.seen
-    return problem._replace(weight=jnp.asarray(np.asarray(problem.weight) * share)), solution
+    for parts in (3, 10, 30) if pale is not None else ():
+        share = _tint(parts)
+        similar = np.abs(recovery.shares[:, row] / share[0] - 1) < 0.15
+        if not np.any(similar & with_white):
+            made.append((f"a 1:{parts} tint of {paint} with {pale}", share, depth))
+    words, shares, thickness = zip(*made, strict=True)
+    return _Plan(
+        [f"{one}, over black and white" for one in words], np.stack(shares), np.array(thickness)
+    )
 
 
-def _solution(
+def _open(
     recovery: JointRecovery,
-    problem: JointProblem,
+    rows: list[int],
     bands: np.ndarray,
-    spare: int,
-    depths: Float[np.ndarray, "candidates"],
-) -> Unknowns:
-    """The fit's solution as deviations, with what is new where it is expected."""
-    found = recovery.unknowns
-    count = len(recovery.films)
-    paints = len(recovery.paints)
-    local = np.array(problem.known)
-    old = np.concatenate([np.arange(paints), paints + spare + np.arange(paints)])
-    local[:, old] = found.bands[bands]
-    films = np.zeros(problem.film_scale.shape)
-    films[:count, : found.films.shape[1]] = found.films
-    films[count:, 0] = depths
-    gloss = np.zeros(paints + spare)
-    gloss[:paints] = found.paints
-    others = np.zeros(len(problem.thickness_modes))
-    # The first are of paints that are known: as the fit found them, unless there is a new one.
-    same = (
-        0
-        if spare
-        else max(
-            (modes.first + len(modes.kept) for modes in recovery.known_modes.values()), default=0
+    plan: _Plan,
+    gauge: Gauge | None,
+) -> tuple[_Open, _Open]:
+    """What is open, of paints of the fit: where it is expected, and draws of it."""
+    expected = recovery.expectations
+    best = recovery.unknowns
+    drawn = recovery.whole_covariance.draw(best, 512)
+    count = len(drawn.bands)
+    films = len(plan.words)
+    own = np.random.default_rng(0).standard_normal((3, count, films))
+    through = ~recovery.films.opaque
+    # Stronger paints go with thinner films: their product is known better than either.
+    depth = drawn.films[:, through, 0] - best.films[through, 0]
+    depth = depth.mean(axis=1, keepdims=True) if through.any() else np.zeros((count, 1))
+    each = expected.thickness if gauge is None else gauge.error
+    # Of a tint the paint is the smaller part, and what weighing leaves open is its own.
+    part = plan.shares[:, 0]
+    weight = np.hypot(expected.weight_share, expected.weight_floor / part) * (part < 1)
+
+    def coefficients(logs: np.ndarray) -> np.ndarray:
+        logs = logs[..., bands, :]
+        return logs.reshape(*logs.shape[:-1], 2, -1)[..., rows]
+
+    nothing = np.zeros(films)
+    centre = _Open(
+        coefficients=coefficients(best.bands),
+        paint_gloss=best.paints[rows],
+        thickness=plan.thickness,
+        gloss=nothing,
+        weight=nothing,
+    )
+    return centre, _Open(
+        coefficients=coefficients(drawn.bands),
+        paint_gloss=drawn.paints[:, rows],
+        thickness=plan.thickness + depth + each * own[0],
+        gloss=expected.gloss * own[1],
+        weight=weight * own[2],
+    )
+
+
+def _with_white(
+    recovery: JointRecovery, white: Pigment, centre: _Open, draws: _Open
+) -> tuple[_Open, _Open]:
+    """What is open, with a white that is in no film of the fit as a further paint."""
+    rng = np.random.default_rng(1)
+    count = len(draws.gloss)
+    unit = recovery.unit
+    values = np.stack([white.absorption, white.scattering], axis=-1) * unit
+    logs = np.log(np.maximum(values, 1e-7))
+    modes = error_modes(white)
+    off = np.einsum("dm,mcb->dbc", rng.standard_normal((count, len(modes))), modes)
+    gloss = recovery.expectations.paint_gloss * rng.standard_normal((count, 1))
+
+    def join(open_: _Open, logs: Float[np.ndarray, "*draws bands 2"], gloss: np.ndarray) -> _Open:
+        return open_._replace(
+            coefficients=np.concatenate([open_.coefficients, logs[..., None]], axis=-1),
+            paint_gloss=np.concatenate([open_.paint_gloss, gloss], axis=-1),
         )
-    )
-    others[:same] = found.others[:same]
-    whole = Unknowns(
-        jnp.asarray(local), jnp.asarray(films), jnp.asarray(gloss), jnp.asarray(others)
-    )
-    return jax.jit(deviations)(whole, problem)
+
+    return join(centre, logs, np.zeros(1)), join(draws, logs + off, gloss)
 
 
 @jax.jit
-def _jacobian(problem: JointProblem, response: Response, solution: Unknowns) -> JointResiduals:
-    flat, unravel = ravel_pytree(solution)
-    return jax.jacfwd(lambda y: residuals(unravel(y), (problem, response)))(flat)
+def _readings(
+    centre: _Open,
+    off: _Open,
+    shares: Float[Array, "films paints"],
+    grounds: Float[Array, "2 bands"],
+    surface: float | Array,
+    response: Response,
+) -> tuple[Float[Array, "films 2 bands"], Float[Array, "draws films 2 bands"]]:
+    """What planned films read at the centre, and how that moves with each draw, to first order."""
 
+    def read(open_: _Open) -> Float[Array, "films 2 bands"]:
+        part = shares.at[:, 0].multiply(jnp.exp(open_.weight))
+        amounts = jnp.exp(open_.thickness)[:, None] * part
+        kd, sd = jnp.einsum("bcp,fp->cfb", jnp.exp(open_.coefficients), amounts)
+        gloss = jnp.exp(shares @ open_.paint_gloss + open_.gloss)
+        body = response.body(kd[:, None], sd[:, None], grounds)
+        return body + surface * gloss[:, None, None]
 
-def _draws(slopes: JointResiduals, solution: Unknowns, films: int) -> Float[np.ndarray, "draws n"]:
-    """Draws of the unknowns, as all that is measured and expected leaves them open."""
-    n = slopes.data.shape[-1]
-    rest = [part.reshape(-1, n) for name, part in slopes._asdict().items() if name != "data"]
-    base = np.concatenate([slopes.data[:, :films].reshape(-1, n), *rest])
-    factor = np.linalg.cholesky(base.T @ base)
-    normal = np.random.default_rng(0).standard_normal((_DRAWS, n))
-    # As `ravel_pytree` lays them, without its programs.
-    centre = np.concatenate([np.asarray(part).ravel() for part in solution])
-    return centre + np.linalg.solve(factor.T, normal.T).T
-
-
-def _readings(slopes: JointResiduals, films: int) -> Iterator[Float[np.ndarray, "readings n"]]:
-    """How the readings of each candidate follow the unknowns, in their standard deviations."""
-    data = np.asarray(slopes.data)
-    bands = reading_bands(len(data), _READ)
-    for film in np.moveaxis(data[bands, films:], 1, 0):
-        # The fewer bands stand for all.
-        yield film.reshape(-1, data.shape[-1]) * np.sqrt(len(data) / bands.size)
+    return read(centre), jax.vmap(lambda move: jax.jvp(read, (centre,), (move,))[1])(off)
 
 
 @jax.jit
 def _reflectances(
-    draws: Float[Array, "draws n"],
-    like: Unknowns,
-    problem: JointProblem,
-    response: Response,
+    coefficients: Float[Array, "draws bands 2 paints"],
     mixed: Float[Array, "mixtures paints"],
-    pure: Float[Array, "paints"],
-    thickness: Float[Array, ""],
+    thickness: float | Array,
+    response: Response,
 ) -> Float[Array, "draws looks bands"]:
-    """Reflectance of opaque mixtures, and of a film over black and over white, without the
-    surface's part.
+    """Reflectance of opaque mixtures, and of a film of the first over black and over white, without
+    the surface's part.
     """
-    _, unravel = ravel_pytree(like)
-
-    def one(flat: Array) -> Array:
-        # Far from the solution a paint is as good as black or clear.
-        coefficients = jnp.exp(jnp.clip(totals(unravel(flat), problem).bands, -16.0, 16.0))
-        paints = pure.size
-        k = coefficients[:, :paints]
-        s = coefficients[:, paints:]
-        kd = mixed @ k.T
-        sd = mixed @ s.T
-        thick = 0.999 * jnp.minimum(HIGHEST[0] / kd, HIGHEST[1] / sd)
-        opaque = response.body(kd * thick, sd * thick, 0.5)
-        film = response.body(
-            thickness * (k @ pure), thickness * (s @ pure), jnp.asarray([[0.03], [0.9]])
-        )
-        return jnp.concatenate([opaque, film])
-
-    return jax.vmap(one)(draws)
+    # Far from the solution a paint is as good as black or clear.
+    values = jnp.exp(jnp.clip(coefficients, -16.0, 16.0))
+    kd, sd = jnp.einsum("dbcp,mp->cdmb", values, mixed)
+    thick = hiding_factor(kd, sd)
+    opaque = response.body(kd * thick, sd * thick, 0.5)
+    pure = slice(0, 1)
+    film = response.body(
+        thickness * kd[:, pure], thickness * sd[:, pure], jnp.asarray([[0.03], [0.9]])
+    )
+    return jnp.concatenate([opaque, film], axis=1)

@@ -39,13 +39,11 @@ from .joint_problem import (
     totals,
 )
 from .joint_result import JointRecovery
-from .joint_solver import Factors, covariance, draws, shared_with_bands, solve_jointly
+from .joint_solver import Factors, covariance, shared_with_bands, solve_jointly
 
 MAX_STEPS = 100
 UNIT = 25e-6
 """Thickness of a film of unit relative thickness where none is known, m."""
-# Kept with a recovery, for the errors of what it predicts.
-DRAWS = 128
 # Logarithms of coefficients start far off; undamped first steps would throw some to where nothing
 # has a slope.
 _FIRST_STEP = 1e-4
@@ -138,7 +136,7 @@ def recover_jointly(
     else:
         first = jax.jit(deviations)(start, problem)
     solution, factors, steps, settled = solve_jointly(problem, response, first, 1.0, max_steps)
-    found = spread(solution, problem, factors, DRAWS)
+    found = spread(problem, factors)
     whole, kd, sd, fitted = jax.tree.map(np.asarray, _describe(solution, problem, response))
     fitted = films.where_seen(np.moveaxis(fitted, 0, -1))
     return JointRecovery(
@@ -149,7 +147,8 @@ def recover_jointly(
         unknowns=whole,
         log_covariance=found.local,
         shared_covariance=found.shared,
-        draws=found.draws,
+        # Kept for the errors of what the recovery predicts.
+        draws=found.whole.draw(whole, 128),
         film_absorption=kd.T,
         film_scattering=sd.T,
         fitted_black=fitted[:, 0],
@@ -163,9 +162,7 @@ def recover_jointly(
         unit=unit,
         known_paints={paint: pigments[paint] for paint in paints if paint in pigments},
         known_modes=constraints.modes_of,
-        whole_covariance=JointCovariance(
-            factors, np.asarray(problem.band_modes), found.with_others
-        ),
+        whole_covariance=found.whole,
         ground_modes=constraints.ground_modes,
         gauged=gauge is not None,
         measured_gloss=measured_gloss,
@@ -294,19 +291,15 @@ class Spread(NamedTuple):
 
     local: Float[np.ndarray, "bands local local"]  # covariance at each band
     shared: Float[np.ndarray, "shared shared"]  # of what all bands share: films, paints, others
-    with_others: Float[np.ndarray, "others bands local"]  # of the others with the bands
-    draws: Unknowns
+    whole: JointCovariance
 
 
-def spread(solution: Unknowns, problem: JointProblem, factors: Factors, count: int) -> Spread:
-    """Inverse of the normal matrix at the solution, in blocks, and draws from it."""
+def spread(problem: JointProblem, factors: Factors) -> Spread:
+    """Inverse of the normal matrix at the solution, in blocks."""
     modes = np.asarray(problem.band_modes)
     thickness = np.asarray(problem.thickness_modes)
     bands = len(problem.reading)
     others = len(thickness)
-    drawn = jax.tree.map(np.add, solution, draws(factors, solution, count))
-    drawn.films[:, :, 0] += np.asarray(problem.film_mean) + drawn.others @ thickness
-    drawn = drawn._replace(bands=drawn.bands + np.einsum("do,obi->dbi", drawn.others, modes))
     local, corner = covariance(factors, bands)
     across = shared_with_bands(factors, bands, others)
     # What the others add to the bands, and to the films' thickness.
@@ -317,4 +310,10 @@ def spread(solution: Unknowns, problem: JointProblem, factors: Factors, count: i
     films, each = problem.film_scale.shape
     added = np.eye(len(corner))
     added[: films * each : each, len(corner) - others :] += thickness.T
-    return Spread(local, added @ corner @ added.T, with_others, drawn)
+    return Spread(
+        local,
+        added @ corner @ added.T,
+        JointCovariance(
+            factors=factors, modes=modes, thickness_modes=thickness, with_others=with_others
+        ),
+    )

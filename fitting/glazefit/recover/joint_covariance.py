@@ -9,10 +9,12 @@ than to a fifth.
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
+import jax
 import numpy as np
 from jaxtyping import Float
 
-from .joint_solver import Factors, covariance_times
+from .joint_problem import Unknowns
+from .joint_solver import Factors, covariance_times, draws
 
 # More vectors than are wanted, and how often the covariance is applied: the last modes are then
 # good to some per cent.
@@ -28,16 +30,25 @@ class JointCovariance(NamedTuple):
     Attributes:
         factors: of the normal matrix.
         modes: how each of the fit's other unknowns moves the coefficients.
+        thickness_modes: and how it moves the log of each film's thickness.
         with_others: covariance of these other unknowns with the coefficients.
     """
 
     factors: Factors
     modes: Float[np.ndarray, "others bands local"]
+    thickness_modes: Float[np.ndarray, "others films"]
     with_others: Float[np.ndarray, "others bands local"]
 
     def times(self, vectors: Columns) -> Columns:
         """The covariance times some vectors."""
         return covariance_times(self.factors, vectors, self.modes)
+
+    def draw(self, best: Unknowns, count: int) -> Unknowns:
+        """Draws about the solution, of coefficients and thicknesses as they are (`totals`)."""
+        off = draws(self.factors, best, count)
+        off.films[:, :, 0] += off.others @ self.thickness_modes
+        off = off._replace(bands=off.bands + np.einsum("do,obi->dbi", off.others, self.modes))
+        return jax.tree.map(np.add, best, off)
 
     def largest(
         self,
@@ -66,11 +77,6 @@ class JointCovariance(NamedTuple):
             return out * size[..., None]
 
         return largest_modes(times, size.shape, count)
-
-
-def mode_cell(value: float) -> str:
-    """A number of a mode as it is written in a table of paints: a hundred-thousandth is nothing."""
-    return format(round(value, 5) + 0.0, ".3g")
 
 
 def largest_modes(

@@ -26,7 +26,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from ..film.films import Noise
-from ..film.model.response import HIGHEST, Response
+from ..film.model.response import Response, hiding_factor
 from ..film.numerics.least_squares import root_of_log1p
 
 # A film that reflects less than this beside its surface is nearly black.
@@ -169,9 +169,7 @@ def optical_thickness(
     kd = coefficients[:, :paints] @ amounts.T
     sd = coefficients[:, paints:] @ amounts.T
     # As thick as the response goes, so that only k/s counts.
-    thick = jnp.where(
-        problem.opaque > 0, 0.999 * jnp.minimum(HIGHEST[0] / kd, HIGHEST[1] / sd), 1.0
-    )
+    thick = jnp.where(problem.opaque > 0, hiding_factor(kd, sd), 1.0)
     return kd * thick, sd * thick
 
 

@@ -144,6 +144,12 @@ class JointRecovery(FittedFilms):
         return np.exp(self.unknowns.films[:, 0])
 
     @property
+    def thickness_sd(self) -> Float[np.ndarray, "films"]:
+        """Standard deviation of `thickness`."""
+        films, each = self.unknowns.films.shape
+        return self.thickness * np.sqrt(np.diagonal(self.shared_covariance))[: films * each : each]
+
+    @property
     def gloss(self) -> Float[np.ndarray, "films"]:
         """Share of the smooth surface's reflection that each film shows."""
         of_paints = np.exp(self.shares @ self.unknowns.paints)

@@ -10,7 +10,7 @@ from jaxtyping import Float
 
 from ..film.films import cards
 from ..film.model.errors import ModelError, draw_model_errors
-from ..film.model.response import HIGHEST, Response
+from ..film.model.response import Response, hiding_factor
 from .joint_problem import Expectations, Unknowns
 from .joint_result import JointRecovery
 
@@ -167,7 +167,7 @@ def film_readings(
     k = kd * np.exp(off[:, 0])
     s = sd * np.exp(off[:, 1])
     # The table of films ends where nothing shines through: what is thicker reflects the same.
-    thinner = np.minimum(1.0, 0.999 * np.minimum(HIGHEST[0] / k, HIGHEST[1] / s))
+    thinner = np.minimum(1.0, hiding_factor(k, s))
     k = k * thinner
     s = s * thinner
     return np.stack(

@@ -3,11 +3,10 @@ leaves.
 """
 
 import re
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
-from jaxtyping import Bool, Float
 from rich.console import Console
 
 from glazejax.io import write_table
@@ -15,21 +14,11 @@ from glazejax.report import plain_table
 from glazejax.spectra import ranges
 
 from .crossvalidation import LeftOut
-from .joint_covariance import mode_cell
 from .joint_result import RULE as JOINT_RULE
 from .joint_result import JointRecovery
 from .prediction import PARTS
 from .result import RELATIVE_LIMIT, RULE, Recovery
 
-PIGMENT_COLUMNS = (
-    "pigment",
-    "wavelength_nm",
-    "absorption",
-    "scattering",
-    "absorption_sd",
-    "scattering_sd",
-    "identifiable",
-)
 FILM_COLUMNS = (
     "film",
     "recipe",
@@ -51,10 +40,6 @@ LEFT_OUT_COLUMNS = (
     "delta_e_fitted_black",
     "delta_e_fitted_white",
 )
-# A weight that the fit wants changed by more than this is worth a second look at the recipe.
-_SUSPECT = 0.3
-# A paint that is this probably unsteady is named.
-_LIKELY = 0.5
 
 
 def print_summary(recovery: Recovery, console: Console, seconds: float, first: float) -> None:
@@ -127,40 +112,6 @@ def _with_error(value: float, sd: float) -> str:
     return f"{value:.{digits}f}±{sd:.{digits}f}"
 
 
-def write_pigments(
-    recovery: Recovery, thickness: float, path: Path, *, overwrite: bool = False
-) -> None:
-    """Write k and s in 1/m for a film this thick (m), a line a paint and wavelength."""
-    columns = (
-        recovery.absorption,
-        recovery.scattering,
-        recovery.absorption_sd,
-        recovery.scattering_sd,
-    )
-    rows = band_rows(
-        recovery.films.names, recovery.films.wavelengths, [column / thickness for column in columns]
-    )
-    write_table(path, PIGMENT_COLUMNS, flag_rows(rows, recovery.identifiable), overwrite=overwrite)
-
-
-def band_rows(
-    names: Sequence[str],
-    wavelengths: Float[np.ndarray, "bands"],
-    columns: Sequence[Float[np.ndarray, "names bands"]],
-) -> Iterator[tuple[object, ...]]:
-    """A row a name and wavelength."""
-    for i, name in enumerate(names):
-        for j, wavelength in enumerate(wavelengths):
-            yield name, f"{wavelength:g}", *(f"{column[i, j]:.6g}" for column in columns)
-
-
-def flag_rows(
-    rows: Iterator[tuple[object, ...]], flags: Bool[np.ndarray, "names bands"]
-) -> Iterator[tuple[object, ...]]:
-    """The rows of `band_rows`, each with whether k and s are told apart."""
-    return ((*row, flag) for row, flag in zip(rows, flags.ravel().tolist(), strict=True))
-
-
 def write_fits(recovery: Recovery, path: Path, *, overwrite: bool = False) -> None:
     """Write the ratio k/s and the fitted spectra, a line a paint and wavelength; none needs a
     thickness.
@@ -174,7 +125,11 @@ def write_fits(recovery: Recovery, path: Path, *, overwrite: bool = False) -> No
         "fitted_over_white",
     )
     columns = [recovery.ratio, recovery.ratio_sd, recovery.fitted_black, recovery.fitted_white]
-    rows = band_rows(recovery.films.names, recovery.films.wavelengths, columns)
+    rows = (
+        (name, f"{wavelength:g}", *(f"{column[film, band]:.6g}" for column in columns))
+        for film, name in enumerate(recovery.films.names)
+        for band, wavelength in enumerate(recovery.films.wavelengths)
+    )
     write_table(path, header, rows, overwrite=overwrite)
 
 
@@ -183,28 +138,23 @@ def slug(name: str) -> str:
     return re.sub(r"[^A-Za-z0-9.]+", "_", name).strip("_.") or "paint"
 
 
-def write_plots(
-    recovery: Recovery, thickness: float, folder: Path, step: Callable[[], object] = lambda: None
+def draw_each(
+    names: Sequence[str],
+    folder: Path,
+    draw: Callable[[int, Path], None],
+    step: Callable[[], object] = lambda: None,
 ) -> None:
-    """Draw every paint to its own file, and call `step` after each."""
-    from .plots import plot_paint
-
-    for row, path in enumerate(pictures_of(recovery.films.names, folder)):
-        plot_paint(recovery, row, thickness, path)
-        step()
-
-
-def pictures_of(names: Sequence[str], folder: Path) -> Iterator[Path]:
-    """A file for each name, all different also where the file system takes capitals for small
-    letters.
+    """Draw a picture for each name, by number, to its own file in a folder, and call `step` after
+    each. Files differ also where the file system takes capitals for small letters.
     """
     taken: set[str] = set()
-    for name in names:
+    for number, name in enumerate(names):
         stem = slug(name)
         while stem.lower() in taken:
             stem += "_"
         taken.add(stem.lower())
-        yield folder / f"{stem}.png"
+        draw(number, folder / f"{stem}.png")
+        step()
 
 
 def print_joint(recovery: JointRecovery, console: Console, seconds: float) -> None:
@@ -264,33 +214,10 @@ def find_suspect_weights(recovery: JointRecovery) -> list[tuple[int, str, float]
     for film, errors in enumerate(recovery.unknowns.films[:, 2:]):
         order = np.argsort(-recovery.shares[film])
         for place, error in enumerate(errors):
-            if abs(error) > _SUSPECT:
+            # So much is worth a second look at the recipe.
+            if abs(error) > 0.3:
                 found.append((film, recovery.paints[order[1 + place]], float(np.exp(error))))
     return found
-
-
-def write_joint_pigments(
-    recovery: JointRecovery, thickness: float, path: Path, *, overwrite: bool = False
-) -> None:
-    """Write k and s in 1/m for a pure film of unit relative thickness this thick (m), a line a
-    paint and wavelength.
-    """
-    k = recovery.absorption / thickness
-    s = recovery.scattering / thickness
-    rows = band_rows(
-        recovery.paints,
-        recovery.wavelengths,
-        [k, s, k * recovery.log_sd[0], s * recovery.log_sd[1]],
-    )
-    modes = recovery.error_modes()
-    # (paints, bands, 2 modes): of log k, then of log s.
-    numbers = np.moveaxis(modes, (2, 3), (0, 1)).transpose(0, 1, 3, 2).reshape(-1, 2 * len(modes))
-    titles = [f"{what}_mode_{i + 1}" for what in "ks" for i in range(len(modes))]
-    flagged = flag_rows(rows, recovery.identifiable)
-    joined = (
-        (*row, *map(mode_cell, more.tolist())) for row, more in zip(flagged, numbers, strict=True)
-    )
-    write_table(path, (*PIGMENT_COLUMNS, *titles), joined, overwrite=overwrite)
 
 
 def write_joint_films(recovery: JointRecovery, path: Path, *, overwrite: bool = False) -> None:
@@ -298,17 +225,12 @@ def write_joint_films(recovery: JointRecovery, path: Path, *, overwrite: bool = 
     met.
     """
     difference = recovery.delta_e()
-    each = recovery.unknowns.films.shape[1]
-    thickness_sd = np.sqrt(np.diagonal(recovery.shared_covariance))[
-        : len(recovery.films) * each : each
-    ]
-
     rows = (
         (
             name,
             _recipe(recovery, row),
             f"{recovery.thickness[row]:.4g}",
-            f"{recovery.thickness[row] * thickness_sd[row]:.2g}",
+            f"{recovery.thickness_sd[row]:.2g}",
             f"{recovery.gloss[row]:.3f}",
             " ".join(
                 f"{np.exp(error):.3f}" for error in recovery.unknowns.films[row, 2:] if error != 0
@@ -349,7 +271,7 @@ def print_left_out(out: LeftOut, console: Console) -> None:
         f"({parts['paint']:.1f}). Two mixings of one recipe differ by about ΔE00 "
         f"{np.mean([found.between_mixings() for found in out.predictions]):.1f}."
     )
-    unsteady = {p: chance for p, chance in out.variation.unsteady.items() if chance >= _LIKELY}
+    unsteady = {p: chance for p, chance in out.variation.unsteady.items() if chance >= 0.5}
     if unsteady:
         each = ", ".join(f"{paint} ({chance:.0%})" for paint, chance in unsteady.items())
         console.print(
@@ -377,17 +299,3 @@ def write_left_out(
         for i, name in enumerate(out.names)
     )
     write_table(path, LEFT_OUT_COLUMNS, rows, overwrite=overwrite)
-
-
-def write_joint_plots(
-    recovery: JointRecovery,
-    thickness: float,
-    folder: Path,
-    step: Callable[[], object] = lambda: None,
-) -> None:
-    """Draw every paint to its own file, and call `step` after each."""
-    from .plots import plot_joint_paint
-
-    for row, path in enumerate(pictures_of(recovery.paints, folder)):
-        plot_joint_paint(recovery, row, thickness, path)
-        step()

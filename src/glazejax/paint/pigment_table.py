@@ -166,6 +166,7 @@ def write_pigments(
     pigments: Iterable[Pigment],
     comments: Sequence[str] = (),
     *,
+    digits: int | None = None,
     overwrite: bool = False,
 ) -> None:
     """Write pigments so that `read_pigments` gives the same numbers back.
@@ -174,6 +175,7 @@ def write_pigments(
         path: the CSV; its folder must exist.
         pigments: with k and s of one spectrum each.
         comments: lines above the table, kept as the pigments' provenance.
+        digits: of k, s and their standard deviations, by default all.
         overwrite: whether a file that exists may be replaced.
 
     Raises:
@@ -181,12 +183,36 @@ def write_pigments(
         FileNotFoundError: its folder does not exist.
         ValueError: a pigment is a batch.
     """
-    known = list(pigments)
-    modes = [None if p.error_modes is None else np.asarray(p.error_modes) for p in known]
-    most = max((len(own) for own in modes if own is not None), default=0)
+    titles, rows = pigment_rows(list(pigments), digits)
+    notes = "".join(f"# {line}\n" for line in comments).encode()
+    write_files({Path(path): [notes, table_bytes(titles, rows)]}, overwrite=overwrite)
+
+
+def pigment_rows(
+    pigments: Sequence[Pigment], digits: int | None = None
+) -> tuple[list[str], list[list[object]]]:
+    """Titles and rows of a table of pigments; of an error mode three digits, and no more than five
+    behind the point.
+
+    Args:
+        pigments, digits: as for `write_pigments`.
+
+    Raises:
+        ValueError: a pigment is a batch.
+    """
+    most = max((len(p.error_modes) for p in pigments if p.error_modes is not None), default=0)
     titles = [*_NEEDED, *_OPTIONAL, *(f"{w}_mode_{n + 1}" for w in "ks" for n in range(most))]
+
+    def cell(value: float) -> object:
+        if np.isnan(value):
+            return ""
+        return value if digits is None else f"{value:.{digits}g}"
+
+    def mode_cell(value: float) -> str:
+        return "" if np.isnan(value) else format(round(value, 5) + 0.0, ".3g")
+
     rows = []
-    for pigment, own in zip(known, modes, strict=True):
+    for pigment in pigments:
         k, s = np.asarray(pigment.absorption), np.asarray(pigment.scattering)
         if k.ndim != 1 or s.ndim != 1:
             raise ValueError(f"pigment {pigment.name!r} is a batch: write its members one by one")
@@ -194,15 +220,13 @@ def write_pigments(
             np.full(k.size, np.nan) if sd is None else np.asarray(sd)
             for sd in (pigment.absorption_sd, pigment.scattering_sd)
         ]
-        told = pigment.identifiable
-        left_open = np.full((2, most, k.size), np.nan)
-        if own is not None:
-            left_open[:, : len(own)] = own.swapaxes(0, 1)
-        numbers = np.concatenate([np.stack([*sds]), left_open.reshape(2 * most, k.size)])
-        for band, nm in enumerate(np.asarray(pigment.wavelengths)):
-            cells = ["" if np.isnan(value) else value for value in numbers[:, band]]
-            known_there = "true" if told is None or told[band] else "false"
-            row = [pigment.name, nm, k[band], s[band], *cells[:2], known_there, *cells[2:]]
-            rows.append(row)
-    notes = "".join(f"# {line}\n" for line in comments).encode()
-    write_files({Path(path): [notes, table_bytes(titles, rows)]}, overwrite=overwrite)
+        known = pigment.identifiable
+        modes = np.full((2, most, k.size), np.nan)
+        if pigment.error_modes is not None:
+            modes[:, : len(pigment.error_modes)] = np.swapaxes(pigment.error_modes, 0, 1)
+        numbers = np.stack([pigment.wavelengths, k, s, *sds], axis=1)
+        for band, own in enumerate(modes.reshape(2 * most, k.size).T.tolist()):
+            known_there = "true" if known is None or known[band] else "false"
+            cells = [cell(value) for value in numbers[band]]
+            rows.append([pigment.name, *cells, known_there, *map(mode_cell, own)])
+    return titles, rows

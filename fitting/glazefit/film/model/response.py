@@ -64,6 +64,16 @@ def ground_below(
     return body / (gain + back * body)
 
 
+def hiding_factor(
+    absorption: Float[Array | np.ndarray, "*films"], scattering: Float[Array | np.ndarray, "*films"]
+) -> Any:
+    """How many times as thick films of k d and s d, (...), are where a table of films ends: thick
+    enough to hide whatever is below. In the kind of the arguments (numpy or JAX).
+    """
+    minimum = jnp.minimum if isinstance(absorption, Array) else np.minimum
+    return 0.999 * minimum(HIGHEST[0] / absorption, HIGHEST[1] / scattering)
+
+
 class Response(eqx.Module):
     """Model of one film."""
 
